@@ -1,0 +1,170 @@
+//! The asset side: what a file says ([`MorphSource`]), what is kept of it ([`MorphMesh`]) and what is
+//! uploaded ([`PackedMesh`](packed::PackedMesh)).
+
+pub mod head;
+pub mod normals;
+pub mod obj;
+pub mod packed;
+
+use crate::error::{Error, Result};
+use glam::{Vec2, Vec3};
+
+/// One corner of a face: indices into positions and texture coordinates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Corner {
+    /// Index into the positions.
+    pub position: u32,
+    /// Index into the texture coordinates, where the face has them.
+    pub texcoord: Option<u32>,
+}
+
+/// The face list: polygons of any size, as the file has them.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Faces {
+    /// Number of corners of each face (≥ 3).
+    pub sizes: Vec<u32>,
+    /// The corners of all faces, one after the other.
+    pub corners: Vec<Corner>,
+}
+
+impl Faces {
+    /// The faces, each as its corners.
+    pub fn iter(&self) -> impl Iterator<Item = &[Corner]> {
+        let mut rest = self.corners.as_slice();
+        self.sizes.iter().map(move |&n| {
+            let (face, tail) = rest.split_at(n as usize);
+            rest = tail;
+            face
+        })
+    }
+
+    /// Position indices of the faces cut into triangle fans.
+    pub fn triangles(&self) -> Vec<[u32; 3]> {
+        self.iter()
+            .flat_map(|f| f.windows(2).skip(1).map(|w| [f[0].position, w[0].position, w[1].position]))
+            .collect()
+    }
+}
+
+/// A morph target as a file states it.
+#[derive(Clone, Debug, Default)]
+pub struct SourceTarget {
+    /// Name, unique within the source.
+    pub name: String,
+    /// `(vertex, target − base)` for every vertex whose position differs at all, ascending by vertex.
+    pub positions: Vec<(u32, Vec3)>,
+    /// `target normal − base normal` per vertex where the file has normals (as stated there, not
+    /// re-normalised): `(vertex, difference)`, ascending. `None`: computed from the deformed surface.
+    pub normals: Option<Vec<(u32, Vec3)>>,
+}
+
+/// A base pose and its targets exactly as the input states them: no tolerance applied, no normal computed.
+#[derive(Clone, Debug, Default)]
+pub struct MorphSource {
+    /// Name for messages and reports (a folder's or file's stem).
+    pub name: String,
+    /// Base positions, in the user's vertex order.
+    pub positions: Vec<Vec3>,
+    /// Base normals per position, unit length; `None` when the input has none.
+    pub normals: Option<Vec<Vec3>>,
+    /// Texture coordinates, indexed by [`Corner::texcoord`].
+    pub texcoords: Vec<Vec2>,
+    /// The face list.
+    pub faces: Faces,
+    /// The targets; an empty target keeps its index.
+    pub targets: Vec<SourceTarget>,
+    /// Remarks of the importer that a person should see (e.g. hard edges averaged).
+    pub notes: Vec<String>,
+}
+
+/// Below which size a delta is rounding noise and is dropped.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tolerance {
+    /// Length of a position delta, as a fraction of the bounding-box diagonal (≥ 0).
+    pub position: f32,
+    /// Length of a normal delta (≥ 0; 0.001 is about 0.06°).
+    pub normal: f32,
+}
+
+impl Tolerance {
+    /// Keep every delta that is not exactly zero.
+    pub const ZERO: Self = Self { position: 0.0, normal: 0.0 };
+}
+
+impl Default for Tolerance {
+    /// 1e-6 of the diagonal.
+    fn default() -> Self {
+        Self { position: 1e-6, normal: 1e-4 }
+    }
+}
+
+/// One morph target: the vertices it moves and their deltas.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MorphTarget {
+    /// Name, unique within the mesh.
+    pub name: String,
+    /// Vertices with a delta, ascending, without repeats.
+    pub vertices: Vec<u32>,
+    /// Position delta (target − base) of each of `vertices`.
+    pub positions: Vec<Vec3>,
+    /// Normal delta of each of `vertices`.
+    pub normals: Vec<Vec3>,
+}
+
+/// Base pose and morph targets, ready to pack: normals present, noise dropped, everything finite.
+#[derive(Clone, Debug)]
+pub struct MorphMesh {
+    /// Name for messages and reports.
+    pub name: String,
+    /// Base positions, in the user's vertex order.
+    pub positions: Vec<Vec3>,
+    /// Base normals, unit length.
+    pub normals: Vec<Vec3>,
+    /// Texture coordinates, indexed by [`Corner::texcoord`].
+    pub texcoords: Vec<Vec2>,
+    /// The face list.
+    pub faces: Faces,
+    /// The targets, in the order of the source.
+    pub targets: Vec<MorphTarget>,
+    /// Length of the bounding-box diagonal of the base pose, in input units.
+    pub diagonal: f32,
+    /// The tolerance that was applied.
+    pub tolerance: Tolerance,
+    /// Remarks of the importer that a person should see.
+    pub notes: Vec<String>,
+}
+
+/// Length of the bounding-box diagonal of `positions`; 0 for fewer than two distinct points.
+pub fn diagonal(positions: &[Vec3]) -> f32 {
+    let Some(&first) = positions.first() else { return 0.0 };
+    let (lo, hi) = positions.iter().fold((first, first), |(lo, hi), &p| (lo.min(p), hi.max(p)));
+    (hi - lo).length()
+}
+
+impl MorphSource {
+    /// Check the source, drop deltas within `tolerance`, and compute what normals are missing.
+    ///
+    /// A vertex stays in a target when its position delta is longer than `tolerance.position × diagonal`
+    /// or its normal delta longer than `tolerance.normal`. Where the input has no normals, each target's
+    /// normal deltas come from its own surface (base plus kept position deltas), so that dropped noise
+    /// does not come back as noise in the normals.
+    ///
+    /// # Errors
+    /// No vertex, an index out of range, a value that is not finite, or two targets of one name.
+    pub fn to_mesh(&self, tolerance: Tolerance) -> Result<MorphMesh> {
+        let _ = tolerance;
+        Err(Error::invalid("not written yet", ""))
+    }
+}
+
+impl MorphMesh {
+    /// Number of vertices.
+    pub fn vertex_count(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Index of the target called `name`.
+    pub fn target_index(&self, name: &str) -> Option<usize> {
+        self.targets.iter().position(|t| t.name == name)
+    }
+}

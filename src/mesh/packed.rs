@@ -1,0 +1,1 @@
+//! Deltas laid out for the update paths.
