@@ -1,8 +1,8 @@
 //! deltamorph: a morph-target (blend shape) engine that applies only the changed weights.
-#![warn(missing_docs)]
 
 pub mod error;
 pub mod mesh;
+pub mod plan;
 pub mod weights;
 
 pub use error::{Error, Result};

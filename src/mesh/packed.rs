@@ -1,1 +1,388 @@
-//! Deltas laid out for the update paths.
+//! Deltas laid out for the update paths: dense, target after target, in words of 32 bits.
+//!
+//! ```text
+//! base    [vertex][px py pz nx ny nz]                      24 bytes a vertex (the layout of a pose, too)
+//! deltas  [chunk][target][vertex in chunk][words]          24 bytes (float32) or 12 bytes (snorm16)
+//! ```
+//!
+//! Vertices are padded with zeros to a multiple of [`VERTEX_PADDING`], so that no kernel needs a bounds check.
+//! A mesh has one chunk unless its deltas exceed the storage-buffer range of the device
+//! ([`PackDesc::max_chunk_bytes`]); then its vertices are cut into chunks that fit.
+
+use super::{MorphMesh, MorphTarget};
+use crate::error::{Error, Result};
+use glam::Vec3;
+
+/// Vertices are padded to a multiple of this: the workgroup size of every dense kernel, an even number (the
+/// feedback passes draw lines), and a multiple of every device's buffer-offset alignment (64 × 12 bytes).
+pub const VERTEX_PADDING: usize = 64;
+
+/// Floats of one vertex of a pose: position, then normal.
+pub const POSE_FLOATS: usize = 6;
+
+/// Bytes of one vertex of a pose.
+pub const POSE_STRIDE: usize = POSE_FLOATS * 4;
+
+/// How one delta (position and normal) is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum DeltaFormat {
+    /// Six float32: 24 bytes, two vertex attributes a target. Exact.
+    Float32,
+    /// Six signed 16-bit integers in three words: 12 bytes, one vertex attribute a target. Value = integer ×
+    /// step, a step for positions per target, and a power of two times that step for normals.
+    Snorm16,
+}
+
+impl DeltaFormat {
+    /// Every format.
+    pub const ALL: [Self; 2] = [Self::Float32, Self::Snorm16];
+
+    /// 32-bit words of one delta.
+    pub const fn words(self) -> usize {
+        match self {
+            Self::Float32 => 6,
+            Self::Snorm16 => 3,
+        }
+    }
+
+    /// Bytes of one delta.
+    pub const fn stride(self) -> usize {
+        self.words() * 4
+    }
+
+    /// Vertex attributes that one target takes in a feedback pass.
+    pub const fn attributes(self) -> usize {
+        match self {
+            Self::Float32 => 2,
+            Self::Snorm16 => 1,
+        }
+    }
+
+    /// The name used on the command line and in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Float32 => "float32",
+            Self::Snorm16 => "snorm16",
+        }
+    }
+}
+
+/// How to pack.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PackDesc {
+    /// Storage of a delta.
+    pub format: DeltaFormat,
+    /// Most bytes of deltas that one descriptor may cover: the device's `maxStorageBufferRange`.
+    pub max_chunk_bytes: u64,
+}
+
+impl Default for PackDesc {
+    /// float32, in chunks of 128 MiB (the least range that Khronos' Android profiles promise).
+    fn default() -> Self {
+        Self { format: DeltaFormat::Float32, max_chunk_bytes: 128 << 20 }
+    }
+}
+
+/// A target of a [`PackedMesh`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct PackedTarget {
+    /// Its name.
+    pub name: String,
+    /// Length units per integer step of a position delta; 1 for float32.
+    pub position_step: f32,
+    /// The step of normals is `position_step × 2^normal_exponent`; 0 for float32.
+    pub normal_exponent: i8,
+}
+
+impl PackedTarget {
+    /// Factor from the coefficient of positions to that of normals: `2^normal_exponent`.
+    pub fn normal_ratio(&self) -> f32 {
+        f32::from_bits(((i32::from(self.normal_exponent) + 127) as u32) << 23)
+    }
+
+    /// Normal units per integer step of a normal delta.
+    pub fn normal_step(&self) -> f32 {
+        self.position_step * self.normal_ratio()
+    }
+}
+
+/// A mesh laid out for upload. See the [module](self) for the layout.
+#[derive(Clone, Debug)]
+pub struct PackedMesh {
+    name: String,
+    format: DeltaFormat,
+    vertex_count: usize,
+    chunk_vertices: usize,
+    diagonal: f32,
+    targets: Vec<PackedTarget>,
+    base: Vec<f32>,
+    deltas: Vec<u32>,
+}
+
+const SNORM16_MAX: f32 = 32767.0;
+
+/// The steps of one snorm16 target: the smallest that let its largest component fit.
+fn snorm16_steps(target: &MorphTarget) -> (f32, i8) {
+    let largest = |deltas: &[Vec3]| deltas.iter().map(|d| d.abs().max_element()).fold(0.0, f32::max);
+    let (position, normal) = (largest(&target.positions), largest(&target.normals));
+    // A target that only turns normals still needs a step of its own for positions.
+    let position = if position > 0.0 { position } else { normal };
+    // Not below what a float32 coefficient can carry: a target smaller than that is no target.
+    let step = (position / SNORM16_MAX).max(1e-30);
+    if normal == 0.0 {
+        return (step, 0);
+    }
+    let exponent = (normal / (SNORM16_MAX * step)).log2().ceil().clamp(-100.0, 100.0);
+    (step, exponent as i8)
+}
+
+/// Round to the nearest step; zero stays zero.
+fn quantise(value: f32, step: f32) -> u32 {
+    let q = (f64::from(value) / f64::from(step)).round().clamp(-32767.0, 32767.0) as i16;
+    u32::from(q as u16)
+}
+
+impl PackedMesh {
+    /// Lay out `mesh`.
+    ///
+    /// # Errors
+    /// A mesh whose targets exceed `desc.max_chunk_bytes` even for [`VERTEX_PADDING`] vertices.
+    pub fn pack(mesh: &MorphMesh, desc: &PackDesc) -> Result<Self> {
+        let vertex_count = mesh.vertex_count();
+        let padded = vertex_count.next_multiple_of(VERTEX_PADDING);
+        let target_count = mesh.targets.len();
+        let words = desc.format.words();
+        let per_padding = target_count * VERTEX_PADDING * desc.format.stride();
+        if per_padding as u64 > desc.max_chunk_bytes {
+            return Err(Error::invalid(
+                format!(
+                    "mesh '{}': {target_count} targets need {per_padding} bytes of deltas for {VERTEX_PADDING} vertices, \
+                     but the device binds at most {} bytes at once",
+                    mesh.name, desc.max_chunk_bytes
+                ),
+                "use fewer targets or the snorm16 format",
+            ));
+        }
+        let chunk_vertices = match per_padding {
+            0 => padded,
+            n => padded.min((desc.max_chunk_bytes / n as u64) as usize * VERTEX_PADDING),
+        };
+
+        let mut base = vec![0.0; padded * POSE_FLOATS];
+        for (vertex, (p, n)) in base.chunks_exact_mut(POSE_FLOATS).zip(mesh.positions.iter().zip(&mesh.normals)) {
+            vertex[..3].copy_from_slice(&p.to_array());
+            vertex[3..].copy_from_slice(&n.to_array());
+        }
+
+        let mut packed = Self {
+            name: mesh.name.clone(),
+            format: desc.format,
+            vertex_count,
+            chunk_vertices,
+            diagonal: mesh.diagonal,
+            targets: Vec::with_capacity(target_count),
+            base,
+            deltas: vec![0; padded * target_count * words],
+        };
+        for (t, target) in mesh.targets.iter().enumerate() {
+            packed.pack_target(t, target_count, target);
+        }
+        Ok(packed)
+    }
+
+    fn pack_target(&mut self, t: usize, target_count: usize, target: &MorphTarget) {
+        let (position_step, normal_exponent) = match self.format {
+            DeltaFormat::Float32 => (1.0, 0),
+            DeltaFormat::Snorm16 => snorm16_steps(target),
+        };
+        let info = PackedTarget { name: target.name.clone(), position_step, normal_exponent };
+        let normal_step = info.normal_step();
+        self.targets.push(info);
+        for ((&vertex, p), n) in target.vertices.iter().zip(&target.positions).zip(&target.normals) {
+            let at = self.word_index(t, target_count, vertex as usize);
+            let out = &mut self.deltas[at..at + self.format.words()];
+            match self.format {
+                DeltaFormat::Float32 => {
+                    for (word, value) in out.iter_mut().zip(p.to_array().into_iter().chain(n.to_array())) {
+                        *word = value.to_bits();
+                    }
+                }
+                DeltaFormat::Snorm16 => {
+                    let [px, py, pz] = p.to_array().map(|v| quantise(v, position_step));
+                    let [nx, ny, nz] = n.to_array().map(|v| quantise(v, normal_step));
+                    out.copy_from_slice(&[px | py << 16, pz | nx << 16, ny | nz << 16]);
+                }
+            }
+        }
+    }
+
+    /// Index of the first word of the delta of `vertex` in target `t`.
+    fn word_index(&self, t: usize, target_count: usize, vertex: usize) -> usize {
+        let (chunk, within) = (vertex / self.chunk_vertices, vertex % self.chunk_vertices);
+        let first = chunk * self.chunk_vertices;
+        let rows = self.chunk_vertices.min(self.padded_vertices() - first);
+        (first * target_count + t * rows + within) * self.format.words()
+    }
+
+    /// The delta that the kernels see, decoded in double precision: position, then normal.
+    ///
+    /// # Panics
+    /// When `target` or `vertex` is out of range.
+    pub fn delta(&self, target: usize, vertex: usize) -> [f64; POSE_FLOATS] {
+        let at = self.word_index(target, self.targets.len(), vertex);
+        let words = &self.deltas[at..at + self.format.words()];
+        match self.format {
+            DeltaFormat::Float32 => std::array::from_fn(|i| f64::from(f32::from_bits(words[i]))),
+            DeltaFormat::Snorm16 => {
+                let info = &self.targets[target];
+                let steps = [f64::from(info.position_step), f64::from(info.normal_step())];
+                std::array::from_fn(|i| f64::from((words[i / 2] >> (16 * (i % 2))) as u16 as i16) * steps[i / 3])
+            }
+        }
+    }
+
+    /// Name of the mesh.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Storage of a delta.
+    pub fn format(&self) -> DeltaFormat {
+        self.format
+    }
+
+    /// Number of vertices, without padding.
+    pub fn vertex_count(&self) -> usize {
+        self.vertex_count
+    }
+
+    /// Number of vertices with padding: a multiple of [`VERTEX_PADDING`].
+    pub fn padded_vertices(&self) -> usize {
+        self.base.len() / POSE_FLOATS
+    }
+
+    /// Vertices of every chunk but the last, which has the rest.
+    pub fn chunk_vertices(&self) -> usize {
+        self.chunk_vertices
+    }
+
+    /// The chunks: `(first vertex, vertices)`.
+    pub fn chunks(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let (all, step) = (self.padded_vertices(), self.chunk_vertices.max(1));
+        (0..all).step_by(step).map(move |first| (first, step.min(all - first)))
+    }
+
+    /// Length of the base pose's bounding-box diagonal, in input units.
+    pub fn diagonal(&self) -> f32 {
+        self.diagonal
+    }
+
+    /// The targets.
+    pub fn targets(&self) -> &[PackedTarget] {
+        &self.targets
+    }
+
+    /// Base pose: [`POSE_FLOATS`] floats for each padded vertex.
+    pub fn base(&self) -> &[f32] {
+        &self.base
+    }
+
+    /// The deltas as words; see the [module](self) for the layout.
+    pub fn deltas(&self) -> &[u32] {
+        &self.deltas
+    }
+
+    /// Bytes of one pose, padding included.
+    pub fn pose_bytes(&self) -> u64 {
+        (self.base.len() * 4) as u64
+    }
+
+    /// Bytes of all deltas, padding included.
+    pub fn delta_bytes(&self) -> u64 {
+        (self.deltas.len() * 4) as u64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{Faces, Tolerance};
+
+    fn mesh(vertices: usize, targets: usize) -> MorphMesh {
+        let value = |i: usize| ((i * 2_654_435_761 % 1000) as f32 / 500.0) - 1.0;
+        let vec = |i: usize| Vec3::new(value(3 * i), value(3 * i + 1), value(3 * i + 2));
+        MorphMesh {
+            name: "m".into(),
+            positions: (0..vertices).map(vec).collect(),
+            normals: vec![Vec3::Z; vertices],
+            texcoords: vec![],
+            faces: Faces::default(),
+            targets: (0..targets)
+                .map(|t| MorphTarget {
+                    name: format!("t{t}"),
+                    vertices: (0..vertices as u32).filter(|v| !(*v as usize + t).is_multiple_of(3)).collect(),
+                    positions: (0..vertices).filter(|v| !(v + t).is_multiple_of(3)).map(|v| vec(v + t) * 0.01).collect(),
+                    normals: (0..vertices).filter(|v| !(v + t).is_multiple_of(3)).map(|v| vec(v * 7 + t)).collect(),
+                })
+                .collect(),
+            diagonal: 3.0,
+            tolerance: Tolerance::ZERO,
+            notes: vec![],
+        }
+    }
+
+    fn assert_decodes(packed: &PackedMesh, mesh: &MorphMesh) {
+        for (t, target) in mesh.targets.iter().enumerate() {
+            let (ps, ns) = (packed.targets[t].position_step, packed.targets[t].normal_step());
+            let mut kept = target.vertices.iter().peekable();
+            let mut k = 0;
+            for v in 0..mesh.vertex_count() {
+                let d = packed.delta(t, v);
+                let (p, n) = if kept.next_if_eq(&&(v as u32)).is_some() {
+                    k += 1;
+                    (target.positions[k - 1], target.normals[k - 1])
+                } else {
+                    (Vec3::ZERO, Vec3::ZERO)
+                };
+                for i in 0..3 {
+                    let (ep, en) = match packed.format() {
+                        DeltaFormat::Float32 => (0.0, 0.0),
+                        DeltaFormat::Snorm16 => (f64::from(ps) * 0.5001, f64::from(ns) * 0.5001),
+                    };
+                    assert!((d[i] - f64::from(p[i])).abs() <= ep, "target {t} vertex {v}");
+                    assert!((d[3 + i] - f64::from(n[i])).abs() <= en, "target {t} vertex {v}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn decodes_to_what_was_packed_whole_and_in_chunks() {
+        let mesh = mesh(200, 5);
+        for format in DeltaFormat::ALL {
+            for max_chunk_bytes in [128 << 20, 5 * 64 * 24 + 1] {
+                let packed = PackedMesh::pack(&mesh, &PackDesc { format, max_chunk_bytes }).unwrap();
+                let largest = packed.chunks().map(|(_, n)| n * 5 * format.stride()).max().unwrap();
+                assert!(largest as u64 <= max_chunk_bytes);
+                assert_eq!(packed.chunks().map(|(_, n)| n).sum::<usize>(), 256);
+                assert_decodes(&packed, &mesh);
+            }
+        }
+    }
+
+    #[test]
+    fn too_many_targets_are_refused_with_the_numbers() {
+        let error = PackedMesh::pack(&mesh(3, 4), &PackDesc { max_chunk_bytes: 1000, ..PackDesc::default() });
+        let text = error.unwrap_err().to_string();
+        assert!(text.contains("4 targets") && text.contains("6144 bytes") && text.contains("1000"), "{text}");
+    }
+
+    #[test]
+    fn the_normal_step_covers_the_largest_normal() {
+        let mesh = mesh(64, 1);
+        let packed = PackedMesh::pack(&mesh, &PackDesc { format: DeltaFormat::Snorm16, ..PackDesc::default() }).unwrap();
+        let largest = mesh.targets[0].normals.iter().map(|n| n.abs().max_element()).fold(0.0, f32::max);
+        let step = packed.targets()[0].normal_step();
+        assert!(step * 32767.0 >= largest && step * 32767.0 <= 2.001 * largest);
+    }
+}

@@ -1,5 +1,7 @@
 //! Weights: clips, applied weights, delta weights.
 
+pub mod delta;
+
 #[cfg(feature = "csv")]
 pub mod csv;
 

@@ -1,0 +1,241 @@
+//! Passes and barriers as data: what a back end records, and what the hazard checker reads.
+
+use super::{Plan, Source, UpdatePath};
+use std::ops::Range;
+
+/// A pipeline stage, as a bit of [`Scope::stages`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Stage {
+    /// Copies.
+    Transfer = 1,
+    /// Vertex-attribute fetch.
+    VertexInput = 2,
+    /// Vertex shaders.
+    VertexShader = 4,
+    /// Transform-feedback writes.
+    TransformFeedback = 8,
+    /// Compute shaders.
+    Compute = 16,
+}
+
+/// A kind of memory access, as a bit of [`Scope::accesses`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Access {
+    /// A copy writes.
+    TransferWrite = 1,
+    /// Vertex attributes are fetched.
+    AttributeRead = 2,
+    /// A shader reads a storage or texel buffer.
+    ShaderRead = 4,
+    /// A shader writes a storage buffer.
+    ShaderWrite = 8,
+    /// Transform feedback writes.
+    FeedbackWrite = 16,
+}
+
+impl Access {
+    /// Whether it writes.
+    pub const fn writes(self) -> bool {
+        matches!(self, Self::TransferWrite | Self::ShaderWrite | Self::FeedbackWrite)
+    }
+}
+
+/// One side of a barrier: sets of stages and accesses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Scope {
+    /// Bits of [`Stage`].
+    pub stages: u8,
+    /// Bits of [`Access`].
+    pub accesses: u8,
+}
+
+impl Scope {
+    const fn new(stages: &[Stage], accesses: &[Access]) -> Self {
+        let mut scope = Self { stages: 0, accesses: 0 };
+        let mut i = 0;
+        while i < stages.len() {
+            scope.stages |= stages[i] as u8;
+            i += 1;
+        }
+        i = 0;
+        while i < accesses.len() {
+            scope.accesses |= accesses[i] as u8;
+            i += 1;
+        }
+        scope
+    }
+
+    /// Whether `stage` is among the stages.
+    pub const fn has_stage(self, stage: Stage) -> bool {
+        self.stages & stage as u8 != 0
+    }
+
+    /// Whether `access` is among the accesses.
+    pub const fn has_access(self, access: Access) -> bool {
+        self.accesses & access as u8 != 0
+    }
+}
+
+/// The barriers we record, each named by the hazard it is there for. All are global memory barriers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Hazard {
+    /// Uploads are done: base and deltas may be read by every path.
+    TransferWriteToAssetRead,
+    /// Draws may still read the slot that compute is about to write; the slot it reads was written by compute.
+    PoseReadToComputeUpdate,
+    /// One compute pass after another, in place.
+    ComputeWriteToComputeUpdate,
+    /// The pose is ready for the host's draws.
+    ComputeWriteToPoseRead,
+    /// As for compute, before the first feedback pass.
+    PoseReadToFeedbackUpdate,
+    /// A feedback pass reads what the last wrote and writes what the last read.
+    FeedbackWriteToFeedbackUpdate,
+    /// The pose is ready for the host's draws.
+    FeedbackWriteToPoseRead,
+}
+
+impl Hazard {
+    /// Every barrier.
+    pub const ALL: [Self; 7] = [
+        Self::TransferWriteToAssetRead,
+        Self::PoseReadToComputeUpdate,
+        Self::ComputeWriteToComputeUpdate,
+        Self::ComputeWriteToPoseRead,
+        Self::PoseReadToFeedbackUpdate,
+        Self::FeedbackWriteToFeedbackUpdate,
+        Self::FeedbackWriteToPoseRead,
+    ];
+
+    /// `(before, after)`: what must be finished and made available, and what waits and sees it.
+    pub const fn scopes(self) -> (Scope, Scope) {
+        use Access as A;
+        use Stage as S;
+        const DRAWS: Scope = Scope::new(&[S::VertexInput, S::VertexShader], &[A::AttributeRead, A::ShaderRead]);
+        const COMPUTE: Scope = Scope::new(&[S::Compute], &[A::ShaderRead, A::ShaderWrite]);
+        const FEEDBACK: Scope = Scope::new(&[S::VertexInput, S::TransformFeedback], &[A::AttributeRead, A::FeedbackWrite]);
+        match self {
+            Self::TransferWriteToAssetRead => (
+                Scope::new(&[S::Transfer], &[A::TransferWrite]),
+                Scope::new(&[S::VertexInput, S::VertexShader, S::Compute], &[A::AttributeRead, A::ShaderRead]),
+            ),
+            Self::PoseReadToComputeUpdate => {
+                (Scope::new(&[S::VertexInput, S::VertexShader, S::Compute], &[A::ShaderWrite]), COMPUTE)
+            }
+            Self::ComputeWriteToComputeUpdate => (Scope::new(&[S::Compute], &[A::ShaderWrite]), COMPUTE),
+            Self::ComputeWriteToPoseRead => (Scope::new(&[S::Compute], &[A::ShaderWrite]), DRAWS),
+            Self::PoseReadToFeedbackUpdate => (
+                Scope::new(&[S::VertexInput, S::VertexShader, S::TransformFeedback], &[A::FeedbackWrite]),
+                FEEDBACK,
+            ),
+            Self::FeedbackWriteToFeedbackUpdate => {
+                (Scope::new(&[S::VertexInput, S::TransformFeedback], &[A::FeedbackWrite]), FEEDBACK)
+            }
+            Self::FeedbackWriteToPoseRead => (Scope::new(&[S::TransformFeedback], &[A::FeedbackWrite]), DRAWS),
+        }
+    }
+}
+
+/// A pass of one instance.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PassCommand {
+    /// The instance.
+    pub instance: u32,
+    /// What it adds to.
+    pub source: Source,
+    /// The slot it writes.
+    pub destination: u32,
+    /// Which of [`CommandList::coefficients`](CommandList) it adds.
+    pub coefficients: Range<usize>,
+}
+
+/// A command of an update.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Command {
+    /// A memory barrier.
+    Barrier(Hazard),
+    /// A pass.
+    Pass(PassCommand),
+}
+
+/// What one `record_update` writes into the host's command buffer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CommandList {
+    /// Who carries it out.
+    pub path: UpdatePath,
+    /// In order; empty when nothing changed.
+    pub commands: Vec<Command>,
+    /// Coefficients of all instances.
+    pub coefficients: Vec<crate::weights::delta::Coefficient>,
+}
+
+impl CommandList {
+    /// An empty list.
+    pub fn new(path: UpdatePath) -> Self {
+        Self { path, commands: vec![], coefficients: vec![] }
+    }
+
+    /// The passes.
+    pub fn passes(&self) -> impl Iterator<Item = &PassCommand> {
+        self.commands.iter().filter_map(|c| match c {
+            Command::Pass(pass) => Some(pass),
+            Command::Barrier(_) => None,
+        })
+    }
+
+    /// Write the list for one update of a crowd: the k-th passes of all instances stand together, since they
+    /// do not depend on each other, with one barrier between rounds.
+    pub fn fill(&mut self, plans: &[Plan]) {
+        self.commands.clear();
+        self.coefficients.clear();
+        let rounds = plans.iter().map(|p| p.passes.len()).max().unwrap_or(0);
+        if rounds == 0 {
+            return;
+        }
+        let (before, between, after) = match self.path {
+            UpdatePath::Feedback => (
+                Hazard::PoseReadToFeedbackUpdate,
+                Hazard::FeedbackWriteToFeedbackUpdate,
+                Hazard::FeedbackWriteToPoseRead,
+            ),
+            // The cpu path has no barriers to record, but its list is the same list.
+            UpdatePath::Compute | UpdatePath::Cpu => (
+                Hazard::PoseReadToComputeUpdate,
+                Hazard::ComputeWriteToComputeUpdate,
+                Hazard::ComputeWriteToPoseRead,
+            ),
+        };
+        for round in 0..rounds {
+            self.commands.push(Command::Barrier(if round == 0 { before } else { between }));
+            for (instance, plan) in plans.iter().enumerate() {
+                let Some(pass) = plan.passes.get(round) else { continue };
+                let start = self.coefficients.len();
+                self.coefficients.extend_from_slice(&plan.coefficients[pass.coefficients.clone()]);
+                self.commands.push(Command::Pass(PassCommand {
+                    instance: instance as u32,
+                    source: pass.source,
+                    destination: pass.destination,
+                    coefficients: start..self.coefficients.len(),
+                }));
+            }
+        }
+        self.commands.push(Command::Barrier(after));
+    }
+
+    /// Bytes that the passes load and store: each reads its source and its targets' deltas and writes its
+    /// destination, for `vertices` vertices (with padding) of `delta_stride` bytes a target.
+    pub fn bytes_moved(&self, vertices: usize, pose_stride: usize, delta_stride: usize) -> u64 {
+        self.passes().map(|p| (vertices * (2 * pose_stride + p.coefficients.len() * delta_stride)) as u64).sum()
+    }
+
+    /// The least that any order of the same dense work could move: each instance's pose read and written once,
+    /// each coefficient's deltas read once.
+    pub fn bytes_floor(&self, vertices: usize, pose_stride: usize, delta_stride: usize) -> u64 {
+        let mut instances: Vec<u32> = self.passes().map(|p| p.instance).collect();
+        instances.sort_unstable();
+        instances.dedup();
+        (vertices * (2 * pose_stride * instances.len() + self.coefficients.len() * delta_stride)) as u64
+    }
+}

@@ -1,0 +1,298 @@
+//! Which passes bring a pose buffer from the weights it holds to the weights asked for.
+//!
+//! Pure: no Vulkan here. [`PoseState::plan`] turns weights into passes, [`commands`] turns passes into commands
+//! and barriers as data, [`hazards`] proves that every access is ordered, and only then does a back end
+//! (`gpu`, `cpu`) carry them out.
+//!
+//! ```text
+//! pose_dst = source + Σ c_k · delta_k
+//!   incremental   source = the current slot, c = delta weights of the changed targets
+//!   rebuild       source = the base pose,    c = weights of the active targets
+//! ```
+
+pub mod commands;
+pub mod hazards;
+
+use crate::error::{Error, Result};
+use crate::weights::delta::{Coefficient, active_targets, changed_targets};
+use std::ops::Range;
+
+/// Who carries the passes out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum UpdatePath {
+    /// Vertex passes with transform feedback and rasterizer discard (Jones, GPU Pro 5). A pass cannot read the
+    /// buffer it writes: passes alternate between two slots.
+    Feedback,
+    /// Compute passes. The first reads the current slot and writes the next, the rest run in place there.
+    Compute,
+    /// SIMD and threads on the CPU; runs without Vulkan.
+    Cpu,
+}
+
+impl UpdatePath {
+    /// Every path.
+    pub const ALL: [Self; 3] = [Self::Feedback, Self::Compute, Self::Cpu];
+
+    /// The name used on the command line and in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Feedback => "feedback",
+            Self::Compute => "compute",
+            Self::Cpu => "cpu",
+        }
+    }
+
+    /// Whether a pass may write the slot it reads.
+    pub const fn works_in_place(self) -> bool {
+        !matches!(self, Self::Feedback)
+    }
+}
+
+/// What an update starts from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub enum UpdateMode {
+    /// The pose already there, adding the changed targets; from base where that takes no more targets.
+    #[default]
+    Incremental,
+    /// The base pose, adding all active targets: full evaluation, every time the weights change.
+    Rebuild,
+}
+
+impl UpdateMode {
+    /// The name used on the command line and in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Incremental => "incremental",
+            Self::Rebuild => "rebuild",
+        }
+    }
+}
+
+/// Targets per pass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum BatchSize {
+    /// At most this many (≥ 1).
+    Targets(u32),
+    /// All in one pass, with the coefficients in a buffer.
+    All,
+}
+
+impl BatchSize {
+    /// Passes that `coefficients` targets take. Even none takes one: the source has to reach the destination.
+    pub fn passes(self, coefficients: usize) -> usize {
+        match self {
+            Self::Targets(b) => coefficients.div_ceil(b.max(1) as usize).max(1),
+            Self::All => 1,
+        }
+    }
+}
+
+impl std::fmt::Display for BatchSize {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Targets(b) => b.fmt(f),
+            Self::All => "all".fmt(f),
+        }
+    }
+}
+
+/// How poses are to be updated. The same for all instances of a crowd, for its life.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct UpdateDesc {
+    /// Who carries the passes out.
+    pub path: UpdatePath,
+    /// Targets per pass.
+    pub batch: BatchSize,
+    /// What an update starts from.
+    pub mode: UpdateMode,
+    /// Pose buffers per instance. 1: in place, no previous pose (not for `feedback`). 2: ping-pong. 3 keep the
+    /// previous pose under `feedback`, too, whose passes alternate between the other two.
+    pub slots: u32,
+}
+
+impl UpdateDesc {
+    /// Incremental updates in two slots.
+    pub const fn new(path: UpdatePath, batch: BatchSize) -> Self {
+        Self { path, batch, mode: UpdateMode::Incremental, slots: 2 }
+    }
+
+    /// Check the description.
+    ///
+    /// # Errors
+    /// A batch size of 0, no slot, or too few slots for the path.
+    pub fn check(&self) -> Result<()> {
+        let least = if self.path.works_in_place() { 1 } else { 2 };
+        if self.slots < least || self.slots > 64 {
+            return Err(Error::invalid(
+                format!("{} slots for update path '{}'", self.slots, self.path.name()),
+                format!("use {least} to 64 slots (2 is ping-pong)"),
+            ));
+        }
+        match (self.path, self.batch) {
+            (_, BatchSize::Targets(0)) => Err(Error::invalid("a batch size of 0", "use 1 or more targets per pass")),
+            (UpdatePath::Feedback, BatchSize::All) => Err(Error::invalid(
+                "batch size 'all' for update path 'feedback'",
+                "a vertex pass takes as many targets as the device has vertex attributes for: name a number",
+            )),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// What a pass adds to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Source {
+    /// The base pose.
+    Base,
+    /// The pose in this slot.
+    Slot(u32),
+}
+
+/// `destination = source + Σ coefficient · delta` over a range of the plan's coefficients.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Pass {
+    /// What it adds to.
+    pub source: Source,
+    /// The slot it writes.
+    pub destination: u32,
+    /// Which of [`Plan::coefficients`] it adds.
+    pub coefficients: Range<usize>,
+}
+
+/// The passes of one update of one instance.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Plan {
+    /// What is applied, ascending by target.
+    pub coefficients: Vec<Coefficient>,
+    /// In order; empty when nothing changed.
+    pub passes: Vec<Pass>,
+    /// The slot that holds the pose afterwards.
+    pub result: u32,
+    /// The slot that holds the previous pose afterwards: `result` where there is none to tell apart (nothing
+    /// changed, first pose, cut); `None` where the update had to overwrite it.
+    pub previous: Option<u32>,
+    /// Whether the passes start from the base pose.
+    pub rebuilt: bool,
+}
+
+/// What the pose buffers of one instance hold.
+#[derive(Clone, Debug)]
+pub struct PoseState {
+    desc: UpdateDesc,
+    /// Weights applied to each slot; `None` = unknown.
+    applied: Vec<Option<Vec<f32>>>,
+    /// Number of the last update that wrote each slot.
+    written_by: Vec<u64>,
+    current: Option<u32>,
+    cut: bool,
+}
+
+impl PoseState {
+    /// Nothing known yet: the first plan rebuilds.
+    ///
+    /// # Errors
+    /// As [`UpdateDesc::check`].
+    pub fn new(desc: UpdateDesc) -> Result<Self> {
+        desc.check()?;
+        let slots = desc.slots as usize;
+        Ok(Self { desc, applied: vec![None; slots], written_by: vec![0; slots], current: None, cut: false })
+    }
+
+    /// The weights that the current slot holds; `None` before the first update and after a discarded one.
+    pub fn applied(&self) -> Option<&[f32]> {
+        self.applied[self.current? as usize].as_deref()
+    }
+
+    /// The next pose has no predecessor (the head was hidden or teleported): its previous pose is itself.
+    pub fn cut(&mut self) {
+        self.cut = true;
+    }
+
+    /// The update numbered `first` and all later ones will never run: what they wrote is unknown.
+    pub fn discard_from(&mut self, first: u64) {
+        for (applied, &by) in self.applied.iter_mut().zip(&self.written_by) {
+            if by >= first {
+                *applied = None;
+            }
+        }
+    }
+
+    /// Plan the passes to `weights` into `plan`, and take them as done by the update numbered `update`
+    /// (ascending, from 1).
+    pub fn plan(&mut self, weights: &[f32], update: u64, plan: &mut Plan) {
+        plan.coefficients.clear();
+        plan.passes.clear();
+        plan.rebuilt = false;
+        let known = self.current.filter(|&c| self.applied[c as usize].is_some());
+        let cut = std::mem::take(&mut self.cut);
+
+        if let Some(current) = known
+            && self.applied[current as usize].as_deref() == Some(weights)
+        {
+            plan.result = current;
+            plan.previous = Some(current);
+            return;
+        }
+
+        plan.rebuilt = self.choose_coefficients(known, weights, &mut plan.coefficients);
+        let source = match known {
+            Some(current) if !plan.rebuilt => Source::Slot(current),
+            _ => Source::Base,
+        };
+        self.lay_out_passes(source, plan);
+
+        for pass in &plan.passes {
+            self.applied[pass.destination as usize] = None;
+            self.written_by[pass.destination as usize] = update;
+        }
+        let overwritten = |slot: u32| plan.passes.iter().any(|p| p.destination == slot);
+        plan.previous = match known {
+            Some(current) if !cut => Some(current).filter(|&c| !overwritten(c)),
+            _ => Some(plan.result),
+        };
+        self.applied[plan.result as usize] = Some(weights.to_vec());
+        self.current = Some(plan.result);
+    }
+
+    /// Fill `out` with delta weights, or with weights where the update starts from base; tells which.
+    fn choose_coefficients(&self, known: Option<u32>, weights: &[f32], out: &mut Vec<Coefficient>) -> bool {
+        if let (UpdateMode::Incremental, Some(applied)) =
+            (self.desc.mode, known.and_then(|c| self.applied[c as usize].as_deref()))
+        {
+            changed_targets(weights, applied, out);
+            // From base where that takes no more targets: as many bytes, and it wipes out accumulated rounding.
+            if weights.iter().filter(|w| **w != 0.0).count() > out.len() {
+                return false;
+            }
+            out.clear();
+        }
+        active_targets(weights, out);
+        true
+    }
+
+    fn lay_out_passes(&self, source: Source, plan: &mut Plan) {
+        let slots = self.desc.slots;
+        let current = self.current.unwrap_or(slots - 1);
+        let first = (current + 1) % slots;
+        // Where the passes after the first go: in place, or to and fro between two slots. With three slots or
+        // more the current one is neither of them and survives as the previous pose.
+        let second = if self.desc.path.works_in_place() { first } else { (current + 2) % slots };
+        let count = plan.coefficients.len();
+        let passes = self.desc.batch.passes(count);
+        let size = match self.desc.batch {
+            BatchSize::Targets(b) => b as usize,
+            BatchSize::All => count,
+        };
+        let mut from = source;
+        for k in 0..passes {
+            let destination = if k % 2 == 0 { first } else { second };
+            let coefficients = (k * size).min(count)..((k + 1) * size).min(count);
+            plan.passes.push(Pass { source: from, destination, coefficients });
+            from = Source::Slot(destination);
+            plan.result = destination;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
