@@ -241,6 +241,12 @@ impl PackedMesh {
         }
     }
 
+    /// The words of target `target` for `vertices` vertices from `first` on, all of one chunk.
+    pub(crate) fn rows(&self, target: usize, first: usize, vertices: usize) -> &[u32] {
+        let at = self.word_index(target, self.targets.len(), first);
+        &self.deltas[at..at + vertices * self.format.words()]
+    }
+
     /// Name of the mesh.
     pub fn name(&self) -> &str {
         &self.name

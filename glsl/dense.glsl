@@ -1,0 +1,39 @@
+// What the two dense compute kernels share: bindings and one vertex's work around the sum.
+
+layout(local_size_x = 64) in;
+
+// Source and destination may be the same memory: each invocation reads its own vertex before it writes it.
+layout(set = 0, binding = 0, std430) readonly buffer SourcePose { vec2 source_pose[]; };
+layout(set = 0, binding = 1, std430) writeonly buffer DestinationPose { vec2 destination_pose[]; };
+#ifdef SNORM16
+layout(set = 0, binding = 2, std430) readonly buffer Deltas { uint deltas[]; };
+#else
+layout(set = 0, binding = 2, std430) readonly buffer Deltas { vec2 deltas[]; };
+#endif
+
+// Index of this invocation's vertex in its chunk. Groups fold to two dimensions above 65,535.
+uint chunk_vertex() {
+    return (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * 64u + gl_LocalInvocationID.x;
+}
+
+// Add coefficient · delta of one target, `row` being the index of the vertex in the chunk's deltas.
+void add_delta(uint row, float coefficient, float normal_coefficient, inout vec3 position, inout vec3 normal) {
+#ifdef SNORM16
+    vec3 p, n;
+    decode_snorm16(uvec3(deltas[3u * row], deltas[3u * row + 1u], deltas[3u * row + 2u]), p, n);
+    position += coefficient * p;
+    normal += normal_coefficient * n;
+#else
+    vec2 a = deltas[3u * row], b = deltas[3u * row + 1u], c = deltas[3u * row + 2u];
+    position += coefficient * vec3(a, b.x);
+    normal += normal_coefficient * vec3(b.y, c);
+#endif
+}
+
+// destination = source + sum: one rounding at pose magnitude.
+void store_pose(uint vertex, vec3 position, vec3 normal) {
+    vec2 a = source_pose[3u * vertex], b = source_pose[3u * vertex + 1u], c = source_pose[3u * vertex + 2u];
+    destination_pose[3u * vertex] = a + position.xy;
+    destination_pose[3u * vertex + 1u] = b + vec2(position.z, normal.x);
+    destination_pose[3u * vertex + 2u] = c + normal.yz;
+}

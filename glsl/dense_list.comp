@@ -1,0 +1,31 @@
+// A dense compute pass over any number of targets, listed in a buffer. CPU twin: cpu::kernel::dense.
+#version 450
+#extension GL_GOOGLE_include_directive : require
+#include "delta.glsl"
+#include "dense.glsl"
+
+struct Entry {
+    uint target;
+    float coefficient;
+    float normal_coefficient;
+    uint unused;
+};
+layout(set = 0, binding = 3, std430) readonly buffer Entries { Entry entries[]; };
+
+layout(push_constant) uniform Push {
+    uint chunk_vertices;   // vertices of the chunk: the length of a target's row
+    uint first_vertex;     // of the chunk, in the pose
+    uint entry_count;
+};
+
+void main() {
+    uint vertex = chunk_vertex();
+    if (vertex >= chunk_vertices) return;
+    vec3 position = vec3(0.0);
+    vec3 normal = vec3(0.0);
+    for (uint i = 0u; i < entry_count; ++i) {
+        Entry entry = entries[i];
+        add_delta(entry.target * chunk_vertices + vertex, entry.coefficient, entry.normal_coefficient, position, normal);
+    }
+    store_pose(first_vertex + vertex, position, normal);
+}

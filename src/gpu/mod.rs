@@ -1,0 +1,2 @@
+//! Below the gpu line: everything that calls Vulkan.
+pub mod shaders;

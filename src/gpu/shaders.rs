@@ -1,0 +1,100 @@
+//! The SPIR-V modules, embedded by build.rs, and the layouts that host and shader share.
+//!
+//! `tests/spirv.rs` reflects every module and holds bindings, offsets, sizes and workgroup sizes against what
+//! is stated here.
+
+use crate::mesh::packed::DeltaFormat;
+use bytemuck::{Pod, Zeroable};
+
+/// Invocations of a workgroup of every compute kernel.
+pub const WORKGROUP: u32 = 64;
+
+/// Targets of a compute pass with coefficients in push constants, at most.
+pub const DENSE_BATCH_MAX: u32 = 16;
+
+/// What the modules were made from: compiler, sources, outputs.
+pub const MANIFEST: &str = include_str!(concat!(env!("OUT_DIR"), "/manifest.txt"));
+
+/// Every module: `(name, SPIR-V)`.
+pub const MODULES: &[(&str, &[u8])] = &include!(concat!(env!("OUT_DIR"), "/modules.rs"));
+
+/// Push constants of `dense.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct DensePush {
+    /// Vertices of the chunk: the length of a target's row.
+    pub chunk_vertices: u32,
+    /// First vertex of the chunk, in the pose.
+    pub first_vertex: u32,
+    /// Coefficients of positions, in quantised units.
+    pub coefficients: [f32; DENSE_BATCH_MAX as usize],
+    /// Targets: two 16-bit indices to a word.
+    pub targets: [u32; DENSE_BATCH_MAX as usize / 2],
+    /// [`PackedTarget::normal_exponent`](crate::mesh::packed::PackedTarget): four signed bytes to a word.
+    pub normal_exponents: [u32; DENSE_BATCH_MAX as usize / 4],
+}
+
+/// Push constants of `dense_list.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct DenseListPush {
+    /// Vertices of the chunk: the length of a target's row.
+    pub chunk_vertices: u32,
+    /// First vertex of the chunk, in the pose.
+    pub first_vertex: u32,
+    /// Entries of the list.
+    pub entry_count: u32,
+}
+
+/// An entry of the coefficient list of `dense_list.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct DenseListEntry {
+    /// The target.
+    pub target: u32,
+    /// Coefficient of positions, in quantised units.
+    pub coefficient: f32,
+    /// Coefficient of normals, in quantised units.
+    pub normal_coefficient: f32,
+    /// Padding to 16 bytes.
+    pub unused: u32,
+}
+
+/// Push constants of `read.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct ReadPush {
+    /// Vectors of 16 bytes to read.
+    pub count: u32,
+    /// Invocations.
+    pub stride: u32,
+}
+
+/// Bytes of push constants of a feedback pass over `batch` targets: a float each and, for snorm16, a signed
+/// byte each, padded to words.
+pub const fn feedback_push_bytes(format: DeltaFormat, batch: u32) -> u32 {
+    match format {
+        DeltaFormat::Float32 => 4 * batch,
+        DeltaFormat::Snorm16 => 4 * batch + 4 * batch.div_ceil(4),
+    }
+}
+
+/// Name of the feedback module for `batch` targets; 0 copies.
+pub fn feedback_module(format: DeltaFormat, batch: u32) -> String {
+    format!("feedback_{}_{batch:02}", format.name())
+}
+
+/// The largest batch that there is a feedback module for.
+pub fn feedback_batch_max(format: DeltaFormat) -> u32 {
+    let prefix = format!("feedback_{}_", format.name());
+    MODULES.iter().filter(|(name, _)| name.starts_with(&prefix)).count() as u32 - 1
+}
+
+/// The SPIR-V of module `name`, as words.
+///
+/// # Panics
+/// When there is no such module: the table is made by our own build.
+pub(crate) fn words(name: &str) -> Vec<u32> {
+    let (_, bytes) = MODULES.iter().find(|(n, _)| *n == name).unwrap_or_else(|| panic!("no module {name}"));
+    bytes.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect()
+}

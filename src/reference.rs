@@ -1,0 +1,116 @@
+//! The oracle: full evaluation from base in float64, and how far a pose is from it.
+
+use crate::mesh::MorphMesh;
+use crate::mesh::packed::{POSE_FLOATS, PackedMesh};
+use glam::DVec3;
+
+/// Below this length a morphed normal has no direction worth the name; consumers fall back to the base normal.
+pub const SHORTEST_NORMAL: f64 = 1e-3;
+
+/// `base + Σ weight · delta` over all targets, on the deltas that the kernels see (kept after import, packed).
+/// Six values per vertex, without padding: position, then the unnormalised normal.
+///
+/// # Panics
+/// When there are fewer weights than targets.
+pub fn evaluate(mesh: &PackedMesh, weights: &[f32]) -> Vec<f64> {
+    let mut pose: Vec<f64> =
+        mesh.base()[..mesh.vertex_count() * POSE_FLOATS].iter().map(|&v| f64::from(v)).collect();
+    for (target, &weight) in weights[..mesh.targets().len()].iter().enumerate().filter(|(_, w)| **w != 0.0) {
+        for (vertex, out) in pose.chunks_exact_mut(POSE_FLOATS).enumerate() {
+            for (out, delta) in out.iter_mut().zip(mesh.delta(target, vertex)) {
+                *out += f64::from(weight) * delta;
+            }
+        }
+    }
+    pose
+}
+
+/// As [`evaluate`], on the deltas of `mesh` itself: with a mesh made at tolerance zero, what the files say.
+///
+/// # Panics
+/// When there are fewer weights than targets.
+pub fn evaluate_unpacked(mesh: &MorphMesh, weights: &[f32]) -> Vec<f64> {
+    let mut pose: Vec<f64> = mesh
+        .positions
+        .iter()
+        .zip(&mesh.normals)
+        .flat_map(|(p, n)| [p.x, p.y, p.z, n.x, n.y, n.z].map(f64::from))
+        .collect();
+    for (target, &weight) in mesh.targets.iter().zip(weights).filter(|(_, w)| **w != 0.0) {
+        for ((&vertex, p), n) in target.vertices.iter().zip(&target.positions).zip(&target.normals) {
+            let out = &mut pose[vertex as usize * POSE_FLOATS..][..POSE_FLOATS];
+            for (out, delta) in out.iter_mut().zip(p.to_array().into_iter().chain(n.to_array())) {
+                *out += f64::from(weight) * f64::from(delta);
+            }
+        }
+    }
+    pose
+}
+
+/// The largest errors of a pose.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PoseError {
+    /// Largest distance of a vertex from where it should be, in input units. NaN when the pose holds one.
+    pub position: f64,
+    /// Largest angle between normals, after normalisation, in degrees.
+    pub normal_degrees: f64,
+}
+
+impl PoseError {
+    /// The larger of both, each.
+    pub fn max(self, other: Self) -> Self {
+        // f64::max would drop a NaN.
+        let worse = |a: f64, b: f64| if a.is_nan() || a > b { a } else { b };
+        Self {
+            position: worse(self.position, other.position),
+            normal_degrees: worse(self.normal_degrees, other.normal_degrees),
+        }
+    }
+
+    /// Whether both are within the bounds given.
+    pub fn within(&self, position: f64, normal_degrees: f64) -> bool {
+        self.position <= position && self.normal_degrees <= normal_degrees
+    }
+}
+
+/// Compare a pose (six floats a vertex, padding at the end ignored) with the reference.
+///
+/// # Panics
+/// When the pose has fewer vertices than the reference.
+pub fn compare(pose: &[f32], reference: &[f64]) -> PoseError {
+    assert!(pose.len() >= reference.len(), "the pose has fewer vertices than the reference");
+    let mut error = PoseError::default();
+    for (got, want) in pose.chunks_exact(POSE_FLOATS).zip(reference.chunks_exact(POSE_FLOATS)) {
+        let got: [f64; POSE_FLOATS] = std::array::from_fn(|i| f64::from(got[i]));
+        let position = DVec3::from_slice(&got[..3]).distance(DVec3::from_slice(&want[..3]));
+        let (a, b) = (DVec3::from_slice(&got[3..]), DVec3::from_slice(&want[3..]));
+        let angle = if b.length() < SHORTEST_NORMAL {
+            a.distance(b) // no direction to compare: a short vector must come out as the same short vector
+        } else {
+            a.cross(b).length().atan2(a.dot(b)).to_degrees()
+        };
+        error = PoseError { position, normal_degrees: angle }.max(error);
+    }
+    error
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_are_lengths_and_angles() {
+        let reference = [1.0, 2.0, 3.0, 0.0, 0.0, 2.0];
+        let error = compare(&[1.0, 2.5, 3.0, 0.0, 1.0, 1.0, 9.0], &reference);
+        assert_eq!(error.position, 0.5);
+        assert!((error.normal_degrees - 45.0).abs() < 1e-12);
+        assert!(error.within(0.5, 45.1) && !error.within(0.4, 90.0) && !error.within(1.0, 44.0));
+    }
+
+    #[test]
+    fn nan_is_the_worst_error() {
+        let reference = [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+        let error = compare(&[f32::NAN, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 5.0, 0.0, 0.0, 1.0], &reference);
+        assert!(error.position.is_nan() && !error.within(f64::INFINITY, 1.0));
+    }
+}
