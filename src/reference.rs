@@ -14,8 +14,8 @@ pub const SHORTEST_NORMAL: f64 = 1e-3;
 /// When there are fewer weights than targets.
 pub fn evaluate(mesh: &PackedMesh, weights: &[f32]) -> Vec<f64> {
     let mut pose: Vec<f64> =
-        mesh.base()[..mesh.vertex_count() * POSE_FLOATS].iter().map(|&v| f64::from(v)).collect();
-    for (target, &weight) in weights[..mesh.targets().len()].iter().enumerate().filter(|(_, w)| **w != 0.0) {
+        mesh.base()[..mesh.layout().vertex_count * POSE_FLOATS].iter().map(|&v| f64::from(v)).collect();
+    for (target, &weight) in weights[..mesh.layout().targets.len()].iter().enumerate().filter(|(_, w)| **w != 0.0) {
         for (vertex, out) in pose.chunks_exact_mut(POSE_FLOATS).enumerate() {
             for (out, delta) in out.iter_mut().zip(mesh.delta(target, vertex)) {
                 *out += f64::from(weight) * delta;

@@ -43,14 +43,14 @@ pub fn dense(mesh: &PackedMesh, coefficients: &[Coefficient], first: usize, sour
 fn add<const N: usize>(mesh: &PackedMesh, group: &[Coefficient], vertex: usize, sums: &mut [f32]) {
     let vertices = sums.len() / POSE_FLOATS;
     let rows: [&[u32]; N] = std::array::from_fn(|i| mesh.rows(group[i].target as usize, vertex, vertices));
-    match mesh.format() {
+    match mesh.layout().format {
         DeltaFormat::Float32 => {
             let factors: [f32; N] = std::array::from_fn(|i| group[i].value);
             add_float32(factors, rows.map(bytemuck::cast_slice), sums);
         }
         DeltaFormat::Snorm16 => {
             let factors = std::array::from_fn(|i| {
-                let target = &mesh.targets()[group[i].target as usize];
+                let target = &mesh.layout().targets[group[i].target as usize];
                 let position = group[i].value * target.position_step;
                 [position, position * target.normal_ratio()]
             });

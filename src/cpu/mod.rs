@@ -3,7 +3,7 @@
 mod kernel;
 
 use crate::error::{Error, Result};
-use crate::mesh::packed::{POSE_FLOATS, POSE_STRIDE, PackedMesh, VERTEX_PADDING};
+use crate::mesh::packed::{POSE_FLOATS, POSE_STRIDE, PackedLayout, PackedMesh, VERTEX_PADDING};
 use crate::plan::commands::{CommandList, PassCommand};
 use crate::plan::{Plan, PoseState, Source, UpdateDesc, UpdatePath};
 use crate::weights::delta::check_weights;
@@ -25,9 +25,9 @@ pub struct UpdateStats {
 }
 
 impl UpdateStats {
-    /// Count `list` and `plans` for `mesh`.
-    pub fn new(mesh: &PackedMesh, list: &CommandList, plans: &[Plan]) -> Self {
-        let (vertices, stride) = (mesh.padded_vertices(), mesh.format().stride());
+    /// Count `list` and `plans`.
+    pub fn new(layout: &PackedLayout, list: &CommandList, plans: &[Plan]) -> Self {
+        let (vertices, stride) = (layout.padded_vertices(), layout.format.stride());
         Self {
             coefficients: list.coefficients.len(),
             passes: list.passes().count(),
@@ -72,7 +72,7 @@ impl CpuCrowd {
         })?;
         #[cfg(not(feature = "threads"))]
         let _ = threads;
-        let targets = mesh.targets().len();
+        let targets = mesh.layout().targets.len();
         let slots = desc.slots as usize;
         Ok(Self {
             states: vec![PoseState::new(desc)?; instances],
@@ -93,7 +93,7 @@ impl CpuCrowd {
     /// # Errors
     /// An instance out of range; a wrong number of weights; one that is not finite.
     pub fn set_weights(&mut self, instance: usize, weights: &[f32]) -> Result<()> {
-        let targets = self.mesh.targets();
+        let targets = &self.mesh.layout().targets;
         check_weights(weights, |i| targets.get(i).map(|t| t.name.as_str()), targets.len())?;
         let count = self.weights.len();
         let slot = self.weights.get_mut(instance).ok_or_else(|| {
@@ -121,7 +121,7 @@ impl CpuCrowd {
             self.run(pass, source, &mut destination);
             self.poses[at + pass.destination as usize] = destination;
         }
-        UpdateStats::new(&self.mesh, &self.list, &self.plans)
+        UpdateStats::new(self.mesh.layout(), &self.list, &self.plans)
     }
 
     /// The pose of an instance after the last update: six floats a vertex, with padding.
@@ -144,7 +144,7 @@ impl CpuCrowd {
         let coefficients = &self.list.coefficients[pass.coefficients.clone()];
         let mesh = &*self.mesh;
         let mut rest = destination;
-        for (first, vertices) in mesh.chunks() {
+        for (first, vertices) in mesh.layout().chunks() {
             let (chunk, tail) = rest.split_at_mut(vertices * POSE_FLOATS);
             rest = tail;
             let piece = |first: usize, out: &mut [f32]| {

@@ -106,18 +106,70 @@ impl PackedTarget {
     }
 }
 
+/// Where everything is in a [`PackedMesh`]; what the GPU side keeps of it after upload.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PackedLayout {
+    /// Name of the mesh.
+    pub name: String,
+    /// Storage of a delta.
+    pub format: DeltaFormat,
+    /// Number of vertices, without padding.
+    pub vertex_count: usize,
+    /// Vertices of every chunk but the last, which has the rest. A multiple of [`VERTEX_PADDING`].
+    pub chunk_vertices: usize,
+    /// Length of the base pose's bounding-box diagonal, in input units.
+    pub diagonal: f32,
+    /// The targets.
+    pub targets: Vec<PackedTarget>,
+}
+
+impl PackedLayout {
+    /// Number of vertices with padding: a multiple of [`VERTEX_PADDING`].
+    pub fn padded_vertices(&self) -> usize {
+        self.vertex_count.next_multiple_of(VERTEX_PADDING)
+    }
+
+    /// The chunks: `(first vertex, vertices)`.
+    pub fn chunks(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let (all, step) = (self.padded_vertices(), self.chunk_vertices.max(1));
+        (0..all).step_by(step).map(move |first| (first, step.min(all - first)))
+    }
+
+    /// Bytes of one pose, padding included.
+    pub fn pose_bytes(&self) -> u64 {
+        (self.padded_vertices() * POSE_STRIDE) as u64
+    }
+
+    /// Bytes of all deltas, padding included.
+    pub fn delta_bytes(&self) -> u64 {
+        (self.padded_vertices() * self.targets.len() * self.format.stride()) as u64
+    }
+
+    /// Index of the first word of the deltas of target `target` in the chunk that starts at vertex `first` and
+    /// has `vertices`.
+    pub fn row_start(&self, target: usize, first: usize, vertices: usize) -> usize {
+        (first * self.targets.len() + target * vertices) * self.format.words()
+    }
+
+    /// Index of the first word of the delta of `vertex` in target `target`.
+    fn word_index(&self, target: usize, vertex: usize) -> usize {
+        let within = vertex % self.chunk_vertices;
+        let first = vertex - within;
+        let rows = self.chunk_vertices.min(self.padded_vertices() - first);
+        self.row_start(target, first, rows) + within * self.format.words()
+    }
+}
+
 /// A mesh laid out for upload. See the [module](self) for the layout.
 #[derive(Clone, Debug)]
 pub struct PackedMesh {
-    name: String,
-    format: DeltaFormat,
-    vertex_count: usize,
-    chunk_vertices: usize,
-    diagonal: f32,
-    targets: Vec<PackedTarget>,
+    layout: PackedLayout,
     base: Vec<f32>,
     deltas: Vec<u32>,
 }
+
+/// Targets are named by 16 bits in the kernels.
+const TARGETS_MAX: usize = 1 << 16;
 
 const SNORM16_MAX: f32 = 32767.0;
 
@@ -146,12 +198,18 @@ impl PackedMesh {
     /// Lay out `mesh`.
     ///
     /// # Errors
-    /// A mesh whose targets exceed `desc.max_chunk_bytes` even for [`VERTEX_PADDING`] vertices.
+    /// More than 65,536 targets, or more than fit `desc.max_chunk_bytes` even for [`VERTEX_PADDING`] vertices.
     pub fn pack(mesh: &MorphMesh, desc: &PackDesc) -> Result<Self> {
         let vertex_count = mesh.vertex_count();
         let padded = vertex_count.next_multiple_of(VERTEX_PADDING);
         let target_count = mesh.targets.len();
         let words = desc.format.words();
+        if target_count > TARGETS_MAX {
+            return Err(Error::invalid(
+                format!("mesh '{}' has {target_count} targets; the kernels name at most {TARGETS_MAX}", mesh.name),
+                "split the targets over several meshes",
+            ));
+        }
         let per_padding = target_count * VERTEX_PADDING * desc.format.stride();
         if per_padding as u64 > desc.max_chunk_bytes {
             return Err(Error::invalid(
@@ -174,54 +232,26 @@ impl PackedMesh {
             vertex[3..].copy_from_slice(&n.to_array());
         }
 
-        let mut packed = Self {
+        let describe = |target: &MorphTarget| {
+            let (position_step, normal_exponent) = match desc.format {
+                DeltaFormat::Float32 => (1.0, 0),
+                DeltaFormat::Snorm16 => snorm16_steps(target),
+            };
+            PackedTarget { name: target.name.clone(), position_step, normal_exponent }
+        };
+        let layout = PackedLayout {
             name: mesh.name.clone(),
             format: desc.format,
             vertex_count,
             chunk_vertices,
             diagonal: mesh.diagonal,
-            targets: Vec::with_capacity(target_count),
-            base,
-            deltas: vec![0; padded * target_count * words],
+            targets: mesh.targets.iter().map(describe).collect(),
         };
+        let mut deltas = vec![0; padded * target_count * words];
         for (t, target) in mesh.targets.iter().enumerate() {
-            packed.pack_target(t, target_count, target);
+            pack_target(&layout, t, target, &mut deltas);
         }
-        Ok(packed)
-    }
-
-    fn pack_target(&mut self, t: usize, target_count: usize, target: &MorphTarget) {
-        let (position_step, normal_exponent) = match self.format {
-            DeltaFormat::Float32 => (1.0, 0),
-            DeltaFormat::Snorm16 => snorm16_steps(target),
-        };
-        let info = PackedTarget { name: target.name.clone(), position_step, normal_exponent };
-        let normal_step = info.normal_step();
-        self.targets.push(info);
-        for ((&vertex, p), n) in target.vertices.iter().zip(&target.positions).zip(&target.normals) {
-            let at = self.word_index(t, target_count, vertex as usize);
-            let out = &mut self.deltas[at..at + self.format.words()];
-            match self.format {
-                DeltaFormat::Float32 => {
-                    for (word, value) in out.iter_mut().zip(p.to_array().into_iter().chain(n.to_array())) {
-                        *word = value.to_bits();
-                    }
-                }
-                DeltaFormat::Snorm16 => {
-                    let [px, py, pz] = p.to_array().map(|v| quantise(v, position_step));
-                    let [nx, ny, nz] = n.to_array().map(|v| quantise(v, normal_step));
-                    out.copy_from_slice(&[px | py << 16, pz | nx << 16, ny | nz << 16]);
-                }
-            }
-        }
-    }
-
-    /// Index of the first word of the delta of `vertex` in target `t`.
-    fn word_index(&self, t: usize, target_count: usize, vertex: usize) -> usize {
-        let (chunk, within) = (vertex / self.chunk_vertices, vertex % self.chunk_vertices);
-        let first = chunk * self.chunk_vertices;
-        let rows = self.chunk_vertices.min(self.padded_vertices() - first);
-        (first * target_count + t * rows + within) * self.format.words()
+        Ok(Self { layout, base, deltas })
     }
 
     /// The delta that the kernels see, decoded in double precision: position, then normal.
@@ -229,12 +259,12 @@ impl PackedMesh {
     /// # Panics
     /// When `target` or `vertex` is out of range.
     pub fn delta(&self, target: usize, vertex: usize) -> [f64; POSE_FLOATS] {
-        let at = self.word_index(target, self.targets.len(), vertex);
-        let words = &self.deltas[at..at + self.format.words()];
-        match self.format {
+        let at = self.layout.word_index(target, vertex);
+        let words = &self.deltas[at..at + self.layout.format.words()];
+        match self.layout.format {
             DeltaFormat::Float32 => std::array::from_fn(|i| f64::from(f32::from_bits(words[i]))),
             DeltaFormat::Snorm16 => {
-                let info = &self.targets[target];
+                let info = &self.layout.targets[target];
                 let steps = [f64::from(info.position_step), f64::from(info.normal_step())];
                 std::array::from_fn(|i| f64::from((words[i / 2] >> (16 * (i % 2))) as u16 as i16) * steps[i / 3])
             }
@@ -243,49 +273,13 @@ impl PackedMesh {
 
     /// The words of target `target` for `vertices` vertices from `first` on, all of one chunk.
     pub(crate) fn rows(&self, target: usize, first: usize, vertices: usize) -> &[u32] {
-        let at = self.word_index(target, self.targets.len(), first);
-        &self.deltas[at..at + vertices * self.format.words()]
+        let at = self.layout.word_index(target, first);
+        &self.deltas[at..at + vertices * self.layout.format.words()]
     }
 
-    /// Name of the mesh.
-    pub fn name(&self) -> &str {
-        &self.name
-    }
-
-    /// Storage of a delta.
-    pub fn format(&self) -> DeltaFormat {
-        self.format
-    }
-
-    /// Number of vertices, without padding.
-    pub fn vertex_count(&self) -> usize {
-        self.vertex_count
-    }
-
-    /// Number of vertices with padding: a multiple of [`VERTEX_PADDING`].
-    pub fn padded_vertices(&self) -> usize {
-        self.base.len() / POSE_FLOATS
-    }
-
-    /// Vertices of every chunk but the last, which has the rest.
-    pub fn chunk_vertices(&self) -> usize {
-        self.chunk_vertices
-    }
-
-    /// The chunks: `(first vertex, vertices)`.
-    pub fn chunks(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
-        let (all, step) = (self.padded_vertices(), self.chunk_vertices.max(1));
-        (0..all).step_by(step).map(move |first| (first, step.min(all - first)))
-    }
-
-    /// Length of the base pose's bounding-box diagonal, in input units.
-    pub fn diagonal(&self) -> f32 {
-        self.diagonal
-    }
-
-    /// The targets.
-    pub fn targets(&self) -> &[PackedTarget] {
-        &self.targets
+    /// Where everything is.
+    pub fn layout(&self) -> &PackedLayout {
+        &self.layout
     }
 
     /// Base pose: [`POSE_FLOATS`] floats for each padded vertex.
@@ -297,15 +291,27 @@ impl PackedMesh {
     pub fn deltas(&self) -> &[u32] {
         &self.deltas
     }
+}
 
-    /// Bytes of one pose, padding included.
-    pub fn pose_bytes(&self) -> u64 {
-        (self.base.len() * 4) as u64
-    }
-
-    /// Bytes of all deltas, padding included.
-    pub fn delta_bytes(&self) -> u64 {
-        (self.deltas.len() * 4) as u64
+/// Write the deltas of target `t` where `layout` wants them.
+fn pack_target(layout: &PackedLayout, t: usize, target: &MorphTarget, deltas: &mut [u32]) {
+    let info = &layout.targets[t];
+    let normal_step = info.normal_step();
+    for ((&vertex, p), n) in target.vertices.iter().zip(&target.positions).zip(&target.normals) {
+        let at = layout.word_index(t, vertex as usize);
+        let out = &mut deltas[at..at + layout.format.words()];
+        match layout.format {
+            DeltaFormat::Float32 => {
+                for (word, value) in out.iter_mut().zip(p.to_array().into_iter().chain(n.to_array())) {
+                    *word = value.to_bits();
+                }
+            }
+            DeltaFormat::Snorm16 => {
+                let [px, py, pz] = p.to_array().map(|v| quantise(v, info.position_step));
+                let [nx, ny, nz] = n.to_array().map(|v| quantise(v, normal_step));
+                out.copy_from_slice(&[px | py << 16, pz | nx << 16, ny | nz << 16]);
+            }
+        }
     }
 }
 
@@ -339,7 +345,7 @@ mod tests {
 
     fn assert_decodes(packed: &PackedMesh, mesh: &MorphMesh) {
         for (t, target) in mesh.targets.iter().enumerate() {
-            let (ps, ns) = (packed.targets[t].position_step, packed.targets[t].normal_step());
+            let (ps, ns) = (packed.layout.targets[t].position_step, packed.layout.targets[t].normal_step());
             let mut kept = target.vertices.iter().peekable();
             let mut k = 0;
             for v in 0..mesh.vertex_count() {
@@ -351,7 +357,7 @@ mod tests {
                     (Vec3::ZERO, Vec3::ZERO)
                 };
                 for i in 0..3 {
-                    let (ep, en) = match packed.format() {
+                    let (ep, en) = match packed.layout.format {
                         DeltaFormat::Float32 => (0.0, 0.0),
                         DeltaFormat::Snorm16 => (f64::from(ps) * 0.5001, f64::from(ns) * 0.5001),
                     };
@@ -368,9 +374,9 @@ mod tests {
         for format in DeltaFormat::ALL {
             for max_chunk_bytes in [128 << 20, 5 * 64 * 24 + 1] {
                 let packed = PackedMesh::pack(&mesh, &PackDesc { format, max_chunk_bytes }).unwrap();
-                let largest = packed.chunks().map(|(_, n)| n * 5 * format.stride()).max().unwrap();
+                let largest = packed.layout.chunks().map(|(_, n)| n * 5 * format.stride()).max().unwrap();
                 assert!(largest as u64 <= max_chunk_bytes);
-                assert_eq!(packed.chunks().map(|(_, n)| n).sum::<usize>(), 256);
+                assert_eq!(packed.layout.chunks().map(|(_, n)| n).sum::<usize>(), 256);
                 assert_decodes(&packed, &mesh);
             }
         }
@@ -388,7 +394,7 @@ mod tests {
         let mesh = mesh(64, 1);
         let packed = PackedMesh::pack(&mesh, &PackDesc { format: DeltaFormat::Snorm16, ..PackDesc::default() }).unwrap();
         let largest = mesh.targets[0].normals.iter().map(|n| n.abs().max_element()).fold(0.0, f32::max);
-        let step = packed.targets()[0].normal_step();
+        let step = packed.layout().targets[0].normal_step();
         assert!(step * 32767.0 >= largest && step * 32767.0 <= 2.001 * largest);
     }
 }
