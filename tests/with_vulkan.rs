@@ -1,0 +1,255 @@
+//! The script `with-vulkan`, run on systems made up for it: a folder that stands for the root of the file system and a
+//! `PATH` that leads to nothing but what the script may need. Nothing is installed and no driver is loaded.
+#![cfg(unix)]
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    os::unix::fs::symlink,
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+
+use tempfile::TempDir;
+
+/// A made-up system. Everything the script looks at lies in its folder.
+struct System {
+    dir: TempDir,
+}
+
+impl System {
+    /// A system with neither loader nor driver nor package manager; its `PATH` leads to `tools` alone.
+    fn bare(tools: &[&str]) -> Self {
+        let dir = tempfile::tempdir().unwrap();
+        let system = Self { dir };
+        let bin = system.path("bin");
+        fs::create_dir_all(&bin).unwrap();
+        for tool in tools {
+            system.tool(tool, tool);
+        }
+        system
+    }
+
+    /// Puts this machine's `tool` into the system's `PATH` under another name.
+    fn tool(&self, tool: &str, name: &str) {
+        let real = ["/usr/bin", "/bin", "/usr/local/bin"].map(|dir| Path::new(dir).join(tool));
+        let real = real.iter().find(|path| path.exists()).unwrap_or_else(|| panic!("no {tool} on this machine"));
+        symlink(real, self.path("bin").join(name)).unwrap();
+    }
+
+    /// A system with a loader, lavapipe, the validation layers and a SwiftShader in the cache.
+    fn complete() -> Self {
+        let system =
+            Self::bare(&["bash", "env", "grep", "uname", "mkdir", "mktemp", "chmod", "mv", "cat", "cksum", "tr"]);
+        system.file("usr/lib/libvulkan.so.1", "knows VK_ADD_DRIVER_FILES");
+        system.file("usr/share/vulkan/icd.d/lvp_icd.json", "{}");
+        system.file("usr/share/vulkan/explicit_layer.d/VkLayer_khronos_validation.json", "{}");
+        system.file("cache/deltamorph/swiftshader/libvk_swiftshader.so", "");
+        system
+    }
+
+    fn path(&self, inside: &str) -> PathBuf {
+        self.dir.path().join(inside)
+    }
+
+    fn file(&self, inside: &str, content: &str) {
+        let path = self.path(inside);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, content).unwrap();
+    }
+
+    /// The script's command, told not to install.
+    fn with_vulkan(&self, args: &[&str]) -> Command {
+        let mut command = Command::new("bash");
+        command
+            .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("with-vulkan"))
+            .args(args)
+            .env_clear()
+            .env("PATH", self.path("bin"))
+            .env("HOME", self.path("home"))
+            .env("XDG_CACHE_HOME", self.path("cache"))
+            .env("DELTAMORPH_SYSROOT", self.dir.path())
+            .env("DELTAMORPH_NO_INSTALL", "1");
+        command
+    }
+
+    fn run(&self, args: &[&str]) -> Output {
+        self.with_vulkan(args).output().unwrap()
+    }
+
+    /// The environment that a command started by the script sees.
+    fn environment(&self, args: &[&str]) -> BTreeMap<String, String> {
+        environment(self.with_vulkan(args).arg("env").output().unwrap())
+    }
+
+    fn lavapipe(&self) -> String {
+        self.path("usr/share/vulkan/icd.d/lvp_icd.json").to_str().unwrap().to_owned()
+    }
+
+    fn swiftshader(&self) -> String {
+        self.path("cache/deltamorph/swiftshader/vk_swiftshader_icd.json").to_str().unwrap().to_owned()
+    }
+}
+
+fn environment(output: Output) -> BTreeMap<String, String> {
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(stderr(&output), "", "the script is silent where all is there");
+    let text = String::from_utf8(output.stdout).unwrap();
+    text.lines().filter_map(|line| line.split_once('=')).map(|(k, v)| (k.to_owned(), v.to_owned())).collect()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn variable<'a>(environment: &'a BTreeMap<String, String>, name: &str) -> Option<&'a str> {
+    environment.get(name).map(String::as_str)
+}
+
+#[test]
+fn an_unknown_driver_is_a_usage_error_that_names_both_drivers() {
+    for args in [&["--driver", "nouveau", "true"][..], &["--driver=nouveau", "true"], &["--driver", "", "true"]] {
+        let output = System::complete().run(args);
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        let message = stderr(&output);
+        assert!(message.contains("lavapipe") && message.contains("swiftshader"), "{message}");
+    }
+}
+
+#[test]
+fn without_a_command_the_usage_is_shown() {
+    for args in [&[][..], &["--driver", "lavapipe"], &["--driver"], &["--"], &["--drivers", "lavapipe", "true"]] {
+        let output = System::complete().run(args);
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        assert!(stderr(&output).contains("Usage: ./with-vulkan"), "{args:?}");
+        assert!(output.stdout.is_empty(), "{args:?}");
+    }
+}
+
+#[test]
+fn help_goes_to_stdout() {
+    let output = System::complete().run(&["--help"]);
+    assert_eq!(output.status.code(), Some(0));
+    assert!(String::from_utf8_lossy(&output.stdout).starts_with("Usage: ./with-vulkan"));
+}
+
+#[test]
+fn driver_lavapipe_leaves_only_lavapipe() {
+    let system = System::complete();
+    let environment = system.environment(&["--driver", "lavapipe"]);
+    assert_eq!(variable(&environment, "VK_DRIVER_FILES"), Some(&*system.lavapipe()));
+    assert_eq!(variable(&environment, "VK_ICD_FILENAMES"), Some(&*system.lavapipe()));
+    assert_eq!(variable(&environment, "VK_ADD_DRIVER_FILES"), None);
+}
+
+#[test]
+fn driver_swiftshader_leaves_only_swiftshader() {
+    let system = System::complete();
+    let environment = system.environment(&["--driver", "swiftshader"]);
+    assert_eq!(variable(&environment, "VK_DRIVER_FILES"), Some(&*system.swiftshader()));
+    assert_eq!(variable(&environment, "VK_ICD_FILENAMES"), Some(&*system.swiftshader()));
+    assert_eq!(variable(&environment, "VK_ADD_DRIVER_FILES"), None);
+    assert_eq!(variable(&environment, "NODEVICE_SELECT"), Some("1"));
+    let manifest = fs::read_to_string(system.swiftshader()).unwrap();
+    let library = system.path("cache/deltamorph/swiftshader/libvk_swiftshader.so");
+    assert!(manifest.contains(&format!("\"library_path\": \"{}\"", library.display())), "{manifest}");
+}
+
+#[test]
+fn without_a_driver_swiftshader_stands_beside_the_systems_drivers() {
+    let system = System::complete();
+    let environment = system.environment(&[]);
+    assert_eq!(variable(&environment, "VK_ADD_DRIVER_FILES"), Some(&*system.swiftshader()));
+    assert_eq!(variable(&environment, "VK_DRIVER_FILES"), None);
+    assert_eq!(variable(&environment, "VK_ICD_FILENAMES"), None);
+}
+
+#[test]
+fn a_loader_that_cannot_add_drivers_is_given_the_whole_list() {
+    let system = System::complete();
+    system.file("usr/lib/libvulkan.so.1", "an old one");
+    let environment = system.environment(&[]);
+    let both = format!("{}:{}", system.lavapipe(), system.swiftshader());
+    assert_eq!(variable(&environment, "VK_ICD_FILENAMES"), Some(&*both));
+    assert_eq!(variable(&environment, "VK_ADD_DRIVER_FILES"), None);
+}
+
+#[test]
+fn drivers_chosen_by_the_caller_stand() {
+    let system = System::complete();
+    let output = system.with_vulkan(&["env"]).env("VK_DRIVER_FILES", "/some/icd.json").output().unwrap();
+    let environment = environment(output);
+    assert_eq!(variable(&environment, "VK_DRIVER_FILES"), Some("/some/icd.json"));
+    assert_eq!(variable(&environment, "VK_ADD_DRIVER_FILES"), None);
+}
+
+#[test]
+fn a_swiftshader_of_ones_own_is_used() {
+    let system = System::complete();
+    system.file("my \"own\"/libvk_swiftshader.so", "");
+    let own = system.path("my \"own\"/libvk_swiftshader.so");
+    let mut command = system.with_vulkan(&["--driver", "swiftshader", "env"]);
+    let environment = environment(command.env("DELTAMORPH_SWIFTSHADER", &own).output().unwrap());
+    let manifest = fs::read_to_string(variable(&environment, "VK_DRIVER_FILES").unwrap()).unwrap();
+    let escaped = own.to_str().unwrap().replace('"', "\\\"");
+    assert!(manifest.contains(&escaped), "{manifest}");
+
+    let mut command = system.with_vulkan(&["--driver", "swiftshader", "env"]);
+    let output = command.env("DELTAMORPH_SWIFTSHADER", "/no/such/file").output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("/no/such/file"), "{}", stderr(&output));
+}
+
+#[test]
+fn a_missing_swiftshader_stops_only_those_who_asked_for_it() {
+    let system = System::complete();
+    fs::remove_file(system.path("cache/deltamorph/swiftshader/libvk_swiftshader.so")).unwrap();
+    let output = system.run(&["--driver", "swiftshader", "env"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("DELTAMORPH_SWIFTSHADER"), "{}", stderr(&output));
+
+    let output = system.run(&["env"]);
+    assert_eq!(output.status.code(), Some(0));
+    assert!(stderr(&output).contains("going on without SwiftShader"), "{}", stderr(&output));
+    assert!(!String::from_utf8_lossy(&output.stdout).contains("VK_ADD_DRIVER_FILES"));
+}
+
+#[test]
+fn on_an_unknown_system_it_says_what_is_needed() {
+    let system = System::bare(&["bash", "uname"]);
+    let output = system.with_vulkan(&["cargo", "test"]).env_remove("DELTAMORPH_NO_INSTALL").output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    let message = stderr(&output);
+    for word in ["no package manager", "libvulkan.so.1", "lavapipe", "C++ compiler", "validation layers"] {
+        assert!(message.contains(word), "no '{word}' in: {message}");
+    }
+}
+
+#[test]
+fn only_what_the_command_cannot_do_without_stops_it() {
+    let system = System::complete();
+    fs::remove_dir_all(system.path("usr/share/vulkan/explicit_layer.d")).unwrap();
+    let output = system.run(&["env"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert!(stderr(&output).contains("validation layers"), "{}", stderr(&output));
+
+    // Any driver does for a plain run; the tests want lavapipe.
+    let system = System::complete();
+    fs::remove_file(system.lavapipe()).unwrap();
+    system.file("usr/share/vulkan/icd.d/gpu_icd.json", "{}");
+    system.tool("true", "cargo");
+    system.tool("true", "c++");
+    assert_eq!(system.run(&["cargo", "run", "--release", "--", "test"]).status.code(), Some(0));
+    let output = system.run(&["cargo", "test"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("lavapipe"), "{}", stderr(&output));
+}
+
+#[test]
+fn the_commands_own_exit_status_comes_back() {
+    let system = System::complete();
+    assert_eq!(system.run(&["bash", "-c", "exit 7"]).status.code(), Some(7));
+    let output = system.run(&["no-such-command"]);
+    assert_eq!(output.status.code(), Some(127));
+    assert!(stderr(&output).contains("no-such-command"), "{}", stderr(&output));
+}
