@@ -9,7 +9,6 @@ layout(constant_id = 0) const uint BATCH = 1;
 
 layout(push_constant) uniform Push {
     uint chunk_vertices;   // vertices of the chunk: the length of a target's row
-    uint first_vertex;     // of the chunk, in the pose
     float coefficients[16];
     uint targets[8];       // two 16-bit indices to a word
     uint normal_exponents[4];
@@ -25,5 +24,5 @@ void main() {
         float ratio = normal_ratio(normal_exponents[i >> 2], i);
         add_delta(target * chunk_vertices + vertex, coefficients[i], coefficients[i] * ratio, position, normal);
     }
-    store_pose(first_vertex + vertex, position, normal);
+    store_pose(vertex, position, normal);
 }

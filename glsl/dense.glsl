@@ -2,7 +2,8 @@
 
 layout(local_size_x = 64) in;
 
-// Source and destination may be the same memory: each invocation reads its own vertex before it writes it.
+// Both are bound at the first vertex of the chunk, and may be the same memory: each invocation reads its own
+// vertex before it writes it.
 layout(set = 0, binding = 0, std430) readonly buffer SourcePose { vec2 source_pose[]; };
 layout(set = 0, binding = 1, std430) writeonly buffer DestinationPose { vec2 destination_pose[]; };
 #ifdef SNORM16

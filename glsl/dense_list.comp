@@ -14,7 +14,6 @@ layout(set = 0, binding = 3, std430) readonly buffer Entries { Entry entries[]; 
 
 layout(push_constant) uniform Push {
     uint chunk_vertices;   // vertices of the chunk: the length of a target's row
-    uint first_vertex;     // of the chunk, in the pose
     uint entry_count;
 };
 
@@ -27,5 +26,5 @@ void main() {
         Entry entry = entries[i];
         add_delta(entry.target * chunk_vertices + vertex, entry.coefficient, entry.normal_coefficient, position, normal);
     }
-    store_pose(first_vertex + vertex, position, normal);
+    store_pose(vertex, position, normal);
 }

@@ -1,6 +1,8 @@
 //! Meshes made up for tests: small, irregular, deterministic.
 
-use crate::mesh::{Faces, MorphMesh, MorphTarget, Tolerance, diagonal};
+#![allow(dead_code)]
+
+use deltamorph::mesh::{Faces, MorphMesh, MorphTarget, Tolerance, diagonal};
 use glam::Vec3;
 
 fn noise(mut x: u64) -> f32 {

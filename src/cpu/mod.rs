@@ -3,40 +3,11 @@
 mod kernel;
 
 use crate::error::{Error, Result};
-use crate::mesh::packed::{POSE_FLOATS, POSE_STRIDE, PackedLayout, PackedMesh, VERTEX_PADDING};
+use crate::mesh::packed::{POSE_FLOATS, PackedMesh, VERTEX_PADDING};
 use crate::plan::commands::{CommandList, PassCommand};
-use crate::plan::{Plan, PoseState, Source, UpdateDesc, UpdatePath};
+use crate::plan::{Plan, PoseState, Source, UpdateDesc, UpdatePath, UpdateStats};
 use crate::weights::delta::check_weights;
 use std::sync::Arc;
-
-/// How an update went. The counts speak of the whole crowd.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct UpdateStats {
-    /// Coefficients applied.
-    pub coefficients: usize,
-    /// Passes.
-    pub passes: usize,
-    /// Instances that started from the base pose.
-    pub rebuilt: usize,
-    /// Bytes loaded and stored.
-    pub bytes_moved: u64,
-    /// The least that dense work could move.
-    pub bytes_floor: u64,
-}
-
-impl UpdateStats {
-    /// Count `list` and `plans`.
-    pub fn new(layout: &PackedLayout, list: &CommandList, plans: &[Plan]) -> Self {
-        let (vertices, stride) = (layout.padded_vertices(), layout.format.stride());
-        Self {
-            coefficients: list.coefficients.len(),
-            passes: list.passes().count(),
-            rebuilt: plans.iter().filter(|p| p.rebuilt && !p.passes.is_empty()).count(),
-            bytes_moved: list.bytes_moved(vertices, POSE_STRIDE, stride),
-            bytes_floor: list.bytes_floor(vertices, POSE_STRIDE, stride),
-        }
-    }
-}
 
 /// Instances of one mesh whose poses live in main memory.
 pub struct CpuCrowd {

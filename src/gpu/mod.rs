@@ -1,2 +1,35 @@
 //! Below the gpu line: everything that calls Vulkan.
+//!
+//! Files by Vulkan concern: [`caps`] (what a device can do), [`device`] (the host's device, borrowed),
+//! `memory`, [`shaders`] (embedded modules and shared layouts), `pipelines`, `barriers`, and one file per
+//! update path.
+
+pub(crate) mod barriers;
+pub mod caps;
+pub(crate) mod compute;
+pub mod device;
+pub(crate) mod feedback;
+pub(crate) mod memory;
+pub(crate) mod pipelines;
 pub mod shaders;
+
+use crate::error::Error;
+use ash::vk;
+
+/// An [`Error::Vulkan`] for `call`.
+pub(crate) fn failed(call: &'static str) -> impl Fn(vk::Result) -> Error {
+    move |result| Error::Vulkan {
+        call,
+        result: format!("{result:?}"),
+        remedy: match result {
+            vk::Result::ERROR_OUT_OF_HOST_MEMORY | vk::Result::ERROR_OUT_OF_DEVICE_MEMORY => {
+                "free memory, or use fewer instances, fewer slots or the snorm16 format"
+            }
+            vk::Result::ERROR_DEVICE_LOST => "create the device anew; its buffers are gone",
+            vk::Result::ERROR_INCOMPATIBLE_DRIVER | vk::Result::ERROR_INITIALIZATION_FAILED => {
+                "check that a Vulkan 1.1 driver is installed (./with-vulkan installs lavapipe)"
+            }
+            _ => "this is a bug in deltamorph or in the driver: run with the validation layers on",
+        },
+    }
+}

@@ -14,6 +14,7 @@ pub mod commands;
 pub mod hazards;
 
 use crate::error::{Error, Result};
+use crate::mesh::packed::{POSE_STRIDE, PackedLayout};
 use crate::weights::delta::{Coefficient, active_targets, changed_targets};
 use std::ops::Range;
 
@@ -290,6 +291,35 @@ impl PoseState {
             plan.passes.push(Pass { source: from, destination, coefficients });
             from = Source::Slot(destination);
             plan.result = destination;
+        }
+    }
+}
+
+/// How an update went. The counts speak of the whole crowd.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct UpdateStats {
+    /// Coefficients applied.
+    pub coefficients: usize,
+    /// Passes.
+    pub passes: usize,
+    /// Instances that started from the base pose.
+    pub rebuilt: usize,
+    /// Bytes loaded and stored.
+    pub bytes_moved: u64,
+    /// The least that dense work could move.
+    pub bytes_floor: u64,
+}
+
+impl UpdateStats {
+    /// Count `list` and `plans`.
+    pub fn new(layout: &PackedLayout, list: &commands::CommandList, plans: &[Plan]) -> Self {
+        let (vertices, stride) = (layout.padded_vertices(), layout.format.stride());
+        Self {
+            coefficients: list.coefficients.len(),
+            passes: list.passes().count(),
+            rebuilt: plans.iter().filter(|p| p.rebuilt && !p.passes.is_empty()).count(),
+            bytes_moved: list.bytes_moved(vertices, POSE_STRIDE, stride),
+            bytes_floor: list.bytes_floor(vertices, POSE_STRIDE, stride),
         }
     }
 }

@@ -1,0 +1,284 @@
+//! The public face: upload a mesh, make a crowd, record updates into the host's command buffer.
+//!
+//! The engine borrows the host's device and records; it never submits, waits, or creates a queue, thread or
+//! window. In frame order:
+//!
+//! 1. [`MorphEngine::new`] with the host's device, once; [`MorphEngine::upload`] records the copies of a
+//!    [`PackedMesh`]; [`MorphEngine::create_crowd`] makes pose buffers and pipelines.
+//! 2. Each frame: [`Crowd::set_weights`], then [`MorphEngine::record_update`] before the draws, then draw from
+//!    [`Crowd::pose`].
+//!
+//! # What the caller is responsible for
+//! - Recorded updates run exactly once each, in the order recorded, on one queue (or ordered by semaphores). An
+//!   update that will never run is handed to [`Crowd::discard`].
+//! - At most [`CrowdDesc::frames_in_flight`] updates of a crowd are recorded and not yet finished.
+//! - Engine, meshes and crowds are dropped only when the device has finished with them, and before the device
+//!   is destroyed.
+
+mod crowd;
+
+pub use crate::gpu::caps::{DeviceCaps, Requirement, TransformFeedbackCaps, requirements};
+pub use crate::gpu::device::{DeviceDesc, SharedAllocator};
+pub use crowd::{Crowd, CrowdDesc, PoseView, Ticket, Update};
+
+use crate::error::{Error, Result};
+use crate::gpu::barriers;
+use crate::gpu::compute::Compute;
+use crate::gpu::device::Device;
+use crate::gpu::feedback::Feedback;
+use crate::gpu::memory::{Buffer, BufferDesc};
+use crate::mesh::packed::{PackDesc, PackedLayout, PackedMesh};
+use crate::plan::commands::Hazard;
+use crate::plan::{BatchSize, UpdateDesc, UpdatePath};
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Pipelines of one update path, shared by the crowds that use the same format and batch size.
+#[derive(Clone)]
+pub(crate) enum Kernel {
+    Feedback(Arc<Feedback>),
+    Compute(Arc<Compute>),
+}
+
+/// The engine: the host's device and the pipelines made so far.
+pub struct MorphEngine {
+    device: Arc<Device>,
+    kernels: Mutex<Vec<Kernel>>,
+}
+
+/// A mesh on the device. Crowds keep what they need of it alive.
+pub struct GpuMesh {
+    pub(crate) shared: Arc<MeshBuffers>,
+    staging: Option<Buffer>,
+}
+
+/// The device-local part of a mesh.
+pub(crate) struct MeshBuffers {
+    pub(crate) layout: PackedLayout,
+    pub(crate) base: Buffer,
+    pub(crate) deltas: Buffer,
+}
+
+impl GpuMesh {
+    /// Give the staging memory back. To be called once the recorded upload has run.
+    pub fn release_staging(&mut self) {
+        self.staging = None;
+    }
+
+    /// Names, steps and sizes of what was uploaded.
+    pub fn layout(&self) -> &PackedLayout {
+        &self.shared.layout
+    }
+}
+
+impl MorphEngine {
+    /// An engine on the host's device.
+    ///
+    /// # Errors
+    /// The allocator cannot be made.
+    ///
+    /// # Safety
+    /// - The handles of `desc` are alive and belong together, and outlive the engine and all it creates.
+    /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled on the device.
+    pub unsafe fn new(desc: &DeviceDesc<'_>) -> Result<Self> {
+        // SAFETY: the caller's obligations are those of `borrow`.
+        let device = unsafe { Device::borrow(desc) }?;
+        Ok(Self { device: Arc::new(device), kernels: Mutex::default() })
+    }
+
+    /// Limits and features that the engine keeps to.
+    pub fn caps(&self) -> &DeviceCaps {
+        &self.device.caps
+    }
+
+    /// The device, for `headless`.
+    #[cfg(feature = "headless")]
+    pub(crate) fn device(&self) -> &Arc<Device> {
+        &self.device
+    }
+
+    /// How to pack a mesh for this device.
+    pub fn pack_desc(&self, format: crate::mesh::packed::DeltaFormat) -> PackDesc {
+        PackDesc { format, max_chunk_bytes: self.device.caps.max_storage_range }
+    }
+
+    /// Bytes of device memory that a mesh takes (as much again in staging memory until
+    /// [`GpuMesh::release_staging`]).
+    pub fn mesh_bytes(layout: &PackedLayout) -> u64 {
+        layout.pose_bytes() + delta_buffer_bytes(layout)
+    }
+
+    /// Create a mesh's buffers and record their upload.
+    ///
+    /// This records: two copies from staging memory, and a barrier that makes them visible to every update path
+    /// (first stage TRANSFER with TRANSFER_WRITE; last stages VERTEX_INPUT, VERTEX_SHADER, COMPUTE_SHADER).
+    ///
+    /// The caller is responsible for: submitting `cmd` before any update of the mesh, and calling
+    /// [`GpuMesh::release_staging`] once it has run.
+    ///
+    /// # Errors
+    /// A mesh that exceeds the device's limits, with the numbers; no memory.
+    ///
+    /// # Safety
+    /// - `cmd` is in the recording state on the engine's device, outside a render pass, and allows transfers.
+    /// - The value returned is dropped only when the device no longer uses it.
+    pub unsafe fn upload(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
+        let layout = mesh.layout().clone();
+        self.check_mesh(&layout)?;
+        let usage =
+            vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::VERTEX_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;
+        let buffer = |name, bytes, usage, location| {
+            Buffer::new(&self.device, &BufferDesc { name, bytes, usage, location })
+        };
+        let base = buffer("deltamorph base pose", layout.pose_bytes(), usage, MemoryLocation::GpuOnly)?;
+        let deltas = buffer("deltamorph deltas", delta_buffer_bytes(&layout), usage, MemoryLocation::GpuOnly)?;
+        let (base_bytes, delta_bytes) = (bytemuck::cast_slice::<f32, u8>(mesh.base()), bytemuck::cast_slice::<u32, u8>(mesh.deltas()));
+        let mut staging = buffer(
+            "deltamorph upload",
+            (base_bytes.len() + delta_bytes.len()) as u64,
+            vk::BufferUsageFlags::TRANSFER_SRC,
+            MemoryLocation::CpuToGpu,
+        )?;
+        let mapped = staging.mapped()?;
+        mapped[..base_bytes.len()].copy_from_slice(base_bytes);
+        mapped[base_bytes.len()..][..delta_bytes.len()].copy_from_slice(delta_bytes);
+
+        let region = |src_offset: usize, size: usize| vk::BufferCopy { src_offset: src_offset as u64, dst_offset: 0, size: size as u64 };
+        for (target, region) in
+            [(&base, region(0, base_bytes.len())), (&deltas, region(base_bytes.len(), delta_bytes.len()))]
+        {
+            if region.size > 0 {
+                // SAFETY: the caller's obligations; the region lies within both buffers.
+                unsafe { self.device.raw.cmd_copy_buffer(cmd, staging.raw, target.raw, &[region]) };
+            }
+        }
+        // SAFETY: the caller's obligations.
+        unsafe { barriers::record(&self.device.raw, cmd, Hazard::TransferWriteToAssetRead) };
+        Ok(GpuMesh { shared: Arc::new(MeshBuffers { layout, base, deltas }), staging: Some(staging) })
+    }
+
+    fn check_mesh(&self, layout: &PackedLayout) -> Result<()> {
+        let caps = &self.device.caps;
+        let chunk_bytes = chunk_bytes(layout);
+        let limit = |what: &str, bytes: u64, most: u64, remedy: &str| {
+            if bytes <= most {
+                return Ok(());
+            }
+            Err(Error::invalid(format!("mesh '{}': {what} {bytes} bytes, but {} allows {most}", layout.name, caps.name), remedy))
+        };
+        if layout.vertex_count == 0 {
+            return Err(Error::invalid(format!("mesh '{}' has no vertices", layout.name), "leave it out"));
+        }
+        limit("a pose takes", layout.pose_bytes(), caps.max_storage_range, "split the mesh")?;
+        limit("a chunk of deltas takes", chunk_bytes, caps.max_storage_range, "pack with MorphEngine::pack_desc")?;
+        limit("its deltas take", delta_buffer_bytes(layout), u64::from(u32::MAX), "split the mesh or use the snorm16 format")
+    }
+
+    /// Make pose buffers and pipelines for the instances of a mesh, all weights 0. The first update writes
+    /// their base poses.
+    ///
+    /// Pipelines are made here, not while animating; crowds of the same path, batch size and format share them.
+    ///
+    /// # Errors
+    /// A path or batch size that the device cannot run, with what to use instead; no memory.
+    pub fn create_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<Crowd> {
+        self.device.caps.check_update(&desc.update, mesh.layout().format)?;
+        let kernel = self.kernel(&desc.update, mesh)?;
+        Crowd::new(&self.device, &mesh.shared, kernel, desc)
+    }
+
+    fn kernel(&self, desc: &UpdateDesc, mesh: &GpuMesh) -> Result<Kernel> {
+        let format = mesh.layout().format;
+        let mut kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
+        let found = kernels.iter().find(|kernel| match (kernel, desc.path, desc.batch) {
+            (Kernel::Feedback(k), UpdatePath::Feedback, BatchSize::Targets(b)) => k.serves(format, b),
+            (Kernel::Compute(k), UpdatePath::Compute, batch) => k.serves(format, batch),
+            _ => false,
+        });
+        if let Some(kernel) = found {
+            return Ok(kernel.clone());
+        }
+        let kernel = match (desc.path, desc.batch) {
+            (UpdatePath::Feedback, BatchSize::Targets(b)) => {
+                Kernel::Feedback(Arc::new(Feedback::new(&self.device, format, b)?))
+            }
+            (UpdatePath::Compute, batch) => Kernel::Compute(Arc::new(Compute::new(&self.device, format, batch)?)),
+            _ => {
+                return Err(Error::invalid(
+                    format!("update path '{}' on a device", desc.path.name()),
+                    "use CpuCrowd for the path 'cpu'",
+                ));
+            }
+        };
+        kernels.push(kernel.clone());
+        Ok(kernel)
+    }
+
+    /// Record the update of all instances of `crowd` to the weights asked for.
+    ///
+    /// This records: nothing when no weight changed; otherwise the passes of the plan with the barriers they
+    /// need. First stages: VERTEX_INPUT, VERTEX_SHADER (reads of earlier poses) and the path's own; last:
+    /// VERTEX_INPUT with VERTEX_ATTRIBUTE_READ and VERTEX_SHADER with SHADER_READ, so that draws recorded next
+    /// may read [`Crowd::pose`] and [`Crowd::previous_pose`] as vertex attributes or storage buffers.
+    ///
+    /// The caller is responsible for: submitting `cmd` exactly once, after all earlier updates of the crowd,
+    /// or calling [`Crowd::discard`] with the ticket; finishing the update recorded
+    /// [`CrowdDesc::frames_in_flight`] calls ago before this call; barriers of its own where other stages than
+    /// those named read or have read poses.
+    ///
+    /// # Errors
+    /// A crowd that another engine made.
+    ///
+    /// # Safety
+    /// - `cmd` is in the recording state on the engine's device, outside a render pass, on a queue with
+    ///   graphics (path `feedback`) or compute.
+    /// - The caller's responsibilities above and of the [module](self) are kept.
+    pub unsafe fn record_update(&self, cmd: vk::CommandBuffer, crowd: &mut Crowd) -> Result<Update> {
+        // SAFETY: the caller's obligations.
+        unsafe { self.record_tampered(cmd, crowd, |_| {}) }
+    }
+
+    /// As [`record_update`](Self::record_update), with the commands changed by `tamper` before they are
+    /// recorded: lets tests plant faults.
+    ///
+    /// # Errors
+    /// As [`record_update`](Self::record_update).
+    ///
+    /// # Safety
+    /// As [`record_update`](Self::record_update); what `tamper` breaks is broken.
+    #[doc(hidden)]
+    pub unsafe fn record_tampered(
+        &self,
+        cmd: vk::CommandBuffer,
+        crowd: &mut Crowd,
+        tamper: impl FnOnce(&mut crate::plan::commands::CommandList),
+    ) -> Result<Update> {
+        if !crowd.is_on(&self.device) {
+            return Err(Error::invalid(
+                "the crowd belongs to another MorphEngine",
+                "record it with the engine that created it",
+            ));
+        }
+        let update = crowd.plan_update();
+        tamper(crowd.commands_mut());
+        // SAFETY: the caller's obligations.
+        unsafe { crowd.record(cmd) }?;
+        Ok(update)
+    }
+}
+
+/// Bytes of the largest chunk of deltas.
+fn chunk_bytes(layout: &PackedLayout) -> u64 {
+    (layout.chunk_vertices * layout.targets.len() * layout.format.stride()) as u64
+}
+
+/// Bytes of the buffer of deltas: whole chunks, so that one descriptor range fits at every chunk's offset.
+pub(crate) fn delta_buffer_bytes(layout: &PackedLayout) -> u64 {
+    (chunk_bytes(layout) * layout.chunks().count() as u64).max(16)
+}
+
+/// Bytes that a descriptor of deltas covers.
+pub(crate) fn delta_range(layout: &PackedLayout) -> u64 {
+    chunk_bytes(layout).max(16)
+}

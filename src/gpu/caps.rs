@@ -1,0 +1,232 @@
+//! What a device can do, as far as the update paths care, and what each path asks for.
+
+use super::shaders::{DENSE_BATCH_MAX, WORKGROUP, feedback_batch_max, feedback_push_bytes};
+use crate::error::{Error, Result};
+use crate::mesh::packed::{DeltaFormat, POSE_STRIDE};
+use crate::plan::{BatchSize, UpdateDesc, UpdatePath};
+use ash::vk;
+use std::ffi::CStr;
+
+/// Limits of transform feedback.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TransformFeedbackCaps {
+    /// Most bytes of a capture buffer.
+    pub max_buffer_bytes: u64,
+    /// Most bytes between captured vertices.
+    pub max_stride: u32,
+}
+
+/// A device's limits and features. Can be clamped to a smaller profile before use.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DeviceCaps {
+    /// Device name.
+    pub name: String,
+    /// Driver name and version, as it tells them.
+    pub driver: String,
+    /// Whether the device is software running on the CPU.
+    pub is_cpu: bool,
+    /// Vulkan version: major, minor, patch.
+    pub api_version: (u32, u32, u32),
+    /// Bytes that a storage-buffer descriptor may cover.
+    pub max_storage_range: u64,
+    /// Bytes of one memory allocation.
+    pub max_allocation: u64,
+    /// Alignment of storage-buffer offsets.
+    pub storage_alignment: u64,
+    /// Storage buffers of one shader stage.
+    pub max_storage_buffers: u32,
+    /// Bytes of push constants.
+    pub max_push_constants: u32,
+    /// Vertex attributes.
+    pub max_vertex_attributes: u32,
+    /// Vertex-buffer bindings.
+    pub max_vertex_bindings: u32,
+    /// Invocations of a workgroup.
+    pub max_workgroup_invocations: u32,
+    /// Workgroups per dimension.
+    pub max_workgroups: u32,
+    /// Nanoseconds per timestamp tick; 0 when there are no timestamps.
+    pub timestamp_period: f32,
+    /// VK_EXT_transform_feedback, where the device has extension and feature.
+    pub transform_feedback: Option<TransformFeedbackCaps>,
+}
+
+/// An extension or feature that a path needs, and why.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Requirement {
+    /// Name of the device extension to enable, if any.
+    pub extension: Option<&'static CStr>,
+    /// Name of the feature to enable, if any.
+    pub feature: Option<&'static str>,
+    /// What for.
+    pub reason: &'static str,
+}
+
+/// What to enable when creating a device for `path`. Beyond this, core Vulkan 1.1 and one queue with graphics
+/// (feedback) or compute suffice.
+pub fn requirements(path: UpdatePath) -> &'static [Requirement] {
+    match path {
+        UpdatePath::Feedback => &[Requirement {
+            extension: Some(ash::ext::transform_feedback::NAME),
+            feature: Some("VkPhysicalDeviceTransformFeedbackFeaturesEXT::transformFeedback"),
+            reason: "vertex passes capture the pose into a buffer",
+        }],
+        UpdatePath::Compute | UpdatePath::Cpu => &[],
+    }
+}
+
+fn text(raw: &[std::ffi::c_char]) -> String {
+    let bytes: Vec<u8> = raw.iter().take_while(|c| **c != 0).map(|c| *c as u8).collect();
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+impl DeviceCaps {
+    /// Ask the driver.
+    ///
+    /// # Safety
+    /// - `physical` was enumerated from `instance`, and `instance` is alive.
+    /// - `instance` was created for Vulkan 1.1 or later.
+    pub unsafe fn query(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Self {
+        // SAFETY: the caller's obligations are those of these calls.
+        let (core, extensions) = unsafe {
+            (
+                instance.get_physical_device_properties(physical),
+                instance.enumerate_device_extension_properties(physical).unwrap_or_default(),
+            )
+        };
+        let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
+        let version = |v| (vk::api_version_major(v), vk::api_version_minor(v), vk::api_version_patch(v));
+        let api_version = version(core.api_version);
+        let with_feedback = has(ash::ext::transform_feedback::NAME);
+        let with_driver = api_version >= (1, 2, 0) || has(ash::khr::driver_properties::NAME);
+
+        let mut maintenance = vk::PhysicalDeviceMaintenance3Properties::default();
+        let mut driver = vk::PhysicalDeviceDriverProperties::default();
+        let mut feedback = vk::PhysicalDeviceTransformFeedbackPropertiesEXT::default();
+        let mut feedback_features = vk::PhysicalDeviceTransformFeedbackFeaturesEXT::default();
+        let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut maintenance);
+        let mut features = vk::PhysicalDeviceFeatures2::default();
+        if with_driver {
+            properties = properties.push_next(&mut driver);
+        }
+        if with_feedback {
+            properties = properties.push_next(&mut feedback);
+            features = features.push_next(&mut feedback_features);
+        }
+        // SAFETY: as above; each structure chained is of core 1.1 or of an extension that the device lists.
+        unsafe {
+            instance.get_physical_device_properties2(physical, &mut properties);
+            instance.get_physical_device_features2(physical, &mut features);
+        }
+
+        let limits = core.limits;
+        Self {
+            name: text(&core.device_name),
+            driver: format!("{} {}", text(&driver.driver_name), text(&driver.driver_info)).trim().to_owned(),
+            is_cpu: core.device_type == vk::PhysicalDeviceType::CPU,
+            api_version,
+            max_storage_range: limits.max_storage_buffer_range.into(),
+            max_allocation: maintenance.max_memory_allocation_size,
+            storage_alignment: limits.min_storage_buffer_offset_alignment,
+            max_storage_buffers: limits.max_per_stage_descriptor_storage_buffers,
+            max_push_constants: limits.max_push_constants_size,
+            max_vertex_attributes: limits.max_vertex_input_attributes,
+            max_vertex_bindings: limits.max_vertex_input_bindings,
+            max_workgroup_invocations: limits.max_compute_work_group_invocations,
+            max_workgroups: limits.max_compute_work_group_count[0],
+            timestamp_period: limits.timestamp_period,
+            transform_feedback: (with_feedback && feedback_features.transform_feedback == vk::TRUE).then_some(
+                TransformFeedbackCaps {
+                    max_buffer_bytes: feedback.max_transform_feedback_buffer_size,
+                    max_stride: feedback.max_transform_feedback_buffer_data_stride,
+                },
+            ),
+        }
+    }
+
+    /// Clamp to what Khronos' VP_ANDROID_baseline_2022 promises: nothing beyond is used then.
+    pub fn clamp_to_android_baseline(&mut self) {
+        self.max_storage_range = self.max_storage_range.min(1 << 27);
+        self.max_allocation = self.max_allocation.min(1 << 30);
+        self.storage_alignment = self.storage_alignment.max(256);
+        self.max_storage_buffers = self.max_storage_buffers.min(4);
+        self.max_push_constants = self.max_push_constants.min(128);
+        self.max_vertex_attributes = self.max_vertex_attributes.min(16);
+        self.max_vertex_bindings = self.max_vertex_bindings.min(16);
+        self.max_workgroup_invocations = self.max_workgroup_invocations.min(128);
+        self.max_workgroups = self.max_workgroups.min(65_535);
+        self.transform_feedback = None;
+    }
+
+    /// The largest batch of a feedback pass: vertex attributes − 2 for the pose, 2 a target (float32) or 1
+    /// (snorm16), as far as vertex bindings and push constants reach. 0 without transform feedback.
+    pub fn feedback_batch_max(&self, format: DeltaFormat) -> u32 {
+        if self.transform_feedback.is_none() {
+            return 0;
+        }
+        let attributes = self.max_vertex_attributes.saturating_sub(2) / format.attributes() as u32;
+        let bindings = self.max_vertex_bindings.saturating_sub(1);
+        let most = attributes.min(bindings).min(feedback_batch_max(format));
+        (0..=most).rev().find(|&b| feedback_push_bytes(format, b) <= self.max_push_constants).unwrap_or(0)
+    }
+
+    /// The largest batch of `path` with coefficients in push constants; `None`: any.
+    pub fn batch_max(&self, path: UpdatePath, format: DeltaFormat) -> Option<u32> {
+        match path {
+            UpdatePath::Feedback => Some(self.feedback_batch_max(format)),
+            UpdatePath::Compute => Some(DENSE_BATCH_MAX),
+            UpdatePath::Cpu => None,
+        }
+    }
+
+    /// Whether `path` can run here.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] with the missing extension, feature or limit, and what to use in its place.
+    pub fn check_path(&self, path: UpdatePath) -> Result<()> {
+        let refuse = |reason: String, remedy: &str| {
+            Err(Error::Unsupported { path: path.name(), device: self.name.clone(), reason, remedy: remedy.into() })
+        };
+        match path {
+            UpdatePath::Cpu => Ok(()),
+            UpdatePath::Feedback => match self.transform_feedback {
+                None => refuse(
+                    "the device has no VK_EXT_transform_feedback, or it was not enabled".into(),
+                    "use the path 'compute', which needs no extension",
+                ),
+                Some(caps) if caps.max_stride < POSE_STRIDE as u32 => refuse(
+                    format!("captured vertices may be {} bytes apart at most, a pose needs {POSE_STRIDE}", caps.max_stride),
+                    "use the path 'compute'",
+                ),
+                Some(_) => Ok(()),
+            },
+            UpdatePath::Compute if self.max_workgroup_invocations < WORKGROUP => refuse(
+                format!("{} invocations per workgroup, {WORKGROUP} needed", self.max_workgroup_invocations),
+                "use the path 'cpu'",
+            ),
+            UpdatePath::Compute => Ok(()),
+        }
+    }
+
+    /// Whether an update as described can run here on deltas of `format`.
+    ///
+    /// # Errors
+    /// As [`UpdateDesc::check`] and [`check_path`](Self::check_path); a batch size beyond
+    /// [`batch_max`](Self::batch_max).
+    pub fn check_update(&self, desc: &UpdateDesc, format: DeltaFormat) -> Result<()> {
+        desc.check()?;
+        self.check_path(desc.path)?;
+        match (desc.batch, self.batch_max(desc.path, format)) {
+            (BatchSize::Targets(b), Some(most)) if b > most => Err(Error::invalid(
+                format!(
+                    "batch size {b} for update path '{}' with {} deltas on {}",
+                    desc.path.name(),
+                    format.name(),
+                    self.name
+                ),
+                format!("use 1 to {most}{}", if desc.path == UpdatePath::Compute { ", or 'all'" } else { "" }),
+            )),
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,242 @@
+//! The `compute` path: dense passes, with coefficients in push constants (batch sizes 1 to 16) or listed in a
+//! buffer ("all in one pass").
+
+use super::device::Device;
+use super::failed;
+use super::pipelines::Objects;
+use super::shaders::{DenseListEntry, DenseListPush, DensePush};
+use crate::error::Result;
+use crate::mesh::packed::{DeltaFormat, POSE_STRIDE, PackedLayout};
+use crate::plan::{BatchSize, Source};
+use crate::weights::delta::Coefficient;
+use ash::vk;
+use bytemuck::bytes_of;
+use std::sync::Arc;
+
+/// Storage buffers of a dense kernel: source, destination, deltas, coefficient list. Poses are bound where they
+/// are, one set for each pair, and not by dynamic offset: synchronization validation does not see dynamic offsets
+/// and would take the poses of two heads for one piece of memory.
+const BINDINGS: [vk::DescriptorType; 4] = {
+    use vk::DescriptorType as T;
+    [T::STORAGE_BUFFER, T::STORAGE_BUFFER, T::STORAGE_BUFFER_DYNAMIC, T::STORAGE_BUFFER_DYNAMIC]
+};
+
+/// Pipelines for batches 0 (a copy) to the batch size, or the one that reads a list.
+pub(crate) struct Compute {
+    pub(crate) objects: Objects,
+    format: DeltaFormat,
+    batch: BatchSize,
+}
+
+/// The buffers of one pass.
+pub(crate) struct ComputePass<'a> {
+    pub(crate) layout: &'a PackedLayout,
+    /// A set for each chunk: [`Sets::get`].
+    pub(crate) sets: &'a [vk::DescriptorSet],
+    /// Dynamic offset of the coefficient list.
+    pub(crate) list: u32,
+    pub(crate) coefficients: &'a [Coefficient],
+}
+
+impl Compute {
+    pub(crate) fn new(device: &Arc<Device>, format: DeltaFormat, batch: BatchSize) -> Result<Self> {
+        let mut objects = Objects::none(device);
+        objects.add_storage_set_layout(&BINDINGS)?;
+        objects.add_layout(vk::ShaderStageFlags::COMPUTE, size_of::<DensePush>() as u32)?;
+        match batch {
+            BatchSize::All => objects.add_compute(&format!("dense_list_{}", format.name()), None)?,
+            BatchSize::Targets(most) => {
+                for b in 0..=most {
+                    objects.add_compute(&format!("dense_{}", format.name()), Some(b))?;
+                }
+            }
+        }
+        Ok(Self { objects, format, batch })
+    }
+
+    pub(crate) fn serves(&self, format: DeltaFormat, batch: BatchSize) -> bool {
+        (self.format, self.batch) == (format, batch)
+    }
+
+    /// Record one pass.
+    ///
+    /// # Safety
+    /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
+    /// - `pass.sets` were written for `pass.layout` (see [`Sets`]) and live until the pass has run; for
+    ///   [`BatchSize::All`] the list at its offset holds [`list_entries`] of `pass.coefficients` by then.
+    pub(crate) unsafe fn record(&self, cmd: vk::CommandBuffer, pass: &ComputePass<'_>) {
+        let device = &self.objects.device.raw;
+        let pipeline = match self.batch {
+            BatchSize::All => self.objects.pipelines[0],
+            BatchSize::Targets(_) => self.objects.pipelines[pass.coefficients.len()],
+        };
+        // SAFETY: the caller's obligation; the pipeline is ours.
+        unsafe { device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::COMPUTE, pipeline) };
+        let dense = dense_push(pass.layout, pass.coefficients);
+        for ((first, vertices), set) in pass.layout.chunks().zip(pass.sets) {
+            let offsets = [(pass.layout.row_start(0, first, vertices) * 4) as u32, pass.list];
+            let chunk_vertices = vertices as u32;
+            let list = DenseListPush { chunk_vertices, entry_count: pass.coefficients.len() as u32 };
+            let dense = DensePush { chunk_vertices, ..dense };
+            let push = match self.batch {
+                BatchSize::All => bytes_of(&list),
+                BatchSize::Targets(_) => bytes_of(&dense),
+            };
+            let (x, y) = self.objects.workgroups(vertices);
+            // SAFETY: the caller's obligations; the push constants are within the layout's range; offsets are
+            // multiples of 64 vertices × 12 bytes or of the list's stride, which satisfy the device's alignment.
+            unsafe {
+                device.cmd_bind_descriptor_sets(
+                    cmd,
+                    vk::PipelineBindPoint::COMPUTE,
+                    self.objects.layout,
+                    0,
+                    &[*set],
+                    &offsets,
+                );
+                device.cmd_push_constants(cmd, self.objects.layout, vk::ShaderStageFlags::COMPUTE, 0, push);
+                device.cmd_dispatch(cmd, x, y, 1);
+            }
+        }
+    }
+}
+
+/// Coefficients and targets as `dense.comp` declares them.
+fn dense_push(layout: &PackedLayout, coefficients: &[Coefficient]) -> DensePush {
+    let mut push = DensePush::default();
+    // A list pass has more, and pushes none of this.
+    for (i, c) in coefficients.iter().enumerate().take(push.coefficients.len()) {
+        let target = &layout.targets[c.target as usize];
+        push.coefficients[i] = c.value * target.position_step;
+        push.targets[i / 2] |= c.target << (16 * (i % 2));
+        push.normal_exponents[i / 4] |= u32::from(target.normal_exponent as u8) << (8 * (i % 4));
+    }
+    push
+}
+
+/// The coefficient list of `dense_list.comp`.
+pub(crate) fn list_entries<'a>(
+    layout: &'a PackedLayout,
+    coefficients: &'a [Coefficient],
+) -> impl Iterator<Item = DenseListEntry> + 'a {
+    coefficients.iter().map(|c| {
+        let target = &layout.targets[c.target as usize];
+        let coefficient = c.value * target.position_step;
+        let normal_coefficient = coefficient * target.normal_ratio();
+        DenseListEntry { target: c.target, coefficient, normal_coefficient, unused: 0 }
+    })
+}
+
+/// The buffers that a crowd's descriptor sets point to.
+pub(crate) struct SetBuffers<'a> {
+    pub(crate) layout: &'a PackedLayout,
+    pub(crate) base: vk::Buffer,
+    /// Poses, `[instance][slot]`.
+    pub(crate) poses: vk::Buffer,
+    pub(crate) instances: u32,
+    pub(crate) slots: u32,
+    /// Deltas, and the bytes of a chunk.
+    pub(crate) deltas: (vk::Buffer, u64),
+    /// Coefficient lists, and the bytes of one.
+    pub(crate) lists: (vk::Buffer, u64),
+}
+
+/// The descriptor sets of a crowd: for each instance and destination slot, one per source (the base pose, the
+/// slot itself, the slot before) and chunk.
+pub(crate) struct Sets {
+    device: Arc<Device>,
+    pool: vk::DescriptorPool,
+    slots: u32,
+    chunks: usize,
+    sets: Vec<vk::DescriptorSet>,
+}
+
+/// Sources of a destination slot.
+const SOURCES: u32 = 3;
+
+impl Sets {
+    pub(crate) fn new(compute: &Compute, buffers: &SetBuffers<'_>) -> Result<Self> {
+        let device = &compute.objects.device;
+        let chunks = buffers.layout.chunks().count();
+        let count = (buffers.instances * buffers.slots * SOURCES) as usize * chunks;
+        let sizes = [vk::DescriptorType::STORAGE_BUFFER, vk::DescriptorType::STORAGE_BUFFER_DYNAMIC]
+            .map(|ty| vk::DescriptorPoolSize { ty, descriptor_count: 2 * count as u32 });
+        let info = vk::DescriptorPoolCreateInfo::default().max_sets(count as u32).pool_sizes(&sizes);
+        // SAFETY: the device is alive.
+        let pool = unsafe { device.raw.create_descriptor_pool(&info, None) }.map_err(failed("vkCreateDescriptorPool"))?;
+        let mut sets = Self { device: device.clone(), pool, slots: buffers.slots, chunks, sets: vec![] };
+        let layouts = vec![compute.objects.set_layout; count];
+        let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
+        // SAFETY: pool and layout are ours; the pool has room for as many.
+        sets.sets = unsafe { device.raw.allocate_descriptor_sets(&info) }.map_err(failed("vkAllocateDescriptorSets"))?;
+        for instance in 0..buffers.instances {
+            for slot in 0..buffers.slots {
+                for source in [Source::Base, Source::Slot(slot), Source::Slot(before(slot, buffers.slots))] {
+                    sets.write(buffers, instance, source, slot);
+                }
+            }
+        }
+        Ok(sets)
+    }
+
+    fn first(&self, instance: u32, source: Source, destination: u32) -> usize {
+        let source = match source {
+            Source::Base => 0,
+            Source::Slot(slot) if slot == destination => 1,
+            // The plan reads no other slot than the one before.
+            Source::Slot(_) => 2,
+        };
+        ((instance * self.slots + destination) * SOURCES + source) as usize * self.chunks
+    }
+
+    /// The sets of a pass, one for each chunk.
+    pub(crate) fn get(&self, instance: u32, source: Source, destination: u32) -> &[vk::DescriptorSet] {
+        let first = self.first(instance, source, destination);
+        &self.sets[first..first + self.chunks]
+    }
+
+    fn write(&self, buffers: &SetBuffers<'_>, instance: u32, source: Source, destination: u32) {
+        let layout = buffers.layout;
+        let pose = |slot| u64::from(instance * buffers.slots + slot) * layout.pose_bytes();
+        let (source_buffer, source_offset) = match source {
+            Source::Base => (buffers.base, 0),
+            Source::Slot(slot) => (buffers.poses, pose(slot)),
+        };
+        for ((first, vertices), set) in layout.chunks().zip(self.get(instance, source, destination)) {
+            let (at, size) = ((first * POSE_STRIDE) as u64, (vertices * POSE_STRIDE) as u64);
+            let infos = [
+                (source_buffer, source_offset + at, size),
+                (buffers.poses, pose(destination) + at, size),
+                (buffers.deltas.0, 0, buffers.deltas.1),
+                (buffers.lists.0, 0, buffers.lists.1),
+            ]
+            .map(|(buffer, offset, range)| [vk::DescriptorBufferInfo { buffer, offset, range }]);
+            let writes: Vec<_> = infos
+                .iter()
+                .zip(BINDINGS)
+                .enumerate()
+                .map(|(binding, (info, ty))| {
+                    vk::WriteDescriptorSet::default()
+                        .dst_set(*set)
+                        .dst_binding(binding as u32)
+                        .descriptor_type(ty)
+                        .buffer_info(info)
+                })
+                .collect();
+            // SAFETY: the set is not in use yet; buffers and ranges are the crowd's and the mesh's own.
+            unsafe { self.device.raw.update_descriptor_sets(&writes, &[]) };
+        }
+    }
+}
+
+/// The slot that the ring fills before `slot`.
+fn before(slot: u32, slots: u32) -> u32 {
+    (slot + slots - 1) % slots
+}
+
+impl Drop for Sets {
+    fn drop(&mut self) {
+        // SAFETY: ours, destroyed once, with its sets, when the crowd is no longer in use by the device.
+        unsafe { self.device.raw.destroy_descriptor_pool(self.pool, None) };
+    }
+}

@@ -1,0 +1,132 @@
+//! The `feedback` path: vertex passes whose output is captured by transform feedback.
+//!
+//! James L. Jones, "Efficient Morph Target Animation Using OpenGL ES 3.0", GPU Pro 5: batches of targets bound
+//! as vertex attributes, rasterizer discard, ping-pong. One pipeline per batch size; each pass is a draw in a
+//! render pass of its own, because a barrier inside a subpass cannot order captures before vertex fetch.
+
+use super::device::Device;
+use super::pipelines::Objects;
+use super::shaders::{feedback_module, feedback_push_bytes};
+use crate::error::Result;
+use crate::mesh::packed::{DeltaFormat, POSE_STRIDE, PackedLayout};
+use crate::weights::delta::Coefficient;
+use ash::vk;
+use std::sync::Arc;
+
+/// Pipelines for batches 0 (a copy) to the batch size.
+pub(crate) struct Feedback {
+    objects: Objects,
+    format: DeltaFormat,
+    batch: u32,
+}
+
+/// The buffers of one pass.
+pub(crate) struct FeedbackPass<'a> {
+    pub(crate) layout: &'a PackedLayout,
+    pub(crate) deltas: vk::Buffer,
+    /// Buffer and offset of the source pose.
+    pub(crate) source: (vk::Buffer, u64),
+    /// Buffer and offset of the destination pose.
+    pub(crate) destination: (vk::Buffer, u64),
+    pub(crate) coefficients: &'a [Coefficient],
+}
+
+impl Feedback {
+    pub(crate) fn new(device: &Arc<Device>, format: DeltaFormat, batch: u32) -> Result<Self> {
+        let mut objects = Objects::none(device);
+        objects.add_layout(vk::ShaderStageFlags::VERTEX, feedback_push_bytes(format, batch))?;
+        objects.add_empty_render_pass()?;
+        for b in 0..=batch {
+            let (bindings, attributes) = vertex_input(format, b);
+            objects.add_discarding_vertex(&feedback_module(format, b), &bindings, &attributes)?;
+        }
+        Ok(Self { objects, format, batch })
+    }
+
+    pub(crate) fn serves(&self, format: DeltaFormat, batch: u32) -> bool {
+        (self.format, self.batch) == (format, batch)
+    }
+
+    /// Record one pass.
+    ///
+    /// # Safety
+    /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with graphics.
+    /// - The buffers of `pass` are alive until it has run, hold what `pass.layout` says, and source and
+    ///   destination do not overlap.
+    pub(crate) unsafe fn record(&self, cmd: vk::CommandBuffer, pass: &FeedbackPass<'_>) {
+        let device = &self.objects.device;
+        let Some(feedback) = &device.feedback else { return };
+        let feedback = feedback.fp();
+        let batch = pass.coefficients.len();
+        let push = push_constants(pass.layout, pass.coefficients);
+        // SAFETY: the caller's obligations; pipeline, layout and render pass are ours; the push constants are
+        // within the layout's range (batch ≤ self.batch); offsets are multiples of the 4 bytes of a component.
+        unsafe {
+            self.objects.begin_render_pass(cmd);
+            device.raw.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.objects.pipelines[batch]);
+            if !push.is_empty() {
+                let bytes = bytemuck::cast_slice(&push);
+                device.raw.cmd_push_constants(cmd, self.objects.layout, vk::ShaderStageFlags::VERTEX, 0, bytes);
+            }
+        }
+        for (first, vertices) in pass.layout.chunks() {
+            let pose_offset = (first * POSE_STRIDE) as u64;
+            let row = |c: &Coefficient| (pass.layout.row_start(c.target as usize, first, vertices) * 4) as u64;
+            let offsets: Vec<u64> =
+                std::iter::once(pass.source.1 + pose_offset).chain(pass.coefficients.iter().map(row)).collect();
+            let buffers: Vec<vk::Buffer> =
+                std::iter::once(pass.source.0).chain(pass.coefficients.iter().map(|_| pass.deltas)).collect();
+            let (to, size) = (pass.destination.1 + pose_offset, (vertices * POSE_STRIDE) as u64);
+            // SAFETY: as above; each binding reads `vertices` elements within its buffer, and as many are
+            // captured; transform feedback is enabled since `device.feedback` is there. ash 0.38 has no
+            // wrappers for these commands.
+            unsafe {
+                device.raw.cmd_bind_vertex_buffers(cmd, 0, &buffers, &offsets);
+                (feedback.cmd_bind_transform_feedback_buffers_ext)(cmd, 0, 1, &pass.destination.0, &to, &size);
+                (feedback.cmd_begin_transform_feedback_ext)(cmd, 0, 0, std::ptr::null(), std::ptr::null());
+                device.raw.cmd_draw(cmd, vertices as u32, 1, 0, 0);
+                (feedback.cmd_end_transform_feedback_ext)(cmd, 0, 0, std::ptr::null(), std::ptr::null());
+            }
+        }
+        // SAFETY: begun above.
+        unsafe { device.raw.cmd_end_render_pass(cmd) };
+    }
+}
+
+/// Coefficients, and for snorm16 the exponents of normals, as `feedback.vert` declares them.
+fn push_constants(layout: &PackedLayout, coefficients: &[Coefficient]) -> Vec<u32> {
+    let mut words: Vec<u32> = coefficients
+        .iter()
+        .map(|c| (c.value * layout.targets[c.target as usize].position_step).to_bits())
+        .collect();
+    if layout.format == DeltaFormat::Snorm16 {
+        words.extend(coefficients.chunks(4).map(|four| {
+            let byte = |c: &Coefficient| layout.targets[c.target as usize].normal_exponent as u8;
+            four.iter().enumerate().fold(0, |word, (i, c)| word | u32::from(byte(c)) << (8 * i))
+        }));
+    }
+    words
+}
+
+type VertexInput = (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>);
+
+/// Binding 0: the pose. Bindings 1..=batch: a target's deltas, as one attribute or two.
+fn vertex_input(format: DeltaFormat, batch: u32) -> VertexInput {
+    let binding = |binding, stride| vk::VertexInputBindingDescription::default().binding(binding).stride(stride);
+    let attribute = |location, binding, format, offset| {
+        vk::VertexInputAttributeDescription { location, binding, format, offset }
+    };
+    let float3 = vk::Format::R32G32B32_SFLOAT;
+    let mut bindings = vec![binding(0, POSE_STRIDE as u32)];
+    let mut attributes = vec![attribute(0, 0, float3, 0), attribute(1, 0, float3, 12)];
+    for b in 1..=batch {
+        bindings.push(binding(b, format.stride() as u32));
+        match format {
+            DeltaFormat::Float32 => {
+                attributes.extend([attribute(2 * b, b, float3, 0), attribute(2 * b + 1, b, float3, 12)]);
+            }
+            DeltaFormat::Snorm16 => attributes.push(attribute(1 + b, b, vk::Format::R32G32B32_UINT, 0)),
+        }
+    }
+    (bindings, attributes)
+}

@@ -1,0 +1,106 @@
+//! What the device's memory can do: the ceilings that measured rows are held against.
+
+use super::Headless;
+use super::submit::full_barrier;
+use crate::engine::MorphEngine;
+use crate::error::Result;
+use crate::gpu::memory::{Buffer, BufferDesc};
+use crate::gpu::pipelines::Objects;
+use crate::gpu::shaders::{ReadPush, WORKGROUP};
+use crate::gpu::failed;
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+
+/// Bandwidth in GB/s (10⁹ bytes).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bandwidth {
+    /// A buffer copy; bytes read plus bytes written.
+    pub copy: f64,
+    /// A compute pass that reads a buffer.
+    pub read: f64,
+}
+
+/// Invocations of the reading pass: enough to fill a GPU, few enough that each reads a run of some length.
+const INVOCATIONS: u32 = 64 * 1024;
+
+impl Headless {
+    /// Measure copy and read bandwidth over `bytes` (rounded to 16): the best of a few runs.
+    /// `None` on a device without timestamps.
+    ///
+    /// # Errors
+    /// No memory; a device that fails.
+    pub fn bandwidth(&self, engine: &MorphEngine, bytes: u64) -> Result<Option<Bandwidth>> {
+        let device = engine.device();
+        let bytes = bytes.min(self.caps().max_storage_range).next_multiple_of(16) & !15;
+        let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
+        let buffer = |name, bytes| Buffer::new(device, &BufferDesc { name, bytes, usage, location: MemoryLocation::GpuOnly });
+        let (from, to) = (buffer("bandwidth source", bytes)?, buffer("bandwidth target", bytes)?);
+
+        let mut objects = Objects::none(device);
+        objects.add_storage_set_layout(&[vk::DescriptorType::STORAGE_BUFFER; 2])?;
+        objects.add_layout(vk::ShaderStageFlags::COMPUTE, size_of::<ReadPush>() as u32)?;
+        objects.add_compute("read", None)?;
+        let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: 2 }];
+        let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
+        // SAFETY: the device is alive.
+        let pool = unsafe { device.raw.create_descriptor_pool(&info, None) }.map_err(failed("vkCreateDescriptorPool"))?;
+        let measured = self.measure(&objects, pool, &from, &to, bytes);
+        // SAFETY: ours, and no longer in use: every run waits.
+        unsafe { device.raw.destroy_descriptor_pool(pool, None) };
+        measured
+    }
+
+    fn measure(&self, objects: &Objects, pool: vk::DescriptorPool, from: &Buffer, to: &Buffer, bytes: u64) -> Result<Option<Bandwidth>> {
+        let (device, submitter) = (&objects.device.raw, self.submitter());
+        let layouts = [objects.set_layout];
+        let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
+        // SAFETY: pool and layout are ours; the pool has room for one set.
+        let set = unsafe { device.allocate_descriptor_sets(&info) }.map_err(failed("vkAllocateDescriptorSets"))?[0];
+        let infos = [from.raw, to.raw].map(|b| [vk::DescriptorBufferInfo::default().buffer(b).range(bytes)]);
+        let write = |binding: usize| {
+            vk::WriteDescriptorSet::default()
+                .dst_set(set)
+                .dst_binding(binding as u32)
+                .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                .buffer_info(&infos[binding])
+        };
+        // SAFETY: the set is not in use; the buffers are alive and `bytes` long.
+        unsafe { device.update_descriptor_sets(&[write(0), write(1)], &[]) };
+        let push = ReadPush { count: (bytes / 16) as u32, stride: INVOCATIONS };
+        let region = [vk::BufferCopy { src_offset: 0, dst_offset: 0, size: bytes }];
+
+        submitter.run(|cmd| {
+            // SAFETY: recording; the fill covers the buffer.
+            unsafe { device.cmd_fill_buffer(cmd, from.raw, 0, bytes, 0x3f7f_1234) };
+            full_barrier(device, cmd);
+            Ok(())
+        })?;
+        let mut best: [Option<u64>; 2] = [None; 2];
+        for _ in 0..6 {
+            let ((), copy) = submitter.run_timed(|cmd| {
+                // SAFETY: recording; the region lies within both buffers.
+                unsafe { device.cmd_copy_buffer(cmd, from.raw, to.raw, &region) };
+                Ok(())
+            })?;
+            let ((), read) = submitter.run_timed(|cmd| {
+                // SAFETY: recording; pipeline, layout and set are ours and fit each other (tests/spirv.rs).
+                unsafe {
+                    let point = vk::PipelineBindPoint::COMPUTE;
+                    device.cmd_bind_pipeline(cmd, point, objects.pipelines[0]);
+                    device.cmd_bind_descriptor_sets(cmd, point, objects.layout, 0, &[set], &[]);
+                    device.cmd_push_constants(cmd, objects.layout, vk::ShaderStageFlags::COMPUTE, 0, bytemuck::bytes_of(&push));
+                    device.cmd_dispatch(cmd, INVOCATIONS / WORKGROUP, 1, 1);
+                }
+                Ok(())
+            })?;
+            for (best, ticks) in best.iter_mut().zip([copy, read]) {
+                *best = ticks.map(|t| best.map_or(t, |b| b.min(t)).max(1));
+            }
+        }
+        let rate = |bytes: u64, ticks: u64| bytes as f64 / (ticks as f64 * f64::from(self.caps().timestamp_period));
+        Ok(match best {
+            [Some(copy), Some(read)] => Some(Bandwidth { copy: rate(2 * bytes, copy), read: rate(bytes, read) }),
+            _ => None,
+        })
+    }
+}

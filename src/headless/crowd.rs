@@ -1,0 +1,169 @@
+//! A crowd that is updated, timed, drawn and read back one step at a time.
+
+use super::Headless;
+use super::draw::PoseDraw;
+use super::submit::full_barrier;
+use crate::engine::{Crowd, CrowdDesc, GpuMesh, MorphEngine, PoseView, Update};
+use crate::error::Result;
+use crate::gpu::memory::{Buffer, BufferDesc};
+use crate::mesh::packed::PackedMesh;
+use crate::plan::commands::CommandList;
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use std::time::Instant;
+
+/// What a step took.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// What was recorded.
+    pub update: Update,
+    /// Device time of the update in milliseconds, where the device has timestamps.
+    pub gpu_ms: Option<f64>,
+    /// Round trip from weights to fence, in milliseconds.
+    pub cpu_ms: f64,
+}
+
+/// A mesh and a crowd on a [`Headless`] device.
+pub struct HeadlessCrowd<'a> {
+    headless: &'a Headless,
+    engine: &'a MorphEngine,
+    mesh: GpuMesh,
+    crowd: Crowd,
+    draw: PoseDraw,
+    readback: Buffer,
+}
+
+impl<'a> HeadlessCrowd<'a> {
+    /// Upload `mesh` and make a crowd.
+    ///
+    /// # Errors
+    /// As [`MorphEngine::upload`] and [`MorphEngine::create_crowd`].
+    pub fn new(headless: &'a Headless, engine: &'a MorphEngine, mesh: &PackedMesh, desc: &CrowdDesc) -> Result<Self> {
+        // SAFETY: the submitter hands out a recording buffer of the engine's device; it waits for the device.
+        let mut mesh = headless.submitter().run(|cmd| unsafe { engine.upload(cmd, mesh) })?;
+        mesh.release_staging();
+        let crowd = engine.create_crowd(&mesh, desc)?;
+        let readback = Buffer::new(
+            engine.device(),
+            &BufferDesc {
+                name: "readback",
+                bytes: mesh.layout().pose_bytes(),
+                usage: vk::BufferUsageFlags::TRANSFER_DST,
+                location: MemoryLocation::GpuToCpu,
+            },
+        )?;
+        Ok(Self { headless, engine, draw: PoseDraw::new(engine.device())?, mesh, crowd, readback })
+    }
+
+    /// The crowd.
+    pub fn crowd(&mut self) -> &mut Crowd {
+        &mut self.crowd
+    }
+
+    /// The mesh.
+    pub fn mesh(&self) -> &GpuMesh {
+        &self.mesh
+    }
+
+    /// Ask instance `i` for `weights[i]`, update, wait.
+    ///
+    /// # Errors
+    /// Weights that are refused; a device that fails.
+    pub fn step(&mut self, weights: &[&[f32]]) -> Result<Step> {
+        self.step_tampered(weights, |_| {})
+    }
+
+    /// As [`step`](Self::step), with the commands changed before they are recorded: lets tests plant faults.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step).
+    #[doc(hidden)]
+    pub fn step_tampered(&mut self, weights: &[&[f32]], tamper: impl FnOnce(&mut CommandList)) -> Result<Step> {
+        let start = Instant::now();
+        for (instance, weights) in weights.iter().enumerate() {
+            self.crowd.set_weights(instance as u32, weights)?;
+        }
+        let (engine, crowd) = (self.engine, &mut self.crowd);
+        // SAFETY: the buffer is recording on the engine's device, on a queue with graphics and compute; it is
+        // submitted once, and waited for, before anything else happens.
+        let (update, ticks) =
+            self.headless.submitter().run_timed(|cmd| unsafe { engine.record_tampered(cmd, crowd, tamper) })?;
+        let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
+        Ok(Step { update, gpu_ms: self.milliseconds(ticks), cpu_ms })
+    }
+
+    /// Record an update now and leave it to the caller when to run it: see [`submit`](Self::submit). Makes
+    /// delayed, dropped and out-of-step submissions possible in tests.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step).
+    pub fn record(&mut self, weights: &[&[f32]]) -> Result<(vk::CommandBuffer, Update)> {
+        for (instance, weights) in weights.iter().enumerate() {
+            self.crowd.set_weights(instance as u32, weights)?;
+        }
+        let submitter = self.headless.submitter();
+        let cmd = submitter.allocate()?;
+        let (engine, crowd) = (self.engine, &mut self.crowd);
+        // SAFETY: as in `step_tampered`, except that submitting once and in order is the caller's to do.
+        let update = submitter.record(cmd, |cmd| unsafe { engine.record_update(cmd, crowd) })?;
+        Ok((cmd, update))
+    }
+
+    /// Run recorded updates, in this order, and wait.
+    ///
+    /// # Errors
+    /// A device that fails.
+    pub fn submit(&self, recorded: &[vk::CommandBuffer]) -> Result<()> {
+        self.headless.submitter().submit(recorded)
+    }
+
+    /// Draw the pose of every instance once, discarding all primitives; device time in milliseconds.
+    ///
+    /// # Errors
+    /// No update recorded yet; a device that fails.
+    pub fn draw(&self) -> Result<Option<f64>> {
+        let poses: Vec<PoseView> =
+            (0..self.crowd.desc().instances).map(|i| self.crowd.pose(i)).collect::<Result<_>>()?;
+        let vertices = self.mesh.layout().padded_vertices() as u32;
+        let ((), ticks) = self.headless.submitter().run_timed(|cmd| {
+            self.draw.record(cmd, &poses, vertices);
+            Ok(())
+        })?;
+        Ok(self.milliseconds(ticks))
+    }
+
+    /// Read the pose of an instance back: six floats a vertex, with padding.
+    ///
+    /// # Errors
+    /// As [`draw`](Self::draw).
+    pub fn read_pose(&mut self, instance: u32) -> Result<Vec<f32>> {
+        self.read(self.crowd.pose(instance)?)
+    }
+
+    /// Read the previous pose of an instance back; `None` where the update had to overwrite it.
+    ///
+    /// # Errors
+    /// As [`draw`](Self::draw).
+    pub fn read_previous_pose(&mut self, instance: u32) -> Result<Option<Vec<f32>>> {
+        self.crowd.previous_pose(instance)?.map(|view| self.read(view)).transpose()
+    }
+
+    fn read(&mut self, view: PoseView) -> Result<Vec<f32>> {
+        let submitter = self.headless.submitter();
+        let region = [vk::BufferCopy { src_offset: view.offset, dst_offset: 0, size: view.size }];
+        submitter.run(|cmd| {
+            full_barrier(submitter.device(), cmd);
+            // SAFETY: the buffer is recording; the region lies within both buffers, which are alive.
+            unsafe { submitter.device().cmd_copy_buffer(cmd, view.buffer, self.readback.raw, &region) };
+            full_barrier(submitter.device(), cmd);
+            Ok(())
+        })?;
+        let bytes = &self.readback.mapped()?[..view.size as usize];
+        Ok(bytes.chunks_exact(4).map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect())
+    }
+
+    fn milliseconds(&self, ticks: Option<u64>) -> Option<f64> {
+        let period = f64::from(self.headless.caps().timestamp_period);
+        ticks.map(|t| t as f64 * period * 1e-6)
+    }
+}

@@ -1,0 +1,44 @@
+//! A draw that reads a pose as vertex attributes and discards every primitive: what reading a pose costs.
+
+use crate::engine::PoseView;
+use crate::error::Result;
+use crate::gpu::device::Device;
+use crate::gpu::pipelines::Objects;
+use crate::mesh::packed::POSE_STRIDE;
+use ash::vk;
+use std::sync::Arc;
+
+pub(super) struct PoseDraw {
+    objects: Objects,
+}
+
+impl PoseDraw {
+    pub(super) fn new(device: &Arc<Device>) -> Result<Self> {
+        let mut objects = Objects::none(device);
+        objects.add_layout(vk::ShaderStageFlags::VERTEX, 0)?;
+        objects.add_empty_render_pass()?;
+        let bindings = [vk::VertexInputBindingDescription::default().stride(POSE_STRIDE as u32)];
+        let attribute = |location| {
+            let format = vk::Format::R32G32B32_SFLOAT;
+            vk::VertexInputAttributeDescription { location, binding: 0, format, offset: 12 * location }
+        };
+        objects.add_discarding_vertex("consume", &bindings, &[attribute(0), attribute(1)])?;
+        Ok(Self { objects })
+    }
+
+    /// Draw `vertices` of each pose. `cmd` is recording outside a render pass, and the poses are ready for
+    /// vertex-attribute reads.
+    pub(super) fn record(&self, cmd: vk::CommandBuffer, poses: &[PoseView], vertices: u32) {
+        let device = &self.objects.device.raw;
+        // SAFETY: `cmd` is recording (see above); pipeline and render pass are ours; each pose has `vertices`.
+        unsafe {
+            self.objects.begin_render_pass(cmd);
+            device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.objects.pipelines[0]);
+            for pose in poses {
+                device.cmd_bind_vertex_buffers(cmd, 0, &[pose.buffer], &[pose.offset]);
+                device.cmd_draw(cmd, vertices, 1, 0, 0);
+            }
+            device.cmd_end_render_pass(cmd);
+        }
+    }
+}

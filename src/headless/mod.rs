@@ -1,0 +1,281 @@
+//! Instance, device and queue of our own, for the command line, tests and benches. An engine that links
+//! deltamorph brings its own and leaves the feature `headless` out; nothing in `engine` uses this.
+
+mod bandwidth;
+mod crowd;
+mod draw;
+mod submit;
+
+pub use bandwidth::Bandwidth;
+pub use crowd::{HeadlessCrowd, Step};
+
+use crate::engine::{DeviceCaps, DeviceDesc, MorphEngine};
+use crate::error::{Error, Result};
+use crate::gpu::failed;
+use ash::vk;
+use std::borrow::Cow;
+use std::ffi::{CStr, c_void};
+use std::sync::{Mutex, PoisonError};
+use submit::Submitter;
+
+/// Which device to use.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum DeviceChoice {
+    /// A GPU where there is one, else the software device that can do most.
+    #[default]
+    Best,
+    /// By its place in [`Headless::devices`].
+    Index(usize),
+    /// The first whose name or driver contains this, regardless of case.
+    Name(String),
+}
+
+/// How to set up.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct HeadlessDesc {
+    /// Which device.
+    pub device: DeviceChoice,
+    /// Load the validation layers, synchronization validation included, and collect their messages.
+    pub validation: bool,
+    /// Keep to what Khronos' Android baseline profile promises.
+    pub android_baseline: bool,
+}
+
+/// An instance, a device and a queue.
+pub struct Headless {
+    // Fields drop in this order; `Drop` destroys what they used.
+    submitter: Option<Submitter>,
+    engine_caps: DeviceCaps,
+    feedback_enabled: bool,
+    physical: vk::PhysicalDevice,
+    device: ash::Device,
+    instance: Instance,
+}
+
+/// The loader, the instance, and the messenger that collects validation messages.
+struct Instance {
+    // Keeps the Vulkan library loaded.
+    _entry: ash::Entry,
+    raw: ash::Instance,
+    messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+    // Boxed: the messenger holds its address.
+    messages: Box<Messages>,
+}
+
+type Messages = Mutex<Vec<String>>;
+
+const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
+
+/// Collects what the layers say.
+///
+/// # Safety
+/// Called by the loader with `data` valid for the call and `user` the address of an [`Instance::messages`].
+unsafe extern "system" fn collect(
+    severity: vk::DebugUtilsMessageSeverityFlagsEXT,
+    _kind: vk::DebugUtilsMessageTypeFlagsEXT,
+    data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
+    user: *mut c_void,
+) -> vk::Bool32 {
+    // SAFETY: `user` is the box of messages, which lives as long as the messenger; `data` is valid for the call.
+    let (messages, data) = unsafe { (&*user.cast::<Messages>(), &*data) };
+    // SAFETY: a message id and text are null or zero-terminated and valid for the call.
+    let (id, text) = unsafe { (data.message_id_name_as_c_str(), data.message_as_c_str()) };
+    fn show(text: Option<&CStr>) -> Cow<'_, str> {
+        text.map_or(Cow::Borrowed(""), CStr::to_string_lossy)
+    }
+    let message = format!("{severity:?} {}: {}", show(id), show(text));
+    messages.lock().unwrap_or_else(PoisonError::into_inner).push(message);
+    vk::FALSE
+}
+
+impl Instance {
+    fn new(validation: bool) -> Result<Self> {
+        // SAFETY: loading the system's Vulkan loader runs its initialisers, which are made to be run so.
+        let entry = unsafe { ash::Entry::load() }.map_err(|e| {
+            Error::invalid(
+                format!("the Vulkan loader cannot be loaded: {e}"),
+                "install libvulkan (./with-vulkan does), or use the path 'cpu'",
+            )
+        })?;
+        let app = vk::ApplicationInfo::default().application_name(c"deltamorph").api_version(vk::API_VERSION_1_1);
+        let messages = Box::<Messages>::default();
+        let mut messenger_info = vk::DebugUtilsMessengerCreateInfoEXT::default()
+            .message_severity(
+                vk::DebugUtilsMessageSeverityFlagsEXT::WARNING | vk::DebugUtilsMessageSeverityFlagsEXT::ERROR,
+            )
+            .message_type(
+                vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION | vk::DebugUtilsMessageTypeFlagsEXT::PERFORMANCE,
+            )
+            .pfn_user_callback(Some(collect))
+            .user_data((&raw const *messages).cast_mut().cast());
+        let enables = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+        let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enables);
+        let layers = [VALIDATION.as_ptr()];
+        let extensions = [ash::ext::debug_utils::NAME.as_ptr(), ash::ext::validation_features::NAME.as_ptr()];
+        let mut info = vk::InstanceCreateInfo::default().application_info(&app);
+        if validation {
+            info = info
+                .enabled_layer_names(&layers)
+                .enabled_extension_names(&extensions)
+                .push_next(&mut features)
+                .push_next(&mut messenger_info);
+        }
+        // SAFETY: all that `info` points to is alive; the messenger's user data outlives the instance.
+        let raw = unsafe { entry.create_instance(&info, None) }.map_err(|e| match e {
+            vk::Result::ERROR_LAYER_NOT_PRESENT | vk::Result::ERROR_EXTENSION_NOT_PRESENT if validation => Error::invalid(
+                "the Vulkan validation layers are missing",
+                "install vulkan-validationlayers (./with-vulkan does)",
+            ),
+            e => failed("vkCreateInstance")(e),
+        })?;
+        let mut instance = Self { messenger: None, messages, raw, _entry: entry };
+        if validation {
+            let functions = ash::ext::debug_utils::Instance::new(&instance._entry, &instance.raw);
+            messenger_info.p_next = std::ptr::null();
+            // SAFETY: the extension is enabled; the user data is boxed and lives until after the messenger.
+            let messenger = unsafe { functions.create_debug_utils_messenger(&messenger_info, None) }
+                .map_err(failed("vkCreateDebugUtilsMessengerEXT"))?;
+            instance.messenger = Some((functions, messenger));
+        }
+        Ok(instance)
+    }
+
+    fn devices(&self) -> Result<Vec<(vk::PhysicalDevice, DeviceCaps)>> {
+        // SAFETY: the instance is alive, and was created for Vulkan 1.1.
+        let all = unsafe { self.raw.enumerate_physical_devices() }.map_err(failed("vkEnumeratePhysicalDevices"))?;
+        // SAFETY: as above; the devices are the instance's own.
+        let caps = |d: vk::PhysicalDevice| unsafe { (d, DeviceCaps::query(&self.raw, d)) };
+        // SAFETY: as above.
+        let modern = |d: &vk::PhysicalDevice| unsafe { self.raw.get_physical_device_properties(*d) }.api_version >= vk::API_VERSION_1_1;
+        Ok(all.into_iter().filter(modern).map(caps).collect())
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        // SAFETY: made in `new`, destroyed once; devices are gone by then (see the order in `Headless`).
+        unsafe {
+            if let Some((functions, messenger)) = self.messenger.take() {
+                functions.destroy_debug_utils_messenger(messenger, None);
+            }
+            self.raw.destroy_instance(None);
+        }
+    }
+}
+
+impl Headless {
+    /// Every Vulkan 1.1 device of the system.
+    ///
+    /// # Errors
+    /// No Vulkan loader.
+    pub fn devices() -> Result<Vec<DeviceCaps>> {
+        Ok(Instance::new(false)?.devices()?.into_iter().map(|(_, caps)| caps).collect())
+    }
+
+    /// Set up instance, device and queue.
+    ///
+    /// # Errors
+    /// No loader, no device as chosen (the message lists those there are), no validation layers.
+    pub fn new(desc: &HeadlessDesc) -> Result<Self> {
+        let instance = Instance::new(desc.validation)?;
+        let (physical, mut caps) = choose(instance.devices()?, &desc.device)?;
+        if desc.android_baseline {
+            caps.clamp_to_android_baseline();
+        }
+        // SAFETY: the physical device is the instance's own.
+        let families = unsafe { instance.raw.get_physical_device_queue_family_properties(physical) };
+        let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
+        let family = families.iter().position(|f| f.queue_flags.contains(wanted)).ok_or_else(|| {
+            Error::invalid(
+                format!("{} has no queue with graphics and compute", caps.name),
+                "choose another device with --device",
+            )
+        })? as u32;
+        let timestamps = families[family as usize].timestamp_valid_bits > 0 && caps.timestamp_period > 0.0;
+
+        let feedback_enabled = caps.transform_feedback.is_some();
+        let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
+        let extensions = [ash::ext::transform_feedback::NAME.as_ptr()];
+        let mut feedback = vk::PhysicalDeviceTransformFeedbackFeaturesEXT::default().transform_feedback(true);
+        let mut info = vk::DeviceCreateInfo::default().queue_create_infos(&queues);
+        if feedback_enabled {
+            info = info.enabled_extension_names(&extensions).push_next(&mut feedback);
+        }
+        // SAFETY: the physical device is the instance's own; extension and feature are there as queried.
+        let device = unsafe { instance.raw.create_device(physical, &info, None) }.map_err(failed("vkCreateDevice"))?;
+        let mut headless =
+            Self { submitter: None, engine_caps: caps, feedback_enabled, physical, device, instance };
+        headless.submitter = Some(Submitter::new(&headless.device, family, timestamps)?);
+        Ok(headless)
+    }
+
+    /// An engine on this device. It must not outlive it.
+    ///
+    /// # Errors
+    /// As [`MorphEngine::new`].
+    pub fn engine(&self) -> Result<MorphEngine> {
+        let desc = DeviceDesc {
+            instance: &self.instance.raw,
+            physical_device: self.physical,
+            device: &self.device,
+            caps: Some(self.engine_caps.clone()),
+            transform_feedback_enabled: self.feedback_enabled,
+            allocator: None,
+        };
+        // SAFETY: the handles are alive and belong together; that they outlive the engine is stated above and
+        // kept by the users of this module, which are ours.
+        unsafe { MorphEngine::new(&desc) }
+    }
+
+    /// Limits and features, clamped if asked for.
+    pub fn caps(&self) -> &DeviceCaps {
+        &self.engine_caps
+    }
+
+    /// What the validation layers have said so far.
+    pub fn messages(&self) -> Vec<String> {
+        self.instance.messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    fn submitter(&self) -> &Submitter {
+        // Set at the end of `new`, taken in `drop`.
+        self.submitter.as_ref().expect("a Headless has a submitter for all its life")
+    }
+}
+
+impl Drop for Headless {
+    fn drop(&mut self) {
+        self.submitter = None;
+        // SAFETY: everything made on the device is gone: the submitter above, engines by their users.
+        unsafe { self.device.destroy_device(None) };
+    }
+}
+
+fn choose(
+    mut devices: Vec<(vk::PhysicalDevice, DeviceCaps)>,
+    choice: &DeviceChoice,
+) -> Result<(vk::PhysicalDevice, DeviceCaps)> {
+    let at = match choice {
+        DeviceChoice::Best => (0..devices.len()).min_by_key(|&i| {
+            let caps = &devices[i].1;
+            (caps.is_cpu, caps.transform_feedback.is_none())
+        }),
+        DeviceChoice::Index(i) => (*i < devices.len()).then_some(*i),
+        DeviceChoice::Name(name) => {
+            let name = name.to_lowercase();
+            devices.iter().position(|(_, c)| format!("{} {}", c.name, c.driver).to_lowercase().contains(&name))
+        }
+    };
+    at.map(|i| devices.swap_remove(i)).ok_or_else(|| {
+        let names: Vec<String> = devices.iter().enumerate().map(|(i, (_, c))| format!("{i}: {}", c.name)).collect();
+        let what = match choice {
+            DeviceChoice::Best => "no Vulkan 1.1 device".to_owned(),
+            DeviceChoice::Index(i) => format!("no Vulkan device {i}"),
+            DeviceChoice::Name(name) => format!("no Vulkan device called '{name}'"),
+        };
+        match names.is_empty() {
+            true => Error::invalid(what, "install a driver (./with-vulkan installs lavapipe), or use the path 'cpu'"),
+            false => Error::invalid(what, format!("choose one of: {}", names.join("; "))),
+        }
+    })
+}

@@ -1,0 +1,138 @@
+//! Record, submit, wait: one command buffer, one fence, two timestamps.
+
+use crate::error::Result;
+use crate::gpu::failed;
+use ash::vk;
+
+/// Runs command buffers on a queue and waits for them.
+pub(super) struct Submitter {
+    device: ash::Device,
+    queue: vk::Queue,
+    pool: vk::CommandPool,
+    cmd: vk::CommandBuffer,
+    fence: vk::Fence,
+    queries: Option<vk::QueryPool>,
+}
+
+impl Submitter {
+    pub(super) fn new(device: &ash::Device, family: u32, timestamps: bool) -> Result<Self> {
+        let info = vk::CommandPoolCreateInfo::default()
+            .queue_family_index(family)
+            .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
+        // SAFETY: the device has a queue of this family, and is alive here and below.
+        let (queue, pool) = unsafe { (device.get_device_queue(family, 0), device.create_command_pool(&info, None)) };
+        let pool = pool.map_err(failed("vkCreateCommandPool"))?;
+        let (cmd, fence) = (vk::CommandBuffer::null(), vk::Fence::null());
+        let mut this = Self { device: device.clone(), queue, pool, cmd, fence, queries: None };
+        this.cmd = this.allocate()?;
+        // SAFETY: as above.
+        this.fence = unsafe { device.create_fence(&vk::FenceCreateInfo::default(), None) }.map_err(failed("vkCreateFence"))?;
+        if timestamps {
+            let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(2);
+            // SAFETY: as above; the queue family has timestamps.
+            let queries = unsafe { device.create_query_pool(&info, None) }.map_err(failed("vkCreateQueryPool"))?;
+            this.queries = Some(queries);
+        }
+        Ok(this)
+    }
+
+    /// A further command buffer, freed with the submitter.
+    pub(super) fn allocate(&self) -> Result<vk::CommandBuffer> {
+        let info = vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
+        // SAFETY: the pool is ours.
+        let made = unsafe { self.device.allocate_command_buffers(&info) };
+        Ok(made.map_err(failed("vkAllocateCommandBuffers"))?[0])
+    }
+
+    /// Record a command buffer (reset first).
+    pub(super) fn record<R>(&self, cmd: vk::CommandBuffer, f: impl FnOnce(vk::CommandBuffer) -> Result<R>) -> Result<R> {
+        let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: the buffer is from our pool, which allows resets, and is not pending: `submit` waits.
+        unsafe { self.device.begin_command_buffer(cmd, &info) }.map_err(failed("vkBeginCommandBuffer"))?;
+        let result = f(cmd);
+        // SAFETY: begun above.
+        unsafe { self.device.end_command_buffer(cmd) }.map_err(failed("vkEndCommandBuffer"))?;
+        result
+    }
+
+    /// Submit and wait.
+    pub(super) fn submit(&self, cmds: &[vk::CommandBuffer]) -> Result<()> {
+        let info = [vk::SubmitInfo::default().command_buffers(cmds)];
+        // SAFETY: the buffers were recorded by us and are not pending; the fence is unsignalled and ours.
+        unsafe {
+            self.device.queue_submit(self.queue, &info, self.fence).map_err(failed("vkQueueSubmit"))?;
+            self.device.wait_for_fences(&[self.fence], true, u64::MAX).map_err(failed("vkWaitForFences"))?;
+            self.device.reset_fences(&[self.fence]).map_err(failed("vkResetFences"))
+        }
+    }
+
+    /// Record, submit and wait.
+    pub(super) fn run<R>(&self, f: impl FnOnce(vk::CommandBuffer) -> Result<R>) -> Result<R> {
+        let result = self.record(self.cmd, f)?;
+        self.submit(&[self.cmd])?;
+        Ok(result)
+    }
+
+    /// As [`run`](Self::run), with the ticks that the device took, where it has timestamps.
+    pub(super) fn run_timed<R>(&self, f: impl FnOnce(vk::CommandBuffer) -> Result<R>) -> Result<(R, Option<u64>)> {
+        let result = self.run(|cmd| {
+            if let Some(queries) = self.queries {
+                // SAFETY: the buffer is recording; the query pool is ours and not in use.
+                unsafe {
+                    self.device.cmd_reset_query_pool(cmd, queries, 0, 2);
+                    self.device.cmd_write_timestamp(cmd, vk::PipelineStageFlags::BOTTOM_OF_PIPE, queries, 0);
+                }
+                // Without a barrier here Mesa 22.3.6 (lavapipe) leaves the first feedback pass out of the time.
+                full_barrier(&self.device, cmd);
+            }
+            let result = f(cmd);
+            if let Some(queries) = self.queries {
+                // SAFETY: as above.
+                unsafe { self.device.cmd_write_timestamp(cmd, vk::PipelineStageFlags::BOTTOM_OF_PIPE, queries, 1) };
+            }
+            result
+        })?;
+        let Some(queries) = self.queries else { return Ok((result, None)) };
+        let mut ticks = [0u64; 2];
+        // SAFETY: both queries were written by the commands that have finished.
+        unsafe {
+            self.device.get_query_pool_results(
+                queries,
+                0,
+                &mut ticks,
+                vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT,
+            )
+        }
+        .map_err(failed("vkGetQueryPoolResults"))?;
+        Ok((result, Some(ticks[1].wrapping_sub(ticks[0]))))
+    }
+
+    pub(super) fn device(&self) -> &ash::Device {
+        &self.device
+    }
+}
+
+impl Drop for Submitter {
+    fn drop(&mut self) {
+        // SAFETY: made in `new`, destroyed once; nothing is pending since every submit waits (after a lost
+        // device the wait fails at once, and destroying is allowed).
+        unsafe {
+            let _ = self.device.device_wait_idle();
+            if let Some(queries) = self.queries {
+                self.device.destroy_query_pool(queries, None);
+            }
+            self.device.destroy_fence(self.fence, None);
+            self.device.destroy_command_pool(self.pool, None);
+        }
+    }
+}
+
+/// Everything before, then everything after, all memory.
+pub(super) fn full_barrier(device: &ash::Device, cmd: vk::CommandBuffer) {
+    let memory = [vk::MemoryBarrier::default()
+        .src_access_mask(vk::AccessFlags::MEMORY_WRITE)
+        .dst_access_mask(vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE)];
+    let all = vk::PipelineStageFlags::ALL_COMMANDS;
+    // SAFETY: the callers, all in this module's folder, pass a buffer that is recording outside a render pass.
+    unsafe { device.cmd_pipeline_barrier(cmd, all, all, vk::DependencyFlags::empty(), &memory, &[], &[]) };
+}

@@ -1,0 +1,74 @@
+//! The real drivers that every GPU test runs on, with the validation layers on.
+
+use deltamorph::engine::{CrowdDesc, MorphEngine};
+use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
+use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
+use deltamorph::plan::{BatchSize, UpdateDesc, UpdatePath};
+
+/// Substrings of the device names that have to be there. `DELTAMORPH_TEST_DRIVERS` (comma list) replaces them.
+fn drivers() -> Vec<String> {
+    let list = std::env::var("DELTAMORPH_TEST_DRIVERS").unwrap_or_else(|_| "llvmpipe,SwiftShader".into());
+    list.split(',').map(str::to_owned).collect()
+}
+
+/// Run `test` on every driver, as it is and clamped to the Android baseline. A missing driver fails, and so
+/// does every message of the validation layers.
+pub fn on_every_device(test: impl Fn(&Headless, &MorphEngine)) {
+    for driver in drivers() {
+        for android_baseline in [false, true] {
+            on_device(&driver, android_baseline, &test);
+        }
+    }
+}
+
+/// Run `test` on one device.
+pub fn on_device(driver: &str, android_baseline: bool, test: impl Fn(&Headless, &MorphEngine)) {
+    let device = DeviceChoice::Name(driver.to_owned());
+    let headless = Headless::new(&HeadlessDesc { device, validation: true, android_baseline })
+        .unwrap_or_else(|e| panic!("{driver}: {e}\nrun the tests as ./with-vulkan cargo test"));
+    {
+        let engine = headless.engine().expect("an engine");
+        test(&headless, &engine);
+    }
+    let caps = headless.caps();
+    let messages = headless.messages();
+    assert!(messages.is_empty(), "{} ({}) says:\n{}", caps.name, caps.driver, messages.join("\n"));
+}
+
+/// Every path and a spread of batch sizes that the device offers for `format`.
+pub fn update_descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc> {
+    let mut descs = vec![];
+    for path in [UpdatePath::Feedback, UpdatePath::Compute] {
+        if engine.caps().check_path(path).is_err() {
+            continue;
+        }
+        let most = engine.caps().batch_max(path, format).expect("a GPU path has a largest batch");
+        let mut sizes = vec![1, 2, 3, 7, most / 2, most];
+        sizes.retain(|&b| b >= 1 && b <= most);
+        sizes.sort_unstable();
+        sizes.dedup();
+        descs.extend(sizes.into_iter().map(|b| UpdateDesc::new(path, BatchSize::Targets(b))));
+        if path == UpdatePath::Compute {
+            descs.push(UpdateDesc::new(path, BatchSize::All));
+        }
+    }
+    descs
+}
+
+/// One instance, two frames in flight.
+pub fn single(update: UpdateDesc) -> CrowdDesc {
+    CrowdDesc { instances: 1, update, frames_in_flight: 2 }
+}
+
+/// Weights that change here and there from frame to frame: negative, above one, zero.
+pub fn weights(mesh: &PackedMesh, frame: u32, seed: u32) -> Vec<f32> {
+    (0..mesh.layout().targets.len() as u32)
+        .map(|t| {
+            // A target holds its weight for a few frames.
+            let held = (frame + t * 7) / (1 + t % 4);
+            let x = (seed ^ t.wrapping_mul(0x9E37_79B9) ^ held.wrapping_mul(0x85EB_CA6B)).wrapping_mul(0xC2B2_AE35);
+            let x = (x ^ (x >> 15)).wrapping_mul(0x2C1B_3C6D) >> 12;
+            if x % 4 == 0 { 0.0 } else { (x % 4096) as f32 / 1500.0 - 0.9 }
+        })
+        .collect()
+}
