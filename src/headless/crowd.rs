@@ -109,6 +109,17 @@ impl<'a> HeadlessCrowd<'a> {
         Ok((cmd, update))
     }
 
+    /// Record an update with `engine`, which ought to be the crowd's own: lets tests misuse it.
+    ///
+    /// # Errors
+    /// As [`MorphEngine::record_update`].
+    #[doc(hidden)]
+    pub fn record_with(&mut self, engine: &MorphEngine) -> Result<Update> {
+        let crowd = &mut self.crowd;
+        // SAFETY: as in `step_tampered`.
+        self.headless.submitter().run(|cmd| unsafe { engine.record_update(cmd, crowd) })
+    }
+
     /// Run recorded updates, in this order, and wait.
     ///
     /// # Errors

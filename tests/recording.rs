@@ -1,0 +1,166 @@
+//! Record, not submit: updates that are delayed, dropped, reset, or recorded twice before they run.
+
+#[path = "common/gpu.rs"]
+mod gpu;
+#[path = "../src/testing.rs"]
+mod testing;
+
+use deltamorph::engine::{CrowdDesc, MorphEngine};
+use deltamorph::headless::{Headless, HeadlessCrowd};
+use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
+use deltamorph::plan::UpdateDesc;
+use deltamorph::reference::{PoseError, compare, evaluate};
+use gpu::{on_every_device, single, update_descs, weights};
+
+/// Run `test` for every path and batch size of every device, on a fresh crowd that has shown two frames.
+fn with_crowds(test: impl Fn(&mut HeadlessCrowd<'_>, &PackedMesh, UpdateDesc)) {
+    on_every_device(|headless: &Headless, engine: &MorphEngine| {
+        let pack = engine.pack_desc(DeltaFormat::Snorm16);
+        let mesh = PackedMesh::pack(&testing::mesh(300, 23), &pack).expect("a mesh that fits");
+        for desc in update_descs(engine, DeltaFormat::Snorm16) {
+            let mut crowd = HeadlessCrowd::new(headless, engine, &mesh, &single(desc)).expect("a crowd");
+            for frame in 0..2 {
+                crowd.step(&[&weights(&mesh, frame, 9)]).expect("a step");
+            }
+            test(&mut crowd, &mesh, desc);
+        }
+    });
+}
+
+fn error(crowd: &mut HeadlessCrowd<'_>, mesh: &PackedMesh, weights: &[f32]) -> PoseError {
+    compare(&crowd.read_pose(0).expect("a pose"), &evaluate(mesh, weights))
+}
+
+fn assert_right(crowd: &mut HeadlessCrowd<'_>, mesh: &PackedMesh, weights: &[f32], desc: UpdateDesc) {
+    let error = error(crowd, mesh, weights);
+    assert!(error.within(3e-6 * f64::from(mesh.layout().diagonal), 0.01), "{desc:?}: {error:?}");
+}
+
+#[test]
+fn a_discarded_update_is_rebuilt() {
+    with_crowds(|crowd, mesh, desc| {
+        // Recorded and never submitted. Without the discard the next update would build on what never ran.
+        let (_, dropped) = crowd.record(&[&weights(mesh, 2, 9)]).expect("a recording");
+        crowd.crowd().discard(dropped.ticket);
+        let next = weights(mesh, 3, 9);
+        let step = crowd.step(&[&next]).expect("a step");
+        assert_eq!(step.update.stats.rebuilt, 1, "{desc:?}");
+        assert_right(crowd, mesh, &next, desc);
+        assert_eq!(crowd.step(&[&weights(mesh, 4, 9)]).expect("a step").update.stats.coefficients > 0, true);
+        assert_right(crowd, mesh, &weights(mesh, 4, 9), desc);
+    });
+}
+
+#[test]
+fn without_the_discard_the_pose_would_be_wrong() {
+    with_crowds(|crowd, mesh, desc| {
+        let mut next = vec![0.5; 23];
+        let _ = crowd.record(&[&next]).expect("a recording");
+        next[7] = 1.5;
+        crowd.step(&[&next]).expect("a step");
+        assert!(error(crowd, mesh, &next).position > 1e-3, "{desc:?}: the test above proves nothing");
+    });
+}
+
+#[test]
+fn of_two_recorded_updates_the_second_is_discarded() {
+    with_crowds(|crowd, mesh, desc| {
+        let (first, _) = crowd.record(&[&weights(mesh, 2, 9)]).expect("a recording");
+        let (_, second) = crowd.record(&[&weights(mesh, 3, 9)]).expect("a recording");
+        crowd.submit(&[first]).expect("a submission");
+        crowd.crowd().discard(second.ticket);
+        crowd.step(&[&weights(mesh, 4, 9)]).expect("a step");
+        assert_right(crowd, mesh, &weights(mesh, 4, 9), desc);
+    });
+}
+
+#[test]
+fn a_reset_command_buffer_is_recorded_again() {
+    with_crowds(|crowd, mesh, desc| {
+        let (_, lost) = crowd.record(&[&weights(mesh, 2, 9)]).expect("a recording");
+        crowd.crowd().discard(lost.ticket);
+        // The same weights once more, as a host would that recreates its swapchain and starts the frame again.
+        let (again, _) = crowd.record(&[&weights(mesh, 2, 9)]).expect("a recording");
+        crowd.submit(&[again]).expect("a submission");
+        assert_right(crowd, mesh, &weights(mesh, 2, 9), desc);
+    });
+}
+
+#[test]
+fn two_updates_recorded_before_either_is_submitted() {
+    with_crowds(|crowd, mesh, desc| {
+        let (first, _) = crowd.record(&[&weights(mesh, 2, 9)]).expect("a recording");
+        let (second, _) = crowd.record(&[&weights(mesh, 3, 9)]).expect("a recording");
+        // In one submission, and the coefficients of the first are still what they were.
+        crowd.submit(&[first, second]).expect("a submission");
+        assert_right(crowd, mesh, &weights(mesh, 3, 9), desc);
+    });
+}
+
+#[test]
+fn two_frames_in_flight_with_delayed_submission() {
+    with_crowds(|crowd, mesh, desc| {
+        let mut waiting = None;
+        for frame in 2..8 {
+            let (cmd, _) = crowd.record(&[&weights(mesh, frame, 9)]).expect("a recording");
+            // Submission lags one frame behind recording: always two updates recorded and not finished.
+            if let Some(earlier) = waiting.replace(cmd) {
+                crowd.submit(&[earlier]).expect("a submission");
+            }
+        }
+        crowd.submit(&[waiting.expect("the last frame")]).expect("a submission");
+        assert_right(crowd, mesh, &weights(mesh, 7, 9), desc);
+    });
+}
+
+#[test]
+fn a_cut_has_no_previous_pose() {
+    with_crowds(|crowd, mesh, desc| {
+        crowd.crowd().cut(0).expect("instance 0");
+        crowd.step(&[&weights(mesh, 2, 9)]).expect("a step");
+        let (pose, previous) = (crowd.crowd().pose(0).unwrap(), crowd.crowd().previous_pose(0).unwrap());
+        assert_eq!(previous, Some(pose), "{desc:?}");
+        crowd.step(&[&[0.0; 23]]).expect("a step");
+        let (pose, previous) = (crowd.crowd().pose(0).unwrap(), crowd.crowd().previous_pose(0).unwrap());
+        assert_ne!(previous, Some(pose), "{desc:?}");
+    });
+}
+
+#[test]
+fn misuse_is_an_error_that_says_what_to_do() {
+    on_every_device(|headless, engine| {
+        let mesh = PackedMesh::pack(&testing::mesh(10, 2), &engine.pack_desc(DeltaFormat::Float32)).expect("a mesh");
+        let desc = update_descs(engine, DeltaFormat::Float32)[0];
+        let refuse = |desc: CrowdDesc, words: &str| {
+            let error = HeadlessCrowd::new(headless, engine, &mesh, &desc).err().expect("refused").to_string();
+            assert!(error.contains(words), "{error}");
+        };
+        refuse(CrowdDesc { instances: 0, ..single(desc) }, "0 instances");
+        refuse(CrowdDesc { frames_in_flight: 0, ..single(desc) }, "0 frames in flight");
+        refuse(CrowdDesc { instances: 1 << 24, ..single(desc) }, "make several crowds");
+        let batch = deltamorph::plan::BatchSize::Targets(99);
+        refuse(single(UpdateDesc { batch, ..desc }), "batch size 99");
+        let path = deltamorph::plan::UpdatePath::Cpu;
+        refuse(single(UpdateDesc { path, ..desc }), "use CpuCrowd");
+
+        let mut crowd = HeadlessCrowd::new(headless, engine, &mesh, &single(desc)).expect("a crowd");
+        assert!(crowd.crowd().pose(0).unwrap_err().to_string().contains("record an update first"));
+        for (weights, words) in [
+            (&[0.0, f32::NAN][..], "target 1 ('target_1') is NaN"),
+            (&[0.0], "1 weights given, but the mesh has 2 targets"),
+        ] {
+            let error = crowd.step(&[weights]).unwrap_err().to_string();
+            assert!(error.contains(words), "{error}");
+        }
+        assert!(crowd.crowd().set_weights(1, &[0.0, 0.0]).unwrap_err().to_string().contains("instance 1 of a crowd of 1"));
+        // A refused call leaves everything as it was.
+        crowd.step(&[&[0.25, 0.5]]).expect("a step");
+        assert_right(&mut crowd, &mesh, &[0.25, 0.5], desc);
+
+        let other = headless.engine().expect("an engine");
+        let error = HeadlessCrowd::new(headless, &other, &mesh, &single(desc));
+        let mut foreign = error.expect("a crowd of the other engine");
+        let error = foreign.record_with(engine).unwrap_err().to_string();
+        assert!(error.contains("another MorphEngine"), "{error}");
+    });
+}
