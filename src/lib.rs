@@ -2,7 +2,9 @@
 #![warn(missing_docs)]
 
 pub mod error;
+mod files;
 pub mod mesh;
+mod rng;
 pub mod weights;
 
 pub use error::{Error, Result};
