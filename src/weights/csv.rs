@@ -143,6 +143,22 @@ pub fn write(path: &Path, clip: &WeightClip) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn what_is_accepted_is_whole_and_nothing_panics(text in "([ab\"',;#.0-9eN\\r\\n\\-]|é){0,40}") {
+            if let Ok((names, values)) = parse(Path::new("w.csv"), text.as_bytes()) {
+                prop_assert!(!names.is_empty() && values.len() % names.len() == 0);
+                prop_assert!(values.iter().all(|w| w.is_finite()));
+            }
+        }
+
+        #[test]
+        fn random_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+            let _ = parse(Path::new("w.csv"), &bytes);
+        }
+    }
 
     fn read_text(text: &str) -> Result<(Vec<String>, Vec<f32>)> {
         parse(Path::new("w.csv"), text.as_bytes())
