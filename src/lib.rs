@@ -9,6 +9,7 @@ pub mod cpu;
 #[allow(unsafe_code)]
 pub mod engine;
 pub mod error;
+mod files;
 #[allow(unsafe_code)]
 pub mod gpu;
 #[cfg(feature = "headless")]
@@ -17,6 +18,7 @@ pub mod headless;
 pub mod mesh;
 pub mod plan;
 pub mod reference;
+mod rng;
 #[cfg(test)]
 mod testing;
 pub mod weights;
