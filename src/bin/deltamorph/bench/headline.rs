@@ -54,6 +54,8 @@ fn best(runs: &[&RunRecord]) -> Option<String> {
     let one = runs.iter().filter(|r| r.changed == most && r.heads == runs[0].heads && r.workload == runs[0].workload);
     let run = fastest(one.copied())?;
     let floor = match run.floor_fraction {
+        // The floor is measured with a copy in memory; what stays in a cache can beat it.
+        Some(share) if share > 1.0 => ", faster than a plain copy of as many bytes".into(),
         Some(share) => format!(", {} of what memory bandwidth allows", percent(share)),
         None => String::new(),
     };

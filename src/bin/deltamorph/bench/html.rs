@@ -27,8 +27,8 @@ pub fn page(report: &Report, figures: &[(Figure, String)]) -> String {
     add(rest.iter().map(|s| format!("<p class=\"lead\">{}</p>", escape(s))).collect());
     add("</header>".into());
     if report.device.is_software() {
-        add("<p class=\"warning\">This ran on a software driver: the processor played the GPU. Ratios between \
-             configurations carry over to a device less well than results do.</p>"
+        add("<p class=\"warning\">This ran on a software driver: the processor played the GPU. Compare the \
+             configurations with each other; the times say little about any GPU.</p>"
             .into());
     }
     add(facts(report));
@@ -117,7 +117,6 @@ fn table(report: &Report) -> String {
         "batch",
         "passes",
         "ms per frame",
-        "± error",
         "round trip ms",
         "bytes",
         "of the floor",
@@ -151,12 +150,6 @@ fn row(run: &RunRecord, best: bool) -> String {
     let number = |v: Option<f64>| v.map_or("–".to_owned(), sig3);
     let time = run.time();
     let count = |v: f64| if v.fract() == 0.0 { format!("{v:.0}") } else { sig3(v) };
-    let result = match (&run.problem, run.verified) {
-        (_, true) => "<span class=\"ok\">right</span>".to_owned(),
-        (problem, false) => {
-            format!("<span class=\"bad\">wrong</span> {}", escape(problem.as_deref().unwrap_or_default()))
-        }
-    };
     let class = match (run.verified, best) {
         (false, _) => " class=\"wrong\"",
         (true, true) => " class=\"best\"",
@@ -168,15 +161,21 @@ fn row(run: &RunRecord, best: bool) -> String {
         count(run.changed),
         run.batch_size.to_string(),
         count(run.passes),
-        number(time.map(|t| t.median)),
-        number(time.map(|t| t.stderr)),
+        time.map_or("–".to_owned(), |t| format!("{} <small>± {}</small>", sig3(t.median), sig3(t.stderr))),
         number(run.cpu_ms.map(|t| t.median)),
         bytes(run.bytes_moved),
         run.floor_fraction.map_or("–".to_owned(), percent),
         number(run.max_error_rel),
-        result,
+        if run.verified { "<span class=\"ok\">right</span>" } else { "<span class=\"bad\">wrong</span>" }.to_owned(),
     ]);
-    format!("<tr{class}>{}</tr>\n", cells.iter().map(|c| format!("<td>{c}</td>")).collect::<String>())
+    let columns = cells.len();
+    let cells: String = cells.iter().map(|c| format!("<td>{c}</td>")).collect();
+    // The reason has a row of its own: in a column it would widen the table beyond the page.
+    let reason = run
+        .problem
+        .as_deref()
+        .map_or(String::new(), |p| format!("<tr class=\"reason\"><td colspan=\"{columns}\">{}</td></tr>\n", escape(p)));
+    format!("<tr{class}>{cells}</tr>\n{reason}")
 }
 
 /// The date of a time stamp.

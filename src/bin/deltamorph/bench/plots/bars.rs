@@ -5,7 +5,7 @@ use crate::table::percent;
 use plotters::prelude::{DrawingBackend, RGBColor};
 
 const ROW: f64 = 34.0;
-const TOP: f64 = 74.0;
+const TOP: f64 = 94.0;
 
 /// A bar.
 #[derive(Clone, Debug)]
@@ -25,8 +25,8 @@ pub struct Bar {
 pub struct BarChart {
     /// The heading.
     pub title: String,
-    /// The line below it.
-    pub subtitle: String,
+    /// The lines below it.
+    pub subtitle: [String; 2],
     /// The bars, from the top.
     pub bars: Vec<Bar>,
 }
@@ -44,8 +44,7 @@ impl BarChart {
     pub fn draw<DB: DrawingBackend>(&self, canvas: &Canvas<'_, DB>) -> Drawn {
         let left_aligned = |size, color| Type { size, color, align: Align::Left };
         canvas.fill(PAPER)?;
-        canvas.text(&self.title, (24.0, 26.0), left_aligned(19.0, INK))?;
-        canvas.text(&self.subtitle, (24.0, 48.0), left_aligned(12.5, MUTED))?;
+        canvas.heading(&self.title, &self.subtitle)?;
 
         let (mut labels, mut remarks) = (0.0f64, 0.0f64);
         for bar in &self.bars {

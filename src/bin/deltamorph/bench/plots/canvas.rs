@@ -9,7 +9,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::sync::OnceLock;
 
 /// Width of every figure, in points.
-pub const WIDTH: f64 = 880.0;
+pub const WIDTH: f64 = 720.0;
 /// The family the text is set in: the browser's own in SVG, the built-in font in PNG.
 const FONT: &str = "sans-serif";
 
@@ -181,6 +181,21 @@ impl<'a, DB: DrawingBackend> Canvas<'a, DB> {
         let at = (x + self.lift * set.size, y);
         let style = self.style(Type { align: Align::Center, ..set }).transform(FontTransform::Rotate270);
         self.area.draw(&Text::new(text.to_owned(), self.px(at), style)).map_err(PlotError::new)
+    }
+
+    /// The heading of a figure: a title, and two lines of what was constant, cut where the figure ends.
+    pub fn heading(&self, title: &str, subtitle: &[String; 2]) -> Drawn {
+        let left = |size, color| Type { size, color, align: Align::Left };
+        self.text(title, (24.0, 26.0), left(19.0, INK))?;
+        for (line, y) in subtitle.iter().zip([48.0, 65.0]) {
+            let mut line = line.clone();
+            while self.text_width(&line, 12.5)? > WIDTH - 40.0 {
+                let shorter = line.chars().count().saturating_sub(2);
+                line = line.chars().take(shorter).chain(['…']).collect();
+            }
+            self.text(&line, (24.0, y), left(12.5, MUTED))?;
+        }
+        Ok(())
     }
 
     /// Width of a line of text, in points.

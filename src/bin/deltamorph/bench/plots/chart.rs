@@ -5,9 +5,7 @@ use super::canvas::{AXIS, Align, Canvas, Drawn, GRID, INK, MUTED, Marker, PAPER,
 use plotters::prelude::{DrawingBackend, RGBColor};
 
 /// Height of a line chart, in points.
-pub const HEIGHT: f64 = 460.0;
-const TITLE: Type = Type { size: 19.0, color: INK, align: Align::Left };
-const SUBTITLE: Type = Type { size: 12.5, color: MUTED, align: Align::Left };
+pub const HEIGHT: f64 = 440.0;
 const LABEL: Type = Type { size: 12.0, color: MUTED, align: Align::Center };
 const LEGEND: Type = Type { size: 12.5, color: INK, align: Align::Left };
 /// How far "all" stands from the last number, as a part of the plot's width.
@@ -51,8 +49,8 @@ pub struct Series {
 pub struct LineChart {
     /// The heading.
     pub title: String,
-    /// The line below it.
-    pub subtitle: String,
+    /// The lines below it.
+    pub subtitle: [String; 2],
     /// What the x axis counts.
     pub x_label: String,
     /// What the y axis measures.
@@ -97,8 +95,7 @@ impl LineChart {
     /// The surface refuses.
     pub fn draw<DB: DrawingBackend>(&self, canvas: &Canvas<'_, DB>) -> Drawn {
         canvas.fill(PAPER)?;
-        canvas.text(&self.title, (24.0, 26.0), TITLE)?;
-        canvas.text(&self.subtitle, (24.0, 48.0), SUBTITLE)?;
+        canvas.heading(&self.title, &self.subtitle)?;
         let frame = self.frame(canvas)?;
         self.draw_axes(canvas, &frame)?;
         for (i, series) in self.series.iter().enumerate() {
@@ -122,12 +119,12 @@ impl LineChart {
         for series in &self.series {
             legend = legend.max(canvas.text_width(&series.label, LEGEND.size)?);
         }
-        let (left, right) = (76.0, WIDTH - 22.0 - 32.0 - legend - 18.0);
+        let (left, right) = (70.0, WIDTH - 22.0 - 32.0 - legend - 18.0);
         let all = points().any(|p| p.x == X::All);
         Ok(Frame {
             left,
             right,
-            top: 76.0,
+            top: 96.0,
             bottom: HEIGHT - 62.0,
             x: Axis::counts(numbers),
             y,

@@ -143,7 +143,7 @@ fn slug(name: &str) -> String {
 }
 
 /// What is constant in a figure.
-fn setting(report: &Report, workload: &str, heads: u32, changed: Option<f64>) -> String {
+fn setting(report: &Report, workload: &str, heads: u32, changed: Option<f64>) -> [String; 2] {
     let work = match (workload, changed) {
         ("random", Some(n)) => format!("{} of {} targets changed per frame", sig0(n), report.input.targets),
         ("random", None) => format!("{} targets", report.input.targets),
@@ -151,12 +151,8 @@ fn setting(report: &Report, workload: &str, heads: u32, changed: Option<f64>) ->
         (clip, None) => format!("clip {clip}"),
     };
     let heads = if heads == 1 { String::new() } else { format!(" · {heads} heads") };
-    format!(
-        "{} · {} vertices · {work}{heads} · {}",
-        report.input.name,
-        thousands(report.input.vertices),
-        report.device.name
-    )
+    let mesh = format!("{}, {} vertices", report.input.name, thousands(report.input.vertices));
+    [format!("{work}{heads}"), format!("{mesh} · {}", report.device.name)]
 }
 
 fn sig0(n: f64) -> String {
@@ -232,7 +228,7 @@ fn group_figures(group: &Group<'_>, report: &Report, suffix: &str, figures: &mut
     }
 }
 
-fn floor_chart(runs: &[&RunRecord], subtitle: String) -> Option<BarChart> {
+fn floor_chart(runs: &[&RunRecord], subtitle: [String; 2]) -> Option<BarChart> {
     let all = families(runs);
     let bar = |family: &Family| {
         let best = fastest(runs.iter().filter(|r| Family::of(r) == *family).copied())?;
