@@ -135,13 +135,17 @@ fn text(info: &Info) -> String {
         sig3(i.tolerance.into()),
         sig3(i.tolerance_normal.into()),
     )];
-    let mut table = Table::new(&["target", "moved", "non-zero in the file", "largest delta", "of diagonal"], 1);
+    let mut table = Table::new(
+        &["target", "moved", "without tolerance", "positions in the file", "largest delta", "of diagonal"],
+        1,
+    );
     for t in &info.targets {
         let largest = f64::from(t.max_delta);
         table.row([
             t.name.clone(),
             percent(t.moved),
             percent(t.moved_raw),
+            percent(t.moved_raw_positions),
             sig3(largest),
             percent(largest / f64::from(i.diagonal).max(f64::MIN_POSITIVE)),
         ]);

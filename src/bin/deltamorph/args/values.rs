@@ -253,7 +253,6 @@ impl std::fmt::Display for BatchSize {
 }
 
 /// What an update path can batch on a device.
-#[cfg_attr(not(test), expect(dead_code, reason = "for the sweep, which is to come"))]
 #[derive(Clone, Copy, Debug)]
 pub struct BatchLimit {
     /// Largest number of targets per pass; 0: the path has no batches.

@@ -8,6 +8,7 @@ pub mod html;
 pub mod plots;
 pub mod record;
 pub mod report;
+pub mod stamp;
 pub mod stats;
 #[cfg(test)]
 pub mod synthetic;
@@ -66,7 +67,7 @@ fn verdict(runs: &[RunRecord]) -> Result<(), Failure> {
             first.path,
             first.format,
             first.batch_size,
-            sig3(first.changed),
+            if first.changed.fract() == 0.0 { first.changed.to_string() } else { sig3(first.changed) },
             first.problem.as_deref().unwrap_or("no reason given")
         ))),
     }
