@@ -32,37 +32,55 @@ struct Statement {
     line: usize,
 }
 
-/// Cuts the buffer into statements. A backslash at the end of a line joins it to the next one; both characters
-/// are overwritten with spaces, so that a statement is one run of bytes.
-struct Statements {
+/// Cuts the buffer into statements.
+struct Statements<'a> {
     at: usize,
     line: usize,
+    /// Where line breaks were, see [`join_lines`].
+    joins: &'a [usize],
 }
 
-impl Statements {
-    fn next(&mut self, bytes: &mut [u8]) -> Option<Statement> {
-        if self.at >= bytes.len() {
-            return None;
-        }
-        let statement = Statement { start: self.at, end: 0, line: self.line };
-        // A comment ends with its line: a Windows path in one may well end in a backslash.
-        let comment = bytes[self.at..].iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'#');
-        loop {
-            let end = bytes[self.at..].iter().position(|&b| b == b'\n').map_or(bytes.len(), |n| self.at + n);
-            let next = (end + 1).min(bytes.len());
-            let trimmed = if end > self.at && bytes[end - 1] == b'\r' { end - 1 } else { end };
-            let continued = !comment && trimmed > self.at && bytes[trimmed - 1] == b'\\';
-            self.at = next;
-            self.line += 1;
-            if !continued {
-                return Some(Statement { end: trimmed, ..statement });
+impl<'a> Statements<'a> {
+    fn new(joins: &'a [usize]) -> Self {
+        Self { at: 0, line: 1, joins }
+    }
+
+    /// The buffer is handed in each time, since what was read is written over.
+    fn next(&mut self, bytes: &[u8]) -> Option<Statement> {
+        let rest = bytes.get(self.at..).filter(|rest| !rest.is_empty())?;
+        let length = rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len());
+        let statement = Statement { start: self.at, end: self.at + length, line: self.line };
+        self.at = statement.end + 1;
+        let joined = self.joins.partition_point(|&j| j < self.at);
+        self.joins = &self.joins[joined..];
+        self.line += 1 + joined;
+        Some(statement)
+    }
+}
+
+/// A backslash at the end of a line joins it to the next one: overwrite both characters with spaces, and return
+/// where the line breaks were, for the line numbers.
+fn join_lines(bytes: &mut [u8]) -> Vec<usize> {
+    let mut joins = Vec::new();
+    let mut comment = None;
+    for i in 0..bytes.len() {
+        match bytes[i] {
+            b'\n' => {
+                let end = if i > 0 && bytes[i - 1] == b'\r' { i - 1 } else { i };
+                // A comment ends with its line: a Windows path in one may well end in a backslash. The last
+                // line break is our own, and has no line after it.
+                if end > 0 && bytes[end - 1] == b'\\' && comment != Some(true) && i + 1 < bytes.len() {
+                    bytes[end - 1..=i].fill(b' ');
+                    joins.push(i);
+                } else {
+                    comment = None;
+                }
             }
-            bytes[trimmed - 1..next].fill(b' ');
-            if next == bytes.len() {
-                return Some(Statement { end: trimmed - 1, ..statement });
-            }
+            b if !b.is_ascii_whitespace() => comment = comment.or(Some(b == b'#')),
+            _ => {}
         }
     }
+    joins
 }
 
 /// The keyword of a statement and what follows it, comment removed.
@@ -87,7 +105,8 @@ pub(super) fn scan(path: &Path, mut bytes: Vec<u8>) -> Result<Scan> {
     }
     bytes.push(b'\n');
 
-    let counts = count(&mut bytes);
+    let joins = if bytes.contains(&b'\\') { join_lines(&mut bytes) } else { Vec::new() };
+    let counts = count(&bytes, &joins);
     if counts[0] == 0 {
         return Err(input(
             path,
@@ -99,9 +118,9 @@ pub(super) fn scan(path: &Path, mut bytes: Vec<u8>) -> Result<Scan> {
 
     let mut checker =
         Checker { path, totals: counts, seen: [0; 3], corners: 0, without_texcoord: Vec::new(), without_normal: 0 };
-    let mut statements = Statements { at: 0, line: 1 };
+    let mut statements = Statements::new(&joins);
     let mut written = 0;
-    while let Some(s) = statements.next(&mut bytes) {
+    while let Some(s) = statements.next(&bytes) {
         let (keyword, rest) = split(&bytes[s.start..s.end]);
         let (name, kept) = match keyword {
             b"v" => ("v", checker.vertex(rest, s.line)?),
@@ -125,9 +144,9 @@ pub(super) fn scan(path: &Path, mut bytes: Vec<u8>) -> Result<Scan> {
 }
 
 /// Number of `v`, `vt` and `vn` statements: a face may name a vertex that is listed after it.
-fn count(bytes: &mut [u8]) -> [usize; 3] {
+fn count(bytes: &[u8], joins: &[usize]) -> [usize; 3] {
     let mut counts = [0; 3];
-    let mut statements = Statements { at: 0, line: 1 };
+    let mut statements = Statements::new(joins);
     while let Some(s) = statements.next(bytes) {
         let (keyword, _) = split(&bytes[s.start..s.end]);
         if let Some(k) = KEYWORDS.iter().position(|k| k.as_bytes() == keyword) {

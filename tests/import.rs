@@ -1,0 +1,411 @@
+//! OBJ folders: what is kept of them, and what is said about those that cannot be used.
+
+mod common;
+
+use deltamorph::mesh::obj::{ObjFile, ObjMesh, import_folder, write_obj, write_obj_to};
+use deltamorph::mesh::{MorphSource, Tolerance};
+use glam::Vec3;
+use proptest::prelude::*;
+use std::path::Path;
+use tempfile::TempDir;
+
+/// A tetrahedron with an apex that targets move.
+const NEUTRAL: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+
+fn folder(neutral: &str, targets: &[(&str, &str)]) -> TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("neutral.obj"), neutral).unwrap();
+    std::fs::create_dir(dir.path().join("targets")).unwrap();
+    for (name, text) in targets {
+        std::fs::write(dir.path().join("targets").join(name), text).unwrap();
+    }
+    dir
+}
+
+fn import(neutral: &str, targets: &[(&str, &str)]) -> MorphSource {
+    import_folder(folder(neutral, targets).path()).unwrap()
+}
+
+fn refused(neutral: &str, targets: &[(&str, &str)]) -> String {
+    import_folder(folder(neutral, targets).path()).unwrap_err().to_string()
+}
+
+fn parse(text: &str) -> ObjFile {
+    ObjFile::from_bytes(Path::new("x.obj"), text.into()).unwrap()
+}
+
+fn parse_error(text: impl Into<Vec<u8>>) -> String {
+    ObjFile::from_bytes(Path::new("x.obj"), text.into()).unwrap_err().to_string()
+}
+
+#[track_caller]
+fn says(message: &str, parts: &[&str]) {
+    for part in parts {
+        assert!(message.contains(part), "'{part}' is not in: {message}");
+    }
+}
+
+#[test]
+fn targets_come_in_the_order_of_their_names_and_hold_what_differs() {
+    let up = NEUTRAL.replace("v 0 0 1", "v 0 0 1.5");
+    let source = import(NEUTRAL, &[("b.OBJ", &up), ("a.obj", NEUTRAL), ("notes.txt", "x"), (".hidden.obj", "junk")]);
+    assert_eq!(source.targets.iter().map(|t| t.name.as_str()).collect::<Vec<_>>(), ["a", "b"]);
+    assert!(source.targets[0].positions.is_empty());
+    assert_eq!(source.targets[1].positions, [(3, Vec3::new(0.0, 0.0, 0.5))]);
+    assert_eq!(source.positions.len(), 4);
+    assert!(source.normals.is_none() && source.notes.is_empty(), "{:?}", source.notes);
+}
+
+#[test]
+fn the_order_of_the_file_is_kept_whatever_faces_and_groups_say() {
+    // Faces backwards, an unreferenced vertex (2), groups and materials between them, CR LF, a byte order mark,
+    // a line that goes on, colours on one line only, comments in Latin-1.
+    let mut text =
+        b"\xef\xbb\xbf# caf\xe9 \\\r\nmtllib none.mtl\r\no one\r\nv 5 0 0 1 0 0\r\nv 9 9 9\r\nv 6 \\\r\n 0 0\r\n"
+            .to_vec();
+    text.extend_from_slice(b"v 7 1 0 # comment\r\nusemtl red\r\nf 4 3 1\r\ng two\r\nv 8 2 0\r\nusemtl blue\r\ns 1\r\n");
+    text.extend_from_slice(b"f -1 -2 -3 -5\r\nl 1 2\r\np 1\r\n");
+    let file = ObjFile::from_bytes(Path::new("x.obj"), text).unwrap();
+    assert_eq!(file.positions.iter().map(|p| p.x).collect::<Vec<_>>(), [5.0, 9.0, 6.0, 7.0, 8.0]);
+    assert_eq!(file.faces.sizes, [3, 4]);
+    assert_eq!(file.faces.corners.iter().map(|c| c.position).collect::<Vec<_>>(), [3, 2, 0, 4, 3, 2, 0]);
+    assert!(file.faces.corners.iter().all(|c| c.texcoord.is_none()));
+}
+
+#[test]
+fn corners_without_texture_coordinate_have_none() {
+    let file = parse("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 1\nvn 0 0 1\nf 1/2/1 2//1 3/1\nf 1 2 3\n");
+    let texcoords: Vec<_> = file.faces.corners.iter().map(|c| c.texcoord).collect();
+    assert_eq!(texcoords, [Some(1), None, Some(0), None, None, None]);
+    assert!(file.corner_normals.is_none() && file.any_normals);
+}
+
+#[test]
+fn an_index_may_look_ahead_and_points_have_no_faces() {
+    assert_eq!(parse("f 1 2 3\nv 0 0 0\nv 1 0 0\nv 0 1 0\n").faces.sizes, [3]);
+    let cloud = import("v 0 0 0\nvn 0 0 2\n", &[("a.obj", "v 0 1 0\nvn 0 1 2\n")]);
+    assert_eq!(cloud.normals, Some(vec![Vec3::Z]));
+    assert_eq!(cloud.targets[0].normals, Some(vec![(0, Vec3::new(0.0, 0.5, 0.0))]));
+    assert_eq!(parse("v 2 4 6 2\n").positions, [Vec3::new(1.0, 2.0, 3.0)]);
+}
+
+#[test]
+fn a_seam_in_the_texture_coordinates_does_not_split_the_shading() {
+    let roof = "v -1 0 0\nv 0 0 1\nv 1 0 0\nv 0 1 1\nvt 0 0\nvt 1 0\nvt .5 1\n";
+    let whole = import(&format!("{roof}f 1/1 2/2 4/3\nf 2/2 3/1 4/3\n"), &[]);
+    let split = import(&format!("{roof}f 1/1 2/2 4/3\nf 2/3 3/1 4/2\n"), &[]);
+    let normals = |s: &MorphSource| s.to_mesh(Tolerance::ZERO).unwrap().normals;
+    assert_eq!(normals(&whole), normals(&split));
+    assert!((normals(&split)[1] - Vec3::Z).length() < 1e-6);
+}
+
+#[test]
+fn normal_deltas_are_those_of_the_file_scaled_with_the_base_normal() {
+    let file = |vn: &str| format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 2\nvn {vn}\nf 1//2 2//1 3//1\n");
+    let source = import(&file("0 0 2"), &[("a.obj", &file("0 1 2"))]);
+    assert_eq!(source.normals, Some(vec![Vec3::Z; 3]));
+    assert_eq!(source.targets[0].normals, Some(vec![(0, Vec3::new(0.0, 0.5, 0.0))]));
+}
+
+#[test]
+fn hard_edges_are_averaged_by_area_with_a_note() {
+    // The face of vertex 4 has three times the area of the other.
+    let text =
+        |n: &str| format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 3\nvn 0 0 1\nvn {n}\nf 1//1 2//1 3//1\nf 2//2 1//2 4//2\n");
+    let source = import(&text("0 1 0"), &[("a.obj", &text("0 1 0.4"))]);
+    says(&source.notes.join("\n"), &["2 vertices have several normals"]);
+    let expected = Vec3::new(0.0, 3.0, 1.0).normalize();
+    assert!((source.normals.as_ref().unwrap()[0] - expected).length() < 1e-6);
+    let deltas = source.targets[0].normals.as_ref().unwrap();
+    let scale = 4.0 / 10f32.sqrt(); // the mean is (0, 3, 1) / 4
+    assert!((deltas[0].1 - Vec3::new(0.0, 0.0, 0.3) * scale).length() < 1e-6, "{deltas:?}");
+    assert_eq!(deltas.iter().map(|d| d.0).collect::<Vec<_>>(), [0, 1, 3]);
+}
+
+#[test]
+fn normals_on_one_side_only_are_computed_with_a_note() {
+    let with = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1\n";
+    let without = "v 0 0 0\nv 1 0 0\nv 0 1 1\nf 1 2 3\n";
+    let source = import(with, &[("a.obj", without)]);
+    says(&source.notes.join("\n"), &["1 targets (a) without normals"]);
+    assert!(source.normals.is_some() && source.targets[0].normals.is_none());
+    let mesh = source.to_mesh(Tolerance::default()).unwrap();
+    let tilted = mesh.normals[0] + mesh.targets[0].normals[0];
+    assert!((tilted - Vec3::new(0.0, -1.0, 1.0).normalize()).length() < 1e-6, "{tilted}");
+
+    let source = import(without, &[("a.obj", with)]);
+    says(&source.notes.join("\n"), &["(a) with normals, neutral.obj has none"]);
+    assert!(source.normals.is_none() && source.targets[0].normals.is_none());
+
+    let partly = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3\n";
+    says(&import(partly, &[]).notes.join("\n"), &["some corners only"]);
+}
+
+#[test]
+fn no_targets_is_a_note_and_no_folder_an_error() {
+    let source = import(NEUTRAL, &[]);
+    assert!(source.targets.is_empty());
+    says(&source.notes.join("\n"), &["without targets"]);
+
+    let dir = folder(NEUTRAL, &[]);
+    std::fs::remove_dir(dir.path().join("targets")).unwrap();
+    says(&import_folder(dir.path()).unwrap_err().to_string(), &[&dir.path().display().to_string(), "'targets'"]);
+    std::fs::remove_file(dir.path().join("neutral.obj")).unwrap();
+    says(&import_folder(dir.path()).unwrap_err().to_string(), &["no file neutral.obj"]);
+    says(&import_folder(&dir.path().join("gone")).unwrap_err().to_string(), &["gone", "cannot read the folder"]);
+}
+
+#[test]
+fn a_target_that_does_not_fit_is_named_with_what_was_expected() {
+    let longer = format!("{NEUTRAL}v 1 1 1\n");
+    let message = refused(NEUTRAL, &[("a.obj", NEUTRAL), ("x.obj", &longer), ("z.obj", "junk")]);
+    says(&message, &["targets", "x.obj: 5 vertices, but", "neutral.obj has 4", "same order"]);
+
+    let turned = NEUTRAL.replace("f 2 3 4", "f 2 4 3");
+    says(&refused(NEUTRAL, &[("x.obj", &turned)]), &["x.obj: face 3 has the vertices 2 4 3, but 2 3 4 in"]);
+    let quad = NEUTRAL.replace("f 1 3 2", "f 1 3 2 4");
+    says(&refused(NEUTRAL, &[("x.obj", &quad)]), &["face 1 has the vertices 1 3 2 4, but 1 3 2 in"]);
+    let fewer = NEUTRAL.replace("f 3 1 4\n", "");
+    says(&refused(NEUTRAL, &[("x.obj", &fewer)]), &["x.obj: 3 faces, but 4 in"]);
+    says(&refused(NEUTRAL, &[("x.obj", NEUTRAL), ("x.OBJ", NEUTRAL)]), &["second file of the target 'x'"]);
+}
+
+#[test]
+fn bad_lines_are_named() {
+    let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n";
+    let face = |f: &str| parse_error(format!("{triangle}\n{f}\n"));
+    says(&face("f 1 2 0"), &["x.obj: line 6", "vertex index 0", "counts from 1"]);
+    says(&face("f 1 2 4"), &["line 6", "vertex index 4, but the file has 3 'v' lines"]);
+    says(&face("f 1 2 -4"), &["line 6", "only 3 'v' lines come before"]);
+    says(&face("f 1/1 2/2 3/1"), &["line 6", "texture coordinate index 2, but the file has 1 'vt'"]);
+    says(&face("f 1//1 2//1 3//1"), &["line 6", "normal index 1, but the file has 0 'vn'"]);
+    says(&face("f 1 2"), &["line 6", "a face with 2 corners"]);
+    says(&face("f 1 2 x"), &["line 6", "'x' is not a corner"]);
+    says(&face("f 1 2 /1"), &["line 6", "names no vertex"]);
+    says(&face("f 1 2 1/1//"), &["line 6", "more than three"]);
+    says(&face("f 1 2 -9223372036854775808"), &["line 6"]);
+    says(&face("f 1 2 99999999999999999999"), &["line 6"]);
+    says(&parse_error("v 0 0\n"), &["line 1", "a vertex with 2 numbers, 3 expected"]);
+    says(&parse_error("v 0 0 0 1 1\n"), &["line 1", "5 numbers"]);
+    says(&parse_error("v 0 0 0 0\n"), &["line 1", "weight 0"]);
+    says(&parse_error("# ok\r\nv 0 nan 0\r\n"), &["line 2", "'nan' is not a finite number"]);
+    says(&parse_error("v 0 1e39 0\n"), &["line 1", "'1e39' is not a finite"]);
+    says(&parse_error("v 0 zero 0\n"), &["line 1", "'zero' is not a number"]);
+    says(&parse_error("v 0 0 0\nvn 0 inf 1\n"), &["line 2", "'inf'"]);
+    says(&parse_error("v 0 0 0\nvt 1\n"), &["line 2", "texture coordinate with 1 numbers, 2 expected"]);
+    says(&parse_error(*b"v 0 0 0\nv 1 \xff 0\n"), &["line 2", "UTF-8"]);
+    // The line that a continued statement starts on, and the count after it.
+    says(&parse_error("v 0 \\\n 0 \\\n 0\nv 0\n"), &["line 4"]);
+}
+
+#[test]
+fn what_is_no_obj_is_refused_as_such() {
+    says(&parse_error(""), &["x.obj: no 'v' line"]);
+    says(&parse_error("hello\nworld\n"), &["no 'v' line", "Wavefront OBJ"]);
+    says(&parse_error(*b"glTF\x02\0\0\0v 1 2 3"), &["binary data", "offset 5"]);
+    says(&ObjFile::read(Path::new("/nowhere/x.obj")).unwrap_err().to_string(), &["/nowhere/x.obj: cannot read"]);
+}
+
+#[test]
+fn what_is_written_reads_back_bit_for_bit() {
+    let text = "v 0.1 1e-30 -3e8\nv 0.333333343 2 -0\nv 1 1 1\nv 4 5 6\nvt .1 .7\nvt .3 .9\nvt 1 1\n\
+                f 1/1 2/2 3/3 4/1\nf 1/3 3/2 2/1\nf 1 2 4\n";
+    let mesh = import(text, &[]).to_mesh(Tolerance::ZERO).unwrap();
+    let mut out = Vec::new();
+    write_obj_to(&mut out, (&mesh).into()).unwrap();
+    let again = ObjFile::from_bytes(Path::new("x.obj"), out.clone()).unwrap();
+    assert_eq!(again.positions, mesh.positions);
+    assert_eq!(again.texcoords, mesh.texcoords);
+    assert_eq!(again.normals, mesh.normals);
+    assert_eq!(again.faces, mesh.faces);
+    says(&String::from_utf8(out).unwrap(), &["v 0.100000001 ", "f 1/1/1 2/2/2 3/3/3 4/1/4\n", "f 1//1 2//2 4//4\n"]);
+
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("pose.obj");
+    write_obj(&path, ObjMesh { normals: &[], ..(&mesh).into() }).unwrap();
+    assert!(ObjFile::read(&path).unwrap().normals.is_empty());
+    let bad = [Vec3::NAN; 4];
+    let message = write_obj(&path, ObjMesh { positions: &bad, ..(&mesh).into() }).unwrap_err().to_string();
+    says(&message, &["vertex 0 is not finite"]);
+    says(&write_obj(dir.path(), (&mesh).into()).unwrap_err().to_string(), &["cannot write"]);
+}
+
+#[test]
+fn noise_is_dropped_and_does_not_come_back_in_the_normals() {
+    let mut source = import(NEUTRAL, &[("a.obj", &NEUTRAL.replace("v 0 0 1", "v 0.2 0.1 1.5"))]);
+    source.targets[0].positions.insert(0, (1, Vec3::splat(1e-8)));
+    let mesh = source.to_mesh(Tolerance { position: 1e-6, normal: 1e9 }).unwrap();
+    assert_eq!(mesh.targets[0].vertices, [3]);
+    let mesh = source.to_mesh(Tolerance::default()).unwrap();
+    let target = &mesh.targets[0];
+    // Vertex 1 stays for its normal only, so its position delta is exactly zero.
+    assert_eq!(target.vertices, [0, 1, 2, 3]);
+    assert_eq!(target.positions[1], Vec3::ZERO);
+    let exact = import(NEUTRAL, &[("a.obj", &NEUTRAL.replace("v 0 0 1", "v 0.2 0.1 1.5"))]);
+    assert_eq!(exact.to_mesh(Tolerance::default()).unwrap().targets, mesh.targets);
+}
+
+#[test]
+fn a_source_that_makes_no_sense_is_refused() {
+    let good = import(NEUTRAL, &[("a.obj", NEUTRAL), ("b.obj", NEUTRAL)]);
+    let refused = |change: &dyn Fn(&mut MorphSource)| {
+        let mut source = good.clone();
+        change(&mut source);
+        source.to_mesh(Tolerance::default()).unwrap_err().to_string()
+    };
+    says(&refused(&|s| s.targets[1].name = "a".into()), &["targets 0 and 1 are both called 'a'"]);
+    says(&refused(&|s| s.positions.clear()), &["no vertex"]);
+    says(&refused(&|s| s.positions[2].y = f32::NAN), &["vertex 2"]);
+    says(&refused(&|s| s.targets[0].positions = vec![(4, Vec3::X)]), &["'a' moves vertex 4, there are 4"]);
+    says(&refused(&|s| s.targets[0].positions = vec![(1, Vec3::X), (1, Vec3::X)]), &["vertex 1 comes after vertex 1"]);
+    says(&refused(&|s| s.targets[0].positions = vec![(1, Vec3::INFINITY)]), &["position delta of vertex 1"]);
+    says(&refused(&|s| s.normals = Some(vec![Vec3::Z])), &["1 normals for 4 vertices"]);
+    says(&refused(&|s| s.normals = Some(vec![Vec3::ZERO; 4])), &["unit length"]);
+    says(&refused(&|s| s.faces.sizes[0] = 2), &["corners"]);
+    says(&refused(&|s| s.faces.corners[0].position = 9), &["vertex 9, there are 4"]);
+    says(&refused(&|s| s.faces.corners[0].texcoord = Some(0)), &["texture coordinate 0, there are 0"]);
+    let tolerance = Tolerance { position: -1.0, normal: 0.0 };
+    says(&good.to_mesh(tolerance).unwrap_err().to_string(), &["position tolerance is -1"]);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn random_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+        let _ = ObjFile::from_bytes(Path::new("x.obj"), bytes);
+    }
+
+    #[test]
+    fn obj_like_text_never_panics(words in prop::collection::vec(prop::sample::select(vec![
+        "v", "vt", "vn", "f", "l", "o", "usemtl", "s", "#", "\n", "\n", "\nv 1 2 3\n", "\nvn 0 0 1\n", "\nvt 0 1\n",
+        "\nf 1 2 3\n", "\nf 1/1/1 -1/-1/-1 1//1\n", "0", "1", "-1", "1.5", "1e39", "nan", "1/1", "1//", "/", "\\\n",
+        "\\", "\r", "é", "-9223372036854775808", "\n\u{feff}",
+    ]), 0..60)) {
+        if let Ok(file) = ObjFile::from_bytes(Path::new("x.obj"), words.join(" ").into()) {
+            let source = MorphSource {
+                positions: file.positions, texcoords: file.texcoords, faces: file.faces, ..Default::default()
+            };
+            // What is accepted is whole: every index within its list.
+            prop_assert!(source.to_mesh(Tolerance::default()).is_ok());
+        }
+    }
+
+    #[test]
+    fn mutated_files_never_panic(
+        edits in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4),
+        in_target in any::<bool>(),
+    ) {
+        let good = NEUTRAL.replace("f 1 3 2", "vn 0 0 1\nvt 0 0\nf 1/1/1 3/1/1 2//1").into_bytes();
+        let mut bad = good.clone();
+        for (at, byte) in edits {
+            let at = at.index(bad.len());
+            bad[at] = byte;
+        }
+        let dir = folder("", &[("a.obj", "")]);
+        let (neutral, target) = if in_target { (&good, &bad) } else { (&bad, &good) };
+        std::fs::write(dir.path().join("neutral.obj"), neutral).unwrap();
+        std::fs::write(dir.path().join("targets/a.obj"), target).unwrap();
+        if let Ok(source) = import_folder(dir.path()) {
+            let _ = source.to_mesh(Tolerance::default());
+        }
+    }
+}
+
+/// Real heads: what meta.json and README.txt of the sets say.
+#[cfg(feature = "csv")]
+mod real {
+    use super::*;
+    use deltamorph::mesh::MorphMesh;
+    use glam::DVec3;
+
+    fn kept(mesh: &MorphMesh) -> f64 {
+        let moved: usize = mesh.targets.iter().map(|t| t.vertices.len()).sum();
+        moved as f64 / (mesh.targets.len() * mesh.vertex_count()) as f64
+    }
+
+    fn pose(mesh: &MorphMesh, weights: &[f32]) -> Vec<DVec3> {
+        let mut pose: Vec<DVec3> = mesh.positions.iter().map(|p| p.as_dvec3()).collect();
+        for (target, &w) in mesh.targets.iter().zip(weights).filter(|(_, w)| **w != 0.0) {
+            for (&v, delta) in target.vertices.iter().zip(&target.positions) {
+                pose[v as usize] += f64::from(w) * delta.as_dvec3();
+            }
+        }
+        pose
+    }
+
+    /// The largest error that the default tolerance makes over a clip, as a fraction of the diagonal.
+    fn error_over_clip(source: &MorphSource, folder: &Path, clip: &str) -> f64 {
+        let clip = deltamorph::weights::csv::read(&folder.join("weights").join(clip), 1.0).unwrap();
+        assert_eq!(clip.fps, if clip.name.contains("24fps") { 24.0 } else { 30.0 });
+        let names: Vec<&str> = source.targets.iter().map(|t| t.name.as_str()).collect();
+        let (raw, mesh) = (source.to_mesh(Tolerance::ZERO).unwrap(), source.to_mesh(Tolerance::default()).unwrap());
+        let frames = clip.bind(&names).unwrap();
+        let step = (frames.len() / 60).max(1);
+        let errors = frames.iter().step_by(step).map(|w| {
+            let (a, b) = (pose(&raw, w), pose(&mesh, w));
+            a.iter().zip(&b).map(|(a, b)| (*a - *b).length()).fold(0.0, f64::max)
+        });
+        errors.fold(0.0, f64::max) / f64::from(mesh.diagonal)
+    }
+
+    #[test]
+    fn ict_facekit() {
+        let Some(folder) = common::data::set("ict_facekit") else { return };
+        let source = import_folder(&folder).unwrap();
+        let mesh = source.to_mesh(Tolerance::default()).unwrap();
+        assert_eq!((mesh.vertex_count(), mesh.targets.len()), (26_719, 57));
+        assert_eq!((mesh.texcoords.len(), mesh.faces.sizes.len()), (28_911, 26_384));
+        assert!((f64::from(mesh.diagonal) - 47.52023).abs() < 1e-3);
+        let stated: usize = source.targets.iter().map(|t| t.positions.len()).sum();
+        let stated = stated as f64 / (57.0 * 26_719.0);
+        assert!((stated - 0.4371).abs() < 1e-3, "{stated}");
+        // 0.302 by positions alone: the normals hardly add to it.
+        assert!((0.29..0.31).contains(&kept(&mesh)), "{}", kept(&mesh));
+        for clip in ["facecap_30fps.csv", "facegood_2_01_mapped_30fps.csv"] {
+            let error = error_over_clip(&source, &folder, clip);
+            assert!(error <= 5e-5, "{clip}: {error}");
+        }
+    }
+
+    #[test]
+    fn facecap_head() {
+        let Some(folder) = common::data::set("facecap_head_glb") else { return };
+        let source = import_folder(&folder).unwrap();
+        let mesh = source.to_mesh(Tolerance::default()).unwrap();
+        assert_eq!((mesh.vertex_count(), mesh.targets.len(), source.notes.len()), (2694, 52, 0));
+        assert!(mesh.targets[mesh.target_index("tongueOut").unwrap()].vertices.is_empty());
+        // No delta of this set is noise: all are kept.
+        assert_eq!(mesh.targets, source.to_mesh(Tolerance::ZERO).unwrap().targets);
+        assert!((0.179..0.19).contains(&kept(&mesh)), "{}", kept(&mesh));
+        assert_eq!(error_over_clip(&source, &folder, "facecap_30fps.csv"), 0.0);
+    }
+
+    #[test]
+    fn morph_stress_test() {
+        let Some(folder) = common::data::set("morph_stress_test") else { return };
+        let source = import_folder(&folder).unwrap();
+        let mesh = source.to_mesh(Tolerance::default()).unwrap();
+        assert_eq!((mesh.vertex_count(), mesh.targets.len()), (1504, 8));
+        // 6.25% moved; the normals around them turn, and rounding in the rest is dropped.
+        assert!((0.0625..0.08).contains(&kept(&mesh)), "{}", kept(&mesh));
+        assert!(error_over_clip(&source, &folder, "TheWave_24fps.csv") <= 5e-5);
+    }
+
+    #[test]
+    fn a_written_head_reads_back() {
+        let Some(folder) = common::data::set("ict_facekit") else { return };
+        let neutral = ObjFile::read(&folder.join("neutral.obj")).unwrap();
+        let mut out = Vec::new();
+        let mesh = ObjMesh {
+            positions: &neutral.positions,
+            normals: &neutral.normals,
+            texcoords: &neutral.texcoords,
+            faces: &neutral.faces,
+        };
+        write_obj_to(&mut out, mesh).unwrap();
+        let again = ObjFile::from_bytes(Path::new("x.obj"), out).unwrap();
+        assert!(again.positions == neutral.positions && again.texcoords == neutral.texcoords);
+        assert!(again.faces == neutral.faces);
+    }
+}
