@@ -1,0 +1,287 @@
+//! The command line, as clap sees it.
+
+pub mod values;
+
+use clap::{Args, Parser, Subcommand};
+use deltamorph::mesh::Tolerance;
+use deltamorph::mesh::head::HeadDesc;
+use std::path::{Path, PathBuf};
+use values::{BatchSpec, ChangedSpec, DeviceChoice, FormatChoice, ModeChoice, PathChoice, WeightSetting};
+
+/// Morph targets (blend shapes) on the GPU: applies only the weights that changed.
+#[derive(Debug, Parser)]
+#[command(name = "deltamorph", version, propagate_version = true)]
+pub struct Cli {
+    /// Options of every command.
+    #[command(flatten)]
+    pub global: GlobalArgs,
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// Options of every command.
+#[derive(Args, Clone, Debug, Default)]
+pub struct GlobalArgs {
+    /// Vulkan device: its index in `deltamorph devices`, or a part of its name
+    #[arg(long, global = true, value_name = "INDEX|NAME", value_parser = values::device)]
+    pub device: Option<DeviceChoice>,
+    /// Write the result as JSON to FILE ("-": stdout, which then carries nothing else)
+    #[arg(long, global = true, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Print errors only
+    #[arg(long, global = true)]
+    pub quiet: bool,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// List the Vulkan devices and which update paths each of them can run
+    Devices,
+    /// Write the built-in head as a folder of OBJ files with a weight clip
+    Sample(SampleArgs),
+    /// Describe a mesh: targets, sparsity, overlap, blocks, size and error of each format
+    Info(InfoArgs),
+    /// Measure the time per frame of the update paths, and write a report
+    Bench(Box<BenchArgs>),
+    /// Write one pose as OBJ
+    Apply(Box<ApplyArgs>),
+}
+
+/// Options of `sample`.
+#[derive(Args, Clone, Debug)]
+pub struct SampleArgs {
+    /// Folder to write; created when missing, refused when not empty
+    #[arg(value_name = "DIR")]
+    pub dir: PathBuf,
+    /// The head.
+    #[command(flatten)]
+    pub head: HeadArgs,
+    /// Seed of everything that is random
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Frames of the weight clip
+    #[arg(long, value_name = "N", default_value_t = 300, value_parser = values::at_least_one)]
+    pub frames: usize,
+    /// Frames per second of the weight clip
+    #[arg(long, value_name = "F", default_value_t = 30.0, value_parser = values::fps)]
+    pub fps: f32,
+}
+
+/// Options of `info`.
+#[derive(Args, Clone, Debug)]
+pub struct InfoArgs {
+    /// What to read.
+    #[command(flatten)]
+    pub input: InputArgs,
+}
+
+/// Which mesh, and how much of it is kept.
+#[derive(Args, Clone, Debug)]
+pub struct InputArgs {
+    /// Folder with neutral.obj, targets/*.obj and, if any, weights/*.csv; without it, the built-in head
+    #[arg(value_name = "INPUT")]
+    pub input: Option<PathBuf>,
+    /// The built-in head.
+    #[command(flatten)]
+    pub head: HeadArgs,
+    /// Drop position deltas that are not longer than this fraction of the bounding-box diagonal
+    #[arg(long, value_name = "FRACTION", default_value_t = 1e-6, value_parser = values::tolerance)]
+    pub tolerance: f32,
+    /// Frames per second of weight clips [default: what the file name says ("…_24fps.csv"), else 30]
+    #[arg(long, value_name = "F", value_parser = values::fps)]
+    pub fps: Option<f32>,
+    /// Seed of everything that is random
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+}
+
+impl InputArgs {
+    /// The tolerance to keep deltas by. A tolerance of 0 keeps every delta, those of the normals too.
+    pub fn tolerance(&self) -> Tolerance {
+        if self.tolerance == 0.0 {
+            return Tolerance::ZERO;
+        }
+        Tolerance { position: self.tolerance, ..Tolerance::default() }
+    }
+
+    /// Frames per second of the clip at `path`.
+    pub fn fps_of(&self, path: &Path) -> f32 {
+        self.fps.or_else(|| values::fps_in_name(path)).unwrap_or(30.0)
+    }
+}
+
+/// Size of the built-in head.
+#[derive(Args, Clone, Debug, Default)]
+pub struct HeadArgs {
+    /// Built-in head: number of vertices [default: 43788]
+    #[arg(long, value_name = "N", value_parser = values::vertices)]
+    pub vertices: Option<usize>,
+    /// Built-in head: number of morph targets [default: 72]
+    #[arg(long, value_name = "N", value_parser = values::targets)]
+    pub targets: Option<usize>,
+    /// Built-in head: mean fraction of the vertices that a target moves, above 0, at most 1 [default: 0.12]
+    #[arg(long, value_name = "FRACTION", value_parser = values::sparsity)]
+    pub sparsity: Option<f32>,
+}
+
+impl HeadArgs {
+    /// What the built-in head is made from.
+    pub fn desc(&self, seed: u64) -> HeadDesc {
+        let d = HeadDesc::default();
+        HeadDesc {
+            vertices: self.vertices.unwrap_or(d.vertices),
+            targets: self.targets.unwrap_or(d.targets),
+            sparsity: self.sparsity.unwrap_or(d.sparsity),
+            seed,
+        }
+    }
+
+    /// The first of these options that was given: they mean nothing to a mesh read from a file.
+    pub fn given(&self) -> Option<&'static str> {
+        [
+            ("--vertices", self.vertices.is_some()),
+            ("--targets", self.targets.is_some()),
+            ("--sparsity", self.sparsity.is_some()),
+        ]
+        .into_iter()
+        .find_map(|(name, given)| given.then_some(name))
+    }
+}
+
+/// Options of the commands that update poses.
+#[derive(Args, Clone, Debug)]
+pub struct UpdateArgs {
+    /// Update paths, separated by commas [default: bench: all that the device can run; apply: cpu]
+    #[arg(long = "paths", visible_alias = "path", value_name = "PATH,…", value_delimiter = ',', value_enum)]
+    pub paths: Vec<PathChoice>,
+    /// Add what changed to the last pose, or rebuild from the base pose every frame
+    #[arg(long, value_enum, default_value_t = ModeChoice::Incremental)]
+    pub mode: ModeChoice,
+    /// Pose buffers per head; 2 keeps the previous pose for motion vectors
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = values::slots)]
+    pub slots: u32,
+    /// Delta formats, separated by commas
+    #[arg(
+        long = "formats",
+        visible_alias = "format",
+        value_name = "FORMAT,…",
+        value_delimiter = ',',
+        value_enum,
+        default_value = "float32"
+    )]
+    pub formats: Vec<FormatChoice>,
+    /// Threads of the cpu path and the importer [default: all]
+    #[arg(long, value_name = "N", value_parser = values::at_least_one)]
+    pub threads: Option<usize>,
+}
+
+/// Options of `bench`.
+#[derive(Args, Clone, Debug)]
+pub struct BenchArgs {
+    /// What to read.
+    #[command(flatten)]
+    pub input: InputArgs,
+    /// How to update.
+    #[command(flatten)]
+    pub update: UpdateArgs,
+    /// Targets per pass: numbers, ranges ("1..7", "1..max"), "max" (what the device allows), "all" (one pass)
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::batch, default_value = "1..max,all")]
+    pub batch_sizes: Vec<BatchSpec>,
+    /// Targets changed per frame, drawn afresh for every frame: numbers and "all"
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::changed, default_value = "all")]
+    pub changed: Vec<ChangedSpec>,
+    /// Replay this weight clip as a workload, next to the random one (repeatable)
+    #[arg(long, value_name = "CSV")]
+    pub weights: Vec<PathBuf>,
+    /// Numbers of heads, each with its own weights
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::heads, default_value = "1")]
+    pub heads: Vec<u32>,
+    /// Frames to time per configuration
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = values::at_least_one)]
+    pub frames: usize,
+    /// Frames to run before timing starts
+    #[arg(long, value_name = "N", default_value_t = 5)]
+    pub warmup: usize,
+    /// Folder for report.json, runs.csv, the plots and index.html
+    #[arg(long, value_name = "DIR", default_value = "bench-report")]
+    pub report: PathBuf,
+    /// Write no report folder
+    #[arg(long, conflicts_with = "report")]
+    pub no_report: bool,
+    /// Measure nothing: draw the report of an earlier report.json again
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["input", "weights", "no_report"])]
+    pub redraw: Option<PathBuf>,
+}
+
+/// Options of `apply`.
+#[derive(Args, Clone, Debug)]
+pub struct ApplyArgs {
+    /// What to read.
+    #[command(flatten)]
+    pub input: InputArgs,
+    /// How to update.
+    #[command(flatten)]
+    pub update: UpdateArgs,
+    /// Weight clip to take the weights from
+    #[arg(long, value_name = "CSV", requires = "frame")]
+    pub weights: Option<PathBuf>,
+    /// Frame of the weight clip, counted from 0
+    #[arg(long, value_name = "N", requires = "weights")]
+    pub frame: Option<usize>,
+    /// Step incrementally from this frame of the weight clip to --frame
+    #[arg(long, value_name = "M", requires = "weights")]
+    pub from_frame: Option<usize>,
+    /// Weights by name, on top of the clip's (repeatable)
+    #[arg(long, value_name = "NAME=WEIGHT,…", value_delimiter = ',', value_parser = values::setting)]
+    pub set: Vec<WeightSetting>,
+    /// Targets per pass: a number, "max" or "all" [default: the largest that the path allows]
+    #[arg(long, value_name = "N", value_parser = values::one_batch)]
+    pub batch_size: Option<BatchSpec>,
+    /// OBJ file to write
+    #[arg(short, long, value_name = "OUT.obj")]
+    pub output: PathBuf,
+}
+
+impl ApplyArgs {
+    /// The one update path to use.
+    ///
+    /// # Errors
+    /// Several were given.
+    pub fn path(&self) -> Result<PathChoice, String> {
+        match self.update.paths.as_slice() {
+            [] => Ok(PathChoice::Cpu),
+            [one] => Ok(*one),
+            _ => Err("--path: apply goes through one update path; name one of them".into()),
+        }
+    }
+
+    /// The one delta format to use.
+    ///
+    /// # Errors
+    /// Several were given.
+    pub fn format(&self) -> Result<FormatChoice, String> {
+        match self.update.formats.as_slice() {
+            [one] => Ok(*one),
+            _ => Err("--format: apply uses one delta format; name one of them".into()),
+        }
+    }
+
+    /// Complain about what clap cannot see.
+    ///
+    /// # Errors
+    /// Several paths or formats, or nothing to apply.
+    pub fn check(&self) -> Result<(), String> {
+        self.path()?;
+        self.format()?;
+        if self.weights.is_none() && self.set.is_empty() {
+            return Err("nothing to apply; give --weights CSV --frame N, or --set NAME=WEIGHT".into());
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+#[path = "args/tests.rs"]
+mod tests;

@@ -1,0 +1,308 @@
+//! Values of the command line: what they may be, and how they are spelled.
+
+use clap::ValueEnum;
+use deltamorph::mesh::packed::DeltaFormat;
+use std::path::Path;
+
+/// Largest built-in head. A number beyond it is a slip of the finger, and would take all memory.
+const MAX_VERTICES: usize = 100_000_000;
+/// Largest number of targets of the built-in head.
+const MAX_TARGETS: usize = 65_536;
+/// Largest number of slots: each is a whole pose per head.
+const MAX_SLOTS: u32 = 16;
+
+/// An update path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, ValueEnum)]
+pub enum PathChoice {
+    /// Vertex passes with transform feedback
+    Feedback,
+    /// Compute passes
+    Compute,
+    /// SIMD and threads, without Vulkan
+    Cpu,
+}
+
+impl PathChoice {
+    /// Its name on the command line and in reports.
+    #[expect(dead_code, reason = "for the sweep, which is to come")]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Feedback => "feedback",
+            Self::Compute => "compute",
+            Self::Cpu => "cpu",
+        }
+    }
+}
+
+/// What a frame starts from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, ValueEnum)]
+pub enum ModeChoice {
+    /// From the pose in the buffer, applying the changed targets
+    Incremental,
+    /// From the base pose, applying all active targets
+    Rebuild,
+}
+
+impl ModeChoice {
+    /// Its name on the command line and in reports.
+    #[expect(dead_code, reason = "for the sweep, which is to come")]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Incremental => "incremental",
+            Self::Rebuild => "rebuild",
+        }
+    }
+}
+
+/// How deltas are stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, ValueEnum)]
+pub enum FormatChoice {
+    /// Six floats per vertex and target
+    Float32,
+    /// Six 16-bit numbers per vertex and target, with a scale per target
+    Snorm16,
+}
+
+impl FormatChoice {
+    /// What the library calls it.
+    #[expect(dead_code, reason = "for the sweep, which is to come")]
+    pub fn delta_format(self) -> DeltaFormat {
+        match self {
+            Self::Float32 => DeltaFormat::Float32,
+            Self::Snorm16 => DeltaFormat::Snorm16,
+        }
+    }
+}
+
+/// Which Vulkan device.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum DeviceChoice {
+    /// Its place in the list of `devices`.
+    Index(usize),
+    /// A part of its name, in any case.
+    Name(String),
+}
+
+/// An entry of `--batch-sizes`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BatchSpec {
+    /// This many targets per pass.
+    Size(u32),
+    /// Every size from the first to the last, both included; `None` is the largest that the path allows.
+    Range(u32, Option<u32>),
+    /// The largest that the path allows.
+    Max,
+    /// Every target in one pass.
+    All,
+}
+
+/// An entry of `--changed`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ChangedSpec {
+    /// This many targets per frame.
+    Count(usize),
+    /// Every target.
+    All,
+}
+
+/// An entry of `--set`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WeightSetting {
+    /// The target.
+    pub name: String,
+    /// Its weight.
+    pub weight: f32,
+}
+
+/// A whole number within bounds, or a sentence that says which.
+fn whole<T>(s: &str, lo: T, hi: T) -> Result<T, String>
+where
+    T: std::str::FromStr + PartialOrd + std::fmt::Display,
+{
+    let complaint = || format!("give a whole number from {lo} to {hi}");
+    s.trim().parse().ok().filter(|v| (&lo..=&hi).contains(&v)).ok_or_else(complaint)
+}
+
+/// A finite number that `fits`, or a sentence that says what would.
+fn number(s: &str, fits: impl Fn(f32) -> bool, what: &str) -> Result<f32, String> {
+    let parsed = s.trim().parse::<f32>().ok().filter(|v| v.is_finite() && fits(*v));
+    parsed.ok_or_else(|| format!("give {what}"))
+}
+
+/// Parse `--device`.
+pub fn device(s: &str) -> Result<DeviceChoice, String> {
+    match s.trim() {
+        "" => Err("give an index or a part of the name, as `deltamorph devices` lists them".into()),
+        s => Ok(s.parse().map_or_else(|_| DeviceChoice::Name(s.into()), DeviceChoice::Index)),
+    }
+}
+
+/// Parse `--vertices`.
+pub fn vertices(s: &str) -> Result<usize, String> {
+    whole(s, 1, MAX_VERTICES)
+}
+
+/// Parse `--targets`.
+pub fn targets(s: &str) -> Result<usize, String> {
+    whole(s, 0, MAX_TARGETS)
+}
+
+/// Parse `--slots`.
+pub fn slots(s: &str) -> Result<u32, String> {
+    whole(s, 1, MAX_SLOTS)
+}
+
+/// Parse an entry of `--heads`.
+pub fn heads(s: &str) -> Result<u32, String> {
+    whole(s, 1, 1_000_000)
+}
+
+/// Parse a count that can't be 0.
+pub fn at_least_one(s: &str) -> Result<usize, String> {
+    whole(s, 1, 1_000_000_000)
+}
+
+/// Parse `--sparsity`.
+pub fn sparsity(s: &str) -> Result<f32, String> {
+    number(s, |v| v > 0.0 && v <= 1.0, "a fraction above 0 and at most 1")
+}
+
+/// Parse `--tolerance`.
+pub fn tolerance(s: &str) -> Result<f32, String> {
+    number(s, |v| v >= 0.0, "a fraction of the diagonal, 0 or more (0 keeps every delta)")
+}
+
+/// Parse `--fps`.
+pub fn fps(s: &str) -> Result<f32, String> {
+    number(s, |v| v > 0.0, "a number of frames per second above 0")
+}
+
+/// Parse an entry of `--batch-sizes`. Ranges include both ends: "1..7" are the seven sizes of the chapter.
+pub fn batch(s: &str) -> Result<BatchSpec, String> {
+    let size =
+        |s: &str| whole::<u32>(s, 1, 65_536).map_err(|e| format!("{e}, \"max\", \"all\" or a range as \"1..7\""));
+    match s.trim() {
+        "all" => Ok(BatchSpec::All),
+        "max" => Ok(BatchSpec::Max),
+        s => match s.split_once("..") {
+            None => size(s).map(BatchSpec::Size),
+            Some((lo, hi)) => {
+                let lo = size(lo)?;
+                match hi.strip_prefix('=').unwrap_or(hi).trim() {
+                    "max" => Ok(BatchSpec::Range(lo, None)),
+                    hi => match size(hi)? {
+                        hi if hi < lo => Err(format!("the range runs backwards; write {hi}..{lo}")),
+                        hi => Ok(BatchSpec::Range(lo, Some(hi))),
+                    },
+                }
+            }
+        },
+    }
+}
+
+/// Parse `--batch-size`: one size, no range.
+pub fn one_batch(s: &str) -> Result<BatchSpec, String> {
+    match batch(s)? {
+        BatchSpec::Range(..) => Err("give one size, not a range".into()),
+        one => Ok(one),
+    }
+}
+
+/// Parse an entry of `--changed`.
+pub fn changed(s: &str) -> Result<ChangedSpec, String> {
+    match s.trim() {
+        "all" => Ok(ChangedSpec::All),
+        s => whole(s, 0, MAX_TARGETS).map(ChangedSpec::Count).map_err(|e| format!("{e}, or \"all\"")),
+    }
+}
+
+/// Parse an entry of `--set`. The last "=" divides: names may have one.
+pub fn setting(s: &str) -> Result<WeightSetting, String> {
+    let (name, weight) = s.rsplit_once('=').ok_or("write NAME=WEIGHT, as in jawOpen=0.5")?;
+    if name.trim().is_empty() {
+        return Err("the name before \"=\" is missing; write NAME=WEIGHT, as in jawOpen=0.5".into());
+    }
+    let weight = number(weight, |_| true, "a finite weight after \"=\", as in jawOpen=0.5")?;
+    Ok(WeightSetting { name: name.trim().into(), weight })
+}
+
+/// Frames per second as a clip's file name states them: "speech_30fps.csv".
+pub fn fps_in_name(path: &Path) -> Option<f32> {
+    let stem = path.file_stem()?.to_str()?;
+    let head = &stem[..stem.to_ascii_lowercase().rfind("fps")?];
+    let digits = head.len() - head.trim_end_matches(|c: char| c.is_ascii_digit() || c == '.').len();
+    fps(&head[head.len() - digits..]).ok()
+}
+
+/// Batch size of one configuration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum BatchSize {
+    /// This many targets per pass.
+    Targets(u32),
+    /// Every target in one pass.
+    All,
+}
+
+impl std::fmt::Display for BatchSize {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Targets(n) => n.fmt(f),
+            Self::All => "all".fmt(f),
+        }
+    }
+}
+
+/// What an update path can batch on a device.
+#[derive(Clone, Copy, Debug)]
+pub struct BatchLimit {
+    /// Largest number of targets per pass; 0: the path has no batches.
+    pub max: u32,
+    /// Can take every target in one pass.
+    pub all: bool,
+}
+
+/// The batch sizes that `specs` ask for and `limit` allows, ascending, without repeats; and those that it
+/// does not allow. A path without batches runs once, as "all", whatever sizes are asked for.
+#[cfg_attr(not(test), expect(dead_code, reason = "for the sweep, which is to come"))]
+pub fn expand_batches(specs: &[BatchSpec], limit: BatchLimit) -> (Vec<BatchSize>, Vec<BatchSize>) {
+    if limit.max == 0 {
+        return (vec![BatchSize::All], Vec::new());
+    }
+    let mut sizes: Vec<BatchSize> = specs
+        .iter()
+        .flat_map(|&spec| match spec {
+            BatchSpec::Size(n) => n..=n,
+            BatchSpec::Range(lo, hi) => lo..=hi.unwrap_or(limit.max),
+            BatchSpec::Max => limit.max..=limit.max,
+            BatchSpec::All => 0..=0,
+        })
+        .map(|n| if n == 0 { BatchSize::All } else { BatchSize::Targets(n) })
+        .collect();
+    sizes.sort_unstable();
+    sizes.dedup();
+    sizes.into_iter().partition(|s| match s {
+        BatchSize::Targets(n) => *n <= limit.max,
+        BatchSize::All => limit.all,
+    })
+}
+
+/// The numbers of changed targets that `specs` ask for on a mesh with `targets`, ascending, without repeats.
+///
+/// # Errors
+/// More than there are.
+#[cfg_attr(not(test), expect(dead_code, reason = "for the sweep, which is to come"))]
+pub fn expand_changed(specs: &[ChangedSpec], targets: usize) -> Result<Vec<usize>, String> {
+    let mut counts = Vec::new();
+    for &spec in specs {
+        counts.push(match spec {
+            ChangedSpec::All => targets,
+            ChangedSpec::Count(n) if n <= targets => n,
+            ChangedSpec::Count(n) => {
+                return Err(format!("--changed {n}: the mesh has {targets} targets; give at most that, or \"all\""));
+            }
+        });
+    }
+    counts.sort_unstable();
+    counts.dedup();
+    Ok(counts)
+}

@@ -1,0 +1,122 @@
+//! The sentences that sum a report up, with numbers from its runs.
+
+use super::plots::family::Family;
+use super::plots::select::{batch_words, fastest, median, relative};
+use super::record::{Report, RunRecord};
+use crate::args::values::BatchSize;
+use crate::table::{percent, sig3, thousands};
+
+/// The most telling numbers, the first of which is the heading.
+pub fn sentences(report: &Report) -> Vec<String> {
+    let runs: Vec<&RunRecord> =
+        report.runs.iter().filter(|r| r.verified && r.time().is_some_and(|t| t.median > 0.0)).collect();
+    let wrong = report.runs.iter().filter(|r| !r.verified).count();
+    let mut out: Vec<String> = [batching(&runs), best(&runs), changed(&runs)].into_iter().flatten().collect();
+    if out.is_empty() {
+        out.push(format!("{} configurations, none of them timed", report.runs.len()));
+    }
+    if wrong > 0 {
+        out.push(format!("{wrong} of {} configurations gave a wrong result and were not timed.", report.runs.len()));
+    } else if !report.runs.is_empty() {
+        let worst = report.runs.iter().filter_map(|r| r.max_error_rel).fold(0.0, f64::max);
+        out.push(format!(
+            "All {} configurations match the float64 reference; the largest error is {} of the diagonal.",
+            thousands(report.runs.len()),
+            sig3(worst)
+        ));
+    }
+    out
+}
+
+/// Runs that differ from `run` in the batch size only.
+fn siblings<'a>(runs: &[&'a RunRecord], run: &RunRecord) -> Vec<&'a RunRecord> {
+    let key = |r: &RunRecord| (Family::of(r), r.workload.clone(), r.heads, r.changed.to_bits());
+    runs.iter().filter(|r| key(r) == key(run)).copied().collect()
+}
+
+/// What batching gains where it gains most.
+fn batching(runs: &[&RunRecord]) -> Option<String> {
+    let most = runs.iter().map(|r| r.changed).fold(0.0, f64::max);
+    let numbered = runs.iter().filter(|r| r.changed == most && matches!(r.batch_size, BatchSize::Targets(_)));
+    let gains = numbered.filter_map(|r| relative(r, &siblings(runs, r)).map(|(gain, _)| (gain, *r)));
+    let (gain, run) = gains.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(gain, _)| *gain > 1.0)?;
+    Some(format!(
+        "{} is {gain:.1}× as fast as batch 1 on {} ({})",
+        capital(&batch_words(run.batch_size)),
+        run.path,
+        run.format
+    ))
+}
+
+/// The fastest configuration of the hardest work.
+fn best(runs: &[&RunRecord]) -> Option<String> {
+    let most = runs.iter().map(|r| r.changed).fold(0.0, f64::max);
+    let one = runs.iter().filter(|r| r.changed == most && r.heads == runs[0].heads && r.workload == runs[0].workload);
+    let run = fastest(one.copied())?;
+    let floor = match run.floor_fraction {
+        // The floor is measured with a copy in memory; what stays in a cache can beat it.
+        Some(share) if share > 1.0 => ", faster than a plain copy of as many bytes".into(),
+        Some(share) => format!(", {} of what memory bandwidth allows", percent(share)),
+        None => String::new(),
+    };
+    Some(format!(
+        "With {} targets changed per frame the fastest is {} {}, {}: {} ms per frame{floor}.",
+        sig3(run.changed).trim_end_matches(".0"),
+        run.path,
+        run.format,
+        batch_words(run.batch_size),
+        sig3(median(run)),
+    ))
+}
+
+/// What changing fewer targets saves.
+fn changed(runs: &[&RunRecord]) -> Option<String> {
+    let random: Vec<&RunRecord> = runs.iter().filter(|r| r.workload == "random").copied().collect();
+    let (least, most) =
+        random.iter().fold((f64::INFINITY, 0.0f64), |(lo, hi), r| (lo.min(r.changed), hi.max(r.changed)));
+    let at = |n: f64| fastest(random.iter().filter(|r| r.changed == n && r.heads == random[0].heads).copied());
+    let (few, all) = (at(least)?, at(most)?);
+    (least < most).then(|| {
+        format!(
+            "Changing {least:.0} targets in place of {most:.0} takes {} ms in place of {} ms ({:.1}× less).",
+            sig3(median(few)),
+            sig3(median(all)),
+            median(all) / median(few)
+        )
+    })
+}
+
+fn capital(text: &str) -> String {
+    let mut chars = text.chars();
+    chars.next().map(|c| c.to_uppercase().chain(chars).collect()).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::synthetic;
+
+    #[test]
+    fn numbers_come_from_the_runs() {
+        let report = synthetic::report();
+        let all = sentences(&report);
+        assert!(
+            all[0].starts_with("Batch 16 is 7.7× as fast") && all[0].ends_with("on feedback (snorm16)"),
+            "{}",
+            all[0]
+        );
+        assert!(all[1].contains("72 targets") && all[1].contains("compute snorm16, one pass"), "{}", all[1]);
+        assert!(all[2].starts_with("Changing 4 targets in place of 72"), "{}", all[2]);
+        assert!(all[3].starts_with("2 of "), "{}", all[3]);
+    }
+
+    #[test]
+    fn little_data_makes_few_sentences() {
+        let mut report = synthetic::report();
+        report.runs.retain(|r| r.path == "cpu" && r.changed == 72.0);
+        let all = sentences(&report);
+        assert!(all[0].contains("the fastest is cpu") && all[1].contains("match the float64 reference"), "{all:?}");
+        report.runs.clear();
+        assert_eq!(sentences(&report), ["0 configurations, none of them timed"]);
+    }
+}

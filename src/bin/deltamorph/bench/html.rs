@@ -1,0 +1,226 @@
+//! index.html: one page that needs nothing but itself.
+
+use super::headline::sentences;
+use super::plots::Figure;
+use super::plots::select::median;
+use super::record::{Report, RunRecord};
+use crate::table::{bytes, percent, sig3, thousands};
+use std::fmt::Write;
+
+const STYLE: &str = include_str!("report.css");
+
+/// The page. Figures come with their SVG.
+pub fn page(report: &Report, figures: &[(Figure, String)]) -> String {
+    let headline = sentences(report);
+    let (title, rest) = headline.split_first().map_or(("", &[][..]), |(t, r)| (t.trim_end_matches('.'), r));
+    let mut body = String::new();
+    let mut add = |html: String| {
+        body.push_str(&html);
+        body.push('\n');
+    };
+    add(format!(
+        "<header><p class=\"kicker\">deltamorph bench · {} · {}</p><h1>{}</h1>",
+        escape(&report.input.name),
+        escape(&day(&report.created)),
+        escape(title)
+    ));
+    add(rest.iter().map(|s| format!("<p class=\"lead\">{}</p>", escape(s))).collect());
+    add("</header>".into());
+    if report.device.is_software() {
+        add("<p class=\"warning\">This ran on a software driver: the processor played the GPU. Compare the \
+             configurations with each other; the times say little about any GPU.</p>"
+            .into());
+    }
+    add(facts(report));
+    add("<section class=\"figures\">".into());
+    for (figure, svg) in figures {
+        add(format!(
+            "<figure id=\"{slug}\"><div class=\"plot\" role=\"img\" aria-label=\"{title}\">{svg}</div>\
+             <figcaption>{caption} <a href=\"{slug}.png\">PNG</a> <a href=\"{slug}.svg\">SVG</a></figcaption></figure>",
+            slug = figure.slug,
+            title = escape(figure.title()),
+            svg = inline(svg),
+            caption = escape(&figure.caption),
+        ));
+    }
+    add("</section>".into());
+    add(table(report));
+    add(format!(
+        "<section><h2>Measure it again</h2><pre><code>{}</code></pre><p class=\"note\">All numbers: \
+         <a href=\"report.json\">report.json</a>, <a href=\"runs.csv\">runs.csv</a>. deltamorph {}, {}.</p></section>",
+        escape(&report.command),
+        escape(&report.version),
+        escape(&report.created),
+    ));
+    format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n<title>{} · deltamorph bench</title>\n\
+         <style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n{body}</main>\n</body>\n</html>\n",
+        escape(&report.input.name)
+    )
+}
+
+/// The facts that the numbers depend on, as cards.
+fn facts(report: &Report) -> String {
+    let (d, i, b) = (&report.device, &report.input, &report.bandwidth);
+    let rate = |v: Option<f64>| v.map_or("not measured".to_owned(), |v| format!("{} GB/s", sig3(v)));
+    let driver = [d.driver.as_str(), d.driver_info.as_str()].join(" ");
+    let api = if d.api_version.is_empty() { String::new() } else { format!("Vulkan {}", d.api_version) };
+    let cards = [
+        ("Device", d.name.clone(), vec![format!("{} {}", driver.trim(), api), kind(&d.kind).to_owned()]),
+        ("Processor", d.cpu.clone(), vec![format!("{} threads", d.threads)]),
+        (
+            "Mesh",
+            format!("{} vertices × {} targets", thousands(i.vertices), i.targets),
+            vec![
+                format!("{} triangles, {}", thousands(i.triangles), i.origin),
+                format!("a target moves {} of the vertices", percent(i.moved_mean)),
+            ],
+        ),
+        (
+            "Memory bandwidth",
+            format!("{} copy on the device", rate(b.device_copy_gb_s)),
+            vec![
+                format!("device read {}", rate(b.device_read_gb_s)),
+                format!("processor copy {}, read {}", rate(b.cpu_copy_gb_s), rate(b.cpu_read_gb_s)),
+            ],
+        ),
+    ];
+    let card = |(label, value, notes): &(&str, String, Vec<String>)| {
+        let notes: String = notes.iter().map(|n| format!("<p>{}</p>", escape(n.trim()))).collect();
+        format!("<div class=\"card\"><h3>{label}</h3><p class=\"value\">{}</p>{notes}</div>", escape(value))
+    };
+    format!("<section class=\"cards\">{}</section>", cards.iter().map(card).collect::<String>())
+}
+
+fn kind(kind: &str) -> &str {
+    match kind {
+        "cpu" => "software driver",
+        "discrete" => "discrete GPU",
+        "integrated" => "integrated GPU",
+        "virtual" => "virtual GPU",
+        "none" => "no Vulkan device used",
+        other => other,
+    }
+}
+
+fn table(report: &Report) -> String {
+    let mut out = String::from("<section><h2>All configurations</h2><div class=\"scroll\"><table><thead><tr>");
+    for heading in [
+        "path",
+        "format",
+        "mode",
+        "workload",
+        "heads",
+        "changed",
+        "batch",
+        "passes",
+        "ms per frame",
+        "round trip ms",
+        "bytes",
+        "of the floor",
+        "error / diagonal",
+        "result",
+    ] {
+        let _ = write!(out, "<th>{heading}</th>");
+    }
+    out.push_str("</tr></thead><tbody>\n");
+    // The fastest of each kind of work is worth finding at a glance.
+    let work = |r: &RunRecord| (r.workload.clone(), r.heads, r.changed.to_bits());
+    let timed = |r: &RunRecord| r.verified && r.time().is_some();
+    for run in &report.runs {
+        let rivals = report.runs.iter().filter(|r| work(r) == work(run) && timed(r));
+        let best = timed(run) && rivals.map(median).fold(f64::INFINITY, f64::min) >= median(run);
+        out.push_str(&row(run, best));
+    }
+    out.push_str("</tbody></table></div>");
+    if !report.skipped.is_empty() {
+        out.push_str("<h3>Not run</h3><ul>");
+        for s in &report.skipped {
+            let _ = write!(out, "<li><b>{}</b>: {}</li>", escape(&s.what), escape(&s.reason));
+        }
+        out.push_str("</ul>");
+    }
+    out.push_str("</section>");
+    out
+}
+
+fn row(run: &RunRecord, best: bool) -> String {
+    let number = |v: Option<f64>| v.map_or("–".to_owned(), sig3);
+    let time = run.time();
+    let count = |v: f64| if v.fract() == 0.0 { format!("{v:.0}") } else { sig3(v) };
+    let class = match (run.verified, best) {
+        (false, _) => " class=\"wrong\"",
+        (true, true) => " class=\"best\"",
+        _ => "",
+    };
+    let mut cells = vec![escape(&run.path), escape(&run.format), escape(&run.mode), escape(&run.workload)];
+    cells.extend([
+        run.heads.to_string(),
+        count(run.changed),
+        run.batch_size.to_string(),
+        count(run.passes),
+        time.map_or("–".to_owned(), |t| format!("{} <small>± {}</small>", sig3(t.median), sig3(t.stderr))),
+        number(run.cpu_ms.map(|t| t.median)),
+        bytes(run.bytes_moved),
+        run.floor_fraction.map_or("–".to_owned(), percent),
+        number(run.max_error_rel),
+        if run.verified { "<span class=\"ok\">right</span>" } else { "<span class=\"bad\">wrong</span>" }.to_owned(),
+    ]);
+    let columns = cells.len();
+    let cells: String = cells.iter().map(|c| format!("<td>{c}</td>")).collect();
+    // The reason has a row of its own: in a column it would widen the table beyond the page.
+    let reason = run
+        .problem
+        .as_deref()
+        .map_or(String::new(), |p| format!("<tr class=\"reason\"><td colspan=\"{columns}\">{}</td></tr>\n", escape(p)));
+    format!("<tr{class}>{cells}</tr>\n{reason}")
+}
+
+/// The date of a time stamp.
+fn day(created: &str) -> String {
+    created.split('T').next().unwrap_or_default().to_owned()
+}
+
+/// An SVG file as a part of a page: it takes the width that there is.
+fn inline(svg: &str) -> String {
+    let start = svg.find("<svg").unwrap_or(0);
+    svg[start..].trim_end().to_owned()
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::plots::select::figures;
+    use crate::bench::synthetic;
+
+    #[test]
+    fn the_page_needs_nothing_else() {
+        let report = synthetic::report();
+        let drawn: Vec<_> = figures(&report)
+            .into_iter()
+            .map(|f| {
+                let svg = f.svg().expect("drawn");
+                (f, svg)
+            })
+            .collect();
+        let page = page(&report, &drawn);
+        assert_eq!(page.matches("<svg").count(), drawn.len());
+        for outside in ["<script", "<link", "@import", "src=", "url("] {
+            assert!(!page.contains(outside), "{outside}");
+        }
+        assert_eq!(page.matches("<tr class=\"wrong\"").count(), 2);
+        assert!(page.contains("class=\"best\"") && page.contains("prefers-color-scheme"));
+        assert!(page.contains("Example GPU &lt;1&gt;") && !page.contains("Example GPU <1>"));
+        assert!(page.contains(&escape(&report.command)));
+        for tag in ["section", "figure", "table", "tr", "td", "div", "main"] {
+            let opened = page.matches(&format!("<{tag}>")).count() + page.matches(&format!("<{tag} ")).count();
+            assert_eq!(opened, page.matches(&format!("</{tag}>")).count(), "{tag}");
+        }
+    }
+}

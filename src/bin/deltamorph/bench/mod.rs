@@ -1,0 +1,127 @@
+//! `bench`: the time per frame of the update paths, verified, with a report.
+//!
+//! The sweep that runs configurations makes a [`Report`]; [`finish`] prints it, writes it and decides whether
+//! the command succeeded. Everything here works without a GPU.
+
+pub mod headline;
+pub mod html;
+pub mod plots;
+pub mod record;
+pub mod report;
+pub mod stamp;
+pub mod stats;
+#[cfg(test)]
+pub mod synthetic;
+
+use crate::args::BenchArgs;
+use crate::output::{Failure, Output};
+use crate::table::{Table, bytes, percent, sig3};
+use record::{Report, RunRecord};
+
+/// Run the command.
+///
+/// # Errors
+/// Nothing can run, a configuration is wrong, or the report cannot be written.
+pub fn run(args: &BenchArgs, out: &Output) -> Result<(), Failure> {
+    match &args.redraw {
+        Some(path) => finish(&report::read(path)?, args, out),
+        None => Err(Failure::missing("bench")),
+    }
+}
+
+/// Print the result, write the JSON and the report folder.
+///
+/// # Errors
+/// A configuration is wrong, none ran, or a file cannot be written. Everything is written first.
+pub fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Failure> {
+    out.say(text(&report.runs));
+    for skipped in &report.skipped {
+        out.note(format_args!("{}: {}", skipped.what, skipped.reason));
+    }
+    if !report.runs.is_empty() {
+        out.say(format_args!("\n{}", headline::sentences(report).join("\n")));
+    }
+    out.json(report)?;
+    if !args.no_report {
+        let spinner = out.spinner("drawing the report");
+        let written = report::write(report, &args.report);
+        spinner.finish_and_clear();
+        written?;
+        out.say(format_args!("report: {}", args.report.join("index.html").display()));
+    }
+    verdict(&report.runs)
+}
+
+/// Whether the runs are a success.
+fn verdict(runs: &[RunRecord]) -> Result<(), Failure> {
+    let wrong: Vec<&RunRecord> = runs.iter().filter(|r| !r.verified).collect();
+    match wrong.first() {
+        _ if runs.is_empty() => {
+            Err(Failure::Failed("no configuration could run; `deltamorph devices` says what each device can do".into()))
+        }
+        None => Ok(()),
+        Some(first) => Err(Failure::Failed(format!(
+            "{} of {} configurations are wrong, the first: {} {} batch {}, {} changed: {}; the report marks them",
+            wrong.len(),
+            runs.len(),
+            first.path,
+            first.format,
+            first.batch_size,
+            if first.changed.fract() == 0.0 { first.changed.to_string() } else { sig3(first.changed) },
+            first.problem.as_deref().unwrap_or("no reason given")
+        ))),
+    }
+}
+
+/// The table for people.
+fn text(runs: &[RunRecord]) -> String {
+    let headings = [
+        "path", "format", "mode", "workload", "heads", "changed", "batch", "passes", "ms/frame", "±", "moved",
+        "of floor", "error",
+    ];
+    let mut table = Table::new(&headings, 4);
+    for run in runs {
+        let time = run.time();
+        let number = |v: Option<f64>| v.map_or("–".to_owned(), sig3);
+        let count = |v: f64| if v.fract() == 0.0 { format!("{v:.0}") } else { sig3(v) };
+        table.row([
+            run.path.clone(),
+            run.format.clone(),
+            run.mode.clone(),
+            run.workload.clone(),
+            run.heads.to_string(),
+            count(run.changed),
+            run.batch_size.to_string(),
+            count(run.passes),
+            if run.verified { number(time.map(|t| t.median)) } else { "WRONG".into() },
+            number(time.map(|t| t.stderr)),
+            bytes(run.bytes_moved),
+            run.floor_fraction.map_or("–".to_owned(), percent),
+            number(run.max_error_rel),
+        ]);
+    }
+    table.to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wrong_runs_fail_the_command() {
+        let mut report = synthetic::report();
+        let message = verdict(&report.runs).expect_err("two are wrong").to_string();
+        assert!(message.starts_with("2 of ") && message.contains("feedback float32 batch 8"), "{message}");
+        report.runs.retain(|r| r.verified);
+        assert!(verdict(&report.runs).is_ok());
+        assert!(verdict(&[]).is_err());
+    }
+
+    #[test]
+    fn the_table_has_a_line_per_run() {
+        let report = synthetic::report();
+        let text = text(&report.runs);
+        assert_eq!(text.lines().count(), report.runs.len() + 1);
+        assert_eq!(text.matches("WRONG").count(), 2);
+    }
+}

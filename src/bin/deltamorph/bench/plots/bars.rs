@@ -1,0 +1,84 @@
+//! Bar charts of shares.
+
+use super::canvas::{AXIS, Align, Canvas, Drawn, GRID, INK, MUTED, PAPER, Type, WIDTH};
+use crate::table::percent;
+use plotters::prelude::{DrawingBackend, RGBColor};
+
+const ROW: f64 = 34.0;
+const TOP: f64 = 94.0;
+
+/// A bar.
+#[derive(Clone, Debug)]
+pub struct Bar {
+    /// Its name.
+    pub label: String,
+    /// What is written behind it.
+    pub remark: String,
+    /// Its length, where 1 is the whole width.
+    pub share: f64,
+    /// Its colour.
+    pub color: RGBColor,
+}
+
+/// Horizontal bars from 0 to 100 %.
+#[derive(Clone, Debug)]
+pub struct BarChart {
+    /// The heading.
+    pub title: String,
+    /// The lines below it.
+    pub subtitle: [String; 2],
+    /// The bars, from the top.
+    pub bars: Vec<Bar>,
+}
+
+impl BarChart {
+    /// Height of the figure, in points.
+    pub fn height(&self) -> f64 {
+        TOP + ROW * self.bars.len() as f64 + 42.0
+    }
+
+    /// Draw the chart.
+    ///
+    /// # Errors
+    /// The surface refuses.
+    pub fn draw<DB: DrawingBackend>(&self, canvas: &Canvas<'_, DB>) -> Drawn {
+        let left_aligned = |size, color| Type { size, color, align: Align::Left };
+        canvas.fill(PAPER)?;
+        canvas.heading(&self.title, &self.subtitle)?;
+
+        let (mut labels, mut remarks) = (0.0f64, 0.0f64);
+        for bar in &self.bars {
+            labels = labels.max(canvas.text_width(&bar.label, 12.5)?);
+            remarks = remarks.max(canvas.text_width(&bar.remark, 12.0)?);
+        }
+        // A path can beat a floor measured with a copy: the axis grows with it.
+        let longest = self.bars.iter().map(|b| b.share).fold(1.0, f64::max);
+        let (left, right) = (24.0 + labels + 12.0, WIDTH - 24.0 - remarks - 10.0);
+        let x = |share: f64| left + (right - left) * share / longest;
+        let bottom = TOP + ROW * self.bars.len() as f64;
+        for i in 0..=4 {
+            let share = f64::from(i) / 4.0;
+            canvas.line(&[(x(share), TOP - 4.0), (x(share), bottom)], if i == 4 { AXIS } else { GRID }, 1.0)?;
+            let label = Type { size: 12.0, color: MUTED, align: Align::Center };
+            canvas.text(&format!("{:.0} %", share * 100.0), (x(share), bottom + 16.0), label)?;
+        }
+        for (i, bar) in self.bars.iter().enumerate() {
+            let y = TOP + ROW * (i as f64 + 0.5);
+            let label = Type { size: 12.5, color: INK, align: Align::Right };
+            canvas.text(&bar.label, (left - 12.0, y), label)?;
+            canvas.rect((left, y - 10.0), (x(bar.share).max(left + 1.0), y + 10.0), bar.color)?;
+            let at = (x(bar.share) + 8.0, y);
+            // The remark stands right behind its bar, on paper, so that the grid does not cross it.
+            let width = canvas.text_width(&bar.remark, 12.0)?;
+            canvas.rect((at.0 - 3.0, y - 8.0), (at.0 + width, y + 8.0), PAPER)?;
+            canvas.text(&bar.remark, at, left_aligned(12.0, MUTED))?;
+        }
+        canvas.line(&[(left, TOP - 4.0), (left, bottom)], AXIS, 1.0)
+    }
+}
+
+/// The remark behind a bar: its share and what it took.
+pub fn remark(share: f64, ms: f64, batch: Option<&str>) -> String {
+    let batch = batch.map(|b| format!(" · {b}")).unwrap_or_default();
+    format!("{} · {} ms{batch}", percent(share), crate::table::sig3(ms))
+}

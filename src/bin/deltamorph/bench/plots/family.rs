@@ -1,0 +1,102 @@
+//! Families of configurations, and how they look in every figure.
+
+use super::canvas::Marker;
+use crate::bench::record::RunRecord;
+use plotters::prelude::RGBColor;
+
+/// A family of configurations that differ in what an axis shows only.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Family {
+    /// Update path.
+    pub path: String,
+    /// Delta format.
+    pub format: String,
+    /// Mode.
+    pub mode: String,
+    /// Accumulator.
+    pub accumulate: String,
+    /// Pose buffers.
+    pub slots: u32,
+    /// One animation for all heads.
+    pub shared: bool,
+}
+
+impl Family {
+    /// The family of a run.
+    pub fn of(run: &RunRecord) -> Self {
+        Self {
+            path: run.path.clone(),
+            format: run.format.clone(),
+            mode: run.mode.clone(),
+            accumulate: run.accumulate.clone(),
+            slots: run.slots,
+            shared: run.shared,
+        }
+    }
+
+    /// Its name: path and format, and what else the report varies.
+    pub fn label(&self, all: &[Family]) -> String {
+        let varies = |f: fn(&Family) -> &dyn std::fmt::Debug| {
+            all.iter().any(|other| format!("{:?}", f(other)) != format!("{:?}", f(self)))
+        };
+        let mut label = format!("{} {}", self.path, self.format);
+        if varies(|f| &f.mode) {
+            label += &format!(" {}", self.mode);
+        }
+        if varies(|f| &f.accumulate) {
+            label += &format!(" {}", self.accumulate);
+        }
+        if varies(|f| &f.slots) {
+            label += &format!(" {} slots", self.slots);
+        }
+        if self.shared {
+            label += " shared";
+        }
+        label
+    }
+}
+
+/// Colours by path, dark and light by format: told apart by people who see few colours, too (Okabe and Ito).
+const COLORS: [(&str, [RGBColor; 2]); 3] = [
+    ("feedback", [RGBColor(0x00, 0x5f, 0x9e), RGBColor(0x56, 0xb4, 0xe9)]),
+    ("compute", [RGBColor(0xc4, 0x4e, 0x00), RGBColor(0xe6, 0x9f, 0x00)]),
+    ("cpu", [RGBColor(0x00, 0x7a, 0x5a), RGBColor(0x5f, 0xc8, 0xa4)]),
+];
+/// For paths without a colour of their own.
+const MORE_COLORS: [[RGBColor; 2]; 3] = [
+    [RGBColor(0xa8, 0x4b, 0x86), RGBColor(0xdd, 0x9c, 0xc4)],
+    [RGBColor(0x5b, 0x4b, 0xb0), RGBColor(0xa9, 0x9f, 0xe0)],
+    [RGBColor(0x4a, 0x4f, 0x59), RGBColor(0xa0, 0xa6, 0xb1)],
+];
+const MARKERS: [Marker; 4] = [Marker::Circle, Marker::Triangle, Marker::Square, Marker::Diamond];
+
+/// Position of each different value of `key` among those of `families`.
+fn rank<T: Ord + Clone>(families: &[Family], key: impl Fn(&Family) -> T, of: &Family) -> usize {
+    let mut seen: Vec<T> = families.iter().map(&key).collect();
+    seen.sort();
+    seen.dedup();
+    seen.binary_search(&key(of)).unwrap_or(0)
+}
+
+/// Colour and marker of `family` among `all`.
+pub fn look(family: &Family, all: &[Family]) -> (RGBColor, Marker) {
+    let own = COLORS.iter().find(|(path, _)| *path == family.path).map(|(_, pair)| *pair);
+    let unnamed: Vec<Family> = all.iter().filter(|f| COLORS.iter().all(|(p, _)| *p != f.path)).cloned().collect();
+    let pair = own.unwrap_or_else(|| MORE_COLORS[rank(&unnamed, |f| f.path.clone(), family) % MORE_COLORS.len()]);
+    let format = rank(all, |f| f.format.clone(), family);
+    let variant = rank(all, |f| (f.mode.clone(), f.accumulate.clone(), f.slots, f.shared), family);
+    (pair[format % 2], MARKERS[(format + 2 * variant) % MARKERS.len()])
+}
+
+/// The families in `runs`: those of one path together, otherwise in the order they ran.
+pub fn families(runs: &[&RunRecord]) -> Vec<Family> {
+    let mut all: Vec<Family> = Vec::new();
+    for family in runs.iter().map(|r| Family::of(r)) {
+        if !all.contains(&family) {
+            all.push(family);
+        }
+    }
+    let seen = all.clone();
+    all.sort_by_key(|f| seen.iter().position(|s| s.path == f.path));
+    all
+}

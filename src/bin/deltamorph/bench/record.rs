@@ -1,0 +1,258 @@
+//! The JSON of `bench`. Fields may be added, never renamed.
+
+use super::stats::Stats;
+use crate::args::values::BatchSize;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+/// What one call of `bench` measured.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Report {
+    /// Version of these structs.
+    pub schema: u32,
+    /// Version of the program.
+    pub version: String,
+    /// When it ran, in UTC: 2026-01-31T12:00:00Z.
+    pub created: String,
+    /// The command line that measures the same again.
+    pub command: String,
+    /// Where it ran.
+    pub device: DeviceInfo,
+    /// What was morphed.
+    pub input: InputInfo,
+    /// What memory can do: the floor under every time.
+    pub bandwidth: Bandwidth,
+    /// The configurations, in the order they ran.
+    pub runs: Vec<RunRecord>,
+    /// Update paths and batch sizes that were asked for and could not run.
+    #[serde(default)]
+    pub skipped: Vec<Skipped>,
+}
+
+/// The device.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct DeviceInfo {
+    /// The Vulkan device's name; "none" when only the cpu path ran.
+    pub name: String,
+    /// "discrete", "integrated", "virtual", "cpu" (a software driver) or "none".
+    pub kind: String,
+    /// The driver's name.
+    pub driver: String,
+    /// What the driver says about its version.
+    pub driver_info: String,
+    /// Vulkan version of the device.
+    pub api_version: String,
+    /// Its place in the list of `devices`.
+    pub index: Option<usize>,
+    /// The processor.
+    pub cpu: String,
+    /// Threads that the cpu path used.
+    pub threads: usize,
+}
+
+impl DeviceInfo {
+    /// A software driver: its times say little about any GPU.
+    pub fn is_software(&self) -> bool {
+        self.kind == "cpu"
+    }
+}
+
+/// The mesh.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct InputInfo {
+    /// Its name.
+    pub name: String,
+    /// Where it came from: a folder, or "built-in head".
+    pub origin: String,
+    /// Number of vertices.
+    pub vertices: usize,
+    /// Number of targets.
+    pub targets: usize,
+    /// Number of triangles.
+    pub triangles: usize,
+    /// Length of the bounding-box diagonal, in input units.
+    pub diagonal: f32,
+    /// Position deltas up to this fraction of the diagonal were dropped.
+    pub tolerance: f32,
+    /// Mean fraction of the vertices that a target moves.
+    pub moved_mean: f64,
+}
+
+/// Measured memory bandwidth, in 10⁹ bytes per second, reads and writes counted.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct Bandwidth {
+    /// The processor reading.
+    pub cpu_read_gb_s: Option<f64>,
+    /// The processor copying.
+    pub cpu_copy_gb_s: Option<f64>,
+    /// The device copying a buffer.
+    pub device_copy_gb_s: Option<f64>,
+    /// A compute pass reading a buffer.
+    pub device_read_gb_s: Option<f64>,
+}
+
+/// One configuration and what it took.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct RunRecord {
+    /// Update path.
+    pub path: String,
+    /// "incremental" or "rebuild".
+    pub mode: String,
+    /// Targets per pass: a number, or "all".
+    #[serde(serialize_with = "write_batch", deserialize_with = "read_batch")]
+    pub batch_size: BatchSize,
+    /// The largest batch that this path and format allow on this device.
+    pub batch_max: Option<u32>,
+    /// "random", or the clip that was replayed.
+    pub workload: String,
+    /// Targets whose weight changed per frame (a mean, for clips).
+    #[serde(serialize_with = "whole")]
+    pub changed: f64,
+    /// Coefficients applied to the slot per frame: with two slots, the union of two frames.
+    #[serde(serialize_with = "whole")]
+    pub coefficients: f64,
+    /// Targets with a weight other than 0 per frame.
+    #[serde(serialize_with = "whole")]
+    pub active: f64,
+    /// Number of heads.
+    pub heads: u32,
+    /// One animation, drawn many times.
+    pub shared: bool,
+    /// "float" or "exact".
+    pub accumulate: String,
+    /// Delta format.
+    pub format: String,
+    /// Pose buffers per head.
+    pub slots: u32,
+    /// Passes per frame.
+    #[serde(serialize_with = "whole")]
+    pub passes: f64,
+    /// Bytes that the kernels load and store per frame.
+    #[serde(serialize_with = "whole")]
+    pub bytes_moved: f64,
+    /// Bytes that any method has to move: each delta of a changed target once, the pose in and out once.
+    #[serde(serialize_with = "whole")]
+    pub bytes_floor: f64,
+    /// Time of the update on the device; `None` for paths without one, or when it was not timed.
+    pub gpu_ms: Option<Stats>,
+    /// Round trip from weights to fence.
+    pub cpu_ms: Option<Stats>,
+    /// One draw that reads the pose and rasterizes nothing.
+    pub draw_ms: Option<f64>,
+    /// Share of the time that moving `bytes_floor` at the measured bandwidth would take: 1 is the best possible.
+    pub floor_fraction: Option<f64>,
+    /// Largest position error against the float64 reference, in input units.
+    pub max_error: Option<f64>,
+    /// The same as a fraction of the diagonal.
+    pub max_error_rel: Option<f64>,
+    /// Largest angle between normals, in degrees.
+    pub normal_error_deg: Option<f64>,
+    /// Largest position error against the raw files, dropped deltas included, as a fraction of the diagonal.
+    pub raw_error_rel: Option<f64>,
+    /// The result stayed within the path's bound, before and after timing.
+    pub verified: bool,
+    /// What was wrong, when it did not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub problem: Option<String>,
+}
+
+impl RunRecord {
+    /// What the plots show: time on the device, or for paths without one the round trip.
+    pub fn time(&self) -> Option<Stats> {
+        self.gpu_ms.or(self.cpu_ms)
+    }
+}
+
+/// What was asked for and could not run.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Skipped {
+    /// The update path, with what else was special about it.
+    pub what: String,
+    /// Why not.
+    pub reason: String,
+}
+
+/// Counts are whole numbers in JSON, means have decimals.
+fn whole<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
+    let exact = value.fract() == 0.0 && (0.0..9e15).contains(value);
+    if exact { to.serialize_u64(*value as u64) } else { to.serialize_f64(*value) }
+}
+
+fn write_batch<S: Serializer>(batch: &BatchSize, to: S) -> Result<S::Ok, S::Error> {
+    match batch {
+        BatchSize::Targets(n) => to.serialize_u32(*n),
+        BatchSize::All => to.serialize_str("all"),
+    }
+}
+
+fn read_batch<'de, D: Deserializer<'de>>(from: D) -> Result<BatchSize, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged, expecting = "batch_size: expected a number or \"all\"")]
+    enum Either {
+        Number(u32),
+        Word(String),
+    }
+    match Either::deserialize(from)? {
+        Either::Number(n) if n > 0 => Ok(BatchSize::Targets(n)),
+        Either::Word(w) if w == "all" => Ok(BatchSize::All),
+        _ => Err(serde::de::Error::custom("batch_size: expected a number above 0 or \"all\"")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::synthetic;
+
+    #[test]
+    fn the_json_keeps_its_contract() {
+        let json = serde_json::to_value(synthetic::report()).expect("serialised");
+        assert_eq!(json["schema"], 1);
+        for field in ["cpu_read_gb_s", "cpu_copy_gb_s", "device_copy_gb_s", "device_read_gb_s"] {
+            assert!(json["bandwidth"].get(field).is_some(), "{field}");
+        }
+        for field in ["vertices", "targets", "triangles", "diagonal"] {
+            assert!(json["input"].get(field).is_some(), "{field}");
+        }
+        let run = &json["runs"][0];
+        for field in
+            "path mode batch_size changed coefficients active heads shared accumulate format passes bytes_moved \
+                      bytes_floor gpu_ms cpu_ms draw_ms max_error verified workload max_error_rel normal_error_deg \
+                      raw_error_rel floor_fraction slots batch_max"
+                .split_whitespace()
+        {
+            assert!(run.get(field).is_some(), "{field}");
+        }
+        for field in ["median", "mean", "stderr", "min", "max", "n"] {
+            assert!(run["gpu_ms"][field].is_number(), "{field}");
+        }
+        assert_eq!((&run["batch_size"], &run["changed"]), (&1.into(), &72.into()));
+        let runs = json["runs"].as_array().expect("a list");
+        assert!(runs.iter().any(|r| r["batch_size"] == "all" && r["gpu_ms"].is_null()));
+    }
+
+    fn same(a: &serde_json::Value, b: &serde_json::Value) -> bool {
+        use serde_json::Value::{Array, Number, Object};
+        match (a, b) {
+            (Array(a), Array(b)) => a.len() == b.len() && a.iter().zip(b).all(|(a, b)| same(a, b)),
+            (Object(a), Object(b)) => {
+                a.len() == b.len() && a.iter().all(|(key, a)| b.get(key).is_some_and(|b| same(a, b)))
+            }
+            (Number(a), Number(b)) => match (a.as_f64(), b.as_f64()) {
+                (Some(a), Some(b)) => (a - b).abs() <= 1e-14 * a.abs(),
+                _ => false,
+            },
+            _ => a == b,
+        }
+    }
+
+    #[test]
+    fn what_was_written_reads_back() {
+        let text = serde_json::to_string(&synthetic::report()).expect("serialised");
+        let again: Report = serde_json::from_str(&text).expect("read");
+        let (json, read) = (serde_json::to_value(synthetic::report()), serde_json::to_value(again));
+        let (json, read) = (json.expect("serialised"), read.expect("serialised"));
+        // serde_json reads floats to within a unit in the last place, unless told to take longer.
+        assert!(same(&json, &read), "a field was lost");
+        assert!(serde_json::from_str::<Report>(&text.replace("\"all\"", "\"most\"")).is_err());
+    }
+}

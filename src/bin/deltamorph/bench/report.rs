@@ -1,0 +1,190 @@
+//! The report folder: report.json, runs.csv, the plots and index.html.
+
+use super::html;
+use super::plots::select::figures;
+use super::record::{Report, RunRecord};
+use super::stats::Stats;
+use crate::output::{Failure, create_folder, write_file};
+use std::path::Path;
+
+/// Write everything into `dir`, replacing what an earlier run left there.
+///
+/// # Errors
+/// A file cannot be written, or a plot cannot be drawn.
+pub fn write(report: &Report, dir: &Path) -> Result<(), Failure> {
+    create_folder(dir)?;
+    let json = serde_json::to_string_pretty(report).map_err(|e| Failure::failed(&e))?;
+    write_file(&dir.join("report.json"), json + "\n")?;
+    write_file(&dir.join("runs.csv"), csv(&report.runs)?)?;
+    let mut drawn = Vec::new();
+    for figure in figures(report) {
+        let failed = |e| Failure::failed(&e);
+        let svg = figure.svg().map_err(failed)?;
+        write_file(&dir.join(format!("{}.svg", figure.slug)), &svg)?;
+        figure.write_png(&dir.join(format!("{}.png", figure.slug))).map_err(failed)?;
+        drawn.push((figure, svg));
+    }
+    write_file(&dir.join("index.html"), html::page(report, &drawn))
+}
+
+/// Read a report.json.
+///
+/// # Errors
+/// The file cannot be read, or is not a report of this schema.
+pub fn read(path: &Path) -> Result<Report, Failure> {
+    let text = std::fs::read_to_string(path).map_err(|e| Failure::io(path, "read", e))?;
+    let report: Report = serde_json::from_str(&text).map_err(|e| {
+        Failure::Failed(format!("{}: {e}; give a report.json that `deltamorph bench` wrote", path.display()))
+    })?;
+    if report.schema != 1 {
+        return Err(Failure::Failed(format!(
+            "{}: schema {}, this version reads schema 1; use the version that wrote it",
+            path.display(),
+            report.schema
+        )));
+    }
+    Ok(report)
+}
+
+/// The heading of runs.csv.
+const COLUMNS: [&str; 36] = [
+    "path",
+    "mode",
+    "format",
+    "accumulate",
+    "slots",
+    "batch_size",
+    "batch_max",
+    "workload",
+    "changed",
+    "coefficients",
+    "active",
+    "heads",
+    "shared",
+    "passes",
+    "bytes_moved",
+    "bytes_floor",
+    "floor_fraction",
+    "gpu_ms_median",
+    "gpu_ms_mean",
+    "gpu_ms_stderr",
+    "gpu_ms_min",
+    "gpu_ms_max",
+    "gpu_ms_n",
+    "cpu_ms_median",
+    "cpu_ms_mean",
+    "cpu_ms_stderr",
+    "cpu_ms_min",
+    "cpu_ms_max",
+    "cpu_ms_n",
+    "draw_ms",
+    "max_error",
+    "max_error_rel",
+    "normal_error_deg",
+    "raw_error_rel",
+    "verified",
+    "problem",
+];
+
+fn csv(runs: &[RunRecord]) -> Result<Vec<u8>, Failure> {
+    let failed = |e: csv::Error| Failure::failed(&e);
+    let mut out = csv::Writer::from_writer(Vec::new());
+    out.write_record(COLUMNS).map_err(failed)?;
+    for run in runs {
+        out.write_record(cells(run)).map_err(failed)?;
+    }
+    out.into_inner().map_err(|e| Failure::Failed(e.to_string()))
+}
+
+fn cells(run: &RunRecord) -> Vec<String> {
+    let optional = |v: Option<f64>| v.map(|v| v.to_string()).unwrap_or_default();
+    let stats = |s: Option<Stats>| match s {
+        None => vec![String::new(); 6],
+        Some(s) => vec![
+            s.median.to_string(),
+            s.mean.to_string(),
+            s.stderr.to_string(),
+            s.min.to_string(),
+            s.max.to_string(),
+            s.n.to_string(),
+        ],
+    };
+    let mut cells = vec![
+        run.path.clone(),
+        run.mode.clone(),
+        run.format.clone(),
+        run.accumulate.clone(),
+        run.slots.to_string(),
+        run.batch_size.to_string(),
+        run.batch_max.map(|n| n.to_string()).unwrap_or_default(),
+        run.workload.clone(),
+        run.changed.to_string(),
+        run.coefficients.to_string(),
+        run.active.to_string(),
+        run.heads.to_string(),
+        run.shared.to_string(),
+        run.passes.to_string(),
+        run.bytes_moved.to_string(),
+        run.bytes_floor.to_string(),
+        optional(run.floor_fraction),
+    ];
+    cells.extend(stats(run.gpu_ms));
+    cells.extend(stats(run.cpu_ms));
+    cells.extend([
+        optional(run.draw_ms),
+        optional(run.max_error),
+        optional(run.max_error_rel),
+        optional(run.normal_error_deg),
+        optional(run.raw_error_rel),
+        run.verified.to_string(),
+        run.problem.clone().unwrap_or_default(),
+    ]);
+    cells
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::synthetic;
+
+    #[test]
+    fn the_folder_is_complete() {
+        let dir = tempfile::tempdir().expect("a folder");
+        // DELTAMORPH_REPORT_SAMPLE keeps the folder, to look at.
+        let kept = std::env::var_os("DELTAMORPH_REPORT_SAMPLE");
+        let folder = kept.map_or_else(|| dir.path().join("new/report"), Into::into);
+        let report = synthetic::report();
+        write(&report, &folder).expect("written");
+        for figure in figures(&report) {
+            for extension in ["svg", "png"] {
+                assert!(folder.join(format!("{}.{extension}", figure.slug)).is_file(), "{}", figure.slug);
+            }
+        }
+        assert!(folder.join("index.html").is_file());
+        let again = read(&folder.join("report.json")).expect("read");
+        assert_eq!(again.runs.len(), report.runs.len());
+    }
+
+    #[test]
+    fn the_csv_has_a_cell_for_every_column() {
+        let report = synthetic::report();
+        let bytes = csv(&report.runs).expect("written");
+        let mut reader = csv::Reader::from_reader(bytes.as_slice());
+        let rows: Vec<csv::StringRecord> = reader.records().collect::<Result<_, _>>().expect("even rows");
+        assert_eq!(rows.len(), report.runs.len());
+        assert_eq!((&rows[0][0], &rows[0][5], rows[0].len()), ("feedback", "1", COLUMNS.len()));
+    }
+
+    #[test]
+    fn other_files_are_refused() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("report.json");
+        assert!(read(&path).is_err());
+        std::fs::write(&path, "{}").expect("written");
+        assert!(read(&path).unwrap_err().to_string().contains("deltamorph bench"));
+        let mut report = synthetic::report();
+        report.schema = 2;
+        std::fs::write(&path, serde_json::to_string(&report).expect("serialised")).expect("written");
+        assert!(read(&path).unwrap_err().to_string().contains("schema 2"));
+    }
+}

@@ -1,0 +1,124 @@
+//! The JSON of `info`. Fields may be added, never renamed.
+
+use serde::Serialize;
+
+/// The whole answer.
+#[derive(Debug, Serialize)]
+pub struct Info {
+    /// Version of these structs.
+    pub schema: u32,
+    /// The mesh.
+    pub input: InputRow,
+    /// The targets, in the order of the input.
+    pub targets: Vec<TargetRow>,
+    /// How the targets share vertices.
+    pub overlap: Overlap,
+    /// How tightly they fill blocks of vertices.
+    pub blocks: Blocks,
+    /// What each delta format costs.
+    pub formats: Vec<FormatRow>,
+    /// The weight clips that lie beside the mesh.
+    pub clips: Vec<ClipRow>,
+}
+
+/// The mesh.
+#[derive(Debug, Serialize)]
+pub struct InputRow {
+    /// Its name.
+    pub name: String,
+    /// Where it came from.
+    pub origin: String,
+    /// Number of vertices.
+    pub vertices: usize,
+    /// Number of targets.
+    pub targets: usize,
+    /// Number of triangles, polygons cut into fans.
+    pub triangles: usize,
+    /// Length of the bounding-box diagonal, in input units.
+    pub diagonal: f32,
+    /// Position deltas up to this fraction of the diagonal were dropped.
+    pub tolerance: f32,
+    /// Normal deltas up to this length were dropped.
+    pub tolerance_normal: f32,
+}
+
+/// A target.
+#[derive(Debug, Serialize)]
+pub struct TargetRow {
+    /// Its name.
+    pub name: String,
+    /// Fraction of the vertices with a delta that was kept.
+    pub moved: f64,
+    /// Fraction of the vertices with a delta, of position or normal, that is not exactly zero.
+    pub moved_raw: f64,
+    /// Fraction of the vertices whose position in the file differs at all.
+    pub moved_raw_positions: f64,
+    /// Length of the longest position delta, in input units.
+    pub max_delta: f32,
+    /// Length of the longest normal delta.
+    pub max_normal_delta: f32,
+}
+
+/// How the targets share vertices.
+#[derive(Debug, Serialize)]
+pub struct Overlap {
+    /// Fraction of the vertices that some target moves.
+    pub union: f64,
+    /// Targets that move such a vertex, on average.
+    pub mean: f64,
+    /// And at most.
+    pub max: u32,
+}
+
+/// Blocks of consecutive vertices in the order of the input.
+#[derive(Debug, PartialEq, Serialize)]
+pub struct Blocks {
+    /// Vertices per block.
+    pub size: usize,
+    /// Number of blocks.
+    pub count: usize,
+    /// Pairs of a block and a target that moves some of its vertices.
+    pub incidence: usize,
+    /// Kept deltas per vertex of these pairs: 1 when a target moves all of each block that it touches.
+    pub fill: f64,
+}
+
+/// A delta format.
+#[derive(Debug, Serialize)]
+pub struct FormatRow {
+    /// Its name.
+    pub name: String,
+    /// Bytes of the deltas.
+    pub delta_bytes: u64,
+    /// Bytes that say which vertices they belong to (dense formats have none).
+    pub index_bytes: u64,
+    /// Bytes of all vertices' deltas as six floats.
+    pub dense_f32_bytes: u64,
+    /// Largest error of a position delta, in input units.
+    pub position_error: f64,
+    /// The same as a fraction of the diagonal.
+    pub position_error_rel: f64,
+    /// Largest angle between the exact and the decoded normal at weight 1, in degrees.
+    pub normal_error_deg: f64,
+}
+
+/// A weight clip.
+#[derive(Debug, Serialize)]
+pub struct ClipRow {
+    /// Its name.
+    pub name: String,
+    /// Number of frames.
+    pub frames: usize,
+    /// Frames per second.
+    pub fps: f32,
+    /// Number of columns in the file.
+    pub columns: usize,
+    /// Targets whose weight differs from the frame before, on average.
+    pub changed_mean: f64,
+    /// And at most.
+    pub changed_max: usize,
+    /// Targets with a weight other than 0, on average.
+    pub active_mean: f64,
+    /// Fraction of the frames that change nothing.
+    pub still: f64,
+}
