@@ -82,8 +82,8 @@ fn compile(module: &Module, glsl: &Path) -> Vec<u8> {
     let mut includes = Includes(glsl);
     let source = ShaderSource::from(text);
     let compiler = Compiler::acquire().expect("the only user of glslang in this process");
-    let input = ShaderInput::new(&source, stage, &options, Some(&defines[..]), Some(&mut includes))
-        .unwrap_or_else(|e| fail(e));
+    let input =
+        ShaderInput::new(&source, stage, &options, Some(&defines[..]), Some(&mut includes)).unwrap_or_else(|e| fail(e));
     let shader = compiler.create_shader(input).unwrap_or_else(|e| fail(e));
     let words = shader.compile().unwrap_or_else(|e| fail(e));
     words.iter().flat_map(|w| w.to_le_bytes()).collect()

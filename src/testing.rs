@@ -20,9 +20,15 @@ pub fn mesh(vertices: usize, targets: usize) -> MorphMesh {
     let positions: Vec<Vec3> = (0..vertices as u64).map(|i| vector(i) * 10.0).collect();
     let target = |t: usize| {
         let moved: Vec<u32> = (0..vertices as u32).filter(|v| t != 2 && !(*v as usize + t).is_multiple_of(3)).collect();
-        let seeded = |salt: u64| moved.iter().map(|&v| vector(u64::from(v) + (t as u64 + 1) * 1_000_003 + salt)).collect();
+        let seeded =
+            |salt: u64| moved.iter().map(|&v| vector(u64::from(v) + (t as u64 + 1) * 1_000_003 + salt)).collect();
         let (positions, normals): (Vec<Vec3>, Vec<Vec3>) = (seeded(7), seeded(11));
-        MorphTarget { name: format!("target_{t}"), positions, normals: normals.iter().map(|n| *n * 0.1).collect(), vertices: moved }
+        MorphTarget {
+            name: format!("target_{t}"),
+            positions,
+            normals: normals.iter().map(|n| *n * 0.1).collect(),
+            vertices: moved,
+        }
     };
     MorphMesh {
         name: format!("test_{vertices}x{targets}"),

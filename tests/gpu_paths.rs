@@ -5,8 +5,8 @@ mod gpu;
 #[path = "../src/testing.rs"]
 mod testing;
 
-use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::engine::MorphEngine;
+use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::plan::{UpdateDesc, UpdateMode, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
@@ -30,7 +30,8 @@ fn check(headless: &Headless, engine: &MorphEngine, mesh: &PackedMesh, desc: Upd
         crowd.step(&[&weights]).expect("a step");
         let reference = evaluate(mesh, &weights);
         let error = compare(&crowd.read_pose(0).expect("a pose"), &reference);
-        let context = || format!("{} {desc:?} {:?} frame {frame}: {error:?}", headless.caps().name, mesh.layout().format);
+        let context =
+            || format!("{} {desc:?} {:?} frame {frame}: {error:?}", headless.caps().name, mesh.layout().format);
         assert!(error.within(bound, NORMAL), "{}", context());
         let previous = crowd.read_previous_pose(0).expect("a device that works");
         if let Some(previous) = previous {

@@ -152,7 +152,9 @@ fn misuse_is_an_error_that_says_what_to_do() {
             let error = crowd.step(&[weights]).unwrap_err().to_string();
             assert!(error.contains(words), "{error}");
         }
-        assert!(crowd.crowd().set_weights(1, &[0.0, 0.0]).unwrap_err().to_string().contains("instance 1 of a crowd of 1"));
+        assert!(
+            crowd.crowd().set_weights(1, &[0.0, 0.0]).unwrap_err().to_string().contains("instance 1 of a crowd of 1")
+        );
         // A refused call leaves everything as it was.
         crowd.step(&[&[0.25, 0.5]]).expect("a step");
         assert_right(&mut crowd, &mesh, &[0.25, 0.5], desc);

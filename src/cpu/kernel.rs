@@ -14,7 +14,13 @@ const STREAMS: usize = 8;
 
 /// `destination = source + Σ coefficient · delta` over the vertices of one chunk that start at `first`
 /// (counted in the mesh, all within one chunk); `source` = `None` works in place.
-pub fn dense(mesh: &PackedMesh, coefficients: &[Coefficient], first: usize, source: Option<&[f32]>, destination: &mut [f32]) {
+pub fn dense(
+    mesh: &PackedMesh,
+    coefficients: &[Coefficient],
+    first: usize,
+    source: Option<&[f32]>,
+    destination: &mut [f32],
+) {
     let mut sums = [0.0f32; PIECE * POSE_FLOATS];
     for (piece, out) in destination.chunks_mut(PIECE * POSE_FLOATS).enumerate() {
         let vertex = first + piece * PIECE;

@@ -8,7 +8,7 @@ use crate::gpu::device::Device;
 use crate::gpu::feedback::FeedbackPass;
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::gpu::shaders::DenseListEntry;
-use crate::mesh::packed::{PackedLayout, POSE_STRIDE};
+use crate::mesh::packed::{POSE_STRIDE, PackedLayout};
 use crate::plan::commands::{Command, CommandList, PassCommand};
 use crate::plan::{BatchSize, Plan, PoseState, Source, UpdateDesc, UpdateStats};
 use crate::weights::delta::check_weights;
@@ -90,7 +90,12 @@ impl Crowd {
         let bytes = Self::pose_bytes(&mesh.layout, desc);
         if bytes > u64::from(u32::MAX) {
             return Err(Error::invalid(
-                format!("{} instances with {} slots take {bytes} bytes of poses; one crowd holds at most {}", desc.instances, desc.update.slots, u32::MAX),
+                format!(
+                    "{} instances with {} slots take {bytes} bytes of poses; one crowd holds at most {}",
+                    desc.instances,
+                    desc.update.slots,
+                    u32::MAX
+                ),
                 "make several crowds, or use fewer slots",
             ));
         }

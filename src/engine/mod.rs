@@ -126,14 +126,15 @@ impl MorphEngine {
     pub unsafe fn upload(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
         let layout = mesh.layout().clone();
         self.check_mesh(&layout)?;
-        let usage =
-            vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::VERTEX_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;
-        let buffer = |name, bytes, usage, location| {
-            Buffer::new(&self.device, &BufferDesc { name, bytes, usage, location })
-        };
+        let usage = vk::BufferUsageFlags::STORAGE_BUFFER
+            | vk::BufferUsageFlags::VERTEX_BUFFER
+            | vk::BufferUsageFlags::TRANSFER_DST;
+        let buffer =
+            |name, bytes, usage, location| Buffer::new(&self.device, &BufferDesc { name, bytes, usage, location });
         let base = buffer("deltamorph base pose", layout.pose_bytes(), usage, MemoryLocation::GpuOnly)?;
         let deltas = buffer("deltamorph deltas", delta_buffer_bytes(&layout), usage, MemoryLocation::GpuOnly)?;
-        let (base_bytes, delta_bytes) = (bytemuck::cast_slice::<f32, u8>(mesh.base()), bytemuck::cast_slice::<u32, u8>(mesh.deltas()));
+        let (base_bytes, delta_bytes) =
+            (bytemuck::cast_slice::<f32, u8>(mesh.base()), bytemuck::cast_slice::<u32, u8>(mesh.deltas()));
         let mut staging = buffer(
             "deltamorph upload",
             (base_bytes.len() + delta_bytes.len()) as u64,
@@ -144,7 +145,11 @@ impl MorphEngine {
         mapped[..base_bytes.len()].copy_from_slice(base_bytes);
         mapped[base_bytes.len()..][..delta_bytes.len()].copy_from_slice(delta_bytes);
 
-        let region = |src_offset: usize, size: usize| vk::BufferCopy { src_offset: src_offset as u64, dst_offset: 0, size: size as u64 };
+        let region = |src_offset: usize, size: usize| vk::BufferCopy {
+            src_offset: src_offset as u64,
+            dst_offset: 0,
+            size: size as u64,
+        };
         for (target, region) in
             [(&base, region(0, base_bytes.len())), (&deltas, region(base_bytes.len(), delta_bytes.len()))]
         {
@@ -165,14 +170,22 @@ impl MorphEngine {
             if bytes <= most {
                 return Ok(());
             }
-            Err(Error::invalid(format!("mesh '{}': {what} {bytes} bytes, but {} allows {most}", layout.name, caps.name), remedy))
+            Err(Error::invalid(
+                format!("mesh '{}': {what} {bytes} bytes, but {} allows {most}", layout.name, caps.name),
+                remedy,
+            ))
         };
         if layout.vertex_count == 0 {
             return Err(Error::invalid(format!("mesh '{}' has no vertices", layout.name), "leave it out"));
         }
         limit("a pose takes", layout.pose_bytes(), caps.max_storage_range, "split the mesh")?;
         limit("a chunk of deltas takes", chunk_bytes, caps.max_storage_range, "pack with MorphEngine::pack_desc")?;
-        limit("its deltas take", delta_buffer_bytes(layout), u64::from(u32::MAX), "split the mesh or use the snorm16 format")
+        limit(
+            "its deltas take",
+            delta_buffer_bytes(layout),
+            u64::from(u32::MAX),
+            "split the mesh or use the snorm16 format",
+        )
     }
 
     /// Make pose buffers and pipelines for the instances of a mesh, all weights 0. The first update writes

@@ -195,7 +195,10 @@ impl DeviceCaps {
                     "use the path 'compute', which needs no extension",
                 ),
                 Some(caps) if caps.max_stride < POSE_STRIDE as u32 => refuse(
-                    format!("captured vertices may be {} bytes apart at most, a pose needs {POSE_STRIDE}", caps.max_stride),
+                    format!(
+                        "captured vertices may be {} bytes apart at most, a pose needs {POSE_STRIDE}",
+                        caps.max_stride
+                    ),
                     "use the path 'compute'",
                 ),
                 Some(_) => Ok(()),

@@ -163,12 +163,14 @@ impl Sets {
             .map(|ty| vk::DescriptorPoolSize { ty, descriptor_count: 2 * count as u32 });
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(count as u32).pool_sizes(&sizes);
         // SAFETY: the device is alive.
-        let pool = unsafe { device.raw.create_descriptor_pool(&info, None) }.map_err(failed("vkCreateDescriptorPool"))?;
+        let pool =
+            unsafe { device.raw.create_descriptor_pool(&info, None) }.map_err(failed("vkCreateDescriptorPool"))?;
         let mut sets = Self { device: device.clone(), pool, slots: buffers.slots, chunks, sets: vec![] };
         let layouts = vec![compute.objects.set_layout; count];
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
         // SAFETY: pool and layout are ours; the pool has room for as many.
-        sets.sets = unsafe { device.raw.allocate_descriptor_sets(&info) }.map_err(failed("vkAllocateDescriptorSets"))?;
+        sets.sets =
+            unsafe { device.raw.allocate_descriptor_sets(&info) }.map_err(failed("vkAllocateDescriptorSets"))?;
         for instance in 0..buffers.instances {
             for slot in 0..buffers.slots {
                 for source in [Source::Base, Source::Slot(slot), Source::Slot(before(slot, buffers.slots))] {

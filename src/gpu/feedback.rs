@@ -95,10 +95,8 @@ impl Feedback {
 
 /// Coefficients, and for snorm16 the exponents of normals, as `feedback.vert` declares them.
 fn push_constants(layout: &PackedLayout, coefficients: &[Coefficient]) -> Vec<u32> {
-    let mut words: Vec<u32> = coefficients
-        .iter()
-        .map(|c| (c.value * layout.targets[c.target as usize].position_step).to_bits())
-        .collect();
+    let mut words: Vec<u32> =
+        coefficients.iter().map(|c| (c.value * layout.targets[c.target as usize].position_step).to_bits()).collect();
     if layout.format == DeltaFormat::Snorm16 {
         words.extend(coefficients.chunks(4).map(|four| {
             let byte = |c: &Coefficient| layout.targets[c.target as usize].normal_exponent as u8;
@@ -113,9 +111,8 @@ type VertexInput = (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputA
 /// Binding 0: the pose. Bindings 1..=batch: a target's deltas, as one attribute or two.
 fn vertex_input(format: DeltaFormat, batch: u32) -> VertexInput {
     let binding = |binding, stride| vk::VertexInputBindingDescription::default().binding(binding).stride(stride);
-    let attribute = |location, binding, format, offset| {
-        vk::VertexInputAttributeDescription { location, binding, format, offset }
-    };
+    let attribute =
+        |location, binding, format, offset| vk::VertexInputAttributeDescription { location, binding, format, offset };
     let float3 = vk::Format::R32G32B32_SFLOAT;
     let mut bindings = vec![binding(0, POSE_STRIDE as u32)];
     let mut attributes = vec![attribute(0, 0, float3, 0), attribute(1, 0, float3, 12)];

@@ -30,7 +30,10 @@ impl Buffer {
         let bytes = desc.bytes.max(16);
         if bytes > device.caps.max_allocation {
             return Err(Error::invalid(
-                format!("'{}' needs {bytes} bytes, but {} allocates at most {}", desc.name, device.caps.name, device.caps.max_allocation),
+                format!(
+                    "'{}' needs {bytes} bytes, but {} allocates at most {}",
+                    desc.name, device.caps.name, device.caps.max_allocation
+                ),
                 "use fewer instances, fewer slots, a smaller mesh or the snorm16 format",
             ));
         }

@@ -119,8 +119,7 @@ impl Objects {
         let input = vk::PipelineVertexInputStateCreateInfo::default()
             .vertex_binding_descriptions(bindings)
             .vertex_attribute_descriptions(attributes);
-        let assembly =
-            vk::PipelineInputAssemblyStateCreateInfo::default().topology(vk::PrimitiveTopology::LINE_LIST);
+        let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(vk::PrimitiveTopology::LINE_LIST);
         let raster =
             vk::PipelineRasterizationStateCreateInfo::default().rasterizer_discard_enable(true).line_width(1.0);
         let info = vk::GraphicsPipelineCreateInfo::default()
@@ -184,8 +183,7 @@ impl<'a> Module<'a> {
         let words = shaders::words(name);
         let info = vk::ShaderModuleCreateInfo::default().code(&words);
         // SAFETY: the words are SPIR-V made by glslang for Vulkan 1.1.
-        let raw =
-            unsafe { device.raw.create_shader_module(&info, None) }.map_err(failed("vkCreateShaderModule"))?;
+        let raw = unsafe { device.raw.create_shader_module(&info, None) }.map_err(failed("vkCreateShaderModule"))?;
         Ok(Self { device, raw })
     }
 }

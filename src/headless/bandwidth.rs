@@ -4,10 +4,10 @@ use super::Headless;
 use super::submit::full_barrier;
 use crate::engine::MorphEngine;
 use crate::error::Result;
+use crate::gpu::failed;
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::gpu::pipelines::Objects;
 use crate::gpu::shaders::{ReadPush, WORKGROUP};
-use crate::gpu::failed;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 
@@ -32,8 +32,11 @@ impl Headless {
     pub fn bandwidth(&self, engine: &MorphEngine, bytes: u64) -> Result<Option<Bandwidth>> {
         let device = engine.device();
         let bytes = bytes.min(self.caps().max_storage_range).next_multiple_of(16) & !15;
-        let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
-        let buffer = |name, bytes| Buffer::new(device, &BufferDesc { name, bytes, usage, location: MemoryLocation::GpuOnly });
+        let usage = vk::BufferUsageFlags::STORAGE_BUFFER
+            | vk::BufferUsageFlags::TRANSFER_SRC
+            | vk::BufferUsageFlags::TRANSFER_DST;
+        let buffer =
+            |name, bytes| Buffer::new(device, &BufferDesc { name, bytes, usage, location: MemoryLocation::GpuOnly });
         let (from, to) = (buffer("bandwidth source", bytes)?, buffer("bandwidth target", bytes)?);
 
         let mut objects = Objects::none(device);
@@ -43,14 +46,22 @@ impl Headless {
         let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: 2 }];
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
         // SAFETY: the device is alive.
-        let pool = unsafe { device.raw.create_descriptor_pool(&info, None) }.map_err(failed("vkCreateDescriptorPool"))?;
+        let pool =
+            unsafe { device.raw.create_descriptor_pool(&info, None) }.map_err(failed("vkCreateDescriptorPool"))?;
         let measured = self.measure(&objects, pool, &from, &to, bytes);
         // SAFETY: ours, and no longer in use: every run waits.
         unsafe { device.raw.destroy_descriptor_pool(pool, None) };
         measured
     }
 
-    fn measure(&self, objects: &Objects, pool: vk::DescriptorPool, from: &Buffer, to: &Buffer, bytes: u64) -> Result<Option<Bandwidth>> {
+    fn measure(
+        &self,
+        objects: &Objects,
+        pool: vk::DescriptorPool,
+        from: &Buffer,
+        to: &Buffer,
+        bytes: u64,
+    ) -> Result<Option<Bandwidth>> {
         let (device, submitter) = (&objects.device.raw, self.submitter());
         let layouts = [objects.set_layout];
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
@@ -88,7 +99,13 @@ impl Headless {
                     let point = vk::PipelineBindPoint::COMPUTE;
                     device.cmd_bind_pipeline(cmd, point, objects.pipelines[0]);
                     device.cmd_bind_descriptor_sets(cmd, point, objects.layout, 0, &[set], &[]);
-                    device.cmd_push_constants(cmd, objects.layout, vk::ShaderStageFlags::COMPUTE, 0, bytemuck::bytes_of(&push));
+                    device.cmd_push_constants(
+                        cmd,
+                        objects.layout,
+                        vk::ShaderStageFlags::COMPUTE,
+                        0,
+                        bytemuck::bytes_of(&push),
+                    );
                     device.cmd_dispatch(cmd, INVOCATIONS / WORKGROUP, 1, 1);
                 }
                 Ok(())

@@ -122,10 +122,12 @@ impl Instance {
         }
         // SAFETY: all that `info` points to is alive; the messenger's user data outlives the instance.
         let raw = unsafe { entry.create_instance(&info, None) }.map_err(|e| match e {
-            vk::Result::ERROR_LAYER_NOT_PRESENT | vk::Result::ERROR_EXTENSION_NOT_PRESENT if validation => Error::invalid(
-                "the Vulkan validation layers are missing",
-                "install vulkan-validationlayers (./with-vulkan does)",
-            ),
+            vk::Result::ERROR_LAYER_NOT_PRESENT | vk::Result::ERROR_EXTENSION_NOT_PRESENT if validation => {
+                Error::invalid(
+                    "the Vulkan validation layers are missing",
+                    "install vulkan-validationlayers (./with-vulkan does)",
+                )
+            }
             e => failed("vkCreateInstance")(e),
         })?;
         let mut instance = Self { messenger: None, messages, raw, _entry: entry };
@@ -203,8 +205,7 @@ impl Headless {
         }
         // SAFETY: the physical device is the instance's own; extension and feature are there as queried.
         let device = unsafe { instance.raw.create_device(physical, &info, None) }.map_err(failed("vkCreateDevice"))?;
-        let mut headless =
-            Self { submitter: None, engine_caps: caps, feedback_enabled, physical, device, instance };
+        let mut headless = Self { submitter: None, engine_caps: caps, feedback_enabled, physical, device, instance };
         headless.submitter = Some(Submitter::new(&headless.device, family, timestamps)?);
         Ok(headless)
     }

@@ -26,7 +26,8 @@ impl Submitter {
         let mut this = Self { device: device.clone(), queue, pool, cmd, fence, queries: None };
         this.cmd = this.allocate()?;
         // SAFETY: as above.
-        this.fence = unsafe { device.create_fence(&vk::FenceCreateInfo::default(), None) }.map_err(failed("vkCreateFence"))?;
+        this.fence =
+            unsafe { device.create_fence(&vk::FenceCreateInfo::default(), None) }.map_err(failed("vkCreateFence"))?;
         if timestamps {
             let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(2);
             // SAFETY: as above; the queue family has timestamps.
@@ -45,7 +46,11 @@ impl Submitter {
     }
 
     /// Record a command buffer (reset first).
-    pub(super) fn record<R>(&self, cmd: vk::CommandBuffer, f: impl FnOnce(vk::CommandBuffer) -> Result<R>) -> Result<R> {
+    pub(super) fn record<R>(
+        &self,
+        cmd: vk::CommandBuffer,
+        f: impl FnOnce(vk::CommandBuffer) -> Result<R>,
+    ) -> Result<R> {
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the buffer is from our pool, which allows resets, and is not pending: `submit` waits.
         unsafe { self.device.begin_command_buffer(cmd, &info) }.map_err(failed("vkBeginCommandBuffer"))?;

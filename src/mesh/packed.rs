@@ -333,7 +333,10 @@ mod tests {
                 .map(|t| MorphTarget {
                     name: format!("t{t}"),
                     vertices: (0..vertices as u32).filter(|v| !(*v as usize + t).is_multiple_of(3)).collect(),
-                    positions: (0..vertices).filter(|v| !(v + t).is_multiple_of(3)).map(|v| vec(v + t) * 0.01).collect(),
+                    positions: (0..vertices)
+                        .filter(|v| !(v + t).is_multiple_of(3))
+                        .map(|v| vec(v + t) * 0.01)
+                        .collect(),
                     normals: (0..vertices).filter(|v| !(v + t).is_multiple_of(3)).map(|v| vec(v * 7 + t)).collect(),
                 })
                 .collect(),
@@ -392,7 +395,8 @@ mod tests {
     #[test]
     fn the_normal_step_covers_the_largest_normal() {
         let mesh = mesh(64, 1);
-        let packed = PackedMesh::pack(&mesh, &PackDesc { format: DeltaFormat::Snorm16, ..PackDesc::default() }).unwrap();
+        let packed =
+            PackedMesh::pack(&mesh, &PackDesc { format: DeltaFormat::Snorm16, ..PackDesc::default() }).unwrap();
         let largest = mesh.targets[0].normals.iter().map(|n| n.abs().max_element()).fold(0.0, f32::max);
         let step = packed.layout().targets[0].normal_step();
         assert!(step * 32767.0 >= largest && step * 32767.0 <= 2.001 * largest);

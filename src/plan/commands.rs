@@ -115,7 +115,8 @@ impl Hazard {
         use Stage as S;
         const DRAWS: Scope = Scope::new(&[S::VertexInput, S::VertexShader], &[A::AttributeRead, A::ShaderRead]);
         const COMPUTE: Scope = Scope::new(&[S::Compute], &[A::ShaderRead, A::ShaderWrite]);
-        const FEEDBACK: Scope = Scope::new(&[S::VertexInput, S::TransformFeedback], &[A::AttributeRead, A::FeedbackWrite]);
+        const FEEDBACK: Scope =
+            Scope::new(&[S::VertexInput, S::TransformFeedback], &[A::AttributeRead, A::FeedbackWrite]);
         match self {
             Self::TransferWriteToAssetRead => (
                 Scope::new(&[S::Transfer], &[A::TransferWrite]),
@@ -126,10 +127,9 @@ impl Hazard {
             }
             Self::ComputeWriteToComputeUpdate => (Scope::new(&[S::Compute], &[A::ShaderWrite]), COMPUTE),
             Self::ComputeWriteToPoseRead => (Scope::new(&[S::Compute], &[A::ShaderWrite]), DRAWS),
-            Self::PoseReadToFeedbackUpdate => (
-                Scope::new(&[S::VertexInput, S::VertexShader, S::TransformFeedback], &[A::FeedbackWrite]),
-                FEEDBACK,
-            ),
+            Self::PoseReadToFeedbackUpdate => {
+                (Scope::new(&[S::VertexInput, S::VertexShader, S::TransformFeedback], &[A::FeedbackWrite]), FEEDBACK)
+            }
             Self::FeedbackWriteToFeedbackUpdate => {
                 (Scope::new(&[S::VertexInput, S::TransformFeedback], &[A::FeedbackWrite]), FEEDBACK)
             }
@@ -201,11 +201,9 @@ impl CommandList {
                 Hazard::FeedbackWriteToPoseRead,
             ),
             // The cpu path has no barriers to record, but its list is the same list.
-            UpdatePath::Compute | UpdatePath::Cpu => (
-                Hazard::PoseReadToComputeUpdate,
-                Hazard::ComputeWriteToComputeUpdate,
-                Hazard::ComputeWriteToPoseRead,
-            ),
+            UpdatePath::Compute | UpdatePath::Cpu => {
+                (Hazard::PoseReadToComputeUpdate, Hazard::ComputeWriteToComputeUpdate, Hazard::ComputeWriteToPoseRead)
+            }
         };
         for round in 0..rounds {
             self.commands.push(Command::Barrier(if round == 0 { before } else { between }));

@@ -13,9 +13,14 @@ pub struct Coefficient {
 
 /// Append the changed targets (`weight ≠ applied weight`) with their delta weights, ascending by target.
 pub fn changed_targets(weights: &[f32], applied: &[f32], out: &mut Vec<Coefficient>) {
-    out.extend(weights.iter().zip(applied).enumerate().filter(|(_, (w, a))| w != a).map(|(target, (w, a))| {
-        Coefficient { target: target as u32, value: w - a }
-    }));
+    out.extend(
+        weights
+            .iter()
+            .zip(applied)
+            .enumerate()
+            .filter(|(_, (w, a))| w != a)
+            .map(|(target, (w, a))| Coefficient { target: target as u32, value: w - a }),
+    );
 }
 
 /// Append the active targets (`weight ≠ 0`) with their weights, ascending by target.
