@@ -46,7 +46,7 @@ fn a_discarded_update_is_rebuilt() {
         let step = crowd.step(&[&next]).expect("a step");
         assert_eq!(step.update.stats.rebuilt, 1, "{desc:?}");
         assert_right(crowd, mesh, &next, desc);
-        assert_eq!(crowd.step(&[&weights(mesh, 4, 9)]).expect("a step").update.stats.coefficients > 0, true);
+        crowd.step(&[&weights(mesh, 4, 9)]).expect("a step");
         assert_right(crowd, mesh, &weights(mesh, 4, 9), desc);
     });
 }

@@ -113,7 +113,7 @@ fn every_module_keeps_to_what_a_phone_promises() {
             if mode.exec_mode == spirq::spirv::ExecutionMode::LocalSize {
                 let size: Vec<u32> = mode.operands.iter().map(|c| operand(&c.value)).collect();
                 assert_eq!(size, [WORKGROUP, 1, 1], "{name}");
-                assert!(WORKGROUP <= 128);
+                const { assert!(WORKGROUP <= 128) };
             }
         }
         // Feedback modules for more than 16 attributes are for devices that have more push constants, too.

@@ -25,17 +25,17 @@ proptest! {
             for instance in 0..2u32 {
                 let weight = |t: usize| {
                     let x = (seed ^ (t as u32 * 77 + frame / 2 * 13 + instance)).wrapping_mul(2_654_435_761) >> 16;
-                    if x % 3 == 0 { 0.0 } else { (x % 1000) as f32 / 400.0 - 1.0 }
+                    if x.is_multiple_of(3) { 0.0 } else { (x % 1000) as f32 / 400.0 - 1.0 }
                 };
                 crowd.set_weights(instance as usize, &(0..targets).map(weight).collect::<Vec<_>>()).unwrap();
             }
             crowd.update();
-            for i in 0..2 {
+            for (i, before) in before.iter_mut().enumerate() {
                 let reference = reference::evaluate(&packed, &crowd.weights[i]);
                 let bound = f64::from(mesh.diagonal.max(1.0));
                 let error = reference::compare(crowd.pose(i), &reference);
                 prop_assert!(error.position <= 3e-6 * bound, "{:?}", error);
-                let previous = before[i].replace(reference);
+                let previous = before.replace(reference);
                 if let (Some(got), Some(want)) = (crowd.previous_pose(i), previous) {
                     prop_assert!(reference::compare(got, &want).position <= 3e-6 * bound);
                 } else if frame > 0 {

@@ -21,10 +21,12 @@ pub struct TransformFeedbackCaps {
 pub struct DeviceCaps {
     /// Device name.
     pub name: String,
-    /// Driver name and version, as it tells them.
+    /// Driver name.
     pub driver: String,
-    /// Whether the device is software running on the CPU.
-    pub is_cpu: bool,
+    /// Driver version, in the driver's own words.
+    pub driver_info: String,
+    /// "discrete", "integrated", "virtual", "cpu" (a software driver) or "other".
+    pub kind: &'static str,
     /// Vulkan version: major, minor, patch.
     pub api_version: (u32, u32, u32),
     /// Bytes that a storage-buffer descriptor may cover.
@@ -81,6 +83,11 @@ fn text(raw: &[std::ffi::c_char]) -> String {
 }
 
 impl DeviceCaps {
+    /// Whether the device is software running on the CPU: there the path `cpu` is the faster one.
+    pub fn is_software(&self) -> bool {
+        self.kind == "cpu"
+    }
+
     /// Ask the driver.
     ///
     /// # Safety
@@ -122,8 +129,15 @@ impl DeviceCaps {
         let limits = core.limits;
         Self {
             name: text(&core.device_name),
-            driver: format!("{} {}", text(&driver.driver_name), text(&driver.driver_info)).trim().to_owned(),
-            is_cpu: core.device_type == vk::PhysicalDeviceType::CPU,
+            driver: text(&driver.driver_name),
+            driver_info: text(&driver.driver_info),
+            kind: match core.device_type {
+                vk::PhysicalDeviceType::DISCRETE_GPU => "discrete",
+                vk::PhysicalDeviceType::INTEGRATED_GPU => "integrated",
+                vk::PhysicalDeviceType::VIRTUAL_GPU => "virtual",
+                vk::PhysicalDeviceType::CPU => "cpu",
+                _ => "other",
+            },
             api_version,
             max_storage_range: limits.max_storage_buffer_range.into(),
             max_allocation: maintenance.max_memory_allocation_size,

@@ -259,12 +259,14 @@ fn choose(
     let at = match choice {
         DeviceChoice::Best => (0..devices.len()).min_by_key(|&i| {
             let caps = &devices[i].1;
-            (caps.is_cpu, caps.transform_feedback.is_none())
+            (caps.is_software(), caps.transform_feedback.is_none())
         }),
         DeviceChoice::Index(i) => (*i < devices.len()).then_some(*i),
         DeviceChoice::Name(name) => {
             let name = name.to_lowercase();
-            devices.iter().position(|(_, c)| format!("{} {}", c.name, c.driver).to_lowercase().contains(&name))
+            devices
+                .iter()
+                .position(|(_, c)| format!("{} {} {}", c.name, c.driver, c.driver_info).to_lowercase().contains(&name))
         }
     };
     at.map(|i| devices.swap_remove(i)).ok_or_else(|| {

@@ -69,8 +69,8 @@ impl UpdateMode {
     }
 }
 
-/// Targets per pass.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+/// Targets per pass. `All` orders after every number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum BatchSize {
     /// At most this many (≥ 1).
     Targets(u32),

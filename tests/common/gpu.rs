@@ -68,7 +68,7 @@ pub fn weights(mesh: &PackedMesh, frame: u32, seed: u32) -> Vec<f32> {
             let held = (frame + t * 7) / (1 + t % 4);
             let x = (seed ^ t.wrapping_mul(0x9E37_79B9) ^ held.wrapping_mul(0x85EB_CA6B)).wrapping_mul(0xC2B2_AE35);
             let x = (x ^ (x >> 15)).wrapping_mul(0x2C1B_3C6D) >> 12;
-            if x % 4 == 0 { 0.0 } else { (x % 4096) as f32 / 1500.0 - 0.9 }
+            if x.is_multiple_of(4) { 0.0 } else { (x % 4096) as f32 / 1500.0 - 0.9 }
         })
         .collect()
 }

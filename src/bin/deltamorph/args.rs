@@ -3,10 +3,11 @@
 pub mod values;
 
 use clap::{Args, Parser, Subcommand};
+use deltamorph::headless::DeviceChoice;
 use deltamorph::mesh::Tolerance;
 use deltamorph::mesh::head::HeadDesc;
 use std::path::{Path, PathBuf};
-use values::{BatchSpec, ChangedSpec, DeviceChoice, FormatChoice, ModeChoice, PathChoice, WeightSetting};
+use values::{BatchSpec, ChangedSpec, FormatChoice, ModeChoice, PathChoice, WeightSetting};
 
 /// Morph targets (blend shapes) on the GPU: applies only the weights that changed.
 #[derive(Debug, Parser)]
@@ -162,15 +163,8 @@ pub struct UpdateArgs {
     /// Pose buffers per head; 2 keeps the previous pose for motion vectors
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = values::slots)]
     pub slots: u32,
-    /// Delta formats, separated by commas
-    #[arg(
-        long = "formats",
-        visible_alias = "format",
-        value_name = "FORMAT,…",
-        value_delimiter = ',',
-        value_enum,
-        default_value = "float32"
-    )]
+    /// Delta formats, separated by commas [default: bench: all; apply: float32]
+    #[arg(long = "formats", visible_alias = "format", value_name = "FORMAT,…", value_delimiter = ',', value_enum)]
     pub formats: Vec<FormatChoice>,
     /// Threads of the cpu path and the importer [default: all]
     #[arg(long, value_name = "N", value_parser = values::at_least_one)]
@@ -190,7 +184,7 @@ pub struct BenchArgs {
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::batch, default_value = "1..max,all")]
     pub batch_sizes: Vec<BatchSpec>,
     /// Targets changed per frame, drawn afresh for every frame: numbers and "all"
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::changed, default_value = "all")]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::changed, default_value = "1,8,24,all")]
     pub changed: Vec<ChangedSpec>,
     /// Replay this weight clip as a workload, next to the random one (repeatable)
     #[arg(long, value_name = "CSV")]
@@ -263,6 +257,7 @@ impl ApplyArgs {
     /// Several were given.
     pub fn format(&self) -> Result<FormatChoice, String> {
         match self.update.formats.as_slice() {
+            [] => Ok(FormatChoice::Float32),
             [one] => Ok(*one),
             _ => Err("--format: apply uses one delta format; name one of them".into()),
         }

@@ -1,10 +1,13 @@
 //! The command line program: `deltamorph --help`.
 
+mod apply;
 mod args;
 mod bench;
+mod devices;
 mod info;
 mod input;
 mod output;
+mod runner;
 mod sample;
 mod table;
 
@@ -26,14 +29,15 @@ fn main() -> ExitCode {
 }
 
 fn run(cli: &Cli, out: &Output) -> Result<(), Failure> {
+    let device = cli.global.device.as_ref();
     match &cli.command {
-        Command::Devices => Err(Failure::missing("devices")),
+        Command::Devices => devices::run(out),
         Command::Sample(args) => sample::run(args, out),
         Command::Info(args) => info::run(args, out),
-        Command::Bench(args) => bench::run(args, out),
+        Command::Bench(args) => bench::run(args, device, out),
         Command::Apply(args) => {
             args.check().map_err(Failure::Usage)?;
-            Err(Failure::missing("apply"))
+            apply::run(args, device, out)
         }
     }
 }

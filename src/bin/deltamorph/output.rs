@@ -39,11 +39,6 @@ impl Failure {
         Self::failed(&deltamorph::Error::Io { path: path.into(), action, source })
     }
 
-    /// A command that this build does not have.
-    pub fn missing(command: &str) -> Self {
-        Self::Failed(format!("'{command}' is not in this version; `deltamorph help` lists what is"))
-    }
-
     /// The exit code.
     pub fn exit_code(&self) -> ExitCode {
         ExitCode::from(match self {
@@ -179,6 +174,6 @@ mod tests {
     #[test]
     fn exit_codes() {
         assert_eq!(format!("{:?}", Failure::Usage(String::new()).exit_code()), format!("{:?}", ExitCode::from(2)));
-        assert_eq!(format!("{:?}", Failure::missing("x").exit_code()), format!("{:?}", ExitCode::from(1)));
+        assert_eq!(format!("{:?}", Failure::Failed("x".into()).exit_code()), format!("{:?}", ExitCode::from(1)));
     }
 }

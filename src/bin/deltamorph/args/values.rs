@@ -1,7 +1,9 @@
 //! Values of the command line: what they may be, and how they are spelled.
 
 use clap::ValueEnum;
+use deltamorph::headless::DeviceChoice;
 use deltamorph::mesh::packed::DeltaFormat;
+use deltamorph::plan::{BatchSize, UpdateMode, UpdatePath};
 use std::path::Path;
 
 /// Largest built-in head. A number beyond it is a slip of the finger, and would take all memory.
@@ -23,13 +25,12 @@ pub enum PathChoice {
 }
 
 impl PathChoice {
-    /// Its name on the command line and in reports.
-    #[expect(dead_code, reason = "for the sweep, which is to come")]
-    pub fn name(self) -> &'static str {
+    /// What the library calls it.
+    pub fn update_path(self) -> UpdatePath {
         match self {
-            Self::Feedback => "feedback",
-            Self::Compute => "compute",
-            Self::Cpu => "cpu",
+            Self::Feedback => UpdatePath::Feedback,
+            Self::Compute => UpdatePath::Compute,
+            Self::Cpu => UpdatePath::Cpu,
         }
     }
 }
@@ -44,12 +45,11 @@ pub enum ModeChoice {
 }
 
 impl ModeChoice {
-    /// Its name on the command line and in reports.
-    #[expect(dead_code, reason = "for the sweep, which is to come")]
-    pub fn name(self) -> &'static str {
+    /// What the library calls it.
+    pub fn update_mode(self) -> UpdateMode {
         match self {
-            Self::Incremental => "incremental",
-            Self::Rebuild => "rebuild",
+            Self::Incremental => UpdateMode::Incremental,
+            Self::Rebuild => UpdateMode::Rebuild,
         }
     }
 }
@@ -65,22 +65,12 @@ pub enum FormatChoice {
 
 impl FormatChoice {
     /// What the library calls it.
-    #[expect(dead_code, reason = "for the sweep, which is to come")]
     pub fn delta_format(self) -> DeltaFormat {
         match self {
             Self::Float32 => DeltaFormat::Float32,
             Self::Snorm16 => DeltaFormat::Snorm16,
         }
     }
-}
-
-/// Which Vulkan device.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum DeviceChoice {
-    /// Its place in the list of `devices`.
-    Index(usize),
-    /// A part of its name, in any case.
-    Name(String),
 }
 
 /// An entry of `--batch-sizes`.
@@ -234,24 +224,6 @@ pub fn fps_in_name(path: &Path) -> Option<f32> {
     fps(&head[head.len() - digits..]).ok()
 }
 
-/// Batch size of one configuration.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum BatchSize {
-    /// This many targets per pass.
-    Targets(u32),
-    /// Every target in one pass.
-    All,
-}
-
-impl std::fmt::Display for BatchSize {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Targets(n) => n.fmt(f),
-            Self::All => "all".fmt(f),
-        }
-    }
-}
-
 /// What an update path can batch on a device.
 #[derive(Clone, Copy, Debug)]
 pub struct BatchLimit {
@@ -263,7 +235,6 @@ pub struct BatchLimit {
 
 /// The batch sizes that `specs` ask for and `limit` allows, ascending, without repeats; and those that it
 /// does not allow. A path without batches runs once, as "all", whatever sizes are asked for.
-#[cfg_attr(not(test), expect(dead_code, reason = "for the sweep, which is to come"))]
 pub fn expand_batches(specs: &[BatchSpec], limit: BatchLimit) -> (Vec<BatchSize>, Vec<BatchSize>) {
     if limit.max == 0 {
         return (vec![BatchSize::All], Vec::new());
@@ -290,7 +261,6 @@ pub fn expand_batches(specs: &[BatchSpec], limit: BatchLimit) -> (Vec<BatchSize>
 ///
 /// # Errors
 /// More than there are.
-#[cfg_attr(not(test), expect(dead_code, reason = "for the sweep, which is to come"))]
 pub fn expand_changed(specs: &[ChangedSpec], targets: usize) -> Result<Vec<usize>, String> {
     let mut counts = Vec::new();
     for &spec in specs {

@@ -3,8 +3,8 @@
 use super::plots::family::Family;
 use super::plots::select::{batch_words, fastest, median, relative};
 use super::record::{Report, RunRecord};
-use crate::args::values::BatchSize;
 use crate::table::{percent, sig3, thousands};
+use deltamorph::plan::BatchSize;
 
 /// The most telling numbers, the first of which is the heading.
 pub fn sentences(report: &Report) -> Vec<String> {

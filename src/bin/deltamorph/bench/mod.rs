@@ -3,6 +3,7 @@
 //! The sweep that runs configurations makes a [`Report`]; [`finish`] prints it, writes it and decides whether
 //! the command succeeded. Everything here works without a GPU.
 
+mod bandwidth;
 pub mod headline;
 pub mod html;
 pub mod plots;
@@ -10,22 +11,25 @@ pub mod record;
 pub mod report;
 pub mod stamp;
 pub mod stats;
+mod sweep;
 #[cfg(test)]
 pub mod synthetic;
+mod workload;
 
 use crate::args::BenchArgs;
 use crate::output::{Failure, Output};
 use crate::table::{Table, bytes, percent, sig3};
+use deltamorph::headless::DeviceChoice;
 use record::{Report, RunRecord};
 
 /// Run the command.
 ///
 /// # Errors
 /// Nothing can run, a configuration is wrong, or the report cannot be written.
-pub fn run(args: &BenchArgs, out: &Output) -> Result<(), Failure> {
+pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     match &args.redraw {
         Some(path) => finish(&report::read(path)?, args, out),
-        None => Err(Failure::missing("bench")),
+        None => finish(&sweep::run(args, device, out)?, args, out),
     }
 }
 

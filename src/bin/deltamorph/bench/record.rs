@@ -1,7 +1,7 @@
 //! The JSON of `bench`. Fields may be added, never renamed.
 
 use super::stats::Stats;
-use crate::args::values::BatchSize;
+use deltamorph::plan::BatchSize;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// What one call of `bench` measured.

@@ -3,17 +3,22 @@
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// The time, in UTC, as ISO 8601.
-#[expect(dead_code, reason = "for the sweep, which is to come")]
 pub fn now() -> String {
     utc(SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()))
 }
 
 /// The command line of this process, ready to paste into a shell. The program is named without its folder,
 /// which means nothing elsewhere.
-#[expect(dead_code, reason = "for the sweep, which is to come")]
 pub fn command_line() -> String {
     let args = std::env::args_os().skip(1).map(|a| quoted(&a.to_string_lossy()));
     std::iter::once("deltamorph".to_owned()).chain(args).collect::<Vec<_>>().join(" ")
+}
+
+/// The processor's name, where the system tells it.
+pub fn processor() -> String {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = info.lines().find_map(|l| l.strip_prefix("model name")?.split_once(':'));
+    model.map_or_else(|| std::env::consts::ARCH.to_owned(), |(_, name)| name.trim().to_owned())
 }
 
 /// Seconds since 1970 as ISO 8601 (the civil calendar after Howard Hinnant).

@@ -21,7 +21,6 @@ pub struct Stats {
 
 impl Stats {
     /// Sum up `values`; `None` when there are none, or one is not finite.
-    #[cfg_attr(not(test), expect(dead_code, reason = "for the sweep, which is to come"))]
     pub fn of(values: &[f64]) -> Option<Self> {
         if values.is_empty() || values.iter().any(|v| !v.is_finite()) {
             return None;

@@ -2,7 +2,7 @@
 
 use super::record::{Bandwidth, DeviceInfo, InputInfo, Report, RunRecord, Skipped};
 use super::stats::Stats;
-use crate::args::values::BatchSize::{self, All, Targets};
+use deltamorph::plan::BatchSize::{self, All, Targets};
 
 const TARGETS: f64 = 72.0;
 

@@ -22,7 +22,7 @@ fn format_row(mesh: &MorphMesh, format: DeltaFormat) -> Result<FormatRow, Failur
     let dense = (mesh.vertex_count() * mesh.targets.len() * DeltaFormat::Float32.stride()) as u64;
     Ok(FormatRow {
         name: format.name().to_owned(),
-        delta_bytes: packed.delta_bytes(),
+        delta_bytes: packed.layout().delta_bytes(),
         index_bytes: 0,
         dense_f32_bytes: dense,
         position_error: position,

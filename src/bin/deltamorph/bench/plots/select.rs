@@ -4,9 +4,9 @@ use super::bars::{Bar, BarChart, remark};
 use super::chart::{LineChart, Point, Series, X};
 use super::family::{Family, families, look};
 use super::{Chart, Figure};
-use crate::args::values::BatchSize;
 use crate::bench::record::{Report, RunRecord};
 use crate::table::{sig3, thousands};
+use deltamorph::plan::BatchSize;
 
 /// Runs of one workload and number of heads.
 struct Group<'a> {

@@ -1,0 +1,41 @@
+//! What the processor's memory can do, measured with the same threads as the cpu path.
+
+use rayon::prelude::*;
+use std::hint::black_box;
+use std::time::Instant;
+
+/// Larger than the caches of most machines; small enough for any.
+const BYTES: usize = 256 << 20;
+const RUNS: usize = 8;
+
+/// Read and copy bandwidth in 10⁹ bytes per second (a copy counts bytes read and written): the best of a few
+/// runs on `threads` threads (0: one per core). `None` when the threads cannot be started.
+pub fn measure(threads: usize) -> Option<(f64, f64)> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().ok()?;
+    let words = BYTES / 8;
+    let share = words.div_ceil(pool.current_num_threads());
+    let from: Vec<u64> = (0..words as u64).collect();
+    let mut to = vec![0u64; words];
+    let (mut read, mut copy) = (f64::INFINITY, f64::INFINITY);
+    for _ in 0..RUNS {
+        let start = Instant::now();
+        black_box(pool.install(|| from.par_chunks(share).map(sum).reduce(|| 0, u64::wrapping_add)));
+        read = read.min(start.elapsed().as_secs_f64());
+        let start = Instant::now();
+        pool.install(|| to.par_chunks_mut(share).zip(from.par_chunks(share)).for_each(|(t, f)| t.copy_from_slice(f)));
+        black_box(&mut to);
+        copy = copy.min(start.elapsed().as_secs_f64());
+    }
+    Some((BYTES as f64 / read * 1e-9, 2.0 * BYTES as f64 / copy * 1e-9))
+}
+
+fn sum(words: &[u64]) -> u64 {
+    // Independent sums, so that the additions do not wait for each other.
+    let mut sums = [0u64; 16];
+    for chunk in words.chunks_exact(16) {
+        for (sum, word) in sums.iter_mut().zip(chunk) {
+            *sum = sum.wrapping_add(*word);
+        }
+    }
+    sums.iter().fold(0, |a, b| a.wrapping_add(*b))
+}

@@ -1,0 +1,148 @@
+//! What moves while a configuration is verified and timed: random changes, or a captured clip.
+
+use deltamorph::weights::WeightClip;
+
+/// Weights of every head in every frame. The same whatever path, batch size or format they are applied with.
+pub trait Workload {
+    /// "random", or the clip's name.
+    fn name(&self) -> &str;
+    /// Frames after which the result is compared with the reference.
+    fn checkpoints(&self) -> Vec<usize>;
+    /// The weights of `head` in `frame`. Frames are asked for from 0 on, in order.
+    fn weights(&self, head: u32, frame: usize) -> Vec<f32>;
+    /// Frames after which it starts over; timing runs on from there.
+    fn period(&self) -> usize;
+}
+
+/// In each frame `changed` targets, drawn afresh, get a new weight in (0, 1]; the others keep theirs.
+pub struct Random {
+    /// `[frame][target]`.
+    frames: Vec<Vec<f32>>,
+}
+
+/// Frames of random weights before they repeat.
+const RANDOM_FRAMES: usize = 128;
+/// Frames before the first comparison with the reference: enough for each slot to have been source and target.
+const RANDOM_CHECKS: [usize; 2] = [2, 9];
+
+/// PCG-like step: a number for each call, the same on every machine.
+fn next(state: &mut u64) -> u64 {
+    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+    let x = *state ^ (*state >> 33);
+    x.wrapping_mul(0xff51_afd7_ed55_8ccd) >> 20
+}
+
+impl Random {
+    /// `changed` of `targets` per frame, from `seed`.
+    pub fn new(targets: usize, changed: usize, seed: u64) -> Self {
+        let mut state = seed ^ 0x9E37_79B9_7F4A_7C15;
+        let mut weight = move || (next(&mut state) % 1_000_000 + 1) as f32 / 1e6;
+        let mut order: Vec<usize> = (0..targets).collect();
+        let mut pick = seed.rotate_left(17) ^ 0xD1B5_4A32_D192_ED03;
+        let mut now: Vec<f32> = (0..targets).map(|_| weight()).collect();
+        let mut frames = vec![now.clone()];
+        while frames.len() < RANDOM_FRAMES {
+            for i in 0..changed.min(targets) {
+                let j = i + (next(&mut pick) % (targets - i) as u64) as usize;
+                order.swap(i, j);
+                let before = now[order[i]];
+                // A new weight that happened to be the old one would not be a change.
+                now[order[i]] = std::iter::repeat_with(&mut weight).find(|w| *w != before).unwrap_or(before);
+            }
+            frames.push(now.clone());
+        }
+        Self { frames }
+    }
+}
+
+impl Workload for Random {
+    fn name(&self) -> &str {
+        "random"
+    }
+
+    fn checkpoints(&self) -> Vec<usize> {
+        RANDOM_CHECKS.to_vec()
+    }
+
+    fn weights(&self, head: u32, frame: usize) -> Vec<f32> {
+        // Heads run through the same frames, each from another one on.
+        self.frames[(frame + head as usize * 37) % self.frames.len()].clone()
+    }
+
+    fn period(&self) -> usize {
+        self.frames.len()
+    }
+}
+
+/// A captured clip, from beginning to end.
+pub struct Clip {
+    name: String,
+    frames: Vec<Vec<f32>>,
+}
+
+/// Frames of a clip at which the result is compared with the reference, the last one among them.
+const CLIP_CHECKS: usize = 16;
+
+impl Clip {
+    /// `clip` on a mesh with these targets.
+    ///
+    /// # Errors
+    /// A column that names no target.
+    pub fn new(clip: &WeightClip, targets: &[&str]) -> deltamorph::Result<Self> {
+        Ok(Self { name: clip.name.clone(), frames: clip.bind(targets)? })
+    }
+
+    /// Number of frames.
+    pub fn len(&self) -> usize {
+        self.frames.len()
+    }
+}
+
+impl Workload for Clip {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn checkpoints(&self) -> Vec<usize> {
+        let last = self.frames.len() - 1;
+        let mut frames: Vec<usize> = (1..=CLIP_CHECKS).map(|i| last * i / CLIP_CHECKS).collect();
+        frames.dedup();
+        frames
+    }
+
+    fn weights(&self, head: u32, frame: usize) -> Vec<f32> {
+        self.frames[(frame + head as usize * 7) % self.frames.len()].clone()
+    }
+
+    fn period(&self) -> usize {
+        self.frames.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn just_as_many_targets_change_as_asked_for() {
+        for changed in [0, 1, 8, 72] {
+            let random = Random::new(72, changed, 3);
+            for frame in 1..RANDOM_FRAMES {
+                let (a, b) = (random.weights(0, frame - 1), random.weights(0, frame));
+                assert_eq!(a.iter().zip(&b).filter(|(a, b)| a != b).count(), changed);
+                assert!(b.iter().all(|w| (0.0..=1.0).contains(w) && *w > 0.0));
+            }
+        }
+        assert_eq!(Random::new(72, 8, 3).frames, Random::new(72, 8, 3).frames);
+        assert_ne!(Random::new(72, 8, 3).frames, Random::new(72, 8, 4).frames);
+        assert!(Random::new(0, 0, 1).weights(0, 5).is_empty());
+    }
+
+    #[test]
+    fn a_clip_is_checked_at_its_end() {
+        let clip = WeightClip { name: "c".into(), names: vec!["a".into()], fps: 30.0, values: vec![0.5; 335] };
+        let clip = Clip::new(&clip, &["a", "b"]).expect("bound");
+        assert_eq!((clip.checkpoints().len(), clip.checkpoints().last()), (16, Some(&334)));
+        assert_eq!(clip.weights(0, 335), [0.5, 0.0]);
+    }
+}

@@ -1,0 +1,145 @@
+//! One interface to the GPU paths and the cpu path, for `bench` and `apply`.
+
+use crate::output::{Failure, Output};
+use deltamorph::cpu::CpuCrowd;
+use deltamorph::engine::{CrowdDesc, DeviceCaps, MorphEngine};
+use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
+use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
+use deltamorph::plan::{UpdateDesc, UpdatePath, UpdateStats};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// A device with its engine.
+pub struct Gpu {
+    // Fields drop in this order: the engine before its device.
+    pub engine: MorphEngine,
+    pub headless: Headless,
+}
+
+impl Gpu {
+    /// Set up the device chosen on the command line. Without any, and none asked for: `None`, and says so.
+    ///
+    /// # Errors
+    /// The device asked for is not there, or fails.
+    pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Self>, Failure> {
+        let desc = HeadlessDesc { device: choice.cloned().unwrap_or_default(), ..HeadlessDesc::default() };
+        match Headless::new(&desc) {
+            Ok(headless) => {
+                if headless.caps().is_software() {
+                    out.note(format_args!(
+                        "{} is a software driver: without a GPU the path 'cpu' is the one to use",
+                        headless.caps().name
+                    ));
+                }
+                Ok(Some(Self { engine: headless.engine()?, headless }))
+            }
+            Err(error) if choice.is_none() => {
+                out.note(format_args!("{error}"));
+                out.note("carrying on with the path 'cpu'");
+                Ok(None)
+            }
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Limits and features.
+    pub fn caps(&self) -> &DeviceCaps {
+        self.engine.caps()
+    }
+}
+
+/// How to pack for `gpu`, or for the cpu path alone.
+pub fn pack_desc(gpu: Option<&Gpu>, format: DeltaFormat) -> PackDesc {
+    gpu.map_or(PackDesc { format, ..PackDesc::default() }, |g| g.engine.pack_desc(format))
+}
+
+/// Heads that are updated by one path.
+pub enum Runner<'a> {
+    /// On a device.
+    Gpu(Box<HeadlessCrowd<'a>>),
+    /// On the processor.
+    Cpu(Box<CpuCrowd>),
+}
+
+/// What a frame took.
+pub struct Frame {
+    /// Coefficients, passes, bytes.
+    pub stats: UpdateStats,
+    /// Device time in milliseconds, where there is one.
+    pub gpu_ms: Option<f64>,
+    /// From weights to result, in milliseconds.
+    pub cpu_ms: f64,
+}
+
+impl<'a> Runner<'a> {
+    /// `heads` instances of `mesh`, updated as `desc` says.
+    ///
+    /// # Errors
+    /// The path or batch size is not available; no memory.
+    pub fn new(
+        gpu: Option<&'a Gpu>,
+        mesh: &Arc<PackedMesh>,
+        desc: UpdateDesc,
+        heads: u32,
+        threads: usize,
+    ) -> Result<Self, Failure> {
+        match (desc.path, gpu) {
+            (UpdatePath::Cpu, _) => {
+                Ok(Self::Cpu(Box::new(CpuCrowd::new(mesh.clone(), desc, heads as usize, threads)?)))
+            }
+            (_, Some(gpu)) => {
+                // One update at a time is recorded and waited for.
+                let desc = CrowdDesc { instances: heads, update: desc, frames_in_flight: 1 };
+                Ok(Self::Gpu(Box::new(HeadlessCrowd::new(&gpu.headless, &gpu.engine, mesh, &desc)?)))
+            }
+            (path, None) => Err(Failure::Failed(format!(
+                "update path '{}' needs a Vulkan device and there is none; use --path cpu",
+                path.name()
+            ))),
+        }
+    }
+
+    /// Update every head to `weights[head]` and wait.
+    ///
+    /// # Errors
+    /// Weights that are refused; a device that fails.
+    pub fn step(&mut self, weights: &[Vec<f32>]) -> Result<Frame, Failure> {
+        match self {
+            Self::Gpu(crowd) => {
+                let weights: Vec<&[f32]> = weights.iter().map(Vec::as_slice).collect();
+                let step = crowd.step(&weights)?;
+                Ok(Frame { stats: step.update.stats, gpu_ms: step.gpu_ms, cpu_ms: step.cpu_ms })
+            }
+            Self::Cpu(crowd) => {
+                let start = Instant::now();
+                for (head, weights) in weights.iter().enumerate() {
+                    crowd.set_weights(head, weights)?;
+                }
+                let stats = crowd.update();
+                Ok(Frame { stats, gpu_ms: None, cpu_ms: start.elapsed().as_secs_f64() * 1e3 })
+            }
+        }
+    }
+
+    /// The pose of a head, six floats a vertex with padding.
+    ///
+    /// # Errors
+    /// A device that fails.
+    pub fn pose(&mut self, head: u32) -> Result<Vec<f32>, Failure> {
+        match self {
+            Self::Gpu(crowd) => Ok(crowd.read_pose(head)?),
+            Self::Cpu(crowd) => Ok(crowd.pose(head as usize).to_vec()),
+        }
+    }
+
+    /// Device time of one draw that reads the pose of every head; `None` without a device.
+    ///
+    /// # Errors
+    /// A device that fails.
+    pub fn draw_ms(&mut self) -> Result<Option<f64>, Failure> {
+        match self {
+            Self::Gpu(crowd) => Ok(crowd.draw()?),
+            Self::Cpu(_) => Ok(None),
+        }
+    }
+}
