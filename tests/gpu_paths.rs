@@ -109,7 +109,8 @@ fn all_targets_empty() {
 fn meshes_beyond_the_storage_range_are_cut_into_chunks() {
     on_every_device(|headless, engine| {
         for format in DeltaFormat::ALL {
-            let desc = PackDesc { format, max_chunk_bytes: 128 * 37 * format.stride() as u64 };
+            let max_chunk_bytes = 128 * 37 * format.stride() as u64;
+            let desc = PackDesc { format, max_chunk_bytes, ..PackDesc::default() };
             let mesh = PackedMesh::pack(&testing::mesh(1000, 37), &desc).expect("a mesh that fits");
             assert_eq!(mesh.layout().chunks().count(), 8);
             for desc in update_descs(engine, format) {
@@ -125,6 +126,7 @@ fn more_workgroups_than_a_dispatch_has() {
         let engine = headless.engine_within(|caps| caps.max_workgroups = 3).expect("an engine");
         for format in DeltaFormat::ALL {
             let mesh = packed(&engine, 1000, 19, format);
+            assert_eq!(mesh.layout().chunks().count(), 6);
             for desc in update_descs(&engine, format) {
                 check(headless, &engine, &mesh, desc, 3);
             }
@@ -145,6 +147,7 @@ fn limits_are_kept_or_refused_with_the_numbers() {
         // 1,024 padded vertices of 24 bytes; five targets of them.
         refuse(&|caps| caps.max_storage_range = 10_000, &["a pose takes 24576 bytes", "allows 10000"]);
         refuse(&|caps| caps.max_storage_range = 50_000, &["a chunk of deltas takes 122880 bytes", "pack_desc"]);
+        refuse(&|caps| caps.max_workgroups = 15, &["a chunk takes 16 workgroups", "allows 15", "pack_desc"]);
         refuse(&|caps| caps.max_allocation = 100_000, &["'deltamorph deltas' needs 122880 bytes", "at most 100000"]);
         refuse(&|caps| caps.max_workgroup_invocations = 32, &["32 invocations per workgroup", "'cpu'"]);
     });
@@ -232,13 +235,51 @@ fn timestamps_cover_the_whole_update() {
         for path in [UpdatePath::Feedback, UpdatePath::Compute] {
             let desc = UpdateDesc::new(path, deltamorph::plan::BatchSize::Targets(1));
             let mut crowd = HeadlessCrowd::new(headless, engine, &mesh, &single(desc)).expect("a crowd");
-            for frame in 0..4 {
+            // The best of a few: a busy machine delays the fence. A pass left out of the time would always be.
+            let mut share: f64 = 0.0;
+            for frame in 0..8 {
                 let step = crowd.step(&[&[frame as f32 + 1.0; 8]]).expect("a step");
                 let gpu_ms = step.gpu_ms.expect("lavapipe has timestamps");
                 assert!(gpu_ms <= step.cpu_ms, "{path:?}: {step:?}");
-                // The first run compiles outside the timestamps.
-                assert!(frame == 0 || gpu_ms > 0.5 * step.cpu_ms, "{path:?}: {step:?}");
+                share = share.max(gpu_ms / step.cpu_ms);
             }
+            assert!(share > 0.5, "{path:?}: timestamps cover {share} of the round trip");
         }
+    });
+}
+
+/// Any sequence of weights through any path, batch size, format and slot count.
+#[test]
+fn any_sequence_of_weights_equals_the_reference() {
+    use proptest::prelude::*;
+    use proptest::test_runner::{Config, TestRunner};
+    on_every_device(|headless, engine| {
+        let meshes = DeltaFormat::ALL.map(|format| packed(engine, 130, 9, format));
+        let strategy = (
+            any::<prop::sample::Index>(),
+            any::<bool>(),
+            2u32..4,
+            prop::collection::vec(prop::collection::vec(-3i8..6, 9), 1..7),
+        );
+        let config = Config { cases: 24, failure_persistence: None, ..Config::default() };
+        let run = TestRunner::new(config).run(&strategy, |(pick, snorm, slots, frames)| {
+            let mesh = &meshes[usize::from(snorm)];
+            let descs = update_descs(engine, mesh.layout().format);
+            let desc = UpdateDesc { slots, ..descs[pick.index(descs.len())] };
+            let mut crowd = HeadlessCrowd::new(headless, engine, mesh, &single(desc)).expect("a crowd");
+            for frame in frames {
+                let weights: Vec<f32> = frame.iter().map(|&w| f32::from(w) * 0.3).collect();
+                crowd.step(&[&weights]).expect("a step");
+                let error = compare(&crowd.read_pose(0).expect("a pose"), &evaluate(mesh, &weights));
+                prop_assert!(
+                    error.within(POSITION * f64::from(mesh.layout().diagonal), NORMAL),
+                    "{:?} {:?}",
+                    desc,
+                    error
+                );
+            }
+            Ok(())
+        });
+        run.unwrap_or_else(|e| panic!("{}: {e}", headless.caps().name));
     });
 }

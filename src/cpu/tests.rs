@@ -16,7 +16,7 @@ proptest! {
         let mesh = testing::mesh(vertices, targets);
         let format = if snorm { DeltaFormat::Snorm16 } else { DeltaFormat::Float32 };
         let max_chunk_bytes = if chunked { (64 * 24 * targets.max(1) * 2) as u64 } else { 128 << 20 };
-        let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc { format, max_chunk_bytes }).unwrap());
+        let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc { format, max_chunk_bytes, ..PackDesc::default() }).unwrap());
         let mode = if rebuild { UpdateMode::Rebuild } else { UpdateMode::Incremental };
         let desc = UpdateDesc { path: UpdatePath::Cpu, batch, mode, slots };
         let mut crowd = CpuCrowd::new(packed.clone(), desc, 2, threads).unwrap();

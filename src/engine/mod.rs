@@ -27,6 +27,7 @@ use crate::gpu::compute::Compute;
 use crate::gpu::device::Device;
 use crate::gpu::feedback::Feedback;
 use crate::gpu::memory::{Buffer, BufferDesc};
+use crate::gpu::shaders::WORKGROUP;
 use crate::mesh::packed::{PackDesc, PackedLayout, PackedMesh};
 use crate::plan::commands::Hazard;
 use crate::plan::{BatchSize, UpdateDesc, UpdatePath};
@@ -100,7 +101,12 @@ impl MorphEngine {
 
     /// How to pack a mesh for this device.
     pub fn pack_desc(&self, format: crate::mesh::packed::DeltaFormat) -> PackDesc {
-        PackDesc { format, max_chunk_bytes: self.device.caps.max_storage_range }
+        let caps = &self.device.caps;
+        PackDesc {
+            format,
+            max_chunk_bytes: caps.max_storage_range,
+            max_chunk_vertices: u64::from(caps.max_workgroups) * u64::from(WORKGROUP),
+        }
     }
 
     /// Bytes of device memory that a mesh takes (as much again in staging memory until
@@ -165,27 +171,25 @@ impl MorphEngine {
 
     fn check_mesh(&self, layout: &PackedLayout) -> Result<()> {
         let caps = &self.device.caps;
-        let chunk_bytes = chunk_bytes(layout);
-        let limit = |what: &str, bytes: u64, most: u64, remedy: &str| {
-            if bytes <= most {
+        let limit = |what: &str, amount: u64, unit: &str, most: u64, remedy: &str| {
+            if amount <= most {
                 return Ok(());
             }
             Err(Error::invalid(
-                format!("mesh '{}': {what} {bytes} bytes, but {} allows {most}", layout.name, caps.name),
+                format!("mesh '{}': {what} {amount} {unit}, but {} allows {most}", layout.name, caps.name),
                 remedy,
             ))
         };
         if layout.vertex_count == 0 {
             return Err(Error::invalid(format!("mesh '{}' has no vertices", layout.name), "leave it out"));
         }
-        limit("a pose takes", layout.pose_bytes(), caps.max_storage_range, "split the mesh")?;
-        limit("a chunk of deltas takes", chunk_bytes, caps.max_storage_range, "pack with MorphEngine::pack_desc")?;
-        limit(
-            "its deltas take",
-            delta_buffer_bytes(layout),
-            u64::from(u32::MAX),
-            "split the mesh or use the snorm16 format",
-        )
+        let (range, groups) = (caps.max_storage_range, caps.max_workgroups.into());
+        let chunk_groups = (layout.chunk_vertices as u64).div_ceil(WORKGROUP.into());
+        limit("a pose takes", layout.pose_bytes(), "bytes", range, "split the mesh")?;
+        limit("a chunk of deltas takes", chunk_bytes(layout), "bytes", range, "pack with MorphEngine::pack_desc")?;
+        limit("a chunk takes", chunk_groups, "workgroups", groups, "pack with MorphEngine::pack_desc")?;
+        let deltas = delta_buffer_bytes(layout);
+        limit("its deltas take", deltas, "bytes", u32::MAX.into(), "split the mesh or use the snorm16 format")
     }
 
     /// Make pose buffers and pipelines for the instances of a mesh, all weights 0. The first update writes

@@ -75,8 +75,16 @@ impl Compute {
         let dense = dense_push(pass.layout, pass.coefficients);
         for ((first, vertices), set) in pass.layout.chunks().zip(pass.sets) {
             let offsets = [(pass.layout.row_start(0, first, vertices) * 4) as u32, pass.list];
-            // SAFETY: the caller's obligations; offsets are multiples of 64 vertices × 12 bytes or of the list's
-            // stride, which satisfy the device's alignment.
+            let chunk_vertices = vertices as u32;
+            let list = DenseListPush { chunk_vertices, entry_count: pass.coefficients.len() as u32 };
+            let dense = DensePush { chunk_vertices, ..dense };
+            let push = match self.batch {
+                BatchSize::All => bytes_of(&list),
+                BatchSize::Targets(_) => bytes_of(&dense),
+            };
+            // SAFETY: the caller's obligations; the push constants are within the layout's range; offsets are
+            // multiples of 64 vertices × 12 bytes or of the list's stride, which satisfy the device's alignment;
+            // padded vertices fill whole workgroups, no more than the device has (checked at upload).
             unsafe {
                 device.cmd_bind_descriptor_sets(
                     cmd,
@@ -86,23 +94,8 @@ impl Compute {
                     &[*set],
                     &offsets,
                 );
-            }
-            // Padded vertices fill whole workgroups; a dispatch has as many as the device allows.
-            let most = self.objects.device.caps.max_workgroups as usize * WORKGROUP as usize;
-            for start in (0..vertices).step_by(most) {
-                let (chunk_vertices, first_vertex) = (vertices as u32, start as u32);
-                let list = DenseListPush { chunk_vertices, first_vertex, entry_count: pass.coefficients.len() as u32 };
-                let dense = DensePush { chunk_vertices, first_vertex, ..dense };
-                let push = match self.batch {
-                    BatchSize::All => bytes_of(&list),
-                    BatchSize::Targets(_) => bytes_of(&dense),
-                };
-                let groups = (vertices - start).min(most) as u32 / WORKGROUP; // a pose has fewer than 2³² bytes
-                // SAFETY: the caller's obligations; the push constants are within the layout's range.
-                unsafe {
-                    device.cmd_push_constants(cmd, self.objects.layout, vk::ShaderStageFlags::COMPUTE, 0, push);
-                    device.cmd_dispatch(cmd, groups, 1, 1);
-                }
+                device.cmd_push_constants(cmd, self.objects.layout, vk::ShaderStageFlags::COMPUTE, 0, push);
+                device.cmd_dispatch(cmd, chunk_vertices / WORKGROUP, 1, 1);
             }
         }
     }

@@ -6,8 +6,8 @@
 //! ```
 //!
 //! Vertices are padded with zeros to a multiple of [`VERTEX_PADDING`], so that no kernel needs a bounds check.
-//! A mesh has one chunk unless its deltas exceed the storage-buffer range of the device
-//! ([`PackDesc::max_chunk_bytes`]); then its vertices are cut into chunks that fit.
+//! A mesh has one chunk unless its deltas exceed the storage-buffer range of the device, or its vertices the
+//! workgroups of a dispatch ([`PackDesc`]); then its vertices are cut into chunks that fit.
 
 use super::{MorphMesh, MorphTarget};
 use crate::error::{Error, Result};
@@ -74,12 +74,18 @@ pub struct PackDesc {
     pub format: DeltaFormat,
     /// Most bytes of deltas that one descriptor may cover: the device's `maxStorageBufferRange`.
     pub max_chunk_bytes: u64,
+    /// Most vertices of a chunk: the device's workgroups per dispatch × [`VERTEX_PADDING`].
+    pub max_chunk_vertices: u64,
 }
 
 impl Default for PackDesc {
-    /// float32, in chunks of 128 MiB (the least range that Khronos' Android profiles promise).
+    /// float32, in chunks of 128 MiB and 65,535 workgroups (the least that Khronos' Android profiles promise).
     fn default() -> Self {
-        Self { format: DeltaFormat::Float32, max_chunk_bytes: 128 << 20 }
+        Self {
+            format: DeltaFormat::Float32,
+            max_chunk_bytes: 128 << 20,
+            max_chunk_vertices: 65_535 * VERTEX_PADDING as u64,
+        }
     }
 }
 
@@ -221,10 +227,10 @@ impl PackedMesh {
                 "use fewer targets or the snorm16 format",
             ));
         }
-        let chunk_vertices = match per_padding {
-            0 => padded,
-            n => padded.min((desc.max_chunk_bytes / n as u64) as usize * VERTEX_PADDING),
-        };
+        // Whole workgroups, at least one.
+        let groups = desc.max_chunk_bytes.checked_div(per_padding as u64).unwrap_or(u64::MAX);
+        let groups = groups.min(desc.max_chunk_vertices / VERTEX_PADDING as u64).max(1);
+        let chunk_vertices = groups.saturating_mul(VERTEX_PADDING as u64).min(padded as u64) as usize;
 
         let mut base = vec![0.0; padded * POSE_FLOATS];
         for (vertex, (p, n)) in base.chunks_exact_mut(POSE_FLOATS).zip(mesh.positions.iter().zip(&mesh.normals)) {
@@ -376,7 +382,8 @@ mod tests {
         let mesh = mesh(200, 5);
         for format in DeltaFormat::ALL {
             for max_chunk_bytes in [128 << 20, 5 * 64 * 24 + 1] {
-                let packed = PackedMesh::pack(&mesh, &PackDesc { format, max_chunk_bytes }).unwrap();
+                let packed =
+                    PackedMesh::pack(&mesh, &PackDesc { format, max_chunk_bytes, ..PackDesc::default() }).unwrap();
                 let largest = packed.layout.chunks().map(|(_, n)| n * 5 * format.stride()).max().unwrap();
                 assert!(largest as u64 <= max_chunk_bytes);
                 assert_eq!(packed.layout.chunks().map(|(_, n)| n).sum::<usize>(), 256);

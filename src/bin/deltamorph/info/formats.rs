@@ -16,7 +16,7 @@ pub fn format_rows(mesh: &MorphMesh) -> Result<Vec<FormatRow>, Failure> {
 
 fn format_row(mesh: &MorphMesh, format: DeltaFormat) -> Result<FormatRow, Failure> {
     // One chunk, whatever a device would bind: chunks change neither bytes nor values.
-    let packed = PackedMesh::pack(mesh, &PackDesc { format, max_chunk_bytes: u64::MAX })?;
+    let packed = PackedMesh::pack(mesh, &PackDesc { format, max_chunk_bytes: u64::MAX, max_chunk_vertices: u64::MAX })?;
     let errors = mesh.targets.iter().enumerate().map(|(t, target)| target_error(mesh, &packed, t, target));
     let (position, normal) = errors.fold((0.0, 0.0), |(p, n): (f64, f64), e| (p.max(e.0), n.max(e.1)));
     let dense = (mesh.vertex_count() * mesh.targets.len() * DeltaFormat::Float32.stride()) as u64;

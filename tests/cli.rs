@@ -1,0 +1,213 @@
+//! The command line: what it prints, writes and returns.
+
+use serde_json::Value;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn deltamorph(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_deltamorph")).args(args).output().expect("the program starts")
+}
+
+fn ok(args: &[&str]) -> String {
+    let out = deltamorph(args);
+    let stderr = String::from_utf8_lossy(&out.stderr);
+    assert!(out.status.success(), "{args:?}: {stderr}");
+    String::from_utf8(out.stdout).expect("text")
+}
+
+fn json(args: &[&str]) -> Value {
+    serde_json::from_str(&ok(args)).expect("JSON alone on stdout")
+}
+
+/// Exit code and the error line.
+fn fails(args: &[&str]) -> (i32, String) {
+    let out = deltamorph(args);
+    assert!(!out.status.success(), "{args:?} succeeded");
+    let text = String::from_utf8(out.stderr).expect("text");
+    assert!(!text.contains("panicked"), "{text}");
+    (out.status.code().expect("no signal"), text)
+}
+
+const HEAD: [&str; 4] = ["--vertices", "1200", "--targets", "12"];
+
+fn sample(folder: &Path) -> String {
+    let dir = folder.join("head").to_str().expect("UTF-8").to_owned();
+    ok(&[&["sample", &dir, "--frames", "24"], &HEAD[..]].concat());
+    dir
+}
+
+#[test]
+fn devices_lists_both_drivers_and_why_a_path_is_missing() {
+    let devices = json(&["devices", "--json", "-"]);
+    let find = |name: &str| {
+        let all = devices["devices"].as_array().expect("a list");
+        all.iter().find(|d| d["name"].as_str().unwrap().contains(name)).unwrap_or_else(|| panic!("no {name}")).clone()
+    };
+    let path = |device: &Value, name: &str| {
+        device["paths"].as_array().unwrap().iter().find(|p| p["path"] == name).unwrap().clone()
+    };
+    let lavapipe = find("llvmpipe");
+    assert_eq!(path(&lavapipe, "feedback")["available"], true);
+    let feedback = path(&find("SwiftShader"), "feedback");
+    assert_eq!(feedback["available"], false);
+    assert!(feedback["reason"].as_str().unwrap().contains("VK_EXT_transform_feedback"), "{feedback}");
+    assert_eq!(path(&find("SwiftShader"), "compute")["available"], true);
+}
+
+#[test]
+fn bench_verifies_measures_and_draws() {
+    let folder = tempfile::tempdir().unwrap();
+    for device in ["llvmpipe", "SwiftShader"] {
+        let dir = folder.path().join(device);
+        let report = dir.to_str().unwrap();
+        let args =
+            ["bench", "--device", device, "--frames", "3", "--changed", "4,all", "--json", "-", "--report", report];
+        let out = json(&[&args[..], &HEAD[..]].concat());
+        let runs = out["runs"].as_array().unwrap();
+        assert!(runs.iter().all(|r| r["verified"] == true), "{out}");
+        let of =
+            |path: &str, batch: Value| runs.iter().filter(|r| r["path"] == path && r["batch_size"] == batch).count();
+        assert_eq!(of("feedback", 1.into()), if device == "llvmpipe" { 2 } else { 0 });
+        assert_eq!(of("compute", 16.into()), 2 * 2, "two formats, two counts of changed targets");
+        assert_eq!((of("compute", "all".into()), of("cpu", "all".into())), (4, 4));
+        for run in runs {
+            let (coefficients, passes) = (run["coefficients"].as_f64().unwrap(), run["passes"].as_f64().unwrap());
+            let batch = run["batch_size"].as_f64().unwrap_or(coefficients);
+            assert_eq!(passes, (coefficients / batch).ceil(), "{run}");
+            assert!(run["bytes_moved"].as_f64() >= run["bytes_floor"].as_f64(), "{run}");
+            assert!(run["max_error_rel"].as_f64().unwrap() <= 3e-6 && run["raw_error_rel"].as_f64().unwrap() <= 5e-5);
+            assert_eq!(run["cpu_ms"]["n"], 3);
+        }
+        if device == "SwiftShader" {
+            let skipped = out["skipped"][0]["reason"].as_str().unwrap();
+            assert!(skipped.contains("no VK_EXT_transform_feedback") && skipped.contains("'compute'"), "{skipped}");
+        }
+        for file in ["report.json", "runs.csv", "index.html"] {
+            assert!(dir.join(file).metadata().unwrap().len() > 500, "{file}");
+        }
+        let plots = |end: &str| {
+            std::fs::read_dir(&dir)
+                .unwrap()
+                .filter(|e| e.as_ref().unwrap().path().extension().unwrap_or_default() == end)
+                .count()
+        };
+        assert!(plots("svg") >= 3 && plots("svg") == plots("png"), "{} SVG, {} PNG", plots("svg"), plots("png"));
+    }
+}
+
+#[test]
+fn bench_replays_a_clip() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = sample(folder.path());
+    let out = json(&[
+        "bench",
+        &dir,
+        "--frames",
+        "5",
+        "--changed",
+        "1",
+        "--batch-sizes",
+        "4,all",
+        "--json",
+        "-",
+        "--no-report",
+    ]);
+    let clips: Vec<&Value> = out["runs"].as_array().unwrap().iter().filter(|r| r["workload"] != "random").collect();
+    assert!(!clips.is_empty() && clips.iter().all(|r| r["verified"] == true), "{out}");
+}
+
+#[test]
+fn without_a_vulkan_device_the_cpu_path_takes_over_and_says_so() {
+    let out = Command::new(env!("CARGO_BIN_EXE_deltamorph"))
+        .args(["bench", "--frames", "2", "--no-report", "--json", "-"])
+        .args(HEAD)
+        .env("VK_DRIVER_FILES", "/nonexistent.json")
+        .env("VK_ICD_FILENAMES", "/nonexistent.json")
+        .env_remove("VK_ADD_DRIVER_FILES")
+        .output()
+        .unwrap();
+    let notes = String::from_utf8(out.stderr).unwrap();
+    assert!(out.status.success(), "{notes}");
+    assert!(notes.contains("carrying on with the path 'cpu'"), "{notes}");
+    let report: Value = serde_json::from_slice(&out.stdout).unwrap();
+    assert!(report["runs"].as_array().unwrap().iter().all(|r| r["path"] == "cpu" && r["verified"] == true));
+    assert!(report["skipped"][0]["reason"].as_str().unwrap().contains("takes its place"), "{report}");
+}
+
+/// The `v` and `vn` lines of an OBJ file.
+fn vertices(path: &Path) -> Vec<(String, Vec<f64>)> {
+    let text = std::fs::read_to_string(path).unwrap();
+    let lines = text.lines().filter(|l| l.starts_with("v ") || l.starts_with("vn "));
+    lines
+        .map(|l| {
+            let mut words = l.split_whitespace();
+            (words.next().unwrap().to_owned(), words.map(|w| w.parse().unwrap()).collect())
+        })
+        .collect()
+}
+
+#[test]
+fn apply_writes_the_same_pose_through_every_path() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = sample(folder.path());
+    let weights = std::fs::read_dir(Path::new(&dir).join("weights")).unwrap().next().unwrap().unwrap().path();
+    let clip = ["--weights", weights.to_str().unwrap(), "--frame", "20", "--set", "eyeBlinkLeft=-0.5"];
+    let mut poses = vec![];
+    for (i, how) in [
+        &["--path", "cpu"][..],
+        &["--path", "compute", "--device", "llvmpipe"],
+        &["--path", "compute", "--device", "SwiftShader", "--batch-size", "3", "--from-frame", "4"],
+        &["--path", "feedback", "--device", "llvmpipe", "--from-frame", "0", "--batch-size", "1"],
+        &["--path", "compute", "--device", "llvmpipe", "--batch-size", "all", "--from-frame", "23"],
+    ]
+    .iter()
+    .enumerate()
+    {
+        let file = folder.path().join(format!("{i}.obj"));
+        let out = json(&[&["apply", &dir, "-o", file.to_str().unwrap(), "--json", "-"], &clip[..], how].concat());
+        assert!(out["max_error_rel"].as_f64().unwrap() < 3e-6, "{out}");
+        poses.push(vertices(&file));
+    }
+    assert_eq!(poses[0].iter().filter(|(k, _)| k == "v").count(), 1200);
+    let neutral = vertices(&Path::new(&dir).join("neutral.obj"));
+    let distance = |a: &[(String, Vec<f64>)], b: &[(String, Vec<f64>)]| {
+        a.iter().zip(b).flat_map(|(a, b)| a.1.iter().zip(&b.1).map(|(a, b)| (a - b).abs())).fold(0.0, f64::max)
+    };
+    assert!(distance(&poses[0], &neutral) > 0.1, "the pose is the neutral one");
+    for pose in &poses[1..] {
+        assert_eq!(pose.len(), poses[0].len());
+        // Lengths are centimetres: a head of 24.
+        assert!(distance(pose, &poses[0]) < 1e-4, "{}", distance(pose, &poses[0]));
+    }
+}
+
+#[test]
+fn bad_arguments_exit_with_2_and_failures_with_1() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = sample(folder.path());
+    let out = folder.path().join("out.obj");
+    let out = out.to_str().unwrap();
+    for (args, code, words) in [
+        (&["bench", "--changed", "99", "--targets", "12", "--vertices", "50"][..], 2, "the mesh has 12 targets"),
+        (&["bench", "--sparsity", "0"], 2, "sparsity"),
+        (&["apply", &dir, "-o", out, "--set", "nose=1"], 2, "--set nose: no such target"),
+        (&["apply", &dir, "-o", out], 2, "nothing to apply"),
+        (&["bench", "no/such/folder"], 1, "no/such/folder"),
+        (&["bench", "--device", "GeForce", "--vertices", "50"], 1, "no Vulkan device called 'GeForce'"),
+        (
+            &["apply", &dir, "-o", out, "--set", "eyeBlinkLeft=1", "--path", "feedback", "--device", "SwiftShader"],
+            1,
+            "no VK_EXT_transform_feedback",
+        ),
+        (&["apply", &dir, "-o", "/nonexistent/out.obj", "--set", "eyeBlinkLeft=1"], 1, "/nonexistent/out.obj"),
+        (
+            &["apply", &dir, "-o", out, "--set", "eyeBlinkLeft=1", "--path", "compute", "--batch-size", "17"],
+            2,
+            "1 to 16 targets per pass",
+        ),
+    ] {
+        let (status, text) = fails(args);
+        assert_eq!(status, code, "{args:?}: {text}");
+        assert!(text.contains(words), "{args:?}: {text}");
+    }
+}
