@@ -25,3 +25,4 @@ pub mod weights;
 
 pub use ash;
 pub use error::{Error, Result};
+pub use gpu_allocator;
