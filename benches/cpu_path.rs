@@ -22,11 +22,14 @@ fn cpu_path(c: &mut Criterion) {
         for changed in [targets, 8] {
             let update = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
             let mut crowd = CpuCrowd::new(packed.clone(), update, 1, 0).expect("threads");
-            let mut weights = vec![0.5f32; targets];
+            let mut weights = vec![0.125f32; targets];
             let mut frame = 0;
             let mut step = || {
                 frame += 1;
-                weights[..changed].fill(0.25 + (frame % 8) as f32 / 16.0);
+                // Other targets each time: the deltas of the same few would stay in the cache.
+                for i in 0..changed {
+                    weights[(frame * changed + i) % targets] = 0.25 + (frame % 8) as f32 / 16.0;
+                }
                 crowd.set_weights(0, &weights).expect("finite weights");
                 crowd.update()
             };
