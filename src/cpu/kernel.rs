@@ -80,15 +80,16 @@ fn add_float32<const N: usize>(factors: [f32; N], rows: [&[f32]; N], sums: &mut 
 const PAIR: usize = 2 * POSE_FLOATS;
 
 fn add_snorm16<const N: usize>(factors: [[f32; 2]; N], rows: [&[i16]; N], sums: &mut [f32]) {
-    let pattern = factors.map(|f| std::array::from_fn::<f32, PAIR, _>(|i| f[i / 3 % 2]));
-    let rows = rows.map(|row| &row[..sums.len()]);
+    let patterns = factors.map(|f| std::array::from_fn::<f32, PAIR, _>(|i| f[i / 3 % 2]));
+    let rows = rows.map(|row| row[..sums.len()].as_chunks::<PAIR>().0);
     // Runs are cut at multiples of the vertex padding: an even number of vertices.
-    for (i, sum) in sums.chunks_exact_mut(PAIR).enumerate() {
-        for k in 0..N {
-            let row = &rows[k][i * PAIR..][..PAIR];
-            for j in 0..PAIR {
-                sum[j] += pattern[k][j] * f32::from(row[j]);
+    for (i, sum) in sums.as_chunks_mut::<PAIR>().0.iter_mut().enumerate() {
+        let mut s = *sum;
+        for (row, pattern) in rows.iter().zip(&patterns) {
+            for ((s, d), p) in s.iter_mut().zip(&row[i]).zip(pattern) {
+                *s += p * f32::from(*d);
             }
         }
+        *sum = s;
     }
 }

@@ -1,13 +1,15 @@
 //! The `cpu` path: the same plans, carried out by threads. Runs without Vulkan.
 
 mod kernel;
+mod workers;
 
 use crate::error::{Error, Result};
-use crate::mesh::packed::{POSE_FLOATS, PackedMesh, VERTEX_PADDING};
+use crate::mesh::packed::{POSE_FLOATS, PackedMesh};
 use crate::plan::commands::{CommandList, PassCommand};
 use crate::plan::{Plan, PoseState, Source, UpdateDesc, UpdatePath, UpdateStats};
 use crate::weights::delta::check_weights;
 use std::sync::Arc;
+use workers::Workers;
 
 /// Instances of one mesh whose poses live in main memory.
 pub struct CpuCrowd {
@@ -20,8 +22,7 @@ pub struct CpuCrowd {
     updates: u64,
     /// `[instance × slots + slot]`.
     poses: Vec<Vec<f32>>,
-    #[cfg(feature = "threads")]
-    pool: rayon::ThreadPool,
+    workers: Workers,
 }
 
 impl CpuCrowd {
@@ -37,12 +38,7 @@ impl CpuCrowd {
                 "use UpdatePath::Cpu here, or MorphEngine for the GPU paths",
             ));
         }
-        #[cfg(feature = "threads")]
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|e| {
-            Error::invalid(format!("{threads} threads cannot be started: {e}"), "ask for fewer threads")
-        })?;
-        #[cfg(not(feature = "threads"))]
-        let _ = threads;
+        let workers = Workers::new(threads)?;
         let targets = mesh.layout().targets.len();
         let slots = desc.slots as usize;
         Ok(Self {
@@ -54,8 +50,7 @@ impl CpuCrowd {
             poses: vec![mesh.base().to_vec(); instances * slots],
             slots,
             mesh,
-            #[cfg(feature = "threads")]
-            pool,
+            workers,
         })
     }
 
@@ -118,26 +113,11 @@ impl CpuCrowd {
         for (first, vertices) in mesh.layout().chunks() {
             let (chunk, tail) = rest.split_at_mut(vertices * POSE_FLOATS);
             rest = tail;
-            let piece = |first: usize, out: &mut [f32]| {
+            self.workers.for_each_piece(chunk, |at, out| {
+                let first = first + at / POSE_FLOATS;
                 let source = source.map(|s| &s[first * POSE_FLOATS..][..out.len()]);
                 kernel::dense(mesh, coefficients, first, source, out);
-            };
-            #[cfg(feature = "threads")]
-            {
-                use rayon::prelude::*;
-                let share = vertices.div_ceil(self.pool.current_num_threads()).next_multiple_of(VERTEX_PADDING);
-                self.pool.install(|| {
-                    chunk
-                        .par_chunks_mut(share * POSE_FLOATS)
-                        .enumerate()
-                        .for_each(|(i, out)| piece(first + i * share, out));
-                });
-            }
-            #[cfg(not(feature = "threads"))]
-            {
-                const _: usize = VERTEX_PADDING;
-                piece(first, chunk);
-            }
+            });
         }
     }
 }

@@ -4,29 +4,30 @@ use rayon::prelude::*;
 use std::hint::black_box;
 use std::time::Instant;
 
-/// Larger than the caches of most machines; small enough for any.
-const BYTES: usize = 256 << 20;
-const RUNS: usize = 8;
+const RUNS: usize = 12;
+/// Words handed out at a time: enough pieces for threads to share evenly.
+const PIECE: usize = 1 << 15;
 
-/// Read and copy bandwidth in 10⁹ bytes per second (a copy counts bytes read and written): the best of a few
+/// Read and copy bandwidth in 10⁹ bytes per second (a copy counts bytes read and written) over `bytes`, as many
+/// as the deltas have, so that the workload finds no more of them in a cache than this does: the best of a few
 /// runs on `threads` threads (0: one per core). `None` when the threads cannot be started.
-pub fn measure(threads: usize) -> Option<(f64, f64)> {
+pub fn measure(bytes: u64, threads: usize) -> Option<(f64, f64)> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().ok()?;
-    let words = BYTES / 8;
-    let share = words.div_ceil(pool.current_num_threads());
+    let words = (bytes / 8).max(1 << 16) as usize;
     let from: Vec<u64> = (0..words as u64).collect();
     let mut to = vec![0u64; words];
     let (mut read, mut copy) = (f64::INFINITY, f64::INFINITY);
     for _ in 0..RUNS {
         let start = Instant::now();
-        black_box(pool.install(|| from.par_chunks(share).map(sum).reduce(|| 0, u64::wrapping_add)));
+        black_box(pool.install(|| from.par_chunks(PIECE).map(sum).reduce(|| 0, u64::wrapping_add)));
         read = read.min(start.elapsed().as_secs_f64());
         let start = Instant::now();
-        pool.install(|| to.par_chunks_mut(share).zip(from.par_chunks(share)).for_each(|(t, f)| t.copy_from_slice(f)));
+        pool.install(|| to.par_chunks_mut(PIECE).zip(from.par_chunks(PIECE)).for_each(|(t, f)| t.copy_from_slice(f)));
         black_box(&mut to);
         copy = copy.min(start.elapsed().as_secs_f64());
     }
-    Some((BYTES as f64 / read * 1e-9, 2.0 * BYTES as f64 / copy * 1e-9))
+    let bytes = words as f64 * 8.0;
+    Some((bytes / read * 1e-9, 2.0 * bytes / copy * 1e-9))
 }
 
 fn sum(words: &[u64]) -> u64 {

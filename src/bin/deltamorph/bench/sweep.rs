@@ -90,9 +90,10 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     }
 
     let spinner = out.spinner("measuring memory bandwidth");
-    let cpu = bandwidth::measure(threads);
+    let largest = (input.kept.vertex_count() * input.kept.targets.len() * DeltaFormat::Float32.stride()) as u64;
+    let cpu = bandwidth::measure(largest, threads);
     let device_bandwidth = match &gpu {
-        Some(gpu) => gpu.headless.bandwidth(&gpu.engine, 128 << 20)?,
+        Some(gpu) => gpu.headless.bandwidth(&gpu.engine, largest.max(1 << 20))?,
         None => None,
     };
     spinner.finish_and_clear();
