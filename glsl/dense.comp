@@ -9,14 +9,15 @@ layout(constant_id = 0) const uint BATCH = 1;
 
 layout(push_constant) uniform Push {
     uint chunk_vertices;   // vertices of the chunk: the length of a target's row
+    uint first_vertex;     // of this dispatch, in the chunk
     float coefficients[16];
     uint targets[8];       // two 16-bit indices to a word
     uint normal_exponents[4];
 };
 
 void main() {
-    uint vertex = chunk_vertex();
-    if (vertex >= chunk_vertices) return;
+    // Vertices are padded to whole workgroups: no invocation is idle.
+    uint vertex = first_vertex + gl_GlobalInvocationID.x;
     vec3 position = vec3(0.0);
     vec3 normal = vec3(0.0);
     for (uint i = 0u; i < BATCH; ++i) {

@@ -12,11 +12,6 @@ layout(set = 0, binding = 2, std430) readonly buffer Deltas { uint deltas[]; };
 layout(set = 0, binding = 2, std430) readonly buffer Deltas { vec2 deltas[]; };
 #endif
 
-// Index of this invocation's vertex in its chunk. Groups fold to two dimensions above 65,535.
-uint chunk_vertex() {
-    return (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * 64u + gl_LocalInvocationID.x;
-}
-
 // Add coefficient · delta of one target, `row` being the index of the vertex in the chunk's deltas.
 void add_delta(uint row, float coefficient, float normal_coefficient, inout vec3 position, inout vec3 normal) {
 #ifdef SNORM16

@@ -14,12 +14,13 @@ layout(set = 0, binding = 3, std430) readonly buffer Entries { Entry entries[]; 
 
 layout(push_constant) uniform Push {
     uint chunk_vertices;   // vertices of the chunk: the length of a target's row
+    uint first_vertex;     // of this dispatch, in the chunk
     uint entry_count;
 };
 
 void main() {
-    uint vertex = chunk_vertex();
-    if (vertex >= chunk_vertices) return;
+    // Vertices are padded to whole workgroups: no invocation is idle.
+    uint vertex = first_vertex + gl_GlobalInvocationID.x;
     vec3 position = vec3(0.0);
     vec3 normal = vec3(0.0);
     for (uint i = 0u; i < entry_count; ++i) {

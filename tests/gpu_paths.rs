@@ -120,6 +120,37 @@ fn meshes_beyond_the_storage_range_are_cut_into_chunks() {
 }
 
 #[test]
+fn more_workgroups_than_a_dispatch_has() {
+    on_every_device(|headless, _| {
+        let engine = headless.engine_within(|caps| caps.max_workgroups = 3).expect("an engine");
+        for format in DeltaFormat::ALL {
+            let mesh = packed(&engine, 1000, 19, format);
+            for desc in update_descs(&engine, format) {
+                check(headless, &engine, &mesh, desc, 3);
+            }
+        }
+    });
+}
+
+#[test]
+fn limits_are_kept_or_refused_with_the_numbers() {
+    on_every_device(|headless, _| {
+        let refuse = |clamp: &dyn Fn(&mut deltamorph::engine::DeviceCaps), words: &[&str]| {
+            let engine = headless.engine_within(clamp).expect("an engine");
+            let mesh = PackedMesh::pack(&testing::mesh(1000, 5), &PackDesc::default()).expect("a mesh");
+            let desc = UpdateDesc::new(UpdatePath::Compute, deltamorph::plan::BatchSize::Targets(1));
+            let error = HeadlessCrowd::new(headless, &engine, &mesh, &single(desc)).err().expect("refused").to_string();
+            assert!(words.iter().all(|w| error.contains(w)), "{error}");
+        };
+        // 1,024 padded vertices of 24 bytes; five targets of them.
+        refuse(&|caps| caps.max_storage_range = 10_000, &["a pose takes 24576 bytes", "allows 10000"]);
+        refuse(&|caps| caps.max_storage_range = 50_000, &["a chunk of deltas takes 122880 bytes", "pack_desc"]);
+        refuse(&|caps| caps.max_allocation = 100_000, &["'deltamorph deltas' needs 122880 bytes", "at most 100000"]);
+        refuse(&|caps| caps.max_workgroup_invocations = 32, &["32 invocations per workgroup", "'cpu'"]);
+    });
+}
+
+#[test]
 fn a_crowd_of_heads_in_one_recording() {
     on_every_device(|headless, engine| {
         let mesh = packed(engine, 200, 11, DeltaFormat::Float32);

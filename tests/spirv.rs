@@ -136,6 +136,7 @@ fn dense_kernels_agree_with_the_host() {
         let push = push_constants(&dense).unwrap();
         let expected = names(&[
             ("chunk_vertices", offset_of!(DensePush, chunk_vertices)),
+            ("first_vertex", offset_of!(DensePush, first_vertex)),
             ("coefficients", offset_of!(DensePush, coefficients)),
             ("targets", offset_of!(DensePush, targets)),
             ("normal_exponents", offset_of!(DensePush, normal_exponents)),
@@ -166,6 +167,7 @@ fn dense_kernels_agree_with_the_host() {
         let push = push_constants(&list).unwrap();
         let expected = names(&[
             ("chunk_vertices", offset_of!(DenseListPush, chunk_vertices)),
+            ("first_vertex", offset_of!(DenseListPush, first_vertex)),
             ("entry_count", offset_of!(DenseListPush, entry_count)),
         ]);
         assert_eq!((members(&push), bytes(&push)), (expected, size_of::<DenseListPush>()));

@@ -4,7 +4,7 @@
 use super::device::Device;
 use super::failed;
 use super::pipelines::Objects;
-use super::shaders::{DenseListEntry, DenseListPush, DensePush};
+use super::shaders::{DenseListEntry, DenseListPush, DensePush, WORKGROUP};
 use crate::error::Result;
 use crate::mesh::packed::{DeltaFormat, POSE_STRIDE, PackedLayout};
 use crate::plan::{BatchSize, Source};
@@ -75,16 +75,8 @@ impl Compute {
         let dense = dense_push(pass.layout, pass.coefficients);
         for ((first, vertices), set) in pass.layout.chunks().zip(pass.sets) {
             let offsets = [(pass.layout.row_start(0, first, vertices) * 4) as u32, pass.list];
-            let chunk_vertices = vertices as u32;
-            let list = DenseListPush { chunk_vertices, entry_count: pass.coefficients.len() as u32 };
-            let dense = DensePush { chunk_vertices, ..dense };
-            let push = match self.batch {
-                BatchSize::All => bytes_of(&list),
-                BatchSize::Targets(_) => bytes_of(&dense),
-            };
-            let (x, y) = self.objects.workgroups(vertices);
-            // SAFETY: the caller's obligations; the push constants are within the layout's range; offsets are
-            // multiples of 64 vertices × 12 bytes or of the list's stride, which satisfy the device's alignment.
+            // SAFETY: the caller's obligations; offsets are multiples of 64 vertices × 12 bytes or of the list's
+            // stride, which satisfy the device's alignment.
             unsafe {
                 device.cmd_bind_descriptor_sets(
                     cmd,
@@ -94,8 +86,23 @@ impl Compute {
                     &[*set],
                     &offsets,
                 );
-                device.cmd_push_constants(cmd, self.objects.layout, vk::ShaderStageFlags::COMPUTE, 0, push);
-                device.cmd_dispatch(cmd, x, y, 1);
+            }
+            // Padded vertices fill whole workgroups; a dispatch has as many as the device allows.
+            let most = self.objects.device.caps.max_workgroups as usize * WORKGROUP as usize;
+            for start in (0..vertices).step_by(most) {
+                let (chunk_vertices, first_vertex) = (vertices as u32, start as u32);
+                let list = DenseListPush { chunk_vertices, first_vertex, entry_count: pass.coefficients.len() as u32 };
+                let dense = DensePush { chunk_vertices, first_vertex, ..dense };
+                let push = match self.batch {
+                    BatchSize::All => bytes_of(&list),
+                    BatchSize::Targets(_) => bytes_of(&dense),
+                };
+                let groups = (vertices - start).min(most) as u32 / WORKGROUP; // a pose has fewer than 2³² bytes
+                // SAFETY: the caller's obligations; the push constants are within the layout's range.
+                unsafe {
+                    device.cmd_push_constants(cmd, self.objects.layout, vk::ShaderStageFlags::COMPUTE, 0, push);
+                    device.cmd_dispatch(cmd, groups, 1, 1);
+                }
             }
         }
     }

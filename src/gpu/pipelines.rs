@@ -2,7 +2,7 @@
 
 use super::device::Device;
 use super::failed;
-use super::shaders::{self, WORKGROUP};
+use super::shaders;
 use crate::error::Result;
 use ash::vk;
 use std::sync::Arc;
@@ -147,13 +147,6 @@ impl Objects {
             .render_area(vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width: 1, height: 1 } });
         // SAFETY: the caller's obligation; both objects are ours and alive.
         unsafe { self.device.raw.cmd_begin_render_pass(cmd, &info, vk::SubpassContents::INLINE) };
-    }
-
-    /// Workgroups for `vertices`, folded to two dimensions above the device's limit.
-    pub(crate) fn workgroups(&self, vertices: usize) -> (u32, u32) {
-        let groups = (vertices as u32).div_ceil(WORKGROUP);
-        let rows = groups.div_ceil(self.device.caps.max_workgroups).max(1);
-        (groups.div_ceil(rows), rows)
     }
 }
 

@@ -24,6 +24,8 @@ pub const MODULES: &[(&str, &[u8])] = &include!(concat!(env!("OUT_DIR"), "/modul
 pub struct DensePush {
     /// Vertices of the chunk: the length of a target's row.
     pub chunk_vertices: u32,
+    /// First vertex of the dispatch, in the chunk.
+    pub first_vertex: u32,
     /// Coefficients of positions, in quantised units.
     pub coefficients: [f32; DENSE_BATCH_MAX as usize],
     /// Targets: two 16-bit indices to a word.
@@ -38,6 +40,8 @@ pub struct DensePush {
 pub struct DenseListPush {
     /// Vertices of the chunk: the length of a target's row.
     pub chunk_vertices: u32,
+    /// First vertex of the dispatch, in the chunk.
+    pub first_vertex: u32,
     /// Entries of the list.
     pub entry_count: u32,
 }

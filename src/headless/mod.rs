@@ -215,11 +215,21 @@ impl Headless {
     /// # Errors
     /// As [`MorphEngine::new`].
     pub fn engine(&self) -> Result<MorphEngine> {
+        self.engine_within(|_| {})
+    }
+
+    /// As [`engine`](Self::engine), within limits that `clamp` lowers.
+    ///
+    /// # Errors
+    /// As [`engine`](Self::engine).
+    pub fn engine_within(&self, clamp: impl FnOnce(&mut DeviceCaps)) -> Result<MorphEngine> {
+        let mut caps = self.engine_caps.clone();
+        clamp(&mut caps);
         let desc = DeviceDesc {
             instance: &self.instance.raw,
             physical_device: self.physical,
             device: &self.device,
-            caps: Some(self.engine_caps.clone()),
+            caps: Some(caps),
             transform_feedback_enabled: self.feedback_enabled,
             allocator: None,
         };

@@ -181,10 +181,11 @@ pub struct BenchArgs {
     #[command(flatten)]
     pub update: UpdateArgs,
     /// Targets per pass: numbers, ranges ("1..7", "1..max"), "max" (what the device allows), "all" (one pass)
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::batch, default_value = "1..max,all")]
+    /// [default: 1..max,all for clips and the largest --changed; 8,max,all for the others]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::batch)]
     pub batch_sizes: Vec<BatchSpec>,
-    /// Targets changed per frame, drawn afresh for every frame: numbers and "all"
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::changed, default_value = "1,8,24,all")]
+    /// Targets changed per frame, drawn afresh for every frame: numbers and "all" [default: 1,4,8,16,32,all]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::changed)]
     pub changed: Vec<ChangedSpec>,
     /// Replay this weight clip as a workload, next to the random one (repeatable)
     #[arg(long, value_name = "CSV")]

@@ -23,11 +23,11 @@ fn the_definition_is_consistent() {
 #[test]
 fn defaults() {
     let args = bench("deltamorph bench");
-    assert_eq!(args.batch_sizes, [BatchSpec::Range(1, None), BatchSpec::All]);
-    assert_eq!(args.changed, [ChangedSpec::All]);
+    assert!(args.batch_sizes.is_empty());
+    assert!(args.changed.is_empty());
     assert_eq!((args.heads.as_slice(), args.frames, args.warmup), (&[1][..], 100, 5));
     assert_eq!((args.update.slots, args.input.tolerance), (2, 1e-6));
-    assert_eq!(args.update.formats, [FormatChoice::Float32]);
+    assert!(args.update.formats.is_empty());
     assert!(args.update.paths.is_empty());
     assert_eq!(args.report, PathBuf::from("bench-report"));
     assert_eq!(args.input.head.desc(1), HeadDesc::default());

@@ -258,10 +258,14 @@ pub fn expand_batches(specs: &[BatchSpec], limit: BatchLimit) -> (Vec<BatchSize>
 }
 
 /// The numbers of changed targets that `specs` ask for on a mesh with `targets`, ascending, without repeats.
+/// No specs: a few sizes that the mesh has, and all.
 ///
 /// # Errors
 /// More than there are.
 pub fn expand_changed(specs: &[ChangedSpec], targets: usize) -> Result<Vec<usize>, String> {
+    if specs.is_empty() {
+        return Ok([1, 4, 8, 16, 32].into_iter().filter(|n| *n < targets).chain([targets]).collect());
+    }
     let mut counts = Vec::new();
     for &spec in specs {
         counts.push(match spec {

@@ -6,14 +6,14 @@ use super::stamp;
 use super::stats::Stats;
 use super::workload::{Clip, Random, Workload};
 use crate::args::BenchArgs;
-use crate::args::values::{BatchLimit, FormatChoice, PathChoice, expand_batches, expand_changed};
+use crate::args::values::{BatchLimit, BatchSpec, FormatChoice, PathChoice, expand_batches, expand_changed};
 use crate::info::triangles;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
 use crate::runner::{Gpu, Runner, pack_desc};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
-use deltamorph::plan::{UpdateDesc, UpdatePath, UpdateStats};
+use deltamorph::plan::{BatchSize, UpdateDesc, UpdatePath, UpdateStats};
 use deltamorph::reference::{PoseError, compare, evaluate, evaluate_unpacked};
 use deltamorph::weights::csv;
 use std::collections::HashMap;
@@ -23,6 +23,9 @@ use std::sync::Arc;
 const POSITION_BOUND: f64 = 3e-6;
 /// … and normals within this many degrees of the float64 reference on the deltas kept.
 const NORMAL_BOUND_DEGREES: f64 = 0.01;
+/// Batch sizes where none are given.
+const FULL_SWEEP: [BatchSpec; 2] = [BatchSpec::Range(1, None), BatchSpec::All];
+const BRIEF_SWEEP: [BatchSpec; 3] = [BatchSpec::Size(8), BatchSpec::Max, BatchSpec::All];
 /// Draws that are timed for `draw_ms`.
 const DRAWS: usize = 9;
 
@@ -79,7 +82,8 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let gpu = Gpu::open(device, out)?;
     let counts = expand_changed(&args.changed, input.kept.targets.len()).map_err(Failure::Usage)?;
     let clips = clips(args, &input)?;
-    let (configs, skipped) = configurations(args, gpu.as_ref());
+    let (full, skipped) = configurations(args, gpu.as_ref(), &FULL_SWEEP);
+    let (brief, _) = configurations(args, gpu.as_ref(), &BRIEF_SWEEP);
 
     let randoms: Vec<(usize, Random)> =
         counts.iter().map(|&n| (n, Random::new(input.kept.targets.len(), n, args.input.seed))).collect();
@@ -104,12 +108,17 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
         device_read_gb_s: device_bandwidth.map(|b| b.read),
     };
 
-    let bar = out.bar((settings.len() * configs.len()) as u64);
+    // Every batch size where most changes; elsewhere a few, for the plot against changed targets.
+    let configs = |setting: &Setting<'_>| match setting.changed {
+        Some(n) if Some(&n) != counts.last() => &brief,
+        _ => &full,
+    };
+    let bar = out.bar(settings.iter().map(|s| configs(s).len() as u64).sum());
     let mut meshes: HashMap<DeltaFormat, Arc<PackedMesh>> = HashMap::new();
     let mut references = References::default();
     let mut runs = vec![];
     for setting in &settings {
-        for config in &configs {
+        for config in configs(setting) {
             bar.set_message(format!(
                 "{} {} batch {}, {}, {} changed",
                 config.desc.path.name(),
@@ -171,11 +180,12 @@ fn clips(args: &BenchArgs, input: &Input) -> Result<Vec<Clip>, Failure> {
 }
 
 /// What can run, and what was asked for and cannot, with the reason.
-fn configurations(args: &BenchArgs, gpu: Option<&Gpu>) -> (Vec<Config>, Vec<Skipped>) {
+fn configurations(args: &BenchArgs, gpu: Option<&Gpu>, sweep: &[BatchSpec]) -> (Vec<Config>, Vec<Skipped>) {
     let all = [PathChoice::Feedback, PathChoice::Compute, PathChoice::Cpu];
     let formats = [FormatChoice::Float32, FormatChoice::Snorm16];
     let paths = if args.update.paths.is_empty() { &all[..] } else { &args.update.paths };
     let formats = if args.update.formats.is_empty() { &formats[..] } else { &args.update.formats };
+    let sizes = if args.batch_sizes.is_empty() { sweep } else { &args.batch_sizes };
     let (mut configs, mut skipped) = (vec![], vec![]);
     for path in paths.iter().map(|p| p.update_path()) {
         let available = match (path, gpu) {
@@ -190,7 +200,7 @@ fn configurations(args: &BenchArgs, gpu: Option<&Gpu>) -> (Vec<Config>, Vec<Skip
         for format in formats.iter().map(|f| f.delta_format()) {
             let batch_max = gpu.and_then(|g| g.caps().batch_max(path, format)).filter(|_| path != UpdatePath::Cpu);
             let limit = BatchLimit { max: batch_max.unwrap_or(0), all: path != UpdatePath::Feedback };
-            let (batches, refused) = expand_batches(&args.batch_sizes, limit);
+            let (batches, refused) = expand_batches(sizes, limit);
             for batch in batches {
                 let desc = UpdateDesc { path, batch, mode: args.update.mode.update_mode(), slots: args.update.slots };
                 match desc.check() {
@@ -201,8 +211,8 @@ fn configurations(args: &BenchArgs, gpu: Option<&Gpu>) -> (Vec<Config>, Vec<Skip
                 }
             }
             // `all` is in the default list; that feedback has no such thing is no news.
-            let refused: Vec<String> =
-                refused.iter().filter(|b| **b != deltamorph::plan::BatchSize::All).map(ToString::to_string).collect();
+            let named = |b: &&BatchSize| **b != BatchSize::All && !args.batch_sizes.is_empty();
+            let refused: Vec<String> = refused.iter().filter(named).map(ToString::to_string).collect();
             if !refused.is_empty() {
                 skipped.push(Skipped {
                     what: format!("{} {} batch {}", path.name(), format.name(), refused.join(", ")),
