@@ -13,6 +13,7 @@ use std::{env, fs};
 const ATTRIBUTES: usize = 32;
 
 /// A module: its name, source file, and defines.
+#[cfg_attr(not(feature = "compile-shaders"), expect(dead_code, reason = "only the compiler reads source and defines"))]
 struct Module {
     name: String,
     source: &'static str,

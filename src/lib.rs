@@ -1,4 +1,26 @@
-//! deltamorph: a morph-target (blend shape) engine that applies only the changed weights.
+//! deltamorph: a morph-target (blend shape) engine that applies only the changed weights, on raw Vulkan.
+//!
+//! The engine borrows your device and records into your command buffers; it never submits, waits, or creates a queue or
+//! thread. What to call, in order:
+//!
+//! 1. Mesh: [`mesh::obj::import_folder`], [`mesh::head::head`] or a [`mesh::MorphSource`] of your own, then
+//!    [`to_mesh`](mesh::MorphSource::to_mesh) and [`PackedMesh::pack`](mesh::packed::PackedMesh::pack).
+//! 2. Device: [`engine::requirements`] before you create it, [`engine::MorphEngine::new`] after.
+//! 3. [`upload`](engine::MorphEngine::upload) the mesh, [`create_crowd`](engine::MorphEngine::create_crowd).
+//! 4. Each frame: [`set_weights`](engine::Crowd::set_weights),
+//!    [`record_update`](engine::MorphEngine::record_update), and draw from [`pose`](engine::Crowd::pose); motion vectors
+//!    take [`previous_pose`](engine::Crowd::previous_pose).
+//!
+//! The [`engine`] module says what the caller is responsible for; `examples/minimal.rs` is a complete host. Without
+//! Vulkan, [`cpu::CpuCrowd`] takes the same descriptions. [`mod@reference`] tells how far a pose is from the truth.
+//!
+//! # Features
+//! - `compile-shaders` (default): compile `glsl/` at build time, which needs a C++ compiler; without it the modules
+//!   checked in under `spirv/` are linked.
+//! - `cli` (default): the command line program. An engine that links the library turns it off.
+//! - `headless`: instance, device and queue of our own (`deltamorph::headless`), for the command line and tests.
+//! - `csv`: weight clips from CSV files.
+//! - `threads`: the path `cpu` and the importer on several threads.
 
 #![deny(unsafe_code)] // below the gpu line it is allowed, each time with its reason
 
@@ -25,3 +47,9 @@ pub mod weights;
 
 pub use ash;
 pub use error::{Error, Result};
+pub use gpu_allocator;
+
+/// The README's code has to compile.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

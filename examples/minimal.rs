@@ -1,0 +1,198 @@
+//! What a host engine does to have a head morphed: start here to link deltamorph.
+//!
+//!     cargo run --example minimal [PART OF A DEVICE'S NAME]
+//!
+//! Instance, device, queue, command buffers, fences and the copy at the end are the host's, as in an engine that has
+//! them anyway; deltamorph records into the command buffers that it is handed. Two seconds of a clip are played with
+//! two frames in flight, and every pose is read back and compared with the float64 reference.
+
+use deltamorph::ash::{self, vk};
+use deltamorph::engine::{CrowdDesc, DeviceCaps, DeviceDesc, MorphEngine, PoseView};
+use deltamorph::mesh::{Tolerance, head, packed};
+use deltamorph::plan::{BatchSize, UpdateDesc, UpdatePath};
+use deltamorph::reference::{PoseError, compare, evaluate};
+
+type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
+const FRAMES_IN_FLIGHT: usize = 2;
+
+/// The host's own: what every Vulkan program has.
+struct Host {
+    _entry: ash::Entry, // keeps the Vulkan library loaded
+    instance: ash::Instance,
+    physical: vk::PhysicalDevice,
+    device: ash::Device,
+    queue: vk::Queue,
+    pool: vk::CommandPool,
+}
+
+impl Host {
+    fn new(wanted: &str) -> Result<Self> {
+        let app = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_1);
+        // SAFETY: the system's loader is there to be loaded, and queries are about the instance's own devices; the queue
+        // is one that the device was created with.
+        unsafe {
+            let entry = ash::Entry::load()?;
+            let instance = entry.create_instance(&vk::InstanceCreateInfo::default().application_info(&app), None)?;
+            let devices = instance.enumerate_physical_devices()?.into_iter();
+            let devices = devices.map(|d| (d, DeviceCaps::query(&instance, d)));
+            let usable = devices.filter(|(_, c)| c.api_version >= (1, 1, 0) && c.name.contains(wanted));
+            let (physical, _) = usable.min_by_key(|(_, c)| c.is_software()).ok_or("no such Vulkan 1.1 device")?;
+            let families = instance.get_physical_device_queue_family_properties(physical);
+            let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
+            let family = families.iter().position(|f| f.queue_flags.contains(wanted)).ok_or("no queue")? as u32;
+            let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
+            // No extension, no feature: `engine::requirements` says so for UpdatePath::Compute.
+            let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues);
+            let device = instance.create_device(physical, &info, None)?;
+            let flags = vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER;
+            let pool = vk::CommandPoolCreateInfo::default().queue_family_index(family).flags(flags);
+            let pool = device.create_command_pool(&pool, None)?;
+            Ok(Self { _entry: entry, instance, physical, queue: device.get_device_queue(family, 0), device, pool })
+        }
+    }
+}
+
+/// One of the host's frames in flight, with host-visible memory that its pose is copied to.
+struct Frame {
+    cmd: vk::CommandBuffer,
+    fence: vk::Fence,
+    readback: vk::Buffer,
+    memory: vk::DeviceMemory,
+    mapped: *const f32,
+}
+
+impl Frame {
+    fn new(Host { instance, physical, device, pool, .. }: &Host, bytes: u64) -> Result<Self> {
+        let buffer = vk::BufferCreateInfo::default().size(bytes).usage(vk::BufferUsageFlags::TRANSFER_DST);
+        // SAFETY: all is created on one device; the memory is of a type and size that the buffer asks for.
+        unsafe {
+            let cmds = vk::CommandBufferAllocateInfo::default().command_pool(*pool).command_buffer_count(1);
+            let cmd = device.allocate_command_buffers(&cmds)?[0];
+            let fence = device.create_fence(&vk::FenceCreateInfo::default(), None)?;
+            let readback = device.create_buffer(&buffer, None)?;
+            let needs = device.get_buffer_memory_requirements(readback);
+            let types = instance.get_physical_device_memory_properties(*physical).memory_types;
+            let visible = vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT;
+            let fits = |i: &u32| types[*i as usize].property_flags.contains(visible);
+            let index = (0..32).filter(|i| needs.memory_type_bits >> i & 1 == 1).find(fits).ok_or("no memory")?;
+            let memory = vk::MemoryAllocateInfo::default().allocation_size(needs.size).memory_type_index(index);
+            let memory = device.allocate_memory(&memory, None)?;
+            device.bind_buffer_memory(readback, memory, 0)?;
+            let mapped = device.map_memory(memory, 0, vk::WHOLE_SIZE, vk::MemoryMapFlags::empty())?.cast();
+            Ok(Self { cmd, fence, readback, memory, mapped })
+        }
+    }
+
+    /// Record with `f`, and submit. The device has finished with this frame: `wait` comes between two of these.
+    fn submit<R>(&self, host: &Host, f: impl FnOnce(vk::CommandBuffer) -> Result<R>) -> Result<R> {
+        let once = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: command buffer and fence are this frame's, and not in use (see above).
+        unsafe {
+            host.device.begin_command_buffer(self.cmd, &once)?;
+            let recorded = f(self.cmd)?;
+            host.device.end_command_buffer(self.cmd)?;
+            let submit = vk::SubmitInfo::default().command_buffers(std::slice::from_ref(&self.cmd));
+            host.device.queue_submit(host.queue, &[submit], self.fence)?;
+            Ok(recorded)
+        }
+    }
+
+    fn wait(&self, host: &Host) -> Result<()> {
+        // SAFETY: the fence was handed to `submit`, and no other thread uses it.
+        unsafe {
+            host.device.wait_for_fences(&[self.fence], true, u64::MAX)?;
+            Ok(host.device.reset_fences(&[self.fence])?)
+        }
+    }
+
+    /// Copy a pose to the readback memory. A host that draws it needs none of this: `record_update` has made it ready
+    /// for vertex-attribute and vertex-shader reads. Copies are another stage, so the barriers are the host's.
+    fn record_readback(&self, host: &Host, pose: &PoseView) {
+        use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
+        let region = [vk::BufferCopy { src_offset: pose.offset, dst_offset: 0, size: pose.size }];
+        let barrier = |from, to, before, after| {
+            let memory = vk::MemoryBarrier::default().src_access_mask(before).dst_access_mask(after);
+            // SAFETY: `cmd` is recording, outside a render pass.
+            unsafe { host.device.cmd_pipeline_barrier(self.cmd, from, to, Default::default(), &[memory], &[], &[]) };
+        };
+        barrier(Stage::COMPUTE_SHADER, Stage::TRANSFER, Access::SHADER_WRITE, Access::TRANSFER_READ);
+        // SAFETY: as above; both buffers have `pose.size` bytes at these offsets.
+        unsafe { host.device.cmd_copy_buffer(self.cmd, pose.buffer, self.readback, &region) };
+        // Compute, too, waits for the copy: an update later on writes this slot again.
+        barrier(Stage::TRANSFER, Stage::HOST | Stage::COMPUTE_SHADER, Access::TRANSFER_WRITE, Access::HOST_READ);
+    }
+}
+
+fn main() -> Result<()> {
+    let host = Host::new(&std::env::args().nth(1).unwrap_or_default())?;
+    let desc = DeviceDesc {
+        instance: &host.instance,
+        physical_device: host.physical,
+        device: &host.device,
+        caps: None,
+        transform_feedback_enabled: false,
+        allocator: None,
+    };
+    // SAFETY: the handles belong together, and are destroyed after the engine and all it made.
+    let engine = unsafe { MorphEngine::new(&desc) }?;
+    let head_desc = head::HeadDesc { vertices: 5_000, targets: 52, ..Default::default() };
+    let mesh = head::head(&head_desc).to_mesh(Tolerance::default())?;
+    let mesh = packed::PackedMesh::pack(&mesh, &engine.pack_desc(packed::DeltaFormat::Float32))?;
+    let names: Vec<&str> = mesh.layout().targets.iter().map(|t| t.name.as_str()).collect();
+    let clip = head::head_clip(&head_desc, 60, 30.0).bind(&names)?;
+    let frame = || Frame::new(&host, mesh.layout().pose_bytes());
+    let frames: [Frame; FRAMES_IN_FLIGHT] = [frame()?, frame()?];
+
+    // SAFETY: `submit` hands out a recording buffer; the mesh is dropped after the last wait.
+    let mut uploaded = frames[0].submit(&host, |cmd| Ok(unsafe { engine.upload(cmd, &mesh) }?))?;
+    frames[0].wait(&host)?;
+    uploaded.release_staging();
+    let update = UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(8)); // two slots: ping-pong
+    let crowd_desc = CrowdDesc { instances: 1, update, frames_in_flight: FRAMES_IN_FLIGHT as u32 };
+    let mut crowd = engine.create_crowd(&uploaded, &crowd_desc)?;
+
+    let (mut worst, mut applied, mut passes) = (PoseError::default(), 0, 0);
+    let played = (0..clip.len() + FRAMES_IN_FLIGHT).try_for_each(|now| -> Result<()> {
+        let frame = &frames[now % FRAMES_IN_FLIGHT];
+        if let Some(shown) = now.checked_sub(FRAMES_IN_FLIGHT) {
+            frame.wait(&host)?;
+            // SAFETY: coherent memory of as many floats, mapped, and written by a copy that has finished.
+            let pose = unsafe { std::slice::from_raw_parts(frame.mapped, mesh.base().len()) };
+            worst = worst.max(compare(pose, &evaluate(&mesh, &clip[shown])));
+        }
+        let Some(weights) = clip.get(now) else { return Ok(()) };
+        crowd.set_weights(0, weights)?;
+        let update = frame.submit(&host, |cmd| {
+            // SAFETY: `cmd` is recording on the engine's device, outside a render pass, and is submitted once, in
+            // order, after the wait for the frame FRAMES_IN_FLIGHT ago. Were it dropped: crowd.discard(update.ticket).
+            let update = unsafe { engine.record_update(cmd, &mut crowd) }?;
+            // Draws go here. For motion vectors: `crowd.previous_pose(0)?`, after a cut (`crowd.cut(0)?`) this pose.
+            frame.record_readback(&host, &crowd.pose(0)?);
+            Ok(update)
+        })?;
+        (applied, passes) = (applied + update.stats.coefficients, passes + update.stats.passes);
+        Ok(())
+    });
+    // SAFETY: waiting is always allowed. Also after an error, so that nothing below is still in use.
+    unsafe { host.device.device_wait_idle() }?;
+    played?;
+    let (error, angle) = (worst.position / f64::from(mesh.layout().diagonal), worst.normal_degrees);
+    println!(
+        "{}: {} poses, {applied} weights in {passes} passes, within {error:.1e} of the diagonal and {angle:.4}°",
+        engine.caps().name,
+        clip.len()
+    );
+    drop((crowd, uploaded, engine));
+    // SAFETY: each is destroyed once, after what was made from it.
+    unsafe {
+        for frame in frames {
+            host.device.destroy_buffer(frame.readback, None);
+            host.device.free_memory(frame.memory, None);
+            host.device.destroy_fence(frame.fence, None);
+        }
+        host.device.destroy_command_pool(host.pool, None);
+        host.device.destroy_device(None);
+        host.instance.destroy_instance(None);
+    }
+    if error <= 3e-6 && angle <= 0.01 { Ok(()) } else { Err("the poses differ from the reference".into()) }
+}

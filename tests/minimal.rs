@@ -1,0 +1,87 @@
+//! The example that hosts copy from, run as they would run it: a process of its own, under the validation layer.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+const LAYER: &str = "VK_LAYER_KHRONOS_validation";
+const SOURCE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/minimal.rs");
+
+/// `cargo test` builds the examples, and puts them beside the folder of the tests; with `--test` it does not.
+fn example() -> PathBuf {
+    let test = std::env::current_exe().expect("a path to this test");
+    let path = test.ancestors().nth(2).expect("target/PROFILE").join("examples/minimal");
+    let path = path.with_extension(std::env::consts::EXE_EXTENSION);
+    let time = |path: &Path| std::fs::metadata(path).and_then(|m| m.modified()).ok();
+    let source = time(Path::new(SOURCE));
+    assert!(source.is_some() && time(&path) >= source, "{}: run cargo build --example minimal", path.display());
+    path
+}
+
+/// Run the example on the device called `name` with the layer switched on from outside.
+fn run(name: &str) -> Output {
+    // Without a messenger the layer prints to stdout, and errors only unless told otherwise.
+    let settings = tempfile::tempdir().expect("a folder");
+    let text = "khronos_validation.debug_action = VK_DBG_LAYER_ACTION_LOG_MSG\n\
+                khronos_validation.report_flags = error,warn,perf\n\
+                khronos_validation.enables = VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION_EXT\n";
+    std::fs::write(settings.path().join("vk_layer_settings.txt"), text).expect("a file");
+    Command::new(example())
+        .arg(name)
+        .env("VK_INSTANCE_LAYERS", LAYER)
+        .env("VK_LAYER_SETTINGS_PATH", settings.path())
+        .env("VK_LOADER_DEBUG", "layer")
+        .output()
+        .expect("the example starts")
+}
+
+/// What the layer has said.
+fn validation_lines(output: &str) -> Vec<&str> {
+    let marks = ["Validation", "VUID", "SYNC-HAZARD", "UNASSIGNED", "ERROR", "WARNING"];
+    output.lines().filter(|line| marks.iter().any(|mark| line.contains(mark))).collect()
+}
+
+#[test]
+fn the_example_is_right_and_valid_on_every_driver() {
+    for name in ["llvmpipe", "SwiftShader"] {
+        let output = run(name);
+        let (stdout, stderr) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+        assert!(
+            output.status.success(),
+            "{name}: {}\n{stdout}{stderr}\nrun as ./with-vulkan cargo test",
+            output.status
+        );
+        assert_eq!(validation_lines(&stdout), <[&str; 0]>::default(), "{name}");
+        let mut lines = stdout.lines();
+        assert!(lines.next().is_some_and(|l| l.starts_with(name) && l.contains("60 poses")), "{name}: {stdout}");
+        assert_eq!(lines.next(), None, "{name}: one line of result");
+        // The silence above counts only if the layer was there. The loader, too, says what it does on stderr.
+        for level in ["instance", "device"] {
+            let layer = format!("{level} layer \"{LAYER}\"");
+            let inserted = stderr.lines().any(|line| line.contains("Insert") && line.contains(&layer));
+            assert!(inserted, "{name}: the loader did not insert the {layer}:\n{stderr}");
+        }
+    }
+}
+
+#[test]
+fn messages_of_the_layer_are_recognised() {
+    // As 1.3.239 prints them: the first with the barrier before the example's copy taken out.
+    let said = "SYNC-HAZARD-READ-AFTER-WRITE(ERROR / SPEC): msgNum: -455515022 - Validation Error: [ SYNC-HAZARD-READ-\
+                AFTER-WRITE ] Object 0\n    Objects: 1\nUNASSIGNED-BestPractices(WARN / PERF): msgNum: 1\n";
+    assert_eq!(validation_lines(said).len(), 2);
+    assert!(validation_lines("llvmpipe: 60 poses, 993 weights in 154 passes\n").is_empty());
+}
+
+#[test]
+fn a_device_that_is_not_there_is_a_failure() {
+    let output = run("no such device");
+    assert!(!output.status.success());
+    assert!(String::from_utf8_lossy(&output.stderr).contains("no such Vulkan 1.1 device"));
+}
+
+#[test]
+fn the_example_stays_short() {
+    let text = std::fs::read_to_string(SOURCE).expect("the example");
+    assert!(text.lines().count() < 200, "{} lines", text.lines().count());
+    assert!(!text.contains("headless"), "the host brings its own device");
+}
