@@ -6,6 +6,7 @@
 mod bandwidth;
 pub mod headline;
 pub mod html;
+mod measure;
 pub mod plots;
 pub mod record;
 pub mod report;
