@@ -2,8 +2,9 @@
 
 layout(local_size_x = 64) in;
 
-// Both are bound at the first vertex of the chunk, and may be the same memory: each invocation reads its own
-// vertex before it writes it.
+// Both are bound at the first vertex of the chunk. An in-place pass binds the same memory twice: an invocation
+// stores what it computed from its own vertex alone, so that each load precedes its store by data dependency and no
+// invocation reads another's vertex. (Never `restrict`.)
 layout(set = 0, binding = 0, std430) readonly buffer SourcePose { vec2 source_pose[]; };
 layout(set = 0, binding = 1, std430) writeonly buffer DestinationPose { vec2 destination_pose[]; };
 #ifdef SNORM16

@@ -79,7 +79,7 @@ fn whole_clip(set: &str, clip_name: &str) {
                 (UpdatePath::Compute, BatchSize::All),
             ] {
                 let desc = UpdateDesc::new(path, batch);
-                let mut crowd = HeadlessCrowd::new(headless, engine, &packed, &gpu::single(desc)).expect("a crowd");
+                let mut crowd = HeadlessCrowd::new(headless, &packed, &gpu::single(desc)).expect("a crowd");
                 let errors = play(&frames, &packed, &raw, |weights, check| {
                     crowd.step(&[weights]).expect("a step");
                     check.then(|| crowd.read_pose(0).expect("a pose"))
@@ -130,7 +130,7 @@ fn the_stress_test_has_disjoint_targets() {
         for format in DeltaFormat::ALL {
             let packed = PackedMesh::pack(&mesh, &engine.pack_desc(format)).expect("a mesh that fits");
             for desc in gpu::update_descs(engine, format) {
-                let mut crowd = HeadlessCrowd::new(headless, engine, &packed, &gpu::single(desc)).expect("a crowd");
+                let mut crowd = HeadlessCrowd::new(headless, &packed, &gpu::single(desc)).expect("a crowd");
                 for frame in 0..6 {
                     let weights = gpu::weights(&packed, frame, 3);
                     crowd.step(&[&weights]).expect("a step");

@@ -6,7 +6,7 @@ mod gpu;
 mod testing;
 
 use deltamorph::engine::{CrowdDesc, MorphEngine};
-use deltamorph::headless::{Headless, HeadlessCrowd};
+use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
 use deltamorph::plan::UpdateDesc;
 use deltamorph::reference::{PoseError, compare, evaluate};
@@ -18,7 +18,7 @@ fn with_crowds(test: impl Fn(&mut HeadlessCrowd<'_>, &PackedMesh, UpdateDesc)) {
         let pack = engine.pack_desc(DeltaFormat::Snorm16);
         let mesh = PackedMesh::pack(&testing::mesh(300, 23), &pack).expect("a mesh that fits");
         for desc in update_descs(engine, DeltaFormat::Snorm16) {
-            let mut crowd = HeadlessCrowd::new(headless, engine, &mesh, &single(desc)).expect("a crowd");
+            let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
             for frame in 0..2 {
                 crowd.step(&[&weights(&mesh, frame, 9)]).expect("a step");
             }
@@ -67,7 +67,7 @@ fn of_two_recorded_updates_the_second_is_discarded() {
     with_crowds(|crowd, mesh, desc| {
         let (first, _) = crowd.record(&[&weights(mesh, 2, 9)]).expect("a recording");
         let (_, second) = crowd.record(&[&weights(mesh, 3, 9)]).expect("a recording");
-        crowd.submit(&[first]).expect("a submission");
+        crowd.submit(vec![first]).expect("a submission");
         crowd.crowd().discard(second.ticket);
         crowd.step(&[&weights(mesh, 4, 9)]).expect("a step");
         assert_right(crowd, mesh, &weights(mesh, 4, 9), desc);
@@ -81,7 +81,7 @@ fn a_reset_command_buffer_is_recorded_again() {
         crowd.crowd().discard(lost.ticket);
         // The same weights once more, as a host would that recreates its swapchain and starts the frame again.
         let (again, _) = crowd.record(&[&weights(mesh, 2, 9)]).expect("a recording");
-        crowd.submit(&[again]).expect("a submission");
+        crowd.submit(vec![again]).expect("a submission");
         assert_right(crowd, mesh, &weights(mesh, 2, 9), desc);
     });
 }
@@ -92,7 +92,7 @@ fn two_updates_recorded_before_either_is_submitted() {
         let (first, _) = crowd.record(&[&weights(mesh, 2, 9)]).expect("a recording");
         let (second, _) = crowd.record(&[&weights(mesh, 3, 9)]).expect("a recording");
         // In one submission, and the coefficients of the first are still what they were.
-        crowd.submit(&[first, second]).expect("a submission");
+        crowd.submit(vec![first, second]).expect("a submission");
         assert_right(crowd, mesh, &weights(mesh, 3, 9), desc);
     });
 }
@@ -105,10 +105,10 @@ fn two_frames_in_flight_with_delayed_submission() {
             let (cmd, _) = crowd.record(&[&weights(mesh, frame, 9)]).expect("a recording");
             // Submission lags one frame behind recording: always two updates recorded and not finished.
             if let Some(earlier) = waiting.replace(cmd) {
-                crowd.submit(&[earlier]).expect("a submission");
+                crowd.submit(vec![earlier]).expect("a submission");
             }
         }
-        crowd.submit(&[waiting.expect("the last frame")]).expect("a submission");
+        crowd.submit(vec![waiting.expect("the last frame")]).expect("a submission");
         assert_right(crowd, mesh, &weights(mesh, 7, 9), desc);
     });
 }
@@ -132,7 +132,7 @@ fn misuse_is_an_error_that_says_what_to_do() {
         let mesh = PackedMesh::pack(&testing::mesh(10, 2), &engine.pack_desc(DeltaFormat::Float32)).expect("a mesh");
         let desc = update_descs(engine, DeltaFormat::Float32)[0];
         let refuse = |desc: CrowdDesc, words: &str| {
-            let error = HeadlessCrowd::new(headless, engine, &mesh, &desc).err().expect("refused").to_string();
+            let error = HeadlessCrowd::new(headless, &mesh, &desc).err().expect("refused").to_string();
             assert!(error.contains(words), "{error}");
         };
         refuse(CrowdDesc { instances: 0, ..single(desc) }, "0 instances");
@@ -143,7 +143,7 @@ fn misuse_is_an_error_that_says_what_to_do() {
         let path = deltamorph::plan::UpdatePath::Cpu;
         refuse(single(UpdateDesc { path, ..desc }), "use CpuCrowd");
 
-        let mut crowd = HeadlessCrowd::new(headless, engine, &mesh, &single(desc)).expect("a crowd");
+        let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
         assert!(crowd.crowd().pose(0).unwrap_err().to_string().contains("record an update first"));
         for (weights, words) in [
             (&[0.0, f32::NAN][..], "target 1 ('target_1') is NaN"),
@@ -159,10 +159,44 @@ fn misuse_is_an_error_that_says_what_to_do() {
         crowd.step(&[&[0.25, 0.5]]).expect("a step");
         assert_right(&mut crowd, &mesh, &[0.25, 0.5], desc);
 
-        let other = headless.engine().expect("an engine");
-        let error = HeadlessCrowd::new(headless, &other, &mesh, &single(desc));
-        let mut foreign = error.expect("a crowd of the other engine");
-        let error = foreign.record_with(engine).unwrap_err().to_string();
+        // A second engine, on a device of its own.
+        let other = Headless::new(&HeadlessDesc {
+            device: DeviceChoice::Name(headless.caps().name.clone()),
+            ..HeadlessDesc::default()
+        });
+        let other = other.expect("a second device");
+        let error = crowd.record_with(other.engine()).unwrap_err().to_string();
         assert!(error.contains("another MorphEngine"), "{error}");
+        let error = other.engine().create_crowd(crowd.mesh(), &single(desc)).err().expect("refused").to_string();
+        assert!(error.contains("another MorphEngine"), "{error}");
+    });
+}
+
+#[test]
+fn a_discarded_or_empty_update_does_not_turn_the_ring_of_coefficients() {
+    with_crowds(|crowd, mesh, desc| {
+        // Two frames in flight: one update is pending, then one is dropped, one records nothing, one is recorded.
+        let (pending, _) = crowd.record(&[&weights(mesh, 2, 9)]).expect("a recording");
+        let (_, dropped) = crowd.record(&[&weights(mesh, 3, 9)]).expect("a recording");
+        crowd.crowd().discard(dropped.ticket);
+        assert!(crowd.crowd().pose(0).unwrap_err().to_string().contains("no pose yet"), "{desc:?}");
+        let (again, _) = crowd.record(&[&weights(mesh, 3, 9)]).expect("a recording");
+        crowd.submit(vec![pending]).expect("a submission");
+        // The pending update found its own coefficients: what it wrote is the source or the result of nothing now,
+        // so it is seen in the previous pose only where that is kept; the last update is right in any case.
+        crowd.submit(vec![again]).expect("a submission");
+        assert_right(crowd, mesh, &weights(mesh, 3, 9), desc);
+
+        let mut next = weights(mesh, 3, 9);
+        next[5] += 0.5;
+        let (pending, _) = crowd.record(&[&next]).expect("a recording");
+        let (empty, nothing) = crowd.record(&[&next]).expect("a recording");
+        assert_eq!(nothing.stats.passes, 0);
+        let mut last = next.clone();
+        last[6] += 0.25;
+        let (second, _) = crowd.record(&[&last]).expect("a recording");
+        // Both incremental: had the second overwritten the first one's list, target 5 would be off.
+        crowd.submit(vec![pending, empty, second]).expect("a submission");
+        assert_right(crowd, mesh, &last, desc);
     });
 }

@@ -23,14 +23,20 @@ pub struct CrowdDesc {
     pub instances: u32,
     /// How poses are updated.
     pub update: UpdateDesc,
-    /// Updates that may be recorded and not yet finished (≥ 1): how many rings of coefficients are kept.
+    /// Updates that may be recorded and not yet finished (≥ 1): how many rings of coefficients are kept. Updates
+    /// that recorded nothing and discarded ones do not count.
     pub frames_in_flight: u32,
 }
 
 /// Proof of a recorded update, for [`Crowd::discard`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[must_use = "an update that never runs has to be discarded with its ticket"]
-pub struct Ticket(u64);
+pub struct Ticket {
+    /// Number of the update, from 1.
+    update: u64,
+    /// Updates with passes before it: where in the ring its coefficient lists are.
+    recorded: u64,
+}
 
 /// What an update recorded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,7 +74,10 @@ pub struct Crowd {
     weights: Vec<Vec<f32>>,
     plans: Vec<Plan>,
     list: CommandList,
+    /// Updates planned.
     updates: u64,
+    /// Updates with passes, less discarded ones: the ring of coefficient lists turns with them.
+    recorded: u64,
 }
 
 /// Coefficient lists in host-visible memory, and the descriptor sets of the compute path.
@@ -111,20 +120,31 @@ impl Crowd {
         )?;
         let lists = match &kernel {
             Kernel::Compute(compute) => {
-                let entries = match desc.update.batch {
-                    BatchSize::All => mesh.layout.targets.len(),
-                    BatchSize::Targets(_) => 0,
+                // Only `All` reads lists; the kernels that do not still have one bound.
+                let (entries, lists) = match desc.update.batch {
+                    BatchSize::All => {
+                        (mesh.layout.targets.len(), u64::from(desc.instances) * u64::from(desc.frames_in_flight))
+                    }
+                    BatchSize::Targets(_) => (0, 1),
                 };
                 let stride = ((entries * size_of::<DenseListEntry>()) as u64).max(16).next_multiple_of(256);
-                let ring = Buffer::new(
+                let bytes = stride.saturating_mul(lists);
+                if bytes > u64::from(u32::MAX) {
+                    return Err(Error::invalid(
+                        format!("the coefficient lists of {} instances take {bytes} bytes", desc.instances),
+                        "make several crowds, or use a batch size of 1 to 16",
+                    ));
+                }
+                let mut ring = Buffer::new(
                     device,
                     &BufferDesc {
                         name: "deltamorph coefficient lists",
-                        bytes: stride * u64::from(desc.instances) * u64::from(desc.frames_in_flight),
+                        bytes,
                         usage: vk::BufferUsageFlags::STORAGE_BUFFER,
                         location: MemoryLocation::CpuToGpu,
                     },
                 )?;
+                ring.mapped()?;
                 let sets = Sets::new(
                     compute,
                     &SetBuffers {
@@ -148,6 +168,7 @@ impl Crowd {
             plans: vec![Plan::default(); instances],
             list: CommandList::new(desc.update.path),
             updates: 0,
+            recorded: 0,
             device: device.clone(),
             mesh: mesh.clone(),
             kernel,
@@ -159,7 +180,7 @@ impl Crowd {
 
     /// Bytes of device memory that the poses of a crowd take.
     pub fn pose_bytes(layout: &PackedLayout, desc: &CrowdDesc) -> u64 {
-        layout.pose_bytes() * u64::from(desc.instances) * u64::from(desc.update.slots)
+        layout.pose_bytes().saturating_mul(u64::from(desc.instances) * u64::from(desc.update.slots))
     }
 
     /// How the crowd was made.
@@ -192,14 +213,17 @@ impl Crowd {
 
     /// The update of `ticket` and all later ones will never run (their command buffers were reset or dropped):
     /// what they would have written is unknown now, and the next update rebuilds it from the base pose.
+    /// Until then [`pose`](Self::pose) is an error for the instances concerned; the previous pose of that update
+    /// will be the pose itself.
     pub fn discard(&mut self, ticket: Ticket) {
-        self.states.iter_mut().for_each(|state| state.discard_from(ticket.0));
+        self.states.iter_mut().for_each(|state| state.discard_from(ticket.update));
+        self.recorded = self.recorded.min(ticket.recorded);
     }
 
     /// The pose of `instance` once the updates recorded so far have run.
     ///
     /// # Errors
-    /// An instance out of range; no update recorded yet.
+    /// An instance out of range; no update recorded yet, or its update was discarded.
     pub fn pose(&self, instance: u32) -> Result<PoseView> {
         let plan = self.plan_of(instance)?;
         Ok(self.view(instance, plan.result))
@@ -228,8 +252,8 @@ impl Crowd {
 
     fn plan_of(&self, instance: u32) -> Result<&Plan> {
         self.check_instance(instance)?;
-        if self.updates == 0 {
-            return Err(Error::invalid("no pose yet", "record an update first"));
+        if self.states[instance as usize].applied().is_none() {
+            return Err(Error::invalid(format!("instance {instance} has no pose yet"), "record an update first"));
         }
         Ok(&self.plans[instance as usize])
     }
@@ -264,7 +288,9 @@ impl Crowd {
         }
         self.list.fill(&self.plans);
         let stats = UpdateStats::new(&self.mesh.layout, &self.list, &self.plans);
-        Update { ticket: Ticket(self.updates), stats }
+        let ticket = Ticket { update: self.updates, recorded: self.recorded };
+        self.recorded += u64::from(!self.list.commands.is_empty());
+        Update { ticket, stats }
     }
 
     /// Write the planned commands.
@@ -272,7 +298,7 @@ impl Crowd {
     /// # Safety
     /// As [`super::MorphEngine::record_update`].
     pub(super) unsafe fn record(&mut self, cmd: vk::CommandBuffer) -> Result<()> {
-        let frame = self.updates % u64::from(self.desc.frames_in_flight);
+        let frame = self.recorded % u64::from(self.desc.frames_in_flight);
         if self.desc.update.batch == BatchSize::All {
             self.write_lists(frame)?;
         }
@@ -304,6 +330,11 @@ impl Crowd {
         Ok(())
     }
 
+    /// Where the coefficient list of an instance is, in the ring. Fits 32 bits: checked in `new`.
+    fn list_offset(&self, lists: &Lists, frame: u64, instance: u32) -> u64 {
+        (frame * u64::from(self.desc.instances) + u64::from(instance)) * lists.stride
+    }
+
     /// # Safety
     /// As [`record`](Self::record).
     unsafe fn record_pass(&self, cmd: vk::CommandBuffer, pass: &PassCommand, frame: u64) {
@@ -321,12 +352,15 @@ impl Crowd {
                     destination: (self.poses.raw, self.offset(pass.instance, pass.destination)),
                     coefficients,
                 };
-                // SAFETY: the caller's obligations; source and destination are different slots (the plan
-                // alternates; the hazard checker proves it).
+                // SAFETY: the caller's obligations; source and destination are different slots: the plan
+                // alternates (tests hold every plan to that).
                 unsafe { feedback.record(cmd, &pass) };
             }
             (Kernel::Compute(compute), Some(lists)) => {
-                let list = (frame * u64::from(self.desc.instances) + u64::from(pass.instance)) * lists.stride;
+                let list = match self.desc.update.batch {
+                    BatchSize::All => self.list_offset(lists, frame, pass.instance),
+                    BatchSize::Targets(_) => 0,
+                };
                 let pass = ComputePass {
                     layout: &self.mesh.layout,
                     sets: lists.sets.get(pass.instance, pass.source, pass.destination),

@@ -9,11 +9,13 @@
 //!    [`Crowd::pose`].
 //!
 //! # What the caller is responsible for
-//! - Recorded updates run exactly once each, in the order recorded, on one queue (or ordered by semaphores). An
-//!   update that will never run is handed to [`Crowd::discard`].
-//! - At most [`CrowdDesc::frames_in_flight`] updates of a crowd are recorded and not yet finished.
+//! - Uploads, updates and draws run on queues of one family, with graphics and compute: the barriers name the
+//!   stages of both. Recorded updates run exactly once each, in the order recorded, on one queue (or ordered by
+//!   semaphores). An update that will never run is handed to [`Crowd::discard`].
+//! - At most [`CrowdDesc::frames_in_flight`] updates of a crowd are recorded and not yet finished. Updates that
+//!   recorded nothing and discarded ones do not count.
 //! - Engine, meshes and crowds are dropped only when the device has finished with them, and before the device
-//!   is destroyed.
+//!   is destroyed. An allocator that the host shares is not locked by the host meanwhile.
 
 mod crowd;
 
@@ -28,7 +30,7 @@ use crate::gpu::device::Device;
 use crate::gpu::feedback::Feedback;
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::gpu::shaders::WORKGROUP;
-use crate::mesh::packed::{PackDesc, PackedLayout, PackedMesh};
+use crate::mesh::packed::{POSE_STRIDE, PackDesc, PackedLayout, PackedMesh};
 use crate::plan::commands::Hazard;
 use crate::plan::{BatchSize, UpdateDesc, UpdatePath};
 use ash::vk;
@@ -80,7 +82,9 @@ impl MorphEngine {
     /// The allocator cannot be made.
     ///
     /// # Safety
-    /// - The handles of `desc` are alive and belong together, and outlive the engine and all it creates.
+    /// - The handles of `desc` are alive, belong together, are of Vulkan 1.1 or later, and outlive the engine and
+    ///   all it creates.
+    /// - `desc.caps` does not exceed what the device has.
     /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled on the device.
     pub unsafe fn new(desc: &DeviceDesc<'_>) -> Result<Self> {
         // SAFETY: the caller's obligations are those of `borrow`.
@@ -102,11 +106,9 @@ impl MorphEngine {
     /// How to pack a mesh for this device.
     pub fn pack_desc(&self, format: crate::mesh::packed::DeltaFormat) -> PackDesc {
         let caps = &self.device.caps;
-        PackDesc {
-            format,
-            max_chunk_bytes: caps.max_storage_range,
-            max_chunk_vertices: u64::from(caps.max_workgroups) * u64::from(WORKGROUP),
-        }
+        let dispatch = u64::from(caps.max_workgroups) * u64::from(WORKGROUP);
+        let capture = caps.transform_feedback.map_or(u64::MAX, |f| f.max_buffer_bytes / POSE_STRIDE as u64);
+        PackDesc { format, max_chunk_bytes: caps.max_storage_range, max_chunk_vertices: dispatch.min(capture) }
     }
 
     /// Bytes of device memory that a mesh takes (as much again in staging memory until
@@ -127,7 +129,8 @@ impl MorphEngine {
     /// A mesh that exceeds the device's limits, with the numbers; no memory.
     ///
     /// # Safety
-    /// - `cmd` is in the recording state on the engine's device, outside a render pass, and allows transfers.
+    /// - `cmd` is in the recording state on the engine's device, outside a render pass, on a queue with graphics
+    ///   and compute.
     /// - The value returned is dropped only when the device no longer uses it.
     pub unsafe fn upload(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
         let layout = mesh.layout().clone();
@@ -188,6 +191,11 @@ impl MorphEngine {
         limit("a pose takes", layout.pose_bytes(), "bytes", range, "split the mesh")?;
         limit("a chunk of deltas takes", chunk_bytes(layout), "bytes", range, "pack with MorphEngine::pack_desc")?;
         limit("a chunk takes", chunk_groups, "workgroups", groups, "pack with MorphEngine::pack_desc")?;
+        if let Some(feedback) = caps.transform_feedback {
+            let captured = (layout.chunk_vertices * POSE_STRIDE) as u64;
+            let most = feedback.max_buffer_bytes;
+            limit("a chunk captures", captured, "bytes", most, "pack with MorphEngine::pack_desc")?;
+        }
         let deltas = delta_buffer_bytes(layout);
         limit("its deltas take", deltas, "bytes", u32::MAX.into(), "split the mesh or use the snorm16 format")
     }
@@ -198,8 +206,15 @@ impl MorphEngine {
     /// Pipelines are made here, not while animating; crowds of the same path, batch size and format share them.
     ///
     /// # Errors
-    /// A path or batch size that the device cannot run, with what to use instead; no memory.
+    /// A mesh that another engine uploaded; a path or batch size that the device cannot run, with what to use
+    /// instead; no memory.
     pub fn create_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<Crowd> {
+        if !mesh.shared.base.is_on(&self.device) {
+            return Err(Error::invalid(
+                format!("mesh '{}' belongs to another MorphEngine", mesh.layout().name),
+                "upload it with the engine that makes the crowd",
+            ));
+        }
         self.device.caps.check_update(&desc.update, mesh.layout().format)?;
         let kernel = self.kernel(&desc.update, mesh)?;
         Crowd::new(&self.device, &mesh.shared, kernel, desc)
@@ -239,17 +254,20 @@ impl MorphEngine {
     /// VERTEX_INPUT with VERTEX_ATTRIBUTE_READ and VERTEX_SHADER with SHADER_READ, so that draws recorded next
     /// may read [`Crowd::pose`] and [`Crowd::previous_pose`] as vertex attributes or storage buffers.
     ///
+    /// It binds over: the compute pipeline, its set 0 and push constants (`compute`); the graphics pipeline, vertex
+    /// bindings from 0 on, push constants and transform-feedback binding 0 (`feedback`).
+    ///
     /// The caller is responsible for: submitting `cmd` exactly once, after all earlier updates of the crowd,
-    /// or calling [`Crowd::discard`] with the ticket; finishing the update recorded
-    /// [`CrowdDesc::frames_in_flight`] calls ago before this call; barriers of its own where other stages than
+    /// or calling [`Crowd::discard`] with the ticket; having at most [`CrowdDesc::frames_in_flight`] updates
+    /// unfinished, this one included; binding its own state anew; barriers of its own where other stages than
     /// those named read or have read poses.
     ///
     /// # Errors
-    /// A crowd that another engine made.
+    /// A crowd that another engine made. Nothing is recorded then.
     ///
     /// # Safety
     /// - `cmd` is in the recording state on the engine's device, outside a render pass, on a queue with
-    ///   graphics (path `feedback`) or compute.
+    ///   graphics and compute.
     /// - The caller's responsibilities above and of the [module](self) are kept.
     pub unsafe fn record_update(&self, cmd: vk::CommandBuffer, crowd: &mut Crowd) -> Result<Update> {
         // SAFETY: the caller's obligations.
@@ -280,7 +298,11 @@ impl MorphEngine {
         let update = crowd.plan_update();
         tamper(crowd.commands_mut());
         // SAFETY: the caller's obligations.
-        unsafe { crowd.record(cmd) }?;
+        if let Err(error) = unsafe { crowd.record(cmd) } {
+            // Planned, but not recorded.
+            crowd.discard(update.ticket);
+            return Err(error);
+        }
         Ok(update)
     }
 }

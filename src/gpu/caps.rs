@@ -64,8 +64,8 @@ pub struct Requirement {
     pub reason: &'static str,
 }
 
-/// What to enable when creating a device for `path`. Beyond this, core Vulkan 1.1 and one queue with graphics
-/// (feedback) or compute suffice.
+/// What to enable when creating a device for `path`. Beyond this, core Vulkan 1.1 and one queue with graphics and
+/// compute suffice: barriers name the vertex stages of the draws that read poses, whatever the path.
 pub fn requirements(path: UpdatePath) -> &'static [Requirement] {
     match path {
         UpdatePath::Feedback => &[Requirement {
@@ -92,7 +92,7 @@ impl DeviceCaps {
     ///
     /// # Safety
     /// - `physical` was enumerated from `instance`, and `instance` is alive.
-    /// - `instance` was created for Vulkan 1.1 or later.
+    /// - Both are of Vulkan 1.1 or later.
     pub unsafe fn query(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Self {
         // SAFETY: the caller's obligations are those of these calls.
         let (core, extensions) = unsafe {
@@ -158,18 +158,44 @@ impl DeviceCaps {
         }
     }
 
-    /// Clamp to what Khronos' VP_ANDROID_baseline_2022 promises: nothing beyond is used then.
-    pub fn clamp_to_android_baseline(&mut self) {
-        self.max_storage_range = self.max_storage_range.min(1 << 27);
-        self.max_allocation = self.max_allocation.min(1 << 30);
-        self.storage_alignment = self.storage_alignment.max(256);
-        self.max_storage_buffers = self.max_storage_buffers.min(4);
-        self.max_push_constants = self.max_push_constants.min(128);
-        self.max_vertex_attributes = self.max_vertex_attributes.min(16);
-        self.max_vertex_bindings = self.max_vertex_bindings.min(16);
-        self.max_workgroup_invocations = self.max_workgroup_invocations.min(128);
-        self.max_workgroups = self.max_workgroups.min(65_535);
-        self.transform_feedback = None;
+    /// What Khronos' VP_ANDROID_baseline_2022 promises, for [`clamp_to`](Self::clamp_to).
+    pub fn android_baseline() -> Self {
+        Self {
+            name: String::new(),
+            driver: String::new(),
+            driver_info: String::new(),
+            kind: "other",
+            api_version: (1, 1, 0),
+            max_storage_range: 1 << 27,
+            max_allocation: 1 << 30,
+            storage_alignment: 256,
+            max_storage_buffers: 4,
+            max_push_constants: 128,
+            max_vertex_attributes: 16,
+            max_vertex_bindings: 16,
+            max_workgroup_invocations: 128,
+            max_workgroups: 65_535,
+            timestamp_period: 0.0,
+            transform_feedback: None,
+        }
+    }
+
+    /// Keep to the smaller of these limits and `limits`; nothing is raised. Names, versions and timestamps stay.
+    pub fn clamp_to(&mut self, limits: &Self) {
+        self.max_storage_range = self.max_storage_range.min(limits.max_storage_range);
+        self.max_allocation = self.max_allocation.min(limits.max_allocation);
+        self.storage_alignment = self.storage_alignment.max(limits.storage_alignment);
+        self.max_storage_buffers = self.max_storage_buffers.min(limits.max_storage_buffers);
+        self.max_push_constants = self.max_push_constants.min(limits.max_push_constants);
+        self.max_vertex_attributes = self.max_vertex_attributes.min(limits.max_vertex_attributes);
+        self.max_vertex_bindings = self.max_vertex_bindings.min(limits.max_vertex_bindings);
+        self.max_workgroup_invocations = self.max_workgroup_invocations.min(limits.max_workgroup_invocations);
+        self.max_workgroups = self.max_workgroups.min(limits.max_workgroups);
+        self.transform_feedback =
+            self.transform_feedback.zip(limits.transform_feedback).map(|(a, b)| TransformFeedbackCaps {
+                max_buffer_bytes: a.max_buffer_bytes.min(b.max_buffer_bytes),
+                max_stride: a.max_stride.min(b.max_stride),
+            });
     }
 
     /// The largest batch of a feedback pass: vertex attributes − 2 for the pose, 2 a target (float32) or 1

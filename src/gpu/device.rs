@@ -38,6 +38,7 @@ pub(crate) struct Device {
 impl Device {
     /// # Safety
     /// - The handles of `desc` are alive, belong together, and outlive the value returned and all made from it.
+    /// - `desc.caps` does not exceed what the device has.
     /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled.
     pub(crate) unsafe fn borrow(desc: &DeviceDesc<'_>) -> Result<Self> {
         let mut caps = match &desc.caps {

@@ -61,6 +61,11 @@ impl Buffer {
         Ok(buffer)
     }
 
+    /// Whether it was made on `device`.
+    pub(crate) fn is_on(&self, device: &Arc<Device>) -> bool {
+        Arc::ptr_eq(&self.device, device)
+    }
+
     /// The buffer's bytes, for host-visible locations.
     ///
     /// # Errors

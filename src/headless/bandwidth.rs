@@ -2,7 +2,6 @@
 
 use super::Headless;
 use super::submit::full_barrier;
-use crate::engine::MorphEngine;
 use crate::error::Result;
 use crate::gpu::failed;
 use crate::gpu::memory::{Buffer, BufferDesc};
@@ -24,14 +23,15 @@ pub struct Bandwidth {
 const INVOCATIONS: u32 = 64 * 1024;
 
 impl Headless {
-    /// Measure copy and read bandwidth over `bytes` (rounded to 16): the best of a few runs.
+    /// Measure copy and read bandwidth over `bytes` (a multiple of 16, within the device's limits): the best of a few runs.
     /// `None` on a device without timestamps.
     ///
     /// # Errors
     /// No memory; a device that fails.
-    pub fn bandwidth(&self, engine: &MorphEngine, bytes: u64) -> Result<Option<Bandwidth>> {
-        let device = engine.device();
-        let bytes = bytes.min(self.caps().max_storage_range).next_multiple_of(16) & !15;
+    pub fn bandwidth(&self, bytes: u64) -> Result<Option<Bandwidth>> {
+        let device = self.engine().device();
+        let most = self.caps().max_storage_range.min(self.caps().max_allocation);
+        let bytes = bytes.clamp(16, most) & !15;
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::TRANSFER_SRC
             | vk::BufferUsageFlags::TRANSFER_DST;

@@ -2,7 +2,7 @@
 
 use super::Headless;
 use super::draw::PoseDraw;
-use super::submit::full_barrier;
+use super::submit::{full_barrier, host_barrier};
 use crate::engine::{Crowd, CrowdDesc, GpuMesh, MorphEngine, PoseView, Update};
 use crate::error::Result;
 use crate::gpu::memory::{Buffer, BufferDesc};
@@ -23,10 +23,12 @@ pub struct Step {
     pub cpu_ms: f64,
 }
 
+/// A recorded update of a [`HeadlessCrowd`], to be submitted to the same device once or never.
+pub struct Recorded(vk::CommandBuffer);
+
 /// A mesh and a crowd on a [`Headless`] device.
 pub struct HeadlessCrowd<'a> {
     headless: &'a Headless,
-    engine: &'a MorphEngine,
     mesh: GpuMesh,
     crowd: Crowd,
     draw: PoseDraw,
@@ -38,7 +40,8 @@ impl<'a> HeadlessCrowd<'a> {
     ///
     /// # Errors
     /// As [`MorphEngine::upload`] and [`MorphEngine::create_crowd`].
-    pub fn new(headless: &'a Headless, engine: &'a MorphEngine, mesh: &PackedMesh, desc: &CrowdDesc) -> Result<Self> {
+    pub fn new(headless: &'a Headless, mesh: &PackedMesh, desc: &CrowdDesc) -> Result<Self> {
+        let engine = headless.engine();
         // SAFETY: the submitter hands out a recording buffer of the engine's device; it waits for the device.
         let mut mesh = headless.submitter().run(|cmd| unsafe { engine.upload(cmd, mesh) })?;
         mesh.release_staging();
@@ -52,7 +55,7 @@ impl<'a> HeadlessCrowd<'a> {
                 location: MemoryLocation::GpuToCpu,
             },
         )?;
-        Ok(Self { headless, engine, draw: PoseDraw::new(engine.device())?, mesh, crowd, readback })
+        Ok(Self { headless, draw: PoseDraw::new(engine.device())?, mesh, crowd, readback })
     }
 
     /// The crowd.
@@ -70,22 +73,26 @@ impl<'a> HeadlessCrowd<'a> {
     /// # Errors
     /// Weights that are refused; a device that fails.
     pub fn step(&mut self, weights: &[&[f32]]) -> Result<Step> {
-        self.step_tampered(weights, |_| {})
+        // SAFETY: nothing is tampered with.
+        unsafe { self.step_tampered(weights, |_| {}) }
     }
 
     /// As [`step`](Self::step), with the commands changed before they are recorded: lets tests plant faults.
     ///
     /// # Errors
     /// As [`step`](Self::step).
+    ///
+    /// # Safety
+    /// The commands stay within slots, instances and coefficients that there are.
     #[doc(hidden)]
-    pub fn step_tampered(&mut self, weights: &[&[f32]], tamper: impl FnOnce(&mut CommandList)) -> Result<Step> {
+    pub unsafe fn step_tampered(&mut self, weights: &[&[f32]], tamper: impl FnOnce(&mut CommandList)) -> Result<Step> {
         let start = Instant::now();
         for (instance, weights) in weights.iter().enumerate() {
             self.crowd.set_weights(instance as u32, weights)?;
         }
-        let (engine, crowd) = (self.engine, &mut self.crowd);
+        let (engine, crowd) = (self.headless.engine(), &mut self.crowd);
         // SAFETY: the buffer is recording on the engine's device, on a queue with graphics and compute; it is
-        // submitted once, and waited for, before anything else happens.
+        // submitted once, and waited for, before anything else happens; tampering is the caller's to answer for.
         let (update, ticks) =
             self.headless.submitter().run_timed(|cmd| unsafe { engine.record_tampered(cmd, crowd, tamper) })?;
         let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
@@ -97,16 +104,17 @@ impl<'a> HeadlessCrowd<'a> {
     ///
     /// # Errors
     /// As [`step`](Self::step).
-    pub fn record(&mut self, weights: &[&[f32]]) -> Result<(vk::CommandBuffer, Update)> {
+    pub fn record(&mut self, weights: &[&[f32]]) -> Result<(Recorded, Update)> {
         for (instance, weights) in weights.iter().enumerate() {
             self.crowd.set_weights(instance as u32, weights)?;
         }
         let submitter = self.headless.submitter();
         let cmd = submitter.allocate()?;
-        let (engine, crowd) = (self.engine, &mut self.crowd);
-        // SAFETY: as in `step_tampered`, except that submitting once and in order is the caller's to do.
+        let (engine, crowd) = (self.headless.engine(), &mut self.crowd);
+        // SAFETY: as in `step_tampered`; that it is submitted once is seen to by `Recorded`, the order matters to
+        // the poses only.
         let update = submitter.record(cmd, |cmd| unsafe { engine.record_update(cmd, crowd) })?;
-        Ok((cmd, update))
+        Ok((Recorded(cmd), update))
     }
 
     /// Record an update with `engine`, which ought to be the crowd's own: lets tests misuse it.
@@ -124,8 +132,9 @@ impl<'a> HeadlessCrowd<'a> {
     ///
     /// # Errors
     /// A device that fails.
-    pub fn submit(&self, recorded: &[vk::CommandBuffer]) -> Result<()> {
-        self.headless.submitter().submit(recorded)
+    pub fn submit(&self, recorded: Vec<Recorded>) -> Result<()> {
+        let cmds: Vec<vk::CommandBuffer> = recorded.into_iter().map(|r| r.0).collect();
+        self.headless.submitter().submit(&cmds)
     }
 
     /// Draw the pose of every instance once, discarding all primitives; device time in milliseconds.
@@ -166,7 +175,7 @@ impl<'a> HeadlessCrowd<'a> {
             full_barrier(submitter.device(), cmd);
             // SAFETY: the buffer is recording; the region lies within both buffers, which are alive.
             unsafe { submitter.device().cmd_copy_buffer(cmd, view.buffer, self.readback.raw, &region) };
-            full_barrier(submitter.device(), cmd);
+            host_barrier(submitter.device(), cmd);
             Ok(())
         })?;
         let bytes = &self.readback.mapped()?[..view.size as usize];

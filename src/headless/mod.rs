@@ -7,7 +7,7 @@ mod draw;
 mod submit;
 
 pub use bandwidth::Bandwidth;
-pub use crowd::{HeadlessCrowd, Step};
+pub use crowd::{HeadlessCrowd, Recorded, Step};
 
 use crate::engine::{DeviceCaps, DeviceDesc, MorphEngine};
 use crate::error::{Error, Result};
@@ -15,7 +15,7 @@ use crate::gpu::failed;
 use ash::vk;
 use std::borrow::Cow;
 use std::ffi::{CStr, c_void};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use submit::Submitter;
 
 /// Which device to use.
@@ -31,25 +31,29 @@ pub enum DeviceChoice {
 }
 
 /// How to set up.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct HeadlessDesc {
     /// Which device.
     pub device: DeviceChoice,
     /// Load the validation layers, synchronization validation included, and collect their messages.
     pub validation: bool,
-    /// Keep to what Khronos' Android baseline profile promises.
-    pub android_baseline: bool,
+    /// Limits to keep to where the device has more, as of [`DeviceCaps::android_baseline`].
+    pub limits: Option<DeviceCaps>,
 }
 
-/// An instance, a device and a queue.
+/// An instance, a device, a queue, and an engine on it.
 pub struct Headless {
-    // Fields drop in this order; `Drop` destroys what they used.
-    submitter: Option<Submitter>,
-    engine_caps: DeviceCaps,
-    feedback_enabled: bool,
-    physical: vk::PhysicalDevice,
+    /// There from the end of `new` until `drop`, which lets go of it before the device.
+    live: Option<Live>,
     device: ash::Device,
+    // Drops last: the device is gone by then.
     instance: Instance,
+}
+
+/// What lives on the device.
+struct Live {
+    submitter: Submitter,
+    engine: MorphEngine,
 }
 
 /// The loader, the instance, and the messenger that collects validation messages.
@@ -58,8 +62,8 @@ struct Instance {
     _entry: ash::Entry,
     raw: ash::Instance,
     messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
-    // Boxed: the messenger holds its address.
-    messages: Box<Messages>,
+    // Shared with the messenger, which holds its address.
+    messages: Arc<Messages>,
 }
 
 type Messages = Mutex<Vec<String>>;
@@ -76,7 +80,7 @@ unsafe extern "system" fn collect(
     data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
     user: *mut c_void,
 ) -> vk::Bool32 {
-    // SAFETY: `user` is the box of messages, which lives as long as the messenger; `data` is valid for the call.
+    // SAFETY: `user` points to the messages, which live as long as the messenger; `data` is valid for the call.
     let (messages, data) = unsafe { (&*user.cast::<Messages>(), &*data) };
     // SAFETY: a message id and text are null or zero-terminated and valid for the call.
     let (id, text) = unsafe { (data.message_id_name_as_c_str(), data.message_as_c_str()) };
@@ -98,7 +102,7 @@ impl Instance {
             )
         })?;
         let app = vk::ApplicationInfo::default().application_name(c"deltamorph").api_version(vk::API_VERSION_1_1);
-        let messages = Box::<Messages>::default();
+        let messages = Arc::<Messages>::default();
         let mut messenger_info = vk::DebugUtilsMessengerCreateInfoEXT::default()
             .message_severity(
                 vk::DebugUtilsMessageSeverityFlagsEXT::WARNING | vk::DebugUtilsMessageSeverityFlagsEXT::ERROR,
@@ -107,7 +111,7 @@ impl Instance {
                 vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION | vk::DebugUtilsMessageTypeFlagsEXT::PERFORMANCE,
             )
             .pfn_user_callback(Some(collect))
-            .user_data((&raw const *messages).cast_mut().cast());
+            .user_data(Arc::as_ptr(&messages).cast_mut().cast());
         let enables = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
         let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enables);
         let layers = [VALIDATION.as_ptr()];
@@ -134,7 +138,7 @@ impl Instance {
         if validation {
             let functions = ash::ext::debug_utils::Instance::new(&instance._entry, &instance.raw);
             messenger_info.p_next = std::ptr::null();
-            // SAFETY: the extension is enabled; the user data is boxed and lives until after the messenger.
+            // SAFETY: the extension is enabled; the user data is shared and lives until after the messenger.
             let messenger = unsafe { functions.create_debug_utils_messenger(&messenger_info, None) }
                 .map_err(failed("vkCreateDebugUtilsMessengerEXT"))?;
             instance.messenger = Some((functions, messenger));
@@ -166,12 +170,16 @@ impl Drop for Instance {
 }
 
 impl Headless {
-    /// Every Vulkan 1.1 device of the system.
+    /// Every Vulkan 1.1 device of the system; none where there is no driver.
     ///
     /// # Errors
     /// No Vulkan loader.
     pub fn devices() -> Result<Vec<DeviceCaps>> {
-        Ok(Instance::new(false)?.devices()?.into_iter().map(|(_, caps)| caps).collect())
+        match Instance::new(false) {
+            Ok(instance) => Ok(instance.devices()?.into_iter().map(|(_, caps)| caps).collect()),
+            Err(e) if is_no_driver(&e) => Ok(vec![]),
+            Err(e) => Err(e),
+        }
     }
 
     /// Set up instance, device and queue.
@@ -181,8 +189,8 @@ impl Headless {
     pub fn new(desc: &HeadlessDesc) -> Result<Self> {
         let instance = Instance::new(desc.validation)?;
         let (physical, mut caps) = choose(instance.devices()?, &desc.device)?;
-        if desc.android_baseline {
-            caps.clamp_to_android_baseline();
+        if let Some(limits) = &desc.limits {
+            caps.clamp_to(limits);
         }
         // SAFETY: the physical device is the instance's own.
         let families = unsafe { instance.raw.get_physical_device_queue_family_properties(physical) };
@@ -193,7 +201,8 @@ impl Headless {
                 "choose another device with --device",
             )
         })? as u32;
-        let timestamps = families[family as usize].timestamp_valid_bits > 0 && caps.timestamp_period > 0.0;
+        let timestamp_bits =
+            if caps.timestamp_period > 0.0 { families[family as usize].timestamp_valid_bits } else { 0 };
 
         let feedback_enabled = caps.transform_feedback.is_some();
         let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
@@ -205,42 +214,32 @@ impl Headless {
         }
         // SAFETY: the physical device is the instance's own; extension and feature are there as queried.
         let device = unsafe { instance.raw.create_device(physical, &info, None) }.map_err(failed("vkCreateDevice"))?;
-        let mut headless = Self { submitter: None, engine_caps: caps, feedback_enabled, physical, device, instance };
-        headless.submitter = Some(Submitter::new(&headless.device, family, timestamps)?);
+        // From here on dropping `headless` destroys the device.
+        let mut headless = Self { live: None, device, instance };
+        let engine_desc = DeviceDesc {
+            instance: &headless.instance.raw,
+            physical_device: physical,
+            device: &headless.device,
+            caps: Some(caps),
+            transform_feedback_enabled: feedback_enabled,
+            allocator: None,
+        };
+        // SAFETY: the handles are alive and belong together; the limits are the device's or lower; the engine is
+        // dropped before the device, and what it makes borrows `headless` (`HeadlessCrowd`).
+        let engine = unsafe { MorphEngine::new(&engine_desc) }?;
+        let submitter = Submitter::new(&headless.device, family, timestamp_bits)?;
+        headless.live = Some(Live { submitter, engine });
         Ok(headless)
     }
 
-    /// An engine on this device. It must not outlive it.
-    ///
-    /// # Errors
-    /// As [`MorphEngine::new`].
-    pub fn engine(&self) -> Result<MorphEngine> {
-        self.engine_within(|_| {})
-    }
-
-    /// As [`engine`](Self::engine), within limits that `clamp` lowers.
-    ///
-    /// # Errors
-    /// As [`engine`](Self::engine).
-    pub fn engine_within(&self, clamp: impl FnOnce(&mut DeviceCaps)) -> Result<MorphEngine> {
-        let mut caps = self.engine_caps.clone();
-        clamp(&mut caps);
-        let desc = DeviceDesc {
-            instance: &self.instance.raw,
-            physical_device: self.physical,
-            device: &self.device,
-            caps: Some(caps),
-            transform_feedback_enabled: self.feedback_enabled,
-            allocator: None,
-        };
-        // SAFETY: the handles are alive and belong together; that they outlive the engine is stated above and
-        // kept by the users of this module, which are ours.
-        unsafe { MorphEngine::new(&desc) }
+    /// The engine on this device.
+    pub fn engine(&self) -> &MorphEngine {
+        &self.live().engine
     }
 
     /// Limits and features, clamped if asked for.
     pub fn caps(&self) -> &DeviceCaps {
-        &self.engine_caps
+        self.engine().caps()
     }
 
     /// What the validation layers have said so far.
@@ -249,17 +248,26 @@ impl Headless {
     }
 
     fn submitter(&self) -> &Submitter {
-        // Set at the end of `new`, taken in `drop`.
-        self.submitter.as_ref().expect("a Headless has a submitter for all its life")
+        &self.live().submitter
+    }
+
+    fn live(&self) -> &Live {
+        self.live.as_ref().expect("set by `new`, taken by `drop`")
     }
 }
 
 impl Drop for Headless {
     fn drop(&mut self) {
-        self.submitter = None;
-        // SAFETY: everything made on the device is gone: the submitter above, engines by their users.
+        self.live = None;
+        // SAFETY: everything made on the device is gone: engine and submitter above, crowds because they borrow
+        // from here.
         unsafe { self.device.destroy_device(None) };
     }
+}
+
+/// Whether the loader says that there is no driver.
+fn is_no_driver(error: &Error) -> bool {
+    matches!(error, Error::Vulkan { result, .. } if *result == format!("{:?}", vk::Result::ERROR_INCOMPATIBLE_DRIVER))
 }
 
 fn choose(

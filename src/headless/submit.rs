@@ -12,10 +12,12 @@ pub(super) struct Submitter {
     cmd: vk::CommandBuffer,
     fence: vk::Fence,
     queries: Option<vk::QueryPool>,
+    /// Bits of a timestamp that count.
+    mask: u64,
 }
 
 impl Submitter {
-    pub(super) fn new(device: &ash::Device, family: u32, timestamps: bool) -> Result<Self> {
+    pub(super) fn new(device: &ash::Device, family: u32, timestamp_bits: u32) -> Result<Self> {
         let info = vk::CommandPoolCreateInfo::default()
             .queue_family_index(family)
             .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
@@ -23,12 +25,13 @@ impl Submitter {
         let (queue, pool) = unsafe { (device.get_device_queue(family, 0), device.create_command_pool(&info, None)) };
         let pool = pool.map_err(failed("vkCreateCommandPool"))?;
         let (cmd, fence) = (vk::CommandBuffer::null(), vk::Fence::null());
-        let mut this = Self { device: device.clone(), queue, pool, cmd, fence, queries: None };
+        let mask = u64::MAX.checked_shr(64 - timestamp_bits).unwrap_or(0);
+        let mut this = Self { device: device.clone(), queue, pool, cmd, fence, queries: None, mask };
         this.cmd = this.allocate()?;
         // SAFETY: as above.
         this.fence =
             unsafe { device.create_fence(&vk::FenceCreateInfo::default(), None) }.map_err(failed("vkCreateFence"))?;
-        if timestamps {
+        if timestamp_bits > 0 {
             let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(2);
             // SAFETY: as above; the queue family has timestamps.
             let queries = unsafe { device.create_query_pool(&info, None) }.map_err(failed("vkCreateQueryPool"))?;
@@ -109,7 +112,7 @@ impl Submitter {
             )
         }
         .map_err(failed("vkGetQueryPoolResults"))?;
-        Ok((result, Some(ticks[1].wrapping_sub(ticks[0]))))
+        Ok((result, Some(ticks[1].wrapping_sub(ticks[0]) & self.mask)))
     }
 
     pub(super) fn device(&self) -> &ash::Device {
@@ -130,6 +133,16 @@ impl Drop for Submitter {
             self.device.destroy_command_pool(self.pool, None);
         }
     }
+}
+
+/// What copies wrote, to the host: a fence makes nothing visible to it.
+pub(super) fn host_barrier(device: &ash::Device, cmd: vk::CommandBuffer) {
+    let memory = [vk::MemoryBarrier::default()
+        .src_access_mask(vk::AccessFlags::TRANSFER_WRITE)
+        .dst_access_mask(vk::AccessFlags::HOST_READ)];
+    let (from, to) = (vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::HOST);
+    // SAFETY: as in `full_barrier`.
+    unsafe { device.cmd_pipeline_barrier(cmd, from, to, vk::DependencyFlags::empty(), &memory, &[], &[]) };
 }
 
 /// Everything before, then everything after, all memory.

@@ -1,8 +1,8 @@
 //! Which passes bring a pose buffer from the weights it holds to the weights asked for.
 //!
 //! Pure: no Vulkan here. [`PoseState::plan`] turns weights into passes, [`commands`] turns passes into commands
-//! and barriers as data, [`hazards`] proves that every access is ordered, and only then does a back end
-//! (`gpu`, `cpu`) carry them out.
+//! and barriers as data, which a back end (`gpu`, `cpu`) carries out as they are. Since they are data, tests hold
+//! them to [`hazards`]: every access has to be ordered.
 //!
 //! ```text
 //! pose_dst = source + Σ c_k · delta_k

@@ -54,49 +54,56 @@ proptest! {
         const TARGETS: usize = 9;
         let mut state = PoseState::new(desc).unwrap();
         let mut slots: Vec<Held> = vec![None; desc.slots as usize];
-        let mut checker = HazardChecker::new();
-        checker.upload();
-        let mut list = CommandList::new(desc.path);
-        let (mut plan, mut update, mut last, mut cut) = (Plan::default(), 0u64, None::<Vec<f64>>, false);
+        // What the device did: the updates that ran, each with the slots drawn after it.
+        let mut ran: Vec<(u64, CommandList, Vec<u32>, Vec<Held>)> = vec![];
+        let (mut plan, mut update, mut cut) = (Plan::default(), 0u64, false);
         for event in events {
             match event {
                 Event::DiscardLast(n) => {
-                    let first = update.saturating_sub(n) + 1;
-                    state.discard_from(first);
-                    // The passes never ran; the model forgets everything (what it held is not the point here).
-                    if n > 0 { slots.fill(None); last = None; state.discard_from(0); }
+                    // They never ran: the slots are what they were before the first of them.
+                    let kept = ran.len().saturating_sub(n as usize);
+                    for (number, _, _, before) in ran.drain(kept..).rev() {
+                        state.discard_from(number);
+                        slots = before;
+                    }
                 }
                 Event::Cut => { state.cut(); cut = true; }
                 Event::Update(weights) => {
                     let weights: Vec<f32> = weights.iter().map(|&w| f32::from(w) * 0.25).collect();
+                    let wanted: Vec<f64> = weights.iter().map(|&w| f64::from(w)).collect();
+                    let last = state.applied().map(|w| w.iter().map(|&w| f64::from(w)).collect::<Vec<_>>());
                     update += 1;
                     state.plan(&weights, update, &mut plan);
+                    let mut list = CommandList::new(desc.path);
                     list.fill(std::slice::from_ref(&plan));
-                    checker.update(&list);
+                    let before = slots.clone();
                     follow(&plan, &mut slots, TARGETS);
                     let held = slots[plan.result as usize].clone().expect("the result is known");
-                    let wanted: Vec<f64> = weights.iter().map(|&w| f64::from(w)).collect();
                     prop_assert_eq!(&held, &wanted);
                     prop_assert_eq!(state.applied(), Some(&weights[..]));
-                    let expected = match (&last, cut) { (Some(l), false) => l.clone(), _ => wanted.clone() };
+                    let still = last.as_ref() == Some(&wanted);
+                    let expected = match (last, cut) { (Some(l), false) => l, _ => wanted.clone() };
                     if let Some(previous) = plan.previous {
                         prop_assert_eq!(slots[previous as usize].as_ref(), Some(&expected));
-                        checker.draw(0, previous);
                     } else {
                         prop_assert!(desc.slots == 1 || (!desc.path.works_in_place() && desc.slots == 2));
                     }
-                    checker.draw(0, plan.result);
-                    let n = plan.coefficients.len();
                     if plan.passes.is_empty() {
-                        prop_assert_eq!(last.as_ref(), Some(&wanted));
-                        prop_assert!(list.commands.is_empty());
+                        prop_assert!(still && list.commands.is_empty());
                     } else {
-                        prop_assert_eq!(plan.passes.len(), desc.batch.passes(n));
+                        prop_assert_eq!(plan.passes.len(), desc.batch.passes(plan.coefficients.len()));
                     }
-                    last = Some(wanted);
+                    let drawn = plan.previous.into_iter().chain([plan.result]).collect();
+                    ran.push((update, list, drawn, before));
                     cut = false;
                 }
             }
+        }
+        let mut checker = HazardChecker::new();
+        checker.upload();
+        for (_, list, drawn, _) in &ran {
+            checker.update(list);
+            drawn.iter().for_each(|&slot| checker.draw(0, slot));
         }
         prop_assert_eq!(checker.finish(), Ok(()));
     }

@@ -34,10 +34,13 @@ pub fn active_targets(weights: &[f32], out: &mut Vec<Coefficient>) {
     );
 }
 
-/// Check weights handed in by a caller: one finite weight per target.
+/// The largest weight, either sign. Beyond it a float32 pose has no digits left for the base.
+pub const WEIGHT_MAX: f32 = 1e6;
+
+/// Check weights handed in by a caller: one per target, finite, and not beyond [`WEIGHT_MAX`].
 ///
 /// # Errors
-/// Too few or too many weights, or one that is not finite; the message names it.
+/// Too few or too many weights, or one that is out of range; the message names it.
 pub fn check_weights<'a>(weights: &[f32], name: impl Fn(usize) -> Option<&'a str>, target_count: usize) -> Result<()> {
     if weights.len() != target_count {
         return Err(Error::invalid(
@@ -45,11 +48,11 @@ pub fn check_weights<'a>(weights: &[f32], name: impl Fn(usize) -> Option<&'a str
             "pass one weight for each target, in the order of the mesh",
         ));
     }
-    match weights.iter().position(|w| !w.is_finite()) {
+    match weights.iter().position(|w| !(-WEIGHT_MAX..=WEIGHT_MAX).contains(w)) {
         None => Ok(()),
         Some(i) => Err(Error::invalid(
             format!("the weight of target {i} ('{}') is {}", name(i).unwrap_or("?"), weights[i]),
-            "weights may be negative or above one, but must be finite numbers",
+            format!("weights may be negative or above one, but must be numbers from -{WEIGHT_MAX} to {WEIGHT_MAX}"),
         )),
     }
 }
@@ -77,6 +80,8 @@ mod tests {
         let name = |i| ["jawOpen", "smile"].get(i).copied();
         let text = check_weights(&[0.0, f32::NAN], name, 2).unwrap_err().to_string();
         assert!(text.contains("target 1 ('smile') is NaN"), "{text}");
+        let text = check_weights(&[0.0, -3e38], name, 2).unwrap_err().to_string();
+        assert!(text.contains("from -1000000 to 1000000"), "{text}");
         let text = check_weights(&[0.0], name, 2).unwrap_err().to_string();
         assert!(text.contains("1 weights given, but the mesh has 2 targets"), "{text}");
     }

@@ -1,12 +1,13 @@
 //! The real drivers that every GPU test runs on, with the validation layers on.
+#![allow(dead_code)] // each test file uses some of this
 
-use deltamorph::engine::{CrowdDesc, MorphEngine};
+use deltamorph::engine::{CrowdDesc, DeviceCaps, MorphEngine};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
 use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
 use deltamorph::plan::{BatchSize, UpdateDesc, UpdatePath};
 
 /// Substrings of the device names that have to be there. `DELTAMORPH_TEST_DRIVERS` (comma list) replaces them.
-fn drivers() -> Vec<String> {
+pub fn drivers() -> Vec<String> {
     let list = std::env::var("DELTAMORPH_TEST_DRIVERS").unwrap_or_else(|_| "llvmpipe,SwiftShader".into());
     list.split(',').map(str::to_owned).collect()
 }
@@ -23,13 +24,16 @@ pub fn on_every_device(test: impl Fn(&Headless, &MorphEngine)) {
 
 /// Run `test` on one device.
 pub fn on_device(driver: &str, android_baseline: bool, test: impl Fn(&Headless, &MorphEngine)) {
+    let limits = android_baseline.then(DeviceCaps::android_baseline);
+    on_device_within(driver, limits, test);
+}
+
+/// Run `test` on one device within limits.
+pub fn on_device_within(driver: &str, limits: Option<DeviceCaps>, test: impl Fn(&Headless, &MorphEngine)) {
     let device = DeviceChoice::Name(driver.to_owned());
-    let headless = Headless::new(&HeadlessDesc { device, validation: true, android_baseline })
+    let headless = Headless::new(&HeadlessDesc { device, validation: true, limits })
         .unwrap_or_else(|e| panic!("{driver}: {e}\nrun the tests as ./with-vulkan cargo test"));
-    {
-        let engine = headless.engine().expect("an engine");
-        test(&headless, &engine);
-    }
+    test(&headless, headless.engine());
     let caps = headless.caps();
     let messages = headless.messages();
     assert!(messages.is_empty(), "{} ({}) says:\n{}", caps.name, caps.driver, messages.join("\n"));

@@ -2,17 +2,16 @@
 
 use crate::output::{Failure, Output};
 use deltamorph::cpu::CpuCrowd;
-use deltamorph::engine::{CrowdDesc, DeviceCaps, MorphEngine};
+use deltamorph::engine::{CrowdDesc, DeviceCaps};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::plan::{UpdateDesc, UpdatePath, UpdateStats};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// A device with its engine.
+/// A device.
 pub struct Gpu {
-    // Fields drop in this order: the engine before its device.
-    pub engine: MorphEngine,
+    /// It, with its engine.
     pub headless: Headless,
 }
 
@@ -31,11 +30,10 @@ impl Gpu {
                         headless.caps().name
                     ));
                 }
-                Ok(Some(Self { engine: headless.engine()?, headless }))
+                Ok(Some(Self { headless }))
             }
             Err(error) if choice.is_none() => {
                 out.note(format_args!("{error}"));
-                out.note("carrying on with the path 'cpu'");
                 Ok(None)
             }
             Err(error) => Err(error.into()),
@@ -44,13 +42,13 @@ impl Gpu {
 
     /// Limits and features.
     pub fn caps(&self) -> &DeviceCaps {
-        self.engine.caps()
+        self.headless.caps()
     }
 }
 
 /// How to pack for `gpu`, or for the cpu path alone.
 pub fn pack_desc(gpu: Option<&Gpu>, format: DeltaFormat) -> PackDesc {
-    gpu.map_or(PackDesc { format, ..PackDesc::default() }, |g| g.engine.pack_desc(format))
+    gpu.map_or(PackDesc { format, ..PackDesc::default() }, |g| g.headless.engine().pack_desc(format))
 }
 
 /// Heads that are updated by one path.
@@ -90,7 +88,7 @@ impl<'a> Runner<'a> {
             (_, Some(gpu)) => {
                 // One update at a time is recorded and waited for.
                 let desc = CrowdDesc { instances: heads, update: desc, frames_in_flight: 1 };
-                Ok(Self::Gpu(Box::new(HeadlessCrowd::new(&gpu.headless, &gpu.engine, mesh, &desc)?)))
+                Ok(Self::Gpu(Box::new(HeadlessCrowd::new(&gpu.headless, mesh, &desc)?)))
             }
             (path, None) => Err(Failure::Failed(format!(
                 "update path '{}' needs a Vulkan device and there is none; use --path cpu",

@@ -29,6 +29,9 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let input = input::load(&args.input, out)?;
     let threads = args.update.threads.unwrap_or(0);
     let gpu = Gpu::open(device, out)?;
+    if gpu.is_none() {
+        out.note("carrying on with the path 'cpu'");
+    }
     let counts = expand_changed(&args.changed, input.kept.targets.len()).map_err(Failure::Usage)?;
     let clips = clips(args, &input)?;
     let (full, skipped) = configurations(args, gpu.as_ref(), &FULL_SWEEP);
@@ -46,7 +49,7 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let largest = (input.kept.vertex_count() * input.kept.targets.len() * DeltaFormat::Float32.stride()) as u64;
     let cpu = bandwidth::measure(largest, threads);
     let device_bandwidth = match &gpu {
-        Some(gpu) => gpu.headless.bandwidth(&gpu.engine, largest.max(1 << 20))?,
+        Some(gpu) => gpu.headless.bandwidth(largest.max(1 << 20))?,
         None => None,
     };
     spinner.finish_and_clear();
