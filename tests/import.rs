@@ -171,6 +171,29 @@ fn a_target_that_does_not_fit_is_named_with_what_was_expected() {
 }
 
 #[test]
+fn a_polygon_of_many_corners_takes_no_longer_than_many_polygons() {
+    let corners = 100_000;
+    let polygon = |height: f32| {
+        let mut text: String = (0..corners)
+            .map(|i| {
+                let (sin, cos) = (i as f32 / corners as f32 * std::f32::consts::TAU).sin_cos();
+                format!("v {cos} {sin} {}\n", height * cos)
+            })
+            .collect();
+        text.push('f');
+        (1..=corners).for_each(|i| text.push_str(&format!(" {i}")));
+        text
+    };
+    let start = std::time::Instant::now();
+    let mesh = import(&polygon(0.0), &[("a.obj", &polygon(1.0))]).to_mesh(Tolerance::default()).unwrap();
+    let seconds = start.elapsed().as_secs_f64();
+    assert!(mesh.normals.iter().all(|n| (*n - Vec3::Z).length() < 1e-5));
+    assert!(mesh.targets[0].vertices.len() == corners && mesh.targets[0].normals[7].x < -0.5);
+    // Some 0.1 s; recomputing the polygon at each of its corners takes most of a minute.
+    assert!(seconds < 2.0, "{seconds} s");
+}
+
+#[test]
 fn bad_lines_are_named() {
     let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n";
     let face = |f: &str| parse_error(format!("{triangle}\n{f}\n"));
