@@ -170,6 +170,28 @@ fn a_target_that_does_not_fit_is_named_with_what_was_expected() {
     says(&refused(NEUTRAL, &[("x.obj", NEUTRAL), ("x.OBJ", NEUTRAL)]), &["second file of the target 'x'"]);
 }
 
+#[cfg(unix)]
+#[test]
+fn a_pipe_is_refused_and_a_folder_passed_over() {
+    let pipe = |path: &Path| assert!(std::process::Command::new("mkfifo").arg(path).status().unwrap().success());
+    let dir = folder(NEUTRAL, &[("a.obj", NEUTRAL)]);
+    let targets = dir.path().join("targets");
+    std::fs::create_dir(targets.join("folder.obj")).unwrap();
+    std::os::unix::fs::symlink(targets.join("a.obj"), targets.join("link.obj")).unwrap();
+    assert_eq!(import_folder(dir.path()).unwrap().targets.len(), 2);
+
+    pipe(&targets.join("b.obj"));
+    let expected = ["b.obj: a pipe, socket or device", "give the path of a regular file"];
+    says(&import_folder(dir.path()).unwrap_err().to_string(), &expected);
+    std::fs::rename(targets.join("b.obj"), dir.path().join("pipe")).unwrap();
+    std::os::unix::fs::symlink(dir.path().join("pipe"), targets.join("b.obj")).unwrap();
+    says(&import_folder(dir.path()).unwrap_err().to_string(), &expected);
+
+    std::fs::remove_file(dir.path().join("neutral.obj")).unwrap();
+    pipe(&dir.path().join("neutral.obj"));
+    says(&import_folder(dir.path()).unwrap_err().to_string(), &["neutral.obj: a pipe, socket or device"]);
+}
+
 #[test]
 fn a_polygon_of_many_corners_takes_no_longer_than_many_polygons() {
     let corners = 100_000;
