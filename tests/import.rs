@@ -244,6 +244,19 @@ fn bad_lines_are_named() {
 }
 
 #[test]
+fn lines_may_end_in_any_way() {
+    let text = format!("# made by hand\n{NEUTRAL}v 4 \\\n5 6\nf 1 2 5\n");
+    let expected = parse(&text);
+    for end in ["\r\n", "\r"] {
+        let file = parse(&text.replace('\n', end));
+        assert_eq!(file.positions, expected.positions);
+        assert_eq!(file.faces, expected.faces);
+        says(&parse_error(format!("{text}v 0 0\n").replace('\n', end)), &["x.obj: line 13", "2 numbers"]);
+    }
+    assert_eq!(parse(text.trim_end()).faces, expected.faces);
+}
+
+#[test]
 fn what_is_no_obj_is_refused_as_such() {
     says(&parse_error(""), &["x.obj: no 'v' line"]);
     says(&parse_error("hello\nworld\n"), &["no 'v' line", "Wavefront OBJ"]);
