@@ -1,5 +1,6 @@
 //! The one error type of the crate: every variant names the thing, the value and the remedy.
 
+use std::io::ErrorKind;
 use std::path::PathBuf;
 
 /// What went wrong, where, and what to do about it.
@@ -7,7 +8,7 @@ use std::path::PathBuf;
 #[non_exhaustive]
 pub enum Error {
     /// A file or folder could not be read or written.
-    #[error("{path}: cannot {action}: {source}", path = path.display())]
+    #[error("{path}: cannot {action}: {source}; {remedy}", path = path.display(), remedy = io_remedy(source.kind()))]
     Io {
         /// The file or folder.
         path: PathBuf,
@@ -63,9 +64,37 @@ pub enum Error {
 /// `Result` with the crate's [`Error`].
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
+/// What to do about a system's error.
+fn io_remedy(kind: ErrorKind) -> &'static str {
+    match kind {
+        ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::IsADirectory | ErrorKind::InvalidFilename => {
+            "check the path"
+        }
+        ErrorKind::PermissionDenied => "check the permissions",
+        ErrorKind::ReadOnlyFilesystem => "choose a place that can be written to",
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "free some space, or choose another disk",
+        _ => "see the system's message",
+    }
+}
+
 impl Error {
     /// An [`Error::Invalid`].
     pub(crate) fn invalid(what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Invalid { what: what.into(), remedy: remedy.into() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failed_access_has_a_remedy() {
+        let text =
+            |kind: ErrorKind| Error::Io { path: "a/b.obj".into(), action: "read", source: kind.into() }.to_string();
+        assert_eq!(text(ErrorKind::NotFound), "a/b.obj: cannot read: entity not found; check the path");
+        assert_eq!(text(ErrorKind::PermissionDenied), "a/b.obj: cannot read: permission denied; check the permissions");
+        assert!(text(ErrorKind::StorageFull).ends_with("; free some space, or choose another disk"));
+        assert!(text(ErrorKind::BrokenPipe).ends_with("; see the system's message"));
     }
 }

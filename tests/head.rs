@@ -1,7 +1,9 @@
 //! The built-in head and its clip.
 
 use deltamorph::mesh::head::{HeadDesc, head, head_clip};
+use deltamorph::mesh::obj::{ObjMesh, import_folder, write_obj};
 use deltamorph::mesh::{MorphSource, Tolerance, diagonal};
+use glam::Vec3;
 use std::collections::HashMap;
 
 fn desc(vertices: usize, targets: usize, sparsity: f32) -> HeadDesc {
@@ -62,7 +64,7 @@ fn the_same_description_gives_the_same_bits() {
     assert_ne!(fingerprint(&other), fingerprint(&head(&d)));
 }
 
-const FINGERPRINT: &str = "85d8c294720073fe";
+const FINGERPRINT: &str = "143f53a497760cc4";
 
 #[test]
 fn the_first_targets_have_the_arkit_names() {
@@ -96,6 +98,38 @@ fn at_sparsity_one_every_target_moves_every_vertex() {
         let mesh = head(&desc(n, 80, 1.0)).to_mesh(Tolerance { normal: 1e9, ..Tolerance::default() }).unwrap();
         for target in &mesh.targets {
             assert_eq!(target.vertices.len(), n, "{}", target.name);
+        }
+    }
+}
+
+#[test]
+fn a_head_that_is_written_and_imported_is_the_same_bit_for_bit() {
+    let same = |a: &(u32, Vec3), b: &(u32, Vec3)| {
+        a.0 == b.0 && a.1.to_array().map(f32::to_bits) == b.1.to_array().map(f32::to_bits)
+    };
+    for (d, seed) in [(desc(3000, 72, 0.12), 1), (desc(500, 80, 1.0), 2), (desc(20_000, 60, 0.3), 3)] {
+        let source = head(&HeadDesc { seed, ..d });
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::create_dir(dir.path().join("targets")).unwrap();
+        let write = |name: String, positions: &[Vec3]| {
+            let mesh = ObjMesh { positions, normals: &[], texcoords: &source.texcoords, faces: &source.faces };
+            write_obj(&dir.path().join(name), mesh).unwrap();
+        };
+        write("neutral.obj".into(), &source.positions);
+        for target in &source.targets {
+            let mut positions = source.positions.clone();
+            target.positions.iter().for_each(|(v, d)| positions[*v as usize] += *d);
+            write(format!("targets/{}.obj", target.name), &positions);
+        }
+        let read = import_folder(dir.path()).unwrap();
+        assert_eq!(read.positions, source.positions);
+        assert_eq!(read.targets.len(), source.targets.len());
+        for read in &read.targets {
+            let target = source.targets.iter().find(|t| t.name == read.name).unwrap();
+            assert_eq!(read.positions.len(), target.positions.len(), "{}", read.name);
+            for (a, b) in read.positions.iter().zip(&target.positions) {
+                assert!(same(a, b), "{}: {a:?} read, {b:?} written", read.name);
+            }
         }
     }
 }

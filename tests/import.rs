@@ -170,6 +170,51 @@ fn a_target_that_does_not_fit_is_named_with_what_was_expected() {
     says(&refused(NEUTRAL, &[("x.obj", NEUTRAL), ("x.OBJ", NEUTRAL)]), &["second file of the target 'x'"]);
 }
 
+#[cfg(unix)]
+#[test]
+fn a_pipe_is_refused_and_a_folder_passed_over() {
+    let pipe = |path: &Path| assert!(std::process::Command::new("mkfifo").arg(path).status().unwrap().success());
+    let dir = folder(NEUTRAL, &[("a.obj", NEUTRAL)]);
+    let targets = dir.path().join("targets");
+    std::fs::create_dir(targets.join("folder.obj")).unwrap();
+    std::os::unix::fs::symlink(targets.join("a.obj"), targets.join("link.obj")).unwrap();
+    assert_eq!(import_folder(dir.path()).unwrap().targets.len(), 2);
+
+    pipe(&targets.join("b.obj"));
+    let expected = ["b.obj: a pipe, socket or device", "give the path of a regular file"];
+    says(&import_folder(dir.path()).unwrap_err().to_string(), &expected);
+    std::fs::rename(targets.join("b.obj"), dir.path().join("pipe")).unwrap();
+    std::os::unix::fs::symlink(dir.path().join("pipe"), targets.join("b.obj")).unwrap();
+    says(&import_folder(dir.path()).unwrap_err().to_string(), &expected);
+
+    std::fs::remove_file(dir.path().join("neutral.obj")).unwrap();
+    pipe(&dir.path().join("neutral.obj"));
+    says(&import_folder(dir.path()).unwrap_err().to_string(), &["neutral.obj: a pipe, socket or device"]);
+}
+
+#[test]
+fn a_polygon_of_many_corners_takes_no_longer_than_many_polygons() {
+    let corners = 100_000;
+    let polygon = |height: f32| {
+        let mut text: String = (0..corners)
+            .map(|i| {
+                let (sin, cos) = (i as f32 / corners as f32 * std::f32::consts::TAU).sin_cos();
+                format!("v {cos} {sin} {}\n", height * cos)
+            })
+            .collect();
+        text.push('f');
+        (1..=corners).for_each(|i| text.push_str(&format!(" {i}")));
+        text
+    };
+    let start = std::time::Instant::now();
+    let mesh = import(&polygon(0.0), &[("a.obj", &polygon(1.0))]).to_mesh(Tolerance::default()).unwrap();
+    let seconds = start.elapsed().as_secs_f64();
+    assert!(mesh.normals.iter().all(|n| (*n - Vec3::Z).length() < 1e-5));
+    assert!(mesh.targets[0].vertices.len() == corners && mesh.targets[0].normals[7].x < -0.5);
+    // Some 0.1 s; recomputing the polygon at each of its corners takes most of a minute.
+    assert!(seconds < 2.0, "{seconds} s");
+}
+
 #[test]
 fn bad_lines_are_named() {
     let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n";
@@ -196,6 +241,19 @@ fn bad_lines_are_named() {
     says(&parse_error(*b"v 0 0 0\nv 1 \xff 0\n"), &["line 2", "UTF-8"]);
     // The line that a continued statement starts on, and the count after it.
     says(&parse_error("v 0 \\\n 0 \\\n 0\nv 0\n"), &["line 4"]);
+}
+
+#[test]
+fn lines_may_end_in_any_way() {
+    let text = format!("# made by hand\n{NEUTRAL}v 4 \\\n5 6\nf 1 2 5\n");
+    let expected = parse(&text);
+    for end in ["\r\n", "\r"] {
+        let file = parse(&text.replace('\n', end));
+        assert_eq!(file.positions, expected.positions);
+        assert_eq!(file.faces, expected.faces);
+        says(&parse_error(format!("{text}v 0 0\n").replace('\n', end)), &["x.obj: line 13", "2 numbers"]);
+    }
+    assert_eq!(parse(text.trim_end()).faces, expected.faces);
 }
 
 #[test]

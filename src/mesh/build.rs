@@ -49,15 +49,15 @@ impl MorphSource {
             };
             merge(target.name.clone(), &positions, &normals, tolerance.normal)
         };
-        let new_deformer = || Deformer::new(&adjacency, &self.positions);
+        let deformer = Deformer::new(&adjacency, &self.positions);
         #[cfg(feature = "threads")]
         let targets = {
             use rayon::prelude::*;
-            self.targets.par_iter().map_init(new_deformer, keep).collect()
+            self.targets.par_iter().map_init(|| deformer.clone(), keep).collect()
         };
         #[cfg(not(feature = "threads"))]
         let targets = {
-            let mut deformer = new_deformer();
+            let mut deformer = deformer;
             self.targets.iter().map(|t| keep(&mut deformer, t)).collect()
         };
 

@@ -1,9 +1,9 @@
 //! Area-weighted vertex normals, of a whole surface and of the part that a target moves.
 //!
 //! A normal belongs to a position: a seam in the texture coordinates splits nothing. The normal of a vertex is
-//! the sum of the area vectors of its faces, in the order of the face list, normalised. Every normal is gathered
-//! on its own from its faces, in double precision, so that computing a few of them gives the same bits as
-//! computing all.
+//! the sum of the area vectors of its faces, in the order of the face list, normalised. The area vector of a face
+//! is computed once, however many corners ask for it. Every normal is gathered on its own from its faces, in double
+//! precision, so that computing a few of them gives the same bits as computing all.
 
 use super::Faces;
 use glam::{DVec3, Vec3};
@@ -83,9 +83,15 @@ impl Adjacency {
         sum
     }
 
-    /// The normal of one vertex; `None` where it has no face, or its faces have no area or cancel out.
-    pub fn normal(&self, vertex: u32, positions: &[Vec3]) -> Option<Vec3> {
-        let sum: DVec3 = self.faces_of(vertex).iter().map(|&f| self.area_vector(f, positions)).sum();
+    /// The area vectors of all faces.
+    fn area_vectors(&self, positions: &[Vec3]) -> Vec<DVec3> {
+        (0..self.face_starts.len().saturating_sub(1)).map(|f| self.area_vector(f as u32, positions)).collect()
+    }
+
+    /// The normal of one vertex, from the area vectors of all faces; `None` where it has no face, or its faces have
+    /// no area or cancel out.
+    fn normal(&self, vertex: u32, areas: &[DVec3]) -> Option<Vec3> {
+        let sum: DVec3 = self.faces_of(vertex).iter().map(|&f| areas[f as usize]).sum();
         let length = sum.length();
         (length > 0.0 && length.is_finite()).then(|| (sum / length).as_vec3())
     }
@@ -94,7 +100,8 @@ impl Adjacency {
 /// The normals of a surface, one per position, unit length; [`Vec3::Z`] where a vertex has none (no face, or
 /// faces without area).
 pub fn vertex_normals(adjacency: &Adjacency, positions: &[Vec3]) -> Vec<Vec3> {
-    (0..adjacency.vertex_count()).map(|v| adjacency.normal(v as u32, positions).unwrap_or(Vec3::Z)).collect()
+    let areas = adjacency.area_vectors(positions);
+    (0..adjacency.vertex_count()).map(|v| adjacency.normal(v as u32, &areas).unwrap_or(Vec3::Z)).collect()
 }
 
 /// Normals of deformed copies of one surface: only those that a deformation can change are computed.
@@ -104,13 +111,18 @@ pub struct Deformer<'a> {
     base: &'a [Vec3],
     /// The base again, deformed and put back by every call.
     positions: Vec<Vec3>,
-    seen: Vec<bool>,
+    /// The base's area vectors, likewise.
+    areas: Vec<DVec3>,
+    seen_vertices: Vec<bool>,
+    seen_faces: Vec<bool>,
 }
 
 impl<'a> Deformer<'a> {
     /// For deformations of `base`, which has a position for every vertex of `adjacency`.
     pub fn new(adjacency: &'a Adjacency, base: &'a [Vec3]) -> Self {
-        Self { adjacency, base, positions: base.to_vec(), seen: vec![false; base.len()] }
+        let areas = adjacency.area_vectors(base);
+        let (seen_vertices, seen_faces) = (vec![false; base.len()], vec![false; areas.len()]);
+        Self { adjacency, base, positions: base.to_vec(), areas, seen_vertices, seen_faces }
     }
 
     /// The normals of `base + moved` at every vertex that shares a face with a moved one, ascending by vertex.
@@ -120,20 +132,31 @@ impl<'a> Deformer<'a> {
         for &(v, delta) in moved {
             self.positions[v as usize] = self.base[v as usize] + delta;
         }
+        // Every face once: a polygon that moves at all its corners would otherwise be walked once for each.
+        let mut faces = Vec::new();
         let mut touched = Vec::new();
         for &(v, _) in moved {
             for &face in self.adjacency.faces_of(v) {
+                if std::mem::replace(&mut self.seen_faces[face as usize], true) {
+                    continue;
+                }
+                let area = self.adjacency.area_vector(face, &self.positions);
+                faces.push((face, std::mem::replace(&mut self.areas[face as usize], area)));
                 for &c in self.adjacency.corners_of(face) {
-                    if !std::mem::replace(&mut self.seen[c as usize], true) {
+                    if !std::mem::replace(&mut self.seen_vertices[c as usize], true) {
                         touched.push(c);
                     }
                 }
             }
         }
         touched.sort_unstable();
-        let normals = touched.iter().map(|&v| (v, self.adjacency.normal(v, &self.positions))).collect();
+        let normals = touched.iter().map(|&v| (v, self.adjacency.normal(v, &self.areas))).collect();
         for v in touched {
-            self.seen[v as usize] = false;
+            self.seen_vertices[v as usize] = false;
+        }
+        for (face, area) in faces {
+            self.seen_faces[face as usize] = false;
+            self.areas[face as usize] = area;
         }
         for &(v, _) in moved {
             self.positions[v as usize] = self.base[v as usize];

@@ -39,7 +39,8 @@ impl ObjFile {
     /// Read one OBJ file.
     ///
     /// Polygons stay polygons, vertices stay in file order, and vertices without a face are kept. Points and
-    /// lines (`p`, `l`), vertex colours, free-form surfaces, groups and materials are ignored.
+    /// lines (`p`, `l`), vertex colours, free-form surfaces, groups and materials are ignored. Lines end in LF or
+    /// CR LF, or all of them in CR.
     ///
     /// # Errors
     /// [`Error::Io`] where the file cannot be read, [`Error::Input`] with the line where its text cannot be

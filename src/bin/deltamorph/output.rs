@@ -167,7 +167,7 @@ mod tests {
     #[test]
     fn errors_are_one_line_with_their_cause() {
         let missing = Failure::io(Path::new("a/b.csv"), "read", std::io::ErrorKind::NotFound.into());
-        assert_eq!(missing.to_string(), "a/b.csv: cannot read: entity not found");
+        assert_eq!(missing.to_string(), "a/b.csv: cannot read: entity not found; check the path");
         assert_eq!(Failure::Failed("first\n  second\n".into()).to_string(), "first second");
     }
 

@@ -248,8 +248,23 @@ fn moved(lobes: &[Lobe], fraction: f32, positions: &[Vec3]) -> Vec<(u32, Vec3)> 
             let delta = sum * fade * fade;
             let floor = LEAST * if wanted < count { fade.min(0.05) * 20.0 } else { 1.0 };
             let length = delta.length();
-            (v, if length >= floor { delta } else { sum.normalize_or(Vec3::Z) * floor })
+            (v, snapped(p, if length >= floor { delta } else { sum.normalize_or(Vec3::Z) * floor }))
         })
-        .filter(|(v, d)| positions[*v as usize] + *d != positions[*v as usize])
+        .filter(|(_, d)| *d != Vec3::ZERO)
         .collect()
+}
+
+/// `delta` as it comes back from a file that states `base + delta`: a head that was written out and imported is
+/// the built-in one, bit for bit.
+fn snapped(base: Vec3, delta: Vec3) -> Vec3 {
+    let mut delta = (base + delta) - base;
+    // The difference is rounded too; where that moves the sum, once more.
+    for _ in 0..4 {
+        let again = (base + delta) - base;
+        if again == delta {
+            break;
+        }
+        delta = again;
+    }
+    delta
 }

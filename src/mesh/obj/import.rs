@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 
 /// Import a folder: `neutral.obj` and one file per target in `targets/*.obj`, in the order of their names.
 ///
-/// File names ending in `.obj` in any case count; hidden files (a dot first) and other files are ignored. Every
-/// target has the vertices of `neutral.obj` in the same order, and faces with the same vertices; the texture
+/// File names ending in `.obj` in any case count; hidden files (a dot first), folders and other files are ignored.
+/// Every target has the vertices of `neutral.obj` in the same order, and faces with the same vertices; the texture
 /// coordinates of a target are not looked at. Deltas are taken as the files state them: call
 /// [`to_mesh`](MorphSource::to_mesh) to drop noise. A `targets` folder without OBJ files gives a source without
 /// targets, with a note.
@@ -20,8 +20,8 @@ use std::path::{Path, PathBuf};
 /// normals, or with normals in some faces only, has none; a target without has them computed from its surface.
 ///
 /// # Errors
-/// A file or folder that is missing, unreadable or not OBJ; a target that does not fit `neutral.obj`. With
-/// several bad targets, the first by name is reported.
+/// A file or folder that is missing, unreadable or not OBJ (a pipe or device is not opened at all); a target that
+/// does not fit `neutral.obj`. With several bad targets, the first by name is reported.
 pub fn import_folder(folder: &Path) -> Result<MorphSource> {
     let name = folder.file_name().map_or_else(|| folder.display().to_string(), |n| n.to_string_lossy().into_owned());
     let neutral_path = neutral_path(folder)?;
@@ -80,7 +80,8 @@ fn neutral_path(folder: &Path) -> Result<PathBuf> {
     let other = files.into_iter().find(|p| {
         p.is_file() && p.file_name().and_then(|n| n.to_str()).is_some_and(|n| n.eq_ignore_ascii_case("neutral.obj"))
     });
-    other.ok_or_else(|| {
+    // A folder or pipe of that name is told as such when it is read.
+    other.or_else(|| exact.exists().then_some(exact)).ok_or_else(|| {
         let remedy = "give a folder with neutral.obj and one file per target in targets/";
         input(folder, "", "no file neutral.obj in this folder", remedy)
     })

@@ -103,6 +103,10 @@ pub(super) fn scan(path: &Path, mut bytes: Vec<u8>) -> Result<Scan> {
     if bytes.starts_with(b"\xef\xbb\xbf") {
         bytes[..3].fill(b' ');
     }
+    // Lines that end in CR alone, as old systems wrote them. Beside LF, a CR is white space.
+    if !bytes.contains(&b'\n') {
+        bytes.iter_mut().filter(|b| **b == b'\r').for_each(|b| *b = b'\n');
+    }
     bytes.push(b'\n');
 
     let joins = if bytes.contains(&b'\\') { join_lines(&mut bytes) } else { Vec::new() };
