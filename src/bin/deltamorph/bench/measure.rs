@@ -211,10 +211,11 @@ impl Context<'_> {
             before = now;
         }
         let mean = |total: f64| total / frames as f64;
-        record.changed = setting.changed.map_or(mean(changed as f64) / f64::from(setting.heads), |n| n as f64);
-        record.active = mean(active as f64) / f64::from(setting.heads);
-        record.coefficients = mean(sum.coefficients as f64);
-        record.passes = mean(sum.passes as f64);
+        let per_head = |total: usize| mean(total as f64 / f64::from(setting.heads));
+        record.changed = per_head(changed);
+        record.active = per_head(active);
+        record.coefficients = per_head(sum.coefficients);
+        record.passes = per_head(sum.passes);
         record.bytes_moved = mean(sum.bytes_moved as f64);
         record.bytes_floor = mean(sum.bytes_floor as f64);
         record.gpu_ms = Stats::of(&gpu);

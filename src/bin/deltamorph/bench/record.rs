@@ -104,13 +104,13 @@ pub struct RunRecord {
     pub batch_max: Option<u32>,
     /// "random", or the clip that was replayed.
     pub workload: String,
-    /// Targets whose weight changed per frame (a mean, for clips).
+    /// Targets whose weight changed, per frame and head: counted (a mean, for clips).
     #[serde(serialize_with = "whole")]
     pub changed: f64,
-    /// Coefficients applied to the slot per frame: with two slots, the union of two frames.
+    /// Coefficients applied per frame and head: with two slots, the union of two frames' changes.
     #[serde(serialize_with = "whole")]
     pub coefficients: f64,
-    /// Targets with a weight other than 0 per frame.
+    /// Targets with a weight other than 0, per frame and head.
     #[serde(serialize_with = "whole")]
     pub active: f64,
     /// Number of heads.
@@ -123,13 +123,14 @@ pub struct RunRecord {
     pub format: String,
     /// Pose buffers per head.
     pub slots: u32,
-    /// Passes per frame.
+    /// Passes per frame and head: `coefficients` over `batch_size`, rounded up in each frame.
     #[serde(serialize_with = "whole")]
     pub passes: f64,
-    /// Bytes that the kernels load and store per frame.
+    /// Bytes that the kernels load and store per frame, of all heads.
     #[serde(serialize_with = "whole")]
     pub bytes_moved: f64,
     /// Bytes that any method has to move: each delta of a changed target once, the pose in and out once.
+    /// Of all heads.
     #[serde(serialize_with = "whole")]
     pub bytes_floor: f64,
     /// Time of the update on the device; `None` for paths without one, or when it was not timed.

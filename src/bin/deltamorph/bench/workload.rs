@@ -14,7 +14,8 @@ pub trait Workload {
     fn period(&self) -> usize;
 }
 
-/// In each frame `changed` targets, drawn afresh, get a new weight in (0, 1]; the others keep theirs.
+/// In each frame `changed` targets, drawn afresh, get a new weight in (0, 1]; the others keep theirs. The
+/// last frame is followed by the first, which is no exception.
 pub struct Random {
     /// `[frame][target]`.
     frames: Vec<Vec<f32>>,
@@ -35,21 +36,34 @@ fn next(state: &mut u64) -> u64 {
 impl Random {
     /// `changed` of `targets` per frame, from `seed`.
     pub fn new(targets: usize, changed: usize, seed: u64) -> Self {
-        let mut state = seed ^ 0x9E37_79B9_7F4A_7C15;
-        let mut weight = move || (next(&mut state) % 1_000_000 + 1) as f32 / 1e6;
-        let mut order: Vec<usize> = (0..targets).collect();
         let mut pick = seed.rotate_left(17) ^ 0xD1B5_4A32_D192_ED03;
-        let mut now: Vec<f32> = (0..targets).map(|_| weight()).collect();
-        let mut frames = vec![now.clone()];
-        while frames.len() < RANDOM_FRAMES {
+        let mut order: Vec<usize> = (0..targets).collect();
+        let mut draw = |_| {
             for i in 0..changed.min(targets) {
-                let j = i + (next(&mut pick) % (targets - i) as u64) as usize;
-                order.swap(i, j);
-                let before = now[order[i]];
-                // A new weight that happened to be the old one would not be a change.
-                now[order[i]] = std::iter::repeat_with(&mut weight).find(|w| *w != before).unwrap_or(before);
+                order.swap(i, i + (next(&mut pick) % (targets - i) as u64) as usize);
             }
-            frames.push(now.clone());
+            order[..changed.min(targets)].to_vec()
+        };
+        // Each set comes twice: a target that changed once per round would come back to the weight it has.
+        let sets: Vec<Vec<usize>> = (0..RANDOM_FRAMES / 2).map(&mut draw).collect();
+        // No two frames share a weight, so a new one is always a change.
+        let weight = |state: &mut u64, frame: usize| {
+            ((next(state) % 8192) as usize * RANDOM_FRAMES + frame + 1) as f32 / (8192 * RANDOM_FRAMES) as f32
+        };
+        let seed = seed ^ 0x9E37_79B9_7F4A_7C15;
+        let mut state = seed.rotate_left(32);
+        let mut now: Vec<f32> = (0..targets).map(|_| weight(&mut state, 0)).collect();
+        // The first round only leaves behind the weights that the second one starts from, and ends with.
+        let mut frames = vec![];
+        for _ in 0..2 {
+            frames.clear();
+            let mut state = seed;
+            for frame in 0..RANDOM_FRAMES {
+                for &target in &sets[frame % sets.len()] {
+                    now[target] = weight(&mut state, frame);
+                }
+                frames.push(now.clone());
+            }
         }
         Self { frames }
     }
@@ -127,9 +141,10 @@ mod tests {
     fn just_as_many_targets_change_as_asked_for() {
         for changed in [0, 1, 8, 72] {
             let random = Random::new(72, changed, 3);
-            for frame in 1..RANDOM_FRAMES {
-                let (a, b) = (random.weights(0, frame - 1), random.weights(0, frame));
-                assert_eq!(a.iter().zip(&b).filter(|(a, b)| a != b).count(), changed);
+            // Two rounds: across the seam, wherever a head starts.
+            for (head, frame) in [0, 1, 5].into_iter().flat_map(|h| (1..2 * RANDOM_FRAMES).map(move |f| (h, f))) {
+                let (a, b) = (random.weights(head, frame - 1), random.weights(head, frame));
+                assert_eq!(a.iter().zip(&b).filter(|(a, b)| a != b).count(), changed, "head {head}, frame {frame}");
                 assert!(b.iter().all(|w| (0.0..=1.0).contains(w) && *w > 0.0));
             }
         }
