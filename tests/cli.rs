@@ -182,6 +182,39 @@ fn apply_writes_the_same_pose_through_every_path() {
 }
 
 #[test]
+fn nothing_is_lost() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = sample(folder.path());
+    let neutral = Path::new(&dir).join("neutral.obj");
+    let before = std::fs::read(&neutral).unwrap();
+    let (code, text) = fails(&["apply", &dir, "--set", "eyeBlinkLeft=1", "-o", neutral.to_str().unwrap()]);
+    assert!(code == 2 && text.contains("neutral.obj") && text.contains("name another file"), "{text}");
+    assert_eq!(std::fs::read(&neutral).unwrap(), before);
+
+    // A folder that is not a report's, and JSON that cannot be written, are noticed before anything is measured.
+    let foreign = folder.path().join("site");
+    std::fs::create_dir(&foreign).unwrap();
+    std::fs::write(foreign.join("index.html"), "mine").unwrap();
+    let report = ["bench", "--vertices", "100", "--targets", "3", "--frames", "2", "--paths", "cpu", "--report"];
+    let (code, text) = fails(&[&report[..], &[foreign.to_str().unwrap()]].concat());
+    assert!(code == 2 && text.contains("site"), "{text}");
+    assert_eq!(std::fs::read_to_string(foreign.join("index.html")).unwrap(), "mine");
+    let own = folder.path().join("report");
+    let own = own.to_str().unwrap();
+    let (_, text) = fails(&[&report[..], &[own, "--json", "/nonexistent/x.json"]].concat());
+    assert!(text.contains("/nonexistent/x.json"), "{text}");
+    ok(&[&report[..], &[own]].concat());
+    ok(&[&report[..], &[own]].concat());
+
+    // Heads that do not fit the device leave the rest of the sweep standing.
+    let heads = ["bench", "--vertices", "2000", "--targets", "3", "--frames", "2", "--changed", "all"];
+    let more = ["--paths", "compute", "--batch-sizes", "2", "--heads", "1,1000000", "--no-report", "--json", "-"];
+    let out = json(&[&heads[..], &more].concat());
+    assert_eq!(out["runs"].as_array().unwrap().len(), 2, "{out}");
+    assert!(out["skipped"].as_array().unwrap().iter().any(|s| s["what"].as_str().unwrap().contains("1000000 heads")));
+}
+
+#[test]
 fn bad_arguments_exit_with_2_and_failures_with_1() {
     let folder = tempfile::tempdir().unwrap();
     let dir = sample(folder.path());
@@ -190,7 +223,7 @@ fn bad_arguments_exit_with_2_and_failures_with_1() {
     for (args, code, words) in [
         (&["bench", "--changed", "99", "--targets", "12", "--vertices", "50"][..], 2, "the mesh has 12 targets"),
         (&["bench", "--sparsity", "0"], 2, "sparsity"),
-        (&["apply", &dir, "-o", out, "--set", "nose=1"], 2, "--set nose: no such target"),
+        (&["apply", &dir, "-o", out, "--set", "nose=1"], 2, "--set nose: 'head' has no such target"),
         (&["apply", &dir, "-o", out], 2, "nothing to apply"),
         (&["bench", "no/such/folder"], 1, "no/such/folder"),
         (&["bench", "--device", "GeForce", "--vertices", "50"], 1, "no Vulkan device called 'GeForce'"),

@@ -11,9 +11,9 @@ use deltamorph::mesh::obj::{ObjMesh, write_obj};
 use deltamorph::mesh::packed::{POSE_FLOATS, PackedMesh};
 use deltamorph::plan::{BatchSize, UpdateDesc, UpdatePath};
 use deltamorph::reference::{SHORTEST_NORMAL, compare, evaluate};
-use deltamorph::weights::csv;
 use glam::Vec3;
 use serde::Serialize;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 #[derive(Serialize)]
@@ -39,6 +39,7 @@ struct Applied {
 pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     let path = args.path().map_err(Failure::Usage)?.update_path();
     let format = args.format().map_err(Failure::Usage)?.delta_format();
+    refuse_own_input(args)?;
     let input = input::load(&args.input, out)?;
     let frames = frames(args, &input.kept)?;
 
@@ -58,10 +59,13 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let error = compare(&pose, &evaluate(&mesh, weights));
     let diagonal = f64::from(input.kept.diagonal);
     let relative = if diagonal > 0.0 { error.position / diagonal } else { error.position };
-    if !error.within(1e-5 * diagonal.max(f64::MIN_POSITIVE), 0.1) && error.position != 0.0 {
+    // Rounding grows with what is added up, on the way as well as at the end.
+    let reach = |weights: &Vec<f32>| weights.iter().map(|w| f64::from(w.abs())).sum::<f64>();
+    let added = frames.iter().map(reach).fold(1.0, f64::max);
+    if !error.within(1e-5 * diagonal * added, 0.1 * added) && error.position > f64::from(f32::MIN_POSITIVE) {
         return Err(Failure::Failed(format!(
-            "the pose through '{}' is off by {relative:.3e} of the diagonal; nothing was written; use --path cpu, \
-             and report this with `deltamorph devices`",
+            "the pose through '{}' is off by {relative:.3e} of the diagonal; nothing was written; try another --path, \
+             and report this with what `deltamorph devices` prints",
             path.name()
         )));
     }
@@ -90,13 +94,29 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     })
 }
 
+/// What is read must not be written over.
+fn refuse_own_input(args: &ApplyArgs) -> Result<(), Failure> {
+    let Ok(output) = args.output.canonicalize() else { return Ok(()) }; // not there yet
+    let mut read: Vec<PathBuf> = args.weights.iter().cloned().collect();
+    for folder in args.input.input.iter().flat_map(|input| [input.clone(), input.join("targets")]) {
+        // A folder that cannot be listed is for the importer to complain about.
+        read.extend(std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()));
+    }
+    match read.iter().any(|path| path.canonicalize().is_ok_and(|path| path == output)) {
+        true => Err(Failure::Usage(format!(
+            "{}: is part of what is read, and would be written over; name another file with -o",
+            args.output.display()
+        ))),
+        false => Ok(()),
+    }
+}
+
 /// The weights to step through, one or more frames, `--set` on top of each.
 fn frames(args: &ApplyArgs, mesh: &MorphMesh) -> Result<Vec<Vec<f32>>, Failure> {
-    let names: Vec<&str> = mesh.targets.iter().map(|t| t.name.as_str()).collect();
+    let targets = mesh.targets.len();
     let mut frames = match (&args.weights, args.frame) {
         (Some(path), Some(last)) => {
-            let clip = csv::read(path, args.input.fps_of(path))?;
-            let all = clip.bind(&names)?;
+            let (_, all) = input::clip(path, &args.input, mesh)?;
             let first = args.from_frame.unwrap_or(last);
             let count = all.len();
             if let Some(beyond) = [first, last].into_iter().find(|f| *f >= count) {
@@ -110,14 +130,13 @@ fn frames(args: &ApplyArgs, mesh: &MorphMesh) -> Result<Vec<Vec<f32>>, Failure> 
                 if first <= last { (first..=last).collect() } else { (last..=first).rev().collect() };
             order.into_iter().map(|f| all[f].clone()).collect()
         }
-        _ => vec![vec![0.0; names.len()]],
+        _ => vec![vec![0.0; targets]],
     };
     for setting in &args.set {
         let at = mesh.target_index(&setting.name).ok_or_else(|| {
             Failure::Usage(format!(
-                "--set {}: no such target; `deltamorph info` lists the {} there are",
-                setting.name,
-                names.len()
+                "--set {}: '{}' has no such target; `deltamorph info` lists the {targets} there are",
+                setting.name, mesh.name
             ))
         })?;
         frames.iter_mut().for_each(|weights| weights[at] = setting.weight);
@@ -156,5 +175,19 @@ fn write(args: &ApplyArgs, mesh: &MorphMesh, pose: &[f32]) -> Result<(), Failure
         })
         .collect();
     let shape = ObjMesh { positions: &positions, normals: &normals, texcoords: &mesh.texcoords, faces: &mesh.faces };
-    Ok(write_obj(&args.output, shape)?)
+    // Beside the output and then in its place: a full disk leaves the old file as it was.
+    let special = args.output.metadata().is_ok_and(|m| !m.is_file());
+    if special {
+        return Ok(write_obj(&args.output, shape)?);
+    }
+    let mut part = args.output.clone().into_os_string();
+    part.push(".part");
+    let part = PathBuf::from(part);
+    let written = write_obj(&part, shape).map_err(Failure::from);
+    let placed =
+        written.and_then(|()| std::fs::rename(&part, &args.output).map_err(|e| Failure::io(&args.output, "write", e)));
+    if placed.is_err() {
+        let _ = std::fs::remove_file(&part);
+    }
+    placed
 }

@@ -167,7 +167,7 @@ pub struct UpdateArgs {
     #[arg(long = "formats", visible_alias = "format", value_name = "FORMAT,…", value_delimiter = ',', value_enum)]
     pub formats: Vec<FormatChoice>,
     /// Threads of the cpu path and the importer [default: all]
-    #[arg(long, value_name = "N", value_parser = values::at_least_one)]
+    #[arg(long, value_name = "N", value_parser = values::threads)]
     pub threads: Option<usize>,
 }
 

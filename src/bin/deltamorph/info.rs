@@ -8,7 +8,7 @@ use crate::input::{self, Input};
 use crate::output::{Failure, Output};
 use crate::table::{Table, bytes, percent, sig3, thousands};
 use deltamorph::mesh::MorphMesh;
-use deltamorph::weights::{WeightClip, csv};
+use deltamorph::weights::WeightClip;
 use glam::Vec3;
 use record::{Blocks, ClipRow, Info, InputRow, Overlap, TargetRow};
 
@@ -24,10 +24,9 @@ pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
     let spinner = out.spinner("packing");
     let mut info = describe(&input);
     info.formats = formats::format_rows(&input.kept)?;
-    let names: Vec<&str> = input.kept.targets.iter().map(|t| t.name.as_str()).collect();
     for path in &input.clips {
-        let clip = csv::read(path, args.input.fps_of(path))?;
-        info.clips.push(clip_row(&clip, &clip.bind(&names)?));
+        let (clip, frames) = input::clip(path, &args.input, &input.kept)?;
+        info.clips.push(clip_row(&clip, &frames));
     }
     spinner.finish_and_clear();
     out.say(text(&info));

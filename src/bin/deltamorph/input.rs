@@ -3,6 +3,7 @@
 use crate::args::InputArgs;
 use crate::output::{Failure, Output};
 use deltamorph::mesh::{MorphMesh, MorphSource, Tolerance, head, obj};
+use deltamorph::weights::{WeightClip, csv};
 use std::path::{Path, PathBuf};
 
 /// A mesh as its files state it, and what the tolerance keeps of it.
@@ -59,6 +60,20 @@ pub fn load(args: &InputArgs, out: &Output) -> Result<Input, Failure> {
         out.note(note);
     }
     Ok(Input { source, raw, kept, clips, origin })
+}
+
+/// A weight clip and, for each of its frames, a weight per target of `mesh`.
+///
+/// # Errors
+/// The file cannot be used, or names a target that the mesh does not have; the message names the file.
+pub fn clip(path: &Path, args: &InputArgs, mesh: &MorphMesh) -> Result<(WeightClip, Vec<Vec<f32>>), Failure> {
+    let clip = csv::read(path, args.fps_of(path))?;
+    let names: Vec<&str> = mesh.targets.iter().map(|t| t.name.as_str()).collect();
+    let frames = clip.bind(&names).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))?;
+    if frames.is_empty() {
+        return Err(Failure::Failed(format!("{}: has no frames; add one row per frame", path.display())));
+    }
+    Ok((clip, frames))
 }
 
 fn read(path: &Path) -> Result<MorphSource, Failure> {

@@ -114,6 +114,20 @@ impl Output {
         }
     }
 
+    /// Whether the JSON, if asked for, can be written where it was asked for.
+    ///
+    /// # Errors
+    /// It cannot.
+    pub fn check_json(&self) -> Result<(), Failure> {
+        match self.json.as_deref() {
+            Some(path) if !self.json_to_stdout() => {
+                let opened = std::fs::OpenOptions::new().append(true).create(true).open(path);
+                opened.map(drop).map_err(|e| Failure::io(path, "write", e))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// A spinner for work of unknown length; hidden unless a person is watching.
     pub fn spinner(&self, message: impl Into<String>) -> ProgressBar {
         if !self.watched() {

@@ -25,8 +25,11 @@ pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
     write_folder(&source, &args.dir, || bar.inc(1))?;
     // The rate is in the name: the file itself has no place for it, and readers look there.
     clip.name = format!("{}_{}fps", if clip.name.is_empty() { "clip" } else { &clip.name }, args.fps);
-    create_folder(&args.dir.join("weights"))?;
-    csv::write(&args.dir.join("weights").join(format!("{}.csv", clip.name)), &clip)?;
+    // Without a target there is no column, and so no clip.
+    if !source.targets.is_empty() {
+        create_folder(&args.dir.join("weights"))?;
+        csv::write(&args.dir.join("weights").join(format!("{}.csv", clip.name)), &clip)?;
+    }
     bar.finish_and_clear();
 
     out.say(format_args!(

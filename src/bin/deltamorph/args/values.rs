@@ -7,7 +7,7 @@ use deltamorph::plan::{BatchSize, UpdateMode, UpdatePath};
 use std::path::Path;
 
 /// Largest built-in head. A number beyond it is a slip of the finger, and would take all memory.
-const MAX_VERTICES: usize = 100_000_000;
+const MAX_VERTICES: usize = 10_000_000;
 /// Largest number of targets of the built-in head.
 const MAX_TARGETS: usize = 65_536;
 /// Largest number of slots: each is a whole pose per head.
@@ -149,7 +149,7 @@ pub fn heads(s: &str) -> Result<u32, String> {
 
 /// Parse a count that can't be 0.
 pub fn at_least_one(s: &str) -> Result<usize, String> {
-    whole(s, 1, 1_000_000_000)
+    whole(s, 1, 1_000_000)
 }
 
 /// Parse `--sparsity`.
@@ -164,7 +164,12 @@ pub fn tolerance(s: &str) -> Result<f32, String> {
 
 /// Parse `--fps`.
 pub fn fps(s: &str) -> Result<f32, String> {
-    number(s, |v| v > 0.0, "a number of frames per second above 0")
+    number(s, |v| (0.1..=1000.0).contains(&v), "a number of frames per second from 0.1 to 1000")
+}
+
+/// Parse `--threads`.
+pub fn threads(s: &str) -> Result<usize, String> {
+    whole(s, 1, 256)
 }
 
 /// Parse an entry of `--batch-sizes`. Ranges include both ends: "1..7" are the seven sizes of the chapter.

@@ -36,10 +36,20 @@ fn siblings<'a>(runs: &[&'a RunRecord], run: &RunRecord) -> Vec<&'a RunRecord> {
 
 /// What batching gains where it gains most.
 fn batching(runs: &[&RunRecord]) -> Option<String> {
-    let most = runs.iter().map(|r| r.changed).fold(0.0, f64::max);
-    let numbered = runs.iter().filter(|r| r.changed == most && matches!(r.batch_size, BatchSize::Targets(_)));
-    let gains = numbered.filter_map(|r| relative(r, &siblings(runs, r)).map(|(gain, _)| (gain, *r)));
-    let (gain, run) = gains.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(gain, _)| *gain > 1.0)?;
+    let (first, most) = (runs.first()?, runs.iter().map(|r| r.changed).fold(0.0, f64::max));
+    // One workload: gains of different ones do not compare.
+    let numbered = runs.iter().filter(|r| {
+        let same = (&r.workload, r.heads, r.changed) == (&first.workload, first.heads, most);
+        same && matches!(r.batch_size, BatchSize::Targets(_))
+    });
+    let gains = numbered.filter_map(|r| {
+        let siblings = siblings(runs, r);
+        // As many passes as one at a time: what differs then is noise.
+        let single = siblings.iter().find(|s| s.batch_size == BatchSize::Targets(1))?;
+        let (gain, error) = relative(r, &siblings).filter(|_| r.passes < single.passes)?;
+        (gain - 2.0 * error > 1.0).then_some((gain, *r))
+    });
+    let (gain, run) = gains.max_by(|a, b| a.0.total_cmp(&b.0))?;
     Some(format!(
         "{} is {gain:.1}× as fast as batch 1 on {} ({})",
         capital(&batch_words(run.batch_size)),
@@ -61,7 +71,7 @@ fn best(runs: &[&RunRecord]) -> Option<String> {
     };
     Some(format!(
         "With {} targets changed per frame the fastest is {} {}, {}: {} ms per frame{floor}.",
-        sig3(run.changed).trim_end_matches(".0"),
+        if run.changed.fract() == 0.0 { run.changed.to_string() } else { sig3(run.changed) },
         run.path,
         run.format,
         batch_words(run.batch_size),

@@ -6,7 +6,7 @@ use super::workload::Workload;
 use crate::args::BenchArgs;
 use crate::input::Input;
 use crate::output::Failure;
-use crate::runner::{Gpu, Runner};
+use crate::runner::Runner;
 use deltamorph::mesh::packed::{DeltaFormat, POSE_STRIDE, PackedMesh};
 use deltamorph::plan::{UpdateDesc, UpdateStats};
 use deltamorph::reference::{PoseError, compare, evaluate, evaluate_unpacked};
@@ -75,10 +75,6 @@ pub struct Context<'a> {
     pub args: &'a BenchArgs,
     /// The mesh.
     pub input: &'a Input,
-    /// The device, if any.
-    pub gpu: Option<&'a Gpu>,
-    /// Threads of the cpu path; 0: one per core.
-    pub threads: usize,
     /// The ceilings.
     pub bandwidth: Bandwidth,
 }
@@ -91,18 +87,18 @@ struct Found {
 }
 
 impl Context<'_> {
-    /// Verify, time, verify.
+    /// Verify, time, verify what `runner` makes of `config`.
     ///
     /// # Errors
-    /// The configuration cannot be set up; a device that fails. A wrong result is no error: the record says so.
+    /// A device that fails. A wrong result is no error: the record says so.
     pub fn measure(
         &self,
+        mut runner: Runner<'_>,
         setting: &Setting<'_>,
         config: &Config,
         mesh: &Arc<PackedMesh>,
         references: &mut References,
     ) -> Result<RunRecord, Failure> {
-        let mut runner = Runner::new(self.gpu, mesh, config.desc, setting.heads, self.threads)?;
         let weights = |frame: usize| -> Vec<Vec<f32>> {
             (0..setting.heads).map(|h| setting.workload.weights(h, frame)).collect()
         };

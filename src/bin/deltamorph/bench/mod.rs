@@ -28,6 +28,11 @@ use record::{Report, RunRecord};
 /// # Errors
 /// Nothing can run, a configuration is wrong, or the report cannot be written.
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
+    // Before minutes are spent on what then cannot be written.
+    if !args.no_report {
+        report::claim(&args.report)?;
+    }
+    out.check_json()?;
     match &args.redraw {
         Some(path) => finish(&report::read(path)?, args, out),
         None => finish(&sweep::run(args, device, out)?, args, out),
@@ -46,7 +51,7 @@ pub fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Fai
     if !report.runs.is_empty() {
         out.say(format_args!("\n{}", headline::sentences(report).join("\n")));
     }
-    out.json(report)?;
+    let json = out.json(report);
     if !args.no_report {
         let spinner = out.spinner("drawing the report");
         let written = report::write(report, &args.report);
@@ -54,6 +59,7 @@ pub fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Fai
         written?;
         out.say(format_args!("report: {}", args.report.join("index.html").display()));
     }
+    json?;
     verdict(&report.runs)
 }
 

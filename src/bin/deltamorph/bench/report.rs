@@ -27,6 +27,33 @@ pub fn write(report: &Report, dir: &Path) -> Result<(), Failure> {
     write_file(&dir.join("index.html"), html::page(report, &drawn))
 }
 
+/// Make sure that `dir` is ours to write to: new, empty, or with an earlier report, whose figures are deleted.
+///
+/// # Errors
+/// It holds something else; it cannot be created or listed.
+pub fn claim(dir: &Path) -> Result<(), Failure> {
+    create_folder(dir)?;
+    let io = |e| Failure::io(dir, "read the folder", e);
+    let files: Vec<_> = std::fs::read_dir(dir).map_err(io)?.collect::<Result<_, _>>().map_err(io)?;
+    if files.is_empty() {
+        return Ok(());
+    }
+    if read(&dir.join("report.json")).is_err() {
+        return Err(Failure::Usage(format!(
+            "{}: the folder holds something else than a report; name another one with --report",
+            dir.display()
+        )));
+    }
+    for path in files.iter().map(std::fs::DirEntry::path) {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let figure = ["time-vs-", "relative-performance", "floor"].iter().any(|stem| name.starts_with(stem));
+        if figure && (name.ends_with(".svg") || name.ends_with(".png")) {
+            std::fs::remove_file(&path).map_err(|e| Failure::io(&path, "delete", e))?;
+        }
+    }
+    Ok(())
+}
+
 /// Read a report.json.
 ///
 /// # Errors

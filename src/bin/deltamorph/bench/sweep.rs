@@ -4,17 +4,16 @@ use super::bandwidth;
 use super::measure::{Config, Context, References, Setting};
 use super::record::{Bandwidth, DeviceInfo, InputInfo, Report, Skipped};
 use super::stamp;
-use super::workload::{Clip, Random};
+use super::workload::{Clip, Random, Workload};
 use crate::args::BenchArgs;
 use crate::args::values::{BatchLimit, BatchSpec, FormatChoice, PathChoice, expand_batches, expand_changed};
 use crate::info::triangles;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
-use crate::runner::{Gpu, pack_desc};
+use crate::runner::{Gpu, Runner, pack_desc};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
 use deltamorph::plan::{BatchSize, UpdateDesc, UpdatePath};
-use deltamorph::weights::csv;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -34,7 +33,7 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     }
     let counts = expand_changed(&args.changed, input.kept.targets.len()).map_err(Failure::Usage)?;
     let clips = clips(args, &input)?;
-    let (full, skipped) = configurations(args, gpu.as_ref(), &FULL_SWEEP);
+    let (full, mut skipped) = configurations(args, gpu.as_ref(), &FULL_SWEEP);
     let (brief, _) = configurations(args, gpu.as_ref(), &BRIEF_SWEEP);
 
     let randoms: Vec<(usize, Random)> =
@@ -87,8 +86,16 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
                     mesh
                 }
             };
-            let context = Context { args, input: &input, gpu: gpu.as_ref(), threads, bandwidth };
-            runs.push(context.measure(setting, config, &mesh, &mut references)?);
+            let context = Context { args, input: &input, bandwidth };
+            let what = || {
+                let (path, batch, heads) = (config.desc.path.name(), config.desc.batch, setting.heads);
+                format!("{path} {} batch {batch}, {heads} heads", config.format.name())
+            };
+            match Runner::new(gpu.as_ref(), &mesh, config.desc, setting.heads, threads) {
+                Ok(runner) => runs.push(context.measure(runner, setting, config, &mesh, &mut references)?),
+                // Too large for the device, say: the rest goes on.
+                Err(e) => skipped.push(Skipped { what: what(), reason: e.to_string() }),
+            }
             bar.inc(1);
         }
     }
@@ -118,15 +125,15 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
 
 /// The clips given with `--weights`; without any, those of the input.
 fn clips(args: &BenchArgs, input: &Input) -> Result<Vec<Clip>, Failure> {
-    let names: Vec<&str> = input.kept.targets.iter().map(|t| t.name.as_str()).collect();
     let paths = if args.weights.is_empty() { &input.clips } else { &args.weights };
-    let mut clips = vec![];
+    let mut clips: Vec<Clip> = vec![];
     for path in paths {
-        let clip = Clip::new(&csv::read(path, args.input.fps_of(path))?, &names)?;
-        if clip.len() == 0 {
-            return Err(Failure::Failed(format!("{}: has no frame to replay; leave it out", path.display())));
-        }
-        clips.push(clip);
+        let (clip, frames) = input::clip(path, &args.input, &input.kept)?;
+        // Reports tell workloads apart by name.
+        let taken = |name: &str| name == "random" || clips.iter().any(|c| c.name() == name);
+        let numbered = (2..).map(|n| format!("{} {n}", clip.name));
+        let name = std::iter::once(clip.name.clone()).chain(numbered).find(|name| !taken(name));
+        clips.push(Clip::new(name.unwrap_or_default(), frames));
     }
     Ok(clips)
 }
@@ -164,10 +171,11 @@ fn configurations(args: &BenchArgs, gpu: Option<&Gpu>, sweep: &[BatchSpec]) -> (
             }
             // `all` is in the default list; that feedback has no such thing is no news.
             let named = |b: &&BatchSize| **b != BatchSize::All && !args.batch_sizes.is_empty();
-            let refused: Vec<String> = refused.iter().filter(named).map(ToString::to_string).collect();
-            if !refused.is_empty() {
+            let refused: Vec<&BatchSize> = refused.iter().filter(named).collect();
+            if let (Some(first), Some(last)) = (refused.first(), refused.last()) {
+                let sizes = if first == last { first.to_string() } else { format!("{first} to {last}") };
                 skipped.push(Skipped {
-                    what: format!("{} {} batch {}", path.name(), format.name(), refused.join(", ")),
+                    what: format!("{} {} batch {sizes}", path.name(), format.name()),
                     reason: format!("the device allows at most {} targets per pass", limit.max),
                 });
             }
