@@ -166,7 +166,7 @@ pub struct UpdateArgs {
     /// Delta formats, separated by commas [default: bench: all; apply: float32]
     #[arg(long = "formats", visible_alias = "format", value_name = "FORMAT,…", value_delimiter = ',', value_enum)]
     pub formats: Vec<FormatChoice>,
-    /// Threads of the cpu path and the importer [default: all]
+    /// Threads of the cpu path [default: one per core]
     #[arg(long, value_name = "N", value_parser = values::threads)]
     pub threads: Option<usize>,
 }
