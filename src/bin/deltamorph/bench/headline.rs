@@ -88,7 +88,7 @@ fn changed(runs: &[&RunRecord]) -> Option<String> {
     let (few, all) = (at(least)?, at(most)?);
     (least < most).then(|| {
         format!(
-            "Changing {least:.0} targets in place of {most:.0} takes {} ms in place of {} ms ({:.1}× less).",
+            "Changing {least:.0} of {most:.0} targets takes {} ms, changing all {} ms: {:.1} times as long.",
             sig3(median(few)),
             sig3(median(all)),
             median(all) / median(few)
@@ -116,7 +116,7 @@ mod tests {
             all[0]
         );
         assert!(all[1].contains("72 targets") && all[1].contains("compute snorm16, one pass"), "{}", all[1]);
-        assert!(all[2].starts_with("Changing 4 targets in place of 72"), "{}", all[2]);
+        assert!(all[2].starts_with("Changing 4 of 72 targets"), "{}", all[2]);
         assert!(all[3].starts_with("2 of "), "{}", all[3]);
     }
 

@@ -108,6 +108,7 @@ fn kind(kind: &str) -> &str {
 fn table(report: &Report) -> String {
     let mut out = String::from("<section><h2>All configurations</h2><div class=\"scroll\"><table><thead><tr>");
     for heading in [
+        "result",
         "path",
         "format",
         "mode",
@@ -121,7 +122,6 @@ fn table(report: &Report) -> String {
         "bytes",
         "of the floor",
         "error / diagonal",
-        "result",
     ] {
         let _ = write!(out, "<th>{heading}</th>");
     }
@@ -155,7 +155,9 @@ fn row(run: &RunRecord, best: bool) -> String {
         (true, true) => " class=\"best\"",
         _ => "",
     };
-    let mut cells = vec![escape(&run.path), escape(&run.format), escape(&run.mode), escape(&run.workload)];
+    let result = if run.verified { "<span class=\"ok\">right</span>" } else { "<span class=\"bad\">wrong</span>" };
+    let words = [&run.path, &run.format, &run.mode, &run.workload];
+    let mut cells: Vec<String> = std::iter::once(result.into()).chain(words.map(|w| escape(w))).collect();
     cells.extend([
         run.heads.to_string(),
         count(run.changed),
@@ -166,7 +168,6 @@ fn row(run: &RunRecord, best: bool) -> String {
         bytes(run.bytes_moved),
         run.floor_fraction.map_or("–".to_owned(), percent),
         number(run.max_error_rel),
-        if run.verified { "<span class=\"ok\">right</span>" } else { "<span class=\"bad\">wrong</span>" }.to_owned(),
     ]);
     let columns = cells.len();
     let cells: String = cells.iter().map(|c| format!("<td>{c}</td>")).collect();

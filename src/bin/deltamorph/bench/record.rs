@@ -139,7 +139,8 @@ pub struct RunRecord {
     pub cpu_ms: Option<Stats>,
     /// One draw that reads the pose and rasterizes nothing.
     pub draw_ms: Option<f64>,
-    /// Share of the time that moving `bytes_floor` at the measured bandwidth would take: 1 is the best possible.
+    /// The time that reading what `bytes_floor` has to be read takes at the measured bandwidth, as a share of the time
+    /// taken: 1 is the best possible, but for what stays in a cache.
     pub floor_fraction: Option<f64>,
     /// Largest position error against the float64 reference, in input units.
     pub max_error: Option<f64>,

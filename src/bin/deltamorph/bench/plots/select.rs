@@ -220,8 +220,8 @@ fn group_figures(group: &Group<'_>, report: &Report, suffix: &str, figures: &mut
     if let Some(chart) = floor_chart(&full, here(Some(most))) {
         add(
             "floor",
-            "The floor is the time to move each delta of a changed target once and the pose in and out once, at \
-             the bandwidth measured by a plain copy."
+            "The floor is the time to read each delta of a changed target once and the pose once, at the bandwidth \
+             measured by plain reading and copying. What stays in a cache can beat it."
                 .into(),
             Chart::Bars(chart),
         );
