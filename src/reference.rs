@@ -73,6 +73,12 @@ impl PoseError {
     }
 }
 
+/// The angle between two normals that need not have unit length, in degrees; 0 where one vanishes.
+pub fn angle_degrees(a: DVec3, b: DVec3) -> f64 {
+    // atan2 keeps its precision where acos of a dot product near 1 has lost it.
+    a.cross(b).length().atan2(a.dot(b)).to_degrees()
+}
+
 /// Compare a pose (six floats a vertex, padding at the end ignored) with the reference.
 ///
 /// # Panics
@@ -87,7 +93,7 @@ pub fn compare(pose: &[f32], reference: &[f64]) -> PoseError {
         let angle = if b.length() < SHORTEST_NORMAL {
             a.distance(b) // no direction to compare: a short vector must come out as the same short vector
         } else {
-            a.cross(b).length().atan2(a.dot(b)).to_degrees()
+            angle_degrees(a, b)
         };
         error = PoseError { position, normal_degrees: angle }.max(error);
     }

@@ -125,7 +125,6 @@ fn roomy() -> DeviceCaps {
     DeviceCaps {
         max_storage_range: u64::MAX,
         max_allocation: u64::MAX,
-        storage_alignment: 1,
         max_storage_buffers: u32::MAX,
         max_push_constants: u32::MAX,
         max_vertex_attributes: u32::MAX,

@@ -86,6 +86,14 @@ struct Lists {
     ring: Buffer,
     /// Bytes of one instance's list.
     stride: u64,
+    instances: u32,
+}
+
+impl Lists {
+    /// Where the list of an instance is in a frame's part of the ring. Fits 32 bits: checked in [`Crowd::new`].
+    fn offset(&self, frame: u64, instance: u32) -> u64 {
+        (frame * u64::from(self.instances) + u64::from(instance)) * self.stride
+    }
 }
 
 impl Crowd {
@@ -157,7 +165,7 @@ impl Crowd {
                         lists: (ring.raw, stride),
                     },
                 )?;
-                Some(Lists { sets, ring, stride })
+                Some(Lists { sets, ring, stride, instances: desc.instances })
             }
             Kernel::Feedback(_) => None,
         };
@@ -319,8 +327,8 @@ impl Crowd {
         let Some(lists) = &mut self.lists else { return Ok(()) };
         for pass in self.list.passes() {
             let coefficients = &self.list.coefficients[pass.coefficients.clone()];
-            let at = (frame * u64::from(self.desc.instances) + u64::from(pass.instance)) * lists.stride;
-            let out = &mut lists.ring.mapped()?[at as usize..][..lists.stride as usize];
+            let (at, size) = (lists.offset(frame, pass.instance) as usize, lists.stride as usize);
+            let out = &mut lists.ring.mapped()?[at..at + size];
             for (slot, entry) in
                 out.chunks_exact_mut(size_of::<DenseListEntry>()).zip(list_entries(&self.mesh.layout, coefficients))
             {
@@ -328,11 +336,6 @@ impl Crowd {
             }
         }
         Ok(())
-    }
-
-    /// Where the coefficient list of an instance is, in the ring. Fits 32 bits: checked in `new`.
-    fn list_offset(&self, lists: &Lists, frame: u64, instance: u32) -> u64 {
-        (frame * u64::from(self.desc.instances) + u64::from(instance)) * lists.stride
     }
 
     /// # Safety
@@ -358,7 +361,7 @@ impl Crowd {
             }
             (Kernel::Compute(compute), Some(lists)) => {
                 let list = match self.desc.update.batch {
-                    BatchSize::All => self.list_offset(lists, frame, pass.instance),
+                    BatchSize::All => lists.offset(frame, pass.instance),
                     BatchSize::Targets(_) => 0,
                 };
                 let pass = ComputePass {

@@ -33,8 +33,6 @@ pub struct DeviceCaps {
     pub max_storage_range: u64,
     /// Bytes of one memory allocation.
     pub max_allocation: u64,
-    /// Alignment of storage-buffer offsets.
-    pub storage_alignment: u64,
     /// Storage buffers of one shader stage.
     pub max_storage_buffers: u32,
     /// Bytes of push constants.
@@ -141,7 +139,6 @@ impl DeviceCaps {
             api_version,
             max_storage_range: limits.max_storage_buffer_range.into(),
             max_allocation: maintenance.max_memory_allocation_size,
-            storage_alignment: limits.min_storage_buffer_offset_alignment,
             max_storage_buffers: limits.max_per_stage_descriptor_storage_buffers,
             max_push_constants: limits.max_push_constants_size,
             max_vertex_attributes: limits.max_vertex_input_attributes,
@@ -168,7 +165,6 @@ impl DeviceCaps {
             api_version: (1, 1, 0),
             max_storage_range: 1 << 27,
             max_allocation: 1 << 30,
-            storage_alignment: 256,
             max_storage_buffers: 4,
             max_push_constants: 128,
             max_vertex_attributes: 16,
@@ -184,7 +180,6 @@ impl DeviceCaps {
     pub fn clamp_to(&mut self, limits: &Self) {
         self.max_storage_range = self.max_storage_range.min(limits.max_storage_range);
         self.max_allocation = self.max_allocation.min(limits.max_allocation);
-        self.storage_alignment = self.storage_alignment.max(limits.storage_alignment);
         self.max_storage_buffers = self.max_storage_buffers.min(limits.max_storage_buffers);
         self.max_push_constants = self.max_push_constants.min(limits.max_push_constants);
         self.max_vertex_attributes = self.max_vertex_attributes.min(limits.max_vertex_attributes);

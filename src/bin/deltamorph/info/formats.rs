@@ -4,6 +4,7 @@ use super::record::FormatRow;
 use crate::output::Failure;
 use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::mesh::{MorphMesh, MorphTarget};
+use deltamorph::reference::angle_degrees;
 use glam::DVec3;
 
 /// A row for every format.
@@ -38,14 +39,8 @@ fn target_error(mesh: &MorphMesh, packed: &PackedMesh, t: usize, target: &MorphT
         let [px, py, pz, nx, ny, nz] = packed.delta(t, v as usize);
         let base = mesh.normals[v as usize].as_dvec3();
         let (exact, decoded) = (base + n.as_dvec3(), base + DVec3::new(nx, ny, nz));
-        (position.max(p.as_dvec3().distance(DVec3::new(px, py, pz))), normal.max(angle_deg(exact, decoded)))
+        (position.max(p.as_dvec3().distance(DVec3::new(px, py, pz))), normal.max(angle_degrees(exact, decoded)))
     })
-}
-
-/// The angle between two normals that need not have unit length. Those that vanish have none.
-fn angle_deg(a: DVec3, b: DVec3) -> f64 {
-    // atan2 keeps its precision where acos of a dot product near 1 has lost it.
-    a.cross(b).length().atan2(a.dot(b)).to_degrees()
 }
 
 #[cfg(test)]
@@ -66,7 +61,7 @@ mod tests {
 
     #[test]
     fn angles() {
-        assert!((angle_deg(DVec3::X, DVec3::new(2.0, 2.0, 0.0)) - 45.0).abs() < 1e-12);
-        assert_eq!(angle_deg(DVec3::X, DVec3::ZERO), 0.0);
+        assert!((angle_degrees(DVec3::X, DVec3::new(2.0, 2.0, 0.0)) - 45.0).abs() < 1e-12);
+        assert_eq!(angle_degrees(DVec3::X, DVec3::ZERO), 0.0);
     }
 }
