@@ -8,19 +8,18 @@ use glam::DVec3;
 pub const SHORTEST_NORMAL: f64 = 1e-3;
 
 /// `base + Σ weight · delta` over all targets, on the deltas that the kernels see (kept after import, packed).
-/// Six values per vertex, without padding: position, then the unnormalised normal.
+/// Six values per vertex, in the user's order and without padding: position, then the unnormalised normal.
 ///
 /// # Panics
 /// When there are fewer weights than targets.
 pub fn evaluate(mesh: &PackedMesh, weights: &[f32]) -> Vec<f64> {
-    let mut pose: Vec<f64> =
-        mesh.base()[..mesh.layout().vertex_count * POSE_FLOATS].iter().map(|&v| f64::from(v)).collect();
+    let mut pose: Vec<f64> = mesh.layout().to_user_order(mesh.base()).into_iter().map(f64::from).collect();
     for (target, &weight) in weights[..mesh.layout().targets.len()].iter().enumerate().filter(|(_, w)| **w != 0.0) {
-        for (vertex, out) in pose.chunks_exact_mut(POSE_FLOATS).enumerate() {
-            for (out, delta) in out.iter_mut().zip(mesh.delta(target, vertex)) {
+        mesh.for_each_delta(target, |vertex, delta| {
+            for (out, delta) in pose[vertex * POSE_FLOATS..][..POSE_FLOATS].iter_mut().zip(delta) {
                 *out += f64::from(weight) * delta;
             }
-        }
+        });
     }
     pose
 }
@@ -79,7 +78,7 @@ pub fn angle_degrees(a: DVec3, b: DVec3) -> f64 {
     a.cross(b).length().atan2(a.dot(b)).to_degrees()
 }
 
-/// Compare a pose (six floats a vertex, padding at the end ignored) with the reference.
+/// Compare a pose (six floats a vertex, in the user's order, padding at the end ignored) with the reference.
 ///
 /// # Panics
 /// When the pose has fewer vertices than the reference.

@@ -68,7 +68,7 @@ fn whole_clip(set: &str, clip_name: &str) {
     let diagonal = f64::from(kept.diagonal);
 
     gpu::on_device("llvmpipe", false, |headless, engine| {
-        for format in DeltaFormat::ALL {
+        for format in DeltaFormat::DENSE {
             let packed = PackedMesh::pack(&kept, &engine.pack_desc(format)).expect("a mesh that fits");
             let most = |path| BatchSize::Targets(engine.caps().batch_max(path, format).expect("a largest batch"));
             for (path, batch) in [
@@ -127,7 +127,7 @@ fn the_stress_test_has_disjoint_targets() {
     let mesh = source.to_mesh(Tolerance::default()).expect("a mesh");
     assert_eq!((mesh.vertex_count(), mesh.targets.len()), (1504, 8));
     gpu::on_every_device(|headless, engine| {
-        for format in DeltaFormat::ALL {
+        for format in DeltaFormat::DENSE {
             let packed = PackedMesh::pack(&mesh, &engine.pack_desc(format)).expect("a mesh that fits");
             for desc in gpu::update_descs(engine, format) {
                 let mut crowd = HeadlessCrowd::new(headless, &packed, &gpu::single(desc)).expect("a crowd");

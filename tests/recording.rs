@@ -10,25 +10,28 @@ use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
 use deltamorph::plan::UpdateDesc;
 use deltamorph::reference::{PoseError, compare, evaluate};
-use gpu::{on_every_device, single, update_descs, weights};
+use gpu::{applied, on_every_device, single, update_descs, weights};
 
 /// Run `test` for every path and batch size of every device, on a fresh crowd that has shown two frames.
 fn with_crowds(test: impl Fn(&mut HeadlessCrowd<'_>, &PackedMesh, UpdateDesc)) {
     on_every_device(|headless: &Headless, engine: &MorphEngine| {
-        let pack = engine.pack_desc(DeltaFormat::Snorm16);
-        let mesh = PackedMesh::pack(&testing::mesh(300, 23), &pack).expect("a mesh that fits");
-        for desc in update_descs(engine, DeltaFormat::Snorm16) {
-            let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
-            for frame in 0..2 {
-                crowd.step(&[&weights(&mesh, frame, 9)]).expect("a step");
+        for format in [DeltaFormat::Snorm16, DeltaFormat::Fast, DeltaFormat::Small] {
+            let pack = engine.pack_desc(format);
+            let mesh = PackedMesh::pack(&testing::mesh(300, 23), &pack).expect("a mesh that fits");
+            for desc in update_descs(engine, format) {
+                let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
+                for frame in 0..2 {
+                    crowd.step(&[&weights(&mesh, frame, 9)]).expect("a step");
+                }
+                test(&mut crowd, &mesh, desc);
             }
-            test(&mut crowd, &mesh, desc);
         }
     });
 }
 
 fn error(crowd: &mut HeadlessCrowd<'_>, mesh: &PackedMesh, weights: &[f32]) -> PoseError {
-    compare(&crowd.read_pose(0).expect("a pose"), &evaluate(mesh, weights))
+    let update = crowd.crowd().desc().update;
+    compare(&crowd.read_pose(0).expect("a pose"), &evaluate(mesh, &applied(mesh, &update, weights)))
 }
 
 fn assert_right(crowd: &mut HeadlessCrowd<'_>, mesh: &PackedMesh, weights: &[f32], desc: UpdateDesc) {
@@ -44,7 +47,8 @@ fn a_discarded_update_is_rebuilt() {
         crowd.crowd().discard(dropped.ticket);
         let next = weights(mesh, 3, 9);
         let step = crowd.step(&[&next]).expect("a step");
-        assert_eq!(step.update.stats.rebuilt, 1, "{desc:?}");
+        let stats = step.update.stats;
+        assert!(stats.rebuilt == 1 || stats.dirty_blocks > 0 && stats.rebuilt_blocks == stats.dirty_blocks, "{desc:?}");
         assert_right(crowd, mesh, &next, desc);
         crowd.step(&[&weights(mesh, 4, 9)]).expect("a step");
         assert_right(crowd, mesh, &weights(mesh, 4, 9), desc);

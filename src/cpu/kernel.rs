@@ -50,10 +50,6 @@ fn add<const N: usize>(mesh: &PackedMesh, group: &[Coefficient], vertex: usize, 
     let vertices = sums.len() / POSE_FLOATS;
     let rows: [&[u32]; N] = std::array::from_fn(|i| mesh.rows(group[i].target as usize, vertex, vertices));
     match mesh.layout().format {
-        DeltaFormat::Float32 => {
-            let factors: [f32; N] = std::array::from_fn(|i| group[i].value);
-            add_float32(factors, rows.map(bytemuck::cast_slice), sums);
-        }
         DeltaFormat::Snorm16 => {
             let factors = std::array::from_fn(|i| {
                 let target = &mesh.layout().targets[group[i].target as usize];
@@ -61,6 +57,10 @@ fn add<const N: usize>(mesh: &PackedMesh, group: &[Coefficient], vertex: usize, 
                 [position, position * target.normal_ratio()]
             });
             add_snorm16(factors, rows.map(bytemuck::cast_slice), sums);
+        }
+        _ => {
+            let factors: [f32; N] = std::array::from_fn(|i| group[i].value);
+            add_float32(factors, rows.map(bytemuck::cast_slice), sums);
         }
     }
 }

@@ -1,13 +1,16 @@
-//! The `cpu` path: the same plans, carried out by threads. Runs without Vulkan.
+//! The `cpu` path: the same plans, carried out by threads. Runs without Vulkan. With a mesh in a block format, the
+//! fastest path where there is no GPU.
 
+pub(crate) mod blocks;
 mod kernel;
 mod workers;
 
 use crate::error::{Error, Result};
+use crate::mesh::packed::blocks::BlockIndex;
 use crate::mesh::packed::{POSE_FLOATS, PackedMesh};
+use crate::plan::blocks::{BlockPlan, BlockState, Scratch, WorkList, check_block_weights};
 use crate::plan::commands::{CommandList, PassCommand};
 use crate::plan::{Plan, PoseState, Source, UpdateDesc, UpdatePath, UpdateStats};
-use crate::weights::delta::check_weights;
 use std::sync::Arc;
 use workers::Workers;
 
@@ -15,14 +18,28 @@ use workers::Workers;
 pub struct CpuCrowd {
     mesh: Arc<PackedMesh>,
     slots: usize,
-    states: Vec<PoseState>,
     weights: Vec<Vec<f32>>,
-    plans: Vec<Plan>,
-    list: CommandList,
     updates: u64,
     /// `[instance × slots + slot]`.
     poses: Vec<Vec<f32>>,
     workers: Workers,
+    layout: Layout,
+}
+
+/// What depends on the format's layout.
+enum Layout {
+    Dense { states: Vec<PoseState>, plans: Vec<Plan>, list: CommandList },
+    Blocks(Box<Blocks>),
+}
+
+struct Blocks {
+    index: Arc<BlockIndex>,
+    states: Vec<BlockState>,
+    plans: Vec<BlockPlan>,
+    scratch: Scratch,
+    list: WorkList,
+    /// Integer sums of each instance, for exact accumulation.
+    sums: Vec<Vec<i32>>,
 }
 
 impl CpuCrowd {
@@ -30,7 +47,8 @@ impl CpuCrowd {
     /// caller's thread does the work.
     ///
     /// # Errors
-    /// As [`UpdateDesc::check`]; a path that isn't [`UpdatePath::Cpu`]; threads that cannot be started.
+    /// As [`UpdateDesc::check`]; a path that isn't [`UpdatePath::Cpu`]; threads that cannot be started. Exact sums or an
+    /// error budget for a dense format; for block formats, as [`BlockState::new`].
     pub fn new(mesh: Arc<PackedMesh>, desc: UpdateDesc, instances: usize, threads: usize) -> Result<Self> {
         if desc.path != UpdatePath::Cpu {
             return Err(Error::invalid(
@@ -39,16 +57,33 @@ impl CpuCrowd {
             ));
         }
         let workers = Workers::new(threads)?;
-        let targets = mesh.layout().targets.len();
-        let slots = desc.slots as usize;
+        let (layout, slots) = (mesh.layout(), desc.slots as usize);
+        let targets = layout.targets.len();
+        let kind = match &layout.blocks {
+            None => {
+                desc.check_dense(layout.format.name())?;
+                let states = vec![PoseState::new(desc)?; instances];
+                Layout::Dense { states, plans: vec![Plan::default(); instances], list: CommandList::new(desc.path) }
+            }
+            Some(index) => {
+                let state = BlockState::new(desc, layout, index)?;
+                let sums = if state.exact().is_some() { mesh.base().len() } else { 0 };
+                Layout::Blocks(Box::new(Blocks {
+                    index: index.clone(),
+                    states: vec![state; instances],
+                    plans: vec![BlockPlan::default(); instances],
+                    scratch: Scratch::default(),
+                    list: WorkList::new(index, instances),
+                    sums: vec![vec![0; sums]; instances],
+                }))
+            }
+        };
         Ok(Self {
-            states: vec![PoseState::new(desc)?; instances],
             weights: vec![vec![0.0; targets]; instances],
-            plans: vec![Plan::default(); instances],
-            list: CommandList::new(desc.path),
             updates: 0,
             poses: vec![mesh.base().to_vec(); instances * slots],
             slots,
+            layout: kind,
             mesh,
             workers,
         })
@@ -57,10 +92,13 @@ impl CpuCrowd {
     /// Ask for these weights, one per target in the mesh's order, from the next update on.
     ///
     /// # Errors
-    /// An instance out of range; a wrong number of weights; one that is not finite.
+    /// An instance out of range; a wrong number of weights; one that is not finite or out of range.
     pub fn set_weights(&mut self, instance: usize, weights: &[f32]) -> Result<()> {
-        let targets = &self.mesh.layout().targets;
-        check_weights(weights, |i| targets.get(i).map(|t| t.name.as_str()), targets.len())?;
+        let exact = match &self.layout {
+            Layout::Dense { .. } => None,
+            Layout::Blocks(blocks) => blocks.states.first().and_then(BlockState::exact),
+        };
+        check_block_weights(weights, self.mesh.layout(), exact)?;
         let count = self.weights.len();
         let slot = self.weights.get_mut(instance).ok_or_else(|| {
             Error::invalid(format!("instance {instance} of a crowd of {count}"), "count instances from 0")
@@ -69,14 +107,46 @@ impl CpuCrowd {
         Ok(())
     }
 
+    /// The next pose of `instance` has no predecessor (it was hidden, or teleported): its previous pose will be the
+    /// pose itself.
+    ///
+    /// # Panics
+    /// When `instance` is out of range.
+    pub fn cut(&mut self, instance: usize) {
+        match &mut self.layout {
+            Layout::Dense { states, .. } => states[instance].cut(),
+            Layout::Blocks(blocks) => blocks.states[instance].cut(),
+        }
+    }
+
     /// Bring all poses to the weights asked for.
     pub fn update(&mut self) -> UpdateStats {
         self.updates += 1;
-        for ((state, weights), plan) in self.states.iter_mut().zip(&self.weights).zip(&mut self.plans) {
-            state.plan(weights, self.updates, plan);
+        match &mut self.layout {
+            Layout::Dense { states, plans, list } => {
+                for ((state, weights), plan) in states.iter_mut().zip(&self.weights).zip(&mut *plans) {
+                    state.plan(weights, self.updates, plan);
+                }
+                list.fill(plans);
+                let stats = UpdateStats::new(self.mesh.layout(), list, plans);
+                let list = std::mem::replace(list, CommandList::new(UpdatePath::Cpu));
+                self.run_dense(&list);
+                if let Layout::Dense { list: place, .. } = &mut self.layout {
+                    *place = list;
+                }
+                stats
+            }
+            Layout::Blocks(blocks) => {
+                let mut stats = blocks.plan(&self.weights, self.updates);
+                stats.passes = usize::from(!blocks.list.items.is_empty());
+                blocks.run(&self.mesh, &self.workers, &mut self.poses, self.slots);
+                stats
+            }
         }
-        self.list.fill(&self.plans);
-        for pass in self.list.passes() {
+    }
+
+    fn run_dense(&mut self, list: &CommandList) {
+        for pass in list.passes() {
             let at = pass.instance as usize * self.slots;
             let mut destination = std::mem::take(&mut self.poses[at + pass.destination as usize]);
             let source = match pass.source {
@@ -84,18 +154,26 @@ impl CpuCrowd {
                 Source::Slot(slot) if slot == pass.destination => None,
                 Source::Slot(slot) => Some(self.poses[at + slot as usize].as_slice()),
             };
-            self.run(pass, source, &mut destination);
+            self.run_pass(list, pass, source, &mut destination);
             self.poses[at + pass.destination as usize] = destination;
         }
-        UpdateStats::new(self.mesh.layout(), &self.list, &self.plans)
     }
 
-    /// The pose of an instance after the last update: six floats a vertex, with padding.
+    /// Slots of the pose and of the previous pose.
+    fn slots_of(&self, instance: usize) -> (u32, Option<u32>) {
+        match &self.layout {
+            Layout::Dense { plans, .. } => (plans[instance].result, plans[instance].previous),
+            Layout::Blocks(blocks) => (blocks.plans[instance].result, blocks.plans[instance].previous),
+        }
+    }
+
+    /// The pose of an instance after the last update: six floats a vertex, with padding, in the order of pose buffers
+    /// ([`PackedLayout::to_user_order`](crate::mesh::packed::PackedLayout::to_user_order)).
     ///
     /// # Panics
     /// When `instance` is out of range.
     pub fn pose(&self, instance: usize) -> &[f32] {
-        &self.poses[instance * self.slots + self.plans[instance].result as usize]
+        &self.poses[instance * self.slots + self.slots_of(instance).0 as usize]
     }
 
     /// The pose before the last update, where it is still there; the pose itself when nothing changed.
@@ -103,11 +181,22 @@ impl CpuCrowd {
     /// # Panics
     /// When `instance` is out of range.
     pub fn previous_pose(&self, instance: usize) -> Option<&[f32]> {
-        self.plans[instance].previous.map(|slot| self.poses[instance * self.slots + slot as usize].as_slice())
+        self.slots_of(instance).1.map(|slot| self.poses[instance * self.slots + slot as usize].as_slice())
     }
 
-    fn run(&self, pass: &PassCommand, source: Option<&[f32]>, destination: &mut [f32]) {
-        let coefficients = &self.list.coefficients[pass.coefficients.clone()];
+    /// The integer sums of an instance, in the order of pose buffers; `None` unless it accumulates exactly.
+    ///
+    /// # Panics
+    /// When `instance` is out of range.
+    pub fn sums(&self, instance: usize) -> Option<&[i32]> {
+        match &self.layout {
+            Layout::Blocks(blocks) if !blocks.sums[instance].is_empty() => Some(&blocks.sums[instance]),
+            _ => None,
+        }
+    }
+
+    fn run_pass(&self, list: &CommandList, pass: &PassCommand, source: Option<&[f32]>, destination: &mut [f32]) {
+        let coefficients = &list.coefficients[pass.coefficients.clone()];
         let mesh = &*self.mesh;
         let mut rest = destination;
         for (first, vertices) in mesh.layout().chunks() {
@@ -118,6 +207,39 @@ impl CpuCrowd {
                 let source = source.map(|s| &s[first * POSE_FLOATS..][..out.len()]);
                 kernel::dense(mesh, coefficients, first, source, out);
             });
+        }
+    }
+}
+
+impl Blocks {
+    fn plan(&mut self, weights: &[Vec<f32>], update: u64) -> UpdateStats {
+        let mut stats = UpdateStats::default();
+        self.list.clear();
+        for (instance, ((state, weights), plan)) in
+            self.states.iter_mut().zip(weights).zip(&mut self.plans).enumerate()
+        {
+            *plan =
+                state.plan(&self.index, instance, weights, update, &mut self.scratch, &mut self.list, &mut stats);
+        }
+        stats
+    }
+
+    fn run(&mut self, mesh: &PackedMesh, workers: &Workers, poses: &mut [Vec<f32>], slots: usize) {
+        let mut first = 0;
+        for run in self.list.items.chunk_by(|a, b| a.instance == b.instance) {
+            let instance = run[0].instance as usize;
+            let range = first..first + run.len();
+            first = range.end;
+            let (at, to) = (instance * slots, run[0].destination as usize);
+            let mut destination = std::mem::take(&mut poses[at + to]);
+            // Items of one instance read one slot, but for those that start from base.
+            let from = run.iter().find_map(|item| item.source).filter(|&s| s as usize != to);
+            let source = from.map(|slot| poses[at + slot as usize].as_slice());
+            let exact = self.states[instance].exact();
+            let sums = exact.map(|grid| (self.sums[instance].as_mut_slice(), grid));
+            let buffers = blocks::Buffers { source, destination: &mut destination, sums };
+            blocks::run(workers, mesh, &self.index, &self.list, range, buffers);
+            poses[at + to] = destination;
         }
     }
 }

@@ -1,6 +1,7 @@
 use super::*;
+use crate::mesh::packed::blocks::{BLOCK_SIZES, BlockDesc};
 use crate::mesh::packed::{DeltaFormat, PackDesc};
-use crate::plan::{BatchSize, UpdateMode};
+use crate::plan::{Accumulate, BatchSize, UpdateMode};
 use crate::{reference, testing};
 use proptest::prelude::*;
 
@@ -18,7 +19,7 @@ proptest! {
         let max_chunk_bytes = if chunked { (64 * 24 * targets.max(1) * 2) as u64 } else { 128 << 20 };
         let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc { format, max_chunk_bytes, ..PackDesc::default() }).unwrap());
         let mode = if rebuild { UpdateMode::Rebuild } else { UpdateMode::Incremental };
-        let desc = UpdateDesc { path: UpdatePath::Cpu, batch, mode, slots };
+        let desc = UpdateDesc { mode, slots, ..UpdateDesc::new(UpdatePath::Cpu, batch) };
         let mut crowd = CpuCrowd::new(packed.clone(), desc, 2, threads).unwrap();
         let mut before: [Option<Vec<f64>>; 2] = [None, None];
         for frame in 0..6u32 {
@@ -44,6 +45,120 @@ proptest! {
             }
         }
     }
+}
+
+/// What the kernel loads and stores for the work list as it stands.
+fn metered(crowd: &CpuCrowd) -> u64 {
+    let Layout::Blocks(blocks) = &crowd.layout else { panic!("a block format") };
+    let (index, mesh) = (&blocks.index, &crowd.mesh);
+    let floats = index.size() * POSE_FLOATS;
+    let words = POSE_FLOATS * index.mask_words();
+    let mut moved = 0u64;
+    for (i, item) in blocks.list.items.iter().enumerate() {
+        let (mut destination, mut sums) = (vec![0.0; floats], vec![0; floats]);
+        let source = vec![0.0; floats];
+        let block = super::blocks::Block {
+            mesh,
+            index,
+            item,
+            elements: blocks.list.elements_of(item),
+            masks: &blocks.list.masks[i * words..][..words],
+            source: (item.source.is_some() && item.source != Some(item.destination)).then_some(&source[..]),
+            base: &source,
+        };
+        let grid = blocks.states[0].exact();
+        block.run(&mut destination, grid.map(|grid| (&mut sums[..], grid)), &mut moved);
+    }
+    moved
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+    /// Blocks of any size and format, with any sums, slots and budget: the pose is the reference's within what is
+    /// promised, the previous pose is kept, and the planner's bytes are the kernel's.
+    #[test]
+    fn blocks_equal_the_reference(
+        vertices in 1usize..700, targets in 0usize..20, format in 0usize..3, size in 0usize..3, exact in any::<bool>(),
+        rebuild in any::<bool>(), slots in 1u32..5, budget in any::<bool>(), threads in 1usize..4, seed in any::<u32>(),
+    ) {
+        let mesh = testing::mesh(vertices, targets);
+        let format = DeltaFormat::BLOCKS[format];
+        let blocks = BlockDesc { size: Some(BLOCK_SIZES[size]), ..BlockDesc::default() };
+        let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(format) }).unwrap());
+        let accumulate = match exact && format != DeltaFormat::BlockFloat32 {
+            true => Accumulate::Exact,
+            false => Accumulate::Float { tolerance: 1e-4 },
+        };
+        let mode = if rebuild { UpdateMode::Rebuild } else { UpdateMode::Incremental };
+        let scale = f64::from(if mesh.diagonal > 0.0 { mesh.diagonal } else { 1.0 });
+        let error_budget = if budget { 0.02 * scale as f32 } else { 0.0 };
+        let desc = UpdateDesc { mode, slots, accumulate, error_budget, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
+        let mut crowd = CpuCrowd::new(packed.clone(), desc, 2, threads).unwrap();
+        let grid = packed.layout().blocks.as_ref().unwrap().exact().ok().filter(|_| accumulate == Accumulate::Exact);
+        let mut before: [Option<Vec<f32>>; 2] = [None, None];
+        for frame in 0..12u32 {
+            for instance in 0..2u32 {
+                let weight = |t: usize| {
+                    // Every third frame is still.
+                    let step = frame - u32::from(frame % 3 == 2);
+                    let x = (seed ^ (t as u32 * 77 + step / (1 + t as u32 % 4) * 13 + instance)).wrapping_mul(2_654_435_761) >> 16;
+                    if x.is_multiple_of(3) { 0.0 } else { (x % 1000) as f32 / 400.0 - 1.0 }
+                };
+                crowd.set_weights(instance as usize, &(0..targets).map(weight).collect::<Vec<_>>()).unwrap();
+            }
+            let stats = crowd.update();
+            prop_assert_eq!(stats.bytes_moved, metered(&crowd), "{:?} {:?} frame {}", desc, format, frame);
+            for (i, before) in before.iter_mut().enumerate() {
+                let weights: Vec<f32> = crowd.weights[i].iter().map(|&w| grid.map_or(w, |g| g.round(w))).collect();
+                let pose = packed.layout().to_user_order(crowd.pose(i));
+                let error = reference::compare(&pose, &reference::evaluate(&packed, &weights));
+                // A still face has settled.
+                let waiting = if frame % 3 == 2 { 0.0 } else { f64::from(error_budget) };
+                let most = waiting + if grid.is_some() { 2e-7 * scale } else { f64::from(stats.bound) };
+                prop_assert!(error.position <= most.max(waiting) && stats.bound <= 1e-4 * scale as f32,
+                    "{:?} {:?} frame {}: {:?}, at most {:e}", desc, format, frame, error, most);
+                prop_assert!(grid.is_some() || budget || error.normal_degrees < 0.01, "{:?}", error);
+                let previous = crowd.previous_pose(i).map(|p| packed.layout().to_user_order(p));
+                match (&previous, &*before) {
+                    (Some(previous), Some(before)) => prop_assert_eq!(previous, before),
+                    (Some(previous), None) => prop_assert_eq!(previous, &pose),
+                    (None, _) => prop_assert_eq!(slots, 1),
+                }
+                *before = Some(pose);
+            }
+        }
+        if accumulate == Accumulate::Exact {
+            // After any history, the integers and the pose are those of a full evaluation.
+            let mut fresh = CpuCrowd::new(packed.clone(), UpdateDesc { error_budget: 0.0, ..desc }, 2, 1).unwrap();
+            for i in 0..2 {
+                fresh.set_weights(i, &crowd.weights[i]).unwrap();
+            }
+            fresh.update();
+            for i in 0..2 {
+                prop_assert_eq!(fresh.sums(i), crowd.sums(i));
+                prop_assert_eq!(fresh.pose(i), crowd.pose(i));
+            }
+        }
+    }
+}
+
+#[test]
+fn what_exact_sums_cannot_do_is_refused() {
+    let mesh = testing::mesh(100, 3);
+    let exact = UpdateDesc { accumulate: Accumulate::Exact, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
+    let crowd = |format| {
+        CpuCrowd::new(Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format)).unwrap()), exact, 1, 1)
+    };
+    let text = crowd(DeltaFormat::Float32).err().unwrap().to_string();
+    assert!(text.contains("exact accumulation with 'float32'") && text.contains("'fast'"), "{text}");
+    assert!(crowd(DeltaFormat::BlockFloat32).err().unwrap().to_string().contains("pack as"));
+    let mut crowd = crowd(DeltaFormat::Small).unwrap();
+    let text = crowd.set_weights(0, &[0.0, 4.5, 0.0]).unwrap_err().to_string();
+    assert!(text.contains("'target_1') is 4.5") && text.contains("-4 to 4"), "{text}");
+    let float = UpdateDesc { accumulate: Accumulate::Float { tolerance: 1e-9 }, ..exact };
+    let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Fast)).unwrap());
+    let text = CpuCrowd::new(packed, float, 1, 1).err().unwrap().to_string();
+    assert!(text.contains("rounding alone"), "{text}");
 }
 
 #[test]

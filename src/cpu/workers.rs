@@ -32,26 +32,31 @@ impl Workers {
         Ok(Self { helpers: Some(pool) })
     }
 
-    /// Cut `floats` (whole vertices) into pieces and call `f` with each and the index it starts at. The caller's
-    /// thread begins at once; the others join as they wake.
-    pub(super) fn for_each_piece(&self, floats: &mut [f32], f: impl Fn(usize, &mut [f32]) + Sync) {
-        let helpers = self.helpers.as_ref().map_or(0, rayon::ThreadPool::current_num_threads);
-        let vertices = floats.len() / POSE_FLOATS;
-        let piece = vertices.div_ceil((helpers + 1) * PIECES).max(PIECE_VERTICES).next_multiple_of(VERTEX_PADDING);
-        let size = piece * POSE_FLOATS;
-        let queue = std::sync::Mutex::new(floats.chunks_mut(size).enumerate());
-        let work = || {
+    /// Threads that work, the caller's included.
+    pub(super) fn threads(&self) -> usize {
+        1 + self.helpers.as_ref().map_or(0, rayon::ThreadPool::current_num_threads)
+    }
+
+    /// Call `f` with every job. The caller's thread begins at once; the others join as they wake, if there is more
+    /// than one job.
+    pub(super) fn for_each<J: Send>(&self, jobs: impl Iterator<Item = J> + Send, f: impl Fn(J) + Sync) {
+        let mut jobs = jobs.peekable();
+        let first = jobs.next();
+        let more = jobs.peek().is_some();
+        let queue = std::sync::Mutex::new(jobs);
+        let work = |first: Option<J>| {
+            first.into_iter().for_each(&f);
             // A poisoned lock: another thread panicked in `f`, and the scope passes that on.
-            while let Some((i, out)) = queue.lock().ok().and_then(|mut pieces| pieces.next()) {
-                f(i * size, out);
+            while let Some(job) = queue.lock().ok().and_then(|mut jobs| jobs.next()) {
+                f(job);
             }
         };
         match &self.helpers {
-            Some(pool) if vertices > piece => pool.in_place_scope(|scope| {
-                (0..helpers).for_each(|_| scope.spawn(|_| work()));
-                work();
+            Some(pool) if more => pool.in_place_scope(|scope| {
+                (1..self.threads()).for_each(|_| scope.spawn(|_| work(None)));
+                work(first);
             }),
-            _ => work(),
+            _ => work(first),
         }
     }
 }
@@ -63,9 +68,23 @@ impl Workers {
         Ok(Self {})
     }
 
+    /// Threads that work, the caller's included.
+    pub(super) fn threads(&self) -> usize {
+        1
+    }
+
+    /// Call `f` with every job.
+    pub(super) fn for_each<J>(&self, jobs: impl Iterator<Item = J>, f: impl Fn(J)) {
+        jobs.for_each(f);
+    }
+}
+
+impl Workers {
     /// Cut `floats` (whole vertices) into pieces and call `f` with each and the index it starts at.
-    pub(super) fn for_each_piece(&self, floats: &mut [f32], f: impl Fn(usize, &mut [f32])) {
-        let size = PIECES * PIECE_VERTICES * POSE_FLOATS;
-        floats.chunks_mut(size).enumerate().for_each(|(i, out)| f(i * size, out));
+    pub(super) fn for_each_piece(&self, floats: &mut [f32], f: impl Fn(usize, &mut [f32]) + Sync) {
+        let vertices = floats.len() / POSE_FLOATS;
+        let piece = vertices.div_ceil(self.threads() * PIECES).max(PIECE_VERTICES).next_multiple_of(VERTEX_PADDING);
+        let size = piece * POSE_FLOATS;
+        self.for_each(floats.chunks_mut(size).enumerate(), |(i, out)| f(i * size, out));
     }
 }

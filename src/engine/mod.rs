@@ -17,7 +17,9 @@
 //! - Engine, meshes and crowds are dropped only when the device has finished with them, and before the device
 //!   is destroyed. An allocator that the host shares is not locked by the host meanwhile.
 
+mod blocks;
 mod crowd;
+mod dense;
 
 pub use crate::gpu::caps::{DeviceCaps, Requirement, TransformFeedbackCaps, requirements};
 pub use crate::gpu::device::{DeviceDesc, SharedAllocator};
@@ -25,14 +27,16 @@ pub use crowd::{Crowd, CrowdDesc, PoseView, Ticket, Update};
 
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
+use crate::gpu::blocks::{BlocksKernel, BlocksVariant};
 use crate::gpu::compute::Compute;
 use crate::gpu::device::Device;
 use crate::gpu::feedback::Feedback;
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::gpu::shaders::WORKGROUP;
+use crate::mesh::packed::blocks::BlockDesc;
 use crate::mesh::packed::{POSE_STRIDE, PackDesc, PackedLayout, PackedMesh};
 use crate::plan::commands::Hazard;
-use crate::plan::{BatchSize, UpdateDesc, UpdatePath};
+use crate::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -42,6 +46,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub(crate) enum Kernel {
     Feedback(Arc<Feedback>),
     Compute(Arc<Compute>),
+    Blocks(Arc<BlocksKernel>),
 }
 
 /// The engine: the host's device and the pipelines made so far.
@@ -59,7 +64,9 @@ pub struct GpuMesh {
 /// The device-local part of a mesh.
 pub(crate) struct MeshBuffers {
     pub(crate) layout: PackedLayout,
+    /// The base pose (dense formats).
     pub(crate) base: Buffer,
+    /// Dense formats: the deltas. Block formats: headers, deltas and base pose, the whole asset.
     pub(crate) deltas: Buffer,
 }
 
@@ -108,13 +115,17 @@ impl MorphEngine {
         let caps = &self.device.caps;
         let dispatch = u64::from(caps.max_workgroups) * u64::from(WORKGROUP);
         let capture = caps.transform_feedback.map_or(u64::MAX, |f| f.max_buffer_bytes / POSE_STRIDE as u64);
-        PackDesc { format, max_chunk_bytes: caps.max_storage_range, max_chunk_vertices: dispatch.min(capture) }
+        let max_chunk_vertices = dispatch.min(capture);
+        PackDesc { format, max_chunk_bytes: caps.max_storage_range, max_chunk_vertices, blocks: BlockDesc::default() }
     }
 
     /// Bytes of device memory that a mesh takes (as much again in staging memory until
     /// [`GpuMesh::release_staging`]).
     pub fn mesh_bytes(layout: &PackedLayout) -> u64 {
-        layout.pose_bytes() + delta_buffer_bytes(layout)
+        match layout.format.is_blocks() {
+            true => blocks::asset_bytes(layout),
+            false => layout.pose_bytes() + delta_buffer_bytes(layout),
+        }
     }
 
     /// Create a mesh's buffers and record their upload.
@@ -140,10 +151,15 @@ impl MorphEngine {
             | vk::BufferUsageFlags::TRANSFER_DST;
         let buffer =
             |name, bytes, usage, location| Buffer::new(&self.device, &BufferDesc { name, bytes, usage, location });
-        let base = buffer("deltamorph base pose", layout.pose_bytes(), usage, MemoryLocation::GpuOnly)?;
-        let deltas = buffer("deltamorph deltas", delta_buffer_bytes(&layout), usage, MemoryLocation::GpuOnly)?;
         let (base_bytes, delta_bytes) =
             (bytemuck::cast_slice::<f32, u8>(mesh.base()), bytemuck::cast_slice::<u32, u8>(mesh.deltas()));
+        // In blocks the base pose lies behind the deltas, and no buffer of its own is needed.
+        let (base_size, deltas_size, base_at) = match layout.format.is_blocks() {
+            true => (0, blocks::asset_bytes(&layout), delta_bytes.len()),
+            false => (layout.pose_bytes(), delta_buffer_bytes(&layout), 0),
+        };
+        let base = buffer("deltamorph base pose", base_size, usage, MemoryLocation::GpuOnly)?;
+        let deltas = buffer("deltamorph deltas", deltas_size, usage, MemoryLocation::GpuOnly)?;
         let mut staging = buffer(
             "deltamorph upload",
             (base_bytes.len() + delta_bytes.len()) as u64,
@@ -154,16 +170,18 @@ impl MorphEngine {
         mapped[..base_bytes.len()].copy_from_slice(base_bytes);
         mapped[base_bytes.len()..][..delta_bytes.len()].copy_from_slice(delta_bytes);
 
-        let region = |src_offset: usize, size: usize| vk::BufferCopy {
+        let region = |src_offset: usize, dst_offset: usize, size: usize| vk::BufferCopy {
             src_offset: src_offset as u64,
-            dst_offset: 0,
+            dst_offset: dst_offset as u64,
             size: size as u64,
         };
-        for (target, region) in
-            [(&base, region(0, base_bytes.len())), (&deltas, region(base_bytes.len(), delta_bytes.len()))]
-        {
+        let base_buffer = if layout.format.is_blocks() { &deltas } else { &base };
+        for (target, region) in [
+            (base_buffer, region(0, base_at, base_bytes.len())),
+            (&deltas, region(base_bytes.len(), 0, delta_bytes.len())),
+        ] {
             if region.size > 0 {
-                // SAFETY: the caller's obligations; the region lies within both buffers.
+                // SAFETY: the caller's obligations; the region lies within both buffers, and the two do not overlap.
                 unsafe { self.device.raw.cmd_copy_buffer(cmd, staging.raw, target.raw, &[region]) };
             }
         }
@@ -189,6 +207,10 @@ impl MorphEngine {
         let (range, groups) = (caps.max_storage_range, caps.max_workgroups.into());
         let chunk_groups = (layout.chunk_vertices as u64).div_ceil(WORKGROUP.into());
         limit("a pose takes", layout.pose_bytes(), "bytes", range, "split the mesh")?;
+        if layout.format.is_blocks() {
+            let remedy = "use a smaller format, the path 'compute', which cuts its deltas into chunks, or split the mesh";
+            return limit("deltas and base pose take", blocks::asset_bytes(layout), "bytes", range, remedy);
+        }
         limit("a chunk of deltas takes", chunk_bytes(layout), "bytes", range, "pack with MorphEngine::pack_desc")?;
         limit("a chunk takes", chunk_groups, "workgroups", groups, "pack with MorphEngine::pack_desc")?;
         if let Some(feedback) = caps.transform_feedback {
@@ -215,27 +237,36 @@ impl MorphEngine {
                 "upload it with the engine that makes the crowd",
             ));
         }
-        self.device.caps.check_update(&desc.update, mesh.layout().format)?;
+        self.device.caps.check_update(&desc.update, mesh.layout())?;
         let kernel = self.kernel(&desc.update, mesh)?;
         Crowd::new(&self.device, &mesh.shared, kernel, desc)
     }
 
     fn kernel(&self, desc: &UpdateDesc, mesh: &GpuMesh) -> Result<Kernel> {
         let format = mesh.layout().format;
+        let variant = mesh.layout().blocks.as_ref().map(|index| BlocksVariant {
+            format,
+            exact: desc.accumulate == Accumulate::Exact,
+            size: index.size() as u32,
+        });
         let mut kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
         let found = kernels.iter().find(|kernel| match (kernel, desc.path, desc.batch) {
             (Kernel::Feedback(k), UpdatePath::Feedback, BatchSize::Targets(b)) => k.serves(format, b),
             (Kernel::Compute(k), UpdatePath::Compute, batch) => k.serves(format, batch),
+            (Kernel::Blocks(k), UpdatePath::Blocks, _) => variant.is_some_and(|v| k.serves(v)),
             _ => false,
         });
         if let Some(kernel) = found {
             return Ok(kernel.clone());
         }
-        let kernel = match (desc.path, desc.batch) {
-            (UpdatePath::Feedback, BatchSize::Targets(b)) => {
+        let kernel = match (desc.path, desc.batch, variant) {
+            (UpdatePath::Blocks, _, Some(variant)) => {
+                Kernel::Blocks(Arc::new(BlocksKernel::new(&self.device, variant)?))
+            }
+            (UpdatePath::Feedback, BatchSize::Targets(b), _) => {
                 Kernel::Feedback(Arc::new(Feedback::new(&self.device, format, b)?))
             }
-            (UpdatePath::Compute, batch) => Kernel::Compute(Arc::new(Compute::new(&self.device, format, batch)?)),
+            (UpdatePath::Compute, batch, _) => Kernel::Compute(Arc::new(Compute::new(&self.device, format, batch)?)),
             _ => {
                 return Err(Error::invalid(
                     format!("update path '{}' on a device", desc.path.name()),
@@ -254,7 +285,7 @@ impl MorphEngine {
     /// VERTEX_INPUT with VERTEX_ATTRIBUTE_READ and VERTEX_SHADER with SHADER_READ, so that draws recorded next
     /// may read [`Crowd::pose`] and [`Crowd::previous_pose`] as vertex attributes or storage buffers.
     ///
-    /// It binds over: the compute pipeline, its set 0 and push constants (`compute`); the graphics pipeline, vertex
+    /// It binds over: the compute pipeline, its set 0 and push constants (`compute`, `blocks`); the graphics pipeline, vertex
     /// bindings from 0 on, push constants and transform-feedback binding 0 (`feedback`).
     ///
     /// The caller is responsible for: submitting `cmd` exactly once, after all earlier updates of the crowd,

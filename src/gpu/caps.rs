@@ -2,7 +2,7 @@
 
 use super::shaders::{DENSE_BATCH_MAX, WORKGROUP, feedback_batch_max, feedback_push_bytes};
 use crate::error::{Error, Result};
-use crate::mesh::packed::{DeltaFormat, POSE_STRIDE};
+use crate::mesh::packed::{DeltaFormat, POSE_STRIDE, PackedLayout};
 use crate::plan::{BatchSize, UpdateDesc, UpdatePath};
 use ash::vk;
 use std::ffi::CStr;
@@ -71,7 +71,7 @@ pub fn requirements(path: UpdatePath) -> &'static [Requirement] {
             feature: Some("VkPhysicalDeviceTransformFeedbackFeaturesEXT::transformFeedback"),
             reason: "vertex passes capture the pose into a buffer",
         }],
-        UpdatePath::Compute | UpdatePath::Cpu => &[],
+        UpdatePath::Compute | UpdatePath::Blocks | UpdatePath::Cpu => &[],
     }
 }
 
@@ -210,7 +210,7 @@ impl DeviceCaps {
         match path {
             UpdatePath::Feedback => Some(self.feedback_batch_max(format)),
             UpdatePath::Compute => Some(DENSE_BATCH_MAX),
-            UpdatePath::Cpu => None,
+            UpdatePath::Blocks | UpdatePath::Cpu => None,
         }
     }
 
@@ -238,22 +238,37 @@ impl DeviceCaps {
                 ),
                 Some(_) => Ok(()),
             },
-            UpdatePath::Compute if self.max_workgroup_invocations < WORKGROUP => refuse(
+            UpdatePath::Compute | UpdatePath::Blocks if self.max_workgroup_invocations < WORKGROUP => refuse(
                 format!("{} invocations per workgroup, {WORKGROUP} needed", self.max_workgroup_invocations),
                 "use the path 'cpu'",
             ),
-            UpdatePath::Compute => Ok(()),
+            UpdatePath::Compute | UpdatePath::Blocks => Ok(()),
         }
     }
 
-    /// Whether an update as described can run here on deltas of `format`.
+    /// Whether an update as described can run here on a mesh packed like this.
     ///
     /// # Errors
     /// As [`UpdateDesc::check`] and [`check_path`](Self::check_path); a batch size beyond
-    /// [`batch_max`](Self::batch_max).
-    pub fn check_update(&self, desc: &UpdateDesc, format: DeltaFormat) -> Result<()> {
+    /// [`batch_max`](Self::batch_max); a format that the path does not take; blocks larger than a workgroup.
+    pub fn check_update(&self, desc: &UpdateDesc, layout: &PackedLayout) -> Result<()> {
+        let format = layout.format;
         desc.check()?;
         self.check_path(desc.path)?;
+        if format.is_blocks() != (desc.path == UpdatePath::Blocks) && desc.path != UpdatePath::Cpu {
+            let formats = if format.is_blocks() { DeltaFormat::DENSE.as_slice() } else { &DeltaFormat::BLOCKS };
+            let names: Vec<&str> = formats.iter().map(|f| f.name()).collect();
+            return Err(Error::invalid(
+                format!("update path '{}' with {} deltas", desc.path.name(), format.name()),
+                format!("pack the mesh as {}", names.join(" or ")),
+            ));
+        }
+        if let Some(blocks) = layout.blocks.as_ref().filter(|b| b.size() > self.max_workgroup_invocations as usize) {
+            return Err(Error::invalid(
+                format!("blocks of {} vertices on {}", blocks.size(), self.name),
+                format!("pack with blocks of at most {} vertices", self.max_workgroup_invocations),
+            ));
+        }
         match (desc.batch, self.batch_max(desc.path, format)) {
             (BatchSize::Targets(b), Some(most)) if b > most => Err(Error::invalid(
                 format!(

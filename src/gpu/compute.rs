@@ -44,10 +44,10 @@ impl Compute {
         objects.add_storage_set_layout(&BINDINGS)?;
         objects.add_layout(vk::ShaderStageFlags::COMPUTE, size_of::<DensePush>() as u32)?;
         match batch {
-            BatchSize::All => objects.add_compute(&format!("dense_list_{}", format.name()), None)?,
+            BatchSize::All => objects.add_compute(&format!("dense_list_{}", format.name()), &[])?,
             BatchSize::Targets(most) => {
                 for b in 0..=most {
-                    objects.add_compute(&format!("dense_{}", format.name()), Some(b))?;
+                    objects.add_compute(&format!("dense_{}", format.name()), &[b])?;
                 }
             }
         }

@@ -119,10 +119,8 @@ fn vertex_input(format: DeltaFormat, batch: u32) -> VertexInput {
     for b in 1..=batch {
         bindings.push(binding(b, format.stride() as u32));
         match format {
-            DeltaFormat::Float32 => {
-                attributes.extend([attribute(2 * b, b, float3, 0), attribute(2 * b + 1, b, float3, 12)]);
-            }
             DeltaFormat::Snorm16 => attributes.push(attribute(1 + b, b, vk::Format::R32G32B32_UINT, 0)),
+            _ => attributes.extend([attribute(2 * b, b, float3, 0), attribute(2 * b + 1, b, float3, 12)]),
         }
     }
     (bindings, attributes)

@@ -5,6 +5,7 @@
 //! update path.
 
 pub(crate) mod barriers;
+pub(crate) mod blocks;
 pub mod caps;
 pub(crate) mod compute;
 pub mod device;

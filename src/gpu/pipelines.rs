@@ -82,19 +82,19 @@ impl Objects {
         Ok(())
     }
 
-    /// A compute pipeline of module `name`; `constant` is specialization constant 0.
-    pub(crate) fn add_compute(&mut self, name: &str, constant: Option<u32>) -> Result<()> {
+    /// A compute pipeline of module `name`; `constants` are specialization constants 0, 1, …
+    pub(crate) fn add_compute(&mut self, name: &str, constants: &[u32]) -> Result<()> {
         let module = Module::new(&self.device, name)?;
-        let entries = [vk::SpecializationMapEntry::default().size(4)];
-        let data = constant.unwrap_or_default().to_ne_bytes();
-        let specialization = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
-        let mut stage = vk::PipelineShaderStageCreateInfo::default()
+        let entries: Vec<_> = (0..constants.len() as u32)
+            .map(|id| vk::SpecializationMapEntry { constant_id: id, offset: 4 * id, size: 4 })
+            .collect();
+        let specialization =
+            vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(constants));
+        let stage = vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::COMPUTE)
             .module(module.raw)
-            .name(c"main");
-        if constant.is_some() {
-            stage = stage.specialization_info(&specialization);
-        }
+            .name(c"main")
+            .specialization_info(&specialization);
         let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout);
         // SAFETY: module and layout are ours and alive; tests reflect the module against the layout.
         let made = unsafe { self.device.raw.create_compute_pipelines(vk::PipelineCache::null(), &[info], None) };

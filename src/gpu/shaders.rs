@@ -56,6 +56,38 @@ pub struct DenseListEntry {
     pub unused: u32,
 }
 
+/// Push constants of `blocks.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct BlocksPush {
+    /// Index of the first item's first word in the work list.
+    pub first_item: u32,
+    /// Index of the first element's first word in the work list.
+    pub elements_at: u32,
+    /// Index of the first delta word of the asset.
+    pub deltas_at: u32,
+    /// Index of the base pose's first word in the asset.
+    pub base_at: u32,
+    /// Floats of a pose.
+    pub pose_floats: u32,
+    /// Poses of an instance.
+    pub slots: u32,
+    /// Input units of an integer sum, or of a step for float32 sums: positions.
+    pub position_unit: f32,
+    /// The same of normals.
+    pub normal_unit: f32,
+}
+
+/// Name of the blocks module for a format and a kind of sums; `vertices` of a lane is 1, or 4 for `fast`.
+pub fn blocks_module(format: DeltaFormat, exact: bool, vertices: u32) -> String {
+    let name = match format {
+        DeltaFormat::Fast => "fast",
+        DeltaFormat::Small => "small",
+        _ => "float32",
+    };
+    format!("blocks_{name}{}{}", if exact { "_exact" } else { "" }, if vertices == 4 { "_x4" } else { "" })
+}
+
 /// Push constants of `read.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -70,8 +102,8 @@ pub struct ReadPush {
 /// byte each, padded to words.
 pub const fn feedback_push_bytes(format: DeltaFormat, batch: u32) -> u32 {
     match format {
-        DeltaFormat::Float32 => 4 * batch,
         DeltaFormat::Snorm16 => 4 * batch + 4 * batch.div_ceil(4),
+        _ => 4 * batch,
     }
 }
 

@@ -42,7 +42,7 @@ impl Headless {
         let mut objects = Objects::none(device);
         objects.add_storage_set_layout(&[vk::DescriptorType::STORAGE_BUFFER; 2])?;
         objects.add_layout(vk::ShaderStageFlags::COMPUTE, size_of::<ReadPush>() as u32)?;
-        objects.add_compute("read", None)?;
+        objects.add_compute("read", &[])?;
         let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: 2 }];
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
         // SAFETY: the device is alive.

@@ -152,12 +152,13 @@ impl<'a> HeadlessCrowd<'a> {
         Ok(self.milliseconds(ticks))
     }
 
-    /// Read the pose of an instance back: six floats a vertex, with padding.
+    /// Read the pose of an instance back: six floats a vertex, in the user's order of vertices, without padding.
     ///
     /// # Errors
     /// As [`draw`](Self::draw).
     pub fn read_pose(&mut self, instance: u32) -> Result<Vec<f32>> {
-        self.read(self.crowd.pose(instance)?)
+        let pose = self.read_view(self.crowd.pose(instance)?)?;
+        Ok(self.mesh.layout().to_user_order(&pose))
     }
 
     /// Read the previous pose of an instance back; `None` where the update had to overwrite it.
@@ -165,21 +166,38 @@ impl<'a> HeadlessCrowd<'a> {
     /// # Errors
     /// As [`draw`](Self::draw).
     pub fn read_previous_pose(&mut self, instance: u32) -> Result<Option<Vec<f32>>> {
-        self.crowd.previous_pose(instance)?.map(|view| self.read(view)).transpose()
+        let Some(view) = self.crowd.previous_pose(instance)? else { return Ok(None) };
+        let pose = self.read_view(view)?;
+        Ok(Some(self.mesh.layout().to_user_order(&pose)))
     }
 
-    fn read(&mut self, view: PoseView) -> Result<Vec<f32>> {
+    /// Read the integer sums of an instance back, as [`CpuCrowd::sums`](crate::cpu::CpuCrowd::sums) has them; `None`
+    /// unless it accumulates exactly.
+    ///
+    /// # Errors
+    /// A device that fails.
+    pub fn read_sums(&mut self, instance: u32) -> Result<Option<Vec<i32>>> {
+        let Some((buffer, offset)) = self.crowd.sums(instance) else { return Ok(None) };
+        let bytes = self.read(buffer, offset, self.mesh.layout().pose_bytes())?;
+        Ok(Some(bytes.chunks_exact(4).map(|b| i32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect()))
+    }
+
+    fn read_view(&mut self, view: PoseView) -> Result<Vec<f32>> {
+        let bytes = self.read(view.buffer, view.offset, view.size)?;
+        Ok(bytes.chunks_exact(4).map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect())
+    }
+
+    fn read(&mut self, buffer: vk::Buffer, offset: u64, size: u64) -> Result<&[u8]> {
         let submitter = self.headless.submitter();
-        let region = [vk::BufferCopy { src_offset: view.offset, dst_offset: 0, size: view.size }];
+        let region = [vk::BufferCopy { src_offset: offset, dst_offset: 0, size }];
         submitter.run(|cmd| {
             full_barrier(submitter.device(), cmd);
             // SAFETY: the buffer is recording; the region lies within both buffers, which are alive.
-            unsafe { submitter.device().cmd_copy_buffer(cmd, view.buffer, self.readback.raw, &region) };
+            unsafe { submitter.device().cmd_copy_buffer(cmd, buffer, self.readback.raw, &region) };
             host_barrier(submitter.device(), cmd);
             Ok(())
         })?;
-        let bytes = &self.readback.mapped()?[..view.size as usize];
-        Ok(bytes.chunks_exact(4).map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect())
+        Ok(&self.readback.mapped()?[..size as usize])
     }
 
     fn milliseconds(&self, ticks: Option<u64>) -> Option<f64> {

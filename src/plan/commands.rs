@@ -1,5 +1,6 @@
 //! Passes and barriers as data: what a back end records, and what the hazard checker reads.
 
+use super::blocks::Item;
 use super::{Plan, Source, UpdatePath};
 use std::ops::Range;
 
@@ -151,13 +152,32 @@ pub struct PassCommand {
     pub coefficients: Range<usize>,
 }
 
+/// The blocks of one instance, all in one pass.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BlocksCommand {
+    /// The instance.
+    pub instance: u32,
+    /// The slot that blocks are read from, if any is.
+    pub source: Option<u32>,
+    /// The slot they are written to.
+    pub destination: u32,
+    /// Which items of the work list.
+    pub items: Range<usize>,
+    /// Whether the base pose is read: by rebuilt blocks, and by exact sums always.
+    pub reads_base: bool,
+    /// Whether integer sums are read and written.
+    pub exact: bool,
+}
+
 /// A command of an update.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Command {
     /// A memory barrier.
     Barrier(Hazard),
-    /// A pass.
+    /// A pass over all vertices (dense formats).
     Pass(PassCommand),
+    /// A pass over blocks.
+    Blocks(BlocksCommand),
 }
 
 /// What one `record_update` writes into the host's command buffer.
@@ -181,7 +201,7 @@ impl CommandList {
     pub fn passes(&self) -> impl Iterator<Item = &PassCommand> {
         self.commands.iter().filter_map(|c| match c {
             Command::Pass(pass) => Some(pass),
-            Command::Barrier(_) => None,
+            Command::Barrier(_) | Command::Blocks(_) => None,
         })
     }
 
@@ -201,7 +221,7 @@ impl CommandList {
                 Hazard::FeedbackWriteToPoseRead,
             ),
             // The cpu path has no barriers to record, but its list is the same list.
-            UpdatePath::Compute | UpdatePath::Cpu => {
+            UpdatePath::Compute | UpdatePath::Blocks | UpdatePath::Cpu => {
                 (Hazard::PoseReadToComputeUpdate, Hazard::ComputeWriteToComputeUpdate, Hazard::ComputeWriteToPoseRead)
             }
         };
@@ -220,6 +240,29 @@ impl CommandList {
             }
         }
         self.commands.push(Command::Barrier(after));
+    }
+
+    /// Write the list for one update in blocks: one pass for all instances, which do not depend on each other.
+    pub fn fill_blocks(&mut self, items: &[Item], exact: bool) {
+        self.commands.clear();
+        let mut first = 0;
+        for run in items.chunk_by(|a, b| a.instance == b.instance) {
+            if first == 0 {
+                self.commands.push(Command::Barrier(Hazard::PoseReadToComputeUpdate));
+            }
+            self.commands.push(Command::Blocks(BlocksCommand {
+                instance: run[0].instance,
+                source: run.iter().find_map(|item| item.source),
+                destination: run[0].destination,
+                items: first..first + run.len(),
+                reads_base: exact || run.iter().any(|item| item.source.is_none()),
+                exact,
+            }));
+            first += run.len();
+        }
+        if first > 0 {
+            self.commands.push(Command::Barrier(Hazard::ComputeWriteToPoseRead));
+        }
     }
 
     /// Bytes that the passes load and store: each reads its source and its targets' deltas and writes its

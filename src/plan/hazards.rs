@@ -6,7 +6,7 @@
 //! a barrier's first stages cover the second stages of an earlier one.
 
 use super::Source;
-use super::commands::{Access, Command, CommandList, Hazard, Stage};
+use super::commands::{Access, BlocksCommand, Command, CommandList, Hazard, Stage};
 use crate::plan::UpdatePath;
 use std::collections::HashMap;
 
@@ -23,6 +23,11 @@ pub enum Resource {
         instance: u32,
         /// The slot.
         slot: u32,
+    },
+    /// The integer sums of an instance.
+    Sums {
+        /// The instance.
+        instance: u32,
     },
 }
 
@@ -103,13 +108,14 @@ impl HazardChecker {
         for command in &list.commands {
             match command {
                 Command::Barrier(hazard) => self.barrier(*hazard),
+                Command::Blocks(blocks) => self.blocks(blocks),
                 Command::Pass(pass) => {
                     let (read, write) = match list.path {
                         UpdatePath::Feedback => (
                             (Stage::VertexInput, Access::AttributeRead),
                             (Stage::TransformFeedback, Access::FeedbackWrite),
                         ),
-                        UpdatePath::Compute | UpdatePath::Cpu => {
+                        UpdatePath::Compute | UpdatePath::Blocks | UpdatePath::Cpu => {
                             ((Stage::Compute, Access::ShaderRead), (Stage::Compute, Access::ShaderWrite))
                         }
                     };
@@ -134,6 +140,25 @@ impl HazardChecker {
                     self.write(target, Some(fetch).filter(|_| list.path.works_in_place()));
                 }
             }
+        }
+    }
+
+    fn blocks(&mut self, blocks: &BlocksCommand) {
+        let pose = |slot| Resource::Pose { instance: blocks.instance, slot };
+        let read = |resource| Use { resource, stage: Stage::Compute, access: Access::ShaderRead };
+        let write = |resource| Use { resource, stage: Stage::Compute, access: Access::ShaderWrite };
+        self.read(read(Resource::Deltas));
+        if blocks.reads_base {
+            self.read(read(Resource::Base));
+        }
+        // As in a dense pass: an invocation reads what it writes, and nobody else does.
+        let source = blocks.source.map(|slot| read(pose(slot)));
+        source.into_iter().for_each(|source| self.read(source));
+        self.write(write(pose(blocks.destination)), source);
+        if blocks.exact {
+            let sums = Resource::Sums { instance: blocks.instance };
+            self.read(read(sums));
+            self.write(write(sums), Some(read(sums)));
         }
     }
 

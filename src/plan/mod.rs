@@ -10,6 +10,7 @@
 //!   rebuild       source = the base pose,    c = weights of the active targets
 //! ```
 
+pub mod blocks;
 pub mod commands;
 pub mod hazards;
 
@@ -26,19 +27,23 @@ pub enum UpdatePath {
     Feedback,
     /// Compute passes. The first reads the current slot and writes the next, the rest run in place there.
     Compute,
-    /// SIMD and threads on the CPU; runs without Vulkan.
+    /// Compute, one workgroup for each block of vertices that a changed target touches. Takes the block formats. The
+    /// one to use where there is a GPU.
+    Blocks,
+    /// SIMD and threads on the CPU; runs without Vulkan. Takes every format.
     Cpu,
 }
 
 impl UpdatePath {
     /// Every path.
-    pub const ALL: [Self; 3] = [Self::Feedback, Self::Compute, Self::Cpu];
+    pub const ALL: [Self; 4] = [Self::Feedback, Self::Compute, Self::Blocks, Self::Cpu];
 
     /// The name used on the command line and in reports.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Feedback => "feedback",
             Self::Compute => "compute",
+            Self::Blocks => "blocks",
             Self::Cpu => "cpu",
         }
     }
@@ -97,30 +102,74 @@ impl std::fmt::Display for BatchSize {
     }
 }
 
+/// How poses add up (block formats; dense ones are always `Float`, without the bound).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Accumulate {
+    /// float32 sums. A bound on what rounding may have done to a block's positions is kept, and a block whose bound
+    /// would exceed `tolerance` (a fraction of the diagonal) starts from the base pose again.
+    Float {
+        /// Largest position error that accumulation may cause, as a fraction of the bounding-box diagonal.
+        tolerance: f32,
+    },
+    /// Integer sums on a grid of weights and deltas ([`ExactGrid`](crate::mesh::packed::blocks::ExactGrid)): after any
+    /// number of updates, in any order and on any driver, bit for bit what a full evaluation gives.
+    Exact,
+}
+
+impl Default for Accumulate {
+    /// float32 with a tolerance of 1e-5 of the diagonal.
+    fn default() -> Self {
+        Self::Float { tolerance: 1e-5 }
+    }
+}
+
+impl Accumulate {
+    /// The name used on the command line and in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Float { .. } => "float",
+            Self::Exact => "exact",
+        }
+    }
+}
+
 /// How poses are to be updated. The same for all instances of a crowd, for its life.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UpdateDesc {
     /// Who carries the passes out.
     pub path: UpdatePath,
-    /// Targets per pass.
+    /// Targets per pass (dense formats).
     pub batch: BatchSize,
     /// What an update starts from.
     pub mode: UpdateMode,
     /// Pose buffers per instance. 1: in place, no previous pose (not for `feedback`). 2: ping-pong. 3 keep the
     /// previous pose under `feedback`, too, whose passes alternate between the other two.
     pub slots: u32,
+    /// How poses add up (block formats).
+    pub accumulate: Accumulate,
+    /// How far a vertex may be from where the weights asked for would put it, as a length in input units (block
+    /// formats). Changes too small to matter wait then, until they add up to more, or the face is still. 0: none waits.
+    /// Packing, and rounding by [`Accumulate::Exact`], come on top.
+    pub error_budget: f32,
 }
 
 impl UpdateDesc {
     /// Incremental updates in two slots.
     pub const fn new(path: UpdatePath, batch: BatchSize) -> Self {
-        Self { path, batch, mode: UpdateMode::Incremental, slots: 2 }
+        let accumulate = Accumulate::Float { tolerance: 1e-5 };
+        Self { path, batch, mode: UpdateMode::Incremental, slots: 2, accumulate, error_budget: 0.0 }
+    }
+
+    /// The path `blocks`: incremental updates in two slots.
+    pub const fn blocks() -> Self {
+        Self::new(UpdatePath::Blocks, BatchSize::All)
     }
 
     /// Check the description.
     ///
     /// # Errors
-    /// A batch size of 0, no slot, or too few slots for the path.
+    /// A batch size of 0; no slot, or too few slots for the path; a tolerance or budget that is no length, or exact sums
+    /// or a budget on a dense path.
     pub fn check(&self) -> Result<()> {
         let least = if self.path.works_in_place() { 1 } else { 2 };
         if self.slots < least || self.slots > 64 {
@@ -129,6 +178,19 @@ impl UpdateDesc {
                 format!("use {least} to 64 slots (2 is ping-pong)"),
             ));
         }
+        let tolerance = match self.accumulate {
+            Accumulate::Float { tolerance } => tolerance,
+            Accumulate::Exact => 1.0,
+        };
+        if !(tolerance > 0.0 && self.error_budget >= 0.0 && self.error_budget.is_finite()) {
+            return Err(Error::invalid(
+                format!("a tolerance of {tolerance} and an error budget of {}", self.error_budget),
+                "use a tolerance above 0 and a budget of 0 or more",
+            ));
+        }
+        if matches!(self.path, UpdatePath::Feedback | UpdatePath::Compute) {
+            self.check_dense(self.path.name())?;
+        }
         match (self.path, self.batch) {
             (_, BatchSize::Targets(0)) => Err(Error::invalid("a batch size of 0", "use 1 or more targets per pass")),
             (UpdatePath::Feedback, BatchSize::All) => Err(Error::invalid(
@@ -136,6 +198,21 @@ impl UpdateDesc {
                 "a vertex pass takes as many targets as the device has vertex attributes for: name a number",
             )),
             _ => Ok(()),
+        }
+    }
+}
+
+impl UpdateDesc {
+    /// Refuse what only block formats have; `what` is the path or format.
+    pub(crate) fn check_dense(&self, what: &str) -> Result<()> {
+        let refuse = |asked: &str| {
+            let remedy = "use the path 'blocks', or 'cpu' with a block format ('fast', 'small')";
+            Err(Error::invalid(format!("{asked} with '{what}'"), remedy))
+        };
+        match self.accumulate {
+            Accumulate::Exact => refuse("exact accumulation"),
+            Accumulate::Float { .. } if self.error_budget > 0.0 => refuse("an error budget"),
+            Accumulate::Float { .. } => Ok(()),
         }
     }
 }
@@ -296,17 +373,23 @@ impl PoseState {
 }
 
 /// How an update went. The counts speak of the whole crowd.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct UpdateStats {
-    /// Coefficients applied.
+    /// Coefficients applied: targets whose weight changed, or that are active where an update starts from base.
     pub coefficients: usize,
     /// Passes.
     pub passes: usize,
-    /// Instances that started from the base pose.
+    /// Instances that started from the base pose (dense formats).
     pub rebuilt: usize,
+    /// Blocks written (block formats).
+    pub dirty_blocks: usize,
+    /// Of these, the ones that started from the base pose.
+    pub rebuilt_blocks: usize,
+    /// Bound on the position error that float32 accumulation may have caused so far, in input units; 0 for exact sums.
+    pub bound: f32,
     /// Bytes loaded and stored.
     pub bytes_moved: u64,
-    /// The least that dense work could move.
+    /// The least that dense work could move; in block formats, what deltas and poses alone take.
     pub bytes_floor: u64,
 }
 
@@ -320,6 +403,7 @@ impl UpdateStats {
             rebuilt: plans.iter().filter(|p| p.rebuilt && !p.passes.is_empty()).count(),
             bytes_moved: list.bytes_moved(vertices, POSE_STRIDE, stride),
             bytes_floor: list.bytes_floor(vertices, POSE_STRIDE, stride),
+            ..Self::default()
         }
     }
 }

@@ -26,7 +26,7 @@ fn descs() -> impl Strategy<Value = UpdateDesc> {
     let batch = prop_oneof![(1u32..20).prop_map(BatchSize::Targets), Just(BatchSize::All)];
     let mode = prop_oneof![Just(UpdateMode::Incremental), Just(UpdateMode::Rebuild)];
     (prop_oneof![Just(UpdatePath::Feedback), Just(UpdatePath::Compute)], batch, mode, 1u32..5)
-        .prop_map(|(path, batch, mode, slots)| UpdateDesc { path, batch, mode, slots })
+        .prop_map(|(path, batch, mode, slots)| UpdateDesc { mode, slots, ..UpdateDesc::new(path, batch) })
         .prop_filter("valid", |d| d.check().is_ok())
 }
 
@@ -217,8 +217,8 @@ fn rounds_of_a_crowd_share_their_barriers() {
         .commands
         .iter()
         .map(|c| match c {
-            Command::Barrier(_) => None,
             Command::Pass(p) => Some(p.instance),
+            Command::Barrier(_) | Command::Blocks(_) => None,
         })
         .collect();
     assert_eq!(shape, [None, Some(0), Some(1), Some(2), None, Some(0), None]);

@@ -4,7 +4,7 @@
 use deltamorph::engine::{CrowdDesc, DeviceCaps, MorphEngine};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
 use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
-use deltamorph::plan::{BatchSize, UpdateDesc, UpdatePath};
+use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
 
 /// Substrings of the device names that have to be there. `DELTAMORPH_TEST_DRIVERS` (comma list) replaces them.
 pub fn drivers() -> Vec<String> {
@@ -42,6 +42,14 @@ pub fn on_device_within(driver: &str, limits: Option<DeviceCaps>, test: impl Fn(
 /// Every path and a spread of batch sizes that the device offers for `format`.
 pub fn update_descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc> {
     let mut descs = vec![];
+    if format.is_blocks() {
+        let blocks = UpdateDesc { accumulate: Accumulate::Float { tolerance: 1e-2 }, ..UpdateDesc::blocks() };
+        descs.push(blocks);
+        if format != DeltaFormat::BlockFloat32 {
+            descs.push(UpdateDesc { accumulate: Accumulate::Exact, ..blocks });
+        }
+        return descs;
+    }
     for path in [UpdatePath::Feedback, UpdatePath::Compute] {
         if engine.caps().check_path(path).is_err() {
             continue;
@@ -57,6 +65,17 @@ pub fn update_descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc
         }
     }
     descs
+}
+
+/// What the poses of `desc` are compared with: `weights`, on the grid of exact sums where it has one.
+pub fn applied(mesh: &PackedMesh, desc: &UpdateDesc, weights: &[f32]) -> Vec<f32> {
+    match (&mesh.layout().blocks, desc.accumulate) {
+        (Some(blocks), Accumulate::Exact) => {
+            let grid = blocks.exact().expect("an exact grid");
+            weights.iter().map(|&w| grid.round(w)).collect()
+        }
+        _ => weights.to_vec(),
+    }
 }
 
 /// One instance, two frames in flight.

@@ -1,0 +1,253 @@
+//! What a crowd on the path `blocks` has of its own: work lists, integer sums, and what each block holds.
+
+use super::MeshBuffers;
+use super::crowd::CrowdDesc;
+use crate::error::{Error, Result};
+use crate::gpu::barriers;
+use crate::gpu::blocks::{BlockSets, BlocksKernel, BufferRange, GroupBuffers};
+use crate::gpu::device::Device;
+use crate::gpu::memory::{Buffer, BufferDesc};
+use crate::gpu::shaders::BlocksPush;
+use crate::mesh::packed::blocks::{BlockIndex, ExactGrid};
+use crate::mesh::packed::{PackedLayout, POSE_FLOATS};
+use crate::plan::UpdateStats;
+use crate::plan::blocks::{BlockPlan, BlockState, ELEMENT_BYTES, ITEM_WORDS, Item, Scratch, WorkList};
+use crate::plan::commands::{Command, CommandList};
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Poses are named by 16 bits in the work list.
+const POSES_MAX: u64 = 1 << 16;
+/// Set in an item's first word when it starts from the base pose.
+const REBUILT: u32 = 1 << 31;
+
+pub(super) struct Blocks {
+    kernel: Arc<BlocksKernel>,
+    index: Arc<BlockIndex>,
+    slots: u32,
+    pub(super) states: Vec<BlockState>,
+    pub(super) plans: Vec<BlockPlan>,
+    pub(super) list: CommandList,
+    scratch: Scratch,
+    work: WorkList,
+    ring: Ring,
+    sums: Option<Buffer>,
+    sets: BlockSets,
+    /// Instances that one descriptor set reaches.
+    group: u32,
+    push: BlocksPush,
+}
+
+/// Work lists in host-visible memory, one for each frame in flight: items, then elements.
+struct Ring {
+    buffer: Buffer,
+    /// Bytes of a frame's part.
+    stride: u64,
+    /// Index of the first element's first word.
+    elements_at: usize,
+}
+
+/// Sizes of a work list: words before the elements, and bytes in all.
+fn list_size(index: &BlockIndex, instances: u32) -> (u64, u64) {
+    let item = 4 * (ITEM_WORDS + POSE_FLOATS * index.mask_words()) as u64;
+    let items = u64::from(instances) * index.count() as u64 * item;
+    let elements = u64::from(instances) * (index.entry_count() * ELEMENT_BYTES) as u64;
+    (items / 4, (items + elements).max(16).next_multiple_of(256))
+}
+
+impl Blocks {
+    pub(super) fn new(
+        device: &Arc<Device>,
+        mesh: &Arc<MeshBuffers>,
+        index: &Arc<BlockIndex>,
+        kernel: Arc<BlocksKernel>,
+        desc: &CrowdDesc,
+        poses: &Buffer,
+    ) -> Result<Self> {
+        let layout = &mesh.layout;
+        let state = BlockState::new(desc.update, layout, index)?;
+        let exact = state.exact();
+        let (range, pose) = (device.caps.max_storage_range, layout.pose_bytes());
+        let slots = desc.update.slots;
+        let per_instance = pose * u64::from(slots);
+        let group = (range / per_instance).min(POSES_MAX / u64::from(slots)).min(desc.instances.into()) as u32;
+        let too_much = |what: &str, bytes: u64, most: u64, remedy: &str| {
+            let text = format!("{what} of mesh '{}' take {bytes} bytes, {} allows {most}", layout.name, device.caps.name);
+            Err(Error::invalid(text, remedy))
+        };
+        if group == 0 {
+            return too_much("the slots of one instance", per_instance, range, "use fewer slots, or split the mesh");
+        }
+        let (elements_at, stride) = list_size(index, desc.instances);
+        if stride > range {
+            let what = format!("the work lists of {} instances", desc.instances);
+            return too_much(&what, stride, range, "make several crowds");
+        }
+        let bytes = stride.saturating_mul(desc.frames_in_flight.into());
+        if bytes > u32::MAX.into() {
+            let what = format!("the work lists of {} frames in flight", desc.frames_in_flight);
+            return too_much(&what, bytes, u32::MAX.into(), "use fewer frames in flight, or several crowds");
+        }
+        let buffer = |name, bytes, location| {
+            let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_SRC;
+            Buffer::new(device, &BufferDesc { name, bytes, usage, location })
+        };
+        let mut ring = buffer("deltamorph work lists", bytes, MemoryLocation::CpuToGpu)?;
+        ring.mapped()?;
+        let sums = match exact {
+            Some(_) => {
+                let bytes = pose * u64::from(desc.instances);
+                Some(buffer("deltamorph integer sums", bytes, MemoryLocation::GpuOnly)?)
+            }
+            None => None,
+        };
+        let groups: Vec<GroupBuffers> = (0..desc.instances)
+            .step_by(group as usize)
+            .map(|first| {
+                let count = u64::from(group.min(desc.instances - first));
+                let part = |buffer: &Buffer, each: u64| BufferRange {
+                    buffer: buffer.raw,
+                    offset: u64::from(first) * each,
+                    size: count * each,
+                };
+                GroupBuffers {
+                    asset: BufferRange { buffer: mesh.deltas.raw, offset: 0, size: asset_bytes(layout) },
+                    list: BufferRange { buffer: ring.raw, offset: 0, size: stride },
+                    poses: part(poses, per_instance),
+                    sums: sums.as_ref().map(|sums| part(sums, pose)),
+                }
+            })
+            .collect();
+        let sets = BlockSets::new(&kernel, &groups)?;
+        let step = exact.map_or(1.0, |grid| grid.weight_step());
+        let [position, normal] = index.steps();
+        let push = BlocksPush {
+            first_item: 0,
+            elements_at: elements_at as u32,
+            deltas_at: index.deltas_at() as u32,
+            base_at: (asset_bytes(layout) / 4 - pose / 4) as u32,
+            pose_floats: (pose / 4) as u32,
+            slots,
+            position_unit: position * step,
+            normal_unit: normal * step,
+        };
+        let instances = desc.instances as usize;
+        Ok(Self {
+            kernel,
+            index: index.clone(),
+            slots,
+            states: vec![state; instances],
+            plans: vec![BlockPlan::default(); instances],
+            list: CommandList::new(desc.update.path),
+            scratch: Scratch::default(),
+            work: WorkList::new(index, instances),
+            ring: Ring { buffer: ring, stride, elements_at: elements_at as usize },
+            sums,
+            sets,
+            group,
+            push,
+        })
+    }
+
+    pub(super) fn exact(&self) -> Option<ExactGrid> {
+        self.states[0].exact()
+    }
+
+    /// The integer sums of an instance: buffer and offset.
+    #[cfg(feature = "headless")]
+    pub(super) fn sums(&self, instance: u32, pose_bytes: u64) -> Option<(vk::Buffer, u64)> {
+        self.sums.as_ref().map(|sums| (sums.raw, u64::from(instance) * pose_bytes))
+    }
+
+    pub(super) fn plan(&mut self, weights: &[Vec<f32>], update: u64) -> UpdateStats {
+        let mut stats = UpdateStats::default();
+        self.work.clear();
+        for (instance, ((state, weights), plan)) in
+            self.states.iter_mut().zip(weights).zip(&mut self.plans).enumerate()
+        {
+            *plan =
+                state.plan(&self.index, instance, weights, update, &mut self.scratch, &mut self.work, &mut stats);
+        }
+        self.list.fill_blocks(&self.work.items, self.sums.is_some());
+        stats.passes = usize::from(!self.work.items.is_empty());
+        stats
+    }
+
+    /// Write the planned commands.
+    ///
+    /// # Safety
+    /// As [`super::MorphEngine::record_update`].
+    pub(super) unsafe fn record(&mut self, device: &Device, cmd: vk::CommandBuffer, frame: u64) -> Result<()> {
+        if self.list.commands.is_empty() {
+            return Ok(());
+        }
+        self.write_list(frame)?;
+        let list = (frame * self.ring.stride) as u32;
+        let item_words = ITEM_WORDS + POSE_FLOATS * self.index.mask_words();
+        // Instances of one group that no barrier parts go into one dispatch.
+        let mut pending: Option<(u32, Range<usize>)> = None;
+        let flush = |pending: &mut Option<(u32, Range<usize>)>| {
+            if let Some((group, items)) = pending.take() {
+                let set = self.sets.get(group as usize);
+                // SAFETY: the caller's obligations; set and list were written for this mesh and crowd.
+                unsafe { self.kernel.record(cmd, set, list, items, item_words, self.push) };
+            }
+        };
+        for command in &self.list.commands {
+            match command {
+                Command::Barrier(hazard) => {
+                    flush(&mut pending);
+                    // SAFETY: the caller's obligations.
+                    unsafe { barriers::record(&device.raw, cmd, *hazard) };
+                }
+                Command::Blocks(blocks) => {
+                    let group = blocks.instance / self.group;
+                    match &mut pending {
+                        Some((g, items)) if *g == group && items.end == blocks.items.start => {
+                            items.end = blocks.items.end;
+                        }
+                        _ => {
+                            flush(&mut pending);
+                            pending = Some((group, blocks.items.clone()));
+                        }
+                    }
+                }
+                Command::Pass(_) => {}
+            }
+        }
+        flush(&mut pending);
+        Ok(())
+    }
+
+    /// Write this frame's work list; the update that used this part of the ring last has finished by contract.
+    fn write_list(&mut self, frame: u64) -> Result<()> {
+        let mask_words = POSE_FLOATS * self.index.mask_words();
+        let (at, size) = ((frame * self.ring.stride) as usize, self.ring.stride as usize);
+        let words: &mut [u32] = bytemuck::cast_slice_mut(&mut self.ring.buffer.mapped()?[at..at + size]);
+        let (items, elements) = words.split_at_mut(self.ring.elements_at);
+        let lists = items.chunks_exact_mut(ITEM_WORDS + mask_words);
+        for ((item, masks), out) in self.work.items.iter().zip(self.work.masks.chunks_exact(mask_words)).zip(lists) {
+            out[..ITEM_WORDS].copy_from_slice(&item_words(item, self.group, self.slots));
+            out[ITEM_WORDS..].copy_from_slice(masks);
+            let (first, count) = (2 * item.first as usize, 2 * item.count as usize);
+            let listed: &[u32] = bytemuck::cast_slice(self.work.elements_of(item));
+            elements[first..first + count].copy_from_slice(listed);
+        }
+        Ok(())
+    }
+}
+
+/// An item as `blocks.comp` reads it.
+fn item_words(item: &Item, group: u32, slots: u32) -> [u32; ITEM_WORDS] {
+    let pose = |slot: u32| item.instance % group * slots + slot;
+    let source = pose(item.source.unwrap_or(item.destination));
+    let rebuilt = if item.source.is_none() { REBUILT } else { 0 };
+    [item.block | rebuilt, source | pose(item.destination) << 16, item.first, item.count]
+}
+
+/// Bytes of the buffer that holds headers, deltas and base pose.
+pub(super) fn asset_bytes(layout: &PackedLayout) -> u64 {
+    layout.index_bytes() + layout.delta_bytes() + layout.pose_bytes()
+}

@@ -1,0 +1,142 @@
+//! The order of vertices in block formats: targets cover few blocks when vertices that the same targets move lie
+//! together.
+//!
+//! The vertices are split recursively, as a decision tree would: by the target whose membership tells most about the
+//! membership in all other targets. Every other branch is mirrored, so that neighbours in the order differ little.
+
+/// Vertices looked at to choose a split, at most.
+const SAMPLE: usize = 512;
+/// Sets this small are not split.
+const LEAF: usize = 4;
+
+/// Packed → user order for `vertices` vertices, given the vertices that each target moves (ascending). Vertices that
+/// no target moves come last.
+pub(super) fn order(vertices: usize, members: &[Vec<u32>]) -> Vec<u32> {
+    let words = members.len().div_ceil(64);
+    let mut sets = vec![0u64; vertices * words];
+    for (target, members) in members.iter().enumerate() {
+        for &v in members {
+            sets[v as usize * words + target / 64] |= 1 << (target % 64);
+        }
+    }
+    let of = |v: u32| &sets[v as usize * words..][..words];
+    let (mut moved, still): (Vec<u32>, Vec<u32>) =
+        (0..vertices as u32).partition(|&v| of(v).iter().any(|word| *word != 0));
+    let mut order = Vec::with_capacity(vertices);
+    let mut tree = Tree { targets: members.len(), of: &of, scratch: vec![], together: vec![] };
+    // A stack of our own: a mesh may need as many levels as it has targets.
+    let mut stack = vec![(std::mem::take(&mut moved), false)];
+    while let Some((set, mirrored)) = stack.pop() {
+        match tree.split(&set) {
+            None => order.extend(set),
+            Some(target) => {
+                let (first, second): (Vec<u32>, Vec<u32>) =
+                    set.into_iter().partition(|&v| has(of(v), target) != mirrored);
+                stack.push((second, true));
+                stack.push((first, false));
+            }
+        }
+    }
+    order.extend(still);
+    order
+}
+
+fn has(set: &[u64], target: usize) -> bool {
+    set[target / 64] >> (target % 64) & 1 != 0
+}
+
+struct Tree<'a, F: Fn(u32) -> &'a [u64]> {
+    targets: usize,
+    of: &'a F,
+    scratch: Vec<u32>,
+    /// `[target][target]`: vertices of the sample in both.
+    together: Vec<u32>,
+}
+
+impl<'a, F: Fn(u32) -> &'a [u64]> Tree<'a, F> {
+    /// The target to split `set` by; `None` when all its vertices are moved by the same targets.
+    fn split(&mut self, set: &[u32]) -> Option<usize> {
+        if set.len() <= LEAF {
+            return None;
+        }
+        let step = set.len().div_ceil(SAMPLE);
+        let sample = || set.iter().copied().step_by(step);
+        let n = sample().count() as u32;
+        self.scratch.clear();
+        self.scratch.resize(self.targets, 0);
+        for v in sample() {
+            for_each(((self.of)(v)).iter().copied(), |t| self.scratch[t] += 1);
+        }
+        // Targets that split the sample, numbered anew.
+        let mixed: Vec<usize> = (0..self.targets).filter(|&t| (1..n).contains(&self.scratch[t])).collect();
+        if mixed.is_empty() {
+            // The sample is uniform; the set need not be.
+            let first = (self.of)(set[0]);
+            let odd = set.iter().find(|&&v| (self.of)(v) != first)?;
+            return (0..self.targets).find(|&t| has(first, t) != has((self.of)(*odd), t));
+        }
+        let k = mixed.len();
+        self.together.clear();
+        self.together.resize(k * k, 0);
+        let mut present = vec![];
+        for v in sample() {
+            let set = (self.of)(v);
+            present.clear();
+            present.extend((0..k).filter(|&i| has(set, mixed[i])));
+            for &a in &present {
+                for &b in &present {
+                    self.together[a * k + b] += 1;
+                }
+            }
+        }
+        // The split that leaves the least variance of membership, summed over the targets.
+        let variance = |members: f64, of: f64| if of > 0.0 { members * (of - members) / of } else { 0.0 };
+        let remaining = |a: usize| {
+            let inside = f64::from(self.together[a * k + a]);
+            let outside = f64::from(n) - inside;
+            let each = (0..k).map(|b| {
+                let both = f64::from(self.together[a * k + b]);
+                let only = f64::from(self.together[b * k + b]) - both;
+                variance(both, inside) + variance(only, outside)
+            });
+            each.sum::<f64>()
+        };
+        let best = (0..k).map(|a| (a, remaining(a))).min_by(|a, b| a.1.total_cmp(&b.1))?;
+        Some(mixed[best.0])
+    }
+}
+
+/// Call `f` with the number of each bit that is set.
+fn for_each(words: impl Iterator<Item = u64>, mut f: impl FnMut(usize)) {
+    for (i, mut word) in words.enumerate() {
+        while word != 0 {
+            f(i * 64 + word.trailing_zeros() as usize);
+            word &= word - 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_vertex_comes_once_and_the_still_ones_last() {
+        let members = [vec![0, 2, 4, 6, 8], vec![1, 2, 3], vec![]];
+        let order = order(12, &members);
+        let mut sorted = order.clone();
+        sorted.sort_unstable();
+        assert_eq!(sorted, (0..12).collect::<Vec<u32>>());
+        assert_eq!(order[7..], [5, 7, 9, 10, 11]);
+        assert!(super::order(0, &[]).is_empty() && super::order(3, &[]) == [0, 1, 2]);
+    }
+
+    #[test]
+    fn interleaved_targets_come_apart() {
+        // Target t moves the vertices t modulo 4: in the user's order every block has all targets.
+        let members: Vec<Vec<u32>> = (0..4).map(|t| (t..1024).step_by(4).collect()).collect();
+        let order = order(1024, &members);
+        let blocks: usize = order.chunks(64).map(|b| (0..4).filter(|t| b.iter().any(|v| v % 4 == *t)).count()).sum();
+        assert_eq!(blocks, 16, "each block has one target");
+    }
+}

@@ -1,0 +1,672 @@
+//! The plan of the block formats: which blocks an update writes, from what, and with which entries.
+//!
+//! An update reads the current slot and writes the next. A block is written when a changed target touches it, or when
+//! the next slot missed an earlier change of it (it is copied then, together with what changes now: each change is
+//! computed once, however many slots there are). Within a block only the components that changed are loaded and
+//! stored: the work list names them, a bit per vertex and component.
+//!
+//! Each block of each head makes its own choice: apply the changed targets to the pose there is, or rebuild from the
+//! base pose with the active ones, whichever moves fewer bytes ([`UpdateMode::Incremental`]); a block whose bound on
+//! accumulated rounding would exceed the tolerance is rebuilt in any case. The first time the blocks' limits are spread
+//! out, so that they do not all come due in one frame.
+//!
+//! # The bound
+//! Of a block's positions, as a length. With M the largest coordinate that the block can reach, S = Σ|coefficient| ·
+//! longest delta over the n entries of an update, and ε = 2⁻²³ (a whole unit in the last place, since Vulkan fixes no
+//! rounding mode), an update adds √3 · (M·ε + (n + 4)·S·ε): one rounding at pose magnitude, one for each coefficient,
+//! product, partial sum and scale. A rebuild sets the bound to that of its own entries.
+
+use super::{Accumulate, UpdateDesc, UpdateMode, UpdateStats};
+use crate::error::{Error, Result};
+use crate::mesh::packed::PackedLayout;
+use crate::mesh::packed::blocks::{BlockIndex, ExactGrid};
+use crate::weights::delta::{WEIGHT_MAX, check_weights};
+
+/// Words of an item of the work list before its masks.
+pub const ITEM_WORDS: usize = 4;
+/// Bytes of an element of the work list.
+pub const ELEMENT_BYTES: usize = 8;
+
+/// A block of an instance that is written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Item {
+    /// The instance.
+    pub instance: u32,
+    /// The block.
+    pub block: u32,
+    /// The slot that is read; `None`: the base pose.
+    pub source: Option<u32>,
+    /// The slot that is written.
+    pub destination: u32,
+    /// Its elements: the first in [`WorkList::elements`], and how many.
+    pub first: u32,
+    /// Number of elements.
+    pub count: u32,
+}
+
+/// An entry, and the coefficient it is added with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct Element {
+    /// The entry of the mesh.
+    pub entry: u32,
+    /// Bits of a float32 (weights) or of an integer (steps of the weight grid).
+    pub coefficient: u32,
+}
+
+/// What one update does: carried out by the GPU or the CPU as it is.
+#[derive(Clone, Debug, Default)]
+pub struct WorkList {
+    /// Blocks to write, ascending by instance, then block.
+    pub items: Vec<Item>,
+    /// `[item][component][word]`: which vertices' components are loaded and stored.
+    pub masks: Vec<u32>,
+    /// `[instance][entry]`: the elements of a block lie where its entries do, the first ones being in use.
+    pub elements: Vec<Element>,
+}
+
+impl WorkList {
+    /// Empty, with room for every block of `instances`: filling it never allocates.
+    pub fn new(index: &BlockIndex, instances: usize) -> Self {
+        let blocks = index.count() * instances;
+        Self {
+            items: Vec::with_capacity(blocks),
+            masks: Vec::with_capacity(blocks * 6 * index.mask_words()),
+            elements: vec![Element::default(); index.entry_count() * instances],
+        }
+    }
+
+    /// Forget the last update.
+    pub fn clear(&mut self) {
+        self.items.clear();
+        self.masks.clear();
+    }
+
+    /// The elements of an item.
+    pub fn elements_of(&self, item: &Item) -> &[Element] {
+        &self.elements[item.first as usize..][..item.count as usize]
+    }
+}
+
+/// Scratch space of [`BlockState::plan`], shared by the instances of a crowd.
+#[derive(Clone, Debug, Default)]
+pub struct Scratch {
+    /// Per block: elements listed, bytes of their entries, Σ |coefficient| · reach.
+    blocks: Vec<(u32, u32, f32)>,
+    /// `[block][component][word]`.
+    masks: Vec<u32>,
+}
+
+/// Weights as the sums see them: float32, or integers on a grid.
+trait Unit: Copy + PartialEq + Default {
+    fn minus(self, other: Self) -> Self;
+    fn bits(self) -> u32;
+}
+
+impl Unit for f32 {
+    fn minus(self, other: Self) -> Self {
+        self - other
+    }
+    fn bits(self) -> u32 {
+        self.to_bits()
+    }
+}
+
+impl Unit for i32 {
+    fn minus(self, other: Self) -> Self {
+        self.wrapping_sub(other)
+    }
+    fn bits(self) -> u32 {
+        self as u32
+    }
+}
+
+/// What the pose buffers of one instance hold, block by block.
+#[derive(Clone, Debug)]
+pub struct BlockState {
+    desc: UpdateDesc,
+    exact: Option<ExactGrid>,
+    weights: Weights,
+    blocks: Blocks,
+    slots: Slots,
+    /// Targets asked for that differ from the update before.
+    changed: usize,
+    largest_weight: f32,
+}
+
+#[derive(Clone, Debug)]
+enum Weights {
+    Float(Committed<f32>),
+    Exact(Committed<i32>),
+}
+
+#[derive(Clone, Debug)]
+struct Committed<T> {
+    /// What was asked for, per target.
+    requested: Vec<T>,
+    /// What the poses hold: per target, or with an error budget per entry.
+    committed: Vec<T>,
+    per_entry: bool,
+    /// Some entry waits.
+    waiting: bool,
+    next: Vec<T>,
+}
+
+impl<T: Unit> Committed<T> {
+    fn new(targets: usize, entries: usize, per_entry: bool) -> Self {
+        Self {
+            requested: vec![T::default(); targets],
+            committed: vec![T::default(); if per_entry { entries } else { targets }],
+            per_entry,
+            waiting: false,
+            next: vec![T::default(); targets],
+        }
+    }
+}
+
+/// Per block.
+#[derive(Clone, Debug)]
+struct Blocks {
+    /// Bound on the position error that accumulation caused.
+    bound: Vec<f32>,
+    /// The bound at which the block is rebuilt.
+    limit: Vec<f32>,
+    /// Bytes of the active entries.
+    active_bytes: Vec<u32>,
+    /// The tolerance as a length; infinite for exact sums.
+    tolerance: f32,
+}
+
+#[derive(Clone, Debug)]
+struct Slots {
+    current: Option<u32>,
+    /// Whether the current slot holds what the state says.
+    known: bool,
+    written_by: u64,
+    cut: bool,
+    /// `[slot][block]`: whether there is anything in `missed`.
+    behind: Vec<bool>,
+    /// `[slot][block][component][word]`: what differs from the current pose.
+    missed: Vec<u32>,
+}
+
+/// Where an instance's poses are after an update.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BlockPlan {
+    /// The slot that holds the pose.
+    pub result: u32,
+    /// The slot that holds the previous pose: `result` where there is none to tell apart; `None` where the update
+    /// overwrote it (one slot).
+    pub previous: Option<u32>,
+}
+
+const ULP: f32 = f32::EPSILON;
+const SQRT_3: f32 = 1.732_050_8;
+
+/// What rounding may add to a block's positions in one update.
+fn rounding(magnitude: f32, entries: u32, sum: f32) -> f32 {
+    SQRT_3 * ULP * (magnitude + (entries + 4) as f32 * sum)
+}
+
+impl BlockState {
+    /// Nothing known yet: the first plan writes every block.
+    ///
+    /// # Errors
+    /// As [`UpdateDesc::check`] and [`BlockIndex::exact`]; a tolerance that even a pose fresh from base exceeds.
+    pub fn new(desc: UpdateDesc, layout: &PackedLayout, index: &BlockIndex) -> Result<Self> {
+        desc.check()?;
+        let (targets, entries, per_entry) = (layout.targets.len(), index.entry_count(), desc.error_budget > 0.0);
+        let (weights, exact, tolerance) = match desc.accumulate {
+            Accumulate::Exact => {
+                let weights = Weights::Exact(Committed::new(targets, entries, per_entry));
+                (weights, Some(index.exact()?), f32::INFINITY)
+            }
+            Accumulate::Float { tolerance } => {
+                let length = tolerance * if layout.diagonal > 0.0 { layout.diagonal } else { 1.0 };
+                let fresh = (0..index.count()).map(|b| {
+                    let reach = index.block_reach()[b];
+                    rounding(index.block_base()[b] + reach, index.entries(b).len() as u32, reach)
+                });
+                let least = fresh.fold(0.0, f32::max);
+                if least > length {
+                    return Err(Error::invalid(
+                        format!(
+                            "a tolerance of {tolerance:.1e} of the diagonal: rounding alone may move a vertex by {:.1e} \
+                             when all weights are 1",
+                            least / length * tolerance
+                        ),
+                        "use a larger tolerance, or exact accumulation",
+                    ));
+                }
+                (Weights::Float(Committed::new(targets, entries, per_entry)), None, length)
+            }
+        };
+        let (blocks, slots) = (index.count(), desc.slots as usize);
+        // The golden ratio spreads any number of blocks evenly.
+        let spread = |b: usize| 0.25 + 0.75 * (b as f32 * 0.618_034).fract();
+        Ok(Self {
+            desc,
+            exact,
+            weights,
+            blocks: Blocks {
+                bound: vec![0.0; blocks],
+                limit: (0..blocks).map(|b| tolerance * spread(b)).collect(),
+                active_bytes: vec![0; blocks],
+                tolerance,
+            },
+            slots: Slots {
+                current: None,
+                known: false,
+                written_by: 0,
+                cut: false,
+                behind: vec![true; slots * blocks],
+                missed: vec![u32::MAX; slots * blocks * 6 * index.mask_words()],
+            },
+            changed: 0,
+            largest_weight: 1.0,
+        })
+    }
+
+    /// The grid of exact sums.
+    pub fn exact(&self) -> Option<ExactGrid> {
+        self.exact
+    }
+
+    /// Whether the current slot holds a pose: not before the first update, and not after a discarded one.
+    pub fn is_known(&self) -> bool {
+        self.slots.known
+    }
+
+    /// The next pose has no predecessor (the head was hidden or teleported): its previous pose is itself.
+    pub fn cut(&mut self) {
+        self.slots.cut = true;
+    }
+
+    /// The update numbered `first` and all later ones will never run.
+    pub fn discard_from(&mut self, first: u64) {
+        if self.slots.written_by >= first {
+            self.slots.known = false;
+        }
+    }
+
+    /// The largest bound of any block, in input units; 0 for exact sums.
+    pub fn bound(&self) -> f32 {
+        if self.exact.is_some() { 0.0 } else { self.blocks.bound.iter().copied().fold(0.0, f32::max) }
+    }
+
+    /// Bytes of main memory that an instance's state takes.
+    pub fn state_bytes(&self) -> usize {
+        let weights = match &self.weights {
+            Weights::Float(w) => w.committed.len() + w.requested.len() * 2,
+            Weights::Exact(w) => w.committed.len() + w.requested.len() * 2,
+        };
+        4 * (weights + 3 * self.blocks.bound.len() + self.slots.missed.len()) + self.slots.behind.len()
+    }
+
+    /// Append what brings the poses of `instance` to `weights` to `list`, and take it as done by the update numbered
+    /// `update` (ascending, from 1). Counts in `stats`.
+    #[allow(clippy::too_many_arguments)]
+    pub fn plan(
+        &mut self,
+        index: &BlockIndex,
+        instance: usize,
+        weights: &[f32],
+        update: u64,
+        scratch: &mut Scratch,
+        list: &mut WorkList,
+        stats: &mut UpdateStats,
+    ) -> BlockPlan {
+        scratch.blocks.clear();
+        scratch.blocks.resize(index.count(), (0, 0, 0.0));
+        scratch.masks.clear();
+        scratch.masks.resize(index.count() * 6 * index.mask_words(), 0);
+        self.largest_weight = weights.iter().fold(self.largest_weight, |m, w| m.max(w.abs()));
+        let mut frame = Frame { index, instance, scratch, list, budget: self.desc.error_budget };
+        let unknown = !self.slots.known;
+        let dirty = match (&mut self.weights, self.exact) {
+            (Weights::Exact(committed), Some(grid)) => {
+                let convert = |w: f32| grid.steps(w);
+                let size = |d: i32| d.unsigned_abs() as f32 * grid.weight_step();
+                frame.commit(committed, &mut self.blocks, weights, convert, size, unknown, &mut self.changed)
+            }
+            (Weights::Float(committed), _) => {
+                frame.commit(committed, &mut self.blocks, weights, |w| w, f32::abs, unknown, &mut self.changed)
+            }
+            // Exact weights come with a grid.
+            (Weights::Exact(_), None) => false,
+        };
+        stats.coefficients += self.changed;
+        if let (Some(current), true, false) = (self.slots.current, self.slots.known, dirty) {
+            stats.bound = stats.bound.max(self.bound());
+            return BlockPlan { result: current, previous: Some(current) };
+        }
+        match index.mask_words() {
+            1 => self.emit::<6>(&mut frame, stats),
+            2 => self.emit::<12>(&mut frame, stats),
+            _ => self.emit::<24>(&mut frame, stats),
+        }
+        stats.bound = stats.bound.max(self.bound());
+        self.finish(update)
+    }
+
+    /// Which blocks are written, and how.
+    fn emit<const N: usize>(&mut self, frame: &mut Frame<'_>, stats: &mut UpdateStats) {
+        let Frame { index, instance, scratch, list, .. } = frame;
+        let count = index.count();
+        let (slots, exact) = (self.desc.slots as usize, self.exact.is_some());
+        let current = self.slots.current.unwrap_or(self.desc.slots - 1);
+        let destination = (current + 1) % self.desc.slots;
+        let unknown = !self.slots.known;
+        if unknown {
+            self.slots.behind.fill(true);
+            self.slots.missed.fill(u32::MAX);
+        }
+        let first_element = *instance * index.entry_count();
+        let (masks, _) = scratch.masks.as_chunks_mut::<N>();
+        let (block_masks, _) = index.block_masks().as_chunks::<N>();
+        let (missed, _) = self.slots.missed.as_chunks_mut::<N>();
+        let first_mask = list.masks.len();
+        for block in 0..count {
+            let (listed, bytes, sum) = scratch.blocks[block];
+            let at = destination as usize * count + block;
+            let behind = self.slots.behind[at];
+            if listed == 0 && !behind && !unknown {
+                continue;
+            }
+            let touched = listed > 0;
+            let magnitude = index.block_base()[block] + self.largest_weight * index.block_reach()[block];
+            let bound = self.blocks.bound[block] + rounding(magnitude, listed, sum);
+            let worn = touched && bound > self.blocks.limit[block];
+            let rebuilt = unknown
+                || touched
+                    && (worn
+                        || self.desc.mode == UpdateMode::Rebuild
+                        || fewer_bytes_from_base(self.blocks.active_bytes[block], bytes, &block_masks[block], &masks[block]));
+            let first = first_element + index.entries(block).start;
+            let mut listed = listed;
+            let mut deltas = bytes;
+            let mut changed = masks[block];
+            if rebuilt {
+                let active;
+                (listed, active) = match &self.weights {
+                    Weights::Float(w) => list_active(w, index, block, &mut list.elements[first..], f32::abs),
+                    Weights::Exact(w) => list_active(w, index, block, &mut list.elements[first..], |q| q as f32),
+                };
+                deltas = self.blocks.active_bytes[block];
+                changed = if unknown { [u32::MAX; N] } else { block_masks[block] };
+                self.blocks.bound[block] = rounding(magnitude, listed, active);
+                if worn {
+                    self.blocks.limit[block] = self.blocks.tolerance;
+                }
+            } else if touched {
+                self.blocks.bound[block] = bound;
+            }
+            let mut written = changed;
+            if behind && slots > 1 {
+                written.iter_mut().zip(&missed[at]).for_each(|(w, m)| *w |= m);
+            }
+            if touched || rebuilt {
+                for slot in (0..slots).filter(|s| *s != destination as usize) {
+                    let at = slot * count + block;
+                    self.slots.behind[at] = true;
+                    missed[at].iter_mut().zip(&changed).for_each(|(m, c)| *m |= c);
+                }
+            }
+            self.slots.behind[at] = false;
+            missed[at] = [0; N];
+            list.items.push(Item {
+                instance: *instance as u32,
+                block: block as u32,
+                source: (!rebuilt).then_some(current),
+                destination,
+                first: first as u32,
+                count: listed,
+            });
+            list.masks.extend_from_slice(&written);
+            stats.dirty_blocks += 1;
+            stats.rebuilt_blocks += usize::from(rebuilt);
+            let moved = u64::from(deltas) + (listed as usize * ELEMENT_BYTES + (ITEM_WORDS + N) * 4) as u64;
+            stats.bytes_moved += moved;
+            stats.bytes_floor += u64::from(deltas);
+            if exact {
+                let components: u32 = written.iter().map(|m| m.count_ones()).sum();
+                let pose = u64::from(components) * component_bytes(true, rebuilt, touched);
+                stats.bytes_moved += pose;
+                stats.bytes_floor += pose;
+            }
+        }
+        if !exact {
+            // In one loop over all items: it becomes SIMD.
+            let components: u32 = list.masks[first_mask..].iter().map(|m| m.count_ones()).sum();
+            let pose = u64::from(components) * component_bytes(false, false, true);
+            stats.bytes_moved += pose;
+            stats.bytes_floor += pose;
+        }
+        self.slots.current = Some(destination);
+    }
+
+    fn finish(&mut self, update: u64) -> BlockPlan {
+        let result = self.slots.current.unwrap_or(0);
+        let slots = self.desc.slots;
+        let cut = std::mem::take(&mut self.slots.cut) || !self.slots.known;
+        self.slots.known = true;
+        self.slots.written_by = update;
+        let previous = match slots {
+            _ if cut => Some(result),
+            1 => None,
+            _ => Some((result + slots - 1) % slots),
+        };
+        BlockPlan { result, previous }
+    }
+}
+
+/// Bytes that the kernels load and store for a component of a vertex. Float32: the pose in and out. Exact: the integer
+/// in (not in a rebuild) and out, the base pose in, the pose out; a block that only catches up copies the pose.
+pub const fn component_bytes(exact: bool, rebuilt: bool, touched: bool) -> u64 {
+    match (exact, rebuilt, touched) {
+        (true, true, _) => 12,
+        (true, false, true) => 16,
+        _ => 8,
+    }
+}
+
+/// The cost model: active entries and all components that any target moves, against changed ones and theirs.
+fn fewer_bytes_from_base<const N: usize>(active: u32, changed: u32, all: &[u32; N], some: &[u32; N]) -> bool {
+    // A rebuild never moves fewer components; counting them is only worth it where it moves fewer deltas.
+    let components = |mask: &[u32; N]| 8 * mask.iter().map(|m| m.count_ones()).sum::<u32>();
+    active < changed && active + components(all) < changed + components(some)
+}
+
+/// List the active entries of a block; how many there are, and Σ |weight| · reach.
+fn list_active<T: Unit>(
+    weights: &Committed<T>,
+    index: &BlockIndex,
+    block: usize,
+    out: &mut [Element],
+    size: impl Fn(T) -> f32,
+) -> (u32, f32) {
+    let (mut count, mut sum) = (0, 0.0);
+    for entry in index.entries(block) {
+        let at = if weights.per_entry { entry } else { index.entry_targets()[entry] as usize };
+        let weight = weights.committed[at];
+        if weight != T::default() {
+            out[count] = Element { entry: entry as u32, coefficient: weight.bits() };
+            count += 1;
+            sum += size(weight) * index.costs()[entry].reach;
+        }
+    }
+    (count as u32, sum)
+}
+
+/// One instance's part of an update.
+struct Frame<'a> {
+    index: &'a BlockIndex,
+    instance: usize,
+    scratch: &'a mut Scratch,
+    list: &'a mut WorkList,
+    budget: f32,
+}
+
+impl Frame<'_> {
+    /// Commit weights and list the entries whose committed weight changed. Tells whether there are any.
+    #[allow(clippy::too_many_arguments)]
+    fn commit<T: Unit>(
+        &mut self,
+        weights: &mut Committed<T>,
+        blocks: &mut Blocks,
+        asked: &[f32],
+        convert: impl Fn(f32) -> T,
+        size: impl Fn(T) -> f32 + Copy,
+        unknown: bool,
+        changed: &mut usize,
+    ) -> bool {
+        weights.next.iter_mut().zip(asked).for_each(|(n, w)| *n = convert(*w));
+        *changed = weights.next.iter().zip(&weights.requested).filter(|(a, b)| a != b).count();
+        let dirty = match (weights.per_entry, self.index.mask_words()) {
+            (true, w) => self.commit_entries(weights, blocks, size, unknown, *changed == 0, 6 * w),
+            (false, 1) => self.commit_targets::<T, 6>(weights, blocks, size),
+            (false, 2) => self.commit_targets::<T, 12>(weights, blocks, size),
+            (false, _) => self.commit_targets::<T, 24>(weights, blocks, size),
+        };
+        weights.requested.copy_from_slice(&weights.next);
+        dirty
+    }
+
+    /// No budget: every changed target is committed, in every block it touches.
+    fn commit_targets<T: Unit, const N: usize>(
+        &mut self,
+        weights: &mut Committed<T>,
+        blocks: &mut Blocks,
+        size: impl Fn(T) -> f32,
+    ) -> bool {
+        let index = self.index;
+        let (entry_masks, _) = index.masks().as_chunks::<N>();
+        let (masks, _) = self.scratch.masks.as_chunks_mut::<N>();
+        let first = self.instance * index.entry_count();
+        let elements = &mut self.list.elements[first..first + index.entry_count()];
+        let mut dirty = false;
+        for (target, (&new, old)) in weights.next.iter().zip(&mut weights.committed).enumerate() {
+            if new == *old {
+                continue;
+            }
+            // A target that moves nothing changes no pose.
+            dirty |= !index.incidence(target).is_empty();
+            let delta = new.minus(*old);
+            let (coefficient, amount) = (delta.bits(), size(delta));
+            let was = *old != T::default();
+            let is = new != T::default();
+            *old = new;
+            for incidence in index.incidence(target) {
+                let (block, entry) = (incidence.block as usize, incidence.entry as usize);
+                let cost = index.costs()[entry];
+                let (listed, bytes, sum) = &mut self.scratch.blocks[block];
+                elements[index.first_entries()[block] as usize + *listed as usize] =
+                    Element { entry: entry as u32, coefficient };
+                *listed += 1;
+                *bytes += cost.bytes;
+                *sum += amount * cost.reach;
+                masks[block].iter_mut().zip(&entry_masks[entry]).for_each(|(m, e)| *m |= e);
+                if was != is {
+                    let active = &mut blocks.active_bytes[block];
+                    *active = if is { *active + cost.bytes } else { *active - cost.bytes };
+                }
+            }
+        }
+        dirty
+    }
+
+    /// With a budget: a block's entries wait while Σ |pending| · reach stays within it; a still face settles.
+    fn commit_entries<T: Unit>(
+        &mut self,
+        weights: &mut Committed<T>,
+        blocks: &mut Blocks,
+        size: impl Fn(T) -> f32,
+        unknown: bool,
+        still: bool,
+        n: usize,
+    ) -> bool {
+        let index = self.index;
+        // Blocks that a change reaches; all where nothing may wait any longer.
+        let settle = unknown || still && weights.waiting;
+        if still && !settle {
+            return false;
+        }
+        if settle {
+            self.scratch.blocks.iter_mut().for_each(|b| b.0 = 1);
+        } else {
+            for target in (0..weights.next.len()).filter(|&t| weights.next[t] != weights.requested[t]) {
+                index.incidence(target).iter().for_each(|i| self.scratch.blocks[i.block as usize].0 = 1);
+            }
+        }
+        let first = self.instance * index.entry_count();
+        let (mut dirty, mut waiting) = (unknown, weights.waiting && !settle);
+        for block in 0..index.count() {
+            if std::mem::take(&mut self.scratch.blocks[block].0) == 0 {
+                continue;
+            }
+            let entries = index.entries(block);
+            let targets = &index.entry_targets()[entries.clone()];
+            let pending = |committed: &[T], i: usize, entry: usize| {
+                weights.next[targets[i] as usize].minus(committed[entry])
+            };
+            let mut sum = 0.0;
+            for (i, entry) in entries.clone().enumerate() {
+                sum += size(pending(&weights.committed, i, entry)) * index.costs()[entry].reach;
+            }
+            // What accumulation may have done already comes off the budget.
+            let room = if blocks.tolerance.is_finite() { self.budget - blocks.bound[block] } else { self.budget };
+            if sum <= room.max(0.0) && !settle {
+                waiting |= sum > 0.0;
+                continue;
+            }
+            let mut listed = 0;
+            for (i, entry) in entries.clone().enumerate() {
+                let delta = pending(&weights.committed, i, entry);
+                if delta == T::default() {
+                    continue;
+                }
+                let (old, new) = (weights.committed[entry], weights.next[targets[i] as usize]);
+                weights.committed[entry] = new;
+                let cost = index.costs()[entry];
+                self.list.elements[first + entries.start + listed] =
+                    Element { entry: entry as u32, coefficient: delta.bits() };
+                listed += 1;
+                self.scratch.blocks[block].1 += cost.bytes;
+                let masks = &mut self.scratch.masks[block * n..][..n];
+                masks.iter_mut().zip(&index.masks()[entry * n..][..n]).for_each(|(m, e)| *m |= e);
+                let active = &mut blocks.active_bytes[block];
+                *active = match (old != T::default(), new != T::default()) {
+                    (false, true) => *active + cost.bytes,
+                    (true, false) => *active - cost.bytes,
+                    _ => *active,
+                };
+            }
+            self.scratch.blocks[block].0 = listed as u32;
+            self.scratch.blocks[block].2 = sum;
+            dirty |= listed > 0;
+        }
+        weights.waiting = waiting;
+        dirty
+    }
+}
+
+/// As [`check_weights`], and within the grid of exact sums.
+///
+/// # Errors
+/// A wrong number of weights, or one that is out of range; the message names it.
+pub fn check_block_weights(weights: &[f32], layout: &PackedLayout, exact: Option<ExactGrid>) -> Result<()> {
+    let name = |i: usize| layout.targets.get(i).map(|t| t.name.as_str());
+    check_weights(weights, name, layout.targets.len())?;
+    let most = exact.map_or(WEIGHT_MAX, |grid| grid.weight_max);
+    match weights.iter().position(|w| w.abs() > most) {
+        None => Ok(()),
+        Some(i) => Err(Error::invalid(
+            format!("the weight of target {i} ('{}') is {}", name(i).unwrap_or("?"), weights[i]),
+            format!("exact sums of this mesh stand weights from -{most} to {most}: pack with a larger weight_max"),
+        )),
+    }
+}
+
+#[cfg(test)]
+#[path = "blocks_tests.rs"]
+mod tests;
