@@ -33,11 +33,16 @@ fn modules() -> Vec<Module> {
             list.push(module(&name, "feedback.vert", with(vec![("BATCH", Some(batch.to_string()))])));
         }
     }
-    for (format, define, exact) in [("float32", None, false), ("fast", Some("FAST"), true), ("small", Some("SMALL"), true)] {
+    for (format, define, exact) in
+        [("float32", None, false), ("fast", Some("FAST"), true), ("small", Some("SMALL"), true)]
+    {
         for exact in [Some(false), exact.then_some(true)].into_iter().flatten() {
             for vertices in if format == "fast" { &[1, 4][..] } else { &[1] } {
-                let name =
-                    format!("blocks_{format}{}{}", if exact { "_exact" } else { "" }, if *vertices == 4 { "_x4" } else { "" });
+                let name = format!(
+                    "blocks_{format}{}{}",
+                    if exact { "_exact" } else { "" },
+                    if *vertices == 4 { "_x4" } else { "" }
+                );
                 let mut defines = vec![("VERTICES", Some(vertices.to_string()))];
                 defines.extend(define.map(|d| (d, None)));
                 defines.extend(exact.then_some(("EXACT", None)));

@@ -190,21 +190,24 @@ fn limits_are_kept_or_refused_with_the_numbers() {
 fn a_crowd_of_heads_in_one_recording() {
     on_every_device(|headless, engine| {
         for format in [DeltaFormat::Float32, DeltaFormat::Fast, DeltaFormat::Small] {
-        let mesh = packed(engine, 200, 11, format);
-        for update in update_descs(engine, format) {
-            let desc = deltamorph::engine::CrowdDesc { instances: 3, ..single(update) };
-            let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
-            for frame in 0..4 {
-                let weights: Vec<Vec<f32>> = (0..3).map(|i| weights(&mesh, frame * i, i)).collect();
-                crowd.step(&weights.iter().map(Vec::as_slice).collect::<Vec<_>>()).expect("a step");
-                for i in 0..3 {
-                    let applied = applied(&mesh, &update, &weights[i as usize]);
-                    let error = compare(&crowd.read_pose(i).expect("a pose"), &evaluate(&mesh, &applied));
-                    assert!(error.within(POSITION * 40.0, NORMAL), "{update:?} instance {i} frame {frame}: {error:?}");
+            let mesh = packed(engine, 200, 11, format);
+            for update in update_descs(engine, format) {
+                let desc = deltamorph::engine::CrowdDesc { instances: 3, ..single(update) };
+                let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
+                for frame in 0..4 {
+                    let weights: Vec<Vec<f32>> = (0..3).map(|i| weights(&mesh, frame * i, i)).collect();
+                    crowd.step(&weights.iter().map(Vec::as_slice).collect::<Vec<_>>()).expect("a step");
+                    for i in 0..3 {
+                        let applied = applied(&mesh, &update, &weights[i as usize]);
+                        let error = compare(&crowd.read_pose(i).expect("a pose"), &evaluate(&mesh, &applied));
+                        assert!(
+                            error.within(POSITION * 40.0, NORMAL),
+                            "{update:?} instance {i} frame {frame}: {error:?}"
+                        );
+                    }
+                    crowd.draw().expect("a draw");
                 }
-                crowd.draw().expect("a draw");
             }
-        }
         }
     });
 }

@@ -89,6 +89,11 @@ impl CpuCrowd {
         })
     }
 
+    /// Names, steps and sizes of the mesh.
+    pub fn layout(&self) -> &crate::mesh::packed::PackedLayout {
+        self.mesh.layout()
+    }
+
     /// Ask for these weights, one per target in the mesh's order, from the next update on.
     ///
     /// # Errors
@@ -215,11 +220,9 @@ impl Blocks {
     fn plan(&mut self, weights: &[Vec<f32>], update: u64) -> UpdateStats {
         let mut stats = UpdateStats::default();
         self.list.clear();
-        for (instance, ((state, weights), plan)) in
-            self.states.iter_mut().zip(weights).zip(&mut self.plans).enumerate()
+        for (instance, ((state, weights), plan)) in self.states.iter_mut().zip(weights).zip(&mut self.plans).enumerate()
         {
-            *plan =
-                state.plan(&self.index, instance, weights, update, &mut self.scratch, &mut self.list, &mut stats);
+            *plan = state.plan(&self.index, instance, weights, update, &mut self.scratch, &mut self.list, &mut stats);
         }
         stats
     }

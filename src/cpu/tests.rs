@@ -146,9 +146,7 @@ proptest! {
 fn what_exact_sums_cannot_do_is_refused() {
     let mesh = testing::mesh(100, 3);
     let exact = UpdateDesc { accumulate: Accumulate::Exact, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
-    let crowd = |format| {
-        CpuCrowd::new(Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format)).unwrap()), exact, 1, 1)
-    };
+    let crowd = |format| CpuCrowd::new(Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format)).unwrap()), exact, 1, 1);
     let text = crowd(DeltaFormat::Float32).err().unwrap().to_string();
     assert!(text.contains("exact accumulation with 'float32'") && text.contains("'fast'"), "{text}");
     assert!(crowd(DeltaFormat::BlockFloat32).err().unwrap().to_string().contains("pack as"));

@@ -9,7 +9,7 @@ use crate::gpu::device::Device;
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::gpu::shaders::BlocksPush;
 use crate::mesh::packed::blocks::{BlockIndex, ExactGrid};
-use crate::mesh::packed::{PackedLayout, POSE_FLOATS};
+use crate::mesh::packed::{POSE_FLOATS, PackedLayout};
 use crate::plan::UpdateStats;
 use crate::plan::blocks::{BlockPlan, BlockState, ELEMENT_BYTES, ITEM_WORDS, Item, Scratch, WorkList};
 use crate::plan::commands::{Command, CommandList};
@@ -74,7 +74,8 @@ impl Blocks {
         let per_instance = pose * u64::from(slots);
         let group = (range / per_instance).min(POSES_MAX / u64::from(slots)).min(desc.instances.into()) as u32;
         let too_much = |what: &str, bytes: u64, most: u64, remedy: &str| {
-            let text = format!("{what} of mesh '{}' take {bytes} bytes, {} allows {most}", layout.name, device.caps.name);
+            let text =
+                format!("{what} of mesh '{}' take {bytes} bytes, {} allows {most}", layout.name, device.caps.name);
             Err(Error::invalid(text, remedy))
         };
         if group == 0 {
@@ -164,11 +165,9 @@ impl Blocks {
     pub(super) fn plan(&mut self, weights: &[Vec<f32>], update: u64) -> UpdateStats {
         let mut stats = UpdateStats::default();
         self.work.clear();
-        for (instance, ((state, weights), plan)) in
-            self.states.iter_mut().zip(weights).zip(&mut self.plans).enumerate()
+        for (instance, ((state, weights), plan)) in self.states.iter_mut().zip(weights).zip(&mut self.plans).enumerate()
         {
-            *plan =
-                state.plan(&self.index, instance, weights, update, &mut self.scratch, &mut self.work, &mut stats);
+            *plan = state.plan(&self.index, instance, weights, update, &mut self.scratch, &mut self.work, &mut stats);
         }
         self.list.fill_blocks(&self.work.items, self.sums.is_some());
         stats.passes = usize::from(!self.work.items.is_empty());

@@ -117,7 +117,13 @@ impl Dense {
     ///
     /// # Safety
     /// As [`super::MorphEngine::record_update`]; `poses` are the crowd's.
-    pub(super) unsafe fn record(&mut self, device: &Device, cmd: vk::CommandBuffer, poses: &Buffer, frame: u64) -> Result<()> {
+    pub(super) unsafe fn record(
+        &mut self,
+        device: &Device,
+        cmd: vk::CommandBuffer,
+        poses: &Buffer,
+        frame: u64,
+    ) -> Result<()> {
         if self.desc.update.batch == BatchSize::All {
             self.write_lists(frame)?;
         }

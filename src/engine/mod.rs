@@ -208,7 +208,8 @@ impl MorphEngine {
         let chunk_groups = (layout.chunk_vertices as u64).div_ceil(WORKGROUP.into());
         limit("a pose takes", layout.pose_bytes(), "bytes", range, "split the mesh")?;
         if layout.format.is_blocks() {
-            let remedy = "use a smaller format, the path 'compute', which cuts its deltas into chunks, or split the mesh";
+            let remedy =
+                "use a smaller format, the path 'compute', which cuts its deltas into chunks, or split the mesh";
             return limit("deltas and base pose take", blocks::asset_bytes(layout), "bytes", range, remedy);
         }
         limit("a chunk of deltas takes", chunk_bytes(layout), "bytes", range, "pack with MorphEngine::pack_desc")?;

@@ -381,7 +381,12 @@ impl BlockState {
                 || touched
                     && (worn
                         || self.desc.mode == UpdateMode::Rebuild
-                        || fewer_bytes_from_base(self.blocks.active_bytes[block], bytes, &block_masks[block], &masks[block]));
+                        || fewer_bytes_from_base(
+                            self.blocks.active_bytes[block],
+                            bytes,
+                            &block_masks[block],
+                            &masks[block],
+                        ));
             let first = first_element + index.entries(block).start;
             let mut listed = listed;
             let mut deltas = bytes;
@@ -606,9 +611,8 @@ impl Frame<'_> {
             }
             let entries = index.entries(block);
             let targets = &index.entry_targets()[entries.clone()];
-            let pending = |committed: &[T], i: usize, entry: usize| {
-                weights.next[targets[i] as usize].minus(committed[entry])
-            };
+            let pending =
+                |committed: &[T], i: usize, entry: usize| weights.next[targets[i] as usize].minus(committed[entry]);
             let mut sum = 0.0;
             for (i, entry) in entries.clone().enumerate() {
                 sum += size(pending(&weights.committed, i, entry)) * index.costs()[entry].reach;

@@ -1,7 +1,7 @@
 //! `apply`: one pose, through the path named, written as OBJ in the input's vertex order.
 
 use crate::args::ApplyArgs;
-use crate::args::values::{BatchLimit, expand_batches};
+use crate::args::values::{BatchLimit, PathChoice, expand_batches};
 use crate::input;
 use crate::output::{Failure, Output};
 use crate::runner::{Gpu, Runner, pack_desc};
@@ -37,16 +37,22 @@ struct Applied {
 /// # Errors
 /// The input, clip or path cannot be used; the result is wrong; the file cannot be written.
 pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
-    let path = args.path().map_err(Failure::Usage)?.update_path();
-    let format = args.format().map_err(Failure::Usage)?.delta_format();
+    let single = args.update.single("apply", PathChoice::Cpu).map_err(Failure::Usage)?;
+    let (path, format) = (single.path, single.delta_format().map_err(Failure::Usage)?);
     refuse_own_input(args)?;
     let input = input::load(&args.input, out)?;
     let frames = frames(args, &input.kept)?;
 
     let gpu = if path == UpdatePath::Cpu { None } else { Gpu::open(device, out)? };
-    let mesh = Arc::new(PackedMesh::pack(&input.kept, &pack_desc(gpu.as_ref(), format))?);
+    let mesh = Arc::new(PackedMesh::pack(&input.kept, &pack_desc(gpu.as_ref(), format, &args.update.pack))?);
     let batch = batch(args, path, gpu.as_ref(), format)?;
-    let desc = UpdateDesc { path, batch, mode: args.update.mode.update_mode(), slots: args.update.slots };
+    let desc = UpdateDesc {
+        mode: single.mode,
+        slots: args.update.slots,
+        accumulate: single.accumulate,
+        error_budget: args.update.budget(input.kept.diagonal).map_err(Failure::Usage)?,
+        ..UpdateDesc::new(path, batch)
+    };
     desc.check().map_err(|e| Failure::Usage(e.to_string()))?;
     let mut runner = Runner::new(gpu.as_ref(), &mesh, desc, 1, args.update.threads.unwrap_or(0))?;
     let mut passes = 0;

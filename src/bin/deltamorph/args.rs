@@ -6,8 +6,14 @@ use clap::{Args, Parser, Subcommand};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::mesh::Tolerance;
 use deltamorph::mesh::head::HeadDesc;
+use deltamorph::mesh::packed::DeltaFormat;
+use deltamorph::mesh::packed::blocks::BlockDesc;
+use deltamorph::plan::{Accumulate, UpdateMode, UpdatePath};
 use std::path::{Path, PathBuf};
-use values::{BatchSpec, ChangedSpec, FormatChoice, ModeChoice, PathChoice, WeightSetting};
+use values::{
+    AccumulateChoice, BatchSpec, BudgetSpec, ChangedSpec, FormatChoice, ModeChoice, PathChoice, Projection,
+    WeightSetting,
+};
 
 /// Morph targets (blend shapes) on the GPU: applies only the weights that changed.
 #[derive(Debug, Parser)]
@@ -154,21 +160,154 @@ impl HeadArgs {
 /// Options of the commands that update poses.
 #[derive(Args, Clone, Debug)]
 pub struct UpdateArgs {
-    /// Update paths, separated by commas [default: bench: all that the device can run; apply: cpu]
+    /// Update paths, separated by commas [default: bench: all that the device can run; others: blocks, or cpu where there
+    /// is no GPU]
     #[arg(long = "paths", visible_alias = "path", value_name = "PATH,…", value_delimiter = ',', value_enum)]
     pub paths: Vec<PathChoice>,
-    /// Add what changed to the last pose, or rebuild from the base pose every frame
-    #[arg(long, value_enum, default_value_t = ModeChoice::Incremental)]
-    pub mode: ModeChoice,
+    /// Add what changed to the last pose, or rebuild from the base pose every frame [default: incremental]
+    #[arg(long = "mode", visible_alias = "modes", value_name = "MODE,…", value_delimiter = ',', value_enum)]
+    pub modes: Vec<ModeChoice>,
     /// Pose buffers per head; 2 keeps the previous pose for motion vectors
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = values::slots)]
     pub slots: u32,
-    /// Delta formats, separated by commas [default: bench: all; apply: float32]
+    /// Delta formats, separated by commas [default: bench: all; others: fast, or what a .dmorph file holds]
     #[arg(long = "formats", visible_alias = "format", value_name = "FORMAT,…", value_delimiter = ',', value_enum)]
     pub formats: Vec<FormatChoice>,
+    /// How poses add up in block formats [default: bench: both; others: float]
+    #[arg(long, value_name = "SUMS,…", value_delimiter = ',', value_enum)]
+    pub accumulate: Vec<AccumulateChoice>,
+    /// How far rounding may move a vertex under float sums, as a fraction of the diagonal
+    #[arg(long, value_name = "FRACTION", default_value_t = 1e-5, value_parser = values::positive)]
+    pub drift: f32,
+    /// Changes too small to move a vertex this far wait (block formats): a length in input units, "1e-4d" of the
+    /// diagonal, or "0.5px" with --projection
+    #[arg(long, value_name = "LENGTH", value_parser = values::budget)]
+    pub error_budget: Option<BudgetSpec>,
+    /// What a pixel of --error-budget is: degrees of view from bottom to top, pixels of height, distance of the face
+    #[arg(long, value_name = "DEGREES,PIXELS,DISTANCE", value_parser = values::projection)]
+    pub projection: Option<Projection>,
+    /// How to pack.
+    #[command(flatten)]
+    pub pack: PackArgs,
     /// Threads of the cpu path [default: one per core]
     #[arg(long, value_name = "N", value_parser = values::threads)]
     pub threads: Option<usize>,
+}
+
+/// How meshes are packed into blocks.
+#[derive(Args, Clone, Debug)]
+pub struct PackArgs {
+    /// Vertices of a block: 32, 64 or 128 [default: 32 for small, else 64]
+    #[arg(long, value_name = "N", value_parser = values::block_size)]
+    pub block_size: Option<u32>,
+    /// Error allowed to a packed position delta, as a fraction of the diagonal
+    #[arg(long, value_name = "FRACTION", default_value_t = 1e-5, value_parser = values::positive)]
+    pub position_error: f32,
+    /// Error allowed to a packed normal at weight 1, in degrees
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.5, value_parser = values::positive)]
+    pub normal_error: f32,
+    /// The largest weight that exact sums have to stand
+    #[arg(long, value_name = "WEIGHT", default_value_t = 4.0, value_parser = values::positive)]
+    pub weight_max: f32,
+}
+
+impl PackArgs {
+    /// What the library calls it.
+    pub fn desc(&self) -> BlockDesc {
+        BlockDesc {
+            size: self.block_size,
+            position_error: self.position_error,
+            normal_error_degrees: self.normal_error,
+            weight_max: self.weight_max,
+        }
+    }
+}
+
+impl UpdateArgs {
+    /// The modes asked for.
+    pub fn modes(&self) -> Vec<UpdateMode> {
+        match self.modes.as_slice() {
+            [] => vec![UpdateMode::Incremental],
+            modes => modes.iter().map(|m| m.update_mode()).collect(),
+        }
+    }
+
+    /// What the library calls a kind of sums.
+    pub fn sums(&self, choice: AccumulateChoice) -> Accumulate {
+        match choice {
+            AccumulateChoice::Float => Accumulate::Float { tolerance: self.drift },
+            AccumulateChoice::Exact => Accumulate::Exact,
+        }
+    }
+
+    /// The error budget as a length.
+    ///
+    /// # Errors
+    /// Pixels without a projection, or a projection without pixels.
+    pub fn budget(&self, diagonal: f32) -> Result<f32, String> {
+        match (self.error_budget, &self.projection) {
+            (Some(BudgetSpec::Pixels(n)), Some(projection)) => Ok(n * projection.pixel()),
+            (Some(BudgetSpec::Pixels(_)), None) => {
+                Err("--error-budget in pixels needs --projection DEGREES,PIXELS,DISTANCE".into())
+            }
+            (_, Some(_)) => Err("--projection is for an --error-budget in pixels, as in \"0.5px\"".into()),
+            (Some(BudgetSpec::Length(length)), None) => Ok(length),
+            (Some(BudgetSpec::Diagonal(fraction)), None) => Ok(fraction * diagonal),
+            (None, None) => Ok(0.0),
+        }
+    }
+
+    /// The one path, mode and kind of sums of a command that takes one; `path` where none is given.
+    ///
+    /// # Errors
+    /// Several of one were given.
+    pub fn single(&self, command: &str, path: PathChoice) -> Result<Single, String> {
+        fn one<T: Copy>(given: &[T], default: T, option: &str, command: &str) -> Result<T, String> {
+            match given {
+                [] => Ok(default),
+                [one] => Ok(*one),
+                _ => Err(format!("{option}: {command} takes one; name one of them")),
+            }
+        }
+        Ok(Single {
+            path: one(&self.paths, path, "--path", command)?.update_path(),
+            mode: one(&self.modes, ModeChoice::Incremental, "--mode", command)?.update_mode(),
+            accumulate: self.sums(one(&self.accumulate, AccumulateChoice::Float, "--accumulate", command)?),
+            format: match self.formats.as_slice() {
+                [] => None,
+                [one] => Some(*one),
+                _ => return Err(format!("--format: {command} takes one; name one of them")),
+            },
+        })
+    }
+}
+
+/// How a command that takes one of each updates poses.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Single {
+    /// The path.
+    pub path: UpdatePath,
+    /// The mode.
+    pub mode: UpdateMode,
+    /// The kind of sums.
+    pub accumulate: Accumulate,
+    /// The format, where one is given.
+    pub format: Option<FormatChoice>,
+}
+
+impl Single {
+    /// The format: the one given, or the default of the path.
+    ///
+    /// # Errors
+    /// A format that the path does not take.
+    pub fn delta_format(&self) -> Result<DeltaFormat, String> {
+        let dense = matches!(self.path, UpdatePath::Feedback | UpdatePath::Compute);
+        let choice = self.format.unwrap_or(if dense { FormatChoice::Float32 } else { FormatChoice::Fast });
+        choice.delta_format(self.path).ok_or_else(|| {
+            let names = if dense { "float32 or snorm16" } else { "fast, small or block-float32" };
+            format!("--format: the path '{}' takes {names}", self.path.name())
+        })
+    }
 }
 
 /// Options of `bench`.
@@ -240,37 +379,12 @@ pub struct ApplyArgs {
 }
 
 impl ApplyArgs {
-    /// The one update path to use.
-    ///
-    /// # Errors
-    /// Several were given.
-    pub fn path(&self) -> Result<PathChoice, String> {
-        match self.update.paths.as_slice() {
-            [] => Ok(PathChoice::Cpu),
-            [one] => Ok(*one),
-            _ => Err("--path: apply goes through one update path; name one of them".into()),
-        }
-    }
-
-    /// The one delta format to use.
-    ///
-    /// # Errors
-    /// Several were given.
-    pub fn format(&self) -> Result<FormatChoice, String> {
-        match self.update.formats.as_slice() {
-            [] => Ok(FormatChoice::Float32),
-            [one] => Ok(*one),
-            _ => Err("--format: apply uses one delta format; name one of them".into()),
-        }
-    }
-
     /// Complain about what clap cannot see.
     ///
     /// # Errors
     /// Several paths or formats, or nothing to apply.
     pub fn check(&self) -> Result<(), String> {
-        self.path()?;
-        self.format()?;
+        self.update.single("apply", PathChoice::Cpu)?.delta_format()?;
         if self.weights.is_none() && self.set.is_empty() {
             return Err("nothing to apply; give --weights CSV --frame N, or --set NAME=WEIGHT".into());
         }

@@ -91,7 +91,7 @@ fn path_row(caps: &DeviceCaps, path: UpdatePath) -> PathRow {
     PathRow {
         path: path.name(),
         available: refused.is_none(),
-        batch_max: if refused.is_none() { DeltaFormat::ALL.into_iter().filter_map(sizes).collect() } else { vec![] },
+        batch_max: if refused.is_none() { DeltaFormat::DENSE.into_iter().filter_map(sizes).collect() } else { vec![] },
         reason: refused.map(|e| e.to_string()),
         needs: needs.collect(),
     }

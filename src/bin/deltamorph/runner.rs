@@ -1,5 +1,6 @@
 //! One interface to the GPU paths and the cpu path, for `bench` and `apply`.
 
+use crate::args::PackArgs;
 use crate::output::{Failure, Output};
 use deltamorph::cpu::CpuCrowd;
 use deltamorph::engine::{CrowdDesc, DeviceCaps};
@@ -47,8 +48,9 @@ impl Gpu {
 }
 
 /// How to pack for `gpu`, or for the cpu path alone.
-pub fn pack_desc(gpu: Option<&Gpu>, format: DeltaFormat) -> PackDesc {
-    gpu.map_or(PackDesc { format, ..PackDesc::default() }, |g| g.headless.engine().pack_desc(format))
+pub fn pack_desc(gpu: Option<&Gpu>, format: DeltaFormat, args: &PackArgs) -> PackDesc {
+    let desc = gpu.map_or(PackDesc::new(format), |g| g.headless.engine().pack_desc(format));
+    PackDesc { blocks: args.desc(), ..desc }
 }
 
 /// Heads that are updated by one path.
@@ -119,14 +121,14 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// The pose of a head, six floats a vertex with padding.
+    /// The pose of a head, six floats a vertex, in the user's order.
     ///
     /// # Errors
     /// A device that fails.
     pub fn pose(&mut self, head: u32) -> Result<Vec<f32>, Failure> {
         match self {
             Self::Gpu(crowd) => Ok(crowd.read_pose(head)?),
-            Self::Cpu(crowd) => Ok(crowd.pose(head as usize).to_vec()),
+            Self::Cpu(crowd) => Ok(crowd.layout().to_user_order(crowd.pose(head as usize))),
         }
     }
 

@@ -15,10 +15,7 @@ fn mesh(vertices: usize, targets: usize) -> MorphMesh {
             .map(|t| MorphTarget {
                 name: format!("t{t}"),
                 vertices: (0..vertices as u32).filter(|v| !(*v as usize + t).is_multiple_of(3)).collect(),
-                positions: (0..vertices)
-                    .filter(|v| !(v + t).is_multiple_of(3))
-                    .map(|v| vec(v + t) * 0.01)
-                    .collect(),
+                positions: (0..vertices).filter(|v| !(v + t).is_multiple_of(3)).map(|v| vec(v + t) * 0.01).collect(),
                 normals: (0..vertices).filter(|v| !(v + t).is_multiple_of(3)).map(|v| vec(v * 7 + t)).collect(),
             })
             .collect(),
@@ -60,8 +57,7 @@ fn decodes_to_what_was_packed_whole_and_in_chunks() {
     let mesh = mesh(200, 5);
     for format in DeltaFormat::DENSE {
         for max_chunk_bytes in [128 << 20, 5 * 64 * 24 + 1] {
-            let packed =
-                PackedMesh::pack(&mesh, &PackDesc { format, max_chunk_bytes, ..PackDesc::default() }).unwrap();
+            let packed = PackedMesh::pack(&mesh, &PackDesc { format, max_chunk_bytes, ..PackDesc::default() }).unwrap();
             let largest = packed.layout.chunks().map(|(_, n)| n * 5 * format.stride()).max().unwrap();
             assert!(largest as u64 <= max_chunk_bytes);
             assert_eq!(packed.layout.chunks().map(|(_, n)| n).sum::<usize>(), 256);
@@ -80,8 +76,7 @@ fn too_many_targets_are_refused_with_the_numbers() {
 #[test]
 fn the_normal_step_covers_the_largest_normal() {
     let mesh = mesh(64, 1);
-    let packed =
-        PackedMesh::pack(&mesh, &PackDesc { format: DeltaFormat::Snorm16, ..PackDesc::default() }).unwrap();
+    let packed = PackedMesh::pack(&mesh, &PackDesc { format: DeltaFormat::Snorm16, ..PackDesc::default() }).unwrap();
     let largest = mesh.targets[0].normals.iter().map(|n| n.abs().max_element()).fold(0.0, f32::max);
     let step = packed.layout().targets[0].normal_step();
     assert!(step * 32767.0 >= largest && step * 32767.0 <= 2.001 * largest);

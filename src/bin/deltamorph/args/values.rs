@@ -20,6 +20,8 @@ pub enum PathChoice {
     Feedback,
     /// Compute passes
     Compute,
+    /// Compute, for the blocks of vertices that a changed target touches, and no others
+    Blocks,
     /// SIMD and threads, without Vulkan
     Cpu,
 }
@@ -30,6 +32,7 @@ impl PathChoice {
         match self {
             Self::Feedback => UpdatePath::Feedback,
             Self::Compute => UpdatePath::Compute,
+            Self::Blocks => UpdatePath::Blocks,
             Self::Cpu => UpdatePath::Cpu,
         }
     }
@@ -59,17 +62,71 @@ impl ModeChoice {
 pub enum FormatChoice {
     /// Six floats per vertex and target
     Float32,
-    /// Six 16-bit numbers per vertex and target, with a scale per target
+    /// Six 16-bit numbers per vertex and target, with a scale per target (dense paths and cpu)
     Snorm16,
+    /// In blocks, six floats (what float32 means to the path blocks)
+    BlockFloat32,
+    /// In blocks, 9 bytes per vertex and target: the fast one
+    Fast,
+    /// In blocks, as few bits as the error allows: the small one
+    Small,
 }
 
 impl FormatChoice {
-    /// What the library calls it.
-    pub fn delta_format(self) -> DeltaFormat {
-        match self {
+    /// What the library calls it on this path; `None` where the path does not take it.
+    pub fn delta_format(self, path: UpdatePath) -> Option<DeltaFormat> {
+        let format = match self {
+            Self::Float32 if path == UpdatePath::Blocks => DeltaFormat::BlockFloat32,
             Self::Float32 => DeltaFormat::Float32,
             Self::Snorm16 => DeltaFormat::Snorm16,
-        }
+            Self::BlockFloat32 => DeltaFormat::BlockFloat32,
+            Self::Fast => DeltaFormat::Fast,
+            Self::Small => DeltaFormat::Small,
+        };
+        let taken = match path {
+            UpdatePath::Feedback | UpdatePath::Compute => !format.is_blocks(),
+            UpdatePath::Blocks => format.is_blocks(),
+            UpdatePath::Cpu => true,
+        };
+        taken.then_some(format)
+    }
+}
+
+/// How poses add up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, ValueEnum)]
+pub enum AccumulateChoice {
+    /// float32 sums, with a bound that is kept
+    Float,
+    /// Integer sums, equal to a full evaluation bit for bit (formats fast and small)
+    Exact,
+}
+
+/// An error budget as the command line states it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum BudgetSpec {
+    /// A length in input units.
+    Length(f32),
+    /// A fraction of the bounding-box diagonal.
+    Diagonal(f32),
+    /// Pixels, through the projection given beside it.
+    Pixels(f32),
+}
+
+/// A perspective camera, as far as it turns pixels into lengths.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Projection {
+    /// Vertical angle of view in degrees.
+    pub fov_degrees: f32,
+    /// Height of the picture in pixels.
+    pub height: f32,
+    /// Distance to the face in input units.
+    pub distance: f32,
+}
+
+impl Projection {
+    /// The length that one pixel shows at the distance of the face.
+    pub fn pixel(&self) -> f32 {
+        2.0 * self.distance * (self.fov_degrees.to_radians() / 2.0).tan() / self.height
     }
 }
 
@@ -160,6 +217,46 @@ pub fn sparsity(s: &str) -> Result<f32, String> {
 /// Parse `--tolerance`.
 pub fn tolerance(s: &str) -> Result<f32, String> {
     number(s, |v| v >= 0.0, "a fraction of the diagonal, 0 or more (0 keeps every delta)")
+}
+
+/// Parse a number above 0.
+pub fn positive(s: &str) -> Result<f32, String> {
+    number(s, |v| v > 0.0, "a number above 0")
+}
+
+/// Parse `--block-size`.
+pub fn block_size(s: &str) -> Result<u32, String> {
+    match s.trim() {
+        "32" => Ok(32),
+        "64" => Ok(64),
+        "128" => Ok(128),
+        _ => Err("give 32, 64 or 128".into()),
+    }
+}
+
+/// Parse `--error-budget`.
+pub fn budget(s: &str) -> Result<BudgetSpec, String> {
+    let what =
+        "a length in input units, or a number with \"d\" (of the diagonal) or \"px\" (pixels, with --projection)";
+    let s = s.trim();
+    let value = |s: &str| number(s, |v| v >= 0.0, what);
+    match (s.strip_suffix("px"), s.strip_suffix('d')) {
+        (Some(s), _) => value(s).map(BudgetSpec::Pixels),
+        (_, Some(s)) => value(s).map(BudgetSpec::Diagonal),
+        _ => value(s).map(BudgetSpec::Length),
+    }
+}
+
+/// Parse `--projection`.
+pub fn projection(s: &str) -> Result<Projection, String> {
+    let numbers: Vec<f32> = s.split(',').map(positive).collect::<Result<_, _>>()?;
+    match numbers[..] {
+        [fov_degrees, height, distance] if fov_degrees < 180.0 => Ok(Projection { fov_degrees, height, distance }),
+        _ => {
+            Err("give three numbers: degrees of view from bottom to top, pixels of height, distance in input units"
+                .into())
+        }
+    }
 }
 
 /// Parse `--fps`.

@@ -8,7 +8,7 @@ use crate::input::Input;
 use crate::output::Failure;
 use crate::runner::Runner;
 use deltamorph::mesh::packed::{DeltaFormat, POSE_STRIDE, PackedMesh};
-use deltamorph::plan::{UpdateDesc, UpdateStats};
+use deltamorph::plan::{Accumulate, UpdateDesc, UpdateStats};
 use deltamorph::reference::{PoseError, compare, evaluate, evaluate_unpacked};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -84,6 +84,18 @@ pub struct Context<'a> {
 struct Found {
     error: PoseError,
     raw: PoseError,
+    /// The path's own bound on positions so far, in input units.
+    bound: f64,
+}
+
+/// The weights that the result is compared with: exact sums take those of their grid.
+fn on_grid(mesh: &PackedMesh, config: &Config, weights: &[f32]) -> Vec<f32> {
+    match (&mesh.layout().blocks, config.desc.accumulate) {
+        (Some(blocks), Accumulate::Exact) => {
+            blocks.exact().map_or_else(|_| weights.to_vec(), |grid| weights.iter().map(|&w| grid.round(w)).collect())
+        }
+        _ => weights.to_vec(),
+    }
 }
 
 impl Context<'_> {
@@ -107,22 +119,23 @@ impl Context<'_> {
         let mut frame = 0;
         for &checkpoint in &checkpoints {
             while frame <= checkpoint {
-                runner.step(&weights(frame))?;
+                let bound = runner.step(&weights(frame))?.stats.bound;
+                found.bound = found.bound.max(f64::from(bound));
                 frame += 1;
             }
-            self.verify(&mut runner, mesh, &weights(checkpoint), references, &mut found)?;
+            self.verify(&mut runner, mesh, config, &weights(checkpoint), references, &mut found)?;
         }
 
         let mut record = self.blank(setting, config);
-        if self.right(&found) {
+        if self.right(&found, config) {
             frame %= setting.workload.period();
             for _ in 0..self.args.warmup {
                 runner.step(&weights(frame))?;
                 frame += 1;
             }
-            self.time(&mut runner, setting, frame, &weights, &mut record)?;
+            found.bound = found.bound.max(self.time(&mut runner, setting, frame, &weights, &mut record)?);
             let last = frame + self.args.frames - 1;
-            self.verify(&mut runner, mesh, &weights(last), references, &mut found)?;
+            self.verify(&mut runner, mesh, config, &weights(last), references, &mut found)?;
             let mut draws = vec![];
             for _ in 0..DRAWS {
                 draws.extend(runner.draw_ms()?);
@@ -134,13 +147,14 @@ impl Context<'_> {
         record.max_error_rel = Some(found.error.position / diagonal);
         record.normal_error_deg = Some(found.error.normal_degrees);
         record.raw_error_rel = Some(found.raw.position / diagonal);
-        record.verified = self.right(&found);
+        record.verified = self.right(&found, config);
         if !record.verified {
             (record.gpu_ms, record.cpu_ms, record.floor_fraction) = (None, None, None);
             record.problem = Some(format!(
-                "positions are off by {:.3e} of the diagonal ({POSITION_BOUND:.0e} allowed), normals by {:.4}° \
+                "positions are off by {:.3e} of the diagonal ({:.1e} allowed), normals by {:.4}° \
                  ({NORMAL_BOUND_DEGREES}° allowed)",
                 found.error.position / diagonal,
+                self.allowed(&found, config) / diagonal,
                 found.error.normal_degrees
             ));
         }
@@ -156,8 +170,19 @@ impl Context<'_> {
         }
     }
 
-    fn right(&self, found: &Found) -> bool {
-        found.error.within(POSITION_BOUND * self.scale(), NORMAL_BOUND_DEGREES)
+    /// The position error allowed: the tracked bound where the path has one, and the error budget.
+    fn allowed(&self, found: &Found, config: &Config) -> f64 {
+        let own = match (config.format.is_blocks(), config.desc.accumulate) {
+            (true, Accumulate::Float { .. }) => found.bound,
+            _ => POSITION_BOUND * self.scale(),
+        };
+        own.max(f64::from(config.desc.error_budget))
+    }
+
+    fn right(&self, found: &Found, config: &Config) -> bool {
+        // A budget bounds positions; what waits turns normals as well.
+        let normals = if config.desc.error_budget > 0.0 { 180.0 } else { NORMAL_BOUND_DEGREES };
+        found.error.within(self.allowed(found, config), normals)
     }
 
     /// Compare the first and the last head with the reference.
@@ -165,6 +190,7 @@ impl Context<'_> {
         &self,
         runner: &mut Runner<'_>,
         mesh: &PackedMesh,
+        config: &Config,
         weights: &[Vec<f32>],
         references: &mut References,
         found: &mut Found,
@@ -172,7 +198,7 @@ impl Context<'_> {
         let last = weights.len() - 1;
         for head in if last == 0 { vec![0] } else { vec![0, last] } {
             let pose = runner.pose(head as u32)?;
-            let reference = references.get(mesh, self.input, &weights[head]);
+            let reference = references.get(mesh, self.input, &on_grid(mesh, config, &weights[head]));
             found.error = found.error.max(compare(&pose, &reference.packed));
             found.raw = found.raw.max(compare(&pose, &reference.raw));
         }
@@ -186,8 +212,9 @@ impl Context<'_> {
         start: usize,
         weights: &dyn Fn(usize) -> Vec<Vec<f32>>,
         record: &mut RunRecord,
-    ) -> Result<(), Failure> {
+    ) -> Result<f64, Failure> {
         let frames = self.args.frames;
+        let mut bound = 0.0f64;
         let (mut gpu, mut cpu, mut sum) = (vec![], vec![], UpdateStats::default());
         let (mut changed, mut active) = (0, 0);
         let mut before = weights((start + setting.workload.period() - 1) % setting.workload.period());
@@ -200,6 +227,9 @@ impl Context<'_> {
             sum.passes += step.stats.passes;
             sum.bytes_moved += step.stats.bytes_moved;
             sum.bytes_floor += step.stats.bytes_floor;
+            sum.dirty_blocks += step.stats.dirty_blocks;
+            sum.rebuilt_blocks += step.stats.rebuilt_blocks;
+            bound = bound.max(f64::from(step.stats.bound));
             for (a, b) in before.iter().flatten().zip(now.iter().flatten()) {
                 changed += usize::from(a != b);
                 active += usize::from(*b != 0.0);
@@ -227,7 +257,9 @@ impl Context<'_> {
         let written = pose * f64::from(setting.heads) * if record.passes > 0.0 { 1.0 } else { 0.0 };
         let to_read = (record.bytes_floor - written).max(0.0);
         record.floor_fraction = ceiling.zip(seconds).map(|(gb_s, s)| to_read / (gb_s * 1e9) / s);
-        Ok(())
+        record.dirty_blocks = per_head(sum.dirty_blocks);
+        record.rebuilt_blocks = per_head(sum.rebuilt_blocks);
+        Ok(bound)
     }
 
     fn blank(&self, setting: &Setting<'_>, config: &Config) -> RunRecord {
@@ -242,7 +274,10 @@ impl Context<'_> {
             active: 0.0,
             heads: setting.heads,
             shared: false,
-            accumulate: "float".into(),
+            accumulate: config.desc.accumulate.name().into(),
+            error_budget: config.desc.error_budget,
+            dirty_blocks: 0.0,
+            rebuilt_blocks: 0.0,
             format: config.format.name().into(),
             slots: config.desc.slots,
             passes: 0.0,

@@ -97,7 +97,7 @@ fn text(runs: &[RunRecord]) -> String {
         let count = |v: f64| if v.fract() == 0.0 { format!("{v:.0}") } else { sig3(v) };
         table.row([
             run.path.clone(),
-            run.format.clone(),
+            if run.accumulate == "exact" { format!("{} exact", run.format) } else { run.format.clone() },
             run.mode.clone(),
             run.workload.clone(),
             run.heads.to_string(),

@@ -119,6 +119,15 @@ pub struct RunRecord {
     pub shared: bool,
     /// "float" or "exact".
     pub accumulate: String,
+    /// Changes too small to move a vertex this far waited; in input units, 0 where none did.
+    #[serde(default)]
+    pub error_budget: f32,
+    /// Blocks written per frame and head (block formats).
+    #[serde(default, serialize_with = "whole")]
+    pub dirty_blocks: f64,
+    /// Of these, the ones that started from the base pose.
+    #[serde(default, serialize_with = "whole")]
+    pub rebuilt_blocks: f64,
     /// Delta format.
     pub format: String,
     /// Pose buffers per head.

@@ -6,7 +6,9 @@ use super::record::{Bandwidth, DeviceInfo, InputInfo, Report, Skipped};
 use super::stamp;
 use super::workload::{Clip, Random, Workload};
 use crate::args::BenchArgs;
-use crate::args::values::{BatchLimit, BatchSpec, FormatChoice, PathChoice, expand_batches, expand_changed};
+use crate::args::values::{
+    AccumulateChoice, BatchLimit, BatchSpec, FormatChoice, PathChoice, expand_batches, expand_changed,
+};
 use crate::info::triangles;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
@@ -33,8 +35,9 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     }
     let counts = expand_changed(&args.changed, input.kept.targets.len()).map_err(Failure::Usage)?;
     let clips = clips(args, &input)?;
-    let (full, mut skipped) = configurations(args, gpu.as_ref(), &FULL_SWEEP);
-    let (brief, _) = configurations(args, gpu.as_ref(), &BRIEF_SWEEP);
+    let budget = args.update.budget(input.kept.diagonal).map_err(Failure::Usage)?;
+    let (full, mut skipped) = configurations(args, gpu.as_ref(), budget, &FULL_SWEEP);
+    let (brief, _) = configurations(args, gpu.as_ref(), budget, &BRIEF_SWEEP);
 
     let randoms: Vec<(usize, Random)> =
         counts.iter().map(|&n| (n, Random::new(input.kept.targets.len(), n, args.input.seed))).collect();
@@ -81,7 +84,10 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
             let mesh = match meshes.get(&config.format) {
                 Some(mesh) => mesh.clone(),
                 None => {
-                    let mesh = Arc::new(PackedMesh::pack(&input.kept, &pack_desc(gpu.as_ref(), config.format))?);
+                    let mesh = Arc::new(PackedMesh::pack(
+                        &input.kept,
+                        &pack_desc(gpu.as_ref(), config.format, &args.update.pack),
+                    )?);
                     meshes.insert(config.format, mesh.clone());
                     mesh
                 }
@@ -139,11 +145,20 @@ fn clips(args: &BenchArgs, input: &Input) -> Result<Vec<Clip>, Failure> {
 }
 
 /// What can run, and what was asked for and cannot, with the reason.
-fn configurations(args: &BenchArgs, gpu: Option<&Gpu>, sweep: &[BatchSpec]) -> (Vec<Config>, Vec<Skipped>) {
-    let all = [PathChoice::Feedback, PathChoice::Compute, PathChoice::Cpu];
-    let formats = [FormatChoice::Float32, FormatChoice::Snorm16];
-    let paths = if args.update.paths.is_empty() { &all[..] } else { &args.update.paths };
-    let formats = if args.update.formats.is_empty() { &formats[..] } else { &args.update.formats };
+fn configurations(
+    args: &BenchArgs,
+    gpu: Option<&Gpu>,
+    budget: f32,
+    sweep: &[BatchSpec],
+) -> (Vec<Config>, Vec<Skipped>) {
+    let all = [PathChoice::Feedback, PathChoice::Compute, PathChoice::Blocks, PathChoice::Cpu];
+    let update = &args.update;
+    let paths = if update.paths.is_empty() { &all[..] } else { &update.paths };
+    // The float32 of `cpu` is the dense one; in blocks it is there for the asking.
+    let formats = [FormatChoice::Float32, FormatChoice::Snorm16, FormatChoice::Fast, FormatChoice::Small];
+    let formats = if update.formats.is_empty() { &formats[..] } else { &update.formats };
+    let sums = [AccumulateChoice::Float, AccumulateChoice::Exact];
+    let sums = if update.accumulate.is_empty() { &sums[..] } else { &update.accumulate };
     let sizes = if args.batch_sizes.is_empty() { sweep } else { &args.batch_sizes };
     let (mut configs, mut skipped) = (vec![], vec![]);
     for path in paths.iter().map(|p| p.update_path()) {
@@ -156,16 +171,33 @@ fn configurations(args: &BenchArgs, gpu: Option<&Gpu>, sweep: &[BatchSpec]) -> (
             skipped.push(Skipped { what: path.name().into(), reason });
             continue;
         }
-        for format in formats.iter().map(|f| f.delta_format()) {
+        for format in formats.iter().filter_map(|f| f.delta_format(path)) {
+            let dense = !format.is_blocks();
             let batch_max = gpu.and_then(|g| g.caps().batch_max(path, format)).filter(|_| path != UpdatePath::Cpu);
             let limit = BatchLimit { max: batch_max.unwrap_or(0), all: path != UpdatePath::Feedback };
             let (batches, refused) = expand_batches(sizes, limit);
+            // What only blocks have is no news where everything was asked for.
+            let has = |sums: &AccumulateChoice| match (sums, format) {
+                (AccumulateChoice::Float, _) => true,
+                (AccumulateChoice::Exact, DeltaFormat::BlockFloat32) => false,
+                (AccumulateChoice::Exact, _) => !dense,
+            };
+            let sums: Vec<_> = sums.iter().filter(|s| has(s)).collect();
             for batch in batches {
-                let desc = UpdateDesc { path, batch, mode: args.update.mode.update_mode(), slots: args.update.slots };
-                match desc.check() {
-                    Ok(()) => configs.push(Config { desc, format, batch_max }),
-                    Err(e) => {
-                        skipped.push(Skipped { what: format!("{} batch {batch}", path.name()), reason: e.to_string() })
+                for (mode, sums) in update.modes().into_iter().flat_map(|m| sums.iter().map(move |s| (m, **s))) {
+                    let desc = UpdateDesc {
+                        mode,
+                        slots: update.slots,
+                        accumulate: update.sums(sums),
+                        error_budget: if dense { 0.0 } else { budget },
+                        ..UpdateDesc::new(path, batch)
+                    };
+                    match desc.check() {
+                        Ok(()) => configs.push(Config { desc, format, batch_max }),
+                        Err(e) => {
+                            let what = format!("{} batch {batch}", path.name());
+                            skipped.push(Skipped { what, reason: e.to_string() });
+                        }
                     }
                 }
             }
