@@ -1,10 +1,12 @@
 //! The SPIR-V modules: checked in and compiled are the same, and shader and host agree on every layout.
 
 use deltamorph::gpu::shaders::{
-    DenseListEntry, DenseListPush, DensePush, MANIFEST, MODULES, ReadPush, WORKGROUP, feedback_batch_max,
-    feedback_module, feedback_push_bytes,
+    BlocksPush, DenseListEntry, DenseListPush, DensePush, MANIFEST, MODULES, ReadPush, WORKGROUP, blocks_module,
+    feedback_batch_max, feedback_module, feedback_push_bytes,
 };
+use deltamorph::mesh::packed::blocks::BLOCK_SIZES;
 use deltamorph::mesh::packed::{DeltaFormat, POSE_STRIDE};
+use deltamorph::plan::blocks::{ELEMENT_BYTES, Element};
 use spirq::prelude::*;
 use spirq::ty::StructType;
 use std::collections::BTreeMap;
@@ -112,7 +114,8 @@ fn every_module_keeps_to_what_a_phone_promises() {
         for mode in &entry.exec_modes {
             if mode.exec_mode == spirq::spirv::ExecutionMode::LocalSize {
                 let size: Vec<u32> = mode.operands.iter().map(|c| operand(&c.value)).collect();
-                assert_eq!(size, [WORKGROUP, 1, 1], "{name}");
+                // Blocks kernels take theirs as a specialization constant.
+                assert!(name.starts_with("blocks") || size == [WORKGROUP, 1, 1], "{name}");
                 const { assert!(WORKGROUP <= 128) };
             }
         }
@@ -126,8 +129,8 @@ fn every_module_keeps_to_what_a_phone_promises() {
 fn dense_kernels_agree_with_the_host() {
     for format in DeltaFormat::DENSE {
         let element = match format {
-            DeltaFormat::Float32 => 8, // vec2
             DeltaFormat::Snorm16 => 4, // uint
+            _ => 8,                    // vec2
         };
         let dense = reflect(&format!("dense_{}", format.name()));
         let strides: Vec<_> = storage_buffers(&dense).iter().map(|(b, ty)| (*b, stride(ty))).collect();
@@ -173,6 +176,52 @@ fn dense_kernels_agree_with_the_host() {
     let push = push_constants(&reflect("read")).unwrap();
     let expected = names(&[("count", offset_of!(ReadPush, count)), ("stride", offset_of!(ReadPush, stride))]);
     assert_eq!((members(&push), bytes(&push)), (expected, size_of::<ReadPush>()));
+}
+
+#[test]
+fn blocks_kernels_agree_with_the_host() {
+    let mut seen = 0;
+    for (format, exact) in DeltaFormat::BLOCKS.into_iter().flat_map(|f| [(f, false), (f, true)]) {
+        if exact && format == DeltaFormat::BlockFloat32 {
+            continue;
+        }
+        for vertices in if format == DeltaFormat::Fast { &[1, 4][..] } else { &[1] } {
+            let name = blocks_module(format, exact, *vertices);
+            let blocks = reflect(&name);
+            let strides: Vec<_> = storage_buffers(&blocks).iter().map(|(b, ty)| (*b, stride(ty))).collect();
+            // Words, words, floats, and integers where sums are exact.
+            let buffers = if exact { 4 } else { 3 };
+            assert_eq!(strides, (0..buffers).map(|b| (b, 4)).collect::<Vec<_>>(), "{name}");
+            let push = push_constants(&blocks).unwrap();
+            let expected = names(&[
+                ("first_item", offset_of!(BlocksPush, first_item)),
+                ("elements_at", offset_of!(BlocksPush, elements_at)),
+                ("deltas_at", offset_of!(BlocksPush, deltas_at)),
+                ("base_at", offset_of!(BlocksPush, base_at)),
+                ("pose_floats", offset_of!(BlocksPush, pose_floats)),
+                ("slots", offset_of!(BlocksPush, slots)),
+                ("position_unit", offset_of!(BlocksPush, position_unit)),
+                ("normal_unit", offset_of!(BlocksPush, normal_unit)),
+            ]);
+            assert_eq!((members(&push), bytes(&push)), (expected, size_of::<BlocksPush>()), "{name}");
+            let mut constants: Vec<u32> = blocks
+                .vars
+                .iter()
+                .filter_map(|v| match v {
+                    Variable::SpecConstant { spec_id, .. } => Some(*spec_id),
+                    _ => None,
+                })
+                .collect();
+            constants.sort_unstable();
+            assert_eq!(constants, [0, 1], "{name}: lanes, vertices of a block");
+            seen += 1;
+        }
+    }
+    let modules = MODULES.iter().filter(|(name, _)| name.starts_with("blocks_")).count();
+    assert_eq!(seen, modules);
+    assert_eq!(size_of::<Element>(), ELEMENT_BYTES);
+    // The largest block has as many lanes as a phone promises.
+    assert_eq!(BLOCK_SIZES.iter().max(), Some(&128));
 }
 
 /// Values of a decoration of a module's variables, from the words: reflection does not know those of capture.

@@ -146,6 +146,9 @@ impl Sum for i32 {
     }
 }
 
+/// What is added to a block, component after component: the loops over vertices become SIMD.
+type Added<T, const S: usize> = [[T; S]; POSE_FLOATS];
+
 impl Block<'_> {
     /// Update the block: `destination` is its part of the slot that is written, `sums` of the integers.
     pub fn run(&self, destination: &mut [f32], sums: Option<(&mut [i32], ExactGrid)>, meter: &mut impl Meter) {
@@ -163,28 +166,30 @@ impl Block<'_> {
         meter: &mut impl Meter,
     ) {
         meter.moved(4 * (ITEM_WORDS + self.masks.len()) + ELEMENT_BYTES * self.elements.len());
+        let rebuilt = self.item.source.is_none();
         match sums {
             None => {
-                let added = self.add_up::<f32, S>(meter);
-                if self.item.source.is_none() {
-                    self.apply::<S>(destination, meter, |at, c, lane, _| self.base[at] + added[c][lane]);
-                } else if let Some(source) = self.source {
-                    self.apply::<S>(destination, meter, |at, c, lane, _| source[at] + added[c][lane]);
-                } else {
-                    self.apply::<S>(destination, meter, |_, c, lane, old| old + added[c][lane]);
+                let mut added: Added<f32, S> = [[0.0; S]; POSE_FLOATS];
+                self.add_up(&mut added, meter);
+                match if rebuilt { Some(self.base) } else { self.source } {
+                    Some(from) => {
+                        self.apply::<S>(destination, meter, |lane, c, _| from[lane * POSE_FLOATS + c] + added[c][lane]);
+                    }
+                    None => self.apply::<S>(destination, meter, |lane, c, old| old + added[c][lane]),
                 }
             }
             Some((sums, grid)) => {
-                let rebuilt = self.item.source.is_none();
                 if let (false, true, Some(source)) = (rebuilt, self.elements.is_empty(), self.source) {
                     // It only catches up.
-                    self.apply::<S>(destination, meter, |at, _, _, _| source[at]);
+                    self.apply::<S>(destination, meter, |lane, c, _| source[lane * POSE_FLOATS + c]);
                     return;
                 }
-                let added = self.add_up::<i32, S>(meter);
+                let mut added: Added<i32, S> = [[0; S]; POSE_FLOATS];
+                self.add_up(&mut added, meter);
                 let units = self.index.steps().map(|step| step * grid.weight_step());
                 let before = if rebuilt { 0 } else { -1 };
-                self.apply::<S>(destination, meter, |at, c, lane, _| {
+                self.apply::<S>(destination, meter, |lane, c, _| {
+                    let at = lane * POSE_FLOATS + c;
                     let sum = (sums[at] & before).wrapping_add(added[c][lane]);
                     sums[at] = sum;
                     // The product is exact: the unit is a power of two.
@@ -197,79 +202,69 @@ impl Block<'_> {
     }
 
     /// Σ coefficient · delta of each component of each vertex.
-    fn add_up<T: Sum, const S: usize>(&self, meter: &mut impl Meter) -> [[T; S]; POSE_FLOATS] {
-        let mut sums = [[T::default(); S]; POSE_FLOATS];
+    fn add_up<T: Sum, const S: usize>(&self, added: &mut Added<T, S>, meter: &mut impl Meter) {
         let (index, words) = (self.index, self.mesh.words());
         let [position_step, normal_step] = index.steps();
         for element in self.elements {
-            let entry = element.entry as usize;
+            let (entry, bits) = (element.entry as usize, element.coefficient);
             let header = &words[entry * index.header_words()..][..index.header_words()];
             let data = &words[index.first_word(words, entry)..][..index.entry_words(words, entry)];
             meter.moved(4 * (header.len() + data.len()));
-            let bits = element.coefficient;
+            let factors = |shifts: [u32; 2]| {
+                [T::coefficient(bits, position_step, shifts[0]), T::coefficient(bits, normal_step, shifts[1])]
+            };
             match index.format() {
-                DeltaFormat::Fast => {
-                    let position = T::coefficient(bits, position_step, header[0] & 0xff);
-                    let normal = T::coefficient(bits, normal_step, header[0] >> 8 & 0xff);
-                    add_fast(&mut sums, [position, normal], data);
-                }
-                DeltaFormat::Small => {
-                    let position = T::coefficient(bits, position_step, 0);
-                    let normal = T::coefficient(bits, normal_step, 0);
-                    add_small(&mut sums, [position, normal], header, data);
-                }
-                _ => {
-                    let coefficient = f32::from_bits(bits);
-                    for (c, sums) in sums.iter_mut().enumerate() {
-                        for (sum, word) in sums.iter_mut().zip(&data[c * S..][..S]) {
-                            *sum = sum.add_float(coefficient, f32::from_bits(*word));
-                        }
-                    }
-                }
+                DeltaFormat::Fast => add_fast(added, factors([header[0] & 0xff, header[0] >> 8 & 0xff]), data),
+                DeltaFormat::Small => add_small(added, factors([0, 0]), header, data),
+                _ => add_float32(added, f32::from_bits(bits), data),
             }
         }
-        sums
     }
 
-    /// Store `value(index of the float, component, lane, float there)` wherever the masks say so.
+    /// Store `value(lane, component, float there)` wherever the masks say so.
     #[inline(always)]
     fn apply<const S: usize>(
         &self,
         destination: &mut [f32],
         meter: &mut impl Meter,
-        mut value: impl FnMut(usize, usize, usize, f32) -> f32,
+        mut value: impl FnMut(usize, usize, f32) -> f32,
     ) {
-        let (vertices, _) = destination.as_chunks_mut::<POSE_FLOATS>();
-        if self.masks.iter().all(|m| *m == u32::MAX) {
-            for (lane, vertex) in vertices[..S].iter_mut().enumerate() {
-                for (c, out) in vertex.iter_mut().enumerate() {
-                    *out = value(lane * POSE_FLOATS + c, c, lane, *out);
-                }
+        let (vertices, words) = (&mut destination.as_chunks_mut::<POSE_FLOATS>().0[..S], S / 32);
+        for word in 0..words {
+            let masks: [u32; POSE_FLOATS] = std::array::from_fn(|c| self.masks[c * words + word]);
+            meter.moved(8 * masks.iter().map(|m| m.count_ones() as usize).sum::<usize>());
+            let (whole, some) = (masks.iter().fold(u32::MAX, |a, m| a & m), masks.iter().fold(0, |a, m| a | m));
+            if some == 0 {
+                continue;
             }
-            meter.moved(S * POSE_FLOATS * 8);
-            return;
-        }
-        for (c, masks) in self.masks.chunks_exact(S / 32).enumerate() {
-            for (word, &mask) in masks.iter().enumerate() {
-                let mut rest = mask;
-                while rest != 0 {
-                    let lane = 32 * word + rest.trailing_zeros() as usize;
-                    let out = &mut vertices[lane][c];
-                    *out = value(lane * POSE_FLOATS + c, c, lane, *out);
-                    rest &= rest - 1;
+            for (bit, vertex) in vertices[32 * word..][..32].iter_mut().enumerate() {
+                let lane = 32 * word + bit;
+                if whole >> bit & 1 != 0 {
+                    *vertex = std::array::from_fn(|c| value(lane, c, vertex[c]));
+                } else if some >> bit & 1 != 0 {
+                    for c in (0..POSE_FLOATS).filter(|&c| masks[c] >> bit & 1 != 0) {
+                        vertex[c] = value(lane, c, vertex[c]);
+                    }
                 }
-                meter.moved(mask.count_ones() as usize * 8);
             }
         }
     }
 }
 
-fn add_fast<T: Sum, const S: usize>(sums: &mut [[T; S]; POSE_FLOATS], [position, normal]: [T; 2], data: &[u32]) {
+fn add_float32<T: Sum, const S: usize>(added: &mut Added<T, S>, coefficient: f32, data: &[u32]) {
+    for (sums, row) in added.iter_mut().zip(data.chunks_exact(S)) {
+        for (sum, word) in sums.iter_mut().zip(row) {
+            *sum = sum.add_float(coefficient, f32::from_bits(*word));
+        }
+    }
+}
+
+fn add_fast<T: Sum, const S: usize>(added: &mut Added<T, S>, [position, normal]: [T; 2], data: &[u32]) {
     let (a, rest) = data.split_at(S);
     let (b, c) = rest.split_at(S);
     let c: &[i8] = bytemuck::cast_slice(c);
     let (a, b, c) = (&a[..S], &b[..S], &c[..S]);
-    let [x, y, z, nx, ny, nz] = sums;
+    let [x, y, z, nx, ny, nz] = added;
     for lane in 0..S {
         let d = fast_decode(a[lane], b[lane], c[lane]);
         x[lane] = x[lane].add(position, d[0]);
@@ -281,12 +276,7 @@ fn add_fast<T: Sum, const S: usize>(sums: &mut [[T; S]; POSE_FLOATS], [position,
     }
 }
 
-fn add_small<T: Sum, const S: usize>(
-    sums: &mut [[T; S]; POSE_FLOATS],
-    [position, normal]: [T; 2],
-    header: &[u32],
-    data: &[u32],
-) {
+fn add_small<T: Sum, const S: usize>(added: &mut Added<T, S>, factors: [T; 2], header: &[u32], data: &[u32]) {
     let widths = unpack_widths(header[1]);
     let mut bits = BitReader::new(data);
     for (word, &mask) in header[2..].iter().enumerate() {
@@ -294,9 +284,8 @@ fn add_small<T: Sum, const S: usize>(
         while rest != 0 {
             let lane = 32 * word + rest.trailing_zeros() as usize;
             rest &= rest - 1;
-            for c in 0..POSE_FLOATS {
-                let delta = bits.take(widths[c]);
-                sums[c][lane] = sums[c][lane].add(if c < 3 { position } else { normal }, delta);
+            for (c, (row, width)) in added.iter_mut().zip(widths).enumerate() {
+                row[lane] = row[lane].add(factors[c / 3], bits.take(width));
             }
         }
     }

@@ -91,10 +91,10 @@ impl WorkList {
 /// Scratch space of [`BlockState::plan`], shared by the instances of a crowd.
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
-    /// Per block: elements listed, bytes of their entries, Σ |coefficient| · reach.
-    blocks: Vec<(u32, u32, f32)>,
-    /// `[block][component][word]`.
-    masks: Vec<u32>,
+    /// Per block: the place in the list behind its last element, counted from the instance's first.
+    ends: Vec<u32>,
+    /// With an error budget: blocks that a change reaches.
+    reached: Vec<bool>,
 }
 
 /// Weights as the sums see them: float32, or integers on a grid.
@@ -316,10 +316,8 @@ impl BlockState {
         list: &mut WorkList,
         stats: &mut UpdateStats,
     ) -> BlockPlan {
-        scratch.blocks.clear();
-        scratch.blocks.resize(index.count(), (0, 0, 0.0));
-        scratch.masks.clear();
-        scratch.masks.resize(index.count() * 6 * index.mask_words(), 0);
+        scratch.ends.clear();
+        scratch.ends.extend_from_slice(&index.first_entries()[..index.count()]);
         self.largest_weight = weights.iter().fold(self.largest_weight, |m, w| m.max(w.abs()));
         let mut frame = Frame { index, instance, scratch, list, budget: self.desc.error_budget };
         let unknown = !self.slots.known;
@@ -354,6 +352,11 @@ impl BlockState {
         let Frame { index, instance, scratch, list, .. } = frame;
         let count = index.count();
         let (slots, exact) = (self.desc.slots as usize, self.exact.is_some());
+        let weight_step = self.exact.map(|grid| grid.weight_step());
+        let amount = |bits: u32| match weight_step {
+            None => f32::from_bits(bits).abs(),
+            Some(step) => (bits as i32).unsigned_abs() as f32 * step,
+        };
         let current = self.slots.current.unwrap_or(self.desc.slots - 1);
         let destination = (current + 1) % self.desc.slots;
         let unknown = !self.slots.known;
@@ -362,18 +365,29 @@ impl BlockState {
             self.slots.missed.fill(u32::MAX);
         }
         let first_element = *instance * index.entry_count();
-        let (masks, _) = scratch.masks.as_chunks_mut::<N>();
+        let costs = index.costs();
+        let (entry_masks, _) = index.masks().as_chunks::<N>();
         let (block_masks, _) = index.block_masks().as_chunks::<N>();
         let (missed, _) = self.slots.missed.as_chunks_mut::<N>();
         let first_mask = list.masks.len();
         for block in 0..count {
-            let (listed, bytes, sum) = scratch.blocks[block];
+            let entries = index.entries(block);
+            let first = first_element + entries.start;
+            let mut listed = scratch.ends[block] - entries.start as u32;
             let at = destination as usize * count + block;
             let behind = self.slots.behind[at];
             if listed == 0 && !behind && !unknown {
                 continue;
             }
             let touched = listed > 0;
+            // What the listed entries take, move and change.
+            let (mut deltas, mut sum, mut changed) = (0, 0.0, [0; N]);
+            for element in &list.elements[first..first + listed as usize] {
+                let entry = element.entry as usize;
+                deltas += costs[entry].bytes;
+                sum += amount(element.coefficient) * costs[entry].reach;
+                changed.iter_mut().zip(&entry_masks[entry]).for_each(|(c, e)| *c |= e);
+            }
             let magnitude = index.block_base()[block] + self.largest_weight * index.block_reach()[block];
             let bound = self.blocks.bound[block] + rounding(magnitude, listed, sum);
             let worn = touched && bound > self.blocks.limit[block];
@@ -383,19 +397,15 @@ impl BlockState {
                         || self.desc.mode == UpdateMode::Rebuild
                         || fewer_bytes_from_base(
                             self.blocks.active_bytes[block],
-                            bytes,
+                            deltas,
                             &block_masks[block],
-                            &masks[block],
+                            &changed,
                         ));
-            let first = first_element + index.entries(block).start;
-            let mut listed = listed;
-            let mut deltas = bytes;
-            let mut changed = masks[block];
             if rebuilt {
                 let active;
                 (listed, active) = match &self.weights {
-                    Weights::Float(w) => list_active(w, index, block, &mut list.elements[first..], f32::abs),
-                    Weights::Exact(w) => list_active(w, index, block, &mut list.elements[first..], |q| q as f32),
+                    Weights::Float(w) => list_active(w, index, block, &mut list.elements[first..], amount),
+                    Weights::Exact(w) => list_active(w, index, block, &mut list.elements[first..], amount),
                 };
                 deltas = self.blocks.active_bytes[block];
                 changed = if unknown { [u32::MAX; N] } else { block_masks[block] };
@@ -488,7 +498,7 @@ fn list_active<T: Unit>(
     index: &BlockIndex,
     block: usize,
     out: &mut [Element],
-    size: impl Fn(T) -> f32,
+    amount: impl Fn(u32) -> f32,
 ) -> (u32, f32) {
     let (mut count, mut sum) = (0, 0.0);
     for entry in index.entries(block) {
@@ -497,7 +507,7 @@ fn list_active<T: Unit>(
         if weight != T::default() {
             out[count] = Element { entry: entry as u32, coefficient: weight.bits() };
             count += 1;
-            sum += size(weight) * index.costs()[entry].reach;
+            sum += amount(weight.bits()) * index.costs()[entry].reach;
         }
     }
     (count as u32, sum)
@@ -527,53 +537,41 @@ impl Frame<'_> {
     ) -> bool {
         weights.next.iter_mut().zip(asked).for_each(|(n, w)| *n = convert(*w));
         *changed = weights.next.iter().zip(&weights.requested).filter(|(a, b)| a != b).count();
-        let dirty = match (weights.per_entry, self.index.mask_words()) {
-            (true, w) => self.commit_entries(weights, blocks, size, unknown, *changed == 0, 6 * w),
-            (false, 1) => self.commit_targets::<T, 6>(weights, blocks, size),
-            (false, 2) => self.commit_targets::<T, 12>(weights, blocks, size),
-            (false, _) => self.commit_targets::<T, 24>(weights, blocks, size),
+        let dirty = match weights.per_entry {
+            true => self.commit_entries(weights, blocks, size, unknown, *changed == 0),
+            false => self.commit_targets(weights, blocks),
         };
         weights.requested.copy_from_slice(&weights.next);
         dirty
     }
 
     /// No budget: every changed target is committed, in every block it touches.
-    fn commit_targets<T: Unit, const N: usize>(
-        &mut self,
-        weights: &mut Committed<T>,
-        blocks: &mut Blocks,
-        size: impl Fn(T) -> f32,
-    ) -> bool {
+    fn commit_targets<T: Unit>(&mut self, weights: &mut Committed<T>, blocks: &mut Blocks) -> bool {
         let index = self.index;
-        let (entry_masks, _) = index.masks().as_chunks::<N>();
-        let (masks, _) = self.scratch.masks.as_chunks_mut::<N>();
         let first = self.instance * index.entry_count();
         let elements = &mut self.list.elements[first..first + index.entry_count()];
+        let ends = &mut self.scratch.ends[..];
         let mut dirty = false;
         for (target, (&new, old)) in weights.next.iter().zip(&mut weights.committed).enumerate() {
             if new == *old {
                 continue;
             }
+            let incidence = index.incidence(target);
             // A target that moves nothing changes no pose.
-            dirty |= !index.incidence(target).is_empty();
-            let delta = new.minus(*old);
-            let (coefficient, amount) = (delta.bits(), size(delta));
-            let was = *old != T::default();
-            let is = new != T::default();
+            dirty |= !incidence.is_empty();
+            let coefficient = new.minus(*old).bits();
+            for i in incidence {
+                let end = &mut ends[i.block as usize];
+                elements[*end as usize] = Element { entry: i.entry, coefficient };
+                *end += 1;
+            }
+            let (was, is) = (*old != T::default(), new != T::default());
             *old = new;
-            for incidence in index.incidence(target) {
-                let (block, entry) = (incidence.block as usize, incidence.entry as usize);
-                let cost = index.costs()[entry];
-                let (listed, bytes, sum) = &mut self.scratch.blocks[block];
-                elements[index.first_entries()[block] as usize + *listed as usize] =
-                    Element { entry: entry as u32, coefficient };
-                *listed += 1;
-                *bytes += cost.bytes;
-                *sum += amount * cost.reach;
-                masks[block].iter_mut().zip(&entry_masks[entry]).for_each(|(m, e)| *m |= e);
-                if was != is {
-                    let active = &mut blocks.active_bytes[block];
-                    *active = if is { *active + cost.bytes } else { *active - cost.bytes };
+            if was != is {
+                for i in incidence {
+                    let (active, bytes) =
+                        (&mut blocks.active_bytes[i.block as usize], index.costs()[i.entry as usize].bytes);
+                    *active = if is { *active + bytes } else { *active - bytes };
                 }
             }
         }
@@ -588,7 +586,6 @@ impl Frame<'_> {
         size: impl Fn(T) -> f32,
         unknown: bool,
         still: bool,
-        n: usize,
     ) -> bool {
         let index = self.index;
         // Blocks that a change reaches; all where nothing may wait any longer.
@@ -596,17 +593,18 @@ impl Frame<'_> {
         if still && !settle {
             return false;
         }
-        if settle {
-            self.scratch.blocks.iter_mut().for_each(|b| b.0 = 1);
-        } else {
+        let reached = &mut self.scratch.reached;
+        reached.clear();
+        reached.resize(index.count(), settle);
+        if !settle {
             for target in (0..weights.next.len()).filter(|&t| weights.next[t] != weights.requested[t]) {
-                index.incidence(target).iter().for_each(|i| self.scratch.blocks[i.block as usize].0 = 1);
+                index.incidence(target).iter().for_each(|i| reached[i.block as usize] = true);
             }
         }
         let first = self.instance * index.entry_count();
         let (mut dirty, mut waiting) = (unknown, weights.waiting && !settle);
         for block in 0..index.count() {
-            if std::mem::take(&mut self.scratch.blocks[block].0) == 0 {
+            if !self.scratch.reached[block] {
                 continue;
             }
             let entries = index.entries(block);
@@ -635,9 +633,6 @@ impl Frame<'_> {
                 self.list.elements[first + entries.start + listed] =
                     Element { entry: entry as u32, coefficient: delta.bits() };
                 listed += 1;
-                self.scratch.blocks[block].1 += cost.bytes;
-                let masks = &mut self.scratch.masks[block * n..][..n];
-                masks.iter_mut().zip(&index.masks()[entry * n..][..n]).for_each(|(m, e)| *m |= e);
                 let active = &mut blocks.active_bytes[block];
                 *active = match (old != T::default(), new != T::default()) {
                     (false, true) => *active + cost.bytes,
@@ -645,8 +640,7 @@ impl Frame<'_> {
                     _ => *active,
                 };
             }
-            self.scratch.blocks[block].0 = listed as u32;
-            self.scratch.blocks[block].2 = sum;
+            self.scratch.ends[block] += listed as u32;
             dirty |= listed > 0;
         }
         weights.waiting = waiting;

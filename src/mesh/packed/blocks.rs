@@ -20,6 +20,7 @@ use super::{DeltaFormat, PackDesc, PackError, PackedLayout, PackedMesh, PackedTa
 use super::{POSE_FLOATS, VERTEX_PADDING};
 use crate::error::{Error, Result};
 use crate::mesh::MorphMesh;
+use crate::reference::angle_degrees;
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -569,7 +570,26 @@ pub(super) fn pack(mesh: &MorphMesh, desc: &PackDesc) -> Result<PackedMesh> {
     let format = desc.format;
     let default_size = if format == DeltaFormat::Small { 32 } else { 64 };
     let size = desc.blocks.size.unwrap_or(default_size);
-    let steps = if format == DeltaFormat::BlockFloat32 { [1.0, 1.0] } else { steps(mesh, &desc.blocks) };
+    let mut steps = if format == DeltaFormat::BlockFloat32 { [1.0, 1.0] } else { steps(mesh, &desc.blocks) };
+    // Where a target turns a short normal, the same rounding is a larger angle: finer steps then.
+    for _ in 0..NORMAL_ATTEMPTS {
+        let packed = pack_with(mesh, desc, size, steps)?;
+        let found = packed.layout.blocks.as_ref().map_or(0.0, |index| index.error.normal_degrees);
+        if format == DeltaFormat::BlockFloat32 || found <= f64::from(desc.blocks.normal_error_degrees) {
+            return Ok(packed);
+        }
+        steps[1] /= 2.0;
+    }
+    pack_with(mesh, desc, size, steps)
+}
+
+/// Halvings of the step of normals, at most.
+const NORMAL_ATTEMPTS: usize = 2;
+
+/// Lay out `mesh` in blocks of `size` on a grid of these steps.
+fn pack_with(mesh: &MorphMesh, desc: &PackDesc, size: u32, steps: [f32; 2]) -> Result<PackedMesh> {
+    let format = desc.format;
+    let error_degrees = f64::from(desc.blocks.normal_error_degrees);
     let diagonal = f64::from(mesh.diagonal);
     let allowed = [
         f64::from(desc.blocks.position_error) * diagonal,
@@ -577,13 +597,15 @@ pub(super) fn pack(mesh: &MorphMesh, desc: &PackDesc) -> Result<PackedMesh> {
     ];
 
     // What each target keeps: exact deltas, zeroed where they may be dropped.
-    let keep = |p: Vec3, n: Vec3| -> Option<[f32; POSE_FLOATS]> {
+    let keep = |v: u32, p: Vec3, n: Vec3| -> Option<[f32; POSE_FLOATS]> {
         let (mut p, mut n) = (p, n);
         if format != DeltaFormat::BlockFloat32 {
             if p.as_dvec3().length() <= allowed[0] {
                 p = Vec3::ZERO;
             }
-            if n.as_dvec3().length() <= allowed[1] {
+            // As an angle and as a length: normals that files state need not have unit length.
+            let (base, delta) = (mesh.normals[v as usize].as_dvec3(), n.as_dvec3());
+            if delta.length() <= allowed[1] && angle_degrees(base, base + delta) <= error_degrees {
                 n = Vec3::ZERO;
             }
         }
@@ -595,7 +617,7 @@ pub(super) fn pack(mesh: &MorphMesh, desc: &PackDesc) -> Result<PackedMesh> {
         .iter()
         .map(|t| {
             let deltas = t.vertices.iter().zip(t.positions.iter().zip(&t.normals));
-            deltas.filter_map(|(&v, (&p, &n))| keep(p, n).map(|d| (v, d))).collect()
+            deltas.filter_map(|(&v, (&p, &n))| keep(v, p, n).map(|d| (v, d))).collect()
         })
         .collect();
     let members: Vec<Vec<u32>> = kept.iter().map(|t| t.iter().map(|(v, _)| *v).collect()).collect();
