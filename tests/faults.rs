@@ -14,13 +14,19 @@ use deltamorph::plan::{BatchSize, Source, UpdateDesc, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
 use gpu::{on_every_device, single, update_descs, weights};
 
-fn packed(engine: &MorphEngine) -> PackedMesh {
-    PackedMesh::pack(&testing::mesh(500, 20), &engine.pack_desc(DeltaFormat::Float32)).expect("a mesh that fits")
+fn packed(engine: &MorphEngine, format: DeltaFormat) -> PackedMesh {
+    PackedMesh::pack(&testing::mesh(500, 20), &engine.pack_desc(format)).expect("a mesh that fits")
 }
 
 /// The commands of `frames` updates.
-fn recorded(headless: &Headless, engine: &MorphEngine, desc: UpdateDesc, frames: u32) -> Vec<CommandList> {
-    let mesh = packed(engine);
+fn recorded(
+    headless: &Headless,
+    engine: &MorphEngine,
+    format: DeltaFormat,
+    desc: UpdateDesc,
+    frames: u32,
+) -> Vec<CommandList> {
+    let mesh = packed(engine, format);
     let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
     let mut lists = vec![];
     for frame in 0..frames {
@@ -36,8 +42,13 @@ fn hazards(lists: &[CommandList]) -> Result<(), Vec<deltamorph::plan::hazards::V
     checker.upload();
     for list in lists {
         checker.update(list);
-        if let Some(last) = list.passes().last() {
-            checker.draw(0, last.destination);
+        let destination = |command: &Command| match command {
+            Command::Pass(pass) => Some(pass.destination),
+            Command::Blocks(blocks) => Some(blocks.destination),
+            Command::Barrier(_) => None,
+        };
+        if let Some(slot) = list.commands.iter().filter_map(destination).last() {
+            checker.draw(0, slot);
         }
     }
     checker.finish()
@@ -46,8 +57,9 @@ fn hazards(lists: &[CommandList]) -> Result<(), Vec<deltamorph::plan::hazards::V
 #[test]
 fn what_the_engine_records_has_no_hazard_and_a_dropped_barrier_has_one() {
     on_every_device(|headless, engine| {
-        for desc in update_descs(engine, DeltaFormat::Float32) {
-            let lists = recorded(headless, engine, desc, 5);
+        let formats = [DeltaFormat::Float32, DeltaFormat::Fast].into_iter();
+        for (format, desc) in formats.flat_map(|f| update_descs(engine, f).into_iter().map(move |d| (f, d))) {
+            let lists = recorded(headless, engine, format, desc, 5);
             assert_eq!(hazards(&lists), Ok(()), "{desc:?}");
             // All barriers of the fourth update, one at a time; more than one pass, or there is none between.
             for at in 0..lists[3].commands.len() {
@@ -72,7 +84,7 @@ fn validation_sees_a_dropped_barrier_between_compute_passes() {
     let headless = Headless::new(&HeadlessDesc { device, validation: true, limits: None })
         .expect("lavapipe; run the tests as ./with-vulkan cargo test");
     let engine = headless.engine();
-    let mesh = packed(engine);
+    let mesh = packed(engine, DeltaFormat::Float32);
     let desc = UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(4));
     let mut crowd = HeadlessCrowd::new(&headless, &mesh, &single(desc)).expect("a crowd");
     crowd.step(&[&weights(&mesh, 0, 1)]).expect("a step");
@@ -92,7 +104,7 @@ fn validation_sees_a_dropped_barrier_between_compute_passes() {
 fn a_swapped_slot_gives_a_wrong_pose() {
     on_every_device(|headless, engine| {
         for desc in update_descs(engine, DeltaFormat::Float32) {
-            let mesh = packed(engine);
+            let mesh = packed(engine, DeltaFormat::Float32);
             let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
             let mut weights = [0.5; 20];
             crowd.step(&[&weights]).expect("a step");
@@ -112,6 +124,32 @@ fn a_swapped_slot_gives_a_wrong_pose() {
             unsafe { crowd.step_tampered(&[&weights], swap) }.expect("a step");
             let error = compare(&crowd.read_pose(0).expect("a pose"), &evaluate(&mesh, &weights));
             assert!(error.position > 1e-3, "{desc:?}: the fault went unseen: {error:?}");
+        }
+    });
+}
+
+#[test]
+fn a_block_left_out_gives_a_wrong_pose() {
+    on_every_device(|headless, engine| {
+        for format in DeltaFormat::BLOCKS {
+            for desc in update_descs(engine, format) {
+                let mesh = packed(engine, format);
+                let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
+                let leave_out = |list: &mut CommandList| {
+                    let blocks = list.commands.iter_mut().find_map(|c| match c {
+                        Command::Blocks(blocks) => Some(blocks),
+                        _ => None,
+                    });
+                    blocks.expect("a pass over blocks").items.end -= 1;
+                };
+                for weight in [0.25, 0.5, 0.75] {
+                    crowd.step(&[&[weight; 20]]).expect("a step");
+                }
+                // SAFETY: a workgroup less: a valid recording.
+                unsafe { crowd.step_tampered(&[&[1.0; 20]], leave_out) }.expect("a step");
+                let error = compare(&crowd.read_pose(0).expect("a pose"), &evaluate(&mesh, &[1.0; 20]));
+                assert!(error.position > 1e-3, "{desc:?}: the fault went unseen: {error:?}");
+            }
         }
     });
 }

@@ -5,10 +5,11 @@ mod gpu;
 #[path = "../src/testing.rs"]
 mod testing;
 
+use deltamorph::cpu::CpuCrowd;
 use deltamorph::engine::{DeviceCaps, MorphEngine, TransformFeedbackCaps};
 use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::plan::{UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph::plan::{Accumulate, UpdateDesc, UpdateMode, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
 use gpu::{applied, on_every_device, single, update_descs, weights};
 
@@ -322,4 +323,34 @@ fn any_sequence_of_weights_equals_the_reference() {
         });
         run.unwrap_or_else(|e| panic!("{}: {e}", headless.caps().name));
     });
+}
+
+/// Integer sums and the poses decoded from them: the same bits on every driver, on the CPU, and after a fresh rebuild.
+#[test]
+fn exact_sums_are_the_same_bits_everywhere() {
+    for format in [DeltaFormat::Fast, DeltaFormat::Small] {
+        let mesh = PackedMesh::pack(&testing::mesh(500, 24), &PackDesc::new(format)).expect("a mesh that fits");
+        let mesh = std::sync::Arc::new(mesh);
+        let exact = UpdateDesc { accumulate: Accumulate::Exact, ..UpdateDesc::blocks() };
+        let on_cpu = UpdateDesc { path: UpdatePath::Cpu, ..exact };
+        let cpu = |frames: std::ops::Range<u32>| {
+            let mut crowd = CpuCrowd::new(mesh.clone(), on_cpu, 1, 2).expect("a crowd");
+            for frame in frames {
+                crowd.set_weights(0, &weights(&mesh, frame, 3)).expect("weights that fit");
+                crowd.update();
+            }
+            (crowd.sums(0).expect("exact sums").to_vec(), mesh.layout().to_user_order(crowd.pose(0)))
+        };
+        let (sums, pose) = cpu(0..60);
+        assert_eq!((&sums, &pose), (&cpu(59..60).0, &cpu(59..60).1), "a fresh rebuild");
+        on_every_device(|headless, _| {
+            let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(exact)).expect("a crowd");
+            for frame in 0..60 {
+                crowd.step(&[&weights(&mesh, frame, 3)]).expect("a step");
+            }
+            let name = &headless.caps().name;
+            assert_eq!(crowd.read_sums(0).expect("sums").as_ref(), Some(&sums), "{name} {format:?}");
+            assert_eq!(crowd.read_pose(0).expect("a pose"), pose, "{name} {format:?}");
+        });
+    }
 }

@@ -95,7 +95,15 @@ pub struct Scratch {
     ends: Vec<u32>,
     /// With an error budget: blocks that a change reaches.
     reached: Vec<bool>,
+    /// With an error budget: how far each entry of a block is from what was asked for, as a length; [`GOES`] once it
+    /// is committed.
+    amounts: Vec<f32>,
 }
+
+/// Marks an entry that is committed.
+const GOES: f32 = -1.0;
+/// What summing amounts up may lose of the budget.
+const SUMMING: f32 = 0.9999;
 
 /// Weights as the sums see them: float32, or integers on a grid.
 trait Unit: Copy + PartialEq + Default {
@@ -611,20 +619,35 @@ impl Frame<'_> {
             let targets = &index.entry_targets()[entries.clone()];
             let pending =
                 |committed: &[T], i: usize, entry: usize| weights.next[targets[i] as usize].minus(committed[entry]);
-            let mut sum = 0.0;
-            for (i, entry) in entries.clone().enumerate() {
-                sum += size(pending(&weights.committed, i, entry)) * index.costs()[entry].reach;
-            }
+            let amounts = &mut self.scratch.amounts;
+            amounts.clear();
+            amounts.extend(
+                entries
+                    .clone()
+                    .enumerate()
+                    .map(|(i, entry)| size(pending(&weights.committed, i, entry)) * index.costs()[entry].reach),
+            );
+            let mut sum: f32 = amounts.iter().sum();
             // What accumulation may have done already comes off the budget.
-            let room = if blocks.tolerance.is_finite() { self.budget - blocks.bound[block] } else { self.budget };
-            if sum <= room.max(0.0) && !settle {
+            let accumulated = if blocks.tolerance.is_finite() { blocks.bound[block] } else { 0.0 };
+            let room = (self.budget - accumulated).max(0.0) * SUMMING;
+            if sum <= room && !settle {
                 waiting |= sum > 0.0;
                 continue;
             }
+            // The largest go until the rest is within the budget; the small ones, noise for the most part, go on waiting.
+            let goal = if settle { -1.0 } else { room };
+            while sum > goal {
+                let largest = amounts.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
+                let Some((i, amount)) = largest.filter(|(_, amount)| *amount >= 0.0) else { break };
+                amounts[i] = GOES;
+                sum -= amount;
+            }
+            waiting |= !settle && amounts.iter().any(|a| *a > 0.0);
             let mut listed = 0;
             for (i, entry) in entries.clone().enumerate() {
                 let delta = pending(&weights.committed, i, entry);
-                if delta == T::default() {
+                if self.scratch.amounts[i] != GOES || delta == T::default() {
                     continue;
                 }
                 let (old, new) = (weights.committed[entry], weights.next[targets[i] as usize]);

@@ -1,0 +1,175 @@
+//! Real meshes and captured clips through the block formats: errors, bits, bytes and memory that the project promises.
+
+#[path = "common/data.rs"]
+mod data;
+#[path = "common/gpu.rs"]
+mod gpu;
+
+use deltamorph::cpu::CpuCrowd;
+use deltamorph::headless::HeadlessCrowd;
+use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
+use deltamorph::mesh::{MorphMesh, Tolerance, obj};
+use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
+use deltamorph::reference::{compare, evaluate};
+use deltamorph::weights::csv;
+use std::path::Path;
+use std::sync::Arc;
+
+fn load(set: &str, clip: &str) -> Option<(MorphMesh, Vec<Vec<f32>>)> {
+    let folder = data::set(set)?;
+    let mesh =
+        obj::import_folder(&folder).expect("a folder that imports").to_mesh(Tolerance::default()).expect("a mesh");
+    Some((mesh.clone(), frames(&folder, clip, &mesh)))
+}
+
+fn frames(folder: &Path, clip: &str, mesh: &MorphMesh) -> Vec<Vec<f32>> {
+    let clip = csv::read(&folder.join("weights").join(clip), 30.0).expect("a clip");
+    let names: Vec<&str> = mesh.targets.iter().map(|t| t.name.as_str()).collect();
+    clip.bind(&names).expect("columns that name targets")
+}
+
+fn pack(mesh: &MorphMesh, format: DeltaFormat) -> Arc<PackedMesh> {
+    Arc::new(PackedMesh::pack(mesh, &PackDesc::new(format)).expect("a mesh that packs"))
+}
+
+/// Every format and kind of sums that go together.
+fn variants() -> impl Iterator<Item = (DeltaFormat, Accumulate)> {
+    let both = |format| [(format, Accumulate::default()), (format, Accumulate::Exact)];
+    [(DeltaFormat::BlockFloat32, Accumulate::default())]
+        .into_iter()
+        .chain([DeltaFormat::Fast, DeltaFormat::Small].into_iter().flat_map(both))
+}
+
+/// Play a whole clip on lavapipe and on the CPU: every 20th frame and the last within what the path promises.
+fn whole_clip(set: &str, clip: &str) {
+    let Some((mesh, frames)) = load(set, clip) else { return };
+    let diagonal = f64::from(mesh.diagonal);
+    gpu::on_device("llvmpipe", false, |headless, _| {
+        for ((format, accumulate), slots) in variants().zip([1, 2, 3, 2, 1]) {
+            let packed = pack(&mesh, format);
+            let desc = UpdateDesc { accumulate, slots, ..UpdateDesc::blocks() };
+            let on_cpu = UpdateDesc { path: UpdatePath::Cpu, ..desc };
+            let mut crowd = HeadlessCrowd::new(headless, &packed, &gpu::single(desc)).expect("a crowd");
+            let mut cpu = CpuCrowd::new(packed.clone(), on_cpu, 1, 2).expect("a crowd");
+            for (i, weights) in frames.iter().enumerate() {
+                let stats = crowd.step(&[weights]).expect("a step").update.stats;
+                cpu.set_weights(0, weights).expect("weights that fit");
+                assert_eq!(cpu.update(), stats, "{format:?} {accumulate:?} frame {i}: the same plan on both");
+                if i % 20 != 0 && i + 1 != frames.len() {
+                    continue;
+                }
+                let reference = evaluate(&packed, &gpu::applied(&packed, &desc, weights));
+                let bound = match accumulate {
+                    Accumulate::Exact => 1e-7 * diagonal,
+                    Accumulate::Float { tolerance } => {
+                        assert!(stats.bound <= tolerance * mesh.diagonal);
+                        f64::from(stats.bound)
+                    }
+                };
+                let pose = crowd.read_pose(0).expect("a pose");
+                for pose in [&pose, &packed.layout().to_user_order(cpu.pose(0))] {
+                    let error = compare(pose, &reference);
+                    assert!(error.within(bound, 0.01), "{set}/{clip} {format:?} {accumulate:?} frame {i}: {error:?}");
+                }
+                if accumulate == Accumulate::Exact {
+                    assert_eq!(crowd.read_sums(0).expect("sums").as_deref(), cpu.sums(0), "frame {i}");
+                    assert_eq!(pose, packed.layout().to_user_order(cpu.pose(0)), "frame {i}: decoded poses");
+                }
+            }
+        }
+    });
+}
+
+#[test]
+fn facecap_head_plays_the_captured_take() {
+    whole_clip("facecap_head_glb", "facecap_30fps.csv");
+}
+
+#[test]
+fn ict_facekit_plays_the_captured_take() {
+    whole_clip("ict_facekit", "facecap_30fps.csv");
+}
+
+#[test]
+fn makehuman_plays_the_captured_take() {
+    whole_clip("makehuman_face", "facecap_30fps.csv");
+}
+
+#[test]
+fn the_stress_test_plays_a_clip() {
+    whole_clip("morph_stress_test", "TheWave_24fps.csv");
+}
+
+/// Bytes that the small and the fast format move over a whole clip, as shares of `dense` bytes a frame.
+fn bytes(set: &str, clip: &str, dense: f64, small: f64, fast: f64) {
+    let Some((mesh, frames)) = load(set, clip) else { return };
+    for (format, most) in [(DeltaFormat::Small, small), (DeltaFormat::Fast, fast)] {
+        let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
+        let mut crowd = CpuCrowd::new(pack(&mesh, format), desc, 1, 2).expect("a crowd");
+        let mut moved = 0;
+        for weights in &frames {
+            crowd.set_weights(0, weights).expect("weights that fit");
+            moved += crowd.update().bytes_moved;
+        }
+        let share = moved as f64 / frames.len() as f64 / dense;
+        println!("{set}/{clip} {format:?}: {:.1}% of the dense update", share * 100.0);
+        assert!(share <= most, "{set}/{clip} {format:?}: {share}");
+    }
+}
+
+#[test]
+fn few_bytes_are_moved() {
+    bytes("ict_facekit", "facecap_30fps.csv", 12.92e6, 0.12, 0.22);
+    bytes("ict_facekit", "facegood_2_01_mapped_30fps.csv", 2.18e6, 0.26, 0.34);
+    bytes("makehuman_face", "facecap_30fps.csv", 6.65e6, 0.048, 0.09);
+}
+
+#[test]
+fn the_small_format_is_small() {
+    for (set, clip, most) in [
+        ("ict_facekit", "facecap_30fps.csv", 0.05),
+        ("makehuman_face", "facecap_30fps.csv", 0.016),
+        ("facecap_head_glb", "facecap_30fps.csv", 0.063),
+    ] {
+        let Some((mesh, _)) = load(set, clip) else { continue };
+        let packed = pack(&mesh, DeltaFormat::Small);
+        let (layout, error) = (packed.layout(), packed.measure_error(&mesh));
+        let dense = (mesh.vertex_count() * mesh.targets.len() * 24) as f64;
+        let share = (layout.delta_bytes() + layout.index_bytes()) as f64 / dense;
+        let position = error.position / f64::from(mesh.diagonal);
+        println!("{set}: {:.2}% of dense float32, {position:.1e}, {:.2}°", share * 100.0, error.normal_degrees);
+        assert!(share <= most && position <= 1e-5 && error.normal_degrees <= 0.5, "{set}: {share} {error:?}");
+    }
+}
+
+/// Numbers in -1..1, the same everywhere.
+fn noise(state: &mut u64) -> f32 {
+    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+    (*state >> 40) as f32 / (1u64 << 23) as f32 - 1.0
+}
+
+#[test]
+fn an_error_budget_saves_bytes_under_sensor_noise_and_holds() {
+    let Some((mesh, frames)) = load("ict_facekit", "facegood_2_01_mapped_30fps.csv") else { return };
+    let packed = pack(&mesh, DeltaFormat::Small);
+    let budget = 1e-4 * mesh.diagonal;
+    let mut moved = vec![];
+    for error_budget in [0.0, budget] {
+        let desc = UpdateDesc { error_budget, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
+        let mut crowd = CpuCrowd::new(packed.clone(), desc, 1, 2).expect("a crowd");
+        let (mut state, mut sum) = (7, 0);
+        for (i, weights) in frames.iter().take(1500).enumerate() {
+            let weights: Vec<f32> = weights.iter().map(|w| w + 0.0005 * noise(&mut state)).collect();
+            crowd.set_weights(0, &weights).expect("weights that fit");
+            sum += crowd.update().bytes_moved;
+            if error_budget > 0.0 && i % 50 == 0 {
+                let pose = packed.layout().to_user_order(crowd.pose(0));
+                let error = compare(&pose, &evaluate(&packed, &weights));
+                assert!(error.position <= f64::from(budget), "frame {i}: {error:?}");
+            }
+        }
+        moved.push(sum as f64);
+    }
+    println!("with the budget {:.2} times fewer bytes", moved[0] / moved[1]);
+    assert!(moved[0] >= 4.0 * moved[1], "{moved:?}");
+}
