@@ -1,10 +1,15 @@
-//! What the CPU does for each frame of one head: weights to passes, passes to commands. No GPU, no deltas.
+//! What the CPU does for each frame of one head: weights to passes or work lists, and to commands. No GPU.
 //!
-//! `cargo bench --bench planning`
+//! `cargo bench --bench planning`; with `DELTAMORPH_DATA`, ict_facekit with its captured clips, too.
 
-use criterion::{BatchSize as Setup, BenchmarkId, Criterion, criterion_group, criterion_main};
+use criterion::{BatchSize as Setup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use deltamorph::mesh::head::{HeadDesc, head};
+use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
+use deltamorph::mesh::{MorphMesh, Tolerance, obj};
+use deltamorph::plan::blocks::{BlockState, Scratch, WorkList};
 use deltamorph::plan::commands::CommandList;
-use deltamorph::plan::{BatchSize, Plan, PoseState, UpdateDesc, UpdatePath};
+use deltamorph::plan::{Accumulate, BatchSize, Plan, PoseState, UpdateDesc, UpdatePath, UpdateStats};
+use deltamorph::weights::csv;
 use std::hint::black_box;
 
 const FRAMES: usize = 64;
@@ -62,5 +67,51 @@ fn planning(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, planning);
+/// Plan frame after frame of `frames` in blocks; a figure is the mean over the whole clip.
+fn plan_blocks(c: &mut Criterion, name: &str, mesh: &MorphMesh, frames: &[Vec<f32>]) {
+    let mut group = c.benchmark_group("plan_blocks");
+    for (format, accumulate) in [
+        (DeltaFormat::Fast, Accumulate::default()),
+        (DeltaFormat::Fast, Accumulate::Exact),
+        (DeltaFormat::Small, Accumulate::default()),
+    ] {
+        let packed = PackedMesh::pack(mesh, &PackDesc::new(format)).expect("a mesh that packs");
+        let index = packed.layout().blocks.clone().expect("a block format");
+        let desc = UpdateDesc { accumulate, ..UpdateDesc::blocks() };
+        let mut state = BlockState::new(desc, packed.layout(), &index).expect("a description that is right");
+        let (mut scratch, mut list) = (Scratch::default(), WorkList::new(&index, 1));
+        let mut commands = CommandList::new(UpdatePath::Blocks);
+        let mut number = 0;
+        let mut frame = |weights: &[f32]| {
+            number += 1;
+            list.clear();
+            let mut stats = UpdateStats::default();
+            state.plan(&index, 0, weights, number, &mut scratch, &mut list, &mut stats);
+            commands.fill_blocks(&list.items, accumulate == Accumulate::Exact);
+            stats.dirty_blocks
+        };
+        assert!(frames.iter().map(|w| frame(w)).sum::<usize>() > 0);
+        group.throughput(Throughput::Elements(frames.len() as u64));
+        group.bench_function(BenchmarkId::new(format!("{} {}", format.name(), accumulate.name()), name), |b| {
+            b.iter(|| frames.iter().map(|w| frame(black_box(w))).sum::<usize>());
+        });
+    }
+    group.finish();
+}
+
+fn blocks(c: &mut Criterion) {
+    let head = head(&HeadDesc::default()).to_mesh(Tolerance::default()).expect("the built-in head");
+    plan_blocks(c, "head, 8 of 72", &head, &clip(72, 8));
+    let Some(data) = std::env::var_os("DELTAMORPH_DATA") else { return };
+    let folder = std::path::Path::new(&data).join("ict_facekit");
+    let Ok(source) = obj::import_folder(&folder) else { return };
+    let mesh = source.to_mesh(Tolerance::default()).expect("a mesh");
+    for name in ["facecap_30fps", "facegood_2_01_mapped_30fps"] {
+        let clip = csv::read(&folder.join(format!("weights/{name}.csv")), 30.0).expect("a clip");
+        let targets: Vec<&str> = mesh.targets.iter().map(|t| t.name.as_str()).collect();
+        plan_blocks(c, name, &mesh, &clip.bind(&targets).expect("columns that name targets"));
+    }
+}
+
+criterion_group!(benches, planning, blocks);
 criterion_main!(benches);
