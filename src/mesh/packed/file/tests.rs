@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 fn mesh(vertices: usize, targets: usize) -> MorphMesh {
     let corner = |position, texcoord| Corner { position, texcoord };
-    let corners = vec![corner(0, Some(1)), corner(1, None), corner(2, Some(0)), corner(2, None)];
+    let corners = [corner(0, Some(1)), corner(1, None), corner(2, Some(0)), corner(2, None)];
     MorphMesh {
         faces: Faces { sizes: vec![4, 3], corners: [&corners[..], &corners[..3]].concat() },
         texcoords: vec![Vec2::new(0.25, 0.5), Vec2::new(-0.0, 1.0)],
