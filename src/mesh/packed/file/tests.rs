@@ -26,8 +26,13 @@ fn asset(format: DeltaFormat, size: Option<u32>) -> Asset {
     Asset::pack(&mesh(70, 4), &PackDesc { blocks, ..PackDesc::new(format) }).unwrap()
 }
 
+/// Read, in a small multiple of the file's size. Names are the worst: empty ones are 4 bytes each.
 fn read(bytes: &[u8]) -> Result<Asset> {
-    Asset::from_bytes(Path::new("head.dmorph"), bytes)
+    let mut result = None;
+    let memory = allocation_counter::measure(|| result = Some(Asset::from_bytes(Path::new("head.dmorph"), bytes)));
+    let most = 16 * 1024 + 24 * bytes.len() as u64;
+    assert!(memory.bytes_max <= most, "{} bytes for a file of {}", memory.bytes_max, bytes.len());
+    result.expect("measured")
 }
 
 fn message(bytes: &[u8]) -> String {
