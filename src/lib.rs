@@ -4,7 +4,8 @@
 //! thread. What to call, in order:
 //!
 //! 1. Mesh: [`mesh::obj::import_folder`], [`mesh::head::head`] or a [`mesh::MorphSource`] of your own, then
-//!    [`to_mesh`](mesh::MorphSource::to_mesh) and [`PackedMesh::pack`](mesh::packed::PackedMesh::pack).
+//!    [`to_mesh`](mesh::MorphSource::to_mesh) and [`PackedMesh::pack`](mesh::packed::PackedMesh::pack); or
+//!    [`Asset::read`](mesh::packed::file::Asset::read) of what was packed before.
 //! 2. Device: [`engine::requirements`] before you create it, [`engine::MorphEngine::new`] after.
 //! 3. [`upload`](engine::MorphEngine::upload) the mesh, [`create_crowd`](engine::MorphEngine::create_crowd).
 //! 4. Each frame: [`set_weights`](engine::Crowd::set_weights),

@@ -244,3 +244,74 @@ fn bad_arguments_exit_with_2_and_failures_with_1() {
         assert!(text.contains(words), "{args:?}: {text}");
     }
 }
+
+#[test]
+fn a_packed_file_is_an_input_everywhere() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = sample(folder.path());
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let file = path("head.dmorph");
+    let packed = json(&["pack", &dir, "-o", &file, "--json", "-"]);
+    assert_eq!((packed["schema"].as_u64(), packed["format"].as_str()), (Some(1), Some("small")), "{packed}");
+    assert_eq!((packed["vertices"].as_u64(), packed["targets"].as_u64()), (Some(1200), Some(12)));
+    assert_eq!(packed["file_bytes"].as_u64(), Some(Path::new(&file).metadata().unwrap().len()));
+    assert_eq!(packed["dense_f32_bytes"].as_u64(), Some(1200 * 12 * 24));
+    assert!(packed["exact"]["weight_bits"].as_u64() >= Some(7) && packed["exact_reason"].is_null(), "{packed}");
+    let error = packed["position_error_rel"].as_f64().unwrap();
+    assert!(error > 0.0 && error <= 1e-5, "{packed}");
+    assert!(!Path::new(&path("head.dmorph.part")).exists());
+
+    // `info` shows the error that was measured against the files.
+    let info = json(&["info", &file, "--json", "-"]);
+    let small = info["formats"].as_array().unwrap().iter().find(|f| f["name"] == "small").unwrap();
+    assert_eq!(small["position_error_rel"], packed["position_error_rel"]);
+    assert_eq!(small["delta_bytes"], packed["delta_bytes"]);
+    assert_eq!(info["input"]["vertices"], 1200);
+
+    // The same pose as from the folder in the same format, and the same faces.
+    let clip = std::fs::read_dir(Path::new(&dir).join("weights")).unwrap().next().unwrap().unwrap().path();
+    let weights = ["--weights", clip.to_str().unwrap(), "--frame", "20", "--json", "-"];
+    let (a, b) = (path("a.obj"), path("b.obj"));
+    let from_file = json(&[&["apply", &file, "-o", &a], &weights[..]].concat());
+    assert_eq!(from_file["format"], "small", "the format of the file is the default");
+    json(&[&["apply", &dir, "-o", &b, "--format", "small"], &weights[..]].concat());
+    assert_eq!(std::fs::read_to_string(&a).unwrap(), std::fs::read_to_string(&b).unwrap());
+    assert!(std::fs::read_to_string(&a).unwrap().contains("\nf "));
+    // Dense paths take what it decodes to.
+    json(&[&["apply", &file, "-o", &a, "--path", "compute", "--device", "llvmpipe"], &weights[..]].concat());
+
+    let bench = ["bench", &file, "--paths", "cpu,blocks", "--changed", "4", "--frames", "2", "--no-report"];
+    let out = deltamorph(&[&bench[..], &["--json", "-"]].concat());
+    assert!(String::from_utf8_lossy(&out.stderr).contains("those against the raw files cannot be told"));
+    let report: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let runs = report["runs"].as_array().unwrap();
+    assert!(!runs.is_empty() && runs.iter().all(|r| r["verified"] == true && r["raw_error_rel"].is_null()), "{report}");
+
+    // A damaged file, and what would lose something.
+    let bytes = std::fs::read(&file).unwrap();
+    let bad = path("bad.dmorph");
+    std::fs::write(&bad, &bytes[..bytes.len() / 2]).unwrap();
+    let folder_out = path("folder");
+    std::fs::create_dir(&folder_out).unwrap();
+    for (args, code, words) in [
+        (&["info", &bad][..], 1, "bad.dmorph: section"),
+        (&["info", "none.dmorph"], 1, "none.dmorph: no such file"),
+        (&["pack", &file, "-o", &file], 2, "would be written over"),
+        (&["pack", &dir, "-o", &path("head.bin")], 2, "name it *.dmorph"),
+        (&["pack", &dir, "-o", &file, "--format", "snorm16"], 2, "name fast, small or block-float32"),
+        (&["pack", &dir, "-o", "/nonexistent/a.dmorph"], 1, "/nonexistent/a.dmorph"),
+        (&["info", &file, "--tolerance", "0.1"], 2, "was packed with a tolerance of"),
+        (&["apply", &file, "-o", &file, "--set", "eyeBlinkLeft=1"], 2, "would be written over"),
+        (&["apply", &file, "-o", &a, "--set", "eyeBlinkLeft=1", "--block-size", "64"], 2, "is packed already"),
+    ] {
+        let (status, text) = fails(args);
+        assert!(status == code && text.contains(words), "{args:?}: {status}, {text}");
+    }
+    assert_eq!(std::fs::read(&file).unwrap(), bytes);
+
+    // A packed file may be packed again, in another format.
+    let again = path("again.dmorph");
+    let text = ok(&["pack", &file, "-o", &again, "--format", "fast", "--block-size", "128"]);
+    assert!(text.contains("again.dmorph: 1,200 vertices") && text.contains("exact sums: weights on a grid"), "{text}");
+    assert!(ok(&["pack", &dir, "-o", &again, "--format", "block-float32"]).contains("exact sums: no: "));
+}

@@ -7,13 +7,15 @@ mod gpu;
 
 use deltamorph::cpu::CpuCrowd;
 use deltamorph::headless::HeadlessCrowd;
-use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
+use deltamorph::mesh::packed::file::Asset;
+use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::mesh::{MorphMesh, MorphSource, Tolerance, obj};
 use deltamorph::plan::{BatchSize, UpdateDesc, UpdatePath};
 use deltamorph::reference::{PoseError, compare, evaluate, evaluate_unpacked};
 use deltamorph::weights::csv;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 fn clip(folder: &Path, name: &str, mesh: &MorphMesh) -> Vec<Vec<f32>> {
     let clip = csv::read(&folder.join("weights").join(name), 30.0).expect("a clip");
@@ -140,4 +142,36 @@ fn the_stress_test_has_disjoint_targets() {
             }
         }
     });
+}
+
+fn timed<T>(f: impl FnOnce() -> T) -> (T, Duration) {
+    let start = Instant::now();
+    let result = f();
+    (result, start.elapsed())
+}
+
+/// What was packed comes back equal, and at least 50 times as fast as from the OBJ files.
+#[test]
+fn a_packed_file_loads_as_it_was_packed_and_fast() {
+    let Some(folder) = data::set("ict_facekit") else { return };
+    let (mesh, import) = timed(|| {
+        let source = obj::import_folder(&folder).expect("a folder that imports");
+        source.to_mesh(Tolerance::default()).expect("a mesh")
+    });
+    let dir = tempfile::tempdir().expect("a folder");
+    for format in [DeltaFormat::Small, DeltaFormat::Fast] {
+        let path = dir.path().join(format!("ict_{}.dmorph", format.name()));
+        let asset = Asset::pack(&mesh, &PackDesc::new(format)).expect("a mesh that packs");
+        asset.write(&path).expect("written");
+        let mut loads = [(); 3].map(|()| {
+            let (loaded, time) = timed(|| Asset::read(&path).expect("a file that reads"));
+            assert_eq!(loaded, asset);
+            time
+        });
+        loads.sort_unstable();
+        let (load, times) = (loads[1], import.as_secs_f64() / loads[1].as_secs_f64());
+        let size = path.metadata().expect("a file").len();
+        println!("{}: {size} bytes; import {import:?}, load {load:?}, {times:.0} times as fast", format.name());
+        assert!(times >= 50.0, "{}: import {import:?}, load {load:?}: {times:.1} times as fast", format.name());
+    }
 }

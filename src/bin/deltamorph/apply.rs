@@ -4,17 +4,16 @@ use crate::args::ApplyArgs;
 use crate::args::values::{BatchLimit, PathChoice, expand_batches};
 use crate::input;
 use crate::output::{Failure, Output};
-use crate::runner::{Gpu, Runner, pack_desc};
+use crate::runner::{Gpu, Runner, packed};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::mesh::MorphMesh;
 use deltamorph::mesh::obj::{ObjMesh, write_obj};
-use deltamorph::mesh::packed::{POSE_FLOATS, PackedMesh};
+use deltamorph::mesh::packed::POSE_FLOATS;
 use deltamorph::plan::{BatchSize, UpdateDesc, UpdatePath};
 use deltamorph::reference::{SHORTEST_NORMAL, compare, evaluate};
 use glam::Vec3;
 use serde::Serialize;
 use std::path::PathBuf;
-use std::sync::Arc;
 
 #[derive(Serialize)]
 struct Applied {
@@ -38,13 +37,15 @@ struct Applied {
 /// The input, clip or path cannot be used; the result is wrong; the file cannot be written.
 pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     let single = args.update.single("apply", PathChoice::Cpu).map_err(Failure::Usage)?;
-    let (path, format) = (single.path, single.delta_format().map_err(Failure::Usage)?);
-    refuse_own_input(args)?;
+    let path = single.path;
+    input::refuse_to_overwrite(&args.output, &args.input, args.weights.as_slice())?;
     let input = input::load(&args.input, out)?;
+    let held = input.packed.as_ref().map(|mesh| mesh.layout().format);
+    let format = single.delta_format(held).map_err(Failure::Usage)?;
     let frames = frames(args, &input.kept)?;
 
     let gpu = if path == UpdatePath::Cpu { None } else { Gpu::open(device, out)? };
-    let mesh = Arc::new(PackedMesh::pack(&input.kept, &pack_desc(gpu.as_ref(), format, &args.update.pack))?);
+    let mesh = packed(&input, gpu.as_ref(), format, &args.update.pack)?;
     let batch = batch(args, path, gpu.as_ref(), format)?;
     let desc = UpdateDesc {
         mode: single.mode,
@@ -98,23 +99,6 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
         max_error_rel: relative,
         output: args.output.display().to_string(),
     })
-}
-
-/// What is read must not be written over.
-fn refuse_own_input(args: &ApplyArgs) -> Result<(), Failure> {
-    let Ok(output) = args.output.canonicalize() else { return Ok(()) }; // not there yet
-    let mut read: Vec<PathBuf> = args.weights.iter().cloned().collect();
-    for folder in args.input.input.iter().flat_map(|input| [input.clone(), input.join("targets")]) {
-        // A folder that cannot be listed is for the importer to complain about.
-        read.extend(std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()));
-    }
-    match read.iter().any(|path| path.canonicalize().is_ok_and(|path| path == output)) {
-        true => Err(Failure::Usage(format!(
-            "{}: is part of what is read, and would be written over; name another file with -o",
-            args.output.display()
-        ))),
-        false => Ok(()),
-    }
 }
 
 /// The weights to step through, one or more frames, `--set` on top of each.

@@ -48,6 +48,8 @@ pub enum Command {
     Devices,
     /// Write the built-in head as a folder of OBJ files with a weight clip
     Sample(SampleArgs),
+    /// Pack a mesh into a file that loads without packing again
+    Pack(PackFileArgs),
     /// Describe a mesh: targets, sparsity, overlap, blocks, size and error of each format
     Info(InfoArgs),
     /// Measure the time per frame of the update paths, and write a report
@@ -76,6 +78,23 @@ pub struct SampleArgs {
     pub fps: f32,
 }
 
+/// Options of `pack`.
+#[derive(Args, Clone, Debug)]
+pub struct PackFileArgs {
+    /// What to read.
+    #[command(flatten)]
+    pub input: InputArgs,
+    /// Storage of the deltas: fast, small or block-float32
+    #[arg(long, value_name = "FORMAT", value_enum, default_value = "small")]
+    pub format: FormatChoice,
+    /// How to pack.
+    #[command(flatten)]
+    pub pack: PackArgs,
+    /// File to write
+    #[arg(short, long, value_name = "OUT.dmorph")]
+    pub output: PathBuf,
+}
+
 /// Options of `info`.
 #[derive(Args, Clone, Debug)]
 pub struct InfoArgs {
@@ -87,7 +106,8 @@ pub struct InfoArgs {
 /// Which mesh, and how much of it is kept.
 #[derive(Args, Clone, Debug)]
 pub struct InputArgs {
-    /// Folder with neutral.obj, targets/*.obj and, if any, weights/*.csv; without it, the built-in head
+    /// Folder with neutral.obj, targets/*.obj and, if any, weights/*.csv, or a packed file (*.dmorph); without it, the
+    /// built-in head
     #[arg(value_name = "INPUT")]
     pub input: Option<PathBuf>,
     /// The built-in head.
@@ -296,12 +316,15 @@ pub struct Single {
 }
 
 impl Single {
-    /// The format: the one given, or the default of the path.
+    /// The format: the one given, or that of the packed file that is read, or the default of the path.
     ///
     /// # Errors
     /// A format that the path does not take.
-    pub fn delta_format(&self) -> Result<DeltaFormat, String> {
+    pub fn delta_format(&self, held: Option<DeltaFormat>) -> Result<DeltaFormat, String> {
         let dense = matches!(self.path, UpdatePath::Feedback | UpdatePath::Compute);
+        if let (None, Some(held), false) = (self.format, held, dense) {
+            return Ok(held);
+        }
         let choice = self.format.unwrap_or(if dense { FormatChoice::Float32 } else { FormatChoice::Fast });
         choice.delta_format(self.path).ok_or_else(|| {
             let names = if dense { "float32 or snorm16" } else { "fast, small or block-float32" };
@@ -384,7 +407,7 @@ impl ApplyArgs {
     /// # Errors
     /// Several paths or formats, or nothing to apply.
     pub fn check(&self) -> Result<(), String> {
-        self.update.single("apply", PathChoice::Cpu)?.delta_format()?;
+        self.update.single("apply", PathChoice::Cpu)?.delta_format(None)?;
         if self.weights.is_none() && self.set.is_empty() {
             return Err("nothing to apply; give --weights CSV --frame N, or --set NAME=WEIGHT".into());
         }

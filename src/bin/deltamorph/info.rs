@@ -23,7 +23,7 @@ pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
     let input = input::load(&args.input, out)?;
     let spinner = out.spinner("packing");
     let mut info = describe(&input);
-    info.formats = formats::format_rows(&input.kept)?;
+    info.formats = formats::format_rows(&input.kept, input.packed.as_deref())?;
     for path in &input.clips {
         let (clip, frames) = input::clip(path, &args.input, &input.kept)?;
         info.clips.push(clip_row(&clip, &frames));

@@ -7,6 +7,7 @@ mod devices;
 mod info;
 mod input;
 mod output;
+mod pack;
 mod runner;
 mod sample;
 mod table;
@@ -33,6 +34,7 @@ fn run(cli: &Cli, out: &Output) -> Result<(), Failure> {
     match &cli.command {
         Command::Devices => devices::run(out),
         Command::Sample(args) => sample::run(args, out),
+        Command::Pack(args) => pack::run(args, out),
         Command::Info(args) => info::run(args, out),
         Command::Bench(args) => bench::run(args, device, out),
         Command::Apply(args) => {

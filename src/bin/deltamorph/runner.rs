@@ -1,10 +1,12 @@
 //! One interface to the GPU paths and the cpu path, for `bench` and `apply`.
 
 use crate::args::PackArgs;
+use crate::input::Input;
 use crate::output::{Failure, Output};
 use deltamorph::cpu::CpuCrowd;
 use deltamorph::engine::{CrowdDesc, DeviceCaps};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
+use deltamorph::mesh::packed::blocks::BlockDesc;
 use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::plan::{UpdateDesc, UpdatePath, UpdateStats};
 use std::sync::Arc;
@@ -51,6 +53,29 @@ impl Gpu {
 pub fn pack_desc(gpu: Option<&Gpu>, format: DeltaFormat, args: &PackArgs) -> PackDesc {
     let desc = gpu.map_or(PackDesc::new(format), |g| g.headless.engine().pack_desc(format));
     PackDesc { blocks: args.desc(), ..desc }
+}
+
+/// The mesh of `input` in `format`: as a packed file has it where it is the file's, else packed now.
+///
+/// # Errors
+/// The mesh cannot be packed, or `args` ask for another packing than the file's.
+pub fn packed(
+    input: &Input,
+    gpu: Option<&Gpu>,
+    format: DeltaFormat,
+    args: &PackArgs,
+) -> Result<Arc<PackedMesh>, Failure> {
+    match &input.packed {
+        Some(mesh) if mesh.layout().format == format => match args.desc() == BlockDesc::default() {
+            true => Ok(mesh.clone()),
+            false => Err(Failure::Usage(format!(
+                "--block-size, --position-error, --normal-error and --weight-max say how to pack, but {} is packed \
+                 already; leave them out, or give the folder that it was packed from",
+                input.origin
+            ))),
+        },
+        _ => Ok(Arc::new(PackedMesh::pack(&input.kept, &pack_desc(gpu, format, args))?)),
+    }
 }
 
 /// Heads that are updated by one path.

@@ -76,6 +76,8 @@ impl ExactGrid {
     }
 }
 
+/// Most words of a mesh: its bytes have to be counted in 32 bits.
+const WORDS_MAX: u64 = u32::MAX as u64 / 4;
 /// Fewer bits than this are no grid to animate on.
 const WEIGHT_BITS_MIN: u32 = 7;
 /// More bits than this nobody can tell apart.
@@ -169,9 +171,9 @@ impl BlockIndex {
             block_base: vec![0.0; blocks],
             block_reach: vec![0.0; blocks],
         };
-        index.deltas_at = entries * index.header_words();
+        index.deltas_at = entries.saturating_mul(index.header_words());
         index.check(targets, words, base)?;
-        index.derive(words, base);
+        index.derive(words, base)?;
         Ok(index)
     }
 
@@ -180,13 +182,24 @@ impl BlockIndex {
         if !BLOCK_SIZES.contains(&self.size) {
             return Err(format!("a block size of {size}"));
         }
-        let steps = [self.position_step, self.normal_step, self.weight_max];
-        if steps.iter().any(|s| !s.is_finite() || *s <= 0.0) {
-            return Err(format!("steps {} and {}, weights up to {}", steps[0], steps[1], steps[2]));
+        // Powers of two: integers and sums decode without rounding, and a target's step of normals is a shift away.
+        let power_of_two = |s: f32| s.is_normal() && s > 0.0 && s.to_bits().trailing_zeros() >= 23;
+        if let Some(step) = self.steps().into_iter().find(|s| !power_of_two(*s)) {
+            return Err(format!("a step of {step}, which is no power of two"));
+        }
+        if !(self.weight_max.is_finite() && self.weight_max > 0.0) {
+            return Err(format!("weights up to {}", self.weight_max));
+        }
+        // The kernels count words in 32 bits, and bytes on some devices.
+        if words.len() as u64 > WORDS_MAX {
+            return Err(format!("{} words; the kernels reach {WORDS_MAX}", words.len()));
         }
         let padded = self.order.len().next_multiple_of(size.max(VERTEX_PADDING));
         if base.len() != padded * POSE_FLOATS || self.first_entry.len() != padded / size + 1 {
             return Err(format!("{} vertices, but {} blocks", self.order.len(), self.first_entry.len() as i64 - 1));
+        }
+        if let Some(i) = base.iter().position(|b| !b.is_finite()) {
+            return Err(format!("the base pose of packed vertex {} is {}", i / POSE_FLOATS, base[i]));
         }
         let mut seen = vec![false; self.order.len()];
         for &v in &self.order {
@@ -205,31 +218,63 @@ impl BlockIndex {
                 return Err(format!("the targets of block {block} are not ascending, or there are fewer"));
             }
         }
+        // Before a header is looked at, it has to be there.
+        if self.deltas_at > words.len() {
+            return Err(format!(
+                "{} words, fewer than the headers of {} entries",
+                words.len(),
+                self.entry_target.len()
+            ));
+        }
         // Entries lie one after the other: each where the one before ends, the last at the end.
         let mut at = self.deltas_at;
         for entry in 0..self.entry_target.len() {
-            if self.deltas_at > words.len() || self.first_word(words, entry) != at {
+            self.check_header(words, entry)?;
+            if self.first_word(words, entry) != at {
                 return Err(format!("the deltas of entry {entry} are not where they belong"));
-            }
-            if self.format == DeltaFormat::Small {
-                let widths = unpack_widths(words[entry * self.header_words() + 1]);
-                let most: [u32; POSE_FLOATS] = std::array::from_fn(|i| SMALL_BITS[i / 3]);
-                if widths.iter().zip(most).any(|(w, most)| *w > most) {
-                    return Err(format!("entry {entry} has components of {widths:?} bits"));
-                }
-            }
-            if self.format == DeltaFormat::Fast && words[entry] & 0xffff_e0e0 != 0 {
-                return Err(format!("entry {entry} has shifts of {:#x}", words[entry]));
             }
             at += self.entry_words(words, entry);
         }
         if at != words.len() {
             return Err(format!("{} words where the entries take {at}", words.len()));
         }
+        let floats = if self.format == DeltaFormat::BlockFloat32 { words } else { &[] };
+        if let Some(i) = floats.iter().position(|w| !f32::from_bits(*w).is_finite()) {
+            return Err(format!("word {i} of the deltas is {}", f32::from_bits(floats[i])));
+        }
         Ok(())
     }
 
-    fn derive(&mut self, words: &[u32], base: &[f32]) {
+    /// Whether the integers of an entry fit what decodes them, whatever its deltas are.
+    fn check_header(&self, words: &[u32], entry: usize) -> Result<(), String> {
+        let largest_normal = match self.format {
+            DeltaFormat::Fast => {
+                let header = words[entry];
+                let shifts = [header & 0xff, header >> 8 & 0xff];
+                // Shifted, a component still fits the 32 bits that it is decoded in.
+                if header >> 16 != 0 || (0..2).any(|half| FAST_BITS[half] + shifts[half] > 32) {
+                    return Err(format!("entry {entry} has shifts of {header:#x}"));
+                }
+                FAST_BITS[1] + shifts[1]
+            }
+            DeltaFormat::Small => {
+                let word = words[entry * self.header_words() + 1];
+                let widths = unpack_widths(word);
+                if word >> 30 != 0 || widths.iter().enumerate().any(|(i, w)| *w > SMALL_BITS[i / 3]) {
+                    return Err(format!("entry {entry} has components of {widths:?} bits"));
+                }
+                SMALL_BITS[1]
+            }
+            _ => return Ok(()),
+        };
+        let largest_normal = f64::from(self.normal_step) * f64::from(largest_normal).exp2();
+        if largest_normal > f64::from(f32::MAX) {
+            return Err(format!("the normals of entry {entry} are up to {largest_normal:e} long"));
+        }
+        Ok(())
+    }
+
+    fn derive(&mut self, words: &[u32], base: &[f32]) -> Result<(), String> {
         let (size, w) = (self.size as usize, self.mask_words());
         let entries = self.entry_target.len();
         let mut masks = vec![0u32; entries * POSE_FLOATS * w];
@@ -261,6 +306,16 @@ impl BlockIndex {
             let vertices = &base[block * size * POSE_FLOATS..][..size * POSE_FLOATS];
             let positions = vertices.chunks_exact(POSE_FLOATS).flat_map(|v| &v[..3]);
             self.block_base[block] = positions.fold(0.0, |m: f32, p| m.max(p.abs()));
+            if !(self.block_base[block] + self.block_reach[block]).is_finite() {
+                return Err(format!("the deltas of block {block} are too large for single precision"));
+            }
+            // Where the last block has no vertex, nothing may move.
+            let live = self.order.len().saturating_sub(block * size).min(size);
+            let mask = &block_masks[block * POSE_FLOATS * w..][..POSE_FLOATS * w];
+            let moves = |lane: usize| (0..POSE_FLOATS).any(|c| mask[c * w + lane / 32] >> (lane % 32) & 1 != 0);
+            if (live..size).any(moves) {
+                return Err(format!("block {block} moves vertices that the mesh does not have"));
+            }
         }
         (self.masks, self.block_masks, self.costs) = (masks, block_masks, costs);
         // By target: a counting sort, which leaves blocks ascending.
@@ -279,6 +334,7 @@ impl BlockIndex {
             }
         }
         self.exact = self.exact_grid();
+        Ok(())
     }
 
     /// The finest grid of weights on which Σ|integer| × weight cannot leave 31 bits.
@@ -646,9 +702,10 @@ fn pack_with(mesh: &MorphMesh, desc: &PackDesc, size: u32, steps: [f32; 2]) -> R
         }
         first_entry.push(entry_target.len() as u32);
     }
-    if deltas.len() as u64 > u64::from(u32::MAX) / 4 {
+    let words = headers.len() as u64 + deltas.len() as u64;
+    if words > WORDS_MAX {
         return Err(Error::invalid(
-            format!("mesh '{}': its deltas take {} bytes", mesh.name, deltas.len() as u64 * 4),
+            format!("mesh '{}': its deltas take {} bytes", mesh.name, words * 4),
             "split the mesh, or use a smaller format",
         ));
     }

@@ -17,6 +17,7 @@
 pub mod blocks;
 mod dense;
 pub(crate) mod entry;
+pub mod file;
 mod order;
 
 use super::MorphMesh;

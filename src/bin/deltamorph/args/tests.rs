@@ -106,7 +106,16 @@ fn apply_checks_what_clap_cannot() {
     let args = apply("deltamorph apply face --set a=b=0.5,c=-1 --set d=2 -o out.obj");
     let set: Vec<_> = args.set.iter().map(|s| (s.name.as_str(), s.weight)).collect();
     assert_eq!(set, [("a=b", 0.5), ("c", -1.0), ("d", 2.0)]);
-    assert_eq!((args.check(), args.path()), (Ok(()), Ok(PathChoice::Cpu)));
+    let single = args.update.single("apply", PathChoice::Cpu).expect("one of each");
+    assert_eq!((args.check(), single.path), (Ok(()), UpdatePath::Cpu));
+    let format = |options: &str, held| {
+        let args = apply(&format!("deltamorph apply face --set a=1 -o out.obj {options}"));
+        args.update.single("apply", PathChoice::Cpu).expect("one of each").delta_format(held)
+    };
+    let small = Some(DeltaFormat::Small);
+    assert_eq!((format("", None), format("", small)), (Ok(DeltaFormat::Fast), Ok(DeltaFormat::Small)));
+    assert_eq!(format("--path compute", small), Ok(DeltaFormat::Float32));
+    assert_eq!(format("--format fast", small), Ok(DeltaFormat::Fast));
     assert!(apply("deltamorph apply face -o out.obj").check().is_err());
     assert!(apply("deltamorph apply face --set a=1 --path cpu,compute -o out.obj").check().is_err());
     assert!(apply("deltamorph apply --weights a.csv --frame 9 --from-frame 3 -o out.obj").check().is_ok());

@@ -146,7 +146,8 @@ impl Context<'_> {
         record.max_error = Some(found.error.position);
         record.max_error_rel = Some(found.error.position / diagonal);
         record.normal_error_deg = Some(found.error.normal_degrees);
-        record.raw_error_rel = Some(found.raw.position / diagonal);
+        // A packed file does not say what it was packed from.
+        record.raw_error_rel = self.input.packed.is_none().then_some(found.raw.position / diagonal);
         record.verified = self.right(&found, config);
         if !record.verified {
             (record.gpu_ms, record.cpu_ms, record.floor_fraction) = (None, None, None);

@@ -12,7 +12,7 @@ use crate::args::values::{
 use crate::info::triangles;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
-use crate::runner::{Gpu, Runner, pack_desc};
+use crate::runner::{Gpu, Runner, packed};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
 use deltamorph::plan::{BatchSize, UpdateDesc, UpdatePath};
@@ -84,10 +84,7 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
             let mesh = match meshes.get(&config.format) {
                 Some(mesh) => mesh.clone(),
                 None => {
-                    let mesh = Arc::new(PackedMesh::pack(
-                        &input.kept,
-                        &pack_desc(gpu.as_ref(), config.format, &args.update.pack),
-                    )?);
+                    let mesh = packed(&input, gpu.as_ref(), config.format, &args.update.pack)?;
                     meshes.insert(config.format, mesh.clone());
                     mesh
                 }

@@ -67,11 +67,12 @@ fn the_json_keeps_its_contract() {
         },
         raw: kept.clone(),
         kept,
+        packed: None,
         clips: vec![],
         origin: "test".into(),
     };
     let mut info = describe(&input);
-    info.formats = formats::format_rows(&input.kept).expect("packed");
+    info.formats = formats::format_rows(&input.kept, None).expect("packed");
     let json = serde_json::to_value(&info).expect("serialised");
     assert_eq!(json["schema"], 1);
     for (part, fields) in [

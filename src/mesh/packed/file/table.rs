@@ -1,0 +1,193 @@
+//! The frame of a packed file: header, table of sections, checksums.
+
+use crate::error::{Error, Result};
+use std::path::Path;
+
+/// What a packed file begins with. A transfer that takes it for text changes the line end, and shows.
+const MAGIC: [u8; 8] = *b"DMORPH\r\n";
+/// The version that is written and read.
+const VERSION: u32 = 1;
+/// Bytes of header, of a row of the table, and of the checksum after it.
+const HEADER: usize = 16;
+const ROW: usize = 24;
+const TAIL: usize = 8;
+/// Sections begin at multiples of this.
+const ALIGNMENT: usize = 8;
+
+/// What to do about a file that was damaged on its way.
+pub(super) const DAMAGED: &str = "the file is damaged: copy it again, or pack the mesh again";
+
+/// The sections, in the order of the file; ids count from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Section {
+    Meta,
+    Names,
+    Base,
+    Order,
+    FirstEntries,
+    EntryTargets,
+    Words,
+    FaceSizes,
+    FaceCorners,
+    CornerTexcoords,
+    Texcoords,
+}
+
+impl Section {
+    pub const ALL: [Self; 11] = [
+        Self::Meta,
+        Self::Names,
+        Self::Base,
+        Self::Order,
+        Self::FirstEntries,
+        Self::EntryTargets,
+        Self::Words,
+        Self::FaceSizes,
+        Self::FaceCorners,
+        Self::CornerTexcoords,
+        Self::Texcoords,
+    ];
+
+    /// Its name in messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Meta => "meta",
+            Self::Names => "names",
+            Self::Base => "base pose",
+            Self::Order => "order",
+            Self::FirstEntries => "first entries",
+            Self::EntryTargets => "entry targets",
+            Self::Words => "words",
+            Self::FaceSizes => "face sizes",
+            Self::FaceCorners => "face corners",
+            Self::CornerTexcoords => "corner texcoords",
+            Self::Texcoords => "texcoords",
+        }
+    }
+}
+
+/// The contents of each section of a file, in the order of [`Section::ALL`].
+pub(super) struct Sections<'a>([&'a [u8]; Section::ALL.len()]);
+
+impl<'a> Sections<'a> {
+    pub fn get(&self, section: Section) -> &'a [u8] {
+        self.0[section as usize]
+    }
+}
+
+/// A complaint about `section`, or about the file as a whole.
+pub(super) fn complaint(path: &Path, section: Option<Section>, what: impl Into<String>, remedy: &str) -> Error {
+    Error::Input {
+        path: path.to_path_buf(),
+        place: section.map_or(String::new(), |s| format!(": section '{}'", s.name())),
+        what: what.into(),
+        remedy: remedy.into(),
+    }
+}
+
+/// Lay out a file of these contents.
+pub(super) fn join(contents: &[Vec<u8>; Section::ALL.len()]) -> Vec<u8> {
+    let start = HEADER + ROW * contents.len() + TAIL;
+    let total = contents.iter().fold(start, |at, c| at + c.len().next_multiple_of(ALIGNMENT));
+    let mut out = Vec::with_capacity(total);
+    out.extend(MAGIC);
+    out.extend(VERSION.to_le_bytes());
+    out.extend((contents.len() as u32).to_le_bytes());
+    let mut at = start;
+    for (i, content) in contents.iter().enumerate() {
+        out.extend((i as u32 + 1).to_le_bytes());
+        out.extend(crc32fast::hash(content).to_le_bytes());
+        out.extend((at as u64).to_le_bytes());
+        out.extend((content.len() as u64).to_le_bytes());
+        at += content.len().next_multiple_of(ALIGNMENT);
+    }
+    out.extend(crc32fast::hash(&out).to_le_bytes());
+    out.extend(0u32.to_le_bytes());
+    for content in contents {
+        out.extend(content);
+        out.resize(out.len().next_multiple_of(ALIGNMENT), 0);
+    }
+    out
+}
+
+/// Take a file apart, and hold every byte of it against the table and the checksums.
+pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
+    let refuse = |what: String, remedy: &str| Err(complaint(path, None, what, remedy));
+    let ends = |within: &str| refuse(format!("ends after {} bytes, within {within}", bytes.len()), DAMAGED);
+    let magic = bytes.get(..MAGIC.len()).unwrap_or(bytes);
+    if !MAGIC.starts_with(magic) || bytes.is_empty() {
+        return refuse("does not begin as a packed mesh does".into(), "give a file written by `deltamorph pack`");
+    }
+    let (Some(version), Some(count)) = (u32_at(bytes, 8), u32_at(bytes, 12)) else { return ends("the header") };
+    if version != VERSION {
+        return refuse(
+            format!("has version {version} of the format; this program reads version {VERSION}"),
+            "pack the mesh again with this program, or read it with the one that wrote it",
+        );
+    }
+    if count as usize != Section::ALL.len() {
+        return refuse(format!("has {count} sections, {} expected", Section::ALL.len()), DAMAGED);
+    }
+    let table = HEADER + ROW * Section::ALL.len();
+    let (Some(checksum), Some(zero)) = (u32_at(bytes, table), u32_at(bytes, table + 4)) else {
+        return ends("the table of sections");
+    };
+    if crc32fast::hash(&bytes[..table]) != checksum || zero != 0 {
+        return refuse("the checksum of its header does not match".into(), DAMAGED);
+    }
+    let mut at = table + TAIL;
+    let mut sections = [&[][..]; Section::ALL.len()];
+    for (i, (section, out)) in Section::ALL.into_iter().zip(&mut sections).enumerate() {
+        let row = HEADER + ROW * i;
+        let word = |at: usize| u32_at(bytes, row + at).unwrap_or(0);
+        let long = |at: usize| u64::from(word(at)) | u64::from(word(at + 4)) << 32;
+        let (id, checksum, offset, length) = (word(0), word(4), long(8), long(16));
+        let refuse = |what: String| Err(complaint(path, Some(section), what, DAMAGED));
+        if (id as usize, offset) != (i + 1, at as u64) {
+            return refuse(format!("lies at {offset} with id {id}; at {at} with id {} expected", i + 1));
+        }
+        if length > (bytes.len() - at) as u64 {
+            return refuse(format!("has {length} bytes at {offset}, but the file ends after {}", bytes.len()));
+        }
+        let end = at + length as usize;
+        let next = end.next_multiple_of(ALIGNMENT);
+        match bytes.get(end..next) {
+            None => return refuse(format!("ends with the file, at {}; padding expected", bytes.len())),
+            Some(padding) if padding.iter().any(|b| *b != 0) => return refuse("is not padded with zeros".into()),
+            Some(_) => {}
+        }
+        *out = &bytes[at..end];
+        if crc32fast::hash(out) != checksum {
+            return refuse("the checksum does not match".into());
+        }
+        at = next;
+    }
+    if at != bytes.len() {
+        return refuse(format!("has {} bytes after the last section", bytes.len() - at), DAMAGED);
+    }
+    Ok(Sections(sections))
+}
+
+/// The number at byte `at`.
+fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
+    bytes.get(at..)?.first_chunk().map(|b| u32::from_le_bytes(*b))
+}
+
+/// Compute the checksums of `bytes` anew, so that tests see what lies behind them.
+#[cfg(test)]
+pub(super) fn repair(bytes: &mut [u8]) {
+    let table = HEADER + ROW * Section::ALL.len();
+    if bytes.len() < table + TAIL {
+        return;
+    }
+    for row in (HEADER..table).step_by(ROW) {
+        let long = |at: usize| bytes[row + at..].first_chunk().map_or(0, |b| u64::from_le_bytes(*b));
+        let (offset, length) = (long(8) as usize, long(16) as usize);
+        if let Some(content) = offset.checked_add(length).and_then(|end| bytes.get(offset..end)) {
+            let checksum = crc32fast::hash(content);
+            bytes[row + 4..row + 8].copy_from_slice(&checksum.to_le_bytes());
+        }
+    }
+    let checksum = crc32fast::hash(&bytes[..table]);
+    bytes[table..table + 4].copy_from_slice(&checksum.to_le_bytes());
+}
