@@ -47,7 +47,7 @@ fn hazards(lists: &[CommandList]) -> Result<(), Vec<deltamorph::plan::hazards::V
             Command::Blocks(blocks) => Some(blocks.destination),
             Command::Barrier(_) => None,
         };
-        if let Some(slot) = list.commands.iter().filter_map(destination).last() {
+        if let Some(slot) = list.commands.iter().filter_map(destination).next_back() {
             checker.draw(0, slot);
         }
     }

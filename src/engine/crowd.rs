@@ -76,7 +76,7 @@ pub struct Crowd {
 
 /// What depends on the update path.
 enum Backend {
-    Dense(Dense),
+    Dense(Box<Dense>),
     Blocks(Box<Blocks>),
 }
 
@@ -114,7 +114,7 @@ impl Crowd {
             (Kernel::Blocks(kernel), Some(index)) => {
                 Backend::Blocks(Box::new(Blocks::new(device, mesh, index, kernel, desc, &poses)?))
             }
-            (kernel, _) => Backend::Dense(Dense::new(device, mesh, kernel, desc, &poses)?),
+            (kernel, _) => Backend::Dense(Box::new(Dense::new(device, mesh, kernel, desc, &poses)?)),
         };
         Ok(Self {
             weights: vec![vec![0.0; mesh.layout.targets.len()]; desc.instances as usize],

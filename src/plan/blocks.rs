@@ -378,7 +378,7 @@ impl BlockState {
         let (block_masks, _) = index.block_masks().as_chunks::<N>();
         let (missed, _) = self.slots.missed.as_chunks_mut::<N>();
         let first_mask = list.masks.len();
-        for block in 0..count {
+        for (block, all) in block_masks.iter().enumerate() {
             let entries = index.entries(block);
             let first = first_element + entries.start;
             let mut listed = scratch.ends[block] - entries.start as u32;
@@ -403,12 +403,7 @@ impl BlockState {
                 || touched
                     && (worn
                         || self.desc.mode == UpdateMode::Rebuild
-                        || fewer_bytes_from_base(
-                            self.blocks.active_bytes[block],
-                            deltas,
-                            &block_masks[block],
-                            &changed,
-                        ));
+                        || fewer_bytes_from_base(self.blocks.active_bytes[block], deltas, all, &changed));
             if rebuilt {
                 let active;
                 (listed, active) = match &self.weights {
@@ -416,7 +411,7 @@ impl BlockState {
                     Weights::Exact(w) => list_active(w, index, block, &mut list.elements[first..], amount),
                 };
                 deltas = self.blocks.active_bytes[block];
-                changed = if unknown { [u32::MAX; N] } else { block_masks[block] };
+                changed = if unknown { [u32::MAX; N] } else { *all };
                 self.blocks.bound[block] = rounding(magnitude, listed, active);
                 if worn {
                     self.blocks.limit[block] = self.blocks.tolerance;

@@ -581,26 +581,25 @@ fn power_of_two_below(step: f64) -> f32 {
     step.log2().floor().clamp(-100.0, 100.0).exp2() as f32
 }
 
+/// The smallest step that lets the largest position (0) or normal (1) component of `mesh` fit its bits in a record.
+fn least_step(mesh: &MorphMesh, half: usize) -> f64 {
+    let deltas = mesh.targets.iter().flat_map(|t| if half == 0 { &t.positions } else { &t.normals });
+    let largest = deltas.map(|d| d.abs().max_element()).fold(0.0, f32::max);
+    f64::from(largest) / f64::from((1u32 << (SMALL_BITS[half] - 1)) - 1)
+}
+
 /// The steps for the errors allowed: rounding to nearest is off by up to half the diagonal of a cell.
 fn steps(mesh: &MorphMesh, desc: &BlockDesc) -> [f32; 2] {
-    let largest = |of: fn(&crate::mesh::MorphTarget) -> &[Vec3]| {
-        let deltas = mesh.targets.iter().flat_map(of);
-        deltas.map(|d| d.abs().max_element()).fold(0.0, f32::max)
-    };
-    let (position, normal) = (largest(|t| &t.positions), largest(|t| &t.normals));
     // A mesh without extent has no diagonal to measure by.
-    let scale = if mesh.diagonal > 0.0 { mesh.diagonal } else { position.max(1e-30) };
+    let scale = match mesh.diagonal {
+        d if d > 0.0 => f64::from(d),
+        _ => (least_step(mesh, 0) * f64::from(1u32 << SMALL_BITS[0])).max(1e-30),
+    };
     let cell = 2.0 / 3f64.sqrt();
-    let wanted = [
-        cell * f64::from(desc.position_error) * f64::from(scale),
-        cell * f64::from(desc.normal_error_degrees).to_radians().sin(),
-    ];
-    // A component has to fit its bits in the narrower of the two integer formats' records.
-    let least = |largest: f32, bits: u32| 2.0 * f64::from(largest) / f64::from((1u32 << (bits - 1)) - 1);
-    [
-        power_of_two_below(wanted[0].max(least(position, SMALL_BITS[0]))),
-        power_of_two_below(wanted[1].max(least(normal, SMALL_BITS[1]))),
-    ]
+    let wanted =
+        [cell * f64::from(desc.position_error) * scale, cell * f64::from(desc.normal_error_degrees).to_radians().sin()];
+    // Rounding down to a power of two halves a step at most.
+    [0, 1].map(|half| power_of_two_below(wanted[half].max(2.0 * least_step(mesh, half))))
 }
 
 fn check(desc: &BlockDesc) -> Result<()> {
@@ -627,20 +626,22 @@ pub(super) fn pack(mesh: &MorphMesh, desc: &PackDesc) -> Result<PackedMesh> {
     let default_size = if format == DeltaFormat::Small { 32 } else { 64 };
     let size = desc.blocks.size.unwrap_or(default_size);
     let mut steps = if format == DeltaFormat::BlockFloat32 { [1.0, 1.0] } else { steps(mesh, &desc.blocks) };
-    // Where a target turns a short normal, the same rounding is a larger angle: finer steps then.
-    for _ in 0..NORMAL_ATTEMPTS {
-        let packed = pack_with(mesh, desc, size, steps)?;
-        let found = packed.layout.blocks.as_ref().map_or(0.0, |index| index.error.normal_degrees);
-        if format == DeltaFormat::BlockFloat32 || found <= f64::from(desc.blocks.normal_error_degrees) {
-            return Ok(packed);
+    // Two halvings at most.
+    let normal_floor = steps[1] / 4.0;
+    let mut packed = pack_with(mesh, desc, size, steps)?;
+    if format == DeltaFormat::Small {
+        // Where a target turns a short normal, the same rounding is a larger angle: finer steps then, as far as the
+        // bits of a record go. (The bits of `fast` are given, and mostly all in use.)
+        let allowed = f64::from(desc.blocks.normal_error_degrees);
+        let finest = least_step(mesh, 1);
+        let error = |packed: &PackedMesh| packed.layout.blocks.as_ref().map_or(0.0, |b| b.error.normal_degrees);
+        while error(&packed) > allowed && f64::from(steps[1]) / 2.0 >= finest && steps[1] > normal_floor {
+            steps[1] /= 2.0;
+            packed = pack_with(mesh, desc, size, steps)?;
         }
-        steps[1] /= 2.0;
     }
-    pack_with(mesh, desc, size, steps)
+    Ok(packed)
 }
-
-/// Halvings of the step of normals, at most.
-const NORMAL_ATTEMPTS: usize = 2;
 
 /// Lay out `mesh` in blocks of `size` on a grid of these steps.
 fn pack_with(mesh: &MorphMesh, desc: &PackDesc, size: u32, steps: [f32; 2]) -> Result<PackedMesh> {
@@ -665,7 +666,7 @@ fn pack_with(mesh: &MorphMesh, desc: &PackDesc, size: u32, steps: [f32; 2]) -> R
                 n = Vec3::ZERO;
             }
         }
-        (p != Vec3::ZERO || n != Vec3::ZERO).then(|| [p.x, p.y, p.z, n.x, n.y, n.z])
+        (p != Vec3::ZERO || n != Vec3::ZERO).then_some([p.x, p.y, p.z, n.x, n.y, n.z])
     };
     type Kept = Vec<(u32, [f32; POSE_FLOATS])>;
     let kept: Vec<Kept> = mesh
@@ -684,7 +685,7 @@ fn pack_with(mesh: &MorphMesh, desc: &PackDesc, size: u32, steps: [f32; 2]) -> R
 
     let padded = order.len().next_multiple_of((size as usize).max(VERTEX_PADDING));
     // Entries: by block, then target; a cell of the table lists the deltas of one entry.
-    let mut by_block: Vec<Vec<(u32, Vec<(u32, [f32; POSE_FLOATS])>)>> = vec![vec![]; padded / size as usize];
+    let mut by_block: Vec<Vec<(u32, Kept)>> = vec![vec![]; padded / size as usize];
     for (t, deltas) in kept.into_iter().enumerate() {
         let mut deltas: Kept = deltas.into_iter().map(|(v, d)| (packed[v as usize], d)).collect();
         deltas.sort_unstable_by_key(|(at, _)| *at);

@@ -32,8 +32,7 @@ fn assert_decodes(packed: &PackedMesh, mesh: &MorphMesh) {
         let (ps, ns) = (packed.layout.targets[t].position_step, packed.layout.targets[t].normal_step());
         let mut kept = target.vertices.iter().peekable();
         let mut k = 0;
-        for v in 0..mesh.vertex_count() {
-            let d = decoded[v];
+        for (v, d) in decoded.iter().enumerate() {
             let (p, n) = if kept.next_if_eq(&&(v as u32)).is_some() {
                 k += 1;
                 (target.positions[k - 1], target.normals[k - 1])
