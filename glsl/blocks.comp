@@ -107,6 +107,47 @@ void add_entry(uint entry, uint coefficient, uint lane, inout ADDEND position[VE
 #endif
 }
 
+// Where a lane's vertices are, as indices of their first component.
+struct Place {
+    uint source;
+    uint destination;
+    uint base;
+    bool rebuilt;
+#ifdef EXACT
+    uint sums;
+    bool copied;
+#endif
+};
+
+#ifdef EXACT
+void store(Place place, uint k, int added, float unit) {
+    if (place.copied) {
+        poses[place.destination + k] = poses[place.source + k];
+        return;
+    }
+    int sum = (place.rebuilt ? 0 : sums[place.sums + k]) + added;
+    sums[place.sums + k] = sum;
+    // The product is exact, the unit being a power of two: one rounding.
+    precise float value = uintBitsToFloat(asset[place.base + k]) + float(sum) * unit;
+    poses[place.destination + k] = value;
+}
+#else
+void store(Place place, uint k, float added, float unit) {
+    float before = place.rebuilt ? uintBitsToFloat(asset[place.base + k]) : poses[place.source + k];
+    poses[place.destination + k] = before + added;
+}
+#endif
+
+// Component `c` of the lane's vertices, where the mask says that it changes.
+#define STORE(i, c, sum, field) \
+    if ((mask >> i & 1u) != 0u) store(place, 6u * i + c, sum[i].field, c < 3u ? position_unit : normal_unit);
+#if VERTICES == 4
+#define STORES(c, sum, field) STORE(0u, c, sum, field) STORE(1u, c, sum, field) STORE(2u, c, sum, field) STORE(3u, c, sum, field)
+#else
+#define STORES(c, sum, field) STORE(0u, c, sum, field)
+#endif
+#define COMPONENT(c, sum, field) { uint mask = work[masks + c * MASK_WORDS] >> shift; STORES(c, sum, field) }
+
 void main() {
     uint item = first_item + gl_WorkGroupID.x * ITEM_WORDS;
     uint block = work[item] & ~REBUILT;
@@ -130,33 +171,20 @@ void main() {
     uint shift = vertex & 31u;
     uint masks = item + 4u + (vertex >> 5);
     uint at = (block * BLOCK_SIZE + vertex) * 6u;
+    Place place;
+    place.source = source + at;
+    place.destination = destination + at;
+    place.base = base_at + at;
+    place.rebuilt = rebuilt;
 #ifdef EXACT
-    uint sum_at = (slots_word >> 16) / slots * pose_floats + at;
-    bool copied = count == 0u && !rebuilt;
+    place.sums = (slots_word >> 16) / slots * pose_floats + at;
+    place.copied = count == 0u && !rebuilt;
 #endif
-    for (uint c = 0u; c < 6u; ++c) {
-        uint mask = work[masks + c * MASK_WORDS] >> shift;
-        for (int i = 0; i < VERTICES; ++i) {
-            if ((mask >> i & 1u) == 0u) continue;
-            uint k = uint(i) * 6u + c;
-#ifdef EXACT
-            int added = c < 3u ? position[i][c] : normal[i][c - 3u];
-            float value;
-            if (copied) {
-                value = poses[source + at + k];
-            } else {
-                int sum = (rebuilt ? 0 : sums[sum_at + k]) + added;
-                sums[sum_at + k] = sum;
-                // The product is exact, the unit being a power of two: one rounding.
-                precise float exact = uintBitsToFloat(asset[base_at + at + k]) + float(sum) * (c < 3u ? position_unit : normal_unit);
-                value = exact;
-            }
-            poses[destination + at + k] = value;
-#else
-            float added = c < 3u ? position[i][c] : normal[i][c - 3u];
-            float before = rebuilt ? uintBitsToFloat(asset[base_at + at + k]) : poses[source + at + k];
-            poses[destination + at + k] = before + added;
-#endif
-        }
-    }
+    // Unrolled by hand: arrays that are indexed by a variable would live in memory.
+    COMPONENT(0u, position, x)
+    COMPONENT(1u, position, y)
+    COMPONENT(2u, position, z)
+    COMPONENT(3u, normal, x)
+    COMPONENT(4u, normal, y)
+    COMPONENT(5u, normal, z)
 }
