@@ -1,40 +1,12 @@
 //! The command line: what it prints, writes and returns.
 
+#[path = "common/cli.rs"]
+mod cli;
+
+use cli::{HEAD, fails, json, ok, sample};
 use serde_json::Value;
 use std::path::Path;
-use std::process::{Command, Output};
-
-fn deltamorph(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_deltamorph")).args(args).output().expect("the program starts")
-}
-
-fn ok(args: &[&str]) -> String {
-    let out = deltamorph(args);
-    let stderr = String::from_utf8_lossy(&out.stderr);
-    assert!(out.status.success(), "{args:?}: {stderr}");
-    String::from_utf8(out.stdout).expect("text")
-}
-
-fn json(args: &[&str]) -> Value {
-    serde_json::from_str(&ok(args)).expect("JSON alone on stdout")
-}
-
-/// Exit code and the error line.
-fn fails(args: &[&str]) -> (i32, String) {
-    let out = deltamorph(args);
-    assert!(!out.status.success(), "{args:?} succeeded");
-    let text = String::from_utf8(out.stderr).expect("text");
-    assert!(!text.contains("panicked"), "{text}");
-    (out.status.code().expect("no signal"), text)
-}
-
-const HEAD: [&str; 4] = ["--vertices", "1200", "--targets", "12"];
-
-fn sample(folder: &Path) -> String {
-    let dir = folder.join("head").to_str().expect("UTF-8").to_owned();
-    ok(&[&["sample", &dir, "--frames", "24"], &HEAD[..]].concat());
-    dir
-}
+use std::process::Command;
 
 #[test]
 fn devices_lists_both_drivers_and_why_a_path_is_missing() {

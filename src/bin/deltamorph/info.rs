@@ -198,4 +198,4 @@ fn text(info: &Info) -> String {
 
 #[cfg(test)]
 #[path = "info/tests.rs"]
-mod tests;
+pub mod tests;

@@ -82,7 +82,7 @@ fn bad_values_are_refused_with_exit_code_2() {
         "apply face --batch-size 1..3 --set a=1 -o a.obj",
         "apply face --set a=1",
         "sample",
-        "play face",
+        "lod face",
     ] {
         let error = parse(&format!("deltamorph {line}")).expect_err(line);
         assert_eq!(error.exit_code(), 2, "{line}");
@@ -106,7 +106,8 @@ fn apply_checks_what_clap_cannot() {
     let args = apply("deltamorph apply face --set a=b=0.5,c=-1 --set d=2 -o out.obj");
     let set: Vec<_> = args.set.iter().map(|s| (s.name.as_str(), s.weight)).collect();
     assert_eq!(set, [("a=b", 0.5), ("c", -1.0), ("d", 2.0)]);
-    assert_eq!((args.check(), args.path()), (Ok(()), Ok(PathChoice::Cpu)));
+    assert_eq!(args.check(), Ok(()));
+    assert_eq!(args.update.single("apply", PathChoice::Cpu).map(|s| s.path), Ok(UpdatePath::Cpu));
     assert!(apply("deltamorph apply face -o out.obj").check().is_err());
     assert!(apply("deltamorph apply face --set a=1 --path cpu,compute -o out.obj").check().is_err());
     assert!(apply("deltamorph apply --weights a.csv --frame 9 --from-frame 3 -o out.obj").check().is_ok());
