@@ -246,7 +246,7 @@ fn a_face_that_stops_has_its_pose_as_previous_pose() {
                 let desc = UpdateDesc { slots, error_budget, ..desc };
                 let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
                 let mut weights = [0.0; 11];
-                let mut step = |crowd: &mut HeadlessCrowd<'_>, weights: &[f32]| {
+                let step = |crowd: &mut HeadlessCrowd<'_>, weights: &[f32]| {
                     crowd.step(&[weights]).expect("a step").update.stats
                 };
                 for frame in 0..9 {

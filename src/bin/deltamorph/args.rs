@@ -88,6 +88,9 @@ pub struct InfoArgs {
     /// What to read.
     #[command(flatten)]
     pub input: InputArgs,
+    /// Write index.html and plots there: error against bytes, and the errors of whole poses (takes seconds)
+    #[arg(long, value_name = "DIR")]
+    pub report: Option<PathBuf>,
 }
 
 /// Which mesh, and how much of it is kept.

@@ -8,7 +8,9 @@ mod devices;
 mod info;
 mod input;
 mod output;
+mod page;
 mod play;
+mod plots;
 /// The library's generator, which is no part of its API.
 #[path = "../../rng.rs"]
 mod rng;
