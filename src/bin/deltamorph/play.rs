@@ -47,7 +47,7 @@ pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
 
 /// Add noise to every weight of every frame.
 fn shake(frames: &mut [Vec<f32>], amount: f32, seed: u64) {
-    let mut rng = Rng::new(seed, 0x6e6f_6973_65);
+    let mut rng = Rng::new(seed, 0x006e_6f69_7365);
     frames.iter_mut().flatten().for_each(|weight| *weight += rng.range(-amount, amount));
 }
 

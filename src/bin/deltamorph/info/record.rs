@@ -161,6 +161,9 @@ pub struct PoseRow {
     pub format: &'static str,
     /// Largest position error, as a fraction of the diagonal.
     pub position_error_rel: f64,
-    /// Largest angle between normals, in degrees.
+    /// Largest angle between normals, in degrees: where targets fold a normal to almost nothing, a small error turns it
+    /// far.
     pub normal_error_deg: f64,
+    /// The angle that 999 of 1000 normals do not exceed, in degrees.
+    pub normal_error_p999_deg: f64,
 }

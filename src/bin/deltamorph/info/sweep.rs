@@ -7,8 +7,9 @@ use crate::input::Input;
 use crate::output::{Failure, Output};
 use deltamorph::mesh::MorphMesh;
 use deltamorph::mesh::packed::blocks::{BLOCK_SIZES, BlockDesc};
-use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
-use deltamorph::reference::{PoseError, compare, evaluate, evaluate_unpacked};
+use deltamorph::mesh::packed::{DeltaFormat, POSE_FLOATS, PackedMesh};
+use deltamorph::reference::{PoseError, SHORTEST_NORMAL, angle_degrees, compare, evaluate, evaluate_unpacked};
+use glam::DVec3;
 
 /// Steps of √10 from 1e-3 to 1e-6 of the diagonal.
 const STEPS: i32 = 7;
@@ -65,14 +66,13 @@ pub fn poses(input: &Input, packed: &[PackedMesh], clips: &[Bound], out: &Output
     let mut rows = vec![];
     for clip in clips {
         let frames = spread(clip.frames.len());
-        let mut errors = vec![PoseError::default(); packed.len()];
+        let mut errors = vec![Errors::default(); packed.len()];
         bar.set_message(format!("poses of {}", clip.name));
         for &frame in &frames {
             let weights = &clip.frames[frame];
             let truth = evaluate_unpacked(&input.raw, weights);
             for (mesh, error) in packed.iter().zip(&mut errors) {
-                let pose: Vec<f32> = evaluate(mesh, weights).into_iter().map(|v| v as f32).collect();
-                *error = error.max(compare(&pose, &truth));
+                error.add(&evaluate(mesh, weights), &truth);
             }
             bar.inc(1);
         }
@@ -80,12 +80,38 @@ pub fn poses(input: &Input, packed: &[PackedMesh], clips: &[Bound], out: &Output
             clip: clip.name.clone(),
             frames: frames.len(),
             format: mesh.layout().format.name(),
-            position_error_rel: error.position / scale(&input.kept),
-            normal_error_deg: error.normal_degrees,
+            position_error_rel: error.largest.position / scale(&input.kept),
+            normal_error_deg: error.largest.normal_degrees,
+            normal_error_p999_deg: error.usual_angle().into(),
         }));
     }
     bar.finish_and_clear();
     rows
+}
+
+/// The errors of some poses.
+#[derive(Clone, Default)]
+struct Errors {
+    largest: PoseError,
+    /// Of every normal that has a direction.
+    angles: Vec<f32>,
+}
+
+impl Errors {
+    fn add(&mut self, pose: &[f64], truth: &[f64]) {
+        let floats: Vec<f32> = pose.iter().map(|&v| v as f32).collect();
+        self.largest = self.largest.max(compare(&floats, truth));
+        let normals =
+            |pose: &[f64]| pose.chunks_exact(POSE_FLOATS).map(|v| DVec3::from_slice(&v[3..])).collect::<Vec<_>>();
+        let pairs = normals(pose).into_iter().zip(normals(truth)).filter(|(_, b)| b.length() >= SHORTEST_NORMAL);
+        self.angles.extend(pairs.map(|(a, b)| angle_degrees(a, b) as f32));
+    }
+
+    /// The angle that 999 of 1000 do not exceed.
+    fn usual_angle(mut self) -> f32 {
+        let at = self.angles.len() * 999 / 1000;
+        if at == self.angles.len() { 0.0 } else { *self.angles.select_nth_unstable_by(at, f32::total_cmp).1 }
+    }
 }
 
 /// Up to [`FRAMES`] of `count` frames, the last one among them.
@@ -97,6 +123,19 @@ fn spread(count: usize) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn one_normal_of_many_is_not_usual() {
+        let pose =
+            |normals: &[[f64; 3]]| normals.iter().flat_map(|n| [0.0, 0.0, 0.0, n[0], n[1], n[2]]).collect::<Vec<_>>();
+        let truth = pose(&[[0.0, 0.0, 1.0]; 2000]);
+        let mut turned = [[0.0, 0.0, 1.0]; 2000];
+        turned[7] = [1.0, 0.0, 0.0];
+        let mut errors = Errors::default();
+        errors.add(&pose(&turned), &truth);
+        assert_eq!((errors.largest.normal_degrees, errors.usual_angle()), (90.0, 0.0));
+        assert_eq!(Errors::default().usual_angle(), 0.0);
+    }
 
     #[test]
     fn frames_are_spread_over_the_clip() {
