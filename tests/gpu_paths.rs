@@ -236,6 +236,39 @@ fn passes_are_the_coefficients_over_the_batch_size_and_a_still_face_records_noth
     });
 }
 
+/// A face that stops: once what waited has settled, nothing is recorded, and there is no motion left to blur.
+#[test]
+fn a_face_that_stops_has_its_pose_as_previous_pose() {
+    on_every_device(|headless, engine| {
+        let mesh = packed(engine, 300, 11, DeltaFormat::Small);
+        for desc in update_descs(engine, DeltaFormat::Small) {
+            for (slots, error_budget) in (1..4).flat_map(|slots| [(slots, 0.0), (slots, 0.05 * mesh.layout().diagonal)])
+            {
+                let desc = UpdateDesc { slots, error_budget, ..desc };
+                let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
+                let mut weights = [0.0; 11];
+                let step = |crowd: &mut HeadlessCrowd<'_>, weights: &[f32]| {
+                    crowd.step(&[weights]).expect("a step").update.stats
+                };
+                for frame in 0..9 {
+                    weights.iter_mut().enumerate().for_each(|(t, w)| *w += 0.01 * ((frame + t) % 4) as f32);
+                    step(&mut crowd, &weights);
+                }
+                if error_budget > 0.0 {
+                    assert!(step(&mut crowd, &weights).dirty_blocks > 0, "{desc:?}: nothing waited");
+                }
+                let settled = crowd.read_pose(0).expect("a pose");
+                let still = step(&mut crowd, &weights);
+                assert_eq!((still.coefficients, still.passes, still.dirty_blocks, still.bytes_moved), (0, 0, 0, 0));
+                let bits = |pose: Vec<f32>| pose.into_iter().map(f32::to_bits).collect::<Vec<_>>();
+                let (pose, previous) = (crowd.read_pose(0).expect("a pose"), crowd.read_previous_pose(0));
+                let previous = previous.expect("a device that works").expect("the pose itself");
+                assert_eq!((bits(pose), bits(previous)), (bits(settled.clone()), bits(settled)), "{desc:?}");
+            }
+        }
+    });
+}
+
 #[test]
 fn the_same_poses_on_every_driver() {
     let poses = std::cell::RefCell::new(Vec::<(String, Vec<f32>)>::new());

@@ -168,6 +168,40 @@ fn a_still_face_costs_nothing() {
     assert_eq!(crowd.update(), UpdateStats::default());
 }
 
+/// A face that stops: once what waited has settled, an update does nothing, and there is no motion left to blur.
+#[test]
+fn a_face_that_stops_has_its_pose_as_previous_pose() {
+    let mesh = testing::mesh(300, 11);
+    let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).unwrap());
+    for accumulate in [Accumulate::Float { tolerance: 1e-4 }, Accumulate::Exact] {
+        for (slots, budget) in (1..4).flat_map(|slots| [(slots, 0.0), (slots, 0.05 * mesh.diagonal)]) {
+            let desc = UpdateDesc {
+                accumulate,
+                slots,
+                error_budget: budget,
+                ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All)
+            };
+            let mut crowd = CpuCrowd::new(packed.clone(), desc, 1, 1).unwrap();
+            let mut weights = [0.0; 11];
+            for frame in 0..9 {
+                weights.iter_mut().enumerate().for_each(|(t, w)| *w += 0.01 * ((frame + t) % 4) as f32);
+                crowd.set_weights(0, &weights).unwrap();
+                crowd.update();
+            }
+            if budget > 0.0 {
+                assert!(crowd.update().dirty_blocks > 0, "{desc:?}: nothing waited");
+            }
+            let settled = crowd.pose(0).to_vec();
+            let still = crowd.update();
+            let did = (still.coefficients, still.passes, still.dirty_blocks, still.bytes_moved, still.bytes_floor);
+            assert_eq!(did, (0, 0, 0, 0, 0), "{desc:?}");
+            let bits = |pose: &[f32]| pose.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+            assert_eq!(bits(crowd.pose(0)), bits(&settled), "{desc:?}");
+            assert_eq!(crowd.previous_pose(0).map(bits), Some(bits(&settled)), "{desc:?}");
+        }
+    }
+}
+
 #[test]
 fn misuse_is_an_error_that_says_what_to_do() {
     let packed = Arc::new(PackedMesh::pack(&testing::mesh(10, 2), &PackDesc::default()).unwrap());

@@ -1,15 +1,15 @@
 //! `apply`: one pose, through the path named, written as OBJ in the input's vertex order.
 
 use crate::args::ApplyArgs;
-use crate::args::values::{BatchLimit, PathChoice, expand_batches};
+use crate::args::values::PathChoice;
 use crate::input;
 use crate::output::{Failure, Output};
-use crate::runner::{Gpu, Runner, packed};
+use crate::stage::Stage;
 use deltamorph::headless::DeviceChoice;
 use deltamorph::mesh::MorphMesh;
 use deltamorph::mesh::obj::{ObjMesh, write_obj};
 use deltamorph::mesh::packed::POSE_FLOATS;
-use deltamorph::plan::{BatchSize, UpdateDesc, UpdatePath};
+use deltamorph::plan::UpdatePath;
 use deltamorph::reference::{SHORTEST_NORMAL, compare, evaluate};
 use glam::Vec3;
 use serde::Serialize;
@@ -40,22 +40,10 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let path = single.path;
     input::refuse_to_overwrite(&args.output, &args.input, args.weights.as_slice())?;
     let input = input::load(&args.input, out)?;
-    let held = input.packed.as_ref().map(|mesh| mesh.layout().format);
-    let format = single.delta_format(held).map_err(Failure::Usage)?;
     let frames = frames(args, &input.kept)?;
 
-    let gpu = if path == UpdatePath::Cpu { None } else { Gpu::open(device, out)? };
-    let mesh = packed(&input, gpu.as_ref(), format, &args.update.pack)?;
-    let batch = batch(args, path, gpu.as_ref(), format)?;
-    let desc = UpdateDesc {
-        mode: single.mode,
-        slots: args.update.slots,
-        accumulate: single.accumulate,
-        error_budget: args.update.budget(input.kept.diagonal).map_err(Failure::Usage)?,
-        ..UpdateDesc::new(path, batch)
-    };
-    desc.check().map_err(|e| Failure::Usage(e.to_string()))?;
-    let mut runner = Runner::new(gpu.as_ref(), &mesh, desc, 1, args.update.threads.unwrap_or(0))?;
+    let stage = Stage::new(single, &args.update, args.batch_size, &input, device, out)?;
+    let mut runner = stage.runner()?;
     let mut passes = 0;
     for weights in &frames {
         passes += runner.step(std::slice::from_ref(weights))?.stats.passes;
@@ -63,7 +51,7 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let pose = runner.pose(0)?;
     // There is at least one frame: `frames` sees to it.
     let weights = frames.last().map_or(&[][..], Vec::as_slice);
-    let error = compare(&pose, &evaluate(&mesh, weights));
+    let error = compare(&pose, &evaluate(&stage.mesh, weights));
     let diagonal = f64::from(input.kept.diagonal);
     let relative = if diagonal > 0.0 { error.position / diagonal } else { error.position };
     // Rounding grows with what is added up, on the way as well as at the end.
@@ -77,7 +65,7 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
         )));
     }
     write(args, &input.kept, &pose)?;
-    let device = gpu.as_ref().map_or("none".into(), |g| g.caps().name.clone());
+    let device = stage.device();
     out.say(format_args!(
         "{}: {} active of {} targets, {passes} passes on {} ({}), {relative:.1e} of the diagonal off the float64 reference",
         args.output.display(),
@@ -90,8 +78,8 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
         schema: 1,
         device,
         path: path.name(),
-        format: format.name(),
-        batch_size: batch.to_string(),
+        format: stage.mesh.layout().format.name(),
+        batch_size: stage.desc.batch.to_string(),
         frames: frames.len(),
         passes,
         active: weights.iter().filter(|w| **w != 0.0).count(),
@@ -132,25 +120,6 @@ fn frames(args: &ApplyArgs, mesh: &MorphMesh) -> Result<Vec<Vec<f32>>, Failure> 
         frames.iter_mut().for_each(|weights| weights[at] = setting.weight);
     }
     Ok(frames)
-}
-
-fn batch(
-    args: &ApplyArgs,
-    path: UpdatePath,
-    gpu: Option<&Gpu>,
-    format: deltamorph::mesh::packed::DeltaFormat,
-) -> Result<BatchSize, Failure> {
-    if let Some(gpu) = gpu {
-        gpu.caps().check_path(path)?;
-    }
-    let max = gpu.and_then(|g| g.caps().batch_max(path, format)).unwrap_or(0);
-    let limit = BatchLimit { max, all: path != UpdatePath::Feedback };
-    let spec = args.batch_size.unwrap_or(crate::args::values::BatchSpec::Max);
-    let (allowed, _) = expand_batches(&[spec], limit);
-    allowed.last().copied().ok_or_else(|| {
-        let all = if limit.all { ", or \"all\"" } else { "" };
-        Failure::Usage(format!("--batch-size: path '{}' takes 1 to {max} targets per pass here{all}", path.name()))
-    })
 }
 
 /// Write the pose: nine digits, the input's vertex order, normals normalised.

@@ -1,5 +1,6 @@
 //! The command line, as clap sees it.
 
+pub mod play;
 pub mod values;
 
 use clap::{Args, Parser, Subcommand};
@@ -9,6 +10,7 @@ use deltamorph::mesh::head::HeadDesc;
 use deltamorph::mesh::packed::DeltaFormat;
 use deltamorph::mesh::packed::blocks::BlockDesc;
 use deltamorph::plan::{Accumulate, UpdateMode, UpdatePath};
+use play::{PlayArgs, SoakArgs};
 use std::path::{Path, PathBuf};
 use values::{
     AccumulateChoice, BatchSpec, BudgetSpec, ChangedSpec, FormatChoice, ModeChoice, PathChoice, Projection,
@@ -54,6 +56,10 @@ pub enum Command {
     Info(InfoArgs),
     /// Measure the time per frame of the update paths, and write a report
     Bench(Box<BenchArgs>),
+    /// Run a whole weight clip, one update per frame, and say what each moved and how far it is off
+    Play(Box<PlayArgs>),
+    /// Run any number of frames, random and captured, and say how far poses drift
+    Soak(Box<SoakArgs>),
     /// Write one pose as OBJ
     Apply(Box<ApplyArgs>),
 }
@@ -101,6 +107,9 @@ pub struct InfoArgs {
     /// What to read.
     #[command(flatten)]
     pub input: InputArgs,
+    /// Write index.html and plots there: error against bytes, and the errors of whole poses (takes seconds)
+    #[arg(long, value_name = "DIR")]
+    pub report: Option<PathBuf>,
 }
 
 /// Which mesh, and how much of it is kept.

@@ -2,34 +2,51 @@
 
 mod formats;
 mod record;
+mod report;
+mod sweep;
 
 use crate::args::InfoArgs;
+use crate::clips;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
 use crate::table::{Table, bytes, percent, sig3, thousands};
 use deltamorph::mesh::MorphMesh;
+use deltamorph::mesh::packed::DeltaFormat;
 use deltamorph::weights::WeightClip;
 use glam::Vec3;
 use record::{Blocks, ClipRow, Info, InputRow, Overlap, TargetRow};
-
-/// Vertices per block: what the fill is stated for.
-const BLOCK_SIZE: usize = 64;
 
 /// Run the command.
 ///
 /// # Errors
 /// The input or one of its clips cannot be used, or the JSON cannot be written.
 pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
+    // Before seconds are spent on what then cannot be written.
+    if let Some(dir) = &args.report {
+        report::claim(dir)?;
+    }
     let input = input::load(&args.input, out)?;
     let spinner = out.spinner("packing");
     let mut info = describe(&input);
-    info.formats = formats::format_rows(&input.kept, input.packed.as_deref())?;
+    let packed = formats::pack_all(&input.kept, input.packed.as_ref())?;
+    info.formats = packed.iter().map(|p| formats::format_row(&input.kept, input.packed.as_deref(), p)).collect();
+    info.blocks =
+        packed.iter().find(|p| p.layout().format == DeltaFormat::Small).map(|p| formats::blocks(p)).unwrap_or_default();
     for path in &input.clips {
         let (clip, frames) = input::clip(path, &args.input, &input.kept)?;
         info.clips.push(clip_row(&clip, &frames));
     }
     spinner.finish_and_clear();
+    if let Some(dir) = &args.report {
+        let clips = clips::all(None, &args.input, &input)?;
+        info.sweep = Some(sweep::sweep(&input.kept, &packed, out)?);
+        info.poses = Some(sweep::poses(&input, &packed, &clips, out));
+        report::write(&info, dir)?;
+    }
     out.say(text(&info));
+    if let Some(dir) = &args.report {
+        out.say(format_args!("\nreport: {}", dir.join("index.html").display()));
+    }
     out.json(&info)
 }
 
@@ -63,9 +80,11 @@ fn describe(input: &Input) -> Info {
             })
             .collect(),
         overlap: overlap(kept),
-        blocks: blocks(kept, BLOCK_SIZE),
+        blocks: Blocks::default(),
         formats: Vec::new(),
         clips: Vec::new(),
+        sweep: None,
+        poses: None,
     }
 }
 
@@ -85,19 +104,6 @@ fn overlap(mesh: &MorphMesh) -> Overlap {
         union: moved as f64 / per_vertex.len().max(1) as f64,
         mean: deltas as f64 / moved.max(1) as f64,
         max: per_vertex.into_iter().max().unwrap_or(0),
-    }
-}
-
-/// Blocks of `size` consecutive vertices in the user's order: how tightly the targets fill what they touch.
-fn blocks(mesh: &MorphMesh, size: usize) -> Blocks {
-    let touched = |vertices: &[u32]| vertices.chunk_by(|a, b| *a as usize / size == *b as usize / size).count();
-    let incidence: usize = mesh.targets.iter().map(|t| touched(&t.vertices)).sum();
-    let deltas: usize = mesh.targets.iter().map(|t| t.vertices.len()).sum();
-    Blocks {
-        size,
-        count: mesh.vertex_count().div_ceil(size),
-        incidence,
-        fill: deltas as f64 / (incidence * size).max(1) as f64,
     }
 }
 
@@ -153,7 +159,7 @@ fn text(info: &Info) -> String {
     let (o, b) = (&info.overlap, &info.blocks);
     parts.push(format!(
         "{} of the vertices are moved by some target; each of these by {} targets on average, {} at most\n\
-         {} blocks of {} vertices: {} block-target pairs, {} full",
+         {} blocks of {} vertices in the format small: {} block-target pairs, {} full",
         percent(o.union),
         sig3(o.mean),
         o.max,
@@ -198,4 +204,4 @@ fn text(info: &Info) -> String {
 
 #[cfg(test)]
 #[path = "info/tests.rs"]
-mod tests;
+pub mod tests;

@@ -3,14 +3,24 @@
 mod apply;
 mod args;
 mod bench;
+mod clips;
 mod devices;
 mod info;
 mod input;
 mod output;
 mod pack;
+mod page;
+mod play;
+mod plots;
+/// The library's generator, which is no part of its API.
+#[path = "../../rng.rs"]
+mod rng;
 mod runner;
 mod sample;
+mod soak;
+mod stage;
 mod table;
+mod verify;
 
 use args::{Cli, Command};
 use clap::Parser;
@@ -37,6 +47,14 @@ fn run(cli: &Cli, out: &Output) -> Result<(), Failure> {
         Command::Pack(args) => pack::run(args, out),
         Command::Info(args) => info::run(args, out),
         Command::Bench(args) => bench::run(args, device, out),
+        Command::Play(args) => {
+            args.check().map_err(Failure::Usage)?;
+            play::run(args, device, out)
+        }
+        Command::Soak(args) => {
+            args.check().map_err(Failure::Usage)?;
+            soak::run(args, device, out)
+        }
         Command::Apply(args) => {
             args.check().map_err(Failure::Usage)?;
             apply::run(args, device, out)

@@ -1,4 +1,4 @@
-//! One interface to the GPU paths and the cpu path, for `bench` and `apply`.
+//! One interface to the GPU paths and the cpu path, for every command that updates poses.
 
 use crate::args::PackArgs;
 use crate::input::Input;
@@ -154,6 +154,29 @@ impl<'a> Runner<'a> {
         match self {
             Self::Gpu(crowd) => Ok(crowd.read_pose(head)?),
             Self::Cpu(crowd) => Ok(crowd.layout().to_user_order(crowd.pose(head as usize))),
+        }
+    }
+
+    /// The next pose of a head has no predecessor.
+    ///
+    /// # Errors
+    /// There is no such head.
+    pub fn cut(&mut self, head: u32) -> Result<(), Failure> {
+        match self {
+            Self::Gpu(crowd) => crowd.crowd().cut(head)?,
+            Self::Cpu(crowd) => crowd.cut(head as usize),
+        }
+        Ok(())
+    }
+
+    /// The integer sums of a head; `None` unless it accumulates exactly.
+    ///
+    /// # Errors
+    /// A device that fails.
+    pub fn sums(&mut self, head: u32) -> Result<Option<Vec<i32>>, Failure> {
+        match self {
+            Self::Gpu(crowd) => Ok(crowd.read_sums(head)?),
+            Self::Cpu(crowd) => Ok(crowd.sums(head as usize).map(<[i32]>::to_vec)),
         }
     }
 

@@ -82,7 +82,7 @@ fn bad_values_are_refused_with_exit_code_2() {
         "apply face --batch-size 1..3 --set a=1 -o a.obj",
         "apply face --set a=1",
         "sample",
-        "play face",
+        "lod face",
     ] {
         let error = parse(&format!("deltamorph {line}")).expect_err(line);
         assert_eq!(error.exit_code(), 2, "{line}");

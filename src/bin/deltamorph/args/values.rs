@@ -209,6 +209,11 @@ pub fn at_least_one(s: &str) -> Result<usize, String> {
     whole(s, 1, 1_000_000)
 }
 
+/// Parse the frames of `soak`.
+pub fn frames(s: &str) -> Result<usize, String> {
+    whole(s, 1, 1_000_000_000)
+}
+
 /// Parse `--sparsity`.
 pub fn sparsity(s: &str) -> Result<f32, String> {
     number(s, |v| v > 0.0 && v <= 1.0, "a fraction above 0 and at most 1")

@@ -1,8 +1,8 @@
 //! The sentences that sum a report up, with numbers from its runs.
 
-use super::plots::family::Family;
-use super::plots::select::{batch_words, fastest, median, relative};
+use super::family::Family;
 use super::record::{Report, RunRecord};
+use super::select::{batch_words, fastest, median, relative};
 use crate::table::{percent, sig3, thousands};
 use deltamorph::plan::BatchSize;
 

@@ -1,13 +1,12 @@
 //! index.html: one page that needs nothing but itself.
 
 use super::headline::sentences;
-use super::plots::Figure;
-use super::plots::select::median;
 use super::record::{Report, RunRecord};
+use super::select::median;
+use crate::page::{document, escape, figure};
+use crate::plots::Figure;
 use crate::table::{bytes, percent, sig3, thousands};
 use std::fmt::Write;
-
-const STYLE: &str = include_str!("report.css");
 
 /// The page. Figures come with their SVG.
 pub fn page(report: &Report, figures: &[(Figure, String)]) -> String {
@@ -33,16 +32,7 @@ pub fn page(report: &Report, figures: &[(Figure, String)]) -> String {
     }
     add(facts(report));
     add("<section class=\"figures\">".into());
-    for (figure, svg) in figures {
-        add(format!(
-            "<figure id=\"{slug}\"><div class=\"plot\" role=\"img\" aria-label=\"{title}\">{svg}</div>\
-             <figcaption>{caption} <a href=\"{slug}.png\">PNG</a> <a href=\"{slug}.svg\">SVG</a></figcaption></figure>",
-            slug = figure.slug,
-            title = escape(figure.title()),
-            svg = inline(svg),
-            caption = escape(&figure.caption),
-        ));
-    }
+    figures.iter().for_each(|(drawn, svg)| add(figure(drawn, svg)));
     add("</section>".into());
     add(table(report));
     add(format!(
@@ -52,13 +42,7 @@ pub fn page(report: &Report, figures: &[(Figure, String)]) -> String {
         escape(&report.version),
         escape(&report.created),
     ));
-    format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <meta name=\"color-scheme\" content=\"light dark\">\n<title>{} · deltamorph bench</title>\n\
-         <style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n{body}</main>\n</body>\n</html>\n",
-        escape(&report.input.name)
-    )
+    document(&format!("{} · deltamorph bench", report.input.name), &body)
 }
 
 /// The facts that the numbers depend on, as cards.
@@ -184,21 +168,10 @@ fn day(created: &str) -> String {
     created.split('T').next().unwrap_or_default().to_owned()
 }
 
-/// An SVG file as a part of a page: it takes the width that there is.
-fn inline(svg: &str) -> String {
-    let start = svg.find("<svg").unwrap_or(0);
-    svg[start..].trim_end().to_owned()
-}
-
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::plots::select::figures;
-    use crate::bench::synthetic;
+    use crate::bench::{select::figures, synthetic};
 
     #[test]
     fn the_page_needs_nothing_else() {

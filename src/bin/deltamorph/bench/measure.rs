@@ -7,16 +7,13 @@ use crate::args::BenchArgs;
 use crate::input::Input;
 use crate::output::Failure;
 use crate::runner::Runner;
+use crate::verify::{Found, Promise};
 use deltamorph::mesh::packed::{DeltaFormat, POSE_STRIDE, PackedMesh};
-use deltamorph::plan::{Accumulate, UpdateDesc, UpdateStats};
-use deltamorph::reference::{PoseError, compare, evaluate, evaluate_unpacked};
+use deltamorph::plan::{UpdateDesc, UpdateStats};
+use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// A result is right when positions are within this fraction of the diagonal …
-const POSITION_BOUND: f64 = 3e-6;
-/// … and normals within this many degrees of the float64 reference on the deltas kept.
-const NORMAL_BOUND_DEGREES: f64 = 0.01;
 /// Draws that are timed for `draw_ms`.
 const DRAWS: usize = 9;
 
@@ -79,25 +76,6 @@ pub struct Context<'a> {
     pub bandwidth: Bandwidth,
 }
 
-/// What verification found.
-#[derive(Clone, Copy, Default)]
-struct Found {
-    error: PoseError,
-    raw: PoseError,
-    /// The path's own bound on positions so far, in input units.
-    bound: f64,
-}
-
-/// The weights that the result is compared with: exact sums take those of their grid.
-fn on_grid(mesh: &PackedMesh, config: &Config, weights: &[f32]) -> Vec<f32> {
-    match (&mesh.layout().blocks, config.desc.accumulate) {
-        (Some(blocks), Accumulate::Exact) => {
-            blocks.exact().map_or_else(|_| weights.to_vec(), |grid| weights.iter().map(|&w| grid.round(w)).collect())
-        }
-        _ => weights.to_vec(),
-    }
-}
-
 impl Context<'_> {
     /// Verify, time, verify what `runner` makes of `config`.
     ///
@@ -114,6 +92,7 @@ impl Context<'_> {
         let weights = |frame: usize| -> Vec<Vec<f32>> {
             (0..setting.heads).map(|h| setting.workload.weights(h, frame)).collect()
         };
+        let promise = Promise::new(&config.desc, mesh.layout());
         let mut found = Found::default();
         let checkpoints = setting.workload.checkpoints();
         let mut frame = 0;
@@ -123,11 +102,11 @@ impl Context<'_> {
                 found.bound = found.bound.max(f64::from(bound));
                 frame += 1;
             }
-            self.verify(&mut runner, mesh, config, &weights(checkpoint), references, &mut found)?;
+            self.verify(&mut runner, mesh, &promise, &weights(checkpoint), references, &mut found)?;
         }
 
         let mut record = self.blank(setting, config);
-        if self.right(&found, config) {
+        if promise.kept(&found) {
             frame %= setting.workload.period();
             for _ in 0..self.args.warmup {
                 runner.step(&weights(frame))?;
@@ -135,55 +114,25 @@ impl Context<'_> {
             }
             found.bound = found.bound.max(self.time(&mut runner, setting, frame, &weights, &mut record)?);
             let last = frame + self.args.frames - 1;
-            self.verify(&mut runner, mesh, config, &weights(last), references, &mut found)?;
+            self.verify(&mut runner, mesh, &promise, &weights(last), references, &mut found)?;
             let mut draws = vec![];
             for _ in 0..DRAWS {
                 draws.extend(runner.draw_ms()?);
             }
             record.draw_ms = Stats::of(&draws).map(|s| s.median);
         }
-        let diagonal = self.scale();
+        let diagonal = promise.scale();
         record.max_error = Some(found.error.position);
         record.max_error_rel = Some(found.error.position / diagonal);
         record.normal_error_deg = Some(found.error.normal_degrees);
         // A packed file does not say what it was packed from.
         record.raw_error_rel = self.input.packed.is_none().then_some(found.raw.position / diagonal);
-        record.verified = self.right(&found, config);
+        record.verified = promise.kept(&found);
         if !record.verified {
             (record.gpu_ms, record.cpu_ms, record.floor_fraction) = (None, None, None);
-            record.problem = Some(format!(
-                "positions are off by {:.3e} of the diagonal ({:.1e} allowed), normals by {:.4}° \
-                 ({NORMAL_BOUND_DEGREES}° allowed)",
-                found.error.position / diagonal,
-                self.allowed(&found, config) / diagonal,
-                found.error.normal_degrees
-            ));
+            record.problem = Some(promise.complaint(&found));
         }
         Ok(record)
-    }
-
-    /// Errors are stated relative to this.
-    fn scale(&self) -> f64 {
-        // A single point has no diagonal; its errors stay absolute.
-        match self.input.kept.diagonal {
-            d if d > 0.0 => f64::from(d),
-            _ => 1.0,
-        }
-    }
-
-    /// The position error allowed: the tracked bound where the path has one, and the error budget.
-    fn allowed(&self, found: &Found, config: &Config) -> f64 {
-        let own = match (config.format.is_blocks(), config.desc.accumulate) {
-            (true, Accumulate::Float { .. }) => found.bound,
-            _ => POSITION_BOUND * self.scale(),
-        };
-        own.max(f64::from(config.desc.error_budget))
-    }
-
-    fn right(&self, found: &Found, config: &Config) -> bool {
-        // A budget bounds positions; what waits turns normals as well.
-        let normals = if config.desc.error_budget > 0.0 { 180.0 } else { NORMAL_BOUND_DEGREES };
-        found.error.within(self.allowed(found, config), normals)
     }
 
     /// Compare the first and the last head with the reference.
@@ -191,7 +140,7 @@ impl Context<'_> {
         &self,
         runner: &mut Runner<'_>,
         mesh: &PackedMesh,
-        config: &Config,
+        promise: &Promise,
         weights: &[Vec<f32>],
         references: &mut References,
         found: &mut Found,
@@ -199,7 +148,7 @@ impl Context<'_> {
         let last = weights.len() - 1;
         for head in if last == 0 { vec![0] } else { vec![0, last] } {
             let pose = runner.pose(head as u32)?;
-            let reference = references.get(mesh, self.input, &on_grid(mesh, config, &weights[head]));
+            let reference = references.get(mesh, self.input, &promise.applied(&weights[head]));
             found.error = found.error.max(compare(&pose, &reference.packed));
             found.raw = found.raw.max(compare(&pose, &reference.raw));
         }

@@ -4,12 +4,13 @@
 //! the command succeeded. Everything here works without a GPU.
 
 mod bandwidth;
+mod family;
 pub mod headline;
 pub mod html;
 mod measure;
-pub mod plots;
 pub mod record;
 pub mod report;
+pub mod select;
 pub mod stamp;
 pub mod stats;
 mod sweep;

@@ -1,8 +1,8 @@
 //! The report folder: report.json, runs.csv, the plots and index.html.
 
 use super::html;
-use super::plots::select::figures;
 use super::record::{Report, RunRecord};
+use super::select::figures;
 use super::stats::Stats;
 use crate::output::{Failure, create_folder, write_file};
 use std::path::Path;
@@ -18,10 +18,7 @@ pub fn write(report: &Report, dir: &Path) -> Result<(), Failure> {
     write_file(&dir.join("runs.csv"), csv(&report.runs)?)?;
     let mut drawn = Vec::new();
     for figure in figures(report) {
-        let failed = |e| Failure::failed(&e);
-        let svg = figure.svg().map_err(failed)?;
-        write_file(&dir.join(format!("{}.svg", figure.slug)), &svg)?;
-        figure.write_png(&dir.join(format!("{}.png", figure.slug))).map_err(failed)?;
+        let svg = figure.write(dir)?;
         drawn.push((figure, svg));
     }
     write_file(&dir.join("index.html"), html::page(report, &drawn))

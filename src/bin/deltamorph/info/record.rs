@@ -13,12 +13,18 @@ pub struct Info {
     pub targets: Vec<TargetRow>,
     /// How the targets share vertices.
     pub overlap: Overlap,
-    /// How tightly they fill blocks of vertices.
+    /// How tightly they fill the blocks of the format `small`.
     pub blocks: Blocks,
     /// What each delta format costs.
     pub formats: Vec<FormatRow>,
     /// The weight clips that lie beside the mesh.
     pub clips: Vec<ClipRow>,
+    /// With `--report`: bytes against error, of `small` over a range of errors allowed and of the other formats.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sweep: Option<Vec<SweepRow>>,
+    /// With `--report`: errors of whole poses.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub poses: Option<Vec<PoseRow>>,
 }
 
 /// The mesh.
@@ -70,8 +76,8 @@ pub struct Overlap {
     pub max: u32,
 }
 
-/// Blocks of consecutive vertices in the order of the input.
-#[derive(Debug, PartialEq, Serialize)]
+/// The blocks of the format `small`, in the order in which packing lays the vertices out.
+#[derive(Debug, Default, PartialEq, Serialize)]
 pub struct Blocks {
     /// Vertices per block.
     pub size: usize,
@@ -79,7 +85,7 @@ pub struct Blocks {
     pub count: usize,
     /// Pairs of a block and a target that moves some of its vertices.
     pub incidence: usize,
-    /// Kept deltas per vertex of these pairs: 1 when a target moves all of each block that it touches.
+    /// Deltas per vertex of these pairs: 1 when a target moves all of each block that it touches.
     pub fill: f64,
 }
 
@@ -121,4 +127,43 @@ pub struct ClipRow {
     pub active_mean: f64,
     /// Fraction of the frames that change nothing.
     pub still: f64,
+}
+
+/// A way to pack, and what it costs.
+#[derive(Clone, Debug, Serialize)]
+pub struct SweepRow {
+    /// Its name.
+    pub format: &'static str,
+    /// Vertices per block; `None` for dense formats.
+    pub block_size: Option<usize>,
+    /// Position error allowed, as a fraction of the diagonal; `None` where it is not chosen.
+    pub position_allowed_rel: Option<f32>,
+    /// Normal error allowed, in degrees.
+    pub normal_allowed_deg: Option<f32>,
+    /// Bytes of deltas and of what says where they belong.
+    pub bytes: u64,
+    /// The same as a share of all vertices' deltas as six floats.
+    pub share: f64,
+    /// Largest error of a position delta, as a fraction of the diagonal.
+    pub position_error_rel: f64,
+    /// Largest error of a normal at weight 1, in degrees.
+    pub normal_error_deg: f64,
+}
+
+/// The largest errors of whole poses of a clip against the raw files: dropped deltas and packing together.
+#[derive(Clone, Debug, Serialize)]
+pub struct PoseRow {
+    /// The clip's name.
+    pub clip: String,
+    /// Frames that were looked at.
+    pub frames: usize,
+    /// The format.
+    pub format: &'static str,
+    /// Largest position error, as a fraction of the diagonal.
+    pub position_error_rel: f64,
+    /// Largest angle between normals, in degrees: where targets fold a normal to almost nothing, a small error turns it
+    /// far.
+    pub normal_error_deg: f64,
+    /// The angle that 999 of 1000 normals do not exceed, in degrees.
+    pub normal_error_p999_deg: f64,
 }

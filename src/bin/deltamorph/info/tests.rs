@@ -27,15 +27,6 @@ pub fn mesh() -> MorphMesh {
 }
 
 #[test]
-fn blocks_count_what_is_touched() {
-    let expected = Blocks { size: 64, count: 3, incidence: 4, fill: 67.0 / 256.0 };
-    assert_eq!(blocks(&mesh(), 64), expected);
-    let mut still = mesh();
-    still.targets.clear();
-    assert_eq!(blocks(&still, 64), Blocks { size: 64, count: 3, incidence: 0, fill: 0.0 });
-}
-
-#[test]
 fn overlap_counts_targets_per_vertex() {
     let o = overlap(&mesh());
     assert_eq!((o.union, o.mean, o.max), (66.0 / 130.0, 67.0 / 66.0, 2));
@@ -72,9 +63,11 @@ fn the_json_keeps_its_contract() {
         origin: "test".into(),
     };
     let mut info = describe(&input);
-    info.formats = formats::format_rows(&input.kept, None).expect("packed");
+    let packed = formats::pack_all(&input.kept, None).expect("packed");
+    info.formats = packed.iter().map(|p| formats::format_row(&input.kept, None, p)).collect();
     let json = serde_json::to_value(&info).expect("serialised");
     assert_eq!(json["schema"], 1);
+    assert!(json.get("sweep").is_none() && json.get("poses").is_none(), "with --report only");
     for (part, fields) in [
         ("/input", &["vertices", "targets", "triangles", "diagonal"][..]),
         ("/targets/0", &["name", "moved", "max_delta", "moved_raw"]),

@@ -1,7 +1,7 @@
 //! Families of configurations, and how they look in every figure.
 
-use super::canvas::Marker;
-use crate::bench::record::RunRecord;
+use super::record::RunRecord;
+use crate::plots::canvas::Marker;
 use plotters::prelude::RGBColor;
 
 /// A family of configurations that differ in what an axis shows only.

@@ -1,10 +1,10 @@
 //! From runs to figures: what is compared with what.
 
-use super::bars::{Bar, BarChart, remark};
-use super::chart::{LineChart, Point, Series, X};
 use super::family::{Family, families, look};
-use super::{Chart, Figure};
-use crate::bench::record::{Report, RunRecord};
+use super::record::{Report, RunRecord};
+use crate::plots::bars::{Bar, BarChart, remark};
+use crate::plots::chart::{Axes, LineChart, Point, Series, X};
+use crate::plots::{Chart, Figure};
 use crate::table::{sig3, thousands};
 use deltamorph::plan::BatchSize;
 
@@ -179,7 +179,7 @@ fn group_figures(group: &Group<'_>, report: &Report, suffix: &str, figures: &mut
                 x_label: "targets per pass".into(),
                 y_label: "ms per frame".into(),
                 series: batches,
-                from_zero: false,
+                axes: Axes::Counts,
                 reference: None,
             }),
         );
@@ -196,7 +196,7 @@ fn group_figures(group: &Group<'_>, report: &Report, suffix: &str, figures: &mut
                 x_label: "targets per pass".into(),
                 y_label: "times as fast as batch 1".into(),
                 series: relatives,
-                from_zero: true,
+                axes: Axes::CountsFromZero,
                 reference: Some(1.0),
             }),
         );
@@ -212,7 +212,7 @@ fn group_figures(group: &Group<'_>, report: &Report, suffix: &str, figures: &mut
                 x_label: "targets changed per frame".into(),
                 y_label: "ms per frame".into(),
                 series: series(&best, |r| X::Value(r.changed), absolute),
-                from_zero: true,
+                axes: Axes::CountsFromZero,
                 reference: None,
             }),
         );
@@ -259,7 +259,7 @@ fn heads_figure(groups: &[Group<'_>], report: &Report, workload: &str, suffix: &
             x_label: "heads".into(),
             y_label: "ms per frame".into(),
             series: series(&best, |r| X::Value(r.heads.into()), absolute),
-            from_zero: true,
+            axes: Axes::CountsFromZero,
             reference: None,
         }),
     }

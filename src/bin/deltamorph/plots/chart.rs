@@ -44,6 +44,17 @@ pub struct Series {
     pub points: Vec<Point>,
 }
 
+/// How the axes of a line chart are laid out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axes {
+    /// Counts along x; y logarithmic when the values span much.
+    Counts,
+    /// Counts along x; y starts at 0, whatever the values span: where proportions matter.
+    CountsFromZero,
+    /// Both logarithmic; a value of 0 stands at the start.
+    Log,
+}
+
 /// A line chart.
 #[derive(Clone, Debug)]
 pub struct LineChart {
@@ -57,8 +68,8 @@ pub struct LineChart {
     pub y_label: String,
     /// The lines.
     pub series: Vec<Series>,
-    /// The y axis starts at 0, whatever the values span: where proportions matter.
-    pub from_zero: bool,
+    /// How the axes are laid out.
+    pub axes: Axes,
     /// A value to compare with, drawn across.
     pub reference: Option<f64>,
 }
@@ -114,19 +125,27 @@ impl LineChart {
         let numbers: Vec<f64> = points().filter_map(|p| if let X::Value(v) = p.x { Some(v) } else { None }).collect();
         // Error bars belong to the data: the axis makes room for them.
         let values = points().flat_map(|p| [(p.y - p.error).max(p.y / 2.0), p.y + p.error]).chain(self.reference);
-        let y = if self.from_zero { Axis::from_zero(values.fold(0.0, f64::max)) } else { Axis::values(values) };
+        let (x, y) = match self.axes {
+            Axes::Counts => (Axis::counts(numbers), Axis::values(values)),
+            Axes::CountsFromZero => (Axis::counts(numbers), Axis::from_zero(values.fold(0.0, f64::max))),
+            Axes::Log => (Axis::log_of(numbers), Axis::log_of(values)),
+        };
         let mut legend = 0.0f64;
         for series in &self.series {
             legend = legend.max(canvas.text_width(&series.label, LEGEND.size)?);
         }
-        let (left, right) = (70.0, WIDTH - 22.0 - 32.0 - legend - 18.0);
+        let mut labels = 0.0f64;
+        for &tick in &y.ticks {
+            labels = labels.max(canvas.text_width(&Axis::label(tick), LABEL.size)?);
+        }
+        let (left, right) = ((labels + 43.0).max(70.0), WIDTH - 22.0 - 32.0 - legend - 18.0);
         let all = points().any(|p| p.x == X::All);
         Ok(Frame {
             left,
             right,
             top: 96.0,
             bottom: HEIGHT - 62.0,
-            x: Axis::counts(numbers),
+            x,
             y,
             numbers_end: if all { right - ALL_GAP * (right - left) } else { right },
         })

@@ -1,12 +1,11 @@
-//! The figures of a report: which there are, and how they become SVG and PNG.
+//! The figures of a report, and how they become SVG and PNG.
 
 pub mod axis;
 pub mod bars;
 pub mod canvas;
 pub mod chart;
-pub mod family;
-pub mod select;
 
+use crate::output::{Failure, write_file};
 use bars::BarChart;
 use canvas::{Canvas, Drawn, PlotError, WIDTH, register_font};
 use chart::{HEIGHT, LineChart};
@@ -79,6 +78,18 @@ impl Figure {
         Ok(svg)
     }
 
+    /// Write the figure into `dir`, as SVG and as PNG; returns the SVG.
+    ///
+    /// # Errors
+    /// It cannot be drawn or written.
+    pub fn write(&self, dir: &Path) -> Result<String, Failure> {
+        let failed = |e| Failure::failed(&e);
+        let svg = self.svg().map_err(failed)?;
+        write_file(&dir.join(format!("{}.svg", self.slug)), &svg)?;
+        self.write_png(&dir.join(format!("{}.png", self.slug))).map_err(failed)?;
+        Ok(svg)
+    }
+
     /// The figure as a PNG file.
     ///
     /// # Errors
@@ -116,7 +127,7 @@ fn average(pixels: &[u8], width: usize) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::synthetic;
+    use crate::bench::{select, synthetic};
 
     #[test]
     fn every_figure_becomes_svg_and_png() {

@@ -26,7 +26,7 @@ pub const PAPER: RGBColor = RGBColor(0xff, 0xff, 0xff);
 
 /// Why a figure could not be drawn.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot draw the plot: {0}; use --no-report to do without")]
+#[error("cannot draw the plot: {0}; do without the report (bench: --no-report)")]
 pub struct PlotError(pub String);
 
 impl PlotError {

@@ -44,6 +44,13 @@ impl Axis {
         Self { scale: Scale::Linear, lo: 0.0, hi: n * step, ticks }
     }
 
+    /// A logarithmic axis for the values above 0.
+    pub fn log_of(values: impl IntoIterator<Item = f64>) -> Self {
+        let (lo, hi) = span(values.into_iter().filter(|v| *v > 0.0));
+        // Nothing above 0 leaves a decade of nothing.
+        if lo > 0.0 { Self::log(lo, hi) } else { Self::log(0.1, 1.0) }
+    }
+
     /// A logarithmic axis that holds `lo` and `hi` with some air.
     pub fn log(lo: f64, hi: f64) -> Self {
         let (lo, hi) = (lo / 1.15, hi * 1.15);
@@ -96,7 +103,10 @@ impl Axis {
     /// The label of a tick: no more digits than it needs.
     pub fn label(value: f64) -> String {
         let text = if value.abs() >= 100.0 { format!("{value:.0}") } else { sig3(value) };
-        if text.contains('.') && !text.contains('e') {
+        if text.contains('e') {
+            return text.replace(".0e", "e");
+        }
+        if text.contains('.') {
             return text.trim_end_matches('0').trim_end_matches('.').to_owned();
         }
         text
@@ -126,12 +136,15 @@ mod tests {
         assert_eq!(Axis::from_zero(5.9).ticks, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
         assert_eq!(Axis::values([8.0, 52.0]).scale, Scale::Log);
         assert_eq!(Axis::values([8.0, 12.0]).scale, Scale::Linear);
+        let log = Axis::log_of([0.0, 1e-6, 1e-4]);
+        assert!(log.scale == Scale::Log && log.lo > 8e-7 && log.ticks.len() == 9, "{log:?}");
+        assert_eq!((Axis::log_of([0.0]).at(0.0), Axis::log_of([]).scale), (0.0, Scale::Log));
         assert_eq!(Axis::counts((1..=15).map(f64::from)).ticks.len(), 15);
         assert_eq!(Axis::counts([4.0, 16.0, 36.0, 72.0]).ticks, [4.0, 16.0, 36.0, 72.0]);
         assert_eq!(Axis::counts([1.0, 64.0]).ticks, [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0]);
         assert_eq!(
-            ["0.5", "7", "1.5", "100", "2000"].map(String::from),
-            [0.5, 7.0, 1.5, 100.0, 2000.0].map(Axis::label)
+            ["0.5", "7", "1.5", "100", "2000", "1e-5"].map(String::from),
+            [0.5, 7.0, 1.5, 100.0, 2000.0, 1e-5].map(Axis::label)
         );
     }
 

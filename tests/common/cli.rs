@@ -1,0 +1,43 @@
+//! The program as a process: what it prints and returns.
+#![allow(dead_code)] // each test file uses some of this
+
+use serde_json::Value;
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// Run it.
+pub fn deltamorph(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_deltamorph")).args(args).output().expect("the program starts")
+}
+
+/// What it prints when it succeeds.
+pub fn ok(args: &[&str]) -> String {
+    let out = deltamorph(args);
+    let stderr = String::from_utf8_lossy(&out.stderr);
+    assert!(out.status.success(), "{args:?}: {stderr}");
+    String::from_utf8(out.stdout).expect("text")
+}
+
+/// The JSON that it prints when it succeeds.
+pub fn json(args: &[&str]) -> Value {
+    serde_json::from_str(&ok(args)).expect("JSON alone on stdout")
+}
+
+/// Exit code and the error line.
+pub fn fails(args: &[&str]) -> (i32, String) {
+    let out = deltamorph(args);
+    assert!(!out.status.success(), "{args:?} succeeded");
+    let text = String::from_utf8(out.stderr).expect("text");
+    assert!(!text.contains("panicked"), "{text}");
+    (out.status.code().expect("no signal"), text)
+}
+
+/// A small built-in head: quick.
+pub const HEAD: [&str; 4] = ["--vertices", "1200", "--targets", "12"];
+
+/// The small head as a folder with a clip of 24 frames.
+pub fn sample(folder: &Path) -> String {
+    let dir = folder.join("head").to_str().expect("UTF-8").to_owned();
+    ok(&[&["sample", &dir, "--frames", "24"], &HEAD[..]].concat());
+    dir
+}

@@ -1,0 +1,128 @@
+//! The commands that run many frames: `play` and `soak`.
+
+#[path = "common/cli.rs"]
+mod cli;
+
+use cli::{HEAD, fails, json, ok, sample};
+use serde_json::Value;
+
+fn has(object: &Value, fields: &str) {
+    fields.split_whitespace().for_each(|f| assert!(object.get(f).is_some(), "{f} in {object}"));
+}
+
+#[test]
+fn play_keeps_its_contract_on_every_path() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = sample(folder.path());
+    let mut moved = vec![];
+    for how in [
+        &["--path", "cpu"][..],
+        &["--path", "cpu", "--format", "float32"],
+        &["--device", "llvmpipe"],
+        &["--device", "llvmpipe", "--accumulate", "exact", "--slots", "3", "--format", "small"],
+        &["--device", "SwiftShader", "--accumulate", "exact", "--error-budget", "1e-4d"],
+        &["--device", "llvmpipe", "--path", "compute", "--batch-size", "4"],
+    ] {
+        let out = json(&[&["play", &dir, "--every", "5", "--json", "-"], how].concat());
+        has(&out, "schema device input frames summary");
+        let frames = out["frames"].as_array().unwrap();
+        assert_eq!((&out["schema"], frames.len()), (&1.into(), 24));
+        let checked: Vec<usize> = (0..24).filter(|f| frames[*f]["max_error"].is_number()).collect();
+        assert_eq!(checked, [0, 5, 10, 15, 20, 23], "every fifth, and the last");
+        for (i, frame) in frames.iter().enumerate() {
+            has(frame, "frame changed active dirty_blocks rebuilt_blocks passes bytes_moved gpu_ms cpu_us max_error");
+            assert_eq!(
+                (frame["frame"].as_u64(), frame["gpu_ms"].is_number()),
+                (Some(i as u64), how[0] != "--path" || how[1] == "compute")
+            );
+            // The first frame writes the neutral face, too.
+            let idle = i > 0 && frame["changed"] == 0 && out["summary"]["error_budget"] == 0.0;
+            assert!(!idle || frame["bytes_moved"] == 0, "{frame}");
+        }
+        let summary = &out["summary"];
+        has(summary, "frames changed_mean bytes_moved_mean gpu_ms_median max_error max_error_rel");
+        has(summary, "path format accumulate slots error_budget bound gpu_ms_mean cpu_us_median dense_bytes_mean");
+        has(summary, "bytes_share normal_error_deg raw_error_rel request_error_rel");
+        let sum: u64 = frames.iter().map(|f| f["bytes_moved"].as_u64().unwrap()).sum();
+        assert!((summary["bytes_moved_mean"].as_f64().unwrap() - sum as f64 / 24.0).abs() < 1.0);
+        let changed = |f: &Value| f["changed"].as_u64().unwrap();
+        let dense: u64 = frames.iter().filter(|f| changed(f) > 0).map(|f| (changed(f) + 2) * 24 * 1200).sum();
+        assert!((summary["dense_bytes_mean"].as_f64().unwrap() - dense as f64 / 24.0).abs() < 1.0);
+        moved.push(summary["bytes_share"].as_f64().unwrap());
+    }
+    assert!(moved[0] < 0.5 * moved[1], "blocks move less than whole poses: {moved:?}");
+}
+
+#[test]
+fn noise_within_the_budget_waits() {
+    let play = |more: &[&str]| {
+        let args = ["play", "--path", "cpu", "--noise", "1e-4", "--every", "100", "--json", "-"];
+        json(&[&args, &HEAD[..], more].concat())["summary"].clone()
+    };
+    let (each, patient) = (play(&[]), play(&["--error-budget", "1e-4d"]));
+    let bytes = |s: &Value| s["bytes_moved_mean"].as_f64().unwrap();
+    assert!(bytes(&patient) < 0.8 * bytes(&each), "{patient} {each}");
+    assert!(patient["max_error_rel"].as_f64().unwrap() <= 1e-4, "{patient}");
+    assert_ne!(each, play(&["--seed", "2"]), "the noise is seeded");
+}
+
+#[test]
+fn soak_keeps_its_contract_and_its_promises() {
+    let soak = |how: &[&str]| {
+        let out = json(&[&["soak", "--frames", "300", "--every", "100", "--json", "-"], &HEAD[..], how].concat());
+        has(
+            &out,
+            "schema frames accumulate bit_exact max_error max_error_rel bound path format device slots checks seconds",
+        );
+        assert_eq!((&out["schema"], &out["frames"], &out["checks"]), (&1.into(), &300.into(), &3.into()));
+        out
+    };
+    let float = soak(&["--path", "cpu"]);
+    assert!(float["bit_exact"].is_null() && float["sums_hash"].is_null());
+    let (error, bound) = (float["max_error"].as_f64().unwrap(), float["bound"].as_f64().unwrap());
+    assert!(0.0 < error && error <= bound, "{float}");
+    let mut hashes = vec![];
+    for how in [
+        &["--path", "cpu", "--slots", "1"][..],
+        &["--device", "llvmpipe"],
+        &["--device", "SwiftShader", "--slots", "3", "--error-budget", "1e-3d"],
+    ] {
+        let exact = soak(&[&["--accumulate", "exact", "--format", "small"], how].concat());
+        assert_eq!((&exact["bit_exact"], &exact["bound"]), (&true.into(), &0.0.into()), "{exact}");
+        hashes.push(exact["sums_hash"].as_str().unwrap().to_owned());
+    }
+    assert!(hashes.iter().all(|h| *h == hashes[0] && h.len() == 16), "the same sums on every driver: {hashes:?}");
+}
+
+#[test]
+fn people_get_a_summary() {
+    let text = ok(&[&["play", "--path", "cpu"], &HEAD[..]].concat());
+    assert!(text.contains("cpu fast float, 2 slots") && text.lines().count() < 20, "{text}");
+    let text = ok(&[&["soak", "--frames", "20", "--path", "cpu", "--accumulate", "exact"], &HEAD[..]].concat());
+    assert!(text.contains("bit for bit"), "{text}");
+}
+
+#[test]
+fn bad_arguments_exit_with_2_and_failures_with_1() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = sample(folder.path());
+    let weights = folder.path().join("head/weights");
+    let clip = std::fs::read_dir(&weights).unwrap().next().unwrap().unwrap().path();
+    let check = |args: &[&str], code: i32, words: &[&str]| {
+        let (status, text) = fails(args);
+        assert_eq!(status, code, "{args:?}: {text}");
+        assert!(words.iter().all(|w| text.contains(w)), "{args:?}: {text}");
+    };
+    check(&["play", &dir, "--path", "vulkan"], 2, &["vulkan", "blocks"]);
+    check(&["play", &dir, "--path", "cpu,blocks"], 2, &["--path: play takes one"]);
+    check(&["play", &dir, "--weights", "none.csv", "--path", "cpu"], 1, &["none.csv"]);
+    check(&["play", &dir, "--path", "cpu", "--format", "float32", "--accumulate", "exact"], 1, &["exact", "'fast'"]);
+    check(&["play", &dir, "--path", "compute", "--format", "small"], 2, &["--format", "float32 or snorm16"]);
+    check(&["play", &dir, "--path", "cpu", "--json", "/nonexistent/x.json"], 1, &["/nonexistent/x.json"]);
+    check(&["soak", &dir], 2, &["--frames"]);
+    check(&["soak", &dir, "--frames", "9", "--path", "cpu", "--drift", "1e-9"], 1, &["tolerance", "rounding"]);
+    std::fs::copy(&clip, weights.join("second.csv")).unwrap();
+    check(&["play", &dir, "--path", "cpu"], 2, &["2 clips", "--weights", "second.csv"]);
+    std::fs::remove_dir_all(&weights).unwrap();
+    check(&["play", &dir, "--path", "cpu"], 2, &["no clip", "--weights"]);
+}
