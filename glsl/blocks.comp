@@ -127,7 +127,7 @@ void store(Place place, uint k, int added, float unit) {
     }
     int sum = (place.rebuilt ? 0 : sums[place.sums + k]) + added;
     sums[place.sums + k] = sum;
-    // The product is exact, the unit being a power of two: one rounding.
+    // The product is exact, the unit being a power of two; sums above 24 bits are rounded before.
     precise float value = uintBitsToFloat(asset[place.base + k]) + float(sum) * unit;
     poses[place.destination + k] = value;
 }

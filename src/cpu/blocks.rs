@@ -192,7 +192,7 @@ impl Block<'_> {
                     let at = lane * POSE_FLOATS + c;
                     let sum = (sums[at] & before).wrapping_add(added[c][lane]);
                     sums[at] = sum;
-                    // The product is exact: the unit is a power of two.
+                    // The product is exact, the unit being a power of two; sums above 24 bits are rounded before.
                     self.base[at] + sum as f32 * units[c / 3]
                 });
                 let components: u32 = self.masks.iter().map(|m| m.count_ones()).sum();

@@ -41,7 +41,7 @@ pub struct Ticket {
 pub struct Update {
     /// For [`Crowd::discard`], should the command buffer never run.
     pub ticket: Ticket,
-    /// Coefficients, passes and bytes; all zero when nothing changed and nothing was recorded.
+    /// Coefficients, passes and bytes; all zero, but for the bound, when nothing changed and nothing was recorded.
     pub stats: UpdateStats,
 }
 

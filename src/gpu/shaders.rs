@@ -6,7 +6,7 @@
 use crate::mesh::packed::DeltaFormat;
 use bytemuck::{Pod, Zeroable};
 
-/// Invocations of a workgroup of every compute kernel.
+/// Invocations of a workgroup of every dense compute kernel.
 pub const WORKGROUP: u32 = 64;
 
 /// Targets of a compute pass with coefficients in push constants, at most.

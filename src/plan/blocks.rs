@@ -6,7 +6,7 @@
 //! stored: the work list names them, a bit per vertex and component.
 //!
 //! Each block of each head makes its own choice: apply the changed targets to the pose there is, or rebuild from the
-//! base pose with the active ones, whichever moves fewer bytes ([`UpdateMode::Incremental`]); a block whose bound on
+//! base pose with the active ones, whichever moves fewer bytes of deltas and poses ([`UpdateMode::Incremental`]); a block whose bound on
 //! accumulated rounding would exceed the tolerance is rebuilt in any case. The first time the blocks' limits are spread
 //! out, so that they do not all come due in one frame.
 //!
@@ -327,7 +327,10 @@ impl BlockState {
         scratch.ends.clear();
         scratch.ends.extend_from_slice(&index.first_entries()[..index.count()]);
         self.largest_weight = weights.iter().fold(self.largest_weight, |m, w| m.max(w.abs()));
-        let mut frame = Frame { index, instance, scratch, list, budget: self.desc.error_budget };
+        let (budget, largest_weight) = (self.desc.error_budget, self.largest_weight);
+        let mut frame = Frame { index, instance, scratch, list, budget, largest_weight };
+        // Taken at once: a still pose has no predecessor to tell apart either.
+        let cut = std::mem::take(&mut self.slots.cut);
         let unknown = !self.slots.known;
         let dirty = match (&mut self.weights, self.exact) {
             (Weights::Exact(committed), Some(grid)) => {
@@ -352,7 +355,7 @@ impl BlockState {
             _ => self.emit::<24>(&mut frame, stats),
         }
         stats.bound = stats.bound.max(self.bound());
-        self.finish(update)
+        self.finish(update, cut)
     }
 
     /// Which blocks are written, and how.
@@ -463,10 +466,10 @@ impl BlockState {
         self.slots.current = Some(destination);
     }
 
-    fn finish(&mut self, update: u64) -> BlockPlan {
+    fn finish(&mut self, update: u64, cut: bool) -> BlockPlan {
         let result = self.slots.current.unwrap_or(0);
         let slots = self.desc.slots;
-        let cut = std::mem::take(&mut self.slots.cut) || !self.slots.known;
+        let cut = cut || !self.slots.known;
         self.slots.known = true;
         self.slots.written_by = update;
         let previous = match slots {
@@ -523,6 +526,7 @@ struct Frame<'a> {
     scratch: &'a mut Scratch,
     list: &'a mut WorkList,
     budget: f32,
+    largest_weight: f32,
 }
 
 impl Frame<'_> {
@@ -581,7 +585,8 @@ impl Frame<'_> {
         dirty
     }
 
-    /// With a budget: a block's entries wait while Σ |pending| · reach stays within it; a still face settles.
+    /// With a budget: a block's entries wait while Σ |pending| · reach stays within it, less what rounding may have done
+    /// and may do in this update; a still face settles.
     fn commit_entries<T: Unit>(
         &mut self,
         weights: &mut Committed<T>,
@@ -623,9 +628,15 @@ impl Frame<'_> {
                     .map(|(i, entry)| size(pending(&weights.committed, i, entry)) * index.costs()[entry].reach),
             );
             let mut sum: f32 = amounts.iter().sum();
-            // What accumulation may have done already comes off the budget.
-            let accumulated = if blocks.tolerance.is_finite() { blocks.bound[block] } else { 0.0 };
-            let room = (self.budget - accumulated).max(0.0) * SUMMING;
+            let rounded = match blocks.tolerance.is_finite() {
+                true => {
+                    let reach = self.largest_weight * index.block_reach()[block];
+                    let next = rounding(index.block_base()[block] + reach, entries.len() as u32, reach);
+                    blocks.bound[block] + next
+                }
+                false => 0.0,
+            };
+            let room = (self.budget - rounded).max(0.0) * SUMMING;
             if sum <= room && !settle {
                 waiting |= sum > 0.0;
                 continue;

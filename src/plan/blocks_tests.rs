@@ -289,3 +289,17 @@ fn unusable_descriptions_are_refused() {
         assert!(text.contains(words), "{text}");
     }
 }
+
+#[test]
+fn a_cut_is_spent_on_a_still_frame_too() {
+    let mut planner = Planner::new(DeltaFormat::Fast, float(1e-4));
+    planner.step(&[0.25; TARGETS]);
+    let (still, _) = planner.step(&[0.5; TARGETS]);
+    planner.state.cut();
+    planner.step(&[0.5; TARGETS]);
+    let (moved, _) = planner.step(&[0.75; TARGETS]);
+    assert_eq!(moved.previous, Some(still.result));
+    planner.state.cut();
+    let (moved, _) = planner.step(&[1.0; TARGETS]);
+    assert_eq!(moved.previous, Some(moved.result));
+}

@@ -375,7 +375,8 @@ impl PoseState {
 /// How an update went. The counts speak of the whole crowd.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct UpdateStats {
-    /// Coefficients applied: targets whose weight changed, or that are active where an update starts from base.
+    /// Dense formats: coefficients applied, of targets whose weight changed, or that are active where an update starts
+    /// from base. Block formats: targets whose weight asked for changed.
     pub coefficients: usize,
     /// Passes.
     pub passes: usize,

@@ -1,7 +1,6 @@
 //! `apply`: one pose, through the path named, written as OBJ in the input's vertex order.
 
 use crate::args::ApplyArgs;
-use crate::args::values::PathChoice;
 use crate::input;
 use crate::output::{Failure, Output};
 use crate::stage::Stage;
@@ -36,13 +35,12 @@ struct Applied {
 /// # Errors
 /// The input, clip or path cannot be used; the result is wrong; the file cannot be written.
 pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
-    let single = args.update.single("apply", PathChoice::Cpu).map_err(Failure::Usage)?;
-    let path = single.path;
     input::refuse_to_overwrite(&args.output, &args.input, args.weights.as_slice())?;
     let input = input::load(&args.input, out)?;
     let frames = frames(args, &input.kept)?;
 
-    let stage = Stage::new(single, &args.update, args.batch_size, &input, device, out)?;
+    let stage = Stage::best("apply", &args.update, args.batch_size, &input, device, out)?;
+    let path = stage.desc.path;
     let mut runner = stage.runner()?;
     let mut passes = 0;
     for weights in &frames {

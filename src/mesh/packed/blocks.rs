@@ -50,7 +50,8 @@ impl Default for BlockDesc {
 
 /// The grid of weights on which integer sums cannot overflow, whatever the weights up to its largest.
 ///
-/// A pose is then off by at most ½·step·Σ|weight| + ½·[`weight_step`](Self::weight_step)·Σ|delta|.
+/// Rounding to it moves a component by at most ½·[`weight_step`](Self::weight_step)·Σ|delta|, on top of what packing lost
+/// of the deltas ([`BlockIndex::error`], for each target at weight 1).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExactGrid {
     /// Weights are whole multiples of 2^-bits.
