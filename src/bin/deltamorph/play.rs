@@ -160,7 +160,7 @@ fn summary(args: &PlayArgs, stage: &Stage, input: &Input, frames: &[FrameRow], c
         max_error_rel: found.error.position / scale,
         normal_error_deg: found.error.normal_degrees,
         request_error_rel: checks.request / scale,
-        raw_error_rel: found.raw.position / scale,
+        raw_error_rel: input.packed.is_none().then_some(found.raw.position / scale),
         bound: found.bound,
     }
 }
@@ -189,18 +189,18 @@ fn text(clip: &str, stage: &Stage, frames: &[FrameRow], s: &Summary) -> String {
     let scale = Promise::new(&stage.desc, stage.mesh.layout()).scale();
     let bound =
         if s.bound > 0.0 { format!(", at most {} by the bound kept", sig3(s.bound / scale)) } else { String::new() };
+    let raw = s.raw_error_rel.map_or(String::new(), |raw| format!("; {} against the raw files", sig3(raw)));
     format!(
         "{clip}, {} frames, {}\n\n{table}\n\n\
          moved {} per frame{share}\n\
          largest error in {} frames, of the diagonal: {} against the float64 reference{bound}; {} against the weights \
-         asked for; {} against the raw files; normals {}°",
+         asked for{raw}; normals {}°",
         thousands(s.frames),
         stage.describe(),
         bytes(s.bytes_moved_mean),
         thousands(s.checks),
         sig3(s.max_error_rel),
         sig3(s.request_error_rel),
-        sig3(s.raw_error_rel),
         sig3(s.normal_error_deg),
     )
 }

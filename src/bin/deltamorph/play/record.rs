@@ -89,8 +89,9 @@ pub struct Summary {
     pub normal_error_deg: f64,
     /// Against the weights as asked for, as a fraction of the diagonal.
     pub request_error_rel: f64,
-    /// Against the raw files: dropped deltas, packing, sums and what waits, as a fraction of the diagonal.
-    pub raw_error_rel: f64,
+    /// Against the raw files: dropped deltas, packing, sums and what waits, as a fraction of the diagonal. `None` where
+    /// INPUT is a packed file, which does not say what it was packed from.
+    pub raw_error_rel: Option<f64>,
     /// The largest bound that the path kept, in input units; 0 where it keeps none.
     pub bound: f64,
 }
