@@ -107,6 +107,14 @@ void add_entry(uint entry, uint coefficient, uint lane, inout ADDEND position[VE
 #endif
 }
 
+// On software drivers, float sums take whole vertices, and rebuilt items a pipeline of their own: what such a driver
+// loads and stores under control flow costs several times as much, whatever the masks leave out.
+#if VERTICES == 4 && !defined(EXACT)
+#define STRAIGHT
+layout(constant_id = 2) const bool REBUILT_ITEMS = false;
+#endif
+
+#ifndef STRAIGHT
 // Where a lane's vertices are, as indices of their first component.
 struct Place {
     uint source;
@@ -147,11 +155,11 @@ void store(Place place, uint k, float added, float unit) {
 #define STORES(c, sum, field) STORE(0u, c, sum, field)
 #endif
 #define COMPONENT(c, sum, field) { uint mask = work[masks + c * MASK_WORDS] >> shift; STORES(c, sum, field) }
+#endif
 
 void main() {
     uint item = first_item + gl_WorkGroupID.x * ITEM_WORDS;
     uint block = work[item] & ~REBUILT;
-    bool rebuilt = (work[item] & REBUILT) != 0u;
     uint slots_word = work[item + 1u];
     uint source = (slots_word & 0xffffu) * pose_floats;
     uint destination = (slots_word >> 16) * pose_floats;
@@ -165,12 +173,31 @@ void main() {
         position[i] = ADDEND(0);
         normal[i] = ADDEND(0);
     }
+    uint vertex = lane * VERTICES;
+    uint at = (block * BLOCK_SIZE + vertex) * 6u;
+#ifdef STRAIGHT
+    float before[24];
+    for (int i = 0; i < 24; ++i) {
+        before[i] = REBUILT_ITEMS ? uintBitsToFloat(asset[base_at + at + uint(i)]) : poses[source + at + uint(i)];
+    }
+#endif
+
     for (uint i = 0u; i < count; ++i) add_entry(work[element + 2u * i], work[element + 2u * i + 1u], lane, position, normal);
 
-    uint vertex = lane * VERTICES;
+#ifdef STRAIGHT
+    for (int i = 0; i < VERTICES; ++i) {
+        uint k = destination + at + 6u * uint(i);
+        poses[k] = before[6 * i] + position[i].x;
+        poses[k + 1u] = before[6 * i + 1] + position[i].y;
+        poses[k + 2u] = before[6 * i + 2] + position[i].z;
+        poses[k + 3u] = before[6 * i + 3] + normal[i].x;
+        poses[k + 4u] = before[6 * i + 4] + normal[i].y;
+        poses[k + 5u] = before[6 * i + 5] + normal[i].z;
+    }
+#else
+    bool rebuilt = (work[item] & REBUILT) != 0u;
     uint shift = vertex & 31u;
     uint masks = item + 4u + (vertex >> 5);
-    uint at = (block * BLOCK_SIZE + vertex) * 6u;
     Place place;
     place.source = source + at;
     place.destination = destination + at;
@@ -187,4 +214,5 @@ void main() {
     COMPONENT(3u, normal, x)
     COMPONENT(4u, normal, y)
     COMPONENT(5u, normal, z)
+#endif
 }

@@ -9,7 +9,7 @@ use deltamorph::cpu::CpuCrowd;
 use deltamorph::headless::HeadlessCrowd;
 use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::mesh::{MorphMesh, Tolerance, obj};
-use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
+use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath, UpdateStats};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::weights::csv;
 use std::path::Path;
@@ -54,7 +54,16 @@ fn whole_clip(set: &str, clip: &str) {
             for (i, weights) in frames.iter().enumerate() {
                 let stats = crowd.step(&[weights]).expect("a step").update.stats;
                 cpu.set_weights(0, weights).expect("weights that fit");
-                assert_eq!(cpu.update(), stats, "{format:?} {accumulate:?} frame {i}: the same plan on both");
+                // On a software driver the kernel of fast float sums takes whole blocks: more bytes, the same plan.
+                let planned = |s: UpdateStats| (s.coefficients, s.dirty_blocks, s.rebuilt_blocks, s.passes, s.bound);
+                let on_cpu = cpu.update();
+                assert_eq!(
+                    planned(on_cpu),
+                    planned(stats),
+                    "{format:?} {accumulate:?} frame {i}: the same plan on both"
+                );
+                let whole = (format, accumulate) == (DeltaFormat::Fast, Accumulate::default());
+                assert!(on_cpu.bytes_moved == stats.bytes_moved || whole && on_cpu.bytes_moved < stats.bytes_moved);
                 if i % 20 != 0 && i + 1 != frames.len() {
                     continue;
                 }

@@ -213,7 +213,9 @@ fn blocks_kernels_agree_with_the_host() {
                 })
                 .collect();
             constants.sort_unstable();
-            assert_eq!(constants, [0, 1], "{name}: lanes, vertices of a block");
+            // Lanes, vertices of a block; whether items are rebuilt, where that takes a pipeline of its own.
+            let straight = *vertices == 4 && !exact;
+            assert_eq!(constants, if straight { &[0, 1, 2][..] } else { &[0, 1] }, "{name}");
             seen += 1;
         }
     }

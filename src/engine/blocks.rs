@@ -67,7 +67,10 @@ impl Blocks {
         poses: &Buffer,
     ) -> Result<Self> {
         let layout = &mesh.layout;
-        let state = BlockState::new(desc.update, layout, index)?;
+        let mut state = BlockState::new(desc.update, layout, index)?;
+        if kernel.is_straight() {
+            state.write_whole_blocks();
+        }
         let exact = state.exact();
         let (range, pose) = (device.caps.max_storage_range, layout.pose_bytes());
         let slots = desc.update.slots;
@@ -185,11 +188,12 @@ impl Blocks {
         self.write_list(frame)?;
         let list = (frame * self.ring.stride) as u32;
         let item_words = ITEM_WORDS + POSE_FLOATS * self.index.mask_words();
-        // Instances of one group that no barrier parts go into one dispatch.
+        // Instances of one group that no barrier parts go into one dispatch, or two.
         let mut pending: Option<(u32, Range<usize>)> = None;
         let flush = |pending: &mut Option<(u32, Range<usize>)>| {
             if let Some((group, items)) = pending.take() {
                 let set = self.sets.get(group as usize);
+                let items = self.places(items);
                 // SAFETY: the caller's obligations; set and list were written for this mesh and crowd.
                 unsafe { self.kernel.record(cmd, set, list, items, item_words, self.push) };
             }
@@ -220,14 +224,28 @@ impl Blocks {
         Ok(())
     }
 
+    /// Where the items of a range are in the list: those that are not apart come first.
+    fn places(&self, items: Range<usize>) -> [Range<usize>; 2] {
+        let straight = self.kernel.is_straight();
+        let apart = |items: &[Item]| items.iter().filter(|item| is_apart(item, straight)).count();
+        let all = &self.work.items;
+        let (before, within) = (apart(&all[..items.start]), apart(&all[items.clone()]));
+        let first = all.len() - apart(all) + before;
+        [items.start - before..items.end - before - within, first..first + within]
+    }
+
     /// Write this frame's work list; the update that used this part of the ring last has finished by contract.
     fn write_list(&mut self, frame: u64) -> Result<()> {
         let mask_words = POSE_FLOATS * self.index.mask_words();
         let (at, size) = ((frame * self.ring.stride) as usize, self.ring.stride as usize);
         let words: &mut [u32] = bytemuck::cast_slice_mut(&mut self.ring.buffer.mapped()?[at..at + size]);
         let (items, elements) = words.split_at_mut(self.ring.elements_at);
-        let lists = items.chunks_exact_mut(ITEM_WORDS + mask_words);
-        for ((item, masks), out) in self.work.items.iter().zip(self.work.masks.chunks_exact(mask_words)).zip(lists) {
+        let straight = self.kernel.is_straight();
+        let mut places = [0, self.work.items.iter().filter(|item| !is_apart(item, straight)).count()];
+        for (item, masks) in self.work.items.iter().zip(self.work.masks.chunks_exact(mask_words)) {
+            let place = &mut places[usize::from(is_apart(item, straight))];
+            let out = &mut items[*place * (ITEM_WORDS + mask_words)..][..ITEM_WORDS + mask_words];
+            *place += 1;
             out[..ITEM_WORDS].copy_from_slice(&item_words(item, self.group, self.slots));
             out[ITEM_WORDS..].copy_from_slice(masks);
             let (first, count) = (2 * item.first as usize, 2 * item.count as usize);
@@ -236,6 +254,11 @@ impl Blocks {
         }
         Ok(())
     }
+}
+
+/// Whether an item lies in the second part of the list.
+fn is_apart(item: &Item, straight: bool) -> bool {
+    straight && item.source.is_none()
 }
 
 /// An item as `blocks.comp` reads it.

@@ -32,7 +32,7 @@ impl BlocksVariant {
     }
 }
 
-/// The pipeline of a variant.
+/// The pipeline of a variant; where it is [straight](Self::is_straight), that of rebuilt items as well.
 pub(crate) struct BlocksKernel {
     pub(crate) objects: Objects,
     variant: BlocksVariant,
@@ -46,15 +46,28 @@ impl BlocksKernel {
         objects.add_storage_set_layout(variant.bindings())?;
         objects.add_layout(vk::ShaderStageFlags::COMPUTE, size_of::<BlocksPush>() as u32)?;
         let name = super::shaders::blocks_module(variant.format, variant.exact, vertices);
-        objects.add_compute(&name, &[variant.size / vertices, variant.size])?;
+        let size = [variant.size / vertices, variant.size];
+        if vertices == 4 && !variant.exact {
+            for rebuilt in [0, 1] {
+                objects.add_compute(&name, &[size[0], size[1], rebuilt])?;
+            }
+        } else {
+            objects.add_compute(&name, &size)?;
+        }
         Ok(Self { objects, variant })
+    }
+
+    /// Whether it loads and stores whole blocks, whatever the masks say, and takes rebuilt items in a dispatch of their
+    /// own (see `blocks.comp`).
+    pub(crate) fn is_straight(&self) -> bool {
+        self.objects.pipelines.len() > 1
     }
 
     pub(crate) fn serves(&self, variant: BlocksVariant) -> bool {
         self.variant == variant
     }
 
-    /// Record the items `items` of a work list of `item_words` words an item.
+    /// Record items of a work list of `item_words` words an item: `items`, then `rebuilt` ones.
     ///
     /// # Safety
     /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
@@ -65,23 +78,26 @@ impl BlocksKernel {
         cmd: vk::CommandBuffer,
         set: vk::DescriptorSet,
         list: u32,
-        items: Range<usize>,
+        items: [Range<usize>; 2],
         item_words: usize,
         push: BlocksPush,
     ) {
         let device = &self.objects.device.raw;
         let most = self.objects.device.caps.max_workgroups as usize;
         let (bind, layout) = (vk::PipelineBindPoint::COMPUTE, self.objects.layout);
-        // SAFETY: the caller's obligations; the push constants fill the layout's range; `list` is a multiple of the
-        // device's offset alignment; no dispatch has more workgroups than the device allows.
-        unsafe {
-            device.cmd_bind_pipeline(cmd, bind, self.objects.pipelines[0]);
-            device.cmd_bind_descriptor_sets(cmd, bind, layout, 0, &[set], &[list]);
-            for first in items.clone().step_by(most) {
-                let push = BlocksPush { first_item: (first * item_words) as u32, ..push };
-                let groups = most.min(items.end - first) as u32;
-                device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::COMPUTE, 0, bytes_of(&push));
-                device.cmd_dispatch(cmd, groups, 1, 1);
+        let pipelines = &self.objects.pipelines;
+        for (pipeline, items) in pipelines.iter().cycle().zip(items).filter(|(_, items)| !items.is_empty()) {
+            // SAFETY: the caller's obligations; the push constants fill the layout's range; `list` is a multiple of the
+            // device's offset alignment; no dispatch has more workgroups than the device allows.
+            unsafe {
+                device.cmd_bind_pipeline(cmd, bind, *pipeline);
+                device.cmd_bind_descriptor_sets(cmd, bind, layout, 0, &[set], &[list]);
+                for first in items.clone().step_by(most) {
+                    let push = BlocksPush { first_item: (first * item_words) as u32, ..push };
+                    let groups = most.min(items.end - first) as u32;
+                    device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::COMPUTE, 0, bytes_of(&push));
+                    device.cmd_dispatch(cmd, groups, 1, 1);
+                }
             }
         }
     }

@@ -137,6 +137,8 @@ pub struct BlockState {
     weights: Weights,
     blocks: Blocks,
     slots: Slots,
+    /// Every component of a block that is written, not only those that change.
+    whole: bool,
     /// Targets asked for that differ from the update before.
     changed: usize,
     largest_weight: f32,
@@ -270,9 +272,15 @@ impl BlockState {
                 behind: vec![true; slots * blocks],
                 missed: vec![u32::MAX; slots * blocks * 6 * index.mask_words()],
             },
+            whole: false,
             changed: 0,
             largest_weight: 1.0,
         })
+    }
+
+    /// From now on, load and store all of a block that is written: for kernels that cannot do less.
+    pub(crate) fn write_whole_blocks(&mut self) {
+        self.whole = true;
     }
 
     /// The grid of exact sums.
@@ -414,13 +422,16 @@ impl BlockState {
                     Weights::Exact(w) => list_active(w, index, block, &mut list.elements[first..], amount),
                 };
                 deltas = self.blocks.active_bytes[block];
-                changed = if unknown { [u32::MAX; N] } else { *all };
+                changed = *all;
                 self.blocks.bound[block] = rounding(magnitude, listed, active);
                 if worn {
                     self.blocks.limit[block] = self.blocks.tolerance;
                 }
             } else if touched {
                 self.blocks.bound[block] = bound;
+            }
+            if unknown || self.whole && touched {
+                changed = [u32::MAX; N];
             }
             let mut written = changed;
             if behind && slots > 1 {

@@ -65,7 +65,7 @@ proptest! {
     #[test]
     fn plans_reach_the_weights_without_hazards(
         format in 0usize..3, size in prop::sample::select(vec![32u32, 64]), exact in any::<bool>(),
-        rebuild in any::<bool>(), slots in 1u32..5, budget in any::<bool>(), events in events(),
+        rebuild in any::<bool>(), slots in 1u32..5, budget in any::<bool>(), whole in any::<bool>(), events in events(),
     ) {
         let mesh = packed(DeltaFormat::BLOCKS[format], size);
         let index = mesh.layout().blocks.clone().unwrap();
@@ -75,6 +75,9 @@ proptest! {
         let error_budget = if budget { 0.5 } else { 0.0 };
         let desc = UpdateDesc { mode, slots, accumulate, error_budget, ..UpdateDesc::blocks() };
         let mut state = BlockState::new(desc, mesh.layout(), &index).unwrap();
+        if whole {
+            state.write_whole_blocks();
+        }
         let (mut scratch, mut list) = (Scratch::default(), WorkList::new(&index, 1));
         let mut device = Device {
             // Nothing may be read before it is written.
@@ -107,6 +110,7 @@ proptest! {
                     let mut commands = CommandList::new(UpdatePath::Blocks);
                     commands.fill_blocks(&list.items, exact);
                     prop_assert_eq!(commands.commands.is_empty(), list.items.is_empty());
+                    prop_assert!(!whole || list.masks.iter().all(|m| *m == u32::MAX));
                     let before = device.clone();
                     run(&mesh, &index, state.exact(), &list, &mut device);
                     let pose = mesh.layout().to_user_order(&device.slots[plan.result as usize]);
