@@ -1,6 +1,6 @@
 // One workgroup updates one block of one instance: pose = source + Σ coefficient · delta, over the entries that the
 // work list names, for the components that its masks name. No atomics: nobody else writes the block.
-// CPU twin: cpu::blocks::Block::run. Work list: src/plan/blocks.rs. Entries: src/mesh/packed/blocks.rs.
+// CPU twin: cpu::blocks::Block::run. Work list: src/plan/blocks/list.rs. Entries: src/mesh/packed/blocks/mod.rs.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "entry.glsl"

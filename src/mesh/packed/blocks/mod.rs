@@ -1,0 +1,364 @@
+//! Block formats: deltas of the blocks that a target touches, and nothing else.
+//!
+//! Vertices are reordered (targets cover few blocks then) and cut into blocks of 32, 64 or 128. An *entry* is a target
+//! that touches a block, with its deltas there. Positions and normals have one step each for the whole mesh, a power of
+//! two, so that integer sums of all entries of a vertex have one unit ([`Accumulate::Exact`](crate::plan::Accumulate)).
+//!
+//! ```text
+//! words   [entry][header words] [entry][delta words]       entries block after block, ascending by target
+//! base    [vertex][px py pz nx ny nz]                      in the packed order, padded to whole blocks
+//! ```
+//!
+//! Integers are rounded to nearest, and zero decodes to zero. A delta that is not longer than the error allowed is
+//! dropped, for positions and normals apart.
+
+mod derive;
+mod pack;
+
+pub(super) use pack::{pack, target};
+
+use super::entry::{BitReader, fast_decode, unpack_widths};
+use super::{DeltaFormat, POSE_FLOATS, PackError};
+use crate::error::{Error, Result};
+
+/// Sizes that a block may have.
+pub const BLOCK_SIZES: [u32; 3] = [32, 64, 128];
+
+/// How to pack into blocks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BlockDesc {
+    /// Vertices of a block: one of [`BLOCK_SIZES`]; `None` takes what suits the format (32 for `small`, else 64).
+    pub size: Option<u32>,
+    /// Largest error of a position delta (a length), as a fraction of the bounding-box diagonal, above 0. `fast` may
+    /// exceed it where a target moves further than its 15 bits reach; [`BlockIndex::error`] has what was measured.
+    pub position_error: f32,
+    /// Largest error of a normal at weight 1, in degrees, above 0.
+    pub normal_error_degrees: f32,
+    /// The largest weight, either sign, that [`Accumulate::Exact`](crate::plan::Accumulate) has to stand.
+    pub weight_max: f32,
+}
+
+impl Default for BlockDesc {
+    /// 1e-5 of the diagonal, 0.5°, weights up to 4.
+    fn default() -> Self {
+        Self { size: None, position_error: 1e-5, normal_error_degrees: 0.5, weight_max: 4.0 }
+    }
+}
+
+/// The grid of weights on which integer sums cannot overflow, whatever the weights up to its largest.
+///
+/// Rounding to it moves a component by at most ½·[`weight_step`](Self::weight_step)·Σ|delta|, on top of what packing lost
+/// of the deltas ([`BlockIndex::error`], for each target at weight 1).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExactGrid {
+    /// Weights are whole multiples of 2^-bits.
+    pub weight_bits: u32,
+    /// The largest weight, either sign.
+    pub weight_max: f32,
+}
+
+impl ExactGrid {
+    /// The step of weights.
+    pub fn weight_step(&self) -> f32 {
+        1.0 / (1u32 << self.weight_bits) as f32
+    }
+
+    /// The multiple of the step that is nearest to `weight`: what exact sums take for it.
+    pub fn round(&self, weight: f32) -> f32 {
+        self.steps(weight) as f32 * self.weight_step()
+    }
+
+    /// `weight` in steps. Both factors of the product fit 24 bits, and a power of two changes none: one rounding.
+    pub(crate) fn steps(&self, weight: f32) -> i32 {
+        (weight * (1u32 << self.weight_bits) as f32).round() as i32
+    }
+}
+
+/// Fewer bits than this are no grid to animate on.
+const WEIGHT_BITS_MIN: u32 = 7;
+
+/// An entry as seen from its target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Incidence {
+    pub block: u32,
+    pub entry: u32,
+}
+
+/// What a kernel loads for an entry, and what it may change.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct EntryCost {
+    /// Bytes of its header and deltas.
+    pub bytes: u32,
+    /// Length of its longest position delta, in input units.
+    pub reach: f32,
+}
+
+/// The blocks of a mesh: which targets touch them, and where their deltas are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BlockIndex {
+    format: DeltaFormat,
+    size: u32,
+    order: Vec<u32>,
+    position_step: f32,
+    normal_step: f32,
+    weight_max: f32,
+    error: PackError,
+    first_entry: Vec<u32>,
+    entry_target: Vec<u32>,
+    // Derived from the above and the words.
+    deltas_at: usize,
+    words: usize,
+    exact: Option<ExactGrid>,
+    /// The largest Σ|integer| of any vertex component.
+    largest_sum: u64,
+    costs: Vec<EntryCost>,
+    /// `[entry][component][word]`: which vertices' components its deltas change.
+    masks: Vec<u32>,
+    first_incidence: Vec<u32>,
+    incidence: Vec<Incidence>,
+    /// `[block][component][word]`: which components some target changes.
+    block_masks: Vec<u32>,
+    /// Largest base position component of each block, and Σ reach of its entries.
+    block_base: Vec<f32>,
+    block_reach: Vec<f32>,
+}
+
+/// What a [`BlockIndex`] is made from: what a packed file holds of it.
+pub(crate) struct Parts {
+    pub format: DeltaFormat,
+    pub size: u32,
+    pub order: Vec<u32>,
+    pub position_step: f32,
+    pub normal_step: f32,
+    pub weight_max: f32,
+    pub error: PackError,
+    pub first_entry: Vec<u32>,
+    pub entry_target: Vec<u32>,
+}
+
+impl BlockIndex {
+    /// The grid for [`Accumulate::Exact`](crate::plan::Accumulate).
+    ///
+    /// # Errors
+    /// `block-float32` has no integers; deltas so large against their step that sums could overflow: the message
+    /// names a position error that would do.
+    pub fn exact(&self) -> Result<ExactGrid> {
+        if self.format == DeltaFormat::BlockFloat32 {
+            return Err(Error::invalid("exact accumulation of float32 deltas", "pack as 'fast' or 'small'"));
+        }
+        self.exact.ok_or_else(|| {
+            let room = f64::from(i32::MAX) / f64::from(self.weight_max) / f64::from(1u32 << WEIGHT_BITS_MIN);
+            let factor = (self.largest_sum as f64 / room).log2().ceil().exp2();
+            Error::invalid(
+                format!(
+                    "integer sums of this mesh could overflow: a vertex adds up to {} steps, {room:.0} fit weights up \
+                     to {}",
+                    self.largest_sum, self.weight_max
+                ),
+                format!(
+                    "pack with errors {factor} times as large (now {:.1e} in length and {:.2}° at most), or with a \
+                     smaller largest weight",
+                    f64::from(self.position_step) * 0.75f64.sqrt(),
+                    (f64::from(self.normal_step) * 0.75f64.sqrt()).to_degrees()
+                ),
+            )
+        })
+    }
+
+    /// Vertices of a block.
+    pub fn size(&self) -> usize {
+        self.size as usize
+    }
+
+    /// Number of blocks.
+    pub fn count(&self) -> usize {
+        self.first_entry.len() - 1
+    }
+
+    /// Number of entries: pairs of a block and a target that touches it.
+    pub fn entry_count(&self) -> usize {
+        self.entry_target.len()
+    }
+
+    /// Blocks that some target touches.
+    pub fn touched(&self) -> usize {
+        (0..self.count()).filter(|&b| !self.entries(b).is_empty()).count()
+    }
+
+    /// Packed → user vertex order.
+    pub fn order(&self) -> &[u32] {
+        &self.order
+    }
+
+    /// User → packed vertex order.
+    pub fn packed_vertices(&self) -> Vec<u32> {
+        let mut packed = vec![0; self.order.len()];
+        self.order.iter().enumerate().for_each(|(at, &v)| packed[v as usize] = at as u32);
+        packed
+    }
+
+    /// What packing lost, measured when the mesh was packed.
+    pub fn error(&self) -> PackError {
+        self.error
+    }
+
+    /// Input units of an integer step of a position delta and of a normal delta.
+    pub fn steps(&self) -> [f32; 2] {
+        [self.position_step, self.normal_step]
+    }
+
+    /// Bytes of the deltas.
+    pub fn delta_bytes(&self) -> u64 {
+        4 * (self.words - self.deltas_at) as u64
+    }
+
+    /// Bytes that say which vertices the deltas belong to and how they are stored.
+    pub fn index_bytes(&self) -> u64 {
+        4 * self.deltas_at as u64
+    }
+
+    /// 32-bit words of a mask of a block's vertices.
+    pub(crate) fn mask_words(&self) -> usize {
+        self.size as usize / 32
+    }
+
+    /// Words of an entry's header.
+    pub(crate) fn header_words(&self) -> usize {
+        match self.format {
+            DeltaFormat::Fast => 1,
+            DeltaFormat::Small => 2 + self.mask_words(),
+            _ => 0,
+        }
+    }
+
+    /// Index of the first delta word: the headers end there.
+    pub(crate) fn deltas_at(&self) -> usize {
+        self.deltas_at
+    }
+
+    pub(crate) fn format(&self) -> DeltaFormat {
+        self.format
+    }
+
+    pub(crate) fn weight_max(&self) -> f32 {
+        self.weight_max
+    }
+
+    pub(crate) fn first_entries(&self) -> &[u32] {
+        &self.first_entry
+    }
+
+    pub(crate) fn entry_targets(&self) -> &[u32] {
+        &self.entry_target
+    }
+
+    pub(crate) fn entries(&self, block: usize) -> std::ops::Range<usize> {
+        self.first_entry[block] as usize..self.first_entry[block + 1] as usize
+    }
+
+    pub(crate) fn incidence(&self, target: usize) -> &[Incidence] {
+        &self.incidence[self.first_incidence[target] as usize..self.first_incidence[target + 1] as usize]
+    }
+
+    pub(crate) fn costs(&self) -> &[EntryCost] {
+        &self.costs
+    }
+
+    pub(crate) fn masks(&self) -> &[u32] {
+        &self.masks
+    }
+
+    pub(crate) fn block_masks(&self) -> &[u32] {
+        &self.block_masks
+    }
+
+    /// Largest base position component of each block.
+    pub(crate) fn block_base(&self) -> &[f32] {
+        &self.block_base
+    }
+
+    /// Σ of the longest deltas of each block's entries.
+    pub(crate) fn block_reach(&self) -> &[f32] {
+        &self.block_reach
+    }
+
+    /// Index of an entry's first delta word.
+    pub(crate) fn first_word(&self, words: &[u32], entry: usize) -> usize {
+        let size = self.size as usize;
+        match self.format {
+            DeltaFormat::Fast => self.deltas_at + entry * (size * 9 / 4),
+            DeltaFormat::Small => self.deltas_at.saturating_add(words[entry * self.header_words()] as usize),
+            _ => self.deltas_at + entry * size * POSE_FLOATS,
+        }
+    }
+
+    /// Delta words of an entry.
+    pub(crate) fn entry_words(&self, words: &[u32], entry: usize) -> usize {
+        let size = self.size as usize;
+        match self.format {
+            DeltaFormat::Fast => size * 9 / 4,
+            DeltaFormat::Small => {
+                let header = &words[entry * self.header_words()..][..self.header_words()];
+                let record: u32 = unpack_widths(header[1]).iter().sum();
+                let vertices: u32 = header[2..].iter().map(|m| m.count_ones()).sum();
+                (record * vertices).div_ceil(32) as usize
+            }
+            _ => size * POSE_FLOATS,
+        }
+    }
+
+    /// Call `f` with each vertex of an entry's block that it holds a delta for: its place in the block, the delta in
+    /// input units, and in steps (zero for float32).
+    pub(crate) fn for_each_lane(
+        &self,
+        words: &[u32],
+        entry: usize,
+        mut f: impl FnMut(usize, [f64; POSE_FLOATS], [i32; POSE_FLOATS]),
+    ) {
+        let size = self.size as usize;
+        let steps = [f64::from(self.position_step), f64::from(self.normal_step)];
+        let value = |q: [i32; POSE_FLOATS]| std::array::from_fn(|i| f64::from(q[i]) * steps[i / 3]);
+        let data = &words[self.first_word(words, entry)..];
+        match self.format {
+            DeltaFormat::Fast => {
+                let shifts = [words[entry] & 0xff, words[entry] >> 8 & 0xff];
+                for lane in 0..size {
+                    let c = (data[2 * size + lane / 4] >> (8 * (lane % 4))) as i8;
+                    let q = fast_decode(data[lane], data[size + lane], c);
+                    let q = std::array::from_fn(|i| q[i].wrapping_shl(shifts[i / 3]));
+                    f(lane, value(q), q);
+                }
+            }
+            DeltaFormat::Small => {
+                let header = &words[entry * self.header_words()..][..self.header_words()];
+                let widths = unpack_widths(header[1]);
+                let mut bits = BitReader::new(&data[..self.entry_words(words, entry)]);
+                for lane in (0..size).filter(|lane| header[2 + lane / 32] >> (lane % 32) & 1 != 0) {
+                    let q = widths.map(|w| bits.take(w));
+                    f(lane, value(q), q);
+                }
+            }
+            _ => {
+                for lane in 0..size {
+                    let delta = std::array::from_fn(|c| f64::from(f32::from_bits(data[c * size + lane])));
+                    f(lane, delta, [0; POSE_FLOATS]);
+                }
+            }
+        }
+    }
+
+    /// As [`PackedMesh::for_each_delta`].
+    pub(crate) fn for_each_delta(&self, words: &[u32], target: usize, mut f: impl FnMut(usize, [f64; POSE_FLOATS])) {
+        for incidence in self.incidence(target) {
+            let first = incidence.block as usize * self.size as usize;
+            self.for_each_lane(words, incidence.entry as usize, |lane, delta, _| {
+                if let Some(&user) = self.order.get(first + lane) {
+                    f(user as usize, delta);
+                }
+            });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
