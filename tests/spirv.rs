@@ -57,6 +57,17 @@ fn push_constants(entry: &EntryPoint) -> Option<StructType> {
     })
 }
 
+/// Specialization constants, ascending.
+fn constants(entry: &EntryPoint) -> Vec<u32> {
+    let ids = entry.vars.iter().filter_map(|v| match v {
+        Variable::SpecConstant { spec_id, .. } => Some(*spec_id),
+        _ => None,
+    });
+    let mut ids: Vec<u32> = ids.collect();
+    ids.sort_unstable();
+    ids
+}
+
 fn bytes(ty: &StructType) -> usize {
     let last = ty.members.last().unwrap();
     last.offset.unwrap() + last.ty.nbyte().unwrap()
@@ -144,15 +155,7 @@ fn dense_kernels_agree_with_the_host() {
             ("normal_exponents", offset_of!(DensePush, normal_exponents)),
         ]);
         assert_eq!((members(&push), bytes(&push)), (expected, size_of::<DensePush>()));
-        let constants: Vec<u32> = dense
-            .vars
-            .iter()
-            .filter_map(|v| match v {
-                Variable::SpecConstant { spec_id, .. } => Some(*spec_id),
-                _ => None,
-            })
-            .collect();
-        assert_eq!(constants, [0], "the batch size");
+        assert_eq!(constants(&dense), [0], "the batch size");
 
         let list = reflect(&format!("dense_list_{}", format.name()));
         let buffers = storage_buffers(&list);
@@ -204,18 +207,9 @@ fn blocks_kernels_agree_with_the_host() {
                 ("normal_unit", offset_of!(BlocksPush, normal_unit)),
             ]);
             assert_eq!((members(&push), bytes(&push)), (expected, size_of::<BlocksPush>()), "{name}");
-            let mut constants: Vec<u32> = blocks
-                .vars
-                .iter()
-                .filter_map(|v| match v {
-                    Variable::SpecConstant { spec_id, .. } => Some(*spec_id),
-                    _ => None,
-                })
-                .collect();
-            constants.sort_unstable();
             // Lanes, vertices of a block; whether items are rebuilt, where that takes a pipeline of its own.
             let straight = *vertices == 4 && !exact;
-            assert_eq!(constants, if straight { &[0, 1, 2][..] } else { &[0, 1] }, "{name}");
+            assert_eq!(constants(&blocks), if straight { &[0, 1, 2][..] } else { &[0, 1] }, "{name}");
             seen += 1;
         }
     }

@@ -48,7 +48,6 @@ pub(super) fn run(
     buffers: Buffers<'_>,
 ) {
     let floats = index.size() * POSE_FLOATS;
-    let words = POSE_FLOATS * index.mask_words();
     let Buffers { source, destination, sums } = buffers;
     let (mut sums, grid) = sums.map_or((&mut [][..], None), |(sums, grid)| (sums, Some(grid)));
     let (mut destination, mut at) = (destination, 0);
@@ -78,15 +77,7 @@ pub(super) fn run(
         for i in items {
             let item = &list.items[i];
             let from = item.block as usize * floats;
-            let block = Block {
-                mesh,
-                index,
-                item,
-                elements: list.elements_of(item),
-                masks: &list.masks[i * words..][..words],
-                source: source.map(|s| &s[from..from + floats]),
-                base: &mesh.base()[from..from + floats],
-            };
+            let block = Block::new(mesh, index, list, i, source.map(|s| &s[from..from + floats]));
             let destination = &mut destination[from - start..][..floats];
             let sums = grid.map(|grid| (&mut sums[from - start..][..floats], grid));
             block.run(destination, sums, &mut ());
@@ -96,14 +87,14 @@ pub(super) fn run(
 
 /// One workgroup's work.
 pub(crate) struct Block<'a> {
-    pub mesh: &'a PackedMesh,
-    pub index: &'a BlockIndex,
-    pub item: &'a Item,
-    pub elements: &'a [Element],
-    pub masks: &'a [u32],
+    mesh: &'a PackedMesh,
+    index: &'a BlockIndex,
+    item: &'a Item,
+    elements: &'a [Element],
+    masks: &'a [u32],
     /// The block in the slot that is read; `None`: in the one that is written.
-    pub source: Option<&'a [f32]>,
-    pub base: &'a [f32],
+    source: Option<&'a [f32]>,
+    base: &'a [f32],
 }
 
 /// What a kernel adds up in: float32, or integers that wrap.
@@ -149,7 +140,28 @@ impl Sum for i32 {
 /// What is added to a block, component after component: the loops over vertices become SIMD.
 type Added<T, const S: usize> = [[T; S]; POSE_FLOATS];
 
-impl Block<'_> {
+impl<'a> Block<'a> {
+    /// Item `i` of `list`; `source` is its block in the slot that is read, `None`: in the one that is written.
+    pub fn new(
+        mesh: &'a PackedMesh,
+        index: &'a BlockIndex,
+        list: &'a WorkList,
+        i: usize,
+        source: Option<&'a [f32]>,
+    ) -> Self {
+        let (floats, words) = (index.size() * POSE_FLOATS, POSE_FLOATS * index.mask_words());
+        let item = &list.items[i];
+        Self {
+            mesh,
+            index,
+            item,
+            elements: list.elements_of(item),
+            masks: &list.masks[i * words..][..words],
+            source,
+            base: &mesh.base()[item.block as usize * floats..][..floats],
+        }
+    }
+
     /// Update the block: `destination` is its part of the slot that is written, `sums` of the integers.
     pub fn run(&self, destination: &mut [f32], sums: Option<(&mut [i32], ExactGrid)>, meter: &mut impl Meter) {
         match self.index.size() {

@@ -6,9 +6,8 @@ mod kernel;
 mod workers;
 
 use crate::error::{Error, Result};
-use crate::mesh::packed::blocks::BlockIndex;
 use crate::mesh::packed::{POSE_FLOATS, PackedMesh};
-use crate::plan::blocks::{BlockPlan, BlockState, Scratch, WorkList, check_block_weights};
+use crate::plan::blocks::{BlockState, Planner, check_block_weights};
 use crate::plan::commands::{CommandList, PassCommand};
 use crate::plan::{Plan, PoseState, Source, UpdateDesc, UpdatePath, UpdateStats};
 use std::sync::Arc;
@@ -33,11 +32,7 @@ enum Layout {
 }
 
 struct Blocks {
-    index: Arc<BlockIndex>,
-    states: Vec<BlockState>,
-    plans: Vec<BlockPlan>,
-    scratch: Scratch,
-    list: WorkList,
+    planner: Planner,
     /// Integer sums of each instance, for exact accumulation.
     sums: Vec<Vec<i32>>,
 }
@@ -69,11 +64,7 @@ impl CpuCrowd {
                 let state = BlockState::new(desc, layout, index)?;
                 let sums = if state.exact().is_some() { mesh.base().len() } else { 0 };
                 Layout::Blocks(Box::new(Blocks {
-                    index: index.clone(),
-                    states: vec![state; instances],
-                    plans: vec![BlockPlan::default(); instances],
-                    scratch: Scratch::default(),
-                    list: WorkList::new(index, instances),
+                    planner: Planner::new(index, state, instances),
                     sums: vec![vec![0; sums]; instances],
                 }))
             }
@@ -101,7 +92,7 @@ impl CpuCrowd {
     pub fn set_weights(&mut self, instance: usize, weights: &[f32]) -> Result<()> {
         let exact = match &self.layout {
             Layout::Dense { .. } => None,
-            Layout::Blocks(blocks) => blocks.states.first().and_then(BlockState::exact),
+            Layout::Blocks(blocks) => blocks.planner.exact(),
         };
         check_block_weights(weights, self.mesh.layout(), exact)?;
         let count = self.weights.len();
@@ -120,7 +111,7 @@ impl CpuCrowd {
     pub fn cut(&mut self, instance: usize) {
         match &mut self.layout {
             Layout::Dense { states, .. } => states[instance].cut(),
-            Layout::Blocks(blocks) => blocks.states[instance].cut(),
+            Layout::Blocks(blocks) => blocks.planner.states[instance].cut(),
         }
     }
 
@@ -142,8 +133,7 @@ impl CpuCrowd {
                 stats
             }
             Layout::Blocks(blocks) => {
-                let mut stats = blocks.plan(&self.weights, self.updates);
-                stats.passes = usize::from(!blocks.list.items.is_empty());
+                let stats = blocks.planner.plan(&self.weights, self.updates);
                 blocks.run(&self.mesh, &self.workers, &mut self.poses, self.slots);
                 stats
             }
@@ -168,7 +158,10 @@ impl CpuCrowd {
     fn slots_of(&self, instance: usize) -> (u32, Option<u32>) {
         match &self.layout {
             Layout::Dense { plans, .. } => (plans[instance].result, plans[instance].previous),
-            Layout::Blocks(blocks) => (blocks.plans[instance].result, blocks.plans[instance].previous),
+            Layout::Blocks(blocks) => {
+                let plan = blocks.planner.plans[instance];
+                (plan.result, plan.previous)
+            }
         }
     }
 
@@ -217,19 +210,11 @@ impl CpuCrowd {
 }
 
 impl Blocks {
-    fn plan(&mut self, weights: &[Vec<f32>], update: u64) -> UpdateStats {
-        let mut stats = UpdateStats::default();
-        self.list.clear();
-        for (instance, ((state, weights), plan)) in self.states.iter_mut().zip(weights).zip(&mut self.plans).enumerate()
-        {
-            *plan = state.plan(&self.index, instance, weights, update, &mut self.scratch, &mut self.list, &mut stats);
-        }
-        stats
-    }
-
     fn run(&mut self, mesh: &PackedMesh, workers: &Workers, poses: &mut [Vec<f32>], slots: usize) {
+        let Planner { index, list, .. } = &self.planner;
+        let exact = self.planner.exact();
         let mut first = 0;
-        for run in self.list.items.chunk_by(|a, b| a.instance == b.instance) {
+        for run in list.items.chunk_by(|a, b| a.instance == b.instance) {
             let instance = run[0].instance as usize;
             let range = first..first + run.len();
             first = range.end;
@@ -238,10 +223,9 @@ impl Blocks {
             // Items of one instance read one slot, but for those that start from base.
             let from = run.iter().find_map(|item| item.source).filter(|&s| s as usize != to);
             let source = from.map(|slot| poses[at + slot as usize].as_slice());
-            let exact = self.states[instance].exact();
             let sums = exact.map(|grid| (self.sums[instance].as_mut_slice(), grid));
             let buffers = blocks::Buffers { source, destination: &mut destination, sums };
-            blocks::run(workers, mesh, &self.index, &self.list, range, buffers);
+            blocks::run(workers, mesh, index, list, range, buffers);
             poses[at + to] = destination;
         }
     }

@@ -50,23 +50,16 @@ proptest! {
 /// What the kernel loads and stores for the work list as it stands.
 fn metered(crowd: &CpuCrowd) -> u64 {
     let Layout::Blocks(blocks) = &crowd.layout else { panic!("a block format") };
-    let (index, mesh) = (&blocks.index, &crowd.mesh);
+    let (planner, mesh) = (&blocks.planner, &crowd.mesh);
+    let (index, list) = (&planner.index, &planner.list);
     let floats = index.size() * POSE_FLOATS;
-    let words = POSE_FLOATS * index.mask_words();
     let mut moved = 0u64;
-    for (i, item) in blocks.list.items.iter().enumerate() {
+    for (i, item) in list.items.iter().enumerate() {
         let (mut destination, mut sums) = (vec![0.0; floats], vec![0; floats]);
         let source = vec![0.0; floats];
-        let block = super::blocks::Block {
-            mesh,
-            index,
-            item,
-            elements: blocks.list.elements_of(item),
-            masks: &blocks.list.masks[i * words..][..words],
-            source: (item.source.is_some() && item.source != Some(item.destination)).then_some(&source[..]),
-            base: &source,
-        };
-        let grid = blocks.states[0].exact();
+        let apart = item.source.is_some() && item.source != Some(item.destination);
+        let block = super::blocks::Block::new(mesh, index, list, i, apart.then_some(&source[..]));
+        let grid = planner.exact();
         block.run(&mut destination, grid.map(|grid| (&mut sums[..], grid)), &mut moved);
     }
     moved

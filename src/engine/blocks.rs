@@ -11,7 +11,7 @@ use crate::gpu::shaders::BlocksPush;
 use crate::mesh::packed::blocks::{BlockIndex, ExactGrid};
 use crate::mesh::packed::{POSE_FLOATS, PackedLayout};
 use crate::plan::UpdateStats;
-use crate::plan::blocks::{BlockPlan, BlockState, ELEMENT_BYTES, ITEM_WORDS, Item, Scratch, WorkList};
+use crate::plan::blocks::{BlockState, ELEMENT_BYTES, ITEM_WORDS, Item, Planner};
 use crate::plan::commands::{Command, CommandList};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
@@ -25,13 +25,9 @@ const REBUILT: u32 = 1 << 31;
 
 pub(super) struct Blocks {
     kernel: Arc<BlocksKernel>,
-    index: Arc<BlockIndex>,
     slots: u32,
-    pub(super) states: Vec<BlockState>,
-    pub(super) plans: Vec<BlockPlan>,
+    pub(super) planner: Planner,
     pub(super) list: CommandList,
-    scratch: Scratch,
-    work: WorkList,
     ring: Ring,
     sums: Option<Buffer>,
     sets: BlockSets,
@@ -137,16 +133,11 @@ impl Blocks {
             position_unit: position * step,
             normal_unit: normal * step,
         };
-        let instances = desc.instances as usize;
         Ok(Self {
             kernel,
-            index: index.clone(),
             slots,
-            states: vec![state; instances],
-            plans: vec![BlockPlan::default(); instances],
+            planner: Planner::new(index, state, desc.instances as usize),
             list: CommandList::new(desc.update.path),
-            scratch: Scratch::default(),
-            work: WorkList::new(index, instances),
             ring: Ring { buffer: ring, stride, elements_at: elements_at as usize },
             sums,
             sets,
@@ -156,7 +147,7 @@ impl Blocks {
     }
 
     pub(super) fn exact(&self) -> Option<ExactGrid> {
-        self.states[0].exact()
+        self.planner.exact()
     }
 
     /// The integer sums of an instance: buffer and offset.
@@ -166,14 +157,8 @@ impl Blocks {
     }
 
     pub(super) fn plan(&mut self, weights: &[Vec<f32>], update: u64) -> UpdateStats {
-        let mut stats = UpdateStats::default();
-        self.work.clear();
-        for (instance, ((state, weights), plan)) in self.states.iter_mut().zip(weights).zip(&mut self.plans).enumerate()
-        {
-            *plan = state.plan(&self.index, instance, weights, update, &mut self.scratch, &mut self.work, &mut stats);
-        }
-        self.list.fill_blocks(&self.work.items, self.sums.is_some());
-        stats.passes = usize::from(!self.work.items.is_empty());
+        let stats = self.planner.plan(weights, update);
+        self.list.fill_blocks(&self.planner.list.items, self.sums.is_some());
         stats
     }
 
@@ -187,7 +172,7 @@ impl Blocks {
         }
         self.write_list(frame)?;
         let list = (frame * self.ring.stride) as u32;
-        let item_words = ITEM_WORDS + POSE_FLOATS * self.index.mask_words();
+        let item_words = ITEM_WORDS + POSE_FLOATS * self.planner.index.mask_words();
         // Instances of one group that no barrier parts go into one dispatch, or two.
         let mut pending: Option<(u32, Range<usize>)> = None;
         let flush = |pending: &mut Option<(u32, Range<usize>)>| {
@@ -228,7 +213,7 @@ impl Blocks {
     fn places(&self, items: Range<usize>) -> [Range<usize>; 2] {
         let straight = self.kernel.is_straight();
         let apart = |items: &[Item]| items.iter().filter(|item| is_apart(item, straight)).count();
-        let all = &self.work.items;
+        let all = &self.planner.list.items;
         let (before, within) = (apart(&all[..items.start]), apart(&all[items.clone()]));
         let first = all.len() - apart(all) + before;
         [items.start - before..items.end - before - within, first..first + within]
@@ -236,20 +221,20 @@ impl Blocks {
 
     /// Write this frame's work list; the update that used this part of the ring last has finished by contract.
     fn write_list(&mut self, frame: u64) -> Result<()> {
-        let mask_words = POSE_FLOATS * self.index.mask_words();
+        let mask_words = POSE_FLOATS * self.planner.index.mask_words();
         let (at, size) = ((frame * self.ring.stride) as usize, self.ring.stride as usize);
         let words: &mut [u32] = bytemuck::cast_slice_mut(&mut self.ring.buffer.mapped()?[at..at + size]);
         let (items, elements) = words.split_at_mut(self.ring.elements_at);
-        let straight = self.kernel.is_straight();
-        let mut places = [0, self.work.items.iter().filter(|item| !is_apart(item, straight)).count()];
-        for (item, masks) in self.work.items.iter().zip(self.work.masks.chunks_exact(mask_words)) {
+        let (work, straight) = (&self.planner.list, self.kernel.is_straight());
+        let mut places = [0, work.items.iter().filter(|item| !is_apart(item, straight)).count()];
+        for (item, masks) in work.items.iter().zip(work.masks.chunks_exact(mask_words)) {
             let place = &mut places[usize::from(is_apart(item, straight))];
             let out = &mut items[*place * (ITEM_WORDS + mask_words)..][..ITEM_WORDS + mask_words];
             *place += 1;
             out[..ITEM_WORDS].copy_from_slice(&item_words(item, self.group, self.slots));
             out[ITEM_WORDS..].copy_from_slice(masks);
             let (first, count) = (2 * item.first as usize, 2 * item.count as usize);
-            let listed: &[u32] = bytemuck::cast_slice(self.work.elements_of(item));
+            let listed: &[u32] = bytemuck::cast_slice(work.elements_of(item));
             elements[first..first + count].copy_from_slice(listed);
         }
         Ok(())

@@ -162,7 +162,7 @@ impl Crowd {
         self.check_instance(instance)?;
         match &mut self.backend {
             Backend::Dense(dense) => dense.states[instance as usize].cut(),
-            Backend::Blocks(blocks) => blocks.states[instance as usize].cut(),
+            Backend::Blocks(blocks) => blocks.planner.states[instance as usize].cut(),
         }
         Ok(())
     }
@@ -174,7 +174,9 @@ impl Crowd {
     pub fn discard(&mut self, ticket: Ticket) {
         match &mut self.backend {
             Backend::Dense(dense) => dense.states.iter_mut().for_each(|state| state.discard_from(ticket.update)),
-            Backend::Blocks(blocks) => blocks.states.iter_mut().for_each(|state| state.discard_from(ticket.update)),
+            Backend::Blocks(blocks) => {
+                blocks.planner.states.iter_mut().for_each(|state| state.discard_from(ticket.update))
+            }
         }
         self.recorded = self.recorded.min(ticket.recorded);
     }
@@ -218,7 +220,8 @@ impl Crowd {
                 (dense.states[i].applied().is_some(), (dense.plans[i].result, dense.plans[i].previous))
             }
             Backend::Blocks(blocks) => {
-                (blocks.states[i].is_known(), (blocks.plans[i].result, blocks.plans[i].previous))
+                let (state, plan) = (&blocks.planner.states[i], blocks.planner.plans[i]);
+                (state.is_known(), (plan.result, plan.previous))
             }
         };
         if !known {

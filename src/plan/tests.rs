@@ -109,6 +109,29 @@ proptest! {
     }
 }
 
+/// An update, and the slots that are drawn after it.
+pub(super) type DrawnUpdate = (CommandList, [Option<u32>; 2]);
+
+/// The fourth of `frames` has this many barriers, and the checker misses each that is taken out, and no other.
+pub(super) fn assert_barriers_needed(frames: &[DrawnUpdate], count: usize, what: &str) {
+    let barriers = frames[3].0.commands.iter().enumerate().filter(|(_, c)| matches!(c, Command::Barrier(_)));
+    let barriers: Vec<usize> = barriers.map(|(i, _)| i).collect();
+    assert_eq!(barriers.len(), count, "{what}");
+    for dropped in barriers.into_iter().map(Some).chain([None]) {
+        let mut checker = HazardChecker::new();
+        checker.upload();
+        for (f, (list, drawn)) in frames.iter().enumerate() {
+            let mut list = list.clone();
+            if let (3, Some(at)) = (f, dropped) {
+                list.commands.remove(at);
+            }
+            checker.update(&list);
+            drawn.iter().flatten().for_each(|&slot| checker.draw(0, slot));
+        }
+        assert_eq!(checker.finish().is_err(), dropped.is_some(), "{what}, dropped {dropped:?}");
+    }
+}
+
 /// Take any one barrier of a running animation out, and the checker says so.
 #[test]
 fn every_barrier_is_needed() {
@@ -125,22 +148,7 @@ fn every_barrier_is_needed() {
                 list.fill(std::slice::from_ref(&plan));
                 frames.push((list.clone(), [Some(plan.result), plan.previous]));
             }
-            let barriers = frames[3].0.commands.iter().enumerate().filter(|(_, c)| matches!(c, Command::Barrier(_)));
-            let barriers: Vec<usize> = barriers.map(|(i, _)| i).collect();
-            assert_eq!(barriers.len(), 6usize.div_ceil(batch as usize) + 1);
-            for dropped in barriers.into_iter().map(Some).chain([None]) {
-                let mut checker = HazardChecker::new();
-                checker.upload();
-                for (f, (list, drawn)) in frames.iter().enumerate() {
-                    let mut list = list.clone();
-                    if let (3, Some(at)) = (f, dropped) {
-                        list.commands.remove(at);
-                    }
-                    checker.update(&list);
-                    drawn.iter().flatten().for_each(|&slot| checker.draw(0, slot));
-                }
-                assert_eq!(checker.finish().is_err(), dropped.is_some(), "{desc:?}, dropped {dropped:?}");
-            }
+            assert_barriers_needed(&frames, 6usize.div_ceil(batch as usize) + 1, &format!("{desc:?}"));
         }
     }
 }

@@ -25,7 +25,7 @@ impl Stage {
     /// there is a device, or `cpu`.
     ///
     /// # Errors
-    /// As [`Stage::new`].
+    /// Options that contradict each other, the path or the mesh; a device that is not there or fails.
     pub fn best(
         command: &str,
         update: &UpdateArgs,
@@ -36,27 +36,13 @@ impl Stage {
     ) -> Result<Self, Failure> {
         let single = |path| update.single(command, path).map_err(Failure::Usage);
         if !update.paths.is_empty() {
-            return Self::new(single(PathChoice::Cpu)?, update, batch, input, device, out);
+            let single = single(PathChoice::Cpu)?;
+            let gpu = if single.path == UpdatePath::Cpu { None } else { Gpu::open(device, out)? };
+            return Self::on(gpu, single, update, batch, input);
         }
         let gpu = Gpu::open(device, out)?.filter(|gpu| gpu.caps().check_path(UpdatePath::Blocks).is_ok());
         let path = if gpu.is_some() { PathChoice::Blocks } else { PathChoice::Cpu };
         Self::on(gpu, single(path)?, update, batch, input)
-    }
-
-    /// As `single` and `update` say.
-    ///
-    /// # Errors
-    /// Options that contradict each other, the path or the mesh; a device that is not there or fails.
-    pub fn new(
-        single: Single,
-        update: &UpdateArgs,
-        batch: Option<BatchSpec>,
-        input: &Input,
-        device: Option<&DeviceChoice>,
-        out: &Output,
-    ) -> Result<Self, Failure> {
-        let gpu = if single.path == UpdatePath::Cpu { None } else { Gpu::open(device, out)? };
-        Self::on(gpu, single, update, batch, input)
     }
 
     fn on(

@@ -41,6 +41,13 @@ pub(super) fn order(vertices: usize, members: &[Vec<u32>]) -> Vec<u32> {
     order
 }
 
+/// User → packed, from packed → user.
+pub(super) fn inverse(order: &[u32]) -> Vec<u32> {
+    let mut inverse = vec![0; order.len()];
+    order.iter().enumerate().for_each(|(at, &v)| inverse[v as usize] = at as u32);
+    inverse
+}
+
 fn has(set: &[u64], target: usize) -> bool {
     set[target / 64] >> (target % 64) & 1 != 0
 }

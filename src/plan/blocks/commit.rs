@@ -81,14 +81,14 @@ impl Frame<'_> {
         blocks: &mut Blocks,
         asked: &[f32],
         convert: impl Fn(f32) -> T,
-        size: impl Fn(T) -> f32 + Copy,
+        amount: impl Fn(u32) -> f32,
         unknown: bool,
         changed: &mut usize,
     ) -> bool {
         weights.next.iter_mut().zip(asked).for_each(|(n, w)| *n = convert(*w));
         *changed = weights.next.iter().zip(&weights.requested).filter(|(a, b)| a != b).count();
         let dirty = match weights.per_entry {
-            true => self.commit_entries(weights, blocks, size, unknown, *changed == 0),
+            true => self.commit_entries(weights, blocks, amount, unknown, *changed == 0),
             false => self.commit_targets(weights, blocks),
         };
         weights.requested.copy_from_slice(&weights.next);
@@ -134,7 +134,7 @@ impl Frame<'_> {
         &mut self,
         weights: &mut Committed<T>,
         blocks: &mut Blocks,
-        size: impl Fn(T) -> f32,
+        amount: impl Fn(u32) -> f32,
         unknown: bool,
         still: bool,
     ) -> bool {
@@ -165,10 +165,9 @@ impl Frame<'_> {
             let amounts = &mut self.scratch.amounts;
             amounts.clear();
             amounts.extend(
-                entries
-                    .clone()
-                    .enumerate()
-                    .map(|(i, entry)| size(pending(&weights.committed, i, entry)) * index.costs()[entry].reach),
+                entries.clone().enumerate().map(|(i, entry)| {
+                    amount(pending(&weights.committed, i, entry).bits()) * index.costs()[entry].reach
+                }),
             );
             let mut sum: f32 = amounts.iter().sum();
             let rounded = match blocks.tolerance.is_finite() {
@@ -188,9 +187,9 @@ impl Frame<'_> {
             let goal = if settle { -1.0 } else { room };
             while sum > goal {
                 let largest = amounts.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
-                let Some((i, amount)) = largest.filter(|(_, amount)| *amount >= 0.0) else { break };
+                let Some((i, most)) = largest.filter(|(_, amount)| *amount >= 0.0) else { break };
                 amounts[i] = GOES;
-                sum -= amount;
+                sum -= most;
             }
             waiting |= !settle && amounts.iter().any(|a| *a > 0.0);
             let mut listed = 0;

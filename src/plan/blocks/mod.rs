@@ -28,6 +28,7 @@ use crate::error::{Error, Result};
 use crate::mesh::packed::PackedLayout;
 use crate::mesh::packed::blocks::{BlockIndex, ExactGrid};
 use crate::weights::delta::{WEIGHT_MAX, check_weights};
+use std::sync::Arc;
 
 /// Scratch space of [`BlockState::plan`], shared by the instances of a crowd.
 #[derive(Clone, Debug, Default)]
@@ -41,11 +42,48 @@ pub struct Scratch {
     amounts: Vec<f32>,
 }
 
+/// The instances of a crowd, planned together: what both back ends carry out.
+pub(crate) struct Planner {
+    pub index: Arc<BlockIndex>,
+    pub states: Vec<BlockState>,
+    pub plans: Vec<BlockPlan>,
+    pub list: WorkList,
+    scratch: Scratch,
+}
+
+impl Planner {
+    /// `instances` that are in `state`.
+    pub fn new(index: &Arc<BlockIndex>, state: BlockState, instances: usize) -> Self {
+        Self {
+            index: index.clone(),
+            states: vec![state; instances],
+            plans: vec![BlockPlan::default(); instances],
+            list: WorkList::new(index, instances),
+            scratch: Scratch::default(),
+        }
+    }
+
+    /// The grid of exact sums; the same for all instances.
+    pub fn exact(&self) -> Option<ExactGrid> {
+        self.states.first().and_then(BlockState::exact)
+    }
+
+    /// Plan the update numbered `update` of every instance.
+    pub fn plan(&mut self, weights: &[Vec<f32>], update: u64) -> UpdateStats {
+        let mut stats = UpdateStats::default();
+        self.list.clear();
+        for (i, ((state, weights), plan)) in self.states.iter_mut().zip(weights).zip(&mut self.plans).enumerate() {
+            *plan = state.plan(&self.index, i, weights, update, &mut self.scratch, &mut self.list, &mut stats);
+        }
+        stats.passes = usize::from(!self.list.items.is_empty());
+        stats
+    }
+}
+
 /// What the pose buffers of one instance hold, block by block.
 #[derive(Clone, Debug)]
 pub struct BlockState {
     desc: UpdateDesc,
-    exact: Option<ExactGrid>,
     weights: Weights,
     blocks: Blocks,
     slots: Slots,
@@ -59,7 +97,7 @@ pub struct BlockState {
 #[derive(Clone, Debug)]
 enum Weights {
     Float(Committed<f32>),
-    Exact(Committed<i32>),
+    Exact(ExactGrid, Committed<i32>),
 }
 
 /// Per block.
@@ -114,10 +152,9 @@ impl BlockState {
     pub fn new(desc: UpdateDesc, layout: &PackedLayout, index: &BlockIndex) -> Result<Self> {
         desc.check()?;
         let (targets, entries, per_entry) = (layout.targets.len(), index.entry_count(), desc.error_budget > 0.0);
-        let (weights, exact, tolerance) = match desc.accumulate {
+        let (weights, tolerance) = match desc.accumulate {
             Accumulate::Exact => {
-                let weights = Weights::Exact(Committed::new(targets, entries, per_entry));
-                (weights, Some(index.exact()?), f32::INFINITY)
+                (Weights::Exact(index.exact()?, Committed::new(targets, entries, per_entry)), f32::INFINITY)
             }
             Accumulate::Float { tolerance } => {
                 let length = tolerance * if layout.diagonal > 0.0 { layout.diagonal } else { 1.0 };
@@ -136,7 +173,7 @@ impl BlockState {
                         "use a larger tolerance, or exact accumulation",
                     ));
                 }
-                (Weights::Float(Committed::new(targets, entries, per_entry)), None, length)
+                (Weights::Float(Committed::new(targets, entries, per_entry)), length)
             }
         };
         let (blocks, slots) = (index.count(), desc.slots as usize);
@@ -144,7 +181,6 @@ impl BlockState {
         let spread = |b: usize| 0.25 + 0.75 * (b as f32 * 0.618_034).fract();
         Ok(Self {
             desc,
-            exact,
             weights,
             blocks: Blocks {
                 bound: vec![0.0; blocks],
@@ -173,7 +209,10 @@ impl BlockState {
 
     /// The grid of exact sums.
     pub fn exact(&self) -> Option<ExactGrid> {
-        self.exact
+        match self.weights {
+            Weights::Float(_) => None,
+            Weights::Exact(grid, _) => Some(grid),
+        }
     }
 
     /// Whether the current slot holds a pose: not before the first update, and not after a discarded one.
@@ -195,14 +234,14 @@ impl BlockState {
 
     /// The largest bound of any block, in input units; 0 for exact sums.
     pub fn bound(&self) -> f32 {
-        if self.exact.is_some() { 0.0 } else { self.blocks.bound.iter().copied().fold(0.0, f32::max) }
+        if self.exact().is_some() { 0.0 } else { self.blocks.bound.iter().copied().fold(0.0, f32::max) }
     }
 
     /// Bytes of main memory that an instance's state takes.
     pub fn state_bytes(&self) -> usize {
         let weights = match &self.weights {
             Weights::Float(w) => w.len(),
-            Weights::Exact(w) => w.len(),
+            Weights::Exact(_, w) => w.len(),
         };
         4 * (weights + 3 * self.blocks.bound.len() + self.slots.missed.len()) + self.slots.behind.len()
     }
@@ -228,17 +267,13 @@ impl BlockState {
         // Taken at once: a still pose has no predecessor to tell apart either.
         let cut = std::mem::take(&mut self.slots.cut);
         let unknown = !self.slots.known;
-        let dirty = match (&mut self.weights, self.exact) {
-            (Weights::Exact(committed), Some(grid)) => {
-                let convert = |w: f32| grid.steps(w);
-                let size = |d: i32| d.unsigned_abs() as f32 * grid.weight_step();
-                frame.commit(committed, &mut self.blocks, weights, convert, size, unknown, &mut self.changed)
+        let amount = amount(self.exact());
+        let (blocks, changed) = (&mut self.blocks, &mut self.changed);
+        let dirty = match &mut self.weights {
+            Weights::Float(committed) => frame.commit(committed, blocks, weights, |w| w, amount, unknown, changed),
+            Weights::Exact(grid, committed) => {
+                frame.commit(committed, blocks, weights, |w| grid.steps(w), amount, unknown, changed)
             }
-            (Weights::Float(committed), _) => {
-                frame.commit(committed, &mut self.blocks, weights, |w| w, f32::abs, unknown, &mut self.changed)
-            }
-            // Exact weights come with a grid.
-            (Weights::Exact(_), None) => false,
         };
         stats.coefficients += self.changed;
         if let (Some(current), true, false) = (self.slots.current, self.slots.known, dirty) {
@@ -258,12 +293,8 @@ impl BlockState {
     fn emit<const N: usize>(&mut self, frame: &mut Frame<'_>, stats: &mut UpdateStats) {
         let Frame { index, instance, scratch, list, .. } = frame;
         let count = index.count();
-        let (slots, exact) = (self.desc.slots as usize, self.exact.is_some());
-        let weight_step = self.exact.map(|grid| grid.weight_step());
-        let amount = |bits: u32| match weight_step {
-            None => f32::from_bits(bits).abs(),
-            Some(step) => (bits as i32).unsigned_abs() as f32 * step,
-        };
+        let (slots, exact) = (self.desc.slots as usize, self.exact().is_some());
+        let amount = amount(self.exact());
         let current = self.slots.current.unwrap_or(self.desc.slots - 1);
         let destination = (current + 1) % self.desc.slots;
         let unknown = !self.slots.known;
@@ -307,7 +338,7 @@ impl BlockState {
                 let active;
                 (listed, active) = match &self.weights {
                     Weights::Float(w) => list_active(w, index, block, &mut list.elements[first..], amount),
-                    Weights::Exact(w) => list_active(w, index, block, &mut list.elements[first..], amount),
+                    Weights::Exact(_, w) => list_active(w, index, block, &mut list.elements[first..], amount),
                 };
                 deltas = self.blocks.active_bytes[block];
                 changed = *all;
@@ -377,6 +408,15 @@ impl BlockState {
             _ => Some((result + slots - 1) % slots),
         };
         BlockPlan { result, previous }
+    }
+}
+
+/// The size of a coefficient as elements have it, as a weight.
+fn amount(exact: Option<ExactGrid>) -> impl Fn(u32) -> f32 + Copy {
+    let weight_step = exact.map(|grid| grid.weight_step());
+    move |bits| match weight_step {
+        None => f32::from_bits(bits).abs(),
+        Some(step) => (bits as i32).unsigned_abs() as f32 * step,
     }
 }
 

@@ -4,8 +4,9 @@ use super::*;
 use crate::cpu::blocks::Block;
 use crate::mesh::packed::blocks::BlockDesc;
 use crate::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
-use crate::plan::commands::{Command, CommandList};
+use crate::plan::commands::CommandList;
 use crate::plan::hazards::HazardChecker;
+use crate::plan::tests::assert_barriers_needed;
 use crate::plan::{BatchSize, UpdatePath};
 use crate::{reference, testing};
 use proptest::prelude::*;
@@ -21,20 +22,12 @@ struct Device {
 
 /// Carry `list` out on `device`.
 fn run(mesh: &PackedMesh, index: &BlockIndex, exact: Option<ExactGrid>, list: &WorkList, device: &mut Device) {
-    let (floats, words) = (index.size() * 6, 6 * index.mask_words());
+    let floats = index.size() * 6;
     for (i, item) in list.items.iter().enumerate() {
         let part = item.block as usize * floats..(item.block as usize + 1) * floats;
         let source =
             item.source.filter(|&s| s != item.destination).map(|s| device.slots[s as usize][part.clone()].to_vec());
-        let block = Block {
-            mesh,
-            index,
-            item,
-            elements: list.elements_of(item),
-            masks: &list.masks[i * words..][..words],
-            source: source.as_deref(),
-            base: &mesh.base()[part.clone()],
-        };
+        let block = Block::new(mesh, index, list, i, source.as_deref());
         let sums = exact.map(|grid| (&mut device.sums[part.clone()], grid));
         block.run(&mut device.slots[item.destination as usize][part], sums, &mut ());
     }
@@ -185,23 +178,7 @@ fn every_barrier_is_needed() {
             list.fill_blocks(&planner.list.items, accumulate == Accumulate::Exact);
             frames.push((list, [Some(plan.result), plan.previous]));
         }
-        let is_barrier = |c: &Command| matches!(c, Command::Barrier(_));
-        let at: Vec<usize> =
-            (0..frames[3].0.commands.len()).filter(|&i| is_barrier(&frames[3].0.commands[i])).collect();
-        assert_eq!(at.len(), 2);
-        for dropped in at.into_iter().map(Some).chain([None]) {
-            let mut checker = HazardChecker::new();
-            checker.upload();
-            for (f, (list, drawn)) in frames.iter().enumerate() {
-                let mut list = list.clone();
-                if let (3, Some(at)) = (f, dropped) {
-                    list.commands.remove(at);
-                }
-                checker.update(&list);
-                drawn.iter().flatten().for_each(|&slot| checker.draw(0, slot));
-            }
-            assert_eq!(checker.finish().is_err(), dropped.is_some(), "{slots} slots, dropped {dropped:?}");
-        }
+        assert_barriers_needed(&frames, 2, &format!("{slots} slots"));
     }
 }
 

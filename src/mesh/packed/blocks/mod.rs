@@ -18,6 +18,7 @@ mod pack;
 pub(super) use pack::{pack, target};
 
 use super::entry::{BitReader, fast_decode, unpack_widths};
+use super::order::inverse;
 use super::{DeltaFormat, POSE_FLOATS, PackError};
 use crate::error::{Error, Result};
 
@@ -192,9 +193,7 @@ impl BlockIndex {
 
     /// User → packed vertex order.
     pub fn packed_vertices(&self) -> Vec<u32> {
-        let mut packed = vec![0; self.order.len()];
-        self.order.iter().enumerate().for_each(|(at, &v)| packed[v as usize] = at as u32);
-        packed
+        inverse(&self.order)
     }
 
     /// What packing lost, measured when the mesh was packed.

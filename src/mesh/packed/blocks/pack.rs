@@ -5,7 +5,7 @@ use super::{BLOCK_SIZES, BlockDesc, BlockIndex, Parts};
 use crate::error::{Error, Result};
 use crate::mesh::MorphMesh;
 use crate::mesh::packed::entry::{BitWriter, FAST_BITS, SMALL_BITS, fast_encode, pack_widths, width};
-use crate::mesh::packed::order::order;
+use crate::mesh::packed::order::{inverse, order};
 use crate::mesh::packed::{
     DeltaFormat, POSE_FLOATS, PackDesc, PackError, PackedLayout, PackedMesh, PackedTarget, VERTEX_PADDING, base_words,
 };
@@ -119,8 +119,7 @@ fn pack_with(mesh: &MorphMesh, desc: &PackDesc, size: u32, steps: [f32; 2]) -> R
         .collect();
     let members: Vec<Vec<u32>> = kept.iter().map(|t| t.iter().map(|(v, _)| *v).collect()).collect();
     let order = order(mesh.vertex_count(), &members);
-    let mut packed = vec![0u32; order.len()];
-    order.iter().enumerate().for_each(|(at, &v)| packed[v as usize] = at as u32);
+    let packed = inverse(&order);
     drop(members);
 
     let padded = order.len().next_multiple_of((size as usize).max(VERTEX_PADDING));
