@@ -189,17 +189,18 @@ fn blocks_kernels_agree_with_the_host() {
         if exact && format == DeltaFormat::BlockFloat32 {
             continue;
         }
-        let lanes = if format == DeltaFormat::Fast { &[1, 4][..] } else { &[1] };
-        for (tiled, vertices) in lanes.iter().flat_map(|v| [(false, *v), (true, *v)]) {
-            // Four vertices a lane and float sums are for software drivers, which take tiles then.
-            if vertices == 4 && !exact && !tiled {
-                continue;
-            }
-            let name = blocks_module(format, exact, tiled, vertices);
+        // Storage buffers in common: asset, work list. With texels, poses and sums are texel buffers.
+        let kernels = [("blocks", false), ("crowd", false), ("crowd", true)];
+        for (kernel, texels) in kernels.into_iter().filter(|(_, t)| !t || format == DeltaFormat::Fast) {
+            let name = blocks_module(kernel, format, exact, texels);
             let blocks = reflect(&name);
             let strides: Vec<_> = storage_buffers(&blocks).iter().map(|(b, ty)| (*b, stride(ty))).collect();
             // Words, words, floats, and integers where sums are exact.
-            let buffers = if exact { 4 } else { 3 };
+            let buffers = match (texels, exact) {
+                (true, _) => 2,
+                (false, true) => 4,
+                (false, false) => 3,
+            };
             assert_eq!(strides, (0..buffers).map(|b| (b, 4)).collect::<Vec<_>>(), "{name}");
             let push = push_constants(&blocks).unwrap();
             let expected = names(&[
@@ -215,7 +216,7 @@ fn blocks_kernels_agree_with_the_host() {
             assert_eq!((members(&push), bytes(&push)), (expected, size_of::<BlocksPush>()), "{name}");
             // Lanes, vertices of a block; instances of a tile; whether they start from base, where that takes a
             // pipeline of its own.
-            let expected = match (tiled, exact) {
+            let expected = match (kernel == "crowd", exact) {
                 (false, _) => &[0, 1][..],
                 (true, true) => &[0, 1, 2],
                 (true, false) => &[0, 1, 2, 3],

@@ -111,7 +111,9 @@ impl Blocks {
             return too_much(&what, bytes, u32::MAX.into(), "use fewer frames in flight, or several crowds");
         }
         let buffer = |name, bytes, location| {
-            let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_SRC;
+            let usage = vk::BufferUsageFlags::STORAGE_BUFFER
+                | vk::BufferUsageFlags::STORAGE_TEXEL_BUFFER
+                | vk::BufferUsageFlags::TRANSFER_SRC;
             Buffer::new(device, &BufferDesc { name, bytes, usage, location })
         };
         let mut ring = buffer("deltamorph work lists", bytes, MemoryLocation::CpuToGpu)?;
