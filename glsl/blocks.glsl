@@ -3,10 +3,10 @@
 
 #extension GL_EXT_control_flow_attributes : require
 
-// For software drivers, a lane has four vertices, and loads and stores four words at once. They pay for storage buffers
-// lane by lane and word by word (Mesa 22.3.6 in a loop with a bounds check each), and not for texels.
+// For software drivers, a lane has eight vertices, and loads and stores four words at once: they pay for each word and
+// lane (Mesa 22.3.6 with a bounds check each), and for each subgroup of a workgroup, of which a block has one then.
 #ifdef TEXELS
-#define VERTICES 4
+#define VERTICES 8
 #else
 #define VERTICES 1
 #endif

@@ -33,10 +33,13 @@ void load_entry(uint entry, uint lane, out DELTA position[VERTICES], out DELTA n
     shifts = uvec2(header & 0xffu, (header >> 8) & 0xffu);
     uint at = deltas_at + entry * (BLOCK_SIZE / 4u * 9u);
 #ifdef TEXELS
-    uvec4 a = texelFetch(texels, int(at / 4u + lane)), b = texelFetch(texels, int((at + BLOCK_SIZE) / 4u + lane));
-    int c = int(texelFetch(words, int(at + 2u * BLOCK_SIZE + lane)).x);
-    [[unroll]] for (int i = 0; i < VERTICES; ++i) {
-        decode_fast(a[i], b[i], bitfieldExtract(c, 8 * i, 8), position[i], normal[i]);
+    [[unroll]] for (int q = 0; q < VERTICES / 4; ++q) {
+        int l = int(lane) * (VERTICES / 4) + q;
+        uvec4 a = texelFetch(texels, int(at / 4u) + l), b = texelFetch(texels, int((at + BLOCK_SIZE) / 4u) + l);
+        int c = int(texelFetch(words, int(at + 2u * BLOCK_SIZE) + l).x);
+        [[unroll]] for (int i = 0; i < 4; ++i) {
+            decode_fast(a[i], b[i], bitfieldExtract(c, 8 * i, 8), position[4 * q + i], normal[4 * q + i]);
+        }
     }
 #else
     int c = bitfieldExtract(int(asset[at + 2u * BLOCK_SIZE + (lane >> 2)]), int(8u * (lane & 3u)), 8);

@@ -32,12 +32,29 @@ fn reflect(name: &str) -> EntryPoint {
     entries.remove(0)
 }
 
+/// Bindings of texel buffers, of 16 bytes and of 4 a texel.
+fn texel_buffers(entry: &EntryPoint) -> BTreeMap<u32, DescriptorType> {
+    let buffers = entry.vars.iter().filter_map(|var| match var {
+        Variable::Descriptor { desc_bind, desc_ty, .. } => {
+            let texels =
+                matches!(desc_ty, DescriptorType::UniformTexelBuffer() | DescriptorType::StorageTexelBuffer(_));
+            texels.then(|| (desc_bind.bind(), desc_ty.clone()))
+        }
+        _ => None,
+    });
+    buffers.collect()
+}
+
 /// Binding → the structure bound there.
 fn storage_buffers(entry: &EntryPoint) -> BTreeMap<u32, StructType> {
     let buffers = entry.vars.iter().filter_map(|var| match var {
         Variable::Descriptor { desc_bind, desc_ty, ty, .. } => {
-            assert!(matches!(desc_ty, DescriptorType::StorageBuffer(_)), "{var:?}");
+            use DescriptorType as T;
             assert_eq!(desc_bind.set(), 0);
+            if matches!(desc_ty, T::UniformTexelBuffer() | T::StorageTexelBuffer(_)) {
+                return None;
+            }
+            assert!(matches!(desc_ty, T::StorageBuffer(_)), "{var:?}");
             Some((desc_bind.bind(), ty.as_struct().expect("a block").clone()))
         }
         _ => None,
@@ -202,6 +219,22 @@ fn blocks_kernels_agree_with_the_host() {
                 (false, false) => 3,
             };
             assert_eq!(strides, (0..buffers).map(|b| (b, 4)).collect::<Vec<_>>(), "{name}");
+            // Poses, the asset twice, sums.
+            use DescriptorType as T;
+            let poses = |ty: &T| matches!(ty, T::StorageTexelBuffer(_));
+            let views: Vec<(u32, bool)> = texel_buffers(&blocks).iter().map(|(b, ty)| (*b, poses(ty))).collect();
+            let expected = [(2, true), (3, false), (4, false), (5, true)];
+            assert_eq!(
+                views,
+                expected[..if !texels {
+                    0
+                } else if exact {
+                    4
+                } else {
+                    3
+                }],
+                "{name}"
+            );
             let push = push_constants(&blocks).unwrap();
             let expected = names(&[
                 ("first_item", offset_of!(BlocksPush, first_item)),

@@ -3,6 +3,8 @@
 
 pub(crate) mod blocks;
 mod kernel;
+#[cfg(test)]
+pub(crate) mod tile;
 mod workers;
 
 use crate::error::{Error, Result};

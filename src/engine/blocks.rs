@@ -11,7 +11,9 @@ use crate::gpu::shaders::BlocksPush;
 use crate::mesh::packed::blocks::{BlockIndex, ExactGrid};
 use crate::mesh::packed::{POSE_FLOATS, PackedLayout};
 use crate::plan::UpdateStats;
-use crate::plan::blocks::{BlockState, ELEMENT_BYTES, ITEM_WORDS, Item, Planner, TILE, TILE_WORDS, TileBytes, Tiles, WIDTHS};
+use crate::plan::blocks::{
+    BlockState, ELEMENT_BYTES, ITEM_WORDS, Item, Planner, TILE, TILE_WORDS, TileBytes, Tiles, WIDTHS,
+};
 use crate::plan::commands::{Command, CommandList};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
@@ -83,8 +85,7 @@ impl Blocks {
         }
         let exact = state.exact();
         // Where rebuilt instances have pipelines of their own.
-        let tiles =
-            kernel.is_tiled().then(|| Tiles::new(index, desc.instances as usize, exact.is_none()));
+        let tiles = kernel.is_tiled().then(|| Tiles::new(index, desc.instances as usize, exact.is_none()));
         let (range, pose) = (device.caps.max_storage_range, layout.pose_bytes());
         let slots = desc.update.slots;
         let per_instance = pose * u64::from(slots);

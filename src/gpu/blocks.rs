@@ -51,7 +51,7 @@ impl BlocksKernel {
         objects.add_layout(vk::ShaderStageFlags::COMPUTE, size_of::<BlocksPush>() as u32)?;
         let name = super::shaders::blocks_module(if widths > 0 { "crowd" } else { "blocks" }, format, exact, texels);
         // With texels, a lane has four vertices.
-        let lanes = if texels { size / 4 } else { size };
+        let lanes = if texels { size / 8 } else { size };
         if widths == 0 {
             objects.add_compute(&name, &[lanes, size])?;
         }
@@ -159,8 +159,7 @@ impl BlockSets {
     pub(crate) fn new(kernel: &BlocksKernel, groups: &[GroupBuffers]) -> Result<Self> {
         let device = &kernel.objects.device;
         let (bindings, count) = (kernel.variant.bindings(), groups.len() as u32);
-        let sizes: Vec<_> =
-            bindings.iter().map(|&ty| vk::DescriptorPoolSize { ty, descriptor_count: count }).collect();
+        let sizes: Vec<_> = bindings.iter().map(|&ty| vk::DescriptorPoolSize { ty, descriptor_count: count }).collect();
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(count).pool_sizes(&sizes);
         // SAFETY: the device is alive.
         let pool =
@@ -174,10 +173,11 @@ impl BlockSets {
         for (i, group) in groups.iter().enumerate() {
             use vk::Format as F;
             let texels = [(group.asset, F::R32G32B32A32_UINT), (group.asset, F::R32_UINT)];
-            let buffers = [(group.asset, F::UNDEFINED), (group.list, F::UNDEFINED), (group.poses, F::R32G32B32A32_SFLOAT)]
-                .into_iter()
-                .chain(texels.into_iter().filter(|_| kernel.variant.texels))
-                .chain(group.sums.map(|sums| (sums, F::R32G32B32A32_SINT)));
+            let buffers =
+                [(group.asset, F::UNDEFINED), (group.list, F::UNDEFINED), (group.poses, F::R32G32B32A32_SFLOAT)]
+                    .into_iter()
+                    .chain(texels.into_iter().filter(|_| kernel.variant.texels))
+                    .chain(group.sums.map(|sums| (sums, F::R32G32B32A32_SINT)));
             for (binding, ((range, format), &ty)) in buffers.zip(&bindings).enumerate() {
                 sets.write(sets.sets[i], binding as u32, ty, range, format)?;
             }
