@@ -15,6 +15,7 @@ use crate::plan::blocks::{
     BlockState, ELEMENT_BYTES, ITEM_WORDS, Item, Planner, TILE, TILE_WORDS, TileBytes, Tiles, WIDTHS,
 };
 use crate::plan::commands::{Command, CommandList};
+use crate::plan::heads::Heads;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use std::ops::Range;
@@ -181,8 +182,8 @@ impl Blocks {
         self.sums.as_ref().map(|sums| (sums.raw, u64::from(instance) * pose_bytes))
     }
 
-    pub(super) fn plan(&mut self, weights: &[Vec<f32>], update: u64) -> UpdateStats {
-        let mut stats = self.planner.plan(weights, update);
+    pub(super) fn plan(&mut self, heads: &Heads, update: u64) -> UpdateStats {
+        let mut stats = self.planner.plan(heads, update);
         if self.tiles.is_some() {
             // Instances share what tiles load: counted where they are made.
             (stats.bytes_moved, stats.bytes_floor) = (0, 0);

@@ -6,6 +6,7 @@ use crate::cpu::tile::{self, Memory};
 use crate::mesh::packed::blocks::{BlockDesc, ExactGrid};
 use crate::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
 use crate::plan::blocks::{BlockState, Planner};
+use crate::plan::heads::Heads;
 use crate::plan::{Accumulate, UpdateDesc};
 use crate::testing;
 use proptest::prelude::*;
@@ -56,13 +57,17 @@ proptest! {
         let mut planner = Planner::new(&index, state, instances);
         let mut tiles = Tiles::new(&index, instances, exact.is_none());
         let (mut one, mut other) = (memory(&mesh, instances, slots as usize), memory(&mesh, instances, slots as usize));
-        let mut weights = vec![vec![0.0; TARGETS]; instances];
+        let mut heads = Heads::new(instances, TARGETS);
+        let mut weights = vec![[0.0; TARGETS]; instances];
         for (update, changes) in frames.iter().enumerate() {
             // Weights are multiples of 1/4: sums are exact in any order.
             for (weight, change) in weights.iter_mut().flatten().zip(changes) {
                 *weight = change.map_or(*weight, |w| f32::from(w) * 0.25);
             }
-            planner.plan(&weights, update as u64 + 1);
+            for (i, weights) in weights.iter().enumerate() {
+                heads.set_weights(i as u32, weights).unwrap();
+            }
+            planner.plan(&heads, update as u64 + 1);
             let list = &planner.list;
             run_items(&mesh, &index, list, exact, &mut one);
             tiles.clear();
