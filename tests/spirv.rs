@@ -247,12 +247,12 @@ fn blocks_kernels_agree_with_the_host() {
                 ("normal_unit", offset_of!(BlocksPush, normal_unit)),
             ]);
             assert_eq!((members(&push), bytes(&push)), (expected, size_of::<BlocksPush>()), "{name}");
-            // Lanes, vertices of a block; instances of a tile; whether they start from base, where that takes a
+            // Lanes, vertices of a block; instances and rows of a tile; whether they start from base, where that takes a
             // pipeline of its own.
             let expected = match (kernel == "crowd", exact) {
                 (false, _) => &[0, 1][..],
-                (true, true) => &[0, 1, 2],
-                (true, false) => &[0, 1, 2, 3],
+                (true, true) => &[0, 1, 2, 3],
+                (true, false) => &[0, 1, 2, 3, 4],
             };
             assert_eq!(constants(&blocks), expected, "{name}");
             seen += 1;

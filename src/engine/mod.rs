@@ -259,8 +259,13 @@ impl MorphEngine {
             format,
             exact,
             size: index.size() as u32,
-            texels,
-            widths: if texels || instances > 1 { instances.clamp(1, TILE as u32).ilog2() + 1 } else { 0 },
+            texels: texels && index.entry_count() > 0,
+            // Tiles have a row at least, of some entry.
+            widths: if (texels || instances > 1) && index.entry_count() > 0 {
+                instances.clamp(1, TILE as u32).ilog2() + 1
+            } else {
+                0
+            },
         });
         let mut kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
         let found = kernels.iter().find(|kernel| match (kernel, desc.path, desc.batch) {
