@@ -202,7 +202,7 @@ impl Blocks {
                         }
                     }
                 }
-                Command::Pass(_) => {}
+                Command::Pass(_) | Command::Scatter(_) => {}
             }
         }
         flush(&mut pending);

@@ -1,9 +1,11 @@
 //! Instances of one mesh, their pose buffers, and the recording of their updates.
 
+use super::baselines::BaselineCrowd;
 use super::blocks::Blocks;
 use super::dense::Dense;
 use super::{Kernel, MeshBuffers};
 use crate::error::{Error, Result};
+use crate::gpu::baselines::Baseline;
 use crate::gpu::device::Device;
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::mesh::packed::{POSE_STRIDE, PackedLayout};
@@ -78,6 +80,7 @@ pub struct Crowd {
 enum Backend {
     Dense(Box<Dense>),
     Blocks(Box<Blocks>),
+    Baseline(Box<BaselineCrowd>),
 }
 
 impl Crowd {
@@ -114,6 +117,10 @@ impl Crowd {
             (Kernel::Blocks(kernel), Some(index)) => {
                 Backend::Blocks(Box::new(Blocks::new(device, mesh, index, kernel, desc, &poses)?))
             }
+            // The passes of `vertex-store` are those of the dense paths.
+            (Kernel::Baseline(kernel), _) if !matches!(*kernel, Baseline::VertexStore(_)) => {
+                Backend::Baseline(Box::new(BaselineCrowd::new(device, mesh, kernel, desc, &poses)?))
+            }
             (kernel, _) => Backend::Dense(Box::new(Dense::new(device, mesh, kernel, desc, &poses)?)),
         };
         Ok(Self {
@@ -128,8 +135,11 @@ impl Crowd {
         })
     }
 
-    /// Bytes of device memory that the poses of a crowd take.
+    /// Bytes of device memory that the poses of a crowd take. On a direct path that is one, to capture into.
     pub fn pose_bytes(layout: &PackedLayout, desc: &CrowdDesc) -> u64 {
+        if desc.update.path.evaluates_in_draws() {
+            return layout.pose_bytes();
+        }
         layout.pose_bytes().saturating_mul(u64::from(desc.instances) * u64::from(desc.update.slots))
     }
 
@@ -141,14 +151,19 @@ impl Crowd {
     /// Ask for these weights, one per target in the mesh's order, from the next recorded update on.
     ///
     /// # Errors
-    /// An instance out of range; a wrong number of weights; one that is not finite or out of range. Nothing changes then.
+    /// An instance out of range; a wrong number of weights; one that is not finite or out of range; more active targets
+    /// than a draw of `direct-attributes` takes. Nothing changes then.
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
         let exact = match &self.backend {
             Backend::Dense(_) => None,
             Backend::Blocks(blocks) => blocks.exact(),
+            Backend::Baseline(baseline) => baseline.exact(),
         };
         check_block_weights(weights, &self.mesh.layout, exact)?;
         self.check_instance(instance)?;
+        if let Backend::Baseline(baseline) = &self.backend {
+            baseline.check_weights(weights)?;
+        }
         self.weights[instance as usize].copy_from_slice(weights);
         Ok(())
     }
@@ -163,6 +178,7 @@ impl Crowd {
         match &mut self.backend {
             Backend::Dense(dense) => dense.states[instance as usize].cut(),
             Backend::Blocks(blocks) => blocks.planner.states[instance as usize].cut(),
+            Backend::Baseline(baseline) => baseline.states[instance as usize].cut(),
         }
         Ok(())
     }
@@ -177,6 +193,7 @@ impl Crowd {
             Backend::Blocks(blocks) => {
                 blocks.planner.states.iter_mut().for_each(|state| state.discard_from(ticket.update))
             }
+            Backend::Baseline(baseline) => baseline.states.iter_mut().for_each(|s| s.discard_from(ticket.update)),
         }
         self.recorded = self.recorded.min(ticket.recorded);
     }
@@ -184,21 +201,29 @@ impl Crowd {
     /// The pose of `instance` once the updates recorded so far have run.
     ///
     /// # Errors
-    /// An instance out of range; no update recorded yet, or its update was discarded.
+    /// An instance out of range; no update recorded yet, or its update was discarded; a direct path, which has no pose
+    /// buffers.
     pub fn pose(&self, instance: u32) -> Result<PoseView> {
         let (result, _) = self.slots_of(instance)?;
+        if self.desc.update.path.evaluates_in_draws() {
+            return Err(Error::invalid(
+                format!("the path '{}' has no pose buffers", self.desc.update.path.name()),
+                "draw with MorphEngine::record_draws, or write the pose with MorphEngine::record_capture",
+            ));
+        }
         Ok(self.view(instance, result))
     }
 
     /// The pose of `instance` before its last update: the pose itself when nothing changed, on its first
     /// update, and after [`cut`](Self::cut); `None` where the update had to overwrite it (one slot; several
-    /// feedback passes in two slots).
+    /// feedback passes in two slots), and on direct paths.
     ///
     /// # Errors
     /// As [`pose`](Self::pose).
     pub fn previous_pose(&self, instance: u32) -> Result<Option<PoseView>> {
         let (_, previous) = self.slots_of(instance)?;
-        Ok(previous.map(|slot| self.view(instance, slot)))
+        let kept = previous.filter(|_| !self.desc.update.path.evaluates_in_draws());
+        Ok(kept.map(|slot| self.view(instance, slot)))
     }
 
     fn check_instance(&self, instance: u32) -> Result<()> {
@@ -223,6 +248,7 @@ impl Crowd {
                 let (state, plan) = (&blocks.planner.states[i], blocks.planner.plans[i]);
                 (state.is_known(), (plan.result, plan.previous))
             }
+            Backend::Baseline(b) => (b.states[i].applied().is_some(), (b.plans[i].result, b.plans[i].previous)),
         };
         if !known {
             return Err(Error::invalid(format!("instance {instance} has no pose yet"), "record an update first"));
@@ -236,6 +262,7 @@ impl Crowd {
         match &self.backend {
             Backend::Dense(_) => None,
             Backend::Blocks(blocks) => blocks.sums(instance, self.mesh.layout.pose_bytes()),
+            Backend::Baseline(baseline) => baseline.sums(instance),
         }
     }
 
@@ -261,6 +288,7 @@ impl Crowd {
         match &mut self.backend {
             Backend::Dense(dense) => &mut dense.list,
             Backend::Blocks(blocks) => &mut blocks.list,
+            Backend::Baseline(baseline) => &mut baseline.list,
         }
     }
 
@@ -270,9 +298,15 @@ impl Crowd {
         let stats = match &mut self.backend {
             Backend::Dense(dense) => dense.plan(&self.weights, self.updates),
             Backend::Blocks(blocks) => blocks.plan(&self.weights, self.updates),
+            Backend::Baseline(baseline) => baseline.plan(&self.weights, self.updates),
         };
         let ticket = Ticket { update: self.updates, recorded: self.recorded };
-        self.recorded += u64::from(!self.commands_mut().commands.is_empty());
+        let turns = match &self.backend {
+            // Direct paths record nothing, but write weights.
+            Backend::Baseline(baseline) => baseline.has_changed(),
+            Backend::Dense(_) | Backend::Blocks(_) => !self.commands_mut().commands.is_empty(),
+        };
+        self.recorded += u64::from(turns);
         Update { ticket, stats }
     }
 
@@ -287,6 +321,31 @@ impl Crowd {
             Backend::Dense(dense) => unsafe { dense.record(&self.device, cmd, &self.poses, frame) },
             // SAFETY: the caller's obligations.
             Backend::Blocks(blocks) => unsafe { blocks.record(&self.device, cmd, frame) },
+            // SAFETY: the caller's obligations.
+            Backend::Baseline(b) => unsafe { b.record(&self.device, cmd, &self.weights, frame) },
         }
+    }
+
+    /// # Safety
+    /// As [`super::MorphEngine::record_draws`].
+    pub(super) unsafe fn record_draws(&self, cmd: vk::CommandBuffer) -> Result<()> {
+        (0..self.desc.instances).try_for_each(|i| self.slots_of(i).map(|_| ()))?;
+        if let Backend::Baseline(baseline) = &self.backend {
+            // SAFETY: the caller's obligations.
+            unsafe { baseline.record_draws(cmd) };
+        }
+        Ok(())
+    }
+
+    /// # Safety
+    /// As [`super::MorphEngine::record_capture`].
+    pub(super) unsafe fn record_capture(&self, cmd: vk::CommandBuffer, instance: u32) -> Result<PoseView> {
+        self.slots_of(instance)?;
+        if let Backend::Baseline(baseline) = &self.backend {
+            // SAFETY: the caller's obligations.
+            unsafe { baseline.record_capture(&self.device, cmd, instance) }?;
+        }
+        let size = self.mesh.layout.pose_bytes();
+        Ok(PoseView { buffer: self.poses.raw, offset: 0, size, stride: POSE_STRIDE as u32, slot: 0 })
     }
 }

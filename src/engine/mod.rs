@@ -17,6 +17,7 @@
 //! - Engine, meshes and crowds are dropped only when the device has finished with them, and before the device
 //!   is destroyed. An allocator that the host shares is not locked by the host meanwhile.
 
+mod baselines;
 mod blocks;
 mod crowd;
 mod dense;
@@ -27,6 +28,8 @@ pub use crowd::{Crowd, CrowdDesc, PoseView, Ticket, Update};
 
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
+use crate::gpu::baselines::Baseline;
+use crate::gpu::baselines::scatter::Records;
 use crate::gpu::blocks::{BlocksKernel, BlocksVariant};
 use crate::gpu::compute::Compute;
 use crate::gpu::device::Device;
@@ -47,6 +50,7 @@ pub(crate) enum Kernel {
     Feedback(Arc<Feedback>),
     Compute(Arc<Compute>),
     Blocks(Arc<BlocksKernel>),
+    Baseline(Arc<Baseline>),
 }
 
 /// The engine: the host's device and the pipelines made so far.
@@ -68,6 +72,8 @@ pub(crate) struct MeshBuffers {
     pub(crate) base: Buffer,
     /// Dense formats: the deltas. Block formats: headers, deltas and base pose, the whole asset.
     pub(crate) deltas: Buffer,
+    /// Uploaded for `scatter`: the deltas are records instead, and this is the first of each target.
+    pub(crate) records: Option<Vec<u32>>,
 }
 
 impl GpuMesh {
@@ -92,7 +98,8 @@ impl MorphEngine {
     /// - The handles of `desc` are alive, belong together, are of Vulkan 1.1 or later, and outlive the engine and
     ///   all it creates.
     /// - `desc.caps` does not exceed what the device has.
-    /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled on the device.
+    /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled on the device, and
+    ///   `desc.vertex_stores_enabled` only if that feature was.
     pub unsafe fn new(desc: &DeviceDesc<'_>) -> Result<Self> {
         // SAFETY: the caller's obligations are those of `borrow`.
         let device = unsafe { Device::borrow(desc) }?;
@@ -146,18 +153,62 @@ impl MorphEngine {
     pub unsafe fn upload(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
         let layout = mesh.layout().clone();
         self.check_mesh(&layout)?;
+        let bytes = match layout.format.is_blocks() {
+            true => blocks::asset_bytes(&layout),
+            false => delta_buffer_bytes(&layout),
+        };
+        // SAFETY: the caller's obligations.
+        unsafe { self.upload_words(cmd, layout, mesh.base(), (mesh.deltas(), bytes), None) }
+    }
+
+    /// As [`upload`](Self::upload), for crowds on the path `scatter`, which reads records of a vertex and its delta, 16
+    /// bytes each, and no blocks.
+    ///
+    /// # Errors
+    /// As [`upload`](Self::upload); a format other than `small`; sums that could overflow.
+    ///
+    /// # Safety
+    /// As [`upload`](Self::upload).
+    pub unsafe fn upload_scatter(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
+        let layout = mesh.layout().clone();
+        let index = layout.blocks.clone().filter(|_| UpdatePath::Scatter.formats().contains(&layout.format));
+        let Some(index) = index else {
+            return Err(Error::invalid(
+                format!("update path 'scatter' with {} deltas", layout.format.name()),
+                "pack the mesh as small",
+            ));
+        };
+        index.exact()?;
+        let Records { words, first } = Records::new(mesh, &index);
+        let bytes = (size_of_val(words.as_slice()) as u64).max(16);
+        self.check_size(&layout, "a pose takes", layout.pose_bytes())?;
+        self.check_size(&layout, "the records of 'scatter' take", bytes)?;
+        // SAFETY: the caller's obligations.
+        unsafe { self.upload_words(cmd, layout, mesh.base(), (&words, bytes), Some(first)) }
+    }
+
+    /// Buffers of a base pose and of `deltas` (words, and bytes of their buffer), and their upload.
+    ///
+    /// # Safety
+    /// As [`upload`](Self::upload).
+    unsafe fn upload_words(
+        &self,
+        cmd: vk::CommandBuffer,
+        layout: PackedLayout,
+        base: &[f32],
+        (deltas, deltas_size): (&[u32], u64),
+        records: Option<Vec<u32>>,
+    ) -> Result<GpuMesh> {
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::VERTEX_BUFFER
             | vk::BufferUsageFlags::TRANSFER_DST;
         let buffer =
             |name, bytes, usage, location| Buffer::new(&self.device, &BufferDesc { name, bytes, usage, location });
         let (base_bytes, delta_bytes) =
-            (bytemuck::cast_slice::<f32, u8>(mesh.base()), bytemuck::cast_slice::<u32, u8>(mesh.deltas()));
+            (bytemuck::cast_slice::<f32, u8>(base), bytemuck::cast_slice::<u32, u8>(deltas));
         // In blocks the base pose lies behind the deltas, and no buffer of its own is needed.
-        let (base_size, deltas_size, base_at) = match layout.format.is_blocks() {
-            true => (0, blocks::asset_bytes(&layout), delta_bytes.len()),
-            false => (layout.pose_bytes(), delta_buffer_bytes(&layout), 0),
-        };
+        let one_buffer = layout.format.is_blocks() && records.is_none();
+        let (base_size, base_at) = if one_buffer { (0, delta_bytes.len()) } else { (layout.pose_bytes(), 0) };
         let base = buffer("deltamorph base pose", base_size, usage, MemoryLocation::GpuOnly)?;
         let deltas = buffer("deltamorph deltas", deltas_size, usage, MemoryLocation::GpuOnly)?;
         let mut staging = buffer(
@@ -175,7 +226,7 @@ impl MorphEngine {
             dst_offset: dst_offset as u64,
             size: size as u64,
         };
-        let base_buffer = if layout.format.is_blocks() { &deltas } else { &base };
+        let base_buffer = if one_buffer { &deltas } else { &base };
         for (target, region) in [
             (base_buffer, region(0, base_at, base_bytes.len())),
             (&deltas, region(base_bytes.len(), 0, delta_bytes.len())),
@@ -187,7 +238,22 @@ impl MorphEngine {
         }
         // SAFETY: the caller's obligations.
         unsafe { barriers::record(&self.device.raw, cmd, Hazard::TransferWriteToAssetRead) };
-        Ok(GpuMesh { shared: Arc::new(MeshBuffers { layout, base, deltas }), staging: Some(staging) })
+        Ok(GpuMesh { shared: Arc::new(MeshBuffers { layout, base, deltas, records }), staging: Some(staging) })
+    }
+
+    /// Refuse a mesh of which `what` exceeds what a descriptor covers.
+    fn check_size(&self, layout: &PackedLayout, what: &str, bytes: u64) -> Result<()> {
+        let caps = &self.device.caps;
+        if layout.vertex_count > 0 && bytes <= caps.max_storage_range {
+            return Ok(());
+        }
+        Err(Error::invalid(
+            format!(
+                "mesh '{}': {what} {bytes} bytes, but {} allows {}",
+                layout.name, caps.name, caps.max_storage_range
+            ),
+            "split the mesh, or leave it out where it has no vertices",
+        ))
     }
 
     fn check_mesh(&self, layout: &PackedLayout) -> Result<()> {
@@ -239,6 +305,12 @@ impl MorphEngine {
             ));
         }
         self.device.caps.check_update(&desc.update, mesh.layout())?;
+        if mesh.shared.records.is_some() != (desc.update.path == UpdatePath::Scatter) {
+            return Err(Error::invalid(
+                format!("mesh '{}' for the path '{}'", mesh.layout().name, desc.update.path.name()),
+                "upload it with MorphEngine::upload_scatter for 'scatter', with MorphEngine::upload for other paths",
+            ));
+        }
         let kernel = self.kernel(&desc.update, mesh)?;
         Crowd::new(&self.device, &mesh.shared, kernel, desc)
     }
@@ -255,6 +327,7 @@ impl MorphEngine {
             (Kernel::Feedback(k), UpdatePath::Feedback, BatchSize::Targets(b)) => k.serves(format, b),
             (Kernel::Compute(k), UpdatePath::Compute, batch) => k.serves(format, batch),
             (Kernel::Blocks(k), UpdatePath::Blocks, _) => variant.is_some_and(|v| k.serves(v)),
+            (Kernel::Baseline(k), ..) => k.serves(desc, format),
             _ => false,
         });
         if let Some(kernel) = found {
@@ -268,12 +341,7 @@ impl MorphEngine {
                 Kernel::Feedback(Arc::new(Feedback::new(&self.device, format, b)?))
             }
             (UpdatePath::Compute, batch, _) => Kernel::Compute(Arc::new(Compute::new(&self.device, format, batch)?)),
-            _ => {
-                return Err(Error::invalid(
-                    format!("update path '{}' on a device", desc.path.name()),
-                    "use CpuCrowd for the path 'cpu'",
-                ));
-            }
+            _ => Kernel::Baseline(Arc::new(Baseline::new(&self.device, desc, format)?)),
         };
         kernels.push(kernel.clone());
         Ok(kernel)
@@ -286,8 +354,11 @@ impl MorphEngine {
     /// VERTEX_INPUT with VERTEX_ATTRIBUTE_READ and VERTEX_SHADER with SHADER_READ, so that draws recorded next
     /// may read [`Crowd::pose`] and [`Crowd::previous_pose`] as vertex attributes or storage buffers.
     ///
-    /// It binds over: the compute pipeline, its set 0 and push constants (`compute`, `blocks`); the graphics pipeline, vertex
-    /// bindings from 0 on, push constants and transform-feedback binding 0 (`feedback`).
+    /// It binds over: the compute pipeline, its set 0 and push constants (`compute`, `blocks`, `scatter`); the graphics
+    /// pipeline, vertex bindings from 0 on, push constants and transform-feedback binding 0 (`feedback`), or set 0
+    /// (`vertex-store`).
+    ///
+    /// The direct paths record nothing: their update is a list of weights for [`record_draws`](Self::record_draws).
     ///
     /// The caller is responsible for: submitting `cmd` exactly once, after all earlier updates of the crowd,
     /// or calling [`Crowd::discard`] with the ticket; having at most [`CrowdDesc::frames_in_flight`] updates
@@ -336,6 +407,57 @@ impl MorphEngine {
             return Err(error);
         }
         Ok(update)
+    }
+}
+
+impl MorphEngine {
+    /// Record the draws of a crowd on a direct path, one for each head, each of which evaluates its pose: in a render
+    /// pass without attachments, with every primitive discarded. It is what such a path costs, for `bench`; an engine
+    /// that wanted to show the result would do the same in its own vertex shader.
+    ///
+    /// The caller is responsible for: recording it after [`record_update`](Self::record_update), of whose frame it
+    /// is part (`frames_in_flight`). It binds over the graphics pipeline, its set 0, push constants, and vertex bindings
+    /// from 0 on.
+    ///
+    /// # Errors
+    /// A crowd that another engine made, or whose path has pose buffers to draw from; no update recorded yet.
+    ///
+    /// # Safety
+    /// As [`record_update`](Self::record_update).
+    pub unsafe fn record_draws(&self, cmd: vk::CommandBuffer, crowd: &Crowd) -> Result<()> {
+        self.check_direct(crowd)?;
+        // SAFETY: the caller's obligations.
+        unsafe { crowd.record_draws(cmd) }
+    }
+
+    /// Record the draw of one head as [`record_draws`](Self::record_draws) does, and capture the pose that it evaluates:
+    /// by transform feedback, or else by stores of the vertex shader, as the device has it. The crowd has room for one
+    /// pose. Barriers are recorded as for an update through `feedback` or `vertex-store`.
+    ///
+    /// # Errors
+    /// As [`record_draws`](Self::record_draws); a device that has neither.
+    ///
+    /// # Safety
+    /// As [`record_draws`](Self::record_draws).
+    pub unsafe fn record_capture(&self, cmd: vk::CommandBuffer, crowd: &Crowd, instance: u32) -> Result<PoseView> {
+        self.check_direct(crowd)?;
+        // SAFETY: the caller's obligations.
+        unsafe { crowd.record_capture(cmd, instance) }
+    }
+
+    fn check_direct(&self, crowd: &Crowd) -> Result<()> {
+        let path = crowd.desc().update.path;
+        match (crowd.is_on(&self.device), path.evaluates_in_draws()) {
+            (false, _) => Err(Error::invalid(
+                "the crowd belongs to another MorphEngine",
+                "record it with the engine that created it",
+            )),
+            (true, false) => Err(Error::invalid(
+                format!("a draw that evaluates, of a crowd on the path '{}'", path.name()),
+                "draw from Crowd::pose: the path has pose buffers",
+            )),
+            (true, true) => Ok(()),
+        }
     }
 }
 

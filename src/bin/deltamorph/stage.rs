@@ -107,7 +107,7 @@ fn batch_size(
         gpu.caps().check_path(path)?;
     }
     let max = gpu.and_then(|g| g.caps().batch_max(path, format)).unwrap_or(0);
-    let limit = BatchLimit { max, all: path != UpdatePath::Feedback };
+    let limit = BatchLimit { max, all: path.takes_all_targets() };
     let (allowed, _) = expand_batches(&[spec.unwrap_or(BatchSpec::Max)], limit);
     allowed.last().copied().ok_or_else(|| {
         let all = if limit.all { ", or \"all\"" } else { "" };

@@ -171,17 +171,17 @@ fn configurations(
         for format in formats.iter().filter_map(|f| f.delta_format(path)) {
             let dense = !format.is_blocks();
             let batch_max = gpu.and_then(|g| g.caps().batch_max(path, format)).filter(|_| path != UpdatePath::Cpu);
-            let limit = BatchLimit { max: batch_max.unwrap_or(0), all: path != UpdatePath::Feedback };
+            let limit = BatchLimit { max: batch_max.unwrap_or(0), all: path.takes_all_targets() };
             let (batches, refused) = expand_batches(sizes, limit);
             // What only blocks have is no news where everything was asked for.
             let has = |sums: &AccumulateChoice| match (sums, format) {
-                (AccumulateChoice::Float, _) => true,
+                (AccumulateChoice::Float, _) => path != UpdatePath::Scatter,
                 (AccumulateChoice::Exact, DeltaFormat::BlockFloat32) => false,
                 (AccumulateChoice::Exact, _) => !dense,
             };
             let sums: Vec<_> = sums.iter().filter(|s| has(s)).collect();
             for batch in batches {
-                for (mode, sums) in update.modes().into_iter().flat_map(|m| sums.iter().map(move |s| (m, **s))) {
+                for (mode, sums) in update.modes(path).into_iter().flat_map(|m| sums.iter().map(move |s| (m, **s))) {
                     let desc = UpdateDesc {
                         mode,
                         slots: update.slots,
