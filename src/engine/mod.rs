@@ -181,8 +181,11 @@ impl MorphEngine {
         index.exact()?;
         let Records { words, first } = Records::new(mesh, &index);
         let bytes = (size_of_val(words.as_slice()) as u64).max(16);
-        self.check_size(&layout, "a pose takes", layout.pose_bytes())?;
-        self.check_size(&layout, "the records of 'scatter' take", bytes)?;
+        self.check_not_empty(&layout)?;
+        for (what, bytes) in [("a pose takes", layout.pose_bytes()), ("the records of 'scatter' take", bytes)] {
+            let range = self.device.caps.max_storage_range;
+            self.check_limit(&layout, what, (bytes, "bytes", range), "use fewer targets, or split the mesh")?;
+        }
         // SAFETY: the caller's obligations.
         unsafe { self.upload_words(cmd, layout, mesh.base(), (&words, bytes), Some(first)) }
     }
@@ -241,35 +244,37 @@ impl MorphEngine {
         Ok(GpuMesh { shared: Arc::new(MeshBuffers { layout, base, deltas, records }), staging: Some(staging) })
     }
 
-    /// Refuse a mesh of which `what` exceeds what a descriptor covers.
-    fn check_size(&self, layout: &PackedLayout, what: &str, bytes: u64) -> Result<()> {
-        let caps = &self.device.caps;
-        if layout.vertex_count > 0 && bytes <= caps.max_storage_range {
+    fn check_not_empty(&self, layout: &PackedLayout) -> Result<()> {
+        if layout.vertex_count > 0 {
             return Ok(());
         }
+        Err(Error::invalid(format!("mesh '{}' has no vertices", layout.name), "leave it out"))
+    }
+
+    /// Refuse a mesh of which there is more than the device allows: `(amount, unit, most)`.
+    fn check_limit(
+        &self,
+        layout: &PackedLayout,
+        what: &str,
+        (amount, unit, most): (u64, &str, u64),
+        remedy: &str,
+    ) -> Result<()> {
+        if amount <= most {
+            return Ok(());
+        }
+        let device = &self.device.caps.name;
         Err(Error::invalid(
-            format!(
-                "mesh '{}': {what} {bytes} bytes, but {} allows {}",
-                layout.name, caps.name, caps.max_storage_range
-            ),
-            "split the mesh, or leave it out where it has no vertices",
+            format!("mesh '{}': {what} {amount} {unit}, but {device} allows {most}", layout.name),
+            remedy,
         ))
     }
 
     fn check_mesh(&self, layout: &PackedLayout) -> Result<()> {
         let caps = &self.device.caps;
         let limit = |what: &str, amount: u64, unit: &str, most: u64, remedy: &str| {
-            if amount <= most {
-                return Ok(());
-            }
-            Err(Error::invalid(
-                format!("mesh '{}': {what} {amount} {unit}, but {} allows {most}", layout.name, caps.name),
-                remedy,
-            ))
+            self.check_limit(layout, what, (amount, unit, most), remedy)
         };
-        if layout.vertex_count == 0 {
-            return Err(Error::invalid(format!("mesh '{}' has no vertices", layout.name), "leave it out"));
-        }
+        self.check_not_empty(layout)?;
         let (range, groups) = (caps.max_storage_range, caps.max_workgroups.into());
         let chunk_groups = (layout.chunk_vertices as u64).div_ceil(WORKGROUP.into());
         limit("a pose takes", layout.pose_bytes(), "bytes", range, "split the mesh")?;

@@ -92,7 +92,9 @@ impl Stage {
         let UpdateDesc { path, accumulate, slots, .. } = self.desc;
         let device = if path == UpdatePath::Cpu { "the processor".to_owned() } else { self.device() };
         let format = self.mesh.layout().format.name();
-        format!("{} {format} {}, {slots} slots, on {device}", path.name(), accumulate.name())
+        // Draws that evaluate have no pose buffers.
+        let slots = if path.evaluates_in_draws() { String::new() } else { format!(", {slots} slots") };
+        format!("{} {format} {}{slots}, on {device}", path.name(), accumulate.name())
     }
 }
 
