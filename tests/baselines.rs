@@ -294,8 +294,8 @@ fn bytes_are_those_that_kernels_load_and_store() {
                     UpdatePath::VertexStore => (vertices * (48 * passes + 3 * stride), vertices * (48 + 3 * stride)),
                     // Clear, six atomics a record, resolve.
                     UpdatePath::Scatter => (vertices * (24 + 72) + deltas * (16 + 48), vertices * 48 + deltas * 16),
-                    // Of one draw.
-                    UpdatePath::Direct => (vertices * (24 + 3 * stride) + 7 * 8, vertices * (24 + 3 * stride)),
+                    // Of one draw, which looks no further than the last active target.
+                    UpdatePath::Direct => (vertices * (24 + 3 * stride) + 5 * 8, vertices * (24 + 3 * stride)),
                     _ => (vertices * (24 + 3 * stride), vertices * (24 + 3 * stride)),
                 };
                 assert_eq!((stats.bytes_moved, stats.bytes_floor), (moved, floor), "{desc:?}");

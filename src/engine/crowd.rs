@@ -43,7 +43,8 @@ pub struct Ticket {
 pub struct Update {
     /// For [`Crowd::discard`], should the command buffer never run.
     pub ticket: Ticket,
-    /// Coefficients, passes and bytes; all zero, but for the bound, when nothing changed and nothing was recorded.
+    /// Coefficients, passes and bytes; all zero, but for the bound, when nothing changed and nothing was recorded. On
+    /// direct paths they speak of the draw, and are the same when nothing changed.
     pub stats: UpdateStats,
 }
 

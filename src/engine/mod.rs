@@ -29,7 +29,6 @@ pub use crowd::{Crowd, CrowdDesc, PoseView, Ticket, Update};
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
 use crate::gpu::baselines::Baseline;
-use crate::gpu::baselines::scatter::Records;
 use crate::gpu::blocks::{BlocksKernel, BlocksVariant};
 use crate::gpu::compute::Compute;
 use crate::gpu::device::Device;
@@ -159,35 +158,6 @@ impl MorphEngine {
         };
         // SAFETY: the caller's obligations.
         unsafe { self.upload_words(cmd, layout, mesh.base(), (mesh.deltas(), bytes), None) }
-    }
-
-    /// As [`upload`](Self::upload), for crowds on the path `scatter`, which reads records of a vertex and its delta, 16
-    /// bytes each, and no blocks.
-    ///
-    /// # Errors
-    /// As [`upload`](Self::upload); a format other than `small`; sums that could overflow.
-    ///
-    /// # Safety
-    /// As [`upload`](Self::upload).
-    pub unsafe fn upload_scatter(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
-        let layout = mesh.layout().clone();
-        let index = layout.blocks.clone().filter(|_| UpdatePath::Scatter.formats().contains(&layout.format));
-        let Some(index) = index else {
-            return Err(Error::invalid(
-                format!("update path 'scatter' with {} deltas", layout.format.name()),
-                "pack the mesh as small",
-            ));
-        };
-        index.exact()?;
-        let Records { words, first } = Records::new(mesh, &index);
-        let bytes = (size_of_val(words.as_slice()) as u64).max(16);
-        self.check_not_empty(&layout)?;
-        for (what, bytes) in [("a pose takes", layout.pose_bytes()), ("the records of 'scatter' take", bytes)] {
-            let range = self.device.caps.max_storage_range;
-            self.check_limit(&layout, what, (bytes, "bytes", range), "use fewer targets, or split the mesh")?;
-        }
-        // SAFETY: the caller's obligations.
-        unsafe { self.upload_words(cmd, layout, mesh.base(), (&words, bytes), Some(first)) }
     }
 
     /// Buffers of a base pose and of `deltas` (words, and bytes of their buffer), and their upload.
@@ -412,57 +382,6 @@ impl MorphEngine {
             return Err(error);
         }
         Ok(update)
-    }
-}
-
-impl MorphEngine {
-    /// Record the draws of a crowd on a direct path, one for each head, each of which evaluates its pose: in a render
-    /// pass without attachments, with every primitive discarded. It is what such a path costs, for `bench`; an engine
-    /// that wanted to show the result would do the same in its own vertex shader.
-    ///
-    /// The caller is responsible for: recording it after [`record_update`](Self::record_update), of whose frame it
-    /// is part (`frames_in_flight`). It binds over the graphics pipeline, its set 0, push constants, and vertex bindings
-    /// from 0 on.
-    ///
-    /// # Errors
-    /// A crowd that another engine made, or whose path has pose buffers to draw from; no update recorded yet.
-    ///
-    /// # Safety
-    /// As [`record_update`](Self::record_update).
-    pub unsafe fn record_draws(&self, cmd: vk::CommandBuffer, crowd: &Crowd) -> Result<()> {
-        self.check_direct(crowd)?;
-        // SAFETY: the caller's obligations.
-        unsafe { crowd.record_draws(cmd) }
-    }
-
-    /// Record the draw of one head as [`record_draws`](Self::record_draws) does, and capture the pose that it evaluates:
-    /// by transform feedback, or else by stores of the vertex shader, as the device has it. The crowd has room for one
-    /// pose. Barriers are recorded as for an update through `feedback` or `vertex-store`.
-    ///
-    /// # Errors
-    /// As [`record_draws`](Self::record_draws); a device that has neither.
-    ///
-    /// # Safety
-    /// As [`record_draws`](Self::record_draws).
-    pub unsafe fn record_capture(&self, cmd: vk::CommandBuffer, crowd: &Crowd, instance: u32) -> Result<PoseView> {
-        self.check_direct(crowd)?;
-        // SAFETY: the caller's obligations.
-        unsafe { crowd.record_capture(cmd, instance) }
-    }
-
-    fn check_direct(&self, crowd: &Crowd) -> Result<()> {
-        let path = crowd.desc().update.path;
-        match (crowd.is_on(&self.device), path.evaluates_in_draws()) {
-            (false, _) => Err(Error::invalid(
-                "the crowd belongs to another MorphEngine",
-                "record it with the engine that created it",
-            )),
-            (true, false) => Err(Error::invalid(
-                format!("a draw that evaluates, of a crowd on the path '{}'", path.name()),
-                "draw from Crowd::pose: the path has pose buffers",
-            )),
-            (true, true) => Ok(()),
-        }
     }
 }
 

@@ -464,7 +464,8 @@ pub struct UpdateStats {
     pub rebuilt_blocks: usize,
     /// Bound on the position error that float32 accumulation may have caused so far, in input units; 0 for exact sums.
     pub bound: f32,
-    /// Bytes loaded and stored.
+    /// Bytes loaded and stored. On a direct path, by one draw of every head, which comes again in each frame whether
+    /// weights have changed or not.
     pub bytes_moved: u64,
     /// The least that dense work could move; in block formats, what deltas and poses alone take.
     pub bytes_floor: u64,

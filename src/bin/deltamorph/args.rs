@@ -346,7 +346,7 @@ impl Single {
             .find(|choice| choice.delta_format(self.path).is_some());
         self.format.or(default).and_then(|choice| choice.delta_format(self.path)).ok_or_else(|| {
             let names: Vec<&str> = taken.iter().map(|format| format.name()).collect();
-            format!("--format: the path '{}' takes {}", self.path.name(), names.join(", "))
+            format!("--format: the path '{}' takes {}", self.path.name(), names.join(" or "))
         })
     }
 }

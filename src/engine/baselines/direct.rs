@@ -95,6 +95,11 @@ impl DirectCrowd {
     }
 }
 
+/// Bytes of the weights that a draw reads: up to the last active target.
+pub(super) fn bytes_read(weights: &[f32]) -> u64 {
+    weights.iter().rposition(|w| *w != 0.0).map_or(0, |last| (WEIGHT_BYTES * (last + 1)) as u64)
+}
+
 fn buffers(mesh: &MeshBuffers, weights: (vk::Buffer, u64), pose: vk::Buffer) -> DirectBuffers<'_> {
     let deltas = (mesh.deltas.raw, delta_range(&mesh.layout));
     DirectBuffers { layout: &mesh.layout, base: mesh.base.raw, deltas, weights, pose }
