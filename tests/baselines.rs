@@ -381,6 +381,27 @@ fn a_discarded_update_is_rebuilt_and_recorded_ones_run_later() {
     });
 }
 
+#[test]
+fn an_altered_delta_gives_a_wrong_pose() {
+    on_every_device(|headless, engine| {
+        for format in FORMATS {
+            let right = testing::mesh(500, 20);
+            let mut wrong = right.clone();
+            wrong.targets[13].positions[77].y += 1e-3 * wrong.diagonal;
+            let (mesh, faulty) = (packed(engine, &right, format), packed(engine, &wrong, format));
+            let mut weights = [0.0; 20];
+            (weights[5], weights[13]) = (0.5, 1.0);
+            let reference = evaluate(&mesh, &weights);
+            for desc in descs(engine, format).into_iter().filter(|d| d.slots == 2 && can_read(headless, d)) {
+                let mut crowd = HeadlessCrowd::new(headless, &faulty, &single(desc)).expect("a crowd");
+                crowd.step(&[&weights]).expect("a step");
+                let error = compare(&crowd.read_pose(0).expect("a pose"), &reference);
+                assert!(!error.within(POSITION * f64::from(right.diagonal), NORMAL), "{desc:?}: the fault went unseen");
+            }
+        }
+    });
+}
+
 /// What Godot's compatibility renderer does: from base, a pass for each active target.
 #[test]
 fn feedback_rebuilt_at_batch_one_is_a_pass_per_active_target_from_base() {

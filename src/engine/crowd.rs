@@ -5,7 +5,6 @@ use super::blocks::Blocks;
 use super::dense::Dense;
 use super::{Kernel, MeshBuffers};
 use crate::error::{Error, Result};
-use crate::gpu::baselines::Baseline;
 use crate::gpu::device::Device;
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::mesh::packed::{POSE_STRIDE, PackedLayout};
@@ -114,15 +113,16 @@ impl Crowd {
             device,
             &BufferDesc { name: "deltamorph poses", bytes, usage, location: MemoryLocation::GpuOnly },
         )?;
-        let backend = match (kernel, &mesh.layout.blocks) {
-            (Kernel::Blocks(kernel), Some(index)) => {
+        let baseline = match &kernel {
+            Kernel::Baseline(kernel) => BaselineCrowd::new(device, mesh, kernel, desc, &poses)?,
+            _ => None,
+        };
+        let backend = match (baseline, kernel, &mesh.layout.blocks) {
+            (Some(baseline), ..) => Backend::Baseline(Box::new(baseline)),
+            (None, Kernel::Blocks(kernel), Some(index)) => {
                 Backend::Blocks(Box::new(Blocks::new(device, mesh, index, kernel, desc, &poses)?))
             }
-            // The passes of `vertex-store` are those of the dense paths.
-            (Kernel::Baseline(kernel), _) if !matches!(*kernel, Baseline::VertexStore(_)) => {
-                Backend::Baseline(Box::new(BaselineCrowd::new(device, mesh, kernel, desc, &poses)?))
-            }
-            (kernel, _) => Backend::Dense(Box::new(Dense::new(device, mesh, kernel, desc, &poses)?)),
+            (None, kernel, _) => Backend::Dense(Box::new(Dense::new(device, mesh, kernel, desc, &poses)?)),
         };
         Ok(Self {
             weights: vec![vec![0.0; mesh.layout.targets.len()]; desc.instances as usize],

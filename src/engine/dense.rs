@@ -98,13 +98,9 @@ impl Dense {
             Kernel::Feedback(_) | Kernel::Blocks(_) | Kernel::Baseline(_) => None,
         };
         let stores = match &kernel {
-            Kernel::Baseline(baseline) => match &**baseline {
-                Baseline::VertexStore(kernel) => {
-                    let count = desc.instances * desc.update.slots;
-                    Some(StoreSets::new(kernel, &mesh.layout, poses.raw, count)?)
-                }
-                _ => None,
-            },
+            Kernel::Baseline(Baseline::VertexStore(kernel)) => {
+                Some(StoreSets::new(kernel, &mesh.layout, poses.raw, desc.instances * desc.update.slots)?)
+            }
             _ => None,
         };
         let instances = desc.instances as usize;
@@ -193,12 +189,11 @@ impl Dense {
             // SAFETY: the caller's obligations; source and destination are different slots: the plan
             // alternates (tests hold every plan to that).
             (Kernel::Feedback(feedback), _) => unsafe { feedback.record(cmd, &vertex_pass()) },
-            (Kernel::Baseline(baseline), _) => {
-                if let (Baseline::VertexStore(store), Some(stores)) = (&**baseline, &self.stores) {
-                    let sets = stores.of(pass.instance * self.desc.update.slots + pass.destination);
-                    // SAFETY: as for `feedback`; the sets were written for this mesh and crowd.
-                    unsafe { store.record(cmd, &vertex_pass(), sets) };
-                }
+            (Kernel::Baseline(Baseline::VertexStore(store)), _) => {
+                let pose = pass.instance * self.desc.update.slots + pass.destination;
+                let sets = self.stores.iter().flat_map(|stores| stores.of(pose));
+                // SAFETY: as for `feedback`; the sets were written for this mesh and crowd.
+                unsafe { store.record(cmd, &vertex_pass(), sets) };
             }
             (Kernel::Compute(compute), Some(lists)) => {
                 let list = match self.desc.update.batch {

@@ -49,7 +49,7 @@ pub(crate) enum Kernel {
     Feedback(Arc<Feedback>),
     Compute(Arc<Compute>),
     Blocks(Arc<BlocksKernel>),
-    Baseline(Arc<Baseline>),
+    Baseline(Baseline),
 }
 
 /// The engine: the host's device and the pipelines made so far.
@@ -316,7 +316,7 @@ impl MorphEngine {
                 Kernel::Feedback(Arc::new(Feedback::new(&self.device, format, b)?))
             }
             (UpdatePath::Compute, batch, _) => Kernel::Compute(Arc::new(Compute::new(&self.device, format, batch)?)),
-            _ => Kernel::Baseline(Arc::new(Baseline::new(&self.device, desc, format)?)),
+            _ => Kernel::Baseline(Baseline::new(&self.device, desc, format)?),
         };
         kernels.push(kernel.clone());
         Ok(kernel)

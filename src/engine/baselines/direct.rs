@@ -16,6 +16,7 @@ use std::sync::Arc;
 const WEIGHT_BYTES: usize = 8;
 
 pub(super) struct DirectCrowd {
+    pub(super) kernel: Arc<Direct>,
     ring: Buffer,
     /// Bytes of one instance's weights.
     stride: u64,
@@ -29,7 +30,7 @@ impl DirectCrowd {
     pub(super) fn new(
         device: &Arc<Device>,
         mesh: &Arc<MeshBuffers>,
-        kernel: &Direct,
+        kernel: &Arc<Direct>,
         desc: &CrowdDesc,
         poses: &Buffer,
     ) -> Result<Self> {
@@ -53,7 +54,7 @@ impl DirectCrowd {
         ring.mapped()?;
         let sets = kernel.sets(&buffers(mesh, (ring.raw, stride), poses.raw))?;
         let heads = vec![DirectHead::default(); desc.instances as usize];
-        Ok(Self { ring, stride, sets, heads, poses: poses.raw })
+        Ok(Self { kernel: kernel.clone(), ring, stride, sets, heads, poses: poses.raw })
     }
 
     /// Write the weights of all instances into this frame's part of the ring; the update that used it last has finished
@@ -77,21 +78,15 @@ impl DirectCrowd {
     /// Record the draws of all instances, or the captured draw of one.
     ///
     /// # Safety
-    /// As [`super::super::MorphEngine::record_draws`]; `kernel` and `mesh` are those that this was made with.
-    pub(super) unsafe fn record(
-        &self,
-        cmd: vk::CommandBuffer,
-        kernel: &Direct,
-        mesh: &MeshBuffers,
-        captured: Option<u32>,
-    ) {
+    /// As [`super::super::MorphEngine::record_draws`]; `mesh` is the one that this was made with.
+    pub(super) unsafe fn record(&self, cmd: vk::CommandBuffer, mesh: &MeshBuffers, captured: Option<u32>) {
         let heads = match captured {
             Some(instance) => &self.heads[instance as usize..=instance as usize],
             None => &self.heads[..],
         };
         let buffers = buffers(mesh, (self.ring.raw, self.stride), self.poses);
         // SAFETY: the caller's obligations; the weights were written by `write`, since there is an update.
-        unsafe { kernel.record(cmd, &buffers, &self.sets, heads, captured.is_some()) };
+        unsafe { self.kernel.record(cmd, &buffers, &self.sets, heads, captured.is_some()) };
     }
 }
 

@@ -1,21 +1,21 @@
 //! What a crowd on one of the baselines has of its own: `scatter`, and the direct paths. (`vertex-store` is a dense path.)
 
 mod direct;
+mod face;
 mod scatter;
 
-use super::crowd::{Crowd, CrowdDesc, PoseView};
-use super::{GpuMesh, MeshBuffers, MorphEngine};
+use super::MeshBuffers;
+use super::crowd::CrowdDesc;
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
 use crate::gpu::baselines::Baseline;
 use crate::gpu::baselines::attributes::{Attributes, AttributesDraw, CaptureTarget};
-use crate::gpu::baselines::scatter::Records;
 use crate::gpu::device::Device;
 use crate::gpu::memory::Buffer;
+use crate::mesh::packed::POSE_STRIDE;
 use crate::mesh::packed::blocks::ExactGrid;
-use crate::mesh::packed::{POSE_STRIDE, PackedMesh};
 use crate::plan::commands::{CommandList, Hazard};
-use crate::plan::{BatchSize, Plan, PoseState, UpdateDesc, UpdatePath, UpdateStats};
+use crate::plan::{BatchSize, Plan, PoseState, UpdateDesc, UpdateStats};
 use crate::weights::delta::{Coefficient, active_targets};
 use ash::vk;
 use direct::DirectCrowd;
@@ -23,7 +23,6 @@ use scatter::ScatterCrowd;
 use std::sync::Arc;
 
 pub(super) struct BaselineCrowd {
-    kernel: Arc<Baseline>,
     mesh: Arc<MeshBuffers>,
     kind: Kind,
     /// What is known to be applied; each plan is one pass from base, or none.
@@ -36,28 +35,26 @@ pub(super) struct BaselineCrowd {
 enum Kind {
     Scatter(ScatterCrowd),
     Direct(DirectCrowd),
-    /// The active targets of each instance.
-    Attributes(Vec<Vec<Coefficient>>, CaptureTarget),
+    Attributes(AttributesCrowd),
 }
 
 impl BaselineCrowd {
+    /// `None` for `vertex-store`, whose passes are those of dense paths.
     pub(super) fn new(
         device: &Arc<Device>,
         mesh: &Arc<MeshBuffers>,
-        kernel: Arc<Baseline>,
+        kernel: &Baseline,
         desc: &CrowdDesc,
         poses: &Buffer,
-    ) -> Result<Self> {
+    ) -> Result<Option<Self>> {
         let instances = desc.instances as usize;
-        let kind = match &*kernel {
-            Baseline::Scatter(scatter) => Kind::Scatter(ScatterCrowd::new(device, mesh, scatter, desc, poses)?),
-            Baseline::Direct(direct) => Kind::Direct(DirectCrowd::new(device, mesh, direct, desc, poses)?),
-            Baseline::Attributes(attributes) => {
-                let target = attributes.capture_target(&mesh.layout, poses.raw)?;
-                Kind::Attributes(vec![vec![]; instances], target)
-            }
-            Baseline::VertexStore(_) => {
-                return Err(Error::invalid("'vertex-store' among paths without passes", "report this: it is a bug"));
+        let kind = match kernel {
+            Baseline::VertexStore(_) => return Ok(None),
+            Baseline::Scatter(kernel) => Kind::Scatter(ScatterCrowd::new(device, mesh, kernel, desc, poses)?),
+            Baseline::Direct(kernel) => Kind::Direct(DirectCrowd::new(device, mesh, kernel, desc, poses)?),
+            Baseline::Attributes(kernel) => {
+                let target = kernel.capture_target(&mesh.layout, poses.raw)?;
+                Kind::Attributes(AttributesCrowd { kernel: kernel.clone(), active: vec![vec![]; instances], target })
             }
         };
         // One pass to a pose, whatever number of targets a draw takes.
@@ -66,14 +63,13 @@ impl BaselineCrowd {
             false => BatchSize::Targets(u32::MAX),
         };
         let update = UpdateDesc { batch, ..desc.update };
-        Ok(Self {
-            kernel,
+        Ok(Some(Self {
             mesh: mesh.clone(),
             kind,
             states: vec![PoseState::new(update)?; instances],
             plans: vec![Plan::default(); instances],
             list: CommandList::new(desc.update.path),
-        })
+        }))
     }
 
     /// The grid of the weights of `scatter`.
@@ -95,8 +91,8 @@ impl BaselineCrowd {
 
     /// Refuse more active targets than a draw has attributes for.
     pub(super) fn check_weights(&self, weights: &[f32]) -> Result<()> {
-        let Baseline::Attributes(attributes) = &*self.kernel else { return Ok(()) };
-        let (active, most) = (weights.iter().filter(|w| **w != 0.0).count(), attributes.most());
+        let Kind::Attributes(attributes) = &self.kind else { return Ok(()) };
+        let (active, most) = (weights.iter().filter(|w| **w != 0.0).count(), attributes.kernel.most());
         if active <= most as usize {
             return Ok(());
         }
@@ -120,10 +116,10 @@ impl BaselineCrowd {
                 stats.bytes_moved += weights.iter().map(|weights| direct::bytes_read(weights)).sum::<u64>();
                 stats
             }
-            Kind::Attributes(lists, _) => {
-                for (list, weights) in lists.iter_mut().zip(weights) {
-                    list.clear();
-                    active_targets(weights, list);
+            Kind::Attributes(attributes) => {
+                for (active, weights) in attributes.active.iter_mut().zip(weights) {
+                    active.clear();
+                    active_targets(weights, active);
                 }
                 self.draw_stats(weights)
             }
@@ -162,42 +158,36 @@ impl BaselineCrowd {
         frame: u64,
     ) -> Result<()> {
         let changed = self.has_changed();
-        match (&mut self.kind, &*self.kernel) {
-            (Kind::Scatter(scatter), Baseline::Scatter(kernel)) => {
-                // SAFETY: the caller's obligations; sets and buffers are this crowd's.
-                unsafe { scatter.record(device, cmd, kernel, &self.mesh, &self.list) };
+        match &mut self.kind {
+            Kind::Scatter(scatter) => {
+                // SAFETY: the caller's obligations; the list is that of this crowd.
+                unsafe { scatter.record(device, cmd, &self.mesh, &self.list) };
                 Ok(())
             }
-            (Kind::Direct(direct), _) if changed => direct.write(&self.mesh.layout, weights, frame),
-            _ => Ok(()),
+            Kind::Direct(direct) if changed => direct.write(&self.mesh.layout, weights, frame),
+            Kind::Direct(_) | Kind::Attributes(_) => Ok(()),
         }
-    }
-
-    fn attributes_draw(&self) -> AttributesDraw<'_> {
-        AttributesDraw { layout: &self.mesh.layout, base: self.mesh.base.raw, deltas: self.mesh.deltas.raw }
     }
 
     /// # Safety
     /// As [`super::MorphEngine::record_draws`].
     pub(super) unsafe fn record_draws(&self, cmd: vk::CommandBuffer) {
-        match (&self.kind, &*self.kernel) {
-            // SAFETY: the caller's obligations; sets and lists are this crowd's.
-            (Kind::Direct(direct), Baseline::Direct(kernel)) => unsafe { direct.record(cmd, kernel, &self.mesh, None) },
-            (Kind::Attributes(lists, _), Baseline::Attributes(kernel)) => {
-                // SAFETY: as above; `check_weights` has seen to the length of each list.
-                unsafe { kernel.record_draws(cmd, &self.attributes_draw(), lists) };
-            }
-            _ => {}
+        match &self.kind {
+            Kind::Scatter(_) => {}
+            // SAFETY: the caller's obligations.
+            Kind::Direct(direct) => unsafe { direct.record(cmd, &self.mesh, None) },
+            // SAFETY: the caller's obligations; `check_weights` has seen to the length of each list.
+            Kind::Attributes(a) => unsafe { a.kernel.record_draws(cmd, &attributes_draw(&self.mesh), &a.active) },
         }
     }
 
     /// # Safety
     /// As [`super::MorphEngine::record_capture`].
     pub(super) unsafe fn record_capture(&self, device: &Device, cmd: vk::CommandBuffer, instance: u32) -> Result<()> {
-        let feedback = match &*self.kernel {
-            Baseline::Direct(kernel) => kernel.captures_by_feedback(),
-            Baseline::Attributes(kernel) => Attributes::captures_by_feedback(kernel),
-            Baseline::Scatter(_) | Baseline::VertexStore(_) => return Ok(()),
+        let feedback = match &self.kind {
+            Kind::Scatter(_) => return Ok(()),
+            Kind::Direct(direct) => direct.kernel.captures_by_feedback(),
+            Kind::Attributes(attributes) => attributes.kernel.captures_by_feedback(),
         }?;
         let [before, after] = match feedback {
             true => [Hazard::PoseReadToFeedbackUpdate, Hazard::FeedbackWriteToPoseRead],
@@ -207,14 +197,13 @@ impl BaselineCrowd {
         // are this crowd's.
         unsafe {
             barriers::record(&device.raw, cmd, before);
-            match (&self.kind, &*self.kernel) {
-                (Kind::Direct(direct), Baseline::Direct(kernel)) => {
-                    direct.record(cmd, kernel, &self.mesh, Some(instance));
+            match &self.kind {
+                Kind::Scatter(_) => {}
+                Kind::Direct(direct) => direct.record(cmd, &self.mesh, Some(instance)),
+                Kind::Attributes(attributes) => {
+                    let AttributesCrowd { kernel, active, target } = attributes;
+                    kernel.record_capture(cmd, &attributes_draw(&self.mesh), &active[instance as usize], target);
                 }
-                (Kind::Attributes(lists, target), Baseline::Attributes(kernel)) => {
-                    kernel.record_capture(cmd, &self.attributes_draw(), &lists[instance as usize], target);
-                }
-                _ => {}
             }
             barriers::record(&device.raw, cmd, after);
         }
@@ -222,83 +211,13 @@ impl BaselineCrowd {
     }
 }
 
-impl MorphEngine {
-    /// As [`upload`](Self::upload), for crowds on the path `scatter`, which reads records of a vertex and its delta, 16
-    /// bytes each, and no blocks.
-    ///
-    /// # Errors
-    /// As [`upload`](Self::upload); a format other than `small`; sums that could overflow.
-    ///
-    /// # Safety
-    /// As [`upload`](Self::upload).
-    pub unsafe fn upload_scatter(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
-        let layout = mesh.layout().clone();
-        let index = layout.blocks.clone().filter(|_| UpdatePath::Scatter.formats().contains(&layout.format));
-        let Some(index) = index else {
-            return Err(Error::invalid(
-                format!("update path 'scatter' with {} deltas", layout.format.name()),
-                "pack the mesh as small",
-            ));
-        };
-        index.exact()?;
-        let Records { words, first } = Records::new(mesh, &index);
-        let bytes = (size_of_val(words.as_slice()) as u64).max(16);
-        self.check_not_empty(&layout)?;
-        for (what, bytes) in [("a pose takes", layout.pose_bytes()), ("the records of 'scatter' take", bytes)] {
-            let range = self.device.caps.max_storage_range;
-            self.check_limit(&layout, what, (bytes, "bytes", range), "use fewer targets, or split the mesh")?;
-        }
-        // SAFETY: the caller's obligations.
-        unsafe { self.upload_words(cmd, layout, mesh.base(), (&words, bytes), Some(first)) }
-    }
+/// A crowd on the path `direct-attributes`: the active targets of each instance.
+struct AttributesCrowd {
+    kernel: Arc<Attributes>,
+    active: Vec<Vec<Coefficient>>,
+    target: CaptureTarget,
+}
 
-    /// Record the draws of a crowd on a direct path, one for each head, each of which evaluates its pose: in a render
-    /// pass without attachments, with every primitive discarded. It is what such a path costs, for `bench`; an engine
-    /// that wanted to show the result would do the same in its own vertex shader.
-    ///
-    /// The caller is responsible for: recording it after [`record_update`](Self::record_update), and having at most
-    /// [`CrowdDesc::frames_in_flight`] frames with draws unfinished, whether weights have changed in them or not: draws
-    /// read the weights where the update wrote them. It binds over the graphics pipeline, its set 0, push constants, and
-    /// vertex bindings from 0 on.
-    ///
-    /// # Errors
-    /// A crowd that another engine made, or whose path has pose buffers to draw from; no update recorded yet.
-    ///
-    /// # Safety
-    /// As [`record_update`](Self::record_update).
-    pub unsafe fn record_draws(&self, cmd: vk::CommandBuffer, crowd: &Crowd) -> Result<()> {
-        self.check_direct(crowd)?;
-        // SAFETY: the caller's obligations.
-        unsafe { crowd.record_draws(cmd) }
-    }
-
-    /// Record the draw of one head as [`record_draws`](Self::record_draws) does, and capture the pose that it evaluates:
-    /// by transform feedback, or else by stores of the vertex shader, as the device has it. The crowd has room for one
-    /// pose. Barriers are recorded as for an update through `feedback` or `vertex-store`.
-    ///
-    /// # Errors
-    /// As [`record_draws`](Self::record_draws); a device that has neither.
-    ///
-    /// # Safety
-    /// As [`record_draws`](Self::record_draws).
-    pub unsafe fn record_capture(&self, cmd: vk::CommandBuffer, crowd: &Crowd, instance: u32) -> Result<PoseView> {
-        self.check_direct(crowd)?;
-        // SAFETY: the caller's obligations.
-        unsafe { crowd.record_capture(cmd, instance) }
-    }
-
-    fn check_direct(&self, crowd: &Crowd) -> Result<()> {
-        let path = crowd.desc().update.path;
-        match (crowd.is_on(&self.device), path.evaluates_in_draws()) {
-            (false, _) => Err(Error::invalid(
-                "the crowd belongs to another MorphEngine",
-                "record it with the engine that created it",
-            )),
-            (true, false) => Err(Error::invalid(
-                format!("a draw that evaluates, of a crowd on the path '{}'", path.name()),
-                "draw from Crowd::pose: the path has pose buffers",
-            )),
-            (true, true) => Ok(()),
-        }
-    }
+fn attributes_draw(mesh: &MeshBuffers) -> AttributesDraw<'_> {
+    AttributesDraw { layout: &mesh.layout, base: mesh.base.raw, deltas: mesh.deltas.raw }
 }

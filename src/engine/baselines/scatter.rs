@@ -17,6 +17,7 @@ use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
 
 pub(super) struct ScatterCrowd {
+    kernel: Arc<Scatter>,
     pub(super) grid: ExactGrid,
     /// Input units of a sum: positions, normals.
     units: [f32; 2],
@@ -30,7 +31,7 @@ impl ScatterCrowd {
     pub(super) fn new(
         device: &Arc<Device>,
         mesh: &Arc<MeshBuffers>,
-        kernel: &Scatter,
+        kernel: &Arc<Scatter>,
         desc: &CrowdDesc,
         poses: &Buffer,
     ) -> Result<Self> {
@@ -63,7 +64,7 @@ impl ScatterCrowd {
         };
         let sets = kernel.sets((0..desc.instances * slots).map(of_pose))?;
         let units = index.steps().map(|step| step * grid.weight_step());
-        Ok(Self { grid, units, slots, sums, sets })
+        Ok(Self { kernel: kernel.clone(), grid, units, slots, sums, sets })
     }
 
     #[cfg(feature = "headless")]
@@ -98,12 +99,11 @@ impl ScatterCrowd {
     /// Write the planned commands.
     ///
     /// # Safety
-    /// As [`super::super::MorphEngine::record_update`]; `kernel` made this crowd.
+    /// As [`super::super::MorphEngine::record_update`]; `mesh` is the one that this was made with.
     pub(super) unsafe fn record(
         &self,
         device: &Device,
         cmd: vk::CommandBuffer,
-        kernel: &Scatter,
         mesh: &MeshBuffers,
         list: &CommandList,
     ) {
@@ -112,7 +112,7 @@ impl ScatterCrowd {
                 // SAFETY: the caller's obligations.
                 Command::Barrier(hazard) => unsafe { barriers::record(&device.raw, cmd, *hazard) },
                 // SAFETY: as above.
-                Command::Scatter(step) => unsafe { self.record_step(device, cmd, kernel, mesh, list, step) },
+                Command::Scatter(step) => unsafe { self.record_step(device, cmd, mesh, list, step) },
                 Command::Pass(_) | Command::Blocks(_) => {}
             }
         }
@@ -124,7 +124,6 @@ impl ScatterCrowd {
         &self,
         device: &Device,
         cmd: vk::CommandBuffer,
-        kernel: &Scatter,
         mesh: &MeshBuffers,
         list: &CommandList,
         command: &ScatterCommand,
@@ -143,12 +142,12 @@ impl ScatterCrowd {
                     (!records.is_empty() && weight != 0).then_some((records, weight))
                 });
                 // SAFETY: the caller's obligations; the records are the mesh's.
-                unsafe { kernel.record_add(cmd, set, targets) };
+                unsafe { self.kernel.record_add(cmd, set, targets) };
             }
             ScatterStep::Resolve => {
                 let vertices = mesh.layout.padded_vertices() as u32;
                 // SAFETY: the caller's obligations.
-                unsafe { kernel.record_resolve(cmd, set, vertices, self.units) };
+                unsafe { self.kernel.record_resolve(cmd, set, vertices, self.units) };
             }
         }
     }

@@ -18,22 +18,25 @@ use std::sync::Arc;
 use vertex_store::VertexStore;
 
 /// The pipelines of a baseline.
+#[derive(Clone)]
 pub(crate) enum Baseline {
-    VertexStore(VertexStore),
-    Scatter(Scatter),
-    Direct(Direct),
-    Attributes(Attributes),
+    VertexStore(Arc<VertexStore>),
+    Scatter(Arc<Scatter>),
+    Direct(Arc<Direct>),
+    Attributes(Arc<Attributes>),
 }
 
 impl Baseline {
     pub(crate) fn new(device: &Arc<Device>, desc: &UpdateDesc, format: DeltaFormat) -> Result<Self> {
         Ok(match (desc.path, desc.batch) {
-            (UpdatePath::VertexStore, BatchSize::Targets(b)) => Self::VertexStore(VertexStore::new(device, format, b)?),
-            (UpdatePath::DirectAttributes, BatchSize::Targets(b)) => {
-                Self::Attributes(Attributes::new(device, format, b)?)
+            (UpdatePath::VertexStore, BatchSize::Targets(b)) => {
+                Self::VertexStore(Arc::new(VertexStore::new(device, format, b)?))
             }
-            (UpdatePath::Scatter, _) => Self::Scatter(Scatter::new(device)?),
-            (UpdatePath::Direct, _) => Self::Direct(Direct::new(device, format)?),
+            (UpdatePath::DirectAttributes, BatchSize::Targets(b)) => {
+                Self::Attributes(Arc::new(Attributes::new(device, format, b)?))
+            }
+            (UpdatePath::Scatter, _) => Self::Scatter(Arc::new(Scatter::new(device)?)),
+            (UpdatePath::Direct, _) => Self::Direct(Arc::new(Direct::new(device, format)?)),
             (path, batch) => {
                 return Err(Error::invalid(
                     format!("update path '{}' with batch size {batch} on a device", path.name()),
