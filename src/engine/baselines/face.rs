@@ -10,7 +10,7 @@ use ash::vk;
 
 impl MorphEngine {
     /// As [`upload`](Self::upload), for crowds on the path `scatter`, which reads records of a vertex and its delta, 16
-    /// bytes each, and no blocks.
+    /// bytes each, and no blocks: so many bytes and the base pose, whatever [`mesh_bytes`](Self::mesh_bytes) says.
     ///
     /// # Errors
     /// As [`upload`](Self::upload); a format other than `small`; sums that could overflow.
