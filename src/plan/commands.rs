@@ -96,11 +96,21 @@ pub enum Hazard {
     FeedbackWriteToFeedbackUpdate,
     /// The pose is ready for the host's draws.
     FeedbackWriteToPoseRead,
+    /// As for compute, before the first pass of `vertex-store`.
+    PoseReadToVertexStoreUpdate,
+    /// A pass of `vertex-store` fetches what the last stored and stores where the last fetched.
+    VertexStoreWriteToVertexStoreUpdate,
+    /// The pose is ready for the host's draws.
+    VertexStoreWriteToPoseRead,
+    /// As for compute, before `scatter` clears its sums, which the last update has read, and writes a pose.
+    PoseReadToScatterUpdate,
+    /// Deltas are added to sums that were cleared.
+    ClearToScatter,
 }
 
 impl Hazard {
     /// Every barrier.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 12] = [
         Self::TransferWriteToAssetRead,
         Self::PoseReadToComputeUpdate,
         Self::ComputeWriteToComputeUpdate,
@@ -108,6 +118,11 @@ impl Hazard {
         Self::PoseReadToFeedbackUpdate,
         Self::FeedbackWriteToFeedbackUpdate,
         Self::FeedbackWriteToPoseRead,
+        Self::PoseReadToVertexStoreUpdate,
+        Self::VertexStoreWriteToVertexStoreUpdate,
+        Self::VertexStoreWriteToPoseRead,
+        Self::PoseReadToScatterUpdate,
+        Self::ClearToScatter,
     ];
 
     /// `(before, after)`: what must be finished and made available, and what waits and sees it.
@@ -118,6 +133,7 @@ impl Hazard {
         const COMPUTE: Scope = Scope::new(&[S::Compute], &[A::ShaderRead, A::ShaderWrite]);
         const FEEDBACK: Scope =
             Scope::new(&[S::VertexInput, S::TransformFeedback], &[A::AttributeRead, A::FeedbackWrite]);
+        const STORE: Scope = Scope::new(&[S::VertexInput, S::VertexShader], &[A::AttributeRead, A::ShaderWrite]);
         match self {
             Self::TransferWriteToAssetRead => (
                 Scope::new(&[S::Transfer], &[A::TransferWrite]),
@@ -135,6 +151,16 @@ impl Hazard {
                 (Scope::new(&[S::VertexInput, S::TransformFeedback], &[A::FeedbackWrite]), FEEDBACK)
             }
             Self::FeedbackWriteToPoseRead => (Scope::new(&[S::TransformFeedback], &[A::FeedbackWrite]), DRAWS),
+            // The same stages: what a pass fetches and stores is what a draw may still read.
+            Self::PoseReadToVertexStoreUpdate | Self::VertexStoreWriteToVertexStoreUpdate => {
+                (Scope::new(&[S::VertexInput, S::VertexShader], &[A::ShaderWrite]), STORE)
+            }
+            Self::VertexStoreWriteToPoseRead => (Scope::new(&[S::VertexShader], &[A::ShaderWrite]), DRAWS),
+            Self::PoseReadToScatterUpdate => (
+                Scope::new(&[S::VertexInput, S::VertexShader, S::Compute], &[A::ShaderWrite]),
+                Scope::new(&[S::Transfer, S::Compute], &[A::TransferWrite, A::ShaderRead, A::ShaderWrite]),
+            ),
+            Self::ClearToScatter => (Scope::new(&[S::Transfer], &[A::TransferWrite]), COMPUTE),
         }
     }
 }
@@ -169,6 +195,30 @@ pub struct BlocksCommand {
     pub exact: bool,
 }
 
+/// What a [`ScatterCommand`] does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ScatterStep {
+    /// Set the sums to zero.
+    Clear,
+    /// Add the deltas of the active targets, by atomics.
+    Add,
+    /// Write the pose: base + sums.
+    Resolve,
+}
+
+/// A step of `scatter` for one instance.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ScatterCommand {
+    /// The instance.
+    pub instance: u32,
+    /// What is done.
+    pub step: ScatterStep,
+    /// The slot that the pose goes to in the end.
+    pub destination: u32,
+    /// Which of [`CommandList::coefficients`](CommandList) are added.
+    pub coefficients: Range<usize>,
+}
+
 /// A command of an update.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Command {
@@ -178,6 +228,8 @@ pub enum Command {
     Pass(PassCommand),
     /// A pass over blocks.
     Blocks(BlocksCommand),
+    /// A step of `scatter`.
+    Scatter(ScatterCommand),
 }
 
 /// What one `record_update` writes into the host's command buffer.
@@ -201,7 +253,7 @@ impl CommandList {
     pub fn passes(&self) -> impl Iterator<Item = &PassCommand> {
         self.commands.iter().filter_map(|c| match c {
             Command::Pass(pass) => Some(pass),
-            Command::Barrier(_) | Command::Blocks(_) => None,
+            Command::Barrier(_) | Command::Blocks(_) | Command::Scatter(_) => None,
         })
     }
 
@@ -220,10 +272,13 @@ impl CommandList {
                 Hazard::FeedbackWriteToFeedbackUpdate,
                 Hazard::FeedbackWriteToPoseRead,
             ),
+            UpdatePath::VertexStore => (
+                Hazard::PoseReadToVertexStoreUpdate,
+                Hazard::VertexStoreWriteToVertexStoreUpdate,
+                Hazard::VertexStoreWriteToPoseRead,
+            ),
             // The cpu path has no barriers to record, but its list is the same list.
-            UpdatePath::Compute | UpdatePath::Blocks | UpdatePath::Cpu => {
-                (Hazard::PoseReadToComputeUpdate, Hazard::ComputeWriteToComputeUpdate, Hazard::ComputeWriteToPoseRead)
-            }
+            _ => (Hazard::PoseReadToComputeUpdate, Hazard::ComputeWriteToComputeUpdate, Hazard::ComputeWriteToPoseRead),
         };
         for round in 0..rounds {
             self.commands.push(Command::Barrier(if round == 0 { before } else { between }));
@@ -263,6 +318,36 @@ impl CommandList {
         if first > 0 {
             self.commands.push(Command::Barrier(Hazard::ComputeWriteToPoseRead));
         }
+    }
+
+    /// Write the list for one update through `scatter`: each step of all instances, which do not depend on each other,
+    /// then a barrier.
+    pub fn fill_scatter(&mut self, plans: &[Plan]) {
+        self.commands.clear();
+        self.coefficients.clear();
+        if plans.iter().all(|plan| plan.passes.is_empty()) {
+            return;
+        }
+        for (step, before) in [
+            (ScatterStep::Clear, Hazard::PoseReadToScatterUpdate),
+            (ScatterStep::Add, Hazard::ClearToScatter),
+            (ScatterStep::Resolve, Hazard::ComputeWriteToComputeUpdate),
+        ] {
+            self.commands.push(Command::Barrier(before));
+            for (instance, plan) in plans.iter().enumerate().filter(|(_, plan)| !plan.passes.is_empty()) {
+                let start = self.coefficients.len();
+                if step == ScatterStep::Add {
+                    self.coefficients.extend_from_slice(&plan.coefficients);
+                }
+                self.commands.push(Command::Scatter(ScatterCommand {
+                    instance: instance as u32,
+                    step,
+                    destination: plan.result,
+                    coefficients: start..self.coefficients.len(),
+                }));
+            }
+        }
+        self.commands.push(Command::Barrier(Hazard::ComputeWriteToPoseRead));
     }
 
     /// Bytes that the passes load and store: each reads its source and its targets' deltas and writes its
