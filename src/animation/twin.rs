@@ -1,0 +1,77 @@
+//! The CPU twin of `glsl/animate.comp` and `glsl/plan.comp`: the planner of the block formats, with a few choices made.
+
+use super::{Clips, HeadRecord, Heads, sample};
+use crate::error::Result;
+use crate::mesh::packed::PackedLayout;
+use crate::mesh::packed::blocks::BlockIndex;
+use crate::plan::blocks::{BlockState, Scratch, WorkList};
+use crate::plan::{UpdateDesc, UpdateStats};
+use std::sync::Arc;
+
+/// What the GPU samples and plans, worked out on the CPU.
+pub struct Twin {
+    index: Arc<BlockIndex>,
+    states: Vec<BlockState>,
+    slots: u32,
+    /// Heads left out of the last update.
+    hidden: Vec<bool>,
+    /// `[head][target]`, in steps of the grid.
+    weights: Vec<Vec<i32>>,
+    list: WorkList,
+    scratch: Scratch,
+    asked: Vec<f32>,
+}
+
+impl Twin {
+    /// `heads` heads of a mesh, updated as `desc` says.
+    ///
+    /// # Errors
+    /// As [`BlockState::new`] and [`Clips::new`].
+    pub fn new(desc: UpdateDesc, layout: &PackedLayout, heads: u32) -> Result<Self> {
+        super::check_update(&desc, layout)?;
+        let Some(index) = &layout.blocks else { unreachable!("checked") };
+        let mut state = BlockState::new(desc, layout, index)?;
+        state.write_whole_blocks();
+        state.rotate_always();
+        let (heads, targets) = (heads as usize, layout.targets.len());
+        Ok(Self {
+            index: index.clone(),
+            states: vec![state; heads],
+            slots: desc.slots,
+            hidden: vec![false; heads],
+            weights: vec![vec![0; targets]; heads],
+            list: WorkList::new(index, heads),
+            scratch: Scratch::default(),
+            asked: vec![0.0; targets],
+        })
+    }
+
+    /// Sample and plan the update numbered `update`, which [`Heads::update`] returned last.
+    pub fn update(&mut self, clips: &Clips, heads: &Heads, update: u64) -> &WorkList {
+        self.list.clear();
+        let slot = (update % u64::from(self.slots)) as u32;
+        for (i, (state, record)) in self.states.iter_mut().zip(heads.records()).enumerate() {
+            let hidden = record.has(HeadRecord::HIDDEN);
+            let was_hidden = std::mem::replace(&mut self.hidden[i], hidden);
+            if hidden {
+                continue;
+            }
+            if was_hidden {
+                state.take_up_at(slot);
+            }
+            sample(clips, record, heads.now(), &mut self.weights[i]);
+            let step = state.exact().map_or(0.0, |grid| grid.weight_step());
+            // Steps have fewer bits than a float32's, and the step is a power of two: exact.
+            self.asked.iter_mut().zip(&self.weights[i]).for_each(|(asked, &steps)| *asked = steps as f32 * step);
+            let (scratch, list) = (&mut self.scratch, &mut self.list);
+            let stats = &mut UpdateStats::default();
+            state.plan(&self.index, i, &self.asked, update + 1, scratch, list, stats);
+        }
+        &self.list
+    }
+
+    /// The weights of a head, in steps of the grid.
+    pub fn weights(&self, head: usize) -> &[i32] {
+        &self.weights[head]
+    }
+}
