@@ -37,16 +37,20 @@ fn modules() -> Vec<Module> {
         [("float32", None, false), ("fast", Some("FAST"), true), ("small", Some("SMALL"), true)]
     {
         for exact in [Some(false), exact.then_some(true)].into_iter().flatten() {
-            for vertices in if format == "fast" { &[1, 4][..] } else { &[1] } {
-                let name = format!(
-                    "blocks_{format}{}{}",
-                    if exact { "_exact" } else { "" },
-                    if *vertices == 4 { "_x4" } else { "" }
-                );
-                let mut defines = vec![("VERTICES", Some(vertices.to_string()))];
-                defines.extend(define.map(|d| (d, None)));
-                defines.extend(exact.then_some(("EXACT", None)));
-                list.push(module(&name, "blocks.comp", defines));
+            // Software drivers take four vertices a lane of `fast`, and do single heads with float sums as crowds.
+            let lanes: &[u32] = if format == "fast" { &[1, 4] } else { &[1] };
+            for (kernel, source) in [("blocks", "blocks.comp"), ("crowd", "crowd.comp")] {
+                for &vertices in lanes.iter().filter(|&&v| v == 1 || exact || kernel == "crowd") {
+                    let name = format!(
+                        "{kernel}_{format}{}{}",
+                        if exact { "_exact" } else { "" },
+                        if vertices == 4 { "_x4" } else { "" }
+                    );
+                    let mut defines = vec![("VERTICES", Some(vertices.to_string()))];
+                    defines.extend(define.map(|d| (d, None)));
+                    defines.extend(exact.then_some(("EXACT", None)));
+                    list.push(module(&name, source, defines));
+                }
             }
         }
     }

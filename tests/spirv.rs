@@ -125,8 +125,9 @@ fn every_module_keeps_to_what_a_phone_promises() {
         for mode in &entry.exec_modes {
             if mode.exec_mode == spirq::spirv::ExecutionMode::LocalSize {
                 let size: Vec<u32> = mode.operands.iter().map(|c| operand(&c.value)).collect();
-                // Blocks kernels take theirs as a specialization constant.
-                assert!(name.starts_with("blocks") || size == [WORKGROUP, 1, 1], "{name}");
+                // Kernels of blocks take theirs as a specialization constant.
+                let blocks = name.starts_with("blocks") || name.starts_with("crowd");
+                assert!(blocks || size == [WORKGROUP, 1, 1], "{name}");
                 const { assert!(WORKGROUP <= 128) };
             }
         }
@@ -188,8 +189,13 @@ fn blocks_kernels_agree_with_the_host() {
         if exact && format == DeltaFormat::BlockFloat32 {
             continue;
         }
-        for vertices in if format == DeltaFormat::Fast { &[1, 4][..] } else { &[1] } {
-            let name = blocks_module(format, exact, *vertices);
+        let lanes = if format == DeltaFormat::Fast { &[1, 4][..] } else { &[1] };
+        for (tiled, vertices) in lanes.iter().flat_map(|v| [(false, *v), (true, *v)]) {
+            // Four vertices a lane and float sums are for software drivers, which take tiles then.
+            if vertices == 4 && !exact && !tiled {
+                continue;
+            }
+            let name = blocks_module(format, exact, tiled, vertices);
             let blocks = reflect(&name);
             let strides: Vec<_> = storage_buffers(&blocks).iter().map(|(b, ty)| (*b, stride(ty))).collect();
             // Words, words, floats, and integers where sums are exact.
@@ -207,13 +213,18 @@ fn blocks_kernels_agree_with_the_host() {
                 ("normal_unit", offset_of!(BlocksPush, normal_unit)),
             ]);
             assert_eq!((members(&push), bytes(&push)), (expected, size_of::<BlocksPush>()), "{name}");
-            // Lanes, vertices of a block; whether items are rebuilt, where that takes a pipeline of its own.
-            let straight = *vertices == 4 && !exact;
-            assert_eq!(constants(&blocks), if straight { &[0, 1, 2][..] } else { &[0, 1] }, "{name}");
+            // Lanes, vertices of a block; instances of a tile; whether they start from base, where that takes a
+            // pipeline of its own.
+            let expected = match (tiled, exact) {
+                (false, _) => &[0, 1][..],
+                (true, true) => &[0, 1, 2],
+                (true, false) => &[0, 1, 2, 3],
+            };
+            assert_eq!(constants(&blocks), expected, "{name}");
             seen += 1;
         }
     }
-    let modules = MODULES.iter().filter(|(name, _)| name.starts_with("blocks_")).count();
+    let modules = MODULES.iter().filter(|(n, _)| n.starts_with("blocks_") || n.starts_with("crowd_")).count();
     assert_eq!(seen, modules);
     assert_eq!(size_of::<Element>(), ELEMENT_BYTES);
     // The largest block has as many lanes as a phone promises.

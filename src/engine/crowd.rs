@@ -276,17 +276,22 @@ impl Crowd {
         Update { ticket, stats }
     }
 
-    /// Write the planned commands.
+    /// Write the planned commands of `update`.
     ///
     /// # Safety
     /// As [`super::MorphEngine::record_update`].
-    pub(super) unsafe fn record(&mut self, cmd: vk::CommandBuffer) -> Result<()> {
+    pub(super) unsafe fn record(&mut self, cmd: vk::CommandBuffer, update: &mut Update) -> Result<()> {
         let frame = self.recorded % u64::from(self.desc.frames_in_flight);
         match &mut self.backend {
             // SAFETY: the caller's obligations.
             Backend::Dense(dense) => unsafe { dense.record(&self.device, cmd, &self.poses, frame) },
-            // SAFETY: the caller's obligations.
-            Backend::Blocks(blocks) => unsafe { blocks.record(&self.device, cmd, frame) },
+            Backend::Blocks(blocks) => {
+                // SAFETY: the caller's obligations.
+                let bytes = unsafe { blocks.record(&self.device, cmd, frame) }?;
+                update.stats.bytes_moved += bytes.moved;
+                update.stats.bytes_floor += bytes.floor;
+                Ok(())
+            }
         }
     }
 }

@@ -1,5 +1,6 @@
-//! The `blocks` path: one dispatch, a workgroup for each item of the work list.
+//! The `blocks` path: a workgroup for each item of the work list, or for each tile.
 
+use super::caps::DeviceCaps;
 use super::device::Device;
 use super::failed;
 use super::pipelines::Objects;
@@ -8,7 +9,6 @@ use crate::error::Result;
 use crate::mesh::packed::DeltaFormat;
 use ash::vk;
 use bytemuck::bytes_of;
-use std::ops::Range;
 use std::sync::Arc;
 
 /// Storage buffers of the kernel: asset, work list, poses, integer sums (exact accumulation only).
@@ -24,6 +24,8 @@ pub(crate) struct BlocksVariant {
     pub(crate) exact: bool,
     /// Vertices of a block.
     pub(crate) size: u32,
+    /// Widths of tiles that there are (`crowd.comp`); 0: single instances, with masks (`blocks.comp`).
+    pub(crate) widths: u32,
 }
 
 impl BlocksVariant {
@@ -32,7 +34,7 @@ impl BlocksVariant {
     }
 }
 
-/// The pipeline of a variant; where it is [straight](Self::is_straight), that of rebuilt items as well.
+/// The pipeline of a variant; where it is [tiled](Self::is_tiled), one for each width, and for rebuilt tiles apart.
 pub(crate) struct BlocksKernel {
     pub(crate) objects: Objects,
     variant: BlocksVariant,
@@ -40,67 +42,88 @@ pub(crate) struct BlocksKernel {
 
 impl BlocksKernel {
     pub(crate) fn new(device: &Arc<Device>, variant: BlocksVariant) -> Result<Self> {
+        let BlocksVariant { format, exact, size, widths } = variant;
         // Software drivers pay for every lane's loads: there, several vertices share those of an entry.
-        let vertices = if variant.format == DeltaFormat::Fast && device.caps.is_software() { 4 } else { 1 };
+        let vertices = if prefers_tiles(&device.caps, format) { 4 } else { 1 };
         let mut objects = Objects::none(device);
         objects.add_storage_set_layout(variant.bindings())?;
         objects.add_layout(vk::ShaderStageFlags::COMPUTE, size_of::<BlocksPush>() as u32)?;
-        let name = super::shaders::blocks_module(variant.format, variant.exact, vertices);
-        let size = [variant.size / vertices, variant.size];
-        if vertices == 4 && !variant.exact {
-            for rebuilt in [0, 1] {
-                objects.add_compute(&name, &[size[0], size[1], rebuilt])?;
+        let name = super::shaders::blocks_module(format, exact, widths > 0, vertices);
+        if widths == 0 {
+            objects.add_compute(&name, &[size / vertices, size])?;
+        }
+        for rebuilt in 0..if exact { 1 } else { 2 } {
+            for width in 0..widths {
+                let constants = [size / vertices, size, 1 << width, rebuilt];
+                objects.add_compute(&name, &constants[..if exact { 3 } else { 4 }])?;
             }
-        } else {
-            objects.add_compute(&name, &size)?;
         }
         Ok(Self { objects, variant })
     }
 
-    /// Whether it loads and stores whole blocks, whatever the masks say, and takes rebuilt items in a dispatch of their
-    /// own (see `blocks.comp`).
-    pub(crate) fn is_straight(&self) -> bool {
-        self.objects.pipelines.len() > 1
+    /// Whether it takes tiles: whole blocks of several instances.
+    pub(crate) fn is_tiled(&self) -> bool {
+        self.variant.widths > 0
     }
 
     pub(crate) fn serves(&self, variant: BlocksVariant) -> bool {
         self.variant == variant
     }
 
-    /// Record items of a work list of `item_words` words an item: `items`, then `rebuilt` ones.
+    /// Record items of a work list.
     ///
     /// # Safety
     /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
-    /// - `set` was made by [`BlockSets`] for this kernel and lives until the dispatch has run; the list at `list` in
+    /// - `set` was made by [`BlockSets`] for this kernel and lives until the dispatches have run; the list at `list` in
     ///   its second buffer is complete by then, and names blocks, entries and slots that its buffers have.
     pub(crate) unsafe fn record(
         &self,
         cmd: vk::CommandBuffer,
         set: vk::DescriptorSet,
         list: u32,
-        items: [Range<usize>; 2],
-        item_words: usize,
+        parts: &[BlocksDispatch],
         push: BlocksPush,
     ) {
         let device = &self.objects.device.raw;
         let most = self.objects.device.caps.max_workgroups as usize;
         let (bind, layout) = (vk::PipelineBindPoint::COMPUTE, self.objects.layout);
-        let pipelines = &self.objects.pipelines;
-        for (pipeline, items) in pipelines.iter().cycle().zip(items).filter(|(_, items)| !items.is_empty()) {
-            // SAFETY: the caller's obligations; the push constants fill the layout's range; `list` is a multiple of the
-            // device's offset alignment; no dispatch has more workgroups than the device allows.
+        // SAFETY: the caller's obligations; `list` is a multiple of the device's offset alignment.
+        unsafe { device.cmd_bind_descriptor_sets(cmd, bind, layout, 0, &[set], &[list]) };
+        for BlocksDispatch { pipeline, items, first_word, item_words } in parts {
+            // SAFETY: the caller's obligations; the push constants fill the layout's range; no dispatch has more
+            // workgroups than the device allows.
             unsafe {
-                device.cmd_bind_pipeline(cmd, bind, *pipeline);
-                device.cmd_bind_descriptor_sets(cmd, bind, layout, 0, &[set], &[list]);
-                for first in items.clone().step_by(most) {
-                    let push = BlocksPush { first_item: (first * item_words) as u32, ..push };
-                    let groups = most.min(items.end - first) as u32;
+                device.cmd_bind_pipeline(cmd, bind, self.objects.pipelines[*pipeline]);
+                for first in (0..*items).step_by(most) {
+                    let push = BlocksPush { first_item: (first_word + first * item_words) as u32, ..push };
+                    let groups = most.min(items - first) as u32;
                     device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::COMPUTE, 0, bytes_of(&push));
                     device.cmd_dispatch(cmd, groups, 1, 1);
                 }
             }
         }
     }
+
+    /// Which pipeline takes tiles of 2^width instances that start from the base pose (`apart`) or do not.
+    pub(crate) fn pipeline_of(&self, apart: usize, width: usize) -> usize {
+        apart * self.variant.widths as usize + width
+    }
+}
+
+/// Whether tiles are the better choice even for a single instance: on software drivers, whose loads and stores cost
+/// several times as much under the control flow that masks take.
+pub(crate) fn prefers_tiles(caps: &DeviceCaps, format: DeltaFormat) -> bool {
+    caps.is_software() && format == DeltaFormat::Fast
+}
+
+/// Items that go into one dispatch, or more where the device allows only so many workgroups.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BlocksDispatch {
+    pub(crate) pipeline: usize,
+    pub(crate) items: usize,
+    /// Index of the first item's first word in the list.
+    pub(crate) first_word: usize,
+    pub(crate) item_words: usize,
 }
 
 /// A buffer and the bytes of it that a descriptor covers.

@@ -4,7 +4,7 @@ use super::Headless;
 use super::draw::PoseDraw;
 use super::submit::{full_barrier, host_barrier};
 use crate::engine::{Crowd, CrowdDesc, GpuMesh, MorphEngine, PoseView, Update};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::mesh::packed::PackedMesh;
 use crate::plan::commands::CommandList;
@@ -45,6 +45,11 @@ impl<'a> HeadlessCrowd<'a> {
         // SAFETY: the submitter hands out a recording buffer of the engine's device; it waits for the device.
         let mut mesh = headless.submitter().run(|cmd| unsafe { engine.upload(cmd, mesh) })?;
         mesh.release_staging();
+        Self::of(headless, mesh, desc)
+    }
+
+    fn of(headless: &'a Headless, mesh: GpuMesh, desc: &CrowdDesc) -> Result<Self> {
+        let engine = headless.engine();
         let crowd = engine.create_crowd(&mesh, desc)?;
         let readback = Buffer::new(
             engine.device(),
@@ -56,6 +61,35 @@ impl<'a> HeadlessCrowd<'a> {
             },
         )?;
         Ok(Self { headless, draw: PoseDraw::new(engine.device())?, mesh, crowd, readback })
+    }
+
+    /// Another crowd of the same mesh, which is not uploaded again.
+    ///
+    /// # Errors
+    /// As [`MorphEngine::create_crowd`].
+    pub fn another(&self, desc: &CrowdDesc) -> Result<Self> {
+        let mesh = self.mesh.shared();
+        Self::of(self.headless, mesh, desc)
+    }
+
+    /// Ask the first instance of each crowd for these weights, update all crowds in one submission, wait: device time
+    /// in milliseconds, where the device has timestamps.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step); no crowd; crowds of different devices.
+    pub fn step_each(crowds: &mut [Self], weights: &[&[f32]]) -> Result<Option<f64>> {
+        let headless = crowds.first().map(|c| c.headless).ok_or_else(|| Error::invalid("no crowds", "pass some"))?;
+        for (crowd, weights) in crowds.iter_mut().zip(weights) {
+            crowd.crowd.set_weights(0, weights)?;
+        }
+        let ((), ticks) = headless.submitter().run_timed(|cmd| {
+            for crowd in crowds.iter_mut() {
+                // SAFETY: as in `step_tampered`; a crowd of another device is refused.
+                let _ran = unsafe { headless.engine().record_update(cmd, &mut crowd.crowd) }?;
+            }
+            Ok(())
+        })?;
+        Ok(crowds[0].milliseconds(ticks))
     }
 
     /// The crowd.

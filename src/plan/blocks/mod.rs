@@ -18,8 +18,10 @@
 
 mod commit;
 mod list;
+mod tiles;
 
 pub use list::{ELEMENT_BYTES, Element, ITEM_WORDS, Item, WorkList, component_bytes};
+pub use tiles::{TILE, TILE_WORDS, TileBytes, TileItem, Tiles, WIDTHS};
 
 use commit::{Committed, Frame, list_active};
 
