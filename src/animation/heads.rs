@@ -262,12 +262,12 @@ impl Heads {
     /// pose.
     pub fn written(&self, head: u32) -> Option<(u64, bool)> {
         let head = &self.heads[head as usize];
-        let update = match head.shown {
-            Shown::Never => return None,
-            Shown::Yes => self.updates.checked_sub(1)?,
-            Shown::Until(update) => update.checked_sub(1)?,
-        };
-        Some((update, head.cut_at != Some(update)))
+        match head.shown {
+            Shown::Never => None,
+            Shown::Yes => self.updates.checked_sub(1).map(|update| (update, head.cut_at != Some(update))),
+            // It does not move.
+            Shown::Until(update) => update.checked_sub(1).map(|update| (update, false)),
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Instances of one mesh, their pose buffers, and the recording of their updates.
 
+use super::animated::Animated;
 use super::blocks::Blocks;
 use super::dense::Dense;
 use super::{Kernel, MeshBuffers};
@@ -67,7 +68,7 @@ pub struct Crowd {
     desc: CrowdDesc,
     poses: Buffer,
     weights: Vec<Vec<f32>>,
-    backend: Backend,
+    pub(super) backend: Backend,
     /// Updates planned.
     updates: u64,
     /// Updates with passes, less discarded ones: the ring of lists turns with them.
@@ -75,13 +76,28 @@ pub struct Crowd {
 }
 
 /// What depends on the update path.
-enum Backend {
+pub(super) enum Backend {
     Dense(Box<Dense>),
     Blocks(Box<Blocks>),
+    Animated(Box<Animated>),
 }
 
 impl Crowd {
     pub(super) fn new(device: &Arc<Device>, mesh: &Arc<MeshBuffers>, kernel: Kernel, desc: &CrowdDesc) -> Result<Self> {
+        Self::with_backend(device, mesh, desc, |poses| match (kernel, &mesh.layout.blocks) {
+            (Kernel::Blocks(kernel), Some(index)) => {
+                Ok(Backend::Blocks(Box::new(Blocks::new(device, mesh, index, kernel, desc, poses)?)))
+            }
+            (kernel, _) => Ok(Backend::Dense(Box::new(Dense::new(device, mesh, kernel, desc, poses)?))),
+        })
+    }
+
+    pub(super) fn with_backend(
+        device: &Arc<Device>,
+        mesh: &Arc<MeshBuffers>,
+        desc: &CrowdDesc,
+        backend: impl FnOnce(&Buffer) -> Result<Backend>,
+    ) -> Result<Self> {
         if desc.instances == 0 || desc.frames_in_flight == 0 {
             return Err(Error::invalid(
                 format!("a crowd of {} instances with {} frames in flight", desc.instances, desc.frames_in_flight),
@@ -110,14 +126,11 @@ impl Crowd {
             device,
             &BufferDesc { name: "deltamorph poses", bytes, usage, location: MemoryLocation::GpuOnly },
         )?;
-        let backend = match (kernel, &mesh.layout.blocks) {
-            (Kernel::Blocks(kernel), Some(index)) => {
-                Backend::Blocks(Box::new(Blocks::new(device, mesh, index, kernel, desc, &poses)?))
-            }
-            (kernel, _) => Backend::Dense(Box::new(Dense::new(device, mesh, kernel, desc, &poses)?)),
-        };
+        let backend = backend(&poses)?;
+        // Those that the GPU samples stay there.
+        let lists = if matches!(backend, Backend::Animated(_)) { 0 } else { desc.instances };
         Ok(Self {
-            weights: vec![vec![0.0; mesh.layout.targets.len()]; desc.instances as usize],
+            weights: vec![vec![0.0; mesh.layout.targets.len()]; lists as usize],
             backend,
             updates: 0,
             recorded: 0,
@@ -146,6 +159,10 @@ impl Crowd {
         let exact = match &self.backend {
             Backend::Dense(_) => None,
             Backend::Blocks(blocks) => blocks.exact(),
+            Backend::Animated(_) => {
+                let what = format!("weights of instance {instance}, which is animated on the GPU");
+                return Err(Error::invalid(what, "play a clip, or make the crowd with create_crowd"));
+            }
         };
         check_block_weights(weights, &self.mesh.layout, exact)?;
         self.check_instance(instance)?;
@@ -163,6 +180,7 @@ impl Crowd {
         match &mut self.backend {
             Backend::Dense(dense) => dense.states[instance as usize].cut(),
             Backend::Blocks(blocks) => blocks.planner.states[instance as usize].cut(),
+            Backend::Animated(animated) => animated.heads.cut(instance),
         }
         Ok(())
     }
@@ -177,6 +195,8 @@ impl Crowd {
             Backend::Blocks(blocks) => {
                 blocks.planner.states.iter_mut().for_each(|state| state.discard_from(ticket.update))
             }
+            // What the GPU would have changed is unchanged: the CPU's count of updates turns back, and that is all.
+            Backend::Animated(animated) => animated.heads.discard_from(ticket.recorded),
         }
         self.recorded = self.recorded.min(ticket.recorded);
     }
@@ -201,7 +221,7 @@ impl Crowd {
         Ok(previous.map(|slot| self.view(instance, slot)))
     }
 
-    fn check_instance(&self, instance: u32) -> Result<()> {
+    pub(super) fn check_instance(&self, instance: u32) -> Result<()> {
         if instance < self.desc.instances {
             return Ok(());
         }
@@ -216,6 +236,10 @@ impl Crowd {
         self.check_instance(instance)?;
         let i = instance as usize;
         let (known, slots) = match &self.backend {
+            Backend::Animated(animated) => {
+                let slots = animated.slots_of(instance);
+                (slots.is_some(), slots.unwrap_or_default())
+            }
             Backend::Dense(dense) => {
                 (dense.states[i].applied().is_some(), (dense.plans[i].result, dense.plans[i].previous))
             }
@@ -236,6 +260,7 @@ impl Crowd {
         match &self.backend {
             Backend::Dense(_) => None,
             Backend::Blocks(blocks) => blocks.sums(instance, self.mesh.layout.pose_bytes()),
+            Backend::Animated(animated) => Some(animated.sums(instance, self.mesh.layout.pose_bytes())),
         }
     }
 
@@ -261,6 +286,7 @@ impl Crowd {
         match &mut self.backend {
             Backend::Dense(dense) => &mut dense.list,
             Backend::Blocks(blocks) => &mut blocks.list,
+            Backend::Animated(animated) => &mut animated.list,
         }
     }
 
@@ -270,6 +296,7 @@ impl Crowd {
         let stats = match &mut self.backend {
             Backend::Dense(dense) => dense.plan(&self.weights, self.updates),
             Backend::Blocks(blocks) => blocks.plan(&self.weights, self.updates),
+            Backend::Animated(animated) => animated.plan(),
         };
         let ticket = Ticket { update: self.updates, recorded: self.recorded };
         self.recorded += u64::from(!self.commands_mut().commands.is_empty());
@@ -290,6 +317,11 @@ impl Crowd {
                 let bytes = unsafe { blocks.record(&self.device, cmd, frame) }?;
                 update.stats.bytes_moved += bytes.moved;
                 update.stats.bytes_floor += bytes.floor;
+                Ok(())
+            }
+            Backend::Animated(animated) => {
+                // SAFETY: the caller's obligations.
+                unsafe { animated.record(&self.device, cmd) };
                 Ok(())
             }
         }

@@ -17,6 +17,7 @@
 //! - Engine, meshes and crowds are dropped only when the device has finished with them, and before the device
 //!   is destroyed. An allocator that the host shares is not locked by the host meanwhile.
 
+mod animated;
 mod blocks;
 mod crowd;
 mod dense;
@@ -26,6 +27,7 @@ pub use crate::gpu::device::{DeviceDesc, SharedAllocator};
 pub use crowd::{Crowd, CrowdDesc, PoseView, Ticket, Update};
 
 use crate::error::{Error, Result};
+use crate::gpu::animation::AnimationKernel;
 use crate::gpu::barriers;
 use crate::gpu::blocks::{BlocksKernel, BlocksVariant, prefers_tiles};
 use crate::gpu::compute::Compute;
@@ -54,6 +56,7 @@ pub(crate) enum Kernel {
 pub struct MorphEngine {
     device: Arc<Device>,
     kernels: Mutex<Vec<Kernel>>,
+    animation: Mutex<Option<Arc<AnimationKernel>>>,
 }
 
 /// A mesh on the device. Crowds keep what they need of it alive.
@@ -103,7 +106,7 @@ impl MorphEngine {
     pub unsafe fn new(desc: &DeviceDesc<'_>) -> Result<Self> {
         // SAFETY: the caller's obligations are those of `borrow`.
         let device = unsafe { Device::borrow(desc) }?;
-        Ok(Self { device: Arc::new(device), kernels: Mutex::default() })
+        Ok(Self { device: Arc::new(device), kernels: Mutex::default(), animation: Mutex::default() })
     }
 
     /// Limits and features that the engine keeps to.
@@ -239,15 +242,29 @@ impl MorphEngine {
     /// A mesh that another engine uploaded; a path or batch size that the device cannot run, with what to use
     /// instead; no memory.
     pub fn create_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<Crowd> {
+        self.check_crowd(mesh, desc)?;
+        let kernel = self.kernel(desc, mesh)?;
+        Crowd::new(&self.device, &mesh.shared, kernel, desc)
+    }
+
+    fn check_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<()> {
         if !mesh.shared.base.is_on(&self.device) {
             return Err(Error::invalid(
                 format!("mesh '{}' belongs to another MorphEngine", mesh.layout().name),
                 "upload it with the engine that makes the crowd",
             ));
         }
-        self.device.caps.check_update(&desc.update, mesh.layout())?;
-        let kernel = self.kernel(desc, mesh)?;
-        Crowd::new(&self.device, &mesh.shared, kernel, desc)
+        self.device.caps.check_update(&desc.update, mesh.layout())
+    }
+
+    fn animation_kernel(&self) -> Result<Arc<AnimationKernel>> {
+        let mut kernel = self.animation.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(kernel) = &*kernel {
+            return Ok(kernel.clone());
+        }
+        let made = Arc::new(AnimationKernel::new(&self.device)?);
+        *kernel = Some(made.clone());
+        Ok(made)
     }
 
     fn kernel(&self, desc: &CrowdDesc, mesh: &GpuMesh) -> Result<Kernel> {

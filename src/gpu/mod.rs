@@ -4,6 +4,7 @@
 //! `memory`, [`shaders`] (embedded modules and shared layouts), `pipelines`, `barriers`, and one file per
 //! update path.
 
+pub(crate) mod animation;
 pub(crate) mod barriers;
 pub(crate) mod blocks;
 pub mod caps;

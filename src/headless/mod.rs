@@ -7,6 +7,8 @@ mod draw;
 mod submit;
 
 pub use bandwidth::Bandwidth;
+#[doc(hidden)]
+pub use crowd::PlannedGroup;
 pub use crowd::{HeadlessCrowd, Recorded, Step};
 
 use crate::engine::{DeviceCaps, DeviceDesc, MorphEngine};
