@@ -2,7 +2,8 @@
 //! for bit.
 //!
 //! # Keys
-//! A weight of a clip is kept as a whole number of steps of the mesh's [`ExactGrid`]: 32 bits, or 16 bits of the number
+//! A weight of a clip is kept as a whole number of steps of the mesh's
+//! [`ExactGrid`](crate::mesh::packed::blocks::ExactGrid): 32 bits, or 16 bits of the number
 //! shifted to the right ([`KeyFormat`]). [`Clips`] has the layout.
 //!
 //! # Time

@@ -12,7 +12,8 @@ impl MorphEngine {
     /// head at the time set, plans, and carries the plan out; the CPU records the same commands whatever changes.
     ///
     /// Sums are exact: they do not drift, and there is no bound to keep. Slots always rotate. Heads that have played
-    /// nothing yet show the base pose.
+    /// nothing yet show the base pose. What an update wrote only the GPU knows: [`UpdateStats`](crate::plan::UpdateStats)
+    /// count a pass, and nothing else. There is no ring of lists either: any number of updates may be in flight.
     ///
     /// This records: a copy and two fills, and a barrier that makes them visible to updates (first stage TRANSFER with
     /// TRANSFER_WRITE; last COMPUTE_SHADER).

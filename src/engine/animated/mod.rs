@@ -3,6 +3,8 @@
 
 mod api;
 mod layout;
+#[cfg(feature = "headless")]
+mod readback;
 
 use super::MeshBuffers;
 use super::blocks::asset_bytes;
@@ -38,6 +40,7 @@ pub(crate) struct Animated {
     #[cfg_attr(not(feature = "headless"), expect(dead_code, reason = "kept for the sets that name it"))]
     work: Buffer,
     control: Buffer,
+    #[cfg_attr(not(feature = "headless"), expect(dead_code, reason = "kept for the sets that name it"))]
     sums: Buffer,
     tables: Buffer,
     staging: Option<Buffer>,
@@ -284,42 +287,4 @@ impl Animated {
         let before = ((update + slots - 1) % slots) as u32;
         Some((slot, if !has_past { Some(slot) } else { (slots > 1).then_some(before) }))
     }
-
-    /// The integer sums of an instance: buffer and offset.
-    #[cfg(feature = "headless")]
-    pub(super) fn sums(&self, instance: u32, pose_bytes: u64) -> (vk::Buffer, u64) {
-        (self.sums.raw, u64::from(instance) * pose_bytes)
-    }
-
-    /// Work lists, arguments, and where those of each group are.
-    #[cfg(feature = "headless")]
-    pub(crate) fn plan_buffers(&self) -> (vk::Buffer, vk::Buffer, Vec<PlanPlace>) {
-        let groups = &self.groups;
-        let place = |group| PlanPlace {
-            instances: groups.get(group),
-            capacity: groups.capacity as usize,
-            list: (u64::from(group) * groups.stride, groups.stride),
-            arguments: std::array::from_fn(|width| (groups.arguments(group, width, 0), groups.chunks)),
-        };
-        (self.work.raw, self.control.raw, (0..groups.count()).map(place).collect())
-    }
-
-    /// The weights of an instance: buffer, offset, size.
-    #[cfg(feature = "headless")]
-    pub(crate) fn weights_of(&self, instance: u32) -> (vk::Buffer, u64, u64) {
-        let targets = u64::from(self.push.targets);
-        let first = u64::from(self.push.weights_at) + u64::from(instance) * targets;
-        (self.state.raw, 4 * first, 4 * targets)
-    }
-}
-
-/// Where a group's plan is.
-#[cfg(feature = "headless")]
-pub(crate) struct PlanPlace {
-    pub(crate) instances: (u32, u32),
-    pub(crate) capacity: usize,
-    /// Offset and bytes.
-    pub(crate) list: (u64, u64),
-    /// Of each width: the offset of the first dispatch's arguments, and how many dispatches there are.
-    pub(crate) arguments: [(u64, u32); WIDTHS],
 }
