@@ -23,8 +23,8 @@ struct Module {
 fn modules() -> Vec<Module> {
     let module = |name: &str, source, defines| Module { name: name.into(), source, defines };
     let mut list = vec![module("consume", "consume.vert", vec![]), module("read", "read.comp", vec![])];
-    let animation = [("animate", "animate.comp"), ("plan", "plan.comp"), ("arguments", "arguments.comp")];
-    list.extend(animation.map(|(name, source)| module(name, source, vec![])));
+    let animation = ["animate.comp", "budget.comp", "commit.comp", "plan.comp", "arguments.comp"];
+    list.extend(animation.map(|source| module(source.trim_end_matches(".comp"), source, vec![])));
     for (format, attributes, define) in [("float32", 2, None), ("snorm16", 1, Some(("SNORM16", None)))] {
         let with = |rest: Vec<(&'static str, Option<String>)>| define.clone().into_iter().chain(rest).collect();
         list.push(module(&format!("dense_{format}"), "dense.comp", with(vec![])));

@@ -4,8 +4,6 @@
 #extension GL_GOOGLE_include_directive : require
 #include "animation.glsl"
 
-layout(local_size_x = 64) in;
-
 int key(uint clip, uint index) {
     uint first = tables[4u * clip];
     if (tables[4u * clip + 3u] == 32u) return int(tables[first + index]);
@@ -24,8 +22,7 @@ int interpolate(int k0, int k1, uint f) {
 }
 
 void main() {
-    // Two dimensions: there may be more invocations than one holds.
-    uint i = gl_GlobalInvocationID.x + gl_GlobalInvocationID.y * gl_NumWorkGroups.x * gl_WorkGroupSize.x;
+    uint i = flat_invocation();
     if (i >= heads * words) return;
     uint head = i / words;
     uint record = head * RECORD_WORDS;
@@ -68,18 +65,22 @@ void main() {
 
     uint first = (i % words) * 32u;
     uint count = min(targets - first, 32u);
-    uint changed = 0u, active_bits = 0u;
+    // Without an error budget: changed and active. With one: asked and pending.
+    uint one = 0u, other = 0u;
     for (uint t = 0u; t < count; ++t) {
         uint target = first + t;
         uint at = head * targets + target;
+        uint bit = 1u << t;
         int weight = 0;
         if (playing) weight = interpolate(key(clip, frame * targets + target), key(clip, next * targets + target), f);
-        int delta = weight - int(state[weights_at + at]);
-        state[weights_at + at] = uint(weight);
-        state[deltas_at + at] = uint(delta);
-        if (delta != 0) changed |= 1u << t;
-        if (weight != 0) active_bits |= 1u << t;
+        if (budget_at == 0u) {
+            commit(at, weight, bit, one, other);
+            continue;
+        }
+        if (weight != int(state[requested_at + at])) one |= bit;
+        if (weight != int(state[weights_at + at])) other |= bit;
+        state[requested_at + at] = uint(weight);
     }
-    state[changed_at + i] = changed;
-    state[active_at + i] = active_bits;
+    state[bits(budget_at == 0u ? CHANGED : ASKED) + i] = one;
+    state[bits(budget_at == 0u ? ACTIVE : PENDING) + i] = other;
 }

@@ -1,14 +1,18 @@
 // What the kernels of animation on the GPU share: bindings, push constants, layouts. All words of 32 bits.
 // Host: src/gpu/animation.rs. Meaning of times and keys: src/animation/mod.rs.
 
+layout(local_size_x = 64) in;
+
 // clips    [clip][first word, frames, shift, bits of a key], keys
 // blocks   [block][word] targets that touch it, a bit each;   [block + 1] first entry;   [entry] target, bytes
+// budget   two words of the budget, the lower first;   [entry] reach in steps
 layout(set = 0, binding = 0, std430) readonly buffer Tables { uint tables[]; };
 
 // records  [head] 8 words, written by copies
 // phases   [head][word]; the first of a head's is its own
 // weights  [head][target] in steps of the grid;   deltas [head][target]: what the last update changed
-// changed  [head][word] targets whose weight changed, a bit each;   active [head][word]: whose weight is not 0
+// requested [head][target]: the weights asked for, with an error budget
+// bits     [CHANGED..][head][word] of 32 targets, a bit each
 // history  [head][block]: in which of the last updates it was touched, the last in bit 0
 layout(set = 0, binding = 1, std430) buffer State { uint state[]; };
 
@@ -31,8 +35,7 @@ layout(push_constant) uniform Push {
     uint phases_at;        // in State
     uint weights_at;
     uint deltas_at;
-    uint changed_at;
-    uint active_at;
+    uint bits_at;
     uint history_at;
     uint history_mask;     // bits of the updates that a slot may have missed
     uint slots;
@@ -47,6 +50,8 @@ layout(push_constant) uniform Push {
     uint counters;
     uint chunks;           // dispatches of a width
     uint chunk_items;      // workgroups of a dispatch, at most
+    uint budget_at;        // in Tables; 0: no change waits
+    uint requested_at;     // in State
 };
 
 const uint RECORD_WORDS = 8u;
@@ -62,6 +67,31 @@ const uint SHOWN = 2u;      // written again after it was hidden
 const uint GOES_ON = 3u;
 const uint LEFT_OUT = 4u;   // hidden
 
+// Bits of targets.
+const uint CHANGED = 0u;    // the last update changed the weight
+const uint ACTIVE = 1u;     // the weight is not 0
+const uint ASKED = 2u;      // the weight asked for changed
+const uint PENDING = 3u;    // it is not the one that poses hold
+const uint GOES = 4u;       // it waits no longer
+
 const uint TILE = 8u;
 const uint WIDTHS = 4u;     // 1, 2, 4, 8 heads
 const uint ITEM_WORDS = 12u;
+
+uint bits(uint kind) {
+    return bits_at + kind * heads * words;
+}
+
+// Two dimensions: there may be more invocations than one holds.
+uint flat_invocation() {
+    return gl_GlobalInvocationID.x + gl_GlobalInvocationID.y * gl_NumWorkGroups.x * gl_WorkGroupSize.x;
+}
+
+// From now on poses hold `weight`.
+void commit(uint at, int weight, uint bit, inout uint changed, inout uint active_bits) {
+    int delta = weight - int(state[weights_at + at]);
+    state[weights_at + at] = uint(weight);
+    state[deltas_at + at] = uint(delta);
+    if (delta != 0) changed |= bit;
+    if (weight != 0) active_bits |= bit;
+}

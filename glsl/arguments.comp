@@ -4,8 +4,6 @@
 #extension GL_GOOGLE_include_directive : require
 #include "animation.glsl"
 
-layout(local_size_x = 64) in;
-
 void main() {
     for (uint i = gl_LocalInvocationID.x; i < counters; i += gl_WorkGroupSize.x) {
         uint count = control[i];

@@ -4,10 +4,8 @@
 #extension GL_GOOGLE_include_directive : require
 #include "animation.glsl"
 
-layout(local_size_x = 64) in;
-
-bool bit_of(uint at, uint head, uint target) {
-    return (state[at + head * words + (target >> 5)] >> (target & 31u) & 1u) != 0u;
+bool bit_of(uint kind, uint head, uint target) {
+    return (state[bits(kind) + head * words + (target >> 5)] >> (target & 31u) & 1u) != 0u;
 }
 
 // The k of the head at `place` of an item.
@@ -30,7 +28,7 @@ void main() {
         if (phase == NEW || phase == LEFT_OUT) continue;
         uint touches = 0u;
         for (uint w = 0u; w < words; ++w) {
-            touches |= state[changed_at + head * words + w] & tables[block_targets_at + block * words + w];
+            touches |= state[bits(CHANGED) + head * words + w] & tables[block_targets_at + block * words + w];
         }
         uint at = history_at + head * blocks + block;
         uint history = state[at];
@@ -58,8 +56,8 @@ void main() {
             for (uint e = from; e < to; ++e) {
                 uint target = tables[entries_at + 2u * e];
                 uint bytes = tables[entries_at + 2u * e + 1u];
-                if (bit_of(active_at, first + k, target)) active_bytes += bytes;
-                if (bit_of(changed_at, first + k, target)) changed_bytes += bytes;
+                if (bit_of(ACTIVE, first + k, target)) active_bytes += bytes;
+                if (bit_of(CHANGED, first + k, target)) changed_bytes += bytes;
             }
             if (active_bytes < changed_bytes) rebuilt |= 1u << k;
         }
@@ -86,7 +84,7 @@ void main() {
         for (uint place = 0u; place < width; ++place) {
             uint k = head_at(places, place);
             bool from_base = (rebuilt >> k & 1u) != 0u;
-            if (bit_of(from_base ? active_at : changed_at, first + k, target)) needed |= 1u << place;
+            if (bit_of(from_base ? ACTIVE : CHANGED, first + k, target)) needed |= 1u << place;
         }
         if (needed == 0u) continue;
         work[row] = e;

@@ -5,6 +5,7 @@ mod testing;
 
 use deltamorph::animation::{AnimationDesc, Clips, Heads, KeyFormat, Playback};
 use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
+use deltamorph::plan::animated::AnimatedUpdate;
 use deltamorph::plan::blocks::{BlockState, Scratch, WorkList};
 use deltamorph::plan::commands::CommandList;
 use deltamorph::plan::{Accumulate, UpdateDesc, UpdatePath, UpdateStats};
@@ -68,7 +69,9 @@ fn an_update_that_the_gpu_plans_allocates_nothing_after_the_first() {
             heads.set_hidden((head + 3) % 100, number.is_multiple_of(2));
         }
         let slot = (heads.update(&clips) % 2) as u32;
-        commands.fill_animated(!heads.changed().is_empty(), 100, 1 - slot, slot);
+        let (records, source) = (!heads.changed().is_empty(), 1 - slot);
+        let update = AnimatedUpdate { records, budget: true, instances: 100, source, destination: slot };
+        commands.fill_animated(update);
         sent += heads.changed().len();
     };
     frame(0);

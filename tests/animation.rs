@@ -117,6 +117,24 @@ fn the_gpu_plans_as_the_cpu_does() {
     });
 }
 
+/// With an error budget, small changes wait on the GPU as they do in the twin, and no vertex is further off than it says.
+#[test]
+fn small_changes_wait_as_on_the_cpu() {
+    gpu::on_every_device(|headless, _| {
+        for (format, size, slots) in [(DeltaFormat::Fast, 64, 2), (DeltaFormat::Small, 32, 1)] {
+            let mesh = packed(format, size);
+            let diagonal = mesh.layout().diagonal;
+            let mut written = vec![];
+            for budget in [0.0, 1e-3, 2e-2] {
+                let update = UpdateDesc { error_budget: budget * diagonal, ..exact(slots) };
+                let [rebuilt, added, _] = play_around(headless, &mesh, crowd(9, update), KeyFormat::Bits32, 24);
+                written.push(rebuilt + added);
+            }
+            assert!(written[0] > written[1] && written[1] > written[2], "{written:?}");
+        }
+    });
+}
+
 /// Nine heads play a captured clip, each at a place and a speed of its own.
 fn captured(set: &str, clip: &str, format: DeltaFormat, keys: KeyFormat) {
     let Some(folder) = data::set(set) else { return };
@@ -305,7 +323,6 @@ fn misuse_is_an_error_that_says_what_to_do() {
             assert!(text.to_string().contains(words), "{text}");
         };
         refuse(UpdateDesc::blocks(), "use Accumulate::Exact");
-        refuse(UpdateDesc { error_budget: 0.1, ..exact(2) }, "error budget");
         refuse(exact(40), "at most 32");
         refuse(UpdateDesc::new(UpdatePath::Compute, BatchSize::All), "pack the mesh as");
         let mut animated = HeadlessCrowd::animated(headless, &mesh, &crowd(2, exact(2)), &animation).expect("a crowd");

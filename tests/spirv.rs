@@ -234,7 +234,7 @@ fn blocks_kernels_agree_with_the_host() {
 
 #[test]
 fn animation_kernels_agree_with_the_host() {
-    for name in ["animate", "plan", "arguments"] {
+    for name in ["animate", "budget", "commit", "plan", "arguments"] {
         let entry = reflect(name);
         // Words: tables, state, work list, control.
         let strides: Vec<_> = storage_buffers(&entry).iter().map(|(b, ty)| (*b, stride(ty))).collect();
@@ -244,8 +244,8 @@ fn animation_kernels_agree_with_the_host() {
             ($($field:ident)*) => { names(&[$((stringify!($field), offset_of!(AnimationPush, $field))),*]) };
         }
         let expected = offsets!(now heads targets words blocks entries block_targets_at first_entry_at entries_at phases_at
-            weights_at deltas_at changed_at active_at history_at history_mask slots source destination always_rebuild
-            first_head group_heads first_counter capacity rows_at counters chunks chunk_items);
+            weights_at deltas_at bits_at history_at history_mask slots source destination always_rebuild
+            first_head group_heads first_counter capacity rows_at counters chunks chunk_items budget_at requested_at);
         assert_eq!((members(&push), bytes(&push)), (expected, size_of::<AnimationPush>()), "{name}");
         assert!(constants(&entry).is_empty(), "{name}");
     }

@@ -28,10 +28,12 @@
 //!
 //! which [`sample`] and `glsl/animate.comp` compute alike.
 
+mod budget;
 mod clips;
 mod heads;
 mod twin;
 
+pub use budget::{Budget, Waiting};
 pub use clips::{AnimationDesc, Clips, KeyFormat};
 pub use heads::Heads;
 pub use twin::Twin;
@@ -134,7 +136,7 @@ pub fn between(record: &HeadRecord, frames: u32, position: u64) -> (u32, u32, u3
 /// The GPU keeps a bit for each update that a slot may have missed.
 const SLOTS_MAX: u32 = 32;
 
-/// Refuse what is not animated on the GPU: sums that drift, since nobody there keeps a bound on it; waiting changes.
+/// Refuse what is not animated on the GPU: sums that drift, since nobody there keeps a bound on it.
 pub(crate) fn check_update(desc: &UpdateDesc, layout: &PackedLayout) -> Result<()> {
     desc.check()?;
     let refuse =
@@ -145,12 +147,6 @@ pub(crate) fn check_update(desc: &UpdateDesc, layout: &PackedLayout) -> Result<(
     }
     if desc.accumulate != Accumulate::Exact {
         return refuse("float sums".into(), "use Accumulate::Exact: integer sums do not drift");
-    }
-    if desc.error_budget > 0.0 {
-        return refuse(
-            format!("an error budget of {}", desc.error_budget),
-            "use a budget of 0, or set weights on the CPU",
-        );
     }
     if desc.slots > SLOTS_MAX {
         return refuse(format!("{} slots", desc.slots), "use at most 32");

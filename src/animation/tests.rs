@@ -1,7 +1,7 @@
 use super::*;
 use crate::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
-use crate::testing;
 use crate::weights::WeightClip;
+use crate::{reference, testing};
 use proptest::prelude::*;
 
 const TARGETS: usize = 5;
@@ -241,11 +241,51 @@ fn what_is_not_animated_on_the_gpu_is_refused() {
     check_update(&exact, mesh.layout()).unwrap();
     for (desc, words) in [
         (UpdateDesc::blocks(), "integer sums do not drift"),
-        (UpdateDesc { error_budget: 0.1, ..exact }, "use a budget of 0"),
         (UpdateDesc { slots: 33, ..exact }, "use at most 32"),
         (UpdateDesc { path: UpdatePath::Cpu, ..exact }, "use the path 'blocks'"),
     ] {
         let text = Twin::new(desc, mesh.layout(), 1).err().expect("refused").to_string();
         assert!(text.contains(words), "{text}");
     }
+}
+
+/// Small changes wait as long as no vertex is further off than the budget says; a large one goes, and a still face
+/// settles.
+#[test]
+fn small_changes_wait_within_the_budget_and_settle() {
+    let mesh = mesh();
+    let index = mesh.layout().blocks.clone().unwrap();
+    assert_eq!(Budget::new(0.0, &index).unwrap(), None);
+    let (length, step) = (0.05, index.exact().unwrap().weight_step());
+    let budget = Budget::new(length, &index).unwrap().unwrap();
+    let mut waiting = Waiting::new(TARGETS);
+    let first = [1000, -500, 0, 20, 0];
+    waiting.commit(&first, None, &index);
+    assert_eq!(waiting.committed(), first);
+    // Target 2 moves nothing: its change is in no block's sum, and waits until the face is still.
+    let mut weights = [1001, -500, 7, 20, 0];
+    waiting.commit(&weights, Some(&budget), &index);
+    assert_eq!(waiting.committed(), first);
+    let (mut went, mut waited) = (0, 0);
+    for i in 0..200 {
+        weights[0] += 50 + i % 5;
+        weights[4] -= i % 2;
+        waiting.commit(&weights, Some(&budget), &index);
+        let held = waiting.committed();
+        if held[0] == weights[0] {
+            went += 1
+        } else {
+            waited += 1
+        }
+        let to_weights = |steps: &[i32]| steps.iter().map(|&s| s as f32 * step).collect::<Vec<_>>();
+        let pose = reference::evaluate(&mesh, &to_weights(held)).iter().map(|&x| x as f32).collect::<Vec<_>>();
+        let error = reference::compare(&pose, &reference::evaluate(&mesh, &to_weights(&weights)));
+        assert!(error.position <= f64::from(length) + 1e-5, "{error:?}");
+    }
+    assert!(went > 5 && waited > 5, "{went} went, {waited} waited");
+    waiting.commit(&weights, Some(&budget), &index);
+    assert_eq!(waiting.committed(), weights, "a still face settles");
+    weights[0] += 100_000;
+    waiting.commit(&weights, Some(&budget), &index);
+    assert_eq!(waiting.committed()[0], weights[0], "a large change does not wait");
 }

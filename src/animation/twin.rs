@@ -1,6 +1,6 @@
-//! The CPU twin of `glsl/animate.comp` and `glsl/plan.comp`: the planner of the block formats, with a few choices made.
+//! The CPU twin of the kernels that sample and plan, `glsl/animate.comp` to `glsl/plan.comp`: the planner of the block formats, with a few choices made.
 
-use super::{Clips, HeadRecord, Heads, sample};
+use super::{Budget, Clips, HeadRecord, Heads, Waiting, sample};
 use crate::error::Result;
 use crate::mesh::packed::PackedLayout;
 use crate::mesh::packed::blocks::BlockIndex;
@@ -15,8 +15,10 @@ pub struct Twin {
     slots: u32,
     /// Heads left out of the last update.
     hidden: Vec<bool>,
-    /// `[head][target]`, in steps of the grid.
-    weights: Vec<Vec<i32>>,
+    /// Of each head, in steps of the grid.
+    weights: Vec<Waiting>,
+    budget: Option<Budget>,
+    sampled: Vec<i32>,
     list: WorkList,
     scratch: Scratch,
     asked: Vec<f32>,
@@ -30,7 +32,9 @@ impl Twin {
     pub fn new(desc: UpdateDesc, layout: &PackedLayout, heads: u32) -> Result<Self> {
         super::check_update(&desc, layout)?;
         let Some(index) = &layout.blocks else { unreachable!("checked") };
-        let mut state = BlockState::new(desc, layout, index)?;
+        let budget = Budget::new(desc.error_budget, index)?;
+        // What waits is decided before, target by target: the planner gets the weights that go.
+        let mut state = BlockState::new(UpdateDesc { error_budget: 0.0, ..desc }, layout, index)?;
         state.write_whole_blocks();
         state.rotate_always();
         let (heads, targets) = (heads as usize, layout.targets.len());
@@ -39,7 +43,9 @@ impl Twin {
             states: vec![state; heads],
             slots: desc.slots,
             hidden: vec![false; heads],
-            weights: vec![vec![0; targets]; heads],
+            weights: vec![Waiting::new(targets); heads],
+            budget,
+            sampled: vec![0; targets],
             list: WorkList::new(index, heads),
             scratch: Scratch::default(),
             asked: vec![0.0; targets],
@@ -59,10 +65,15 @@ impl Twin {
             if was_hidden {
                 state.take_up_at(slot);
             }
-            sample(clips, record, heads.now(), &mut self.weights[i]);
+            sample(clips, record, heads.now(), &mut self.sampled);
+            let first = !state.is_known();
+            self.weights[i].commit(&self.sampled, self.budget.as_ref().filter(|_| !first), &self.index);
             let step = state.exact().map_or(0.0, |grid| grid.weight_step());
             // Steps have fewer bits than a float32's, and the step is a power of two: exact.
-            self.asked.iter_mut().zip(&self.weights[i]).for_each(|(asked, &steps)| *asked = steps as f32 * step);
+            self.asked
+                .iter_mut()
+                .zip(self.weights[i].committed())
+                .for_each(|(asked, &steps)| *asked = steps as f32 * step);
             let (scratch, list) = (&mut self.scratch, &mut self.list);
             let stats = &mut UpdateStats::default();
             state.plan(&self.index, i, &self.asked, update + 1, scratch, list, stats);
@@ -70,8 +81,13 @@ impl Twin {
         &self.list
     }
 
-    /// The weights of a head, in steps of the grid.
+    /// The weights that the poses of a head hold, in steps of the grid.
     pub fn weights(&self, head: usize) -> &[i32] {
-        &self.weights[head]
+        self.weights[head].committed()
+    }
+
+    /// The weights that were asked for.
+    pub fn requested(&self, head: usize) -> &[i32] {
+        self.weights[head].requested()
     }
 }

@@ -9,6 +9,8 @@ use crate::error::Result;
 use ash::vk;
 use std::sync::Arc;
 
+/// Kinds of bits that the state has of each target: two, and three more with an error budget.
+pub(crate) const BIT_KINDS: [u64; 2] = [2, 5];
 /// Words of a head's record.
 pub(crate) const RECORD_WORDS: u64 = 8;
 /// Tables, state, work list, and control: see `glsl/animation.glsl`.
@@ -18,6 +20,8 @@ const BINDINGS: [vk::DescriptorType; 4] = [vk::DescriptorType::STORAGE_BUFFER; 4
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Step {
     Sample,
+    Budget,
+    Commit,
     Plan,
     Arguments,
 }
@@ -32,7 +36,7 @@ impl AnimationKernel {
         let mut objects = Objects::none(device);
         objects.add_storage_set_layout(&BINDINGS)?;
         objects.add_layout(vk::ShaderStageFlags::COMPUTE, size_of::<AnimationPush>() as u32)?;
-        for name in ["animate", "plan", "arguments"] {
+        for name in ["animate", "budget", "commit", "plan", "arguments"] {
             objects.add_compute(name, &[])?;
         }
         Ok(Self { objects })

@@ -128,10 +128,8 @@ pub struct AnimationPush {
     pub weights_at: u32,
     /// State: what the last update changed of them.
     pub deltas_at: u32,
-    /// State: targets whose weight changed.
-    pub changed_at: u32,
-    /// State: targets whose weight is not 0.
-    pub active_at: u32,
+    /// State: bits of targets, one kind after another.
+    pub bits_at: u32,
     /// State: which updates touched each block.
     pub history_at: u32,
     /// Bits of the updates that a slot may have missed.
@@ -160,6 +158,10 @@ pub struct AnimationPush {
     pub chunks: u32,
     /// Workgroups of a dispatch, at most.
     pub chunk_items: u32,
+    /// Tables: budget and reaches; 0: no change waits.
+    pub budget_at: u32,
+    /// State: the weights asked for, with an error budget.
+    pub requested_at: u32,
 }
 
 /// Bytes of push constants of a feedback pass over `batch` targets: a float each and, for snorm16, a signed

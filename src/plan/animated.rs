@@ -10,6 +10,10 @@ pub enum AnimatedCommand {
     Records,
     /// What the heads play is sampled.
     Sample,
+    /// With an error budget: which changes go is decided.
+    Budget,
+    /// They become the weights that poses hold.
+    Commit,
     /// The work list is written.
     Plan,
     /// Its length becomes the arguments of dispatches.
@@ -25,10 +29,26 @@ pub enum AnimatedCommand {
     },
 }
 
+/// What the commands of an update depend on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AnimatedUpdate {
+    /// Some head plays something else.
+    pub records: bool,
+    /// Small changes wait.
+    pub budget: bool,
+    /// Instances of the crowd.
+    pub instances: u32,
+    /// The slot that blocks are read from.
+    pub source: u32,
+    /// The slot they are written to.
+    pub destination: u32,
+}
+
 impl CommandList {
-    /// Write the list for one update that the GPU plans; `records`: some head plays something else.
-    pub fn fill_animated(&mut self, records: bool, instances: u32, source: u32, destination: u32) {
+    /// Write the list for one update that the GPU plans.
+    pub fn fill_animated(&mut self, update: AnimatedUpdate) {
         use AnimatedCommand as A;
+        let AnimatedUpdate { records, budget, instances, source, destination } = update;
         let (barrier, step) = (Command::Barrier, Command::Animated);
         self.commands.clear();
         if records {
@@ -38,9 +58,12 @@ impl CommandList {
                 barrier(Hazard::TransferWriteToComputeUpdate),
             ]);
         }
+        self.commands.extend([barrier(Hazard::PoseReadToAnimatedUpdate), step(A::Sample)]);
+        if budget {
+            let between = barrier(Hazard::ComputeWriteToComputeUpdate);
+            self.commands.extend([between.clone(), step(A::Budget), between, step(A::Commit)]);
+        }
         self.commands.extend([
-            barrier(Hazard::PoseReadToAnimatedUpdate),
-            step(A::Sample),
             barrier(Hazard::ComputeWriteToComputeUpdate),
             step(A::Plan),
             barrier(Hazard::ComputeWriteToComputeUpdate),
@@ -68,6 +91,7 @@ impl AnimatedCommand {
                 (vec![], vec![write])
             }
             Self::Sample => uses(&[R::Clips, R::Records, R::Weights], &[R::Weights]),
+            Self::Budget | Self::Commit => uses(&[R::Clips, R::Weights], &[R::Weights]),
             Self::Plan => {
                 uses(&[R::Clips, R::Weights, R::History, R::Counters], &[R::History, R::WorkList, R::Counters])
             }
@@ -95,16 +119,17 @@ mod tests {
     /// Take any one barrier of a running animation out, and the checker says so.
     #[test]
     fn every_barrier_is_needed() {
-        for (slots, records) in [(1, false), (2, false), (2, true), (3, true)] {
+        for (slots, records, budget) in [(1, false, false), (2, false, true), (2, true, false), (3, true, true)] {
             let frames: Vec<_> = (0..6u32)
                 .map(|frame| {
                     let mut list = CommandList::new(UpdatePath::Blocks);
                     let (source, destination) = ((frame + slots - 1) % slots, frame % slots);
-                    list.fill_animated(records, 1, source, destination);
+                    list.fill_animated(AnimatedUpdate { records, budget, instances: 1, source, destination });
                     (list, [Some(destination), (slots > 1 && frame > 0).then_some(source)])
                 })
                 .collect();
-            assert_barriers_needed(&frames, if records { 7 } else { 5 }, &format!("{slots} slots, records {records}"));
+            let barriers = 5 + 2 * usize::from(records) + 2 * usize::from(budget);
+            assert_barriers_needed(&frames, barriers, &format!("{slots} slots, records {records}, budget {budget}"));
         }
     }
 }

@@ -8,6 +8,7 @@ use deltamorph::mesh::packed::PackedMesh;
 use deltamorph::plan::blocks::{TILE, TILE_WORDS, WorkList};
 use deltamorph::plan::commands::CommandList;
 use deltamorph::plan::{Accumulate, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph::reference::{compare, evaluate};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -105,17 +106,19 @@ impl<'a> Scene<'a> {
     pub fn assert_fresh(&mut self, instance: u32) {
         let grid = self.mesh.layout().blocks.as_ref().expect("blocks").exact().expect("a grid");
         let steps = self.twin.weights(instance as usize);
-        let weights: Vec<f32> = steps.iter().map(|&s| s as f32 * grid.weight_step()).collect();
+        let to_weights = |steps: &[i32]| steps.iter().map(|&s| s as f32 * grid.weight_step()).collect::<Vec<_>>();
+        let weights = to_weights(steps);
         self.fresh.set_weights(0, &weights).expect("weights");
         self.fresh.update();
         let sums = self.crowd.read_sums(instance).expect("sums");
         assert!(sums.as_deref() == self.fresh.sums(0), "sums of head {instance}, {:?}", self.desc);
         let pose = self.crowd.read_pose(instance).expect("a pose");
-        assert!(
-            pose == self.mesh.layout().to_user_order(self.fresh.pose(0)),
-            "pose of head {instance}, {:?}",
-            self.desc
-        );
+        let expected = self.mesh.layout().to_user_order(self.fresh.pose(0));
+        assert!(pose == expected, "pose of head {instance}, {:?}", self.desc);
+        // What was asked for is no further off than the budget.
+        let error = compare(&pose, &evaluate(&self.mesh, &to_weights(self.twin.requested(instance as usize))));
+        let most = f64::from(self.desc.update.error_budget) + 1e-6 * f64::from(self.mesh.layout().diagonal);
+        assert!(error.position <= most, "head {instance} is {error:?} off, {:?}", self.desc);
     }
 
     pub fn instances(&self) -> std::ops::Range<u32> {

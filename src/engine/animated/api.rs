@@ -11,7 +11,8 @@ impl MorphEngine {
     /// Make a crowd whose heads play clips on the GPU, and record the upload of the clips. Each update samples every
     /// head at the time set, plans, and carries the plan out; the CPU records the same commands whatever changes.
     ///
-    /// Sums are exact: they do not drift, and there is no bound to keep. Slots always rotate. Heads that have played
+    /// Sums are exact: they do not drift, and there is no bound to keep. With an error budget, changes wait target by
+    /// target ([`Budget`](crate::animation::Budget)). Slots always rotate. Heads that have played
     /// nothing yet show the base pose. What an update wrote only the GPU knows: [`UpdateStats`](crate::plan::UpdateStats)
     /// count a pass, and nothing else. There is no ring of lists either: any number of updates may be in flight.
     ///
@@ -22,7 +23,7 @@ impl MorphEngine {
     /// [`Crowd::release_staging`] once it has run.
     ///
     /// # Errors
-    /// As [`create_crowd`](Self::create_crowd) and [`Clips::new`]; float sums, an error budget, more than 32 slots; more
+    /// As [`create_crowd`](Self::create_crowd) and [`Clips::new`]; float sums, more than 32 slots; more
     /// instances, clips or entries than the device's storage range holds, with the numbers. Nothing is recorded then.
     ///
     /// # Safety

@@ -1,9 +1,9 @@
 //! Where everything is in the buffers of an animated crowd: groups of instances, their work lists, tables, state.
 
-use crate::animation::Clips;
+use crate::animation::{Budget, Clips};
 use crate::engine::crowd::CrowdDesc;
 use crate::error::{Error, Result};
-use crate::gpu::animation::RECORD_WORDS;
+use crate::gpu::animation::{BIT_KINDS, RECORD_WORDS};
 use crate::gpu::device::Device;
 use crate::gpu::shaders::AnimationPush;
 use crate::mesh::packed::PackedLayout;
@@ -84,9 +84,16 @@ impl Groups {
     }
 }
 
-/// Clips, then which targets touch which blocks, the first entry of each block, target and bytes of each entry.
-pub(super) fn tables(clips: &Clips, index: &BlockIndex, push: &mut AnimationPush) -> Vec<u32> {
+/// Clips, then, with an error budget, budget and reaches; which targets touch which blocks, the first entry of each block, target and bytes of each entry.
+pub(super) fn tables(clips: &Clips, budget: Option<&Budget>, index: &BlockIndex, push: &mut AnimationPush) -> Vec<u32> {
     let mut words = clips.words().to_vec();
+    if let Some(budget) = budget {
+        // Not 0, which says that there is none.
+        words.resize(words.len().max(1), 0);
+        push.budget_at = words.len() as u32;
+        words.extend([budget.most() as u32, (budget.most() >> 32) as u32]);
+        words.extend_from_slice(budget.reaches());
+    }
     push.block_targets_at = words.len() as u32;
     for block in 0..index.count() {
         let first = words.len();
@@ -105,13 +112,14 @@ pub(super) fn tables(clips: &Clips, index: &BlockIndex, push: &mut AnimationPush
 /// Lay the state out; its words.
 pub(super) fn state_words(push: &mut AnimationPush) -> u64 {
     let [heads, targets, words, blocks] = [push.heads, push.targets, push.words, push.blocks].map(u64::from);
+    let budget = push.budget_at != 0;
     let mut at = RECORD_WORDS * heads;
     for (place, each) in [
         (&mut push.phases_at, words),
         (&mut push.weights_at, targets),
         (&mut push.deltas_at, targets),
-        (&mut push.changed_at, words),
-        (&mut push.active_at, words),
+        (&mut push.bits_at, BIT_KINDS[usize::from(budget)] * words),
+        (&mut push.requested_at, if budget { targets } else { 0 }),
         (&mut push.history_at, blocks),
     ] {
         // More than 32 bits is refused before anything is made.

@@ -9,7 +9,7 @@ mod readback;
 use super::MeshBuffers;
 use super::blocks::asset_bytes;
 use super::crowd::CrowdDesc;
-use crate::animation::{Clips, HeadRecord, Heads};
+use crate::animation::{Budget, Clips, HeadRecord, Heads};
 use crate::error::{Error, Result};
 use crate::gpu::animation::{AnimationKernel, AnimationSets, Step};
 use crate::gpu::barriers;
@@ -17,7 +17,7 @@ use crate::gpu::blocks::{BlockSets, BlocksKernel, BufferRange, GroupBuffers};
 use crate::gpu::device::Device;
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::gpu::shaders::{AnimationPush, BlocksPush};
-use crate::plan::animated::AnimatedCommand;
+use crate::plan::animated::{AnimatedCommand, AnimatedUpdate};
 use crate::plan::blocks::{TILE, TILE_WORDS, WIDTHS};
 use crate::plan::commands::{Command, CommandList, Hazard};
 use crate::plan::{UpdateMode, UpdateStats};
@@ -81,7 +81,8 @@ impl Animated {
             chunk_items: device.caps.max_workgroups,
             ..AnimationPush::default()
         };
-        let words = tables(&clips, index, &mut push);
+        let budget = Budget::new(desc.update.error_budget, index)?;
+        let words = tables(&clips, budget.as_ref(), index, &mut push);
         let state_bytes = 4 * state_words(&mut push);
         let control_bytes = groups.arguments(groups.count(), 0, 0);
         let table_bytes = 4 * words.len() as u64; // never 0: there is a first entry
@@ -188,8 +189,13 @@ impl Animated {
         self.push.now = self.heads.now();
         self.push.source = ((update + slots - 1) % slots) as u32;
         self.push.destination = (update % slots) as u32;
-        let records = !self.heads.changed().is_empty();
-        self.list.fill_animated(records, self.groups.instances, self.push.source, self.push.destination);
+        self.list.fill_animated(AnimatedUpdate {
+            records: !self.heads.changed().is_empty(),
+            budget: self.push.budget_at != 0,
+            instances: self.groups.instances,
+            source: self.push.source,
+            destination: self.push.destination,
+        });
         UpdateStats { passes: 1, ..UpdateStats::default() }
     }
 
@@ -214,6 +220,8 @@ impl Animated {
     /// As [`record`](Self::record).
     unsafe fn step(&self, device: &Device, cmd: vk::CommandBuffer, step: AnimatedCommand) {
         let (kernel, first) = (&self.kernel, self.sets.get(0));
+        let words = u64::from(self.push.heads) * u64::from(self.push.words);
+        let [blocks, _] = kernel.groups(self.push.blocks.into());
         // SAFETY: the caller's obligations; sets and push constants were made for these buffers, updates of records lie
         // within the state and are no larger than Vulkan allows, and workgroups no more than the device does.
         unsafe {
@@ -229,19 +237,26 @@ impl Animated {
                     }
                 }
                 AnimatedCommand::Sample => {
-                    let invocations = u64::from(self.push.heads) * u64::from(self.push.words);
                     kernel.bind(cmd, Step::Sample);
-                    kernel.dispatch(cmd, first, &self.push, kernel.groups(invocations));
+                    kernel.dispatch(cmd, first, &self.push, kernel.groups(words));
+                }
+                AnimatedCommand::Budget => {
+                    kernel.bind(cmd, Step::Budget);
+                    let heads = self.push.heads.min(device.caps.max_workgroups);
+                    kernel.dispatch(cmd, first, &self.push, [blocks, heads]);
+                }
+                AnimatedCommand::Commit => {
+                    kernel.bind(cmd, Step::Commit);
+                    kernel.dispatch(cmd, first, &self.push, kernel.groups(words));
                 }
                 AnimatedCommand::Plan => {
                     kernel.bind(cmd, Step::Plan);
-                    let [x, _] = kernel.groups(self.push.blocks.into());
                     for group in 0..self.groups.count() {
                         let (first_head, group_heads) = self.groups.get(group);
                         let first_counter = group * WIDTHS as u32;
                         let push = AnimationPush { first_head, group_heads, first_counter, ..self.push };
                         let tiles = group_heads.div_ceil(TILE as u32);
-                        kernel.dispatch(cmd, self.sets.get(group as usize), &push, [x, tiles]);
+                        kernel.dispatch(cmd, self.sets.get(group as usize), &push, [blocks, tiles]);
                     }
                 }
                 AnimatedCommand::Arguments => {
