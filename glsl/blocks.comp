@@ -9,7 +9,7 @@ const uint MASK_WORDS = BLOCK_SIZE / 32u;
 const uint ITEM_WORDS = 4u + 6u * MASK_WORDS;
 const uint REBUILT = 0x80000000u;
 
-// Where a lane's vertices are, as indices of their first component.
+// Where a lane's vertex is, as indices of its first component.
 struct Place {
     uint source;
     uint destination;
@@ -40,15 +40,9 @@ void store(Place place, uint k, float added, float unit) {
 }
 #endif
 
-// Component `c` of the lane's vertices, where the mask says that it changes.
-#define STORE(i, c, sum, field) \
-    if ((mask >> i & 1u) != 0u) store(place, 6u * i + c, sum[i].field, c < 3u ? position_unit : normal_unit);
-#if VERTICES == 4
-#define STORES(c, sum, field) STORE(0u, c, sum, field) STORE(1u, c, sum, field) STORE(2u, c, sum, field) STORE(3u, c, sum, field)
-#else
-#define STORES(c, sum, field) STORE(0u, c, sum, field)
-#endif
-#define COMPONENT(c, sum, field) { uint mask = work[masks + c * MASK_WORDS] >> shift; STORES(c, sum, field) }
+// Component `c` of the lane's vertex, where the mask says that it changes.
+#define COMPONENT(c, sum) \
+    if ((work[masks + c * MASK_WORDS] >> bit & 1u) != 0u) store(place, c, sum, c < 3u ? position_unit : normal_unit);
 
 void main() {
     uint item = first_item + gl_WorkGroupID.x * ITEM_WORDS;
@@ -58,30 +52,21 @@ void main() {
     uint count = work[item + 3u];
     uint lane = gl_LocalInvocationID.x;
 
-    ADDEND position[VERTICES];
-    ADDEND normal[VERTICES];
-    for (int i = 0; i < VERTICES; ++i) {
-        position[i] = ADDEND(0);
-        normal[i] = ADDEND(0);
-    }
+    ADDEND position = ADDEND(0);
+    ADDEND normal = ADDEND(0);
     for (uint i = 0u; i < count; ++i) {
-        DELTA dp[VERTICES], dn[VERTICES];
+        DELTA dp[1], dn[1];
         uvec2 shifts;
         load_entry(work[element + 2u * i], lane, dp, dn, shifts);
         uint coefficient = work[element + 2u * i + 1u];
-        ADDEND p = ADDEND(COEFFICIENT(coefficient, position_unit, shifts.x));
-        ADDEND n = ADDEND(COEFFICIENT(coefficient, normal_unit, shifts.y));
-        for (int v = 0; v < VERTICES; ++v) {
-            position[v] += p * ADDEND(dp[v]);
-            normal[v] += n * ADDEND(dn[v]);
-        }
+        position += COEFFICIENT(coefficient, position_unit, shifts.x) * ADDEND(dp[0]);
+        normal += COEFFICIENT(coefficient, normal_unit, shifts.y) * ADDEND(dn[0]);
     }
 
-    uint vertex = lane * VERTICES;
-    uint at = (block * BLOCK_SIZE + vertex) * 6u;
+    uint at = (block * BLOCK_SIZE + lane) * 6u;
     bool rebuilt = (work[item] & REBUILT) != 0u;
-    uint shift = vertex & 31u;
-    uint masks = item + 4u + (vertex >> 5);
+    uint bit = lane & 31u;
+    uint masks = item + 4u + (lane >> 5);
     Place place;
     place.source = (slots_word & 0xffffu) * pose_floats + at;
     place.destination = (slots_word >> 16) * pose_floats + at;
@@ -91,11 +76,10 @@ void main() {
     place.sums = (slots_word >> 16) / slots * pose_floats + at;
     place.copied = count == 0u && !rebuilt;
 #endif
-    // Unrolled by hand: arrays that are indexed by a variable would live in memory.
-    COMPONENT(0u, position, x)
-    COMPONENT(1u, position, y)
-    COMPONENT(2u, position, z)
-    COMPONENT(3u, normal, x)
-    COMPONENT(4u, normal, y)
-    COMPONENT(5u, normal, z)
+    COMPONENT(0u, position.x)
+    COMPONENT(1u, position.y)
+    COMPONENT(2u, position.z)
+    COMPONENT(3u, normal.x)
+    COMPONENT(4u, normal.y)
+    COMPONENT(5u, normal.z)
 }

@@ -1,8 +1,13 @@
 // What the two kernels of the path `blocks` share: bindings, push constants, and coefficients.
 // Work lists: src/plan/blocks/{list,tiles}.rs. Entries: src/mesh/packed/blocks/mod.rs.
 
-// Vertices of a lane: several share the loads of an entry, which software drivers pay for lane by lane.
-#ifndef VERTICES
+#extension GL_EXT_control_flow_attributes : require
+
+// For software drivers, a lane has eight vertices, and loads and stores four words at once: they pay for each word and
+// lane (Mesa 22.3.6 with a bounds check each), and for each subgroup of a workgroup, of which a block has one then.
+#ifdef TEXELS
+#define VERTICES 8
+#else
 #define VERTICES 1
 #endif
 
@@ -11,10 +16,22 @@ layout(constant_id = 1) const uint BLOCK_SIZE = 64;
 
 layout(set = 0, binding = 0, std430) readonly buffer Asset { uint asset[]; };
 layout(set = 0, binding = 1, std430) readonly buffer Work { uint work[]; };
-// Slots of the instances, source and destination alike. An invocation loads and stores its own vertices only.
+// Poses: slots of the instances, source and destination alike. An invocation loads and stores its own vertices only.
+#ifdef TEXELS
+layout(set = 0, binding = 2, rgba32f) uniform imageBuffer poses;
+// The asset again, four words a texel and one.
+layout(set = 0, binding = 3) uniform usamplerBuffer texels;
+layout(set = 0, binding = 4) uniform usamplerBuffer words;
+#ifdef EXACT
+layout(set = 0, binding = 5, rgba32i) uniform iimageBuffer sums;
+#endif
+#else
 layout(set = 0, binding = 2, std430) buffer Poses { float poses[]; };
 #ifdef EXACT
 layout(set = 0, binding = 3, std430) buffer Sums { int sums[]; };
+#endif
+#endif
+#ifdef EXACT
 #define ADDEND ivec3
 #else
 #define ADDEND vec3

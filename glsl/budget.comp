@@ -13,8 +13,7 @@ void main() {
     uint most_low = tables[budget_at];
     uint most_high = tables[budget_at + 1u];
     for (uint head = gl_WorkGroupID.y; head < heads; head += gl_NumWorkGroups.y) {
-        uint phase = state[phases_at + head * words];
-        if (phase != GOES_ON && phase != SHOWN) continue;
+        if (state[phases_at + head * words] != GOES_ON) continue;
         uint waits = 0u;
         for (uint w = 0u; w < words; ++w) {
             waits |= state[bits(PENDING) + head * words + w] & tables[block_targets_at + block * words + w];

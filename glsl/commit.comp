@@ -12,8 +12,8 @@ void main() {
     uint head = i / words;
     uint asked = 0u;
     for (uint w = 0u; w < words; ++w) asked |= state[bits(ASKED) + head * words + w];
-    // A head is written for the first time, or its face is still: nothing waits.
-    uint goes = phase == FIRST || asked == 0u ? 0xffffffffu : state[bits(GOES) + i];
+    // A head is new or shown again, or its face is still: nothing waits.
+    uint goes = phase != GOES_ON || asked == 0u ? 0xffffffffu : state[bits(GOES) + i];
     state[bits(GOES) + i] = 0u;
 
     uint first = (i % words) * 32u;

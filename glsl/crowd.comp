@@ -1,6 +1,6 @@
 // One workgroup updates one block of up to HEADS instances, all of its vertices: pose = source + Σ coefficient · delta.
 // The deltas of an entry are loaded and decoded once for all of them; rows of the work list have a coefficient for each.
-// CPU twin: cpu::crowd::Tile::run.
+// CPU twin: cpu::tile::run.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "blocks.glsl"
@@ -13,6 +13,47 @@ layout(constant_id = 3) const bool REBUILT_ITEMS = false;
 #endif
 
 const uint ITEM_WORDS = 12u;
+// Floats of a lane's vertices.
+const uint FLOATS = 6u * VERTICES;
+
+#ifdef TEXELS
+#define LOAD(value, texel) \
+    [[unroll]] for (uint i = 0u; i < FLOATS; i += 4u) { \
+        vec4 t = texel; \
+        value[i] = t.x; value[i + 1u] = t.y; value[i + 2u] = t.z; value[i + 3u] = t.w; \
+    }
+void load_base(uint at, out float value[FLOATS]) {
+    LOAD(value, uintBitsToFloat(texelFetch(texels, int((base_at + at + i) / 4u))))
+}
+void load_pose(uint at, out float value[FLOATS]) { LOAD(value, imageLoad(poses, int((at + i) / 4u))) }
+void store_pose(uint at, float value[FLOATS]) {
+    [[unroll]] for (uint i = 0u; i < FLOATS; i += 4u) {
+        imageStore(poses, int((at + i) / 4u), vec4(value[i], value[i + 1u], value[i + 2u], value[i + 3u]));
+    }
+}
+#ifdef EXACT
+void load_sums(uint at, out int value[FLOATS]) {
+    [[unroll]] for (uint i = 0u; i < FLOATS; i += 4u) {
+        ivec4 t = imageLoad(sums, int((at + i) / 4u));
+        value[i] = t.x; value[i + 1u] = t.y; value[i + 2u] = t.z; value[i + 3u] = t.w;
+    }
+}
+void store_sums(uint at, int value[FLOATS]) {
+    [[unroll]] for (uint i = 0u; i < FLOATS; i += 4u) {
+        imageStore(sums, int((at + i) / 4u), ivec4(value[i], value[i + 1u], value[i + 2u], value[i + 3u]));
+    }
+}
+#endif
+#else
+#define EACH(statement) [[unroll]] for (uint i = 0u; i < FLOATS; ++i) statement
+void load_base(uint at, out float value[FLOATS]) { EACH(value[i] = uintBitsToFloat(asset[base_at + at + i]);) }
+void load_pose(uint at, out float value[FLOATS]) { EACH(value[i] = poses[at + i];) }
+void store_pose(uint at, float value[FLOATS]) { EACH(poses[at + i] = value[i];) }
+#ifdef EXACT
+void load_sums(uint at, out int value[FLOATS]) { EACH(value[i] = sums[at + i];) }
+void store_sums(uint at, int value[FLOATS]) { EACH(sums[at + i] = value[i];) }
+#endif
+#endif
 
 void main() {
     uint item = first_item + gl_WorkGroupID.x * ITEM_WORDS;
@@ -21,29 +62,25 @@ void main() {
     uint lane = gl_LocalInvocationID.x;
     uint at = (work[item] * BLOCK_SIZE + lane * VERTICES) * 6u;
 
-    ADDEND position[HEADS * VERTICES];
-    ADDEND normal[HEADS * VERTICES];
-    for (uint i = 0u; i < HEADS * VERTICES; ++i) {
-        position[i] = ADDEND(0);
-        normal[i] = ADDEND(0);
-    }
+    // Loops are unrolled: arrays that are indexed by a variable would live in memory. What is loaded is loaded before
+    // the loop over rows, whose control flow makes loads dear on software drivers.
 #ifdef EXACT
     uint rebuilt = work[item + 3u];
-    float base[VERTICES * 6u];
-    for (uint i = 0u; i < VERTICES * 6u; ++i) base[i] = uintBitsToFloat(asset[base_at + at + i]);
-    int before[HEADS * VERTICES * 6u];
-    for (uint h = 0u; h < HEADS; ++h) {
-        uint from = (work[item + 4u + h] >> 16) / slots * pose_floats + at;
+    int sum[HEADS][FLOATS];
+    [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
+        load_sums((work[item + 4u + h] >> 16) / slots * pose_floats + at, sum[h]);
         int keep = int(rebuilt >> h & 1u) - 1;
-        for (uint i = 0u; i < VERTICES * 6u; ++i) before[h * VERTICES * 6u + i] = sums[from + i] & keep;
+        [[unroll]] for (uint i = 0u; i < FLOATS; ++i) sum[h][i] &= keep;
     }
+    float base[FLOATS];
+    load_base(at, base);
 #else
-    float before[HEADS * VERTICES * 6u];
-    for (uint h = 0u; h < HEADS; ++h) {
-        uint from = (work[item + 4u + h] & 0xffffu) * pose_floats + at;
-        for (uint i = 0u; i < VERTICES * 6u; ++i) {
-            before[h * VERTICES * 6u + i] = REBUILT_ITEMS ? uintBitsToFloat(asset[base_at + at + i]) : poses[from + i];
-        }
+    float before[HEADS][FLOATS];
+    float sum[HEADS][FLOATS];
+    [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
+        if (REBUILT_ITEMS) load_base(at, before[h]);
+        else load_pose((work[item + 4u + h] & 0xffffu) * pose_floats + at, before[h]);
+        [[unroll]] for (uint i = 0u; i < FLOATS; ++i) sum[h][i] = 0.0;
     }
 #endif
 
@@ -51,37 +88,35 @@ void main() {
         DELTA dp[VERTICES], dn[VERTICES];
         uvec2 shifts;
         load_entry(work[row], lane, dp, dn, shifts);
-        for (uint h = 0u; h < HEADS; ++h) {
+        [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
             uint coefficient = work[row + 1u + h];
             ADDEND p = ADDEND(COEFFICIENT(coefficient, position_unit, shifts.x));
             ADDEND n = ADDEND(COEFFICIENT(coefficient, normal_unit, shifts.y));
-            for (uint v = 0u; v < VERTICES; ++v) {
-                position[h * VERTICES + v] += p * ADDEND(dp[v]);
-                normal[h * VERTICES + v] += n * ADDEND(dn[v]);
+            [[unroll]] for (uint v = 0u; v < VERTICES; ++v) {
+                ADDEND position = p * ADDEND(dp[v]), normal = n * ADDEND(dn[v]);
+                [[unroll]] for (uint c = 0u; c < 3u; ++c) {
+                    sum[h][6u * v + c] += position[c];
+                    sum[h][6u * v + 3u + c] += normal[c];
+                }
             }
         }
     }
 
-    for (uint h = 0u; h < HEADS; ++h) {
-        uint to = (work[item + 4u + h] >> 16);
+    [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
+        uint pose = work[item + 4u + h] >> 16;
+        float value[FLOATS];
+        [[unroll]] for (uint i = 0u; i < FLOATS; ++i) {
 #ifdef EXACT
-        uint of_sums = to / slots * pose_floats + at;
-#endif
-        to = to * pose_floats + at;
-        for (uint v = 0u; v < VERTICES; ++v) {
-            uint i = h * VERTICES + v;
-            for (uint c = 0u; c < 6u; ++c) {
-                uint k = 6u * v + c;
-#ifdef EXACT
-                int sum = before[6u * i + c] + (c < 3u ? position[i][c] : normal[i][c - 3u]);
-                sums[of_sums + k] = sum;
-                // The product is exact, the unit being a power of two; sums above 24 bits are rounded before.
-                precise float value = base[k] + float(sum) * (c < 3u ? position_unit : normal_unit);
-                poses[to + k] = value;
+            // The product is exact, the unit being a power of two; sums above 24 bits are rounded before.
+            precise float decoded = base[i] + float(sum[h][i]) * (i % 6u < 3u ? position_unit : normal_unit);
+            value[i] = decoded;
 #else
-                poses[to + k] = before[6u * i + c] + (c < 3u ? position[i][c] : normal[i][c - 3u]);
+            value[i] = before[h][i] + sum[h][i];
 #endif
-            }
         }
+#ifdef EXACT
+        store_sums(pose / slots * pose_floats + at, sum[h]);
+#endif
+        store_pose(pose * pose_floats + at, value);
     }
 }

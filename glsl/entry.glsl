@@ -1,5 +1,6 @@
 // The entries of a mesh in blocks: loading and decoding. The same arithmetic as src/mesh/packed/entry.rs.
-// Who includes this declares asset[], deltas_at, BLOCK_SIZE and VERTICES, and one of FAST, SMALL or neither (float32).
+// Who includes this declares asset[], deltas_at, BLOCK_SIZE and VERTICES (with TEXELS: texels and words), and FAST or SMALL, or neither for
+// float32.
 
 // fast: 15 bits a component of positions, 9 of normals, in two words and a byte.
 void decode_fast(uint a, uint b, int c, out ivec3 position, out ivec3 normal) {
@@ -31,19 +32,19 @@ void load_entry(uint entry, uint lane, out DELTA position[VERTICES], out DELTA n
     uint header = asset[entry];
     shifts = uvec2(header & 0xffu, (header >> 8) & 0xffu);
     uint at = deltas_at + entry * (BLOCK_SIZE / 4u * 9u);
-    uint first = lane * VERTICES;
-#if VERTICES == 4
-    uint bytes = asset[at + 2u * BLOCK_SIZE + lane];
-#endif
-    for (int i = 0; i < VERTICES; ++i) {
-        uint vertex = first + uint(i);
-#if VERTICES == 4
-        int c = bitfieldExtract(int(bytes), 8 * i, 8);
-#else
-        int c = bitfieldExtract(int(asset[at + 2u * BLOCK_SIZE + (vertex >> 2)]), int(8u * (vertex & 3u)), 8);
-#endif
-        decode_fast(asset[at + vertex], asset[at + BLOCK_SIZE + vertex], c, position[i], normal[i]);
+#ifdef TEXELS
+    [[unroll]] for (int q = 0; q < VERTICES / 4; ++q) {
+        int l = int(lane) * (VERTICES / 4) + q;
+        uvec4 a = texelFetch(texels, int(at / 4u) + l), b = texelFetch(texels, int((at + BLOCK_SIZE) / 4u) + l);
+        int c = int(texelFetch(words, int(at + 2u * BLOCK_SIZE) + l).x);
+        [[unroll]] for (int i = 0; i < 4; ++i) {
+            decode_fast(a[i], b[i], bitfieldExtract(c, 8 * i, 8), position[4 * q + i], normal[4 * q + i]);
+        }
     }
+#else
+    int c = bitfieldExtract(int(asset[at + 2u * BLOCK_SIZE + (lane >> 2)]), int(8u * (lane & 3u)), 8);
+    decode_fast(asset[at + lane], asset[at + BLOCK_SIZE + lane], c, position[0], normal[0]);
+#endif
 #elif defined(SMALL)
     position[0] = ivec3(0);
     normal[0] = ivec3(0);

@@ -313,6 +313,42 @@ fn poses_and_previous_poses_follow_the_slots() {
 }
 
 #[test]
+fn heads_come_and_go() {
+    let mesh = packed(DeltaFormat::Small, 32);
+    gpu::on_every_device(|headless, _| {
+        let clips = clips();
+        let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
+        let mut scene = Scene::new(headless, &mesh, crowd(10, exact(3)), &animation);
+        scene.instances().for_each(|i| scene.play(i, Playback { speed: 1.0 + f64::from(i) / 9.0, ..Playback::new(0) }));
+        (0..3).for_each(|frame| drop(scene.step(f64::from(frame) / 10.0)));
+        scene.remove(4);
+        scene.remove(9);
+        let text = scene.crowd.crowd().pose(4).unwrap_err().to_string();
+        assert!(text.contains("instance 4 was removed"), "{text}");
+        assert!(scene.crowd.crowd().play(4, &Playback::new(0)).is_err());
+        let (plan, _) = scene.step(0.4);
+        assert!(plan.keys().all(|(instance, _)| ![4, 9].contains(instance)));
+        // One comes back before the next update, one after.
+        assert_eq!(scene.add(), 4);
+        let text = scene.crowd.crowd().pose(4).unwrap_err().to_string();
+        assert!(text.contains("no pose yet"), "{text}");
+        scene.step(0.5);
+        scene.assert_fresh(4);
+        let pose = scene.crowd.read_pose(4).expect("a pose");
+        assert_eq!(scene.crowd.read_previous_pose(4).expect("a pose").as_ref(), Some(&pose));
+        assert_eq!(scene.add(), 9);
+        scene.remove(2);
+        assert_eq!(scene.add(), 2);
+        scene.play(9, Playback::new(1));
+        for frame in 6..10 {
+            scene.step(f64::from(frame) / 10.0);
+            scene.instances().for_each(|instance| scene.assert_fresh(instance));
+        }
+        assert!(scene.crowd.crowd().add().unwrap_err().to_string().contains("all taken"));
+    });
+}
+
+#[test]
 fn misuse_is_an_error_that_says_what_to_do() {
     let mesh = packed(DeltaFormat::Small, 64);
     gpu::on_device("llvmpipe", false, |headless, _| {

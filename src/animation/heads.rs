@@ -155,6 +155,12 @@ impl Heads {
         }
     }
 
+    /// A new head in the place of one that was hidden: it plays nothing, and has no pose yet.
+    pub fn add(&mut self, head: u32) {
+        self.records[head as usize] = HeadRecord::default();
+        self.list(head, |head| (head.shown, head.stale) = (Shown::Never, true));
+    }
+
     /// The next pose of `head` has no predecessor.
     pub fn cut(&mut self, head: u32) {
         self.list(head, |head| head.cut = true);

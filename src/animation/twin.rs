@@ -66,8 +66,9 @@ impl Twin {
                 state.take_up_at(slot);
             }
             sample(clips, record, heads.now(), &mut self.sampled);
-            let first = !state.is_known();
-            self.weights[i].commit(&self.sampled, self.budget.as_ref().filter(|_| !first), &self.index);
+            // A head that is new or shown again has nothing to wait with.
+            let budget = self.budget.as_ref().filter(|_| state.is_known() && !was_hidden);
+            self.weights[i].commit(&self.sampled, budget, &self.index);
             let step = state.exact().map_or(0.0, |grid| grid.weight_step());
             // Steps have fewer bits than a float32's, and the step is a power of two: exact.
             self.asked

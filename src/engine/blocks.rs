@@ -11,8 +11,11 @@ use crate::gpu::shaders::BlocksPush;
 use crate::mesh::packed::blocks::{BlockIndex, ExactGrid};
 use crate::mesh::packed::{POSE_FLOATS, PackedLayout};
 use crate::plan::UpdateStats;
-use crate::plan::blocks::{BlockState, ELEMENT_BYTES, ITEM_WORDS, Item, Planner, TILE, TILE_WORDS, TileBytes, Tiles, WIDTHS};
+use crate::plan::blocks::{
+    BlockState, ELEMENT_BYTES, ITEM_WORDS, Item, Planner, TILE, TILE_WORDS, TileBytes, Tiles, WIDTHS,
+};
 use crate::plan::commands::{Command, CommandList};
+use crate::plan::heads::Heads;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use std::ops::Range;
@@ -83,8 +86,7 @@ impl Blocks {
         }
         let exact = state.exact();
         // Where rebuilt instances have pipelines of their own.
-        let tiles =
-            kernel.is_tiled().then(|| Tiles::new(index, desc.instances as usize, exact.is_none()));
+        let tiles = kernel.is_tiled().then(|| Tiles::new(index, desc.instances as usize, exact.is_none()));
         let (range, pose) = (device.caps.max_storage_range, layout.pose_bytes());
         let slots = desc.update.slots;
         let per_instance = pose * u64::from(slots);
@@ -111,7 +113,9 @@ impl Blocks {
             return too_much(&what, bytes, u32::MAX.into(), "use fewer frames in flight, or several crowds");
         }
         let buffer = |name, bytes, location| {
-            let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_SRC;
+            let usage = vk::BufferUsageFlags::STORAGE_BUFFER
+                | vk::BufferUsageFlags::STORAGE_TEXEL_BUFFER
+                | vk::BufferUsageFlags::TRANSFER_SRC;
             Buffer::new(device, &BufferDesc { name, bytes, usage, location })
         };
         let mut ring = buffer("deltamorph work lists", bytes, MemoryLocation::CpuToGpu)?;
@@ -178,8 +182,8 @@ impl Blocks {
         self.sums.as_ref().map(|sums| (sums.raw, u64::from(instance) * pose_bytes))
     }
 
-    pub(super) fn plan(&mut self, weights: &[Vec<f32>], update: u64) -> UpdateStats {
-        let mut stats = self.planner.plan(weights, update);
+    pub(super) fn plan(&mut self, heads: &Heads, update: u64) -> UpdateStats {
+        let mut stats = self.planner.plan(heads, update);
         if self.tiles.is_some() {
             // Instances share what tiles load: counted where they are made.
             (stats.bytes_moved, stats.bytes_floor) = (0, 0);

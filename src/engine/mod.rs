@@ -29,7 +29,7 @@ pub use crowd::{Crowd, CrowdDesc, PoseView, Ticket, Update};
 use crate::error::{Error, Result};
 use crate::gpu::animation::AnimationKernel;
 use crate::gpu::barriers;
-use crate::gpu::blocks::{BlocksKernel, BlocksVariant, prefers_tiles};
+use crate::gpu::blocks::{BlocksKernel, BlocksVariant, takes_texels};
 use crate::gpu::compute::Compute;
 use crate::gpu::device::Device;
 use crate::gpu::feedback::Feedback;
@@ -157,6 +157,7 @@ impl MorphEngine {
         let layout = mesh.layout().clone();
         self.check_mesh(&layout)?;
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER
+            | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
             | vk::BufferUsageFlags::VERTEX_BUFFER
             | vk::BufferUsageFlags::TRANSFER_DST;
         let buffer =
@@ -270,12 +271,13 @@ impl MorphEngine {
     fn kernel(&self, desc: &CrowdDesc, mesh: &GpuMesh) -> Result<Kernel> {
         let (format, instances, desc) = (mesh.layout().format, desc.instances, &desc.update);
         let exact = desc.accumulate == Accumulate::Exact;
-        let tiled = instances > 1 || !exact && prefers_tiles(&self.device.caps, format);
+        let texels = takes_texels(&self.device.caps, format);
         let variant = mesh.layout().blocks.as_ref().map(|index| BlocksVariant {
             format,
             exact,
             size: index.size() as u32,
-            widths: if tiled { instances.clamp(1, TILE as u32).ilog2() + 1 } else { 0 },
+            texels,
+            widths: if texels || instances > 1 { instances.clamp(1, TILE as u32).ilog2() + 1 } else { 0 },
         });
         let mut kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
         let found = kernels.iter().find(|kernel| match (kernel, desc.path, desc.batch) {

@@ -11,12 +11,6 @@ use ash::vk;
 use bytemuck::bytes_of;
 use std::sync::Arc;
 
-/// Storage buffers of the kernel: asset, work list, poses, integer sums (exact accumulation only).
-const BINDINGS: [vk::DescriptorType; 4] = {
-    use vk::DescriptorType as T;
-    [T::STORAGE_BUFFER, T::STORAGE_BUFFER_DYNAMIC, T::STORAGE_BUFFER, T::STORAGE_BUFFER]
-};
-
 /// What a pipeline is made for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct BlocksVariant {
@@ -26,11 +20,20 @@ pub(crate) struct BlocksVariant {
     pub(crate) size: u32,
     /// Widths of tiles that there are (`crowd.comp`); 0: single instances, with masks (`blocks.comp`).
     pub(crate) widths: u32,
+    /// Poses and deltas are read as texels (tiles of `fast`).
+    pub(crate) texels: bool,
 }
 
 impl BlocksVariant {
-    fn bindings(self) -> &'static [vk::DescriptorType] {
-        if self.exact { &BINDINGS } else { &BINDINGS[..3] }
+    /// Asset, work list, poses; integer sums last, where sums are exact. As texels, the asset is bound twice more.
+    fn bindings(self) -> Vec<vk::DescriptorType> {
+        use vk::DescriptorType as T;
+        let (state, texels) = match self.texels {
+            true => (T::STORAGE_TEXEL_BUFFER, &[T::UNIFORM_TEXEL_BUFFER; 2][..]),
+            false => (T::STORAGE_BUFFER, &[][..]),
+        };
+        let fixed = [T::STORAGE_BUFFER, T::STORAGE_BUFFER_DYNAMIC, state];
+        fixed.iter().chain(texels).copied().chain(self.exact.then_some(state)).collect()
     }
 }
 
@@ -42,19 +45,19 @@ pub(crate) struct BlocksKernel {
 
 impl BlocksKernel {
     pub(crate) fn new(device: &Arc<Device>, variant: BlocksVariant) -> Result<Self> {
-        let BlocksVariant { format, exact, size, widths } = variant;
-        // Software drivers pay for every lane's loads: there, several vertices share those of an entry.
-        let vertices = if prefers_tiles(&device.caps, format) { 4 } else { 1 };
+        let BlocksVariant { format, exact, size, widths, texels } = variant;
         let mut objects = Objects::none(device);
-        objects.add_storage_set_layout(variant.bindings())?;
+        objects.add_storage_set_layout(&variant.bindings())?;
         objects.add_layout(vk::ShaderStageFlags::COMPUTE, size_of::<BlocksPush>() as u32)?;
-        let name = super::shaders::blocks_module(format, exact, widths > 0, vertices);
+        let name = super::shaders::blocks_module(if widths > 0 { "crowd" } else { "blocks" }, format, exact, texels);
+        // With texels, a lane has four vertices.
+        let lanes = if texels { size / 8 } else { size };
         if widths == 0 {
-            objects.add_compute(&name, &[size / vertices, size])?;
+            objects.add_compute(&name, &[lanes, size])?;
         }
         for rebuilt in 0..if exact { 1 } else { 2 } {
             for width in 0..widths {
-                let constants = [size / vertices, size, 1 << width, rebuilt];
+                let constants = [lanes, size, 1 << width, rebuilt];
                 objects.add_compute(&name, &constants[..if exact { 3 } else { 4 }])?;
             }
         }
@@ -149,10 +152,11 @@ impl BlocksKernel {
     }
 }
 
-/// Whether tiles are the better choice even for a single instance: on software drivers, whose loads and stores cost
-/// several times as much under the control flow that masks take.
-pub(crate) fn prefers_tiles(caps: &DeviceCaps, format: DeltaFormat) -> bool {
-    caps.is_software() && format == DeltaFormat::Fast
+/// Whether `fast` is read as texels, and so in tiles even for a single instance: on software drivers, which pay for
+/// storage buffers lane by lane, and several times as much under the control flow that masks take.
+pub(crate) fn takes_texels(caps: &DeviceCaps, format: DeltaFormat) -> bool {
+    // Whatever a storage descriptor covers, a view of single words covers then.
+    caps.is_software() && format == DeltaFormat::Fast && u64::from(caps.max_texels) >= caps.max_storage_range / 4
 }
 
 /// Items that go into one dispatch, or more where the device allows only so many workgroups.
@@ -186,47 +190,65 @@ pub(crate) struct GroupBuffers {
 pub(crate) struct BlockSets {
     device: Arc<Device>,
     pool: vk::DescriptorPool,
+    views: Vec<vk::BufferView>,
     sets: Vec<vk::DescriptorSet>,
 }
 
 impl BlockSets {
     pub(crate) fn new(kernel: &BlocksKernel, groups: &[GroupBuffers]) -> Result<Self> {
         let device = &kernel.objects.device;
-        let count = groups.len() as u32;
-        let sizes = [(vk::DescriptorType::STORAGE_BUFFER, 3), (vk::DescriptorType::STORAGE_BUFFER_DYNAMIC, 1)]
-            .map(|(ty, each)| vk::DescriptorPoolSize { ty, descriptor_count: each * count });
+        let (bindings, count) = (kernel.variant.bindings(), groups.len() as u32);
+        let sizes: Vec<_> = bindings.iter().map(|&ty| vk::DescriptorPoolSize { ty, descriptor_count: count }).collect();
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(count).pool_sizes(&sizes);
         // SAFETY: the device is alive.
         let pool =
             unsafe { device.raw.create_descriptor_pool(&info, None) }.map_err(failed("vkCreateDescriptorPool"))?;
-        let mut sets = Self { device: device.clone(), pool, sets: vec![] };
+        let mut sets = Self { device: device.clone(), pool, views: vec![], sets: vec![] };
         let layouts = vec![kernel.objects.set_layout; groups.len()];
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
         // SAFETY: pool and layout are ours; the pool has room for as many.
         sets.sets =
             unsafe { device.raw.allocate_descriptor_sets(&info) }.map_err(failed("vkAllocateDescriptorSets"))?;
-        for (group, set) in groups.iter().zip(&sets.sets) {
-            let infos: Vec<[vk::DescriptorBufferInfo; 1]> = [group.asset, group.list, group.poses]
-                .into_iter()
-                .chain(group.sums)
-                .map(|r| [vk::DescriptorBufferInfo { buffer: r.buffer, offset: r.offset, range: r.size }])
-                .collect();
-            let writes: Vec<_> = infos
-                .iter()
-                .zip(kernel.variant.bindings())
-                .enumerate()
-                .map(|(binding, (info, ty))| {
-                    vk::WriteDescriptorSet::default()
-                        .dst_set(*set)
-                        .dst_binding(binding as u32)
-                        .descriptor_type(*ty)
-                        .buffer_info(info)
-                })
-                .collect();
-            // SAFETY: the set is not in use yet; buffers and ranges are the crowd's and the mesh's own.
-            unsafe { device.raw.update_descriptor_sets(&writes, &[]) };
+        for (i, group) in groups.iter().enumerate() {
+            use vk::Format as F;
+            let texels = [(group.asset, F::R32G32B32A32_UINT), (group.asset, F::R32_UINT)];
+            let buffers =
+                [(group.asset, F::UNDEFINED), (group.list, F::UNDEFINED), (group.poses, F::R32G32B32A32_SFLOAT)]
+                    .into_iter()
+                    .chain(texels.into_iter().filter(|_| kernel.variant.texels))
+                    .chain(group.sums.map(|sums| (sums, F::R32G32B32A32_SINT)));
+            for (binding, ((range, format), &ty)) in buffers.zip(&bindings).enumerate() {
+                sets.write(sets.sets[i], binding as u32, ty, range, format)?;
+            }
         }
         Ok(sets)
+    }
+
+    fn write(
+        &mut self,
+        set: vk::DescriptorSet,
+        binding: u32,
+        ty: vk::DescriptorType,
+        range: BufferRange,
+        format: vk::Format,
+    ) -> Result<()> {
+        let BufferRange { buffer, offset, size } = range;
+        let info = [vk::DescriptorBufferInfo { buffer, offset, range: size }];
+        let write = vk::WriteDescriptorSet::default().dst_set(set).dst_binding(binding).descriptor_type(ty);
+        let view;
+        use vk::DescriptorType as T;
+        let write = if matches!(ty, T::STORAGE_TEXEL_BUFFER | T::UNIFORM_TEXEL_BUFFER) {
+            let info = vk::BufferViewCreateInfo::default().buffer(buffer).offset(offset).range(size).format(format);
+            // SAFETY: the buffer was made for such views; every device has these formats for them.
+            view = [unsafe { self.device.raw.create_buffer_view(&info, None) }.map_err(failed("vkCreateBufferView"))?];
+            self.views.extend(view);
+            write.texel_buffer_view(&view)
+        } else {
+            write.buffer_info(&info)
+        };
+        // SAFETY: the set is not in use yet; buffers and ranges are the crowd's and the mesh's own.
+        unsafe { self.device.raw.update_descriptor_sets(&[write], &[]) };
+        Ok(())
     }
 
     pub(crate) fn get(&self, group: usize) -> vk::DescriptorSet {
@@ -237,6 +259,9 @@ impl BlockSets {
 impl Drop for BlockSets {
     fn drop(&mut self) {
         // SAFETY: ours, destroyed once, with its sets, when the crowd is no longer in use by the device.
-        unsafe { self.device.raw.destroy_descriptor_pool(self.pool, None) };
+        unsafe {
+            self.device.raw.destroy_descriptor_pool(self.pool, None);
+            self.views.iter().for_each(|view| self.device.raw.destroy_buffer_view(*view, None));
+        }
     }
 }

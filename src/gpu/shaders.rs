@@ -78,16 +78,15 @@ pub struct BlocksPush {
     pub normal_unit: f32,
 }
 
-/// Name of the module of `blocks.comp`, or of `crowd.comp` where it is `tiled`, for a format and a kind of sums;
-/// `vertices` of a lane is 1, or 4 for `fast`.
-pub fn blocks_module(format: DeltaFormat, exact: bool, tiled: bool, vertices: u32) -> String {
-    let kernel = if tiled { "crowd" } else { "blocks" };
-    let name = match format {
+/// Name of the module of a kernel ("blocks" or "crowd") for a format and a kind of sums; there are `texels` in "crowd"
+/// for `fast` alone.
+pub fn blocks_module(kernel: &str, format: DeltaFormat, exact: bool, texels: bool) -> String {
+    let format = match format {
         DeltaFormat::Fast => "fast",
         DeltaFormat::Small => "small",
         _ => "float32",
     };
-    format!("{kernel}_{name}{}{}", if exact { "_exact" } else { "" }, if vertices == 4 { "_x4" } else { "" })
+    format!("{kernel}_{format}{}{}", if exact { "_exact" } else { "" }, if texels { "_texels" } else { "" })
 }
 
 /// Push constants of `read.comp`.

@@ -60,6 +60,19 @@ impl<'a> Scene<'a> {
         self.hidden[instance as usize] = hidden;
     }
 
+    pub fn remove(&mut self, instance: u32) {
+        self.crowd.crowd().remove(instance).expect("an instance");
+        self.heads.set_hidden(instance, true);
+        self.hidden[instance as usize] = true;
+    }
+
+    pub fn add(&mut self) -> u32 {
+        let instance = self.crowd.crowd().add().expect("a free place");
+        self.heads.add(instance);
+        self.hidden[instance as usize] = false;
+        instance
+    }
+
     /// Update at `seconds`, on both sides; the GPU's plan is the twin's, and so are the weights.
     pub fn step(&mut self, seconds: f64) -> (Plan, CommandList) {
         self.crowd.crowd().set_time(seconds).expect("a time");

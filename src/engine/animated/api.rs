@@ -77,17 +77,6 @@ impl Crowd {
         self.animated("a clock")?.heads.set_time(seconds)
     }
 
-    /// Leave an instance out of updates from the next recorded one on, or take it up again. Its pose stays while it is
-    /// hidden; shown again, it has itself as previous pose.
-    ///
-    /// # Errors
-    /// An instance out of range; a crowd whose weights are set by [`set_weights`](Self::set_weights).
-    pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<()> {
-        self.check_instance(instance)?;
-        self.animated("hiding")?.heads.set_hidden(instance, hidden);
-        Ok(())
-    }
-
     /// Give the staging memory of the clips back. To be called once the upload that
     /// [`create_animated_crowd`](MorphEngine::create_animated_crowd) recorded has run.
     pub fn release_staging(&mut self) {

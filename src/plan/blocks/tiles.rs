@@ -172,3 +172,7 @@ impl std::ops::AddAssign for TileBytes {
         self.floor += other.floor;
     }
 }
+
+#[cfg(test)]
+#[path = "tiles_tests.rs"]
+mod tests;
