@@ -10,36 +10,12 @@ mod scene;
 use deltamorph::animation::{AnimationDesc, KeyFormat, Playback, Repeat};
 use deltamorph::engine::{CrowdDesc, DeviceCaps};
 use deltamorph::headless::{Headless, HeadlessCrowd};
-use deltamorph::mesh::head::{HeadDesc, head, head_clip};
-use deltamorph::mesh::packed::blocks::BlockDesc;
 use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::mesh::{Tolerance, obj};
-use deltamorph::plan::{BatchSize, UpdateDesc, UpdateMode, UpdatePath};
-use deltamorph::weights::{WeightClip, csv};
-use scene::{Scene, exact};
+use deltamorph::plan::{UpdateDesc, UpdateMode};
+use deltamorph::weights::csv;
+use scene::{Scene, blocks, clips, crowd, exact, packed};
 use std::sync::Arc;
-
-const HEAD: HeadDesc = HeadDesc { vertices: 900, targets: 37, sparsity: 0.15, seed: 3 };
-
-fn packed(format: DeltaFormat, size: u32) -> Arc<PackedMesh> {
-    let mesh = head(&HEAD).to_mesh(Tolerance::default()).expect("a mesh");
-    let blocks = BlockDesc { size: Some(size), ..BlockDesc::default() };
-    Arc::new(PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(format) }).expect("a mesh that packs"))
-}
-
-/// A captured-like clip, a short one in which all weights change, and one that is still.
-fn clips() -> Vec<WeightClip> {
-    let clip = head_clip(&HEAD, 40, 30.0);
-    let noise = |i: usize| ((i as u32).wrapping_mul(0x9E37_79B9) >> 12) as f32 / (1 << 20) as f32 - 0.3;
-    let values = |f: &dyn Fn(usize) -> f32, frames: usize| (0..frames * clip.names.len()).map(f).collect();
-    let wild = WeightClip { fps: 12.0, values: values(&noise, 5), ..clip.clone() };
-    let still = WeightClip { values: values(&|i| if i % 3 == 0 { 0.5 } else { 0.0 }, 1), ..clip.clone() };
-    vec![clip, wild, still]
-}
-
-fn crowd(instances: u32, update: UpdateDesc) -> CrowdDesc {
-    CrowdDesc { instances, update, frames_in_flight: 2 }
-}
 
 /// Numbers below `n`, the same everywhere.
 fn dice(state: &mut u32, n: u32) -> u32 {
@@ -234,148 +210,5 @@ fn the_same_is_recorded_whatever_changes_and_an_idle_crowd_is_no_work() {
         assert_eq!(scene.step(1.2).1.commands.len(), commands.commands.len());
         assert_eq!(scene.step(1.3).1, commands);
         assert_eq!(commands.commands.len(), still.commands.len());
-    });
-}
-
-fn blocks(mesh: &PackedMesh) -> usize {
-    mesh.layout().blocks.as_ref().expect("blocks").count()
-}
-
-/// Days of playing: records are started anew, and nobody sees it.
-#[test]
-fn the_clock_may_run_for_days() {
-    let mesh = packed(DeltaFormat::Small, 64);
-    gpu::on_device("llvmpipe", false, |headless, _| {
-        let clips = clips();
-        let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
-        let mut scene = Scene::new(headless, &mesh, crowd(3, exact(2)), &animation);
-        scene.play(0, Playback::new(0));
-        scene.play(1, Playback { speed: -1.7, ..Playback::new(1) });
-        scene.play(2, Playback { repeat: Repeat::Once, start: 16_000.0, speed: 0.01, clip: 0 });
-        for hours in [0.0, 4.4, 4.6, 9.0, 18.3, 40.0, 200.0] {
-            for later in [0.0, 0.5] {
-                scene.step(hours * 3600.0 + later);
-                (0..3).for_each(|instance| scene.assert_fresh(instance));
-            }
-        }
-    });
-}
-
-#[test]
-fn poses_and_previous_poses_follow_the_slots() {
-    let mesh = packed(DeltaFormat::Fast, 64);
-    gpu::on_every_device(|headless, _| {
-        for slots in [1, 2, 3] {
-            let clips = clips();
-            let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
-            let mut scene = Scene::new(headless, &mesh, crowd(2, exact(slots)), &animation);
-            (0..2).for_each(|i| scene.play(i, Playback::new(1)));
-            let text = scene.crowd.crowd().pose(0).unwrap_err().to_string();
-            assert!(text.contains("record an update first"), "{text}");
-            let mut before: Option<Vec<f32>> = None;
-            let mut frozen = vec![];
-            for frame in 0..12 {
-                match frame {
-                    4 => scene.crowd.crowd().cut(0).expect("an instance"),
-                    5 => {
-                        frozen = scene.crowd.read_pose(1).expect("a pose");
-                        scene.hide(1, true);
-                    }
-                    9 => scene.hide(1, false),
-                    _ => {}
-                }
-                if frame == 6 {
-                    scene.drop_one(100.0);
-                    assert_eq!(Some(scene.crowd.read_pose(0).expect("a pose")), before, "the last that ran");
-                }
-                scene.step(f64::from(frame) / 7.0);
-                let pose = scene.crowd.read_pose(0).expect("a pose");
-                let previous = scene.crowd.read_previous_pose(0).expect("a pose");
-                let expected = match (frame, slots) {
-                    (0 | 4, _) => Some(&pose),
-                    (_, 1) => None,
-                    _ => before.as_ref(),
-                };
-                assert!(previous.as_ref() == expected, "{slots} slots, frame {frame}");
-                before = Some(pose);
-                if (5..=9).contains(&frame) {
-                    let pose = scene.crowd.crowd().pose(1).expect("a pose");
-                    let previous = scene.crowd.crowd().previous_pose(1).expect("a pose");
-                    assert_eq!(Some(pose), previous, "hidden, or just shown");
-                }
-                if (5..9).contains(&frame) {
-                    assert!(scene.crowd.read_pose(1).expect("a pose") == frozen, "a hidden head's pose stays");
-                }
-            }
-            (0..2).for_each(|instance| scene.assert_fresh(instance));
-        }
-    });
-}
-
-#[test]
-fn heads_come_and_go() {
-    let mesh = packed(DeltaFormat::Small, 32);
-    gpu::on_every_device(|headless, _| {
-        let clips = clips();
-        let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
-        let mut scene = Scene::new(headless, &mesh, crowd(10, exact(3)), &animation);
-        scene.instances().for_each(|i| scene.play(i, Playback { speed: 1.0 + f64::from(i) / 9.0, ..Playback::new(0) }));
-        (0..3).for_each(|frame| drop(scene.step(f64::from(frame) / 10.0)));
-        scene.remove(4);
-        scene.remove(9);
-        let text = scene.crowd.crowd().pose(4).unwrap_err().to_string();
-        assert!(text.contains("instance 4 was removed"), "{text}");
-        assert!(scene.crowd.crowd().play(4, &Playback::new(0)).is_err());
-        let (plan, _) = scene.step(0.4);
-        assert!(plan.keys().all(|(instance, _)| ![4, 9].contains(instance)));
-        // One comes back before the next update, one after.
-        assert_eq!(scene.add(), 4);
-        let text = scene.crowd.crowd().pose(4).unwrap_err().to_string();
-        assert!(text.contains("no pose yet"), "{text}");
-        scene.step(0.5);
-        scene.assert_fresh(4);
-        let pose = scene.crowd.read_pose(4).expect("a pose");
-        assert_eq!(scene.crowd.read_previous_pose(4).expect("a pose").as_ref(), Some(&pose));
-        assert_eq!(scene.add(), 9);
-        scene.remove(2);
-        assert_eq!(scene.add(), 2);
-        scene.play(9, Playback::new(1));
-        for frame in 6..10 {
-            scene.step(f64::from(frame) / 10.0);
-            scene.instances().for_each(|instance| scene.assert_fresh(instance));
-        }
-        assert!(scene.crowd.crowd().add().unwrap_err().to_string().contains("all taken"));
-    });
-}
-
-#[test]
-fn misuse_is_an_error_that_says_what_to_do() {
-    let mesh = packed(DeltaFormat::Small, 64);
-    gpu::on_device("llvmpipe", false, |headless, _| {
-        let clips = clips();
-        let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
-        let refuse = |update: UpdateDesc, words: &str| {
-            let text = HeadlessCrowd::animated(headless, &mesh, &crowd(2, update), &animation).err().expect("refused");
-            assert!(text.to_string().contains(words), "{text}");
-        };
-        refuse(UpdateDesc::blocks(), "use Accumulate::Exact");
-        refuse(exact(40), "at most 32");
-        refuse(UpdateDesc::new(UpdatePath::Compute, BatchSize::All), "pack the mesh as");
-        let mut animated = HeadlessCrowd::animated(headless, &mesh, &crowd(2, exact(2)), &animation).expect("a crowd");
-        let mut set = HeadlessCrowd::new(headless, &mesh, &crowd(2, exact(2))).expect("a crowd");
-        let weights = vec![0.0; HEAD.targets];
-        for (result, words) in [
-            (animated.crowd().set_weights(0, &weights), "play a clip"),
-            (animated.crowd().play(2, &Playback::new(0)), "instance 2 of a crowd of 2"),
-            (animated.crowd().play(0, &Playback::new(3)), "clip 3 of 3"),
-            (animated.crowd().set_time(f64::NAN), "second NaN"),
-            (set.crowd().play(0, &Playback::new(0)), "create_animated_crowd"),
-            (set.crowd().set_time(0.0), "create_animated_crowd"),
-        ] {
-            let text = result.unwrap_err().to_string();
-            assert!(text.contains(words), "{text}");
-        }
-        assert_eq!(animated.crowd().clips().map(|clips| (clips.count(), clips.frames(1))), Some((3, 5)));
-        assert!(set.crowd().clips().is_none());
     });
 }

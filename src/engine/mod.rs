@@ -8,6 +8,9 @@
 //! 2. Each frame: [`Crowd::set_weights`], then [`MorphEngine::record_update`] before the draws, then draw from
 //!    [`Crowd::pose`].
 //!
+//! Or the GPU does it all: [`MorphEngine::create_animated_crowd`] uploads clips, [`Crowd::play`] says who plays which, and
+//! each frame takes [`Crowd::set_time`] in place of weights.
+//!
 //! # What the caller is responsible for
 //! - Uploads, updates and draws run on queues of one family, with graphics and compute: the barriers name the
 //!   stages of both. Recorded updates run exactly once each, in the order recorded, on one queue (or ordered by

@@ -1,16 +1,47 @@
 //! A crowd that is animated on the GPU next to its CPU twin: told the same, held against each other.
+#![allow(dead_code)] // each test file uses some of this
 
 use deltamorph::animation::{AnimationDesc, Clips, Heads, Playback, Twin};
 use deltamorph::cpu::CpuCrowd;
 use deltamorph::engine::CrowdDesc;
 use deltamorph::headless::{Headless, HeadlessCrowd, PlannedGroup};
-use deltamorph::mesh::packed::PackedMesh;
+use deltamorph::mesh::Tolerance;
+use deltamorph::mesh::head::{HeadDesc, head, head_clip};
+use deltamorph::mesh::packed::blocks::BlockDesc;
+use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::plan::blocks::{TILE, TILE_WORDS, WorkList};
 use deltamorph::plan::commands::CommandList;
 use deltamorph::plan::{Accumulate, UpdateDesc, UpdateMode, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
+use deltamorph::weights::WeightClip;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+
+pub const HEAD: HeadDesc = HeadDesc { vertices: 900, targets: 37, sparsity: 0.15, seed: 3 };
+
+pub fn packed(format: DeltaFormat, size: u32) -> Arc<PackedMesh> {
+    let mesh = head(&HEAD).to_mesh(Tolerance::default()).expect("a mesh");
+    let blocks = BlockDesc { size: Some(size), ..BlockDesc::default() };
+    Arc::new(PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(format) }).expect("a mesh that packs"))
+}
+
+/// A captured-like clip, a short one in which all weights change, and one that is still.
+pub fn clips() -> Vec<WeightClip> {
+    let clip = head_clip(&HEAD, 40, 30.0);
+    let noise = |i: usize| ((i as u32).wrapping_mul(0x9E37_79B9) >> 12) as f32 / (1 << 20) as f32 - 0.3;
+    let values = |f: &dyn Fn(usize) -> f32, frames: usize| (0..frames * clip.names.len()).map(f).collect();
+    let wild = WeightClip { fps: 12.0, values: values(&noise, 5), ..clip.clone() };
+    let still = WeightClip { values: values(&|i| if i % 3 == 0 { 0.5 } else { 0.0 }, 1), ..clip.clone() };
+    vec![clip, wild, still]
+}
+
+pub fn crowd(instances: u32, update: UpdateDesc) -> CrowdDesc {
+    CrowdDesc { instances, update, frames_in_flight: 2 }
+}
+
+pub fn blocks(mesh: &PackedMesh) -> usize {
+    mesh.layout().blocks.as_ref().expect("blocks").count()
+}
 
 /// Exact sums on the path `blocks`.
 pub fn exact(slots: u32) -> UpdateDesc {
@@ -158,7 +189,7 @@ fn of_list(list: &WorkList) -> Plan {
 /// The GPU's lists, taken apart; what is asked of their form is checked on the way.
 fn of_groups(groups: &[PlannedGroup], slots: u32, mesh: &PackedMesh) -> Plan {
     let (mut plan, mut tiles) = (Plan::new(), BTreeSet::new());
-    let blocks = mesh.layout().blocks.as_ref().expect("blocks").count() as u32;
+    let blocks = blocks(mesh) as u32;
     for group in groups {
         for (size, &count) in group.counts.iter().enumerate() {
             let width = 1usize << size;

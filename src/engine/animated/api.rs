@@ -16,6 +16,9 @@ impl MorphEngine {
     /// nothing yet show the base pose. What an update wrote only the GPU knows: [`UpdateStats`](crate::plan::UpdateStats)
     /// count a pass, and nothing else. There is no ring of lists either: any number of updates may be in flight.
     ///
+    /// An update that is [discarded](Crowd::discard) changed nothing: the poses are those of the update before, and the
+    /// next update does what it would have done. Only heads that it hid, showed or added have no pose until then.
+    ///
     /// This records: a copy and two fills, and a barrier that makes them visible to updates (first stage TRANSFER with
     /// TRANSFER_WRITE; last COMPUTE_SHADER).
     ///

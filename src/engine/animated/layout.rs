@@ -5,7 +5,7 @@ use crate::engine::crowd::CrowdDesc;
 use crate::error::{Error, Result};
 use crate::gpu::animation::{BIT_KINDS, RECORD_WORDS};
 use crate::gpu::device::Device;
-use crate::gpu::shaders::AnimationPush;
+use crate::gpu::shaders::{AnimationPush, WORKGROUP};
 use crate::mesh::packed::PackedLayout;
 use crate::mesh::packed::blocks::BlockIndex;
 use crate::plan::blocks::{TILE, TILE_WORDS, WIDTHS};
@@ -43,9 +43,17 @@ impl Groups {
         if poses == 0 {
             return refuse("the slots of one instance", per_instance, "use fewer slots, or split the mesh");
         }
-        let tiles = caps.max_storage_range / list;
+        let tiles = (caps.max_storage_range / list).min(caps.max_workgroups.into());
         if tiles == 0 {
             return refuse("the work lists of eight instances", list, "split the mesh");
+        }
+        let groups = (index.count() as u64).div_ceil(WORKGROUP.into());
+        if groups > caps.max_workgroups.into() {
+            let text = format!(
+                "planning mesh '{}' takes {groups} workgroups, {} allows {}",
+                layout.name, caps.name, caps.max_workgroups
+            );
+            return Err(Error::invalid(text, "split the mesh"));
         }
         // Whole tiles, where there is more than one group.
         let size = match poses.min(tiles * TILE as u64) {

@@ -16,7 +16,7 @@ use crate::gpu::barriers;
 use crate::gpu::blocks::{BlockSets, BlocksKernel, BufferRange, GroupBuffers};
 use crate::gpu::device::Device;
 use crate::gpu::memory::{Buffer, BufferDesc};
-use crate::gpu::shaders::{AnimationPush, BlocksPush};
+use crate::gpu::shaders::{AnimationPush, BlocksPush, WORKGROUP};
 use crate::plan::animated::{AnimatedCommand, AnimatedUpdate};
 use crate::plan::blocks::{TILE, TILE_WORDS, WIDTHS};
 use crate::plan::commands::{Command, CommandList, Hazard};
@@ -221,7 +221,7 @@ impl Animated {
     unsafe fn step(&self, device: &Device, cmd: vk::CommandBuffer, step: AnimatedCommand) {
         let (kernel, first) = (&self.kernel, self.sets.get(0));
         let words = u64::from(self.push.heads) * u64::from(self.push.words);
-        let [blocks, _] = kernel.groups(self.push.blocks.into());
+        let blocks = self.push.blocks.div_ceil(WORKGROUP);
         // SAFETY: the caller's obligations; sets and push constants were made for these buffers, updates of records lie
         // within the state and are no larger than Vulkan allows, and workgroups no more than the device does.
         unsafe {
