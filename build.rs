@@ -25,14 +25,29 @@ fn modules() -> Vec<Module> {
     let mut list = vec![module("consume", "consume.vert", vec![]), module("read", "read.comp", vec![])];
     let animation = ["animate.comp", "budget.comp", "commit.comp", "plan.comp", "arguments.comp"];
     list.extend(animation.map(|source| module(source.trim_end_matches(".comp"), source, vec![])));
+    for name in ["scatter", "resolve"] {
+        let source = if name == "scatter" { "baselines/scatter.comp" } else { "baselines/resolve.comp" };
+        list.push(module(name, source, vec![]));
+    }
     for (format, attributes, define) in [("float32", 2, None), ("snorm16", 1, Some(("SNORM16", None)))] {
         let with = |rest: Vec<(&'static str, Option<String>)>| define.clone().into_iter().chain(rest).collect();
         list.push(module(&format!("dense_{format}"), "dense.comp", with(vec![])));
         list.push(module(&format!("dense_list_{format}"), "dense_list.comp", with(vec![])));
         // One module per batch size; batch 0 copies.
-        for batch in 0..=(ATTRIBUTES - 2) / attributes {
-            let name = format!("feedback_{format}_{batch:02}");
-            list.push(module(&name, "feedback.vert", with(vec![("BATCH", Some(batch.to_string()))])));
+        for (name, source) in [
+            ("feedback", "feedback.vert"),
+            ("vertex_store", "baselines/vertex_store.vert"),
+            ("direct_attributes", "baselines/direct_attributes.vert"),
+        ] {
+            for batch in 0..=(ATTRIBUTES - 2) / attributes {
+                let name = format!("{name}_{format}_{batch:02}");
+                list.push(module(&name, source, with(vec![("BATCH", Some(batch.to_string()))])));
+            }
+        }
+        // The draw, and the same with its result captured, in the two ways that devices have.
+        for (end, capture) in [("", None), ("_feedback", Some("FEEDBACK")), ("_store", Some("STORE"))] {
+            let defines = capture.into_iter().map(|c| (c, None)).collect();
+            list.push(module(&format!("direct_{format}{end}"), "baselines/direct.vert", with(defines)));
         }
     }
     for (format, define, exact) in
@@ -61,15 +76,23 @@ fn hash(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3))
 }
 
+/// The files of a folder and of the folders in it.
+fn files_in(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
+    let paths = entries.map(|e| e.expect("a folder entry").path());
+    let mut files: Vec<PathBuf> = paths.flat_map(|p| if p.is_dir() { files_in(&p) } else { vec![p] }).collect();
+    files.sort();
+    files
+}
+
 /// A line per source file.
 fn source_manifest(glsl: &Path) -> String {
-    let entries = fs::read_dir(glsl).unwrap_or_else(|e| panic!("{}: {e}", glsl.display()));
-    let mut files: Vec<PathBuf> = entries.map(|e| e.expect("a folder entry").path()).collect();
-    files.sort();
     let mut text = String::new();
-    for file in files {
+    for file in files_in(glsl) {
         let bytes = fs::read(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
-        writeln!(text, "source {} {:016x}", file.file_name().unwrap().to_string_lossy(), hash(&bytes)).unwrap();
+        let parts = file.strip_prefix(glsl).expect("a file of this folder").components();
+        let name: Vec<_> = parts.map(|part| part.as_os_str().to_string_lossy()).collect();
+        writeln!(text, "source {} {:016x}", name.join("/"), hash(&bytes)).unwrap();
     }
     text
 }

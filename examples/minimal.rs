@@ -131,6 +131,7 @@ fn main() -> Result<()> {
         device: &host.device,
         caps: None,
         transform_feedback_enabled: false,
+        vertex_stores_enabled: false,
         allocator: None,
     };
     // SAFETY: the handles belong together, and are destroyed after the engine and all it made.

@@ -6,10 +6,12 @@
 #include "blocks.glsl"
 
 layout(constant_id = 2) const uint HEADS = 1;
+// Rows at a time: the planner pads their number.
+layout(constant_id = 3) const uint ROWS = 1;
 #ifndef EXACT
 // Instances that start from the base pose are in items of their own: what is loaded under control flow costs software
 // drivers several times as much.
-layout(constant_id = 3) const bool REBUILT_ITEMS = false;
+layout(constant_id = 4) const bool REBUILT_ITEMS = false;
 #endif
 
 const uint ITEM_WORDS = 12u;
@@ -84,23 +86,35 @@ void main() {
     }
 #endif
 
-    for (; row < end; row += HEADS + 1u) {
-        DELTA dp[VERTICES], dn[VERTICES];
-        uvec2 shifts;
-        load_entry(work[row], lane, dp, dn, shifts);
+    // There is a row at least: a loop that asks first would run its body once more on software drivers, for no lane.
+    // Two rows at a time, where there are several heads: sums in memory are loaded and stored half as often.
+    do {
+        DELTA dp[ROWS][VERTICES], dn[ROWS][VERTICES];
+        uvec2 shifts[ROWS];
+        [[unroll]] for (uint r = 0u; r < ROWS; ++r) {
+            load_entry(work[row + r * (HEADS + 1u)], lane, dp[r], dn[r], shifts[r]);
+        }
         [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
-            uint coefficient = work[row + 1u + h];
-            ADDEND p = ADDEND(COEFFICIENT(coefficient, position_unit, shifts.x));
-            ADDEND n = ADDEND(COEFFICIENT(coefficient, normal_unit, shifts.y));
+            ADDEND p[ROWS], n[ROWS];
+            [[unroll]] for (uint r = 0u; r < ROWS; ++r) {
+                uint coefficient = work[row + r * (HEADS + 1u) + 1u + h];
+                p[r] = ADDEND(COEFFICIENT(coefficient, position_unit, shifts[r].x));
+                n[r] = ADDEND(COEFFICIENT(coefficient, normal_unit, shifts[r].y));
+            }
             [[unroll]] for (uint v = 0u; v < VERTICES; ++v) {
-                ADDEND position = p * ADDEND(dp[v]), normal = n * ADDEND(dn[v]);
+                ADDEND position = p[0] * ADDEND(dp[0][v]), normal = n[0] * ADDEND(dn[0][v]);
+                [[unroll]] for (uint r = 1u; r < ROWS; ++r) {
+                    position += p[r] * ADDEND(dp[r][v]);
+                    normal += n[r] * ADDEND(dn[r][v]);
+                }
                 [[unroll]] for (uint c = 0u; c < 3u; ++c) {
                     sum[h][6u * v + c] += position[c];
                     sum[h][6u * v + 3u + c] += normal[c];
                 }
             }
         }
-    }
+        row += ROWS * (HEADS + 1u);
+    } while (row < end);
 
     [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
         uint pose = work[item + 4u + h] >> 16;

@@ -7,25 +7,8 @@ layout(local_size_x = 64) in;
 // invocation reads another's vertex. (Never `restrict`.)
 layout(set = 0, binding = 0, std430) readonly buffer SourcePose { vec2 source_pose[]; };
 layout(set = 0, binding = 1, std430) writeonly buffer DestinationPose { vec2 destination_pose[]; };
-#ifdef SNORM16
-layout(set = 0, binding = 2, std430) readonly buffer Deltas { uint deltas[]; };
-#else
-layout(set = 0, binding = 2, std430) readonly buffer Deltas { vec2 deltas[]; };
-#endif
-
-// Add coefficient · delta of one target, `row` being the index of the vertex in the chunk's deltas.
-void add_delta(uint row, float coefficient, float normal_coefficient, inout vec3 position, inout vec3 normal) {
-#ifdef SNORM16
-    vec3 p, n;
-    decode_snorm16(uvec3(deltas[3u * row], deltas[3u * row + 1u], deltas[3u * row + 2u]), p, n);
-    position += coefficient * p;
-    normal += normal_coefficient * n;
-#else
-    vec2 a = deltas[3u * row], b = deltas[3u * row + 1u], c = deltas[3u * row + 2u];
-    position += coefficient * vec3(a, b.x);
-    normal += normal_coefficient * vec3(b.y, c);
-#endif
-}
+#define DELTAS_BINDING 2
+#include "dense_delta.glsl"
 
 // destination = source + sum: one rounding at pose magnitude.
 void store_pose(uint vertex, vec3 position, vec3 normal) {

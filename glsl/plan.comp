@@ -76,7 +76,8 @@ void main() {
     uint last = head_at(places, used - 1u);
     for (uint place = used; place < TILE; ++place) places |= last << (4u * place);
 
-    uint rows = rows_at + (tile * entries + from) * (TILE + 1u);
+    // A place for each entry, and two for what fills rows up.
+    uint rows = rows_at + (tile * (entries + 2u * blocks) + from + 2u * block) * (TILE + 1u);
     uint row = rows;
     for (uint e = from; e < to; ++e) {
         uint target = tables[entries_at + 2u * e];
@@ -97,6 +98,16 @@ void main() {
         row += width + 1u;
     }
 
+    // There is a row at least, and an even number where there are several heads: of any entry, and no coefficient.
+    uint multiple = width > 1u ? ROWS : 1u;
+    uint listed = (row - rows) / (width + 1u);
+    uint filled = max((listed + multiple - 1u) / multiple, 1u) * multiple;
+    for (; listed < filled; ++listed) {
+        work[row] = min(from, entries - 1u);
+        for (uint place = 0u; place < width; ++place) work[row + 1u + place] = 0u;
+        row += width + 1u;
+    }
+
     uint index = atomicAdd(control[first_counter + size], 1u);
     uint item = (size * capacity + index) * ITEM_WORDS;
     uint rebuilt_places = 0u;
@@ -108,6 +119,6 @@ void main() {
     }
     work[item] = block;
     work[item + 1u] = rows;
-    work[item + 2u] = (row - rows) / (width + 1u);
+    work[item + 2u] = filled;
     work[item + 3u] = rebuilt_places;
 }

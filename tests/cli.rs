@@ -39,6 +39,8 @@ fn bench_verifies_measures_and_draws() {
         assert!(runs.iter().all(|r| r["verified"] == true), "{out}");
         let of =
             |path: &str, batch: Value| runs.iter().filter(|r| r["path"] == path && r["batch_size"] == batch).count();
+        let paths = ["feedback", "compute", "blocks", "cpu"];
+        assert!(runs.iter().all(|r| paths.contains(&r["path"].as_str().unwrap())), "baselines are named, or left out");
         assert_eq!(of("feedback", 1.into()), if device == "llvmpipe" { 2 } else { 0 });
         assert_eq!(of("compute", 16.into()), 2 * 2, "two formats, two counts of changed targets");
         assert_eq!(of("compute", "all".into()), 4);
@@ -67,6 +69,70 @@ fn bench_verifies_measures_and_draws() {
         };
         assert!(plots("svg") >= 3 && plots("svg") == plots("png"), "{} SVG, {} PNG", plots("svg"), plots("png"));
     }
+}
+
+/// Each baseline in each command that updates poses, where it is named; `bench` leaves them out otherwise.
+#[test]
+fn baselines_are_paths_like_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = sample(folder.path());
+    let clip = std::fs::read_dir(Path::new(&dir).join("weights")).unwrap().next().unwrap().unwrap().path();
+    let clip = clip.to_str().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let positions = |file: &str| -> Vec<f64> {
+        let text = std::fs::read_to_string(file).unwrap();
+        let vertices = text.lines().filter_map(|line| line.strip_prefix("v "));
+        vertices.flat_map(str::split_whitespace).map(|word| word.parse().unwrap()).collect()
+    };
+    let set = ["--set", "eyeBlinkLeft=0.7,eyeSquintLeft=-0.4,eyeWideLeft=1.5"];
+    let reference = path("reference.obj");
+    json(
+        &[&["apply", &dir, "-o", &reference, "--path", "cpu", "--format", "float32", "--json", "-"], &set[..]].concat(),
+    );
+    for (name, format, tolerance) in [
+        ("vertex-store", "float32", 1e-5),
+        ("scatter", "small", 5e-3), // packed, and weights on a grid
+        ("direct", "float32", 1e-5),
+        ("direct-attributes", "float32", 1e-5),
+    ] {
+        for device in ["llvmpipe", "SwiftShader"] {
+            let (out, here) = (path("out.obj"), ["--path", name, "--device", device, "--json", "-"]);
+            let applied = json(&[&["apply", &dir, "-o", &out], &set[..], &here].concat());
+            assert_eq!((applied["path"].as_str(), applied["format"].as_str()), (Some(name), Some(format)));
+            assert!(applied["max_error_rel"].as_f64().unwrap() < 1e-6, "{applied}");
+            let far = positions(&out).iter().zip(positions(&reference)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(far <= tolerance, "{name} on {device}: {far}");
+        }
+        let here = ["--path", name, "--device", "llvmpipe", "--json", "-"];
+        let played = json(&[&["play", &dir, "--weights", clip], &here[..]].concat());
+        assert!(played["summary"]["max_error_rel"].as_f64().unwrap() < 3e-6, "{name}: {}", played["summary"]);
+        let soaked = json(&[&["soak", "--frames", "20"], &here[..], &HEAD].concat());
+        assert_eq!(soaked["bit_exact"].as_bool(), (name == "scatter").then_some(true), "{soaked}");
+        let bench = ["bench", "--paths", name, "--changed", "2", "--frames", "2", "--no-report"];
+        let out = json(&[&bench[..], &here[2..], &HEAD].concat());
+        let runs = out["runs"].as_array().unwrap();
+        assert!(!runs.is_empty() && runs.iter().all(|r| r["verified"] == true && r["path"] == name), "{out}");
+        assert!(runs.iter().all(|r| r["draw_ms"].as_f64().is_some()), "{out}");
+    }
+    // All targets of a random workload are active; a draw on SwiftShader has float32 attributes for 7.
+    let (out, small) = (path("out.obj"), ["--vertices", "99", "--targets", "15"]);
+    let pose = ["apply", &dir, "-o", &out, "--set", "eyeWideLeft=1", "--path"];
+    let attributes = ["--path", "direct-attributes", "--device", "SwiftShader"];
+    for (args, code, words) in [
+        ([&pose[..], &["direct", "--mode", "incremental"]].concat(), 2, "'rebuild'"),
+        ([&pose[..], &["scatter", "--format", "fast"]].concat(), 2, "takes small"),
+        ([&["soak", "--frames", "30"], &attributes[..], &small].concat(), 1, "attributes for 7"),
+    ] {
+        let (status, text) = fails(&args);
+        assert!(status == code && text.contains(words), "{args:?}: {status}, {text}");
+    }
+    let bench = ["bench", "--frames", "2", "--changed", "4", "--no-report", "--json", "-"];
+    let out = deltamorph(&[&bench[..], &attributes, &small].concat());
+    let report: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let reason = |i: usize| report["skipped"][i]["reason"].as_str().unwrap().to_owned();
+    assert!(reason(0).contains("attributes for 7") && reason(1).contains("attributes for 14"), "{report}");
+    let rows = json(&["devices", "--json", "-"])["devices"][0]["paths"].as_array().unwrap().len();
+    assert_eq!(rows, 8, "a line for each path");
 }
 
 #[test]

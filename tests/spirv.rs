@@ -2,12 +2,13 @@
 
 use deltamorph::animation::HeadRecord;
 use deltamorph::gpu::shaders::{
-    AnimationPush, BlocksPush, DenseListEntry, DenseListPush, DensePush, MANIFEST, MODULES, ReadPush, WORKGROUP,
-    blocks_module, feedback_batch_max, feedback_module, feedback_push_bytes,
+    AnimationPush, BlocksPush, DenseListEntry, DenseListPush, DensePush, DirectPush, MANIFEST, MODULES, ReadPush,
+    ResolvePush, ScatterPush, WORKGROUP, blocks_module, direct_attributes_module, feedback_batch_max, feedback_module,
+    feedback_push_bytes, vertex_store_module,
 };
 use deltamorph::mesh::packed::blocks::BLOCK_SIZES;
 use deltamorph::mesh::packed::{DeltaFormat, POSE_STRIDE};
-use deltamorph::plan::blocks::{ELEMENT_BYTES, Element, TILE, TILE_WORDS, WIDTHS};
+use deltamorph::plan::blocks::{ELEMENT_BYTES, Element, ROWS, TILE, TILE_WORDS, WIDTHS};
 use spirq::prelude::*;
 use spirq::ty::StructType;
 use std::collections::BTreeMap;
@@ -149,8 +150,9 @@ fn every_module_keeps_to_what_a_phone_promises() {
                 const { assert!(WORKGROUP <= 128) };
             }
         }
-        // Feedback modules for more than 16 attributes are for devices that have more push constants, too.
-        let beyond = name.starts_with("feedback") && name[name.len() - 2..].parse::<u32>().unwrap() > 25;
+        // Modules for more than 16 attributes are for devices that have more push constants, too.
+        let attributes = ["feedback", "vertex_store", "direct_attributes"].iter().any(|path| name.starts_with(path));
+        let beyond = attributes && name[name.len() - 2..].parse::<u32>().unwrap() > 25;
         assert!(beyond || push_constants(&entry).is_none_or(|p| bytes(&p) <= 128), "{name}");
     }
 }
@@ -248,12 +250,12 @@ fn blocks_kernels_agree_with_the_host() {
                 ("normal_unit", offset_of!(BlocksPush, normal_unit)),
             ]);
             assert_eq!((members(&push), bytes(&push)), (expected, size_of::<BlocksPush>()), "{name}");
-            // Lanes, vertices of a block; instances of a tile; whether they start from base, where that takes a
+            // Lanes, vertices of a block; instances and rows of a tile; whether they start from base, where that takes a
             // pipeline of its own.
             let expected = match (kernel == "crowd", exact) {
                 (false, _) => &[0, 1][..],
-                (true, true) => &[0, 1, 2],
-                (true, false) => &[0, 1, 2, 3],
+                (true, true) => &[0, 1, 2, 3],
+                (true, false) => &[0, 1, 2, 3, 4],
             };
             assert_eq!(constants(&blocks), expected, "{name}");
             seen += 1;
@@ -284,7 +286,7 @@ fn animation_kernels_agree_with_the_host() {
         assert!(constants(&entry).is_empty(), "{name}");
     }
     assert_eq!(size_of::<HeadRecord>(), 4 * 8);
-    assert_eq!((TILE, TILE_WORDS, WIDTHS), (8, 12, 4), "as in animation.glsl");
+    assert_eq!((TILE, TILE_WORDS, WIDTHS, ROWS), (8, 12, 4, 2), "as in animation.glsl");
 }
 
 /// Values of a decoration of a module's variables, from the words: reflection does not know those of capture.
@@ -302,6 +304,105 @@ fn decorations(name: &str, decoration: u32) -> Vec<u32> {
     values
 }
 
+/// `(location, elements)` of a vertex module's inputs.
+fn inputs(entry: &EntryPoint) -> Vec<(u32, usize)> {
+    let mut inputs: Vec<(u32, usize)> = entry
+        .vars
+        .iter()
+        .filter_map(|v| match v {
+            Variable::Input { location, ty, .. } => {
+                Some((location.loc(), ty.as_array().map_or(1, |a| a.nelement.unwrap() as usize)))
+            }
+            _ => None,
+        })
+        .collect();
+    inputs.sort_unstable();
+    inputs
+}
+
+/// Whether a vertex module is fit for any device: it captures nothing, and writes no storage buffer.
+fn only_draws(name: &str) -> bool {
+    let (xfb_buffer, non_writable) = (36, 24);
+    let buffers = storage_buffers(&reflect(name)).len();
+    decorations(name, xfb_buffer).is_empty() && member_decorations(name, non_writable) == buffers
+}
+
+/// How many members of a module's structures have a decoration.
+fn member_decorations(name: &str, decoration: u32) -> usize {
+    let (_, bytes) = MODULES.iter().find(|(n, _)| *n == name).unwrap();
+    let words = words(bytes);
+    let (mut at, mut count) = (5, 0);
+    while at < words.len() {
+        let (length, opcode) = (words[at] >> 16, words[at] & 0xffff);
+        count += usize::from(opcode == 72 && words[at + 3] == decoration);
+        at += length as usize;
+    }
+    count
+}
+
+#[test]
+fn baselines_agree_with_the_host() {
+    for format in DeltaFormat::DENSE {
+        for batch in 0..=feedback_batch_max(format) {
+            let (store, draw) = (vertex_store_module(format, batch), direct_attributes_module(format, batch));
+            for (name, buffers) in [(&store, &[(0, 8)][..]), (&draw, &[])] {
+                let entry = reflect(name);
+                let deltas = (batch > 0).then_some((2, batch as usize * format.attributes()));
+                assert_eq!(inputs(&entry), [(0, 1), (1, 1)].into_iter().chain(deltas).collect::<Vec<_>>(), "{name}");
+                let push = push_constants(&entry).map_or(0, |p| bytes(&p));
+                assert_eq!(push, feedback_push_bytes(format, batch) as usize, "{name}");
+                let strides: Vec<_> = storage_buffers(&entry).iter().map(|(b, ty)| (*b, stride(ty))).collect();
+                assert_eq!(strides, buffers, "{name}");
+            }
+            assert!(only_draws(&draw) && !only_draws(&store));
+        }
+        let element = if format == DeltaFormat::Snorm16 { 4 } else { 8 };
+        for (end, buffers) in [("", 2), ("_feedback", 2), ("_store", 3)] {
+            let name = format!("direct_{}{end}", format.name());
+            let entry = reflect(&name);
+            let strides: Vec<_> = storage_buffers(&entry).iter().map(|(b, ty)| (*b, stride(ty))).collect();
+            assert_eq!(strides, [(0, element), (1, 8), (2, 8)][..buffers], "{name}");
+            assert_eq!(inputs(&entry), [(0, 1), (1, 1)], "{name}");
+            let push = push_constants(&entry).unwrap();
+            let expected = names(&[
+                ("chunk_vertices", offset_of!(DirectPush, chunk_vertices)),
+                ("target_count", offset_of!(DirectPush, target_count)),
+                ("active_targets", offset_of!(DirectPush, active_targets)),
+                ("first_vertex", offset_of!(DirectPush, first_vertex)),
+            ]);
+            assert_eq!((members(&push), bytes(&push)), (expected, size_of::<DirectPush>()), "{name}");
+            assert_eq!(only_draws(&name), end.is_empty(), "{name}");
+        }
+        let (offset, stride) = (35, 37);
+        let captured = format!("direct_{}_feedback", format.name());
+        assert!(decorations(&captured, stride).iter().all(|s| *s == POSE_STRIDE as u32));
+        let mut offsets = decorations(&captured, offset);
+        offsets.sort_unstable();
+        assert!(offsets.ends_with(&[12]) && offsets.starts_with(&[0]), "{offsets:?}");
+    }
+
+    let scatter = reflect("scatter");
+    let strides: Vec<_> = storage_buffers(&scatter).iter().map(|(b, ty)| (*b, stride(ty))).collect();
+    assert_eq!(strides, [(0, 16), (1, 4)], "a record; integers");
+    let push = push_constants(&scatter).unwrap();
+    let expected = names(&[
+        ("first", offset_of!(ScatterPush, first)),
+        ("count", offset_of!(ScatterPush, count)),
+        ("weight", offset_of!(ScatterPush, weight)),
+    ]);
+    assert_eq!((members(&push), bytes(&push)), (expected, size_of::<ScatterPush>()));
+    let resolve = reflect("resolve");
+    let strides: Vec<_> = storage_buffers(&resolve).iter().map(|(b, ty)| (*b, stride(ty))).collect();
+    assert_eq!(strides, [(1, 4), (2, 8), (3, 8)]);
+    let push = push_constants(&resolve).unwrap();
+    let expected = names(&[
+        ("first_vertex", offset_of!(ResolvePush, first_vertex)),
+        ("position_unit", offset_of!(ResolvePush, position_unit)),
+        ("normal_unit", offset_of!(ResolvePush, normal_unit)),
+    ]);
+    assert_eq!((members(&push), bytes(&push)), (expected, size_of::<ResolvePush>()));
+}
+
 #[test]
 fn feedback_modules_agree_with_the_host() {
     let (offset, buffer, stride) = (35, 36, 37);
@@ -311,19 +412,8 @@ fn feedback_modules_agree_with_the_host() {
         for batch in 0..=most {
             let name = feedback_module(format, batch);
             let entry = reflect(&name);
-            let mut inputs: Vec<(u32, usize)> = entry
-                .vars
-                .iter()
-                .filter_map(|v| match v {
-                    Variable::Input { location, ty, .. } => {
-                        Some((location.loc(), ty.as_array().map_or(1, |a| a.nelement.unwrap() as usize)))
-                    }
-                    _ => None,
-                })
-                .collect();
-            inputs.sort_unstable();
             let deltas = (batch > 0).then_some((2, batch as usize * format.attributes()));
-            assert_eq!(inputs, [(0, 1), (1, 1)].into_iter().chain(deltas).collect::<Vec<_>>(), "{name}");
+            assert_eq!(inputs(&entry), [(0, 1), (1, 1)].into_iter().chain(deltas).collect::<Vec<_>>(), "{name}");
             let push = push_constants(&entry).map_or(0, |p| bytes(&p));
             assert_eq!(push, feedback_push_bytes(format, batch) as usize, "{name}");
             assert!(storage_buffers(&entry).is_empty());

@@ -145,6 +145,9 @@ pub(crate) fn check_update(desc: &UpdateDesc, layout: &PackedLayout) -> Result<(
         let what = format!("update path '{}' and {} deltas", desc.path.name(), layout.format.name());
         return refuse(what, "use the path 'blocks', and pack the mesh as 'fast' or 'small'");
     }
+    if layout.blocks.as_ref().is_some_and(|index| index.entry_count() == 0) {
+        return refuse(format!("mesh '{}', whose targets move nothing,", layout.name), "draw its base pose");
+    }
     if desc.accumulate != Accumulate::Exact {
         return refuse("float sums".into(), "use Accumulate::Exact: integer sums do not drift");
     }

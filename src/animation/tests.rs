@@ -247,6 +247,8 @@ fn what_is_not_animated_on_the_gpu_is_refused() {
         let text = Twin::new(desc, mesh.layout(), 1).err().expect("refused").to_string();
         assert!(text.contains(words), "{text}");
     }
+    let stiff = PackedMesh::pack(&testing::mesh(10, 0), &PackDesc::new(DeltaFormat::Small)).unwrap();
+    assert!(check_update(&exact, stiff.layout()).unwrap_err().to_string().contains("move nothing"));
 }
 
 /// Small changes wait as long as no vertex is further off than the budget says; a large one goes, and a still face

@@ -11,9 +11,7 @@ use crate::gpu::shaders::BlocksPush;
 use crate::mesh::packed::blocks::{BlockIndex, ExactGrid};
 use crate::mesh::packed::{POSE_FLOATS, PackedLayout};
 use crate::plan::UpdateStats;
-use crate::plan::blocks::{
-    BlockState, ELEMENT_BYTES, ITEM_WORDS, Item, Planner, TILE, TILE_WORDS, TileBytes, Tiles, WIDTHS,
-};
+use crate::plan::blocks::{BlockState, ELEMENT_BYTES, ITEM_WORDS, Item, Planner, TILE_WORDS, TileBytes, Tiles};
 use crate::plan::commands::{Command, CommandList};
 use crate::plan::heads::Heads;
 use ash::vk;
@@ -58,11 +56,9 @@ fn item_list_size(index: &BlockIndex, instances: u32) -> (u64, u64) {
     list_size(u64::from(instances) * index.count() as u64 * item, elements)
 }
 
-/// The same of tiles and rows. Of tiles that are not of the largest width, a block has at most one of each width, and
-/// again as many apart.
-fn tile_list_size(index: &BlockIndex, instances: u32, group: u32) -> (u64, u64) {
-    let narrow = 2 * (WIDTHS as u32 - 1) * instances.div_ceil(group);
-    let tiles = u64::from(instances.min(instances / TILE as u32 + narrow)) * index.count() as u64;
+/// The same of tiles and rows.
+fn tile_list_size(index: &BlockIndex, instances: u32) -> (u64, u64) {
+    let tiles = u64::from(instances) * index.count() as u64;
     list_size(tiles * TILE_WORDS as u64, 4 * Tiles::row_words(index, instances as usize) as u64)
 }
 
@@ -100,7 +96,7 @@ impl Blocks {
             return too_much("the slots of one instance", per_instance, range, "use fewer slots, or split the mesh");
         }
         let (elements_at, stride) = match &tiles {
-            Some(_) => tile_list_size(index, desc.instances, group),
+            Some(_) => tile_list_size(index, desc.instances),
             None => item_list_size(index, desc.instances),
         };
         if stride > range {
@@ -204,7 +200,7 @@ impl Blocks {
         for i in 0..self.list.commands.len() {
             let next = match &self.list.commands[i] {
                 Command::Blocks(blocks) => Some((blocks.instance / self.group, blocks.items.clone())),
-                Command::Barrier(_) | Command::Pass(_) | Command::Animated(_) => None,
+                Command::Barrier(_) | Command::Pass(_) | Command::Scatter(_) | Command::Animated(_) => None,
             };
             match (&mut pending, next) {
                 (Some((group, items)), Some((g, more))) if *group == g && items.end == more.start => {

@@ -1,6 +1,7 @@
 //! Instances of one mesh, their pose buffers, and the recording of their updates.
 
 use super::animated::Animated;
+use super::baselines::BaselineCrowd;
 use super::blocks::Blocks;
 use super::dense::Dense;
 use super::{Kernel, MeshBuffers};
@@ -43,7 +44,8 @@ pub struct Ticket {
 pub struct Update {
     /// For [`Crowd::discard`], should the command buffer never run.
     pub ticket: Ticket,
-    /// Coefficients, passes and bytes; all zero, but for the bound, when nothing changed and nothing was recorded.
+    /// Coefficients, passes and bytes; all zero, but for the bound, when nothing changed and nothing was recorded. On
+    /// direct paths they speak of the draw, and are the same when nothing changed.
     pub stats: UpdateStats,
 }
 
@@ -81,15 +83,23 @@ pub(super) enum Backend {
     Dense(Box<Dense>),
     Blocks(Box<Blocks>),
     Animated(Box<Animated>),
+    Baseline(Box<BaselineCrowd>),
 }
 
 impl Crowd {
     pub(super) fn new(device: &Arc<Device>, mesh: &Arc<MeshBuffers>, kernel: Kernel, desc: &CrowdDesc) -> Result<Self> {
-        Self::with_backend(device, mesh, desc, |poses| match (kernel, &mesh.layout.blocks) {
-            (Kernel::Blocks(kernel), Some(index)) => {
-                Ok(Backend::Blocks(Box::new(Blocks::new(device, mesh, index, kernel, desc, poses)?)))
-            }
-            (kernel, _) => Ok(Backend::Dense(Box::new(Dense::new(device, mesh, kernel, desc, poses)?))),
+        Self::with_backend(device, mesh, desc, |poses| {
+            let baseline = match &kernel {
+                Kernel::Baseline(kernel) => BaselineCrowd::new(device, mesh, kernel, desc, poses)?,
+                _ => None,
+            };
+            Ok(match (baseline, kernel, &mesh.layout.blocks) {
+                (Some(baseline), ..) => Backend::Baseline(Box::new(baseline)),
+                (None, Kernel::Blocks(kernel), Some(index)) => {
+                    Backend::Blocks(Box::new(Blocks::new(device, mesh, index, kernel, desc, poses)?))
+                }
+                (None, kernel, _) => Backend::Dense(Box::new(Dense::new(device, mesh, kernel, desc, poses)?)),
+            })
         })
     }
 
@@ -143,8 +153,11 @@ impl Crowd {
         })
     }
 
-    /// Bytes of device memory that the poses of a crowd take.
+    /// Bytes of device memory that the poses of a crowd take. On a direct path that is one, to capture into.
     pub fn pose_bytes(layout: &PackedLayout, desc: &CrowdDesc) -> u64 {
+        if desc.update.path.evaluates_in_draws() {
+            return layout.pose_bytes();
+        }
         layout.pose_bytes().saturating_mul(u64::from(desc.instances) * u64::from(desc.update.slots))
     }
 
@@ -156,8 +169,8 @@ impl Crowd {
     /// Ask for these weights, one per target in the mesh's order, from the next recorded update on.
     ///
     /// # Errors
-    /// An instance out of range or removed; a wrong number of weights; one that is not finite or out of range. Nothing
-    /// changes then.
+    /// An instance out of range or removed; a wrong number of weights; one that is not finite or out of range; more active
+    /// targets than a draw of `direct-attributes` takes. Nothing changes then.
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
         let exact = match &self.backend {
             Backend::Dense(_) => None,
@@ -166,8 +179,12 @@ impl Crowd {
                 let what = format!("weights of instance {instance}, which is animated on the GPU");
                 return Err(Error::invalid(what, "play a clip, or make the crowd with create_crowd"));
             }
+            Backend::Baseline(baseline) => baseline.exact(),
         };
         check_block_weights(weights, &self.mesh.layout, exact)?;
+        if let Backend::Baseline(baseline) = &self.backend {
+            baseline.check_weights(weights)?;
+        }
         self.heads.set_weights(instance, weights)
     }
 
@@ -182,6 +199,7 @@ impl Crowd {
             Backend::Dense(dense) => dense.states[i].cut(),
             Backend::Blocks(blocks) => blocks.planner.states[i].cut(),
             Backend::Animated(animated) => animated.heads.cut(instance),
+            Backend::Baseline(baseline) => baseline.states[i].cut(),
         }
         Ok(())
     }
@@ -195,8 +213,8 @@ impl Crowd {
         let changed = self.heads.set_hidden(instance, hidden)?;
         match &mut self.backend {
             Backend::Animated(animated) => animated.heads.set_hidden(instance, hidden),
-            Backend::Dense(_) | Backend::Blocks(_) if changed => self.cut(instance)?,
-            Backend::Dense(_) | Backend::Blocks(_) => {}
+            _ if changed => self.cut(instance)?,
+            _ => {}
         }
         Ok(())
     }
@@ -212,6 +230,7 @@ impl Crowd {
             Backend::Dense(dense) => dense.states[instance as usize].forget(),
             Backend::Blocks(blocks) => blocks.planner.states[instance as usize].forget(),
             Backend::Animated(animated) => animated.heads.add(instance),
+            Backend::Baseline(baseline) => baseline.states[instance as usize].forget(),
         }
         Ok(instance)
     }
@@ -240,28 +259,42 @@ impl Crowd {
             }
             // What the GPU would have changed is unchanged: the CPU's count of updates turns back, and that is all.
             Backend::Animated(animated) => animated.heads.discard_from(ticket.recorded),
+            Backend::Baseline(baseline) => baseline.states.iter_mut().for_each(|s| s.discard_from(ticket.update)),
         }
         self.recorded = self.recorded.min(ticket.recorded);
+    }
+
+    /// The instances that are shown, ascending.
+    pub fn shown(&self) -> impl Iterator<Item = u32> {
+        self.heads.asked().zip(0..).filter_map(|(asked, i)| asked.map(|_| i))
     }
 
     /// The pose of `instance` once the updates recorded so far have run.
     ///
     /// # Errors
-    /// An instance out of range or removed; no update recorded yet, or its update was discarded.
+    /// An instance out of range or removed; no update recorded yet, or its update was discarded; a direct path, which has
+    /// no pose buffers.
     pub fn pose(&self, instance: u32) -> Result<PoseView> {
         let (result, _) = self.slots_of(instance)?;
+        if self.desc.update.path.evaluates_in_draws() {
+            return Err(Error::invalid(
+                format!("the path '{}' has no pose buffers", self.desc.update.path.name()),
+                "draw with MorphEngine::record_draws, or write the pose with MorphEngine::record_capture",
+            ));
+        }
         Ok(self.view(instance, result))
     }
 
     /// The pose of `instance` before its last update: the pose itself when nothing changed, on its first
     /// update, and after [`cut`](Self::cut); `None` where the update had to overwrite it (one slot; several
-    /// feedback passes in two slots).
+    /// feedback passes in two slots), and on direct paths.
     ///
     /// # Errors
     /// As [`pose`](Self::pose).
     pub fn previous_pose(&self, instance: u32) -> Result<Option<PoseView>> {
         let (_, previous) = self.slots_of(instance)?;
-        Ok(previous.map(|slot| self.view(instance, slot)))
+        let kept = previous.filter(|_| !self.desc.update.path.evaluates_in_draws());
+        Ok(kept.map(|slot| self.view(instance, slot)))
     }
 
     pub(super) fn check_instance(&self, instance: u32) -> Result<usize> {
@@ -283,6 +316,7 @@ impl Crowd {
                 let (state, plan) = (&blocks.planner.states[i], blocks.planner.plans[i]);
                 (state.is_known(), (plan.result, plan.previous))
             }
+            Backend::Baseline(b) => (b.states[i].applied().is_some(), (b.plans[i].result, b.plans[i].previous)),
         };
         if !known {
             return Err(Error::invalid(format!("instance {instance} has no pose yet"), "record an update first"));
@@ -297,6 +331,7 @@ impl Crowd {
             Backend::Dense(_) => None,
             Backend::Blocks(blocks) => blocks.sums(instance, self.mesh.layout.pose_bytes()),
             Backend::Animated(animated) => Some(animated.sums(instance, self.mesh.layout.pose_bytes())),
+            Backend::Baseline(baseline) => baseline.sums(instance),
         }
     }
 
@@ -323,6 +358,7 @@ impl Crowd {
             Backend::Dense(dense) => &mut dense.list,
             Backend::Blocks(blocks) => &mut blocks.list,
             Backend::Animated(animated) => &mut animated.list,
+            Backend::Baseline(baseline) => &mut baseline.list,
         }
     }
 
@@ -333,9 +369,15 @@ impl Crowd {
             Backend::Dense(dense) => dense.plan(&self.heads, self.updates),
             Backend::Blocks(blocks) => blocks.plan(&self.heads, self.updates),
             Backend::Animated(animated) => animated.plan(),
+            Backend::Baseline(baseline) => baseline.plan(&self.heads, self.updates),
         };
         let ticket = Ticket { update: self.updates, recorded: self.recorded };
-        self.recorded += u64::from(!self.commands_mut().commands.is_empty());
+        let turns = match &self.backend {
+            // Direct paths record nothing, but write weights.
+            Backend::Baseline(baseline) => baseline.has_changed(),
+            Backend::Dense(_) | Backend::Blocks(_) | Backend::Animated(_) => !self.commands_mut().commands.is_empty(),
+        };
+        self.recorded += u64::from(turns);
         Update { ticket, stats }
     }
 
@@ -360,6 +402,31 @@ impl Crowd {
                 unsafe { animated.record(&self.device, cmd) };
                 Ok(())
             }
+            // SAFETY: the caller's obligations.
+            Backend::Baseline(b) => unsafe { b.record(&self.device, cmd, &self.heads, frame) },
         }
+    }
+
+    /// # Safety
+    /// As [`super::MorphEngine::record_draws`].
+    pub(super) unsafe fn record_draws(&self, cmd: vk::CommandBuffer) -> Result<()> {
+        self.shown().try_for_each(|i| self.slots_of(i).map(|_| ()))?;
+        if let Backend::Baseline(baseline) = &self.backend {
+            // SAFETY: the caller's obligations.
+            unsafe { baseline.record_draws(cmd, self.shown()) };
+        }
+        Ok(())
+    }
+
+    /// # Safety
+    /// As [`super::MorphEngine::record_capture`].
+    pub(super) unsafe fn record_capture(&self, cmd: vk::CommandBuffer, instance: u32) -> Result<PoseView> {
+        self.slots_of(instance)?;
+        if let Backend::Baseline(baseline) = &self.backend {
+            // SAFETY: the caller's obligations.
+            unsafe { baseline.record_capture(&self.device, cmd, instance) }?;
+        }
+        let size = self.mesh.layout.pose_bytes();
+        Ok(PoseView { buffer: self.poses.raw, offset: 0, size, stride: POSE_STRIDE as u32, slot: 0 })
     }
 }

@@ -5,6 +5,8 @@ use super::crowd::CrowdDesc;
 use super::{Kernel, delta_range};
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
+use crate::gpu::baselines::Baseline;
+use crate::gpu::baselines::vertex_store::StoreSets;
 use crate::gpu::compute::{ComputePass, SetBuffers, Sets, list_entries};
 use crate::gpu::device::Device;
 use crate::gpu::feedback::FeedbackPass;
@@ -22,6 +24,8 @@ pub(super) struct Dense {
     mesh: Arc<MeshBuffers>,
     desc: CrowdDesc,
     lists: Option<Lists>,
+    /// Where passes of `vertex-store` store.
+    stores: Option<StoreSets>,
     pub(super) states: Vec<PoseState>,
     pub(super) plans: Vec<Plan>,
     pub(super) list: CommandList,
@@ -92,7 +96,13 @@ impl Dense {
                 )?;
                 Some(Lists { sets, ring, stride, instances: desc.instances })
             }
-            Kernel::Feedback(_) | Kernel::Blocks(_) => None,
+            Kernel::Feedback(_) | Kernel::Blocks(_) | Kernel::Baseline(_) => None,
+        };
+        let stores = match &kernel {
+            Kernel::Baseline(Baseline::VertexStore(kernel)) => {
+                Some(StoreSets::new(kernel, &mesh.layout, poses.raw, desc.instances * desc.update.slots)?)
+            }
+            _ => None,
         };
         let instances = desc.instances as usize;
         Ok(Self {
@@ -100,6 +110,7 @@ impl Dense {
             mesh: mesh.clone(),
             desc: *desc,
             lists,
+            stores,
             states: vec![PoseState::new(desc.update)?; instances],
             plans: vec![Plan::default(); instances],
             list: CommandList::new(desc.update.path),
@@ -138,7 +149,7 @@ impl Dense {
                 // SAFETY: the caller's obligations; the buffers are ours or our mesh's, and the lists of this
                 // frame were written above.
                 Command::Pass(pass) => unsafe { self.record_pass(cmd, pass, poses, frame) },
-                Command::Blocks(_) | Command::Animated(_) => {}
+                Command::Blocks(_) | Command::Scatter(_) | Command::Animated(_) => {}
             }
         }
         Ok(())
@@ -168,22 +179,25 @@ impl Dense {
     /// As [`record`](Self::record).
     unsafe fn record_pass(&self, cmd: vk::CommandBuffer, pass: &PassCommand, poses: &Buffer, frame: u64) {
         let coefficients = &self.list.coefficients[pass.coefficients.clone()];
+        let vertex_pass = || FeedbackPass {
+            layout: &self.mesh.layout,
+            deltas: self.mesh.deltas.raw,
+            source: match pass.source {
+                Source::Base => (self.mesh.base.raw, 0),
+                Source::Slot(slot) => (poses.raw, self.offset(pass.instance, slot)),
+            },
+            destination: (poses.raw, self.offset(pass.instance, pass.destination)),
+            coefficients,
+        };
         match (&self.kernel, &self.lists) {
-            (Kernel::Feedback(feedback), _) => {
-                let source = match pass.source {
-                    Source::Base => (self.mesh.base.raw, 0),
-                    Source::Slot(slot) => (poses.raw, self.offset(pass.instance, slot)),
-                };
-                let pass = FeedbackPass {
-                    layout: &self.mesh.layout,
-                    deltas: self.mesh.deltas.raw,
-                    source,
-                    destination: (poses.raw, self.offset(pass.instance, pass.destination)),
-                    coefficients,
-                };
-                // SAFETY: the caller's obligations; source and destination are different slots: the plan
-                // alternates (tests hold every plan to that).
-                unsafe { feedback.record(cmd, &pass) };
+            // SAFETY: the caller's obligations; source and destination are different slots: the plan
+            // alternates (tests hold every plan to that).
+            (Kernel::Feedback(feedback), _) => unsafe { feedback.record(cmd, &vertex_pass()) },
+            (Kernel::Baseline(Baseline::VertexStore(store)), _) => {
+                let pose = pass.instance * self.desc.update.slots + pass.destination;
+                let sets = self.stores.iter().flat_map(|stores| stores.of(pose));
+                // SAFETY: as for `feedback`; the sets were written for this mesh and crowd.
+                unsafe { store.record(cmd, &vertex_pass(), sets) };
             }
             (Kernel::Compute(compute), Some(lists)) => {
                 let list = match self.desc.update.batch {

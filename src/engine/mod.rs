@@ -21,6 +21,7 @@
 //!   is destroyed. An allocator that the host shares is not locked by the host meanwhile.
 
 mod animated;
+mod baselines;
 mod blocks;
 mod crowd;
 mod dense;
@@ -32,6 +33,7 @@ pub use crowd::{Crowd, CrowdDesc, PoseView, Ticket, Update};
 use crate::error::{Error, Result};
 use crate::gpu::animation::AnimationKernel;
 use crate::gpu::barriers;
+use crate::gpu::baselines::Baseline;
 use crate::gpu::blocks::{BlocksKernel, BlocksVariant, takes_texels};
 use crate::gpu::compute::Compute;
 use crate::gpu::device::Device;
@@ -53,6 +55,7 @@ pub(crate) enum Kernel {
     Feedback(Arc<Feedback>),
     Compute(Arc<Compute>),
     Blocks(Arc<BlocksKernel>),
+    Baseline(Baseline),
 }
 
 /// The engine: the host's device and the pipelines made so far.
@@ -75,6 +78,8 @@ pub(crate) struct MeshBuffers {
     pub(crate) base: Buffer,
     /// Dense formats: the deltas. Block formats: headers, deltas and base pose, the whole asset.
     pub(crate) deltas: Buffer,
+    /// Uploaded for `scatter`: the deltas are records instead, and this is the first of each target.
+    pub(crate) records: Option<Vec<u32>>,
 }
 
 impl GpuMesh {
@@ -105,7 +110,8 @@ impl MorphEngine {
     /// - The handles of `desc` are alive, belong together, are of Vulkan 1.1 or later, and outlive the engine and
     ///   all it creates.
     /// - `desc.caps` does not exceed what the device has.
-    /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled on the device.
+    /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled on the device, and
+    ///   `desc.vertex_stores_enabled` only if that feature was.
     pub unsafe fn new(desc: &DeviceDesc<'_>) -> Result<Self> {
         // SAFETY: the caller's obligations are those of `borrow`.
         let device = unsafe { Device::borrow(desc) }?;
@@ -159,6 +165,26 @@ impl MorphEngine {
     pub unsafe fn upload(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
         let layout = mesh.layout().clone();
         self.check_mesh(&layout)?;
+        let bytes = match layout.format.is_blocks() {
+            true => blocks::asset_bytes(&layout),
+            false => delta_buffer_bytes(&layout),
+        };
+        // SAFETY: the caller's obligations.
+        unsafe { self.upload_words(cmd, layout, mesh.base(), (mesh.deltas(), bytes), None) }
+    }
+
+    /// Buffers of a base pose and of `deltas` (words, and bytes of their buffer), and their upload.
+    ///
+    /// # Safety
+    /// As [`upload`](Self::upload).
+    unsafe fn upload_words(
+        &self,
+        cmd: vk::CommandBuffer,
+        layout: PackedLayout,
+        base: &[f32],
+        (deltas, deltas_size): (&[u32], u64),
+        records: Option<Vec<u32>>,
+    ) -> Result<GpuMesh> {
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
             | vk::BufferUsageFlags::VERTEX_BUFFER
@@ -166,12 +192,10 @@ impl MorphEngine {
         let buffer =
             |name, bytes, usage, location| Buffer::new(&self.device, &BufferDesc { name, bytes, usage, location });
         let (base_bytes, delta_bytes) =
-            (bytemuck::cast_slice::<f32, u8>(mesh.base()), bytemuck::cast_slice::<u32, u8>(mesh.deltas()));
+            (bytemuck::cast_slice::<f32, u8>(base), bytemuck::cast_slice::<u32, u8>(deltas));
         // In blocks the base pose lies behind the deltas, and no buffer of its own is needed.
-        let (base_size, deltas_size, base_at) = match layout.format.is_blocks() {
-            true => (0, blocks::asset_bytes(&layout), delta_bytes.len()),
-            false => (layout.pose_bytes(), delta_buffer_bytes(&layout), 0),
-        };
+        let one_buffer = layout.format.is_blocks() && records.is_none();
+        let (base_size, base_at) = if one_buffer { (0, delta_bytes.len()) } else { (layout.pose_bytes(), 0) };
         let base = buffer("deltamorph base pose", base_size, usage, MemoryLocation::GpuOnly)?;
         let deltas = buffer("deltamorph deltas", deltas_size, usage, MemoryLocation::GpuOnly)?;
         let mut staging = buffer(
@@ -189,7 +213,7 @@ impl MorphEngine {
             dst_offset: dst_offset as u64,
             size: size as u64,
         };
-        let base_buffer = if layout.format.is_blocks() { &deltas } else { &base };
+        let base_buffer = if one_buffer { &deltas } else { &base };
         for (target, region) in [
             (base_buffer, region(0, base_at, base_bytes.len())),
             (&deltas, region(base_bytes.len(), 0, delta_bytes.len())),
@@ -201,23 +225,40 @@ impl MorphEngine {
         }
         // SAFETY: the caller's obligations.
         unsafe { barriers::record(&self.device.raw, cmd, Hazard::TransferWriteToAssetRead) };
-        Ok(GpuMesh { shared: Arc::new(MeshBuffers { layout, base, deltas }), staging: Some(staging) })
+        Ok(GpuMesh { shared: Arc::new(MeshBuffers { layout, base, deltas, records }), staging: Some(staging) })
+    }
+
+    fn check_not_empty(&self, layout: &PackedLayout) -> Result<()> {
+        if layout.vertex_count > 0 {
+            return Ok(());
+        }
+        Err(Error::invalid(format!("mesh '{}' has no vertices", layout.name), "leave it out"))
+    }
+
+    /// Refuse a mesh of which there is more than the device allows: `(amount, unit, most)`.
+    fn check_limit(
+        &self,
+        layout: &PackedLayout,
+        what: &str,
+        (amount, unit, most): (u64, &str, u64),
+        remedy: &str,
+    ) -> Result<()> {
+        if amount <= most {
+            return Ok(());
+        }
+        let device = &self.device.caps.name;
+        Err(Error::invalid(
+            format!("mesh '{}': {what} {amount} {unit}, but {device} allows {most}", layout.name),
+            remedy,
+        ))
     }
 
     fn check_mesh(&self, layout: &PackedLayout) -> Result<()> {
         let caps = &self.device.caps;
         let limit = |what: &str, amount: u64, unit: &str, most: u64, remedy: &str| {
-            if amount <= most {
-                return Ok(());
-            }
-            Err(Error::invalid(
-                format!("mesh '{}': {what} {amount} {unit}, but {} allows {most}", layout.name, caps.name),
-                remedy,
-            ))
+            self.check_limit(layout, what, (amount, unit, most), remedy)
         };
-        if layout.vertex_count == 0 {
-            return Err(Error::invalid(format!("mesh '{}' has no vertices", layout.name), "leave it out"));
-        }
+        self.check_not_empty(layout)?;
         let (range, groups) = (caps.max_storage_range, caps.max_workgroups.into());
         let chunk_groups = (layout.chunk_vertices as u64).div_ceil(WORKGROUP.into());
         limit("a pose takes", layout.pose_bytes(), "bytes", range, "split the mesh")?;
@@ -258,7 +299,14 @@ impl MorphEngine {
                 "upload it with the engine that makes the crowd",
             ));
         }
-        self.device.caps.check_update(&desc.update, mesh.layout())
+        self.device.caps.check_update(&desc.update, mesh.layout())?;
+        if mesh.shared.records.is_some() != (desc.update.path == UpdatePath::Scatter) {
+            return Err(Error::invalid(
+                format!("mesh '{}' for the path '{}'", mesh.layout().name, desc.update.path.name()),
+                "upload it with MorphEngine::upload_scatter for 'scatter', with MorphEngine::upload for other paths",
+            ));
+        }
+        Ok(())
     }
 
     fn animation_kernel(&self) -> Result<Arc<AnimationKernel>> {
@@ -279,14 +327,20 @@ impl MorphEngine {
             format,
             exact,
             size: index.size() as u32,
-            texels,
-            widths: if texels || instances > 1 { instances.clamp(1, TILE as u32).ilog2() + 1 } else { 0 },
+            texels: texels && index.entry_count() > 0,
+            // Tiles have a row at least, of some entry.
+            widths: if (texels || instances > 1) && index.entry_count() > 0 {
+                instances.clamp(1, TILE as u32).ilog2() + 1
+            } else {
+                0
+            },
         });
         let mut kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
         let found = kernels.iter().find(|kernel| match (kernel, desc.path, desc.batch) {
             (Kernel::Feedback(k), UpdatePath::Feedback, BatchSize::Targets(b)) => k.serves(format, b),
             (Kernel::Compute(k), UpdatePath::Compute, batch) => k.serves(format, batch),
             (Kernel::Blocks(k), UpdatePath::Blocks, _) => variant.is_some_and(|v| k.serves(v)),
+            (Kernel::Baseline(k), ..) => k.serves(desc, format),
             _ => false,
         });
         if let Some(kernel) = found {
@@ -300,12 +354,7 @@ impl MorphEngine {
                 Kernel::Feedback(Arc::new(Feedback::new(&self.device, format, b)?))
             }
             (UpdatePath::Compute, batch, _) => Kernel::Compute(Arc::new(Compute::new(&self.device, format, batch)?)),
-            _ => {
-                return Err(Error::invalid(
-                    format!("update path '{}' on a device", desc.path.name()),
-                    "use CpuCrowd for the path 'cpu'",
-                ));
-            }
+            _ => Kernel::Baseline(Baseline::new(&self.device, desc, format)?),
         };
         kernels.push(kernel.clone());
         Ok(kernel)
@@ -318,8 +367,11 @@ impl MorphEngine {
     /// VERTEX_INPUT with VERTEX_ATTRIBUTE_READ and VERTEX_SHADER with SHADER_READ, so that draws recorded next
     /// may read [`Crowd::pose`] and [`Crowd::previous_pose`] as vertex attributes or storage buffers.
     ///
-    /// It binds over: the compute pipeline, its set 0 and push constants (`compute`, `blocks`); the graphics pipeline, vertex
-    /// bindings from 0 on, push constants and transform-feedback binding 0 (`feedback`).
+    /// It binds over: the compute pipeline, its set 0 and push constants (`compute`, `blocks`, `scatter`); the graphics
+    /// pipeline, vertex bindings from 0 on, push constants and transform-feedback binding 0 (`feedback`), or set 0
+    /// (`vertex-store`).
+    ///
+    /// The direct paths record nothing: their update is a list of weights for [`record_draws`](Self::record_draws).
     ///
     /// The caller is responsible for: submitting `cmd` exactly once, after all earlier updates of the crowd,
     /// or calling [`Crowd::discard`] with the ticket; having at most [`CrowdDesc::frames_in_flight`] updates

@@ -7,6 +7,7 @@ use super::pipelines::Objects;
 use super::shaders::BlocksPush;
 use crate::error::Result;
 use crate::mesh::packed::DeltaFormat;
+use crate::plan::blocks::ROWS;
 use ash::vk;
 use bytemuck::bytes_of;
 use std::sync::Arc;
@@ -57,8 +58,8 @@ impl BlocksKernel {
         }
         for rebuilt in 0..if exact { 1 } else { 2 } {
             for width in 0..widths {
-                let constants = [lanes, size, 1 << width, rebuilt];
-                objects.add_compute(&name, &constants[..if exact { 3 } else { 4 }])?;
+                let constants = [lanes, size, 1 << width, if width > 0 { ROWS } else { 1 }, rebuilt];
+                objects.add_compute(&name, &constants[..if exact { 4 } else { 5 }])?;
             }
         }
         Ok(Self { objects, variant })

@@ -51,6 +51,8 @@ pub struct DeviceCaps {
     pub timestamp_period: f32,
     /// VK_EXT_transform_feedback, where the device has extension and feature.
     pub transform_feedback: Option<TransformFeedbackCaps>,
+    /// Whether vertex shaders may write storage buffers (the feature `vertexPipelineStoresAndAtomics`).
+    pub vertex_stores: bool,
 }
 
 /// An extension or feature that a path needs, and why.
@@ -73,7 +75,12 @@ pub fn requirements(path: UpdatePath) -> &'static [Requirement] {
             feature: Some("VkPhysicalDeviceTransformFeedbackFeaturesEXT::transformFeedback"),
             reason: "vertex passes capture the pose into a buffer",
         }],
-        UpdatePath::Compute | UpdatePath::Blocks | UpdatePath::Cpu => &[],
+        UpdatePath::VertexStore => &[Requirement {
+            extension: None,
+            feature: Some("vertexPipelineStoresAndAtomics"),
+            reason: "vertex passes store the pose in a storage buffer",
+        }],
+        _ => &[],
     }
 }
 
@@ -126,7 +133,7 @@ impl DeviceCaps {
             instance.get_physical_device_features2(physical, &mut features);
         }
 
-        let limits = core.limits;
+        let (limits, core_features) = (core.limits, features.features);
         Self {
             name: text(&core.device_name),
             driver: text(&driver.driver_name),
@@ -155,6 +162,7 @@ impl DeviceCaps {
                     max_stride: feedback.max_transform_feedback_buffer_data_stride,
                 },
             ),
+            vertex_stores: core_features.vertex_pipeline_stores_and_atomics == vk::TRUE,
         }
     }
 
@@ -177,6 +185,7 @@ impl DeviceCaps {
             max_workgroups: 65_535,
             timestamp_period: 0.0,
             transform_feedback: None,
+            vertex_stores: false,
         }
     }
 
@@ -196,14 +205,17 @@ impl DeviceCaps {
                 max_buffer_bytes: a.max_buffer_bytes.min(b.max_buffer_bytes),
                 max_stride: a.max_stride.min(b.max_stride),
             });
+        self.vertex_stores &= limits.vertex_stores;
     }
 
     /// The largest batch of a feedback pass: vertex attributes − 2 for the pose, 2 a target (float32) or 1
     /// (snorm16), as far as vertex bindings and push constants reach. 0 without transform feedback.
     pub fn feedback_batch_max(&self, format: DeltaFormat) -> u32 {
-        if self.transform_feedback.is_none() {
-            return 0;
-        }
+        if self.transform_feedback.is_none() { 0 } else { self.attribute_targets_max(format) }
+    }
+
+    /// Targets that vertex attributes, bindings and push constants have room for, next to a pose.
+    fn attribute_targets_max(&self, format: DeltaFormat) -> u32 {
         let attributes = self.max_vertex_attributes.saturating_sub(2) / format.attributes() as u32;
         let bindings = self.max_vertex_bindings.saturating_sub(1);
         let most = attributes.min(bindings).min(feedback_batch_max(format));
@@ -215,7 +227,8 @@ impl DeviceCaps {
         match path {
             UpdatePath::Feedback => Some(self.feedback_batch_max(format)),
             UpdatePath::Compute => Some(DENSE_BATCH_MAX),
-            UpdatePath::Blocks | UpdatePath::Cpu => None,
+            UpdatePath::VertexStore | UpdatePath::DirectAttributes => Some(self.attribute_targets_max(format)),
+            UpdatePath::Blocks | UpdatePath::Cpu | UpdatePath::Scatter | UpdatePath::Direct => None,
         }
     }
 
@@ -228,7 +241,13 @@ impl DeviceCaps {
             Err(Error::Unsupported { path: path.name(), device: self.name.clone(), reason, remedy: remedy.into() })
         };
         match path {
-            UpdatePath::Cpu => Ok(()),
+            UpdatePath::Cpu | UpdatePath::Direct | UpdatePath::DirectAttributes => Ok(()),
+            UpdatePath::VertexStore if !self.vertex_stores => refuse(
+                "needs the feature vertexPipelineStoresAndAtomics, which the device lacks, or which was not enabled"
+                    .into(),
+                "use the path 'compute', which needs no feature",
+            ),
+            UpdatePath::VertexStore => Ok(()),
             UpdatePath::Feedback => match self.transform_feedback {
                 None => refuse(
                     "the device has no VK_EXT_transform_feedback, or it was not enabled".into(),
@@ -243,11 +262,11 @@ impl DeviceCaps {
                 ),
                 Some(_) => Ok(()),
             },
-            UpdatePath::Compute | UpdatePath::Blocks if self.max_workgroup_invocations < WORKGROUP => refuse(
+            _ if self.max_workgroup_invocations < WORKGROUP => refuse(
                 format!("{} invocations per workgroup, {WORKGROUP} needed", self.max_workgroup_invocations),
                 "use the path 'cpu'",
             ),
-            UpdatePath::Compute | UpdatePath::Blocks => Ok(()),
+            UpdatePath::Compute | UpdatePath::Blocks | UpdatePath::Scatter => Ok(()),
         }
     }
 
@@ -260,15 +279,18 @@ impl DeviceCaps {
         let format = layout.format;
         desc.check()?;
         self.check_path(desc.path)?;
-        if format.is_blocks() != (desc.path == UpdatePath::Blocks) && desc.path != UpdatePath::Cpu {
-            let formats = if format.is_blocks() { DeltaFormat::DENSE.as_slice() } else { &DeltaFormat::BLOCKS };
-            let names: Vec<&str> = formats.iter().map(|f| f.name()).collect();
+        if !desc.path.formats().contains(&format) {
+            let names: Vec<&str> = desc.path.formats().iter().map(|f| f.name()).collect();
             return Err(Error::invalid(
                 format!("update path '{}' with {} deltas", desc.path.name(), format.name()),
                 format!("pack the mesh as {}", names.join(" or ")),
             ));
         }
-        if let Some(blocks) = layout.blocks.as_ref().filter(|b| b.size() > self.max_workgroup_invocations as usize) {
+        if let Some(blocks) = layout
+            .blocks
+            .as_ref()
+            .filter(|b| desc.path == UpdatePath::Blocks && b.size() > self.max_workgroup_invocations as usize)
+        {
             return Err(Error::invalid(
                 format!("blocks of {} vertices on {}", blocks.size(), self.name),
                 format!("pack with blocks of at most {} vertices", self.max_workgroup_invocations),

@@ -23,6 +23,9 @@ pub struct DeviceDesc<'a> {
     pub caps: Option<DeviceCaps>,
     /// Whether `device` was created with VK_EXT_transform_feedback and its feature `transformFeedback`.
     pub transform_feedback_enabled: bool,
+    /// Whether `device` was created with the feature `vertexPipelineStoresAndAtomics`, as the baseline `vertex-store`
+    /// needs it.
+    pub vertex_stores_enabled: bool,
     /// The host's allocator; `None`: the engine makes one of its own.
     pub allocator: Option<SharedAllocator>,
 }
@@ -39,7 +42,8 @@ impl Device {
     /// # Safety
     /// - The handles of `desc` are alive, belong together, and outlive the value returned and all made from it.
     /// - `desc.caps` does not exceed what the device has.
-    /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled.
+    /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled, and
+    ///   `desc.vertex_stores_enabled` only if that feature was.
     pub(crate) unsafe fn borrow(desc: &DeviceDesc<'_>) -> Result<Self> {
         let mut caps = match &desc.caps {
             Some(caps) => caps.clone(),
@@ -49,6 +53,7 @@ impl Device {
         if !desc.transform_feedback_enabled {
             caps.transform_feedback = None;
         }
+        caps.vertex_stores &= desc.vertex_stores_enabled;
         let feedback = caps
             .transform_feedback
             .is_some()

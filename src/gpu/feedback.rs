@@ -71,11 +71,8 @@ impl Feedback {
         }
         for (first, vertices) in pass.layout.chunks() {
             let pose_offset = (first * POSE_STRIDE) as u64;
-            let row = |c: &Coefficient| (pass.layout.row_start(c.target as usize, first, vertices) * 4) as u64;
-            let offsets: Vec<u64> =
-                std::iter::once(pass.source.1 + pose_offset).chain(pass.coefficients.iter().map(row)).collect();
-            let buffers: Vec<vk::Buffer> =
-                std::iter::once(pass.source.0).chain(pass.coefficients.iter().map(|_| pass.deltas)).collect();
+            let (buffers, offsets) =
+                vertex_buffers(pass.layout, (first, vertices), pass.source, pass.deltas, pass.coefficients);
             let (to, size) = (pass.destination.1 + pose_offset, (vertices * POSE_STRIDE) as u64);
             // SAFETY: as above; each binding reads `vertices` elements within its buffer, and as many are
             // captured; transform feedback is enabled since `device.feedback` is there. ash 0.38 has no
@@ -93,8 +90,8 @@ impl Feedback {
     }
 }
 
-/// Coefficients, and for snorm16 the exponents of normals, as `feedback.vert` declares them.
-fn push_constants(layout: &PackedLayout, coefficients: &[Coefficient]) -> Vec<u32> {
+/// Coefficients, and for snorm16 the exponents of normals, as `attributes.glsl` declares them.
+pub(super) fn push_constants(layout: &PackedLayout, coefficients: &[Coefficient]) -> Vec<u32> {
     let mut words: Vec<u32> =
         coefficients.iter().map(|c| (c.value * layout.targets[c.target as usize].position_step).to_bits()).collect();
     if layout.format == DeltaFormat::Snorm16 {
@@ -106,10 +103,22 @@ fn push_constants(layout: &PackedLayout, coefficients: &[Coefficient]) -> Vec<u3
     words
 }
 
+/// What a pass or draw binds for `vertices` from `first` on: the pose `source`, then a row of `deltas` for each target.
+pub(super) fn vertex_buffers(
+    layout: &PackedLayout,
+    (first, vertices): (usize, usize),
+    source: (vk::Buffer, u64),
+    deltas: vk::Buffer,
+    coefficients: &[Coefficient],
+) -> (Vec<vk::Buffer>, Vec<u64>) {
+    let row = |c: &Coefficient| (deltas, (layout.row_start(c.target as usize, first, vertices) * 4) as u64);
+    std::iter::once((source.0, source.1 + (first * POSE_STRIDE) as u64)).chain(coefficients.iter().map(row)).unzip()
+}
+
 type VertexInput = (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>);
 
 /// Binding 0: the pose. Bindings 1..=batch: a target's deltas, as one attribute or two.
-fn vertex_input(format: DeltaFormat, batch: u32) -> VertexInput {
+pub(super) fn vertex_input(format: DeltaFormat, batch: u32) -> VertexInput {
     let binding = |binding, stride| vk::VertexInputBindingDescription::default().binding(binding).stride(stride);
     let attribute =
         |location, binding, format, offset| vk::VertexInputAttributeDescription { location, binding, format, offset };

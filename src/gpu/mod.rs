@@ -1,11 +1,12 @@
 //! Below the gpu line: everything that calls Vulkan.
 //!
 //! Files by Vulkan concern: [`caps`] (what a device can do), [`device`] (the host's device, borrowed),
-//! `memory`, [`shaders`] (embedded modules and shared layouts), `pipelines`, `barriers`, and one file per
-//! update path.
+//! `memory`, [`shaders`] (embedded modules and shared layouts), `pipelines`, `barriers`, one file per update path, and
+//! `baselines`, the techniques of others.
 
 pub(crate) mod animation;
 pub(crate) mod barriers;
+pub(crate) mod baselines;
 pub(crate) mod blocks;
 pub mod caps;
 pub(crate) mod compute;

@@ -32,6 +32,11 @@ impl Objects {
 
     /// A set layout of buffers of these types, for compute.
     pub(crate) fn add_storage_set_layout(&mut self, types: &[vk::DescriptorType]) -> Result<()> {
+        self.add_set_layout(types, vk::ShaderStageFlags::COMPUTE)
+    }
+
+    /// A set layout of storage buffers of these types.
+    pub(crate) fn add_set_layout(&mut self, types: &[vk::DescriptorType], stage: vk::ShaderStageFlags) -> Result<()> {
         let bindings: Vec<_> = types
             .iter()
             .enumerate()
@@ -40,7 +45,7 @@ impl Objects {
                     .binding(binding as u32)
                     .descriptor_type(*ty)
                     .descriptor_count(1)
-                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
+                    .stage_flags(stage)
             })
             .collect();
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);

@@ -163,6 +163,44 @@ pub struct AnimationPush {
     pub requested_at: u32,
 }
 
+/// Push constants of `baselines/scatter.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct ScatterPush {
+    /// The target's first record.
+    pub first: u32,
+    /// Records.
+    pub count: u32,
+    /// The weight, on the grid of exact sums.
+    pub weight: i32,
+}
+
+/// Push constants of `baselines/resolve.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct ResolvePush {
+    /// Vertex of the first invocation.
+    pub first_vertex: u32,
+    /// Input units of an integer sum: positions.
+    pub position_unit: f32,
+    /// The same of normals.
+    pub normal_unit: f32,
+}
+
+/// Push constants of `baselines/direct.vert`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct DirectPush {
+    /// Vertices of the chunk: the length of a target's row.
+    pub chunk_vertices: u32,
+    /// Targets of the mesh.
+    pub target_count: u32,
+    /// Targets whose weight is not zero.
+    pub active_targets: u32,
+    /// First vertex of the chunk.
+    pub first_vertex: u32,
+}
+
 /// Bytes of push constants of a feedback pass over `batch` targets: a float each and, for snorm16, a signed
 /// byte each, padded to words.
 pub const fn feedback_push_bytes(format: DeltaFormat, batch: u32) -> u32 {
@@ -177,7 +215,17 @@ pub fn feedback_module(format: DeltaFormat, batch: u32) -> String {
     format!("feedback_{}_{batch:02}", format.name())
 }
 
-/// The largest batch that there is a feedback module for.
+/// Name of the module of `vertex-store` for `batch` targets; 0 copies.
+pub fn vertex_store_module(format: DeltaFormat, batch: u32) -> String {
+    format!("vertex_store_{}_{batch:02}", format.name())
+}
+
+/// Name of the module of `direct-attributes` for `batch` active targets.
+pub fn direct_attributes_module(format: DeltaFormat, batch: u32) -> String {
+    format!("direct_attributes_{}_{batch:02}", format.name())
+}
+
+/// The largest batch that there is a feedback module for; there are as many of `vertex-store` and `direct-attributes`.
 pub fn feedback_batch_max(format: DeltaFormat) -> u32 {
     let prefix = format!("feedback_{}_", format.name());
     MODULES.iter().filter(|(name, _)| name.starts_with(&prefix)).count() as u32 - 1

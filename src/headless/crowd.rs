@@ -12,6 +12,7 @@ use crate::engine::{Crowd, CrowdDesc, GpuMesh, MorphEngine, PoseView, Update};
 use crate::error::{Error, Result};
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::mesh::packed::PackedMesh;
+use crate::plan::UpdatePath;
 use crate::plan::commands::CommandList;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
@@ -47,8 +48,12 @@ impl<'a> HeadlessCrowd<'a> {
     /// As [`MorphEngine::upload`] and [`MorphEngine::create_crowd`].
     pub fn new(headless: &'a Headless, mesh: &PackedMesh, desc: &CrowdDesc) -> Result<Self> {
         let engine = headless.engine();
-        // SAFETY: the submitter hands out a recording buffer of the engine's device; it waits for the device.
-        let mut mesh = headless.submitter().run(|cmd| unsafe { engine.upload(cmd, mesh) })?;
+        let mut mesh = headless.submitter().run(|cmd| match desc.update.path {
+            // SAFETY: the submitter hands out a recording buffer of the engine's device; it waits for the device.
+            UpdatePath::Scatter => unsafe { engine.upload_scatter(cmd, mesh) },
+            // SAFETY: as above.
+            _ => unsafe { engine.upload(cmd, mesh) },
+        })?;
         mesh.release_staging();
         Self::of(headless, mesh, desc)
     }
@@ -98,7 +103,7 @@ impl<'a> HeadlessCrowd<'a> {
             }
             Ok(())
         })?;
-        Ok(crowds[0].milliseconds(ticks))
+        Ok(headless.milliseconds(ticks))
     }
 
     /// The crowd.
@@ -139,7 +144,7 @@ impl<'a> HeadlessCrowd<'a> {
         let (update, ticks) =
             self.headless.submitter().run_timed(|cmd| unsafe { engine.record_tampered(cmd, crowd, tamper) })?;
         let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
-        Ok(Step { update, gpu_ms: self.milliseconds(ticks), cpu_ms })
+        Ok(Step { update, gpu_ms: self.headless.milliseconds(ticks), cpu_ms })
     }
 
     /// Record an update now and leave it to the caller when to run it: see [`submit`](Self::submit). Makes
@@ -180,27 +185,42 @@ impl<'a> HeadlessCrowd<'a> {
         self.headless.submitter().submit(&cmds)
     }
 
-    /// Draw the pose of every instance once, discarding all primitives; device time in milliseconds.
+    /// Draw the pose of every instance once, discarding all primitives; device time in milliseconds. On a direct path
+    /// this is the draw that evaluates the pose.
     ///
     /// # Errors
     /// No update recorded yet; a device that fails.
     pub fn draw(&self) -> Result<Option<f64>> {
-        let poses: Vec<PoseView> =
-            (0..self.crowd.desc().instances).map(|i| self.crowd.pose(i)).collect::<Result<_>>()?;
+        if self.is_direct() {
+            let (engine, crowd) = (self.headless.engine(), &self.crowd);
+            // SAFETY: as in `step_tampered`.
+            let draws = self.headless.submitter().run_timed(|cmd| unsafe { engine.record_draws(cmd, crowd) });
+            return Ok(self.headless.milliseconds(draws?.1));
+        }
+        let poses: Vec<PoseView> = self.crowd.shown().map(|i| self.crowd.pose(i)).collect::<Result<_>>()?;
         let vertices = self.mesh.layout().padded_vertices() as u32;
         let ((), ticks) = self.headless.submitter().run_timed(|cmd| {
             self.draw.record(cmd, &poses, vertices);
             Ok(())
         })?;
-        Ok(self.milliseconds(ticks))
+        Ok(self.headless.milliseconds(ticks))
     }
 
-    /// Read the pose of an instance back: six floats a vertex, in the user's order of vertices, without padding.
+    /// Read the pose of an instance back: six floats a vertex, in the user's order of vertices, without padding. On a
+    /// direct path it is captured from a draw.
     ///
     /// # Errors
-    /// As [`draw`](Self::draw).
+    /// As [`draw`](Self::draw); a direct path on a device that cannot capture.
     pub fn read_pose(&mut self, instance: u32) -> Result<Vec<f32>> {
-        let pose = self.read_view(self.crowd.pose(instance)?)?;
+        let view = match self.is_direct() {
+            true => {
+                let (engine, crowd) = (self.headless.engine(), &self.crowd);
+                // SAFETY: as in `step_tampered`.
+                self.headless.submitter().run(|cmd| unsafe { engine.record_capture(cmd, crowd, instance) })?
+            }
+            false => self.crowd.pose(instance)?,
+        };
+        let pose = self.read_view(view)?;
         Ok(self.mesh.layout().to_user_order(&pose))
     }
 
@@ -225,6 +245,10 @@ impl<'a> HeadlessCrowd<'a> {
         Ok(Some(bytes.chunks_exact(4).map(|b| i32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect()))
     }
 
+    fn is_direct(&self) -> bool {
+        self.crowd.desc().update.path.evaluates_in_draws()
+    }
+
     fn read_view(&mut self, view: PoseView) -> Result<Vec<f32>> {
         let bytes = self.read(view.buffer, view.offset, view.size)?;
         Ok(bytes.chunks_exact(4).map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect())
@@ -241,10 +265,5 @@ impl<'a> HeadlessCrowd<'a> {
             Ok(())
         })?;
         Ok(&self.readback.mapped()?[..size as usize])
-    }
-
-    fn milliseconds(&self, ticks: Option<u64>) -> Option<f64> {
-        let period = f64::from(self.headless.caps().timestamp_period);
-        ticks.map(|t| t as f64 * period * 1e-6)
     }
 }

@@ -5,11 +5,13 @@ mod bandwidth;
 mod crowd;
 mod draw;
 mod submit;
+mod upload;
 
 pub use bandwidth::Bandwidth;
 #[doc(hidden)]
 pub use crowd::PlannedGroup;
 pub use crowd::{HeadlessCrowd, Recorded, Step};
+pub use upload::{PoseUpload, Uploaded};
 
 use crate::engine::{DeviceCaps, DeviceDesc, MorphEngine};
 use crate::error::{Error, Result};
@@ -206,15 +208,16 @@ impl Headless {
         let timestamp_bits =
             if caps.timestamp_period > 0.0 { families[family as usize].timestamp_valid_bits } else { 0 };
 
-        let feedback_enabled = caps.transform_feedback.is_some();
+        let (feedback_enabled, vertex_stores) = (caps.transform_feedback.is_some(), caps.vertex_stores);
         let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
         let extensions = [ash::ext::transform_feedback::NAME.as_ptr()];
         let mut feedback = vk::PhysicalDeviceTransformFeedbackFeaturesEXT::default().transform_feedback(true);
-        let mut info = vk::DeviceCreateInfo::default().queue_create_infos(&queues);
+        let features = vk::PhysicalDeviceFeatures::default().vertex_pipeline_stores_and_atomics(vertex_stores);
+        let mut info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_features(&features);
         if feedback_enabled {
             info = info.enabled_extension_names(&extensions).push_next(&mut feedback);
         }
-        // SAFETY: the physical device is the instance's own; extension and feature are there as queried.
+        // SAFETY: the physical device is the instance's own; extension and features are there as queried.
         let device = unsafe { instance.raw.create_device(physical, &info, None) }.map_err(failed("vkCreateDevice"))?;
         // From here on dropping `headless` destroys the device.
         let mut headless = Self { live: None, device, instance };
@@ -224,6 +227,7 @@ impl Headless {
             device: &headless.device,
             caps: Some(caps),
             transform_feedback_enabled: feedback_enabled,
+            vertex_stores_enabled: vertex_stores,
             allocator: None,
         };
         // SAFETY: the handles are alive and belong together; the limits are the device's or lower; the engine is
@@ -247,6 +251,11 @@ impl Headless {
     /// What the validation layers have said so far.
     pub fn messages(&self) -> Vec<String> {
         self.instance.messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    fn milliseconds(&self, ticks: Option<u64>) -> Option<f64> {
+        let period = f64::from(self.caps().timestamp_period);
+        ticks.map(|t| t as f64 * period * 1e-6)
     }
 
     fn submitter(&self) -> &Submitter {

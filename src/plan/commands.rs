@@ -109,11 +109,21 @@ pub enum Hazard {
     PoseReadToAnimatedUpdate,
     /// A kernel wrote the arguments of the dispatches that follow, and what they work on.
     ComputeWriteToIndirectUpdate,
+    /// As for compute, before the first pass of `vertex-store`.
+    PoseReadToVertexStoreUpdate,
+    /// A pass of `vertex-store` fetches what the last stored and stores where the last fetched.
+    VertexStoreWriteToVertexStoreUpdate,
+    /// The pose is ready for the host's draws.
+    VertexStoreWriteToPoseRead,
+    /// As for compute, before `scatter` clears its sums, which the last update has read, and writes a pose.
+    PoseReadToScatterUpdate,
+    /// Deltas are added to sums that were cleared.
+    ClearToScatter,
 }
 
 impl Hazard {
     /// Every barrier.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 16] = [
         Self::TransferWriteToAssetRead,
         Self::PoseReadToComputeUpdate,
         Self::ComputeWriteToComputeUpdate,
@@ -125,6 +135,11 @@ impl Hazard {
         Self::TransferWriteToComputeUpdate,
         Self::PoseReadToAnimatedUpdate,
         Self::ComputeWriteToIndirectUpdate,
+        Self::PoseReadToVertexStoreUpdate,
+        Self::VertexStoreWriteToVertexStoreUpdate,
+        Self::VertexStoreWriteToPoseRead,
+        Self::PoseReadToScatterUpdate,
+        Self::ClearToScatter,
     ];
 
     /// `(before, after)`: what must be finished and made available, and what waits and sees it.
@@ -135,6 +150,7 @@ impl Hazard {
         const COMPUTE: Scope = Scope::new(&[S::Compute], &[A::ShaderRead, A::ShaderWrite]);
         const FEEDBACK: Scope =
             Scope::new(&[S::VertexInput, S::TransformFeedback], &[A::AttributeRead, A::FeedbackWrite]);
+        const STORE: Scope = Scope::new(&[S::VertexInput, S::VertexShader], &[A::AttributeRead, A::ShaderWrite]);
         match self {
             Self::TransferWriteToAssetRead => (
                 Scope::new(&[S::Transfer], &[A::TransferWrite]),
@@ -163,6 +179,16 @@ impl Hazard {
                 Scope::new(&[S::Compute], &[A::ShaderWrite]),
                 Scope::new(&[S::Compute, S::Indirect], &[A::ShaderRead, A::ShaderWrite, A::IndirectRead]),
             ),
+            // The same stages: what a pass fetches and stores is what a draw may still read.
+            Self::PoseReadToVertexStoreUpdate | Self::VertexStoreWriteToVertexStoreUpdate => {
+                (Scope::new(&[S::VertexInput, S::VertexShader], &[A::ShaderWrite]), STORE)
+            }
+            Self::VertexStoreWriteToPoseRead => (Scope::new(&[S::VertexShader], &[A::ShaderWrite]), DRAWS),
+            Self::PoseReadToScatterUpdate => (
+                Scope::new(&[S::VertexInput, S::VertexShader, S::Compute], &[A::ShaderWrite]),
+                Scope::new(&[S::Transfer, S::Compute], &[A::TransferWrite, A::ShaderRead, A::ShaderWrite]),
+            ),
+            Self::ClearToScatter => (Scope::new(&[S::Transfer], &[A::TransferWrite]), COMPUTE),
         }
     }
 }
@@ -197,6 +223,30 @@ pub struct BlocksCommand {
     pub exact: bool,
 }
 
+/// What a [`ScatterCommand`] does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ScatterStep {
+    /// Set the sums to zero.
+    Clear,
+    /// Add the deltas of the active targets, by atomics.
+    Add,
+    /// Write the pose: base + sums.
+    Resolve,
+}
+
+/// A step of `scatter` for one instance.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ScatterCommand {
+    /// The instance.
+    pub instance: u32,
+    /// What is done.
+    pub step: ScatterStep,
+    /// The slot that the pose goes to in the end.
+    pub destination: u32,
+    /// Which of [`CommandList::coefficients`](CommandList) are added.
+    pub coefficients: Range<usize>,
+}
+
 /// A command of an update.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Command {
@@ -208,6 +258,8 @@ pub enum Command {
     Blocks(BlocksCommand),
     /// A step of an update that the GPU plans.
     Animated(AnimatedCommand),
+    /// A step of `scatter`.
+    Scatter(ScatterCommand),
 }
 
 /// What one `record_update` writes into the host's command buffer.
@@ -231,7 +283,7 @@ impl CommandList {
     pub fn passes(&self) -> impl Iterator<Item = &PassCommand> {
         self.commands.iter().filter_map(|c| match c {
             Command::Pass(pass) => Some(pass),
-            Command::Barrier(_) | Command::Blocks(_) | Command::Animated(_) => None,
+            Command::Barrier(_) | Command::Blocks(_) | Command::Scatter(_) | Command::Animated(_) => None,
         })
     }
 
@@ -250,10 +302,13 @@ impl CommandList {
                 Hazard::FeedbackWriteToFeedbackUpdate,
                 Hazard::FeedbackWriteToPoseRead,
             ),
+            UpdatePath::VertexStore => (
+                Hazard::PoseReadToVertexStoreUpdate,
+                Hazard::VertexStoreWriteToVertexStoreUpdate,
+                Hazard::VertexStoreWriteToPoseRead,
+            ),
             // The cpu path has no barriers to record, but its list is the same list.
-            UpdatePath::Compute | UpdatePath::Blocks | UpdatePath::Cpu => {
-                (Hazard::PoseReadToComputeUpdate, Hazard::ComputeWriteToComputeUpdate, Hazard::ComputeWriteToPoseRead)
-            }
+            _ => (Hazard::PoseReadToComputeUpdate, Hazard::ComputeWriteToComputeUpdate, Hazard::ComputeWriteToPoseRead),
         };
         for round in 0..rounds {
             self.commands.push(Command::Barrier(if round == 0 { before } else { between }));
@@ -293,6 +348,36 @@ impl CommandList {
         if first > 0 {
             self.commands.push(Command::Barrier(Hazard::ComputeWriteToPoseRead));
         }
+    }
+
+    /// Write the list for one update through `scatter`: each step of all instances, which do not depend on each other,
+    /// then a barrier.
+    pub fn fill_scatter(&mut self, plans: &[Plan]) {
+        self.commands.clear();
+        self.coefficients.clear();
+        if plans.iter().all(|plan| plan.passes.is_empty()) {
+            return;
+        }
+        for (step, before) in [
+            (ScatterStep::Clear, Hazard::PoseReadToScatterUpdate),
+            (ScatterStep::Add, Hazard::ClearToScatter),
+            (ScatterStep::Resolve, Hazard::ComputeWriteToComputeUpdate),
+        ] {
+            self.commands.push(Command::Barrier(before));
+            for (instance, plan) in plans.iter().enumerate().filter(|(_, plan)| !plan.passes.is_empty()) {
+                let start = self.coefficients.len();
+                if step == ScatterStep::Add {
+                    self.coefficients.extend_from_slice(&plan.coefficients);
+                }
+                self.commands.push(Command::Scatter(ScatterCommand {
+                    instance: instance as u32,
+                    step,
+                    destination: plan.result,
+                    coefficients: start..self.coefficients.len(),
+                }));
+            }
+        }
+        self.commands.push(Command::Barrier(Hazard::ComputeWriteToPoseRead));
     }
 
     /// Bytes that the passes load and store: each reads its source and its targets' deltas and writes its

@@ -6,7 +6,7 @@
 //! a barrier's first stages cover the second stages of an earlier one.
 
 use super::Source;
-use super::commands::{Access, BlocksCommand, Command, CommandList, Hazard, Stage};
+use super::commands::{Access, BlocksCommand, Command, CommandList, Hazard, ScatterCommand, ScatterStep, Stage};
 use crate::plan::UpdatePath;
 use std::collections::HashMap;
 
@@ -139,15 +139,17 @@ impl HazardChecker {
                         self.write(write, own.copied());
                     }
                 }
+                Command::Scatter(scatter) => self.scatter(scatter),
                 Command::Pass(pass) => {
                     let (read, write) = match list.path {
                         UpdatePath::Feedback => (
                             (Stage::VertexInput, Access::AttributeRead),
                             (Stage::TransformFeedback, Access::FeedbackWrite),
                         ),
-                        UpdatePath::Compute | UpdatePath::Blocks | UpdatePath::Cpu => {
-                            ((Stage::Compute, Access::ShaderRead), (Stage::Compute, Access::ShaderWrite))
+                        UpdatePath::VertexStore => {
+                            ((Stage::VertexInput, Access::AttributeRead), (Stage::VertexShader, Access::ShaderWrite))
                         }
+                        _ => ((Stage::Compute, Access::ShaderRead), (Stage::Compute, Access::ShaderWrite)),
                     };
                     let pose = |slot| Resource::Pose { instance: pass.instance, slot };
                     let source = match pass.source {
@@ -189,6 +191,29 @@ impl HazardChecker {
             let sums = Resource::Sums { instance: blocks.instance };
             self.read(read(sums));
             self.write(write(sums), Some(read(sums)));
+        }
+    }
+
+    fn scatter(&mut self, scatter: &ScatterCommand) {
+        let sums = Resource::Sums { instance: scatter.instance };
+        let read = |resource| Use { resource, stage: Stage::Compute, access: Access::ShaderRead };
+        let write = |resource| Use { resource, stage: Stage::Compute, access: Access::ShaderWrite };
+        match scatter.step {
+            ScatterStep::Clear => {
+                self.access(Use { resource: sums, stage: Stage::Transfer, access: Access::TransferWrite })
+            }
+            ScatterStep::Add => {
+                self.read(read(Resource::Deltas));
+                // Atomics of one step need no order among themselves.
+                self.read(read(sums));
+                self.write(write(sums), Some(read(sums)));
+            }
+            ScatterStep::Resolve => {
+                self.read(read(Resource::Base));
+                self.read(read(sums));
+                let slot = scatter.destination;
+                self.access(write(Resource::Pose { instance: scatter.instance, slot }));
+            }
         }
     }
 

@@ -85,10 +85,9 @@ impl Heads {
         Ok(())
     }
 
-    /// What place `i` was asked for.
-    #[cfg(test)]
-    pub fn weights(&self, i: usize) -> &[f32] {
-        &self.weights[i]
+    /// What each place was asked for last, whether it is shown or not.
+    pub fn weights(&self) -> &[Vec<f32>] {
+        &self.weights
     }
 
     /// For each place, the weights asked for; `None` where nothing is to be updated.

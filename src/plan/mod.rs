@@ -17,7 +17,7 @@ pub mod hazards;
 pub(crate) mod heads;
 
 use crate::error::{Error, Result};
-use crate::mesh::packed::{POSE_STRIDE, PackedLayout};
+use crate::mesh::packed::{DeltaFormat, POSE_STRIDE, PackedLayout};
 use crate::weights::delta::{Coefficient, active_targets, changed_targets};
 use std::ops::Range;
 
@@ -34,11 +34,32 @@ pub enum UpdatePath {
     Blocks,
     /// SIMD and threads on the CPU; runs without Vulkan. Takes every format.
     Cpu,
+    /// Baseline: the vertex passes of `Feedback`, whose shader stores the pose in a storage buffer.
+    VertexStore,
+    /// Baseline: a thread for each delta adds integers to sums by atomics, and a pass makes the pose of them (O3DE
+    /// Atom, Unity). From base every time.
+    Scatter,
+    /// Baseline: no update; the vertex shader of every draw evaluates the active targets, whose deltas it reads from a
+    /// storage buffer (Costigan et al., Bevy, three.js, Filament).
+    Direct,
+    /// Baseline: as `Direct`, with the active targets as vertex attributes (Gerdelan).
+    DirectAttributes,
 }
 
 impl UpdatePath {
     /// Every path.
-    pub const ALL: [Self; 4] = [Self::Feedback, Self::Compute, Self::Blocks, Self::Cpu];
+    pub const ALL: [Self; 8] = [
+        Self::Feedback,
+        Self::Compute,
+        Self::Blocks,
+        Self::Cpu,
+        Self::VertexStore,
+        Self::Scatter,
+        Self::Direct,
+        Self::DirectAttributes,
+    ];
+    /// The techniques that others published, to compare with. `bench` runs them where they are named.
+    pub const BASELINES: [Self; 4] = [Self::VertexStore, Self::Scatter, Self::Direct, Self::DirectAttributes];
 
     /// The name used on the command line and in reports.
     pub const fn name(self) -> &'static str {
@@ -47,12 +68,48 @@ impl UpdatePath {
             Self::Compute => "compute",
             Self::Blocks => "blocks",
             Self::Cpu => "cpu",
+            Self::VertexStore => "vertex-store",
+            Self::Scatter => "scatter",
+            Self::Direct => "direct",
+            Self::DirectAttributes => "direct-attributes",
         }
     }
 
     /// Whether a pass may write the slot it reads.
     pub const fn works_in_place(self) -> bool {
-        !matches!(self, Self::Feedback)
+        !matches!(self, Self::Feedback | Self::VertexStore)
+    }
+
+    /// Whether it has no [`UpdateMode::Incremental`]: each pose is evaluated from base.
+    pub const fn rebuilds_only(self) -> bool {
+        matches!(self, Self::Scatter) || self.evaluates_in_draws()
+    }
+
+    /// Whether there are no pose buffers: every draw evaluates the pose.
+    pub const fn evaluates_in_draws(self) -> bool {
+        matches!(self, Self::Direct | Self::DirectAttributes)
+    }
+
+    /// Whether it takes [`BatchSize::All`]; vertex attributes hold a limited number of targets.
+    pub const fn takes_all_targets(self) -> bool {
+        !matches!(self, Self::Feedback | Self::VertexStore | Self::DirectAttributes)
+    }
+
+    /// The formats it takes.
+    pub const fn formats(self) -> &'static [DeltaFormat] {
+        match self {
+            Self::Feedback | Self::Compute | Self::VertexStore | Self::Direct | Self::DirectAttributes => {
+                &DeltaFormat::DENSE
+            }
+            Self::Blocks => &DeltaFormat::BLOCKS,
+            Self::Scatter => &[DeltaFormat::Small],
+            Self::Cpu => &DeltaFormat::ALL,
+        }
+    }
+
+    /// The mode where none is asked for.
+    pub const fn default_mode(self) -> UpdateMode {
+        if self.rebuilds_only() { UpdateMode::Rebuild } else { UpdateMode::Incremental }
     }
 }
 
@@ -140,12 +197,13 @@ impl Accumulate {
 pub struct UpdateDesc {
     /// Who carries the passes out.
     pub path: UpdatePath,
-    /// Targets per pass (dense formats).
+    /// Targets per pass (dense formats); of `direct-attributes`, the most that may be active.
     pub batch: BatchSize,
     /// What an update starts from.
     pub mode: UpdateMode,
     /// Pose buffers per instance. 1: in place, no previous pose (not for `feedback`). 2: ping-pong. 3 keep the
-    /// previous pose under `feedback`, too, whose passes alternate between the other two.
+    /// previous pose under `feedback` and `vertex-store`, too, whose passes alternate between the other two. The direct
+    /// paths have no pose buffers, and this says nothing there.
     pub slots: u32,
     /// How poses add up (block formats).
     pub accumulate: Accumulate,
@@ -156,10 +214,14 @@ pub struct UpdateDesc {
 }
 
 impl UpdateDesc {
-    /// Incremental updates in two slots.
+    /// Incremental updates in two slots with float sums; rebuilds for paths that know nothing else, and exact sums for
+    /// `scatter`.
     pub const fn new(path: UpdatePath, batch: BatchSize) -> Self {
-        let accumulate = Accumulate::Float { tolerance: 1e-5 };
-        Self { path, batch, mode: UpdateMode::Incremental, slots: 2, accumulate, error_budget: 0.0 }
+        let accumulate = match path {
+            UpdatePath::Scatter => Accumulate::Exact,
+            _ => Accumulate::Float { tolerance: 1e-5 },
+        };
+        Self { path, batch, mode: path.default_mode(), slots: 2, accumulate, error_budget: 0.0 }
     }
 
     /// The path `blocks`: incremental updates in two slots.
@@ -171,7 +233,8 @@ impl UpdateDesc {
     ///
     /// # Errors
     /// A batch size of 0; no slot, or too few slots for the path; a tolerance or budget that is no length, or exact sums
-    /// or a budget on a dense path.
+    /// or a budget on a dense path; incremental updates of a path that only rebuilds; `scatter` with anything but exact
+    /// sums.
     pub fn check(&self) -> Result<()> {
         let least = if self.path.works_in_place() { 1 } else { 2 };
         if self.slots < least || self.slots > 64 {
@@ -190,13 +253,26 @@ impl UpdateDesc {
                 "use a tolerance above 0 and a budget of 0 or more",
             ));
         }
-        if matches!(self.path, UpdatePath::Feedback | UpdatePath::Compute) {
-            self.check_dense(self.path.name())?;
+        if self.path.rebuilds_only() && self.mode == UpdateMode::Incremental {
+            return Err(Error::invalid(
+                format!("incremental updates through '{}'", self.path.name()),
+                "use the mode 'rebuild': this technique evaluates every pose from the base pose",
+            ));
+        }
+        match self.path {
+            UpdatePath::Scatter if self.accumulate != Accumulate::Exact || self.error_budget > 0.0 => {
+                return Err(Error::invalid(
+                    "float sums or an error budget with 'scatter'",
+                    "use exact sums and no budget: it adds integers, each pose afresh",
+                ));
+            }
+            UpdatePath::Scatter | UpdatePath::Blocks | UpdatePath::Cpu => {}
+            _ => self.check_dense(self.path.name())?,
         }
         match (self.path, self.batch) {
             (_, BatchSize::Targets(0)) => Err(Error::invalid("a batch size of 0", "use 1 or more targets per pass")),
-            (UpdatePath::Feedback, BatchSize::All) => Err(Error::invalid(
-                "batch size 'all' for update path 'feedback'",
+            (path, BatchSize::All) if !path.takes_all_targets() => Err(Error::invalid(
+                format!("batch size 'all' for update path '{}'", path.name()),
                 "a vertex pass takes as many targets as the device has vertex attributes for: name a number",
             )),
             _ => Ok(()),
@@ -402,7 +478,8 @@ pub struct UpdateStats {
     pub rebuilt_blocks: usize,
     /// Bound on the position error that float32 accumulation may have caused so far, in input units; 0 for exact sums.
     pub bound: f32,
-    /// Bytes loaded and stored.
+    /// Bytes loaded and stored. On a direct path, by one draw of every head, which comes again in each frame whether
+    /// weights have changed or not.
     pub bytes_moved: u64,
     /// The least that dense work could move; in block formats, what deltas and poses alone take.
     pub bytes_floor: u64,

@@ -25,7 +25,8 @@ fn follow(plan: &Plan, slots: &mut [Held], targets: usize) {
 fn descs() -> impl Strategy<Value = UpdateDesc> {
     let batch = prop_oneof![(1u32..20).prop_map(BatchSize::Targets), Just(BatchSize::All)];
     let mode = prop_oneof![Just(UpdateMode::Incremental), Just(UpdateMode::Rebuild)];
-    (prop_oneof![Just(UpdatePath::Feedback), Just(UpdatePath::Compute)], batch, mode, 1u32..5)
+    let path = prop_oneof![Just(UpdatePath::Feedback), Just(UpdatePath::Compute), Just(UpdatePath::VertexStore)];
+    (path, batch, mode, 1u32..5)
         .prop_map(|(path, batch, mode, slots)| UpdateDesc { mode, slots, ..UpdateDesc::new(path, batch) })
         .prop_filter("valid", |d| d.check().is_ok())
 }
@@ -136,7 +137,7 @@ pub(super) fn assert_barriers_needed(frames: &[DrawnUpdate], count: usize, what:
 /// Take any one barrier of a running animation out, and the checker says so.
 #[test]
 fn every_barrier_is_needed() {
-    for path in [UpdatePath::Feedback, UpdatePath::Compute] {
+    for path in [UpdatePath::Feedback, UpdatePath::Compute, UpdatePath::VertexStore] {
         for (batch, slots) in [(1, 2), (2, 2), (4, 2), (9, 2), (1, 1), (9, 1)] {
             let desc = UpdateDesc { slots, ..UpdateDesc::new(path, BatchSize::Targets(batch)) };
             let Ok(mut state) = PoseState::new(desc) else { continue };
@@ -151,6 +152,29 @@ fn every_barrier_is_needed() {
             }
             assert_barriers_needed(&frames, 6usize.div_ceil(batch as usize) + 1, &format!("{desc:?}"));
         }
+    }
+}
+
+/// The four barriers of `scatter`: before the sums are cleared, and after each step.
+#[test]
+fn every_barrier_of_scatter_is_needed() {
+    for slots in 1..4 {
+        let desc = UpdateDesc { slots, ..UpdateDesc::new(UpdatePath::Scatter, BatchSize::All) };
+        let mut states = vec![PoseState::new(desc).unwrap(); 2];
+        let (mut plans, mut list) = (vec![Plan::default(); 2], CommandList::new(desc.path));
+        let mut frames = vec![];
+        for frame in 0..5u8 {
+            // The second head is still every other frame.
+            for (weight, (state, plan)) in [frame, frame / 2].into_iter().zip(states.iter_mut().zip(&mut plans)) {
+                state.plan(&[f32::from(weight), 1.0], u64::from(frame) + 1, plan);
+            }
+            list.fill_scatter(&plans);
+            frames.push((list.clone(), [Some(plans[0].result), plans[0].previous]));
+        }
+        assert_barriers_needed(&frames, 4, &format!("{desc:?}"));
+        let steps = |frame: usize| frames[frame].0.commands.iter().filter(|c| matches!(c, Command::Scatter(_))).count();
+        assert_eq!([steps(2), steps(3)], [6, 3], "a head that is still records nothing");
+        assert_eq!(frames[2].0.coefficients.len(), 4);
     }
 }
 
@@ -173,17 +197,19 @@ fn a_swapped_ping_pong_slot_is_seen() {
 }
 
 #[test]
-fn a_feedback_pass_must_not_capture_what_it_fetches() {
-    let mut state = PoseState::new(UpdateDesc::new(UpdatePath::Feedback, BatchSize::Targets(2))).unwrap();
-    let (mut plan, mut list) = (Plan::default(), CommandList::new(UpdatePath::Feedback));
-    state.plan(&[1.0, 2.0, 3.0], 1, &mut plan);
-    plan.passes[1].destination = plan.passes[0].destination;
-    list.fill(std::slice::from_ref(&plan));
-    let mut checker = HazardChecker::new();
-    checker.upload();
-    checker.update(&list);
-    let text = checker.finish().unwrap_err()[0].to_string();
-    assert!(text.contains("write after read on Pose"), "{text}");
+fn a_vertex_pass_must_not_write_what_it_fetches() {
+    for path in [UpdatePath::Feedback, UpdatePath::VertexStore] {
+        let mut state = PoseState::new(UpdateDesc::new(path, BatchSize::Targets(2))).unwrap();
+        let (mut plan, mut list) = (Plan::default(), CommandList::new(path));
+        state.plan(&[1.0, 2.0, 3.0], 1, &mut plan);
+        plan.passes[1].destination = plan.passes[0].destination;
+        list.fill(std::slice::from_ref(&plan));
+        let mut checker = HazardChecker::new();
+        checker.upload();
+        checker.update(&list);
+        let text = checker.finish().unwrap_err()[0].to_string();
+        assert!(text.contains("write after read on Pose"), "{text}");
+    }
 }
 
 #[test]
@@ -227,7 +253,7 @@ fn rounds_of_a_crowd_share_their_barriers() {
         .iter()
         .map(|c| match c {
             Command::Pass(p) => Some(p.instance),
-            Command::Barrier(_) | Command::Blocks(_) | Command::Animated(_) => None,
+            Command::Barrier(_) | Command::Blocks(_) | Command::Scatter(_) | Command::Animated(_) => None,
         })
         .collect();
     assert_eq!(shape, [None, Some(0), Some(1), Some(2), None, Some(0), None]);

@@ -22,6 +22,12 @@ pub fn on_every_device(test: impl Fn(&Headless, &MorphEngine)) {
     }
 }
 
+/// What a driver offers.
+pub fn caps(driver: &str) -> DeviceCaps {
+    let found = Headless::devices().ok().and_then(|all| all.into_iter().find(|caps| caps.name.contains(driver)));
+    found.unwrap_or_else(|| panic!("{driver} is missing\nrun the tests as ./with-vulkan cargo test"))
+}
+
 /// Run `test` on one device.
 pub fn on_device(driver: &str, android_baseline: bool, test: impl Fn(&Headless, &MorphEngine)) {
     let limits = android_baseline.then(DeviceCaps::android_baseline);
@@ -50,7 +56,7 @@ pub fn update_descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc
         }
         return descs;
     }
-    for path in [UpdatePath::Feedback, UpdatePath::Compute] {
+    for path in [UpdatePath::Feedback, UpdatePath::Compute, UpdatePath::VertexStore] {
         if engine.caps().check_path(path).is_err() {
             continue;
         }

@@ -9,7 +9,7 @@ use deltamorph::mesh::Tolerance;
 use deltamorph::mesh::head::{HeadDesc, head, head_clip};
 use deltamorph::mesh::packed::blocks::BlockDesc;
 use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::plan::blocks::{TILE, TILE_WORDS, WorkList};
+use deltamorph::plan::blocks::{ROWS, TILE, TILE_WORDS, WorkList};
 use deltamorph::plan::commands::CommandList;
 use deltamorph::plan::{Accumulate, UpdateDesc, UpdateMode, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
@@ -198,6 +198,11 @@ fn of_groups(groups: &[PlannedGroup], slots: u32, mesh: &PackedMesh) -> Plan {
                 let (block, first, rows, rebuilt) = (item[0], item[1] as usize, item[2] as usize, item[3]);
                 let poses: Vec<[u32; 2]> = item[4..].iter().map(|w| [w & 0xffff, w >> 16]).collect();
                 let rows: Vec<&[u32]> = group.words[first..][..rows * (width + 1)].chunks_exact(width + 1).collect();
+                // Rows are filled up at the end: one at least, two at a time where there are several instances.
+                let idle = rows.iter().rev().take_while(|row| row[1..].iter().all(|c| *c == 0)).count();
+                let (filled, multiple) = (rows.len(), if width > 1 { ROWS as usize } else { 1 });
+                let rows = &rows[..filled - idle];
+                assert_eq!(filled, rows.len().max(1).next_multiple_of(multiple));
                 assert!(block < blocks && rows.windows(2).all(|w| w[0][0] < w[1][0]), "entries ascend");
                 assert!(rows.iter().all(|row| row[1..].iter().any(|c| *c != 0)), "no row is idle");
                 let mut used = width;

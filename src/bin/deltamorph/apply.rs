@@ -4,6 +4,7 @@ use crate::args::ApplyArgs;
 use crate::input;
 use crate::output::{Failure, Output};
 use crate::stage::Stage;
+use crate::verify::Promise;
 use deltamorph::headless::DeviceChoice;
 use deltamorph::mesh::MorphMesh;
 use deltamorph::mesh::obj::{ObjMesh, write_obj};
@@ -49,7 +50,8 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let pose = runner.pose(0)?;
     // There is at least one frame: `frames` sees to it.
     let weights = frames.last().map_or(&[][..], Vec::as_slice);
-    let error = compare(&pose, &evaluate(&stage.mesh, weights));
+    let promise = Promise::new(&stage.desc, stage.mesh.layout());
+    let error = compare(&pose, &evaluate(&stage.mesh, &promise.applied(weights)));
     let diagonal = f64::from(input.kept.diagonal);
     let relative = if diagonal > 0.0 { error.position / diagonal } else { error.position };
     // Rounding grows with what is added up, on the way as well as at the end.

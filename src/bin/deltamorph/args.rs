@@ -189,11 +189,12 @@ impl HeadArgs {
 /// Options of the commands that update poses.
 #[derive(Args, Clone, Debug)]
 pub struct UpdateArgs {
-    /// Update paths, separated by commas [default: bench: all that the device can run; others: blocks, or cpu where there
-    /// is no GPU]
+    /// Update paths, separated by commas [default: bench: all that the device can run, without the baselines; others:
+    /// blocks, or cpu where there is no GPU]
     #[arg(long = "paths", visible_alias = "path", value_name = "PATH,…", value_delimiter = ',', value_enum)]
     pub paths: Vec<PathChoice>,
-    /// Add what changed to the last pose, or rebuild from the base pose every frame [default: incremental]
+    /// Add what changed to the last pose, or rebuild from the base pose every frame [default: incremental; rebuild for
+    /// scatter and the direct paths, which know nothing else]
     #[arg(long = "mode", visible_alias = "modes", value_name = "MODE,…", value_delimiter = ',', value_enum)]
     pub modes: Vec<ModeChoice>,
     /// Pose buffers per head; 2 keeps the previous pose for motion vectors
@@ -202,7 +203,7 @@ pub struct UpdateArgs {
     /// Delta formats, separated by commas [default: bench: all; others: fast, or what a .dmorph file holds]
     #[arg(long = "formats", visible_alias = "format", value_name = "FORMAT,…", value_delimiter = ',', value_enum)]
     pub formats: Vec<FormatChoice>,
-    /// How poses add up in block formats [default: bench: both; others: float]
+    /// How poses add up in block formats [default: bench: both; others: float, but exact for scatter]
     #[arg(long, value_name = "SUMS,…", value_delimiter = ',', value_enum)]
     pub accumulate: Vec<AccumulateChoice>,
     /// How far rounding may move a vertex under float sums, as a fraction of the diagonal
@@ -253,10 +254,10 @@ impl PackArgs {
 }
 
 impl UpdateArgs {
-    /// The modes asked for.
-    pub fn modes(&self) -> Vec<UpdateMode> {
+    /// The modes asked for, or that of `path`.
+    pub fn modes(&self, path: UpdatePath) -> Vec<UpdateMode> {
         match self.modes.as_slice() {
-            [] => vec![UpdateMode::Incremental],
+            [] => vec![path.default_mode()],
             modes => modes.iter().map(|m| m.update_mode()).collect(),
         }
     }
@@ -298,10 +299,16 @@ impl UpdateArgs {
                 _ => Err(format!("{option}: {command} takes one; name one of them")),
             }
         }
+        let path = one(&self.paths, path, "--path", command)?.update_path();
+        let (mode, sums) = match (path.default_mode(), path) {
+            (UpdateMode::Incremental, _) => (ModeChoice::Incremental, AccumulateChoice::Float),
+            (UpdateMode::Rebuild, UpdatePath::Scatter) => (ModeChoice::Rebuild, AccumulateChoice::Exact),
+            (UpdateMode::Rebuild, _) => (ModeChoice::Rebuild, AccumulateChoice::Float),
+        };
         Ok(Single {
-            path: one(&self.paths, path, "--path", command)?.update_path(),
-            mode: one(&self.modes, ModeChoice::Incremental, "--mode", command)?.update_mode(),
-            accumulate: self.sums(one(&self.accumulate, AccumulateChoice::Float, "--accumulate", command)?),
+            path,
+            mode: one(&self.modes, mode, "--mode", command)?.update_mode(),
+            accumulate: self.sums(one(&self.accumulate, sums, "--accumulate", command)?),
             format: match self.formats.as_slice() {
                 [] => None,
                 [one] => Some(*one),
@@ -330,14 +337,16 @@ impl Single {
     /// # Errors
     /// A format that the path does not take.
     pub fn delta_format(&self, held: Option<DeltaFormat>) -> Result<DeltaFormat, String> {
-        let dense = matches!(self.path, UpdatePath::Feedback | UpdatePath::Compute);
-        if let (None, Some(held), false) = (self.format, held, dense) {
+        let taken = self.path.formats();
+        if let (None, Some(held)) = (self.format, held.filter(|held| taken.contains(held))) {
             return Ok(held);
         }
-        let choice = self.format.unwrap_or(if dense { FormatChoice::Float32 } else { FormatChoice::Fast });
-        choice.delta_format(self.path).ok_or_else(|| {
-            let names = if dense { "float32 or snorm16" } else { "fast, small or block-float32" };
-            format!("--format: the path '{}' takes {names}", self.path.name())
+        let default = [FormatChoice::Fast, FormatChoice::Float32, FormatChoice::Small]
+            .into_iter()
+            .find(|choice| choice.delta_format(self.path).is_some());
+        self.format.or(default).and_then(|choice| choice.delta_format(self.path)).ok_or_else(|| {
+            let names: Vec<&str> = taken.iter().map(|format| format.name()).collect();
+            format!("--format: the path '{}' takes {}", self.path.name(), names.join(" or "))
         })
     }
 }

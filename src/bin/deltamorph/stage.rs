@@ -92,7 +92,9 @@ impl Stage {
         let UpdateDesc { path, accumulate, slots, .. } = self.desc;
         let device = if path == UpdatePath::Cpu { "the processor".to_owned() } else { self.device() };
         let format = self.mesh.layout().format.name();
-        format!("{} {format} {}, {slots} slots, on {device}", path.name(), accumulate.name())
+        // Draws that evaluate have no pose buffers.
+        let slots = if path.evaluates_in_draws() { String::new() } else { format!(", {slots} slots") };
+        format!("{} {format} {}{slots}, on {device}", path.name(), accumulate.name())
     }
 }
 
@@ -107,7 +109,7 @@ fn batch_size(
         gpu.caps().check_path(path)?;
     }
     let max = gpu.and_then(|g| g.caps().batch_max(path, format)).unwrap_or(0);
-    let limit = BatchLimit { max, all: path != UpdatePath::Feedback };
+    let limit = BatchLimit { max, all: path.takes_all_targets() };
     let (allowed, _) = expand_batches(&[spec.unwrap_or(BatchSpec::Max)], limit);
     allowed.last().copied().ok_or_else(|| {
         let all = if limit.all { ", or \"all\"" } else { "" };

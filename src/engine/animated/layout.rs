@@ -8,7 +8,7 @@ use crate::gpu::device::Device;
 use crate::gpu::shaders::{AnimationPush, WORKGROUP};
 use crate::mesh::packed::PackedLayout;
 use crate::mesh::packed::blocks::BlockIndex;
-use crate::plan::blocks::{TILE, TILE_WORDS, WIDTHS};
+use crate::plan::blocks::{ROWS, TILE, TILE_WORDS, WIDTHS};
 
 /// Poses are named by 16 bits in the work list.
 const POSES_MAX: u64 = 1 << 16;
@@ -31,9 +31,10 @@ impl Groups {
     pub(super) fn new(device: &Device, layout: &PackedLayout, index: &BlockIndex, desc: &CrowdDesc) -> Result<Self> {
         let (caps, slots) = (&device.caps, u64::from(desc.update.slots));
         let per_instance = layout.pose_bytes() * slots;
-        // Of a tile: an item of each width for each block, and a row for each entry.
-        let items = (WIDTHS * TILE_WORDS * index.count()) as u64;
-        let list = 4 * (items + ((TILE + 1) * index.entry_count()) as u64);
+        // Of a tile: an item of each width for each block, a row for each entry, and what fills rows up.
+        let items = WIDTHS * TILE_WORDS * index.count();
+        let rows = (TILE + 1) * (index.entry_count() + ROWS as usize * index.count());
+        let list = 4 * (items + rows) as u64;
         let refuse = |what: &str, bytes: u64, remedy: &str| {
             let most = caps.max_storage_range;
             let text = format!("{what} of mesh '{}' take {bytes} bytes, {} allows {most}", layout.name, caps.name);

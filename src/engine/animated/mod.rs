@@ -210,7 +210,7 @@ impl Animated {
                 match command {
                     Command::Barrier(hazard) => barriers::record(&device.raw, cmd, *hazard),
                     Command::Animated(step) => self.step(device, cmd, *step),
-                    Command::Pass(_) | Command::Blocks(_) => {}
+                    Command::Pass(_) | Command::Blocks(_) | Command::Scatter(_) => {}
                 }
             }
         }

@@ -21,7 +21,7 @@ mod list;
 mod tiles;
 
 pub use list::{ELEMENT_BYTES, Element, ITEM_WORDS, Item, WorkList, component_bytes};
-pub use tiles::{TILE, TILE_WORDS, TileBytes, TileItem, Tiles, WIDTHS};
+pub use tiles::{ROWS, TILE, TILE_WORDS, TileBytes, TileItem, Tiles, WIDTHS};
 
 use commit::{Committed, Frame, list_active};
 

@@ -13,6 +13,13 @@ use std::ops::Range;
 pub const TILE: usize = 8;
 /// Words of a tile in the work list: block, first row word, rows, which instances start from base, and a word each.
 pub const TILE_WORDS: usize = 4 + TILE;
+/// What the number of rows of a tile is a multiple of, where it has several instances. There is one at least: rows that
+/// no instance needs have coefficients of 0.
+pub const ROWS: u32 = 2;
+/// The share of a tile's coefficients that have to be in use: loading an entry costs about as much as adding it to one
+/// instance (measured on lavapipe), so that at 8 instances wide, 4.7 of them have to need it.
+const FILL: usize = 3;
+const FILL_OF: usize = 5;
 /// Widths of tiles: 2 to the power of 0, 1, 2, 3.
 pub const WIDTHS: usize = TILE.ilog2() as usize + 1;
 
@@ -52,9 +59,7 @@ impl Tiles {
     /// are in tiles of their own.
     pub fn new(index: &BlockIndex, instances: usize, rebuilt_apart: bool) -> Self {
         let blocks = index.count() * instances;
-        // Most tiles are as wide as can be; of each narrower width there is one a block at most.
-        let room = |width: usize| if width + 1 == WIDTHS { blocks / TILE } else { index.count() };
-        let apart = |_| std::array::from_fn(|width| Vec::with_capacity(room(width)));
+        let apart = |_| std::array::from_fn(|width| Vec::with_capacity(blocks >> width));
         Self {
             items: [0, 1].map(apart),
             rows: Vec::with_capacity(Self::row_words(index, instances)),
@@ -65,9 +70,10 @@ impl Tiles {
         }
     }
 
-    /// Words of rows, at most: two for an entry and instance where a tile has one instance, fewer in wider ones.
+    /// Words of rows, at most: two for an entry and instance where a tile has one instance, fewer in wider ones; and
+    /// what pads them, which is most in tiles of two, two rows of three words.
     pub fn row_words(index: &BlockIndex, instances: usize) -> usize {
-        2 * index.entry_count() * instances
+        (2 * index.entry_count() + 3 * index.count()) * instances
     }
 
     /// Forget the last update.
@@ -105,34 +111,50 @@ impl Tiles {
         }
     }
 
-    /// Append the tile of items `sorted` of a part.
+    /// Append items `sorted` of a part: as one tile, or where too few of its coefficients would be in use, as two.
     fn push(&mut self, index: &BlockIndex, list: &WorkList, part: usize, sorted: Range<usize>, width: usize) {
-        let members = &self.sorted[sorted];
-        let mut tile = TileItem { block: part as u32 / 2, first: self.rows.len() as u32, ..TileItem::default() };
-        for (place, &i) in members.iter().enumerate() {
-            tile.items[place] = i;
-            tile.rebuilt |= u32::from(list.items[i as usize].source.is_none()) << place;
-        }
+        let members = &self.sorted[sorted.clone()];
+        let block = part / 2;
+        let entries = index.entries(block);
+        let mut tile = TileItem { block: block as u32, first: self.rows.len() as u32, ..TileItem::default() };
         if let [only] = members {
             // Its elements are rows already.
             let elements = list.elements_of(&list.items[*only as usize]);
             self.rows.extend_from_slice(bytemuck::cast_slice(elements));
             tile.count = elements.len() as u32;
         } else {
-            let entries = index.entries(tile.block as usize);
+            let mut elements = 0;
             self.table.clear();
             self.table.resize(entries.len(), ([0; TILE], false));
             for (place, &i) in members.iter().enumerate() {
                 for element in list.elements_of(&list.items[i as usize]) {
                     let (row, needed) = &mut self.table[element.entry as usize - entries.start];
+                    tile.count += u32::from(!*needed);
                     (row[place], *needed) = (element.coefficient, true);
+                    elements += 1;
                 }
             }
-            for (entry, (row, _)) in entries.zip(&self.table).filter(|(_, (_, needed))| *needed) {
+            if elements * FILL_OF < tile.count as usize * members.len() * FILL {
+                let middle = sorted.start + members.len() / 2;
+                self.push(index, list, part, sorted.start..middle, width - 1);
+                self.push(index, list, part, middle..sorted.end, width - 1);
+                return;
+            }
+            for (entry, (row, _)) in entries.clone().zip(&self.table).filter(|(_, (_, needed))| *needed) {
                 self.rows.push(entry as u32);
                 self.rows.extend_from_slice(&row[..members.len()]);
-                tile.count += 1;
             }
+        }
+        let multiple = if members.len() > 1 { ROWS } else { 1 };
+        while tile.count == 0 || !tile.count.is_multiple_of(multiple) {
+            // Of a block that no target touches: any entry.
+            self.rows.push(entries.start.min(index.entry_count().saturating_sub(1)) as u32);
+            self.rows.resize(self.rows.len() + members.len(), 0);
+            tile.count += 1;
+        }
+        for (place, &i) in members.iter().enumerate() {
+            tile.items[place] = i;
+            tile.rebuilt |= u32::from(list.items[i as usize].source.is_none()) << place;
         }
         self.items[part % 2][width].push(tile);
     }

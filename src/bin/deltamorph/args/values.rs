@@ -24,6 +24,14 @@ pub enum PathChoice {
     Blocks,
     /// SIMD and threads, without Vulkan
     Cpu,
+    /// Baseline: the passes of feedback, stored by the vertex shader
+    VertexStore,
+    /// Baseline: a thread per delta, integer atomics, from base every time (O3DE, Unity)
+    Scatter,
+    /// Baseline: each draw evaluates all active targets (Costigan et al., Bevy, three.js, Filament)
+    Direct,
+    /// Baseline: as direct, the active targets being vertex attributes (Gerdelan)
+    DirectAttributes,
 }
 
 impl PathChoice {
@@ -34,6 +42,10 @@ impl PathChoice {
             Self::Compute => UpdatePath::Compute,
             Self::Blocks => UpdatePath::Blocks,
             Self::Cpu => UpdatePath::Cpu,
+            Self::VertexStore => UpdatePath::VertexStore,
+            Self::Scatter => UpdatePath::Scatter,
+            Self::Direct => UpdatePath::Direct,
+            Self::DirectAttributes => UpdatePath::DirectAttributes,
         }
     }
 }
@@ -83,12 +95,7 @@ impl FormatChoice {
             Self::Fast => DeltaFormat::Fast,
             Self::Small => DeltaFormat::Small,
         };
-        let taken = match path {
-            UpdatePath::Feedback | UpdatePath::Compute => !format.is_blocks(),
-            UpdatePath::Blocks => format.is_blocks(),
-            UpdatePath::Cpu => true,
-        };
-        taken.then_some(format)
+        path.formats().contains(&format).then_some(format)
     }
 }
 

@@ -73,6 +73,11 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let mut runs = vec![];
     for setting in &settings {
         for config in configs(setting) {
+            if let Some(reason) = too_many_active(config, setting) {
+                skipped.push(Skipped { what: config.desc.path.name().into(), reason });
+                bar.inc(1);
+                continue;
+            }
             bar.set_message(format!(
                 "{} {} batch {}, {}, {} changed",
                 config.desc.path.name(),
@@ -126,6 +131,20 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     })
 }
 
+/// Why a draw of `direct-attributes` cannot take a workload; `None` where it can, and for other paths.
+fn too_many_active(config: &Config, setting: &Setting<'_>) -> Option<String> {
+    let (UpdatePath::DirectAttributes, BatchSize::Targets(most)) = (config.desc.path, config.desc.batch) else {
+        return None;
+    };
+    let active = |head, frame| setting.workload.weights(head, frame).iter().filter(|w| **w != 0.0).count();
+    let frames = 0..setting.workload.period();
+    let worst = (0..setting.heads).flat_map(|head| frames.clone().map(move |frame| active(head, frame))).max()?;
+    (worst > most as usize).then(|| {
+        let workload = setting.workload.name();
+        format!("{worst} targets are active in '{workload}', a draw has vertex attributes for {most} in this format")
+    })
+}
+
 /// The clips given with `--weights`; without any, those of the input.
 fn clips(args: &BenchArgs, input: &Input) -> Result<Vec<Clip>, Failure> {
     let paths = if args.weights.is_empty() { &input.clips } else { &args.weights };
@@ -168,20 +187,24 @@ fn configurations(
             skipped.push(Skipped { what: path.name().into(), reason });
             continue;
         }
+        // A draw takes the active targets, whatever their number: there is nothing to sweep.
+        let one = [BatchSpec::Max];
+        let direct = path == UpdatePath::DirectAttributes && args.batch_sizes.is_empty();
+        let sizes = if direct { &one[..] } else { sizes };
         for format in formats.iter().filter_map(|f| f.delta_format(path)) {
             let dense = !format.is_blocks();
             let batch_max = gpu.and_then(|g| g.caps().batch_max(path, format)).filter(|_| path != UpdatePath::Cpu);
-            let limit = BatchLimit { max: batch_max.unwrap_or(0), all: path != UpdatePath::Feedback };
+            let limit = BatchLimit { max: batch_max.unwrap_or(0), all: path.takes_all_targets() };
             let (batches, refused) = expand_batches(sizes, limit);
             // What only blocks have is no news where everything was asked for.
             let has = |sums: &AccumulateChoice| match (sums, format) {
-                (AccumulateChoice::Float, _) => true,
+                (AccumulateChoice::Float, _) => path != UpdatePath::Scatter,
                 (AccumulateChoice::Exact, DeltaFormat::BlockFloat32) => false,
                 (AccumulateChoice::Exact, _) => !dense,
             };
             let sums: Vec<_> = sums.iter().filter(|s| has(s)).collect();
             for batch in batches {
-                for (mode, sums) in update.modes().into_iter().flat_map(|m| sums.iter().map(move |s| (m, **s))) {
+                for (mode, sums) in update.modes(path).into_iter().flat_map(|m| sums.iter().map(move |s| (m, **s))) {
                     let desc = UpdateDesc {
                         mode,
                         slots: update.slots,

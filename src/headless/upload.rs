@@ -1,0 +1,142 @@
+//! Poses from main memory into a vertex buffer: what the path `cpu` costs on top where a GPU draws (Costigan et al.,
+//! section 3.2).
+
+use super::Headless;
+use super::draw::PoseDraw;
+use super::submit::{full_barrier, host_barrier};
+use crate::engine::PoseView;
+use crate::error::{Error, Result};
+use crate::gpu::barriers;
+use crate::gpu::memory::{Buffer, BufferDesc};
+use crate::mesh::packed::{POSE_STRIDE, PackedLayout};
+use crate::plan::commands::Hazard;
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use std::time::Instant;
+
+/// What an upload took.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Uploaded {
+    /// Device time of the copy in milliseconds, where the device has timestamps.
+    pub gpu_ms: Option<f64>,
+    /// From poses in main memory to fence, in milliseconds: the write to staging memory, the copy, the wait.
+    pub cpu_ms: f64,
+    /// Bytes loaded and stored: read and written to staging memory, and copied from there.
+    pub bytes_moved: u64,
+}
+
+/// Poses of [`CpuCrowd`](crate::cpu::CpuCrowd) on their way to a device-local vertex buffer, through staging memory.
+pub struct PoseUpload<'a> {
+    headless: &'a Headless,
+    staging: Buffer,
+    poses: Buffer,
+    draw: PoseDraw,
+    layout: PackedLayout,
+    instances: u32,
+}
+
+impl<'a> PoseUpload<'a> {
+    /// Buffers for the poses of `instances` heads of a mesh packed as `layout`.
+    ///
+    /// # Errors
+    /// No instance, or no memory.
+    pub fn new(headless: &'a Headless, layout: &PackedLayout, instances: u32) -> Result<Self> {
+        let bytes = layout.pose_bytes().saturating_mul(instances.into());
+        if instances == 0 || bytes == 0 {
+            return Err(Error::invalid("an upload of no pose", "leave it out"));
+        }
+        let device = headless.engine().device();
+        let buffer = |name, usage, location| Buffer::new(device, &BufferDesc { name, bytes, usage, location });
+        let mut staging = buffer("poses to upload", vk::BufferUsageFlags::TRANSFER_SRC, MemoryLocation::CpuToGpu)?;
+        staging.mapped()?;
+        let usage = vk::BufferUsageFlags::VERTEX_BUFFER
+            | vk::BufferUsageFlags::TRANSFER_DST
+            | vk::BufferUsageFlags::TRANSFER_SRC;
+        let poses = buffer("uploaded poses", usage, MemoryLocation::GpuOnly)?;
+        Ok(Self { headless, staging, poses, draw: PoseDraw::new(device)?, layout: layout.clone(), instances })
+    }
+
+    /// Bring the pose of each instance, as [`CpuCrowd::pose`](crate::cpu::CpuCrowd::pose) has it, to the device, ready
+    /// for vertex-attribute reads, and wait.
+    ///
+    /// # Errors
+    /// Too few or too many poses, or one of another size; a device that fails.
+    pub fn upload(&mut self, poses: &[&[f32]]) -> Result<Uploaded> {
+        let pose_bytes = self.layout.pose_bytes() as usize;
+        let start = Instant::now();
+        if poses.len() != self.instances as usize || poses.iter().any(|pose| size_of_val(*pose) != pose_bytes) {
+            return Err(Error::invalid(
+                format!("{} poses for an upload of {} with {pose_bytes} bytes each", poses.len(), self.instances),
+                "hand in the pose of every instance as CpuCrowd::pose returns it, of the same mesh",
+            ));
+        }
+        for (pose, staged) in poses.iter().zip(self.staging.mapped()?.chunks_exact_mut(pose_bytes)) {
+            staged.copy_from_slice(bytemuck::cast_slice(pose));
+        }
+        let size = (pose_bytes * poses.len()) as u64;
+        let (submitter, region) = (self.headless.submitter(), [vk::BufferCopy { src_offset: 0, dst_offset: 0, size }]);
+        let ((), ticks) = submitter.run_timed(|cmd| {
+            // SAFETY: the buffer is recording on this device outside a render pass; the region lies within both
+            // buffers, which are alive; nothing is running: each submission is waited for.
+            unsafe {
+                submitter.device().cmd_copy_buffer(cmd, self.staging.raw, self.poses.raw, &region);
+                barriers::record(submitter.device(), cmd, Hazard::TransferWriteToAssetRead);
+            }
+            Ok(())
+        })?;
+        let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
+        Ok(Uploaded { gpu_ms: self.headless.milliseconds(ticks), cpu_ms, bytes_moved: 4 * size })
+    }
+
+    /// Draw every pose uploaded once, discarding all primitives; device time in milliseconds.
+    ///
+    /// # Errors
+    /// A device that fails.
+    pub fn draw(&self) -> Result<Option<f64>> {
+        let poses: Vec<PoseView> = (0..self.instances).map(|instance| self.view(instance)).collect();
+        let vertices = self.layout.padded_vertices() as u32;
+        let ((), ticks) = self.headless.submitter().run_timed(|cmd| {
+            self.draw.record(cmd, &poses, vertices);
+            Ok(())
+        })?;
+        Ok(self.headless.milliseconds(ticks))
+    }
+
+    /// Read what was uploaded last back: the poses of all instances, one after the other, as they were handed in.
+    ///
+    /// # Errors
+    /// A device that fails.
+    pub fn read(&mut self) -> Result<Vec<f32>> {
+        let (submitter, size) = (self.headless.submitter(), self.layout.pose_bytes() * u64::from(self.instances));
+        let mut readback = Buffer::new(
+            self.headless.engine().device(),
+            &BufferDesc {
+                name: "readback",
+                bytes: size,
+                usage: vk::BufferUsageFlags::TRANSFER_DST,
+                location: MemoryLocation::GpuToCpu,
+            },
+        )?;
+        let region = [vk::BufferCopy { src_offset: 0, dst_offset: 0, size }];
+        submitter.run(|cmd| {
+            full_barrier(submitter.device(), cmd);
+            // SAFETY: as in `upload`.
+            unsafe { submitter.device().cmd_copy_buffer(cmd, self.poses.raw, readback.raw, &region) };
+            host_barrier(submitter.device(), cmd);
+            Ok(())
+        })?;
+        let bytes = &readback.mapped()?[..size as usize];
+        Ok(bytes.chunks_exact(4).map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect())
+    }
+
+    fn view(&self, instance: u32) -> PoseView {
+        let size = self.layout.pose_bytes();
+        PoseView {
+            buffer: self.poses.raw,
+            offset: u64::from(instance) * size,
+            size,
+            stride: POSE_STRIDE as u32,
+            slot: 0,
+        }
+    }
+}
