@@ -23,6 +23,8 @@ struct Module {
 fn modules() -> Vec<Module> {
     let module = |name: &str, source, defines| Module { name: name.into(), source, defines };
     let mut list = vec![module("consume", "consume.vert", vec![]), module("read", "read.comp", vec![])];
+    let animation = ["animate.comp", "budget.comp", "commit.comp", "plan.comp", "arguments.comp"];
+    list.extend(animation.map(|source| module(source.trim_end_matches(".comp"), source, vec![])));
     for name in ["scatter", "resolve"] {
         let source = if name == "scatter" { "baselines/scatter.comp" } else { "baselines/resolve.comp" };
         list.push(module(name, source, vec![]));

@@ -3,10 +3,13 @@
 #[path = "../src/testing.rs"]
 mod testing;
 
+use deltamorph::animation::{AnimationDesc, Clips, Heads, KeyFormat, Playback};
 use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
+use deltamorph::plan::animated::AnimatedUpdate;
 use deltamorph::plan::blocks::{BlockState, Scratch, WorkList};
 use deltamorph::plan::commands::CommandList;
 use deltamorph::plan::{Accumulate, UpdateDesc, UpdatePath, UpdateStats};
+use deltamorph::weights::WeightClip;
 
 #[test]
 fn planning_in_blocks_allocates_nothing_after_the_first_frames() {
@@ -48,4 +51,31 @@ fn planning_in_blocks_allocates_nothing_after_the_first_frames() {
             }
         }
     }
+}
+
+#[test]
+fn an_update_that_the_gpu_plans_allocates_nothing_after_the_first() {
+    let packed = PackedMesh::pack(&testing::mesh(500, 4), &PackDesc::new(DeltaFormat::Small)).unwrap();
+    let names: Vec<String> = (0..4).map(|t| format!("target_{t}")).collect();
+    let clip = WeightClip { name: "clip".into(), names, fps: 30.0, values: vec![0.5; 40] };
+    let desc = AnimationDesc { clips: &[clip], key_format: KeyFormat::Bits32 };
+    let (clips, mut heads) = (Clips::new(&desc, packed.layout()).unwrap(), Heads::new(100));
+    let mut commands = CommandList::new(UpdatePath::Blocks);
+    let mut sent = 0;
+    let mut frame = |number: u32| {
+        heads.set_time(f64::from(number) * 1000.0).unwrap();
+        for head in (0..100).filter(|head| (head * 7 + number).is_multiple_of(5)) {
+            heads.play(head, &Playback { start: f64::from(number) * 1000.0, ..Playback::new(0) }, &clips).unwrap();
+            heads.set_hidden((head + 3) % 100, number.is_multiple_of(2));
+        }
+        let slot = (heads.update(&clips) % 2) as u32;
+        let (records, source) = (!heads.changed().is_empty(), 1 - slot);
+        let update = AnimatedUpdate { records, budget: true, instances: 100, source, destination: slot };
+        commands.fill_animated(update);
+        sent += heads.changed().len();
+    };
+    frame(0);
+    let counted = allocation_counter::measure(|| (1..50).for_each(&mut frame));
+    assert!(sent > 100);
+    assert_eq!(counted.count_total, 0);
 }

@@ -46,7 +46,7 @@ fn hazards(lists: &[CommandList]) -> Result<(), Vec<deltamorph::plan::hazards::V
             Command::Pass(pass) => Some(pass.destination),
             Command::Blocks(blocks) => Some(blocks.destination),
             Command::Scatter(scatter) => Some(scatter.destination),
-            Command::Barrier(_) => None,
+            Command::Barrier(_) | Command::Animated(_) => None,
         };
         if let Some(slot) = list.commands.iter().filter_map(destination).next_back() {
             checker.draw(0, slot);

@@ -1,13 +1,14 @@
 //! The SPIR-V modules: checked in and compiled are the same, and shader and host agree on every layout.
 
+use deltamorph::animation::HeadRecord;
 use deltamorph::gpu::shaders::{
-    BlocksPush, DenseListEntry, DenseListPush, DensePush, DirectPush, MANIFEST, MODULES, ReadPush, ResolvePush,
-    ScatterPush, WORKGROUP, blocks_module, direct_attributes_module, feedback_batch_max, feedback_module,
+    AnimationPush, BlocksPush, DenseListEntry, DenseListPush, DensePush, DirectPush, MANIFEST, MODULES, ReadPush,
+    ResolvePush, ScatterPush, WORKGROUP, blocks_module, direct_attributes_module, feedback_batch_max, feedback_module,
     feedback_push_bytes, vertex_store_module,
 };
 use deltamorph::mesh::packed::blocks::BLOCK_SIZES;
 use deltamorph::mesh::packed::{DeltaFormat, POSE_STRIDE};
-use deltamorph::plan::blocks::{ELEMENT_BYTES, Element};
+use deltamorph::plan::blocks::{ELEMENT_BYTES, Element, ROWS, TILE, TILE_WORDS, WIDTHS};
 use spirq::prelude::*;
 use spirq::ty::StructType;
 use std::collections::BTreeMap;
@@ -265,6 +266,27 @@ fn blocks_kernels_agree_with_the_host() {
     assert_eq!(size_of::<Element>(), ELEMENT_BYTES);
     // The largest block has as many lanes as a phone promises.
     assert_eq!(BLOCK_SIZES.iter().max(), Some(&128));
+}
+
+#[test]
+fn animation_kernels_agree_with_the_host() {
+    for name in ["animate", "budget", "commit", "plan", "arguments"] {
+        let entry = reflect(name);
+        // Words: tables, state, work list, control.
+        let strides: Vec<_> = storage_buffers(&entry).iter().map(|(b, ty)| (*b, stride(ty))).collect();
+        assert_eq!(strides, [(0, 4), (1, 4), (2, 4), (3, 4)], "{name}");
+        let push = push_constants(&entry).unwrap();
+        macro_rules! offsets {
+            ($($field:ident)*) => { names(&[$((stringify!($field), offset_of!(AnimationPush, $field))),*]) };
+        }
+        let expected = offsets!(now heads targets words blocks entries block_targets_at first_entry_at entries_at phases_at
+            weights_at deltas_at bits_at history_at history_mask slots source destination always_rebuild
+            first_head group_heads first_counter capacity rows_at counters chunks chunk_items budget_at requested_at);
+        assert_eq!((members(&push), bytes(&push)), (expected, size_of::<AnimationPush>()), "{name}");
+        assert!(constants(&entry).is_empty(), "{name}");
+    }
+    assert_eq!(size_of::<HeadRecord>(), 4 * 8);
+    assert_eq!((TILE, TILE_WORDS, WIDTHS, ROWS), (8, 12, 4, 2), "as in animation.glsl");
 }
 
 /// Values of a decoration of a module's variables, from the words: reflection does not know those of capture.

@@ -200,7 +200,7 @@ impl Blocks {
         for i in 0..self.list.commands.len() {
             let next = match &self.list.commands[i] {
                 Command::Blocks(blocks) => Some((blocks.instance / self.group, blocks.items.clone())),
-                Command::Barrier(_) | Command::Pass(_) | Command::Scatter(_) => None,
+                Command::Barrier(_) | Command::Pass(_) | Command::Scatter(_) | Command::Animated(_) => None,
             };
             match (&mut pending, next) {
                 (Some((group, items)), Some((g, more))) if *group == g && items.end == more.start => {

@@ -1,5 +1,6 @@
 //! Instances of one mesh, their pose buffers, and the recording of their updates.
 
+use super::animated::Animated;
 use super::baselines::BaselineCrowd;
 use super::blocks::Blocks;
 use super::dense::Dense;
@@ -70,7 +71,7 @@ pub struct Crowd {
     desc: CrowdDesc,
     poses: Buffer,
     heads: Heads,
-    backend: Backend,
+    pub(super) backend: Backend,
     /// Updates planned.
     updates: u64,
     /// Updates with passes, less discarded ones: the ring of lists turns with them.
@@ -78,14 +79,36 @@ pub struct Crowd {
 }
 
 /// What depends on the update path.
-enum Backend {
+pub(super) enum Backend {
     Dense(Box<Dense>),
     Blocks(Box<Blocks>),
+    Animated(Box<Animated>),
     Baseline(Box<BaselineCrowd>),
 }
 
 impl Crowd {
     pub(super) fn new(device: &Arc<Device>, mesh: &Arc<MeshBuffers>, kernel: Kernel, desc: &CrowdDesc) -> Result<Self> {
+        Self::with_backend(device, mesh, desc, |poses| {
+            let baseline = match &kernel {
+                Kernel::Baseline(kernel) => BaselineCrowd::new(device, mesh, kernel, desc, poses)?,
+                _ => None,
+            };
+            Ok(match (baseline, kernel, &mesh.layout.blocks) {
+                (Some(baseline), ..) => Backend::Baseline(Box::new(baseline)),
+                (None, Kernel::Blocks(kernel), Some(index)) => {
+                    Backend::Blocks(Box::new(Blocks::new(device, mesh, index, kernel, desc, poses)?))
+                }
+                (None, kernel, _) => Backend::Dense(Box::new(Dense::new(device, mesh, kernel, desc, poses)?)),
+            })
+        })
+    }
+
+    pub(super) fn with_backend(
+        device: &Arc<Device>,
+        mesh: &Arc<MeshBuffers>,
+        desc: &CrowdDesc,
+        backend: impl FnOnce(&Buffer) -> Result<Backend>,
+    ) -> Result<Self> {
         if desc.instances == 0 || desc.frames_in_flight == 0 {
             return Err(Error::invalid(
                 format!("a crowd of {} instances with {} frames in flight", desc.instances, desc.frames_in_flight),
@@ -115,19 +138,11 @@ impl Crowd {
             device,
             &BufferDesc { name: "deltamorph poses", bytes, usage, location: MemoryLocation::GpuOnly },
         )?;
-        let baseline = match &kernel {
-            Kernel::Baseline(kernel) => BaselineCrowd::new(device, mesh, kernel, desc, &poses)?,
-            _ => None,
-        };
-        let backend = match (baseline, kernel, &mesh.layout.blocks) {
-            (Some(baseline), ..) => Backend::Baseline(Box::new(baseline)),
-            (None, Kernel::Blocks(kernel), Some(index)) => {
-                Backend::Blocks(Box::new(Blocks::new(device, mesh, index, kernel, desc, &poses)?))
-            }
-            (None, kernel, _) => Backend::Dense(Box::new(Dense::new(device, mesh, kernel, desc, &poses)?)),
-        };
+        let backend = backend(&poses)?;
+        // Those that the GPU samples stay there.
+        let targets = if matches!(backend, Backend::Animated(_)) { 0 } else { mesh.layout.targets.len() };
         Ok(Self {
-            heads: Heads::new(desc.instances as usize, mesh.layout.targets.len()),
+            heads: Heads::new(desc.instances as usize, targets),
             backend,
             updates: 0,
             recorded: 0,
@@ -160,6 +175,10 @@ impl Crowd {
         let exact = match &self.backend {
             Backend::Dense(_) => None,
             Backend::Blocks(blocks) => blocks.exact(),
+            Backend::Animated(_) => {
+                let what = format!("weights of instance {instance}, which is animated on the GPU");
+                return Err(Error::invalid(what, "play a clip, or make the crowd with create_crowd"));
+            }
             Backend::Baseline(baseline) => baseline.exact(),
         };
         check_block_weights(weights, &self.mesh.layout, exact)?;
@@ -179,6 +198,7 @@ impl Crowd {
         match &mut self.backend {
             Backend::Dense(dense) => dense.states[i].cut(),
             Backend::Blocks(blocks) => blocks.planner.states[i].cut(),
+            Backend::Animated(animated) => animated.heads.cut(instance),
             Backend::Baseline(baseline) => baseline.states[i].cut(),
         }
         Ok(())
@@ -190,10 +210,13 @@ impl Crowd {
     /// # Errors
     /// An instance out of range or removed.
     pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<()> {
-        match self.heads.set_hidden(instance, hidden)? {
-            true => self.cut(instance),
-            false => Ok(()),
+        let changed = self.heads.set_hidden(instance, hidden)?;
+        match &mut self.backend {
+            Backend::Animated(animated) => animated.heads.set_hidden(instance, hidden),
+            _ if changed => self.cut(instance)?,
+            _ => {}
         }
+        Ok(())
     }
 
     /// Add a head, in a place that [`remove`](Self::remove) freed: shown, with all weights 0. The next update writes its
@@ -206,6 +229,7 @@ impl Crowd {
         match &mut self.backend {
             Backend::Dense(dense) => dense.states[instance as usize].forget(),
             Backend::Blocks(blocks) => blocks.planner.states[instance as usize].forget(),
+            Backend::Animated(animated) => animated.heads.add(instance),
             Backend::Baseline(baseline) => baseline.states[instance as usize].forget(),
         }
         Ok(instance)
@@ -216,7 +240,11 @@ impl Crowd {
     /// # Errors
     /// An instance out of range, or removed before.
     pub fn remove(&mut self, instance: u32) -> Result<()> {
-        self.heads.remove(instance)
+        self.heads.remove(instance)?;
+        if let Backend::Animated(animated) = &mut self.backend {
+            animated.heads.set_hidden(instance, true);
+        }
+        Ok(())
     }
 
     /// The update of `ticket` and all later ones will never run (their command buffers were reset or dropped):
@@ -229,6 +257,8 @@ impl Crowd {
             Backend::Blocks(blocks) => {
                 blocks.planner.states.iter_mut().for_each(|state| state.discard_from(ticket.update))
             }
+            // What the GPU would have changed is unchanged: the CPU's count of updates turns back, and that is all.
+            Backend::Animated(animated) => animated.heads.discard_from(ticket.recorded),
             Backend::Baseline(baseline) => baseline.states.iter_mut().for_each(|s| s.discard_from(ticket.update)),
         }
         self.recorded = self.recorded.min(ticket.recorded);
@@ -267,10 +297,18 @@ impl Crowd {
         Ok(kept.map(|slot| self.view(instance, slot)))
     }
 
+    pub(super) fn check_instance(&self, instance: u32) -> Result<usize> {
+        self.heads.check(instance)
+    }
+
     /// Slots of the pose and of the previous pose.
     fn slots_of(&self, instance: u32) -> Result<(u32, Option<u32>)> {
         let i = self.heads.check(instance)?;
         let (known, slots) = match &self.backend {
+            Backend::Animated(animated) => {
+                let slots = animated.slots_of(instance);
+                (slots.is_some(), slots.unwrap_or_default())
+            }
             Backend::Dense(dense) => {
                 (dense.states[i].applied().is_some(), (dense.plans[i].result, dense.plans[i].previous))
             }
@@ -292,6 +330,7 @@ impl Crowd {
         match &self.backend {
             Backend::Dense(_) => None,
             Backend::Blocks(blocks) => blocks.sums(instance, self.mesh.layout.pose_bytes()),
+            Backend::Animated(animated) => Some(animated.sums(instance, self.mesh.layout.pose_bytes())),
             Backend::Baseline(baseline) => baseline.sums(instance),
         }
     }
@@ -318,6 +357,7 @@ impl Crowd {
         match &mut self.backend {
             Backend::Dense(dense) => &mut dense.list,
             Backend::Blocks(blocks) => &mut blocks.list,
+            Backend::Animated(animated) => &mut animated.list,
             Backend::Baseline(baseline) => &mut baseline.list,
         }
     }
@@ -328,13 +368,14 @@ impl Crowd {
         let stats = match &mut self.backend {
             Backend::Dense(dense) => dense.plan(&self.heads, self.updates),
             Backend::Blocks(blocks) => blocks.plan(&self.heads, self.updates),
+            Backend::Animated(animated) => animated.plan(),
             Backend::Baseline(baseline) => baseline.plan(&self.heads, self.updates),
         };
         let ticket = Ticket { update: self.updates, recorded: self.recorded };
         let turns = match &self.backend {
             // Direct paths record nothing, but write weights.
             Backend::Baseline(baseline) => baseline.has_changed(),
-            Backend::Dense(_) | Backend::Blocks(_) => !self.commands_mut().commands.is_empty(),
+            Backend::Dense(_) | Backend::Blocks(_) | Backend::Animated(_) => !self.commands_mut().commands.is_empty(),
         };
         self.recorded += u64::from(turns);
         Update { ticket, stats }
@@ -354,6 +395,11 @@ impl Crowd {
                 let bytes = unsafe { blocks.record(&self.device, cmd, frame) }?;
                 update.stats.bytes_moved += bytes.moved;
                 update.stats.bytes_floor += bytes.floor;
+                Ok(())
+            }
+            Backend::Animated(animated) => {
+                // SAFETY: the caller's obligations.
+                unsafe { animated.record(&self.device, cmd) };
                 Ok(())
             }
             // SAFETY: the caller's obligations.

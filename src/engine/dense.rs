@@ -149,7 +149,7 @@ impl Dense {
                 // SAFETY: the caller's obligations; the buffers are ours or our mesh's, and the lists of this
                 // frame were written above.
                 Command::Pass(pass) => unsafe { self.record_pass(cmd, pass, poses, frame) },
-                Command::Blocks(_) | Command::Scatter(_) => {}
+                Command::Blocks(_) | Command::Scatter(_) | Command::Animated(_) => {}
             }
         }
         Ok(())

@@ -8,6 +8,9 @@
 //! 2. Each frame: [`Crowd::set_weights`], then [`MorphEngine::record_update`] before the draws, then draw from
 //!    [`Crowd::pose`].
 //!
+//! Or the GPU does it all: [`MorphEngine::create_animated_crowd`] uploads clips, [`Crowd::play`] says who plays which, and
+//! each frame takes [`Crowd::set_time`] in place of weights.
+//!
 //! # What the caller is responsible for
 //! - Uploads, updates and draws run on queues of one family, with graphics and compute: the barriers name the
 //!   stages of both. Recorded updates run exactly once each, in the order recorded, on one queue (or ordered by
@@ -17,6 +20,7 @@
 //! - Engine, meshes and crowds are dropped only when the device has finished with them, and before the device
 //!   is destroyed. An allocator that the host shares is not locked by the host meanwhile.
 
+mod animated;
 mod baselines;
 mod blocks;
 mod crowd;
@@ -27,6 +31,7 @@ pub use crate::gpu::device::{DeviceDesc, SharedAllocator};
 pub use crowd::{Crowd, CrowdDesc, PoseView, Ticket, Update};
 
 use crate::error::{Error, Result};
+use crate::gpu::animation::AnimationKernel;
 use crate::gpu::barriers;
 use crate::gpu::baselines::Baseline;
 use crate::gpu::blocks::{BlocksKernel, BlocksVariant, takes_texels};
@@ -57,6 +62,7 @@ pub(crate) enum Kernel {
 pub struct MorphEngine {
     device: Arc<Device>,
     kernels: Mutex<Vec<Kernel>>,
+    animation: Mutex<Option<Arc<AnimationKernel>>>,
 }
 
 /// A mesh on the device. Crowds keep what they need of it alive.
@@ -109,7 +115,7 @@ impl MorphEngine {
     pub unsafe fn new(desc: &DeviceDesc<'_>) -> Result<Self> {
         // SAFETY: the caller's obligations are those of `borrow`.
         let device = unsafe { Device::borrow(desc) }?;
-        Ok(Self { device: Arc::new(device), kernels: Mutex::default() })
+        Ok(Self { device: Arc::new(device), kernels: Mutex::default(), animation: Mutex::default() })
     }
 
     /// Limits and features that the engine keeps to.
@@ -281,6 +287,12 @@ impl MorphEngine {
     /// A mesh that another engine uploaded; a path or batch size that the device cannot run, with what to use
     /// instead; no memory.
     pub fn create_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<Crowd> {
+        self.check_crowd(mesh, desc)?;
+        let kernel = self.kernel(desc, mesh)?;
+        Crowd::new(&self.device, &mesh.shared, kernel, desc)
+    }
+
+    fn check_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<()> {
         if !mesh.shared.base.is_on(&self.device) {
             return Err(Error::invalid(
                 format!("mesh '{}' belongs to another MorphEngine", mesh.layout().name),
@@ -294,8 +306,17 @@ impl MorphEngine {
                 "upload it with MorphEngine::upload_scatter for 'scatter', with MorphEngine::upload for other paths",
             ));
         }
-        let kernel = self.kernel(desc, mesh)?;
-        Crowd::new(&self.device, &mesh.shared, kernel, desc)
+        Ok(())
+    }
+
+    fn animation_kernel(&self) -> Result<Arc<AnimationKernel>> {
+        let mut kernel = self.animation.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(kernel) = &*kernel {
+            return Ok(kernel.clone());
+        }
+        let made = Arc::new(AnimationKernel::new(&self.device)?);
+        *kernel = Some(made.clone());
+        Ok(made)
     }
 
     fn kernel(&self, desc: &CrowdDesc, mesh: &GpuMesh) -> Result<Kernel> {

@@ -32,6 +32,7 @@ fn stages(scope: Scope) -> vk::PipelineStageFlags {
         (Stage::VertexShader, vk::PipelineStageFlags::VERTEX_SHADER),
         (Stage::TransformFeedback, vk::PipelineStageFlags::TRANSFORM_FEEDBACK_EXT),
         (Stage::Compute, vk::PipelineStageFlags::COMPUTE_SHADER),
+        (Stage::Indirect, vk::PipelineStageFlags::DRAW_INDIRECT),
     ]
     .into_iter()
     .filter(|(stage, _)| scope.has_stage(*stage))
@@ -45,6 +46,7 @@ fn accesses(scope: Scope) -> vk::AccessFlags {
         (Access::ShaderRead, vk::AccessFlags::SHADER_READ),
         (Access::ShaderWrite, vk::AccessFlags::SHADER_WRITE),
         (Access::FeedbackWrite, vk::AccessFlags::TRANSFORM_FEEDBACK_WRITE_EXT),
+        (Access::IndirectRead, vk::AccessFlags::INDIRECT_COMMAND_READ),
     ]
     .into_iter()
     .filter(|(access, _)| scope.has_access(*access))

@@ -108,6 +108,45 @@ impl BlocksKernel {
         }
     }
 
+    /// Widths of tiles that there are.
+    pub(crate) fn widths(&self) -> usize {
+        self.variant.widths as usize
+    }
+
+    /// Bind a set for [`dispatch_indirect`](Self::dispatch_indirect).
+    ///
+    /// # Safety
+    /// As [`record`](Self::record), but that the list is complete when the dispatches run.
+    pub(crate) unsafe fn bind_indirect(&self, cmd: vk::CommandBuffer, set: vk::DescriptorSet) {
+        let (device, layout) = (&self.objects.device.raw, self.objects.layout);
+        // SAFETY: the caller's obligations.
+        unsafe {
+            device.cmd_bind_descriptor_sets(cmd, vk::PipelineBindPoint::COMPUTE, layout, 0, &[set], &[0]);
+        }
+    }
+
+    /// Dispatch as many tiles of 2^width instances, from `push.first_item` on, as `arguments` will say at `offset`.
+    ///
+    /// # Safety
+    /// As [`bind_indirect`](Self::bind_indirect), which was called before; `arguments` holds them by then.
+    pub(crate) unsafe fn dispatch_indirect(
+        &self,
+        cmd: vk::CommandBuffer,
+        width: usize,
+        push: BlocksPush,
+        arguments: vk::Buffer,
+        offset: u64,
+    ) {
+        let (device, layout) = (&self.objects.device.raw, self.objects.layout);
+        let (point, pipeline) = (vk::PipelineBindPoint::COMPUTE, self.objects.pipelines[self.pipeline_of(0, width)]);
+        // SAFETY: the caller's obligations; the push constants fill the layout's range.
+        unsafe {
+            device.cmd_bind_pipeline(cmd, point, pipeline);
+            device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::COMPUTE, 0, bytes_of(&push));
+            device.cmd_dispatch_indirect(cmd, arguments, offset);
+        }
+    }
+
     /// Which pipeline takes tiles of 2^width instances that start from the base pose (`apart`) or do not.
     pub(crate) fn pipeline_of(&self, apart: usize, width: usize) -> usize {
         apart * self.variant.widths as usize + width

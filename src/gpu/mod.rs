@@ -4,6 +4,7 @@
 //! `memory`, [`shaders`] (embedded modules and shared layouts), `pipelines`, `barriers`, one file per update path, and
 //! `baselines`, the techniques of others.
 
+pub(crate) mod animation;
 pub(crate) mod barriers;
 pub(crate) mod baselines;
 pub(crate) mod blocks;

@@ -99,6 +99,70 @@ pub struct ReadPush {
     pub stride: u32,
 }
 
+/// Push constants of `animate.comp`, `plan.comp` and `arguments.comp`; `glsl/animation.glsl` says what is where.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct AnimationPush {
+    /// The tick.
+    pub now: u32,
+    /// Heads of the crowd.
+    pub heads: u32,
+    /// Targets.
+    pub targets: u32,
+    /// Words of a bit for each target.
+    pub words: u32,
+    /// Blocks.
+    pub blocks: u32,
+    /// Entries.
+    pub entries: u32,
+    /// Tables: which targets touch each block.
+    pub block_targets_at: u32,
+    /// Tables: the first entry of each block.
+    pub first_entry_at: u32,
+    /// Tables: target and bytes of each entry.
+    pub entries_at: u32,
+    /// State: phases.
+    pub phases_at: u32,
+    /// State: weights.
+    pub weights_at: u32,
+    /// State: what the last update changed of them.
+    pub deltas_at: u32,
+    /// State: bits of targets, one kind after another.
+    pub bits_at: u32,
+    /// State: which updates touched each block.
+    pub history_at: u32,
+    /// Bits of the updates that a slot may have missed.
+    pub history_mask: u32,
+    /// Slots of a head.
+    pub slots: u32,
+    /// The slot of the last update.
+    pub source: u32,
+    /// The slot of this one.
+    pub destination: u32,
+    /// Not 0: touched blocks start from the base pose.
+    pub always_rebuild: u32,
+    /// The group's first head.
+    pub first_head: u32,
+    /// Heads of the group.
+    pub group_heads: u32,
+    /// The group's first counter.
+    pub first_counter: u32,
+    /// Items of a width that there is room for.
+    pub capacity: u32,
+    /// Work list: the first row.
+    pub rows_at: u32,
+    /// Counters of all groups.
+    pub counters: u32,
+    /// Dispatches of a width.
+    pub chunks: u32,
+    /// Workgroups of a dispatch, at most.
+    pub chunk_items: u32,
+    /// Tables: budget and reaches; 0: no change waits.
+    pub budget_at: u32,
+    /// State: the weights asked for, with an error budget.
+    pub requested_at: u32,
+}
+
 /// Push constants of `baselines/scatter.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

@@ -1,5 +1,10 @@
 //! A crowd that is updated, timed, drawn and read back one step at a time.
 
+mod animated;
+
+#[doc(hidden)]
+pub use animated::PlannedGroup;
+
 use super::Headless;
 use super::draw::PoseDraw;
 use super::submit::{full_barrier, host_barrier};
@@ -54,8 +59,12 @@ impl<'a> HeadlessCrowd<'a> {
     }
 
     fn of(headless: &'a Headless, mesh: GpuMesh, desc: &CrowdDesc) -> Result<Self> {
+        let crowd = headless.engine().create_crowd(&mesh, desc)?;
+        Self::with(headless, mesh, crowd)
+    }
+
+    fn with(headless: &'a Headless, mesh: GpuMesh, crowd: Crowd) -> Result<Self> {
         let engine = headless.engine();
-        let crowd = engine.create_crowd(&mesh, desc)?;
         let readback = Buffer::new(
             engine.device(),
             &BufferDesc {

@@ -8,6 +8,8 @@ mod submit;
 mod upload;
 
 pub use bandwidth::Bandwidth;
+#[doc(hidden)]
+pub use crowd::PlannedGroup;
 pub use crowd::{HeadlessCrowd, Recorded, Step};
 pub use upload::{PoseUpload, Uploaded};
 

@@ -1,5 +1,6 @@
 //! Passes and barriers as data: what a back end records, and what the hazard checker reads.
 
+use super::animated::AnimatedCommand;
 use super::blocks::Item;
 use super::{Plan, Source, UpdatePath};
 use std::ops::Range;
@@ -18,6 +19,8 @@ pub enum Stage {
     TransformFeedback = 8,
     /// Compute shaders.
     Compute = 16,
+    /// Arguments of indirect dispatches.
+    Indirect = 32,
 }
 
 /// A kind of memory access, as a bit of [`Scope::accesses`].
@@ -34,6 +37,8 @@ pub enum Access {
     ShaderWrite = 8,
     /// Transform feedback writes.
     FeedbackWrite = 16,
+    /// Arguments of an indirect dispatch are read.
+    IndirectRead = 32,
 }
 
 impl Access {
@@ -96,6 +101,14 @@ pub enum Hazard {
     FeedbackWriteToFeedbackUpdate,
     /// The pose is ready for the host's draws.
     FeedbackWriteToPoseRead,
+    /// Kernels of the last update may still read what a copy is about to write.
+    ComputeReadToTransferWrite,
+    /// What was copied is there; kernels read and write it.
+    TransferWriteToComputeUpdate,
+    /// As `PoseReadToComputeUpdate`; the last update's arguments, too, are about to be written anew.
+    PoseReadToAnimatedUpdate,
+    /// A kernel wrote the arguments of the dispatches that follow, and what they work on.
+    ComputeWriteToIndirectUpdate,
     /// As for compute, before the first pass of `vertex-store`.
     PoseReadToVertexStoreUpdate,
     /// A pass of `vertex-store` fetches what the last stored and stores where the last fetched.
@@ -110,7 +123,7 @@ pub enum Hazard {
 
 impl Hazard {
     /// Every barrier.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 16] = [
         Self::TransferWriteToAssetRead,
         Self::PoseReadToComputeUpdate,
         Self::ComputeWriteToComputeUpdate,
@@ -118,6 +131,10 @@ impl Hazard {
         Self::PoseReadToFeedbackUpdate,
         Self::FeedbackWriteToFeedbackUpdate,
         Self::FeedbackWriteToPoseRead,
+        Self::ComputeReadToTransferWrite,
+        Self::TransferWriteToComputeUpdate,
+        Self::PoseReadToAnimatedUpdate,
+        Self::ComputeWriteToIndirectUpdate,
         Self::PoseReadToVertexStoreUpdate,
         Self::VertexStoreWriteToVertexStoreUpdate,
         Self::VertexStoreWriteToPoseRead,
@@ -151,6 +168,17 @@ impl Hazard {
                 (Scope::new(&[S::VertexInput, S::TransformFeedback], &[A::FeedbackWrite]), FEEDBACK)
             }
             Self::FeedbackWriteToPoseRead => (Scope::new(&[S::TransformFeedback], &[A::FeedbackWrite]), DRAWS),
+            Self::ComputeReadToTransferWrite => {
+                (Scope::new(&[S::Compute], &[]), Scope::new(&[S::Transfer], &[A::TransferWrite]))
+            }
+            Self::TransferWriteToComputeUpdate => (Scope::new(&[S::Transfer], &[A::TransferWrite]), COMPUTE),
+            Self::PoseReadToAnimatedUpdate => {
+                (Scope::new(&[S::VertexInput, S::VertexShader, S::Compute, S::Indirect], &[A::ShaderWrite]), COMPUTE)
+            }
+            Self::ComputeWriteToIndirectUpdate => (
+                Scope::new(&[S::Compute], &[A::ShaderWrite]),
+                Scope::new(&[S::Compute, S::Indirect], &[A::ShaderRead, A::ShaderWrite, A::IndirectRead]),
+            ),
             // The same stages: what a pass fetches and stores is what a draw may still read.
             Self::PoseReadToVertexStoreUpdate | Self::VertexStoreWriteToVertexStoreUpdate => {
                 (Scope::new(&[S::VertexInput, S::VertexShader], &[A::ShaderWrite]), STORE)
@@ -228,6 +256,8 @@ pub enum Command {
     Pass(PassCommand),
     /// A pass over blocks.
     Blocks(BlocksCommand),
+    /// A step of an update that the GPU plans.
+    Animated(AnimatedCommand),
     /// A step of `scatter`.
     Scatter(ScatterCommand),
 }
@@ -253,7 +283,7 @@ impl CommandList {
     pub fn passes(&self) -> impl Iterator<Item = &PassCommand> {
         self.commands.iter().filter_map(|c| match c {
             Command::Pass(pass) => Some(pass),
-            Command::Barrier(_) | Command::Blocks(_) | Command::Scatter(_) => None,
+            Command::Barrier(_) | Command::Blocks(_) | Command::Scatter(_) | Command::Animated(_) => None,
         })
     }
 

@@ -29,6 +29,20 @@ pub enum Resource {
         /// The instance.
         instance: u32,
     },
+    /// Clips, and which targets touch which blocks.
+    Clips,
+    /// What heads play.
+    Records,
+    /// Weights of heads that are animated on the GPU, and which of them changed.
+    Weights,
+    /// Which updates touched their blocks.
+    History,
+    /// Work lists that the GPU writes.
+    WorkList,
+    /// How many items they have.
+    Counters,
+    /// The same as arguments of dispatches.
+    Arguments,
 }
 
 /// One access of a command.
@@ -96,6 +110,14 @@ impl HazardChecker {
         self.barrier(Hazard::TransferWriteToAssetRead);
     }
 
+    /// Making a crowd that is animated on the GPU writes clips, and fills what kernels keep.
+    pub fn upload_animation(&mut self) {
+        for resource in [Resource::Clips, Resource::Records, Resource::Weights, Resource::History, Resource::Counters] {
+            self.access(Use { resource, stage: Stage::Transfer, access: Access::TransferWrite });
+        }
+        self.barrier(Hazard::TransferWriteToComputeUpdate);
+    }
+
     /// A draw of the host reads a pose, as vertex attributes and in the vertex shader.
     pub fn draw(&mut self, instance: u32, slot: u32) {
         let resource = Resource::Pose { instance, slot };
@@ -109,6 +131,14 @@ impl HazardChecker {
             match command {
                 Command::Barrier(hazard) => self.barrier(*hazard),
                 Command::Blocks(blocks) => self.blocks(blocks),
+                Command::Animated(step) => {
+                    let (read, written) = step.uses();
+                    read.iter().for_each(|read| self.read(*read));
+                    for write in written {
+                        let own = read.iter().find(|read| read.resource == write.resource);
+                        self.write(write, own.copied());
+                    }
+                }
                 Command::Scatter(scatter) => self.scatter(scatter),
                 Command::Pass(pass) => {
                     let (read, write) = match list.path {

@@ -10,6 +10,7 @@
 //!   rebuild       source = the base pose,    c = weights of the active targets
 //! ```
 
+pub mod animated;
 pub mod blocks;
 pub mod commands;
 pub mod hazards;

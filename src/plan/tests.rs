@@ -121,6 +121,7 @@ pub(super) fn assert_barriers_needed(frames: &[DrawnUpdate], count: usize, what:
     for dropped in barriers.into_iter().map(Some).chain([None]) {
         let mut checker = HazardChecker::new();
         checker.upload();
+        checker.upload_animation();
         for (f, (list, drawn)) in frames.iter().enumerate() {
             let mut list = list.clone();
             if let (3, Some(at)) = (f, dropped) {
@@ -252,7 +253,7 @@ fn rounds_of_a_crowd_share_their_barriers() {
         .iter()
         .map(|c| match c {
             Command::Pass(p) => Some(p.instance),
-            Command::Barrier(_) | Command::Blocks(_) | Command::Scatter(_) => None,
+            Command::Barrier(_) | Command::Blocks(_) | Command::Scatter(_) | Command::Animated(_) => None,
         })
         .collect();
     assert_eq!(shape, [None, Some(0), Some(1), Some(2), None, Some(0), None]);

@@ -113,7 +113,7 @@ impl ScatterCrowd {
                 Command::Barrier(hazard) => unsafe { barriers::record(&device.raw, cmd, *hazard) },
                 // SAFETY: as above.
                 Command::Scatter(step) => unsafe { self.record_step(device, cmd, mesh, list, step) },
-                Command::Pass(_) | Command::Blocks(_) => {}
+                Command::Pass(_) | Command::Blocks(_) | Command::Animated(_) => {}
             }
         }
     }

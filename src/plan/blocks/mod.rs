@@ -93,6 +93,8 @@ pub struct BlockState {
     slots: Slots,
     /// Every component of a block that is written, not only those that change.
     whole: bool,
+    /// Every update moves on to the next slot.
+    rotates: bool,
     /// Targets asked for that differ from the update before.
     changed: usize,
     largest_weight: f32,
@@ -201,6 +203,7 @@ impl BlockState {
                 missed: vec![u32::MAX; slots * blocks * 6 * index.mask_words()],
             },
             whole: false,
+            rotates: false,
             changed: 0,
             largest_weight: 1.0,
         })
@@ -209,6 +212,19 @@ impl BlockState {
     /// From now on, load and store all of a block that is written: for kernels that cannot do less.
     pub(crate) fn write_whole_blocks(&mut self) {
         self.whole = true;
+    }
+
+    /// From now on, every update moves on to the next slot, also where nothing changed: for planners that do not know
+    /// whether anything did.
+    pub(crate) fn rotate_always(&mut self) {
+        self.rotates = true;
+    }
+
+    /// The next update writes `slot`, and what it holds is not known there: the instance was left out of some updates.
+    pub(crate) fn take_up_at(&mut self, slot: u32) {
+        self.slots.current = Some((slot + self.desc.slots - 1) % self.desc.slots);
+        self.slots.behind.fill(true);
+        self.slots.missed.fill(u32::MAX);
     }
 
     /// The grid of exact sums.
@@ -285,7 +301,7 @@ impl BlockState {
             }
         };
         stats.coefficients += self.changed;
-        if let (Some(current), true, false) = (self.slots.current, self.slots.known, dirty) {
+        if let (Some(current), true, false) = (self.slots.current, self.slots.known, dirty || self.rotates) {
             stats.bound = stats.bound.max(self.bound());
             return BlockPlan { result: current, previous: Some(current) };
         }
@@ -342,7 +358,11 @@ impl BlockState {
                 || touched
                     && (worn
                         || self.desc.mode == UpdateMode::Rebuild
-                        || fewer_bytes_from_base(self.blocks.active_bytes[block], deltas, all, &changed));
+                        || match self.whole {
+                            // All components either way.
+                            true => self.blocks.active_bytes[block] < deltas,
+                            false => fewer_bytes_from_base(self.blocks.active_bytes[block], deltas, all, &changed),
+                        });
             if rebuilt {
                 let active;
                 (listed, active) = match &self.weights {

@@ -1,0 +1,86 @@
+// Samples what each head plays and compares with the weights that its poses hold. An invocation takes 32 targets of a
+// head: a word of the bits that say which weights changed. CPU twin: animation::sample.
+#version 450
+#extension GL_GOOGLE_include_directive : require
+#include "animation.glsl"
+
+int key(uint clip, uint index) {
+    uint first = tables[4u * clip];
+    if (tables[4u * clip + 3u] == 32u) return int(tables[first + index]);
+    int half_word = bitfieldExtract(int(tables[first + (index >> 1)]), int(16u * (index & 1u)), 16);
+    return half_word << tables[4u * clip + 2u];
+}
+
+// From k0 to k1, f·2⁻¹⁶ of the way, to nearest: the product takes 64 bits.
+int interpolate(int k0, int k1, uint f) {
+    int high;
+    int low;
+    imulExtended(k1 - k0, int(f), high, low);
+    uint carry;
+    uint sum = uaddCarry(uint(low), 0x8000u, carry);
+    return k0 + int((uint(high) + carry) << 16 | sum >> 16);
+}
+
+void main() {
+    uint i = flat_invocation();
+    if (i >= heads * words) return;
+    uint head = i / words;
+    uint record = head * RECORD_WORDS;
+    uint flags = state[record + 3u];
+    uint phase = state[phases_at + i];
+    if ((flags & HIDDEN) != 0u) {
+        state[phases_at + i] = phase == NEW ? NEW : LEFT_OUT;
+        return;
+    }
+    state[phases_at + i] = phase == NEW ? FIRST : (phase == LEFT_OUT ? SHOWN : GOES_ON);
+
+    uint clip = state[record];
+    bool playing = (flags & PLAYING) != 0u;
+    uint frame = 0u, next = 0u, f = 0u;
+    if (playing) {
+        uint elapsed = uint(max(int(now - state[record + 1u]), 0));
+        uint whole, fraction, carry;
+        umulExtended(elapsed, state[record + 2u], whole, fraction);
+        fraction = uaddCarry(fraction, state[record + 5u], carry);
+        whole += state[record + 4u] + carry;
+        f = fraction >> 16;
+        uint frames = tables[4u * clip + 1u];
+        uint last = frames - 1u;
+        if ((flags & LOOP) != 0u) {
+            frame = whole % frames;
+            next = frame == last ? 0u : frame + 1u;
+        } else if (whole >= last) {
+            frame = last;
+            next = last;
+            f = 0u;
+        } else {
+            frame = whole;
+            next = whole + 1u;
+        }
+        if ((flags & REVERSED) != 0u) {
+            frame = last - frame;
+            next = last - next;
+        }
+    }
+
+    uint first = (i % words) * 32u;
+    uint count = min(targets - first, 32u);
+    // Without an error budget: changed and active. With one: asked and pending.
+    uint one = 0u, other = 0u;
+    for (uint t = 0u; t < count; ++t) {
+        uint target = first + t;
+        uint at = head * targets + target;
+        uint bit = 1u << t;
+        int weight = 0;
+        if (playing) weight = interpolate(key(clip, frame * targets + target), key(clip, next * targets + target), f);
+        if (budget_at == 0u) {
+            commit(at, weight, bit, one, other);
+            continue;
+        }
+        if (weight != int(state[requested_at + at])) one |= bit;
+        if (weight != int(state[weights_at + at])) other |= bit;
+        state[requested_at + at] = uint(weight);
+    }
+    state[bits(budget_at == 0u ? CHANGED : ASKED) + i] = one;
+    state[bits(budget_at == 0u ? ACTIVE : PENDING) + i] = other;
+}

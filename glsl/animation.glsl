@@ -1,0 +1,98 @@
+// What the kernels of animation on the GPU share: bindings, push constants, layouts. All words of 32 bits.
+// Host: src/gpu/animation.rs. Meaning of times and keys: src/animation/mod.rs.
+
+layout(local_size_x = 64) in;
+
+// clips    [clip][first word, frames, shift, bits of a key], keys
+// blocks   [block][word] targets that touch it, a bit each;   [block + 1] first entry;   [entry] target, bytes
+// budget   two words of the budget, the lower first;   [entry] reach in steps
+layout(set = 0, binding = 0, std430) readonly buffer Tables { uint tables[]; };
+
+// records  [head] 8 words, written by copies
+// phases   [head][word]; the first of a head's is its own
+// weights  [head][target] in steps of the grid;   deltas [head][target]: what the last update changed
+// requested [head][target]: the weights asked for, with an error budget
+// bits     [CHANGED..][head][word] of 32 targets, a bit each
+// history  [head][block]: in which of the last updates it was touched, the last in bit 0
+layout(set = 0, binding = 1, std430) buffer State { uint state[]; };
+
+// items    [width][item] 12 words;   rows [tile][entry, and two for each block] 9 words     (src/plan/blocks/tiles.rs)
+layout(set = 0, binding = 2, std430) buffer Work { uint work[]; };
+
+// counters [group][width], then arguments [group][width][chunk] x y z of a dispatch
+layout(set = 0, binding = 3, std430) buffer Control { uint control[]; };
+
+layout(push_constant) uniform Push {
+    uint now;              // tick
+    uint heads;            // of the crowd
+    uint targets;
+    uint words;            // of a bit for each target
+    uint blocks;
+    uint entries;
+    uint block_targets_at; // in Tables
+    uint first_entry_at;
+    uint entries_at;
+    uint phases_at;        // in State
+    uint weights_at;
+    uint deltas_at;
+    uint bits_at;
+    uint history_at;
+    uint history_mask;     // bits of the updates that a slot may have missed
+    uint slots;
+    uint source;           // slots
+    uint destination;
+    uint always_rebuild;   // touched blocks start from the base pose
+    uint first_head;       // of the group
+    uint group_heads;
+    uint first_counter;
+    uint capacity;         // items of a width
+    uint rows_at;          // in Work
+    uint counters;
+    uint chunks;           // dispatches of a width
+    uint chunk_items;      // workgroups of a dispatch, at most
+    uint budget_at;        // in Tables; 0: no change waits
+    uint requested_at;     // in State
+};
+
+const uint RECORD_WORDS = 8u;
+const uint PLAYING = 1u;
+const uint LOOP = 2u;
+const uint REVERSED = 4u;
+const uint HIDDEN = 8u;
+
+// What an update does with a head.
+const uint NEW = 0u;        // not written yet
+const uint FIRST = 1u;      // written for the first time
+const uint SHOWN = 2u;      // written again after it was hidden
+const uint GOES_ON = 3u;
+const uint LEFT_OUT = 4u;   // hidden
+
+// Bits of targets.
+const uint CHANGED = 0u;    // the last update changed the weight
+const uint ACTIVE = 1u;     // the weight is not 0
+const uint ASKED = 2u;      // the weight asked for changed
+const uint PENDING = 3u;    // it is not the one that poses hold
+const uint GOES = 4u;       // it waits no longer
+
+const uint TILE = 8u;
+const uint WIDTHS = 4u;     // 1, 2, 4, 8 heads
+const uint ITEM_WORDS = 12u;
+const uint ROWS = 2u;       // what the number of rows is a multiple of, where there are several heads
+
+uint bits(uint kind) {
+    return bits_at + kind * heads * words;
+}
+
+// Two dimensions: there may be more invocations than one holds.
+uint flat_invocation() {
+    return gl_GlobalInvocationID.x + gl_GlobalInvocationID.y * gl_NumWorkGroups.x * gl_WorkGroupSize.x;
+}
+
+// From now on poses hold `weight`.
+void commit(uint at, int weight, uint bit, inout uint changed, inout uint active_bits) {
+    int delta = weight - int(state[weights_at + at]);
+    state[weights_at + at] = uint(weight);
+    state[deltas_at + at] = uint(delta);
+    if (delta != 0) changed |= bit;
+    if (weight != 0) active_bits |= bit;
+}

@@ -1,0 +1,37 @@
+// With an error budget: a block in which the changes that wait could move a vertex further than the budget lets all of
+// its own go. An invocation takes one block of one head. CPU twin: animation::budget::Waiting::commit.
+#version 450
+#extension GL_GOOGLE_include_directive : require
+#include "animation.glsl"
+
+void main() {
+    uint block = gl_GlobalInvocationID.x;
+    if (block >= blocks) return;
+    uint from = tables[first_entry_at + block];
+    uint to = tables[first_entry_at + block + 1u];
+    // In steps of a weight times steps of a delta: 64 bits.
+    uint most_low = tables[budget_at];
+    uint most_high = tables[budget_at + 1u];
+    for (uint head = gl_WorkGroupID.y; head < heads; head += gl_NumWorkGroups.y) {
+        if (state[phases_at + head * words] != GOES_ON) continue;
+        uint waits = 0u;
+        for (uint w = 0u; w < words; ++w) {
+            waits |= state[bits(PENDING) + head * words + w] & tables[block_targets_at + block * words + w];
+        }
+        if (waits == 0u) continue;
+        uint low = 0u, high = 0u;
+        for (uint e = from; e < to; ++e) {
+            uint at = head * targets + tables[entries_at + 2u * e];
+            uint product_high, product_low, carry;
+            uint pending = uint(abs(int(state[requested_at + at]) - int(state[weights_at + at])));
+            umulExtended(pending, tables[budget_at + 2u + e], product_high, product_low);
+            low = uaddCarry(low, product_low, carry);
+            high += product_high + carry;
+        }
+        if (high < most_high || (high == most_high && low <= most_low)) continue;
+        for (uint w = 0u; w < words; ++w) {
+            uint go = state[bits(PENDING) + head * words + w] & tables[block_targets_at + block * words + w];
+            if (go != 0u) atomicOr(state[bits(GOES) + head * words + w], go);
+        }
+    }
+}

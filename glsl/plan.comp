@@ -1,0 +1,124 @@
+// Decides what an update writes: an invocation looks at one block of up to eight heads, and writes at most one item of
+// the work list for those that need it. CPU twin: plan::blocks::BlockState::plan, for whole blocks and exact sums.
+#version 450
+#extension GL_GOOGLE_include_directive : require
+#include "animation.glsl"
+
+bool bit_of(uint kind, uint head, uint target) {
+    return (state[bits(kind) + head * words + (target >> 5)] >> (target & 31u) & 1u) != 0u;
+}
+
+// The k of the head at `place` of an item.
+uint head_at(uint places, uint place) {
+    return places >> (4u * place) & 15u;
+}
+
+void main() {
+    uint block = gl_GlobalInvocationID.x;
+    if (block >= blocks) return;
+    uint tile = gl_GlobalInvocationID.y;
+    uint first = first_head + tile * TILE;
+    uint count = min(group_heads - tile * TILE, TILE);
+
+    // Which heads are written; of these, the ones whose targets changed, and the ones that start from the base pose.
+    uint written = 0u, touched = 0u, rebuilt = 0u;
+    for (uint k = 0u; k < count; ++k) {
+        uint head = first + k;
+        uint phase = state[phases_at + head * words];
+        if (phase == NEW || phase == LEFT_OUT) continue;
+        uint touches = 0u;
+        for (uint w = 0u; w < words; ++w) {
+            touches |= state[bits(CHANGED) + head * words + w] & tables[block_targets_at + block * words + w];
+        }
+        uint at = history_at + head * blocks + block;
+        uint history = state[at];
+        bool whole = phase == FIRST || phase == SHOWN;
+        bool touching = touches != 0u;
+        uint next = (history << 1 | uint(touching || whole)) & history_mask;
+        if (next != history) state[at] = next;
+        uint bit = 1u << k;
+        if (touching || whole || history != 0u) written |= bit;
+        if (touching) touched |= bit;
+        if (phase == FIRST) rebuilt |= bit;
+    }
+    if (written == 0u) return;
+
+    uint from = tables[first_entry_at + block];
+    uint to = tables[first_entry_at + block + 1u];
+    // The cost model: from the base pose where the active entries take fewer bytes than the changed ones.
+    uint open = touched & ~rebuilt;
+    if (always_rebuild != 0u) {
+        rebuilt |= open;
+    } else {
+        for (uint k = 0u; k < count; ++k) {
+            if ((open >> k & 1u) == 0u) continue;
+            uint active_bytes = 0u, changed_bytes = 0u;
+            for (uint e = from; e < to; ++e) {
+                uint target = tables[entries_at + 2u * e];
+                uint bytes = tables[entries_at + 2u * e + 1u];
+                if (bit_of(ACTIVE, first + k, target)) active_bytes += bytes;
+                if (bit_of(CHANGED, first + k, target)) changed_bytes += bytes;
+            }
+            if (active_bytes < changed_bytes) rebuilt |= 1u << k;
+        }
+    }
+
+    uint places = 0u, used = 0u;
+    for (uint k = 0u; k < count; ++k) {
+        if ((written >> k & 1u) != 0u) {
+            places |= k << (4u * used);
+            used += 1u;
+        }
+    }
+    // The narrowest width that holds them; the last head fills it up.
+    uint size = used > 4u ? 3u : (used > 2u ? 2u : used - 1u);
+    uint width = 1u << size;
+    uint last = head_at(places, used - 1u);
+    for (uint place = used; place < TILE; ++place) places |= last << (4u * place);
+
+    // A place for each entry, and two for what fills rows up.
+    uint rows = rows_at + (tile * (entries + 2u * blocks) + from + 2u * block) * (TILE + 1u);
+    uint row = rows;
+    for (uint e = from; e < to; ++e) {
+        uint target = tables[entries_at + 2u * e];
+        uint needed = 0u;
+        for (uint place = 0u; place < width; ++place) {
+            uint k = head_at(places, place);
+            bool from_base = (rebuilt >> k & 1u) != 0u;
+            if (bit_of(from_base ? ACTIVE : CHANGED, first + k, target)) needed |= 1u << place;
+        }
+        if (needed == 0u) continue;
+        work[row] = e;
+        for (uint place = 0u; place < width; ++place) {
+            uint k = head_at(places, place);
+            bool from_base = (rebuilt >> k & 1u) != 0u;
+            uint at = (from_base ? weights_at : deltas_at) + (first + k) * targets + target;
+            work[row + 1u + place] = (needed >> place & 1u) != 0u ? state[at] : 0u;
+        }
+        row += width + 1u;
+    }
+
+    // There is a row at least, and an even number where there are several heads: of any entry, and no coefficient.
+    uint multiple = width > 1u ? ROWS : 1u;
+    uint listed = (row - rows) / (width + 1u);
+    uint filled = max((listed + multiple - 1u) / multiple, 1u) * multiple;
+    for (; listed < filled; ++listed) {
+        work[row] = min(from, entries - 1u);
+        for (uint place = 0u; place < width; ++place) work[row + 1u + place] = 0u;
+        row += width + 1u;
+    }
+
+    uint index = atomicAdd(control[first_counter + size], 1u);
+    uint item = (size * capacity + index) * ITEM_WORDS;
+    uint rebuilt_places = 0u;
+    for (uint place = 0u; place < TILE; ++place) {
+        uint k = head_at(places, place);
+        rebuilt_places |= (rebuilt >> k & 1u) << place;
+        uint pose = (tile * TILE + k) * slots;
+        work[item + 4u + place] = (pose + source) | (pose + destination) << 16;
+    }
+    work[item] = block;
+    work[item + 1u] = rows;
+    work[item + 2u] = filled;
+    work[item + 3u] = rebuilt_places;
+}

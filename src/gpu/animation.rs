@@ -1,0 +1,133 @@
+//! The kernels that sample clips and plan updates: pipelines, sets, dispatches.
+
+use super::blocks::BufferRange;
+use super::device::Device;
+use super::failed;
+use super::pipelines::Objects;
+use super::shaders::{AnimationPush, WORKGROUP};
+use crate::error::Result;
+use ash::vk;
+use std::sync::Arc;
+
+/// Kinds of bits that the state has of each target: two, and three more with an error budget.
+pub(crate) const BIT_KINDS: [u64; 2] = [2, 5];
+/// Words of a head's record.
+pub(crate) const RECORD_WORDS: u64 = 8;
+/// Tables, state, work list, and control: see `glsl/animation.glsl`.
+const BINDINGS: [vk::DescriptorType; 4] = [vk::DescriptorType::STORAGE_BUFFER; 4];
+
+/// A kernel, by its place among the pipelines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Step {
+    Sample,
+    Budget,
+    Commit,
+    Plan,
+    Arguments,
+}
+
+/// The pipelines; one of each, whatever mesh and crowd are.
+pub(crate) struct AnimationKernel {
+    objects: Objects,
+}
+
+impl AnimationKernel {
+    pub(crate) fn new(device: &Arc<Device>) -> Result<Self> {
+        let mut objects = Objects::none(device);
+        objects.add_storage_set_layout(&BINDINGS)?;
+        objects.add_layout(vk::ShaderStageFlags::COMPUTE, size_of::<AnimationPush>() as u32)?;
+        for name in ["animate", "budget", "commit", "plan", "arguments"] {
+            objects.add_compute(name, &[])?;
+        }
+        Ok(Self { objects })
+    }
+
+    /// Bind the pipeline of a step.
+    ///
+    /// # Safety
+    /// `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
+    pub(crate) unsafe fn bind(&self, cmd: vk::CommandBuffer, step: Step) {
+        let pipeline = self.objects.pipelines[step as usize];
+        // SAFETY: the caller's obligations.
+        unsafe { self.objects.device.raw.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::COMPUTE, pipeline) };
+    }
+
+    /// Dispatch the step that is bound.
+    ///
+    /// # Safety
+    /// - As [`bind`](Self::bind).
+    /// - `set` was made by [`AnimationSets`] and lives until the dispatch has run; its buffers hold what `push` says.
+    /// - There are no more `groups` than the device allows.
+    pub(crate) unsafe fn dispatch(
+        &self,
+        cmd: vk::CommandBuffer,
+        set: vk::DescriptorSet,
+        push: &AnimationPush,
+        groups: [u32; 2],
+    ) {
+        let (device, layout) = (&self.objects.device.raw, self.objects.layout);
+        let (point, stage) = (vk::PipelineBindPoint::COMPUTE, vk::ShaderStageFlags::COMPUTE);
+        // SAFETY: the caller's obligations; the push constants fill the layout's range.
+        unsafe {
+            device.cmd_bind_descriptor_sets(cmd, point, layout, 0, &[set], &[]);
+            device.cmd_push_constants(cmd, layout, stage, 0, bytemuck::bytes_of(push));
+            device.cmd_dispatch(cmd, groups[0], groups[1], 1);
+        }
+    }
+
+    /// Workgroups of `invocations`, in two dimensions where one does not hold them.
+    pub(crate) fn groups(&self, invocations: u64) -> [u32; 2] {
+        let groups = invocations.div_ceil(WORKGROUP.into()).max(1);
+        let x = groups.min(self.objects.device.caps.max_workgroups.into());
+        [x as u32, groups.div_ceil(x) as u32]
+    }
+}
+
+/// A descriptor set for each group of instances.
+pub(crate) struct AnimationSets {
+    device: Arc<Device>,
+    pool: vk::DescriptorPool,
+    sets: Vec<vk::DescriptorSet>,
+}
+
+impl AnimationSets {
+    /// Sets of the buffers of each group, in the order of the bindings.
+    pub(crate) fn new(kernel: &AnimationKernel, groups: &[[BufferRange; 4]]) -> Result<Self> {
+        let device = &kernel.objects.device;
+        let count = groups.len() as u32;
+        let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: 4 * count }];
+        let info = vk::DescriptorPoolCreateInfo::default().max_sets(count).pool_sizes(&sizes);
+        // SAFETY: the device is alive.
+        let pool =
+            unsafe { device.raw.create_descriptor_pool(&info, None) }.map_err(failed("vkCreateDescriptorPool"))?;
+        let mut sets = Self { device: device.clone(), pool, sets: vec![] };
+        let layouts = vec![kernel.objects.set_layout; groups.len()];
+        let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
+        // SAFETY: pool and layout are ours; the pool has room for as many.
+        sets.sets =
+            unsafe { device.raw.allocate_descriptor_sets(&info) }.map_err(failed("vkAllocateDescriptorSets"))?;
+        for (group, set) in groups.iter().zip(&sets.sets) {
+            let infos = group.map(|r| vk::DescriptorBufferInfo { buffer: r.buffer, offset: r.offset, range: r.size });
+            let write =
+                vk::WriteDescriptorSet::default().dst_set(*set).descriptor_type(vk::DescriptorType::STORAGE_BUFFER);
+            let writes: Vec<_> = (0u32..)
+                .zip(&infos)
+                .map(|(binding, info)| write.dst_binding(binding).buffer_info(std::slice::from_ref(info)))
+                .collect();
+            // SAFETY: the set is not in use yet; buffers and ranges are the crowd's own.
+            unsafe { device.raw.update_descriptor_sets(&writes, &[]) };
+        }
+        Ok(sets)
+    }
+
+    pub(crate) fn get(&self, group: usize) -> vk::DescriptorSet {
+        self.sets[group]
+    }
+}
+
+impl Drop for AnimationSets {
+    fn drop(&mut self) {
+        // SAFETY: ours, destroyed once, with its sets, when the crowd is no longer in use by the device.
+        unsafe { self.device.raw.destroy_descriptor_pool(self.pool, None) };
+    }
+}

@@ -1,0 +1,89 @@
+//! The same of a crowd that is animated on the GPU, and what the GPU has planned.
+
+use super::HeadlessCrowd;
+use crate::animation::AnimationDesc;
+use crate::engine::CrowdDesc;
+use crate::error::Result;
+use crate::headless::Headless;
+use crate::mesh::packed::PackedMesh;
+use ash::vk;
+
+/// What the GPU planned for a group of instances, as it lies in memory: see `glsl/plan.comp`.
+#[doc(hidden)]
+#[derive(Clone, Debug)]
+pub struct PlannedGroup {
+    /// First instance of the group, and how many it has.
+    pub instances: (u32, u32),
+    /// Items of each width: 1, 2, 4, 8 instances.
+    pub counts: [u32; 4],
+    /// Items of a width that there is room for: where the next width's begin.
+    pub capacity: usize,
+    /// The work list: items of all widths, then rows.
+    pub words: Vec<u32>,
+}
+
+impl<'a> HeadlessCrowd<'a> {
+    /// Upload `mesh` and make a crowd that is animated on the GPU. Each [`step`](Self::step), of no weights, goes to the
+    /// time last set.
+    ///
+    /// # Errors
+    /// As [`MorphEngine::upload`](crate::engine::MorphEngine::upload) and
+    /// [`MorphEngine::create_animated_crowd`](crate::engine::MorphEngine::create_animated_crowd).
+    pub fn animated(
+        headless: &'a Headless,
+        mesh: &PackedMesh,
+        desc: &CrowdDesc,
+        animation: &AnimationDesc<'_>,
+    ) -> Result<Self> {
+        let (engine, submitter) = (headless.engine(), headless.submitter());
+        // SAFETY: the submitter hands out a recording buffer of the engine's device; it waits for the device.
+        let mut mesh = submitter.run(|cmd| unsafe { engine.upload(cmd, mesh) })?;
+        mesh.release_staging();
+        // SAFETY: as above.
+        let mut crowd = submitter.run(|cmd| unsafe { engine.create_animated_crowd(cmd, &mesh, desc, animation) })?;
+        crowd.release_staging();
+        Self::with(headless, mesh, crowd)
+    }
+
+    /// What the GPU planned for the last update.
+    ///
+    /// # Errors
+    /// A device that fails; a crowd that is planned on the CPU.
+    #[doc(hidden)]
+    pub fn read_plan(&mut self) -> Result<Vec<PlannedGroup>> {
+        let (work, control, groups) = self.crowd.animated("a plan to read")?.plan_buffers();
+        let mut planned = vec![];
+        for group in groups {
+            let mut counts = [0; 4];
+            for (count, (offset, chunks)) in counts.iter_mut().zip(group.arguments) {
+                let arguments = self.read_words(control, offset, 12 * u64::from(chunks))?;
+                *count = arguments.chunks_exact(3).map(|xyz| xyz[0]).sum();
+            }
+            let words = self.read_words(work, group.list.0, group.list.1)?;
+            planned.push(PlannedGroup { instances: group.instances, counts, capacity: group.capacity, words });
+        }
+        Ok(planned)
+    }
+
+    /// The weights of an instance on the GPU, in steps of the grid.
+    ///
+    /// # Errors
+    /// As [`read_plan`](Self::read_plan).
+    #[doc(hidden)]
+    pub fn read_weights(&mut self, instance: u32) -> Result<Vec<i32>> {
+        let (buffer, offset, size) = self.crowd.animated("weights to read")?.weights_of(instance);
+        Ok(bytemuck::cast_vec(self.read_words(buffer, offset, size)?))
+    }
+
+    /// Piece by piece: what is read may be larger than a pose.
+    fn read_words(&mut self, buffer: vk::Buffer, offset: u64, size: u64) -> Result<Vec<u32>> {
+        let (mut words, most) = (vec![], self.mesh.layout().pose_bytes());
+        let mut at = 0;
+        while at < size {
+            let bytes = self.read(buffer, offset + at, most.min(size - at))?;
+            words.extend(bytes.chunks_exact(4).map(|b| u32::from_ne_bytes([b[0], b[1], b[2], b[3]])));
+            at += most;
+        }
+        Ok(words)
+    }
+}

@@ -1,0 +1,186 @@
+//! Heads that are animated on the GPU: time, slots, coming and going, misuse, and planted faults.
+
+#[path = "common/gpu.rs"]
+mod gpu;
+#[path = "common/scene.rs"]
+mod scene;
+
+use deltamorph::animation::{AnimationDesc, KeyFormat, Playback, Repeat};
+use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
+use deltamorph::mesh::packed::DeltaFormat;
+use deltamorph::plan::commands::{Command, Hazard};
+use deltamorph::plan::{BatchSize, UpdateDesc, UpdatePath};
+use scene::{HEAD, Scene, clips, crowd, exact, packed};
+
+/// Days of playing: records are started anew, and nobody sees it.
+#[test]
+fn the_clock_may_run_for_days() {
+    let mesh = packed(DeltaFormat::Small, 64);
+    gpu::on_device("llvmpipe", false, |headless, _| {
+        let clips = clips();
+        let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
+        let mut scene = Scene::new(headless, &mesh, crowd(3, exact(2)), &animation);
+        scene.play(0, Playback::new(0));
+        scene.play(1, Playback { speed: -1.7, ..Playback::new(1) });
+        scene.play(2, Playback { repeat: Repeat::Once, start: 16_000.0, speed: 0.01, clip: 0 });
+        for hours in [0.0, 4.4, 4.6, 9.0, 18.3, 40.0, 200.0] {
+            for later in [0.0, 0.5] {
+                scene.step(hours * 3600.0 + later);
+                (0..3).for_each(|instance| scene.assert_fresh(instance));
+            }
+        }
+    });
+}
+
+#[test]
+fn poses_and_previous_poses_follow_the_slots() {
+    let mesh = packed(DeltaFormat::Fast, 64);
+    gpu::on_every_device(|headless, _| {
+        for slots in [1, 2, 3] {
+            let clips = clips();
+            let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
+            let mut scene = Scene::new(headless, &mesh, crowd(2, exact(slots)), &animation);
+            (0..2).for_each(|i| scene.play(i, Playback::new(1)));
+            let text = scene.crowd.crowd().pose(0).unwrap_err().to_string();
+            assert!(text.contains("record an update first"), "{text}");
+            let mut before: Option<Vec<f32>> = None;
+            let mut frozen = vec![];
+            for frame in 0..12 {
+                match frame {
+                    4 => scene.crowd.crowd().cut(0).expect("an instance"),
+                    5 => {
+                        frozen = scene.crowd.read_pose(1).expect("a pose");
+                        scene.hide(1, true);
+                    }
+                    9 => scene.hide(1, false),
+                    _ => {}
+                }
+                if frame == 6 {
+                    scene.drop_one(100.0);
+                    assert_eq!(Some(scene.crowd.read_pose(0).expect("a pose")), before, "the last that ran");
+                }
+                scene.step(f64::from(frame) / 7.0);
+                let pose = scene.crowd.read_pose(0).expect("a pose");
+                let previous = scene.crowd.read_previous_pose(0).expect("a pose");
+                let expected = match (frame, slots) {
+                    (0 | 4, _) => Some(&pose),
+                    (_, 1) => None,
+                    _ => before.as_ref(),
+                };
+                assert!(previous.as_ref() == expected, "{slots} slots, frame {frame}");
+                before = Some(pose);
+                if (5..=9).contains(&frame) {
+                    let pose = scene.crowd.crowd().pose(1).expect("a pose");
+                    let previous = scene.crowd.crowd().previous_pose(1).expect("a pose");
+                    assert_eq!(Some(pose), previous, "hidden, or just shown");
+                }
+                if (5..9).contains(&frame) {
+                    assert!(scene.crowd.read_pose(1).expect("a pose") == frozen, "a hidden head's pose stays");
+                }
+            }
+            (0..2).for_each(|instance| scene.assert_fresh(instance));
+        }
+    });
+}
+
+#[test]
+fn heads_come_and_go() {
+    let mesh = packed(DeltaFormat::Small, 32);
+    gpu::on_every_device(|headless, _| {
+        let clips = clips();
+        let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
+        let mut scene = Scene::new(headless, &mesh, crowd(10, exact(3)), &animation);
+        scene.instances().for_each(|i| scene.play(i, Playback { speed: 1.0 + f64::from(i) / 9.0, ..Playback::new(0) }));
+        (0..3).for_each(|frame| drop(scene.step(f64::from(frame) / 10.0)));
+        scene.remove(4);
+        scene.remove(9);
+        let text = scene.crowd.crowd().pose(4).unwrap_err().to_string();
+        assert!(text.contains("instance 4 was removed"), "{text}");
+        assert!(scene.crowd.crowd().play(4, &Playback::new(0)).is_err());
+        let (plan, _) = scene.step(0.4);
+        assert!(plan.keys().all(|(instance, _)| ![4, 9].contains(instance)));
+        // One comes back before the next update, one after.
+        assert_eq!(scene.add(), 4);
+        let text = scene.crowd.crowd().pose(4).unwrap_err().to_string();
+        assert!(text.contains("no pose yet"), "{text}");
+        scene.step(0.5);
+        scene.assert_fresh(4);
+        let pose = scene.crowd.read_pose(4).expect("a pose");
+        assert_eq!(scene.crowd.read_previous_pose(4).expect("a pose").as_ref(), Some(&pose));
+        assert_eq!(scene.add(), 9);
+        scene.remove(2);
+        assert_eq!(scene.add(), 2);
+        scene.play(9, Playback::new(1));
+        for frame in 6..10 {
+            scene.step(f64::from(frame) / 10.0);
+            scene.instances().for_each(|instance| scene.assert_fresh(instance));
+        }
+        assert!(scene.crowd.crowd().add().unwrap_err().to_string().contains("all taken"));
+    });
+}
+
+#[test]
+fn misuse_is_an_error_that_says_what_to_do() {
+    let mesh = packed(DeltaFormat::Small, 64);
+    gpu::on_device("llvmpipe", false, |headless, _| {
+        let clips = clips();
+        let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
+        let refuse = |update: UpdateDesc, words: &str| {
+            let text = HeadlessCrowd::animated(headless, &mesh, &crowd(2, update), &animation).err().expect("refused");
+            assert!(text.to_string().contains(words), "{text}");
+        };
+        refuse(UpdateDesc::blocks(), "use Accumulate::Exact");
+        refuse(exact(40), "at most 32");
+        refuse(UpdateDesc::new(UpdatePath::Compute, BatchSize::All), "pack the mesh as");
+        let mut animated = HeadlessCrowd::animated(headless, &mesh, &crowd(2, exact(2)), &animation).expect("a crowd");
+        let mut set = HeadlessCrowd::new(headless, &mesh, &crowd(2, exact(2))).expect("a crowd");
+        let weights = vec![0.0; HEAD.targets];
+        for (result, words) in [
+            (animated.crowd().set_weights(0, &weights), "play a clip"),
+            (animated.crowd().play(2, &Playback::new(0)), "instance 2 of a crowd of 2"),
+            (animated.crowd().play(0, &Playback::new(3)), "clip 3 of 3"),
+            (animated.crowd().set_time(f64::NAN), "second NaN"),
+            (set.crowd().play(0, &Playback::new(0)), "create_animated_crowd"),
+            (set.crowd().set_time(0.0), "create_animated_crowd"),
+        ] {
+            let text = result.unwrap_err().to_string();
+            assert!(text.contains(words), "{text}");
+        }
+        assert_eq!(animated.crowd().clips().map(|clips| (clips.count(), clips.frames(1))), Some((3, 5)));
+        assert!(set.crowd().clips().is_none());
+    });
+}
+
+/// Synchronization validation sees a barrier that is left out in the real command buffer (those within an update: it does
+/// not look across submissions).
+#[test]
+fn validation_sees_a_dropped_barrier() {
+    let mesh = packed(DeltaFormat::Small, 64);
+    let clips = clips();
+    let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
+    for hazard in [
+        Hazard::TransferWriteToComputeUpdate,
+        Hazard::ComputeWriteToComputeUpdate,
+        Hazard::ComputeWriteToIndirectUpdate,
+    ] {
+        let device = DeviceChoice::Name("llvmpipe".into());
+        let headless = Headless::new(&HeadlessDesc { device, validation: true, limits: None })
+            .expect("lavapipe; run the tests as ./with-vulkan cargo test");
+        let update = UpdateDesc { error_budget: 1e-3, ..exact(2) };
+        let mut crowd = HeadlessCrowd::animated(&headless, &mesh, &crowd(2, update), &animation).expect("a crowd");
+        for _ in 0..2 {
+            crowd.crowd().play(0, &Playback::new(0)).expect("a clip");
+            crowd.step(&[]).expect("a step");
+        }
+        assert_eq!(headless.messages(), Vec::<String>::new());
+        crowd.crowd().play(0, &Playback::new(1)).expect("a clip");
+        let dropped = |list: &mut deltamorph::plan::commands::CommandList| {
+            let at = list.commands.iter().position(|c| *c == Command::Barrier(hazard)).expect("such a barrier");
+            list.commands.remove(at);
+        };
+        // SAFETY: a barrier less; the driver is software, and runs dispatches one after the other all the same.
+        unsafe { crowd.step_tampered(&[], dropped) }.expect("a step");
+        let messages = headless.messages();
+        assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD")), "{hazard:?}: {messages:?}");
+    }
+}

@@ -1,0 +1,214 @@
+//! Animation on the GPU: weights, plans, sums and poses against the CPU twin, bit for bit.
+
+#[path = "common/data.rs"]
+mod data;
+#[path = "common/gpu.rs"]
+mod gpu;
+#[path = "common/scene.rs"]
+mod scene;
+
+use deltamorph::animation::{AnimationDesc, KeyFormat, Playback, Repeat};
+use deltamorph::engine::{CrowdDesc, DeviceCaps};
+use deltamorph::headless::{Headless, HeadlessCrowd};
+use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
+use deltamorph::mesh::{Tolerance, obj};
+use deltamorph::plan::{UpdateDesc, UpdateMode};
+use deltamorph::weights::csv;
+use scene::{Scene, blocks, clips, crowd, exact, packed};
+use std::sync::Arc;
+
+/// Numbers below `n`, the same everywhere.
+fn dice(state: &mut u32, n: u32) -> u32 {
+    *state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+    (*state >> 16) % n
+}
+
+fn some_playback(state: &mut u32, now: f64) -> Playback {
+    let speeds = [1.0, 0.5, -1.0, 3.0, 0.0, -0.25];
+    Playback {
+        clip: dice(state, 3),
+        start: now + f64::from(dice(state, 20)) / 10.0 - 1.5,
+        speed: speeds[dice(state, 6) as usize],
+        repeat: if dice(state, 2) == 0 { Repeat::Loop } else { Repeat::Once },
+    }
+}
+
+/// Heads that play, are hidden, shown and cut at random. How many blocks were rebuilt, added to, and only caught up.
+fn play_around(
+    headless: &Headless,
+    mesh: &Arc<PackedMesh>,
+    desc: CrowdDesc,
+    keys: KeyFormat,
+    frames: u32,
+) -> [usize; 3] {
+    let (clips, mut seen) = (clips(), [0; 3]);
+    let mut scene = Scene::new(headless, mesh, desc, &AnimationDesc { clips: &clips, key_format: keys });
+    let mut state = desc.instances * 31 + desc.update.slots;
+    for frame in 0..frames {
+        let now = f64::from(frame) / 24.0;
+        for instance in scene.instances() {
+            if dice(&mut state, if frame == 0 { 2 } else { 12 }) == 0 {
+                scene.play(instance, some_playback(&mut state, now));
+            }
+            if dice(&mut state, 8) == 0 {
+                scene.hide(instance, !scene.is_hidden(instance));
+            }
+        }
+        // Now and then an update is lost, or two run at once.
+        if dice(&mut state, 5) == 0 {
+            scene.drop_one(now + 0.3);
+        }
+        if dice(&mut state, 5) == 0 {
+            scene.step_together(&[now, now + 0.02]);
+            continue;
+        }
+        for (from_base, _, _, elements) in scene.step(now).0.values() {
+            seen[if *from_base { 0 } else { 1 + usize::from(elements.is_empty()) }] += 1;
+        }
+        if frame % 4 == 3 {
+            let shown: Vec<u32> = scene.instances().filter(|&i| !scene.is_hidden(i)).collect();
+            shown.iter().step_by(1 + shown.len() / 5).for_each(|&instance| scene.assert_fresh(instance));
+        }
+    }
+    seen
+}
+
+#[test]
+fn the_gpu_plans_as_the_cpu_does() {
+    gpu::on_every_device(|headless, _| {
+        let formats = [(DeltaFormat::Fast, 64), (DeltaFormat::Small, 32), (DeltaFormat::Small, 128)];
+        for (i, instances) in [1, 7, 8, 9, 33].into_iter().enumerate() {
+            let (format, size) = formats[i % 3];
+            let mesh = packed(format, size);
+            for slots in [1, 2, 3] {
+                let mode =
+                    if (i as u32 + slots).is_multiple_of(4) { UpdateMode::Rebuild } else { UpdateMode::Incremental };
+                let keys = if slots == 2 { KeyFormat::Bits16 } else { KeyFormat::Bits32 };
+                let desc = crowd(instances, UpdateDesc { mode, ..exact(slots) });
+                let [rebuilt, added, caught_up] = play_around(headless, &mesh, desc, keys, 16);
+                assert!(rebuilt > 0 && (mode == UpdateMode::Rebuild || instances < 7 || added > 0), "{desc:?}");
+                assert!(slots == 1 || caught_up > 0, "{desc:?}");
+            }
+        }
+    });
+}
+
+/// With an error budget, small changes wait on the GPU as they do in the twin, and no vertex is further off than it says.
+#[test]
+fn small_changes_wait_as_on_the_cpu() {
+    gpu::on_every_device(|headless, _| {
+        for (format, size, slots) in [(DeltaFormat::Fast, 64, 2), (DeltaFormat::Small, 32, 1)] {
+            let mesh = packed(format, size);
+            let diagonal = mesh.layout().diagonal;
+            let mut written = vec![];
+            for budget in [0.0, 1e-3, 2e-2] {
+                let update = UpdateDesc { error_budget: budget * diagonal, ..exact(slots) };
+                let [rebuilt, added, _] = play_around(headless, &mesh, crowd(9, update), KeyFormat::Bits32, 24);
+                written.push(rebuilt + added);
+            }
+            assert!(written[0] > written[1] && written[1] > written[2], "{written:?}");
+        }
+    });
+}
+
+/// Nine heads play a captured clip, each at a place and a speed of its own.
+fn captured(set: &str, clip: &str, format: DeltaFormat, keys: KeyFormat) {
+    let Some(folder) = data::set(set) else { return };
+    let mesh = obj::import_folder(&folder).expect("a folder").to_mesh(Tolerance::default()).expect("a mesh");
+    let mesh = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format)).expect("a mesh that packs"));
+    let clips = [csv::read(&folder.join("weights").join(clip), 30.0).expect("a clip")];
+    gpu::on_device("llvmpipe", false, |headless, _| {
+        let animation = AnimationDesc { clips: &clips, key_format: keys };
+        let mut scene = Scene::new(headless, &mesh, crowd(9, exact(2)), &animation);
+        for i in 0..9 {
+            let (start, speed) = (-f64::from(i) * 1.7, if i < 3 { 1.0 } else { 0.4 + f64::from(i) / 6.0 });
+            scene.play(i, Playback { start, speed, ..Playback::new(0) });
+        }
+        let mut written = 0;
+        for frame in 0..120 {
+            written += scene.step(f64::from(frame) / 30.0).0.len();
+            if frame % 40 == 39 {
+                [0, 4, 8].into_iter().for_each(|i| scene.assert_fresh(i));
+            }
+        }
+        let share = written as f64 / f64::from(9 * 120) / blocks(&mesh) as f64;
+        println!("{set}/{clip} {format:?}: {:.0}% of the blocks are written", share * 100.0);
+        assert!(share > 0.01 && share < 1.0);
+    });
+}
+
+#[test]
+fn captured_clips_are_planned_alike() {
+    captured("facecap_head_glb", "facecap_30fps.csv", DeltaFormat::Small, KeyFormat::Bits32);
+    captured("ict_facekit", "facecap_30fps.csv", DeltaFormat::Fast, KeyFormat::Bits16);
+    captured("ict_facekit", "facegood_2_01_mapped_30fps.csv", DeltaFormat::Small, KeyFormat::Bits32);
+}
+
+/// Groups and dispatches are split where the device's limits ask for it.
+#[test]
+fn small_limits_split_the_crowd() {
+    let mesh = packed(DeltaFormat::Fast, 32);
+    // Sixteen instances in two slots, or a little more; four items in a dispatch.
+    let range = 2 * 17 * mesh.layout().pose_bytes();
+    let limits = DeviceCaps { max_storage_range: range, max_workgroups: 4, ..DeviceCaps::android_baseline() };
+    for driver in gpu::drivers() {
+        gpu::on_device_within(&driver, Some(limits.clone()), |headless, _| {
+            play_around(headless, &mesh, crowd(45, exact(2)), KeyFormat::Bits32, 10);
+        });
+    }
+    let small = DeviceCaps { max_storage_range: 20_000, ..limits };
+    gpu::on_device_within("llvmpipe", Some(small), |headless, _| {
+        let clips = clips();
+        let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
+        let refused = HeadlessCrowd::animated(headless, &mesh, &crowd(9, exact(2)), &animation);
+        let text = refused.err().expect("refused").to_string();
+        assert!(text.contains("bytes") && text.contains("allows 20000"), "{text}");
+    });
+}
+
+/// More heads than one command sends the records of, and more invocations than workgroups in a row.
+#[test]
+fn thousands_of_heads_start_at_once() {
+    let mesh = packed(DeltaFormat::Small, 128);
+    let limits = DeviceCaps { max_workgroups: 60, ..DeviceCaps::android_baseline() };
+    gpu::on_device_within("llvmpipe", Some(limits), |headless, _| {
+        let clips = clips();
+        let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits16 };
+        let mut scene = Scene::new(headless, &mesh, crowd(2100, exact(1)), &animation);
+        let mut state = 5;
+        for instance in scene.instances() {
+            scene.play(instance, some_playback(&mut state, 0.0));
+        }
+        scene.step(0.0);
+        scene.step(0.7);
+        [0, 2047, 2048, 2099].into_iter().for_each(|instance| scene.assert_fresh(instance));
+    });
+}
+
+/// What is recorded depends on the slots, and on whether anything is played anew: not on what changes.
+#[test]
+fn the_same_is_recorded_whatever_changes_and_an_idle_crowd_is_no_work() {
+    let mesh = packed(DeltaFormat::Fast, 64);
+    gpu::on_every_device(|headless, _| {
+        let clips = clips();
+        let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
+        let mut scene = Scene::new(headless, &mesh, crowd(9, exact(2)), &animation);
+        let (first, still) = scene.step(0.0);
+        let (second, _) = scene.step(0.0);
+        assert_eq!((first.len(), second.len()), (9 * blocks(&mesh), 9 * blocks(&mesh)), "both slots are filled");
+        let (idle, idle_again) = (scene.step(0.0), scene.step(0.1));
+        assert!(idle.0.is_empty() && idle_again.0.is_empty(), "nothing plays");
+        assert_eq!(idle.1, still);
+        for instance in 0..9 {
+            scene.play(instance, Playback::new(1));
+        }
+        let (_, with_records) = scene.step(1.0);
+        assert_eq!(with_records.commands.len(), still.commands.len() + 3);
+        let (busy, commands) = scene.step(1.1);
+        let changed = busy.values().filter(|work| !work.3.is_empty()).count();
+        assert!(changed > 4 * blocks(&mesh), "{changed} blocks");
+        assert_eq!(scene.step(1.2).1.commands.len(), commands.commands.len());
+        assert_eq!(scene.step(1.3).1, commands);
+        assert_eq!(commands.commands.len(), still.commands.len());
+    });
+}

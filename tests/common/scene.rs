@@ -1,0 +1,234 @@
+//! A crowd that is animated on the GPU next to its CPU twin: told the same, held against each other.
+#![allow(dead_code)] // each test file uses some of this
+
+use deltamorph::animation::{AnimationDesc, Clips, Heads, Playback, Twin};
+use deltamorph::cpu::CpuCrowd;
+use deltamorph::engine::CrowdDesc;
+use deltamorph::headless::{Headless, HeadlessCrowd, PlannedGroup};
+use deltamorph::mesh::Tolerance;
+use deltamorph::mesh::head::{HeadDesc, head, head_clip};
+use deltamorph::mesh::packed::blocks::BlockDesc;
+use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
+use deltamorph::plan::blocks::{ROWS, TILE, TILE_WORDS, WorkList};
+use deltamorph::plan::commands::CommandList;
+use deltamorph::plan::{Accumulate, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph::reference::{compare, evaluate};
+use deltamorph::weights::WeightClip;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+pub const HEAD: HeadDesc = HeadDesc { vertices: 900, targets: 37, sparsity: 0.15, seed: 3 };
+
+pub fn packed(format: DeltaFormat, size: u32) -> Arc<PackedMesh> {
+    let mesh = head(&HEAD).to_mesh(Tolerance::default()).expect("a mesh");
+    let blocks = BlockDesc { size: Some(size), ..BlockDesc::default() };
+    Arc::new(PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(format) }).expect("a mesh that packs"))
+}
+
+/// A captured-like clip, a short one in which all weights change, and one that is still.
+pub fn clips() -> Vec<WeightClip> {
+    let clip = head_clip(&HEAD, 40, 30.0);
+    let noise = |i: usize| ((i as u32).wrapping_mul(0x9E37_79B9) >> 12) as f32 / (1 << 20) as f32 - 0.3;
+    let values = |f: &dyn Fn(usize) -> f32, frames: usize| (0..frames * clip.names.len()).map(f).collect();
+    let wild = WeightClip { fps: 12.0, values: values(&noise, 5), ..clip.clone() };
+    let still = WeightClip { values: values(&|i| if i % 3 == 0 { 0.5 } else { 0.0 }, 1), ..clip.clone() };
+    vec![clip, wild, still]
+}
+
+pub fn crowd(instances: u32, update: UpdateDesc) -> CrowdDesc {
+    CrowdDesc { instances, update, frames_in_flight: 2 }
+}
+
+pub fn blocks(mesh: &PackedMesh) -> usize {
+    mesh.layout().blocks.as_ref().expect("blocks").count()
+}
+
+/// Exact sums on the path `blocks`.
+pub fn exact(slots: u32) -> UpdateDesc {
+    UpdateDesc { accumulate: Accumulate::Exact, slots, ..UpdateDesc::blocks() }
+}
+
+/// What is done with a block of an instance: whether it starts from the base pose, slots, entries and coefficients.
+type Work = (bool, u32, u32, Vec<(u32, i32)>);
+/// By instance and block.
+pub type Plan = BTreeMap<(u32, u32), Work>;
+
+pub struct Scene<'a> {
+    pub crowd: HeadlessCrowd<'a>,
+    pub mesh: Arc<PackedMesh>,
+    desc: CrowdDesc,
+    heads: Heads,
+    clips: Clips,
+    twin: Twin,
+    /// Full evaluations, one at a time.
+    fresh: CpuCrowd,
+    hidden: Vec<bool>,
+}
+
+impl<'a> Scene<'a> {
+    pub fn new(headless: &'a Headless, mesh: &Arc<PackedMesh>, desc: CrowdDesc, animation: &AnimationDesc<'_>) -> Self {
+        let rebuilt = UpdateDesc { path: UpdatePath::Cpu, mode: UpdateMode::Rebuild, ..exact(1) };
+        Self {
+            crowd: HeadlessCrowd::animated(headless, mesh, &desc, animation).expect("a crowd"),
+            heads: Heads::new(desc.instances),
+            clips: Clips::new(animation, mesh.layout()).expect("clips"),
+            twin: Twin::new(desc.update, mesh.layout(), desc.instances).expect("a twin"),
+            fresh: CpuCrowd::new(mesh.clone(), rebuilt, 1, 1).expect("a crowd"),
+            hidden: vec![false; desc.instances as usize],
+            mesh: mesh.clone(),
+            desc,
+        }
+    }
+
+    pub fn play(&mut self, instance: u32, playback: Playback) {
+        self.crowd.crowd().play(instance, &playback).expect("a clip");
+        self.heads.play(instance, &playback, &self.clips).expect("a clip");
+    }
+
+    pub fn hide(&mut self, instance: u32, hidden: bool) {
+        self.crowd.crowd().set_hidden(instance, hidden).expect("an instance");
+        self.heads.set_hidden(instance, hidden);
+        self.hidden[instance as usize] = hidden;
+    }
+
+    pub fn remove(&mut self, instance: u32) {
+        self.crowd.crowd().remove(instance).expect("an instance");
+        self.heads.set_hidden(instance, true);
+        self.hidden[instance as usize] = true;
+    }
+
+    pub fn add(&mut self) -> u32 {
+        let instance = self.crowd.crowd().add().expect("a free place");
+        self.heads.add(instance);
+        self.hidden[instance as usize] = false;
+        instance
+    }
+
+    /// Update at `seconds`, on both sides; the GPU's plan is the twin's, and so are the weights.
+    pub fn step(&mut self, seconds: f64) -> (Plan, CommandList) {
+        self.crowd.crowd().set_time(seconds).expect("a time");
+        self.heads.set_time(seconds).expect("a time");
+        let mut commands = None;
+        // SAFETY: nothing is changed.
+        unsafe { self.crowd.step_tampered(&[], |list| commands = Some(list.clone())) }.expect("a step");
+        let update = self.heads.update(&self.clips);
+        let expected = of_list(self.twin.update(&self.clips, &self.heads, update));
+        // A few of many.
+        let some = (0..self.desc.instances).step_by(1 + self.desc.instances as usize / 50);
+        for instance in some.filter(|&i| !self.hidden[i as usize]) {
+            let weights = self.crowd.read_weights(instance).expect("weights");
+            assert_eq!(weights, self.twin.weights(instance as usize), "weights of head {instance} at {seconds}");
+        }
+        let plan = of_groups(&self.crowd.read_plan().expect("a plan"), self.desc.update.slots, &self.mesh);
+        assert_eq!(plan, expected, "{:?} at {seconds}", self.desc);
+        (plan, commands.expect("a list"))
+    }
+
+    /// Record an update at `seconds` that never runs. The twin hears nothing of it.
+    pub fn drop_one(&mut self, seconds: f64) {
+        self.crowd.crowd().set_time(seconds).expect("a time");
+        let (_, update) = self.crowd.record(&[]).expect("a recording");
+        self.crowd.crowd().discard(update.ticket);
+    }
+
+    /// Record updates at these times, then run them all at once; the twin follows, and the last plan is compared.
+    pub fn step_together(&mut self, seconds: &[f64]) {
+        let (mut recorded, mut expected) = (vec![], Plan::new());
+        for &seconds in seconds {
+            self.crowd.crowd().set_time(seconds).expect("a time");
+            self.heads.set_time(seconds).expect("a time");
+            recorded.push(self.crowd.record(&[]).expect("a recording").0);
+            let update = self.heads.update(&self.clips);
+            expected = of_list(self.twin.update(&self.clips, &self.heads, update));
+        }
+        self.crowd.submit(recorded).expect("a submission");
+        let plan = of_groups(&self.crowd.read_plan().expect("a plan"), self.desc.update.slots, &self.mesh);
+        assert_eq!(plan, expected, "{:?} at {seconds:?}", self.desc);
+    }
+
+    /// Sums and pose of an instance are those of a full evaluation, bit for bit.
+    pub fn assert_fresh(&mut self, instance: u32) {
+        let grid = self.mesh.layout().blocks.as_ref().expect("blocks").exact().expect("a grid");
+        let steps = self.twin.weights(instance as usize);
+        let to_weights = |steps: &[i32]| steps.iter().map(|&s| s as f32 * grid.weight_step()).collect::<Vec<_>>();
+        let weights = to_weights(steps);
+        self.fresh.set_weights(0, &weights).expect("weights");
+        self.fresh.update();
+        let sums = self.crowd.read_sums(instance).expect("sums");
+        assert!(sums.as_deref() == self.fresh.sums(0), "sums of head {instance}, {:?}", self.desc);
+        let pose = self.crowd.read_pose(instance).expect("a pose");
+        let expected = self.mesh.layout().to_user_order(self.fresh.pose(0));
+        assert!(pose == expected, "pose of head {instance}, {:?}", self.desc);
+        // What was asked for is no further off than the budget.
+        let error = compare(&pose, &evaluate(&self.mesh, &to_weights(self.twin.requested(instance as usize))));
+        let most = f64::from(self.desc.update.error_budget) + 1e-6 * f64::from(self.mesh.layout().diagonal);
+        assert!(error.position <= most, "head {instance} is {error:?} off, {:?}", self.desc);
+    }
+
+    pub fn instances(&self) -> std::ops::Range<u32> {
+        0..self.desc.instances
+    }
+
+    pub fn is_hidden(&self, instance: u32) -> bool {
+        self.hidden[instance as usize]
+    }
+}
+
+/// The CPU planner's list. Coefficients of 0 are not listed.
+fn of_list(list: &WorkList) -> Plan {
+    let mut plan = Plan::new();
+    for item in &list.items {
+        let elements = list.elements_of(item).iter().map(|e| (e.entry, e.coefficient as i32)).collect();
+        let source = item.source.unwrap_or_default();
+        let work = (item.source.is_none(), source, item.destination, elements);
+        assert!(plan.insert((item.instance, item.block), work).is_none());
+    }
+    plan
+}
+
+/// The GPU's lists, taken apart; what is asked of their form is checked on the way.
+fn of_groups(groups: &[PlannedGroup], slots: u32, mesh: &PackedMesh) -> Plan {
+    let (mut plan, mut tiles) = (Plan::new(), BTreeSet::new());
+    let blocks = blocks(mesh) as u32;
+    for group in groups {
+        for (size, &count) in group.counts.iter().enumerate() {
+            let width = 1usize << size;
+            for i in 0..count as usize {
+                let item = &group.words[(size * group.capacity + i) * TILE_WORDS..][..TILE_WORDS];
+                let (block, first, rows, rebuilt) = (item[0], item[1] as usize, item[2] as usize, item[3]);
+                let poses: Vec<[u32; 2]> = item[4..].iter().map(|w| [w & 0xffff, w >> 16]).collect();
+                let rows: Vec<&[u32]> = group.words[first..][..rows * (width + 1)].chunks_exact(width + 1).collect();
+                // Rows are filled up at the end: one at least, two at a time where there are several instances.
+                let idle = rows.iter().rev().take_while(|row| row[1..].iter().all(|c| *c == 0)).count();
+                let (filled, multiple) = (rows.len(), if width > 1 { ROWS as usize } else { 1 });
+                let rows = &rows[..filled - idle];
+                assert_eq!(filled, rows.len().max(1).next_multiple_of(multiple));
+                assert!(block < blocks && rows.windows(2).all(|w| w[0][0] < w[1][0]), "entries ascend");
+                assert!(rows.iter().all(|row| row[1..].iter().any(|c| *c != 0)), "no row is idle");
+                let mut used = width;
+                while used > 1 && poses[used - 1] == poses[used - 2] {
+                    used -= 1;
+                }
+                assert!(used.next_power_of_two() == width, "the narrowest width: {used} in {width}");
+                for place in used..TILE {
+                    assert_eq!((poses[place], rebuilt >> place & 1), (poses[used - 1], rebuilt >> (used - 1) & 1));
+                    assert!(place >= width || rows.iter().all(|row| row[1 + place] == row[used]));
+                }
+                let tile = poses[0][1] / slots / TILE as u32;
+                assert!(tiles.insert((group.instances.0, tile, block)), "one item for a block of a tile");
+                for (place, [source, destination]) in poses[..used].iter().enumerate() {
+                    let instance = destination / slots;
+                    assert_eq!((source / slots, instance / TILE as u32), (instance, tile));
+                    assert!(instance < group.instances.1);
+                    let from_base = rebuilt >> place & 1 != 0;
+                    let elements = rows.iter().filter(|row| row[1 + place] != 0);
+                    let elements = elements.map(|row| (row[0], row[1 + place] as i32)).collect();
+                    let source = if from_base { 0 } else { source % slots };
+                    let work = (from_base, source, destination % slots, elements);
+                    assert!(plan.insert((group.instances.0 + instance, block), work).is_none());
+                }
+            }
+        }
+    }
+    plan
+}
