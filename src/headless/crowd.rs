@@ -4,12 +4,13 @@ use super::Headless;
 use super::draw::PoseDraw;
 use super::submit::{full_barrier, host_barrier};
 use crate::engine::{Crowd, CrowdDesc, GpuMesh, MorphEngine, PoseView, Update};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::mesh::packed::PackedMesh;
 use crate::plan::commands::CommandList;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// What a step took.
@@ -19,6 +20,8 @@ pub struct Step {
     pub update: Update,
     /// Device time of the update in milliseconds, where the device has timestamps.
     pub gpu_ms: Option<f64>,
+    /// Device time of the draws behind it, likewise; `None` where there were none.
+    pub draw_ms: Option<f64>,
     /// Round trip from weights to fence, in milliseconds.
     pub cpu_ms: f64,
 }
@@ -29,7 +32,7 @@ pub struct Recorded(vk::CommandBuffer);
 /// A mesh and a crowd on a [`Headless`] device.
 pub struct HeadlessCrowd<'a> {
     headless: &'a Headless,
-    mesh: GpuMesh,
+    mesh: Arc<GpuMesh>,
     crowd: Crowd,
     draw: PoseDraw,
     readback: Buffer,
@@ -41,11 +44,29 @@ impl<'a> HeadlessCrowd<'a> {
     /// # Errors
     /// As [`MorphEngine::upload`] and [`MorphEngine::create_crowd`].
     pub fn new(headless: &'a Headless, mesh: &PackedMesh, desc: &CrowdDesc) -> Result<Self> {
+        Self::on(headless, &Self::upload(headless, mesh)?, desc)
+    }
+
+    /// `count` crowds that read one upload of `mesh`.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn several(headless: &'a Headless, mesh: &PackedMesh, desc: &CrowdDesc, count: usize) -> Result<Vec<Self>> {
+        let mesh = Self::upload(headless, mesh)?;
+        (0..count).map(|_| Self::on(headless, &mesh, desc)).collect()
+    }
+
+    fn upload(headless: &Headless, mesh: &PackedMesh) -> Result<Arc<GpuMesh>> {
         let engine = headless.engine();
         // SAFETY: the submitter hands out a recording buffer of the engine's device; it waits for the device.
         let mut mesh = headless.submitter().run(|cmd| unsafe { engine.upload(cmd, mesh) })?;
         mesh.release_staging();
-        let crowd = engine.create_crowd(&mesh, desc)?;
+        Ok(Arc::new(mesh))
+    }
+
+    fn on(headless: &'a Headless, mesh: &Arc<GpuMesh>, desc: &CrowdDesc) -> Result<Self> {
+        let engine = headless.engine();
+        let crowd = engine.create_crowd(mesh, desc)?;
         let readback = Buffer::new(
             engine.device(),
             &BufferDesc {
@@ -55,7 +76,7 @@ impl<'a> HeadlessCrowd<'a> {
                 location: MemoryLocation::GpuToCpu,
             },
         )?;
-        Ok(Self { headless, draw: PoseDraw::new(engine.device())?, mesh, crowd, readback })
+        Ok(Self { headless, draw: PoseDraw::new(engine.device())?, mesh: mesh.clone(), crowd, readback })
     }
 
     /// The crowd.
@@ -73,8 +94,17 @@ impl<'a> HeadlessCrowd<'a> {
     /// # Errors
     /// Weights that are refused; a device that fails.
     pub fn step(&mut self, weights: &[&[f32]]) -> Result<Step> {
+        Self::step_together(std::slice::from_mut(self), weights, 0)
+    }
+
+    /// As [`step`](Self::step), and then draw the pose of every instance `copies` times, all in one submission. Several
+    /// crowds have their updates recorded one behind the other; `weights` and the counts speak of all their instances.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step); no crowd, crowds on several devices, or more weights than instances.
+    pub fn step_together(crowds: &mut [Self], weights: &[&[f32]], copies: u32) -> Result<Step> {
         // SAFETY: nothing is tampered with.
-        unsafe { self.step_tampered(weights, |_| {}) }
+        unsafe { Self::step_all(crowds, weights, copies, |_| {}) }
     }
 
     /// As [`step`](Self::step), with the commands changed before they are recorded: lets tests plant faults.
@@ -85,18 +115,56 @@ impl<'a> HeadlessCrowd<'a> {
     /// # Safety
     /// The commands stay within slots, instances and coefficients that there are.
     #[doc(hidden)]
-    pub unsafe fn step_tampered(&mut self, weights: &[&[f32]], tamper: impl FnOnce(&mut CommandList)) -> Result<Step> {
+    pub unsafe fn step_tampered(&mut self, weights: &[&[f32]], tamper: impl FnMut(&mut CommandList)) -> Result<Step> {
+        // SAFETY: the caller's obligations.
+        unsafe { Self::step_all(std::slice::from_mut(self), weights, 0, tamper) }
+    }
+
+    /// # Safety
+    /// As [`step_tampered`](Self::step_tampered).
+    unsafe fn step_all(
+        crowds: &mut [Self],
+        weights: &[&[f32]],
+        copies: u32,
+        mut tamper: impl FnMut(&mut CommandList),
+    ) -> Result<Step> {
+        let Some(headless) = crowds.first().map(|crowd| crowd.headless) else {
+            return Err(Error::invalid("a step of no crowd", "name one or more"));
+        };
         let start = Instant::now();
-        for (instance, weights) in weights.iter().enumerate() {
-            self.crowd.set_weights(instance as u32, weights)?;
+        let mut rest = weights.iter();
+        for Self { crowd, .. } in &mut *crowds {
+            for (instance, weights) in (0..crowd.desc().instances).zip(&mut rest) {
+                crowd.set_weights(instance, weights)?;
+            }
         }
-        let (engine, crowd) = (self.headless.engine(), &mut self.crowd);
-        // SAFETY: the buffer is recording on the engine's device, on a queue with graphics and compute; it is
-        // submitted once, and waited for, before anything else happens; tampering is the caller's to answer for.
-        let (update, ticks) =
-            self.headless.submitter().run_timed(|cmd| unsafe { engine.record_tampered(cmd, crowd, tamper) })?;
+        if rest.len() > 0 {
+            return Err(Error::invalid(
+                format!("weights for {} instances, {} too many", weights.len(), rest.len()),
+                "give one list of weights per instance",
+            ));
+        }
+        let record = |crowds: &mut &mut [Self], cmd| {
+            let mut sum: Option<Update> = None;
+            for Self { crowd, .. } in &mut **crowds {
+                // SAFETY: the buffer is recording on the engine's device, on a queue with graphics and compute; it is
+                // submitted once, and waited for, before anything else happens; tampering is the caller's to answer for.
+                let update = unsafe { headless.engine().record_tampered(cmd, crowd, &mut tamper) }?;
+                match &mut sum {
+                    Some(sum) => sum.stats += update.stats,
+                    None => sum = Some(update),
+                }
+            }
+            sum.ok_or_else(|| Error::invalid("a step of no crowd", "name one or more"))
+        };
+        let draw = |crowds: &mut &mut [Self], cmd| crowds.iter().try_for_each(|crowd| crowd.record_draws(cmd, copies));
+        let (update, ticks) = headless.submitter().run_timed_then(&mut &mut *crowds, record, draw)?;
         let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
-        Ok(Step { update, gpu_ms: self.milliseconds(ticks), cpu_ms })
+        let [gpu_ms, draw_ms] = match ticks {
+            Some(ticks) => ticks.map(|t| Some(headless.milliseconds(t))),
+            None => [None; 2],
+        };
+        Ok(Step { update, gpu_ms, draw_ms: draw_ms.filter(|_| copies > 0), cpu_ms })
     }
 
     /// Record an update now and leave it to the caller when to run it: see [`submit`](Self::submit). Makes
@@ -137,19 +205,25 @@ impl<'a> HeadlessCrowd<'a> {
         self.headless.submitter().submit(&cmds)
     }
 
-    /// Draw the pose of every instance once, discarding all primitives; device time in milliseconds.
+    /// Draw the pose of every instance `copies` times, discarding all primitives; device time in milliseconds.
     ///
     /// # Errors
     /// No update recorded yet; a device that fails.
-    pub fn draw(&self) -> Result<Option<f64>> {
-        let poses: Vec<PoseView> =
-            (0..self.crowd.desc().instances).map(|i| self.crowd.pose(i)).collect::<Result<_>>()?;
-        let vertices = self.mesh.layout().padded_vertices() as u32;
-        let ((), ticks) = self.headless.submitter().run_timed(|cmd| {
-            self.draw.record(cmd, &poses, vertices);
-            Ok(())
-        })?;
-        Ok(self.milliseconds(ticks))
+    pub fn draw(&self, copies: u32) -> Result<Option<f64>> {
+        let ((), ticks) = self.headless.submitter().run_timed(|cmd| self.record_draws(cmd, copies))?;
+        Ok(ticks.map(|t| self.headless.milliseconds(t)))
+    }
+
+    fn record_draws(&self, cmd: vk::CommandBuffer, copies: u32) -> Result<()> {
+        if copies == 0 {
+            return Ok(());
+        }
+        let mut poses: Vec<PoseView> = vec![];
+        for instance in 0..self.crowd.desc().instances {
+            poses.extend(std::iter::repeat_n(self.crowd.pose(instance)?, copies as usize));
+        }
+        self.draw.record(cmd, &poses, self.mesh.layout().padded_vertices() as u32);
+        Ok(())
     }
 
     /// Read the pose of an instance back: six floats a vertex, in the user's order of vertices, without padding.
@@ -198,10 +272,5 @@ impl<'a> HeadlessCrowd<'a> {
             Ok(())
         })?;
         Ok(&self.readback.mapped()?[..size as usize])
-    }
-
-    fn milliseconds(&self, ticks: Option<u64>) -> Option<f64> {
-        let period = f64::from(self.headless.caps().timestamp_period);
-        ticks.map(|t| t as f64 * period * 1e-6)
     }
 }

@@ -247,6 +247,10 @@ impl Headless {
         self.instance.messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
+    fn milliseconds(&self, ticks: u64) -> f64 {
+        ticks as f64 * f64::from(self.caps().timestamp_period) * 1e-6
+    }
+
     fn submitter(&self) -> &Submitter {
         &self.live().submitter
     }

@@ -186,7 +186,7 @@ impl<'a> Runner<'a> {
     /// A device that fails.
     pub fn draw_ms(&mut self) -> Result<Option<f64>, Failure> {
         match self {
-            Self::Gpu(crowd) => Ok(crowd.draw()?),
+            Self::Gpu(crowd) => Ok(crowd.draw(1)?),
             Self::Cpu(_) => Ok(None),
         }
     }
