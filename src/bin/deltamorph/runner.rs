@@ -5,7 +5,7 @@ use crate::input::Input;
 use crate::output::{Failure, Output};
 use deltamorph::cpu::CpuCrowd;
 use deltamorph::engine::{CrowdDesc, DeviceCaps};
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
+use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
 use deltamorph::mesh::packed::blocks::BlockDesc;
 use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::plan::{UpdateDesc, UpdatePath, UpdateStats};
@@ -80,8 +80,8 @@ pub fn packed(
 
 /// Heads that are updated by one path.
 pub enum Runner<'a> {
-    /// On a device.
-    Gpu(Box<HeadlessCrowd<'a>>),
+    /// On a device: a crowd, or one for each head.
+    Gpu(Vec<HeadlessCrowd<'a>>),
     /// On the processor.
     Cpu(Box<CpuCrowd>),
 }
@@ -90,9 +90,11 @@ pub enum Runner<'a> {
 pub struct Frame {
     /// Coefficients, passes, bytes.
     pub stats: UpdateStats,
-    /// Device time in milliseconds, where there is one.
+    /// Device time of the update in milliseconds, where there is one.
     pub gpu_ms: Option<f64>,
-    /// From weights to result, in milliseconds.
+    /// Device time of the draws behind it, likewise; `None` where there were none.
+    pub draw_ms: Option<f64>,
+    /// From weights to result, draws included, in milliseconds.
     pub cpu_ms: f64,
 }
 
@@ -112,11 +114,7 @@ impl<'a> Runner<'a> {
             (UpdatePath::Cpu, _) => {
                 Ok(Self::Cpu(Box::new(CpuCrowd::new(mesh.clone(), desc, heads as usize, threads)?)))
             }
-            (_, Some(gpu)) => {
-                // One update at a time is recorded and waited for.
-                let desc = CrowdDesc { instances: heads, update: desc, frames_in_flight: 1 };
-                Ok(Self::Gpu(Box::new(HeadlessCrowd::new(&gpu.headless, mesh, &desc)?)))
-            }
+            (_, Some(gpu)) => Self::crowds(gpu, mesh, desc, heads, 1),
             (path, None) => Err(Failure::Failed(format!(
                 "update path '{}' needs a Vulkan device and there is none; use --path cpu",
                 path.name()
@@ -124,16 +122,41 @@ impl<'a> Runner<'a> {
         }
     }
 
+    /// `count` crowds of `heads` each on a device, updated in one submission.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn crowds(
+        gpu: &'a Gpu,
+        mesh: &Arc<PackedMesh>,
+        desc: UpdateDesc,
+        heads: u32,
+        count: usize,
+    ) -> Result<Self, Failure> {
+        // One update at a time is recorded and waited for.
+        let desc = CrowdDesc { instances: heads, update: desc, frames_in_flight: 1 };
+        Ok(Self::Gpu(HeadlessCrowd::several(&gpu.headless, mesh, &desc, count)?))
+    }
+
     /// Update every head to `weights[head]` and wait.
     ///
     /// # Errors
     /// Weights that are refused; a device that fails.
-    pub fn step(&mut self, weights: &[Vec<f32>]) -> Result<Frame, Failure> {
+    pub fn step(&mut self, weights: &[Vec<f32>]) -> deltamorph::Result<Frame> {
+        self.step_and_draw(weights, 0)
+    }
+
+    /// As [`step`](Self::step), and on a device draw every head `copies` times.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step).
+    pub fn step_and_draw(&mut self, weights: &[Vec<f32>], copies: u32) -> deltamorph::Result<Frame> {
         match self {
-            Self::Gpu(crowd) => {
+            Self::Gpu(crowds) => {
                 let weights: Vec<&[f32]> = weights.iter().map(Vec::as_slice).collect();
-                let step = crowd.step(&weights)?;
-                Ok(Frame { stats: step.update.stats, gpu_ms: step.gpu_ms, cpu_ms: step.cpu_ms })
+                let step = HeadlessCrowd::step_together(crowds, &weights, copies)?;
+                let Step { update, gpu_ms, draw_ms, cpu_ms } = step;
+                Ok(Frame { stats: update.stats, gpu_ms, draw_ms, cpu_ms })
             }
             Self::Cpu(crowd) => {
                 let start = Instant::now();
@@ -141,7 +164,8 @@ impl<'a> Runner<'a> {
                     crowd.set_weights(head, weights)?;
                 }
                 let stats = crowd.update();
-                Ok(Frame { stats, gpu_ms: None, cpu_ms: start.elapsed().as_secs_f64() * 1e3 })
+                let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
+                Ok(Frame { stats, gpu_ms: None, draw_ms: None, cpu_ms })
             }
         }
     }
@@ -150,9 +174,12 @@ impl<'a> Runner<'a> {
     ///
     /// # Errors
     /// A device that fails.
-    pub fn pose(&mut self, head: u32) -> Result<Vec<f32>, Failure> {
+    pub fn pose(&mut self, head: u32) -> deltamorph::Result<Vec<f32>> {
         match self {
-            Self::Gpu(crowd) => Ok(crowd.read_pose(head)?),
+            Self::Gpu(crowds) => {
+                let (crowd, instance) = place(crowds, head);
+                crowd.read_pose(instance)
+            }
             Self::Cpu(crowd) => Ok(crowd.layout().to_user_order(crowd.pose(head as usize))),
         }
     }
@@ -163,7 +190,10 @@ impl<'a> Runner<'a> {
     /// There is no such head.
     pub fn cut(&mut self, head: u32) -> Result<(), Failure> {
         match self {
-            Self::Gpu(crowd) => crowd.crowd().cut(head)?,
+            Self::Gpu(crowds) => {
+                let (crowd, instance) = place(crowds, head);
+                crowd.crowd().cut(instance)?;
+            }
             Self::Cpu(crowd) => crowd.cut(head as usize),
         }
         Ok(())
@@ -175,19 +205,27 @@ impl<'a> Runner<'a> {
     /// A device that fails.
     pub fn sums(&mut self, head: u32) -> Result<Option<Vec<i32>>, Failure> {
         match self {
-            Self::Gpu(crowd) => Ok(crowd.read_sums(head)?),
+            Self::Gpu(crowds) => {
+                let (crowd, instance) = place(crowds, head);
+                Ok(crowd.read_sums(instance)?)
+            }
             Self::Cpu(crowd) => Ok(crowd.sums(head as usize).map(<[i32]>::to_vec)),
         }
     }
 
-    /// Device time of one draw that reads the pose of every head; `None` without a device.
+    /// Device time of `copies` draws of every head; `None` without a device.
     ///
     /// # Errors
     /// A device that fails.
-    pub fn draw_ms(&mut self) -> Result<Option<f64>, Failure> {
-        match self {
-            Self::Gpu(crowd) => Ok(crowd.draw(1)?),
-            Self::Cpu(_) => Ok(None),
-        }
+    pub fn draw_ms(&mut self, copies: u32) -> deltamorph::Result<Option<f64>> {
+        let Self::Gpu(crowds) = self else { return Ok(None) };
+        let each: Vec<Option<f64>> = crowds.iter().map(|crowd| crowd.draw(copies)).collect::<Result<_, _>>()?;
+        Ok(each.into_iter().sum())
     }
+}
+
+/// The crowd that has a head, and which of its instances it is.
+fn place<'c, 'a>(crowds: &'c mut [HeadlessCrowd<'a>], head: u32) -> (&'c mut HeadlessCrowd<'a>, u32) {
+    let instances = crowds[0].crowd().desc().instances;
+    (&mut crowds[(head / instances) as usize], head % instances)
 }

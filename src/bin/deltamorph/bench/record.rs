@@ -1,6 +1,9 @@
 //! The JSON of `bench`. Fields may be added, never renamed.
 
 use super::stats::Stats;
+use super::suites::record::SuiteRecord;
+use super::trial::{Config, Setting};
+use crate::input::Input;
 use deltamorph::plan::BatchSize;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -26,6 +29,12 @@ pub struct Report {
     /// Update paths and batch sizes that were asked for and could not run.
     #[serde(default)]
     pub skipped: Vec<Skipped>,
+    /// What `--suite` asked for, in the order it ran; empty for an ordinary run.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub suites: Vec<SuiteRecord>,
+    /// The meshes of the suites, by the name that runs give; empty for an ordinary run, which has one.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub meshes: Vec<InputInfo>,
 }
 
 /// The device.
@@ -93,6 +102,21 @@ pub struct Bandwidth {
 /// One configuration and what it took.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct RunRecord {
+    /// The suite that it belongs to; empty in an ordinary run.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub suite: String,
+    /// What it competes in there.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub cell: String,
+    /// Its name there.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub technique: String,
+    /// The mesh.
+    #[serde(default)]
+    pub mesh: String,
+    /// Targets of the mesh.
+    #[serde(default)]
+    pub targets: usize,
     /// Update path.
     pub path: String,
     /// "incremental" or "rebuild".
@@ -117,6 +141,12 @@ pub struct RunRecord {
     pub heads: u32,
     /// One animation, drawn many times.
     pub shared: bool,
+    /// Crowds that the heads are divided into; all are updated in one submission.
+    #[serde(default = "one")]
+    pub crowds: u32,
+    /// It was measured after the others, for lack of room beside them: its ratios are of medians, not of rounds.
+    #[serde(default)]
+    pub alone: bool,
     /// "float" or "exact".
     pub accumulate: String,
     /// Changes too small to move a vertex this far waited; in input units, 0 where none did.
@@ -148,6 +178,12 @@ pub struct RunRecord {
     pub cpu_ms: Option<Stats>,
     /// One draw that reads the pose and rasterizes nothing.
     pub draw_ms: Option<f64>,
+    /// Time of the update and of one draw for each head, on the device; `None` where frames had no draws.
+    #[serde(default)]
+    pub update_and_draw_ms: Option<Stats>,
+    /// What was timed in turns with others; empty where everything was timed in one go.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rounds: Vec<Round>,
     /// The time that reading what `bytes_floor` has to be read takes at the measured bandwidth, as a share of the time
     /// taken: 1 is the best possible, but for what stays in a cache.
     pub floor_fraction: Option<f64>,
@@ -167,10 +203,80 @@ pub struct RunRecord {
 }
 
 impl RunRecord {
-    /// What the plots show: time on the device, or for paths without one the round trip.
-    pub fn time(&self) -> Option<Stats> {
-        self.gpu_ms.or(self.cpu_ms)
+    /// A configuration that was not measured yet.
+    pub fn blank(config: &Config, setting: &Setting<'_>, input: &Input) -> Self {
+        Self {
+            suite: String::new(),
+            cell: String::new(),
+            technique: String::new(),
+            mesh: input.kept.name.clone(),
+            targets: input.kept.targets.len(),
+            path: config.desc.path.name().into(),
+            mode: config.desc.mode.name().into(),
+            batch_size: config.desc.batch,
+            batch_max: config.batch_max,
+            workload: setting.workload.name().into(),
+            changed: setting.changed.unwrap_or(0) as f64,
+            coefficients: 0.0,
+            active: 0.0,
+            heads: setting.heads,
+            shared: setting.shared,
+            crowds: if config.apart { setting.updated() } else { 1 },
+            alone: false,
+            accumulate: config.desc.accumulate.name().into(),
+            error_budget: config.desc.error_budget,
+            dirty_blocks: 0.0,
+            rebuilt_blocks: 0.0,
+            format: config.format.name().into(),
+            slots: config.desc.slots,
+            passes: 0.0,
+            bytes_moved: 0.0,
+            bytes_floor: 0.0,
+            gpu_ms: None,
+            cpu_ms: None,
+            draw_ms: None,
+            update_and_draw_ms: None,
+            rounds: vec![],
+            floor_fraction: None,
+            max_error: None,
+            max_error_rel: None,
+            normal_error_deg: None,
+            raw_error_rel: None,
+            verified: false,
+            problem: None,
+        }
     }
+
+    /// What is wrong has no times worth telling.
+    pub fn forget_times(&mut self) {
+        (self.gpu_ms, self.cpu_ms, self.draw_ms, self.update_and_draw_ms) = (None, None, None, None);
+        self.floor_fraction = None;
+        self.rounds.clear();
+    }
+
+    /// What the plots show: time on the device, with its draws where it had any, or for paths without a device the
+    /// round trip.
+    pub fn time(&self) -> Option<Stats> {
+        self.update_and_draw_ms.or(self.gpu_ms).or(self.cpu_ms)
+    }
+
+    /// Whether it was right and timed.
+    pub fn counts(&self) -> bool {
+        self.verified && self.time().is_some_and(|t| t.median > 0.0)
+    }
+}
+
+fn one() -> u32 {
+    1
+}
+
+/// Medians of a few frames that were timed in turns with those of other configurations, in ms.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct Round {
+    /// What [`RunRecord::time`] is about.
+    pub ms: f64,
+    /// The update alone.
+    pub update_ms: f64,
 }
 
 /// What was asked for and could not run.

@@ -1,0 +1,168 @@
+//! Several configurations side by side: a machine that is faster now than a minute ago is so for all of them.
+
+use super::record::{RunRecord, Skipped};
+use super::trial::{Config, Context, References, Setting, Trial};
+use crate::output::Failure;
+use crate::runner::{Gpu, Runner, packed};
+use deltamorph::Error;
+use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// How long configurations are timed, and in how many turns.
+#[derive(Clone, Copy, Debug)]
+pub struct Pace {
+    /// Frames of each configuration.
+    pub frames: usize,
+    /// Turns that they are divided into.
+    pub rounds: usize,
+    /// Time for each configuration; three frames are timed however long they take.
+    pub limit: Option<Duration>,
+    /// All run the same frames, spread over the workload: where frames differ.
+    pub lockstep: bool,
+}
+
+/// Frames that are timed at least.
+const LEAST_FRAMES: usize = 3;
+
+impl Pace {
+    /// All frames in one go.
+    pub fn whole(frames: usize) -> Self {
+        Self { frames, rounds: 1, limit: None, lockstep: false }
+    }
+
+    fn share(&self) -> Option<Duration> {
+        self.limit.map(|limit| limit / self.rounds as u32)
+    }
+
+    /// Frames of a round where each has to take the same, and the slowest takes `slowest` for one.
+    fn frames_together(&self, slowest: Duration) -> usize {
+        let most = self.frames.div_ceil(self.rounds);
+        match self.share() {
+            Some(share) if !slowest.is_zero() => {
+                ((share.as_secs_f64() / slowest.as_secs_f64()) as usize).clamp(1, most)
+            }
+            _ => most,
+        }
+    }
+}
+
+/// Time `trials` in turns. Those that are wrong are left out.
+///
+/// # Errors
+/// A device that fails.
+fn run(trials: &mut [Trial<'_>], pace: &Pace) -> deltamorph::Result<()> {
+    let mut slowest = Duration::ZERO;
+    for trial in trials.iter_mut().filter(|t| t.is_right()) {
+        slowest = slowest.max(trial.warm_up(pace.share())?);
+    }
+    for round in 0..pace.rounds {
+        for trial in trials.iter_mut().filter(|t| t.is_right()) {
+            let (timed, spent) = trial.timed();
+            if pace.lockstep {
+                trial.jump(trial.period() * round / pace.rounds)?;
+                trial.round(pace.frames_together(slowest), None)?;
+            } else if timed < LEAST_FRAMES || pace.limit.is_none_or(|limit| spent < limit) {
+                trial.round(pace.frames.div_ceil(pace.rounds), pace.share())?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The meshes packed so far, and the references computed so far, of one input.
+#[derive(Default)]
+pub struct Cache {
+    meshes: HashMap<DeltaFormat, Arc<PackedMesh>>,
+    references: References,
+}
+
+/// A configuration, and what it is measured on.
+pub struct Entrant<'a> {
+    /// Its name, should it be refused.
+    pub what: String,
+    /// It.
+    pub config: Config,
+    /// Heads and weights.
+    pub setting: &'a Setting<'a>,
+}
+
+/// What became of an entrant.
+pub type Outcome = Result<RunRecord, Skipped>;
+
+/// Measure `entrants` side by side; outcomes are in their order. One that there is no room for beside the others is
+/// measured after them.
+///
+/// # Errors
+/// A device that fails. A configuration that is refused is no error: its outcome says why.
+pub fn contest(
+    context: Context<'_>,
+    gpu: Option<&Gpu>,
+    cache: &mut Cache,
+    entrants: &[Entrant<'_>],
+    pace: &Pace,
+) -> Result<Vec<Outcome>, Failure> {
+    let (mut trials, mut places, mut refused) = (vec![], vec![], vec![]);
+    for (place, entrant) in entrants.iter().enumerate() {
+        match begin(context, gpu, cache, entrant)? {
+            Ok(trial) => {
+                trials.push(trial);
+                places.push(place);
+            }
+            Err(reason) => refused.push((place, reason)),
+        }
+    }
+    let beside = !trials.is_empty();
+    run(&mut trials, pace)?;
+    let mut outcomes: Vec<(usize, Outcome)> = vec![];
+    for (place, trial) in places.into_iter().zip(trials) {
+        outcomes.push((place, Ok(trial.finish(&mut cache.references)?)));
+    }
+    for (place, reason) in refused {
+        let entrant = &entrants[place];
+        let again = if beside { begin(context, gpu, cache, entrant)? } else { Err(reason) };
+        outcomes.push(match again {
+            Ok(mut trial) => {
+                run(std::slice::from_mut(&mut trial), pace)?;
+                (place, Ok(RunRecord { alone: true, ..trial.finish(&mut cache.references)? }))
+            }
+            Err(reason) => (place, Err(Skipped { what: entrant.what.clone(), reason })),
+        });
+    }
+    outcomes.sort_by_key(|(place, _)| *place);
+    Ok(outcomes.into_iter().map(|(_, outcome)| outcome).collect())
+}
+
+/// A verified trial, or why there is none.
+fn begin<'a>(
+    context: Context<'a>,
+    gpu: Option<&'a Gpu>,
+    cache: &mut Cache,
+    entrant: &Entrant<'a>,
+) -> Result<Result<Trial<'a>, String>, Failure> {
+    let Entrant { config, setting, .. } = entrant;
+    let mesh = match cache.meshes.get(&config.format) {
+        Some(mesh) => mesh.clone(),
+        None => {
+            let mesh = packed(context.input, gpu, config.format, &context.args.update.pack)?;
+            cache.meshes.insert(config.format, mesh.clone());
+            mesh
+        }
+    };
+    let threads = context.args.update.threads.unwrap_or(0);
+    let runner = match (config.apart, gpu) {
+        (true, Some(gpu)) => Runner::crowds(gpu, &mesh, config.desc, 1, setting.updated() as usize),
+        _ => Runner::new(gpu, &mesh, config.desc, setting.updated(), threads),
+    };
+    let runner = match runner {
+        Ok(runner) => runner,
+        // Too large for the device, say.
+        Err(e) => return Ok(Err(e.to_string())),
+    };
+    match Trial::begin(context, runner, setting, config, &mesh, &mut cache.references) {
+        Ok(trial) => Ok(Ok(trial)),
+        Err(e @ (Error::Invalid { .. } | Error::Unsupported { .. })) => Ok(Err(e.to_string())),
+        Err(e) => Err(e.into()),
+    }
+}
