@@ -1,7 +1,7 @@
 //! index.html: one page that needs nothing but itself.
 
 use super::headline::sentences;
-use super::record::{Report, RunRecord, Skipped};
+use super::record::{InputInfo, Report, RunRecord, Skipped};
 use super::select::median;
 use super::suites::{self, record::SuiteRecord};
 use crate::page::{document, escape, figure};
@@ -77,10 +77,13 @@ pub fn facts(report: &Report) -> String {
         (
             "Mesh",
             format!("{} vertices × {} targets", thousands(i.vertices), i.targets),
-            vec![
-                format!("{} triangles, {}", thousands(i.triangles), i.origin),
-                format!("a target moves {} of the vertices", percent(i.moved_mean)),
-            ],
+            match report.meshes.is_empty() {
+                true => vec![
+                    format!("{} triangles, {}", thousands(i.triangles), i.origin),
+                    format!("a target moves {} of the vertices", percent(i.moved_mean)),
+                ],
+                false => report.meshes.iter().map(mesh).collect(),
+            },
         ),
         (
             "Memory bandwidth",
@@ -96,6 +99,12 @@ pub fn facts(report: &Report) -> String {
         format!("<div class=\"card\"><h3>{label}</h3><p class=\"value\">{}</p>{notes}</div>", escape(value))
     };
     format!("<section class=\"cards\">{}</section>", cards.iter().map(card).collect::<String>())
+}
+
+/// One of the meshes of the suites.
+fn mesh(m: &InputInfo) -> String {
+    let (vertices, moved) = (thousands(m.vertices), percent(m.moved_mean));
+    format!("{}: {vertices} vertices, {} targets, each moves {moved}", m.name, m.targets)
 }
 
 fn kind(kind: &str) -> &str {

@@ -69,7 +69,7 @@ impl BarChart {
             Unit::Share => ((0..=4).map(|i| (f64::from(i) / 4.0, format!("{} %", 25 * i))).collect(), longest.max(1.0)),
             Unit::Milliseconds => {
                 let axis = Axis::from_zero(longest);
-                (axis.ticks.iter().map(|&t| (t, format!("{} ms", Axis::label(t)))).collect(), axis.hi)
+                (axis.ticks.iter().map(|&t| (t, Axis::label(t))).collect(), axis.hi)
             }
         };
         let (left, right) = (24.0 + labels + 12.0, WIDTH - 24.0 - remarks - 10.0);

@@ -168,7 +168,7 @@ fn bars(suite: &SuiteRecord, report: &Report, cell: &str) -> Option<Figure> {
         ),
         chart: Chart::Bars(BarChart {
             title: cell.to_owned(),
-            subtitle: ["update and draws, per frame".into(), mesh_line(&ranked, report)],
+            subtitle: ["ms per frame: the update, and one draw for each head".into(), mesh_line(&ranked, report)],
             unit: Unit::Milliseconds,
             bars,
         }),

@@ -82,7 +82,8 @@ impl Lab<'_> {
         let mut runs = vec![];
         for (outcome, entrant) in self.contest(subject, entrants, pace)?.into_iter().zip(entrants) {
             runs.push(match outcome {
-                Ok(run) => {
+                Ok(mut run) => {
+                    run.raw_error_rel = run.raw_error_rel.filter(|_| !subject.was_packed);
                     self.keep(cell, &entrant.what, run);
                     self.runs.last().cloned()
                 }
@@ -139,5 +140,6 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     }
     lab.bar.finish_and_clear();
     let Lab { runs, skipped, meshes, .. } = lab;
-    Ok(Report { runs, skipped, suites, meshes, ..empty })
+    let input = meshes.first().cloned().unwrap_or_else(|| empty.input.clone());
+    Ok(Report { runs, skipped, suites, meshes, input, ..empty })
 }

@@ -35,6 +35,9 @@ pub struct CellRecord {
     pub best_other: Option<String>,
     /// Time of `blocks` over that of the best other: below 1, `blocks` is the faster one.
     pub blocks_to_best_other: Option<f64>,
+    /// The same with means: where many frames of a clip change nothing, their median is that of a draw.
+    #[serde(default)]
+    pub blocks_to_best_other_mean: Option<f64>,
     /// Time of `direct` over that of `blocks`: above 1, `blocks` is the faster one.
     pub direct_to_blocks: Option<f64>,
 }
@@ -87,6 +90,8 @@ impl CellRecord {
         let by_time = |a: &&RunRecord, b: &&RunRecord| median(a).total_cmp(&median(b));
         let ours = on_device().find(|r| r.technique == OURS);
         let other = on_device().filter(|r| r.technique != OURS).min_by(by_time);
+        let mean = |run: &RunRecord| run.time().map_or(f64::INFINITY, |t| t.mean);
+        let others = on_device().filter(|r| r.technique != OURS).map(mean).reduce(f64::min);
         let direct = on_device().find(|r| r.technique == DIRECT);
         Self {
             name: name.into(),
@@ -97,6 +102,7 @@ impl CellRecord {
             blocks: ours.map(label),
             best_other: other.map(label),
             blocks_to_best_other: ours.zip(other).and_then(|(a, b)| ratio(a, b, |r| r.ms)),
+            blocks_to_best_other_mean: ours.zip(others).map(|(ours, others)| mean(ours) / others),
             direct_to_blocks: direct.zip(ours).and_then(|(a, b)| ratio(a, b, |r| r.ms)),
         }
     }

@@ -18,6 +18,8 @@ pub struct Subject {
     pub input: Input,
     /// See there.
     pub cache: Cache,
+    /// It comes from a packed file, which does not say what it was packed from.
+    pub was_packed: bool,
 }
 
 impl Subject {
@@ -27,7 +29,8 @@ impl Subject {
         if lab.meshes.iter().all(|mesh| mesh.name != name) {
             lab.meshes.push(machine::mesh(&input));
         }
-        Self { name: name.into(), input, cache: Cache::default() }
+        let was_packed = input.packed.is_some();
+        Self { name: name.into(), input, cache: Cache::default(), was_packed }
     }
 
     /// The first `targets` of the mesh.
@@ -37,7 +40,7 @@ impl Subject {
         raw.targets.truncate(targets);
         kept.targets.truncate(targets);
         let input = Input { source: source.clone(), raw, kept, packed: None, clips: vec![], origin: origin.clone() };
-        Self { name: self.name.clone(), input, cache: Cache::default() }
+        Self { name: self.name.clone(), input, cache: Cache::default(), was_packed: self.was_packed }
     }
 
     /// Number of targets.

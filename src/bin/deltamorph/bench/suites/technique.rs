@@ -22,10 +22,9 @@ pub struct Technique {
 
 /// Batch sizes to choose from: few are enough, since beyond 8 the gain is small.
 const SIZES: [BatchSpec; 3] = [BatchSpec::Size(8), BatchSpec::Size(16), BatchSpec::All];
-/// Rebuilding every frame is a technique of its own on these paths: in compute passes (Godot, PlayCanvas), and one target
-/// after the other in vertex passes (Godot's compatibility renderer).
-const REBUILDS: [(UpdatePath, Option<BatchSpec>); 2] =
-    [(UpdatePath::Compute, None), (UpdatePath::Feedback, Some(BatchSpec::Size(1)))];
+/// Rebuilding every frame is a technique of its own on these paths: in compute passes (Godot, PlayCanvas), and in vertex
+/// passes one target after the other (Godot's compatibility renderer).
+const REBUILDS: [(UpdatePath, bool); 2] = [(UpdatePath::Compute, false), (UpdatePath::Feedback, true)];
 
 /// The paths asked for, or every path that the command line knows.
 pub fn paths(lab: &Lab<'_>) -> Vec<UpdatePath> {
@@ -53,12 +52,12 @@ pub fn all(lab: &mut Lab<'_>) -> Vec<Technique> {
         let own = if incremental { UpdateMode::Incremental } else { UpdateMode::Rebuild };
         let sizes = if takes_all(path) { &SIZES[..] } else { &[BatchSpec::Max] };
         techniques.push(technique(lab, path, own, sizes, path.name().into()));
-        for (_, size) in REBUILDS.into_iter().filter(|(p, _)| *p == path && incremental) {
-            let (name, sizes) = match size {
-                Some(size) => (format!("{} rebuild, one by one", path.name()), vec![size]),
-                None => (format!("{} rebuild", path.name()), sizes.to_vec()),
+        for (_, one_by_one) in REBUILDS.into_iter().filter(|(p, _)| *p == path && incremental) {
+            let (name, sizes) = match one_by_one {
+                true => (format!("{} rebuild at batch 1", path.name()), &[BatchSpec::Size(1)][..]),
+                false => (format!("{} rebuild", path.name()), sizes),
             };
-            techniques.push(technique(lab, path, UpdateMode::Rebuild, &sizes, name));
+            techniques.push(technique(lab, path, UpdateMode::Rebuild, sizes, name));
         }
     }
     techniques.into_iter().filter(|t| !t.configs.is_empty()).collect()

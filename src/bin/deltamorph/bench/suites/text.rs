@@ -27,8 +27,18 @@ pub fn of_cell<'a>(suite: &'a SuiteRecord, report: &'a Report, cell: &'a str) ->
 }
 
 /// Headings of [`cell_row`].
-pub const CELL_HEADINGS: [&str; 9] =
-    ["cell", "fastest", "its ms", "blocks", "its ms", "best other", "its ms", "blocks / best other", "direct / blocks"];
+pub const CELL_HEADINGS: [&str; 10] = [
+    "cell",
+    "fastest",
+    "its ms",
+    "blocks",
+    "its ms",
+    "best other",
+    "its ms",
+    "blocks / best other",
+    "by means",
+    "direct / blocks",
+];
 
 /// A cell as a row.
 pub fn cell_row(cell: &CellRecord, suite: &SuiteRecord, report: &Report) -> Vec<String> {
@@ -47,6 +57,7 @@ pub fn cell_row(cell: &CellRecord, suite: &SuiteRecord, report: &Report) -> Vec<
         name(&cell.best_other),
         time(&cell.best_other),
         number(cell.blocks_to_best_other),
+        number(cell.blocks_to_best_other_mean),
         number(cell.direct_to_blocks),
     ]
 }
