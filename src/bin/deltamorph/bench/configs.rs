@@ -1,7 +1,7 @@
 //! Which configurations there are: paths, formats, modes, sums and batch sizes that go together.
 
 use super::record::Skipped;
-use super::trial::Config;
+use super::setting::Config;
 use crate::args::UpdateArgs;
 use crate::args::values::{AccumulateChoice, BatchLimit, BatchSpec, FormatChoice, expand_batches};
 use crate::runner::Gpu;

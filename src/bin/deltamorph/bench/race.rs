@@ -1,7 +1,9 @@
 //! Several configurations side by side: a machine that is faster now than a minute ago is so for all of them.
 
 use super::record::{RunRecord, Skipped};
-use super::trial::{Config, Context, References, Setting, Trial};
+use super::references::References;
+use super::setting::{Config, Setting};
+use super::trial::{Context, Trial};
 use crate::output::Failure;
 use crate::runner::{Gpu, Runner, packed};
 use deltamorph::Error;
@@ -164,5 +166,20 @@ fn begin<'a>(
         Ok(trial) => Ok(Ok(trial)),
         Err(e @ (Error::Invalid { .. } | Error::Unsupported { .. })) => Ok(Err(e.to_string())),
         Err(e) => Err(e.into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_slowest_sets_the_pace() {
+        let seconds = Duration::from_secs_f64;
+        let pace = Pace { frames: 100, rounds: 10, limit: Some(seconds(5.0)), lockstep: true };
+        assert_eq!(pace.share(), Some(seconds(0.5)));
+        let frames = [0.0, 0.001, 0.1, 0.25, 20.0].map(|slowest| pace.frames_together(seconds(slowest)));
+        assert_eq!(frames, [10, 10, 5, 2, 1]);
+        assert_eq!(Pace::whole(7).frames_together(seconds(100.0)), 7);
     }
 }

@@ -1,99 +1,25 @@
 //! One configuration: verified, then timed in one stretch or in several, then verified again.
 
 use super::record::{Bandwidth, Round, RunRecord};
+use super::references::References;
+use super::setting::{Config, Setting};
 use super::stats::Stats;
-use super::workload::Workload;
 use crate::args::bench::BenchArgs;
 use crate::input::Input;
 use crate::runner::Runner;
 use crate::verify::{Found, Promise};
 use deltamorph::Result;
-use deltamorph::mesh::packed::{DeltaFormat, POSE_STRIDE, PackedMesh};
-use deltamorph::plan::{UpdateDesc, UpdateStats};
-use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
-use std::collections::HashMap;
+use deltamorph::mesh::packed::{POSE_STRIDE, PackedMesh};
+use deltamorph::plan::UpdateStats;
+use deltamorph::reference::compare;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Draws that are timed for `draw_ms` where the frames themselves have none.
 const DRAWS: usize = 9;
 
-/// Everything but the update path.
-pub struct Setting<'a> {
-    /// The weights.
-    pub workload: &'a dyn Workload,
-    /// Targets changed per frame and head, as asked for; `None` for clips.
-    pub changed: Option<usize>,
-    /// Heads: each with weights of its own, unless `shared`.
-    pub heads: u32,
-    /// One animation: one head is updated, and its pose drawn for each.
-    pub shared: bool,
-    /// Every frame draws each head once, without rasterizing, behind the update.
-    pub drawn: bool,
-    /// Compare with the reference after a few frames, not at all checkpoints of the workload: where frames take long.
-    pub brief: bool,
-}
-
 /// Frames before the first comparison of a brief setting: each of two slots has been source and destination.
 const BRIEF_CHECK: usize = 2;
-
-impl Setting<'_> {
-    /// Heads that are updated.
-    pub fn updated(&self) -> u32 {
-        if self.shared { 1 } else { self.heads }
-    }
-
-    /// Draws of each head that is updated.
-    fn copies(&self) -> u32 {
-        if self.shared { self.heads } else { 1 }
-    }
-
-    fn weights(&self, frame: usize) -> Vec<Vec<f32>> {
-        (0..self.updated()).map(|h| self.workload.weights(h, frame)).collect()
-    }
-}
-
-/// How to update, and in which format.
-#[derive(Clone, Debug)]
-pub struct Config {
-    /// Path, batch size, mode, slots.
-    pub desc: UpdateDesc,
-    /// Storage of deltas.
-    pub format: DeltaFormat,
-    /// The largest batch that path and format allow.
-    pub batch_max: Option<u32>,
-    /// A crowd for each head, all of them in one submission.
-    pub apart: bool,
-}
-
-/// The float64 references of a workload's checkpoints: on the packed deltas, and on the raw files.
-#[derive(Default)]
-pub struct References {
-    /// By format and the bits of the weights.
-    known: HashMap<(DeltaFormat, Vec<u32>), Arc<Reference>>,
-}
-
-struct Reference {
-    packed: Vec<f64>,
-    raw: Vec<f64>,
-}
-
-/// Enough for one workload at its checkpoints in every format; more would only take memory.
-const REFERENCES_MAX: usize = 64;
-
-impl References {
-    fn get(&mut self, mesh: &PackedMesh, input: &Input, weights: &[f32]) -> Arc<Reference> {
-        let key = (mesh.layout().format, weights.iter().map(|w| w.to_bits()).collect());
-        if self.known.len() >= REFERENCES_MAX && !self.known.contains_key(&key) {
-            self.known.clear();
-        }
-        let make = || {
-            let (packed, raw) = (evaluate(mesh, weights), evaluate_unpacked(&input.raw, weights));
-            Arc::new(Reference { packed, raw })
-        };
-        self.known.entry(key).or_insert_with(make).clone()
-    }
-}
 
 /// What all configurations of a mesh share.
 #[derive(Clone, Copy)]

@@ -7,7 +7,7 @@ use super::technique::{self, Technique};
 use crate::args::InputArgs;
 use crate::bench::race::Entrant;
 use crate::bench::record::Skipped;
-use crate::bench::trial::{Config, Setting};
+use crate::bench::setting::{Config, Setting};
 use crate::bench::workload::{Clip, Few, Random, Workload};
 use crate::input;
 use crate::output::Failure;

@@ -9,7 +9,7 @@ use crate::bench::configs::{Wanted, configurations};
 use crate::bench::race::Entrant;
 use crate::bench::record::RunRecord;
 use crate::bench::select::{batch_words, fastest};
-use crate::bench::trial::{Config, Setting};
+use crate::bench::setting::{Config, Setting};
 use crate::bench::workload::Random;
 use crate::output::Failure;
 use deltamorph::plan::{BatchSize, UpdateMode};

@@ -4,7 +4,7 @@ use super::record::{Comparison, OURS, SuiteRecord};
 use super::subject::{Subject, dense_and_sparse};
 use super::{Lab, technique};
 use crate::bench::race::Entrant;
-use crate::bench::trial::{Config, Setting};
+use crate::bench::setting::{Config, Setting};
 use crate::bench::workload::{Random, Workload};
 use crate::output::Failure;
 

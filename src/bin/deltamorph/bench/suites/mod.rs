@@ -11,6 +11,8 @@ pub mod page;
 pub mod record;
 mod subject;
 mod technique;
+#[cfg(test)]
+mod tests;
 pub mod text;
 
 use super::machine::Machine;

@@ -7,7 +7,7 @@ use crate::bench::configs::{Wanted, configurations, takes_all};
 use crate::bench::race::{Entrant, Pace};
 use crate::bench::record::Skipped;
 use crate::bench::select::median;
-use crate::bench::trial::{Config, Setting};
+use crate::bench::setting::{Config, Setting};
 use crate::output::Failure;
 use clap::ValueEnum;
 use deltamorph::plan::{BatchSize, UpdateDesc, UpdateMode, UpdatePath};
