@@ -138,7 +138,9 @@ fn crowd_counts_targets_for_one_head_and_many() {
     assert_eq!(split.len(), 2);
     for run in split {
         let whole = runs.iter().find(|r| r["cell"] == run["cell"] && r["crowds"] == 1).unwrap();
-        assert_eq!((&run["bytes_floor"], &run["heads"]), (&whole["bytes_floor"], &whole["heads"]), "the same work");
+        for field in ["heads", "changed", "coefficients", "dirty_blocks"] {
+            assert_eq!(run[field], whole[field], "{field}: not the same work");
+        }
     }
 }
 
