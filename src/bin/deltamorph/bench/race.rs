@@ -50,27 +50,54 @@ impl Pace {
     }
 }
 
-/// Time `trials` in turns. Those that are wrong are left out.
+/// A trial, and why it was refused, should it be.
+type Running<'a> = (Trial<'a>, Option<String>);
+
+/// Time `running` in turns. What is wrong or refused drops out.
 ///
 /// # Errors
 /// A device that fails.
-fn run(trials: &mut [Trial<'_>], pace: &Pace) -> deltamorph::Result<()> {
+fn run(running: &mut [Running<'_>], pace: &Pace) -> deltamorph::Result<()> {
     let mut slowest = Duration::ZERO;
-    for trial in trials.iter_mut().filter(|t| t.is_right()) {
+    let warm_up = |trial: &mut Trial<'_>| {
         slowest = slowest.max(trial.warm_up(pace.share())?);
-    }
+        Ok(())
+    };
+    each(running, warm_up)?;
     for round in 0..pace.rounds {
-        for trial in trials.iter_mut().filter(|t| t.is_right()) {
+        each(running, |trial| {
             let (timed, spent) = trial.timed();
             if pace.lockstep {
                 trial.jump(trial.period() * round / pace.rounds)?;
-                trial.round(pace.frames_together(slowest), None)?;
+                trial.round(pace.frames_together(slowest), None)
             } else if timed < LEAST_FRAMES || pace.limit.is_none_or(|limit| spent < limit) {
-                trial.round(pace.frames.div_ceil(pace.rounds), pace.share())?;
+                trial.round(pace.frames.div_ceil(pace.rounds), pace.share())
+            } else {
+                Ok(())
             }
-        }
+        })?;
     }
     Ok(())
+}
+
+/// Let each trial that is still in do something.
+fn each(
+    running: &mut [Running<'_>],
+    mut act: impl FnMut(&mut Trial<'_>) -> deltamorph::Result<()>,
+) -> deltamorph::Result<()> {
+    for (trial, refused) in running.iter_mut().filter(|(trial, refused)| trial.is_right() && refused.is_none()) {
+        *refused = refusal(act(trial))?.err();
+    }
+    Ok(())
+}
+
+/// Tells what a path refuses (weights that it cannot take, say) from a device that fails.
+fn refusal<T>(result: deltamorph::Result<T>) -> deltamorph::Result<Result<T, String>> {
+    match result {
+        Ok(value) => Ok(Ok(value)),
+        Err(e @ (Error::Invalid { .. } | Error::Unsupported { .. })) => Ok(Err(e.to_string())),
+        Err(e) => Err(e),
+    }
 }
 
 /// The meshes packed so far, and the references computed so far, of one input.
@@ -105,35 +132,45 @@ pub fn contest(
     entrants: &[Entrant<'_>],
     pace: &Pace,
 ) -> Result<Vec<Outcome>, Failure> {
-    let (mut trials, mut places, mut refused) = (vec![], vec![], vec![]);
+    let (mut beside, mut places, mut later) = (vec![], vec![], vec![]);
     for (place, entrant) in entrants.iter().enumerate() {
         match begin(context, gpu, cache, entrant)? {
             Ok(trial) => {
-                trials.push(trial);
+                beside.push((trial, None));
                 places.push(place);
             }
-            Err(reason) => refused.push((place, reason)),
+            Err(reason) => later.push((place, reason)),
         }
     }
-    let beside = !trials.is_empty();
-    run(&mut trials, pace)?;
+    let any = !beside.is_empty();
+    run(&mut beside, pace)?;
     let mut outcomes: Vec<(usize, Outcome)> = vec![];
-    for (place, trial) in places.into_iter().zip(trials) {
-        outcomes.push((place, Ok(trial.finish(&mut cache.references)?)));
+    for (place, running) in places.into_iter().zip(beside) {
+        outcomes.push((place, finish(running, cache, &entrants[place])?));
     }
-    for (place, reason) in refused {
+    for (place, reason) in later {
         let entrant = &entrants[place];
-        let again = if beside { begin(context, gpu, cache, entrant)? } else { Err(reason) };
+        let again = if any { begin(context, gpu, cache, entrant)? } else { Err(reason) };
         outcomes.push(match again {
-            Ok(mut trial) => {
-                run(std::slice::from_mut(&mut trial), pace)?;
-                (place, Ok(RunRecord { alone: true, ..trial.finish(&mut cache.references)? }))
+            Ok(trial) => {
+                let mut alone = [(trial, None)];
+                run(&mut alone, pace)?;
+                let [running] = alone;
+                let outcome = finish(running, cache, entrant)?;
+                (place, outcome.map(|record| RunRecord { alone: true, ..record }))
             }
             Err(reason) => (place, Err(Skipped { what: entrant.what.clone(), reason })),
         });
     }
     outcomes.sort_by_key(|(place, _)| *place);
     Ok(outcomes.into_iter().map(|(_, outcome)| outcome).collect())
+}
+
+fn finish((trial, refused): Running<'_>, cache: &mut Cache, entrant: &Entrant<'_>) -> Result<Outcome, Failure> {
+    Ok(match refused {
+        None => Ok(trial.finish(&mut cache.references)?),
+        Some(reason) => Err(Skipped { what: entrant.what.clone(), reason }),
+    })
 }
 
 /// A verified trial, or why there is none.
@@ -162,11 +199,7 @@ fn begin<'a>(
         // Too large for the device, say.
         Err(e) => return Ok(Err(e.to_string())),
     };
-    match Trial::begin(context, runner, setting, config, &mesh, &mut cache.references) {
-        Ok(trial) => Ok(Ok(trial)),
-        Err(e @ (Error::Invalid { .. } | Error::Unsupported { .. })) => Ok(Err(e.to_string())),
-        Err(e) => Err(e.into()),
-    }
+    Ok(refusal(Trial::begin(context, runner, setting, config, &mesh, &mut cache.references))?)
 }
 
 #[cfg(test)]

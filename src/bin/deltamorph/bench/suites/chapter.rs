@@ -3,7 +3,7 @@
 use super::Lab;
 use super::record::{Comparison, SuiteRecord};
 use super::subject::Subject;
-use super::technique::{formats, paths};
+use super::technique::{formats, own_mode, paths};
 use crate::args::values::{AccumulateChoice, BatchSpec};
 use crate::bench::configs::{Wanted, configurations};
 use crate::bench::race::Entrant;
@@ -23,7 +23,7 @@ const FEW: usize = 8;
 /// A device that fails.
 pub fn run(lab: &mut Lab<'_>, subject: &mut Subject) -> Result<SuiteRecord, Failure> {
     let wanted = Wanted {
-        paths: paths(lab),
+        paths: paths(lab).into_iter().filter(|path| own_mode(*path) == UpdateMode::Incremental).collect(),
         formats: &formats(lab),
         sums: &[AccumulateChoice::Float],
         modes: vec![UpdateMode::Incremental],

@@ -10,7 +10,7 @@ use crate::bench::select::median;
 use crate::bench::setting::{Config, Setting};
 use crate::output::Failure;
 use clap::ValueEnum;
-use deltamorph::plan::{BatchSize, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdateMode, UpdatePath};
 
 /// A technique, and the configurations that the best one is chosen from.
 pub struct Technique {
@@ -39,17 +39,24 @@ pub fn formats(lab: &Lab<'_>) -> Vec<FormatChoice> {
     if named.is_empty() { FormatChoice::value_variants().to_vec() } else { named.clone() }
 }
 
+/// The mode of a path where none is asked for: incremental, unless it knows no such thing.
+pub fn own_mode(path: UpdatePath) -> UpdateMode {
+    let takes = |batch| {
+        let desc = UpdateDesc { mode: UpdateMode::Incremental, ..UpdateDesc::new(path, batch) };
+        desc.check().is_ok()
+    };
+    match takes(BatchSize::All) || takes(BatchSize::Targets(1)) {
+        true => UpdateMode::Incremental,
+        false => UpdateMode::Rebuild,
+    }
+}
+
 /// Every technique that can run; those that cannot become entries of what was skipped.
 pub fn all(lab: &mut Lab<'_>) -> Vec<Technique> {
     let mut techniques = vec![];
     for path in paths(lab) {
-        let takes = |mode| {
-            [BatchSize::All, BatchSize::Targets(1)]
-                .into_iter()
-                .any(|batch| UpdateDesc { mode, ..UpdateDesc::new(path, batch) }.check().is_ok())
-        };
-        let incremental = takes(UpdateMode::Incremental);
-        let own = if incremental { UpdateMode::Incremental } else { UpdateMode::Rebuild };
+        let own = own_mode(path);
+        let incremental = own == UpdateMode::Incremental;
         let sizes = if takes_all(path) { &SIZES[..] } else { &[BatchSpec::Max] };
         techniques.push(technique(lab, path, own, sizes, path.name().into()));
         for (_, one_by_one) in REBUILDS.into_iter().filter(|(p, _)| *p == path && incremental) {
@@ -64,10 +71,14 @@ pub fn all(lab: &mut Lab<'_>) -> Vec<Technique> {
 }
 
 fn technique(lab: &mut Lab<'_>, path: UpdatePath, mode: UpdateMode, sizes: &[BatchSpec], name: String) -> Technique {
+    let sums = match UpdateDesc::new(path, BatchSize::All).accumulate {
+        Accumulate::Float { .. } => AccumulateChoice::Float,
+        Accumulate::Exact => AccumulateChoice::Exact,
+    };
     let wanted = Wanted {
         paths: vec![path],
         formats: &formats(lab),
-        sums: &[AccumulateChoice::Float],
+        sums: &[sums],
         modes: vec![mode],
         sizes,
         sizes_named: false,
