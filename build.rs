@@ -37,16 +37,17 @@ fn modules() -> Vec<Module> {
         [("float32", None, false), ("fast", Some("FAST"), true), ("small", Some("SMALL"), true)]
     {
         for exact in [Some(false), exact.then_some(true)].into_iter().flatten() {
-            for vertices in if format == "fast" { &[1, 4][..] } else { &[1] } {
-                let name = format!(
-                    "blocks_{format}{}{}",
-                    if exact { "_exact" } else { "" },
-                    if *vertices == 4 { "_x4" } else { "" }
-                );
-                let mut defines = vec![("VERTICES", Some(vertices.to_string()))];
-                defines.extend(define.map(|d| (d, None)));
-                defines.extend(exact.then_some(("EXACT", None)));
-                list.push(module(&name, "blocks.comp", defines));
+            let mut add = |kernel: &str, source, texels: Option<&'static str>| {
+                let suffix = [if exact { "_exact" } else { "" }, if texels.is_some() { "_texels" } else { "" }];
+                let defines = define.into_iter().chain(exact.then_some("EXACT")).chain(texels);
+                let name = format!("{kernel}_{format}{}", suffix.concat());
+                list.push(module(&name, source, defines.map(|d| (d, None)).collect()));
+            };
+            add("blocks", "blocks.comp", None);
+            add("crowd", "crowd.comp", None);
+            // For software drivers.
+            if format == "fast" {
+                add("crowd", "crowd.comp", Some("TEXELS"));
             }
         }
     }

@@ -127,6 +127,7 @@ fn meshes_beyond_the_storage_range_are_cut_into_chunks() {
 fn roomy() -> DeviceCaps {
     DeviceCaps {
         max_storage_range: u64::MAX,
+        max_texels: u32::MAX,
         max_allocation: u64::MAX,
         max_storage_buffers: u32::MAX,
         max_push_constants: u32::MAX,

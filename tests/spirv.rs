@@ -32,12 +32,29 @@ fn reflect(name: &str) -> EntryPoint {
     entries.remove(0)
 }
 
+/// Bindings of texel buffers, of 16 bytes and of 4 a texel.
+fn texel_buffers(entry: &EntryPoint) -> BTreeMap<u32, DescriptorType> {
+    let buffers = entry.vars.iter().filter_map(|var| match var {
+        Variable::Descriptor { desc_bind, desc_ty, .. } => {
+            let texels =
+                matches!(desc_ty, DescriptorType::UniformTexelBuffer() | DescriptorType::StorageTexelBuffer(_));
+            texels.then(|| (desc_bind.bind(), desc_ty.clone()))
+        }
+        _ => None,
+    });
+    buffers.collect()
+}
+
 /// Binding → the structure bound there.
 fn storage_buffers(entry: &EntryPoint) -> BTreeMap<u32, StructType> {
     let buffers = entry.vars.iter().filter_map(|var| match var {
         Variable::Descriptor { desc_bind, desc_ty, ty, .. } => {
-            assert!(matches!(desc_ty, DescriptorType::StorageBuffer(_)), "{var:?}");
+            use DescriptorType as T;
             assert_eq!(desc_bind.set(), 0);
+            if matches!(desc_ty, T::UniformTexelBuffer() | T::StorageTexelBuffer(_)) {
+                return None;
+            }
+            assert!(matches!(desc_ty, T::StorageBuffer(_)), "{var:?}");
             Some((desc_bind.bind(), ty.as_struct().expect("a block").clone()))
         }
         _ => None,
@@ -125,8 +142,9 @@ fn every_module_keeps_to_what_a_phone_promises() {
         for mode in &entry.exec_modes {
             if mode.exec_mode == spirq::spirv::ExecutionMode::LocalSize {
                 let size: Vec<u32> = mode.operands.iter().map(|c| operand(&c.value)).collect();
-                // Blocks kernels take theirs as a specialization constant.
-                assert!(name.starts_with("blocks") || size == [WORKGROUP, 1, 1], "{name}");
+                // Kernels of blocks take theirs as a specialization constant.
+                let blocks = name.starts_with("blocks") || name.starts_with("crowd");
+                assert!(blocks || size == [WORKGROUP, 1, 1], "{name}");
                 const { assert!(WORKGROUP <= 128) };
             }
         }
@@ -188,13 +206,35 @@ fn blocks_kernels_agree_with_the_host() {
         if exact && format == DeltaFormat::BlockFloat32 {
             continue;
         }
-        for vertices in if format == DeltaFormat::Fast { &[1, 4][..] } else { &[1] } {
-            let name = blocks_module(format, exact, *vertices);
+        // Storage buffers in common: asset, work list. With texels, poses and sums are texel buffers.
+        let kernels = [("blocks", false), ("crowd", false), ("crowd", true)];
+        for (kernel, texels) in kernels.into_iter().filter(|(_, t)| !t || format == DeltaFormat::Fast) {
+            let name = blocks_module(kernel, format, exact, texels);
             let blocks = reflect(&name);
             let strides: Vec<_> = storage_buffers(&blocks).iter().map(|(b, ty)| (*b, stride(ty))).collect();
             // Words, words, floats, and integers where sums are exact.
-            let buffers = if exact { 4 } else { 3 };
+            let buffers = match (texels, exact) {
+                (true, _) => 2,
+                (false, true) => 4,
+                (false, false) => 3,
+            };
             assert_eq!(strides, (0..buffers).map(|b| (b, 4)).collect::<Vec<_>>(), "{name}");
+            // Poses, the asset twice, sums.
+            use DescriptorType as T;
+            let poses = |ty: &T| matches!(ty, T::StorageTexelBuffer(_));
+            let views: Vec<(u32, bool)> = texel_buffers(&blocks).iter().map(|(b, ty)| (*b, poses(ty))).collect();
+            let expected = [(2, true), (3, false), (4, false), (5, true)];
+            assert_eq!(
+                views,
+                expected[..if !texels {
+                    0
+                } else if exact {
+                    4
+                } else {
+                    3
+                }],
+                "{name}"
+            );
             let push = push_constants(&blocks).unwrap();
             let expected = names(&[
                 ("first_item", offset_of!(BlocksPush, first_item)),
@@ -207,13 +247,18 @@ fn blocks_kernels_agree_with_the_host() {
                 ("normal_unit", offset_of!(BlocksPush, normal_unit)),
             ]);
             assert_eq!((members(&push), bytes(&push)), (expected, size_of::<BlocksPush>()), "{name}");
-            // Lanes, vertices of a block; whether items are rebuilt, where that takes a pipeline of its own.
-            let straight = *vertices == 4 && !exact;
-            assert_eq!(constants(&blocks), if straight { &[0, 1, 2][..] } else { &[0, 1] }, "{name}");
+            // Lanes, vertices of a block; instances of a tile; whether they start from base, where that takes a
+            // pipeline of its own.
+            let expected = match (kernel == "crowd", exact) {
+                (false, _) => &[0, 1][..],
+                (true, true) => &[0, 1, 2],
+                (true, false) => &[0, 1, 2, 3],
+            };
+            assert_eq!(constants(&blocks), expected, "{name}");
             seen += 1;
         }
     }
-    let modules = MODULES.iter().filter(|(name, _)| name.starts_with("blocks_")).count();
+    let modules = MODULES.iter().filter(|(n, _)| n.starts_with("blocks_") || n.starts_with("crowd_")).count();
     assert_eq!(seen, modules);
     assert_eq!(size_of::<Element>(), ELEMENT_BYTES);
     // The largest block has as many lanes as a phone promises.

@@ -19,7 +19,8 @@ fn crowds_side_by_side_do_what_one_crowd_does() {
             for update in update_descs(engine, format) {
                 let desc = |instances| CrowdDesc { instances, update, frames_in_flight: 1 };
                 let mut whole = HeadlessCrowd::new(headless, &mesh, &desc(4)).expect("a crowd");
-                let mut halves = HeadlessCrowd::several(headless, &mesh, &desc(2), 2).expect("two crowds");
+                let half = HeadlessCrowd::new(headless, &mesh, &desc(2)).expect("a crowd");
+                let mut halves = [half.another(&desc(2)).expect("another"), half];
                 for frame in 0..4 {
                     let heads: Vec<Vec<f32>> = (0..4).map(|i| weights(&mesh, frame * i, i)).collect();
                     let heads: Vec<&[f32]> = heads.iter().map(Vec::as_slice).collect();
@@ -53,7 +54,8 @@ fn a_step_of_nothing_or_of_too_many_is_refused() {
         let mesh = PackedMesh::pack(&testing::mesh(64, 3), &engine.pack_desc(DeltaFormat::Fast)).expect("packed");
         let update = update_descs(engine, DeltaFormat::Fast)[0];
         let desc = CrowdDesc { instances: 1, update, frames_in_flight: 1 };
-        let mut crowds = HeadlessCrowd::several(headless, &mesh, &desc, 2).expect("two crowds");
+        let crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
+        let mut crowds = [crowd.another(&desc).expect("another"), crowd];
         let heads: [&[f32]; 3] = [&[0.5; 3]; 3];
         let error = HeadlessCrowd::step_together(&mut crowds, &heads, 0).expect_err("three for two").to_string();
         assert!(error.contains("3 instances, 1 too many; give one list"), "{error}");

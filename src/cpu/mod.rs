@@ -3,12 +3,15 @@
 
 pub(crate) mod blocks;
 mod kernel;
+#[cfg(test)]
+pub(crate) mod tile;
 mod workers;
 
 use crate::error::{Error, Result};
 use crate::mesh::packed::{POSE_FLOATS, PackedMesh};
 use crate::plan::blocks::{BlockState, Planner, check_block_weights};
 use crate::plan::commands::{CommandList, PassCommand};
+use crate::plan::heads::Heads;
 use crate::plan::{Plan, PoseState, Source, UpdateDesc, UpdatePath, UpdateStats};
 use std::sync::Arc;
 use workers::Workers;
@@ -17,7 +20,7 @@ use workers::Workers;
 pub struct CpuCrowd {
     mesh: Arc<PackedMesh>,
     slots: usize,
-    weights: Vec<Vec<f32>>,
+    heads: Heads,
     updates: u64,
     /// `[instance × slots + slot]`.
     poses: Vec<Vec<f32>>,
@@ -70,7 +73,7 @@ impl CpuCrowd {
             }
         };
         Ok(Self {
-            weights: vec![vec![0.0; targets]; instances],
+            heads: Heads::new(instances, targets),
             updates: 0,
             poses: vec![mesh.base().to_vec(); instances * slots],
             slots,
@@ -95,12 +98,7 @@ impl CpuCrowd {
             Layout::Blocks(blocks) => blocks.planner.exact(),
         };
         check_block_weights(weights, self.mesh.layout(), exact)?;
-        let count = self.weights.len();
-        let slot = self.weights.get_mut(instance).ok_or_else(|| {
-            Error::invalid(format!("instance {instance} of a crowd of {count}"), "count instances from 0")
-        })?;
-        slot.copy_from_slice(weights);
-        Ok(())
+        self.heads.set_weights(instance as u32, weights)
     }
 
     /// The next pose of `instance` has no predecessor (it was hidden, or teleported): its previous pose will be the
@@ -115,13 +113,49 @@ impl CpuCrowd {
         }
     }
 
+    /// Hide `instance`, or show it again: a hidden one is left out of updates and keeps its pose; the first pose after it
+    /// has itself as previous pose.
+    ///
+    /// # Errors
+    /// An instance out of range or removed.
+    pub fn set_hidden(&mut self, instance: usize, hidden: bool) -> Result<()> {
+        if self.heads.set_hidden(instance as u32, hidden)? {
+            self.cut(instance);
+        }
+        Ok(())
+    }
+
+    /// Add a head in a place that [`remove`](Self::remove) freed: shown, all weights 0.
+    ///
+    /// # Errors
+    /// No free place.
+    pub fn add(&mut self) -> Result<usize> {
+        let instance = self.heads.add()? as usize;
+        match &mut self.layout {
+            Layout::Dense { states, .. } => states[instance].forget(),
+            Layout::Blocks(blocks) => blocks.planner.states[instance].forget(),
+        }
+        Ok(instance)
+    }
+
+    /// Take a head out of the crowd.
+    ///
+    /// # Errors
+    /// An instance out of range, or removed before.
+    pub fn remove(&mut self, instance: usize) -> Result<()> {
+        self.heads.remove(instance as u32)
+    }
+
     /// Bring all poses to the weights asked for.
     pub fn update(&mut self) -> UpdateStats {
         self.updates += 1;
         match &mut self.layout {
             Layout::Dense { states, plans, list } => {
-                for ((state, weights), plan) in states.iter_mut().zip(&self.weights).zip(&mut *plans) {
-                    state.plan(weights, self.updates, plan);
+                for ((state, asked), plan) in states.iter_mut().zip(self.heads.asked()).zip(&mut *plans) {
+                    match asked {
+                        Some(weights) => state.plan(weights, self.updates, plan),
+                        None => plan.clear(),
+                    }
                 }
                 list.fill(plans);
                 let stats = UpdateStats::new(self.mesh.layout(), list, plans);
@@ -133,7 +167,7 @@ impl CpuCrowd {
                 stats
             }
             Layout::Blocks(blocks) => {
-                let stats = blocks.planner.plan(&self.weights, self.updates);
+                let stats = blocks.planner.plan(&self.heads, self.updates);
                 blocks.run(&self.mesh, &self.workers, &mut self.poses, self.slots);
                 stats
             }

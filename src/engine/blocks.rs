@@ -4,15 +4,18 @@ use super::MeshBuffers;
 use super::crowd::CrowdDesc;
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
-use crate::gpu::blocks::{BlockSets, BlocksKernel, BufferRange, GroupBuffers};
+use crate::gpu::blocks::{BlockSets, BlocksDispatch, BlocksKernel, BufferRange, GroupBuffers};
 use crate::gpu::device::Device;
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::gpu::shaders::BlocksPush;
 use crate::mesh::packed::blocks::{BlockIndex, ExactGrid};
 use crate::mesh::packed::{POSE_FLOATS, PackedLayout};
 use crate::plan::UpdateStats;
-use crate::plan::blocks::{BlockState, ELEMENT_BYTES, ITEM_WORDS, Item, Planner};
+use crate::plan::blocks::{
+    BlockState, ELEMENT_BYTES, ITEM_WORDS, Item, Planner, TILE, TILE_WORDS, TileBytes, Tiles, WIDTHS,
+};
 use crate::plan::commands::{Command, CommandList};
+use crate::plan::heads::Heads;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use std::ops::Range;
@@ -28,15 +31,18 @@ pub(super) struct Blocks {
     slots: u32,
     pub(super) planner: Planner,
     pub(super) list: CommandList,
+    /// For kernels that take several instances at once.
+    tiles: Option<Tiles>,
     ring: Ring,
     sums: Option<Buffer>,
+    dispatches: Vec<BlocksDispatch>,
     sets: BlockSets,
     /// Instances that one descriptor set reaches.
     group: u32,
     push: BlocksPush,
 }
 
-/// Work lists in host-visible memory, one for each frame in flight: items, then elements.
+/// Work lists in host-visible memory, one for each frame in flight: items, then elements (or tiles, then rows).
 struct Ring {
     buffer: Buffer,
     /// Bytes of a frame's part.
@@ -45,12 +51,23 @@ struct Ring {
     elements_at: usize,
 }
 
-/// Sizes of a work list: words before the elements, and bytes in all.
-fn list_size(index: &BlockIndex, instances: u32) -> (u64, u64) {
-    let item = 4 * (ITEM_WORDS + POSE_FLOATS * index.mask_words()) as u64;
-    let items = u64::from(instances) * index.count() as u64 * item;
+/// Sizes of a work list of items and elements: words before the elements, and bytes in all.
+fn item_list_size(index: &BlockIndex, instances: u32) -> (u64, u64) {
+    let item = (ITEM_WORDS + POSE_FLOATS * index.mask_words()) as u64;
     let elements = u64::from(instances) * (index.entry_count() * ELEMENT_BYTES) as u64;
-    (items / 4, (items + elements).max(16).next_multiple_of(256))
+    list_size(u64::from(instances) * index.count() as u64 * item, elements)
+}
+
+/// The same of tiles and rows. Of tiles that are not of the largest width, a block has at most one of each width, and
+/// again as many apart.
+fn tile_list_size(index: &BlockIndex, instances: u32, group: u32) -> (u64, u64) {
+    let narrow = 2 * (WIDTHS as u32 - 1) * instances.div_ceil(group);
+    let tiles = u64::from(instances.min(instances / TILE as u32 + narrow)) * index.count() as u64;
+    list_size(tiles * TILE_WORDS as u64, 4 * Tiles::row_words(index, instances as usize) as u64)
+}
+
+fn list_size(item_words: u64, element_bytes: u64) -> (u64, u64) {
+    (item_words, (4 * item_words + element_bytes).max(16).next_multiple_of(256))
 }
 
 impl Blocks {
@@ -64,10 +81,12 @@ impl Blocks {
     ) -> Result<Self> {
         let layout = &mesh.layout;
         let mut state = BlockState::new(desc.update, layout, index)?;
-        if kernel.is_straight() {
+        if kernel.is_tiled() {
             state.write_whole_blocks();
         }
         let exact = state.exact();
+        // Where rebuilt instances have pipelines of their own.
+        let tiles = kernel.is_tiled().then(|| Tiles::new(index, desc.instances as usize, exact.is_none()));
         let (range, pose) = (device.caps.max_storage_range, layout.pose_bytes());
         let slots = desc.update.slots;
         let per_instance = pose * u64::from(slots);
@@ -80,7 +99,10 @@ impl Blocks {
         if group == 0 {
             return too_much("the slots of one instance", per_instance, range, "use fewer slots, or split the mesh");
         }
-        let (elements_at, stride) = list_size(index, desc.instances);
+        let (elements_at, stride) = match &tiles {
+            Some(_) => tile_list_size(index, desc.instances, group),
+            None => item_list_size(index, desc.instances),
+        };
         if stride > range {
             let what = format!("the work lists of {} instances", desc.instances);
             return too_much(&what, stride, range, "make several crowds");
@@ -91,7 +113,9 @@ impl Blocks {
             return too_much(&what, bytes, u32::MAX.into(), "use fewer frames in flight, or several crowds");
         }
         let buffer = |name, bytes, location| {
-            let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_SRC;
+            let usage = vk::BufferUsageFlags::STORAGE_BUFFER
+                | vk::BufferUsageFlags::STORAGE_TEXEL_BUFFER
+                | vk::BufferUsageFlags::TRANSFER_SRC;
             Buffer::new(device, &BufferDesc { name, bytes, usage, location })
         };
         let mut ring = buffer("deltamorph work lists", bytes, MemoryLocation::CpuToGpu)?;
@@ -138,8 +162,10 @@ impl Blocks {
             slots,
             planner: Planner::new(index, state, desc.instances as usize),
             list: CommandList::new(desc.update.path),
+            tiles,
             ring: Ring { buffer: ring, stride, elements_at: elements_at as usize },
             sums,
+            dispatches: vec![],
             sets,
             group,
             push,
@@ -156,81 +182,89 @@ impl Blocks {
         self.sums.as_ref().map(|sums| (sums.raw, u64::from(instance) * pose_bytes))
     }
 
-    pub(super) fn plan(&mut self, weights: &[Vec<f32>], update: u64) -> UpdateStats {
-        let stats = self.planner.plan(weights, update);
+    pub(super) fn plan(&mut self, heads: &Heads, update: u64) -> UpdateStats {
+        let mut stats = self.planner.plan(heads, update);
+        if self.tiles.is_some() {
+            // Instances share what tiles load: counted where they are made.
+            (stats.bytes_moved, stats.bytes_floor) = (0, 0);
+        }
         self.list.fill_blocks(&self.planner.list.items, self.sums.is_some());
         stats
     }
 
-    /// Write the planned commands.
+    /// Write the planned commands. Returns the bytes of deltas, lists and poses that tiles load and store, which the
+    /// planner does not know.
     ///
     /// # Safety
     /// As [`super::MorphEngine::record_update`].
-    pub(super) unsafe fn record(&mut self, device: &Device, cmd: vk::CommandBuffer, frame: u64) -> Result<()> {
-        if self.list.commands.is_empty() {
-            return Ok(());
-        }
-        self.write_list(frame)?;
-        let list = (frame * self.ring.stride) as u32;
-        let item_words = ITEM_WORDS + POSE_FLOATS * self.planner.index.mask_words();
-        // Instances of one group that no barrier parts go into one dispatch, or two.
+    pub(super) unsafe fn record(&mut self, device: &Device, cmd: vk::CommandBuffer, frame: u64) -> Result<TileBytes> {
+        let mut written = Written { frame, items: 0, elements: self.ring.elements_at, bytes: TileBytes::default() };
+        // Instances of one group that no barrier parts go into the same dispatches.
         let mut pending: Option<(u32, Range<usize>)> = None;
-        let flush = |pending: &mut Option<(u32, Range<usize>)>| {
-            if let Some((group, items)) = pending.take() {
-                let set = self.sets.get(group as usize);
-                let items = self.places(items);
-                // SAFETY: the caller's obligations; set and list were written for this mesh and crowd.
-                unsafe { self.kernel.record(cmd, set, list, items, item_words, self.push) };
-            }
-        };
-        for command in &self.list.commands {
-            match command {
-                Command::Barrier(hazard) => {
-                    flush(&mut pending);
-                    // SAFETY: the caller's obligations.
-                    unsafe { barriers::record(&device.raw, cmd, *hazard) };
+        for i in 0..self.list.commands.len() {
+            let next = match &self.list.commands[i] {
+                Command::Blocks(blocks) => Some((blocks.instance / self.group, blocks.items.clone())),
+                Command::Barrier(_) | Command::Pass(_) => None,
+            };
+            match (&mut pending, next) {
+                (Some((group, items)), Some((g, more))) if *group == g && items.end == more.start => {
+                    items.end = more.end;
+                    continue;
                 }
-                Command::Blocks(blocks) => {
-                    let group = blocks.instance / self.group;
-                    match &mut pending {
-                        Some((g, items)) if *g == group && items.end == blocks.items.start => {
-                            items.end = blocks.items.end;
-                        }
-                        _ => {
-                            flush(&mut pending);
-                            pending = Some((group, blocks.items.clone()));
-                        }
+                (_, next) => {
+                    if let Some((group, items)) = std::mem::replace(&mut pending, next) {
+                        // SAFETY: the caller's obligations.
+                        unsafe { self.dispatch(cmd, group, items, &mut written) }?;
                     }
                 }
-                Command::Pass(_) => {}
+            }
+            if let Command::Barrier(hazard) = &self.list.commands[i] {
+                // SAFETY: the caller's obligations.
+                unsafe { barriers::record(&device.raw, cmd, *hazard) };
             }
         }
-        flush(&mut pending);
+        Ok(written.bytes)
+    }
+
+    /// Dispatch items of one group. All that is dispatched is followed by a barrier, so that none is left over.
+    ///
+    /// # Safety
+    /// As [`record`](Self::record).
+    unsafe fn dispatch(
+        &mut self,
+        cmd: vk::CommandBuffer,
+        group: u32,
+        items: Range<usize>,
+        written: &mut Written,
+    ) -> Result<()> {
+        self.dispatches.clear();
+        match self.tiles {
+            Some(_) => self.write_tiles(items, written)?,
+            None => self.write_items(items, written)?,
+        }
+        let (set, list) = (self.sets.get(group as usize), (written.frame * self.ring.stride) as u32);
+        // SAFETY: the caller's obligations; set and list were written for this mesh and crowd.
+        unsafe { self.kernel.record(cmd, set, list, &self.dispatches, self.push) };
         Ok(())
     }
 
-    /// Where the items of a range are in the list: those that are not apart come first.
-    fn places(&self, items: Range<usize>) -> [Range<usize>; 2] {
-        let straight = self.kernel.is_straight();
-        let apart = |items: &[Item]| items.iter().filter(|item| is_apart(item, straight)).count();
-        let all = &self.planner.list.items;
-        let (before, within) = (apart(&all[..items.start]), apart(&all[items.clone()]));
-        let first = all.len() - apart(all) + before;
-        [items.start - before..items.end - before - within, first..first + within]
-    }
-
-    /// Write this frame's work list; the update that used this part of the ring last has finished by contract.
-    fn write_list(&mut self, frame: u64) -> Result<()> {
-        let mask_words = POSE_FLOATS * self.planner.index.mask_words();
-        let (at, size) = ((frame * self.ring.stride) as usize, self.ring.stride as usize);
-        let words: &mut [u32] = bytemuck::cast_slice_mut(&mut self.ring.buffer.mapped()?[at..at + size]);
-        let (items, elements) = words.split_at_mut(self.ring.elements_at);
-        let (work, straight) = (&self.planner.list, self.kernel.is_straight());
-        let mut places = [0, work.items.iter().filter(|item| !is_apart(item, straight)).count()];
-        for (item, masks) in work.items.iter().zip(work.masks.chunks_exact(mask_words)) {
-            let place = &mut places[usize::from(is_apart(item, straight))];
-            let out = &mut items[*place * (ITEM_WORDS + mask_words)..][..ITEM_WORDS + mask_words];
-            *place += 1;
+    /// Write items and their elements to this frame's list; the update that used this part of the ring last has finished
+    /// by contract.
+    fn write_items(&mut self, range: Range<usize>, written: &mut Written) -> Result<()> {
+        let (work, mask_words) = (&self.planner.list, POSE_FLOATS * self.planner.index.mask_words());
+        let item_size = ITEM_WORDS + mask_words;
+        let elements_at = self.ring.elements_at;
+        let (items, elements) = self.ring.words(written.frame)?.split_at_mut(elements_at);
+        let outs = items[written.items..].chunks_exact_mut(item_size);
+        let masks = work.masks[range.start * mask_words..].chunks_exact(mask_words);
+        self.dispatches.push(BlocksDispatch {
+            pipeline: 0,
+            items: range.len(),
+            first_word: written.items,
+            item_words: item_size,
+        });
+        written.items += range.len() * item_size;
+        for ((item, masks), out) in work.items[range].iter().zip(masks).zip(outs) {
             out[..ITEM_WORDS].copy_from_slice(&item_words(item, self.group, self.slots));
             out[ITEM_WORDS..].copy_from_slice(masks);
             let (first, count) = (2 * item.first as usize, 2 * item.count as usize);
@@ -239,19 +273,63 @@ impl Blocks {
         }
         Ok(())
     }
+
+    /// The same of tiles and their rows.
+    fn write_tiles(&mut self, range: Range<usize>, written: &mut Written) -> Result<()> {
+        let (Some(tiles), planner) = (&mut self.tiles, &self.planner) else { return Ok(()) };
+        tiles.clear();
+        tiles.fill(&planner.index, &planner.list, range);
+        written.bytes += tiles.bytes(&planner.index, self.sums.is_some());
+        let words = self.ring.words(written.frame)?;
+        let first_row = written.elements;
+        words[first_row..first_row + tiles.rows.len()].copy_from_slice(&tiles.rows);
+        written.elements += tiles.rows.len();
+        for (apart, widths) in tiles.items.iter().enumerate() {
+            for (width, tiles) in widths.iter().enumerate().filter(|(_, tiles)| !tiles.is_empty()) {
+                self.dispatches.push(BlocksDispatch {
+                    pipeline: self.kernel.pipeline_of(apart, width),
+                    items: tiles.len(),
+                    first_word: written.items,
+                    item_words: TILE_WORDS,
+                });
+                for (tile, out) in tiles.iter().zip(words[written.items..].chunks_exact_mut(TILE_WORDS)) {
+                    out[..4].copy_from_slice(&[tile.block, first_row as u32 + tile.first, tile.count, tile.rebuilt]);
+                    for (out, &i) in out[4..4 + (1 << width)].iter_mut().zip(&tile.items) {
+                        *out = poses(&planner.list.items[i as usize], self.group, self.slots);
+                    }
+                }
+                written.items += tiles.len() * TILE_WORDS;
+            }
+        }
+        Ok(())
+    }
+}
+impl Ring {
+    /// A frame's part.
+    fn words(&mut self, frame: u64) -> Result<&mut [u32]> {
+        let (at, size) = ((frame * self.stride) as usize, self.stride as usize);
+        Ok(bytemuck::cast_slice_mut(&mut self.buffer.mapped()?[at..at + size]))
+    }
 }
 
-/// Whether an item lies in the second part of the list.
-fn is_apart(item: &Item, straight: bool) -> bool {
-    straight && item.source.is_none()
+/// How far this update's list is written, in words, and what it moves.
+struct Written {
+    frame: u64,
+    items: usize,
+    elements: usize,
+    bytes: TileBytes,
+}
+
+/// Source and destination of an item, as numbers of poses in a group of instances.
+fn poses(item: &Item, group: u32, slots: u32) -> u32 {
+    let pose = |slot: u32| item.instance % group * slots + slot;
+    pose(item.source.unwrap_or(item.destination)) | pose(item.destination) << 16
 }
 
 /// An item as `blocks.comp` reads it.
 fn item_words(item: &Item, group: u32, slots: u32) -> [u32; ITEM_WORDS] {
-    let pose = |slot: u32| item.instance % group * slots + slot;
-    let source = pose(item.source.unwrap_or(item.destination));
     let rebuilt = if item.source.is_none() { REBUILT } else { 0 };
-    [item.block | rebuilt, source | pose(item.destination) << 16, item.first, item.count]
+    [item.block | rebuilt, poses(item, group, slots), item.first, item.count]
 }
 
 /// Bytes of the buffer that holds headers, deltas and base pose.

@@ -9,6 +9,7 @@ use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::mesh::packed::{POSE_STRIDE, PackedLayout};
 use crate::plan::blocks::check_block_weights;
 use crate::plan::commands::CommandList;
+use crate::plan::heads::Heads;
 use crate::plan::{UpdateDesc, UpdateStats};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
@@ -66,7 +67,7 @@ pub struct Crowd {
     mesh: Arc<MeshBuffers>,
     desc: CrowdDesc,
     poses: Buffer,
-    weights: Vec<Vec<f32>>,
+    heads: Heads,
     backend: Backend,
     /// Updates planned.
     updates: u64,
@@ -101,6 +102,7 @@ impl Crowd {
             ));
         }
         let mut usage = vk::BufferUsageFlags::STORAGE_BUFFER
+            | vk::BufferUsageFlags::STORAGE_TEXEL_BUFFER
             | vk::BufferUsageFlags::VERTEX_BUFFER
             | vk::BufferUsageFlags::TRANSFER_SRC;
         if device.feedback.is_some() {
@@ -117,7 +119,7 @@ impl Crowd {
             (kernel, _) => Backend::Dense(Box::new(Dense::new(device, mesh, kernel, desc, &poses)?)),
         };
         Ok(Self {
-            weights: vec![vec![0.0; mesh.layout.targets.len()]; desc.instances as usize],
+            heads: Heads::new(desc.instances as usize, mesh.layout.targets.len()),
             backend,
             updates: 0,
             recorded: 0,
@@ -141,30 +143,63 @@ impl Crowd {
     /// Ask for these weights, one per target in the mesh's order, from the next recorded update on.
     ///
     /// # Errors
-    /// An instance out of range; a wrong number of weights; one that is not finite or out of range. Nothing changes then.
+    /// An instance out of range or removed; a wrong number of weights; one that is not finite or out of range. Nothing
+    /// changes then.
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
         let exact = match &self.backend {
             Backend::Dense(_) => None,
             Backend::Blocks(blocks) => blocks.exact(),
         };
         check_block_weights(weights, &self.mesh.layout, exact)?;
-        self.check_instance(instance)?;
-        self.weights[instance as usize].copy_from_slice(weights);
-        Ok(())
+        self.heads.set_weights(instance, weights)
     }
 
     /// The next pose of `instance` has no predecessor (it was hidden, or teleported): its previous pose will
     /// be the pose itself, so that motion vectors come out as zero.
     ///
     /// # Errors
-    /// An instance out of range.
+    /// An instance out of range or removed.
     pub fn cut(&mut self, instance: u32) -> Result<()> {
-        self.check_instance(instance)?;
+        let i = self.heads.check(instance)?;
         match &mut self.backend {
-            Backend::Dense(dense) => dense.states[instance as usize].cut(),
-            Backend::Blocks(blocks) => blocks.planner.states[instance as usize].cut(),
+            Backend::Dense(dense) => dense.states[i].cut(),
+            Backend::Blocks(blocks) => blocks.planner.states[i].cut(),
         }
         Ok(())
+    }
+
+    /// Hide `instance`, or show it again. A hidden one is left out of updates, whatever is asked of it, and keeps its
+    /// pose; shown again, it catches up in the next update, and its previous pose is the pose itself then.
+    ///
+    /// # Errors
+    /// An instance out of range or removed.
+    pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<()> {
+        match self.heads.set_hidden(instance, hidden)? {
+            true => self.cut(instance),
+            false => Ok(()),
+        }
+    }
+
+    /// Add a head, in a place that [`remove`](Self::remove) freed: shown, with all weights 0. The next update writes its
+    /// pose from base. A crowd begins with all its [`CrowdDesc::instances`] in place, and has no room for more.
+    ///
+    /// # Errors
+    /// No free place.
+    pub fn add(&mut self) -> Result<u32> {
+        let instance = self.heads.add()?;
+        match &mut self.backend {
+            Backend::Dense(dense) => dense.states[instance as usize].forget(),
+            Backend::Blocks(blocks) => blocks.planner.states[instance as usize].forget(),
+        }
+        Ok(instance)
+    }
+
+    /// Take a head out of the crowd. Its memory stays the crowd's, for the next to be added.
+    ///
+    /// # Errors
+    /// An instance out of range, or removed before.
+    pub fn remove(&mut self, instance: u32) -> Result<()> {
+        self.heads.remove(instance)
     }
 
     /// The update of `ticket` and all later ones will never run (their command buffers were reset or dropped):
@@ -184,7 +219,7 @@ impl Crowd {
     /// The pose of `instance` once the updates recorded so far have run.
     ///
     /// # Errors
-    /// An instance out of range; no update recorded yet, or its update was discarded.
+    /// An instance out of range or removed; no update recorded yet, or its update was discarded.
     pub fn pose(&self, instance: u32) -> Result<PoseView> {
         let (result, _) = self.slots_of(instance)?;
         Ok(self.view(instance, result))
@@ -201,20 +236,9 @@ impl Crowd {
         Ok(previous.map(|slot| self.view(instance, slot)))
     }
 
-    fn check_instance(&self, instance: u32) -> Result<()> {
-        if instance < self.desc.instances {
-            return Ok(());
-        }
-        Err(Error::invalid(
-            format!("instance {instance} of a crowd of {}", self.desc.instances),
-            "count instances from 0",
-        ))
-    }
-
     /// Slots of the pose and of the previous pose.
     fn slots_of(&self, instance: u32) -> Result<(u32, Option<u32>)> {
-        self.check_instance(instance)?;
-        let i = instance as usize;
+        let i = self.heads.check(instance)?;
         let (known, slots) = match &self.backend {
             Backend::Dense(dense) => {
                 (dense.states[i].applied().is_some(), (dense.plans[i].result, dense.plans[i].previous))
@@ -268,25 +292,30 @@ impl Crowd {
     pub(super) fn plan_update(&mut self) -> Update {
         self.updates += 1;
         let stats = match &mut self.backend {
-            Backend::Dense(dense) => dense.plan(&self.weights, self.updates),
-            Backend::Blocks(blocks) => blocks.plan(&self.weights, self.updates),
+            Backend::Dense(dense) => dense.plan(&self.heads, self.updates),
+            Backend::Blocks(blocks) => blocks.plan(&self.heads, self.updates),
         };
         let ticket = Ticket { update: self.updates, recorded: self.recorded };
         self.recorded += u64::from(!self.commands_mut().commands.is_empty());
         Update { ticket, stats }
     }
 
-    /// Write the planned commands.
+    /// Write the planned commands of `update`.
     ///
     /// # Safety
     /// As [`super::MorphEngine::record_update`].
-    pub(super) unsafe fn record(&mut self, cmd: vk::CommandBuffer) -> Result<()> {
+    pub(super) unsafe fn record(&mut self, cmd: vk::CommandBuffer, update: &mut Update) -> Result<()> {
         let frame = self.recorded % u64::from(self.desc.frames_in_flight);
         match &mut self.backend {
             // SAFETY: the caller's obligations.
             Backend::Dense(dense) => unsafe { dense.record(&self.device, cmd, &self.poses, frame) },
-            // SAFETY: the caller's obligations.
-            Backend::Blocks(blocks) => unsafe { blocks.record(&self.device, cmd, frame) },
+            Backend::Blocks(blocks) => {
+                // SAFETY: the caller's obligations.
+                let bytes = unsafe { blocks.record(&self.device, cmd, frame) }?;
+                update.stats.bytes_moved += bytes.moved;
+                update.stats.bytes_floor += bytes.floor;
+                Ok(())
+            }
         }
     }
 }

@@ -11,6 +11,7 @@ use crate::gpu::feedback::FeedbackPass;
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::gpu::shaders::DenseListEntry;
 use crate::plan::commands::{Command, CommandList, PassCommand};
+use crate::plan::heads::Heads;
 use crate::plan::{BatchSize, Plan, PoseState, Source, UpdateStats};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
@@ -105,9 +106,12 @@ impl Dense {
         })
     }
 
-    pub(super) fn plan(&mut self, weights: &[Vec<f32>], update: u64) -> UpdateStats {
-        for ((state, weights), plan) in self.states.iter_mut().zip(weights).zip(&mut self.plans) {
-            state.plan(weights, update, plan);
+    pub(super) fn plan(&mut self, heads: &Heads, update: u64) -> UpdateStats {
+        for ((state, asked), plan) in self.states.iter_mut().zip(heads.asked()).zip(&mut self.plans) {
+            match asked {
+                Some(weights) => state.plan(weights, update, plan),
+                None => plan.clear(),
+            }
         }
         self.list.fill(&self.plans);
         UpdateStats::new(&self.mesh.layout, &self.list, &self.plans)

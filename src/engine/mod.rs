@@ -27,7 +27,7 @@ pub use crowd::{Crowd, CrowdDesc, PoseView, Ticket, Update};
 
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
-use crate::gpu::blocks::{BlocksKernel, BlocksVariant};
+use crate::gpu::blocks::{BlocksKernel, BlocksVariant, takes_texels};
 use crate::gpu::compute::Compute;
 use crate::gpu::device::Device;
 use crate::gpu::feedback::Feedback;
@@ -35,8 +35,9 @@ use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::gpu::shaders::WORKGROUP;
 use crate::mesh::packed::blocks::BlockDesc;
 use crate::mesh::packed::{POSE_STRIDE, PackDesc, PackedLayout, PackedMesh};
+use crate::plan::blocks::TILE;
 use crate::plan::commands::Hazard;
-use crate::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
+use crate::plan::{Accumulate, BatchSize, UpdatePath};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -74,6 +75,12 @@ impl GpuMesh {
     /// Give the staging memory back. To be called once the recorded upload has run.
     pub fn release_staging(&mut self) {
         self.staging = None;
+    }
+
+    /// The same mesh, for `headless`.
+    #[cfg(feature = "headless")]
+    pub(crate) fn shared(&self) -> Self {
+        Self { shared: self.shared.clone(), staging: None }
     }
 
     /// Names, steps and sizes of what was uploaded.
@@ -147,6 +154,7 @@ impl MorphEngine {
         let layout = mesh.layout().clone();
         self.check_mesh(&layout)?;
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER
+            | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
             | vk::BufferUsageFlags::VERTEX_BUFFER
             | vk::BufferUsageFlags::TRANSFER_DST;
         let buffer =
@@ -239,16 +247,20 @@ impl MorphEngine {
             ));
         }
         self.device.caps.check_update(&desc.update, mesh.layout())?;
-        let kernel = self.kernel(&desc.update, mesh)?;
+        let kernel = self.kernel(desc, mesh)?;
         Crowd::new(&self.device, &mesh.shared, kernel, desc)
     }
 
-    fn kernel(&self, desc: &UpdateDesc, mesh: &GpuMesh) -> Result<Kernel> {
-        let format = mesh.layout().format;
+    fn kernel(&self, desc: &CrowdDesc, mesh: &GpuMesh) -> Result<Kernel> {
+        let (format, instances, desc) = (mesh.layout().format, desc.instances, &desc.update);
+        let exact = desc.accumulate == Accumulate::Exact;
+        let texels = takes_texels(&self.device.caps, format);
         let variant = mesh.layout().blocks.as_ref().map(|index| BlocksVariant {
             format,
-            exact: desc.accumulate == Accumulate::Exact,
+            exact,
             size: index.size() as u32,
+            texels,
+            widths: if texels || instances > 1 { instances.clamp(1, TILE as u32).ilog2() + 1 } else { 0 },
         });
         let mut kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
         let found = kernels.iter().find(|kernel| match (kernel, desc.path, desc.batch) {
@@ -327,10 +339,10 @@ impl MorphEngine {
                 "record it with the engine that created it",
             ));
         }
-        let update = crowd.plan_update();
+        let mut update = crowd.plan_update();
         tamper(crowd.commands_mut());
         // SAFETY: the caller's obligations.
-        if let Err(error) = unsafe { crowd.record(cmd) } {
+        if let Err(error) = unsafe { crowd.record(cmd, &mut update) } {
             // Planned, but not recorded.
             crowd.discard(update.ticket);
             return Err(error);

@@ -31,6 +31,8 @@ pub struct DeviceCaps {
     pub api_version: (u32, u32, u32),
     /// Bytes that a storage-buffer descriptor may cover.
     pub max_storage_range: u64,
+    /// Texels of a texel buffer.
+    pub max_texels: u32,
     /// Bytes of one memory allocation.
     pub max_allocation: u64,
     /// Storage buffers of one shader stage.
@@ -138,6 +140,7 @@ impl DeviceCaps {
             },
             api_version,
             max_storage_range: limits.max_storage_buffer_range.into(),
+            max_texels: limits.max_texel_buffer_elements,
             max_allocation: maintenance.max_memory_allocation_size,
             max_storage_buffers: limits.max_per_stage_descriptor_storage_buffers,
             max_push_constants: limits.max_push_constants_size,
@@ -164,6 +167,7 @@ impl DeviceCaps {
             kind: "other",
             api_version: (1, 1, 0),
             max_storage_range: 1 << 27,
+            max_texels: 1 << 16,
             max_allocation: 1 << 30,
             max_storage_buffers: 4,
             max_push_constants: 128,
@@ -179,6 +183,7 @@ impl DeviceCaps {
     /// Keep to the smaller of these limits and `limits`; nothing is raised. Names, versions and timestamps stay.
     pub fn clamp_to(&mut self, limits: &Self) {
         self.max_storage_range = self.max_storage_range.min(limits.max_storage_range);
+        self.max_texels = self.max_texels.min(limits.max_texels);
         self.max_allocation = self.max_allocation.min(limits.max_allocation);
         self.max_storage_buffers = self.max_storage_buffers.min(limits.max_storage_buffers);
         self.max_push_constants = self.max_push_constants.min(limits.max_push_constants);

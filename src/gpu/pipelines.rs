@@ -30,7 +30,7 @@ impl Objects {
         }
     }
 
-    /// A set layout of storage buffers of these types, for compute.
+    /// A set layout of buffers of these types, for compute.
     pub(crate) fn add_storage_set_layout(&mut self, types: &[vk::DescriptorType]) -> Result<()> {
         let bindings: Vec<_> = types
             .iter()

@@ -56,13 +56,13 @@ pub struct DenseListEntry {
     pub unused: u32,
 }
 
-/// Push constants of `blocks.comp`.
+/// Push constants of `blocks.comp` and `crowd.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct BlocksPush {
     /// Index of the first item's first word in the work list.
     pub first_item: u32,
-    /// Index of the first element's first word in the work list.
+    /// Index of the first element's first word in the work list (`blocks.comp`).
     pub elements_at: u32,
     /// Index of the first delta word of the asset.
     pub deltas_at: u32,
@@ -78,14 +78,15 @@ pub struct BlocksPush {
     pub normal_unit: f32,
 }
 
-/// Name of the blocks module for a format and a kind of sums; `vertices` of a lane is 1, or 4 for `fast`.
-pub fn blocks_module(format: DeltaFormat, exact: bool, vertices: u32) -> String {
-    let name = match format {
+/// Name of the module of a kernel ("blocks" or "crowd") for a format and a kind of sums; there are `texels` in "crowd"
+/// for `fast` alone.
+pub fn blocks_module(kernel: &str, format: DeltaFormat, exact: bool, texels: bool) -> String {
+    let format = match format {
         DeltaFormat::Fast => "fast",
         DeltaFormat::Small => "small",
         _ => "float32",
     };
-    format!("blocks_{name}{}{}", if exact { "_exact" } else { "" }, if vertices == 4 { "_x4" } else { "" })
+    format!("{kernel}_{format}{}{}", if exact { "_exact" } else { "" }, if texels { "_texels" } else { "" })
 }
 
 /// Push constants of `read.comp`.

@@ -10,7 +10,6 @@ use crate::mesh::packed::PackedMesh;
 use crate::plan::commands::CommandList;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use std::sync::Arc;
 use std::time::Instant;
 
 /// What a step took.
@@ -32,7 +31,7 @@ pub struct Recorded(vk::CommandBuffer);
 /// A mesh and a crowd on a [`Headless`] device.
 pub struct HeadlessCrowd<'a> {
     headless: &'a Headless,
-    mesh: Arc<GpuMesh>,
+    mesh: GpuMesh,
     crowd: Crowd,
     draw: PoseDraw,
     readback: Buffer,
@@ -44,29 +43,16 @@ impl<'a> HeadlessCrowd<'a> {
     /// # Errors
     /// As [`MorphEngine::upload`] and [`MorphEngine::create_crowd`].
     pub fn new(headless: &'a Headless, mesh: &PackedMesh, desc: &CrowdDesc) -> Result<Self> {
-        Self::on(headless, &Self::upload(headless, mesh)?, desc)
-    }
-
-    /// `count` crowds that read one upload of `mesh`.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
-    pub fn several(headless: &'a Headless, mesh: &PackedMesh, desc: &CrowdDesc, count: usize) -> Result<Vec<Self>> {
-        let mesh = Self::upload(headless, mesh)?;
-        (0..count).map(|_| Self::on(headless, &mesh, desc)).collect()
-    }
-
-    fn upload(headless: &Headless, mesh: &PackedMesh) -> Result<Arc<GpuMesh>> {
         let engine = headless.engine();
         // SAFETY: the submitter hands out a recording buffer of the engine's device; it waits for the device.
         let mut mesh = headless.submitter().run(|cmd| unsafe { engine.upload(cmd, mesh) })?;
         mesh.release_staging();
-        Ok(Arc::new(mesh))
+        Self::of(headless, mesh, desc)
     }
 
-    fn on(headless: &'a Headless, mesh: &Arc<GpuMesh>, desc: &CrowdDesc) -> Result<Self> {
+    fn of(headless: &'a Headless, mesh: GpuMesh, desc: &CrowdDesc) -> Result<Self> {
         let engine = headless.engine();
-        let crowd = engine.create_crowd(mesh, desc)?;
+        let crowd = engine.create_crowd(&mesh, desc)?;
         let readback = Buffer::new(
             engine.device(),
             &BufferDesc {
@@ -76,7 +62,16 @@ impl<'a> HeadlessCrowd<'a> {
                 location: MemoryLocation::GpuToCpu,
             },
         )?;
-        Ok(Self { headless, draw: PoseDraw::new(engine.device())?, mesh: mesh.clone(), crowd, readback })
+        Ok(Self { headless, draw: PoseDraw::new(engine.device())?, mesh, crowd, readback })
+    }
+
+    /// Another crowd of the same mesh, which is not uploaded again.
+    ///
+    /// # Errors
+    /// As [`MorphEngine::create_crowd`].
+    pub fn another(&self, desc: &CrowdDesc) -> Result<Self> {
+        let mesh = self.mesh.shared();
+        Self::of(self.headless, mesh, desc)
     }
 
     /// The crowd.

@@ -13,6 +13,7 @@
 pub mod blocks;
 pub mod commands;
 pub mod hazards;
+pub(crate) mod heads;
 
 use crate::error::{Error, Result};
 use crate::mesh::packed::{POSE_STRIDE, PackedLayout};
@@ -253,6 +254,15 @@ pub struct Plan {
     pub rebuilt: bool,
 }
 
+impl Plan {
+    /// Forget the passes of the last update.
+    pub(crate) fn clear(&mut self) {
+        self.coefficients.clear();
+        self.passes.clear();
+        self.rebuilt = false;
+    }
+}
+
 /// What the pose buffers of one instance hold.
 #[derive(Clone, Debug)]
 pub struct PoseState {
@@ -295,12 +305,15 @@ impl PoseState {
         }
     }
 
+    /// No slot is known any longer: the next plan rebuilds.
+    pub fn forget(&mut self) {
+        self.discard_from(0);
+    }
+
     /// Plan the passes to `weights` into `plan`, and take them as done by the update numbered `update`
     /// (ascending, from 1).
     pub fn plan(&mut self, weights: &[f32], update: u64, plan: &mut Plan) {
-        plan.coefficients.clear();
-        plan.passes.clear();
-        plan.rebuilt = false;
+        plan.clear();
         let known = self.current.filter(|&c| self.applied[c as usize].is_some());
         let cut = std::mem::take(&mut self.cut);
 

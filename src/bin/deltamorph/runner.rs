@@ -122,7 +122,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// `count` crowds of `heads` each on a device, updated in one submission.
+    /// `count` crowds (≥ 1) of `heads` each on a device, updated in one submission.
     ///
     /// # Errors
     /// As [`new`](Self::new).
@@ -135,7 +135,11 @@ impl<'a> Runner<'a> {
     ) -> Result<Self, Failure> {
         // One update at a time is recorded and waited for.
         let desc = CrowdDesc { instances: heads, update: desc, frames_in_flight: 1 };
-        Ok(Self::Gpu(HeadlessCrowd::several(&gpu.headless, mesh, &desc, count)?))
+        let mut crowds = vec![HeadlessCrowd::new(&gpu.headless, mesh, &desc)?];
+        for _ in 1..count {
+            crowds.push(crowds[0].another(&desc)?);
+        }
+        Ok(Self::Gpu(crowds))
     }
 
     /// Update every head to `weights[head]` and wait.

@@ -18,11 +18,14 @@
 
 mod commit;
 mod list;
+mod tiles;
 
 pub use list::{ELEMENT_BYTES, Element, ITEM_WORDS, Item, WorkList, component_bytes};
+pub use tiles::{TILE, TILE_WORDS, TileBytes, TileItem, Tiles, WIDTHS};
 
 use commit::{Committed, Frame, list_active};
 
+use super::heads::Heads;
 use super::{Accumulate, UpdateDesc, UpdateMode, UpdateStats};
 use crate::error::{Error, Result};
 use crate::mesh::packed::PackedLayout;
@@ -68,11 +71,12 @@ impl Planner {
         self.states.first().and_then(BlockState::exact)
     }
 
-    /// Plan the update numbered `update` of every instance.
-    pub fn plan(&mut self, weights: &[Vec<f32>], update: u64) -> UpdateStats {
+    /// Plan the update numbered `update` of every head that is shown.
+    pub fn plan(&mut self, heads: &Heads, update: u64) -> UpdateStats {
         let mut stats = UpdateStats::default();
         self.list.clear();
-        for (i, ((state, weights), plan)) in self.states.iter_mut().zip(weights).zip(&mut self.plans).enumerate() {
+        for (i, ((state, asked), plan)) in self.states.iter_mut().zip(heads.asked()).zip(&mut self.plans).enumerate() {
+            let Some(weights) = asked else { continue };
             *plan = state.plan(&self.index, i, weights, update, &mut self.scratch, &mut self.list, &mut stats);
         }
         stats.passes = usize::from(!self.list.items.is_empty());
@@ -230,6 +234,11 @@ impl BlockState {
         if self.slots.written_by >= first {
             self.slots.known = false;
         }
+    }
+
+    /// No slot is known any longer: the next plan rebuilds.
+    pub fn forget(&mut self) {
+        self.discard_from(0);
     }
 
     /// The largest bound of any block, in input units; 0 for exact sums.

@@ -38,7 +38,7 @@ impl BlockIndex {
             block_base: vec![0.0; blocks],
             block_reach: vec![0.0; blocks],
         };
-        index.deltas_at = entries.saturating_mul(index.header_words());
+        index.deltas_at = entries.saturating_mul(index.header_words()).next_multiple_of(4);
         index.check(targets, words, base)?;
         index.derive(words, base)?;
         Ok(index)

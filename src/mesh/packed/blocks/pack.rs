@@ -142,6 +142,7 @@ fn pack_with(mesh: &MorphMesh, desc: &PackDesc, size: u32, steps: [f32; 2]) -> R
         }
         first_entry.push(entry_target.len() as u32);
     }
+    headers.resize(headers.len().next_multiple_of(4), 0);
     let words = headers.len() as u64 + deltas.len() as u64;
     if words > WORDS_MAX {
         return Err(Error::invalid(

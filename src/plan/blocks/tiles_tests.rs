@@ -1,0 +1,93 @@
+//! Tiles say what the list says: the same poses and sums, and the bytes that the twin counts.
+
+use super::*;
+use crate::cpu::blocks::Block;
+use crate::cpu::tile::{self, Memory};
+use crate::mesh::packed::blocks::{BlockDesc, ExactGrid};
+use crate::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
+use crate::plan::blocks::{BlockState, Planner};
+use crate::plan::heads::Heads;
+use crate::plan::{Accumulate, UpdateDesc};
+use crate::testing;
+use proptest::prelude::*;
+
+const TARGETS: usize = 9;
+
+fn memory(mesh: &PackedMesh, instances: usize, slots: usize) -> Memory {
+    let floats = mesh.base().len();
+    Memory {
+        slots,
+        poses: vec![vec![f32::NAN; floats]; instances * slots],
+        sums: vec![vec![i32::MAX; floats]; instances],
+    }
+}
+
+/// Carry the list out block by block.
+fn run_items(mesh: &PackedMesh, index: &BlockIndex, list: &WorkList, exact: Option<ExactGrid>, memory: &mut Memory) {
+    let floats = index.size() * POSE_FLOATS;
+    for (i, item) in list.items.iter().enumerate() {
+        let part = item.block as usize * floats..(item.block as usize + 1) * floats;
+        let at = item.instance as usize * memory.slots;
+        let source = item.source.filter(|&s| s != item.destination);
+        let source = source.map(|s| memory.poses[at + s as usize][part.clone()].to_vec());
+        let sums = exact.map(|grid| (&mut memory.sums[item.instance as usize][part.clone()], grid));
+        let destination = &mut memory.poses[at + item.destination as usize][part];
+        Block::new(mesh, index, list, i, source.as_deref()).run(destination, sums, &mut ());
+    }
+}
+
+proptest! {
+    #[test]
+    fn tiles_do_what_the_list_says(
+        format in 0usize..3, size in prop::sample::select(vec![32u32, 64]), exact in any::<bool>(),
+        slots in 1u32..4, instances in 1usize..21,
+        frames in prop::collection::vec(prop::collection::vec(prop::option::weighted(0.4, -2i8..5), 20 * TARGETS), 1..6),
+    ) {
+        let blocks = BlockDesc { size: Some(size), ..BlockDesc::default() };
+        let format = DeltaFormat::BLOCKS[format];
+        let mesh =
+            PackedMesh::pack(&testing::mesh(300, TARGETS), &PackDesc { blocks, ..PackDesc::new(format) }).unwrap();
+        let index = mesh.layout().blocks.clone().unwrap();
+        let accumulate =
+            if exact && format != DeltaFormat::BlockFloat32 { Accumulate::Exact } else { Accumulate::default() };
+        let desc = UpdateDesc { slots, accumulate, ..UpdateDesc::blocks() };
+        let mut state = BlockState::new(desc, mesh.layout(), &index).unwrap();
+        state.write_whole_blocks();
+        let exact = state.exact();
+        let mut planner = Planner::new(&index, state, instances);
+        let mut tiles = Tiles::new(&index, instances, exact.is_none());
+        let (mut one, mut other) = (memory(&mesh, instances, slots as usize), memory(&mesh, instances, slots as usize));
+        let mut heads = Heads::new(instances, TARGETS);
+        let mut weights = vec![[0.0; TARGETS]; instances];
+        for (update, changes) in frames.iter().enumerate() {
+            // Weights are multiples of 1/4: sums are exact in any order.
+            for (weight, change) in weights.iter_mut().flatten().zip(changes) {
+                *weight = change.map_or(*weight, |w| f32::from(w) * 0.25);
+            }
+            for (i, weights) in weights.iter().enumerate() {
+                heads.set_weights(i as u32, weights).unwrap();
+            }
+            planner.plan(&heads, update as u64 + 1);
+            let list = &planner.list;
+            run_items(&mesh, &index, list, exact, &mut one);
+            tiles.clear();
+            tiles.fill(&index, list, 0..list.items.len());
+            let (mut metered, mut seen) = (0u64, vec![]);
+            for (width, items) in tiles.items.iter().flat_map(|widths| widths.iter().enumerate()) {
+                for tile in items {
+                    seen.extend_from_slice(&tile.items[..1 << width]);
+                    tile::run(&mesh, &index, list, (&tiles, tile, width), exact, &mut other, &mut metered);
+                }
+            }
+            seen.sort_unstable();
+            prop_assert!(seen.iter().copied().eq(0..list.items.len() as u32), "every item is in one tile");
+            prop_assert_eq!(tiles.bytes(&index, exact.is_some()).moved, metered);
+            prop_assert!(tiles.rows.len() <= Tiles::row_words(&index, instances));
+            prop_assert_eq!(&one.sums, &other.sums);
+            let tolerance = 1e-6 * mesh.layout().diagonal;
+            for (a, b) in one.poses.iter().flatten().zip(other.poses.iter().flatten()) {
+                prop_assert!((a - b).abs() <= tolerance || a.is_nan() && b.is_nan(), "{} {}", a, b);
+            }
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! The heads of a crowd: which there are, which are shown, and the weights asked of them.
+
+use crate::error::{Error, Result};
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Presence {
+    Shown,
+    Hidden,
+    /// Not part of the crowd: its place is free.
+    Free,
+}
+
+/// Places for heads, each with weights.
+#[derive(Clone, Debug)]
+pub(crate) struct Heads {
+    presence: Vec<Presence>,
+    weights: Vec<Vec<f32>>,
+}
+
+impl Heads {
+    /// `places` heads, all shown, all weights 0.
+    pub fn new(places: usize, targets: usize) -> Self {
+        Self { presence: vec![Presence::Shown; places], weights: vec![vec![0.0; targets]; places] }
+    }
+
+    /// The place of `instance`.
+    ///
+    /// # Errors
+    /// An instance out of range, or one that was removed.
+    pub fn check(&self, instance: u32) -> Result<usize> {
+        let i = instance as usize;
+        match self.presence.get(i) {
+            Some(Presence::Shown | Presence::Hidden) => Ok(i),
+            Some(Presence::Free) => {
+                Err(Error::invalid(format!("instance {instance} was removed"), "use the number that `add` returns"))
+            }
+            None => Err(Error::invalid(
+                format!("instance {instance} of a crowd of {}", self.presence.len()),
+                "count instances from 0",
+            )),
+        }
+    }
+
+    /// Ask `instance` for `weights`, which were checked.
+    ///
+    /// # Errors
+    /// As [`check`](Self::check).
+    pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
+        let i = self.check(instance)?;
+        self.weights[i].copy_from_slice(weights);
+        Ok(())
+    }
+
+    /// Show or hide; tells whether that changed.
+    ///
+    /// # Errors
+    /// As [`check`](Self::check).
+    pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<bool> {
+        let i = self.check(instance)?;
+        let new = if hidden { Presence::Hidden } else { Presence::Shown };
+        Ok(std::mem::replace(&mut self.presence[i], new) != new)
+    }
+
+    /// Take the first free place: shown, all weights 0.
+    ///
+    /// # Errors
+    /// No free place.
+    pub fn add(&mut self) -> Result<u32> {
+        let Some(i) = self.presence.iter().position(|p| *p == Presence::Free) else {
+            let text = format!("the crowd has places for {} heads, all taken", self.presence.len());
+            return Err(Error::invalid(text, "remove one, or make another crowd of the same mesh"));
+        };
+        self.presence[i] = Presence::Shown;
+        self.weights[i].fill(0.0);
+        Ok(i as u32)
+    }
+
+    /// Free the place of `instance`.
+    ///
+    /// # Errors
+    /// As [`check`](Self::check).
+    pub fn remove(&mut self, instance: u32) -> Result<()> {
+        let i = self.check(instance)?;
+        self.presence[i] = Presence::Free;
+        Ok(())
+    }
+
+    /// What place `i` was asked for.
+    #[cfg(test)]
+    pub fn weights(&self, i: usize) -> &[f32] {
+        &self.weights[i]
+    }
+
+    /// For each place, the weights asked for; `None` where nothing is to be updated.
+    pub fn asked(&self) -> impl Iterator<Item = Option<&[f32]>> {
+        self.presence.iter().zip(&self.weights).map(|(p, w)| (*p == Presence::Shown).then_some(&w[..]))
+    }
+}
