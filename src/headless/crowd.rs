@@ -155,10 +155,7 @@ impl<'a> HeadlessCrowd<'a> {
         let draw = |crowds: &mut &mut [Self], cmd| crowds.iter().try_for_each(|crowd| crowd.record_draws(cmd, copies));
         let (update, ticks) = headless.submitter().run_timed_then(&mut &mut *crowds, record, draw)?;
         let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
-        let [gpu_ms, draw_ms] = match ticks {
-            Some(ticks) => ticks.map(|t| Some(headless.milliseconds(t))),
-            None => [None; 2],
-        };
+        let [gpu_ms, draw_ms] = [0, 1].map(|part| headless.milliseconds(ticks.map(|ticks| ticks[part])));
         Ok(Step { update, gpu_ms, draw_ms: draw_ms.filter(|_| copies > 0), cpu_ms })
     }
 
@@ -206,7 +203,7 @@ impl<'a> HeadlessCrowd<'a> {
     /// No update recorded yet; a device that fails.
     pub fn draw(&self, copies: u32) -> Result<Option<f64>> {
         let ((), ticks) = self.headless.submitter().run_timed(|cmd| self.record_draws(cmd, copies))?;
-        Ok(ticks.map(|t| self.headless.milliseconds(t)))
+        Ok(self.headless.milliseconds(ticks))
     }
 
     fn record_draws(&self, cmd: vk::CommandBuffer, copies: u32) -> Result<()> {

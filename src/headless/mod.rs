@@ -247,8 +247,9 @@ impl Headless {
         self.instance.messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    fn milliseconds(&self, ticks: u64) -> f64 {
-        ticks as f64 * f64::from(self.caps().timestamp_period) * 1e-6
+    fn milliseconds(&self, ticks: Option<u64>) -> Option<f64> {
+        let period = f64::from(self.caps().timestamp_period);
+        ticks.map(|t| t as f64 * period * 1e-6)
     }
 
     fn submitter(&self) -> &Submitter {

@@ -254,14 +254,6 @@ impl PackArgs {
 }
 
 impl UpdateArgs {
-    /// The modes asked for.
-    pub fn modes(&self) -> Vec<UpdateMode> {
-        match self.modes.as_slice() {
-            [] => vec![UpdateMode::Incremental],
-            modes => modes.iter().map(|m| m.update_mode()).collect(),
-        }
-    }
-
     /// What the library calls a kind of sums.
     pub fn sums(&self, choice: AccumulateChoice) -> Accumulate {
         match choice {

@@ -16,7 +16,7 @@ pub struct Wanted<'a> {
     pub formats: &'a [FormatChoice],
     /// Kinds of sums; each format takes those that it can.
     pub sums: &'a [AccumulateChoice],
-    /// The modes.
+    /// The modes; none: that of each path.
     pub modes: Vec<UpdateMode>,
     /// Targets per pass.
     pub sizes: &'a [BatchSpec],
@@ -31,10 +31,23 @@ pub fn takes_all(path: UpdatePath) -> bool {
     UpdateDesc::new(path, BatchSize::All).check().is_ok()
 }
 
+/// The mode of a path where none is asked for: incremental, unless it knows no such thing.
+pub fn own_mode(path: UpdatePath) -> UpdateMode {
+    let takes = |batch| {
+        let desc = UpdateDesc { mode: UpdateMode::Incremental, ..UpdateDesc::new(path, batch) };
+        desc.check().is_ok()
+    };
+    match takes(BatchSize::All) || takes(BatchSize::Targets(1)) {
+        true => UpdateMode::Incremental,
+        false => UpdateMode::Rebuild,
+    }
+}
+
 /// What can run, and what was asked for and cannot, with the reason.
 pub fn configurations(wanted: &Wanted<'_>, update: &UpdateArgs, gpu: Option<&Gpu>) -> (Vec<Config>, Vec<Skipped>) {
     let (mut configs, mut skipped) = (vec![], vec![]);
     for &path in &wanted.paths {
+        let modes = if wanted.modes.is_empty() { vec![own_mode(path)] } else { wanted.modes.clone() };
         let available = match (path, gpu) {
             (UpdatePath::Cpu, _) => Ok(()),
             (_, Some(gpu)) => gpu.caps().check_path(path).map_err(|e| e.to_string()),
@@ -49,7 +62,7 @@ pub fn configurations(wanted: &Wanted<'_>, update: &UpdateArgs, gpu: Option<&Gpu
             let limit = BatchLimit { max: batch_max.unwrap_or(0), all: takes_all(path) };
             let (batches, refused) = expand_batches(wanted.sizes, limit);
             for batch in batches {
-                for (mode, sums) in wanted.modes.iter().flat_map(|m| held(wanted.sums, format).map(move |s| (*m, s))) {
+                for (mode, sums) in modes.iter().flat_map(|m| held(wanted.sums, format).map(move |s| (*m, s))) {
                     let desc = UpdateDesc {
                         mode,
                         slots: update.slots,

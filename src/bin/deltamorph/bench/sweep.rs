@@ -104,7 +104,7 @@ fn wanted(args: &BenchArgs, gpu: Option<&Gpu>, budget: f32, sweep: &[BatchSpec])
         },
         formats: if update.formats.is_empty() { &FORMATS } else { &update.formats },
         sums: if update.accumulate.is_empty() { &all } else { &update.accumulate },
-        modes: update.modes(),
+        modes: update.modes.iter().map(|m| m.update_mode()).collect(),
         sizes: if args.batch_sizes.is_empty() { sweep } else { &args.batch_sizes },
         sizes_named: !args.batch_sizes.is_empty(),
         error_budget: budget,

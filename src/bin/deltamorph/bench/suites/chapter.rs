@@ -3,9 +3,9 @@
 use super::Lab;
 use super::record::{Comparison, SuiteRecord};
 use super::subject::Subject;
-use super::technique::{formats, own_mode, paths};
+use super::technique::{formats, paths};
 use crate::args::values::{AccumulateChoice, BatchSpec};
-use crate::bench::configs::{Wanted, configurations};
+use crate::bench::configs::{Wanted, configurations, own_mode};
 use crate::bench::race::Entrant;
 use crate::bench::record::RunRecord;
 use crate::bench::select::{batch_words, fastest};

@@ -3,7 +3,7 @@
 use super::Lab;
 use super::subject::Subject;
 use crate::args::values::{AccumulateChoice, BatchSpec, FormatChoice, PathChoice};
-use crate::bench::configs::{Wanted, configurations, takes_all};
+use crate::bench::configs::{Wanted, configurations, own_mode, takes_all};
 use crate::bench::race::{Entrant, Pace};
 use crate::bench::record::Skipped;
 use crate::bench::select::median;
@@ -37,18 +37,6 @@ pub fn paths(lab: &Lab<'_>) -> Vec<UpdatePath> {
 pub fn formats(lab: &Lab<'_>) -> Vec<FormatChoice> {
     let named = &lab.args.update.formats;
     if named.is_empty() { FormatChoice::value_variants().to_vec() } else { named.clone() }
-}
-
-/// The mode of a path where none is asked for: incremental, unless it knows no such thing.
-pub fn own_mode(path: UpdatePath) -> UpdateMode {
-    let takes = |batch| {
-        let desc = UpdateDesc { mode: UpdateMode::Incremental, ..UpdateDesc::new(path, batch) };
-        desc.check().is_ok()
-    };
-    match takes(BatchSize::All) || takes(BatchSize::Targets(1)) {
-        true => UpdateMode::Incremental,
-        false => UpdateMode::Rebuild,
-    }
 }
 
 /// Every technique that can run; those that cannot become entries of what was skipped.
