@@ -94,7 +94,7 @@ pub fn choose(
     setting: &Setting<'_>,
     techniques: &[Technique],
 ) -> Result<Vec<(String, Config)>, Failure> {
-    let pace = Pace { frames: 6, rounds: 3, limit: Some(lab.args.time_limit() / 4), lockstep: false };
+    let pace = Pace { frames: 6, rounds: 3, limit: Some(lab.args.time_limit() / 20), lockstep: false };
     let mut chosen = vec![];
     for technique in techniques {
         lab.bar.set_message(format!("choosing the best {}", technique.name));
