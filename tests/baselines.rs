@@ -86,7 +86,7 @@ fn check(headless: &Headless, mesh: &PackedMesh, desc: UpdateDesc, seed: u32) {
     let mut before: Option<Vec<f64>> = None;
     for (frame, weights) in history(mesh, &desc, seed).iter().enumerate() {
         crowd.step(&[weights]).expect("a step");
-        crowd.draw().expect("a draw");
+        crowd.draw(1).expect("a draw");
         if !can_read(headless, &desc) {
             let text = crowd.read_pose(0).expect_err("no way to capture").to_string();
             assert!(text.contains("vertexPipelineStoresAndAtomics") && text.contains("transform_feedback"), "{text}");
@@ -227,7 +227,7 @@ fn crowds() {
                 for frame in 0..6 {
                     let weights: Vec<&[f32]> = (0..3).map(|i| histories[i][(frame * (i + 1)) % 8].as_slice()).collect();
                     crowd.step(&weights).expect("a step");
-                    crowd.draw().expect("a draw");
+                    crowd.draw(1).expect("a draw");
                     for (i, weights) in weights.iter().enumerate().filter(|_| can_read(headless, &update)) {
                         let reference = evaluate(&mesh, &applied(&mesh, &update, weights));
                         let error = compare(&crowd.read_pose(i as u32).expect("a pose"), &reference);
@@ -364,7 +364,7 @@ fn a_discarded_update_is_rebuilt_and_recorded_ones_run_later() {
                 crowd.step(&[&frames[1]]).expect("a step");
                 let (_, dropped) = crowd.record(&[&frames[4]]).expect("a recording");
                 crowd.crowd().discard(dropped.ticket);
-                let late = crowd.draw().err().map(|e| e.to_string());
+                let late = crowd.draw(1).err().map(|e| e.to_string());
                 assert!(late.is_none_or(|text| text.contains("no pose yet")), "{desc:?}");
                 let (first, _) = crowd.record(&[&frames[5]]).expect("a recording");
                 let (second, _) = crowd.record(&[&frames[4]]).expect("a recording");

@@ -207,7 +207,7 @@ fn a_crowd_of_heads_in_one_recording() {
                             "{update:?} instance {i} frame {frame}: {error:?}"
                         );
                     }
-                    crowd.draw().expect("a draw");
+                    crowd.draw(1).expect("a draw");
                 }
             }
         }

@@ -25,6 +25,8 @@ pub struct Step {
     pub update: Update,
     /// Device time of the update in milliseconds, where the device has timestamps.
     pub gpu_ms: Option<f64>,
+    /// Device time of the draws behind it, likewise; `None` where there were none.
+    pub draw_ms: Option<f64>,
     /// Round trip from weights to fence, in milliseconds.
     pub cpu_ms: f64,
 }
@@ -86,26 +88,6 @@ impl<'a> HeadlessCrowd<'a> {
         Self::of(self.headless, mesh, desc)
     }
 
-    /// Ask the first instance of each crowd for these weights, update all crowds in one submission, wait: device time
-    /// in milliseconds, where the device has timestamps.
-    ///
-    /// # Errors
-    /// As [`step`](Self::step); no crowd; crowds of different devices.
-    pub fn step_each(crowds: &mut [Self], weights: &[&[f32]]) -> Result<Option<f64>> {
-        let headless = crowds.first().map(|c| c.headless).ok_or_else(|| Error::invalid("no crowds", "pass some"))?;
-        for (crowd, weights) in crowds.iter_mut().zip(weights) {
-            crowd.crowd.set_weights(0, weights)?;
-        }
-        let ((), ticks) = headless.submitter().run_timed(|cmd| {
-            for crowd in crowds.iter_mut() {
-                // SAFETY: as in `step_tampered`; a crowd of another device is refused.
-                let _ran = unsafe { headless.engine().record_update(cmd, &mut crowd.crowd) }?;
-            }
-            Ok(())
-        })?;
-        Ok(headless.milliseconds(ticks))
-    }
-
     /// The crowd.
     pub fn crowd(&mut self) -> &mut Crowd {
         &mut self.crowd
@@ -121,8 +103,17 @@ impl<'a> HeadlessCrowd<'a> {
     /// # Errors
     /// Weights that are refused; a device that fails.
     pub fn step(&mut self, weights: &[&[f32]]) -> Result<Step> {
+        Self::step_together(std::slice::from_mut(self), weights, 0)
+    }
+
+    /// As [`step`](Self::step), and then draw the pose of every instance `copies` times, all in one submission. Several
+    /// crowds have their updates recorded one behind the other; `weights` and the counts speak of all their instances.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step); no crowd, crowds on several devices, or more weights than instances.
+    pub fn step_together(crowds: &mut [Self], weights: &[&[f32]], copies: u32) -> Result<Step> {
         // SAFETY: nothing is tampered with.
-        unsafe { self.step_tampered(weights, |_| {}) }
+        unsafe { Self::step_all(crowds, weights, copies, |_| {}) }
     }
 
     /// As [`step`](Self::step), with the commands changed before they are recorded: lets tests plant faults.
@@ -133,18 +124,53 @@ impl<'a> HeadlessCrowd<'a> {
     /// # Safety
     /// The commands stay within slots, instances and coefficients that there are.
     #[doc(hidden)]
-    pub unsafe fn step_tampered(&mut self, weights: &[&[f32]], tamper: impl FnOnce(&mut CommandList)) -> Result<Step> {
+    pub unsafe fn step_tampered(&mut self, weights: &[&[f32]], tamper: impl FnMut(&mut CommandList)) -> Result<Step> {
+        // SAFETY: the caller's obligations.
+        unsafe { Self::step_all(std::slice::from_mut(self), weights, 0, tamper) }
+    }
+
+    /// # Safety
+    /// As [`step_tampered`](Self::step_tampered).
+    unsafe fn step_all(
+        crowds: &mut [Self],
+        weights: &[&[f32]],
+        copies: u32,
+        mut tamper: impl FnMut(&mut CommandList),
+    ) -> Result<Step> {
+        let Some(headless) = crowds.first().map(|crowd| crowd.headless) else {
+            return Err(Error::invalid("a step of no crowd", "name one or more"));
+        };
         let start = Instant::now();
-        for (instance, weights) in weights.iter().enumerate() {
-            self.crowd.set_weights(instance as u32, weights)?;
+        let mut rest = weights.iter();
+        for Self { crowd, .. } in &mut *crowds {
+            for (instance, weights) in (0..crowd.desc().instances).zip(&mut rest) {
+                crowd.set_weights(instance, weights)?;
+            }
         }
-        let (engine, crowd) = (self.headless.engine(), &mut self.crowd);
-        // SAFETY: the buffer is recording on the engine's device, on a queue with graphics and compute; it is
-        // submitted once, and waited for, before anything else happens; tampering is the caller's to answer for.
-        let (update, ticks) =
-            self.headless.submitter().run_timed(|cmd| unsafe { engine.record_tampered(cmd, crowd, tamper) })?;
+        if rest.len() > 0 {
+            return Err(Error::invalid(
+                format!("weights for {} instances, {} too many", weights.len(), rest.len()),
+                "give one list of weights per instance",
+            ));
+        }
+        let record = |crowds: &mut &mut [Self], cmd| {
+            let mut sum: Option<Update> = None;
+            for Self { crowd, .. } in &mut **crowds {
+                // SAFETY: the buffer is recording on the engine's device, on a queue with graphics and compute; it is
+                // submitted once, and waited for, before anything else happens; tampering is the caller's to answer for.
+                let update = unsafe { headless.engine().record_tampered(cmd, crowd, &mut tamper) }?;
+                match &mut sum {
+                    Some(sum) => sum.stats += update.stats,
+                    None => sum = Some(update),
+                }
+            }
+            sum.ok_or_else(|| Error::invalid("a step of no crowd", "name one or more"))
+        };
+        let draw = |crowds: &mut &mut [Self], cmd| crowds.iter().try_for_each(|crowd| crowd.record_draws(cmd, copies));
+        let (update, ticks) = headless.submitter().run_timed_then(&mut &mut *crowds, record, draw)?;
         let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
-        Ok(Step { update, gpu_ms: self.headless.milliseconds(ticks), cpu_ms })
+        let [gpu_ms, draw_ms] = [0, 1].map(|part| headless.milliseconds(ticks.map(|ticks| ticks[part])));
+        Ok(Step { update, gpu_ms, draw_ms: draw_ms.filter(|_| copies > 0), cpu_ms })
     }
 
     /// Record an update now and leave it to the caller when to run it: see [`submit`](Self::submit). Makes
@@ -185,25 +211,31 @@ impl<'a> HeadlessCrowd<'a> {
         self.headless.submitter().submit(&cmds)
     }
 
-    /// Draw the pose of every instance once, discarding all primitives; device time in milliseconds. On a direct path
-    /// this is the draw that evaluates the pose.
+    /// Draw the pose of every instance `copies` times, discarding all primitives; device time in milliseconds. On a
+    /// direct path these are the draws that evaluate the pose.
     ///
     /// # Errors
     /// No update recorded yet; a device that fails.
-    pub fn draw(&self) -> Result<Option<f64>> {
-        if self.is_direct() {
-            let (engine, crowd) = (self.headless.engine(), &self.crowd);
-            // SAFETY: as in `step_tampered`.
-            let draws = self.headless.submitter().run_timed(|cmd| unsafe { engine.record_draws(cmd, crowd) });
-            return Ok(self.headless.milliseconds(draws?.1));
-        }
-        let poses: Vec<PoseView> = self.crowd.shown().map(|i| self.crowd.pose(i)).collect::<Result<_>>()?;
-        let vertices = self.mesh.layout().padded_vertices() as u32;
-        let ((), ticks) = self.headless.submitter().run_timed(|cmd| {
-            self.draw.record(cmd, &poses, vertices);
-            Ok(())
-        })?;
+    pub fn draw(&self, copies: u32) -> Result<Option<f64>> {
+        let ((), ticks) = self.headless.submitter().run_timed(|cmd| self.record_draws(cmd, copies))?;
         Ok(self.headless.milliseconds(ticks))
+    }
+
+    fn record_draws(&self, cmd: vk::CommandBuffer, copies: u32) -> Result<()> {
+        if copies == 0 {
+            return Ok(());
+        }
+        if self.is_direct() {
+            let engine = self.headless.engine();
+            // SAFETY: as in `step_tampered`.
+            return (0..copies).try_for_each(|_| unsafe { engine.record_draws(cmd, &self.crowd) }.map(drop));
+        }
+        let mut poses: Vec<PoseView> = vec![];
+        for instance in self.crowd.shown() {
+            poses.extend(std::iter::repeat_n(self.crowd.pose(instance)?, copies as usize));
+        }
+        self.draw.record(cmd, &poses, self.mesh.layout().padded_vertices() as u32);
+        Ok(())
     }
 
     /// Read the pose of an instance back: six floats a vertex, in the user's order of vertices, without padding. On a

@@ -1,4 +1,4 @@
-//! Record, submit, wait: one command buffer, one fence, two timestamps.
+//! Record, submit, wait: one command buffer, one fence, three timestamps.
 
 use crate::error::Result;
 use crate::gpu::failed;
@@ -32,7 +32,7 @@ impl Submitter {
         this.fence =
             unsafe { device.create_fence(&vk::FenceCreateInfo::default(), None) }.map_err(failed("vkCreateFence"))?;
         if timestamp_bits > 0 {
-            let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(2);
+            let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(3);
             // SAFETY: as above; the queue family has timestamps.
             let queries = unsafe { device.create_query_pool(&info, None) }.map_err(failed("vkCreateQueryPool"))?;
             this.queries = Some(queries);
@@ -83,36 +83,53 @@ impl Submitter {
 
     /// As [`run`](Self::run), with the ticks that the device took, where it has timestamps.
     pub(super) fn run_timed<R>(&self, f: impl FnOnce(vk::CommandBuffer) -> Result<R>) -> Result<(R, Option<u64>)> {
+        let (result, ticks) = self.run_timed_then(&mut (), |(), cmd| f(cmd), |(), _| Ok(()))?;
+        Ok((result, ticks.map(|[first, _]| first)))
+    }
+
+    /// Two things in one submission, the ticks of each: both are handed `state`, so that the second can use what the
+    /// first left there.
+    pub(super) fn run_timed_then<S, R>(
+        &self,
+        state: &mut S,
+        first: impl FnOnce(&mut S, vk::CommandBuffer) -> Result<R>,
+        then: impl FnOnce(&mut S, vk::CommandBuffer) -> Result<()>,
+    ) -> Result<(R, Option<[u64; 2]>)> {
         let result = self.run(|cmd| {
             if let Some(queries) = self.queries {
                 // SAFETY: the buffer is recording; the query pool is ours and not in use.
-                unsafe {
-                    self.device.cmd_reset_query_pool(cmd, queries, 0, 2);
-                    self.device.cmd_write_timestamp(cmd, vk::PipelineStageFlags::BOTTOM_OF_PIPE, queries, 0);
-                }
-                // Without a barrier here Mesa 22.3.6 (lavapipe) leaves the first feedback pass out of the time.
-                full_barrier(&self.device, cmd);
+                unsafe { self.device.cmd_reset_query_pool(cmd, queries, 0, 3) };
             }
-            let result = f(cmd);
-            if let Some(queries) = self.queries {
-                // SAFETY: as above.
-                unsafe { self.device.cmd_write_timestamp(cmd, vk::PipelineStageFlags::BOTTOM_OF_PIPE, queries, 1) };
-            }
-            result
+            self.stamp(cmd, 0);
+            let result = first(state, cmd)?;
+            self.stamp(cmd, 1);
+            then(state, cmd)?;
+            self.stamp(cmd, 2);
+            Ok(result)
         })?;
         let Some(queries) = self.queries else { return Ok((result, None)) };
-        let mut ticks = [0u64; 2];
-        // SAFETY: both queries were written by the commands that have finished.
+        let mut at = [0u64; 3];
+        // SAFETY: the queries were written by the commands that have finished.
         unsafe {
             self.device.get_query_pool_results(
                 queries,
                 0,
-                &mut ticks,
+                &mut at,
                 vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT,
             )
         }
         .map_err(failed("vkGetQueryPoolResults"))?;
-        Ok((result, Some(ticks[1].wrapping_sub(ticks[0]) & self.mask)))
+        let ticks = |from: u64, to: u64| to.wrapping_sub(from) & self.mask;
+        Ok((result, Some([ticks(at[0], at[1]), ticks(at[1], at[2])])))
+    }
+
+    /// A timestamp when everything before it is done, and nothing after it has begun.
+    fn stamp(&self, cmd: vk::CommandBuffer, query: u32) {
+        let Some(queries) = self.queries else { return };
+        // SAFETY: the buffer is recording; the query pool is ours and was reset in it.
+        unsafe { self.device.cmd_write_timestamp(cmd, vk::PipelineStageFlags::BOTTOM_OF_PIPE, queries, query) };
+        // Without a barrier here Mesa 22.3.6 (lavapipe) leaves the first feedback pass out of the time.
+        full_barrier(&self.device, cmd);
     }
 
     pub(super) fn device(&self) -> &ash::Device {

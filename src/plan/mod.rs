@@ -500,5 +500,19 @@ impl UpdateStats {
     }
 }
 
+impl std::ops::AddAssign for UpdateStats {
+    /// Counts add up; of the bounds the larger one holds for both.
+    fn add_assign(&mut self, other: Self) {
+        self.coefficients += other.coefficients;
+        self.passes += other.passes;
+        self.rebuilt += other.rebuilt;
+        self.dirty_blocks += other.dirty_blocks;
+        self.rebuilt_blocks += other.rebuilt_blocks;
+        self.bound = self.bound.max(other.bound);
+        self.bytes_moved += other.bytes_moved;
+        self.bytes_floor += other.bytes_floor;
+    }
+}
+
 #[cfg(test)]
 mod tests;

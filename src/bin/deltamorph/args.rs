@@ -1,8 +1,10 @@
 //! The command line, as clap sees it.
 
+pub mod bench;
 pub mod play;
 pub mod values;
 
+use bench::BenchArgs;
 use clap::{Args, Parser, Subcommand};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::mesh::Tolerance;
@@ -13,8 +15,7 @@ use deltamorph::plan::{Accumulate, UpdateMode, UpdatePath};
 use play::{PlayArgs, SoakArgs};
 use std::path::{Path, PathBuf};
 use values::{
-    AccumulateChoice, BatchSpec, BudgetSpec, ChangedSpec, FormatChoice, ModeChoice, PathChoice, Projection,
-    WeightSetting,
+    AccumulateChoice, BatchSpec, BudgetSpec, FormatChoice, ModeChoice, PathChoice, Projection, WeightSetting,
 };
 
 /// Morph targets (blend shapes) on the GPU: applies only the weights that changed.
@@ -254,14 +255,6 @@ impl PackArgs {
 }
 
 impl UpdateArgs {
-    /// The modes asked for, or that of `path`.
-    pub fn modes(&self, path: UpdatePath) -> Vec<UpdateMode> {
-        match self.modes.as_slice() {
-            [] => vec![path.default_mode()],
-            modes => modes.iter().map(|m| m.update_mode()).collect(),
-        }
-    }
-
     /// What the library calls a kind of sums.
     pub fn sums(&self, choice: AccumulateChoice) -> Accumulate {
         match choice {
@@ -349,45 +342,6 @@ impl Single {
             format!("--format: the path '{}' takes {}", self.path.name(), names.join(" or "))
         })
     }
-}
-
-/// Options of `bench`.
-#[derive(Args, Clone, Debug)]
-pub struct BenchArgs {
-    /// What to read.
-    #[command(flatten)]
-    pub input: InputArgs,
-    /// How to update.
-    #[command(flatten)]
-    pub update: UpdateArgs,
-    /// Targets per pass: numbers, ranges ("1..7", "1..max"), "max" (what the device allows), "all" (one pass)
-    /// [default: 1..max,all for clips and the largest --changed; 8,max,all for the others]
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::batch)]
-    pub batch_sizes: Vec<BatchSpec>,
-    /// Targets changed per frame, drawn afresh for every frame: numbers and "all" [default: 1,4,8,16,32,all]
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::changed)]
-    pub changed: Vec<ChangedSpec>,
-    /// Replay this weight clip as a workload, next to the random one (repeatable)
-    #[arg(long, value_name = "CSV")]
-    pub weights: Vec<PathBuf>,
-    /// Numbers of heads, each with its own weights
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::heads, default_value = "1")]
-    pub heads: Vec<u32>,
-    /// Frames to time per configuration
-    #[arg(long, value_name = "N", default_value_t = 100, value_parser = values::at_least_one)]
-    pub frames: usize,
-    /// Frames to run before timing starts
-    #[arg(long, value_name = "N", default_value_t = 5)]
-    pub warmup: usize,
-    /// Folder for report.json, runs.csv, the plots and index.html
-    #[arg(long, value_name = "DIR", default_value = "bench-report")]
-    pub report: PathBuf,
-    /// Write no report folder
-    #[arg(long, conflicts_with = "report")]
-    pub no_report: bool,
-    /// Measure nothing: draw the report of an earlier report.json again
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["input", "weights", "no_report"])]
-    pub redraw: Option<PathBuf>,
 }
 
 /// Options of `apply`.

@@ -1,5 +1,6 @@
 //! Tests of the command line.
 
+use super::bench::SuiteChoice;
 use super::values::*;
 use super::*;
 use clap::CommandFactory;
@@ -25,7 +26,8 @@ fn defaults() {
     let args = bench("deltamorph bench");
     assert!(args.batch_sizes.is_empty());
     assert!(args.changed.is_empty());
-    assert_eq!((args.heads.as_slice(), args.frames, args.warmup), (&[1][..], 100, 5));
+    assert_eq!((args.heads_or(&[1]), args.frames, args.warmup, args.time_limit().as_secs()), (vec![1], 100, 5, 5));
+    assert!(args.suites.is_empty() && !args.shared);
     assert_eq!((args.update.slots, args.input.tolerance), (2, 1e-6));
     assert!(args.update.formats.is_empty());
     assert!(args.update.paths.is_empty());
@@ -86,6 +88,19 @@ fn bad_values_are_refused_with_exit_code_2() {
     ] {
         let error = parse(&format!("deltamorph {line}")).expect_err(line);
         assert_eq!(error.exit_code(), 2, "{line}");
+    }
+}
+
+#[test]
+fn suites_take_what_makes_sense_to_them() {
+    let args =
+        bench("deltamorph bench --suite crowd,clips --time-limit 0.2 --heads 1,3 --frames 5 --paths blocks,compute");
+    assert_eq!(args.suites, [SuiteChoice::Crowd, SuiteChoice::Clips]);
+    assert_eq!((args.heads_or(&[7]), args.time_limit().as_millis()), (vec![1, 3], 200));
+    for line in
+        ["--time-limit 1", "--suite all --changed 3", "--suite all --shared", "--suite all --mode rebuild", "--suite x"]
+    {
+        assert_eq!(parse(&format!("deltamorph bench {line}")).expect_err(line).exit_code(), 2, "{line}");
     }
 }
 

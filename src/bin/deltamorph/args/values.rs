@@ -236,6 +236,11 @@ pub fn positive(s: &str) -> Result<f32, String> {
     number(s, |v| v > 0.0, "a number above 0")
 }
 
+/// Parse `--time-limit`.
+pub fn seconds(s: &str) -> Result<f32, String> {
+    number(s, |v| v > 0.0 && v <= 86_400.0, "a number of seconds above 0, at most a day")
+}
+
 /// Parse `--block-size`.
 pub fn block_size(s: &str) -> Result<u32, String> {
     match s.trim() {

@@ -3,15 +3,18 @@
 use super::family::Family;
 use super::record::{Report, RunRecord};
 use super::select::{batch_words, fastest, median, relative};
+use super::suites;
 use crate::table::{percent, sig3, thousands};
 use deltamorph::plan::BatchSize;
 
 /// The most telling numbers, the first of which is the heading.
 pub fn sentences(report: &Report) -> Vec<String> {
-    let runs: Vec<&RunRecord> =
-        report.runs.iter().filter(|r| r.verified && r.time().is_some_and(|t| t.median > 0.0)).collect();
+    let runs: Vec<&RunRecord> = report.runs.iter().filter(|r| r.counts()).collect();
     let wrong = report.runs.iter().filter(|r| !r.verified).count();
-    let mut out: Vec<String> = [batching(&runs), best(&runs), changed(&runs)].into_iter().flatten().collect();
+    let mut out: Vec<String> = match report.suites.is_empty() {
+        true => [batching(&runs), best(&runs), changed(&runs)].into_iter().flatten().collect(),
+        false => report.suites.iter().map(|suite| suites::text::sentence(suite, report)).collect(),
+    };
     if out.is_empty() {
         out.push(format!("{} configurations, none of them timed", report.runs.len()));
     }

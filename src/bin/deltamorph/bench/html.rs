@@ -1,8 +1,9 @@
 //! index.html: one page that needs nothing but itself.
 
 use super::headline::sentences;
-use super::record::{Report, RunRecord};
+use super::record::{InputInfo, Report, RunRecord, Skipped};
 use super::select::median;
+use super::suites::{self, record::SuiteRecord};
 use crate::page::{document, escape, figure};
 use crate::plots::Figure;
 use crate::table::{bytes, percent, sig3, thousands};
@@ -25,12 +26,9 @@ pub fn page(report: &Report, figures: &[(Figure, String)]) -> String {
     ));
     add(rest.iter().map(|s| format!("<p class=\"lead\">{}</p>", escape(s))).collect());
     add("</header>".into());
-    if report.device.is_software() {
-        add("<p class=\"warning\">This ran on a software driver: the processor played the GPU. Compare the \
-             configurations with each other; the times say little about any GPU.</p>"
-            .into());
-    }
+    add(warning(report));
     add(facts(report));
+    add(links(report));
     add("<section class=\"figures\">".into());
     figures.iter().for_each(|(drawn, svg)| add(figure(drawn, svg)));
     add("</section>".into());
@@ -45,8 +43,30 @@ pub fn page(report: &Report, figures: &[(Figure, String)]) -> String {
     document(&format!("{} · deltamorph bench", report.input.name), &body)
 }
 
+/// What a reader of times from a software driver has to know.
+pub fn warning(report: &Report) -> String {
+    if !report.device.is_software() {
+        return String::new();
+    }
+    "<p class=\"warning\">This ran on a software driver: the processor played the GPU. Compare the configurations with \
+     each other; the times say little about any GPU.</p>"
+        .into()
+}
+
+/// The pages of the suites.
+fn links(report: &Report) -> String {
+    let link = |suite: &SuiteRecord| {
+        let name = suites::page::file_name(suite);
+        format!("<li><a href=\"{name}\">{}</a></li>", escape(suites::text::title(&suite.name)))
+    };
+    match report.suites.iter().map(link).collect::<String>() {
+        links if links.is_empty() => links,
+        links => format!("<section><h2>Suites</h2><ul>{links}</ul></section>"),
+    }
+}
+
 /// The facts that the numbers depend on, as cards.
-fn facts(report: &Report) -> String {
+pub fn facts(report: &Report) -> String {
     let (d, i, b) = (&report.device, &report.input, &report.bandwidth);
     let rate = |v: Option<f64>| v.map_or("not measured".to_owned(), |v| format!("{} GB/s", sig3(v)));
     let driver = [d.driver.as_str(), d.driver_info.as_str()].join(" ");
@@ -57,10 +77,13 @@ fn facts(report: &Report) -> String {
         (
             "Mesh",
             format!("{} vertices × {} targets", thousands(i.vertices), i.targets),
-            vec![
-                format!("{} triangles, {}", thousands(i.triangles), i.origin),
-                format!("a target moves {} of the vertices", percent(i.moved_mean)),
-            ],
+            match report.meshes.is_empty() {
+                true => vec![
+                    format!("{} triangles, {}", thousands(i.triangles), i.origin),
+                    format!("a target moves {} of the vertices", percent(i.moved_mean)),
+                ],
+                false => report.meshes.iter().map(mesh).collect(),
+            },
         ),
         (
             "Memory bandwidth",
@@ -76,6 +99,12 @@ fn facts(report: &Report) -> String {
         format!("<div class=\"card\"><h3>{label}</h3><p class=\"value\">{}</p>{notes}</div>", escape(value))
     };
     format!("<section class=\"cards\">{}</section>", cards.iter().map(card).collect::<String>())
+}
+
+/// One of the meshes of the suites.
+fn mesh(m: &InputInfo) -> String {
+    let (vertices, moved) = (thousands(m.vertices), percent(m.moved_mean));
+    format!("{}: {vertices} vertices, {} targets, each moves {moved}", m.name, m.targets)
 }
 
 fn kind(kind: &str) -> &str {
@@ -111,7 +140,7 @@ fn table(report: &Report) -> String {
     }
     out.push_str("</tr></thead><tbody>\n");
     // The fastest of each kind of work is worth finding at a glance.
-    let work = |r: &RunRecord| (r.workload.clone(), r.heads, r.changed.to_bits());
+    let work = |r: &RunRecord| (r.suite.clone(), r.cell.clone(), r.workload.clone(), r.heads, r.changed.to_bits());
     let timed = |r: &RunRecord| r.verified && r.time().is_some();
     for run in &report.runs {
         let rivals = report.runs.iter().filter(|r| work(r) == work(run) && timed(r));
@@ -119,15 +148,18 @@ fn table(report: &Report) -> String {
         out.push_str(&row(run, best));
     }
     out.push_str("</tbody></table></div>");
-    if !report.skipped.is_empty() {
-        out.push_str("<h3>Not run</h3><ul>");
-        for s in &report.skipped {
-            let _ = write!(out, "<li><b>{}</b>: {}</li>", escape(&s.what), escape(&s.reason));
-        }
-        out.push_str("</ul>");
-    }
+    out.push_str(&not_run(report));
     out.push_str("</section>");
     out
+}
+
+/// What was asked for and could not run.
+pub fn not_run(report: &Report) -> String {
+    let item = |s: &Skipped| format!("<li><b>{}</b>: {}</li>", escape(&s.what), escape(&s.reason));
+    match report.skipped.iter().map(item).collect::<String>() {
+        items if items.is_empty() => items,
+        items => format!("<h3>Not run</h3><ul>{items}</ul>"),
+    }
 }
 
 fn row(run: &RunRecord, best: bool) -> String {

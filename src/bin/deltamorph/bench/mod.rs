@@ -4,21 +4,28 @@
 //! the command succeeded. Everything here works without a GPU.
 
 mod bandwidth;
+mod configs;
 mod family;
 pub mod headline;
 pub mod html;
-mod measure;
+mod machine;
+mod race;
 pub mod record;
+mod references;
 pub mod report;
+mod run;
 pub mod select;
+mod setting;
 pub mod stamp;
 pub mod stats;
+mod suites;
 mod sweep;
 #[cfg(test)]
 pub mod synthetic;
+mod trial;
 mod workload;
 
-use crate::args::BenchArgs;
+use crate::args::bench::BenchArgs;
 use crate::output::{Failure, Output};
 use crate::table::{Table, bytes, percent, sig3};
 use deltamorph::headless::DeviceChoice;
@@ -36,7 +43,8 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     out.check_json()?;
     match &args.redraw {
         Some(path) => finish(&report::read(path)?, args, out),
-        None => finish(&sweep::run(args, device, out)?, args, out),
+        None if args.suites.is_empty() => finish(&sweep::run(args, device, out)?, args, out),
+        None => finish(&suites::run(args, device, out)?, args, out),
     }
 }
 
@@ -45,7 +53,10 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
 /// # Errors
 /// A configuration is wrong, none ran, or a file cannot be written. Everything is written first.
 pub fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Failure> {
-    out.say(text(&report.runs));
+    match report.suites.is_empty() {
+        true => out.say(text(&report.runs)),
+        false => report.suites.iter().for_each(|suite| out.say(suites::text::text(suite, report))),
+    }
     for skipped in &report.skipped {
         out.note(format_args!("{}: {}", skipped.what, skipped.reason));
     }

@@ -1,8 +1,8 @@
 //! The JSON of `bench`. Fields may be added, never renamed.
 
-use super::stats::Stats;
-use deltamorph::plan::BatchSize;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+pub use super::run::{Round, RunRecord};
+use super::suites::record::SuiteRecord;
+use serde::{Deserialize, Serialize};
 
 /// What one call of `bench` measured.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -26,6 +26,12 @@ pub struct Report {
     /// Update paths and batch sizes that were asked for and could not run.
     #[serde(default)]
     pub skipped: Vec<Skipped>,
+    /// What `--suite` asked for, in the order it ran; empty for an ordinary run.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub suites: Vec<SuiteRecord>,
+    /// The meshes of the suites, by the name that runs give; empty for an ordinary run, which has one.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub meshes: Vec<InputInfo>,
 }
 
 /// The device.
@@ -90,89 +96,6 @@ pub struct Bandwidth {
     pub device_read_gb_s: Option<f64>,
 }
 
-/// One configuration and what it took.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct RunRecord {
-    /// Update path.
-    pub path: String,
-    /// "incremental" or "rebuild".
-    pub mode: String,
-    /// Targets per pass: a number, or "all".
-    #[serde(serialize_with = "write_batch", deserialize_with = "read_batch")]
-    pub batch_size: BatchSize,
-    /// The largest batch that this path and format allow on this device.
-    pub batch_max: Option<u32>,
-    /// "random", or the clip that was replayed.
-    pub workload: String,
-    /// Targets whose weight changed, per frame and head: counted (a mean, for clips).
-    #[serde(serialize_with = "whole")]
-    pub changed: f64,
-    /// Coefficients applied per frame and head: with two slots, the union of two frames' changes.
-    #[serde(serialize_with = "whole")]
-    pub coefficients: f64,
-    /// Targets with a weight other than 0, per frame and head.
-    #[serde(serialize_with = "whole")]
-    pub active: f64,
-    /// Number of heads.
-    pub heads: u32,
-    /// One animation, drawn many times.
-    pub shared: bool,
-    /// "float" or "exact".
-    pub accumulate: String,
-    /// Changes too small to move a vertex this far waited; in input units, 0 where none did.
-    #[serde(default)]
-    pub error_budget: f32,
-    /// Blocks written per frame and head (block formats).
-    #[serde(default, serialize_with = "whole")]
-    pub dirty_blocks: f64,
-    /// Of these, the ones that started from the base pose.
-    #[serde(default, serialize_with = "whole")]
-    pub rebuilt_blocks: f64,
-    /// Delta format.
-    pub format: String,
-    /// Pose buffers per head.
-    pub slots: u32,
-    /// Passes per frame and head: `coefficients` over `batch_size`, rounded up in each frame.
-    #[serde(serialize_with = "whole")]
-    pub passes: f64,
-    /// Bytes that the kernels load and store per frame, of all heads.
-    #[serde(serialize_with = "whole")]
-    pub bytes_moved: f64,
-    /// Bytes that any method has to move: each delta of a changed target once, the pose in and out once.
-    /// Of all heads.
-    #[serde(serialize_with = "whole")]
-    pub bytes_floor: f64,
-    /// Time of the update on the device; `None` for paths without one, or when it was not timed.
-    pub gpu_ms: Option<Stats>,
-    /// Round trip from weights to fence.
-    pub cpu_ms: Option<Stats>,
-    /// One draw that reads the pose and rasterizes nothing.
-    pub draw_ms: Option<f64>,
-    /// The time that reading what `bytes_floor` has to be read takes at the measured bandwidth, as a share of the time
-    /// taken: 1 is the best possible, but for what stays in a cache.
-    pub floor_fraction: Option<f64>,
-    /// Largest position error against the float64 reference, in input units.
-    pub max_error: Option<f64>,
-    /// The same as a fraction of the diagonal.
-    pub max_error_rel: Option<f64>,
-    /// Largest angle between normals, in degrees.
-    pub normal_error_deg: Option<f64>,
-    /// Largest position error against the raw files, dropped deltas included, as a fraction of the diagonal.
-    pub raw_error_rel: Option<f64>,
-    /// The result stayed within the path's bound, before and after timing.
-    pub verified: bool,
-    /// What was wrong, when it did not.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub problem: Option<String>,
-}
-
-impl RunRecord {
-    /// What the plots show: time on the device, or for paths without one the round trip.
-    pub fn time(&self) -> Option<Stats> {
-        self.gpu_ms.or(self.cpu_ms)
-    }
-}
-
 /// What was asked for and could not run.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Skipped {
@@ -180,33 +103,6 @@ pub struct Skipped {
     pub what: String,
     /// Why not.
     pub reason: String,
-}
-
-/// Counts are whole numbers in JSON, means have decimals.
-fn whole<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
-    let exact = value.fract() == 0.0 && (0.0..9e15).contains(value);
-    if exact { to.serialize_u64(*value as u64) } else { to.serialize_f64(*value) }
-}
-
-fn write_batch<S: Serializer>(batch: &BatchSize, to: S) -> Result<S::Ok, S::Error> {
-    match batch {
-        BatchSize::Targets(n) => to.serialize_u32(*n),
-        BatchSize::All => to.serialize_str("all"),
-    }
-}
-
-fn read_batch<'de, D: Deserializer<'de>>(from: D) -> Result<BatchSize, D::Error> {
-    #[derive(Deserialize)]
-    #[serde(untagged, expecting = "batch_size: expected a number or \"all\"")]
-    enum Either {
-        Number(u32),
-        Word(String),
-    }
-    match Either::deserialize(from)? {
-        Either::Number(n) if n > 0 => Ok(BatchSize::Targets(n)),
-        Either::Word(w) if w == "all" => Ok(BatchSize::All),
-        _ => Err(serde::de::Error::custom("batch_size: expected a number above 0 or \"all\"")),
-    }
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use super::html;
 use super::record::{Report, RunRecord};
 use super::select::figures;
 use super::stats::Stats;
+use super::suites;
 use crate::output::{Failure, create_folder, write_file};
 use std::path::Path;
 
@@ -17,12 +18,25 @@ pub fn write(report: &Report, dir: &Path) -> Result<(), Failure> {
     write_file(&dir.join("report.json"), json + "\n")?;
     write_file(&dir.join("runs.csv"), csv(&report.runs)?)?;
     let mut drawn = Vec::new();
-    for figure in figures(report) {
+    // A suite has its figures on a page of its own.
+    for figure in if report.suites.is_empty() { figures(report) } else { vec![] } {
         let svg = figure.write(dir)?;
         drawn.push((figure, svg));
     }
+    for suite in &report.suites {
+        let mut drawn = Vec::new();
+        for figure in suites::figures::figures(suite, report) {
+            let svg = figure.write(dir)?;
+            drawn.push((figure, svg));
+        }
+        write_file(&dir.join(suites::page::file_name(suite)), suites::page::page(suite, report, &drawn))?;
+    }
     write_file(&dir.join("index.html"), html::page(report, &drawn))
 }
+
+/// What the names of our files begin with, besides report.json, runs.csv and index.html.
+const STEMS: [&str; 8] =
+    ["time-vs-", "relative-performance", "floor", "suite-", "chapter-", "crowd-", "techniques-", "clips-"];
 
 /// Make sure that `dir` is ours to write to: new, empty, or with an earlier report, whose figures are deleted.
 ///
@@ -43,8 +57,8 @@ pub fn claim(dir: &Path) -> Result<(), Failure> {
     }
     for path in files.iter().map(std::fs::DirEntry::path) {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let figure = ["time-vs-", "relative-performance", "floor"].iter().any(|stem| name.starts_with(stem));
-        if figure && (name.ends_with(".svg") || name.ends_with(".png")) {
+        let ours = STEMS.iter().any(|stem| name.starts_with(stem));
+        if ours && [".svg", ".png", ".html"].iter().any(|end| name.ends_with(end)) {
             std::fs::remove_file(&path).map_err(|e| Failure::io(&path, "delete", e))?;
         }
     }
@@ -71,7 +85,12 @@ pub fn read(path: &Path) -> Result<Report, Failure> {
 }
 
 /// The heading of runs.csv.
-const COLUMNS: [&str; 36] = [
+const COLUMNS: [&str; 54] = [
+    "suite",
+    "cell",
+    "technique",
+    "mesh",
+    "targets",
     "path",
     "mode",
     "format",
@@ -85,6 +104,7 @@ const COLUMNS: [&str; 36] = [
     "active",
     "heads",
     "shared",
+    "crowds",
     "passes",
     "bytes_moved",
     "bytes_floor",
@@ -102,6 +122,18 @@ const COLUMNS: [&str; 36] = [
     "cpu_ms_max",
     "cpu_ms_n",
     "draw_ms",
+    "update_and_draw_ms_median",
+    "update_and_draw_ms_mean",
+    "update_and_draw_ms_stderr",
+    "update_and_draw_ms_min",
+    "update_and_draw_ms_max",
+    "update_and_draw_ms_n",
+    "upload_ms_median",
+    "upload_ms_mean",
+    "upload_ms_stderr",
+    "upload_ms_min",
+    "upload_ms_max",
+    "upload_ms_n",
     "max_error",
     "max_error_rel",
     "normal_error_deg",
@@ -134,6 +166,11 @@ fn cells(run: &RunRecord) -> Vec<String> {
         ],
     };
     let mut cells = vec![
+        run.suite.clone(),
+        run.cell.clone(),
+        run.technique.clone(),
+        run.mesh.clone(),
+        run.targets.to_string(),
         run.path.clone(),
         run.mode.clone(),
         run.format.clone(),
@@ -147,6 +184,7 @@ fn cells(run: &RunRecord) -> Vec<String> {
         run.active.to_string(),
         run.heads.to_string(),
         run.shared.to_string(),
+        run.crowds.to_string(),
         run.passes.to_string(),
         run.bytes_moved.to_string(),
         run.bytes_floor.to_string(),
@@ -154,8 +192,10 @@ fn cells(run: &RunRecord) -> Vec<String> {
     ];
     cells.extend(stats(run.gpu_ms));
     cells.extend(stats(run.cpu_ms));
+    cells.push(optional(run.draw_ms));
+    cells.extend(stats(run.update_and_draw_ms));
+    cells.extend(stats(run.upload_ms));
     cells.extend([
-        optional(run.draw_ms),
         optional(run.max_error),
         optional(run.max_error_rel),
         optional(run.normal_error_deg),
@@ -196,7 +236,7 @@ mod tests {
         let mut reader = csv::Reader::from_reader(bytes.as_slice());
         let rows: Vec<csv::StringRecord> = reader.records().collect::<Result<_, _>>().expect("even rows");
         assert_eq!(rows.len(), report.runs.len());
-        assert_eq!((&rows[0][0], &rows[0][5], rows[0].len()), ("feedback", "1", COLUMNS.len()));
+        assert_eq!((&rows[0][5], &rows[0][10], rows[0].len()), ("feedback", "1", COLUMNS.len()));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::family::{Family, families, look};
 use super::record::{Report, RunRecord};
-use crate::plots::bars::{Bar, BarChart, remark};
+use crate::plots::bars::{Bar, BarChart, Unit, remark};
 use crate::plots::chart::{Axes, LineChart, Point, Series, X};
 use crate::plots::{Chart, Figure};
 use crate::table::{sig3, thousands};
@@ -18,7 +18,7 @@ struct Group<'a> {
 /// Runs that were right and timed, by workload and heads, in the order they ran.
 fn groups(report: &Report) -> Vec<Group<'_>> {
     let mut groups: Vec<Group<'_>> = Vec::new();
-    for run in report.runs.iter().filter(|r| r.verified && r.time().is_some_and(|t| t.median > 0.0)) {
+    for run in report.runs.iter().filter(|r| r.counts()) {
         match groups.iter_mut().find(|g| g.workload == run.workload && g.heads == run.heads) {
             Some(group) => group.runs.push(run),
             None => groups.push(Group { workload: &run.workload, heads: run.heads, runs: vec![run] }),
@@ -49,8 +49,8 @@ pub fn batch_words(batch: BatchSize) -> String {
     }
 }
 
-/// Lines of `family` over the batch size: `y` makes the value and its error.
-fn series(
+/// A line for each family: `x` and `y` make the points, `y` the value and its error.
+pub fn series(
     runs: &[&RunRecord],
     x: impl Fn(&RunRecord) -> X,
     y: impl Fn(&RunRecord, &[&RunRecord]) -> Option<(f64, f64)>,
@@ -68,14 +68,16 @@ fn series(
     all.iter().map(line).filter(|s| !s.points.is_empty()).collect()
 }
 
-fn batch_x(run: &RunRecord) -> X {
+/// The batch size as a place on the axis.
+pub fn batch_x(run: &RunRecord) -> X {
     match run.batch_size {
         BatchSize::Targets(n) => X::Value(n.into()),
         BatchSize::All => X::All,
     }
 }
 
-fn absolute(run: &RunRecord, _: &[&RunRecord]) -> Option<(f64, f64)> {
+/// The time and its error.
+pub fn absolute(run: &RunRecord, _: &[&RunRecord]) -> Option<(f64, f64)> {
     Some((median(run), error(run)))
 }
 
@@ -138,7 +140,8 @@ fn workloads<'a>(groups: &[Group<'a>]) -> Vec<&'a str> {
     names
 }
 
-fn slug(name: &str) -> String {
+/// `name` as a part of a file name.
+pub fn slug(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect()
 }
 
@@ -236,26 +239,32 @@ fn floor_chart(runs: &[&RunRecord], subtitle: [String; 2]) -> Option<BarChart> {
         // A path without passes has no batches to speak of.
         let batch = best.gpu_ms.map(|_| batch_words(best.batch_size));
         let remark = remark(share, median(best), batch.as_deref());
-        Some(Bar { label: family.label(&all), remark, share, color: look(family, &all).0 })
+        Some(Bar { label: family.label(&all), remark, length: share, color: look(family, &all).0 })
     };
     let mut bars: Vec<Bar> = all.iter().filter_map(bar).collect();
-    bars.sort_by(|a, b| b.share.total_cmp(&a.share));
+    bars.sort_by(|a, b| b.length.total_cmp(&a.length));
     let title = "How near the memory-bandwidth floor".into();
-    (!bars.is_empty()).then_some(BarChart { title, subtitle, bars })
+    (!bars.is_empty()).then_some(BarChart { title, subtitle, unit: Unit::Share, bars })
 }
 
 fn heads_figure(groups: &[Group<'_>], report: &Report, workload: &str, suffix: &str) -> Figure {
-    let groups = groups.iter().filter(|g| g.workload == workload);
-    let runs: Vec<&RunRecord> = groups.flat_map(|g| g.runs.iter().copied()).collect();
-    let most = runs.iter().map(|r| r.changed).fold(0.0, f64::max);
-    let full: Vec<&RunRecord> = runs.into_iter().filter(|r| r.changed == most).collect();
+    // In each group for itself: heads play a clip from different frames on, so that the mean depends on their number.
+    let mut full: Vec<&RunRecord> = vec![];
+    for group in groups.iter().filter(|g| g.workload == workload) {
+        let most = group.runs.iter().map(|r| r.changed).fold(0.0, f64::max);
+        full.extend(group.runs.iter().filter(|r| r.changed == most));
+    }
+    let changed = full.first().map(|r| r.changed).filter(|n| full.iter().all(|r| r.changed == *n));
     let best = best_by(&full, |r| r.heads.into());
     Figure {
         slug: format!("time-vs-heads{suffix}"),
-        caption: "Each point is the fastest batch size of its path. Every head has its own weights.".into(),
+        caption: match full.iter().any(|r| r.shared) {
+            true => "Each point is the fastest batch size of its path. One head is updated for all.".into(),
+            false => "Each point is the fastest batch size of its path. Every head has its own weights.".into(),
+        },
         chart: Chart::Lines(LineChart {
             title: "Time per frame against heads".into(),
-            subtitle: setting(report, workload, 1, Some(most)),
+            subtitle: setting(report, workload, 1, changed),
             x_label: "heads".into(),
             y_label: "ms per frame".into(),
             series: series(&best, |r| X::Value(r.heads.into()), absolute),

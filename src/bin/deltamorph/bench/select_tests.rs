@@ -44,6 +44,19 @@ fn heads_get_a_figure_of_their_own() {
 }
 
 #[test]
+fn a_clip_has_a_point_for_each_number_of_heads() {
+    let mut report = synthetic::report();
+    report.runs.retain(|r| r.workload == "speech_30fps" && r.verified);
+    let more: Vec<RunRecord> =
+        report.runs.iter().cloned().map(|r| RunRecord { heads: 16, changed: 2.5, ..r }).collect();
+    report.runs.extend(more);
+    let figures = figures(&report);
+    for series in &lines(&figures, "time-vs-heads").series {
+        assert_eq!(series.points.iter().map(|p| p.x).collect::<Vec<_>>(), [X::Value(1.0), X::Value(16.0)]);
+    }
+}
+
+#[test]
 fn relative_performance_starts_at_one() {
     let figures = figures(&synthetic::report());
     for series in &lines(&figures, "relative-performance-random").series {

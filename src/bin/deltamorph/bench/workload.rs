@@ -86,6 +86,51 @@ impl Workload for Random {
     }
 }
 
+/// A few targets that get a new weight in every frame, while all others are 0. Each head has its own few.
+pub struct Few {
+    targets: usize,
+    /// Of the few.
+    weights: Random,
+    first: usize,
+}
+
+/// How far the few of a head are from those of the head before it; prime to most numbers of targets.
+const HEAD_STRIDE: usize = 13;
+
+impl Few {
+    /// `active` of `targets`, from `seed`.
+    pub fn new(targets: usize, active: usize, seed: u64) -> Self {
+        let active = active.min(targets);
+        let mut state = seed ^ 0xA076_1D64_78BD_642F;
+        Self { targets, weights: Random::new(active, active, seed), first: next(&mut state) as usize % targets.max(1) }
+    }
+}
+
+impl Workload for Few {
+    fn name(&self) -> &str {
+        "few"
+    }
+
+    fn checkpoints(&self) -> Vec<usize> {
+        self.weights.checkpoints()
+    }
+
+    fn weights(&self, head: u32, frame: usize) -> Vec<f32> {
+        let few = self.weights.weights(head, frame);
+        let mut all = vec![0.0; self.targets];
+        for (i, weight) in few.iter().enumerate() {
+            // Spread over the face: neighbours in the list move neighbouring vertices.
+            let place = self.first + head as usize * HEAD_STRIDE + i * self.targets / few.len();
+            all[place % self.targets] = *weight;
+        }
+        all
+    }
+
+    fn period(&self) -> usize {
+        self.weights.period()
+    }
+}
+
 /// A captured clip, from beginning to end.
 pub struct Clip {
     name: String,
@@ -141,6 +186,23 @@ mod tests {
         assert_eq!(Random::new(72, 8, 3).frames, Random::new(72, 8, 3).frames);
         assert_ne!(Random::new(72, 8, 3).frames, Random::new(72, 8, 4).frames);
         assert!(Random::new(0, 0, 1).weights(0, 5).is_empty());
+    }
+
+    #[test]
+    fn few_targets_are_active_and_all_of_them_change() {
+        for (targets, active) in [(72, 4), (12, 4), (3, 4), (4, 4)] {
+            let few = Few::new(targets, active, 3);
+            for (head, frame) in [0, 1, 7].into_iter().flat_map(|h| (1..2 * RANDOM_FRAMES).map(move |f| (h, f))) {
+                let (a, b) = (few.weights(head, frame - 1), few.weights(head, frame));
+                let (places, expected) = (b.iter().filter(|w| **w != 0.0).count(), active.min(targets));
+                let changed = a.iter().zip(&b).filter(|(a, b)| a != b).count();
+                assert_eq!((b.len(), places, changed), (targets, expected, expected), "head {head}, frame {frame}");
+            }
+        }
+        assert!(Few::new(0, 4, 3).weights(2, 1).is_empty());
+        let few = Few::new(72, 4, 3);
+        let active = |head| few.weights(head, 0).iter().map(|w| *w != 0.0).collect::<Vec<_>>();
+        assert_ne!(active(0), active(1));
     }
 
     #[test]

@@ -113,6 +113,26 @@ impl Axis {
     }
 }
 
+/// Space between two labels.
+const LABEL_GAP: f64 = 5.0;
+
+/// Which labels, centred at the first number and as wide as the second, can stand beside each other: the last one, and
+/// before it those that leave a gap. Ascending.
+pub fn fitting(labels: &[(f64, f64)]) -> Vec<bool> {
+    let mut start = f64::INFINITY;
+    let mut fits: Vec<bool> = labels
+        .iter()
+        .rev()
+        .map(|(center, width)| {
+            let fits = center + width / 2.0 + LABEL_GAP <= start;
+            start = if fits { center - width / 2.0 } else { start };
+            fits
+        })
+        .collect();
+    fits.reverse();
+    fits
+}
+
 fn span(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
     let (lo, hi) = values.into_iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
     if lo <= hi { (lo, hi) } else { (0.0, 1.0) }
@@ -146,6 +166,15 @@ mod tests {
             ["0.5", "7", "1.5", "100", "2000", "1e-5"].map(String::from),
             [0.5, 7.0, 1.5, 100.0, 2000.0, 1e-5].map(Axis::label)
         );
+    }
+
+    #[test]
+    fn labels_that_would_touch_are_left_out() {
+        let at = |centers: &[f64]| fitting(&centers.iter().map(|c| (*c, 14.0)).collect::<Vec<_>>());
+        assert_eq!(at(&[10.0, 30.0, 50.0]), [true; 3]);
+        assert_eq!(at(&[10.0, 20.0, 30.0, 50.0]), [true, false, true, true]);
+        assert_eq!(at(&[0.0, 15.0]), [false, true], "the last one stays");
+        assert!(at(&[]).is_empty());
     }
 
     proptest! {

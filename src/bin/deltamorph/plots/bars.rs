@@ -1,5 +1,6 @@
-//! Bar charts of shares.
+//! Bar charts.
 
+use super::axis::{Axis, fitting};
 use super::canvas::{AXIS, Align, Canvas, Drawn, GRID, INK, MUTED, PAPER, Type, WIDTH};
 use crate::table::percent;
 use plotters::prelude::{DrawingBackend, RGBColor};
@@ -14,19 +15,30 @@ pub struct Bar {
     pub label: String,
     /// What is written behind it.
     pub remark: String,
-    /// Its length, where 1 is the whole width.
-    pub share: f64,
+    /// Its length.
+    pub length: f64,
     /// Its colour.
     pub color: RGBColor,
 }
 
-/// Horizontal bars from 0 to 100 %.
+/// What lengths are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// Shares: the axis goes from 0 to 100 %.
+    Share,
+    /// Milliseconds: the axis goes from 0 as far as they do.
+    Milliseconds,
+}
+
+/// Horizontal bars from 0.
 #[derive(Clone, Debug)]
 pub struct BarChart {
     /// The heading.
     pub title: String,
     /// The lines below it.
     pub subtitle: [String; 2],
+    /// What their lengths are.
+    pub unit: Unit,
     /// The bars, from the top.
     pub bars: Vec<Bar>,
 }
@@ -51,23 +63,35 @@ impl BarChart {
             labels = labels.max(canvas.text_width(&bar.label, 12.5)?);
             remarks = remarks.max(canvas.text_width(&bar.remark, 12.0)?);
         }
-        // A path can beat a floor measured with a copy: the axis grows with it.
-        let longest = self.bars.iter().map(|b| b.share).fold(1.0, f64::max);
+        let longest = self.bars.iter().map(|b| b.length).fold(0.0, f64::max);
+        let (ticks, end): (Vec<(f64, String)>, f64) = match self.unit {
+            // A path can beat a floor measured with a copy: the axis grows with it.
+            Unit::Share => ((0..=4).map(|i| (f64::from(i) / 4.0, format!("{} %", 25 * i))).collect(), longest.max(1.0)),
+            Unit::Milliseconds => {
+                let axis = Axis::from_zero(longest);
+                (axis.ticks.iter().map(|&t| (t, Axis::label(t))).collect(), axis.hi)
+            }
+        };
         let (left, right) = (24.0 + labels + 12.0, WIDTH - 24.0 - remarks - 10.0);
-        let x = |share: f64| left + (right - left) * share / longest;
+        let x = |length: f64| left + (right - left) * length / end;
         let bottom = TOP + ROW * self.bars.len() as f64;
-        for i in 0..=4 {
-            let share = f64::from(i) / 4.0;
-            canvas.line(&[(x(share), TOP - 4.0), (x(share), bottom)], if i == 4 { AXIS } else { GRID }, 1.0)?;
-            let label = Type { size: 12.0, color: MUTED, align: Align::Center };
-            canvas.text(&format!("{:.0} %", share * 100.0), (x(share), bottom + 16.0), label)?;
+        let mark = Type { size: 12.0, color: MUTED, align: Align::Center };
+        let widths = ticks.iter().map(|(_, label)| canvas.text_width(label, mark.size)).collect::<Drawn<Vec<_>>>()?;
+        let places: Vec<(f64, f64)> = ticks.iter().zip(widths).map(|((t, _), width)| (x(*t), width)).collect();
+        let fits = fitting(&places);
+        for ((tick, label), fits) in ticks.iter().zip(fits) {
+            let full = self.unit == Unit::Share && *tick == 1.0;
+            canvas.line(&[(x(*tick), TOP - 4.0), (x(*tick), bottom)], if full { AXIS } else { GRID }, 1.0)?;
+            if fits {
+                canvas.text(label, (x(*tick), bottom + 16.0), mark)?;
+            }
         }
         for (i, bar) in self.bars.iter().enumerate() {
             let y = TOP + ROW * (i as f64 + 0.5);
             let label = Type { size: 12.5, color: INK, align: Align::Right };
             canvas.text(&bar.label, (left - 12.0, y), label)?;
-            canvas.rect((left, y - 10.0), (x(bar.share).max(left + 1.0), y + 10.0), bar.color)?;
-            let at = (x(bar.share) + 8.0, y);
+            canvas.rect((left, y - 10.0), (x(bar.length).max(left + 1.0), y + 10.0), bar.color)?;
+            let at = (x(bar.length) + 8.0, y);
             // The remark stands right behind its bar, on paper, so that the grid does not cross it.
             let width = canvas.text_width(&bar.remark, 12.0)?;
             canvas.rect((at.0 - 3.0, y - 8.0), (at.0 + width, y + 8.0), PAPER)?;

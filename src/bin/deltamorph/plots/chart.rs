@@ -1,6 +1,6 @@
 //! Line charts.
 
-use super::axis::Axis;
+use super::axis::{Axis, fitting};
 use super::canvas::{AXIS, Align, Canvas, Drawn, GRID, INK, MUTED, Marker, PAPER, Type, WIDTH};
 use plotters::prelude::{DrawingBackend, RGBColor};
 
@@ -157,17 +157,20 @@ impl LineChart {
             let label = Type { align: Align::Right, ..LABEL };
             canvas.text(&Axis::label(tick), (f.left - 9.0, f.y(tick)), label)?;
         }
-        let tick_at = |x: f64, label: &str| {
-            canvas.line(&[(x, f.bottom), (x, f.bottom + 5.0)], AXIS, 1.0)?;
-            canvas.text(label, (x, f.bottom + 16.0), LABEL)
-        };
-        for &tick in &f.x.ticks {
-            tick_at(f.x(X::Value(tick)), &Axis::label(tick))?;
-        }
+        let mut ticks: Vec<(f64, String)> =
+            f.x.ticks.iter().map(|&tick| (f.x(X::Value(tick)), Axis::label(tick))).collect();
         if f.numbers_end < f.right {
             let gap = 0.75 * f.numbers_end + 0.25 * f.right;
             canvas.dashed((gap, f.top), (gap, f.bottom), AXIS, 1.0)?;
-            tick_at(f.x(X::All), "all")?;
+            ticks.push((f.x(X::All), "all".into()));
+        }
+        let widths = ticks.iter().map(|(_, label)| canvas.text_width(label, LABEL.size)).collect::<Drawn<Vec<_>>>()?;
+        let places: Vec<(f64, f64)> = ticks.iter().zip(widths).map(|((x, _), width)| (*x, width)).collect();
+        for ((x, label), fits) in ticks.iter().zip(fitting(&places)) {
+            canvas.line(&[(*x, f.bottom), (*x, f.bottom + 5.0)], AXIS, 1.0)?;
+            if fits {
+                canvas.text(label, (*x, f.bottom + 16.0), LABEL)?;
+            }
         }
         if let Some(reference) = self.reference {
             canvas.dashed((f.left, f.y(reference)), (f.right, f.y(reference)), AXIS, 1.0)?;

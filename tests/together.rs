@@ -1,0 +1,66 @@
+//! Several crowds of one mesh in one submission, and the draws behind the updates.
+
+#[path = "common/gpu.rs"]
+mod gpu;
+#[path = "../src/testing.rs"]
+mod testing;
+
+use deltamorph::engine::CrowdDesc;
+use deltamorph::headless::{HeadlessCrowd, Step};
+use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
+use deltamorph::reference::{compare, evaluate};
+use gpu::{applied, on_every_device, update_descs, weights};
+
+#[test]
+fn crowds_side_by_side_do_what_one_crowd_does() {
+    on_every_device(|headless, engine| {
+        for format in [DeltaFormat::Snorm16, DeltaFormat::Fast] {
+            let mesh = PackedMesh::pack(&testing::mesh(200, 11), &engine.pack_desc(format)).expect("packed");
+            for update in update_descs(engine, format) {
+                let desc = |instances| CrowdDesc { instances, update, frames_in_flight: 1 };
+                let mut whole = HeadlessCrowd::new(headless, &mesh, &desc(4)).expect("a crowd");
+                let half = HeadlessCrowd::new(headless, &mesh, &desc(2)).expect("a crowd");
+                let mut halves = [half.another(&desc(2)).expect("another"), half];
+                for frame in 0..4 {
+                    let heads: Vec<Vec<f32>> = (0..4).map(|i| weights(&mesh, frame * i, i)).collect();
+                    let heads: Vec<&[f32]> = heads.iter().map(Vec::as_slice).collect();
+                    let one = whole.step(&heads).expect("a step");
+                    let two = HeadlessCrowd::step_together(&mut halves, &heads, 3).expect("a step");
+                    // Passes and bytes may differ: a crowd shares what it can.
+                    let work = |step: &Step| (step.update.stats.coefficients, step.update.stats.dirty_blocks);
+                    assert_eq!(work(&one), work(&two), "{update:?} frame {frame}");
+                    assert_eq!((one.draw_ms, one.gpu_ms.is_some()), (None, two.gpu_ms.is_some()));
+                    assert_eq!(two.draw_ms.is_some(), two.gpu_ms.is_some(), "a device with timestamps times draws too");
+                    for i in 0..4 {
+                        let poses = [
+                            whole.read_pose(i).expect("a pose"),
+                            halves[i as usize / 2].read_pose(i % 2).expect("a pose"),
+                        ];
+                        let reference = evaluate(&mesh, &applied(&mesh, &update, heads[i as usize]));
+                        for pose in poses {
+                            let error = compare(&pose, &reference);
+                            assert!(error.within(1.2e-4, 0.01), "{update:?} head {i} frame {frame}: {error:?}");
+                        }
+                    }
+                }
+            }
+        }
+    });
+}
+
+#[test]
+fn a_step_of_nothing_or_of_too_many_is_refused() {
+    on_every_device(|headless, engine| {
+        let mesh = PackedMesh::pack(&testing::mesh(64, 3), &engine.pack_desc(DeltaFormat::Fast)).expect("packed");
+        let update = update_descs(engine, DeltaFormat::Fast)[0];
+        let desc = CrowdDesc { instances: 1, update, frames_in_flight: 1 };
+        let crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
+        let mut crowds = [crowd.another(&desc).expect("another"), crowd];
+        let heads: [&[f32]; 3] = [&[0.5; 3]; 3];
+        let error = HeadlessCrowd::step_together(&mut crowds, &heads, 0).expect_err("three for two").to_string();
+        assert!(error.contains("3 instances, 1 too many; give one list"), "{error}");
+        let error = HeadlessCrowd::step_together(&mut [], &[], 1).expect_err("no crowd").to_string();
+        assert!(error.contains("no crowd; name one or more"), "{error}");
+        HeadlessCrowd::step_together(&mut crowds, &heads[..2], 1).expect("two for two");
+    });
+}
