@@ -1,0 +1,139 @@
+//! Crowds on a device: one update against many, what the GPU's planning costs, and thousands of heads. Medians, and ratios
+//! of measurements taken in turns.
+//!
+//! `./with-vulkan cargo bench --bench crowds [-- DEVICE]`
+
+use deltamorph::animation::{AnimationDesc, KeyFormat, Playback};
+use deltamorph::engine::CrowdDesc;
+use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
+use deltamorph::mesh::Tolerance;
+use deltamorph::mesh::head::{HeadDesc, head};
+use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
+use deltamorph::plan::{Accumulate, UpdateDesc};
+use deltamorph::weights::WeightClip;
+
+const FACE: HeadDesc = HeadDesc { vertices: 2_700, targets: 52, sparsity: 0.17, seed: 1 };
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+/// Numbers in 0..1, the same everywhere.
+fn noise(i: usize) -> f32 {
+    let x = (i as u32).wrapping_mul(0x9E37_79B9);
+    ((x ^ x >> 15).wrapping_mul(0x85EB_CA6B) >> 8) as f32 / (1 << 24) as f32
+}
+
+fn packed(headless: &Headless, desc: &HeadDesc) -> PackedMesh {
+    let mesh = head(desc).to_mesh(Tolerance::default()).expect("the built-in head");
+    PackedMesh::pack(&mesh, &headless.engine().pack_desc(DeltaFormat::Fast)).expect("a mesh that packs")
+}
+
+fn desc(instances: u32, update: UpdateDesc) -> CrowdDesc {
+    CrowdDesc { instances, update, frames_in_flight: 1 }
+}
+
+/// One update of a crowd against as many updates of single heads in one submission.
+fn together(headless: &Headless, heads: usize, sparsity: f32, changed: usize) {
+    let mesh = packed(headless, &HeadDesc { sparsity, ..HeadDesc::default() });
+    let targets = mesh.layout().targets.len();
+    let mut crowd = [HeadlessCrowd::new(headless, &mesh, &desc(heads as u32, UpdateDesc::blocks())).expect("a crowd")];
+    let one = desc(1, UpdateDesc::blocks());
+    let mut singles: Vec<HeadlessCrowd<'_>> = (0..heads).map(|_| crowd[0].another(&one).expect("a crowd")).collect();
+    let mut weights: Vec<Vec<f32>> = (0..heads).map(|h| (0..targets).map(|t| noise(h * 97 + t)).collect()).collect();
+    let (mut times, mut ratios) = ([vec![], vec![]], vec![]);
+    for frame in 0..13 {
+        for (h, weights) in weights.iter_mut().enumerate() {
+            for k in 0..changed {
+                let i = (frame * 131 + h) * 173 + k;
+                let target = if changed == targets { k } else { (noise(i) * targets as f32) as usize % targets };
+                weights[target] = noise(i * 3 + 1);
+            }
+        }
+        let weights: Vec<&[f32]> = weights.iter().map(Vec::as_slice).collect();
+        let time = |crowds: &mut [HeadlessCrowd<'_>]| {
+            let step = HeadlessCrowd::step_together(crowds, &weights, 0).expect("a step");
+            step.gpu_ms.expect("a device with timestamps")
+        };
+        let both = [time(&mut crowd), time(&mut singles)];
+        if frame >= 3 {
+            ratios.push(both[1] / both[0]);
+            times.iter_mut().zip(both).for_each(|(times, ms)| times.push(ms));
+        }
+    }
+    let [crowd, singles] = times.map(median);
+    println!(
+        "{heads} heads, {changed} of {targets} change, {:.0}% sparse: one update {crowd:.2} ms, {heads} updates \
+         {singles:.2} ms, {:.2} times",
+        sparsity * 100.0,
+        median(ratios)
+    );
+}
+
+/// Clips of the face: one in which nothing moves, one in which a third of the weights change from frame to frame, and one
+/// in which all do.
+fn clips(mesh: &PackedMesh) -> Vec<WeightClip> {
+    let names: Vec<String> = mesh.layout().targets.iter().map(|t| t.name.clone()).collect();
+    let targets = names.len();
+    let clip = |frames: usize, weight: &dyn Fn(usize, usize) -> f32| WeightClip {
+        names: names.clone(),
+        fps: 30.0,
+        values: (0..frames).flat_map(|f| (0..targets).map(move |t| weight(f, t))).collect(),
+        ..WeightClip::default()
+    };
+    vec![
+        clip(1, &|_, t| noise(t)),
+        clip(60, &|f, t| if (t + f) % 3 == 0 { noise(f * 71 + t) } else { noise(t) }),
+        clip(60, &|f, t| noise(f * 71 + t)),
+    ]
+}
+
+/// Frames of a crowd that plays `clip`, half a frame of it apart.
+fn play(headless: &Headless, mesh: &PackedMesh, heads: u32, slots: u32, clip: u32, frames: u32) -> Vec<Step> {
+    let update = UpdateDesc { accumulate: Accumulate::Exact, slots, ..UpdateDesc::blocks() };
+    let clips = clips(mesh);
+    let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
+    let mut crowd = HeadlessCrowd::animated(headless, mesh, &desc(heads, update), &animation).expect("a crowd");
+    for head in 0..heads {
+        let start = -f64::from(head) / 7.0;
+        crowd.crowd().play(head, &Playback { start, ..Playback::new(clip) }).expect("a clip");
+    }
+    let steps = (0..frames + 4).map(|frame| {
+        crowd.crowd().set_time(f64::from(frame) / 60.0).expect("a time");
+        crowd.step(&[]).expect("a step")
+    });
+    steps.skip(4).collect()
+}
+
+fn planned_on_the_gpu(headless: &Headless) {
+    let mesh = packed(headless, &FACE);
+    println!("animated on the GPU, 2,700 vertices, 52 targets, 17% sparse, exact sums:");
+    for (clip, what) in ["no weight changes", "a third change", "all change"].into_iter().enumerate() {
+        let steps = play(headless, &mesh, 1000, 1, clip as u32, 15);
+        let record = median(steps.iter().map(|s| s.record_ms * 1e3).collect());
+        let gpu = median(steps.iter().filter_map(|s| s.gpu_ms).collect());
+        println!("  1,000 heads, {what}: recorded in {record:.1} µs; on the device {gpu:.2} ms, {:.2} µs a head", gpu);
+    }
+    let mut per_head = vec![];
+    for heads in [100, 300, 1_000, 3_000, 10_000] {
+        let steps = play(headless, &mesh, heads, 1, 1, 5);
+        let gpu = median(steps.iter().filter_map(|s| s.gpu_ms).collect());
+        per_head.push(gpu * 1e3 / f64::from(heads));
+        println!(
+            "  {heads} heads, a third change, one slot: {gpu:.2} ms, {:.2} µs a head",
+            gpu * 1e3 / f64::from(heads)
+        );
+    }
+}
+
+fn main() {
+    let name = std::env::args().skip(1).find(|a| !a.starts_with('-'));
+    let device = name.map_or(DeviceChoice::Best, DeviceChoice::Name);
+    let headless = Headless::new(&HeadlessDesc { device, ..HeadlessDesc::default() }).expect("a Vulkan device");
+    let caps = headless.caps();
+    println!("{} ({} {})", caps.name, caps.driver, caps.driver_info);
+    together(&headless, 100, 0.08, 8);
+    together(&headless, 24, 1.0, 72);
+    planned_on_the_gpu(&headless);
+}
