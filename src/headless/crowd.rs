@@ -29,8 +29,6 @@ pub struct Step {
     pub draw_ms: Option<f64>,
     /// Round trip from weights to fence, in milliseconds.
     pub cpu_ms: f64,
-    /// Of it, host time of planning and recording the update, in milliseconds.
-    pub record_ms: f64,
 }
 
 /// A recorded update of a [`HeadlessCrowd`], to be submitted to the same device once or never.
@@ -155,9 +153,8 @@ impl<'a> HeadlessCrowd<'a> {
                 "give one list of weights per instance",
             ));
         }
-        let mut record_ms = 0.0;
         let record = |crowds: &mut &mut [Self], cmd| {
-            let (mut sum, start) = (None::<Update>, Instant::now());
+            let mut sum: Option<Update> = None;
             for Self { crowd, .. } in &mut **crowds {
                 // SAFETY: the buffer is recording on the engine's device, on a queue with graphics and compute; it is
                 // submitted once, and waited for, before anything else happens; tampering is the caller's to answer for.
@@ -167,14 +164,13 @@ impl<'a> HeadlessCrowd<'a> {
                     None => sum = Some(update),
                 }
             }
-            record_ms = start.elapsed().as_secs_f64() * 1e3;
             sum.ok_or_else(|| Error::invalid("a step of no crowd", "name one or more"))
         };
         let draw = |crowds: &mut &mut [Self], cmd| crowds.iter().try_for_each(|crowd| crowd.record_draws(cmd, copies));
         let (update, ticks) = headless.submitter().run_timed_then(&mut &mut *crowds, record, draw)?;
         let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
         let [gpu_ms, draw_ms] = [0, 1].map(|part| headless.milliseconds(ticks.map(|ticks| ticks[part])));
-        Ok(Step { update, gpu_ms, draw_ms: draw_ms.filter(|_| copies > 0), cpu_ms, record_ms })
+        Ok(Step { update, gpu_ms, draw_ms: draw_ms.filter(|_| copies > 0), cpu_ms })
     }
 
     /// Record an update now and leave it to the caller when to run it: see [`submit`](Self::submit). Makes

@@ -175,7 +175,7 @@ impl<'a> Runner<'a> {
             Self::Gpu(crowds) => {
                 let weights: Vec<&[f32]> = weights.iter().map(Vec::as_slice).collect();
                 let step = HeadlessCrowd::step_together(crowds, &weights, copies)?;
-                let Step { update, gpu_ms, draw_ms, cpu_ms, .. } = step;
+                let Step { update, gpu_ms, draw_ms, cpu_ms } = step;
                 Ok(Frame { stats: update.stats, gpu_ms, draw_ms, upload_ms: None, cpu_ms })
             }
             Self::Cpu(crowd, upload) => {
