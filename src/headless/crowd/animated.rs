@@ -72,7 +72,7 @@ impl<'a> HeadlessCrowd<'a> {
     #[doc(hidden)]
     pub fn read_weights(&mut self, instance: u32) -> Result<Vec<i32>> {
         let (buffer, offset, size) = self.crowd.animated("weights to read")?.weights_of(instance);
-        Ok(bytemuck::cast_vec(self.read_words(buffer, offset, size)?))
+        Ok(self.read_words(buffer, offset, size)?.into_iter().map(|word| word as i32).collect())
     }
 
     /// Piece by piece: what is read may be larger than a pose.
