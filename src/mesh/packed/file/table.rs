@@ -6,7 +6,7 @@ use std::path::Path;
 /// What a packed file begins with. A transfer that takes it for text changes the line end, and shows.
 const MAGIC: [u8; 8] = *b"DMORPH\r\n";
 /// The version that is written and read.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Bytes of header, of a row of the table, and of the checksum after it.
 const HEADER: usize = 16;
 const ROW: usize = 24;

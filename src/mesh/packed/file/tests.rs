@@ -249,7 +249,7 @@ fn the_frame_is_checked_behind_right_checksums() {
     for (text, parts) in [
         (change(0, b"PK"), ["does not begin", "deltamorph pack"]),
         (change(6, b"\n"), ["does not begin", "deltamorph pack"]),
-        (change(8, &[2]), ["version 2", "reads version 1"]),
+        (change(8, &[1]), ["version 1", "reads version 2"]),
         (change(12, &[12]), ["12 sections", "11 expected"]),
         (change(row(Section::Words) + 8, &(words as u64 - 8).to_le_bytes()), ["'words'", "expected"]),
         (change(row(Section::Words) + 8, &u64::MAX.to_le_bytes()), ["'words'", "expected"]),
