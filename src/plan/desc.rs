@@ -1,0 +1,278 @@
+//! How poses are to be updated: path, mode, batch size, sums, slots.
+
+use crate::error::{Error, Result};
+use crate::mesh::packed::DeltaFormat;
+
+/// Who carries the passes out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum UpdatePath {
+    /// Vertex passes with transform feedback and rasterizer discard (Jones, GPU Pro 5). A pass cannot read the
+    /// buffer it writes: passes alternate between two slots.
+    Feedback,
+    /// Compute passes. The first reads the current slot and writes the next, the rest run in place there.
+    Compute,
+    /// Compute, one workgroup for each block of vertices that a changed target touches. Takes the block formats. The
+    /// one to use where there is a GPU.
+    Blocks,
+    /// SIMD and threads on the CPU; runs without Vulkan. Takes every format.
+    Cpu,
+    /// Baseline: the vertex passes of `Feedback`, whose shader stores the pose in a storage buffer.
+    VertexStore,
+    /// Baseline: a thread for each delta adds integers to sums by atomics, and a pass makes the pose of them (O3DE
+    /// Atom, Unity). From base every time.
+    Scatter,
+    /// Baseline: no update; the vertex shader of every draw evaluates the active targets, whose deltas it reads from a
+    /// storage buffer (Costigan et al., Bevy, three.js, Filament).
+    Direct,
+    /// Baseline: as `Direct`, with the active targets as vertex attributes (Gerdelan).
+    DirectAttributes,
+}
+
+impl UpdatePath {
+    /// Every path.
+    pub const ALL: [Self; 8] = [
+        Self::Feedback,
+        Self::Compute,
+        Self::Blocks,
+        Self::Cpu,
+        Self::VertexStore,
+        Self::Scatter,
+        Self::Direct,
+        Self::DirectAttributes,
+    ];
+    /// The techniques that others published, to compare with. `bench` runs them where they are named.
+    pub const BASELINES: [Self; 4] = [Self::VertexStore, Self::Scatter, Self::Direct, Self::DirectAttributes];
+
+    /// The name used on the command line and in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Feedback => "feedback",
+            Self::Compute => "compute",
+            Self::Blocks => "blocks",
+            Self::Cpu => "cpu",
+            Self::VertexStore => "vertex-store",
+            Self::Scatter => "scatter",
+            Self::Direct => "direct",
+            Self::DirectAttributes => "direct-attributes",
+        }
+    }
+
+    /// Whether a pass may write the slot it reads.
+    pub const fn works_in_place(self) -> bool {
+        !matches!(self, Self::Feedback | Self::VertexStore)
+    }
+
+    /// Whether it has no [`UpdateMode::Incremental`]: each pose is evaluated from base.
+    pub const fn rebuilds_only(self) -> bool {
+        matches!(self, Self::Scatter) || self.evaluates_in_draws()
+    }
+
+    /// Whether there are no pose buffers: every draw evaluates the pose.
+    pub const fn evaluates_in_draws(self) -> bool {
+        matches!(self, Self::Direct | Self::DirectAttributes)
+    }
+
+    /// Whether it takes [`BatchSize::All`]; vertex attributes hold a limited number of targets.
+    pub const fn takes_all_targets(self) -> bool {
+        !matches!(self, Self::Feedback | Self::VertexStore | Self::DirectAttributes)
+    }
+
+    /// The formats it takes.
+    pub const fn formats(self) -> &'static [DeltaFormat] {
+        match self {
+            Self::Feedback | Self::Compute | Self::VertexStore | Self::Direct | Self::DirectAttributes => {
+                &DeltaFormat::DENSE
+            }
+            Self::Blocks => &DeltaFormat::BLOCKS,
+            Self::Scatter => &[DeltaFormat::Small],
+            Self::Cpu => &DeltaFormat::ALL,
+        }
+    }
+
+    /// The mode where none is asked for.
+    pub const fn default_mode(self) -> UpdateMode {
+        if self.rebuilds_only() { UpdateMode::Rebuild } else { UpdateMode::Incremental }
+    }
+}
+
+/// What an update starts from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub enum UpdateMode {
+    /// The pose already there, adding the changed targets; from base where that takes no more targets.
+    #[default]
+    Incremental,
+    /// The base pose, adding all active targets: full evaluation, every time the weights change.
+    Rebuild,
+}
+
+impl UpdateMode {
+    /// The name used on the command line and in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Incremental => "incremental",
+            Self::Rebuild => "rebuild",
+        }
+    }
+}
+
+/// Targets per pass. `All` orders after every number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum BatchSize {
+    /// At most this many (≥ 1).
+    Targets(u32),
+    /// All in one pass, with the coefficients in a buffer.
+    All,
+}
+
+impl BatchSize {
+    /// Passes that `coefficients` targets take. Even none takes one: the source has to reach the destination.
+    pub fn passes(self, coefficients: usize) -> usize {
+        match self {
+            Self::Targets(b) => coefficients.div_ceil(b.max(1) as usize).max(1),
+            Self::All => 1,
+        }
+    }
+}
+
+impl std::fmt::Display for BatchSize {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Targets(b) => b.fmt(f),
+            Self::All => "all".fmt(f),
+        }
+    }
+}
+
+/// How poses add up (block formats; dense ones are always `Float`, without the bound).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Accumulate {
+    /// float32 sums. A bound on what rounding may have done to a block's positions is kept, and a block whose bound
+    /// would exceed `tolerance` (a fraction of the diagonal) starts from the base pose again.
+    Float {
+        /// Largest position error that accumulation may cause, as a fraction of the bounding-box diagonal.
+        tolerance: f32,
+    },
+    /// Integer sums on a grid of weights and deltas ([`ExactGrid`](crate::mesh::packed::blocks::ExactGrid)): after any
+    /// number of updates, in any order and on any driver, bit for bit what a full evaluation gives.
+    Exact,
+}
+
+impl Default for Accumulate {
+    /// float32 with a tolerance of 1e-5 of the diagonal.
+    fn default() -> Self {
+        Self::Float { tolerance: 1e-5 }
+    }
+}
+
+impl Accumulate {
+    /// The name used on the command line and in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Float { .. } => "float",
+            Self::Exact => "exact",
+        }
+    }
+}
+
+/// How poses are to be updated. The same for all instances of a crowd, for its life.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UpdateDesc {
+    /// Who carries the passes out.
+    pub path: UpdatePath,
+    /// Targets per pass (dense formats); of `direct-attributes`, the most that may be active.
+    pub batch: BatchSize,
+    /// What an update starts from.
+    pub mode: UpdateMode,
+    /// Pose buffers per instance. 1: in place, no previous pose (not for `feedback`). 2: ping-pong. 3 keep the
+    /// previous pose under `feedback` and `vertex-store`, too, whose passes alternate between the other two. The direct
+    /// paths have no pose buffers, and this says nothing there.
+    pub slots: u32,
+    /// How poses add up (block formats).
+    pub accumulate: Accumulate,
+    /// How far a vertex may be from where the weights asked for would put it, as a length in input units (block
+    /// formats). Changes too small to matter wait then, until they add up to more, or the face is still. 0: none waits.
+    /// Packing, and rounding by [`Accumulate::Exact`], come on top.
+    pub error_budget: f32,
+}
+
+impl UpdateDesc {
+    /// Incremental updates in two slots with float sums; rebuilds for paths that know nothing else, and exact sums for
+    /// `scatter`.
+    pub const fn new(path: UpdatePath, batch: BatchSize) -> Self {
+        let accumulate = match path {
+            UpdatePath::Scatter => Accumulate::Exact,
+            _ => Accumulate::Float { tolerance: 1e-5 },
+        };
+        Self { path, batch, mode: path.default_mode(), slots: 2, accumulate, error_budget: 0.0 }
+    }
+
+    /// The path `blocks`: incremental updates in two slots.
+    pub const fn blocks() -> Self {
+        Self::new(UpdatePath::Blocks, BatchSize::All)
+    }
+
+    /// Check the description.
+    ///
+    /// # Errors
+    /// A batch size of 0; no slot, or too few slots for the path; a tolerance or budget that is no length, or exact sums
+    /// or a budget on a dense path; incremental updates of a path that only rebuilds; `scatter` with anything but exact
+    /// sums.
+    pub fn check(&self) -> Result<()> {
+        let least = if self.path.works_in_place() { 1 } else { 2 };
+        if self.slots < least || self.slots > 64 {
+            return Err(Error::invalid(
+                format!("{} slots for update path '{}'", self.slots, self.path.name()),
+                format!("use {least} to 64 slots (2 is ping-pong)"),
+            ));
+        }
+        let tolerance = match self.accumulate {
+            Accumulate::Float { tolerance } => tolerance,
+            Accumulate::Exact => 1.0,
+        };
+        if !(tolerance > 0.0 && self.error_budget >= 0.0 && self.error_budget.is_finite()) {
+            return Err(Error::invalid(
+                format!("a tolerance of {tolerance} and an error budget of {}", self.error_budget),
+                "use a tolerance above 0 and a budget of 0 or more",
+            ));
+        }
+        if self.path.rebuilds_only() && self.mode == UpdateMode::Incremental {
+            return Err(Error::invalid(
+                format!("incremental updates through '{}'", self.path.name()),
+                "use the mode 'rebuild': this technique evaluates every pose from the base pose",
+            ));
+        }
+        match self.path {
+            UpdatePath::Scatter if self.accumulate != Accumulate::Exact || self.error_budget > 0.0 => {
+                return Err(Error::invalid(
+                    "float sums or an error budget with 'scatter'",
+                    "use exact sums and no budget: it adds integers, each pose afresh",
+                ));
+            }
+            UpdatePath::Scatter | UpdatePath::Blocks | UpdatePath::Cpu => {}
+            _ => self.check_dense(self.path.name())?,
+        }
+        match (self.path, self.batch) {
+            (_, BatchSize::Targets(0)) => Err(Error::invalid("a batch size of 0", "use 1 or more targets per pass")),
+            (path, BatchSize::All) if !path.takes_all_targets() => Err(Error::invalid(
+                format!("batch size 'all' for update path '{}'", path.name()),
+                "a vertex pass takes as many targets as the device has vertex attributes for: name a number",
+            )),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl UpdateDesc {
+    /// Refuse what only block formats have; `what` is the path or format.
+    pub(crate) fn check_dense(&self, what: &str) -> Result<()> {
+        let refuse = |asked: &str| {
+            let remedy = "use the path 'blocks', or 'cpu' with a block format ('fast', 'small')";
+            Err(Error::invalid(format!("{asked} with '{what}'"), remedy))
+        };
+        match self.accumulate {
+            Accumulate::Exact => refuse("exact accumulation"),
+            Accumulate::Float { .. } if self.error_budget > 0.0 => refuse("an error budget"),
+            Accumulate::Float { .. } => Ok(()),
+        }
+    }
+}
