@@ -128,7 +128,7 @@ fn a_crowd_in_several_descriptor_ranges() {
     // Poses of 704 vertices: seven heads of two slots each.
     let limits = DeviceCaps { max_storage_range: 704 * 24 * 15, ..DeviceCaps::android_baseline() };
     let roomy = DeviceCaps { max_texels: u32::MAX, ..limits.clone() };
-    for (driver, limits) in [("llvmpipe", roomy), ("llvmpipe", limits.clone()), ("SwiftShader", limits)] {
+    for (driver, limits) in gpu::drivers().iter().flat_map(|d| [(d, roomy.clone()), (d, limits.clone())]) {
         gpu::on_device_within(driver, Some(limits), |headless, engine| {
             for (format, desc) in kernels(engine).into_iter().filter(|(f, _)| f.is_blocks()) {
                 let mesh = packed(engine, format);
