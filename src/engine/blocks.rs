@@ -4,7 +4,8 @@ use super::MeshBuffers;
 use super::crowd::CrowdDesc;
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
-use crate::gpu::blocks::{BlockSets, BlocksDispatch, BlocksKernel, BufferRange, GroupBuffers};
+use crate::gpu::blocks::{BlocksDispatch, BlocksKernel, GroupBuffers};
+use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::gpu::shaders::BlocksPush;
@@ -20,7 +21,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 /// Poses are named by 16 bits in the work list.
-const POSES_MAX: u64 = 1 << 16;
+pub(super) const POSES_MAX: u64 = 1 << 16;
 /// Set in an item's first word when it starts from the base pose.
 const REBUILT: u32 = 1 << 31;
 
@@ -34,7 +35,7 @@ pub(super) struct Blocks {
     ring: Ring,
     sums: Option<Buffer>,
     dispatches: Vec<BlocksDispatch>,
-    sets: BlockSets,
+    sets: Sets,
     /// Instances that one descriptor set reaches.
     group: u32,
     push: BlocksPush,
@@ -140,19 +141,8 @@ impl Blocks {
                 }
             })
             .collect();
-        let sets = BlockSets::new(&kernel, &groups)?;
-        let step = exact.map_or(1.0, |grid| grid.weight_step());
-        let [position, normal] = index.steps();
-        let push = BlocksPush {
-            first_item: 0,
-            elements_at: elements_at as u32,
-            deltas_at: index.deltas_at() as u32,
-            base_at: (asset_bytes(layout) / 4 - pose / 4) as u32,
-            pose_floats: (pose / 4) as u32,
-            slots,
-            position_unit: position * step,
-            normal_unit: normal * step,
-        };
+        let sets = kernel.sets(&groups)?;
+        let push = BlocksPush { elements_at: elements_at as u32, ..blocks_push(layout, index, slots, exact) };
         Ok(Self {
             kernel,
             slots,
@@ -326,6 +316,27 @@ fn poses(item: &Item, group: u32, slots: u32) -> u32 {
 fn item_words(item: &Item, group: u32, slots: u32) -> [u32; ITEM_WORDS] {
     let rebuilt = if item.source.is_none() { REBUILT } else { 0 };
     [item.block | rebuilt, poses(item, group, slots), item.first, item.count]
+}
+
+/// What kernels of blocks are told of a mesh and its poses.
+pub(super) fn blocks_push(
+    layout: &PackedLayout,
+    index: &BlockIndex,
+    slots: u32,
+    exact: Option<ExactGrid>,
+) -> BlocksPush {
+    let step = exact.map_or(1.0, |grid| grid.weight_step());
+    let ([position, normal], pose) = (index.steps(), layout.pose_bytes());
+    BlocksPush {
+        first_item: 0,
+        elements_at: 0,
+        deltas_at: index.deltas_at() as u32,
+        base_at: (asset_bytes(layout) / 4 - pose / 4) as u32,
+        pose_floats: (pose / 4) as u32,
+        slots,
+        position_unit: position * step,
+        normal_unit: normal * step,
+    }
 }
 
 /// Bytes of the buffer that holds headers, deltas and base pose.

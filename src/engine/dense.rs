@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::gpu::barriers;
 use crate::gpu::baselines::Baseline;
 use crate::gpu::baselines::vertex_store::StoreSets;
-use crate::gpu::compute::{ComputePass, SetBuffers, Sets, list_entries};
+use crate::gpu::compute::{ComputePass, PassSets, SetBuffers, list_entries};
 use crate::gpu::device::Device;
 use crate::gpu::feedback::FeedbackPass;
 use crate::gpu::memory::{Buffer, BufferDesc};
@@ -33,7 +33,7 @@ pub(super) struct Dense {
 
 /// Coefficient lists in host-visible memory, and the descriptor sets of the compute path.
 struct Lists {
-    sets: Sets,
+    sets: PassSets,
     ring: Buffer,
     /// Bytes of one instance's list.
     stride: u64,
@@ -82,7 +82,7 @@ impl Dense {
                     },
                 )?;
                 ring.mapped()?;
-                let sets = Sets::new(
+                let sets = PassSets::new(
                     compute,
                     &SetBuffers {
                         layout: &mesh.layout,

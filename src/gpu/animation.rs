@@ -1,8 +1,7 @@
 //! The kernels that sample clips and plan updates: pipelines, sets, dispatches.
 
-use super::blocks::BufferRange;
+use super::descriptors::{Bound, BufferRange, Sets};
 use super::device::Device;
-use super::failed;
 use super::pipelines::Objects;
 use super::shaders::{AnimationPush, WORKGROUP};
 use crate::error::Result;
@@ -42,6 +41,13 @@ impl AnimationKernel {
         Ok(Self { objects })
     }
 
+    /// A descriptor set for each group of instances, of its buffers in the order of the bindings.
+    pub(crate) fn sets(&self, groups: &[[BufferRange; 4]]) -> Result<Sets> {
+        let bound: Vec<Vec<Bound>> =
+            groups.iter().map(|group| group.map(|r| Bound::new(r.buffer, r.offset, r.size)).to_vec()).collect();
+        Sets::new(&self.objects.device, self.objects.set_layout, &bound)
+    }
+
     /// Bind the pipeline of a step.
     ///
     /// # Safety
@@ -56,7 +62,7 @@ impl AnimationKernel {
     ///
     /// # Safety
     /// - As [`bind`](Self::bind).
-    /// - `set` was made by [`AnimationSets`] and lives until the dispatch has run; its buffers hold what `push` says.
+    /// - `set` was made by [`sets`](Self::sets) and lives until the dispatch has run; its buffers hold what `push` says.
     /// - There are no more `groups` than the device allows.
     pub(crate) unsafe fn dispatch(
         &self,
@@ -80,54 +86,5 @@ impl AnimationKernel {
         let groups = invocations.div_ceil(WORKGROUP.into()).max(1);
         let x = groups.min(self.objects.device.caps.max_workgroups.into());
         [x as u32, groups.div_ceil(x) as u32]
-    }
-}
-
-/// A descriptor set for each group of instances.
-pub(crate) struct AnimationSets {
-    device: Arc<Device>,
-    pool: vk::DescriptorPool,
-    sets: Vec<vk::DescriptorSet>,
-}
-
-impl AnimationSets {
-    /// Sets of the buffers of each group, in the order of the bindings.
-    pub(crate) fn new(kernel: &AnimationKernel, groups: &[[BufferRange; 4]]) -> Result<Self> {
-        let device = &kernel.objects.device;
-        let count = groups.len() as u32;
-        let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: 4 * count }];
-        let info = vk::DescriptorPoolCreateInfo::default().max_sets(count).pool_sizes(&sizes);
-        // SAFETY: the device is alive.
-        let pool =
-            unsafe { device.raw.create_descriptor_pool(&info, None) }.map_err(failed("vkCreateDescriptorPool"))?;
-        let mut sets = Self { device: device.clone(), pool, sets: vec![] };
-        let layouts = vec![kernel.objects.set_layout; groups.len()];
-        let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
-        // SAFETY: pool and layout are ours; the pool has room for as many.
-        sets.sets =
-            unsafe { device.raw.allocate_descriptor_sets(&info) }.map_err(failed("vkAllocateDescriptorSets"))?;
-        for (group, set) in groups.iter().zip(&sets.sets) {
-            let infos = group.map(|r| vk::DescriptorBufferInfo { buffer: r.buffer, offset: r.offset, range: r.size });
-            let write =
-                vk::WriteDescriptorSet::default().dst_set(*set).descriptor_type(vk::DescriptorType::STORAGE_BUFFER);
-            let writes: Vec<_> = (0u32..)
-                .zip(&infos)
-                .map(|(binding, info)| write.dst_binding(binding).buffer_info(std::slice::from_ref(info)))
-                .collect();
-            // SAFETY: the set is not in use yet; buffers and ranges are the crowd's own.
-            unsafe { device.raw.update_descriptor_sets(&writes, &[]) };
-        }
-        Ok(sets)
-    }
-
-    pub(crate) fn get(&self, group: usize) -> vk::DescriptorSet {
-        self.sets[group]
-    }
-}
-
-impl Drop for AnimationSets {
-    fn drop(&mut self) {
-        // SAFETY: ours, destroyed once, with its sets, when the crowd is no longer in use by the device.
-        unsafe { self.device.raw.destroy_descriptor_pool(self.pool, None) };
     }
 }

@@ -1,8 +1,8 @@
 //! The `blocks` path: a workgroup for each item of the work list, or for each tile.
 
 use super::caps::DeviceCaps;
+use super::descriptors::{Bound, BufferRange, Sets};
 use super::device::Device;
-use super::failed;
 use super::pipelines::Objects;
 use super::shaders::BlocksPush;
 use crate::error::Result;
@@ -51,7 +51,7 @@ impl BlocksKernel {
         objects.add_storage_set_layout(&variant.bindings())?;
         objects.add_layout(vk::ShaderStageFlags::COMPUTE, size_of::<BlocksPush>() as u32)?;
         let name = super::shaders::blocks_module(if widths > 0 { "crowd" } else { "blocks" }, format, exact, texels);
-        // With texels, a lane has four vertices.
+        // With texels, a lane has eight vertices.
         let lanes = if texels { size / 8 } else { size };
         if widths == 0 {
             objects.add_compute(&name, &[lanes, size])?;
@@ -78,7 +78,7 @@ impl BlocksKernel {
     ///
     /// # Safety
     /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
-    /// - `set` was made by [`BlockSets`] for this kernel and lives until the dispatches have run; the list at `list` in
+    /// - `set` was made by [`sets`](Self::sets) and lives until the dispatches have run; the list at `list` in
     ///   its second buffer is complete by then, and names blocks, entries and slots that its buffers have.
     pub(crate) unsafe fn record(
         &self,
@@ -147,6 +147,24 @@ impl BlocksKernel {
         }
     }
 
+    /// A descriptor set for each group of instances.
+    pub(crate) fn sets(&self, groups: &[GroupBuffers]) -> Result<Sets> {
+        use vk::Format as F;
+        let bindings = self.variant.bindings();
+        let bound = |group: &GroupBuffers| {
+            let texels = [(group.asset, F::R32G32B32A32_UINT), (group.asset, F::R32_UINT)];
+            [(group.asset, F::UNDEFINED), (group.list, F::UNDEFINED), (group.poses, F::R32G32B32A32_SFLOAT)]
+                .into_iter()
+                .chain(texels.into_iter().filter(|_| self.variant.texels))
+                .chain(group.sums.map(|sums| (sums, F::R32G32B32A32_SINT)))
+                .zip(&bindings)
+                .map(|((range, format), &ty)| Bound::typed(ty, range, format))
+                .collect()
+        };
+        let bound: Vec<Vec<Bound>> = groups.iter().map(bound).collect();
+        Sets::new(&self.objects.device, self.objects.set_layout, &bound)
+    }
+
     /// Which pipeline takes tiles of 2^width instances that start from the base pose (`apart`) or do not.
     pub(crate) fn pipeline_of(&self, apart: usize, width: usize) -> usize {
         apart * self.variant.widths as usize + width
@@ -170,14 +188,6 @@ pub(crate) struct BlocksDispatch {
     pub(crate) item_words: usize,
 }
 
-/// A buffer and the bytes of it that a descriptor covers.
-#[derive(Clone, Copy)]
-pub(crate) struct BufferRange {
-    pub(crate) buffer: vk::Buffer,
-    pub(crate) offset: u64,
-    pub(crate) size: u64,
-}
-
 /// The buffers of one group of instances.
 pub(crate) struct GroupBuffers {
     pub(crate) asset: BufferRange,
@@ -185,84 +195,4 @@ pub(crate) struct GroupBuffers {
     pub(crate) list: BufferRange,
     pub(crate) poses: BufferRange,
     pub(crate) sums: Option<BufferRange>,
-}
-
-/// A descriptor set for each group of instances.
-pub(crate) struct BlockSets {
-    device: Arc<Device>,
-    pool: vk::DescriptorPool,
-    views: Vec<vk::BufferView>,
-    sets: Vec<vk::DescriptorSet>,
-}
-
-impl BlockSets {
-    pub(crate) fn new(kernel: &BlocksKernel, groups: &[GroupBuffers]) -> Result<Self> {
-        let device = &kernel.objects.device;
-        let (bindings, count) = (kernel.variant.bindings(), groups.len() as u32);
-        let sizes: Vec<_> = bindings.iter().map(|&ty| vk::DescriptorPoolSize { ty, descriptor_count: count }).collect();
-        let info = vk::DescriptorPoolCreateInfo::default().max_sets(count).pool_sizes(&sizes);
-        // SAFETY: the device is alive.
-        let pool =
-            unsafe { device.raw.create_descriptor_pool(&info, None) }.map_err(failed("vkCreateDescriptorPool"))?;
-        let mut sets = Self { device: device.clone(), pool, views: vec![], sets: vec![] };
-        let layouts = vec![kernel.objects.set_layout; groups.len()];
-        let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
-        // SAFETY: pool and layout are ours; the pool has room for as many.
-        sets.sets =
-            unsafe { device.raw.allocate_descriptor_sets(&info) }.map_err(failed("vkAllocateDescriptorSets"))?;
-        for (i, group) in groups.iter().enumerate() {
-            use vk::Format as F;
-            let texels = [(group.asset, F::R32G32B32A32_UINT), (group.asset, F::R32_UINT)];
-            let buffers =
-                [(group.asset, F::UNDEFINED), (group.list, F::UNDEFINED), (group.poses, F::R32G32B32A32_SFLOAT)]
-                    .into_iter()
-                    .chain(texels.into_iter().filter(|_| kernel.variant.texels))
-                    .chain(group.sums.map(|sums| (sums, F::R32G32B32A32_SINT)));
-            for (binding, ((range, format), &ty)) in buffers.zip(&bindings).enumerate() {
-                sets.write(sets.sets[i], binding as u32, ty, range, format)?;
-            }
-        }
-        Ok(sets)
-    }
-
-    fn write(
-        &mut self,
-        set: vk::DescriptorSet,
-        binding: u32,
-        ty: vk::DescriptorType,
-        range: BufferRange,
-        format: vk::Format,
-    ) -> Result<()> {
-        let BufferRange { buffer, offset, size } = range;
-        let info = [vk::DescriptorBufferInfo { buffer, offset, range: size }];
-        let write = vk::WriteDescriptorSet::default().dst_set(set).dst_binding(binding).descriptor_type(ty);
-        let view;
-        use vk::DescriptorType as T;
-        let write = if matches!(ty, T::STORAGE_TEXEL_BUFFER | T::UNIFORM_TEXEL_BUFFER) {
-            let info = vk::BufferViewCreateInfo::default().buffer(buffer).offset(offset).range(size).format(format);
-            // SAFETY: the buffer was made for such views; every device has these formats for them.
-            view = [unsafe { self.device.raw.create_buffer_view(&info, None) }.map_err(failed("vkCreateBufferView"))?];
-            self.views.extend(view);
-            write.texel_buffer_view(&view)
-        } else {
-            write.buffer_info(&info)
-        };
-        // SAFETY: the set is not in use yet; buffers and ranges are the crowd's and the mesh's own.
-        unsafe { self.device.raw.update_descriptor_sets(&[write], &[]) };
-        Ok(())
-    }
-
-    pub(crate) fn get(&self, group: usize) -> vk::DescriptorSet {
-        self.sets[group]
-    }
-}
-
-impl Drop for BlockSets {
-    fn drop(&mut self) {
-        // SAFETY: ours, destroyed once, with its sets, when the crowd is no longer in use by the device.
-        unsafe {
-            self.device.raw.destroy_descriptor_pool(self.pool, None);
-            self.views.iter().for_each(|view| self.device.raw.destroy_buffer_view(*view, None));
-        }
-    }
 }

@@ -1,8 +1,8 @@
 //! The `compute` path: dense passes, with coefficients in push constants (batch sizes 1 to 16) or listed in a
 //! buffer ("all in one pass").
 
+use super::descriptors::{Bound, Sets};
 use super::device::Device;
-use super::failed;
 use super::pipelines::Objects;
 use super::shaders::{DenseListEntry, DenseListPush, DensePush, WORKGROUP};
 use crate::error::Result;
@@ -31,7 +31,7 @@ pub(crate) struct Compute {
 /// The buffers of one pass.
 pub(crate) struct ComputePass<'a> {
     pub(crate) layout: &'a PackedLayout,
-    /// A set for each chunk: [`Sets::get`].
+    /// A set for each chunk: [`PassSets::get`].
     pub(crate) sets: &'a [vk::DescriptorSet],
     /// Dynamic offset of the coefficient list.
     pub(crate) list: u32,
@@ -62,7 +62,7 @@ impl Compute {
     ///
     /// # Safety
     /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
-    /// - `pass.sets` were written for `pass.layout` (see [`Sets`]) and live until the pass has run; for
+    /// - `pass.sets` were written for `pass.layout` (see [`PassSets`]) and live until the pass has run; for
     ///   [`BatchSize::All`] the list at its offset holds [`list_entries`] of `pass.coefficients` by then.
     pub(crate) unsafe fn record(&self, cmd: vk::CommandBuffer, pass: &ComputePass<'_>) {
         let device = &self.objects.device.raw;
@@ -143,102 +143,65 @@ pub(crate) struct SetBuffers<'a> {
 
 /// The descriptor sets of a crowd: for each instance and destination slot, one per source (the base pose, the
 /// slot itself, the slot before) and chunk.
-pub(crate) struct Sets {
-    device: Arc<Device>,
-    pool: vk::DescriptorPool,
+pub(crate) struct PassSets {
     slots: u32,
     chunks: usize,
-    sets: Vec<vk::DescriptorSet>,
+    sets: Sets,
 }
 
 /// Sources of a destination slot.
 const SOURCES: u32 = 3;
 
-impl Sets {
+impl PassSets {
     pub(crate) fn new(compute: &Compute, buffers: &SetBuffers<'_>) -> Result<Self> {
-        let device = &compute.objects.device;
-        let chunks = buffers.layout.chunks().count();
-        let count = (buffers.instances * buffers.slots * SOURCES) as usize * chunks;
-        let sizes = [vk::DescriptorType::STORAGE_BUFFER, vk::DescriptorType::STORAGE_BUFFER_DYNAMIC]
-            .map(|ty| vk::DescriptorPoolSize { ty, descriptor_count: 2 * count as u32 });
-        let info = vk::DescriptorPoolCreateInfo::default().max_sets(count as u32).pool_sizes(&sizes);
-        // SAFETY: the device is alive.
-        let pool =
-            unsafe { device.raw.create_descriptor_pool(&info, None) }.map_err(failed("vkCreateDescriptorPool"))?;
-        let mut sets = Self { device: device.clone(), pool, slots: buffers.slots, chunks, sets: vec![] };
-        let layouts = vec![compute.objects.set_layout; count];
-        let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
-        // SAFETY: pool and layout are ours; the pool has room for as many.
-        sets.sets =
-            unsafe { device.raw.allocate_descriptor_sets(&info) }.map_err(failed("vkAllocateDescriptorSets"))?;
+        let mut bound = vec![];
         for instance in 0..buffers.instances {
             for slot in 0..buffers.slots {
                 for source in [Source::Base, Source::Slot(slot), Source::Slot(before(slot, buffers.slots))] {
-                    sets.write(buffers, instance, source, slot);
+                    bound.extend(buffers.bound(instance, source, slot));
                 }
             }
         }
-        Ok(sets)
+        let sets = Sets::new(&compute.objects.device, compute.objects.set_layout, &bound)?;
+        Ok(Self { slots: buffers.slots, chunks: buffers.layout.chunks().count(), sets })
     }
 
-    fn first(&self, instance: u32, source: Source, destination: u32) -> usize {
+    /// The sets of a pass, one for each chunk.
+    pub(crate) fn get(&self, instance: u32, source: Source, destination: u32) -> &[vk::DescriptorSet] {
         let source = match source {
             Source::Base => 0,
             Source::Slot(slot) if slot == destination => 1,
             // The plan reads no other slot than the one before.
             Source::Slot(_) => 2,
         };
-        ((instance * self.slots + destination) * SOURCES + source) as usize * self.chunks
+        let first = ((instance * self.slots + destination) * SOURCES + source) as usize * self.chunks;
+        self.sets.range(first..first + self.chunks)
     }
+}
 
-    /// The sets of a pass, one for each chunk.
-    pub(crate) fn get(&self, instance: u32, source: Source, destination: u32) -> &[vk::DescriptorSet] {
-        let first = self.first(instance, source, destination);
-        &self.sets[first..first + self.chunks]
-    }
-
-    fn write(&self, buffers: &SetBuffers<'_>, instance: u32, source: Source, destination: u32) {
-        let layout = buffers.layout;
-        let pose = |slot| u64::from(instance * buffers.slots + slot) * layout.pose_bytes();
-        let (source_buffer, source_offset) = match source {
-            Source::Base => (buffers.base, 0),
-            Source::Slot(slot) => (buffers.poses, pose(slot)),
+impl SetBuffers<'_> {
+    /// What a pass binds, chunk by chunk.
+    fn bound(&self, instance: u32, source: Source, destination: u32) -> impl Iterator<Item = Vec<Bound>> {
+        let layout = self.layout;
+        let pose = |slot| u64::from(instance * self.slots + slot) * layout.pose_bytes();
+        let (source, from) = match source {
+            Source::Base => (self.base, 0),
+            Source::Slot(slot) => (self.poses, pose(slot)),
         };
-        for ((first, vertices), set) in layout.chunks().zip(self.get(instance, source, destination)) {
+        let to = pose(destination);
+        layout.chunks().map(move |(first, vertices)| {
             let (at, size) = ((first * POSE_STRIDE) as u64, (vertices * POSE_STRIDE) as u64);
-            let infos = [
-                (source_buffer, source_offset + at, size),
-                (buffers.poses, pose(destination) + at, size),
-                (buffers.deltas.0, 0, buffers.deltas.1),
-                (buffers.lists.0, 0, buffers.lists.1),
+            vec![
+                Bound::new(source, from + at, size),
+                Bound::new(self.poses, to + at, size),
+                Bound::dynamic(self.deltas.0, self.deltas.1),
+                Bound::dynamic(self.lists.0, self.lists.1),
             ]
-            .map(|(buffer, offset, range)| [vk::DescriptorBufferInfo { buffer, offset, range }]);
-            let writes: Vec<_> = infos
-                .iter()
-                .zip(BINDINGS)
-                .enumerate()
-                .map(|(binding, (info, ty))| {
-                    vk::WriteDescriptorSet::default()
-                        .dst_set(*set)
-                        .dst_binding(binding as u32)
-                        .descriptor_type(ty)
-                        .buffer_info(info)
-                })
-                .collect();
-            // SAFETY: the set is not in use yet; buffers and ranges are the crowd's and the mesh's own.
-            unsafe { self.device.raw.update_descriptor_sets(&writes, &[]) };
-        }
+        })
     }
 }
 
 /// The slot that the ring fills before `slot`.
 fn before(slot: u32, slots: u32) -> u32 {
     (slot + slots - 1) % slots
-}
-
-impl Drop for Sets {
-    fn drop(&mut self) {
-        // SAFETY: ours, destroyed once, with its sets, when the crowd is no longer in use by the device.
-        unsafe { self.device.raw.destroy_descriptor_pool(self.pool, None) };
-    }
 }

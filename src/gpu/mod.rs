@@ -1,7 +1,7 @@
 //! Below the gpu line: everything that calls Vulkan.
 //!
 //! Files by Vulkan concern: [`caps`] (what a device can do), [`device`] (the host's device, borrowed),
-//! `memory`, [`shaders`] (embedded modules and shared layouts), `pipelines`, `barriers`, one file per update path, and
+//! `memory`, `descriptors`, [`shaders`] (embedded modules and shared layouts), `pipelines`, `barriers`, one file per update path, and
 //! `baselines`, the techniques of others.
 
 pub(crate) mod animation;
@@ -10,6 +10,7 @@ pub(crate) mod baselines;
 pub(crate) mod blocks;
 pub mod caps;
 pub(crate) mod compute;
+pub(crate) mod descriptors;
 pub mod device;
 pub(crate) mod feedback;
 pub(crate) mod memory;

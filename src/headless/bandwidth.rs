@@ -3,7 +3,7 @@
 use super::Headless;
 use super::submit::full_barrier;
 use crate::error::Result;
-use crate::gpu::failed;
+use crate::gpu::descriptors::{Bound, Sets};
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::gpu::pipelines::Objects;
 use crate::gpu::shaders::{ReadPush, WORKGROUP};
@@ -43,40 +43,20 @@ impl Headless {
         objects.add_storage_set_layout(&[vk::DescriptorType::STORAGE_BUFFER; 2])?;
         objects.add_layout(vk::ShaderStageFlags::COMPUTE, size_of::<ReadPush>() as u32)?;
         objects.add_compute("read", &[])?;
-        let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: 2 }];
-        let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
-        // SAFETY: the device is alive.
-        let pool =
-            unsafe { device.raw.create_descriptor_pool(&info, None) }.map_err(failed("vkCreateDescriptorPool"))?;
-        let measured = self.measure(&objects, pool, &from, &to, bytes);
-        // SAFETY: ours, and no longer in use: every run waits.
-        unsafe { device.raw.destroy_descriptor_pool(pool, None) };
-        measured
+        let bound = [&from, &to].map(|buffer| Bound::new(buffer.raw, 0, bytes)).to_vec();
+        let sets = Sets::new(device, objects.set_layout, &[bound])?;
+        self.measure(&objects, sets.get(0), &from, &to, bytes)
     }
 
     fn measure(
         &self,
         objects: &Objects,
-        pool: vk::DescriptorPool,
+        set: vk::DescriptorSet,
         from: &Buffer,
         to: &Buffer,
         bytes: u64,
     ) -> Result<Option<Bandwidth>> {
         let (device, submitter) = (&objects.device.raw, self.submitter());
-        let layouts = [objects.set_layout];
-        let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
-        // SAFETY: pool and layout are ours; the pool has room for one set.
-        let set = unsafe { device.allocate_descriptor_sets(&info) }.map_err(failed("vkAllocateDescriptorSets"))?[0];
-        let infos = [from.raw, to.raw].map(|b| [vk::DescriptorBufferInfo::default().buffer(b).range(bytes)]);
-        let write = |binding: usize| {
-            vk::WriteDescriptorSet::default()
-                .dst_set(set)
-                .dst_binding(binding as u32)
-                .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
-                .buffer_info(&infos[binding])
-        };
-        // SAFETY: the set is not in use; the buffers are alive and `bytes` long.
-        unsafe { device.update_descriptor_sets(&[write(0), write(1)], &[]) };
         let push = ReadPush { count: (bytes / 16) as u32, stride: INVOCATIONS };
         let region = [vk::BufferCopy { src_offset: 0, dst_offset: 0, size: bytes }];
 

@@ -1,6 +1,7 @@
 //! Where everything is in the buffers of an animated crowd: groups of instances, their work lists, tables, state.
 
 use crate::animation::{Budget, Clips};
+use crate::engine::blocks::POSES_MAX;
 use crate::engine::crowd::CrowdDesc;
 use crate::error::{Error, Result};
 use crate::gpu::animation::{BIT_KINDS, RECORD_WORDS};
@@ -9,9 +10,6 @@ use crate::gpu::shaders::{AnimationPush, WORKGROUP};
 use crate::mesh::packed::PackedLayout;
 use crate::mesh::packed::blocks::BlockIndex;
 use crate::plan::blocks::{ROWS, TILE, TILE_WORDS, WIDTHS};
-
-/// Poses are named by 16 bits in the work list.
-const POSES_MAX: u64 = 1 << 16;
 
 /// Instances that one descriptor set reaches, and their work list.
 #[derive(Clone, Copy, Debug)]

@@ -7,13 +7,14 @@ mod layout;
 mod readback;
 
 use super::MeshBuffers;
-use super::blocks::asset_bytes;
+use super::blocks::{asset_bytes, blocks_push};
 use super::crowd::CrowdDesc;
 use crate::animation::{Budget, Clips, HeadRecord, Heads};
 use crate::error::{Error, Result};
-use crate::gpu::animation::{AnimationKernel, AnimationSets, Step};
+use crate::gpu::animation::{AnimationKernel, Step};
 use crate::gpu::barriers;
-use crate::gpu::blocks::{BlockSets, BlocksKernel, BufferRange, GroupBuffers};
+use crate::gpu::blocks::{BlocksKernel, GroupBuffers};
+use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::gpu::shaders::{AnimationPush, BlocksPush, WORKGROUP};
@@ -44,8 +45,8 @@ pub(crate) struct Animated {
     sums: Buffer,
     tables: Buffer,
     staging: Option<Buffer>,
-    sets: AnimationSets,
-    block_sets: BlockSets,
+    sets: Sets,
+    block_sets: Sets,
     groups: Groups,
     push: AnimationPush,
     block_push: BlocksPush,
@@ -135,20 +136,10 @@ impl Animated {
                 sums: Some(part(&sums, first, count, pose)),
             });
         });
-        let [position, normal] = index.steps();
-        let block_push = BlocksPush {
-            first_item: 0,
-            elements_at: 0,
-            deltas_at: index.deltas_at() as u32,
-            base_at: (asset_bytes(layout) / 4 - pose / 4) as u32,
-            pose_floats: (pose / 4) as u32,
-            slots,
-            position_unit: position * grid.weight_step(),
-            normal_unit: normal * grid.weight_step(),
-        };
+        let block_push = blocks_push(layout, index, slots, Some(grid));
         Ok(Self {
-            sets: AnimationSets::new(&kernel, &plan)?,
-            block_sets: BlockSets::new(&update, &blocks)?,
+            sets: kernel.sets(&plan)?,
+            block_sets: update.sets(&blocks)?,
             heads: Heads::new(desc.instances),
             list: CommandList::new(desc.update.path),
             staging: Some(staging),

@@ -3,8 +3,8 @@
 use crate::engine::crowd::CrowdDesc;
 use crate::engine::{MeshBuffers, delta_range};
 use crate::error::{Error, Result};
-use crate::gpu::baselines::Sets;
 use crate::gpu::baselines::direct::{Direct, DirectBuffers, DirectHead};
+use crate::gpu::descriptors::Sets;
 use crate::gpu::device::Device;
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::mesh::packed::PackedLayout;

@@ -1,8 +1,9 @@
 //! The `direct` path: the vertex shader of the draw evaluates all active targets in every draw, from deltas in a storage
 //! buffer (Costigan et al., Algorithm 1; Bevy, three.js and Filament do it so, with textures in the place of buffers).
 
-use super::{Bound, Sets, no_capture};
+use super::no_capture;
 use crate::error::Result;
+use crate::gpu::descriptors::{Bound, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::feedback::vertex_input;
 use crate::gpu::pipelines::Objects;

@@ -5,8 +5,8 @@
 //! nothing overflows, and the sums are those of `blocks` with exact sums, bit for bit. So is the error: that of packing,
 //! and at most ½ · weight step · Σ |delta| for weights that are not on the grid.
 
-use super::{Bound, Sets};
 use crate::error::Result;
+use crate::gpu::descriptors::{Bound, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::pipelines::Objects;
 use crate::gpu::shaders::{ResolvePush, ScatterPush, WORKGROUP};

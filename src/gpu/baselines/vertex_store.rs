@@ -2,8 +2,8 @@
 //! write storage buffers. Binds targets as vertex attributes, discards all primitives, alternates between slots as
 //! `feedback` does: a pass must not store where other vertices are still fetched from.
 
-use super::{Bound, Sets};
 use crate::error::Result;
+use crate::gpu::descriptors::{Bound, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::feedback::{FeedbackPass, push_constants, vertex_buffers, vertex_input};
 use crate::gpu::pipelines::Objects;
