@@ -131,7 +131,7 @@ fn main() -> Result<()> {
         device: &host.device,
         caps: None,
         transform_feedback_enabled: false,
-        vertex_stores_enabled: false,
+        enabled_features: vk::PhysicalDeviceFeatures::default(),
         allocator: None,
     };
     // SAFETY: the handles belong together, and are destroyed after the engine and all it made.

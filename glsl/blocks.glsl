@@ -3,9 +3,10 @@
 
 #extension GL_EXT_control_flow_attributes : require
 
-// For software drivers, a lane has eight vertices, and loads and stores four words at once: they pay for each word and
-// lane (Mesa 22.3.6 with a bounds check each), and for each subgroup of a workgroup, of which a block has one then.
+// For software drivers, which pay for each access and lane, and for each subgroup of a workgroup: a lane has eight vertices
+// (a block is one subgroup then), loads four words at once from texel buffers and stores two at once as a 64-bit integer.
 #ifdef TEXELS
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #define VERTICES 8
 #else
 #define VERTICES 1
@@ -14,18 +15,20 @@
 layout(local_size_x_id = 0) in;   // BLOCK_SIZE / VERTICES
 layout(constant_id = 1) const uint BLOCK_SIZE = 64;
 
-layout(set = 0, binding = 0, std430) readonly buffer Asset { uint asset[]; };
-layout(set = 0, binding = 1, std430) readonly buffer Work { uint work[]; };
-// Poses: slots of the instances, source and destination alike. An invocation loads and stores its own vertices only.
+// Poses: slots of the instances, source and destination alike. An invocation loads and stores its own vertices only, and
+// loads before it stores.
 #ifdef TEXELS
-layout(set = 0, binding = 2, rgba32f) uniform imageBuffer poses;
-// The asset again, four words a texel and one.
-layout(set = 0, binding = 3) uniform usamplerBuffer texels;
-layout(set = 0, binding = 4) uniform usamplerBuffer words;
+layout(set = 0, binding = 0) uniform usamplerBuffer asset;
+layout(set = 0, binding = 1) uniform usamplerBuffer work;
+layout(set = 0, binding = 2, std430) buffer Poses { uint64_t poses[]; };
+layout(set = 0, binding = 3, rgba32f) uniform imageBuffer pose_texels;
 #ifdef EXACT
-layout(set = 0, binding = 5, rgba32i) uniform iimageBuffer sums;
+layout(set = 0, binding = 4, std430) buffer Sums { uint64_t sums[]; };
+layout(set = 0, binding = 5, rgba32i) uniform iimageBuffer sum_texels;
 #endif
 #else
+layout(set = 0, binding = 0, std430) readonly buffer Asset { uint asset[]; };
+layout(set = 0, binding = 1, std430) readonly buffer Work { uint work[]; };
 layout(set = 0, binding = 2, std430) buffer Poses { float poses[]; };
 #ifdef EXACT
 layout(set = 0, binding = 3, std430) buffer Sums { int sums[]; };

@@ -9,97 +9,106 @@ layout(constant_id = 2) const uint HEADS = 1;
 // Rows at a time: the planner pads their number.
 layout(constant_id = 3) const uint ROWS = 1;
 #ifndef EXACT
-// Instances that start from the base pose are in items of their own: what is loaded under control flow costs software
-// drivers several times as much.
+// Instances that start from the base pose are in items of their own, which load it once.
 layout(constant_id = 4) const bool REBUILT_ITEMS = false;
 #endif
 
 const uint ITEM_WORDS = 12u;
-// Floats of a lane's vertices.
-const uint FLOATS = 6u * VERTICES;
+// Words of a row: an entry, a coefficient for each instance, and what makes rows begin at a texel (2, 4, 8, 12; a texel
+// has two rows of a single instance).
+const uint ROW_WORDS = ((HEADS + 4u) & ~3u) - 2u * (1u / HEADS);
+const uint ROW_WORDS_MAX = 12u;
+// Numbers of a lane's vertices.
+const uint NUMBERS = 6u * VERTICES;
 
-#ifdef TEXELS
-#define LOAD(value, texel) \
-    [[unroll]] for (uint i = 0u; i < FLOATS; i += 4u) { \
-        vec4 t = texel; \
-        value[i] = t.x; value[i + 1u] = t.y; value[i + 2u] = t.z; value[i + 3u] = t.w; \
-    }
-void load_base(uint at, out float value[FLOATS]) {
-    LOAD(value, uintBitsToFloat(texelFetch(texels, int((base_at + at + i) / 4u))))
-}
-void load_pose(uint at, out float value[FLOATS]) { LOAD(value, imageLoad(poses, int((at + i) / 4u))) }
-void store_pose(uint at, float value[FLOATS]) {
-    [[unroll]] for (uint i = 0u; i < FLOATS; i += 4u) {
-        imageStore(poses, int((at + i) / 4u), vec4(value[i], value[i + 1u], value[i + 2u], value[i + 3u]));
-    }
-}
 #ifdef EXACT
-void load_sums(uint at, out int value[FLOATS]) {
-    [[unroll]] for (uint i = 0u; i < FLOATS; i += 4u) {
-        ivec4 t = imageLoad(sums, int((at + i) / 4u));
-        value[i] = t.x; value[i + 1u] = t.y; value[i + 2u] = t.z; value[i + 3u] = t.w;
-    }
-}
-void store_sums(uint at, int value[FLOATS]) {
-    [[unroll]] for (uint i = 0u; i < FLOATS; i += 4u) {
-        imageStore(sums, int((at + i) / 4u), ivec4(value[i], value[i + 1u], value[i + 2u], value[i + 3u]));
-    }
-}
-#endif
+#define NUMBER int
 #else
-#define EACH(statement) [[unroll]] for (uint i = 0u; i < FLOATS; ++i) statement
-void load_base(uint at, out float value[FLOATS]) { EACH(value[i] = uintBitsToFloat(asset[base_at + at + i]);) }
-void load_pose(uint at, out float value[FLOATS]) { EACH(value[i] = poses[at + i];) }
-void store_pose(uint at, float value[FLOATS]) { EACH(poses[at + i] = value[i];) }
+#define NUMBER float
+#endif
+
+// What is loaded and stored: numbers and words that lie one after the other, from a texel on.
+#ifdef TEXELS
+#define LOAD(type, value, count, texel) \
+    [[unroll]] for (uint i = 0u; i < (count); i += 4u) { \
+        type four = texel; \
+        value[i] = four.x; value[i + 1u] = four.y; value[i + 2u] = four.z; value[i + 3u] = four.w; \
+    }
+#define TEXEL(at) int(((at) + i) / 4u)
+#define LOAD_WORDS(value, count, at) LOAD(uvec4, value, count, texelFetch(work, TEXEL(at)))
+#define LOAD_BASE(value, at) LOAD(vec4, value, NUMBERS, uintBitsToFloat(texelFetch(asset, TEXEL(base_at + (at)))))
+#define LOAD_POSE(value, at) LOAD(vec4, value, NUMBERS, imageLoad(pose_texels, TEXEL(at)))
+#define LOAD_SUMS(value, at) LOAD(ivec4, value, NUMBERS, imageLoad(sum_texels, TEXEL(at)))
+#define STORE(pairs, at, value) \
+    [[unroll]] for (uint i = 0u; i < NUMBERS; i += 2u) { \
+        pairs[((at) + i) / 2u] = packUint2x32(uvec2(BITS(value(i)), BITS(value(i + 1u)))); \
+    }
+uint BITS(float value) { return floatBitsToUint(value); }
+uint BITS(int value) { return uint(value); }
+#else
+#define LOAD(value, count, loaded) [[unroll]] for (uint i = 0u; i < (count); ++i) value[i] = loaded;
+#define LOAD_WORDS(value, count, at) LOAD(value, count, work[(at) + i])
+#define LOAD_BASE(value, at) LOAD(value, NUMBERS, uintBitsToFloat(asset[base_at + (at) + i]))
+#define LOAD_POSE(value, at) LOAD(value, NUMBERS, poses[(at) + i])
+#define LOAD_SUMS(value, at) LOAD(value, NUMBERS, sums[(at) + i])
+#define STORE(numbers, at, value) [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) numbers[(at) + i] = value(i);
+#endif
+
+// What is stored of the instance h.
+#define SUM(i) added[h][i]
 #ifdef EXACT
-void load_sums(uint at, out int value[FLOATS]) { EACH(value[i] = sums[at + i];) }
-void store_sums(uint at, int value[FLOATS]) { EACH(sums[at + i] = value[i];) }
+// The product is exact, the unit being a power of two; sums above 24 bits are rounded before.
+#define POSE(i) decode(base[i], added[h][i], (i) % 6u < 3u ? position_unit : normal_unit)
+float decode(float base, int sum, float unit) {
+    precise float decoded = base + float(sum) * unit;
+    return decoded;
+}
+#else
+#define POSE(i) added[h][i]
 #endif
+
+// An entry, then its coefficients.
+void load_row(uint at, out uint row[ROW_WORDS_MAX]) {
+#ifdef TEXELS
+    if (HEADS == 1u) {
+        uvec4 two = texelFetch(work, int(at / 4u));
+        uvec2 one = (at & 2u) == 0u ? two.xy : two.zw;
+        row[0] = one.x;
+        row[1] = one.y;
+        return;
+    }
 #endif
+    LOAD_WORDS(row, ROW_WORDS, at)
+}
 
 void main() {
-    uint item = first_item + gl_WorkGroupID.x * ITEM_WORDS;
-    uint row = work[item + 1u];
-    uint end = row + work[item + 2u] * (HEADS + 1u);
+    uint item[ITEM_WORDS];
+    LOAD_WORDS(item, 4u + HEADS, first_item + gl_WorkGroupID.x * ITEM_WORDS)
+    uint next = item[1], end = next + item[2] * ROW_WORDS;
     uint lane = gl_LocalInvocationID.x;
-    uint at = (work[item] * BLOCK_SIZE + lane * VERTICES) * 6u;
+    uint at = (item[0] * BLOCK_SIZE + lane * VERTICES) * 6u;
 
-    // Loops are unrolled: arrays that are indexed by a variable would live in memory. What is loaded is loaded before
-    // the loop over rows, whose control flow makes loads dear on software drivers.
-#ifdef EXACT
-    uint rebuilt = work[item + 3u];
-    int sum[HEADS][FLOATS];
+    // Loops are unrolled: arrays that are indexed by a variable would live in memory.
+    NUMBER added[HEADS][NUMBERS];
     [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
-        load_sums((work[item + 4u + h] >> 16) / slots * pose_floats + at, sum[h]);
-        int keep = int(rebuilt >> h & 1u) - 1;
-        [[unroll]] for (uint i = 0u; i < FLOATS; ++i) sum[h][i] &= keep;
+        [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) added[h][i] = NUMBER(0);
     }
-    float base[FLOATS];
-    load_base(at, base);
-#else
-    float before[HEADS][FLOATS];
-    float sum[HEADS][FLOATS];
-    [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
-        if (REBUILT_ITEMS) load_base(at, before[h]);
-        else load_pose((work[item + 4u + h] & 0xffffu) * pose_floats + at, before[h]);
-        [[unroll]] for (uint i = 0u; i < FLOATS; ++i) sum[h][i] = 0.0;
-    }
-#endif
 
     // There is a row at least: a loop that asks first would run its body once more on software drivers, for no lane.
-    // Two rows at a time, where there are several heads: sums in memory are loaded and stored half as often.
+    // Two rows at a time, where there are several heads: what lives in memory is loaded and stored half as often.
     do {
+        uint row[ROWS][ROW_WORDS_MAX];
         DELTA dp[ROWS][VERTICES], dn[ROWS][VERTICES];
         uvec2 shifts[ROWS];
         [[unroll]] for (uint r = 0u; r < ROWS; ++r) {
-            load_entry(work[row + r * (HEADS + 1u)], lane, dp[r], dn[r], shifts[r]);
+            load_row(next + r * ROW_WORDS, row[r]);
+            load_entry(row[r][0], lane, dp[r], dn[r], shifts[r]);
         }
         [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
             ADDEND p[ROWS], n[ROWS];
             [[unroll]] for (uint r = 0u; r < ROWS; ++r) {
-                uint coefficient = work[row + r * (HEADS + 1u) + 1u + h];
-                p[r] = ADDEND(COEFFICIENT(coefficient, position_unit, shifts[r].x));
-                n[r] = ADDEND(COEFFICIENT(coefficient, normal_unit, shifts[r].y));
+                p[r] = ADDEND(COEFFICIENT(row[r][1u + h], position_unit, shifts[r].x));
+                n[r] = ADDEND(COEFFICIENT(row[r][1u + h], normal_unit, shifts[r].y));
             }
             [[unroll]] for (uint v = 0u; v < VERTICES; ++v) {
                 ADDEND position = p[0] * ADDEND(dp[0][v]), normal = n[0] * ADDEND(dn[0][v]);
@@ -108,29 +117,41 @@ void main() {
                     normal += n[r] * ADDEND(dn[r][v]);
                 }
                 [[unroll]] for (uint c = 0u; c < 3u; ++c) {
-                    sum[h][6u * v + c] += position[c];
-                    sum[h][6u * v + 3u + c] += normal[c];
+                    added[h][6u * v + c] += position[c];
+                    added[h][6u * v + 3u + c] += normal[c];
                 }
             }
         }
-        row += ROWS * (HEADS + 1u);
-    } while (row < end);
+        next += ROWS * ROW_WORDS;
+    } while (next < end);
+
+    // Sources are loaded after the loop, where they are not in the way of what is added; and all of them before the first
+    // is stored, since a tile may have an instance several times (plan.comp fills tiles up).
+#ifdef EXACT
+    [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
+        int sum[NUMBERS];
+        LOAD_SUMS(sum, (item[4u + h] >> 16) / slots * pose_floats + at)
+        int keep = int(item[3] >> h & 1u) - 1;
+        [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) added[h][i] += sum[i] & keep;
+    }
+    float base[NUMBERS];
+    LOAD_BASE(base, at)
+#else
+    float base[NUMBERS];
+    if (REBUILT_ITEMS) { LOAD_BASE(base, at) }
+    [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
+        float source[NUMBERS];
+        if (REBUILT_ITEMS) source = base;
+        else { LOAD_POSE(source, (item[4u + h] & 0xffffu) * pose_floats + at) }
+        [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) added[h][i] += source[i];
+    }
+#endif
 
     [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
-        uint pose = work[item + 4u + h] >> 16;
-        float value[FLOATS];
-        [[unroll]] for (uint i = 0u; i < FLOATS; ++i) {
+        uint pose = item[4u + h] >> 16;
 #ifdef EXACT
-            // The product is exact, the unit being a power of two; sums above 24 bits are rounded before.
-            precise float decoded = base[i] + float(sum[h][i]) * (i % 6u < 3u ? position_unit : normal_unit);
-            value[i] = decoded;
-#else
-            value[i] = before[h][i] + sum[h][i];
+        STORE(sums, pose / slots * pose_floats + at, SUM)
 #endif
-        }
-#ifdef EXACT
-        store_sums(pose / slots * pose_floats + at, sum[h]);
-#endif
-        store_pose(pose * pose_floats + at, value);
+        STORE(poses, pose * pose_floats + at, POSE)
     }
 }

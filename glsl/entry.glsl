@@ -1,6 +1,6 @@
 // The entries of a mesh in blocks: loading and decoding. The same arithmetic as src/mesh/packed/entry.rs.
-// Who includes this declares asset[], deltas_at, BLOCK_SIZE and VERTICES (with TEXELS: texels and words), and FAST or SMALL, or neither for
-// float32.
+// Who includes this declares asset (words, with TEXELS texels), deltas_at, BLOCK_SIZE and VERTICES, and FAST or SMALL, or
+// neither for float32.
 
 // fast: 15 bits a component of positions, 9 of normals, in two words and a byte.
 void decode_fast(uint a, uint b, int c, out ivec3 position, out ivec3 normal) {
@@ -29,22 +29,26 @@ int record_field(uvec3 record, uint at, uint width) {
 void load_entry(uint entry, uint lane, out DELTA position[VERTICES], out DELTA normal[VERTICES], out uvec2 shifts) {
     shifts = uvec2(0u);
 #if defined(FAST)
-    uint header = asset[entry];
-    shifts = uvec2(header & 0xffu, (header >> 8) & 0xffu);
     uint at = deltas_at + entry * (BLOCK_SIZE / 4u * 9u);
 #ifdef TEXELS
+    uint header = texelFetch(asset, int(entry / 4u))[entry & 3u];
+    // Two words of bytes for eight vertices, so that lanes share texels.
+    uvec4 bytes = texelFetch(asset, int((at + 2u * BLOCK_SIZE) / 4u + lane / 2u));
+    uvec2 c = (lane & 1u) == 0u ? bytes.xy : bytes.zw;
     [[unroll]] for (int q = 0; q < VERTICES / 4; ++q) {
         int l = int(lane) * (VERTICES / 4) + q;
-        uvec4 a = texelFetch(texels, int(at / 4u) + l), b = texelFetch(texels, int((at + BLOCK_SIZE) / 4u) + l);
-        int c = int(texelFetch(words, int(at + 2u * BLOCK_SIZE) + l).x);
+        uvec4 a = texelFetch(asset, int(at / 4u) + l), b = texelFetch(asset, int((at + BLOCK_SIZE) / 4u) + l);
         [[unroll]] for (int i = 0; i < 4; ++i) {
-            decode_fast(a[i], b[i], bitfieldExtract(c, 8 * i, 8), position[4 * q + i], normal[4 * q + i]);
+            int k = bitfieldExtract(int(c[q]), 8 * i, 8);
+            decode_fast(a[i], b[i], k, position[4 * q + i], normal[4 * q + i]);
         }
     }
 #else
+    uint header = asset[entry];
     int c = bitfieldExtract(int(asset[at + 2u * BLOCK_SIZE + (lane >> 2)]), int(8u * (lane & 3u)), 8);
     decode_fast(asset[at + lane], asset[at + BLOCK_SIZE + lane], c, position[0], normal[0]);
 #endif
+    shifts = uvec2(header & 0xffu, (header >> 8) & 0xffu);
 #elif defined(SMALL)
     position[0] = ivec3(0);
     normal[0] = ivec3(0);

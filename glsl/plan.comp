@@ -45,7 +45,7 @@ void main() {
 
     uint from = tables[first_entry_at + block];
     uint to = tables[first_entry_at + block + 1u];
-    // The cost model: from the base pose where the active entries take fewer bytes than the changed ones.
+    // The cost model: from the base pose where the active entries take no more bytes than the changed ones.
     uint open = touched & ~rebuilt;
     if (always_rebuild != 0u) {
         rebuilt |= open;
@@ -59,7 +59,7 @@ void main() {
                 if (bit_of(ACTIVE, first + k, target)) active_bytes += bytes;
                 if (bit_of(CHANGED, first + k, target)) changed_bytes += bytes;
             }
-            if (active_bytes < changed_bytes) rebuilt |= 1u << k;
+            if (active_bytes <= changed_bytes) rebuilt |= 1u << k;
         }
     }
 
@@ -77,7 +77,8 @@ void main() {
     for (uint place = used; place < TILE; ++place) places |= last << (4u * place);
 
     // A place for each entry, and two for what fills rows up.
-    uint rows = rows_at + (tile * (entries + 2u * blocks) + from + 2u * block) * (TILE + 1u);
+    uint row_words = width == 1u ? 2u : (width + 4u) & ~3u;
+    uint rows = rows_at + (tile * (entries + 2u * blocks) + from + 2u * block) * ((TILE + 4u) & ~3u);
     uint row = rows;
     for (uint e = from; e < to; ++e) {
         uint target = tables[entries_at + 2u * e];
@@ -95,17 +96,17 @@ void main() {
             uint at = (from_base ? weights_at : deltas_at) + (first + k) * targets + target;
             work[row + 1u + place] = (needed >> place & 1u) != 0u ? state[at] : 0u;
         }
-        row += width + 1u;
+        row += row_words;
     }
 
     // There is a row at least, and an even number where there are several heads: of any entry, and no coefficient.
     uint multiple = width > 1u ? ROWS : 1u;
-    uint listed = (row - rows) / (width + 1u);
+    uint listed = (row - rows) / row_words;
     uint filled = max((listed + multiple - 1u) / multiple, 1u) * multiple;
     for (; listed < filled; ++listed) {
         work[row] = min(from, entries - 1u);
         for (uint place = 0u; place < width; ++place) work[row + 1u + place] = 0u;
-        row += width + 1u;
+        row += row_words;
     }
 
     uint index = atomicAdd(control[first_counter + size], 1u);

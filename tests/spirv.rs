@@ -11,7 +11,7 @@ use deltamorph::mesh::packed::{DeltaFormat, POSE_STRIDE};
 use deltamorph::plan::blocks::{ELEMENT_BYTES, Element, ROWS, TILE, TILE_WORDS, WIDTHS};
 use spirq::prelude::*;
 use spirq::ty::StructType;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::mem::offset_of;
 
 fn words(bytes: &[u8]) -> Vec<u32> {
@@ -34,17 +34,17 @@ fn reflect(name: &str) -> EntryPoint {
     entries.remove(0)
 }
 
-/// Bindings of texel buffers, of 16 bytes and of 4 a texel.
-fn texel_buffers(entry: &EntryPoint) -> BTreeMap<u32, DescriptorType> {
+/// Bindings of texel buffers, in order, and whether they may be stored to.
+fn texel_buffers(entry: &EntryPoint) -> Vec<(u32, bool)> {
     let buffers = entry.vars.iter().filter_map(|var| match var {
-        Variable::Descriptor { desc_bind, desc_ty, .. } => {
-            let texels =
-                matches!(desc_ty, DescriptorType::UniformTexelBuffer() | DescriptorType::StorageTexelBuffer(_));
-            texels.then(|| (desc_bind.bind(), desc_ty.clone()))
-        }
+        Variable::Descriptor { desc_bind, desc_ty, .. } => match desc_ty {
+            DescriptorType::UniformTexelBuffer() => Some((desc_bind.bind(), false)),
+            DescriptorType::StorageTexelBuffer(_) => Some((desc_bind.bind(), true)),
+            _ => None,
+        },
         _ => None,
     });
-    buffers.collect()
+    buffers.collect::<BTreeSet<_>>().into_iter().collect()
 }
 
 /// Binding → the structure bound there.
@@ -209,35 +209,20 @@ fn blocks_kernels_agree_with_the_host() {
         if exact && format == DeltaFormat::BlockFloat32 {
             continue;
         }
-        // Storage buffers in common: asset, work list. With texels, poses and sums are texel buffers.
         let kernels = [("blocks", false), ("crowd", false), ("crowd", true)];
         for (kernel, texels) in kernels.into_iter().filter(|(_, t)| !t || format == DeltaFormat::Fast) {
             let name = blocks_module(kernel, format, exact, texels);
             let blocks = reflect(&name);
             let strides: Vec<_> = storage_buffers(&blocks).iter().map(|(b, ty)| (*b, stride(ty))).collect();
-            // Words, words, floats, and integers where sums are exact.
-            let buffers = match (texels, exact) {
-                (true, _) => 2,
-                (false, true) => 4,
-                (false, false) => 3,
+            // Asset, work list, poses, and integers where sums are exact. With texels, asset and list are texel buffers, and
+            // poses and integers are bound as pairs of words, and as texels behind them.
+            let (buffers, views): (&[_], &[_]) = match (texels, exact) {
+                (false, false) => (&[(0, 4), (1, 4), (2, 4)], &[]),
+                (false, true) => (&[(0, 4), (1, 4), (2, 4), (3, 4)], &[]),
+                (true, false) => (&[(2, 8)], &[(0, false), (1, false), (3, true)]),
+                (true, true) => (&[(2, 8), (4, 8)], &[(0, false), (1, false), (3, true), (5, true)]),
             };
-            assert_eq!(strides, (0..buffers).map(|b| (b, 4)).collect::<Vec<_>>(), "{name}");
-            // Poses, the asset twice, sums.
-            use DescriptorType as T;
-            let poses = |ty: &T| matches!(ty, T::StorageTexelBuffer(_));
-            let views: Vec<(u32, bool)> = texel_buffers(&blocks).iter().map(|(b, ty)| (*b, poses(ty))).collect();
-            let expected = [(2, true), (3, false), (4, false), (5, true)];
-            assert_eq!(
-                views,
-                expected[..if !texels {
-                    0
-                } else if exact {
-                    4
-                } else {
-                    3
-                }],
-                "{name}"
-            );
+            assert_eq!((strides.as_slice(), texel_buffers(&blocks).as_slice()), (buffers, views), "{name}");
             let push = push_constants(&blocks).unwrap();
             let expected = names(&[
                 ("first_item", offset_of!(BlocksPush, first_item)),

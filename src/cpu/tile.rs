@@ -4,7 +4,7 @@
 use super::blocks::Meter;
 use crate::mesh::packed::blocks::{BlockIndex, ExactGrid};
 use crate::mesh::packed::{POSE_FLOATS, PackedMesh};
-use crate::plan::blocks::{TileItem, Tiles, WorkList};
+use crate::plan::blocks::{TileItem, Tiles, WorkList, row_words};
 
 /// The memory of a crowd: `[instance × slots + slot]` poses, `[instance]` sums.
 pub(crate) struct Memory {
@@ -26,16 +26,16 @@ pub(crate) fn run(
     let (instances, floats) = (1usize << width, index.size() * POSE_FLOATS);
     let part = tile.block as usize * floats..(tile.block as usize + 1) * floats;
     let base = &mesh.base()[part.clone()];
-    let rows = &tiles.rows[tile.first as usize..][..tile.count as usize * (1 + instances)];
+    let rows = &tiles.rows[tile.first as usize..][..tile.count as usize * row_words(width)];
     meter.moved(4 * (4 + instances + rows.len()));
     // What is added to each instance's block, in integers or input units.
     let mut whole = vec![vec![0i32; floats]; instances];
     let mut added = vec![vec![0f32; floats]; instances];
-    for row in rows.chunks_exact(1 + instances) {
+    for row in rows.chunks_exact(row_words(width)) {
         let entry = row[0] as usize;
         meter.moved(index.costs()[entry].bytes as usize);
         index.for_each_lane(mesh.words(), entry, |lane, delta, steps| {
-            for (place, &bits) in row[1..].iter().enumerate() {
+            for (place, &bits) in row[1..=instances].iter().enumerate() {
                 for c in 0..POSE_FLOATS {
                     let at = lane * POSE_FLOATS + c;
                     let product = (bits as i32).wrapping_mul(steps[c]);

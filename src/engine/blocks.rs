@@ -12,7 +12,7 @@ use crate::gpu::shaders::BlocksPush;
 use crate::mesh::packed::blocks::{BlockIndex, ExactGrid};
 use crate::mesh::packed::{POSE_FLOATS, PackedLayout};
 use crate::plan::UpdateStats;
-use crate::plan::blocks::{BlockState, ELEMENT_BYTES, ITEM_WORDS, Item, Planner, TILE_WORDS, TileBytes, Tiles};
+use crate::plan::blocks::{BlockState, ELEMENT_BYTES, ITEM_WORDS, Item, Planner, TILE, TILE_WORDS, TileBytes, Tiles};
 use crate::plan::commands::{Command, CommandList};
 use crate::plan::heads::Heads;
 use ash::vk;
@@ -35,6 +35,7 @@ pub(super) struct Blocks {
     ring: Ring,
     sums: Option<Buffer>,
     dispatches: Vec<BlocksDispatch>,
+    /// For each frame in flight, one for each group of instances.
     sets: Sets,
     /// Instances that one descriptor set reaches.
     group: u32,
@@ -60,7 +61,15 @@ fn item_list_size(index: &BlockIndex, instances: u32) -> (u64, u64) {
 /// The same of tiles and rows.
 fn tile_list_size(index: &BlockIndex, instances: u32) -> (u64, u64) {
     let tiles = u64::from(instances) * index.count() as u64;
-    list_size(tiles * TILE_WORDS as u64, 4 * Tiles::row_words(index, instances as usize) as u64)
+    list_size(tiles * TILE_WORDS as u64, 4 * Tiles::words_max(index, instances as usize) as u64)
+}
+
+/// Instances of a group of which there are `most` at most: whole tiles, where there is more than one group.
+pub(super) fn whole_tiles(most: u64, instances: u32) -> u32 {
+    match most.min(instances.into()) as u32 {
+        size if size < instances && size > TILE as u32 => size - size % TILE as u32,
+        size => size,
+    }
 }
 
 fn list_size(item_words: u64, element_bytes: u64) -> (u64, u64) {
@@ -87,7 +96,7 @@ impl Blocks {
         let (range, pose) = (device.caps.max_storage_range, layout.pose_bytes());
         let slots = desc.update.slots;
         let per_instance = pose * u64::from(slots);
-        let group = (range / per_instance).min(POSES_MAX / u64::from(slots)).min(desc.instances.into()) as u32;
+        let group = whole_tiles((range / per_instance).min(POSES_MAX / u64::from(slots)), desc.instances);
         let too_much = |what: &str, bytes: u64, most: u64, remedy: &str| {
             let text =
                 format!("{what} of mesh '{}' take {bytes} bytes, {} allows {most}", layout.name, device.caps.name);
@@ -111,6 +120,7 @@ impl Blocks {
         }
         let buffer = |name, bytes, location| {
             let usage = vk::BufferUsageFlags::STORAGE_BUFFER
+                | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
                 | vk::BufferUsageFlags::STORAGE_TEXEL_BUFFER
                 | vk::BufferUsageFlags::TRANSFER_SRC;
             Buffer::new(device, &BufferDesc { name, bytes, usage, location })
@@ -124,9 +134,11 @@ impl Blocks {
             }
             None => None,
         };
-        let groups: Vec<GroupBuffers> = (0..desc.instances)
-            .step_by(group as usize)
-            .map(|first| {
+        let lists = (0..u64::from(desc.frames_in_flight)).map(|frame| frame * stride);
+        let firsts = (0..desc.instances).step_by(group as usize);
+        let groups: Vec<GroupBuffers> = lists
+            .flat_map(|list| firsts.clone().map(move |first| (list, first)))
+            .map(|(list, first)| {
                 let count = u64::from(group.min(desc.instances - first));
                 let part = |buffer: &Buffer, each: u64| BufferRange {
                     buffer: buffer.raw,
@@ -135,7 +147,7 @@ impl Blocks {
                 };
                 GroupBuffers {
                     asset: BufferRange { buffer: mesh.deltas.raw, offset: 0, size: asset_bytes(layout) },
-                    list: BufferRange { buffer: ring.raw, offset: 0, size: stride },
+                    list: BufferRange { buffer: ring.raw, offset: list, size: stride },
                     poses: part(poses, per_instance),
                     sums: sums.as_ref().map(|sums| part(sums, pose)),
                 }
@@ -228,9 +240,10 @@ impl Blocks {
             Some(_) => self.write_tiles(items, written)?,
             None => self.write_items(items, written)?,
         }
-        let (set, list) = (self.sets.get(group as usize), (written.frame * self.ring.stride) as u32);
+        let groups = self.planner.states.len().div_ceil(self.group as usize);
+        let set = self.sets.get(written.frame as usize * groups + group as usize);
         // SAFETY: the caller's obligations; set and list were written for this mesh and crowd.
-        unsafe { self.kernel.record(cmd, set, list, &self.dispatches, self.push) };
+        unsafe { self.kernel.record(cmd, set, &self.dispatches, self.push) };
         Ok(())
     }
 

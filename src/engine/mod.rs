@@ -111,7 +111,7 @@ impl MorphEngine {
     ///   all it creates.
     /// - `desc.caps` does not exceed what the device has.
     /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled on the device, and
-    ///   `desc.vertex_stores_enabled` only if that feature was.
+    ///   `desc.enabled_features` has no other features than those that were.
     pub unsafe fn new(desc: &DeviceDesc<'_>) -> Result<Self> {
         // SAFETY: the caller's obligations are those of `borrow`.
         let device = unsafe { Device::borrow(desc) }?;

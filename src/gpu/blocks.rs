@@ -1,5 +1,6 @@
 //! The `blocks` path: a workgroup for each item of the work list, or for each tile.
 
+use super::barriers;
 use super::caps::DeviceCaps;
 use super::descriptors::{Bound, BufferRange, Sets};
 use super::device::Device;
@@ -8,6 +9,7 @@ use super::shaders::BlocksPush;
 use crate::error::Result;
 use crate::mesh::packed::DeltaFormat;
 use crate::plan::blocks::ROWS;
+use crate::plan::commands::Hazard;
 use ash::vk;
 use bytemuck::bytes_of;
 use std::sync::Arc;
@@ -21,20 +23,20 @@ pub(crate) struct BlocksVariant {
     pub(crate) size: u32,
     /// Widths of tiles that there are (`crowd.comp`); 0: single instances, with masks (`blocks.comp`).
     pub(crate) widths: u32,
-    /// Poses and deltas are read as texels (tiles of `fast`).
+    /// Asset and list are read as texels (tiles of `fast`).
     pub(crate) texels: bool,
 }
 
 impl BlocksVariant {
-    /// Asset, work list, poses; integer sums last, where sums are exact. As texels, the asset is bound twice more.
+    /// Asset, work list, poses; integer sums last, where sums are exact. As texels, poses and sums are bound twice: to be
+    /// stored, and to be loaded.
     fn bindings(self) -> Vec<vk::DescriptorType> {
         use vk::DescriptorType as T;
-        let (state, texels) = match self.texels {
-            true => (T::STORAGE_TEXEL_BUFFER, &[T::UNIFORM_TEXEL_BUFFER; 2][..]),
-            false => (T::STORAGE_BUFFER, &[][..]),
+        let (loaded, state): (T, &[T]) = match self.texels {
+            true => (T::UNIFORM_TEXEL_BUFFER, &[T::STORAGE_BUFFER, T::STORAGE_TEXEL_BUFFER]),
+            false => (T::STORAGE_BUFFER, &[T::STORAGE_BUFFER]),
         };
-        let fixed = [T::STORAGE_BUFFER, T::STORAGE_BUFFER_DYNAMIC, state];
-        fixed.iter().chain(texels).copied().chain(self.exact.then_some(state)).collect()
+        [loaded; 2].iter().chain(state).chain(state.iter().filter(|_| self.exact)).copied().collect()
     }
 }
 
@@ -78,33 +80,46 @@ impl BlocksKernel {
     ///
     /// # Safety
     /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
-    /// - `set` was made by [`sets`](Self::sets) and lives until the dispatches have run; the list at `list` in
-    ///   its second buffer is complete by then, and names blocks, entries and slots that its buffers have.
+    /// - `set` was made by [`sets`](Self::sets) and lives until the dispatches have run; the list in its second buffer is
+    ///   complete by then, and names blocks, entries and slots that its buffers have.
     pub(crate) unsafe fn record(
         &self,
         cmd: vk::CommandBuffer,
         set: vk::DescriptorSet,
-        list: u32,
         parts: &[BlocksDispatch],
         push: BlocksPush,
     ) {
         let device = &self.objects.device.raw;
         let most = self.objects.device.caps.max_workgroups as usize;
         let (bind, layout) = (vk::PipelineBindPoint::COMPUTE, self.objects.layout);
-        // SAFETY: the caller's obligations; `list` is a multiple of the device's offset alignment.
-        unsafe { device.cmd_bind_descriptor_sets(cmd, bind, layout, 0, &[set], &[list]) };
+        // SAFETY: the caller's obligations.
+        unsafe { device.cmd_bind_descriptor_sets(cmd, bind, layout, 0, &[set], &[]) };
         for BlocksDispatch { pipeline, items, first_word, item_words } in parts {
             // SAFETY: the caller's obligations; the push constants fill the layout's range; no dispatch has more
             // workgroups than the device allows.
             unsafe {
                 device.cmd_bind_pipeline(cmd, bind, self.objects.pipelines[*pipeline]);
                 for first in (0..*items).step_by(most) {
+                    self.part(cmd);
                     let push = BlocksPush { first_item: (first_word + first * item_words) as u32, ..push };
                     let groups = most.min(items - first) as u32;
                     device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::COMPUTE, 0, bytes_of(&push));
                     device.cmd_dispatch(cmd, groups, 1, 1);
                 }
             }
+        }
+    }
+
+    /// Part a dispatch from the one before. They write different blocks, and a storage buffer in common tells
+    /// synchronization validation as much; as texels, poses are loaded through one descriptor and stored through another,
+    /// for which a barrier is asked. Software drivers, the only ones, run one dispatch after the other anyway.
+    ///
+    /// # Safety
+    /// As [`record`](Self::record).
+    unsafe fn part(&self, cmd: vk::CommandBuffer) {
+        if self.variant.texels {
+            // SAFETY: the caller's obligations.
+            unsafe { barriers::record(&self.objects.device.raw, cmd, Hazard::ComputeWriteToComputeUpdate) };
         }
     }
 
@@ -121,7 +136,7 @@ impl BlocksKernel {
         let (device, layout) = (&self.objects.device.raw, self.objects.layout);
         // SAFETY: the caller's obligations.
         unsafe {
-            device.cmd_bind_descriptor_sets(cmd, vk::PipelineBindPoint::COMPUTE, layout, 0, &[set], &[0]);
+            device.cmd_bind_descriptor_sets(cmd, vk::PipelineBindPoint::COMPUTE, layout, 0, &[set], &[]);
         }
     }
 
@@ -141,6 +156,7 @@ impl BlocksKernel {
         let (point, pipeline) = (vk::PipelineBindPoint::COMPUTE, self.objects.pipelines[self.pipeline_of(0, width)]);
         // SAFETY: the caller's obligations; the push constants fill the layout's range.
         unsafe {
+            self.part(cmd);
             device.cmd_bind_pipeline(cmd, point, pipeline);
             device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::COMPUTE, 0, bytes_of(&push));
             device.cmd_dispatch_indirect(cmd, arguments, offset);
@@ -152,14 +168,13 @@ impl BlocksKernel {
         use vk::Format as F;
         let bindings = self.variant.bindings();
         let bound = |group: &GroupBuffers| {
-            let texels = [(group.asset, F::R32G32B32A32_UINT), (group.asset, F::R32_UINT)];
-            [(group.asset, F::UNDEFINED), (group.list, F::UNDEFINED), (group.poses, F::R32G32B32A32_SFLOAT)]
-                .into_iter()
-                .chain(texels.into_iter().filter(|_| self.variant.texels))
-                .chain(group.sums.map(|sums| (sums, F::R32G32B32A32_SINT)))
-                .zip(&bindings)
-                .map(|((range, format), &ty)| Bound::typed(ty, range, format))
-                .collect()
+            // As texels, poses and sums are bound twice.
+            let times = if self.variant.texels { 2 } else { 1 };
+            let lists = [group.asset, group.list].map(|range| (range, F::R32G32B32A32_UINT));
+            let poses = std::iter::repeat_n((group.poses, F::R32G32B32A32_SFLOAT), times);
+            let sums = group.sums.into_iter().flat_map(|sums| std::iter::repeat_n((sums, F::R32G32B32A32_SINT), times));
+            let ranges = lists.into_iter().chain(poses).chain(sums);
+            ranges.zip(&bindings).map(|((range, format), &ty)| Bound::typed(ty, range, format)).collect()
         };
         let bound: Vec<Vec<Bound>> = groups.iter().map(bound).collect();
         Sets::new(&self.objects.device, self.objects.set_layout, &bound)
@@ -171,11 +186,12 @@ impl BlocksKernel {
     }
 }
 
-/// Whether `fast` is read as texels, and so in tiles even for a single instance: on software drivers, which pay for
+/// Whether `fast` is read as texels (and stored in 64-bit integers), and so in tiles even for a single instance: on software drivers, which pay for
 /// storage buffers lane by lane, and several times as much under the control flow that masks take.
 pub(crate) fn takes_texels(caps: &DeviceCaps, format: DeltaFormat) -> bool {
-    // Whatever a storage descriptor covers, a view of single words covers then.
-    caps.is_software() && format == DeltaFormat::Fast && u64::from(caps.max_texels) >= caps.max_storage_range / 4
+    // Whatever a storage descriptor covers, a view of four words each covers then.
+    let long = u64::from(caps.max_texels) >= caps.max_storage_range / 16;
+    caps.is_software() && caps.int64 && format == DeltaFormat::Fast && long
 }
 
 /// Items that go into one dispatch, or more where the device allows only so many workgroups.
@@ -191,7 +207,7 @@ pub(crate) struct BlocksDispatch {
 /// The buffers of one group of instances.
 pub(crate) struct GroupBuffers {
     pub(crate) asset: BufferRange,
-    /// The list of one frame; others by dynamic offset.
+    /// The list of one frame.
     pub(crate) list: BufferRange,
     pub(crate) poses: BufferRange,
     pub(crate) sums: Option<BufferRange>,

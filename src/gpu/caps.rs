@@ -53,6 +53,8 @@ pub struct DeviceCaps {
     pub transform_feedback: Option<TransformFeedbackCaps>,
     /// Whether vertex shaders may write storage buffers (the feature `vertexPipelineStoresAndAtomics`).
     pub vertex_stores: bool,
+    /// Whether shaders may use 64-bit integers (the feature `shaderInt64`).
+    pub int64: bool,
 }
 
 /// An extension or feature that a path needs, and why.
@@ -163,6 +165,7 @@ impl DeviceCaps {
                 },
             ),
             vertex_stores: core_features.vertex_pipeline_stores_and_atomics == vk::TRUE,
+            int64: core_features.shader_int64 == vk::TRUE,
         }
     }
 
@@ -186,6 +189,7 @@ impl DeviceCaps {
             timestamp_period: 0.0,
             transform_feedback: None,
             vertex_stores: false,
+            int64: false,
         }
     }
 
@@ -206,6 +210,7 @@ impl DeviceCaps {
                 max_stride: a.max_stride.min(b.max_stride),
             });
         self.vertex_stores &= limits.vertex_stores;
+        self.int64 &= limits.int64;
     }
 
     /// The largest batch of a feedback pass: vertex attributes − 2 for the pose, 2 a target (float32) or 1

@@ -208,11 +208,13 @@ impl Headless {
         let timestamp_bits =
             if caps.timestamp_period > 0.0 { families[family as usize].timestamp_valid_bits } else { 0 };
 
-        let (feedback_enabled, vertex_stores) = (caps.transform_feedback.is_some(), caps.vertex_stores);
+        let feedback_enabled = caps.transform_feedback.is_some();
         let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
         let extensions = [ash::ext::transform_feedback::NAME.as_ptr()];
         let mut feedback = vk::PhysicalDeviceTransformFeedbackFeaturesEXT::default().transform_feedback(true);
-        let features = vk::PhysicalDeviceFeatures::default().vertex_pipeline_stores_and_atomics(vertex_stores);
+        let features = vk::PhysicalDeviceFeatures::default()
+            .vertex_pipeline_stores_and_atomics(caps.vertex_stores)
+            .shader_int64(caps.int64);
         let mut info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_features(&features);
         if feedback_enabled {
             info = info.enabled_extension_names(&extensions).push_next(&mut feedback);
@@ -227,7 +229,7 @@ impl Headless {
             device: &headless.device,
             caps: Some(caps),
             transform_feedback_enabled: feedback_enabled,
-            vertex_stores_enabled: vertex_stores,
+            enabled_features: features,
             allocator: None,
         };
         // SAFETY: the handles are alive and belong together; the limits are the device's or lower; the engine is

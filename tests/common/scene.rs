@@ -9,7 +9,7 @@ use deltamorph::mesh::Tolerance;
 use deltamorph::mesh::head::{HeadDesc, head, head_clip};
 use deltamorph::mesh::packed::blocks::BlockDesc;
 use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::plan::blocks::{ROWS, TILE, TILE_WORDS, WorkList};
+use deltamorph::plan::blocks::{ROWS, TILE, TILE_WORDS, WorkList, row_words};
 use deltamorph::plan::commands::CommandList;
 use deltamorph::plan::{Accumulate, UpdateDesc, UpdateMode, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
@@ -197,7 +197,9 @@ fn of_groups(groups: &[PlannedGroup], slots: u32, mesh: &PackedMesh) -> Plan {
                 let item = &group.words[(size * group.capacity + i) * TILE_WORDS..][..TILE_WORDS];
                 let (block, first, rows, rebuilt) = (item[0], item[1] as usize, item[2] as usize, item[3]);
                 let poses: Vec<[u32; 2]> = item[4..].iter().map(|w| [w & 0xffff, w >> 16]).collect();
-                let rows: Vec<&[u32]> = group.words[first..][..rows * (width + 1)].chunks_exact(width + 1).collect();
+                let stride = row_words(width.ilog2() as usize);
+                let rows = group.words[first..][..rows * stride].chunks_exact(stride);
+                let rows: Vec<&[u32]> = rows.map(|row| &row[..=width]).collect();
                 // Rows are filled up at the end: one at least, two at a time where there are several instances.
                 let idle = rows.iter().rev().take_while(|row| row[1..].iter().all(|c| *c == 0)).count();
                 let (filled, multiple) = (rows.len(), if width > 1 { ROWS as usize } else { 1 });

@@ -1,7 +1,7 @@
 //! Where everything is in the buffers of an animated crowd: groups of instances, their work lists, tables, state.
 
 use crate::animation::{Budget, Clips};
-use crate::engine::blocks::POSES_MAX;
+use crate::engine::blocks::{POSES_MAX, whole_tiles};
 use crate::engine::crowd::CrowdDesc;
 use crate::error::{Error, Result};
 use crate::gpu::animation::{BIT_KINDS, RECORD_WORDS};
@@ -9,7 +9,7 @@ use crate::gpu::device::Device;
 use crate::gpu::shaders::{AnimationPush, WORKGROUP};
 use crate::mesh::packed::PackedLayout;
 use crate::mesh::packed::blocks::BlockIndex;
-use crate::plan::blocks::{ROWS, TILE, TILE_WORDS, WIDTHS};
+use crate::plan::blocks::{ROWS, TILE, TILE_WORDS, WIDTHS, row_words};
 
 /// Instances that one descriptor set reaches, and their work list.
 #[derive(Clone, Copy, Debug)]
@@ -31,7 +31,7 @@ impl Groups {
         let per_instance = layout.pose_bytes() * slots;
         // Of a tile: an item of each width for each block, a row for each entry, and what fills rows up.
         let items = WIDTHS * TILE_WORDS * index.count();
-        let rows = (TILE + 1) * (index.entry_count() + ROWS as usize * index.count());
+        let rows = row_words(WIDTHS - 1) * (index.entry_count() + ROWS as usize * index.count());
         let list = 4 * (items + rows) as u64;
         let refuse = |what: &str, bytes: u64, remedy: &str| {
             let most = caps.max_storage_range;
@@ -54,16 +54,12 @@ impl Groups {
             );
             return Err(Error::invalid(text, "split the mesh"));
         }
-        // Whole tiles, where there is more than one group.
-        let size = match poses.min(tiles * TILE as u64) {
-            size if size < desc.instances.into() && size > TILE as u64 => size - size % TILE as u64,
-            size => size,
-        };
-        let tiles = size.div_ceil(TILE as u64);
+        let size = whole_tiles(poses.min(tiles * TILE as u64), desc.instances);
+        let tiles = u64::from(size).div_ceil(TILE as u64);
         let capacity = tiles * index.count() as u64;
         Ok(Self {
             instances: desc.instances,
-            size: size as u32,
+            size,
             capacity,
             stride: (tiles * list).max(16).next_multiple_of(256),
             chunks: capacity.div_ceil(caps.max_workgroups.into()).max(1) as u32,

@@ -106,7 +106,7 @@ impl Animated {
         let buffer = |name, bytes, usage, location| Buffer::new(device, &BufferDesc { name, bytes, usage, location });
         let on_device = |name, bytes| {
             let usage = U::STORAGE_BUFFER | U::INDIRECT_BUFFER | U::TRANSFER_SRC | U::TRANSFER_DST;
-            buffer(name, bytes, usage | U::STORAGE_TEXEL_BUFFER, MemoryLocation::GpuOnly)
+            buffer(name, bytes, usage | U::UNIFORM_TEXEL_BUFFER | U::STORAGE_TEXEL_BUFFER, MemoryLocation::GpuOnly)
         };
         let pose = layout.pose_bytes();
         let tables = on_device("deltamorph clips", table_bytes)?;

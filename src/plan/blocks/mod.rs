@@ -6,9 +6,10 @@
 //! stored: the work list names them, a bit per vertex and component.
 //!
 //! Each block of each head makes its own choice: apply the changed targets to the pose there is, or rebuild from the
-//! base pose with the active ones, whichever moves fewer bytes of deltas and poses ([`UpdateMode::Incremental`]); a block whose bound on
-//! accumulated rounding would exceed the tolerance is rebuilt in any case. The first time the blocks' limits are spread
-//! out, so that they do not all come due in one frame.
+//! base pose with the active ones, whichever moves fewer bytes of deltas and poses ([`UpdateMode::Incremental`]), and
+//! from the base pose where it is the same: rounding ends there, and heads have that pose in common. A block whose bound
+//! on accumulated rounding would exceed the tolerance is rebuilt in any case. The first time the blocks' limits are
+//! spread out, so that they do not all come due in one frame.
 //!
 //! # The bound
 //! Of a block's positions, as a length. With M the largest coordinate that the block can reach, S = Σ|coefficient| ·
@@ -21,7 +22,7 @@ mod list;
 mod tiles;
 
 pub use list::{ELEMENT_BYTES, Element, ITEM_WORDS, Item, WorkList, component_bytes};
-pub use tiles::{ROWS, TILE, TILE_WORDS, TileBytes, TileItem, Tiles, WIDTHS};
+pub use tiles::{ROWS, TILE, TILE_WORDS, TileBytes, TileItem, Tiles, WIDTHS, row_words};
 
 use commit::{Committed, Frame, list_active};
 
@@ -360,8 +361,8 @@ impl BlockState {
                         || self.desc.mode == UpdateMode::Rebuild
                         || match self.whole {
                             // All components either way.
-                            true => self.blocks.active_bytes[block] < deltas,
-                            false => fewer_bytes_from_base(self.blocks.active_bytes[block], deltas, all, &changed),
+                            true => self.blocks.active_bytes[block] <= deltas,
+                            false => no_more_bytes_from_base(self.blocks.active_bytes[block], deltas, all, &changed),
                         });
             if rebuilt {
                 let active;
@@ -450,10 +451,10 @@ fn amount(exact: Option<ExactGrid>) -> impl Fn(u32) -> f32 + Copy {
 }
 
 /// The cost model: active entries and all components that any target moves, against changed ones and theirs.
-fn fewer_bytes_from_base<const N: usize>(active: u32, changed: u32, all: &[u32; N], some: &[u32; N]) -> bool {
-    // A rebuild never moves fewer components; counting them is only worth it where it moves fewer deltas.
+fn no_more_bytes_from_base<const N: usize>(active: u32, changed: u32, all: &[u32; N], some: &[u32; N]) -> bool {
+    // A rebuild never moves fewer components; counting them is only worth it where it moves no more deltas.
     let components = |mask: &[u32; N]| 8 * mask.iter().map(|m| m.count_ones()).sum::<u32>();
-    active < changed && active + components(all) < changed + components(some)
+    active <= changed && active + components(all) <= changed + components(some)
 }
 
 /// As [`check_weights`], and within the grid of exact sums.

@@ -2,7 +2,8 @@
 //!
 //! A tile is a block of up to [`TILE`] instances. Its rows are the entries that any of them needs, each with a
 //! coefficient for every instance. There are 1, 2, 4 or 8 instances in a tile: kernels have a pipeline for each width,
-//! without control flow for places that are not in use.
+//! without control flow for places that are not in use. Tiles and their rows begin at multiples of [`ALIGN`], so that
+//! kernels can load several words at once.
 
 use super::list::{Item, WorkList};
 use crate::mesh::packed::POSE_FLOATS;
@@ -13,6 +14,8 @@ use std::ops::Range;
 pub const TILE: usize = 8;
 /// Words of a tile in the work list: block, first row word, rows, which instances start from base, and a word each.
 pub const TILE_WORDS: usize = 4 + TILE;
+/// Words that tiles and their first rows begin at a multiple of.
+pub const ALIGN: usize = 4;
 /// What the number of rows of a tile is a multiple of, where it has several instances. There is one at least: rows that
 /// no instance needs have coefficients of 0.
 pub const ROWS: u32 = 2;
@@ -22,6 +25,12 @@ const FILL: usize = 3;
 const FILL_OF: usize = 5;
 /// Widths of tiles: 2 to the power of 0, 1, 2, 3.
 pub const WIDTHS: usize = TILE.ilog2() as usize + 1;
+
+/// Words of a row in a tile of 2^width instances: an entry, a coefficient for each, and zeros up to a multiple of
+/// [`ALIGN`]; two rows of a single instance share that many.
+pub const fn row_words(width: usize) -> usize {
+    if width == 0 { 2 } else { (1 + (1usize << width)).next_multiple_of(ALIGN) }
+}
 
 /// A block of several instances.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -43,7 +52,8 @@ pub struct TileItem {
 pub struct Tiles {
     /// `[apart][width]`: tiles of 2^width instances. Apart: tiles that start from the base pose.
     pub items: [[Vec<TileItem>; WIDTHS]; 2],
-    /// `[row]`: entry, then a coefficient for each instance of the tile; 0 for one that does not need the entry.
+    /// `[row]`: entry, then a coefficient for each instance of the tile, 0 for one that does not need the entry; see
+    /// [`row_words`].
     pub rows: Vec<u32>,
     /// Rebuilt instances have tiles of their own.
     rebuilt_apart: bool,
@@ -62,7 +72,7 @@ impl Tiles {
         let apart = |_| std::array::from_fn(|width| Vec::with_capacity(blocks >> width));
         Self {
             items: [0, 1].map(apart),
-            rows: Vec::with_capacity(Self::row_words(index, instances)),
+            rows: Vec::with_capacity(Self::words_max(index, instances)),
             rebuilt_apart,
             ends: vec![],
             sorted: Vec::with_capacity(blocks),
@@ -70,10 +80,10 @@ impl Tiles {
         }
     }
 
-    /// Words of rows, at most: two for an entry and instance where a tile has one instance, fewer in wider ones; and
-    /// what pads them, which is most in tiles of two, two rows of three words.
-    pub fn row_words(index: &BlockIndex, instances: usize) -> usize {
-        (2 * index.entry_count() + 3 * index.count()) * instances
+    /// Words of rows, at most: two for an entry and instance, fewer where tiles are wide; and what pads them, which is
+    /// most in tiles of one and of two.
+    pub fn words_max(index: &BlockIndex, instances: usize) -> usize {
+        (2 * index.entry_count() + ALIGN * index.count()) * instances
     }
 
     /// Forget the last update.
@@ -141,17 +151,21 @@ impl Tiles {
                 return;
             }
             for (entry, (row, _)) in entries.clone().zip(&self.table).filter(|(_, (_, needed))| *needed) {
+                let end = self.rows.len() + row_words(width);
                 self.rows.push(entry as u32);
                 self.rows.extend_from_slice(&row[..members.len()]);
+                self.rows.resize(end, 0);
             }
         }
         let multiple = if members.len() > 1 { ROWS } else { 1 };
         while tile.count == 0 || !tile.count.is_multiple_of(multiple) {
             // Of a block that no target touches: any entry.
+            let end = self.rows.len() + row_words(width);
             self.rows.push(entries.start.min(index.entry_count().saturating_sub(1)) as u32);
-            self.rows.resize(self.rows.len() + members.len(), 0);
+            self.rows.resize(end, 0);
             tile.count += 1;
         }
+        self.rows.resize(self.rows.len().next_multiple_of(ALIGN), 0);
         for (place, &i) in members.iter().enumerate() {
             tile.items[place] = i;
             tile.rebuilt |= u32::from(list.items[i as usize].source.is_none()) << place;
@@ -163,7 +177,7 @@ impl Tiles {
     pub fn bytes(&self, index: &BlockIndex, exact: bool) -> TileBytes {
         let mut bytes = TileBytes::default();
         for (width, tiles) in self.items.iter().flat_map(|widths| widths.iter().enumerate()) {
-            let (instances, stride) = (1u64 << width, 1 + (1usize << width));
+            let (instances, stride) = (1u64 << width, row_words(width));
             // Exact: base in, integers in and out, poses out.
             let pose = if exact { 4 + 12 * instances } else { 8 * instances };
             for tile in tiles {

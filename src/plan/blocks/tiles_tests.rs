@@ -76,13 +76,14 @@ proptest! {
             for (width, items) in tiles.items.iter().flat_map(|widths| widths.iter().enumerate()) {
                 for tile in items {
                     seen.extend_from_slice(&tile.items[..1 << width]);
+                    prop_assert!((tile.first as usize).is_multiple_of(ALIGN) && row_words(width) > 1 << width);
                     tile::run(&mesh, &index, list, (&tiles, tile, width), exact, &mut other, &mut metered);
                 }
             }
             seen.sort_unstable();
             prop_assert!(seen.iter().copied().eq(0..list.items.len() as u32), "every item is in one tile");
             prop_assert_eq!(tiles.bytes(&index, exact.is_some()).moved, metered);
-            prop_assert!(tiles.rows.len() <= Tiles::row_words(&index, instances));
+            prop_assert!(tiles.rows.len() <= Tiles::words_max(&index, instances));
             prop_assert_eq!(&one.sums, &other.sums);
             let tolerance = 1e-6 * mesh.layout().diagonal;
             for (a, b) in one.poses.iter().flatten().zip(other.poses.iter().flatten()) {
