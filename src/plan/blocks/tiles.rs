@@ -19,10 +19,9 @@ pub const ALIGN: usize = 4;
 /// What the number of rows of a tile is a multiple of, where it has several instances. There is one at least: rows that
 /// no instance needs have coefficients of 0.
 pub const ROWS: u32 = 2;
-/// The share of a tile's coefficients that have to be in use: loading an entry costs about as much as adding it to one
-/// instance (measured on lavapipe), so that at 8 instances wide, 4.7 of them have to need it.
-const FILL: usize = 3;
-const FILL_OF: usize = 5;
+/// What loading and decoding an entry costs, in additions of it to one instance. Measured on lavapipe: 3 where deltas are
+/// in the cache, 8 where they are not.
+const LOAD: usize = 4;
 /// Widths of tiles: 2 to the power of 0, 1, 2, 3.
 pub const WIDTHS: usize = TILE.ilog2() as usize + 1;
 
@@ -60,8 +59,8 @@ pub struct Tiles {
     /// Per block and part: items of the list, one after the other.
     ends: Vec<u32>,
     sorted: Vec<u32>,
-    /// Per entry of a block: its coefficients, and whether it is needed.
-    table: Vec<([u32; TILE], bool)>,
+    /// Per entry of a block: its coefficients, and a bit for each instance that needs it.
+    table: Vec<([u32; TILE], u32)>,
 }
 
 impl Tiles {
@@ -121,7 +120,7 @@ impl Tiles {
         }
     }
 
-    /// Append items `sorted` of a part: as one tile, or where too few of its coefficients would be in use, as two.
+    /// Append items `sorted` of a part: as one tile, or where that takes less, as two.
     fn push(&mut self, index: &BlockIndex, list: &WorkList, part: usize, sorted: Range<usize>, width: usize) {
         let members = &self.sorted[sorted.clone()];
         let block = part / 2;
@@ -133,24 +132,26 @@ impl Tiles {
             self.rows.extend_from_slice(bytemuck::cast_slice(elements));
             tile.count = elements.len() as u32;
         } else {
-            let mut elements = 0;
             self.table.clear();
-            self.table.resize(entries.len(), ([0; TILE], false));
+            self.table.resize(entries.len(), ([0; TILE], 0));
             for (place, &i) in members.iter().enumerate() {
                 for element in list.elements_of(&list.items[i as usize]) {
                     let (row, needed) = &mut self.table[element.entry as usize - entries.start];
-                    tile.count += u32::from(!*needed);
-                    (row[place], *needed) = (element.coefficient, true);
-                    elements += 1;
+                    (row[place], *needed) = (element.coefficient, *needed | 1 << place);
                 }
             }
-            if elements * FILL_OF < tile.count as usize * members.len() * FILL {
-                let middle = sorted.start + members.len() / 2;
+            let half = members.len() / 2;
+            let first = (1 << half) - 1;
+            let rows = |places: u32| self.table.iter().filter(|(_, needed)| needed & places != 0).count();
+            let [all, one, other] = [u32::MAX, first, !first].map(rows);
+            if (one + other) * (LOAD + half) < all * (LOAD + 2 * half) {
+                let middle = sorted.start + half;
                 self.push(index, list, part, sorted.start..middle, width - 1);
                 self.push(index, list, part, middle..sorted.end, width - 1);
                 return;
             }
-            for (entry, (row, _)) in entries.clone().zip(&self.table).filter(|(_, (_, needed))| *needed) {
+            tile.count = all as u32;
+            for (entry, (row, _)) in entries.clone().zip(&self.table).filter(|(_, (_, needed))| *needed != 0) {
                 let end = self.rows.len() + row_words(width);
                 self.rows.push(entry as u32);
                 self.rows.extend_from_slice(&row[..members.len()]);

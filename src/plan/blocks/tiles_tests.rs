@@ -92,3 +92,32 @@ proptest! {
         }
     }
 }
+
+/// Widths of the tiles of eight heads, of which head h has these targets changed.
+fn widths(changed: impl Fn(usize, usize) -> bool) -> [usize; WIDTHS] {
+    let mesh = PackedMesh::pack(&testing::mesh(300, TARGETS), &PackDesc::new(DeltaFormat::Fast)).unwrap();
+    let index = mesh.layout().blocks.clone().unwrap();
+    let mut state = BlockState::new(UpdateDesc::blocks(), mesh.layout(), &index).unwrap();
+    state.write_whole_blocks();
+    let (mut planner, mut tiles) = (Planner::new(&index, state, TILE), Tiles::new(&index, TILE, true));
+    let mut heads = Heads::new(TILE, TARGETS);
+    for update in 1..4 {
+        for head in 0..TILE {
+            let weight = |t| if changed(head, t) { 0.25 * update as f32 } else { 0.25 };
+            heads.set_weights(head as u32, &std::array::from_fn::<f32, TARGETS, _>(weight)).unwrap();
+        }
+        planner.plan(&heads, update);
+    }
+    tiles.fill(&index, &planner.list, 0..planner.list.items.len());
+    std::array::from_fn(|width| tiles.items.iter().map(|widths| widths[width].len()).sum())
+}
+
+#[test]
+fn heads_share_a_tile_where_they_share_entries() {
+    let blocks = widths(|_, _| true)[3];
+    assert!(blocks > 1);
+    assert_eq!(widths(|_, _| true), [0, 0, 0, blocks], "all change: one tile of eight a block");
+    assert_eq!(widths(|head, t| t == head)[2..], [0, 0], "heads that have nothing in common go apart");
+    let half = widths(|head, t| (head + t) % 2 == 0);
+    assert!(half[3] > 0 && half[0] == 0, "heads that have half in common do not: {half:?}");
+}
