@@ -114,10 +114,6 @@ impl Blocks {
             return too_much(&what, stride, range, "make several crowds");
         }
         let bytes = stride.saturating_mul(desc.frames_in_flight.into());
-        if bytes > u32::MAX.into() {
-            let what = format!("the work lists of {} frames in flight", desc.frames_in_flight);
-            return too_much(&what, bytes, u32::MAX.into(), "use fewer frames in flight, or several crowds");
-        }
         let buffer = |name, bytes, location| {
             let usage = vk::BufferUsageFlags::STORAGE_BUFFER
                 | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER

@@ -43,7 +43,8 @@ impl Family {
         if varies(|f| &f.mode) {
             label += &format!(" {}", self.mode);
         }
-        if varies(|f| &f.accumulate) {
+        // Float sums go without saying.
+        if varies(|f| &f.accumulate) && self.accumulate != "float" {
             label += &format!(" {}", self.accumulate);
         }
         if varies(|f| &f.slots) {
@@ -56,7 +57,7 @@ impl Family {
     }
 }
 
-/// Colours by path, dark and light by format: told apart by people who see few colours, too (Okabe and Ito).
+/// Colours by path, dark and light by sums and mode: told apart by people who see few colours, too (Okabe and Ito).
 const COLORS: [(&str, [RGBColor; 2]); 3] = [
     ("feedback", [RGBColor(0x00, 0x5f, 0x9e), RGBColor(0x56, 0xb4, 0xe9)]),
     ("compute", [RGBColor(0xc4, 0x4e, 0x00), RGBColor(0xe6, 0x9f, 0x00)]),
@@ -81,14 +82,14 @@ fn rank<T: Ord + Clone>(families: &[Family], key: impl Fn(&Family) -> T, of: &Fa
     seen.binary_search(&key(of)).unwrap_or(0)
 }
 
-/// Colour and marker of `family` among `all`.
+/// Colour and marker of `family` among `all`: the marker says the format.
 pub fn look(family: &Family, all: &[Family]) -> (RGBColor, Marker) {
     let own = COLORS.iter().find(|(path, _)| *path == family.path).map(|(_, pair)| *pair);
     let unnamed: Vec<Family> = all.iter().filter(|f| COLORS.iter().all(|(p, _)| *p != f.path)).cloned().collect();
     let pair = own.unwrap_or_else(|| MORE_COLORS[rank(&unnamed, |f| f.path.clone(), family) % MORE_COLORS.len()]);
     let format = rank(all, |f| f.format.clone(), family);
-    let variant = rank(all, |f| (f.mode.clone(), f.accumulate.clone(), f.slots, f.shared), family);
-    (pair[format % 2], MARKERS[(format + 2 * variant) % MARKERS.len()])
+    let variant = rank(all, |f| (f.mode.clone(), f.accumulate != "float", f.slots, f.shared), family);
+    (pair[variant % 2], MARKERS[(format + variant / 2) % MARKERS.len()])
 }
 
 /// The families in `runs`: those of one path together, otherwise in the order they ran.
