@@ -22,7 +22,7 @@ mod list;
 mod tiles;
 
 pub use list::{ELEMENT_BYTES, Element, ITEM_WORDS, Item, WorkList, component_bytes};
-pub use tiles::{ROWS, TILE, TILE_WORDS, TileBytes, TileItem, Tiles, WIDTHS, row_words};
+pub use tiles::{ALIGN, ROWS, TILE, TILE_WORDS, TileBytes, TileItem, Tiles, WIDTHS, row_words};
 
 use commit::{Committed, Frame, list_active};
 
