@@ -57,7 +57,7 @@ impl Family {
     }
 }
 
-/// Colours by path, dark and light by sums and mode: told apart by people who see few colours, too (Okabe and Ito).
+/// Colours by path, dark and light by format, or by sums and mode where those vary: told apart by people who see few colours, too (Okabe and Ito).
 const COLORS: [(&str, [RGBColor; 2]); 3] = [
     ("feedback", [RGBColor(0x00, 0x5f, 0x9e), RGBColor(0x56, 0xb4, 0xe9)]),
     ("compute", [RGBColor(0xc4, 0x4e, 0x00), RGBColor(0xe6, 0x9f, 0x00)]),
@@ -88,8 +88,11 @@ pub fn look(family: &Family, all: &[Family]) -> (RGBColor, Marker) {
     let unnamed: Vec<Family> = all.iter().filter(|f| COLORS.iter().all(|(p, _)| *p != f.path)).cloned().collect();
     let pair = own.unwrap_or_else(|| MORE_COLORS[rank(&unnamed, |f| f.path.clone(), family) % MORE_COLORS.len()]);
     let format = rank(all, |f| f.format.clone(), family);
-    let variant = rank(all, |f| (f.mode.clone(), f.accumulate != "float", f.slots, f.shared), family);
-    (pair[variant % 2], MARKERS[(format + variant / 2) % MARKERS.len()])
+    let variant_of = |f: &Family| (f.mode.clone(), f.accumulate != "float", f.slots, f.shared);
+    let variant = rank(all, variant_of, family);
+    let one_variant = all.iter().all(|f| variant_of(f) == variant_of(family));
+    let shade = if one_variant { format } else { variant };
+    (pair[shade % 2], MARKERS[(format + variant / 2) % MARKERS.len()])
 }
 
 /// The families in `runs`: those of one path together, otherwise in the order they ran.

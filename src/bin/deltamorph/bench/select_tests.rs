@@ -78,6 +78,20 @@ fn wrong_runs_are_not_drawn_and_all_comes_last() {
 }
 
 #[test]
+fn formats_with_both_sums_look_different() {
+    let mut report = synthetic::report();
+    let exact: Vec<RunRecord> =
+        report.runs.iter().cloned().map(|r| RunRecord { accumulate: "exact".into(), ..r }).collect();
+    report.runs.extend(exact);
+    let figures = figures(&report);
+    let series = &lines(&figures, "time-vs-batch-random").series;
+    let look = |s: &Series| ((s.color.0, s.color.1, s.color.2), format!("{:?}", s.marker));
+    let looks: std::collections::HashSet<_> = series.iter().map(look).collect();
+    assert_eq!(looks.len(), series.len());
+    assert!(series.len() > 6 && series.iter().filter(|s| s.label.ends_with(" exact")).count() * 2 == series.len());
+}
+
+#[test]
 fn labels_name_what_varies() {
     let mut report = synthetic::report();
     report.runs.retain(|r| r.workload == "random");
