@@ -74,9 +74,7 @@ const uint ASKED = 2u;      // the weight asked for changed
 const uint PENDING = 3u;    // it is not the one that poses hold
 const uint GOES = 4u;       // it waits no longer
 
-const uint TILE = 8u;
 const uint WIDTHS = 4u;     // 1, 2, 4, 8 heads
-const uint ITEM_WORDS = 12u;
 const uint ROWS = 2u;       // what the number of rows is a multiple of, where there are several heads
 
 uint bits(uint kind) {

@@ -4,6 +4,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "blocks.glsl"
+#include "tiles.glsl"
 
 layout(constant_id = 2) const uint HEADS = 1;
 // Rows at a time: the planner pads their number.
@@ -13,11 +14,6 @@ layout(constant_id = 3) const uint ROWS = 1;
 layout(constant_id = 4) const bool REBUILT_ITEMS = false;
 #endif
 
-const uint ITEM_WORDS = 12u;
-// Words of a row: an entry, a coefficient for each instance, and what makes rows begin at a texel (2, 4, 8, 12; a texel
-// has two rows of a single instance).
-const uint ROW_WORDS = ((HEADS + 4u) & ~3u) - 2u * (1u / HEADS);
-const uint ROW_WORDS_MAX = 12u;
 // Numbers of a lane's vertices.
 const uint NUMBERS = 6u * VERTICES;
 
@@ -68,7 +64,7 @@ float decode(float base, int sum, float unit) {
 #endif
 
 // An entry, then its coefficients.
-void load_row(uint at, out uint row[ROW_WORDS_MAX]) {
+void load_row(uint at, out uint row[ROW_WORDS(TILE)]) {
 #ifdef TEXELS
     if (HEADS == 1u) {
         uvec4 two = texelFetch(work, int(at / 4u));
@@ -78,13 +74,13 @@ void load_row(uint at, out uint row[ROW_WORDS_MAX]) {
         return;
     }
 #endif
-    LOAD_WORDS(row, ROW_WORDS, at)
+    LOAD_WORDS(row, ROW_WORDS(HEADS), at)
 }
 
 void main() {
     uint item[ITEM_WORDS];
     LOAD_WORDS(item, 4u + HEADS, first_item + gl_WorkGroupID.x * ITEM_WORDS)
-    uint next = item[1], end = next + item[2] * ROW_WORDS;
+    uint next = item[1], end = next + item[2] * ROW_WORDS(HEADS);
     uint lane = gl_LocalInvocationID.x;
     uint at = (item[0] * BLOCK_SIZE + lane * VERTICES) * 6u;
 
@@ -97,11 +93,11 @@ void main() {
     // There is a row at least: a loop that asks first would run its body once more on software drivers, for no lane.
     // Two rows at a time, where there are several heads: what lives in memory is loaded and stored half as often.
     do {
-        uint row[ROWS][ROW_WORDS_MAX];
+        uint row[ROWS][ROW_WORDS(TILE)];
         DELTA dp[ROWS][VERTICES], dn[ROWS][VERTICES];
         uvec2 shifts[ROWS];
         [[unroll]] for (uint r = 0u; r < ROWS; ++r) {
-            load_row(next + r * ROW_WORDS, row[r]);
+            load_row(next + r * ROW_WORDS(HEADS), row[r]);
             load_entry(row[r][0], lane, dp[r], dn[r], shifts[r]);
         }
         [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
@@ -122,7 +118,7 @@ void main() {
                 }
             }
         }
-        next += ROWS * ROW_WORDS;
+        next += ROWS * ROW_WORDS(HEADS);
     } while (next < end);
 
     // Sources are loaded after the loop, where they are not in the way of what is added; and all of them before the first

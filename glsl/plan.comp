@@ -3,6 +3,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "animation.glsl"
+#include "tiles.glsl"
 
 bool bit_of(uint kind, uint head, uint target) {
     return (state[bits(kind) + head * words + (target >> 5)] >> (target & 31u) & 1u) != 0u;
@@ -77,8 +78,8 @@ void main() {
     for (uint place = used; place < TILE; ++place) places |= last << (4u * place);
 
     // A place for each entry, and two for what fills rows up.
-    uint row_words = width == 1u ? 2u : (width + 4u) & ~3u;
-    uint rows = rows_at + (tile * (entries + 2u * blocks) + from + 2u * block) * ((TILE + 4u) & ~3u);
+    uint row_words = ROW_WORDS(width);
+    uint rows = rows_at + (tile * (entries + 2u * blocks) + from + 2u * block) * ROW_WORDS(TILE);
     uint row = rows;
     for (uint e = from; e < to; ++e) {
         uint target = tables[entries_at + 2u * e];

@@ -271,7 +271,7 @@ fn animation_kernels_agree_with_the_host() {
         assert!(constants(&entry).is_empty(), "{name}");
     }
     assert_eq!(size_of::<HeadRecord>(), 4 * 8);
-    assert_eq!((TILE, TILE_WORDS, WIDTHS, ROWS), (8, 12, 4, 2), "as in animation.glsl");
+    assert_eq!((TILE, TILE_WORDS, WIDTHS, ROWS), (8, 12, 4, 2), "as in animation.glsl and tiles.glsl");
 }
 
 /// Values of a decoration of a module's variables, from the words: reflection does not know those of capture.
