@@ -135,7 +135,12 @@ fn crowd_counts_targets_for_one_head_and_many() {
 
     let comparisons = out["suites"][0]["comparisons"].as_array().unwrap();
     let of = |name: &str| comparisons.iter().filter(|c| c["name"].as_str().unwrap().contains(name)).count();
-    assert!(of("update of") >= paths.len());
+    for how in ["at one frame rate", "frame after frame"] {
+        assert!(of(&format!("shared, {how}")) >= paths.len(), "{how}");
+    }
+    for c in comparisons.iter().filter(|c| c["name"].as_str().unwrap().ends_with("at one frame rate")) {
+        assert!(c["n"][0] == c["n"][1] && c["goal"] != "", "{c}");
+    }
     assert_eq!((of("8% sparse: 8 of 12 changed, 3 heads"), of("dense: 12 of 12 changed, 3 heads")), (1, 1));
     let split: Vec<&Value> = runs.iter().filter(|r| r["crowds"] == 3).collect();
     assert_eq!(split.len(), 2);

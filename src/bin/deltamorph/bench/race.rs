@@ -21,8 +21,20 @@ pub struct Pace {
     pub rounds: usize,
     /// Time for each configuration; three frames are timed however long they take.
     pub limit: Option<Duration>,
-    /// All run the same frames, spread over the workload: where frames differ.
-    pub lockstep: bool,
+    /// What configurations have in common besides.
+    pub tempo: Tempo,
+}
+
+/// What configurations in turns have in common.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tempo {
+    /// Nothing: each runs frame after frame, as many as it can.
+    Own,
+    /// The same frames, spread over the workload: where frames differ.
+    SameFrames,
+    /// The same time for a frame: those that are done before the slowest wait. A machine that waits cools down, its
+    /// caches fill with other things and its cores go to sleep, and a frame after a pause takes longer.
+    SameRate,
 }
 
 /// Frames that are timed at least.
@@ -31,7 +43,7 @@ const LEAST_FRAMES: usize = 3;
 impl Pace {
     /// All frames in one go.
     pub fn whole(frames: usize) -> Self {
-        Self { frames, rounds: 1, limit: None, lockstep: false }
+        Self { frames, rounds: 1, limit: None, tempo: Tempo::Own }
     }
 
     fn share(&self) -> Option<Duration> {
@@ -64,11 +76,19 @@ fn run(running: &mut [Running<'_>], pace: &Pace) -> deltamorph::Result<()> {
         Ok(())
     };
     each(running, warm_up)?;
+    if pace.tempo == Tempo::SameRate {
+        each(running, |trial| {
+            trial.take_at_least(slowest);
+            Ok(())
+        })?;
+    }
     for round in 0..pace.rounds {
         each(running, |trial| {
             let (timed, spent) = trial.timed();
-            if pace.lockstep {
+            if pace.tempo == Tempo::SameFrames {
                 trial.jump(trial.period() * round / pace.rounds)?;
+            }
+            if pace.tempo != Tempo::Own {
                 trial.round(pace.frames_together(slowest), None)
             } else if timed < LEAST_FRAMES || pace.limit.is_none_or(|limit| spent < limit) {
                 trial.round(pace.frames.div_ceil(pace.rounds), pace.share())
@@ -211,7 +231,7 @@ mod tests {
     #[test]
     fn the_slowest_sets_the_pace() {
         let seconds = Duration::from_secs_f64;
-        let pace = Pace { frames: 100, rounds: 10, limit: Some(seconds(5.0)), lockstep: true };
+        let pace = Pace { frames: 100, rounds: 10, limit: Some(seconds(5.0)), tempo: Tempo::SameFrames };
         assert_eq!(pace.share(), Some(seconds(0.5)));
         let frames = [0.0, 0.001, 0.1, 0.25, 20.0].map(|slowest| pace.frames_together(seconds(slowest)));
         assert_eq!(frames, [10, 10, 5, 2, 1]);

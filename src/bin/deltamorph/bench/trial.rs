@@ -46,6 +46,8 @@ pub struct Trial<'a> {
     samples: Samples,
     /// What the timed rounds took, all in all.
     spent: Duration,
+    /// What a timed frame takes at least, waiting included.
+    least: Duration,
 }
 
 /// What the timed frames took.
@@ -98,6 +100,7 @@ impl<'a> Trial<'a> {
             frame: 0,
             samples: Samples::default(),
             spent: Duration::ZERO,
+            least: Duration::ZERO,
         };
         let checkpoints = match setting.brief {
             true => vec![BRIEF_CHECK],
@@ -146,6 +149,11 @@ impl<'a> Trial<'a> {
         Ok(last)
     }
 
+    /// From now on, wait behind a timed frame until it took `least`.
+    pub fn take_at_least(&mut self, least: Duration) {
+        self.least = least;
+    }
+
     /// Go on from `frame`: the frames to it are not timed, and enough of them that no slot is from before.
     ///
     /// # Errors
@@ -165,7 +173,9 @@ impl<'a> Trial<'a> {
             if i > 0 && limit.is_some_and(|limit| begun.elapsed() >= limit) {
                 break;
             }
+            let start = Instant::now();
             let now = self.step(self.frame + 1, self.draws())?;
+            std::thread::sleep(self.least.saturating_sub(start.elapsed()));
             let samples = &mut self.samples;
             samples.frames += 1;
             for (a, b) in before.iter().flatten().zip(now.weights.iter().flatten()) {

@@ -5,7 +5,7 @@ use super::record::{CellRecord, SuiteRecord};
 use super::subject::{Subject, dense_and_sparse};
 use super::technique::{self, Technique};
 use crate::args::InputArgs;
-use crate::bench::race::Entrant;
+use crate::bench::race::{Entrant, Tempo};
 use crate::bench::record::Skipped;
 use crate::bench::setting::{Config, Setting};
 use crate::bench::workload::{Clip, Few, Random, Workload};
@@ -122,7 +122,7 @@ fn compare(
         drawn: true,
         brief: true,
     };
-    let lockstep = work.changed.is_none();
+    let tempo = if work.changed.is_none() { Tempo::SameFrames } else { Tempo::Own };
     let mut choices: HashMap<u32, Vec<(String, Config)>> = HashMap::new();
     let mut cells = vec![];
     for &heads in heads {
@@ -139,7 +139,7 @@ fn compare(
         let entrants: Vec<Entrant<'_>> = choices[&some].iter().map(entrant).collect();
         let plural = if heads == 1 { "" } else { "s" };
         let cell = format!("{}, {}, {heads} head{plural}", subject.name, work.change);
-        let runs = lab.measure(subject, &cell, &entrants, &lab.pace(lockstep))?;
+        let runs = lab.measure(subject, &cell, &entrants, &lab.pace(tempo))?;
         let runs: Vec<_> = runs.into_iter().flatten().collect();
         cells.push(CellRecord::of(&cell, [&subject.name, &work.change], heads, &runs));
         lab.bar.inc(1);

@@ -6,7 +6,7 @@ use super::subject::Subject;
 use super::technique::{formats, paths};
 use crate::args::values::{AccumulateChoice, BatchSpec};
 use crate::bench::configs::{Wanted, configurations};
-use crate::bench::race::Entrant;
+use crate::bench::race::{Entrant, Tempo};
 use crate::bench::record::RunRecord;
 use crate::bench::select::{batch_words, fastest};
 use crate::bench::setting::{Config, Setting};
@@ -51,7 +51,7 @@ pub fn run(lab: &mut Lab<'_>, subject: &mut Subject) -> Result<SuiteRecord, Fail
                 |c: &Config| Entrant { what: batch_words(c.desc.batch), config: c.clone(), setting: &setting };
             let entrants: Vec<Entrant<'_>> = family.iter().map(entrant).collect();
             let cell = format!("{name}, {changed} of {} changed", subject.targets());
-            let runs = lab.measure(subject, &cell, &entrants, &lab.pace(false))?;
+            let runs = lab.measure(subject, &cell, &entrants, &lab.pace(Tempo::Own))?;
             suite.comparisons.extend(gain(&cell, &runs));
             lab.bar.inc(1);
         }

@@ -16,7 +16,7 @@ mod tests;
 pub mod text;
 
 use super::machine::Machine;
-use super::race::{Entrant, Outcome, Pace, contest};
+use super::race::{Entrant, Outcome, Pace, Tempo, contest};
 use super::record::{InputInfo, Report, RunRecord, Skipped};
 use super::trial::Context;
 use crate::args::bench::{BenchArgs, SuiteChoice};
@@ -48,10 +48,10 @@ pub struct Lab<'a> {
 }
 
 impl Lab<'_> {
-    /// The frames of a configuration, in turns; `lockstep` where frames differ.
-    pub fn pace(&self, lockstep: bool) -> Pace {
+    /// The frames of a configuration, in turns.
+    pub fn pace(&self, tempo: Tempo) -> Pace {
         let frames = self.args.frames;
-        Pace { frames, rounds: ROUNDS.min(frames), limit: Some(self.args.time_limit()), lockstep }
+        Pace { frames, rounds: ROUNDS.min(frames), limit: Some(self.args.time_limit()), tempo }
     }
 
     /// Measure `entrants` on `subject`, in turns.

@@ -4,7 +4,7 @@ use super::Lab;
 use super::subject::Subject;
 use crate::args::values::{AccumulateChoice, BatchSpec, FormatChoice, PathChoice};
 use crate::bench::configs::{Wanted, configurations};
-use crate::bench::race::{Entrant, Pace};
+use crate::bench::race::{Entrant, Pace, Tempo};
 use crate::bench::record::Skipped;
 use crate::bench::select::median;
 use crate::bench::setting::{Config, Setting};
@@ -94,7 +94,7 @@ pub fn choose(
     setting: &Setting<'_>,
     techniques: &[Technique],
 ) -> Result<Vec<(String, Config)>, Failure> {
-    let pace = Pace { frames: 6, rounds: 3, limit: Some(lab.args.time_limit() / 20), lockstep: false };
+    let pace = Pace { frames: 6, rounds: 3, limit: Some(lab.args.time_limit() / 20), tempo: Tempo::Own };
     let mut chosen = vec![];
     for technique in techniques {
         lab.bar.set_message(format!("choosing the best {}", technique.name));
