@@ -42,3 +42,14 @@ pub fn mesh(vertices: usize, targets: usize) -> MorphMesh {
         notes: vec![],
     }
 }
+
+/// Meshes that have next to nothing: of one vertex, without targets, with more targets than vertices, with nothing but
+/// empty targets.
+pub fn degenerate() -> Vec<MorphMesh> {
+    let mut empty = mesh(100, 5);
+    for target in &mut empty.targets {
+        *target = MorphTarget { name: target.name.clone(), ..Default::default() };
+    }
+    let sizes = [(1, 1), (1, 0), (63, 3), (64, 1), (65, 0), (2, 300)];
+    sizes.into_iter().map(|(vertices, targets)| mesh(vertices, targets)).chain([empty]).collect()
+}

@@ -10,14 +10,14 @@ mod testing;
 use deltamorph::cpu::CpuCrowd;
 use deltamorph::engine::{CrowdDesc, DeviceCaps, MorphEngine};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, PoseUpload};
-use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::mesh::{MorphMesh, MorphTarget, Tolerance, obj};
+use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
+use deltamorph::mesh::{MorphMesh, Tolerance, obj};
 use deltamorph::plan::commands::{Command, CommandList};
 use deltamorph::plan::hazards::HazardChecker;
 use deltamorph::plan::{Accumulate, BatchSize, Source, UpdateDesc, UpdateMode, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::weights::csv;
-use gpu::{applied, on_every_device, single};
+use gpu::{applied, in_eight_chunks, on_every_device, single};
 use std::sync::Arc;
 
 /// As in `gpu_paths`: positions within 3e-6 of the diagonal, normals within 0.01°.
@@ -131,12 +131,7 @@ fn every_baseline_equals_the_reference() {
 #[test]
 fn degenerate_meshes_and_empty_targets() {
     on_every_device(|headless, engine| {
-        let mut empty = testing::mesh(100, 5);
-        for target in &mut empty.targets {
-            *target = MorphTarget { name: target.name.clone(), ..Default::default() };
-        }
-        let sizes = [(1, 1), (1, 0), (63, 3), (64, 1), (65, 0), (2, 300)];
-        for mesh in sizes.into_iter().map(|(v, t)| testing::mesh(v, t)).chain([empty]) {
+        for mesh in testing::degenerate() {
             for format in FORMATS {
                 let mesh = packed(engine, &mesh, format);
                 for desc in descs(engine, format).into_iter().filter(|desc| desc.slots == 2) {
@@ -151,10 +146,7 @@ fn degenerate_meshes_and_empty_targets() {
 fn chunks() {
     on_every_device(|headless, engine| {
         for format in DeltaFormat::DENSE {
-            let max_chunk_bytes = 128 * 37 * format.stride() as u64;
-            let desc = PackDesc { format, max_chunk_bytes, ..PackDesc::default() };
-            let mesh = PackedMesh::pack(&testing::mesh(1000, 37), &desc).expect("a mesh that fits");
-            assert_eq!(mesh.layout().chunks().count(), 8);
+            let mesh = in_eight_chunks(&testing::mesh(1000, 37), format);
             for desc in descs(engine, format) {
                 check(headless, &mesh, desc, 4);
             }

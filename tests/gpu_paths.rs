@@ -11,7 +11,7 @@ use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::plan::{Accumulate, UpdateDesc, UpdateMode, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
-use gpu::{applied, on_every_device, single, update_descs, weights};
+use gpu::{applied, in_eight_chunks, on_every_device, single, update_descs, weights};
 
 /// Positions within 3e-6 of the diagonal, normals within 0.01°: what the project promises after whole clips.
 const POSITION: f64 = 3e-6;
@@ -79,11 +79,11 @@ fn modes_and_slot_counts() {
 }
 
 #[test]
-fn degenerate_meshes() {
+fn degenerate_meshes_and_empty_targets() {
     on_every_device(|headless, engine| {
-        for format in DeltaFormat::ALL {
-            for (vertices, targets) in [(1, 1), (1, 0), (63, 3), (64, 1), (65, 0), (2, 300)] {
-                let mesh = packed(engine, vertices, targets, format);
+        for mesh in testing::degenerate() {
+            for format in DeltaFormat::ALL {
+                let mesh = PackedMesh::pack(&mesh, &engine.pack_desc(format)).expect("a mesh that fits");
                 for desc in update_descs(engine, format) {
                     check(headless, &mesh, desc, 3);
                 }
@@ -93,29 +93,10 @@ fn degenerate_meshes() {
 }
 
 #[test]
-fn all_targets_empty() {
-    on_every_device(|headless, engine| {
-        let mut mesh = testing::mesh(100, 5);
-        for target in &mut mesh.targets {
-            *target = deltamorph::mesh::MorphTarget { name: target.name.clone(), ..Default::default() };
-        }
-        for format in DeltaFormat::ALL {
-            let mesh = PackedMesh::pack(&mesh, &engine.pack_desc(format)).expect("a mesh that fits");
-            for desc in update_descs(engine, format) {
-                check(headless, &mesh, desc, 3);
-            }
-        }
-    });
-}
-
-#[test]
 fn meshes_beyond_the_storage_range_are_cut_into_chunks() {
     on_every_device(|headless, engine| {
         for format in DeltaFormat::DENSE {
-            let max_chunk_bytes = 128 * 37 * format.stride() as u64;
-            let desc = PackDesc { format, max_chunk_bytes, ..PackDesc::default() };
-            let mesh = PackedMesh::pack(&testing::mesh(1000, 37), &desc).expect("a mesh that fits");
-            assert_eq!(mesh.layout().chunks().count(), 8);
+            let mesh = in_eight_chunks(&testing::mesh(1000, 37), format);
             for desc in update_descs(engine, format) {
                 check(headless, &mesh, desc, 4);
             }

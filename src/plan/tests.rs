@@ -33,18 +33,18 @@ fn descs() -> impl Strategy<Value = UpdateDesc> {
 
 /// A frame: weights from a small grid (so that some stay as they are), and what happens around it.
 #[derive(Clone, Debug)]
-enum Event {
-    Update(Vec<i8>),
+pub(crate) enum Event {
+    Update(Vec<f32>),
     DiscardLast(u64),
     Cut,
 }
 
-fn events(targets: usize) -> impl Strategy<Value = Vec<Event>> {
-    let update = || proptest::collection::vec(-2i8..5, targets).prop_map(Event::Update);
-    proptest::collection::vec(
-        prop_oneof![6 => update(), 1 => (0u64..4).prop_map(Event::DiscardLast), 1 => Just(Event::Cut)],
-        1..30,
-    )
+pub(crate) fn events(targets: usize) -> impl Strategy<Value = Vec<Event>> {
+    let weights = proptest::collection::vec((-2i8..5).prop_map(|w| f32::from(w) * 0.25), targets);
+    let event = prop_oneof![
+        6 => weights.prop_map(Event::Update), 1 => (0u64..4).prop_map(Event::DiscardLast), 1 => Just(Event::Cut)
+    ];
+    proptest::collection::vec(event, 1..30)
 }
 
 proptest! {
@@ -70,7 +70,6 @@ proptest! {
                 }
                 Event::Cut => { state.cut(); cut = true; }
                 Event::Update(weights) => {
-                    let weights: Vec<f32> = weights.iter().map(|&w| f32::from(w) * 0.25).collect();
                     let wanted: Vec<f64> = weights.iter().map(|&w| f64::from(w)).collect();
                     let last = state.applied().map(|w| w.iter().map(|&w| f64::from(w)).collect::<Vec<_>>());
                     update += 1;

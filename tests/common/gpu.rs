@@ -3,7 +3,8 @@
 
 use deltamorph::engine::{CrowdDesc, DeviceCaps, MorphEngine};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
-use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
+use deltamorph::mesh::MorphMesh;
+use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
 
 /// Substrings of the device names that have to be there. `DELTAMORPH_TEST_DRIVERS` (comma list) replaces them.
@@ -87,6 +88,15 @@ pub fn applied(mesh: &PackedMesh, desc: &UpdateDesc, weights: &[f32]) -> Vec<f32
 /// One instance, two frames in flight.
 pub fn single(update: UpdateDesc) -> CrowdDesc {
     CrowdDesc { instances: 1, update, frames_in_flight: 2 }
+}
+
+/// `mesh` of 1000 vertices and 37 targets as a device would need it that reaches 128 vertices.
+pub fn in_eight_chunks(mesh: &MorphMesh, format: DeltaFormat) -> PackedMesh {
+    let max_chunk_bytes = 128 * 37 * format.stride() as u64;
+    let desc = PackDesc { format, max_chunk_bytes, ..PackDesc::default() };
+    let mesh = PackedMesh::pack(mesh, &desc).expect("a mesh that fits");
+    assert_eq!(mesh.layout().chunks().count(), 8);
+    mesh
 }
 
 /// Weights that change here and there from frame to frame: negative, above one, zero.

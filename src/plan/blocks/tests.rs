@@ -6,7 +6,7 @@ use crate::mesh::packed::blocks::BlockDesc;
 use crate::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
 use crate::plan::commands::CommandList;
 use crate::plan::hazards::HazardChecker;
-use crate::plan::tests::assert_barriers_needed;
+use crate::plan::tests::{Event, assert_barriers_needed, events};
 use crate::plan::{BatchSize, UpdatePath};
 use crate::{reference, testing};
 use proptest::prelude::*;
@@ -33,20 +33,6 @@ fn run(mesh: &PackedMesh, index: &BlockIndex, exact: Option<ExactGrid>, list: &W
     }
 }
 
-/// A frame: weights from a small grid (so that some stay as they are), and what happens around it.
-#[derive(Clone, Debug)]
-enum Event {
-    Update(Vec<i8>),
-    DiscardLast(u64),
-    Cut,
-}
-
-fn events() -> impl Strategy<Value = Vec<Event>> {
-    let update = || proptest::collection::vec(-2i8..5, TARGETS).prop_map(Event::Update);
-    let event = prop_oneof![6 => update(), 1 => (0u64..4).prop_map(Event::DiscardLast), 1 => Just(Event::Cut)];
-    proptest::collection::vec(event, 1..25)
-}
-
 fn packed(format: DeltaFormat, size: u32) -> PackedMesh {
     let blocks = BlockDesc { size: Some(size), ..BlockDesc::default() };
     PackedMesh::pack(&testing::mesh(300, TARGETS), &PackDesc { blocks, ..PackDesc::new(format) }).unwrap()
@@ -58,7 +44,7 @@ proptest! {
     #[test]
     fn plans_reach_the_weights_without_hazards(
         format in 0usize..3, size in prop::sample::select(vec![32u32, 64]), exact in any::<bool>(),
-        rebuild in any::<bool>(), slots in 1u32..5, budget in any::<bool>(), whole in any::<bool>(), events in events(),
+        rebuild in any::<bool>(), slots in 1u32..5, budget in any::<bool>(), whole in any::<bool>(), events in events(TARGETS),
     ) {
         let mesh = packed(DeltaFormat::BLOCKS[format], size);
         let index = mesh.layout().blocks.clone().unwrap();
@@ -94,7 +80,6 @@ proptest! {
                 }
                 Event::Cut => { state.cut(); last = None; }
                 Event::Update(weights) => {
-                    let weights: Vec<f32> = weights.iter().map(|&w| f32::from(w) * 0.25).collect();
                     let known = state.is_known();
                     let mut stats = UpdateStats::default();
                     update += 1;
