@@ -233,6 +233,39 @@ fn crowds() {
 
 /// The sums that atomics add up in any order are those of exact sums in blocks, and rounding weights to the grid moves
 /// no component further than half a weight step times Σ |delta|.
+/// What a head is asked for while it is hidden is not drawn, whatever other heads do meanwhile.
+#[test]
+fn hidden_heads_come_back_as_they_are_asked_for() {
+    on_every_device(|headless, engine| {
+        let mesh = packed(engine, &testing::mesh(300, 12), DeltaFormat::Float32);
+        let bound = POSITION * f64::from(mesh.layout().diagonal.max(1.0));
+        // None more than a draw may have attributes for.
+        let [first, meant, other] = [[0.5, 0.0], [-0.25, 1.0], [0.0, 0.75]].map(|w| [&w[..], &[0.0; 10]].concat());
+        for desc in descs(engine, DeltaFormat::Float32).into_iter().filter(|desc| can_read(headless, desc)) {
+            if desc.batch == BatchSize::Targets(1) {
+                continue;
+            }
+            let desc = CrowdDesc { instances: 2, ..single(desc) };
+            let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
+            crowd.step(&[&first, &first]).expect("a step");
+            crowd.crowd().set_hidden(0, true).expect("an instance");
+            crowd.step(&[&meant, &other]).expect("a step");
+            crowd.crowd().set_hidden(0, false).expect("an instance");
+            for weights in [[&first, &other], [&meant, &other]] {
+                crowd.step(&weights.map(|w| &w[..])).expect("a step");
+                crowd.draw(1).expect("a draw");
+                for (instance, weights) in (0..).zip(weights) {
+                    let reference = evaluate(&mesh, &applied(&mesh, &desc.update, weights));
+                    let error = compare(&crowd.read_pose(instance).expect("a pose"), &reference);
+                    assert!(error.within(bound, NORMAL), "{} {desc:?} {instance}: {error:?}", headless.caps().name);
+                }
+                let (_, dropped) = crowd.record(&[&other, &first]).expect("a recording");
+                crowd.crowd().discard(dropped.ticket);
+            }
+        }
+    });
+}
+
 #[test]
 fn scattered_sums_are_exact_sums() {
     on_every_device(|headless, engine| {

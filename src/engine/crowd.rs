@@ -259,7 +259,7 @@ impl Crowd {
             }
             // What the GPU would have changed is unchanged: the CPU's count of updates turns back, and that is all.
             Backend::Animated(animated) => animated.heads.discard_from(ticket.recorded),
-            Backend::Baseline(baseline) => baseline.states.iter_mut().for_each(|s| s.discard_from(ticket.update)),
+            Backend::Baseline(baseline) => baseline.discard_from(ticket.update),
         }
         self.recorded = self.recorded.min(ticket.recorded);
     }
@@ -403,7 +403,7 @@ impl Crowd {
                 Ok(())
             }
             // SAFETY: the caller's obligations.
-            Backend::Baseline(b) => unsafe { b.record(&self.device, cmd, &self.heads, frame) },
+            Backend::Baseline(b) => unsafe { b.record(&self.device, cmd, frame) },
         }
     }
 

@@ -85,11 +85,6 @@ impl Heads {
         Ok(())
     }
 
-    /// What each place was asked for last, whether it is shown or not.
-    pub fn weights(&self) -> &[Vec<f32>] {
-        &self.weights
-    }
-
     /// For each place, the weights asked for; `None` where nothing is to be updated.
     pub fn asked(&self) -> impl Iterator<Item = Option<&[f32]>> {
         self.presence.iter().zip(&self.weights).map(|(p, w)| (*p == Presence::Shown).then_some(&w[..]))

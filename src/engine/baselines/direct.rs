@@ -57,13 +57,18 @@ impl DirectCrowd {
         Ok(Self { kernel: kernel.clone(), ring, stride, sets, heads, poses: poses.raw })
     }
 
-    /// Write the weights of all instances into this frame's part of the ring; the update that used it last has finished
-    /// by contract.
-    pub(super) fn write(&mut self, layout: &PackedLayout, weights: &[Vec<f32>], frame: u64) -> Result<()> {
-        let frame_bytes = self.stride as usize * weights.len();
+    /// Write the weights of all instances, none for one that has no pose, into this frame's part of the ring; the update
+    /// that used it last has finished by contract.
+    pub(super) fn write<'a>(
+        &mut self,
+        layout: &PackedLayout,
+        weights: impl Iterator<Item = &'a [f32]>,
+        frame: u64,
+    ) -> Result<()> {
+        let frame_bytes = self.stride as usize * self.heads.len();
         let at = frame as usize * frame_bytes;
         let part = &mut self.ring.mapped()?[at..at + frame_bytes];
-        for (i, (weights, out)) in weights.iter().zip(part.chunks_exact_mut(self.stride as usize)).enumerate() {
+        for (i, (weights, out)) in weights.zip(part.chunks_exact_mut(self.stride as usize)).enumerate() {
             for ((weight, target), out) in weights.iter().zip(&layout.targets).zip(out.chunks_exact_mut(WEIGHT_BYTES)) {
                 let coefficient = weight * target.position_step;
                 out.copy_from_slice(bytemuck::bytes_of(&[coefficient, coefficient * target.normal_ratio()]));

@@ -31,6 +31,11 @@ pub(super) struct BaselineCrowd {
     pub(super) plans: Vec<Plan>,
     /// The commands of `scatter`; direct paths have none.
     pub(super) list: CommandList,
+    /// The update that was planned last, and the last one that wrote weights for draws.
+    planned: u64,
+    written: u64,
+    /// The latter never ran, and its part of the ring is the next one's.
+    stale: bool,
 }
 
 enum Kind {
@@ -70,6 +75,9 @@ impl BaselineCrowd {
             states: vec![PoseState::new(update)?; instances],
             plans: vec![Plan::default(); instances],
             list: CommandList::new(desc.update.path),
+            planned: 0,
+            written: 0,
+            stale: false,
         }))
     }
 
@@ -110,6 +118,7 @@ impl BaselineCrowd {
                 None => plan.clear(),
             }
         }
+        self.planned = update;
         match &mut self.kind {
             Kind::Scatter(scatter) => {
                 self.list.fill_scatter(&self.plans);
@@ -121,9 +130,9 @@ impl BaselineCrowd {
                 stats
             }
             Kind::Attributes(attributes) => {
-                for (active, weights) in attributes.active.iter_mut().zip(heads.weights()) {
+                for (active, state) in attributes.active.iter_mut().zip(&self.states) {
                     active.clear();
-                    active_targets(weights, active);
+                    active_targets(state.applied().unwrap_or_default(), active);
                 }
                 self.draw_stats(heads)
             }
@@ -145,22 +154,22 @@ impl BaselineCrowd {
         }
     }
 
-    /// Whether any weight of the update that was planned last differs from what was applied.
+    /// Whether the update that was planned last has something to write.
     pub(super) fn has_changed(&self) -> bool {
-        self.plans.iter().any(|plan| !plan.passes.is_empty())
+        self.stale || self.plans.iter().any(|plan| !plan.passes.is_empty())
+    }
+
+    /// The update numbered `first` and all later ones will never run.
+    pub(super) fn discard_from(&mut self, first: u64) {
+        self.states.iter_mut().for_each(|state| state.discard_from(first));
+        self.stale |= self.written >= first;
     }
 
     /// Write the planned commands, or the weights for the draws.
     ///
     /// # Safety
     /// As [`super::MorphEngine::record_update`].
-    pub(super) unsafe fn record(
-        &mut self,
-        device: &Device,
-        cmd: vk::CommandBuffer,
-        heads: &Heads,
-        frame: u64,
-    ) -> Result<()> {
+    pub(super) unsafe fn record(&mut self, device: &Device, cmd: vk::CommandBuffer, frame: u64) -> Result<()> {
         let changed = self.has_changed();
         match &mut self.kind {
             Kind::Scatter(scatter) => {
@@ -168,7 +177,12 @@ impl BaselineCrowd {
                 unsafe { scatter.record(device, cmd, &self.mesh, &self.list) };
                 Ok(())
             }
-            Kind::Direct(direct) if changed => direct.write(&self.mesh.layout, heads.weights(), frame),
+            Kind::Direct(direct) if changed => {
+                (self.written, self.stale) = (self.planned, false);
+                // A hidden head's draws go on as they were, whatever it is asked for meanwhile.
+                let applied = self.states.iter().map(|state| state.applied().unwrap_or_default());
+                direct.write(&self.mesh.layout, applied, frame)
+            }
             Kind::Direct(_) | Kind::Attributes(_) => Ok(()),
         }
     }
