@@ -151,8 +151,11 @@ fn small_limits_split_the_crowd() {
     // Sixteen instances in two slots, or a little more; four items in a dispatch.
     let range = 2 * 17 * mesh.layout().pose_bytes();
     let limits = DeviceCaps { max_storage_range: range, max_workgroups: 4, ..DeviceCaps::android_baseline() };
-    for driver in gpu::drivers() {
-        gpu::on_device_within(&driver, Some(limits.clone()), |headless, _| {
+    let roomy = DeviceCaps { max_texels: u32::MAX, int64: true, ..limits.clone() };
+    for (driver, limits) in gpu::drivers().iter().flat_map(|d| [(d, roomy.clone()), (d, limits.clone())]) {
+        let texels = limits.int64 && driver == "llvmpipe";
+        gpu::on_device_within(driver, Some(limits), |headless, _| {
+            assert_eq!(headless.caps().takes_texels(DeltaFormat::Fast), texels, "{driver}");
             play_around(headless, &mesh, crowd(45, exact(2)), KeyFormat::Bits32, 10);
         });
     }

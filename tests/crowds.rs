@@ -127,9 +127,11 @@ fn an_idle_crowd_is_no_work() {
 fn a_crowd_in_several_descriptor_ranges() {
     // Poses of 704 vertices: seven heads of two slots each.
     let limits = DeviceCaps { max_storage_range: 704 * 24 * 15, ..DeviceCaps::android_baseline() };
-    let roomy = DeviceCaps { max_texels: u32::MAX, ..limits.clone() };
+    let roomy = DeviceCaps { max_texels: u32::MAX, int64: true, ..limits.clone() };
     for (driver, limits) in gpu::drivers().iter().flat_map(|d| [(d, roomy.clone()), (d, limits.clone())]) {
+        let texels = limits.int64 && driver == "llvmpipe";
         gpu::on_device_within(driver, Some(limits), |headless, engine| {
+            assert_eq!(headless.caps().takes_texels(DeltaFormat::Fast), texels, "{driver}");
             for (format, desc) in kernels(engine).into_iter().filter(|(f, _)| f.is_blocks()) {
                 let mesh = packed(engine, format);
                 let mut crowd = crowd(headless, &mesh, desc, 19);

@@ -117,6 +117,8 @@ fn roomy() -> DeviceCaps {
         max_workgroup_invocations: u32::MAX,
         max_workgroups: u32::MAX,
         transform_feedback: Some(TransformFeedbackCaps { max_buffer_bytes: u64::MAX, max_stride: u32::MAX }),
+        vertex_stores: true,
+        int64: true,
         ..DeviceCaps::android_baseline()
     }
 }

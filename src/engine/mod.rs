@@ -34,7 +34,7 @@ use crate::error::{Error, Result};
 use crate::gpu::animation::AnimationKernel;
 use crate::gpu::barriers;
 use crate::gpu::baselines::Baseline;
-use crate::gpu::blocks::{BlocksKernel, BlocksVariant, takes_texels};
+use crate::gpu::blocks::{BlocksKernel, BlocksVariant};
 use crate::gpu::compute::Compute;
 use crate::gpu::device::Device;
 use crate::gpu::feedback::Feedback;
@@ -322,7 +322,7 @@ impl MorphEngine {
     fn kernel(&self, desc: &CrowdDesc, mesh: &GpuMesh) -> Result<Kernel> {
         let (format, instances, desc) = (mesh.layout().format, desc.instances, &desc.update);
         let exact = desc.accumulate == Accumulate::Exact;
-        let texels = takes_texels(&self.device.caps, format);
+        let texels = self.device.caps.takes_texels(format);
         let variant = mesh.layout().blocks.as_ref().map(|index| BlocksVariant {
             format,
             exact,

@@ -1,7 +1,6 @@
 //! The `blocks` path: a workgroup for each item of the work list, or for each tile.
 
 use super::barriers;
-use super::caps::DeviceCaps;
 use super::descriptors::{Bound, BufferRange, Sets};
 use super::device::Device;
 use super::pipelines::Objects;
@@ -184,14 +183,6 @@ impl BlocksKernel {
     pub(crate) fn pipeline_of(&self, apart: usize, width: usize) -> usize {
         apart * self.variant.widths as usize + width
     }
-}
-
-/// Whether `fast` is read as texels (and stored in 64-bit integers), and so in tiles even for a single instance: on software drivers, which pay for
-/// storage buffers lane by lane, and several times as much under the control flow that masks take.
-pub(crate) fn takes_texels(caps: &DeviceCaps, format: DeltaFormat) -> bool {
-    // Whatever a storage descriptor covers, a view of four words each covers then.
-    let long = u64::from(caps.max_texels) >= caps.max_storage_range / 16;
-    caps.is_software() && caps.int64 && format == DeltaFormat::Fast && long
 }
 
 /// Items that go into one dispatch, or more where the device allows only so many workgroups.

@@ -45,7 +45,7 @@ pub struct DeviceCaps {
     pub max_vertex_bindings: u32,
     /// Invocations of a workgroup.
     pub max_workgroup_invocations: u32,
-    /// Workgroups per dimension.
+    /// Workgroups in x and in y.
     pub max_workgroups: u32,
     /// Nanoseconds per timestamp tick; 0 when there are no timestamps.
     pub timestamp_period: f32,
@@ -156,7 +156,7 @@ impl DeviceCaps {
             max_vertex_attributes: limits.max_vertex_input_attributes,
             max_vertex_bindings: limits.max_vertex_input_bindings,
             max_workgroup_invocations: limits.max_compute_work_group_invocations,
-            max_workgroups: limits.max_compute_work_group_count[0],
+            max_workgroups: limits.max_compute_work_group_count[0].min(limits.max_compute_work_group_count[1]),
             timestamp_period: limits.timestamp_period,
             transform_feedback: (with_feedback && feedback_features.transform_feedback == vk::TRUE).then_some(
                 TransformFeedbackCaps {
@@ -211,6 +211,15 @@ impl DeviceCaps {
             });
         self.vertex_stores &= limits.vertex_stores;
         self.int64 &= limits.int64;
+    }
+
+    /// Whether tiles of `format` are read as texels and stored in 64-bit integers, and single instances taken as tiles: on
+    /// software drivers, which pay for storage buffers lane by lane, and several times as much under the control flow that
+    /// masks take.
+    pub fn takes_texels(&self, format: DeltaFormat) -> bool {
+        // Whatever a storage descriptor covers, a view of four words each covers then.
+        let long = u64::from(self.max_texels) >= self.max_storage_range / 16;
+        self.is_software() && self.int64 && format == DeltaFormat::Fast && long
     }
 
     /// The largest batch of a feedback pass: vertex attributes − 2 for the pose, 2 a target (float32) or 1
