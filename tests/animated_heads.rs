@@ -83,6 +83,35 @@ fn poses_and_previous_poses_follow_the_slots() {
     });
 }
 
+/// A head that is hidden, or shown, by an update that never runs has the pose that it had.
+#[test]
+fn a_discarded_update_takes_no_pose_away() {
+    let mesh = packed(DeltaFormat::Small, 64);
+    gpu::on_every_device(|headless, _| {
+        for slots in [1, 2, 3] {
+            let clips = clips();
+            let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
+            let mut scene = Scene::new(headless, &mesh, crowd(2, exact(slots)), &animation);
+            (0..2).for_each(|i| scene.play(i, Playback::new(1)));
+            scene.step(0.0);
+            scene.step(0.1);
+            let pose = scene.crowd.read_pose(1).expect("a pose");
+            for (frame, hidden) in [true, false, true].into_iter().enumerate() {
+                scene.hide(1, hidden);
+                scene.drop_one(5.0);
+                assert!(scene.crowd.read_pose(1).expect("a pose") == pose, "{slots} slots, hidden: {hidden}, dropped");
+                if hidden {
+                    scene.step(0.2 + frame as f64);
+                    assert!(scene.crowd.read_pose(1).expect("a pose") == pose, "{slots} slots, hidden");
+                }
+            }
+            scene.hide(1, false);
+            scene.step(4.0);
+            scene.assert_fresh(1);
+        }
+    });
+}
+
 #[test]
 fn heads_come_and_go() {
     let mesh = packed(DeltaFormat::Small, 32);

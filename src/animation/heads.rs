@@ -6,13 +6,17 @@ use std::ops::Range;
 
 /// Elapsed ticks at which a record is started anew (4.5 hours): half of what is exact. Starts may be as far ahead.
 const REBASE_TICKS: i64 = 1 << 30;
+/// How far back it then starts: the clock may go back as far (an hour).
+const REBASE_MARGIN: i64 = REBASE_TICKS / 4;
+/// Turns that are remembered of a head, for updates that never run.
+const TURNS: usize = 4;
 /// Seconds beyond this are no time to animate at; below, ticks are exact in an `f64`.
 const SECONDS_MAX: f64 = (1u64 << 36) as f64;
 
 /// Whether a head's poses are known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Shown {
-    /// No update has written it, or it was hidden or shown by one that was discarded.
+    /// No update has written it.
     Never,
     /// Every update writes it.
     Yes,
@@ -25,8 +29,8 @@ struct Head {
     /// The tick at which it started, all of its bits.
     start: i64,
     shown: Shown,
-    /// The update that hid or showed it last.
-    turned: u64,
+    /// The last updates that hid or showed it, and what was before each of them.
+    turns: Vec<(u64, Shown)>,
     /// The update whose pose has no predecessor.
     cut_at: Option<u64>,
     cut: bool,
@@ -36,6 +40,27 @@ struct Head {
     sent: u64,
     /// Whether it is in the list of heads to look at.
     listed: bool,
+}
+
+impl Head {
+    /// Hidden or shown by `update`.
+    fn turn(&mut self, update: u64, shown: Shown) {
+        if self.turns.len() == TURNS {
+            self.turns.remove(0);
+            // What was before is forgotten.
+            self.turns[0].1 = Shown::Never;
+        }
+        self.turns.push((update, std::mem::replace(&mut self.shown, shown)));
+    }
+
+    /// As before the update `first`; tells whether that is otherwise.
+    fn turn_back(&mut self, first: u64) -> bool {
+        let mut turned = false;
+        while let Some((_, before)) = self.turns.pop_if(|(update, _)| *update >= first) {
+            (self.shown, turned) = (before, true);
+        }
+        turned
+    }
 }
 
 /// The heads of a crowd: records, clock, and what each update writes of them.
@@ -61,7 +86,7 @@ impl Heads {
         let head = Head {
             start: 0,
             shown: Shown::Never,
-            turned: 0,
+            turns: vec![],
             cut_at: None,
             cut: false,
             stale: false,
@@ -79,7 +104,7 @@ impl Heads {
         }
     }
 
-    /// The clock is at `seconds` when the next update runs. It may stand still, and go back a little.
+    /// The clock is at `seconds` when the next update runs. It may stand still, and go back by up to an hour.
     ///
     /// # Errors
     /// No number, or one too large; more than 4.5 hours before some head's start.
@@ -158,7 +183,10 @@ impl Heads {
     /// A new head in the place of one that was hidden: it plays nothing, and has no pose yet.
     pub fn add(&mut self, head: u32) {
         self.records[head as usize] = HeadRecord::default();
-        self.list(head, |head| (head.shown, head.stale) = (Shown::Never, true));
+        self.list(head, |head| {
+            (head.shown, head.stale) = (Shown::Never, true);
+            head.turns.clear();
+        });
     }
 
     /// The next pose of `head` has no predecessor.
@@ -191,9 +219,10 @@ impl Heads {
             let hidden = self.records[number as usize].has(HeadRecord::HIDDEN);
             let cut = std::mem::take(&mut head.cut);
             match (hidden, head.shown) {
-                (true, Shown::Yes) => (head.shown, head.turned) = (Shown::Until(update), update),
+                (true, Shown::Yes) => head.turn(update, Shown::Until(update)),
                 (false, Shown::Never | Shown::Until(_)) => {
-                    (head.shown, head.turned, head.cut_at) = (Shown::Yes, update, Some(update));
+                    head.turn(update, Shown::Yes);
+                    head.cut_at = Some(update);
                 }
                 (false, Shown::Yes) if cut => head.cut_at = Some(update),
                 _ => {}
@@ -217,13 +246,14 @@ impl Heads {
             let (now, record) = (self.now, &mut self.records[number]);
             let elapsed = now - self.heads[number].start;
             if elapsed >= REBASE_TICKS / 2 {
+                let start = now - REBASE_MARGIN;
                 if record.has(HeadRecord::PLAYING) {
-                    let position = position(record, clips, elapsed);
+                    let position = position(record, clips, elapsed - REBASE_MARGIN);
                     (record.frame, record.fraction) = ((position >> 32) as u32, position as u32);
-                    record.start = now as u32;
+                    record.start = start as u32;
                     self.list(number as u32, |head| head.stale = true);
                 }
-                self.heads[number].start = now;
+                self.heads[number].start = start;
             }
             (latest, earliest) = (latest.max(self.heads[number].start), earliest.min(self.heads[number].start));
         }
@@ -249,11 +279,8 @@ impl Heads {
         self.updates = first;
         for number in 0..self.heads.len() as u32 {
             let head = &mut self.heads[number as usize];
-            let (sent, turned) = (head.sent >= first, head.turned >= first);
+            let (sent, turned) = (head.sent >= first, head.turn_back(first));
             let cut = head.cut_at.is_some_and(|update| update >= first);
-            if turned {
-                head.shown = Shown::Never;
-            }
             if cut {
                 // Until the next update, whose pose has no predecessor again, this one has none either.
                 head.cut_at = first.checked_sub(1);

@@ -70,7 +70,8 @@ proptest! {
         }
     }
 
-    /// A record that is started anew goes on exactly where it was, as if it had been played from the beginning.
+    /// A record that is started anew goes on exactly where it was, as if it had been played from the beginning; also where
+    /// the clock goes back.
     #[test]
     fn a_record_started_anew_goes_on_where_it_was(
         frames in 1usize..50, fps in 1.0..120.0f32, speed in -2.0..2.0f64, once in any::<bool>(),
@@ -83,7 +84,7 @@ proptest! {
         let first = heads.records()[0];
         let mut times = times;
         times.sort_by(f64::total_cmp);
-        for seconds in times {
+        for seconds in times.into_iter().flat_map(|t| [t, t - 0.5, t - 3500.0]).filter(|t| *t >= 0.0) {
             heads.set_time(seconds).unwrap();
             heads.update(&clips);
             let record = heads.records()[0];
@@ -169,15 +170,34 @@ fn what_is_played_is_sent_once_and_again_when_it_was_discarded() {
     assert_eq!((heads.update(&clips), runs(&heads)), (2, vec![(2, 3)]));
     assert_eq!([0, 1, 2].map(|head| heads.written(head)), [Some((2, false)), Some((2, true)), Some((1, false))]);
     heads.discard_from(2);
-    assert_eq!([0, 1, 2].map(|head| heads.written(head)), [Some((1, false)), Some((1, true)), None]);
+    assert_eq!([0, 1, 2].map(|head| heads.written(head)), [Some((1, false)), Some((1, true)), Some((1, true))]);
     heads.set_hidden(2, false);
     assert_eq!((heads.update(&clips), runs(&heads)), (2, vec![(2, 3)]));
-    assert_eq!([0, 1, 2].map(|head| heads.written(head)), [Some((2, false)), Some((2, true)), Some((2, false))]);
+    assert_eq!([0, 1, 2].map(|head| heads.written(head)), [Some((2, false)), Some((2, true)), Some((2, true))]);
     assert_eq!((heads.update(&clips), runs(&heads)), (3, vec![]));
     heads.discard_from(0);
     assert_eq!(heads.written(1), None);
     assert_eq!((heads.update(&clips), runs(&heads)), (0, vec![(0, 4)]));
     assert_eq!(heads.written(1), Some((0, false)));
+}
+
+/// What was before a few turns is known; what was before more is not made up.
+#[test]
+fn turns_that_never_ran_are_turned_back() {
+    let clips = clips(&[clip(4, 24.0, |f, _| f as f32 / 8.0)], KeyFormat::Bits32);
+    for (turns, discarded) in (1..9).flat_map(|turns| (0..=turns).map(move |discarded| (turns, discarded))) {
+        let mut heads = Heads::new(1);
+        let mut written = vec![heads.written(0)];
+        for turn in 0..turns {
+            heads.set_hidden(0, turn % 2 == 1);
+            heads.update(&clips);
+            written.push(heads.written(0));
+        }
+        heads.discard_from(turns - discarded);
+        let now = heads.written(0).map(|(update, _)| update);
+        let expected = written[(turns - discarded) as usize].map(|(update, _)| update);
+        assert!(now == expected || (discarded >= 4 && now.is_none()), "{turns} {discarded}: {now:?}, {expected:?}");
+    }
 }
 
 #[test]

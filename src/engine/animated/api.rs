@@ -17,7 +17,8 @@ impl MorphEngine {
     /// count a pass, and nothing else. There is no ring of lists either: any number of updates may be in flight.
     ///
     /// An update that is [discarded](Crowd::discard) changed nothing: the poses are those of the update before, and the
-    /// next update does what it would have done. Only heads that it hid, showed or added have no pose until then.
+    /// next update does what it would have done. Only heads that it added have no pose until then, and such as came and
+    /// went several times in the updates discarded.
     ///
     /// This records: a copy and two fills, and a barrier that makes them visible to updates (first stage TRANSFER with
     /// TRANSFER_WRITE; last COMPUTE_SHADER).
