@@ -16,7 +16,7 @@ layout(set = 0, binding = 0, std430) readonly buffer Tables { uint tables[]; };
 // history  [head][block]: in which of the last updates it was touched, the last in bit 0
 layout(set = 0, binding = 1, std430) buffer State { uint state[]; };
 
-// items    [width][item] 12 words;   rows [tile][entry, and two for each block] 9 words     (src/plan/blocks/tiles.rs)
+// items    [width][item] 12 words;   rows [tile][entry, and ROWS for each block]     (tiles.glsl)
 layout(set = 0, binding = 2, std430) buffer Work { uint work[]; };
 
 // counters [group][width], then arguments [group][width][chunk] x y z of a dispatch
@@ -73,9 +73,6 @@ const uint ACTIVE = 1u;     // the weight is not 0
 const uint ASKED = 2u;      // the weight asked for changed
 const uint PENDING = 3u;    // it is not the one that poses hold
 const uint GOES = 4u;       // it waits no longer
-
-const uint WIDTHS = 4u;     // 1, 2, 4, 8 heads
-const uint ROWS = 2u;       // what the number of rows is a multiple of, where there are several heads
 
 uint bits(uint kind) {
     return bits_at + kind * heads * words;

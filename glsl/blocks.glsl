@@ -42,7 +42,7 @@ layout(set = 0, binding = 3, std430) buffer Sums { int sums[]; };
 
 layout(push_constant) uniform Push {
     uint first_item;    // index of the first item's first word
-    uint elements_at;   // index of the first element's first word
+    uint elements_at;   // index of the first element's first word (blocks.comp)
     uint deltas_at;     // index of the first delta word of the asset
     uint base_at;       // index of the base pose's first word
     uint pose_floats;   // floats of a pose

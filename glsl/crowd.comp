@@ -7,8 +7,8 @@
 #include "tiles.glsl"
 
 layout(constant_id = 2) const uint HEADS = 1;
-// Rows at a time: the planner pads their number.
-layout(constant_id = 3) const uint ROWS = 1;
+// Rows at a time: 1, or ROWS, which the planner makes their number a multiple of.
+layout(constant_id = 3) const uint AT_ONCE = 1;
 #ifndef EXACT
 // Instances that start from the base pose are in items of their own, which load it once.
 layout(constant_id = 4) const bool REBUILT_ITEMS = false;
@@ -93,22 +93,22 @@ void main() {
     // There is a row at least: a loop that asks first would run its body once more on software drivers, for no lane.
     // Two rows at a time, where there are several heads: what lives in memory is loaded and stored half as often.
     do {
-        uint row[ROWS][ROW_WORDS(TILE)];
-        DELTA dp[ROWS][VERTICES], dn[ROWS][VERTICES];
-        uvec2 shifts[ROWS];
-        [[unroll]] for (uint r = 0u; r < ROWS; ++r) {
+        uint row[AT_ONCE][ROW_WORDS(TILE)];
+        DELTA dp[AT_ONCE][VERTICES], dn[AT_ONCE][VERTICES];
+        uvec2 shifts[AT_ONCE];
+        [[unroll]] for (uint r = 0u; r < AT_ONCE; ++r) {
             load_row(next + r * ROW_WORDS(HEADS), row[r]);
             load_entry(row[r][0], lane, dp[r], dn[r], shifts[r]);
         }
         [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
-            ADDEND p[ROWS], n[ROWS];
-            [[unroll]] for (uint r = 0u; r < ROWS; ++r) {
+            ADDEND p[AT_ONCE], n[AT_ONCE];
+            [[unroll]] for (uint r = 0u; r < AT_ONCE; ++r) {
                 p[r] = ADDEND(COEFFICIENT(row[r][1u + h], position_unit, shifts[r].x));
                 n[r] = ADDEND(COEFFICIENT(row[r][1u + h], normal_unit, shifts[r].y));
             }
             [[unroll]] for (uint v = 0u; v < VERTICES; ++v) {
                 ADDEND position = p[0] * ADDEND(dp[0][v]), normal = n[0] * ADDEND(dn[0][v]);
-                [[unroll]] for (uint r = 1u; r < ROWS; ++r) {
+                [[unroll]] for (uint r = 1u; r < AT_ONCE; ++r) {
                     position += p[r] * ADDEND(dp[r][v]);
                     normal += n[r] * ADDEND(dn[r][v]);
                 }
@@ -118,7 +118,7 @@ void main() {
                 }
             }
         }
-        next += ROWS * ROW_WORDS(HEADS);
+        next += AT_ONCE * ROW_WORDS(HEADS);
     } while (next < end);
 
     // Sources are loaded after the loop, where they are not in the way of what is added; and all of them before the first
@@ -143,6 +143,10 @@ void main() {
     }
 #endif
 
+#if defined(EXACT) && defined(TEXELS)
+    // What is loaded as texels and what is stored as integers may be the same memory, which compilers need not know.
+    memoryBarrier();
+#endif
     [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
         uint pose = item[4u + h] >> 16;
 #ifdef EXACT

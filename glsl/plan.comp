@@ -77,9 +77,9 @@ void main() {
     uint last = head_at(places, used - 1u);
     for (uint place = used; place < TILE; ++place) places |= last << (4u * place);
 
-    // A place for each entry, and two for what fills rows up.
+    // A place for each entry, and some for what fills rows up.
     uint row_words = ROW_WORDS(width);
-    uint rows = rows_at + (tile * (entries + 2u * blocks) + from + 2u * block) * ROW_WORDS(TILE);
+    uint rows = rows_at + (tile * (entries + ROWS * blocks) + from + ROWS * block) * ROW_WORDS(TILE);
     uint row = rows;
     for (uint e = from; e < to; ++e) {
         uint target = tables[entries_at + 2u * e];

@@ -51,6 +51,20 @@ struct Ring {
     elements_at: usize,
 }
 
+/// How kernels load a work list: from a storage buffer, or as texels.
+pub(super) const LIST_USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
+    vk::BufferUsageFlags::STORAGE_BUFFER.as_raw() | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER.as_raw(),
+);
+
+/// The integer sums of all instances: stored as a storage buffer, loaded as one or as texels.
+pub(super) fn sums_buffer(device: &Arc<Device>, bytes: u64) -> Result<Buffer> {
+    let usage = vk::BufferUsageFlags::STORAGE_BUFFER
+        | vk::BufferUsageFlags::STORAGE_TEXEL_BUFFER
+        | vk::BufferUsageFlags::TRANSFER_SRC;
+    let location = MemoryLocation::GpuOnly;
+    Buffer::new(device, &BufferDesc { name: "deltamorph integer sums", bytes, usage, location })
+}
+
 /// Sizes of a work list of items and elements: words before the elements, and bytes in all.
 fn item_list_size(index: &BlockIndex, instances: u32) -> (u64, u64) {
     let item = (ITEM_WORDS + POSE_FLOATS * index.mask_words()) as u64;
@@ -91,8 +105,6 @@ impl Blocks {
             state.write_whole_blocks();
         }
         let exact = state.exact();
-        // Where rebuilt instances have pipelines of their own.
-        let tiles = kernel.is_tiled().then(|| Tiles::new(index, desc.instances as usize, exact.is_none()));
         let (range, pose) = (device.caps.max_storage_range, layout.pose_bytes());
         let slots = desc.update.slots;
         let per_instance = pose * u64::from(slots);
@@ -105,29 +117,28 @@ impl Blocks {
         if group == 0 {
             return too_much("the slots of one instance", per_instance, range, "use fewer slots, or split the mesh");
         }
-        let (elements_at, stride) = match &tiles {
-            Some(_) => tile_list_size(index, desc.instances),
-            None => item_list_size(index, desc.instances),
+        let (elements_at, stride) = match kernel.is_tiled() {
+            true => tile_list_size(index, desc.instances),
+            false => item_list_size(index, desc.instances),
         };
         if stride > range {
             let what = format!("the work lists of {} instances", desc.instances);
             return too_much(&what, stride, range, "make several crowds");
         }
-        let bytes = stride.saturating_mul(desc.frames_in_flight.into());
-        let buffer = |name, bytes, location| {
-            let usage = vk::BufferUsageFlags::STORAGE_BUFFER
-                | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
-                | vk::BufferUsageFlags::STORAGE_TEXEL_BUFFER
-                | vk::BufferUsageFlags::TRANSFER_SRC;
-            Buffer::new(device, &BufferDesc { name, bytes, usage, location })
-        };
-        let mut ring = buffer("deltamorph work lists", bytes, MemoryLocation::CpuToGpu)?;
+        // Where rebuilt instances have pipelines of their own.
+        let tiles = kernel.is_tiled().then(|| Tiles::new(index, desc.instances as usize, exact.is_none()));
+        let mut ring = Buffer::new(
+            device,
+            &BufferDesc {
+                name: "deltamorph work lists",
+                bytes: stride.saturating_mul(desc.frames_in_flight.into()),
+                usage: LIST_USAGE,
+                location: MemoryLocation::CpuToGpu,
+            },
+        )?;
         ring.mapped()?;
         let sums = match exact {
-            Some(_) => {
-                let bytes = pose * u64::from(desc.instances);
-                Some(buffer("deltamorph integer sums", bytes, MemoryLocation::GpuOnly)?)
-            }
+            Some(_) => Some(sums_buffer(device, pose * u64::from(desc.instances))?),
             None => None,
         };
         let lists = (0..u64::from(desc.frames_in_flight)).map(|frame| frame * stride);

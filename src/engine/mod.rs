@@ -49,7 +49,7 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Pipelines of one update path, shared by the crowds that use the same format and batch size.
+/// Pipelines of one update path, shared by the crowds that take the same ones.
 #[derive(Clone)]
 pub(crate) enum Kernel {
     Feedback(Arc<Feedback>),
@@ -281,7 +281,7 @@ impl MorphEngine {
     /// Make pose buffers and pipelines for the instances of a mesh, all weights 0. The first update writes
     /// their base poses.
     ///
-    /// Pipelines are made here, not while animating; crowds of the same path, batch size and format share them.
+    /// Pipelines are made here, not while animating; crowds that take the same kernels share them.
     ///
     /// # Errors
     /// A mesh that another engine uploaded; a path or batch size that the device cannot run, with what to use

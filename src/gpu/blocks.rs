@@ -93,13 +93,16 @@ impl BlocksKernel {
         let (bind, layout) = (vk::PipelineBindPoint::COMPUTE, self.objects.layout);
         // SAFETY: the caller's obligations.
         unsafe { device.cmd_bind_descriptor_sets(cmd, bind, layout, 0, &[set], &[]) };
+        let mut begun = false;
         for BlocksDispatch { pipeline, items, first_word, item_words } in parts {
             // SAFETY: the caller's obligations; the push constants fill the layout's range; no dispatch has more
             // workgroups than the device allows.
             unsafe {
                 device.cmd_bind_pipeline(cmd, bind, self.objects.pipelines[*pipeline]);
                 for first in (0..*items).step_by(most) {
-                    self.part(cmd);
+                    if std::mem::replace(&mut begun, true) {
+                        self.part(cmd);
+                    }
                     let push = BlocksPush { first_item: (first_word + first * item_words) as u32, ..push };
                     let groups = most.min(items - first) as u32;
                     device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::COMPUTE, 0, bytes_of(&push));
@@ -109,7 +112,7 @@ impl BlocksKernel {
         }
     }
 
-    /// Part a dispatch from the one before. They write different blocks, and a storage buffer in common tells
+    /// Part a dispatch from the one before of the same set. They write different blocks, and a storage buffer in common tells
     /// synchronization validation as much; as texels, poses are loaded through one descriptor and stored through another,
     /// for which a barrier is asked. Software drivers, the only ones, run one dispatch after the other anyway.
     ///

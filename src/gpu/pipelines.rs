@@ -35,7 +35,7 @@ impl Objects {
         self.add_set_layout(types, vk::ShaderStageFlags::COMPUTE)
     }
 
-    /// A set layout of storage buffers of these types.
+    /// A set layout of buffers of these types: storage buffers, or texels.
     pub(crate) fn add_set_layout(&mut self, types: &[vk::DescriptorType], stage: vk::ShaderStageFlags) -> Result<()> {
         let bindings: Vec<_> = types
             .iter()

@@ -99,7 +99,7 @@ pub struct ReadPush {
     pub stride: u32,
 }
 
-/// Push constants of `animate.comp`, `plan.comp` and `arguments.comp`; `glsl/animation.glsl` says what is where.
+/// Push constants of the kernels of animation on the GPU; `glsl/animation.glsl` says what is where.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct AnimationPush {

@@ -42,7 +42,8 @@ impl Groups {
         if poses == 0 {
             return refuse("the slots of one instance", per_instance, "use fewer slots, or split the mesh");
         }
-        let tiles = (caps.max_storage_range / list).min(caps.max_workgroups.into());
+        // The list of a group is rounded up to whole 256 bytes, and still has to be within reach.
+        let tiles = (caps.max_storage_range / 256 * 256 / list).min(caps.max_workgroups.into());
         if tiles == 0 {
             return refuse("the work lists of eight instances", list, "split the mesh");
         }

@@ -7,7 +7,7 @@ mod layout;
 mod readback;
 
 use super::MeshBuffers;
-use super::blocks::{asset_bytes, blocks_push};
+use super::blocks::{LIST_USAGE, asset_bytes, blocks_push, sums_buffer};
 use super::crowd::CrowdDesc;
 use crate::animation::{Budget, Clips, HeadRecord, Heads};
 use crate::error::{Error, Result};
@@ -104,16 +104,16 @@ impl Animated {
 
         use vk::BufferUsageFlags as U;
         let buffer = |name, bytes, usage, location| Buffer::new(device, &BufferDesc { name, bytes, usage, location });
-        let on_device = |name, bytes| {
-            let usage = U::STORAGE_BUFFER | U::INDIRECT_BUFFER | U::TRANSFER_SRC | U::TRANSFER_DST;
-            buffer(name, bytes, usage | U::UNIFORM_TEXEL_BUFFER | U::STORAGE_TEXEL_BUFFER, MemoryLocation::GpuOnly)
+        let on_device = |name, bytes, usage| {
+            let usage = usage | U::STORAGE_BUFFER | U::TRANSFER_SRC | U::TRANSFER_DST;
+            buffer(name, bytes, usage, MemoryLocation::GpuOnly)
         };
         let pose = layout.pose_bytes();
-        let tables = on_device("deltamorph clips", table_bytes)?;
-        let state = on_device("deltamorph animated weights", state_bytes)?;
-        let work = on_device("deltamorph planned work", groups.stride * u64::from(groups.count()))?;
-        let control = on_device("deltamorph dispatches", control_bytes)?;
-        let sums = on_device("deltamorph integer sums", pose * u64::from(desc.instances))?;
+        let tables = on_device("deltamorph clips", table_bytes, U::empty())?;
+        let state = on_device("deltamorph animated weights", state_bytes, U::empty())?;
+        let work = on_device("deltamorph planned work", groups.stride * u64::from(groups.count()), LIST_USAGE)?;
+        let control = on_device("deltamorph dispatches", control_bytes, U::INDIRECT_BUFFER)?;
+        let sums = sums_buffer(device, pose * u64::from(desc.instances))?;
         let mut staging = buffer("deltamorph clip upload", table_bytes, U::TRANSFER_SRC, MemoryLocation::CpuToGpu)?;
         staging.mapped()?[..table_bytes as usize].copy_from_slice(bytemuck::cast_slice(&words));
 
