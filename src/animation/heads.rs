@@ -29,8 +29,8 @@ struct Head {
     /// The tick at which it started, all of its bits.
     start: i64,
     shown: Shown,
-    /// The last updates that hid or showed it, and what was before each of them.
-    turns: Vec<(u64, Shown)>,
+    /// The last updates that hid or showed it, and what was before each of them; the latest first.
+    turns: [Option<(u64, Shown)>; TURNS],
     /// The update whose pose has no predecessor.
     cut_at: Option<u64>,
     cut: bool,
@@ -45,18 +45,18 @@ struct Head {
 impl Head {
     /// Hidden or shown by `update`.
     fn turn(&mut self, update: u64, shown: Shown) {
-        if self.turns.len() == TURNS {
-            self.turns.remove(0);
-            // What was before is forgotten.
-            self.turns[0].1 = Shown::Never;
+        self.turns.rotate_right(1);
+        let forgotten = self.turns[0].replace((update, std::mem::replace(&mut self.shown, shown)));
+        if let (Some(_), Some((_, before))) = (forgotten, self.turns.last_mut().and_then(Option::as_mut)) {
+            *before = Shown::Never;
         }
-        self.turns.push((update, std::mem::replace(&mut self.shown, shown)));
     }
 
     /// As before the update `first`; tells whether that is otherwise.
     fn turn_back(&mut self, first: u64) -> bool {
         let mut turned = false;
-        while let Some((_, before)) = self.turns.pop_if(|(update, _)| *update >= first) {
+        while let Some((_, before)) = self.turns[0].take_if(|(update, _)| *update >= first) {
+            self.turns.rotate_left(1);
             (self.shown, turned) = (before, true);
         }
         turned
@@ -86,7 +86,7 @@ impl Heads {
         let head = Head {
             start: 0,
             shown: Shown::Never,
-            turns: vec![],
+            turns: [None; TURNS],
             cut_at: None,
             cut: false,
             stale: false,
@@ -185,7 +185,7 @@ impl Heads {
         self.records[head as usize] = HeadRecord::default();
         self.list(head, |head| {
             (head.shown, head.stale) = (Shown::Never, true);
-            head.turns.clear();
+            head.turns = [None; TURNS];
         });
     }
 
