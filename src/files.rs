@@ -1,9 +1,9 @@
-//! Reading files of bounded size, and replacing files at once.
+//! Reading files of bounded size.
 
 use crate::error::{Error, Result};
 use std::fs::File;
-use std::io::{Read, Write};
-use std::path::{Path, PathBuf};
+use std::io::Read;
+use std::path::Path;
 
 /// The bytes of a regular file of at most `limit` bytes; `remedy` is for one that is larger.
 pub(crate) fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<u8>> {
@@ -35,28 +35,6 @@ pub(crate) fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<
     Ok(bytes)
 }
 
-/// Write `bytes` beside `path`, and then in its place: a full disk leaves the old file as it was.
-pub(crate) fn write_replacing(path: &Path, bytes: &[u8]) -> Result<()> {
-    let io = |source| Error::Io { path: path.to_path_buf(), action: "write", source };
-    // A pipe or a terminal has no place to take.
-    if path.metadata().is_ok_and(|m| !m.is_file()) {
-        return std::fs::write(path, bytes).map_err(io);
-    }
-    let mut part = path.to_path_buf().into_os_string();
-    part.push(".part");
-    let part = PathBuf::from(part);
-    let write = || {
-        let mut file = File::create(&part)?;
-        file.write_all(bytes)?;
-        file.sync_all()?;
-        std::fs::rename(&part, path)
-    };
-    write().map_err(|source| {
-        let _ = std::fs::remove_file(&part);
-        io(source)
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -69,20 +47,6 @@ mod tests {
         let message = read_bounded(&path, 2 << 20, "split it").unwrap_err().to_string();
         assert!(message.contains("big.obj") && message.contains("2 MiB") && message.contains("split it"), "{message}");
         assert_eq!(read_bounded(&path, 3 << 20, "").unwrap().len(), 3 << 20);
-    }
-
-    #[test]
-    fn a_file_is_replaced_at_once_or_not_at_all() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("a.dmorph");
-        for bytes in [&b"first"[..], b"2"] {
-            write_replacing(&path, bytes).unwrap();
-            assert_eq!(std::fs::read(&path).unwrap(), bytes);
-        }
-        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
-        let message = write_replacing(&dir.path().join("no/b.dmorph"), b"").unwrap_err().to_string();
-        assert!(message.contains("b.dmorph: cannot write") && message.contains("check the path"), "{message}");
-        assert!(write_replacing(dir.path(), b"").is_err());
     }
 
     #[test]

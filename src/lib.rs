@@ -42,6 +42,7 @@ pub mod headless;
 pub mod mesh;
 pub mod plan;
 pub mod reference;
+mod replace;
 mod rng;
 #[cfg(test)]
 mod testing;

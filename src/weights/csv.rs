@@ -5,8 +5,10 @@
 use super::WeightClip;
 use crate::error::{Error, Result};
 use crate::files::read_bounded;
+use crate::replace::write_replacing;
 use csv::{ReaderBuilder, StringRecord, Trim};
 use std::collections::HashSet;
+use std::io::Write;
 use std::path::Path;
 
 /// The largest file that is read.
@@ -58,6 +60,12 @@ fn parse(path: &Path, text: &[u8]) -> Result<(Vec<String>, Vec<f32>)> {
         }
         let line = || line_at(text, record.position().map_or(0, csv::Position::byte));
         if names.is_empty() {
+            // Where there is one column, whatever else divides the line was meant to.
+            let divided = |by: &char| record.len() == 1 && record[0].contains(*by);
+            if let Some(by) = [';', '\t'].iter().find(|by| divided(by)) {
+                let what = format!("one column, whose name has {by:?} in it");
+                return error(format!(": line {}", line()), what, "divide columns by commas");
+            }
             let mut seen = HashSet::new();
             for (i, name) in record.iter().enumerate() {
                 if name.is_empty() {
@@ -137,7 +145,7 @@ pub fn write(path: &Path, clip: &WeightClip) -> Result<()> {
         out.into_inner().map_err(|e| e.into_error().into())
     };
     let text = text().map_err(|e| failed(e.into()))?;
-    std::fs::write(path, text).map_err(failed)
+    write_replacing(path, |out| out.write_all(&text))
 }
 
 #[cfg(test)]

@@ -2,9 +2,9 @@
 
 use crate::error::{Error, Result};
 use crate::mesh::{Faces, MorphMesh};
+use crate::replace::write_replacing;
 use glam::{Vec2, Vec3};
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, Write};
 use std::path::Path;
 
 /// The pieces of a mesh that an OBJ file holds. Vertices are written in the order given.
@@ -27,17 +27,14 @@ impl<'a> From<&'a MorphMesh> for ObjMesh<'a> {
     }
 }
 
-/// Write `mesh` to the file `path`, replacing what is there.
+/// Write `mesh` to the file `path`. What is there is replaced when the new file is complete.
 ///
 /// # Errors
 /// [`Error::Io`] where the file cannot be written, [`Error::Invalid`] where a value is not finite, an index is
 /// out of range, or there are normals for some positions only.
 pub fn write_obj(path: &Path, mesh: ObjMesh<'_>) -> Result<()> {
     check(&mesh)?;
-    let io = |source| Error::Io { path: path.to_path_buf(), action: "write", source };
-    let mut out = BufWriter::new(File::create(path).map_err(io)?);
-    write_obj_to(&mut out, mesh).map_err(io)?;
-    out.flush().map_err(io)
+    write_replacing(path, |out| write_obj_to(out, mesh))
 }
 
 fn check(mesh: &ObjMesh<'_>) -> Result<()> {

@@ -4,7 +4,7 @@
 //! padded with zeros to a multiple of 8 bytes; nothing lies between them or after the last.
 //!
 //! ```text
-//! header    magic "DMORPH\r\n"   version u32 = 1   sections u32
+//! header    magic "DMORPH\r\n"   version u32 = 2   sections u32
 //! table     [section][id u32, checksum u32, offset u64, length u64]
 //!           checksum of header and table u32   zero u32
 //!
@@ -37,9 +37,11 @@ mod write;
 use super::blocks::BlockIndex;
 use super::{DeltaFormat, PackDesc, PackedLayout, PackedMesh};
 use crate::error::{Error, Result};
-use crate::files::{read_bounded, write_replacing};
+use crate::files::read_bounded;
 use crate::mesh::{Faces, MorphMesh, MorphTarget, Tolerance};
+use crate::replace::write_replacing;
 use glam::{Vec2, Vec3};
+use std::io::Write;
 use std::path::Path;
 
 /// Larger files are not read.
@@ -95,7 +97,8 @@ impl Asset {
     /// # Errors
     /// [`Error::Io`] where the file cannot be written, else as [`to_bytes`](Self::to_bytes).
     pub fn write(&self, path: &Path) -> Result<()> {
-        write_replacing(path, &self.to_bytes()?)
+        let bytes = self.to_bytes()?;
+        write_replacing(path, |out| out.write_all(&bytes))
     }
 
     /// What [`write`](Self::write) writes.
