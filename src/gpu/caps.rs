@@ -287,7 +287,7 @@ impl DeviceCaps {
     /// Whether an update as described can run here on a mesh packed like this.
     ///
     /// # Errors
-    /// As [`UpdateDesc::check`] and [`check_path`](Self::check_path); a batch size beyond
+    /// As [`UpdateDesc::check_for`] and [`check_path`](Self::check_path); a batch size beyond
     /// [`batch_max`](Self::batch_max); a format that the path does not take; blocks larger than a workgroup.
     pub fn check_update(&self, desc: &UpdateDesc, layout: &PackedLayout) -> Result<()> {
         let format = layout.format;
@@ -309,6 +309,9 @@ impl DeviceCaps {
                 format!("blocks of {} vertices on {}", blocks.size(), self.name),
                 format!("pack with blocks of at most {} vertices", self.max_workgroup_invocations),
             ));
+        }
+        if desc.path == UpdatePath::Blocks {
+            desc.check_for(layout)?;
         }
         match (desc.batch, self.batch_max(desc.path, format)) {
             (BatchSize::Targets(b), Some(most)) if b > most => Err(Error::invalid(

@@ -1,7 +1,8 @@
 //! How poses are to be updated: path, mode, batch size, sums, slots.
 
+use super::blocks;
 use crate::error::{Error, Result};
-use crate::mesh::packed::DeltaFormat;
+use crate::mesh::packed::{DeltaFormat, PackedLayout};
 
 /// Who carries the passes out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -263,6 +264,20 @@ impl UpdateDesc {
 }
 
 impl UpdateDesc {
+    /// Check the description for a mesh packed like this.
+    ///
+    /// # Errors
+    /// As [`check`](Self::check); in block formats, as [`BlockIndex::exact`](crate::mesh::packed::blocks::BlockIndex::exact)
+    /// where sums are exact, else a tolerance that rounding exceeds in a pose fresh from base, all weights being 1.
+    pub fn check_for(&self, layout: &PackedLayout) -> Result<()> {
+        self.check()?;
+        let Some(index) = &layout.blocks else { return Ok(()) };
+        match self.accumulate {
+            Accumulate::Exact => index.exact().map(drop),
+            Accumulate::Float { tolerance } => blocks::check_tolerance(tolerance, layout, index),
+        }
+    }
+
     /// Refuse what only block formats have; `what` is the path or format.
     pub(crate) fn check_dense(&self, what: &str) -> Result<()> {
         let refuse = |asked: &str| {

@@ -151,36 +151,44 @@ fn rounding(magnitude: f32, entries: u32, sum: f32) -> f32 {
     SQRT_3 * ULP * (magnitude + (entries + 4) as f32 * sum)
 }
 
+/// What tolerances are fractions of: the diagonal, where there is one.
+fn length_unit(layout: &PackedLayout) -> f32 {
+    if layout.diagonal > 0.0 { layout.diagonal } else { 1.0 }
+}
+
+/// Refuse a tolerance that a pose fresh from base exceeds, all weights being 1.
+pub(super) fn check_tolerance(tolerance: f32, layout: &PackedLayout, index: &BlockIndex) -> Result<()> {
+    let fresh = (0..index.count()).map(|b| {
+        let reach = index.block_reach()[b];
+        rounding(index.block_base()[b] + reach, index.entries(b).len() as u32, reach)
+    });
+    let least = fresh.fold(0.0, f32::max) / length_unit(layout);
+    if least <= tolerance {
+        return Ok(());
+    }
+    Err(Error::invalid(
+        format!(
+            "a drift of at most {tolerance:.1e} of the diagonal: rounding alone may move a vertex by {least:.1e} when all \
+             weights are 1"
+        ),
+        "allow more drift, or use exact sums (Accumulate::Exact)",
+    ))
+}
+
 impl BlockState {
     /// Nothing known yet: the first plan writes every block.
     ///
     /// # Errors
-    /// As [`UpdateDesc::check`] and [`BlockIndex::exact`]; a tolerance that even a pose fresh from base exceeds.
+    /// As [`UpdateDesc::check_for`].
     pub fn new(desc: UpdateDesc, layout: &PackedLayout, index: &BlockIndex) -> Result<Self> {
-        desc.check()?;
+        desc.check_for(layout)?;
         let (targets, entries, per_entry) = (layout.targets.len(), index.entry_count(), desc.error_budget > 0.0);
         let (weights, tolerance) = match desc.accumulate {
             Accumulate::Exact => {
                 (Weights::Exact(index.exact()?, Committed::new(targets, entries, per_entry)), f32::INFINITY)
             }
             Accumulate::Float { tolerance } => {
-                let length = tolerance * if layout.diagonal > 0.0 { layout.diagonal } else { 1.0 };
-                let fresh = (0..index.count()).map(|b| {
-                    let reach = index.block_reach()[b];
-                    rounding(index.block_base()[b] + reach, index.entries(b).len() as u32, reach)
-                });
-                let least = fresh.fold(0.0, f32::max);
-                if least > length {
-                    return Err(Error::invalid(
-                        format!(
-                            "a tolerance of {tolerance:.1e} of the diagonal: rounding alone may move a vertex by {:.1e} \
-                             when all weights are 1",
-                            least / length * tolerance
-                        ),
-                        "use a larger tolerance, or exact accumulation",
-                    ));
-                }
-                (Weights::Float(Committed::new(targets, entries, per_entry)), length)
+                (Weights::Float(Committed::new(targets, entries, per_entry)), tolerance * length_unit(layout))
             }
         };
         let (blocks, slots) = (index.count(), desc.slots as usize);
