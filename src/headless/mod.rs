@@ -283,6 +283,20 @@ fn is_no_driver(error: &Error) -> bool {
     matches!(error, Error::Vulkan { result, .. } if *result == format!("{:?}", vk::Result::ERROR_INCOMPATIBLE_DRIVER))
 }
 
+impl DeviceChoice {
+    /// Whether the device that has this place in the list of [`Headless::devices`] could be meant.
+    pub fn matches(&self, index: usize, caps: &DeviceCaps) -> bool {
+        match self {
+            Self::Best => true,
+            Self::Index(i) => *i == index,
+            Self::Name(name) => {
+                let all = format!("{} {} {}", caps.name, caps.driver, caps.driver_info);
+                all.to_lowercase().contains(&name.to_lowercase())
+            }
+        }
+    }
+}
+
 fn choose(
     mut devices: Vec<(vk::PhysicalDevice, DeviceCaps)>,
     choice: &DeviceChoice,
@@ -292,12 +306,8 @@ fn choose(
             let caps = &devices[i].1;
             (caps.is_software(), caps.transform_feedback.is_none())
         }),
-        DeviceChoice::Index(i) => (*i < devices.len()).then_some(*i),
-        DeviceChoice::Name(name) => {
-            let name = name.to_lowercase();
-            devices
-                .iter()
-                .position(|(_, c)| format!("{} {} {}", c.name, c.driver, c.driver_info).to_lowercase().contains(&name))
+        DeviceChoice::Index(_) | DeviceChoice::Name(_) => {
+            (0..devices.len()).find(|&i| choice.matches(i, &devices[i].1))
         }
     };
     at.map(|i| devices.swap_remove(i)).ok_or_else(|| {

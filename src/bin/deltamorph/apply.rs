@@ -13,7 +13,6 @@ use deltamorph::plan::UpdatePath;
 use deltamorph::reference::{SHORTEST_NORMAL, compare, evaluate};
 use glam::Vec3;
 use serde::Serialize;
-use std::path::PathBuf;
 
 #[derive(Serialize)]
 struct Applied {
@@ -36,7 +35,7 @@ struct Applied {
 /// # Errors
 /// The input, clip or path cannot be used; the result is wrong; the file cannot be written.
 pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
-    input::refuse_to_overwrite(&args.output, &args.input, args.weights.as_slice())?;
+    out.check(&input::files_of(&args.input, args.weights.as_slice()), &[&args.output], None)?;
     let input = input::load(&args.input, out)?;
     let frames = frames(args, &input.kept)?;
 
@@ -110,7 +109,10 @@ fn frames(args: &ApplyArgs, mesh: &MorphMesh) -> Result<Vec<Vec<f32>>, Failure> 
         }
         _ => vec![vec![0.0; targets]],
     };
-    for setting in &args.set {
+    for (i, setting) in args.set.iter().enumerate() {
+        if args.set[..i].iter().any(|other| other.name == setting.name) {
+            return Err(Failure::Usage(format!("--set {}: set twice; leave one of them out", setting.name)));
+        }
         let at = mesh.target_index(&setting.name).ok_or_else(|| {
             Failure::Usage(format!(
                 "--set {}: '{}' has no such target; `deltamorph info` lists the {targets} there are",
@@ -134,19 +136,5 @@ fn write(args: &ApplyArgs, mesh: &MorphMesh, pose: &[f32]) -> Result<(), Failure
         })
         .collect();
     let shape = ObjMesh { positions: &positions, normals: &normals, texcoords: &mesh.texcoords, faces: &mesh.faces };
-    // Beside the output and then in its place: a full disk leaves the old file as it was.
-    let special = args.output.metadata().is_ok_and(|m| !m.is_file());
-    if special {
-        return Ok(write_obj(&args.output, shape)?);
-    }
-    let mut part = args.output.clone().into_os_string();
-    part.push(".part");
-    let part = PathBuf::from(part);
-    let written = write_obj(&part, shape).map_err(Failure::from);
-    let placed =
-        written.and_then(|()| std::fs::rename(&part, &args.output).map_err(|e| Failure::io(&args.output, "write", e)));
-    if placed.is_err() {
-        let _ = std::fs::remove_file(&part);
-    }
-    placed
+    Ok(write_obj(&args.output, shape)?)
 }

@@ -3,7 +3,7 @@
 use crate::output::{Failure, Output};
 use crate::table::{Table, bytes};
 use deltamorph::engine::{DeviceCaps, requirements};
-use deltamorph::headless::Headless;
+use deltamorph::headless::{DeviceChoice, Headless};
 use deltamorph::mesh::packed::DeltaFormat;
 use deltamorph::plan::UpdatePath;
 use serde::Serialize;
@@ -52,9 +52,16 @@ struct Limits {
 /// Run the command.
 ///
 /// # Errors
-/// There is no Vulkan loader; the JSON cannot be written.
-pub fn run(out: &Output) -> Result<(), Failure> {
-    let devices = Headless::devices()?.iter().enumerate().map(|(i, caps)| describe(i, caps)).collect();
+/// There is no Vulkan loader, or no such device; the JSON cannot be written.
+pub fn run(device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
+    out.check(&[], &[], None)?;
+    let all = Headless::devices()?;
+    let asked = |i: &usize| device.is_none_or(|choice| choice.matches(*i, &all[*i]));
+    let devices: Vec<Device> = (0..all.len()).filter(asked).map(|i| describe(i, &all[i])).collect();
+    if device.is_some() && devices.is_empty() {
+        let there: Vec<String> = all.iter().enumerate().map(|(i, caps)| format!("{i}: {}", caps.name)).collect();
+        return Err(Failure::Failed(format!("no such Vulkan device; choose one of: {}", there.join("; "))));
+    }
     let devices = Devices { schema: 1, devices };
     out.say(text(&devices));
     out.json(&devices)

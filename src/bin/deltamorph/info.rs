@@ -22,6 +22,7 @@ use record::{Blocks, ClipRow, Info, InputRow, Overlap, TargetRow};
 /// The input or one of its clips cannot be used, or the JSON cannot be written.
 pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
     // Before seconds are spent on what then cannot be written.
+    out.check(&input::files_of(&args.input, &[]), &[], args.report.as_deref())?;
     if let Some(dir) = &args.report {
         report::claim(dir)?;
     }
@@ -152,7 +153,7 @@ fn text(info: &Info) -> String {
             percent(t.moved_raw),
             percent(t.moved_raw_positions),
             sig3(largest),
-            percent(largest / f64::from(i.diagonal).max(f64::MIN_POSITIVE)),
+            if i.diagonal > 0.0 { percent(largest / f64::from(i.diagonal)) } else { "–".into() },
         ]);
     }
     parts.push(table.to_string());

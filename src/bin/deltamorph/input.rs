@@ -129,25 +129,17 @@ pub fn clip(path: &Path, args: &InputArgs, mesh: &MorphMesh) -> Result<(WeightCl
     Ok((clip, frames))
 }
 
-/// Complain where `output` is a file that is read: INPUT, what it is made of, or one of `others`.
-///
-/// # Errors
-/// It is.
-pub fn refuse_to_overwrite(output: &Path, args: &InputArgs, others: &[PathBuf]) -> Result<(), Failure> {
-    let Ok(found) = output.canonicalize() else { return Ok(()) }; // not there yet
+/// The files that `args` and `others` may have read: none of them is to be written over.
+pub fn files_of(args: &InputArgs, others: &[PathBuf]) -> Vec<PathBuf> {
     let mut read = others.to_vec();
-    for input in args.input.iter().flat_map(|input| [input.clone(), input.join("targets")]) {
-        // A folder that cannot be listed is for the importer to complain about.
-        read.extend(std::fs::read_dir(&input).into_iter().flatten().flatten().map(|entry| entry.path()));
-        read.push(input);
+    if let Some(input) = &args.input {
+        for folder in [input.clone(), input.join("targets"), input.join("weights")] {
+            // A folder that cannot be listed is for the importer to complain about.
+            read.extend(std::fs::read_dir(&folder).into_iter().flatten().flatten().map(|entry| entry.path()));
+        }
+        read.push(input.clone());
     }
-    match read.iter().any(|path| path.canonicalize().is_ok_and(|path| path == found)) {
-        true => Err(Failure::Usage(format!(
-            "{}: is part of what is read, and would be written over; name another file with -o",
-            output.display()
-        ))),
-        false => Ok(()),
-    }
+    read
 }
 
 /// Whether `path` is called as a packed file is.

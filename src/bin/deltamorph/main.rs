@@ -12,6 +12,9 @@ mod pack;
 mod page;
 mod play;
 mod plots;
+/// The library's way to write files, which is no part of its API.
+#[path = "../../replace.rs"]
+mod replace;
 /// The library's generator, which is no part of its API.
 #[path = "../../rng.rs"]
 mod rng;
@@ -24,13 +27,14 @@ mod verify;
 
 use args::{Cli, Command};
 use clap::Parser;
+use deltamorph::error;
 use output::{Failure, Output};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
     let out = Output::new(&cli.global);
-    match run(&cli, &out) {
+    match run(&cli, &out).and_then(|()| out.finish()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             eprintln!("error: {failure}");
@@ -42,7 +46,7 @@ fn main() -> ExitCode {
 fn run(cli: &Cli, out: &Output) -> Result<(), Failure> {
     let device = cli.global.device.as_ref();
     match &cli.command {
-        Command::Devices => devices::run(out),
+        Command::Devices => devices::run(device, out),
         Command::Sample(args) => sample::run(args, out),
         Command::Pack(args) => pack::run(args, out),
         Command::Info(args) => info::run(args, out),

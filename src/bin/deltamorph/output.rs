@@ -1,12 +1,15 @@
 //! What the program prints and where: results on stdout, remarks and progress on stderr.
 
 use crate::args::GlobalArgs;
+use crate::replace::write_replacing;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
+use std::collections::HashSet;
 use std::fmt;
-use std::io::{IsTerminal, Write};
+use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::OnceLock;
 use std::time::Duration;
 
 /// Why a command ended early. Printed after "error: ", on one line.
@@ -69,24 +72,48 @@ pub struct Output {
     quiet: bool,
     json: Option<PathBuf>,
     terminal: bool,
+    /// Why stdout did not take what was said.
+    lost: OnceLock<io::ErrorKind>,
 }
 
 impl Output {
     /// As the global options ask for.
     pub fn new(global: &GlobalArgs) -> Self {
-        Self { quiet: global.quiet, json: global.json.clone(), terminal: std::io::stderr().is_terminal() }
+        Self {
+            quiet: global.quiet,
+            json: global.json.clone(),
+            terminal: std::io::stderr().is_terminal(),
+            lost: OnceLock::new(),
+        }
     }
 
-    fn json_to_stdout(&self) -> bool {
+    /// Whether stdout is for JSON alone.
+    pub fn json_to_stdout(&self) -> bool {
         self.json.as_deref() == Some(Path::new("-"))
     }
 
     /// Print the human-readable result. With `--json -` stdout is the JSON's alone.
     pub fn say(&self, text: impl fmt::Display) {
         if !self.quiet && !self.json_to_stdout() {
-            // A reader that has seen enough (`| head`) is no failure of ours.
-            let _ = writeln!(std::io::stdout().lock(), "{text}");
+            self.print(&format!("{text}\n"));
         }
+    }
+
+    fn print(&self, text: &str) {
+        let mut stdout = io::stdout().lock();
+        match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+            // A reader that has seen enough (`| head`) is no failure of ours.
+            Err(e) if e.kind() != io::ErrorKind::BrokenPipe => drop(self.lost.set(e.kind())),
+            _ => {}
+        }
+    }
+
+    /// Whether stdout took what was said.
+    ///
+    /// # Errors
+    /// It did not: a full disk, say.
+    pub fn finish(&self) -> Result<(), Failure> {
+        self.lost.get().map_or(Ok(()), |kind| Err(Failure::io("stdout".as_ref(), "write", (*kind).into())))
     }
 
     /// Print a remark.
@@ -104,28 +131,44 @@ impl Output {
         match self.json.as_deref() {
             None => Ok(()),
             Some(_) if self.json_to_stdout() => {
-                let text = to_json(value)?;
-                std::io::stdout()
-                    .lock()
-                    .write_all(text.as_bytes())
-                    .map_err(|e| Failure::io("stdout".as_ref(), "write", e))
+                self.print(&to_json(value)?);
+                Ok(())
             }
             Some(path) => write_file(path, to_json(value)?),
         }
     }
 
-    /// Whether the JSON, if asked for, can be written where it was asked for.
+    /// Before work begins: whether the JSON, if asked for, can be written, and whether nothing is written over that is
+    /// `read`, or is another of the outputs: `files`, and what is in `folder`.
     ///
     /// # Errors
-    /// It cannot.
-    pub fn check_json(&self) -> Result<(), Failure> {
-        match self.json.as_deref() {
-            Some(path) if !self.json_to_stdout() => {
-                let opened = std::fs::OpenOptions::new().append(true).create(true).open(path);
-                opened.map(drop).map_err(|e| Failure::io(path, "write", e))
+    /// The JSON's folder is not there or not ours; a file that is two things at once.
+    pub fn check(&self, read: &[PathBuf], files: &[&Path], folder: Option<&Path>) -> Result<(), Failure> {
+        let json = self.json.as_deref().filter(|_| !self.json_to_stdout());
+        let outputs: Vec<(&Path, PathBuf)> = json.iter().chain(files).map(|path| (*path, place_of(path))).collect();
+        let read: HashSet<PathBuf> = read.iter().filter_map(|path| path.canonicalize().ok()).collect();
+        let refuse = |path: &Path, why: String| {
+            Err(Failure::Usage(format!("{}: {why}, and would be written over; name another file", path.display())))
+        };
+        for (i, (path, place)) in outputs.iter().enumerate() {
+            if *path == Path::new("-") {
+                return Err(Failure::Usage("-: only --json goes to stdout; name a file".into()));
             }
-            _ => Ok(()),
+            // Devices and pipes hold nothing that could be lost.
+            if path.metadata().is_ok_and(|m| !m.is_file() && !m.is_dir()) {
+                continue;
+            }
+            if read.contains(place) {
+                return refuse(path, "is part of what is read".into());
+            }
+            if outputs[..i].iter().any(|(_, other)| other == place) {
+                return refuse(path, "is named for two outputs".into());
+            }
+            if let Some(folder) = folder.filter(|folder| place.starts_with(place_of(folder))) {
+                return refuse(path, format!("lies in {}, which is written too", folder.display()));
+            }
         }
+        json.map_or(Ok(()), can_write)
     }
 
     /// A spinner for work of unknown length; hidden unless a person is watching.
@@ -158,12 +201,91 @@ fn to_json(value: &impl Serialize) -> Result<String, Failure> {
     Ok(text)
 }
 
-/// Write a file, naming it when that fails.
+/// Where `path` is or would be, without links.
+fn place_of(path: &Path) -> PathBuf {
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
+    let mut missing = vec![];
+    let mut there = absolute.as_path();
+    loop {
+        match (there.canonicalize(), there.parent(), there.file_name()) {
+            (Ok(found), ..) => return missing.iter().rev().fold(found, |path, name| path.join(name)),
+            (Err(_), Some(parent), Some(name)) => {
+                missing.push(name);
+                there = parent;
+            }
+            _ => return absolute,
+        }
+    }
+}
+
+/// Try to write at `path`, and leave everything as it is.
+fn can_write(path: &Path) -> Result<(), Failure> {
+    let tried = match path.exists() {
+        true => std::fs::OpenOptions::new().append(true).open(path).map(drop),
+        false => {
+            let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+            tempfile::tempfile_in(folder).map(drop)
+        }
+    };
+    tried.map_err(|e| Failure::io(path, "write", e))
+}
+
+/// Write a file, naming it when that fails. What was there stays until the new one is complete.
 ///
 /// # Errors
 /// The file cannot be written.
 pub fn write_file(path: &Path, contents: impl AsRef<[u8]>) -> Result<(), Failure> {
-    std::fs::write(path, contents).map_err(|e| Failure::io(path, "write", e))
+    Ok(write_replacing(path, |out| out.write_all(contents.as_ref()))?)
+}
+
+/// How the names of folders begin that [`publish`] prepares files in.
+const PREPARED: &str = ".deltamorph-";
+
+/// Write files into `folder` with `write`, which is given a folder beside: what was there stays until all are complete.
+/// Then those of the earlier files that are `ours`, and not among the new ones, are deleted.
+///
+/// # Errors
+/// Those of `write`; files that cannot be put into place.
+pub fn publish(
+    folder: &Path,
+    ours: impl Fn(&str) -> bool,
+    write: impl FnOnce(&Path) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    create_folder(folder)?;
+    let failed = |e| Failure::io(folder, "write", e);
+    // One that was left behind when the program was stopped.
+    for name in names_in(folder)?.iter().filter(|name| name.starts_with(PREPARED)) {
+        std::fs::remove_dir_all(folder.join(name)).map_err(failed)?;
+    }
+    let prepared = tempfile::Builder::new().prefix(PREPARED).tempdir_in(folder).map_err(failed)?;
+    write(prepared.path())?;
+    let new = names_in(prepared.path())?;
+    for name in &new {
+        std::fs::rename(prepared.path().join(name), folder.join(name)).map_err(failed)?;
+    }
+    for name in names_in(folder)?.iter().filter(|name| ours(name) && !new.contains(*name)) {
+        std::fs::remove_file(folder.join(name)).map_err(failed)?;
+    }
+    Ok(())
+}
+
+/// The names in `folder`, but for those that are not text: they are not ours.
+///
+/// # Errors
+/// The folder cannot be read.
+pub fn names_in(folder: &Path) -> Result<Vec<String>, Failure> {
+    let io = |e| Failure::io(folder, "read the folder", e);
+    let entries = std::fs::read_dir(folder).map_err(io)?.collect::<Result<Vec<_>, _>>().map_err(io)?;
+    Ok(entries.into_iter().filter_map(|entry| entry.file_name().into_string().ok()).collect())
+}
+
+/// Whether there is nothing in `folder` but what [`publish`] may have left behind.
+///
+/// # Errors
+/// The folder cannot be read.
+pub fn is_free(folder: &Path) -> Result<bool, Failure> {
+    let entries = std::fs::read_dir(folder).map_err(|e| Failure::io(folder, "read the folder", e))?;
+    Ok(entries.flatten().all(|entry| entry.file_name().to_string_lossy().starts_with(PREPARED)))
 }
 
 /// Create a folder and those above it.
@@ -171,6 +293,9 @@ pub fn write_file(path: &Path, contents: impl AsRef<[u8]>) -> Result<(), Failure
 /// # Errors
 /// A folder cannot be created.
 pub fn create_folder(path: &Path) -> Result<(), Failure> {
+    if path.exists() && !path.is_dir() {
+        return Err(Failure::Usage(format!("{}: is no folder; name another one", path.display())));
+    }
     std::fs::create_dir_all(path).map_err(|e| Failure::io(path, "create the folder", e))
 }
 

@@ -61,7 +61,7 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
         let name = args.output.display();
         return Err(Failure::Usage(format!("-o {name}: name it *.dmorph, so that it is known for what it is")));
     }
-    input::refuse_to_overwrite(&args.output, &args.input, &[])?;
+    out.check(&input::files_of(&args.input, &[]), &[&args.output], None)?;
     let input = input::load(&args.input, out)?;
     if let Some(mesh) = &input.packed {
         let error = mesh.layout().blocks.as_ref().map_or(0.0, |b| b.error().position);

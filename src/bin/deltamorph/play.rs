@@ -22,7 +22,7 @@ use record::{FrameRow, Played, Summary};
 /// # Errors
 /// The input, clip or path cannot be used; a pose is further off than the path promises; the JSON cannot be written.
 pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
-    out.check_json()?;
+    out.check(&input::files_of(&args.input, args.weights.as_slice()), &[], None)?;
     let input = input::load(&args.input, out)?;
     let mut clip = clips::the_one(args.weights.as_deref(), &args.input, &input)?;
     if let Some(amount) = args.noise {
@@ -75,7 +75,8 @@ fn play(
     let (mut rows, mut checks) = (Vec::with_capacity(clip.frames.len()), Checks::default());
     let mut before = vec![0.0; input.kept.targets.len()];
     for (frame, weights) in clip.frames.iter().enumerate() {
-        let step = runner.step(std::slice::from_ref(weights))?;
+        let refused = |e| Failure::Failed(format!("clip '{}', frame {frame}: {}", clip.name, Failure::from(e)));
+        let step = runner.step(std::slice::from_ref(weights)).map_err(refused)?;
         let bound = f64::from(step.stats.bound);
         checks.found.bound = checks.found.bound.max(bound);
         let measured = frame % every == 0 || frame + 1 == clip.frames.len();

@@ -14,6 +14,7 @@ use std::path::Path;
 /// # Errors
 /// The folder is not empty, or cannot be written.
 pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
+    out.check(&[], &[], Some(&args.dir))?;
     refuse_full(&args.dir)?;
     let desc = args.head.desc(args.seed);
     let spinner = out.spinner("building the head");
@@ -22,7 +23,6 @@ pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
     spinner.finish_and_clear();
 
     let bar = out.bar(source.targets.len() as u64 + 2);
-    write_folder(&source, &args.dir, || bar.inc(1))?;
     // The rate is in the name: the file itself has no place for it, and readers look there.
     clip.name = format!("{}_{}fps", if clip.name.is_empty() { "clip" } else { &clip.name }, args.fps);
     // Without a target there is no column, and so no clip.
@@ -30,6 +30,7 @@ pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
         create_folder(&args.dir.join("weights"))?;
         csv::write(&args.dir.join("weights").join(format!("{}.csv", clip.name)), &clip)?;
     }
+    write_folder(&source, &args.dir, || bar.inc(1))?;
     bar.finish_and_clear();
 
     out.say(format_args!(
@@ -63,7 +64,7 @@ fn refuse_full(dir: &Path) -> Result<(), Failure> {
     }
 }
 
-/// Write `neutral.obj` and `targets/*.obj`, calling `step` after each file. Nine digits per number: every
+/// Write `targets/*.obj` and at last `neutral.obj`, so that no folder is taken for whole before it is, calling `step` after each file. Nine digits per number: every
 /// position and normal reads back as the float that was written.
 fn write_folder(source: &MorphSource, dir: &Path, mut step: impl FnMut()) -> Result<(), Failure> {
     let targets = dir.join("targets");
@@ -73,8 +74,6 @@ fn write_folder(source: &MorphSource, dir: &Path, mut step: impl FnMut()) -> Res
         let mesh = ObjMesh { positions, normals, texcoords: &source.texcoords, faces: &source.faces };
         write_obj(path, mesh)
     };
-    file(&source.positions, base_normals, &dir.join("neutral.obj"))?;
-    step();
     for target in &source.targets {
         let mut positions = source.positions.clone();
         add(&mut positions, &target.positions);
@@ -87,6 +86,8 @@ fn write_folder(source: &MorphSource, dir: &Path, mut step: impl FnMut()) -> Res
         file(&positions, &normals, &targets.join(format!("{}.obj", target.name)))?;
         step();
     }
+    file(&source.positions, base_normals, &dir.join("neutral.obj"))?;
+    step();
     Ok(())
 }
 

@@ -53,7 +53,7 @@ struct Soaked {
 /// The input, a clip or the path cannot be used; poses drift further than promised, or sums are not those of a full
 /// evaluation; the JSON cannot be written.
 pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
-    out.check_json()?;
+    out.check(&input::files_of(&args.input, args.weights.as_slice()), &[], None)?;
     let input = input::load(&args.input, out)?;
     let clips = clips::all(args.weights.as_deref(), &args.input, &input)?;
     let stage = Stage::best("soak", &args.update, args.batch_size, &input, device, out)?;

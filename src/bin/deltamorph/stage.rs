@@ -6,8 +6,8 @@ use crate::input::Input;
 use crate::output::{Failure, Output};
 use crate::runner::{Gpu, Runner, packed};
 use deltamorph::headless::DeviceChoice;
-use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
-use deltamorph::plan::{BatchSize, UpdateDesc, UpdatePath};
+use deltamorph::mesh::packed::{DeltaFormat, PackedLayout, PackedMesh};
+use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
 use std::sync::Arc;
 
 /// The packed mesh and how it is updated.
@@ -38,11 +38,11 @@ impl Stage {
         if !update.paths.is_empty() {
             let single = single(PathChoice::Cpu)?;
             let gpu = if single.path == UpdatePath::Cpu { None } else { Gpu::open(device, out)? };
-            return Self::on(gpu, single, update, batch, input);
+            return Self::on(gpu, single, update, batch, input, out);
         }
         let gpu = Gpu::open(device, out)?.filter(|gpu| gpu.caps().check_path(UpdatePath::Blocks).is_ok());
         let path = if gpu.is_some() { PathChoice::Blocks } else { PathChoice::Cpu };
-        Self::on(gpu, single(path)?, update, batch, input)
+        Self::on(gpu, single(path)?, update, batch, input, out)
     }
 
     fn on(
@@ -51,6 +51,7 @@ impl Stage {
         update: &UpdateArgs,
         batch: Option<BatchSpec>,
         input: &Input,
+        out: &Output,
     ) -> Result<Self, Failure> {
         let held = input.packed.as_ref().map(|mesh| mesh.layout().format);
         let format = single.delta_format(held).map_err(Failure::Usage)?;
@@ -63,6 +64,7 @@ impl Stage {
         };
         desc.check().map_err(|e| Failure::Usage(e.to_string()))?;
         let mesh = packed(input, gpu.as_ref(), format, &update.pack)?;
+        let desc = with_sums_that_fit(desc, update, mesh.layout(), out)?;
         Ok(Self { gpu, threads: update.threads.unwrap_or(0), mesh, desc })
     }
 
@@ -95,6 +97,27 @@ impl Stage {
         // Draws that evaluate have no pose buffers.
         let slots = if path.evaluates_in_draws() { String::new() } else { format!(", {slots} slots") };
         format!("{} {format} {}{slots}, on {device}", path.name(), accumulate.name())
+    }
+}
+
+/// `desc`, with exact sums where float sums would drift too far and nobody has asked for them.
+fn with_sums_that_fit(
+    desc: UpdateDesc,
+    update: &UpdateArgs,
+    layout: &PackedLayout,
+    out: &Output,
+) -> Result<UpdateDesc, Failure> {
+    if layout.blocks.is_none() || desc.path.evaluates_in_draws() {
+        return Ok(desc);
+    }
+    let exact = UpdateDesc { accumulate: Accumulate::Exact, ..desc };
+    match desc.check_for(layout) {
+        Ok(()) => Ok(desc),
+        Err(e) if update.accumulate.is_empty() && exact.check_for(layout).is_ok() => {
+            out.note(format_args!("{e}; taking exact sums (--drift and --accumulate choose)"));
+            Ok(exact)
+        }
+        Err(e) => Err(Failure::Usage(format!("{e}; see --drift, --accumulate and --weight-max"))),
     }
 }
 

@@ -50,7 +50,7 @@ pub struct BenchArgs {
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = values::at_least_one)]
     pub frames: usize,
     /// Frames to run before timing starts
-    #[arg(long, value_name = "N", default_value_t = 5)]
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = values::warmup)]
     pub warmup: usize,
     /// Run ready-made comparisons instead, each with a page of its own in the report
     #[arg(
@@ -78,9 +78,16 @@ pub struct BenchArgs {
 }
 
 impl BenchArgs {
-    /// The numbers of heads asked for, or else `default`.
+    /// The numbers of heads asked for, each once, or else `default`.
     pub fn heads_or(&self, default: &[u32]) -> Vec<u32> {
-        if self.heads.is_empty() { default.to_vec() } else { self.heads.clone() }
+        let asked = if self.heads.is_empty() { default } else { &self.heads };
+        let mut heads = vec![];
+        asked.iter().for_each(|n| {
+            if !heads.contains(n) {
+                heads.push(*n)
+            }
+        });
+        heads
     }
 
     /// How long suites time a configuration.

@@ -11,7 +11,7 @@ const MAX_VERTICES: usize = 10_000_000;
 /// Largest number of targets of the built-in head.
 const MAX_TARGETS: usize = 65_536;
 /// Largest number of slots: each is a whole pose per head.
-const MAX_SLOTS: u32 = 16;
+const MAX_SLOTS: u32 = 64;
 
 /// An update path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, ValueEnum)]
@@ -214,6 +214,11 @@ pub fn heads(s: &str) -> Result<u32, String> {
 /// Parse a count that can't be 0.
 pub fn at_least_one(s: &str) -> Result<usize, String> {
     whole(s, 1, 1_000_000)
+}
+
+/// Parse `--warmup`.
+pub fn warmup(s: &str) -> Result<usize, String> {
+    whole(s, 0, 1_000_000)
 }
 
 /// Parse the frames of `soak`.

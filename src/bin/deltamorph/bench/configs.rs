@@ -12,6 +12,8 @@ use deltamorph::plan::{BatchSize, UpdateDesc, UpdateMode, UpdatePath};
 pub struct Wanted<'a> {
     /// The paths.
     pub paths: Vec<UpdatePath>,
+    /// They were given by name, so that one that has nothing to do is worth a word.
+    pub paths_named: bool,
     /// The formats; each path takes those that it can.
     pub formats: &'a [FormatChoice],
     /// Kinds of sums; each format takes those that it can.
@@ -29,17 +31,21 @@ pub struct Wanted<'a> {
 /// What can run, and what was asked for and cannot, with the reason.
 pub fn configurations(wanted: &Wanted<'_>, update: &UpdateArgs, gpu: Option<&Gpu>) -> (Vec<Config>, Vec<Skipped>) {
     let (mut configs, mut skipped) = (vec![], vec![]);
-    for &path in &wanted.paths {
+    for (i, &path) in wanted.paths.iter().enumerate() {
+        if wanted.paths[..i].contains(&path) {
+            continue;
+        }
         let modes = if wanted.modes.is_empty() { vec![path.default_mode()] } else { wanted.modes.clone() };
         let available = match (path, gpu) {
             (UpdatePath::Cpu, _) => Ok(()),
             (_, Some(gpu)) => gpu.caps().check_path(path).map_err(|e| e.to_string()),
-            (_, None) => Err("there is no Vulkan device; the path 'cpu' takes its place".into()),
+            (_, None) => Err("there is no Vulkan device; the path 'cpu' needs none".into()),
         };
         if let Err(reason) = available {
             skipped.push(Skipped { what: path.name().into(), reason });
             continue;
         }
+        let before = (configs.len(), skipped.len());
         for format in wanted.formats.iter().filter_map(|f| f.delta_format(path)) {
             let batch_max = gpu.and_then(|g| g.caps().batch_max(path, format)).filter(|_| path != UpdatePath::Cpu);
             let limit = BatchLimit { max: batch_max.unwrap_or(0), all: path.takes_all_targets() };
@@ -56,6 +62,8 @@ pub fn configurations(wanted: &Wanted<'_>, update: &UpdateArgs, gpu: Option<&Gpu
                         ..UpdateDesc::new(path, batch)
                     };
                     match desc.check() {
+                        // Two names for one format are one configuration.
+                        Ok(()) if configs.iter().any(|c: &Config| (c.desc, c.format) == (desc, format)) => {}
                         Ok(()) => configs.push(Config { desc, format, batch_max, apart: false }),
                         Err(e) => {
                             let what = format!("{} batch {batch}", path.name());
@@ -74,6 +82,16 @@ pub fn configurations(wanted: &Wanted<'_>, update: &UpdateArgs, gpu: Option<&Gpu
                     reason: format!("the device allows at most {} targets per pass", limit.max),
                 });
             }
+        }
+        if wanted.paths_named && before == (configs.len(), skipped.len()) {
+            let formats: Vec<&str> = path.formats().iter().map(|format| format.name()).collect();
+            let sums = match path {
+                UpdatePath::Scatter => "exact",
+                UpdatePath::Blocks | UpdatePath::Cpu => "float (or exact, as fast and small)",
+                _ => "float",
+            };
+            let reason = format!("takes --formats {} and --accumulate {sums}", formats.join(","));
+            skipped.push(Skipped { what: path.name().into(), reason });
         }
     }
     (configs, skipped)

@@ -72,8 +72,9 @@ fn best(runs: &[&RunRecord]) -> Option<String> {
         Some(share) => format!(", {} of what memory bandwidth allows", percent(share)),
         None => String::new(),
     };
+    let drawn = if run.update_and_draw_ms.is_some() { ", draws included" } else { "" };
     Some(format!(
-        "With {} targets changed per frame the fastest is {} {}, {}: {} ms per frame{floor}.",
+        "With {} targets changed per frame the fastest is {} {}, {}: {} ms per frame{drawn}{floor}.",
         if run.changed.fract() == 0.0 { run.changed.to_string() } else { sig3(run.changed) },
         run.path,
         run.format,
@@ -89,9 +90,11 @@ fn changed(runs: &[&RunRecord]) -> Option<String> {
         random.iter().fold((f64::INFINITY, 0.0f64), |(lo, hi), r| (lo.min(r.changed), hi.max(r.changed)));
     let at = |n: f64| fastest(random.iter().filter(|r| r.changed == n && r.heads == random[0].heads).copied());
     let (few, all) = (at(least)?, at(most)?);
+    let total = few.targets.max(most as usize);
+    let more = if most as usize == total { "all".into() } else { format!("{most:.0}") };
     (least < most).then(|| {
         format!(
-            "Changing {least:.0} of {most:.0} targets takes {} ms, changing all {} ms: {:.1} times as long.",
+            "Changing {least:.0} of {total} targets takes {} ms, changing {more} {} ms: {:.1} times as long.",
             sig3(median(few)),
             sig3(median(all)),
             median(all) / median(few)

@@ -60,6 +60,7 @@ impl Machine {
             bandwidth: self.bandwidth,
             runs: vec![],
             skipped: vec![],
+            unplayed: vec![],
             suites: vec![],
             meshes: vec![],
         }

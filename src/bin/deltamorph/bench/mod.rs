@@ -26,6 +26,7 @@ mod trial;
 mod workload;
 
 use crate::args::bench::BenchArgs;
+use crate::input;
 use crate::output::{Failure, Output};
 use crate::table::{Table, bytes, percent, sig3};
 use deltamorph::headless::DeviceChoice;
@@ -37,10 +38,9 @@ use record::{Report, RunRecord};
 /// Nothing can run, a configuration is wrong, or the report cannot be written.
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     // Before minutes are spent on what then cannot be written.
-    if !args.no_report {
-        report::claim(&args.report)?;
-    }
-    out.check_json()?;
+    let folder = (!args.no_report).then_some(args.report.as_path());
+    out.check(&input::files_of(&args.input, &args.weights), &[], folder)?;
+    folder.map_or(Ok(()), report::claim)?;
     match &args.redraw {
         Some(path) => finish(&report::read(path)?, args, out),
         None if args.suites.is_empty() => finish(&sweep::run(args, device, out)?, args, out),
@@ -51,7 +51,7 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
 /// Print the result, write the JSON and the report folder.
 ///
 /// # Errors
-/// A configuration is wrong, none ran, or a file cannot be written. Everything is written first.
+/// None ran: no file is written then. A configuration is wrong, or a file cannot be written: everything is written first.
 pub fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Failure> {
     match report.suites.is_empty() {
         true => out.say(text(&report.runs)),
@@ -63,6 +63,13 @@ pub fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Fai
     if !report.runs.is_empty() {
         out.say(format_args!("\n{}", headline::sentences(report).join("\n")));
     }
+    if report.runs.is_empty() {
+        // Nothing is no reason to replace an earlier file.
+        if out.json_to_stdout() {
+            out.json(report)?;
+        }
+        return Err(nothing_ran(report));
+    }
     let json = out.json(report);
     if !args.no_report {
         let spinner = out.spinner("drawing the report");
@@ -72,16 +79,29 @@ pub fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Fai
         out.say(format_args!("report: {}", args.report.join("index.html").display()));
     }
     json?;
-    verdict(&report.runs)
+    verdict(&report.runs)?;
+    match report.unplayed.first() {
+        None => Ok(()),
+        Some(clip) => {
+            let why = report.skipped.iter().find(|s| s.what.contains(clip)).map_or("no reason given", |s| &s.reason);
+            Err(Failure::Failed(format!("clip '{clip}': no configuration could play it: {why}")))
+        }
+    }
 }
 
-/// Whether the runs are a success.
+/// Why there are no runs.
+fn nothing_ran(report: &Report) -> Failure {
+    let why: Vec<String> = report.skipped.iter().map(|s| format!("{}: {}", s.what, s.reason)).collect();
+    Failure::Failed(match why.is_empty() {
+        true => "no configuration could run; `deltamorph devices` says what each device can do".into(),
+        false => format!("no configuration could run; {}", why.join("; ")),
+    })
+}
+
+/// Whether the runs are right.
 fn verdict(runs: &[RunRecord]) -> Result<(), Failure> {
     let wrong: Vec<&RunRecord> = runs.iter().filter(|r| !r.verified).collect();
     match wrong.first() {
-        _ if runs.is_empty() => {
-            Err(Failure::Failed("no configuration could run; `deltamorph devices` says what each device can do".into()))
-        }
         None => Ok(()),
         Some(first) => Err(Failure::Failed(format!(
             "{} of {} configurations are wrong, the first: {} {} batch {}, {} changed: {}; the report marks them",
@@ -137,7 +157,7 @@ mod tests {
         assert!(message.starts_with("2 of ") && message.contains("feedback float32 batch 8"), "{message}");
         report.runs.retain(|r| r.verified);
         assert!(verdict(&report.runs).is_ok());
-        assert!(verdict(&[]).is_err());
+        assert!(nothing_ran(&report).to_string().contains("no configuration could run; "));
     }
 
     #[test]

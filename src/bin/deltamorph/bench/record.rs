@@ -26,6 +26,9 @@ pub struct Report {
     /// Update paths and batch sizes that were asked for and could not run.
     #[serde(default)]
     pub skipped: Vec<Skipped>,
+    /// Clips that were asked for by name and that no configuration could play.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub unplayed: Vec<String>,
     /// What `--suite` asked for, in the order it ran; empty for an ordinary run.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub suites: Vec<SuiteRecord>,

@@ -5,64 +5,58 @@ use super::record::{Report, RunRecord};
 use super::select::figures;
 use super::stats::Stats;
 use super::suites;
-use crate::output::{Failure, create_folder, write_file};
+use crate::output::{Failure, create_folder, is_free, publish, write_file};
 use std::path::Path;
 
-/// Write everything into `dir`, replacing what an earlier run left there.
+/// Write everything into `dir`, replacing what an earlier run left there when all is drawn.
 ///
 /// # Errors
 /// A file cannot be written, or a plot cannot be drawn.
 pub fn write(report: &Report, dir: &Path) -> Result<(), Failure> {
-    create_folder(dir)?;
-    let json = serde_json::to_string_pretty(report).map_err(|e| Failure::failed(&e))?;
-    write_file(&dir.join("report.json"), json + "\n")?;
-    write_file(&dir.join("runs.csv"), csv(&report.runs)?)?;
-    let mut drawn = Vec::new();
-    // A suite has its figures on a page of its own.
-    for figure in if report.suites.is_empty() { figures(report) } else { vec![] } {
-        let svg = figure.write(dir)?;
-        drawn.push((figure, svg));
-    }
-    for suite in &report.suites {
+    publish(dir, is_drawn, |dir| {
+        let json = serde_json::to_string_pretty(report).map_err(|e| Failure::failed(&e))?;
+        write_file(&dir.join("report.json"), json + "\n")?;
+        write_file(&dir.join("runs.csv"), csv(&report.runs)?)?;
         let mut drawn = Vec::new();
-        for figure in suites::figures::figures(suite, report) {
+        // A suite has its figures on a page of its own.
+        for figure in if report.suites.is_empty() { figures(report) } else { vec![] } {
             let svg = figure.write(dir)?;
             drawn.push((figure, svg));
         }
-        write_file(&dir.join(suites::page::file_name(suite)), suites::page::page(suite, report, &drawn))?;
-    }
-    write_file(&dir.join("index.html"), html::page(report, &drawn))
+        for suite in &report.suites {
+            let mut drawn = Vec::new();
+            for figure in suites::figures::figures(suite, report) {
+                let svg = figure.write(dir)?;
+                drawn.push((figure, svg));
+            }
+            write_file(&dir.join(suites::page::file_name(suite)), suites::page::page(suite, report, &drawn))?;
+        }
+        write_file(&dir.join("index.html"), html::page(report, &drawn))
+    })
 }
 
 /// What the names of our files begin with, besides report.json, runs.csv and index.html.
 const STEMS: [&str; 8] =
     ["time-vs-", "relative-performance", "floor", "suite-", "chapter-", "crowd-", "techniques-", "clips-"];
 
-/// Make sure that `dir` is ours to write to: new, empty, or with an earlier report, whose figures are deleted.
+/// Whether a file is a figure or a page of a report.
+fn is_drawn(name: &str) -> bool {
+    STEMS.iter().any(|stem| name.starts_with(stem)) && [".svg", ".png", ".html"].iter().any(|end| name.ends_with(end))
+}
+
+/// Make sure that `dir` is ours to write to: new, empty, or with an earlier report.
 ///
 /// # Errors
 /// It holds something else; it cannot be created or listed.
 pub fn claim(dir: &Path) -> Result<(), Failure> {
     create_folder(dir)?;
-    let io = |e| Failure::io(dir, "read the folder", e);
-    let files: Vec<_> = std::fs::read_dir(dir).map_err(io)?.collect::<Result<_, _>>().map_err(io)?;
-    if files.is_empty() {
+    if is_free(dir)? || read(&dir.join("report.json")).is_ok() {
         return Ok(());
     }
-    if read(&dir.join("report.json")).is_err() {
-        return Err(Failure::Usage(format!(
-            "{}: the folder holds something else than a report; name another one with --report",
-            dir.display()
-        )));
-    }
-    for path in files.iter().map(std::fs::DirEntry::path) {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let ours = STEMS.iter().any(|stem| name.starts_with(stem));
-        if ours && [".svg", ".png", ".html"].iter().any(|end| name.ends_with(end)) {
-            std::fs::remove_file(&path).map_err(|e| Failure::io(&path, "delete", e))?;
-        }
-    }
-    Ok(())
+    Err(Failure::Usage(format!(
+        "{}: the folder holds something else than a report; name another one with --report",
+        dir.display()
+    )))
 }
 
 /// Read a report.json.

@@ -7,6 +7,7 @@ use crate::plots::chart::{Axes, LineChart, Point, Series, X};
 use crate::plots::{Chart, Figure};
 use crate::table::{sig3, thousands};
 use deltamorph::plan::BatchSize;
+use std::collections::HashSet;
 
 /// Runs of one workload and number of heads.
 struct Group<'a> {
@@ -129,6 +130,18 @@ pub fn figures(report: &Report) -> Vec<Figure> {
             figures.push(heads_figure(&groups, report, workload, &suffix));
         }
     }
+    with_names_of_their_own(figures)
+}
+
+/// Number the names of figures that are called alike: clips may differ in what file names here do not have.
+pub fn with_names_of_their_own(mut figures: Vec<Figure>) -> Vec<Figure> {
+    let mut taken = HashSet::new();
+    for figure in &mut figures {
+        let numbered = (2..).map(|n| format!("{}-{n}", figure.slug));
+        let name = std::iter::once(figure.slug.clone()).chain(numbered).find(|name| !taken.contains(name));
+        figure.slug = name.unwrap_or_default();
+        taken.insert(figure.slug.clone());
+    }
     figures
 }
 
@@ -223,8 +236,8 @@ fn group_figures(group: &Group<'_>, report: &Report, suffix: &str, figures: &mut
     if let Some(chart) = floor_chart(&full, here(Some(most))) {
         add(
             "floor",
-            "The floor is the time to read each delta of a changed target once and the pose once, at the bandwidth \
-             measured by plain reading and copying. What stays in a cache can beat it."
+            "The floor is the time to move each delta of a changed target once, and what is updated of the pose in and \
+             out, at the best bandwidth of plain reading and copying. What stays in a cache can beat it."
                 .into(),
             Chart::Bars(chart),
         );

@@ -13,7 +13,7 @@ use crate::input::{self, Input};
 use crate::output::{Failure, Output};
 use crate::runner::Gpu;
 use deltamorph::headless::DeviceChoice;
-use deltamorph::plan::UpdatePath;
+use deltamorph::plan::{Accumulate, UpdatePath};
 
 /// Batch sizes where none are given.
 const FULL_SWEEP: [BatchSpec; 2] = [BatchSpec::Range(1, None), BatchSpec::All];
@@ -41,9 +41,10 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let randoms: Vec<(usize, Random)> =
         counts.iter().map(|&n| (n, Random::new(input.kept.targets.len(), n, args.input.seed))).collect();
     let mut settings = vec![];
+    // Where a path evaluates in draws, draws are what has to be compared.
+    let drawn = full.iter().any(|config| config.desc.path.evaluates_in_draws());
     for heads in args.heads_or(&[1]) {
-        let plain =
-            |workload, changed| Setting { workload, changed, heads, shared: args.shared, drawn: false, brief: false };
+        let plain = |workload, changed| Setting { workload, changed, heads, shared: args.shared, drawn, brief: false };
         settings.extend(randoms.iter().map(|(n, w)| plain(w as &dyn Workload, Some(*n))));
         settings.extend(clips.iter().map(|w| plain(w, None)));
     }
@@ -62,7 +63,9 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
             let (path, format, batch) = (config.desc.path.name(), config.format.name(), config.desc.batch);
             let changed = setting.changed.map_or("its".into(), |n| n.to_string());
             bar.set_message(format!("{path} {format} batch {batch}, {}, {changed} changed", setting.workload.name()));
-            let what = format!("{path} {format} batch {batch}, {} heads", setting.heads);
+            let sums = if config.desc.accumulate == Accumulate::Exact { " exact" } else { "" };
+            let (workload, heads) = (setting.workload.name(), setting.heads);
+            let what = format!("{path} {format}{sums} batch {batch}, {workload}, {changed} changed, {heads} heads");
             let one = [Entrant { what, config: config.clone(), setting }];
             for outcome in contest(context, gpu, &mut cache, &one, &Pace::whole(args.frames))? {
                 match outcome {
@@ -75,7 +78,12 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
         }
     }
     bar.finish_and_clear();
-    Ok(Report { runs, skipped, ..machine.report(&input) })
+    let ran = |clip: &&Clip| runs.iter().any(|run| run.workload == clip.name());
+    let unplayed = match args.weights.is_empty() {
+        true => vec![],
+        false => clips.iter().filter(|clip| !ran(clip)).map(|clip| clip.name().to_owned()).collect(),
+    };
+    Ok(Report { runs, skipped, unplayed, ..machine.report(&input) })
 }
 
 /// The clips given with `--weights`; without any, those of the input.
@@ -102,6 +110,7 @@ fn wanted(args: &BenchArgs, gpu: Option<&Gpu>, budget: f32, sweep: &[BatchSpec])
             true => PATHS.to_vec(),
             false => update.paths.iter().map(|p| p.update_path()).collect(),
         },
+        paths_named: !update.paths.is_empty(),
         formats: if update.formats.is_empty() { &FORMATS } else { &update.formats },
         sums: if update.accumulate.is_empty() { &all } else { &update.accumulate },
         modes: update.modes.iter().map(|m| m.update_mode()).collect(),

@@ -127,6 +127,7 @@ pub fn report() -> Report {
         runs,
         suites: vec![],
         meshes: vec![],
+        unplayed: vec![],
         skipped: vec![Skipped {
             what: "feedback, batch all".into(),
             reason: "16 vertex attributes hold 14 targets".into(),

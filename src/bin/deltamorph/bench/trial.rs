@@ -9,7 +9,7 @@ use crate::input::Input;
 use crate::runner::Runner;
 use crate::verify::{Found, Promise};
 use deltamorph::Result;
-use deltamorph::mesh::packed::{POSE_STRIDE, PackedMesh};
+use deltamorph::mesh::packed::PackedMesh;
 use deltamorph::plan::UpdateStats;
 use deltamorph::reference::compare;
 use std::sync::Arc;
@@ -41,6 +41,8 @@ pub struct Trial<'a> {
     promise: Promise,
     found: Found,
     record: RunRecord,
+    /// Bytes are those of the draws, which evaluate.
+    in_draws: bool,
     /// The last frame that ran.
     frame: usize,
     samples: Samples,
@@ -97,6 +99,7 @@ impl<'a> Trial<'a> {
             promise: Promise::new(&config.desc, mesh.layout()),
             found: Found::default(),
             record: RunRecord::blank(config, setting, context.input),
+            in_draws: config.desc.path.evaluates_in_draws(),
             frame: 0,
             samples: Samples::default(),
             spent: Duration::ZERO,
@@ -270,19 +273,18 @@ impl<'a> Trial<'a> {
         record.update_and_draw_ms = Stats::of(&samples.both);
         record.upload_ms = Stats::of(&samples.upload);
         let b = self.context.bandwidth;
-        let ceiling = match record.gpu_ms {
-            None => b.cpu_read_gb_s,
-            Some(_) => b.device_read_gb_s.into_iter().chain(b.device_copy_gb_s).reduce(f64::max),
+        let rates = match record.gpu_ms {
+            None => [b.cpu_read_gb_s, b.cpu_copy_gb_s],
+            Some(_) => [b.device_read_gb_s, b.device_copy_gb_s],
         };
+        let best = rates.into_iter().flatten().reduce(f64::max);
         // Means: in a clip the frames differ, and the bytes are their mean.
         let seconds = record.gpu_ms.or(record.cpu_ms).map(|t| t.mean * 1e-3).filter(|t| *t > 0.0);
-        let pose = (self.context.input.kept.vertex_count() * POSE_STRIDE) as f64;
-        let written = pose * f64::from(self.setting.updated()) * if record.passes > 0.0 { 1.0 } else { 0.0 };
-        let to_read = (record.bytes_floor - written).max(0.0);
         if record.rounds.len() == 1 {
             record.rounds.clear();
         }
-        record.floor_fraction = ceiling.zip(seconds).map(|(gb_s, s)| to_read / (gb_s * 1e9) / s);
+        let update = best.zip(seconds).filter(|_| !self.in_draws);
+        record.floor_fraction = update.map(|(gb_s, s)| record.bytes_floor / (gb_s * 1e9) / s);
     }
 }
 

@@ -1,7 +1,7 @@
 //! The report folder of `info`: index.html, the plots, and the numbers as info.json.
 
 use super::record::{Info, PoseRow, SweepRow};
-use crate::output::{Failure, create_folder, write_file};
+use crate::output::{Failure, create_folder, is_free, publish, write_file};
 use crate::page::{document, escape, figure, table};
 use crate::plots::canvas::Marker;
 use crate::plots::chart::{Axes, LineChart, Point, Series, X};
@@ -16,12 +16,11 @@ use std::path::Path;
 /// It holds something else; it cannot be created or listed.
 pub fn claim(dir: &Path) -> Result<(), Failure> {
     create_folder(dir)?;
-    let mut files = std::fs::read_dir(dir).map_err(|e| Failure::io(dir, "read the folder", e))?;
     let ours = || {
         let text = std::fs::read_to_string(dir.join("info.json")).ok()?;
         serde_json::from_str::<serde_json::Value>(&text).ok()?.get("sweep").cloned()
     };
-    if files.next().is_some() && ours().is_none() {
+    if !is_free(dir)? && ours().is_none() {
         return Err(Failure::Usage(format!(
             "{}: the folder holds something else than a report of info; name another one with --report",
             dir.display()
@@ -30,11 +29,15 @@ pub fn claim(dir: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Write everything into `dir`.
+/// Write everything into `dir`, replacing what an earlier run left there when all is drawn.
 ///
 /// # Errors
 /// A file cannot be written, or a plot cannot be drawn.
 pub fn write(info: &Info, dir: &Path) -> Result<(), Failure> {
+    publish(dir, |_| false, |dir| write_into(info, dir))
+}
+
+fn write_into(info: &Info, dir: &Path) -> Result<(), Failure> {
     let json = serde_json::to_string_pretty(info).map_err(|e| Failure::failed(&e))?;
     write_file(&dir.join("info.json"), json + "\n")?;
     let rows = info.sweep.as_deref().unwrap_or_default();

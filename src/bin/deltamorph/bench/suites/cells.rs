@@ -9,7 +9,7 @@ use crate::bench::race::{Entrant, Tempo};
 use crate::bench::record::Skipped;
 use crate::bench::setting::{Config, Setting};
 use crate::bench::workload::{Clip, Few, Random, Workload};
-use crate::input;
+use crate::input::{self, Input};
 use crate::output::Failure;
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -57,23 +57,40 @@ pub fn techniques(lab: &mut Lab<'_>) -> Result<SuiteRecord, Failure> {
     Ok(suite)
 }
 
-/// The clips of INPUT; without INPUT, those of each set under DELTAMORPH_DATA.
+/// A mesh with clips.
+pub struct ClipSet {
+    input: Input,
+    clips: Vec<Clip>,
+}
+
+/// Read the clips of INPUT; without INPUT, those of each set under DELTAMORPH_DATA. Before anything is measured: a set that
+/// cannot be used is not to cost what was measured before it.
 ///
 /// # Errors
-/// A set or a clip cannot be used; a device that fails.
-pub fn clips(lab: &mut Lab<'_>) -> Result<SuiteRecord, Failure> {
-    let mut suite = SuiteRecord { name: "clips".into(), ..SuiteRecord::default() };
-    let all = technique::all(lab);
-    let heads = lab.args.heads_or(&[1]);
+/// A set or a clip cannot be used.
+pub fn clip_sets(lab: &mut Lab<'_>) -> Result<Vec<ClipSet>, Failure> {
+    let mut list = vec![];
     for set in sets(lab)? {
         let args = InputArgs { input: Some(set), head: Default::default(), ..lab.args.input.clone() };
         let input = input::load(&args, lab.out)?;
+        let read =
+            |path: &PathBuf| input::clip(path, &args, &input.kept).map(|(clip, frames)| Clip::new(clip.name, frames));
+        let clips = input.clips.iter().map(read).collect::<Result<_, _>>()?;
+        list.push(ClipSet { input, clips });
+    }
+    Ok(list)
+}
+
+/// Every technique on these clips.
+///
+/// # Errors
+/// A device that fails.
+pub fn clips(lab: &mut Lab<'_>, sets: Vec<ClipSet>) -> Result<SuiteRecord, Failure> {
+    let mut suite = SuiteRecord { name: "clips".into(), ..SuiteRecord::default() };
+    let all = technique::all(lab);
+    let heads = lab.args.heads_or(&[1]);
+    for ClipSet { input, clips } in sets {
         let name = input.kept.name.clone();
-        let clips: Vec<Clip> = input
-            .clips
-            .iter()
-            .map(|path| input::clip(path, &args, &input.kept).map(|(clip, frames)| Clip::new(clip.name, frames)))
-            .collect::<Result<_, _>>()?;
         let mut subject = Subject::new(lab, &name, input);
         lab.bar.inc_length((clips.len() * heads.len()) as u64);
         for clip in &clips {
@@ -91,7 +108,10 @@ fn sets(lab: &mut Lab<'_>) -> Result<Vec<PathBuf>, Failure> {
         (Some(input), _) => (vec![input.clone()], format!("{} has no clip in weights/*.csv", input.display())),
         (None, Some(root)) => {
             let root = PathBuf::from(root);
-            let unreadable = |e| Failure::io(&root, "read the folder", e);
+            let unreadable = |e: std::io::Error| {
+                let root = root.display();
+                Failure::Failed(format!("DELTAMORPH_DATA: {root}: cannot read the folder: {e}; name the unpacked sets"))
+            };
             let entries = std::fs::read_dir(&root).map_err(unreadable)?;
             let mut sets = entries.map(|e| e.map(|e| e.path())).collect::<Result<Vec<_>, _>>().map_err(unreadable)?;
             sets.sort();

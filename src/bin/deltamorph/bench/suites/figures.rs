@@ -5,7 +5,7 @@ use super::record::{SuiteRecord, label};
 use super::text::{of_cell, ranking, runs};
 use crate::bench::family::{Family, families, look};
 use crate::bench::record::{Report, RunRecord};
-use crate::bench::select::{absolute, batch_words, batch_x, median, relative, series, slug};
+use crate::bench::select::{absolute, batch_words, batch_x, median, relative, series, slug, with_names_of_their_own};
 use crate::bench::stats::Stats;
 use crate::plots::bars::{Bar, BarChart, Unit};
 use crate::plots::chart::{Axes, LineChart, Point, Series, X};
@@ -15,11 +15,11 @@ use deltamorph::plan::BatchSize;
 
 /// All figures that the runs of `suite` are enough for.
 pub fn figures(suite: &SuiteRecord, report: &Report) -> Vec<Figure> {
-    match suite.name.as_str() {
+    with_names_of_their_own(match suite.name.as_str() {
         "chapter" => chapter(suite, report),
         "crowd" => crowd(suite, report),
         _ => suite.cells.iter().filter_map(|cell| bars(suite, report, &cell.name)).collect(),
-    }
+    })
 }
 
 /// What is constant: the mesh and the device.

@@ -122,6 +122,7 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let mut lab =
         Lab { args, machine: &machine, out, bar: out.bar(0), suite: "", runs: vec![], skipped: vec![], meshes: vec![] };
     let asked = |suite| args.suites.contains(&suite) || args.suites.contains(&SuiteChoice::All);
+    let clip_sets = if asked(SuiteChoice::Clips) { cells::clip_sets(&mut lab)? } else { vec![] };
     let mut suites: Vec<SuiteRecord> = vec![];
     if asked(SuiteChoice::Chapter) {
         lab.suite = "chapter";
@@ -138,7 +139,7 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     }
     if asked(SuiteChoice::Clips) {
         lab.suite = "clips";
-        suites.push(cells::clips(&mut lab)?);
+        suites.push(cells::clips(&mut lab, clip_sets)?);
     }
     lab.bar.finish_and_clear();
     let Lab { runs, skipped, meshes, .. } = lab;

@@ -65,6 +65,7 @@ fn technique(lab: &mut Lab<'_>, path: UpdatePath, mode: UpdateMode, sizes: &[Bat
     };
     let wanted = Wanted {
         paths: vec![path],
+        paths_named: !lab.args.update.paths.is_empty(),
         formats: &formats(lab),
         sums: &[sums],
         modes: vec![mode],
@@ -72,14 +73,7 @@ fn technique(lab: &mut Lab<'_>, path: UpdatePath, mode: UpdateMode, sizes: &[Bat
         sizes_named: false,
         error_budget: 0.0,
     };
-    let (mut configs, skipped) = configurations(&wanted, &lab.args.update, lab.machine.gpu.as_ref());
-    // Two names for one format are one configuration.
-    let mut seen = vec![];
-    configs.retain(|c| {
-        let new = !seen.contains(&(c.format, c.desc.batch));
-        seen.push((c.format, c.desc.batch));
-        new
-    });
+    let (configs, skipped) = configurations(&wanted, &lab.args.update, lab.machine.gpu.as_ref());
     skipped.into_iter().for_each(|s| lab.skip(Skipped { what: name.clone(), ..s }));
     Technique { name, configs }
 }

@@ -64,7 +64,7 @@ pub fn cell_row(cell: &CellRecord, suite: &SuiteRecord, report: &Report) -> Vec<
 
 /// Headings of [`comparison_row`].
 pub const COMPARISON_HEADINGS: [&str; 8] =
-    ["comparison", "first", "its ms", "second", "its ms", "first / second", "should be", "n"];
+    ["comparison", "first", "its ms", "second", "its ms", "first / second, median of rounds", "should be", "n"];
 
 /// A comparison as a row.
 pub fn comparison_row(c: &Comparison) -> Vec<String> {
