@@ -120,7 +120,8 @@ fn bad_arguments_exit_with_2_and_failures_with_1() {
     check(&["play", &dir, "--path", "compute", "--format", "small"], 2, &["--format", "float32 or snorm16"]);
     check(&["play", &dir, "--path", "cpu", "--json", "/nonexistent/x.json"], 1, &["/nonexistent/x.json"]);
     check(&["soak", &dir], 2, &["--frames"]);
-    check(&["soak", &dir, "--frames", "9", "--path", "cpu", "--drift", "1e-9"], 1, &["tolerance", "rounding"]);
+    let narrow = ["soak", &dir, "--frames", "9", "--path", "cpu", "--drift", "1e-9", "--accumulate", "float"];
+    check(&narrow, 2, &["allow more drift", "rounding", "--drift"]);
     std::fs::copy(&clip, weights.join("second.csv")).unwrap();
     check(&["play", &dir, "--path", "cpu"], 2, &["2 clips", "--weights", "second.csv"]);
     std::fs::remove_dir_all(&weights).unwrap();

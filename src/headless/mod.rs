@@ -5,6 +5,7 @@ mod bandwidth;
 mod crowd;
 mod draw;
 mod submit;
+mod turn;
 mod upload;
 
 pub use bandwidth::Bandwidth;
@@ -21,6 +22,7 @@ use std::borrow::Cow;
 use std::ffi::{CStr, c_void};
 use std::sync::{Arc, Mutex, PoisonError};
 use submit::Submitter;
+use turn::Turn;
 
 /// Which device to use.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -39,7 +41,8 @@ pub enum DeviceChoice {
 pub struct HeadlessDesc {
     /// Which device.
     pub device: DeviceChoice,
-    /// Load the validation layers, synchronization validation included, and collect their messages.
+    /// Load the validation layers, synchronization validation included, and collect their messages. One thread at a time
+    /// may: others wait in [`Headless::new`] until its `Headless` are dropped.
     pub validation: bool,
     /// Limits to keep to where the device has more, as of [`DeviceCaps::android_baseline`].
     pub limits: Option<DeviceCaps>,
@@ -68,6 +71,8 @@ struct Instance {
     messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     // Shared with the messenger, which holds its address.
     messages: Arc<Messages>,
+    // With the validation layers; drops last.
+    _turn: Option<Turn>,
 }
 
 type Messages = Mutex<Vec<String>>;
@@ -98,6 +103,7 @@ unsafe extern "system" fn collect(
 
 impl Instance {
     fn new(validation: bool) -> Result<Self> {
+        let turn = validation.then(Turn::wait);
         // SAFETY: loading the system's Vulkan loader runs its initialisers, which are made to be run so.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| {
             Error::invalid(
@@ -138,7 +144,7 @@ impl Instance {
             }
             e => failed("vkCreateInstance")(e),
         })?;
-        let mut instance = Self { messenger: None, messages, raw, _entry: entry };
+        let mut instance = Self { messenger: None, messages, raw, _entry: entry, _turn: turn };
         if validation {
             let functions = ash::ext::debug_utils::Instance::new(&instance._entry, &instance.raw);
             messenger_info.p_next = std::ptr::null();

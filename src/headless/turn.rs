@@ -1,0 +1,62 @@
+//! One thread at a time may have the validation layers loaded.
+//!
+//! Each call into the layers looks its device up in a map, without a lock, while other threads may put theirs in
+//! (KhronosGroup/Vulkan-ValidationLayers, issue 4391): a crash, once in hundreds of runs of tests on two threads.
+
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::{ThreadId, current};
+
+/// Who has the layers loaded, and how many times.
+static OWNER: Mutex<Option<(ThreadId, usize)>> = Mutex::new(None);
+static FREE: Condvar = Condvar::new();
+
+/// The right to have them loaded; others wait until it is dropped, but for the thread that has it already.
+pub(super) struct Turn(());
+
+fn owner() -> MutexGuard<'static, Option<(ThreadId, usize)>> {
+    OWNER.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Turn {
+    pub(super) fn wait() -> Self {
+        let me = current().id();
+        let others = |owner: &mut Option<(ThreadId, usize)>| owner.is_some_and(|(thread, _)| thread != me);
+        let mut owner = FREE.wait_while(owner(), others).unwrap_or_else(PoisonError::into_inner);
+        owner.get_or_insert((me, 0)).1 += 1;
+        Self(())
+    }
+}
+
+impl Drop for Turn {
+    fn drop(&mut self) {
+        let mut owner = owner();
+        *owner = owner.map(|(thread, times)| (thread, times - 1)).filter(|(_, times)| *times > 0);
+        FREE.notify_all();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicU32, Ordering};
+
+    #[test]
+    fn threads_take_turns_and_may_have_several() {
+        let inside = AtomicU32::new(0);
+        std::thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(|| {
+                    for _ in 0..50 {
+                        let (first, second) = (Turn::wait(), Turn::wait());
+                        drop(first);
+                        assert_eq!(inside.fetch_add(1, Ordering::SeqCst), 0);
+                        std::thread::yield_now();
+                        inside.fetch_sub(1, Ordering::SeqCst);
+                        drop(second);
+                    }
+                });
+            }
+        });
+        assert_eq!(*owner(), None);
+    }
+}
