@@ -8,7 +8,7 @@ pub(crate) mod tile;
 mod workers;
 
 use crate::error::{Error, Result};
-use crate::mesh::packed::{POSE_FLOATS, PackedMesh};
+use crate::mesh::packed::{POSE_FLOATS, PackedLayout, PackedMesh};
 use crate::plan::blocks::{BlockState, Planner, check_block_weights};
 use crate::plan::commands::{CommandList, PassCommand};
 use crate::plan::heads::Heads;
@@ -40,13 +40,23 @@ struct Blocks {
     sums: Vec<Vec<i32>>,
 }
 
+/// Refuse poses that there is no memory for: what cannot be reserved in one piece is not there in many, and running out
+/// of it would end the process.
+fn check_memory(layout: &PackedLayout, instances: usize, slots: usize) -> Result<()> {
+    let bytes = (layout.pose_bytes() as usize).saturating_mul(slots).saturating_mul(instances);
+    Vec::<u8>::new().try_reserve_exact(bytes).map_err(|_| {
+        let text = format!("the poses of {instances} instances of mesh '{}' take {bytes} bytes", layout.name);
+        Error::invalid(format!("{text}, more than there is memory"), "use fewer instances or slots")
+    })
+}
+
 impl CpuCrowd {
     /// `instances` heads, all weights 0. `threads` 0 takes one per core; without the `threads` feature the
     /// caller's thread does the work.
     ///
     /// # Errors
-    /// As [`UpdateDesc::check`]; a path that isn't [`UpdatePath::Cpu`]; threads that cannot be started. Exact sums or an
-    /// error budget for a dense format; for block formats, as [`BlockState::new`].
+    /// As [`UpdateDesc::check`]; a path that isn't [`UpdatePath::Cpu`]; threads that cannot be started; more poses than there
+    /// is memory. Exact sums or an error budget for a dense format; for block formats, as [`BlockState::new`].
     pub fn new(mesh: Arc<PackedMesh>, desc: UpdateDesc, instances: usize, threads: usize) -> Result<Self> {
         if desc.path != UpdatePath::Cpu {
             return Err(Error::invalid(
@@ -54,8 +64,9 @@ impl CpuCrowd {
                 "use UpdatePath::Cpu here, or MorphEngine for the GPU paths",
             ));
         }
-        let workers = Workers::new(threads)?;
         let (layout, slots) = (mesh.layout(), desc.slots as usize);
+        check_memory(layout, instances, slots)?;
+        let workers = Workers::new(threads)?;
         let targets = layout.targets.len();
         let kind = match &layout.blocks {
             None => {

@@ -201,9 +201,12 @@ fn misuse_is_an_error_that_says_what_to_do() {
     let desc = UpdateDesc::new(UpdatePath::Compute, BatchSize::All);
     let text = CpuCrowd::new(packed.clone(), desc, 1, 1).err().unwrap().to_string();
     assert!(text.contains("'compute' for a CpuCrowd"), "{text}");
-    let mut crowd = CpuCrowd::new(packed, UpdateDesc { path: UpdatePath::Cpu, ..desc }, 1, 1).unwrap();
+    let desc = UpdateDesc { path: UpdatePath::Cpu, ..desc };
+    let mut crowd = CpuCrowd::new(packed.clone(), desc, 1, 1).unwrap();
     let text = crowd.set_weights(0, &[f32::INFINITY, 0.0]).unwrap_err().to_string();
     assert!(text.contains("'target_0') is inf"), "{text}");
     let text = crowd.set_weights(3, &[0.0, 0.0]).unwrap_err().to_string();
     assert!(text.contains("instance 3 of a crowd of 1"), "{text}");
+    let crowded = CpuCrowd::new(packed, desc, 1 << 44, 1).err().unwrap().to_string();
+    assert!(crowded.contains("more than there is memory; use fewer instances"), "{crowded}");
 }
