@@ -18,13 +18,16 @@ layout(constant_id = 1) const uint BLOCK_SIZE = 64;
 // Poses: slots of the instances, source and destination alike. An invocation loads and stores its own vertices only, and
 // loads before it stores.
 #ifdef TEXELS
+// What is loaded as texels is stored as integers: without the decoration Aliased compilers take them for different memory.
+#extension GL_EXT_spirv_intrinsics : require
+#define ALIASED spirv_decorate(20)
 layout(set = 0, binding = 0) uniform usamplerBuffer asset;
 layout(set = 0, binding = 1) uniform usamplerBuffer work;
-layout(set = 0, binding = 2, std430) buffer Poses { uint64_t poses[]; };
-layout(set = 0, binding = 3, rgba32f) uniform imageBuffer pose_texels;
+ALIASED layout(set = 0, binding = 2, std430) buffer Poses { uint64_t poses[]; };
+ALIASED layout(set = 0, binding = 3, rgba32f) uniform imageBuffer pose_texels;
 #ifdef EXACT
-layout(set = 0, binding = 4, std430) buffer Sums { uint64_t sums[]; };
-layout(set = 0, binding = 5, rgba32i) uniform iimageBuffer sum_texels;
+ALIASED layout(set = 0, binding = 4, std430) buffer Sums { uint64_t sums[]; };
+ALIASED layout(set = 0, binding = 5, rgba32i) uniform iimageBuffer sum_texels;
 #endif
 #else
 layout(set = 0, binding = 0, std430) readonly buffer Asset { uint asset[]; };

@@ -143,10 +143,6 @@ void main() {
     }
 #endif
 
-#if defined(EXACT) && defined(TEXELS)
-    // What is loaded as texels and what is stored as integers may be the same memory, which compilers need not know.
-    memoryBarrier();
-#endif
     [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
         uint pose = item[4u + h] >> 16;
 #ifdef EXACT
