@@ -7,10 +7,11 @@ mod scene;
 
 use deltamorph::animation::{AnimationDesc, KeyFormat, Playback, Repeat};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
-use deltamorph::mesh::packed::DeltaFormat;
+use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
 use deltamorph::plan::commands::{Command, Hazard};
 use deltamorph::plan::{BatchSize, UpdateDesc, UpdatePath};
 use scene::{HEAD, Scene, clips, crowd, exact, packed};
+use std::sync::Arc;
 
 /// Days of playing: records are started anew, and nobody sees it.
 #[test]
@@ -32,15 +33,21 @@ fn the_clock_may_run_for_days() {
     });
 }
 
+/// Two heads that play the clip in which all weights change.
+fn two_heads<'a>(headless: &'a Headless, mesh: &Arc<PackedMesh>, slots: u32) -> Scene<'a> {
+    let clips = clips();
+    let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
+    let mut scene = Scene::new(headless, mesh, crowd(2, exact(slots)), &animation);
+    (0..2).for_each(|i| scene.play(i, Playback::new(1)));
+    scene
+}
+
 #[test]
 fn poses_and_previous_poses_follow_the_slots() {
     let mesh = packed(DeltaFormat::Fast, 64);
     gpu::on_every_device(|headless, _| {
         for slots in [1, 2, 3] {
-            let clips = clips();
-            let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
-            let mut scene = Scene::new(headless, &mesh, crowd(2, exact(slots)), &animation);
-            (0..2).for_each(|i| scene.play(i, Playback::new(1)));
+            let mut scene = two_heads(headless, &mesh, slots);
             let text = scene.crowd.crowd().pose(0).unwrap_err().to_string();
             assert!(text.contains("record an update first"), "{text}");
             let mut before: Option<Vec<f32>> = None;
@@ -89,10 +96,7 @@ fn a_discarded_update_takes_no_pose_away() {
     let mesh = packed(DeltaFormat::Small, 64);
     gpu::on_every_device(|headless, _| {
         for slots in [1, 2, 3] {
-            let clips = clips();
-            let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
-            let mut scene = Scene::new(headless, &mesh, crowd(2, exact(slots)), &animation);
-            (0..2).for_each(|i| scene.play(i, Playback::new(1)));
+            let mut scene = two_heads(headless, &mesh, slots);
             scene.step(0.0);
             scene.step(0.1);
             let pose = scene.crowd.read_pose(1).expect("a pose");

@@ -10,6 +10,30 @@ use std::process::{Command, Stdio};
 /// A bench of a moment.
 const BENCH: [&str; 9] = ["bench", "--vertices", "100", "--targets", "3", "--frames", "2", "--paths", "cpu"];
 
+/// A folder with the small head in it.
+struct Home {
+    folder: tempfile::TempDir,
+    /// The head's folder.
+    dir: String,
+}
+
+impl Home {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let dir = sample(folder.path());
+        Self { folder, dir }
+    }
+
+    /// A path in it.
+    fn at(&self, name: &str) -> String {
+        self.folder.path().join(name).to_str().unwrap().to_owned()
+    }
+
+    fn contents(&self) -> Vec<(PathBuf, Vec<u8>)> {
+        contents(self.folder.path())
+    }
+}
+
 /// Every file below `folder`, and what is in it.
 fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let mut all = vec![];
@@ -26,16 +50,15 @@ fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
 
 #[test]
 fn nothing_that_is_read_is_written_over() {
-    let folder = tempfile::tempdir().unwrap();
-    let dir = sample(folder.path());
-    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let home = Home::new();
+    let (dir, at) = (home.dir.clone(), |name: &str| home.at(name));
     let (packed, clip, own) = (at("a.dmorph"), at("own.csv"), at("head/weights/head_30fps.csv"));
     ok(&["pack", &dir, "-o", &packed]);
     std::fs::copy(&own, &clip).unwrap();
     let link = at("link.json");
     #[cfg(unix)]
     std::os::unix::fs::symlink(&packed, &link).unwrap();
-    let before = contents(folder.path());
+    let before = home.contents();
     let (neutral, target) = (at("head/neutral.obj"), at("head/targets/eyeBlinkLeft.obj"));
     for args in [
         &["info", &dir, "--json", &neutral][..],
@@ -53,17 +76,16 @@ fn nothing_that_is_read_is_written_over() {
     ] {
         let (code, text) = fails(args);
         assert!(code == 2 && text.contains("is part of what is read"), "{args:?}: {text}");
-        assert!(contents(folder.path()) == before, "{args:?}");
+        assert!(home.contents() == before, "{args:?}");
     }
 }
 
 #[test]
 fn no_two_outputs_are_one_file() {
-    let folder = tempfile::tempdir().unwrap();
-    let dir = sample(folder.path());
-    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let home = Home::new();
+    let (dir, at) = (home.dir.clone(), |name: &str| home.at(name));
     let (file, other, report) = (at("a.dmorph"), at("head/../a.dmorph"), at("report"));
-    let before = contents(folder.path());
+    let before = home.contents();
     for args in [
         &["pack", &dir, "-o", &file, "--json", &file][..],
         &["pack", &dir, "-o", &file, "--json", &other],
@@ -74,7 +96,7 @@ fn no_two_outputs_are_one_file() {
     ] {
         let (code, text) = fails(args);
         assert!(code == 2 && text.contains("would be written over; name another file"), "{args:?}: {text}");
-        assert!(contents(folder.path()) == before, "{args:?}");
+        assert!(home.contents() == before, "{args:?}");
     }
     // Devices and pipes are no files that could be lost.
     ok(&["info", &dir, "--json", "/dev/null"]);
@@ -82,9 +104,8 @@ fn no_two_outputs_are_one_file() {
 
 #[test]
 fn what_fails_leaves_files_as_they_were() {
-    let folder = tempfile::tempdir().unwrap();
-    let dir = sample(folder.path());
-    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let home = Home::new();
+    let (dir, at) = (home.dir.clone(), |name: &str| home.at(name));
     let (bad, old, new) = (at("bad.csv"), at("old.json"), at("new.json"));
     std::fs::write(&bad, "eyeBlinkLeft\nNaN\n").unwrap();
     std::fs::write(&old, "mine").unwrap();
@@ -96,7 +117,7 @@ fn what_fails_leaves_files_as_they_were() {
     assert!(!Path::new(&new).exists());
 
     // A folder that is not a report's, and JSON that cannot be written, are noticed before anything is measured.
-    let foreign = folder.path().join("site");
+    let foreign = home.folder.path().join("site");
     std::fs::create_dir(&foreign).unwrap();
     std::fs::write(foreign.join("index.html"), "mine").unwrap();
     let (code, text) = fails(&[&BENCH[..], &["--report", foreign.to_str().unwrap()]].concat());

@@ -310,9 +310,7 @@ impl DeviceCaps {
                 format!("pack with blocks of at most {} vertices", self.max_workgroup_invocations),
             ));
         }
-        if desc.path == UpdatePath::Blocks {
-            desc.check_for(layout)?;
-        }
+        desc.check_for(layout)?;
         match (desc.batch, self.batch_max(desc.path, format)) {
             (BatchSize::Targets(b), Some(most)) if b > most => Err(Error::invalid(
                 format!(

@@ -261,9 +261,7 @@ impl UpdateDesc {
             _ => Ok(()),
         }
     }
-}
 
-impl UpdateDesc {
     /// Check the description for a mesh packed like this.
     ///
     /// # Errors

@@ -254,7 +254,18 @@ impl PackArgs {
     }
 }
 
+/// Each of `list` once, in the order of their first places.
+pub fn distinct<T: Copy + PartialEq>(list: &[T]) -> Vec<T> {
+    list.iter().enumerate().filter(|(i, one)| !list[..*i].contains(one)).map(|(_, one)| *one).collect()
+}
+
 impl UpdateArgs {
+    /// The paths asked for, each once, or else `default`.
+    pub fn paths_or(&self, default: &[PathChoice]) -> Vec<UpdatePath> {
+        let asked = if self.paths.is_empty() { default } else { &self.paths };
+        distinct(asked).into_iter().map(PathChoice::update_path).collect()
+    }
+
     /// What the library calls a kind of sums.
     pub fn sums(&self, choice: AccumulateChoice) -> Accumulate {
         match choice {

@@ -107,9 +107,6 @@ fn with_sums_that_fit(
     layout: &PackedLayout,
     out: &Output,
 ) -> Result<UpdateDesc, Failure> {
-    if layout.blocks.is_none() || desc.path.evaluates_in_draws() {
-        return Ok(desc);
-    }
     let exact = UpdateDesc { accumulate: Accumulate::Exact, ..desc };
     match desc.check_for(layout) {
         Ok(()) => Ok(desc),

@@ -1,7 +1,7 @@
 //! Options of `bench`.
 
 use super::values::{self, BatchSpec, ChangedSpec};
-use super::{InputArgs, UpdateArgs};
+use super::{InputArgs, UpdateArgs, distinct};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -80,14 +80,7 @@ pub struct BenchArgs {
 impl BenchArgs {
     /// The numbers of heads asked for, each once, or else `default`.
     pub fn heads_or(&self, default: &[u32]) -> Vec<u32> {
-        let asked = if self.heads.is_empty() { default } else { &self.heads };
-        let mut heads = vec![];
-        asked.iter().for_each(|n| {
-            if !heads.contains(n) {
-                heads.push(*n)
-            }
-        });
-        heads
+        distinct(if self.heads.is_empty() { default } else { &self.heads })
     }
 
     /// How long suites time a configuration.

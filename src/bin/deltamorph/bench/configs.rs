@@ -31,10 +31,7 @@ pub struct Wanted<'a> {
 /// What can run, and what was asked for and cannot, with the reason.
 pub fn configurations(wanted: &Wanted<'_>, update: &UpdateArgs, gpu: Option<&Gpu>) -> (Vec<Config>, Vec<Skipped>) {
     let (mut configs, mut skipped) = (vec![], vec![]);
-    for (i, &path) in wanted.paths.iter().enumerate() {
-        if wanted.paths[..i].contains(&path) {
-            continue;
-        }
+    for &path in &wanted.paths {
         let modes = if wanted.modes.is_empty() { vec![path.default_mode()] } else { wanted.modes.clone() };
         let available = match (path, gpu) {
             (UpdatePath::Cpu, _) => Ok(()),

@@ -60,9 +60,6 @@ pub fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Fai
     for skipped in &report.skipped {
         out.note(format_args!("{}: {}", skipped.what, skipped.reason));
     }
-    if !report.runs.is_empty() {
-        out.say(format_args!("\n{}", headline::sentences(report).join("\n")));
-    }
     if report.runs.is_empty() {
         // Nothing is no reason to replace an earlier file.
         if out.json_to_stdout() {
@@ -70,6 +67,7 @@ pub fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Fai
         }
         return Err(nothing_ran(report));
     }
+    out.say(format_args!("\n{}", headline::sentences(report).join("\n")));
     let json = out.json(report);
     if !args.no_report {
         let spinner = out.spinner("drawing the report");

@@ -8,18 +8,18 @@ use super::setting::{Config, Setting};
 use super::trial::Context;
 use super::workload::{Clip, Random, Workload};
 use crate::args::bench::BenchArgs;
-use crate::args::values::{AccumulateChoice, BatchSpec, FormatChoice, expand_changed};
+use crate::args::values::{AccumulateChoice, BatchSpec, FormatChoice, PathChoice, expand_changed};
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
 use crate::runner::Gpu;
 use deltamorph::headless::DeviceChoice;
-use deltamorph::plan::{Accumulate, UpdatePath};
+use deltamorph::plan::Accumulate;
 
 /// Batch sizes where none are given.
 const FULL_SWEEP: [BatchSpec; 2] = [BatchSpec::Range(1, None), BatchSpec::All];
 const BRIEF_SWEEP: [BatchSpec; 3] = [BatchSpec::Size(8), BatchSpec::Max, BatchSpec::All];
 /// Paths where none are given. The techniques of others have a suite of their own.
-const PATHS: [UpdatePath; 4] = [UpdatePath::Feedback, UpdatePath::Compute, UpdatePath::Blocks, UpdatePath::Cpu];
+const PATHS: [PathChoice; 4] = [PathChoice::Feedback, PathChoice::Compute, PathChoice::Blocks, PathChoice::Cpu];
 /// Formats where none are given. The float32 of `cpu` is the dense one; in blocks it is there for the asking.
 const FORMATS: [FormatChoice; 4] =
     [FormatChoice::Float32, FormatChoice::Snorm16, FormatChoice::Fast, FormatChoice::Small];
@@ -106,10 +106,7 @@ fn wanted(args: &BenchArgs, gpu: Option<&Gpu>, budget: f32, sweep: &[BatchSpec])
     let update = &args.update;
     let all = [AccumulateChoice::Float, AccumulateChoice::Exact];
     let wanted = Wanted {
-        paths: match update.paths.is_empty() {
-            true => PATHS.to_vec(),
-            false => update.paths.iter().map(|p| p.update_path()).collect(),
-        },
+        paths: update.paths_or(&PATHS),
         paths_named: !update.paths.is_empty(),
         formats: if update.formats.is_empty() { &FORMATS } else { &update.formats },
         sums: if update.accumulate.is_empty() { &all } else { &update.accumulate },

@@ -28,9 +28,7 @@ const REBUILDS: [(UpdatePath, bool); 2] = [(UpdatePath::Compute, false), (Update
 
 /// The paths asked for, or every path that the command line knows.
 pub fn paths(lab: &Lab<'_>) -> Vec<UpdatePath> {
-    let named = &lab.args.update.paths;
-    let paths = if named.is_empty() { PathChoice::value_variants() } else { named };
-    paths.iter().map(|p| p.update_path()).collect()
+    lab.args.update.paths_or(PathChoice::value_variants())
 }
 
 /// The formats asked for, or all.
