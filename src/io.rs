@@ -25,7 +25,10 @@ pub(crate) fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<
     let size = file.metadata().map_err(io)?.len();
     let mut bytes = Vec::new();
     if size <= limit {
-        bytes.reserve_exact(size as usize + 2);
+        let least = usize::try_from(size).ok().and_then(|size| size.checked_add(2));
+        if least.is_none_or(|least| bytes.try_reserve_exact(least).is_err()) {
+            return Err(io(io::ErrorKind::OutOfMemory.into()));
+        }
         // The size is only a hint: a file may grow while it is read.
         file.take(limit + 1).read_to_end(&mut bytes).map_err(io)?;
     }

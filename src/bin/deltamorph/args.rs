@@ -13,7 +13,7 @@ use deltamorph::mesh::packed::DeltaFormat;
 use deltamorph::mesh::packed::blocks::BlockDesc;
 use deltamorph::plan::{Accumulate, UpdateMode, UpdatePath};
 use play::{PlayArgs, SoakArgs};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use values::{
     AccumulateChoice, BatchSpec, BudgetSpec, FormatChoice, ModeChoice, PathChoice, Projection, WeightSetting,
 };
@@ -141,11 +141,6 @@ impl InputArgs {
             return Tolerance::ZERO;
         }
         Tolerance { position: self.tolerance, ..Tolerance::default() }
-    }
-
-    /// Frames per second of the clip at `path`.
-    pub fn fps_of(&self, path: &Path) -> f32 {
-        self.fps.or_else(|| values::fps_in_name(path)).unwrap_or(30.0)
     }
 }
 

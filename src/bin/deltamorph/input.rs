@@ -2,10 +2,11 @@
 
 use crate::args::InputArgs;
 use crate::output::{Failure, Output};
+use deltamorph::import::csv;
 use deltamorph::mesh::packed::PackedMesh;
 use deltamorph::mesh::packed::file::Asset;
 use deltamorph::mesh::{MorphMesh, MorphSource, SourceTarget, Tolerance, head, obj};
-use deltamorph::weights::{WeightClip, csv};
+use deltamorph::weights::BoundClip;
 use glam::Vec3;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -115,18 +116,18 @@ pub fn load(args: &InputArgs, out: &Output) -> Result<Input, Failure> {
     Ok(Input { source, raw, kept, packed: None, clips, origin })
 }
 
-/// A weight clip and, for each of its frames, a weight per target of `mesh`.
+/// The weight clip at `path`, for the targets of `mesh`; at least one frame.
 ///
 /// # Errors
 /// The file cannot be used, or names a target that the mesh does not have; the message names the file.
-pub fn clip(path: &Path, args: &InputArgs, mesh: &MorphMesh) -> Result<(WeightClip, Vec<Vec<f32>>), Failure> {
-    let clip = csv::read(path, args.fps_of(path))?;
+pub fn clip(path: &Path, args: &InputArgs, mesh: &MorphMesh) -> Result<BoundClip, Failure> {
+    let clip = csv::read(path, args.fps)?;
     let names: Vec<&str> = mesh.targets.iter().map(|t| t.name.as_str()).collect();
-    let frames = clip.bind(&names).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))?;
-    if frames.is_empty() {
+    let clip = clip.bind(&names).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))?;
+    if clip.frame_count() == 0 {
         return Err(Failure::Failed(format!("{}: has no frames; add one row per frame", path.display())));
     }
-    Ok((clip, frames))
+    Ok(clip)
 }
 
 /// The files that `args` and `others` may have read: none of them is to be written over.

@@ -4,7 +4,7 @@ mod record;
 
 use crate::args::play::PlayArgs;
 use crate::bench::stats::Stats;
-use crate::clips::{self, Bound};
+use crate::clips;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
 use crate::runner::Runner;
@@ -15,6 +15,7 @@ use deltamorph::headless::DeviceChoice;
 use deltamorph::internals::Rng;
 use deltamorph::mesh::packed::POSE_STRIDE;
 use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
+use deltamorph::weights::BoundClip;
 use record::{FrameRow, Played, Summary};
 
 /// Run the command.
@@ -24,12 +25,9 @@ use record::{FrameRow, Played, Summary};
 pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     out.check(&input::files_of(&args.input, args.weights.as_slice()), &[], None)?;
     let input = input::load(&args.input, out)?;
-    let mut clip = clips::the_one(args.weights.as_deref(), &args.input, &input)?;
-    if let Some(amount) = args.noise {
-        shake(&mut clip.frames, amount, args.input.seed);
-    }
+    let clip = clips::the_one(args.weights.as_deref(), &args.input, &input)?;
     let stage = Stage::best("play", &args.update, args.batch_size, &input, device, out)?;
-    let (frames, checks) = play(args.every, &stage, &input, &clip, out)?;
+    let (frames, checks) = play(args, &stage, &input, &clip, out)?;
     let summary = summary(args, &stage, &input, &frames, &checks);
     out.say(text(&clip.name, &stage, &frames, &summary));
     let wrong = checks.wrong;
@@ -45,10 +43,15 @@ pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     }
 }
 
-/// Add noise to every weight of every frame.
-fn shake(frames: &mut [Vec<f32>], amount: f32, seed: u64) {
+/// The frames of a clip, with noise added to every weight where there is any.
+fn shaken(frames: impl Iterator<Item = Vec<f32>>, amount: Option<f32>, seed: u64) -> impl Iterator<Item = Vec<f32>> {
     let mut rng = Rng::new(seed, 0x006e_6f69_7365);
-    frames.iter_mut().flatten().for_each(|weight| *weight += rng.range(-amount, amount));
+    frames.map(move |mut weights| {
+        if let Some(amount) = amount {
+            weights.iter_mut().for_each(|weight| *weight += rng.range(-amount, amount));
+        }
+        weights
+    })
 }
 
 /// What the comparisons found.
@@ -63,25 +66,26 @@ struct Checks {
 }
 
 fn play(
-    every: usize,
+    args: &PlayArgs,
     stage: &Stage,
     input: &Input,
-    clip: &Bound,
+    clip: &BoundClip,
     out: &Output,
 ) -> Result<(Vec<FrameRow>, Checks), Failure> {
     let mut runner = stage.runner()?;
     let promise = Promise::new(&stage.desc, stage.mesh.layout());
-    let bar = out.bar(clip.frames.len() as u64);
-    let (mut rows, mut checks) = (Vec::with_capacity(clip.frames.len()), Checks::default());
+    let count = clip.frame_count();
+    let bar = out.bar(count as u64);
+    let (mut rows, mut checks) = (Vec::with_capacity(count), Checks::default());
     let mut before = vec![0.0; input.kept.targets.len()];
-    for (frame, weights) in clip.frames.iter().enumerate() {
+    for (frame, weights) in shaken(clip.frames(), args.noise, args.input.seed).enumerate() {
         let refused = |e| Failure::Failed(format!("clip '{}', frame {frame}: {}", clip.name, Failure::from(e)));
-        let step = runner.step(std::slice::from_ref(weights)).map_err(refused)?;
+        let step = runner.step(std::slice::from_ref(&weights)).map_err(refused)?;
         let bound = f64::from(step.stats.bound);
         checks.found.bound = checks.found.bound.max(bound);
-        let measured = frame % every == 0 || frame + 1 == clip.frames.len();
+        let measured = frame % args.every == 0 || frame + 1 == count;
         let found = match measured {
-            true => Some(checks.measure(frame, &mut runner, stage, &promise, input, weights, bound)?),
+            true => Some(checks.measure(frame, &mut runner, stage, &promise, input, &weights, bound)?),
             false => None,
         };
         rows.push(FrameRow {
@@ -96,7 +100,7 @@ fn play(
             cpu_us: step.cpu_ms * 1e3,
             max_error: found.map(|f| f.error.position),
         });
-        before.copy_from_slice(weights);
+        before = weights;
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -212,11 +216,8 @@ mod tests {
 
     #[test]
     fn noise_is_small_and_comes_again() {
-        let shaken = |seed| {
-            let mut frames = vec![vec![0.5f32; 7]; 20];
-            shake(&mut frames, 0.01, seed);
-            frames
-        };
+        let frames = vec![vec![0.5f32; 7]; 20];
+        let shaken = |seed| shaken(frames.clone().into_iter(), Some(0.01), seed).collect::<Vec<_>>();
         assert!(shaken(1).iter().flatten().all(|w| (w - 0.5).abs() <= 0.0101 && *w != 0.5));
         assert_eq!(shaken(1), shaken(1));
         assert_ne!(shaken(1), shaken(2));
