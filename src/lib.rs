@@ -16,12 +16,13 @@
 //! Vulkan, [`cpu::CpuCrowd`] takes the same descriptions. [`mod@reference`] tells how far a pose is from the truth.
 //!
 //! # Features
-//! - `compile-shaders` (default): compile `glsl/` at build time, which needs a C++ compiler; without it the modules
-//!   checked in under `spirv/` are linked.
-//! - `cli` (default): the command line program. An engine that links the library turns it off.
+//! None is on by default.
 //! - `headless`: instance, device and queue of our own (`deltamorph::headless`), for the command line and tests.
 //! - `csv`: weight clips from CSV files.
 //! - `threads`: the path `cpu` and the importer on several threads.
+//! - `baselines`: the techniques of others, to compare with.
+//! - `compile-shaders`: compile `glsl/` at build time, which needs a C++ compiler; without it the modules checked in
+//!   under `spirv/` are linked.
 
 #![deny(unsafe_code)] // below the gpu line it is allowed, each time with its reason
 

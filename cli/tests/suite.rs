@@ -2,7 +2,7 @@
 
 #[path = "common/cli.rs"]
 mod cli;
-#[path = "common/data.rs"]
+#[path = "../../tests/common/data.rs"]
 mod data;
 
 use cli::{fails, json, ok, sample};

@@ -13,10 +13,10 @@ mod page;
 mod play;
 mod plots;
 /// The library's way to write files, which is no part of its API.
-#[path = "../../replace.rs"]
+#[path = "../../src/replace.rs"]
 mod replace;
 /// The library's generator, which is no part of its API.
-#[path = "../../rng.rs"]
+#[path = "../../src/rng.rs"]
 mod rng;
 mod runner;
 mod sample;
