@@ -4,8 +4,8 @@
 //! thread. What to call, in order:
 //!
 //! 1. Mesh: [`mesh::obj::import_folder`], [`mesh::head::head`] or a [`mesh::MorphSource`] of your own, then
-//!    [`to_mesh`](mesh::MorphSource::to_mesh) and [`PackedMesh::pack`](mesh::packed::PackedMesh::pack); or
-//!    [`Asset::read`](mesh::packed::file::Asset::read) of what was packed before.
+//!    [`to_mesh`](mesh::MorphSource::to_mesh) and [`PackedMesh::pack`](pack::PackedMesh::pack); or
+//!    [`Asset::read`](pack::file::Asset::read) of what was packed before.
 //! 2. Device: [`engine::requirements`] before you create it, [`engine::MorphEngine::new`] after.
 //! 3. [`upload`](engine::MorphEngine::upload) the mesh, [`create_crowd`](engine::MorphEngine::create_crowd).
 //! 4. Each frame: [`set_weights`](engine::Crowd::set_weights),
@@ -44,7 +44,9 @@ pub mod gpu;
 #[cfg(feature = "headless")]
 #[allow(unsafe_code)]
 pub mod headless;
+mod math;
 pub mod mesh;
+pub mod pack;
 pub mod plan;
 pub mod reference;
 mod replace;

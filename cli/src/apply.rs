@@ -8,7 +8,7 @@ use crate::verify::Promise;
 use deltamorph::headless::DeviceChoice;
 use deltamorph::mesh::MorphMesh;
 use deltamorph::mesh::obj::{ObjMesh, write_obj};
-use deltamorph::mesh::packed::POSE_FLOATS;
+use deltamorph::pack::POSE_FLOATS;
 use deltamorph::plan::UpdatePath;
 use deltamorph::reference::{SHORTEST_NORMAL, compare, evaluate};
 use glam::Vec3;

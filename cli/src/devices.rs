@@ -4,7 +4,7 @@ use crate::output::{Failure, Output};
 use crate::table::{Table, bytes};
 use deltamorph::engine::{DeviceCaps, requirements};
 use deltamorph::headless::{DeviceChoice, Headless};
-use deltamorph::mesh::packed::DeltaFormat;
+use deltamorph::pack::DeltaFormat;
 use deltamorph::plan::UpdatePath;
 use serde::Serialize;
 

@@ -11,7 +11,7 @@ use crate::input::{self, Input};
 use crate::output::{Failure, Output};
 use crate::table::{Table, bytes, percent, sig3, thousands};
 use deltamorph::mesh::MorphMesh;
-use deltamorph::mesh::packed::DeltaFormat;
+use deltamorph::pack::DeltaFormat;
 use deltamorph::weights::WeightClip;
 use glam::Vec3;
 use record::{Blocks, ClipRow, Info, InputRow, Overlap, TargetRow};

@@ -2,9 +2,9 @@
 
 use crate::args::InputArgs;
 use crate::output::{Failure, Output};
-use deltamorph::mesh::packed::PackedMesh;
-use deltamorph::mesh::packed::file::Asset;
 use deltamorph::mesh::{MorphMesh, MorphSource, SourceTarget, Tolerance, head, obj};
+use deltamorph::pack::PackedMesh;
+use deltamorph::pack::file::Asset;
 use deltamorph::weights::{WeightClip, csv};
 use glam::Vec3;
 use std::path::{Path, PathBuf};
@@ -203,7 +203,7 @@ fn clips_in(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use deltamorph::mesh::packed::{DeltaFormat, PackDesc};
+    use deltamorph::pack::{DeltaFormat, PackDesc};
 
     fn message(path: &Path) -> String {
         read(path).expect_err("not readable").to_string()

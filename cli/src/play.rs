@@ -13,7 +13,7 @@ use crate::stage::Stage;
 use crate::table::{Table, bytes, percent, sig3, thousands};
 use crate::verify::{Found, Promise};
 use deltamorph::headless::DeviceChoice;
-use deltamorph::mesh::packed::POSE_STRIDE;
+use deltamorph::pack::POSE_STRIDE;
 use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
 use record::{FrameRow, Played, Summary};
 

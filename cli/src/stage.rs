@@ -6,7 +6,7 @@ use crate::input::Input;
 use crate::output::{Failure, Output};
 use crate::runner::{Gpu, Runner, packed};
 use deltamorph::headless::DeviceChoice;
-use deltamorph::mesh::packed::{DeltaFormat, PackedLayout, PackedMesh};
+use deltamorph::pack::{DeltaFormat, PackedLayout, PackedMesh};
 use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
 use std::sync::Arc;
 

@@ -1,7 +1,7 @@
 //! What an update path promises, and whether a pose keeps it: one rule for `bench`, `play` and `soak`.
 
-use deltamorph::mesh::packed::PackedLayout;
-use deltamorph::mesh::packed::blocks::ExactGrid;
+use deltamorph::pack::PackedLayout;
+use deltamorph::pack::blocks::ExactGrid;
 use deltamorph::plan::{Accumulate, UpdateDesc};
 use deltamorph::reference::PoseError;
 
@@ -89,7 +89,7 @@ impl Promise {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
+    use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
     use deltamorph::plan::{BatchSize, UpdatePath};
 
     #[test]

@@ -1,11 +1,10 @@
 //! The asset side: what a file says ([`MorphSource`]), what is kept of it ([`MorphMesh`]) and what is
-//! uploaded ([`PackedMesh`](packed::PackedMesh)).
+//! uploaded ([`PackedMesh`](crate::pack::PackedMesh)).
 
 mod build;
 pub mod head;
 pub mod normals;
 pub mod obj;
-pub mod packed;
 
 use crate::error::{Error, Result};
 use glam::{Vec2, Vec3};

@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 use deltamorph::headless::DeviceChoice;
-use deltamorph::mesh::packed::DeltaFormat;
+use deltamorph::pack::DeltaFormat;
 use deltamorph::plan::{BatchSize, UpdateMode, UpdatePath};
 use std::path::Path;
 

@@ -5,7 +5,7 @@ use super::setting::Config;
 use crate::args::UpdateArgs;
 use crate::args::values::{AccumulateChoice, BatchLimit, BatchSpec, FormatChoice, expand_batches};
 use crate::runner::Gpu;
-use deltamorph::mesh::packed::DeltaFormat;
+use deltamorph::pack::DeltaFormat;
 use deltamorph::plan::{BatchSize, UpdateDesc, UpdateMode, UpdatePath};
 
 /// What is asked for.

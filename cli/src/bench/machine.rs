@@ -9,7 +9,7 @@ use crate::input::Input;
 use crate::output::{Failure, Output};
 use crate::runner::Gpu;
 use deltamorph::headless::{DeviceChoice, Headless};
-use deltamorph::mesh::packed::DeltaFormat;
+use deltamorph::pack::DeltaFormat;
 
 /// The device, where there is one, and what memory can do.
 pub struct Machine {

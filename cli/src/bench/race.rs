@@ -7,7 +7,7 @@ use super::trial::{Context, Trial};
 use crate::output::Failure;
 use crate::runner::{Gpu, Runner, packed};
 use deltamorph::Error;
-use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
+use deltamorph::pack::{DeltaFormat, PackedMesh};
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;

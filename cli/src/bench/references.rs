@@ -1,7 +1,7 @@
 //! The float64 references, computed once for all configurations.
 
 use crate::input::Input;
-use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
+use deltamorph::pack::{DeltaFormat, PackedMesh};
 use deltamorph::reference::{evaluate, evaluate_unpacked};
 use std::collections::HashMap;
 use std::sync::Arc;

@@ -1,7 +1,7 @@
 //! What is measured: how to update, and on what.
 
 use super::workload::Workload;
-use deltamorph::mesh::packed::DeltaFormat;
+use deltamorph::pack::DeltaFormat;
 use deltamorph::plan::UpdateDesc;
 
 /// Everything but the update path.

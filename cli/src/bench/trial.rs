@@ -9,7 +9,7 @@ use crate::input::Input;
 use crate::runner::Runner;
 use crate::verify::{Found, Promise};
 use deltamorph::Result;
-use deltamorph::mesh::packed::PackedMesh;
+use deltamorph::pack::PackedMesh;
 use deltamorph::plan::UpdateStats;
 use deltamorph::reference::compare;
 use std::sync::Arc;

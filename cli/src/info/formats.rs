@@ -3,8 +3,8 @@
 use super::record::{Blocks, FormatRow};
 use crate::output::Failure;
 use deltamorph::mesh::MorphMesh;
-use deltamorph::mesh::packed::blocks::BlockDesc;
-use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
+use deltamorph::pack::blocks::BlockDesc;
+use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
 use std::sync::Arc;
 
 /// `mesh` in every format; `held`, where it comes from a packed file, as the file has it. The others pack what the file
@@ -73,7 +73,7 @@ pub fn blocks(packed: &PackedMesh) -> Blocks {
 mod tests {
     use super::*;
     use crate::info::tests::mesh;
-    use deltamorph::mesh::packed::file::Asset;
+    use deltamorph::pack::file::Asset;
 
     #[test]
     fn every_format_has_a_row_with_its_bytes_and_errors() {

@@ -3,23 +3,18 @@
 use super::derive::WORDS_MAX;
 use super::{BLOCK_SIZES, BlockDesc, BlockIndex, Parts};
 use crate::error::{Error, Result};
+use crate::math::{angle_degrees, power_of_two_below};
 use crate::mesh::MorphMesh;
-use crate::mesh::packed::entry::{BitWriter, FAST_BITS, SMALL_BITS, fast_encode, pack_widths, width};
-use crate::mesh::packed::order::{inverse, order};
-use crate::mesh::packed::{
+use crate::pack::entry::{BitWriter, FAST_BITS, SMALL_BITS, fast_encode, pack_widths, width};
+use crate::pack::order::{inverse, order};
+use crate::pack::{
     DeltaFormat, POSE_FLOATS, PackDesc, PackError, PackedLayout, PackedMesh, PackedTarget, VERTEX_PADDING, base_words,
 };
-use crate::reference::angle_degrees;
 use glam::Vec3;
 use std::sync::Arc;
 
 /// A delta as the kernels will see it.
 type Delta = [i32; POSE_FLOATS];
-
-/// The largest power of two that is not above `step`.
-fn power_of_two_below(step: f64) -> f32 {
-    step.log2().floor().clamp(-100.0, 100.0).exp2() as f32
-}
 
 /// The smallest step that lets the largest position (0) or normal (1) component of `mesh` fit its bits in a record.
 fn least_step(mesh: &MorphMesh, half: usize) -> f64 {
@@ -60,7 +55,7 @@ fn check(desc: &BlockDesc) -> Result<()> {
 }
 
 /// Lay out `mesh` in blocks.
-pub(in crate::mesh::packed) fn pack(mesh: &MorphMesh, desc: &PackDesc) -> Result<PackedMesh> {
+pub(in crate::pack) fn pack(mesh: &MorphMesh, desc: &PackDesc) -> Result<PackedMesh> {
     check(&desc.blocks)?;
     let format = desc.format;
     let default_size = if format == DeltaFormat::Small { 32 } else { 64 };
@@ -183,7 +178,7 @@ fn pack_with(mesh: &MorphMesh, desc: &PackDesc, size: u32, steps: [f32; 2]) -> R
 }
 
 /// A target of a mesh in blocks.
-pub(in crate::mesh::packed) fn target(name: &str, steps: [f32; 2]) -> PackedTarget {
+pub(in crate::pack) fn target(name: &str, steps: [f32; 2]) -> PackedTarget {
     // Both are powers of two.
     let normal_exponent = (steps[1] / steps[0]).log2().clamp(-100.0, 100.0) as i8;
     PackedTarget { name: name.to_owned(), position_step: steps[0], normal_exponent }

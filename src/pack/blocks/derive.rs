@@ -1,8 +1,9 @@
 //! A [`BlockIndex`] from what a file or the packer states: checked, and with what planning needs.
 
 use super::{BLOCK_SIZES, BlockIndex, EntryCost, ExactGrid, Incidence, Parts, WEIGHT_BITS_MIN};
-use crate::mesh::packed::entry::{FAST_BITS, SMALL_BITS, unpack_widths};
-use crate::mesh::packed::{DeltaFormat, POSE_FLOATS, VERTEX_PADDING};
+use crate::math::is_power_of_two;
+use crate::pack::entry::{FAST_BITS, SMALL_BITS, unpack_widths};
+use crate::pack::{DeltaFormat, POSE_FLOATS, VERTEX_PADDING};
 
 /// Most words of a mesh: its bytes have to be counted in 32 bits.
 pub(super) const WORDS_MAX: u64 = u32::MAX as u64 / 4;
@@ -50,8 +51,7 @@ impl BlockIndex {
             return Err(format!("a block size of {size}"));
         }
         // Powers of two: integers and sums decode without rounding, and a target's step of normals is a shift away.
-        let power_of_two = |s: f32| s.is_normal() && s > 0.0 && s.to_bits().trailing_zeros() >= 23;
-        if let Some(step) = self.steps().into_iter().find(|s| !power_of_two(*s)) {
+        if let Some(step) = self.steps().into_iter().find(|s| !is_power_of_two(*s)) {
             return Err(format!("a step of {step}, which is no power of two"));
         }
         if !(self.weight_max.is_finite() && self.weight_max > 0.0) {

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::mesh::MorphMesh;
-use crate::mesh::packed::{PackDesc, PackedMesh};
+use crate::pack::{PackDesc, PackedMesh};
 use crate::testing;
 use glam::Vec3;
 

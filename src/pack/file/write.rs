@@ -3,8 +3,8 @@
 use super::Asset;
 use super::table::join;
 use crate::error::{Error, Result};
-use crate::mesh::packed::blocks::BlockIndex;
-use crate::mesh::packed::{DeltaFormat, POSE_FLOATS};
+use crate::pack::blocks::BlockIndex;
+use crate::pack::{DeltaFormat, POSE_FLOATS};
 
 /// The number of a block format in a file.
 pub(super) fn format_id(format: DeltaFormat) -> u32 {

@@ -4,7 +4,7 @@ use super::table::{Section, repair};
 use super::*;
 use crate::cpu::CpuCrowd;
 use crate::mesh::Corner;
-use crate::mesh::packed::blocks::{BLOCK_SIZES, BlockDesc};
+use crate::pack::blocks::{BLOCK_SIZES, BlockDesc};
 use crate::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
 use crate::testing;
 use proptest::prelude::*;

@@ -20,9 +20,9 @@ pub(crate) mod entry;
 pub mod file;
 mod order;
 
-use super::MorphMesh;
 use crate::error::{Error, Result};
-use crate::reference::angle_degrees;
+use crate::math::angle_degrees;
+use crate::mesh::MorphMesh;
 use blocks::{BlockDesc, BlockIndex};
 use glam::DVec3;
 use std::sync::Arc;
