@@ -5,7 +5,9 @@ mod faces;
 mod mesh;
 pub(crate) mod normals;
 mod source;
+pub mod streams;
 
 pub use faces::{Corner, Faces};
 pub use mesh::{MorphMesh, MorphTarget, Tolerance};
 pub use source::{MorphSource, SourceTarget};
+pub use streams::{Semantic, StreamData, StreamDeltas};

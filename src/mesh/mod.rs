@@ -1,6 +1,4 @@
-//! Packed meshes, and older names of [`asset`](crate::asset) and [`import`](crate::import).
-
-pub mod packed;
+//! Older names of [`asset`](crate::asset), [`import`](crate::import) and [`math`](crate::math).
 
 pub use crate::asset::*;
 pub use crate::import::{obj, sample as head};
