@@ -52,6 +52,7 @@ fn source_of(mesh: &MorphMesh) -> MorphSource {
         name: t.name.clone(),
         positions: moved(&t.vertices, &t.positions),
         normals: Some(moved(&t.vertices, &t.normals)),
+        streams: t.streams.clone(),
     };
     MorphSource {
         name: mesh.name.clone(),
@@ -60,6 +61,8 @@ fn source_of(mesh: &MorphMesh) -> MorphSource {
         texcoords: mesh.texcoords.clone(),
         faces: mesh.faces.clone(),
         targets: mesh.targets.iter().map(target).collect(),
+        streams: mesh.streams.clone(),
+        welds: mesh.welds.clone(),
         notes: Vec::new(),
     }
 }

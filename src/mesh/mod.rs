@@ -1,5 +1,4 @@
-//! Older names of [`asset`](crate::asset), [`import`](crate::import) and [`math`](crate::math).
+//! Older names of [`asset`](crate::asset) and [`import`](crate::import).
 
 pub use crate::asset::*;
 pub use crate::import::{obj, sample as head};
-pub use crate::math::diagonal;

@@ -12,18 +12,18 @@ pub fn mesh() -> MorphMesh {
         positions: vertices.iter().map(|&v| Vec3::new(0.1, v as f32 * 0.003, -0.2)).collect(),
         normals: vertices.iter().map(|&v| Vec3::new(0.01 * v as f32, 0.2, 0.0)).collect(),
         vertices,
+        streams: vec![],
     };
     let corner = |position| Corner { position, texcoord: None };
     MorphMesh {
         name: "row".into(),
         normals: vec![Vec3::Z; positions.len()],
-        texcoords: vec![],
         faces: Faces { sizes: vec![3, 4], corners: [0, 1, 2, 0, 1, 2, 3].map(corner).to_vec() },
         targets: vec![target("whole", (0..64).collect()), target("three", vec![63, 64, 129]), target("none", vec![])],
         diagonal: diagonal(&positions),
         tolerance: Tolerance::default(),
-        notes: vec![],
         positions,
+        ..MorphMesh::default()
     }
 }
 
