@@ -1,7 +1,7 @@
 //! What the program prints and where: results on stdout, remarks and progress on stderr.
 
 use crate::args::GlobalArgs;
-use crate::replace::write_replacing;
+use deltamorph::internals::write_replacing;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use std::collections::HashSet;
