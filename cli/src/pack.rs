@@ -9,6 +9,7 @@ use deltamorph::pack::file::Asset;
 use deltamorph::pack::{DeltaFormat, PackDesc};
 use deltamorph::plan::UpdatePath;
 use serde::Serialize;
+use std::path::Path;
 use std::sync::Arc;
 
 /// The JSON of `pack`. Fields may be added, never renamed.
@@ -49,6 +50,11 @@ struct Grid {
     weight_max: f32,
 }
 
+/// Whether `path` is called as a packed file is.
+fn is_packed(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("dmorph"))
+}
+
 /// Run the command.
 ///
 /// # Errors
@@ -57,7 +63,7 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     let format = args.format.delta_format(UpdatePath::Cpu).filter(|f| f.is_blocks()).ok_or_else(|| {
         Failure::Usage("--format: packed files hold blocks; name fast, small or block-float32".into())
     })?;
-    if !input::is_packed(&args.output) {
+    if !is_packed(&args.output) {
         let name = args.output.display();
         return Err(Failure::Usage(format!("-o {name}: name it *.dmorph, so that it is known for what it is")));
     }
