@@ -111,7 +111,7 @@ void main() {
     }
 
     uint index = atomicAdd(control[first_counter + size], 1u);
-    uint item = (size * capacity + index) * ITEM_WORDS;
+    uint item = (size * capacity + index) * TILE_WORDS;
     uint rebuilt_places = 0u;
     for (uint place = 0u; place < TILE; ++place) {
         uint k = head_at(places, place);

@@ -28,6 +28,7 @@
 #[cfg(test)]
 extern crate self as deltamorph; // testing.rs is shared with tests/
 
+pub mod abi;
 pub mod animation;
 pub mod cpu;
 #[allow(unsafe_code)]

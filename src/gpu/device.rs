@@ -26,6 +26,8 @@ pub struct DeviceDesc<'a> {
     /// The features that `device` was created with. Of use are `vertexPipelineStoresAndAtomics`, for the baseline
     /// `vertex-store`, and `shaderInt64` on software drivers, where `fast` in blocks takes half as long with it.
     pub enabled_features: vk::PhysicalDeviceFeatures,
+    /// The host's cache of pipelines, which it loads and stores; `null()`: none.
+    pub pipeline_cache: vk::PipelineCache,
     /// The host's allocator; `None`: the engine makes one of its own.
     pub allocator: Option<SharedAllocator>,
 }
@@ -35,12 +37,13 @@ pub(crate) struct Device {
     pub(crate) raw: ash::Device,
     pub(crate) feedback: Option<ash::ext::transform_feedback::Device>,
     pub(crate) caps: DeviceCaps,
+    pub(crate) pipeline_cache: vk::PipelineCache,
     allocator: SharedAllocator,
 }
 
 impl Device {
     /// # Safety
-    /// - The handles of `desc` are alive, belong together, and outlive the value returned and all made from it.
+    /// - The handles of `desc` are alive, belong together (the pipeline cache may be null), and outlive the value returned and all made from it.
     /// - `desc.caps` does not exceed what the device has.
     /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled, and
     ///   `desc.enabled_features` has no other features than those that were.
@@ -73,7 +76,7 @@ impl Device {
                 .map_err(|e| allocation_failed("the allocator", 0, &e))?,
             )),
         };
-        Ok(Self { raw: desc.device.clone(), feedback, caps, allocator })
+        Ok(Self { raw: desc.device.clone(), feedback, caps, pipeline_cache: desc.pipeline_cache, allocator })
     }
 
     /// The allocator; a panic elsewhere while it was locked does not spoil it for us.

@@ -236,6 +236,7 @@ impl Headless {
             caps: Some(caps),
             transform_feedback_enabled: feedback_enabled,
             enabled_features: features,
+            pipeline_cache: vk::PipelineCache::null(),
             allocator: None,
         };
         // SAFETY: the handles are alive and belong together; the limits are the device's or lower; the engine is
