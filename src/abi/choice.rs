@@ -3,7 +3,7 @@
 use super::kernels::{Buffer, DeviceTuning};
 use super::modules::{BLOCKS, BLOCKS_EXACT, CROWD, CROWD_EXACT, CROWD_EXACT_TEXELS, CROWD_TEXELS, Module};
 use crate::error::Result;
-use crate::mesh::packed::DeltaFormat;
+use crate::pack::DeltaFormat;
 
 /// What decides which kernel of the path `blocks` runs.
 #[derive(Clone, Copy, Debug)]

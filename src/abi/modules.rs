@@ -3,7 +3,7 @@
 use super::formats::{FORMATS, FormatRow};
 use super::kernels::{KERNELS, KernelRow};
 use crate::error::{Error, Result};
-use crate::mesh::packed::DeltaFormat;
+use crate::pack::DeltaFormat;
 
 include!(concat!(env!("OUT_DIR"), "/modules.rs"));
 

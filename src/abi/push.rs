@@ -2,7 +2,7 @@
 
 use super::kernels::Push;
 use super::numbers::DENSE_BATCH_MAX;
-use crate::mesh::packed::DeltaFormat;
+use crate::pack::DeltaFormat;
 use bytemuck::{Pod, Zeroable};
 use std::mem::offset_of;
 

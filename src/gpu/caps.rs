@@ -6,7 +6,7 @@ use crate::abi::kernels::{DeviceClass, DeviceTuning, batch_max};
 use crate::abi::numbers::{DENSE_BATCH_MAX, WORKGROUP};
 use crate::abi::push::attribute_push_bytes;
 use crate::error::{Error, Result};
-use crate::mesh::packed::{DeltaFormat, POSE_STRIDE, PackedLayout};
+use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
 use crate::plan::{BatchSize, UpdateDesc, UpdatePath};
 use ash::vk;
 use std::ffi::CStr;

@@ -8,7 +8,7 @@ use crate::abi::modules::{DENSE, DENSE_LIST};
 use crate::abi::numbers::WORKGROUP;
 use crate::abi::push::{DenseListEntry, DenseListPush, DensePush};
 use crate::error::Result;
-use crate::mesh::packed::{DeltaFormat, POSE_STRIDE, PackedLayout};
+use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
 use crate::plan::{BatchSize, Source};
 use crate::weights::delta::Coefficient;
 use ash::vk;

@@ -9,7 +9,7 @@ use super::pipelines::Objects;
 use crate::abi::modules::FEEDBACK;
 use crate::abi::push::attribute_push_bytes;
 use crate::error::Result;
-use crate::mesh::packed::{DeltaFormat, POSE_STRIDE, PackedLayout};
+use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
 use crate::weights::delta::Coefficient;
 use ash::vk;
 use std::sync::Arc;

@@ -8,8 +8,8 @@ use crate::engine::blocks::whole_tiles;
 use crate::engine::crowd::CrowdDesc;
 use crate::error::{Error, Result};
 use crate::gpu::device::Device;
-use crate::mesh::packed::PackedLayout;
-use crate::mesh::packed::blocks::BlockIndex;
+use crate::pack::PackedLayout;
+use crate::pack::blocks::BlockIndex;
 use crate::plan::blocks::{ROWS, TILE, TILE_WORDS, WIDTHS, row_words};
 
 /// Instances that one descriptor set reaches, and their work list.

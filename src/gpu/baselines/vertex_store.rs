@@ -9,7 +9,7 @@ use crate::gpu::descriptors::{Bound, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::feedback::{FeedbackPass, push_constants, vertex_buffers, vertex_input};
 use crate::gpu::pipelines::Objects;
-use crate::mesh::packed::{DeltaFormat, POSE_STRIDE, PackedLayout};
+use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
 use crate::plan::BatchSize;
 use ash::vk;
 use std::sync::Arc;

@@ -1,7 +1,7 @@
 //! The work list: which blocks an update writes, with which entries, and which components of them.
 
 pub use crate::abi::worklist::{ELEMENT_BYTES, Element, ITEM_WORDS};
-use crate::mesh::packed::blocks::BlockIndex;
+use crate::pack::blocks::BlockIndex;
 
 /// A block of an instance that is written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

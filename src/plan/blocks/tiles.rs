@@ -9,8 +9,8 @@ use super::list::{Item, WorkList};
 use crate::abi::kernels::DeviceTuning;
 pub use crate::abi::numbers::ROWS;
 pub use crate::abi::worklist::{ALIGN, TILE, TILE_WORDS, WIDTHS, row_words};
-use crate::mesh::packed::POSE_FLOATS;
-use crate::mesh::packed::blocks::BlockIndex;
+use crate::pack::POSE_FLOATS;
+use crate::pack::blocks::BlockIndex;
 use std::ops::Range;
 
 /// A block of several instances.
