@@ -215,11 +215,11 @@ pub const KERNELS: &[KernelRow] = &[
         push: Push::Read,
         ..COMPUTE
     },
-    // Sampling clips and planning updates.
+    // Sampling clips and planning updates; a specialization constant of `plan` is the widest tile.
     KernelRow { name: "animate", source: "animate.comp", ..ANIMATION },
     KernelRow { name: "budget", source: "budget.comp", ..ANIMATION },
     KernelRow { name: "commit", source: "commit.comp", ..ANIMATION },
-    KernelRow { name: "plan", source: "plan.comp", ..ANIMATION },
+    KernelRow { name: "plan", source: "plan.comp", constants: 1, ..ANIMATION },
     KernelRow { name: "arguments", source: "arguments.comp", ..ANIMATION },
     // Passes over dense deltas.
     DENSE,

@@ -31,7 +31,8 @@ impl AnimationKernel {
         let steps = [modules::ANIMATE, modules::BUDGET, modules::COMMIT, modules::PLAN, modules::ARGUMENTS];
         objects.add_layout(&[steps[0].kernel], 0)?;
         for module in steps {
-            objects.add_compute(module, &[&[]])?;
+            let widest = [device.caps.tuning.widest_tile];
+            objects.add_compute(module, &[&widest[..module.kernel.constants as usize]])?;
         }
         Ok(Self { objects })
     }

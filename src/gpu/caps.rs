@@ -206,6 +206,7 @@ impl DeviceCaps {
 
     /// Keep to the smaller of these limits and `limits`; nothing is raised. Names, tuning, versions and timestamps stay.
     pub fn clamp_to(&mut self, limits: &Self) {
+        self.tuning.widest_tile = self.tuning.widest_tile.min(limits.tuning.widest_tile);
         self.max_storage_range = self.max_storage_range.min(limits.max_storage_range);
         self.max_texels = self.max_texels.min(limits.max_texels);
         self.max_allocation = self.max_allocation.min(limits.max_allocation);

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::gpu::device::Device;
 use crate::pack::PackedLayout;
 use crate::pack::blocks::BlockIndex;
-use crate::plan::blocks::{ROWS, TILE, TILE_WORDS, WIDTHS, row_words};
+use crate::plan::blocks::{ROWS, TILE_WORDS, WIDTHS, row_words};
 
 /// Instances that one descriptor set reaches, and their work list.
 #[derive(Clone, Copy, Debug)]
@@ -56,8 +56,9 @@ impl Groups {
             );
             return Err(Error::invalid(text, "split the mesh"));
         }
-        let size = whole_tiles(poses.min(tiles * TILE as u64), desc.instances);
-        let tiles = u64::from(size).div_ceil(TILE as u64);
+        let widest = u64::from(caps.tuning.widest_tile);
+        let size = whole_tiles(poses.min(tiles * widest), desc.instances);
+        let tiles = u64::from(size).div_ceil(widest);
         let capacity = tiles * index.count() as u64;
         Ok(Self {
             instances: desc.instances,

@@ -20,7 +20,7 @@ use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::plan::animated::{AnimatedCommand, AnimatedUpdate};
-use crate::plan::blocks::{TILE, TILE_WORDS, WIDTHS};
+use crate::plan::blocks::{TILE_WORDS, WIDTHS};
 use crate::plan::commands::{Command, CommandList, Hazard};
 use crate::plan::{UpdateMode, UpdateStats};
 use ash::vk;
@@ -247,7 +247,7 @@ impl Animated {
                         let (first_head, group_heads) = self.groups.get(group);
                         let first_counter = group * WIDTHS as u32;
                         let push = AnimationPush { first_head, group_heads, first_counter, ..self.push };
-                        let tiles = group_heads.div_ceil(TILE as u32);
+                        let tiles = group_heads.div_ceil(device.caps.tuning.widest_tile);
                         kernel.dispatch(cmd, self.sets.get(group as usize), &push, [blocks, tiles]);
                     }
                 }
