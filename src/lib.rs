@@ -49,7 +49,7 @@ mod testing;
 pub mod weights;
 
 pub use ash;
-pub use error::{Error, Result};
+pub use error::{Error, ErrorKind, Result};
 pub use gpu_allocator;
 
 /// The README's code has to compile.

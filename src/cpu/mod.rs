@@ -46,7 +46,7 @@ fn check_memory(layout: &PackedLayout, instances: usize, slots: usize) -> Result
     let bytes = (layout.pose_bytes() as usize).saturating_mul(slots).saturating_mul(instances);
     Vec::<u8>::new().try_reserve_exact(bytes).map_err(|_| {
         let text = format!("the poses of {instances} instances of mesh '{}' take {bytes} bytes", layout.name);
-        Error::invalid(format!("{text}, more than there is memory"), "use fewer instances or slots")
+        Error::out_of_memory(format!("{text}, more than there is memory"), "use fewer instances or slots")
     })
 }
 

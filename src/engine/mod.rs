@@ -26,7 +26,7 @@ mod blocks;
 mod crowd;
 mod dense;
 
-pub use crate::gpu::caps::{DeviceCaps, Requirement, TransformFeedbackCaps, requirements};
+pub use crate::gpu::caps::{DeviceCaps, DeviceKind, Requirement, TransformFeedbackCaps, requirements};
 pub use crate::gpu::device::{DeviceDesc, SharedAllocator};
 pub use crowd::{Crowd, CrowdDesc, PoseView, Ticket, Update};
 

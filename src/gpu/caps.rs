@@ -16,6 +16,35 @@ pub struct TransformFeedbackCaps {
     pub max_stride: u32,
 }
 
+/// What kind of device it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum DeviceKind {
+    /// A graphics card with memory of its own.
+    Discrete,
+    /// A GPU that shares the memory of the CPU.
+    Integrated,
+    /// A GPU in a virtual machine.
+    Virtual,
+    /// A software driver.
+    Cpu,
+    /// The driver does not say.
+    Other,
+}
+
+impl DeviceKind {
+    /// Its name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Discrete => "discrete",
+            Self::Integrated => "integrated",
+            Self::Virtual => "virtual",
+            Self::Cpu => "cpu",
+            Self::Other => "other",
+        }
+    }
+}
+
 /// A device's limits and features. Can be clamped to a smaller profile before use.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DeviceCaps {
@@ -25,8 +54,8 @@ pub struct DeviceCaps {
     pub driver: String,
     /// Driver version, in the driver's own words.
     pub driver_info: String,
-    /// "discrete", "integrated", "virtual", "cpu" (a software driver) or "other".
-    pub kind: &'static str,
+    /// What kind of device it is.
+    pub kind: DeviceKind,
     /// Vulkan version: major, minor, patch.
     pub api_version: (u32, u32, u32),
     /// Bytes that a storage-buffer descriptor may cover.
@@ -94,7 +123,7 @@ fn text(raw: &[std::ffi::c_char]) -> String {
 impl DeviceCaps {
     /// Whether the device is software running on the CPU: there the path `cpu` is the faster one.
     pub fn is_software(&self) -> bool {
-        self.kind == "cpu"
+        self.kind == DeviceKind::Cpu
     }
 
     /// Ask the driver.
@@ -141,11 +170,11 @@ impl DeviceCaps {
             driver: text(&driver.driver_name),
             driver_info: text(&driver.driver_info),
             kind: match core.device_type {
-                vk::PhysicalDeviceType::DISCRETE_GPU => "discrete",
-                vk::PhysicalDeviceType::INTEGRATED_GPU => "integrated",
-                vk::PhysicalDeviceType::VIRTUAL_GPU => "virtual",
-                vk::PhysicalDeviceType::CPU => "cpu",
-                _ => "other",
+                vk::PhysicalDeviceType::DISCRETE_GPU => DeviceKind::Discrete,
+                vk::PhysicalDeviceType::INTEGRATED_GPU => DeviceKind::Integrated,
+                vk::PhysicalDeviceType::VIRTUAL_GPU => DeviceKind::Virtual,
+                vk::PhysicalDeviceType::CPU => DeviceKind::Cpu,
+                _ => DeviceKind::Other,
             },
             api_version,
             max_storage_range: limits.max_storage_buffer_range.into(),
@@ -175,7 +204,7 @@ impl DeviceCaps {
             name: String::new(),
             driver: String::new(),
             driver_info: String::new(),
-            kind: "other",
+            kind: DeviceKind::Other,
             api_version: (1, 1, 0),
             max_storage_range: 1 << 27,
             max_texels: 1 << 16,

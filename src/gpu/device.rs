@@ -84,8 +84,12 @@ impl Device {
 
 /// An error for an allocation that failed.
 pub(crate) fn allocation_failed(name: &str, bytes: u64, error: &gpu_allocator::AllocationError) -> Error {
-    Error::invalid(
-        format!("no memory for '{name}' ({bytes} bytes): {error}"),
-        "free memory, or use fewer instances, fewer slots or the snorm16 format",
-    )
+    use gpu_allocator::AllocationError as Failure;
+    let what = format!("no memory for '{name}' ({bytes} bytes): {error}");
+    match error {
+        Failure::OutOfMemory | Failure::FailedToMap(_) => {
+            Error::out_of_memory(what, "free memory, or use fewer instances, fewer slots or the snorm16 format")
+        }
+        _ => Error::invalid(what, "report this with the device's name, or hand in an allocator of your own"),
+    }
 }

@@ -286,7 +286,7 @@ impl Drop for Headless {
 
 /// Whether the loader says that there is no driver.
 fn is_no_driver(error: &Error) -> bool {
-    matches!(error, Error::Vulkan { result, .. } if *result == format!("{:?}", vk::Result::ERROR_INCOMPATIBLE_DRIVER))
+    matches!(error, Error::Vulkan { result: vk::Result::ERROR_INCOMPATIBLE_DRIVER, .. })
 }
 
 impl DeviceChoice {
