@@ -29,6 +29,10 @@
 extern crate self as deltamorph; // testing.rs is shared with tests/
 
 pub mod animation;
+pub mod asset {
+    //! What a mesh is.
+    pub mod streams;
+}
 pub mod cpu;
 #[allow(unsafe_code)]
 pub mod engine;

@@ -1,0 +1,190 @@
+//! The streams of a mesh: what a vertex has besides a position, and how streams share a *group*.
+//!
+//! A group is a vertex of six numbers, in two *triples*. Every kernel, pose buffer and packed delta works on groups,
+//! whatever their numbers mean. Streams are laid out in the order of [`Semantic`], each in the first group that has room
+//! for all of its components:
+//!
+//! ```text
+//! group 0    position x y z | normal x y z
+//! group 1    tangent  x y z | tangent w, texcoord 0 u v
+//! ```
+//!
+//! Components that no stream fills are zero, and no target moves them.
+
+use std::fmt;
+
+/// Numbers of a vertex in a group.
+pub const GROUP_COMPONENTS: usize = 6;
+
+/// Numbers of a triple: the components of a group that share a quantisation step.
+pub const TRIPLE: usize = 3;
+
+/// Triples of a group.
+pub const TRIPLES: usize = GROUP_COMPONENTS / TRIPLE;
+
+/// What the numbers of a stream mean. The order is the one in which streams are laid out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
+pub enum Semantic {
+    /// Where the vertex is.
+    Position,
+    /// Which way the surface faces. Poses hold the sum; whoever reads them normalises.
+    Normal,
+    /// Direction of the texture's u axis, and the handedness of the bitangent in w, which does not morph.
+    Tangent,
+    /// A set of texture coordinates.
+    TexCoord(u8),
+    /// A set of colours with opacity.
+    Color(u8),
+}
+
+/// How the error of a stream is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Measure {
+    /// Distance in input units. Error budgets and drift bounds are lengths as well.
+    Length,
+    /// Angle between directions, in degrees.
+    Angle,
+    /// Difference of each component.
+    Absolute,
+}
+
+impl Semantic {
+    /// Numbers of a vertex.
+    pub const fn components(self) -> usize {
+        match self {
+            Self::Position | Self::Normal => 3,
+            Self::Tangent | Self::Color(_) => 4,
+            Self::TexCoord(_) => 2,
+        }
+    }
+
+    /// Numbers of a delta: the first of the components.
+    pub const fn morphing_components(self) -> usize {
+        match self {
+            Self::Tangent => 3,
+            Self::Position | Self::Normal | Self::TexCoord(_) | Self::Color(_) => self.components(),
+        }
+    }
+
+    /// How errors are measured.
+    pub const fn measure(self) -> Measure {
+        match self {
+            Self::Position => Measure::Length,
+            Self::Normal | Self::Tangent => Measure::Angle,
+            Self::TexCoord(_) | Self::Color(_) => Measure::Absolute,
+        }
+    }
+}
+
+/// The name in reports and messages.
+impl fmt::Display for Semantic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Position => f.write_str("position"),
+            Self::Normal => f.write_str("normal"),
+            Self::Tangent => f.write_str("tangent"),
+            Self::TexCoord(set) => write!(f, "texcoord {set}"),
+            Self::Color(set) => write!(f, "color {set}"),
+        }
+    }
+}
+
+/// A stream of a mesh beside positions and normals.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StreamData {
+    /// What it is.
+    pub semantic: Semantic,
+    /// [`components`](Semantic::components) numbers for each vertex.
+    pub values: Vec<f32>,
+}
+
+/// What a target changes of a stream.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StreamDeltas {
+    /// Vertices with a delta, ascending, without repeats.
+    pub vertices: Vec<u32>,
+    /// [`morphing_components`](Semantic::morphing_components) numbers for each of `vertices`.
+    pub deltas: Vec<f32>,
+}
+
+/// A stream's place in a group.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StreamPlace {
+    /// The stream.
+    pub semantic: Semantic,
+    /// Its first component in the group.
+    pub first: usize,
+}
+
+impl StreamPlace {
+    /// The components of the group that hold the stream.
+    pub const fn components(&self) -> std::ops::Range<usize> {
+        self.first..self.first + self.semantic.components()
+    }
+
+    /// The components of the group that targets move.
+    pub const fn morphing_components(&self) -> std::ops::Range<usize> {
+        self.first..self.first + self.semantic.morphing_components()
+    }
+}
+
+/// Lay out position, normal and the streams `further` in groups; each group lists its streams by component.
+///
+/// The first group is always position and normal. A semantic that comes twice takes one place.
+pub fn group_streams(further: impl IntoIterator<Item = Semantic>) -> Vec<Vec<StreamPlace>> {
+    let mut semantics = vec![Semantic::Position, Semantic::Normal];
+    semantics.extend(further);
+    semantics.sort_unstable();
+    semantics.dedup();
+    let mut groups: Vec<Vec<StreamPlace>> = vec![];
+    let used = |group: &[StreamPlace]| group.last().map_or(0, |place| place.components().end);
+    for semantic in semantics {
+        let fits = groups.iter_mut().find(|group| used(group) + semantic.components() <= GROUP_COMPONENTS);
+        match fits {
+            Some(group) => {
+                let first = used(group);
+                group.push(StreamPlace { semantic, first });
+            }
+            None => groups.push(vec![StreamPlace { semantic, first: 0 }]),
+        }
+    }
+    groups
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Semantic::*;
+    use super::*;
+
+    fn layout(further: &[Semantic]) -> Vec<Vec<(Semantic, usize)>> {
+        let groups = group_streams(further.iter().copied());
+        groups.into_iter().map(|group| group.into_iter().map(|p| (p.semantic, p.first)).collect()).collect()
+    }
+
+    #[test]
+    fn streams_take_the_first_group_with_room() {
+        let surface = vec![(Position, 0), (Normal, 3)];
+        assert_eq!(layout(&[]), [surface.clone()]);
+        assert_eq!(layout(&[Normal, Position]), [surface.clone()]);
+        assert_eq!(layout(&[TexCoord(0), Tangent]), [surface.clone(), vec![(Tangent, 0), (TexCoord(0), 4)]]);
+        assert_eq!(
+            layout(&[Color(0), TexCoord(1), TexCoord(0), Tangent, Color(1), TexCoord(1)]),
+            [surface, vec![(Tangent, 0), (TexCoord(0), 4)], vec![(TexCoord(1), 0), (Color(0), 2)], vec![(Color(1), 0)],]
+        );
+    }
+
+    #[test]
+    fn what_is_measured_as_length_or_angle_has_a_triple_of_its_own() {
+        let all = [Tangent, TexCoord(0), TexCoord(1), TexCoord(2), Color(0), Color(1)];
+        for mask in 0..1 << all.len() {
+            let chosen = all.iter().enumerate().filter(|(i, _)| mask >> i & 1 != 0).map(|(_, s)| *s);
+            for place in group_streams(chosen).into_iter().flatten() {
+                if place.semantic.measure() != Measure::Absolute {
+                    assert_eq!((place.first % TRIPLE, place.semantic.morphing_components()), (0, TRIPLE));
+                }
+                assert!(place.components().end <= GROUP_COMPONENTS);
+            }
+        }
+    }
+}
