@@ -4,6 +4,7 @@ use super::caps::DeviceCaps;
 use crate::error::{Error, Result};
 use ash::vk;
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+use std::any::Any;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A gpu-allocator that host and engine may share.
@@ -36,15 +37,18 @@ pub(crate) struct Device {
     pub(crate) feedback: Option<ash::ext::transform_feedback::Device>,
     pub(crate) caps: DeviceCaps,
     allocator: SharedAllocator,
+    /// What owns the handles, where that is not the host. Drops last.
+    _owner: Option<Arc<dyn Any + Send + Sync>>,
 }
 
 impl Device {
     /// # Safety
-    /// - The handles of `desc` are alive, belong together, and outlive the value returned and all made from it.
+    /// - The handles of `desc` are alive, belong together, and outlive the value returned and all made from it, or live as
+    ///   long as `owner`.
     /// - `desc.caps` does not exceed what the device has.
     /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled, and
     ///   `desc.enabled_features` has no other features than those that were.
-    pub(crate) unsafe fn borrow(desc: &DeviceDesc<'_>) -> Result<Self> {
+    pub(crate) unsafe fn borrow(desc: &DeviceDesc<'_>, owner: Option<Arc<dyn Any + Send + Sync>>) -> Result<Self> {
         let mut caps = match &desc.caps {
             Some(caps) => caps.clone(),
             // SAFETY: physical device and instance belong together and are alive: the caller's first obligation.
@@ -73,7 +77,7 @@ impl Device {
                 .map_err(|e| allocation_failed("the allocator", 0, &e))?,
             )),
         };
-        Ok(Self { raw: desc.device.clone(), feedback, caps, allocator })
+        Ok(Self { raw: desc.device.clone(), feedback, caps, allocator, _owner: owner })
     }
 
     /// The allocator; a panic elsewhere while it was locked does not spoil it for us.
