@@ -1,6 +1,7 @@
 //! The one error type of the crate: every variant names the thing, the value and the remedy.
 
 use ash::vk;
+use std::fmt::{Display, Formatter, Write};
 use std::io;
 use std::path::PathBuf;
 
@@ -9,7 +10,7 @@ use std::path::PathBuf;
 #[non_exhaustive]
 pub enum Error {
     /// A file or folder could not be read or written.
-    #[error("{path}: cannot {action}: {source}; {remedy}", path = path.display(), remedy = io_remedy(source.kind()))]
+    #[error("{path}: cannot {action}: {source}; {remedy}", path = Printable(path.display()), remedy = io_remedy(source.kind()))]
     Io {
         /// The file or folder.
         path: PathBuf,
@@ -19,7 +20,7 @@ pub enum Error {
         source: io::Error,
     },
     /// A file was read, but what it says cannot be used.
-    #[error("{path}{place}: {what}; {remedy}", path = path.display())]
+    #[error("{path}{place}: {what}; {remedy}", path = Printable(path.display()), place = Printable(place), what = Printable(what))]
     Input {
         /// The file or folder.
         path: PathBuf,
@@ -31,7 +32,7 @@ pub enum Error {
         remedy: String,
     },
     /// A value handed to the API is not usable.
-    #[error("{what}; {remedy}")]
+    #[error("{what}; {remedy}", what = Printable(what))]
     Invalid {
         /// The value and why it is refused.
         what: String,
@@ -51,7 +52,7 @@ pub enum Error {
         remedy: String,
     },
     /// There is not enough memory, on the host or on the device. Nothing is wrong with the request but its size.
-    #[error("{what}; {remedy}")]
+    #[error("{what}; {remedy}", what = Printable(what))]
     OutOfMemory {
         /// What the memory was for, and how much of it.
         what: String,
@@ -100,6 +101,19 @@ impl ErrorKind {
     /// The stable number.
     pub fn number(self) -> u32 {
         self as u32
+    }
+}
+
+/// Text that may repeat what a file says, or its name: control characters are escaped, so that no file can steer the
+/// terminal that shows the message.
+struct Printable<T>(T);
+
+impl<T: Display> Display for Printable<T> {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        self.0.to_string().chars().try_for_each(|c| match c.is_control() {
+            true => write!(f, "{}", c.escape_default()),
+            false => f.write_char(c),
+        })
     }
 }
 
@@ -195,5 +209,17 @@ mod tests {
         let error = crate::gpu::failed("vkCall")(vk::Result::ERROR_DEVICE_LOST);
         assert!(matches!(error, Error::Vulkan { result: vk::Result::ERROR_DEVICE_LOST, .. }));
         assert!(error.to_string().starts_with("Vulkan: vkCall failed: ERROR_DEVICE_LOST; create the device anew"));
+    }
+
+    #[test]
+    fn what_a_file_says_cannot_steer_the_terminal() {
+        let text = Error::Input {
+            path: "a\u{7}b.csv".into(),
+            place: ": column '\u{9b}2J'".into(),
+            what: "'\u{1b}[2J' is not a number, ä is".into(),
+            remedy: "mend it".into(),
+        };
+        assert_eq!(text.to_string(), r"a\u{7}b.csv: column '\u{9b}2J': '\u{1b}[2J' is not a number, ä is; mend it");
+        assert_eq!(Error::invalid("target 'a\nb'", "rename it").to_string(), r"target 'a\nb'; rename it");
     }
 }
