@@ -38,7 +38,7 @@ use crate::gpu::blocks::{BlocksKernel, BlocksVariant};
 use crate::gpu::compute::Compute;
 use crate::gpu::device::Device;
 use crate::gpu::feedback::Feedback;
-use crate::gpu::memory::{Buffer, BufferDesc};
+use crate::gpu::memory::{Buffer, BufferDesc, STAGING};
 use crate::gpu::shaders::WORKGROUP;
 use crate::mesh::packed::blocks::BlockDesc;
 use crate::mesh::packed::{POSE_STRIDE, PackDesc, PackedLayout, PackedMesh};
@@ -148,6 +148,12 @@ impl MorphEngine {
         PackDesc { format, max_chunk_bytes: caps.max_storage_range, max_chunk_vertices, blocks: BlockDesc::default() }
     }
 
+    /// Bytes of memory that the allocator has from the driver, blocks that are not full included: all of the host's, where
+    /// it handed one in.
+    pub fn allocated_bytes(&self) -> u64 {
+        self.device.allocator().capacity()
+    }
+
     /// Bytes of device memory that a mesh takes (as much again in staging memory until
     /// [`GpuMesh::release_staging`]).
     pub fn mesh_bytes(layout: &PackedLayout) -> u64 {
@@ -212,7 +218,7 @@ impl MorphEngine {
             "deltamorph upload",
             (base_bytes.len() + delta_bytes.len()) as u64,
             vk::BufferUsageFlags::TRANSFER_SRC,
-            MemoryLocation::CpuToGpu,
+            STAGING,
         )?;
         let mapped = staging.mapped()?;
         mapped[..base_bytes.len()].copy_from_slice(base_bytes);

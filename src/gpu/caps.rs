@@ -64,6 +64,8 @@ pub struct DeviceCaps {
     pub max_texels: u32,
     /// Bytes of one memory allocation.
     pub max_allocation: u64,
+    /// Bytes of one buffer, where the driver says (VK_KHR_maintenance4); else as many as there can be.
+    pub max_buffer: u64,
     /// Storage buffers of one shader stage.
     pub max_storage_buffers: u32,
     /// Bytes of push constants.
@@ -143,16 +145,22 @@ impl DeviceCaps {
         let version = |v| (vk::api_version_major(v), vk::api_version_minor(v), vk::api_version_patch(v));
         let api_version = version(core.api_version);
         let with_feedback = has(ash::ext::transform_feedback::NAME);
-        let with_driver = api_version >= (1, 2, 0) || has(ash::khr::driver_properties::NAME);
+        // By extension only: what is core of 1.2 and 1.3 may not be chained where the instance is of 1.1.
+        let with_driver = has(ash::khr::driver_properties::NAME);
+        let with_buffer_size = has(ash::khr::maintenance4::NAME);
 
         let mut maintenance = vk::PhysicalDeviceMaintenance3Properties::default();
         let mut driver = vk::PhysicalDeviceDriverProperties::default();
+        let mut maintenance4 = vk::PhysicalDeviceMaintenance4Properties::default().max_buffer_size(u64::MAX);
         let mut feedback = vk::PhysicalDeviceTransformFeedbackPropertiesEXT::default();
         let mut feedback_features = vk::PhysicalDeviceTransformFeedbackFeaturesEXT::default();
         let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut maintenance);
         let mut features = vk::PhysicalDeviceFeatures2::default();
         if with_driver {
             properties = properties.push_next(&mut driver);
+        }
+        if with_buffer_size {
+            properties = properties.push_next(&mut maintenance4);
         }
         if with_feedback {
             properties = properties.push_next(&mut feedback);
@@ -180,6 +188,7 @@ impl DeviceCaps {
             max_storage_range: limits.max_storage_buffer_range.into(),
             max_texels: limits.max_texel_buffer_elements,
             max_allocation: maintenance.max_memory_allocation_size,
+            max_buffer: maintenance4.max_buffer_size,
             max_storage_buffers: limits.max_per_stage_descriptor_storage_buffers,
             max_push_constants: limits.max_push_constants_size,
             max_vertex_attributes: limits.max_vertex_input_attributes,
@@ -209,6 +218,7 @@ impl DeviceCaps {
             max_storage_range: 1 << 27,
             max_texels: 1 << 16,
             max_allocation: 1 << 30,
+            max_buffer: 1 << 30,
             max_storage_buffers: 4,
             max_push_constants: 128,
             max_vertex_attributes: 16,
@@ -227,6 +237,7 @@ impl DeviceCaps {
         self.max_storage_range = self.max_storage_range.min(limits.max_storage_range);
         self.max_texels = self.max_texels.min(limits.max_texels);
         self.max_allocation = self.max_allocation.min(limits.max_allocation);
+        self.max_buffer = self.max_buffer.min(limits.max_buffer);
         self.max_storage_buffers = self.max_storage_buffers.min(limits.max_storage_buffers);
         self.max_push_constants = self.max_push_constants.min(limits.max_push_constants);
         self.max_vertex_attributes = self.max_vertex_attributes.min(limits.max_vertex_attributes);
