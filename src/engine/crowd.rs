@@ -272,10 +272,7 @@ impl Crowd {
     /// # Errors
     /// A ticket of another crowd.
     pub fn discard(&mut self, ticket: Ticket) -> Result<()> {
-        if ticket.crowd != self.id {
-            return Err(Error::invalid("the ticket is of another crowd", "discard it in the crowd that was updated"));
-        }
-        if self.is_discarded(ticket) {
+        if self.is_discarded(ticket)? {
             return Ok(());
         }
         // Later ranges are part of this one, the last earlier one may end where it begins, and only so many are kept
@@ -303,9 +300,15 @@ impl Crowd {
         Ok(())
     }
 
-    /// Whether the update of a ticket of this crowd was discarded.
-    pub(crate) fn is_discarded(&self, ticket: Ticket) -> bool {
-        self.discarded.iter().any(|updates| updates.contains(&ticket.update))
+    /// Whether the update of a ticket was discarded.
+    ///
+    /// # Errors
+    /// A ticket of another crowd.
+    pub(crate) fn is_discarded(&self, ticket: Ticket) -> Result<bool> {
+        if ticket.crowd != self.id {
+            return Err(Error::invalid("the ticket is of another crowd", "discard it in the crowd that was updated"));
+        }
+        Ok(self.discarded.iter().any(|updates| updates.contains(&ticket.update)))
     }
 
     /// The ticket of the update that is planned next.

@@ -155,7 +155,7 @@ impl<'a> HeadlessCrowd<'a> {
     pub fn discard(&mut self, ticket: Ticket) -> Result<()> {
         if let Some(first) = self.waiting.iter().position(|waiting| *waiting == ticket) {
             self.waiting.truncate(first);
-        } else if !self.crowd.is_discarded(ticket) {
+        } else if !self.crowd.is_discarded(ticket)? {
             return Err(Error::invalid(
                 "the update to discard is not waiting: it was submitted, or left behind by a step",
                 "discard updates before others are recorded or run",

@@ -60,7 +60,11 @@ impl Submitter {
         f: impl FnOnce(vk::CommandBuffer) -> Result<R>,
     ) -> Result<R> {
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // A panic may have left it recording, in which state it cannot be begun.
+        let reset = vk::CommandBufferResetFlags::empty();
         // SAFETY: the buffer is from our pool, which allows resets, and is not pending: `submit` waits.
+        unsafe { self.device.reset_command_buffer(cmd, reset) }.map_err(failed("vkResetCommandBuffer"))?;
+        // SAFETY: as above.
         unsafe { self.device.begin_command_buffer(cmd, &info) }.map_err(failed("vkBeginCommandBuffer"))?;
         let result = f(cmd);
         // SAFETY: begun above.
