@@ -11,7 +11,7 @@ use super::submit::{full_barrier, host_barrier};
 use crate::engine::{Crowd, CrowdDesc, GpuMesh, MorphEngine, PoseView, Update};
 use crate::error::{Error, Result};
 use crate::gpu::memory::{Buffer, BufferDesc};
-use crate::mesh::packed::PackedMesh;
+use crate::pack::PackedMesh;
 use crate::plan::UpdatePath;
 use crate::plan::commands::CommandList;
 use ash::vk;
