@@ -71,7 +71,6 @@ pub struct SampleArgs {
     /// Folder to write; created when missing, refused when not empty
     #[arg(value_name = "DIR")]
     pub dir: PathBuf,
-    /// The head.
     #[command(flatten)]
     pub head: HeadArgs,
     /// Seed of everything that is random
@@ -88,13 +87,11 @@ pub struct SampleArgs {
 /// Options of `pack`.
 #[derive(Args, Clone, Debug)]
 pub struct PackFileArgs {
-    /// What to read.
     #[command(flatten)]
     pub input: InputArgs,
     /// Storage of the deltas: fast, small or block-float32
     #[arg(long, value_name = "FORMAT", value_enum, default_value = "small")]
     pub format: FormatChoice,
-    /// How to pack.
     #[command(flatten)]
     pub pack: PackArgs,
     /// File to write
@@ -105,7 +102,6 @@ pub struct PackFileArgs {
 /// Options of `info`.
 #[derive(Args, Clone, Debug)]
 pub struct InfoArgs {
-    /// What to read.
     #[command(flatten)]
     pub input: InputArgs,
     /// Write index.html and plots there: error against bytes, and the errors of whole poses (takes seconds)
@@ -120,7 +116,6 @@ pub struct InputArgs {
     /// built-in head
     #[arg(value_name = "INPUT")]
     pub input: Option<PathBuf>,
-    /// The built-in head.
     #[command(flatten)]
     pub head: HeadArgs,
     /// Drop position deltas that are not longer than this fraction of the bounding-box diagonal
@@ -217,7 +212,6 @@ pub struct UpdateArgs {
     /// What a pixel of --error-budget is: degrees of view from bottom to top, pixels of height, distance of the face
     #[arg(long, value_name = "DEGREES,PIXELS,DISTANCE", value_parser = values::projection)]
     pub projection: Option<Projection>,
-    /// How to pack.
     #[command(flatten)]
     pub pack: PackArgs,
     /// Threads of the cpu path [default: one per core]
@@ -275,9 +269,6 @@ impl UpdateArgs {
     }
 
     /// The error budget as a length.
-    ///
-    /// # Errors
-    /// Pixels without a projection, or a projection without pixels.
     pub fn budget(&self, diagonal: f32) -> Result<f32, String> {
         match (self.error_budget, &self.projection) {
             (Some(BudgetSpec::Pixels(n)), Some(projection)) => Ok(n * projection.pixel()),
@@ -292,9 +283,6 @@ impl UpdateArgs {
     }
 
     /// The one path, mode and kind of sums of a command that takes one; `path` where none is given.
-    ///
-    /// # Errors
-    /// Several of one were given.
     pub fn single(&self, command: &str, path: PathChoice) -> Result<Single, String> {
         fn one<T: Copy>(given: &[T], default: T, option: &str, command: &str) -> Result<T, String> {
             match given {
@@ -337,9 +325,6 @@ pub struct Single {
 
 impl Single {
     /// The format: the one given, or that of the packed file that is read, or the default of the path.
-    ///
-    /// # Errors
-    /// A format that the path does not take.
     pub fn delta_format(&self, held: Option<DeltaFormat>) -> Result<DeltaFormat, String> {
         let taken = self.path.formats();
         if let (None, Some(held)) = (self.format, held.filter(|held| taken.contains(held))) {
@@ -358,10 +343,8 @@ impl Single {
 /// Options of `apply`.
 #[derive(Args, Clone, Debug)]
 pub struct ApplyArgs {
-    /// What to read.
     #[command(flatten)]
     pub input: InputArgs,
-    /// How to update.
     #[command(flatten)]
     pub update: UpdateArgs,
     /// Weight clip to take the weights from
@@ -386,9 +369,6 @@ pub struct ApplyArgs {
 
 impl ApplyArgs {
     /// Complain about what clap cannot see.
-    ///
-    /// # Errors
-    /// Several paths or formats, or nothing to apply.
     pub fn check(&self) -> Result<(), String> {
         self.update.single("apply", PathChoice::Cpu)?.delta_format(None)?;
         if self.weights.is_none() && self.set.is_empty() {

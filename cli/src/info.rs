@@ -16,10 +16,6 @@ use deltamorph::weights::WeightClip;
 use glam::Vec3;
 use record::{Blocks, ClipRow, Info, InputRow, Overlap, TargetRow};
 
-/// Run the command.
-///
-/// # Errors
-/// The input or one of its clips cannot be used, or the JSON cannot be written.
 pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
     // Before seconds are spent on what then cannot be written.
     out.check(&input::files_of(&args.input, &[]), &[], args.report.as_deref())?;

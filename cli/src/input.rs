@@ -64,9 +64,6 @@ fn source_of(mesh: &MorphMesh) -> MorphSource {
 }
 
 /// Read what `args` name.
-///
-/// # Errors
-/// INPUT is not there, cannot be used, or contradicts another option.
 pub fn load(args: &InputArgs, out: &Output) -> Result<Input, Failure> {
     let (source, clips, origin) = match &args.input {
         None => {
@@ -116,9 +113,6 @@ pub fn load(args: &InputArgs, out: &Output) -> Result<Input, Failure> {
 }
 
 /// A weight clip and, for each of its frames, a weight per target of `mesh`.
-///
-/// # Errors
-/// The file cannot be used, or names a target that the mesh does not have; the message names the file.
 pub fn clip(path: &Path, args: &InputArgs, mesh: &MorphMesh) -> Result<(WeightClip, Vec<Vec<f32>>), Failure> {
     let clip = csv::read(path, args.fps_of(path))?;
     let names: Vec<&str> = mesh.targets.iter().map(|t| t.name.as_str()).collect();

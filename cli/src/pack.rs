@@ -49,10 +49,6 @@ struct Grid {
     weight_max: f32,
 }
 
-/// Run the command.
-///
-/// # Errors
-/// The input cannot be used or packed; the file cannot be written, or is the input.
 pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     let format = args.format.delta_format(UpdatePath::Cpu).filter(|f| f.is_blocks()).ok_or_else(|| {
         Failure::Usage("--format: packed files hold blocks; name fast, small or block-float32".into())

@@ -14,7 +14,6 @@ use std::sync::Arc;
 pub struct Stage {
     gpu: Option<Gpu>,
     threads: usize,
-    /// The mesh.
     pub mesh: Arc<PackedMesh>,
     /// How it is updated.
     pub desc: UpdateDesc,
@@ -23,9 +22,6 @@ pub struct Stage {
 impl Stage {
     /// For the command called `command`, on the path that it was given, or else the best that there is: `blocks` where
     /// there is a device, or `cpu`.
-    ///
-    /// # Errors
-    /// Options that contradict each other, the path or the mesh; a device that is not there or fails.
     pub fn best(
         command: &str,
         update: &UpdateArgs,
@@ -68,23 +64,14 @@ impl Stage {
         Ok(Self { gpu, threads: update.threads.unwrap_or(0), mesh, desc })
     }
 
-    /// A head, all weights 0.
-    ///
-    /// # Errors
-    /// The path is not available; no memory.
     pub fn runner(&self) -> Result<Runner<'_>, Failure> {
         self.runner_of(self.desc)
     }
 
-    /// A head that is updated as `desc` says.
-    ///
-    /// # Errors
-    /// As [`Stage::runner`].
     pub fn runner_of(&self, desc: UpdateDesc) -> Result<Runner<'_>, Failure> {
         Runner::new(self.gpu.as_ref(), &self.mesh, desc, 1, self.threads)
     }
 
-    /// The device's name, or "none": for reports.
     pub fn device(&self) -> String {
         self.gpu.as_ref().map_or("none".into(), |gpu| gpu.caps().name.clone())
     }

@@ -8,10 +8,8 @@ use std::path::PathBuf;
 /// Options of `play`.
 #[derive(Args, Clone, Debug)]
 pub struct PlayArgs {
-    /// What to read.
     #[command(flatten)]
     pub input: InputArgs,
-    /// How to update.
     #[command(flatten)]
     pub update: UpdateArgs,
     /// Weight clip to play [default: the one in INPUT/weights, where there is just one]
@@ -31,10 +29,8 @@ pub struct PlayArgs {
 /// Options of `soak`.
 #[derive(Args, Clone, Debug)]
 pub struct SoakArgs {
-    /// What to read.
     #[command(flatten)]
     pub input: InputArgs,
-    /// How to update.
     #[command(flatten)]
     pub update: UpdateArgs,
     /// Number of frames
@@ -53,9 +49,6 @@ pub struct SoakArgs {
 
 impl PlayArgs {
     /// Complain about what clap cannot see.
-    ///
-    /// # Errors
-    /// Several paths, modes, sums or formats.
     pub fn check(&self) -> Result<(), String> {
         self.update.single("play", PathChoice::Blocks).map(drop)
     }
@@ -63,9 +56,6 @@ impl PlayArgs {
 
 impl SoakArgs {
     /// Complain about what clap cannot see.
-    ///
-    /// # Errors
-    /// Several paths, modes, sums or formats.
     pub fn check(&self) -> Result<(), String> {
         self.update.single("soak", PathChoice::Blocks).map(drop)
     }

@@ -162,9 +162,7 @@ pub enum ChangedSpec {
 /// An entry of `--set`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WeightSetting {
-    /// The target.
     pub name: String,
-    /// Its weight.
     pub weight: f32,
 }
 
@@ -183,7 +181,6 @@ fn number(s: &str, fits: impl Fn(f32) -> bool, what: &str) -> Result<f32, String
     parsed.ok_or_else(|| format!("give {what}"))
 }
 
-/// Parse `--device`.
 pub fn device(s: &str) -> Result<DeviceChoice, String> {
     match s.trim() {
         "" => Err("give an index or a part of the name, as `deltamorph devices` lists them".into()),
@@ -191,22 +188,18 @@ pub fn device(s: &str) -> Result<DeviceChoice, String> {
     }
 }
 
-/// Parse `--vertices`.
 pub fn vertices(s: &str) -> Result<usize, String> {
     whole(s, 1, MAX_VERTICES)
 }
 
-/// Parse `--targets`.
 pub fn targets(s: &str) -> Result<usize, String> {
     whole(s, 0, MAX_TARGETS)
 }
 
-/// Parse `--slots`.
 pub fn slots(s: &str) -> Result<u32, String> {
     whole(s, 1, MAX_SLOTS)
 }
 
-/// Parse an entry of `--heads`.
 pub fn heads(s: &str) -> Result<u32, String> {
     whole(s, 1, 1_000_000)
 }
@@ -216,7 +209,6 @@ pub fn at_least_one(s: &str) -> Result<usize, String> {
     whole(s, 1, 1_000_000)
 }
 
-/// Parse `--warmup`.
 pub fn warmup(s: &str) -> Result<usize, String> {
     whole(s, 0, 1_000_000)
 }
@@ -226,12 +218,10 @@ pub fn frames(s: &str) -> Result<usize, String> {
     whole(s, 1, 1_000_000_000)
 }
 
-/// Parse `--sparsity`.
 pub fn sparsity(s: &str) -> Result<f32, String> {
     number(s, |v| v > 0.0 && v <= 1.0, "a fraction above 0 and at most 1")
 }
 
-/// Parse `--tolerance`.
 pub fn tolerance(s: &str) -> Result<f32, String> {
     number(s, |v| v >= 0.0, "a fraction of the diagonal, 0 or more (0 keeps every delta)")
 }
@@ -241,12 +231,10 @@ pub fn positive(s: &str) -> Result<f32, String> {
     number(s, |v| v > 0.0, "a number above 0")
 }
 
-/// Parse `--time-limit`.
 pub fn seconds(s: &str) -> Result<f32, String> {
     number(s, |v| v > 0.0 && v <= 86_400.0, "a number of seconds above 0, at most a day")
 }
 
-/// Parse `--block-size`.
 pub fn block_size(s: &str) -> Result<u32, String> {
     match s.trim() {
         "32" => Ok(32),
@@ -256,7 +244,6 @@ pub fn block_size(s: &str) -> Result<u32, String> {
     }
 }
 
-/// Parse `--error-budget`.
 pub fn budget(s: &str) -> Result<BudgetSpec, String> {
     let what =
         "a length in input units, or a number with \"d\" (of the diagonal) or \"px\" (pixels, with --projection)";
@@ -269,7 +256,6 @@ pub fn budget(s: &str) -> Result<BudgetSpec, String> {
     }
 }
 
-/// Parse `--projection`.
 pub fn projection(s: &str) -> Result<Projection, String> {
     let numbers: Vec<f32> = s.split(',').map(positive).collect::<Result<_, _>>()?;
     match numbers[..] {
@@ -281,12 +267,10 @@ pub fn projection(s: &str) -> Result<Projection, String> {
     }
 }
 
-/// Parse `--fps`.
 pub fn fps(s: &str) -> Result<f32, String> {
     number(s, |v| (0.1..=1000.0).contains(&v), "a number of frames per second from 0.1 to 1000")
 }
 
-/// Parse `--threads`.
 pub fn threads(s: &str) -> Result<usize, String> {
     whole(s, 1, 256)
 }
@@ -322,7 +306,6 @@ pub fn one_batch(s: &str) -> Result<BatchSpec, String> {
     }
 }
 
-/// Parse an entry of `--changed`.
 pub fn changed(s: &str) -> Result<ChangedSpec, String> {
     match s.trim() {
         "all" => Ok(ChangedSpec::All),
@@ -383,9 +366,6 @@ pub fn expand_batches(specs: &[BatchSpec], limit: BatchLimit) -> (Vec<BatchSize>
 
 /// The numbers of changed targets that `specs` ask for on a mesh with `targets`, ascending, without repeats.
 /// No specs: a few sizes that the mesh has, and all.
-///
-/// # Errors
-/// More than there are.
 pub fn expand_changed(specs: &[ChangedSpec], targets: usize) -> Result<Vec<usize>, String> {
     if specs.is_empty() {
         return Ok([1, 4, 8, 16, 32].into_iter().filter(|n| *n < targets).chain([targets]).collect());

@@ -10,7 +10,6 @@ use deltamorph::plan::{BatchSize, UpdateDesc, UpdateMode, UpdatePath};
 
 /// What is asked for.
 pub struct Wanted<'a> {
-    /// The paths.
     pub paths: Vec<UpdatePath>,
     /// They were given by name, so that one that has nothing to do is worth a word.
     pub paths_named: bool,

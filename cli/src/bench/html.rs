@@ -53,7 +53,6 @@ pub fn warning(report: &Report) -> String {
         .into()
 }
 
-/// The pages of the suites.
 fn links(report: &Report) -> String {
     let link = |suite: &SuiteRecord| {
         let name = suites::page::file_name(suite);
@@ -195,7 +194,6 @@ fn row(run: &RunRecord, best: bool) -> String {
     format!("<tr{class}>{cells}</tr>\n{reason}")
 }
 
-/// The date of a time stamp.
 fn day(created: &str) -> String {
     created.split('T').next().unwrap_or_default().to_owned()
 }

@@ -13,18 +13,13 @@ use deltamorph::pack::DeltaFormat;
 
 /// The device, where there is one, and what memory can do.
 pub struct Machine {
-    /// The device.
     pub gpu: Option<Gpu>,
-    /// The ceilings.
     pub bandwidth: Bandwidth,
     threads: usize,
 }
 
 impl Machine {
     /// Set up the device, and measure bandwidth over as many bytes as the deltas of `input` have.
-    ///
-    /// # Errors
-    /// The device asked for is not there, or fails.
     pub fn open(args: &BenchArgs, device: Option<&DeviceChoice>, input: &Input, out: &Output) -> Result<Self, Failure> {
         let gpu = Gpu::open(device, out)?;
         if gpu.is_none() {
@@ -93,7 +88,6 @@ impl Machine {
     }
 }
 
-/// What a report says about a mesh.
 pub fn mesh(input: &Input) -> InputInfo {
     let kept = &input.kept;
     let moved: usize = kept.targets.iter().map(|t| t.vertices.len()).sum();

@@ -9,9 +9,6 @@ use crate::output::{Failure, create_folder, is_free, publish, write_file};
 use std::path::Path;
 
 /// Write everything into `dir`, replacing what an earlier run left there when all is drawn.
-///
-/// # Errors
-/// A file cannot be written, or a plot cannot be drawn.
 pub fn write(report: &Report, dir: &Path) -> Result<(), Failure> {
     publish(dir, is_drawn, |dir| {
         let json = serde_json::to_string_pretty(report).map_err(|e| Failure::failed(&e))?;
@@ -45,9 +42,6 @@ fn is_drawn(name: &str) -> bool {
 }
 
 /// Make sure that `dir` is ours to write to: new, empty, or with an earlier report.
-///
-/// # Errors
-/// It holds something else; it cannot be created or listed.
 pub fn claim(dir: &Path) -> Result<(), Failure> {
     create_folder(dir)?;
     if is_free(dir)? || read(&dir.join("report.json")).is_ok() {
@@ -59,10 +53,6 @@ pub fn claim(dir: &Path) -> Result<(), Failure> {
     )))
 }
 
-/// Read a report.json.
-///
-/// # Errors
-/// The file cannot be read, or is not a report of this schema.
 pub fn read(path: &Path) -> Result<Report, Failure> {
     let text = std::fs::read_to_string(path).map_err(|e| Failure::io(path, "read", e))?;
     let report: Report = serde_json::from_str(&text).map_err(|e| {

@@ -18,13 +18,10 @@ pub struct RunRecord {
     /// Its name there.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub technique: String,
-    /// The mesh.
     #[serde(default)]
     pub mesh: String,
-    /// Targets of the mesh.
     #[serde(default)]
     pub targets: usize,
-    /// Update path.
     pub path: String,
     /// "incremental" or "rebuild".
     pub mode: String,
@@ -44,7 +41,6 @@ pub struct RunRecord {
     /// Targets with a weight other than 0, per frame and head.
     #[serde(serialize_with = "whole")]
     pub active: f64,
-    /// Number of heads.
     pub heads: u32,
     /// One animation, drawn many times.
     pub shared: bool,
@@ -65,7 +61,6 @@ pub struct RunRecord {
     /// Of these, the ones that started from the base pose.
     #[serde(default, serialize_with = "whole")]
     pub rebuilt_blocks: f64,
-    /// Delta format.
     pub format: String,
     /// Pose buffers per head.
     pub slots: u32,
@@ -100,7 +95,6 @@ pub struct RunRecord {
     pub floor_fraction: Option<f64>,
     /// Largest position error against the float64 reference, in input units.
     pub max_error: Option<f64>,
-    /// The same as a fraction of the diagonal.
     pub max_error_rel: Option<f64>,
     /// Largest angle between normals, in degrees.
     pub normal_error_deg: Option<f64>,
@@ -172,7 +166,6 @@ impl RunRecord {
         self.update_and_draw_ms.or(self.gpu_ms).or(self.cpu_ms)
     }
 
-    /// Whether it was right and timed.
     pub fn counts(&self) -> bool {
         self.verified && self.time().is_some_and(|t| t.median > 0.0)
     }

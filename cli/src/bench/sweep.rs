@@ -25,9 +25,6 @@ const FORMATS: [FormatChoice; 4] =
     [FormatChoice::Float32, FormatChoice::Snorm16, FormatChoice::Fast, FormatChoice::Small];
 
 /// Run everything that `args` ask for.
-///
-/// # Errors
-/// The input or a clip cannot be used; an option asks for what the mesh does not have; a device that fails.
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<Report, Failure> {
     let input = input::load(&args.input, out)?;
     let counts = expand_changed(&args.changed, input.kept.targets.len()).map_err(Failure::Usage)?;

@@ -18,9 +18,6 @@ use deltamorph::plan::{BatchSize, UpdateMode};
 const FEW: usize = 8;
 
 /// Every batch size of every dense path and format.
-///
-/// # Errors
-/// A device that fails.
 pub fn run(lab: &mut Lab<'_>, subject: &mut Subject) -> Result<SuiteRecord, Failure> {
     let wanted = Wanted {
         paths: paths(lab).into_iter().filter(|path| path.default_mode() == UpdateMode::Incremental).collect(),

@@ -14,7 +14,6 @@ const SPARSE: f32 = 0.08;
 pub struct Subject {
     /// Its name in the report.
     pub name: String,
-    /// It.
     pub input: Input,
     /// See there.
     pub cache: Cache,
@@ -43,16 +42,12 @@ impl Subject {
         Self { name: self.name.clone(), input, cache: Cache::default(), was_packed: self.was_packed }
     }
 
-    /// Number of targets.
     pub fn targets(&self) -> usize {
         self.input.kept.targets.len()
     }
 }
 
 /// The built-in head, dense and sparse; or INPUT alone.
-///
-/// # Errors
-/// INPUT cannot be used.
 pub fn dense_and_sparse(lab: &mut Lab<'_>) -> Result<Vec<Subject>, Failure> {
     let args = &lab.args.input;
     if args.input.is_some() {

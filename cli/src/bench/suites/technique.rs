@@ -77,9 +77,6 @@ fn technique(lab: &mut Lab<'_>, path: UpdatePath, mode: UpdateMode, sizes: &[Bat
 }
 
 /// The fastest configuration of each technique in a short run; none where all are refused.
-///
-/// # Errors
-/// A device that fails.
 pub fn choose(
     lab: &mut Lab<'_>,
     subject: &mut Subject,
