@@ -1,6 +1,6 @@
 //! One head, updated as the command line says: what commands that take one path have in common.
 
-use crate::args::values::{BatchLimit, BatchSpec, PathChoice, expand_batches};
+use crate::args::values::{BatchLimit, BatchSpec, expand_batches};
 use crate::args::{Single, UpdateArgs};
 use crate::input::Input;
 use crate::output::{Failure, Output};
@@ -32,12 +32,12 @@ impl Stage {
     ) -> Result<Self, Failure> {
         let single = |path| update.single(command, path).map_err(Failure::Usage);
         if !update.paths.is_empty() {
-            let single = single(PathChoice::Cpu)?;
+            let single = single(UpdatePath::Cpu)?;
             let gpu = if single.path == UpdatePath::Cpu { None } else { Gpu::open(device, out)? };
             return Self::on(gpu, single, update, batch, input, out);
         }
         let gpu = Gpu::open(device, out)?.filter(|gpu| gpu.caps().check_path(UpdatePath::Blocks).is_ok());
-        let path = if gpu.is_some() { PathChoice::Blocks } else { PathChoice::Cpu };
+        let path = if gpu.is_some() { UpdatePath::Blocks } else { UpdatePath::Cpu };
         Self::on(gpu, single(path)?, update, batch, input, out)
     }
 

@@ -1,8 +1,9 @@
 //! Options of the commands that run many frames: `play` and `soak`.
 
-use super::values::{self, BatchSpec, PathChoice};
+use super::values::{self, BatchSpec};
 use super::{InputArgs, UpdateArgs};
 use clap::Args;
+use deltamorph::plan::UpdatePath;
 use std::path::PathBuf;
 
 /// Options of `play`.
@@ -50,14 +51,14 @@ pub struct SoakArgs {
 impl PlayArgs {
     /// Complain about what clap cannot see.
     pub fn check(&self) -> Result<(), String> {
-        self.update.single("play", PathChoice::Blocks).map(drop)
+        self.update.single("play", UpdatePath::Blocks).map(drop)
     }
 }
 
 impl SoakArgs {
     /// Complain about what clap cannot see.
     pub fn check(&self) -> Result<(), String> {
-        self.update.single("soak", PathChoice::Blocks).map(drop)
+        self.update.single("soak", UpdatePath::Blocks).map(drop)
     }
 
     /// Frames from one comparison to the next.
