@@ -69,9 +69,7 @@ pub fn bytes(n: f64) -> String {
 
 /// A whole number with its thousands apart.
 pub fn thousands(n: usize) -> String {
-    let digits = n.to_string();
-    let groups: Vec<&str> = digits.as_bytes().rchunks(3).rev().filter_map(|g| std::str::from_utf8(g).ok()).collect();
-    groups.join(",")
+    indicatif::HumanCount(n as u64).to_string()
 }
 
 #[cfg(test)]

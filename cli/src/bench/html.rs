@@ -1,7 +1,7 @@
 //! index.html: one page that needs nothing but itself.
 
 use super::headline::sentences;
-use super::record::{InputInfo, Report, RunRecord, Skipped};
+use super::record::{MeshInfo, Report, RunRecord, Skipped};
 use super::select::median;
 use super::suites::{self, record::SuiteRecord};
 use crate::page::{document, escape, figure};
@@ -101,7 +101,7 @@ pub fn facts(report: &Report) -> String {
 }
 
 /// One of the meshes of the suites.
-fn mesh(m: &InputInfo) -> String {
+fn mesh(m: &MeshInfo) -> String {
     let (vertices, moved) = (thousands(m.vertices), percent(m.moved_mean));
     format!("{}: {vertices} vertices, {} targets, each moves {moved}", m.name, m.targets)
 }

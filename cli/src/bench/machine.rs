@@ -1,10 +1,9 @@
 //! What a report says about the machine and the mesh.
 
 use super::bandwidth;
-use super::record::{Bandwidth, DeviceInfo, InputInfo, Report};
+use super::record::{Bandwidth, DeviceInfo, Report};
 use super::stamp;
 use crate::args::bench::BenchArgs;
-use crate::info::triangles;
 use crate::input::Input;
 use crate::output::{Failure, Output};
 use crate::runner::Gpu;
@@ -51,13 +50,9 @@ impl Machine {
             created: stamp::now(),
             command: stamp::command_line(),
             device: self.device(),
-            input: mesh(input),
+            input: input.info(),
             bandwidth: self.bandwidth,
-            runs: vec![],
-            skipped: vec![],
-            unplayed: vec![],
-            suites: vec![],
-            meshes: vec![],
+            ..Report::default()
         }
     }
 
@@ -85,20 +80,5 @@ impl Machine {
             index,
             ..cpu
         }
-    }
-}
-
-pub fn mesh(input: &Input) -> InputInfo {
-    let kept = &input.kept;
-    let moved: usize = kept.targets.iter().map(|t| t.vertices.len()).sum();
-    InputInfo {
-        name: kept.name.clone(),
-        origin: input.origin.clone(),
-        vertices: kept.vertex_count(),
-        targets: kept.targets.len(),
-        triangles: triangles(kept),
-        diagonal: kept.diagonal,
-        tolerance: kept.tolerance.position,
-        moved_mean: moved as f64 / (kept.vertex_count() * kept.targets.len()).max(1) as f64,
     }
 }

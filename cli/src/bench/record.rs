@@ -2,10 +2,11 @@
 
 pub use super::run::{Round, RunRecord};
 use super::suites::record::SuiteRecord;
+pub use crate::input::MeshInfo;
 use serde::{Deserialize, Serialize};
 
 /// What one call of `bench` measured.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Report {
     pub schema: u32,
     pub version: String,
@@ -14,7 +15,7 @@ pub struct Report {
     /// The command line that measures the same again.
     pub command: String,
     pub device: DeviceInfo,
-    pub input: InputInfo,
+    pub input: MeshInfo,
     /// What memory can do: the floor under every time.
     pub bandwidth: Bandwidth,
     pub runs: Vec<RunRecord>,
@@ -29,7 +30,7 @@ pub struct Report {
     pub suites: Vec<SuiteRecord>,
     /// The meshes of the suites, by the name that runs give; empty for an ordinary run, which has one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub meshes: Vec<InputInfo>,
+    pub meshes: Vec<MeshInfo>,
 }
 
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -55,21 +56,6 @@ impl DeviceInfo {
     pub fn is_software(&self) -> bool {
         self.kind == "cpu"
     }
-}
-
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct InputInfo {
-    pub name: String,
-    pub origin: String,
-    pub vertices: usize,
-    pub targets: usize,
-    pub triangles: usize,
-    /// Length of the bounding-box diagonal, in input units.
-    pub diagonal: f32,
-    /// Position deltas up to this fraction of the diagonal were dropped.
-    pub tolerance: f32,
-    /// Mean fraction of the vertices that a target moves.
-    pub moved_mean: f64,
 }
 
 /// Measured memory bandwidth, in 10⁹ bytes per second, reads and writes counted.

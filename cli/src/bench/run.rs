@@ -7,7 +7,7 @@ use deltamorph::plan::BatchSize;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// One configuration and what it took.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct RunRecord {
     /// The suite that it belongs to; empty in an ordinary run.
     #[serde(default, skip_serializing_if = "String::is_empty")]
@@ -111,9 +111,6 @@ impl RunRecord {
     /// A configuration that was not measured yet.
     pub fn blank(config: &Config, setting: &Setting<'_>, input: &Input) -> Self {
         Self {
-            suite: String::new(),
-            cell: String::new(),
-            technique: String::new(),
             mesh: input.kept.name.clone(),
             targets: input.kept.targets.len(),
             path: config.desc.path.name().into(),
@@ -122,34 +119,14 @@ impl RunRecord {
             batch_max: config.batch_max,
             workload: setting.workload.name().into(),
             changed: setting.changed.unwrap_or(0) as f64,
-            coefficients: 0.0,
-            active: 0.0,
             heads: setting.heads,
             shared: setting.shared,
             crowds: if config.apart { setting.updated() } else { 1 },
-            alone: false,
             accumulate: config.desc.accumulate.name().into(),
             error_budget: config.desc.error_budget,
-            dirty_blocks: 0.0,
-            rebuilt_blocks: 0.0,
             format: config.format.name().into(),
             slots: config.desc.slots,
-            passes: 0.0,
-            bytes_moved: 0.0,
-            bytes_floor: 0.0,
-            gpu_ms: None,
-            cpu_ms: None,
-            draw_ms: None,
-            update_and_draw_ms: None,
-            upload_ms: None,
-            rounds: vec![],
-            floor_fraction: None,
-            max_error: None,
-            max_error_rel: None,
-            normal_error_deg: None,
-            raw_error_rel: None,
-            verified: false,
-            problem: None,
+            ..Self::default()
         }
     }
 

@@ -1,11 +1,12 @@
 //! The JSON of `info`. Fields may be added, never renamed.
 
+use crate::input::MeshInfo;
 use serde::Serialize;
 
 #[derive(Debug, Serialize)]
 pub struct Info {
     pub schema: u32,
-    pub input: InputRow,
+    pub input: MeshInfo,
     /// The targets, in the order of the input.
     pub targets: Vec<TargetRow>,
     pub overlap: Overlap,
@@ -21,22 +22,6 @@ pub struct Info {
     /// With `--report`: errors of whole poses.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub poses: Option<Vec<PoseRow>>,
-}
-
-#[derive(Debug, Serialize)]
-pub struct InputRow {
-    pub name: String,
-    pub origin: String,
-    pub vertices: usize,
-    pub targets: usize,
-    /// Number of triangles, polygons cut into fans.
-    pub triangles: usize,
-    /// Length of the bounding-box diagonal, in input units.
-    pub diagonal: f32,
-    /// Position deltas up to this fraction of the diagonal were dropped.
-    pub tolerance: f32,
-    /// Normal deltas up to this length were dropped.
-    pub tolerance_normal: f32,
 }
 
 #[derive(Debug, Serialize)]

@@ -17,7 +17,7 @@ pub mod text;
 
 use super::machine::Machine;
 use super::race::{Entrant, Outcome, Pace, Tempo, contest};
-use super::record::{InputInfo, Report, RunRecord, Skipped};
+use super::record::{MeshInfo, Report, RunRecord, Skipped};
 use super::trial::Context;
 use crate::args::bench::{BenchArgs, SuiteChoice};
 use crate::input;
@@ -41,7 +41,7 @@ pub struct Lab<'a> {
     suite: &'static str,
     runs: Vec<RunRecord>,
     skipped: Vec<Skipped>,
-    meshes: Vec<InputInfo>,
+    meshes: Vec<MeshInfo>,
 }
 
 impl Lab<'_> {

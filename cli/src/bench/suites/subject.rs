@@ -2,7 +2,6 @@
 
 use super::Lab;
 use crate::args::InputArgs;
-use crate::bench::machine;
 use crate::bench::race::Cache;
 use crate::input::{self, Input};
 use crate::output::Failure;
@@ -26,7 +25,7 @@ impl Subject {
     pub fn new(lab: &mut Lab<'_>, name: &str, mut input: Input) -> Self {
         name.clone_into(&mut input.kept.name);
         if lab.meshes.iter().all(|mesh| mesh.name != name) {
-            lab.meshes.push(machine::mesh(&input));
+            lab.meshes.push(input.info());
         }
         let was_packed = input.packed.is_some();
         Self { name: name.into(), input, cache: Cache::default(), was_packed }
