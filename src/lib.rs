@@ -29,6 +29,7 @@
 #[cfg(test)]
 extern crate self as deltamorph; // testing.rs is shared with tests/
 
+pub mod abi;
 pub mod animation;
 pub mod asset;
 pub mod cpu;
@@ -60,7 +61,7 @@ pub mod internals {
 }
 
 pub use ash;
-pub use error::{Error, Result};
+pub use error::{Error, ErrorKind, Result};
 pub use gpu_allocator;
 
 /// The README's code has to compile.

@@ -11,9 +11,6 @@ use std::path::Path;
 const HEAD_FRAMES: usize = 300;
 
 /// The clip at `named`, or the only one that `input` has.
-///
-/// # Errors
-/// It cannot be used; `input` has none, or several.
 pub fn the_one(named: Option<&Path>, args: &InputArgs, input: &Input) -> Result<BoundClip, Failure> {
     if named.is_none() && input.clips.len() > 1 {
         let list: Vec<String> = input.clips.iter().map(|c| c.display().to_string()).collect();
@@ -30,9 +27,6 @@ pub fn the_one(named: Option<&Path>, args: &InputArgs, input: &Input) -> Result<
 }
 
 /// The clip at `named`, or all that `input` has.
-///
-/// # Errors
-/// One of them cannot be used.
 pub fn all(named: Option<&Path>, args: &InputArgs, input: &Input) -> Result<Vec<BoundClip>, Failure> {
     if named.is_none() && args.input.is_none() {
         return Ok(built_in(args, input)?.into_iter().collect());

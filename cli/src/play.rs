@@ -18,10 +18,6 @@ use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
 use deltamorph::weights::BoundClip;
 use record::{FrameRow, Played, Summary};
 
-/// Run the command.
-///
-/// # Errors
-/// The input, clip or path cannot be used; a pose is further off than the path promises; the JSON cannot be written.
 pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     out.check(&input::files_of(&args.input, args.weights.as_slice()), &[], None)?;
     let input = input::load(&args.input, out)?;
@@ -54,7 +50,6 @@ fn shaken(frames: impl Iterator<Item = Vec<f32>>, amount: Option<f32>, seed: u64
     })
 }
 
-/// What the comparisons found.
 #[derive(Default)]
 struct Checks {
     count: usize,

@@ -54,6 +54,8 @@ type Work = (bool, u32, u32, Vec<(u32, i32)>);
 pub type Plan = BTreeMap<(u32, u32), Work>;
 
 pub struct Scene<'a> {
+    /// Instances of a tile, at most.
+    widest: u32,
     pub crowd: HeadlessCrowd<'a>,
     pub mesh: Arc<PackedMesh>,
     desc: CrowdDesc,
@@ -69,6 +71,7 @@ impl<'a> Scene<'a> {
     pub fn new(headless: &'a Headless, mesh: &Arc<PackedMesh>, desc: CrowdDesc, animation: &AnimationDesc<'_>) -> Self {
         let rebuilt = UpdateDesc { path: UpdatePath::Cpu, mode: UpdateMode::Rebuild, ..exact(1) };
         Self {
+            widest: headless.caps().tuning.widest_tile,
             crowd: HeadlessCrowd::animated(headless, mesh, &desc, animation).expect("a crowd"),
             heads: Heads::new(desc.instances),
             clips: Clips::new(animation, mesh.layout()).expect("clips"),
@@ -81,24 +84,24 @@ impl<'a> Scene<'a> {
     }
 
     pub fn play(&mut self, instance: u32, playback: Playback) {
-        self.crowd.crowd().play(instance, &playback).expect("a clip");
+        self.crowd.play(instance, &playback).expect("a clip");
         self.heads.play(instance, &playback, &self.clips).expect("a clip");
     }
 
     pub fn hide(&mut self, instance: u32, hidden: bool) {
-        self.crowd.crowd().set_hidden(instance, hidden).expect("an instance");
+        self.crowd.set_hidden(instance, hidden).expect("an instance");
         self.heads.set_hidden(instance, hidden);
         self.hidden[instance as usize] = hidden;
     }
 
     pub fn remove(&mut self, instance: u32) {
-        self.crowd.crowd().remove(instance).expect("an instance");
+        self.crowd.remove(instance).expect("an instance");
         self.heads.set_hidden(instance, true);
         self.hidden[instance as usize] = true;
     }
 
     pub fn add(&mut self) -> u32 {
-        let instance = self.crowd.crowd().add().expect("a free place");
+        let instance = self.crowd.add().expect("a free place");
         self.heads.add(instance);
         self.hidden[instance as usize] = false;
         instance
@@ -106,7 +109,7 @@ impl<'a> Scene<'a> {
 
     /// Update at `seconds`, on both sides; the GPU's plan is the twin's, and so are the weights.
     pub fn step(&mut self, seconds: f64) -> (Plan, CommandList) {
-        self.crowd.crowd().set_time(seconds).expect("a time");
+        self.crowd.set_time(seconds).expect("a time");
         self.heads.set_time(seconds).expect("a time");
         let mut commands = None;
         // SAFETY: nothing is changed.
@@ -119,30 +122,30 @@ impl<'a> Scene<'a> {
             let weights = self.crowd.read_weights(instance).expect("weights");
             assert_eq!(weights, self.twin.weights(instance as usize), "weights of head {instance} at {seconds}");
         }
-        let plan = of_groups(&self.crowd.read_plan().expect("a plan"), self.desc.update.slots, &self.mesh);
+        let plan = of_groups(&self.crowd.read_plan().expect("a plan"), self.desc.update.slots, self.widest, &self.mesh);
         assert_eq!(plan, expected, "{:?} at {seconds}", self.desc);
         (plan, commands.expect("a list"))
     }
 
     /// Record an update at `seconds` that never runs. The twin hears nothing of it.
     pub fn drop_one(&mut self, seconds: f64) {
-        self.crowd.crowd().set_time(seconds).expect("a time");
+        self.crowd.set_time(seconds).expect("a time");
         let (_, update) = self.crowd.record(&[]).expect("a recording");
-        self.crowd.crowd().discard(update.ticket);
+        self.crowd.discard(update.ticket).expect("a ticket of this crowd");
     }
 
     /// Record updates at these times, then run them all at once; the twin follows, and the last plan is compared.
     pub fn step_together(&mut self, seconds: &[f64]) {
         let (mut recorded, mut expected) = (vec![], Plan::new());
         for &seconds in seconds {
-            self.crowd.crowd().set_time(seconds).expect("a time");
+            self.crowd.set_time(seconds).expect("a time");
             self.heads.set_time(seconds).expect("a time");
             recorded.push(self.crowd.record(&[]).expect("a recording").0);
             let update = self.heads.update(&self.clips);
             expected = of_list(self.twin.update(&self.clips, &self.heads, update));
         }
         self.crowd.submit(recorded).expect("a submission");
-        let plan = of_groups(&self.crowd.read_plan().expect("a plan"), self.desc.update.slots, &self.mesh);
+        let plan = of_groups(&self.crowd.read_plan().expect("a plan"), self.desc.update.slots, self.widest, &self.mesh);
         assert_eq!(plan, expected, "{:?} at {seconds:?}", self.desc);
     }
 
@@ -187,7 +190,7 @@ fn of_list(list: &WorkList) -> Plan {
 }
 
 /// The GPU's lists, taken apart; what is asked of their form is checked on the way.
-fn of_groups(groups: &[PlannedGroup], slots: u32, mesh: &PackedMesh) -> Plan {
+fn of_groups(groups: &[PlannedGroup], slots: u32, widest: u32, mesh: &PackedMesh) -> Plan {
     let (mut plan, mut tiles) = (Plan::new(), BTreeSet::new());
     let blocks = blocks(mesh) as u32;
     for group in groups {
@@ -216,11 +219,11 @@ fn of_groups(groups: &[PlannedGroup], slots: u32, mesh: &PackedMesh) -> Plan {
                     assert_eq!((poses[place], rebuilt >> place & 1), (poses[used - 1], rebuilt >> (used - 1) & 1));
                     assert!(place >= width || rows.iter().all(|row| row[1 + place] == row[used]));
                 }
-                let tile = poses[0][1] / slots / TILE as u32;
+                let tile = poses[0][1] / slots / widest;
                 assert!(tiles.insert((group.instances.0, tile, block)), "one item for a block of a tile");
                 for (place, [source, destination]) in poses[..used].iter().enumerate() {
                     let instance = destination / slots;
-                    assert_eq!((source / slots, instance / TILE as u32), (instance, tile));
+                    assert_eq!((source / slots, instance / widest), (instance, tile));
                     assert!(instance < group.instances.1);
                     let from_base = rebuilt >> place & 1 != 0;
                     let elements = rows.iter().filter(|row| row[1 + place] != 0);
