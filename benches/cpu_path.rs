@@ -7,7 +7,7 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 use deltamorph::cpu::CpuCrowd;
 use deltamorph::mesh::Tolerance;
 use deltamorph::mesh::head::{HeadDesc, head};
-use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
+use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::plan::{BatchSize, UpdateDesc, UpdatePath};
 use std::sync::Arc;
 

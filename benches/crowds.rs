@@ -8,7 +8,7 @@ use deltamorph::engine::CrowdDesc;
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
 use deltamorph::mesh::Tolerance;
 use deltamorph::mesh::head::{HeadDesc, head};
-use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
+use deltamorph::pack::{DeltaFormat, PackedMesh};
 use deltamorph::plan::{Accumulate, UpdateDesc};
 use deltamorph::weights::WeightClip;
 use std::time::Instant;

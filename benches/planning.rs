@@ -4,8 +4,8 @@
 
 use criterion::{BatchSize as Setup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use deltamorph::mesh::head::{HeadDesc, head};
-use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::mesh::{MorphMesh, Tolerance, obj};
+use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::plan::blocks::{BlockState, Scratch, WorkList};
 use deltamorph::plan::commands::CommandList;
 use deltamorph::plan::{Accumulate, BatchSize, Plan, PoseState, UpdateDesc, UpdatePath, UpdateStats};

@@ -8,7 +8,8 @@
 
 use deltamorph::ash::{self, vk};
 use deltamorph::engine::{CrowdDesc, DeviceCaps, DeviceDesc, MorphEngine, PoseView};
-use deltamorph::mesh::{Tolerance, head, packed};
+use deltamorph::mesh::{Tolerance, head};
+use deltamorph::pack::{DeltaFormat, PackedMesh};
 use deltamorph::plan::{BatchSize, UpdateDesc, UpdatePath};
 use deltamorph::reference::{PoseError, compare, evaluate};
 
@@ -141,7 +142,7 @@ fn main() -> Result<()> {
     let engine = unsafe { MorphEngine::new(&desc) }?;
     let head_desc = head::HeadDesc { vertices: 5_000, targets: 52, ..Default::default() };
     let mesh = head::head(&head_desc).to_mesh(Tolerance::default())?;
-    let mesh = packed::PackedMesh::pack(&mesh, &engine.pack_desc(packed::DeltaFormat::Float32))?;
+    let mesh = PackedMesh::pack(&mesh, &engine.pack_desc(DeltaFormat::Float32))?;
     let names: Vec<&str> = mesh.layout().targets.iter().map(|t| t.name.as_str()).collect();
     let clip = head::head_clip(&head_desc, 60, 30.0).bind(&names)?;
     let frame = || Frame::new(&host, mesh.layout().pose_bytes());

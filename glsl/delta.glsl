@@ -1,4 +1,4 @@
-// Decoding of deltas. Layout: src/mesh/packed.rs.
+// Decoding of deltas. Layout: src/pack/mod.rs.
 
 // Factor from the coefficient of positions to that of normals, 2^exponent; `exponents` holds one signed byte
 // per target, four to a word.

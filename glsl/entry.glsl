@@ -1,4 +1,4 @@
-// The entries of a mesh in blocks: loading and decoding. The same arithmetic as src/mesh/packed/entry.rs.
+// The entries of a mesh in blocks: loading and decoding. The same arithmetic as src/pack/entry.rs.
 // Who includes this declares asset (words, with TEXELS texels), deltas_at, BLOCK_SIZE and VERTICES, and FAST or SMALL, or
 // neither for float32.
 

@@ -1,7 +1,8 @@
 //! The oracle: full evaluation from base in float64, and how far a pose is from it.
 
+pub use crate::math::angle_degrees;
 use crate::mesh::MorphMesh;
-use crate::mesh::packed::{POSE_FLOATS, PackedMesh};
+use crate::pack::{POSE_FLOATS, PackedMesh};
 use glam::DVec3;
 
 /// Below this length a morphed normal has no direction worth the name; consumers fall back to the base normal.
@@ -70,12 +71,6 @@ impl PoseError {
     pub fn within(&self, position: f64, normal_degrees: f64) -> bool {
         self.position <= position && self.normal_degrees <= normal_degrees
     }
-}
-
-/// The angle between two normals that need not have unit length, in degrees; 0 where one vanishes.
-pub fn angle_degrees(a: DVec3, b: DVec3) -> f64 {
-    // atan2 keeps its precision where acos of a dot product near 1 has lost it.
-    a.cross(b).length().atan2(a.dot(b)).to_degrees()
 }
 
 /// Compare a pose (six floats a vertex, in the user's order, padding at the end ignored) with the reference.

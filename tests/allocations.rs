@@ -4,7 +4,7 @@
 mod testing;
 
 use deltamorph::animation::{AnimationDesc, Clips, Heads, KeyFormat, Playback};
-use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
+use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::plan::animated::AnimatedUpdate;
 use deltamorph::plan::blocks::{BlockState, Scratch, WorkList};
 use deltamorph::plan::commands::CommandList;

@@ -7,7 +7,7 @@ mod scene;
 
 use deltamorph::animation::{AnimationDesc, KeyFormat, Playback, Repeat};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
-use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
+use deltamorph::pack::{DeltaFormat, PackedMesh};
 use deltamorph::plan::commands::{Command, Hazard};
 use deltamorph::plan::{BatchSize, UpdateDesc, UpdatePath};
 use scene::{HEAD, Scene, clips, crowd, exact, packed};

@@ -7,8 +7,8 @@ mod gpu;
 
 use deltamorph::cpu::CpuCrowd;
 use deltamorph::headless::HeadlessCrowd;
-use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::mesh::{MorphMesh, Tolerance, obj};
+use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath, UpdateStats};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::weights::csv;

@@ -7,7 +7,7 @@ mod testing;
 
 use deltamorph::engine::{CrowdDesc, DeviceCaps, MorphEngine};
 use deltamorph::headless::{Headless, HeadlessCrowd};
-use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
+use deltamorph::pack::{DeltaFormat, PackedMesh};
 use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
 use gpu::on_every_device;

@@ -7,7 +7,7 @@ mod testing;
 
 use deltamorph::engine::MorphEngine;
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
-use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
+use deltamorph::pack::{DeltaFormat, PackedMesh};
 use deltamorph::plan::commands::{Command, CommandList};
 use deltamorph::plan::hazards::HazardChecker;
 use deltamorph::plan::{BatchSize, Source, UpdateDesc, UpdatePath};

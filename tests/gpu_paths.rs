@@ -8,7 +8,7 @@ mod testing;
 use deltamorph::cpu::CpuCrowd;
 use deltamorph::engine::{DeviceCaps, MorphEngine, TransformFeedbackCaps};
 use deltamorph::headless::{Headless, HeadlessCrowd};
-use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
+use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::plan::{Accumulate, UpdateDesc, UpdateMode, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
 use gpu::{applied, in_eight_chunks, on_every_device, single, update_descs, weights};

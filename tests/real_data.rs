@@ -7,9 +7,9 @@ mod gpu;
 
 use deltamorph::cpu::CpuCrowd;
 use deltamorph::headless::HeadlessCrowd;
-use deltamorph::mesh::packed::file::Asset;
-use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::mesh::{MorphMesh, MorphSource, Tolerance, obj};
+use deltamorph::pack::file::Asset;
+use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::plan::{BatchSize, UpdateDesc, UpdatePath};
 use deltamorph::reference::{PoseError, compare, evaluate, evaluate_unpacked};
 use deltamorph::weights::csv;

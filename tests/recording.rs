@@ -7,7 +7,7 @@ mod testing;
 
 use deltamorph::engine::{CrowdDesc, MorphEngine};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
-use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
+use deltamorph::pack::{DeltaFormat, PackedMesh};
 use deltamorph::plan::UpdateDesc;
 use deltamorph::reference::{PoseError, compare, evaluate};
 use gpu::{applied, on_every_device, single, update_descs, weights};

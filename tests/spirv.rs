@@ -6,8 +6,8 @@ use deltamorph::gpu::shaders::{
     ResolvePush, ScatterPush, WORKGROUP, blocks_module, direct_attributes_module, feedback_batch_max, feedback_module,
     feedback_push_bytes, vertex_store_module,
 };
-use deltamorph::mesh::packed::blocks::BLOCK_SIZES;
-use deltamorph::mesh::packed::{DeltaFormat, POSE_STRIDE};
+use deltamorph::pack::blocks::BLOCK_SIZES;
+use deltamorph::pack::{DeltaFormat, POSE_STRIDE};
 use deltamorph::plan::blocks::{ELEMENT_BYTES, Element, ROWS, TILE, TILE_WORDS, WIDTHS};
 use spirq::prelude::*;
 use spirq::ty::StructType;

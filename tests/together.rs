@@ -7,7 +7,7 @@ mod testing;
 
 use deltamorph::engine::CrowdDesc;
 use deltamorph::headless::{HeadlessCrowd, Step};
-use deltamorph::mesh::packed::{DeltaFormat, PackedMesh};
+use deltamorph::pack::{DeltaFormat, PackedMesh};
 use deltamorph::reference::{compare, evaluate};
 use gpu::{applied, on_every_device, update_descs, weights};
 

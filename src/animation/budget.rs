@@ -12,7 +12,7 @@
 //! more and takes more memory.
 
 use crate::error::Result;
-use crate::mesh::packed::blocks::BlockIndex;
+use crate::pack::blocks::BlockIndex;
 
 /// The budget in integers.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -1,8 +1,8 @@
 //! Clips as integers: what is uploaded once.
 
 use crate::error::{Error, Result};
-use crate::mesh::packed::PackedLayout;
-use crate::mesh::packed::blocks::ExactGrid;
+use crate::pack::PackedLayout;
+use crate::pack::blocks::ExactGrid;
 use crate::weights::WeightClip;
 
 /// How keys are kept.
@@ -61,7 +61,7 @@ impl Clips {
     /// Put the clips of `desc` on the grid of a mesh.
     ///
     /// # Errors
-    /// As [`BlockIndex::exact`](crate::mesh::packed::blocks::BlockIndex::exact) and [`WeightClip::bind`]; a clip without
+    /// As [`BlockIndex::exact`](crate::pack::blocks::BlockIndex::exact) and [`WeightClip::bind`]; a clip without
     /// frames or with a frame rate that is none; a weight beyond the grid: the message names frame and target.
     pub fn new(desc: &AnimationDesc<'_>, layout: &PackedLayout) -> Result<Self> {
         let Some(index) = &layout.blocks else {

@@ -3,7 +3,7 @@
 //!
 //! # Keys
 //! A weight of a clip is kept as a whole number of steps of the mesh's
-//! [`ExactGrid`](crate::mesh::packed::blocks::ExactGrid): 32 bits, or 16 bits of the number
+//! [`ExactGrid`](crate::pack::blocks::ExactGrid): 32 bits, or 16 bits of the number
 //! shifted to the right ([`KeyFormat`]). [`Clips`] has the layout.
 //!
 //! # Time
@@ -39,7 +39,7 @@ pub use heads::Heads;
 pub use twin::Twin;
 
 use crate::error::{Error, Result};
-use crate::mesh::packed::PackedLayout;
+use crate::pack::PackedLayout;
 use crate::plan::{Accumulate, UpdateDesc, UpdatePath};
 use bytemuck::{Pod, Zeroable};
 

@@ -1,5 +1,5 @@
 use super::*;
-use crate::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
+use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
 use crate::weights::WeightClip;
 use crate::{reference, testing};
 use proptest::prelude::*;

@@ -2,8 +2,8 @@
 
 use super::{Budget, Clips, HeadRecord, Heads, Waiting, sample};
 use crate::error::Result;
-use crate::mesh::packed::PackedLayout;
-use crate::mesh::packed::blocks::BlockIndex;
+use crate::pack::PackedLayout;
+use crate::pack::blocks::BlockIndex;
 use crate::plan::blocks::{BlockState, Scratch, WorkList};
 use crate::plan::{UpdateDesc, UpdateStats};
 use std::sync::Arc;

@@ -3,9 +3,9 @@
 //! Which loads and stores those are is counted by a [`Meter`]; a test holds the planner's count against it.
 
 use super::workers::Workers;
-use crate::mesh::packed::blocks::{BlockIndex, ExactGrid};
-use crate::mesh::packed::entry::{BitReader, fast_decode, unpack_widths};
-use crate::mesh::packed::{DeltaFormat, POSE_FLOATS, PackedMesh};
+use crate::pack::blocks::{BlockIndex, ExactGrid};
+use crate::pack::entry::{BitReader, fast_decode, unpack_widths};
+use crate::pack::{DeltaFormat, POSE_FLOATS, PackedMesh};
 use crate::plan::blocks::{ELEMENT_BYTES, Element, ITEM_WORDS, Item, WorkList};
 
 /// Sees every load and store of the kernel.

@@ -4,7 +4,7 @@
 //! A run is cut into pieces whose sum stays in the first-level cache. Deltas are read once, as streams of
 //! several targets at a time, so that the piece is loaded and stored once for all of them.
 
-use crate::mesh::packed::{DeltaFormat, POSE_FLOATS, PackedMesh};
+use crate::pack::{DeltaFormat, POSE_FLOATS, PackedMesh};
 use crate::weights::delta::Coefficient;
 
 /// Vertices of a piece: 6 KiB of sums.

@@ -8,7 +8,7 @@ pub(crate) mod tile;
 mod workers;
 
 use crate::error::{Error, Result};
-use crate::mesh::packed::{POSE_FLOATS, PackedLayout, PackedMesh};
+use crate::pack::{POSE_FLOATS, PackedLayout, PackedMesh};
 use crate::plan::blocks::{BlockState, Planner, check_block_weights};
 use crate::plan::commands::{CommandList, PassCommand};
 use crate::plan::heads::Heads;
@@ -96,7 +96,7 @@ impl CpuCrowd {
     }
 
     /// Names, steps and sizes of the mesh.
-    pub fn layout(&self) -> &crate::mesh::packed::PackedLayout {
+    pub fn layout(&self) -> &crate::pack::PackedLayout {
         self.mesh.layout()
     }
 
@@ -212,7 +212,7 @@ impl CpuCrowd {
     }
 
     /// The pose of an instance after the last update: six floats a vertex, with padding, in the order of pose buffers
-    /// ([`PackedLayout::to_user_order`](crate::mesh::packed::PackedLayout::to_user_order)).
+    /// ([`PackedLayout::to_user_order`](crate::pack::PackedLayout::to_user_order)).
     ///
     /// # Panics
     /// When `instance` is out of range.

@@ -1,6 +1,6 @@
 use super::*;
-use crate::mesh::packed::blocks::{BLOCK_SIZES, BlockDesc};
-use crate::mesh::packed::{DeltaFormat, PackDesc};
+use crate::pack::blocks::{BLOCK_SIZES, BlockDesc};
+use crate::pack::{DeltaFormat, PackDesc};
 use crate::plan::{Accumulate, BatchSize, UpdateMode};
 use crate::{reference, testing};
 use proptest::prelude::*;

@@ -2,8 +2,8 @@
 //! The path `cpu` itself goes block by block, with masks: main memory is read and written by the byte.
 
 use super::blocks::Meter;
-use crate::mesh::packed::blocks::{BlockIndex, ExactGrid};
-use crate::mesh::packed::{POSE_FLOATS, PackedMesh};
+use crate::pack::blocks::{BlockIndex, ExactGrid};
+use crate::pack::{POSE_FLOATS, PackedMesh};
 use crate::plan::blocks::{TileItem, Tiles, WorkList, row_words};
 
 /// The memory of a crowd: `[instance × slots + slot]` poses, `[instance]` sums.

@@ -1,7 +1,7 @@
 //! The threads of the cpu path.
 
 use crate::error::Result;
-use crate::mesh::packed::{POSE_FLOATS, VERTEX_PADDING};
+use crate::pack::{POSE_FLOATS, VERTEX_PADDING};
 
 /// Pieces per thread: a thread that wakes late, or shares its core, leaves its pieces to the others.
 const PIECES: usize = 8;

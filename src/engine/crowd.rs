@@ -8,7 +8,7 @@ use super::{Kernel, MeshBuffers};
 use crate::error::{Error, Result};
 use crate::gpu::device::Device;
 use crate::gpu::memory::{Buffer, BufferDesc};
-use crate::mesh::packed::{POSE_STRIDE, PackedLayout};
+use crate::pack::{POSE_STRIDE, PackedLayout};
 use crate::plan::blocks::check_block_weights;
 use crate::plan::commands::CommandList;
 use crate::plan::heads::Heads;

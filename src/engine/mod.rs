@@ -40,8 +40,8 @@ use crate::gpu::device::Device;
 use crate::gpu::feedback::Feedback;
 use crate::gpu::memory::{Buffer, BufferDesc, STAGING};
 use crate::gpu::shaders::WORKGROUP;
-use crate::mesh::packed::blocks::BlockDesc;
-use crate::mesh::packed::{POSE_STRIDE, PackDesc, PackedLayout, PackedMesh};
+use crate::pack::blocks::BlockDesc;
+use crate::pack::{POSE_STRIDE, PackDesc, PackedLayout, PackedMesh};
 use crate::plan::blocks::TILE;
 use crate::plan::commands::Hazard;
 use crate::plan::{Accumulate, BatchSize, UpdatePath};
@@ -140,7 +140,7 @@ impl MorphEngine {
     }
 
     /// How to pack a mesh for this device.
-    pub fn pack_desc(&self, format: crate::mesh::packed::DeltaFormat) -> PackDesc {
+    pub fn pack_desc(&self, format: crate::pack::DeltaFormat) -> PackDesc {
         let caps = &self.device.caps;
         let dispatch = u64::from(caps.max_workgroups) * u64::from(WORKGROUP);
         let capture = caps.transform_feedback.map_or(u64::MAX, |f| f.max_buffer_bytes / POSE_STRIDE as u64);

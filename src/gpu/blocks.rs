@@ -6,7 +6,7 @@ use super::device::Device;
 use super::pipelines::Objects;
 use super::shaders::BlocksPush;
 use crate::error::Result;
-use crate::mesh::packed::DeltaFormat;
+use crate::pack::DeltaFormat;
 use crate::plan::blocks::ROWS;
 use crate::plan::commands::Hazard;
 use ash::vk;

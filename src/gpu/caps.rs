@@ -2,7 +2,7 @@
 
 use super::shaders::{DENSE_BATCH_MAX, WORKGROUP, feedback_batch_max, feedback_push_bytes};
 use crate::error::{Error, Result};
-use crate::mesh::packed::{DeltaFormat, POSE_STRIDE, PackedLayout};
+use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
 use crate::plan::{BatchSize, UpdateDesc, UpdatePath};
 use ash::vk;
 use std::ffi::CStr;

@@ -6,7 +6,7 @@ use super::device::Device;
 use super::pipelines::Objects;
 use super::shaders::{DenseListEntry, DenseListPush, DensePush, WORKGROUP};
 use crate::error::Result;
-use crate::mesh::packed::{DeltaFormat, POSE_STRIDE, PackedLayout};
+use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
 use crate::plan::{BatchSize, Source};
 use crate::weights::delta::Coefficient;
 use ash::vk;

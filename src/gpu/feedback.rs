@@ -8,7 +8,7 @@ use super::device::Device;
 use super::pipelines::Objects;
 use super::shaders::{feedback_module, feedback_push_bytes};
 use crate::error::Result;
-use crate::mesh::packed::{DeltaFormat, POSE_STRIDE, PackedLayout};
+use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
 use crate::weights::delta::Coefficient;
 use ash::vk;
 use std::sync::Arc;

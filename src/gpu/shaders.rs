@@ -3,7 +3,7 @@
 //! `tests/spirv.rs` reflects every module and holds bindings, offsets, sizes and workgroup sizes against what
 //! is stated here.
 
-use crate::mesh::packed::DeltaFormat;
+use crate::pack::DeltaFormat;
 use bytemuck::{Pod, Zeroable};
 
 /// Invocations of a workgroup of every dense compute kernel.
@@ -28,7 +28,7 @@ pub struct DensePush {
     pub coefficients: [f32; DENSE_BATCH_MAX as usize],
     /// Targets: two 16-bit indices to a word.
     pub targets: [u32; DENSE_BATCH_MAX as usize / 2],
-    /// [`PackedTarget::normal_exponent`](crate::mesh::packed::PackedTarget): four signed bytes to a word.
+    /// [`PackedTarget::normal_exponent`](crate::pack::PackedTarget): four signed bytes to a word.
     pub normal_exponents: [u32; DENSE_BATCH_MAX as usize / 4],
 }
 

@@ -12,7 +12,7 @@ use crate::animation::Playback;
 use crate::engine::{Crowd, CrowdDesc, GpuMesh, MorphEngine, PoseView, Ticket, Update};
 use crate::error::{Error, Result};
 use crate::gpu::memory::{Buffer, BufferDesc};
-use crate::mesh::packed::PackedMesh;
+use crate::pack::PackedMesh;
 use crate::plan::UpdatePath;
 use crate::plan::commands::CommandList;
 use ash::vk;

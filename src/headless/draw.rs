@@ -4,7 +4,7 @@ use crate::engine::PoseView;
 use crate::error::Result;
 use crate::gpu::device::Device;
 use crate::gpu::pipelines::Objects;
-use crate::mesh::packed::POSE_STRIDE;
+use crate::pack::POSE_STRIDE;
 use ash::vk;
 use std::sync::Arc;
 

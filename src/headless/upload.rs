@@ -8,7 +8,7 @@ use crate::engine::PoseView;
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
 use crate::gpu::memory::{Buffer, BufferDesc, STAGING};
-use crate::mesh::packed::{POSE_STRIDE, PackedLayout};
+use crate::pack::{POSE_STRIDE, PackedLayout};
 use crate::plan::commands::Hazard;
 use ash::vk;
 use gpu_allocator::MemoryLocation;

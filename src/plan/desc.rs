@@ -2,7 +2,7 @@
 
 use super::blocks;
 use crate::error::{Error, Result};
-use crate::mesh::packed::{DeltaFormat, PackedLayout};
+use crate::pack::{DeltaFormat, PackedLayout};
 
 /// Who carries the passes out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -153,7 +153,7 @@ pub enum Accumulate {
         /// Largest position error that accumulation may cause, as a fraction of the bounding-box diagonal.
         tolerance: f32,
     },
-    /// Integer sums on a grid of weights and deltas ([`ExactGrid`](crate::mesh::packed::blocks::ExactGrid)): after any
+    /// Integer sums on a grid of weights and deltas ([`ExactGrid`](crate::pack::blocks::ExactGrid)): after any
     /// number of updates, in any order and on any driver, bit for bit what a full evaluation gives.
     Exact,
 }
@@ -265,7 +265,7 @@ impl UpdateDesc {
     /// Check the description for a mesh packed like this.
     ///
     /// # Errors
-    /// As [`check`](Self::check); in block formats, as [`BlockIndex::exact`](crate::mesh::packed::blocks::BlockIndex::exact)
+    /// As [`check`](Self::check); in block formats, as [`BlockIndex::exact`](crate::pack::blocks::BlockIndex::exact)
     /// where sums are exact, else a tolerance that rounding exceeds in a pose fresh from base, all weights being 1.
     pub fn check_for(&self, layout: &PackedLayout) -> Result<()> {
         self.check()?;

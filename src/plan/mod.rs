@@ -20,7 +20,7 @@ pub(crate) mod heads;
 pub use desc::{Accumulate, BatchSize, UpdateDesc, UpdateMode, UpdatePath};
 
 use crate::error::Result;
-use crate::mesh::packed::{POSE_STRIDE, PackedLayout};
+use crate::pack::{POSE_STRIDE, PackedLayout};
 use crate::weights::delta::{Coefficient, active_targets, changed_targets};
 use std::ops::Range;
 

@@ -4,7 +4,7 @@
 use deltamorph::engine::{CrowdDesc, DeviceCaps, MorphEngine};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
 use deltamorph::mesh::MorphMesh;
-use deltamorph::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
+use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
 
 /// Substrings of the device names that have to be there. `DELTAMORPH_TEST_DRIVERS` (comma list) replaces them.

@@ -7,8 +7,8 @@ use crate::error::{Error, Result};
 use crate::gpu::animation::{BIT_KINDS, RECORD_WORDS};
 use crate::gpu::device::Device;
 use crate::gpu::shaders::{AnimationPush, WORKGROUP};
-use crate::mesh::packed::PackedLayout;
-use crate::mesh::packed::blocks::BlockIndex;
+use crate::pack::PackedLayout;
+use crate::pack::blocks::BlockIndex;
 use crate::plan::blocks::{ROWS, TILE, TILE_WORDS, WIDTHS, row_words};
 
 /// Instances that one descriptor set reaches, and their work list.

@@ -7,7 +7,7 @@ use crate::gpu::baselines::direct::{Direct, DirectBuffers, DirectHead};
 use crate::gpu::descriptors::Sets;
 use crate::gpu::device::Device;
 use crate::gpu::memory::{Buffer, BufferDesc};
-use crate::mesh::packed::PackedLayout;
+use crate::pack::PackedLayout;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use std::sync::Arc;

@@ -4,7 +4,7 @@ use crate::engine::crowd::{Crowd, PoseView};
 use crate::engine::{GpuMesh, MorphEngine};
 use crate::error::{Error, Result};
 use crate::gpu::baselines::scatter::Records;
-use crate::mesh::packed::PackedMesh;
+use crate::pack::PackedMesh;
 use crate::plan::UpdatePath;
 use ash::vk;
 

@@ -8,7 +8,7 @@ use crate::gpu::device::Device;
 use crate::gpu::feedback::{Feedback, FeedbackPass, push_constants, vertex_buffers, vertex_input};
 use crate::gpu::pipelines::Objects;
 use crate::gpu::shaders::{direct_attributes_module, feedback_push_bytes};
-use crate::mesh::packed::{DeltaFormat, PackedLayout};
+use crate::pack::{DeltaFormat, PackedLayout};
 use crate::plan::{BatchSize, UpdatePath};
 use crate::weights::delta::Coefficient;
 use ash::vk;

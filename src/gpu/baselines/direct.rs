@@ -8,7 +8,7 @@ use crate::gpu::device::Device;
 use crate::gpu::feedback::vertex_input;
 use crate::gpu::pipelines::Objects;
 use crate::gpu::shaders::DirectPush;
-use crate::mesh::packed::{DeltaFormat, POSE_STRIDE, PackedLayout};
+use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
 use crate::plan::UpdatePath;
 use ash::vk;
 use bytemuck::bytes_of;

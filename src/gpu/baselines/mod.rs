@@ -7,7 +7,7 @@ pub(crate) mod vertex_store;
 
 use super::device::Device;
 use crate::error::{Error, Result};
-use crate::mesh::packed::DeltaFormat;
+use crate::pack::DeltaFormat;
 use crate::plan::{BatchSize, UpdateDesc, UpdatePath};
 use attributes::Attributes;
 use direct::Direct;

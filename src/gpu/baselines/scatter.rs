@@ -1,7 +1,7 @@
 //! The `scatter` path (O3DE Atom, Unity): a thread for each delta adds to the sums of its vertex by integer atomics, then
 //! a pass makes the pose of the sums.
 //!
-//! Weights and deltas are integers on the grid of exact sums ([`ExactGrid`](crate::mesh::packed::blocks::ExactGrid)):
+//! Weights and deltas are integers on the grid of exact sums ([`ExactGrid`](crate::pack::blocks::ExactGrid)):
 //! nothing overflows, and the sums are those of `blocks` with exact sums, bit for bit. So is the error: that of packing,
 //! and at most ½ · weight step · Σ |delta| for weights that are not on the grid.
 
@@ -10,8 +10,8 @@ use crate::gpu::descriptors::{Bound, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::pipelines::Objects;
 use crate::gpu::shaders::{ResolvePush, ScatterPush, WORKGROUP};
-use crate::mesh::packed::blocks::BlockIndex;
-use crate::mesh::packed::{POSE_FLOATS, PackedMesh};
+use crate::pack::blocks::BlockIndex;
+use crate::pack::{POSE_FLOATS, PackedMesh};
 use ash::vk;
 use bytemuck::bytes_of;
 use std::ops::Range;

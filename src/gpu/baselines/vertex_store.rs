@@ -8,7 +8,7 @@ use crate::gpu::device::Device;
 use crate::gpu::feedback::{FeedbackPass, push_constants, vertex_buffers, vertex_input};
 use crate::gpu::pipelines::Objects;
 use crate::gpu::shaders::{feedback_push_bytes, vertex_store_module};
-use crate::mesh::packed::{DeltaFormat, POSE_STRIDE, PackedLayout};
+use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
 use crate::plan::BatchSize;
 use ash::vk;
 use std::sync::Arc;

@@ -5,7 +5,7 @@ use crate::animation::AnimationDesc;
 use crate::engine::CrowdDesc;
 use crate::error::Result;
 use crate::headless::Headless;
-use crate::mesh::packed::PackedMesh;
+use crate::pack::PackedMesh;
 use ash::vk;
 
 /// What the GPU planned for a group of instances, as it lies in memory: see `glsl/plan.comp`.

@@ -2,7 +2,7 @@
 
 use super::list::{Element, WorkList};
 use super::{Blocks, Scratch, rounding};
-use crate::mesh::packed::blocks::BlockIndex;
+use crate::pack::blocks::BlockIndex;
 
 /// Weights as the sums see them: float32, or integers on a grid.
 pub(super) trait Unit: Copy + PartialEq + Default {

@@ -1,6 +1,6 @@
 //! The work list: which blocks an update writes, with which entries, and which components of them.
 
-use crate::mesh::packed::blocks::BlockIndex;
+use crate::pack::blocks::BlockIndex;
 
 /// Words of an item of the work list before its masks.
 pub const ITEM_WORDS: usize = 4;

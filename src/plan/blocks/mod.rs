@@ -29,8 +29,8 @@ use commit::{Committed, Frame, list_active};
 use super::heads::Heads;
 use super::{Accumulate, UpdateDesc, UpdateMode, UpdateStats};
 use crate::error::{Error, Result};
-use crate::mesh::packed::PackedLayout;
-use crate::mesh::packed::blocks::{BlockIndex, ExactGrid};
+use crate::pack::PackedLayout;
+use crate::pack::blocks::{BlockIndex, ExactGrid};
 use crate::weights::delta::{WEIGHT_MAX, check_weights};
 use std::sync::Arc;
 

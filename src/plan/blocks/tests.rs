@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::cpu::blocks::Block;
-use crate::mesh::packed::blocks::BlockDesc;
-use crate::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
+use crate::pack::blocks::BlockDesc;
+use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
 use crate::plan::commands::CommandList;
 use crate::plan::hazards::HazardChecker;
 use crate::plan::tests::{Event, assert_barriers_needed, events};

@@ -6,8 +6,8 @@
 //! kernels can load several words at once.
 
 use super::list::{Item, WorkList};
-use crate::mesh::packed::POSE_FLOATS;
-use crate::mesh::packed::blocks::BlockIndex;
+use crate::pack::POSE_FLOATS;
+use crate::pack::blocks::BlockIndex;
 use std::ops::Range;
 
 /// Instances of a tile, at most.

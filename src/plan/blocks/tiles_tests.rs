@@ -3,8 +3,8 @@
 use super::*;
 use crate::cpu::blocks::Block;
 use crate::cpu::tile::{self, Memory};
-use crate::mesh::packed::blocks::{BlockDesc, ExactGrid};
-use crate::mesh::packed::{DeltaFormat, PackDesc, PackedMesh};
+use crate::pack::blocks::{BlockDesc, ExactGrid};
+use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
 use crate::plan::blocks::{BlockState, Planner};
 use crate::plan::heads::Heads;
 use crate::plan::{Accumulate, UpdateDesc};

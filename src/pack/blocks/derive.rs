@@ -1,0 +1,219 @@
+//! A [`BlockIndex`] from what a file or the packer states: checked, and with what planning needs.
+
+use super::{BLOCK_SIZES, BlockIndex, EntryCost, ExactGrid, Incidence, Parts, WEIGHT_BITS_MIN};
+use crate::math::is_power_of_two;
+use crate::pack::entry::{FAST_BITS, SMALL_BITS, unpack_widths};
+use crate::pack::{DeltaFormat, POSE_FLOATS, VERTEX_PADDING};
+
+/// Most words of a mesh: its bytes have to be counted in 32 bits.
+pub(super) const WORDS_MAX: u64 = u32::MAX as u64 / 4;
+/// More bits than this nobody can tell apart.
+const WEIGHT_BITS_MAX: u32 = 16;
+
+impl BlockIndex {
+    /// Check `parts` against the words and the base pose, and derive what planning needs.
+    pub(crate) fn new(parts: Parts, targets: usize, words: &[u32], base: &[f32]) -> Result<Self, String> {
+        let Parts { format, size, order, position_step, normal_step, weight_max, error, first_entry, entry_target } =
+            parts;
+        let entries = entry_target.len();
+        let blocks = first_entry.len().saturating_sub(1);
+        let mut index = Self {
+            format,
+            size,
+            order,
+            position_step,
+            normal_step,
+            weight_max,
+            error,
+            first_entry,
+            entry_target,
+            deltas_at: 0,
+            words: words.len(),
+            exact: None,
+            largest_sum: 0,
+            costs: vec![],
+            masks: vec![],
+            first_incidence: vec![0; targets + 1],
+            incidence: vec![Incidence { block: 0, entry: 0 }; entries],
+            block_masks: vec![],
+            block_base: vec![0.0; blocks],
+            block_reach: vec![0.0; blocks],
+        };
+        index.deltas_at = entries.saturating_mul(index.header_words()).next_multiple_of(4);
+        index.check(targets, words, base)?;
+        index.derive(words, base)?;
+        Ok(index)
+    }
+
+    fn check(&self, targets: usize, words: &[u32], base: &[f32]) -> Result<(), String> {
+        let size = self.size as usize;
+        if !BLOCK_SIZES.contains(&self.size) {
+            return Err(format!("a block size of {size}"));
+        }
+        // Powers of two: integers and sums decode without rounding, and a target's step of normals is a shift away.
+        if let Some(step) = self.steps().into_iter().find(|s| !is_power_of_two(*s)) {
+            return Err(format!("a step of {step}, which is no power of two"));
+        }
+        if !(self.weight_max.is_finite() && self.weight_max > 0.0) {
+            return Err(format!("weights up to {}", self.weight_max));
+        }
+        // The kernels count words in 32 bits, and bytes on some devices.
+        if words.len() as u64 > WORDS_MAX {
+            return Err(format!("{} words; the kernels reach {WORDS_MAX}", words.len()));
+        }
+        let padded = self.order.len().next_multiple_of(size.max(VERTEX_PADDING));
+        if base.len() != padded * POSE_FLOATS || self.first_entry.len() != padded / size + 1 {
+            return Err(format!("{} vertices, but {} blocks", self.order.len(), self.first_entry.len() as i64 - 1));
+        }
+        if let Some(i) = base.iter().position(|b| !b.is_finite()) {
+            return Err(format!("the base pose of packed vertex {} is {}", i / POSE_FLOATS, base[i]));
+        }
+        let mut seen = vec![false; self.order.len()];
+        for &v in &self.order {
+            match seen.get_mut(v as usize) {
+                Some(seen) if !*seen => *seen = true,
+                _ => return Err(format!("vertex {v} comes twice in the order, or is not there")),
+            }
+        }
+        let ends = (self.first_entry.first(), self.first_entry.last());
+        if ends != (Some(&0), Some(&(self.entry_target.len() as u32))) || !self.first_entry.is_sorted() {
+            return Err("the entries of blocks overlap or leave gaps".into());
+        }
+        for block in 0..self.count() {
+            let listed = &self.entry_target[self.entries(block)];
+            if listed.windows(2).any(|w| w[0] >= w[1]) || listed.iter().any(|&t| t as usize >= targets) {
+                return Err(format!("the targets of block {block} are not ascending, or there are fewer"));
+            }
+        }
+        // Before a header is looked at, it has to be there.
+        if self.deltas_at > words.len() {
+            return Err(format!(
+                "{} words, fewer than the headers of {} entries",
+                words.len(),
+                self.entry_target.len()
+            ));
+        }
+        // Entries lie one after the other: each where the one before ends, the last at the end.
+        let mut at = self.deltas_at;
+        for entry in 0..self.entry_target.len() {
+            self.check_header(words, entry)?;
+            if self.first_word(words, entry) != at {
+                return Err(format!("the deltas of entry {entry} are not where they belong"));
+            }
+            at += self.entry_words(words, entry);
+        }
+        if at != words.len() {
+            return Err(format!("{} words where the entries take {at}", words.len()));
+        }
+        let floats = if self.format == DeltaFormat::BlockFloat32 { words } else { &[] };
+        if let Some(i) = floats.iter().position(|w| !f32::from_bits(*w).is_finite()) {
+            return Err(format!("word {i} of the deltas is {}", f32::from_bits(floats[i])));
+        }
+        Ok(())
+    }
+
+    /// Whether the integers of an entry fit what decodes them, whatever its deltas are.
+    fn check_header(&self, words: &[u32], entry: usize) -> Result<(), String> {
+        let largest_normal = match self.format {
+            DeltaFormat::Fast => {
+                let header = words[entry];
+                let shifts = [header & 0xff, header >> 8 & 0xff];
+                // Shifted, a component still fits the 32 bits that it is decoded in.
+                if header >> 16 != 0 || (0..2).any(|half| FAST_BITS[half] + shifts[half] > 32) {
+                    return Err(format!("entry {entry} has shifts of {header:#x}"));
+                }
+                FAST_BITS[1] + shifts[1]
+            }
+            DeltaFormat::Small => {
+                let word = words[entry * self.header_words() + 1];
+                let widths = unpack_widths(word);
+                if word >> 30 != 0 || widths.iter().enumerate().any(|(i, w)| *w > SMALL_BITS[i / 3]) {
+                    return Err(format!("entry {entry} has components of {widths:?} bits"));
+                }
+                SMALL_BITS[1]
+            }
+            _ => return Ok(()),
+        };
+        let largest_normal = f64::from(self.normal_step) * f64::from(largest_normal).exp2();
+        if largest_normal > f64::from(f32::MAX) {
+            return Err(format!("the normals of entry {entry} are up to {largest_normal:e} long"));
+        }
+        Ok(())
+    }
+
+    fn derive(&mut self, words: &[u32], base: &[f32]) -> Result<(), String> {
+        let (size, w) = (self.size as usize, self.mask_words());
+        let entries = self.entry_target.len();
+        let mut masks = vec![0u32; entries * POSE_FLOATS * w];
+        let mut block_masks = vec![0u32; self.count() * POSE_FLOATS * w];
+        let mut costs = Vec::with_capacity(entries);
+        let mut sums = vec![[0u64; POSE_FLOATS]; size];
+        for block in 0..self.count() {
+            sums.fill([0; POSE_FLOATS]);
+            for entry in self.entries(block) {
+                let mask = &mut masks[entry * POSE_FLOATS * w..][..POSE_FLOATS * w];
+                let mut reach = 0.0f64;
+                self.for_each_lane(words, entry, |lane, delta, integers| {
+                    for (c, (value, integer)) in delta.iter().zip(integers).enumerate() {
+                        mask[c * w + lane / 32] |= u32::from(*value != 0.0) << (lane % 32);
+                        sums[lane][c] += u64::from(integer.unsigned_abs());
+                    }
+                    reach = reach.max(delta[..3].iter().map(|d| d * d).sum::<f64>());
+                });
+                for (all, one) in block_masks[block * POSE_FLOATS * w..].iter_mut().zip(&*mask) {
+                    *all |= one;
+                }
+                // Rounded up: bounds are computed from it.
+                let reach = (reach.sqrt() as f32).next_up();
+                let bytes = 4 * (self.header_words() + self.entry_words(words, entry)) as u32;
+                costs.push(EntryCost { bytes, reach });
+                self.block_reach[block] += reach;
+            }
+            self.largest_sum = sums.iter().flatten().copied().fold(self.largest_sum, u64::max);
+            let vertices = &base[block * size * POSE_FLOATS..][..size * POSE_FLOATS];
+            let positions = vertices.chunks_exact(POSE_FLOATS).flat_map(|v| &v[..3]);
+            self.block_base[block] = positions.fold(0.0, |m: f32, p| m.max(p.abs()));
+            if !(self.block_base[block] + self.block_reach[block]).is_finite() {
+                return Err(format!("the deltas of block {block} are too large for single precision"));
+            }
+            // Where the last block has no vertex, nothing may move.
+            let live = self.order.len().saturating_sub(block * size).min(size);
+            let mask = &block_masks[block * POSE_FLOATS * w..][..POSE_FLOATS * w];
+            let moves = |lane: usize| (0..POSE_FLOATS).any(|c| mask[c * w + lane / 32] >> (lane % 32) & 1 != 0);
+            if (live..size).any(moves) {
+                return Err(format!("block {block} moves vertices that the mesh does not have"));
+            }
+        }
+        (self.masks, self.block_masks, self.costs) = (masks, block_masks, costs);
+        // By target: a counting sort, which leaves blocks ascending.
+        for &t in &self.entry_target {
+            self.first_incidence[t as usize + 1] += 1;
+        }
+        for t in 1..self.first_incidence.len() {
+            self.first_incidence[t] += self.first_incidence[t - 1];
+        }
+        let mut next = self.first_incidence.clone();
+        for block in 0..self.count() {
+            for entry in self.entries(block) {
+                let at = &mut next[self.entry_target[entry] as usize];
+                self.incidence[*at as usize] = Incidence { block: block as u32, entry: entry as u32 };
+                *at += 1;
+            }
+        }
+        self.exact = self.exact_grid();
+        Ok(())
+    }
+
+    /// The finest grid of weights on which Σ|integer| × weight cannot leave 31 bits.
+    fn exact_grid(&self) -> Option<ExactGrid> {
+        if self.format == DeltaFormat::BlockFloat32 {
+            return None;
+        }
+        let fits = |bits: &u32| {
+            let weight = (f64::from(self.weight_max) * f64::from(1u32 << bits)).ceil();
+            self.largest_sum as f64 * weight <= f64::from(i32::MAX)
+        };
+        let weight_bits = (WEIGHT_BITS_MIN..=WEIGHT_BITS_MAX).rev().find(fits)?;
+        Some(ExactGrid { weight_bits, weight_max: self.weight_max })
+    }
+}

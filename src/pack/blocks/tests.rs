@@ -1,0 +1,92 @@
+//! Tests of packing into blocks.
+
+use super::*;
+use crate::mesh::MorphMesh;
+use crate::pack::{PackDesc, PackedMesh};
+use crate::testing;
+use glam::Vec3;
+
+fn packed(format: DeltaFormat, size: u32) -> (MorphMesh, PackedMesh) {
+    let mesh = testing::mesh(500, 9);
+    let blocks = BlockDesc { size: Some(size), ..BlockDesc::default() };
+    let packed = PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(format) }).unwrap();
+    (mesh, packed)
+}
+
+#[test]
+fn deltas_come_back_within_the_error_allowed_in_every_format() {
+    for (format, size) in DeltaFormat::BLOCKS.into_iter().flat_map(|f| BLOCK_SIZES.map(|s| (f, s))) {
+        let (mesh, packed) = packed(format, size);
+        let error = packed.layout().blocks.as_ref().unwrap().error();
+        assert_eq!(error, packed.measure_error(&mesh));
+        let most = if format == DeltaFormat::BlockFloat32 { 0.0 } else { 1e-5 * f64::from(mesh.diagonal) };
+        assert!(error.position <= most && error.normal_degrees <= 0.5, "{format:?} {size}: {error:?}");
+        assert!(format == DeltaFormat::BlockFloat32 || error.position > 0.0);
+        // Nothing moves that the mesh does not move.
+        for (t, target) in mesh.targets.iter().enumerate() {
+            packed.for_each_delta(t, |vertex, delta| {
+                assert!(delta == [0.0; 6] || target.vertices.contains(&(vertex as u32)), "{format:?}");
+            });
+        }
+    }
+}
+
+#[test]
+fn large_deltas_shift_in_fast() {
+    let mut mesh = testing::mesh(100, 1);
+    mesh.targets[0].positions[0] = Vec3::new(mesh.diagonal, 0.0, 0.0);
+    let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Fast)).unwrap();
+    let found = packed.measure_error(&mesh).position / f64::from(mesh.diagonal);
+    assert!(found > 1e-6 && found < 1e-4, "{found}");
+}
+
+#[test]
+fn masks_say_what_changes() {
+    for (format, size) in DeltaFormat::BLOCKS.into_iter().flat_map(|f| BLOCK_SIZES.map(|s| (f, s))) {
+        let (_, packed) = packed(format, size);
+        let index = packed.layout().blocks.clone().unwrap();
+        let w = index.mask_words();
+        for entry in 0..index.entry_count() {
+            let mask = &index.masks()[entry * 6 * w..][..6 * w];
+            let mut found = vec![0u32; 6 * w];
+            index.for_each_lane(packed.words(), entry, |lane, delta, _| {
+                (0..6).for_each(|c| found[c * w + lane / 32] |= u32::from(delta[c] != 0.0) << (lane % 32));
+            });
+            assert_eq!(mask, found);
+            assert!(mask.iter().any(|m| *m != 0) || format != DeltaFormat::BlockFloat32);
+        }
+        let by_target: usize = (0..9).map(|t| index.incidence(t).len()).sum();
+        assert_eq!(by_target, index.entry_count());
+    }
+}
+
+#[test]
+fn an_exact_grid_is_refused_where_sums_could_overflow() {
+    let mesh = testing::mesh(100, 3);
+    let pack = |position_error| {
+        let blocks = BlockDesc { position_error, weight_max: 1e5, ..BlockDesc::default() };
+        PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(DeltaFormat::Small) }).unwrap()
+    };
+    let index = pack(1e-5).layout().blocks.clone().unwrap();
+    let text = index.exact().unwrap_err().to_string();
+    let factor: f32 = text.split("errors ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+    assert!(text.contains("could overflow"), "{text}");
+    // The remedy works.
+    let grid = pack(1e-5 * factor).layout().blocks.clone().unwrap().exact().unwrap();
+    assert!(grid.weight_bits >= WEIGHT_BITS_MIN && grid.weight_max == 1e5);
+    let (_, floats) = packed(DeltaFormat::BlockFloat32, 64);
+    assert!(floats.layout().blocks.clone().unwrap().exact().is_err());
+}
+
+#[test]
+fn bad_descriptions_are_refused() {
+    let mesh = testing::mesh(10, 1);
+    for (blocks, part) in [
+        (BlockDesc { size: Some(48), ..BlockDesc::default() }, "48 vertices"),
+        (BlockDesc { position_error: 0.0, ..BlockDesc::default() }, "above 0"),
+        (BlockDesc { normal_error_degrees: f32::NAN, ..BlockDesc::default() }, "above 0"),
+    ] {
+        let error = PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(DeltaFormat::Fast) });
+        assert!(error.unwrap_err().to_string().contains(part));
+    }
+}

@@ -1,0 +1,345 @@
+//! Tests of packed files: what was packed comes back, and no file makes reading panic.
+
+use super::table::{Section, repair};
+use super::*;
+use crate::cpu::CpuCrowd;
+use crate::mesh::Corner;
+use crate::pack::blocks::{BLOCK_SIZES, BlockDesc};
+use crate::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
+use crate::testing;
+use proptest::prelude::*;
+use std::sync::Arc;
+
+fn mesh(vertices: usize, targets: usize) -> MorphMesh {
+    let corner = |position, texcoord| Corner { position, texcoord };
+    let corners = [corner(0, Some(1)), corner(1, None), corner(2, Some(0)), corner(2, None)];
+    MorphMesh {
+        faces: Faces { sizes: vec![4, 3], corners: [&corners[..], &corners[..3]].concat() },
+        texcoords: vec![Vec2::new(0.25, 0.5), Vec2::new(-0.0, 1.0)],
+        tolerance: Tolerance::default(),
+        ..testing::mesh(vertices, targets)
+    }
+}
+
+fn asset(format: DeltaFormat, size: Option<u32>) -> Asset {
+    let blocks = BlockDesc { size, ..BlockDesc::default() };
+    Asset::pack(&mesh(70, 4), &PackDesc { blocks, ..PackDesc::new(format) }).unwrap()
+}
+
+/// Read, in a small multiple of the file's size. Names are the worst: empty ones are 4 bytes each.
+fn read(bytes: &[u8]) -> Result<Asset> {
+    let mut result = None;
+    let memory = allocation_counter::measure(|| result = Some(Asset::from_bytes(Path::new("head.dmorph"), bytes)));
+    let most = 16 * 1024 + 24 * bytes.len() as u64;
+    assert!(memory.bytes_max <= most, "{} bytes for a file of {}", memory.bytes_max, bytes.len());
+    result.expect("measured")
+}
+
+fn message(bytes: &[u8]) -> String {
+    let text = read(bytes).map(|_| ()).expect_err("refused").to_string();
+    assert!(text.starts_with("head.dmorph") && text.contains("; "), "{text}");
+    text
+}
+
+/// Where a section's contents begin, and their length.
+fn span(bytes: &[u8], section: Section) -> (usize, usize) {
+    let row = 16 + 24 * section as usize;
+    let long = |at: usize| u64::from_le_bytes(bytes[row + at..row + at + 8].try_into().unwrap()) as usize;
+    (long(8), long(16))
+}
+
+/// The file of `asset` with a word of `section` replaced, under right checksums.
+fn with_word(asset: &Asset, section: Section, word: usize, value: u32) -> Vec<u8> {
+    let mut bytes = asset.to_bytes().unwrap();
+    let at = span(&bytes, section).0 + 4 * word;
+    bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
+    repair(&mut bytes);
+    bytes
+}
+
+#[test]
+fn what_was_packed_comes_back() {
+    for format in DeltaFormat::BLOCKS {
+        for size in BLOCK_SIZES {
+            let asset = asset(format, Some(size));
+            let bytes = asset.to_bytes().unwrap();
+            assert_eq!(read(&bytes).unwrap(), asset, "{format:?} {size}");
+            assert_eq!(read(&bytes).unwrap().to_bytes().unwrap(), bytes);
+        }
+    }
+    // Without targets, faces and texture coordinates.
+    let plain = MorphMesh { texcoords: vec![], faces: Faces::default(), ..mesh(1, 0) };
+    let asset = Asset::pack(&plain, &PackDesc::new(DeltaFormat::Small)).unwrap();
+    assert_eq!(read(&asset.to_bytes().unwrap()).unwrap(), asset);
+}
+
+#[test]
+fn files_come_back() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("head.dmorph");
+    let asset = asset(DeltaFormat::Small, None);
+    asset.write(&path).unwrap();
+    assert_eq!(Asset::read(&path).unwrap(), asset);
+    assert!(Asset::read(&dir.path().join("none")).unwrap_err().to_string().contains("cannot read"));
+}
+
+#[test]
+fn the_decoded_mesh_is_in_the_users_order() {
+    let exact = mesh(70, 4);
+    let decoded = asset(DeltaFormat::BlockFloat32, None).to_mesh().unwrap();
+    assert_eq!((&decoded.positions, &decoded.normals), (&exact.positions, &exact.normals));
+    assert_eq!((&decoded.targets, &decoded.faces), (&exact.targets, &exact.faces));
+    assert_eq!((decoded.diagonal, decoded.tolerance), (exact.diagonal, exact.tolerance));
+    for format in [DeltaFormat::Fast, DeltaFormat::Small] {
+        let asset = asset(format, None);
+        let decoded = asset.to_mesh().unwrap();
+        assert_eq!(decoded.positions, exact.positions);
+        for (t, target) in decoded.targets.iter().enumerate() {
+            assert!(target.vertices.is_sorted_by(|a, b| a < b));
+            assert_eq!(target.vertices, exact.targets[t].vertices);
+        }
+        // Not a bit is lost on top of what packing lost.
+        assert_eq!(asset.mesh.measure_error(&decoded).position, 0.0);
+    }
+}
+
+#[test]
+fn what_a_file_cannot_hold_is_refused() {
+    for format in DeltaFormat::DENSE {
+        let error = Asset::pack(&mesh(70, 2), &PackDesc::new(format)).unwrap_err().to_string();
+        assert!(error.contains(format.name()) && error.contains("pack as 'fast' or 'small'"), "{error}");
+    }
+    let good = asset(DeltaFormat::Small, None);
+    let faces = Faces { sizes: vec![3], corners: vec![Corner { position: 70, texcoord: None }; 3] };
+    for (bad, part) in [
+        (Asset { faces, ..good.clone() }, "vertex 70"),
+        (Asset { texcoords: vec![], ..good.clone() }, "texture coordinate 1"),
+        (Asset { texcoords: vec![Vec2::NAN; 2], ..good.clone() }, "texture coordinate 0"),
+        (Asset { tolerance: Tolerance { position: -1.0, normal: 0.0 }, ..good.clone() }, "tolerances of -1"),
+        (
+            Asset::pack(&MorphMesh { faces: Faces::default(), ..mesh(0, 1) }, &Default::default()).unwrap_or(Asset {
+                mesh: PackedMesh::pack(&mesh(0, 1), &PackDesc::new(DeltaFormat::Fast)).unwrap(),
+                ..good.clone()
+            }),
+            "no vertex",
+        ),
+    ] {
+        let text = bad.to_bytes().unwrap_err().to_string();
+        assert!(text.contains(part), "{text}");
+    }
+}
+
+#[test]
+fn a_file_that_ends_early_is_refused_whatever_its_length() {
+    let bytes = asset(DeltaFormat::Small, None).to_bytes().unwrap();
+    for length in 0..bytes.len() {
+        let text = message(&bytes[..length]);
+        assert!(length < 8 || text.contains("damaged"), "{text}");
+    }
+    assert!(message(&[&bytes[..], &[0; 8]].concat()).contains("8 bytes after the last section"));
+}
+
+#[test]
+fn every_flipped_bit_is_noticed() {
+    let bytes = asset(DeltaFormat::Fast, None).to_bytes().unwrap();
+    for at in 0..bytes.len() {
+        let mut bytes = bytes.clone();
+        bytes[at] ^= 1 << (at % 8);
+        message(&bytes);
+    }
+}
+
+/// Use an asset that was accepted in every way that a host may.
+fn exercise(asset: &Asset) {
+    let decoded = asset.to_mesh().unwrap();
+    assert!(decoded.targets.iter().all(|t| t.vertices.is_sorted_by(|a, b| a < b)));
+    assert_eq!(&read(&asset.to_bytes().unwrap()).unwrap(), asset);
+    let mesh = Arc::new(asset.mesh.clone());
+    let exact = mesh.layout().blocks.as_ref().is_some_and(|b| b.exact().is_ok());
+    let sums = [Accumulate::Float { tolerance: 1e-5 }, Accumulate::Exact];
+    for accumulate in sums.into_iter().filter(|s| exact || *s != Accumulate::Exact) {
+        let desc = UpdateDesc { accumulate, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
+        // Rounding alone may be more than the tolerance where deltas are large: that is said, too.
+        let Ok(mut crowd) = CpuCrowd::new(mesh.clone(), desc, 1, 1) else { continue };
+        for weight in [1.0, -0.5] {
+            // A weight beyond the largest is refused, by exact sums.
+            if crowd.set_weights(0, &vec![weight; decoded.targets.len()]).is_ok() {
+                crowd.update();
+            }
+        }
+    }
+}
+
+#[test]
+fn any_byte_may_be_anything_behind_right_checksums() {
+    for format in DeltaFormat::BLOCKS {
+        let asset = asset(format, None);
+        let bytes = asset.to_bytes().unwrap();
+        // All of the small sections, and some of the words.
+        let words = span(&bytes, Section::Words);
+        let few = |at: &usize| !(words.0 + 200..words.0 + words.1).contains(at) || at.is_multiple_of(97);
+        for at in (0..bytes.len()).filter(few) {
+            for value in [0, 0x40, 0x7f, 0x80, 0xff] {
+                let mut bytes = bytes.clone();
+                bytes[at] = value;
+                repair(&mut bytes);
+                if let Ok(asset) = read(&bytes) {
+                    exercise(&asset);
+                }
+            }
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 2000, ..ProptestConfig::default() })]
+
+    #[test]
+    fn words_may_be_anything_behind_right_checksums(
+        format in 0usize..3,
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<prop::sample::Index>(), any::<u32>(), 0u32..4), 1..4),
+        cut in prop::option::weighted(0.1, any::<prop::sample::Index>()),
+    ) {
+        let mut bytes = asset(DeltaFormat::BLOCKS[format], Some(32)).to_bytes().unwrap();
+        for (section, word, value, how) in changes {
+            // A word of the table of sections, or one of some section: each is as likely.
+            let part = section.index(Section::ALL.len() + 1);
+            let (at, length) = Section::ALL.get(part).map_or((0, 288), |s| span(&bytes, *s));
+            if length < 4 || bytes.len() < at + length {
+                continue;
+            }
+            let at = at + 4 * word.index(length / 4);
+            let old = u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+            let new = match how {
+                0 => value,
+                1 => old.wrapping_add(value % 3).wrapping_sub(1),
+                2 => old ^ 1 << (value % 32),
+                _ => value % 64,
+            };
+            bytes[at..at + 4].copy_from_slice(&new.to_le_bytes());
+        }
+        if let Some(cut) = cut {
+            bytes.truncate(cut.index(bytes.len()));
+        }
+        repair(&mut bytes);
+        if let Ok(asset) = read(&bytes) {
+            exercise(&asset);
+        }
+    }
+
+    #[test]
+    fn noise_is_refused(bytes in prop::collection::vec(any::<u8>(), 0..400), start in 0usize..300) {
+        let good = asset(DeltaFormat::Fast, None).to_bytes().unwrap();
+        prop_assert!(read(&[&good[..start], &bytes].concat()).is_err());
+    }
+}
+
+#[test]
+fn the_frame_is_checked_behind_right_checksums() {
+    let bytes = asset(DeltaFormat::Small, None).to_bytes().unwrap();
+    let change = |at: usize, with: &[u8]| {
+        let mut bytes = bytes.clone();
+        bytes[at..at + with.len()].copy_from_slice(with);
+        repair(&mut bytes);
+        message(&bytes)
+    };
+    let row = |section: Section| 16 + 24 * section as usize;
+    let (order, length) = span(&bytes, Section::Order);
+    let (words, _) = span(&bytes, Section::Words);
+    for (text, parts) in [
+        (change(0, b"PK"), ["does not begin", "deltamorph pack"]),
+        (change(6, b"\n"), ["does not begin", "deltamorph pack"]),
+        (change(8, &[1]), ["version 1", "reads version 2"]),
+        (change(12, &[12]), ["12 sections", "11 expected"]),
+        (change(row(Section::Words) + 8, &(words as u64 - 8).to_le_bytes()), ["'words'", "expected"]),
+        (change(row(Section::Words) + 8, &u64::MAX.to_le_bytes()), ["'words'", "expected"]),
+        (change(row(Section::Order), &[9]), ["'order'", "with id 9"]),
+        (change(row(Section::Order) + 16, &[0xff; 8]), ["'order'", "18446744073709551615 bytes"]),
+        (change(row(Section::Order) + 16, &(length as u64 - 8).to_le_bytes()), ["'first entries'", "lies at"]),
+        (change(row(Section::Order) + 16, &(length as u64 - 4).to_le_bytes()), ["'order'", ""]),
+    ] {
+        assert!(parts.iter().all(|p| text.contains(p)), "{text}");
+    }
+    // Without repaired checksums.
+    for (at, part) in [(order, "'order': the checksum"), (20, "the checksum of its header")] {
+        let mut bytes = bytes.clone();
+        bytes[at] ^= 1;
+        assert!(message(&bytes).contains(part));
+    }
+}
+
+#[test]
+fn contents_are_checked_behind_right_checksums() {
+    use Section::*;
+    let (small, fast, floats) =
+        (asset(DeltaFormat::Small, None), asset(DeltaFormat::Fast, None), asset(DeltaFormat::BlockFloat32, None));
+    let (nan, inf) = (f32::NAN.to_bits(), f32::INFINITY.to_bits());
+    let giant = u32::MAX;
+    let entries = small.mesh.layout().blocks.as_ref().unwrap().entry_count();
+    let deltas = entries * 3; // words of small headers with blocks of 32
+    for (asset, section, word, value, part) in [
+        (&small, Meta, 0, 7, "'meta': names a format 7"),
+        (&small, Meta, 1, 48, "a block size of 48"),
+        (&small, Meta, 1, 64, "blocks"),
+        (&small, Meta, 2, giant, "'base pose': has 1680 bytes; 4294967295 vertices take 103079215080"),
+        (&small, Meta, 3, giant, "'meta': names 4294967295 targets"),
+        (&small, Meta, 3, 60_000, "'names': ends before the name of target"),
+        (&small, Meta, 3, 3, "bytes after the last name"),
+        (&small, Meta, 4, giant, "'first entries': has"),
+        (&small, Meta, 5, giant, "'entry targets': has"),
+        (&small, Meta, 6, giant, "'words': has"),
+        (&small, Meta, 7, giant, "'face sizes': has"),
+        (&small, Meta, 8, giant, "'face corners': has"),
+        (&small, Meta, 9, giant, "'texcoords': has"),
+        (&small, Meta, 10, nan, "a step of NaN"),
+        (&small, Meta, 11, 3f32.to_bits(), "a step of 3"),
+        (&small, Meta, 11, f32::MIN_POSITIVE.to_bits() >> 1, "no power of two"),
+        (&small, Meta, 11, 2f32.powi(120).to_bits(), "the normals of entry 0 are up to"),
+        (&small, Meta, 10, 2f32.powi(120).to_bits(), "too large for single precision"),
+        (&small, Meta, 12, nan, "a diagonal of NaN"),
+        (&small, Meta, 12, (-1f32).to_bits(), "a diagonal of -1"),
+        (&small, Meta, 13, inf, "weights up to inf"),
+        (&small, Meta, 14, nan, "tolerances of NaN"),
+        (&small, Meta, 17, giant, "names an error of NaN"),
+        (&small, Names, 0, giant, "'names': ends within the name of the mesh, which has 4294967295 bytes"),
+        (&small, Names, 1, giant, "'names': the name of the mesh is not UTF-8"),
+        (&small, Base, 7, nan, "the base pose of packed vertex 1 is NaN"),
+        (&small, Base, 3, inf, "the base pose of packed vertex 0 is inf"),
+        (&small, Order, 5, 70, "vertex 70 comes twice in the order, or is not there"),
+        (&small, FirstEntries, 0, 1, "the entries of blocks overlap or leave gaps"),
+        (&small, FirstEntries, 1, giant, "the entries of blocks overlap or leave gaps"),
+        (&small, EntryTargets, 0, 65_535, "the targets of block 0"),
+        (&small, EntryTargets, 1, 0, "the targets of block 0"),
+        (&small, Words, 0, giant, "the deltas of entry 0"),
+        (&small, Words, 3, 0, "the deltas of entry 1"),
+        (&small, Words, 1, giant, "entry 0 has components of [31"),
+        (&small, Words, 1, 1 << 30, "entry 0 has components of [0"),
+        (&small, Words, deltas - 1, giant, "words where the entries take"),
+        (&fast, Words, 0, 18, "entry 0 has shifts of 0x12"),
+        (&fast, Words, 0, 24 << 8, "entry 0 has shifts of 0x1800"),
+        (&fast, Words, 0, 1 << 16, "entry 0 has shifts of 0x10000"),
+        (&fast, Words, 1, 17 << 16, "entry 1 has shifts"),
+        (&floats, Words, 3, nan, "word 3 of the deltas is NaN"),
+        (&floats, Words, 3, f32::MAX.to_bits(), "too large for single precision"),
+        (&floats, FaceSizes, 0, 3, "the faces have 6 corners, the corner list has 7"),
+        (&floats, FaceSizes, 0, giant, "corners, the corner list has 7"),
+        (&floats, FaceCorners, 0, 70, "vertex 70, there are 70"),
+        (&floats, CornerTexcoords, 0, 2, "texture coordinate 2, there are 2"),
+        (&floats, Texcoords, 3, inf, "texture coordinate 1 is"),
+    ] {
+        let text = message(&with_word(asset, section, word, value));
+        assert!(text.contains(part), "{section:?} {word} {value:#x}: {text}");
+    }
+    // Deltas of vertices that are not there: the second block of 64 has 6.
+    let last_entry = span(&floats.to_bytes().unwrap(), Words).1 / 4 - 6 * 64;
+    let text = message(&with_word(&floats, Words, last_entry + 60, 1f32.to_bits()));
+    assert!(text.contains("block 1 moves vertices that the mesh does not have"), "{text}");
+    // Two targets of one name.
+    let mut bytes = small.to_bytes().unwrap();
+    let (at, length) = span(&bytes, Names);
+    let end = at + length;
+    assert_eq!(&bytes[end - 8..end], b"target_3");
+    bytes[end - 1] = b'2';
+    repair(&mut bytes);
+    assert!(message(&bytes).contains("two targets are called 'target_2'"));
+}
