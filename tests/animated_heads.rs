@@ -205,7 +205,7 @@ fn validation_sees_a_dropped_barrier() {
             crowd.play(0, &Playback::new(0)).expect("a clip");
             crowd.step(&[]).expect("a step");
         }
-        assert_eq!(headless.messages(), Vec::<String>::new());
+        assert_eq!(gpu::complaints(&headless), Vec::<String>::new());
         crowd.play(0, &Playback::new(1)).expect("a clip");
         let dropped = |list: &mut deltamorph::plan::commands::CommandList| {
             let at = list.commands.iter().position(|c| *c == Command::Barrier(hazard)).expect("such a barrier");
@@ -213,7 +213,7 @@ fn validation_sees_a_dropped_barrier() {
         };
         // SAFETY: a barrier less; the driver is software, and runs dispatches one after the other all the same.
         unsafe { crowd.step_tampered(&[], dropped) }.expect("a step");
-        let messages = headless.messages();
+        let messages = gpu::complaints(&headless);
         assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD")), "{hazard:?}: {messages:?}");
     }
 }

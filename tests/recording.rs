@@ -16,8 +16,7 @@ use gpu::{applied, on_every_device, single, update_descs, weights};
 fn with_crowds(test: impl Fn(&mut HeadlessCrowd<'_>, &PackedMesh, UpdateDesc)) {
     on_every_device(|headless: &Headless, engine: &MorphEngine| {
         for format in [DeltaFormat::Snorm16, DeltaFormat::Fast, DeltaFormat::Small] {
-            let pack = engine.pack_desc(format);
-            let mesh = PackedMesh::pack(&testing::mesh(300, 23), &pack).expect("a mesh that fits");
+            let mesh = gpu::packed(engine, &testing::mesh(300, 23), format);
             for desc in update_descs(engine, format) {
                 let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
                 for frame in 0..2 {
@@ -36,7 +35,7 @@ fn error(crowd: &mut HeadlessCrowd<'_>, mesh: &PackedMesh, weights: &[f32]) -> P
 
 fn assert_right(crowd: &mut HeadlessCrowd<'_>, mesh: &PackedMesh, weights: &[f32], desc: UpdateDesc) {
     let error = error(crowd, mesh, weights);
-    assert!(error.within(3e-6 * f64::from(mesh.layout().diagonal), 0.01), "{desc:?}: {error:?}");
+    assert!(gpu::is_kept(&error, mesh.layout().diagonal), "{desc:?}: {error:?}");
 }
 
 #[test]
@@ -133,7 +132,7 @@ fn a_cut_has_no_previous_pose() {
 #[test]
 fn misuse_is_an_error_that_says_what_to_do() {
     on_every_device(|headless, engine| {
-        let mesh = PackedMesh::pack(&testing::mesh(10, 2), &engine.pack_desc(DeltaFormat::Float32)).expect("a mesh");
+        let mesh = gpu::packed(engine, &testing::mesh(10, 2), DeltaFormat::Float32);
         let desc = update_descs(engine, DeltaFormat::Float32)[0];
         let refuse = |desc: CrowdDesc, words: &str| {
             let error = HeadlessCrowd::new(headless, &mesh, &desc).err().expect("refused").to_string();

@@ -160,7 +160,7 @@ mod tests {
     #[test]
     fn many_targets_take_memory_for_the_most_even_ones() {
         let members: Vec<Vec<u32>> = (0..4000u32)
-            .map(|t| (0..500u32).filter(|v| (v * 7919 ^ t * 104_729) % 97 < 30 + t % 9).collect())
+            .map(|t| (0..500u32).filter(|v| ((v * 7919) ^ (t * 104_729)) % 97 < 30 + t % 9).collect())
             .collect();
         let mut sorted = vec![];
         let used = allocation_counter::measure(|| sorted = order(500, &members));
