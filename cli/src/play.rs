@@ -133,16 +133,11 @@ fn summary(args: &PlayArgs, stage: &Stage, input: &Input, frames: &[FrameRow], c
     let (moved, dense) = (mean(&|f| f.bytes_moved as f64), mean(&dense));
     let gpu = Stats::of(&frames.iter().filter_map(|f| f.gpu_ms).collect::<Vec<_>>());
     let cpu = Stats::of(&frames.iter().map(|f| f.cpu_us).collect::<Vec<_>>());
-    let (desc, scale) = (&stage.desc, Promise::new(&stage.desc, stage.mesh.layout()).scale());
+    let scale = Promise::new(&stage.desc, stage.mesh.layout()).scale();
     let found = &checks.found;
     Summary {
         frames: frames.len(),
-        path: desc.path.name(),
-        format: stage.mesh.layout().format.name(),
-        mode: desc.mode.name(),
-        accumulate: desc.accumulate.name(),
-        slots: desc.slots,
-        error_budget: desc.error_budget,
+        setup: stage.setup(),
         noise: args.noise.unwrap_or(0.0),
         changed_mean: mean(&|f| f.changed as f64),
         bytes_moved_mean: moved,
