@@ -30,33 +30,37 @@
 extern crate self as deltamorph; // testing.rs is shared with tests/
 
 pub mod animation;
-pub mod asset {
-    //! What a mesh is.
-    pub mod streams;
-}
+pub mod asset;
 pub mod cpu;
 #[allow(unsafe_code)]
 pub mod engine;
 pub mod error;
-mod files;
 #[allow(unsafe_code)]
 pub mod gpu;
 #[cfg(feature = "headless")]
 #[allow(unsafe_code)]
 pub mod headless;
+pub mod import;
+mod io;
 mod math;
 pub mod mesh;
 pub mod pack;
 pub mod plan;
 pub mod reference;
-mod replace;
-mod rng;
 #[cfg(test)]
 mod testing;
 pub mod weights;
 
+/// What the command line and tests share with the library; no part of the API.
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub mod internals {
+    pub use crate::import::sample::rng::Rng;
+    pub use crate::io::write_replacing;
+}
+
 pub use ash;
-pub use error::{Error, Result};
+pub use error::{Error, ErrorKind, Result};
 pub use gpu_allocator;
 
 /// The README's code has to compile.

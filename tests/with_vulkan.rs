@@ -142,6 +142,16 @@ fn driver_lavapipe_leaves_only_lavapipe() {
     assert_eq!(variable(&environment, "VK_ADD_DRIVER_FILES"), None);
 }
 
+/// Without it, newer validation layers see no hazard in what shaders do, whatever fault is planted.
+#[test]
+fn synchronization_validation_looks_into_shaders() {
+    const NAME: &str = "VK_LAYER_SYNCVAL_SHADER_ACCESSES_HEURISTIC";
+    let system = System::complete();
+    assert_eq!(variable(&system.environment(&[]), NAME), Some("1"));
+    let output = system.with_vulkan(&["env"]).env(NAME, "0").output().unwrap();
+    assert_eq!(variable(&environment(output), NAME), Some("0"), "the caller's choice stands");
+}
+
 #[test]
 fn driver_swiftshader_leaves_only_swiftshader() {
     let system = System::complete();

@@ -67,7 +67,7 @@ fn describe(index: usize, caps: &DeviceCaps) -> Device {
     Device {
         index,
         name: caps.name.clone(),
-        kind: caps.kind,
+        kind: caps.kind.name(),
         driver: caps.driver.clone(),
         driver_info: caps.driver_info.clone(),
         api_version: format!("{major}.{minor}.{patch}"),

@@ -12,12 +12,6 @@ mod pack;
 mod page;
 mod play;
 mod plots;
-/// The library's way to write files, which is no part of its API.
-#[path = "../../src/replace.rs"]
-mod replace;
-/// The library's generator, which is no part of its API.
-#[path = "../../src/rng.rs"]
-mod rng;
 mod runner;
 mod sample;
 mod soak;
@@ -27,7 +21,6 @@ mod verify;
 
 use args::{Cli, Command};
 use clap::Parser;
-use deltamorph::error;
 use output::{Failure, Output};
 use std::process::ExitCode;
 

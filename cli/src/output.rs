@@ -1,7 +1,7 @@
 //! What the program prints and where: results on stdout, remarks and progress on stderr.
 
 use crate::args::GlobalArgs;
-use crate::replace::write_replacing;
+use deltamorph::internals::write_replacing;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use std::collections::HashSet;
@@ -226,6 +226,8 @@ pub fn write_file(path: &Path, contents: impl AsRef<[u8]>) -> Result<(), Failure
 
 /// How the names of folders begin that [`publish`] prepares files in.
 const PREPARED: &str = ".deltamorph-";
+/// How long nothing has been added to a folder that was left behind: reports are written within seconds.
+const LEFT_BEHIND: Duration = Duration::from_secs(3600);
 
 /// Write files into `folder` with `write`, which is given a folder beside: what was there stays until all are complete.
 /// Then those of the earlier files that are `ours`, and not among the new ones, are deleted.
@@ -236,9 +238,13 @@ pub fn publish(
 ) -> Result<(), Failure> {
     create_folder(folder)?;
     let failed = |e| Failure::io(folder, "write", e);
-    // One that was left behind when the program was stopped.
+    // Those left behind when the program was stopped; another run may be at work in one that was touched lately.
     for name in names_in(folder)?.iter().filter(|name| name.starts_with(PREPARED)) {
-        std::fs::remove_dir_all(folder.join(name)).map_err(failed)?;
+        let path = folder.join(name);
+        let age = path.metadata().and_then(|of| of.modified()).map(|touched| touched.elapsed().unwrap_or_default());
+        if age.is_ok_and(|age| age >= LEFT_BEHIND) {
+            std::fs::remove_dir_all(path).map_err(failed)?;
+        }
     }
     let prepared = tempfile::Builder::new().prefix(PREPARED).tempdir_in(folder).map_err(failed)?;
     write(prepared.path())?;

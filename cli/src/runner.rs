@@ -190,7 +190,7 @@ impl<'a> Runner<'a> {
         match self {
             Self::Gpu(crowds) => {
                 let (crowd, instance) = place(crowds, head);
-                crowd.crowd().cut(instance)?;
+                crowd.cut(instance)?;
             }
             Self::Cpu(crowd, _) => crowd.cut(head as usize),
         }

@@ -73,7 +73,7 @@ impl Machine {
         });
         DeviceInfo {
             name: caps.name.clone(),
-            kind: caps.kind.into(),
+            kind: caps.kind.name().into(),
             driver: caps.driver.clone(),
             driver_info: caps.driver_info.clone(),
             api_version: format!("{major}.{minor}.{patch}"),

@@ -1,7 +1,7 @@
 //! What a soak runs: stretches of random frames and of captured ones, in turn.
 
 use crate::clips::Bound;
-use crate::rng::Rng;
+use deltamorph::internals::Rng;
 
 /// Frames of a stretch, at least and at most.
 const STRETCH: [usize; 2] = [32, 256];

@@ -1,7 +1,7 @@
 //! A weight clip like those captured from a performer.
 
+use super::rng::Rng;
 use super::{HeadDesc, smoothstep, targets};
-use crate::rng::Rng;
 use crate::weights::WeightClip;
 
 /// What drives a column.

@@ -1,8 +1,8 @@
 //! OBJ export.
 
+use crate::asset::{Faces, MorphMesh};
 use crate::error::{Error, Result};
-use crate::mesh::{Faces, MorphMesh};
-use crate::replace::write_replacing;
+use crate::io::write_replacing;
 use glam::{Vec2, Vec3};
 use std::io::{self, Write};
 use std::path::Path;

@@ -1,8 +1,9 @@
 //! From what a file says to what is kept of it: [`MorphSource::to_mesh`].
 
 use super::normals::{Adjacency, Deformer, vertex_normals};
-use super::{MorphMesh, MorphSource, MorphTarget, SourceTarget, Tolerance, diagonal};
+use super::{MorphMesh, MorphSource, MorphTarget, SourceTarget, Tolerance};
 use crate::error::{Error, Result};
+use crate::math::diagonal;
 use glam::Vec3;
 use std::collections::HashMap;
 

@@ -6,10 +6,11 @@
 //! the same description gives the same bits on every machine.
 
 mod clip;
+pub(crate) mod rng;
 mod shape;
 mod targets;
 
-use super::MorphSource;
+use crate::asset::MorphSource;
 use crate::weights::WeightClip;
 
 /// What the built-in head is made from. Same description, same head, on every machine.

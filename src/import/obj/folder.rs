@@ -2,8 +2,9 @@
 
 use super::shading::{Stated, face_areas, stated};
 use super::{ObjFile, input};
+use crate::asset::normals::{Adjacency, vertex_normals};
+use crate::asset::{Corner, Faces, MorphSource, SourceTarget};
 use crate::error::{Error, Result};
-use crate::mesh::{Corner, Faces, MorphSource, SourceTarget};
 use glam::Vec3;
 use std::path::{Path, PathBuf};
 
@@ -134,8 +135,8 @@ fn base_normals(neutral: &ObjFile, areas: &[f64], notes: &mut Vec<String>) -> Op
     let lost = values.iter().filter(|n| vanishes(n)).count();
     let mut units = if lost > 0 {
         notes.push(format!("{lost} vertices have no normal or a zero one: computed, and constant in all targets"));
-        let adjacency = crate::mesh::normals::Adjacency::new(&neutral.faces, neutral.positions.len());
-        crate::mesh::normals::vertex_normals(&adjacency, &neutral.positions)
+        let adjacency = Adjacency::new(&neutral.faces, neutral.positions.len());
+        vertex_normals(&adjacency, &neutral.positions)
     } else {
         vec![Vec3::ZERO; values.len()]
     };

@@ -1,8 +1,8 @@
 //! From OBJ text to arrays, through tobj, in the file's order.
 
 use super::{ObjFile, input, scan};
+use crate::asset::{Corner, Faces};
 use crate::error::Result;
-use crate::mesh::{Corner, Faces};
 use glam::{Vec2, Vec3};
 use std::io::Read;
 use std::path::Path;

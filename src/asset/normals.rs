@@ -168,7 +168,7 @@ impl<'a> Deformer<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::Corner;
+    use crate::asset::Corner;
     use proptest::prelude::*;
 
     /// An n × n grid of quads.

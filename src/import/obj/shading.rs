@@ -1,7 +1,7 @@
 //! From normals per corner, as OBJ has them, to normals per position, as a morph target needs them.
 
 use super::ObjFile;
-use crate::mesh::normals::Adjacency;
+use crate::asset::normals::Adjacency;
 use glam::Vec3;
 
 /// The stated normals of a file, one per position.

@@ -1,7 +1,7 @@
 //! The base pose: rows of vertices around a profile curve, and the features of a face pushed out of them.
 
 use super::smoothstep;
-use crate::mesh::{Corner, Faces};
+use crate::asset::{Corner, Faces};
 use glam::{Vec2, Vec3};
 
 /// The base pose without targets.

@@ -1,8 +1,8 @@
 //! The targets: the 52 ARKit expressions, then bumps at random places.
 
+use super::rng::Rng;
 use super::{HeadDesc, smoothstep};
-use crate::mesh::SourceTarget;
-use crate::rng::Rng;
+use crate::asset::SourceTarget;
 use glam::Vec3;
 
 /// How a lobe of a target moves the surface; lengths in cm at weight 1.

@@ -2,10 +2,9 @@
 //!
 //! No time column: the frame rate is part of the file's name (`walk_30fps.csv`), or told by the caller.
 
-use super::WeightClip;
 use crate::error::{Error, Result};
-use crate::files::read_bounded;
-use crate::replace::write_replacing;
+use crate::io::{read_bounded, write_replacing};
+use crate::weights::WeightClip;
 use csv::{ReaderBuilder, StringRecord, Trim};
 use std::collections::HashSet;
 use std::io::Write;

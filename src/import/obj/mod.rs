@@ -3,18 +3,18 @@
 //! The text is parsed by [tobj](https://docs.rs/tobj); this module checks every line first (tobj has no line
 //! numbers) and feeds tobj in a way that keeps the file's vertex order.
 
-mod import;
+mod folder;
 mod parse;
 mod scan;
 mod shading;
 mod write;
 
-pub use import::import_folder;
+pub use folder::import_folder;
 pub use write::{ObjMesh, write_obj, write_obj_to};
 
+use crate::asset::Faces;
 use crate::error::{Error, Result};
-use crate::files::read_bounded;
-use crate::mesh::Faces;
+use crate::io::read_bounded;
 use glam::{Vec2, Vec3};
 use std::path::Path;
 
