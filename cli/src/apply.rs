@@ -32,7 +32,7 @@ struct Applied {
 
 pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     out.check(&input::files_of(&args.input, args.weights.as_slice()), &[&args.output], None)?;
-    let input = input::load(&args.input, out)?;
+    let input = input::load(&args.input, false, out)?;
     let frames = frames(args, &input.kept)?;
 
     let stage = Stage::best("apply", &args.update, args.batch_size, &input, device, out)?;

@@ -44,11 +44,14 @@ struct Soaked {
 
 pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     out.check(&input::files_of(&args.input, args.weights.as_slice()), &[], None)?;
-    let input = input::load(&args.input, out)?;
+    let input = input::load(&args.input, false, out)?;
     let clips = clips::all(args.weights.as_deref(), &args.input, &input)?;
     let stage = Stage::best("soak", &args.update, args.batch_size, &input, device, out)?;
+    let (origin, targets) = (input.origin.clone(), input.kept.targets.len());
+    // From here on the packed mesh is enough.
+    drop(input);
     let start = Instant::now();
-    let mut script = Script::new(input.kept.targets.len(), &clips, args.input.seed);
+    let mut script = Script::new(targets, &clips, args.input.seed);
     let checks = soak(args, &stage, &mut script, out)?;
     let result = Soaked {
         schema: 1,
@@ -59,7 +62,7 @@ pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
         bound: checks.found.bound,
         sums_hash: checks.hash.map(|hash| format!("{hash:016x}")),
         device: stage.device(),
-        input: input.origin,
+        input: origin,
         clips: clips.iter().map(|c| c.name.clone()).collect(),
         setup: stage.setup(),
         seed: args.input.seed,
