@@ -29,6 +29,7 @@
 #[cfg(test)]
 extern crate self as deltamorph; // testing.rs is shared with tests/
 
+pub mod abi;
 pub mod animation;
 pub mod asset;
 pub mod cpu;
