@@ -25,7 +25,7 @@ pub(crate) fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<
     let size = file.metadata().map_err(io)?.len();
     let mut bytes = Vec::new();
     if size <= limit {
-        bytes.reserve_exact(size as usize + 2);
+        reserve(path, &mut bytes, size.saturating_add(2))?;
         // The size is only a hint: a file may grow while it is read.
         file.take(limit + 1).read_to_end(&mut bytes).map_err(io)?;
     }
@@ -34,6 +34,26 @@ pub(crate) fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<
         return Err(input(what, remedy));
     }
     Ok(bytes)
+}
+
+/// Room for `size` bytes of a file, or an error in place of the end of the process.
+fn reserve(path: &Path, bytes: &mut Vec<u8>, size: u64) -> Result<()> {
+    let reserved = usize::try_from(size).ok().map(|size| bytes.try_reserve_exact(size));
+    match reserved {
+        Some(Ok(())) => Ok(()),
+        _ => Err(Error::out_of_memory(
+            format!("{}: {} MiB, for which there is no memory", path.display(), size.div_ceil(1 << 20)),
+            "free memory, or use a smaller file",
+        )),
+    }
+}
+
+/// Whether there is memory for copies of `size` bytes of a file.
+///
+/// # Errors
+/// There is not.
+pub(crate) fn check_room(path: &Path, size: u64) -> Result<()> {
+    reserve(path, &mut Vec::new(), size)
 }
 
 /// Write a file beside `path`, and then in its place: what was there stays until the new one is complete.
@@ -105,6 +125,18 @@ mod tests {
             let message = read_bounded(Path::new("/dev/zero"), 1, "").unwrap_err().to_string();
             assert!(message.contains("/dev/zero: a pipe, socket or device"), "{message}");
         }
+    }
+
+    #[test]
+    fn what_there_is_no_memory_for_is_an_error() {
+        let error = check_room(Path::new("a/huge.dmorph"), u64::MAX).unwrap_err();
+        assert_eq!(error.kind(), crate::ErrorKind::OutOfMemory);
+        assert!(error.to_string().starts_with("a/huge.dmorph: "), "{error}");
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("sparse.obj");
+        // As large as a file can be, and takes no room on the disk.
+        std::fs::File::create(&path).unwrap().set_len(i64::MAX as u64 - (1 << 20)).unwrap();
+        assert_eq!(read_bounded(&path, u64::MAX - 1, "").unwrap_err().kind(), crate::ErrorKind::OutOfMemory);
     }
 
     #[test]

@@ -58,7 +58,7 @@ pub mod internals {
 }
 
 pub use ash;
-pub use error::{Error, Result};
+pub use error::{Error, ErrorKind, Result};
 pub use gpu_allocator;
 
 /// The README's code has to compile.

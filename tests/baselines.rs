@@ -239,9 +239,9 @@ fn hidden_heads_come_back_as_they_are_asked_for() {
             let desc = CrowdDesc { instances: 2, ..single(desc) };
             let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
             crowd.step(&[&first, &first]).expect("a step");
-            crowd.crowd().set_hidden(0, true).expect("an instance");
+            crowd.set_hidden(0, true).expect("an instance");
             crowd.step(&[&meant, &other]).expect("a step");
-            crowd.crowd().set_hidden(0, false).expect("an instance");
+            crowd.set_hidden(0, false).expect("an instance");
             for weights in [[&first, &other], [&meant, &other]] {
                 crowd.step(&weights.map(|w| &w[..])).expect("a step");
                 crowd.draw(1).expect("a draw");
@@ -251,7 +251,7 @@ fn hidden_heads_come_back_as_they_are_asked_for() {
                     assert!(error.within(bound, NORMAL), "{} {desc:?} {instance}: {error:?}", headless.caps().name);
                 }
                 let (_, dropped) = crowd.record(&[&other, &first]).expect("a recording");
-                crowd.crowd().discard(dropped.ticket);
+                crowd.discard(dropped.ticket).expect("a ticket of this crowd");
             }
         }
     });
@@ -379,7 +379,7 @@ fn a_discarded_update_is_rebuilt_and_recorded_ones_run_later() {
                 let frames = history(&mesh, &desc, 4);
                 crowd.step(&[&frames[1]]).expect("a step");
                 let (_, dropped) = crowd.record(&[&frames[4]]).expect("a recording");
-                crowd.crowd().discard(dropped.ticket);
+                crowd.discard(dropped.ticket).expect("a ticket of this crowd");
                 let late = crowd.draw(1).err().map(|e| e.to_string());
                 assert!(late.is_none_or(|text| text.contains("no pose yet")), "{desc:?}");
                 let (first, _) = crowd.record(&[&frames[5]]).expect("a recording");

@@ -42,7 +42,7 @@ fn a_discarded_update_is_rebuilt() {
     with_crowds(|crowd, mesh, desc| {
         // Recorded and never submitted. Without the discard the next update would build on what never ran.
         let (_, dropped) = crowd.record(&[&weights(mesh, 2, 9)]).expect("a recording");
-        crowd.crowd().discard(dropped.ticket);
+        crowd.discard(dropped.ticket).expect("a ticket of this crowd");
         let next = weights(mesh, 3, 9);
         let step = crowd.step(&[&next]).expect("a step");
         let stats = step.update.stats;
@@ -70,7 +70,7 @@ fn of_two_recorded_updates_the_second_is_discarded() {
         let (first, _) = crowd.record(&[&weights(mesh, 2, 9)]).expect("a recording");
         let (_, second) = crowd.record(&[&weights(mesh, 3, 9)]).expect("a recording");
         crowd.submit(vec![first]).expect("a submission");
-        crowd.crowd().discard(second.ticket);
+        crowd.discard(second.ticket).expect("a ticket of this crowd");
         crowd.step(&[&weights(mesh, 4, 9)]).expect("a step");
         assert_right(crowd, mesh, &weights(mesh, 4, 9), desc);
     });
@@ -80,7 +80,7 @@ fn of_two_recorded_updates_the_second_is_discarded() {
 fn a_reset_command_buffer_is_recorded_again() {
     with_crowds(|crowd, mesh, desc| {
         let (_, lost) = crowd.record(&[&weights(mesh, 2, 9)]).expect("a recording");
-        crowd.crowd().discard(lost.ticket);
+        crowd.discard(lost.ticket).expect("a ticket of this crowd");
         // The same weights once more, as a host would that recreates its swapchain and starts the frame again.
         let (again, _) = crowd.record(&[&weights(mesh, 2, 9)]).expect("a recording");
         crowd.submit(vec![again]).expect("a submission");
@@ -118,7 +118,7 @@ fn two_frames_in_flight_with_delayed_submission() {
 #[test]
 fn a_cut_has_no_previous_pose() {
     with_crowds(|crowd, mesh, desc| {
-        crowd.crowd().cut(0).expect("instance 0");
+        crowd.cut(0).expect("instance 0");
         crowd.step(&[&weights(mesh, 2, 9)]).expect("a step");
         let (pose, previous) = (crowd.crowd().pose(0).unwrap(), crowd.crowd().previous_pose(0).unwrap());
         assert_eq!(previous, Some(pose), "{desc:?}");
@@ -154,9 +154,7 @@ fn misuse_is_an_error_that_says_what_to_do() {
             let error = crowd.step(&[weights]).unwrap_err().to_string();
             assert!(error.contains(words), "{error}");
         }
-        assert!(
-            crowd.crowd().set_weights(1, &[0.0, 0.0]).unwrap_err().to_string().contains("instance 1 of a crowd of 1")
-        );
+        assert!(crowd.set_weights(1, &[0.0, 0.0]).unwrap_err().to_string().contains("instance 1 of a crowd of 1"));
         // A refused call leaves everything as it was.
         crowd.step(&[&[0.25, 0.5]]).expect("a step");
         assert_right(&mut crowd, &mesh, &[0.25, 0.5], desc);
@@ -180,7 +178,7 @@ fn a_discarded_or_empty_update_does_not_turn_the_ring_of_coefficients() {
         // Two frames in flight: one update is pending, then one is dropped, one records nothing, one is recorded.
         let (pending, _) = crowd.record(&[&weights(mesh, 2, 9)]).expect("a recording");
         let (_, dropped) = crowd.record(&[&weights(mesh, 3, 9)]).expect("a recording");
-        crowd.crowd().discard(dropped.ticket);
+        crowd.discard(dropped.ticket).expect("a ticket of this crowd");
         assert!(crowd.crowd().pose(0).unwrap_err().to_string().contains("no pose yet"), "{desc:?}");
         let (again, _) = crowd.record(&[&weights(mesh, 3, 9)]).expect("a recording");
         crowd.submit(vec![pending]).expect("a submission");

@@ -30,10 +30,6 @@ struct Applied {
     output: String,
 }
 
-/// Run the command.
-///
-/// # Errors
-/// The input, clip or path cannot be used; the result is wrong; the file cannot be written.
 pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     out.check(&input::files_of(&args.input, args.weights.as_slice()), &[&args.output], None)?;
     let input = input::load(&args.input, out)?;

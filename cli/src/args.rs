@@ -11,12 +11,10 @@ use deltamorph::mesh::Tolerance;
 use deltamorph::mesh::head::HeadDesc;
 use deltamorph::pack::DeltaFormat;
 use deltamorph::pack::blocks::BlockDesc;
-use deltamorph::plan::{Accumulate, UpdateMode, UpdatePath};
+use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdateMode, UpdatePath};
 use play::{PlayArgs, SoakArgs};
 use std::path::{Path, PathBuf};
-use values::{
-    AccumulateChoice, BatchSpec, BudgetSpec, FormatChoice, ModeChoice, PathChoice, Projection, WeightSetting,
-};
+use values::{BatchSpec, BudgetSpec, Projection, WeightSetting, format_on};
 
 /// Morph targets (blend shapes) on the GPU: applies only the weights that changed.
 #[derive(Debug, Parser)]
@@ -71,7 +69,6 @@ pub struct SampleArgs {
     /// Folder to write; created when missing, refused when not empty
     #[arg(value_name = "DIR")]
     pub dir: PathBuf,
-    /// The head.
     #[command(flatten)]
     pub head: HeadArgs,
     /// Seed of everything that is random
@@ -88,13 +85,11 @@ pub struct SampleArgs {
 /// Options of `pack`.
 #[derive(Args, Clone, Debug)]
 pub struct PackFileArgs {
-    /// What to read.
     #[command(flatten)]
     pub input: InputArgs,
     /// Storage of the deltas: fast, small or block-float32
-    #[arg(long, value_name = "FORMAT", value_enum, default_value = "small")]
-    pub format: FormatChoice,
-    /// How to pack.
+    #[arg(long, value_name = "FORMAT", value_parser = values::format(), default_value = "small")]
+    pub format: DeltaFormat,
     #[command(flatten)]
     pub pack: PackArgs,
     /// File to write
@@ -105,7 +100,6 @@ pub struct PackFileArgs {
 /// Options of `info`.
 #[derive(Args, Clone, Debug)]
 pub struct InfoArgs {
-    /// What to read.
     #[command(flatten)]
     pub input: InputArgs,
     /// Write index.html and plots there: error against bytes, and the errors of whole poses (takes seconds)
@@ -120,7 +114,6 @@ pub struct InputArgs {
     /// built-in head
     #[arg(value_name = "INPUT")]
     pub input: Option<PathBuf>,
-    /// The built-in head.
     #[command(flatten)]
     pub head: HeadArgs,
     /// Drop position deltas that are not longer than this fraction of the bounding-box diagonal
@@ -192,21 +185,21 @@ impl HeadArgs {
 pub struct UpdateArgs {
     /// Update paths, separated by commas [default: bench: all that the device can run, without the baselines; others:
     /// blocks, or cpu where there is no GPU]
-    #[arg(long = "paths", visible_alias = "path", value_name = "PATH,…", value_delimiter = ',', value_enum)]
-    pub paths: Vec<PathChoice>,
+    #[arg(long = "paths", visible_alias = "path", value_name = "PATH,…", value_delimiter = ',', value_parser = values::path())]
+    pub paths: Vec<UpdatePath>,
     /// Add what changed to the last pose, or rebuild from the base pose every frame [default: incremental; rebuild for
     /// scatter and the direct paths, which know nothing else]
-    #[arg(long = "mode", visible_alias = "modes", value_name = "MODE,…", value_delimiter = ',', value_enum)]
-    pub modes: Vec<ModeChoice>,
+    #[arg(long = "mode", visible_alias = "modes", value_name = "MODE,…", value_delimiter = ',', value_parser = values::mode())]
+    pub modes: Vec<UpdateMode>,
     /// Pose buffers per head; 2 keeps the previous pose for motion vectors
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = values::slots)]
     pub slots: u32,
     /// Delta formats, separated by commas [default: bench: all; others: fast, or what a .dmorph file holds]
-    #[arg(long = "formats", visible_alias = "format", value_name = "FORMAT,…", value_delimiter = ',', value_enum)]
-    pub formats: Vec<FormatChoice>,
+    #[arg(long = "formats", visible_alias = "format", value_name = "FORMAT,…", value_delimiter = ',', value_parser = values::format())]
+    pub formats: Vec<DeltaFormat>,
     /// How poses add up in block formats [default: bench: both; others: float, but exact for scatter]
-    #[arg(long, value_name = "SUMS,…", value_delimiter = ',', value_enum)]
-    pub accumulate: Vec<AccumulateChoice>,
+    #[arg(long, value_name = "SUMS,…", value_delimiter = ',', value_parser = values::sums())]
+    pub accumulate: Vec<Accumulate>,
     /// How far rounding may move a vertex under float sums, as a fraction of the diagonal
     #[arg(long, value_name = "FRACTION", default_value_t = 1e-5, value_parser = values::positive)]
     pub drift: f32,
@@ -217,7 +210,6 @@ pub struct UpdateArgs {
     /// What a pixel of --error-budget is: degrees of view from bottom to top, pixels of height, distance of the face
     #[arg(long, value_name = "DEGREES,PIXELS,DISTANCE", value_parser = values::projection)]
     pub projection: Option<Projection>,
-    /// How to pack.
     #[command(flatten)]
     pub pack: PackArgs,
     /// Threads of the cpu path [default: one per core]
@@ -261,23 +253,19 @@ pub fn distinct<T: Copy + PartialEq>(list: &[T]) -> Vec<T> {
 
 impl UpdateArgs {
     /// The paths asked for, each once, or else `default`.
-    pub fn paths_or(&self, default: &[PathChoice]) -> Vec<UpdatePath> {
-        let asked = if self.paths.is_empty() { default } else { &self.paths };
-        distinct(asked).into_iter().map(PathChoice::update_path).collect()
+    pub fn paths_or(&self, default: &[UpdatePath]) -> Vec<UpdatePath> {
+        distinct(if self.paths.is_empty() { default } else { &self.paths })
     }
 
-    /// What the library calls a kind of sums.
-    pub fn sums(&self, choice: AccumulateChoice) -> Accumulate {
-        match choice {
-            AccumulateChoice::Float => Accumulate::Float { tolerance: self.drift },
-            AccumulateChoice::Exact => Accumulate::Exact,
+    /// Sums of this kind, float sums with the drift allowed.
+    pub fn sums(&self, kind: Accumulate) -> Accumulate {
+        match kind {
+            Accumulate::Float { .. } => Accumulate::Float { tolerance: self.drift },
+            Accumulate::Exact => Accumulate::Exact,
         }
     }
 
     /// The error budget as a length.
-    ///
-    /// # Errors
-    /// Pixels without a projection, or a projection without pixels.
     pub fn budget(&self, diagonal: f32) -> Result<f32, String> {
         match (self.error_budget, &self.projection) {
             (Some(BudgetSpec::Pixels(n)), Some(projection)) => Ok(n * projection.pixel()),
@@ -292,10 +280,7 @@ impl UpdateArgs {
     }
 
     /// The one path, mode and kind of sums of a command that takes one; `path` where none is given.
-    ///
-    /// # Errors
-    /// Several of one were given.
-    pub fn single(&self, command: &str, path: PathChoice) -> Result<Single, String> {
+    pub fn single(&self, command: &str, path: UpdatePath) -> Result<Single, String> {
         fn one<T: Copy>(given: &[T], default: T, option: &str, command: &str) -> Result<T, String> {
             match given {
                 [] => Ok(default),
@@ -303,21 +288,13 @@ impl UpdateArgs {
                 _ => Err(format!("{option}: {command} takes one; name one of them")),
             }
         }
-        let path = one(&self.paths, path, "--path", command)?.update_path();
-        let (mode, sums) = match (path.default_mode(), path) {
-            (UpdateMode::Incremental, _) => (ModeChoice::Incremental, AccumulateChoice::Float),
-            (UpdateMode::Rebuild, UpdatePath::Scatter) => (ModeChoice::Rebuild, AccumulateChoice::Exact),
-            (UpdateMode::Rebuild, _) => (ModeChoice::Rebuild, AccumulateChoice::Float),
-        };
+        let path = one(&self.paths, path, "--path", command)?;
+        let sums = UpdateDesc::new(path, BatchSize::All).accumulate;
         Ok(Single {
             path,
-            mode: one(&self.modes, mode, "--mode", command)?.update_mode(),
+            mode: one(&self.modes, path.default_mode(), "--mode", command)?,
             accumulate: self.sums(one(&self.accumulate, sums, "--accumulate", command)?),
-            format: match self.formats.as_slice() {
-                [] => None,
-                [one] => Some(*one),
-                _ => return Err(format!("--format: {command} takes one; name one of them")),
-            },
+            format: one(&self.formats.iter().copied().map(Some).collect::<Vec<_>>(), None, "--format", command)?,
         })
     }
 }
@@ -332,23 +309,20 @@ pub struct Single {
     /// The kind of sums.
     pub accumulate: Accumulate,
     /// The format, where one is given.
-    pub format: Option<FormatChoice>,
+    pub format: Option<DeltaFormat>,
 }
 
 impl Single {
     /// The format: the one given, or that of the packed file that is read, or the default of the path.
-    ///
-    /// # Errors
-    /// A format that the path does not take.
     pub fn delta_format(&self, held: Option<DeltaFormat>) -> Result<DeltaFormat, String> {
         let taken = self.path.formats();
         if let (None, Some(held)) = (self.format, held.filter(|held| taken.contains(held))) {
             return Ok(held);
         }
-        let default = [FormatChoice::Fast, FormatChoice::Float32, FormatChoice::Small]
+        let default = [DeltaFormat::Fast, DeltaFormat::Float32, DeltaFormat::Small]
             .into_iter()
-            .find(|choice| choice.delta_format(self.path).is_some());
-        self.format.or(default).and_then(|choice| choice.delta_format(self.path)).ok_or_else(|| {
+            .find(|format| format_on(self.path, *format).is_some());
+        self.format.or(default).and_then(|format| format_on(self.path, format)).ok_or_else(|| {
             let names: Vec<&str> = taken.iter().map(|format| format.name()).collect();
             format!("--format: the path '{}' takes {}", self.path.name(), names.join(" or "))
         })
@@ -358,10 +332,8 @@ impl Single {
 /// Options of `apply`.
 #[derive(Args, Clone, Debug)]
 pub struct ApplyArgs {
-    /// What to read.
     #[command(flatten)]
     pub input: InputArgs,
-    /// How to update.
     #[command(flatten)]
     pub update: UpdateArgs,
     /// Weight clip to take the weights from
@@ -386,11 +358,8 @@ pub struct ApplyArgs {
 
 impl ApplyArgs {
     /// Complain about what clap cannot see.
-    ///
-    /// # Errors
-    /// Several paths or formats, or nothing to apply.
     pub fn check(&self) -> Result<(), String> {
-        self.update.single("apply", PathChoice::Cpu)?.delta_format(None)?;
+        self.update.single("apply", UpdatePath::Cpu)?.delta_format(None)?;
         if self.weights.is_none() && self.set.is_empty() {
             return Err("nothing to apply; give --weights CSV --frame N, or --set NAME=WEIGHT".into());
         }

@@ -12,16 +12,12 @@ const HEAD_FRAMES: usize = 300;
 /// A clip, bound to the targets of the mesh.
 #[derive(Clone, Debug)]
 pub struct Bound {
-    /// Its name.
     pub name: String,
     /// `[frame][target]`; at least one frame.
     pub frames: Vec<Vec<f32>>,
 }
 
 /// The clip at `named`, or the only one that `input` has.
-///
-/// # Errors
-/// It cannot be used; `input` has none, or several.
 pub fn the_one(named: Option<&Path>, args: &InputArgs, input: &Input) -> Result<Bound, Failure> {
     if named.is_none() && input.clips.len() > 1 {
         let list: Vec<String> = input.clips.iter().map(|c| c.display().to_string()).collect();
@@ -38,9 +34,6 @@ pub fn the_one(named: Option<&Path>, args: &InputArgs, input: &Input) -> Result<
 }
 
 /// The clip at `named`, or all that `input` has.
-///
-/// # Errors
-/// One of them cannot be used.
 pub fn all(named: Option<&Path>, args: &InputArgs, input: &Input) -> Result<Vec<Bound>, Failure> {
     if named.is_none() && args.input.is_none() {
         return Ok(built_in(args, input)?.into_iter().collect());

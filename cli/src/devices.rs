@@ -30,7 +30,6 @@ struct Device {
 struct PathRow {
     path: &'static str,
     available: bool,
-    /// Why not.
     reason: Option<String>,
     /// Largest batch per delta format.
     batch_max: Vec<(&'static str, u32)>,
@@ -49,10 +48,6 @@ struct Limits {
     allocation: u64,
 }
 
-/// Run the command.
-///
-/// # Errors
-/// There is no Vulkan loader, or no such device; the JSON cannot be written.
 pub fn run(device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     out.check(&[], &[], None)?;
     let all = Headless::devices()?;
@@ -72,7 +67,7 @@ fn describe(index: usize, caps: &DeviceCaps) -> Device {
     Device {
         index,
         name: caps.name.clone(),
-        kind: caps.kind,
+        kind: caps.kind.name(),
         driver: caps.driver.clone(),
         driver_info: caps.driver_info.clone(),
         api_version: format!("{major}.{minor}.{patch}"),

@@ -14,12 +14,8 @@ use deltamorph::mesh::MorphMesh;
 use deltamorph::pack::DeltaFormat;
 use deltamorph::weights::WeightClip;
 use glam::Vec3;
-use record::{Blocks, ClipRow, Info, InputRow, Overlap, TargetRow};
+use record::{Blocks, ClipRow, Info, Overlap, TargetRow};
 
-/// Run the command.
-///
-/// # Errors
-/// The input or one of its clips cannot be used, or the JSON cannot be written.
 pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
     // Before seconds are spent on what then cannot be written.
     out.check(&input::files_of(&args.input, &[]), &[], args.report.as_deref())?;
@@ -60,16 +56,7 @@ fn describe(input: &Input) -> Info {
     let targets = kept.targets.iter().zip(&raw.targets).zip(&input.source.targets);
     Info {
         schema: 1,
-        input: InputRow {
-            name: kept.name.clone(),
-            origin: input.origin.clone(),
-            vertices,
-            targets: kept.targets.len(),
-            triangles: triangles(kept),
-            diagonal: kept.diagonal,
-            tolerance: kept.tolerance.position,
-            tolerance_normal: kept.tolerance.normal,
-        },
+        input: input.info(),
         targets: targets
             .map(|((kept, raw), source)| TargetRow {
                 name: kept.name.clone(),
@@ -87,11 +74,6 @@ fn describe(input: &Input) -> Info {
         sweep: None,
         poses: None,
     }
-}
-
-/// Number of triangles when polygons are cut into fans.
-pub fn triangles(mesh: &MorphMesh) -> usize {
-    mesh.faces.sizes.iter().map(|&n| (n as usize).saturating_sub(2)).sum()
 }
 
 fn overlap(mesh: &MorphMesh) -> Overlap {

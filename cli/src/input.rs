@@ -7,6 +7,7 @@ use deltamorph::pack::PackedMesh;
 use deltamorph::pack::file::Asset;
 use deltamorph::weights::{WeightClip, csv};
 use glam::Vec3;
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -27,7 +28,44 @@ pub struct Input {
     pub origin: String,
 }
 
+/// What reports say about a mesh. Fields may be added, never renamed.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct MeshInfo {
+    pub name: String,
+    /// A folder, a file, or "built-in head".
+    pub origin: String,
+    pub vertices: usize,
+    pub targets: usize,
+    /// Polygons are cut into fans.
+    pub triangles: usize,
+    /// Length of the bounding-box diagonal, in input units.
+    pub diagonal: f32,
+    /// Position deltas up to this fraction of the diagonal were dropped.
+    pub tolerance: f32,
+    /// Normal deltas up to this length were dropped.
+    #[serde(default)]
+    pub tolerance_normal: f32,
+    /// Mean fraction of the vertices that a target moves.
+    pub moved_mean: f64,
+}
+
 impl Input {
+    pub fn info(&self) -> MeshInfo {
+        let mesh = &self.kept;
+        let moved: usize = mesh.targets.iter().map(|t| t.vertices.len()).sum();
+        MeshInfo {
+            name: mesh.name.clone(),
+            origin: self.origin.clone(),
+            vertices: mesh.vertex_count(),
+            targets: mesh.targets.len(),
+            triangles: mesh.faces.sizes.iter().map(|&n| (n as usize).saturating_sub(2)).sum(),
+            diagonal: mesh.diagonal,
+            tolerance: mesh.tolerance.position,
+            tolerance_normal: mesh.tolerance.normal,
+            moved_mean: moved as f64 / (mesh.vertex_count() * mesh.targets.len()).max(1) as f64,
+        }
+    }
+
     /// A packed file; the raw files that it came from are not there any more.
     fn of_asset(asset: Asset, path: &Path) -> Result<Self, Failure> {
         let kept = asset.to_mesh()?;
@@ -64,9 +102,6 @@ fn source_of(mesh: &MorphMesh) -> MorphSource {
 }
 
 /// Read what `args` name.
-///
-/// # Errors
-/// INPUT is not there, cannot be used, or contradicts another option.
 pub fn load(args: &InputArgs, out: &Output) -> Result<Input, Failure> {
     let (source, clips, origin) = match &args.input {
         None => {
@@ -116,9 +151,6 @@ pub fn load(args: &InputArgs, out: &Output) -> Result<Input, Failure> {
 }
 
 /// A weight clip and, for each of its frames, a weight per target of `mesh`.
-///
-/// # Errors
-/// The file cannot be used, or names a target that the mesh does not have; the message names the file.
 pub fn clip(path: &Path, args: &InputArgs, mesh: &MorphMesh) -> Result<(WeightClip, Vec<Vec<f32>>), Failure> {
     let clip = csv::read(path, args.fps_of(path))?;
     let names: Vec<&str> = mesh.targets.iter().map(|t| t.name.as_str()).collect();

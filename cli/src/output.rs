@@ -42,7 +42,6 @@ impl Failure {
         Self::failed(&deltamorph::Error::Io { path: path.into(), action, source })
     }
 
-    /// The exit code.
     pub fn exit_code(&self) -> ExitCode {
         ExitCode::from(match self {
             Self::Usage(_) => 2,
@@ -109,14 +108,10 @@ impl Output {
     }
 
     /// Whether stdout took what was said.
-    ///
-    /// # Errors
-    /// It did not: a full disk, say.
     pub fn finish(&self) -> Result<(), Failure> {
         self.lost.get().map_or(Ok(()), |kind| Err(Failure::io("stdout".as_ref(), "write", (*kind).into())))
     }
 
-    /// Print a remark.
     pub fn note(&self, text: impl fmt::Display) {
         if !self.quiet {
             let _ = writeln!(std::io::stderr().lock(), "note: {text}");
@@ -124,9 +119,6 @@ impl Output {
     }
 
     /// Write the JSON, if it was asked for.
-    ///
-    /// # Errors
-    /// The file cannot be written.
     pub fn json(&self, value: &impl Serialize) -> Result<(), Failure> {
         match self.json.as_deref() {
             None => Ok(()),
@@ -140,9 +132,6 @@ impl Output {
 
     /// Before work begins: whether the JSON, if asked for, can be written, and whether nothing is written over that is
     /// `read`, or is another of the outputs: `files`, and what is in `folder`.
-    ///
-    /// # Errors
-    /// The JSON's folder is not there or not ours; a file that is two things at once.
     pub fn check(&self, read: &[PathBuf], files: &[&Path], folder: Option<&Path>) -> Result<(), Failure> {
         let json = self.json.as_deref().filter(|_| !self.json_to_stdout());
         let outputs: Vec<(&Path, PathBuf)> = json.iter().chain(files).map(|path| (*path, place_of(path))).collect();
@@ -231,21 +220,17 @@ fn can_write(path: &Path) -> Result<(), Failure> {
 }
 
 /// Write a file, naming it when that fails. What was there stays until the new one is complete.
-///
-/// # Errors
-/// The file cannot be written.
 pub fn write_file(path: &Path, contents: impl AsRef<[u8]>) -> Result<(), Failure> {
     Ok(write_replacing(path, |out| out.write_all(contents.as_ref()))?)
 }
 
 /// How the names of folders begin that [`publish`] prepares files in.
 const PREPARED: &str = ".deltamorph-";
+/// How long nothing has been added to a folder that was left behind: reports are written within seconds.
+const LEFT_BEHIND: Duration = Duration::from_secs(3600);
 
 /// Write files into `folder` with `write`, which is given a folder beside: what was there stays until all are complete.
 /// Then those of the earlier files that are `ours`, and not among the new ones, are deleted.
-///
-/// # Errors
-/// Those of `write`; files that cannot be put into place.
 pub fn publish(
     folder: &Path,
     ours: impl Fn(&str) -> bool,
@@ -253,9 +238,13 @@ pub fn publish(
 ) -> Result<(), Failure> {
     create_folder(folder)?;
     let failed = |e| Failure::io(folder, "write", e);
-    // One that was left behind when the program was stopped.
+    // Those left behind when the program was stopped; another run may be at work in one that was touched lately.
     for name in names_in(folder)?.iter().filter(|name| name.starts_with(PREPARED)) {
-        std::fs::remove_dir_all(folder.join(name)).map_err(failed)?;
+        let path = folder.join(name);
+        let age = path.metadata().and_then(|of| of.modified()).map(|touched| touched.elapsed().unwrap_or_default());
+        if age.is_ok_and(|age| age >= LEFT_BEHIND) {
+            std::fs::remove_dir_all(path).map_err(failed)?;
+        }
     }
     let prepared = tempfile::Builder::new().prefix(PREPARED).tempdir_in(folder).map_err(failed)?;
     write(prepared.path())?;
@@ -270,9 +259,6 @@ pub fn publish(
 }
 
 /// The names in `folder`, but for those that are not text: they are not ours.
-///
-/// # Errors
-/// The folder cannot be read.
 pub fn names_in(folder: &Path) -> Result<Vec<String>, Failure> {
     let io = |e| Failure::io(folder, "read the folder", e);
     let entries = std::fs::read_dir(folder).map_err(io)?.collect::<Result<Vec<_>, _>>().map_err(io)?;
@@ -280,18 +266,11 @@ pub fn names_in(folder: &Path) -> Result<Vec<String>, Failure> {
 }
 
 /// Whether there is nothing in `folder` but what [`publish`] may have left behind.
-///
-/// # Errors
-/// The folder cannot be read.
 pub fn is_free(folder: &Path) -> Result<bool, Failure> {
     let entries = std::fs::read_dir(folder).map_err(|e| Failure::io(folder, "read the folder", e))?;
     Ok(entries.flatten().all(|entry| entry.file_name().to_string_lossy().starts_with(PREPARED)))
 }
 
-/// Create a folder and those above it.
-///
-/// # Errors
-/// A folder cannot be created.
 pub fn create_folder(path: &Path) -> Result<(), Failure> {
     if path.exists() && !path.is_dir() {
         return Err(Failure::Usage(format!("{}: is no folder; name another one", path.display())));

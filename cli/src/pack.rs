@@ -7,7 +7,6 @@ use crate::table::{bytes, sig3, thousands};
 use deltamorph::pack::blocks::BlockIndex;
 use deltamorph::pack::file::Asset;
 use deltamorph::pack::{DeltaFormat, PackDesc};
-use deltamorph::plan::UpdatePath;
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -49,12 +48,8 @@ struct Grid {
     weight_max: f32,
 }
 
-/// Run the command.
-///
-/// # Errors
-/// The input cannot be used or packed; the file cannot be written, or is the input.
 pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
-    let format = args.format.delta_format(UpdatePath::Cpu).filter(|f| f.is_blocks()).ok_or_else(|| {
+    let format = Some(args.format).filter(|f| f.is_blocks()).ok_or_else(|| {
         Failure::Usage("--format: packed files hold blocks; name fast, small or block-float32".into())
     })?;
     if !input::is_packed(&args.output) {

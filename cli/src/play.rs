@@ -17,10 +17,6 @@ use deltamorph::pack::POSE_STRIDE;
 use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
 use record::{FrameRow, Played, Summary};
 
-/// Run the command.
-///
-/// # Errors
-/// The input, clip or path cannot be used; a pose is further off than the path promises; the JSON cannot be written.
 pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     out.check(&input::files_of(&args.input, args.weights.as_slice()), &[], None)?;
     let input = input::load(&args.input, out)?;
@@ -51,7 +47,6 @@ fn shake(frames: &mut [Vec<f32>], amount: f32, seed: u64) {
     frames.iter_mut().flatten().for_each(|weight| *weight += rng.range(-amount, amount));
 }
 
-/// What the comparisons found.
 #[derive(Default)]
 struct Checks {
     count: usize,

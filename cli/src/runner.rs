@@ -12,7 +12,6 @@ use deltamorph::plan::{UpdateDesc, UpdatePath, UpdateStats};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// A device.
 pub struct Gpu {
     /// It, with its engine.
     pub headless: Headless,
@@ -20,9 +19,6 @@ pub struct Gpu {
 
 impl Gpu {
     /// Set up the device chosen on the command line. Without any, and none asked for: `None`, and says so.
-    ///
-    /// # Errors
-    /// The device asked for is not there, or fails.
     pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Self>, Failure> {
         let desc = HeadlessDesc { device: choice.cloned().unwrap_or_default(), ..HeadlessDesc::default() };
         match Headless::new(&desc) {
@@ -43,7 +39,6 @@ impl Gpu {
         }
     }
 
-    /// Limits and features.
     pub fn caps(&self) -> &DeviceCaps {
         self.headless.caps()
     }
@@ -56,9 +51,6 @@ pub fn pack_desc(gpu: Option<&Gpu>, format: DeltaFormat, args: &PackArgs) -> Pac
 }
 
 /// The mesh of `input` in `format`: as a packed file has it where it is the file's, else packed now.
-///
-/// # Errors
-/// The mesh cannot be packed, or `args` ask for another packing than the file's.
 pub fn packed(
     input: &Input,
     gpu: Option<&Gpu>,
@@ -102,9 +94,6 @@ pub struct Frame {
 
 impl<'a> Runner<'a> {
     /// `heads` instances of `mesh`, updated as `desc` says.
-    ///
-    /// # Errors
-    /// The path or batch size is not available; no memory.
     pub fn new(
         gpu: Option<&'a Gpu>,
         mesh: &Arc<PackedMesh>,
@@ -125,9 +114,6 @@ impl<'a> Runner<'a> {
     }
 
     /// `count` crowds (≥ 1) of `heads` each on a device, updated in one submission.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
     pub fn crowds(
         gpu: &'a Gpu,
         mesh: &Arc<PackedMesh>,
@@ -145,9 +131,6 @@ impl<'a> Runner<'a> {
     }
 
     /// Where poses lie in main memory, bring those of all `heads` to `gpu` when they are drawn.
-    ///
-    /// # Errors
-    /// No memory.
     pub fn with_upload(self, gpu: Option<&'a Gpu>, heads: u32) -> Result<Self, Failure> {
         match (self, gpu) {
             (Self::Cpu(crowd, _), Some(gpu)) => {
@@ -159,17 +142,11 @@ impl<'a> Runner<'a> {
     }
 
     /// Update every head to `weights[head]` and wait.
-    ///
-    /// # Errors
-    /// Weights that are refused; a device that fails.
     pub fn step(&mut self, weights: &[Vec<f32>]) -> deltamorph::Result<Frame> {
         self.step_and_draw(weights, 0)
     }
 
     /// As [`step`](Self::step), and on a device draw every head `copies` times.
-    ///
-    /// # Errors
-    /// As [`step`](Self::step).
     pub fn step_and_draw(&mut self, weights: &[Vec<f32>], copies: u32) -> deltamorph::Result<Frame> {
         match self {
             Self::Gpu(crowds) => {
@@ -198,9 +175,6 @@ impl<'a> Runner<'a> {
     }
 
     /// The pose of a head, six floats a vertex, in the user's order.
-    ///
-    /// # Errors
-    /// A device that fails.
     pub fn pose(&mut self, head: u32) -> deltamorph::Result<Vec<f32>> {
         match self {
             Self::Gpu(crowds) => {
@@ -212,14 +186,11 @@ impl<'a> Runner<'a> {
     }
 
     /// The next pose of a head has no predecessor.
-    ///
-    /// # Errors
-    /// There is no such head.
     pub fn cut(&mut self, head: u32) -> Result<(), Failure> {
         match self {
             Self::Gpu(crowds) => {
                 let (crowd, instance) = place(crowds, head);
-                crowd.crowd().cut(instance)?;
+                crowd.cut(instance)?;
             }
             Self::Cpu(crowd, _) => crowd.cut(head as usize),
         }
@@ -227,9 +198,6 @@ impl<'a> Runner<'a> {
     }
 
     /// The integer sums of a head; `None` unless it accumulates exactly.
-    ///
-    /// # Errors
-    /// A device that fails.
     pub fn sums(&mut self, head: u32) -> Result<Option<Vec<i32>>, Failure> {
         match self {
             Self::Gpu(crowds) => {
@@ -241,9 +209,6 @@ impl<'a> Runner<'a> {
     }
 
     /// Device time of `copies` draws of every head; `None` without a device.
-    ///
-    /// # Errors
-    /// A device that fails.
     pub fn draw_ms(&mut self, copies: u32) -> deltamorph::Result<Option<f64>> {
         let Self::Gpu(crowds) = self else { return Ok(None) };
         let each: Vec<Option<f64>> = crowds.iter().map(|crowd| crowd.draw(copies)).collect::<Result<_, _>>()?;

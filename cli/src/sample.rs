@@ -9,10 +9,6 @@ use deltamorph::weights::csv;
 use glam::Vec3;
 use std::path::Path;
 
-/// Run the command.
-///
-/// # Errors
-/// The folder is not empty, or cannot be written.
 pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
     out.check(&[], &[], Some(&args.dir))?;
     refuse_full(&args.dir)?;

@@ -41,17 +41,11 @@ struct Soaked {
     slots: u32,
     error_budget: f32,
     seed: u64,
-    /// Comparisons.
     checks: usize,
     /// Updates and comparisons together.
     seconds: f64,
 }
 
-/// Run the command.
-///
-/// # Errors
-/// The input, a clip or the path cannot be used; poses drift further than promised, or sums are not those of a full
-/// evaluation; the JSON cannot be written.
 pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     out.check(&input::files_of(&args.input, args.weights.as_slice()), &[], None)?;
     let input = input::load(&args.input, out)?;
@@ -85,7 +79,6 @@ pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     verdict(&stage, &checks)
 }
 
-/// What the comparisons found.
 struct Checks {
     promise: Promise,
     count: usize,

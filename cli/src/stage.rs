@@ -1,6 +1,6 @@
 //! One head, updated as the command line says: what commands that take one path have in common.
 
-use crate::args::values::{BatchLimit, BatchSpec, PathChoice, expand_batches};
+use crate::args::values::{BatchLimit, BatchSpec, expand_batches};
 use crate::args::{Single, UpdateArgs};
 use crate::input::Input;
 use crate::output::{Failure, Output};
@@ -14,7 +14,6 @@ use std::sync::Arc;
 pub struct Stage {
     gpu: Option<Gpu>,
     threads: usize,
-    /// The mesh.
     pub mesh: Arc<PackedMesh>,
     /// How it is updated.
     pub desc: UpdateDesc,
@@ -23,9 +22,6 @@ pub struct Stage {
 impl Stage {
     /// For the command called `command`, on the path that it was given, or else the best that there is: `blocks` where
     /// there is a device, or `cpu`.
-    ///
-    /// # Errors
-    /// Options that contradict each other, the path or the mesh; a device that is not there or fails.
     pub fn best(
         command: &str,
         update: &UpdateArgs,
@@ -36,12 +32,12 @@ impl Stage {
     ) -> Result<Self, Failure> {
         let single = |path| update.single(command, path).map_err(Failure::Usage);
         if !update.paths.is_empty() {
-            let single = single(PathChoice::Cpu)?;
+            let single = single(UpdatePath::Cpu)?;
             let gpu = if single.path == UpdatePath::Cpu { None } else { Gpu::open(device, out)? };
             return Self::on(gpu, single, update, batch, input, out);
         }
         let gpu = Gpu::open(device, out)?.filter(|gpu| gpu.caps().check_path(UpdatePath::Blocks).is_ok());
-        let path = if gpu.is_some() { PathChoice::Blocks } else { PathChoice::Cpu };
+        let path = if gpu.is_some() { UpdatePath::Blocks } else { UpdatePath::Cpu };
         Self::on(gpu, single(path)?, update, batch, input, out)
     }
 
@@ -68,23 +64,14 @@ impl Stage {
         Ok(Self { gpu, threads: update.threads.unwrap_or(0), mesh, desc })
     }
 
-    /// A head, all weights 0.
-    ///
-    /// # Errors
-    /// The path is not available; no memory.
     pub fn runner(&self) -> Result<Runner<'_>, Failure> {
         self.runner_of(self.desc)
     }
 
-    /// A head that is updated as `desc` says.
-    ///
-    /// # Errors
-    /// As [`Stage::runner`].
     pub fn runner_of(&self, desc: UpdateDesc) -> Result<Runner<'_>, Failure> {
         Runner::new(self.gpu.as_ref(), &self.mesh, desc, 1, self.threads)
     }
 
-    /// The device's name, or "none": for reports.
     pub fn device(&self) -> String {
         self.gpu.as_ref().map_or("none".into(), |gpu| gpu.caps().name.clone())
     }

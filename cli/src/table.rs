@@ -13,7 +13,6 @@ impl Table {
         Self { rows: vec![headings.iter().map(|h| (*h).to_owned()).collect()], left }
     }
 
-    /// Add a row.
     pub fn row(&mut self, cells: impl IntoIterator<Item = String>) {
         self.rows.push(cells.into_iter().collect());
     }
@@ -55,12 +54,10 @@ pub fn sig3(value: f64) -> String {
     }
 }
 
-/// A share as a percentage.
 pub fn percent(fraction: f64) -> String {
     format!("{} %", sig3(fraction * 100.0))
 }
 
-/// Bytes in binary units.
 pub fn bytes(n: f64) -> String {
     let units = ["B", "KiB", "MiB", "GiB", "TiB"];
     let power = if n < 1024.0 { 0 } else { ((n.log2() / 10.0) as usize).min(units.len() - 1) };
@@ -72,9 +69,7 @@ pub fn bytes(n: f64) -> String {
 
 /// A whole number with its thousands apart.
 pub fn thousands(n: usize) -> String {
-    let digits = n.to_string();
-    let groups: Vec<&str> = digits.as_bytes().rchunks(3).rev().filter_map(|g| std::str::from_utf8(g).ok()).collect();
-    groups.join(",")
+    indicatif::HumanCount(n as u64).to_string()
 }
 
 #[cfg(test)]

@@ -24,10 +24,8 @@ pub enum SuiteChoice {
 /// Options of `bench`.
 #[derive(Args, Clone, Debug)]
 pub struct BenchArgs {
-    /// What to read.
     #[command(flatten)]
     pub input: InputArgs,
-    /// How to update.
     #[command(flatten)]
     pub update: UpdateArgs,
     /// Targets per pass: numbers, ranges ("1..7", "1..max"), "max" (what the device allows), "all" (one pass)

@@ -1,17 +1,16 @@
 //! Options of the commands that run many frames: `play` and `soak`.
 
-use super::values::{self, BatchSpec, PathChoice};
+use super::values::{self, BatchSpec};
 use super::{InputArgs, UpdateArgs};
 use clap::Args;
+use deltamorph::plan::UpdatePath;
 use std::path::PathBuf;
 
 /// Options of `play`.
 #[derive(Args, Clone, Debug)]
 pub struct PlayArgs {
-    /// What to read.
     #[command(flatten)]
     pub input: InputArgs,
-    /// How to update.
     #[command(flatten)]
     pub update: UpdateArgs,
     /// Weight clip to play [default: the one in INPUT/weights, where there is just one]
@@ -31,10 +30,8 @@ pub struct PlayArgs {
 /// Options of `soak`.
 #[derive(Args, Clone, Debug)]
 pub struct SoakArgs {
-    /// What to read.
     #[command(flatten)]
     pub input: InputArgs,
-    /// How to update.
     #[command(flatten)]
     pub update: UpdateArgs,
     /// Number of frames
@@ -53,21 +50,15 @@ pub struct SoakArgs {
 
 impl PlayArgs {
     /// Complain about what clap cannot see.
-    ///
-    /// # Errors
-    /// Several paths, modes, sums or formats.
     pub fn check(&self) -> Result<(), String> {
-        self.update.single("play", PathChoice::Blocks).map(drop)
+        self.update.single("play", UpdatePath::Blocks).map(drop)
     }
 }
 
 impl SoakArgs {
     /// Complain about what clap cannot see.
-    ///
-    /// # Errors
-    /// Several paths, modes, sums or formats.
     pub fn check(&self) -> Result<(), String> {
-        self.update.single("soak", PathChoice::Blocks).map(drop)
+        self.update.single("soak", UpdatePath::Blocks).map(drop)
     }
 
     /// Frames from one comparison to the next.

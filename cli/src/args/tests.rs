@@ -42,8 +42,8 @@ fn lists_and_aliases() {
         "deltamorph bench face --path feedback,cpu --format float32,snorm16 --batch-sizes 1..3,7,max --changed 4,all \
          --weights a.csv --weights b.csv --heads 1,16 --device 1",
     );
-    assert_eq!(args.update.paths, [PathChoice::Feedback, PathChoice::Cpu]);
-    assert_eq!(args.update.formats, [FormatChoice::Float32, FormatChoice::Snorm16]);
+    assert_eq!(args.update.paths, [UpdatePath::Feedback, UpdatePath::Cpu]);
+    assert_eq!(args.update.formats, [DeltaFormat::Float32, DeltaFormat::Snorm16]);
     assert_eq!(args.batch_sizes, [BatchSpec::Range(1, Some(3)), BatchSpec::Size(7), BatchSpec::Max]);
     assert_eq!(args.changed, [ChangedSpec::Count(4), ChangedSpec::All]);
     assert_eq!((args.weights.len(), args.heads.as_slice()), (2, &[1, 16][..]));
@@ -121,11 +121,11 @@ fn apply_checks_what_clap_cannot() {
     let args = apply("deltamorph apply face --set a=b=0.5,c=-1 --set d=2 -o out.obj");
     let set: Vec<_> = args.set.iter().map(|s| (s.name.as_str(), s.weight)).collect();
     assert_eq!(set, [("a=b", 0.5), ("c", -1.0), ("d", 2.0)]);
-    let single = args.update.single("apply", PathChoice::Cpu).expect("one of each");
+    let single = args.update.single("apply", UpdatePath::Cpu).expect("one of each");
     assert_eq!((args.check(), single.path), (Ok(()), UpdatePath::Cpu));
     let format = |options: &str, held| {
         let args = apply(&format!("deltamorph apply face --set a=1 -o out.obj {options}"));
-        args.update.single("apply", PathChoice::Cpu).expect("one of each").delta_format(held)
+        args.update.single("apply", UpdatePath::Cpu).expect("one of each").delta_format(held)
     };
     let small = Some(DeltaFormat::Small);
     assert_eq!((format("", None), format("", small)), (Ok(DeltaFormat::Fast), Ok(DeltaFormat::Small)));

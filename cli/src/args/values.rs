@@ -1,9 +1,9 @@
 //! Values of the command line: what they may be, and how they are spelled.
 
-use clap::ValueEnum;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::pack::DeltaFormat;
-use deltamorph::plan::{BatchSize, UpdateMode, UpdatePath};
+use deltamorph::plan::{Accumulate, BatchSize, UpdateMode, UpdatePath};
 use std::path::Path;
 
 /// Largest built-in head. A number beyond it is a slip of the finger, and would take all memory.
@@ -13,99 +13,65 @@ const MAX_TARGETS: usize = 65_536;
 /// Largest number of slots: each is a whole pose per head.
 const MAX_SLOTS: u32 = 64;
 
-/// An update path.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, ValueEnum)]
-pub enum PathChoice {
-    /// Vertex passes with transform feedback
-    Feedback,
-    /// Compute passes
-    Compute,
-    /// Compute, for the blocks of vertices that a changed target touches, and no others
-    Blocks,
-    /// SIMD and threads, without Vulkan
-    Cpu,
-    /// Baseline: the passes of feedback, stored by the vertex shader
-    VertexStore,
-    /// Baseline: a thread per delta, integer atomics, from base every time (O3DE, Unity)
-    Scatter,
-    /// Baseline: each draw evaluates all active targets (Costigan et al., Bevy, three.js, Filament)
-    Direct,
-    /// Baseline: as direct, the active targets being vertex attributes (Gerdelan)
-    DirectAttributes,
+/// Float and exact, as `--accumulate` lists them.
+pub const SUMS: [Accumulate; 2] = [Accumulate::Float { tolerance: 0.0 }, Accumulate::Exact];
+
+/// A choice of what the library has, spelled as the library spells it, each with a line of help.
+fn named<T: Copy + Send + Sync + 'static>(
+    all: &'static [T],
+    name: fn(T) -> &'static str,
+    help: fn(T) -> &'static str,
+) -> impl TypedValueParser<Value = T> {
+    PossibleValuesParser::new(all.iter().map(|&one| PossibleValue::new(name(one)).help(help(one))))
+        .try_map(move |given| all.iter().copied().find(|one| name(*one) == given).ok_or("no such value"))
 }
 
-impl PathChoice {
-    /// What the library calls it.
-    pub fn update_path(self) -> UpdatePath {
-        match self {
-            Self::Feedback => UpdatePath::Feedback,
-            Self::Compute => UpdatePath::Compute,
-            Self::Blocks => UpdatePath::Blocks,
-            Self::Cpu => UpdatePath::Cpu,
-            Self::VertexStore => UpdatePath::VertexStore,
-            Self::Scatter => UpdatePath::Scatter,
-            Self::Direct => UpdatePath::Direct,
-            Self::DirectAttributes => UpdatePath::DirectAttributes,
+pub fn path() -> impl TypedValueParser<Value = UpdatePath> {
+    named(&UpdatePath::ALL, UpdatePath::name, |path| match path {
+        UpdatePath::Feedback => "Vertex passes with transform feedback",
+        UpdatePath::Compute => "Compute passes",
+        UpdatePath::Blocks => "Compute, for the blocks of vertices that a changed target touches, and no others",
+        UpdatePath::Cpu => "SIMD and threads, without Vulkan",
+        UpdatePath::VertexStore => "Baseline: the passes of feedback, stored by the vertex shader",
+        UpdatePath::Scatter => "Baseline: a thread per delta, integer atomics, from base every time (O3DE, Unity)",
+        UpdatePath::Direct => {
+            "Baseline: each draw evaluates all active targets (Costigan et al., Bevy, three.js, Filament)"
         }
-    }
+        UpdatePath::DirectAttributes => "Baseline: as direct, the active targets being vertex attributes (Gerdelan)",
+    })
 }
 
-/// What a frame starts from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, ValueEnum)]
-pub enum ModeChoice {
-    /// From the pose in the buffer, applying the changed targets
-    Incremental,
-    /// From the base pose, applying all active targets
-    Rebuild,
+pub fn mode() -> impl TypedValueParser<Value = UpdateMode> {
+    named(&[UpdateMode::Incremental, UpdateMode::Rebuild], UpdateMode::name, |mode| match mode {
+        UpdateMode::Incremental => "From the pose in the buffer, applying the changed targets",
+        UpdateMode::Rebuild => "From the base pose, applying all active targets",
+    })
 }
 
-impl ModeChoice {
-    /// What the library calls it.
-    pub fn update_mode(self) -> UpdateMode {
-        match self {
-            Self::Incremental => UpdateMode::Incremental,
-            Self::Rebuild => UpdateMode::Rebuild,
+pub fn format() -> impl TypedValueParser<Value = DeltaFormat> {
+    named(&DeltaFormat::ALL, DeltaFormat::name, |format| match format {
+        DeltaFormat::Float32 => "Six floats per vertex and target",
+        DeltaFormat::Snorm16 => {
+            "Six 16-bit numbers per vertex and target, with a scale per target (dense paths and cpu)"
         }
-    }
+        DeltaFormat::BlockFloat32 => "In blocks, six floats (what float32 means to the path blocks)",
+        DeltaFormat::Fast => "In blocks, 9 bytes per vertex and target: the fast one",
+        DeltaFormat::Small => "In blocks, as few bits as the error allows: the small one",
+    })
 }
 
-/// How deltas are stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, ValueEnum)]
-pub enum FormatChoice {
-    /// Six floats per vertex and target
-    Float32,
-    /// Six 16-bit numbers per vertex and target, with a scale per target (dense paths and cpu)
-    Snorm16,
-    /// In blocks, six floats (what float32 means to the path blocks)
-    BlockFloat32,
-    /// In blocks, 9 bytes per vertex and target: the fast one
-    Fast,
-    /// In blocks, as few bits as the error allows: the small one
-    Small,
+pub fn sums() -> impl TypedValueParser<Value = Accumulate> {
+    named(&SUMS, Accumulate::name, |sums| match sums {
+        Accumulate::Float { .. } => "float32 sums, with a bound that is kept",
+        Accumulate::Exact => "Integer sums, equal to a full evaluation bit for bit (formats fast and small)",
+    })
 }
 
-impl FormatChoice {
-    /// What the library calls it on this path; `None` where the path does not take it.
-    pub fn delta_format(self, path: UpdatePath) -> Option<DeltaFormat> {
-        let format = match self {
-            Self::Float32 if path == UpdatePath::Blocks => DeltaFormat::BlockFloat32,
-            Self::Float32 => DeltaFormat::Float32,
-            Self::Snorm16 => DeltaFormat::Snorm16,
-            Self::BlockFloat32 => DeltaFormat::BlockFloat32,
-            Self::Fast => DeltaFormat::Fast,
-            Self::Small => DeltaFormat::Small,
-        };
-        path.formats().contains(&format).then_some(format)
-    }
-}
-
-/// How poses add up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, ValueEnum)]
-pub enum AccumulateChoice {
-    /// float32 sums, with a bound that is kept
-    Float,
-    /// Integer sums, equal to a full evaluation bit for bit (formats fast and small)
-    Exact,
+/// `format` on `path`, where float32 may mean that of blocks; `None` where the path does not take it.
+pub fn format_on(path: UpdatePath, format: DeltaFormat) -> Option<DeltaFormat> {
+    let of_blocks = (path, format) == (UpdatePath::Blocks, DeltaFormat::Float32);
+    let format = if of_blocks { DeltaFormat::BlockFloat32 } else { format };
+    path.formats().contains(&format).then_some(format)
 }
 
 /// An error budget as the command line states it.
@@ -162,9 +128,7 @@ pub enum ChangedSpec {
 /// An entry of `--set`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WeightSetting {
-    /// The target.
     pub name: String,
-    /// Its weight.
     pub weight: f32,
 }
 
@@ -183,7 +147,6 @@ fn number(s: &str, fits: impl Fn(f32) -> bool, what: &str) -> Result<f32, String
     parsed.ok_or_else(|| format!("give {what}"))
 }
 
-/// Parse `--device`.
 pub fn device(s: &str) -> Result<DeviceChoice, String> {
     match s.trim() {
         "" => Err("give an index or a part of the name, as `deltamorph devices` lists them".into()),
@@ -191,22 +154,18 @@ pub fn device(s: &str) -> Result<DeviceChoice, String> {
     }
 }
 
-/// Parse `--vertices`.
 pub fn vertices(s: &str) -> Result<usize, String> {
     whole(s, 1, MAX_VERTICES)
 }
 
-/// Parse `--targets`.
 pub fn targets(s: &str) -> Result<usize, String> {
     whole(s, 0, MAX_TARGETS)
 }
 
-/// Parse `--slots`.
 pub fn slots(s: &str) -> Result<u32, String> {
     whole(s, 1, MAX_SLOTS)
 }
 
-/// Parse an entry of `--heads`.
 pub fn heads(s: &str) -> Result<u32, String> {
     whole(s, 1, 1_000_000)
 }
@@ -216,7 +175,6 @@ pub fn at_least_one(s: &str) -> Result<usize, String> {
     whole(s, 1, 1_000_000)
 }
 
-/// Parse `--warmup`.
 pub fn warmup(s: &str) -> Result<usize, String> {
     whole(s, 0, 1_000_000)
 }
@@ -226,12 +184,10 @@ pub fn frames(s: &str) -> Result<usize, String> {
     whole(s, 1, 1_000_000_000)
 }
 
-/// Parse `--sparsity`.
 pub fn sparsity(s: &str) -> Result<f32, String> {
     number(s, |v| v > 0.0 && v <= 1.0, "a fraction above 0 and at most 1")
 }
 
-/// Parse `--tolerance`.
 pub fn tolerance(s: &str) -> Result<f32, String> {
     number(s, |v| v >= 0.0, "a fraction of the diagonal, 0 or more (0 keeps every delta)")
 }
@@ -241,12 +197,10 @@ pub fn positive(s: &str) -> Result<f32, String> {
     number(s, |v| v > 0.0, "a number above 0")
 }
 
-/// Parse `--time-limit`.
 pub fn seconds(s: &str) -> Result<f32, String> {
     number(s, |v| v > 0.0 && v <= 86_400.0, "a number of seconds above 0, at most a day")
 }
 
-/// Parse `--block-size`.
 pub fn block_size(s: &str) -> Result<u32, String> {
     match s.trim() {
         "32" => Ok(32),
@@ -256,7 +210,6 @@ pub fn block_size(s: &str) -> Result<u32, String> {
     }
 }
 
-/// Parse `--error-budget`.
 pub fn budget(s: &str) -> Result<BudgetSpec, String> {
     let what =
         "a length in input units, or a number with \"d\" (of the diagonal) or \"px\" (pixels, with --projection)";
@@ -269,7 +222,6 @@ pub fn budget(s: &str) -> Result<BudgetSpec, String> {
     }
 }
 
-/// Parse `--projection`.
 pub fn projection(s: &str) -> Result<Projection, String> {
     let numbers: Vec<f32> = s.split(',').map(positive).collect::<Result<_, _>>()?;
     match numbers[..] {
@@ -281,12 +233,10 @@ pub fn projection(s: &str) -> Result<Projection, String> {
     }
 }
 
-/// Parse `--fps`.
 pub fn fps(s: &str) -> Result<f32, String> {
     number(s, |v| (0.1..=1000.0).contains(&v), "a number of frames per second from 0.1 to 1000")
 }
 
-/// Parse `--threads`.
 pub fn threads(s: &str) -> Result<usize, String> {
     whole(s, 1, 256)
 }
@@ -322,7 +272,6 @@ pub fn one_batch(s: &str) -> Result<BatchSpec, String> {
     }
 }
 
-/// Parse an entry of `--changed`.
 pub fn changed(s: &str) -> Result<ChangedSpec, String> {
     match s.trim() {
         "all" => Ok(ChangedSpec::All),
@@ -383,9 +332,6 @@ pub fn expand_batches(specs: &[BatchSpec], limit: BatchLimit) -> (Vec<BatchSize>
 
 /// The numbers of changed targets that `specs` ask for on a mesh with `targets`, ascending, without repeats.
 /// No specs: a few sizes that the mesh has, and all.
-///
-/// # Errors
-/// More than there are.
 pub fn expand_changed(specs: &[ChangedSpec], targets: usize) -> Result<Vec<usize>, String> {
     if specs.is_empty() {
         return Ok([1, 4, 8, 16, 32].into_iter().filter(|n| *n < targets).chain([targets]).collect());

@@ -3,21 +3,20 @@
 use super::record::Skipped;
 use super::setting::Config;
 use crate::args::UpdateArgs;
-use crate::args::values::{AccumulateChoice, BatchLimit, BatchSpec, FormatChoice, expand_batches};
+use crate::args::values::{BatchLimit, BatchSpec, expand_batches, format_on};
 use crate::runner::Gpu;
 use deltamorph::pack::DeltaFormat;
-use deltamorph::plan::{BatchSize, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdateMode, UpdatePath};
 
 /// What is asked for.
 pub struct Wanted<'a> {
-    /// The paths.
     pub paths: Vec<UpdatePath>,
     /// They were given by name, so that one that has nothing to do is worth a word.
     pub paths_named: bool,
     /// The formats; each path takes those that it can.
-    pub formats: &'a [FormatChoice],
+    pub formats: &'a [DeltaFormat],
     /// Kinds of sums; each format takes those that it can.
-    pub sums: &'a [AccumulateChoice],
+    pub sums: &'a [Accumulate],
     /// The modes; none: that of each path.
     pub modes: Vec<UpdateMode>,
     /// Targets per pass.
@@ -43,7 +42,7 @@ pub fn configurations(wanted: &Wanted<'_>, update: &UpdateArgs, gpu: Option<&Gpu
             continue;
         }
         let before = (configs.len(), skipped.len());
-        for format in wanted.formats.iter().filter_map(|f| f.delta_format(path)) {
+        for format in wanted.formats.iter().filter_map(|f| format_on(path, *f)) {
             let batch_max = gpu.and_then(|g| g.caps().batch_max(path, format)).filter(|_| path != UpdatePath::Cpu);
             let limit = BatchLimit { max: batch_max.unwrap_or(0), all: path.takes_all_targets() };
             // A draw takes the active targets, whatever their number: there is nothing to sweep.
@@ -95,10 +94,10 @@ pub fn configurations(wanted: &Wanted<'_>, update: &UpdateArgs, gpu: Option<&Gpu
 }
 
 /// Those of `sums` that `format` has. What only blocks have is no news where everything was asked for.
-fn held(sums: &[AccumulateChoice], path: UpdatePath, format: DeltaFormat) -> impl Iterator<Item = AccumulateChoice> {
+fn held(sums: &[Accumulate], path: UpdatePath, format: DeltaFormat) -> impl Iterator<Item = Accumulate> {
     let exact = format.is_blocks() && format != DeltaFormat::BlockFloat32;
     sums.iter().copied().filter(move |sums| match sums {
-        AccumulateChoice::Float => path != UpdatePath::Scatter,
-        AccumulateChoice::Exact => exact,
+        Accumulate::Float { .. } => path != UpdatePath::Scatter,
+        Accumulate::Exact => exact,
     })
 }

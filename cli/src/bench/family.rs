@@ -7,22 +7,16 @@ use plotters::prelude::RGBColor;
 /// A family of configurations that differ in what an axis shows only.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Family {
-    /// Update path.
     pub path: String,
-    /// Delta format.
     pub format: String,
-    /// Mode.
     pub mode: String,
-    /// Accumulator.
     pub accumulate: String,
-    /// Pose buffers.
     pub slots: u32,
     /// One animation for all heads.
     pub shared: bool,
 }
 
 impl Family {
-    /// The family of a run.
     pub fn of(run: &RunRecord) -> Self {
         Self {
             path: run.path.clone(),

@@ -1,7 +1,7 @@
 //! index.html: one page that needs nothing but itself.
 
 use super::headline::sentences;
-use super::record::{InputInfo, Report, RunRecord, Skipped};
+use super::record::{MeshInfo, Report, RunRecord, Skipped};
 use super::select::median;
 use super::suites::{self, record::SuiteRecord};
 use crate::page::{document, escape, figure};
@@ -53,7 +53,6 @@ pub fn warning(report: &Report) -> String {
         .into()
 }
 
-/// The pages of the suites.
 fn links(report: &Report) -> String {
     let link = |suite: &SuiteRecord| {
         let name = suites::page::file_name(suite);
@@ -102,7 +101,7 @@ pub fn facts(report: &Report) -> String {
 }
 
 /// One of the meshes of the suites.
-fn mesh(m: &InputInfo) -> String {
+fn mesh(m: &MeshInfo) -> String {
     let (vertices, moved) = (thousands(m.vertices), percent(m.moved_mean));
     format!("{}: {vertices} vertices, {} targets, each moves {moved}", m.name, m.targets)
 }
@@ -195,7 +194,6 @@ fn row(run: &RunRecord, best: bool) -> String {
     format!("<tr{class}>{cells}</tr>\n{reason}")
 }
 
-/// The date of a time stamp.
 fn day(created: &str) -> String {
     created.split('T').next().unwrap_or_default().to_owned()
 }

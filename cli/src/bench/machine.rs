@@ -1,10 +1,9 @@
 //! What a report says about the machine and the mesh.
 
 use super::bandwidth;
-use super::record::{Bandwidth, DeviceInfo, InputInfo, Report};
+use super::record::{Bandwidth, DeviceInfo, Report};
 use super::stamp;
 use crate::args::bench::BenchArgs;
-use crate::info::triangles;
 use crate::input::Input;
 use crate::output::{Failure, Output};
 use crate::runner::Gpu;
@@ -13,18 +12,13 @@ use deltamorph::pack::DeltaFormat;
 
 /// The device, where there is one, and what memory can do.
 pub struct Machine {
-    /// The device.
     pub gpu: Option<Gpu>,
-    /// The ceilings.
     pub bandwidth: Bandwidth,
     threads: usize,
 }
 
 impl Machine {
     /// Set up the device, and measure bandwidth over as many bytes as the deltas of `input` have.
-    ///
-    /// # Errors
-    /// The device asked for is not there, or fails.
     pub fn open(args: &BenchArgs, device: Option<&DeviceChoice>, input: &Input, out: &Output) -> Result<Self, Failure> {
         let gpu = Gpu::open(device, out)?;
         if gpu.is_none() {
@@ -56,13 +50,9 @@ impl Machine {
             created: stamp::now(),
             command: stamp::command_line(),
             device: self.device(),
-            input: mesh(input),
+            input: input.info(),
             bandwidth: self.bandwidth,
-            runs: vec![],
-            skipped: vec![],
-            unplayed: vec![],
-            suites: vec![],
-            meshes: vec![],
+            ..Report::default()
         }
     }
 
@@ -83,28 +73,12 @@ impl Machine {
         });
         DeviceInfo {
             name: caps.name.clone(),
-            kind: caps.kind.into(),
+            kind: caps.kind.name().into(),
             driver: caps.driver.clone(),
             driver_info: caps.driver_info.clone(),
             api_version: format!("{major}.{minor}.{patch}"),
             index,
             ..cpu
         }
-    }
-}
-
-/// What a report says about a mesh.
-pub fn mesh(input: &Input) -> InputInfo {
-    let kept = &input.kept;
-    let moved: usize = kept.targets.iter().map(|t| t.vertices.len()).sum();
-    InputInfo {
-        name: kept.name.clone(),
-        origin: input.origin.clone(),
-        vertices: kept.vertex_count(),
-        targets: kept.targets.len(),
-        triangles: triangles(kept),
-        diagonal: kept.diagonal,
-        tolerance: kept.tolerance.position,
-        moved_mean: moved as f64 / (kept.vertex_count() * kept.targets.len()).max(1) as f64,
     }
 }

@@ -32,10 +32,6 @@ use crate::table::{Table, bytes, percent, sig3};
 use deltamorph::headless::DeviceChoice;
 use record::{Report, RunRecord};
 
-/// Run the command.
-///
-/// # Errors
-/// Nothing can run, a configuration is wrong, or the report cannot be written.
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     // Before minutes are spent on what then cannot be written.
     let folder = (!args.no_report).then_some(args.report.as_path());
@@ -49,9 +45,6 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
 }
 
 /// Print the result, write the JSON and the report folder.
-///
-/// # Errors
-/// None ran: no file is written then. A configuration is wrong, or a file cannot be written: everything is written first.
 pub fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Failure> {
     match report.suites.is_empty() {
         true => out.say(text(&report.runs)),
@@ -87,7 +80,6 @@ pub fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Fai
     }
 }
 
-/// Why there are no runs.
 fn nothing_ran(report: &Report) -> Failure {
     let why: Vec<String> = report.skipped.iter().map(|s| format!("{}: {}", s.what, s.reason)).collect();
     Failure::Failed(match why.is_empty() {
@@ -96,7 +88,6 @@ fn nothing_ran(report: &Report) -> Failure {
     })
 }
 
-/// Whether the runs are right.
 fn verdict(runs: &[RunRecord]) -> Result<(), Failure> {
     let wrong: Vec<&RunRecord> = runs.iter().filter(|r| !r.verified).collect();
     match wrong.first() {
@@ -114,7 +105,6 @@ fn verdict(runs: &[RunRecord]) -> Result<(), Failure> {
     }
 }
 
-/// The table for people.
 fn text(runs: &[RunRecord]) -> String {
     let headings = [
         "path", "format", "mode", "workload", "heads", "changed", "batch", "passes", "ms/frame", "±", "moved",

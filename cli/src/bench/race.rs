@@ -66,9 +66,6 @@ impl Pace {
 type Running<'a> = (Trial<'a>, Option<String>);
 
 /// Time `running` in turns. What is wrong or refused drops out.
-///
-/// # Errors
-/// A device that fails.
 fn run(running: &mut [Running<'_>], pace: &Pace) -> deltamorph::Result<()> {
     let mut slowest = Duration::ZERO;
     let warm_up = |trial: &mut Trial<'_>| {
@@ -131,20 +128,14 @@ pub struct Cache {
 pub struct Entrant<'a> {
     /// Its name, should it be refused.
     pub what: String,
-    /// It.
     pub config: Config,
-    /// Heads and weights.
     pub setting: &'a Setting<'a>,
 }
 
-/// What became of an entrant.
 pub type Outcome = Result<RunRecord, Skipped>;
 
 /// Measure `entrants` side by side; outcomes are in their order. One that there is no room for beside the others is
 /// measured after them.
-///
-/// # Errors
-/// A device that fails. A configuration that is refused is no error: its outcome says why.
 pub fn contest(
     context: Context<'_>,
     gpu: Option<&Gpu>,

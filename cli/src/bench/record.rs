@@ -2,26 +2,22 @@
 
 pub use super::run::{Round, RunRecord};
 use super::suites::record::SuiteRecord;
+pub use crate::input::MeshInfo;
 use serde::{Deserialize, Serialize};
 
 /// What one call of `bench` measured.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Report {
-    /// Version of these structs.
     pub schema: u32,
-    /// Version of the program.
     pub version: String,
     /// When it ran, in UTC: 2026-01-31T12:00:00Z.
     pub created: String,
     /// The command line that measures the same again.
     pub command: String,
-    /// Where it ran.
     pub device: DeviceInfo,
-    /// What was morphed.
-    pub input: InputInfo,
+    pub input: MeshInfo,
     /// What memory can do: the floor under every time.
     pub bandwidth: Bandwidth,
-    /// The configurations, in the order they ran.
     pub runs: Vec<RunRecord>,
     /// Update paths and batch sizes that were asked for and could not run.
     #[serde(default)]
@@ -34,17 +30,15 @@ pub struct Report {
     pub suites: Vec<SuiteRecord>,
     /// The meshes of the suites, by the name that runs give; empty for an ordinary run, which has one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub meshes: Vec<InputInfo>,
+    pub meshes: Vec<MeshInfo>,
 }
 
-/// The device.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct DeviceInfo {
     /// The Vulkan device's name; "none" when only the cpu path ran.
     pub name: String,
     /// "discrete", "integrated", "virtual", "cpu" (a software driver) or "none".
     pub kind: String,
-    /// The driver's name.
     pub driver: String,
     /// What the driver says about its version.
     pub driver_info: String,
@@ -52,7 +46,6 @@ pub struct DeviceInfo {
     pub api_version: String,
     /// Its place in the list of `devices`.
     pub index: Option<usize>,
-    /// The processor.
     pub cpu: String,
     /// Threads that the cpu path used.
     pub threads: usize,
@@ -65,35 +58,11 @@ impl DeviceInfo {
     }
 }
 
-/// The mesh.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct InputInfo {
-    /// Its name.
-    pub name: String,
-    /// Where it came from: a folder, or "built-in head".
-    pub origin: String,
-    /// Number of vertices.
-    pub vertices: usize,
-    /// Number of targets.
-    pub targets: usize,
-    /// Number of triangles.
-    pub triangles: usize,
-    /// Length of the bounding-box diagonal, in input units.
-    pub diagonal: f32,
-    /// Position deltas up to this fraction of the diagonal were dropped.
-    pub tolerance: f32,
-    /// Mean fraction of the vertices that a target moves.
-    pub moved_mean: f64,
-}
-
 /// Measured memory bandwidth, in 10⁹ bytes per second, reads and writes counted.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Bandwidth {
-    /// The processor reading.
     pub cpu_read_gb_s: Option<f64>,
-    /// The processor copying.
     pub cpu_copy_gb_s: Option<f64>,
-    /// The device copying a buffer.
     pub device_copy_gb_s: Option<f64>,
     /// A compute pass reading a buffer.
     pub device_read_gb_s: Option<f64>,
@@ -104,7 +73,6 @@ pub struct Bandwidth {
 pub struct Skipped {
     /// The update path, with what else was special about it.
     pub what: String,
-    /// Why not.
     pub reason: String,
 }
 

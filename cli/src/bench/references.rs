@@ -13,11 +13,8 @@ pub struct References {
     known: HashMap<(DeltaFormat, Vec<u32>), Arc<Reference>>,
 }
 
-/// What a pose is compared with.
 pub struct Reference {
-    /// Evaluated on the packed deltas.
     pub packed: Vec<f64>,
-    /// Evaluated on the raw files.
     pub raw: Vec<f64>,
 }
 

@@ -3,15 +3,12 @@
 use super::html;
 use super::record::{Report, RunRecord};
 use super::select::figures;
-use super::stats::Stats;
 use super::suites;
 use crate::output::{Failure, create_folder, is_free, publish, write_file};
+use serde_json::Value;
 use std::path::Path;
 
 /// Write everything into `dir`, replacing what an earlier run left there when all is drawn.
-///
-/// # Errors
-/// A file cannot be written, or a plot cannot be drawn.
 pub fn write(report: &Report, dir: &Path) -> Result<(), Failure> {
     publish(dir, is_drawn, |dir| {
         let json = serde_json::to_string_pretty(report).map_err(|e| Failure::failed(&e))?;
@@ -45,9 +42,6 @@ fn is_drawn(name: &str) -> bool {
 }
 
 /// Make sure that `dir` is ours to write to: new, empty, or with an earlier report.
-///
-/// # Errors
-/// It holds something else; it cannot be created or listed.
 pub fn claim(dir: &Path) -> Result<(), Failure> {
     create_folder(dir)?;
     if is_free(dir)? || read(&dir.join("report.json")).is_ok() {
@@ -59,10 +53,6 @@ pub fn claim(dir: &Path) -> Result<(), Failure> {
     )))
 }
 
-/// Read a report.json.
-///
-/// # Errors
-/// The file cannot be read, or is not a report of this schema.
 pub fn read(path: &Path) -> Result<Report, Failure> {
     let text = std::fs::read_to_string(path).map_err(|e| Failure::io(path, "read", e))?;
     let report: Report = serde_json::from_str(&text).map_err(|e| {
@@ -78,126 +68,35 @@ pub fn read(path: &Path) -> Result<Report, Failure> {
     Ok(report)
 }
 
-/// The heading of runs.csv.
-const COLUMNS: [&str; 54] = [
-    "suite",
-    "cell",
-    "technique",
-    "mesh",
-    "targets",
-    "path",
-    "mode",
-    "format",
-    "accumulate",
-    "slots",
-    "batch_size",
-    "batch_max",
-    "workload",
-    "changed",
-    "coefficients",
-    "active",
-    "heads",
-    "shared",
-    "crowds",
-    "passes",
-    "bytes_moved",
-    "bytes_floor",
-    "floor_fraction",
-    "gpu_ms_median",
-    "gpu_ms_mean",
-    "gpu_ms_stderr",
-    "gpu_ms_min",
-    "gpu_ms_max",
-    "gpu_ms_n",
-    "cpu_ms_median",
-    "cpu_ms_mean",
-    "cpu_ms_stderr",
-    "cpu_ms_min",
-    "cpu_ms_max",
-    "cpu_ms_n",
-    "draw_ms",
-    "update_and_draw_ms_median",
-    "update_and_draw_ms_mean",
-    "update_and_draw_ms_stderr",
-    "update_and_draw_ms_min",
-    "update_and_draw_ms_max",
-    "update_and_draw_ms_n",
-    "upload_ms_median",
-    "upload_ms_mean",
-    "upload_ms_stderr",
-    "upload_ms_min",
-    "upload_ms_max",
-    "upload_ms_n",
-    "max_error",
-    "max_error_rel",
-    "normal_error_deg",
-    "raw_error_rel",
-    "verified",
-    "problem",
-];
+/// The columns of runs.csv: the fields of a run; `gpu_ms_median` is the field `median` of `gpu_ms`.
+const COLUMNS: &str = "suite cell technique mesh targets path mode format accumulate slots batch_size batch_max \
+    workload changed coefficients active heads shared crowds passes bytes_moved bytes_floor floor_fraction \
+    gpu_ms_median gpu_ms_mean gpu_ms_stderr gpu_ms_min gpu_ms_max gpu_ms_n \
+    cpu_ms_median cpu_ms_mean cpu_ms_stderr cpu_ms_min cpu_ms_max cpu_ms_n draw_ms \
+    update_and_draw_ms_median update_and_draw_ms_mean update_and_draw_ms_stderr update_and_draw_ms_min \
+    update_and_draw_ms_max update_and_draw_ms_n \
+    upload_ms_median upload_ms_mean upload_ms_stderr upload_ms_min upload_ms_max upload_ms_n \
+    max_error max_error_rel normal_error_deg raw_error_rel verified problem";
 
 fn csv(runs: &[RunRecord]) -> Result<Vec<u8>, Failure> {
-    let failed = |e: csv::Error| Failure::failed(&e);
     let mut out = csv::Writer::from_writer(Vec::new());
-    out.write_record(COLUMNS).map_err(failed)?;
+    out.write_record(COLUMNS.split(' ')).map_err(|e| Failure::failed(&e))?;
     for run in runs {
-        out.write_record(cells(run)).map_err(failed)?;
+        let run = serde_json::to_value(run).map_err(|e| Failure::failed(&e))?;
+        out.write_record(COLUMNS.split(' ').map(|column| cell(&run, column))).map_err(|e| Failure::failed(&e))?;
     }
     out.into_inner().map_err(|e| Failure::Failed(e.to_string()))
 }
 
-fn cells(run: &RunRecord) -> Vec<String> {
-    let optional = |v: Option<f64>| v.map(|v| v.to_string()).unwrap_or_default();
-    let stats = |s: Option<Stats>| match s {
-        None => vec![String::new(); 6],
-        Some(s) => vec![
-            s.median.to_string(),
-            s.mean.to_string(),
-            s.stderr.to_string(),
-            s.min.to_string(),
-            s.max.to_string(),
-            s.n.to_string(),
-        ],
-    };
-    let mut cells = vec![
-        run.suite.clone(),
-        run.cell.clone(),
-        run.technique.clone(),
-        run.mesh.clone(),
-        run.targets.to_string(),
-        run.path.clone(),
-        run.mode.clone(),
-        run.format.clone(),
-        run.accumulate.clone(),
-        run.slots.to_string(),
-        run.batch_size.to_string(),
-        run.batch_max.map(|n| n.to_string()).unwrap_or_default(),
-        run.workload.clone(),
-        run.changed.to_string(),
-        run.coefficients.to_string(),
-        run.active.to_string(),
-        run.heads.to_string(),
-        run.shared.to_string(),
-        run.crowds.to_string(),
-        run.passes.to_string(),
-        run.bytes_moved.to_string(),
-        run.bytes_floor.to_string(),
-        optional(run.floor_fraction),
-    ];
-    cells.extend(stats(run.gpu_ms));
-    cells.extend(stats(run.cpu_ms));
-    cells.push(optional(run.draw_ms));
-    cells.extend(stats(run.update_and_draw_ms));
-    cells.extend(stats(run.upload_ms));
-    cells.extend([
-        optional(run.max_error),
-        optional(run.max_error_rel),
-        optional(run.normal_error_deg),
-        optional(run.raw_error_rel),
-        run.verified.to_string(),
-        run.problem.clone().unwrap_or_default(),
-    ]);
-    cells
+fn cell(run: &Value, column: &str) -> String {
+    let nested = || column.rsplit_once('_').and_then(|(field, part)| run.get(field)?.get(part));
+    match run.get(column).or_else(nested) {
+        None | Some(Value::Null) => String::new(),
+        Some(Value::String(text)) => text.clone(),
+        // JSON writes small numbers with exponents, which not every reader of CSV takes.
+        Some(Value::Number(number)) => number.as_f64().unwrap_or(f64::NAN).to_string(),
+        Some(other) => other.to_string(),
+    }
 }
 
 #[cfg(test)]
@@ -230,7 +129,7 @@ mod tests {
         let mut reader = csv::Reader::from_reader(bytes.as_slice());
         let rows: Vec<csv::StringRecord> = reader.records().collect::<Result<_, _>>().expect("even rows");
         assert_eq!(rows.len(), report.runs.len());
-        assert_eq!((&rows[0][5], &rows[0][10], rows[0].len()), ("feedback", "1", COLUMNS.len()));
+        assert_eq!((&rows[0][5], &rows[0][10], rows[0].len()), ("feedback", "1", 54));
     }
 
     #[test]

@@ -7,7 +7,7 @@ use deltamorph::plan::BatchSize;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// One configuration and what it took.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct RunRecord {
     /// The suite that it belongs to; empty in an ordinary run.
     #[serde(default, skip_serializing_if = "String::is_empty")]
@@ -18,13 +18,10 @@ pub struct RunRecord {
     /// Its name there.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub technique: String,
-    /// The mesh.
     #[serde(default)]
     pub mesh: String,
-    /// Targets of the mesh.
     #[serde(default)]
     pub targets: usize,
-    /// Update path.
     pub path: String,
     /// "incremental" or "rebuild".
     pub mode: String,
@@ -44,7 +41,6 @@ pub struct RunRecord {
     /// Targets with a weight other than 0, per frame and head.
     #[serde(serialize_with = "whole")]
     pub active: f64,
-    /// Number of heads.
     pub heads: u32,
     /// One animation, drawn many times.
     pub shared: bool,
@@ -65,7 +61,6 @@ pub struct RunRecord {
     /// Of these, the ones that started from the base pose.
     #[serde(default, serialize_with = "whole")]
     pub rebuilt_blocks: f64,
-    /// Delta format.
     pub format: String,
     /// Pose buffers per head.
     pub slots: u32,
@@ -100,7 +95,6 @@ pub struct RunRecord {
     pub floor_fraction: Option<f64>,
     /// Largest position error against the float64 reference, in input units.
     pub max_error: Option<f64>,
-    /// The same as a fraction of the diagonal.
     pub max_error_rel: Option<f64>,
     /// Largest angle between normals, in degrees.
     pub normal_error_deg: Option<f64>,
@@ -117,9 +111,6 @@ impl RunRecord {
     /// A configuration that was not measured yet.
     pub fn blank(config: &Config, setting: &Setting<'_>, input: &Input) -> Self {
         Self {
-            suite: String::new(),
-            cell: String::new(),
-            technique: String::new(),
             mesh: input.kept.name.clone(),
             targets: input.kept.targets.len(),
             path: config.desc.path.name().into(),
@@ -128,34 +119,14 @@ impl RunRecord {
             batch_max: config.batch_max,
             workload: setting.workload.name().into(),
             changed: setting.changed.unwrap_or(0) as f64,
-            coefficients: 0.0,
-            active: 0.0,
             heads: setting.heads,
             shared: setting.shared,
             crowds: if config.apart { setting.updated() } else { 1 },
-            alone: false,
             accumulate: config.desc.accumulate.name().into(),
             error_budget: config.desc.error_budget,
-            dirty_blocks: 0.0,
-            rebuilt_blocks: 0.0,
             format: config.format.name().into(),
             slots: config.desc.slots,
-            passes: 0.0,
-            bytes_moved: 0.0,
-            bytes_floor: 0.0,
-            gpu_ms: None,
-            cpu_ms: None,
-            draw_ms: None,
-            update_and_draw_ms: None,
-            upload_ms: None,
-            rounds: vec![],
-            floor_fraction: None,
-            max_error: None,
-            max_error_rel: None,
-            normal_error_deg: None,
-            raw_error_rel: None,
-            verified: false,
-            problem: None,
+            ..Self::default()
         }
     }
 
@@ -172,7 +143,6 @@ impl RunRecord {
         self.update_and_draw_ms.or(self.gpu_ms).or(self.cpu_ms)
     }
 
-    /// Whether it was right and timed.
     pub fn counts(&self) -> bool {
         self.verified && self.time().is_some_and(|t| t.median > 0.0)
     }

@@ -37,7 +37,6 @@ fn error(run: &RunRecord) -> f64 {
     run.time().map_or(0.0, |t| t.stderr)
 }
 
-/// The fastest of `runs`.
 pub fn fastest<'a>(runs: impl IntoIterator<Item = &'a RunRecord>) -> Option<&'a RunRecord> {
     runs.into_iter().min_by(|a, b| median(a).total_cmp(&median(b)))
 }
@@ -77,7 +76,6 @@ pub fn batch_x(run: &RunRecord) -> X {
     }
 }
 
-/// The time and its error.
 pub fn absolute(run: &RunRecord, _: &[&RunRecord]) -> Option<(f64, f64)> {
     Some((median(run), error(run)))
 }

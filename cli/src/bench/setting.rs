@@ -6,7 +6,6 @@ use deltamorph::plan::UpdateDesc;
 
 /// Everything but the update path.
 pub struct Setting<'a> {
-    /// The weights.
     pub workload: &'a dyn Workload,
     /// Targets changed per frame and head, as asked for; `None` for clips.
     pub changed: Option<usize>,

@@ -7,15 +7,11 @@ use serde::{Deserialize, Serialize};
 pub struct Stats {
     /// Half of the values are below it. One late interrupt does not move it, so it is what the plots show.
     pub median: f64,
-    /// Arithmetic mean.
     pub mean: f64,
     /// Standard error of the mean; 0 for a single value, which says nothing about its spread.
     pub stderr: f64,
-    /// Smallest value.
     pub min: f64,
-    /// Largest value.
     pub max: f64,
-    /// Number of values.
     pub n: usize,
 }
 

@@ -8,26 +8,23 @@ use super::setting::{Config, Setting};
 use super::trial::Context;
 use super::workload::{Clip, Random, Workload};
 use crate::args::bench::BenchArgs;
-use crate::args::values::{AccumulateChoice, BatchSpec, FormatChoice, PathChoice, expand_changed};
+use crate::args::values::{BatchSpec, SUMS, expand_changed};
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
 use crate::runner::Gpu;
 use deltamorph::headless::DeviceChoice;
-use deltamorph::plan::Accumulate;
+use deltamorph::pack::DeltaFormat;
+use deltamorph::plan::{Accumulate, UpdatePath};
 
 /// Batch sizes where none are given.
 const FULL_SWEEP: [BatchSpec; 2] = [BatchSpec::Range(1, None), BatchSpec::All];
 const BRIEF_SWEEP: [BatchSpec; 3] = [BatchSpec::Size(8), BatchSpec::Max, BatchSpec::All];
 /// Paths where none are given. The techniques of others have a suite of their own.
-const PATHS: [PathChoice; 4] = [PathChoice::Feedback, PathChoice::Compute, PathChoice::Blocks, PathChoice::Cpu];
+const PATHS: [UpdatePath; 4] = [UpdatePath::Feedback, UpdatePath::Compute, UpdatePath::Blocks, UpdatePath::Cpu];
 /// Formats where none are given. The float32 of `cpu` is the dense one; in blocks it is there for the asking.
-const FORMATS: [FormatChoice; 4] =
-    [FormatChoice::Float32, FormatChoice::Snorm16, FormatChoice::Fast, FormatChoice::Small];
+const FORMATS: [DeltaFormat; 4] = [DeltaFormat::Float32, DeltaFormat::Snorm16, DeltaFormat::Fast, DeltaFormat::Small];
 
 /// Run everything that `args` ask for.
-///
-/// # Errors
-/// The input or a clip cannot be used; an option asks for what the mesh does not have; a device that fails.
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<Report, Failure> {
     let input = input::load(&args.input, out)?;
     let counts = expand_changed(&args.changed, input.kept.targets.len()).map_err(Failure::Usage)?;
@@ -104,13 +101,12 @@ fn clips(args: &BenchArgs, input: &Input) -> Result<Vec<Clip>, Failure> {
 /// What can run, and what was asked for and cannot, with the reason.
 fn wanted(args: &BenchArgs, gpu: Option<&Gpu>, budget: f32, sweep: &[BatchSpec]) -> (Vec<Config>, Vec<Skipped>) {
     let update = &args.update;
-    let all = [AccumulateChoice::Float, AccumulateChoice::Exact];
     let wanted = Wanted {
         paths: update.paths_or(&PATHS),
         paths_named: !update.paths.is_empty(),
         formats: if update.formats.is_empty() { &FORMATS } else { &update.formats },
-        sums: if update.accumulate.is_empty() { &all } else { &update.accumulate },
-        modes: update.modes.iter().map(|m| m.update_mode()).collect(),
+        sums: if update.accumulate.is_empty() { &SUMS } else { &update.accumulate },
+        modes: update.modes.clone(),
         sizes: if args.batch_sizes.is_empty() { sweep } else { &args.batch_sizes },
         sizes_named: !args.batch_sizes.is_empty(),
         error_budget: budget,

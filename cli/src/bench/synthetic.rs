@@ -1,6 +1,6 @@
 //! A made-up report with the shape of a real one, for tests.
 
-use super::record::{Bandwidth, DeviceInfo, InputInfo, Report, RunRecord, Skipped};
+use super::record::{Bandwidth, DeviceInfo, MeshInfo, Report, RunRecord, Skipped};
 use super::stats::Stats;
 use deltamorph::plan::BatchSize::{self, All, Targets};
 
@@ -20,9 +20,6 @@ fn run(path: &str, format: &str, batch: BatchSize, changed: f64, ms: f64) -> Run
     let delta = if format == "float32" { 24.0 } else { 12.0 };
     let floor = 43_788.0 * (changed * delta + 48.0);
     RunRecord {
-        suite: String::new(),
-        cell: String::new(),
-        technique: String::new(),
         mesh: "head".into(),
         targets: 72,
         path: path.into(),
@@ -34,13 +31,8 @@ fn run(path: &str, format: &str, batch: BatchSize, changed: f64, ms: f64) -> Run
         coefficients,
         active: TARGETS,
         heads: 1,
-        shared: false,
         crowds: 1,
-        alone: false,
         accumulate: "float".into(),
-        error_budget: 0.0,
-        dirty_blocks: 0.0,
-        rebuilt_blocks: 0.0,
         format: format.into(),
         slots: 2,
         passes: (coefficients / per_pass).ceil(),
@@ -49,16 +41,13 @@ fn run(path: &str, format: &str, batch: BatchSize, changed: f64, ms: f64) -> Run
         gpu_ms: (path != "cpu").then(|| stats(ms)),
         cpu_ms: Some(stats(ms + 0.4)),
         draw_ms: (path != "cpu").then_some(0.8),
-        update_and_draw_ms: None,
-        upload_ms: None,
-        rounds: vec![],
         floor_fraction: Some(floor / 12e9 * 1e3 / ms),
         max_error: Some(3e-6),
         max_error_rel: Some(1.2e-7),
         normal_error_deg: Some(0.004),
         raw_error_rel: Some(8e-7),
         verified: true,
-        problem: None,
+        ..RunRecord::default()
     }
 }
 
@@ -108,7 +97,7 @@ pub fn report() -> Report {
             cpu: "Example CPU".into(),
             threads: 2,
         },
-        input: InputInfo {
+        input: MeshInfo {
             name: "head".into(),
             origin: "built-in head".into(),
             vertices: 43_788,
@@ -116,6 +105,7 @@ pub fn report() -> Report {
             triangles: 87_000,
             diagonal: 25.0,
             tolerance: 1e-6,
+            tolerance_normal: 1e-3,
             moved_mean: 0.12,
         },
         bandwidth: Bandwidth {
@@ -125,12 +115,10 @@ pub fn report() -> Report {
             device_read_gb_s: None,
         },
         runs,
-        suites: vec![],
-        meshes: vec![],
-        unplayed: vec![],
         skipped: vec![Skipped {
             what: "feedback, batch all".into(),
             reason: "16 vertex attributes hold 14 targets".into(),
         }],
+        ..Report::default()
     }
 }

@@ -24,11 +24,8 @@ const BRIEF_CHECK: usize = 2;
 /// What all configurations of a mesh share.
 #[derive(Clone, Copy)]
 pub struct Context<'a> {
-    /// The command line.
     pub args: &'a BenchArgs,
-    /// The mesh.
     pub input: &'a Input,
-    /// The ceilings.
     pub bandwidth: Bandwidth,
 }
 
@@ -80,9 +77,6 @@ impl Samples {
 
 impl<'a> Trial<'a> {
     /// Run to the checkpoints, and compare with the reference there.
-    ///
-    /// # Errors
-    /// Weights that the path refuses; a device that fails. A wrong result is no error: see [`is_right`](Self::is_right).
     pub fn begin(
         context: Context<'a>,
         runner: Runner<'a>,
@@ -136,9 +130,6 @@ impl<'a> Trial<'a> {
     }
 
     /// Run frames as they will be timed, up to `limit` (but one at least); returns what the last of them took.
-    ///
-    /// # Errors
-    /// A device that fails.
     pub fn warm_up(&mut self, limit: Option<Duration>) -> Result<Duration> {
         let (begun, mut last) = (Instant::now(), Duration::ZERO);
         for i in 0..self.context.args.warmup {
@@ -158,17 +149,11 @@ impl<'a> Trial<'a> {
     }
 
     /// Go on from `frame`: the frames to it are not timed, and enough of them that no slot is from before.
-    ///
-    /// # Errors
-    /// A device that fails.
     pub fn jump(&mut self, frame: usize) -> Result<()> {
         (0..self.record.slots as usize).try_for_each(|i| self.step(frame + i, 0).map(drop))
     }
 
     /// Time `frames` more, up to `limit` (but one at least).
-    ///
-    /// # Errors
-    /// A device that fails.
     pub fn round(&mut self, frames: usize, limit: Option<Duration>) -> Result<()> {
         let (begun, first) = (Instant::now(), self.samples.frames);
         let mut before = self.setting.weights(self.frame);
@@ -226,9 +211,6 @@ impl<'a> Trial<'a> {
     }
 
     /// Verify once more, and sum up.
-    ///
-    /// # Errors
-    /// A device that fails.
     pub fn finish(mut self, references: &mut References) -> Result<RunRecord> {
         if self.samples.frames > 0 {
             self.verify(references)?;

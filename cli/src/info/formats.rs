@@ -9,9 +9,6 @@ use std::sync::Arc;
 
 /// `mesh` in every format; `held`, where it comes from a packed file, as the file has it. The others pack what the file
 /// holds, and their errors are against that.
-///
-/// # Errors
-/// The mesh cannot be packed.
 pub fn pack_all(mesh: &MorphMesh, held: Option<&Arc<PackedMesh>>) -> Result<Vec<Arc<PackedMesh>>, Failure> {
     let pack = |format| match held.filter(|held| held.layout().format == format) {
         Some(held) => Ok(held.clone()),
@@ -21,9 +18,6 @@ pub fn pack_all(mesh: &MorphMesh, held: Option<&Arc<PackedMesh>>) -> Result<Vec<
 }
 
 /// `mesh` in one format.
-///
-/// # Errors
-/// The mesh cannot be packed.
 pub fn pack(mesh: &MorphMesh, format: DeltaFormat, blocks: BlockDesc) -> Result<PackedMesh, Failure> {
     // One chunk, whatever a device would bind: chunks change neither bytes nor values.
     let desc = PackDesc { max_chunk_bytes: u64::MAX, max_chunk_vertices: u64::MAX, blocks, ..PackDesc::new(format) };

@@ -1,17 +1,14 @@
 //! The JSON of `info`. Fields may be added, never renamed.
 
+use crate::input::MeshInfo;
 use serde::Serialize;
 
-/// The whole answer.
 #[derive(Debug, Serialize)]
 pub struct Info {
-    /// Version of these structs.
     pub schema: u32,
-    /// The mesh.
-    pub input: InputRow,
+    pub input: MeshInfo,
     /// The targets, in the order of the input.
     pub targets: Vec<TargetRow>,
-    /// How the targets share vertices.
     pub overlap: Overlap,
     /// How tightly they fill the blocks of the format `small`.
     pub blocks: Blocks,
@@ -27,31 +24,8 @@ pub struct Info {
     pub poses: Option<Vec<PoseRow>>,
 }
 
-/// The mesh.
-#[derive(Debug, Serialize)]
-pub struct InputRow {
-    /// Its name.
-    pub name: String,
-    /// Where it came from.
-    pub origin: String,
-    /// Number of vertices.
-    pub vertices: usize,
-    /// Number of targets.
-    pub targets: usize,
-    /// Number of triangles, polygons cut into fans.
-    pub triangles: usize,
-    /// Length of the bounding-box diagonal, in input units.
-    pub diagonal: f32,
-    /// Position deltas up to this fraction of the diagonal were dropped.
-    pub tolerance: f32,
-    /// Normal deltas up to this length were dropped.
-    pub tolerance_normal: f32,
-}
-
-/// A target.
 #[derive(Debug, Serialize)]
 pub struct TargetRow {
-    /// Its name.
     pub name: String,
     /// Fraction of the vertices with a delta that was kept.
     pub moved: f64,
@@ -65,7 +39,6 @@ pub struct TargetRow {
     pub max_normal_delta: f32,
 }
 
-/// How the targets share vertices.
 #[derive(Debug, Serialize)]
 pub struct Overlap {
     /// Fraction of the vertices that some target moves.
@@ -79,9 +52,7 @@ pub struct Overlap {
 /// The blocks of the format `small`, in the order in which packing lays the vertices out.
 #[derive(Debug, Default, PartialEq, Serialize)]
 pub struct Blocks {
-    /// Vertices per block.
     pub size: usize,
-    /// Number of blocks.
     pub count: usize,
     /// Pairs of a block and a target that moves some of its vertices.
     pub incidence: usize,
@@ -89,10 +60,8 @@ pub struct Blocks {
     pub fill: f64,
 }
 
-/// A delta format.
 #[derive(Debug, Serialize)]
 pub struct FormatRow {
-    /// Its name.
     pub name: String,
     /// Bytes of the deltas.
     pub delta_bytes: u64,
@@ -102,22 +71,16 @@ pub struct FormatRow {
     pub dense_f32_bytes: u64,
     /// Largest error of a position delta, in input units.
     pub position_error: f64,
-    /// The same as a fraction of the diagonal.
     pub position_error_rel: f64,
     /// Largest angle between the exact and the decoded normal at weight 1, in degrees.
     pub normal_error_deg: f64,
 }
 
-/// A weight clip.
 #[derive(Debug, Serialize)]
 pub struct ClipRow {
-    /// Its name.
     pub name: String,
-    /// Number of frames.
     pub frames: usize,
-    /// Frames per second.
     pub fps: f32,
-    /// Number of columns in the file.
     pub columns: usize,
     /// Targets whose weight differs from the frame before, on average.
     pub changed_mean: f64,
@@ -132,7 +95,6 @@ pub struct ClipRow {
 /// A way to pack, and what it costs.
 #[derive(Clone, Debug, Serialize)]
 pub struct SweepRow {
-    /// Its name.
     pub format: &'static str,
     /// Vertices per block; `None` for dense formats.
     pub block_size: Option<usize>,
@@ -153,11 +115,9 @@ pub struct SweepRow {
 /// The largest errors of whole poses of a clip against the raw files: dropped deltas and packing together.
 #[derive(Clone, Debug, Serialize)]
 pub struct PoseRow {
-    /// The clip's name.
     pub clip: String,
     /// Frames that were looked at.
     pub frames: usize,
-    /// The format.
     pub format: &'static str,
     /// Largest position error, as a fraction of the diagonal.
     pub position_error_rel: f64,

@@ -11,9 +11,6 @@ use plotters::prelude::RGBColor;
 use std::path::Path;
 
 /// Make sure that `dir` is ours to write to: new, empty, or with an earlier report.
-///
-/// # Errors
-/// It holds something else; it cannot be created or listed.
 pub fn claim(dir: &Path) -> Result<(), Failure> {
     create_folder(dir)?;
     let ours = || {
@@ -30,9 +27,6 @@ pub fn claim(dir: &Path) -> Result<(), Failure> {
 }
 
 /// Write everything into `dir`, replacing what an earlier run left there when all is drawn.
-///
-/// # Errors
-/// A file cannot be written, or a plot cannot be drawn.
 pub fn write(info: &Info, dir: &Path) -> Result<(), Failure> {
     publish(dir, |_| false, |dir| write_into(info, dir))
 }

@@ -18,9 +18,6 @@ const STEPS: i32 = 7;
 const FRAMES: usize = 32;
 
 /// The format `small` over the errors allowed and the block sizes, then every format as it is by default.
-///
-/// # Errors
-/// The mesh cannot be packed.
 pub fn sweep(mesh: &MorphMesh, packed: &[Arc<PackedMesh>], out: &Output) -> Result<Vec<SweepRow>, Failure> {
     let bar = out.bar(STEPS as u64 * BLOCK_SIZES.len() as u64);
     let default = BlockDesc::default();

@@ -5,17 +5,13 @@ use serde::Serialize;
 /// What a clip took.
 #[derive(Debug, Serialize)]
 pub struct Played {
-    /// Version of these structs.
     pub schema: u32,
     /// The Vulkan device's name, or "none".
     pub device: String,
     /// Where the mesh came from: a folder, or "built-in head".
     pub input: String,
-    /// The clip's name.
     pub clip: String,
-    /// Each frame.
     pub frames: Vec<FrameRow>,
-    /// All of them.
     pub summary: Summary,
 }
 
@@ -32,7 +28,6 @@ pub struct FrameRow {
     pub dirty_blocks: usize,
     /// Of these, the ones that started from the base pose.
     pub rebuilt_blocks: usize,
-    /// Passes.
     pub passes: usize,
     /// Bytes loaded and stored.
     pub bytes_moved: u64,
@@ -44,20 +39,15 @@ pub struct FrameRow {
     pub max_error: Option<f64>,
 }
 
-/// All frames together.
 #[derive(Clone, Debug, Serialize)]
 pub struct Summary {
-    /// Number of frames.
     pub frames: usize,
-    /// Update path.
     pub path: &'static str,
-    /// Delta format.
     pub format: &'static str,
     /// "incremental" or "rebuild".
     pub mode: &'static str,
     /// "float" or "exact".
     pub accumulate: &'static str,
-    /// Pose buffers.
     pub slots: u32,
     /// In input units; 0 where nothing waits.
     pub error_budget: f32,
@@ -74,7 +64,6 @@ pub struct Summary {
     pub bytes_share: Option<f64>,
     /// Median of the time on the device.
     pub gpu_ms_median: Option<f64>,
-    /// Its mean.
     pub gpu_ms_mean: Option<f64>,
     /// Median of the round trips, in microseconds.
     pub cpu_us_median: Option<f64>,
@@ -83,7 +72,6 @@ pub struct Summary {
     /// Largest position error against the float64 reference, in input units. Exact sums are held to the weights as their
     /// grid rounds them.
     pub max_error: f64,
-    /// The same as a fraction of the diagonal.
     pub max_error_rel: f64,
     /// Largest angle between normals, in degrees.
     pub normal_error_deg: f64,

@@ -16,11 +16,8 @@ pub enum Scale {
 pub struct Axis {
     /// How values become distances.
     pub scale: Scale,
-    /// First value.
     pub lo: f64,
-    /// Last value.
     pub hi: f64,
-    /// The marked values.
     pub ticks: Vec<f64>,
 }
 

@@ -8,16 +8,12 @@ use plotters::prelude::{DrawingBackend, RGBColor};
 const ROW: f64 = 34.0;
 const TOP: f64 = 94.0;
 
-/// A bar.
 #[derive(Clone, Debug)]
 pub struct Bar {
-    /// Its name.
     pub label: String,
     /// What is written behind it.
     pub remark: String,
-    /// Its length.
     pub length: f64,
-    /// Its colour.
     pub color: RGBColor,
 }
 
@@ -33,13 +29,10 @@ pub enum Unit {
 /// Horizontal bars from 0.
 #[derive(Clone, Debug)]
 pub struct BarChart {
-    /// The heading.
     pub title: String,
-    /// The lines below it.
     pub subtitle: [String; 2],
     /// What their lengths are.
     pub unit: Unit,
-    /// The bars, from the top.
     pub bars: Vec<Bar>,
 }
 
@@ -49,10 +42,6 @@ impl BarChart {
         TOP + ROW * self.bars.len() as f64 + 42.0
     }
 
-    /// Draw the chart.
-    ///
-    /// # Errors
-    /// The surface refuses.
     pub fn draw<DB: DrawingBackend>(&self, canvas: &Canvas<'_, DB>) -> Drawn {
         let left_aligned = |size, color| Type { size, color, align: Align::Left };
         canvas.fill(PAPER)?;

@@ -13,7 +13,6 @@ pub const WIDTH: f64 = 720.0;
 /// The family the text is set in: the browser's own in SVG, the built-in font in PNG.
 const FONT: &str = "sans-serif";
 
-/// Ink of text.
 pub const INK: RGBColor = RGBColor(0x22, 0x26, 0x2e);
 /// Ink of what explains.
 pub const MUTED: RGBColor = RGBColor(0x66, 0x6d, 0x7a);
@@ -21,7 +20,6 @@ pub const MUTED: RGBColor = RGBColor(0x66, 0x6d, 0x7a);
 pub const AXIS: RGBColor = RGBColor(0x9a, 0xa1, 0xad);
 /// Ink of the grid.
 pub const GRID: RGBColor = RGBColor(0xe6, 0xe8, 0xec);
-/// Paper.
 pub const PAPER: RGBColor = RGBColor(0xff, 0xff, 0xff);
 
 /// Why a figure could not be drawn.
@@ -52,7 +50,6 @@ pub fn register_font() -> Drawn {
 pub enum Align {
     /// To the right of it.
     Left,
-    /// Centred on it.
     Center,
     /// To the left of it.
     Right,
@@ -61,9 +58,7 @@ pub enum Align {
 /// How a text is set. Texts are always centred on their point vertically.
 #[derive(Clone, Copy, Debug)]
 pub struct Type {
-    /// Size in points.
     pub size: f64,
-    /// Ink.
     pub color: RGBColor,
     /// Where it stands.
     pub align: Align,
@@ -72,13 +67,9 @@ pub struct Type {
 /// Shape of a data point, so that series differ without colour too.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Marker {
-    /// ●
     Circle,
-    /// ▲
     Triangle,
-    /// ■
     Square,
-    /// ◆
     Diamond,
 }
 
@@ -105,18 +96,15 @@ impl<'a, DB: DrawingBackend> Canvas<'a, DB> {
         color.stroke_width((width * self.scale).round().max(1.0) as u32)
     }
 
-    /// Fill everything.
     pub fn fill(&self, color: RGBColor) -> Drawn {
         self.area.fill(&color).map_err(PlotError::new)
     }
 
-    /// A line through `points`.
     pub fn line(&self, points: &[(f64, f64)], color: RGBColor, width: f64) -> Drawn {
         let points: Vec<_> = points.iter().map(|&p| self.px(p)).collect();
         self.area.draw(&PathElement::new(points, self.pen(color, width))).map_err(PlotError::new)
     }
 
-    /// A dashed line between two points.
     pub fn dashed(&self, from: (f64, f64), to: (f64, f64), color: RGBColor, width: f64) -> Drawn {
         let (dx, dy) = (to.0 - from.0, to.1 - from.1);
         let length = dx.hypot(dy);
@@ -129,7 +117,6 @@ impl<'a, DB: DrawingBackend> Canvas<'a, DB> {
         Ok(())
     }
 
-    /// A filled rectangle between two corners.
     pub fn rect(&self, a: (f64, f64), b: (f64, f64), color: RGBColor) -> Drawn {
         self.area.draw(&Rectangle::new([self.px(a), self.px(b)], color.filled())).map_err(PlotError::new)
     }
@@ -170,7 +157,6 @@ impl<'a, DB: DrawingBackend> Canvas<'a, DB> {
         TextStyle { font, color: text.color.to_backend_color(), pos: Pos::new(h, VPos::Center) }
     }
 
-    /// A line of text.
     pub fn text(&self, text: &str, (x, y): (f64, f64), set: Type) -> Drawn {
         let at = (x, y + self.lift * set.size);
         self.area.draw(&Text::new(text.to_owned(), self.px(at), self.style(set))).map_err(PlotError::new)

@@ -23,22 +23,15 @@ pub enum X {
 /// A point with its standard error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
-    /// Where on the x axis.
     pub x: X,
-    /// The value.
     pub y: f64,
-    /// One standard error of it.
     pub error: f64,
 }
 
-/// A line of a chart.
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// Its name in the legend.
     pub label: String,
-    /// Its colour.
     pub color: RGBColor,
-    /// The shape of its points.
     pub marker: Marker,
     /// Its points, ascending in x, `X::All` last.
     pub points: Vec<Point>,
@@ -55,26 +48,18 @@ pub enum Axes {
     Log,
 }
 
-/// A line chart.
 #[derive(Clone, Debug)]
 pub struct LineChart {
-    /// The heading.
     pub title: String,
-    /// The lines below it.
     pub subtitle: [String; 2],
-    /// What the x axis counts.
     pub x_label: String,
-    /// What the y axis measures.
     pub y_label: String,
-    /// The lines.
     pub series: Vec<Series>,
-    /// How the axes are laid out.
     pub axes: Axes,
     /// A value to compare with, drawn across.
     pub reference: Option<f64>,
 }
 
-/// The part of the figure that holds data.
 struct Frame {
     left: f64,
     right: f64,
@@ -100,10 +85,6 @@ impl Frame {
 }
 
 impl LineChart {
-    /// Draw the chart.
-    ///
-    /// # Errors
-    /// The surface refuses.
     pub fn draw<DB: DrawingBackend>(&self, canvas: &Canvas<'_, DB>) -> Drawn {
         canvas.fill(PAPER)?;
         canvas.heading(&self.title, &self.subtitle)?;

@@ -21,28 +21,22 @@ const SUPERSAMPLE: usize = 2;
 /// plotters centres bitmap text by a height that leaves the descenders out.
 const BITMAP_LIFT: f64 = 0.2;
 
-/// A figure of a report.
 #[derive(Clone, Debug)]
 pub struct Figure {
     /// File name without extension.
     pub slug: String,
     /// What a reader should know.
     pub caption: String,
-    /// The chart.
     pub chart: Chart,
 }
 
-/// The kinds of charts.
 #[derive(Clone, Debug)]
 pub enum Chart {
-    /// Lines.
     Lines(LineChart),
-    /// Bars.
     Bars(BarChart),
 }
 
 impl Figure {
-    /// The heading.
     pub fn title(&self) -> &str {
         match &self.chart {
             Chart::Lines(c) => &c.title,
@@ -67,10 +61,6 @@ impl Figure {
         area.present().map_err(PlotError::new)
     }
 
-    /// The figure as SVG.
-    ///
-    /// # Errors
-    /// It cannot be drawn.
     pub fn svg(&self) -> Drawn<String> {
         register_font()?;
         let mut svg = String::new();
@@ -79,9 +69,6 @@ impl Figure {
     }
 
     /// Write the figure into `dir`, as SVG and as PNG; returns the SVG.
-    ///
-    /// # Errors
-    /// It cannot be drawn or written.
     pub fn write(&self, dir: &Path) -> Result<String, Failure> {
         let failed = |e| Failure::failed(&e);
         let svg = self.svg().map_err(failed)?;
@@ -90,10 +77,6 @@ impl Figure {
         Ok(svg)
     }
 
-    /// The figure as a PNG file.
-    ///
-    /// # Errors
-    /// It cannot be drawn or written.
     pub fn write_png(&self, path: &Path) -> Drawn {
         register_font()?;
         let scale = SCALE * SUPERSAMPLE as f64;

@@ -31,9 +31,6 @@ struct Work<'a> {
 }
 
 /// All, few, and few active targets × dense and sparse × heads.
-///
-/// # Errors
-/// INPUT cannot be used; a device that fails.
 pub fn techniques(lab: &mut Lab<'_>) -> Result<SuiteRecord, Failure> {
     let mut suite = SuiteRecord { name: "techniques".into(), ..SuiteRecord::default() };
     let all = technique::all(lab);
@@ -57,7 +54,6 @@ pub fn techniques(lab: &mut Lab<'_>) -> Result<SuiteRecord, Failure> {
     Ok(suite)
 }
 
-/// A mesh with clips.
 pub struct ClipSet {
     input: Input,
     clips: Vec<Clip>,
@@ -65,9 +61,6 @@ pub struct ClipSet {
 
 /// Read the clips of INPUT; without INPUT, those of each set under DELTAMORPH_DATA. Before anything is measured: a set that
 /// cannot be used is not to cost what was measured before it.
-///
-/// # Errors
-/// A set or a clip cannot be used.
 pub fn clip_sets(lab: &mut Lab<'_>) -> Result<Vec<ClipSet>, Failure> {
     let mut list = vec![];
     for set in sets(lab)? {
@@ -82,9 +75,6 @@ pub fn clip_sets(lab: &mut Lab<'_>) -> Result<Vec<ClipSet>, Failure> {
 }
 
 /// Every technique on these clips.
-///
-/// # Errors
-/// A device that fails.
 pub fn clips(lab: &mut Lab<'_>, sets: Vec<ClipSet>) -> Result<SuiteRecord, Failure> {
     let mut suite = SuiteRecord { name: "clips".into(), ..SuiteRecord::default() };
     let all = technique::all(lab);

@@ -4,7 +4,7 @@ use super::Lab;
 use super::record::{Comparison, SuiteRecord};
 use super::subject::Subject;
 use super::technique::{formats, paths};
-use crate::args::values::{AccumulateChoice, BatchSpec};
+use crate::args::values::{BatchSpec, SUMS};
 use crate::bench::configs::{Wanted, configurations};
 use crate::bench::race::{Entrant, Tempo};
 use crate::bench::record::{RunRecord, Skipped};
@@ -18,15 +18,12 @@ use deltamorph::plan::{BatchSize, UpdateMode};
 const FEW: usize = 8;
 
 /// Every batch size of every dense path and format.
-///
-/// # Errors
-/// A device that fails.
 pub fn run(lab: &mut Lab<'_>, subject: &mut Subject) -> Result<SuiteRecord, Failure> {
     let wanted = Wanted {
         paths: paths(lab).into_iter().filter(|path| path.default_mode() == UpdateMode::Incremental).collect(),
         paths_named: false,
         formats: &formats(lab),
-        sums: &[AccumulateChoice::Float],
+        sums: &SUMS[..1],
         modes: vec![UpdateMode::Incremental],
         sizes: &[BatchSpec::Range(1, None)],
         sizes_named: false,

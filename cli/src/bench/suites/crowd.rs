@@ -23,9 +23,6 @@ const SHARED: [(Tempo, &str, &str); 2] =
 const CROWD_GOAL: &str = "3 or more";
 
 /// Time against the number of targets kept, for one head, many, and many copies of one; and what a crowd saves.
-///
-/// # Errors
-/// INPUT cannot be used; a device that fails.
 pub fn run(lab: &mut Lab<'_>) -> Result<SuiteRecord, Failure> {
     let heads = lab.args.heads_or(&HEADS);
     let (one, many) = (heads[0], heads[heads.len() - 1]);

@@ -17,7 +17,7 @@ pub mod text;
 
 use super::machine::Machine;
 use super::race::{Entrant, Outcome, Pace, Tempo, contest};
-use super::record::{InputInfo, Report, RunRecord, Skipped};
+use super::record::{MeshInfo, Report, RunRecord, Skipped};
 use super::trial::Context;
 use crate::args::bench::{BenchArgs, SuiteChoice};
 use crate::input;
@@ -32,11 +32,8 @@ const ROUNDS: usize = 10;
 
 /// What all suites share, and what they have found so far.
 pub struct Lab<'a> {
-    /// The command line.
     pub args: &'a BenchArgs,
-    /// The device.
     pub machine: &'a Machine,
-    /// Where remarks go.
     pub out: &'a Output,
     /// Progress: a step for each cell.
     pub bar: ProgressBar,
@@ -44,7 +41,7 @@ pub struct Lab<'a> {
     suite: &'static str,
     runs: Vec<RunRecord>,
     skipped: Vec<Skipped>,
-    meshes: Vec<InputInfo>,
+    meshes: Vec<MeshInfo>,
 }
 
 impl Lab<'_> {
@@ -55,9 +52,6 @@ impl Lab<'_> {
     }
 
     /// Measure `entrants` on `subject`, in turns.
-    ///
-    /// # Errors
-    /// A device that fails.
     pub fn contest(
         &mut self,
         subject: &mut Subject,
@@ -70,9 +64,6 @@ impl Lab<'_> {
     }
 
     /// As [`contest`](Self::contest); what was measured goes into the report under `cell` and the entrants' names.
-    ///
-    /// # Errors
-    /// A device that fails.
     pub fn measure(
         &mut self,
         subject: &mut Subject,
@@ -112,9 +103,6 @@ impl Lab<'_> {
 }
 
 /// Run the suites that `args` ask for.
-///
-/// # Errors
-/// The input cannot be used; a device that fails.
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<Report, Failure> {
     let input = input::load(&args.input, out)?;
     let machine = Machine::open(args, device, &input, out)?;

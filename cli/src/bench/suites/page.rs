@@ -10,7 +10,6 @@ use crate::page::{document, escape, figure, table};
 use crate::plots::Figure;
 use crate::table::sig3;
 
-/// The name of its file.
 pub fn file_name(suite: &SuiteRecord) -> String {
     format!("suite-{}.html", suite.name)
 }

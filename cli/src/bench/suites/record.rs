@@ -21,11 +21,9 @@ pub struct SuiteRecord {
 pub struct CellRecord {
     /// Its name; runs give it.
     pub name: String,
-    /// The mesh.
     pub mesh: String,
     /// What changes: in words, or the clip.
     pub change: String,
-    /// Number of heads.
     pub heads: u32,
     /// The fastest technique with a device.
     pub fastest: Option<String>,
@@ -45,11 +43,8 @@ pub struct CellRecord {
 /// Two configurations of the same work.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Comparison {
-    /// The work.
     pub name: String,
-    /// One of them.
     pub first: String,
-    /// The other.
     pub second: String,
     /// Median of the first, in ms.
     pub first_ms: f64,

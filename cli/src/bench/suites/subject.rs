@@ -2,7 +2,6 @@
 
 use super::Lab;
 use crate::args::InputArgs;
-use crate::bench::machine;
 use crate::bench::race::Cache;
 use crate::input::{self, Input};
 use crate::output::Failure;
@@ -14,7 +13,6 @@ const SPARSE: f32 = 0.08;
 pub struct Subject {
     /// Its name in the report.
     pub name: String,
-    /// It.
     pub input: Input,
     /// See there.
     pub cache: Cache,
@@ -27,7 +25,7 @@ impl Subject {
     pub fn new(lab: &mut Lab<'_>, name: &str, mut input: Input) -> Self {
         name.clone_into(&mut input.kept.name);
         if lab.meshes.iter().all(|mesh| mesh.name != name) {
-            lab.meshes.push(machine::mesh(&input));
+            lab.meshes.push(input.info());
         }
         let was_packed = input.packed.is_some();
         Self { name: name.into(), input, cache: Cache::default(), was_packed }
@@ -43,16 +41,12 @@ impl Subject {
         Self { name: self.name.clone(), input, cache: Cache::default(), was_packed: self.was_packed }
     }
 
-    /// Number of targets.
     pub fn targets(&self) -> usize {
         self.input.kept.targets.len()
     }
 }
 
 /// The built-in head, dense and sparse; or INPUT alone.
-///
-/// # Errors
-/// INPUT cannot be used.
 pub fn dense_and_sparse(lab: &mut Lab<'_>) -> Result<Vec<Subject>, Failure> {
     let args = &lab.args.input;
     if args.input.is_some() {

@@ -2,15 +2,15 @@
 
 use super::Lab;
 use super::subject::Subject;
-use crate::args::values::{AccumulateChoice, BatchSpec, FormatChoice, PathChoice};
+use crate::args::values::BatchSpec;
 use crate::bench::configs::{Wanted, configurations};
 use crate::bench::race::{Entrant, Pace, Tempo};
 use crate::bench::record::Skipped;
 use crate::bench::select::median;
 use crate::bench::setting::{Config, Setting};
 use crate::output::Failure;
-use clap::ValueEnum;
-use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph::pack::DeltaFormat;
+use deltamorph::plan::{BatchSize, UpdateDesc, UpdateMode, UpdatePath};
 
 /// A technique, and the configurations that the best one is chosen from.
 pub struct Technique {
@@ -28,13 +28,13 @@ const REBUILDS: [(UpdatePath, bool); 2] = [(UpdatePath::Compute, false), (Update
 
 /// The paths asked for, or every path that the command line knows.
 pub fn paths(lab: &Lab<'_>) -> Vec<UpdatePath> {
-    lab.args.update.paths_or(PathChoice::value_variants())
+    lab.args.update.paths_or(&UpdatePath::ALL)
 }
 
 /// The formats asked for, or all.
-pub fn formats(lab: &Lab<'_>) -> Vec<FormatChoice> {
+pub fn formats(lab: &Lab<'_>) -> Vec<DeltaFormat> {
     let named = &lab.args.update.formats;
-    if named.is_empty() { FormatChoice::value_variants().to_vec() } else { named.clone() }
+    if named.is_empty() { DeltaFormat::ALL.to_vec() } else { named.clone() }
 }
 
 /// Every technique that can run; those that cannot become entries of what was skipped.
@@ -57,15 +57,11 @@ pub fn all(lab: &mut Lab<'_>) -> Vec<Technique> {
 }
 
 fn technique(lab: &mut Lab<'_>, path: UpdatePath, mode: UpdateMode, sizes: &[BatchSpec], name: String) -> Technique {
-    let sums = match UpdateDesc::new(path, BatchSize::All).accumulate {
-        Accumulate::Float { .. } => AccumulateChoice::Float,
-        Accumulate::Exact => AccumulateChoice::Exact,
-    };
     let wanted = Wanted {
         paths: vec![path],
         paths_named: !lab.args.update.paths.is_empty(),
         formats: &formats(lab),
-        sums: &[sums],
+        sums: &[UpdateDesc::new(path, BatchSize::All).accumulate],
         modes: vec![mode],
         sizes,
         sizes_named: false,
@@ -77,9 +73,6 @@ fn technique(lab: &mut Lab<'_>, path: UpdatePath, mode: UpdateMode, sizes: &[Bat
 }
 
 /// The fastest configuration of each technique in a short run; none where all are refused.
-///
-/// # Errors
-/// A device that fails.
 pub fn choose(
     lab: &mut Lab<'_>,
     subject: &mut Subject,

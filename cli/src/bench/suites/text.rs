@@ -5,7 +5,6 @@ use crate::bench::record::{Report, RunRecord};
 use crate::bench::select::median;
 use crate::table::{Table, sig3};
 
-/// What a suite is about.
 pub fn title(name: &str) -> &str {
     match name {
         "chapter" => "What batching gains",
@@ -16,17 +15,14 @@ pub fn title(name: &str) -> &str {
     }
 }
 
-/// The runs of a suite.
 pub fn runs<'a>(suite: &'a SuiteRecord, report: &'a Report) -> impl Iterator<Item = &'a RunRecord> + Clone {
     report.runs.iter().filter(|run| run.suite == suite.name)
 }
 
-/// The runs of a cell.
 pub fn of_cell<'a>(suite: &'a SuiteRecord, report: &'a Report, cell: &'a str) -> impl Iterator<Item = &'a RunRecord> {
     runs(suite, report).filter(move |run| run.cell == cell)
 }
 
-/// Headings of [`cell_row`].
 pub const CELL_HEADINGS: [&str; 10] = [
     "cell",
     "fastest",
@@ -40,7 +36,6 @@ pub const CELL_HEADINGS: [&str; 10] = [
     "direct / blocks",
 ];
 
-/// A cell as a row.
 pub fn cell_row(cell: &CellRecord, suite: &SuiteRecord, report: &Report) -> Vec<String> {
     let time = |name: &Option<String>| {
         let run = of_cell(suite, report, &cell.name).find(|run| Some(label(run)) == *name);
@@ -62,11 +57,9 @@ pub fn cell_row(cell: &CellRecord, suite: &SuiteRecord, report: &Report) -> Vec<
     ]
 }
 
-/// Headings of [`comparison_row`].
 pub const COMPARISON_HEADINGS: [&str; 8] =
     ["comparison", "first", "its ms", "second", "its ms", "first / second, median of rounds", "should be", "n"];
 
-/// A comparison as a row.
 pub fn comparison_row(c: &Comparison) -> Vec<String> {
     let [a, b] = c.n;
     vec![
@@ -113,7 +106,6 @@ pub fn matrix(suite: &SuiteRecord, report: &Report) -> (Vec<String>, Vec<Vec<Str
     (headings, cells.iter().map(row).collect())
 }
 
-/// The tables of a suite.
 pub fn text(suite: &SuiteRecord, report: &Report) -> String {
     let table = |headings: &[&str], left: usize, rows: Vec<Vec<String>>| {
         let mut table = Table::new(headings, left);
