@@ -4,13 +4,17 @@
 //! Either way OUT_DIR gets `manifest.txt` (what the modules were made from) and `modules.rs`, a table of
 //! `(name, bytes)` that src/gpu/shaders.rs includes.
 
+use formats::FORMATS;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
+#[path = "src/abi/formats.rs"]
+mod formats;
+
 /// The largest batch of a feedback module per format: what 32 vertex attributes allow. Read by
 /// src/gpu/shaders.rs through the table of modules, not repeated there.
-const ATTRIBUTES: usize = 32;
+const ATTRIBUTES: u32 = 32;
 
 /// A module: its name, source file, and defines.
 #[cfg_attr(not(feature = "compile-shaders"), expect(dead_code, reason = "only the compiler reads source and defines"))]
@@ -18,10 +22,12 @@ struct Module {
     name: String,
     source: &'static str,
     defines: Vec<(&'static str, Option<String>)>,
+    /// The file under glsl/formats/ that is included as `format.glsl`.
+    format: Option<&'static str>,
 }
 
 fn modules() -> Vec<Module> {
-    let module = |name: &str, source, defines| Module { name: name.into(), source, defines };
+    let module = |name: &str, source, defines| Module { name: name.into(), source, defines, format: None };
     let mut list = vec![module("consume", "consume.vert", vec![]), module("read", "read.comp", vec![])];
     let animation = ["animate.comp", "budget.comp", "commit.comp", "plan.comp", "arguments.comp"];
     list.extend(animation.map(|source| module(source.trim_end_matches(".comp"), source, vec![])));
@@ -29,41 +35,44 @@ fn modules() -> Vec<Module> {
         let source = if name == "scatter" { "baselines/scatter.comp" } else { "baselines/resolve.comp" };
         list.push(module(name, source, vec![]));
     }
-    for (format, attributes, define) in [("float32", 2, None), ("snorm16", 1, Some(("SNORM16", None)))] {
-        let with = |rest: Vec<(&'static str, Option<String>)>| define.clone().into_iter().chain(rest).collect();
-        list.push(module(&format!("dense_{format}"), "dense.comp", with(vec![])));
-        list.push(module(&format!("dense_list_{format}"), "dense_list.comp", with(vec![])));
+    for row in FORMATS.iter().filter(|row| !row.blocks) {
+        let module = |name: String, source, defines: Vec<(&'static str, Option<String>)>| Module {
+            format: Some(row.glsl),
+            ..module(&name, source, defines)
+        };
+        let format = row.module;
+        list.push(module(format!("dense_{format}"), "dense.comp", vec![]));
+        list.push(module(format!("dense_list_{format}"), "dense_list.comp", vec![]));
         // One module per batch size; batch 0 copies.
         for (name, source) in [
             ("feedback", "feedback.vert"),
             ("vertex_store", "baselines/vertex_store.vert"),
             ("direct_attributes", "baselines/direct_attributes.vert"),
         ] {
-            for batch in 0..=(ATTRIBUTES - 2) / attributes {
+            for batch in 0..=(ATTRIBUTES - 2) / row.attributes {
                 let name = format!("{name}_{format}_{batch:02}");
-                list.push(module(&name, source, with(vec![("BATCH", Some(batch.to_string()))])));
+                list.push(module(name, source, vec![("BATCH", Some(batch.to_string()))]));
             }
         }
         // The draw, and the same with its result captured, in the two ways that devices have.
         for (end, capture) in [("", None), ("_feedback", Some("FEEDBACK")), ("_store", Some("STORE"))] {
             let defines = capture.into_iter().map(|c| (c, None)).collect();
-            list.push(module(&format!("direct_{format}{end}"), "baselines/direct.vert", with(defines)));
+            list.push(module(format!("direct_{format}{end}"), "baselines/direct.vert", defines));
         }
     }
-    for (format, define, exact) in
-        [("float32", None, false), ("fast", Some("FAST"), true), ("small", Some("SMALL"), true)]
-    {
-        for exact in [Some(false), exact.then_some(true)].into_iter().flatten() {
+    for row in FORMATS.iter().filter(|row| row.blocks) {
+        for exact in [Some(false), row.integers.then_some(true)].into_iter().flatten() {
             let mut add = |kernel: &str, source, texels: Option<&'static str>| {
                 let suffix = [if exact { "_exact" } else { "" }, if texels.is_some() { "_texels" } else { "" }];
-                let defines = define.into_iter().chain(exact.then_some("EXACT")).chain(texels);
-                let name = format!("{kernel}_{format}{}", suffix.concat());
-                list.push(module(&name, source, defines.map(|d| (d, None)).collect()));
+                let defines = exact.then_some("EXACT").into_iter().chain(texels);
+                let name = format!("{kernel}_{}{}", row.module, suffix.concat());
+                let module = module(&name, source, defines.map(|d| (d, None)).collect());
+                list.push(Module { format: Some(row.glsl), ..module });
             };
             add("blocks", "blocks.comp", None);
             add("crowd", "crowd.comp", None);
             // For software drivers.
-            if format == "fast" {
+            if row.name == "fast" {
                 add("crowd", "crowd.comp", Some("TEXELS"));
             }
         }
@@ -105,10 +114,15 @@ fn compile(module: &Module, glsl: &Path) -> Vec<u8> {
         VulkanVersion,
     };
 
-    struct Includes<'a>(&'a Path);
+    /// Files of glsl/, and as `format.glsl` the file of the module's format.
+    struct Includes<'a>(&'a Path, Option<&'static str>);
     impl IncludeHandler for Includes<'_> {
         fn include(&mut self, _: IncludeType, name: &str, _: &str, _: usize) -> Option<IncludeResult> {
-            let data = fs::read_to_string(self.0.join(name)).ok()?;
+            let path = match (name, self.1) {
+                ("format.glsl", Some(format)) => self.0.join("formats").join(format),
+                _ => self.0.join(name),
+            };
+            let data = fs::read_to_string(path).ok()?;
             Some(IncludeResult { name: name.into(), data })
         }
     }
@@ -123,7 +137,7 @@ fn compile(module: &Module, glsl: &Path) -> Vec<u8> {
     };
     let stage = if module.source.ends_with(".vert") { ShaderStage::Vertex } else { ShaderStage::Compute };
     let defines: Vec<(&str, Option<&str>)> = module.defines.iter().map(|(k, v)| (*k, v.as_deref())).collect();
-    let mut includes = Includes(glsl);
+    let mut includes = Includes(glsl, module.format);
     let source = ShaderSource::from(text);
     let compiler = Compiler::acquire().expect("the only user of glslang in this process");
     let input =
@@ -136,6 +150,7 @@ fn compile(module: &Module, glsl: &Path) -> Vec<u8> {
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
     println!("cargo::rerun-if-changed=glsl");
+    println!("cargo::rerun-if-changed=src/abi/formats.rs");
     println!("cargo::rerun-if-changed=spirv");
     let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("set by cargo"));
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("set by cargo"));

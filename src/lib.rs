@@ -28,6 +28,10 @@
 #[cfg(test)]
 extern crate self as deltamorph; // testing.rs is shared with tests/
 
+/// What host and shaders share, written once.
+mod abi {
+    pub mod formats;
+}
 pub mod animation;
 pub mod asset {
     //! What a mesh is.
