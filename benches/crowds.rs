@@ -98,7 +98,7 @@ fn crowd<'a>(headless: &'a Headless, mesh: &PackedMesh, heads: u32, slots: u32, 
     let mut crowd = HeadlessCrowd::animated(headless, mesh, &desc(heads, update), &animation).expect("a crowd");
     for head in 0..heads {
         let start = -f64::from(head) / 7.0;
-        crowd.crowd().play(head, &Playback { start, ..Playback::new(clip) }).expect("a clip");
+        crowd.play(head, &Playback { start, ..Playback::new(clip) }).expect("a clip");
     }
     crowd
 }
@@ -106,7 +106,7 @@ fn crowd<'a>(headless: &'a Headless, mesh: &PackedMesh, heads: u32, slots: u32, 
 /// Frames of a crowd that plays, the first few left out.
 fn play(crowd: &mut HeadlessCrowd<'_>, frames: u32) -> Vec<Step> {
     let steps = (0..frames + 4).map(|frame| {
-        crowd.crowd().set_time(f64::from(frame) / 60.0).expect("a time");
+        crowd.set_time(f64::from(frame) / 60.0).expect("a time");
         crowd.step(&[]).expect("a step")
     });
     steps.skip(4).collect()
@@ -120,7 +120,7 @@ fn planned_on_the_gpu(headless: &Headless) {
         let gpu = median(play(&mut crowd, 15).iter().filter_map(|s| s.gpu_ms).collect());
         // One behind the other, before any of them runs: what is recorded does not depend on what moves.
         let recorded = (19..60u32).map(|frame| {
-            crowd.crowd().set_time(f64::from(frame) / 60.0).expect("a time");
+            crowd.set_time(f64::from(frame) / 60.0).expect("a time");
             let start = Instant::now();
             let (recorded, _) = crowd.record(&[]).expect("a recording");
             (recorded, start.elapsed().as_secs_f64() * 1e6)

@@ -35,8 +35,11 @@ impl Host {
             let entry = ash::Entry::load()?;
             let instance = entry.create_instance(&vk::InstanceCreateInfo::default().application_info(&app), None)?;
             let devices = instance.enumerate_physical_devices()?.into_iter();
+            // Before they are asked for more than Vulkan 1.0 can say.
+            let version = |d: &vk::PhysicalDevice| instance.get_physical_device_properties(*d).api_version;
+            let devices = devices.filter(|d| version(d) >= vk::API_VERSION_1_1);
             let devices = devices.map(|d| (d, DeviceCaps::query(&instance, d)));
-            let usable = devices.filter(|(_, c)| c.api_version >= (1, 1, 0) && c.name.contains(wanted));
+            let usable = devices.filter(|(_, caps)| caps.name.contains(wanted));
             let (physical, _) = usable.min_by_key(|(_, c)| c.is_software()).ok_or("no such Vulkan 1.1 device")?;
             let families = instance.get_physical_device_queue_family_properties(physical);
             let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;

@@ -1,6 +1,8 @@
 //! The one error type of the crate: every variant names the thing, the value and the remedy.
 
-use std::io::ErrorKind;
+use ash::vk;
+use std::fmt::{Display, Formatter, Write};
+use std::io;
 use std::path::PathBuf;
 
 /// What went wrong, where, and what to do about it.
@@ -8,17 +10,17 @@ use std::path::PathBuf;
 #[non_exhaustive]
 pub enum Error {
     /// A file or folder could not be read or written.
-    #[error("{path}: cannot {action}: {source}; {remedy}", path = path.display(), remedy = io_remedy(source.kind()))]
+    #[error("{path}: cannot {action}: {source}; {remedy}", path = Printable(path.display()), remedy = io_remedy(source.kind()))]
     Io {
         /// The file or folder.
         path: PathBuf,
         /// What was tried, as a verb: "read", "create the folder", …
         action: &'static str,
         /// The system's reason.
-        source: std::io::Error,
+        source: io::Error,
     },
     /// A file was read, but what it says cannot be used.
-    #[error("{path}{place}: {what}; {remedy}", path = path.display())]
+    #[error("{path}{place}: {what}; {remedy}", path = Printable(path.display()), place = Printable(place), what = Printable(what))]
     Input {
         /// The file or folder.
         path: PathBuf,
@@ -30,7 +32,7 @@ pub enum Error {
         remedy: String,
     },
     /// A value handed to the API is not usable.
-    #[error("{what}; {remedy}")]
+    #[error("{what}; {remedy}", what = Printable(what))]
     Invalid {
         /// The value and why it is refused.
         what: String,
@@ -49,13 +51,21 @@ pub enum Error {
         /// What to use in its place.
         remedy: String,
     },
+    /// There is not enough memory, on the host or on the device. Nothing is wrong with the request but its size.
+    #[error("{what}; {remedy}", what = Printable(what))]
+    OutOfMemory {
+        /// What the memory was for, and how much of it.
+        what: String,
+        /// What to do.
+        remedy: String,
+    },
     /// A Vulkan call failed.
-    #[error("Vulkan: {call} failed: {result}; {remedy}")]
+    #[error("Vulkan: {call} failed: {result:?}; {remedy}")]
     Vulkan {
         /// The call.
         call: &'static str,
-        /// The result code, spelled out.
-        result: String,
+        /// What it returned.
+        result: vk::Result,
         /// What to do.
         remedy: &'static str,
     },
@@ -64,20 +74,88 @@ pub enum Error {
 /// `Result` with the crate's [`Error`].
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
+/// What kind of thing went wrong, as a stable number: for hosts that decide what to do next, log codes, or cross an FFI
+/// boundary. Numbers are never reused, and new ones are added at the end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+#[repr(u32)]
+pub enum ErrorKind {
+    /// A file or folder could not be read or written: [`Error::Io`].
+    Io = 1,
+    /// The content of a file cannot be used: [`Error::Input`].
+    Input = 2,
+    /// A value handed to the API cannot be used: [`Error::Invalid`].
+    Invalid = 3,
+    /// The device lacks what an update path needs: [`Error::Unsupported`].
+    Unsupported = 4,
+    /// The host or the device is out of memory: [`Error::OutOfMemory`], or an [`Error::Vulkan`] whose result says so. Less
+    /// may still fit.
+    OutOfMemory = 5,
+    /// The device is lost: an [`Error::Vulkan`] whose result says so. It has to be created anew.
+    DeviceLost = 6,
+    /// Another Vulkan call failed: [`Error::Vulkan`].
+    Vulkan = 7,
+}
+
+impl ErrorKind {
+    /// The stable number.
+    pub fn number(self) -> u32 {
+        self as u32
+    }
+}
+
+/// Text that may repeat what a file says, or its name: control characters are escaped, so that no file can steer the
+/// terminal that shows the message.
+struct Printable<T>(T);
+
+impl<T: Display> Display for Printable<T> {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        self.0.to_string().chars().try_for_each(|c| match c.is_control() {
+            true => write!(f, "{}", c.escape_default()),
+            false => f.write_char(c),
+        })
+    }
+}
+
 /// What to do about a system's error.
-fn io_remedy(kind: ErrorKind) -> &'static str {
+fn io_remedy(kind: io::ErrorKind) -> &'static str {
+    use io::ErrorKind as Kind;
     match kind {
-        ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::IsADirectory | ErrorKind::InvalidFilename => {
-            "check the path"
-        }
-        ErrorKind::PermissionDenied => "check the permissions",
-        ErrorKind::ReadOnlyFilesystem => "choose a place that can be written to",
-        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "free some space, or choose another disk",
+        Kind::OutOfMemory => "free memory, or use a smaller file",
+        Kind::NotFound | Kind::NotADirectory | Kind::IsADirectory | Kind::InvalidFilename => "check the path",
+        Kind::PermissionDenied => "check the permissions",
+        Kind::ReadOnlyFilesystem => "choose a place that can be written to",
+        Kind::StorageFull | Kind::QuotaExceeded => "free some space, or choose another disk",
         _ => "see the system's message",
     }
 }
 
 impl Error {
+    /// What kind of error this is.
+    pub fn kind(&self) -> ErrorKind {
+        use vk::Result as Vk;
+        match self {
+            Self::Io { source, .. } if source.kind() == io::ErrorKind::OutOfMemory => ErrorKind::OutOfMemory,
+            Self::Io { .. } => ErrorKind::Io,
+            Self::Input { .. } => ErrorKind::Input,
+            Self::Invalid { .. } => ErrorKind::Invalid,
+            Self::Unsupported { .. } => ErrorKind::Unsupported,
+            Self::OutOfMemory { .. } => ErrorKind::OutOfMemory,
+            Self::Vulkan { result, .. } => match *result {
+                Vk::ERROR_OUT_OF_HOST_MEMORY | Vk::ERROR_OUT_OF_DEVICE_MEMORY | Vk::ERROR_OUT_OF_POOL_MEMORY => {
+                    ErrorKind::OutOfMemory
+                }
+                Vk::ERROR_DEVICE_LOST => ErrorKind::DeviceLost,
+                _ => ErrorKind::Vulkan,
+            },
+        }
+    }
+
+    /// An [`Error::OutOfMemory`].
+    pub(crate) fn out_of_memory(what: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self::OutOfMemory { what: what.into(), remedy: remedy.into() }
+    }
+
     /// An [`Error::Invalid`].
     pub(crate) fn invalid(what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Invalid { what: what.into(), remedy: remedy.into() }
@@ -90,11 +168,58 @@ mod tests {
 
     #[test]
     fn a_failed_access_has_a_remedy() {
-        let text =
-            |kind: ErrorKind| Error::Io { path: "a/b.obj".into(), action: "read", source: kind.into() }.to_string();
-        assert_eq!(text(ErrorKind::NotFound), "a/b.obj: cannot read: entity not found; check the path");
-        assert_eq!(text(ErrorKind::PermissionDenied), "a/b.obj: cannot read: permission denied; check the permissions");
-        assert!(text(ErrorKind::StorageFull).ends_with("; free some space, or choose another disk"));
-        assert!(text(ErrorKind::BrokenPipe).ends_with("; see the system's message"));
+        let io = |kind: io::ErrorKind| Error::Io { path: "a/b.obj".into(), action: "read", source: kind.into() };
+        let text = |kind| io(kind).to_string();
+        assert_eq!(text(io::ErrorKind::NotFound), "a/b.obj: cannot read: entity not found; check the path");
+        assert_eq!(
+            text(io::ErrorKind::PermissionDenied),
+            "a/b.obj: cannot read: permission denied; check the permissions"
+        );
+        assert!(text(io::ErrorKind::StorageFull).ends_with("; free some space, or choose another disk"));
+        assert!(text(io::ErrorKind::BrokenPipe).ends_with("; see the system's message"));
+    }
+
+    /// Hosts store these numbers: one that changes is a breaking change.
+    #[test]
+    fn kinds_have_stable_numbers() {
+        let words = || ("what".to_owned(), "remedy".to_owned());
+        let vulkan = |result| Error::Vulkan { call: "vkCall", result, remedy: "" };
+        let io = |kind: io::ErrorKind| Error::Io { path: "a".into(), action: "read", source: kind.into() };
+        let place = String::new();
+        let all = [
+            (1, io(io::ErrorKind::NotFound)),
+            (2, Error::Input { path: "a".into(), place: place.clone(), what: words().0, remedy: words().1 }),
+            (3, Error::invalid("what", "remedy")),
+            (4, Error::Unsupported { path: "compute", device: place, reason: words().0, remedy: words().1 }),
+            (5, Error::out_of_memory("what", "remedy")),
+            (5, io(io::ErrorKind::OutOfMemory)),
+            (5, vulkan(vk::Result::ERROR_OUT_OF_HOST_MEMORY)),
+            (5, vulkan(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY)),
+            (5, vulkan(vk::Result::ERROR_OUT_OF_POOL_MEMORY)),
+            (6, vulkan(vk::Result::ERROR_DEVICE_LOST)),
+            (7, vulkan(vk::Result::ERROR_INITIALIZATION_FAILED)),
+        ];
+        for (number, error) in all {
+            assert_eq!(error.kind().number(), number, "{error:?}");
+        }
+    }
+
+    #[test]
+    fn a_vulkan_error_keeps_its_result() {
+        let error = crate::gpu::failed("vkCall")(vk::Result::ERROR_DEVICE_LOST);
+        assert!(matches!(error, Error::Vulkan { result: vk::Result::ERROR_DEVICE_LOST, .. }));
+        assert!(error.to_string().starts_with("Vulkan: vkCall failed: ERROR_DEVICE_LOST; create the device anew"));
+    }
+
+    #[test]
+    fn what_a_file_says_cannot_steer_the_terminal() {
+        let text = Error::Input {
+            path: "a\u{7}b.csv".into(),
+            place: ": column '\u{9b}2J'".into(),
+            what: "'\u{1b}[2J' is not a number, ä is".into(),
+            remedy: "mend it".into(),
+        };
+        assert_eq!(text.to_string(), r"a\u{7}b.csv: column '\u{9b}2J': '\u{1b}[2J' is not a number, ä is; mend it");
+        assert_eq!(Error::invalid("target 'a\nb'", "rename it").to_string(), r"target 'a\nb'; rename it");
     }
 }

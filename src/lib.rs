@@ -16,12 +16,13 @@
 //! Vulkan, [`cpu::CpuCrowd`] takes the same descriptions. [`mod@reference`] tells how far a pose is from the truth.
 //!
 //! # Features
-//! - `compile-shaders` (default): compile `glsl/` at build time, which needs a C++ compiler; without it the modules
-//!   checked in under `spirv/` are linked.
-//! - `cli` (default): the command line program. An engine that links the library turns it off.
+//! None is on by default.
 //! - `headless`: instance, device and queue of our own (`deltamorph::headless`), for the command line and tests.
 //! - `csv`: weight clips from CSV files.
 //! - `threads`: the path `cpu` and the importer on several threads.
+//! - `baselines`: the techniques of others, to compare with.
+//! - `compile-shaders`: compile `glsl/` at build time, which needs a C++ compiler; without it the modules checked in
+//!   under `spirv/` are linked.
 
 #![deny(unsafe_code)] // below the gpu line it is allowed, each time with its reason
 
@@ -33,33 +34,37 @@ mod abi {
     pub mod formats;
 }
 pub mod animation;
-pub mod asset {
-    //! What a mesh is.
-    pub mod streams;
-}
+pub mod asset;
 pub mod cpu;
 #[allow(unsafe_code)]
 pub mod engine;
 pub mod error;
-mod files;
 #[allow(unsafe_code)]
 pub mod gpu;
 #[cfg(feature = "headless")]
 #[allow(unsafe_code)]
 pub mod headless;
+pub mod import;
+mod io;
 mod math;
 pub mod mesh;
 pub mod pack;
 pub mod plan;
 pub mod reference;
-mod replace;
-mod rng;
 #[cfg(test)]
 mod testing;
 pub mod weights;
 
+/// What the command line and tests share with the library; no part of the API.
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub mod internals {
+    pub use crate::import::sample::rng::Rng;
+    pub use crate::io::write_replacing;
+}
+
 pub use ash;
-pub use error::{Error, Result};
+pub use error::{Error, ErrorKind, Result};
 pub use gpu_allocator;
 
 /// The README's code has to compile.

@@ -1,6 +1,6 @@
-//! Angles and powers of two.
+//! Small functions that several rooms use: lengths, angles, powers of two.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 /// The angle between two vectors that need not have unit length, in degrees; 0 where one vanishes.
 pub fn angle_degrees(a: DVec3, b: DVec3) -> f64 {
@@ -18,6 +18,14 @@ pub(crate) fn is_power_of_two(value: f32) -> bool {
     value.is_normal() && value > 0.0 && value.to_bits().trailing_zeros() >= 23
 }
 
+/// Length of the bounding-box diagonal of `positions`; 0 for fewer than two distinct points.
+pub fn diagonal(positions: &[Vec3]) -> f32 {
+    let Some(&first) = positions.first() else { return 0.0 };
+    let (lo, hi) = positions.iter().fold((first, first), |(lo, hi), &p| (lo.min(p), hi.max(p)));
+    // The squares of tiny differences would vanish in single precision, and those of huge ones overflow.
+    (hi.as_dvec3() - lo.as_dvec3()).length() as f32
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -29,5 +37,14 @@ mod tests {
             assert!(is_power_of_two(below));
         }
         assert!(![0.0, -2.0, 3.0, f32::NAN, f32::INFINITY, f32::MIN_POSITIVE / 2.0].into_iter().any(is_power_of_two));
+    }
+
+    #[test]
+    fn the_diagonal_of_a_tiny_or_huge_mesh_is_exact() {
+        for scale in [1e-38f32, 1e-30, 1.0, 1e30] {
+            let found = diagonal(&[Vec3::ZERO, Vec3::new(2.0, -3.0, 6.0) * scale, Vec3::X * scale]);
+            assert!((found / (7.0 * scale) - 1.0).abs() < 1e-6, "{found} at {scale}");
+        }
+        assert_eq!(diagonal(&[Vec3::ONE; 2]), 0.0);
     }
 }

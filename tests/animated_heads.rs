@@ -54,7 +54,7 @@ fn poses_and_previous_poses_follow_the_slots() {
             let mut frozen = vec![];
             for frame in 0..12 {
                 match frame {
-                    4 => scene.crowd.crowd().cut(0).expect("an instance"),
+                    4 => scene.crowd.cut(0).expect("an instance"),
                     5 => {
                         frozen = scene.crowd.read_pose(1).expect("a pose");
                         scene.hide(1, true);
@@ -129,7 +129,7 @@ fn heads_come_and_go() {
         scene.remove(9);
         let text = scene.crowd.crowd().pose(4).unwrap_err().to_string();
         assert!(text.contains("instance 4 was removed"), "{text}");
-        assert!(scene.crowd.crowd().play(4, &Playback::new(0)).is_err());
+        assert!(scene.crowd.play(4, &Playback::new(0)).is_err());
         let (plan, _) = scene.step(0.4);
         assert!(plan.keys().all(|(instance, _)| ![4, 9].contains(instance)));
         // One comes back before the next update, one after.
@@ -148,7 +148,7 @@ fn heads_come_and_go() {
             scene.step(f64::from(frame) / 10.0);
             scene.instances().for_each(|instance| scene.assert_fresh(instance));
         }
-        assert!(scene.crowd.crowd().add().unwrap_err().to_string().contains("all taken"));
+        assert!(scene.crowd.add().unwrap_err().to_string().contains("all taken"));
     });
 }
 
@@ -169,12 +169,12 @@ fn misuse_is_an_error_that_says_what_to_do() {
         let mut set = HeadlessCrowd::new(headless, &mesh, &crowd(2, exact(2))).expect("a crowd");
         let weights = vec![0.0; HEAD.targets];
         for (result, words) in [
-            (animated.crowd().set_weights(0, &weights), "play a clip"),
-            (animated.crowd().play(2, &Playback::new(0)), "instance 2 of a crowd of 2"),
-            (animated.crowd().play(0, &Playback::new(3)), "clip 3 of 3"),
-            (animated.crowd().set_time(f64::NAN), "second NaN"),
-            (set.crowd().play(0, &Playback::new(0)), "create_animated_crowd"),
-            (set.crowd().set_time(0.0), "create_animated_crowd"),
+            (animated.set_weights(0, &weights), "play a clip"),
+            (animated.play(2, &Playback::new(0)), "instance 2 of a crowd of 2"),
+            (animated.play(0, &Playback::new(3)), "clip 3 of 3"),
+            (animated.set_time(f64::NAN), "second NaN"),
+            (set.play(0, &Playback::new(0)), "create_animated_crowd"),
+            (set.set_time(0.0), "create_animated_crowd"),
         ] {
             let text = result.unwrap_err().to_string();
             assert!(text.contains(words), "{text}");
@@ -202,18 +202,18 @@ fn validation_sees_a_dropped_barrier() {
         let update = UpdateDesc { error_budget: 1e-3, ..exact(2) };
         let mut crowd = HeadlessCrowd::animated(&headless, &mesh, &crowd(2, update), &animation).expect("a crowd");
         for _ in 0..2 {
-            crowd.crowd().play(0, &Playback::new(0)).expect("a clip");
+            crowd.play(0, &Playback::new(0)).expect("a clip");
             crowd.step(&[]).expect("a step");
         }
-        assert_eq!(headless.messages(), Vec::<String>::new());
-        crowd.crowd().play(0, &Playback::new(1)).expect("a clip");
+        assert_eq!(gpu::complaints(&headless), Vec::<String>::new());
+        crowd.play(0, &Playback::new(1)).expect("a clip");
         let dropped = |list: &mut deltamorph::plan::commands::CommandList| {
             let at = list.commands.iter().position(|c| *c == Command::Barrier(hazard)).expect("such a barrier");
             list.commands.remove(at);
         };
         // SAFETY: a barrier less; the driver is software, and runs dispatches one after the other all the same.
         unsafe { crowd.step_tampered(&[], dropped) }.expect("a step");
-        let messages = headless.messages();
+        let messages = gpu::complaints(&headless);
         assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD")), "{hazard:?}: {messages:?}");
     }
 }

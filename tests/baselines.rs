@@ -10,23 +10,15 @@ mod testing;
 use deltamorph::cpu::CpuCrowd;
 use deltamorph::engine::{CrowdDesc, DeviceCaps, MorphEngine};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, PoseUpload};
-use deltamorph::mesh::{MorphMesh, Tolerance, obj};
+use deltamorph::mesh::{Tolerance, obj};
 use deltamorph::pack::{DeltaFormat, PackedMesh};
 use deltamorph::plan::commands::{Command, CommandList};
 use deltamorph::plan::hazards::HazardChecker;
 use deltamorph::plan::{Accumulate, BatchSize, Source, UpdateDesc, UpdateMode, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::weights::csv;
-use gpu::{applied, in_eight_chunks, on_every_device, single};
+use gpu::{NORMAL, POSITION, applied, in_eight_chunks, on_every_device, packed, single};
 use std::sync::Arc;
-
-/// As in `gpu_paths`: positions within 3e-6 of the diagonal, normals within 0.01°.
-const POSITION: f64 = 3e-6;
-const NORMAL: f64 = 0.01;
-
-fn packed(engine: &MorphEngine, mesh: &MorphMesh, format: DeltaFormat) -> PackedMesh {
-    PackedMesh::pack(mesh, &engine.pack_desc(format)).expect("a mesh that fits")
-}
 
 /// Every baseline that the device can run in `format`, with a spread of batch sizes, modes and slots.
 fn descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc> {
@@ -194,7 +186,7 @@ fn validation_sees_a_dropped_barrier() {
         let desc = single(UpdateDesc::new(path, batch));
         let mut crowd = HeadlessCrowd::new(&headless, &mesh, &desc).expect("a crowd");
         crowd.step(&[&gpu::weights(&mesh, 0, 1)]).expect("a step");
-        assert_eq!(headless.messages(), Vec::<String>::new());
+        assert_eq!(gpu::complaints(&headless), Vec::<String>::new());
         let drop_one = |list: &mut CommandList| {
             let barriers = list.commands.iter().enumerate().filter(|(_, c)| matches!(c, Command::Barrier(_)));
             let at = barriers.map(|(i, _)| i).nth(dropped).expect("a barrier between steps");
@@ -202,7 +194,7 @@ fn validation_sees_a_dropped_barrier() {
         };
         // SAFETY: a barrier less; the driver is software, and runs commands one after the other all the same.
         unsafe { crowd.step_tampered(&[&[0.7; 20]], drop_one) }.expect("a step");
-        let messages = headless.messages();
+        let messages = gpu::complaints(&headless);
         assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD")), "{path:?}, {dropped}: {messages:?}");
     }
 }
@@ -248,9 +240,9 @@ fn hidden_heads_come_back_as_they_are_asked_for() {
             let desc = CrowdDesc { instances: 2, ..single(desc) };
             let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
             crowd.step(&[&first, &first]).expect("a step");
-            crowd.crowd().set_hidden(0, true).expect("an instance");
+            crowd.set_hidden(0, true).expect("an instance");
             crowd.step(&[&meant, &other]).expect("a step");
-            crowd.crowd().set_hidden(0, false).expect("an instance");
+            crowd.set_hidden(0, false).expect("an instance");
             for weights in [[&first, &other], [&meant, &other]] {
                 crowd.step(&weights.map(|w| &w[..])).expect("a step");
                 crowd.draw(1).expect("a draw");
@@ -260,7 +252,7 @@ fn hidden_heads_come_back_as_they_are_asked_for() {
                     assert!(error.within(bound, NORMAL), "{} {desc:?} {instance}: {error:?}", headless.caps().name);
                 }
                 let (_, dropped) = crowd.record(&[&other, &first]).expect("a recording");
-                crowd.crowd().discard(dropped.ticket);
+                crowd.discard(dropped.ticket).expect("a ticket of this crowd");
             }
         }
     });
@@ -388,7 +380,7 @@ fn a_discarded_update_is_rebuilt_and_recorded_ones_run_later() {
                 let frames = history(&mesh, &desc, 4);
                 crowd.step(&[&frames[1]]).expect("a step");
                 let (_, dropped) = crowd.record(&[&frames[4]]).expect("a recording");
-                crowd.crowd().discard(dropped.ticket);
+                crowd.discard(dropped.ticket).expect("a ticket of this crowd");
                 let late = crowd.draw(1).err().map(|e| e.to_string());
                 assert!(late.is_none_or(|text| text.contains("no pose yet")), "{desc:?}");
                 let (first, _) = crowd.record(&[&frames[5]]).expect("a recording");

@@ -32,20 +32,24 @@ fn pack(mesh: &MorphMesh, format: DeltaFormat) -> Arc<PackedMesh> {
     Arc::new(PackedMesh::pack(mesh, &PackDesc::new(format)).expect("a mesh that packs"))
 }
 
-/// Every format and kind of sums that go together.
-fn variants() -> impl Iterator<Item = (DeltaFormat, Accumulate)> {
-    let both = |format| [(format, Accumulate::default()), (format, Accumulate::Exact)];
-    [(DeltaFormat::BlockFloat32, Accumulate::default())]
-        .into_iter()
-        .chain([DeltaFormat::Fast, DeltaFormat::Small].into_iter().flat_map(both))
-}
+/// The tolerance that is the default.
+const FLOAT: Accumulate = Accumulate::Float { tolerance: 1e-5 };
+/// Every format and kind of sums that go together, with a number of slots each: whole clips of all 15 take minutes (`.ci/deep`
+/// plays them); proptests in src/cpu and tests/gpu_paths.rs go through the rest.
+const VARIANTS: [(DeltaFormat, Accumulate, u32); 5] = [
+    (DeltaFormat::BlockFloat32, FLOAT, 1),
+    (DeltaFormat::Fast, FLOAT, 2),
+    (DeltaFormat::Fast, Accumulate::Exact, 3),
+    (DeltaFormat::Small, FLOAT, 2),
+    (DeltaFormat::Small, Accumulate::Exact, 1),
+];
 
 /// Play a whole clip on lavapipe and on the CPU: every 20th frame and the last within what the path promises.
 fn whole_clip(set: &str, clip: &str) {
     let Some((mesh, frames)) = load(set, clip) else { return };
     let diagonal = f64::from(mesh.diagonal);
     gpu::on_device("llvmpipe", false, |headless, _| {
-        for ((format, accumulate), slots) in variants().zip([1, 2, 3, 2, 1]) {
+        for (format, accumulate, slots) in VARIANTS {
             let packed = pack(&mesh, format);
             let desc = UpdateDesc { accumulate, slots, ..UpdateDesc::blocks() };
             let on_cpu = UpdateDesc { path: UpdatePath::Cpu, ..desc };
@@ -77,7 +81,7 @@ fn whole_clip(set: &str, clip: &str) {
                 for (pose, stats) in [(&pose, stats), (&packed.layout().to_user_order(cpu.pose(0)), on_cpu)] {
                     let error = compare(pose, &reference);
                     assert!(
-                        error.within(bound(stats), 0.01),
+                        error.within(bound(stats), gpu::NORMAL),
                         "{set}/{clip} {format:?} {accumulate:?} frame {i}: {error:?}"
                     );
                 }
@@ -110,9 +114,17 @@ fn the_stress_test_plays_a_clip() {
     whole_clip("morph_stress_test", "TheWave_24fps.csv");
 }
 
-/// Bytes that the small and the fast format move over a whole clip, as shares of `dense` bytes a frame.
-fn bytes(set: &str, clip: &str, dense: f64, small: f64, fast: f64) {
+/// Bytes that the small and the fast format move over a whole clip, as shares of a dense update in float32: the targets
+/// that changed, and a pose read and written, all vertices of each.
+fn bytes(set: &str, clip: &str, small: f64, fast: f64) {
     let Some((mesh, frames)) = load(set, clip) else { return };
+    let rest = vec![0.0; mesh.targets.len()];
+    let changed = |i: usize| {
+        let before = if i == 0 { &rest } else { &frames[i - 1] };
+        before.iter().zip(&frames[i]).filter(|(a, b)| a != b).count()
+    };
+    let whole_poses = (0..frames.len()).map(|i| if changed(i) > 0 { changed(i) + 2 } else { 0 }).sum::<usize>();
+    let dense = (whole_poses * mesh.vertex_count() * 24) as f64;
     for (format, most) in [(DeltaFormat::Small, small), (DeltaFormat::Fast, fast)] {
         let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
         let mut crowd = CpuCrowd::new(pack(&mesh, format), desc, 1, 2).expect("a crowd");
@@ -121,17 +133,18 @@ fn bytes(set: &str, clip: &str, dense: f64, small: f64, fast: f64) {
             crowd.set_weights(0, weights).expect("weights that fit");
             moved += crowd.update().bytes_moved;
         }
-        let share = moved as f64 / frames.len() as f64 / dense;
-        println!("{set}/{clip} {format:?}: {:.1}% of the dense update", share * 100.0);
+        let share = moved as f64 / dense;
+        println!("{set}/{clip} {format:?}: {:.2}% of {:.2} MB", share * 100.0, dense / frames.len() as f64 / 1e6);
         assert!(share <= most, "{set}/{clip} {format:?}: {share}");
     }
 }
 
 #[test]
 fn few_bytes_are_moved() {
-    bytes("ict_facekit", "facecap_30fps.csv", 12.92e6, 0.12, 0.22);
-    bytes("ict_facekit", "facegood_2_01_mapped_30fps.csv", 2.18e6, 0.26, 0.34);
-    bytes("makehuman_face", "facecap_30fps.csv", 6.65e6, 0.048, 0.09);
+    bytes("ict_facekit", "facecap_30fps.csv", 0.12, 0.22);
+    bytes("ict_facekit", "facegood_2_01_mapped_30fps.csv", 0.26, 0.34);
+    bytes("makehuman_face", "facecap_30fps.csv", 0.048, 0.09);
+    bytes("makehuman_face", "facegood_2_02_mapped_30fps.csv", 0.1, 0.13);
 }
 
 #[test]

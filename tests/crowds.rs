@@ -66,10 +66,10 @@ fn heads_come_and_go() {
                 // Every head moves in even frames, every third in odd ones; 3 is hidden from frame 2 to 3.
                 for head in (0..13).filter(|h| frame % 2 == 0 || h % 3 == 0) {
                     asked[head as usize] = weights(head, frame);
-                    crowd.crowd().set_weights(head, &asked[head as usize]).expect("weights that fit");
+                    crowd.set_weights(head, &asked[head as usize]).expect("weights that fit");
                 }
                 let was = (frame == 2).then(|| crowd.read_pose(3).expect("a pose"));
-                crowd.crowd().set_hidden(3, frame == 2 || frame == 3).expect("a head");
+                crowd.set_hidden(3, frame == 2 || frame == 3).expect("a head");
                 crowd.step(&[]).expect("a step");
                 for head in (0..13).filter(|&h| h != 3 || !(2..4).contains(&frame)) {
                     assert_pose(&mut crowd, &mesh, &desc, head, &asked[head as usize]);
@@ -82,21 +82,21 @@ fn heads_come_and_go() {
                     assert_eq!(previous.expect("a pose"), Some(pose.expect("a pose")), "{desc:?}: shown again");
                 }
             }
-            crowd.crowd().remove(5).expect("a head");
-            crowd.crowd().remove(11).expect("a head");
-            let error = crowd.crowd().set_weights(5, &asked[5]).expect_err("it was removed").to_string();
+            crowd.remove(5).expect("a head");
+            crowd.remove(11).expect("a head");
+            let error = crowd.set_weights(5, &asked[5]).expect_err("it was removed").to_string();
             assert!(error.contains("instance 5 was removed"), "{error}");
-            assert!(crowd.crowd().pose(5).is_err() && crowd.crowd().remove(5).is_err());
+            assert!(crowd.crowd().pose(5).is_err() && crowd.remove(5).is_err());
             crowd.step(&[]).expect("a step");
-            assert_eq!(crowd.crowd().add().expect("a free place"), 5);
+            assert_eq!(crowd.add().expect("a free place"), 5);
             assert!(crowd.crowd().pose(5).is_err(), "no pose before the next update");
             crowd.step(&[]).expect("a step");
             assert_pose(&mut crowd, &mesh, &desc, 5, &[0.0; TARGETS]);
-            assert_eq!(crowd.crowd().add().expect("a free place"), 11);
-            let error = crowd.crowd().add().expect_err("no place").to_string();
+            assert_eq!(crowd.add().expect("a free place"), 11);
+            let error = crowd.add().expect_err("no place").to_string();
             assert!(error.contains("places for 13 heads"), "{error}");
-            crowd.crowd().set_weights(5, &asked[5]).expect("weights that fit");
-            crowd.crowd().set_weights(11, &asked[11]).expect("weights that fit");
+            crowd.set_weights(5, &asked[5]).expect("weights that fit");
+            crowd.set_weights(11, &asked[11]).expect("weights that fit");
             crowd.step(&[]).expect("a step");
             (0..13).for_each(|head| assert_pose(&mut crowd, &mesh, &desc, head, &asked[head as usize]));
         }
@@ -111,7 +111,7 @@ fn an_idle_crowd_is_no_work() {
             let mesh = packed(engine, format);
             let mut crowd = crowd(headless, &mesh, desc, 9);
             for head in 0..9 {
-                crowd.crowd().set_weights(head, &weights(head, 1)).expect("weights that fit");
+                crowd.set_weights(head, &weights(head, 1)).expect("weights that fit");
             }
             assert!(crowd.step(&[]).expect("a step").update.stats.bytes_moved > 0);
             // SAFETY: nothing is changed, only looked at.
@@ -137,7 +137,7 @@ fn a_crowd_in_several_descriptor_ranges() {
                 let mut crowd = crowd(headless, &mesh, desc, 19);
                 for frame in 0..3 {
                     for head in 0..19 {
-                        crowd.crowd().set_weights(head, &weights(head, frame)).expect("weights that fit");
+                        crowd.set_weights(head, &weights(head, frame)).expect("weights that fit");
                     }
                     crowd.step(&[]).expect("a step");
                     (0..19).for_each(|head| assert_pose(&mut crowd, &mesh, &desc, head, &weights(head, frame)));

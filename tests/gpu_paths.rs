@@ -11,14 +11,10 @@ use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::plan::{Accumulate, UpdateDesc, UpdateMode, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
-use gpu::{applied, in_eight_chunks, on_every_device, single, update_descs, weights};
-
-/// Positions within 3e-6 of the diagonal, normals within 0.01°: what the project promises after whole clips.
-const POSITION: f64 = 3e-6;
-const NORMAL: f64 = 0.01;
+use gpu::{NORMAL, POSITION, applied, in_eight_chunks, is_kept, on_every_device, single, update_descs, weights};
 
 fn packed(engine: &MorphEngine, vertices: usize, targets: usize, format: DeltaFormat) -> PackedMesh {
-    PackedMesh::pack(&testing::mesh(vertices, targets), &engine.pack_desc(format)).expect("a mesh that fits")
+    gpu::packed(engine, &testing::mesh(vertices, targets), format)
 }
 
 /// Play `frames` frames of changing weights and compare every pose and previous pose.
@@ -83,7 +79,7 @@ fn degenerate_meshes_and_empty_targets() {
     on_every_device(|headless, engine| {
         for mesh in testing::degenerate() {
             for format in DeltaFormat::ALL {
-                let mesh = PackedMesh::pack(&mesh, &engine.pack_desc(format)).expect("a mesh that fits");
+                let mesh = gpu::packed(engine, &mesh, format);
                 for desc in update_descs(engine, format) {
                     check(headless, &mesh, desc, 3);
                 }
@@ -293,15 +289,21 @@ fn timestamps_cover_the_whole_update() {
         for path in [UpdatePath::Feedback, UpdatePath::Compute] {
             let desc = UpdateDesc::new(path, deltamorph::plan::BatchSize::Targets(1));
             let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
-            // The best of a few: a busy machine delays the fence. A pass left out of the time would always be.
-            let mut share: f64 = 0.0;
-            for frame in 0..8 {
-                let step = crowd.step(&[&[frame as f32 + 1.0; 8]]).expect("a step");
-                let gpu_ms = step.gpu_ms.expect("lavapipe has timestamps");
-                assert!(gpu_ms <= step.cpu_ms, "{path:?}: {step:?}");
-                share = share.max(gpu_ms / step.cpu_ms);
-            }
-            assert!(share > 0.5, "{path:?}: timestamps cover {share} of the round trip");
+            // Where nothing separates it from the timestamp, Mesa 22.3 skips the first pass of transform feedback: an
+            // update of one pass then seems to take no time. The device's own times alone, the best of a few.
+            let mut weights = [0.0; 8];
+            let mut best = |targets: usize| {
+                let times = (0..8).map(|_| {
+                    weights[..targets].iter_mut().for_each(|w| *w += 1.0);
+                    let step = crowd.step(&[&weights]).expect("a step");
+                    let gpu_ms = step.gpu_ms.expect("lavapipe has timestamps");
+                    assert!(gpu_ms <= step.cpu_ms, "{path:?}: {step:?}");
+                    gpu_ms
+                });
+                times.fold(f64::INFINITY, f64::min)
+            };
+            let (all, one) = (best(8), best(1));
+            assert!(one > 0.0 && all < 40.0 * one, "{path:?}: one pass takes {one} ms, eight {all} ms");
         }
     });
 }
@@ -312,33 +314,34 @@ fn any_sequence_of_weights_equals_the_reference() {
     use proptest::prelude::*;
     use proptest::test_runner::{Config, TestRunner};
     on_every_device(|headless, engine| {
-        let meshes = DeltaFormat::ALL.map(|format| packed(engine, 130, 9, format));
-        let strategy = (
-            any::<prop::sample::Index>(),
-            any::<bool>(),
-            2u32..4,
-            prop::collection::vec(prop::collection::vec(-3i8..6, 9), 1..7),
-        );
-        let config = Config { cases: 24, failure_persistence: None, ..Config::default() };
-        let run = TestRunner::new(config).run(&strategy, |(pick, snorm, slots, frames)| {
-            let mesh = &meshes[usize::from(snorm)];
-            let descs = update_descs(engine, mesh.layout().format);
-            let desc = UpdateDesc { slots, ..descs[pick.index(descs.len())] };
-            let mut crowd = HeadlessCrowd::new(headless, mesh, &single(desc)).expect("a crowd");
-            for frame in frames {
-                let weights: Vec<f32> = frame.iter().map(|&w| f32::from(w) * 0.3).collect();
-                crowd.step(&[&weights]).expect("a step");
-                let error = compare(&crowd.read_pose(0).expect("a pose"), &evaluate(mesh, &weights));
-                prop_assert!(
-                    error.within(POSITION * f64::from(mesh.layout().diagonal), NORMAL),
-                    "{:?} {:?}",
-                    desc,
-                    error
-                );
-            }
-            Ok(())
-        });
-        run.unwrap_or_else(|e| panic!("{}: {e}", headless.caps().name));
+        let crowds: Vec<(PackedMesh, UpdateDesc)> = DeltaFormat::ALL
+            .into_iter()
+            .flat_map(|format| {
+                let mesh = packed(engine, 130, 9, format);
+                update_descs(engine, format).into_iter().map(move |desc| (mesh.clone(), desc))
+            })
+            .collect();
+        let strategy = (2u32..4, prop::collection::vec(prop::collection::vec(-3i8..6, 9), 1..7));
+        let mut reached = std::collections::BTreeSet::new();
+        for (mesh, desc) in &crowds {
+            let format = mesh.layout().format;
+            let config = Config { cases: 4, failure_persistence: None, ..Config::default() };
+            let run = TestRunner::new(config).run(&strategy, |(slots, frames)| {
+                let desc = UpdateDesc { slots, ..*desc };
+                let mut crowd = HeadlessCrowd::new(headless, mesh, &single(desc)).expect("a crowd");
+                for frame in frames {
+                    let weights: Vec<f32> = frame.iter().map(|&w| f32::from(w) * 0.3).collect();
+                    crowd.step(&[&weights]).expect("a step");
+                    let reference = evaluate(mesh, &applied(mesh, &desc, &weights));
+                    let error = compare(&crowd.read_pose(0).expect("a pose"), &reference);
+                    prop_assert!(is_kept(&error, mesh.layout().diagonal), "{:?} {:?} {:?}", format, desc, error);
+                }
+                Ok(())
+            });
+            run.unwrap_or_else(|e| panic!("{}: {e}", headless.caps().name));
+            reached.insert(format.name());
+        }
+        assert_eq!(reached.len(), DeltaFormat::ALL.len(), "{reached:?}");
     });
 }
 

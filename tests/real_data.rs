@@ -53,7 +53,7 @@ fn play(
 
 fn assert_kept(errors: &Errors, diagonal: f64, what: &str) {
     assert!(
-        errors.kept.within(3e-6 * diagonal, 0.01),
+        errors.kept.within(gpu::POSITION * diagonal, gpu::NORMAL),
         "{what}: positions {:.2e} of the diagonal, normals {:.4}°",
         errors.kept.position / diagonal,
         errors.kept.normal_degrees
@@ -71,7 +71,7 @@ fn whole_clip(set: &str, clip_name: &str) {
 
     gpu::on_device("llvmpipe", false, |headless, engine| {
         for format in DeltaFormat::DENSE {
-            let packed = PackedMesh::pack(&kept, &engine.pack_desc(format)).expect("a mesh that fits");
+            let packed = gpu::packed(engine, &kept, format);
             let most = |path| BatchSize::Targets(engine.caps().batch_max(path, format).expect("a largest batch"));
             for (path, batch) in [
                 (UpdatePath::Feedback, BatchSize::Targets(1)),
@@ -93,7 +93,7 @@ fn whole_clip(set: &str, clip_name: &str) {
         }
     });
 
-    for (mesh, raw_bound) in [(&kept, 5e-5), (&raw, 3e-6)] {
+    for (mesh, raw_bound) in [(&kept, 5e-5), (&raw, gpu::POSITION)] {
         let packed = Arc::new(PackedMesh::pack(mesh, &Default::default()).expect("a mesh that fits"));
         let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
         let mut crowd = CpuCrowd::new(packed.clone(), desc, 1, 2).expect("a crowd");
@@ -130,14 +130,14 @@ fn the_stress_test_has_disjoint_targets() {
     assert_eq!((mesh.vertex_count(), mesh.targets.len()), (1504, 8));
     gpu::on_every_device(|headless, engine| {
         for format in DeltaFormat::DENSE {
-            let packed = PackedMesh::pack(&mesh, &engine.pack_desc(format)).expect("a mesh that fits");
+            let packed = gpu::packed(engine, &mesh, format);
             for desc in gpu::update_descs(engine, format) {
                 let mut crowd = HeadlessCrowd::new(headless, &packed, &gpu::single(desc)).expect("a crowd");
                 for frame in 0..6 {
                     let weights = gpu::weights(&packed, frame, 3);
                     crowd.step(&[&weights]).expect("a step");
                     let error = compare(&crowd.read_pose(0).expect("a pose"), &evaluate(&packed, &weights));
-                    assert!(error.within(3e-6 * f64::from(mesh.diagonal), 0.01), "{desc:?}: {error:?}");
+                    assert!(gpu::is_kept(&error, mesh.diagonal), "{desc:?}: {error:?}");
                 }
             }
         }
@@ -150,9 +150,9 @@ fn timed<T>(f: impl FnOnce() -> T) -> (T, Duration) {
     (result, start.elapsed())
 }
 
-/// What was packed comes back equal, and at least 50 times as fast as from the OBJ files.
+/// What was packed comes back equal. How fast is for `.ci/deep` to show: it depends on the machine.
 #[test]
-fn a_packed_file_loads_as_it_was_packed_and_fast() {
+fn a_packed_file_loads_as_it_was_packed() {
     let Some(folder) = data::set("ict_facekit") else { return };
     let (mesh, import) = timed(|| {
         let source = obj::import_folder(&folder).expect("a folder that imports");
@@ -172,6 +172,5 @@ fn a_packed_file_loads_as_it_was_packed_and_fast() {
         let (load, times) = (loads[1], import.as_secs_f64() / loads[1].as_secs_f64());
         let size = path.metadata().expect("a file").len();
         println!("{}: {size} bytes; import {import:?}, load {load:?}, {times:.0} times as fast", format.name());
-        assert!(times >= 50.0, "{}: import {import:?}, load {load:?}: {times:.1} times as fast", format.name());
     }
 }

@@ -142,6 +142,16 @@ fn driver_lavapipe_leaves_only_lavapipe() {
     assert_eq!(variable(&environment, "VK_ADD_DRIVER_FILES"), None);
 }
 
+/// Without it, newer validation layers see no hazard in what shaders do, whatever fault is planted.
+#[test]
+fn synchronization_validation_looks_into_shaders() {
+    const NAME: &str = "VK_LAYER_SYNCVAL_SHADER_ACCESSES_HEURISTIC";
+    let system = System::complete();
+    assert_eq!(variable(&system.environment(&[]), NAME), Some("1"));
+    let output = system.with_vulkan(&["env"]).env(NAME, "0").output().unwrap();
+    assert_eq!(variable(&environment(output), NAME), Some("0"), "the caller's choice stands");
+}
+
 #[test]
 fn driver_swiftshader_leaves_only_swiftshader() {
     let system = System::complete();
@@ -238,8 +248,16 @@ fn only_what_the_command_cannot_do_without_stops_it() {
     fs::remove_file(system.lavapipe()).unwrap();
     system.file("usr/share/vulkan/icd.d/gpu_icd.json", "{}");
     system.tool("true", "cargo");
-    system.tool("true", "c++");
+    // The program links the modules that are checked in; the tests compile theirs.
+    system.tool("true", "cc");
     assert_eq!(system.run(&["cargo", "run", "--release", "--", "test"]).status.code(), Some(0));
+    for args in [&["cargo", "test"][..], &["cargo", "bench"], &["cargo", "clippy", "--all-targets"]] {
+        let output = system.run(args);
+        assert_eq!(output.status.code(), Some(1), "{args:?}");
+        assert!(stderr(&output).contains("a C++ compiler"), "{}", stderr(&output));
+    }
+    system.tool("true", "c++");
+    assert_eq!(system.run(&["cargo", "bench"]).status.code(), Some(0));
     let output = system.run(&["cargo", "test"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(stderr(&output).contains("lavapipe"), "{}", stderr(&output));

@@ -165,8 +165,8 @@ mod tests {
     #[test]
     fn streams_take_the_first_group_with_room() {
         let surface = vec![(Position, 0), (Normal, 3)];
-        assert_eq!(layout(&[]), [surface.clone()]);
-        assert_eq!(layout(&[Normal, Position]), [surface.clone()]);
+        assert_eq!(layout(&[]), std::slice::from_ref(&surface));
+        assert_eq!(layout(&[Normal, Position]), std::slice::from_ref(&surface));
         assert_eq!(layout(&[TexCoord(0), Tangent]), [surface.clone(), vec![(Tangent, 0), (TexCoord(0), 4)]]);
         assert_eq!(
             layout(&[Color(0), TexCoord(1), TexCoord(0), Tangent, Color(1), TexCoord(1)]),

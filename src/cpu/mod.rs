@@ -43,10 +43,11 @@ struct Blocks {
 /// Refuse poses that there is no memory for: what cannot be reserved in one piece is not there in many, and running out
 /// of it would end the process.
 fn check_memory(layout: &PackedLayout, instances: usize, slots: usize) -> Result<()> {
-    let bytes = (layout.pose_bytes() as usize).saturating_mul(slots).saturating_mul(instances);
-    Vec::<u8>::new().try_reserve_exact(bytes).map_err(|_| {
+    let bytes = layout.pose_bytes().saturating_mul(slots as u64).saturating_mul(instances as u64);
+    let reserved = usize::try_from(bytes).ok().map(|bytes| Vec::<u8>::new().try_reserve_exact(bytes));
+    reserved.and_then(Result::ok).ok_or_else(|| {
         let text = format!("the poses of {instances} instances of mesh '{}' take {bytes} bytes", layout.name);
-        Error::invalid(format!("{text}, more than there is memory"), "use fewer instances or slots")
+        Error::out_of_memory(format!("{text}, more than there is memory"), "use fewer instances or slots")
     })
 }
 

@@ -15,7 +15,14 @@ use crate::plan::heads::Heads;
 use crate::plan::{UpdateDesc, UpdateStats};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
+use std::ops::RangeInclusive;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// The number of the next crowd: tickets tell crowds apart by it.
+static CROWDS: AtomicU64 = AtomicU64::new(0);
+/// Ranges of discarded updates that a crowd keeps apart.
+const DISCARDED_RANGES: usize = 64;
 
 /// How to make a [`Crowd`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,6 +40,8 @@ pub struct CrowdDesc {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[must_use = "an update that never runs has to be discarded with its ticket"]
 pub struct Ticket {
+    /// The crowd that it is of.
+    crowd: u64,
     /// Number of the update, from 1.
     update: u64,
     /// Updates with passes before it: where in the ring its coefficient lists are.
@@ -72,8 +81,11 @@ pub struct Crowd {
     poses: Buffer,
     heads: Heads,
     pub(super) backend: Backend,
+    id: u64,
     /// Updates planned.
     updates: u64,
+    /// Updates that were discarded, ascending: a ticket is good for one discard.
+    discarded: Vec<RangeInclusive<u64>>,
     /// Updates with passes, less discarded ones: the ring of lists turns with them.
     recorded: u64,
 }
@@ -144,7 +156,9 @@ impl Crowd {
         Ok(Self {
             heads: Heads::new(desc.instances as usize, targets),
             backend,
+            id: CROWDS.fetch_add(1, Ordering::Relaxed),
             updates: 0,
+            discarded: vec![],
             recorded: 0,
             device: device.clone(),
             mesh: mesh.clone(),
@@ -250,8 +264,29 @@ impl Crowd {
     /// The update of `ticket` and all later ones will never run (their command buffers were reset or dropped):
     /// what they would have written is unknown now, and the next update rebuilds it from the base pose.
     /// Until then [`pose`](Self::pose) is an error for the instances concerned; the previous pose of that update
-    /// will be the pose itself.
-    pub fn discard(&mut self, ticket: Ticket) {
+    /// will be the pose itself. An update that was discarded before stays so: nothing changes then.
+    ///
+    /// That none of them will run is an obligation of the caller, named in the `# Safety` section of
+    /// [`record_update`](super::MorphEngine::record_update): the next update takes over the memory of their lists.
+    ///
+    /// # Errors
+    /// A ticket of another crowd.
+    pub fn discard(&mut self, ticket: Ticket) -> Result<()> {
+        if self.is_discarded(ticket)? {
+            return Ok(());
+        }
+        // Later ranges are part of this one, the last earlier one may end where it begins, and only so many are kept
+        // apart: a ticket that waited through all of them is taken for one that was discarded before.
+        self.discarded.retain(|updates| *updates.start() < ticket.update);
+        let mut first = ticket.update;
+        if let Some(before) = self.discarded.pop_if(|updates| *updates.end() + 1 == ticket.update) {
+            first = *before.start();
+        }
+        if self.discarded.len() == DISCARDED_RANGES {
+            let oldest = self.discarded.remove(0);
+            self.discarded[0] = *oldest.start()..=*self.discarded[0].end();
+        }
+        self.discarded.push(first..=self.updates);
         match &mut self.backend {
             Backend::Dense(dense) => dense.states.iter_mut().for_each(|state| state.discard_from(ticket.update)),
             Backend::Blocks(blocks) => {
@@ -262,6 +297,29 @@ impl Crowd {
             Backend::Baseline(baseline) => baseline.discard_from(ticket.update),
         }
         self.recorded = self.recorded.min(ticket.recorded);
+        Ok(())
+    }
+
+    /// Whether the update of a ticket was discarded.
+    ///
+    /// # Errors
+    /// A ticket of another crowd.
+    pub(crate) fn is_discarded(&self, ticket: Ticket) -> Result<bool> {
+        if ticket.crowd != self.id {
+            return Err(Error::invalid("the ticket is of another crowd", "discard it in the crowd that was updated"));
+        }
+        Ok(self.discarded.iter().any(|updates| updates.contains(&ticket.update)))
+    }
+
+    /// The ticket of the update that is planned next.
+    pub(super) fn next_ticket(&self) -> Ticket {
+        Ticket { crowd: self.id, update: self.updates + 1, recorded: self.recorded }
+    }
+
+    /// Updates with passes from that of `ticket` on, for `headless`.
+    #[cfg(feature = "headless")]
+    pub(crate) fn recorded_since(&self, ticket: Ticket) -> u64 {
+        self.recorded.saturating_sub(ticket.recorded)
     }
 
     /// The instances that are shown, ascending.
@@ -364,6 +422,7 @@ impl Crowd {
 
     /// Plan the update and take it as done.
     pub(super) fn plan_update(&mut self) -> Update {
+        let ticket = self.next_ticket();
         self.updates += 1;
         let stats = match &mut self.backend {
             Backend::Dense(dense) => dense.plan(&self.heads, self.updates),
@@ -371,7 +430,6 @@ impl Crowd {
             Backend::Animated(animated) => animated.plan(),
             Backend::Baseline(baseline) => baseline.plan(&self.heads, self.updates),
         };
-        let ticket = Ticket { update: self.updates, recorded: self.recorded };
         let turns = match &self.backend {
             // Direct paths record nothing, but write weights.
             Backend::Baseline(baseline) => baseline.has_changed(),

@@ -26,7 +26,7 @@ mod blocks;
 mod crowd;
 mod dense;
 
-pub use crate::gpu::caps::{DeviceCaps, Requirement, TransformFeedbackCaps, requirements};
+pub use crate::gpu::caps::{DeviceCaps, DeviceKind, Requirement, TransformFeedbackCaps, requirements};
 pub use crate::gpu::device::{DeviceDesc, SharedAllocator};
 pub use crowd::{Crowd, CrowdDesc, PoseView, Ticket, Update};
 
@@ -38,7 +38,7 @@ use crate::gpu::blocks::{BlocksKernel, BlocksVariant};
 use crate::gpu::compute::Compute;
 use crate::gpu::device::Device;
 use crate::gpu::feedback::Feedback;
-use crate::gpu::memory::{Buffer, BufferDesc};
+use crate::gpu::memory::{Buffer, BufferDesc, STAGING};
 use crate::gpu::shaders::WORKGROUP;
 use crate::pack::blocks::BlockDesc;
 use crate::pack::{POSE_STRIDE, PackDesc, PackedLayout, PackedMesh};
@@ -47,6 +47,7 @@ use crate::plan::commands::Hazard;
 use crate::plan::{Accumulate, BatchSize, UpdatePath};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
+use std::any::Any;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Pipelines of one update path, shared by the crowds that take the same ones.
@@ -113,8 +114,17 @@ impl MorphEngine {
     /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled on the device, and
     ///   `desc.enabled_features` has no other features than those that were.
     pub unsafe fn new(desc: &DeviceDesc<'_>) -> Result<Self> {
+        // SAFETY: the caller's obligations.
+        unsafe { Self::on(desc, None) }
+    }
+
+    /// An engine that keeps `owner` alive, and so does all that it makes.
+    ///
+    /// # Safety
+    /// As [`new`](Self::new); what lives as long as `owner` lives long enough.
+    pub(crate) unsafe fn on(desc: &DeviceDesc<'_>, owner: Option<Arc<dyn Any + Send + Sync>>) -> Result<Self> {
         // SAFETY: the caller's obligations are those of `borrow`.
-        let device = unsafe { Device::borrow(desc) }?;
+        let device = unsafe { Device::borrow(desc, owner) }?;
         Ok(Self { device: Arc::new(device), kernels: Mutex::default(), animation: Mutex::default() })
     }
 
@@ -136,6 +146,12 @@ impl MorphEngine {
         let capture = caps.transform_feedback.map_or(u64::MAX, |f| f.max_buffer_bytes / POSE_STRIDE as u64);
         let max_chunk_vertices = dispatch.min(capture);
         PackDesc { format, max_chunk_bytes: caps.max_storage_range, max_chunk_vertices, blocks: BlockDesc::default() }
+    }
+
+    /// Bytes of memory that the allocator has from the driver, blocks that are not full included: all of the host's, where
+    /// it handed one in.
+    pub fn allocated_bytes(&self) -> u64 {
+        self.device.allocator().capacity()
     }
 
     /// Bytes of device memory that a mesh takes (as much again in staging memory until
@@ -202,7 +218,7 @@ impl MorphEngine {
             "deltamorph upload",
             (base_bytes.len() + delta_bytes.len()) as u64,
             vk::BufferUsageFlags::TRANSFER_SRC,
-            MemoryLocation::CpuToGpu,
+            STAGING,
         )?;
         let mapped = staging.mapped()?;
         mapped[..base_bytes.len()].copy_from_slice(base_bytes);
@@ -411,15 +427,28 @@ impl MorphEngine {
                 "record it with the engine that created it",
             ));
         }
-        let mut update = crowd.plan_update();
-        tamper(crowd.commands_mut());
+        let mut planned = Planned { ticket: Some(crowd.next_ticket()), crowd };
+        let mut update = planned.crowd.plan_update();
+        tamper(planned.crowd.commands_mut());
         // SAFETY: the caller's obligations.
-        if let Err(error) = unsafe { crowd.record(cmd, &mut update) } {
-            // Planned, but not recorded.
-            crowd.discard(update.ticket);
-            return Err(error);
-        }
+        unsafe { planned.crowd.record(cmd, &mut update) }?;
+        planned.ticket = None;
         Ok(update)
+    }
+}
+
+/// An update that is planned and not yet recorded: taken back when recording fails or panics.
+struct Planned<'a> {
+    crowd: &'a mut Crowd,
+    ticket: Option<Ticket>,
+}
+
+impl Drop for Planned<'_> {
+    fn drop(&mut self) {
+        if let Some(ticket) = self.ticket.take() {
+            // The ticket is of this crowd: there is no error.
+            let _ = self.crowd.discard(ticket);
+        }
     }
 }
 

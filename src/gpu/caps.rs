@@ -16,6 +16,35 @@ pub struct TransformFeedbackCaps {
     pub max_stride: u32,
 }
 
+/// What kind of device it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum DeviceKind {
+    /// A graphics card with memory of its own.
+    Discrete,
+    /// A GPU that shares the memory of the CPU.
+    Integrated,
+    /// A GPU in a virtual machine.
+    Virtual,
+    /// A software driver.
+    Cpu,
+    /// The driver does not say.
+    Other,
+}
+
+impl DeviceKind {
+    /// Its name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Discrete => "discrete",
+            Self::Integrated => "integrated",
+            Self::Virtual => "virtual",
+            Self::Cpu => "cpu",
+            Self::Other => "other",
+        }
+    }
+}
+
 /// A device's limits and features. Can be clamped to a smaller profile before use.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DeviceCaps {
@@ -25,8 +54,8 @@ pub struct DeviceCaps {
     pub driver: String,
     /// Driver version, in the driver's own words.
     pub driver_info: String,
-    /// "discrete", "integrated", "virtual", "cpu" (a software driver) or "other".
-    pub kind: &'static str,
+    /// What kind of device it is.
+    pub kind: DeviceKind,
     /// Vulkan version: major, minor, patch.
     pub api_version: (u32, u32, u32),
     /// Bytes that a storage-buffer descriptor may cover.
@@ -35,6 +64,8 @@ pub struct DeviceCaps {
     pub max_texels: u32,
     /// Bytes of one memory allocation.
     pub max_allocation: u64,
+    /// Bytes of one buffer, where the driver says (VK_KHR_maintenance4); else as many as there can be.
+    pub max_buffer: u64,
     /// Storage buffers of one shader stage.
     pub max_storage_buffers: u32,
     /// Bytes of push constants.
@@ -94,7 +125,7 @@ fn text(raw: &[std::ffi::c_char]) -> String {
 impl DeviceCaps {
     /// Whether the device is software running on the CPU: there the path `cpu` is the faster one.
     pub fn is_software(&self) -> bool {
-        self.kind == "cpu"
+        self.kind == DeviceKind::Cpu
     }
 
     /// Ask the driver.
@@ -114,16 +145,22 @@ impl DeviceCaps {
         let version = |v| (vk::api_version_major(v), vk::api_version_minor(v), vk::api_version_patch(v));
         let api_version = version(core.api_version);
         let with_feedback = has(ash::ext::transform_feedback::NAME);
-        let with_driver = api_version >= (1, 2, 0) || has(ash::khr::driver_properties::NAME);
+        // By extension only: what is core of 1.2 and 1.3 may not be chained where the instance is of 1.1.
+        let with_driver = has(ash::khr::driver_properties::NAME);
+        let with_buffer_size = has(ash::khr::maintenance4::NAME);
 
         let mut maintenance = vk::PhysicalDeviceMaintenance3Properties::default();
         let mut driver = vk::PhysicalDeviceDriverProperties::default();
+        let mut maintenance4 = vk::PhysicalDeviceMaintenance4Properties::default().max_buffer_size(u64::MAX);
         let mut feedback = vk::PhysicalDeviceTransformFeedbackPropertiesEXT::default();
         let mut feedback_features = vk::PhysicalDeviceTransformFeedbackFeaturesEXT::default();
         let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut maintenance);
         let mut features = vk::PhysicalDeviceFeatures2::default();
         if with_driver {
             properties = properties.push_next(&mut driver);
+        }
+        if with_buffer_size {
+            properties = properties.push_next(&mut maintenance4);
         }
         if with_feedback {
             properties = properties.push_next(&mut feedback);
@@ -141,16 +178,17 @@ impl DeviceCaps {
             driver: text(&driver.driver_name),
             driver_info: text(&driver.driver_info),
             kind: match core.device_type {
-                vk::PhysicalDeviceType::DISCRETE_GPU => "discrete",
-                vk::PhysicalDeviceType::INTEGRATED_GPU => "integrated",
-                vk::PhysicalDeviceType::VIRTUAL_GPU => "virtual",
-                vk::PhysicalDeviceType::CPU => "cpu",
-                _ => "other",
+                vk::PhysicalDeviceType::DISCRETE_GPU => DeviceKind::Discrete,
+                vk::PhysicalDeviceType::INTEGRATED_GPU => DeviceKind::Integrated,
+                vk::PhysicalDeviceType::VIRTUAL_GPU => DeviceKind::Virtual,
+                vk::PhysicalDeviceType::CPU => DeviceKind::Cpu,
+                _ => DeviceKind::Other,
             },
             api_version,
             max_storage_range: limits.max_storage_buffer_range.into(),
             max_texels: limits.max_texel_buffer_elements,
             max_allocation: maintenance.max_memory_allocation_size,
+            max_buffer: maintenance4.max_buffer_size,
             max_storage_buffers: limits.max_per_stage_descriptor_storage_buffers,
             max_push_constants: limits.max_push_constants_size,
             max_vertex_attributes: limits.max_vertex_input_attributes,
@@ -175,11 +213,12 @@ impl DeviceCaps {
             name: String::new(),
             driver: String::new(),
             driver_info: String::new(),
-            kind: "other",
+            kind: DeviceKind::Other,
             api_version: (1, 1, 0),
             max_storage_range: 1 << 27,
             max_texels: 1 << 16,
             max_allocation: 1 << 30,
+            max_buffer: 1 << 30,
             max_storage_buffers: 4,
             max_push_constants: 128,
             max_vertex_attributes: 16,
@@ -198,6 +237,7 @@ impl DeviceCaps {
         self.max_storage_range = self.max_storage_range.min(limits.max_storage_range);
         self.max_texels = self.max_texels.min(limits.max_texels);
         self.max_allocation = self.max_allocation.min(limits.max_allocation);
+        self.max_buffer = self.max_buffer.min(limits.max_buffer);
         self.max_storage_buffers = self.max_storage_buffers.min(limits.max_storage_buffers);
         self.max_push_constants = self.max_push_constants.min(limits.max_push_constants);
         self.max_vertex_attributes = self.max_vertex_attributes.min(limits.max_vertex_attributes);

@@ -3,7 +3,11 @@
 use super::caps::DeviceCaps;
 use crate::error::{Error, Result};
 use ash::vk;
-use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+use gpu_allocator::MemoryLocation;
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
+use gpu_allocator::{AllocationError, AllocationSizes};
+use std::any::Any;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A gpu-allocator that host and engine may share.
@@ -26,9 +30,16 @@ pub struct DeviceDesc<'a> {
     /// The features that `device` was created with. Of use are `vertexPipelineStoresAndAtomics`, for the baseline
     /// `vertex-store`, and `shaderInt64` on software drivers, where `fast` in blocks takes half as long with it.
     pub enabled_features: vk::PhysicalDeviceFeatures,
-    /// The host's allocator; `None`: the engine makes one of its own.
+    /// The host's allocator; `None`: the engine makes one of its own. That one gives each of the first 128 buffers memory
+    /// of exactly its size, returned as soon as the buffer goes; further small ones share blocks of 4 MiB to 64 MiB, of
+    /// which one is kept for each type of memory. A host with many meshes, or near the device's limit of allocations
+    /// (`maxMemoryAllocationCount`), hands in its own.
     pub allocator: Option<SharedAllocator>,
 }
+
+/// Buffers that the engine's own allocator gives memory of their own: a small part of the 4,096 allocations that every
+/// device allows, and enough that a host with a few faces takes what they need, and no block beside it.
+const DEDICATED_MOST: u32 = 128;
 
 /// Device functions and limits, shared by everything that the engine creates.
 pub(crate) struct Device {
@@ -36,15 +47,21 @@ pub(crate) struct Device {
     pub(crate) feedback: Option<ash::ext::transform_feedback::Device>,
     pub(crate) caps: DeviceCaps,
     allocator: SharedAllocator,
+    /// Buffers with memory of their own, and how many may have: none from a host's allocator.
+    dedicated: AtomicU32,
+    dedicated_most: u32,
+    /// What owns the handles, where that is not the host. Drops last.
+    _owner: Option<Arc<dyn Any + Send + Sync>>,
 }
 
 impl Device {
     /// # Safety
-    /// - The handles of `desc` are alive, belong together, and outlive the value returned and all made from it.
+    /// - The handles of `desc` are alive, belong together, and outlive the value returned and all made from it, or live as
+    ///   long as `owner`.
     /// - `desc.caps` does not exceed what the device has.
     /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled, and
     ///   `desc.enabled_features` has no other features than those that were.
-    pub(crate) unsafe fn borrow(desc: &DeviceDesc<'_>) -> Result<Self> {
+    pub(crate) unsafe fn borrow(desc: &DeviceDesc<'_>, owner: Option<Arc<dyn Any + Send + Sync>>) -> Result<Self> {
         let mut caps = match &desc.caps {
             Some(caps) => caps.clone(),
             // SAFETY: physical device and instance belong together and are alive: the caller's first obligation.
@@ -59,6 +76,7 @@ impl Device {
             .transform_feedback
             .is_some()
             .then(|| ash::ext::transform_feedback::Device::new(desc.instance, desc.device));
+        let dedicated_most = if desc.allocator.is_none() { DEDICATED_MOST } else { 0 };
         let allocator = match &desc.allocator {
             Some(allocator) => allocator.clone(),
             None => Arc::new(Mutex::new(
@@ -68,12 +86,56 @@ impl Device {
                     physical_device: desc.physical_device,
                     debug_settings: gpu_allocator::AllocatorDebugSettings::default(),
                     buffer_device_address: false,
-                    allocation_sizes: gpu_allocator::AllocationSizes::default(),
+                    allocation_sizes: AllocationSizes::new(4 << 20, 4 << 20)
+                        .with_max_device_memblock_size(64 << 20)
+                        .with_max_host_memblock_size(64 << 20),
                 })
                 .map_err(|e| allocation_failed("the allocator", 0, &e))?,
             )),
         };
-        Ok(Self { raw: desc.device.clone(), feedback, caps, allocator })
+        Ok(Self {
+            raw: desc.device.clone(),
+            feedback,
+            caps,
+            allocator,
+            dedicated: AtomicU32::new(0),
+            dedicated_most,
+            _owner: owner,
+        })
+    }
+
+    /// Memory for a buffer.
+    pub(crate) fn allocate(
+        &self,
+        name: &str,
+        buffer: vk::Buffer,
+        location: MemoryLocation,
+    ) -> Result<Allocation, AllocationError> {
+        // SAFETY: the caller, `Buffer::new`, has created it on this device just now.
+        let requirements = unsafe { self.raw.get_buffer_memory_requirements(buffer) };
+        let allocate = |allocation_scheme| {
+            let desc = AllocationCreateDesc { name, requirements, location, linear: true, allocation_scheme };
+            self.allocator().allocate(&desc)
+        };
+        let own = AllocationScheme::DedicatedBuffer(buffer);
+        let allocation = match self.dedicated.load(Ordering::Relaxed) < self.dedicated_most {
+            true => allocate(own)?,
+            // Where there is no room for another block there may be for the buffer.
+            false => allocate(AllocationScheme::GpuAllocatorManaged).or_else(|_| allocate(own))?,
+        };
+        if allocation.is_dedicated() {
+            self.dedicated.fetch_add(1, Ordering::Relaxed);
+        }
+        Ok(allocation)
+    }
+
+    /// Give memory back.
+    pub(crate) fn free(&self, allocation: Allocation) {
+        if allocation.is_dedicated() {
+            self.dedicated.fetch_sub(1, Ordering::Relaxed);
+        }
+        // An error here means that the allocator lost track of it; there is nobody to tell.
+        let _ = self.allocator().free(allocation);
     }
 
     /// The allocator; a panic elsewhere while it was locked does not spoil it for us.
@@ -83,9 +145,12 @@ impl Device {
 }
 
 /// An error for an allocation that failed.
-pub(crate) fn allocation_failed(name: &str, bytes: u64, error: &gpu_allocator::AllocationError) -> Error {
-    Error::invalid(
-        format!("no memory for '{name}' ({bytes} bytes): {error}"),
-        "free memory, or use fewer instances, fewer slots or the snorm16 format",
-    )
+pub(crate) fn allocation_failed(name: &str, bytes: u64, error: &AllocationError) -> Error {
+    let what = format!("no memory for '{name}' ({bytes} bytes): {error}");
+    match error {
+        AllocationError::OutOfMemory | AllocationError::FailedToMap(_) => {
+            Error::out_of_memory(what, "free memory, or use fewer instances, fewer slots or the snorm16 format")
+        }
+        _ => Error::invalid(what, "report this with the device's name, or hand in an allocator of your own"),
+    }
 }

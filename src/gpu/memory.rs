@@ -5,8 +5,12 @@ use super::failed;
 use crate::error::{Error, Result};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+use gpu_allocator::vulkan::Allocation;
 use std::sync::Arc;
+
+/// Where staging memory lies: in the host's memory. `CpuToGpu` prefers the small window of a graphics card's memory that the
+/// host can write to, which lists that change every frame need more.
+pub(crate) const STAGING: MemoryLocation = MemoryLocation::GpuToCpu;
 
 /// How to make a [`Buffer`].
 pub(crate) struct BufferDesc<'a> {
@@ -28,12 +32,10 @@ pub(crate) struct Buffer {
 impl Buffer {
     pub(crate) fn new(device: &Arc<Device>, desc: &BufferDesc<'_>) -> Result<Self> {
         let bytes = desc.bytes.max(16);
-        if bytes > device.caps.max_allocation {
+        let most = device.caps.max_allocation.min(device.caps.max_buffer);
+        if bytes > most {
             return Err(Error::invalid(
-                format!(
-                    "'{}' needs {bytes} bytes, but {} allocates at most {}",
-                    desc.name, device.caps.name, device.caps.max_allocation
-                ),
+                format!("'{}' needs {bytes} bytes, but {} allocates at most {most}", desc.name, device.caps.name),
                 "use fewer instances, fewer slots, a smaller mesh or the snorm16 format",
             ));
         }
@@ -42,19 +44,8 @@ impl Buffer {
         let raw = unsafe { device.raw.create_buffer(&info, None) }.map_err(failed("vkCreateBuffer"))?;
         // From here on dropping `buffer` destroys what there is of it.
         let mut buffer = Self { device: device.clone(), raw, allocation: None };
-        // SAFETY: `raw` was created on this device just now.
-        let requirements = unsafe { device.raw.get_buffer_memory_requirements(raw) };
-        let allocation = device
-            .allocator()
-            .allocate(&AllocationCreateDesc {
-                name: desc.name,
-                requirements,
-                location: desc.location,
-                linear: true,
-                allocation_scheme: AllocationScheme::GpuAllocatorManaged,
-            })
-            .map_err(|e| allocation_failed(desc.name, bytes, &e))?;
-        let allocation = buffer.allocation.insert(allocation);
+        let allocation = device.allocate(desc.name, raw, desc.location);
+        let allocation = buffer.allocation.insert(allocation.map_err(|e| allocation_failed(desc.name, bytes, &e))?);
         // SAFETY: the allocation was made for this buffer's requirements and is bound once.
         unsafe { device.raw.bind_buffer_memory(raw, allocation.memory(), allocation.offset()) }
             .map_err(failed("vkBindBufferMemory"))?;
@@ -80,11 +71,11 @@ impl Buffer {
 
 impl Drop for Buffer {
     fn drop(&mut self) {
-        if let Some(allocation) = self.allocation.take() {
-            // An error here means that the allocator lost track of it; there is nobody to tell.
-            let _ = self.device.allocator().free(allocation);
-        }
         // SAFETY: created in `new`, destroyed once, and no longer used by the device (see the type).
         unsafe { self.device.raw.destroy_buffer(self.raw, None) };
+        // Not before: the allocator may be the host's, and hand the memory out again at once.
+        if let Some(allocation) = self.allocation.take() {
+            self.device.free(allocation);
+        }
     }
 }

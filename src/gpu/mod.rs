@@ -24,7 +24,7 @@ use ash::vk;
 pub(crate) fn failed(call: &'static str) -> impl Fn(vk::Result) -> Error {
     move |result| Error::Vulkan {
         call,
-        result: format!("{result:?}"),
+        result,
         remedy: match result {
             vk::Result::ERROR_OUT_OF_HOST_MEMORY | vk::Result::ERROR_OUT_OF_DEVICE_MEMORY => {
                 "free memory, or use fewer instances, fewer slots or the snorm16 format"

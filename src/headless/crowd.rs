@@ -8,7 +8,8 @@ pub use animated::PlannedGroup;
 use super::Headless;
 use super::draw::PoseDraw;
 use super::submit::{full_barrier, host_barrier};
-use crate::engine::{Crowd, CrowdDesc, GpuMesh, MorphEngine, PoseView, Update};
+use crate::animation::Playback;
+use crate::engine::{Crowd, CrowdDesc, GpuMesh, MorphEngine, PoseView, Ticket, Update};
 use crate::error::{Error, Result};
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::pack::PackedMesh;
@@ -16,6 +17,7 @@ use crate::plan::UpdatePath;
 use crate::plan::commands::CommandList;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
+use std::collections::VecDeque;
 use std::time::Instant;
 
 /// What a step took.
@@ -31,8 +33,11 @@ pub struct Step {
     pub cpu_ms: f64,
 }
 
-/// A recorded update of a [`HeadlessCrowd`], to be submitted to the same device once or never.
-pub struct Recorded(vk::CommandBuffer);
+/// A recorded update of a [`HeadlessCrowd`], for [`HeadlessCrowd::submit`] of the same crowd, once or never.
+pub struct Recorded {
+    cmd: vk::CommandBuffer,
+    ticket: Ticket,
+}
 
 /// A mesh and a crowd on a [`Headless`] device.
 pub struct HeadlessCrowd<'a> {
@@ -41,6 +46,8 @@ pub struct HeadlessCrowd<'a> {
     crowd: Crowd,
     draw: PoseDraw,
     readback: Buffer,
+    /// Recorded and not yet submitted, in order. The lists of others may have been overwritten.
+    waiting: VecDeque<Ticket>,
 }
 
 impl<'a> HeadlessCrowd<'a> {
@@ -76,7 +83,7 @@ impl<'a> HeadlessCrowd<'a> {
                 location: MemoryLocation::GpuToCpu,
             },
         )?;
-        Ok(Self { headless, draw: PoseDraw::new(engine.device())?, mesh, crowd, readback })
+        Ok(Self { headless, draw: PoseDraw::new(engine.device())?, mesh, crowd, readback, waiting: VecDeque::new() })
     }
 
     /// Another crowd of the same mesh, which is not uploaded again.
@@ -88,9 +95,9 @@ impl<'a> HeadlessCrowd<'a> {
         Self::of(self.headless, mesh, desc)
     }
 
-    /// The crowd.
-    pub fn crowd(&mut self) -> &mut Crowd {
-        &mut self.crowd
+    /// The crowd. There is no way to change it but the methods here: a crowd of another device must not take its place.
+    pub fn crowd(&self) -> &Crowd {
+        &self.crowd
     }
 
     /// The mesh.
@@ -98,10 +105,70 @@ impl<'a> HeadlessCrowd<'a> {
         &self.mesh
     }
 
-    /// Ask instance `i` for `weights[i]`, update, wait.
+    /// See [`Crowd::set_weights`].
+    #[allow(clippy::missing_errors_doc)]
+    pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
+        self.crowd.set_weights(instance, weights)
+    }
+
+    /// See [`Crowd::cut`].
+    #[allow(clippy::missing_errors_doc)]
+    pub fn cut(&mut self, instance: u32) -> Result<()> {
+        self.crowd.cut(instance)
+    }
+
+    /// See [`Crowd::set_hidden`].
+    #[allow(clippy::missing_errors_doc)]
+    pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<()> {
+        self.crowd.set_hidden(instance, hidden)
+    }
+
+    /// See [`Crowd::add`].
+    #[allow(clippy::missing_errors_doc)]
+    pub fn add(&mut self) -> Result<u32> {
+        self.crowd.add()
+    }
+
+    /// See [`Crowd::remove`].
+    #[allow(clippy::missing_errors_doc)]
+    pub fn remove(&mut self, instance: u32) -> Result<()> {
+        self.crowd.remove(instance)
+    }
+
+    /// See [`Crowd::play`].
+    #[allow(clippy::missing_errors_doc)]
+    pub fn play(&mut self, instance: u32, playback: &Playback) -> Result<()> {
+        self.crowd.play(instance, playback)
+    }
+
+    /// See [`Crowd::set_time`].
+    #[allow(clippy::missing_errors_doc)]
+    pub fn set_time(&mut self, seconds: f64) -> Result<()> {
+        self.crowd.set_time(seconds)
+    }
+
+    /// The update of `ticket` and all recorded after it never run: see [`Crowd::discard`]. [`submit`](Self::submit)
+    /// refuses them from now on.
     ///
     /// # Errors
-    /// Weights that are refused; a device that fails.
+    /// A ticket of another crowd, or of an update that is not waiting to be submitted.
+    pub fn discard(&mut self, ticket: Ticket) -> Result<()> {
+        if let Some(first) = self.waiting.iter().position(|waiting| *waiting == ticket) {
+            self.waiting.truncate(first);
+        } else if !self.crowd.is_discarded(ticket)? {
+            return Err(Error::invalid(
+                "the update to discard is not waiting: it was submitted, or left behind by a step",
+                "discard updates before others are recorded or run",
+            ));
+        }
+        self.crowd.discard(ticket)
+    }
+
+    /// Ask instance `i` for `weights[i]`, update, wait. What was recorded and not submitted is left behind: it can no
+    /// longer be submitted.
+    ///
+    /// # Errors
+    /// Weights that are refused; a device that fails. The update does not run then, and the next makes up for it.
     pub fn step(&mut self, weights: &[&[f32]]) -> Result<Step> {
         Self::step_together(std::slice::from_mut(self), weights, 0)
     }
@@ -140,6 +207,12 @@ impl<'a> HeadlessCrowd<'a> {
         let Some(headless) = crowds.first().map(|crowd| crowd.headless) else {
             return Err(Error::invalid("a step of no crowd", "name one or more"));
         };
+        if !crowds.iter().all(|crowd| std::ptr::eq(crowd.headless, headless)) {
+            return Err(Error::invalid(
+                "a step of crowds on several devices",
+                "step those of each device by themselves",
+            ));
+        }
         let start = Instant::now();
         let mut rest = weights.iter();
         for Self { crowd, .. } in &mut *crowds {
@@ -153,12 +226,14 @@ impl<'a> HeadlessCrowd<'a> {
                 "give one list of weights per instance",
             ));
         }
-        let record = |crowds: &mut &mut [Self], cmd| {
+        let record = |(crowds, tickets): &mut (&mut [Self], Vec<Ticket>), cmd| {
             let mut sum: Option<Update> = None;
-            for Self { crowd, .. } in &mut **crowds {
+            for Self { crowd, waiting, .. } in &mut **crowds {
+                waiting.clear();
                 // SAFETY: the buffer is recording on the engine's device, on a queue with graphics and compute; it is
                 // submitted once, and waited for, before anything else happens; tampering is the caller's to answer for.
                 let update = unsafe { headless.engine().record_tampered(cmd, crowd, &mut tamper) }?;
+                tickets.push(update.ticket);
                 match &mut sum {
                     Some(sum) => sum.stats += update.stats,
                     None => sum = Some(update),
@@ -166,8 +241,17 @@ impl<'a> HeadlessCrowd<'a> {
             }
             sum.ok_or_else(|| Error::invalid("a step of no crowd", "name one or more"))
         };
-        let draw = |crowds: &mut &mut [Self], cmd| crowds.iter().try_for_each(|crowd| crowd.record_draws(cmd, copies));
-        let (update, ticks) = headless.submitter().run_timed_then(&mut &mut *crowds, record, draw)?;
+        let draw = |(crowds, _): &mut (&mut [Self], Vec<Ticket>), cmd| {
+            crowds.iter().try_for_each(|crowd| crowd.record_draws(cmd, copies))
+        };
+        let mut state = (crowds, vec![]);
+        let ran = headless.submitter().run_timed_then(&mut state, record, draw);
+        if ran.is_err() {
+            // Nothing ran, whatever crowds had recorded by then.
+            let (crowds, tickets) = state;
+            crowds.iter_mut().zip(tickets).try_for_each(|(this, ticket)| this.crowd.discard(ticket))?;
+        }
+        let (update, ticks) = ran?;
         let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
         let [gpu_ms, draw_ms] = [0, 1].map(|part| headless.milliseconds(ticks.map(|ticks| ticks[part])));
         Ok(Step { update, gpu_ms, draw_ms: draw_ms.filter(|_| copies > 0), cpu_ms })
@@ -177,18 +261,37 @@ impl<'a> HeadlessCrowd<'a> {
     /// delayed, dropped and out-of-step submissions possible in tests.
     ///
     /// # Errors
-    /// As [`step`](Self::step).
+    /// As [`step`](Self::step); more updates that wait than [`CrowdDesc::frames_in_flight`].
     pub fn record(&mut self, weights: &[&[f32]]) -> Result<(Recorded, Update)> {
+        let most = u64::from(self.crowd.desc().frames_in_flight);
+        // Crowds that are animated on the GPU have no lists to overwrite.
+        let has_lists = self.crowd.clips().is_none();
+        if has_lists && self.waiting.front().is_some_and(|first| self.crowd.recorded_since(*first) >= most) {
+            return Err(Error::invalid(
+                format!("{most} updates wait to be submitted, as many as frames may be in flight"),
+                "submit or discard some, or make the crowd with more frames in flight",
+            ));
+        }
         for (instance, weights) in weights.iter().enumerate() {
             self.crowd.set_weights(instance as u32, weights)?;
         }
         let submitter = self.headless.submitter();
         let cmd = submitter.allocate()?;
         let (engine, crowd) = (self.headless.engine(), &mut self.crowd);
-        // SAFETY: as in `step_tampered`; that it is submitted once is seen to by `Recorded`, the order matters to
-        // the poses only.
-        let update = submitter.record(cmd, |cmd| unsafe { engine.record_update(cmd, crowd) })?;
-        Ok((Recorded(cmd), update))
+        let mut ticket = None;
+        let recorded = submitter.record(cmd, |cmd| {
+            // SAFETY: the buffer is recording on the engine's device, on a queue with graphics and compute; `submit` takes
+            // it once, in order, and only while its lists are what they were.
+            let update = unsafe { engine.record_update(cmd, crowd) }?;
+            ticket = Some(update.ticket);
+            Ok(update)
+        });
+        if let (Err(_), Some(ticket)) = (&recorded, ticket) {
+            self.crowd.discard(ticket)?;
+        }
+        let update = recorded?;
+        self.waiting.push_back(update.ticket);
+        Ok((Recorded { cmd, ticket: update.ticket }, update))
     }
 
     /// Record an update with `engine`, which ought to be the crowd's own: lets tests misuse it.
@@ -202,13 +305,28 @@ impl<'a> HeadlessCrowd<'a> {
         self.headless.submitter().run(|cmd| unsafe { engine.record_update(cmd, crowd) })
     }
 
-    /// Run recorded updates, in this order, and wait.
+    /// Run recorded updates of this crowd, the oldest that wait, in the order in which they were recorded, and wait.
     ///
     /// # Errors
-    /// A device that fails.
-    pub fn submit(&self, recorded: Vec<Recorded>) -> Result<()> {
-        let cmds: Vec<vk::CommandBuffer> = recorded.into_iter().map(|r| r.0).collect();
-        self.headless.submitter().submit(&cmds)
+    /// Updates of another crowd, out of order, discarded, or left behind by a [`step`](Self::step): nothing runs then. A
+    /// device that fails.
+    pub fn submit(&mut self, recorded: Vec<Recorded>) -> Result<()> {
+        let count = recorded.len();
+        let fits =
+            count <= self.waiting.len() && recorded.iter().map(|r| r.ticket).eq(self.waiting.range(..count).copied());
+        if !fits {
+            return Err(Error::invalid(
+                "the updates to submit are not the oldest ones that wait in this crowd, in their order",
+                "submit each update once, to the crowd that recorded it, before it is discarded or another step runs",
+            ));
+        }
+        let cmds: Vec<vk::CommandBuffer> = recorded.iter().map(|r| r.cmd).collect();
+        let ran = self.headless.submitter().submit(&cmds);
+        match (&ran, recorded.first()) {
+            (Err(_), Some(first)) => self.discard(first.ticket)?,
+            _ => drop(self.waiting.drain(..count)),
+        }
+        ran
     }
 
     /// Draw the pose of every instance `copies` times, discarding all primitives; device time in milliseconds. On a

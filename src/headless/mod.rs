@@ -48,19 +48,31 @@ pub struct HeadlessDesc {
     pub limits: Option<DeviceCaps>,
 }
 
-/// An instance, a device, a queue, and an engine on it.
+/// An instance, a device, a queue, and an engine on it. To be used by one thread at a time:
+///
+/// ```compile_fail,E0277
+/// fn shared_between_threads<T: Sync>() {}
+/// shared_between_threads::<deltamorph::headless::Headless>();
+/// ```
 pub struct Headless {
-    /// There from the end of `new` until `drop`, which lets go of it before the device.
-    live: Option<Live>,
+    submitter: Submitter,
+    engine: MorphEngine,
+    /// Shared with the engine and all that it makes, which keep it alive.
+    owned: Arc<Owned>,
+}
+
+/// The device, destroyed before its instance.
+struct Owned {
     device: ash::Device,
-    // Drops last: the device is gone by then.
     instance: Instance,
 }
 
-/// What lives on the device.
-struct Live {
-    submitter: Submitter,
-    engine: MorphEngine,
+impl Drop for Owned {
+    fn drop(&mut self) {
+        // SAFETY: everything made on the device is gone: the submitter went before, and the engine and what it made
+        // share this value.
+        unsafe { self.device.destroy_device(None) };
+    }
 }
 
 /// The loader, the instance, and the messenger that collects validation messages.
@@ -169,7 +181,7 @@ impl Instance {
 
 impl Drop for Instance {
     fn drop(&mut self) {
-        // SAFETY: made in `new`, destroyed once; devices are gone by then (see the order in `Headless`).
+        // SAFETY: made in `new`, destroyed once; its device is gone by then (see `Owned`).
         unsafe {
             if let Some((functions, messenger)) = self.messenger.take() {
                 functions.destroy_debug_utils_messenger(messenger, None);
@@ -227,28 +239,26 @@ impl Headless {
         }
         // SAFETY: the physical device is the instance's own; extension and features are there as queried.
         let device = unsafe { instance.raw.create_device(physical, &info, None) }.map_err(failed("vkCreateDevice"))?;
-        // From here on dropping `headless` destroys the device.
-        let mut headless = Self { live: None, device, instance };
+        let owned = Arc::new(Owned { device, instance });
         let engine_desc = DeviceDesc {
-            instance: &headless.instance.raw,
+            instance: &owned.instance.raw,
             physical_device: physical,
-            device: &headless.device,
+            device: &owned.device,
             caps: Some(caps),
             transform_feedback_enabled: feedback_enabled,
             enabled_features: features,
             allocator: None,
         };
-        // SAFETY: the handles are alive and belong together; the limits are the device's or lower; the engine is
-        // dropped before the device, and what it makes borrows `headless` (`HeadlessCrowd`).
-        let engine = unsafe { MorphEngine::new(&engine_desc) }?;
-        let submitter = Submitter::new(&headless.device, family, timestamp_bits)?;
-        headless.live = Some(Live { submitter, engine });
-        Ok(headless)
+        // SAFETY: the handles belong together, and the engine and all it makes keep them alive; the limits are the
+        // device's or lower.
+        let engine = unsafe { MorphEngine::on(&engine_desc, Some(owned.clone())) }?;
+        let submitter = Submitter::new(&owned.device, family, timestamp_bits)?;
+        Ok(Self { submitter, engine, owned })
     }
 
     /// The engine on this device.
     pub fn engine(&self) -> &MorphEngine {
-        &self.live().engine
+        &self.engine
     }
 
     /// Limits and features, clamped if asked for.
@@ -258,7 +268,7 @@ impl Headless {
 
     /// What the validation layers have said so far.
     pub fn messages(&self) -> Vec<String> {
-        self.instance.messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.owned.instance.messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     fn milliseconds(&self, ticks: Option<u64>) -> Option<f64> {
@@ -267,26 +277,13 @@ impl Headless {
     }
 
     fn submitter(&self) -> &Submitter {
-        &self.live().submitter
-    }
-
-    fn live(&self) -> &Live {
-        self.live.as_ref().expect("set by `new`, taken by `drop`")
-    }
-}
-
-impl Drop for Headless {
-    fn drop(&mut self) {
-        self.live = None;
-        // SAFETY: everything made on the device is gone: engine and submitter above, crowds because they borrow
-        // from here.
-        unsafe { self.device.destroy_device(None) };
+        &self.submitter
     }
 }
 
 /// Whether the loader says that there is no driver.
 fn is_no_driver(error: &Error) -> bool {
-    matches!(error, Error::Vulkan { result, .. } if *result == format!("{:?}", vk::Result::ERROR_INCOMPATIBLE_DRIVER))
+    matches!(error, Error::Vulkan { result: vk::Result::ERROR_INCOMPATIBLE_DRIVER, .. })
 }
 
 impl DeviceChoice {

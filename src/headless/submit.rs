@@ -3,6 +3,8 @@
 use crate::error::Result;
 use crate::gpu::failed;
 use ash::vk;
+use std::cell::Cell;
+use std::marker::PhantomData;
 
 /// Runs command buffers on a queue and waits for them.
 pub(super) struct Submitter {
@@ -14,6 +16,8 @@ pub(super) struct Submitter {
     queries: Option<vk::QueryPool>,
     /// Bits of a timestamp that count.
     mask: u64,
+    /// Queue, pool, buffer and fence are used through `&self`, without a lock: not to be shared between threads.
+    not_sync: PhantomData<Cell<()>>,
 }
 
 impl Submitter {
@@ -26,7 +30,8 @@ impl Submitter {
         let pool = pool.map_err(failed("vkCreateCommandPool"))?;
         let (cmd, fence) = (vk::CommandBuffer::null(), vk::Fence::null());
         let mask = u64::MAX.checked_shr(64 - timestamp_bits).unwrap_or(0);
-        let mut this = Self { device: device.clone(), queue, pool, cmd, fence, queries: None, mask };
+        let mut this =
+            Self { device: device.clone(), queue, pool, cmd, fence, queries: None, mask, not_sync: PhantomData };
         this.cmd = this.allocate()?;
         // SAFETY: as above.
         this.fence =
@@ -55,7 +60,11 @@ impl Submitter {
         f: impl FnOnce(vk::CommandBuffer) -> Result<R>,
     ) -> Result<R> {
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // A panic may have left it recording, in which state it cannot be begun.
+        let reset = vk::CommandBufferResetFlags::empty();
         // SAFETY: the buffer is from our pool, which allows resets, and is not pending: `submit` waits.
+        unsafe { self.device.reset_command_buffer(cmd, reset) }.map_err(failed("vkResetCommandBuffer"))?;
+        // SAFETY: as above.
         unsafe { self.device.begin_command_buffer(cmd, &info) }.map_err(failed("vkBeginCommandBuffer"))?;
         let result = f(cmd);
         // SAFETY: begun above.
@@ -63,14 +72,16 @@ impl Submitter {
         result
     }
 
-    /// Submit and wait.
+    /// Submit and wait. After an error nothing has run, or the device is lost.
     pub(super) fn submit(&self, cmds: &[vk::CommandBuffer]) -> Result<()> {
         let info = [vk::SubmitInfo::default().command_buffers(cmds)];
-        // SAFETY: the buffers were recorded by us and are not pending; the fence is unsignalled and ours.
+        // SAFETY: the buffers were recorded by us and are not pending; the fence is ours and in no queue.
         unsafe {
+            self.device.reset_fences(&[self.fence]).map_err(failed("vkResetFences"))?;
             self.device.queue_submit(self.queue, &info, self.fence).map_err(failed("vkQueueSubmit"))?;
-            self.device.wait_for_fences(&[self.fence], true, u64::MAX).map_err(failed("vkWaitForFences"))?;
-            self.device.reset_fences(&[self.fence]).map_err(failed("vkResetFences"))
+            // A wait may lack memory; whoever called relies on an end, though, so that another way to wait is tried.
+            let wait = self.device.wait_for_fences(&[self.fence], true, u64::MAX);
+            wait.or_else(|error| self.device.device_wait_idle().map_err(|_| error)).map_err(failed("vkWaitForFences"))
         }
     }
 
@@ -110,15 +121,14 @@ impl Submitter {
         let Some(queries) = self.queries else { return Ok((result, None)) };
         let mut at = [0u64; 3];
         // SAFETY: the queries were written by the commands that have finished.
-        unsafe {
-            self.device.get_query_pool_results(
-                queries,
-                0,
-                &mut at,
-                vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT,
-            )
+        let read = unsafe {
+            let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
+            self.device.get_query_pool_results(queries, 0, &mut at, flags)
+        };
+        // An error would say that nothing ran: there is no time, and that is all.
+        if read.is_err() {
+            return Ok((result, None));
         }
-        .map_err(failed("vkGetQueryPoolResults"))?;
         let ticks = |from: u64, to: u64| to.wrapping_sub(from) & self.mask;
         Ok((result, Some([ticks(at[0], at[1]), ticks(at[1], at[2])])))
     }

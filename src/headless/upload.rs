@@ -7,7 +7,7 @@ use super::submit::{full_barrier, host_barrier};
 use crate::engine::PoseView;
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
-use crate::gpu::memory::{Buffer, BufferDesc};
+use crate::gpu::memory::{Buffer, BufferDesc, STAGING};
 use crate::pack::{POSE_STRIDE, PackedLayout};
 use crate::plan::commands::Hazard;
 use ash::vk;
@@ -47,7 +47,7 @@ impl<'a> PoseUpload<'a> {
         }
         let device = headless.engine().device();
         let buffer = |name, usage, location| Buffer::new(device, &BufferDesc { name, bytes, usage, location });
-        let mut staging = buffer("poses to upload", vk::BufferUsageFlags::TRANSFER_SRC, MemoryLocation::CpuToGpu)?;
+        let mut staging = buffer("poses to upload", vk::BufferUsageFlags::TRANSFER_SRC, STAGING)?;
         staging.mapped()?;
         let usage = vk::BufferUsageFlags::VERTEX_BUFFER
             | vk::BufferUsageFlags::TRANSFER_DST

@@ -117,11 +117,12 @@ impl UpdateMode {
 }
 
 /// Targets per pass. `All` orders after every number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub enum BatchSize {
     /// At most this many (≥ 1).
     Targets(u32),
     /// All in one pass, with the coefficients in a buffer.
+    #[default]
     All,
 }
 

@@ -3,7 +3,7 @@
 pub mod delta;
 
 #[cfg(feature = "csv")]
-pub mod csv;
+pub use crate::import::csv;
 
 use crate::error::{Error, Result};
 use std::collections::{HashMap, HashSet};
@@ -65,7 +65,7 @@ impl WeightClip {
     }
 
     /// Distinct names, whole rows, finite values.
-    fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         let refuse = |what: String, remedy: &str| Err(Error::invalid(format!("clip '{}': {what}", self.name), remedy));
         let columns = self.names.len();
         let mut seen = HashSet::with_capacity(columns);

@@ -6,6 +6,22 @@ use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
 use deltamorph::mesh::MorphMesh;
 use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
+use deltamorph::reference::PoseError;
+
+/// What the project promises after whole clips: positions within this share of the diagonal…
+pub const POSITION: f64 = 3e-6;
+/// … and normals within these degrees.
+pub const NORMAL: f64 = 0.01;
+
+/// `mesh`, packed for the device.
+pub fn packed(engine: &MorphEngine, mesh: &MorphMesh, format: DeltaFormat) -> PackedMesh {
+    PackedMesh::pack(mesh, &engine.pack_desc(format)).expect("a mesh that fits")
+}
+
+/// Whether `error` is within what the project promises, for a mesh of `diagonal`.
+pub fn is_kept(error: &PoseError, diagonal: f32) -> bool {
+    error.within(POSITION * f64::from(diagonal), NORMAL)
+}
 
 /// Substrings of the device names that have to be there. `DELTAMORPH_TEST_DRIVERS` (comma list) replaces them.
 pub fn drivers() -> Vec<String> {
@@ -42,8 +58,20 @@ pub fn on_device_within(driver: &str, limits: Option<DeviceCaps>, test: impl Fn(
         .unwrap_or_else(|e| panic!("{driver}: {e}\nrun the tests as ./with-vulkan cargo test"));
     test(&headless, headless.engine());
     let caps = headless.caps();
-    let messages = headless.messages();
+    let messages = complaints(&headless);
     assert!(messages.is_empty(), "{} ({}) says:\n{}", caps.name, caps.driver, messages.join("\n"));
+}
+
+/// What the validation layers have said, without what is known to be wrong.
+///
+/// Layers of 1.4.363 report two dispatches that write one buffer without a barrier between them. They know a dispatch by
+/// its whole descriptor; ours write different instances, chunks or blocks of it. `HazardChecker` knows these, and
+/// refuses two that write the same place. A barrier that is missing has a read after a write as well, which stays.
+pub fn complaints(headless: &Headless) -> Vec<String> {
+    let disjoint = |m: &String| {
+        m.contains("SYNC-HAZARD-WRITE-AFTER-WRITE") && m.contains("previously written by another vkCmdDispatch")
+    };
+    headless.messages().into_iter().filter(|message| !disjoint(message)).collect()
 }
 
 /// Every path and a spread of batch sizes that the device offers for `format`.

@@ -81,24 +81,24 @@ impl<'a> Scene<'a> {
     }
 
     pub fn play(&mut self, instance: u32, playback: Playback) {
-        self.crowd.crowd().play(instance, &playback).expect("a clip");
+        self.crowd.play(instance, &playback).expect("a clip");
         self.heads.play(instance, &playback, &self.clips).expect("a clip");
     }
 
     pub fn hide(&mut self, instance: u32, hidden: bool) {
-        self.crowd.crowd().set_hidden(instance, hidden).expect("an instance");
+        self.crowd.set_hidden(instance, hidden).expect("an instance");
         self.heads.set_hidden(instance, hidden);
         self.hidden[instance as usize] = hidden;
     }
 
     pub fn remove(&mut self, instance: u32) {
-        self.crowd.crowd().remove(instance).expect("an instance");
+        self.crowd.remove(instance).expect("an instance");
         self.heads.set_hidden(instance, true);
         self.hidden[instance as usize] = true;
     }
 
     pub fn add(&mut self) -> u32 {
-        let instance = self.crowd.crowd().add().expect("a free place");
+        let instance = self.crowd.add().expect("a free place");
         self.heads.add(instance);
         self.hidden[instance as usize] = false;
         instance
@@ -106,7 +106,7 @@ impl<'a> Scene<'a> {
 
     /// Update at `seconds`, on both sides; the GPU's plan is the twin's, and so are the weights.
     pub fn step(&mut self, seconds: f64) -> (Plan, CommandList) {
-        self.crowd.crowd().set_time(seconds).expect("a time");
+        self.crowd.set_time(seconds).expect("a time");
         self.heads.set_time(seconds).expect("a time");
         let mut commands = None;
         // SAFETY: nothing is changed.
@@ -126,16 +126,16 @@ impl<'a> Scene<'a> {
 
     /// Record an update at `seconds` that never runs. The twin hears nothing of it.
     pub fn drop_one(&mut self, seconds: f64) {
-        self.crowd.crowd().set_time(seconds).expect("a time");
+        self.crowd.set_time(seconds).expect("a time");
         let (_, update) = self.crowd.record(&[]).expect("a recording");
-        self.crowd.crowd().discard(update.ticket);
+        self.crowd.discard(update.ticket).expect("a ticket of this crowd");
     }
 
     /// Record updates at these times, then run them all at once; the twin follows, and the last plan is compared.
     pub fn step_together(&mut self, seconds: &[f64]) {
         let (mut recorded, mut expected) = (vec![], Plan::new());
         for &seconds in seconds {
-            self.crowd.crowd().set_time(seconds).expect("a time");
+            self.crowd.set_time(seconds).expect("a time");
             self.heads.set_time(seconds).expect("a time");
             recorded.push(self.crowd.record(&[]).expect("a recording").0);
             let update = self.heads.update(&self.clips);

@@ -16,7 +16,7 @@ use crate::gpu::barriers;
 use crate::gpu::blocks::{BlocksKernel, GroupBuffers};
 use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
-use crate::gpu::memory::{Buffer, BufferDesc};
+use crate::gpu::memory::{Buffer, BufferDesc, STAGING};
 use crate::gpu::shaders::{AnimationPush, BlocksPush, WORKGROUP};
 use crate::plan::animated::{AnimatedCommand, AnimatedUpdate};
 use crate::plan::blocks::{TILE, TILE_WORDS, WIDTHS};
@@ -114,7 +114,7 @@ impl Animated {
         let work = on_device("deltamorph planned work", groups.stride * u64::from(groups.count()), LIST_USAGE)?;
         let control = on_device("deltamorph dispatches", control_bytes, U::INDIRECT_BUFFER)?;
         let sums = sums_buffer(device, pose * u64::from(desc.instances))?;
-        let mut staging = buffer("deltamorph clip upload", table_bytes, U::TRANSFER_SRC, MemoryLocation::CpuToGpu)?;
+        let mut staging = buffer("deltamorph clip upload", table_bytes, U::TRANSFER_SRC, STAGING)?;
         staging.mapped()?[..table_bytes as usize].copy_from_slice(bytemuck::cast_slice(&words));
 
         let whole = |buffer: &Buffer, size| BufferRange { buffer: buffer.raw, offset: 0, size };

@@ -38,6 +38,9 @@ pub(super) struct BaselineCrowd {
     stale: bool,
 }
 
+/// Instances of a crowd that keeps no poses: each takes memory of the host and draws of its own.
+const ATTRIBUTES_INSTANCES: u32 = 1 << 20;
+
 enum Kind {
     Scatter(ScatterCrowd),
     Direct(DirectCrowd),
@@ -58,6 +61,12 @@ impl BaselineCrowd {
             Baseline::VertexStore(_) => return Ok(None),
             Baseline::Scatter(kernel) => Kind::Scatter(ScatterCrowd::new(device, mesh, kernel, desc, poses)?),
             Baseline::Direct(kernel) => Kind::Direct(DirectCrowd::new(device, mesh, kernel, desc, poses)?),
+            Baseline::Attributes(_) if desc.instances > ATTRIBUTES_INSTANCES => {
+                return Err(Error::invalid(
+                    format!("{} instances through 'direct-attributes'", desc.instances),
+                    format!("make several crowds of at most {ATTRIBUTES_INSTANCES}"),
+                ));
+            }
             Baseline::Attributes(kernel) => {
                 let target = kernel.capture_target(&mesh.layout, poses.raw)?;
                 Kind::Attributes(AttributesCrowd { kernel: kernel.clone(), active: vec![vec![]; instances], target })

@@ -22,6 +22,8 @@ const META_BYTES: usize = 4 * (META_COUNTS + META_FLOATS) + 2 * 8;
 
 /// The asset that `bytes` are the file of.
 pub(super) fn asset(path: &Path, bytes: &[u8]) -> Result<Asset> {
+    // All sections are copied below.
+    crate::io::check_room(path, bytes.len() as u64)?;
     let sections = split(path, bytes)?;
     let refuse = |section, what: String| complaint(path, Some(section), what, INCONSISTENT);
     let meta = Meta::read(sections.get(Section::Meta)).map_err(|what| refuse(Section::Meta, what))?;

@@ -30,7 +30,7 @@ impl Unit for i32 {
 
 /// Marks an entry that is committed.
 const GOES: f32 = -1.0;
-/// What summing amounts up may lose of the budget.
+/// What the rounding of amounts may lose of the budget.
 const SUMMING: f32 = 0.9999;
 
 #[derive(Clone, Debug)]
@@ -169,7 +169,8 @@ impl Frame<'_> {
                     amount(pending(&weights.committed, i, entry).bits()) * index.costs()[entry].reach
                 }),
             );
-            let mut sum: f32 = amounts.iter().sum();
+            // In float64: what remains of a large sum, when most of it is taken away, is still right.
+            let mut sum: f64 = amounts.iter().copied().map(f64::from).sum();
             let rounded = match blocks.tolerance.is_finite() {
                 true => {
                     let reach = self.largest_weight * index.block_reach()[block];
@@ -178,18 +179,27 @@ impl Frame<'_> {
                 }
                 false => 0.0,
             };
-            let room = (self.budget - rounded).max(0.0) * SUMMING;
+            let room = f64::from((self.budget - rounded).max(0.0) * SUMMING);
             if sum <= room && !settle {
                 waiting |= sum > 0.0;
                 continue;
             }
             // The largest go until the rest is within the budget; the small ones, noise for the most part, go on waiting.
-            let goal = if settle { -1.0 } else { room };
-            while sum > goal {
-                let largest = amounts.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
-                let Some((i, most)) = largest.filter(|(_, amount)| *amount >= 0.0) else { break };
-                amounts[i] = GOES;
-                sum -= most;
+            if settle {
+                amounts.fill(GOES);
+            } else {
+                let largest = &mut self.scratch.largest;
+                largest.clear();
+                largest.extend(0..amounts.len() as u32);
+                let of = |i: u32| amounts[i as usize];
+                largest.sort_unstable_by(|&a, &b| of(b).total_cmp(&of(a)).then(b.cmp(&a)));
+                for &i in &*largest {
+                    if sum <= room {
+                        break;
+                    }
+                    sum -= f64::from(amounts[i as usize]);
+                    amounts[i as usize] = GOES;
+                }
             }
             waiting |= !settle && amounts.iter().any(|a| *a > 0.0);
             let mut listed = 0;

@@ -44,6 +44,8 @@ pub struct Scratch {
     /// With an error budget: how far each entry of a block is from what was asked for, as a length; [`GOES`] once it
     /// is committed.
     amounts: Vec<f32>,
+    /// The entries of a block, those with the largest amounts first.
+    largest: Vec<u32>,
 }
 
 /// The instances of a crowd, planned together: what both back ends carry out.

@@ -1,0 +1,136 @@
+//! `apply`: one pose, through the path named, written as OBJ in the input's vertex order.
+
+use crate::args::ApplyArgs;
+use crate::input;
+use crate::output::{Failure, Output};
+use crate::stage::Stage;
+use crate::verify::Promise;
+use deltamorph::headless::DeviceChoice;
+use deltamorph::mesh::MorphMesh;
+use deltamorph::mesh::obj::{ObjMesh, write_obj};
+use deltamorph::pack::POSE_FLOATS;
+use deltamorph::plan::UpdatePath;
+use deltamorph::reference::{SHORTEST_NORMAL, compare, evaluate};
+use glam::Vec3;
+use serde::Serialize;
+
+#[derive(Serialize)]
+struct Applied {
+    schema: u32,
+    device: String,
+    path: &'static str,
+    format: &'static str,
+    batch_size: String,
+    frames: usize,
+    passes: usize,
+    active: usize,
+    /// Against the float64 reference, in input units, and as a fraction of the diagonal.
+    max_error: f64,
+    max_error_rel: f64,
+    output: String,
+}
+
+pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
+    out.check(&input::files_of(&args.input, args.weights.as_slice()), &[&args.output], None)?;
+    let input = input::load(&args.input, out)?;
+    let frames = frames(args, &input.kept)?;
+
+    let stage = Stage::best("apply", &args.update, args.batch_size, &input, device, out)?;
+    let path = stage.desc.path;
+    let mut runner = stage.runner()?;
+    let mut passes = 0;
+    for weights in &frames {
+        passes += runner.step(std::slice::from_ref(weights))?.stats.passes;
+    }
+    let pose = runner.pose(0)?;
+    // There is at least one frame: `frames` sees to it.
+    let weights = frames.last().map_or(&[][..], Vec::as_slice);
+    let promise = Promise::new(&stage.desc, stage.mesh.layout());
+    let error = compare(&pose, &evaluate(&stage.mesh, &promise.applied(weights)));
+    let diagonal = f64::from(input.kept.diagonal);
+    let relative = if diagonal > 0.0 { error.position / diagonal } else { error.position };
+    // Rounding grows with what is added up, on the way as well as at the end.
+    let reach = |weights: &Vec<f32>| weights.iter().map(|w| f64::from(w.abs())).sum::<f64>();
+    let added = frames.iter().map(reach).fold(1.0, f64::max);
+    if !error.within(1e-5 * diagonal * added, 0.1 * added) && error.position > f64::from(f32::MIN_POSITIVE) {
+        return Err(Failure::Failed(format!(
+            "the pose through '{}' is off by {relative:.3e} of the diagonal; nothing was written; try another --path, \
+             and report this with what `deltamorph devices` prints",
+            path.name()
+        )));
+    }
+    write(args, &input.kept, &pose)?;
+    let device = stage.device();
+    out.say(format_args!(
+        "{}: {} active of {} targets, {passes} passes on {} ({}), {relative:.1e} of the diagonal off the float64 reference",
+        args.output.display(),
+        weights.iter().filter(|w| **w != 0.0).count(),
+        weights.len(),
+        path.name(),
+        if path == UpdatePath::Cpu { "the processor" } else { &device },
+    ));
+    out.json(&Applied {
+        schema: 1,
+        device,
+        path: path.name(),
+        format: stage.mesh.layout().format.name(),
+        batch_size: stage.desc.batch.to_string(),
+        frames: frames.len(),
+        passes,
+        active: weights.iter().filter(|w| **w != 0.0).count(),
+        max_error: error.position,
+        max_error_rel: relative,
+        output: args.output.display().to_string(),
+    })
+}
+
+/// The weights to step through, one or more frames, `--set` on top of each.
+fn frames(args: &ApplyArgs, mesh: &MorphMesh) -> Result<Vec<Vec<f32>>, Failure> {
+    let targets = mesh.targets.len();
+    let mut frames = match (&args.weights, args.frame) {
+        (Some(path), Some(last)) => {
+            let (_, all) = input::clip(path, &args.input, mesh)?;
+            let first = args.from_frame.unwrap_or(last);
+            let count = all.len();
+            if let Some(beyond) = [first, last].into_iter().find(|f| *f >= count) {
+                return Err(Failure::Usage(format!(
+                    "{}: has {count} frames, counted from 0; there is no frame {beyond}",
+                    path.display()
+                )));
+            }
+            // Backwards is fine, too: a delta weight may be negative.
+            let order: Vec<usize> =
+                if first <= last { (first..=last).collect() } else { (last..=first).rev().collect() };
+            order.into_iter().map(|f| all[f].clone()).collect()
+        }
+        _ => vec![vec![0.0; targets]],
+    };
+    for (i, setting) in args.set.iter().enumerate() {
+        if args.set[..i].iter().any(|other| other.name == setting.name) {
+            return Err(Failure::Usage(format!("--set {}: set twice; leave one of them out", setting.name)));
+        }
+        let at = mesh.target_index(&setting.name).ok_or_else(|| {
+            Failure::Usage(format!(
+                "--set {}: '{}' has no such target; `deltamorph info` lists the {targets} there are",
+                setting.name, mesh.name
+            ))
+        })?;
+        frames.iter_mut().for_each(|weights| weights[at] = setting.weight);
+    }
+    Ok(frames)
+}
+
+/// Write the pose: nine digits, the input's vertex order, normals normalised.
+fn write(args: &ApplyArgs, mesh: &MorphMesh, pose: &[f32]) -> Result<(), Failure> {
+    let vertices = pose.chunks_exact(POSE_FLOATS).take(mesh.vertex_count());
+    let positions: Vec<Vec3> = vertices.clone().map(|v| Vec3::from_slice(&v[..3])).collect();
+    let normals: Vec<Vec3> = vertices
+        .zip(&mesh.normals)
+        .map(|(v, base)| {
+            let normal = Vec3::from_slice(&v[3..]);
+            if f64::from(normal.length()) < SHORTEST_NORMAL { *base } else { normal.normalize() }
+        })
+        .collect();
+    let shape = ObjMesh { positions: &positions, normals: &normals, texcoords: &mesh.texcoords, faces: &mesh.faces };
+    Ok(write_obj(&args.output, shape)?)
+}

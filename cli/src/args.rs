@@ -1,0 +1,372 @@
+//! The command line, as clap sees it.
+
+pub mod bench;
+pub mod play;
+pub mod values;
+
+use bench::BenchArgs;
+use clap::{Args, Parser, Subcommand};
+use deltamorph::headless::DeviceChoice;
+use deltamorph::mesh::Tolerance;
+use deltamorph::mesh::head::HeadDesc;
+use deltamorph::pack::DeltaFormat;
+use deltamorph::pack::blocks::BlockDesc;
+use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdateMode, UpdatePath};
+use play::{PlayArgs, SoakArgs};
+use std::path::{Path, PathBuf};
+use values::{BatchSpec, BudgetSpec, Projection, WeightSetting, format_on};
+
+/// Morph targets (blend shapes) on the GPU: applies only the weights that changed.
+#[derive(Debug, Parser)]
+#[command(name = "deltamorph", version, propagate_version = true)]
+pub struct Cli {
+    /// Options of every command.
+    #[command(flatten)]
+    pub global: GlobalArgs,
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// Options of every command.
+#[derive(Args, Clone, Debug, Default)]
+pub struct GlobalArgs {
+    /// Vulkan device: its index in `deltamorph devices`, or a part of its name
+    #[arg(long, global = true, value_name = "INDEX|NAME", value_parser = values::device)]
+    pub device: Option<DeviceChoice>,
+    /// Write the result as JSON to FILE ("-": stdout, which then carries nothing else)
+    #[arg(long, global = true, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Print errors only
+    #[arg(long, global = true)]
+    pub quiet: bool,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// List the Vulkan devices and which update paths each of them can run
+    Devices,
+    /// Write the built-in head as a folder of OBJ files with a weight clip
+    Sample(SampleArgs),
+    /// Pack a mesh into a file that loads without packing again
+    Pack(PackFileArgs),
+    /// Describe a mesh: targets, sparsity, overlap, blocks, size and error of each format
+    Info(InfoArgs),
+    /// Measure the time per frame of the update paths, and write a report
+    Bench(Box<BenchArgs>),
+    /// Run a whole weight clip, one update per frame, and say what each moved and how far it is off
+    Play(Box<PlayArgs>),
+    /// Run any number of frames, random and captured, and say how far poses drift
+    Soak(Box<SoakArgs>),
+    /// Write one pose as OBJ
+    Apply(Box<ApplyArgs>),
+}
+
+/// Options of `sample`.
+#[derive(Args, Clone, Debug)]
+pub struct SampleArgs {
+    /// Folder to write; created when missing, refused when not empty
+    #[arg(value_name = "DIR")]
+    pub dir: PathBuf,
+    #[command(flatten)]
+    pub head: HeadArgs,
+    /// Seed of everything that is random
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Frames of the weight clip
+    #[arg(long, value_name = "N", default_value_t = 300, value_parser = values::at_least_one)]
+    pub frames: usize,
+    /// Frames per second of the weight clip
+    #[arg(long, value_name = "F", default_value_t = 30.0, value_parser = values::fps)]
+    pub fps: f32,
+}
+
+/// Options of `pack`.
+#[derive(Args, Clone, Debug)]
+pub struct PackFileArgs {
+    #[command(flatten)]
+    pub input: InputArgs,
+    /// Storage of the deltas: fast, small or block-float32
+    #[arg(long, value_name = "FORMAT", value_parser = values::format(), default_value = "small")]
+    pub format: DeltaFormat,
+    #[command(flatten)]
+    pub pack: PackArgs,
+    /// File to write
+    #[arg(short, long, value_name = "OUT.dmorph")]
+    pub output: PathBuf,
+}
+
+/// Options of `info`.
+#[derive(Args, Clone, Debug)]
+pub struct InfoArgs {
+    #[command(flatten)]
+    pub input: InputArgs,
+    /// Write index.html and plots there: error against bytes, and the errors of whole poses (takes seconds)
+    #[arg(long, value_name = "DIR")]
+    pub report: Option<PathBuf>,
+}
+
+/// Which mesh, and how much of it is kept.
+#[derive(Args, Clone, Debug)]
+pub struct InputArgs {
+    /// Folder with neutral.obj, targets/*.obj and, if any, weights/*.csv, or a packed file (*.dmorph); without it, the
+    /// built-in head
+    #[arg(value_name = "INPUT")]
+    pub input: Option<PathBuf>,
+    #[command(flatten)]
+    pub head: HeadArgs,
+    /// Drop position deltas that are not longer than this fraction of the bounding-box diagonal
+    #[arg(long, value_name = "FRACTION", default_value_t = 1e-6, value_parser = values::tolerance)]
+    pub tolerance: f32,
+    /// Frames per second of weight clips [default: what the file name says ("…_24fps.csv"), else 30]
+    #[arg(long, value_name = "F", value_parser = values::fps)]
+    pub fps: Option<f32>,
+    /// Seed of everything that is random
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+}
+
+impl InputArgs {
+    /// The tolerance to keep deltas by. A tolerance of 0 keeps every delta, those of the normals too.
+    pub fn tolerance(&self) -> Tolerance {
+        if self.tolerance == 0.0 {
+            return Tolerance::ZERO;
+        }
+        Tolerance { position: self.tolerance, ..Tolerance::default() }
+    }
+
+    /// Frames per second of the clip at `path`.
+    pub fn fps_of(&self, path: &Path) -> f32 {
+        self.fps.or_else(|| values::fps_in_name(path)).unwrap_or(30.0)
+    }
+}
+
+/// Size of the built-in head.
+#[derive(Args, Clone, Debug, Default)]
+pub struct HeadArgs {
+    /// Built-in head: number of vertices [default: 43788]
+    #[arg(long, value_name = "N", value_parser = values::vertices)]
+    pub vertices: Option<usize>,
+    /// Built-in head: number of morph targets [default: 72]
+    #[arg(long, value_name = "N", value_parser = values::targets)]
+    pub targets: Option<usize>,
+    /// Built-in head: mean fraction of the vertices that a target moves, above 0, at most 1 [default: 0.12]
+    #[arg(long, value_name = "FRACTION", value_parser = values::sparsity)]
+    pub sparsity: Option<f32>,
+}
+
+impl HeadArgs {
+    /// What the built-in head is made from.
+    pub fn desc(&self, seed: u64) -> HeadDesc {
+        let d = HeadDesc::default();
+        HeadDesc {
+            vertices: self.vertices.unwrap_or(d.vertices),
+            targets: self.targets.unwrap_or(d.targets),
+            sparsity: self.sparsity.unwrap_or(d.sparsity),
+            seed,
+        }
+    }
+
+    /// The first of these options that was given: they mean nothing to a mesh read from a file.
+    pub fn given(&self) -> Option<&'static str> {
+        [
+            ("--vertices", self.vertices.is_some()),
+            ("--targets", self.targets.is_some()),
+            ("--sparsity", self.sparsity.is_some()),
+        ]
+        .into_iter()
+        .find_map(|(name, given)| given.then_some(name))
+    }
+}
+
+/// Options of the commands that update poses.
+#[derive(Args, Clone, Debug)]
+pub struct UpdateArgs {
+    /// Update paths, separated by commas [default: bench: all that the device can run, without the baselines; others:
+    /// blocks, or cpu where there is no GPU]
+    #[arg(long = "paths", visible_alias = "path", value_name = "PATH,…", value_delimiter = ',', value_parser = values::path())]
+    pub paths: Vec<UpdatePath>,
+    /// Add what changed to the last pose, or rebuild from the base pose every frame [default: incremental; rebuild for
+    /// scatter and the direct paths, which know nothing else]
+    #[arg(long = "mode", visible_alias = "modes", value_name = "MODE,…", value_delimiter = ',', value_parser = values::mode())]
+    pub modes: Vec<UpdateMode>,
+    /// Pose buffers per head; 2 keeps the previous pose for motion vectors
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = values::slots)]
+    pub slots: u32,
+    /// Delta formats, separated by commas [default: bench: all; others: fast, or what a .dmorph file holds]
+    #[arg(long = "formats", visible_alias = "format", value_name = "FORMAT,…", value_delimiter = ',', value_parser = values::format())]
+    pub formats: Vec<DeltaFormat>,
+    /// How poses add up in block formats [default: bench: both; others: float, but exact for scatter]
+    #[arg(long, value_name = "SUMS,…", value_delimiter = ',', value_parser = values::sums())]
+    pub accumulate: Vec<Accumulate>,
+    /// How far rounding may move a vertex under float sums, as a fraction of the diagonal
+    #[arg(long, value_name = "FRACTION", default_value_t = 1e-5, value_parser = values::positive)]
+    pub drift: f32,
+    /// Changes too small to move a vertex this far wait (block formats): a length in input units, "1e-4d" of the
+    /// diagonal, or "0.5px" with --projection
+    #[arg(long, value_name = "LENGTH", value_parser = values::budget)]
+    pub error_budget: Option<BudgetSpec>,
+    /// What a pixel of --error-budget is: degrees of view from bottom to top, pixels of height, distance of the face
+    #[arg(long, value_name = "DEGREES,PIXELS,DISTANCE", value_parser = values::projection)]
+    pub projection: Option<Projection>,
+    #[command(flatten)]
+    pub pack: PackArgs,
+    /// Threads of the cpu path [default: one per core]
+    #[arg(long, value_name = "N", value_parser = values::threads)]
+    pub threads: Option<usize>,
+}
+
+/// How meshes are packed into blocks.
+#[derive(Args, Clone, Debug)]
+pub struct PackArgs {
+    /// Vertices of a block: 32, 64 or 128 [default: 32 for small, else 64]
+    #[arg(long, value_name = "N", value_parser = values::block_size)]
+    pub block_size: Option<u32>,
+    /// Error allowed to a packed position delta, as a fraction of the diagonal
+    #[arg(long, value_name = "FRACTION", default_value_t = 1e-5, value_parser = values::positive)]
+    pub position_error: f32,
+    /// Error allowed to a packed normal at weight 1, in degrees
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.5, value_parser = values::positive)]
+    pub normal_error: f32,
+    /// The largest weight that exact sums have to stand
+    #[arg(long, value_name = "WEIGHT", default_value_t = 4.0, value_parser = values::positive)]
+    pub weight_max: f32,
+}
+
+impl PackArgs {
+    /// What the library calls it.
+    pub fn desc(&self) -> BlockDesc {
+        BlockDesc {
+            size: self.block_size,
+            position_error: self.position_error,
+            normal_error_degrees: self.normal_error,
+            weight_max: self.weight_max,
+        }
+    }
+}
+
+/// Each of `list` once, in the order of their first places.
+pub fn distinct<T: Copy + PartialEq>(list: &[T]) -> Vec<T> {
+    list.iter().enumerate().filter(|(i, one)| !list[..*i].contains(one)).map(|(_, one)| *one).collect()
+}
+
+impl UpdateArgs {
+    /// The paths asked for, each once, or else `default`.
+    pub fn paths_or(&self, default: &[UpdatePath]) -> Vec<UpdatePath> {
+        distinct(if self.paths.is_empty() { default } else { &self.paths })
+    }
+
+    /// Sums of this kind, float sums with the drift allowed.
+    pub fn sums(&self, kind: Accumulate) -> Accumulate {
+        match kind {
+            Accumulate::Float { .. } => Accumulate::Float { tolerance: self.drift },
+            Accumulate::Exact => Accumulate::Exact,
+        }
+    }
+
+    /// The error budget as a length.
+    pub fn budget(&self, diagonal: f32) -> Result<f32, String> {
+        match (self.error_budget, &self.projection) {
+            (Some(BudgetSpec::Pixels(n)), Some(projection)) => Ok(n * projection.pixel()),
+            (Some(BudgetSpec::Pixels(_)), None) => {
+                Err("--error-budget in pixels needs --projection DEGREES,PIXELS,DISTANCE".into())
+            }
+            (_, Some(_)) => Err("--projection is for an --error-budget in pixels, as in \"0.5px\"".into()),
+            (Some(BudgetSpec::Length(length)), None) => Ok(length),
+            (Some(BudgetSpec::Diagonal(fraction)), None) => Ok(fraction * diagonal),
+            (None, None) => Ok(0.0),
+        }
+    }
+
+    /// The one path, mode and kind of sums of a command that takes one; `path` where none is given.
+    pub fn single(&self, command: &str, path: UpdatePath) -> Result<Single, String> {
+        fn one<T: Copy>(given: &[T], default: T, option: &str, command: &str) -> Result<T, String> {
+            match given {
+                [] => Ok(default),
+                [one] => Ok(*one),
+                _ => Err(format!("{option}: {command} takes one; name one of them")),
+            }
+        }
+        let path = one(&self.paths, path, "--path", command)?;
+        let sums = UpdateDesc::new(path, BatchSize::All).accumulate;
+        Ok(Single {
+            path,
+            mode: one(&self.modes, path.default_mode(), "--mode", command)?,
+            accumulate: self.sums(one(&self.accumulate, sums, "--accumulate", command)?),
+            format: one(&self.formats.iter().copied().map(Some).collect::<Vec<_>>(), None, "--format", command)?,
+        })
+    }
+}
+
+/// How a command that takes one of each updates poses.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Single {
+    /// The path.
+    pub path: UpdatePath,
+    /// The mode.
+    pub mode: UpdateMode,
+    /// The kind of sums.
+    pub accumulate: Accumulate,
+    /// The format, where one is given.
+    pub format: Option<DeltaFormat>,
+}
+
+impl Single {
+    /// The format: the one given, or that of the packed file that is read, or the default of the path.
+    pub fn delta_format(&self, held: Option<DeltaFormat>) -> Result<DeltaFormat, String> {
+        let taken = self.path.formats();
+        if let (None, Some(held)) = (self.format, held.filter(|held| taken.contains(held))) {
+            return Ok(held);
+        }
+        let default = [DeltaFormat::Fast, DeltaFormat::Float32, DeltaFormat::Small]
+            .into_iter()
+            .find(|format| format_on(self.path, *format).is_some());
+        self.format.or(default).and_then(|format| format_on(self.path, format)).ok_or_else(|| {
+            let names: Vec<&str> = taken.iter().map(|format| format.name()).collect();
+            format!("--format: the path '{}' takes {}", self.path.name(), names.join(" or "))
+        })
+    }
+}
+
+/// Options of `apply`.
+#[derive(Args, Clone, Debug)]
+pub struct ApplyArgs {
+    #[command(flatten)]
+    pub input: InputArgs,
+    #[command(flatten)]
+    pub update: UpdateArgs,
+    /// Weight clip to take the weights from
+    #[arg(long, value_name = "CSV", requires = "frame")]
+    pub weights: Option<PathBuf>,
+    /// Frame of the weight clip, counted from 0
+    #[arg(long, value_name = "N", requires = "weights")]
+    pub frame: Option<usize>,
+    /// Step incrementally from this frame of the weight clip to --frame
+    #[arg(long, value_name = "M", requires = "weights")]
+    pub from_frame: Option<usize>,
+    /// Weights by name, on top of the clip's (repeatable)
+    #[arg(long, value_name = "NAME=WEIGHT,…", value_delimiter = ',', value_parser = values::setting)]
+    pub set: Vec<WeightSetting>,
+    /// Targets per pass: a number, "max" or "all" [default: the largest that the path allows]
+    #[arg(long, value_name = "N", value_parser = values::one_batch)]
+    pub batch_size: Option<BatchSpec>,
+    /// OBJ file to write
+    #[arg(short, long, value_name = "OUT.obj")]
+    pub output: PathBuf,
+}
+
+impl ApplyArgs {
+    /// Complain about what clap cannot see.
+    pub fn check(&self) -> Result<(), String> {
+        self.update.single("apply", UpdatePath::Cpu)?.delta_format(None)?;
+        if self.weights.is_none() && self.set.is_empty() {
+            return Err("nothing to apply; give --weights CSV --frame N, or --set NAME=WEIGHT".into());
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+#[path = "args/tests.rs"]
+mod tests;

@@ -1,0 +1,88 @@
+//! Options of `bench`.
+
+use super::values::{self, BatchSpec, ChangedSpec};
+use super::{InputArgs, UpdateArgs, distinct};
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// A ready-made comparison.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum SuiteChoice {
+    /// What batching gains: every batch size of the dense paths and formats
+    Chapter,
+    /// One head and many, each with its own animation or all with one, against the number of targets
+    Crowd,
+    /// Every technique, with all, few and still targets, dense and sparse, for one head and many
+    Techniques,
+    /// Every technique on captured clips: those of INPUT, or of the data sets under DELTAMORPH_DATA
+    Clips,
+    /// All of these
+    All,
+}
+
+/// Options of `bench`.
+#[derive(Args, Clone, Debug)]
+pub struct BenchArgs {
+    #[command(flatten)]
+    pub input: InputArgs,
+    #[command(flatten)]
+    pub update: UpdateArgs,
+    /// Targets per pass: numbers, ranges ("1..7", "1..max"), "max" (what the device allows), "all" (one pass)
+    /// [default: 1..max,all for clips and the largest --changed; 8,max,all for the others]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::batch)]
+    pub batch_sizes: Vec<BatchSpec>,
+    /// Targets changed per frame, drawn afresh for every frame: numbers and "all" [default: 1,4,8,16,32,all]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::changed)]
+    pub changed: Vec<ChangedSpec>,
+    /// Replay this weight clip as a workload, next to the random one (repeatable)
+    #[arg(long, value_name = "CSV")]
+    pub weights: Vec<PathBuf>,
+    /// Numbers of heads, each with its own weights [default: 1; suites: 1 and 100, techniques: 1,10,100]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::heads)]
+    pub heads: Vec<u32>,
+    /// One animation for all heads: one is updated, and its pose drawn for each
+    #[arg(long)]
+    pub shared: bool,
+    /// Frames to time per configuration
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = values::at_least_one)]
+    pub frames: usize,
+    /// Frames to run before timing starts
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = values::warmup)]
+    pub warmup: usize,
+    /// Run ready-made comparisons instead, each with a page of its own in the report
+    #[arg(
+        long = "suite",
+        value_name = "NAME,…",
+        value_delimiter = ',',
+        value_enum,
+        conflicts_with_all = [
+            "batch_sizes", "changed", "weights", "shared", "modes", "accumulate", "error_budget", "projection"
+        ]
+    )]
+    pub suites: Vec<SuiteChoice>,
+    /// Suites: seconds to time each configuration for, where --frames take longer [default: 5]
+    #[arg(long, value_name = "SECONDS", value_parser = values::seconds, requires = "suites")]
+    pub time_limit: Option<f32>,
+    /// Folder for report.json, runs.csv, the plots and index.html
+    #[arg(long, value_name = "DIR", default_value = "bench-report")]
+    pub report: PathBuf,
+    /// Write no report folder
+    #[arg(long, conflicts_with = "report")]
+    pub no_report: bool,
+    /// Measure nothing: draw the report of an earlier report.json again
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["input", "weights", "no_report", "suites"])]
+    pub redraw: Option<PathBuf>,
+}
+
+impl BenchArgs {
+    /// The numbers of heads asked for, each once, or else `default`.
+    pub fn heads_or(&self, default: &[u32]) -> Vec<u32> {
+        distinct(if self.heads.is_empty() { default } else { &self.heads })
+    }
+
+    /// How long suites time a configuration.
+    pub fn time_limit(&self) -> Duration {
+        Duration::from_secs_f32(self.time_limit.unwrap_or(5.0))
+    }
+}

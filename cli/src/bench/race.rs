@@ -1,0 +1,231 @@
+//! Several configurations side by side: a machine that is faster now than a minute ago is so for all of them.
+
+use super::record::{RunRecord, Skipped};
+use super::references::References;
+use super::setting::{Config, Setting};
+use super::trial::{Context, Trial};
+use crate::output::Failure;
+use crate::runner::{Gpu, Runner, packed};
+use deltamorph::Error;
+use deltamorph::pack::{DeltaFormat, PackedMesh};
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// How long configurations are timed, and in how many turns.
+#[derive(Clone, Copy, Debug)]
+pub struct Pace {
+    /// Frames of each configuration.
+    pub frames: usize,
+    /// Turns that they are divided into.
+    pub rounds: usize,
+    /// Time for each configuration; three frames are timed however long they take.
+    pub limit: Option<Duration>,
+    /// What configurations have in common besides.
+    pub tempo: Tempo,
+}
+
+/// What configurations in turns have in common.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tempo {
+    /// Nothing: each runs frame after frame, as many as it can.
+    Own,
+    /// The same frames, spread over the workload: where frames differ.
+    SameFrames,
+    /// The same time for a frame: those that are done before the slowest wait. A machine that waits cools down, its
+    /// caches fill with other things and its cores go to sleep, and a frame after a pause takes longer.
+    SameRate,
+}
+
+/// Frames that are timed at least.
+const LEAST_FRAMES: usize = 3;
+
+impl Pace {
+    /// All frames in one go.
+    pub fn whole(frames: usize) -> Self {
+        Self { frames, rounds: 1, limit: None, tempo: Tempo::Own }
+    }
+
+    fn share(&self) -> Option<Duration> {
+        self.limit.map(|limit| limit / self.rounds as u32)
+    }
+
+    /// Frames of a round where each has to take the same, and the slowest takes `slowest` for one.
+    fn frames_together(&self, slowest: Duration) -> usize {
+        let most = self.frames.div_ceil(self.rounds);
+        match self.share() {
+            Some(share) if !slowest.is_zero() => {
+                ((share.as_secs_f64() / slowest.as_secs_f64()) as usize).clamp(1, most)
+            }
+            _ => most,
+        }
+    }
+}
+
+/// A trial, and why it was refused, should it be.
+type Running<'a> = (Trial<'a>, Option<String>);
+
+/// Time `running` in turns. What is wrong or refused drops out.
+fn run(running: &mut [Running<'_>], pace: &Pace) -> deltamorph::Result<()> {
+    let mut slowest = Duration::ZERO;
+    let warm_up = |trial: &mut Trial<'_>| {
+        slowest = slowest.max(trial.warm_up(pace.share())?);
+        Ok(())
+    };
+    each(running, warm_up)?;
+    if pace.tempo == Tempo::SameRate {
+        each(running, |trial| {
+            trial.take_at_least(slowest);
+            Ok(())
+        })?;
+    }
+    for round in 0..pace.rounds {
+        each(running, |trial| {
+            let (timed, spent) = trial.timed();
+            if pace.tempo == Tempo::SameFrames {
+                trial.jump(trial.period() * round / pace.rounds)?;
+            }
+            if pace.tempo != Tempo::Own {
+                trial.round(pace.frames_together(slowest), None)
+            } else if timed < LEAST_FRAMES || pace.limit.is_none_or(|limit| spent < limit) {
+                trial.round(pace.frames.div_ceil(pace.rounds), pace.share())
+            } else {
+                Ok(())
+            }
+        })?;
+    }
+    Ok(())
+}
+
+/// Let each trial that is still in do something.
+fn each(
+    running: &mut [Running<'_>],
+    mut act: impl FnMut(&mut Trial<'_>) -> deltamorph::Result<()>,
+) -> deltamorph::Result<()> {
+    for (trial, refused) in running.iter_mut().filter(|(trial, refused)| trial.is_right() && refused.is_none()) {
+        *refused = refusal(act(trial))?.err();
+    }
+    Ok(())
+}
+
+/// Tells what a path refuses (weights that it cannot take, say) from a device that fails.
+fn refusal<T>(result: deltamorph::Result<T>) -> deltamorph::Result<Result<T, String>> {
+    match result {
+        Ok(value) => Ok(Ok(value)),
+        Err(e @ (Error::Invalid { .. } | Error::Unsupported { .. })) => Ok(Err(e.to_string())),
+        Err(e) => Err(e),
+    }
+}
+
+/// The meshes packed so far, and the references computed so far, of one input.
+#[derive(Default)]
+pub struct Cache {
+    meshes: HashMap<DeltaFormat, Arc<PackedMesh>>,
+    references: References,
+}
+
+/// A configuration, and what it is measured on.
+pub struct Entrant<'a> {
+    /// Its name, should it be refused.
+    pub what: String,
+    pub config: Config,
+    pub setting: &'a Setting<'a>,
+}
+
+pub type Outcome = Result<RunRecord, Skipped>;
+
+/// Measure `entrants` side by side; outcomes are in their order. One that there is no room for beside the others is
+/// measured after them.
+pub fn contest(
+    context: Context<'_>,
+    gpu: Option<&Gpu>,
+    cache: &mut Cache,
+    entrants: &[Entrant<'_>],
+    pace: &Pace,
+) -> Result<Vec<Outcome>, Failure> {
+    let (mut beside, mut places, mut later) = (vec![], vec![], vec![]);
+    for (place, entrant) in entrants.iter().enumerate() {
+        match begin(context, gpu, cache, entrant)? {
+            Ok(trial) => {
+                beside.push((trial, None));
+                places.push(place);
+            }
+            Err(reason) => later.push((place, reason)),
+        }
+    }
+    let any = !beside.is_empty();
+    run(&mut beside, pace)?;
+    let mut outcomes: Vec<(usize, Outcome)> = vec![];
+    for (place, running) in places.into_iter().zip(beside) {
+        outcomes.push((place, finish(running, cache, &entrants[place])?));
+    }
+    for (place, reason) in later {
+        let entrant = &entrants[place];
+        let again = if any { begin(context, gpu, cache, entrant)? } else { Err(reason) };
+        outcomes.push(match again {
+            Ok(trial) => {
+                let mut alone = [(trial, None)];
+                run(&mut alone, pace)?;
+                let [running] = alone;
+                let outcome = finish(running, cache, entrant)?;
+                (place, outcome.map(|record| RunRecord { alone: true, ..record }))
+            }
+            Err(reason) => (place, Err(Skipped { what: entrant.what.clone(), reason })),
+        });
+    }
+    outcomes.sort_by_key(|(place, _)| *place);
+    Ok(outcomes.into_iter().map(|(_, outcome)| outcome).collect())
+}
+
+fn finish((trial, refused): Running<'_>, cache: &mut Cache, entrant: &Entrant<'_>) -> Result<Outcome, Failure> {
+    Ok(match refused {
+        None => Ok(trial.finish(&mut cache.references)?),
+        Some(reason) => Err(Skipped { what: entrant.what.clone(), reason }),
+    })
+}
+
+/// A verified trial, or why there is none.
+fn begin<'a>(
+    context: Context<'a>,
+    gpu: Option<&'a Gpu>,
+    cache: &mut Cache,
+    entrant: &Entrant<'a>,
+) -> Result<Result<Trial<'a>, String>, Failure> {
+    let Entrant { config, setting, .. } = entrant;
+    let mesh = match cache.meshes.get(&config.format) {
+        Some(mesh) => mesh.clone(),
+        None => {
+            let mesh = packed(context.input, gpu, config.format, &context.args.update.pack)?;
+            cache.meshes.insert(config.format, mesh.clone());
+            mesh
+        }
+    };
+    let threads = context.args.update.threads.unwrap_or(0);
+    let runner = match (config.apart, gpu) {
+        (true, Some(gpu)) => Runner::crowds(gpu, &mesh, config.desc, 1, setting.updated() as usize),
+        _ => Runner::new(gpu, &mesh, config.desc, setting.updated(), threads),
+    };
+    let runner = match runner
+        .and_then(|runner| if setting.drawn { runner.with_upload(gpu, setting.updated()) } else { Ok(runner) })
+    {
+        Ok(runner) => runner,
+        // Too large for the device, say.
+        Err(e) => return Ok(Err(e.to_string())),
+    };
+    Ok(refusal(Trial::begin(context, runner, setting, config, &mesh, &mut cache.references))?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_slowest_sets_the_pace() {
+        let seconds = Duration::from_secs_f64;
+        let pace = Pace { frames: 100, rounds: 10, limit: Some(seconds(5.0)), tempo: Tempo::SameFrames };
+        assert_eq!(pace.share(), Some(seconds(0.5)));
+        let frames = [0.0, 0.001, 0.1, 0.25, 20.0].map(|slowest| pace.frames_together(seconds(slowest)));
+        assert_eq!(frames, [10, 10, 5, 2, 1]);
+        assert_eq!(Pace::whole(7).frames_together(seconds(100.0)), 7);
+    }
+}

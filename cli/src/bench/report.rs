@@ -1,0 +1,147 @@
+//! The report folder: report.json, runs.csv, the plots and index.html.
+
+use super::html;
+use super::record::{Report, RunRecord};
+use super::select::figures;
+use super::suites;
+use crate::output::{Failure, create_folder, is_free, publish, write_file};
+use serde_json::Value;
+use std::path::Path;
+
+/// Write everything into `dir`, replacing what an earlier run left there when all is drawn.
+pub fn write(report: &Report, dir: &Path) -> Result<(), Failure> {
+    publish(dir, is_drawn, |dir| {
+        let json = serde_json::to_string_pretty(report).map_err(|e| Failure::failed(&e))?;
+        write_file(&dir.join("report.json"), json + "\n")?;
+        write_file(&dir.join("runs.csv"), csv(&report.runs)?)?;
+        let mut drawn = Vec::new();
+        // A suite has its figures on a page of its own.
+        for figure in if report.suites.is_empty() { figures(report) } else { vec![] } {
+            let svg = figure.write(dir)?;
+            drawn.push((figure, svg));
+        }
+        for suite in &report.suites {
+            let mut drawn = Vec::new();
+            for figure in suites::figures::figures(suite, report) {
+                let svg = figure.write(dir)?;
+                drawn.push((figure, svg));
+            }
+            write_file(&dir.join(suites::page::file_name(suite)), suites::page::page(suite, report, &drawn))?;
+        }
+        write_file(&dir.join("index.html"), html::page(report, &drawn))
+    })
+}
+
+/// What the names of our files begin with, besides report.json, runs.csv and index.html.
+const STEMS: [&str; 8] =
+    ["time-vs-", "relative-performance", "floor", "suite-", "chapter-", "crowd-", "techniques-", "clips-"];
+
+/// Whether a file is a figure or a page of a report.
+fn is_drawn(name: &str) -> bool {
+    STEMS.iter().any(|stem| name.starts_with(stem)) && [".svg", ".png", ".html"].iter().any(|end| name.ends_with(end))
+}
+
+/// Make sure that `dir` is ours to write to: new, empty, or with an earlier report.
+pub fn claim(dir: &Path) -> Result<(), Failure> {
+    create_folder(dir)?;
+    if is_free(dir)? || read(&dir.join("report.json")).is_ok() {
+        return Ok(());
+    }
+    Err(Failure::Usage(format!(
+        "{}: the folder holds something else than a report; name another one with --report",
+        dir.display()
+    )))
+}
+
+pub fn read(path: &Path) -> Result<Report, Failure> {
+    let text = std::fs::read_to_string(path).map_err(|e| Failure::io(path, "read", e))?;
+    let report: Report = serde_json::from_str(&text).map_err(|e| {
+        Failure::Failed(format!("{}: {e}; give a report.json that `deltamorph bench` wrote", path.display()))
+    })?;
+    if report.schema != 1 {
+        return Err(Failure::Failed(format!(
+            "{}: schema {}, this version reads schema 1; use the version that wrote it",
+            path.display(),
+            report.schema
+        )));
+    }
+    Ok(report)
+}
+
+/// The columns of runs.csv: the fields of a run; `gpu_ms_median` is the field `median` of `gpu_ms`.
+const COLUMNS: &str = "suite cell technique mesh targets path mode format accumulate slots batch_size batch_max \
+    workload changed coefficients active heads shared crowds passes bytes_moved bytes_floor floor_fraction \
+    gpu_ms_median gpu_ms_mean gpu_ms_stderr gpu_ms_min gpu_ms_max gpu_ms_n \
+    cpu_ms_median cpu_ms_mean cpu_ms_stderr cpu_ms_min cpu_ms_max cpu_ms_n draw_ms \
+    update_and_draw_ms_median update_and_draw_ms_mean update_and_draw_ms_stderr update_and_draw_ms_min \
+    update_and_draw_ms_max update_and_draw_ms_n \
+    upload_ms_median upload_ms_mean upload_ms_stderr upload_ms_min upload_ms_max upload_ms_n \
+    max_error max_error_rel normal_error_deg raw_error_rel verified problem";
+
+fn csv(runs: &[RunRecord]) -> Result<Vec<u8>, Failure> {
+    let mut out = csv::Writer::from_writer(Vec::new());
+    out.write_record(COLUMNS.split(' ')).map_err(|e| Failure::failed(&e))?;
+    for run in runs {
+        let run = serde_json::to_value(run).map_err(|e| Failure::failed(&e))?;
+        out.write_record(COLUMNS.split(' ').map(|column| cell(&run, column))).map_err(|e| Failure::failed(&e))?;
+    }
+    out.into_inner().map_err(|e| Failure::Failed(e.to_string()))
+}
+
+fn cell(run: &Value, column: &str) -> String {
+    let nested = || column.rsplit_once('_').and_then(|(field, part)| run.get(field)?.get(part));
+    match run.get(column).or_else(nested) {
+        None | Some(Value::Null) => String::new(),
+        Some(Value::String(text)) => text.clone(),
+        // JSON writes small numbers with exponents, which not every reader of CSV takes.
+        Some(Value::Number(number)) => number.as_f64().unwrap_or(f64::NAN).to_string(),
+        Some(other) => other.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::synthetic;
+
+    #[test]
+    fn the_folder_is_complete() {
+        let dir = tempfile::tempdir().expect("a folder");
+        // DELTAMORPH_REPORT_SAMPLE keeps the folder, to look at.
+        let kept = std::env::var_os("DELTAMORPH_REPORT_SAMPLE");
+        let folder = kept.map_or_else(|| dir.path().join("new/report"), Into::into);
+        let report = synthetic::report();
+        write(&report, &folder).expect("written");
+        for figure in figures(&report) {
+            for extension in ["svg", "png"] {
+                assert!(folder.join(format!("{}.{extension}", figure.slug)).is_file(), "{}", figure.slug);
+            }
+        }
+        assert!(folder.join("index.html").is_file());
+        let again = read(&folder.join("report.json")).expect("read");
+        assert_eq!(again.runs.len(), report.runs.len());
+    }
+
+    #[test]
+    fn the_csv_has_a_cell_for_every_column() {
+        let report = synthetic::report();
+        let bytes = csv(&report.runs).expect("written");
+        let mut reader = csv::Reader::from_reader(bytes.as_slice());
+        let rows: Vec<csv::StringRecord> = reader.records().collect::<Result<_, _>>().expect("even rows");
+        assert_eq!(rows.len(), report.runs.len());
+        assert_eq!((&rows[0][5], &rows[0][10], rows[0].len()), ("feedback", "1", 54));
+    }
+
+    #[test]
+    fn other_files_are_refused() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("report.json");
+        assert!(read(&path).is_err());
+        std::fs::write(&path, "{}").expect("written");
+        assert!(read(&path).unwrap_err().to_string().contains("deltamorph bench"));
+        let mut report = synthetic::report();
+        report.schema = 2;
+        std::fs::write(&path, serde_json::to_string(&report).expect("serialised")).expect("written");
+        assert!(read(&path).unwrap_err().to_string().contains("schema 2"));
+    }
+}

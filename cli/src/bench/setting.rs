@@ -1,0 +1,50 @@
+//! What is measured: how to update, and on what.
+
+use super::workload::Workload;
+use deltamorph::pack::DeltaFormat;
+use deltamorph::plan::UpdateDesc;
+
+/// Everything but the update path.
+pub struct Setting<'a> {
+    pub workload: &'a dyn Workload,
+    /// Targets changed per frame and head, as asked for; `None` for clips.
+    pub changed: Option<usize>,
+    /// Heads: each with weights of its own, unless `shared`.
+    pub heads: u32,
+    /// One animation: one head is updated, and its pose drawn for each.
+    pub shared: bool,
+    /// Every frame draws each head once, without rasterizing, behind the update.
+    pub drawn: bool,
+    /// Compare with the reference after a few frames, not at all checkpoints of the workload: where frames take long.
+    pub brief: bool,
+}
+
+impl Setting<'_> {
+    /// Heads that are updated.
+    pub fn updated(&self) -> u32 {
+        if self.shared { 1 } else { self.heads }
+    }
+
+    /// Draws of each head that is updated.
+    pub fn copies(&self) -> u32 {
+        if self.shared { self.heads } else { 1 }
+    }
+
+    /// The weights of each of them.
+    pub fn weights(&self, frame: usize) -> Vec<Vec<f32>> {
+        (0..self.updated()).map(|h| self.workload.weights(h, frame)).collect()
+    }
+}
+
+/// How to update, and in which format.
+#[derive(Clone, Debug)]
+pub struct Config {
+    /// Path, batch size, mode, slots.
+    pub desc: UpdateDesc,
+    /// Storage of deltas.
+    pub format: DeltaFormat,
+    /// The largest batch that path and format allow.
+    pub batch_max: Option<u32>,
+    /// A crowd for each head, all of them in one submission.
+    pub apart: bool,
+}

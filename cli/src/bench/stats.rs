@@ -1,0 +1,97 @@
+//! What a hundred timings say in six numbers.
+
+use serde::{Deserialize, Serialize};
+
+/// Median, mean and spread of a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Stats {
+    /// Half of the values are below it. One late interrupt does not move it, so it is what the plots show.
+    pub median: f64,
+    pub mean: f64,
+    /// Standard error of the mean; 0 for a single value, which says nothing about its spread.
+    pub stderr: f64,
+    pub min: f64,
+    pub max: f64,
+    pub n: usize,
+}
+
+impl Stats {
+    /// Sum up `values`; `None` when there are none, or one is not finite.
+    pub fn of(values: &[f64]) -> Option<Self> {
+        if values.is_empty() || values.iter().any(|v| !v.is_finite()) {
+            return None;
+        }
+        let mut sorted = values.to_vec();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let n = sorted.len();
+        let (min, max) = (sorted[0], sorted[n - 1]);
+        let median = if n % 2 == 1 { sorted[n / 2] } else { sorted[n / 2 - 1].midpoint(sorted[n / 2]) };
+        let count = n as f64;
+        // Dividing first keeps the sum within range; rounding may leave the mean just outside the values.
+        let mean = sorted.iter().map(|v| v / count).sum::<f64>().clamp(min, max);
+        let variance = match n {
+            1 => 0.0,
+            _ => sorted.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (count - 1.0),
+        };
+        Some(Self { median, mean, stderr: (variance / count).sqrt(), min, max, n })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn known_samples() {
+        let s = Stats::of(&[4.0, 1.0, 3.0, 2.0]).expect("four values");
+        assert_eq!((s.median, s.mean, s.min, s.max, s.n), (2.5, 2.5, 1.0, 4.0, 4));
+        assert!((s.stderr - (5.0f64 / 3.0 / 4.0).sqrt()).abs() < 1e-15);
+        let one = Stats::of(&[7.0]).expect("one value");
+        assert_eq!((one.median, one.mean, one.stderr, one.n), (7.0, 7.0, 0.0, 1));
+        assert_eq!(Stats::of(&[9.0, 1.0, 2.0]).expect("three values").median, 2.0);
+        assert_eq!((Stats::of(&[]), Stats::of(&[1.0, f64::NAN])), (None, None));
+    }
+
+    fn samples() -> impl Strategy<Value = Vec<f64>> {
+        prop::collection::vec(0.001..1e4f64, 1..200)
+    }
+
+    proptest! {
+        #[test]
+        fn averages_lie_within_the_sample(values in samples()) {
+            let s = Stats::of(&values).expect("finite");
+            prop_assert!(s.min <= s.median && s.median <= s.max);
+            prop_assert!(s.min <= s.mean && s.mean <= s.max);
+            prop_assert_eq!(s.n, values.len());
+            prop_assert!(values.iter().filter(|&&v| v <= s.median).count() * 2 >= s.n);
+            prop_assert!(values.iter().filter(|&&v| v >= s.median).count() * 2 >= s.n);
+            // The sample's deviation is at most √(n/(n−1))/2 of its range.
+            prop_assert!(s.stderr <= (s.max - s.min) * 0.8);
+        }
+
+        #[test]
+        fn order_does_not_matter(values in samples(), seed in any::<prop::sample::Index>()) {
+            let mut turned = values.clone();
+            turned.rotate_left(seed.index(values.len()));
+            prop_assert_eq!(Stats::of(&values), Stats::of(&turned));
+        }
+
+        #[test]
+        fn scale_and_shift_carry_over(values in samples(), factor in 0.1..10.0f64, shift in 0.0..100.0f64) {
+            let a = Stats::of(&values).expect("finite");
+            let b = Stats::of(&values.iter().map(|v| v * factor + shift).collect::<Vec<_>>()).expect("finite");
+            let close = |x: f64, y: f64| (x - y).abs() <= 1e-9 * (1.0 + x.abs().max(y.abs()));
+            prop_assert!(close(a.median * factor + shift, b.median));
+            prop_assert!(close(a.mean * factor + shift, b.mean));
+            prop_assert!((a.stderr * factor - b.stderr).abs() <= 1e-6 * (1.0 + b.stderr));
+        }
+
+        #[test]
+        fn equal_values_have_no_error(value in 0.001..1e4f64, n in 1..50usize) {
+            let s = Stats::of(&vec![value; n]).expect("finite");
+            prop_assert!((s.mean - value).abs() <= 1e-12 * value && s.stderr <= 1e-12 * value);
+            prop_assert_eq!(s.median, value);
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! The chapter's figure: what batching gains.
+
+use super::Lab;
+use super::record::{Comparison, SuiteRecord};
+use super::subject::Subject;
+use super::technique::{formats, paths};
+use crate::args::values::{BatchSpec, SUMS};
+use crate::bench::configs::{Wanted, configurations};
+use crate::bench::race::{Entrant, Tempo};
+use crate::bench::record::{RunRecord, Skipped};
+use crate::bench::select::{batch_words, fastest};
+use crate::bench::setting::{Config, Setting};
+use crate::bench::workload::Random;
+use crate::output::Failure;
+use deltamorph::plan::{BatchSize, UpdateMode};
+
+/// Targets changed per frame, next to all of them.
+const FEW: usize = 8;
+
+/// Every batch size of every dense path and format.
+pub fn run(lab: &mut Lab<'_>, subject: &mut Subject) -> Result<SuiteRecord, Failure> {
+    let wanted = Wanted {
+        paths: paths(lab).into_iter().filter(|path| path.default_mode() == UpdateMode::Incremental).collect(),
+        paths_named: false,
+        formats: &formats(lab),
+        sums: &SUMS[..1],
+        modes: vec![UpdateMode::Incremental],
+        sizes: &[BatchSpec::Range(1, None)],
+        sizes_named: false,
+        error_budget: 0.0,
+    };
+    let (configs, skipped) = configurations(&wanted, &lab.args.update, lab.machine.gpu.as_ref());
+    skipped.into_iter().for_each(|s| lab.skip(s));
+    // Only those that have batches.
+    let configs: Vec<Config> = configs.into_iter().filter(|c| c.batch_max.is_some()).collect();
+    if configs.is_empty() {
+        let reason = "takes --paths and --formats that have batches: compute, feedback, vertex-store; float32, snorm16";
+        lab.skip(Skipped { what: "suite chapter".into(), reason: reason.into() });
+    }
+    let mut changes = vec![FEW.min(subject.targets()), subject.targets()];
+    changes.dedup();
+    let families = configs.chunk_by(|a, b| (a.desc.path, a.format) == (b.desc.path, b.format));
+    lab.bar.inc_length((changes.len() * families.clone().count()) as u64);
+    let mut suite = SuiteRecord { name: "chapter".into(), ..SuiteRecord::default() };
+    for &changed in &changes {
+        let random = Random::new(subject.targets(), changed, lab.args.input.seed);
+        let heads = lab.args.heads_or(&[1])[0];
+        let setting =
+            Setting { workload: &random, changed: Some(changed), heads, shared: false, drawn: false, brief: true };
+        for family in families.clone() {
+            let name = format!("{} {}", family[0].desc.path.name(), family[0].format.name());
+            let entrant =
+                |c: &Config| Entrant { what: batch_words(c.desc.batch), config: c.clone(), setting: &setting };
+            let entrants: Vec<Entrant<'_>> = family.iter().map(entrant).collect();
+            let cell = format!("{name}, {changed} of {} changed", subject.targets());
+            let runs = lab.measure(subject, &cell, &entrants, &lab.pace(Tempo::Own))?;
+            suite.comparisons.extend(gain(&cell, &runs));
+            lab.bar.inc(1);
+        }
+    }
+    Ok(suite)
+}
+
+/// Batch 1 against the fastest.
+fn gain(cell: &str, runs: &[Option<RunRecord>]) -> Option<Comparison> {
+    let right = || runs.iter().flatten().filter(|r| r.counts());
+    let one = right().find(|r| r.batch_size == BatchSize::Targets(1))?;
+    let best = fastest(right())?;
+    let names = [one, best].map(|run| batch_words(run.batch_size));
+    Comparison::new(cell, [one, best], names, |round| round.ms, "")
+}

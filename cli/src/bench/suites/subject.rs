@@ -1,0 +1,66 @@
+//! The meshes that suites run on.
+
+use super::Lab;
+use crate::args::InputArgs;
+use crate::bench::race::Cache;
+use crate::input::{self, Input};
+use crate::output::Failure;
+
+/// Mean fraction of the vertices that a target of the sparse head moves, where none is given.
+const SPARSE: f32 = 0.08;
+
+/// A mesh with all that was packed from it and computed for it.
+pub struct Subject {
+    /// Its name in the report.
+    pub name: String,
+    pub input: Input,
+    /// See there.
+    pub cache: Cache,
+    /// It comes from a packed file, which does not say what it was packed from.
+    pub was_packed: bool,
+}
+
+impl Subject {
+    /// `input` under a name; the report will describe it.
+    pub fn new(lab: &mut Lab<'_>, name: &str, mut input: Input) -> Self {
+        name.clone_into(&mut input.kept.name);
+        if lab.meshes.iter().all(|mesh| mesh.name != name) {
+            lab.meshes.push(input.info());
+        }
+        let was_packed = input.packed.is_some();
+        Self { name: name.into(), input, cache: Cache::default(), was_packed }
+    }
+
+    /// The first `targets` of the mesh.
+    pub fn first_targets(&self, targets: usize) -> Self {
+        let Input { source, raw, kept, origin, .. } = &self.input;
+        let (mut raw, mut kept) = (raw.clone(), kept.clone());
+        raw.targets.truncate(targets);
+        kept.targets.truncate(targets);
+        let input = Input { source: source.clone(), raw, kept, packed: None, clips: vec![], origin: origin.clone() };
+        Self { name: self.name.clone(), input, cache: Cache::default(), was_packed: self.was_packed }
+    }
+
+    pub fn targets(&self) -> usize {
+        self.input.kept.targets.len()
+    }
+}
+
+/// The built-in head, dense and sparse; or INPUT alone.
+pub fn dense_and_sparse(lab: &mut Lab<'_>) -> Result<Vec<Subject>, Failure> {
+    let args = &lab.args.input;
+    if args.input.is_some() {
+        let input = input::load(args, lab.out)?;
+        let name = input.kept.name.clone();
+        return Ok(vec![Subject::new(lab, &name, input)]);
+    }
+    let sparse = args.head.sparsity.unwrap_or(SPARSE);
+    let mut subjects = vec![];
+    for (name, sparsity) in [("dense".to_owned(), 1.0), (format!("{}% sparse", sparse * 100.0), sparse)] {
+        let mut args: InputArgs = lab.args.input.clone();
+        args.head.sparsity = Some(sparsity);
+        let input = input::load(&args, lab.out)?;
+        subjects.push(Subject::new(lab, &name, input));
+    }
+    Ok(subjects)
+}

@@ -1,0 +1,115 @@
+//! The ordinary run: every configuration that was asked for, one after the other.
+
+use super::configs::{Wanted, configurations};
+use super::machine::Machine;
+use super::race::{Cache, Entrant, Pace, contest};
+use super::record::{Report, Skipped};
+use super::setting::{Config, Setting};
+use super::trial::Context;
+use super::workload::{Clip, Random, Workload};
+use crate::args::bench::BenchArgs;
+use crate::args::values::{BatchSpec, SUMS, expand_changed};
+use crate::input::{self, Input};
+use crate::output::{Failure, Output};
+use crate::runner::Gpu;
+use deltamorph::headless::DeviceChoice;
+use deltamorph::pack::DeltaFormat;
+use deltamorph::plan::{Accumulate, UpdatePath};
+
+/// Batch sizes where none are given.
+const FULL_SWEEP: [BatchSpec; 2] = [BatchSpec::Range(1, None), BatchSpec::All];
+const BRIEF_SWEEP: [BatchSpec; 3] = [BatchSpec::Size(8), BatchSpec::Max, BatchSpec::All];
+/// Paths where none are given. The techniques of others have a suite of their own.
+const PATHS: [UpdatePath; 4] = [UpdatePath::Feedback, UpdatePath::Compute, UpdatePath::Blocks, UpdatePath::Cpu];
+/// Formats where none are given. The float32 of `cpu` is the dense one; in blocks it is there for the asking.
+const FORMATS: [DeltaFormat; 4] = [DeltaFormat::Float32, DeltaFormat::Snorm16, DeltaFormat::Fast, DeltaFormat::Small];
+
+/// Run everything that `args` ask for.
+pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<Report, Failure> {
+    let input = input::load(&args.input, out)?;
+    let counts = expand_changed(&args.changed, input.kept.targets.len()).map_err(Failure::Usage)?;
+    let clips = clips(args, &input)?;
+    let budget = args.update.budget(input.kept.diagonal).map_err(Failure::Usage)?;
+    let machine = Machine::open(args, device, &input, out)?;
+    let gpu = machine.gpu.as_ref();
+    let (full, mut skipped) = wanted(args, gpu, budget, &FULL_SWEEP);
+    let (brief, _) = wanted(args, gpu, budget, &BRIEF_SWEEP);
+
+    let randoms: Vec<(usize, Random)> =
+        counts.iter().map(|&n| (n, Random::new(input.kept.targets.len(), n, args.input.seed))).collect();
+    let mut settings = vec![];
+    // Where a path evaluates in draws, draws are what has to be compared.
+    let drawn = full.iter().any(|config| config.desc.path.evaluates_in_draws());
+    for heads in args.heads_or(&[1]) {
+        let plain = |workload, changed| Setting { workload, changed, heads, shared: args.shared, drawn, brief: false };
+        settings.extend(randoms.iter().map(|(n, w)| plain(w as &dyn Workload, Some(*n))));
+        settings.extend(clips.iter().map(|w| plain(w, None)));
+    }
+
+    // Every batch size where most changes; elsewhere a few, for the plot against changed targets.
+    let configs = |setting: &Setting<'_>| match setting.changed {
+        Some(n) if Some(&n) != counts.last() => &brief,
+        _ => &full,
+    };
+    let bar = out.bar(settings.iter().map(|s| configs(s).len() as u64).sum());
+    let context = Context { args, input: &input, bandwidth: machine.bandwidth };
+    let mut cache = Cache::default();
+    let mut runs = vec![];
+    for setting in &settings {
+        for config in configs(setting) {
+            let (path, format, batch) = (config.desc.path.name(), config.format.name(), config.desc.batch);
+            let changed = setting.changed.map_or("its".into(), |n| n.to_string());
+            bar.set_message(format!("{path} {format} batch {batch}, {}, {changed} changed", setting.workload.name()));
+            let sums = if config.desc.accumulate == Accumulate::Exact { " exact" } else { "" };
+            let (workload, heads) = (setting.workload.name(), setting.heads);
+            let what = format!("{path} {format}{sums} batch {batch}, {workload}, {changed} changed, {heads} heads");
+            let one = [Entrant { what, config: config.clone(), setting }];
+            for outcome in contest(context, gpu, &mut cache, &one, &Pace::whole(args.frames))? {
+                match outcome {
+                    Ok(run) => runs.push(run),
+                    // The rest goes on.
+                    Err(refused) => skipped.push(refused),
+                }
+            }
+            bar.inc(1);
+        }
+    }
+    bar.finish_and_clear();
+    let ran = |clip: &&Clip| runs.iter().any(|run| run.workload == clip.name());
+    let unplayed = match args.weights.is_empty() {
+        true => vec![],
+        false => clips.iter().filter(|clip| !ran(clip)).map(|clip| clip.name().to_owned()).collect(),
+    };
+    Ok(Report { runs, skipped, unplayed, ..machine.report(&input) })
+}
+
+/// The clips given with `--weights`; without any, those of the input.
+fn clips(args: &BenchArgs, input: &Input) -> Result<Vec<Clip>, Failure> {
+    let paths = if args.weights.is_empty() { &input.clips } else { &args.weights };
+    let mut clips: Vec<Clip> = vec![];
+    for path in paths {
+        let (clip, frames) = input::clip(path, &args.input, &input.kept)?;
+        // Reports tell workloads apart by name.
+        let taken = |name: &str| name == "random" || clips.iter().any(|c| c.name() == name);
+        let numbered = (2..).map(|n| format!("{} {n}", clip.name));
+        let name = std::iter::once(clip.name.clone()).chain(numbered).find(|name| !taken(name));
+        clips.push(Clip::new(name.unwrap_or_default(), frames));
+    }
+    Ok(clips)
+}
+
+/// What can run, and what was asked for and cannot, with the reason.
+fn wanted(args: &BenchArgs, gpu: Option<&Gpu>, budget: f32, sweep: &[BatchSpec]) -> (Vec<Config>, Vec<Skipped>) {
+    let update = &args.update;
+    let wanted = Wanted {
+        paths: update.paths_or(&PATHS),
+        paths_named: !update.paths.is_empty(),
+        formats: if update.formats.is_empty() { &FORMATS } else { &update.formats },
+        sums: if update.accumulate.is_empty() { &SUMS } else { &update.accumulate },
+        modes: update.modes.clone(),
+        sizes: if args.batch_sizes.is_empty() { sweep } else { &args.batch_sizes },
+        sizes_named: !args.batch_sizes.is_empty(),
+        error_budget: budget,
+    };
+    configurations(&wanted, update, gpu)
+}

@@ -1,0 +1,277 @@
+//! One configuration: verified, then timed in one stretch or in several, then verified again.
+
+use super::record::{Bandwidth, Round, RunRecord};
+use super::references::References;
+use super::setting::{Config, Setting};
+use super::stats::Stats;
+use crate::args::bench::BenchArgs;
+use crate::input::Input;
+use crate::runner::Runner;
+use crate::verify::{Found, Promise};
+use deltamorph::Result;
+use deltamorph::pack::PackedMesh;
+use deltamorph::plan::UpdateStats;
+use deltamorph::reference::compare;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Draws that are timed for `draw_ms` where the frames themselves have none.
+const DRAWS: usize = 9;
+
+/// Frames before the first comparison of a brief setting: each of two slots has been source and destination.
+const BRIEF_CHECK: usize = 2;
+
+/// What all configurations of a mesh share.
+#[derive(Clone, Copy)]
+pub struct Context<'a> {
+    pub args: &'a BenchArgs,
+    pub input: &'a Input,
+    pub bandwidth: Bandwidth,
+}
+
+/// A configuration under measurement.
+pub struct Trial<'a> {
+    context: Context<'a>,
+    setting: &'a Setting<'a>,
+    mesh: Arc<PackedMesh>,
+    runner: Runner<'a>,
+    promise: Promise,
+    found: Found,
+    record: RunRecord,
+    /// Bytes are those of the draws, which evaluate.
+    in_draws: bool,
+    /// The last frame that ran.
+    frame: usize,
+    samples: Samples,
+    /// What the timed rounds took, all in all.
+    spent: Duration,
+    /// What a timed frame takes at least, waiting included.
+    least: Duration,
+}
+
+/// What the timed frames took.
+#[derive(Default)]
+struct Samples {
+    frames: usize,
+    /// Update, draws, and both, on the device.
+    gpu: Vec<f64>,
+    draw: Vec<f64>,
+    both: Vec<f64>,
+    upload: Vec<f64>,
+    cpu: Vec<f64>,
+    changed: usize,
+    active: usize,
+    stats: UpdateStats,
+}
+
+impl Samples {
+    /// The times that the configuration is judged by.
+    fn judged(&self) -> &[f64] {
+        if self.both.is_empty() { self.updates() } else { &self.both }
+    }
+
+    fn updates(&self) -> &[f64] {
+        if self.gpu.is_empty() { &self.cpu } else { &self.gpu }
+    }
+}
+
+impl<'a> Trial<'a> {
+    /// Run to the checkpoints, and compare with the reference there.
+    pub fn begin(
+        context: Context<'a>,
+        runner: Runner<'a>,
+        setting: &'a Setting<'a>,
+        config: &Config,
+        mesh: &Arc<PackedMesh>,
+        references: &mut References,
+    ) -> Result<Self> {
+        let mut trial = Self {
+            context,
+            setting,
+            mesh: mesh.clone(),
+            runner,
+            promise: Promise::new(&config.desc, mesh.layout()),
+            found: Found::default(),
+            record: RunRecord::blank(config, setting, context.input),
+            in_draws: config.desc.path.evaluates_in_draws(),
+            frame: 0,
+            samples: Samples::default(),
+            spent: Duration::ZERO,
+            least: Duration::ZERO,
+        };
+        let checkpoints = match setting.brief {
+            true => vec![BRIEF_CHECK],
+            false => setting.workload.checkpoints(),
+        };
+        trial.step(0, 0)?;
+        for checkpoint in checkpoints {
+            for frame in trial.frame + 1..=checkpoint {
+                trial.step(frame, 0)?;
+            }
+            trial.verify(references)?;
+        }
+        trial.frame %= setting.workload.period();
+        Ok(trial)
+    }
+
+    /// Whether the result was right so far: what is wrong is not worth timing.
+    pub fn is_right(&self) -> bool {
+        self.promise.kept(&self.found)
+    }
+
+    /// Timed frames, and what they took.
+    pub fn timed(&self) -> (usize, Duration) {
+        (self.samples.frames, self.spent)
+    }
+
+    /// Frames after which the workload starts over.
+    pub fn period(&self) -> usize {
+        self.setting.workload.period()
+    }
+
+    /// Run frames as they will be timed, up to `limit` (but one at least); returns what the last of them took.
+    pub fn warm_up(&mut self, limit: Option<Duration>) -> Result<Duration> {
+        let (begun, mut last) = (Instant::now(), Duration::ZERO);
+        for i in 0..self.context.args.warmup {
+            if i > 0 && limit.is_some_and(|limit| begun.elapsed() >= limit) {
+                break;
+            }
+            let start = Instant::now();
+            self.step(self.frame + 1, self.draws())?;
+            last = start.elapsed();
+        }
+        Ok(last)
+    }
+
+    /// From now on, wait behind a timed frame until it took `least`.
+    pub fn take_at_least(&mut self, least: Duration) {
+        self.least = least;
+    }
+
+    /// Go on from `frame`: the frames to it are not timed, and enough of them that no slot is from before.
+    pub fn jump(&mut self, frame: usize) -> Result<()> {
+        (0..self.record.slots as usize).try_for_each(|i| self.step(frame + i, 0).map(drop))
+    }
+
+    /// Time `frames` more, up to `limit` (but one at least).
+    pub fn round(&mut self, frames: usize, limit: Option<Duration>) -> Result<()> {
+        let (begun, first) = (Instant::now(), self.samples.frames);
+        let mut before = self.setting.weights(self.frame);
+        for i in 0..frames {
+            if i > 0 && limit.is_some_and(|limit| begun.elapsed() >= limit) {
+                break;
+            }
+            let start = Instant::now();
+            let now = self.step(self.frame + 1, self.draws())?;
+            std::thread::sleep(self.least.saturating_sub(start.elapsed()));
+            let samples = &mut self.samples;
+            samples.frames += 1;
+            for (a, b) in before.iter().flatten().zip(now.weights.iter().flatten()) {
+                samples.changed += usize::from(a != b);
+                samples.active += usize::from(*b != 0.0);
+            }
+            samples.gpu.extend(now.frame.gpu_ms);
+            samples.draw.extend(now.frame.draw_ms);
+            samples.both.extend(now.frame.gpu_ms.zip(now.frame.draw_ms).map(|(update, draw)| update + draw));
+            samples.upload.extend(now.frame.upload_ms);
+            samples.cpu.push(now.frame.cpu_ms);
+            samples.stats += now.frame.stats;
+            before = now.weights;
+        }
+        self.spent += begun.elapsed();
+        let median = |times: &[f64]| Stats::of(&times[first..]).map(|s| s.median);
+        let medians = median(self.samples.judged()).zip(median(self.samples.updates()));
+        self.record.rounds.extend(medians.map(|(ms, update_ms)| Round { ms, update_ms }));
+        Ok(())
+    }
+
+    fn draws(&self) -> u32 {
+        if self.setting.drawn { self.setting.copies() } else { 0 }
+    }
+
+    fn step(&mut self, frame: usize, copies: u32) -> Result<Stepped> {
+        let weights = self.setting.weights(frame);
+        let step = self.runner.step_and_draw(&weights, copies)?;
+        self.frame = frame;
+        self.found.bound = self.found.bound.max(f64::from(step.stats.bound));
+        Ok(Stepped { weights, frame: step })
+    }
+
+    /// Compare the first and the last head with the reference.
+    fn verify(&mut self, references: &mut References) -> Result<()> {
+        let last = self.setting.updated() - 1;
+        for head in if last == 0 { vec![0] } else { vec![0, last] } {
+            let pose = self.runner.pose(head)?;
+            let weights = self.promise.applied(&self.setting.workload.weights(head, self.frame));
+            let reference = references.get(&self.mesh, self.context.input, &weights);
+            self.found.error = self.found.error.max(compare(&pose, &reference.packed));
+            self.found.raw = self.found.raw.max(compare(&pose, &reference.raw));
+        }
+        Ok(())
+    }
+
+    /// Verify once more, and sum up.
+    pub fn finish(mut self, references: &mut References) -> Result<RunRecord> {
+        if self.samples.frames > 0 {
+            self.verify(references)?;
+            if !self.setting.drawn {
+                for _ in 0..DRAWS {
+                    self.samples.draw.extend(self.runner.draw_ms(self.setting.copies())?);
+                }
+            }
+            self.sum_up();
+        }
+        let (found, diagonal) = (&self.found, self.promise.scale());
+        let mut record = self.record;
+        record.max_error = Some(found.error.position);
+        record.max_error_rel = Some(found.error.position / diagonal);
+        record.normal_error_deg = Some(found.error.normal_degrees);
+        // A packed file does not say what it was packed from.
+        record.raw_error_rel = self.context.input.packed.is_none().then_some(found.raw.position / diagonal);
+        record.verified = self.promise.kept(found);
+        if !record.verified {
+            record.forget_times();
+            record.problem = Some(self.promise.complaint(found));
+        }
+        Ok(record)
+    }
+
+    fn sum_up(&mut self) {
+        let Samples { frames, stats: sum, .. } = self.samples;
+        let (record, samples) = (&mut self.record, &self.samples);
+        let mean = |total: f64| total / frames as f64;
+        let per_head = |total: usize| mean(total as f64 / f64::from(self.setting.updated()));
+        record.changed = per_head(samples.changed);
+        record.active = per_head(samples.active);
+        record.coefficients = per_head(sum.coefficients);
+        record.passes = per_head(sum.passes);
+        record.bytes_moved = mean(sum.bytes_moved as f64);
+        record.bytes_floor = mean(sum.bytes_floor as f64);
+        record.dirty_blocks = per_head(sum.dirty_blocks);
+        record.rebuilt_blocks = per_head(sum.rebuilt_blocks);
+        record.gpu_ms = Stats::of(&samples.gpu);
+        record.cpu_ms = Stats::of(&samples.cpu);
+        record.draw_ms = Stats::of(&samples.draw).map(|s| s.median);
+        record.update_and_draw_ms = Stats::of(&samples.both);
+        record.upload_ms = Stats::of(&samples.upload);
+        let b = self.context.bandwidth;
+        let rates = match record.gpu_ms {
+            None => [b.cpu_read_gb_s, b.cpu_copy_gb_s],
+            Some(_) => [b.device_read_gb_s, b.device_copy_gb_s],
+        };
+        let best = rates.into_iter().flatten().reduce(f64::max);
+        // Means: in a clip the frames differ, and the bytes are their mean.
+        let seconds = record.gpu_ms.or(record.cpu_ms).map(|t| t.mean * 1e-3).filter(|t| *t > 0.0);
+        if record.rounds.len() == 1 {
+            record.rounds.clear();
+        }
+        let update = best.zip(seconds).filter(|_| !self.in_draws);
+        record.floor_fraction = update.map(|(gb_s, s)| record.bytes_floor / (gb_s * 1e9) / s);
+    }
+}
+
+/// A frame that ran, and the weights it ran with.
+struct Stepped {
+    weights: Vec<Vec<f32>>,
+    frame: crate::runner::Frame,
+}

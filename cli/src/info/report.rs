@@ -1,0 +1,179 @@
+//! The report folder of `info`: index.html, the plots, and the numbers as info.json.
+
+use super::record::{Info, PoseRow, SweepRow};
+use crate::output::{Failure, create_folder, is_free, publish, write_file};
+use crate::page::{document, escape, figure, table};
+use crate::plots::canvas::Marker;
+use crate::plots::chart::{Axes, LineChart, Point, Series, X};
+use crate::plots::{Chart, Figure};
+use crate::table::{bytes, percent, sig3, thousands};
+use plotters::prelude::RGBColor;
+use std::path::Path;
+
+/// Make sure that `dir` is ours to write to: new, empty, or with an earlier report.
+pub fn claim(dir: &Path) -> Result<(), Failure> {
+    create_folder(dir)?;
+    let ours = || {
+        let text = std::fs::read_to_string(dir.join("info.json")).ok()?;
+        serde_json::from_str::<serde_json::Value>(&text).ok()?.get("sweep").cloned()
+    };
+    if !is_free(dir)? && ours().is_none() {
+        return Err(Failure::Usage(format!(
+            "{}: the folder holds something else than a report of info; name another one with --report",
+            dir.display()
+        )));
+    }
+    Ok(())
+}
+
+/// Write everything into `dir`, replacing what an earlier run left there when all is drawn.
+pub fn write(info: &Info, dir: &Path) -> Result<(), Failure> {
+    publish(dir, |_| false, |dir| write_into(info, dir))
+}
+
+fn write_into(info: &Info, dir: &Path) -> Result<(), Failure> {
+    let json = serde_json::to_string_pretty(info).map_err(|e| Failure::failed(&e))?;
+    write_file(&dir.join("info.json"), json + "\n")?;
+    let rows = info.sweep.as_deref().unwrap_or_default();
+    let mut body = format!(
+        "<header><p class=\"kicker\">deltamorph info · {}</p><h1>Error against bytes</h1>\
+         <p class=\"lead\">{} vertices × {} targets, {} as six floats for every vertex and target.</p></header>\n\
+         <section class=\"figures\">",
+        escape(&info.input.name),
+        thousands(info.input.vertices),
+        info.input.targets,
+        bytes(info.formats.first().map_or(0, |f| f.dense_f32_bytes) as f64),
+    );
+    for drawn in figures(info, rows) {
+        body += &figure(&drawn, &drawn.write(dir)?);
+    }
+    body += "</section>\n<section><h2>Whole poses</h2>";
+    body += &pose_table(info.poses.as_deref().unwrap_or_default());
+    body += "</section>\n<section><h2>Every point</h2>";
+    body += &sweep_table(rows);
+    body += "</section>\n<p class=\"note\">All numbers: <a href=\"info.json\">info.json</a>.</p>\n";
+    write_file(&dir.join("index.html"), document(&format!("{} · deltamorph info", info.input.name), &body))
+}
+
+/// A measured error of a row.
+type Error = fn(&SweepRow) -> f64;
+
+fn figures(info: &Info, rows: &[SweepRow]) -> [Figure; 2] {
+    let chart = |slug: &str, title: &str, y_label: &str, error: Error| Figure {
+        slug: slug.into(),
+        caption: "Lines: the format small, for errors allowed from 1e-3 to 1e-6 of the diagonal, that of normals in \
+                  proportion. Points: every format as it is by default. A format without any error stands at the foot."
+            .into(),
+        chart: Chart::Lines(LineChart {
+            title: title.into(),
+            subtitle: [
+                format!("{}: {} vertices × {} targets", info.input.name, info.input.vertices, info.input.targets),
+                "largest error measured, of a single target at weight 1".into(),
+            ],
+            x_label: "bytes, as a share of float32 for every vertex and target".into(),
+            y_label: y_label.into(),
+            series: series(rows, error),
+            axes: Axes::Log,
+            reference: None,
+        }),
+    };
+    [
+        chart("position-error", "Position error against bytes", "of the diagonal", |r| r.position_error_rel),
+        chart("normal-error", "Normal error against bytes", "degrees", |r| r.normal_error_deg),
+    ]
+}
+
+/// Told apart by people who see few colours, too (Okabe and Ito).
+const LOOKS: [(RGBColor, Marker); 8] = [
+    (RGBColor(0x00, 0x5f, 0x9e), Marker::Circle),
+    (RGBColor(0x56, 0xb4, 0xe9), Marker::Triangle),
+    (RGBColor(0xa9, 0x9f, 0xe0), Marker::Square),
+    (RGBColor(0x4a, 0x4f, 0x59), Marker::Circle),
+    (RGBColor(0xe6, 0x9f, 0x00), Marker::Square),
+    (RGBColor(0xa8, 0x4b, 0x86), Marker::Triangle),
+    (RGBColor(0xc4, 0x4e, 0x00), Marker::Diamond),
+    (RGBColor(0x00, 0x7a, 0x5a), Marker::Diamond),
+];
+
+/// A line for each block size of the sweep, and a point for each format.
+fn series(rows: &[SweepRow], error: Error) -> Vec<Series> {
+    let label = |row: &SweepRow| match (row.position_allowed_rel, row.block_size) {
+        (Some(_), Some(size)) => format!("small, blocks of {size}"),
+        _ => format!("{} (default)", row.format),
+    };
+    let mut all: Vec<Series> = vec![];
+    for row in rows {
+        let (label, point) = (label(row), Point { x: X::Value(row.share), y: error(row), error: 0.0 });
+        match all.iter_mut().find(|s| s.label == label) {
+            Some(series) => series.points.push(point),
+            None => {
+                let (color, marker) = LOOKS[all.len() % LOOKS.len()];
+                all.push(Series { label, color, marker, points: vec![point] });
+            }
+        }
+    }
+    all
+}
+
+fn pose_table(rows: &[PoseRow]) -> String {
+    if rows.is_empty() {
+        return "<p class=\"note\">There is no clip to take poses from.</p>".into();
+    }
+    let cells = |row: &PoseRow| {
+        vec![
+            escape(&row.clip),
+            row.frames.to_string(),
+            row.format.into(),
+            sig3(row.position_error_rel),
+            format!("{}°", sig3(row.normal_error_deg)),
+            format!("{}°", sig3(row.normal_error_p999_deg)),
+        ]
+    };
+    let headings = ["clip", "frames", "format", "position error / diagonal", "normals", "999 of 1000 normals"];
+    let note = "<p class=\"note\">Largest errors against the raw files: dropped deltas and packing together, the \
+                weights as captured. Where targets fold a normal to almost nothing, a small error turns it far: \
+                the last column leaves out one normal of a thousand.</p>";
+    table(&headings, rows.iter().map(cells)) + note
+}
+
+fn sweep_table(rows: &[SweepRow]) -> String {
+    let cells = |row: &SweepRow| {
+        let optional = |v: Option<String>| v.unwrap_or_else(|| "–".into());
+        vec![
+            row.format.into(),
+            optional(row.block_size.map(|n| n.to_string())),
+            optional(row.position_allowed_rel.map(|v| format!("{v:.1e}"))),
+            optional(row.normal_allowed_deg.map(|v| format!("{}°", sig3(v.into())))),
+            bytes(row.bytes as f64),
+            percent(row.share),
+            sig3(row.position_error_rel),
+            format!("{}°", sig3(row.normal_error_deg)),
+        ]
+    };
+    let headings = [
+        "format",
+        "block size",
+        "positions allowed",
+        "normals allowed",
+        "bytes",
+        "of float32",
+        "position error / diagonal",
+        "normals",
+    ];
+    table(&headings, rows.iter().map(cells))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_of_something_else_is_left_alone() {
+        let dir = tempfile::tempdir().expect("a folder");
+        assert!(claim(&dir.path().join("new")).is_ok() && claim(dir.path()).is_err(), "there is 'new' in it");
+        std::fs::write(dir.path().join("info.json"), "{}").expect("written");
+        assert!(claim(dir.path()).is_err());
+        std::fs::write(dir.path().join("info.json"), "{\"sweep\": []}").expect("written");
+        assert!(claim(dir.path()).is_ok());
+    }
+}

@@ -1,0 +1,145 @@
+//! Error against bytes, and the errors of whole poses: what `--report` measures.
+
+use super::formats::{dense_bytes, pack};
+use super::record::{PoseRow, SweepRow};
+use crate::clips::Bound;
+use crate::input::Input;
+use crate::output::{Failure, Output};
+use deltamorph::mesh::MorphMesh;
+use deltamorph::pack::blocks::{BLOCK_SIZES, BlockDesc};
+use deltamorph::pack::{DeltaFormat, POSE_FLOATS, PackedMesh};
+use deltamorph::reference::{PoseError, SHORTEST_NORMAL, angle_degrees, compare, evaluate, evaluate_unpacked};
+use glam::DVec3;
+use std::sync::Arc;
+
+/// Steps of √10 from 1e-3 to 1e-6 of the diagonal.
+const STEPS: i32 = 7;
+/// Frames of a clip that are looked at.
+const FRAMES: usize = 32;
+
+/// The format `small` over the errors allowed and the block sizes, then every format as it is by default.
+pub fn sweep(mesh: &MorphMesh, packed: &[Arc<PackedMesh>], out: &Output) -> Result<Vec<SweepRow>, Failure> {
+    let bar = out.bar(STEPS as u64 * BLOCK_SIZES.len() as u64);
+    let default = BlockDesc::default();
+    let mut rows = vec![];
+    for size in BLOCK_SIZES {
+        for step in 0..STEPS {
+            let position_error = 10f32.powf(-3.0 - 0.5 * step as f32);
+            // In the proportion of the defaults.
+            let normal_error_degrees = default.normal_error_degrees * position_error / default.position_error;
+            let desc = BlockDesc { size: Some(size), position_error, normal_error_degrees, ..default };
+            bar.set_message(format!("small, {position_error:.1e} of the diagonal, blocks of {size}"));
+            rows.push(row(mesh, &pack(mesh, DeltaFormat::Small, desc)?, Some(desc)));
+            bar.inc(1);
+        }
+    }
+    bar.finish_and_clear();
+    rows.extend(packed.iter().map(|packed| row(mesh, packed, None)));
+    Ok(rows)
+}
+
+fn row(mesh: &MorphMesh, packed: &PackedMesh, desc: Option<BlockDesc>) -> SweepRow {
+    let (layout, error) = (packed.layout(), packed.measure_error(mesh));
+    let bytes = layout.delta_bytes() + layout.index_bytes();
+    SweepRow {
+        format: layout.format.name(),
+        block_size: layout.blocks.as_ref().map(|b| b.size()),
+        position_allowed_rel: desc.map(|d| d.position_error),
+        normal_allowed_deg: desc.map(|d| d.normal_error_degrees),
+        bytes,
+        share: bytes as f64 / dense_bytes(mesh).max(1) as f64,
+        position_error_rel: error.position / scale(mesh),
+        normal_error_deg: error.normal_degrees,
+    }
+}
+
+/// What errors are stated relative to: a single point has no diagonal.
+fn scale(mesh: &MorphMesh) -> f64 {
+    if mesh.diagonal > 0.0 { f64::from(mesh.diagonal) } else { 1.0 }
+}
+
+/// The largest error of poses of each clip in each format, against the raw files.
+pub fn poses(input: &Input, packed: &[Arc<PackedMesh>], clips: &[Bound], out: &Output) -> Vec<PoseRow> {
+    let bar = out.bar(clips.iter().map(|c| c.frames.len().min(FRAMES) as u64).sum());
+    let mut rows = vec![];
+    for clip in clips {
+        let frames = spread(clip.frames.len());
+        let mut errors = vec![Errors::default(); packed.len()];
+        bar.set_message(format!("poses of {}", clip.name));
+        for &frame in &frames {
+            let weights = &clip.frames[frame];
+            let truth = evaluate_unpacked(&input.raw, weights);
+            for (mesh, error) in packed.iter().zip(&mut errors) {
+                error.add(&evaluate(mesh, weights), &truth);
+            }
+            bar.inc(1);
+        }
+        rows.extend(packed.iter().zip(errors).map(|(mesh, error)| PoseRow {
+            clip: clip.name.clone(),
+            frames: frames.len(),
+            format: mesh.layout().format.name(),
+            position_error_rel: error.largest.position / scale(&input.kept),
+            normal_error_deg: error.largest.normal_degrees,
+            normal_error_p999_deg: error.usual_angle().into(),
+        }));
+    }
+    bar.finish_and_clear();
+    rows
+}
+
+/// The errors of some poses.
+#[derive(Clone, Default)]
+struct Errors {
+    largest: PoseError,
+    /// Of every normal that has a direction.
+    angles: Vec<f32>,
+}
+
+impl Errors {
+    fn add(&mut self, pose: &[f64], truth: &[f64]) {
+        let floats: Vec<f32> = pose.iter().map(|&v| v as f32).collect();
+        self.largest = self.largest.max(compare(&floats, truth));
+        let normals =
+            |pose: &[f64]| pose.chunks_exact(POSE_FLOATS).map(|v| DVec3::from_slice(&v[3..])).collect::<Vec<_>>();
+        let pairs = normals(pose).into_iter().zip(normals(truth)).filter(|(_, b)| b.length() >= SHORTEST_NORMAL);
+        self.angles.extend(pairs.map(|(a, b)| angle_degrees(a, b) as f32));
+    }
+
+    /// The angle that 999 of 1000 do not exceed.
+    fn usual_angle(mut self) -> f32 {
+        let at = self.angles.len() * 999 / 1000;
+        if at == self.angles.len() { 0.0 } else { *self.angles.select_nth_unstable_by(at, f32::total_cmp).1 }
+    }
+}
+
+/// Up to [`FRAMES`] of `count` frames, the last one among them.
+fn spread(count: usize) -> Vec<usize> {
+    let n = count.min(FRAMES);
+    (1..=n).map(|i| count * i / n - 1).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_normal_of_many_is_not_usual() {
+        let pose =
+            |normals: &[[f64; 3]]| normals.iter().flat_map(|n| [0.0, 0.0, 0.0, n[0], n[1], n[2]]).collect::<Vec<_>>();
+        let truth = pose(&[[0.0, 0.0, 1.0]; 2000]);
+        let mut turned = [[0.0, 0.0, 1.0]; 2000];
+        turned[7] = [1.0, 0.0, 0.0];
+        let mut errors = Errors::default();
+        errors.add(&pose(&turned), &truth);
+        assert_eq!((errors.largest.normal_degrees, errors.usual_angle()), (90.0, 0.0));
+        assert_eq!(Errors::default().usual_angle(), 0.0);
+    }
+
+    #[test]
+    fn frames_are_spread_over_the_clip() {
+        assert_eq!(spread(3), [0, 1, 2]);
+        assert!(spread(0).is_empty());
+        let many = spread(3295);
+        assert!(many.len() == 32 && many[0] == 101 && many[31] == 3294, "{many:?}");
+    }
+}

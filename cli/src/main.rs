@@ -1,0 +1,60 @@
+//! The command line program: `deltamorph --help`.
+
+mod apply;
+mod args;
+mod bench;
+mod clips;
+mod devices;
+mod info;
+mod input;
+mod output;
+mod pack;
+mod page;
+mod play;
+mod plots;
+mod runner;
+mod sample;
+mod soak;
+mod stage;
+mod table;
+mod verify;
+
+use args::{Cli, Command};
+use clap::Parser;
+use output::{Failure, Output};
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let out = Output::new(&cli.global);
+    match run(&cli, &out).and_then(|()| out.finish()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("error: {failure}");
+            failure.exit_code()
+        }
+    }
+}
+
+fn run(cli: &Cli, out: &Output) -> Result<(), Failure> {
+    let device = cli.global.device.as_ref();
+    match &cli.command {
+        Command::Devices => devices::run(device, out),
+        Command::Sample(args) => sample::run(args, out),
+        Command::Pack(args) => pack::run(args, out),
+        Command::Info(args) => info::run(args, out),
+        Command::Bench(args) => bench::run(args, device, out),
+        Command::Play(args) => {
+            args.check().map_err(Failure::Usage)?;
+            play::run(args, device, out)
+        }
+        Command::Soak(args) => {
+            args.check().map_err(Failure::Usage)?;
+            soak::run(args, device, out)
+        }
+        Command::Apply(args) => {
+            args.check().map_err(Failure::Usage)?;
+            apply::run(args, device, out)
+        }
+    }
+}

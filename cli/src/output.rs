@@ -1,0 +1,297 @@
+//! What the program prints and where: results on stdout, remarks and progress on stderr.
+
+use crate::args::GlobalArgs;
+use deltamorph::internals::write_replacing;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
+use std::collections::HashSet;
+use std::fmt;
+use std::io::{self, IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::OnceLock;
+use std::time::Duration;
+
+/// Why a command ended early. Printed after "error: ", on one line.
+#[derive(Debug)]
+pub enum Failure {
+    /// The arguments contradict each other or the input (exit code 2).
+    Usage(String),
+    /// The work failed (exit code 1).
+    Failed(String),
+}
+
+impl Failure {
+    /// Any failure of the work, with the chain of what caused it.
+    pub fn failed(error: &dyn std::error::Error) -> Self {
+        let mut text = error.to_string();
+        let mut source = error.source();
+        while let Some(cause) = source {
+            let cause_text = cause.to_string();
+            // Many messages quote their cause already.
+            if !text.contains(&cause_text) {
+                text = format!("{text}: {cause_text}");
+            }
+            source = cause.source();
+        }
+        Self::Failed(text)
+    }
+
+    /// A file that could not be read or written.
+    pub fn io(path: &Path, action: &'static str, source: std::io::Error) -> Self {
+        Self::failed(&deltamorph::Error::Io { path: path.into(), action, source })
+    }
+
+    pub fn exit_code(&self) -> ExitCode {
+        ExitCode::from(match self {
+            Self::Usage(_) => 2,
+            Self::Failed(_) => 1,
+        })
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (Self::Usage(text) | Self::Failed(text)) = self;
+        // One line, whatever a file name or a driver put into the message.
+        let words = |line: &str| line.trim().to_owned();
+        f.write_str(&text.lines().map(words).filter(|l| !l.is_empty()).collect::<Vec<_>>().join(" "))
+    }
+}
+
+impl From<deltamorph::Error> for Failure {
+    fn from(error: deltamorph::Error) -> Self {
+        Self::failed(&error)
+    }
+}
+
+/// Where the output of a command goes.
+#[derive(Clone, Debug)]
+pub struct Output {
+    quiet: bool,
+    json: Option<PathBuf>,
+    terminal: bool,
+    /// Why stdout did not take what was said.
+    lost: OnceLock<io::ErrorKind>,
+}
+
+impl Output {
+    /// As the global options ask for.
+    pub fn new(global: &GlobalArgs) -> Self {
+        Self {
+            quiet: global.quiet,
+            json: global.json.clone(),
+            terminal: std::io::stderr().is_terminal(),
+            lost: OnceLock::new(),
+        }
+    }
+
+    /// Whether stdout is for JSON alone.
+    pub fn json_to_stdout(&self) -> bool {
+        self.json.as_deref() == Some(Path::new("-"))
+    }
+
+    /// Print the human-readable result. With `--json -` stdout is the JSON's alone.
+    pub fn say(&self, text: impl fmt::Display) {
+        if !self.quiet && !self.json_to_stdout() {
+            self.print(&format!("{text}\n"));
+        }
+    }
+
+    fn print(&self, text: &str) {
+        let mut stdout = io::stdout().lock();
+        match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+            // A reader that has seen enough (`| head`) is no failure of ours.
+            Err(e) if e.kind() != io::ErrorKind::BrokenPipe => drop(self.lost.set(e.kind())),
+            _ => {}
+        }
+    }
+
+    /// Whether stdout took what was said.
+    pub fn finish(&self) -> Result<(), Failure> {
+        self.lost.get().map_or(Ok(()), |kind| Err(Failure::io("stdout".as_ref(), "write", (*kind).into())))
+    }
+
+    pub fn note(&self, text: impl fmt::Display) {
+        if !self.quiet {
+            let _ = writeln!(std::io::stderr().lock(), "note: {text}");
+        }
+    }
+
+    /// Write the JSON, if it was asked for.
+    pub fn json(&self, value: &impl Serialize) -> Result<(), Failure> {
+        match self.json.as_deref() {
+            None => Ok(()),
+            Some(_) if self.json_to_stdout() => {
+                self.print(&to_json(value)?);
+                Ok(())
+            }
+            Some(path) => write_file(path, to_json(value)?),
+        }
+    }
+
+    /// Before work begins: whether the JSON, if asked for, can be written, and whether nothing is written over that is
+    /// `read`, or is another of the outputs: `files`, and what is in `folder`.
+    pub fn check(&self, read: &[PathBuf], files: &[&Path], folder: Option<&Path>) -> Result<(), Failure> {
+        let json = self.json.as_deref().filter(|_| !self.json_to_stdout());
+        let outputs: Vec<(&Path, PathBuf)> = json.iter().chain(files).map(|path| (*path, place_of(path))).collect();
+        let read: HashSet<PathBuf> = read.iter().filter_map(|path| path.canonicalize().ok()).collect();
+        let refuse = |path: &Path, why: String| {
+            Err(Failure::Usage(format!("{}: {why}, and would be written over; name another file", path.display())))
+        };
+        for (i, (path, place)) in outputs.iter().enumerate() {
+            if *path == Path::new("-") {
+                return Err(Failure::Usage("-: only --json goes to stdout; name a file".into()));
+            }
+            // Devices and pipes hold nothing that could be lost.
+            if path.metadata().is_ok_and(|m| !m.is_file() && !m.is_dir()) {
+                continue;
+            }
+            if read.contains(place) {
+                return refuse(path, "is part of what is read".into());
+            }
+            if outputs[..i].iter().any(|(_, other)| other == place) {
+                return refuse(path, "is named for two outputs".into());
+            }
+            if let Some(folder) = folder.filter(|folder| place.starts_with(place_of(folder))) {
+                return refuse(path, format!("lies in {}, which is written too", folder.display()));
+            }
+        }
+        json.map_or(Ok(()), can_write)
+    }
+
+    /// A spinner for work of unknown length; hidden unless a person is watching.
+    pub fn spinner(&self, message: impl Into<String>) -> ProgressBar {
+        if !self.watched() {
+            return ProgressBar::hidden();
+        }
+        let bar = ProgressBar::new_spinner().with_message(message.into());
+        bar.enable_steady_tick(Duration::from_millis(100));
+        bar
+    }
+
+    /// A bar for `steps` of work; hidden unless a person is watching.
+    pub fn bar(&self, steps: u64) -> ProgressBar {
+        if !self.watched() {
+            return ProgressBar::hidden();
+        }
+        let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {eta:>5} left  {wide_msg}");
+        ProgressBar::new(steps).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+    }
+
+    fn watched(&self) -> bool {
+        self.terminal && !self.quiet
+    }
+}
+
+fn to_json(value: &impl Serialize) -> Result<String, Failure> {
+    let mut text = serde_json::to_string_pretty(value).map_err(|e| Failure::failed(&e))?;
+    text.push('\n');
+    Ok(text)
+}
+
+/// Where `path` is or would be, without links.
+fn place_of(path: &Path) -> PathBuf {
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
+    let mut missing = vec![];
+    let mut there = absolute.as_path();
+    loop {
+        match (there.canonicalize(), there.parent(), there.file_name()) {
+            (Ok(found), ..) => return missing.iter().rev().fold(found, |path, name| path.join(name)),
+            (Err(_), Some(parent), Some(name)) => {
+                missing.push(name);
+                there = parent;
+            }
+            _ => return absolute,
+        }
+    }
+}
+
+/// Try to write at `path`, and leave everything as it is.
+fn can_write(path: &Path) -> Result<(), Failure> {
+    let tried = match path.exists() {
+        true => std::fs::OpenOptions::new().append(true).open(path).map(drop),
+        false => {
+            let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+            tempfile::tempfile_in(folder).map(drop)
+        }
+    };
+    tried.map_err(|e| Failure::io(path, "write", e))
+}
+
+/// Write a file, naming it when that fails. What was there stays until the new one is complete.
+pub fn write_file(path: &Path, contents: impl AsRef<[u8]>) -> Result<(), Failure> {
+    Ok(write_replacing(path, |out| out.write_all(contents.as_ref()))?)
+}
+
+/// How the names of folders begin that [`publish`] prepares files in.
+const PREPARED: &str = ".deltamorph-";
+/// How long nothing has been added to a folder that was left behind: reports are written within seconds.
+const LEFT_BEHIND: Duration = Duration::from_secs(3600);
+
+/// Write files into `folder` with `write`, which is given a folder beside: what was there stays until all are complete.
+/// Then those of the earlier files that are `ours`, and not among the new ones, are deleted.
+pub fn publish(
+    folder: &Path,
+    ours: impl Fn(&str) -> bool,
+    write: impl FnOnce(&Path) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    create_folder(folder)?;
+    let failed = |e| Failure::io(folder, "write", e);
+    // Those left behind when the program was stopped; another run may be at work in one that was touched lately.
+    for name in names_in(folder)?.iter().filter(|name| name.starts_with(PREPARED)) {
+        let path = folder.join(name);
+        let age = path.metadata().and_then(|of| of.modified()).map(|touched| touched.elapsed().unwrap_or_default());
+        if age.is_ok_and(|age| age >= LEFT_BEHIND) {
+            std::fs::remove_dir_all(path).map_err(failed)?;
+        }
+    }
+    let prepared = tempfile::Builder::new().prefix(PREPARED).tempdir_in(folder).map_err(failed)?;
+    write(prepared.path())?;
+    let new = names_in(prepared.path())?;
+    for name in &new {
+        std::fs::rename(prepared.path().join(name), folder.join(name)).map_err(failed)?;
+    }
+    for name in names_in(folder)?.iter().filter(|name| ours(name) && !new.contains(*name)) {
+        std::fs::remove_file(folder.join(name)).map_err(failed)?;
+    }
+    Ok(())
+}
+
+/// The names in `folder`, but for those that are not text: they are not ours.
+pub fn names_in(folder: &Path) -> Result<Vec<String>, Failure> {
+    let io = |e| Failure::io(folder, "read the folder", e);
+    let entries = std::fs::read_dir(folder).map_err(io)?.collect::<Result<Vec<_>, _>>().map_err(io)?;
+    Ok(entries.into_iter().filter_map(|entry| entry.file_name().into_string().ok()).collect())
+}
+
+/// Whether there is nothing in `folder` but what [`publish`] may have left behind.
+pub fn is_free(folder: &Path) -> Result<bool, Failure> {
+    let entries = std::fs::read_dir(folder).map_err(|e| Failure::io(folder, "read the folder", e))?;
+    Ok(entries.flatten().all(|entry| entry.file_name().to_string_lossy().starts_with(PREPARED)))
+}
+
+pub fn create_folder(path: &Path) -> Result<(), Failure> {
+    if path.exists() && !path.is_dir() {
+        return Err(Failure::Usage(format!("{}: is no folder; name another one", path.display())));
+    }
+    std::fs::create_dir_all(path).map_err(|e| Failure::io(path, "create the folder", e))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_are_one_line_with_their_cause() {
+        let missing = Failure::io(Path::new("a/b.csv"), "read", std::io::ErrorKind::NotFound.into());
+        assert_eq!(missing.to_string(), "a/b.csv: cannot read: entity not found; check the path");
+        assert_eq!(Failure::Failed("first\n  second\n".into()).to_string(), "first second");
+    }
+
+    #[test]
+    fn exit_codes() {
+        assert_eq!(format!("{:?}", Failure::Usage(String::new()).exit_code()), format!("{:?}", ExitCode::from(2)));
+        assert_eq!(format!("{:?}", Failure::Failed("x".into()).exit_code()), format!("{:?}", ExitCode::from(1)));
+    }
+}

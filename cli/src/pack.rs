@@ -1,0 +1,139 @@
+//! `pack`: a mesh as a file that loads without packing again.
+
+use crate::args::PackFileArgs;
+use crate::input;
+use crate::output::{Failure, Output};
+use crate::table::{bytes, sig3, thousands};
+use deltamorph::pack::blocks::BlockIndex;
+use deltamorph::pack::file::Asset;
+use deltamorph::pack::{DeltaFormat, PackDesc};
+use serde::Serialize;
+use std::sync::Arc;
+
+/// The JSON of `pack`. Fields may be added, never renamed.
+#[derive(Serialize)]
+struct Packed {
+    schema: u32,
+    origin: String,
+    output: String,
+    format: &'static str,
+    vertices: usize,
+    targets: usize,
+    block_size: usize,
+    blocks: usize,
+    /// Blocks that some target moves.
+    blocks_moved: usize,
+    /// Pairs of a block and a target that moves some of its vertices.
+    entries: usize,
+    file_bytes: u64,
+    delta_bytes: u64,
+    /// Bytes that say which vertices the deltas belong to.
+    index_bytes: u64,
+    /// Bytes of all vertices' deltas as six floats.
+    dense_f32_bytes: u64,
+    /// Largest error of a position delta, in input units, and as a fraction of the diagonal.
+    position_error: f64,
+    position_error_rel: f64,
+    /// Largest angle between the exact and the decoded normal at weight 1, in degrees.
+    normal_error_deg: f64,
+    /// The grid of weights for exact sums, or why there is none.
+    exact: Option<Grid>,
+    exact_reason: Option<String>,
+}
+
+#[derive(Serialize)]
+struct Grid {
+    /// Weights are whole multiples of 2^-bits.
+    weight_bits: u32,
+    weight_max: f32,
+}
+
+pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
+    let format = Some(args.format).filter(|f| f.is_blocks()).ok_or_else(|| {
+        Failure::Usage("--format: packed files hold blocks; name fast, small or block-float32".into())
+    })?;
+    if !input::is_packed(&args.output) {
+        let name = args.output.display();
+        return Err(Failure::Usage(format!("-o {name}: name it *.dmorph, so that it is known for what it is")));
+    }
+    out.check(&input::files_of(&args.input, &[]), &[&args.output], None)?;
+    let input = input::load(&args.input, out)?;
+    if let Some(mesh) = &input.packed {
+        let error = mesh.layout().blocks.as_ref().map_or(0.0, |b| b.error().position);
+        out.note(format_args!(
+            "{} lost {} in length when it was packed; the error below is on top of that",
+            input.origin,
+            sig3(error)
+        ));
+    }
+    let spinner = out.spinner("packing");
+    let desc = PackDesc { blocks: args.pack.desc(), ..PackDesc::new(format) };
+    let asset = Asset::pack(&input.kept, &desc);
+    spinner.finish_and_clear();
+    let asset = asset?;
+    asset.write(&args.output)?;
+    let file_bytes = args.output.metadata().map_err(|e| Failure::io(&args.output, "read", e))?.len();
+    let Some(index) = &asset.mesh.layout().blocks else { return Ok(()) }; // `Asset::pack` takes no other format
+    let packed = describe(&asset, index, file_bytes, args, input.origin);
+    out.say(text(&packed));
+    out.json(&packed)
+}
+
+fn describe(asset: &Asset, index: &Arc<BlockIndex>, file_bytes: u64, args: &PackFileArgs, origin: String) -> Packed {
+    let layout = asset.mesh.layout();
+    let (error, diagonal) = (index.error(), f64::from(layout.diagonal));
+    let exact = index.exact();
+    Packed {
+        schema: 1,
+        origin,
+        output: args.output.display().to_string(),
+        format: layout.format.name(),
+        vertices: layout.vertex_count,
+        targets: layout.targets.len(),
+        block_size: index.size(),
+        blocks: index.count(),
+        blocks_moved: index.touched(),
+        entries: index.entry_count(),
+        file_bytes,
+        delta_bytes: layout.delta_bytes(),
+        index_bytes: layout.index_bytes(),
+        dense_f32_bytes: (layout.vertex_count * layout.targets.len() * DeltaFormat::Float32.stride()) as u64,
+        position_error: error.position,
+        position_error_rel: if diagonal > 0.0 { error.position / diagonal } else { 0.0 },
+        normal_error_deg: error.normal_degrees,
+        exact_reason: exact.as_ref().err().map(ToString::to_string),
+        exact: exact.ok().map(|g| Grid { weight_bits: g.weight_bits, weight_max: g.weight_max }),
+    }
+}
+
+/// The same for people.
+fn text(p: &Packed) -> String {
+    let deltas = (p.delta_bytes + p.index_bytes) as f64;
+    let times = match deltas {
+        0.0 => String::new(),
+        deltas => format!(", {} times as much", sig3(p.dense_f32_bytes as f64 / deltas)),
+    };
+    let exact = match (&p.exact, &p.exact_reason) {
+        (Some(grid), _) => format!("weights on a grid of 2^-{}, up to {}", grid.weight_bits, grid.weight_max),
+        (None, reason) => format!("no: {}", reason.as_deref().unwrap_or("not in this format")),
+    };
+    format!(
+        "{}: {} vertices, {} targets as {}, {}\n\
+         deltas: {} in {} entries, {} of {} blocks of {} vertices; as dense float32: {}{times}\n\
+         largest error: {} of the diagonal, normals {}°\n\
+         exact sums: {exact}",
+        p.output,
+        thousands(p.vertices),
+        p.targets,
+        p.format,
+        bytes(p.file_bytes as f64),
+        bytes(deltas),
+        thousands(p.entries),
+        thousands(p.blocks_moved),
+        thousands(p.blocks),
+        p.block_size,
+        bytes(p.dense_f32_bytes as f64),
+        sig3(p.position_error_rel),
+        sig3(p.normal_error_deg),
+    )
+}

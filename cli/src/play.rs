@@ -1,0 +1,219 @@
+//! `play`: a whole clip, one update per frame: what each moved, what it took, and how far the pose is off.
+
+mod record;
+
+use crate::args::play::PlayArgs;
+use crate::bench::stats::Stats;
+use crate::clips::{self, Bound};
+use crate::input::{self, Input};
+use crate::output::{Failure, Output};
+use crate::runner::Runner;
+use crate::stage::Stage;
+use crate::table::{Table, bytes, percent, sig3, thousands};
+use crate::verify::{Found, Promise};
+use deltamorph::headless::DeviceChoice;
+use deltamorph::internals::Rng;
+use deltamorph::pack::POSE_STRIDE;
+use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
+use record::{FrameRow, Played, Summary};
+
+pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
+    out.check(&input::files_of(&args.input, args.weights.as_slice()), &[], None)?;
+    let input = input::load(&args.input, out)?;
+    let mut clip = clips::the_one(args.weights.as_deref(), &args.input, &input)?;
+    if let Some(amount) = args.noise {
+        shake(&mut clip.frames, amount, args.input.seed);
+    }
+    let stage = Stage::best("play", &args.update, args.batch_size, &input, device, out)?;
+    let (frames, checks) = play(args.every, &stage, &input, &clip, out)?;
+    let summary = summary(args, &stage, &input, &frames, &checks);
+    out.say(text(&clip.name, &stage, &frames, &summary));
+    let wrong = checks.wrong;
+    out.json(&Played { schema: 1, device: stage.device(), input: input.origin, clip: clip.name, frames, summary })?;
+    // Everything is written first.
+    match wrong {
+        None => Ok(()),
+        Some((frame, complaint)) => Err(Failure::Failed(format!(
+            "frame {frame} is wrong through '{}': {complaint}; try another --path, and report this with what `deltamorph \
+             devices` prints",
+            stage.desc.path.name()
+        ))),
+    }
+}
+
+/// Add noise to every weight of every frame.
+fn shake(frames: &mut [Vec<f32>], amount: f32, seed: u64) {
+    let mut rng = Rng::new(seed, 0x006e_6f69_7365);
+    frames.iter_mut().flatten().for_each(|weight| *weight += rng.range(-amount, amount));
+}
+
+#[derive(Default)]
+struct Checks {
+    count: usize,
+    found: Found,
+    /// Position error against the weights as asked for.
+    request: f64,
+    /// The first frame that breaks the promise, and how.
+    wrong: Option<(usize, String)>,
+}
+
+fn play(
+    every: usize,
+    stage: &Stage,
+    input: &Input,
+    clip: &Bound,
+    out: &Output,
+) -> Result<(Vec<FrameRow>, Checks), Failure> {
+    let mut runner = stage.runner()?;
+    let promise = Promise::new(&stage.desc, stage.mesh.layout());
+    let bar = out.bar(clip.frames.len() as u64);
+    let (mut rows, mut checks) = (Vec::with_capacity(clip.frames.len()), Checks::default());
+    let mut before = vec![0.0; input.kept.targets.len()];
+    for (frame, weights) in clip.frames.iter().enumerate() {
+        let refused = |e| Failure::Failed(format!("clip '{}', frame {frame}: {}", clip.name, Failure::from(e)));
+        let step = runner.step(std::slice::from_ref(weights)).map_err(refused)?;
+        let bound = f64::from(step.stats.bound);
+        checks.found.bound = checks.found.bound.max(bound);
+        let measured = frame % every == 0 || frame + 1 == clip.frames.len();
+        let found = match measured {
+            true => Some(checks.measure(frame, &mut runner, stage, &promise, input, weights, bound)?),
+            false => None,
+        };
+        rows.push(FrameRow {
+            frame,
+            changed: weights.iter().zip(&before).filter(|(a, b)| a != b).count(),
+            active: weights.iter().filter(|w| **w != 0.0).count(),
+            dirty_blocks: step.stats.dirty_blocks,
+            rebuilt_blocks: step.stats.rebuilt_blocks,
+            passes: step.stats.passes,
+            bytes_moved: step.stats.bytes_moved,
+            gpu_ms: step.gpu_ms,
+            cpu_us: step.cpu_ms * 1e3,
+            max_error: found.map(|f| f.error.position),
+        });
+        before.copy_from_slice(weights);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok((rows, checks))
+}
+
+impl Checks {
+    #[allow(clippy::too_many_arguments)]
+    fn measure(
+        &mut self,
+        frame: usize,
+        runner: &mut Runner<'_>,
+        stage: &Stage,
+        promise: &Promise,
+        input: &Input,
+        weights: &[f32],
+        bound: f64,
+    ) -> Result<Found, Failure> {
+        let pose = runner.pose(0)?;
+        let applied = promise.applied(weights);
+        let error = compare(&pose, &evaluate(&stage.mesh, &applied));
+        let raw = compare(&pose, &evaluate_unpacked(&input.raw, weights));
+        let request = if applied == weights { error } else { compare(&pose, &evaluate(&stage.mesh, weights)) };
+        let found = Found { error, raw, bound };
+        if !promise.kept(&found) && self.wrong.is_none() {
+            self.wrong = Some((frame, promise.complaint(&found)));
+        }
+        self.count += 1;
+        self.found = self.found.max(found);
+        self.request = self.request.max(request.position);
+        Ok(found)
+    }
+}
+
+fn summary(args: &PlayArgs, stage: &Stage, input: &Input, frames: &[FrameRow], checks: &Checks) -> Summary {
+    let mean = |value: &dyn Fn(&FrameRow) -> f64| frames.iter().map(value).sum::<f64>() / frames.len().max(1) as f64;
+    let vertices = input.kept.vertex_count();
+    let dense = |f: &FrameRow| if f.changed > 0 { (vertices * POSE_STRIDE * (f.changed + 2)) as f64 } else { 0.0 };
+    let (moved, dense) = (mean(&|f| f.bytes_moved as f64), mean(&dense));
+    let gpu = Stats::of(&frames.iter().filter_map(|f| f.gpu_ms).collect::<Vec<_>>());
+    let cpu = Stats::of(&frames.iter().map(|f| f.cpu_us).collect::<Vec<_>>());
+    let (desc, scale) = (&stage.desc, Promise::new(&stage.desc, stage.mesh.layout()).scale());
+    let found = &checks.found;
+    Summary {
+        frames: frames.len(),
+        path: desc.path.name(),
+        format: stage.mesh.layout().format.name(),
+        mode: desc.mode.name(),
+        accumulate: desc.accumulate.name(),
+        slots: desc.slots,
+        error_budget: desc.error_budget,
+        noise: args.noise.unwrap_or(0.0),
+        changed_mean: mean(&|f| f.changed as f64),
+        bytes_moved_mean: moved,
+        dense_bytes_mean: dense,
+        bytes_share: (dense > 0.0).then_some(moved / dense),
+        gpu_ms_median: gpu.map(|s| s.median),
+        gpu_ms_mean: gpu.map(|s| s.mean),
+        cpu_us_median: cpu.map(|s| s.median),
+        checks: checks.count,
+        max_error: found.error.position,
+        max_error_rel: found.error.position / scale,
+        normal_error_deg: found.error.normal_degrees,
+        request_error_rel: checks.request / scale,
+        raw_error_rel: input.packed.is_none().then_some(found.raw.position / scale),
+        bound: found.bound,
+    }
+}
+
+/// The same for people: what frames took on average and at most, and the errors.
+fn text(clip: &str, stage: &Stage, frames: &[FrameRow], s: &Summary) -> String {
+    let mut table = Table::new(&["per frame", "mean", "least", "median", "most"], 1);
+    let mut row = |name: &str, value: &dyn Fn(&FrameRow) -> Option<f64>, show: &dyn Fn(f64) -> String| {
+        if let Some(s) = Stats::of(&frames.iter().filter_map(value).collect::<Vec<_>>()) {
+            table.row([name.to_owned(), show(s.mean), show(s.min), show(s.median), show(s.max)]);
+        }
+    };
+    row("targets changed", &|f| Some(f.changed as f64), &sig3);
+    row("targets active", &|f| Some(f.active as f64), &sig3);
+    if stage.mesh.layout().format.is_blocks() {
+        row("blocks written", &|f| Some(f.dirty_blocks as f64), &sig3);
+        row("of these from base", &|f| Some(f.rebuilt_blocks as f64), &sig3);
+    }
+    row("passes", &|f| Some(f.passes as f64), &sig3);
+    row("moved", &|f| Some(f.bytes_moved as f64), &bytes);
+    row("device ms", &|f| f.gpu_ms, &sig3);
+    row("round trip µs", &|f| Some(f.cpu_us), &sig3);
+    let share = s.bytes_share.map_or(String::new(), |share| {
+        format!(": {} of what whole poses in float32 would take ({})", percent(share), bytes(s.dense_bytes_mean))
+    });
+    let scale = Promise::new(&stage.desc, stage.mesh.layout()).scale();
+    let bound =
+        if s.bound > 0.0 { format!(", at most {} by the bound kept", sig3(s.bound / scale)) } else { String::new() };
+    let raw = s.raw_error_rel.map_or(String::new(), |raw| format!("; {} against the raw files", sig3(raw)));
+    format!(
+        "{clip}, {} frames, {}\n\n{table}\n\n\
+         moved {} per frame{share}\n\
+         largest error in {} frames, of the diagonal: {} against the float64 reference{bound}; {} against the weights \
+         asked for{raw}; normals {}°",
+        thousands(s.frames),
+        stage.describe(),
+        bytes(s.bytes_moved_mean),
+        thousands(s.checks),
+        sig3(s.max_error_rel),
+        sig3(s.request_error_rel),
+        sig3(s.normal_error_deg),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_is_small_and_comes_again() {
+        let shaken = |seed| {
+            let mut frames = vec![vec![0.5f32; 7]; 20];
+            shake(&mut frames, 0.01, seed);
+            frames
+        };
+        assert!(shaken(1).iter().flatten().all(|w| (w - 0.5).abs() <= 0.0101 && *w != 0.5));
+        assert_eq!(shaken(1), shaken(1));
+        assert_ne!(shaken(1), shaken(2));
+    }
+}

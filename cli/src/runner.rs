@@ -1,0 +1,223 @@
+//! One interface to the GPU paths and the cpu path, for every command that updates poses.
+
+use crate::args::PackArgs;
+use crate::input::Input;
+use crate::output::{Failure, Output};
+use deltamorph::cpu::CpuCrowd;
+use deltamorph::engine::{CrowdDesc, DeviceCaps};
+use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, PoseUpload, Step};
+use deltamorph::pack::blocks::BlockDesc;
+use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
+use deltamorph::plan::{UpdateDesc, UpdatePath, UpdateStats};
+use std::sync::Arc;
+use std::time::Instant;
+
+pub struct Gpu {
+    /// It, with its engine.
+    pub headless: Headless,
+}
+
+impl Gpu {
+    /// Set up the device chosen on the command line. Without any, and none asked for: `None`, and says so.
+    pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Self>, Failure> {
+        let desc = HeadlessDesc { device: choice.cloned().unwrap_or_default(), ..HeadlessDesc::default() };
+        match Headless::new(&desc) {
+            Ok(headless) => {
+                if headless.caps().is_software() {
+                    out.note(format_args!(
+                        "{} is a software driver: without a GPU the path 'cpu' is the one to use",
+                        headless.caps().name
+                    ));
+                }
+                Ok(Some(Self { headless }))
+            }
+            Err(error) if choice.is_none() => {
+                out.note(format_args!("{error}"));
+                Ok(None)
+            }
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    pub fn caps(&self) -> &DeviceCaps {
+        self.headless.caps()
+    }
+}
+
+/// How to pack for `gpu`, or for the cpu path alone.
+pub fn pack_desc(gpu: Option<&Gpu>, format: DeltaFormat, args: &PackArgs) -> PackDesc {
+    let desc = gpu.map_or(PackDesc::new(format), |g| g.headless.engine().pack_desc(format));
+    PackDesc { blocks: args.desc(), ..desc }
+}
+
+/// The mesh of `input` in `format`: as a packed file has it where it is the file's, else packed now.
+pub fn packed(
+    input: &Input,
+    gpu: Option<&Gpu>,
+    format: DeltaFormat,
+    args: &PackArgs,
+) -> Result<Arc<PackedMesh>, Failure> {
+    match &input.packed {
+        Some(mesh) if mesh.layout().format == format => match args.desc() == BlockDesc::default() {
+            true => Ok(mesh.clone()),
+            false => Err(Failure::Usage(format!(
+                "--block-size, --position-error, --normal-error and --weight-max say how to pack, but {} is packed \
+                 already; leave them out, or give the folder that it was packed from",
+                input.origin
+            ))),
+        },
+        _ => Ok(Arc::new(PackedMesh::pack(&input.kept, &pack_desc(gpu, format, args))?)),
+    }
+}
+
+/// Heads that are updated by one path.
+pub enum Runner<'a> {
+    /// On a device: a crowd, or one for each head.
+    Gpu(Vec<HeadlessCrowd<'a>>),
+    /// On the processor; with a way to the device, where poses are to be drawn there.
+    Cpu(Box<CpuCrowd>, Option<Box<PoseUpload<'a>>>),
+}
+
+/// What a frame took.
+pub struct Frame {
+    /// Coefficients, passes, bytes.
+    pub stats: UpdateStats,
+    /// Device time of the update in milliseconds, where there is one.
+    pub gpu_ms: Option<f64>,
+    /// Device time of the draws behind it, likewise; `None` where there were none.
+    pub draw_ms: Option<f64>,
+    /// From a result in main memory to the device, in milliseconds: the path `cpu`, where it is drawn.
+    pub upload_ms: Option<f64>,
+    /// From weights to result, draws on a device included, in milliseconds.
+    pub cpu_ms: f64,
+}
+
+impl<'a> Runner<'a> {
+    /// `heads` instances of `mesh`, updated as `desc` says.
+    pub fn new(
+        gpu: Option<&'a Gpu>,
+        mesh: &Arc<PackedMesh>,
+        desc: UpdateDesc,
+        heads: u32,
+        threads: usize,
+    ) -> Result<Self, Failure> {
+        match (desc.path, gpu) {
+            (UpdatePath::Cpu, _) => {
+                Ok(Self::Cpu(Box::new(CpuCrowd::new(mesh.clone(), desc, heads as usize, threads)?), None))
+            }
+            (_, Some(gpu)) => Self::crowds(gpu, mesh, desc, heads, 1),
+            (path, None) => Err(Failure::Failed(format!(
+                "update path '{}' needs a Vulkan device and there is none; use --path cpu",
+                path.name()
+            ))),
+        }
+    }
+
+    /// `count` crowds (≥ 1) of `heads` each on a device, updated in one submission.
+    pub fn crowds(
+        gpu: &'a Gpu,
+        mesh: &Arc<PackedMesh>,
+        desc: UpdateDesc,
+        heads: u32,
+        count: usize,
+    ) -> Result<Self, Failure> {
+        // One update at a time is recorded and waited for.
+        let desc = CrowdDesc { instances: heads, update: desc, frames_in_flight: 1 };
+        let mut crowds = vec![HeadlessCrowd::new(&gpu.headless, mesh, &desc)?];
+        for _ in 1..count {
+            crowds.push(crowds[0].another(&desc)?);
+        }
+        Ok(Self::Gpu(crowds))
+    }
+
+    /// Where poses lie in main memory, bring those of all `heads` to `gpu` when they are drawn.
+    pub fn with_upload(self, gpu: Option<&'a Gpu>, heads: u32) -> Result<Self, Failure> {
+        match (self, gpu) {
+            (Self::Cpu(crowd, _), Some(gpu)) => {
+                let upload = PoseUpload::new(&gpu.headless, crowd.layout(), heads)?;
+                Ok(Self::Cpu(crowd, Some(Box::new(upload))))
+            }
+            (this, _) => Ok(this),
+        }
+    }
+
+    /// Update every head to `weights[head]` and wait.
+    pub fn step(&mut self, weights: &[Vec<f32>]) -> deltamorph::Result<Frame> {
+        self.step_and_draw(weights, 0)
+    }
+
+    /// As [`step`](Self::step), and on a device draw every head `copies` times.
+    pub fn step_and_draw(&mut self, weights: &[Vec<f32>], copies: u32) -> deltamorph::Result<Frame> {
+        match self {
+            Self::Gpu(crowds) => {
+                let weights: Vec<&[f32]> = weights.iter().map(Vec::as_slice).collect();
+                let step = HeadlessCrowd::step_together(crowds, &weights, copies)?;
+                let Step { update, gpu_ms, draw_ms, cpu_ms } = step;
+                Ok(Frame { stats: update.stats, gpu_ms, draw_ms, upload_ms: None, cpu_ms })
+            }
+            Self::Cpu(crowd, upload) => {
+                let start = Instant::now();
+                for (head, weights) in weights.iter().enumerate() {
+                    crowd.set_weights(head, weights)?;
+                }
+                let stats = crowd.update();
+                let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
+                let mut frame = Frame { stats, gpu_ms: None, draw_ms: None, upload_ms: None, cpu_ms };
+                if let Some(upload) = upload.as_mut().filter(|_| copies > 0) {
+                    let poses: Vec<&[f32]> = (0..weights.len()).map(|head| crowd.pose(head)).collect();
+                    frame.upload_ms = Some(upload.upload(&poses)?.cpu_ms);
+                    let draws: Vec<Option<f64>> = (0..copies).map(|_| upload.draw()).collect::<Result<_, _>>()?;
+                    frame.draw_ms = draws.into_iter().sum();
+                }
+                Ok(frame)
+            }
+        }
+    }
+
+    /// The pose of a head, six floats a vertex, in the user's order.
+    pub fn pose(&mut self, head: u32) -> deltamorph::Result<Vec<f32>> {
+        match self {
+            Self::Gpu(crowds) => {
+                let (crowd, instance) = place(crowds, head);
+                crowd.read_pose(instance)
+            }
+            Self::Cpu(crowd, _) => Ok(crowd.layout().to_user_order(crowd.pose(head as usize))),
+        }
+    }
+
+    /// The next pose of a head has no predecessor.
+    pub fn cut(&mut self, head: u32) -> Result<(), Failure> {
+        match self {
+            Self::Gpu(crowds) => {
+                let (crowd, instance) = place(crowds, head);
+                crowd.cut(instance)?;
+            }
+            Self::Cpu(crowd, _) => crowd.cut(head as usize),
+        }
+        Ok(())
+    }
+
+    /// The integer sums of a head; `None` unless it accumulates exactly.
+    pub fn sums(&mut self, head: u32) -> Result<Option<Vec<i32>>, Failure> {
+        match self {
+            Self::Gpu(crowds) => {
+                let (crowd, instance) = place(crowds, head);
+                Ok(crowd.read_sums(instance)?)
+            }
+            Self::Cpu(crowd, _) => Ok(crowd.sums(head as usize).map(<[i32]>::to_vec)),
+        }
+    }
+
+    /// Device time of `copies` draws of every head; `None` without a device.
+    pub fn draw_ms(&mut self, copies: u32) -> deltamorph::Result<Option<f64>> {
+        let Self::Gpu(crowds) = self else { return Ok(None) };
+        let each: Vec<Option<f64>> = crowds.iter().map(|crowd| crowd.draw(copies)).collect::<Result<_, _>>()?;
+        Ok(each.into_iter().sum())
+    }
+}
+
+/// The crowd that has a head, and which of its instances it is.
+fn place<'c, 'a>(crowds: &'c mut [HeadlessCrowd<'a>], head: u32) -> (&'c mut HeadlessCrowd<'a>, u32) {
+    let instances = crowds[0].crowd().desc().instances;
+    (&mut crowds[(head / instances) as usize], head % instances)
+}

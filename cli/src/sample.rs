@@ -1,0 +1,134 @@
+//! `sample`: the built-in head as a folder that any morph-target tool can read.
+
+use crate::args::SampleArgs;
+use crate::output::{Failure, Output, create_folder};
+use crate::table::thousands;
+use deltamorph::mesh::obj::{ObjMesh, write_obj};
+use deltamorph::mesh::{MorphSource, head};
+use deltamorph::weights::csv;
+use glam::Vec3;
+use std::path::Path;
+
+pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
+    out.check(&[], &[], Some(&args.dir))?;
+    refuse_full(&args.dir)?;
+    let desc = args.head.desc(args.seed);
+    let spinner = out.spinner("building the head");
+    let source = head::head(&desc);
+    let mut clip = head::head_clip(&desc, args.frames, args.fps);
+    spinner.finish_and_clear();
+
+    let bar = out.bar(source.targets.len() as u64 + 2);
+    // The rate is in the name: the file itself has no place for it, and readers look there.
+    clip.name = format!("{}_{}fps", if clip.name.is_empty() { "clip" } else { &clip.name }, args.fps);
+    // Without a target there is no column, and so no clip.
+    if !source.targets.is_empty() {
+        create_folder(&args.dir.join("weights"))?;
+        csv::write(&args.dir.join("weights").join(format!("{}.csv", clip.name)), &clip)?;
+    }
+    write_folder(&source, &args.dir, || bar.inc(1))?;
+    bar.finish_and_clear();
+
+    out.say(format_args!(
+        "{}: {} vertices, {} targets, a weight clip of {} frames",
+        args.dir.display(),
+        thousands(source.positions.len()),
+        source.targets.len(),
+        clip.frame_count()
+    ));
+    out.json(&serde_json::json!({
+        "schema": 1,
+        "folder": args.dir,
+        "vertices": source.positions.len(),
+        "targets": source.targets.len(),
+        "frames": clip.frame_count(),
+        "fps": args.fps,
+        "seed": args.seed,
+    }))
+}
+
+/// Files of an earlier run would be read as targets of this one.
+fn refuse_full(dir: &Path) -> Result<(), Failure> {
+    let first = match std::fs::read_dir(dir) {
+        Ok(mut entries) => entries.next(),
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => None,
+        Err(e) => return Err(Failure::io(dir, "read the folder", e)),
+    };
+    match first {
+        None => Ok(()),
+        Some(_) => Err(Failure::Failed(format!("{}: the folder is not empty; name a new one", dir.display()))),
+    }
+}
+
+/// Write `targets/*.obj` and at last `neutral.obj`, so that no folder is taken for whole before it is, calling `step` after each file. Nine digits per number: every
+/// position and normal reads back as the float that was written.
+fn write_folder(source: &MorphSource, dir: &Path, mut step: impl FnMut()) -> Result<(), Failure> {
+    let targets = dir.join("targets");
+    create_folder(&targets)?;
+    let base_normals = source.normals.as_deref().unwrap_or_default();
+    let file = |positions: &[Vec3], normals: &[Vec3], path: &Path| {
+        let mesh = ObjMesh { positions, normals, texcoords: &source.texcoords, faces: &source.faces };
+        write_obj(path, mesh)
+    };
+    for target in &source.targets {
+        let mut positions = source.positions.clone();
+        add(&mut positions, &target.positions);
+        let mut normals = base_normals.to_vec();
+        match &target.normals {
+            Some(deltas) if !normals.is_empty() => add(&mut normals, deltas),
+            // Normals "computed from the surface": stating the base's would say that they don't turn.
+            _ => normals.clear(),
+        }
+        file(&positions, &normals, &targets.join(format!("{}.obj", target.name)))?;
+        step();
+    }
+    file(&source.positions, base_normals, &dir.join("neutral.obj"))?;
+    step();
+    Ok(())
+}
+
+fn add(to: &mut [Vec3], deltas: &[(u32, Vec3)]) {
+    for &(i, delta) in deltas {
+        to[i as usize] += delta;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use deltamorph::mesh::head::HeadDesc;
+    use deltamorph::mesh::{Tolerance, obj};
+
+    #[test]
+    fn only_empty_folders_are_written_to() {
+        let dir = tempfile::tempdir().expect("a folder");
+        assert!(refuse_full(dir.path()).is_ok());
+        assert!(refuse_full(&dir.path().join("new")).is_ok());
+        std::fs::write(dir.path().join("a"), "").expect("written");
+        assert!(refuse_full(dir.path()).is_err());
+    }
+
+    #[test]
+    fn the_folder_reads_back_as_the_head() {
+        let desc = HeadDesc { vertices: 500, targets: 9, sparsity: 0.2, seed: 3 };
+        let source = head::head(&desc);
+        let dir = tempfile::tempdir().expect("a folder");
+        write_folder(&source, dir.path(), || ()).expect("written");
+        let read = obj::import_folder(dir.path()).expect("read");
+        assert_eq!(read.positions, source.positions);
+        assert_eq!(read.faces, source.faces);
+        let (a, b) = (source.to_mesh(Tolerance::default()), read.to_mesh(Tolerance::default()));
+        let (a, b) = (a.expect("the head"), b.expect("the folder"));
+        assert_eq!(a.targets.len(), b.targets.len());
+        for target in &a.targets {
+            // Files come back sorted by name.
+            let other = &b.targets[b.target_index(&target.name).expect("same names")];
+            assert_eq!(other.vertices, target.vertices, "{}", target.name);
+            // A file holds base + delta as floats: the delta comes back to within their rounding, and the
+            // normals to within what that turns the surface.
+            let near = |a: &[Vec3], b: &[Vec3], by: f32| a.iter().zip(b).all(|(a, b)| a.distance(*b) <= by);
+            assert!(near(&other.positions, &target.positions, a.diagonal * f32::EPSILON), "{}", target.name);
+            assert!(near(&other.normals, &target.normals, 1e-4), "{}", target.name);
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! Text tables, and numbers as people read them.
+
+/// A table: columns as wide as their widest cell, the first aligned left, the others right.
+#[derive(Debug, Default)]
+pub struct Table {
+    rows: Vec<Vec<String>>,
+    left: usize,
+}
+
+impl Table {
+    /// A table with these headings, the first `left` columns of which hold words.
+    pub fn new(headings: &[&str], left: usize) -> Self {
+        Self { rows: vec![headings.iter().map(|h| (*h).to_owned()).collect()], left }
+    }
+
+    pub fn row(&mut self, cells: impl IntoIterator<Item = String>) {
+        self.rows.push(cells.into_iter().collect());
+    }
+}
+
+impl std::fmt::Display for Table {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
+        let width = |c: usize| self.rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max().unwrap_or(0);
+        let widths: Vec<usize> = (0..columns).map(width).collect();
+        for (i, row) in self.rows.iter().enumerate() {
+            let cells = row
+                .iter()
+                .zip(&widths)
+                .enumerate()
+                .map(|(c, (cell, &w))| if c < self.left { format!("{cell:<w$}") } else { format!("{cell:>w$}") });
+            let line = cells.collect::<Vec<_>>().join("  ");
+            write!(f, "{}{}", if i > 0 { "\n" } else { "" }, line.trim_end())?;
+        }
+        Ok(())
+    }
+}
+
+/// `value` with three significant digits, without an exponent where people would not use one.
+pub fn sig3(value: f64) -> String {
+    let magnitude = value.abs();
+    if !value.is_finite() {
+        "–".into()
+    } else if magnitude == 0.0 {
+        "0".into()
+    } else if !(1e-3..1e6).contains(&magnitude) {
+        format!("{value:.1e}")
+    } else {
+        // Rounding first: 9.996 has its digits where 10 has them.
+        let digits = |v: f64| (2 - v.log10().floor() as i32).max(0) as usize;
+        let decimals = digits(magnitude);
+        let rounded: f64 = format!("{magnitude:.decimals$}").parse().unwrap_or(magnitude);
+        format!("{value:.*}", digits(rounded).min(decimals))
+    }
+}
+
+pub fn percent(fraction: f64) -> String {
+    format!("{} %", sig3(fraction * 100.0))
+}
+
+pub fn bytes(n: f64) -> String {
+    let units = ["B", "KiB", "MiB", "GiB", "TiB"];
+    let power = if n < 1024.0 { 0 } else { ((n.log2() / 10.0) as usize).min(units.len() - 1) };
+    if power == 0 {
+        return format!("{n:.0} B");
+    }
+    format!("{} {}", sig3(n / 1024f64.powi(power as i32)), units[power])
+}
+
+/// A whole number with its thousands apart.
+pub fn thousands(n: usize) -> String {
+    indicatif::HumanCount(n as u64).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers() {
+        assert_eq!(
+            ["0", "1.00", "9.99", "10.0", "52.3", "523", "52345", "0.0123"].map(String::from),
+            [sig3(0.0), sig3(1.0), sig3(9.994), sig3(9.996), sig3(52.34), sig3(523.4), sig3(52345.2), sig3(0.012_34)]
+        );
+        assert_eq!((sig3(1.5e-7), sig3(-0.5), sig3(f64::NAN)), ("1.5e-7".into(), "-0.500".into(), "–".into()));
+        assert_eq!(percent(0.123), "12.3 %");
+        assert_eq!(
+            (bytes(12.0), bytes(1536.0), bytes(3.0 * 1048576.0)),
+            ("12 B".into(), "1.50 KiB".into(), "3.00 MiB".into())
+        );
+        assert_eq!(
+            (thousands(7), thousands(43_788), thousands(1_000_000)),
+            ("7".into(), "43,788".into(), "1,000,000".into())
+        );
+    }
+
+    #[test]
+    fn columns_line_up() {
+        let mut table = Table::new(&["name", "n"], 1);
+        table.row(["a".into(), "1".into()]);
+        table.row(["longer".into(), "10".into()]);
+        assert_eq!(table.to_string(), "name     n\na        1\nlonger  10");
+    }
+}

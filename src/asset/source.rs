@@ -1,0 +1,35 @@
+//! A mesh as its files state it.
+
+use super::Faces;
+use glam::{Vec2, Vec3};
+
+/// A morph target as a file states it.
+#[derive(Clone, Debug, Default)]
+pub struct SourceTarget {
+    /// Name, unique within the source.
+    pub name: String,
+    /// `(vertex, target − base)` for every vertex whose position differs at all, ascending by vertex.
+    pub positions: Vec<(u32, Vec3)>,
+    /// `target normal − base normal` per vertex where the file has normals (as stated there, not
+    /// re-normalised): `(vertex, difference)`, ascending. `None`: computed from the deformed surface.
+    pub normals: Option<Vec<(u32, Vec3)>>,
+}
+
+/// A base pose and its targets exactly as the input states them: no tolerance applied, no normal computed.
+#[derive(Clone, Debug, Default)]
+pub struct MorphSource {
+    /// Name for messages and reports (a folder's or file's stem).
+    pub name: String,
+    /// Base positions, in the user's vertex order.
+    pub positions: Vec<Vec3>,
+    /// Base normals per position, unit length; `None` when the input has none.
+    pub normals: Option<Vec<Vec3>>,
+    /// Texture coordinates, indexed by [`Corner::texcoord`].
+    pub texcoords: Vec<Vec2>,
+    /// The face list.
+    pub faces: Faces,
+    /// The targets; an empty target keeps its index.
+    pub targets: Vec<SourceTarget>,
+    /// Remarks of the importer that a person should see (e.g. hard edges averaged).
+    pub notes: Vec<String>,
+}

@@ -1,0 +1,226 @@
+//! Weight clips from CSV: a header of target names, then one row of weights per frame.
+//!
+//! No time column: the frame rate is part of the file's name (`walk_30fps.csv`), or told by the caller.
+
+use crate::error::{Error, Result};
+use crate::io::{read_bounded, write_replacing};
+use crate::weights::WeightClip;
+use csv::{ReaderBuilder, StringRecord, Trim};
+use std::collections::HashSet;
+use std::io::Write;
+use std::path::Path;
+
+/// The largest file that is read.
+const MAX_BYTES: u64 = 1 << 30;
+
+/// Read a weights CSV: header of target names, one row per frame.
+///
+/// Spaces around names and numbers, empty lines and a byte order mark are ignored. Weights may be any finite
+/// numbers, also below 0 and above 1. A header without rows is a clip of 0 frames. `fps` is the frame rate
+/// unless the file's name ends in one, as in `walk_30fps.csv`.
+///
+/// # Errors
+/// [`Error::Io`] where the file cannot be read, [`Error::Input`] with line and column where it is no such CSV,
+/// [`Error::Invalid`] where `fps` is needed and is not a positive number.
+pub fn read(path: &Path, fps: f32) -> Result<WeightClip> {
+    let bytes = read_bounded(path, MAX_BYTES, "split the clip")?;
+    let name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let fps = fps_of_name(&name).unwrap_or(fps);
+    if !(fps > 0.0 && fps.is_finite()) {
+        return Err(Error::invalid(format!("the frame rate is {fps}"), "give a positive number of frames per second"));
+    }
+    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
+    let (names, values) = parse(path, text)?;
+    Ok(WeightClip { name, names, fps, values })
+}
+
+/// Names and values, row after row.
+fn parse(path: &Path, text: &[u8]) -> Result<(Vec<String>, Vec<f32>)> {
+    let error = |place: String, what: String, remedy: &str| {
+        Err(Error::Input { path: path.to_path_buf(), place, what, remedy: remedy.to_owned() })
+    };
+    // Flexible, since a ragged row is told here, with its line.
+    let mut reader = ReaderBuilder::new().has_headers(false).flexible(true).trim(Trim::All).from_reader(text);
+    let mut record = StringRecord::new();
+    let mut names: Vec<String> = Vec::new();
+    let mut values = Vec::new();
+    loop {
+        match reader.read_record(&mut record) {
+            Ok(true) => {}
+            Ok(false) => break,
+            Err(e) => {
+                let line = line_at(text, e.position().map_or_else(|| reader.position().byte(), csv::Position::byte));
+                let what = match e.kind() {
+                    csv::ErrorKind::Utf8 { .. } => "bytes that are not UTF-8 text".to_owned(),
+                    _ => e.to_string(),
+                };
+                return error(format!(": line {line}"), what, "save the file as CSV in UTF-8");
+            }
+        }
+        let line = || line_at(text, record.position().map_or(0, csv::Position::byte));
+        if names.is_empty() {
+            // Where there is one column, whatever else divides the line was meant to.
+            let divided = |by: &char| record.len() == 1 && record[0].contains(*by);
+            if let Some(by) = [';', '\t'].iter().find(|by| divided(by)) {
+                let what = format!("one column, whose name has {by:?} in it");
+                return error(format!(": line {}", line()), what, "divide columns by commas");
+            }
+            let mut seen = HashSet::new();
+            for (i, name) in record.iter().enumerate() {
+                if name.is_empty() {
+                    let what = format!("column {} of the header has no name", i + 1);
+                    return error(format!(": line {}", line()), what, "name every column after its target");
+                }
+                if !seen.insert(name) {
+                    let place = format!(": column '{name}', line {}", line());
+                    return error(place, "the second column of this name".into(), "rename or remove one of them");
+                }
+            }
+            names = record.iter().map(str::to_owned).collect();
+            continue;
+        }
+        if record.len() != names.len() {
+            let what = format!("{} values, but the header has {} columns", record.len(), names.len());
+            return error(format!(": line {}", line()), what, "give one value per column in every row");
+        }
+        for (name, value) in names.iter().zip(&record) {
+            let place = || format!(": column '{name}', line {}", line());
+            match value.parse::<f32>() {
+                Ok(w) if w.is_finite() => values.push(w),
+                Ok(_) => {
+                    let what = format!("the weight '{value}' is not a finite number");
+                    return error(place(), what, "replace it with a finite number");
+                }
+                Err(_) => {
+                    let what = format!("'{}' is not a number", value.chars().take(40).collect::<String>());
+                    return error(place(), what, "write weights as decimal numbers with a point");
+                }
+            }
+        }
+    }
+    if names.is_empty() {
+        return error(String::new(), "an empty file".into(), "give a header of target names and one row per frame");
+    }
+    Ok((names, values))
+}
+
+/// The line of the record at `byte`. The csv crate's own line count lags behind after CR LF and empty lines.
+fn line_at(text: &[u8], byte: u64) -> usize {
+    let at = usize::try_from(byte).unwrap_or(text.len()).min(text.len());
+    let breaks = text[at..].iter().take_while(|b| matches!(b, b'\r' | b'\n')).count();
+    1 + text[..at + breaks].iter().filter(|&&b| b == b'\n').count()
+}
+
+/// The frame rate at the end of a file's stem: `walk_30fps`, `walk_29.97fps`.
+fn fps_of_name(stem: &str) -> Option<f32> {
+    let lower = stem.to_ascii_lowercase();
+    let (_, digits) = lower.strip_suffix("fps")?.rsplit_once('_')?;
+    let digits = Some(digits).filter(|d| d.bytes().all(|b| b.is_ascii_digit() || b == b'.'))?;
+    digits.parse().ok().filter(|fps: &f32| *fps > 0.0 && fps.is_finite())
+}
+
+/// Write a weights CSV that [`read`] reads back as it is, except for the frame rate, which only a name like
+/// `walk_30fps.csv` can carry.
+///
+/// # Errors
+/// [`Error::Invalid`] where the clip has no columns, two of one name, a name that does not read back (empty, or
+/// with spaces around it), or a weight that is not finite; [`Error::Io`] where the file cannot be written.
+pub fn write(path: &Path, clip: &WeightClip) -> Result<()> {
+    clip.check()?;
+    if clip.names.is_empty() {
+        return Err(Error::invalid(format!("clip '{}' has no columns", clip.name), "give it a column per target"));
+    }
+    if let Some(name) = clip.names.iter().find(|n| n.is_empty() || n.trim() != n.as_str()) {
+        let what = format!("clip '{}': the column name '{name}' is empty or has spaces around it", clip.name);
+        return Err(Error::invalid(what, "rename the column"));
+    }
+    let failed = |source| Error::Io { path: path.to_path_buf(), action: "write", source };
+    let text = || -> csv::Result<Vec<u8>> {
+        let mut out = csv::Writer::from_writer(Vec::new());
+        out.write_record(&clip.names)?;
+        for row in clip.values.chunks_exact(clip.names.len()) {
+            out.write_record(row.iter().map(f32::to_string))?;
+        }
+        out.into_inner().map_err(|e| e.into_error().into())
+    };
+    let text = text().map_err(|e| failed(e.into()))?;
+    write_replacing(path, |out| out.write_all(&text))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn what_is_accepted_is_whole_and_nothing_panics(text in "([ab\"',;#.0-9eN\\r\\n\\-]|é){0,40}") {
+            if let Ok((names, values)) = parse(Path::new("w.csv"), text.as_bytes()) {
+                prop_assert!(!names.is_empty() && values.len() % names.len() == 0);
+                prop_assert!(values.iter().all(|w| w.is_finite()));
+            }
+        }
+
+        #[test]
+        fn random_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+            let _ = parse(Path::new("w.csv"), &bytes);
+        }
+    }
+
+    fn read_text(text: &str) -> Result<(Vec<String>, Vec<f32>)> {
+        parse(Path::new("w.csv"), text.as_bytes())
+    }
+
+    fn message(text: &str) -> String {
+        read_text(text).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn rows_and_names_are_read() {
+        let (names, values) = read_text(" a ,\"b,c\"\r\n0.5,-2\r\n\r\n 1e-3 ,3.5").unwrap();
+        assert_eq!(names, ["a", "b,c"]);
+        assert_eq!(values, [0.5, -2.0, 0.001, 3.5]);
+        assert_eq!(read_text("a,b\n").unwrap(), (vec!["a".into(), "b".into()], vec![]));
+    }
+
+    #[test]
+    fn errors_name_file_line_and_column() {
+        assert!(message("").contains("w.csv: an empty file"), "{}", message(""));
+        assert!(message("a,b\n1,2\n3\n").contains("w.csv: line 3: 1 values, but the header has 2 columns"));
+        assert!(message("a,b\n1,2\n3,x1\n").contains("column 'b', line 3: 'x1' is not a number"));
+        assert!(message("a,b\n1,NaN\n").contains("column 'b', line 2: the weight 'NaN' is not a finite"));
+        assert!(message("a,b\n1e99,0\n").contains("column 'a', line 2"));
+        assert!(message("a,b,a\n").contains("column 'a', line 1: the second column"));
+        assert!(message("a,,b\n").contains("column 2 of the header"));
+        assert!(message("a,b\r\n1,2\r\n\r\n3\r\n").contains("line 4"), "{}", message("a,b\r\n1,2\r\n\r\n3\r\n"));
+        let latin = parse(Path::new("w.csv"), b"a,b\n1,\xe9\n").unwrap_err().to_string();
+        assert!(latin.contains("w.csv: line 2: bytes that are not UTF-8"), "{latin}");
+    }
+
+    #[test]
+    fn the_frame_rate_is_read_from_the_name() {
+        assert_eq!(fps_of_name("walk_30fps"), Some(30.0));
+        assert_eq!(fps_of_name("take_2_29.97fps"), Some(29.97));
+        for none in ["walk", "walk30fps", "_fps", "a_0fps", "a_inffps", "a_-3fps", "a_1.2.3fps"] {
+            assert_eq!(fps_of_name(none), None, "{none}");
+        }
+    }
+
+    #[test]
+    fn a_written_clip_reads_back() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("talk_24fps.csv");
+        let values = vec![0.1, -0.0, 1.0 / 3.0, 1e-20, 2.5, 0.0];
+        let clip = WeightClip { name: "talk_24fps".into(), names: vec!["a".into(), "b,\"c".into()], fps: 24.0, values };
+        write(&path, &clip).unwrap();
+        assert_eq!(read(&path, 30.0).unwrap(), clip);
+
+        std::fs::write(&path, b"\xef\xbb\xbfjawOpen\n1\n").unwrap();
+        assert_eq!(read(&path, 30.0).unwrap().names, ["jawOpen"]);
+        assert!(read(&dir.path().join("none.csv"), 30.0).unwrap_err().to_string().contains("none.csv: cannot read"));
+        assert!(read(&dir.path().join("x.csv"), 30.0).is_err());
+        std::fs::write(dir.path().join("x.csv"), "a\n").unwrap();
+        assert!(read(&dir.path().join("x.csv"), f32::NAN).unwrap_err().to_string().contains("frame rate"));
+        assert!(write(&path, &WeightClip::default()).is_err());
+    }
+}

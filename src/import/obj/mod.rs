@@ -1,0 +1,64 @@
+//! OBJ import and export.
+//!
+//! The text is parsed by [tobj](https://docs.rs/tobj); this module checks every line first (tobj has no line
+//! numbers) and feeds tobj in a way that keeps the file's vertex order.
+
+mod folder;
+mod parse;
+mod scan;
+mod shading;
+mod write;
+
+pub use folder::import_folder;
+pub use write::{ObjMesh, write_obj, write_obj_to};
+
+use crate::asset::Faces;
+use crate::error::{Error, Result};
+use crate::io::read_bounded;
+use glam::{Vec2, Vec3};
+use std::path::Path;
+
+/// One OBJ file, in the file's own order.
+#[derive(Clone, Debug, Default)]
+pub struct ObjFile {
+    /// The `v` lines.
+    pub positions: Vec<Vec3>,
+    /// The `vt` lines; a third coordinate is ignored.
+    pub texcoords: Vec<Vec2>,
+    /// The `vn` lines, as stated.
+    pub normals: Vec<Vec3>,
+    /// The `f` lines, in file order whatever object, group or material they belong to.
+    pub faces: Faces,
+    /// Index into `normals` of every corner of `faces`; `None` unless every corner names one.
+    pub corner_normals: Option<Vec<u32>>,
+    /// Whether some corners of the faces name a normal (so that `corner_normals: None` means a mixture).
+    pub any_normals: bool,
+}
+
+impl ObjFile {
+    /// Read one OBJ file.
+    ///
+    /// Polygons stay polygons, vertices stay in file order, and vertices without a face are kept. Points and
+    /// lines (`p`, `l`), vertex colours, free-form surfaces, groups and materials are ignored. Lines end in LF or
+    /// CR LF, or all of them in CR.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where the file cannot be read, [`Error::Input`] with the line where its text cannot be
+    /// used, or where it is larger than 1 GiB.
+    pub fn read(path: &Path) -> Result<Self> {
+        parse::parse(path, read_bounded(path, parse::MAX_BYTES, "split the mesh")?)
+    }
+
+    /// The same, from text in memory; `path` is only for messages.
+    ///
+    /// # Errors
+    /// [`Error::Input`], as [`read`](Self::read).
+    pub fn from_bytes(path: &Path, bytes: Vec<u8>) -> Result<Self> {
+        parse::parse(path, bytes)
+    }
+}
+
+/// An [`Error::Input`] for `path`.
+fn input(path: &Path, place: impl Into<String>, what: impl Into<String>, remedy: impl Into<String>) -> Error {
+    Error::Input { path: path.to_path_buf(), place: place.into(), what: what.into(), remedy: remedy.into() }
+}

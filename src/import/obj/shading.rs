@@ -1,0 +1,65 @@
+//! From normals per corner, as OBJ has them, to normals per position, as a morph target needs them.
+
+use super::ObjFile;
+use crate::asset::normals::Adjacency;
+use glam::Vec3;
+
+/// The stated normals of a file, one per position.
+pub(super) struct Stated {
+    /// Where all corners of a position agree, their normal as stated; at a hard edge, their area-weighted mean.
+    pub values: Vec<Vec3>,
+    /// Number of positions at hard edges.
+    pub hard: usize,
+}
+
+/// The area of every face of the neutral mesh. Both neutral and targets are averaged with these: a mean with
+/// the same weights on both sides makes the delta the mean of the deltas.
+pub(super) fn face_areas(neutral: &ObjFile) -> Vec<f64> {
+    let adjacency = Adjacency::new(&neutral.faces, neutral.positions.len());
+    (0..neutral.faces.sizes.len()).map(|f| adjacency.area_vector(f as u32, &neutral.positions).length()).collect()
+}
+
+/// The normals per position that `file` states; `None` where its faces have none, or not everywhere.
+///
+/// A position that no face names has the `vn` line of its own number where there are as many `vn` as `v` lines,
+/// otherwise zero.
+pub(super) fn stated(file: &ObjFile, areas: &[f64]) -> Option<Stated> {
+    let count = file.positions.len();
+    let one_each = file.normals.len() == count;
+    // A point cloud has normals when it has one for each of its points.
+    let corners = match &file.corner_normals {
+        Some(corners) => corners.as_slice(),
+        None if file.faces.sizes.is_empty() && one_each => &[],
+        None => return None,
+    };
+
+    let mut first: Vec<Option<Vec3>> = vec![None; count];
+    let mut hard = vec![false; count];
+    for (corner, &n) in file.faces.corners.iter().zip(corners) {
+        let normal = file.normals[n as usize];
+        let v = corner.position as usize;
+        hard[v] |= *first[v].get_or_insert(normal) != normal;
+    }
+
+    let mut sums = vec![(glam::DVec3::ZERO, 0.0f64); if hard.contains(&true) { count } else { 0 }];
+    if !sums.is_empty() {
+        let mut normals = corners.iter();
+        for (face, &area) in file.faces.iter().zip(areas) {
+            for (corner, &n) in face.iter().zip(&mut normals) {
+                let (sum, weight) = &mut sums[corner.position as usize];
+                *sum += file.normals[n as usize].as_dvec3() * area;
+                *weight += area;
+            }
+        }
+    }
+    let values = (0..count)
+        .map(|v| match first[v] {
+            // Faces without area have no say; where all are such, the first normal stands.
+            Some(_) if hard[v] && sums[v].1 > 0.0 => (sums[v].0 / sums[v].1).as_vec3(),
+            Some(normal) => normal,
+            None if one_each => file.normals[v],
+            None => Vec3::ZERO,
+        })
+        .collect();
+    Some(Stated { values, hard: hard.iter().filter(|&&h| h).count() })
+}

@@ -1,0 +1,155 @@
+//! OBJ export.
+
+use crate::asset::{Faces, MorphMesh};
+use crate::error::{Error, Result};
+use crate::io::write_replacing;
+use glam::{Vec2, Vec3};
+use std::io::{self, Write};
+use std::path::Path;
+
+/// The pieces of a mesh that an OBJ file holds. Vertices are written in the order given.
+#[derive(Clone, Copy, Debug)]
+pub struct ObjMesh<'a> {
+    /// Positions.
+    pub positions: &'a [Vec3],
+    /// One normal per position, or none at all.
+    pub normals: &'a [Vec3],
+    /// Texture coordinates, as the faces index them.
+    pub texcoords: &'a [Vec2],
+    /// The face list; polygons are written as polygons.
+    pub faces: &'a Faces,
+}
+
+impl<'a> From<&'a MorphMesh> for ObjMesh<'a> {
+    /// The base pose.
+    fn from(mesh: &'a MorphMesh) -> Self {
+        Self { positions: &mesh.positions, normals: &mesh.normals, texcoords: &mesh.texcoords, faces: &mesh.faces }
+    }
+}
+
+/// Write `mesh` to the file `path`. What is there is replaced when the new file is complete.
+///
+/// # Errors
+/// [`Error::Io`] where the file cannot be written, [`Error::Invalid`] where a value is not finite, an index is
+/// out of range, or there are normals for some positions only.
+pub fn write_obj(path: &Path, mesh: ObjMesh<'_>) -> Result<()> {
+    check(&mesh)?;
+    write_replacing(path, |out| write_obj_to(out, mesh))
+}
+
+fn check(mesh: &ObjMesh<'_>) -> Result<()> {
+    let refuse = |what: String| Err(Error::invalid(what, "write a mesh that to_mesh() has accepted"));
+    let (v, vt, vn) = (mesh.positions.len(), mesh.texcoords.len(), mesh.normals.len());
+    if vn != 0 && vn != v {
+        return refuse(format!("{vn} normals for {v} vertices"));
+    }
+    if let Some(i) = mesh.positions.iter().position(|p| !p.is_finite()) {
+        return refuse(format!("vertex {i} is not finite: {}", mesh.positions[i]));
+    }
+    if let Some(i) = mesh.normals.iter().position(|n| !n.is_finite()) {
+        return refuse(format!("the normal of vertex {i} is not finite: {}", mesh.normals[i]));
+    }
+    if let Some(i) = mesh.texcoords.iter().position(|t| !t.is_finite()) {
+        return refuse(format!("texture coordinate {i} is not finite: {}", mesh.texcoords[i]));
+    }
+    mesh.faces.check(v, vt)
+}
+
+/// Write `mesh` as OBJ text: `v`, `vt`, `vn` with nine significant digits (so that every `f32` reads back as it
+/// was), then `f v/vt/vn`.
+///
+/// # Errors
+/// What `out` returns. Values are written as they are: check them first, or use [`write_obj`].
+pub fn write_obj_to(out: &mut impl Write, mesh: ObjMesh<'_>) -> io::Result<()> {
+    let mut line = String::new();
+    for p in mesh.positions {
+        numbers(out, &mut line, "v", &p.to_array())?;
+    }
+    for t in mesh.texcoords {
+        numbers(out, &mut line, "vt", &t.to_array())?;
+    }
+    for n in mesh.normals {
+        numbers(out, &mut line, "vn", &n.to_array())?;
+    }
+    for face in mesh.faces.iter() {
+        out.write_all(b"f")?;
+        for corner in face {
+            // OBJ counts from 1; a normal has the number of its position.
+            let v = u64::from(corner.position) + 1;
+            match (corner.texcoord, mesh.normals.is_empty()) {
+                (Some(t), false) => write!(out, " {v}/{}/{v}", u64::from(t) + 1)?,
+                (Some(t), true) => write!(out, " {v}/{}", u64::from(t) + 1)?,
+                (None, false) => write!(out, " {v}//{v}")?,
+                (None, true) => write!(out, " {v}")?,
+            }
+        }
+        out.write_all(b"\n")?;
+    }
+    Ok(())
+}
+
+fn numbers(out: &mut impl Write, line: &mut String, keyword: &str, values: &[f32]) -> io::Result<()> {
+    line.clear();
+    line.push_str(keyword);
+    for &x in values {
+        line.push(' ');
+        push_nine_digits(line, x);
+    }
+    line.push('\n');
+    out.write_all(line.as_bytes())
+}
+
+/// Append `x` as a plain decimal of nine significant digits, without trailing zeros.
+fn push_nine_digits(text: &mut String, x: f32) {
+    use std::fmt::Write;
+    // Decimals that make nine digits; one too many does no harm, so the powers need not be exact.
+    let magnitude = f64::from(x.abs());
+    let (mut decimals, mut power) = (8, 1.0);
+    while magnitude >= power * 10.0 && decimals > 0 {
+        power *= 10.0;
+        decimals -= 1;
+    }
+    while magnitude < power && magnitude > 0.0 {
+        power /= 10.0;
+        decimals += 1;
+    }
+    let start = text.len();
+    // Writing to a String cannot fail.
+    let _ = write!(text, "{x:.decimals$}");
+    if text[start..].contains('.') {
+        text.truncate(text.trim_end_matches('0').trim_end_matches('.').len());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn written(x: f32) -> String {
+        let mut text = String::new();
+        push_nine_digits(&mut text, x);
+        text
+    }
+
+    #[test]
+    fn nine_digits() {
+        assert_eq!(written(0.1), "0.100000001");
+        assert_eq!(written(1.0), "1");
+        assert_eq!(written(-0.5), "-0.5");
+        assert_eq!(written(0.0), "0");
+        assert_eq!(written(123456.78), "123456.781");
+        assert_eq!(written(100.0), "100");
+    }
+
+    proptest! {
+        #[test]
+        fn every_finite_number_reads_back(bits in any::<u32>()) {
+            let x = f32::from_bits(bits);
+            prop_assume!(x.is_finite());
+            let text = written(x);
+            prop_assert_eq!(text.parse::<f32>().unwrap().to_bits(), x.to_bits(), "{}", text);
+            prop_assert!(!text.contains('e'));
+        }
+    }
+}

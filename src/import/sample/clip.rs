@@ -1,0 +1,116 @@
+//! A weight clip like those captured from a performer.
+
+use super::rng::Rng;
+use super::{HeadDesc, smoothstep, targets};
+use crate::weights::WeightClip;
+
+/// What drives a column.
+enum Drive {
+    /// Nothing: it stays 0.
+    Zero,
+    /// Blinks.
+    Blink,
+    /// Speech, with this much of the syllable's opening.
+    Speech(f32),
+    /// Slow noise up to a height, with pauses.
+    Drift(f32),
+}
+
+/// The driver of the column called `name`.
+fn drive(name: &str, i: usize, rng: &mut Rng) -> Drive {
+    match name {
+        _ if targets::is_empty(i) => Drive::Zero,
+        "jawOpen" => Drive::Speech(0.75),
+        "mouthFunnel" | "mouthPucker" | "mouthShrugLower" => Drive::Speech(0.4),
+        n if n.starts_with("mouthLowerDown") || n.starts_with("mouthUpperUp") => Drive::Speech(0.5),
+        "mouthClose" => Drive::Speech(0.15),
+        n if n.starts_with("eyeBlink") => Drive::Blink,
+        "jawForward" | "jawLeft" | "jawRight" => Drive::Zero,
+        n if n.starts_with("detail") && rng.unit() < 0.25 => Drive::Zero,
+        _ => Drive::Drift(rng.range(0.15, 0.7)),
+    }
+}
+
+pub(super) fn clip(desc: &HeadDesc, frames: usize, fps: f32) -> WeightClip {
+    let names: Vec<String> = (0..desc.targets).map(targets::name).collect();
+    let count = names.len();
+    let mut values = vec![0.0f32; count * frames];
+    // Shared by all columns that they drive, as in a face: both eyes blink, jaw and lips speak together.
+    let blink = blinks(&mut Rng::new(desc.seed, u64::MAX), frames, fps);
+    let speech = syllables(&mut Rng::new(desc.seed, u64::MAX - 1), frames, fps);
+    for (i, name) in names.iter().enumerate() {
+        let mut rng = Rng::new(desc.seed, (1 << 32) + i as u64);
+        let column: Vec<f32> = match drive(name, i, &mut rng) {
+            Drive::Zero => continue,
+            Drive::Blink => blink.iter().map(|b| b * 0.95).collect(),
+            Drive::Speech(height) => {
+                // Each articulator has its own share of every syllable.
+                let share = drift(&mut rng, frames, fps, 0.25, 0.0);
+                speech.iter().zip(share).map(|(s, share)| height * s * (0.4 + 0.6 * share)).collect()
+            }
+            Drive::Drift(height) => drift(&mut rng, frames, fps, 0.5, 0.55).iter().map(|d| height * d).collect(),
+        };
+        for (frame, w) in column.into_iter().enumerate() {
+            // In steps of 1/255, as capture files have them.
+            values[frame * count + i] = (w.clamp(0.0, 1.0) * 255.0 + 0.5).floor() / 255.0;
+        }
+    }
+    WeightClip { name: "head".to_owned(), names, fps, values }
+}
+
+/// Noise in [0, 1]: a new value every `period` seconds or so, or with the chance `pause` the old one again.
+fn drift(rng: &mut Rng, frames: usize, fps: f32, period: f32, pause: f32) -> Vec<f32> {
+    let mut column = Vec::with_capacity(frames);
+    let (mut from, mut to) = (0.0, rng.unit() * rng.unit());
+    let (mut start, mut length) = (0.0, (period * fps).max(1.0));
+    for frame in 0..frames {
+        while frame as f32 >= start + length {
+            start += length;
+            length = (period * rng.range(0.6, 1.6) * fps).max(1.0);
+            from = to;
+            if rng.unit() >= pause {
+                // A quarter of the time at rest, otherwise rather low than high.
+                to = if rng.unit() < 0.25 { 0.0 } else { rng.unit() * (0.4 + 0.6 * rng.unit()) };
+            }
+        }
+        column.push(from + (to - from) * smoothstep(0.0, length, frame as f32 - start));
+    }
+    column
+}
+
+/// Blinks of a fifth of a second every 2 to 5 seconds.
+fn blinks(rng: &mut Rng, frames: usize, fps: f32) -> Vec<f32> {
+    let mut next = rng.range(0.5, 2.0);
+    (0..frames)
+        .map(|frame| {
+            let t = frame as f32 / fps;
+            while t > next + 0.25 {
+                next += rng.range(2.0, 5.0);
+            }
+            smoothstep(next, next + 0.08, t) * smoothstep(next + 0.24, next + 0.12, t)
+        })
+        .collect()
+}
+
+/// How open the mouth is: syllables of an eighth to a third of a second, in bursts with pauses between.
+fn syllables(rng: &mut Rng, frames: usize, fps: f32) -> Vec<f32> {
+    let mut column = Vec::with_capacity(frames);
+    let (mut start, mut length, mut height) = (0.0, rng.range(0.3, 1.0), 0.0);
+    let mut left = 0;
+    for frame in 0..frames {
+        let t = frame as f32 / fps;
+        while t >= start + length {
+            start += length;
+            if left == 0 {
+                left = 4 + rng.below(12);
+                (length, height) = (rng.range(0.3, 1.6), 0.0);
+            } else {
+                left -= 1;
+                (length, height) = (rng.range(0.12, 0.34), rng.range(0.25, 1.0));
+            }
+        }
+        let middle = start + 0.45 * length;
+        column.push(height * smoothstep(start, middle, t) * smoothstep(start + length, middle, t));
+    }
+    column
+}

@@ -1,0 +1,270 @@
+//! The targets: the 52 ARKit expressions, then bumps at random places.
+
+use super::rng::Rng;
+use super::{HeadDesc, smoothstep};
+use crate::asset::SourceTarget;
+use glam::Vec3;
+
+/// How a lobe of a target moves the surface; lengths in cm at weight 1.
+#[derive(Clone, Copy)]
+enum Motion {
+    /// The same way everywhere.
+    Shift([f32; 3]),
+    /// A turn of the jaw about the axis through both ears (radians).
+    Jaw(f32),
+    /// Away from a point inside the head.
+    Puff(f32),
+    /// Towards the middle of the mouth and forwards (or, negative, away and back).
+    Purse(f32, f32),
+}
+
+/// A part of a target: where, how far it reaches, what it does.
+#[derive(Clone, Copy)]
+struct Lobe {
+    centre: Vec3,
+    radii: Vec3,
+    motion: Motion,
+}
+
+/// What is on one side of the face or on both.
+#[derive(Clone, Copy, PartialEq)]
+enum Side {
+    Middle,
+    Left,
+    Right,
+    Both,
+}
+
+use Motion::{Jaw, Puff, Purse, Shift};
+use Side::{Both, Left, Middle, Right};
+
+/// Name, side, centre and radii (of the left side), motion, and the size of its support relative to others.
+type Expression = (&'static str, Side, [f32; 3], [f32; 3], Motion, f32);
+
+const EYE: [f32; 3] = [3.15, 1.05, 8.2];
+const LID: [f32; 3] = [3.15, 1.65, 8.3];
+const LOWER_LID: [f32; 3] = [3.15, 0.35, 8.2];
+const MOUTH: [f32; 3] = [0.0, -5.1, 9.6];
+const CORNER: [f32; 3] = [2.6, -5.0, 8.4];
+const JAW: [f32; 3] = [0.0, -8.2, 7.2];
+
+/// Apple's blend shape locations, in Apple's order.
+const ARKIT: [Expression; 52] = [
+    ("eyeBlinkLeft", Left, LID, [1.5, 0.7, 1.5], Shift([0.0, -1.0, 0.15]), 0.6),
+    ("eyeLookDownLeft", Left, EYE, [1.1, 0.8, 1.2], Shift([0.0, -0.35, 0.0]), 0.5),
+    ("eyeLookInLeft", Left, EYE, [1.0, 0.7, 1.2], Shift([-0.3, 0.0, 0.0]), 0.4),
+    ("eyeLookOutLeft", Left, EYE, [1.0, 0.7, 1.2], Shift([0.3, 0.0, 0.0]), 0.4),
+    ("eyeLookUpLeft", Left, EYE, [1.1, 0.8, 1.2], Shift([0.0, 0.35, 0.0]), 0.5),
+    ("eyeSquintLeft", Left, LOWER_LID, [1.9, 0.9, 1.5], Shift([0.0, 0.45, 0.1]), 0.8),
+    ("eyeWideLeft", Left, LID, [1.5, 0.8, 1.5], Shift([0.0, 0.4, -0.05]), 0.6),
+    ("eyeBlinkRight", Right, LID, [1.5, 0.7, 1.5], Shift([0.0, -1.0, 0.15]), 0.6),
+    ("eyeLookDownRight", Right, EYE, [1.1, 0.8, 1.2], Shift([0.0, -0.35, 0.0]), 0.5),
+    ("eyeLookInRight", Right, EYE, [1.0, 0.7, 1.2], Shift([-0.3, 0.0, 0.0]), 0.4),
+    ("eyeLookOutRight", Right, EYE, [1.0, 0.7, 1.2], Shift([0.3, 0.0, 0.0]), 0.4),
+    ("eyeLookUpRight", Right, EYE, [1.1, 0.8, 1.2], Shift([0.0, 0.35, 0.0]), 0.5),
+    ("eyeSquintRight", Right, LOWER_LID, [1.9, 0.9, 1.5], Shift([0.0, 0.45, 0.1]), 0.8),
+    ("eyeWideRight", Right, LID, [1.5, 0.8, 1.5], Shift([0.0, 0.4, -0.05]), 0.6),
+    ("jawForward", Middle, JAW, [5.0, 3.2, 6.0], Shift([0.0, -0.1, 1.1]), 2.4),
+    ("jawLeft", Middle, JAW, [5.0, 3.2, 6.0], Shift([1.1, 0.0, 0.0]), 2.4),
+    ("jawRight", Middle, JAW, [5.0, 3.2, 6.0], Shift([-1.1, 0.0, 0.0]), 2.4),
+    ("jawOpen", Middle, JAW, [5.5, 3.6, 6.5], Jaw(0.34), 3.0),
+    ("mouthClose", Middle, MOUTH, [2.6, 1.3, 2.0], Shift([0.0, 0.7, 0.0]), 1.2),
+    ("mouthFunnel", Middle, MOUTH, [2.6, 1.9, 2.5], Purse(0.25, 0.8), 1.4),
+    ("mouthPucker", Middle, MOUTH, [2.8, 1.7, 2.5], Purse(0.42, 0.6), 1.4),
+    ("mouthLeft", Middle, MOUTH, [3.2, 1.8, 2.5], Shift([0.8, 0.0, 0.0]), 1.6),
+    ("mouthRight", Middle, MOUTH, [3.2, 1.8, 2.5], Shift([-0.8, 0.0, 0.0]), 1.6),
+    ("mouthSmileLeft", Left, CORNER, [1.8, 1.7, 2.5], Shift([0.6, 0.9, -0.35]), 1.3),
+    ("mouthSmileRight", Right, CORNER, [1.8, 1.7, 2.5], Shift([0.6, 0.9, -0.35]), 1.3),
+    ("mouthFrownLeft", Left, CORNER, [1.6, 1.6, 2.5], Shift([0.2, -0.8, -0.1]), 1.1),
+    ("mouthFrownRight", Right, CORNER, [1.6, 1.6, 2.5], Shift([0.2, -0.8, -0.1]), 1.1),
+    ("mouthDimpleLeft", Left, CORNER, [1.2, 1.2, 2.0], Shift([0.4, 0.1, -0.5]), 0.9),
+    ("mouthDimpleRight", Right, CORNER, [1.2, 1.2, 2.0], Shift([0.4, 0.1, -0.5]), 0.9),
+    ("mouthStretchLeft", Left, CORNER, [1.7, 1.5, 2.5], Shift([0.8, -0.3, -0.4]), 1.2),
+    ("mouthStretchRight", Right, CORNER, [1.7, 1.5, 2.5], Shift([0.8, -0.3, -0.4]), 1.2),
+    ("mouthRollLower", Middle, [0.0, -5.7, 9.8], [2.4, 0.8, 2.0], Shift([0.0, 0.35, -0.6]), 0.9),
+    ("mouthRollUpper", Middle, [0.0, -4.5, 9.8], [2.4, 0.8, 2.0], Shift([0.0, -0.35, -0.6]), 0.9),
+    ("mouthShrugLower", Middle, [0.0, -6.2, 9.4], [2.6, 1.3, 2.0], Shift([0.0, 0.6, 0.35]), 1.2),
+    ("mouthShrugUpper", Middle, [0.0, -4.4, 9.6], [2.6, 1.0, 2.0], Shift([0.0, 0.5, 0.3]), 1.1),
+    ("mouthPressLeft", Left, [1.3, -5.1, 9.4], [1.6, 0.9, 2.0], Shift([0.0, 0.15, -0.35]), 0.9),
+    ("mouthPressRight", Right, [1.3, -5.1, 9.4], [1.6, 0.9, 2.0], Shift([0.0, 0.15, -0.35]), 0.9),
+    ("mouthLowerDownLeft", Left, [1.2, -5.8, 9.4], [1.5, 1.0, 2.0], Shift([0.1, -0.7, -0.1]), 1.0),
+    ("mouthLowerDownRight", Right, [1.2, -5.8, 9.4], [1.5, 1.0, 2.0], Shift([0.1, -0.7, -0.1]), 1.0),
+    ("mouthUpperUpLeft", Left, [1.2, -4.4, 9.4], [1.5, 1.0, 2.0], Shift([0.1, 0.65, 0.1]), 1.0),
+    ("mouthUpperUpRight", Right, [1.2, -4.4, 9.4], [1.5, 1.0, 2.0], Shift([0.1, 0.65, 0.1]), 1.0),
+    ("browDownLeft", Left, [2.6, 2.9, 8.9], [2.2, 1.2, 2.0], Shift([-0.25, -0.6, 0.1]), 0.9),
+    ("browDownRight", Right, [2.6, 2.9, 8.9], [2.2, 1.2, 2.0], Shift([-0.25, -0.6, 0.1]), 0.9),
+    ("browInnerUp", Both, [1.3, 3.2, 9.1], [1.5, 1.5, 2.0], Shift([0.1, 0.8, 0.05]), 1.3),
+    ("browOuterUpLeft", Left, [4.4, 3.1, 7.9], [1.8, 1.4, 2.0], Shift([0.1, 0.75, 0.0]), 0.9),
+    ("browOuterUpRight", Right, [4.4, 3.1, 7.9], [1.8, 1.4, 2.0], Shift([0.1, 0.75, 0.0]), 0.9),
+    ("cheekPuff", Both, [4.3, -4.6, 6.5], [2.2, 2.2, 2.8], Puff(1.1), 2.0),
+    ("cheekSquintLeft", Left, [4.2, -0.7, 7.7], [2.0, 1.4, 2.0], Shift([0.1, 0.55, 0.3]), 1.0),
+    ("cheekSquintRight", Right, [4.2, -0.7, 7.7], [2.0, 1.4, 2.0], Shift([0.1, 0.55, 0.3]), 1.0),
+    ("noseSneerLeft", Left, [1.3, -1.6, 9.7], [1.1, 1.4, 1.5], Shift([0.1, 0.5, 0.1]), 0.8),
+    ("noseSneerRight", Right, [1.3, -1.6, 9.7], [1.1, 1.4, 1.5], Shift([0.1, 0.5, 0.1]), 0.8),
+    ("tongueOut", Middle, [0.0, -5.3, 9.6], [1.6, 0.7, 1.5], Shift([0.0, -0.3, 0.9]), 1.0),
+];
+
+/// The name of target `i`.
+pub(super) fn name(i: usize) -> String {
+    ARKIT.get(i).map_or_else(|| format!("detail_{:03}", i + 1), |e| e.0.to_owned())
+}
+
+const MIRROR: Vec3 = Vec3::new(-1.0, 1.0, 1.0);
+/// The jaw's hinge, between the ears.
+const HINGE: Vec3 = Vec3::new(0.0, -0.5, -0.5);
+
+/// The lobes of an expression and its relative support.
+fn expression(e: &Expression) -> (Vec<Lobe>, f32) {
+    let &(_, side, centre, radii, motion, support) = e;
+    let left = Lobe { centre: Vec3::from(centre), radii: Vec3::from(radii), motion };
+    let mirrored = match motion {
+        Shift([x, y, z]) => Shift([-x, y, z]),
+        other => other,
+    };
+    let right = Lobe { centre: left.centre * MIRROR, motion: mirrored, ..left };
+    let lobes = match side {
+        Middle | Left => vec![left],
+        Right => vec![right],
+        Both => vec![left, right],
+    };
+    (lobes, support)
+}
+
+/// A bump at a random vertex, mostly outwards or inwards.
+fn detail(rng: &mut Rng, positions: &[Vec3]) -> (Vec<Lobe>, f32) {
+    let centre = positions[rng.below(positions.len())];
+    let radii = Vec3::splat(rng.range(0.8, 2.6));
+    let outward = (centre - Vec3::new(0.0, centre.y * 0.5, -1.0)).normalize_or(Vec3::Z);
+    let any = Vec3::new(rng.range(-1.0, 1.0), rng.range(-1.0, 1.0), rng.range(-1.0, 1.0));
+    let strength = rng.range(0.2, 0.7) * if rng.unit() < 0.3 { -1.0 } else { 1.0 };
+    let motion = Shift(((outward + 0.7 * any).normalize_or(Vec3::Z) * strength).to_array());
+    (vec![Lobe { centre, radii, motion }], rng.range(0.5, 1.5))
+}
+
+impl Lobe {
+    /// The displacement of `p`, without regard to the target's support.
+    fn displacement(&self, p: Vec3) -> Vec3 {
+        let q = ((p - self.centre) / self.radii).length_squared();
+        // A long, faint tail: a real target's influence fades, it does not stop at the feature.
+        let core = 0.04 + 0.96 / ((1.0 + q) * (1.0 + q));
+        core * match self.motion {
+            Shift(d) => Vec3::from(d),
+            Jaw(angle) => {
+                // The upper jaw stays: only what is below the line between the lips turns.
+                let below = 0.03 + 0.97 * smoothstep(-4.9, -5.4, p.y);
+                let arm = p - HINGE;
+                angle * below * Vec3::new(0.0, -arm.z - 0.5, arm.y)
+            }
+            Puff(length) => length * (p - Vec3::new(p.x * 0.3, p.y, 3.0)).normalize_or(Vec3::Z),
+            Purse(narrow, forward) => Vec3::new(-narrow * p.x, -0.5 * narrow * (p.y - self.centre.y), forward),
+        }
+    }
+
+    fn distance_squared(&self, p: Vec3) -> f32 {
+        (p - self.centre).length_squared()
+    }
+}
+
+/// All targets of the head with the base pose `positions`.
+pub(super) fn targets(desc: &HeadDesc, positions: &[Vec3]) -> Vec<SourceTarget> {
+    let full = desc.sparsity >= 1.0;
+    let parts: Vec<(Vec<Lobe>, f32)> = (0..desc.targets)
+        .map(|i| {
+            // A stream each: a target does not depend on how many others there are.
+            let mut rng = Rng::new(desc.seed, i as u64);
+            let (lobes, support) = ARKIT.get(i).map_or_else(|| detail(&mut rng, positions), expression);
+            // Heads of different seeds differ a little in the size of every support.
+            let support = support * rng.range(0.9, 1.1);
+            (lobes, if is_empty(i) && !full { 0.0 } else { support })
+        })
+        .collect();
+    let factors: Vec<f32> = parts.iter().map(|p| p.1).collect();
+    let fractions = fractions(&factors, desc.sparsity);
+    parts
+        .iter()
+        .zip(fractions)
+        .enumerate()
+        .map(|(i, ((lobes, _), fraction))| SourceTarget {
+            name: name(i),
+            positions: if fraction > 0.0 { moved(lobes, fraction, positions) } else { Vec::new() },
+            normals: None,
+        })
+        .collect()
+}
+
+/// Whether target `i` is one that real heads leave empty.
+pub(super) fn is_empty(i: usize) -> bool {
+    ARKIT.get(i).is_some_and(|e| e.0 == "tongueOut")
+}
+
+/// Fractions in the ratio of `factors`, none above 1, with the mean `wanted` (or as near as that allows).
+fn fractions(factors: &[f32], wanted: f32) -> Vec<f32> {
+    if wanted >= 1.0 {
+        return vec![1.0; factors.len()];
+    }
+    let goal = wanted * factors.len() as f32;
+    let mut scale = goal / factors.iter().sum::<f32>().max(f32::MIN_POSITIVE);
+    // What a full target cannot take goes to the others.
+    for _ in 0..64 {
+        let (full, rest) = factors
+            .iter()
+            .fold((0.0, 0.0), |(full, rest), &f| if f * scale >= 1.0 { (full + 1.0, rest) } else { (full, rest + f) });
+        let next = if rest > 0.0 { ((goal - full) / rest).max(scale) } else { scale };
+        if next <= scale {
+            break;
+        }
+        scale = next;
+    }
+    factors.iter().map(|f| (f * scale).min(1.0)).collect()
+}
+
+/// The deltas of the `fraction` of the vertices that are nearest to a lobe's centre.
+fn moved(lobes: &[Lobe], fraction: f32, positions: &[Vec3]) -> Vec<(u32, Vec3)> {
+    let count = positions.len();
+    let wanted = ((f64::from(fraction) * count as f64).ceil() as usize).clamp(1, count);
+    let mut nearest: Vec<(f32, u32)> = positions
+        .iter()
+        .enumerate()
+        .map(|(v, &p)| (lobes.iter().map(|l| l.distance_squared(p)).fold(f32::INFINITY, f32::min), v as u32))
+        .collect();
+    // The index breaks ties, so that the choice is the same everywhere.
+    let by_distance = |a: &(f32, u32), b: &(f32, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+    // The support ends where the first vertex outside lies; with none outside, well beyond the last one inside.
+    let edge = if wanted < count {
+        nearest.select_nth_unstable_by(wanted, by_distance).1.0
+    } else {
+        nearest.iter().map(|n| n.0).fold(0.0, f32::max) * 1.5
+    };
+    nearest.truncate(wanted);
+    nearest.sort_unstable_by_key(|n| n.1);
+    // What a vertex inside moves at least: 20 µm, some 500 times less than the target, but more than noise.
+    const LEAST: f32 = 2e-3;
+    nearest
+        .into_iter()
+        .map(|(distance, v)| {
+            let p = positions[v as usize];
+            let fade = if edge > 0.0 { (1.0 - distance / edge).max(0.0) } else { 1.0 };
+            let sum: Vec3 = lobes.iter().map(|l| l.displacement(p)).sum();
+            let delta = sum * fade * fade;
+            let floor = LEAST * if wanted < count { fade.min(0.05) * 20.0 } else { 1.0 };
+            let length = delta.length();
+            (v, snapped(p, if length >= floor { delta } else { sum.normalize_or(Vec3::Z) * floor }))
+        })
+        .filter(|(_, d)| *d != Vec3::ZERO)
+        .collect()
+}
+
+/// `delta` as it comes back from a file that states `base + delta`: a head that was written out and imported is
+/// the built-in one, bit for bit.
+fn snapped(base: Vec3, delta: Vec3) -> Vec3 {
+    let mut delta = (base + delta) - base;
+    // The difference is rounded too; where that moves the sum, once more.
+    for _ in 0..4 {
+        let again = (base + delta) - base;
+        if again == delta {
+            break;
+        }
+        delta = again;
+    }
+    delta
+}

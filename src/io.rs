@@ -1,0 +1,159 @@
+//! Files: read up to a bounded size, and replaced only by a complete one.
+
+use crate::error::{Error, Result};
+use std::fs::{File, OpenOptions};
+use std::io::{self, BufWriter, Read};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// The bytes of a regular file of at most `limit` bytes; `remedy` is for one that is larger.
+pub(crate) fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<u8>> {
+    let io = |source| Error::Io { path: path.to_path_buf(), action: "read", source };
+    let input = |what: String, remedy: &str| Error::Input {
+        path: path.to_path_buf(),
+        place: String::new(),
+        what,
+        remedy: remedy.to_owned(),
+    };
+    // Looked at before it is opened: opening a pipe that nobody writes to waits for ever.
+    let kind = std::fs::metadata(path).map_err(io)?;
+    if !kind.is_file() {
+        let kind = if kind.is_dir() { "a folder" } else { "a pipe, socket or device" };
+        return Err(input(format!("{kind}, where a regular file is expected"), "give the path of a regular file"));
+    }
+    let file = File::open(path).map_err(io)?;
+    let size = file.metadata().map_err(io)?.len();
+    let mut bytes = Vec::new();
+    if size <= limit {
+        reserve(path, &mut bytes, size.saturating_add(2))?;
+        // The size is only a hint: a file may grow while it is read.
+        file.take(limit + 1).read_to_end(&mut bytes).map_err(io)?;
+    }
+    if size.max(bytes.len() as u64) > limit {
+        let what = format!("more than {} MiB, the most that is read", limit >> 20);
+        return Err(input(what, remedy));
+    }
+    Ok(bytes)
+}
+
+/// Room for `size` bytes of a file, or an error in place of the end of the process.
+fn reserve(path: &Path, bytes: &mut Vec<u8>, size: u64) -> Result<()> {
+    let reserved = usize::try_from(size).ok().map(|size| bytes.try_reserve_exact(size));
+    match reserved {
+        Some(Ok(())) => Ok(()),
+        _ => Err(Error::out_of_memory(
+            format!("{}: {} MiB, for which there is no memory", path.display(), size.div_ceil(1 << 20)),
+            "free memory, or use a smaller file",
+        )),
+    }
+}
+
+/// Whether there is memory for copies of `size` bytes of a file.
+///
+/// # Errors
+/// There is not.
+pub(crate) fn check_room(path: &Path, size: u64) -> Result<()> {
+    reserve(path, &mut Vec::new(), size)
+}
+
+/// Write a file beside `path`, and then in its place: what was there stays until the new one is complete.
+pub fn write_replacing(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<()> {
+    let io = |source| Error::Io { path: path.to_path_buf(), action: "write", source };
+    let flushed = |file: File| {
+        let mut out = BufWriter::new(file);
+        write(&mut out)?;
+        out.into_inner().map_err(io::IntoInnerError::into_error)
+    };
+    // A pipe or a terminal has no place to take.
+    if path.metadata().is_ok_and(|m| !m.is_file()) {
+        return File::create(path).and_then(flushed).map(drop).map_err(io);
+    }
+    // A link stays one.
+    let path = &path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
+    let part = part_of(path);
+    let write = || {
+        let file = File::create_new(&part)?;
+        if let Ok(old) = path.metadata() {
+            // Who may not write it may not replace it either.
+            OpenOptions::new().append(true).open(path)?;
+            file.set_permissions(old.permissions())?;
+        }
+        flushed(file)?.sync_all()?;
+        std::fs::rename(&part, path)
+    };
+    write().map_err(|source| {
+        if source.kind() != io::ErrorKind::AlreadyExists {
+            let _ = std::fs::remove_file(&part);
+        }
+        io(source)
+    })
+}
+
+/// A name beside `path` that nobody else has.
+fn part_of(path: &Path) -> PathBuf {
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    let (count, process) = (COUNT.fetch_add(1, Ordering::Relaxed), std::process::id());
+    let mut name = std::ffi::OsString::from(".");
+    name.push(path.file_name().unwrap_or_default());
+    name.push(format!(".{process}-{count}.part"));
+    path.with_file_name(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    #[test]
+    fn a_file_above_the_limit_is_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("big.obj");
+        std::fs::write(&path, vec![b' '; 3 << 20]).unwrap();
+        let message = read_bounded(&path, 2 << 20, "split it").unwrap_err().to_string();
+        assert!(message.contains("big.obj") && message.contains("2 MiB") && message.contains("split it"), "{message}");
+        assert_eq!(read_bounded(&path, 3 << 20, "").unwrap().len(), 3 << 20);
+    }
+
+    #[test]
+    fn what_is_no_regular_file_is_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let message = read_bounded(dir.path(), 1, "").unwrap_err().to_string();
+        let path = dir.path().display().to_string();
+        assert!(message.starts_with(&path) && message.contains("a folder, where a regular file"), "{message}");
+        #[cfg(unix)]
+        {
+            let message = read_bounded(Path::new("/dev/zero"), 1, "").unwrap_err().to_string();
+            assert!(message.contains("/dev/zero: a pipe, socket or device"), "{message}");
+        }
+    }
+
+    #[test]
+    fn what_there_is_no_memory_for_is_an_error() {
+        let error = check_room(Path::new("a/huge.dmorph"), u64::MAX).unwrap_err();
+        assert_eq!(error.kind(), crate::ErrorKind::OutOfMemory);
+        assert!(error.to_string().starts_with("a/huge.dmorph: "), "{error}");
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("sparse.obj");
+        // As large as a file can be, and takes no room on the disk.
+        std::fs::File::create(&path).unwrap().set_len(i64::MAX as u64 - (1 << 20)).unwrap();
+        assert_eq!(read_bounded(&path, u64::MAX - 1, "").unwrap_err().kind(), crate::ErrorKind::OutOfMemory);
+    }
+
+    #[test]
+    fn a_file_is_replaced_at_once_or_not_at_all() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.dmorph");
+        for bytes in [&b"first"[..], b"2"] {
+            write_replacing(&path, |out| out.write_all(bytes)).unwrap();
+            assert_eq!(std::fs::read(&path).unwrap(), bytes);
+        }
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
+        let message = write_replacing(&dir.path().join("no/b.dmorph"), |_| Ok(())).unwrap_err().to_string();
+        assert!(message.contains("b.dmorph: cannot write") && message.contains("check the path"), "{message}");
+        assert!(write_replacing(dir.path(), |_| Ok(())).is_err());
+        let full = |_: &mut BufWriter<File>| Err(io::ErrorKind::StorageFull.into());
+        assert!(write_replacing(&path, full).unwrap_err().to_string().contains("a.dmorph: cannot write"));
+        assert_eq!(std::fs::read(&path).unwrap(), b"2", "what was there stays");
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+}
