@@ -8,8 +8,8 @@
 //! 2. Each frame: [`Crowd::set_weights`], then [`MorphEngine::record_update`] before the draws, then draw from
 //!    [`Crowd::pose`].
 //!
-//! Or the GPU does it all: [`MorphEngine::create_animated_crowd`] uploads clips, [`Crowd::play`] says who plays which, and
-//! each frame takes [`Crowd::set_time`] in place of weights.
+//! Or the GPU does it all: [`MorphEngine::create_animated_crowd`] uploads clips, [`Crowd::play`] says who plays which,
+//! and each frame takes [`Crowd::set_time`] in place of weights.
 //!
 //! # What the caller is responsible for
 //! - Uploads, updates and draws run on queues of one family, with graphics and compute: the barriers name the
@@ -151,8 +151,8 @@ impl MorphEngine {
         PackDesc { format, max_chunk_bytes: caps.max_storage_range, max_chunk_vertices, blocks: BlockDesc::default() }
     }
 
-    /// Bytes of memory that the allocator has from the driver, blocks that are not full included: all of the host's, where
-    /// it handed one in.
+    /// Bytes of memory that the allocator has from the driver, blocks that are not full included: all of the host's,
+    /// where it handed one in.
     pub fn allocated_bytes(&self) -> u64 {
         self.device.allocator().capacity()
     }
