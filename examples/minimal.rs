@@ -136,6 +136,7 @@ fn main() -> Result<()> {
         caps: None,
         transform_feedback_enabled: false,
         enabled_features: vk::PhysicalDeviceFeatures::default(),
+        pipeline_cache: vk::PipelineCache::null(),
         allocator: None,
     };
     // SAFETY: the handles belong together, and are destroyed after the engine and all it made.

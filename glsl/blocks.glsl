@@ -18,9 +18,8 @@ layout(constant_id = 1) const uint BLOCK_SIZE = 64;
 // Poses: slots of the instances, source and destination alike. An invocation loads and stores its own vertices only, and
 // loads before it stores.
 #ifdef TEXELS
-// What is loaded as texels is stored as integers: without the decoration Aliased compilers take them for different memory.
-#extension GL_EXT_spirv_intrinsics : require
-#define ALIASED spirv_decorate(20)
+// What is loaded as texels is stored as integers.
+#include "aliased.glsl"
 layout(set = 0, binding = 0) uniform usamplerBuffer asset;
 layout(set = 0, binding = 1) uniform usamplerBuffer work;
 ALIASED layout(set = 0, binding = 2, std430) buffer Poses { uint64_t poses[]; };
@@ -54,12 +53,16 @@ layout(push_constant) uniform Push {
     float normal_unit;
 };
 
-#include "entry.glsl"
+// The entries of the format: build.rs resolves `format.glsl` to the module's file under formats/. It defines DELTA, INTEGERS
+// where deltas are integers in steps, and
+//     load_entry(entry, lane, position, normal, shifts)
+// what an entry adds to a lane's vertices at weight 1, in steps or input units, and by how many bits to shift both.
+#include "format.glsl"
 
 // A coefficient as the work list has it, in the unit of an entry.
 #ifdef EXACT
 #define COEFFICIENT(bits, unit, shift) (int(bits) << (shift))
-#elif defined(FAST) || defined(SMALL)
+#elif defined(INTEGERS)
 // Unit and shift are powers of two: these products are exact.
 #define COEFFICIENT(bits, unit, shift) (uintBitsToFloat(bits) * ((unit) * float(1u << (shift))))
 #else

@@ -2,8 +2,6 @@
 
 #[path = "common/gpu.rs"]
 mod gpu;
-#[path = "../src/testing.rs"]
-mod testing;
 
 use deltamorph::ErrorKind;
 use deltamorph::cpu::CpuCrowd;
@@ -14,6 +12,7 @@ use deltamorph::pack::blocks::BlockDesc;
 use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
+use deltamorph::testing;
 use gpu::{applied, drivers, on_every_device, single, update_descs, weights};
 use std::sync::Arc;
 

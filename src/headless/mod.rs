@@ -268,6 +268,7 @@ impl Headless {
             caps: Some(caps),
             transform_feedback_enabled: feedback_enabled,
             enabled_features: features,
+            pipeline_cache: vk::PipelineCache::null(),
             allocator: None,
         };
         // SAFETY: the handles belong together, and the engine and all it makes keep them alive; the limits are the

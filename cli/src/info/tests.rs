@@ -1,7 +1,8 @@
 //! Tests of `info`.
 
 use super::*;
-use deltamorph::mesh::{Corner, Faces, MorphTarget, Tolerance, diagonal};
+use deltamorph::mesh::{Corner, Faces, Tolerance, diagonal};
+use std::sync::Arc;
 
 /// 130 vertices in a row; one target moves 0..64 (a whole block), one moves 63, 64 and 129, one nothing.
 pub fn mesh() -> MorphMesh {
@@ -45,18 +46,9 @@ fn clips_are_summed_up() {
 
 #[test]
 fn the_json_keeps_its_contract() {
-    let kept = mesh();
-    let input = Input {
-        source: deltamorph::mesh::MorphSource {
-            targets: kept.targets.iter().map(|_| deltamorph::mesh::SourceTarget::default()).collect(),
-            ..Default::default()
-        },
-        raw: kept.clone(),
-        kept,
-        packed: None,
-        clips: vec![],
-        origin: "test".into(),
-    };
+    let kept = Arc::new(mesh());
+    let input =
+        Input { name: kept.name.clone(), raw: kept.clone(), kept, packed: None, clips: vec![], origin: "test".into() };
     let mut info = describe(&input);
     let packed = formats::pack_all(&input.kept, None).expect("packed");
     info.formats = packed.iter().map(|p| formats::format_row(&input.kept, None, p)).collect();
