@@ -86,7 +86,7 @@ impl BlocksKernel {
     /// # Safety
     /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
     /// - `set` was made by [`sets`](Self::sets) and lives until the dispatches have run; the list in its second buffer
-    /// is   complete by then, and names blocks, entries and slots that its buffers have.
+    ///   is complete by then, and names blocks, entries and slots that its buffers have.
     pub(crate) unsafe fn record(
         &self,
         cmd: vk::CommandBuffer,

@@ -60,7 +60,7 @@ pub(crate) struct Device {
 impl Device {
     /// # Safety
     /// - The handles of `desc` are alive, belong together (the pipeline cache may be null), and outlive the value
-    /// returned and   all made from it, or live as long as `owner`.
+    ///   returned and all made from it, or live as long as `owner`.
     /// - `desc.caps` does not exceed what the device has.
     /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled, and
     ///   `desc.enabled_features` has no other features than those that were.
