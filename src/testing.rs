@@ -1,6 +1,6 @@
 //! Meshes made up for tests: small, irregular, deterministic.
 
-use crate::mesh::{Faces, MorphMesh, MorphTarget, Tolerance, diagonal};
+use crate::asset::{MorphMesh, MorphTarget, Tolerance, diagonal};
 use glam::Vec3;
 
 fn noise(mut x: u64) -> f32 {
@@ -26,6 +26,7 @@ pub fn mesh(vertices: usize, targets: usize) -> MorphMesh {
             positions,
             normals: normals.iter().map(|n| *n * 0.1).collect(),
             vertices: moved,
+            streams: vec![],
         }
     };
     MorphMesh {
@@ -33,11 +34,9 @@ pub fn mesh(vertices: usize, targets: usize) -> MorphMesh {
         diagonal: diagonal(&positions),
         normals: (0..vertices as u64).map(|i| vector(i + 500_000).try_normalize().unwrap_or(Vec3::Z)).collect(),
         positions,
-        texcoords: vec![],
-        faces: Faces::default(),
         targets: (0..targets).map(target).collect(),
         tolerance: Tolerance::ZERO,
-        notes: vec![],
+        ..MorphMesh::default()
     }
 }
 

@@ -314,7 +314,10 @@ fn a_source_that_makes_no_sense_is_refused() {
     says(&refused(&|s| s.targets[1].name = "a".into()), &["targets 0 and 1 are both called 'a'"]);
     says(&refused(&|s| s.positions.clear()), &["no vertex"]);
     says(&refused(&|s| s.positions[2].y = f32::NAN), &["vertex 2"]);
-    says(&refused(&|s| s.targets[0].positions = vec![(4, Vec3::X)]), &["'a' moves vertex 4, there are 4"]);
+    says(
+        &refused(&|s| s.targets[0].positions = vec![(4, Vec3::X)]),
+        &["target 'a': a position delta of vertex 4, there are 4"],
+    );
     says(&refused(&|s| s.targets[0].positions = vec![(1, Vec3::X), (1, Vec3::X)]), &["vertex 1 comes after vertex 1"]);
     says(&refused(&|s| s.targets[0].positions = vec![(1, Vec3::INFINITY)]), &["position delta of vertex 1"]);
     says(&refused(&|s| s.normals = Some(vec![Vec3::Z])), &["1 normals for 4 vertices"]);
@@ -394,11 +397,11 @@ mod real {
 
     /// The largest error that the default tolerance makes over a clip, as a fraction of the diagonal.
     fn error_over_clip(source: &MorphSource, folder: &Path, clip: &str) -> f64 {
-        let clip = deltamorph::weights::csv::read(&folder.join("weights").join(clip), 1.0).unwrap();
+        let clip = deltamorph::weights::csv::read(&folder.join("weights").join(clip), None).unwrap();
         assert_eq!(clip.fps, if clip.name.contains("24fps") { 24.0 } else { 30.0 });
         let names: Vec<&str> = source.targets.iter().map(|t| t.name.as_str()).collect();
         let (raw, mesh) = (source.to_mesh(Tolerance::ZERO).unwrap(), source.to_mesh(Tolerance::default()).unwrap());
-        let frames = clip.bind(&names).unwrap();
+        let frames: Vec<_> = clip.bind(&names).unwrap().frames().collect();
         let step = (frames.len() / 60).max(1);
         let errors = frames.iter().step_by(step).map(|w| {
             let (a, b) = (pose(&raw, w), pose(&mesh, w));

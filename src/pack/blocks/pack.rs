@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::math::angle_degrees;
 use crate::mesh::MorphMesh;
 use crate::pack::formats::{BlockFormat, INTEGER_BITS, Lane};
-use crate::pack::order::{inverse, order};
+use crate::pack::order::{inverse, keep_welded, order};
 use crate::pack::{
     POSE_FLOATS, PackDesc, PackError, PackedLayout, PackedMesh, PackedTarget, VERTEX_PADDING, base_words,
 };
@@ -112,7 +112,7 @@ fn pack_with(
         })
         .collect();
     let members: Vec<Vec<u32>> = kept.iter().map(|t| t.iter().map(|(v, _)| *v).collect()).collect();
-    let order = order(mesh.vertex_count(), &members);
+    let order = keep_welded(order(mesh.vertex_count(), &members), &mesh.welds, size as usize);
     let packed = inverse(&order);
     drop(members);
 
