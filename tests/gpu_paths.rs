@@ -358,7 +358,10 @@ fn exact_sums_are_the_same_bits_everywhere() {
                 crowd.set_weights(0, &weights(&mesh, frame, 3)).expect("weights that fit");
                 crowd.update();
             }
-            (crowd.sums(0).expect("exact sums").to_vec(), mesh.layout().to_user_order(crowd.pose(0)))
+            (
+                crowd.sums(0).expect("an instance").expect("exact sums").to_vec(),
+                mesh.layout().to_user_order(crowd.pose(0).expect("an instance")),
+            )
         };
         let (sums, pose) = cpu(0..60);
         assert_eq!((&sums, &pose), (&cpu(59..60).0, &cpu(59..60).1), "a fresh rebuild");
