@@ -107,9 +107,14 @@ fn blocks(c: &mut Criterion) {
     let Ok(source) = obj::import_folder(&folder) else { return };
     let mesh = source.to_mesh(Tolerance::default()).expect("a mesh");
     for name in ["facecap_30fps", "facegood_2_01_mapped_30fps"] {
-        let clip = csv::read(&folder.join(format!("weights/{name}.csv")), 30.0).expect("a clip");
+        let clip = csv::read(&folder.join(format!("weights/{name}.csv")), None).expect("a clip");
         let targets: Vec<&str> = mesh.targets.iter().map(|t| t.name.as_str()).collect();
-        plan_blocks(c, name, &mesh, &clip.bind(&targets).expect("columns that name targets"));
+        plan_blocks(
+            c,
+            name,
+            &mesh,
+            &clip.bind(&targets).expect("columns that name targets").frames().collect::<Vec<_>>(),
+        );
     }
 }
 

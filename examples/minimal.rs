@@ -146,6 +146,7 @@ fn main() -> Result<()> {
     let mesh = PackedMesh::pack(&mesh, &engine.pack_desc(DeltaFormat::Float32))?;
     let names: Vec<&str> = mesh.layout().targets.iter().map(|t| t.name.as_str()).collect();
     let clip = head::head_clip(&head_desc, 60, 30.0).bind(&names)?;
+    let clip: Vec<Vec<f32>> = clip.frames().collect();
     let frame = || Frame::new(&host, mesh.layout().pose_bytes());
     let frames: [Frame; FRAMES_IN_FLIGHT] = [frame()?, frame()?];
 

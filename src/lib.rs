@@ -3,8 +3,8 @@
 //! The engine borrows your device and records into your command buffers; it never submits, waits, or creates a queue or
 //! thread. What to call, in order:
 //!
-//! 1. Mesh: [`mesh::obj::import_folder`], [`mesh::head::head`] or a [`mesh::MorphSource`] of your own, then
-//!    [`to_mesh`](mesh::MorphSource::to_mesh) and [`PackedMesh::pack`](pack::PackedMesh::pack); or
+//! 1. Mesh: [`import::obj::import_folder`], [`import::sample::head`] or an [`asset::MorphSource`] of your own, then
+//!    [`to_mesh`](asset::MorphSource::to_mesh) and [`PackedMesh::pack`](pack::PackedMesh::pack); or
 //!    [`Asset::read`](pack::file::Asset::read) of what was packed before.
 //! 2. Device: [`engine::requirements`] before you create it, [`engine::MorphEngine::new`] after.
 //! 3. [`upload`](engine::MorphEngine::upload) the mesh, [`create_crowd`](engine::MorphEngine::create_crowd).

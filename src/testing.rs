@@ -2,7 +2,7 @@
 
 #![allow(dead_code)]
 
-use deltamorph::mesh::{Faces, MorphMesh, MorphTarget, Tolerance, diagonal};
+use deltamorph::asset::{MorphMesh, MorphTarget, Tolerance, diagonal};
 use glam::Vec3;
 
 fn noise(mut x: u64) -> f32 {
@@ -28,6 +28,7 @@ pub fn mesh(vertices: usize, targets: usize) -> MorphMesh {
             positions,
             normals: normals.iter().map(|n| *n * 0.1).collect(),
             vertices: moved,
+            streams: vec![],
         }
     };
     MorphMesh {
@@ -35,11 +36,9 @@ pub fn mesh(vertices: usize, targets: usize) -> MorphMesh {
         diagonal: diagonal(&positions),
         normals: (0..vertices as u64).map(|i| vector(i + 500_000).try_normalize().unwrap_or(Vec3::Z)).collect(),
         positions,
-        texcoords: vec![],
-        faces: Faces::default(),
         targets: (0..targets).map(target).collect(),
         tolerance: Tolerance::ZERO,
-        notes: vec![],
+        ..MorphMesh::default()
     }
 }
 

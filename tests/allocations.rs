@@ -79,3 +79,14 @@ fn an_update_that_the_gpu_plans_allocates_nothing_after_the_first() {
     assert!(sent > 100);
     assert_eq!(counted.count_total, 0);
 }
+
+#[test]
+fn a_bound_clip_takes_the_memory_of_its_values_however_many_targets_there_are() {
+    let clip = WeightClip { names: vec!["t7".into()], fps: 30.0, values: vec![0.5; 1 << 20], ..Default::default() };
+    let names: Vec<String> = (0..1000).map(|t| format!("t{t}")).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let mut bound = Default::default();
+    let took = allocation_counter::measure(|| bound = clip.bind(&names).unwrap());
+    assert!(took.bytes_max < 5 << 20, "{} bytes for 4 MiB of weights", took.bytes_max);
+    assert_eq!(bound.frame(1 << 19).iter().sum::<f32>(), 0.5);
+}

@@ -117,7 +117,7 @@ fn captured(set: &str, clip: &str, format: DeltaFormat, keys: KeyFormat) {
     let Some(folder) = data::set(set) else { return };
     let mesh = obj::import_folder(&folder).expect("a folder").to_mesh(Tolerance::default()).expect("a mesh");
     let mesh = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format)).expect("a mesh that packs"));
-    let clips = [csv::read(&folder.join("weights").join(clip), 30.0).expect("a clip")];
+    let clips = [csv::read(&folder.join("weights").join(clip), None).expect("a clip")];
     gpu::on_device("llvmpipe", false, |headless, _| {
         let animation = AnimationDesc { clips: &clips, key_format: keys };
         let mut scene = Scene::new(headless, &mesh, crowd(9, exact(2)), &animation);

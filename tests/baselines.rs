@@ -528,9 +528,9 @@ fn real_sets() {
         let Some(folder) = data::set(set) else { continue };
         let source = obj::import_folder(&folder).expect("a folder that imports");
         let kept = source.to_mesh(Tolerance::default()).expect("a mesh");
-        let clip = csv::read(&folder.join("weights").join(clip), 30.0).expect("a clip");
+        let clip = csv::read(&folder.join("weights").join(clip), None).expect("a clip");
         let names: Vec<&str> = kept.targets.iter().map(|t| t.name.as_str()).collect();
-        let frames = clip.bind(&names).expect("columns that name targets");
+        let frames: Vec<_> = clip.bind(&names).expect("columns that name targets").frames().collect();
         on_every_device(|headless, engine| {
             for format in FORMATS {
                 let mesh = packed(engine, &kept, format);

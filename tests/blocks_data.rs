@@ -23,9 +23,9 @@ fn load(set: &str, clip: &str) -> Option<(MorphMesh, Vec<Vec<f32>>)> {
 }
 
 fn frames(folder: &Path, clip: &str, mesh: &MorphMesh) -> Vec<Vec<f32>> {
-    let clip = csv::read(&folder.join("weights").join(clip), 30.0).expect("a clip");
+    let clip = csv::read(&folder.join("weights").join(clip), None).expect("a clip");
     let names: Vec<&str> = mesh.targets.iter().map(|t| t.name.as_str()).collect();
-    clip.bind(&names).expect("columns that name targets")
+    clip.bind(&names).expect("columns that name targets").frames().collect()
 }
 
 fn pack(mesh: &MorphMesh, format: DeltaFormat) -> Arc<PackedMesh> {

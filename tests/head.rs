@@ -178,5 +178,5 @@ fn the_clip_looks_like_a_captured_one() {
     let jaw: Vec<f32> = column(17).copied().collect();
     assert!(jaw.iter().any(|w| *w > 0.3) && jaw.iter().filter(|w| **w == 0.0).count() > 50);
     let names: Vec<&str> = clip.names.iter().map(String::as_str).collect();
-    assert_eq!(clip.bind(&names).unwrap().len(), 900);
+    assert_eq!(clip.bind(&names).unwrap().frame_count(), 900);
 }

@@ -394,11 +394,11 @@ mod real {
 
     /// The largest error that the default tolerance makes over a clip, as a fraction of the diagonal.
     fn error_over_clip(source: &MorphSource, folder: &Path, clip: &str) -> f64 {
-        let clip = deltamorph::weights::csv::read(&folder.join("weights").join(clip), 1.0).unwrap();
+        let clip = deltamorph::weights::csv::read(&folder.join("weights").join(clip), None).unwrap();
         assert_eq!(clip.fps, if clip.name.contains("24fps") { 24.0 } else { 30.0 });
         let names: Vec<&str> = source.targets.iter().map(|t| t.name.as_str()).collect();
         let (raw, mesh) = (source.to_mesh(Tolerance::ZERO).unwrap(), source.to_mesh(Tolerance::default()).unwrap());
-        let frames = clip.bind(&names).unwrap();
+        let frames: Vec<_> = clip.bind(&names).unwrap().frames().collect();
         let step = (frames.len() / 60).max(1);
         let errors = frames.iter().step_by(step).map(|w| {
             let (a, b) = (pose(&raw, w), pose(&mesh, w));

@@ -18,9 +18,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 fn clip(folder: &Path, name: &str, mesh: &MorphMesh) -> Vec<Vec<f32>> {
-    let clip = csv::read(&folder.join("weights").join(name), 30.0).expect("a clip");
+    let clip = csv::read(&folder.join("weights").join(name), None).expect("a clip");
     let names: Vec<&str> = mesh.targets.iter().map(|t| t.name.as_str()).collect();
-    clip.bind(&names).expect("columns that name targets")
+    clip.bind(&names).expect("columns that name targets").frames().collect()
 }
 
 /// The frames at which poses are compared: every 20th, and the last.

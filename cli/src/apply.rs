@@ -88,9 +88,9 @@ fn frames(args: &ApplyArgs, mesh: &MorphMesh) -> Result<Vec<Vec<f32>>, Failure> 
     let targets = mesh.targets.len();
     let mut frames = match (&args.weights, args.frame) {
         (Some(path), Some(last)) => {
-            let (_, all) = input::clip(path, &args.input, mesh)?;
+            let all = input::clip(path, &args.input, mesh)?;
             let first = args.from_frame.unwrap_or(last);
-            let count = all.len();
+            let count = all.frame_count();
             if let Some(beyond) = [first, last].into_iter().find(|f| *f >= count) {
                 return Err(Failure::Usage(format!(
                     "{}: has {count} frames, counted from 0; there is no frame {beyond}",
@@ -100,7 +100,7 @@ fn frames(args: &ApplyArgs, mesh: &MorphMesh) -> Result<Vec<Vec<f32>>, Failure> 
             // Backwards is fine, too: a delta weight may be negative.
             let order: Vec<usize> =
                 if first <= last { (first..=last).collect() } else { (last..=first).rev().collect() };
-            order.into_iter().map(|f| all[f].clone()).collect()
+            order.into_iter().map(|f| all.frame(f)).collect()
         }
         _ => vec![vec![0.0; targets]],
     };

@@ -13,7 +13,7 @@ use deltamorph::pack::DeltaFormat;
 use deltamorph::pack::blocks::BlockDesc;
 use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdateMode, UpdatePath};
 use play::{PlayArgs, SoakArgs};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use values::{BatchSpec, BudgetSpec, Projection, WeightSetting, format_on};
 
 /// Morph targets (blend shapes) on the GPU: applies only the weights that changed.
@@ -134,11 +134,6 @@ impl InputArgs {
             return Tolerance::ZERO;
         }
         Tolerance { position: self.tolerance, ..Tolerance::default() }
-    }
-
-    /// Frames per second of the clip at `path`.
-    pub fn fps_of(&self, path: &Path) -> f32 {
-        self.fps.or_else(|| values::fps_in_name(path)).unwrap_or(30.0)
     }
 }
 

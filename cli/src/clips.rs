@@ -3,22 +3,15 @@
 use crate::args::InputArgs;
 use crate::input::{self, Input};
 use crate::output::Failure;
-use deltamorph::mesh::head;
+use deltamorph::import::{csv, sample};
+use deltamorph::weights::BoundClip;
 use std::path::Path;
 
 /// Frames of the built-in head's clip, as `sample` writes them.
 const HEAD_FRAMES: usize = 300;
 
-/// A clip, bound to the targets of the mesh.
-#[derive(Clone, Debug)]
-pub struct Bound {
-    pub name: String,
-    /// `[frame][target]`; at least one frame.
-    pub frames: Vec<Vec<f32>>,
-}
-
 /// The clip at `named`, or the only one that `input` has.
-pub fn the_one(named: Option<&Path>, args: &InputArgs, input: &Input) -> Result<Bound, Failure> {
+pub fn the_one(named: Option<&Path>, args: &InputArgs, input: &Input) -> Result<BoundClip, Failure> {
     if named.is_none() && input.clips.len() > 1 {
         let list: Vec<String> = input.clips.iter().map(|c| c.display().to_string()).collect();
         return Err(Failure::Usage(format!(
@@ -34,24 +27,20 @@ pub fn the_one(named: Option<&Path>, args: &InputArgs, input: &Input) -> Result<
 }
 
 /// The clip at `named`, or all that `input` has.
-pub fn all(named: Option<&Path>, args: &InputArgs, input: &Input) -> Result<Vec<Bound>, Failure> {
+pub fn all(named: Option<&Path>, args: &InputArgs, input: &Input) -> Result<Vec<BoundClip>, Failure> {
     if named.is_none() && args.input.is_none() {
         return Ok(built_in(args, input)?.into_iter().collect());
     }
     let paths = named.map_or_else(|| input.clips.clone(), |path| vec![path.to_path_buf()]);
-    let bind = |path: &Path| {
-        let (clip, frames) = input::clip(path, args, &input.kept)?;
-        Ok(Bound { name: clip.name, frames })
-    };
-    paths.iter().map(|path| bind(path)).collect()
+    paths.iter().map(|path| input::clip(path, args, &input.kept)).collect()
 }
 
 /// The clip of the built-in head; without a target there is none.
-fn built_in(args: &InputArgs, input: &Input) -> Result<Option<Bound>, Failure> {
+fn built_in(args: &InputArgs, input: &Input) -> Result<Option<BoundClip>, Failure> {
     if input.kept.targets.is_empty() {
         return Ok(None);
     }
-    let clip = head::head_clip(&args.head.desc(args.seed), HEAD_FRAMES, args.fps.unwrap_or(30.0));
+    let clip = sample::head_clip(&args.head.desc(args.seed), HEAD_FRAMES, args.fps.unwrap_or(csv::DEFAULT_FPS));
     let names: Vec<&str> = input.kept.targets.iter().map(|t| t.name.as_str()).collect();
-    Ok(Some(Bound { frames: clip.bind(&names)?, name: clip.name }))
+    Ok(Some(clip.bind(&names)?))
 }

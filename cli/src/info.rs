@@ -12,7 +12,7 @@ use crate::output::{Failure, Output};
 use crate::table::{Table, bytes, percent, sig3, thousands};
 use deltamorph::mesh::{MorphMesh, MorphTarget};
 use deltamorph::pack::DeltaFormat;
-use deltamorph::weights::WeightClip;
+use deltamorph::weights::BoundClip;
 use glam::Vec3;
 use record::{Blocks, ClipRow, Info, Overlap, TargetRow};
 
@@ -30,8 +30,7 @@ pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
     info.blocks =
         packed.iter().find(|p| p.layout().format == DeltaFormat::Small).map(|p| formats::blocks(p)).unwrap_or_default();
     for path in &input.clips {
-        let (clip, frames) = input::clip(path, &args.input, &input.kept)?;
-        info.clips.push(clip_row(&clip, &frames));
+        info.clips.push(clip_row(&input::clip(path, &args.input, &input.kept)?));
     }
     spinner.finish_and_clear();
     if let Some(dir) = &args.report {
@@ -91,19 +90,23 @@ fn overlap(mesh: &MorphMesh) -> Overlap {
 }
 
 /// How busy a clip is. The first frame has none before it and counts for `active` only.
-fn clip_row(clip: &WeightClip, frames: &[Vec<f32>]) -> ClipRow {
-    let changed: Vec<usize> =
-        frames.windows(2).map(|w| w[0].iter().zip(&w[1]).filter(|(a, b)| a != b).count()).collect();
-    let active: usize = frames.iter().flatten().filter(|&&w| w != 0.0).count();
+fn clip_row(clip: &BoundClip) -> ClipRow {
+    let (mut changed, mut active) = (vec![], 0);
+    let mut before: Option<Vec<f32>> = None;
+    for weights in clip.frames() {
+        active += weights.iter().filter(|w| **w != 0.0).count();
+        changed.extend(before.map(|before| weights.iter().zip(&before).filter(|(a, b)| a != b).count()));
+        before = Some(weights);
+    }
     let mean = |sum: usize, n: usize| sum as f64 / n.max(1) as f64;
     ClipRow {
         name: clip.name.clone(),
         frames: clip.frame_count(),
         fps: clip.fps,
-        columns: clip.names.len(),
+        columns: clip.column_count(),
         changed_mean: mean(changed.iter().sum(), changed.len()),
         changed_max: changed.iter().copied().max().unwrap_or(0),
-        active_mean: mean(active, frames.len()),
+        active_mean: mean(active, clip.frame_count()),
         still: mean(changed.iter().filter(|&&n| n == 0).count(), changed.len()),
     }
 }

@@ -2,10 +2,11 @@
 
 use crate::args::InputArgs;
 use crate::output::{Failure, Output};
-use deltamorph::mesh::{MorphMesh, MorphSource, Tolerance, head, obj};
+use deltamorph::asset::{MorphMesh, Tolerance};
+use deltamorph::import::{self, ImportDesc, Imported, ImportedMesh, sample as head};
 use deltamorph::pack::PackedMesh;
 use deltamorph::pack::file::Asset;
-use deltamorph::weights::{WeightClip, csv};
+use deltamorph::weights::BoundClip;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -98,20 +99,21 @@ pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Fai
                 )));
             }
             let spinner = out.spinner(format!("reading {}", path.display()));
-            if is_packed(path) && path.is_file() {
-                let input = Asset::read(path).map_err(Failure::from).and_then(|asset| Input::of_asset(asset, path));
-                spinner.finish_and_clear();
-                let input = input?;
-                refuse_tolerance(args, input.kept.tolerance, path)?;
-                out.note(format_args!(
-                    "{} is packed: errors are against what it holds; those against the raw files cannot be told",
-                    path.display()
-                ));
-                return Ok(input);
-            }
-            let source = read(path);
+            let imported = import::open(path, &ImportDesc::default());
             spinner.finish_and_clear();
-            (source?, clips_in(path)?, path.display().to_string())
+            let Imported { mesh, clips, .. } = imported?;
+            match mesh {
+                ImportedMesh::Source(source) => (source, clips, path.display().to_string()),
+                ImportedMesh::Packed(asset) => {
+                    let input = Input::of_asset(*asset, path)?;
+                    refuse_tolerance(args, input.kept.tolerance, path)?;
+                    out.note(format_args!(
+                        "{} is packed: errors are against what it holds; those against the raw files cannot be told",
+                        path.display()
+                    ));
+                    return Ok(input);
+                }
+            }
         }
     };
     let spinner = out.spinner("computing normals and dropping noise");
@@ -130,15 +132,15 @@ pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Fai
     Ok(Input { name: kept.name.clone(), raw, kept, packed: None, clips, origin })
 }
 
-/// A weight clip and, for each of its frames, a weight per target of `mesh`.
-pub fn clip(path: &Path, args: &InputArgs, mesh: &MorphMesh) -> Result<(WeightClip, Vec<Vec<f32>>), Failure> {
-    let clip = csv::read(path, args.fps_of(path))?;
+/// The weight clip at `path`, for the targets of `mesh`; at least one frame.
+pub fn clip(path: &Path, args: &InputArgs, mesh: &MorphMesh) -> Result<BoundClip, Failure> {
+    let clip = import::open_clip(path, args.fps)?;
     let names: Vec<&str> = mesh.targets.iter().map(|t| t.name.as_str()).collect();
-    let frames = clip.bind(&names).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))?;
-    if frames.is_empty() {
+    let clip = clip.bind(&names).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))?;
+    if clip.frame_count() == 0 {
         return Err(Failure::Failed(format!("{}: has no frames; add one row per frame", path.display())));
     }
-    Ok((clip, frames))
+    Ok(clip)
 }
 
 /// The files that `args` and `others` may have read: none of them is to be written over.
@@ -152,11 +154,6 @@ pub fn files_of(args: &InputArgs, others: &[PathBuf]) -> Vec<PathBuf> {
         read.push(input.clone());
     }
     read
-}
-
-/// Whether `path` is called as a packed file is.
-pub fn is_packed(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("dmorph"))
 }
 
 /// What was dropped before packing is not there to be kept, and a packed mesh is taken as it is.
@@ -173,66 +170,10 @@ fn refuse_tolerance(args: &InputArgs, held: Tolerance, path: &Path) -> Result<()
     )))
 }
 
-fn read(path: &Path) -> Result<MorphSource, Failure> {
-    if path.is_dir() {
-        return Ok(obj::import_folder(path)?);
-    }
-    let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
-    let refuse = |what: &str, remedy: &str| Failure::Failed(format!("{}: {what}; {remedy}", path.display()));
-    Err(match extension.as_str() {
-        // A path that is not there fails below, with the system's reason.
-        "dmorph" if !path.exists() => refuse("no such file", "give a file written by `deltamorph pack`"),
-        _ if !path.exists() => refuse("no such folder", "give a folder with neutral.obj and targets/*.obj"),
-        "glb" | "gltf" => {
-            refuse("this version does not read glTF", "export the mesh as a folder with neutral.obj and targets/*.obj")
-        }
-        "dmorph" => refuse("is no regular file", "give a file written by `deltamorph pack`"),
-        _ => refuse(
-            "is a file, not a folder",
-            "give the folder with neutral.obj and targets/*.obj, or a file written by `deltamorph pack` (*.dmorph)",
-        ),
-    })
-}
-
-/// The CSV files in `folder`/weights, by name.
-fn clips_in(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
-    let weights = folder.join("weights");
-    if !weights.is_dir() {
-        return Ok(Vec::new());
-    }
-    let unreadable = |e| Failure::io(&weights, "read", e);
-    let mut clips = Vec::new();
-    for entry in std::fs::read_dir(&weights).map_err(unreadable)? {
-        let path = entry.map_err(unreadable)?.path();
-        if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) && path.is_file() {
-            clips.push(path);
-        }
-    }
-    clips.sort();
-    Ok(clips)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use deltamorph::pack::{DeltaFormat, PackDesc};
-
-    fn message(path: &Path) -> String {
-        read(path).expect_err("not readable").to_string()
-    }
-
-    #[test]
-    fn what_cannot_be_read_comes_with_a_remedy() {
-        let dir = tempfile::tempdir().expect("a folder");
-        for (name, part) in [("a.glb", "glTF"), ("a.obj", "is a file")] {
-            let path = dir.path().join(name);
-            std::fs::write(&path, "").expect("written");
-            let text = message(&path);
-            assert!(text.contains(part) && text.contains("folder"), "{text}");
-        }
-        assert!(message(&dir.path().join("none")).contains("no such folder"));
-        assert!(message(&dir.path().join("none.dmorph")).contains("no such file; give a file written by `deltamorph"));
-    }
 
     #[test]
     fn packed_files_are_read_and_named_in_errors() {
@@ -259,18 +200,5 @@ mod tests {
         assert_eq!(input.kept.faces, mesh.faces);
         let text = load(&args(1e-3), true, &out).expect_err("another tolerance").to_string();
         assert!(text.contains("was packed with a tolerance of 0.000001"), "{text}");
-    }
-
-    #[test]
-    fn clips_are_found_in_order() {
-        let dir = tempfile::tempdir().expect("a folder");
-        assert!(clips_in(dir.path()).expect("none").is_empty());
-        let weights = dir.path().join("weights");
-        std::fs::create_dir(&weights).expect("created");
-        for name in ["b.csv", "a.CSV", "notes.txt"] {
-            std::fs::write(weights.join(name), "").expect("written");
-        }
-        let clips = clips_in(dir.path()).expect("two");
-        assert_eq!(clips, [weights.join("a.CSV"), weights.join("b.csv")]);
     }
 }

@@ -8,6 +8,7 @@ use deltamorph::pack::blocks::BlockIndex;
 use deltamorph::pack::file::Asset;
 use deltamorph::pack::{DeltaFormat, PackDesc};
 use serde::Serialize;
+use std::path::Path;
 use std::sync::Arc;
 
 /// The JSON of `pack`. Fields may be added, never renamed.
@@ -48,11 +49,16 @@ struct Grid {
     weight_max: f32,
 }
 
+/// Whether `path` is called as a packed file is.
+fn is_packed(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("dmorph"))
+}
+
 pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     let format = Some(args.format).filter(|f| f.is_blocks()).ok_or_else(|| {
         Failure::Usage("--format: packed files hold blocks; name fast, small or block-float32".into())
     })?;
-    if !input::is_packed(&args.output) {
+    if !is_packed(&args.output) {
         let name = args.output.display();
         return Err(Failure::Usage(format!("-o {name}: name it *.dmorph, so that it is known for what it is")));
     }

@@ -4,7 +4,7 @@ mod record;
 
 use crate::args::play::PlayArgs;
 use crate::bench::stats::Stats;
-use crate::clips::{self, Bound};
+use crate::clips;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
 use crate::stage::Stage;
@@ -15,21 +15,19 @@ use deltamorph::internals::Rng;
 use deltamorph::mesh::MorphMesh;
 use deltamorph::pack::{POSE_STRIDE, PackedMesh};
 use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
+use deltamorph::weights::BoundClip;
 use record::{FrameRow, Played, Summary};
 use std::sync::Arc;
 
 pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     out.check(&input::files_of(&args.input, args.weights.as_slice()), &[], None)?;
     let input = input::load(&args.input, true, out)?;
-    let mut clip = clips::the_one(args.weights.as_deref(), &args.input, &input)?;
-    if let Some(amount) = args.noise {
-        shake(&mut clip.frames, amount, args.input.seed);
-    }
+    let clip = clips::the_one(args.weights.as_deref(), &args.input, &input)?;
     let stage = Stage::best("play", &args.update, args.batch_size, &input, device, out)?;
     // From here on the packed mesh is enough, and the raw files' where errors against them can be told.
     let Input { raw, packed, origin, .. } = input;
     let checks = Checks::new(&stage, packed.is_none().then_some(raw));
-    let (frames, checks) = play(args.every, &stage, checks, &clip, out)?;
+    let (frames, checks) = play(args, &stage, checks, &clip, out)?;
     let summary = summary(args, &stage, &frames, &checks);
     out.say(text(&clip.name, &stage, &frames, &summary));
     let wrong = checks.wrong;
@@ -45,10 +43,15 @@ pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     }
 }
 
-/// Add noise to every weight of every frame.
-fn shake(frames: &mut [Vec<f32>], amount: f32, seed: u64) {
+/// The frames of a clip, with noise added to every weight where there is any.
+fn shaken(frames: impl Iterator<Item = Vec<f32>>, amount: Option<f32>, seed: u64) -> impl Iterator<Item = Vec<f32>> {
     let mut rng = Rng::new(seed, 0x006e_6f69_7365);
-    frames.iter_mut().flatten().for_each(|weight| *weight += rng.range(-amount, amount));
+    frames.map(move |mut weights| {
+        if let Some(amount) = amount {
+            weights.iter_mut().for_each(|weight| *weight += rng.range(-amount, amount));
+        }
+        weights
+    })
 }
 
 struct Checks<'a> {
@@ -65,24 +68,25 @@ struct Checks<'a> {
 }
 
 fn play<'a>(
-    every: usize,
+    args: &PlayArgs,
     stage: &Stage,
     mut checks: Checks<'a>,
-    clip: &Bound,
+    clip: &BoundClip,
     out: &Output,
 ) -> Result<(Vec<FrameRow>, Checks<'a>), Failure> {
     let mut runner = stage.runner()?;
-    let bar = out.bar(clip.frames.len() as u64);
-    let mut rows = Vec::with_capacity(clip.frames.len());
+    let count = clip.frame_count();
+    let bar = out.bar(count as u64);
+    let mut rows = Vec::with_capacity(count);
     let mut before = vec![0.0; stage.mesh.layout().targets.len()];
-    for (frame, weights) in clip.frames.iter().enumerate() {
+    for (frame, weights) in shaken(clip.frames(), args.noise, args.input.seed).enumerate() {
         let refused = |e| Failure::Failed(format!("clip '{}', frame {frame}: {}", clip.name, Failure::from(e)));
-        let step = runner.step(std::slice::from_ref(weights)).map_err(refused)?;
+        let step = runner.step(std::slice::from_ref(&weights)).map_err(refused)?;
         let bound = f64::from(step.stats.bound);
         checks.found.bound = checks.found.bound.max(bound);
-        let measured = frame % every == 0 || frame + 1 == clip.frames.len();
+        let measured = frame % args.every == 0 || frame + 1 == count;
         let found = match measured {
-            true => Some(checks.measure(frame, &runner.pose(0)?, weights, bound)),
+            true => Some(checks.measure(frame, &runner.pose(0)?, &weights, bound)),
             false => None,
         };
         rows.push(FrameRow {
@@ -97,7 +101,7 @@ fn play<'a>(
             cpu_us: step.cpu_ms * 1e3,
             max_error: found.map(|f| f.error.position),
         });
-        before.copy_from_slice(weights);
+        before = weights;
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -201,11 +205,8 @@ mod tests {
 
     #[test]
     fn noise_is_small_and_comes_again() {
-        let shaken = |seed| {
-            let mut frames = vec![vec![0.5f32; 7]; 20];
-            shake(&mut frames, 0.01, seed);
-            frames
-        };
+        let frames = vec![vec![0.5f32; 7]; 20];
+        let shaken = |seed| shaken(frames.clone().into_iter(), Some(0.01), seed).collect::<Vec<_>>();
         assert!(shaken(1).iter().flatten().all(|w| (w - 0.5).abs() <= 0.0101 && *w != 0.5));
         assert_eq!(shaken(1), shaken(1));
         assert_ne!(shaken(1), shaken(2));

@@ -79,18 +79,28 @@ impl Clips {
             format: desc.key_format,
         };
         for clip in desc.clips {
-            let rows = clip.bind(&names)?;
+            let bound = clip.bind(&names)?;
+            let frames = bound.frame_count();
             let refuse =
                 |what: String, remedy: &str| Err(Error::invalid(format!("clip '{}': {what}", clip.name), remedy));
-            if rows.is_empty() || rows.len() > i32::MAX as usize {
-                return refuse(format!("{} frames", rows.len()), "give it 1 frame or more");
+            if frames == 0 || frames > i32::MAX as usize {
+                return refuse(format!("{frames} frames"), "give it 1 frame or more");
             }
             if !(clip.fps > 0.0 && clip.fps.is_finite()) {
                 return refuse(format!("{} frames a second", clip.fps), "use a rate above 0");
             }
-            let mut keys = Vec::with_capacity(rows.len() * names.len());
-            for (frame, row) in rows.iter().enumerate() {
-                for (name, &weight) in names.iter().zip(row) {
+            let mut keys = vec![];
+            // Memory for a key of every target in every frame, however few columns state them.
+            let count = frames.saturating_mul(names.len());
+            if count > u32::MAX as usize
+                || keys.try_reserve_exact(count).is_err()
+                || all.words.try_reserve(count).is_err()
+            {
+                let what = format!("there is no memory for {frames} frames of {} targets", names.len());
+                return refuse(what, "cut the clip into shorter ones");
+            }
+            for (frame, row) in bound.frames().enumerate() {
+                for (name, &weight) in names.iter().zip(&row) {
                     let key = grid.steps(weight);
                     if weight.abs() > grid.weight_max || !(-KEY_MAX..=KEY_MAX).contains(&key) {
                         let most = grid.weight_max.min(KEY_MAX as f32 * grid.weight_step());
@@ -104,7 +114,7 @@ impl Clips {
                     keys.push(key);
                 }
             }
-            all.push(&keys, rows.len(), clip.fps, grid);
+            all.push(&keys, frames, clip.fps, grid);
         }
         if u32::try_from(all.words.len()).is_err() {
             return Err(Error::invalid(

@@ -2,4 +2,3 @@
 
 pub use crate::asset::*;
 pub use crate::import::{obj, sample as head};
-pub use crate::math::diagonal;

@@ -133,7 +133,7 @@ impl Asset {
             targets: (0..layout.targets.len()).map(|t| self.target(t)).collect(),
             diagonal: layout.diagonal,
             tolerance: self.tolerance,
-            notes: vec![],
+            ..MorphMesh::default()
         })
     }
 
@@ -152,6 +152,7 @@ impl Asset {
             vertices: deltas.iter().map(|(vertex, _)| *vertex).collect(),
             positions: deltas.iter().map(|(_, d)| Vec3::from_slice(&d[..3])).collect(),
             normals: deltas.iter().map(|(_, d)| Vec3::from_slice(&d[3..])).collect(),
+            streams: vec![],
         }
     }
 

@@ -20,11 +20,12 @@ pub(crate) mod entry;
 pub mod file;
 mod order;
 
+use crate::asset::{Faces, RenderVertices};
 use crate::error::{Error, Result};
 use crate::math::angle_degrees;
 use crate::mesh::MorphMesh;
 use blocks::{BlockDesc, BlockIndex};
-use glam::DVec3;
+use glam::{DVec3, Vec2};
 use std::sync::Arc;
 
 /// Dense formats pad vertices to a multiple of this: the workgroup size of every dense kernel, an even number (the
@@ -241,6 +242,29 @@ impl PackedLayout {
             indices.iter_mut().for_each(|i| *i = packed[*i as usize]);
         }
         Ok(())
+    }
+
+    /// The vertices that draw `faces` of this mesh, in the order of pose buffers, and their index buffer.
+    ///
+    /// Of a mesh that is [split](crate::asset::MorphSource::split), `pose_vertices` counts up: pose buffers and a buffer of
+    /// `texcoords` are drawn as they are, by one index buffer. Otherwise doubled vertices follow, for hosts that look up
+    /// the pose in the vertex shader.
+    ///
+    /// # Errors
+    /// Faces or texture coordinates of another mesh.
+    pub fn render_vertices(&self, faces: &Faces, texcoords: &[Vec2]) -> Result<RenderVertices> {
+        let mut render = faces.render_vertices(self.vertex_count, texcoords)?;
+        self.remap_indices(&mut render.pose_vertices)?;
+        let packed = render.pose_vertices[..self.vertex_count].to_vec();
+        let by_user = render.texcoords[..self.vertex_count].to_vec();
+        for (user, &at) in packed.iter().enumerate() {
+            render.texcoords[at as usize] = by_user[user];
+            render.pose_vertices[user] = user as u32;
+        }
+        for index in render.indices.iter_mut().filter(|index| (**index as usize) < self.vertex_count) {
+            *index = packed[*index as usize];
+        }
+        Ok(render)
     }
 
     /// A pose as pose buffers hold it (padding and all), in the user's vertex order and without padding.

@@ -46,6 +46,44 @@ pub(super) fn order(vertices: usize, members: &[Vec<u32>]) -> Vec<u32> {
     order
 }
 
+/// `order` in blocks of `size` vertices such that no block ends between welded vertices (each naming the first of its
+/// place; empty: none is welded): what is equal at one place in the base pose and in all targets is decoded and added up
+/// alike then, and stays equal bit for bit in every pose, whatever a block does. Where a place does not fit the rest of a
+/// block, smaller ones from further on fill it. Only where there are none left, a place is cut.
+pub(super) fn keep_welded(order: Vec<u32>, welds: &[u32], size: usize) -> Vec<u32> {
+    if welds.is_empty() {
+        return order;
+    }
+    let mut places: Vec<Vec<u32>> = vec![vec![]; welds.len()];
+    order.iter().for_each(|&v| places[welds[v as usize] as usize].push(v));
+    // Places by their first vertex in the order; those that did not fit come before the rest.
+    let mut rest = order.iter().map(|&v| welds[v as usize] as usize);
+    let mut waiting: Vec<Vec<u32>> = vec![];
+    let mut out = Vec::with_capacity(order.len());
+    while out.len() < order.len() {
+        let room = size - out.len() % size;
+        let at = waiting.iter().position(|place| place.len() <= room);
+        let fits = at.map(|at| waiting.remove(at)).or_else(|| {
+            rest.by_ref().find_map(|place| {
+                let place = std::mem::take(&mut places[place]);
+                match place.len() {
+                    0 => None,
+                    n if n <= room => Some(place),
+                    _ => {
+                        waiting.push(place);
+                        None
+                    }
+                }
+            })
+        });
+        match fits {
+            Some(place) => out.extend(place),
+            None => out.extend(waiting.remove(0)),
+        }
+    }
+    out
+}
+
 /// User → packed, from packed → user.
 pub(super) fn inverse(order: &[u32]) -> Vec<u32> {
     let mut inverse = vec![0; order.len()];
@@ -167,5 +205,26 @@ mod tests {
         sorted.sort_unstable();
         assert_eq!(sorted, (0..500).collect::<Vec<u32>>());
         assert!(used.bytes_max < 4 << 20, "{} bytes", used.bytes_max);
+    }
+
+    #[test]
+    fn welded_vertices_share_a_block() {
+        // Every fifth vertex is doubled, at the end of the list; some are there five times.
+        let mut welds: Vec<u32> = (0..500).collect();
+        welds.extend((0..500).step_by(5));
+        welds.extend((0..500).step_by(50).flat_map(|v| [v, v, v]));
+        let order: Vec<u32> = (0..welds.len() as u32).rev().collect();
+        for size in [32, 64, 128] {
+            let kept = keep_welded(order.clone(), &welds, size);
+            let mut sorted = kept.clone();
+            sorted.sort_unstable();
+            assert_eq!(sorted, (0..welds.len() as u32).collect::<Vec<u32>>());
+            let block = |v: u32| inverse(&kept)[v as usize] as usize / size;
+            assert!((0..welds.len() as u32).all(|v| block(v) == block(welds[v as usize])), "{size}");
+        }
+        assert_eq!(keep_welded(order.clone(), &[], 32), order);
+        // Places of three fill no block; the one that is cut is not lost.
+        let threes: Vec<u32> = (0..99).map(|v| v / 3 * 3).collect();
+        assert_eq!(keep_welded((0..99).collect(), &threes, 32), (0..99).collect::<Vec<u32>>());
     }
 }

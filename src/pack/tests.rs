@@ -1,5 +1,5 @@
 use super::*;
-use crate::mesh::{Faces, MorphTarget, Tolerance};
+use crate::asset::{MorphTarget, Tolerance};
 use glam::Vec3;
 
 fn mesh(vertices: usize, targets: usize) -> MorphMesh {
@@ -9,19 +9,18 @@ fn mesh(vertices: usize, targets: usize) -> MorphMesh {
         name: "m".into(),
         positions: (0..vertices).map(vec).collect(),
         normals: vec![Vec3::Z; vertices],
-        texcoords: vec![],
-        faces: Faces::default(),
         targets: (0..targets)
             .map(|t| MorphTarget {
                 name: format!("t{t}"),
                 vertices: (0..vertices as u32).filter(|v| !(*v as usize + t).is_multiple_of(3)).collect(),
                 positions: (0..vertices).filter(|v| !(v + t).is_multiple_of(3)).map(|v| vec(v + t) * 0.01).collect(),
                 normals: (0..vertices).filter(|v| !(v + t).is_multiple_of(3)).map(|v| vec(v * 7 + t)).collect(),
+                streams: vec![],
             })
             .collect(),
         diagonal: 3.0,
         tolerance: Tolerance::ZERO,
-        notes: vec![],
+        ..MorphMesh::default()
     }
 }
 

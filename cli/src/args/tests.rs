@@ -155,13 +155,3 @@ fn changed_counts_are_expanded() {
     assert_eq!(expand_changed(&spec, 8), Ok(vec![3, 8]));
     assert!(expand_changed(&spec, 7).unwrap_err().contains("7 targets"));
 }
-
-#[test]
-fn frames_per_second_in_file_names() {
-    let of = |s: &str| fps_in_name(Path::new(s));
-    assert_eq!(of("weights/speech_24fps.csv"), Some(24.0));
-    assert_eq!(of("a.b_29.97FPS.csv"), Some(29.97));
-    assert_eq!(of("fps.csv"), None);
-    assert_eq!(of("clip.csv"), None);
-    assert_eq!(of("clip_0fps.csv"), None);
-}

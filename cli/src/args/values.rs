@@ -4,7 +4,6 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::pack::DeltaFormat;
 use deltamorph::plan::{Accumulate, BatchSize, UpdateMode, UpdatePath};
-use std::path::Path;
 
 /// Largest built-in head. A number beyond it is a slip of the finger, and would take all memory.
 const MAX_VERTICES: usize = 10_000_000;
@@ -287,14 +286,6 @@ pub fn setting(s: &str) -> Result<WeightSetting, String> {
     }
     let weight = number(weight, |_| true, "a finite weight after \"=\", as in jawOpen=0.5")?;
     Ok(WeightSetting { name: name.trim().into(), weight })
-}
-
-/// Frames per second as a clip's file name states them: "speech_30fps.csv".
-pub fn fps_in_name(path: &Path) -> Option<f32> {
-    let stem = path.file_stem()?.to_str()?;
-    let head = &stem[..stem.to_ascii_lowercase().rfind("fps")?];
-    let digits = head.len() - head.trim_end_matches(|c: char| c.is_ascii_digit() || c == '.').len();
-    fps(&head[head.len() - digits..]).ok()
 }
 
 /// What an update path can batch on a device.

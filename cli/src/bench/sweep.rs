@@ -88,12 +88,13 @@ fn clips(args: &BenchArgs, input: &Input) -> Result<Vec<Clip>, Failure> {
     let paths = if args.weights.is_empty() { &input.clips } else { &args.weights };
     let mut clips: Vec<Clip> = vec![];
     for path in paths {
-        let (clip, frames) = input::clip(path, &args.input, &input.kept)?;
+        let mut clip = input::clip(path, &args.input, &input.kept)?;
         // Reports tell workloads apart by name.
         let taken = |name: &str| name == "random" || clips.iter().any(|c| c.name() == name);
         let numbered = (2..).map(|n| format!("{} {n}", clip.name));
-        let name = std::iter::once(clip.name.clone()).chain(numbered).find(|name| !taken(name));
-        clips.push(Clip::new(name.unwrap_or_default(), frames));
+        let name: Option<String> = std::iter::once(clip.name.clone()).chain(numbered).find(|name| !taken(name));
+        clip.name = name.unwrap_or_default();
+        clips.push(Clip::new(clip));
     }
     Ok(clips)
 }

@@ -1,5 +1,7 @@
 //! What moves while a configuration is verified and timed: random changes, or a captured clip.
 
+use deltamorph::weights::BoundClip;
+
 /// Weights of every head in every frame. The same whatever path, batch size or format they are applied with.
 pub trait Workload {
     /// "random", or the clip's name.
@@ -132,45 +134,43 @@ impl Workload for Few {
 }
 
 /// A captured clip, from beginning to end.
-pub struct Clip {
-    name: String,
-    frames: Vec<Vec<f32>>,
-}
+pub struct Clip(BoundClip);
 
 /// Frames of a clip at which the result is compared with the reference, the last one among them.
 const CLIP_CHECKS: usize = 16;
 
 impl Clip {
-    /// `frames` (at least one) under a name.
-    pub fn new(name: String, frames: Vec<Vec<f32>>) -> Self {
-        Self { name, frames }
+    /// `clip`, which has at least one frame.
+    pub fn new(clip: BoundClip) -> Self {
+        Self(clip)
     }
 }
 
 impl Workload for Clip {
     fn name(&self) -> &str {
-        &self.name
+        &self.0.name
     }
 
     fn checkpoints(&self) -> Vec<usize> {
-        let last = self.frames.len() - 1;
+        let last = self.0.frame_count() - 1;
         let mut frames: Vec<usize> = (1..=CLIP_CHECKS).map(|i| last * i / CLIP_CHECKS).collect();
         frames.dedup();
         frames
     }
 
     fn weights(&self, head: u32, frame: usize) -> Vec<f32> {
-        self.frames[(frame + head as usize * 7) % self.frames.len()].clone()
+        self.0.frame((frame + head as usize * 7) % self.0.frame_count())
     }
 
     fn period(&self) -> usize {
-        self.frames.len()
+        self.0.frame_count()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use deltamorph::weights::WeightClip;
 
     #[test]
     fn just_as_many_targets_change_as_asked_for() {
@@ -207,7 +207,8 @@ mod tests {
 
     #[test]
     fn a_clip_is_checked_at_its_end() {
-        let clip = Clip::new("c".into(), vec![vec![0.5, 0.0]; 335]);
+        let captured = WeightClip { names: vec!["a".into()], values: vec![0.5; 335], ..Default::default() };
+        let clip = Clip::new(captured.bind(&["a", "b"]).expect("a column that names a target"));
         assert_eq!((clip.checkpoints().len(), clip.checkpoints().last()), (16, Some(&334)));
         assert_eq!(clip.weights(0, 335), [0.5, 0.0]);
     }

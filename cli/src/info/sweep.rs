@@ -2,13 +2,13 @@
 
 use super::formats::{dense_bytes, pack};
 use super::record::{PoseRow, SweepRow};
-use crate::clips::Bound;
 use crate::input::Input;
 use crate::output::{Failure, Output};
 use deltamorph::mesh::MorphMesh;
 use deltamorph::pack::blocks::{BLOCK_SIZES, BlockDesc};
 use deltamorph::pack::{DeltaFormat, POSE_FLOATS, PackedMesh};
 use deltamorph::reference::{PoseError, SHORTEST_NORMAL, angle_degrees, compare, evaluate, evaluate_unpacked};
+use deltamorph::weights::BoundClip;
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -59,15 +59,15 @@ fn scale(mesh: &MorphMesh) -> f64 {
 }
 
 /// The largest error of poses of each clip in each format, against the raw files.
-pub fn poses(input: &Input, packed: &[Arc<PackedMesh>], clips: &[Bound], out: &Output) -> Vec<PoseRow> {
-    let bar = out.bar(clips.iter().map(|c| c.frames.len().min(FRAMES) as u64).sum());
+pub fn poses(input: &Input, packed: &[Arc<PackedMesh>], clips: &[BoundClip], out: &Output) -> Vec<PoseRow> {
+    let bar = out.bar(clips.iter().map(|c| c.frame_count().min(FRAMES) as u64).sum());
     let mut rows = vec![];
     for clip in clips {
-        let frames = spread(clip.frames.len());
+        let frames = spread(clip.frame_count());
         let mut errors = vec![Errors::default(); packed.len()];
         bar.set_message(format!("poses of {}", clip.name));
         for &frame in &frames {
-            let weights = &clip.frames[frame];
+            let weights = &clip.frame(frame);
             let truth = evaluate_unpacked(&input.raw, weights);
             for (mesh, error) in packed.iter().zip(&mut errors) {
                 error.add(&evaluate(mesh, weights), &truth);

@@ -1,7 +1,7 @@
 //! What a soak runs: stretches of random frames and of captured ones, in turn.
 
-use crate::clips::Bound;
 use deltamorph::internals::Rng;
+use deltamorph::weights::BoundClip;
 
 /// Frames of a stretch, at least and at most.
 const STRETCH: [usize; 2] = [32, 256];
@@ -15,7 +15,7 @@ const WEIGHTS: [f32; 2] = [-0.5, 1.5];
 /// Frames without end, the same for a seed.
 pub struct Script<'a> {
     rng: Rng,
-    clips: &'a [Bound],
+    clips: &'a [BoundClip],
     now: Vec<f32>,
     /// Frames left of this stretch.
     left: usize,
@@ -25,7 +25,7 @@ pub struct Script<'a> {
 
 impl<'a> Script<'a> {
     /// For `targets` targets.
-    pub fn new(targets: usize, clips: &'a [Bound], seed: u64) -> Self {
+    pub fn new(targets: usize, clips: &'a [BoundClip], seed: u64) -> Self {
         // An empty random stretch: captured frames come first, where there are any.
         Self { rng: Rng::new(seed, 0x736f_616b), clips, now: vec![0.0; targets], left: 0, place: None }
     }
@@ -38,10 +38,10 @@ impl<'a> Script<'a> {
         self.left -= 1;
         let cut = match &mut self.place {
             Some((clip, frame)) => {
-                let frames = &self.clips[*clip].frames;
-                self.now.copy_from_slice(&frames[*frame]);
+                let clip = &self.clips[*clip];
+                self.now = clip.frame(*frame);
                 // Round and round: the seam is a jump, as between takes.
-                *frame = (*frame + 1) % frames.len();
+                *frame = (*frame + 1) % clip.frame_count();
                 false
             }
             None => self.random(),
@@ -55,7 +55,7 @@ impl<'a> Script<'a> {
         self.place = match self.place {
             None if !self.clips.is_empty() => {
                 let clip = self.rng.below(self.clips.len());
-                Some((clip, self.rng.below(self.clips[clip].frames.len())))
+                Some((clip, self.rng.below(self.clips[clip].frame_count())))
             }
             _ => None,
         };
@@ -90,10 +90,14 @@ impl<'a> Script<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use deltamorph::weights::WeightClip;
 
     #[test]
     fn there_is_some_of_everything() {
-        let clips = [Bound { name: "c".into(), frames: vec![vec![9.0; 12], vec![8.0; 12]] }];
+        let names: Vec<String> = (0..12).map(|t| t.to_string()).collect();
+        let values = [[9.0f32; 12], [8.0; 12]].concat();
+        let clip = WeightClip { names: names.clone(), values, ..Default::default() };
+        let clips = [clip.bind(&names.iter().map(String::as_str).collect::<Vec<_>>()).expect("columns of targets")];
         let mut script = Script::new(12, &clips, 1);
         let (mut captured, mut neutral, mut still, mut cuts) = (0, 0, 0, 0);
         let mut before = vec![0.0; 12];

@@ -59,6 +59,11 @@ impl ObjFile {
 }
 
 /// An [`Error::Input`] for `path`.
-fn input(path: &Path, place: impl Into<String>, what: impl Into<String>, remedy: impl Into<String>) -> Error {
+pub(super) fn input(
+    path: &Path,
+    place: impl Into<String>,
+    what: impl Into<String>,
+    remedy: impl Into<String>,
+) -> Error {
     Error::Input { path: path.to_path_buf(), place: place.into(), what: what.into(), remedy: remedy.into() }
 }

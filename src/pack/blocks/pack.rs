@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::math::{angle_degrees, power_of_two_below};
 use crate::mesh::MorphMesh;
 use crate::pack::entry::{BitWriter, FAST_BITS, SMALL_BITS, fast_encode, pack_widths, width};
-use crate::pack::order::{inverse, order};
+use crate::pack::order::{inverse, keep_welded, order};
 use crate::pack::{
     DeltaFormat, POSE_FLOATS, PackDesc, PackError, PackedLayout, PackedMesh, PackedTarget, VERTEX_PADDING, base_words,
 };
@@ -113,7 +113,7 @@ fn pack_with(mesh: &MorphMesh, desc: &PackDesc, size: u32, steps: [f32; 2]) -> R
         })
         .collect();
     let members: Vec<Vec<u32>> = kept.iter().map(|t| t.iter().map(|(v, _)| *v).collect()).collect();
-    let order = order(mesh.vertex_count(), &members);
+    let order = keep_welded(order(mesh.vertex_count(), &members), &mesh.welds, size as usize);
     let packed = inverse(&order);
     drop(members);
 

@@ -66,8 +66,7 @@ pub fn clip_sets(lab: &mut Lab<'_>) -> Result<Vec<ClipSet>, Failure> {
     for set in sets(lab)? {
         let args = InputArgs { input: Some(set), head: Default::default(), ..lab.args.input.clone() };
         let input = input::load(&args, true, lab.out)?;
-        let read =
-            |path: &PathBuf| input::clip(path, &args, &input.kept).map(|(clip, frames)| Clip::new(clip.name, frames));
+        let read = |path: &PathBuf| input::clip(path, &args, &input.kept).map(Clip::new);
         let clips = input.clips.iter().map(read).collect::<Result<_, _>>()?;
         list.push(ClipSet { input, clips });
     }
