@@ -239,7 +239,7 @@ fn an_error_budget_holds_after_a_large_change() {
         .map(|t| {
             let d = if t % 2 == 0 { 0.03 + 0.04 * random() } else { 0.0006 + 0.0008 * random() };
             let positions = vec![(0, [d as f32, 0.0, 0.0].into())];
-            SourceTarget { name: format!("t{t}"), positions, normals: Some(vec![]) }
+            SourceTarget { name: format!("t{t}"), positions, normals: Some(vec![]), ..Default::default() }
         })
         .collect();
     let mesh = source.to_mesh(Tolerance::ZERO).expect("a mesh");
