@@ -6,11 +6,15 @@
 
 use std::cmp::Reverse;
 
+use std::collections::VecDeque;
+
 /// Vertices looked at to choose a split, at most.
 const SAMPLE: usize = 512;
 /// Targets that are compared with each other for a split, at most: those that divide the sample most evenly. Time and memory
 /// go with their square.
 const COMPARED: usize = 512;
+/// Places of welded vertices that are looked at to fill a block.
+const AHEAD: usize = 1024;
 /// Sets this small are not split.
 const LEAF: usize = 4;
 
@@ -49,7 +53,7 @@ pub(super) fn order(vertices: usize, members: &[Vec<u32>]) -> Vec<u32> {
 /// `order` in blocks of `size` vertices such that no block ends between welded vertices (each naming the first of its
 /// place; empty: none is welded): what is equal at one place in the base pose and in all targets is decoded and added up
 /// alike then, and stays equal bit for bit in every pose, whatever a block does. Where a place does not fit the rest of a
-/// block, smaller ones from further on fill it. Only where there are none left, a place is cut.
+/// block, smaller ones from further on fill it. Only where there are none among the next [`AHEAD`], a place is cut.
 pub(super) fn keep_welded(order: Vec<u32>, welds: &[u32], size: usize) -> Vec<u32> {
     if welds.is_empty() {
         return order;
@@ -58,28 +62,21 @@ pub(super) fn keep_welded(order: Vec<u32>, welds: &[u32], size: usize) -> Vec<u3
     order.iter().for_each(|&v| places[welds[v as usize] as usize].push(v));
     // Places by their first vertex in the order; those that did not fit come before the rest.
     let mut rest = order.iter().map(|&v| welds[v as usize] as usize);
-    let mut waiting: Vec<Vec<u32>> = vec![];
+    let mut waiting: VecDeque<Vec<u32>> = VecDeque::new();
     let mut out = Vec::with_capacity(order.len());
     while out.len() < order.len() {
         let room = size - out.len() % size;
         let at = waiting.iter().position(|place| place.len() <= room);
-        let fits = at.map(|at| waiting.remove(at)).or_else(|| {
-            rest.by_ref().find_map(|place| {
-                let place = std::mem::take(&mut places[place]);
-                match place.len() {
-                    0 => None,
-                    n if n <= room => Some(place),
-                    _ => {
-                        waiting.push(place);
-                        None
-                    }
-                }
-            })
-        });
-        match fits {
-            Some(place) => out.extend(place),
-            None => out.extend(waiting.remove(0)),
+        let mut fits = at.and_then(|at| waiting.remove(at));
+        while fits.is_none() && waiting.len() < AHEAD {
+            let Some(place) = rest.next().map(|place| std::mem::take(&mut places[place])) else { break };
+            match place.len() {
+                0 => {}
+                n if n <= room => fits = Some(place),
+                _ => waiting.push_back(place),
+            }
         }
+        out.extend(fits.or_else(|| waiting.pop_front()).unwrap_or_default());
     }
     out
 }
