@@ -118,18 +118,8 @@ fn text(devices: &Devices) -> String {
             };
         }
         let l = &d.limits;
-        let mut table = Table::new(
-            &[
-                "storage range",
-                "storage buffers",
-                "push constants",
-                "attributes",
-                "bindings",
-                "invocations",
-                "allocation",
-            ],
-            0,
-        );
+        let headings = "storage range|storage buffers|push constants|attributes|bindings|invocations|allocation";
+        let mut table = Table::new(&headings.split('|').collect::<Vec<_>>(), 0);
         table.row([
             bytes(l.storage_range as f64),
             l.storage_buffers.to_string(),

@@ -14,16 +14,22 @@ use deltamorph::headless::DeviceChoice;
 use deltamorph::internals::Rng;
 use deltamorph::mesh::MorphMesh;
 use deltamorph::pack::{POSE_STRIDE, PackedMesh};
+use deltamorph::plan::{Accumulate, UpdatePath};
 use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
-use deltamorph::weights::BoundClip;
-use record::{FrameRow, Played, Summary};
+use deltamorph::weights::{BoundClip, WeightClip};
+use record::{FrameRow, Planned, Played, Summary};
 use std::sync::Arc;
 
 pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     out.check(&input::files_of(&args.input, args.weights.as_slice()), &[], None)?;
     let input = input::load(&args.input, true, out)?;
     let clip = clips::the_one(args.weights.as_deref(), &args.input, &input)?;
-    let stage = Stage::best("play", &args.update, args.batch_size, &input, device, out)?;
+    let mut update = args.update.clone();
+    if args.animated {
+        update.paths = if update.paths.is_empty() { vec![UpdatePath::Blocks] } else { update.paths };
+        update.accumulate = if update.accumulate.is_empty() { vec![Accumulate::Exact] } else { update.accumulate };
+    }
+    let stage = Stage::best("play", &update, args.batch_size, &input, device, out)?;
     // From here on the packed mesh is enough, and the raw files' where errors against them can be told.
     let Input { raw, packed, origin, .. } = input;
     let checks = Checks::new(&stage, packed.is_none().then_some(raw));
@@ -74,29 +80,36 @@ fn play<'a>(
     clip: &BoundClip,
     out: &Output,
 ) -> Result<(Vec<FrameRow>, Checks<'a>), Failure> {
-    let mut runner = stage.runner()?;
+    let frames = || shaken(clip.frames(), args.noise, args.input.seed);
+    let mut runner = if args.animated {
+        let names = stage.mesh.layout().targets.iter().map(|t| t.name.clone()).collect();
+        let values = frames().flatten().collect();
+        stage.animated(&WeightClip { name: clip.name.clone(), names, fps: clip.fps, values })?
+    } else {
+        stage.runner()?
+    };
     let count = clip.frame_count();
     let bar = out.bar(count as u64);
     let mut rows = Vec::with_capacity(count);
     let mut before = vec![0.0; stage.mesh.layout().targets.len()];
-    for (frame, weights) in shaken(clip.frames(), args.noise, args.input.seed).enumerate() {
+    for (frame, weights) in frames().enumerate() {
         let refused = |e| Failure::Failed(format!("clip '{}', frame {frame}: {}", clip.name, Failure::from(e)));
         let step = runner.step(std::slice::from_ref(&weights)).map_err(refused)?;
         let bound = f64::from(step.stats.bound);
         checks.found.bound = checks.found.bound.max(bound);
         let measured = frame % args.every == 0 || frame + 1 == count;
         let found = match measured {
-            true => Some(checks.measure(frame, &runner.pose(0)?, &weights, bound)),
+            true => {
+                let played = runner.played(&stage.mesh)?;
+                Some(checks.measure(frame, &runner.pose(0)?, &weights, played, bound))
+            }
             false => None,
         };
         rows.push(FrameRow {
             frame,
             changed: weights.iter().zip(&before).filter(|(a, b)| a != b).count(),
             active: weights.iter().filter(|w| **w != 0.0).count(),
-            dirty_blocks: step.stats.dirty_blocks,
-            rebuilt_blocks: step.stats.rebuilt_blocks,
-            passes: step.stats.passes,
-            bytes_moved: step.stats.bytes_moved,
+            planned: if args.animated { Planned::default() } else { Planned::of(&step.stats) },
             gpu_ms: step.gpu_ms,
             cpu_us: step.cpu_ms * 1e3,
             max_error: found.map(|f| f.error.position),
@@ -114,8 +127,9 @@ impl<'a> Checks<'a> {
         Self { mesh: &stage.mesh, promise, raw, count: 0, found: Found::default(), request: 0.0, wrong: None }
     }
 
-    fn measure(&mut self, frame: usize, pose: &[f32], weights: &[f32], bound: f64) -> Found {
-        let applied = self.promise.applied(weights);
+    /// `played`: what a device made of `weights`, where it animates.
+    fn measure(&mut self, frame: usize, pose: &[f32], weights: &[f32], played: Option<Vec<f32>>, bound: f64) -> Found {
+        let applied = played.unwrap_or_else(|| self.promise.applied(weights));
         let error = compare(pose, &evaluate(self.mesh, &applied));
         let raw = self.raw.as_ref().map(|raw| compare(pose, &evaluate_unpacked(raw, weights))).unwrap_or_default();
         let request = if applied == weights { error } else { compare(pose, &evaluate(self.mesh, weights)) };
@@ -134,18 +148,20 @@ fn summary(args: &PlayArgs, stage: &Stage, frames: &[FrameRow], checks: &Checks<
     let mean = |value: &dyn Fn(&FrameRow) -> f64| frames.iter().map(value).sum::<f64>() / frames.len().max(1) as f64;
     let vertices = stage.mesh.layout().vertex_count;
     let dense = |f: &FrameRow| if f.changed > 0 { (vertices * POSE_STRIDE * (f.changed + 2)) as f64 } else { 0.0 };
-    let (moved, dense) = (mean(&|f| f.bytes_moved as f64), mean(&dense));
+    let moved = (!args.animated).then(|| mean(&|f| f.planned.bytes_moved.unwrap_or(0) as f64));
+    let dense = mean(&dense);
     let gpu = Stats::of(&frames.iter().filter_map(|f| f.gpu_ms).collect::<Vec<_>>());
     let cpu = Stats::of(&frames.iter().map(|f| f.cpu_us).collect::<Vec<_>>());
     let (found, scale) = (&checks.found, checks.promise.scale());
     Summary {
         frames: frames.len(),
         setup: stage.setup(),
+        animated: args.animated,
         noise: args.noise.unwrap_or(0.0),
         changed_mean: mean(&|f| f.changed as f64),
         bytes_moved_mean: moved,
         dense_bytes_mean: dense,
-        bytes_share: (dense > 0.0).then_some(moved / dense),
+        bytes_share: moved.filter(|_| dense > 0.0).map(|moved| moved / dense),
         gpu_ms_median: gpu.map(|s| s.median),
         gpu_ms_mean: gpu.map(|s| s.mean),
         cpu_us_median: cpu.map(|s| s.median),
@@ -170,11 +186,11 @@ fn text(clip: &str, stage: &Stage, frames: &[FrameRow], s: &Summary) -> String {
     row("targets changed", &|f| Some(f.changed as f64), &sig3);
     row("targets active", &|f| Some(f.active as f64), &sig3);
     if stage.mesh.layout().format.is_blocks() {
-        row("blocks written", &|f| Some(f.dirty_blocks as f64), &sig3);
-        row("of these from base", &|f| Some(f.rebuilt_blocks as f64), &sig3);
+        row("blocks written", &|f| f.planned.dirty_blocks.map(|n| n as f64), &sig3);
+        row("of these from base", &|f| f.planned.rebuilt_blocks.map(|n| n as f64), &sig3);
     }
-    row("passes", &|f| Some(f.passes as f64), &sig3);
-    row("moved", &|f| Some(f.bytes_moved as f64), &bytes);
+    row("passes", &|f| f.planned.passes.map(|n| n as f64), &sig3);
+    row("moved", &|f| f.planned.bytes_moved.map(|n| n as f64), &bytes);
     row("device ms", &|f| f.gpu_ms, &sig3);
     row("round trip µs", &|f| Some(f.cpu_us), &sig3);
     let share = s.bytes_share.map_or(String::new(), |share| {
@@ -184,14 +200,15 @@ fn text(clip: &str, stage: &Stage, frames: &[FrameRow], s: &Summary) -> String {
     let bound =
         if s.bound > 0.0 { format!(", at most {} by the bound kept", sig3(s.bound / scale)) } else { String::new() };
     let raw = s.raw_error_rel.map_or(String::new(), |raw| format!("; {} against the raw files", sig3(raw)));
+    let moved = s
+        .bytes_moved_mean
+        .map_or("planned on the device\n".into(), |moved| format!("moved {} per frame{share}\n", bytes(moved)));
     format!(
         "{clip}, {} frames, {}\n\n{table}\n\n\
-         moved {} per frame{share}\n\
-         largest error in {} frames, of the diagonal: {} against the float64 reference{bound}; {} against the weights \
+         {moved}largest error in {} frames, of the diagonal: {} against the float64 reference{bound}; {} against the weights \
          asked for{raw}; normals {}°",
         thousands(s.frames),
         stage.describe(),
-        bytes(s.bytes_moved_mean),
         thousands(s.checks),
         sig3(s.max_error_rel),
         sig3(s.request_error_rel),

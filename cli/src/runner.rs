@@ -3,12 +3,14 @@
 use crate::args::PackArgs;
 use crate::input::Input;
 use crate::output::{Failure, Output};
+use deltamorph::animation::{AnimationDesc, KeyFormat, Playback, Repeat};
 use deltamorph::cpu::CpuCrowd;
 use deltamorph::engine::{CrowdDesc, DeviceCaps};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, PoseUpload, Step};
 use deltamorph::pack::blocks::BlockDesc;
 use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::plan::{UpdateDesc, UpdatePath, UpdateStats};
+use deltamorph::weights::WeightClip;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -72,10 +74,17 @@ pub fn packed(
 
 /// Heads that are updated by one path.
 pub enum Runner<'a> {
-    /// On a device: a crowd, or one for each head.
-    Gpu(Vec<HeadlessCrowd<'a>>),
+    /// On a device: a crowd, or one for each head; with a clock, where it plays a clip.
+    Gpu(Vec<HeadlessCrowd<'a>>, Option<Clock>),
     /// On the processor; with a way to the device, where poses are to be drawn there.
     Cpu(Box<CpuCrowd>, Option<Box<PoseUpload<'a>>>),
+}
+
+/// The time of a crowd that is animated on the device.
+pub struct Clock {
+    fps: f32,
+    /// Frames that were updated.
+    frames: u32,
 }
 
 /// What a frame took.
@@ -127,7 +136,21 @@ impl<'a> Runner<'a> {
         for _ in 1..count {
             crowds.push(crowds[0].another(&desc)?);
         }
-        Ok(Self::Gpu(crowds))
+        Ok(Self::Gpu(crowds, None))
+    }
+
+    /// A head that plays `clip` from its beginning, a frame each step, planned on the device.
+    pub fn animated(
+        gpu: &'a Gpu,
+        mesh: &Arc<PackedMesh>,
+        update: UpdateDesc,
+        clip: &WeightClip,
+    ) -> Result<Self, Failure> {
+        let desc = CrowdDesc { instances: 1, update, frames_in_flight: 1 };
+        let clips = AnimationDesc { clips: std::slice::from_ref(clip), key_format: KeyFormat::default() };
+        let mut crowd = HeadlessCrowd::animated(&gpu.headless, mesh, &desc, &clips)?;
+        crowd.play(0, &Playback { repeat: Repeat::Once, ..Playback::new(0) })?;
+        Ok(Self::Gpu(vec![crowd], Some(Clock { fps: clip.fps, frames: 0 })))
     }
 
     /// Where poses lie in main memory, bring those of all `heads` to `gpu` when they are drawn.
@@ -149,8 +172,13 @@ impl<'a> Runner<'a> {
     /// As [`step`](Self::step), and on a device draw every head `copies` times.
     pub fn step_and_draw(&mut self, weights: &[Vec<f32>], copies: u32) -> deltamorph::Result<Frame> {
         match self {
-            Self::Gpu(crowds) => {
-                let weights: Vec<&[f32]> = weights.iter().map(Vec::as_slice).collect();
+            Self::Gpu(crowds, clock) => {
+                let mut weights: Vec<&[f32]> = weights.iter().map(Vec::as_slice).collect();
+                if let Some(clock) = clock {
+                    crowds[0].set_time(f64::from(clock.frames) / f64::from(clock.fps))?;
+                    clock.frames += 1;
+                    weights.clear();
+                }
                 let step = HeadlessCrowd::step_together(crowds, &weights, copies)?;
                 let Step { update, gpu_ms, draw_ms, cpu_ms } = step;
                 Ok(Frame { stats: update.stats, gpu_ms, draw_ms, upload_ms: None, cpu_ms })
@@ -178,7 +206,7 @@ impl<'a> Runner<'a> {
     /// The pose of a head, six floats a vertex, in the user's order.
     pub fn pose(&mut self, head: u32) -> deltamorph::Result<Vec<f32>> {
         match self {
-            Self::Gpu(crowds) => {
+            Self::Gpu(crowds, _) => {
                 let (crowd, instance) = place(crowds, head);
                 crowd.read_pose(instance)
             }
@@ -186,10 +214,17 @@ impl<'a> Runner<'a> {
         }
     }
 
+    /// The weights that a device has chosen, where it animates.
+    pub fn played(&mut self, mesh: &PackedMesh) -> Result<Option<Vec<f32>>, Failure> {
+        let (Self::Gpu(crowds, Some(_)), Some(blocks)) = (self, &mesh.layout().blocks) else { return Ok(None) };
+        let step = blocks.exact()?.weight_step();
+        Ok(Some(crowds[0].read_weights(0)?.into_iter().map(|steps| steps as f32 * step).collect()))
+    }
+
     /// The next pose of a head has no predecessor.
     pub fn cut(&mut self, head: u32) -> Result<(), Failure> {
         match self {
-            Self::Gpu(crowds) => {
+            Self::Gpu(crowds, _) => {
                 let (crowd, instance) = place(crowds, head);
                 crowd.cut(instance)?;
             }
@@ -201,7 +236,7 @@ impl<'a> Runner<'a> {
     /// The integer sums of a head; `None` unless it accumulates exactly.
     pub fn sums(&mut self, head: u32) -> Result<Option<Vec<i32>>, Failure> {
         match self {
-            Self::Gpu(crowds) => {
+            Self::Gpu(crowds, _) => {
                 let (crowd, instance) = place(crowds, head);
                 Ok(crowd.read_sums(instance)?)
             }
@@ -211,7 +246,7 @@ impl<'a> Runner<'a> {
 
     /// Device time of `copies` draws of every head; `None` without a device.
     pub fn draw_ms(&mut self, copies: u32) -> deltamorph::Result<Option<f64>> {
-        let Self::Gpu(crowds) = self else { return Ok(None) };
+        let Self::Gpu(crowds, _) = self else { return Ok(None) };
         let each: Vec<Option<f64>> = crowds.iter().map(|crowd| crowd.draw(copies)).collect::<Result<_, _>>()?;
         Ok(each.into_iter().sum())
     }

@@ -8,6 +8,7 @@ use crate::runner::{Gpu, Runner, packed};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::pack::{DeltaFormat, PackedLayout, PackedMesh};
 use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
+use deltamorph::weights::WeightClip;
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -89,6 +90,16 @@ impl Stage {
 
     pub fn device(&self) -> String {
         self.gpu.as_ref().map_or("none".into(), |gpu| gpu.caps().name.clone())
+    }
+
+    /// A head that plays `clip`, planned on the device.
+    pub fn animated(&self, clip: &WeightClip) -> Result<Runner<'_>, Failure> {
+        match &self.gpu {
+            Some(gpu) if self.desc.path == UpdatePath::Blocks => Runner::animated(gpu, &self.mesh, self.desc, clip),
+            _ => {
+                Err(Failure::Usage("--animated plans on a Vulkan device, on the path blocks, and there is none".into()))
+            }
+        }
     }
 
     pub fn setup(&self) -> Setup {

@@ -54,6 +54,15 @@ pub fn sig3(value: f64) -> String {
     }
 }
 
+pub fn optional(value: Option<f64>) -> String {
+    value.map_or("–".into(), sig3)
+}
+
+/// A count, or the mean of counts.
+pub fn count(value: f64) -> String {
+    if value.fract() == 0.0 { format!("{value:.0}") } else { sig3(value) }
+}
+
 pub fn percent(fraction: f64) -> String {
     format!("{} %", sig3(fraction * 100.0))
 }

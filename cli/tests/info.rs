@@ -3,7 +3,7 @@
 #[path = "common/cli.rs"]
 mod cli;
 
-use cli::{HEAD, fails, json};
+use cli::{HEAD, fails, json, sample};
 
 #[test]
 fn the_report_states_error_against_bytes() {
@@ -46,4 +46,13 @@ fn the_report_states_error_against_bytes() {
     std::fs::remove_file(dir.join("info.json")).unwrap();
     let (code, text) = fails(&["info", "--vertices", "100", "--targets", "3", "--report", dir.to_str().unwrap()]);
     assert!(code == 2 && text.contains("something else") && text.contains("--report"), "{text}");
+}
+
+#[test]
+fn a_rate_that_is_given_beats_that_of_the_file_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = sample(folder.path());
+    let fps =
+        |more: &[&str]| json(&[&["info", &dir, "--json", "-"], more].concat())["clips"][0]["fps"].as_f64().unwrap();
+    assert_eq!((fps(&[]), fps(&["--fps", "60"])), (30.0, 60.0), "the file's name ends in 30fps");
 }

@@ -54,6 +54,34 @@ fn play_keeps_its_contract_on_every_path() {
 }
 
 #[test]
+fn a_device_plays_and_plans_a_clip() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = sample(folder.path());
+    for device in ["llvmpipe", "SwiftShader"] {
+        let play =
+            |more: &[&str]| json(&[&["play", &dir, "--device", device, "--every", "5", "--json", "-"], more].concat());
+        let (out, told) = (play(&["--animated"]), play(&["--accumulate", "exact"]));
+        for (frame, told) in out["frames"].as_array().unwrap().iter().zip(told["frames"].as_array().unwrap()) {
+            assert_eq!((&frame["changed"], &frame["active"]), (&told["changed"], &told["active"]));
+            assert_eq!(frame["max_error"].is_number(), told["max_error"].is_number());
+            assert!(frame["gpu_ms"].is_number() && frame["cpu_us"].is_number(), "{frame}");
+            assert!(
+                frame["dirty_blocks"].is_null() && frame["bytes_moved"].is_null(),
+                "what the device planned: {frame}"
+            );
+        }
+        let (summary, told) = (&out["summary"], &told["summary"]);
+        assert_eq!((&summary["animated"], &told["animated"]), (&true.into(), &false.into()));
+        assert_eq!((&summary["path"], &summary["accumulate"]), (&"blocks".into(), &"exact".into()));
+        // It shows the frames that were asked for, but for what its clock rounds.
+        let request = |summary: &Value| summary["request_error_rel"].as_f64().unwrap();
+        assert!(request(summary) < request(told) + 2e-6, "{summary} {told}");
+    }
+    let (code, message) = fails(&["play", &dir, "--animated", "--path", "cpu"]);
+    assert!(code == 2 && message.contains("--animated"), "{code}: {message}");
+}
+
+#[test]
 fn noise_within_the_budget_waits() {
     let play = |more: &[&str]| {
         let args = ["play", "--path", "cpu", "--noise", "1e-4", "--every", "100", "--json", "-"];

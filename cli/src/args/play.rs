@@ -22,6 +22,10 @@ pub struct PlayArgs {
     /// Compare every Nth pose with the float64 reference, and the last one
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = values::at_least_one)]
     pub every: usize,
+    /// Animate and plan on the device: it samples the clip, finds what changed and makes its own work list. Takes the
+    /// path blocks and exact sums, and says nothing of what it planned
+    #[arg(long)]
+    pub animated: bool,
     /// Add noise up to ±AMOUNT to every weight in every frame, as a tracker does that is never quite still
     #[arg(long, value_name = "AMOUNT", value_parser = values::positive)]
     pub noise: Option<f32>,

@@ -4,7 +4,7 @@ use super::family::Family;
 use super::record::{Report, RunRecord};
 use super::select::{batch_words, fastest, median, relative};
 use super::suites;
-use crate::table::{percent, sig3, thousands};
+use crate::table::{count, percent, sig3, thousands};
 use deltamorph::plan::BatchSize;
 
 /// The most telling numbers, the first of which is the heading.
@@ -75,7 +75,7 @@ fn best(runs: &[&RunRecord]) -> Option<String> {
     let drawn = if run.update_and_draw_ms.is_some() { ", draws included" } else { "" };
     Some(format!(
         "With {} targets changed per frame the fastest is {} {}, {}: {} ms per frame{drawn}{floor}.",
-        if run.changed.fract() == 0.0 { run.changed.to_string() } else { sig3(run.changed) },
+        count(run.changed),
         run.path,
         run.format,
         batch_words(run.batch_size),

@@ -1,71 +1,69 @@
 //! index.html: one page that needs nothing but itself.
 
 use super::headline::sentences;
-use super::record::{MeshInfo, Report, RunRecord, Skipped};
+use super::record::{MeshInfo, Report, RunRecord};
 use super::select::median;
-use super::suites::{self, record::SuiteRecord};
-use crate::page::{document, escape, figure};
+use super::suites;
+use crate::page::{document, figures, table, verdict};
 use crate::plots::Figure;
-use crate::table::{bytes, percent, sig3, thousands};
-use std::fmt::Write;
+use crate::table::{bytes, count, optional, percent, sig3, thousands};
+use maud::{Markup, html};
 
 /// The page. Figures come with their SVG.
-pub fn page(report: &Report, figures: &[(Figure, String)]) -> String {
+pub fn page(report: &Report, drawn: &[(Figure, String)]) -> String {
     let headline = sentences(report);
     let (title, rest) = headline.split_first().map_or(("", &[][..]), |(t, r)| (t.trim_end_matches('.'), r));
-    let mut body = String::new();
-    let mut add = |html: String| {
-        body.push_str(&html);
-        body.push('\n');
+    let day = report.created.split('T').next().unwrap_or_default();
+    let body = html! {
+        header {
+            p.kicker { "deltamorph bench · " (report.input.name) " · " (day) }
+            h1 { (title) }
+            @for sentence in rest { p.lead { (sentence) } }
+        }
+        (warning(report))
+        (facts(report))
+        @if !report.suites.is_empty() {
+            section {
+                h2 { "Suites" }
+                ul {
+                    @for suite in &report.suites {
+                        li { a href=(suites::page::file_name(suite)) { (suites::text::title(&suite.name)) } }
+                    }
+                }
+            }
+        }
+        (figures(drawn))
+        section {
+            h2 { "All configurations" }
+            (table(HEADINGS.split('|'), rows(report)))
+            (not_run(report))
+        }
+        section {
+            h2 { "Measure it again" }
+            pre { code { (report.command) } }
+            p.note {
+                "All numbers: " a href="report.json" { "report.json" } ", " a href="runs.csv" { "runs.csv" }
+                ". deltamorph " (report.version) ", " (report.created) "."
+            }
+        }
     };
-    add(format!(
-        "<header><p class=\"kicker\">deltamorph bench · {} · {}</p><h1>{}</h1>",
-        escape(&report.input.name),
-        escape(&day(&report.created)),
-        escape(title)
-    ));
-    add(rest.iter().map(|s| format!("<p class=\"lead\">{}</p>", escape(s))).collect());
-    add("</header>".into());
-    add(warning(report));
-    add(facts(report));
-    add(links(report));
-    add("<section class=\"figures\">".into());
-    figures.iter().for_each(|(drawn, svg)| add(figure(drawn, svg)));
-    add("</section>".into());
-    add(table(report));
-    add(format!(
-        "<section><h2>Measure it again</h2><pre><code>{}</code></pre><p class=\"note\">All numbers: \
-         <a href=\"report.json\">report.json</a>, <a href=\"runs.csv\">runs.csv</a>. deltamorph {}, {}.</p></section>",
-        escape(&report.command),
-        escape(&report.version),
-        escape(&report.created),
-    ));
     document(&format!("{} · deltamorph bench", report.input.name), &body)
 }
 
 /// What a reader of times from a software driver has to know.
-pub fn warning(report: &Report) -> String {
-    if !report.device.is_software() {
-        return String::new();
-    }
-    "<p class=\"warning\">This ran on a software driver: the processor played the GPU. Compare the configurations with \
-     each other; the times say little about any GPU.</p>"
-        .into()
-}
-
-fn links(report: &Report) -> String {
-    let link = |suite: &SuiteRecord| {
-        let name = suites::page::file_name(suite);
-        format!("<li><a href=\"{name}\">{}</a></li>", escape(suites::text::title(&suite.name)))
-    };
-    match report.suites.iter().map(link).collect::<String>() {
-        links if links.is_empty() => links,
-        links => format!("<section><h2>Suites</h2><ul>{links}</ul></section>"),
+pub fn warning(report: &Report) -> Markup {
+    html! {
+        @if report.device.is_software() {
+            p.warning {
+                "This ran on a software driver: the processor played the GPU. Compare the configurations with each \
+                 other; the times say little about any GPU."
+            }
+        }
     }
 }
 
 /// The facts that the numbers depend on, as cards.
-pub fn facts(report: &Report) -> String {
+pub fn facts(report: &Report) -> Markup {
     let (d, i, b) = (&report.device, &report.input, &report.bandwidth);
     let rate = |v: Option<f64>| v.map_or("not measured".to_owned(), |v| format!("{} GB/s", sig3(v)));
     let driver = [d.driver.as_str(), d.driver_info.as_str()].join(" ");
@@ -93,11 +91,17 @@ pub fn facts(report: &Report) -> String {
             ],
         ),
     ];
-    let card = |(label, value, notes): &(&str, String, Vec<String>)| {
-        let notes: String = notes.iter().map(|n| format!("<p>{}</p>", escape(n.trim()))).collect();
-        format!("<div class=\"card\"><h3>{label}</h3><p class=\"value\">{}</p>{notes}</div>", escape(value))
-    };
-    format!("<section class=\"cards\">{}</section>", cards.iter().map(card).collect::<String>())
+    html! {
+        section.cards {
+            @for (label, value, notes) in &cards {
+                div.card {
+                    h3 { (label) }
+                    p.value { (value) }
+                    @for note in notes { p { (note.trim()) } }
+                }
+            }
+        }
+    }
 }
 
 /// One of the meshes of the suites.
@@ -117,85 +121,51 @@ fn kind(kind: &str) -> &str {
     }
 }
 
-fn table(report: &Report) -> String {
-    let mut out = String::from("<section><h2>All configurations</h2><div class=\"scroll\"><table><thead><tr>");
-    for heading in [
-        "result",
-        "path",
-        "format",
-        "mode",
-        "workload",
-        "heads",
-        "changed",
-        "batch",
-        "passes",
-        "ms per frame",
-        "round trip ms",
-        "bytes",
-        "of the floor",
-        "error / diagonal",
-    ] {
-        let _ = write!(out, "<th>{heading}</th>");
-    }
-    out.push_str("</tr></thead><tbody>\n");
+const HEADINGS: &str = "result|path|format|mode|workload|heads|changed|batch|passes|ms per frame|round trip ms|bytes|of \
+    the floor|error / diagonal";
+
+fn rows(report: &Report) -> impl Iterator<Item = Markup> {
     // The fastest of each kind of work is worth finding at a glance.
     let work = |r: &RunRecord| (r.suite.clone(), r.cell.clone(), r.workload.clone(), r.heads, r.changed.to_bits());
     let timed = |r: &RunRecord| r.verified && r.time().is_some();
-    for run in &report.runs {
+    report.runs.iter().map(move |run| {
         let rivals = report.runs.iter().filter(|r| work(r) == work(run) && timed(r));
         let best = timed(run) && rivals.map(median).fold(f64::INFINITY, f64::min) >= median(run);
-        out.push_str(&row(run, best));
-    }
-    out.push_str("</tbody></table></div>");
-    out.push_str(&not_run(report));
-    out.push_str("</section>");
-    out
+        row(run, best)
+    })
 }
 
 /// What was asked for and could not run.
-pub fn not_run(report: &Report) -> String {
-    let item = |s: &Skipped| format!("<li><b>{}</b>: {}</li>", escape(&s.what), escape(&s.reason));
-    match report.skipped.iter().map(item).collect::<String>() {
-        items if items.is_empty() => items,
-        items => format!("<h3>Not run</h3><ul>{items}</ul>"),
+pub fn not_run(report: &Report) -> Markup {
+    html! {
+        @if !report.skipped.is_empty() {
+            h3 { "Not run" }
+            ul { @for skipped in &report.skipped { li { b { (skipped.what) } ": " (skipped.reason) } } }
+        }
     }
 }
 
-fn row(run: &RunRecord, best: bool) -> String {
-    let number = |v: Option<f64>| v.map_or("–".to_owned(), sig3);
-    let time = run.time();
-    let count = |v: f64| if v.fract() == 0.0 { format!("{v:.0}") } else { sig3(v) };
-    let class = match (run.verified, best) {
-        (false, _) => " class=\"wrong\"",
-        (true, true) => " class=\"best\"",
-        _ => "",
-    };
-    let result = if run.verified { "<span class=\"ok\">right</span>" } else { "<span class=\"bad\">wrong</span>" };
-    let words = [&run.path, &run.format, &run.mode, &run.workload];
-    let mut cells: Vec<String> = std::iter::once(result.into()).chain(words.map(|w| escape(w))).collect();
-    cells.extend([
-        run.heads.to_string(),
-        count(run.changed),
-        run.batch_size.to_string(),
-        count(run.passes),
-        time.map_or("–".to_owned(), |t| format!("{} <small>± {}</small>", sig3(t.median), sig3(t.stderr))),
-        number(run.cpu_ms.map(|t| t.median)),
-        bytes(run.bytes_moved),
-        run.floor_fraction.map_or("–".to_owned(), percent),
-        number(run.max_error_rel),
-    ]);
-    let columns = cells.len();
-    let cells: String = cells.iter().map(|c| format!("<td>{c}</td>")).collect();
-    // The reason has a row of its own: in a column it would widen the table beyond the page.
-    let reason = run
-        .problem
-        .as_deref()
-        .map_or(String::new(), |p| format!("<tr class=\"reason\"><td colspan=\"{columns}\">{}</td></tr>\n", escape(p)));
-    format!("<tr{class}>{cells}</tr>\n{reason}")
-}
-
-fn day(created: &str) -> String {
-    created.split('T').next().unwrap_or_default().to_owned()
+fn row(run: &RunRecord, best: bool) -> Markup {
+    let class = if run.verified { best.then_some("best") } else { Some("wrong") };
+    html! {
+        tr class=[class] {
+            td { (verdict(run.verified)) }
+            @for word in [&run.path, &run.format, &run.mode, &run.workload] { td { (word) } }
+            @for number in [run.heads.to_string(), count(run.changed), run.batch_size.to_string(), count(run.passes)] {
+                td { (number) }
+            }
+            td { @match run.time() {
+                Some(time) => { (sig3(time.median)) " " small { "± " (sig3(time.stderr)) } }
+                None => "–",
+            } }
+            td { (optional(run.cpu_ms.map(|t| t.median))) }
+            td { (bytes(run.bytes_moved)) }
+            td { (run.floor_fraction.map_or("–".to_owned(), percent)) }
+            td { (optional(run.max_error_rel)) }
+        }
+        // The reason has a row of its own: in a column it would widen the table beyond the page.
+        @if let Some(problem) = &run.problem { tr.reason { td colspan=(HEADINGS.split('|').count()) { (problem) } } }
+    }
 }
 
 #[cfg(test)]
@@ -221,7 +191,7 @@ mod tests {
         assert_eq!(page.matches("<tr class=\"wrong\"").count(), 2);
         assert!(page.contains("class=\"best\"") && page.contains("prefers-color-scheme"));
         assert!(page.contains("Example GPU &lt;1&gt;") && !page.contains("Example GPU <1>"));
-        assert!(page.contains(&escape(&report.command)));
+        assert!(page.contains(&report.command));
         for tag in ["section", "figure", "table", "tr", "td", "div", "main"] {
             let opened = page.matches(&format!("<{tag}>")).count() + page.matches(&format!("<{tag} ")).count();
             assert_eq!(opened, page.matches(&format!("</{tag}>")).count(), "{tag}");

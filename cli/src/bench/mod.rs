@@ -28,7 +28,7 @@ mod workload;
 use crate::args::bench::BenchArgs;
 use crate::input;
 use crate::output::{Failure, Output};
-use crate::table::{Table, bytes, percent, sig3};
+use crate::table::{Table, bytes, count, optional, percent};
 use deltamorph::headless::DeviceChoice;
 use record::{Report, RunRecord};
 
@@ -99,7 +99,7 @@ fn verdict(runs: &[RunRecord]) -> Result<(), Failure> {
             first.path,
             first.format,
             first.batch_size,
-            if first.changed.fract() == 0.0 { first.changed.to_string() } else { sig3(first.changed) },
+            count(first.changed),
             first.problem.as_deref().unwrap_or("no reason given")
         ))),
     }
@@ -113,8 +113,6 @@ fn text(runs: &[RunRecord]) -> String {
     let mut table = Table::new(&headings, 4);
     for run in runs {
         let time = run.time();
-        let number = |v: Option<f64>| v.map_or("–".to_owned(), sig3);
-        let count = |v: f64| if v.fract() == 0.0 { format!("{v:.0}") } else { sig3(v) };
         table.row([
             run.path.clone(),
             if run.accumulate == "exact" { format!("{} exact", run.format) } else { run.format.clone() },
@@ -124,11 +122,11 @@ fn text(runs: &[RunRecord]) -> String {
             count(run.changed),
             run.batch_size.to_string(),
             count(run.passes),
-            if run.verified { number(time.map(|t| t.median)) } else { "WRONG".into() },
-            number(time.map(|t| t.stderr)),
+            if run.verified { optional(time.map(|t| t.median)) } else { "WRONG".into() },
+            optional(time.map(|t| t.stderr)),
             bytes(run.bytes_moved),
             run.floor_fraction.map_or("–".to_owned(), percent),
-            number(run.max_error_rel),
+            optional(run.max_error_rel),
         ]);
     }
     table.to_string()

@@ -5,7 +5,7 @@ use super::record::{Report, RunRecord};
 use crate::plots::bars::{Bar, BarChart, Unit, remark};
 use crate::plots::chart::{Axes, LineChart, Point, Series, X};
 use crate::plots::{Chart, Figure};
-use crate::table::{sig3, thousands};
+use crate::table::{count, thousands};
 use deltamorph::plan::BatchSize;
 use std::collections::HashSet;
 
@@ -159,18 +159,14 @@ pub fn slug(name: &str) -> String {
 /// What is constant in a figure.
 fn setting(report: &Report, workload: &str, heads: u32, changed: Option<f64>) -> [String; 2] {
     let work = match (workload, changed) {
-        ("random", Some(n)) => format!("{} of {} targets changed per frame", sig0(n), report.input.targets),
+        ("random", Some(n)) => format!("{} of {} targets changed per frame", count(n), report.input.targets),
         ("random", None) => format!("{} targets", report.input.targets),
-        (clip, Some(n)) => format!("clip {clip}: {} of {} targets changed per frame", sig0(n), report.input.targets),
+        (clip, Some(n)) => format!("clip {clip}: {} of {} targets changed per frame", count(n), report.input.targets),
         (clip, None) => format!("clip {clip}"),
     };
     let heads = if heads == 1 { String::new() } else { format!(" · {heads} heads") };
     let mesh = format!("{}, {} vertices", report.input.name, thousands(report.input.vertices));
     [format!("{work}{heads}"), format!("{mesh} · {}", report.device.name)]
-}
-
-fn sig0(n: f64) -> String {
-    if n.fract() == 0.0 { format!("{n:.0}") } else { sig3(n) }
 }
 
 fn group_figures(group: &Group<'_>, report: &Report, suffix: &str, figures: &mut Vec<Figure>) {

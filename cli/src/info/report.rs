@@ -2,11 +2,12 @@
 
 use super::record::{Info, PoseRow, SweepRow};
 use crate::output::{Failure, create_folder, is_free, publish, write_file};
-use crate::page::{document, escape, figure, table};
+use crate::page::{self, document, row, table};
 use crate::plots::canvas::Marker;
 use crate::plots::chart::{Axes, LineChart, Point, Series, X};
 use crate::plots::{Chart, Figure};
 use crate::table::{bytes, percent, sig3, thousands};
+use maud::{Markup, html};
 use plotters::prelude::RGBColor;
 use std::path::Path;
 
@@ -35,23 +36,23 @@ fn write_into(info: &Info, dir: &Path) -> Result<(), Failure> {
     let json = serde_json::to_string_pretty(info).map_err(|e| Failure::failed(&e))?;
     write_file(&dir.join("info.json"), json + "\n")?;
     let rows = info.sweep.as_deref().unwrap_or_default();
-    let mut body = format!(
-        "<header><p class=\"kicker\">deltamorph info · {}</p><h1>Error against bytes</h1>\
-         <p class=\"lead\">{} vertices × {} targets, {} as six floats for every vertex and target.</p></header>\n\
-         <section class=\"figures\">",
-        escape(&info.input.name),
-        thousands(info.input.vertices),
-        info.input.targets,
-        bytes(info.formats.first().map_or(0, |f| f.dense_f32_bytes) as f64),
-    );
-    for drawn in figures(info, rows) {
-        body += &figure(&drawn, &drawn.write(dir)?);
-    }
-    body += "</section>\n<section><h2>Whole poses</h2>";
-    body += &pose_table(info.poses.as_deref().unwrap_or_default());
-    body += "</section>\n<section><h2>Every point</h2>";
-    body += &sweep_table(rows);
-    body += "</section>\n<p class=\"note\">All numbers: <a href=\"info.json\">info.json</a>.</p>\n";
+    let drawn = figures(info, rows).map(|figure| figure.write(dir).map(|svg| (figure, svg)));
+    let drawn = drawn.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let dense = info.formats.first().map_or(0, |f| f.dense_f32_bytes);
+    let body = html! {
+        header {
+            p.kicker { "deltamorph info · " (info.input.name) }
+            h1 { "Error against bytes" }
+            p.lead {
+                (thousands(info.input.vertices)) " vertices × " (info.input.targets) " targets, "
+                (bytes(dense as f64)) " as six floats for every vertex and target."
+            }
+        }
+        (page::figures(&drawn))
+        section { h2 { "Whole poses" } (pose_table(info.poses.as_deref().unwrap_or_default())) }
+        section { h2 { "Every point" } (sweep_table(rows)) }
+        p.note { "All numbers: " a href="info.json" { "info.json" } "." }
+    };
     write_file(&dir.join("index.html"), document(&format!("{} · deltamorph info", info.input.name), &body))
 }
 
@@ -113,52 +114,49 @@ fn series(rows: &[SweepRow], error: Error) -> Vec<Series> {
     all
 }
 
-fn pose_table(rows: &[PoseRow]) -> String {
-    if rows.is_empty() {
-        return "<p class=\"note\">There is no clip to take poses from.</p>".into();
-    }
-    let cells = |row: &PoseRow| {
-        vec![
-            escape(&row.clip),
-            row.frames.to_string(),
-            row.format.into(),
-            sig3(row.position_error_rel),
-            format!("{}°", sig3(row.normal_error_deg)),
-            format!("{}°", sig3(row.normal_error_p999_deg)),
-        ]
+fn pose_table(rows: &[PoseRow]) -> Markup {
+    let cells = |r: &PoseRow| {
+        row([
+            r.clip.clone(),
+            r.frames.to_string(),
+            r.format.into(),
+            sig3(r.position_error_rel),
+            format!("{}°", sig3(r.normal_error_deg)),
+            format!("{}°", sig3(r.normal_error_p999_deg)),
+        ])
     };
     let headings = ["clip", "frames", "format", "position error / diagonal", "normals", "999 of 1000 normals"];
-    let note = "<p class=\"note\">Largest errors against the raw files: dropped deltas and packing together, the \
-                weights as captured. Where targets fold a normal to almost nothing, a small error turns it far: \
-                the last column leaves out one normal of a thousand.</p>";
-    table(&headings, rows.iter().map(cells)) + note
+    html! {
+        @if rows.is_empty() {
+            p.note { "There is no clip to take poses from." }
+        } @else {
+            (table(headings, rows.iter().map(cells)))
+            p.note {
+                "Largest errors against the raw files: dropped deltas and packing together, the weights as captured. \
+                 Where targets fold a normal to almost nothing, a small error turns it far: the last column leaves out \
+                 one normal of a thousand."
+            }
+        }
+    }
 }
 
-fn sweep_table(rows: &[SweepRow]) -> String {
-    let cells = |row: &SweepRow| {
+fn sweep_table(rows: &[SweepRow]) -> Markup {
+    let cells = |r: &SweepRow| {
         let optional = |v: Option<String>| v.unwrap_or_else(|| "–".into());
-        vec![
-            row.format.into(),
-            optional(row.block_size.map(|n| n.to_string())),
-            optional(row.position_allowed_rel.map(|v| format!("{v:.1e}"))),
-            optional(row.normal_allowed_deg.map(|v| format!("{}°", sig3(v.into())))),
-            bytes(row.bytes as f64),
-            percent(row.share),
-            sig3(row.position_error_rel),
-            format!("{}°", sig3(row.normal_error_deg)),
-        ]
+        row([
+            r.format.into(),
+            optional(r.block_size.map(|n| n.to_string())),
+            optional(r.position_allowed_rel.map(|v| format!("{v:.1e}"))),
+            optional(r.normal_allowed_deg.map(|v| format!("{}°", sig3(v.into())))),
+            bytes(r.bytes as f64),
+            percent(r.share),
+            sig3(r.position_error_rel),
+            format!("{}°", sig3(r.normal_error_deg)),
+        ])
     };
-    let headings = [
-        "format",
-        "block size",
-        "positions allowed",
-        "normals allowed",
-        "bytes",
-        "of float32",
-        "position error / diagonal",
-        "normals",
-    ];
-    table(&headings, rows.iter().map(cells))
+    let headings = "format|block size|positions allowed|normals allowed|bytes|of float32|position error / \
+        diagonal|normals";
+    table(headings.split('|'), rows.iter().map(cells))
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! The JSON of `play`. Fields may be added, never renamed.
 
 use crate::stage::Setup;
+use deltamorph::plan::UpdateStats;
 use serde::Serialize;
 
 /// What a clip took.
@@ -25,13 +26,9 @@ pub struct FrameRow {
     pub changed: usize,
     /// Targets with a weight other than 0.
     pub active: usize,
-    /// Blocks written (block formats).
-    pub dirty_blocks: usize,
-    /// Of these, the ones that started from the base pose.
-    pub rebuilt_blocks: usize,
-    pub passes: usize,
-    /// Bytes loaded and stored.
-    pub bytes_moved: u64,
+    /// What was planned; `None` where the device plans.
+    #[serde(flatten)]
+    pub planned: Planned,
     /// Time on the device; `None` without one.
     pub gpu_ms: Option<f64>,
     /// Round trip from weights to result, in microseconds.
@@ -40,17 +37,41 @@ pub struct FrameRow {
     pub max_error: Option<f64>,
 }
 
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Planned {
+    /// Blocks written (block formats).
+    pub dirty_blocks: Option<usize>,
+    /// Of these, the ones that started from the base pose.
+    pub rebuilt_blocks: Option<usize>,
+    pub passes: Option<usize>,
+    /// Bytes loaded and stored.
+    pub bytes_moved: Option<u64>,
+}
+
+impl Planned {
+    pub fn of(stats: &UpdateStats) -> Self {
+        Self {
+            dirty_blocks: Some(stats.dirty_blocks),
+            rebuilt_blocks: Some(stats.rebuilt_blocks),
+            passes: Some(stats.passes),
+            bytes_moved: Some(stats.bytes_moved),
+        }
+    }
+}
+
 #[derive(Clone, Debug, Serialize)]
 pub struct Summary {
     pub frames: usize,
     #[serde(flatten)]
     pub setup: Setup,
+    /// Animated and planned on the device.
+    pub animated: bool,
     /// Amplitude of the noise that was added to the weights.
     pub noise: f32,
     /// Targets changed, per frame.
     pub changed_mean: f64,
     /// Bytes loaded and stored, per frame.
-    pub bytes_moved_mean: f64,
+    pub bytes_moved_mean: Option<f64>,
     /// What incremental updates of whole float32 poses would move: per frame with a change, each vertex's pose in and
     /// out, and its delta for each changed target.
     pub dense_bytes_mean: f64,

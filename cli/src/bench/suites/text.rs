@@ -3,7 +3,7 @@
 use super::record::{CellRecord, Comparison, SuiteRecord, label};
 use crate::bench::record::{Report, RunRecord};
 use crate::bench::select::median;
-use crate::table::{Table, sig3};
+use crate::table::{Table, optional, sig3};
 
 pub fn title(name: &str) -> &str {
     match name {
@@ -42,7 +42,6 @@ pub fn cell_row(cell: &CellRecord, suite: &SuiteRecord, report: &Report) -> Vec<
         run.and_then(RunRecord::time).map_or("–".into(), |t| format!("{} (n = {})", sig3(t.median), t.n))
     };
     let name = |name: &Option<String>| name.clone().unwrap_or("–".into());
-    let number = |ratio: Option<f64>| ratio.map_or("–".into(), sig3);
     vec![
         cell.name.clone(),
         name(&cell.fastest),
@@ -51,9 +50,9 @@ pub fn cell_row(cell: &CellRecord, suite: &SuiteRecord, report: &Report) -> Vec<
         time(&cell.blocks),
         name(&cell.best_other),
         time(&cell.best_other),
-        number(cell.blocks_to_best_other),
-        number(cell.blocks_to_best_other_mean),
-        number(cell.direct_to_blocks),
+        optional(cell.blocks_to_best_other),
+        optional(cell.blocks_to_best_other_mean),
+        optional(cell.direct_to_blocks),
     ]
 }
 
@@ -129,17 +128,16 @@ pub fn text(suite: &SuiteRecord, report: &Report) -> String {
 
 /// A run as a row: what it competes in, what it is, and its times.
 pub fn run_row(run: &RunRecord) -> Vec<String> {
-    let number = |v: Option<f64>| v.map_or("–".to_owned(), sig3);
     let time = run.time();
     vec![
         run.cell.clone(),
         label(run),
-        if run.verified { number(run.gpu_ms.map(|t| t.mean)) } else { "WRONG".into() },
-        number(run.draw_ms),
-        number(time.map(|t| t.mean)),
-        number(time.map(|t| t.stderr)),
-        number(run.cpu_ms.map(|t| t.mean)),
-        number(run.upload_ms.map(|t| t.mean)),
+        if run.verified { optional(run.gpu_ms.map(|t| t.mean)) } else { "WRONG".into() },
+        optional(run.draw_ms),
+        optional(time.map(|t| t.mean)),
+        optional(time.map(|t| t.stderr)),
+        optional(run.cpu_ms.map(|t| t.mean)),
+        optional(run.upload_ms.map(|t| t.mean)),
         time.map_or("–".into(), |t| t.n.to_string()),
     ]
 }
