@@ -1,11 +1,13 @@
 //! From what a file says to what is kept of it: [`MorphSource::to_mesh`].
 
 use super::normals::{Adjacency, Deformer, vertex_normals};
-use super::{MorphMesh, MorphSource, MorphTarget, SourceTarget, Tolerance};
+use super::render::{copies, copy_deltas};
+use super::streams::Measure;
+use super::{MorphMesh, MorphSource, MorphTarget, Semantic, SourceTarget, StreamDeltas, Tolerance};
 use crate::error::{Error, Result};
 use crate::math::diagonal;
 use glam::Vec3;
-use std::collections::HashMap;
+use std::borrow::Cow;
 
 impl MorphSource {
     /// Check the source, drop deltas within `tolerance`, and compute what normals are missing.
@@ -15,18 +17,29 @@ impl MorphSource {
     /// exactly zero even where the vertex stays for its normal. Where the input has no normals, each target's
     /// normal deltas come from its own surface (base plus kept position deltas), so that dropped noise
     /// does not come back as noise in the normals. A vertex whose deformed surface has no normal (faces folded
-    /// to nothing) keeps the base normal.
+    /// to nothing) keeps the base normal. Normals are computed of the welded surface, so that shading is smooth across
+    /// doubled vertices.
     ///
     /// # Errors
     /// No vertex or more than 2³², an index out of range, deltas that are not ascending by vertex, a value that
-    /// is not finite, a face of fewer than three corners, a base normal that is not of unit length (within 1%),
-    /// two targets of one name, or a tolerance that is negative or not a number.
+    /// is not finite, a face of fewer than three corners, a base normal or tangent that is not of unit length (within
+    /// 1%), a tangent whose w is not 1 or -1, a stream that comes twice or with a wrong number of values, welded vertices
+    /// that are not at one place, two targets of one name, or a tolerance that is negative or not a number.
     pub fn to_mesh(&self, tolerance: Tolerance) -> Result<MorphMesh> {
         self.check(tolerance)?;
-        let adjacency = Adjacency::new(&self.faces, self.positions.len());
+        // Faces of the welded surface: copies have none, and take over the normals of the vertex that they double.
+        let copies: Vec<(u32, u32)> = copies(&self.welds).collect();
+        let mut faces = Cow::Borrowed(&self.faces);
+        if !copies.is_empty() {
+            faces.to_mut().corners.iter_mut().for_each(|c| c.position = self.welds[c.position as usize]);
+        }
+        let adjacency = Adjacency::new(&faces, self.positions.len());
         // Computed even beside stated normals where a target has none: its delta is between two computed ones.
-        let computed = (self.normals.is_none() || self.targets.iter().any(|t| t.normals.is_none()))
-            .then(|| vertex_normals(&adjacency, &self.positions));
+        let computed = (self.normals.is_none() || self.targets.iter().any(|t| t.normals.is_none())).then(|| {
+            let mut normals = vertex_normals(&adjacency, &self.positions);
+            copies.iter().for_each(|&(copy, of)| normals[copy as usize] = normals[of as usize]);
+            normals
+        });
         let diagonal = diagonal(&self.positions);
         if !diagonal.is_finite() {
             return Err(Error::invalid(
@@ -41,14 +54,24 @@ impl MorphSource {
                 target.positions.iter().copied().filter(|(_, d)| d.as_dvec3().length() > shortest).collect();
             let normals: Vec<(u32, Vec3)> = match (&target.normals, &computed) {
                 (Some(stated), _) => stated.clone(),
-                (None, Some(base)) => deformer
-                    .normals(&positions)
-                    .into_iter()
-                    .map(|(v, n)| (v, n.map_or(Vec3::ZERO, |n| n - base[v as usize])))
-                    .collect(),
+                (None, Some(base)) => {
+                    let difference = |(v, n): (u32, Option<Vec3>)| (v, n.map_or(Vec3::ZERO, |n| n - base[v as usize]));
+                    let mut normals: Vec<_> = deformer.normals(&positions).into_iter().map(difference).collect();
+                    copy_deltas(&mut normals, &copies);
+                    normals
+                }
                 (None, None) => Vec::new(),
             };
-            merge(target.name.clone(), &positions, &normals, tolerance.normal)
+            let streams = self.streams.iter().enumerate();
+            let streams = streams
+                .map(|(i, s)| {
+                    target
+                        .streams
+                        .get(i)
+                        .map_or_else(Default::default, |deltas| keep_stream(s.semantic, deltas, tolerance))
+                })
+                .collect();
+            MorphTarget { streams, ..merge(target.name.clone(), &positions, &normals, tolerance.normal) }
         };
         let deformer = Deformer::new(&adjacency, &self.positions);
         #[cfg(feature = "threads")]
@@ -69,76 +92,13 @@ impl MorphSource {
             normals,
             texcoords: self.texcoords.clone(),
             faces: self.faces.clone(),
+            streams: self.streams.clone(),
+            welds: self.welds.clone(),
             targets,
             diagonal,
             tolerance,
             notes: self.notes.clone(),
         })
-    }
-
-    fn check(&self, tolerance: Tolerance) -> Result<()> {
-        let refuse = |what: String, remedy: &str| Err(Error::invalid(format!("{}: {what}", self.name), remedy));
-        for (kind, value) in [("position", tolerance.position), ("normal", tolerance.normal)] {
-            if !(value >= 0.0 && value.is_finite()) {
-                return refuse(format!("the {kind} tolerance is {value}"), "give a tolerance of 0 or more");
-            }
-        }
-        let count = self.positions.len();
-        if count == 0 {
-            return refuse("the base pose has no vertex".into(), "give a mesh with at least one vertex");
-        }
-        // Corners as well, since adjacency counts them in 32 bits.
-        if u32::try_from(count).is_err() || u32::try_from(self.faces.corners.len()).is_err() {
-            return refuse("more than 4,294,967,295 vertices or face corners".into(), "split the mesh");
-        }
-        let finite = "replace values that are not a number or infinite";
-        if let Some(v) = self.positions.iter().position(|p| !p.is_finite()) {
-            return refuse(format!("vertex {v} is {}", self.positions[v]), finite);
-        }
-        if let Some(t) = self.texcoords.iter().position(|t| !t.is_finite()) {
-            return refuse(format!("texture coordinate {t} is {}", self.texcoords[t]), finite);
-        }
-        if let Some(normals) = &self.normals {
-            if normals.len() != count {
-                return refuse(format!("{} normals for {count} vertices", normals.len()), "give one per vertex");
-            }
-            // Written so that a NaN is refused too.
-            if let Some(v) = normals.iter().position(|n| !(0.99..=1.01).contains(&n.length())) {
-                let what = format!("the normal of vertex {v} is {}, unit length expected", normals[v]);
-                return refuse(what, "normalise the base normals");
-            }
-        }
-        self.faces.check(count, self.texcoords.len())?;
-        let mut names = HashMap::new();
-        for (i, target) in self.targets.iter().enumerate() {
-            if let Some(first) = names.insert(target.name.as_str(), i) {
-                let what = format!("targets {first} and {i} are both called '{}'", target.name);
-                return refuse(what, "rename one of them");
-            }
-            for (kind, deltas) in [("position", Some(&target.positions)), ("normal", target.normals.as_ref())] {
-                let deltas = deltas.map_or(&[][..], Vec::as_slice);
-                if let Some((v, d)) = deltas.iter().find(|(_, d)| !d.is_finite()) {
-                    let what = format!("target '{}': the {kind} delta of vertex {v} is {d}", target.name);
-                    return refuse(what, finite);
-                }
-                if let Some(w) = deltas.windows(2).find(|w| w[0].0 >= w[1].0) {
-                    let what = format!("target '{}': vertex {} comes after vertex {}", target.name, w[1].0, w[0].0);
-                    return refuse(what, "list each vertex once, ascending");
-                }
-                if let Some((v, _)) = deltas.last().filter(|(v, _)| *v as usize >= count) {
-                    let what = format!("target '{}' moves vertex {v}, there are {count}", target.name);
-                    return refuse(what, "give targets of the same vertices as the base pose");
-                }
-                // The deformed surface has to be finite as well, or its normals are not.
-                if kind == "position"
-                    && let Some((v, d)) = deltas.iter().find(|(v, d)| !(self.positions[*v as usize] + *d).is_finite())
-                {
-                    let what = format!("target '{}' moves vertex {v} by {d}, to infinity", target.name);
-                    return refuse(what, finite);
-                }
-            }
-        }
-        Ok(())
     }
 }
 
@@ -157,4 +117,20 @@ fn merge(name: String, positions: &[(u32, Vec3)], normals: &[(u32, Vec3)], short
         }
     }
     target
+}
+
+/// The deltas of a further stream that are above the tolerance.
+fn keep_stream(semantic: Semantic, stated: &StreamDeltas, tolerance: Tolerance) -> StreamDeltas {
+    let shortest = f64::from(match semantic.measure() {
+        Measure::Angle => tolerance.normal,
+        Measure::Length | Measure::Absolute => tolerance.position,
+    });
+    let mut kept = StreamDeltas::default();
+    for (&v, delta) in stated.vertices.iter().zip(stated.deltas.chunks_exact(semantic.morphing_components())) {
+        if delta.iter().map(|d| f64::from(*d).powi(2)).sum::<f64>().sqrt() > shortest {
+            kept.vertices.push(v);
+            kept.deltas.extend_from_slice(delta);
+        }
+    }
+    kept
 }

@@ -1,9 +1,12 @@
 //! A mesh ready to pack: what is kept of a source.
 
-use super::Faces;
+use super::{Faces, StreamData, StreamDeltas};
 use glam::{Vec2, Vec3};
 
 /// Below which size a delta is rounding noise and is dropped.
+///
+/// Further streams go by how their error is measured: directions (tangents) by `normal`, other numbers by `position`, as
+/// a fraction of 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerance {
     /// Length of a position delta, as a fraction of the bounding-box diagonal (≥ 0).
@@ -44,10 +47,12 @@ pub struct MorphTarget {
     pub positions: Vec<Vec3>,
     /// Normal delta of each of `vertices`.
     pub normals: Vec<Vec3>,
+    /// Deltas of each of the mesh's [`streams`](MorphMesh::streams).
+    pub streams: Vec<StreamDeltas>,
 }
 
 /// Base pose and morph targets, ready to pack: normals present, noise dropped, everything finite.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct MorphMesh {
     /// Name for messages and reports.
     pub name: String,
@@ -59,6 +64,10 @@ pub struct MorphMesh {
     pub texcoords: Vec<Vec2>,
     /// The face list.
     pub faces: Faces,
+    /// What vertices have besides: tangents, colours, texture coordinates that morph.
+    pub streams: Vec<StreamData>,
+    /// For each vertex the first one at its place, or empty: see [`MorphSource::welds`](super::MorphSource::welds).
+    pub welds: Vec<u32>,
     /// The targets, in the order of the source.
     pub targets: Vec<MorphTarget>,
     /// Length of the bounding-box diagonal of the base pose, in input units.

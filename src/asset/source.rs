@@ -1,6 +1,6 @@
 //! A mesh as its files state it.
 
-use super::Faces;
+use super::{Faces, StreamData, StreamDeltas};
 use glam::{Vec2, Vec3};
 
 /// A morph target as a file states it.
@@ -13,6 +13,8 @@ pub struct SourceTarget {
     /// `target normal − base normal` per vertex where the file has normals (as stated there, not
     /// re-normalised): `(vertex, difference)`, ascending. `None`: computed from the deformed surface.
     pub normals: Option<Vec<(u32, Vec3)>>,
+    /// Deltas of the source's [`streams`](MorphSource::streams), in their order; streams beyond the last do not change.
+    pub streams: Vec<StreamDeltas>,
 }
 
 /// A base pose and its targets exactly as the input states them: no tolerance applied, no normal computed.
@@ -28,6 +30,12 @@ pub struct MorphSource {
     pub texcoords: Vec<Vec2>,
     /// The face list.
     pub faces: Faces,
+    /// What vertices have besides: tangents, colours, texture coordinates that morph.
+    pub streams: Vec<StreamData>,
+    /// For each vertex the first one at its place, itself where it is that; empty where every vertex has a place of its
+    /// own. Welded vertices share the normal that is computed, and what they share stays equal bit for bit in every
+    /// pose. See [`split`](Self::split) and [`weld`](Self::weld).
+    pub welds: Vec<u32>,
     /// The targets; an empty target keeps its index.
     pub targets: Vec<SourceTarget>,
     /// Remarks of the importer that a person should see (e.g. hard edges averaged).

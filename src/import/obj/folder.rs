@@ -62,6 +62,7 @@ pub fn import_folder(folder: &Path) -> Result<MorphSource> {
         faces: file.faces,
         targets: targets.into_iter().map(|t| t.source).collect(),
         notes,
+        ..MorphSource::default()
     })
 }
 
@@ -188,7 +189,7 @@ impl Neutral {
                 .collect()
         });
         let positions = differences(&self.file.positions, &file.positions).collect();
-        let source = SourceTarget { name: name.to_owned(), positions, normals };
+        let source = SourceTarget { name: name.to_owned(), positions, normals, streams: vec![] };
         if let Some((v, _)) = source.positions.iter().find(|(_, d)| !d.is_finite()) {
             let what = format!("vertex {} is too far from its place in the neutral mesh", u64::from(*v) + 1);
             return Err(input(path, "", what, remedy));

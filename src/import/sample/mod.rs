@@ -48,11 +48,10 @@ pub fn head(desc: &HeadDesc) -> MorphSource {
     MorphSource {
         name: "head".to_owned(),
         positions: base.positions,
-        normals: None,
         texcoords: base.texcoords,
         faces: base.faces,
         targets,
-        notes: Vec::new(),
+        ..MorphSource::default()
     }
 }
 

@@ -187,7 +187,7 @@ pub(super) fn targets(desc: &HeadDesc, positions: &[Vec3]) -> Vec<SourceTarget> 
         .map(|(i, ((lobes, _), fraction))| SourceTarget {
             name: name(i),
             positions: if fraction > 0.0 { moved(lobes, fraction, positions) } else { Vec::new() },
-            normals: None,
+            ..SourceTarget::default()
         })
         .collect()
 }

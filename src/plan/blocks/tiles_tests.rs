@@ -32,7 +32,7 @@ fn run_items(mesh: &PackedMesh, index: &BlockIndex, list: &WorkList, exact: Opti
         let source = source.map(|s| memory.poses[at + s as usize][part.clone()].to_vec());
         let sums = exact.map(|grid| (&mut memory.sums[item.instance as usize][part.clone()], grid));
         let destination = &mut memory.poses[at + item.destination as usize][part];
-        Block::new(mesh, index, list, i, source.as_deref()).run(destination, sums, &mut ());
+        Block::new(mesh.surface(), index, list, i, source.as_deref()).run(destination, sums, &mut ());
     }
 }
 
@@ -77,7 +77,7 @@ proptest! {
                 for tile in items {
                     seen.extend_from_slice(&tile.items[..1 << width]);
                     prop_assert!((tile.first as usize).is_multiple_of(ALIGN) && row_words(width) > 1 << width);
-                    tile::run(&mesh, &index, list, (&tiles, tile, width), exact, &mut other, &mut metered);
+                    tile::run(mesh.surface(), &index, list, (&tiles, tile, width), exact, &mut other, &mut metered);
                 }
             }
             seen.sort_unstable();

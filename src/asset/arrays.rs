@@ -1,0 +1,136 @@
+//! From arrays with one element per vertex, as engines and exchange formats hold meshes.
+
+use super::{Corner, Faces, MorphSource, Semantic, SourceTarget, StreamData, StreamDeltas};
+use crate::error::{Error, Result};
+use glam::Vec3;
+
+/// A base pose and its targets: arrays of one element per vertex, or empty where a mesh has no such thing.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct MeshArrays<'a> {
+    /// Name for messages and reports.
+    pub name: &'a str,
+    /// Positions.
+    pub positions: &'a [[f32; 3]],
+    /// Normals of unit length; empty: computed.
+    pub normals: &'a [[f32; 3]],
+    /// Tangents of unit length with the handedness (1 or -1) in w.
+    pub tangents: &'a [[f32; 4]],
+    /// Texture coordinates.
+    pub texcoords: &'a [[f32; 2]],
+    /// Triangles, three vertices each.
+    pub indices: &'a [u32],
+    /// The targets.
+    pub targets: &'a [TargetArrays<'a>],
+    /// Targets state where a vertex is (false: by how much it differs from the base pose).
+    pub absolute: bool,
+}
+
+/// A target of [`MeshArrays`]; an empty array changes nothing.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct TargetArrays<'a> {
+    /// Name; empty: "target" and its number, counted from 0.
+    pub name: &'a str,
+    /// Positions, or their deltas.
+    pub positions: &'a [[f32; 3]],
+    /// Normals, or their deltas; empty: computed from the deformed surface.
+    pub normals: &'a [[f32; 3]],
+    /// The tangents' x y z, or their deltas.
+    pub tangents: &'a [[f32; 3]],
+}
+
+impl MorphSource {
+    /// From arrays with one element per vertex. What differs by nothing takes no memory.
+    ///
+    /// Where vertices are doubled at seams, call [`weld`](Self::weld): normals that are computed are smooth across the
+    /// seam then, and no crack opens in any pose.
+    ///
+    /// ```
+    /// use deltamorph::asset::{MeshArrays, MorphSource, TargetArrays, Tolerance};
+    ///
+    /// let smile = [[0.0, 0.0, 0.0], [0.0, 0.25, 0.0], [0.0, 0.0, 0.0]];
+    /// let mesh = MorphSource::from_arrays(&MeshArrays {
+    ///     name: "mouth",
+    ///     positions: &[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+    ///     normals: &[[0.0, 0.0, 1.0]; 3],
+    ///     tangents: &[[1.0, 0.0, 0.0, 1.0]; 3],
+    ///     indices: &[0, 1, 2],
+    ///     targets: &[TargetArrays { name: "smile", positions: &smile, ..Default::default() }],
+    ///     ..Default::default()
+    /// })?
+    /// .to_mesh(Tolerance::default())?;
+    /// assert_eq!(mesh.targets[0].vertices, [1]);
+    /// # Ok::<(), deltamorph::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// An array whose length is not the number of vertices, or indices that are no whole triangles. What the values may
+    /// be is checked by [`to_mesh`](Self::to_mesh).
+    pub fn from_arrays(arrays: &MeshArrays<'_>) -> Result<Self> {
+        let count = arrays.positions.len();
+        let refuse = |what: String, remedy: &str| Err(Error::invalid(format!("{}: {what}", arrays.name), remedy));
+        if !arrays.indices.len().is_multiple_of(3) {
+            return refuse(format!("{} indices", arrays.indices.len()), "give three per triangle");
+        }
+        let lengths = [
+            ("normals", arrays.normals.len()),
+            ("tangents", arrays.tangents.len()),
+            ("texture coordinates", arrays.texcoords.len()),
+        ];
+        if let Some((what, n)) = lengths.into_iter().find(|(_, n)| *n != 0 && *n != count) {
+            return refuse(format!("{n} {what} for {count} vertices"), "give one per vertex, or none");
+        }
+        let streams = match arrays.tangents {
+            [] => vec![],
+            tangents => vec![StreamData { semantic: Semantic::Tangent, values: tangents.concat() }],
+        };
+        let mut targets = Vec::with_capacity(arrays.targets.len());
+        for (i, target) in arrays.targets.iter().enumerate() {
+            let name = if target.name.is_empty() { format!("target {i}") } else { target.name.to_owned() };
+            let lengths = [
+                ("positions", target.positions.len(), count),
+                ("normals", target.normals.len(), arrays.normals.len()),
+                ("tangents", target.tangents.len(), arrays.tangents.len()),
+            ];
+            if let Some((what, n, base)) = lengths.into_iter().find(|(_, n, base)| *n != 0 && n != base) {
+                return refuse(
+                    format!("target '{name}' has {n} {what}, the base pose {base}"),
+                    "give as many as the base pose has, or none",
+                );
+            }
+            let differences = |base: &[[f32; 3]], target: &[[f32; 3]]| -> Vec<(u32, Vec3)> {
+                let base = |v: usize| if arrays.absolute { Vec3::from(base[v]) } else { Vec3::ZERO };
+                let deltas = target.iter().enumerate().map(|(v, t)| (v as u32, Vec3::from(*t) - base(v)));
+                deltas.filter(|(_, d)| *d != Vec3::ZERO).collect()
+            };
+            let directions: Vec<[f32; 3]> = arrays.tangents.iter().map(|&[x, y, z, _]| [x, y, z]).collect();
+            let tangents = differences(&directions, target.tangents);
+            targets.push(SourceTarget {
+                name,
+                positions: differences(arrays.positions, target.positions),
+                normals: (!target.normals.is_empty()).then(|| differences(arrays.normals, target.normals)),
+                streams: match tangents[..] {
+                    [] => vec![],
+                    _ => vec![StreamDeltas {
+                        vertices: tangents.iter().map(|(v, _)| *v).collect(),
+                        deltas: tangents.iter().flat_map(|(_, d)| d.to_array()).collect(),
+                    }],
+                },
+            });
+        }
+        let corner =
+            |&position: &u32| Corner { position, texcoord: (!arrays.texcoords.is_empty()).then_some(position) };
+        Ok(Self {
+            name: arrays.name.to_owned(),
+            positions: arrays.positions.iter().copied().map(Vec3::from).collect(),
+            normals: (!arrays.normals.is_empty()).then(|| arrays.normals.iter().copied().map(Vec3::from).collect()),
+            texcoords: arrays.texcoords.iter().copied().map(Into::into).collect(),
+            faces: Faces {
+                sizes: vec![3; arrays.indices.len() / 3],
+                corners: arrays.indices.iter().map(corner).collect(),
+            },
+            streams,
+            targets,
+            ..Self::default()
+        })
+    }
+}

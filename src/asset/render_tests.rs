@@ -1,0 +1,176 @@
+use super::*;
+use crate::asset::{Corner, MeshArrays, Semantic, SourceTarget, TargetArrays, Tolerance};
+
+/// A strip of two quads, folded along the edge 1-4, with a seam in the texture coordinates there.
+fn fold() -> MorphSource {
+    let corner = |(position, t): (u32, u32)| Corner { position, texcoord: Some(t) };
+    let corners = [(0, 0), (1, 1), (4, 2), (3, 3), (1, 0), (2, 1), (5, 2), (4, 4)];
+    MorphSource {
+        name: "fold".into(),
+        positions: [[0, 0, 0], [1, 0, 1], [2, 0, 0], [0, 1, 0], [1, 1, 1], [2, 1, 0]]
+            .map(|p: [i32; 3]| Vec3::from(p.map(|x| x as f32)))
+            .to_vec(),
+        texcoords: [[0, 0], [1, 0], [1, 1], [0, 1], [1, 1]].map(|t: [i32; 2]| Vec2::from(t.map(|x| x as f32))).to_vec(),
+        faces: Faces { sizes: vec![4, 4], corners: corners.map(corner).to_vec() },
+        streams: vec![StreamData { semantic: Semantic::Tangent, values: [0.0, 1.0, 0.0, -1.0].repeat(6) }],
+        targets: vec![SourceTarget {
+            name: "up".into(),
+            positions: vec![(1, Vec3::Z), (4, Vec3::new(0.1, 0.2, 0.3))],
+            normals: None,
+            streams: vec![StreamDeltas { vertices: vec![1, 2], deltas: vec![0.5, 0.0, 0.0, 0.0, 0.0, 0.25] }],
+        }],
+        ..Default::default()
+    }
+}
+
+#[test]
+fn a_vertex_is_doubled_where_texture_coordinates_differ_by_value() {
+    let source = fold();
+    let render = source.faces.render_vertices(6, &source.texcoords).unwrap();
+    // Vertex 4 names two texture coordinates of the same value.
+    assert_eq!(render.pose_vertices, [0, 1, 2, 3, 4, 5, 1]);
+    assert_eq!(render.indices, [0, 1, 4, 0, 4, 3, 6, 2, 5, 6, 5, 4]);
+    assert_eq!((render.texcoords[1], render.texcoords[6]), (Vec2::X, Vec2::ZERO));
+    let split = source.split().unwrap();
+    let again = split.faces.render_vertices(7, &split.texcoords).unwrap();
+    assert_eq!(again.pose_vertices, (0..7).collect::<Vec<u32>>());
+    assert_eq!((again.indices, again.texcoords), (render.indices, render.texcoords));
+    assert!(source.faces.render_vertices(5, &source.texcoords).is_err());
+}
+
+#[test]
+fn a_split_mesh_is_the_welded_one_bit_for_bit() {
+    for stated in [false, true] {
+        let mut source = fold();
+        if stated {
+            source.normals = Some(vec![Vec3::Z; 6]);
+            source.targets[0].normals = Some(vec![(1, Vec3::X)]);
+        }
+        let welded = source.to_mesh(Tolerance::default()).unwrap();
+        let split = source.split().unwrap().to_mesh(Tolerance::default()).unwrap();
+        assert_eq!(split.welds, [0, 1, 2, 3, 4, 5, 1]);
+        assert_eq!((&split.positions[..6], &split.normals[..6]), (&welded.positions[..], &welded.normals[..]));
+        assert_eq!((split.positions[6], split.normals[6]), (welded.positions[1], welded.normals[1]));
+        assert_eq!(split.streams[0].values[24..], welded.streams[0].values[4..8]);
+        let (all, one) = (&split.targets[0], &welded.targets[0]);
+        let at = |v| one.vertices.iter().position(|x| *x == v).unwrap();
+        let n = one.vertices.len();
+        assert_eq!((&all.vertices[..n], all.vertices[n..].to_vec()), (&one.vertices[..], vec![6]));
+        assert_eq!((all.positions[n], all.normals[n]), (one.positions[at(1)], one.normals[at(1)]));
+        assert_ne!(all.normals[n], Vec3::ZERO);
+        assert_eq!((&all.streams[0].vertices[..], all.streams[0].deltas.len()), (&[1, 2, 6][..], 9));
+        assert_eq!(all.streams[0].deltas[6..], [0.5, 0.0, 0.0]);
+        // The file's vertices, and its texture coordinates as it lists them.
+        assert_eq!(split.texcoords, source.texcoords);
+    }
+}
+
+#[test]
+fn doubled_vertices_of_arrays_are_found_by_where_they_are_and_move() {
+    // The fold as triangles, its edge doubled by the one who made the arrays.
+    let positions = [
+        [0., 0., 0.],
+        [1., 0., 1.],
+        [0., 1., 0.],
+        [1., 1., 1.],
+        [1., 0., 1.],
+        [2., 0., 0.],
+        [1., 1., 1.],
+        [2., 1., 0.],
+    ];
+    let mut moved = [[0.0; 3]; 8];
+    (moved[1], moved[4], moved[3]) = ([0., 0., 1.], [0., 0., 1.], [0., 0., 2.]);
+    let targets = [TargetArrays { name: "up", positions: &moved, ..Default::default() }];
+    let arrays = MeshArrays {
+        positions: &positions,
+        indices: &[0, 1, 3, 0, 3, 2, 4, 5, 7, 4, 7, 6],
+        targets: &targets,
+        ..Default::default()
+    };
+    let mut source = MorphSource::from_arrays(&arrays).unwrap();
+    let cracked = source.to_mesh(Tolerance::default()).unwrap();
+    assert_ne!(cracked.normals[1], cracked.normals[4]);
+    source.weld().unwrap();
+    // Vertices 3 and 6 are at one place, but move apart.
+    assert_eq!(source.welds, [0, 1, 2, 3, 1, 5, 6, 7]);
+    let mesh = source.to_mesh(Tolerance::default()).unwrap();
+    assert_eq!(mesh.normals[1], mesh.normals[4]);
+    let target = &mesh.targets[0];
+    let delta = |v| target.normals[target.vertices.iter().position(|x| *x == v).unwrap()];
+    assert_eq!(delta(1), delta(4));
+}
+
+#[test]
+fn arrays_may_hold_differences_or_the_target_itself() {
+    let (base, normal, tangent) = ([[1.0, 2.0, 3.0]], [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0, -1.0]]);
+    let deltas = TargetArrays {
+        name: "",
+        positions: &[[0.5, 0.0, -1.0]],
+        normals: &[[0.0, 1.0, -1.0]],
+        tangents: &[[-1.0, 0.0, 1.0]],
+    };
+    let places =
+        TargetArrays { name: "", positions: &[[1.5, 2.0, 2.0]], normals: &[[0., 1., 0.]], tangents: &[[0., 0., 1.]] };
+    let arrays = |targets, absolute| MeshArrays {
+        positions: &base,
+        normals: &normal,
+        tangents: &tangent,
+        targets,
+        absolute,
+        ..Default::default()
+    };
+    let (deltas, places) = ([deltas], [places]);
+    let a = MorphSource::from_arrays(&arrays(&deltas, false)).unwrap().to_mesh(Tolerance::ZERO).unwrap();
+    let b = MorphSource::from_arrays(&arrays(&places, true)).unwrap().to_mesh(Tolerance::ZERO).unwrap();
+    assert_eq!(a.targets, b.targets);
+    assert_eq!(a.targets[0].name, "target 0");
+    assert_eq!(a.targets[0].streams[0], StreamDeltas { vertices: vec![0], deltas: vec![-1.0, 0.0, 1.0] });
+
+    let message = |arrays: &MeshArrays<'_>| MorphSource::from_arrays(arrays).unwrap_err().to_string();
+    let two = [[0.0; 3]; 2];
+    let text = message(&MeshArrays { normals: &two, ..arrays(&[], false) });
+    assert!(text.contains("2 normals for 1 vertices"), "{text}");
+    let target = [TargetArrays { name: "jaw", positions: &two, ..Default::default() }];
+    let text = message(&arrays(&target, false));
+    assert!(text.contains("target 'jaw' has 2 positions, the base pose 1"), "{text}");
+    assert!(message(&MeshArrays { indices: &[0], ..arrays(&[], false) }).contains("1 indices"));
+}
+
+#[test]
+fn streams_and_welds_that_do_not_fit_are_named() {
+    let refused = |change: &dyn Fn(&mut MorphSource)| {
+        let mut source = fold();
+        change(&mut source);
+        source.to_mesh(Tolerance::default()).unwrap_err().to_string()
+    };
+    let cases: [(&dyn Fn(&mut MorphSource), &str); 13] = [
+        (&|s| s.streams[0].values.truncate(20), "stream 'tangent': 20 numbers for 6 vertices; give 4"),
+        (&|s| s.streams[0].values[9] = f32::NAN, "stream 'tangent': vertex 2 has NaN"),
+        (&|s| s.streams[0].values[9] = 1.1, "the tangent of vertex 2 is [0.0, 1.1, 0.0, -1.0]; normalise"),
+        (&|s| s.streams[0].values[3] = 0.5, "the tangent of vertex 0 is"),
+        (&|s| s.streams.push(s.streams[0].clone()), "two streams 'tangent'"),
+        (&|s| s.streams[0].semantic = Semantic::Normal, "a further stream 'normal'; use the fields"),
+        (&|s| s.targets[0].streams.push(StreamDeltas::default()), "target 'up' has deltas of 2 streams"),
+        (&|s| s.targets[0].streams[0].deltas.truncate(5), "5 numbers for 2 vertices in the deltas of stream 'tangent'"),
+        (&|s| s.targets[0].streams[0].vertices = vec![2, 1], "among the tangent deltas, vertex 1 comes after vertex 2"),
+        (&|s| s.targets[0].streams[0].vertices[1] = 6, "a tangent delta of vertex 6, there are 6 vertices"),
+        (&|s| s.targets[0].streams[0].deltas[0] = f32::INFINITY, "the tangent delta of vertex 1 is [inf, 0.0, 0.0]"),
+        (&|s| s.welds = vec![0, 1, 1, 3, 4, 5], "vertex 2 is welded to vertex 1, but is or moves elsewhere"),
+        (&|s| s.welds = vec![0; 5], "5 welds for 6 vertices"),
+    ];
+    for (change, expected) in cases {
+        let message = refused(change);
+        assert!(message.starts_with("fold: ") && message.contains(expected), "{message}");
+    }
+}
+
+#[test]
+fn noise_in_a_stream_is_dropped_and_a_stream_without_deltas_stays() {
+    let mut source = fold();
+    source.targets[0].streams[0].deltas[3..].fill(1e-4);
+    source.streams.push(StreamData { semantic: Semantic::Color(0), values: vec![0.5; 24] });
+    let mesh = source.to_mesh(Tolerance::default()).unwrap();
+    assert_eq!(mesh.targets[0].streams[0].vertices, [1]);
+    assert_eq!((mesh.streams.len(), &mesh.targets[0].streams[1]), (2, &StreamDeltas::default()));
+    assert_eq!(source.to_mesh(Tolerance::ZERO).unwrap().targets[0].streams[0].vertices, [1, 2]);
+}
