@@ -1,83 +1,49 @@
 //! Brings the SPIR-V modules into the build: compiled from glsl/ by glslang (feature `compile-shaders`), or as
 //! checked in under spirv/.
 //!
-//! Either way OUT_DIR gets `manifest.txt` (what the modules were made from) and `modules.rs`, a table of
-//! `(name, bytes)` that src/gpu/shaders.rs includes.
+//! The table of kernels (src/abi/kernels.rs) says which modules there are. OUT_DIR gets
+//! - `modules.rs`, which src/abi/modules.rs includes: the modules, without debug names, and a `static` for each kernel;
+//! - `manifest.txt`: what the modules were made from;
+//! - `*.spv`: the modules as compiled, which `tests/spirv.rs` compares with spirv/.
 
-use formats::FORMATS;
+use formats::{FORMATS, FormatRow};
+use kernels::{KERNELS, KernelRow, Takes, batch_max};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
+#[allow(dead_code, reason = "the library needs more of it")]
 #[path = "src/abi/formats.rs"]
 mod formats;
+#[allow(dead_code, reason = "the library needs more of it")]
+#[path = "src/abi/kernels.rs"]
+mod kernels;
+#[allow(dead_code, reason = "shaders need the list alone")]
+#[path = "src/abi/numbers.rs"]
+mod numbers;
 
-/// The largest batch of a feedback module per format: what 32 vertex attributes allow. Read by
-/// src/gpu/shaders.rs through the table of modules, not repeated there.
-const ATTRIBUTES: u32 = 32;
-
-/// A module: its name, source file, and defines.
-#[cfg_attr(not(feature = "compile-shaders"), expect(dead_code, reason = "only the compiler reads source and defines"))]
+/// A module: a kernel for a format and a number of targets.
 struct Module {
     name: String,
-    source: &'static str,
-    defines: Vec<(&'static str, Option<String>)>,
-    /// The file under glsl/formats/ that is included as `format.glsl`.
-    format: Option<&'static str>,
+    #[cfg_attr(not(feature = "compile-shaders"), expect(dead_code, reason = "only the compiler reads it"))]
+    kernel: &'static KernelRow,
+    format: Option<&'static FormatRow>,
+    batch: Option<u32>,
 }
 
-fn modules() -> Vec<Module> {
-    let module = |name: &str, source, defines| Module { name: name.into(), source, defines, format: None };
-    let mut list = vec![module("consume", "consume.vert", vec![]), module("read", "read.comp", vec![])];
-    let animation = ["animate.comp", "budget.comp", "commit.comp", "plan.comp", "arguments.comp"];
-    list.extend(animation.map(|source| module(source.trim_end_matches(".comp"), source, vec![])));
-    for name in ["scatter", "resolve"] {
-        let source = if name == "scatter" { "baselines/scatter.comp" } else { "baselines/resolve.comp" };
-        list.push(module(name, source, vec![]));
-    }
-    for row in FORMATS.iter().filter(|row| !row.blocks) {
-        let module = |name: String, source, defines: Vec<(&'static str, Option<String>)>| Module {
-            format: Some(row.glsl),
-            ..module(&name, source, defines)
-        };
-        let format = row.module;
-        list.push(module(format!("dense_{format}"), "dense.comp", vec![]));
-        list.push(module(format!("dense_list_{format}"), "dense_list.comp", vec![]));
-        // One module per batch size; batch 0 copies.
-        for (name, source) in [
-            ("feedback", "feedback.vert"),
-            ("vertex_store", "baselines/vertex_store.vert"),
-            ("direct_attributes", "baselines/direct_attributes.vert"),
-        ] {
-            for batch in 0..=(ATTRIBUTES - 2) / row.attributes {
-                let name = format!("{name}_{format}_{batch:02}");
-                list.push(module(name, source, vec![("BATCH", Some(batch.to_string()))]));
-            }
-        }
-        // The draw, and the same with its result captured, in the two ways that devices have.
-        for (end, capture) in [("", None), ("_feedback", Some("FEEDBACK")), ("_store", Some("STORE"))] {
-            let defines = capture.into_iter().map(|c| (c, None)).collect();
-            list.push(module(format!("direct_{format}{end}"), "baselines/direct.vert", defines));
-        }
-    }
-    for row in FORMATS.iter().filter(|row| row.blocks) {
-        for exact in [Some(false), row.integers.then_some(true)].into_iter().flatten() {
-            let mut add = |kernel: &str, source, texels: Option<&'static str>| {
-                let suffix = [if exact { "_exact" } else { "" }, if texels.is_some() { "_texels" } else { "" }];
-                let defines = exact.then_some("EXACT").into_iter().chain(texels);
-                let name = format!("{kernel}_{}{}", row.module, suffix.concat());
-                let module = module(&name, source, defines.map(|d| (d, None)).collect());
-                list.push(Module { format: Some(row.glsl), ..module });
-            };
-            add("blocks", "blocks.comp", None);
-            add("crowd", "crowd.comp", None);
-            // For software drivers.
-            if row.name == "fast" {
-                add("crowd", "crowd.comp", Some("TEXELS"));
-            }
-        }
-    }
-    list
+/// The modules of a kernel for a format, or those of a kernel that reads no deltas.
+fn modules(kernel: &'static KernelRow, format: Option<&'static FormatRow>) -> Vec<Module> {
+    let batches = match (kernel.takes, format) {
+        (Takes::DenseBatches, Some(format)) => (0..=batch_max(format)).map(Some).collect(),
+        _ => vec![None],
+    };
+    let module = |batch: Option<u32>| {
+        let batch_name = batch.map(|b| format!("{b:02}")).unwrap_or_default();
+        let parts = [kernel.name, format.map_or("", |f| f.module), kernel.suffix, &batch_name];
+        let name = parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("_");
+        Module { name, kernel, format, batch }
+    };
+    batches.into_iter().map(module).collect()
 }
 
 /// FNV-1a, 64 bits: names sources in the manifest, independent of platform and compiler.
@@ -94,9 +60,14 @@ fn files_in(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
+/// What shaders include as `abi.glsl`.
+fn abi_glsl() -> String {
+    numbers::SHARED.iter().fold(String::new(), |text, (name, value)| text + &format!("#define {name} {value}u\n"))
+}
+
 /// A line per source file.
 fn source_manifest(glsl: &Path) -> String {
-    let mut text = String::new();
+    let mut text = format!("source abi.glsl {:016x}\n", hash(abi_glsl().as_bytes()));
     for file in files_in(glsl) {
         let bytes = fs::read(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
         let parts = file.strip_prefix(glsl).expect("a file of this folder").components();
@@ -114,20 +85,20 @@ fn compile(module: &Module, glsl: &Path) -> Vec<u8> {
         VulkanVersion,
     };
 
-    /// Files of glsl/, and as `format.glsl` the file of the module's format.
-    struct Includes<'a>(&'a Path, Option<&'static str>);
+    /// Files of glsl/; `abi.glsl`; and as `format.glsl` the file of the module's format.
+    struct Includes<'a>(&'a Path, Option<&'static FormatRow>);
     impl IncludeHandler for Includes<'_> {
         fn include(&mut self, _: IncludeType, name: &str, _: &str, _: usize) -> Option<IncludeResult> {
-            let path = match (name, self.1) {
-                ("format.glsl", Some(format)) => self.0.join("formats").join(format),
-                _ => self.0.join(name),
+            let data = match (name, self.1) {
+                ("abi.glsl", _) => abi_glsl(),
+                ("format.glsl", Some(format)) => fs::read_to_string(self.0.join("formats").join(format.glsl)).ok()?,
+                _ => fs::read_to_string(self.0.join(name)).ok()?,
             };
-            let data = fs::read_to_string(path).ok()?;
             Some(IncludeResult { name: name.into(), data })
         }
     }
 
-    let path = glsl.join(module.source);
+    let path = glsl.join(module.kernel.source);
     let text = fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     let fail = |e: glslang::error::GlslangError| -> ! { panic!("{} (module {}): {e}", path.display(), module.name) };
     let options = CompilerOptions {
@@ -135,8 +106,15 @@ fn compile(module: &Module, glsl: &Path) -> Vec<u8> {
         target: Target::Vulkan { version: VulkanVersion::Vulkan1_1, spirv_version: SpirvVersion::SPIRV1_3 },
         ..CompilerOptions::default()
     };
-    let stage = if module.source.ends_with(".vert") { ShaderStage::Vertex } else { ShaderStage::Compute };
-    let defines: Vec<(&str, Option<&str>)> = module.defines.iter().map(|(k, v)| (*k, v.as_deref())).collect();
+    let stage = match module.kernel.stage {
+        kernels::Stage::Vertex => ShaderStage::Vertex,
+        kernels::Stage::Compute(_) => ShaderStage::Compute,
+    };
+    let format = module.format.map(|f| f.module.to_uppercase());
+    let batch = module.batch.map(|b| b.to_string());
+    let flags = format.as_deref().into_iter().chain(module.kernel.defines.iter().copied());
+    let defines: Vec<(&str, Option<&str>)> =
+        flags.map(|flag| (flag, None)).chain(batch.as_deref().map(|b| ("BATCH", Some(b)))).collect();
     let mut includes = Includes(glsl, module.format);
     let source = ShaderSource::from(text);
     let compiler = Compiler::acquire().expect("the only user of glslang in this process");
@@ -147,35 +125,125 @@ fn compile(module: &Module, glsl: &Path) -> Vec<u8> {
     words.iter().flat_map(|w| w.to_le_bytes()).collect()
 }
 
+/// A module as it is embedded: without names and other debug instructions, each word in as few bytes as it needs, seven
+/// bits to a byte, the lowest first (LEB128; most words are small numbers). src/abi/modules.rs decodes it.
+fn embedded(spirv: &[u8]) -> Vec<u8> {
+    /// OpSourceContinued to OpLine, OpNoLine, OpModuleProcessed.
+    const DEBUG: [u32; 9] = [2, 3, 4, 5, 6, 7, 8, 317, 330];
+    let words: Vec<u32> = spirv.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect();
+    let mut kept = words[..5].to_vec();
+    let mut at = 5;
+    while at < words.len() {
+        let end = at + (words[at] >> 16) as usize;
+        if !DEBUG.contains(&(words[at] & 0xffff)) {
+            kept.extend_from_slice(&words[at..end]);
+        }
+        at = end;
+    }
+    let mut bytes = vec![];
+    for mut word in kept {
+        while word > 0x7f {
+            bytes.push(word as u8 | 0x80);
+            word >>= 7;
+        }
+        bytes.push(word as u8);
+    }
+    bytes
+}
+
+/// The text of `modules.rs`.
+#[derive(Default)]
+struct Table {
+    modules: String,
+    count: usize,
+    kernels: String,
+}
+
+impl Table {
+    fn add_module(&mut self, row: usize, module: &Module, file: &Path) {
+        let place = |format| FORMATS.iter().position(|f| f == format).expect("a row of the table");
+        let format = module.format.map(|format| format!("Some(&FORMATS[{}])", place(format)));
+        writeln!(
+            self.modules,
+            "    Module {{ name: {:?}, kernel: &KERNELS[{row}], format: {}, batch: {}, code: include_bytes!({file:?}) }},",
+            module.name,
+            format.as_deref().unwrap_or("None"),
+            module.batch.unwrap_or(0),
+        )
+        .unwrap();
+        self.count += 1;
+    }
+
+    /// `modules`: first and number for each format, or of a kernel that reads no deltas.
+    fn add_kernel(&mut self, row: usize, modules: &[(usize, usize)]) {
+        let kernel = &KERNELS[row];
+        let source = kernel.source;
+        let name = [kernel.name, kernel.suffix].join(if kernel.suffix.is_empty() { "" } else { "_" }).to_uppercase();
+        match (kernel.takes, kernel.baseline) {
+            (Takes::NoDeltas, false) => {
+                writeln!(self.kernels, "/// {source}\npub static {name}: &Module = &MODULES[{}];", modules[0].0)
+            }
+            _ => writeln!(
+                self.kernels,
+                "/// {source}\npub static {name}: Kernel = Kernel {{ row: &KERNELS[{row}], modules: {modules:?} }};"
+            ),
+        }
+        .unwrap();
+    }
+}
+
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
     println!("cargo::rerun-if-changed=glsl");
-    println!("cargo::rerun-if-changed=src/abi/formats.rs");
     println!("cargo::rerun-if-changed=spirv");
+    for file in ["formats", "kernels", "numbers"] {
+        println!("cargo::rerun-if-changed=src/abi/{file}.rs");
+    }
     let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("set by cargo"));
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("set by cargo"));
     let (glsl, spirv) = (root.join("glsl"), root.join("spirv"));
     let mut manifest = source_manifest(&glsl);
-    let mut table = String::from("[\n");
-
-    for module in &modules() {
-        let file = format!("{}.spv", module.name);
-        #[cfg(feature = "compile-shaders")]
-        let path = {
-            let bytes = compile(module, &glsl);
-            let generator = u32::from_le_bytes(bytes[8..12].try_into().expect("a SPIR-V header"));
-            if !manifest.starts_with("glslang") {
-                manifest.insert_str(0, &format!("glslang generator {generator:#010x}\n"));
+    let mut table = Table::default();
+    for (row, kernel) in KERNELS.iter().enumerate() {
+        let linked = !kernel.baseline || cfg!(feature = "baselines");
+        let mut places = vec![];
+        for format in &FORMATS {
+            let modules = match kernel.takes {
+                _ if !linked => vec![],
+                Takes::NoDeltas if places.is_empty() => modules(kernel, None),
+                // The same module for each.
+                Takes::NoDeltas => {
+                    places.push(places[0]);
+                    continue;
+                }
+                takes if takes.takes(format) => modules(kernel, Some(format)),
+                _ => vec![],
+            };
+            places.push((table.count, modules.len()));
+            for module in &modules {
+                let file = format!("{}.spv", module.name);
+                #[cfg(feature = "compile-shaders")]
+                let bytes = {
+                    let bytes = compile(module, &glsl);
+                    let generator = u32::from_le_bytes(bytes[8..12].try_into().expect("a SPIR-V header"));
+                    if !manifest.starts_with("glslang") {
+                        manifest.insert_str(0, &format!("glslang generator {generator:#010x}\n"));
+                    }
+                    writeln!(manifest, "module {file} {:016x}", hash(&bytes)).unwrap();
+                    bytes
+                };
+                #[cfg(not(feature = "compile-shaders"))]
+                let bytes = fs::read(spirv.join(&file)).unwrap_or_else(|e| {
+                    panic!("spirv/{file}: {e}; restore the folder spirv/, or build with the feature 'compile-shaders'")
+                });
+                fs::write(out.join(&file), &bytes).expect("OUT_DIR can be written");
+                let path = out.join(&module.name);
+                fs::write(&path, embedded(&bytes)).expect("OUT_DIR can be written");
+                table.add_module(row, module, &path);
             }
-            writeln!(manifest, "module {file} {:016x}", hash(&bytes)).unwrap();
-            fs::write(out.join(&file), bytes).expect("OUT_DIR can be written");
-            out.join(&file)
-        };
-        #[cfg(not(feature = "compile-shaders"))]
-        let path = spirv.join(&file);
-        writeln!(table, "    ({:?}, include_bytes!({path:?}) as &[u8]),", module.name).unwrap();
+        }
+        table.add_kernel(row, &places);
     }
-    table.push(']');
 
     if cfg!(not(feature = "compile-shaders")) {
         let path = spirv.join("manifest.txt");
@@ -190,6 +258,8 @@ fn main() {
         }
         manifest = checked_in;
     }
+    let Table { modules, count, kernels } = table;
+    let text = format!("/// Every module.\npub static MODULES: [Module; {count}] = [\n{modules}];\n{kernels}");
     fs::write(out.join("manifest.txt"), manifest).expect("OUT_DIR can be written");
-    fs::write(out.join("modules.rs"), table).expect("OUT_DIR can be written");
+    fs::write(out.join("modules.rs"), text).expect("OUT_DIR can be written");
 }

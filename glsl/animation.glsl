@@ -1,14 +1,16 @@
 // What the kernels of animation on the GPU share: bindings, push constants, layouts. All words of 32 bits.
-// Host: src/gpu/animation.rs. Meaning of times and keys: src/animation/mod.rs.
+// Numbers: src/abi/numbers.rs. Host: src/gpu/animation.rs. Meaning of times and keys: src/animation/mod.rs.
 
-layout(local_size_x = 64) in;
+#include "abi.glsl"
+
+layout(local_size_x = WORKGROUP) in;
 
 // clips    [clip][first word, frames, shift, bits of a key], keys
 // blocks   [block][word] targets that touch it, a bit each;   [block + 1] first entry;   [entry] target, bytes
 // budget   two words of the budget, the lower first;   [entry] reach in steps
 layout(set = 0, binding = 0, std430) readonly buffer Tables { uint tables[]; };
 
-// records  [head] 8 words, written by copies
+// records  [head] RECORD_WORDS words, written by copies
 // phases   [head][word]; the first of a head's is its own
 // weights  [head][target] in steps of the grid;   deltas [head][target]: what the last update changed
 // requested [head][target]: the weights asked for, with an error budget
@@ -16,7 +18,7 @@ layout(set = 0, binding = 0, std430) readonly buffer Tables { uint tables[]; };
 // history  [head][block]: in which of the last updates it was touched, the last in bit 0
 layout(set = 0, binding = 1, std430) buffer State { uint state[]; };
 
-// items    [width][item] 12 words;   rows [tile][entry, and ROWS for each block]     (tiles.glsl)
+// items    [width][item] TILE_WORDS words;   rows [tile][entry, and ROWS for each block]     (tiles.glsl)
 layout(set = 0, binding = 2, std430) buffer Work { uint work[]; };
 
 // counters [group][width], then arguments [group][width][chunk] x y z of a dispatch
@@ -53,26 +55,6 @@ layout(push_constant) uniform Push {
     uint budget_at;        // in Tables; 0: no change waits
     uint requested_at;     // in State
 };
-
-const uint RECORD_WORDS = 8u;
-const uint PLAYING = 1u;
-const uint LOOP = 2u;
-const uint REVERSED = 4u;
-const uint HIDDEN = 8u;
-
-// What an update does with a head.
-const uint NEW = 0u;        // not written yet
-const uint FIRST = 1u;      // written for the first time
-const uint SHOWN = 2u;      // written again after it was hidden
-const uint GOES_ON = 3u;
-const uint LEFT_OUT = 4u;   // hidden
-
-// Bits of targets.
-const uint CHANGED = 0u;    // the last update changed the weight
-const uint ACTIVE = 1u;     // the weight is not 0
-const uint ASKED = 2u;      // the weight asked for changed
-const uint PENDING = 3u;    // it is not the one that poses hold
-const uint GOES = 4u;       // it waits no longer
 
 uint bits(uint kind) {
     return bits_at + kind * heads * words;

@@ -3,11 +3,11 @@
 // CPU twin: cpu::blocks::Block::run.
 #version 450
 #extension GL_GOOGLE_include_directive : require
+#include "abi.glsl"
 #include "blocks.glsl"
 
 const uint MASK_WORDS = BLOCK_SIZE / 32u;
-const uint ITEM_WORDS = 4u + 6u * MASK_WORDS;
-const uint REBUILT = 0x80000000u;
+const uint MASKED_WORDS = ITEM_WORDS + 6u * MASK_WORDS;
 
 // Where a lane's vertex is, as indices of its first component.
 struct Place {
@@ -45,7 +45,7 @@ void store(Place place, uint k, float added, float unit) {
     if ((work[masks + c * MASK_WORDS] >> bit & 1u) != 0u) store(place, c, sum, c < 3u ? position_unit : normal_unit);
 
 void main() {
-    uint item = first_item + gl_WorkGroupID.x * ITEM_WORDS;
+    uint item = first_item + gl_WorkGroupID.x * MASKED_WORDS;
     uint block = work[item] & ~REBUILT;
     uint slots_word = work[item + 1u];
     uint element = elements_at + 2u * work[item + 2u];
@@ -66,7 +66,7 @@ void main() {
     uint at = (block * BLOCK_SIZE + lane) * 6u;
     bool rebuilt = (work[item] & REBUILT) != 0u;
     uint bit = lane & 31u;
-    uint masks = item + 4u + (lane >> 5);
+    uint masks = item + ITEM_WORDS + (lane >> 5);
     Place place;
     place.source = (slots_word & 0xffffu) * pose_floats + at;
     place.destination = (slots_word >> 16) * pose_floats + at;

@@ -18,9 +18,8 @@ layout(constant_id = 1) const uint BLOCK_SIZE = 64;
 // Poses: slots of the instances, source and destination alike. An invocation loads and stores its own vertices only, and
 // loads before it stores.
 #ifdef TEXELS
-// What is loaded as texels is stored as integers: without the decoration Aliased compilers take them for different memory.
-#extension GL_EXT_spirv_intrinsics : require
-#define ALIASED spirv_decorate(20)
+// What is loaded as texels is stored as integers.
+#include "aliased.glsl"
 layout(set = 0, binding = 0) uniform usamplerBuffer asset;
 layout(set = 0, binding = 1) uniform usamplerBuffer work;
 ALIASED layout(set = 0, binding = 2, std430) buffer Poses { uint64_t poses[]; };

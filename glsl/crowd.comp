@@ -3,6 +3,7 @@
 // CPU twin: cpu::tile::run.
 #version 450
 #extension GL_GOOGLE_include_directive : require
+#include "abi.glsl"
 #include "blocks.glsl"
 #include "tiles.glsl"
 
@@ -78,8 +79,8 @@ void load_row(uint at, out uint row[ROW_WORDS(TILE)]) {
 }
 
 void main() {
-    uint item[ITEM_WORDS];
-    LOAD_WORDS(item, 4u + HEADS, first_item + gl_WorkGroupID.x * ITEM_WORDS)
+    uint item[TILE_WORDS];
+    LOAD_WORDS(item, 4u + HEADS, first_item + gl_WorkGroupID.x * TILE_WORDS)
     uint next = item[1], end = next + item[2] * ROW_WORDS(HEADS);
     uint lane = gl_LocalInvocationID.x;
     uint at = (item[0] * BLOCK_SIZE + lane * VERTICES) * 6u;

@@ -8,9 +8,9 @@ layout(constant_id = 0) const uint BATCH = 1;
 
 layout(push_constant) uniform Push {
     uint chunk_vertices;   // vertices of the chunk: the length of a target's row
-    float coefficients[16];
-    uint targets[8];       // two 16-bit indices to a word
-    uint normal_exponents[4];
+    float coefficients[DENSE_BATCH_MAX];
+    uint targets[DENSE_BATCH_MAX / 2]; // two 16-bit indices to a word
+    uint normal_exponents[DENSE_BATCH_MAX / 4];
 };
 
 void main() {

@@ -5,6 +5,9 @@
 #include "animation.glsl"
 #include "tiles.glsl"
 
+// Heads of a tile at most: fewer than TILE where kernels of wide tiles run out of registers.
+layout(constant_id = 0) const uint WIDEST = TILE;
+
 bool bit_of(uint kind, uint head, uint target) {
     return (state[bits(kind) + head * words + (target >> 5)] >> (target & 31u) & 1u) != 0u;
 }
@@ -18,8 +21,8 @@ void main() {
     uint block = gl_GlobalInvocationID.x;
     if (block >= blocks) return;
     uint tile = gl_GlobalInvocationID.y;
-    uint first = first_head + tile * TILE;
-    uint count = min(group_heads - tile * TILE, TILE);
+    uint first = first_head + tile * WIDEST;
+    uint count = min(group_heads - tile * WIDEST, WIDEST);
 
     // Which heads are written; of these, the ones whose targets changed, and the ones that start from the base pose.
     uint written = 0u, touched = 0u, rebuilt = 0u;
@@ -111,12 +114,12 @@ void main() {
     }
 
     uint index = atomicAdd(control[first_counter + size], 1u);
-    uint item = (size * capacity + index) * ITEM_WORDS;
+    uint item = (size * capacity + index) * TILE_WORDS;
     uint rebuilt_places = 0u;
     for (uint place = 0u; place < TILE; ++place) {
         uint k = head_at(places, place);
         rebuilt_places |= (rebuilt >> k & 1u) << place;
-        uint pose = (tile * TILE + k) * slots;
+        uint pose = (tile * WIDEST + k) * slots;
         work[item + 4u + place] = (pose + source) | (pose + destination) << 16;
     }
     work[item] = block;

@@ -1,7 +1,9 @@
 // Reads a whole buffer and writes almost nothing: the device's read bandwidth.
 #version 450
+#extension GL_GOOGLE_include_directive : require
+#include "abi.glsl"
 
-layout(local_size_x = 64) in;
+layout(local_size_x = WORKGROUP) in;
 
 layout(set = 0, binding = 0, std430) readonly buffer Input { uvec4 values[]; };
 layout(set = 0, binding = 1, std430) writeonly buffer Output { uint result; };

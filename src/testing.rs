@@ -1,9 +1,7 @@
 //! Meshes made up for tests: small, irregular, deterministic.
 
-#![allow(dead_code)]
-
-use deltamorph::asset::streams::{Semantic, StreamData, StreamDeltas};
-use deltamorph::asset::{MorphMesh, MorphTarget, Tolerance, diagonal};
+use crate::asset::streams::{Semantic, StreamData, StreamDeltas};
+use crate::asset::{MorphMesh, MorphTarget, Tolerance, diagonal};
 use glam::Vec3;
 
 fn noise(mut x: u64) -> f32 {

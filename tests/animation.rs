@@ -7,6 +7,7 @@ mod gpu;
 #[path = "common/scene.rs"]
 mod scene;
 
+use deltamorph::abi::kernels::DeviceTuning;
 use deltamorph::animation::{AnimationDesc, KeyFormat, Playback, Repeat};
 use deltamorph::engine::{CrowdDesc, DeviceCaps};
 use deltamorph::headless::{Headless, HeadlessCrowd};
@@ -167,6 +168,20 @@ fn small_limits_split_the_crowd() {
         let text = refused.err().expect("refused").to_string();
         assert!(text.contains("bytes") && text.contains("allows 20000"), "{text}");
     });
+}
+
+/// Devices whose kernels take fewer instances at once.
+#[test]
+fn narrow_tiles_give_the_same_poses() {
+    let mesh = packed(DeltaFormat::Small, 32);
+    for widest_tile in [1, 4] {
+        let limits = DeviceCaps::android_baseline();
+        let tuning = DeviceTuning { widest_tile, ..limits.tuning };
+        gpu::on_device_within("llvmpipe", Some(DeviceCaps { tuning, ..limits }), |headless, _| {
+            assert_eq!(headless.caps().tuning.widest_tile, widest_tile);
+            play_around(headless, &mesh, crowd(21, exact(2)), KeyFormat::Bits32, 6);
+        });
+    }
 }
 
 /// More heads than one command sends the records of, and more invocations than workgroups in a row.

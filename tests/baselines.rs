@@ -4,8 +4,6 @@
 mod data;
 #[path = "common/gpu.rs"]
 mod gpu;
-#[path = "../src/testing.rs"]
-mod testing;
 
 use deltamorph::cpu::CpuCrowd;
 use deltamorph::engine::{CrowdDesc, DeviceCaps, MorphEngine};
@@ -16,6 +14,7 @@ use deltamorph::plan::commands::{Command, CommandList};
 use deltamorph::plan::hazards::HazardChecker;
 use deltamorph::plan::{Accumulate, BatchSize, Source, UpdateDesc, UpdateMode, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
+use deltamorph::testing;
 use deltamorph::weights::csv;
 use gpu::{NORMAL, POSITION, applied, in_eight_chunks, on_every_device, packed, single};
 use std::sync::Arc;

@@ -2,8 +2,6 @@
 
 #[path = "common/gpu.rs"]
 mod gpu;
-#[path = "../src/testing.rs"]
-mod testing;
 
 use deltamorph::cpu::CpuCrowd;
 use deltamorph::engine::{DeviceCaps, MorphEngine, TransformFeedbackCaps};
@@ -11,6 +9,7 @@ use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::plan::{Accumulate, UpdateDesc, UpdateMode, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
+use deltamorph::testing;
 use gpu::{NORMAL, POSITION, applied, in_eight_chunks, is_kept, on_every_device, single, update_descs, weights};
 
 fn packed(engine: &MorphEngine, vertices: usize, targets: usize, format: DeltaFormat) -> PackedMesh {

@@ -2,8 +2,6 @@
 
 #[path = "common/gpu.rs"]
 mod gpu;
-#[path = "../src/testing.rs"]
-mod testing;
 
 use deltamorph::ErrorKind;
 use deltamorph::cpu::CpuCrowd;
@@ -14,6 +12,7 @@ use deltamorph::pack::blocks::BlockDesc;
 use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::plan::{Accumulate, UpdateDesc, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
+use deltamorph::testing;
 use gpu::{applied, drivers, on_every_device, single, update_descs, weights};
 use std::sync::Arc;
 
@@ -239,7 +238,7 @@ fn an_error_budget_holds_after_a_large_change() {
         .map(|t| {
             let d = if t % 2 == 0 { 0.03 + 0.04 * random() } else { 0.0006 + 0.0008 * random() };
             let positions = vec![(0, [d as f32, 0.0, 0.0].into())];
-            SourceTarget { name: format!("t{t}"), positions, normals: Some(vec![]) }
+            SourceTarget { name: format!("t{t}"), positions, normals: Some(vec![]), streams: vec![] }
         })
         .collect();
     let mesh = source.to_mesh(Tolerance::ZERO).expect("a mesh");

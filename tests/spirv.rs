@@ -1,21 +1,41 @@
-//! The SPIR-V modules: checked in and compiled are the same, and shader and host agree on every layout.
+//! The SPIR-V modules: checked in and compiled are the same, and declare what the table of kernels and the host's
+//! structures say.
 
+use deltamorph::abi::kernels::{Buffer, DeviceClass, Push, Stage, Workgroup};
+use deltamorph::abi::modules::{CROWD_TEXELS, MANIFEST, MODULES, Module};
+use deltamorph::abi::numbers::{RECORD_WORDS, WORKGROUP};
+use deltamorph::abi::push::{DenseListEntry, attribute_push_bytes};
+use deltamorph::abi::worklist::TILE;
 use deltamorph::animation::HeadRecord;
-use deltamorph::gpu::shaders::{
-    AnimationPush, BlocksPush, DenseListEntry, DenseListPush, DensePush, DirectPush, MANIFEST, MODULES, ReadPush,
-    ResolvePush, ScatterPush, WORKGROUP, blocks_module, direct_attributes_module, feedback_batch_max, feedback_module,
-    feedback_push_bytes, vertex_store_module,
-};
 use deltamorph::pack::blocks::BLOCK_SIZES;
 use deltamorph::pack::{DeltaFormat, POSE_STRIDE};
-use deltamorph::plan::blocks::{ELEMENT_BYTES, Element, ROWS, TILE, TILE_WORDS, WIDTHS};
 use spirq::prelude::*;
 use spirq::ty::StructType;
 use std::collections::{BTreeMap, BTreeSet};
-use std::mem::offset_of;
+use std::path::{Path, PathBuf};
+
+/// Bytes that the modules may take in a library without baselines.
+const EMBEDDED_MAX: usize = 250_000;
 
 fn words(bytes: &[u8]) -> Vec<u32> {
     bytes.chunks_exact(4).map(|w| u32::from_le_bytes(w.try_into().unwrap())).collect()
+}
+
+/// A module as built, with its debug names.
+fn spirv(module: &Module) -> Vec<u32> {
+    let file = Path::new(env!("OUT_DIR")).join(format!("{}.spv", module.name));
+    words(&std::fs::read(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display())))
+}
+
+/// Instructions behind the header: opcode, operands.
+fn instructions(words: &[u32]) -> Vec<(u32, &[u32])> {
+    let (mut at, mut instructions) = (5, vec![]);
+    while at < words.len() {
+        let length = (words[at] >> 16) as usize;
+        instructions.push((words[at] & 0xffff, &words[at + 1..at + length]));
+        at += length;
+    }
+    instructions
 }
 
 /// A literal operand of an execution mode: reflection hands it out as bytes.
@@ -27,46 +47,42 @@ fn operand(value: &ConstantValue) -> u32 {
     }
 }
 
-fn reflect(name: &str) -> EntryPoint {
-    let (_, bytes) = MODULES.iter().find(|(n, _)| *n == name).unwrap_or_else(|| panic!("no module {name}"));
-    let mut entries = ReflectConfig::new().spv(words(bytes)).ref_all_rscs(true).reflect().unwrap();
-    assert_eq!((entries.len(), entries[0].name.as_str()), (1, "main"), "{name}");
+fn reflect(module: &Module) -> EntryPoint {
+    let mut entries = ReflectConfig::new().spv(spirv(module)).ref_all_rscs(true).reflect().unwrap();
+    assert_eq!((entries.len(), entries[0].name.as_str()), (1, "main"), "{}", module.name);
     entries.remove(0)
 }
 
-/// Bindings of texel buffers, in order, and whether they may be stored to.
-fn texel_buffers(entry: &EntryPoint) -> Vec<(u32, bool)> {
-    let buffers = entry.vars.iter().filter_map(|var| match var {
-        Variable::Descriptor { desc_bind, desc_ty, .. } => match desc_ty {
-            DescriptorType::UniformTexelBuffer() => Some((desc_bind.bind(), false)),
-            DescriptorType::StorageTexelBuffer(_) => Some((desc_bind.bind(), true)),
-            _ => None,
-        },
-        _ => None,
-    });
-    buffers.collect::<BTreeSet<_>>().into_iter().collect()
+/// What is bound in set 0, as far as a module tells: offsets are given when a set is bound, or not.
+#[derive(Debug, PartialEq)]
+enum Bound {
+    /// Elements of this many bytes.
+    Elements(usize),
+    Texels {
+        stored: bool,
+    },
 }
 
-/// Binding → the structure bound there.
-fn storage_buffers(entry: &EntryPoint) -> BTreeMap<u32, StructType> {
-    let buffers = entry.vars.iter().filter_map(|var| match var {
+fn bound(entry: &EntryPoint) -> BTreeMap<u32, Bound> {
+    let descriptors = entry.vars.iter().filter_map(|var| match var {
         Variable::Descriptor { desc_bind, desc_ty, ty, .. } => {
-            use DescriptorType as T;
             assert_eq!(desc_bind.set(), 0);
-            if matches!(desc_ty, T::UniformTexelBuffer() | T::StorageTexelBuffer(_)) {
-                return None;
-            }
-            assert!(matches!(desc_ty, T::StorageBuffer(_)), "{var:?}");
-            Some((desc_bind.bind(), ty.as_struct().expect("a block").clone()))
+            let bound = match desc_ty {
+                DescriptorType::UniformTexelBuffer() => Bound::Texels { stored: false },
+                DescriptorType::StorageTexelBuffer(_) => Bound::Texels { stored: true },
+                DescriptorType::StorageBuffer(_) => {
+                    let member = &ty.as_struct().expect("a block").members[0].ty;
+                    // Of an array the elements, otherwise all there is.
+                    let bytes = member.as_array().map_or_else(|| member.nbyte(), |array| array.stride);
+                    Bound::Elements(bytes.unwrap())
+                }
+                _ => panic!("{var:?}"),
+            };
+            Some((desc_bind.bind(), bound))
         }
         _ => None,
     });
-    buffers.collect()
-}
-
-/// `(name, offset)` of each member.
-fn members(ty: &StructType) -> Vec<(String, usize)> {
-    ty.members.iter().map(|m| (m.name.clone().unwrap(), m.offset.unwrap())).collect()
+    descriptors.collect()
 }
 
 fn push_constants(entry: &EntryPoint) -> Option<StructType> {
@@ -74,6 +90,13 @@ fn push_constants(entry: &EntryPoint) -> Option<StructType> {
         Variable::PushConstant { ty, .. } => Some(ty.as_struct().expect("a block").clone()),
         _ => None,
     })
+}
+
+/// `(name, offset)` of each member, and bytes in all.
+fn members(ty: &StructType) -> (Vec<(&str, usize)>, usize) {
+    let members: Vec<_> = ty.members.iter().map(|m| (m.name.as_deref().unwrap(), m.offset.unwrap())).collect();
+    let last = ty.members.last().unwrap();
+    (members, last.offset.unwrap() + last.ty.nbyte().unwrap())
 }
 
 /// Specialization constants, ascending.
@@ -87,29 +110,52 @@ fn constants(entry: &EntryPoint) -> Vec<u32> {
     ids
 }
 
-fn bytes(ty: &StructType) -> usize {
-    let last = ty.members.last().unwrap();
-    last.offset.unwrap() + last.ty.nbyte().unwrap()
+/// `(location, elements)` of a vertex module's inputs.
+fn inputs(entry: &EntryPoint) -> Vec<(u32, usize)> {
+    let inputs = entry.vars.iter().filter_map(|v| match v {
+        Variable::Input { location, ty, .. } => {
+            Some((location.loc(), ty.as_array().map_or(1, |a| a.nelement.unwrap() as usize)))
+        }
+        _ => None,
+    });
+    let mut inputs: Vec<(u32, usize)> = inputs.collect();
+    inputs.sort_unstable();
+    inputs
 }
 
-/// Stride of the runtime array that a buffer consists of.
-fn stride(ty: &StructType) -> usize {
-    ty.members[0].ty.as_array().expect("a runtime array").stride.unwrap()
+/// Values of a decoration of a module's variables: reflection does not know those of capture.
+fn decorations(words: &[u32], decoration: u32) -> Vec<u32> {
+    let decorate = 71;
+    let all = instructions(words).into_iter().filter(|(op, o)| *op == decorate && o[1] == decoration);
+    let mut values: Vec<u32> = all.map(|(_, operands)| operands.get(2).copied().unwrap_or(operands[0])).collect();
+    values.sort_unstable();
+    values
 }
 
-fn names(expected: &[(&str, usize)]) -> Vec<(String, usize)> {
-    expected.iter().map(|(n, o)| ((*n).to_owned(), *o)).collect()
+/// Bindings of variables that are decorated Aliased.
+fn aliased(words: &[u32]) -> Vec<u32> {
+    let (decorate, aliased, binding) = (71, 20, 33);
+    let all = instructions(words);
+    let decorated: BTreeSet<u32> =
+        all.iter().filter(|(op, o)| *op == decorate && o[1] == aliased).map(|(_, o)| o[0]).collect();
+    let bindings = all.iter().filter(|(op, o)| *op == decorate && o[1] == binding && decorated.contains(&o[0]));
+    let mut bindings: Vec<u32> = bindings.map(|(_, o)| o[2]).collect();
+    bindings.sort_unstable();
+    bindings
 }
 
 #[test]
 fn what_is_checked_in_is_what_the_sources_compile_to() {
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv");
+    let built = |module: &Module| PathBuf::from(env!("OUT_DIR")).join(format!("{}.spv", module.name));
+    let all = cfg!(feature = "baselines");
     if std::env::var_os("UPDATE_SPIRV").is_some() {
+        assert!(all, "spirv/ has the modules of baselines, too: build with the feature 'baselines'");
         for entry in std::fs::read_dir(&folder).unwrap() {
             std::fs::remove_file(entry.unwrap().path()).unwrap();
         }
-        for (name, bytes) in MODULES {
-            std::fs::write(folder.join(format!("{name}.spv")), bytes).unwrap();
+        for module in &MODULES {
+            std::fs::copy(built(module), folder.join(format!("{}.spv", module.name))).unwrap();
         }
         std::fs::write(folder.join("manifest.txt"), MANIFEST).unwrap();
     }
@@ -121,293 +167,146 @@ fn what_is_checked_in_is_what_the_sources_compile_to() {
     for line in MANIFEST.lines().filter(|l| same_compiler || l.starts_with("source")) {
         assert!(manifest.lines().any(|l| l == line), "spirv/manifest.txt lacks '{line}'; {how}");
     }
-    let mut files: Vec<String> = std::fs::read_dir(&folder)
+    let files: BTreeSet<String> = std::fs::read_dir(&folder)
         .unwrap()
         .map(|e| e.unwrap().file_name().into_string().unwrap())
         .filter(|n| n.ends_with(".spv"))
         .collect();
-    files.sort();
-    let mut modules: Vec<String> = MODULES.iter().map(|(n, _)| format!("{n}.spv")).collect();
-    modules.sort();
-    assert_eq!(files, modules, "{how}");
-    for (name, bytes) in MODULES {
-        let file = std::fs::read(folder.join(format!("{name}.spv"))).unwrap();
-        assert!(!same_compiler || file == *bytes, "spirv/{name}.spv differs from its source; {how}");
+    let modules: BTreeSet<String> = MODULES.iter().map(|module| format!("{}.spv", module.name)).collect();
+    assert_eq!(modules.len(), MODULES.len(), "names are distinct");
+    assert!(if all { files == modules } else { files.is_superset(&modules) }, "{how}");
+    for module in &MODULES {
+        let file = std::fs::read(folder.join(format!("{}.spv", module.name))).unwrap();
+        let same = words(&file) == spirv(module);
+        assert!(!same_compiler || same, "spirv/{}.spv differs from its source; {how}", module.name);
     }
 }
 
 #[test]
-fn every_module_keeps_to_what_a_phone_promises() {
-    for (name, _) in MODULES {
-        let entry = reflect(name);
-        assert!(storage_buffers(&entry).len() <= 4, "{name}");
-        for mode in &entry.exec_modes {
-            if mode.exec_mode == spirq::spirv::ExecutionMode::LocalSize {
-                let size: Vec<u32> = mode.operands.iter().map(|c| operand(&c.value)).collect();
-                // Kernels of blocks take theirs as a specialization constant.
-                let blocks = name.starts_with("blocks") || name.starts_with("crowd");
-                assert!(blocks || size == [WORKGROUP, 1, 1], "{name}");
-                const { assert!(WORKGROUP <= 128) };
+fn what_is_embedded_is_what_was_compiled_without_debug_names() {
+    let debug = [2, 3, 4, 5, 6, 7, 8, 317, 330];
+    for module in &MODULES {
+        let (compiled, embedded) = (spirv(module), module.words());
+        let mut expected = instructions(&compiled);
+        expected.retain(|(opcode, _)| !debug.contains(opcode));
+        assert_eq!(embedded[..5], compiled[..5], "{}", module.name);
+        assert_eq!(instructions(&embedded), expected, "{}", module.name);
+    }
+    let ours = MODULES.iter().filter(|module| !module.kernel.baseline);
+    let bytes: usize = ours.map(Module::embedded_bytes).sum();
+    println!("{bytes} bytes of SPIR-V without baselines");
+    assert!(bytes <= EMBEDDED_MAX, "{bytes} bytes of SPIR-V without baselines, {EMBEDDED_MAX} allowed");
+}
+
+#[test]
+fn modules_declare_what_the_table_says() {
+    for module in &MODULES {
+        let (name, kernel, entry, code) = (module.name, module.kernel, reflect(module), spirv(module));
+        let format = module.format.map(|row| DeltaFormat::ALL.into_iter().find(|f| f.name() == row.name).unwrap());
+        let expected = kernel.bindings.iter().map(|(binding, buffer)| {
+            let bound = match buffer {
+                Buffer::Storage(bytes) | Buffer::Dynamic(bytes) => Bound::Elements(*bytes as usize),
+                Buffer::DynamicDeltas => match format {
+                    Some(DeltaFormat::Snorm16) => Bound::Elements(4), // uint
+                    _ => Bound::Elements(8),                          // vec2
+                },
+                Buffer::UniformTexels => Bound::Texels { stored: false },
+                Buffer::StorageTexels => Bound::Texels { stored: true },
+            };
+            (*binding, bound)
+        });
+        let bound = bound(&entry);
+        assert_eq!(bound, expected.collect(), "{name}");
+        let storage_buffers = bound.values().filter(|b| matches!(b, Bound::Elements(_))).count();
+        assert!(storage_buffers <= 4, "{name}: what a phone promises");
+        assert_eq!(aliased(&code), kernel.aliased, "{name}");
+
+        let push = push_constants(&entry);
+        let (declared, bytes) = push.as_ref().map_or((vec![], 0), members);
+        match (kernel.push, format) {
+            (Push::Attributes, Some(format)) => {
+                assert_eq!(bytes, attribute_push_bytes(format, module.batch) as usize, "{name}");
             }
+            _ => assert_eq!((declared.as_slice(), bytes), kernel.push.members(), "{name}"),
         }
         // Modules for more than 16 attributes are for devices that have more push constants, too.
-        let attributes = ["feedback", "vertex_store", "direct_attributes"].iter().any(|path| name.starts_with(path));
-        let beyond = attributes && name[name.len() - 2..].parse::<u32>().unwrap() > 25;
-        assert!(beyond || push_constants(&entry).is_none_or(|p| bytes(&p) <= 128), "{name}");
-    }
-}
+        assert!(bytes <= 128 || module.batch > 25, "{name}: what Vulkan promises");
+        assert_eq!(constants(&entry), (0..kernel.constants).collect::<Vec<_>>(), "{name}");
 
-#[test]
-fn dense_kernels_agree_with_the_host() {
-    for format in DeltaFormat::DENSE {
-        let element = match format {
-            DeltaFormat::Snorm16 => 4, // uint
-            _ => 8,                    // vec2
-        };
-        let dense = reflect(&format!("dense_{}", format.name()));
-        let strides: Vec<_> = storage_buffers(&dense).iter().map(|(b, ty)| (*b, stride(ty))).collect();
-        assert_eq!(strides, [(0, 8), (1, 8), (2, element)]);
-        assert_eq!(POSE_STRIDE, 3 * 8);
-        let push = push_constants(&dense).unwrap();
-        let expected = names(&[
-            ("chunk_vertices", offset_of!(DensePush, chunk_vertices)),
-            ("coefficients", offset_of!(DensePush, coefficients)),
-            ("targets", offset_of!(DensePush, targets)),
-            ("normal_exponents", offset_of!(DensePush, normal_exponents)),
-        ]);
-        assert_eq!((members(&push), bytes(&push)), (expected, size_of::<DensePush>()));
-        assert_eq!(constants(&dense), [0], "the batch size");
-
-        let list = reflect(&format!("dense_list_{}", format.name()));
-        let buffers = storage_buffers(&list);
-        let strides: Vec<_> = buffers.iter().map(|(b, ty)| (*b, stride(ty))).collect();
-        assert_eq!(strides, [(0, 8), (1, 8), (2, element), (3, size_of::<DenseListEntry>())]);
-        let array = buffers[&3].members[0].ty.as_array().unwrap().element_ty.clone();
-        let expected = names(&[
-            ("target", offset_of!(DenseListEntry, target)),
-            ("coefficient", offset_of!(DenseListEntry, coefficient)),
-            ("normal_coefficient", offset_of!(DenseListEntry, normal_coefficient)),
-            ("unused", offset_of!(DenseListEntry, unused)),
-        ]);
-        assert_eq!(members(array.as_struct().unwrap()), expected);
-        let push = push_constants(&list).unwrap();
-        let expected = names(&[
-            ("chunk_vertices", offset_of!(DenseListPush, chunk_vertices)),
-            ("entry_count", offset_of!(DenseListPush, entry_count)),
-        ]);
-        assert_eq!((members(&push), bytes(&push)), (expected, size_of::<DenseListPush>()));
-    }
-    let push = push_constants(&reflect("read")).unwrap();
-    let expected = names(&[("count", offset_of!(ReadPush, count)), ("stride", offset_of!(ReadPush, stride))]);
-    assert_eq!((members(&push), bytes(&push)), (expected, size_of::<ReadPush>()));
-}
-
-#[test]
-fn blocks_kernels_agree_with_the_host() {
-    let mut seen = 0;
-    for (format, exact) in DeltaFormat::BLOCKS.into_iter().flat_map(|f| [(f, false), (f, true)]) {
-        if exact && format == DeltaFormat::BlockFloat32 {
-            continue;
-        }
-        let kernels = [("blocks", false), ("crowd", false), ("crowd", true)];
-        for (kernel, texels) in kernels.into_iter().filter(|(_, t)| !t || format == DeltaFormat::Fast) {
-            let name = blocks_module(kernel, format, exact, texels);
-            let blocks = reflect(&name);
-            let strides: Vec<_> = storage_buffers(&blocks).iter().map(|(b, ty)| (*b, stride(ty))).collect();
-            // Asset, work list, poses, and integers where sums are exact. With texels, asset and list are texel buffers, and
-            // poses and integers are bound as pairs of words, and as texels behind them.
-            let (buffers, views): (&[_], &[_]) = match (texels, exact) {
-                (false, false) => (&[(0, 4), (1, 4), (2, 4)], &[]),
-                (false, true) => (&[(0, 4), (1, 4), (2, 4), (3, 4)], &[]),
-                (true, false) => (&[(2, 8)], &[(0, false), (1, false), (3, true)]),
-                (true, true) => (&[(2, 8), (4, 8)], &[(0, false), (1, false), (3, true), (5, true)]),
-            };
-            assert_eq!((strides.as_slice(), texel_buffers(&blocks).as_slice()), (buffers, views), "{name}");
-            let push = push_constants(&blocks).unwrap();
-            let expected = names(&[
-                ("first_item", offset_of!(BlocksPush, first_item)),
-                ("elements_at", offset_of!(BlocksPush, elements_at)),
-                ("deltas_at", offset_of!(BlocksPush, deltas_at)),
-                ("base_at", offset_of!(BlocksPush, base_at)),
-                ("pose_floats", offset_of!(BlocksPush, pose_floats)),
-                ("slots", offset_of!(BlocksPush, slots)),
-                ("position_unit", offset_of!(BlocksPush, position_unit)),
-                ("normal_unit", offset_of!(BlocksPush, normal_unit)),
-            ]);
-            assert_eq!((members(&push), bytes(&push)), (expected, size_of::<BlocksPush>()), "{name}");
-            // Lanes, vertices of a block; instances and rows of a tile; whether they start from base, where that takes a
-            // pipeline of its own.
-            let expected = match (kernel == "crowd", exact) {
-                (false, _) => &[0, 1][..],
-                (true, true) => &[0, 1, 2, 3],
-                (true, false) => &[0, 1, 2, 3, 4],
-            };
-            assert_eq!(constants(&blocks), expected, "{name}");
-            seen += 1;
+        let sizes = entry.exec_modes.iter().filter(|mode| mode.exec_mode == spirq::spirv::ExecutionMode::LocalSize);
+        let sizes: Vec<Vec<u32>> =
+            sizes.map(|mode| mode.operands.iter().map(|c| operand(&c.value)).collect()).collect();
+        match kernel.stage {
+            Stage::Vertex => {
+                assert!(sizes.is_empty(), "{name}");
+                let deltas = module.batch as usize * format.map_or(0, DeltaFormat::attributes);
+                let deltas = (deltas > 0).then_some((2, deltas));
+                assert_eq!(inputs(&entry), [(0, 1), (1, 1)].into_iter().chain(deltas).collect::<Vec<_>>(), "{name}");
+            }
+            Stage::Compute(Workgroup::Fixed) => assert_eq!(sizes, [[WORKGROUP, 1, 1]], "{name}"),
+            // Constant 0 is the size in x, whatever is written there.
+            Stage::Compute(Workgroup::Specialized) => {
+                let (builtin, workgroup_size) = (11, 25);
+                assert!(decorations(&code, builtin).contains(&workgroup_size), "{name}");
+                assert!(sizes.iter().all(|size| size[1..] == [1, 1]), "{name}");
+            }
         }
     }
-    let modules = MODULES.iter().filter(|(n, _)| n.starts_with("blocks_") || n.starts_with("crowd_")).count();
-    assert_eq!(seen, modules);
-    assert_eq!(size_of::<Element>(), ELEMENT_BYTES);
+    const { assert!(WORKGROUP <= 128) };
     // The largest block has as many lanes as a phone promises.
     assert_eq!(BLOCK_SIZES.iter().max(), Some(&128));
 }
 
 #[test]
-fn animation_kernels_agree_with_the_host() {
-    for name in ["animate", "budget", "commit", "plan", "arguments"] {
-        let entry = reflect(name);
-        // Words: tables, state, work list, control.
-        let strides: Vec<_> = storage_buffers(&entry).iter().map(|(b, ty)| (*b, stride(ty))).collect();
-        assert_eq!(strides, [(0, 4), (1, 4), (2, 4), (3, 4)], "{name}");
-        let push = push_constants(&entry).unwrap();
-        macro_rules! offsets {
-            ($($field:ident)*) => { names(&[$((stringify!($field), offset_of!(AnimationPush, $field))),*]) };
-        }
-        let expected = offsets!(now heads targets words blocks entries block_targets_at first_entry_at entries_at phases_at
-            weights_at deltas_at bits_at history_at history_mask slots source destination always_rebuild
-            first_head group_heads first_counter capacity rows_at counters chunks chunk_items budget_at requested_at);
-        assert_eq!((members(&push), bytes(&push)), (expected, size_of::<AnimationPush>()), "{name}");
-        assert!(constants(&entry).is_empty(), "{name}");
-    }
-    assert_eq!(size_of::<HeadRecord>(), 4 * 8);
-    assert_eq!((TILE, TILE_WORDS, WIDTHS, ROWS), (8, 12, 4, 2), "as in animation.glsl and tiles.glsl");
-}
-
-/// Values of a decoration of a module's variables, from the words: reflection does not know those of capture.
-fn decorations(name: &str, decoration: u32) -> Vec<u32> {
-    let (_, bytes) = MODULES.iter().find(|(n, _)| *n == name).unwrap();
-    let words = words(bytes);
-    let (mut at, mut values) = (5, vec![]);
-    while at < words.len() {
-        let (length, opcode) = (words[at] >> 16, words[at] & 0xffff);
-        if opcode == 71 && words[at + 2] == decoration {
-            values.push(words[at + 3]);
-        }
-        at += length as usize;
-    }
-    values
-}
-
-/// `(location, elements)` of a vertex module's inputs.
-fn inputs(entry: &EntryPoint) -> Vec<(u32, usize)> {
-    let mut inputs: Vec<(u32, usize)> = entry
-        .vars
-        .iter()
-        .filter_map(|v| match v {
-            Variable::Input { location, ty, .. } => {
-                Some((location.loc(), ty.as_array().map_or(1, |a| a.nelement.unwrap() as usize)))
-            }
-            _ => None,
-        })
-        .collect();
-    inputs.sort_unstable();
-    inputs
-}
-
-/// Whether a vertex module is fit for any device: it captures nothing, and writes no storage buffer.
-fn only_draws(name: &str) -> bool {
-    let (xfb_buffer, non_writable) = (36, 24);
-    let buffers = storage_buffers(&reflect(name)).len();
-    decorations(name, xfb_buffer).is_empty() && member_decorations(name, non_writable) == buffers
-}
-
-/// How many members of a module's structures have a decoration.
-fn member_decorations(name: &str, decoration: u32) -> usize {
-    let (_, bytes) = MODULES.iter().find(|(n, _)| *n == name).unwrap();
-    let words = words(bytes);
-    let (mut at, mut count) = (5, 0);
-    while at < words.len() {
-        let (length, opcode) = (words[at] >> 16, words[at] & 0xffff);
-        count += usize::from(opcode == 72 && words[at + 3] == decoration);
-        at += length as usize;
-    }
-    count
-}
-
-#[test]
-fn baselines_agree_with_the_host() {
-    for format in DeltaFormat::DENSE {
-        for batch in 0..=feedback_batch_max(format) {
-            let (store, draw) = (vertex_store_module(format, batch), direct_attributes_module(format, batch));
-            for (name, buffers) in [(&store, &[(0, 8)][..]), (&draw, &[])] {
-                let entry = reflect(name);
-                let deltas = (batch > 0).then_some((2, batch as usize * format.attributes()));
-                assert_eq!(inputs(&entry), [(0, 1), (1, 1)].into_iter().chain(deltas).collect::<Vec<_>>(), "{name}");
-                let push = push_constants(&entry).map_or(0, |p| bytes(&p));
-                assert_eq!(push, feedback_push_bytes(format, batch) as usize, "{name}");
-                let strides: Vec<_> = storage_buffers(&entry).iter().map(|(b, ty)| (*b, stride(ty))).collect();
-                assert_eq!(strides, buffers, "{name}");
-            }
-            assert!(only_draws(&draw) && !only_draws(&store));
-        }
-        let element = if format == DeltaFormat::Snorm16 { 4 } else { 8 };
-        for (end, buffers) in [("", 2), ("_feedback", 2), ("_store", 3)] {
-            let name = format!("direct_{}{end}", format.name());
-            let entry = reflect(&name);
-            let strides: Vec<_> = storage_buffers(&entry).iter().map(|(b, ty)| (*b, stride(ty))).collect();
-            assert_eq!(strides, [(0, element), (1, 8), (2, 8)][..buffers], "{name}");
-            assert_eq!(inputs(&entry), [(0, 1), (1, 1)], "{name}");
-            let push = push_constants(&entry).unwrap();
-            let expected = names(&[
-                ("chunk_vertices", offset_of!(DirectPush, chunk_vertices)),
-                ("target_count", offset_of!(DirectPush, target_count)),
-                ("active_targets", offset_of!(DirectPush, active_targets)),
-                ("first_vertex", offset_of!(DirectPush, first_vertex)),
-            ]);
-            assert_eq!((members(&push), bytes(&push)), (expected, size_of::<DirectPush>()), "{name}");
-            assert_eq!(only_draws(&name), end.is_empty(), "{name}");
-        }
-        let (offset, stride) = (35, 37);
-        let captured = format!("direct_{}_feedback", format.name());
-        assert!(decorations(&captured, stride).iter().all(|s| *s == POSE_STRIDE as u32));
-        let mut offsets = decorations(&captured, offset);
-        offsets.sort_unstable();
-        assert!(offsets.ends_with(&[12]) && offsets.starts_with(&[0]), "{offsets:?}");
-    }
-
-    let scatter = reflect("scatter");
-    let strides: Vec<_> = storage_buffers(&scatter).iter().map(|(b, ty)| (*b, stride(ty))).collect();
-    assert_eq!(strides, [(0, 16), (1, 4)], "a record; integers");
-    let push = push_constants(&scatter).unwrap();
-    let expected = names(&[
-        ("first", offset_of!(ScatterPush, first)),
-        ("count", offset_of!(ScatterPush, count)),
-        ("weight", offset_of!(ScatterPush, weight)),
-    ]);
-    assert_eq!((members(&push), bytes(&push)), (expected, size_of::<ScatterPush>()));
-    let resolve = reflect("resolve");
-    let strides: Vec<_> = storage_buffers(&resolve).iter().map(|(b, ty)| (*b, stride(ty))).collect();
-    assert_eq!(strides, [(1, 4), (2, 8), (3, 8)]);
-    let push = push_constants(&resolve).unwrap();
-    let expected = names(&[
-        ("first_vertex", offset_of!(ResolvePush, first_vertex)),
-        ("position_unit", offset_of!(ResolvePush, position_unit)),
-        ("normal_unit", offset_of!(ResolvePush, normal_unit)),
-    ]);
-    assert_eq!((members(&push), bytes(&push)), (expected, size_of::<ResolvePush>()));
-}
-
-#[test]
-fn feedback_modules_agree_with_the_host() {
-    let (offset, buffer, stride) = (35, 36, 37);
-    for format in DeltaFormat::DENSE {
-        let most = feedback_batch_max(format);
-        assert_eq!(most as usize, 30 / format.attributes(), "32 attributes − 2 for the pose");
-        for batch in 0..=most {
-            let name = feedback_module(format, batch);
-            let entry = reflect(&name);
-            let deltas = (batch > 0).then_some((2, batch as usize * format.attributes()));
-            assert_eq!(inputs(&entry), [(0, 1), (1, 1)].into_iter().chain(deltas).collect::<Vec<_>>(), "{name}");
-            let push = push_constants(&entry).map_or(0, |p| bytes(&p));
-            assert_eq!(push, feedback_push_bytes(format, batch) as usize, "{name}");
-            assert!(storage_buffers(&entry).is_empty());
-            let captured = |what| decorations(&name, what);
-            assert!(captured(buffer).iter().all(|b| *b == 0) && captured(buffer).len() == 2, "{name}");
+fn vertex_modules_capture_what_a_pose_has_and_draws_do_nothing_else() {
+    let (offset, buffer, stride, non_writable) = (35, 36, 37, 24);
+    for module in MODULES.iter().filter(|module| module.kernel.stage == Stage::Vertex) {
+        let (name, kernel, code) = (module.name, module.kernel, spirv(module));
+        let captures = kernel.name == "feedback" || kernel.suffix == "feedback";
+        let stores = kernel.name == "vertex_store" || kernel.suffix == "store";
+        let captured = |what| decorations(&code, what);
+        if captures {
+            assert_eq!(captured(buffer).iter().filter(|b| **b == 0).count(), captured(buffer).len(), "{name}");
+            assert_eq!(captured(buffer).len(), 2, "{name}");
             assert!(captured(stride).iter().all(|s| *s == POSE_STRIDE as u32), "{name}");
-            let mut offsets = captured(offset);
-            offsets.sort_unstable();
+            let offsets = captured(offset);
             assert!(offsets.ends_with(&[12]) && offsets.starts_with(&[0]), "{name}: {offsets:?}");
+        } else {
+            assert!(captured(buffer).is_empty(), "{name}");
         }
+        let member_decorate = 72;
+        let read_only =
+            instructions(&code).iter().filter(|(op, o)| *op == member_decorate && o[2] == non_writable).count();
+        assert_eq!(read_only + usize::from(stores), kernel.bindings.len(), "{name}");
     }
+}
+
+#[test]
+fn structures_in_buffers_are_the_hosts() {
+    let lists = MODULES.iter().filter(|module| module.kernel.name == "dense_list");
+    let mut seen = 0;
+    for module in lists {
+        let entry = reflect(module);
+        let list = entry.vars.iter().find_map(|var| match var {
+            Variable::Descriptor { desc_bind, ty, .. } if desc_bind.bind() == 3 => ty.as_struct(),
+            _ => None,
+        });
+        let element = list.unwrap().members[0].ty.as_array().unwrap().element_ty.clone();
+        let expected = (DenseListEntry::MEMBERS.to_vec(), size_of::<DenseListEntry>());
+        assert_eq!(members(element.as_struct().unwrap()), expected, "{}", module.name);
+        seen += 1;
+    }
+    assert_eq!(seen, DeltaFormat::DENSE.len());
+    assert_eq!(size_of::<HeadRecord>(), 4 * RECORD_WORDS as usize);
+    assert_eq!(POSE_STRIDE, 3 * 8, "poses are loaded and stored as pairs of floats");
+}
+
+#[test]
+fn every_device_class_has_tiles_that_kernels_take() {
+    for class in [DeviceClass::Software, DeviceClass::Phone, DeviceClass::Desktop] {
+        let tuning = class.tuning();
+        assert!(tuning.widest_tile.is_power_of_two() && tuning.widest_tile <= TILE as u32, "{tuning:?}");
+    }
+    let texels = DeltaFormat::ALL.into_iter().filter(|format| !CROWD_TEXELS.modules(*format).is_empty());
+    assert_eq!(texels.collect::<Vec<_>>(), [DeltaFormat::Fast]);
 }

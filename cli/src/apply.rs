@@ -3,7 +3,7 @@
 use crate::args::ApplyArgs;
 use crate::input;
 use crate::output::{Failure, Output};
-use crate::stage::Stage;
+use crate::stage::{Setup, Stage};
 use crate::verify::Promise;
 use deltamorph::headless::DeviceChoice;
 use deltamorph::mesh::MorphMesh;
@@ -18,8 +18,8 @@ use serde::Serialize;
 struct Applied {
     schema: u32,
     device: String,
-    path: &'static str,
-    format: &'static str,
+    #[serde(flatten)]
+    setup: Setup,
     batch_size: String,
     frames: usize,
     passes: usize,
@@ -32,7 +32,7 @@ struct Applied {
 
 pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     out.check(&input::files_of(&args.input, args.weights.as_slice()), &[&args.output], None)?;
-    let input = input::load(&args.input, out)?;
+    let input = input::load(&args.input, false, out)?;
     let frames = frames(args, &input.kept)?;
 
     let stage = Stage::best("apply", &args.update, args.batch_size, &input, device, out)?;
@@ -72,8 +72,7 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     out.json(&Applied {
         schema: 1,
         device,
-        path: path.name(),
-        format: stage.mesh.layout().format.name(),
+        setup: stage.setup(),
         batch_size: stage.desc.batch.to_string(),
         frames: frames.len(),
         passes,

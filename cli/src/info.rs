@@ -10,7 +10,7 @@ use crate::clips;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
 use crate::table::{Table, bytes, percent, sig3, thousands};
-use deltamorph::mesh::MorphMesh;
+use deltamorph::mesh::{MorphMesh, MorphTarget};
 use deltamorph::pack::DeltaFormat;
 use deltamorph::weights::WeightClip;
 use glam::Vec3;
@@ -22,7 +22,7 @@ pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
     if let Some(dir) = &args.report {
         report::claim(dir)?;
     }
-    let input = input::load(&args.input, out)?;
+    let input = input::load(&args.input, true, out)?;
     let spinner = out.spinner("packing");
     let mut info = describe(&input);
     let packed = formats::pack_all(&input.kept, input.packed.as_ref())?;
@@ -53,16 +53,16 @@ fn describe(input: &Input) -> Info {
     let vertices = kept.vertex_count();
     let share = |n: usize| n as f64 / vertices.max(1) as f64;
     let length = |deltas: &[Vec3]| deltas.iter().map(|d| d.length()).fold(0.0, f32::max);
-    let targets = kept.targets.iter().zip(&raw.targets).zip(&input.source.targets);
+    let differs = |target: &MorphTarget| target.positions.iter().filter(|d| **d != Vec3::ZERO).count();
     Info {
         schema: 1,
         input: input.info(),
-        targets: targets
-            .map(|((kept, raw), source)| TargetRow {
+        targets: (kept.targets.iter().zip(&raw.targets))
+            .map(|(kept, raw)| TargetRow {
                 name: kept.name.clone(),
                 moved: share(kept.vertices.len()),
                 moved_raw: share(raw.vertices.len()),
-                moved_raw_positions: share(source.positions.len()),
+                moved_raw_positions: share(differs(raw)),
                 max_delta: length(&kept.positions),
                 max_normal_delta: length(&kept.normals),
             })

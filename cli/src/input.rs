@@ -2,25 +2,24 @@
 
 use crate::args::InputArgs;
 use crate::output::{Failure, Output};
-use deltamorph::mesh::{MorphMesh, MorphSource, SourceTarget, Tolerance, head, obj};
+use deltamorph::mesh::{MorphMesh, MorphSource, Tolerance, head, obj};
 use deltamorph::pack::PackedMesh;
 use deltamorph::pack::file::Asset;
 use deltamorph::weights::{WeightClip, csv};
-use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A mesh as its files state it, and what the tolerance keeps of it.
+/// A mesh: what its files state, and what the tolerance keeps of it.
 #[derive(Debug)]
 pub struct Input {
-    /// As the files state it.
-    pub source: MorphSource,
+    /// Its name in reports.
+    pub name: String,
     /// Every delta that is not exactly zero: what errors "against the raw files" are measured with.
-    pub raw: MorphMesh,
+    pub raw: Arc<MorphMesh>,
     /// The deltas above the tolerance: what is packed and uploaded.
-    pub kept: MorphMesh,
-    /// The mesh of a packed file, as the file has it. The three above are then what it decodes to.
+    pub kept: Arc<MorphMesh>,
+    /// The mesh of a packed file, as the file has it. The two above are then what it decodes to.
     pub packed: Option<Arc<PackedMesh>>,
     /// The weight clips in INPUT/weights, by name.
     pub clips: Vec<PathBuf>,
@@ -54,7 +53,7 @@ impl Input {
         let mesh = &self.kept;
         let moved: usize = mesh.targets.iter().map(|t| t.vertices.len()).sum();
         MeshInfo {
-            name: mesh.name.clone(),
+            name: self.name.clone(),
             origin: self.origin.clone(),
             vertices: mesh.vertex_count(),
             targets: mesh.targets.len(),
@@ -68,9 +67,9 @@ impl Input {
 
     /// A packed file; the raw files that it came from are not there any more.
     fn of_asset(asset: Asset, path: &Path) -> Result<Self, Failure> {
-        let kept = asset.to_mesh()?;
+        let kept = Arc::new(asset.to_mesh()?);
         Ok(Self {
-            source: source_of(&kept),
+            name: kept.name.clone(),
             raw: kept.clone(),
             kept,
             packed: Some(Arc::new(asset.mesh)),
@@ -80,29 +79,9 @@ impl Input {
     }
 }
 
-/// What a file that states `mesh` would say.
-fn source_of(mesh: &MorphMesh) -> MorphSource {
-    let moved = |vertices: &[u32], deltas: &[Vec3]| {
-        vertices.iter().copied().zip(deltas.iter().copied()).filter(|(_, d)| *d != Vec3::ZERO).collect()
-    };
-    let target = |t: &deltamorph::mesh::MorphTarget| SourceTarget {
-        name: t.name.clone(),
-        positions: moved(&t.vertices, &t.positions),
-        normals: Some(moved(&t.vertices, &t.normals)),
-    };
-    MorphSource {
-        name: mesh.name.clone(),
-        positions: mesh.positions.clone(),
-        normals: Some(mesh.normals.clone()),
-        texcoords: mesh.texcoords.clone(),
-        faces: mesh.faces.clone(),
-        targets: mesh.targets.iter().map(target).collect(),
-        notes: Vec::new(),
-    }
-}
-
-/// Read what `args` name.
-pub fn load(args: &InputArgs, out: &Output) -> Result<Input, Failure> {
+/// Read what `args` name. Commands that measure nothing against the raw files take no memory for them: where
+/// `with_raw` is false, `raw` is what is kept.
+pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Failure> {
     let (source, clips, origin) = match &args.input {
         None => {
             let desc = args.head.desc(args.seed);
@@ -136,18 +115,19 @@ pub fn load(args: &InputArgs, out: &Output) -> Result<Input, Failure> {
         }
     };
     let spinner = out.spinner("computing normals and dropping noise");
-    let raw = source.to_mesh(Tolerance::ZERO);
-    let kept = raw.and_then(|raw| {
-        let tolerance = args.tolerance();
-        let kept = if tolerance == Tolerance::ZERO { raw.clone() } else { source.to_mesh(tolerance)? };
+    let meshes = || -> deltamorph::Result<_> {
+        let kept = Arc::new(source.to_mesh(args.tolerance())?);
+        let same = !with_raw || kept.tolerance == Tolerance::ZERO;
+        let raw = if same { kept.clone() } else { Arc::new(source.to_mesh(Tolerance::ZERO)?) };
         Ok((raw, kept))
-    });
+    };
+    let meshes = meshes();
     spinner.finish_and_clear();
-    let (raw, kept) = kept?;
+    let (raw, kept) = meshes?;
     for note in source.notes.iter().chain(kept.notes.iter().filter(|n| !source.notes.contains(n))) {
         out.note(note);
     }
-    Ok(Input { source, raw, kept, packed: None, clips, origin })
+    Ok(Input { name: kept.name.clone(), raw, kept, packed: None, clips, origin })
 }
 
 /// A weight clip and, for each of its frames, a weight per target of `mesh`.
@@ -266,18 +246,18 @@ mod tests {
             seed: 1,
         };
         std::fs::write(&path, "").expect("written");
-        let text = load(&args(1e-6), &out).expect_err("empty").to_string();
+        let text = load(&args(1e-6), true, &out).expect_err("empty").to_string();
         assert!(text.contains("a.DMORPH: does not begin as a packed mesh does; give a file written by"), "{text}");
 
         let source = head::head(&head::HeadDesc { vertices: 300, targets: 5, ..Default::default() });
         let mesh = source.to_mesh(Tolerance::default()).expect("the head");
         let asset = Asset::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).expect("packed");
         asset.write(&path).expect("written");
-        let input = load(&args(1e-6), &out).expect("read");
+        let input = load(&args(1e-6), true, &out).expect("read");
         assert_eq!(input.packed.as_deref(), Some(&asset.mesh));
-        assert_eq!((input.kept.positions.len(), input.source.targets.len()), (300, 5));
+        assert_eq!((input.kept.positions.len(), input.raw.targets.len()), (300, 5));
         assert_eq!(input.kept.faces, mesh.faces);
-        let text = load(&args(1e-3), &out).expect_err("another tolerance").to_string();
+        let text = load(&args(1e-3), true, &out).expect_err("another tolerance").to_string();
         assert!(text.contains("was packed with a tolerance of 0.000001"), "{text}");
     }
 

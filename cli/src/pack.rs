@@ -57,7 +57,7 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
         return Err(Failure::Usage(format!("-o {name}: name it *.dmorph, so that it is known for what it is")));
     }
     out.check(&input::files_of(&args.input, &[]), &[&args.output], None)?;
-    let input = input::load(&args.input, out)?;
+    let input = input::load(&args.input, false, out)?;
     if let Some(mesh) = &input.packed {
         let error = mesh.layout().blocks.as_ref().map_or(0.0, |b| b.error().position);
         out.note(format_args!(

@@ -7,29 +7,33 @@ use crate::bench::stats::Stats;
 use crate::clips::{self, Bound};
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
-use crate::runner::Runner;
 use crate::stage::Stage;
 use crate::table::{Table, bytes, percent, sig3, thousands};
 use crate::verify::{Found, Promise};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::internals::Rng;
-use deltamorph::pack::POSE_STRIDE;
+use deltamorph::mesh::MorphMesh;
+use deltamorph::pack::{POSE_STRIDE, PackedMesh};
 use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
 use record::{FrameRow, Played, Summary};
+use std::sync::Arc;
 
 pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     out.check(&input::files_of(&args.input, args.weights.as_slice()), &[], None)?;
-    let input = input::load(&args.input, out)?;
+    let input = input::load(&args.input, true, out)?;
     let mut clip = clips::the_one(args.weights.as_deref(), &args.input, &input)?;
     if let Some(amount) = args.noise {
         shake(&mut clip.frames, amount, args.input.seed);
     }
     let stage = Stage::best("play", &args.update, args.batch_size, &input, device, out)?;
-    let (frames, checks) = play(args.every, &stage, &input, &clip, out)?;
-    let summary = summary(args, &stage, &input, &frames, &checks);
+    // From here on the packed mesh is enough, and the raw files' where errors against them can be told.
+    let Input { raw, packed, origin, .. } = input;
+    let checks = Checks::new(&stage, packed.is_none().then_some(raw));
+    let (frames, checks) = play(args.every, &stage, checks, &clip, out)?;
+    let summary = summary(args, &stage, &frames, &checks);
     out.say(text(&clip.name, &stage, &frames, &summary));
     let wrong = checks.wrong;
-    out.json(&Played { schema: 1, device: stage.device(), input: input.origin, clip: clip.name, frames, summary })?;
+    out.json(&Played { schema: 1, device: stage.device(), input: origin, clip: clip.name, frames, summary })?;
     // Everything is written first.
     match wrong {
         None => Ok(()),
@@ -47,8 +51,11 @@ fn shake(frames: &mut [Vec<f32>], amount: f32, seed: u64) {
     frames.iter_mut().flatten().for_each(|weight| *weight += rng.range(-amount, amount));
 }
 
-#[derive(Default)]
-struct Checks {
+struct Checks<'a> {
+    mesh: &'a PackedMesh,
+    promise: Promise,
+    /// `None` where INPUT is a packed file.
+    raw: Option<Arc<MorphMesh>>,
     count: usize,
     found: Found,
     /// Position error against the weights as asked for.
@@ -57,18 +64,17 @@ struct Checks {
     wrong: Option<(usize, String)>,
 }
 
-fn play(
+fn play<'a>(
     every: usize,
     stage: &Stage,
-    input: &Input,
+    mut checks: Checks<'a>,
     clip: &Bound,
     out: &Output,
-) -> Result<(Vec<FrameRow>, Checks), Failure> {
+) -> Result<(Vec<FrameRow>, Checks<'a>), Failure> {
     let mut runner = stage.runner()?;
-    let promise = Promise::new(&stage.desc, stage.mesh.layout());
     let bar = out.bar(clip.frames.len() as u64);
-    let (mut rows, mut checks) = (Vec::with_capacity(clip.frames.len()), Checks::default());
-    let mut before = vec![0.0; input.kept.targets.len()];
+    let mut rows = Vec::with_capacity(clip.frames.len());
+    let mut before = vec![0.0; stage.mesh.layout().targets.len()];
     for (frame, weights) in clip.frames.iter().enumerate() {
         let refused = |e| Failure::Failed(format!("clip '{}', frame {frame}: {}", clip.name, Failure::from(e)));
         let step = runner.step(std::slice::from_ref(weights)).map_err(refused)?;
@@ -76,7 +82,7 @@ fn play(
         checks.found.bound = checks.found.bound.max(bound);
         let measured = frame % every == 0 || frame + 1 == clip.frames.len();
         let found = match measured {
-            true => Some(checks.measure(frame, &mut runner, stage, &promise, input, weights, bound)?),
+            true => Some(checks.measure(frame, &runner.pose(0)?, weights, bound)),
             false => None,
         };
         rows.push(FrameRow {
@@ -98,51 +104,39 @@ fn play(
     Ok((rows, checks))
 }
 
-impl Checks {
-    #[allow(clippy::too_many_arguments)]
-    fn measure(
-        &mut self,
-        frame: usize,
-        runner: &mut Runner<'_>,
-        stage: &Stage,
-        promise: &Promise,
-        input: &Input,
-        weights: &[f32],
-        bound: f64,
-    ) -> Result<Found, Failure> {
-        let pose = runner.pose(0)?;
-        let applied = promise.applied(weights);
-        let error = compare(&pose, &evaluate(&stage.mesh, &applied));
-        let raw = compare(&pose, &evaluate_unpacked(&input.raw, weights));
-        let request = if applied == weights { error } else { compare(&pose, &evaluate(&stage.mesh, weights)) };
+impl<'a> Checks<'a> {
+    fn new(stage: &'a Stage, raw: Option<Arc<MorphMesh>>) -> Self {
+        let promise = Promise::new(&stage.desc, stage.mesh.layout());
+        Self { mesh: &stage.mesh, promise, raw, count: 0, found: Found::default(), request: 0.0, wrong: None }
+    }
+
+    fn measure(&mut self, frame: usize, pose: &[f32], weights: &[f32], bound: f64) -> Found {
+        let applied = self.promise.applied(weights);
+        let error = compare(pose, &evaluate(self.mesh, &applied));
+        let raw = self.raw.as_ref().map(|raw| compare(pose, &evaluate_unpacked(raw, weights))).unwrap_or_default();
+        let request = if applied == weights { error } else { compare(pose, &evaluate(self.mesh, weights)) };
         let found = Found { error, raw, bound };
-        if !promise.kept(&found) && self.wrong.is_none() {
-            self.wrong = Some((frame, promise.complaint(&found)));
+        if !self.promise.kept(&found) && self.wrong.is_none() {
+            self.wrong = Some((frame, self.promise.complaint(&found)));
         }
         self.count += 1;
         self.found = self.found.max(found);
         self.request = self.request.max(request.position);
-        Ok(found)
+        found
     }
 }
 
-fn summary(args: &PlayArgs, stage: &Stage, input: &Input, frames: &[FrameRow], checks: &Checks) -> Summary {
+fn summary(args: &PlayArgs, stage: &Stage, frames: &[FrameRow], checks: &Checks<'_>) -> Summary {
     let mean = |value: &dyn Fn(&FrameRow) -> f64| frames.iter().map(value).sum::<f64>() / frames.len().max(1) as f64;
-    let vertices = input.kept.vertex_count();
+    let vertices = stage.mesh.layout().vertex_count;
     let dense = |f: &FrameRow| if f.changed > 0 { (vertices * POSE_STRIDE * (f.changed + 2)) as f64 } else { 0.0 };
     let (moved, dense) = (mean(&|f| f.bytes_moved as f64), mean(&dense));
     let gpu = Stats::of(&frames.iter().filter_map(|f| f.gpu_ms).collect::<Vec<_>>());
     let cpu = Stats::of(&frames.iter().map(|f| f.cpu_us).collect::<Vec<_>>());
-    let (desc, scale) = (&stage.desc, Promise::new(&stage.desc, stage.mesh.layout()).scale());
-    let found = &checks.found;
+    let (found, scale) = (&checks.found, checks.promise.scale());
     Summary {
         frames: frames.len(),
-        path: desc.path.name(),
-        format: stage.mesh.layout().format.name(),
-        mode: desc.mode.name(),
-        accumulate: desc.accumulate.name(),
-        slots: desc.slots,
-        error_budget: desc.error_budget,
+        setup: stage.setup(),
         noise: args.noise.unwrap_or(0.0),
         changed_mean: mean(&|f| f.changed as f64),
         bytes_moved_mean: moved,
@@ -156,7 +150,7 @@ fn summary(args: &PlayArgs, stage: &Stage, input: &Input, frames: &[FrameRow], c
         max_error_rel: found.error.position / scale,
         normal_error_deg: found.error.normal_degrees,
         request_error_rel: checks.request / scale,
-        raw_error_rel: input.packed.is_none().then_some(found.raw.position / scale),
+        raw_error_rel: checks.raw.as_ref().map(|_| found.raw.position / scale),
         bound: found.bound,
     }
 }

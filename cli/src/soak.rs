@@ -7,7 +7,7 @@ use crate::clips;
 use crate::input;
 use crate::output::{Failure, Output};
 use crate::runner::Runner;
-use crate::stage::Stage;
+use crate::stage::{Setup, Stage};
 use crate::table::{sig3, thousands};
 use crate::verify::{Found, Promise};
 use deltamorph::headless::DeviceChoice;
@@ -22,8 +22,6 @@ use std::time::Instant;
 struct Soaked {
     schema: u32,
     frames: usize,
-    /// "float" or "exact".
-    accumulate: &'static str,
     /// Every sum and pose checked was that of a full evaluation, bit for bit; `None` for float sums.
     bit_exact: Option<bool>,
     /// Largest position error against the float64 reference, in input units, and as a fraction of the diagonal.
@@ -36,10 +34,8 @@ struct Soaked {
     device: String,
     input: String,
     clips: Vec<String>,
-    path: &'static str,
-    format: &'static str,
-    slots: u32,
-    error_budget: f32,
+    #[serde(flatten)]
+    setup: Setup,
     seed: u64,
     checks: usize,
     /// Updates and comparisons together.
@@ -48,28 +44,27 @@ struct Soaked {
 
 pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     out.check(&input::files_of(&args.input, args.weights.as_slice()), &[], None)?;
-    let input = input::load(&args.input, out)?;
+    let input = input::load(&args.input, false, out)?;
     let clips = clips::all(args.weights.as_deref(), &args.input, &input)?;
     let stage = Stage::best("soak", &args.update, args.batch_size, &input, device, out)?;
+    let (origin, targets) = (input.origin.clone(), input.kept.targets.len());
+    // From here on the packed mesh is enough.
+    drop(input);
     let start = Instant::now();
-    let mut script = Script::new(input.kept.targets.len(), &clips, args.input.seed);
+    let mut script = Script::new(targets, &clips, args.input.seed);
     let checks = soak(args, &stage, &mut script, out)?;
     let result = Soaked {
         schema: 1,
         frames: args.frames,
-        accumulate: stage.desc.accumulate.name(),
         bit_exact: checks.bit_exact,
         max_error: checks.found.error.position,
         max_error_rel: checks.found.error.position / checks.promise.scale(),
         bound: checks.found.bound,
         sums_hash: checks.hash.map(|hash| format!("{hash:016x}")),
         device: stage.device(),
-        input: input.origin,
+        input: origin,
         clips: clips.iter().map(|c| c.name.clone()).collect(),
-        path: stage.desc.path.name(),
-        format: stage.mesh.layout().format.name(),
-        slots: stage.desc.slots,
-        error_budget: stage.desc.error_budget,
+        setup: stage.setup(),
         seed: args.input.seed,
         checks: checks.count,
         seconds: start.elapsed().as_secs_f64(),
@@ -138,7 +133,7 @@ impl Checks {
         let PoseError { position, .. } =
             compare(&runner.pose(0)?, &evaluate(&stage.mesh, &self.promise.applied(weights)));
         // Random weights fold normals to nothing here and there, where an angle says little: positions only.
-        let found = Found { error: PoseError { position, normal_degrees: 0.0 }, bound, ..Found::default() };
+        let found = Found { error: PoseError { position, ..PoseError::default() }, bound, ..Found::default() };
         if !self.promise.kept(&found) && self.wrong.is_none() {
             self.wrong = Some((frame, self.promise.allowed(&found)));
         }

@@ -8,6 +8,7 @@ use crate::runner::{Gpu, Runner, packed};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::pack::{DeltaFormat, PackedLayout, PackedMesh};
 use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
+use serde::Serialize;
 use std::sync::Arc;
 
 /// The packed mesh and how it is updated.
@@ -17,6 +18,20 @@ pub struct Stage {
     pub mesh: Arc<PackedMesh>,
     /// How it is updated.
     pub desc: UpdateDesc,
+}
+
+/// How poses were updated, in the JSON of each command. Fields may be added, never renamed.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Setup {
+    pub path: &'static str,
+    pub format: &'static str,
+    /// "incremental" or "rebuild".
+    pub mode: &'static str,
+    /// "float" or "exact".
+    pub accumulate: &'static str,
+    pub slots: u32,
+    /// In input units; 0 where nothing waits.
+    pub error_budget: f32,
 }
 
 impl Stage {
@@ -74,6 +89,17 @@ impl Stage {
 
     pub fn device(&self) -> String {
         self.gpu.as_ref().map_or("none".into(), |gpu| gpu.caps().name.clone())
+    }
+
+    pub fn setup(&self) -> Setup {
+        Setup {
+            path: self.desc.path.name(),
+            format: self.mesh.layout().format.name(),
+            mode: self.desc.mode.name(),
+            accumulate: self.desc.accumulate.name(),
+            slots: self.desc.slots,
+            error_budget: self.desc.error_budget,
+        }
     }
 
     /// "blocks fast exact, 2 slots, on llvmpipe": for people.

@@ -1,7 +1,9 @@
 // The end of scatter: pose = base + sum · unit. CPU twin: cpu::blocks, exact sums.
 #version 450
+#extension GL_GOOGLE_include_directive : require
+#include "abi.glsl"
 
-layout(local_size_x = 64) in;
+layout(local_size_x = WORKGROUP) in;
 
 layout(set = 0, binding = 1, std430) readonly buffer Sums { int sums[]; };
 layout(set = 0, binding = 2, std430) readonly buffer BasePose { vec2 base_pose[]; };

@@ -1,8 +1,10 @@
 // scatter: a thread for each delta of one target adds weight · delta to the sums of its vertex.
 // CPU twin: cpu::blocks, exact sums.
 #version 450
+#extension GL_GOOGLE_include_directive : require
+#include "abi.glsl"
 
-layout(local_size_x = 64) in;
+layout(local_size_x = WORKGROUP) in;
 
 // A vertex, and three words of a position component (18 bits) and a normal component (14 bits).
 layout(set = 0, binding = 0, std430) readonly buffer Records { uvec4 records[]; };

@@ -38,6 +38,7 @@ pub use clips::{AnimationDesc, Clips, KeyFormat};
 pub use heads::Heads;
 pub use twin::Twin;
 
+use crate::abi::numbers;
 use crate::error::{Error, Result};
 use crate::pack::PackedLayout;
 use crate::plan::{Accumulate, UpdateDesc, UpdatePath};
@@ -98,13 +99,13 @@ pub struct HeadRecord {
 
 impl HeadRecord {
     /// A clip is played; without, all weights are 0.
-    pub const PLAYING: u32 = 1;
+    pub const PLAYING: u32 = numbers::PLAYING;
     /// It loops.
-    pub const LOOP: u32 = 2;
+    pub const LOOP: u32 = numbers::LOOP;
     /// Backwards.
-    pub const REVERSED: u32 = 4;
+    pub const REVERSED: u32 = numbers::REVERSED;
     /// Nothing is updated.
-    pub const HIDDEN: u32 = 8;
+    pub const HIDDEN: u32 = numbers::HIDDEN;
 
     /// Whether a flag is set.
     pub const fn has(&self, flag: u32) -> bool {

@@ -2,13 +2,14 @@
 
 use super::MeshBuffers;
 use super::crowd::CrowdDesc;
+use crate::abi::push::BlocksPush;
+use crate::abi::worklist::{self, POSES_MAX};
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
 use crate::gpu::blocks::{BlocksDispatch, BlocksKernel, GroupBuffers};
 use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::memory::{Buffer, BufferDesc};
-use crate::gpu::shaders::BlocksPush;
 use crate::pack::blocks::{BlockIndex, ExactGrid};
 use crate::pack::{POSE_FLOATS, PackedLayout};
 use crate::plan::UpdateStats;
@@ -19,11 +20,6 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use std::ops::Range;
 use std::sync::Arc;
-
-/// Poses are named by 16 bits in the work list.
-pub(super) const POSES_MAX: u64 = 1 << 16;
-/// Set in an item's first word when it starts from the base pose.
-const REBUILT: u32 = 1 << 31;
 
 pub(super) struct Blocks {
     kernel: Arc<BlocksKernel>,
@@ -126,7 +122,8 @@ impl Blocks {
             return too_much(&what, stride, range, "make several crowds");
         }
         // Where rebuilt instances have pipelines of their own.
-        let tiles = kernel.is_tiled().then(|| Tiles::new(index, desc.instances as usize, exact.is_none()));
+        let tiles =
+            kernel.is_tiled().then(|| Tiles::new(index, desc.instances as usize, exact.is_none(), kernel.device()));
         let mut ring = Buffer::new(
             device,
             &BufferDesc {
@@ -271,7 +268,9 @@ impl Blocks {
         });
         written.items += range.len() * item_size;
         for ((item, masks), out) in work.items[range].iter().zip(masks).zip(outs) {
-            out[..ITEM_WORDS].copy_from_slice(&item_words(item, self.group, self.slots));
+            let poses = poses(item, self.group, self.slots);
+            let words = worklist::item(item.block, item.source.is_none(), poses, item.first, item.count);
+            out[..ITEM_WORDS].copy_from_slice(&words);
             out[ITEM_WORDS..].copy_from_slice(masks);
             let (first, count) = (2 * item.first as usize, 2 * item.count as usize);
             let listed: &[u32] = bytemuck::cast_slice(work.elements_of(item));
@@ -299,10 +298,9 @@ impl Blocks {
                     item_words: TILE_WORDS,
                 });
                 for (tile, out) in tiles.iter().zip(words[written.items..].chunks_exact_mut(TILE_WORDS)) {
-                    out[..4].copy_from_slice(&[tile.block, first_row as u32 + tile.first, tile.count, tile.rebuilt]);
-                    for (out, &i) in out[4..4 + (1 << width)].iter_mut().zip(&tile.items) {
-                        *out = poses(&planner.list.items[i as usize], self.group, self.slots);
-                    }
+                    let head = [tile.block, first_row as u32 + tile.first, tile.count, tile.rebuilt];
+                    let items = tile.items.iter().take(1 << width).map(|&i| &planner.list.items[i as usize]);
+                    worklist::write_tile(out, head, items.map(|item| poses(item, self.group, self.slots)));
                 }
                 written.items += tiles.len() * TILE_WORDS;
             }
@@ -329,13 +327,7 @@ struct Written {
 /// Source and destination of an item, as numbers of poses in a group of instances.
 fn poses(item: &Item, group: u32, slots: u32) -> u32 {
     let pose = |slot: u32| item.instance % group * slots + slot;
-    pose(item.source.unwrap_or(item.destination)) | pose(item.destination) << 16
-}
-
-/// An item as `blocks.comp` reads it.
-fn item_words(item: &Item, group: u32, slots: u32) -> [u32; ITEM_WORDS] {
-    let rebuilt = if item.source.is_none() { REBUILT } else { 0 };
-    [item.block | rebuilt, poses(item, group, slots), item.first, item.count]
+    worklist::poses(pose(item.source.unwrap_or(item.destination)), pose(item.destination))
 }
 
 /// What kernels of blocks are told of a mesh and its poses.

@@ -3,6 +3,7 @@
 use super::MeshBuffers;
 use super::crowd::CrowdDesc;
 use super::{Kernel, delta_range};
+use crate::abi::push::DenseListEntry;
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
 use crate::gpu::baselines::Baseline;
@@ -11,7 +12,6 @@ use crate::gpu::compute::{ComputePass, PassSets, SetBuffers, list_entries};
 use crate::gpu::device::Device;
 use crate::gpu::feedback::FeedbackPass;
 use crate::gpu::memory::{Buffer, BufferDesc};
-use crate::gpu::shaders::DenseListEntry;
 use crate::plan::commands::{Command, CommandList, PassCommand};
 use crate::plan::heads::Heads;
 use crate::plan::{BatchSize, Plan, PoseState, Source, UpdateStats};

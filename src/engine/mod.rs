@@ -8,8 +8,8 @@
 //! 2. Each frame: [`Crowd::set_weights`], then [`MorphEngine::record_update`] before the draws, then draw from
 //!    [`Crowd::pose`].
 //!
-//! Or the GPU does it all: [`MorphEngine::create_animated_crowd`] uploads clips, [`Crowd::play`] says who plays which, and
-//! each frame takes [`Crowd::set_time`] in place of weights.
+//! Or the GPU does it all: [`MorphEngine::create_animated_crowd`] uploads clips, [`Crowd::play`] says who plays which,
+//! and each frame takes [`Crowd::set_time`] in place of weights.
 //!
 //! # What the caller is responsible for
 //! - Uploads, updates and draws run on queues of one family, with graphics and compute: the barriers name the
@@ -30,19 +30,18 @@ pub use crate::gpu::caps::{DeviceCaps, DeviceKind, Requirement, TransformFeedbac
 pub use crate::gpu::device::{DeviceDesc, SharedAllocator};
 pub use crowd::{Crowd, CrowdDesc, PoseView, Ticket, Update};
 
+use crate::abi::numbers::WORKGROUP;
 use crate::error::{Error, Result};
 use crate::gpu::animation::AnimationKernel;
 use crate::gpu::barriers;
 use crate::gpu::baselines::Baseline;
-use crate::gpu::blocks::{BlocksKernel, BlocksVariant};
+use crate::gpu::blocks::BlocksKernel;
 use crate::gpu::compute::Compute;
 use crate::gpu::device::Device;
 use crate::gpu::feedback::Feedback;
 use crate::gpu::memory::{Buffer, BufferDesc, STAGING};
-use crate::gpu::shaders::WORKGROUP;
 use crate::pack::blocks::BlockDesc;
 use crate::pack::{POSE_STRIDE, PackDesc, PackedLayout, PackedMesh};
-use crate::plan::blocks::TILE;
 use crate::plan::commands::Hazard;
 use crate::plan::{Accumulate, BatchSize, UpdatePath};
 use ash::vk;
@@ -84,8 +83,11 @@ pub(crate) struct MeshBuffers {
 }
 
 impl GpuMesh {
-    /// Give the staging memory back. To be called once the recorded upload has run.
-    pub fn release_staging(&mut self) {
+    /// Give the staging memory back.
+    ///
+    /// # Safety
+    /// The upload that was recorded with this mesh has run, or never will: its copies read the memory.
+    pub unsafe fn release_staging(&mut self) {
         self.staging = None;
     }
 
@@ -108,8 +110,9 @@ impl MorphEngine {
     /// The allocator cannot be made.
     ///
     /// # Safety
-    /// - The handles of `desc` are alive, belong together, are of Vulkan 1.1 or later, and outlive the engine and
-    ///   all it creates.
+    /// - The handles of `desc` are alive, belong together (the pipeline cache may be null), are of Vulkan 1.1 or later,
+    ///   and outlive the engine and all it creates. An allocator that is handed in was made on the same device, without
+    ///   `buffer_device_address` unless the device has that feature enabled.
     /// - `desc.caps` does not exceed what the device has.
     /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled on the device, and
     ///   `desc.enabled_features` has no other features than those that were.
@@ -148,8 +151,8 @@ impl MorphEngine {
         PackDesc { format, max_chunk_bytes: caps.max_storage_range, max_chunk_vertices, blocks: BlockDesc::default() }
     }
 
-    /// Bytes of memory that the allocator has from the driver, blocks that are not full included: all of the host's, where
-    /// it handed one in.
+    /// Bytes of memory that the allocator has from the driver, blocks that are not full included: all of the host's,
+    /// where it handed one in.
     pub fn allocated_bytes(&self) -> u64 {
         self.device.allocator().capacity()
     }
@@ -175,8 +178,9 @@ impl MorphEngine {
     /// A mesh that exceeds the device's limits, with the numbers; no memory.
     ///
     /// # Safety
-    /// - `cmd` is in the recording state on the engine's device, outside a render pass, on a queue with graphics
-    ///   and compute.
+    /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and without
+    ///   active conditional rendering, on a queue with graphics and compute.
+    /// - It runs before any update of the mesh, exactly once; where it never does, no crowd of the mesh is updated.
     /// - The value returned is dropped only when the device no longer uses it.
     pub unsafe fn upload(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
         let layout = mesh.layout().clone();
@@ -338,33 +342,33 @@ impl MorphEngine {
     fn kernel(&self, desc: &CrowdDesc, mesh: &GpuMesh) -> Result<Kernel> {
         let (format, instances, desc) = (mesh.layout().format, desc.instances, &desc.update);
         let exact = desc.accumulate == Accumulate::Exact;
-        let texels = self.device.caps.takes_texels(format);
-        let variant = mesh.layout().blocks.as_ref().map(|index| BlocksVariant {
-            format,
-            exact,
-            size: index.size() as u32,
-            texels: texels && index.entry_count() > 0,
-            // Tiles have a row at least, of some entry.
-            widths: if (texels || instances > 1) && index.entry_count() > 0 {
-                instances.clamp(1, TILE as u32).ilog2() + 1
-            } else {
-                0
-            },
-        });
-        let mut kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
-        let found = kernels.iter().find(|kernel| match (kernel, desc.path, desc.batch) {
+        let blocks = match &mesh.layout().blocks {
+            Some(index) if desc.path == UpdatePath::Blocks => {
+                let case = self.device.caps.blocks_case(format, exact, instances, index.entry_count() > 0);
+                Some((case.choose()?, index.size() as u32))
+            }
+            _ => None,
+        };
+        let locked = || self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
+        let serves = |kernel: &&Kernel| match (kernel, desc.path, desc.batch) {
             (Kernel::Feedback(k), UpdatePath::Feedback, BatchSize::Targets(b)) => k.serves(format, b),
             (Kernel::Compute(k), UpdatePath::Compute, batch) => k.serves(format, batch),
-            (Kernel::Blocks(k), UpdatePath::Blocks, _) => variant.is_some_and(|v| k.serves(v)),
+            (Kernel::Blocks(k), UpdatePath::Blocks, _) => blocks.is_some_and(|(choice, size)| k.serves(&choice, size)),
             (Kernel::Baseline(k), ..) => k.serves(desc, format),
             _ => false,
-        });
-        if let Some(kernel) = found {
+        };
+        // Not locked while the driver compiles: others may make crowds of kernels that are there.
+        let made = locked().clone();
+        if let Some(kernel) = made.iter().find(serves) {
             return Ok(kernel.clone());
         }
-        let kernel = match (desc.path, desc.batch, variant) {
-            (UpdatePath::Blocks, _, Some(variant)) => {
-                Kernel::Blocks(Arc::new(BlocksKernel::new(&self.device, variant)?))
+        let kernel = match (desc.path, desc.batch, blocks) {
+            (UpdatePath::Blocks, _, Some((choice, size))) => {
+                let others = made.iter().filter_map(|kernel| match kernel {
+                    Kernel::Blocks(kernel) => Some(&**kernel),
+                    Kernel::Feedback(_) | Kernel::Compute(_) | Kernel::Baseline(_) => None,
+                });
+                Kernel::Blocks(Arc::new(BlocksKernel::new(&self.device, choice, size, others)?))
             }
             (UpdatePath::Feedback, BatchSize::Targets(b), _) => {
                 Kernel::Feedback(Arc::new(Feedback::new(&self.device, format, b)?))
@@ -372,8 +376,13 @@ impl MorphEngine {
             (UpdatePath::Compute, batch, _) => Kernel::Compute(Arc::new(Compute::new(&self.device, format, batch)?)),
             _ => Kernel::Baseline(Baseline::new(&self.device, desc, format)?),
         };
-        kernels.push(kernel.clone());
-        Ok(kernel)
+        let mut kernels = locked();
+        // Another thread may have made it meanwhile.
+        let found = kernels.iter().find(serves).cloned();
+        Ok(found.unwrap_or_else(|| {
+            kernels.push(kernel.clone());
+            kernel
+        }))
     }
 
     /// Record the update of all instances of `crowd` to the weights asked for.
@@ -398,9 +407,17 @@ impl MorphEngine {
     /// A crowd that another engine made. Nothing is recorded then.
     ///
     /// # Safety
-    /// - `cmd` is in the recording state on the engine's device, outside a render pass, on a queue with
-    ///   graphics and compute.
-    /// - The caller's responsibilities above and of the [module](self) are kept.
+    /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and without
+    ///   active conditional rendering (the state of the crowd takes the update as done), on a queue with graphics and
+    ///   compute.
+    /// - It runs exactly once, after the upload of the mesh and all earlier updates of the crowd, and before later ones; or it
+    ///   never runs, and [`Crowd::discard`] is called with the ticket before any later update is recorded.
+    /// - A ticket is discarded only if neither its update nor any later one of the crowd runs: the next update takes over the
+    ///   memory of their lists.
+    /// - With this one, at most [`CrowdDesc::frames_in_flight`] updates of the crowd are recorded and not yet finished.
+    /// - After an error or a panic nothing of the update counts as done; `cmd` may hold some of its commands after a panic, and
+    ///   is not run then.
+    /// - Engine, mesh and crowd live until the device has finished.
     pub unsafe fn record_update(&self, cmd: vk::CommandBuffer, crowd: &mut Crowd) -> Result<Update> {
         // SAFETY: the caller's obligations.
         unsafe { self.record_tampered(cmd, crowd, |_| {}) }

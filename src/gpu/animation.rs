@@ -3,17 +3,12 @@
 use super::descriptors::{Bound, BufferRange, Sets};
 use super::device::Device;
 use super::pipelines::Objects;
-use super::shaders::{AnimationPush, WORKGROUP};
+use crate::abi::modules;
+use crate::abi::numbers::WORKGROUP;
+use crate::abi::push::AnimationPush;
 use crate::error::Result;
 use ash::vk;
 use std::sync::Arc;
-
-/// Kinds of bits that the state has of each target: two, and three more with an error budget.
-pub(crate) const BIT_KINDS: [u64; 2] = [2, 5];
-/// Words of a head's record.
-pub(crate) const RECORD_WORDS: u64 = 8;
-/// Tables, state, work list, and control: see `glsl/animation.glsl`.
-const BINDINGS: [vk::DescriptorType; 4] = [vk::DescriptorType::STORAGE_BUFFER; 4];
 
 /// A kernel, by its place among the pipelines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,10 +28,11 @@ pub(crate) struct AnimationKernel {
 impl AnimationKernel {
     pub(crate) fn new(device: &Arc<Device>) -> Result<Self> {
         let mut objects = Objects::none(device);
-        objects.add_storage_set_layout(&BINDINGS)?;
-        objects.add_layout(vk::ShaderStageFlags::COMPUTE, size_of::<AnimationPush>() as u32)?;
-        for name in ["animate", "budget", "commit", "plan", "arguments"] {
-            objects.add_compute(name, &[])?;
+        let steps = [modules::ANIMATE, modules::BUDGET, modules::COMMIT, modules::PLAN, modules::ARGUMENTS];
+        objects.add_layout(&[steps[0].kernel], 0)?;
+        for module in steps {
+            let widest = [device.caps.tuning.widest_tile];
+            objects.add_compute(module, &[&widest[..module.kernel.constants as usize]])?;
         }
         Ok(Self { objects })
     }

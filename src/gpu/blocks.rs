@@ -1,86 +1,92 @@
 //! The `blocks` path: a workgroup for each item of the work list, or for each tile.
 
 use super::barriers;
-use super::descriptors::{Bound, BufferRange, Sets};
+use super::descriptors::{Bound, BufferRange, Sets, descriptor_type};
 use super::device::Device;
-use super::pipelines::Objects;
-use super::shaders::BlocksPush;
+use super::pipelines::{Objects, Pipelines};
+use crate::abi::choice::BlocksChoice;
+use crate::abi::kernels::DeviceTuning;
+use crate::abi::numbers::ROWS;
+use crate::abi::push::BlocksPush;
 use crate::error::Result;
-use crate::pack::DeltaFormat;
-use crate::plan::blocks::ROWS;
 use crate::plan::commands::Hazard;
 use ash::vk;
 use bytemuck::bytes_of;
 use std::sync::Arc;
 
-/// What a pipeline is made for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct BlocksVariant {
-    pub(crate) format: DeltaFormat,
-    pub(crate) exact: bool,
-    /// Vertices of a block.
-    pub(crate) size: u32,
-    /// Widths of tiles that there are (`crowd.comp`); 0: single instances, with masks (`blocks.comp`).
-    pub(crate) widths: u32,
-    /// Asset and list are read as texels (tiles of `fast`).
-    pub(crate) texels: bool,
-}
-
-impl BlocksVariant {
-    /// Asset, work list, poses; integer sums last, where sums are exact. As texels, poses and sums are bound twice: to be
-    /// stored, and to be loaded.
-    fn bindings(self) -> Vec<vk::DescriptorType> {
-        use vk::DescriptorType as T;
-        let (loaded, state): (T, &[T]) = match self.texels {
-            true => (T::UNIFORM_TEXEL_BUFFER, &[T::STORAGE_BUFFER, T::STORAGE_TEXEL_BUFFER]),
-            false => (T::STORAGE_BUFFER, &[T::STORAGE_BUFFER]),
-        };
-        [loaded; 2].iter().chain(state).chain(state.iter().filter(|_| self.exact)).copied().collect()
-    }
-}
-
-/// The pipeline of a variant; where it is [tiled](Self::is_tiled), one for each width, and for rebuilt tiles apart.
+/// The pipelines of a module for blocks of one size: one for items of single instances, or for each width of tiles one,
+/// or two where tiles that start from the base pose have their own.
 pub(crate) struct BlocksKernel {
-    pub(crate) objects: Objects,
-    variant: BlocksVariant,
+    pub(crate) objects: Arc<Objects>,
+    /// By width; kernels of other numbers of widths share them.
+    pipelines: Vec<Arc<Pipelines>>,
+    choice: BlocksChoice,
+    /// Vertices of a block.
+    size: u32,
 }
 
 impl BlocksKernel {
-    pub(crate) fn new(device: &Arc<Device>, variant: BlocksVariant) -> Result<Self> {
-        let BlocksVariant { format, exact, size, widths, texels } = variant;
-        let mut objects = Objects::none(device);
-        objects.add_storage_set_layout(&variant.bindings())?;
-        objects.add_layout(vk::ShaderStageFlags::COMPUTE, size_of::<BlocksPush>() as u32)?;
-        let name = super::shaders::blocks_module(if widths > 0 { "crowd" } else { "blocks" }, format, exact, texels);
-        // With texels, a lane has eight vertices.
-        let lanes = if texels { size / 8 } else { size };
-        if widths == 0 {
-            objects.add_compute(&name, &[lanes, size])?;
-        }
-        for rebuilt in 0..if exact { 1 } else { 2 } {
-            for width in 0..widths {
-                let constants = [lanes, size, 1 << width, if width > 0 { ROWS } else { 1 }, rebuilt];
-                objects.add_compute(&name, &constants[..if exact { 4 } else { 5 }])?;
+    /// `others` are the kernels made so far: what they have in common with this one is taken over.
+    pub(crate) fn new<'a>(
+        device: &Arc<Device>,
+        choice: BlocksChoice,
+        size: u32,
+        others: impl Iterator<Item = &'a Self>,
+    ) -> Result<Self> {
+        let akin = |other: &&Self| std::ptr::eq(other.choice.module, choice.module) && other.size == size;
+        let (objects, mut pipelines) = match others.filter(akin).max_by_key(|other| other.pipelines.len()) {
+            Some(other) => (other.objects.clone(), other.pipelines.clone()),
+            None => {
+                let mut objects = Objects::none(device);
+                objects.add_layout(&[choice.module.kernel], 0)?;
+                (Arc::new(objects), vec![])
             }
+        };
+        let lanes = size / choice.lane_vertices();
+        if choice.widths == 0 && pipelines.is_empty() {
+            pipelines.push(Arc::new(objects.compute_pipelines(choice.module, &[&[lanes, size]])?));
         }
-        Ok(Self { objects, variant })
+        let constants = |width: u32| {
+            let rows = if width > 0 { ROWS } else { 1 };
+            let all = (0..2).map(move |rebuilt| [lanes, size, 1 << width, rows, rebuilt]);
+            all.take(choice.pipelines_of_a_width() as usize)
+        };
+        pipelines.truncate(choice.widths.max(1) as usize);
+        let missing: Vec<[u32; 5]> = (pipelines.len() as u32..choice.widths).flat_map(constants).collect();
+        let used = choice.module.kernel.constants as usize;
+        let missing: Vec<&[u32]> = missing.iter().map(|constants| &constants[..used]).collect();
+        if !missing.is_empty() {
+            let made = objects.compute_pipelines(choice.module, &missing)?;
+            pipelines.extend(made.split(choice.pipelines_of_a_width() as usize).map(Arc::new));
+        }
+        Ok(Self { objects, pipelines, choice, size })
     }
 
     /// Whether it takes tiles: whole blocks of several instances.
     pub(crate) fn is_tiled(&self) -> bool {
-        self.variant.widths > 0
+        self.choice.widths > 0
     }
 
-    pub(crate) fn serves(&self, variant: BlocksVariant) -> bool {
-        self.variant == variant
+    /// What decides how wide tiles are.
+    pub(crate) fn device(&self) -> DeviceTuning {
+        self.choice.device
+    }
+
+    pub(crate) fn serves(&self, choice: &BlocksChoice, size: u32) -> bool {
+        self.choice == *choice && self.size == size
+    }
+
+    /// A pipeline by its [number](Self::pipeline_of).
+    fn pipeline(&self, number: usize) -> vk::Pipeline {
+        self.pipelines[number % self.pipelines.len()][number / self.pipelines.len()]
     }
 
     /// Record items of a work list.
     ///
     /// # Safety
     /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
-    /// - `set` was made by [`sets`](Self::sets) and lives until the dispatches have run; the list in its second buffer is
-    ///   complete by then, and names blocks, entries and slots that its buffers have.
+    /// - `set` was made by [`sets`](Self::sets) and lives until the dispatches have run; the list in its second buffer
+    ///   is complete by then, and names blocks, entries and slots that its buffers have.
     pub(crate) unsafe fn record(
         &self,
         cmd: vk::CommandBuffer,
@@ -98,7 +104,7 @@ impl BlocksKernel {
             // SAFETY: the caller's obligations; the push constants fill the layout's range; no dispatch has more
             // workgroups than the device allows.
             unsafe {
-                device.cmd_bind_pipeline(cmd, bind, self.objects.pipelines[*pipeline]);
+                device.cmd_bind_pipeline(cmd, bind, self.pipeline(*pipeline));
                 for first in (0..*items).step_by(most) {
                     if std::mem::replace(&mut begun, true) {
                         self.part(cmd);
@@ -112,14 +118,14 @@ impl BlocksKernel {
         }
     }
 
-    /// Part a dispatch from the one before of the same set. They write different blocks, and a storage buffer in common tells
-    /// synchronization validation as much; as texels, poses are loaded through one descriptor and stored through another,
-    /// for which a barrier is asked. Software drivers, the only ones, run one dispatch after the other anyway.
+    /// Part a dispatch from the one before of the same set. They write different blocks, and a storage buffer in common
+    /// tells synchronization validation as much; as texels, poses are loaded through one descriptor and stored through
+    /// another, for which a barrier is asked. Software drivers, the only ones, run one dispatch after the other anyway.
     ///
     /// # Safety
     /// As [`record`](Self::record).
     unsafe fn part(&self, cmd: vk::CommandBuffer) {
-        if self.variant.texels {
+        if self.choice.texels() {
             // SAFETY: the caller's obligations.
             unsafe { barriers::record(&self.objects.device.raw, cmd, Hazard::ComputeWriteToComputeUpdate) };
         }
@@ -127,7 +133,7 @@ impl BlocksKernel {
 
     /// Widths of tiles that there are.
     pub(crate) fn widths(&self) -> usize {
-        self.variant.widths as usize
+        self.choice.widths as usize
     }
 
     /// Bind a set for [`dispatch_indirect`](Self::dispatch_indirect).
@@ -155,7 +161,7 @@ impl BlocksKernel {
         offset: u64,
     ) {
         let (device, layout) = (&self.objects.device.raw, self.objects.layout);
-        let (point, pipeline) = (vk::PipelineBindPoint::COMPUTE, self.objects.pipelines[self.pipeline_of(0, width)]);
+        let (point, pipeline) = (vk::PipelineBindPoint::COMPUTE, self.pipeline(self.pipeline_of(0, width)));
         // SAFETY: the caller's obligations; the push constants fill the layout's range.
         unsafe {
             self.part(cmd);
@@ -168,15 +174,16 @@ impl BlocksKernel {
     /// A descriptor set for each group of instances.
     pub(crate) fn sets(&self, groups: &[GroupBuffers]) -> Result<Sets> {
         use vk::Format as F;
-        let bindings = self.variant.bindings();
+        let bindings = self.choice.module.kernel.bindings;
         let bound = |group: &GroupBuffers| {
             // As texels, poses and sums are bound twice.
-            let times = if self.variant.texels { 2 } else { 1 };
+            let times = if self.choice.texels() { 2 } else { 1 };
             let lists = [group.asset, group.list].map(|range| (range, F::R32G32B32A32_UINT));
             let poses = std::iter::repeat_n((group.poses, F::R32G32B32A32_SFLOAT), times);
             let sums = group.sums.into_iter().flat_map(|sums| std::iter::repeat_n((sums, F::R32G32B32A32_SINT), times));
             let ranges = lists.into_iter().chain(poses).chain(sums);
-            ranges.zip(&bindings).map(|((range, format), &ty)| Bound::typed(ty, range, format)).collect()
+            let typed = |((range, format), (_, buffer))| Bound::typed(descriptor_type(buffer), range, format);
+            ranges.zip(bindings.iter().copied()).map(typed).collect()
         };
         let bound: Vec<Vec<Bound>> = groups.iter().map(bound).collect();
         Sets::new(&self.objects.device, self.objects.set_layout, &bound)
@@ -184,7 +191,7 @@ impl BlocksKernel {
 
     /// Which pipeline takes tiles of 2^width instances that start from the base pose (`apart`) or do not.
     pub(crate) fn pipeline_of(&self, apart: usize, width: usize) -> usize {
-        apart * self.variant.widths as usize + width
+        apart * self.choice.widths as usize + width
     }
 }
 

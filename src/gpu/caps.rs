@@ -1,6 +1,10 @@
 //! What a device can do, as far as the update paths care, and what each path asks for.
 
-use super::shaders::{DENSE_BATCH_MAX, WORKGROUP, feedback_batch_max, feedback_push_bytes};
+use crate::abi::choice::BlocksCase;
+use crate::abi::formats::FORMATS;
+use crate::abi::kernels::{DeviceClass, DeviceTuning, batch_max};
+use crate::abi::numbers::{DENSE_BATCH_MAX, WORKGROUP};
+use crate::abi::push::attribute_push_bytes;
 use crate::error::{Error, Result};
 use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
 use crate::plan::{BatchSize, UpdateDesc, UpdatePath};
@@ -56,6 +60,8 @@ pub struct DeviceCaps {
     pub driver_info: String,
     /// What kind of device it is.
     pub kind: DeviceKind,
+    /// What suits the device: kernels and tiles are chosen by it.
+    pub tuning: DeviceTuning,
     /// Vulkan version: major, minor, patch.
     pub api_version: (u32, u32, u32),
     /// Bytes that a storage-buffer descriptor may cover.
@@ -184,6 +190,10 @@ impl DeviceCaps {
                 vk::PhysicalDeviceType::CPU => DeviceKind::Cpu,
                 _ => DeviceKind::Other,
             },
+            tuning: match core.device_type {
+                vk::PhysicalDeviceType::CPU => DeviceClass::Software.tuning(),
+                _ => DeviceClass::of_vendor(core.vendor_id).tuning(),
+            },
             api_version,
             max_storage_range: limits.max_storage_buffer_range.into(),
             max_texels: limits.max_texel_buffer_elements,
@@ -214,6 +224,7 @@ impl DeviceCaps {
             driver: String::new(),
             driver_info: String::new(),
             kind: DeviceKind::Other,
+            tuning: DeviceClass::Phone.tuning(),
             api_version: (1, 1, 0),
             max_storage_range: 1 << 27,
             max_texels: 1 << 16,
@@ -232,8 +243,10 @@ impl DeviceCaps {
         }
     }
 
-    /// Keep to the smaller of these limits and `limits`; nothing is raised. Names, versions and timestamps stay.
+    /// Keep to the smaller of these limits and `limits`; nothing is raised. Names, tuning, versions and timestamps
+    /// stay.
     pub fn clamp_to(&mut self, limits: &Self) {
+        self.tuning.widest_tile = self.tuning.widest_tile.min(limits.tuning.widest_tile);
         self.max_storage_range = self.max_storage_range.min(limits.max_storage_range);
         self.max_texels = self.max_texels.min(limits.max_texels);
         self.max_allocation = self.max_allocation.min(limits.max_allocation);
@@ -253,13 +266,18 @@ impl DeviceCaps {
         self.int64 &= limits.int64;
     }
 
-    /// Whether tiles of `format` are read as texels and stored in 64-bit integers, and single instances taken as tiles: on
-    /// software drivers, which pay for storage buffers lane by lane, and several times as much under the control flow that
-    /// masks take.
-    pub fn takes_texels(&self, format: DeltaFormat) -> bool {
+    /// Which kernel of the path `blocks` runs for `instances` instances; `entries`: whether any target moves anything.
+    pub(crate) fn blocks_case(&self, format: DeltaFormat, exact: bool, instances: u32, entries: bool) -> BlocksCase {
         // Whatever a storage descriptor covers, a view of four words each covers then.
-        let long = u64::from(self.max_texels) >= self.max_storage_range / 16;
-        self.is_software() && self.int64 && format == DeltaFormat::Fast && long
+        let texels = self.int64 && u64::from(self.max_texels) >= self.max_storage_range / 16;
+        BlocksCase { format, exact, instances, entries, device: self.tuning, texels }
+    }
+
+    /// Whether tiles of `format` are read as texels and stored in 64-bit integers, and single instances taken as tiles:
+    /// on software drivers, which pay for storage buffers lane by lane, and several times as much under the control
+    /// flow that masks take.
+    pub fn takes_texels(&self, format: DeltaFormat) -> bool {
+        self.blocks_case(format, false, 1, true).takes_texels()
     }
 
     /// The largest batch of a feedback pass: vertex attributes − 2 for the pose, 2 a target (float32) or 1
@@ -272,8 +290,8 @@ impl DeviceCaps {
     fn attribute_targets_max(&self, format: DeltaFormat) -> u32 {
         let attributes = self.max_vertex_attributes.saturating_sub(2) / format.attributes() as u32;
         let bindings = self.max_vertex_bindings.saturating_sub(1);
-        let most = attributes.min(bindings).min(feedback_batch_max(format));
-        (0..=most).rev().find(|&b| feedback_push_bytes(format, b) <= self.max_push_constants).unwrap_or(0)
+        let most = attributes.min(bindings).min(batch_max(&FORMATS[format as usize]));
+        (0..=most).rev().find(|&b| attribute_push_bytes(format, b) <= self.max_push_constants).unwrap_or(0)
     }
 
     /// The largest batch of `path` with coefficients in push constants; `None`: any.

@@ -4,7 +4,9 @@
 use super::descriptors::{Bound, Sets};
 use super::device::Device;
 use super::pipelines::Objects;
-use super::shaders::{DenseListEntry, DenseListPush, DensePush, WORKGROUP};
+use crate::abi::modules::{DENSE, DENSE_LIST};
+use crate::abi::numbers::WORKGROUP;
+use crate::abi::push::{DenseListEntry, DenseListPush, DensePush};
 use crate::error::Result;
 use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
 use crate::plan::{BatchSize, Source};
@@ -12,14 +14,6 @@ use crate::weights::delta::Coefficient;
 use ash::vk;
 use bytemuck::bytes_of;
 use std::sync::Arc;
-
-/// Storage buffers of a dense kernel: source, destination, deltas, coefficient list. Poses are bound where they
-/// are, one set for each pair, and not by dynamic offset: synchronization validation does not see dynamic offsets
-/// and would take the poses of two heads for one piece of memory.
-const BINDINGS: [vk::DescriptorType; 4] = {
-    use vk::DescriptorType as T;
-    [T::STORAGE_BUFFER, T::STORAGE_BUFFER, T::STORAGE_BUFFER_DYNAMIC, T::STORAGE_BUFFER_DYNAMIC]
-};
 
 /// Pipelines for batches 0 (a copy) to the batch size, or the one that reads a list.
 pub(crate) struct Compute {
@@ -41,14 +35,13 @@ pub(crate) struct ComputePass<'a> {
 impl Compute {
     pub(crate) fn new(device: &Arc<Device>, format: DeltaFormat, batch: BatchSize) -> Result<Self> {
         let mut objects = Objects::none(device);
-        objects.add_storage_set_layout(&BINDINGS)?;
-        objects.add_layout(vk::ShaderStageFlags::COMPUTE, size_of::<DensePush>() as u32)?;
+        objects.add_layout(&[DENSE.row, DENSE_LIST.row], 0)?;
         match batch {
-            BatchSize::All => objects.add_compute(&format!("dense_list_{}", format.name()), &[])?,
+            BatchSize::All => objects.add_compute(DENSE_LIST.module(format, 0)?, &[&[]])?,
             BatchSize::Targets(most) => {
-                for b in 0..=most {
-                    objects.add_compute(&format!("dense_{}", format.name()), &[b])?;
-                }
+                let batches: Vec<[u32; 1]> = (0..=most).map(|batch| [batch]).collect();
+                let constants: Vec<&[u32]> = batches.iter().map(<[u32; 1]>::as_slice).collect();
+                objects.add_compute(DENSE.module(format, 0)?, &constants)?;
             }
         }
         Ok(Self { objects, format, batch })
@@ -141,8 +134,10 @@ pub(crate) struct SetBuffers<'a> {
     pub(crate) lists: (vk::Buffer, u64),
 }
 
-/// The descriptor sets of a crowd: for each instance and destination slot, one per source (the base pose, the
-/// slot itself, the slot before) and chunk.
+/// The descriptor sets of a crowd: source, destination, deltas, coefficient list. Poses are bound where they are, one
+/// set for each pair, and not by dynamic offset: synchronization validation does not see dynamic offsets and would take
+/// the poses of two heads for one piece of memory. For each instance and destination slot, one per source (the base
+/// pose, the slot itself, the slot before) and chunk.
 pub(crate) struct PassSets {
     slots: u32,
     chunks: usize,

@@ -2,6 +2,7 @@
 
 use super::device::Device;
 use super::failed;
+use crate::abi::kernels::Buffer;
 use crate::error::Result;
 use ash::vk;
 use std::sync::Arc;
@@ -37,6 +38,16 @@ impl Bound {
     /// Of any type: `format` counts for texel buffers, which the buffer was made for then.
     pub(crate) fn typed(ty: vk::DescriptorType, range: BufferRange, format: vk::Format) -> Self {
         Self { ty, range, format }
+    }
+}
+
+/// The descriptor of a buffer that a kernel declares.
+pub(crate) fn descriptor_type(buffer: Buffer) -> vk::DescriptorType {
+    match buffer {
+        Buffer::Storage(_) => vk::DescriptorType::STORAGE_BUFFER,
+        Buffer::Dynamic(_) | Buffer::DynamicDeltas => vk::DescriptorType::STORAGE_BUFFER_DYNAMIC,
+        Buffer::UniformTexels => vk::DescriptorType::UNIFORM_TEXEL_BUFFER,
+        Buffer::StorageTexels => vk::DescriptorType::STORAGE_TEXEL_BUFFER,
     }
 }
 

@@ -30,10 +30,12 @@ pub struct DeviceDesc<'a> {
     /// The features that `device` was created with. Of use are `vertexPipelineStoresAndAtomics`, for the baseline
     /// `vertex-store`, and `shaderInt64` on software drivers, where `fast` in blocks takes half as long with it.
     pub enabled_features: vk::PhysicalDeviceFeatures,
-    /// The host's allocator; `None`: the engine makes one of its own. That one gives each of the first 128 buffers memory
-    /// of exactly its size, returned as soon as the buffer goes; further small ones share blocks of 4 MiB to 64 MiB, of
-    /// which one is kept for each type of memory. A host with many meshes, or near the device's limit of allocations
-    /// (`maxMemoryAllocationCount`), hands in its own.
+    /// The host's cache of pipelines, which it loads and stores; `null()`: none.
+    pub pipeline_cache: vk::PipelineCache,
+    /// The host's allocator; `None`: the engine makes one of its own. That one gives each of the first 128 buffers
+    /// memory of exactly its size, returned as soon as the buffer goes; further small ones share blocks of 4 MiB to 64
+    /// MiB, of which one is kept for each type of memory. A host with many meshes, or near the device's limit of
+    /// allocations (`maxMemoryAllocationCount`), hands in its own.
     pub allocator: Option<SharedAllocator>,
 }
 
@@ -46,6 +48,7 @@ pub(crate) struct Device {
     pub(crate) raw: ash::Device,
     pub(crate) feedback: Option<ash::ext::transform_feedback::Device>,
     pub(crate) caps: DeviceCaps,
+    pub(crate) pipeline_cache: vk::PipelineCache,
     allocator: SharedAllocator,
     /// Buffers with memory of their own, and how many may have: none from a host's allocator.
     dedicated: AtomicU32,
@@ -56,8 +59,8 @@ pub(crate) struct Device {
 
 impl Device {
     /// # Safety
-    /// - The handles of `desc` are alive, belong together, and outlive the value returned and all made from it, or live as
-    ///   long as `owner`.
+    /// - The handles of `desc` are alive, belong together (the pipeline cache may be null), and outlive the value
+    ///   returned and all made from it, or live as long as `owner`.
     /// - `desc.caps` does not exceed what the device has.
     /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled, and
     ///   `desc.enabled_features` has no other features than those that were.
@@ -97,6 +100,7 @@ impl Device {
             raw: desc.device.clone(),
             feedback,
             caps,
+            pipeline_cache: desc.pipeline_cache,
             allocator,
             dedicated: AtomicU32::new(0),
             dedicated_most,

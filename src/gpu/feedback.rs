@@ -6,7 +6,8 @@
 
 use super::device::Device;
 use super::pipelines::Objects;
-use super::shaders::{feedback_module, feedback_push_bytes};
+use crate::abi::modules::FEEDBACK;
+use crate::abi::push::attribute_push_bytes;
 use crate::error::Result;
 use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
 use crate::weights::delta::Coefficient;
@@ -34,11 +35,11 @@ pub(crate) struct FeedbackPass<'a> {
 impl Feedback {
     pub(crate) fn new(device: &Arc<Device>, format: DeltaFormat, batch: u32) -> Result<Self> {
         let mut objects = Objects::none(device);
-        objects.add_layout(vk::ShaderStageFlags::VERTEX, feedback_push_bytes(format, batch))?;
+        objects.add_layout(&[FEEDBACK.row], attribute_push_bytes(format, batch))?;
         objects.add_empty_render_pass()?;
         for b in 0..=batch {
             let (bindings, attributes) = vertex_input(format, b);
-            objects.add_discarding_vertex(&feedback_module(format, b), &bindings, &attributes)?;
+            objects.add_discarding_vertex(FEEDBACK.module(format, b)?, &bindings, &attributes)?;
         }
         Ok(Self { objects, format, batch })
     }

@@ -1,8 +1,7 @@
 //! Below the gpu line: everything that calls Vulkan.
 //!
 //! Files by Vulkan concern: [`caps`] (what a device can do), [`device`] (the host's device, borrowed),
-//! `memory`, `descriptors`, [`shaders`] (embedded modules and shared layouts), `pipelines`, `barriers`, one file per update path, and
-//! `baselines`, the techniques of others.
+//! `memory`, `descriptors`, `pipelines`, `barriers`, one file per update path, and `baselines`, the techniques of others.
 
 pub(crate) mod animation;
 pub(crate) mod barriers;
@@ -15,7 +14,6 @@ pub mod device;
 pub(crate) mod feedback;
 pub(crate) mod memory;
 pub(crate) mod pipelines;
-pub mod shaders;
 
 use crate::error::Error;
 use ash::vk;

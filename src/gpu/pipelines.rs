@@ -1,11 +1,46 @@
 //! Pipelines and what they are made from, each destroyed with its owner.
 
+use super::descriptors::descriptor_type;
 use super::device::Device;
 use super::failed;
-use super::shaders;
+use crate::abi::kernels::{KernelRow, Stage};
+use crate::abi::modules::Module;
 use crate::error::Result;
 use ash::vk;
+use std::ops::Index;
 use std::sync::Arc;
+
+/// Pipelines, destroyed together. Dropped only when the device no longer uses them.
+pub(crate) struct Pipelines {
+    device: Arc<Device>,
+    raw: Vec<vk::Pipeline>,
+}
+
+impl Pipelines {
+    /// The same pipelines, `count` to an owner.
+    pub(crate) fn split(mut self, count: usize) -> impl Iterator<Item = Self> {
+        let (device, raw) = (self.device.clone(), std::mem::take(&mut self.raw));
+        let parts: Vec<Self> =
+            raw.chunks(count).map(|part| Self { device: device.clone(), raw: part.to_vec() }).collect();
+        parts.into_iter()
+    }
+}
+
+impl Index<usize> for Pipelines {
+    type Output = vk::Pipeline;
+
+    fn index(&self, pipeline: usize) -> &vk::Pipeline {
+        &self.raw[pipeline]
+    }
+}
+
+impl Drop for Pipelines {
+    fn drop(&mut self) {
+        // SAFETY: created on this device, destroyed once, no longer used (see the type); destroying a null handle does
+        // nothing.
+        unsafe { self.raw.iter().for_each(|&pipeline| self.device.raw.destroy_pipeline(pipeline, None)) };
+    }
+}
 
 /// Objects of one update path; destroyed together. Dropped only when the device no longer uses them.
 pub(crate) struct Objects {
@@ -14,7 +49,7 @@ pub(crate) struct Objects {
     pub(crate) layout: vk::PipelineLayout,
     pub(crate) render_pass: vk::RenderPass,
     pub(crate) framebuffer: vk::Framebuffer,
-    pub(crate) pipelines: Vec<vk::Pipeline>,
+    pub(crate) pipelines: Pipelines,
 }
 
 impl Objects {
@@ -26,37 +61,31 @@ impl Objects {
             layout: vk::PipelineLayout::null(),
             render_pass: vk::RenderPass::null(),
             framebuffer: vk::Framebuffer::null(),
-            pipelines: vec![],
+            pipelines: Pipelines { device: device.clone(), raw: vec![] },
         }
     }
 
-    /// A set layout of buffers of these types, for compute.
-    pub(crate) fn add_storage_set_layout(&mut self, types: &[vk::DescriptorType]) -> Result<()> {
-        self.add_set_layout(types, vk::ShaderStageFlags::COMPUTE)
-    }
-
-    /// A set layout of buffers of these types: storage buffers, or texels.
-    pub(crate) fn add_set_layout(&mut self, types: &[vk::DescriptorType], stage: vk::ShaderStageFlags) -> Result<()> {
-        let bindings: Vec<_> = types
-            .iter()
-            .enumerate()
-            .map(|(binding, ty)| {
-                vk::DescriptorSetLayoutBinding::default()
-                    .binding(binding as u32)
-                    .descriptor_type(*ty)
-                    .descriptor_count(1)
-                    .stage_flags(stage)
-            })
-            .collect();
-        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
-        // SAFETY: the device is alive; the bindings are distinct.
-        self.set_layout = unsafe { self.device.raw.create_descriptor_set_layout(&info, None) }
-            .map_err(failed("vkCreateDescriptorSetLayout"))?;
-        Ok(())
-    }
-
-    /// A pipeline layout of the set layout (where there is one) and push constants.
-    pub(crate) fn add_layout(&mut self, stage: vk::ShaderStageFlags, push_bytes: u32) -> Result<()> {
+    /// Set layout and pipeline layout of what kernels declare, all in one stage. `attribute_push_bytes`: push constants
+    /// of those whose number of coefficients is the batch size.
+    pub(crate) fn add_layout(&mut self, kernels: &[&KernelRow], attribute_push_bytes: u32) -> Result<()> {
+        let stage = stage_of(kernels.first().map_or(Stage::Vertex, |kernel| kernel.stage));
+        let mut bindings: Vec<_> = kernels.iter().flat_map(|kernel| kernel.bindings).copied().collect();
+        bindings.sort_unstable_by_key(|(binding, _)| *binding);
+        bindings.dedup_by_key(|(binding, _)| *binding);
+        if !bindings.is_empty() {
+            let binding = |(binding, buffer)| {
+                let ty = descriptor_type(buffer);
+                let layout = vk::DescriptorSetLayoutBinding::default().binding(binding).descriptor_type(ty);
+                layout.descriptor_count(1).stage_flags(stage)
+            };
+            let bindings: Vec<_> = bindings.into_iter().map(binding).collect();
+            let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
+            // SAFETY: the device is alive; the bindings are distinct.
+            self.set_layout = unsafe { self.device.raw.create_descriptor_set_layout(&info, None) }
+                .map_err(failed("vkCreateDescriptorSetLayout"))?;
+        }
+        let push_bytes =
+            kernels.iter().map(|kernel| kernel.push.members().1 as u32).fold(attribute_push_bytes, u32::max);
         let push = [vk::PushConstantRange::default().stage_flags(stage).size(push_bytes)];
         let sets = [self.set_layout];
         let mut info = vk::PipelineLayoutCreateInfo::default();
@@ -87,36 +116,54 @@ impl Objects {
         Ok(())
     }
 
-    /// A compute pipeline of module `name`; `constants` are specialization constants 0, 1, …
-    pub(crate) fn add_compute(&mut self, name: &str, constants: &[u32]) -> Result<()> {
-        let module = Module::new(&self.device, name)?;
-        let entries: Vec<_> = (0..constants.len() as u32)
-            .map(|id| vk::SpecializationMapEntry { constant_id: id, offset: 4 * id, size: 4 })
-            .collect();
-        let specialization =
-            vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(constants));
-        let stage = vk::PipelineShaderStageCreateInfo::default()
-            .stage(vk::ShaderStageFlags::COMPUTE)
-            .module(module.raw)
-            .name(c"main")
-            .specialization_info(&specialization);
-        let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout);
-        // SAFETY: module and layout are ours and alive; tests reflect the module against the layout.
-        let made = unsafe { self.device.raw.create_compute_pipelines(vk::PipelineCache::null(), &[info], None) };
-        self.pipelines.extend(made.map_err(|(_, e)| failed("vkCreateComputePipelines")(e))?);
+    /// A compute pipeline of a module for each list of specialization constants 0, 1, …
+    pub(crate) fn add_compute(&mut self, module: &Module, constants: &[&[u32]]) -> Result<()> {
+        let mut made = self.compute_pipelines(module, constants)?;
+        self.pipelines.raw.append(&mut made.raw);
         Ok(())
     }
 
-    /// A pipeline of vertex module `name` with rasterizer discard, drawing lines.
+    /// Compute pipelines as of [`add_compute`](Self::add_compute), with an owner of their own.
+    pub(crate) fn compute_pipelines(&self, module: &Module, constants: &[&[u32]]) -> Result<Pipelines> {
+        let module = ShaderModule::new(&self.device, module)?;
+        let most = constants.iter().map(|constants| constants.len()).max().unwrap_or(0) as u32;
+        let entries: Vec<_> =
+            (0..most).map(|id| vk::SpecializationMapEntry { constant_id: id, offset: 4 * id, size: 4 }).collect();
+        let specialize = |constants: &&'_ [u32]| vk::SpecializationInfo {
+            data_size: size_of_val(*constants),
+            p_data: constants.as_ptr().cast(),
+            ..vk::SpecializationInfo::default().map_entries(&entries[..constants.len()])
+        };
+        let specializations: Vec<_> = constants.iter().map(specialize).collect();
+        let info = |specialization| {
+            let stage = vk::PipelineShaderStageCreateInfo::default()
+                .stage(vk::ShaderStageFlags::COMPUTE)
+                .module(module.raw)
+                .name(c"main")
+                .specialization_info(specialization);
+            vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout)
+        };
+        let infos: Vec<_> = specializations.iter().map(info).collect();
+        let device = &self.device;
+        // SAFETY: module and layout are ours and alive, and so is what `infos` points to; tests reflect the module
+        // against the layout.
+        let made = unsafe { device.raw.create_compute_pipelines(device.pipeline_cache, &infos, None) };
+        // Where one fails, others may have been made.
+        let (raw, error) = made.map_or_else(|(raw, error)| (raw, Some(error)), |raw| (raw, None));
+        let made = Pipelines { device: device.clone(), raw };
+        error.map_or(Ok(made), |error| Err(failed("vkCreateComputePipelines")(error)))
+    }
+
+    /// A pipeline of a vertex module with rasterizer discard, drawing lines.
     ///
     /// Lines, since points without gl_PointSize are not valid and with it are slow on software devices.
     pub(crate) fn add_discarding_vertex(
         &mut self,
-        name: &str,
+        module: &Module,
         bindings: &[vk::VertexInputBindingDescription],
         attributes: &[vk::VertexInputAttributeDescription],
     ) -> Result<()> {
-        let module = Module::new(&self.device, name)?;
+        let module = ShaderModule::new(&self.device, module)?;
         let stages = [vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::VERTEX)
             .module(module.raw)
@@ -136,8 +183,8 @@ impl Objects {
             .render_pass(self.render_pass);
         // SAFETY: module, layout and render pass are ours and alive; with rasterizer discard no further state
         // is read; the attributes are within the device's limits (checked by caps) and match the module (tests).
-        let made = unsafe { self.device.raw.create_graphics_pipelines(vk::PipelineCache::null(), &[info], None) };
-        self.pipelines.extend(made.map_err(|(_, e)| failed("vkCreateGraphicsPipelines")(e))?);
+        let made = unsafe { self.device.raw.create_graphics_pipelines(self.device.pipeline_cache, &[info], None) };
+        self.pipelines.raw.extend(made.map_err(|(_, e)| failed("vkCreateGraphicsPipelines")(e))?);
         Ok(())
     }
 
@@ -161,7 +208,6 @@ impl Drop for Objects {
         // SAFETY: all were created on this device, are destroyed once, and are no longer used (see the type);
         // destroying a null handle does nothing.
         unsafe {
-            self.pipelines.iter().for_each(|&p| device.destroy_pipeline(p, None));
             device.destroy_framebuffer(self.framebuffer, None);
             device.destroy_render_pass(self.render_pass, None);
             device.destroy_pipeline_layout(self.layout, None);
@@ -170,15 +216,22 @@ impl Drop for Objects {
     }
 }
 
+fn stage_of(stage: Stage) -> vk::ShaderStageFlags {
+    match stage {
+        Stage::Vertex => vk::ShaderStageFlags::VERTEX,
+        Stage::Compute(_) => vk::ShaderStageFlags::COMPUTE,
+    }
+}
+
 /// A shader module for the time it takes to make a pipeline of it.
-struct Module<'a> {
+struct ShaderModule<'a> {
     device: &'a Device,
     raw: vk::ShaderModule,
 }
 
-impl<'a> Module<'a> {
-    fn new(device: &'a Device, name: &str) -> Result<Self> {
-        let words = shaders::words(name);
+impl<'a> ShaderModule<'a> {
+    fn new(device: &'a Device, module: &Module) -> Result<Self> {
+        let words = module.words();
         let info = vk::ShaderModuleCreateInfo::default().code(&words);
         // SAFETY: the words are SPIR-V made by glslang for Vulkan 1.1.
         let raw = unsafe { device.raw.create_shader_module(&info, None) }.map_err(failed("vkCreateShaderModule"))?;
@@ -186,7 +239,7 @@ impl<'a> Module<'a> {
     }
 }
 
-impl Drop for Module<'_> {
+impl Drop for ShaderModule<'_> {
     fn drop(&mut self) {
         // SAFETY: created in `new`; a module may go once its pipelines are made.
         unsafe { self.device.raw.destroy_shader_module(self.raw, None) };

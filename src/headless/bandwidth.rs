@@ -2,11 +2,13 @@
 
 use super::Headless;
 use super::submit::full_barrier;
+use crate::abi::modules::READ;
+use crate::abi::numbers::WORKGROUP;
+use crate::abi::push::ReadPush;
 use crate::error::Result;
 use crate::gpu::descriptors::{Bound, Sets};
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::gpu::pipelines::Objects;
-use crate::gpu::shaders::{ReadPush, WORKGROUP};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 
@@ -40,9 +42,8 @@ impl Headless {
         let (from, to) = (buffer("bandwidth source", bytes)?, buffer("bandwidth target", bytes)?);
 
         let mut objects = Objects::none(device);
-        objects.add_storage_set_layout(&[vk::DescriptorType::STORAGE_BUFFER; 2])?;
-        objects.add_layout(vk::ShaderStageFlags::COMPUTE, size_of::<ReadPush>() as u32)?;
-        objects.add_compute("read", &[])?;
+        objects.add_layout(&[READ.kernel], 0)?;
+        objects.add_compute(READ, &[&[]])?;
         let bound = [&from, &to].map(|buffer| Bound::new(buffer.raw, 0, bytes)).to_vec();
         let sets = Sets::new(device, objects.set_layout, &[bound])?;
         self.measure(&objects, sets.get(0), &from, &to, bytes)

@@ -1,5 +1,6 @@
 //! A draw that reads a pose as vertex attributes and discards every primitive: what reading a pose costs.
 
+use crate::abi::modules::CONSUME;
 use crate::engine::PoseView;
 use crate::error::Result;
 use crate::gpu::device::Device;
@@ -15,14 +16,14 @@ pub(super) struct PoseDraw {
 impl PoseDraw {
     pub(super) fn new(device: &Arc<Device>) -> Result<Self> {
         let mut objects = Objects::none(device);
-        objects.add_layout(vk::ShaderStageFlags::VERTEX, 0)?;
+        objects.add_layout(&[CONSUME.kernel], 0)?;
         objects.add_empty_render_pass()?;
         let bindings = [vk::VertexInputBindingDescription::default().stride(POSE_STRIDE as u32)];
         let attribute = |location| {
             let format = vk::Format::R32G32B32_SFLOAT;
             vk::VertexInputAttributeDescription { location, binding: 0, format, offset: 12 * location }
         };
-        objects.add_discarding_vertex("consume", &bindings, &[attribute(0), attribute(1)])?;
+        objects.add_discarding_vertex(CONSUME, &bindings, &[attribute(0), attribute(1)])?;
         Ok(Self { objects })
     }
 

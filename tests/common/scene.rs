@@ -54,6 +54,8 @@ type Work = (bool, u32, u32, Vec<(u32, i32)>);
 pub type Plan = BTreeMap<(u32, u32), Work>;
 
 pub struct Scene<'a> {
+    /// Instances of a tile, at most.
+    widest: u32,
     pub crowd: HeadlessCrowd<'a>,
     pub mesh: Arc<PackedMesh>,
     desc: CrowdDesc,
@@ -69,6 +71,7 @@ impl<'a> Scene<'a> {
     pub fn new(headless: &'a Headless, mesh: &Arc<PackedMesh>, desc: CrowdDesc, animation: &AnimationDesc<'_>) -> Self {
         let rebuilt = UpdateDesc { path: UpdatePath::Cpu, mode: UpdateMode::Rebuild, ..exact(1) };
         Self {
+            widest: headless.caps().tuning.widest_tile,
             crowd: HeadlessCrowd::animated(headless, mesh, &desc, animation).expect("a crowd"),
             heads: Heads::new(desc.instances),
             clips: Clips::new(animation, mesh.layout()).expect("clips"),
@@ -119,7 +122,7 @@ impl<'a> Scene<'a> {
             let weights = self.crowd.read_weights(instance).expect("weights");
             assert_eq!(weights, self.twin.weights(instance as usize), "weights of head {instance} at {seconds}");
         }
-        let plan = of_groups(&self.crowd.read_plan().expect("a plan"), self.desc.update.slots, &self.mesh);
+        let plan = of_groups(&self.crowd.read_plan().expect("a plan"), self.desc.update.slots, self.widest, &self.mesh);
         assert_eq!(plan, expected, "{:?} at {seconds}", self.desc);
         (plan, commands.expect("a list"))
     }
@@ -142,7 +145,7 @@ impl<'a> Scene<'a> {
             expected = of_list(self.twin.update(&self.clips, &self.heads, update));
         }
         self.crowd.submit(recorded).expect("a submission");
-        let plan = of_groups(&self.crowd.read_plan().expect("a plan"), self.desc.update.slots, &self.mesh);
+        let plan = of_groups(&self.crowd.read_plan().expect("a plan"), self.desc.update.slots, self.widest, &self.mesh);
         assert_eq!(plan, expected, "{:?} at {seconds:?}", self.desc);
     }
 
@@ -187,7 +190,7 @@ fn of_list(list: &WorkList) -> Plan {
 }
 
 /// The GPU's lists, taken apart; what is asked of their form is checked on the way.
-fn of_groups(groups: &[PlannedGroup], slots: u32, mesh: &PackedMesh) -> Plan {
+fn of_groups(groups: &[PlannedGroup], slots: u32, widest: u32, mesh: &PackedMesh) -> Plan {
     let (mut plan, mut tiles) = (Plan::new(), BTreeSet::new());
     let blocks = blocks(mesh) as u32;
     for group in groups {
@@ -216,11 +219,11 @@ fn of_groups(groups: &[PlannedGroup], slots: u32, mesh: &PackedMesh) -> Plan {
                     assert_eq!((poses[place], rebuilt >> place & 1), (poses[used - 1], rebuilt >> (used - 1) & 1));
                     assert!(place >= width || rows.iter().all(|row| row[1 + place] == row[used]));
                 }
-                let tile = poses[0][1] / slots / TILE as u32;
+                let tile = poses[0][1] / slots / widest;
                 assert!(tiles.insert((group.instances.0, tile, block)), "one item for a block of a tile");
                 for (place, [source, destination]) in poses[..used].iter().enumerate() {
                     let instance = destination / slots;
-                    assert_eq!((source / slots, instance / TILE as u32), (instance, tile));
+                    assert_eq!((source / slots, instance / widest), (instance, tile));
                     assert!(instance < group.instances.1);
                     let from_base = rebuilt >> place & 1 != 0;
                     let elements = rows.iter().filter(|row| row[1 + place] != 0);

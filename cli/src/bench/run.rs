@@ -111,7 +111,7 @@ impl RunRecord {
     /// A configuration that was not measured yet.
     pub fn blank(config: &Config, setting: &Setting<'_>, input: &Input) -> Self {
         Self {
-            mesh: input.kept.name.clone(),
+            mesh: input.name.clone(),
             targets: input.kept.targets.len(),
             path: config.desc.path.name().into(),
             mode: config.desc.mode.name().into(),

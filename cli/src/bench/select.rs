@@ -187,15 +187,13 @@ fn group_figures(group: &Group<'_>, report: &Report, suffix: &str, figures: &mut
             "Median time per frame; bars are ±1 standard error. Each pass reads and writes the whole pose, so \
              fewer passes mean less traffic. The cpu path has no passes and is drawn as a level."
                 .into(),
-            Chart::Lines(LineChart {
-                title: "Time per frame against batch size".into(),
-                subtitle: here(Some(most)),
-                x_label: "targets per pass".into(),
-                y_label: "ms per frame".into(),
-                series: batches,
-                axes: Axes::Counts,
-                reference: None,
-            }),
+            Chart::Lines(LineChart::new(
+                "Time per frame against batch size",
+                here(Some(most)),
+                ["targets per pass", "ms per frame"],
+                Axes::Counts,
+                batches,
+            )),
         );
     }
     let mut relatives = series(&full, batch_x, relative);
@@ -205,13 +203,14 @@ fn group_figures(group: &Group<'_>, report: &Report, suffix: &str, figures: &mut
             "relative-performance",
             "Time at batch 1 divided by time at batch b, each path against itself: what batching alone gains.".into(),
             Chart::Lines(LineChart {
-                title: "Relative performance against batch size".into(),
-                subtitle: here(Some(most)),
-                x_label: "targets per pass".into(),
-                y_label: "times as fast as batch 1".into(),
-                series: relatives,
-                axes: Axes::CountsFromZero,
                 reference: Some(1.0),
+                ..LineChart::new(
+                    "Relative performance against batch size",
+                    here(Some(most)),
+                    ["targets per pass", "times as fast as batch 1"],
+                    Axes::CountsFromZero,
+                    relatives,
+                )
             }),
         );
     }
@@ -220,15 +219,13 @@ fn group_figures(group: &Group<'_>, report: &Report, suffix: &str, figures: &mut
         add(
             "time-vs-changed",
             "Each point is the fastest batch size of its path. An incremental update pays for what changed.".into(),
-            Chart::Lines(LineChart {
-                title: "Time per frame against changed targets".into(),
-                subtitle: here(None),
-                x_label: "targets changed per frame".into(),
-                y_label: "ms per frame".into(),
-                series: series(&best, |r| X::Value(r.changed), absolute),
-                axes: Axes::CountsFromZero,
-                reference: None,
-            }),
+            Chart::Lines(LineChart::new(
+                "Time per frame against changed targets",
+                here(None),
+                ["targets changed per frame", "ms per frame"],
+                Axes::CountsFromZero,
+                series(&best, |r| X::Value(r.changed), absolute),
+            )),
         );
     }
     if let Some(chart) = floor_chart(&full, here(Some(most))) {
@@ -273,15 +270,13 @@ fn heads_figure(groups: &[Group<'_>], report: &Report, workload: &str, suffix: &
             true => "Each point is the fastest batch size of its path. One head is updated for all.".into(),
             false => "Each point is the fastest batch size of its path. Every head has its own weights.".into(),
         },
-        chart: Chart::Lines(LineChart {
-            title: "Time per frame against heads".into(),
-            subtitle: setting(report, workload, 1, changed),
-            x_label: "heads".into(),
-            y_label: "ms per frame".into(),
-            series: series(&best, |r| X::Value(r.heads.into()), absolute),
-            axes: Axes::CountsFromZero,
-            reference: None,
-        }),
+        chart: Chart::Lines(LineChart::new(
+            "Time per frame against heads",
+            setting(report, workload, 1, changed),
+            ["heads", "ms per frame"],
+            Axes::CountsFromZero,
+            series(&best, |r| X::Value(r.heads.into()), absolute),
+        )),
     }
 }
 

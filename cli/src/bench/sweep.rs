@@ -26,7 +26,7 @@ const FORMATS: [DeltaFormat; 4] = [DeltaFormat::Float32, DeltaFormat::Snorm16, D
 
 /// Run everything that `args` ask for.
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<Report, Failure> {
-    let input = input::load(&args.input, out)?;
+    let input = input::load(&args.input, true, out)?;
     let counts = expand_changed(&args.changed, input.kept.targets.len()).map_err(Failure::Usage)?;
     let clips = clips(args, &input)?;
     let budget = args.update.budget(input.kept.diagonal).map_err(Failure::Usage)?;

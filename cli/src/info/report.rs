@@ -64,18 +64,16 @@ fn figures(info: &Info, rows: &[SweepRow]) -> [Figure; 2] {
         caption: "Lines: the format small, for errors allowed from 1e-3 to 1e-6 of the diagonal, that of normals in \
                   proportion. Points: every format as it is by default. A format without any error stands at the foot."
             .into(),
-        chart: Chart::Lines(LineChart {
-            title: title.into(),
-            subtitle: [
+        chart: Chart::Lines(LineChart::new(
+            title,
+            [
                 format!("{}: {} vertices × {} targets", info.input.name, info.input.vertices, info.input.targets),
                 "largest error measured, of a single target at weight 1".into(),
             ],
-            x_label: "bytes, as a share of float32 for every vertex and target".into(),
-            y_label: y_label.into(),
-            series: series(rows, error),
-            axes: Axes::Log,
-            reference: None,
-        }),
+            ["bytes, as a share of float32 for every vertex and target", y_label],
+            Axes::Log,
+            series(rows, error),
+        )),
     };
     [
         chart("position-error", "Position error against bytes", "of the diagonal", |r| r.position_error_rel),

@@ -1,7 +1,9 @@
 //! Tests of `info`.
 
 use super::*;
-use deltamorph::mesh::{Corner, Faces, MorphTarget, Tolerance, diagonal};
+use deltamorph::mesh::{Corner, Faces, Tolerance, diagonal};
+use deltamorph::weights::WeightClip;
+use std::sync::Arc;
 
 /// 130 vertices in a row; one target moves 0..64 (a whole block), one moves 63, 64 and 129, one nothing.
 pub fn mesh() -> MorphMesh {
@@ -11,18 +13,18 @@ pub fn mesh() -> MorphMesh {
         positions: vertices.iter().map(|&v| Vec3::new(0.1, v as f32 * 0.003, -0.2)).collect(),
         normals: vertices.iter().map(|&v| Vec3::new(0.01 * v as f32, 0.2, 0.0)).collect(),
         vertices,
+        streams: vec![],
     };
     let corner = |position| Corner { position, texcoord: None };
     MorphMesh {
         name: "row".into(),
         normals: vec![Vec3::Z; positions.len()],
-        texcoords: vec![],
         faces: Faces { sizes: vec![3, 4], corners: [0, 1, 2, 0, 1, 2, 3].map(corner).to_vec() },
         targets: vec![target("whole", (0..64).collect()), target("three", vec![63, 64, 129]), target("none", vec![])],
         diagonal: diagonal(&positions),
         tolerance: Tolerance::default(),
-        notes: vec![],
         positions,
+        ..MorphMesh::default()
     }
 }
 
@@ -34,29 +36,22 @@ fn overlap_counts_targets_per_vertex() {
 
 #[test]
 fn clips_are_summed_up() {
-    let clip = WeightClip { name: "c".into(), names: vec!["a".into(), "b".into()], fps: 24.0, values: vec![0.0; 8] };
-    let frames = [vec![0.0, 0.5, 0.0], vec![0.1, 0.5, 0.0], vec![0.1, 0.5, 0.0], vec![0.2, 0.0, 0.0]];
-    let row = clip_row(&clip, &frames);
-    assert_eq!((row.frames, row.changed_mean, row.changed_max), (4, 1.0, 2));
-    assert_eq!((row.active_mean, row.still), (6.0 / 4.0, 1.0 / 3.0));
-    let row = clip_row(&clip, &[]);
-    assert_eq!((row.changed_mean, row.active_mean, row.still), (0.0, 0.0, 0.0));
+    let values = vec![0.0, 0.5, 0.1, 0.5, 0.1, 0.5, 0.2, 0.0];
+    let mut clip = WeightClip { name: "c".into(), names: vec!["a".into(), "b".into()], fps: 24.0, values };
+    let row = |clip: &WeightClip| clip_row(&clip.bind(&["a", "b", "none"]).expect("columns that name targets"));
+    let found = row(&clip);
+    assert_eq!((found.frames, found.changed_mean, found.changed_max), (4, 1.0, 2));
+    assert_eq!((found.active_mean, found.still), (6.0 / 4.0, 1.0 / 3.0));
+    clip.values.clear();
+    let found = row(&clip);
+    assert_eq!((found.changed_mean, found.active_mean, found.still), (0.0, 0.0, 0.0));
 }
 
 #[test]
 fn the_json_keeps_its_contract() {
-    let kept = mesh();
-    let input = Input {
-        source: deltamorph::mesh::MorphSource {
-            targets: kept.targets.iter().map(|_| deltamorph::mesh::SourceTarget::default()).collect(),
-            ..Default::default()
-        },
-        raw: kept.clone(),
-        kept,
-        packed: None,
-        clips: vec![],
-        origin: "test".into(),
-    };
+    let kept = Arc::new(mesh());
+    let input =
+        Input { name: kept.name.clone(), raw: kept.clone(), kept, packed: None, clips: vec![], origin: "test".into() };
     let mut info = describe(&input);
     let packed = formats::pack_all(&input.kept, None).expect("packed");
     info.formats = packed.iter().map(|p| formats::format_row(&input.kept, None, p)).collect();

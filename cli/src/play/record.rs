@@ -1,5 +1,6 @@
 //! The JSON of `play`. Fields may be added, never renamed.
 
+use crate::stage::Setup;
 use serde::Serialize;
 
 /// What a clip took.
@@ -42,15 +43,8 @@ pub struct FrameRow {
 #[derive(Clone, Debug, Serialize)]
 pub struct Summary {
     pub frames: usize,
-    pub path: &'static str,
-    pub format: &'static str,
-    /// "incremental" or "rebuild".
-    pub mode: &'static str,
-    /// "float" or "exact".
-    pub accumulate: &'static str,
-    pub slots: u32,
-    /// In input units; 0 where nothing waits.
-    pub error_budget: f32,
+    #[serde(flatten)]
+    pub setup: Setup,
     /// Amplitude of the noise that was added to the weights.
     pub noise: f32,
     /// Targets changed, per frame.

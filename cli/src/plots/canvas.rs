@@ -106,15 +106,10 @@ impl<'a, DB: DrawingBackend> Canvas<'a, DB> {
     }
 
     pub fn dashed(&self, from: (f64, f64), to: (f64, f64), color: RGBColor, width: f64) -> Drawn {
-        let (dx, dy) = (to.0 - from.0, to.1 - from.1);
-        let length = dx.hypot(dy);
-        let at = |d: f64| (from.0 + dx * d / length, from.1 + dy * d / length);
-        let (dash, gap) = (5.0, 4.0);
-        for i in 0..(length / (dash + gap)).ceil() as usize {
-            let start = i as f64 * (dash + gap);
-            self.line(&[at(start), at((start + dash).min(length))], color, width)?;
-        }
-        Ok(())
+        let length = (to.0 - from.0).hypot(to.1 - from.1);
+        let at = |d: f64| (from.0 + (to.0 - from.0) * d / length, from.1 + (to.1 - from.1) * d / length);
+        let mut starts = (0..).map(|i| f64::from(i) * 9.0).take_while(|start| *start < length);
+        starts.try_for_each(|start| self.line(&[at(start), at((start + 5.0).min(length))], color, width))
     }
 
     pub fn rect(&self, a: (f64, f64), b: (f64, f64), color: RGBColor) -> Drawn {

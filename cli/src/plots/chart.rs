@@ -85,6 +85,12 @@ impl Frame {
 }
 
 impl LineChart {
+    /// `labels`: what x counts and what y measures.
+    pub fn new(title: &str, subtitle: [String; 2], labels: [&str; 2], axes: Axes, series: Vec<Series>) -> Self {
+        let [x_label, y_label] = labels.map(str::to_owned);
+        Self { title: title.into(), subtitle, x_label, y_label, series, axes, reference: None }
+    }
+
     pub fn draw<DB: DrawingBackend>(&self, canvas: &Canvas<'_, DB>) -> Drawn {
         canvas.fill(PAPER)?;
         canvas.heading(&self.title, &self.subtitle)?;

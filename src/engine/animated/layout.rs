@@ -1,15 +1,16 @@
 //! Where everything is in the buffers of an animated crowd: groups of instances, their work lists, tables, state.
 
+use crate::abi::numbers::{BIT_KINDS, BIT_KINDS_BUDGET, RECORD_WORDS, WORKGROUP};
+use crate::abi::push::AnimationPush;
+use crate::abi::worklist::POSES_MAX;
 use crate::animation::{Budget, Clips};
-use crate::engine::blocks::{POSES_MAX, whole_tiles};
+use crate::engine::blocks::whole_tiles;
 use crate::engine::crowd::CrowdDesc;
 use crate::error::{Error, Result};
-use crate::gpu::animation::{BIT_KINDS, RECORD_WORDS};
 use crate::gpu::device::Device;
-use crate::gpu::shaders::{AnimationPush, WORKGROUP};
 use crate::pack::PackedLayout;
 use crate::pack::blocks::BlockIndex;
-use crate::plan::blocks::{ROWS, TILE, TILE_WORDS, WIDTHS, row_words};
+use crate::plan::blocks::{ROWS, TILE_WORDS, WIDTHS, row_words};
 
 /// Instances that one descriptor set reaches, and their work list.
 #[derive(Clone, Copy, Debug)]
@@ -55,8 +56,9 @@ impl Groups {
             );
             return Err(Error::invalid(text, "split the mesh"));
         }
-        let size = whole_tiles(poses.min(tiles * TILE as u64), desc.instances);
-        let tiles = u64::from(size).div_ceil(TILE as u64);
+        let widest = u64::from(caps.tuning.widest_tile);
+        let size = whole_tiles(poses.min(tiles * widest), desc.instances);
+        let tiles = u64::from(size).div_ceil(widest);
         let capacity = tiles * index.count() as u64;
         Ok(Self {
             instances: desc.instances,
@@ -117,12 +119,13 @@ pub(super) fn tables(clips: &Clips, budget: Option<&Budget>, index: &BlockIndex,
 pub(super) fn state_words(push: &mut AnimationPush) -> u64 {
     let [heads, targets, words, blocks] = [push.heads, push.targets, push.words, push.blocks].map(u64::from);
     let budget = push.budget_at != 0;
-    let mut at = RECORD_WORDS * heads;
+    let bit_kinds = u64::from(if budget { BIT_KINDS_BUDGET } else { BIT_KINDS });
+    let mut at = u64::from(RECORD_WORDS) * heads;
     for (place, each) in [
         (&mut push.phases_at, words),
         (&mut push.weights_at, targets),
         (&mut push.deltas_at, targets),
-        (&mut push.bits_at, BIT_KINDS[usize::from(budget)] * words),
+        (&mut push.bits_at, bit_kinds * words),
         (&mut push.requested_at, if budget { targets } else { 0 }),
         (&mut push.history_at, blocks),
     ] {

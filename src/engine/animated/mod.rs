@@ -9,6 +9,8 @@ mod readback;
 use super::MeshBuffers;
 use super::blocks::{LIST_USAGE, asset_bytes, blocks_push, sums_buffer};
 use super::crowd::CrowdDesc;
+use crate::abi::numbers::WORKGROUP;
+use crate::abi::push::{AnimationPush, BlocksPush};
 use crate::animation::{Budget, Clips, HeadRecord, Heads};
 use crate::error::{Error, Result};
 use crate::gpu::animation::{AnimationKernel, Step};
@@ -17,9 +19,8 @@ use crate::gpu::blocks::{BlocksKernel, GroupBuffers};
 use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::memory::{Buffer, BufferDesc, STAGING};
-use crate::gpu::shaders::{AnimationPush, BlocksPush, WORKGROUP};
 use crate::plan::animated::{AnimatedCommand, AnimatedUpdate};
-use crate::plan::blocks::{TILE, TILE_WORDS, WIDTHS};
+use crate::plan::blocks::{TILE_WORDS, WIDTHS};
 use crate::plan::commands::{Command, CommandList, Hazard};
 use crate::plan::{UpdateMode, UpdateStats};
 use ash::vk;
@@ -246,7 +247,7 @@ impl Animated {
                         let (first_head, group_heads) = self.groups.get(group);
                         let first_counter = group * WIDTHS as u32;
                         let push = AnimationPush { first_head, group_heads, first_counter, ..self.push };
-                        let tiles = group_heads.div_ceil(TILE as u32);
+                        let tiles = group_heads.div_ceil(device.caps.tuning.widest_tile);
                         kernel.dispatch(cmd, self.sets.get(group as usize), &push, [blocks, tiles]);
                     }
                 }

@@ -3,11 +3,12 @@
 
 use super::no_capture;
 use super::vertex_store::{StoreSets, VertexStore};
+use crate::abi::modules::DIRECT_ATTRIBUTES;
+use crate::abi::push::attribute_push_bytes;
 use crate::error::Result;
 use crate::gpu::device::Device;
 use crate::gpu::feedback::{Feedback, FeedbackPass, push_constants, vertex_buffers, vertex_input};
 use crate::gpu::pipelines::Objects;
-use crate::gpu::shaders::{direct_attributes_module, feedback_push_bytes};
 use crate::pack::{DeltaFormat, PackedLayout};
 use crate::plan::{BatchSize, UpdatePath};
 use crate::weights::delta::Coefficient;
@@ -44,11 +45,11 @@ pub(crate) struct AttributesDraw<'a> {
 impl Attributes {
     pub(crate) fn new(device: &Arc<Device>, format: DeltaFormat, most: u32) -> Result<Self> {
         let mut draw = Objects::none(device);
-        draw.add_layout(vk::ShaderStageFlags::VERTEX, feedback_push_bytes(format, most))?;
+        draw.add_layout(&[DIRECT_ATTRIBUTES.row], attribute_push_bytes(format, most))?;
         draw.add_empty_render_pass()?;
         for b in 0..=most {
             let (bindings, attributes) = vertex_input(format, b);
-            draw.add_discarding_vertex(&direct_attributes_module(format, b), &bindings, &attributes)?;
+            draw.add_discarding_vertex(DIRECT_ATTRIBUTES.module(format, b)?, &bindings, &attributes)?;
         }
         let capture = if device.caps.check_path(UpdatePath::Feedback).is_ok() {
             Some(Capture::Feedback(Feedback::new(device, format, most)?))

@@ -2,23 +2,18 @@
 //! buffer (Costigan et al., Algorithm 1; Bevy, three.js and Filament do it so, with textures in the place of buffers).
 
 use super::no_capture;
+use crate::abi::modules::{DIRECT, DIRECT_FEEDBACK, DIRECT_STORE};
+use crate::abi::push::DirectPush;
 use crate::error::Result;
 use crate::gpu::descriptors::{Bound, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::feedback::vertex_input;
 use crate::gpu::pipelines::Objects;
-use crate::gpu::shaders::DirectPush;
 use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
 use crate::plan::UpdatePath;
 use ash::vk;
 use bytemuck::bytes_of;
 use std::sync::Arc;
-
-/// Deltas, weights, and where the pose is stored when it is captured so.
-const BINDINGS: [vk::DescriptorType; 3] = {
-    use vk::DescriptorType as T;
-    [T::STORAGE_BUFFER_DYNAMIC, T::STORAGE_BUFFER_DYNAMIC, T::STORAGE_BUFFER]
-};
 
 /// How a device captures what a draw evaluates.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -63,18 +58,17 @@ impl Direct {
             device.caps.vertex_stores.then_some(Capture::Store)
         };
         let mut objects = Objects::none(device);
-        let stores = capture == Some(Capture::Store);
-        objects.add_set_layout(&BINDINGS[..if stores { 3 } else { 2 }], vk::ShaderStageFlags::VERTEX)?;
-        objects.add_layout(vk::ShaderStageFlags::VERTEX, size_of::<DirectPush>() as u32)?;
-        objects.add_empty_render_pass()?;
-        let ends = match capture {
-            None => &[""][..],
-            Some(Capture::Feedback) => &["", "_feedback"],
-            Some(Capture::Store) => &["", "_store"],
+        let kernels = match capture {
+            None => &[&DIRECT][..],
+            Some(Capture::Feedback) => &[&DIRECT, &DIRECT_FEEDBACK],
+            Some(Capture::Store) => &[&DIRECT, &DIRECT_STORE],
         };
+        let rows: Vec<_> = kernels.iter().map(|kernel| kernel.row).collect();
+        objects.add_layout(&rows, 0)?;
+        objects.add_empty_render_pass()?;
         let (bindings, attributes) = vertex_input(format, 0);
-        for end in ends {
-            objects.add_discarding_vertex(&format!("direct_{}{end}", format.name()), &bindings, &attributes)?;
+        for kernel in kernels {
+            objects.add_discarding_vertex(kernel.module(format, 0)?, &bindings, &attributes)?;
         }
         Ok(Self { objects, format, capture })
     }

@@ -5,20 +5,20 @@
 //! nothing overflows, and the sums are those of `blocks` with exact sums, bit for bit. So is the error: that of packing,
 //! and at most ½ · weight step · Σ |delta| for weights that are not on the grid.
 
+use crate::abi::modules::{RESOLVE, SCATTER};
+use crate::abi::numbers::WORKGROUP;
+use crate::abi::push::{ResolvePush, ScatterPush};
 use crate::error::Result;
 use crate::gpu::descriptors::{Bound, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::pipelines::Objects;
-use crate::gpu::shaders::{ResolvePush, ScatterPush, WORKGROUP};
 use crate::pack::blocks::BlockIndex;
-use crate::pack::{POSE_FLOATS, PackedMesh};
+use crate::pack::{DeltaFormat, POSE_FLOATS, PackedMesh};
 use ash::vk;
 use bytemuck::bytes_of;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Records, sums, base pose, destination.
-const BINDINGS: [vk::DescriptorType; 4] = [vk::DescriptorType::STORAGE_BUFFER; 4];
 /// Words of a record: the vertex, then three words of a position component (18 bits) and a normal component (14 bits).
 pub(crate) const RECORD_WORDS: usize = 4;
 
@@ -67,11 +67,10 @@ pub(crate) struct ScatterBuffers {
 impl Scatter {
     pub(crate) fn new(device: &Arc<Device>) -> Result<Self> {
         let mut objects = Objects::none(device);
-        objects.add_storage_set_layout(&BINDINGS)?;
-        objects
-            .add_layout(vk::ShaderStageFlags::COMPUTE, size_of::<ScatterPush>().max(size_of::<ResolvePush>()) as u32)?;
-        objects.add_compute("scatter", &[])?;
-        objects.add_compute("resolve", &[])?;
+        objects.add_layout(&[SCATTER.row, RESOLVE.row], 0)?;
+        for kernel in [&SCATTER, &RESOLVE] {
+            objects.add_compute(kernel.module(DeltaFormat::Small, 0)?, &[&[]])?;
+        }
         Ok(Self { objects })
     }
 

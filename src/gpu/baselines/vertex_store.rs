@@ -2,12 +2,13 @@
 //! write storage buffers. Binds targets as vertex attributes, discards all primitives, alternates between slots as
 //! `feedback` does: a pass must not store where other vertices are still fetched from.
 
+use crate::abi::modules::VERTEX_STORE;
+use crate::abi::push::attribute_push_bytes;
 use crate::error::Result;
 use crate::gpu::descriptors::{Bound, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::feedback::{FeedbackPass, push_constants, vertex_buffers, vertex_input};
 use crate::gpu::pipelines::Objects;
-use crate::gpu::shaders::{feedback_push_bytes, vertex_store_module};
 use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
 use crate::plan::BatchSize;
 use ash::vk;
@@ -23,12 +24,11 @@ pub(crate) struct VertexStore {
 impl VertexStore {
     pub(crate) fn new(device: &Arc<Device>, format: DeltaFormat, batch: u32) -> Result<Self> {
         let mut objects = Objects::none(device);
-        objects.add_set_layout(&[vk::DescriptorType::STORAGE_BUFFER], vk::ShaderStageFlags::VERTEX)?;
-        objects.add_layout(vk::ShaderStageFlags::VERTEX, feedback_push_bytes(format, batch))?;
+        objects.add_layout(&[VERTEX_STORE.row], attribute_push_bytes(format, batch))?;
         objects.add_empty_render_pass()?;
         for b in 0..=batch {
             let (bindings, attributes) = vertex_input(format, b);
-            objects.add_discarding_vertex(&vertex_store_module(format, b), &bindings, &attributes)?;
+            objects.add_discarding_vertex(VERTEX_STORE.module(format, b)?, &bindings, &attributes)?;
         }
         Ok(Self { objects, format, batch })
     }

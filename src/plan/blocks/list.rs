@@ -1,11 +1,7 @@
 //! The work list: which blocks an update writes, with which entries, and which components of them.
 
+pub use crate::abi::worklist::{ELEMENT_BYTES, Element, ITEM_WORDS};
 use crate::pack::blocks::BlockIndex;
-
-/// Words of an item of the work list before its masks.
-pub const ITEM_WORDS: usize = 4;
-/// Bytes of an element of the work list.
-pub const ELEMENT_BYTES: usize = 8;
 
 /// A block of an instance that is written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -22,16 +18,6 @@ pub struct Item {
     pub first: u32,
     /// Number of elements.
     pub count: u32,
-}
-
-/// An entry, and the coefficient it is added with.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub struct Element {
-    /// The entry of the mesh.
-    pub entry: u32,
-    /// Bits of a float32 (weights) or of an integer (steps of the weight grid).
-    pub coefficient: u32,
 }
 
 /// What one update does: carried out by the GPU or the CPU as it is.

@@ -6,30 +6,12 @@
 //! kernels can load several words at once.
 
 use super::list::{Item, WorkList};
+use crate::abi::kernels::DeviceTuning;
+pub use crate::abi::numbers::ROWS;
+pub use crate::abi::worklist::{ALIGN, TILE, TILE_WORDS, WIDTHS, row_words};
 use crate::pack::POSE_FLOATS;
 use crate::pack::blocks::BlockIndex;
 use std::ops::Range;
-
-/// Instances of a tile, at most.
-pub const TILE: usize = 8;
-/// Words of a tile in the work list: block, first row word, rows, which instances start from base, and a word each.
-pub const TILE_WORDS: usize = 4 + TILE;
-/// Words that tiles and their first rows begin at a multiple of.
-pub const ALIGN: usize = 4;
-/// What the number of rows of a tile is a multiple of, where it has several instances. There is one at least: rows that
-/// no instance needs have coefficients of 0.
-pub const ROWS: u32 = 2;
-/// What loading and decoding an entry costs, in additions of it to one instance. Measured on lavapipe: 3 where deltas are
-/// in the cache, 8 where they are not.
-const LOAD: usize = 4;
-/// Widths of tiles: 2 to the power of 0, 1, 2, 3.
-pub const WIDTHS: usize = TILE.ilog2() as usize + 1;
-
-/// Words of a row in a tile of 2^width instances: an entry, a coefficient for each, and zeros up to a multiple of
-/// [`ALIGN`]; two rows of a single instance share that many.
-pub const fn row_words(width: usize) -> usize {
-    if width == 0 { 2 } else { (1 + (1usize << width)).next_multiple_of(ALIGN) }
-}
 
 /// A block of several instances.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -56,6 +38,8 @@ pub struct Tiles {
     pub rows: Vec<u32>,
     /// Rebuilt instances have tiles of their own.
     rebuilt_apart: bool,
+    /// How wide tiles are.
+    device: DeviceTuning,
     /// Per block and part: items of the list, one after the other.
     ends: Vec<u32>,
     sorted: Vec<u32>,
@@ -66,13 +50,14 @@ pub struct Tiles {
 impl Tiles {
     /// No tiles yet, with room for every block of `instances`. `rebuilt_apart`: instances that start from the base pose
     /// are in tiles of their own.
-    pub fn new(index: &BlockIndex, instances: usize, rebuilt_apart: bool) -> Self {
+    pub fn new(index: &BlockIndex, instances: usize, rebuilt_apart: bool, device: DeviceTuning) -> Self {
         let blocks = index.count() * instances;
         let apart = |_| std::array::from_fn(|width| Vec::with_capacity(blocks >> width));
         Self {
             items: [0, 1].map(apart),
             rows: Vec::with_capacity(Self::words_max(index, instances)),
             rebuilt_apart,
+            device,
             ends: vec![],
             sorted: Vec::with_capacity(blocks),
             table: vec![],
@@ -112,7 +97,7 @@ impl Tiles {
         for part in 0..2 * index.count() {
             let end = self.ends[part] as usize;
             while first < end {
-                let width = (end - first).min(TILE).ilog2() as usize;
+                let width = (end - first).min(self.device.widest_tile as usize).ilog2() as usize;
                 let instances = 1 << width;
                 self.push(index, list, part, first..first + instances, width);
                 first += instances;
@@ -144,7 +129,8 @@ impl Tiles {
             let first = (1 << half) - 1;
             let rows = |places: u32| self.table.iter().filter(|(_, needed)| needed & places != 0).count();
             let [all, one, other] = [u32::MAX, first, !first].map(rows);
-            if (one + other) * (LOAD + half) < all * (LOAD + 2 * half) {
+            let load = self.device.load_cost as usize;
+            if (one + other) * (load + half) < all * (load + 2 * half) {
                 let middle = sorted.start + half;
                 self.push(index, list, part, sorted.start..middle, width - 1);
                 self.push(index, list, part, middle..sorted.end, width - 1);

@@ -1,6 +1,7 @@
 //! Tiles say what the list says: the same poses and sums, and the bytes that the twin counts.
 
 use super::*;
+use crate::abi::kernels::{DeviceClass, DeviceTuning};
 use crate::cpu::blocks::Block;
 use crate::cpu::tile::{self, Memory};
 use crate::pack::blocks::{BlockDesc, ExactGrid};
@@ -40,7 +41,7 @@ proptest! {
     #[test]
     fn tiles_do_what_the_list_says(
         format in 0usize..3, size in prop::sample::select(vec![32u32, 64]), exact in any::<bool>(),
-        slots in 1u32..4, instances in 1usize..21,
+        slots in 1u32..4, instances in 1usize..21, widest in 0usize..WIDTHS,
         frames in prop::collection::vec(prop::collection::vec(prop::option::weighted(0.4, -2i8..5), 20 * TARGETS), 1..6),
     ) {
         let blocks = BlockDesc { size: Some(size), ..BlockDesc::default() };
@@ -55,7 +56,8 @@ proptest! {
         state.write_whole_blocks();
         let exact = state.exact();
         let mut planner = Planner::new(&index, state, instances);
-        let mut tiles = Tiles::new(&index, instances, exact.is_none());
+        let tuning = DeviceTuning { widest_tile: 1 << widest, ..DeviceClass::Desktop.tuning() };
+        let mut tiles = Tiles::new(&index, instances, exact.is_none(), tuning);
         let (mut one, mut other) = (memory(&mesh, instances, slots as usize), memory(&mesh, instances, slots as usize));
         let mut heads = Heads::new(instances, TARGETS);
         let mut weights = vec![[0.0; TARGETS]; instances];
@@ -74,6 +76,7 @@ proptest! {
             tiles.fill(&index, list, 0..list.items.len());
             let (mut metered, mut seen) = (0u64, vec![]);
             for (width, items) in tiles.items.iter().flat_map(|widths| widths.iter().enumerate()) {
+                prop_assert!(width <= widest || items.is_empty());
                 for tile in items {
                     seen.extend_from_slice(&tile.items[..1 << width]);
                     prop_assert!((tile.first as usize).is_multiple_of(ALIGN) && row_words(width) > 1 << width);
@@ -94,12 +97,12 @@ proptest! {
 }
 
 /// Widths of the tiles of eight heads, of which head h has these targets changed.
-fn widths(changed: impl Fn(usize, usize) -> bool) -> [usize; WIDTHS] {
+fn widths_of(tuning: DeviceTuning, changed: impl Fn(usize, usize) -> bool) -> [usize; WIDTHS] {
     let mesh = PackedMesh::pack(&testing::mesh(300, TARGETS), &PackDesc::new(DeltaFormat::Fast)).unwrap();
     let index = mesh.layout().blocks.clone().unwrap();
     let mut state = BlockState::new(UpdateDesc::blocks(), mesh.layout(), &index).unwrap();
     state.write_whole_blocks();
-    let (mut planner, mut tiles) = (Planner::new(&index, state, TILE), Tiles::new(&index, TILE, true));
+    let (mut planner, mut tiles) = (Planner::new(&index, state, TILE), Tiles::new(&index, TILE, true, tuning));
     let mut heads = Heads::new(TILE, TARGETS);
     for update in 1..4 {
         for head in 0..TILE {
@@ -114,10 +117,15 @@ fn widths(changed: impl Fn(usize, usize) -> bool) -> [usize; WIDTHS] {
 
 #[test]
 fn heads_share_a_tile_where_they_share_entries() {
-    let blocks = widths(|_, _| true)[3];
+    let desktop = DeviceClass::Desktop.tuning();
+    let widths = |changed: &dyn Fn(usize, usize) -> bool| widths_of(desktop, changed);
+    let blocks = widths(&|_, _| true)[3];
     assert!(blocks > 1);
-    assert_eq!(widths(|_, _| true), [0, 0, 0, blocks], "all change: one tile of eight a block");
-    assert_eq!(widths(|head, t| t == head)[2..], [0, 0], "heads that have nothing in common go apart");
-    let half = widths(|head, t| (head + t) % 2 == 0);
+    assert_eq!(widths(&|_, _| true), [0, 0, 0, blocks], "all change: one tile of eight a block");
+    assert_eq!(widths(&|head, t| t == head)[2..], [0, 0], "heads that have nothing in common go apart");
+    let half = widths(&|head, t| (head + t) % 2 == 0);
     assert!(half[3] > 0 && half[0] == 0, "heads that have half in common do not: {half:?}");
+    let half = |head: usize, t: usize| (head + t).is_multiple_of(2);
+    let cheap = DeviceTuning { load_cost: 0, ..desktop };
+    assert_eq!(widths_of(cheap, half)[3], 0, "where loading costs nothing, only heads that are alike share a tile");
 }

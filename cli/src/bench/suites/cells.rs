@@ -65,7 +65,7 @@ pub fn clip_sets(lab: &mut Lab<'_>) -> Result<Vec<ClipSet>, Failure> {
     let mut list = vec![];
     for set in sets(lab)? {
         let args = InputArgs { input: Some(set), head: Default::default(), ..lab.args.input.clone() };
-        let input = input::load(&args, lab.out)?;
+        let input = input::load(&args, true, lab.out)?;
         let read =
             |path: &PathBuf| input::clip(path, &args, &input.kept).map(|(clip, frames)| Clip::new(clip.name, frames));
         let clips = input.clips.iter().map(read).collect::<Result<_, _>>()?;
@@ -80,8 +80,7 @@ pub fn clips(lab: &mut Lab<'_>, sets: Vec<ClipSet>) -> Result<SuiteRecord, Failu
     let all = technique::all(lab);
     let heads = lab.args.heads_or(&[1]);
     for ClipSet { input, clips } in sets {
-        let name = input.kept.name.clone();
-        let mut subject = Subject::new(lab, &name, input);
+        let mut subject = Subject::new(lab, input);
         lab.bar.inc_length((clips.len() * heads.len()) as u64);
         for clip in &clips {
             let work = Work { workload: clip, changed: None, change: clip.name().into() };
@@ -148,10 +147,10 @@ fn compare(
         };
         let entrants: Vec<Entrant<'_>> = choices[&some].iter().map(entrant).collect();
         let plural = if heads == 1 { "" } else { "s" };
-        let cell = format!("{}, {}, {heads} head{plural}", subject.name, work.change);
+        let cell = format!("{}, {}, {heads} head{plural}", subject.input.name, work.change);
         let runs = lab.measure(subject, &cell, &entrants, &lab.pace(tempo))?;
         let runs: Vec<_> = runs.into_iter().flatten().collect();
-        cells.push(CellRecord::of(&cell, [&subject.name, &work.change], heads, &runs));
+        cells.push(CellRecord::of(&cell, [&subject.input.name, &work.change], heads, &runs));
         lab.bar.inc(1);
     }
     Ok(cells)

@@ -91,7 +91,7 @@ fn crowd_gain(
         config: Config { apart, ..config.clone() },
         setting: &setting,
     });
-    let cell = format!("{}: {changed} of {} changed, {heads} heads", subject.name, subject.targets());
+    let cell = format!("{}: {changed} of {} changed, {heads} heads", subject.input.name, subject.targets());
     let runs = lab.measure(subject, &cell, &pair, &lab.pace(Tempo::Own))?;
     let [Some(singles), Some(crowd)] = &runs[..] else { return Ok(None) };
     Ok(Comparison::new(&cell, [singles, crowd], names, |round| round.update_ms, CROWD_GOAL))

@@ -40,16 +40,9 @@ fn chapter(suite: &SuiteRecord, report: &Report) -> Vec<Figure> {
         let subtitle =
             [format!("{changed} of {} targets changed per frame", runs[0].targets), mesh_line(&runs, report)];
         let mut add = |name: &str, caption: &str, title: &str, y_label: &str, series: Vec<Series>, reference| {
-            let (axes, x_label) = (Axes::CountsFromZero, "targets per pass".to_owned());
-            let chart = LineChart {
-                title: title.into(),
-                subtitle: subtitle.clone(),
-                x_label,
-                y_label: y_label.into(),
-                series,
-                axes,
-                reference,
-            };
+            let labels = ["targets per pass", y_label];
+            let chart = LineChart::new(title, subtitle.clone(), labels, Axes::CountsFromZero, series);
+            let chart = LineChart { reference, ..chart };
             let slug = format!("chapter-{name}-{changed}-changed");
             figures.push(Figure { slug, caption: caption.into(), chart: Chart::Lines(chart) });
         };
@@ -92,15 +85,9 @@ fn crowd(suite: &SuiteRecord, report: &Report) -> Vec<Figure> {
             if series.is_empty() {
                 return;
             }
-            let chart = LineChart {
-                title: format!("{title}: {name}"),
-                subtitle: ["all targets kept change in every frame".into(), mesh_line(&runs, report)],
-                x_label: "targets kept".into(),
-                y_label: "ms per frame".into(),
-                series,
-                axes: Axes::Counts,
-                reference: None,
-            };
+            let subtitle = ["all targets kept change in every frame".into(), mesh_line(&runs, report)];
+            let labels = ["targets kept", "ms per frame"];
+            let chart = LineChart::new(&format!("{title}: {name}"), subtitle, labels, Axes::Counts, series);
             let slug = format!("crowd-{what}-{}", slug(&name));
             figures.push(Figure { slug, caption: caption.into(), chart: Chart::Lines(chart) });
         };

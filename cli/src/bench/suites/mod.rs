@@ -104,7 +104,7 @@ impl Lab<'_> {
 
 /// Run the suites that `args` ask for.
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<Report, Failure> {
-    let input = input::load(&args.input, out)?;
+    let input = input::load(&args.input, true, out)?;
     let machine = Machine::open(args, device, &input, out)?;
     let empty = machine.report(&input);
     let mut lab =
@@ -114,7 +114,7 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let mut suites: Vec<SuiteRecord> = vec![];
     if asked(SuiteChoice::Chapter) {
         lab.suite = "chapter";
-        let mut subject = Subject::new(&mut lab, &empty.input.name, input);
+        let mut subject = Subject::new(&mut lab, input);
         suites.push(chapter::run(&mut lab, &mut subject)?);
     }
     if asked(SuiteChoice::Crowd) {

@@ -5,14 +5,14 @@ use crate::args::InputArgs;
 use crate::bench::race::Cache;
 use crate::input::{self, Input};
 use crate::output::Failure;
+use deltamorph::mesh::MorphMesh;
+use std::sync::Arc;
 
 /// Mean fraction of the vertices that a target of the sparse head moves, where none is given.
 const SPARSE: f32 = 0.08;
 
 /// A mesh with all that was packed from it and computed for it.
 pub struct Subject {
-    /// Its name in the report.
-    pub name: String,
     pub input: Input,
     /// See there.
     pub cache: Cache,
@@ -21,24 +21,26 @@ pub struct Subject {
 }
 
 impl Subject {
-    /// `input` under a name; the report will describe it.
-    pub fn new(lab: &mut Lab<'_>, name: &str, mut input: Input) -> Self {
-        name.clone_into(&mut input.kept.name);
-        if lab.meshes.iter().all(|mesh| mesh.name != name) {
+    /// The report will describe it.
+    pub fn new(lab: &mut Lab<'_>, input: Input) -> Self {
+        if lab.meshes.iter().all(|mesh| mesh.name != input.name) {
             lab.meshes.push(input.info());
         }
         let was_packed = input.packed.is_some();
-        Self { name: name.into(), input, cache: Cache::default(), was_packed }
+        Self { input, cache: Cache::default(), was_packed }
     }
 
     /// The first `targets` of the mesh.
     pub fn first_targets(&self, targets: usize) -> Self {
-        let Input { source, raw, kept, origin, .. } = &self.input;
-        let (mut raw, mut kept) = (raw.clone(), kept.clone());
-        raw.targets.truncate(targets);
-        kept.targets.truncate(targets);
-        let input = Input { source: source.clone(), raw, kept, packed: None, clips: vec![], origin: origin.clone() };
-        Self { name: self.name.clone(), input, cache: Cache::default(), was_packed: self.was_packed }
+        let first = |mesh: &MorphMesh| {
+            let mut mesh = mesh.clone();
+            mesh.targets.truncate(targets);
+            Arc::new(mesh)
+        };
+        let Input { name, raw, kept, origin, .. } = &self.input;
+        let (raw, kept, name, origin) = (first(raw), first(kept), name.clone(), origin.clone());
+        let input = Input { name, raw, kept, packed: None, clips: vec![], origin };
+        Self { input, cache: Cache::default(), was_packed: self.was_packed }
     }
 
     pub fn targets(&self) -> usize {
@@ -50,17 +52,16 @@ impl Subject {
 pub fn dense_and_sparse(lab: &mut Lab<'_>) -> Result<Vec<Subject>, Failure> {
     let args = &lab.args.input;
     if args.input.is_some() {
-        let input = input::load(args, lab.out)?;
-        let name = input.kept.name.clone();
-        return Ok(vec![Subject::new(lab, &name, input)]);
+        let input = input::load(args, true, lab.out)?;
+        return Ok(vec![Subject::new(lab, input)]);
     }
     let sparse = args.head.sparsity.unwrap_or(SPARSE);
     let mut subjects = vec![];
     for (name, sparsity) in [("dense".to_owned(), 1.0), (format!("{}% sparse", sparse * 100.0), sparse)] {
         let mut args: InputArgs = lab.args.input.clone();
         args.head.sparsity = Some(sparsity);
-        let input = input::load(&args, lab.out)?;
-        subjects.push(Subject::new(lab, &name, input));
+        let input = input::load(&args, true, lab.out)?;
+        subjects.push(Subject::new(lab, Input { name, ..input }));
     }
     Ok(subjects)
 }

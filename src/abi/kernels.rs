@@ -1,0 +1,347 @@
+//! The kernels: one table that build.rs, the library and the tests share.
+//!
+//! A row is a GLSL source with its defines. build.rs compiles a module of each row for each format that it takes (and
+//! for each number of targets, where they are vertex attributes), and writes a `static` for each row that
+//! [`modules`](super::modules) holds. What the library needs to make a pipeline of a module (descriptors, push
+//! constants, specialization constants) is in its row, and `tests/spirv.rs` compares rows with what modules declare.
+//!
+//! Plain data without dependencies but [`formats`](super::formats), since build.rs includes this file.
+
+use super::formats::FormatRow;
+
+/// Vertex attributes that modules are made for at most; two are the pose.
+pub const ATTRIBUTES_MAX: u32 = 32;
+
+/// Where a kernel runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// A vertex shader.
+    Vertex,
+    /// A compute shader with workgroups of this many invocations.
+    Compute(Workgroup),
+}
+
+/// Invocations of a workgroup.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Workgroup {
+    /// [`WORKGROUP`](super::numbers::WORKGROUP).
+    Fixed,
+    /// Specialization constant 0.
+    Specialized,
+}
+
+/// Which formats there are modules for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Takes {
+    /// One module, which reads no deltas.
+    NoDeltas,
+    /// A module for each dense format.
+    Dense,
+    /// A module for each number of targets of each dense format, from 0 (a copy) to what [`ATTRIBUTES_MAX`] has room
+    /// for.
+    DenseBatches,
+    /// A module for each format in blocks.
+    Blocks,
+    /// A module for each format in blocks whose deltas are integers.
+    Integers,
+    /// A module for the format of this name.
+    Only(&'static str),
+}
+
+impl Takes {
+    /// Whether there are modules for a format.
+    pub fn takes(self, format: &FormatRow) -> bool {
+        match self {
+            Self::NoDeltas => false,
+            Self::Dense | Self::DenseBatches => !format.blocks,
+            Self::Blocks => format.blocks,
+            Self::Integers => format.blocks && format.integers,
+            Self::Only(name) => format.name == name,
+        }
+    }
+}
+
+/// How many targets of a format fit into vertex attributes, next to a pose.
+pub const fn batch_max(format: &FormatRow) -> u32 {
+    match format.attributes {
+        0 => 0,
+        attributes => (ATTRIBUTES_MAX - 2) / attributes,
+    }
+}
+
+/// The push constants of a kernel; [`push`](super::push) has the structures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Push {
+    /// None.
+    None,
+    /// `ReadPush`
+    Read,
+    /// `AnimationPush`
+    Animation,
+    /// `DensePush`
+    Dense,
+    /// `DenseListPush`
+    DenseList,
+    /// `BlocksPush`
+    Blocks,
+    /// `ScatterPush`
+    Scatter,
+    /// `ResolvePush`
+    Resolve,
+    /// `DirectPush`
+    Direct,
+    /// As many coefficients as there are targets: `attribute_push_bytes`.
+    Attributes,
+}
+
+/// What is bound.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Buffer {
+    /// A storage buffer: an array of elements of this many bytes.
+    Storage(u32),
+    /// A storage buffer whose offset is given when the set is bound.
+    Dynamic(u32),
+    /// The deltas of a dense format, at an offset that is given when the set is bound.
+    DynamicDeltas,
+    /// A texel buffer that is loaded.
+    UniformTexels,
+    /// A texel buffer that is loaded and may be stored to.
+    StorageTexels,
+}
+
+/// A descriptor of set 0: binding and buffer.
+pub type Binding = (u32, Buffer);
+
+/// A kernel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct KernelRow {
+    /// Names of modules are this, the format's `module`, and the suffix, with underscores between.
+    pub name: &'static str,
+    /// End of the names.
+    pub suffix: &'static str,
+    /// File under glsl/.
+    pub source: &'static str,
+    /// Where it runs.
+    pub stage: Stage,
+    /// What is defined beside the format's `module` (in capitals) and, with [`Takes::DenseBatches`], `BATCH`.
+    pub defines: &'static [&'static str],
+    /// The formats.
+    pub takes: Takes,
+    /// Set 0.
+    pub bindings: &'static [Binding],
+    /// Bindings that may be the same memory as another one: decorated Aliased.
+    pub aliased: &'static [u32],
+    /// Push constants.
+    pub push: Push,
+    /// Specialization constants: 0 to one less than this.
+    pub constants: u32,
+    /// Of a technique of others: left out without the feature `baselines`.
+    pub baseline: bool,
+}
+
+const VERTEX: KernelRow = KernelRow {
+    name: "",
+    suffix: "",
+    source: "",
+    stage: Stage::Vertex,
+    defines: &[],
+    takes: Takes::NoDeltas,
+    bindings: &[],
+    aliased: &[],
+    push: Push::None,
+    constants: 0,
+    baseline: false,
+};
+const COMPUTE: KernelRow = KernelRow { stage: Stage::Compute(Workgroup::Fixed), ..VERTEX };
+/// Tables, state, work list, control: see animation.glsl.
+const ANIMATION: KernelRow =
+    KernelRow { bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)], push: Push::Animation, ..COMPUTE };
+/// Source, destination, deltas. The set has a fourth buffer, which is `dense_list`'s.
+const DENSE: KernelRow = KernelRow {
+    name: "dense",
+    source: "dense.comp",
+    takes: Takes::Dense,
+    bindings: &[(0, PAIRS), (1, PAIRS), (2, Buffer::DynamicDeltas)],
+    aliased: &[0, 1],
+    push: Push::Dense,
+    constants: 1,
+    ..COMPUTE
+};
+/// Asset, work list, poses. Specialization constants: lanes, vertices of a block.
+const BLOCKS: KernelRow = KernelRow {
+    name: "blocks",
+    source: "blocks.comp",
+    stage: Stage::Compute(Workgroup::Specialized),
+    takes: Takes::Blocks,
+    bindings: &[(0, WORDS), (1, WORDS), (2, WORDS)],
+    push: Push::Blocks,
+    constants: 2,
+    ..COMPUTE
+};
+/// With the integer sums behind the poses.
+const BLOCKS_EXACT: KernelRow = KernelRow {
+    suffix: "exact",
+    defines: &["EXACT"],
+    takes: Takes::Integers,
+    bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)],
+    ..BLOCKS
+};
+/// Two more specialization constants: instances of a tile, rows at a time; and a third, whether they start from the
+/// base pose, where sums are not exact.
+const CROWD: KernelRow = KernelRow { name: "crowd", source: "crowd.comp", constants: 5, ..BLOCKS };
+const CROWD_EXACT: KernelRow = KernelRow { name: "crowd", source: "crowd.comp", constants: 4, ..BLOCKS_EXACT };
+/// A draw that others' technique `direct` evaluates: deltas, weights.
+const DIRECT: KernelRow = KernelRow {
+    name: "direct",
+    source: "baselines/direct.vert",
+    takes: Takes::Dense,
+    bindings: &[(0, Buffer::DynamicDeltas), (1, Buffer::Dynamic(8))],
+    push: Push::Direct,
+    baseline: true,
+    ..VERTEX
+};
+const ATTRIBUTES: KernelRow = KernelRow { takes: Takes::DenseBatches, push: Push::Attributes, ..VERTEX };
+
+const WORDS: Buffer = Buffer::Storage(4);
+const PAIRS: Buffer = Buffer::Storage(8);
+
+/// Every kernel.
+pub const KERNELS: &[KernelRow] = &[
+    // What measurements need.
+    KernelRow { name: "consume", source: "consume.vert", ..VERTEX },
+    KernelRow {
+        name: "read",
+        source: "read.comp",
+        bindings: &[(0, Buffer::Storage(16)), (1, WORDS)],
+        push: Push::Read,
+        ..COMPUTE
+    },
+    // Sampling clips and planning updates; a specialization constant of `plan` is the widest tile.
+    KernelRow { name: "animate", source: "animate.comp", ..ANIMATION },
+    KernelRow { name: "budget", source: "budget.comp", ..ANIMATION },
+    KernelRow { name: "commit", source: "commit.comp", ..ANIMATION },
+    KernelRow { name: "plan", source: "plan.comp", constants: 1, ..ANIMATION },
+    KernelRow { name: "arguments", source: "arguments.comp", ..ANIMATION },
+    // Passes over dense deltas.
+    DENSE,
+    KernelRow {
+        name: "dense_list",
+        source: "dense_list.comp",
+        bindings: &[(0, PAIRS), (1, PAIRS), (2, Buffer::DynamicDeltas), (3, Buffer::Dynamic(16))],
+        push: Push::DenseList,
+        constants: 0,
+        ..DENSE
+    },
+    KernelRow { name: "feedback", source: "feedback.vert", ..ATTRIBUTES },
+    // Blocks of one instance, with masks.
+    BLOCKS,
+    BLOCKS_EXACT,
+    // Whole blocks of several instances.
+    CROWD,
+    CROWD_EXACT,
+    // The same for software drivers. Poses and sums are bound as pairs of words to be stored, and as texels to be
+    // loaded.
+    KernelRow {
+        suffix: "texels",
+        defines: &["TEXELS"],
+        takes: Takes::Only("fast"),
+        bindings: &[(0, Buffer::UniformTexels), (1, Buffer::UniformTexels), (2, PAIRS), (3, Buffer::StorageTexels)],
+        aliased: &[2, 3],
+        ..CROWD
+    },
+    KernelRow {
+        suffix: "exact_texels",
+        defines: &["EXACT", "TEXELS"],
+        takes: Takes::Only("fast"),
+        bindings: &[
+            (0, Buffer::UniformTexels),
+            (1, Buffer::UniformTexels),
+            (2, PAIRS),
+            (3, Buffer::StorageTexels),
+            (4, PAIRS),
+            (5, Buffer::StorageTexels),
+        ],
+        aliased: &[2, 3, 4, 5],
+        ..CROWD_EXACT
+    },
+    // Techniques of others. The set of `scatter` and `resolve` is records, sums, base pose, destination.
+    KernelRow {
+        name: "scatter",
+        source: "baselines/scatter.comp",
+        bindings: &[(0, Buffer::Storage(16)), (1, WORDS)],
+        push: Push::Scatter,
+        baseline: true,
+        ..COMPUTE
+    },
+    KernelRow {
+        name: "resolve",
+        source: "baselines/resolve.comp",
+        bindings: &[(1, WORDS), (2, PAIRS), (3, PAIRS)],
+        push: Push::Resolve,
+        baseline: true,
+        ..COMPUTE
+    },
+    KernelRow {
+        name: "vertex_store",
+        source: "baselines/vertex_store.vert",
+        bindings: &[(0, PAIRS)],
+        baseline: true,
+        ..ATTRIBUTES
+    },
+    KernelRow { name: "direct_attributes", source: "baselines/direct_attributes.vert", baseline: true, ..ATTRIBUTES },
+    DIRECT,
+    // The same draw, its result captured in the two ways that devices have.
+    KernelRow { suffix: "feedback", defines: &["FEEDBACK"], ..DIRECT },
+    KernelRow {
+        suffix: "store",
+        defines: &["STORE"],
+        bindings: &[(0, Buffer::DynamicDeltas), (1, Buffer::Dynamic(8)), (2, PAIRS)],
+        ..DIRECT
+    },
+];
+
+/// Kinds of devices, as far as kernels differ.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DeviceClass {
+    /// A driver that runs on the CPU.
+    Software,
+    /// A GPU of a phone, a tablet or a small board.
+    Phone,
+    /// Any other GPU.
+    Desktop,
+}
+
+/// What suits a class of devices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DeviceTuning {
+    /// The class.
+    pub class: DeviceClass,
+    /// Instances of a tile at most: 1, 2, 4 or 8.
+    pub widest_tile: u32,
+    /// What loading and decoding an entry costs, in additions of it to one instance. Measured on lavapipe: 3 where
+    /// deltas are in the cache, 8 where they are not.
+    pub load_cost: u32,
+    /// Tiles of `fast` are read as texels, and single instances taken as tiles: software drivers pay for storage
+    /// buffers lane by lane, and several times as much under the control flow that masks take.
+    pub texels: bool,
+}
+
+impl DeviceClass {
+    /// What suits it.
+    pub const fn tuning(self) -> DeviceTuning {
+        match self {
+            Self::Software => DeviceTuning { class: self, widest_tile: 8, load_cost: 4, texels: true },
+            Self::Phone => DeviceTuning { class: self, widest_tile: 8, load_cost: 4, texels: false },
+            Self::Desktop => DeviceTuning { class: self, widest_tile: 8, load_cost: 4, texels: false },
+        }
+    }
+
+    /// The class of a device that is no software driver, by the vendor's PCI (or Khronos) number.
+    pub const fn of_vendor(vendor: u32) -> Self {
+        match vendor {
+            // Broadcom, Arm, Imagination, Samsung, Qualcomm, Huawei.
+            0x14e4 | 0x13b5 | 0x1010 | 0x144d | 0x5143 | 0x19e5 => Self::Phone,
+            _ => Self::Desktop,
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! The SPIR-V modules that build.rs embeds: a `static` for each row of [`KERNELS`].
+
+use super::formats::{FORMATS, FormatRow};
+use super::kernels::{KERNELS, KernelRow};
+use crate::error::{Error, Result};
+use crate::pack::DeltaFormat;
+
+include!(concat!(env!("OUT_DIR"), "/modules.rs"));
+
+/// What the modules were made from: compiler, sources, outputs.
+pub const MANIFEST: &str = include_str!(concat!(env!("OUT_DIR"), "/manifest.txt"));
+
+/// A module.
+#[derive(Debug)]
+pub struct Module {
+    /// Its name under spirv/.
+    pub name: &'static str,
+    /// What it declares.
+    pub kernel: &'static KernelRow,
+    /// The format whose deltas it reads.
+    pub format: Option<&'static FormatRow>,
+    /// Targets that are vertex attributes.
+    pub batch: u32,
+    /// SPIR-V words, each in as few bytes as it needs: seven bits to a byte, the lowest first.
+    code: &'static [u8],
+}
+
+impl Module {
+    /// The SPIR-V.
+    pub fn words(&self) -> Vec<u32> {
+        let mut words = Vec::with_capacity(self.code.len());
+        let (mut word, mut shift) = (0, 0);
+        for byte in self.code {
+            word |= u32::from(byte & 0x7f) << shift;
+            shift += 7;
+            if byte & 0x80 == 0 {
+                words.push(word);
+                (word, shift) = (0, 0);
+            }
+        }
+        words
+    }
+
+    /// Bytes that it takes in the library.
+    pub fn embedded_bytes(&self) -> usize {
+        self.code.len()
+    }
+}
+
+/// A kernel's modules: for each format that it takes one, or one for each number of targets.
+#[derive(Debug)]
+pub struct Kernel {
+    /// What they declare.
+    pub row: &'static KernelRow,
+    /// By format: the first in [`MODULES`], and how many.
+    modules: [(usize, usize); FORMATS.len()],
+}
+
+impl Kernel {
+    /// All modules for a format; none if it does not take it, or the library was built without the technique.
+    pub fn modules(&self, format: DeltaFormat) -> &'static [Module] {
+        let (first, count) = self.modules[format as usize];
+        MODULES.get(first..first + count).unwrap_or_default()
+    }
+
+    /// The module for a format and, where they are vertex attributes, `batch` targets.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn module(&self, format: DeltaFormat, batch: u32) -> Result<&'static Module> {
+        self.modules(format).get(batch as usize).ok_or_else(|| {
+            Error::invalid(
+                format!("no kernel {} for {} deltas and a batch of {batch}", self.row.source, format.name()),
+                match self.row.baseline {
+                    true => "build deltamorph with the feature 'baselines', or use another update path",
+                    false => "use another format, update path or batch size",
+                },
+            )
+        })
+    }
+
+    /// The largest batch that there is a module for.
+    pub fn batch_max(&self, format: DeltaFormat) -> u32 {
+        self.modules(format).len().saturating_sub(1) as u32
+    }
+}
