@@ -125,8 +125,8 @@ fn compile(module: &Module, glsl: &Path) -> Vec<u8> {
     words.iter().flat_map(|w| w.to_le_bytes()).collect()
 }
 
-/// A module as it is embedded: without names and other debug instructions, each word in as few bytes as it needs, seven bits
-/// to a byte, the lowest first (LEB128; most words are small numbers). src/abi/modules.rs decodes it.
+/// A module as it is embedded: without names and other debug instructions, each word in as few bytes as it needs, seven
+/// bits to a byte, the lowest first (LEB128; most words are small numbers). src/abi/modules.rs decodes it.
 fn embedded(spirv: &[u8]) -> Vec<u8> {
     /// OpSourceContinued to OpLine, OpNoLine, OpModuleProcessed.
     const DEBUG: [u32; 9] = [2, 3, 4, 5, 6, 7, 8, 317, 330];

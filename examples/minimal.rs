@@ -153,7 +153,8 @@ fn main() -> Result<()> {
     // SAFETY: `submit` hands out a recording buffer; the mesh is dropped after the last wait.
     let mut uploaded = frames[0].submit(&host, |cmd| Ok(unsafe { engine.upload(cmd, &mesh) }?))?;
     frames[0].wait(&host)?;
-    uploaded.release_staging();
+    // SAFETY: the upload has run.
+    unsafe { uploaded.release_staging() };
     let update = UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(8)); // two slots: ping-pong
     let crowd_desc = CrowdDesc { instances: 1, update, frames_in_flight: FRAMES_IN_FLIGHT as u32 };
     let mut crowd = engine.create_crowd(&uploaded, &crowd_desc)?;

@@ -53,12 +53,16 @@ layout(push_constant) uniform Push {
     float normal_unit;
 };
 
-#include "entry.glsl"
+// The entries of the format: build.rs resolves `format.glsl` to the module's file under formats/. It defines DELTA, INTEGERS
+// where deltas are integers in steps, and
+//     load_entry(entry, lane, position, normal, shifts)
+// what an entry adds to a lane's vertices at weight 1, in steps or input units, and by how many bits to shift both.
+#include "format.glsl"
 
 // A coefficient as the work list has it, in the unit of an entry.
 #ifdef EXACT
 #define COEFFICIENT(bits, unit, shift) (int(bits) << (shift))
-#elif defined(FAST) || defined(SMALL)
+#elif defined(INTEGERS)
 // Unit and shift are powers of two: these products are exact.
 #define COEFFICIENT(bits, unit, shift) (uintBitsToFloat(bits) * ((unit) * float(1u << (shift))))
 #else

@@ -2,7 +2,6 @@
 // CPU twin: cpu::kernel::dense.
 #version 450
 #extension GL_GOOGLE_include_directive : require
-#include "delta.glsl"
 #include "dense.glsl"
 
 layout(constant_id = 0) const uint BATCH = 1;

@@ -11,7 +11,7 @@ layout(local_size_x = WORKGROUP) in;
 ALIASED layout(set = 0, binding = 0, std430) readonly buffer SourcePose { vec2 source_pose[]; };
 ALIASED layout(set = 0, binding = 1, std430) writeonly buffer DestinationPose { vec2 destination_pose[]; };
 #define DELTAS_BINDING 2
-#include "dense_delta.glsl"
+#include "dense_formats.glsl"
 
 // destination = source + sum: one rounding at pose magnitude.
 void store_pose(uint vertex, vec3 position, vec3 normal) {

@@ -1,7 +1,6 @@
 // A dense compute pass over any number of targets, listed in a buffer. CPU twin: cpu::kernel::dense.
 #version 450
 #extension GL_GOOGLE_include_directive : require
-#include "delta.glsl"
 #include "dense.glsl"
 
 struct Entry {

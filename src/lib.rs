@@ -26,9 +26,6 @@
 
 #![deny(unsafe_code)] // below the gpu line it is allowed, each time with its reason
 
-#[cfg(test)]
-extern crate self as deltamorph; // testing.rs is shared with tests/
-
 pub mod abi;
 pub mod animation;
 pub mod asset;
@@ -48,8 +45,9 @@ pub mod mesh;
 pub mod pack;
 pub mod plan;
 pub mod reference;
-#[cfg(test)]
-mod testing;
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub mod testing;
 pub mod weights;
 
 /// What the command line and tests share with the library; no part of the API.

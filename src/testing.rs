@@ -1,8 +1,6 @@
 //! Meshes made up for tests: small, irregular, deterministic.
 
-#![allow(dead_code)]
-
-use deltamorph::asset::{MorphMesh, MorphTarget, Tolerance, diagonal};
+use crate::asset::{MorphMesh, MorphTarget, Tolerance, diagonal};
 use glam::Vec3;
 
 fn noise(mut x: u64) -> f32 {

@@ -1,14 +1,12 @@
 //! Planning a frame allocates nothing: an engine calls it in its frame loop.
 
-#[path = "../src/testing.rs"]
-mod testing;
-
 use deltamorph::animation::{AnimationDesc, Clips, Heads, KeyFormat, Playback};
 use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::plan::animated::AnimatedUpdate;
 use deltamorph::plan::blocks::{BlockState, Scratch, WorkList};
 use deltamorph::plan::commands::CommandList;
 use deltamorph::plan::{Accumulate, UpdateDesc, UpdatePath, UpdateStats};
+use deltamorph::testing;
 use deltamorph::weights::WeightClip;
 
 #[test]

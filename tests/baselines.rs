@@ -4,8 +4,6 @@
 mod data;
 #[path = "common/gpu.rs"]
 mod gpu;
-#[path = "../src/testing.rs"]
-mod testing;
 
 use deltamorph::cpu::CpuCrowd;
 use deltamorph::engine::{CrowdDesc, DeviceCaps, MorphEngine};
@@ -16,6 +14,7 @@ use deltamorph::plan::commands::{Command, CommandList};
 use deltamorph::plan::hazards::HazardChecker;
 use deltamorph::plan::{Accumulate, BatchSize, Source, UpdateDesc, UpdateMode, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
+use deltamorph::testing;
 use deltamorph::weights::csv;
 use gpu::{NORMAL, POSITION, applied, in_eight_chunks, on_every_device, packed, single};
 use std::sync::Arc;
@@ -278,7 +277,7 @@ fn scattered_sums_are_exact_sums() {
             twin.set_weights(0, &weights).expect("weights");
             twin.update();
             let sums = crowd.read_sums(0).expect("a device that works").expect("sums");
-            assert_eq!(Some(sums.as_slice()), twin.sums(0));
+            assert_eq!(Some(sums.as_slice()), twin.sums(0).expect("an instance"));
             let (pose, asked) = (crowd.read_pose(0).expect("a pose"), evaluate(&mesh, &weights));
             for ((got, want), reach) in pose.iter().zip(&asked).zip(&reach) {
                 let rounding = 4.0 * f64::from(f32::EPSILON) * (want.abs() + reach);
@@ -507,13 +506,16 @@ fn poses_of_the_cpu_path_are_uploaded_as_they_are() {
                 crowd.set_weights(head, &gpu::weights(&mesh, frame, head as u32)).expect("weights");
             }
             crowd.update();
-            let poses = [crowd.pose(0), crowd.pose(1)];
+            let poses = [0, 1].map(|i| crowd.pose(i).expect("an instance"));
             let took = upload.upload(&poses).expect("an upload");
             assert_eq!(took.bytes_moved, 2 * 4 * mesh.layout().pose_bytes());
             upload.draw().expect("a draw");
             assert_eq!(upload.read().expect("poses"), poses.concat());
         }
-        assert!(upload.upload(&[crowd.pose(0)]).is_err() && PoseUpload::new(headless, mesh.layout(), 0).is_err());
+        assert!(
+            upload.upload(&[crowd.pose(0).expect("an instance")]).is_err()
+                && PoseUpload::new(headless, mesh.layout(), 0).is_err()
+        );
     });
 }
 

@@ -2,14 +2,13 @@
 
 #[path = "common/gpu.rs"]
 mod gpu;
-#[path = "../src/testing.rs"]
-mod testing;
 
 use deltamorph::engine::{CrowdDesc, DeviceCaps, MorphEngine};
 use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::pack::{DeltaFormat, PackedMesh};
 use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
+use deltamorph::testing;
 use gpu::on_every_device;
 
 const TARGETS: usize = 12;

@@ -2,8 +2,6 @@
 
 #[path = "common/gpu.rs"]
 mod gpu;
-#[path = "../src/testing.rs"]
-mod testing;
 
 use deltamorph::engine::MorphEngine;
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
@@ -12,6 +10,7 @@ use deltamorph::plan::commands::{Command, CommandList};
 use deltamorph::plan::hazards::HazardChecker;
 use deltamorph::plan::{BatchSize, Source, UpdateDesc, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
+use deltamorph::testing;
 use gpu::{on_every_device, single, update_descs, weights};
 
 fn packed(engine: &MorphEngine, format: DeltaFormat) -> PackedMesh {

@@ -2,8 +2,6 @@
 
 #[path = "common/gpu.rs"]
 mod gpu;
-#[path = "../src/testing.rs"]
-mod testing;
 
 use deltamorph::cpu::CpuCrowd;
 use deltamorph::engine::{DeviceCaps, MorphEngine, TransformFeedbackCaps};
@@ -11,6 +9,7 @@ use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::plan::{Accumulate, UpdateDesc, UpdateMode, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
+use deltamorph::testing;
 use gpu::{NORMAL, POSITION, applied, in_eight_chunks, is_kept, on_every_device, single, update_descs, weights};
 
 fn packed(engine: &MorphEngine, vertices: usize, targets: usize, format: DeltaFormat) -> PackedMesh {
@@ -359,7 +358,10 @@ fn exact_sums_are_the_same_bits_everywhere() {
                 crowd.set_weights(0, &weights(&mesh, frame, 3)).expect("weights that fit");
                 crowd.update();
             }
-            (crowd.sums(0).expect("exact sums").to_vec(), mesh.layout().to_user_order(crowd.pose(0)))
+            (
+                crowd.sums(0).expect("an instance").expect("exact sums").to_vec(),
+                mesh.layout().to_user_order(crowd.pose(0).expect("an instance")),
+            )
         };
         let (sums, pose) = cpu(0..60);
         assert_eq!((&sums, &pose), (&cpu(59..60).0, &cpu(59..60).1), "a fresh rebuild");

@@ -314,7 +314,10 @@ fn a_source_that_makes_no_sense_is_refused() {
     says(&refused(&|s| s.targets[1].name = "a".into()), &["targets 0 and 1 are both called 'a'"]);
     says(&refused(&|s| s.positions.clear()), &["no vertex"]);
     says(&refused(&|s| s.positions[2].y = f32::NAN), &["vertex 2"]);
-    says(&refused(&|s| s.targets[0].positions = vec![(4, Vec3::X)]), &["'a' moves vertex 4, there are 4"]);
+    says(
+        &refused(&|s| s.targets[0].positions = vec![(4, Vec3::X)]),
+        &["target 'a': a position delta of vertex 4, there are 4"],
+    );
     says(&refused(&|s| s.targets[0].positions = vec![(1, Vec3::X), (1, Vec3::X)]), &["vertex 1 comes after vertex 1"]);
     says(&refused(&|s| s.targets[0].positions = vec![(1, Vec3::INFINITY)]), &["position delta of vertex 1"]);
     says(&refused(&|s| s.normals = Some(vec![Vec3::Z])), &["1 normals for 4 vertices"]);

@@ -100,7 +100,7 @@ fn whole_clip(set: &str, clip_name: &str) {
         let errors = play(&frames, &packed, &raw, |weights, check| {
             crowd.set_weights(0, weights).expect("weights that fit");
             crowd.update();
-            check.then(|| crowd.pose(0).to_vec())
+            check.then(|| crowd.pose(0).expect("an instance").to_vec())
         });
         assert_kept(&errors, diagonal, &format!("{set}/{clip_name} cpu"));
         assert!(errors.raw.position <= raw_bound * diagonal, "{set} cpu: {:?} against the raw files", errors.raw);

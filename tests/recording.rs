@@ -2,14 +2,13 @@
 
 #[path = "common/gpu.rs"]
 mod gpu;
-#[path = "../src/testing.rs"]
-mod testing;
 
 use deltamorph::engine::{CrowdDesc, MorphEngine};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use deltamorph::pack::{DeltaFormat, PackedMesh};
 use deltamorph::plan::UpdateDesc;
 use deltamorph::reference::{PoseError, compare, evaluate};
+use deltamorph::testing;
 use gpu::{applied, on_every_device, single, update_descs, weights};
 
 /// Run `test` for every path and batch size of every device, on a fresh crowd that has shown two frames.

@@ -2,8 +2,6 @@
 
 #[path = "common/gpu.rs"]
 mod gpu;
-#[path = "../src/testing.rs"]
-mod testing;
 
 use deltamorph::ErrorKind;
 use deltamorph::cpu::CpuCrowd;
@@ -12,8 +10,9 @@ use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use deltamorph::mesh::{MorphSource, SourceTarget, Tolerance};
 use deltamorph::pack::blocks::BlockDesc;
 use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::plan::{Accumulate, UpdateDesc, UpdatePath};
+use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
+use deltamorph::testing;
 use gpu::{applied, drivers, on_every_device, single, update_descs, weights};
 use std::sync::Arc;
 
@@ -268,7 +267,7 @@ fn an_error_budget_holds_after_a_large_change() {
         crowd.set_weights(0, &asked).expect("weights");
         crowd.update();
         let asked: Vec<f32> = asked.iter().map(|w| grid.round(*w)).collect();
-        let pose = mesh.layout().to_user_order(crowd.pose(0));
+        let pose = mesh.layout().to_user_order(crowd.pose(0).expect("an instance"));
         worst = worst.max((f64::from(pose[0]) - evaluate(&mesh, &asked)[0]).abs());
     }
     // Decoding a pose to float32 is allowed for by its own bound.
@@ -281,4 +280,25 @@ fn running_out_of_memory_is_an_error_of_its_own() {
     let desc = UpdateDesc { path: UpdatePath::Cpu, ..UpdateDesc::blocks() };
     let error = CpuCrowd::new(Arc::new(mesh), desc, usize::MAX / 1_000_000, 1).err().expect("no memory");
     assert_eq!(error.kind(), ErrorKind::OutOfMemory, "{error}");
+}
+
+#[test]
+fn an_instance_that_is_not_there_is_an_error() {
+    for format in [DeltaFormat::Float32, DeltaFormat::Fast] {
+        let mesh = PackedMesh::pack(&testing::mesh(100, 4), &PackDesc::new(format)).expect("a mesh");
+        let mesh = Arc::new(mesh);
+        let blocks = UpdateDesc { path: UpdatePath::Cpu, ..UpdateDesc::blocks() };
+        let dense = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
+        let desc = if format.is_blocks() { blocks } else { dense };
+        let mut crowd = CpuCrowd::new(mesh.clone(), desc, 2, 1).expect("a crowd");
+        crowd.update();
+        crowd.remove(1).expect("an instance");
+        for instance in [1, 2, 1 << 32, usize::MAX] {
+            assert!(crowd.pose(instance).is_err() && crowd.previous_pose(instance).is_err());
+            assert!(crowd.sums(instance).is_err() && crowd.cut(instance).is_err());
+            assert!(crowd.set_weights(instance, &[0.0; 4]).is_err());
+        }
+        assert!(crowd.pose(0).is_ok());
+        assert_eq!(evaluate(&mesh, &[]), evaluate(&mesh, &[0.0; 4]), "targets without a weight");
+    }
 }

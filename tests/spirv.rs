@@ -1,5 +1,5 @@
-//! The SPIR-V modules: checked in and compiled are the same, and declare what the table of kernels and the host's structures
-//! say.
+//! The SPIR-V modules: checked in and compiled are the same, and declare what the table of kernels and the host's
+//! structures say.
 
 use deltamorph::abi::kernels::{Buffer, DeviceClass, Push, Stage, Workgroup};
 use deltamorph::abi::modules::{CROWD_TEXELS, MANIFEST, MODULES, Module};

@@ -2,13 +2,12 @@
 
 #[path = "common/gpu.rs"]
 mod gpu;
-#[path = "../src/testing.rs"]
-mod testing;
 
 use deltamorph::engine::CrowdDesc;
 use deltamorph::headless::{HeadlessCrowd, Step};
 use deltamorph::pack::{DeltaFormat, PackedMesh};
 use deltamorph::reference::{compare, evaluate};
+use deltamorph::testing;
 use gpu::{applied, on_every_device, update_descs, weights};
 
 #[test]

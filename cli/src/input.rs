@@ -105,7 +105,7 @@ pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Fai
             match mesh {
                 ImportedMesh::Source(source) => (source, clips, path.display().to_string()),
                 ImportedMesh::Packed(asset) => {
-                    let input = Input::of_asset(*asset, path)?;
+                    let input = Input::of_asset(asset, path)?;
                     refuse_tolerance(args, input.kept.tolerance, path)?;
                     out.note(format_args!(
                         "{} is packed: errors are against what it holds; those against the raw files cannot be told",

@@ -192,7 +192,8 @@ impl<'a> Runner<'a> {
                 let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
                 let mut frame = Frame { stats, gpu_ms: None, draw_ms: None, upload_ms: None, cpu_ms };
                 if let Some(upload) = upload.as_mut().filter(|_| copies > 0) {
-                    let poses: Vec<&[f32]> = (0..weights.len()).map(|head| crowd.pose(head)).collect();
+                    let poses =
+                        (0..weights.len()).map(|head| crowd.pose(head)).collect::<deltamorph::Result<Vec<_>>>()?;
                     frame.upload_ms = Some(upload.upload(&poses)?.cpu_ms);
                     let draws: Vec<Option<f64>> = (0..copies).map(|_| upload.draw()).collect::<Result<_, _>>()?;
                     frame.draw_ms = draws.into_iter().sum();
@@ -209,7 +210,7 @@ impl<'a> Runner<'a> {
                 let (crowd, instance) = place(crowds, head);
                 crowd.read_pose(instance)
             }
-            Self::Cpu(crowd, _) => Ok(crowd.layout().to_user_order(crowd.pose(head as usize))),
+            Self::Cpu(crowd, _) => Ok(crowd.layout().to_user_order(crowd.pose(head as usize)?)),
         }
     }
 
@@ -227,7 +228,7 @@ impl<'a> Runner<'a> {
                 let (crowd, instance) = place(crowds, head);
                 crowd.cut(instance)?;
             }
-            Self::Cpu(crowd, _) => crowd.cut(head as usize),
+            Self::Cpu(crowd, _) => crowd.cut(head as usize)?,
         }
         Ok(())
     }
@@ -239,7 +240,7 @@ impl<'a> Runner<'a> {
                 let (crowd, instance) = place(crowds, head);
                 Ok(crowd.read_sums(instance)?)
             }
-            Self::Cpu(crowd, _) => Ok(crowd.sums(head as usize).map(<[i32]>::to_vec)),
+            Self::Cpu(crowd, _) => Ok(crowd.sums(head as usize)?.map(<[i32]>::to_vec)),
         }
     }
 

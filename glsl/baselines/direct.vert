@@ -3,9 +3,8 @@
 // CPU twin: cpu::kernel::dense.
 #version 450
 #extension GL_GOOGLE_include_directive : require
-#include "delta.glsl"
 #define DELTAS_BINDING 0
-#include "dense_delta.glsl"
+#include "dense_formats.glsl"
 
 layout(location = 0) in vec3 base_position;
 layout(location = 1) in vec3 base_normal;

@@ -1,7 +1,7 @@
 //! The kernels: one table that build.rs, the library and the tests share.
 //!
-//! A row is a GLSL source with its defines. build.rs compiles a module of each row for each format that it takes (and for
-//! each number of targets, where they are vertex attributes), and writes a `static` for each row that
+//! A row is a GLSL source with its defines. build.rs compiles a module of each row for each format that it takes (and
+//! for each number of targets, where they are vertex attributes), and writes a `static` for each row that
 //! [`modules`](super::modules) holds. What the library needs to make a pipeline of a module (descriptors, push
 //! constants, specialization constants) is in its row, and `tests/spirv.rs` compares rows with what modules declare.
 //!
@@ -37,7 +37,8 @@ pub enum Takes {
     NoDeltas,
     /// A module for each dense format.
     Dense,
-    /// A module for each number of targets of each dense format, from 0 (a copy) to what [`ATTRIBUTES_MAX`] has room for.
+    /// A module for each number of targets of each dense format, from 0 (a copy) to what [`ATTRIBUTES_MAX`] has room
+    /// for.
     DenseBatches,
     /// A module for each format in blocks.
     Blocks,
@@ -185,8 +186,8 @@ const BLOCKS_EXACT: KernelRow = KernelRow {
     bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)],
     ..BLOCKS
 };
-/// Two more specialization constants: instances of a tile, rows at a time; and a third, whether they start from the base
-/// pose, where sums are not exact.
+/// Two more specialization constants: instances of a tile, rows at a time; and a third, whether they start from the
+/// base pose, where sums are not exact.
 const CROWD: KernelRow = KernelRow { name: "crowd", source: "crowd.comp", constants: 5, ..BLOCKS };
 const CROWD_EXACT: KernelRow = KernelRow { name: "crowd", source: "crowd.comp", constants: 4, ..BLOCKS_EXACT };
 /// A draw that others' technique `direct` evaluates: deltas, weights.
@@ -238,7 +239,8 @@ pub const KERNELS: &[KernelRow] = &[
     // Whole blocks of several instances.
     CROWD,
     CROWD_EXACT,
-    // The same for software drivers. Poses and sums are bound as pairs of words to be stored, and as texels to be loaded.
+    // The same for software drivers. Poses and sums are bound as pairs of words to be stored, and as texels to be
+    // loaded.
     KernelRow {
         suffix: "texels",
         defines: &["TEXELS"],
@@ -316,11 +318,11 @@ pub struct DeviceTuning {
     pub class: DeviceClass,
     /// Instances of a tile at most: 1, 2, 4 or 8.
     pub widest_tile: u32,
-    /// What loading and decoding an entry costs, in additions of it to one instance. Measured on lavapipe: 3 where deltas
-    /// are in the cache, 8 where they are not.
+    /// What loading and decoding an entry costs, in additions of it to one instance. Measured on lavapipe: 3 where
+    /// deltas are in the cache, 8 where they are not.
     pub load_cost: u32,
-    /// Tiles of `fast` are read as texels, and single instances taken as tiles: software drivers pay for storage buffers
-    /// lane by lane, and several times as much under the control flow that masks take.
+    /// Tiles of `fast` are read as texels, and single instances taken as tiles: software drivers pay for storage
+    /// buffers lane by lane, and several times as much under the control flow that masks take.
     pub texels: bool,
 }
 

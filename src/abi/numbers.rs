@@ -23,7 +23,8 @@ shared! {
     REBUILT = 1 << 31;
     /// Instances of a tile, at most.
     TILE = 8;
-    /// Words of a tile: block, first row word, rows, which instances start from the base pose, and a word for each instance.
+    /// Words of a tile: block, first row word, rows, which instances start from the base pose, and a word for each
+    /// instance.
     TILE_WORDS = 4 + TILE;
     /// What the number of rows of a tile is a multiple of, where it has several instances.
     ROWS = 2;

@@ -200,8 +200,8 @@ impl Push {
     }
 }
 
-/// Bytes of push constants of a vertex pass over `batch` targets: a float each and, for snorm16, a signed byte each, padded
-/// to words.
+/// Bytes of push constants of a vertex pass over `batch` targets: a float each and, for snorm16, a signed byte each,
+/// padded to words.
 pub const fn attribute_push_bytes(format: DeltaFormat, batch: u32) -> u32 {
     match format {
         DeltaFormat::Snorm16 => 4 * batch + 4 * batch.div_ceil(4),

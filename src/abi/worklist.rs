@@ -43,8 +43,8 @@ pub const fn item(block: u32, from_base: bool, poses: u32, first: u32, count: u3
     [if from_base { block | numbers::REBUILT } else { block }, poses, first, count]
 }
 
-/// Write a tile: a block of several instances, index of the first row's first word, number of rows, a bit for each instance
-/// that starts from the base pose, and the [`poses`] of each.
+/// Write a tile: a block of several instances, index of the first row's first word, number of rows, a bit for each
+/// instance that starts from the base pose, and the [`poses`] of each.
 pub fn write_tile(out: &mut [u32], head: [u32; 4], poses: impl Iterator<Item = u32>) {
     let (words, places) = out.split_at_mut(head.len());
     words.copy_from_slice(&head);

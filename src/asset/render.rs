@@ -102,9 +102,11 @@ impl MorphSource {
         let count = self.positions.len();
         let Corners { pose_vertices: of, corners, .. } = Corners::new(&self.faces, count, &self.texcoords);
         let mut split = self.clone();
-        let vectors = |from: &[Vec3]| of.iter().map(|&v| from[v as usize]).collect::<Vec<_>>();
-        split.positions = vectors(&self.positions);
-        split.normals = self.normals.as_deref().map(vectors);
+        for (vectors, from) in std::iter::once((&mut split.positions, &self.positions))
+            .chain(split.normals.as_mut().zip(self.normals.as_ref()))
+        {
+            *vectors = of.iter().map(|&v| from[v as usize]).collect();
+        }
         for (StreamData { semantic, values }, from) in split.streams.iter_mut().zip(&self.streams) {
             let n = semantic.components();
             *values = of.iter().flat_map(|&v| &from.values[v as usize * n..][..n]).copied().collect();

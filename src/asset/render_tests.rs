@@ -143,7 +143,8 @@ fn streams_and_welds_that_do_not_fit_are_named() {
         change(&mut source);
         source.to_mesh(Tolerance::default()).unwrap_err().to_string()
     };
-    let cases: [(&dyn Fn(&mut MorphSource), &str); 13] = [
+    type Case<'a> = (&'a dyn Fn(&mut MorphSource), &'a str);
+    let cases: [Case<'_>; 13] = [
         (&|s| s.streams[0].values.truncate(20), "stream 'tangent': 20 numbers for 6 vertices; give 4"),
         (&|s| s.streams[0].values[9] = f32::NAN, "stream 'tangent': vertex 2 has NaN"),
         (&|s| s.streams[0].values[9] = 1.1, "the tangent of vertex 2 is [0.0, 1.1, 0.0, -1.0]; normalise"),

@@ -3,9 +3,10 @@
 //! Which loads and stores those are is counted by a [`Meter`]; a test holds the planner's count against it.
 
 use super::workers::Workers;
+use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::pack::blocks::{BlockIndex, ExactGrid};
-use crate::pack::entry::{BitReader, fast_decode, unpack_widths};
-use crate::pack::{DeltaFormat, POSE_FLOATS, PackedMesh};
+use crate::pack::formats::{BlockFormat, with_format};
+use crate::pack::{POSE_FLOATS, PackedMesh};
 use crate::plan::blocks::{ELEMENT_BYTES, Element, ITEM_WORDS, Item, WorkList};
 
 /// Sees every load and store of the kernel.
@@ -97,16 +98,14 @@ pub(crate) struct Block<'a> {
     base: &'a [f32],
 }
 
-/// What a kernel adds up in: float32, or integers that wrap.
-trait Sum: Copy + Default {
+/// What a kernel adds up in (float32, or integers that wrap) of deltas whose numbers are `C`.
+trait Sum<C>: Copy + Default {
     /// A coefficient as the work list has it, times the unit of an entry: its step, or 2^shift.
     fn coefficient(bits: u32, step: f32, shift: u32) -> Self;
-    fn add(self, coefficient: Self, delta: i32) -> Self;
-    /// As [`add`](Self::add), for float32 deltas.
-    fn add_float(self, coefficient: f32, delta: f32) -> Self;
+    fn add(self, coefficient: Self, delta: C) -> Self;
 }
 
-impl Sum for f32 {
+impl Sum<i32> for f32 {
     #[inline(always)]
     fn coefficient(bits: u32, step: f32, shift: u32) -> Self {
         // Both factors are powers of two.
@@ -116,13 +115,20 @@ impl Sum for f32 {
     fn add(self, coefficient: Self, delta: i32) -> Self {
         self + coefficient * delta as f32
     }
+}
+
+impl Sum<f32> for f32 {
     #[inline(always)]
-    fn add_float(self, coefficient: f32, delta: f32) -> Self {
+    fn coefficient(bits: u32, _: f32, _: u32) -> Self {
+        f32::from_bits(bits)
+    }
+    #[inline(always)]
+    fn add(self, coefficient: Self, delta: f32) -> Self {
         self + coefficient * delta
     }
 }
 
-impl Sum for i32 {
+impl Sum<i32> for i32 {
     #[inline(always)]
     fn coefficient(bits: u32, _: f32, shift: u32) -> Self {
         (bits as i32).wrapping_shl(shift)
@@ -131,9 +137,15 @@ impl Sum for i32 {
     fn add(self, coefficient: Self, delta: i32) -> Self {
         self.wrapping_add(coefficient.wrapping_mul(delta))
     }
-    #[inline(always)]
-    fn add_float(self, _: f32, _: f32) -> Self {
-        self // never called: float32 deltas have no exact grid
+}
+
+/// Never called: float32 deltas have no exact grid.
+impl Sum<f32> for i32 {
+    fn coefficient(_: u32, _: f32, _: u32) -> Self {
+        0
+    }
+    fn add(self, _: Self, _: f32) -> Self {
+        self
     }
 }
 
@@ -205,7 +217,7 @@ impl<'a> Block<'a> {
                     let sum = (sums[at] & before).wrapping_add(added[c][lane]);
                     sums[at] = sum;
                     // The product is exact, the unit being a power of two; sums above 24 bits are rounded before.
-                    self.base[at] + sum as f32 * units[c / 3]
+                    self.base[at] + sum as f32 * units[c / TRIPLE]
                 });
                 let components: u32 = self.masks.iter().map(|m| m.count_ones()).sum();
                 meter.moved(components as usize * if rebuilt { 4 } else { 8 });
@@ -214,22 +226,15 @@ impl<'a> Block<'a> {
     }
 
     /// Σ coefficient · delta of each component of each vertex.
-    fn add_up<T: Sum, const S: usize>(&self, added: &mut Added<T, S>, meter: &mut impl Meter) {
+    fn add_up<T: Sum<i32> + Sum<f32>, const S: usize>(&self, added: &mut Added<T, S>, meter: &mut impl Meter) {
         let (index, words) = (self.index, self.mesh.words());
-        let [position_step, normal_step] = index.steps();
         for element in self.elements {
-            let (entry, bits) = (element.entry as usize, element.coefficient);
-            let header = &words[entry * index.header_words()..][..index.header_words()];
-            let data = &words[index.first_word(words, entry)..][..index.entry_words(words, entry)];
-            meter.moved(4 * (header.len() + data.len()));
-            let factors = |shifts: [u32; 2]| {
-                [T::coefficient(bits, position_step, shifts[0]), T::coefficient(bits, normal_step, shifts[1])]
-            };
-            match index.format() {
-                DeltaFormat::Fast => add_fast(added, factors([header[0] & 0xff, header[0] >> 8 & 0xff]), data),
-                DeltaFormat::Small => add_small(added, factors([0, 0]), header, data),
-                _ => add_float32(added, f32::from_bits(bits), data),
-            }
+            let entry = element.entry as usize;
+            let (header, deltas) = (index.header(words, entry), index.deltas(words, entry));
+            meter.moved(4 * (header.len() + deltas.len()));
+            with_format!(index.format().format(), dense _f => {}, blocks format => {
+                add_entry(format, element.coefficient, index.steps(), header, deltas, added);
+            });
         }
     }
 
@@ -263,42 +268,21 @@ impl<'a> Block<'a> {
     }
 }
 
-fn add_float32<T: Sum, const S: usize>(added: &mut Added<T, S>, coefficient: f32, data: &[u32]) {
-    for (sums, row) in added.iter_mut().zip(data.chunks_exact(S)) {
-        for (sum, word) in sums.iter_mut().zip(row) {
-            *sum = sum.add_float(coefficient, f32::from_bits(*word));
+/// Add an entry times the coefficient of these bits.
+#[inline(always)]
+fn add_entry<F: BlockFormat, T: Sum<F::Component>, const S: usize>(
+    format: &F,
+    bits: u32,
+    steps: [f32; TRIPLES],
+    header: &[u32],
+    deltas: &[u32],
+    added: &mut Added<T, S>,
+) {
+    let shifts = format.shifts(header);
+    let coefficients: [T; TRIPLES] = std::array::from_fn(|triple| T::coefficient(bits, steps[triple], shifts[triple]));
+    format.decode(S, header, deltas, |lane, delta| {
+        for (c, number) in delta.into_iter().enumerate() {
+            added[c][lane] = added[c][lane].add(coefficients[c / TRIPLE], number);
         }
-    }
-}
-
-fn add_fast<T: Sum, const S: usize>(added: &mut Added<T, S>, [position, normal]: [T; 2], data: &[u32]) {
-    let (a, rest) = data.split_at(S);
-    let (b, c) = rest.split_at(S);
-    let c: &[i8] = bytemuck::cast_slice(c);
-    let (a, b, c) = (&a[..S], &b[..S], &c[..S]);
-    let [x, y, z, nx, ny, nz] = added;
-    for lane in 0..S {
-        let d = fast_decode(a[lane], b[lane], c[lane]);
-        x[lane] = x[lane].add(position, d[0]);
-        y[lane] = y[lane].add(position, d[1]);
-        z[lane] = z[lane].add(position, d[2]);
-        nx[lane] = nx[lane].add(normal, d[3]);
-        ny[lane] = ny[lane].add(normal, d[4]);
-        nz[lane] = nz[lane].add(normal, d[5]);
-    }
-}
-
-fn add_small<T: Sum, const S: usize>(added: &mut Added<T, S>, factors: [T; 2], header: &[u32], data: &[u32]) {
-    let widths = unpack_widths(header[1]);
-    let mut bits = BitReader::new(data);
-    for (word, &mask) in header[2..].iter().enumerate() {
-        let mut rest = mask;
-        while rest != 0 {
-            let lane = 32 * word + rest.trailing_zeros() as usize;
-            rest &= rest - 1;
-            for (c, (row, width)) in added.iter_mut().zip(widths).enumerate() {
-                row[lane] = row[lane].add(factors[c / 3], bits.take(width));
-            }
-        }
-    }
+    });
 }

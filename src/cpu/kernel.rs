@@ -4,7 +4,8 @@
 //! A run is cut into pieces whose sum stays in the first-level cache. Deltas are read once, as streams of
 //! several targets at a time, so that the piece is loaded and stored once for all of them.
 
-use crate::pack::{DeltaFormat, POSE_FLOATS, PackedMesh};
+use crate::pack::formats::{DenseFormat, with_format};
+use crate::pack::{POSE_FLOATS, PackedMesh};
 use crate::weights::delta::Coefficient;
 
 /// Vertices of a piece: 6 KiB of sums.
@@ -49,47 +50,10 @@ pub fn dense(
 fn add<const N: usize>(mesh: &PackedMesh, group: &[Coefficient], vertex: usize, sums: &mut [f32]) {
     let vertices = sums.len() / POSE_FLOATS;
     let rows: [&[u32]; N] = std::array::from_fn(|i| mesh.rows(group[i].target as usize, vertex, vertices));
-    match mesh.layout().format {
-        DeltaFormat::Snorm16 => {
-            let factors = std::array::from_fn(|i| {
-                let target = &mesh.layout().targets[group[i].target as usize];
-                let position = group[i].value * target.position_step;
-                [position, position * target.normal_ratio()]
-            });
-            add_snorm16(factors, rows.map(bytemuck::cast_slice), sums);
-        }
-        _ => {
-            let factors: [f32; N] = std::array::from_fn(|i| group[i].value);
-            add_float32(factors, rows.map(bytemuck::cast_slice), sums);
-        }
-    }
-}
-
-fn add_float32<const N: usize>(factors: [f32; N], rows: [&[f32]; N], sums: &mut [f32]) {
-    let rows = rows.map(|row| &row[..sums.len()]);
-    for (i, sum) in sums.iter_mut().enumerate() {
-        let mut s = *sum;
-        for k in 0..N {
-            s += factors[k] * rows[k][i];
-        }
-        *sum = s;
-    }
-}
-
-/// Two vertices at a time: twelve values are three vectors of four.
-const PAIR: usize = 2 * POSE_FLOATS;
-
-fn add_snorm16<const N: usize>(factors: [[f32; 2]; N], rows: [&[i16]; N], sums: &mut [f32]) {
-    let patterns = factors.map(|f| std::array::from_fn::<f32, PAIR, _>(|i| f[i / 3 % 2]));
-    let rows = rows.map(|row| row[..sums.len()].as_chunks::<PAIR>().0);
-    // Runs are cut at multiples of the vertex padding: an even number of vertices.
-    for (i, sum) in sums.as_chunks_mut::<PAIR>().0.iter_mut().enumerate() {
-        let mut s = *sum;
-        for (row, pattern) in rows.iter().zip(&patterns) {
-            for ((s, d), p) in s.iter_mut().zip(&row[i]).zip(pattern) {
-                *s += p * f32::from(*d);
-            }
-        }
-        *sum = s;
-    }
+    let factors = std::array::from_fn(|i| {
+        let target = &mesh.layout().targets[group[i].target as usize];
+        let first = group[i].value * target.position_step;
+        [first, first * target.normal_ratio()]
+    });
+    with_format!(mesh.layout().format, dense format => format.add(factors, rows, sums), blocks _f => {});
 }

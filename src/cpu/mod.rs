@@ -51,6 +51,11 @@ fn check_memory(layout: &PackedLayout, instances: usize, slots: usize) -> Result
     })
 }
 
+/// The number of an instance; one that does not fit is out of range, too.
+fn number(instance: usize) -> u32 {
+    u32::try_from(instance).unwrap_or(u32::MAX)
+}
+
 impl CpuCrowd {
     /// `instances` heads, all weights 0. `threads` 0 takes one per core; without the `threads` feature the
     /// caller's thread does the work.
@@ -110,19 +115,21 @@ impl CpuCrowd {
             Layout::Blocks(blocks) => blocks.planner.exact(),
         };
         check_block_weights(weights, self.mesh.layout(), exact)?;
-        self.heads.set_weights(instance as u32, weights)
+        self.heads.set_weights(number(instance), weights)
     }
 
     /// The next pose of `instance` has no predecessor (it was hidden, or teleported): its previous pose will be the
     /// pose itself.
     ///
-    /// # Panics
-    /// When `instance` is out of range.
-    pub fn cut(&mut self, instance: usize) {
+    /// # Errors
+    /// An instance out of range or removed.
+    pub fn cut(&mut self, instance: usize) -> Result<()> {
+        let instance = self.heads.check(number(instance))?;
         match &mut self.layout {
             Layout::Dense { states, .. } => states[instance].cut(),
             Layout::Blocks(blocks) => blocks.planner.states[instance].cut(),
         }
+        Ok(())
     }
 
     /// Hide `instance`, or show it again: a hidden one is left out of updates and keeps its pose; the first pose after it
@@ -131,10 +138,7 @@ impl CpuCrowd {
     /// # Errors
     /// An instance out of range or removed.
     pub fn set_hidden(&mut self, instance: usize, hidden: bool) -> Result<()> {
-        if self.heads.set_hidden(instance as u32, hidden)? {
-            self.cut(instance);
-        }
-        Ok(())
+        if self.heads.set_hidden(number(instance), hidden)? { self.cut(instance) } else { Ok(()) }
     }
 
     /// Add a head in a place that [`remove`](Self::remove) freed: shown, all weights 0.
@@ -155,7 +159,7 @@ impl CpuCrowd {
     /// # Errors
     /// An instance out of range, or removed before.
     pub fn remove(&mut self, instance: usize) -> Result<()> {
-        self.heads.remove(instance as u32)
+        self.heads.remove(number(instance))
     }
 
     /// Bring all poses to the weights asked for.
@@ -214,29 +218,32 @@ impl CpuCrowd {
     /// The pose of an instance after the last update: six floats a vertex, with padding, in the order of pose buffers
     /// ([`PackedLayout::to_user_order`](crate::pack::PackedLayout::to_user_order)).
     ///
-    /// # Panics
-    /// When `instance` is out of range.
-    pub fn pose(&self, instance: usize) -> &[f32] {
-        &self.poses[instance * self.slots + self.slots_of(instance).0 as usize]
+    /// # Errors
+    /// An instance out of range or removed.
+    pub fn pose(&self, instance: usize) -> Result<&[f32]> {
+        let instance = self.heads.check(number(instance))?;
+        Ok(&self.poses[instance * self.slots + self.slots_of(instance).0 as usize])
     }
 
     /// The pose before the last update, where it is still there; the pose itself when nothing changed.
     ///
-    /// # Panics
-    /// When `instance` is out of range.
-    pub fn previous_pose(&self, instance: usize) -> Option<&[f32]> {
-        self.slots_of(instance).1.map(|slot| self.poses[instance * self.slots + slot as usize].as_slice())
+    /// # Errors
+    /// An instance out of range or removed.
+    pub fn previous_pose(&self, instance: usize) -> Result<Option<&[f32]>> {
+        let instance = self.heads.check(number(instance))?;
+        Ok(self.slots_of(instance).1.map(|slot| self.poses[instance * self.slots + slot as usize].as_slice()))
     }
 
     /// The integer sums of an instance, in the order of pose buffers; `None` unless it accumulates exactly.
     ///
-    /// # Panics
-    /// When `instance` is out of range.
-    pub fn sums(&self, instance: usize) -> Option<&[i32]> {
-        match &self.layout {
-            Layout::Blocks(blocks) if !blocks.sums[instance].is_empty() => Some(&blocks.sums[instance]),
-            _ => None,
-        }
+    /// # Errors
+    /// An instance out of range or removed.
+    pub fn sums(&self, instance: usize) -> Result<Option<&[i32]>> {
+        let instance = self.heads.check(number(instance))?;
+        Ok(match &self.layout {
+            Layout::Dense { .. } => None,
+            Layout::Blocks(blocks) => Some(blocks.sums[instance].as_slice()).filter(|sums| !sums.is_empty()),
+        })
     }
 
     fn run_pass(&self, list: &CommandList, pass: &PassCommand, source: Option<&[f32]>, destination: &mut [f32]) {

@@ -34,10 +34,10 @@ proptest! {
             for (i, before) in before.iter_mut().enumerate() {
                 let reference = reference::evaluate(&packed, crowd.heads.asked().nth(i).flatten().unwrap());
                 let bound = f64::from(mesh.diagonal.max(1.0));
-                let error = reference::compare(crowd.pose(i), &reference);
+                let error = reference::compare(crowd.pose(i).expect("an instance"), &reference);
                 prop_assert!(error.within(3e-6 * bound, 0.01), "{:?}", error);
                 let previous = before.replace(reference);
-                if let (Some(got), Some(want)) = (crowd.previous_pose(i), previous) {
+                if let (Some(got), Some(want)) = (crowd.previous_pose(i).expect("an instance"), previous) {
                     let error = reference::compare(got, &want);
                     prop_assert!(error.within(3e-6 * bound, 0.01), "previous pose: {:?}", error);
                 } else if frame > 0 {
@@ -104,7 +104,7 @@ proptest! {
             prop_assert_eq!(stats.bytes_moved, metered(&crowd), "{:?} {:?} frame {}", desc, format, frame);
             for (i, before) in before.iter_mut().enumerate() {
                 let weights: Vec<f32> = crowd.heads.asked().nth(i).flatten().unwrap().iter().map(|&w| grid.map_or(w, |g| g.round(w))).collect();
-                let pose = packed.layout().to_user_order(crowd.pose(i));
+                let pose = packed.layout().to_user_order(crowd.pose(i).expect("an instance"));
                 let error = reference::compare(&pose, &reference::evaluate(&packed, &weights));
                 // A still face has settled.
                 let waiting = if frame % 3 == 2 { 0.0 } else { f64::from(error_budget) };
@@ -113,7 +113,7 @@ proptest! {
                     "{:?} {:?} frame {}: {:?}, at most {:e}", desc, format, frame, error, most);
                 // The budget is one of positions.
                 prop_assert!(waiting > 0.0 || error.normal_degrees < 0.01, "{:?} {:?} frame {}: {:?}", desc, format, frame, error);
-                let previous = crowd.previous_pose(i).map(|p| packed.layout().to_user_order(p));
+                let previous = crowd.previous_pose(i).expect("an instance").map(|p| packed.layout().to_user_order(p));
                 match (&previous, &*before) {
                     (Some(previous), Some(before)) => prop_assert_eq!(previous, before),
                     (Some(previous), None) => prop_assert_eq!(previous, &pose),
@@ -130,8 +130,8 @@ proptest! {
             }
             fresh.update();
             for i in 0..2 {
-                prop_assert_eq!(fresh.sums(i), crowd.sums(i));
-                prop_assert_eq!(fresh.pose(i), crowd.pose(i));
+                prop_assert_eq!(fresh.sums(i).expect("an instance"), crowd.sums(i).expect("an instance"));
+                prop_assert_eq!(fresh.pose(i).expect("an instance"), crowd.pose(i).expect("an instance"));
             }
         }
     }
@@ -186,13 +186,13 @@ fn a_face_that_stops_has_its_pose_as_previous_pose() {
             if budget > 0.0 {
                 assert!(crowd.update().dirty_blocks > 0, "{desc:?}: nothing waited");
             }
-            let settled = crowd.pose(0).to_vec();
+            let settled = crowd.pose(0).expect("an instance").to_vec();
             let still = crowd.update();
             let did = (still.coefficients, still.passes, still.dirty_blocks, still.bytes_moved, still.bytes_floor);
             assert_eq!(did, (0, 0, 0, 0, 0), "{desc:?}");
             let bits = |pose: &[f32]| pose.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
-            assert_eq!(bits(crowd.pose(0)), bits(&settled), "{desc:?}");
-            assert_eq!(crowd.previous_pose(0).map(bits), Some(bits(&settled)), "{desc:?}");
+            assert_eq!(bits(crowd.pose(0).expect("an instance")), bits(&settled), "{desc:?}");
+            assert_eq!(crowd.previous_pose(0).expect("an instance").map(bits), Some(bits(&settled)), "{desc:?}");
         }
     }
 }

@@ -2,6 +2,7 @@
 //! The path `cpu` itself goes block by block, with masks: main memory is read and written by the byte.
 
 use super::blocks::Meter;
+use crate::asset::streams::TRIPLE;
 use crate::pack::blocks::{BlockIndex, ExactGrid};
 use crate::pack::{POSE_FLOATS, PackedMesh};
 use crate::plan::blocks::{TileItem, Tiles, WorkList, row_words};
@@ -60,7 +61,11 @@ pub(crate) fn run(
                     *sum = if rebuilt { 0i32 } else { *sum }.wrapping_add(*added);
                 }
                 meter.moved(12 * floats);
-                sums.iter().zip(base).enumerate().map(|(i, (s, b))| b + *s as f32 * units[i % 6 / 3]).collect()
+                sums.iter()
+                    .zip(base)
+                    .enumerate()
+                    .map(|(i, (s, b))| b + *s as f32 * units[i % POSE_FLOATS / TRIPLE])
+                    .collect()
             }
             None => {
                 let from = match item.source {

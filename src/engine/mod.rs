@@ -8,8 +8,8 @@
 //! 2. Each frame: [`Crowd::set_weights`], then [`MorphEngine::record_update`] before the draws, then draw from
 //!    [`Crowd::pose`].
 //!
-//! Or the GPU does it all: [`MorphEngine::create_animated_crowd`] uploads clips, [`Crowd::play`] says who plays which, and
-//! each frame takes [`Crowd::set_time`] in place of weights.
+//! Or the GPU does it all: [`MorphEngine::create_animated_crowd`] uploads clips, [`Crowd::play`] says who plays which,
+//! and each frame takes [`Crowd::set_time`] in place of weights.
 //!
 //! # What the caller is responsible for
 //! - Uploads, updates and draws run on queues of one family, with graphics and compute: the barriers name the
@@ -83,8 +83,11 @@ pub(crate) struct MeshBuffers {
 }
 
 impl GpuMesh {
-    /// Give the staging memory back. To be called once the recorded upload has run.
-    pub fn release_staging(&mut self) {
+    /// Give the staging memory back.
+    ///
+    /// # Safety
+    /// The upload that was recorded with this mesh has run, or never will: its copies read the memory.
+    pub unsafe fn release_staging(&mut self) {
         self.staging = None;
     }
 
@@ -108,7 +111,8 @@ impl MorphEngine {
     ///
     /// # Safety
     /// - The handles of `desc` are alive, belong together (the pipeline cache may be null), are of Vulkan 1.1 or later,
-    ///   and outlive the engine and all it creates.
+    ///   and outlive the engine and all it creates. An allocator that is handed in was made on the same device, without
+    ///   `buffer_device_address` unless the device has that feature enabled.
     /// - `desc.caps` does not exceed what the device has.
     /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled on the device, and
     ///   `desc.enabled_features` has no other features than those that were.
@@ -147,8 +151,8 @@ impl MorphEngine {
         PackDesc { format, max_chunk_bytes: caps.max_storage_range, max_chunk_vertices, blocks: BlockDesc::default() }
     }
 
-    /// Bytes of memory that the allocator has from the driver, blocks that are not full included: all of the host's, where
-    /// it handed one in.
+    /// Bytes of memory that the allocator has from the driver, blocks that are not full included: all of the host's,
+    /// where it handed one in.
     pub fn allocated_bytes(&self) -> u64 {
         self.device.allocator().capacity()
     }
@@ -174,8 +178,9 @@ impl MorphEngine {
     /// A mesh that exceeds the device's limits, with the numbers; no memory.
     ///
     /// # Safety
-    /// - `cmd` is in the recording state on the engine's device, outside a render pass, on a queue with graphics
-    ///   and compute.
+    /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and without
+    ///   active conditional rendering, on a queue with graphics and compute.
+    /// - It runs before any update of the mesh, exactly once; where it never does, no crowd of the mesh is updated.
     /// - The value returned is dropped only when the device no longer uses it.
     pub unsafe fn upload(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
         let layout = mesh.layout().clone();
@@ -402,9 +407,17 @@ impl MorphEngine {
     /// A crowd that another engine made. Nothing is recorded then.
     ///
     /// # Safety
-    /// - `cmd` is in the recording state on the engine's device, outside a render pass, on a queue with
-    ///   graphics and compute.
-    /// - The caller's responsibilities above and of the [module](self) are kept.
+    /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and without
+    ///   active conditional rendering (the state of the crowd takes the update as done), on a queue with graphics and
+    ///   compute.
+    /// - It runs exactly once, after the upload of the mesh and all earlier updates of the crowd, and before later ones; or it
+    ///   never runs, and [`Crowd::discard`] is called with the ticket before any later update is recorded.
+    /// - A ticket is discarded only if neither its update nor any later one of the crowd runs: the next update takes over the
+    ///   memory of their lists.
+    /// - With this one, at most [`CrowdDesc::frames_in_flight`] updates of the crowd are recorded and not yet finished.
+    /// - After an error or a panic nothing of the update counts as done; `cmd` may hold some of its commands after a panic, and
+    ///   is not run then.
+    /// - Engine, mesh and crowd live until the device has finished.
     pub unsafe fn record_update(&self, cmd: vk::CommandBuffer, crowd: &mut Crowd) -> Result<Update> {
         // SAFETY: the caller's obligations.
         unsafe { self.record_tampered(cmd, crowd, |_| {}) }

@@ -14,8 +14,8 @@ use ash::vk;
 use bytemuck::bytes_of;
 use std::sync::Arc;
 
-/// The pipelines of a module for blocks of one size: one for items of single instances, or for each width of tiles one, or
-/// two where tiles that start from the base pose have their own.
+/// The pipelines of a module for blocks of one size: one for items of single instances, or for each width of tiles one,
+/// or two where tiles that start from the base pose have their own.
 pub(crate) struct BlocksKernel {
     pub(crate) objects: Arc<Objects>,
     /// By width; kernels of other numbers of widths share them.
@@ -85,8 +85,8 @@ impl BlocksKernel {
     ///
     /// # Safety
     /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
-    /// - `set` was made by [`sets`](Self::sets) and lives until the dispatches have run; the list in its second buffer is
-    ///   complete by then, and names blocks, entries and slots that its buffers have.
+    /// - `set` was made by [`sets`](Self::sets) and lives until the dispatches have run; the list in its second buffer
+    ///   is complete by then, and names blocks, entries and slots that its buffers have.
     pub(crate) unsafe fn record(
         &self,
         cmd: vk::CommandBuffer,
@@ -118,9 +118,9 @@ impl BlocksKernel {
         }
     }
 
-    /// Part a dispatch from the one before of the same set. They write different blocks, and a storage buffer in common tells
-    /// synchronization validation as much; as texels, poses are loaded through one descriptor and stored through another,
-    /// for which a barrier is asked. Software drivers, the only ones, run one dispatch after the other anyway.
+    /// Part a dispatch from the one before of the same set. They write different blocks, and a storage buffer in common
+    /// tells synchronization validation as much; as texels, poses are loaded through one descriptor and stored through
+    /// another, for which a barrier is asked. Software drivers, the only ones, run one dispatch after the other anyway.
     ///
     /// # Safety
     /// As [`record`](Self::record).

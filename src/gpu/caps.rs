@@ -243,7 +243,8 @@ impl DeviceCaps {
         }
     }
 
-    /// Keep to the smaller of these limits and `limits`; nothing is raised. Names, tuning, versions and timestamps stay.
+    /// Keep to the smaller of these limits and `limits`; nothing is raised. Names, tuning, versions and timestamps
+    /// stay.
     pub fn clamp_to(&mut self, limits: &Self) {
         self.tuning.widest_tile = self.tuning.widest_tile.min(limits.tuning.widest_tile);
         self.max_storage_range = self.max_storage_range.min(limits.max_storage_range);
@@ -272,9 +273,9 @@ impl DeviceCaps {
         BlocksCase { format, exact, instances, entries, device: self.tuning, texels }
     }
 
-    /// Whether tiles of `format` are read as texels and stored in 64-bit integers, and single instances taken as tiles: on
-    /// software drivers, which pay for storage buffers lane by lane, and several times as much under the control flow that
-    /// masks take.
+    /// Whether tiles of `format` are read as texels and stored in 64-bit integers, and single instances taken as tiles:
+    /// on software drivers, which pay for storage buffers lane by lane, and several times as much under the control
+    /// flow that masks take.
     pub fn takes_texels(&self, format: DeltaFormat) -> bool {
         self.blocks_case(format, false, 1, true).takes_texels()
     }

@@ -134,10 +134,10 @@ pub(crate) struct SetBuffers<'a> {
     pub(crate) lists: (vk::Buffer, u64),
 }
 
-/// The descriptor sets of a crowd: source, destination, deltas, coefficient list. Poses are bound where they are, one set
-/// for each pair, and not by dynamic offset: synchronization validation does not see dynamic offsets and would take the
-/// poses of two heads for one piece of memory. For each instance and destination slot, one per source (the base pose, the
-/// slot itself, the slot before) and chunk.
+/// The descriptor sets of a crowd: source, destination, deltas, coefficient list. Poses are bound where they are, one
+/// set for each pair, and not by dynamic offset: synchronization validation does not see dynamic offsets and would take
+/// the poses of two heads for one piece of memory. For each instance and destination slot, one per source (the base
+/// pose, the slot itself, the slot before) and chunk.
 pub(crate) struct PassSets {
     slots: u32,
     chunks: usize,

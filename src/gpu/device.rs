@@ -32,10 +32,10 @@ pub struct DeviceDesc<'a> {
     pub enabled_features: vk::PhysicalDeviceFeatures,
     /// The host's cache of pipelines, which it loads and stores; `null()`: none.
     pub pipeline_cache: vk::PipelineCache,
-    /// The host's allocator; `None`: the engine makes one of its own. That one gives each of the first 128 buffers memory
-    /// of exactly its size, returned as soon as the buffer goes; further small ones share blocks of 4 MiB to 64 MiB, of
-    /// which one is kept for each type of memory. A host with many meshes, or near the device's limit of allocations
-    /// (`maxMemoryAllocationCount`), hands in its own.
+    /// The host's allocator; `None`: the engine makes one of its own. That one gives each of the first 128 buffers
+    /// memory of exactly its size, returned as soon as the buffer goes; further small ones share blocks of 4 MiB to 64
+    /// MiB, of which one is kept for each type of memory. A host with many meshes, or near the device's limit of
+    /// allocations (`maxMemoryAllocationCount`), hands in its own.
     pub allocator: Option<SharedAllocator>,
 }
 
@@ -59,8 +59,8 @@ pub(crate) struct Device {
 
 impl Device {
     /// # Safety
-    /// - The handles of `desc` are alive, belong together (the pipeline cache may be null), and outlive the value returned and
-    ///   all made from it, or live as long as `owner`.
+    /// - The handles of `desc` are alive, belong together (the pipeline cache may be null), and outlive the value
+    ///   returned and all made from it, or live as long as `owner`.
     /// - `desc.caps` does not exceed what the device has.
     /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled, and
     ///   `desc.enabled_features` has no other features than those that were.

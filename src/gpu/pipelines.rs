@@ -65,8 +65,8 @@ impl Objects {
         }
     }
 
-    /// Set layout and pipeline layout of what kernels declare, all in one stage. `attribute_push_bytes`: push constants of
-    /// those whose number of coefficients is the batch size.
+    /// Set layout and pipeline layout of what kernels declare, all in one stage. `attribute_push_bytes`: push constants
+    /// of those whose number of coefficients is the batch size.
     pub(crate) fn add_layout(&mut self, kernels: &[&KernelRow], attribute_push_bytes: u32) -> Result<()> {
         let stage = stage_of(kernels.first().map_or(Stage::Vertex, |kernel| kernel.stage));
         let mut bindings: Vec<_> = kernels.iter().flat_map(|kernel| kernel.bindings).copied().collect();
@@ -145,8 +145,8 @@ impl Objects {
         };
         let infos: Vec<_> = specializations.iter().map(info).collect();
         let device = &self.device;
-        // SAFETY: module and layout are ours and alive, and so is what `infos` points to; tests reflect the module against
-        // the layout.
+        // SAFETY: module and layout are ours and alive, and so is what `infos` points to; tests reflect the module
+        // against the layout.
         let made = unsafe { device.raw.create_compute_pipelines(device.pipeline_cache, &infos, None) };
         // Where one fails, others may have been made.
         let (raw, error) = made.map_or_else(|(raw, error)| (raw, Some(error)), |raw| (raw, None));

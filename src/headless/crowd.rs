@@ -63,7 +63,8 @@ impl<'a> HeadlessCrowd<'a> {
             // SAFETY: as above.
             _ => unsafe { engine.upload(cmd, mesh) },
         })?;
-        mesh.release_staging();
+        // SAFETY: `run` has waited for the upload.
+        unsafe { mesh.release_staging() };
         Self::of(headless, mesh, desc)
     }
 

@@ -113,6 +113,15 @@ unsafe extern "system" fn collect(
     vk::FALSE
 }
 
+/// Whether the validation layers have the setting that their synchronization validation needs, from 1.3.290 on: older
+/// ones look at shaders' accesses anyway.
+fn has_layer_settings(entry: &ash::Entry) -> bool {
+    // SAFETY: the loader is there to be asked.
+    let layers = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
+    let modern = |layer: &vk::LayerProperties| layer.spec_version >= vk::make_api_version(0, 1, 3, 290);
+    layers.iter().any(|layer| layer.layer_name_as_c_str() == Ok(VALIDATION) && modern(layer))
+}
+
 impl Instance {
     fn new(validation: bool) -> Result<Self> {
         let turn = validation.then(Turn::wait);
@@ -136,15 +145,27 @@ impl Instance {
             .user_data(Arc::as_ptr(&messages).cast_mut().cast());
         let enables = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
         let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enables);
+        // Without the second setting, which the older extension does not reach, new layers overlook hazards between
+        // shaders' accesses to storage buffers.
+        let values = vk::TRUE.to_ne_bytes();
+        let on = |name| {
+            let kind = vk::LayerSettingTypeEXT::BOOL32;
+            let mut setting =
+                vk::LayerSettingEXT::default().layer_name(VALIDATION).setting_name(name).ty(kind).values(&values);
+            setting.value_count = 1; // `values` counts bytes
+            setting
+        };
+        let settings = [on(c"validate_sync"), on(c"syncval_shader_accesses_heuristic")];
+        let mut settings = vk::LayerSettingsCreateInfoEXT::default().settings(&settings);
+        let has_settings = validation && has_layer_settings(&entry);
         let layers = [VALIDATION.as_ptr()];
-        let extensions = [ash::ext::debug_utils::NAME.as_ptr(), ash::ext::validation_features::NAME.as_ptr()];
+        let control = if has_settings { ash::ext::layer_settings::NAME } else { ash::ext::validation_features::NAME };
+        let extensions = [ash::ext::debug_utils::NAME.as_ptr(), control.as_ptr()];
         let mut info = vk::InstanceCreateInfo::default().application_info(&app);
         if validation {
-            info = info
-                .enabled_layer_names(&layers)
-                .enabled_extension_names(&extensions)
-                .push_next(&mut features)
-                .push_next(&mut messenger_info);
+            info =
+                info.enabled_layer_names(&layers).enabled_extension_names(&extensions).push_next(&mut messenger_info);
+            info = if has_settings { info.push_next(&mut settings) } else { info.push_next(&mut features) };
         }
         // SAFETY: all that `info` points to is alive; the messenger's user data outlives the instance.
         let raw = unsafe { entry.create_instance(&info, None) }.map_err(|e| match e {

@@ -87,7 +87,8 @@ fn parse(path: &Path, text: &[u8]) -> Result<(Vec<String>, Vec<f32>)> {
             return error(format!(": line {}", line()), what, "give one value per column in every row");
         }
         if values.try_reserve(names.len()).is_err() {
-            return error(format!(": line {}", line()), "there is no memory for more rows".into(), "split the clip");
+            let what = format!("{}: line {}: there is no memory for more rows", path.display(), line());
+            return Err(Error::out_of_memory(what, "split the clip"));
         }
         for (name, value) in names.iter().zip(&record) {
             let place = || format!(": column '{name}', line {}", line());

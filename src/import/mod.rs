@@ -38,7 +38,7 @@ pub enum ImportedMesh {
     /// As its files state it.
     Source(MorphSource),
     /// Packed before.
-    Packed(Box<Asset>),
+    Packed(Asset),
 }
 
 /// What reads one kind of file or folder.
@@ -98,7 +98,7 @@ fn open_folder(path: &Path) -> Result<Imported> {
 }
 
 fn open_packed(path: &Path) -> Result<Imported> {
-    Ok(Imported { mesh: ImportedMesh::Packed(Box::new(Asset::read(path)?)), clips: vec![] })
+    Ok(Imported { mesh: ImportedMesh::Packed(Asset::read(path)?), clips: vec![] })
 }
 
 /// The CSV files in a folder, by name; none where there is no folder.
@@ -160,7 +160,7 @@ mod tests {
         let asset = Asset::pack(&mesh.unwrap(), &PackDesc::new(DeltaFormat::Small)).unwrap();
         asset.write(&path).unwrap();
         match open(&path, &ImportDesc::default()).unwrap().mesh {
-            ImportedMesh::Packed(read) => assert_eq!(*read, asset),
+            ImportedMesh::Packed(read) => assert_eq!(read, asset),
             ImportedMesh::Source(_) => panic!("it is packed"),
         }
     }

@@ -16,8 +16,8 @@
 
 pub mod blocks;
 mod dense;
-pub(crate) mod entry;
 pub mod file;
+pub(crate) mod formats;
 mod order;
 
 use crate::asset::{Faces, RenderVertices};
@@ -25,6 +25,8 @@ use crate::error::{Error, Result};
 use crate::math::angle_degrees;
 use crate::mesh::MorphMesh;
 use blocks::{BlockDesc, BlockIndex};
+pub use formats::DeltaFormat;
+use formats::{DenseFormat, with_format};
 use glam::{DVec3, Vec2};
 use std::sync::Arc;
 
@@ -37,72 +39,6 @@ pub const POSE_FLOATS: usize = 6;
 
 /// Bytes of one vertex of a pose.
 pub const POSE_STRIDE: usize = POSE_FLOATS * 4;
-
-/// How deltas (position and normal) are stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum DeltaFormat {
-    /// Dense, six float32: 24 bytes, two vertex attributes a target. Exact.
-    Float32,
-    /// Dense, six signed 16-bit integers in three words: 12 bytes, one vertex attribute a target. Value = integer ×
-    /// step, a step for positions per target, and a power of two times that step for normals.
-    Snorm16,
-    /// In blocks, six float32: 24 bytes per vertex and entry. Exact, but not for
-    /// [`Accumulate::Exact`](crate::plan::Accumulate).
-    BlockFloat32,
-    /// In blocks, 15 bits a component for positions and 9 for normals: 9 bytes per vertex and entry, in planes that a
-    /// kernel reads as three words.
-    Fast,
-    /// In blocks, bit widths per entry and component, for the vertices that move only: the fewest bytes.
-    Small,
-}
-
-impl DeltaFormat {
-    /// Every format.
-    pub const ALL: [Self; 5] = [Self::Float32, Self::Snorm16, Self::BlockFloat32, Self::Fast, Self::Small];
-    /// The formats of the paths `feedback`, `compute` and `cpu`.
-    pub const DENSE: [Self; 2] = [Self::Float32, Self::Snorm16];
-    /// The formats of the paths `blocks` and `cpu`.
-    pub const BLOCKS: [Self; 3] = [Self::BlockFloat32, Self::Fast, Self::Small];
-
-    /// Whether deltas lie in blocks, for the paths `blocks` and `cpu`.
-    pub const fn is_blocks(self) -> bool {
-        matches!(self, Self::BlockFloat32 | Self::Fast | Self::Small)
-    }
-
-    /// 32-bit words of one delta in a dense format; 0 for block formats, where they differ from entry to entry.
-    pub const fn words(self) -> usize {
-        match self {
-            Self::Float32 => 6,
-            Self::Snorm16 => 3,
-            Self::BlockFloat32 | Self::Fast | Self::Small => 0,
-        }
-    }
-
-    /// Bytes of one delta in a dense format; 0 for block formats.
-    pub const fn stride(self) -> usize {
-        self.words() * 4
-    }
-
-    /// Vertex attributes that one target takes in a feedback pass (dense formats).
-    pub const fn attributes(self) -> usize {
-        match self {
-            Self::Snorm16 => 1,
-            _ => 2,
-        }
-    }
-
-    /// The name used on the command line and in reports. The paths `feedback` and `compute` mean the dense `float32`,
-    /// `blocks` the one in blocks.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Float32 => "float32",
-            Self::Snorm16 => "snorm16",
-            Self::BlockFloat32 => "block-float32",
-            Self::Fast => "fast",
-            Self::Small => "small",
-        }
-    }
-}
 
 /// How to pack.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -327,7 +263,7 @@ impl PackedMesh {
                 "split the targets over several meshes",
             ));
         }
-        if desc.format.is_blocks() { blocks::pack(mesh, desc) } else { dense::pack(mesh, desc) }
+        with_format!(desc.format, dense f => dense::pack(mesh, desc, f), blocks f => blocks::pack(mesh, desc, f))
     }
 
     /// Call `f` with every vertex that target `target` holds a delta for, in the user's order of vertices, and the
@@ -346,14 +282,9 @@ impl PackedMesh {
     fn dense_delta(&self, target: usize, vertex: usize) -> [f64; POSE_FLOATS] {
         let at = self.layout.word_index(target, vertex);
         let words = &self.words[at..at + self.layout.format.words()];
-        match self.layout.format {
-            DeltaFormat::Snorm16 => {
-                let info = &self.layout.targets[target];
-                let steps = [f64::from(info.position_step), f64::from(info.normal_step())];
-                std::array::from_fn(|i| f64::from((words[i / 2] >> (16 * (i % 2))) as u16 as i16) * steps[i / 3])
-            }
-            _ => std::array::from_fn(|i| f64::from(f32::from_bits(words[i]))),
-        }
+        let info = &self.layout.targets[target];
+        let steps = [info.position_step, info.normal_step()];
+        with_format!(self.layout.format, dense f => f.decode(words, steps), blocks _f => [0.0; POSE_FLOATS])
     }
 
     /// What packing lost of `mesh`, which this was packed from.

@@ -6,11 +6,15 @@
 
 use std::cmp::Reverse;
 
+use std::collections::VecDeque;
+
 /// Vertices looked at to choose a split, at most.
 const SAMPLE: usize = 512;
 /// Targets that are compared with each other for a split, at most: those that divide the sample most evenly. Time and memory
 /// go with their square.
 const COMPARED: usize = 512;
+/// Places of welded vertices that are looked at to fill a block.
+const AHEAD: usize = 1024;
 /// Sets this small are not split.
 const LEAF: usize = 4;
 
@@ -49,7 +53,7 @@ pub(super) fn order(vertices: usize, members: &[Vec<u32>]) -> Vec<u32> {
 /// `order` in blocks of `size` vertices such that no block ends between welded vertices (each naming the first of its
 /// place; empty: none is welded): what is equal at one place in the base pose and in all targets is decoded and added up
 /// alike then, and stays equal bit for bit in every pose, whatever a block does. Where a place does not fit the rest of a
-/// block, smaller ones from further on fill it. Only where there are none left, a place is cut.
+/// block, smaller ones from further on fill it. Only where there are none among the next [`AHEAD`], a place is cut.
 pub(super) fn keep_welded(order: Vec<u32>, welds: &[u32], size: usize) -> Vec<u32> {
     if welds.is_empty() {
         return order;
@@ -58,28 +62,21 @@ pub(super) fn keep_welded(order: Vec<u32>, welds: &[u32], size: usize) -> Vec<u3
     order.iter().for_each(|&v| places[welds[v as usize] as usize].push(v));
     // Places by their first vertex in the order; those that did not fit come before the rest.
     let mut rest = order.iter().map(|&v| welds[v as usize] as usize);
-    let mut waiting: Vec<Vec<u32>> = vec![];
+    let mut waiting: VecDeque<Vec<u32>> = VecDeque::new();
     let mut out = Vec::with_capacity(order.len());
     while out.len() < order.len() {
         let room = size - out.len() % size;
         let at = waiting.iter().position(|place| place.len() <= room);
-        let fits = at.map(|at| waiting.remove(at)).or_else(|| {
-            rest.by_ref().find_map(|place| {
-                let place = std::mem::take(&mut places[place]);
-                match place.len() {
-                    0 => None,
-                    n if n <= room => Some(place),
-                    _ => {
-                        waiting.push(place);
-                        None
-                    }
-                }
-            })
-        });
-        match fits {
-            Some(place) => out.extend(place),
-            None => out.extend(waiting.remove(0)),
+        let mut fits = at.and_then(|at| waiting.remove(at));
+        while fits.is_none() && waiting.len() < AHEAD {
+            let Some(place) = rest.next().map(|place| std::mem::take(&mut places[place])) else { break };
+            match place.len() {
+                0 => {}
+                n if n <= room => fits = Some(place),
+                _ => waiting.push_back(place),
+            }
         }
+        out.extend(fits.or_else(|| waiting.pop_front()).unwrap_or_default());
     }
     out
 }
@@ -196,18 +193,6 @@ mod tests {
     }
 
     #[test]
-    fn many_targets_take_memory_for_the_most_even_ones() {
-        let members: Vec<Vec<u32>> = (0..4000u32)
-            .map(|t| (0..500u32).filter(|v| ((v * 7919) ^ (t * 104_729)) % 97 < 30 + t % 9).collect())
-            .collect();
-        let mut sorted = vec![];
-        let used = allocation_counter::measure(|| sorted = order(500, &members));
-        sorted.sort_unstable();
-        assert_eq!(sorted, (0..500).collect::<Vec<u32>>());
-        assert!(used.bytes_max < 4 << 20, "{} bytes", used.bytes_max);
-    }
-
-    #[test]
     fn welded_vertices_share_a_block() {
         // Every fifth vertex is doubled, at the end of the list; some are there five times.
         let mut welds: Vec<u32> = (0..500).collect();
@@ -226,5 +211,17 @@ mod tests {
         // Places of three fill no block; the one that is cut is not lost.
         let threes: Vec<u32> = (0..99).map(|v| v / 3 * 3).collect();
         assert_eq!(keep_welded((0..99).collect(), &threes, 32), (0..99).collect::<Vec<u32>>());
+    }
+
+    #[test]
+    fn many_targets_take_memory_for_the_most_even_ones() {
+        let members: Vec<Vec<u32>> = (0..4000u32)
+            .map(|t| (0..500u32).filter(|v| ((v * 7919) ^ (t * 104_729)) % 97 < 30 + t % 9).collect())
+            .collect();
+        let mut sorted = vec![];
+        let used = allocation_counter::measure(|| sorted = order(500, &members));
+        sorted.sort_unstable();
+        assert_eq!(sorted, (0..500).collect::<Vec<u32>>());
+        assert!(used.bytes_max < 4 << 20, "{} bytes", used.bytes_max);
     }
 }

@@ -158,9 +158,13 @@ impl<'a> Scene<'a> {
         self.fresh.set_weights(0, &weights).expect("weights");
         self.fresh.update();
         let sums = self.crowd.read_sums(instance).expect("sums");
-        assert!(sums.as_deref() == self.fresh.sums(0), "sums of head {instance}, {:?}", self.desc);
+        assert!(
+            sums.as_deref() == self.fresh.sums(0).expect("an instance"),
+            "sums of head {instance}, {:?}",
+            self.desc
+        );
         let pose = self.crowd.read_pose(instance).expect("a pose");
-        let expected = self.mesh.layout().to_user_order(self.fresh.pose(0));
+        let expected = self.mesh.layout().to_user_order(self.fresh.pose(0).expect("an instance"));
         assert!(pose == expected, "pose of head {instance}, {:?}", self.desc);
         // What was asked for is no further off than the budget.
         let error = compare(&pose, &evaluate(&self.mesh, &to_weights(self.twin.requested(instance as usize))));

@@ -31,8 +31,9 @@ impl MorphEngine {
     /// instances, clips or entries than the device's storage range holds, with the numbers. Nothing is recorded then.
     ///
     /// # Safety
-    /// - `cmd` is in the recording state on the engine's device, outside a render pass, on a queue with graphics and
-    ///   compute.
+    /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and without
+    ///   active conditional rendering, on a queue with graphics and compute.
+    /// - It runs before any update of the crowd, exactly once; where it never does, the crowd is not updated.
     /// - The value returned is dropped only when the device no longer uses it.
     pub unsafe fn create_animated_crowd(
         &self,
@@ -81,9 +82,12 @@ impl Crowd {
         self.animated("a clock")?.heads.set_time(seconds)
     }
 
-    /// Give the staging memory of the clips back. To be called once the upload that
-    /// [`create_animated_crowd`](MorphEngine::create_animated_crowd) recorded has run.
-    pub fn release_staging(&mut self) {
+    /// Give the staging memory of the clips back.
+    ///
+    /// # Safety
+    /// The upload that [`create_animated_crowd`](MorphEngine::create_animated_crowd) recorded has run, or never will: its
+    /// copies read the memory.
+    pub unsafe fn release_staging(&mut self) {
         if let Backend::Animated(animated) = &mut self.backend {
             animated.staging = None;
         }

@@ -38,10 +38,12 @@ impl<'a> HeadlessCrowd<'a> {
         let (engine, submitter) = (headless.engine(), headless.submitter());
         // SAFETY: the submitter hands out a recording buffer of the engine's device; it waits for the device.
         let mut mesh = submitter.run(|cmd| unsafe { engine.upload(cmd, mesh) })?;
-        mesh.release_staging();
+        // SAFETY: `run` has waited for the upload.
+        unsafe { mesh.release_staging() };
         // SAFETY: as above.
         let mut crowd = submitter.run(|cmd| unsafe { engine.create_animated_crowd(cmd, &mesh, desc, animation) })?;
-        crowd.release_staging();
+        // SAFETY: as above.
+        unsafe { crowd.release_staging() };
         Self::with(headless, mesh, crowd)
     }
 

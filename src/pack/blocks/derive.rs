@@ -2,8 +2,7 @@
 
 use super::{BLOCK_SIZES, BlockIndex, EntryCost, ExactGrid, Incidence, Parts, WEIGHT_BITS_MIN};
 use crate::math::is_power_of_two;
-use crate::pack::entry::{FAST_BITS, SMALL_BITS, unpack_widths};
-use crate::pack::{DeltaFormat, POSE_FLOATS, VERTEX_PADDING};
+use crate::pack::{POSE_FLOATS, VERTEX_PADDING};
 
 /// Most words of a mesh: its bytes have to be counted in 32 bits.
 pub(super) const WORDS_MAX: u64 = u32::MAX as u64 / 4;
@@ -105,35 +104,14 @@ impl BlockIndex {
         if at != words.len() {
             return Err(format!("{} words where the entries take {at}", words.len()));
         }
-        let floats = if self.format == DeltaFormat::BlockFloat32 { words } else { &[] };
-        if let Some(i) = floats.iter().position(|w| !f32::from_bits(*w).is_finite()) {
-            return Err(format!("word {i} of the deltas is {}", f32::from_bits(floats[i])));
-        }
-        Ok(())
+        self.format.check_deltas(&words[self.deltas_at..])
     }
 
     /// Whether the integers of an entry fit what decodes them, whatever its deltas are.
     fn check_header(&self, words: &[u32], entry: usize) -> Result<(), String> {
-        let largest_normal = match self.format {
-            DeltaFormat::Fast => {
-                let header = words[entry];
-                let shifts = [header & 0xff, header >> 8 & 0xff];
-                // Shifted, a component still fits the 32 bits that it is decoded in.
-                if header >> 16 != 0 || (0..2).any(|half| FAST_BITS[half] + shifts[half] > 32) {
-                    return Err(format!("entry {entry} has shifts of {header:#x}"));
-                }
-                FAST_BITS[1] + shifts[1]
-            }
-            DeltaFormat::Small => {
-                let word = words[entry * self.header_words() + 1];
-                let widths = unpack_widths(word);
-                if word >> 30 != 0 || widths.iter().enumerate().any(|(i, w)| *w > SMALL_BITS[i / 3]) {
-                    return Err(format!("entry {entry} has components of {widths:?} bits"));
-                }
-                SMALL_BITS[1]
-            }
-            _ => return Ok(()),
-        };
+        let header = self.header(words, entry);
+        let [_, largest_normal] =
+            self.format.check_header(header).map_err(|what| format!("entry {entry} has {what}"))?;
         let largest_normal = f64::from(self.normal_step) * f64::from(largest_normal).exp2();
         if largest_normal > f64::from(f32::MAX) {
             return Err(format!("the normals of entry {entry} are up to {largest_normal:e} long"));
@@ -206,7 +184,7 @@ impl BlockIndex {
 
     /// The finest grid of weights on which Σ|integer| × weight cannot leave 31 bits.
     fn exact_grid(&self) -> Option<ExactGrid> {
-        if self.format == DeltaFormat::BlockFloat32 {
+        if !self.format.format().has_integers() {
             return None;
         }
         let fits = |bits: &u32| {

@@ -17,9 +17,10 @@ mod pack;
 
 pub(super) use pack::{pack, target};
 
-use super::entry::{BitReader, fast_decode, unpack_widths};
+use super::formats::{BlockFormat, Component, with_format};
 use super::order::inverse;
-use super::{DeltaFormat, POSE_FLOATS, PackError};
+use super::{POSE_FLOATS, PackError};
+use crate::asset::streams::TRIPLE;
 use crate::error::{Error, Result};
 
 /// Sizes that a block may have.
@@ -28,7 +29,7 @@ pub const BLOCK_SIZES: [u32; 3] = [32, 64, 128];
 /// How to pack into blocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BlockDesc {
-    /// Vertices of a block: one of [`BLOCK_SIZES`]; `None` takes what suits the format (32 for `small`, else 64).
+    /// Vertices of a block: one of [`BLOCK_SIZES`]; `None`: what suits the format (32 for `small`, else 64).
     pub size: Option<u32>,
     /// Largest error of a position delta (a length), as a fraction of the bounding-box diagonal, above 0. `fast` may
     /// exceed it where a target moves further than its 15 bits reach; [`BlockIndex::error`] has what was measured.
@@ -97,7 +98,7 @@ pub(crate) struct EntryCost {
 /// The blocks of a mesh: which targets touch them, and where their deltas are.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlockIndex {
-    format: DeltaFormat,
+    format: &'static dyn BlockFormat,
     size: u32,
     order: Vec<u32>,
     position_step: f32,
@@ -126,7 +127,7 @@ pub struct BlockIndex {
 
 /// What a [`BlockIndex`] is made from: what a packed file holds of it.
 pub(crate) struct Parts {
-    pub format: DeltaFormat,
+    pub format: &'static dyn BlockFormat,
     pub size: u32,
     pub order: Vec<u32>,
     pub position_step: f32,
@@ -144,7 +145,7 @@ impl BlockIndex {
     /// `block-float32` has no integers; deltas so large against their step that sums could overflow: the message
     /// names a position error that would do.
     pub fn exact(&self) -> Result<ExactGrid> {
-        if self.format == DeltaFormat::BlockFloat32 {
+        if !self.format.format().has_integers() {
             return Err(Error::invalid("exact accumulation of float32 deltas", "pack as 'fast' or 'small'"));
         }
         self.exact.ok_or_else(|| {
@@ -223,11 +224,7 @@ impl BlockIndex {
 
     /// Words of an entry's header.
     pub(crate) fn header_words(&self) -> usize {
-        match self.format {
-            DeltaFormat::Fast => 1,
-            DeltaFormat::Small => 2 + self.mask_words(),
-            _ => 0,
-        }
+        self.format.header_words(self.size())
     }
 
     /// Index of the first delta word: the headers end there.
@@ -235,8 +232,19 @@ impl BlockIndex {
         self.deltas_at
     }
 
-    pub(crate) fn format(&self) -> DeltaFormat {
+    pub(crate) fn format(&self) -> &'static dyn BlockFormat {
         self.format
+    }
+
+    /// The header of an entry.
+    pub(crate) fn header<'a>(&self, words: &'a [u32], entry: usize) -> &'a [u32] {
+        let length = self.header_words();
+        &words[entry * length..][..length]
+    }
+
+    /// The deltas of an entry.
+    pub(crate) fn deltas<'a>(&self, words: &'a [u32], entry: usize) -> &'a [u32] {
+        &words[self.first_word(words, entry)..][..self.entry_words(words, entry)]
     }
 
     pub(crate) fn weight_max(&self) -> f32 {
@@ -283,27 +291,12 @@ impl BlockIndex {
 
     /// Index of an entry's first delta word.
     pub(crate) fn first_word(&self, words: &[u32], entry: usize) -> usize {
-        let size = self.size as usize;
-        match self.format {
-            DeltaFormat::Fast => self.deltas_at + entry * (size * 9 / 4),
-            DeltaFormat::Small => self.deltas_at.saturating_add(words[entry * self.header_words()] as usize),
-            _ => self.deltas_at + entry * size * POSE_FLOATS,
-        }
+        self.deltas_at.saturating_add(self.format.first_word(entry, self.header(words, entry), self.size()))
     }
 
     /// Delta words of an entry.
     pub(crate) fn entry_words(&self, words: &[u32], entry: usize) -> usize {
-        let size = self.size as usize;
-        match self.format {
-            DeltaFormat::Fast => size * 9 / 4,
-            DeltaFormat::Small => {
-                let header = &words[entry * self.header_words()..][..self.header_words()];
-                let record: u32 = unpack_widths(header[1]).iter().sum();
-                let vertices: u32 = header[2..].iter().map(|m| m.count_ones()).sum();
-                (record * vertices).div_ceil(32) as usize
-            }
-            _ => size * POSE_FLOATS,
-        }
+        self.format.entry_words(self.header(words, entry), self.size())
     }
 
     /// Call `f` with each vertex of an entry's block that it holds a delta for: its place in the block, the delta in
@@ -314,36 +307,18 @@ impl BlockIndex {
         entry: usize,
         mut f: impl FnMut(usize, [f64; POSE_FLOATS], [i32; POSE_FLOATS]),
     ) {
-        let size = self.size as usize;
+        let (header, deltas) = (self.header(words, entry), self.deltas(words, entry));
         let steps = [f64::from(self.position_step), f64::from(self.normal_step)];
-        let value = |q: [i32; POSE_FLOATS]| std::array::from_fn(|i| f64::from(q[i]) * steps[i / 3]);
-        let data = &words[self.first_word(words, entry)..];
-        match self.format {
-            DeltaFormat::Fast => {
-                let shifts = [words[entry] & 0xff, words[entry] >> 8 & 0xff];
-                for lane in 0..size {
-                    let c = (data[2 * size + lane / 4] >> (8 * (lane % 4))) as i8;
-                    let q = fast_decode(data[lane], data[size + lane], c);
-                    let q = std::array::from_fn(|i| q[i].wrapping_shl(shifts[i / 3]));
-                    f(lane, value(q), q);
+        let shifts = self.format.shifts(header);
+        with_format!(self.format.format(), dense _f => {}, blocks format => {
+            format.decode(self.size(), header, deltas, |lane, delta| {
+                let (mut value, mut integer) = ([0.0; POSE_FLOATS], [0; POSE_FLOATS]);
+                for (c, number) in delta.into_iter().enumerate() {
+                    (value[c], integer[c]) = number.value(steps[c / TRIPLE], shifts[c / TRIPLE]);
                 }
-            }
-            DeltaFormat::Small => {
-                let header = &words[entry * self.header_words()..][..self.header_words()];
-                let widths = unpack_widths(header[1]);
-                let mut bits = BitReader::new(&data[..self.entry_words(words, entry)]);
-                for lane in (0..size).filter(|lane| header[2 + lane / 32] >> (lane % 32) & 1 != 0) {
-                    let q = widths.map(|w| bits.take(w));
-                    f(lane, value(q), q);
-                }
-            }
-            _ => {
-                for lane in 0..size {
-                    let delta = std::array::from_fn(|c| f64::from(f32::from_bits(data[c * size + lane])));
-                    f(lane, delta, [0; POSE_FLOATS]);
-                }
-            }
-        }
+                f(lane, value, integer);
+            });
+        });
     }
 
     /// As [`PackedMesh::for_each_delta`].

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::mesh::MorphMesh;
-use crate::pack::{PackDesc, PackedMesh};
+use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
 use crate::testing;
 use glam::Vec3;
 

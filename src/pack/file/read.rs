@@ -2,10 +2,10 @@
 
 use super::Asset;
 use super::table::{Section, Sections, complaint, split};
-use super::write::format_id;
 use crate::error::Result;
 use crate::mesh::{Corner, Faces, Tolerance};
 use crate::pack::blocks::{BlockIndex, Parts, target};
+use crate::pack::formats::BlockFormat;
 use crate::pack::{DeltaFormat, PackError, PackedLayout, PackedMesh};
 use crate::pack::{POSE_FLOATS, POSE_STRIDE, TARGETS_MAX, VERTEX_PADDING};
 use glam::Vec2;
@@ -51,7 +51,7 @@ pub(super) fn asset(path: &Path, bytes: &[u8]) -> Result<Asset> {
     let (name, targets) = names.split_first().map_or(("", &[][..]), |(first, rest)| (*first, rest));
     let layout = PackedLayout {
         name: name.to_owned(),
-        format: meta.format,
+        format: meta.format.format(),
         vertex_count: meta.vertices,
         chunk_vertices: padded,
         diagonal: meta.diagonal,
@@ -73,7 +73,7 @@ pub(super) fn asset(path: &Path, bytes: &[u8]) -> Result<Asset> {
 
 /// The section of this name.
 struct Meta {
-    format: DeltaFormat,
+    format: &'static dyn BlockFormat,
     size: u32,
     vertices: usize,
     targets: usize,
@@ -99,10 +99,11 @@ impl Meta {
         let (floats, doubles) = rest.split_at(4 * META_FLOATS);
         let (counts, floats) = (u32s(counts), f32s(floats));
         let doubles: Vec<f64> = doubles.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b)).collect();
-        let format = DeltaFormat::BLOCKS.into_iter().find(|f| format_id(*f) == counts[0]);
         let count = |i: usize| counts[i] as usize;
         let meta = Self {
-            format: format.ok_or_else(|| format!("names a format {}; 1 to 3 are known", counts[0]))?,
+            format: DeltaFormat::from_id(counts[0])
+                .and_then(DeltaFormat::block_format)
+                .ok_or_else(|| format!("names a format {} that is not known", counts[0]))?,
             size: counts[1],
             vertices: count(2),
             targets: count(3),

@@ -278,7 +278,7 @@ fn contents_are_checked_behind_right_checksums() {
     let entries = small.mesh.layout().blocks.as_ref().unwrap().entry_count();
     let deltas = entries * 3; // words of small headers with blocks of 32
     for (asset, section, word, value, part) in [
-        (&small, Meta, 0, 7, "'meta': names a format 7"),
+        (&small, Meta, 0, 7, "'meta': names a format 7 that"),
         (&small, Meta, 1, 48, "a block size of 48"),
         (&small, Meta, 1, 64, "blocks"),
         (&small, Meta, 2, giant, "'base pose': has 1680 bytes; 4294967295 vertices take 103079215080"),

@@ -3,17 +3,8 @@
 use super::Asset;
 use super::table::join;
 use crate::error::{Error, Result};
+use crate::pack::POSE_FLOATS;
 use crate::pack::blocks::BlockIndex;
-use crate::pack::{DeltaFormat, POSE_FLOATS};
-
-/// The number of a block format in a file.
-pub(super) fn format_id(format: DeltaFormat) -> u32 {
-    match format {
-        DeltaFormat::Fast => 2,
-        DeltaFormat::Small => 3,
-        _ => 1,
-    }
-}
 
 /// The bytes of `asset`, whose blocks are `index`.
 pub(super) fn bytes(asset: &Asset, index: &BlockIndex) -> Result<Vec<u8>> {
@@ -35,7 +26,7 @@ pub(super) fn bytes(asset: &Asset, index: &BlockIndex) -> Result<Vec<u8>> {
     let steps = index.steps();
     let floats =
         [steps[0], steps[1], layout.diagonal, index.weight_max(), asset.tolerance.position, asset.tolerance.normal];
-    let mut meta = u32s([format_id(layout.format), index.size() as u32].into_iter().chain(counts.map(|n| n as u32)));
+    let mut meta = u32s([layout.format.row().id, index.size() as u32].into_iter().chain(counts.map(|n| n as u32)));
     meta.extend(f32s(&floats));
     meta.extend([index.error().position, index.error().normal_degrees].into_iter().flat_map(f64::to_le_bytes));
 

@@ -1,0 +1,33 @@
+// fast: 15 bits a component of the first triple, 9 of the second, in two words and a byte. CPU: src/pack/formats/fast.rs.
+
+#define INTEGERS
+#define DELTA ivec3
+
+void decode_fast(uint a, uint b, int c, out ivec3 position, out ivec3 normal) {
+    position = ivec3(bitfieldExtract(int(a), 0, 15), bitfieldExtract(int(a), 15, 15), bitfieldExtract(int(b), 0, 15));
+    normal = ivec3(bitfieldExtract(int(b), 15, 9), (int(b) >> 24) * 2 + int((a >> 30) & 1u), c * 2 + int(a >> 31));
+}
+
+void load_entry(uint entry, uint lane, out DELTA position[VERTICES], out DELTA normal[VERTICES], out uvec2 shifts) {
+    shifts = uvec2(0u);
+    uint at = deltas_at + entry * (BLOCK_SIZE / 4u * 9u);
+#ifdef TEXELS
+    uint header = texelFetch(asset, int(entry / 4u))[entry & 3u];
+    // Two words of bytes for eight vertices, so that lanes share texels.
+    uvec4 bytes = texelFetch(asset, int((at + 2u * BLOCK_SIZE) / 4u + lane / 2u));
+    uvec2 c = (lane & 1u) == 0u ? bytes.xy : bytes.zw;
+    [[unroll]] for (int q = 0; q < VERTICES / 4; ++q) {
+        int l = int(lane) * (VERTICES / 4) + q;
+        uvec4 a = texelFetch(asset, int(at / 4u) + l), b = texelFetch(asset, int((at + BLOCK_SIZE) / 4u) + l);
+        [[unroll]] for (int i = 0; i < 4; ++i) {
+            int k = bitfieldExtract(int(c[q]), 8 * i, 8);
+            decode_fast(a[i], b[i], k, position[4 * q + i], normal[4 * q + i]);
+        }
+    }
+#else
+    uint header = asset[entry];
+    int c = bitfieldExtract(int(asset[at + 2u * BLOCK_SIZE + (lane >> 2)]), int(8u * (lane & 3u)), 8);
+    decode_fast(asset[at + lane], asset[at + BLOCK_SIZE + lane], c, position[0], normal[0]);
+#endif
+    shifts = uvec2(header & 0xffu, (header >> 8) & 0xffu);
+}

@@ -1,0 +1,64 @@
+//! In blocks, six float32. The same in `glsl/formats/block_float32.glsl`.
+//!
+//! ```text
+//! no header    px[size] py[size] pz[size] nx[size] ny[size] nz[size]
+//! ```
+
+use super::{BlockFormat, DeltaFormat, Lane};
+use crate::asset::streams::TRIPLES;
+use crate::pack::POSE_FLOATS;
+
+pub(crate) struct BlockFloat32;
+
+impl BlockFormat for BlockFloat32 {
+    fn format(&self) -> DeltaFormat {
+        DeltaFormat::BlockFloat32
+    }
+
+    fn steps(&self, _: [f64; TRIPLES], _: [f64; TRIPLES]) -> [f32; TRIPLES] {
+        [1.0; TRIPLES]
+    }
+
+    fn header_words(&self, _: usize) -> usize {
+        0
+    }
+
+    fn first_word(&self, entry: usize, _: &[u32], size: usize) -> usize {
+        entry * size * POSE_FLOATS
+    }
+
+    fn entry_words(&self, _: &[u32], size: usize) -> usize {
+        size * POSE_FLOATS
+    }
+
+    fn encode(&self, size: usize, _: [f32; TRIPLES], lanes: &[Lane], _: &mut Vec<u32>, deltas: &mut Vec<u32>) {
+        let at = deltas.len();
+        deltas.resize(at + size * POSE_FLOATS, 0);
+        for (lane, delta) in lanes {
+            for (c, value) in delta.iter().enumerate() {
+                deltas[at + c * size + *lane as usize] = value.to_bits();
+            }
+        }
+    }
+
+    fn check_header(&self, _: &[u32]) -> Result<[u32; TRIPLES], String> {
+        Ok([0; TRIPLES])
+    }
+
+    fn check_deltas(&self, deltas: &[u32]) -> Result<(), String> {
+        match deltas.iter().map(|word| f32::from_bits(*word)).enumerate().find(|(_, delta)| !delta.is_finite()) {
+            Some((i, delta)) => Err(format!("word {i} of the deltas is {delta}")),
+            None => Ok(()),
+        }
+    }
+
+    type Component = f32;
+
+    #[inline(always)]
+    fn decode(&self, size: usize, _: &[u32], deltas: &[u32], mut f: impl FnMut(usize, [f32; POSE_FLOATS])) {
+        let planes: [&[u32]; POSE_FLOATS] = std::array::from_fn(|c| &deltas[c * size..][..size]);
+        for lane in 0..size {
+            f(lane, planes.map(|plane| f32::from_bits(plane[lane])));
+        }
+    }
+}

@@ -1,0 +1,294 @@
+//! How deltas are stored: a file for each format, here and under `glsl/formats/`, and one list of them,
+//! `src/abi/formats.rs`.
+//!
+//! A new format is a row of that list, a variant and a line of `with_format!` here, and its two files.
+
+pub(crate) mod bits;
+pub(crate) mod block_float32;
+pub(crate) mod fast;
+pub(crate) mod float32;
+pub(crate) mod small;
+pub(crate) mod snorm16;
+
+use super::POSE_FLOATS;
+use crate::abi::formats::{FORMATS, FormatRow};
+use crate::asset::streams::TRIPLES;
+use crate::error::{Error, Result};
+use crate::math::power_of_two_below;
+use std::fmt;
+use std::str::FromStr;
+
+/// How deltas are stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum DeltaFormat {
+    /// Dense, six float32: 24 bytes, two vertex attributes a target. Exact.
+    Float32,
+    /// Dense, six signed 16-bit integers in three words: 12 bytes, one vertex attribute a target. Value = integer ×
+    /// step, a step for the first triple per target, and a power of two times that step for the second.
+    Snorm16,
+    /// In blocks, six float32: 24 bytes per vertex and entry. Exact, but not for
+    /// [`Accumulate::Exact`](crate::plan::Accumulate).
+    BlockFloat32,
+    /// In blocks, 15 bits a component in the first triple and 9 in the second: 9 bytes per vertex and entry, in planes
+    /// that a kernel reads as three words.
+    Fast,
+    /// In blocks, bit widths per entry and component, for the vertices that move only: the fewest bytes.
+    Small,
+}
+
+/// Evaluate code with `$f` as the format's own type: dense formats one code, formats in blocks the other.
+macro_rules! with_format {
+    ($format:expr, dense $d:ident => $dense:expr, blocks $b:ident => $blocks:expr) => {
+        with_format!(@match $format,
+            dense $d => $dense, [Float32 float32 Snorm16 snorm16],
+            blocks $b => $blocks, [BlockFloat32 block_float32 Fast fast Small small])
+    };
+    (@match $format:expr,
+        dense $d:ident => $dense:expr, [$($dense_name:ident $dense_file:ident)*],
+        blocks $b:ident => $blocks:expr, [$($block_name:ident $block_file:ident)*]
+    ) => {
+        match $format {
+            $($crate::pack::DeltaFormat::$dense_name => {
+                let $d = &$crate::pack::formats::$dense_file::$dense_name;
+                $dense
+            })*
+            $($crate::pack::DeltaFormat::$block_name => {
+                let $b = &$crate::pack::formats::$block_file::$block_name;
+                $blocks
+            })*
+        }
+    };
+}
+pub(crate) use with_format;
+
+impl DeltaFormat {
+    /// Every format.
+    pub const ALL: [Self; FORMATS.len()] = [Self::Float32, Self::Snorm16, Self::BlockFloat32, Self::Fast, Self::Small];
+    /// The formats of the paths `feedback`, `compute` and `cpu`.
+    pub const DENSE: [Self; count(false)] = list(false);
+    /// The formats of the paths `blocks` and `cpu`.
+    pub const BLOCKS: [Self; count(true)] = list(true);
+
+    /// What build.rs and the tests know of it, too.
+    pub(crate) const fn row(self) -> &'static FormatRow {
+        &FORMATS[self as usize]
+    }
+
+    /// Whether deltas lie in blocks, for the paths `blocks` and `cpu`.
+    pub const fn is_blocks(self) -> bool {
+        self.row().blocks
+    }
+
+    /// Whether deltas are integers, which [`Accumulate::Exact`](crate::plan::Accumulate) adds up without rounding.
+    pub const fn has_integers(self) -> bool {
+        self.row().integers
+    }
+
+    /// 32-bit words of one delta in a dense format; 0 for block formats, where they differ from entry to entry.
+    pub const fn words(self) -> usize {
+        with_format!(self, dense f => f.words(), blocks _f => 0)
+    }
+
+    /// Bytes of one delta in a dense format; 0 for block formats.
+    pub const fn stride(self) -> usize {
+        self.words() * 4
+    }
+
+    /// Vertex attributes that one target takes in a feedback pass (dense formats).
+    pub const fn attributes(self) -> usize {
+        self.row().attributes as usize
+    }
+
+    /// The name used on the command line and in reports. The paths `feedback` and `compute` mean the dense `float32`,
+    /// `blocks` the one in blocks.
+    pub const fn name(self) -> &'static str {
+        self.row().name
+    }
+
+    /// The format with this number in packed files.
+    pub fn from_id(id: u32) -> Option<Self> {
+        Self::ALL.into_iter().find(|f| id != 0 && f.row().id == id)
+    }
+
+    /// The block format, unless it is a dense one.
+    pub(crate) fn block_format(self) -> Option<&'static dyn BlockFormat> {
+        with_format!(self, dense _f => None, blocks f => Some(f))
+    }
+}
+
+/// From its [name](DeltaFormat::name).
+impl FromStr for DeltaFormat {
+    type Err = Error;
+
+    fn from_str(name: &str) -> Result<Self> {
+        Self::ALL.into_iter().find(|f| f.name() == name).ok_or_else(|| {
+            let names = Self::ALL.map(Self::name).join(", ");
+            Error::invalid(format!("there is no delta format '{name}'"), format!("use one of {names}"))
+        })
+    }
+}
+
+/// The number of dense formats, or of those in blocks.
+const fn count(blocks: bool) -> usize {
+    let (mut n, mut i) = (0, 0);
+    while i < FORMATS.len() {
+        n += (FORMATS[i].blocks == blocks) as usize;
+        i += 1;
+    }
+    n
+}
+
+/// The dense formats, or those in blocks.
+const fn list<const N: usize>(blocks: bool) -> [DeltaFormat; N] {
+    let mut found = [DeltaFormat::ALL[0]; N];
+    let (mut n, mut i) = (0, 0);
+    while i < FORMATS.len() {
+        if FORMATS[i].blocks == blocks {
+            found[n] = DeltaFormat::ALL[i];
+            n += 1;
+        }
+        i += 1;
+    }
+    found
+}
+
+/// A dense format: every vertex of every target has as many words.
+pub(crate) trait DenseFormat {
+    /// The steps of a target whose largest numbers, by triple, are these: that of the first triple, and the power of two
+    /// that it is multiplied by for the second.
+    fn steps(&self, largest: [f32; TRIPLES]) -> (f32, i8);
+
+    /// Write a delta.
+    fn encode(&self, delta: [f32; POSE_FLOATS], steps: [f32; TRIPLES], out: &mut [u32]);
+
+    /// The reverse of [`encode`](Self::encode).
+    fn decode(&self, words: &[u32], steps: [f32; TRIPLES]) -> [f64; POSE_FLOATS];
+
+    /// Add N targets' deltas of consecutive vertices to `sums`, each target times its factors (by triple; they hold the
+    /// steps).
+    fn add<const N: usize>(&self, factors: [[f32; TRIPLES]; N], rows: [&[u32]; N], sums: &mut [f32]);
+}
+
+/// A delta of a vertex in an entry: its place in the block, and its numbers.
+pub(crate) type Lane = (u32, [f32; POSE_FLOATS]);
+
+/// Most bits of an integer of the two triples, in any format.
+pub(crate) const INTEGER_BITS: [u32; TRIPLES] = [18, 14];
+
+/// A format in blocks: how the deltas of an entry lie in a header and in words of their own.
+pub(crate) trait BlockFormat: Send + Sync {
+    /// Its name in the list.
+    fn format(&self) -> DeltaFormat;
+
+    /// Vertices of a block where nobody names a number.
+    fn default_size(&self) -> u32 {
+        64
+    }
+
+    /// Steps of integers, by triple: powers of two. `wanted` keep to the errors allowed, and `least` let the largest
+    /// numbers fit [`INTEGER_BITS`].
+    fn steps(&self, wanted: [f64; TRIPLES], least: [f64; TRIPLES]) -> [f32; TRIPLES] {
+        // Rounding down to a power of two halves a step at most.
+        std::array::from_fn(|triple| power_of_two_below(wanted[triple].max(2.0 * least[triple])))
+    }
+
+    /// Whether finer steps make angles better (where bits are given, they are mostly all in use).
+    fn refines(&self) -> bool {
+        false
+    }
+
+    /// Words of an entry's header, in blocks of `size` vertices.
+    fn header_words(&self, size: usize) -> usize;
+
+    /// An entry's first delta word, counted from the mesh's first.
+    fn first_word(&self, entry: usize, header: &[u32], size: usize) -> usize;
+
+    /// An entry's delta words.
+    fn entry_words(&self, header: &[u32], size: usize) -> usize;
+
+    /// Append an entry.
+    fn encode(&self, size: usize, steps: [f32; TRIPLES], lanes: &[Lane], headers: &mut Vec<u32>, deltas: &mut Vec<u32>);
+
+    /// Check the header of an entry that may be hostile: whether integers fit what decodes them, whatever the deltas are.
+    /// Bits of the largest, by triple.
+    fn check_header(&self, header: &[u32]) -> Result<[u32; TRIPLES], String>;
+
+    /// Check all delta words, which may be hostile.
+    fn check_deltas(&self, _deltas: &[u32]) -> Result<(), String> {
+        Ok(())
+    }
+
+    /// By how many bits the integers of an entry are to be shifted, by triple.
+    fn shifts(&self, _header: &[u32]) -> [u32; TRIPLES] {
+        [0; TRIPLES]
+    }
+
+    /// What the numbers of a delta are decoded to.
+    type Component: Component
+    where
+        Self: Sized;
+
+    /// Call `f` with each vertex of the block that an entry holds a delta for.
+    fn decode(&self, size: usize, header: &[u32], deltas: &[u32], f: impl FnMut(usize, [Self::Component; POSE_FLOATS]))
+    where
+        Self: Sized;
+}
+
+impl PartialEq for dyn BlockFormat {
+    fn eq(&self, other: &Self) -> bool {
+        self.format() == other.format()
+    }
+}
+
+impl fmt::Debug for dyn BlockFormat {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.format().fmt(f)
+    }
+}
+
+/// A number of a delta.
+pub(crate) trait Component: Copy {
+    /// In input units, and in steps (0 for what has none).
+    fn value(self, step: f64, shift: u32) -> (f64, i32);
+}
+
+/// Steps.
+impl Component for i32 {
+    #[inline(always)]
+    fn value(self, step: f64, shift: u32) -> (f64, i32) {
+        let steps = self.wrapping_shl(shift);
+        (f64::from(steps) * step, steps)
+    }
+}
+
+/// Input units.
+impl Component for f32 {
+    #[inline(always)]
+    fn value(self, _: f64, _: u32) -> (f64, i32) {
+        (f64::from(self), 0)
+    }
+}
+
+/// The multiple of `step` that is nearest to `value`; zero stays zero.
+fn quantise(value: f32, step: f64) -> i32 {
+    (f64::from(value) / step).round() as i32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_format_is_in_the_list_under_a_name_and_a_number_of_its_own() {
+        for (format, row) in DeltaFormat::ALL.into_iter().zip(&FORMATS) {
+            assert_eq!((format.row(), format.name().parse::<DeltaFormat>().unwrap()), (row, format));
+            assert_eq!(with_format!(format, dense _f => false, blocks _f => true), row.blocks);
+            assert_eq!(format.block_format().map(|f| f.format()), row.blocks.then_some(format));
+            assert_eq!(DeltaFormat::from_id(row.id), row.blocks.then_some(format));
+            assert!(std::path::Path::new("glsl/formats").join(row.glsl).is_file(), "{}", row.glsl);
+        }
+        assert_eq!(DeltaFormat::BLOCKS.len() + DeltaFormat::DENSE.len(), FORMATS.len());
+        assert!(DeltaFormat::from_id(99).is_none());
+        assert!("float16".parse::<DeltaFormat>().unwrap_err().to_string().contains("block-float32, fast"));
+    }
+}

@@ -1,0 +1,61 @@
+//! Dense, six signed 16-bit integers. The same in `glsl/formats/snorm16.glsl`.
+
+use super::DenseFormat;
+use crate::asset::streams::{TRIPLE, TRIPLES};
+use crate::pack::POSE_FLOATS;
+
+const MAX: f32 = 32767.0;
+
+/// Two vertices at a time: twelve values are three vectors of four.
+const PAIR: usize = 2 * POSE_FLOATS;
+
+pub(crate) struct Snorm16;
+
+impl Snorm16 {
+    pub const fn words(&self) -> usize {
+        POSE_FLOATS / 2
+    }
+}
+
+impl DenseFormat for Snorm16 {
+    /// The smallest steps that let the largest numbers fit.
+    fn steps(&self, [first, second]: [f32; TRIPLES]) -> (f32, i8) {
+        // A target that only moves the second triple still needs a step of its own for the first.
+        let largest = if first > 0.0 { first } else { second };
+        // Not below what a float32 coefficient can carry: a target smaller than that is no target.
+        let step = (largest / MAX).max(1e-30);
+        if second == 0.0 {
+            return (step, 0);
+        }
+        let exponent = (second / (MAX * step)).log2().ceil().clamp(-100.0, 100.0);
+        (step, exponent as i8)
+    }
+
+    fn encode(&self, delta: [f32; POSE_FLOATS], steps: [f32; TRIPLES], out: &mut [u32]) {
+        let out: &mut [i16] = bytemuck::cast_slice_mut(out);
+        for (i, (out, value)) in out.iter_mut().zip(delta).enumerate() {
+            *out = (f64::from(value) / f64::from(steps[i / TRIPLE])).round().clamp(-32767.0, 32767.0) as i16;
+        }
+    }
+
+    fn decode(&self, words: &[u32], steps: [f32; TRIPLES]) -> [f64; POSE_FLOATS] {
+        let integers: &[i16] = bytemuck::cast_slice(words);
+        std::array::from_fn(|i| f64::from(integers[i]) * f64::from(steps[i / TRIPLE]))
+    }
+
+    fn add<const N: usize>(&self, factors: [[f32; TRIPLES]; N], rows: [&[u32]; N], sums: &mut [f32]) {
+        let patterns = factors.map(|f| std::array::from_fn::<f32, PAIR, _>(|i| f[i / TRIPLE % TRIPLES]));
+        let rows: [&[[i16; PAIR]]; N] =
+            rows.map(|row| bytemuck::cast_slice::<_, i16>(row)[..sums.len()].as_chunks::<PAIR>().0);
+        // Runs are cut at multiples of the vertex padding: an even number of vertices.
+        for (i, sum) in sums.as_chunks_mut::<PAIR>().0.iter_mut().enumerate() {
+            let mut s = *sum;
+            for (row, pattern) in rows.iter().zip(&patterns) {
+                for ((s, d), p) in s.iter_mut().zip(&row[i]).zip(pattern) {
+                    *s += p * f32::from(*d);
+                }
+            }
+            *sum = s;
+        }
+    }
+}
