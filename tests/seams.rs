@@ -78,7 +78,7 @@ fn doubled_vertices_are_equal_bit_for_bit_in_every_pose() {
                     }
                     crowd.set_weights(0, &weights).unwrap();
                     crowd.update();
-                    let pose = packed.layout().to_user_order(crowd.pose(0).expect("an instance"));
+                    let pose = packed.layout().to_user_order(crowd.pose(0).unwrap());
                     let bits = |v: usize| pose[v * POSE_FLOATS..][..POSE_FLOATS].iter().map(|x| x.to_bits());
                     if let Some((v, of)) = pairs.iter().find(|(v, of)| !bits(*v).eq(bits(*of))) {
                         panic!("{what:?} {desc:?}: vertices {v} and {of} part in frame {frame}");
