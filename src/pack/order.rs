@@ -5,7 +5,6 @@
 //! membership in all other targets. Every other branch is mirrored, so that neighbours in the order differ little.
 
 use std::cmp::Reverse;
-
 use std::collections::VecDeque;
 
 /// Vertices looked at to choose a split, at most.
