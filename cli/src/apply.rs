@@ -62,7 +62,8 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     write(args, &input.kept, &pose)?;
     let device = stage.device();
     out.say(format_args!(
-        "{}: {} active of {} targets, {passes} passes on {} ({}), {relative:.1e} of the diagonal off the float64 reference",
+        "{}: {} active of {} targets, {passes} passes on {} ({}), {relative:.1e} of the diagonal off the float64 \
+         reference",
         args.output.display(),
         weights.iter().filter(|w| **w != 0.0).count(),
         weights.len(),

@@ -180,17 +180,20 @@ impl HeadArgs {
 pub struct UpdateArgs {
     /// Update paths, separated by commas [default: bench: all that the device can run, without the baselines; others:
     /// blocks, or cpu where there is no GPU]
-    #[arg(long = "paths", visible_alias = "path", value_name = "PATH,…", value_delimiter = ',', value_parser = values::path())]
+    #[arg(long = "paths", visible_alias = "path", value_name = "PATH,…", value_delimiter = ',')]
+    #[arg(value_parser = values::path())]
     pub paths: Vec<UpdatePath>,
     /// Add what changed to the last pose, or rebuild from the base pose every frame [default: incremental; rebuild for
     /// scatter and the direct paths, which know nothing else]
-    #[arg(long = "mode", visible_alias = "modes", value_name = "MODE,…", value_delimiter = ',', value_parser = values::mode())]
+    #[arg(long = "mode", visible_alias = "modes", value_name = "MODE,…", value_delimiter = ',')]
+    #[arg(value_parser = values::mode())]
     pub modes: Vec<UpdateMode>,
     /// Pose buffers per head; 2 keeps the previous pose for motion vectors
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = values::slots)]
     pub slots: u32,
     /// Delta formats, separated by commas [default: bench: all; others: fast, or what a .dmorph file holds]
-    #[arg(long = "formats", visible_alias = "format", value_name = "FORMAT,…", value_delimiter = ',', value_parser = values::format())]
+    #[arg(long = "formats", visible_alias = "format", value_name = "FORMAT,…", value_delimiter = ',')]
+    #[arg(value_parser = values::format())]
     pub formats: Vec<DeltaFormat>,
     /// How poses add up in block formats [default: bench: both; others: float, but exact for scatter]
     #[arg(long, value_name = "SUMS,…", value_delimiter = ',', value_parser = values::sums())]

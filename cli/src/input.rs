@@ -163,7 +163,8 @@ fn refuse_tolerance(args: &InputArgs, held: Tolerance, path: &Path) -> Result<()
         return Ok(());
     }
     Err(Failure::Usage(format!(
-        "--tolerance {}: {} was packed with a tolerance of {}; leave it out, or give the folder that it was packed from",
+        "--tolerance {}: {} was packed with a tolerance of {}; leave it out, or give the folder that it was \
+         packed from",
         asked.position,
         path.display(),
         held.position

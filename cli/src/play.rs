@@ -42,8 +42,8 @@ pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     match wrong {
         None => Ok(()),
         Some((frame, complaint)) => Err(Failure::Failed(format!(
-            "frame {frame} is wrong through '{}': {complaint}; try another --path, and report this with what `deltamorph \
-             devices` prints",
+            "frame {frame} is wrong through '{}': {complaint}; try another --path, and report this with what \
+             `deltamorph devices` prints",
             stage.desc.path.name()
         ))),
     }
@@ -205,8 +205,8 @@ fn text(clip: &str, stage: &Stage, frames: &[FrameRow], s: &Summary) -> String {
         .map_or("planned on the device\n".into(), |moved| format!("moved {} per frame{share}\n", bytes(moved)));
     format!(
         "{clip}, {} frames, {}\n\n{table}\n\n\
-         {moved}largest error in {} frames, of the diagonal: {} against the float64 reference{bound}; {} against the weights \
-         asked for{raw}; normals {}°",
+         {moved}largest error in {} frames, of the diagonal: {} against the float64 reference{bound}; {} against \
+         the weights asked for{raw}; normals {}°",
         thousands(s.frames),
         stage.describe(),
         thousands(s.checks),

@@ -60,8 +60,8 @@ fn refuse_full(dir: &Path) -> Result<(), Failure> {
     }
 }
 
-/// Write `targets/*.obj` and at last `neutral.obj`, so that no folder is taken for whole before it is, calling `step` after each file. Nine digits per number: every
-/// position and normal reads back as the float that was written.
+/// Write `targets/*.obj` and at last `neutral.obj`, so that no folder is taken for whole before it is, calling `step`
+/// after each file. Nine digits per number: every position and normal reads back as the float that was written.
 fn write_folder(source: &MorphSource, dir: &Path, mut step: impl FnMut()) -> Result<(), Failure> {
     let targets = dir.join("targets");
     create_folder(&targets)?;

@@ -185,7 +185,8 @@ fn verdict(stage: &Stage, checks: &Checks) -> Result<(), Failure> {
     match stage.desc.accumulate {
         Accumulate::Float { tolerance } if relative(checks.found.bound) > f64::from(tolerance) * (1.0 + 1e-6) => {
             Err(Failure::Failed(format!(
-                "the bound kept through '{path}' came to {:.3e} of the diagonal, {tolerance:.1e} are tolerated; {report}",
+                "the bound kept through '{path}' came to {:.3e} of the diagonal, {tolerance:.1e} are tolerated; \
+                 {report}",
                 relative(checks.found.bound)
             )))
         }

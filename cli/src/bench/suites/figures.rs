@@ -151,7 +151,8 @@ fn bars(suite: &SuiteRecord, report: &Report, cell: &str) -> Option<Figure> {
     (!bars.is_empty()).then(|| Figure {
         slug: format!("{}-{}", suite.name, slug(cell)),
         caption: format!(
-            "Median time of the update and of one draw for each head, measured in turns; of the path cpu the update alone: upload and draw are in the table below.{wrong}"
+            "Median time of the update and of one draw for each head, measured in turns; of the path cpu the update \
+             alone: upload and draw are in the table below.{wrong}"
         ),
         chart: Chart::Bars(BarChart {
             title: cell.to_owned(),

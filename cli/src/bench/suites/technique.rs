@@ -22,8 +22,8 @@ pub struct Technique {
 
 /// Batch sizes to choose from: few are enough, since beyond 8 the gain is small.
 const SIZES: [BatchSpec; 3] = [BatchSpec::Size(8), BatchSpec::Size(16), BatchSpec::All];
-/// Rebuilding every frame is a technique of its own on these paths: in compute passes (Godot, PlayCanvas), and in vertex
-/// passes one target after the other (Godot's compatibility renderer).
+/// Rebuilding every frame is a technique of its own on these paths: in compute passes (Godot, PlayCanvas), and in
+/// vertex passes one target after the other (Godot's compatibility renderer).
 const REBUILDS: [(UpdatePath, bool); 2] = [(UpdatePath::Compute, false), (UpdatePath::Feedback, true)];
 
 /// The paths asked for, or every path that the command line knows.
