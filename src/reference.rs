@@ -1,8 +1,10 @@
 //! The oracle: full evaluation from base in float64, and how far a pose is from it.
 
+use crate::asset::MorphMesh;
+use crate::asset::streams::{StreamPlace, group_streams};
 pub use crate::math::angle_degrees;
-use crate::mesh::MorphMesh;
-use crate::pack::{POSE_FLOATS, PackedMesh};
+pub use crate::pack::PoseError;
+use crate::pack::{POSE_FLOATS, PackedGroup, PackedMesh, Source, stream_errors};
 use glam::DVec3;
 
 /// Below this length a morphed normal has no direction worth the name; consumers fall back to the base normal.
@@ -12,79 +14,68 @@ pub const SHORTEST_NORMAL: f64 = 1e-3;
 /// Six values per vertex, in the user's order and without padding: position, then the unnormalised normal.
 /// Targets without a weight have the weight 0.
 pub fn evaluate(mesh: &PackedMesh, weights: &[f32]) -> Vec<f64> {
-    let mut pose: Vec<f64> = mesh.layout().to_user_order(mesh.base()).into_iter().map(f64::from).collect();
-    for (target, &weight) in weights.iter().take(mesh.layout().targets.len()).enumerate().filter(|(_, w)| **w != 0.0) {
-        mesh.for_each_delta(target, |vertex, delta| {
-            for (out, delta) in pose[vertex * POSE_FLOATS..][..POSE_FLOATS].iter_mut().zip(delta) {
-                *out += f64::from(weight) * delta;
-            }
-        });
+    evaluate_group(mesh.surface(), weights)
+}
+
+/// `base + Σ weight · delta` of any [group](PackedMesh::groups): six values per vertex, in the user's order and without
+/// padding. Targets without a weight have the weight 0.
+pub fn evaluate_group(group: &PackedGroup, weights: &[f32]) -> Vec<f64> {
+    let layout = group.layout();
+    let mut pose: Vec<f64> = layout.to_user_order(group.base()).into_iter().map(f64::from).collect();
+    for (target, &weight) in weights.iter().take(layout.targets.len()).enumerate().filter(|(_, w)| **w != 0.0) {
+        group.for_each_delta(target, |vertex, delta| add(&mut pose, vertex, weight, delta));
     }
     pose
 }
 
-/// As [`evaluate`], on the deltas of `mesh` itself: with a mesh made at tolerance zero, what the files say.
+/// `base + Σ weight · delta` on the deltas of `mesh` itself: with a mesh made at tolerance zero, what the files say.
+/// Position and normal. Targets without a weight have the weight 0.
 pub fn evaluate_unpacked(mesh: &MorphMesh, weights: &[f32]) -> Vec<f64> {
-    let mut pose: Vec<f64> = mesh
-        .positions
-        .iter()
-        .zip(&mesh.normals)
-        .flat_map(|(p, n)| [p.x, p.y, p.z, n.x, n.y, n.z].map(f64::from))
-        .collect();
+    evaluate_unpacked_group(mesh, &group_streams([])[0], weights)
+}
+
+/// `base + Σ weight · delta` of any group's streams on the deltas of `mesh` itself. Targets without a weight have the
+/// weight 0.
+///
+/// # Panics
+/// A stream does not fit the vertices.
+pub fn evaluate_unpacked_group(mesh: &MorphMesh, streams: &[StreamPlace], weights: &[f32]) -> Vec<f64> {
+    let source = Source::new(mesh, streams);
+    let mut pose: Vec<f64> = (0..mesh.vertex_count()).flat_map(|v| source.base(v).map(f64::from)).collect();
     for (target, &weight) in mesh.targets.iter().zip(weights).filter(|(_, w)| **w != 0.0) {
-        for ((&vertex, p), n) in target.vertices.iter().zip(&target.positions).zip(&target.normals) {
-            let out = &mut pose[vertex as usize * POSE_FLOATS..][..POSE_FLOATS];
-            for (out, delta) in out.iter_mut().zip(p.to_array().into_iter().chain(n.to_array())) {
-                *out += f64::from(weight) * f64::from(delta);
-            }
+        for (vertex, delta) in source.deltas(target) {
+            add(&mut pose, vertex as usize, weight, delta.map(f64::from));
         }
     }
     pose
 }
 
-/// The largest errors of a pose.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct PoseError {
-    /// Largest distance of a vertex from where it should be, in input units. NaN when the pose holds one.
-    pub position: f64,
-    /// Largest angle between normals, after normalisation, in degrees.
-    pub normal_degrees: f64,
-}
-
-impl PoseError {
-    /// The larger of both, each.
-    pub fn max(self, other: Self) -> Self {
-        // f64::max would drop a NaN.
-        let worse = |a: f64, b: f64| if a.is_nan() || a > b { a } else { b };
-        Self {
-            position: worse(self.position, other.position),
-            normal_degrees: worse(self.normal_degrees, other.normal_degrees),
-        }
-    }
-
-    /// Whether both are within the bounds given.
-    pub fn within(&self, position: f64, normal_degrees: f64) -> bool {
-        self.position <= position && self.normal_degrees <= normal_degrees
+fn add(pose: &mut [f64], vertex: usize, weight: f32, delta: [f64; POSE_FLOATS]) {
+    for (out, delta) in pose[vertex * POSE_FLOATS..][..POSE_FLOATS].iter_mut().zip(delta) {
+        *out += f64::from(weight) * delta;
     }
 }
 
 /// Compare a pose (six floats a vertex, in the user's order, padding at the end ignored) with the reference. Where the pose
 /// has fewer vertices the errors are NaN, which is within no bound.
 pub fn compare(pose: &[f32], reference: &[f64]) -> PoseError {
+    compare_group(&group_streams([])[0], pose, reference)
+}
+
+/// Compare a pose of the group of these streams with the reference. Where the pose has fewer vertices the errors are NaN,
+/// which is within no bound.
+pub fn compare_group(streams: &[StreamPlace], pose: &[f32], reference: &[f64]) -> PoseError {
     if pose.len() < reference.len() {
-        return PoseError { position: f64::NAN, normal_degrees: f64::NAN };
+        return PoseError::NAN;
     }
+    let angle = |got: DVec3, want: DVec3| match want.length() < SHORTEST_NORMAL {
+        true => got.distance(want), // no direction to compare: a short vector must come out as the same short vector
+        false => angle_degrees(got, want),
+    };
     let mut error = PoseError::default();
-    for (got, want) in pose.chunks_exact(POSE_FLOATS).zip(reference.chunks_exact(POSE_FLOATS)) {
-        let got: [f64; POSE_FLOATS] = std::array::from_fn(|i| f64::from(got[i]));
-        let position = DVec3::from_slice(&got[..3]).distance(DVec3::from_slice(&want[..3]));
-        let (a, b) = (DVec3::from_slice(&got[3..]), DVec3::from_slice(&want[3..]));
-        let angle = if b.length() < SHORTEST_NORMAL {
-            a.distance(b) // no direction to compare: a short vector must come out as the same short vector
-        } else {
-            angle_degrees(a, b)
-        };
-        error = PoseError { position, normal_degrees: angle }.max(error);
+    for (got, want) in pose.as_chunks().0.iter().zip(reference.as_chunks().0) {
+        let got: &[f32; POSE_FLOATS] = got;
+        error = stream_errors(streams, &got.map(f64::from), want, angle).max(error);
     }
     error
 }

@@ -1,5 +1,6 @@
 //! Meshes made up for tests: small, irregular, deterministic.
 
+use crate::asset::streams::{Semantic, StreamData, StreamDeltas};
 use crate::asset::{MorphMesh, MorphTarget, Tolerance, diagonal};
 use glam::Vec3;
 
@@ -38,6 +39,33 @@ pub fn mesh(vertices: usize, targets: usize) -> MorphMesh {
         tolerance: Tolerance::ZERO,
         ..MorphMesh::default()
     }
+}
+
+/// `mesh` with tangents, texture coordinates and colours, which its targets move as well, and a few vertices besides.
+pub fn with_streams(mut mesh: MorphMesh) -> MorphMesh {
+    let vertices = mesh.vertex_count();
+    let handed = |v: u64| if v.is_multiple_of(2) { 1.0 } else { -1.0 };
+    let tangent = |v: u64| vector(v + 900_000).try_normalize().unwrap_or(Vec3::X).extend(handed(v)).to_array();
+    let numbers = |semantic: Semantic, salt: u64| {
+        let noise = move |v: u64| (0..semantic.components() as u64).map(move |c| 0.5 + 0.5 * noise(salt + 4 * v + c));
+        StreamData { semantic, values: (0..vertices as u64).flat_map(noise).collect() }
+    };
+    mesh.streams = vec![
+        StreamData { semantic: Semantic::Tangent, values: (0..vertices as u64).flat_map(tangent).collect() },
+        numbers(Semantic::TexCoord(0), 1_000_000),
+        numbers(Semantic::Color(0), 2_000_000),
+    ];
+    for (t, target) in mesh.targets.iter_mut().enumerate() {
+        let moved: Vec<u32> = (0..vertices as u32).filter(|v| t != 2 && (*v as usize + t) % 4 < 2).collect();
+        let deltas = |stream: &StreamData| {
+            let each = stream.semantic.morphing_components() as u64;
+            let salt = (t as u64 + 1) * 7_000_003 + each;
+            let delta = |v: &u32| (0..each).map(move |c| 0.1 * noise(salt + 4 * u64::from(*v) + c)).collect::<Vec<_>>();
+            StreamDeltas { deltas: moved.iter().flat_map(delta).collect(), vertices: moved.clone() }
+        };
+        target.streams = mesh.streams.iter().map(deltas).collect();
+    }
+    mesh
 }
 
 /// Meshes that have next to nothing: of one vertex, without targets, with more targets than vertices, with nothing but

@@ -240,6 +240,7 @@ impl PackArgs {
             position_error: self.position_error,
             normal_error_degrees: self.normal_error,
             weight_max: self.weight_max,
+            ..BlockDesc::default()
         }
     }
 }

@@ -133,7 +133,7 @@ impl Checks {
         let PoseError { position, .. } =
             compare(&runner.pose(0)?, &evaluate(&stage.mesh, &self.promise.applied(weights)));
         // Random weights fold normals to nothing here and there, where an angle says little: positions only.
-        let found = Found { error: PoseError { position, normal_degrees: 0.0 }, bound, ..Found::default() };
+        let found = Found { error: PoseError { position, ..PoseError::default() }, bound, ..Found::default() };
         if !self.promise.kept(&found) && self.wrong.is_none() {
             self.wrong = Some((frame, self.promise.allowed(&found)));
         }

@@ -107,7 +107,10 @@ mod tests {
         assert_eq!((allowed(float, &blocks), allowed(patient(float), &blocks)), (0.25, 0.5));
         assert_eq!((allowed(exact, &blocks), allowed(patient(exact), &blocks)), (own, own + 0.5));
 
-        let error = |position, normal_degrees| Found { error: PoseError { position, normal_degrees }, ..found };
+        let error = |position, normal_degrees| Found {
+            error: PoseError { position, normal_degrees, ..PoseError::default() },
+            ..found
+        };
         let promise = Promise::new(&float, &blocks);
         assert!(promise.kept(&error(0.2, 0.0)) && !promise.kept(&error(0.3, 0.0)) && !promise.kept(&error(0.0, 1.0)));
         assert!(Promise::new(&patient(float), &blocks).kept(&error(0.4, 1.0)));

@@ -6,7 +6,7 @@ use super::workers::Workers;
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::pack::blocks::{BlockIndex, ExactGrid};
 use crate::pack::formats::{BlockFormat, with_format};
-use crate::pack::{POSE_FLOATS, PackedMesh};
+use crate::pack::{POSE_FLOATS, PackedGroup};
 use crate::plan::blocks::{ELEMENT_BYTES, Element, ITEM_WORDS, Item, WorkList};
 
 /// Sees every load and store of the kernel.
@@ -42,7 +42,7 @@ pub(super) struct Buffers<'a> {
 /// Carry out the items of one instance.
 pub(super) fn run(
     workers: &Workers,
-    mesh: &PackedMesh,
+    packed: &PackedGroup,
     index: &BlockIndex,
     list: &WorkList,
     items: std::ops::Range<usize>,
@@ -78,7 +78,7 @@ pub(super) fn run(
         for i in items {
             let item = &list.items[i];
             let from = item.block as usize * floats;
-            let block = Block::new(mesh, index, list, i, source.map(|s| &s[from..from + floats]));
+            let block = Block::new(packed, index, list, i, source.map(|s| &s[from..from + floats]));
             let destination = &mut destination[from - start..][..floats];
             let sums = grid.map(|grid| (&mut sums[from - start..][..floats], grid));
             block.run(destination, sums, &mut ());
@@ -88,7 +88,7 @@ pub(super) fn run(
 
 /// One workgroup's work.
 pub(crate) struct Block<'a> {
-    mesh: &'a PackedMesh,
+    packed: &'a PackedGroup,
     index: &'a BlockIndex,
     item: &'a Item,
     elements: &'a [Element],
@@ -155,7 +155,7 @@ type Added<T, const S: usize> = [[T; S]; POSE_FLOATS];
 impl<'a> Block<'a> {
     /// Item `i` of `list`; `source` is its block in the slot that is read, `None`: in the one that is written.
     pub fn new(
-        mesh: &'a PackedMesh,
+        packed: &'a PackedGroup,
         index: &'a BlockIndex,
         list: &'a WorkList,
         i: usize,
@@ -164,13 +164,13 @@ impl<'a> Block<'a> {
         let (floats, words) = (index.size() * POSE_FLOATS, POSE_FLOATS * index.mask_words());
         let item = &list.items[i];
         Self {
-            mesh,
+            packed,
             index,
             item,
             elements: list.elements_of(item),
             masks: &list.masks[i * words..][..words],
             source,
-            base: &mesh.base()[item.block as usize * floats..][..floats],
+            base: &packed.base()[item.block as usize * floats..][..floats],
         }
     }
 
@@ -227,7 +227,7 @@ impl<'a> Block<'a> {
 
     /// Σ coefficient · delta of each component of each vertex.
     fn add_up<T: Sum<i32> + Sum<f32>, const S: usize>(&self, added: &mut Added<T, S>, meter: &mut impl Meter) {
-        let (index, words) = (self.index, self.mesh.words());
+        let (index, words) = (self.index, self.packed.deltas());
         for element in self.elements {
             let entry = element.entry as usize;
             let (header, deltas) = (index.header(words, entry), index.deltas(words, entry));

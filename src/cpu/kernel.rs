@@ -5,7 +5,7 @@
 //! several targets at a time, so that the piece is loaded and stored once for all of them.
 
 use crate::pack::formats::{DenseFormat, with_format};
-use crate::pack::{POSE_FLOATS, PackedMesh};
+use crate::pack::{POSE_FLOATS, PackedGroup};
 use crate::weights::delta::Coefficient;
 
 /// Vertices of a piece: 6 KiB of sums.
@@ -16,7 +16,7 @@ const STREAMS: usize = 8;
 /// `destination = source + Σ coefficient · delta` over the vertices of one chunk that start at `first`
 /// (counted in the mesh, all within one chunk); `source` = `None` works in place.
 pub fn dense(
-    mesh: &PackedMesh,
+    packed: &PackedGroup,
     coefficients: &[Coefficient],
     first: usize,
     source: Option<&[f32]>,
@@ -29,12 +29,12 @@ pub fn dense(
         sums.fill(0.0);
         for group in coefficients.chunks(STREAMS) {
             match group.len() {
-                8 => add::<8>(mesh, group, vertex, sums),
+                8 => add::<8>(packed, group, vertex, sums),
                 4..8 => {
-                    add::<4>(mesh, &group[..4], vertex, sums);
-                    group[4..].iter().for_each(|c| add::<1>(mesh, std::slice::from_ref(c), vertex, sums));
+                    add::<4>(packed, &group[..4], vertex, sums);
+                    group[4..].iter().for_each(|c| add::<1>(packed, std::slice::from_ref(c), vertex, sums));
                 }
-                _ => group.iter().for_each(|c| add::<1>(mesh, std::slice::from_ref(c), vertex, sums)),
+                _ => group.iter().for_each(|c| add::<1>(packed, std::slice::from_ref(c), vertex, sums)),
             }
         }
         match source {
@@ -47,13 +47,13 @@ pub fn dense(
     }
 }
 
-fn add<const N: usize>(mesh: &PackedMesh, group: &[Coefficient], vertex: usize, sums: &mut [f32]) {
+fn add<const N: usize>(packed: &PackedGroup, group: &[Coefficient], vertex: usize, sums: &mut [f32]) {
     let vertices = sums.len() / POSE_FLOATS;
-    let rows: [&[u32]; N] = std::array::from_fn(|i| mesh.rows(group[i].target as usize, vertex, vertices));
+    let rows: [&[u32]; N] = std::array::from_fn(|i| packed.rows(group[i].target as usize, vertex, vertices));
     let factors = std::array::from_fn(|i| {
-        let target = &mesh.layout().targets[group[i].target as usize];
+        let target = &packed.layout().targets[group[i].target as usize];
         let first = group[i].value * target.position_step;
         [first, first * target.normal_ratio()]
     });
-    with_format!(mesh.layout().format, dense format => format.add(factors, rows, sums), blocks _f => {});
+    with_format!(packed.layout().format, dense format => format.add(factors, rows, sums), blocks _f => {});
 }

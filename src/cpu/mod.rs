@@ -256,7 +256,7 @@ impl CpuCrowd {
             self.workers.for_each_piece(chunk, |at, out| {
                 let first = first + at / POSE_FLOATS;
                 let source = source.map(|s| &s[first * POSE_FLOATS..][..out.len()]);
-                kernel::dense(mesh, coefficients, first, source, out);
+                kernel::dense(mesh.surface(), coefficients, first, source, out);
             });
         }
     }
@@ -278,7 +278,7 @@ impl Blocks {
             let source = from.map(|slot| poses[at + slot as usize].as_slice());
             let sums = exact.map(|grid| (self.sums[instance].as_mut_slice(), grid));
             let buffers = blocks::Buffers { source, destination: &mut destination, sums };
-            blocks::run(workers, mesh, index, list, range, buffers);
+            blocks::run(workers, mesh.surface(), index, list, range, buffers);
             poses[at + to] = destination;
         }
     }

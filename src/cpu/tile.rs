@@ -4,7 +4,7 @@
 use super::blocks::Meter;
 use crate::asset::streams::TRIPLE;
 use crate::pack::blocks::{BlockIndex, ExactGrid};
-use crate::pack::{POSE_FLOATS, PackedMesh};
+use crate::pack::{POSE_FLOATS, PackedGroup};
 use crate::plan::blocks::{TileItem, Tiles, WorkList, row_words};
 
 /// The memory of a crowd: `[instance × slots + slot]` poses, `[instance]` sums.
@@ -16,7 +16,7 @@ pub(crate) struct Memory {
 
 /// One workgroup's work: a tile of 2^width instances.
 pub(crate) fn run(
-    mesh: &PackedMesh,
+    packed: &PackedGroup,
     index: &BlockIndex,
     list: &WorkList,
     (tiles, tile, width): (&Tiles, &TileItem, usize),
@@ -26,7 +26,7 @@ pub(crate) fn run(
 ) {
     let (instances, floats) = (1usize << width, index.size() * POSE_FLOATS);
     let part = tile.block as usize * floats..(tile.block as usize + 1) * floats;
-    let base = &mesh.base()[part.clone()];
+    let base = &packed.base()[part.clone()];
     let rows = &tiles.rows[tile.first as usize..][..tile.count as usize * row_words(width)];
     meter.moved(4 * (4 + instances + rows.len()));
     // What is added to each instance's block, in integers or input units.
@@ -35,7 +35,7 @@ pub(crate) fn run(
     for row in rows.chunks_exact(row_words(width)) {
         let entry = row[0] as usize;
         meter.moved(index.costs()[entry].bytes as usize);
-        index.for_each_lane(mesh.words(), entry, |lane, delta, steps| {
+        index.for_each_lane(packed.deltas(), entry, |lane, delta, steps| {
             for (place, &bits) in row[1..=instances].iter().enumerate() {
                 for c in 0..POSE_FLOATS {
                     let at = lane * POSE_FLOATS + c;

@@ -1,13 +1,14 @@
 //! The dense formats: target after target, every vertex.
 
-use super::formats::DenseFormat;
-use super::{PackDesc, PackedLayout, PackedMesh, PackedTarget, VERTEX_PADDING, base_words};
+use super::formats::{DenseFormat, Lane};
+use super::group::base_pose;
+use super::source::largest;
+use super::{PackDesc, PackedGroup, PackedLayout, PackedTarget, Source, VERTEX_PADDING};
 use crate::error::{Error, Result};
-use crate::mesh::{MorphMesh, MorphTarget};
-use glam::Vec3;
 
-/// Lay out `mesh` densely.
-pub(super) fn pack(mesh: &MorphMesh, desc: &PackDesc, format: &impl DenseFormat) -> Result<PackedMesh> {
+/// Lay out a group densely.
+pub(super) fn pack(source: &Source<'_>, desc: &PackDesc, format: &impl DenseFormat) -> Result<PackedGroup> {
+    let mesh = source.mesh;
     let vertex_count = mesh.vertex_count();
     let padded = vertex_count.next_multiple_of(VERTEX_PADDING);
     let target_count = mesh.targets.len();
@@ -28,35 +29,29 @@ pub(super) fn pack(mesh: &MorphMesh, desc: &PackDesc, format: &impl DenseFormat)
     let groups = groups.min(desc.max_chunk_vertices / VERTEX_PADDING as u64).max(1);
     let chunk_vertices = groups.saturating_mul(VERTEX_PADDING as u64).min(padded as u64) as usize;
 
-    let base = base_words(mesh, padded, None);
-    let describe = |target: &MorphTarget| {
-        let largest = |deltas: &[Vec3]| deltas.iter().map(|d| d.abs().max_element()).fold(0.0, f32::max);
-        let (position_step, normal_exponent) = format.steps([largest(&target.positions), largest(&target.normals)]);
-        PackedTarget { name: target.name.clone(), position_step, normal_exponent }
+    let base = base_pose(source, padded, None);
+    let describe = |name: &str, deltas: &[Lane]| {
+        let (position_step, normal_exponent) = format.steps(largest(deltas));
+        PackedTarget { name: name.to_owned(), position_step, normal_exponent }
     };
+    let targets = mesh.targets.iter().map(|target| describe(&target.name, &source.deltas(target))).collect();
     let layout = PackedLayout {
         name: mesh.name.clone(),
         format: desc.format,
+        streams: source.streams.clone(),
         vertex_count,
         chunk_vertices,
         diagonal: mesh.diagonal,
-        targets: mesh.targets.iter().map(describe).collect(),
+        targets,
         blocks: None,
     };
-    let mut deltas = vec![0; padded * target_count * words];
+    let mut words_of_all = vec![0; padded * target_count * words];
     for (t, target) in mesh.targets.iter().enumerate() {
-        pack_target(&layout, format, t, target, &mut deltas);
+        let steps = layout.targets[t].steps();
+        for (vertex, delta) in source.deltas(target) {
+            let at = layout.word_index(t, vertex as usize);
+            format.encode(delta, steps, &mut words_of_all[at..at + words]);
+        }
     }
-    Ok(PackedMesh { layout, base, words: deltas })
-}
-
-/// Write the deltas of target `t` where `layout` wants them.
-fn pack_target(layout: &PackedLayout, format: &impl DenseFormat, t: usize, target: &MorphTarget, deltas: &mut [u32]) {
-    let info = &layout.targets[t];
-    let steps = [info.position_step, info.normal_step()];
-    for ((&vertex, p), n) in target.vertices.iter().zip(&target.positions).zip(&target.normals) {
-        let at = layout.word_index(t, vertex as usize);
-        let out = &mut deltas[at..at + layout.format.words()];
-        format.encode([p.x, p.y, p.z, n.x, n.y, n.z], steps, out);
-    }
+    Ok(PackedGroup { layout, base, words: words_of_all })
 }

@@ -4,43 +4,53 @@
 //! padded with zeros to a multiple of 8 bytes; nothing lies between them or after the last.
 //!
 //! ```text
-//! header    magic "DMORPH\r\n"   version u32 = 2   sections u32
+//! header    magic "DMORPH\r\n"   version u32 = 3   sections u32
 //! table     [section][id u32, checksum u32, offset u64, length u64]
 //!           checksum of header and table u32   zero u32
 //!
 //! id  section             contents
 //!  1  meta                format u32 (1 block-float32, 2 fast, 3 small)   block size u32   vertices u32   targets u32
-//!                         blocks u32   entries u32   words u32   faces u32   corners u32   texcoords u32
-//!                         position step f32   normal step f32   diagonal f32   weight max f32
-//!                         position tolerance f32   normal tolerance f32
-//!                         largest position error f64   largest normal error in degrees f64
+//!                         faces u32   corners u32   texcoords u32
+//!                         diagonal f32   weight max f32   position tolerance f32   normal tolerance f32
 //!  2  names               of the mesh, then of each target: length in bytes u32, UTF-8
-//!  3  base pose           [packed vertex][px py pz nx ny nz] f32, without padding
 //!  4  order               [packed vertex] the user's vertex u32
-//!  5  first entries       [block + 1] u32
-//!  6  entry targets       [entry] u32
-//!  7  words               [word] u32: headers and deltas, see blocks
 //!  8  face sizes          [face] u32
 //!  9  face corners        [corner] the user's vertex u32
 //! 10  corner texcoords    [corner] u32, 0xffffffff where there is none; empty where no corner has one
 //! 11  texcoords           [texcoord][u v] f32
+//!
+//! then for each group g of streams, with 256 g added to the id:
+//! 12  group               streams u32   blocks u32   entries u32   words u32   steps of both triples f32 f32
+//!                         [stream][id u32, zero u32, largest error f64]
+//!                         (1 position, 2 normal, 3 tangent, 4 + 256 set texture coordinates, 5 + 256 set colours;
+//!                         error in input units, degrees, degrees, and in the numbers themselves)
+//!  3  base pose           [packed vertex][six f32], without padding
+//!  5  first entries       [block + 1] u32
+//!  6  entry targets       [entry] u32
+//!  7  words               [word] u32: headers and deltas, see blocks
 //! ```
+//!
+//! Version 2, which is read as well, has the sections 1 to 11 once each, in the order of their ids, for position and normal.
+//! Its section 'meta' is longer by what is in 'group' now: after targets blocks, entries and words, before the diagonal the
+//! steps, and at the end the errors.
 //!
 //! Checksums are CRC-32 (the one of zlib). Whatever a file says, reading takes a small multiple of its size in memory:
 //! counts are held against the lengths of sections, and those against the file, before anything is made of them. What
-//! planning needs besides ([`BlockIndex`]) is derived, and its rules are checked on the way.
+//! planning needs besides ([`BlockIndex`](super::blocks::BlockIndex)) is derived, and its rules are checked on the way.
 
+mod meta;
 mod read;
 mod table;
 mod write;
 
-use super::blocks::BlockIndex;
-use super::{DeltaFormat, PackDesc, PackedLayout, PackedMesh};
+use super::{DeltaFormat, POSE_FLOATS, PackDesc, PackedGroup, PackedMesh};
+use crate::asset::streams::{Semantic, StreamData, StreamDeltas};
+use crate::asset::{Faces, MorphMesh, MorphTarget, Tolerance};
 use crate::error::{Error, Result};
 use crate::io::{read_bounded, write_replacing};
-use crate::mesh::{Faces, MorphMesh, MorphTarget, Tolerance};
 use glam::{Vec2, Vec3};
 use std::io::Write;
+use std::ops::Range;
 use std::path::Path;
 
 /// Larger files are not read.
@@ -112,7 +122,8 @@ impl Asset {
                 "write a mesh that to_mesh() has accepted",
             )
         })?;
-        write::bytes(self, self.blocks()?)
+        self.refuse_dense()?;
+        write::bytes(self)
     }
 
     /// The mesh as it decodes, in the user's order of vertices: for dense formats, and for the reference.
@@ -120,46 +131,27 @@ impl Asset {
     /// # Errors
     /// A dense format.
     pub fn to_mesh(&self) -> Result<MorphMesh> {
-        self.blocks()?;
+        self.refuse_dense()?;
         let layout = self.mesh.layout();
-        let base = layout.to_user_order(self.mesh.base());
-        let vertices = || base.chunks_exact(super::POSE_FLOATS);
-        Ok(MorphMesh {
+        let mut mesh = MorphMesh {
             name: layout.name.clone(),
-            positions: vertices().map(|v| Vec3::from_slice(&v[..3])).collect(),
-            normals: vertices().map(|v| Vec3::from_slice(&v[3..])).collect(),
             texcoords: self.texcoords.clone(),
             faces: self.faces.clone(),
-            targets: (0..layout.targets.len()).map(|t| self.target(t)).collect(),
+            targets: layout
+                .targets
+                .iter()
+                .map(|t| MorphTarget { name: t.name.clone(), ..Default::default() })
+                .collect(),
             diagonal: layout.diagonal,
             tolerance: self.tolerance,
-            ..MorphMesh::default()
-        })
+            ..Default::default()
+        };
+        self.mesh.groups().iter().for_each(|group| unpack(group, &mut mesh));
+        Ok(mesh)
     }
 
-    /// Target `at` as it decodes; blocks hold zeros where nothing moves.
-    fn target(&self, at: usize) -> MorphTarget {
-        let mut deltas = vec![];
-        self.mesh.for_each_delta(at, |vertex, delta| {
-            let delta = delta.map(|d| d as f32);
-            if delta.iter().any(|d| *d != 0.0) {
-                deltas.push((vertex as u32, delta));
-            }
-        });
-        deltas.sort_unstable_by_key(|(vertex, _)| *vertex);
-        MorphTarget {
-            name: self.mesh.layout().targets[at].name.clone(),
-            vertices: deltas.iter().map(|(vertex, _)| *vertex).collect(),
-            positions: deltas.iter().map(|(_, d)| Vec3::from_slice(&d[..3])).collect(),
-            normals: deltas.iter().map(|(_, d)| Vec3::from_slice(&d[3..])).collect(),
-            streams: vec![],
-        }
-    }
-
-    fn blocks(&self) -> Result<&BlockIndex> {
-        let layout: &PackedLayout = self.mesh.layout();
-        refuse_dense(layout.format)?;
-        layout.blocks.as_deref().ok_or_else(|| Error::invalid("a mesh without blocks", "pack it"))
+    fn refuse_dense(&self) -> Result<()> {
+        refuse_dense(self.mesh.layout().format)
     }
 
     /// What neither packing nor the layout of a file sees to.
@@ -187,6 +179,49 @@ impl Asset {
         match names.windows(2).find(|w| w[0] == w[1]) {
             Some(twice) => Err(format!("two targets are called '{}'", twice[0])),
             None => Ok(()),
+        }
+    }
+}
+
+/// Add a group, as it decodes, to `mesh`, whose targets are there.
+fn unpack(group: &PackedGroup, mesh: &mut MorphMesh) {
+    let layout = group.layout();
+    let base = layout.to_user_order(group.base());
+    let vertices = || base.chunks_exact(POSE_FLOATS);
+    for place in &layout.streams {
+        let vectors = || vertices().map(|v| Vec3::from_slice(&v[place.components()])).collect();
+        match place.semantic {
+            Semantic::Position => mesh.positions = vectors(),
+            Semantic::Normal => mesh.normals = vectors(),
+            semantic @ (Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_)) => {
+                let values = vertices().flat_map(|v| v[place.components()].iter().copied()).collect();
+                mesh.streams.push(StreamData { semantic, values });
+            }
+        }
+    }
+    for (at, target) in mesh.targets.iter_mut().enumerate() {
+        let mut deltas = vec![];
+        group.for_each_delta(at, |vertex, delta| deltas.push((vertex as u32, delta.map(|d| d as f32))));
+        deltas.sort_unstable_by_key(|(vertex, _)| *vertex);
+        // Blocks hold zeros where nothing moves. Positions and normals are listed for the same vertices.
+        let moved = |numbers: Range<usize>| {
+            let numbers_of = numbers.clone();
+            deltas.iter().filter(move |(_, d)| d[numbers_of.clone()].iter().any(|d| *d != 0.0))
+        };
+        for place in &layout.streams {
+            let numbers = place.morphing_components();
+            let vectors = || moved(0..POSE_FLOATS).map(|(_, d)| Vec3::from_slice(&d[numbers.clone()])).collect();
+            match place.semantic {
+                Semantic::Position => {
+                    target.vertices = moved(0..POSE_FLOATS).map(|(vertex, _)| *vertex).collect();
+                    target.positions = vectors();
+                }
+                Semantic::Normal => target.normals = vectors(),
+                Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_) => target.streams.push(StreamDeltas {
+                    vertices: moved(numbers.clone()).map(|(vertex, _)| *vertex).collect(),
+                    deltas: moved(numbers.clone()).flat_map(|(_, d)| d[numbers.clone()].iter().copied()).collect(),
+                }),
+            }
         }
     }
 }

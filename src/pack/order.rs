@@ -80,6 +80,25 @@ pub(super) fn keep_welded(order: Vec<u32>, welds: &[u32], size: usize) -> Vec<u3
     out
 }
 
+/// The order for several groups, given the vertices that each group's targets move: that of the first group, in which
+/// vertices that it does not move follow the order for the next.
+pub(super) fn order_groups(vertices: usize, groups: &[Vec<Vec<u32>>]) -> Vec<u32> {
+    let Some((first, further)) = groups.split_first() else { return (0..vertices as u32).collect() };
+    let mut order = order(vertices, first);
+    let mut moved = vec![false; vertices];
+    first.iter().flatten().for_each(|&v| moved[v as usize] = true);
+    if further.iter().flatten().flatten().any(|&v| !moved[v as usize]) {
+        let still = order.split_off(moved.iter().filter(|moved| **moved).count());
+        // Those that are left, numbered anew.
+        let mut number = vec![u32::MAX; vertices];
+        still.iter().enumerate().for_each(|(i, &v)| number[v as usize] = i as u32);
+        let left = |target: &Vec<u32>| target.iter().map(|&v| number[v as usize]).filter(|&n| n != u32::MAX).collect();
+        let rest: Vec<Vec<Vec<u32>>> = further.iter().map(|group| group.iter().map(left).collect()).collect();
+        order.extend(order_groups(still.len(), &rest).into_iter().map(|n| still[n as usize]));
+    }
+    order
+}
+
 /// User → packed, from packed → user.
 pub(super) fn inverse(order: &[u32]) -> Vec<u32> {
     let mut inverse = vec![0; order.len()];
@@ -180,6 +199,19 @@ mod tests {
         assert_eq!(sorted, (0..12).collect::<Vec<u32>>());
         assert_eq!(order[7..], [5, 7, 9, 10, 11]);
         assert!(super::order(0, &[]).is_empty() && super::order(3, &[]) == [0, 1, 2]);
+    }
+
+    #[test]
+    fn the_first_group_has_its_own_order_and_the_next_orders_the_rest() {
+        let first: Vec<Vec<u32>> = (0..4).map(|t| (t..512).step_by(4).collect()).collect();
+        let next: Vec<Vec<u32>> = (0..4).map(|t| (t..1024).step_by(4).collect()).collect();
+        let alone = order(1024, &first);
+        let both = order_groups(1024, &[first.clone(), next]);
+        assert_eq!((&both[..512], order_groups(1024, std::slice::from_ref(&first))), (&alone[..512], alone.clone()));
+        assert_eq!(order_groups(1024, &[first, vec![(0..512).collect()]]), alone);
+        let blocks: usize =
+            both[512..].chunks(64).map(|b| (0..4).filter(|t| b.iter().any(|v| v % 4 == *t)).count()).sum();
+        assert_eq!(blocks, 8, "each block has one target");
     }
 
     #[test]

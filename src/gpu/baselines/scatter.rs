@@ -36,7 +36,7 @@ impl Records {
         for target in 0..mesh.layout().targets.len() {
             for incidence in index.incidence(target) {
                 let block = incidence.block * index.size() as u32;
-                index.for_each_lane(mesh.words(), incidence.entry as usize, |lane, _, q| {
+                index.for_each_lane(mesh.deltas(), incidence.entry as usize, |lane, _, q| {
                     if q != [0; POSE_FLOATS] {
                         words.push(block + lane as u32);
                         words.extend((0..3).map(|c| (q[c] as u32 & 0x3ffff) | (q[c + 3] as u32) << 18));

@@ -1,8 +1,10 @@
 //! A [`BlockIndex`] from what a file or the packer states: checked, and with what planning needs.
 
 use super::{BLOCK_SIZES, BlockIndex, EntryCost, ExactGrid, Incidence, Parts, WEIGHT_BITS_MIN};
+use crate::asset::streams::{Measure, StreamPlace, TRIPLE, TRIPLES};
 use crate::math::is_power_of_two;
 use crate::pack::{POSE_FLOATS, VERTEX_PADDING};
+use std::ops::Range;
 
 /// Most words of a mesh: its bytes have to be counted in 32 bits.
 pub(super) const WORDS_MAX: u64 = u32::MAX as u64 / 4;
@@ -11,17 +13,21 @@ const WEIGHT_BITS_MAX: u32 = 16;
 
 impl BlockIndex {
     /// Check `parts` against the words and the base pose, and derive what planning needs.
-    pub(crate) fn new(parts: Parts, targets: usize, words: &[u32], base: &[f32]) -> Result<Self, String> {
-        let Parts { format, size, order, position_step, normal_step, weight_max, error, first_entry, entry_target } =
-            parts;
+    pub(crate) fn new(
+        parts: Parts,
+        targets: usize,
+        streams: &[StreamPlace],
+        words: &[u32],
+        base: &[f32],
+    ) -> Result<Self, String> {
+        let Parts { format, size, order, steps, weight_max, error, first_entry, entry_target } = parts;
         let entries = entry_target.len();
         let blocks = first_entry.len().saturating_sub(1);
         let mut index = Self {
             format,
             size,
             order,
-            position_step,
-            normal_step,
+            steps,
             weight_max,
             error,
             first_entry,
@@ -39,12 +45,14 @@ impl BlockIndex {
             block_reach: vec![0.0; blocks],
         };
         index.deltas_at = entries.saturating_mul(index.header_words()).next_multiple_of(4);
-        index.check(targets, words, base)?;
-        index.derive(words, base)?;
+        let lengths = streams.iter().find(|s| s.semantic.measure() == Measure::Length);
+        let lengths = lengths.map_or(0..0, StreamPlace::components);
+        index.check(targets, &lengths, words, base)?;
+        index.derive(lengths, words, base)?;
         Ok(index)
     }
 
-    fn check(&self, targets: usize, words: &[u32], base: &[f32]) -> Result<(), String> {
+    fn check(&self, targets: usize, lengths: &Range<usize>, words: &[u32], base: &[f32]) -> Result<(), String> {
         let size = self.size as usize;
         if !BLOCK_SIZES.contains(&self.size) {
             return Err(format!("a block size of {size}"));
@@ -68,7 +76,7 @@ impl BlockIndex {
             return Err(format!("the base pose of packed vertex {} is {}", i / POSE_FLOATS, base[i]));
         }
         let mut seen = vec![false; self.order.len()];
-        for &v in &self.order {
+        for &v in self.order.iter() {
             match seen.get_mut(v as usize) {
                 Some(seen) if !*seen => *seen = true,
                 _ => return Err(format!("vertex {v} comes twice in the order, or is not there")),
@@ -95,7 +103,7 @@ impl BlockIndex {
         // Entries lie one after the other: each where the one before ends, the last at the end.
         let mut at = self.deltas_at;
         for entry in 0..self.entry_target.len() {
-            self.check_header(words, entry)?;
+            self.check_header(lengths, words, entry)?;
             if self.first_word(words, entry) != at {
                 return Err(format!("the deltas of entry {entry} are not where they belong"));
             }
@@ -108,18 +116,21 @@ impl BlockIndex {
     }
 
     /// Whether the integers of an entry fit what decodes them, whatever its deltas are.
-    fn check_header(&self, words: &[u32], entry: usize) -> Result<(), String> {
-        let header = self.header(words, entry);
-        let [_, largest_normal] =
-            self.format.check_header(header).map_err(|what| format!("entry {entry} has {what}"))?;
-        let largest_normal = f64::from(self.normal_step) * f64::from(largest_normal).exp2();
-        if largest_normal > f64::from(f32::MAX) {
-            return Err(format!("the normals of entry {entry} are up to {largest_normal:e} long"));
+    fn check_header(&self, lengths: &Range<usize>, words: &[u32], entry: usize) -> Result<(), String> {
+        let bits =
+            self.format.check_header(self.header(words, entry)).map_err(|what| format!("entry {entry} has {what}"))?;
+        // Lengths are bounded by their sum over a block.
+        for triple in (0..TRIPLES).filter(|triple| !lengths.contains(&(triple * TRIPLE))) {
+            let largest = f64::from(self.steps[triple]) * f64::from(bits[triple]).exp2();
+            if largest > f64::from(f32::MAX) {
+                return Err(format!("entry {entry} has numbers up to {largest:e} in triple {triple}"));
+            }
         }
         Ok(())
     }
 
-    fn derive(&mut self, words: &[u32], base: &[f32]) -> Result<(), String> {
+    /// `lengths`: the components of a group that are positions.
+    fn derive(&mut self, lengths: Range<usize>, words: &[u32], base: &[f32]) -> Result<(), String> {
         let (size, w) = (self.size as usize, self.mask_words());
         let entries = self.entry_target.len();
         let mut masks = vec![0u32; entries * POSE_FLOATS * w];
@@ -136,20 +147,20 @@ impl BlockIndex {
                         mask[c * w + lane / 32] |= u32::from(*value != 0.0) << (lane % 32);
                         sums[lane][c] += u64::from(integer.unsigned_abs());
                     }
-                    reach = reach.max(delta[..3].iter().map(|d| d * d).sum::<f64>());
+                    reach = reach.max(delta[lengths.clone()].iter().map(|d| d * d).sum::<f64>());
                 });
                 for (all, one) in block_masks[block * POSE_FLOATS * w..].iter_mut().zip(&*mask) {
                     *all |= one;
                 }
                 // Rounded up: bounds are computed from it.
-                let reach = (reach.sqrt() as f32).next_up();
+                let reach = if lengths.is_empty() { 0.0 } else { (reach.sqrt() as f32).next_up() };
                 let bytes = 4 * (self.header_words() + self.entry_words(words, entry)) as u32;
                 costs.push(EntryCost { bytes, reach });
                 self.block_reach[block] += reach;
             }
             self.largest_sum = sums.iter().flatten().copied().fold(self.largest_sum, u64::max);
             let vertices = &base[block * size * POSE_FLOATS..][..size * POSE_FLOATS];
-            let positions = vertices.chunks_exact(POSE_FLOATS).flat_map(|v| &v[..3]);
+            let positions = vertices.chunks_exact(POSE_FLOATS).flat_map(|v| &v[lengths.clone()]);
             self.block_base[block] = positions.fold(0.0, |m: f32, p| m.max(p.abs()));
             if !(self.block_base[block] + self.block_reach[block]).is_finite() {
                 return Err(format!("the deltas of block {block} are too large for single precision"));

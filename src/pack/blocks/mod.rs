@@ -1,7 +1,7 @@
 //! Block formats: deltas of the blocks that a target touches, and nothing else.
 //!
 //! Vertices are reordered (targets cover few blocks then) and cut into blocks of 32, 64 or 128. An *entry* is a target
-//! that touches a block, with its deltas there. Positions and normals have one step each for the whole mesh, a power of
+//! that touches a block, with its deltas there. The two triples of a group have one step each for the whole mesh, a power of
 //! two, so that integer sums of all entries of a vertex have one unit ([`Accumulate::Exact`](crate::plan::Accumulate)).
 //!
 //! ```text
@@ -10,7 +10,7 @@
 //! ```
 //!
 //! Integers are rounded to nearest, and zero decodes to zero. A delta that is not longer than the error allowed is
-//! dropped, for positions and normals apart.
+//! dropped, for each stream on its own.
 
 mod derive;
 mod pack;
@@ -19,9 +19,10 @@ pub(super) use pack::{pack, target};
 
 use super::formats::{BlockFormat, Component, with_format};
 use super::order::inverse;
-use super::{POSE_FLOATS, PackError};
-use crate::asset::streams::TRIPLE;
+use super::{POSE_FLOATS, PoseError};
+use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::error::{Error, Result};
+use std::sync::Arc;
 
 /// Sizes that a block may have.
 pub const BLOCK_SIZES: [u32; 3] = [32, 64, 128];
@@ -34,16 +35,18 @@ pub struct BlockDesc {
     /// Largest error of a position delta (a length), as a fraction of the bounding-box diagonal, above 0. `fast` may
     /// exceed it where a target moves further than its 15 bits reach; [`BlockIndex::error`] has what was measured.
     pub position_error: f32,
-    /// Largest error of a normal at weight 1, in degrees, above 0.
+    /// Largest error of a normal or tangent at weight 1, in degrees, above 0.
     pub normal_error_degrees: f32,
+    /// Largest error of the numbers of other streams (texture coordinates, colours) at weight 1, above 0.
+    pub absolute_error: f32,
     /// The largest weight, either sign, that [`Accumulate::Exact`](crate::plan::Accumulate) has to stand.
     pub weight_max: f32,
 }
 
 impl Default for BlockDesc {
-    /// 1e-5 of the diagonal, 0.5°, weights up to 4.
+    /// 1e-5 of the diagonal, 0.5°, 1e-4 (less than half a texel of 4096), weights up to 4.
     fn default() -> Self {
-        Self { size: None, position_error: 1e-5, normal_error_degrees: 0.5, weight_max: 4.0 }
+        Self { size: None, position_error: 1e-5, normal_error_degrees: 0.5, absolute_error: 1e-4, weight_max: 4.0 }
     }
 }
 
@@ -91,7 +94,7 @@ pub(crate) struct Incidence {
 pub(crate) struct EntryCost {
     /// Bytes of its header and deltas.
     pub bytes: u32,
-    /// Length of its longest position delta, in input units.
+    /// Length of its longest position delta, in input units; 0 in groups without positions.
     pub reach: f32,
 }
 
@@ -100,11 +103,10 @@ pub(crate) struct EntryCost {
 pub struct BlockIndex {
     format: &'static dyn BlockFormat,
     size: u32,
-    order: Vec<u32>,
-    position_step: f32,
-    normal_step: f32,
+    order: Arc<[u32]>,
+    steps: [f32; TRIPLES],
     weight_max: f32,
-    error: PackError,
+    error: PoseError,
     first_entry: Vec<u32>,
     entry_target: Vec<u32>,
     // Derived from the above and the words.
@@ -129,11 +131,10 @@ pub struct BlockIndex {
 pub(crate) struct Parts {
     pub format: &'static dyn BlockFormat,
     pub size: u32,
-    pub order: Vec<u32>,
-    pub position_step: f32,
-    pub normal_step: f32,
+    pub order: Arc<[u32]>,
+    pub steps: [f32; TRIPLES],
     pub weight_max: f32,
-    pub error: PackError,
+    pub error: PoseError,
     pub first_entry: Vec<u32>,
     pub entry_target: Vec<u32>,
 }
@@ -160,8 +161,8 @@ impl BlockIndex {
                 format!(
                     "pack with errors {factor} times as large (now {:.1e} in length and {:.2}° at most), or with a \
                      smaller largest weight",
-                    f64::from(self.position_step) * 0.75f64.sqrt(),
-                    (f64::from(self.normal_step) * 0.75f64.sqrt()).to_degrees()
+                    f64::from(self.steps[0]) * 0.75f64.sqrt(),
+                    (f64::from(self.steps[1]) * 0.75f64.sqrt()).to_degrees()
                 ),
             )
         })
@@ -198,13 +199,13 @@ impl BlockIndex {
     }
 
     /// What packing lost, measured when the mesh was packed.
-    pub fn error(&self) -> PackError {
+    pub fn error(&self) -> PoseError {
         self.error
     }
 
-    /// Input units of an integer step of a position delta and of a normal delta.
-    pub fn steps(&self) -> [f32; 2] {
-        [self.position_step, self.normal_step]
+    /// Input units of an integer step, for each triple of the group: of positions and of normals.
+    pub fn steps(&self) -> [f32; TRIPLES] {
+        self.steps
     }
 
     /// Bytes of the deltas.
@@ -308,7 +309,7 @@ impl BlockIndex {
         mut f: impl FnMut(usize, [f64; POSE_FLOATS], [i32; POSE_FLOATS]),
     ) {
         let (header, deltas) = (self.header(words, entry), self.deltas(words, entry));
-        let steps = [f64::from(self.position_step), f64::from(self.normal_step)];
+        let steps = self.steps.map(f64::from);
         let shifts = self.format.shifts(header);
         with_format!(self.format.format(), dense _f => {}, blocks format => {
             format.decode(self.size(), header, deltas, |lane, delta| {
@@ -321,7 +322,7 @@ impl BlockIndex {
         });
     }
 
-    /// As [`PackedMesh::for_each_delta`].
+    /// [`PackedGroup::for_each_delta`](super::PackedGroup::for_each_delta), of deltas in `words`.
     pub(crate) fn for_each_delta(&self, words: &[u32], target: usize, mut f: impl FnMut(usize, [f64; POSE_FLOATS])) {
         for incidence in self.incidence(target) {
             let first = incidence.block as usize * self.size as usize;

@@ -2,35 +2,91 @@
 
 use super::derive::WORDS_MAX;
 use super::{BLOCK_SIZES, BlockDesc, BlockIndex, Parts};
+use crate::asset::streams::{Measure, TRIPLE, TRIPLES};
 use crate::error::{Error, Result};
 use crate::math::angle_degrees;
-use crate::mesh::MorphMesh;
 use crate::pack::formats::{BlockFormat, INTEGER_BITS, Lane};
-use crate::pack::order::{inverse, keep_welded, order};
-use crate::pack::{
-    POSE_FLOATS, PackDesc, PackError, PackedLayout, PackedMesh, PackedTarget, VERTEX_PADDING, base_words,
-};
-use glam::Vec3;
+use crate::pack::group::base_pose;
+use crate::pack::order::{inverse, keep_welded, order_groups};
+use crate::pack::source::largest;
+use crate::pack::{PackDesc, PackedGroup, PackedLayout, PackedTarget, PoseError, Source, VERTEX_PADDING};
+use glam::DVec3;
 use std::sync::Arc;
 
-/// The smallest step that lets the largest position (0) or normal (1) component of `mesh` fit its bits in a record.
-fn least_step(mesh: &MorphMesh, half: usize) -> f64 {
-    let deltas = mesh.targets.iter().flat_map(|t| if half == 0 { &t.positions } else { &t.normals });
-    let largest = deltas.map(|d| d.abs().max_element()).fold(0.0, f32::max);
-    f64::from(largest) / f64::from((1u32 << (INTEGER_BITS[half] - 1)) - 1)
+/// What is kept of a group's deltas: exact, zeroed where they may be dropped.
+struct Kept {
+    /// By target, ascending by the user's vertex.
+    targets: Vec<Vec<Lane>>,
+    /// The largest number of each triple, of all deltas.
+    largest: [f32; TRIPLES],
+}
+
+fn kept(source: &Source<'_>, desc: &PackDesc) -> Kept {
+    let blocks = &desc.blocks;
+    let degrees = f64::from(blocks.normal_error_degrees);
+    let length = f64::from(blocks.position_error) * f64::from(source.mesh.diagonal);
+    let absolute = f64::from(blocks.absolute_error);
+    let mut kept = Kept { targets: vec![], largest: [0.0; TRIPLES] };
+    for target in &source.mesh.targets {
+        let mut deltas = source.deltas(target);
+        let [first, second] = largest(&deltas);
+        kept.largest = [kept.largest[0].max(first), kept.largest[1].max(second)];
+        if desc.format.has_integers() {
+            for (vertex, delta) in &mut deltas {
+                for place in &source.streams {
+                    let numbers = place.morphing_components();
+                    let vector = |of: &[f32]| DVec3::new(of[0].into(), of[1].into(), of[2].into());
+                    let dropped = match place.semantic.measure() {
+                        Measure::Length => vector(&delta[numbers.clone()]).length() <= length,
+                        // As an angle and as a length: normals that files state need not have unit length.
+                        Measure::Angle => {
+                            let base = vector(&source.base(*vertex as usize)[numbers.clone()]);
+                            let delta = vector(&delta[numbers.clone()]);
+                            delta.length() <= degrees.to_radians().sin() && angle_degrees(base, base + delta) <= degrees
+                        }
+                        Measure::Absolute => delta[numbers.clone()].iter().all(|d| f64::from(d.abs()) <= absolute),
+                    };
+                    if dropped {
+                        delta[numbers].fill(0.0);
+                    }
+                }
+            }
+        }
+        deltas.retain(|(_, delta)| delta.iter().any(|d| *d != 0.0));
+        kept.targets.push(deltas);
+    }
+    kept
+}
+
+/// The smallest step that lets the largest number of a triple fit its bits.
+fn least_step(largest: [f32; TRIPLES], triple: usize) -> f64 {
+    f64::from(largest[triple]) / f64::from((1u32 << (INTEGER_BITS[triple] - 1)) - 1)
 }
 
 /// The steps for the errors allowed: rounding to nearest is off by up to half the diagonal of a cell.
-fn steps(mesh: &MorphMesh, desc: &BlockDesc, format: &dyn BlockFormat) -> [f32; 2] {
-    // A mesh without extent has no diagonal to measure by.
-    let scale = match mesh.diagonal {
-        d if d > 0.0 => f64::from(d),
-        _ => (least_step(mesh, 0) * f64::from(1u32 << INTEGER_BITS[0])).max(1e-30),
-    };
+fn steps(source: &Source<'_>, largest: [f32; TRIPLES], desc: &BlockDesc, format: &dyn BlockFormat) -> [f32; TRIPLES] {
+    let least = [0, 1].map(|triple| least_step(largest, triple));
     let cell = 2.0 / 3f64.sqrt();
-    let wanted =
-        [cell * f64::from(desc.position_error) * scale, cell * f64::from(desc.normal_error_degrees).to_radians().sin()];
-    format.steps(wanted, [0, 1].map(|half| least_step(mesh, half)))
+    let mut wanted = [f64::INFINITY; TRIPLES];
+    for place in &source.streams {
+        let step = match place.semantic.measure() {
+            Measure::Length => {
+                // A mesh without extent has no diagonal to measure by.
+                let scale = match source.mesh.diagonal {
+                    d if d > 0.0 => f64::from(d),
+                    _ => (least[0] * f64::from(1u32 << INTEGER_BITS[0])).max(1e-30),
+                };
+                cell * f64::from(desc.position_error) * scale
+            }
+            Measure::Angle => cell * f64::from(desc.normal_error_degrees).to_radians().sin(),
+            Measure::Absolute => 2.0 * f64::from(desc.absolute_error),
+        };
+        for c in place.morphing_components() {
+            wanted[c / TRIPLE] = step.min(wanted[c / TRIPLE]);
+        }
+    }
+    // Nothing moves in a triple for which nothing is wanted.
+    format.steps(wanted.map(|step| if step.is_finite() { step } else { 1.0 }), least)
 }
 
 fn check(desc: &BlockDesc) -> Result<()> {
@@ -38,11 +94,12 @@ fn check(desc: &BlockDesc) -> Result<()> {
         return Err(Error::invalid(format!("blocks of {size} vertices"), "use 32, 64 or 128"));
     }
     let positive = |v: f32| v.is_finite() && v > 0.0;
-    if !positive(desc.position_error) || !positive(desc.normal_error_degrees) || !positive(desc.weight_max) {
+    let errors = [desc.position_error, desc.normal_error_degrees, desc.absolute_error];
+    if !errors.into_iter().all(positive) || !positive(desc.weight_max) {
         return Err(Error::invalid(
             format!(
-                "packing errors of {} of the diagonal and {}°, with weights up to {}",
-                desc.position_error, desc.normal_error_degrees, desc.weight_max
+                "packing errors of {} of the diagonal, {}° and {}, with weights up to {}",
+                desc.position_error, desc.normal_error_degrees, desc.absolute_error, desc.weight_max
             ),
             "use numbers above 0",
         ));
@@ -50,134 +107,130 @@ fn check(desc: &BlockDesc) -> Result<()> {
     Ok(())
 }
 
-/// Lay out `mesh` in blocks.
-pub(in crate::pack) fn pack(mesh: &MorphMesh, desc: &PackDesc, format: &'static dyn BlockFormat) -> Result<PackedMesh> {
-    check(&desc.blocks)?;
-    let size = desc.blocks.size.unwrap_or(format.default_size());
-    let mut steps = steps(mesh, &desc.blocks, format);
-    // Two halvings at most.
-    let normal_floor = steps[1] / 4.0;
-    let mut packed = pack_with(mesh, desc, format, size, steps)?;
-    if format.refines() {
-        // Where a target turns a short normal, the same rounding is a larger angle: finer steps then, as far as the
-        // bits of a record go.
-        let allowed = f64::from(desc.blocks.normal_error_degrees);
-        let finest = least_step(mesh, 1);
-        let error = |packed: &PackedMesh| packed.layout.blocks.as_ref().map_or(0.0, |b| b.error.normal_degrees);
-        while error(&packed) > allowed && f64::from(steps[1]) / 2.0 >= finest && steps[1] > normal_floor {
-            steps[1] /= 2.0;
-            packed = pack_with(mesh, desc, format, size, steps)?;
-        }
-    }
-    Ok(packed)
-}
-
-/// Lay out `mesh` in blocks of `size` on a grid of these steps.
-fn pack_with(
-    mesh: &MorphMesh,
+/// Lay out the groups of a mesh in blocks.
+pub(in crate::pack) fn pack(
+    sources: &[Source<'_>],
     desc: &PackDesc,
     format: &'static dyn BlockFormat,
-    size: u32,
-    steps: [f32; 2],
-) -> Result<PackedMesh> {
-    let error_degrees = f64::from(desc.blocks.normal_error_degrees);
-    let diagonal = f64::from(mesh.diagonal);
-    let allowed = [
-        f64::from(desc.blocks.position_error) * diagonal,
-        f64::from(desc.blocks.normal_error_degrees).to_radians().sin(),
-    ];
-
-    // What each target keeps: exact deltas, zeroed where they may be dropped.
-    let keep = |v: u32, p: Vec3, n: Vec3| -> Option<[f32; POSE_FLOATS]> {
-        let (mut p, mut n) = (p, n);
-        if desc.format.has_integers() {
-            if p.as_dvec3().length() <= allowed[0] {
-                p = Vec3::ZERO;
-            }
-            // As an angle and as a length: normals that files state need not have unit length.
-            let (base, delta) = (mesh.normals[v as usize].as_dvec3(), n.as_dvec3());
-            if delta.length() <= allowed[1] && angle_degrees(base, base + delta) <= error_degrees {
-                n = Vec3::ZERO;
-            }
-        }
-        (p != Vec3::ZERO || n != Vec3::ZERO).then_some([p.x, p.y, p.z, n.x, n.y, n.z])
-    };
-    type Kept = Vec<Lane>;
-    let kept: Vec<Kept> = mesh
-        .targets
-        .iter()
-        .map(|t| {
-            let deltas = t.vertices.iter().zip(t.positions.iter().zip(&t.normals));
-            deltas.filter_map(|(&v, (&p, &n))| keep(v, p, n).map(|d| (v, d))).collect()
-        })
-        .collect();
-    let members: Vec<Vec<u32>> = kept.iter().map(|t| t.iter().map(|(v, _)| *v).collect()).collect();
-    let order = keep_welded(order(mesh.vertex_count(), &members), &mesh.welds, size as usize);
+) -> Result<Vec<PackedGroup>> {
+    check(&desc.blocks)?;
+    let size = desc.blocks.size.unwrap_or(format.default_size());
+    let kept: Vec<Kept> = sources.iter().map(|source| kept(source, desc)).collect();
+    let vertices = |target: &Vec<Lane>| target.iter().map(|(vertex, _)| *vertex).collect();
+    let members: Vec<Vec<Vec<u32>>> = kept.iter().map(|group| group.targets.iter().map(vertices).collect()).collect();
+    let mesh = sources[0].mesh;
+    let order = keep_welded(order_groups(mesh.vertex_count(), &members), &mesh.welds, size as usize);
+    let order: Arc<[u32]> = order.into();
     let packed = inverse(&order);
-    drop(members);
-
-    let padded = order.len().next_multiple_of((size as usize).max(VERTEX_PADDING));
-    // Entries: by block, then target; a cell of the table lists the deltas of one entry.
-    let mut by_block: Vec<Vec<(u32, Kept)>> = vec![vec![]; padded / size as usize];
-    for (t, deltas) in kept.into_iter().enumerate() {
-        let mut deltas: Kept = deltas.into_iter().map(|(v, d)| (packed[v as usize], d)).collect();
-        deltas.sort_unstable_by_key(|(at, _)| *at);
-        for run in deltas.chunk_by(|a, b| a.0 / size == b.0 / size) {
-            let lanes = run.iter().map(|(at, d)| (at % size, *d)).collect();
-            by_block[(run[0].0 / size) as usize].push((t as u32, lanes));
-        }
-    }
-    let (mut first_entry, mut entry_target) = (vec![0u32], vec![]);
-    let (mut headers, mut deltas) = (vec![], vec![]);
-    for block in &by_block {
-        for (target, lanes) in block {
-            entry_target.push(*target);
-            format.encode(size as usize, steps, lanes, &mut headers, &mut deltas);
-        }
-        first_entry.push(entry_target.len() as u32);
-    }
-    headers.resize(headers.len().next_multiple_of(4), 0);
-    let words = headers.len() as u64 + deltas.len() as u64;
-    if words > WORDS_MAX {
-        return Err(Error::invalid(
-            format!("mesh '{}': its deltas take {} bytes", mesh.name, words * 4),
-            "split the mesh, or use a smaller format",
-        ));
-    }
-    headers.append(&mut deltas);
-    let words = headers;
-    let base = base_words(mesh, padded, Some(&order));
-    let parts = Parts {
-        format,
-        size,
-        order,
-        position_step: steps[0],
-        normal_step: steps[1],
-        weight_max: desc.blocks.weight_max,
-        error: PackError::default(),
-        first_entry,
-        entry_target,
-    };
-    let targets = mesh.targets.len();
-    let mut index = BlockIndex::new(parts, targets, &words, &base).map_err(|what| {
-        Error::invalid(format!("mesh '{}' cannot be packed: {what}", mesh.name), "report this with the mesh")
-    })?;
-    let layout = |index: &BlockIndex| PackedLayout {
-        name: mesh.name.clone(),
-        format: desc.format,
-        vertex_count: mesh.vertex_count(),
-        chunk_vertices: padded,
-        diagonal: mesh.diagonal,
-        targets: mesh.targets.iter().map(|t| target(&t.name, steps)).collect(),
-        blocks: Some(Arc::new(index.clone())),
-    };
-    let packed = PackedMesh { layout: layout(&index), base, words };
-    index.error = packed.measure_error(mesh);
-    Ok(PackedMesh { layout: layout(&index), ..packed })
+    let groups = sources.iter().zip(&kept).map(|(source, kept)| {
+        let packing = Packing { source, kept, desc, format, size, order: &order, packed: &packed };
+        packing.refined(steps(source, kept.largest, &desc.blocks, format))
+    });
+    groups.collect()
 }
 
-/// A target of a mesh in blocks.
-pub(in crate::pack) fn target(name: &str, steps: [f32; 2]) -> PackedTarget {
+/// What a group is packed from and how.
+struct Packing<'a> {
+    source: &'a Source<'a>,
+    kept: &'a Kept,
+    desc: &'a PackDesc,
+    format: &'static dyn BlockFormat,
+    size: u32,
+    /// Packed → user, and the reverse.
+    order: &'a Arc<[u32]>,
+    packed: &'a [u32],
+}
+
+impl Packing<'_> {
+    /// Lay out on a grid of these steps, or of finer ones where angles need them.
+    fn refined(&self, mut steps: [f32; TRIPLES]) -> Result<PackedGroup> {
+        let mut packed = self.with(steps)?;
+        let directions = self.source.streams.iter().find(|s| s.semantic.measure() == Measure::Angle);
+        if let Some(place) = directions.filter(|_| self.format.refines()) {
+            // Where a target turns a short normal, the same rounding is a larger angle: finer steps then, as far as the
+            // bits of a record go, by two halvings at most.
+            let triple = place.first / TRIPLE;
+            let (allowed, floor) = (f64::from(self.desc.blocks.normal_error_degrees), steps[triple] / 4.0);
+            let finest = least_step(self.kept.largest, triple);
+            let error =
+                |packed: &PackedGroup| packed.layout.blocks.as_ref().map_or(0.0, |b| b.error.of(place.semantic));
+            while error(&packed) > allowed && f64::from(steps[triple]) / 2.0 >= finest && steps[triple] > floor {
+                steps[triple] /= 2.0;
+                packed = self.with(steps)?;
+            }
+        }
+        Ok(packed)
+    }
+
+    /// Lay out on a grid of these steps.
+    fn with(&self, steps: [f32; TRIPLES]) -> Result<PackedGroup> {
+        let (mesh, size) = (self.source.mesh, self.size);
+        let padded = self.order.len().next_multiple_of((size as usize).max(VERTEX_PADDING));
+        // Entries: by block, then target; a cell of the table lists the deltas of one entry.
+        let mut by_block: Vec<Vec<(u32, Vec<Lane>)>> = vec![vec![]; padded / size as usize];
+        for (t, deltas) in self.kept.targets.iter().enumerate() {
+            let mut deltas: Vec<Lane> = deltas.iter().map(|(v, d)| (self.packed[*v as usize], *d)).collect();
+            deltas.sort_unstable_by_key(|(at, _)| *at);
+            for run in deltas.chunk_by(|a, b| a.0 / size == b.0 / size) {
+                let lanes = run.iter().map(|(at, d)| (at % size, *d)).collect();
+                by_block[(run[0].0 / size) as usize].push((t as u32, lanes));
+            }
+        }
+        let (mut first_entry, mut entry_target) = (vec![0u32], vec![]);
+        let (mut headers, mut deltas) = (vec![], vec![]);
+        for block in &by_block {
+            for (target, lanes) in block {
+                entry_target.push(*target);
+                self.format.encode(size as usize, steps, lanes, &mut headers, &mut deltas);
+            }
+            first_entry.push(entry_target.len() as u32);
+        }
+        headers.resize(headers.len().next_multiple_of(4), 0);
+        let count = headers.len() as u64 + deltas.len() as u64;
+        if count > WORDS_MAX {
+            return Err(Error::invalid(
+                format!("mesh '{}': its deltas take {} bytes", mesh.name, count * 4),
+                "split the mesh, or use a smaller format",
+            ));
+        }
+        headers.append(&mut deltas);
+        let words = headers;
+        let base = base_pose(self.source, padded, Some(self.order));
+        let parts = Parts {
+            format: self.format,
+            size,
+            order: self.order.clone(),
+            steps,
+            weight_max: self.desc.blocks.weight_max,
+            error: PoseError::default(),
+            first_entry,
+            entry_target,
+        };
+        let index =
+            BlockIndex::new(parts, mesh.targets.len(), &self.source.streams, &words, &base).map_err(|what| {
+                Error::invalid(format!("mesh '{}' cannot be packed: {what}", mesh.name), "report this with the mesh")
+            })?;
+        let layout = PackedLayout {
+            name: mesh.name.clone(),
+            format: self.desc.format,
+            streams: self.source.streams.clone(),
+            vertex_count: mesh.vertex_count(),
+            chunk_vertices: padded,
+            diagonal: mesh.diagonal,
+            targets: mesh.targets.iter().map(|t| target(&t.name, steps)).collect(),
+            blocks: Some(Arc::new(index)),
+        };
+        let mut packed = PackedGroup { layout, base, words };
+        let error = packed.measure_error(self.source);
+        if let Some(index) = packed.layout.blocks.as_mut().map(Arc::make_mut) {
+            index.error = error;
+        }
+        Ok(packed)
+    }
+}
+
+/// A target of a group in blocks.
+pub(in crate::pack) fn target(name: &str, steps: [f32; TRIPLES]) -> PackedTarget {
     // Both are powers of two.
     let normal_exponent = (steps[1] / steps[0]).log2().clamp(-100.0, 100.0) as i8;
     PackedTarget { name: name.to_owned(), position_step: steps[0], normal_exponent }

@@ -49,7 +49,7 @@ fn masks_say_what_changes() {
         for entry in 0..index.entry_count() {
             let mask = &index.masks()[entry * 6 * w..][..6 * w];
             let mut found = vec![0u32; 6 * w];
-            index.for_each_lane(packed.words(), entry, |lane, delta, _| {
+            index.for_each_lane(packed.deltas(), entry, |lane, delta, _| {
                 (0..6).for_each(|c| found[c * w + lane / 32] |= u32::from(delta[c] != 0.0) << (lane % 32));
             });
             assert_eq!(mask, found);

@@ -5,8 +5,11 @@ use std::path::Path;
 
 /// What a packed file begins with. A transfer that takes it for text changes the line end, and shows.
 const MAGIC: [u8; 8] = *b"DMORPH\r\n";
-/// The version that is written and read.
-const VERSION: u32 = 2;
+/// The version that is written, and the one that is read besides.
+pub(super) const VERSION: u32 = 3;
+pub(super) const OLD_VERSION: u32 = 2;
+/// More groups than this no file has: what is kept of a mesh for each of its targets is kept for each group.
+pub(super) const GROUPS_MAX: usize = 16;
 /// Bytes of header, of a row of the table, and of the checksum after it.
 const HEADER: usize = 16;
 const ROW: usize = 24;
@@ -17,7 +20,7 @@ const ALIGNMENT: usize = 8;
 /// What to do about a file that was damaged on its way.
 pub(super) const DAMAGED: &str = "the file is damaged: copy it again, or pack the mesh again";
 
-/// The sections, in the order of the file; ids count from 1.
+/// A section; ids count from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Section {
     Meta,
@@ -31,10 +34,12 @@ pub(super) enum Section {
     FaceCorners,
     CornerTexcoords,
     Texcoords,
+    Group,
 }
 
 impl Section {
-    pub const ALL: [Self; 11] = [
+    /// The sections of version 2, in the order of the file.
+    pub const OLD: [Self; 11] = [
         Self::Meta,
         Self::Names,
         Self::Base,
@@ -47,6 +52,18 @@ impl Section {
         Self::CornerTexcoords,
         Self::Texcoords,
     ];
+    /// Those that a file of version 3 has once, in the order of the file.
+    pub const ONCE: [Self; 7] = [
+        Self::Meta,
+        Self::Names,
+        Self::Order,
+        Self::FaceSizes,
+        Self::FaceCorners,
+        Self::CornerTexcoords,
+        Self::Texcoords,
+    ];
+    /// Those that it has for each group, after them.
+    pub const EACH: [Self; 5] = [Self::Group, Self::Base, Self::FirstEntries, Self::EntryTargets, Self::Words];
 
     /// Its name in messages.
     pub const fn name(self) -> &'static str {
@@ -62,40 +79,82 @@ impl Section {
             Self::FaceCorners => "face corners",
             Self::CornerTexcoords => "corner texcoords",
             Self::Texcoords => "texcoords",
+            Self::Group => "group",
         }
     }
 }
 
-/// The contents of each section of a file, in the order of [`Section::ALL`].
-pub(super) struct Sections<'a>([&'a [u8]; Section::ALL.len()]);
+/// A section, and the number of the group that it is of; 0 for those that there are once.
+pub(super) type Place = (Section, usize);
+
+/// The sections of a file, in its order; `None` where there can be no file of so many.
+pub(super) fn places(version: u32, sections: usize) -> Option<Vec<Place>> {
+    let (once, each) = match version {
+        VERSION => (&Section::ONCE[..], &Section::EACH[..]),
+        _ => (&Section::OLD[..], &[][..]),
+    };
+    let rest = sections.checked_sub(once.len())?;
+    let groups = if each.is_empty() { 0 } else { rest / each.len() };
+    if rest != groups * each.len() || groups > GROUPS_MAX || (groups == 0) != each.is_empty() {
+        return None;
+    }
+    let once = once.iter().map(|section| (*section, 0));
+    Some(once.chain((0..groups).flat_map(|group| each.iter().map(move |section| (*section, group)))).collect())
+}
+
+/// A section's id in the table.
+fn id((section, group): Place) -> u32 {
+    section as u32 + 1 + ((group as u32) << 8)
+}
+
+/// The contents of each section of a file.
+pub(super) struct Sections<'a> {
+    pub version: u32,
+    contents: Vec<(Place, &'a [u8])>,
+}
 
 impl<'a> Sections<'a> {
+    /// The contents of a section that there is once.
     pub fn get(&self, section: Section) -> &'a [u8] {
-        self.0[section as usize]
+        self.of(section, 0)
+    }
+
+    /// The contents of a section of a group.
+    pub fn of(&self, section: Section, group: usize) -> &'a [u8] {
+        self.contents.iter().find(|(place, _)| *place == (section, group)).map_or(&[], |(_, bytes)| bytes)
+    }
+
+    /// The number of groups.
+    pub fn groups(&self) -> usize {
+        self.contents.iter().map(|((_, group), _)| group + 1).max().unwrap_or(0)
     }
 }
 
-/// A complaint about `section`, or about the file as a whole.
-pub(super) fn complaint(path: &Path, section: Option<Section>, what: impl Into<String>, remedy: &str) -> Error {
+/// A complaint about a section, or about the file as a whole.
+pub(super) fn complaint(path: &Path, place: Option<Place>, what: impl Into<String>, remedy: &str) -> Error {
     Error::Input {
         path: path.to_path_buf(),
-        place: section.map_or(String::new(), |s| format!(": section '{}'", s.name())),
+        place: match place {
+            None => String::new(),
+            Some((section, 0)) => format!(": section '{}'", section.name()),
+            Some((section, group)) => format!(": section '{}' of group {group}", section.name()),
+        },
         what: what.into(),
         remedy: remedy.into(),
     }
 }
 
-/// Lay out a file of these contents.
-pub(super) fn join(contents: &[Vec<u8>; Section::ALL.len()]) -> Vec<u8> {
+/// Lay out a file of these contents, in the order of [`places`].
+pub(super) fn join(contents: &[(Place, Vec<u8>)]) -> Vec<u8> {
     let start = HEADER + ROW * contents.len() + TAIL;
-    let total = contents.iter().fold(start, |at, c| at + c.len().next_multiple_of(ALIGNMENT));
+    let total = contents.iter().fold(start, |at, (_, c)| at + c.len().next_multiple_of(ALIGNMENT));
     let mut out = Vec::with_capacity(total);
     out.extend(MAGIC);
     out.extend(VERSION.to_le_bytes());
     out.extend((contents.len() as u32).to_le_bytes());
     let mut at = start;
-    for (i, content) in contents.iter().enumerate() {
-        out.extend((i as u32 + 1).to_le_bytes());
+    for (place, content) in contents {
+        out.extend(id(*place).to_le_bytes());
         out.extend(crc32fast::hash(content).to_le_bytes());
         out.extend((at as u64).to_le_bytes());
         out.extend((content.len() as u64).to_le_bytes());
@@ -103,7 +162,7 @@ pub(super) fn join(contents: &[Vec<u8>; Section::ALL.len()]) -> Vec<u8> {
     }
     out.extend(crc32fast::hash(&out).to_le_bytes());
     out.extend(0u32.to_le_bytes());
-    for content in contents {
+    for (_, content) in contents {
         out.extend(content);
         out.resize(out.len().next_multiple_of(ALIGNMENT), 0);
     }
@@ -119,16 +178,16 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
         return refuse("does not begin as a packed mesh does".into(), "give a file written by `deltamorph pack`");
     }
     let (Some(version), Some(count)) = (u32_at(bytes, 8), u32_at(bytes, 12)) else { return ends("the header") };
-    if version != VERSION {
+    if ![VERSION, OLD_VERSION].contains(&version) {
         return refuse(
-            format!("has version {version} of the format; this program reads version {VERSION}"),
+            format!("has version {version} of the format; this program reads versions {OLD_VERSION} and {VERSION}"),
             "pack the mesh again with this program, or read it with the one that wrote it",
         );
     }
-    if count as usize != Section::ALL.len() {
-        return refuse(format!("has {count} sections, {} expected", Section::ALL.len()), DAMAGED);
-    }
-    let table = HEADER + ROW * Section::ALL.len();
+    let Some(places) = places(version, count as usize) else {
+        return refuse(format!("has {count} sections, which no file of version {version} has"), DAMAGED);
+    };
+    let table = HEADER + ROW * places.len();
     let (Some(checksum), Some(zero)) = (u32_at(bytes, table), u32_at(bytes, table + 4)) else {
         return ends("the table of sections");
     };
@@ -136,15 +195,15 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
         return refuse("the checksum of its header does not match".into(), DAMAGED);
     }
     let mut at = table + TAIL;
-    let mut sections = [&[][..]; Section::ALL.len()];
-    for (i, (section, out)) in Section::ALL.into_iter().zip(&mut sections).enumerate() {
+    let mut contents = Vec::with_capacity(places.len());
+    for (i, place) in places.into_iter().enumerate() {
         let row = HEADER + ROW * i;
         let word = |at: usize| u32_at(bytes, row + at).unwrap_or(0);
         let long = |at: usize| u64::from(word(at)) | u64::from(word(at + 4)) << 32;
-        let (id, checksum, offset, length) = (word(0), word(4), long(8), long(16));
-        let refuse = |what: String| Err(complaint(path, Some(section), what, DAMAGED));
-        if (id as usize, offset) != (i + 1, at as u64) {
-            return refuse(format!("lies at {offset} with id {id}; at {at} with id {} expected", i + 1));
+        let (has, checksum, offset, length) = (word(0), word(4), long(8), long(16));
+        let refuse = |what: String| Err(complaint(path, Some(place), what, DAMAGED));
+        if (has, offset) != (id(place), at as u64) {
+            return refuse(format!("lies at {offset} with id {has}; at {at} with id {} expected", id(place)));
         }
         if length > (bytes.len() - at) as u64 {
             return refuse(format!("has {length} bytes at {offset}, but the file ends after {}", bytes.len()));
@@ -156,16 +215,17 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
             Some(padding) if padding.iter().any(|b| *b != 0) => return refuse("is not padded with zeros".into()),
             Some(_) => {}
         }
-        *out = &bytes[at..end];
-        if crc32fast::hash(out) != checksum {
+        let content = &bytes[at..end];
+        if crc32fast::hash(content) != checksum {
             return refuse("the checksum does not match".into());
         }
+        contents.push((place, content));
         at = next;
     }
     if at != bytes.len() {
         return refuse(format!("has {} bytes after the last section", bytes.len() - at), DAMAGED);
     }
-    Ok(Sections(sections))
+    Ok(Sections { version, contents })
 }
 
 /// The number at byte `at`.
@@ -176,7 +236,8 @@ fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
 /// Compute the checksums of `bytes` anew, so that tests see what lies behind them.
 #[cfg(test)]
 pub(super) fn repair(bytes: &mut [u8]) {
-    let table = HEADER + ROW * Section::ALL.len();
+    let Some(count) = u32_at(bytes, 12).filter(|count| *count < 1000) else { return };
+    let table = HEADER + ROW * count as usize;
     if bytes.len() < table + TAIL {
         return;
     }

@@ -1,8 +1,9 @@
 //! Tests of packed files: what was packed comes back, and no file makes reading panic.
 
-use super::table::{Section, repair};
+use super::table::{OLD_VERSION, Section, places, repair};
 use super::*;
 use crate::cpu::CpuCrowd;
+use crate::import::sample::{HeadDesc, head as head_of};
 use crate::mesh::Corner;
 use crate::pack::blocks::{BLOCK_SIZES, BlockDesc};
 use crate::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
@@ -26,11 +27,18 @@ fn asset(format: DeltaFormat, size: Option<u32>) -> Asset {
     Asset::pack(&mesh(70, 4), &PackDesc { blocks, ..PackDesc::new(format) }).unwrap()
 }
 
+/// With tangents and texture coordinates, and colours in a third group.
+fn with_streams(format: DeltaFormat) -> Asset {
+    Asset::pack(&testing::with_streams(mesh(70, 4)), &PackDesc::new(format)).unwrap()
+}
+
 /// Read, in a small multiple of the file's size. Names are the worst: empty ones are 4 bytes each.
 fn read(bytes: &[u8]) -> Result<Asset> {
     let mut result = None;
     let memory = allocation_counter::measure(|| result = Some(Asset::from_bytes(Path::new("head.dmorph"), bytes)));
-    let most = 16 * 1024 + 24 * bytes.len() as u64;
+    // Some things are kept of each target for each group.
+    let groups = bytes.get(12).map_or(1, |sections| u64::from(*sections).saturating_sub(7) / 5).clamp(1, 16);
+    let most = 16 * 1024 + 24 * groups * bytes.len() as u64;
     assert!(memory.bytes_max <= most, "{} bytes for a file of {}", memory.bytes_max, bytes.len());
     result.expect("measured")
 }
@@ -41,17 +49,32 @@ fn message(bytes: &[u8]) -> String {
     text
 }
 
-/// Where a section's contents begin, and their length.
-fn span(bytes: &[u8], section: Section) -> (usize, usize) {
-    let row = 16 + 24 * section as usize;
+/// Where the row of a section begins in the table.
+fn row(bytes: &[u8], place: (Section, usize)) -> usize {
+    let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+    let places = places(word(8), word(12) as usize).unwrap();
+    16 + 24 * places.iter().position(|p| *p == place).unwrap()
+}
+
+/// Where the contents of the section in row `row` of the table begin, and their length.
+fn span_at(bytes: &[u8], row: usize) -> (usize, usize) {
+    let row = 16 + 24 * row;
     let long = |at: usize| u64::from_le_bytes(bytes[row + at..row + at + 8].try_into().unwrap()) as usize;
     (long(8), long(16))
 }
 
+fn span_of(bytes: &[u8], place: (Section, usize)) -> (usize, usize) {
+    span_at(bytes, (row(bytes, place) - 16) / 24)
+}
+
+fn span(bytes: &[u8], section: Section) -> (usize, usize) {
+    span_of(bytes, (section, 0))
+}
+
 /// The file of `asset` with a word of `section` replaced, under right checksums.
-fn with_word(asset: &Asset, section: Section, word: usize, value: u32) -> Vec<u8> {
+fn with_word(asset: &Asset, place: (Section, usize), word: usize, value: u32) -> Vec<u8> {
     let mut bytes = asset.to_bytes().unwrap();
-    let at = span(&bytes, section).0 + 4 * word;
+    let at = span_of(&bytes, place).0 + 4 * word;
     bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
     repair(&mut bytes);
     bytes
@@ -67,10 +90,40 @@ fn what_was_packed_comes_back() {
             assert_eq!(read(&bytes).unwrap().to_bytes().unwrap(), bytes);
         }
     }
+    for format in DeltaFormat::BLOCKS {
+        let asset = with_streams(format);
+        assert_eq!(asset.mesh.groups().len(), 3);
+        let bytes = asset.to_bytes().unwrap();
+        assert_eq!(read(&bytes).unwrap(), asset, "{format:?}");
+        assert_eq!(read(&bytes).unwrap().to_bytes().unwrap(), bytes);
+    }
     // Without targets, faces and texture coordinates.
     let plain = MorphMesh { texcoords: vec![], faces: Faces::default(), ..mesh(1, 0) };
     let asset = Asset::pack(&plain, &PackDesc::new(DeltaFormat::Small)).unwrap();
     assert_eq!(read(&asset.to_bytes().unwrap()).unwrap(), asset);
+}
+
+#[test]
+fn files_of_version_2_are_read_as_they_were_packed() {
+    let head = HeadDesc { vertices: 100, targets: 6, sparsity: 0.12, seed: 1 };
+    let kept = head_of(&head).to_mesh(Tolerance::default()).unwrap();
+    for format in DeltaFormat::BLOCKS {
+        let path = format!("tests/packed/version2-{}.dmorph", format.name());
+        let bytes = std::fs::read(&path).unwrap();
+        assert_eq!(bytes[8..12], OLD_VERSION.to_le_bytes());
+        let asset = read(&bytes).unwrap();
+        assert_eq!(asset, Asset::pack(&kept, &PackDesc::new(format)).unwrap(), "{path}");
+        // Nothing in it may be anything, either.
+        for at in 0..bytes.len() {
+            message(&bytes[..at]);
+            let mut bytes = bytes.clone();
+            bytes[at] ^= 1 << (at % 8);
+            repair(&mut bytes);
+            if let Ok(asset) = read(&bytes) {
+                exercise(&asset);
+            }
+        }
+    }
 }
 
 #[test]
@@ -89,6 +142,9 @@ fn the_decoded_mesh_is_in_the_users_order() {
     let decoded = asset(DeltaFormat::BlockFloat32, None).to_mesh().unwrap();
     assert_eq!((&decoded.positions, &decoded.normals), (&exact.positions, &exact.normals));
     assert_eq!((&decoded.targets, &decoded.faces), (&exact.targets, &exact.faces));
+    let streams = with_streams(DeltaFormat::BlockFloat32).to_mesh().unwrap();
+    let exact_streams = testing::with_streams(mesh(70, 4));
+    assert_eq!((streams.streams, streams.targets), (exact_streams.streams, exact_streams.targets));
     assert_eq!((decoded.diagonal, decoded.tolerance), (exact.diagonal, exact.tolerance));
     for format in [DeltaFormat::Fast, DeltaFormat::Small] {
         let asset = asset(format, None);
@@ -100,6 +156,11 @@ fn the_decoded_mesh_is_in_the_users_order() {
         }
         // Not a bit is lost on top of what packing lost.
         assert_eq!(asset.mesh.measure_error(&decoded).position, 0.0);
+        let asset = with_streams(format);
+        let decoded = asset.to_mesh().unwrap();
+        assert!(decoded.targets.iter().all(|t| t.streams.len() == 3));
+        let lost = asset.mesh.measure_error(&decoded);
+        assert!(lost.position == 0.0 && lost.absolute == 0.0 && lost.within(0.0, 1e-5), "{lost:?}");
     }
 }
 
@@ -197,15 +258,18 @@ proptest! {
     #[test]
     fn words_may_be_anything_behind_right_checksums(
         format in 0usize..3,
+        streams in any::<bool>(),
         changes in prop::collection::vec((any::<prop::sample::Index>(), any::<prop::sample::Index>(), any::<u32>(), 0u32..4), 1..4),
         cut in prop::option::weighted(0.1, any::<prop::sample::Index>()),
     ) {
-        let mut bytes = asset(DeltaFormat::BLOCKS[format], Some(32)).to_bytes().unwrap();
+        let asset = if streams { with_streams(DeltaFormat::BLOCKS[format]) } else { asset(DeltaFormat::BLOCKS[format], Some(32)) };
+        let mut bytes = asset.to_bytes().unwrap();
+        let sections = if streams { 22 } else { 12 };
         for (section, word, value, how) in changes {
             // A word of the table of sections, or one of some section: each is as likely.
-            let part = section.index(Section::ALL.len() + 1);
-            let (at, length) = Section::ALL.get(part).map_or((0, 288), |s| span(&bytes, *s));
-            if length < 4 || bytes.len() < at + length {
+            let part = section.index(sections + 1);
+            let (at, length) = if part == sections { (0, 16 + 24 * sections + 8) } else { span_at(&bytes, part) };
+            if length < 4 || bytes.len() < at.saturating_add(length) {
                 continue;
             }
             let at = at + 4 * word.index(length / 4);
@@ -243,19 +307,22 @@ fn the_frame_is_checked_behind_right_checksums() {
         repair(&mut bytes);
         message(&bytes)
     };
-    let row = |section: Section| 16 + 24 * section as usize;
+    let at = bytes.clone();
+    let row = |section: Section| row(&at, (section, 0));
     let (order, length) = span(&bytes, Section::Order);
     let (words, _) = span(&bytes, Section::Words);
     for (text, parts) in [
         (change(0, b"PK"), ["does not begin", "deltamorph pack"]),
         (change(6, b"\n"), ["does not begin", "deltamorph pack"]),
-        (change(8, &[1]), ["version 1", "reads version 2"]),
-        (change(12, &[12]), ["12 sections", "11 expected"]),
+        (change(8, &[1]), ["version 1", "reads versions 2 and 3"]),
+        (change(8, &[2]), ["12 sections", "version 2"]),
+        (change(12, &[13]), ["13 sections", "version 3"]),
+        (change(12, &[7]), ["7 sections", "version 3"]),
         (change(row(Section::Words) + 8, &(words as u64 - 8).to_le_bytes()), ["'words'", "expected"]),
         (change(row(Section::Words) + 8, &u64::MAX.to_le_bytes()), ["'words'", "expected"]),
         (change(row(Section::Order), &[9]), ["'order'", "with id 9"]),
         (change(row(Section::Order) + 16, &[0xff; 8]), ["'order'", "18446744073709551615 bytes"]),
-        (change(row(Section::Order) + 16, &(length as u64 - 8).to_le_bytes()), ["'first entries'", "lies at"]),
+        (change(row(Section::Order) + 16, &(length as u64 - 8).to_le_bytes()), ["'face sizes'", "lies at"]),
         (change(row(Section::Order) + 16, &(length as u64 - 4).to_le_bytes()), ["'order'", ""]),
     ] {
         assert!(parts.iter().all(|p| text.contains(p)), "{text}");
@@ -285,22 +352,30 @@ fn contents_are_checked_behind_right_checksums() {
         (&small, Meta, 3, giant, "'meta': names 4294967295 targets"),
         (&small, Meta, 3, 60_000, "'names': ends before the name of target"),
         (&small, Meta, 3, 3, "bytes after the last name"),
-        (&small, Meta, 4, giant, "'first entries': has"),
-        (&small, Meta, 5, giant, "'entry targets': has"),
-        (&small, Meta, 6, giant, "'words': has"),
-        (&small, Meta, 7, giant, "'face sizes': has"),
-        (&small, Meta, 8, giant, "'face corners': has"),
-        (&small, Meta, 9, giant, "'texcoords': has"),
-        (&small, Meta, 10, nan, "a step of NaN"),
-        (&small, Meta, 11, 3f32.to_bits(), "a step of 3"),
-        (&small, Meta, 11, f32::MIN_POSITIVE.to_bits() >> 1, "no power of two"),
-        (&small, Meta, 11, 2f32.powi(120).to_bits(), "the normals of entry 0 are up to"),
-        (&small, Meta, 10, 2f32.powi(120).to_bits(), "too large for single precision"),
-        (&small, Meta, 12, nan, "a diagonal of NaN"),
-        (&small, Meta, 12, (-1f32).to_bits(), "a diagonal of -1"),
-        (&small, Meta, 13, inf, "weights up to inf"),
-        (&small, Meta, 14, nan, "tolerances of NaN"),
-        (&small, Meta, 17, giant, "names an error of NaN"),
+        (&small, Meta, 4, giant, "'face sizes': has"),
+        (&small, Meta, 5, giant, "'face corners': has"),
+        (&small, Meta, 6, giant, "'texcoords': has"),
+        (&small, Meta, 7, nan, "a diagonal of NaN"),
+        (&small, Meta, 7, (-1f32).to_bits(), "a diagonal of -1"),
+        (&small, Meta, 8, inf, "weights up to inf"),
+        (&small, Meta, 9, nan, "tolerances of NaN"),
+        (&small, Group, 0, giant, "'group': has 56 bytes, 68719476744 expected"),
+        (&small, Group, 0, 1, "'group': has 56 bytes, 40 expected"),
+        (&small, Group, 1, giant, "'first entries': has"),
+        (&small, Group, 2, giant, "'entry targets': has"),
+        (&small, Group, 3, giant, "'words': has"),
+        (&small, Group, 4, nan, "a step of NaN"),
+        (&small, Group, 5, 3f32.to_bits(), "a step of 3"),
+        (&small, Group, 5, f32::MIN_POSITIVE.to_bits() >> 1, "no power of two"),
+        (&small, Group, 5, 2f32.powi(120).to_bits(), "entry 0 has numbers up to"),
+        (&small, Group, 4, 2f32.powi(120).to_bits(), "too large for single precision"),
+        (&small, Group, 6, 6, "'group': names a stream 0x6"),
+        (&small, Group, 6, 0x101, "'group': names a stream 0x101"),
+        (&small, Group, 6, 0x1_0004, "'group': names a stream 0x10004"),
+        (&small, Group, 6, 2, "'group': holds other streams"),
+        (&small, Group, 10, 0x104, "'group': holds other streams"),
+        (&small, Group, 7, 1, "'group': names a stream"),
+        (&small, Group, 9, giant, "'group': names an error of NaN"),
         (&small, Names, 0, giant, "'names': ends within the name of the mesh, which has 4294967295 bytes"),
         (&small, Names, 1, giant, "'names': the name of the mesh is not UTF-8"),
         (&small, Base, 7, nan, "the base pose of packed vertex 1 is NaN"),
@@ -327,13 +402,27 @@ fn contents_are_checked_behind_right_checksums() {
         (&floats, CornerTexcoords, 0, 2, "texture coordinate 2, there are 2"),
         (&floats, Texcoords, 3, inf, "texture coordinate 1 is"),
     ] {
-        let text = message(&with_word(asset, section, word, value));
+        let text = message(&with_word(asset, (section, 0), word, value));
         assert!(text.contains(part), "{section:?} {word} {value:#x}: {text}");
     }
     // Deltas of vertices that are not there: the second block of 64 has 6.
     let last_entry = span(&floats.to_bytes().unwrap(), Words).1 / 4 - 6 * 64;
-    let text = message(&with_word(&floats, Words, last_entry + 60, 1f32.to_bits()));
+    let text = message(&with_word(&floats, (Words, 0), last_entry + 60, 1f32.to_bits()));
     assert!(text.contains("block 1 moves vertices that the mesh does not have"), "{text}");
+    let streams = with_streams(DeltaFormat::Fast);
+    for (place, word, value, part) in [
+        ((Group, 1), 0, 3, "'group' of group 1: has"),
+        ((Group, 1), 6, 4, "'group' of group 1: holds other streams"),
+        ((Group, 2), 6, 4, "holds other streams"),
+        ((Group, 2), 9, giant, "'group' of group 2: names an error"),
+        ((Base, 1), 3, nan, "the blocks of group 1 do not fit together: the base pose"),
+        ((Words, 2), 0, 24 << 8, "the blocks of group 2 do not fit together: entry 0 has shifts"),
+        ((Group, 1), 4, 2f32.powi(120).to_bits(), "entry 0 has numbers up to"),
+        ((EntryTargets, 2), 0, 65_535, "the blocks of group 2 do not fit together: the targets of block 0"),
+    ] {
+        let text = message(&with_word(&streams, place, word, value));
+        assert!(text.contains(part), "{place:?} {word} {value:#x}: {text}");
+    }
     // Two targets of one name.
     let mut bytes = small.to_bytes().unwrap();
     let (at, length) = span(&bytes, Names);

@@ -1,35 +1,21 @@
 //! From an asset to the bytes of its file.
 
 use super::Asset;
-use super::table::join;
+use super::meta::{GroupMeta, Meta};
+use super::table::{GROUPS_MAX, Section, join};
 use crate::error::{Error, Result};
 use crate::pack::POSE_FLOATS;
 use crate::pack::blocks::BlockIndex;
 
-/// The bytes of `asset`, whose blocks are `index`.
-pub(super) fn bytes(asset: &Asset, index: &BlockIndex) -> Result<Vec<u8>> {
-    let (layout, words) = (asset.mesh.layout(), asset.mesh.words());
-    let faces = &asset.faces;
-    let counts = [
-        layout.vertex_count,
-        layout.targets.len(),
-        index.count(),
-        index.entry_count(),
-        words.len(),
-        faces.sizes.len(),
-        faces.corners.len(),
-        asset.texcoords.len(),
-    ];
-    if let Some(n) = counts.iter().find(|n| u32::try_from(**n).is_err()) {
-        return Err(Error::invalid(format!("mesh '{}' has {n} of something", layout.name), "split the mesh"));
+/// The bytes of `asset`, whose groups have blocks.
+pub(super) fn bytes(asset: &Asset) -> Result<Vec<u8>> {
+    let (layout, faces) = (asset.mesh.layout(), &asset.faces);
+    let meta = Meta::of(asset)?;
+    let groups = asset.mesh.groups();
+    if groups.len() > GROUPS_MAX {
+        let what = format!("mesh '{}' has {} groups of streams; a file has {GROUPS_MAX}", layout.name, groups.len());
+        return Err(Error::invalid(what, "leave streams out"));
     }
-    let steps = index.steps();
-    let floats =
-        [steps[0], steps[1], layout.diagonal, index.weight_max(), asset.tolerance.position, asset.tolerance.normal];
-    let mut meta = u32s([layout.format.row().id, index.size() as u32].into_iter().chain(counts.map(|n| n as u32)));
-    meta.extend(f32s(&floats));
-    meta.extend([index.error().position, index.error().normal_degrees].into_iter().flat_map(f64::to_le_bytes));
-
     let mut names = vec![];
     for name in std::iter::once(&layout.name).chain(layout.targets.iter().map(|t| &t.name)) {
         let length = u32::try_from(name.len())
@@ -41,25 +27,33 @@ pub(super) fn bytes(asset: &Asset, index: &BlockIndex) -> Result<Vec<u8>> {
     if faces.corners.iter().any(|c| c.texcoord.is_some()) {
         corner_texcoords = u32s(faces.corners.iter().map(|c| c.texcoord.unwrap_or(u32::MAX)));
     }
-    Ok(join(&[
-        meta,
-        names,
-        f32s(&asset.mesh.base()[..layout.vertex_count * POSE_FLOATS]),
-        u32s(index.order().iter().copied()),
-        u32s(index.first_entries().iter().copied()),
-        u32s(index.entry_targets().iter().copied()),
-        u32s(words.iter().copied()),
-        u32s(faces.sizes.iter().copied()),
-        u32s(faces.corners.iter().map(|c| c.position)),
-        corner_texcoords,
-        u32s(asset.texcoords.iter().flat_map(|t| t.to_array().map(f32::to_bits))),
-    ]))
+    let order = layout.blocks.as_deref().map_or(&[][..], BlockIndex::order);
+    let mut contents = vec![
+        ((Section::Meta, 0), meta.to_bytes()),
+        ((Section::Names, 0), names),
+        ((Section::Order, 0), u32s(order.iter().copied())),
+        ((Section::FaceSizes, 0), u32s(faces.sizes.iter().copied())),
+        ((Section::FaceCorners, 0), u32s(faces.corners.iter().map(|c| c.position))),
+        ((Section::CornerTexcoords, 0), corner_texcoords),
+        ((Section::Texcoords, 0), u32s(asset.texcoords.iter().flat_map(|t| t.to_array().map(f32::to_bits)))),
+    ];
+    for (i, group) in groups.iter().enumerate() {
+        let Some(index) = group.layout().blocks.as_deref() else { continue };
+        contents.extend([
+            ((Section::Group, i), GroupMeta::of(group, index)?.to_bytes()),
+            ((Section::Base, i), f32s(&group.base()[..layout.vertex_count * POSE_FLOATS])),
+            ((Section::FirstEntries, i), u32s(index.first_entries().iter().copied())),
+            ((Section::EntryTargets, i), u32s(index.entry_targets().iter().copied())),
+            ((Section::Words, i), u32s(group.deltas().iter().copied())),
+        ]);
+    }
+    Ok(join(&contents))
 }
 
-fn u32s(values: impl Iterator<Item = u32>) -> Vec<u8> {
+pub(super) fn u32s(values: impl Iterator<Item = u32>) -> Vec<u8> {
     values.flat_map(u32::to_le_bytes).collect()
 }
 
-fn f32s(values: &[f32]) -> Vec<u8> {
+pub(super) fn f32s(values: &[f32]) -> Vec<u8> {
     u32s(values.iter().map(|v| v.to_bits()))
 }

@@ -27,7 +27,7 @@ fn run(mesh: &PackedMesh, index: &BlockIndex, exact: Option<ExactGrid>, list: &W
         let part = item.block as usize * floats..(item.block as usize + 1) * floats;
         let source =
             item.source.filter(|&s| s != item.destination).map(|s| device.slots[s as usize][part.clone()].to_vec());
-        let block = Block::new(mesh, index, list, i, source.as_deref());
+        let block = Block::new(mesh.surface(), index, list, i, source.as_deref());
         let sums = exact.map(|grid| (&mut device.sums[part.clone()], grid));
         block.run(&mut device.slots[item.destination as usize][part], sums, &mut ());
     }

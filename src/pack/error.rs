@@ -1,0 +1,88 @@
+//! Errors of poses and deltas, by what the numbers mean.
+
+use super::POSE_FLOATS;
+use crate::asset::streams::{Measure, Semantic, StreamPlace};
+use glam::DVec3;
+
+/// The largest errors of a pose, or of each target at weight 1; 0 for what is not there. NaN when the pose holds one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PoseError {
+    /// Largest distance of a vertex from where it should be, in input units.
+    pub position: f64,
+    /// Largest angle between normals, after normalisation, in degrees.
+    pub normal_degrees: f64,
+    /// Largest angle between tangents, after normalisation, in degrees.
+    pub tangent_degrees: f64,
+    /// Largest difference of any number of other streams: texture coordinates, colours.
+    pub absolute: f64,
+}
+
+impl PoseError {
+    /// Within no bound.
+    pub(crate) const NAN: Self =
+        Self { position: f64::NAN, normal_degrees: f64::NAN, tangent_degrees: f64::NAN, absolute: f64::NAN };
+
+    /// The larger of both, each.
+    pub fn max(self, other: Self) -> Self {
+        // f64::max would drop a NaN.
+        let worse = |a: f64, b: f64| if a.is_nan() || a > b { a } else { b };
+        Self {
+            position: worse(self.position, other.position),
+            normal_degrees: worse(self.normal_degrees, other.normal_degrees),
+            tangent_degrees: worse(self.tangent_degrees, other.tangent_degrees),
+            absolute: worse(self.absolute, other.absolute),
+        }
+    }
+
+    /// Whether distances are within `position`, and angles of normals and tangents within `degrees`.
+    pub fn within(&self, position: f64, degrees: f64) -> bool {
+        self.position <= position && self.normal_degrees <= degrees && self.tangent_degrees <= degrees
+    }
+
+    /// The error of a stream.
+    pub fn of(&self, semantic: Semantic) -> f64 {
+        match semantic {
+            Semantic::Position => self.position,
+            Semantic::Normal => self.normal_degrees,
+            Semantic::Tangent => self.tangent_degrees,
+            Semantic::TexCoord(_) | Semantic::Color(_) => self.absolute,
+        }
+    }
+
+    pub(crate) fn set(&mut self, semantic: Semantic, error: f64) {
+        match semantic {
+            Semantic::Position => self.position = error,
+            Semantic::Normal => self.normal_degrees = error,
+            Semantic::Tangent => self.tangent_degrees = error,
+            Semantic::TexCoord(_) | Semantic::Color(_) => self.absolute = error,
+        }
+    }
+}
+
+/// How far the numbers of one vertex of a group are from what they should be; `angle` in degrees.
+pub(crate) fn stream_errors(
+    streams: &[StreamPlace],
+    got: &[f64; POSE_FLOATS],
+    want: &[f64; POSE_FLOATS],
+    angle: impl Fn(DVec3, DVec3) -> f64,
+) -> PoseError {
+    let mut worst = PoseError::default();
+    for place in streams {
+        let numbers = place.morphing_components();
+        let vector = |of: &[f64; POSE_FLOATS]| DVec3::from_slice(&of[numbers.clone()]);
+        let mut error = PoseError::default();
+        error.set(
+            place.semantic,
+            match place.semantic.measure() {
+                Measure::Length => vector(got).distance(vector(want)),
+                Measure::Angle => angle(vector(got), vector(want)),
+                Measure::Absolute => {
+                    let differences = numbers.map(|c| (got[c] - want[c]).abs());
+                    differences.fold(0.0, |worst, d| if d.is_nan() || d > worst { d } else { worst })
+                }
+            },
+        );
+        worst = error.max(worst);
+    }
+    worst
+}
