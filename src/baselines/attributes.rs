@@ -1,5 +1,5 @@
-//! The `direct-attributes` path (Gerdelan): the draw itself has the active targets as vertex attributes, next to the base
-//! pose, and their weights as push constants. As many targets can be active as the device has attributes for.
+//! The `direct-attributes` path (Gerdelan): the draw itself has the active targets as vertex attributes, next to the
+//! base pose, and their weights as push constants. As many targets can be active as the device has attributes for.
 
 use super::draws::{Capture, Draws, draw_stats, no_capture, one_pass};
 use super::vertex_store::{StoreSets, VertexStore};

@@ -1,5 +1,6 @@
-//! The `direct` path: the vertex shader of the draw evaluates all active targets in every draw, from deltas in a storage
-//! buffer (Costigan et al., Algorithm 1; Bevy, three.js and Filament do it so, with textures in the place of buffers).
+//! The `direct` path: the vertex shader of the draw evaluates all active targets in every draw, from deltas in a
+//! storage buffer (Costigan et al., Algorithm 1; Bevy, three.js and Filament do it so, with textures in the place of
+//! buffers).
 
 use super::draws::{Capture, Draws, draw_stats, no_capture, one_pass};
 use crate::abi::modules::{DIRECT, DIRECT_FEEDBACK, DIRECT_STORE};

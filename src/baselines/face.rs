@@ -65,9 +65,9 @@ impl MorphEngine {
         Ok(())
     }
 
-    /// Record the draw of one head as [`record_draws`](Self::record_draws) does, and capture the pose that it evaluates:
-    /// by transform feedback, or else by stores of the vertex shader, as the device has it. The crowd has room for one
-    /// pose. Barriers are recorded as for an update through `feedback` or `vertex-store`.
+    /// Record the draw of one head as [`record_draws`](Self::record_draws) does, and capture the pose that it
+    /// evaluates: by transform feedback, or else by stores of the vertex shader, as the device has it. The crowd has
+    /// room for one pose. Barriers are recorded as for an update through `feedback` or `vertex-store`.
     ///
     /// # Errors
     /// As [`record_draws`](Self::record_draws); a device that has neither.

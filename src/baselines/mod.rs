@@ -1,8 +1,8 @@
 //! The techniques that others published, to be compared with ours: a file per technique, each of which implements
 //! [`Technique`](crate::update::technique::Technique) as ours do.
 //!
-//! `vertex-store` is a dense path with another kernel, `scatter` adds into integer sums, and the direct paths evaluate the
-//! pose in every draw (`draws`); `face` is what they add to [`MorphEngine`](crate::engine::MorphEngine).
+//! `vertex-store` is a dense path with another kernel, `scatter` adds into integer sums, and the direct paths evaluate
+//! the pose in every draw (`draws`); `face` is what they add to [`MorphEngine`](crate::engine::MorphEngine).
 
 mod attributes;
 mod direct;

@@ -117,8 +117,8 @@ impl Passes for StorePasses {
     unsafe fn record(&self, cmd: vk::CommandBuffer, _frame: u64, work: &Work, coefficients: &[Coefficient]) {
         let pass = VertexPass::new(&self.mesh, &self.poses, work, coefficients);
         let sets = self.stores.of(work.instance * self.poses.slots + work.destination);
-        // SAFETY: the caller's obligations; source and destination are different slots: the plan alternates; the sets were
-        // written for this mesh and crowd.
+        // SAFETY: the caller's obligations; source and destination are different slots: the plan alternates; the sets
+        // were written for this mesh and crowd.
         unsafe { self.kernel.record(cmd, &pass, sets) };
     }
 

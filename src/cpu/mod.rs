@@ -63,8 +63,9 @@ impl CpuCrowd {
     /// caller's thread does the work.
     ///
     /// # Errors
-    /// As [`UpdateDesc::check`]; a path that isn't [`UpdatePath::Cpu`]; threads that cannot be started; more poses than there
-    /// is memory. Exact sums or an error budget for a dense format; for block formats, as [`BlockState::new`].
+    /// As [`UpdateDesc::check`]; a path that isn't [`UpdatePath::Cpu`](crate::plan::UpdatePath::Cpu); threads that
+    /// cannot be started; more poses than there is memory. Exact sums or an error budget for a dense format; for block
+    /// formats, as [`BlockState::new`].
     pub fn new(mesh: Arc<PackedMesh>, desc: UpdateDesc, instances: usize, threads: usize) -> Result<Self> {
         desc.check_all(Some(mesh.layout()), Runner::Cpu)?;
         let (layout, slots) = (mesh.layout(), desc.slots as usize);
@@ -127,8 +128,8 @@ impl CpuCrowd {
         Ok(())
     }
 
-    /// Hide `instance`, or show it again: a hidden one is left out of updates and keeps its pose; the first pose after it
-    /// has itself as previous pose.
+    /// Hide `instance`, or show it again: a hidden one is left out of updates and keeps its pose; the first pose after
+    /// it has itself as previous pose.
     ///
     /// # Errors
     /// An instance out of range or removed.

@@ -66,8 +66,8 @@ macro_rules! crowd {
             }
 
             /// Add an instance, in a place that [`remove`](Self::remove) freed: shown, with all weights 0. The next
-            /// update writes its pose from base. A crowd begins with all its [`CrowdDesc::instances`] in place, and has no
-            /// room for more.
+            /// update writes its pose from base. A crowd begins with all its [`CrowdDesc::instances`] in place, and has
+            /// no room for more.
             ///
             /// # Errors
             /// No free place.
@@ -88,7 +88,8 @@ macro_rules! crowd {
             /// discarded before stays so: nothing changes then.
             ///
             /// That none of them will run is an obligation of the caller, named in the `# Safety` section of
-            /// [`record_update`](super::MorphEngine::record_update): the next update takes over the memory of their lists.
+            /// [`record_update`](super::MorphEngine::record_update): the next update takes over the memory of their
+            /// lists.
             ///
             /// # Errors
             /// A ticket of another crowd.
@@ -110,9 +111,9 @@ macro_rules! crowd {
                 self.base.pose(instance)
             }
 
-            /// The pose of `instance` before its last update: the pose itself when nothing changed, on its first update,
-            /// and after [`cut`](Self::cut); `None` where the update had to overwrite it (one slot; several feedback
-            /// passes in two slots), and on direct paths.
+            /// The pose of `instance` before its last update: the pose itself when nothing changed, on its first
+            /// update, and after [`cut`](Self::cut); `None` where the update had to overwrite it (one slot; several
+            /// feedback passes in two slots), and on direct paths.
             ///
             /// # Errors
             /// As [`pose`](Self::pose).
@@ -130,8 +131,8 @@ impl Crowd {
     /// Request these weights, one per target in the mesh's order, from the next recorded update on.
     ///
     /// # Errors
-    /// An instance out of range or removed; a wrong number of weights; one that is not finite or out of range; more active
-    /// targets than a draw of `direct-attributes` takes. Nothing changes then.
+    /// An instance out of range or removed; a wrong number of weights; one that is not finite or out of range; more
+    /// active targets than a draw of `direct-attributes` takes. Nothing changes then.
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
         let CrowdBase { technique, mesh, instances, .. } = &mut self.base;
         check_weights(weights, &mesh.layout, technique.exact())?;

@@ -138,17 +138,19 @@ impl MorphEngine {
         Ok(())
     }
 
-    /// Make a crowd whose instances play clips on the GPU, and record the upload of the clips. Each update samples every
-    /// instance at the time set, plans, and carries the plan out; the CPU records the same commands whatever changes.
+    /// Make a crowd whose instances play clips on the GPU, and record the upload of the clips. Each update samples
+    /// every instance at the time set, plans, and carries the plan out; the CPU records the same commands whatever
+    /// changes.
     ///
-    /// Sums are exact: they do not drift, and there is no bound to keep. With an error budget, changes are deferred target
-    /// by target ([`Budget`](crate::update::animated::Budget)). Slots always rotate. Instances that have played
-    /// nothing yet show the base pose. What an update wrote only the GPU knows: [`UpdateStats`](crate::plan::UpdateStats)
-    /// count a pass, and nothing else. There is no ring of lists either: any number of updates may be in flight.
+    /// Sums are exact: they do not drift, and there is no bound to keep. With an error budget, changes are deferred
+    /// target by target ([`Budget`](crate::update::animated::Budget)). Slots always rotate. Instances that have played
+    /// nothing yet show the base pose. What an update wrote only the GPU knows:
+    /// [`UpdateStats`](crate::plan::UpdateStats) count a pass, and nothing else. There is no ring of lists either: any
+    /// number of updates may be in flight.
     ///
-    /// An update that is [discarded](AnimatedCrowd::discard) changed nothing: the poses are those of the update before, and
-    /// the next update does what it would have done. Only instances that it added have no pose until then, and such as came
-    /// and went several times in the updates discarded.
+    /// An update that is [discarded](AnimatedCrowd::discard) changed nothing: the poses are those of the update before,
+    /// and the next update does what it would have done. Only instances that it added have no pose until then, and such
+    /// as came and went several times in the updates discarded.
     ///
     /// This records: a copy and two fills, and a barrier that makes them visible to updates (first stage TRANSFER with
     /// TRANSFER_WRITE; last COMPUTE_SHADER).
@@ -161,8 +163,8 @@ impl MorphEngine {
     /// instances, clips or entries than the device's storage range holds, with the numbers. Nothing is recorded then.
     ///
     /// # Safety
-    /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and without
-    ///   active conditional rendering, on a queue with graphics and compute.
+    /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
+    ///   without active conditional rendering, on a queue with graphics and compute.
     /// - It runs before any update of the crowd, exactly once; where it never does, the crowd is not updated.
     /// - The value returned is dropped only when the device no longer uses it.
     pub unsafe fn create_animated_crowd(

@@ -13,7 +13,8 @@ impl MorphEngine {
     /// This records: nothing when no weight changed; otherwise the passes of the plan with the barriers they
     /// need. First stages: those of the [consumers](super::CrowdDesc::consumers) (reads of earlier poses) and the
     /// path's own; last: the consumers', by default VERTEX_INPUT with VERTEX_ATTRIBUTE_READ and VERTEX_SHADER with
-    /// SHADER_READ, so that draws recorded next may read [`Crowd::pose`](super::Crowd::pose) and [`Crowd::previous_pose`](super::Crowd::previous_pose) as vertex attributes or storage buffers.
+    /// SHADER_READ, so that draws recorded next may read [`Crowd::pose`](super::Crowd::pose) and
+    /// [`Crowd::previous_pose`](super::Crowd::previous_pose) as vertex attributes or storage buffers.
     ///
     /// It binds over: the compute pipeline, its set 0 and push constants (`compute`, `blocks`, `scatter`); the graphics
     /// pipeline, vertex bindings from 0 on, push constants and transform-feedback binding 0 (`feedback`), or set 0
@@ -22,24 +23,26 @@ impl MorphEngine {
     /// The direct paths record nothing: their update is a list of weights for [`record_draws`](Self::record_draws).
     ///
     /// The caller is responsible for: submitting `cmd` exactly once, after all earlier updates of the crowd,
-    /// or calling [`Crowd::discard`](super::Crowd::discard) with the ticket; having at most [`CrowdDesc::frames_in_flight`](super::CrowdDesc::frames_in_flight) updates
-    /// unfinished, this one included; binding its own state anew; barriers of its own where other stages than
-    /// those named read or have read poses.
+    /// or calling [`Crowd::discard`](super::Crowd::discard) with the ticket; having at most
+    /// [`CrowdDesc::frames_in_flight`](super::CrowdDesc::frames_in_flight) updates unfinished, this one included;
+    /// binding its own state anew; barriers of its own where other stages than those named read or have read poses.
     ///
     /// # Errors
     /// A crowd that another engine made. Nothing is recorded then.
     ///
     /// # Safety
-    /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and without
-    ///   active conditional rendering (the state of the crowd takes the update as done), on a queue with graphics and
-    ///   compute.
-    /// - It runs exactly once, after the upload of the mesh and all earlier updates of the crowd, and before later ones; or it
-    ///   never runs, and [`Crowd::discard`](super::Crowd::discard) is called with the ticket before any later update is recorded.
-    /// - A ticket is discarded only if neither its update nor any later one of the crowd runs: the next update takes over the
-    ///   memory of their lists.
-    /// - With this one, at most [`CrowdDesc::frames_in_flight`](super::CrowdDesc::frames_in_flight) updates of the crowd are recorded and not yet finished.
-    /// - After an error or a panic nothing of the update counts as done; `cmd` may hold some of its commands after a panic, and
-    ///   is not run then.
+    /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
+    ///   without active conditional rendering (the state of the crowd takes the update as done), on a queue with
+    ///   graphics and compute.
+    /// - It runs exactly once, after the upload of the mesh and all earlier updates of the crowd, and before later
+    ///   ones; or it never runs, and [`Crowd::discard`](super::Crowd::discard) is called with the ticket before any
+    ///   later update is recorded.
+    /// - A ticket is discarded only if neither its update nor any later one of the crowd runs: the next update takes
+    ///   over the memory of their lists.
+    /// - With this one, at most [`CrowdDesc::frames_in_flight`](super::CrowdDesc::frames_in_flight) updates of the
+    ///   crowd are recorded and not yet finished.
+    /// - After an error or a panic nothing of the update counts as done; `cmd` may hold some of its commands after a
+    ///   panic, and is not run then.
     /// - Engine, mesh and crowd live until the device has finished.
     pub unsafe fn record_update(&self, cmd: vk::CommandBuffer, crowd: &mut impl AnyCrowd) -> Result<Update> {
         let (mut crowds, mut update) = ([crowd.base_mut()], None);
@@ -49,8 +52,8 @@ impl MorphEngine {
         update.ok_or_else(|| Error::invalid("an update of no crowd", "name one or more"))
     }
 
-    /// Record the updates of several crowds, of either kind, as [`record_update`](Self::record_update) does for one. They
-    /// share their barriers: one before all, one after all, and between only those that the longest of them needs.
+    /// Record the updates of several crowds, of either kind, as [`record_update`](Self::record_update) does for one.
+    /// They share their barriers: one before all, one after all, and between only those that the longest of them needs.
     /// Returns the updates in the order of `crowds`.
     ///
     /// # Errors

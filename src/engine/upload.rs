@@ -56,8 +56,8 @@ impl MorphEngine {
     /// A mesh that exceeds the device's limits, with the numbers; no memory.
     ///
     /// # Safety
-    /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and without
-    ///   active conditional rendering, on a queue with graphics and compute.
+    /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
+    ///   without active conditional rendering, on a queue with graphics and compute.
     /// - It runs before any update of the mesh, exactly once; where it never does, no crowd of the mesh is updated.
     /// - The value returned is dropped only when the device no longer uses it.
     pub unsafe fn upload(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {

@@ -94,8 +94,8 @@ pub(crate) fn chunk_bytes(layout: &PackedLayout) -> u64 {
     (layout.chunk_vertices * layout.targets.len() * layout.format.stride()) as u64
 }
 
-/// Bytes of the buffer of deltas: whole chunks, so that one descriptor range fits at every chunk's offset; in blocks the
-/// buffer that holds headers, deltas and base pose.
+/// Bytes of the buffer of deltas: whole chunks, so that one descriptor range fits at every chunk's offset; in blocks
+/// the buffer that holds headers, deltas and base pose.
 pub(crate) fn deltas_bytes(layout: &PackedLayout) -> u64 {
     match layout.format.is_blocks() {
         true => layout.index_bytes() + layout.delta_bytes() + layout.pose_bytes(),

@@ -1,8 +1,8 @@
 //! Below the gpu line: everything that calls Vulkan.
 //!
 //! Files by Vulkan concern: [`caps`] (what a device can do), [`device`] (the host's device, borrowed),
-//! `memory`, `ring` (lists that the host writes), `mesh` (an uploaded mesh), `descriptors`, `pipelines`, `kernels` (those
-//! made so far), `barriers`. No file here knows a technique.
+//! `memory`, `ring` (lists that the host writes), `mesh` (an uploaded mesh), `descriptors`, `pipelines`, `kernels`
+//! (those made so far), `barriers`. No file here knows a technique.
 
 pub(crate) mod barriers;
 pub mod caps;

@@ -3,9 +3,9 @@
 //! No validation layer sees a missing barrier around transform-feedback writes, so this does, for every technique. It
 //! reads works and barriers as data, follows every instance and slot, and does not know how barriers are derived. The
 //! model is Vulkan's for global memory barriers: a write must be made available and visible to a later read or write
-//! (RAW, WAW), and a read must be finished before a later write (WAR); dependencies chain where a barrier's first stages
-//! cover the second stages of an earlier one. Works of one step may run at the same time: none may write what another
-//! uses.
+//! (RAW, WAW), and a read must be finished before a later write (WAR); dependencies chain where a barrier's first
+//! stages cover the second stages of an earlier one. Works of one step may run at the same time: none may write what
+//! another uses.
 
 use super::schedule::{Barrier, Entry};
 use super::steps::{Access, Stage, Work};

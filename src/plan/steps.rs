@@ -97,8 +97,8 @@ pub enum Resource {
     Sums,
     /// Clips, and which targets touch which blocks.
     Tables,
-    /// What instances play, weights that are animated on the GPU, and which updates touched the blocks: one buffer, which
-    /// synchronization validation takes as a whole.
+    /// What instances play, weights that are animated on the GPU, and which updates touched the blocks: one buffer,
+    /// which synchronization validation takes as a whole.
     State,
     /// Work lists that the GPU writes.
     WorkList,

@@ -26,9 +26,9 @@ impl UpdateDesc {
     /// Check the description.
     ///
     /// # Errors
-    /// A batch size of 0; no slot, or too few slots for the path; a tolerance or budget that is no length, or exact sums
-    /// or a budget on a dense path; incremental updates of a path that only rebuilds; `scatter` with anything but exact
-    /// sums.
+    /// A batch size of 0; no slot, or too few slots for the path; a tolerance or budget that is no length, or exact
+    /// sums or a budget on a dense path; incremental updates of a path that only rebuilds; `scatter` with anything but
+    /// exact sums.
     pub fn check(&self) -> Result<()> {
         self.check_all(None, Runner::Unknown)
     }
@@ -46,8 +46,8 @@ impl UpdateDesc {
     ///
     /// # Errors
     /// As [`check_for`](Self::check_for); a path that the runner does not have, or that the device cannot run; a batch
-    /// size beyond [`DeviceCaps::batch_max`]; a format that the path does not take; blocks larger than a workgroup; what
-    /// cannot be animated on the GPU.
+    /// size beyond [`DeviceCaps::batch_max`]; a format that the path does not take; blocks larger than a workgroup;
+    /// what cannot be animated on the GPU.
     pub(crate) fn check_all(&self, layout: Option<&PackedLayout>, runner: Runner<'_>) -> Result<()> {
         self.check_alone()?;
         let (caps, animated) = match runner {

@@ -6,10 +6,10 @@
 //! Σ |requested − held| · reach ≤ budget        over the targets that touch the block
 //! ```
 //!
-//! with the reach of a target in a block (its longest position delta there) in steps, rounded up: integers of 64 bits, so
-//! that GPU and CPU decide alike. A block beyond the budget lets all that waits in it go. A head that asks for what it
-//! asked for in the update before settles: all goes. Planners on the CPU let changes wait entry by entry, which saves
-//! more and takes more memory.
+//! with the reach of a target in a block (its longest position delta there) in steps, rounded up: integers of 64 bits,
+//! so that GPU and CPU decide alike. A block beyond the budget lets all that waits in it go. A head that asks for what
+//! it asked for in the update before settles: all goes. Planners on the CPU let changes wait entry by entry, which
+//! saves more and takes more memory.
 
 use crate::error::Result;
 use crate::pack::blocks::BlockIndex;

@@ -180,8 +180,8 @@ impl Clips {
         self.clips[clip].fps
     }
 
-    /// What 16-bit keys lost of a clip: the largest change of a weight. 0 for 32-bit keys. The grid's own rounding, half
-    /// a [`weight_step`](ExactGrid::weight_step), comes on top.
+    /// What 16-bit keys lost of a clip: the largest change of a weight. 0 for 32-bit keys. The grid's own rounding,
+    /// half a [`weight_step`](ExactGrid::weight_step), comes on top.
     ///
     /// # Panics
     /// When there is no such clip.

@@ -56,7 +56,8 @@ impl AnimationKernel {
     ///
     /// # Safety
     /// - As [`bind`](Self::bind).
-    /// - `set` was made by [`sets`](Self::sets) and lives until the dispatch has run; its buffers hold what `push` says.
+    /// - `set` was made by [`sets`](Self::sets) and lives until the dispatch has run; its buffers hold what `push`
+    ///   says.
     /// - There are no more `groups` than the device allows.
     pub(crate) unsafe fn dispatch(
         &self,

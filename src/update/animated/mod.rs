@@ -1,8 +1,9 @@
-//! Animation on the GPU: clips are sampled, planned and applied there, and the CPU records the same steps whatever moves.
+//! Animation on the GPU: clips are sampled, planned and applied there, and the CPU records the same steps whatever
+//! moves.
 //!
-//! `sample` has time, keys and interpolation, `clips` what is uploaded once, `playback` what each instance plays, `budget`
-//! which changes are deferred; `reference` does on the CPU what the kernels do. `steps` and `layout` are an update as data
-//! and where everything lies, `technique` and `gpu` carry it out.
+//! `sample` has time, keys and interpolation, `clips` what is uploaded once, `playback` what each instance plays,
+//! `budget` which changes are deferred; `reference` does on the CPU what the kernels do. `steps` and `layout` are an
+//! update as data and where everything lies, `technique` and `gpu` carry it out.
 
 mod budget;
 mod clips;

@@ -1,5 +1,5 @@
-//! The CPU reference of the kernels that sample and plan, `glsl/animate.comp` to `glsl/plan.comp`: the planner of the block
-//! formats, with a few choices made.
+//! The CPU reference of the kernels that sample and plan, `glsl/animate.comp` to `glsl/plan.comp`: the planner of the
+//! block formats, with a few choices made.
 
 use super::budget::{Budget, Deferred};
 use super::clips::Clips;

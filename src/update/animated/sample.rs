@@ -17,7 +17,8 @@
 //!
 //! A tick times a rate is 2⁻³² frames, so the product needs no scaling. Looping clips take whole frames modulo their
 //! number, and the frame after the last is the first; others hold their last frame. A clip played backwards counts its
-//! frames from the end. [`Playbacks`](super::Playbacks) starts records anew, exactly where they are, long before `elapsed` runs out of bits.
+//! frames from the end. [`Playbacks`](super::Playbacks) starts records anew, exactly where they are, long before
+//! `elapsed` runs out of bits.
 //!
 //! # Weights
 //! With k₀ and k₁ the keys of this frame and the next, and f the upper 16 bits of the fraction,
@@ -50,7 +51,8 @@ pub enum Repeat {
 pub struct Playback {
     /// Which clip.
     pub clip: u32,
-    /// When it starts, in seconds of the clock that [`Playbacks::set_time`](super::Playbacks::set_time) tells. Before, the first frame is shown.
+    /// When it starts, in seconds of the clock that [`Playbacks::set_time`](super::Playbacks::set_time) tells. Before,
+    /// the first frame is shown.
     pub start: f64,
     /// 1 is the clip's own speed; backwards below 0.
     pub speed: f64,

@@ -170,7 +170,8 @@ impl Animated {
             let mut at = run.start as usize;
             for records in self.playbacks.records()[at..run.end as usize].chunks(RECORDS_MAX) {
                 let (offset, data) = (at * size_of::<HeadRecord>(), bytemuck::cast_slice(records));
-                // SAFETY: the caller's obligations; the records lie within the state, and are no more than Vulkan allows.
+                // SAFETY: the caller's obligations; the records lie within the state, and are no more than Vulkan
+                // allows.
                 unsafe { self.device.raw.cmd_update_buffer(cmd, self.state.raw, offset as u64, data) };
                 at += records.len();
             }
@@ -191,8 +192,8 @@ impl Animated {
             let push = BlocksPush { first_item: item as u32, ..self.block_push };
             let arguments = Workgroups::At(self.control.raw, groups.arguments(group, width as usize, chunk));
             let set = self.block_sets.get(group as usize);
-            // SAFETY: the caller's obligations; the set was written for this mesh and crowd; the arguments lie within the
-            // buffer, which is one of arguments.
+            // SAFETY: the caller's obligations; the set was written for this mesh and crowd; the arguments lie within
+            // the buffer, which is one of arguments.
             unsafe { self.blocks.dispatch(cmd, set, width, &push, arguments) };
         }
     }
@@ -242,8 +243,8 @@ impl Technique for Animated {
                 return;
             }
         };
-        // SAFETY: the caller's obligations; sets and push constants were made for these buffers, and workgroups are no more
-        // than the device allows.
+        // SAFETY: the caller's obligations; sets and push constants were made for these buffers, and workgroups are no
+        // more than the device allows.
         unsafe {
             kernel.bind(cmd, what);
             kernel.dispatch(cmd, self.sets.get(0), push, workgroups);

@@ -60,7 +60,8 @@ proptest! {
             heads.update(&clips);
             let mut steps = [0; TARGETS];
             sample(&clips, &heads.records()[0], heads.now(), &mut steps);
-            // Ticks and rates are rounded: so is the place in the clip. Where it is next to a frame, both sides are looked at.
+            // Ticks and rates are rounded: so is the place in the clip. Where it is next to a frame, both sides are
+            // looked at.
             let slack = 3.0 * 90.0 / TICKS_PER_SECOND + 60.0 / 65_536.0;
             let most = f64::from(grid.weight_step()) + f64::from(clips.rounding(0)) + 2.0 * slack;
             let place = slack / (speed.abs() * 30.0).max(1e-9);
@@ -72,8 +73,8 @@ proptest! {
         }
     }
 
-    /// A record that is started anew goes on exactly where it was, as if it had been played from the beginning; also where
-    /// the clock goes back.
+    /// A record that is started anew goes on exactly where it was, as if it had been played from the beginning; also
+    /// where the clock goes back.
     #[test]
     fn a_record_started_anew_goes_on_where_it_was(
         frames in 1usize..50, fps in 1.0..120.0f32, speed in -2.0..2.0f64, once in any::<bool>(),

@@ -1,6 +1,6 @@
 //! The bound on what accumulation in float32 may have done to a block, and scratch space that planning shares.
 
-/// Scratch space of [`BlockState::plan`], shared by the instances of a crowd.
+/// Scratch space of [`BlockState::plan`](super::BlockState::plan), shared by the instances of a crowd.
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
     /// Per block: the place in the list behind its last element, counted from the instance's first.

@@ -140,8 +140,8 @@ impl<'a> Frame<'a> {
         dirty
     }
 
-    /// With a budget: a block's entries wait while Σ |pending| · reach stays within it, less what rounding may have done
-    /// and may do in this update; a still face settles.
+    /// With a budget: a block's entries wait while Σ |pending| · reach stays within it, less what rounding may have
+    /// done and may do in this update; a still face settles.
     fn commit_entries<T: Unit>(
         &mut self,
         weights: &mut Committed<T>,
@@ -196,7 +196,8 @@ impl<'a> Frame<'a> {
                 waiting |= sum > 0.0;
                 continue;
             }
-            // The largest go until the rest is within the budget; the small ones, noise for the most part, go on waiting.
+            // The largest go until the rest is within the budget; the small ones, noise for the most part, go on
+            // waiting.
             if settle {
                 amounts.fill(GOES);
             } else {

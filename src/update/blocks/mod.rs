@@ -1,8 +1,8 @@
 //! The block formats: only blocks of vertices that a changed target touches are loaded and stored.
 //!
 //! `state` decides what an update writes of an instance, `plan` what it does for a crowd, and in which dispatches;
-//! `tiles` puts several instances together; `technique` and `gpu` carry it out on a device. `shared` is what crowds that
-//! are planned on the GPU take over.
+//! `tiles` puts several instances together; `technique` and `gpu` carry it out on a device. `shared` is what crowds
+//! that are planned on the GPU take over.
 
 mod bound;
 mod commit;

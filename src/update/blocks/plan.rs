@@ -176,7 +176,8 @@ impl Dispatches {
         self.firsts[work.kernel as usize] + work.items.start as usize
     }
 
-    /// What the works of a step read and write: a block of an instance is in one item, so that all are carried out as one.
+    /// What the works of a step read and write: a block of an instance is in one item, so that all are carried out as
+    /// one.
     #[cfg(any(test, feature = "internals"))]
     pub fn accesses(&self, list: &WorkList, works: &[Work]) -> Vec<Accesses> {
         let mut all = Accesses { in_place: true, ..Accesses::default() };

@@ -29,8 +29,8 @@ pub(crate) fn sums_buffer(device: &Arc<Device>, bytes: u64) -> Result<Buffer> {
     Buffer::new(device, &BufferDesc { name: "deltamorph integer sums", bytes, usage, location })
 }
 
-/// Instances that one descriptor set reaches, where other limits allow `most`: as far as the storage range and the names
-/// of poses go, whole tiles where there is more than one group.
+/// Instances that one descriptor set reaches, where other limits allow `most`: as far as the storage range and the
+/// names of poses go, whole tiles where there is more than one group.
 ///
 /// # Errors
 /// Not even one.

@@ -7,9 +7,9 @@
 //!
 //! Each block of each head makes its own choice: apply the changed targets to the pose there is, or rebuild from the
 //! base pose with the active ones, whichever moves fewer bytes of deltas and poses ([`UpdateMode::Incremental`]), and
-//! from the base pose where it is the same: rounding ends there, and heads have that pose in common. A block whose bound
-//! on accumulated rounding would exceed the tolerance is rebuilt in any case. The first time the blocks' limits are
-//! spread out, so that they do not all come due in one frame.
+//! from the base pose where it is the same: rounding ends there, and heads have that pose in common. A block whose
+//! bound on accumulated rounding would exceed the tolerance is rebuilt in any case. The first time the blocks' limits
+//! are spread out, so that they do not all come due in one frame.
 //!
 //! # The bound
 //! Of a block's positions, as a length. With M the largest coordinate that the block can reach, S = Σ|coefficient| ·
@@ -219,8 +219,8 @@ impl BlockState {
         self.emit(&mut frame, update, stats)
     }
 
-    /// The first phase: take `weights` as requested, and decide what of them is applied now. Tells whether the second has
-    /// to follow: where several states have a slot in common, for all of them as soon as one says so.
+    /// The first phase: take `weights` as requested, and decide what of them is applied now. Tells whether the second
+    /// has to follow: where several states have a slot in common, for all of them as soon as one says so.
     pub(super) fn commit(&mut self, frame: &mut Frame<'_>, weights: &[f32]) -> bool {
         self.largest_weight = weights.iter().fold(self.largest_weight, |m, w| m.max(w.abs()));
         (frame.budget, frame.largest_weight) = (self.desc.error_budget, self.largest_weight);

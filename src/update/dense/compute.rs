@@ -127,8 +127,8 @@ impl Passes for ComputePasses {
                 BatchSize::Targets(_) => bytes_of(&dense),
             };
             let (layout, stage) = (self.kernel.objects.layout, vk::ShaderStageFlags::COMPUTE);
-            // SAFETY: the caller's obligations; the sets were written for this mesh and crowd, and this frame's lists are
-            // complete; the push constants are within the layout's range; offsets are multiples of 64 vertices × 12
+            // SAFETY: the caller's obligations; the sets were written for this mesh and crowd, and this frame's lists
+            // are complete; the push constants are within the layout's range; offsets are multiples of 64 vertices × 12
             // bytes or of the list's stride, which satisfy the device's alignment; padded vertices fill whole
             // workgroups, no more than the device has (checked at upload).
             unsafe {
@@ -171,9 +171,10 @@ fn list_entries<'a>(
     })
 }
 
-/// The descriptor sets of a crowd. Poses are bound where they are, and not by dynamic offset: synchronization validation
-/// does not see dynamic offsets and would take the poses of two instances for one piece of memory. So there is for each instance and destination slot, one per source (the base pose, the
-/// slot itself, the slot before) and chunk.
+/// The descriptor sets of a crowd. Poses are bound where they are, and not by dynamic offset: synchronization
+/// validation does not see dynamic offsets and would take the poses of two instances for one piece of memory. So there
+/// is for each instance and destination slot, one per source (the base pose, the slot itself, the slot before) and
+/// chunk.
 struct PassSets {
     slots: u32,
     chunks: usize,

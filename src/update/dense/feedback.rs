@@ -96,7 +96,8 @@ impl Feedback {
         let batch = pass.coefficients.len();
         let push = push_constants(pass.layout, pass.coefficients);
         // SAFETY: the caller's obligations; pipeline, layout and render pass are ours; the push constants are
-        // within the layout's range (no more coefficients than the largest batch); offsets are multiples of the 4 bytes of a component.
+        // within the layout's range (no more coefficients than the largest batch); offsets are multiples of the 4 bytes
+        // of a component.
         unsafe {
             self.objects.begin_render_pass(cmd);
             device.raw.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.objects.pipelines[batch]);
