@@ -7,14 +7,12 @@ mod gpu;
 #[path = "common/scene.rs"]
 mod scene;
 
-use deltamorph::abi::kernels::DeviceTuning;
-use deltamorph::engine::{CrowdDesc, DeviceCaps};
 use deltamorph::headless::{Headless, HeadlessCrowd};
-use deltamorph::mesh::{Tolerance, obj};
-use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::plan::{UpdateDesc, UpdateMode};
-use deltamorph::update::animated::{AnimationDesc, KeyFormat, Playback, Repeat};
-use deltamorph::weights::csv;
+use deltamorph::import::{csv, obj};
+use deltamorph::{
+    AnimationDesc, CrowdDesc, DeltaFormat, DeviceCaps, DeviceTuning, KeyFormat, PackDesc, PackedMesh, Playback, Repeat,
+    Tolerance, UpdateDesc, UpdateMode,
+};
 use scene::{Scene, blocks, clips, crowd, exact, packed};
 use std::sync::Arc;
 

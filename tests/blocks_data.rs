@@ -5,13 +5,13 @@ mod data;
 #[path = "common/gpu.rs"]
 mod gpu;
 
-use deltamorph::cpu::CpuCrowd;
 use deltamorph::headless::HeadlessCrowd;
-use deltamorph::mesh::{MorphMesh, Tolerance, obj};
-use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath, UpdateStats};
+use deltamorph::import::{csv, obj};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::weights::csv;
+use deltamorph::{
+    Accumulate, BatchSize, CpuCrowd, DeltaFormat, MorphMesh, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdatePath,
+    UpdateStats,
+};
 use std::path::Path;
 use std::sync::Arc;
 

@@ -3,12 +3,11 @@
 #[path = "common/gpu.rs"]
 mod gpu;
 
-use deltamorph::engine::{CrowdDesc, DeviceCaps, MorphEngine};
 use deltamorph::headless::{Headless, HeadlessCrowd};
-use deltamorph::pack::{DeltaFormat, PackedMesh};
-use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::testing;
+use deltamorph::{
+    Accumulate, BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing,
+};
 use gpu::on_every_device;
 
 const TARGETS: usize = 12;

@@ -302,6 +302,7 @@ pub const KERNELS: &[KernelRow] = &[
 
 /// Kinds of devices, as far as kernels differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum DeviceClass {
     /// A driver that runs on the CPU.
     Software,

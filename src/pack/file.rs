@@ -170,10 +170,9 @@ impl Asset {
         if let Some(i) = self.texcoords.iter().position(|t| !t.is_finite()) {
             return Err(format!("texture coordinate {i} is {}", self.texcoords[i]));
         }
-        self.faces.check(layout.vertex_count, self.texcoords.len()).map_err(|e| match e {
-            Error::Invalid { what, .. } => what,
-            other => other.to_string(),
-        })?;
+        self.faces
+            .check(layout.vertex_count, self.texcoords.len())
+            .map_err(|e| if let Error::Invalid { what, .. } = &e { what.clone() } else { e.to_string() })?;
         let mut names: Vec<&str> = layout.targets.iter().map(|t| t.name.as_str()).collect();
         names.sort_unstable();
         match names.windows(2).find(|w| w[0] == w[1]) {

@@ -2,8 +2,7 @@
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use deltamorph::headless::DeviceChoice;
-use deltamorph::pack::DeltaFormat;
-use deltamorph::plan::{Accumulate, BatchSize, UpdateMode, UpdatePath};
+use deltamorph::{Accumulate, BatchSize, DeltaFormat, UpdateMode, UpdatePath};
 
 /// Largest built-in head. A number beyond it is a slip of the finger, and would take all memory.
 const MAX_VERTICES: usize = 10_000_000;

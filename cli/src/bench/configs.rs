@@ -5,8 +5,7 @@ use super::setting::Config;
 use crate::args::UpdateArgs;
 use crate::args::values::{BatchLimit, BatchSpec, expand_batches, format_on};
 use crate::runner::Gpu;
-use deltamorph::pack::DeltaFormat;
-use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph::{Accumulate, BatchSize, DeltaFormat, UpdateDesc, UpdateMode, UpdatePath};
 
 /// What is asked for.
 pub struct Wanted<'a> {

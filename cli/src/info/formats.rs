@@ -2,9 +2,7 @@
 
 use super::record::{Blocks, FormatRow};
 use crate::output::Failure;
-use deltamorph::mesh::MorphMesh;
-use deltamorph::pack::blocks::BlockDesc;
-use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
+use deltamorph::{BlockDesc, DeltaFormat, MorphMesh, PackDesc, PackedMesh};
 use std::sync::Arc;
 
 /// `mesh` in every format; `held`, where it comes from a packed file, as the file has it. The others pack what the file
@@ -67,7 +65,7 @@ pub fn blocks(packed: &PackedMesh) -> Blocks {
 mod tests {
     use super::*;
     use crate::info::tests::mesh;
-    use deltamorph::pack::file::Asset;
+    use deltamorph::Asset;
 
     #[test]
     fn every_format_has_a_row_with_its_bytes_and_errors() {

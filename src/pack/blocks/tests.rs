@@ -1,7 +1,7 @@
 //! Tests of packing into blocks.
 
 use super::*;
-use crate::mesh::MorphMesh;
+use crate::asset::MorphMesh;
 use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
 use crate::testing;
 use glam::Vec3;

@@ -2,9 +2,9 @@
 
 use super::table::{OLD_VERSION, Section, places, repair};
 use super::*;
+use crate::asset::Corner;
 use crate::cpu::CpuCrowd;
 use crate::import::sample::{HeadDesc, head as head_of};
-use crate::mesh::Corner;
 use crate::pack::blocks::{BLOCK_SIZES, BlockDesc};
 use crate::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
 use crate::testing;

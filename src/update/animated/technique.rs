@@ -41,8 +41,10 @@ pub(crate) struct Animated {
     layout: Layout,
     budget: bool,
     pub(super) state: Buffer,
+    #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
     pub(super) work: Buffer,
     pub(super) control: Buffer,
+    #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
     sums: Buffer,
     tables: Buffer,
     staging: Option<Buffer>,
@@ -55,6 +57,7 @@ pub(crate) struct Animated {
     widths: u32,
     texels: bool,
     /// Bytes of an instance's sums.
+    #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
     pose_bytes: u64,
 }
 

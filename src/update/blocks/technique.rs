@@ -31,6 +31,7 @@ pub(crate) struct BlocksTechnique {
     ring: Ring,
     /// Index of the first element's or row's first word.
     elements_at: usize,
+    #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
     sums: Option<Buffer>,
     /// For each frame in flight, one for each group of instances.
     sets: Sets,
