@@ -1,5 +1,5 @@
-//! Entries whose integers have a fixed number of bits: the header's one word has how far an entry's are shifted, those of
-//! the first triple in bits 0..8, of the second in bits 8..16.
+//! Entries whose integers have a fixed number of bits: the header is one word, which has how far an entry's integers are
+//! shifted, those of the first triple in bits 0..8, those of the second in bits 8..16.
 
 use super::{Lane, quantise};
 use crate::asset::streams::{TRIPLE, TRIPLES};
@@ -11,8 +11,10 @@ pub(super) fn shifts(header: &[u32]) -> [u32; TRIPLES] {
     [header[0] & 0xff, header[0] >> 8 & 0xff]
 }
 
-/// Bits of the largest shifted integer, by triple, whose integers have `bits`; what is wrong with a header, which may be
-/// hostile.
+/// Bits of the largest integer of an entry once it is shifted, by triple; before, integers have `bits`.
+///
+/// # Errors
+/// What is wrong with the header, which may be hostile.
 pub(super) fn check(header: &[u32], bits: [u32; TRIPLES]) -> Result<[u32; TRIPLES], String> {
     let shifts = shifts(header);
     let bits: [u32; TRIPLES] = std::array::from_fn(|triple| bits[triple] + shifts[triple]);
@@ -23,7 +25,7 @@ pub(super) fn check(header: &[u32], bits: [u32; TRIPLES]) -> Result<[u32; TRIPLE
     }
 }
 
-/// The header of an entry, and its integers by place in the block: shifted as little as lets them fit `bits`, by triple.
+/// The header of an entry, and its integers by place in the block: shifted as little as lets them fit `bits`.
 pub(super) fn quantised(
     bits: [u32; TRIPLES],
     steps: [f32; TRIPLES],
