@@ -156,7 +156,7 @@ fn main() -> Result<()> {
     // SAFETY: the upload has run.
     unsafe { uploaded.release_staging() };
     let update = UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(8)); // two slots: ping-pong
-    let crowd_desc = CrowdDesc { instances: 1, update, frames_in_flight: FRAMES_IN_FLIGHT as u32 };
+    let crowd_desc = CrowdDesc { frames_in_flight: FRAMES_IN_FLIGHT as u32, ..CrowdDesc::new(update) };
     let mut crowd = engine.create_crowd(&uploaded, &crowd_desc)?;
 
     let (mut worst, mut applied, mut passes) = (PoseError::default(), 0, 0);

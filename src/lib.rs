@@ -27,8 +27,10 @@
 #![deny(unsafe_code)] // below the gpu line it is allowed, each time with its reason
 
 pub mod abi;
-pub mod animation;
 pub mod asset;
+#[cfg(feature = "baselines")]
+#[allow(unsafe_code)]
+mod baselines;
 pub mod cpu;
 #[allow(unsafe_code)]
 pub mod engine;
@@ -48,6 +50,8 @@ pub mod reference;
 #[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod testing;
+#[allow(unsafe_code)]
+pub mod update;
 pub mod weights;
 
 /// What the command line and tests share with the library; no part of the API.

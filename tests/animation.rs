@@ -8,12 +8,12 @@ mod gpu;
 mod scene;
 
 use deltamorph::abi::kernels::DeviceTuning;
-use deltamorph::animation::{AnimationDesc, KeyFormat, Playback, Repeat};
 use deltamorph::engine::{CrowdDesc, DeviceCaps};
 use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::mesh::{Tolerance, obj};
 use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
 use deltamorph::plan::{UpdateDesc, UpdateMode};
+use deltamorph::update::animated::{AnimationDesc, KeyFormat, Playback, Repeat};
 use deltamorph::weights::csv;
 use scene::{Scene, blocks, clips, crowd, exact, packed};
 use std::sync::Arc;
@@ -222,12 +222,12 @@ fn the_same_is_recorded_whatever_changes_and_an_idle_crowd_is_no_work() {
             scene.play(instance, Playback::new(1));
         }
         let (_, with_records) = scene.step(1.0);
-        assert_eq!(with_records.commands.len(), still.commands.len() + 3);
+        assert_eq!(with_records.len(), still.len() + 3);
         let (busy, commands) = scene.step(1.1);
         let changed = busy.values().filter(|work| !work.3.is_empty()).count();
         assert!(changed > 4 * blocks(&mesh), "{changed} blocks");
-        assert_eq!(scene.step(1.2).1.commands.len(), commands.commands.len());
+        assert_eq!(scene.step(1.2).1.len(), commands.len());
         assert_eq!(scene.step(1.3).1, commands);
-        assert_eq!(commands.commands.len(), still.commands.len());
+        assert_eq!(commands.len(), still.len());
     });
 }

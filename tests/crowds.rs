@@ -52,7 +52,8 @@ fn assert_pose(crowd: &mut HeadlessCrowd<'_>, mesh: &PackedMesh, desc: &UpdateDe
 }
 
 fn crowd<'a>(headless: &'a Headless, mesh: &PackedMesh, update: UpdateDesc, instances: u32) -> HeadlessCrowd<'a> {
-    HeadlessCrowd::new(headless, mesh, &CrowdDesc { instances, update, frames_in_flight: 1 }).expect("a crowd")
+    HeadlessCrowd::new(headless, mesh, &CrowdDesc { instances, frames_in_flight: 1, ..CrowdDesc::new(update) })
+        .expect("a crowd")
 }
 
 /// 13 heads: tiles of 8, 4 and 1, and others where only some change.
@@ -116,8 +117,8 @@ fn an_idle_crowd_is_no_work() {
             }
             assert!(crowd.step(&[]).expect("a step").update.stats.bytes_moved > 0);
             // SAFETY: nothing is changed, only looked at.
-            let idle = unsafe { crowd.step_tampered(&[], |list| assert!(list.commands.is_empty())) };
-            let stats = idle.expect("a step").update.stats;
+            let idle = unsafe { crowd.step_tampered(&[], |entries| assert!(entries.is_empty())) };
+            let stats = idle.expect("a step").0.update.stats;
             assert_eq!((stats.bytes_moved, stats.dirty_blocks, stats.passes), (0, 0, 0), "{desc:?}");
         }
     });

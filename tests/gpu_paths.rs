@@ -209,8 +209,8 @@ fn passes_are_the_coefficients_over_the_batch_size_and_a_still_face_records_noth
             assert_eq!((nine.coefficients, nine.passes), (9, desc.batch.passes(9)), "{desc:?}");
             assert_eq!(passes(&weights), deltamorph::plan::UpdateStats::default(), "{desc:?}");
             // SAFETY: nothing is changed.
-            let step = unsafe { crowd.step_tampered(&[&weights], |list| assert!(list.commands.is_empty())) };
-            assert_eq!(step.expect("a step").update.stats.bytes_moved, 0);
+            let step = unsafe { crowd.step_tampered(&[&weights], |entries| assert!(entries.is_empty())) };
+            assert_eq!(step.expect("a step").0.update.stats.bytes_moved, 0);
         }
     });
 }

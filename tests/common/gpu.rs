@@ -115,7 +115,7 @@ pub fn applied(mesh: &PackedMesh, desc: &UpdateDesc, weights: &[f32]) -> Vec<f32
 
 /// One instance, two frames in flight.
 pub fn single(update: UpdateDesc) -> CrowdDesc {
-    CrowdDesc { instances: 1, update, frames_in_flight: 2 }
+    CrowdDesc::new(update)
 }
 
 /// `mesh` of 1000 vertices and 37 targets as a device would need it that reaches 128 vertices.

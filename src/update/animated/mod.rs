@@ -1,0 +1,31 @@
+//! Animation on the GPU: clips are sampled, planned and applied there, and the CPU records the same steps whatever
+//! moves.
+//!
+//! `sample` has time, keys and interpolation, `clips` what is uploaded once, `playback` what each instance plays,
+//! `budget` which changes are deferred; `reference` does on the CPU what the kernels do. `steps` and `layout` are an
+//! update as data and where everything lies, `technique` and `gpu` carry it out.
+
+mod budget;
+mod clips;
+mod gpu;
+mod layout;
+mod playback;
+#[cfg(feature = "headless")]
+mod readback;
+mod reference;
+mod sample;
+mod steps;
+mod technique;
+
+pub use budget::{Budget, Deferred};
+pub use clips::{AnimationDesc, Clips, KeyFormat};
+pub use playback::Playbacks;
+pub use reference::AnimatedReference;
+pub use sample::{HeadRecord, Playback, Repeat, TICKS_PER_SECOND, between, interpolate, sample};
+#[cfg(test)]
+pub(crate) use steps::UPLOADED;
+pub use steps::{AnimatedKernel, AnimatedUpdate};
+pub(crate) use technique::Animated;
+
+#[cfg(test)]
+mod tests;
