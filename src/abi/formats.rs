@@ -43,8 +43,8 @@ macro_rules! delta_formats {
                 /// In blocks, 8 bytes per vertex and entry.
                 ///
                 /// 13 bits a component in the first triple and 8 in the second, in two words side by side that a
-                /// kernel loads at once. Coarser than [`Fast`](Self::Fast) where a target moves far: the step of such an
-                /// entry is larger than the errors allowed make it. With the default errors (1e-5 of the diagonal and
+                /// kernel loads at once. Coarser than [`Fast`](Self::Fast) where a target moves far: the step of such
+                /// an entry is larger than the errors allowed make it. With the default errors (1e-5 of the diagonal,
                 /// 0.5°) a face of 57 targets (ICT-FaceKit) came out at 1.7e-5 and 0.72° (`fast`: 1.0e-5 and 0.50°),
                 /// one of 52 (facecap) at 3.6e-5 and 0.77° (`fast`: 1.0e-5 and 0.63°), in 89% of the bytes of `fast`.
                 /// [`BlockIndex::error`](crate::pack::blocks::BlockIndex::error) has what was measured for a mesh.

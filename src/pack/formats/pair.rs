@@ -84,9 +84,8 @@ impl BlockFormat for Pair {
 
     #[inline(always)]
     fn decode(&self, size: usize, _: &[u32], deltas: &[u32], mut f: impl FnMut(usize, [i32; POSE_FLOATS])) {
-        let pairs = &deltas.as_chunks::<2>().0[..size];
-        for lane in 0..size {
-            f(lane, unpack_vertex(pairs[lane]));
+        for (lane, pair) in deltas.as_chunks::<2>().0[..size].iter().enumerate() {
+            f(lane, unpack_vertex(*pair));
         }
     }
 }

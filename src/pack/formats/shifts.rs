@@ -1,5 +1,5 @@
-//! Entries whose integers have a fixed number of bits: the header is one word, which has how far an entry's integers are
-//! shifted, those of the first triple in bits 0..8, those of the second in bits 8..16.
+//! Entries whose integers have a fixed number of bits: the header is one word, which has how far an entry's integers
+//! are shifted, those of the first triple in bits 0..8, those of the second in bits 8..16.
 
 use super::{Lane, quantise};
 use crate::asset::streams::{TRIPLE, TRIPLES};
