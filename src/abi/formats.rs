@@ -1,6 +1,6 @@
 //! The delta formats: the one list that build.rs, the library, the command line and the tests share.
 //!
-//! A new format is an item of [`delta_formats`] and its two files, src/pack/formats/FILE.rs and glsl/formats/FILE.glsl.
+//! A new format is an item of `delta_formats!` and its two files, src/pack/formats/FILE.rs and glsl/formats/FILE.glsl.
 //! Plain data without dependencies, since build.rs includes this file.
 
 /// Expand a macro with arguments and the list: dense formats, then those in blocks.
