@@ -23,6 +23,8 @@ fn kernels(engine: &MorphEngine) -> Vec<(DeltaFormat, UpdateDesc)> {
         (DeltaFormat::Fast, exact),
         (DeltaFormat::Small, UpdateDesc { slots: 3, ..blocks }),
         (DeltaFormat::Small, UpdateDesc { slots: 1, ..exact }),
+        (DeltaFormat::Pair, UpdateDesc { slots: 1, ..blocks }),
+        (DeltaFormat::Pair, UpdateDesc { slots: 3, ..exact }),
     ];
     if engine.caps().transform_feedback.is_some() {
         list.push((DeltaFormat::Snorm16, UpdateDesc::new(UpdatePath::Feedback, BatchSize::Targets(4))));

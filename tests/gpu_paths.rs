@@ -168,7 +168,7 @@ fn limits_are_kept_or_refused_with_the_numbers() {
 #[test]
 fn a_crowd_of_heads_in_one_recording() {
     on_every_device(|headless, engine| {
-        for format in [DeltaFormat::Float32, DeltaFormat::Fast, DeltaFormat::Small] {
+        for format in [DeltaFormat::Float32, DeltaFormat::Fast, DeltaFormat::Small, DeltaFormat::Pair] {
             let mesh = packed(engine, 200, 11, format);
             for update in update_descs(engine, format) {
                 let desc = deltamorph::CrowdDesc { instances: 3, ..single(update) };
@@ -346,7 +346,7 @@ fn any_sequence_of_weights_equals_the_reference() {
 /// Integer sums and the poses decoded from them: the same bits on every driver, on the CPU, and after a fresh rebuild.
 #[test]
 fn exact_sums_are_the_same_bits_everywhere() {
-    for format in [DeltaFormat::Fast, DeltaFormat::Small] {
+    for format in DeltaFormat::BLOCKS.into_iter().filter(|format| format.has_integers()) {
         let mesh = PackedMesh::pack(&testing::mesh(500, 24), &PackDesc::new(format)).expect("a mesh that fits");
         let mesh = std::sync::Arc::new(mesh);
         let exact = UpdateDesc { accumulate: Accumulate::Exact, ..UpdateDesc::blocks() };
