@@ -116,18 +116,11 @@ impl Frame {
         let region = [vk::BufferCopy { src_offset: pose.offset, dst_offset: 0, size: pose.size }];
         let read =
             [vk::MemoryBarrier::default().src_access_mask(Access::TRANSFER_WRITE).dst_access_mask(Access::HOST_READ)];
+        let none = vk::DependencyFlags::empty();
         // SAFETY: `cmd` is recording, outside a render pass; both buffers have `pose.size` bytes at these offsets.
         unsafe {
             host.device.cmd_copy_buffer(self.cmd, pose.buffer, self.readback, &region);
-            host.device.cmd_pipeline_barrier(
-                self.cmd,
-                Stage::TRANSFER,
-                Stage::HOST,
-                Default::default(),
-                &read,
-                &[],
-                &[],
-            );
+            host.device.cmd_pipeline_barrier(self.cmd, Stage::TRANSFER, Stage::HOST, none, &read, &[], &[]);
         }
     }
 }
@@ -140,9 +133,8 @@ fn main() -> Result<()> {
     let head_desc = head::HeadDesc { vertices: 5_000, targets: 52, ..Default::default() };
     let source = head::head(&head_desc);
     let mesh = PackedMesh::pack(&source.to_mesh(Tolerance::default())?, &engine.pack_desc(DeltaFormat::Fast))?;
-    // Packing reorders vertices: what the index buffer of the draws names.
     let mut indices = source.faces.triangles().concat();
-    mesh.layout().remap_indices(&mut indices)?;
+    mesh.layout().remap_indices(&mut indices)?; // packing reorders the vertices that draws name
     let names: Vec<&str> = mesh.layout().targets.iter().map(|t| t.name.as_str()).collect();
     let clip: Vec<Vec<f32>> = head::head_clip(&head_desc, 60, 30.0).bind(&names)?.frames().collect();
     let frame = || Frame::new(&host, mesh.layout().pose_bytes());

@@ -84,7 +84,7 @@ pub struct SampleArgs {
 pub struct PackFileArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// Storage of the deltas: fast, small or block-float32
+    /// Storage of the deltas: a format in blocks
     #[arg(long, value_name = "FORMAT", value_parser = values::format(), default_value = "small")]
     pub format: DeltaFormat,
     #[command(flatten)]

@@ -54,7 +54,8 @@ fn is_packed(path: &Path) -> bool {
 
 pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     let format = Some(args.format).filter(|f| f.is_blocks()).ok_or_else(|| {
-        Failure::Usage("--format: packed files hold blocks; name fast, small or block-float32".into())
+        let names = DeltaFormat::BLOCKS.map(DeltaFormat::name).join(", ");
+        Failure::Usage(format!("--format: packed files hold blocks; name one of {names}"))
     })?;
     if !is_packed(&args.output) {
         let name = args.output.display();
