@@ -3,14 +3,12 @@
 //!
 //! `./with-vulkan cargo bench --bench crowds [-- DEVICE]`
 
-use deltamorph::animation::{AnimationDesc, KeyFormat, Playback};
-use deltamorph::engine::CrowdDesc;
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
-use deltamorph::mesh::Tolerance;
-use deltamorph::mesh::head::{HeadDesc, head};
-use deltamorph::pack::{DeltaFormat, PackedMesh};
-use deltamorph::plan::{Accumulate, UpdateDesc};
-use deltamorph::weights::WeightClip;
+use deltamorph::import::sample::{HeadDesc, head};
+use deltamorph::{
+    Accumulate, AnimatedCrowd, AnimationDesc, CrowdDesc, DeltaFormat, KeyFormat, PackedMesh, Playback, Tolerance,
+    UpdateDesc, WeightClip,
+};
 use std::time::Instant;
 
 const FACE: HeadDesc = HeadDesc { vertices: 2_700, targets: 52, sparsity: 0.17, seed: 1 };
@@ -32,7 +30,7 @@ fn packed(headless: &Headless, desc: &HeadDesc) -> PackedMesh {
 }
 
 fn desc(instances: u32, update: UpdateDesc) -> CrowdDesc {
-    CrowdDesc { instances, update, frames_in_flight: 1 }
+    CrowdDesc { instances, frames_in_flight: 1, ..CrowdDesc::new(update) }
 }
 
 /// One update of a crowd against as many updates of single heads in one submission.
@@ -91,7 +89,13 @@ fn clips(mesh: &PackedMesh) -> Vec<WeightClip> {
 }
 
 /// A crowd that plays `clip`, its heads a seventh of a second apart.
-fn crowd<'a>(headless: &'a Headless, mesh: &PackedMesh, heads: u32, slots: u32, clip: u32) -> HeadlessCrowd<'a> {
+fn crowd<'a>(
+    headless: &'a Headless,
+    mesh: &PackedMesh,
+    heads: u32,
+    slots: u32,
+    clip: u32,
+) -> HeadlessCrowd<'a, AnimatedCrowd> {
     let update = UpdateDesc { accumulate: Accumulate::Exact, slots, ..UpdateDesc::blocks() };
     let clips = clips(mesh);
     let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
@@ -104,7 +108,7 @@ fn crowd<'a>(headless: &'a Headless, mesh: &PackedMesh, heads: u32, slots: u32, 
 }
 
 /// Frames of a crowd that plays, the first few left out.
-fn play(crowd: &mut HeadlessCrowd<'_>, frames: u32) -> Vec<Step> {
+fn play(crowd: &mut HeadlessCrowd<'_, AnimatedCrowd>, frames: u32) -> Vec<Step> {
     let steps = (0..frames + 4).map(|frame| {
         crowd.set_time(f64::from(frame) / 60.0).expect("a time");
         crowd.step(&[]).expect("a step")

@@ -3,13 +3,13 @@
 //! `cargo bench --bench planning`; with `DELTAMORPH_DATA`, ict_facekit with its captured clips, too.
 
 use criterion::{BatchSize as Setup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use deltamorph::mesh::head::{HeadDesc, head};
-use deltamorph::mesh::{MorphMesh, Tolerance, obj};
-use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::plan::blocks::{BlockState, Scratch, WorkList};
-use deltamorph::plan::commands::CommandList;
-use deltamorph::plan::{Accumulate, BatchSize, Plan, PoseState, UpdateDesc, UpdatePath, UpdateStats};
-use deltamorph::weights::csv;
+use deltamorph::import::sample::{HeadDesc, head};
+use deltamorph::import::{csv, obj};
+use deltamorph::internals::update::blocks::{BlockState, Scratch, WorkList};
+use deltamorph::internals::update::dense::{Plan, PoseState};
+use deltamorph::{
+    Accumulate, BatchSize, DeltaFormat, MorphMesh, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdatePath, UpdateStats,
+};
 use std::hint::black_box;
 
 const FRAMES: usize = 64;
@@ -40,15 +40,14 @@ fn planning(c: &mut Criterion) {
             ("compute, batch 16", UpdatePath::Compute, BatchSize::Targets(16)),
         ] {
             let mut state = PoseState::new(UpdateDesc::new(path, batch)).expect("a description that is right");
-            let (mut plan, mut list) = (Plan::default(), CommandList::new(path));
+            let mut plan = Plan::default();
             let mut frame = 200;
             // Buffers are kept from frame to frame, as the engine keeps them.
             let mut update = |frame: u64| {
                 // To and fro: the same number changes at the turns.
                 let step = frame as usize % (2 * FRAMES - 2);
                 state.plan(&clip[step.min(2 * FRAMES - 2 - step)], frame, &mut plan);
-                list.fill(std::slice::from_ref(&plan));
-                list.coefficients.len()
+                plan.coefficients.len()
             };
             update(0);
             assert!((1..200).all(|frame| update(frame) == changed));
@@ -80,14 +79,12 @@ fn plan_blocks(c: &mut Criterion, name: &str, mesh: &MorphMesh, frames: &[Vec<f3
         let desc = UpdateDesc { accumulate, ..UpdateDesc::blocks() };
         let mut state = BlockState::new(desc, packed.layout(), &index).expect("a description that is right");
         let (mut scratch, mut list) = (Scratch::default(), WorkList::new(&index, 1));
-        let mut commands = CommandList::new(UpdatePath::Blocks);
         let mut number = 0;
         let mut frame = |weights: &[f32]| {
             number += 1;
             list.clear();
             let mut stats = UpdateStats::default();
             state.plan(&index, 0, weights, number, &mut scratch, &mut list, &mut stats);
-            commands.fill_blocks(&list.items, accumulate == Accumulate::Exact);
             stats.dirty_blocks
         };
         assert!(frames.iter().map(|w| frame(w)).sum::<usize>() > 0);

@@ -1,13 +1,13 @@
 //! Planning a frame allocates nothing: an engine calls it in its frame loop.
 
-use deltamorph::animation::{AnimationDesc, Clips, Heads, KeyFormat, Playback};
-use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::plan::animated::AnimatedUpdate;
-use deltamorph::plan::blocks::{BlockState, Scratch, WorkList};
-use deltamorph::plan::commands::CommandList;
-use deltamorph::plan::{Accumulate, UpdateDesc, UpdatePath, UpdateStats};
-use deltamorph::testing;
-use deltamorph::weights::WeightClip;
+use deltamorph::internals::plan::schedule::Schedule;
+use deltamorph::internals::plan::steps::Steps;
+use deltamorph::internals::update::animated::{AnimatedUpdate, Playbacks};
+use deltamorph::internals::update::blocks::{BlockState, Scratch, WorkList};
+use deltamorph::{
+    Accumulate, AnimationDesc, Clips, Consumers, DeltaFormat, KeyFormat, PackDesc, PackedMesh, Playback, UpdateDesc,
+    UpdateStats, WeightClip, testing,
+};
 
 #[test]
 fn planning_in_blocks_allocates_nothing_after_the_first_frames() {
@@ -23,13 +23,11 @@ fn planning_in_blocks_allocates_nothing_after_the_first_frames() {
                     continue;
                 };
                 let (mut scratch, mut list) = (Scratch::default(), WorkList::new(&index, 1));
-                let mut commands = CommandList::new(UpdatePath::Blocks);
                 let mut weights = vec![0.0f32; 40];
                 let mut frame = |number: u64, weights: &[f32]| {
                     let mut stats = UpdateStats::default();
                     list.clear();
                     state.plan(&index, 0, weights, number, &mut scratch, &mut list, &mut stats);
-                    commands.fill_blocks(&list.items, accumulate == Accumulate::Exact);
                     stats.dirty_blocks
                 };
                 // The first two frames size what is kept.
@@ -57,8 +55,8 @@ fn an_update_that_the_gpu_plans_allocates_nothing_after_the_first() {
     let names: Vec<String> = (0..4).map(|t| format!("target_{t}")).collect();
     let clip = WeightClip { name: "clip".into(), names, fps: 30.0, values: vec![0.5; 40] };
     let desc = AnimationDesc { clips: &[clip], key_format: KeyFormat::Bits32 };
-    let (clips, mut heads) = (Clips::new(&desc, packed.layout()).unwrap(), Heads::new(100));
-    let mut commands = CommandList::new(UpdatePath::Blocks);
+    let (clips, mut heads) = (Clips::new(&desc, packed.layout()).unwrap(), Playbacks::new(100));
+    let (mut steps, mut schedule) = (Steps::new(Consumers::default()), Schedule::default());
     let mut sent = 0;
     let mut frame = |number: u32| {
         heads.set_time(f64::from(number) * 1000.0).unwrap();
@@ -68,8 +66,10 @@ fn an_update_that_the_gpu_plans_allocates_nothing_after_the_first() {
         }
         let slot = (heads.update(&clips) % 2) as u32;
         let (records, source) = (!heads.changed().is_empty(), 1 - slot);
-        let update = AnimatedUpdate { records, budget: true, instances: 100, source, destination: slot };
-        commands.fill_animated(update);
+        let update = AnimatedUpdate { records, budget: true, source, destination: slot, dispatches: 4, texels: false };
+        steps.clear();
+        update.fill(&mut steps);
+        schedule.fill(std::iter::once(&steps));
         sent += heads.changed().len();
     };
     frame(0);

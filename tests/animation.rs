@@ -7,14 +7,12 @@ mod gpu;
 #[path = "common/scene.rs"]
 mod scene;
 
-use deltamorph::abi::kernels::DeviceTuning;
-use deltamorph::animation::{AnimationDesc, KeyFormat, Playback, Repeat};
-use deltamorph::engine::{CrowdDesc, DeviceCaps};
 use deltamorph::headless::{Headless, HeadlessCrowd};
-use deltamorph::mesh::{Tolerance, obj};
-use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::plan::{UpdateDesc, UpdateMode};
-use deltamorph::weights::csv;
+use deltamorph::import::{csv, obj};
+use deltamorph::{
+    AnimationDesc, CrowdDesc, DeltaFormat, DeviceCaps, DeviceTuning, KeyFormat, PackDesc, PackedMesh, Playback, Repeat,
+    Tolerance, UpdateDesc, UpdateMode,
+};
 use scene::{Scene, blocks, clips, crowd, exact, packed};
 use std::sync::Arc;
 
@@ -77,9 +75,10 @@ fn play_around(
 #[test]
 fn the_gpu_plans_as_the_cpu_does() {
     gpu::on_every_device(|headless, _| {
-        let formats = [(DeltaFormat::Fast, 64), (DeltaFormat::Small, 32), (DeltaFormat::Small, 128)];
+        let formats =
+            [(DeltaFormat::Fast, 64), (DeltaFormat::Small, 32), (DeltaFormat::Small, 128), (DeltaFormat::Pair, 64)];
         for (i, instances) in [1, 7, 8, 9, 33].into_iter().enumerate() {
-            let (format, size) = formats[i % 3];
+            let (format, size) = formats[i % 4];
             let mesh = packed(format, size);
             for slots in [1, 2, 3] {
                 let mode =
@@ -221,12 +220,12 @@ fn the_same_is_recorded_whatever_changes_and_an_idle_crowd_is_no_work() {
             scene.play(instance, Playback::new(1));
         }
         let (_, with_records) = scene.step(1.0);
-        assert_eq!(with_records.commands.len(), still.commands.len() + 3);
+        assert_eq!(with_records.len(), still.len() + 3);
         let (busy, commands) = scene.step(1.1);
         let changed = busy.values().filter(|work| !work.3.is_empty()).count();
         assert!(changed > 4 * blocks(&mesh), "{changed} blocks");
-        assert_eq!(scene.step(1.2).1.commands.len(), commands.commands.len());
+        assert_eq!(scene.step(1.2).1.len(), commands.len());
         assert_eq!(scene.step(1.3).1, commands);
-        assert_eq!(commands.commands.len(), still.commands.len());
+        assert_eq!(commands.len(), still.len());
     });
 }

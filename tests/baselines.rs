@@ -5,17 +5,16 @@ mod data;
 #[path = "common/gpu.rs"]
 mod gpu;
 
-use deltamorph::cpu::CpuCrowd;
-use deltamorph::engine::{CrowdDesc, DeviceCaps, MorphEngine};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, PoseUpload};
-use deltamorph::mesh::{Tolerance, obj};
-use deltamorph::pack::{DeltaFormat, PackedMesh};
-use deltamorph::plan::commands::{Command, CommandList};
-use deltamorph::plan::hazards::HazardChecker;
-use deltamorph::plan::{Accumulate, BatchSize, Source, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph::import::{csv, obj};
+use deltamorph::internals::plan::Source;
+use deltamorph::internals::plan::hazards::{Event, HazardChecker};
+use deltamorph::internals::plan::schedule::{Entry, asset_uploaded};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::testing;
-use deltamorph::weights::csv;
+use deltamorph::{
+    Accumulate, BatchSize, CpuCrowd, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, PackedMesh, Tolerance,
+    UpdateDesc, UpdateMode, UpdatePath, testing,
+};
 use gpu::{NORMAL, POSITION, applied, in_eight_chunks, on_every_device, packed, single};
 use std::sync::Arc;
 
@@ -186,10 +185,10 @@ fn validation_sees_a_dropped_barrier() {
         let mut crowd = HeadlessCrowd::new(&headless, &mesh, &desc).expect("a crowd");
         crowd.step(&[&gpu::weights(&mesh, 0, 1)]).expect("a step");
         assert_eq!(gpu::complaints(&headless), Vec::<String>::new());
-        let drop_one = |list: &mut CommandList| {
-            let barriers = list.commands.iter().enumerate().filter(|(_, c)| matches!(c, Command::Barrier(_)));
+        let drop_one = |entries: &mut Vec<Entry>| {
+            let barriers = entries.iter().enumerate().filter(|(_, entry)| matches!(entry, Entry::Barrier(_)));
             let at = barriers.map(|(i, _)| i).nth(dropped).expect("a barrier between steps");
-            list.commands.remove(at);
+            entries.remove(at);
         };
         // SAFETY: a barrier less; the driver is software, and runs commands one after the other all the same.
         unsafe { crowd.step_tampered(&[&[0.7; 20]], drop_one) }.expect("a step");
@@ -324,17 +323,14 @@ fn bytes_are_those_that_kernels_load_and_store() {
     });
 }
 
-fn hazards(lists: &[CommandList]) -> bool {
+fn hazards(frames: &[(Vec<Event>, u32)]) -> bool {
     let mut checker = HazardChecker::new();
-    checker.upload();
-    for list in lists {
-        checker.update(list);
-        let destination = list.commands.iter().rev().find_map(|command| match command {
-            Command::Pass(pass) => Some(pass.destination),
-            Command::Scatter(scatter) => Some(scatter.destination),
-            _ => None,
-        });
-        destination.into_iter().for_each(|slot| checker.draw(0, slot));
+    checker.upload(asset_uploaded());
+    for (events, slot) in frames {
+        checker.update(events);
+        if !events.is_empty() {
+            checker.draw(0, 0, *slot);
+        }
     }
     checker.finish().is_err()
 }
@@ -350,19 +346,20 @@ fn what_is_recorded_has_no_hazard_and_a_dropped_barrier_has_one() {
                 for frame in 0..5 {
                     let weights = gpu::weights(&mesh, frame, 1);
                     // SAFETY: nothing is changed.
-                    unsafe { crowd.step_tampered(&[&weights], |list| lists.push(list.clone())) }.expect("a step");
+                    let (_, events) = unsafe { crowd.step_tampered(&[&weights], |_| {}) }.expect("a step");
+                    lists.push((events, crowd.crowd().pose(0).expect("a pose").slot));
                 }
                 assert!(!hazards(&lists), "{desc:?}");
-                for at in 0..lists[3].commands.len() {
+                for at in 0..lists[3].0.len() {
                     // The first barrier of a pass is covered by those of the frame before where the slot is one that
                     // no draw reads any more; src/plan/tests.rs has it with both slots drawn. Sums are always in use.
                     let covered = at == 0 && desc.path == UpdatePath::VertexStore;
-                    if covered || !matches!(lists[3].commands[at], Command::Barrier(_)) {
+                    if covered || !matches!(lists[3].0[at], Event::Barrier(_)) {
                         continue;
                     }
                     let mut faulty = lists.clone();
-                    faulty[3].commands.remove(at);
-                    assert!(hazards(&faulty), "{desc:?}: dropped {:?}", lists[3].commands[at]);
+                    let dropped = faulty[3].0.remove(at);
+                    assert!(hazards(&faulty), "{desc:?}: dropped {dropped:?}");
                 }
             }
         }
@@ -429,13 +426,18 @@ fn feedback_rebuilt_at_batch_one_is_a_pass_per_active_target_from_base() {
         let mut weights = [0.5, 0.0, 1.0, -0.5, 0.0, 0.0, 0.25, 0.0, 0.0];
         for changed in [0.5, 0.75] {
             weights[0] = changed;
-            let mut list = None;
+            let mut passes = vec![];
+            let keep = |entries: &mut Vec<Entry>| {
+                passes.extend(entries.iter().filter_map(|entry| match entry {
+                    Entry::Work { work, .. } => Some(work.clone()),
+                    Entry::Barrier(_) => None,
+                }));
+            };
             // SAFETY: nothing is changed.
-            let step = unsafe { crowd.step_tampered(&[&weights], |commands| list = Some(commands.clone())) };
-            assert_eq!(step.expect("a step").update.stats.passes, 4, "one weight changed, four are active");
-            let list = list.expect("commands");
-            assert_eq!(list.passes().next().map(|pass| pass.source), Some(Source::Base));
-            assert!(list.passes().all(|pass| pass.coefficients.len() == 1));
+            let (step, _) = unsafe { crowd.step_tampered(&[&weights], keep) }.expect("a step");
+            assert_eq!(step.update.stats.passes, 4, "one weight changed, four are active");
+            assert_eq!(passes[0].source, Source::Base);
+            assert!(passes.len() == 4 && passes.iter().all(|pass| pass.items.len() == 1));
             let error = compare(&crowd.read_pose(0).expect("a pose"), &evaluate(&mesh, &weights));
             assert!(error.within(POSITION * f64::from(mesh.layout().diagonal), NORMAL), "{error:?}");
         }

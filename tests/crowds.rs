@@ -3,12 +3,11 @@
 #[path = "common/gpu.rs"]
 mod gpu;
 
-use deltamorph::engine::{CrowdDesc, DeviceCaps, MorphEngine};
 use deltamorph::headless::{Headless, HeadlessCrowd};
-use deltamorph::pack::{DeltaFormat, PackedMesh};
-use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::testing;
+use deltamorph::{
+    Accumulate, BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing,
+};
 use gpu::on_every_device;
 
 const TARGETS: usize = 12;
@@ -24,6 +23,8 @@ fn kernels(engine: &MorphEngine) -> Vec<(DeltaFormat, UpdateDesc)> {
         (DeltaFormat::Fast, exact),
         (DeltaFormat::Small, UpdateDesc { slots: 3, ..blocks }),
         (DeltaFormat::Small, UpdateDesc { slots: 1, ..exact }),
+        (DeltaFormat::Pair, UpdateDesc { slots: 1, ..blocks }),
+        (DeltaFormat::Pair, UpdateDesc { slots: 3, ..exact }),
     ];
     if engine.caps().transform_feedback.is_some() {
         list.push((DeltaFormat::Snorm16, UpdateDesc::new(UpdatePath::Feedback, BatchSize::Targets(4))));
@@ -50,7 +51,8 @@ fn assert_pose(crowd: &mut HeadlessCrowd<'_>, mesh: &PackedMesh, desc: &UpdateDe
 }
 
 fn crowd<'a>(headless: &'a Headless, mesh: &PackedMesh, update: UpdateDesc, instances: u32) -> HeadlessCrowd<'a> {
-    HeadlessCrowd::new(headless, mesh, &CrowdDesc { instances, update, frames_in_flight: 1 }).expect("a crowd")
+    HeadlessCrowd::new(headless, mesh, &CrowdDesc { instances, frames_in_flight: 1, ..CrowdDesc::new(update) })
+        .expect("a crowd")
 }
 
 /// 13 heads: tiles of 8, 4 and 1, and others where only some change.
@@ -114,8 +116,8 @@ fn an_idle_crowd_is_no_work() {
             }
             assert!(crowd.step(&[]).expect("a step").update.stats.bytes_moved > 0);
             // SAFETY: nothing is changed, only looked at.
-            let idle = unsafe { crowd.step_tampered(&[], |list| assert!(list.commands.is_empty())) };
-            let stats = idle.expect("a step").update.stats;
+            let idle = unsafe { crowd.step_tampered(&[], |entries| assert!(entries.is_empty())) };
+            let stats = idle.expect("a step").0.update.stats;
             assert_eq!((stats.bytes_moved, stats.dirty_blocks, stats.passes), (0, 0, 0), "{desc:?}");
         }
     });

@@ -3,52 +3,43 @@
 #[path = "common/gpu.rs"]
 mod gpu;
 
-use deltamorph::engine::MorphEngine;
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
-use deltamorph::pack::{DeltaFormat, PackedMesh};
-use deltamorph::plan::commands::{Command, CommandList};
-use deltamorph::plan::hazards::HazardChecker;
-use deltamorph::plan::{BatchSize, Source, UpdateDesc, UpdatePath};
+use deltamorph::internals::plan::Source;
+use deltamorph::internals::plan::hazards::{Event, HazardChecker, Violation};
+use deltamorph::internals::plan::schedule::{Entry, asset_uploaded};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::testing;
+use deltamorph::{BatchSize, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing};
 use gpu::{on_every_device, single, update_descs, weights};
 
 fn packed(engine: &MorphEngine, format: DeltaFormat) -> PackedMesh {
     gpu::packed(engine, &testing::mesh(500, 20), format)
 }
 
-/// The commands of `frames` updates.
+/// What `frames` updates record, and the slot that is drawn after each.
 fn recorded(
     headless: &Headless,
     engine: &MorphEngine,
     format: DeltaFormat,
     desc: UpdateDesc,
     frames: u32,
-) -> Vec<CommandList> {
+) -> Vec<(Vec<Event>, u32)> {
     let mesh = packed(engine, format);
     let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
-    let mut lists = vec![];
-    for frame in 0..frames {
+    let step = |frame| {
         // SAFETY: nothing is changed.
-        let step = unsafe { crowd.step_tampered(&[&weights(&mesh, frame, 1)], |list| lists.push(list.clone())) };
-        step.expect("a step");
-    }
-    lists
+        let step = unsafe { crowd.step_tampered(&[&weights(&mesh, frame, 1)], |_| {}) };
+        (step.expect("a step").1, crowd.crowd().pose(0).expect("a pose").slot)
+    };
+    (0..frames).map(step).collect()
 }
 
-fn hazards(lists: &[CommandList]) -> Result<(), Vec<deltamorph::plan::hazards::Violation>> {
+fn hazards(frames: &[(Vec<Event>, u32)]) -> Result<(), Vec<Violation>> {
     let mut checker = HazardChecker::new();
-    checker.upload();
-    for list in lists {
-        checker.update(list);
-        let destination = |command: &Command| match command {
-            Command::Pass(pass) => Some(pass.destination),
-            Command::Blocks(blocks) => Some(blocks.destination),
-            Command::Scatter(scatter) => Some(scatter.destination),
-            Command::Barrier(_) | Command::Animated(_) => None,
-        };
-        if let Some(slot) = list.commands.iter().filter_map(destination).next_back() {
-            checker.draw(0, slot);
+    checker.upload(asset_uploaded());
+    for (events, slot) in frames {
+        checker.update(events);
+        if !events.is_empty() {
+            checker.draw(0, 0, *slot);
         }
     }
     checker.finish()
@@ -62,15 +53,15 @@ fn what_the_engine_records_has_no_hazard_and_a_dropped_barrier_has_one() {
             let lists = recorded(headless, engine, format, desc, 5);
             assert_eq!(hazards(&lists), Ok(()), "{desc:?}");
             // All barriers of the fourth update, one at a time; more than one pass, or there is none between.
-            for at in 0..lists[3].commands.len() {
+            for at in 0..lists[3].0.len() {
                 // With two slots in one pass each, the barrier before is covered by that of the frame before
                 // unless the previous pose is drawn too; that case is in src/plan/tests.rs.
-                if !matches!(lists[3].commands[at], Command::Barrier(_)) || at == 0 {
+                if !matches!(lists[3].0[at], Event::Barrier(_)) || at == 0 {
                     continue;
                 }
                 let mut faulty = lists.clone();
-                faulty[3].commands.remove(at);
-                assert!(hazards(&faulty).is_err(), "{desc:?}: dropped {:?}", lists[3].commands[at]);
+                let dropped = faulty[3].0.remove(at);
+                assert!(hazards(&faulty).is_err(), "{desc:?}: dropped {dropped:?}");
             }
         }
     });
@@ -89,10 +80,10 @@ fn validation_sees_a_dropped_barrier_between_compute_passes() {
     let mut crowd = HeadlessCrowd::new(&headless, &mesh, &single(desc)).expect("a crowd");
     crowd.step(&[&weights(&mesh, 0, 1)]).expect("a step");
     assert_eq!(gpu::complaints(&headless), Vec::<String>::new());
-    let drop_second = |list: &mut CommandList| {
-        let barriers = list.commands.iter().enumerate().filter(|(_, c)| matches!(c, Command::Barrier(_)));
+    let drop_second = |entries: &mut Vec<Entry>| {
+        let barriers = entries.iter().enumerate().filter(|(_, entry)| matches!(entry, Entry::Barrier(_)));
         let at = barriers.map(|(i, _)| i).nth(1).expect("a barrier between passes");
-        list.commands.remove(at);
+        entries.remove(at);
     };
     // SAFETY: a barrier less; the driver is software, and runs dispatches one after the other all the same.
     unsafe { crowd.step_tampered(&[&[0.7; 20]], drop_second) }.expect("a step");
@@ -116,12 +107,12 @@ fn a_swapped_slot_gives_a_wrong_pose() {
             }
             weights[5] = -1.5;
             let mut swapped = 0;
-            let swap = |list: &mut CommandList| {
-                for command in &mut list.commands {
-                    if let Command::Pass(pass) = command
-                        && let Source::Slot(source) = &mut pass.source
+            let swap = |entries: &mut Vec<Entry>| {
+                for entry in entries {
+                    if let Entry::Work { work, .. } = entry
+                        && let Source::Slot(source) = &mut work.source
                     {
-                        std::mem::swap(source, &mut pass.destination);
+                        std::mem::swap(source, &mut work.destination);
                         swapped += 1;
                     }
                 }
@@ -142,12 +133,12 @@ fn a_block_left_out_gives_a_wrong_pose() {
             for desc in update_descs(engine, format) {
                 let mesh = packed(engine, format);
                 let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
-                let leave_out = |list: &mut CommandList| {
-                    let blocks = list.commands.iter_mut().find_map(|c| match c {
-                        Command::Blocks(blocks) => Some(blocks),
-                        _ => None,
+                let leave_out = |entries: &mut Vec<Entry>| {
+                    let work = entries.iter_mut().find_map(|entry| match entry {
+                        Entry::Work { work, .. } => Some(work),
+                        Entry::Barrier(_) => None,
                     });
-                    blocks.expect("a pass over blocks").items.end -= 1;
+                    work.expect("a dispatch of blocks").items.end -= 1;
                 };
                 for weight in [0.25, 0.5, 0.75] {
                     crowd.step(&[&[weight; 20]]).expect("a step");

@@ -7,14 +7,13 @@ mod gpu;
 mod picture;
 
 use deltamorph::ash::vk;
-use deltamorph::asset::{Corner, MorphMesh, MorphSource, Semantic, StreamData, StreamDeltas, Tolerance};
-use deltamorph::cpu::CpuCrowd;
 use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::import::sample::{HeadDesc, head};
-use deltamorph::pack::blocks::{BLOCK_SIZES, BlockDesc};
-use deltamorph::pack::{DeltaFormat, POSE_FLOATS, POSE_STRIDE, PackDesc, PackedMesh};
-use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
 use deltamorph::reference::{evaluate, evaluate_group};
+use deltamorph::{
+    Accumulate, BLOCK_SIZES, BatchSize, BlockDesc, Corner, CpuCrowd, DeltaFormat, MorphMesh, MorphSource, POSE_FLOATS,
+    POSE_STRIDE, PackDesc, PackedMesh, Semantic, StreamData, StreamDeltas, Tolerance, UpdateDesc, UpdatePath,
+};
 use glam::{Mat4, Quat, Vec2, Vec3};
 use picture::{EDGE, Picture, Triangles};
 use std::collections::HashMap;

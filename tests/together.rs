@@ -3,11 +3,11 @@
 #[path = "common/gpu.rs"]
 mod gpu;
 
-use deltamorph::engine::CrowdDesc;
 use deltamorph::headless::{HeadlessCrowd, Step};
-use deltamorph::pack::{DeltaFormat, PackedMesh};
+use deltamorph::internals::plan::hazards::{Event, HazardChecker};
+use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::testing;
+use deltamorph::{BatchSize, Crowd, CrowdDesc, DeltaFormat, PackedMesh, UpdateDesc, UpdatePath, testing};
 use gpu::{applied, on_every_device, update_descs, weights};
 
 #[test]
@@ -16,7 +16,7 @@ fn crowds_side_by_side_do_what_one_crowd_does() {
         for format in [DeltaFormat::Snorm16, DeltaFormat::Fast] {
             let mesh = PackedMesh::pack(&testing::mesh(200, 11), &engine.pack_desc(format)).expect("packed");
             for update in update_descs(engine, format) {
-                let desc = |instances| CrowdDesc { instances, update, frames_in_flight: 1 };
+                let desc = |instances| CrowdDesc { instances, frames_in_flight: 1, ..CrowdDesc::new(update) };
                 let mut whole = HeadlessCrowd::new(headless, &mesh, &desc(4)).expect("a crowd");
                 let half = HeadlessCrowd::new(headless, &mesh, &desc(2)).expect("a crowd");
                 let mut halves = [half.another(&desc(2)).expect("another"), half];
@@ -47,18 +47,63 @@ fn crowds_side_by_side_do_what_one_crowd_does() {
     });
 }
 
+/// Crowds that are updated by one call share their barriers: as many as the one with the most passes needs, and each of
+/// them is needed.
+#[test]
+fn crowds_of_one_call_share_their_barriers() {
+    on_every_device(|headless, engine| {
+        let mesh = PackedMesh::pack(&testing::mesh(200, 11), &engine.pack_desc(DeltaFormat::Snorm16)).expect("packed");
+        let update = UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(4));
+        let first = HeadlessCrowd::new(headless, &mesh, &CrowdDesc::new(update)).expect("a crowd");
+        let mut crowds = [first.another(&CrowdDesc::new(update)).expect("another"), first];
+        let mut frames = vec![];
+        for frame in 0..4u8 {
+            // Eleven targets change in the first crowd, three passes; one in the second.
+            let many: Vec<f32> = (1..12u8).map(|t| f32::from(frame + 1) + f32::from(t) / 8.0).collect();
+            let mut one = [1.0; 11];
+            one[3] = f32::from(frame) / 4.0;
+            // SAFETY: nothing is changed.
+            let step = unsafe { HeadlessCrowd::step_together_tampered(&mut crowds, &[&many, &one], |_| {}) };
+            let slots = [0, 1].map(|crowd: usize| {
+                let crowd = crowds[crowd].crowd();
+                let previous = crowd.previous_pose(0).expect("a pose").expect("two slots keep it");
+                [crowd.pose(0).expect("a pose").slot, previous.slot]
+            });
+            frames.push((step.expect("a step").1, slots));
+        }
+        let barriers: Vec<usize> =
+            (0..frames[3].0.len()).filter(|&at| matches!(frames[3].0[at], Event::Barrier(_))).collect();
+        assert_eq!(barriers.len(), 4, "before, two between three passes, after");
+        for dropped in barriers.into_iter().map(Some).chain([None]) {
+            let mut checker = HazardChecker::new();
+            checker.upload(asset_uploaded());
+            for (frame, (events, slots)) in frames.iter().enumerate() {
+                let mut events = events.clone();
+                if let (3, Some(at)) = (frame, dropped) {
+                    events.remove(at);
+                }
+                checker.update(&events);
+                for (crowd, slots) in (0..).zip(slots) {
+                    slots.iter().for_each(|&slot| checker.draw(crowd, 0, slot));
+                }
+            }
+            assert_eq!(checker.finish().is_err(), dropped.is_some(), "dropped {dropped:?}");
+        }
+    });
+}
+
 #[test]
 fn a_step_of_nothing_or_of_too_many_is_refused() {
     on_every_device(|headless, engine| {
         let mesh = PackedMesh::pack(&testing::mesh(64, 3), &engine.pack_desc(DeltaFormat::Fast)).expect("packed");
         let update = update_descs(engine, DeltaFormat::Fast)[0];
-        let desc = CrowdDesc { instances: 1, update, frames_in_flight: 1 };
+        let desc = CrowdDesc { instances: 1, frames_in_flight: 1, ..CrowdDesc::new(update) };
         let crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
         let mut crowds = [crowd.another(&desc).expect("another"), crowd];
         let heads: [&[f32]; 3] = [&[0.5; 3]; 3];
         let error = HeadlessCrowd::step_together(&mut crowds, &heads, 0).expect_err("three for two").to_string();
         assert!(error.contains("3 instances, 1 too many; give one list"), "{error}");
-        let error = HeadlessCrowd::step_together(&mut [], &[], 1).expect_err("no crowd").to_string();
+        let error = HeadlessCrowd::<Crowd>::step_together(&mut [], &[], 1).expect_err("no crowd").to_string();
         assert!(error.contains("no crowd; name one or more"), "{error}");
         HeadlessCrowd::step_together(&mut crowds, &heads[..2], 1).expect("two for two");
     });

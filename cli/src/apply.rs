@@ -6,11 +6,9 @@ use crate::output::{Failure, Output};
 use crate::stage::{Setup, Stage};
 use crate::verify::Promise;
 use deltamorph::headless::DeviceChoice;
-use deltamorph::mesh::MorphMesh;
-use deltamorph::mesh::obj::{ObjMesh, write_obj};
-use deltamorph::pack::POSE_FLOATS;
-use deltamorph::plan::UpdatePath;
+use deltamorph::import::obj::{ObjMesh, write_obj};
 use deltamorph::reference::{SHORTEST_NORMAL, compare, evaluate};
+use deltamorph::{MorphMesh, POSE_FLOATS, UpdatePath};
 use glam::Vec3;
 use serde::Serialize;
 
@@ -62,7 +60,8 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     write(args, &input.kept, &pose)?;
     let device = stage.device();
     out.say(format_args!(
-        "{}: {} active of {} targets, {passes} passes on {} ({}), {relative:.1e} of the diagonal off the float64 reference",
+        "{}: {} active of {} targets, {passes} passes on {} ({}), {relative:.1e} of the diagonal off the float64 \
+         reference",
         args.output.display(),
         weights.iter().filter(|w| **w != 0.0).count(),
         weights.len(),

@@ -7,11 +7,8 @@ pub mod values;
 use bench::BenchArgs;
 use clap::{Args, Parser, Subcommand};
 use deltamorph::headless::DeviceChoice;
-use deltamorph::mesh::Tolerance;
-use deltamorph::mesh::head::HeadDesc;
-use deltamorph::pack::DeltaFormat;
-use deltamorph::pack::blocks::BlockDesc;
-use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph::import::sample::HeadDesc;
+use deltamorph::{Accumulate, BatchSize, BlockDesc, DeltaFormat, Tolerance, UpdateDesc, UpdateMode, UpdatePath};
 use play::{PlayArgs, SoakArgs};
 use std::path::PathBuf;
 use values::{BatchSpec, BudgetSpec, Projection, WeightSetting, format_on};
@@ -87,7 +84,7 @@ pub struct SampleArgs {
 pub struct PackFileArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// Storage of the deltas: fast, small or block-float32
+    /// Storage of the deltas: a format in blocks
     #[arg(long, value_name = "FORMAT", value_parser = values::format(), default_value = "small")]
     pub format: DeltaFormat,
     #[command(flatten)]
@@ -180,17 +177,20 @@ impl HeadArgs {
 pub struct UpdateArgs {
     /// Update paths, separated by commas [default: bench: all that the device can run, without the baselines; others:
     /// blocks, or cpu where there is no GPU]
-    #[arg(long = "paths", visible_alias = "path", value_name = "PATH,…", value_delimiter = ',', value_parser = values::path())]
+    #[arg(long = "paths", visible_alias = "path", value_name = "PATH,…", value_delimiter = ',')]
+    #[arg(value_parser = values::path())]
     pub paths: Vec<UpdatePath>,
     /// Add what changed to the last pose, or rebuild from the base pose every frame [default: incremental; rebuild for
     /// scatter and the direct paths, which know nothing else]
-    #[arg(long = "mode", visible_alias = "modes", value_name = "MODE,…", value_delimiter = ',', value_parser = values::mode())]
+    #[arg(long = "mode", visible_alias = "modes", value_name = "MODE,…", value_delimiter = ',')]
+    #[arg(value_parser = values::mode())]
     pub modes: Vec<UpdateMode>,
     /// Pose buffers per head; 2 keeps the previous pose for motion vectors
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = values::slots)]
     pub slots: u32,
     /// Delta formats, separated by commas [default: bench: all; others: fast, or what a .dmorph file holds]
-    #[arg(long = "formats", visible_alias = "format", value_name = "FORMAT,…", value_delimiter = ',', value_parser = values::format())]
+    #[arg(long = "formats", visible_alias = "format", value_name = "FORMAT,…", value_delimiter = ',')]
+    #[arg(value_parser = values::format())]
     pub formats: Vec<DeltaFormat>,
     /// How poses add up in block formats [default: bench: both; others: float, but exact for scatter]
     #[arg(long, value_name = "SUMS,…", value_delimiter = ',', value_parser = values::sums())]

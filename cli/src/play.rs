@@ -12,11 +12,8 @@ use crate::table::{Table, bytes, percent, sig3, thousands};
 use crate::verify::{Found, Promise};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::internals::Rng;
-use deltamorph::mesh::MorphMesh;
-use deltamorph::pack::{POSE_STRIDE, PackedMesh};
-use deltamorph::plan::{Accumulate, UpdatePath};
 use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
-use deltamorph::weights::{BoundClip, WeightClip};
+use deltamorph::{Accumulate, BoundClip, MorphMesh, POSE_STRIDE, PackedMesh, UpdatePath, WeightClip};
 use record::{FrameRow, Planned, Played, Summary};
 use std::sync::Arc;
 
@@ -42,8 +39,8 @@ pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     match wrong {
         None => Ok(()),
         Some((frame, complaint)) => Err(Failure::Failed(format!(
-            "frame {frame} is wrong through '{}': {complaint}; try another --path, and report this with what `deltamorph \
-             devices` prints",
+            "frame {frame} is wrong through '{}': {complaint}; try another --path, and report this with what \
+             `deltamorph devices` prints",
             stage.desc.path.name()
         ))),
     }
@@ -205,8 +202,8 @@ fn text(clip: &str, stage: &Stage, frames: &[FrameRow], s: &Summary) -> String {
         .map_or("planned on the device\n".into(), |moved| format!("moved {} per frame{share}\n", bytes(moved)));
     format!(
         "{clip}, {} frames, {}\n\n{table}\n\n\
-         {moved}largest error in {} frames, of the diagonal: {} against the float64 reference{bound}; {} against the weights \
-         asked for{raw}; normals {}°",
+         {moved}largest error in {} frames, of the diagonal: {} against the float64 reference{bound}; {} against \
+         the weights asked for{raw}; normals {}°",
         thousands(s.frames),
         stage.describe(),
         thousands(s.checks),

@@ -3,14 +3,11 @@
 use crate::args::PackArgs;
 use crate::input::Input;
 use crate::output::{Failure, Output};
-use deltamorph::animation::{AnimationDesc, KeyFormat, Playback, Repeat};
-use deltamorph::cpu::CpuCrowd;
-use deltamorph::engine::{CrowdDesc, DeviceCaps};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, PoseUpload, Step};
-use deltamorph::pack::blocks::BlockDesc;
-use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::plan::{UpdateDesc, UpdatePath, UpdateStats};
-use deltamorph::weights::WeightClip;
+use deltamorph::{
+    AnimatedCrowd, AnimationDesc, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, DeviceCaps, KeyFormat, PackDesc,
+    PackedMesh, Playback, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
+};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -74,8 +71,10 @@ pub fn packed(
 
 /// Heads that are updated by one path.
 pub enum Runner<'a> {
-    /// On a device: a crowd, or one for each head; with a clock, where it plays a clip.
-    Gpu(Vec<HeadlessCrowd<'a>>, Option<Clock>),
+    /// On a device: a crowd, or one for each head.
+    Gpu(Vec<HeadlessCrowd<'a>>),
+    /// On a device, which plays a clip.
+    Animated(Box<HeadlessCrowd<'a, AnimatedCrowd>>, Clock),
     /// On the processor; with a way to the device, where poses are to be drawn there.
     Cpu(Box<CpuCrowd>, Option<Box<PoseUpload<'a>>>),
 }
@@ -99,6 +98,13 @@ pub struct Frame {
     pub upload_ms: Option<f64>,
     /// From weights to result, draws on a device included, in milliseconds.
     pub cpu_ms: f64,
+}
+
+impl Frame {
+    /// What a step on a device took.
+    fn of(Step { update, gpu_ms, draw_ms, cpu_ms }: Step) -> Self {
+        Self { stats: update.stats, gpu_ms, draw_ms, upload_ms: None, cpu_ms }
+    }
 }
 
 impl<'a> Runner<'a> {
@@ -131,12 +137,12 @@ impl<'a> Runner<'a> {
         count: usize,
     ) -> Result<Self, Failure> {
         // One update at a time is recorded and waited for.
-        let desc = CrowdDesc { instances: heads, update: desc, frames_in_flight: 1 };
+        let desc = CrowdDesc { instances: heads, frames_in_flight: 1, ..CrowdDesc::new(desc) };
         let mut crowds = vec![HeadlessCrowd::new(&gpu.headless, mesh, &desc)?];
         for _ in 1..count {
             crowds.push(crowds[0].another(&desc)?);
         }
-        Ok(Self::Gpu(crowds, None))
+        Ok(Self::Gpu(crowds))
     }
 
     /// A head that plays `clip` from its beginning, a frame each step, planned on the device.
@@ -146,11 +152,11 @@ impl<'a> Runner<'a> {
         update: UpdateDesc,
         clip: &WeightClip,
     ) -> Result<Self, Failure> {
-        let desc = CrowdDesc { instances: 1, update, frames_in_flight: 1 };
+        let desc = CrowdDesc { frames_in_flight: 1, ..CrowdDesc::new(update) };
         let clips = AnimationDesc { clips: std::slice::from_ref(clip), key_format: KeyFormat::default() };
         let mut crowd = HeadlessCrowd::animated(&gpu.headless, mesh, &desc, &clips)?;
         crowd.play(0, &Playback { repeat: Repeat::Once, ..Playback::new(0) })?;
-        Ok(Self::Gpu(vec![crowd], Some(Clock { fps: clip.fps, frames: 0 })))
+        Ok(Self::Animated(Box::new(crowd), Clock { fps: clip.fps, frames: 0 }))
     }
 
     /// Where poses lie in main memory, bring those of all `heads` to `gpu` when they are drawn.
@@ -172,16 +178,14 @@ impl<'a> Runner<'a> {
     /// As [`step`](Self::step), and on a device draw every head `copies` times.
     pub fn step_and_draw(&mut self, weights: &[Vec<f32>], copies: u32) -> deltamorph::Result<Frame> {
         match self {
-            Self::Gpu(crowds, clock) => {
-                let mut weights: Vec<&[f32]> = weights.iter().map(Vec::as_slice).collect();
-                if let Some(clock) = clock {
-                    crowds[0].set_time(f64::from(clock.frames) / f64::from(clock.fps))?;
-                    clock.frames += 1;
-                    weights.clear();
-                }
-                let step = HeadlessCrowd::step_together(crowds, &weights, copies)?;
-                let Step { update, gpu_ms, draw_ms, cpu_ms } = step;
-                Ok(Frame { stats: update.stats, gpu_ms, draw_ms, upload_ms: None, cpu_ms })
+            Self::Gpu(crowds) => {
+                let weights: Vec<&[f32]> = weights.iter().map(Vec::as_slice).collect();
+                Ok(Frame::of(HeadlessCrowd::step_together(crowds, &weights, copies)?))
+            }
+            Self::Animated(crowd, clock) => {
+                crowd.set_time(f64::from(clock.frames) / f64::from(clock.fps))?;
+                clock.frames += 1;
+                Ok(Frame::of(HeadlessCrowd::step_together(std::slice::from_mut(&mut **crowd), &[], copies)?))
             }
             Self::Cpu(crowd, upload) => {
                 let start = Instant::now();
@@ -206,28 +210,30 @@ impl<'a> Runner<'a> {
     /// The pose of a head, six floats a vertex, in the user's order.
     pub fn pose(&mut self, head: u32) -> deltamorph::Result<Vec<f32>> {
         match self {
-            Self::Gpu(crowds, _) => {
+            Self::Gpu(crowds) => {
                 let (crowd, instance) = place(crowds, head);
                 crowd.read_pose(instance)
             }
+            Self::Animated(crowd, _) => crowd.read_pose(head),
             Self::Cpu(crowd, _) => Ok(crowd.layout().to_user_order(crowd.pose(head as usize)?)),
         }
     }
 
     /// The weights that a device has chosen, where it animates.
     pub fn played(&mut self, mesh: &PackedMesh) -> Result<Option<Vec<f32>>, Failure> {
-        let (Self::Gpu(crowds, Some(_)), Some(blocks)) = (self, &mesh.layout().blocks) else { return Ok(None) };
+        let (Self::Animated(crowd, _), Some(blocks)) = (self, &mesh.layout().blocks) else { return Ok(None) };
         let step = blocks.exact()?.weight_step();
-        Ok(Some(crowds[0].read_weights(0)?.into_iter().map(|steps| steps as f32 * step).collect()))
+        Ok(Some(crowd.read_weights(0)?.into_iter().map(|steps| steps as f32 * step).collect()))
     }
 
     /// The next pose of a head has no predecessor.
     pub fn cut(&mut self, head: u32) -> Result<(), Failure> {
         match self {
-            Self::Gpu(crowds, _) => {
+            Self::Gpu(crowds) => {
                 let (crowd, instance) = place(crowds, head);
                 crowd.cut(instance)?;
             }
+            Self::Animated(crowd, _) => crowd.cut(head)?,
             Self::Cpu(crowd, _) => crowd.cut(head as usize)?,
         }
         Ok(())
@@ -236,17 +242,22 @@ impl<'a> Runner<'a> {
     /// The integer sums of a head; `None` unless it accumulates exactly.
     pub fn sums(&mut self, head: u32) -> Result<Option<Vec<i32>>, Failure> {
         match self {
-            Self::Gpu(crowds, _) => {
+            Self::Gpu(crowds) => {
                 let (crowd, instance) = place(crowds, head);
                 Ok(crowd.read_sums(instance)?)
             }
+            Self::Animated(crowd, _) => Ok(crowd.read_sums(head)?),
             Self::Cpu(crowd, _) => Ok(crowd.sums(head as usize)?.map(<[i32]>::to_vec)),
         }
     }
 
     /// Device time of `copies` draws of every head; `None` without a device.
     pub fn draw_ms(&mut self, copies: u32) -> deltamorph::Result<Option<f64>> {
-        let Self::Gpu(crowds, _) = self else { return Ok(None) };
+        let crowds = match self {
+            Self::Gpu(crowds) => crowds,
+            Self::Animated(crowd, _) => return crowd.draw(copies),
+            Self::Cpu(..) => return Ok(None),
+        };
         let each: Vec<Option<f64>> = crowds.iter().map(|crowd| crowd.draw(copies)).collect::<Result<_, _>>()?;
         Ok(each.into_iter().sum())
     }

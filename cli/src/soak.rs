@@ -11,8 +11,8 @@ use crate::stage::{Setup, Stage};
 use crate::table::{sig3, thousands};
 use crate::verify::{Found, Promise};
 use deltamorph::headless::DeviceChoice;
-use deltamorph::plan::{Accumulate, UpdateDesc};
-use deltamorph::reference::{PoseError, compare, evaluate};
+use deltamorph::reference::{compare, evaluate};
+use deltamorph::{Accumulate, PoseError, UpdateDesc};
 use script::Script;
 use serde::Serialize;
 use std::time::Instant;
@@ -185,7 +185,8 @@ fn verdict(stage: &Stage, checks: &Checks) -> Result<(), Failure> {
     match stage.desc.accumulate {
         Accumulate::Float { tolerance } if relative(checks.found.bound) > f64::from(tolerance) * (1.0 + 1e-6) => {
             Err(Failure::Failed(format!(
-                "the bound kept through '{path}' came to {:.3e} of the diagonal, {tolerance:.1e} are tolerated; {report}",
+                "the bound kept through '{path}' came to {:.3e} of the diagonal, {tolerance:.1e} are tolerated; \
+                 {report}",
                 relative(checks.found.bound)
             )))
         }

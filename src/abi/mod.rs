@@ -3,7 +3,7 @@
 //! - [`formats`], [`kernels`] and [`numbers`] are plain data that build.rs includes as well: it compiles the modules
 //!   that the table of kernels asks for, and writes the numbers into the shaders' `abi.glsl`.
 //! - [`modules`]: the SPIR-V. [`choice`]: which kernel runs, by format, sums, instances and device.
-//! - [`push`], [`worklist`], [`animation`]: what is pushed and what lies in buffers, word by word.
+//! - [`push`] and [`worklist`]: what is pushed and what lies in buffers, word by word.
 //!
 //! `tests/spirv.rs` reflects every module and compares it with what is stated here.
 

@@ -60,7 +60,7 @@ pub struct MorphMesh {
     pub positions: Vec<Vec3>,
     /// Base normals, unit length.
     pub normals: Vec<Vec3>,
-    /// Texture coordinates, indexed by [`Corner::texcoord`].
+    /// Texture coordinates, indexed by [`Corner::texcoord`](super::Corner::texcoord).
     pub texcoords: Vec<Vec2>,
     /// The face list.
     pub faces: Faces,

@@ -26,7 +26,7 @@ pub struct MorphSource {
     pub positions: Vec<Vec3>,
     /// Base normals per position, unit length; `None` when the input has none.
     pub normals: Option<Vec<Vec3>>,
-    /// Texture coordinates, indexed by [`Corner::texcoord`].
+    /// Texture coordinates, indexed by [`Corner::texcoord`](super::Corner::texcoord).
     pub texcoords: Vec<Vec2>,
     /// The face list.
     pub faces: Faces,

@@ -7,7 +7,7 @@ use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::pack::blocks::{BlockIndex, ExactGrid};
 use crate::pack::formats::{BlockFormat, with_format};
 use crate::pack::{POSE_FLOATS, PackedGroup};
-use crate::plan::blocks::{ELEMENT_BYTES, Element, ITEM_WORDS, Item, WorkList};
+use crate::update::blocks::{ELEMENT_BYTES, Element, ITEM_WORDS, Item, WorkList};
 
 /// Sees every load and store of the kernel.
 pub(crate) trait Meter {

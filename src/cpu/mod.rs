@@ -9,10 +9,12 @@ mod workers;
 
 use crate::error::{Error, Result};
 use crate::pack::{POSE_FLOATS, PackedLayout, PackedMesh};
-use crate::plan::blocks::{BlockState, Planner, check_block_weights};
-use crate::plan::commands::{CommandList, PassCommand};
-use crate::plan::heads::Heads;
-use crate::plan::{Plan, PoseState, Source, UpdateDesc, UpdatePath, UpdateStats};
+use crate::plan::instances::{Instances, check_weights};
+use crate::plan::steps::{Source, Steps, Work};
+use crate::plan::{Consumers, UpdateDesc, UpdateStats};
+use crate::update::Runner;
+use crate::update::blocks::{BlockState, Planner};
+use crate::update::dense::{COMPUTE_PASS, DensePlanner};
 use std::sync::Arc;
 use workers::Workers;
 
@@ -20,17 +22,17 @@ use workers::Workers;
 pub struct CpuCrowd {
     mesh: Arc<PackedMesh>,
     slots: usize,
-    heads: Heads,
+    instances: Instances,
     updates: u64,
     /// `[instance × slots + slot]`.
     poses: Vec<Vec<f32>>,
     workers: Workers,
-    layout: Layout,
+    kind: Kind,
 }
 
-/// What depends on the format's layout.
-enum Layout {
-    Dense { states: Vec<PoseState>, plans: Vec<Plan>, list: CommandList },
+/// What depends on the format.
+enum Kind {
+    Dense { planner: DensePlanner, steps: Steps },
     Blocks(Box<Blocks>),
 }
 
@@ -61,40 +63,34 @@ impl CpuCrowd {
     /// caller's thread does the work.
     ///
     /// # Errors
-    /// As [`UpdateDesc::check`]; a path that isn't [`UpdatePath::Cpu`]; threads that cannot be started; more poses than there
-    /// is memory. Exact sums or an error budget for a dense format; for block formats, as [`BlockState::new`].
+    /// As [`UpdateDesc::check`]; a path that isn't [`UpdatePath::Cpu`](crate::plan::UpdatePath::Cpu); threads that
+    /// cannot be started; more poses than there is memory. Exact sums or an error budget for a dense format; for block
+    /// formats, as [`BlockState::new`].
     pub fn new(mesh: Arc<PackedMesh>, desc: UpdateDesc, instances: usize, threads: usize) -> Result<Self> {
-        if desc.path != UpdatePath::Cpu {
-            return Err(Error::invalid(
-                format!("update path '{}' for a CpuCrowd", desc.path.name()),
-                "use UpdatePath::Cpu here, or MorphEngine for the GPU paths",
-            ));
-        }
+        desc.check_all(Some(mesh.layout()), Runner::Cpu)?;
         let (layout, slots) = (mesh.layout(), desc.slots as usize);
         check_memory(layout, instances, slots)?;
         let workers = Workers::new(threads)?;
         let targets = layout.targets.len();
         let kind = match &layout.blocks {
             None => {
-                desc.check_dense(layout.format.name())?;
-                let states = vec![PoseState::new(desc)?; instances];
-                Layout::Dense { states, plans: vec![Plan::default(); instances], list: CommandList::new(desc.path) }
+                Kind::Dense { planner: DensePlanner::new(desc, instances)?, steps: Steps::new(Consumers::default()) }
             }
             Some(index) => {
                 let state = BlockState::new(desc, layout, index)?;
                 let sums = if state.exact().is_some() { mesh.base().len() } else { 0 };
-                Layout::Blocks(Box::new(Blocks {
+                Kind::Blocks(Box::new(Blocks {
                     planner: Planner::new(index, state, instances),
                     sums: vec![vec![0; sums]; instances],
                 }))
             }
         };
         Ok(Self {
-            heads: Heads::new(instances, targets),
+            instances: Instances::new(instances, targets),
             updates: 0,
             poses: vec![mesh.base().to_vec(); instances * slots],
             slots,
-            layout: kind,
+            kind,
             mesh,
             workers,
         })
@@ -110,12 +106,12 @@ impl CpuCrowd {
     /// # Errors
     /// An instance out of range; a wrong number of weights; one that is not finite or out of range.
     pub fn set_weights(&mut self, instance: usize, weights: &[f32]) -> Result<()> {
-        let exact = match &self.layout {
-            Layout::Dense { .. } => None,
-            Layout::Blocks(blocks) => blocks.planner.exact(),
+        let exact = match &self.kind {
+            Kind::Dense { .. } => None,
+            Kind::Blocks(blocks) => blocks.planner.exact(),
         };
-        check_block_weights(weights, self.mesh.layout(), exact)?;
-        self.heads.set_weights(number(instance), weights)
+        check_weights(weights, self.mesh.layout(), exact)?;
+        self.instances.set_weights(number(instance), weights)
     }
 
     /// The next pose of `instance` has no predecessor (it was hidden, or teleported): its previous pose will be the
@@ -124,21 +120,21 @@ impl CpuCrowd {
     /// # Errors
     /// An instance out of range or removed.
     pub fn cut(&mut self, instance: usize) -> Result<()> {
-        let instance = self.heads.check(number(instance))?;
-        match &mut self.layout {
-            Layout::Dense { states, .. } => states[instance].cut(),
-            Layout::Blocks(blocks) => blocks.planner.states[instance].cut(),
+        let instance = self.instances.check(number(instance))?;
+        match &mut self.kind {
+            Kind::Dense { planner, .. } => planner.cut(instance),
+            Kind::Blocks(blocks) => blocks.planner.cut(instance),
         }
         Ok(())
     }
 
-    /// Hide `instance`, or show it again: a hidden one is left out of updates and keeps its pose; the first pose after it
-    /// has itself as previous pose.
+    /// Hide `instance`, or show it again: a hidden one is left out of updates and keeps its pose; the first pose after
+    /// it has itself as previous pose.
     ///
     /// # Errors
     /// An instance out of range or removed.
     pub fn set_hidden(&mut self, instance: usize, hidden: bool) -> Result<()> {
-        if self.heads.set_hidden(number(instance), hidden)? { self.cut(instance) } else { Ok(()) }
+        if self.instances.set_hidden(number(instance), hidden)? { self.cut(instance) } else { Ok(()) }
     }
 
     /// Add a head in a place that [`remove`](Self::remove) freed: shown, all weights 0.
@@ -146,10 +142,10 @@ impl CpuCrowd {
     /// # Errors
     /// No free place.
     pub fn add(&mut self) -> Result<usize> {
-        let instance = self.heads.add()? as usize;
-        match &mut self.layout {
-            Layout::Dense { states, .. } => states[instance].forget(),
-            Layout::Blocks(blocks) => blocks.planner.states[instance].forget(),
+        let instance = self.instances.add()? as usize;
+        match &mut self.kind {
+            Kind::Dense { planner, .. } => planner.forget(instance),
+            Kind::Blocks(blocks) => blocks.planner.forget(instance),
         }
         Ok(instance)
     }
@@ -159,60 +155,36 @@ impl CpuCrowd {
     /// # Errors
     /// An instance out of range, or removed before.
     pub fn remove(&mut self, instance: usize) -> Result<()> {
-        self.heads.remove(number(instance))
+        self.instances.remove(number(instance))
     }
 
     /// Bring all poses to the weights asked for.
     pub fn update(&mut self) -> UpdateStats {
         self.updates += 1;
-        match &mut self.layout {
-            Layout::Dense { states, plans, list } => {
-                for ((state, asked), plan) in states.iter_mut().zip(self.heads.asked()).zip(&mut *plans) {
-                    match asked {
-                        Some(weights) => state.plan(weights, self.updates, plan),
-                        None => plan.clear(),
-                    }
-                }
-                list.fill(plans);
-                let stats = UpdateStats::new(self.mesh.layout(), list, plans);
-                let list = std::mem::replace(list, CommandList::new(UpdatePath::Cpu));
-                self.run_dense(&list);
-                if let Layout::Dense { list: place, .. } = &mut self.layout {
-                    *place = list;
-                }
-                stats
+        let Self { mesh, workers, poses, slots, instances, .. } = self;
+        match &mut self.kind {
+            Kind::Dense { planner, steps } => {
+                planner.plan(instances, self.updates);
+                steps.clear();
+                planner.fill(COMPUTE_PASS, steps);
+                steps.works().iter().for_each(|work| run_dense(mesh, workers, planner, work, poses, *slots));
+                planner.stats(mesh.layout())
             }
-            Layout::Blocks(blocks) => {
-                let stats = blocks.planner.plan(&self.heads, self.updates);
-                blocks.run(&self.mesh, &self.workers, &mut self.poses, self.slots);
+            Kind::Blocks(blocks) => {
+                let stats = blocks.planner.plan(instances, self.updates);
+                blocks.run(mesh, workers, poses, *slots);
                 stats
             }
         }
     }
 
-    fn run_dense(&mut self, list: &CommandList) {
-        for pass in list.passes() {
-            let at = pass.instance as usize * self.slots;
-            let mut destination = std::mem::take(&mut self.poses[at + pass.destination as usize]);
-            let source = match pass.source {
-                Source::Base => Some(self.mesh.base()),
-                Source::Slot(slot) if slot == pass.destination => None,
-                Source::Slot(slot) => Some(self.poses[at + slot as usize].as_slice()),
-            };
-            self.run_pass(list, pass, source, &mut destination);
-            self.poses[at + pass.destination as usize] = destination;
-        }
-    }
-
-    /// Slots of the pose and of the previous pose.
+    /// Slots of the pose and of the previous pose; the first slot while there is no pose.
     fn slots_of(&self, instance: usize) -> (u32, Option<u32>) {
-        match &self.layout {
-            Layout::Dense { plans, .. } => (plans[instance].result, plans[instance].previous),
-            Layout::Blocks(blocks) => {
-                let plan = blocks.planner.plans[instance];
-                (plan.result, plan.previous)
-            }
-        }
+        let slots = match &self.kind {
+            Kind::Dense { planner, .. } => planner.slots_of(instance),
+            Kind::Blocks(blocks) => blocks.planner.slots_of(instance),
+        };
+        slots.unwrap_or_default()
     }
 
     /// The pose of an instance after the last update: six floats a vertex, with padding, in the order of pose buffers
@@ -221,7 +193,7 @@ impl CpuCrowd {
     /// # Errors
     /// An instance out of range or removed.
     pub fn pose(&self, instance: usize) -> Result<&[f32]> {
-        let instance = self.heads.check(number(instance))?;
+        let instance = self.instances.check(number(instance))?;
         Ok(&self.poses[instance * self.slots + self.slots_of(instance).0 as usize])
     }
 
@@ -230,7 +202,7 @@ impl CpuCrowd {
     /// # Errors
     /// An instance out of range or removed.
     pub fn previous_pose(&self, instance: usize) -> Result<Option<&[f32]>> {
-        let instance = self.heads.check(number(instance))?;
+        let instance = self.instances.check(number(instance))?;
         Ok(self.slots_of(instance).1.map(|slot| self.poses[instance * self.slots + slot as usize].as_slice()))
     }
 
@@ -239,27 +211,42 @@ impl CpuCrowd {
     /// # Errors
     /// An instance out of range or removed.
     pub fn sums(&self, instance: usize) -> Result<Option<&[i32]>> {
-        let instance = self.heads.check(number(instance))?;
-        Ok(match &self.layout {
-            Layout::Dense { .. } => None,
-            Layout::Blocks(blocks) => Some(blocks.sums[instance].as_slice()).filter(|sums| !sums.is_empty()),
+        let instance = self.instances.check(number(instance))?;
+        Ok(match &self.kind {
+            Kind::Dense { .. } => None,
+            Kind::Blocks(blocks) => Some(blocks.sums[instance].as_slice()).filter(|sums| !sums.is_empty()),
         })
     }
+}
 
-    fn run_pass(&self, list: &CommandList, pass: &PassCommand, source: Option<&[f32]>, destination: &mut [f32]) {
-        let coefficients = &list.coefficients[pass.coefficients.clone()];
-        let mesh = &*self.mesh;
-        let mut rest = destination;
-        for (first, vertices) in mesh.layout().chunks() {
-            let (chunk, tail) = rest.split_at_mut(vertices * POSE_FLOATS);
-            rest = tail;
-            self.workers.for_each_piece(chunk, |at, out| {
-                let first = first + at / POSE_FLOATS;
-                let source = source.map(|s| &s[first * POSE_FLOATS..][..out.len()]);
-                kernel::dense(mesh.surface(), coefficients, first, source, out);
-            });
-        }
+/// Carry a dense pass out.
+fn run_dense(
+    mesh: &PackedMesh,
+    workers: &Workers,
+    planner: &DensePlanner,
+    work: &Work,
+    poses: &mut [Vec<f32>],
+    slots: usize,
+) {
+    let at = work.instance as usize * slots;
+    let (to, coefficients) = (at + work.destination as usize, planner.coefficients(work));
+    let mut destination = std::mem::take(&mut poses[to]);
+    let source = match work.source {
+        Source::Base => Some(mesh.base()),
+        Source::Slot(slot) if slot == work.destination => None,
+        Source::Slot(slot) => Some(poses[at + slot as usize].as_slice()),
+    };
+    let mut rest = &mut destination[..];
+    for (first, vertices) in mesh.layout().chunks() {
+        let (chunk, tail) = rest.split_at_mut(vertices * POSE_FLOATS);
+        rest = tail;
+        workers.for_each_piece(chunk, |at, out| {
+            let first = first + at / POSE_FLOATS;
+            let source = source.map(|s| &s[first * POSE_FLOATS..][..out.len()]);
+            kernel::dense(mesh.surface(), coefficients, first, source, out);
+        });
     }
+    poses[to] = destination;
 }
 
 impl Blocks {

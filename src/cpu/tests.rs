@@ -1,7 +1,7 @@
 use super::*;
 use crate::pack::blocks::{BLOCK_SIZES, BlockDesc};
 use crate::pack::{DeltaFormat, PackDesc};
-use crate::plan::{Accumulate, BatchSize, UpdateMode};
+use crate::plan::{Accumulate, BatchSize, UpdateMode, UpdatePath};
 use crate::{reference, testing};
 use proptest::prelude::*;
 
@@ -32,7 +32,7 @@ proptest! {
             }
             crowd.update();
             for (i, before) in before.iter_mut().enumerate() {
-                let reference = reference::evaluate(&packed, crowd.heads.asked().nth(i).flatten().unwrap());
+                let reference = reference::evaluate(&packed, crowd.instances.requested().nth(i).flatten().unwrap());
                 let bound = f64::from(mesh.diagonal.max(1.0));
                 let error = reference::compare(crowd.pose(i).expect("an instance"), &reference);
                 prop_assert!(error.within(3e-6 * bound, 0.01), "{:?}", error);
@@ -50,7 +50,7 @@ proptest! {
 
 /// What the kernel loads and stores for the work list as it stands.
 fn metered(crowd: &CpuCrowd) -> u64 {
-    let Layout::Blocks(blocks) = &crowd.layout else { panic!("a block format") };
+    let Kind::Blocks(blocks) = &crowd.kind else { panic!("a block format") };
     let (planner, mesh) = (&blocks.planner, &crowd.mesh);
     let (index, list) = (&planner.index, &planner.list);
     let floats = index.size() * POSE_FLOATS;
@@ -72,7 +72,8 @@ proptest! {
     /// promised, the previous pose is kept, and the planner's bytes are the kernel's.
     #[test]
     fn blocks_equal_the_reference(
-        vertices in 1usize..700, targets in 0usize..20, format in 0usize..3, size in 0usize..3, exact in any::<bool>(),
+        vertices in 1usize..700, targets in 0usize..20, format in 0..DeltaFormat::BLOCKS.len(), size in 0usize..3,
+        exact in any::<bool>(),
         rebuild in any::<bool>(), slots in 1u32..5, budget in any::<bool>(), threads in 1usize..4, seed in any::<u32>(),
     ) {
         let mesh = testing::mesh(vertices, targets);
@@ -103,7 +104,7 @@ proptest! {
             let stats = crowd.update();
             prop_assert_eq!(stats.bytes_moved, metered(&crowd), "{:?} {:?} frame {}", desc, format, frame);
             for (i, before) in before.iter_mut().enumerate() {
-                let weights: Vec<f32> = crowd.heads.asked().nth(i).flatten().unwrap().iter().map(|&w| grid.map_or(w, |g| g.round(w))).collect();
+                let weights: Vec<f32> = crowd.instances.requested().nth(i).flatten().unwrap().iter().map(|&w| grid.map_or(w, |g| g.round(w))).collect();
                 let pose = packed.layout().to_user_order(crowd.pose(i).expect("an instance"));
                 let error = reference::compare(&pose, &reference::evaluate(&packed, &weights));
                 // A still face has settled.
@@ -126,7 +127,7 @@ proptest! {
             // After any history, the integers and the pose are those of a full evaluation.
             let mut fresh = CpuCrowd::new(packed.clone(), UpdateDesc { error_budget: 0.0, ..desc }, 2, 1).unwrap();
             for i in 0..2 {
-                fresh.set_weights(i, crowd.heads.asked().nth(i).flatten().unwrap()).unwrap();
+                fresh.set_weights(i, crowd.instances.requested().nth(i).flatten().unwrap()).unwrap();
             }
             fresh.update();
             for i in 0..2 {

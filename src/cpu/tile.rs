@@ -5,7 +5,7 @@ use super::blocks::Meter;
 use crate::asset::streams::TRIPLE;
 use crate::pack::blocks::{BlockIndex, ExactGrid};
 use crate::pack::{POSE_FLOATS, PackedGroup};
-use crate::plan::blocks::{TileItem, Tiles, WorkList, row_words};
+use crate::update::blocks::{TileItem, Tiles, WorkList, row_words};
 
 /// The memory of a crowd: `[instance × slots + slot]` poses, `[instance]` sums.
 pub(crate) struct Memory {

@@ -1,15 +1,16 @@
-//! Hazards to Vulkan's masks. Nothing else calls vkCmdPipelineBarrier in the engine.
+//! Barriers as data to Vulkan's. Nothing else calls vkCmdPipelineBarrier in the engine.
 
-use crate::plan::commands::{Access, Hazard, Scope, Stage};
+use crate::plan::schedule::Barrier;
+use crate::plan::steps::{Access, Scope, Stage};
 use ash::vk;
 
-/// Record the global memory barrier for `hazard`.
+/// Record a global memory barrier.
 ///
 /// # Safety
 /// `cmd` is in the recording state, on `device`, outside a render pass; the device was created with the
-/// extensions whose stages `hazard` names.
-pub(crate) unsafe fn record(device: &ash::Device, cmd: vk::CommandBuffer, hazard: Hazard) {
-    let (before, after) = hazard.scopes();
+/// extensions whose stages `barrier` names.
+pub(crate) unsafe fn record(device: &ash::Device, cmd: vk::CommandBuffer, barrier: &Barrier) {
+    let Barrier { before, after, .. } = *barrier;
     let memory = vk::MemoryBarrier::default().src_access_mask(accesses(before)).dst_access_mask(accesses(after));
     // SAFETY: the caller's obligations.
     unsafe {
@@ -47,6 +48,7 @@ fn accesses(scope: Scope) -> vk::AccessFlags {
         (Access::ShaderWrite, vk::AccessFlags::SHADER_WRITE),
         (Access::FeedbackWrite, vk::AccessFlags::TRANSFORM_FEEDBACK_WRITE_EXT),
         (Access::IndirectRead, vk::AccessFlags::INDIRECT_COMMAND_READ),
+        (Access::TransferRead, vk::AccessFlags::TRANSFER_READ),
     ]
     .into_iter()
     .filter(|(access, _)| scope.has_access(*access))

@@ -6,8 +6,8 @@ use crate::abi::kernels::{DeviceClass, DeviceTuning, batch_max};
 use crate::abi::numbers::{DENSE_BATCH_MAX, WORKGROUP};
 use crate::abi::push::attribute_push_bytes;
 use crate::error::{Error, Result};
-use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
-use crate::plan::{BatchSize, UpdateDesc, UpdatePath};
+use crate::pack::{DeltaFormat, POSE_STRIDE};
+use crate::plan::UpdatePath;
 use ash::vk;
 use std::ffi::CStr;
 
@@ -96,6 +96,7 @@ pub struct DeviceCaps {
 
 /// An extension or feature that a path needs, and why.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Requirement {
     /// Name of the device extension to enable, if any.
     pub extension: Option<&'static CStr>,
@@ -119,7 +120,12 @@ pub fn requirements(path: UpdatePath) -> &'static [Requirement] {
             feature: Some("vertexPipelineStoresAndAtomics"),
             reason: "vertex passes store the pose in a storage buffer",
         }],
-        _ => &[],
+        UpdatePath::Compute
+        | UpdatePath::Blocks
+        | UpdatePath::Cpu
+        | UpdatePath::Scatter
+        | UpdatePath::Direct
+        | UpdatePath::DirectAttributes => &[],
     }
 }
 
@@ -342,44 +348,14 @@ impl DeviceCaps {
         }
     }
 
-    /// Whether an update as described can run here on a mesh packed like this.
+    /// Refuse more of something than the device has: `(amount, unit, most)`.
     ///
     /// # Errors
-    /// As [`UpdateDesc::check_for`] and [`check_path`](Self::check_path); a batch size beyond
-    /// [`batch_max`](Self::batch_max); a format that the path does not take; blocks larger than a workgroup.
-    pub fn check_update(&self, desc: &UpdateDesc, layout: &PackedLayout) -> Result<()> {
-        let format = layout.format;
-        desc.check()?;
-        self.check_path(desc.path)?;
-        if !desc.path.formats().contains(&format) {
-            let names: Vec<&str> = desc.path.formats().iter().map(|f| f.name()).collect();
-            return Err(Error::invalid(
-                format!("update path '{}' with {} deltas", desc.path.name(), format.name()),
-                format!("pack the mesh as {}", names.join(" or ")),
-            ));
+    /// `what` with the numbers.
+    pub(crate) fn check_limit(&self, what: &str, (amount, unit, most): (u64, &str, u64), remedy: &str) -> Result<()> {
+        if amount <= most {
+            return Ok(());
         }
-        if let Some(blocks) = layout
-            .blocks
-            .as_ref()
-            .filter(|b| desc.path == UpdatePath::Blocks && b.size() > self.max_workgroup_invocations as usize)
-        {
-            return Err(Error::invalid(
-                format!("blocks of {} vertices on {}", blocks.size(), self.name),
-                format!("pack with blocks of at most {} vertices", self.max_workgroup_invocations),
-            ));
-        }
-        desc.check_for(layout)?;
-        match (desc.batch, self.batch_max(desc.path, format)) {
-            (BatchSize::Targets(b), Some(most)) if b > most => Err(Error::invalid(
-                format!(
-                    "batch size {b} for update path '{}' with {} deltas on {}",
-                    desc.path.name(),
-                    format.name(),
-                    self.name
-                ),
-                format!("use 1 to {most}{}", if desc.path == UpdatePath::Compute { ", or 'all'" } else { "" }),
-            )),
-            _ => Ok(()),
-        }
+        Err(Error::invalid(format!("{what} {amount} {unit}, but {} allows {most}", self.name), remedy))
     }
 }

@@ -1,19 +1,18 @@
 //! Below the gpu line: everything that calls Vulkan.
 //!
 //! Files by Vulkan concern: [`caps`] (what a device can do), [`device`] (the host's device, borrowed),
-//! `memory`, `descriptors`, `pipelines`, `barriers`, one file per update path, and `baselines`, the techniques of others.
+//! `memory`, `ring` (lists that the host writes), `mesh` (an uploaded mesh), `descriptors`, `pipelines`, `kernels`
+//! (those made so far), `barriers`. No file here knows a technique.
 
-pub(crate) mod animation;
 pub(crate) mod barriers;
-pub(crate) mod baselines;
-pub(crate) mod blocks;
 pub mod caps;
-pub(crate) mod compute;
 pub(crate) mod descriptors;
 pub mod device;
-pub(crate) mod feedback;
+pub(crate) mod kernels;
 pub(crate) mod memory;
+pub(crate) mod mesh;
 pub(crate) mod pipelines;
+pub(crate) mod ring;
 
 use crate::error::Error;
 use ash::vk;

@@ -1,6 +1,7 @@
 //! A crowd that is updated, timed, drawn and read back one step at a time.
 
 mod animated;
+mod kinds;
 
 #[doc(hidden)]
 pub use animated::PlannedGroup;
@@ -8,15 +9,19 @@ pub use animated::PlannedGroup;
 use super::Headless;
 use super::draw::PoseDraw;
 use super::submit::{full_barrier, host_barrier};
-use crate::animation::Playback;
-use crate::engine::{Crowd, CrowdDesc, GpuMesh, MorphEngine, PoseView, Ticket, Update};
+use crate::engine::{AnyCrowd, Crowd, CrowdDesc, GpuMesh, MorphEngine, PoseView, Ticket, Update};
 use crate::error::{Error, Result};
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::pack::PackedMesh;
+#[cfg(feature = "baselines")]
 use crate::plan::UpdatePath;
-use crate::plan::commands::CommandList;
+#[cfg(feature = "internals")]
+use crate::plan::hazards::Event;
+#[cfg(feature = "internals")]
+use crate::plan::schedule::Entry;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
+use kinds::Kind;
 use std::collections::VecDeque;
 use std::time::Instant;
 
@@ -39,11 +44,11 @@ pub struct Recorded {
     ticket: Ticket,
 }
 
-/// A mesh and a crowd on a [`Headless`] device.
-pub struct HeadlessCrowd<'a> {
+/// A mesh and a crowd, of either kind, on a [`Headless`] device.
+pub struct HeadlessCrowd<'a, C = Crowd> {
     headless: &'a Headless,
     mesh: GpuMesh,
-    crowd: Crowd,
+    crowd: C,
     draw: PoseDraw,
     readback: Buffer,
     /// Recorded and not yet submitted, in order. The lists of others may have been overwritten.
@@ -59,6 +64,7 @@ impl<'a> HeadlessCrowd<'a> {
         let engine = headless.engine();
         let mut mesh = headless.submitter().run(|cmd| match desc.update.path {
             // SAFETY: the submitter hands out a recording buffer of the engine's device; it waits for the device.
+            #[cfg(feature = "baselines")]
             UpdatePath::Scatter => unsafe { engine.upload_scatter(cmd, mesh) },
             // SAFETY: as above.
             _ => unsafe { engine.upload(cmd, mesh) },
@@ -73,7 +79,24 @@ impl<'a> HeadlessCrowd<'a> {
         Self::with(headless, mesh, crowd)
     }
 
-    fn with(headless: &'a Headless, mesh: GpuMesh, crowd: Crowd) -> Result<Self> {
+    /// Another crowd of the same mesh, which is not uploaded again.
+    ///
+    /// # Errors
+    /// As [`MorphEngine::create_crowd`].
+    pub fn another(&self, desc: &CrowdDesc) -> Result<Self> {
+        let mesh = self.mesh.shared();
+        Self::of(self.headless, mesh, desc)
+    }
+
+    /// See [`Crowd::set_weights`].
+    #[allow(clippy::missing_errors_doc)]
+    pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
+        self.crowd.set_weights(instance, weights)
+    }
+}
+
+impl<'a, C: Kind> HeadlessCrowd<'a, C> {
+    fn with(headless: &'a Headless, mesh: GpuMesh, crowd: C) -> Result<Self> {
         let engine = headless.engine();
         let readback = Buffer::new(
             engine.device(),
@@ -87,17 +110,8 @@ impl<'a> HeadlessCrowd<'a> {
         Ok(Self { headless, draw: PoseDraw::new(engine.device())?, mesh, crowd, readback, waiting: VecDeque::new() })
     }
 
-    /// Another crowd of the same mesh, which is not uploaded again.
-    ///
-    /// # Errors
-    /// As [`MorphEngine::create_crowd`].
-    pub fn another(&self, desc: &CrowdDesc) -> Result<Self> {
-        let mesh = self.mesh.shared();
-        Self::of(self.headless, mesh, desc)
-    }
-
     /// The crowd. There is no way to change it but the methods here: a crowd of another device must not take its place.
-    pub fn crowd(&self) -> &Crowd {
+    pub fn crowd(&self) -> &C {
         &self.crowd
     }
 
@@ -106,46 +120,28 @@ impl<'a> HeadlessCrowd<'a> {
         &self.mesh
     }
 
-    /// See [`Crowd::set_weights`].
-    #[allow(clippy::missing_errors_doc)]
-    pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
-        self.crowd.set_weights(instance, weights)
-    }
-
     /// See [`Crowd::cut`].
     #[allow(clippy::missing_errors_doc)]
     pub fn cut(&mut self, instance: u32) -> Result<()> {
-        self.crowd.cut(instance)
+        self.crowd.base_mut().cut(instance)
     }
 
     /// See [`Crowd::set_hidden`].
     #[allow(clippy::missing_errors_doc)]
     pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<()> {
-        self.crowd.set_hidden(instance, hidden)
+        self.crowd.base_mut().set_hidden(instance, hidden)
     }
 
     /// See [`Crowd::add`].
     #[allow(clippy::missing_errors_doc)]
     pub fn add(&mut self) -> Result<u32> {
-        self.crowd.add()
+        self.crowd.base_mut().add()
     }
 
     /// See [`Crowd::remove`].
     #[allow(clippy::missing_errors_doc)]
     pub fn remove(&mut self, instance: u32) -> Result<()> {
-        self.crowd.remove(instance)
-    }
-
-    /// See [`Crowd::play`].
-    #[allow(clippy::missing_errors_doc)]
-    pub fn play(&mut self, instance: u32, playback: &Playback) -> Result<()> {
-        self.crowd.play(instance, playback)
-    }
-
-    /// See [`Crowd::set_time`].
-    #[allow(clippy::missing_errors_doc)]
-    pub fn set_time(&mut self, seconds: f64) -> Result<()> {
-        self.crowd.set_time(seconds)
+        self.crowd.base_mut().remove(instance)
     }
 
     /// The update of `ticket` and all recorded after it never run: see [`Crowd::discard`]. [`submit`](Self::submit)
@@ -156,13 +152,13 @@ impl<'a> HeadlessCrowd<'a> {
     pub fn discard(&mut self, ticket: Ticket) -> Result<()> {
         if let Some(first) = self.waiting.iter().position(|waiting| *waiting == ticket) {
             self.waiting.truncate(first);
-        } else if !self.crowd.is_discarded(ticket)? {
+        } else if !self.crowd.base().is_discarded(ticket)? {
             return Err(Error::invalid(
                 "the update to discard is not waiting: it was submitted, or left behind by a step",
                 "discard updates before others are recorded or run",
             ));
         }
-        self.crowd.discard(ticket)
+        self.crowd.base_mut().discard(ticket)
     }
 
     /// Ask instance `i` for `weights[i]`, update, wait. What was recorded and not submitted is left behind: it can no
@@ -175,36 +171,64 @@ impl<'a> HeadlessCrowd<'a> {
     }
 
     /// As [`step`](Self::step), and then draw the pose of every instance `copies` times, all in one submission. Several
-    /// crowds have their updates recorded one behind the other; `weights` and the counts speak of all their instances.
+    /// crowds are updated together; `weights` and the counts speak of all their instances.
     ///
     /// # Errors
     /// As [`step`](Self::step); no crowd, crowds on several devices, or more weights than instances.
     pub fn step_together(crowds: &mut [Self], weights: &[&[f32]], copies: u32) -> Result<Step> {
-        // SAFETY: nothing is tampered with.
-        unsafe { Self::step_all(crowds, weights, copies, |_| {}) }
+        Ok(Self::step_all(crowds, weights, copies, |headless, crowds, cmd| {
+            // SAFETY: the buffer is recording on the engine's device, on a queue with graphics and compute; it is
+            // submitted once, and waited for, before anything else happens.
+            Ok((unsafe { headless.engine().record_updates(cmd, crowds) }?, ()))
+        })?
+        .0)
     }
 
-    /// As [`step`](Self::step), with the commands changed before they are recorded: lets tests plant faults.
+    /// As [`step`](Self::step), with what is recorded changed before: lets tests plant faults. Returns what was recorded,
+    /// too, as the hazard checker sees it.
     ///
     /// # Errors
     /// As [`step`](Self::step).
     ///
     /// # Safety
-    /// The commands stay within slots, instances and coefficients that there are.
+    /// The works stay within slots, instances and coefficients that there are.
+    #[cfg(feature = "internals")]
     #[doc(hidden)]
-    pub unsafe fn step_tampered(&mut self, weights: &[&[f32]], tamper: impl FnMut(&mut CommandList)) -> Result<Step> {
+    pub unsafe fn step_tampered(
+        &mut self,
+        weights: &[&[f32]],
+        tamper: impl FnMut(&mut Vec<Entry>),
+    ) -> Result<(Step, Vec<Event>)> {
         // SAFETY: the caller's obligations.
-        unsafe { Self::step_all(std::slice::from_mut(self), weights, 0, tamper) }
+        unsafe { Self::step_together_tampered(std::slice::from_mut(self), weights, tamper) }
     }
 
+    /// As [`step_tampered`](Self::step_tampered), of several crowds.
+    ///
+    /// # Errors
+    /// As [`step_together`](Self::step_together).
+    ///
     /// # Safety
     /// As [`step_tampered`](Self::step_tampered).
-    unsafe fn step_all(
+    #[cfg(feature = "internals")]
+    #[doc(hidden)]
+    pub unsafe fn step_together_tampered(
+        crowds: &mut [Self],
+        weights: &[&[f32]],
+        mut tamper: impl FnMut(&mut Vec<Entry>),
+    ) -> Result<(Step, Vec<Event>)> {
+        Self::step_all(crowds, weights, 0, |headless, crowds, cmd| {
+            // SAFETY: as in `step_together`; tampering is the caller's to answer for.
+            unsafe { headless.engine().record_tampered(cmd, crowds, &mut tamper) }
+        })
+    }
+
+    fn step_all<R>(
         crowds: &mut [Self],
         weights: &[&[f32]],
         copies: u32,
-        mut tamper: impl FnMut(&mut CommandList),
-    ) -> Result<Step> {
+        mut record: impl FnMut(&Headless, &mut [&mut dyn AnyCrowd], vk::CommandBuffer) -> Result<(Vec<Update>, R)>,
+    ) -> Result<(Step, R)> {
         let Some(headless) = crowds.first().map(|crowd| crowd.headless) else {
             return Err(Error::invalid("a step of no crowd", "name one or more"));
         };
@@ -217,8 +241,8 @@ impl<'a> HeadlessCrowd<'a> {
         let start = Instant::now();
         let mut rest = weights.iter();
         for Self { crowd, .. } in &mut *crowds {
-            for (instance, weights) in (0..crowd.desc().instances).zip(&mut rest) {
-                crowd.set_weights(instance, weights)?;
+            for (instance, weights) in (0..crowd.base().desc().instances).zip(&mut rest) {
+                crowd.set(instance, weights)?;
             }
         }
         if rest.len() > 0 {
@@ -228,19 +252,13 @@ impl<'a> HeadlessCrowd<'a> {
             ));
         }
         let record = |(crowds, tickets): &mut (&mut [Self], Vec<Ticket>), cmd| {
-            let mut sum: Option<Update> = None;
-            for Self { crowd, waiting, .. } in &mut **crowds {
-                waiting.clear();
-                // SAFETY: the buffer is recording on the engine's device, on a queue with graphics and compute; it is
-                // submitted once, and waited for, before anything else happens; tampering is the caller's to answer for.
-                let update = unsafe { headless.engine().record_tampered(cmd, crowd, &mut tamper) }?;
-                tickets.push(update.ticket);
-                match &mut sum {
-                    Some(sum) => sum.stats += update.stats,
-                    None => sum = Some(update),
-                }
-            }
-            sum.ok_or_else(|| Error::invalid("a step of no crowd", "name one or more"))
+            crowds.iter_mut().for_each(|this| this.waiting.clear());
+            let mut all: Vec<_> = crowds.iter_mut().map(|this| this.crowd.any()).collect();
+            let (updates, recorded) = record(headless, &mut all, cmd)?;
+            tickets.extend(updates.iter().map(|update| update.ticket));
+            let mut sum = updates[0];
+            updates[1..].iter().for_each(|update| sum.stats += update.stats);
+            Ok((sum, recorded))
         };
         let draw = |(crowds, _): &mut (&mut [Self], Vec<Ticket>), cmd| {
             crowds.iter().try_for_each(|crowd| crowd.record_draws(cmd, copies))
@@ -250,12 +268,12 @@ impl<'a> HeadlessCrowd<'a> {
         if ran.is_err() {
             // Nothing ran, whatever crowds had recorded by then.
             let (crowds, tickets) = state;
-            crowds.iter_mut().zip(tickets).try_for_each(|(this, ticket)| this.crowd.discard(ticket))?;
+            crowds.iter_mut().zip(tickets).try_for_each(|(this, ticket)| this.crowd.base_mut().discard(ticket))?;
         }
-        let (update, ticks) = ran?;
+        let ((update, recorded), ticks) = ran?;
         let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
         let [gpu_ms, draw_ms] = [0, 1].map(|part| headless.milliseconds(ticks.map(|ticks| ticks[part])));
-        Ok(Step { update, gpu_ms, draw_ms: draw_ms.filter(|_| copies > 0), cpu_ms })
+        Ok((Step { update, gpu_ms, draw_ms: draw_ms.filter(|_| copies > 0), cpu_ms }, recorded))
     }
 
     /// Record an update now and leave it to the caller when to run it: see [`submit`](Self::submit). Makes
@@ -264,17 +282,18 @@ impl<'a> HeadlessCrowd<'a> {
     /// # Errors
     /// As [`step`](Self::step); more updates that wait than [`CrowdDesc::frames_in_flight`].
     pub fn record(&mut self, weights: &[&[f32]]) -> Result<(Recorded, Update)> {
-        let most = u64::from(self.crowd.desc().frames_in_flight);
+        let base = self.crowd.base();
+        let most = u64::from(base.desc().frames_in_flight);
         // Crowds that are animated on the GPU have no lists to overwrite.
-        let has_lists = self.crowd.clips().is_none();
-        if has_lists && self.waiting.front().is_some_and(|first| self.crowd.recorded_since(*first) >= most) {
+        let has_lists = self.crowd.weighted().is_some();
+        if has_lists && self.waiting.front().is_some_and(|first| base.recorded_since(*first) >= most) {
             return Err(Error::invalid(
                 format!("{most} updates wait to be submitted, as many as frames may be in flight"),
                 "submit or discard some, or make the crowd with more frames in flight",
             ));
         }
         for (instance, weights) in weights.iter().enumerate() {
-            self.crowd.set_weights(instance as u32, weights)?;
+            self.crowd.set(instance as u32, weights)?;
         }
         let submitter = self.headless.submitter();
         let cmd = submitter.allocate()?;
@@ -288,7 +307,7 @@ impl<'a> HeadlessCrowd<'a> {
             Ok(update)
         });
         if let (Err(_), Some(ticket)) = (&recorded, ticket) {
-            self.crowd.discard(ticket)?;
+            self.crowd.base_mut().discard(ticket)?;
         }
         let update = recorded?;
         self.waiting.push_back(update.ticket);
@@ -302,7 +321,7 @@ impl<'a> HeadlessCrowd<'a> {
     #[doc(hidden)]
     pub fn record_with(&mut self, engine: &MorphEngine) -> Result<Update> {
         let crowd = &mut self.crowd;
-        // SAFETY: as in `step_tampered`.
+        // SAFETY: as in `step_together`.
         self.headless.submitter().run(|cmd| unsafe { engine.record_update(cmd, crowd) })
     }
 
@@ -344,14 +363,15 @@ impl<'a> HeadlessCrowd<'a> {
         if copies == 0 {
             return Ok(());
         }
-        if self.is_direct() {
+        #[cfg(feature = "baselines")]
+        if let Some(crowd) = self.direct() {
             let engine = self.headless.engine();
-            // SAFETY: as in `step_tampered`.
-            return (0..copies).try_for_each(|_| unsafe { engine.record_draws(cmd, &self.crowd) }.map(drop));
+            // SAFETY: as in `step_together`.
+            return (0..copies).try_for_each(|_| unsafe { engine.record_draws(cmd, crowd) });
         }
-        let mut poses: Vec<PoseView> = vec![];
-        for instance in self.crowd.shown() {
-            poses.extend(std::iter::repeat_n(self.crowd.pose(instance)?, copies as usize));
+        let (base, mut poses) = (self.crowd.base(), vec![]);
+        for instance in base.shown() {
+            poses.extend(std::iter::repeat_n(base.pose(instance)?, copies as usize));
         }
         self.draw.record(cmd, &poses, self.mesh.layout().padded_vertices() as u32);
         Ok(())
@@ -363,14 +383,15 @@ impl<'a> HeadlessCrowd<'a> {
     /// # Errors
     /// As [`draw`](Self::draw); a direct path on a device that cannot capture.
     pub fn read_pose(&mut self, instance: u32) -> Result<Vec<f32>> {
-        let view = match self.is_direct() {
-            true => {
-                let (engine, crowd) = (self.headless.engine(), &self.crowd);
-                // SAFETY: as in `step_tampered`.
-                self.headless.submitter().run(|cmd| unsafe { engine.record_capture(cmd, crowd, instance) })?
-            }
-            false => self.crowd.pose(instance)?,
-        };
+        #[cfg(feature = "baselines")]
+        let captured = self.direct().map(|crowd| {
+            let engine = self.headless.engine();
+            // SAFETY: as in `step_together`.
+            self.headless.submitter().run(|cmd| unsafe { engine.record_capture(cmd, crowd, instance) })
+        });
+        #[cfg(not(feature = "baselines"))]
+        let captured = None;
+        let view = captured.unwrap_or_else(|| self.crowd.base().pose(instance))?;
         let pose = self.read_view(view)?;
         Ok(self.mesh.layout().to_user_order(&pose))
     }
@@ -380,7 +401,7 @@ impl<'a> HeadlessCrowd<'a> {
     /// # Errors
     /// As [`draw`](Self::draw).
     pub fn read_previous_pose(&mut self, instance: u32) -> Result<Option<Vec<f32>>> {
-        let Some(view) = self.crowd.previous_pose(instance)? else { return Ok(None) };
+        let Some(view) = self.crowd.base().previous_pose(instance)? else { return Ok(None) };
         let pose = self.read_view(view)?;
         Ok(Some(self.mesh.layout().to_user_order(&pose)))
     }
@@ -391,13 +412,15 @@ impl<'a> HeadlessCrowd<'a> {
     /// # Errors
     /// A device that fails.
     pub fn read_sums(&mut self, instance: u32) -> Result<Option<Vec<i32>>> {
-        let Some((buffer, offset)) = self.crowd.sums(instance) else { return Ok(None) };
+        let Some((buffer, offset)) = self.crowd.base().sums(instance) else { return Ok(None) };
         let bytes = self.read(buffer, offset, self.mesh.layout().pose_bytes())?;
         Ok(Some(bytes.chunks_exact(4).map(|b| i32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect()))
     }
 
-    fn is_direct(&self) -> bool {
-        self.crowd.desc().update.path.evaluates_in_draws()
+    /// The crowd, if its draws evaluate poses.
+    #[cfg(feature = "baselines")]
+    fn direct(&self) -> Option<&Crowd> {
+        self.crowd.weighted().filter(|crowd| crowd.desc().update.path.evaluates_in_draws())
     }
 
     fn read_view(&mut self, view: PoseView) -> Result<Vec<f32>> {

@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::gpu::barriers;
 use crate::gpu::memory::{Buffer, BufferDesc, STAGING};
 use crate::pack::{POSE_STRIDE, PackedLayout};
-use crate::plan::commands::Hazard;
+use crate::plan::schedule::asset_uploaded;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use std::time::Instant;
@@ -80,7 +80,9 @@ impl<'a> PoseUpload<'a> {
             // buffers, which are alive; nothing is running: each submission is waited for.
             unsafe {
                 submitter.device().cmd_copy_buffer(cmd, self.staging.raw, self.poses.raw, &region);
-                barriers::record(submitter.device(), cmd, Hazard::TransferWriteToAssetRead);
+                if let Some(barrier) = asset_uploaded() {
+                    barriers::record(submitter.device(), cmd, &barrier);
+                }
             }
             Ok(())
         })?;

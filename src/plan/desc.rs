@@ -1,8 +1,7 @@
 //! How poses are to be updated: path, mode, batch size, sums, slots.
 
-use super::blocks;
-use crate::error::{Error, Result};
-use crate::pack::{DeltaFormat, PackedLayout};
+use super::steps::Consumers;
+use crate::pack::DeltaFormat;
 
 /// Who carries the passes out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -71,6 +70,11 @@ impl UpdatePath {
     /// Whether there are no pose buffers: every draw evaluates the pose.
     pub const fn evaluates_in_draws(self) -> bool {
         matches!(self, Self::Direct | Self::DirectAttributes)
+    }
+
+    /// Whether its meshes are uploaded in words of their own.
+    pub(crate) const fn has_own_upload(self) -> bool {
+        matches!(self, Self::Scatter)
     }
 
     /// Whether it takes [`BatchSize::All`]; vertex attributes hold a limited number of targets.
@@ -201,9 +205,9 @@ impl UpdateDesc {
     /// Incremental updates in two slots with float sums; rebuilds for paths that know nothing else, and exact sums for
     /// `scatter`.
     pub const fn new(path: UpdatePath, batch: BatchSize) -> Self {
-        let accumulate = match path {
-            UpdatePath::Scatter => Accumulate::Exact,
-            _ => Accumulate::Float { tolerance: 1e-5 },
+        let accumulate = match matches!(path, UpdatePath::Scatter) {
+            true => Accumulate::Exact,
+            false => Accumulate::Float { tolerance: 1e-5 },
         };
         Self { path, batch, mode: path.default_mode(), slots: 2, accumulate, error_budget: 0.0 }
     }
@@ -212,81 +216,25 @@ impl UpdateDesc {
     pub const fn blocks() -> Self {
         Self::new(UpdatePath::Blocks, BatchSize::All)
     }
+}
 
-    /// Check the description.
-    ///
-    /// # Errors
-    /// A batch size of 0; no slot, or too few slots for the path; a tolerance or budget that is no length, or exact sums
-    /// or a budget on a dense path; incremental updates of a path that only rebuilds; `scatter` with anything but exact
-    /// sums.
-    pub fn check(&self) -> Result<()> {
-        let least = if self.path.works_in_place() { 1 } else { 2 };
-        if self.slots < least || self.slots > 64 {
-            return Err(Error::invalid(
-                format!("{} slots for update path '{}'", self.slots, self.path.name()),
-                format!("use {least} to 64 slots (2 is ping-pong)"),
-            ));
-        }
-        let tolerance = match self.accumulate {
-            Accumulate::Float { tolerance } => tolerance,
-            Accumulate::Exact => 1.0,
-        };
-        if !(tolerance > 0.0 && self.error_budget >= 0.0 && self.error_budget.is_finite()) {
-            return Err(Error::invalid(
-                format!("a tolerance of {tolerance} and an error budget of {}", self.error_budget),
-                "use a tolerance above 0 and a budget of 0 or more",
-            ));
-        }
-        if self.path.rebuilds_only() && self.mode == UpdateMode::Incremental {
-            return Err(Error::invalid(
-                format!("incremental updates through '{}'", self.path.name()),
-                "use the mode 'rebuild': this technique evaluates every pose from the base pose",
-            ));
-        }
-        match self.path {
-            UpdatePath::Scatter if self.accumulate != Accumulate::Exact || self.error_budget > 0.0 => {
-                return Err(Error::invalid(
-                    "float sums or an error budget with 'scatter'",
-                    "use exact sums and no budget: it adds integers, each pose afresh",
-                ));
-            }
-            UpdatePath::Scatter | UpdatePath::Blocks | UpdatePath::Cpu => {}
-            _ => self.check_dense(self.path.name())?,
-        }
-        match (self.path, self.batch) {
-            (_, BatchSize::Targets(0)) => Err(Error::invalid("a batch size of 0", "use 1 or more targets per pass")),
-            (path, BatchSize::All) if !path.takes_all_targets() => Err(Error::invalid(
-                format!("batch size 'all' for update path '{}'", path.name()),
-                "a vertex pass takes as many targets as the device has vertex attributes for: name a number",
-            )),
-            _ => Ok(()),
-        }
-    }
+/// How to make a crowd.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CrowdDesc {
+    /// Instances, each with weights and poses of its own (≥ 1).
+    pub instances: u32,
+    /// How poses are updated.
+    pub update: UpdateDesc,
+    /// Updates that may be recorded and not yet finished (≥ 1): how many coefficient or work lists are kept. Updates
+    /// that recorded nothing and discarded ones do not count.
+    pub frames_in_flight: u32,
+    /// Who reads poses between updates: updates wait for these readers, and make new poses visible to them.
+    pub consumers: Consumers,
+}
 
-    /// Check the description for a mesh packed like this.
-    ///
-    /// # Errors
-    /// As [`check`](Self::check); in block formats, as [`BlockIndex::exact`](crate::pack::blocks::BlockIndex::exact)
-    /// where sums are exact, else a tolerance that rounding exceeds in a pose fresh from base, all weights being 1.
-    pub fn check_for(&self, layout: &PackedLayout) -> Result<()> {
-        self.check()?;
-        let Some(index) = &layout.blocks else { return Ok(()) };
-        match self.accumulate {
-            Accumulate::Exact => index.exact().map(drop),
-            Accumulate::Float { tolerance } => blocks::check_tolerance(tolerance, layout, index),
-        }
-    }
-
-    /// Refuse what only block formats have; `what` is the path or format.
-    pub(crate) fn check_dense(&self, what: &str) -> Result<()> {
-        let refuse = |asked: &str| {
-            let remedy = "use the path 'blocks', or 'cpu' with a block format ('fast', 'small')";
-            Err(Error::invalid(format!("{asked} with '{what}'"), remedy))
-        };
-        match self.accumulate {
-            Accumulate::Exact => refuse("exact accumulation"),
-            Accumulate::Float { .. } if self.error_budget > 0.0 => refuse("an error budget"),
-            Accumulate::Float { .. } => Ok(()),
-        }
+impl CrowdDesc {
+    /// One instance, two frames in flight, drawn from vertex attributes or by vertex shaders.
+    pub fn new(update: UpdateDesc) -> Self {
+        Self { instances: 1, update, frames_in_flight: 2, consumers: Consumers::default() }
     }
 }

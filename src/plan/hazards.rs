@@ -1,18 +1,19 @@
-//! The hazard checker: proves each read and write of a command stream against the barriers between them.
+//! The hazard checker: proves each read and write of what is recorded against the barriers between them.
 //!
-//! No validation layer sees a missing barrier around transform-feedback writes, so this does, for every path.
-//! The model is Vulkan's for global memory barriers: a write must be made available and visible to a later
-//! read or write (RAW, WAW), and a read must be finished before a later write (WAR); dependencies chain where
-//! a barrier's first stages cover the second stages of an earlier one.
+//! No validation layer sees a missing barrier around transform-feedback writes, so this does, for every technique. It
+//! reads works and barriers as data, follows every instance and slot, and does not know how barriers are derived. The
+//! model is Vulkan's for global memory barriers: a write must be made available and visible to a later read or write
+//! (RAW, WAW), and a read must be finished before a later write (WAR); dependencies chain where a barrier's first
+//! stages cover the second stages of an earlier one. Works of one step may run at the same time: none may write what
+//! another uses.
 
-use super::Source;
-use super::commands::{Access, BlocksCommand, Command, CommandList, Hazard, ScatterCommand, ScatterStep, Stage};
-use crate::plan::UpdatePath;
+use super::schedule::{Barrier, Entry};
+use super::steps::{Access, Stage, Work};
 use std::collections::HashMap;
 
-/// A piece of memory that commands read or write.
+/// A piece of memory that works read or write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Resource {
+pub enum Memory {
     /// Base pose of the mesh.
     Base,
     /// Deltas of the mesh.
@@ -31,9 +32,9 @@ pub enum Resource {
     },
     /// Clips, and which targets touch which blocks.
     Clips,
-    /// What heads play.
+    /// What instances play.
     Records,
-    /// Weights of heads that are animated on the GPU, and which of them changed.
+    /// Weights of instances that are animated on the GPU, and which of them changed.
     Weights,
     /// Which updates touched their blocks.
     History,
@@ -45,24 +46,92 @@ pub enum Resource {
     Arguments,
 }
 
-/// One access of a command.
+/// One access of a work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Use {
+pub struct MemoryUse {
     /// What is accessed.
-    pub resource: Resource,
+    pub memory: Memory,
     /// In which stage.
     pub stage: Stage,
     /// How.
     pub access: Access,
 }
 
+impl MemoryUse {
+    /// A compute shader reads.
+    pub const fn read(memory: Memory) -> Self {
+        Self { memory, stage: Stage::Compute, access: Access::ShaderRead }
+    }
+
+    /// A compute shader writes.
+    pub const fn write(memory: Memory) -> Self {
+        Self { memory, stage: Stage::Compute, access: Access::ShaderWrite }
+    }
+}
+
+/// What works that are carried out as one read and write.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Accesses {
+    /// What is read.
+    pub reads: Vec<MemoryUse>,
+    /// What is written.
+    pub writes: Vec<MemoryUse>,
+    /// Memory that is read and written is read by the invocation that writes it, and by no other (or atomically).
+    pub in_place: bool,
+}
+
+impl Accesses {
+    /// Of compute shaders that read and write in place.
+    pub fn compute(reads: impl IntoIterator<Item = Memory>, writes: impl IntoIterator<Item = Memory>) -> Self {
+        Self {
+            reads: reads.into_iter().map(MemoryUse::read).collect(),
+            writes: writes.into_iter().map(MemoryUse::write).collect(),
+            in_place: true,
+        }
+    }
+}
+
+/// What was recorded, as the checker sees it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// A barrier.
+    Barrier(Barrier),
+    /// A step of a crowd.
+    Step {
+        /// Which crowd of the recording.
+        crowd: u32,
+        /// Its works, as far as they are independent of each other.
+        works: Vec<Accesses>,
+    },
+}
+
+/// `entries` as events; `accesses` says what the works of a crowd's step do.
+pub fn trace(entries: &[Entry], mut accesses: impl FnMut(u32, &[Work]) -> Vec<Accesses>) -> Vec<Event> {
+    let of_step = |entry: &Entry| match entry {
+        Entry::Barrier(_) => None,
+        Entry::Work { crowd, step, .. } => Some((*crowd, *step)),
+    };
+    let runs = entries.chunk_by(|a, b| of_step(a).is_some() && of_step(a) == of_step(b));
+    let event = |run: &[Entry]| match &run[0] {
+        Entry::Barrier(barrier) => Event::Barrier(*barrier),
+        Entry::Work { crowd, .. } => {
+            let works = run.iter().filter_map(|entry| match entry {
+                Entry::Work { work, .. } => Some(work.clone()),
+                Entry::Barrier(_) => None,
+            });
+            Event::Step { crowd: *crowd, works: accesses(*crowd, &works.collect::<Vec<_>>()) }
+        }
+    };
+    runs.map(event).collect()
+}
+
 /// Two accesses that no barrier orders.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Violation {
     /// The earlier access.
-    pub before: Use,
+    pub before: MemoryUse,
     /// The later one.
-    pub after: Use,
+    pub after: MemoryUse,
 }
 
 impl std::fmt::Display for Violation {
@@ -70,29 +139,30 @@ impl std::fmt::Display for Violation {
         let kind = match (self.before.access.writes(), self.after.access.writes()) {
             (true, true) => "write after write",
             (true, false) => "read after write",
-            _ => "write after read",
+            (false, true | false) => "write after read",
         };
         write!(
             f,
             "{kind} on {:?}: {:?} in {:?} is not ordered before {:?} in {:?}",
-            self.after.resource, self.before.access, self.before.stage, self.after.access, self.after.stage
+            self.after.memory, self.before.access, self.before.stage, self.after.access, self.after.stage
         )
     }
 }
 
-/// What is known of one resource.
+/// What is known of a piece of memory.
 #[derive(Default)]
 struct Track {
     /// The last write and what it has been made visible to: `(stages, accesses)` of each barrier that did.
-    write: Option<(Use, Vec<(u8, u8)>)>,
+    write: Option<(MemoryUse, Vec<(u8, u8)>)>,
     /// Reads since, each with the stages that wait for it.
-    reads: Vec<(Use, u8)>,
+    reads: Vec<(MemoryUse, u8)>,
 }
 
-/// Walks a command stream.
+/// Walks what is recorded.
 #[derive(Default)]
 pub struct HazardChecker {
-    tracks: HashMap<Resource, Track>,
+    /// By crowd; the mesh is that of all.
+    tracks: HashMap<(u32, Memory), Track>,
     violations: Vec<Violation>,
 }
 
@@ -102,117 +172,32 @@ impl HazardChecker {
         Self::default()
     }
 
-    /// An upload writes base and deltas.
-    pub fn upload(&mut self) {
-        for resource in [Resource::Base, Resource::Deltas] {
-            self.access(Use { resource, stage: Stage::Transfer, access: Access::TransferWrite });
-        }
-        self.barrier(Hazard::TransferWriteToAssetRead);
+    /// An upload writes the asset, and this barrier is recorded behind it.
+    pub fn upload(&mut self, barrier: Option<Barrier>) {
+        self.copy(0, &[Memory::Base, Memory::Deltas], barrier);
     }
 
-    /// Making a crowd that is animated on the GPU writes clips, and fills what kernels keep.
-    pub fn upload_animation(&mut self) {
-        for resource in [Resource::Clips, Resource::Records, Resource::Weights, Resource::History, Resource::Counters] {
-            self.access(Use { resource, stage: Stage::Transfer, access: Access::TransferWrite });
+    /// Copies and fills write memory of a crowd, and this barrier is recorded behind them.
+    pub fn copy(&mut self, crowd: u32, written: &[Memory], barrier: Option<Barrier>) {
+        for &memory in written {
+            self.access(crowd, MemoryUse { memory, stage: Stage::Transfer, access: Access::TransferWrite });
         }
-        self.barrier(Hazard::TransferWriteToComputeUpdate);
+        barrier.iter().for_each(|barrier| self.barrier(barrier));
     }
 
     /// A draw of the host reads a pose, as vertex attributes and in the vertex shader.
-    pub fn draw(&mut self, instance: u32, slot: u32) {
-        let resource = Resource::Pose { instance, slot };
-        self.access(Use { resource, stage: Stage::VertexInput, access: Access::AttributeRead });
-        self.access(Use { resource, stage: Stage::VertexShader, access: Access::ShaderRead });
+    pub fn draw(&mut self, crowd: u32, instance: u32, slot: u32) {
+        let memory = Memory::Pose { instance, slot };
+        self.access(crowd, MemoryUse { memory, stage: Stage::VertexInput, access: Access::AttributeRead });
+        self.access(crowd, MemoryUse { memory, stage: Stage::VertexShader, access: Access::ShaderRead });
     }
 
     /// A recorded update.
-    pub fn update(&mut self, list: &CommandList) {
-        for command in &list.commands {
-            match command {
-                Command::Barrier(hazard) => self.barrier(*hazard),
-                Command::Blocks(blocks) => self.blocks(blocks),
-                Command::Animated(step) => {
-                    let (read, written) = step.uses();
-                    read.iter().for_each(|read| self.read(*read));
-                    for write in written {
-                        let own = read.iter().find(|read| read.resource == write.resource);
-                        self.write(write, own.copied());
-                    }
-                }
-                Command::Scatter(scatter) => self.scatter(scatter),
-                Command::Pass(pass) => {
-                    let (read, write) = match list.path {
-                        UpdatePath::Feedback => (
-                            (Stage::VertexInput, Access::AttributeRead),
-                            (Stage::TransformFeedback, Access::FeedbackWrite),
-                        ),
-                        UpdatePath::VertexStore => {
-                            ((Stage::VertexInput, Access::AttributeRead), (Stage::VertexShader, Access::ShaderWrite))
-                        }
-                        _ => ((Stage::Compute, Access::ShaderRead), (Stage::Compute, Access::ShaderWrite)),
-                    };
-                    let pose = |slot| Resource::Pose { instance: pass.instance, slot };
-                    let source = match pass.source {
-                        Source::Base => Resource::Base,
-                        Source::Slot(slot) => pose(slot),
-                    };
-                    // A vertex pass that captures into the buffer it fetches from is undefined, barriers or not.
-                    let aliased = !list.path.works_in_place() && source == pose(pass.destination);
-                    let target = Use { resource: pose(pass.destination), stage: write.0, access: write.1 };
-                    let fetch = Use { resource: source, stage: read.0, access: read.1 };
-                    if aliased {
-                        self.violations.push(Violation { before: fetch, after: target });
-                    }
-                    if !pass.coefficients.is_empty() {
-                        self.access(Use { resource: Resource::Deltas, ..fetch });
-                    }
-                    // Within one pass each vertex is read before it is written, by the same invocation: the
-                    // pass's own read is not a hazard for its own write.
-                    self.read(fetch);
-                    self.write(target, Some(fetch).filter(|_| list.path.works_in_place()));
-                }
-            }
-        }
-    }
-
-    fn blocks(&mut self, blocks: &BlocksCommand) {
-        let pose = |slot| Resource::Pose { instance: blocks.instance, slot };
-        let read = |resource| Use { resource, stage: Stage::Compute, access: Access::ShaderRead };
-        let write = |resource| Use { resource, stage: Stage::Compute, access: Access::ShaderWrite };
-        self.read(read(Resource::Deltas));
-        if blocks.reads_base {
-            self.read(read(Resource::Base));
-        }
-        // As in a dense pass: an invocation reads what it writes, and nobody else does.
-        let source = blocks.source.map(|slot| read(pose(slot)));
-        source.into_iter().for_each(|source| self.read(source));
-        self.write(write(pose(blocks.destination)), source);
-        if blocks.exact {
-            let sums = Resource::Sums { instance: blocks.instance };
-            self.read(read(sums));
-            self.write(write(sums), Some(read(sums)));
-        }
-    }
-
-    fn scatter(&mut self, scatter: &ScatterCommand) {
-        let sums = Resource::Sums { instance: scatter.instance };
-        let read = |resource| Use { resource, stage: Stage::Compute, access: Access::ShaderRead };
-        let write = |resource| Use { resource, stage: Stage::Compute, access: Access::ShaderWrite };
-        match scatter.step {
-            ScatterStep::Clear => {
-                self.access(Use { resource: sums, stage: Stage::Transfer, access: Access::TransferWrite })
-            }
-            ScatterStep::Add => {
-                self.read(read(Resource::Deltas));
-                // Atomics of one step need no order among themselves.
-                self.read(read(sums));
-                self.write(write(sums), Some(read(sums)));
-            }
-            ScatterStep::Resolve => {
-                self.read(read(Resource::Base));
-                self.read(read(sums));
-                let slot = scatter.destination;
-                self.access(write(Resource::Pose { instance: scatter.instance, slot }));
+    pub fn update(&mut self, events: &[Event]) {
+        for event in events {
+            match event {
+                Event::Barrier(barrier) => self.barrier(barrier),
+                Event::Step { crowd, works } => self.step(*crowd, works),
             }
         }
     }
@@ -222,9 +207,27 @@ impl HazardChecker {
         if self.violations.is_empty() { Ok(()) } else { Err(self.violations) }
     }
 
-    /// A barrier between what came before and what follows.
-    pub fn barrier(&mut self, hazard: Hazard) {
-        let (before, after) = hazard.scopes();
+    fn step(&mut self, crowd: u32, works: &[Accesses]) {
+        let mut users: HashMap<Memory, (usize, MemoryUse)> = HashMap::new();
+        for (work, accesses) in works.iter().enumerate() {
+            for &access in accesses.writes.iter().chain(&accesses.reads) {
+                let (user, earlier) = *users.entry(access.memory).or_insert((work, access));
+                if user != work && (earlier.access.writes() || access.access.writes()) {
+                    self.violations.push(Violation { before: earlier, after: access });
+                }
+            }
+        }
+        works.iter().flat_map(|work| &work.reads).for_each(|read| self.read(crowd, *read));
+        for work in works {
+            for write in &work.writes {
+                let own = work.reads.iter().find(|read| work.in_place && read.memory == write.memory);
+                self.write(crowd, *write, own.copied());
+            }
+        }
+    }
+
+    fn barrier(&mut self, barrier: &Barrier) {
+        let Barrier { before, after, .. } = *barrier;
         for track in self.tracks.values_mut() {
             if let Some((write, visible)) = &mut track.write {
                 let direct = before.has_stage(write.stage) && before.has_access(write.access);
@@ -243,39 +246,35 @@ impl HazardChecker {
         }
     }
 
-    fn access(&mut self, access: Use) {
-        if access.access.writes() { self.write(access, None) } else { self.read(access) }
+    fn track(&mut self, crowd: u32, memory: Memory) -> &mut Track {
+        let crowd = if matches!(memory, Memory::Base | Memory::Deltas) { 0 } else { crowd };
+        self.tracks.entry((crowd, memory)).or_default()
     }
 
-    fn read(&mut self, read: Use) {
-        let track = self.tracks.entry(read.resource).or_default();
-        if let Some((write, visible)) = &track.write
-            && !sees(visible, read)
-        {
-            self.violations.push(Violation { before: *write, after: read });
-        }
+    fn access(&mut self, crowd: u32, access: MemoryUse) {
+        if access.access.writes() { self.write(crowd, access, None) } else { self.read(crowd, access) }
+    }
+
+    fn read(&mut self, crowd: u32, read: MemoryUse) {
+        let track = self.track(crowd, read.memory);
+        let unseen = track.write.as_ref().filter(|(_, visible)| !sees(visible, read)).map(|(write, _)| *write);
         track.reads.push((read, 0));
+        self.violations.extend(unseen.map(|before| Violation { before, after: read }));
     }
 
-    fn write(&mut self, write: Use, own_read: Option<Use>) {
-        let track = self.tracks.entry(write.resource).or_default();
-        if let Some((earlier, visible)) = &track.write
-            && !sees(visible, write)
-        {
-            self.violations.push(Violation { before: *earlier, after: write });
+    fn write(&mut self, crowd: u32, write: MemoryUse, own_read: Option<MemoryUse>) {
+        let track = self.track(crowd, write.memory);
+        let unseen = track.write.replace((write, vec![])).filter(|(_, visible)| !sees(visible, write));
+        let mut reads = std::mem::take(&mut track.reads);
+        if let Some(at) = own_read.and_then(|own| reads.iter().rposition(|(read, _)| *read == own)) {
+            reads.remove(at);
         }
-        if let Some(own) = own_read.filter(|r| r.resource == write.resource) {
-            track.reads.pop_if(|(last, _)| *last == own);
-        }
-        for (read, ordered) in track.reads.drain(..) {
-            if ordered & write.stage as u8 == 0 {
-                self.violations.push(Violation { before: read, after: write });
-            }
-        }
-        track.write = Some((write, vec![]));
+        let running = reads.into_iter().filter(|(_, ordered)| ordered & write.stage as u8 == 0);
+        let earlier = unseen.map(|(earlier, _)| earlier).into_iter().chain(running.map(|(read, _)| read));
+        self.violations.extend(earlier.map(|before| Violation { before, after: write }));
     }
 }
 
-fn sees(visible: &[(u8, u8)], access: Use) -> bool {
+fn sees(visible: &[(u8, u8)], access: MemoryUse) -> bool {
     visible.iter().any(|(stages, accesses)| stages & access.stage as u8 != 0 && accesses & access.access as u8 != 0)
 }

@@ -2,9 +2,8 @@
 //! offscreen image, and buffers that host and device share.
 
 use deltamorph::ash::{self, vk};
-use deltamorph::engine::PoseView;
 use deltamorph::headless::Headless;
-use deltamorph::pack::POSE_STRIDE;
+use deltamorph::{POSE_STRIDE, PoseView};
 use glam::Mat4;
 use glslang::{
     Compiler, CompilerOptions, ShaderInput, ShaderSource, ShaderStage, SourceLanguage, SpirvVersion, Target,

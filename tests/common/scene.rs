@@ -1,19 +1,16 @@
-//! A crowd that is animated on the GPU next to its CPU twin: told the same, held against each other.
+//! A crowd that is animated on the GPU next to its CPU reference: told the same, held against each other.
 #![allow(dead_code)] // each test file uses some of this
 
-use deltamorph::animation::{AnimationDesc, Clips, Heads, Playback, Twin};
-use deltamorph::cpu::CpuCrowd;
-use deltamorph::engine::CrowdDesc;
 use deltamorph::headless::{Headless, HeadlessCrowd, PlannedGroup};
-use deltamorph::mesh::Tolerance;
-use deltamorph::mesh::head::{HeadDesc, head, head_clip};
-use deltamorph::pack::blocks::BlockDesc;
-use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::plan::blocks::{ROWS, TILE, TILE_WORDS, WorkList, row_words};
-use deltamorph::plan::commands::CommandList;
-use deltamorph::plan::{Accumulate, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph::import::sample::{HeadDesc, head, head_clip};
+use deltamorph::internals::plan::schedule::Entry;
+use deltamorph::internals::update::animated::{AnimatedReference, Playbacks};
+use deltamorph::internals::update::blocks::{ROWS, TILE, TILE_WORDS, WorkList, row_words};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::weights::WeightClip;
+use deltamorph::{
+    Accumulate, AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh,
+    Playback, Tolerance, UpdateDesc, UpdateMode, UpdatePath, WeightClip,
+};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -36,7 +33,7 @@ pub fn clips() -> Vec<WeightClip> {
 }
 
 pub fn crowd(instances: u32, update: UpdateDesc) -> CrowdDesc {
-    CrowdDesc { instances, update, frames_in_flight: 2 }
+    CrowdDesc { instances, ..CrowdDesc::new(update) }
 }
 
 pub fn blocks(mesh: &PackedMesh) -> usize {
@@ -56,12 +53,12 @@ pub type Plan = BTreeMap<(u32, u32), Work>;
 pub struct Scene<'a> {
     /// Instances of a tile, at most.
     widest: u32,
-    pub crowd: HeadlessCrowd<'a>,
+    pub crowd: HeadlessCrowd<'a, AnimatedCrowd>,
     pub mesh: Arc<PackedMesh>,
     desc: CrowdDesc,
-    heads: Heads,
+    heads: Playbacks,
     clips: Clips,
-    twin: Twin,
+    twin: AnimatedReference,
     /// Full evaluations, one at a time.
     fresh: CpuCrowd,
     hidden: Vec<bool>,
@@ -73,9 +70,9 @@ impl<'a> Scene<'a> {
         Self {
             widest: headless.caps().tuning.widest_tile,
             crowd: HeadlessCrowd::animated(headless, mesh, &desc, animation).expect("a crowd"),
-            heads: Heads::new(desc.instances),
+            heads: Playbacks::new(desc.instances),
             clips: Clips::new(animation, mesh.layout()).expect("clips"),
-            twin: Twin::new(desc.update, mesh.layout(), desc.instances).expect("a twin"),
+            twin: AnimatedReference::new(desc.update, mesh.layout(), desc.instances).expect("a twin"),
             fresh: CpuCrowd::new(mesh.clone(), rebuilt, 1, 1).expect("a crowd"),
             hidden: vec![false; desc.instances as usize],
             mesh: mesh.clone(),
@@ -108,12 +105,12 @@ impl<'a> Scene<'a> {
     }
 
     /// Update at `seconds`, on both sides; the GPU's plan is the twin's, and so are the weights.
-    pub fn step(&mut self, seconds: f64) -> (Plan, CommandList) {
+    pub fn step(&mut self, seconds: f64) -> (Plan, Vec<Entry>) {
         self.crowd.set_time(seconds).expect("a time");
         self.heads.set_time(seconds).expect("a time");
         let mut commands = None;
         // SAFETY: nothing is changed.
-        unsafe { self.crowd.step_tampered(&[], |list| commands = Some(list.clone())) }.expect("a step");
+        unsafe { self.crowd.step_tampered(&[], |entries| commands = Some(entries.clone())) }.expect("a step");
         let update = self.heads.update(&self.clips);
         let expected = of_list(self.twin.update(&self.clips, &self.heads, update));
         // A few of many.

@@ -51,7 +51,8 @@ impl Family {
     }
 }
 
-/// Colours by path, dark and light by format, or by sums and mode where those vary: told apart by people who see few colours, too (Okabe and Ito).
+/// Colours by path, dark and light by format, or by sums and mode where those vary: told apart by people who see few
+/// colours, too (Okabe and Ito).
 const COLORS: [(&str, [RGBColor; 2]); 3] = [
     ("feedback", [RGBColor(0x00, 0x5f, 0x9e), RGBColor(0x56, 0xb4, 0xe9)]),
     ("compute", [RGBColor(0xc4, 0x4e, 0x00), RGBColor(0xe6, 0x9f, 0x00)]),

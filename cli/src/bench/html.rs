@@ -121,8 +121,8 @@ fn kind(kind: &str) -> &str {
     }
 }
 
-const HEADINGS: &str = "result|path|format|mode|workload|heads|changed|batch|passes|ms per frame|round trip ms|bytes|of \
-    the floor|error / diagonal";
+const HEADINGS: &str = "result|path|format|mode|workload|heads|changed|batch|passes|ms per frame|round trip ms|bytes|\
+    of the floor|error / diagonal";
 
 fn rows(report: &Report) -> impl Iterator<Item = Markup> {
     // The fastest of each kind of work is worth finding at a glance.

@@ -154,8 +154,8 @@ fn sweep_table(rows: &[SweepRow]) -> Markup {
             format!("{}°", sig3(r.normal_error_deg)),
         ])
     };
-    let headings = "format|block size|positions allowed|normals allowed|bytes|of float32|position error / \
-        diagonal|normals";
+    let headings = "format|block size|positions allowed|normals allowed|bytes|of float32|\
+        position error / diagonal|normals";
     table(headings.split('|'), rows.iter().map(cells))
 }
 

@@ -1,7 +1,7 @@
 //! The JSON of `play`. Fields may be added, never renamed.
 
 use crate::stage::Setup;
-use deltamorph::plan::UpdateStats;
+use deltamorph::UpdateStats;
 use serde::Serialize;
 
 /// What a clip took.
@@ -84,8 +84,8 @@ pub struct Summary {
     pub cpu_us_median: Option<f64>,
     /// Frames that were compared with the reference.
     pub checks: usize,
-    /// Largest position error against the float64 reference, in input units. Exact sums are held to the weights as their
-    /// grid rounds them.
+    /// Largest position error against the float64 reference, in input units. Exact sums are held to the weights as
+    /// their grid rounds them.
     pub max_error: f64,
     pub max_error_rel: f64,
     /// Largest angle between normals, in degrees.

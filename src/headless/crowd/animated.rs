@@ -1,11 +1,11 @@
 //! The same of a crowd that is animated on the GPU, and what the GPU has planned.
 
 use super::HeadlessCrowd;
-use crate::animation::AnimationDesc;
-use crate::engine::CrowdDesc;
+use crate::engine::{AnimatedCrowd, CrowdDesc};
 use crate::error::Result;
 use crate::headless::Headless;
 use crate::pack::PackedMesh;
+use crate::update::animated::{AnimationDesc, Playback};
 use ash::vk;
 
 /// What the GPU planned for a group of instances, as it lies in memory: see `glsl/plan.comp`.
@@ -22,7 +22,7 @@ pub struct PlannedGroup {
     pub words: Vec<u32>,
 }
 
-impl<'a> HeadlessCrowd<'a> {
+impl<'a> HeadlessCrowd<'a, AnimatedCrowd> {
     /// Upload `mesh` and make a crowd that is animated on the GPU. Each [`step`](Self::step), of no weights, goes to the
     /// time last set.
     ///
@@ -47,13 +47,25 @@ impl<'a> HeadlessCrowd<'a> {
         Self::with(headless, mesh, crowd)
     }
 
+    /// See [`AnimatedCrowd::play`].
+    #[allow(clippy::missing_errors_doc)]
+    pub fn play(&mut self, instance: u32, playback: &Playback) -> Result<()> {
+        self.crowd.play(instance, playback)
+    }
+
+    /// See [`AnimatedCrowd::set_time`].
+    #[allow(clippy::missing_errors_doc)]
+    pub fn set_time(&mut self, seconds: f64) -> Result<()> {
+        self.crowd.set_time(seconds)
+    }
+
     /// What the GPU planned for the last update.
     ///
     /// # Errors
     /// A device that fails; a crowd that is planned on the CPU.
     #[doc(hidden)]
     pub fn read_plan(&mut self) -> Result<Vec<PlannedGroup>> {
-        let (work, control, groups) = self.crowd.animated("a plan to read")?.plan_buffers();
+        let (work, control, groups) = self.crowd.animated().plan_buffers();
         let mut planned = vec![];
         for group in groups {
             let mut counts = [0; 4];
@@ -73,7 +85,7 @@ impl<'a> HeadlessCrowd<'a> {
     /// As [`read_plan`](Self::read_plan).
     #[doc(hidden)]
     pub fn read_weights(&mut self, instance: u32) -> Result<Vec<i32>> {
-        let (buffer, offset, size) = self.crowd.animated("weights to read")?.weights_of(instance);
+        let (buffer, offset, size) = self.crowd.animated().weights_of(instance);
         Ok(self.read_words(buffer, offset, size)?.into_iter().map(|word| word as i32).collect())
     }
 

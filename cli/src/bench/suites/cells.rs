@@ -59,8 +59,8 @@ pub struct ClipSet {
     clips: Vec<Clip>,
 }
 
-/// Read the clips of INPUT; without INPUT, those of each set under DELTAMORPH_DATA. Before anything is measured: a set that
-/// cannot be used is not to cost what was measured before it.
+/// Read the clips of INPUT; without INPUT, those of each set under DELTAMORPH_DATA. Before anything is measured: a set
+/// that cannot be used is not to cost what was measured before it.
 pub fn clip_sets(lab: &mut Lab<'_>) -> Result<Vec<ClipSet>, Failure> {
     let mut list = vec![];
     for set in sets(lab)? {

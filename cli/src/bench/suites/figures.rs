@@ -11,7 +11,7 @@ use crate::plots::bars::{Bar, BarChart, Unit};
 use crate::plots::chart::{Axes, LineChart, Point, Series, X};
 use crate::plots::{Chart, Figure};
 use crate::table::{sig3, thousands};
-use deltamorph::plan::BatchSize;
+use deltamorph::BatchSize;
 
 /// All figures that the runs of `suite` are enough for.
 pub fn figures(suite: &SuiteRecord, report: &Report) -> Vec<Figure> {
@@ -151,7 +151,8 @@ fn bars(suite: &SuiteRecord, report: &Report, cell: &str) -> Option<Figure> {
     (!bars.is_empty()).then(|| Figure {
         slug: format!("{}-{}", suite.name, slug(cell)),
         caption: format!(
-            "Median time of the update and of one draw for each head, measured in turns; of the path cpu the update alone: upload and draw are in the table below.{wrong}"
+            "Median time of the update and of one draw for each head, measured in turns; of the path cpu the update \
+             alone: upload and draw are in the table below.{wrong}"
         ),
         chart: Chart::Bars(BarChart {
             title: cell.to_owned(),

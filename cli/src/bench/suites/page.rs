@@ -38,7 +38,10 @@ pub fn page(suite: &SuiteRecord, report: &Report, drawn: &[(Figure, String)]) ->
             }
         }
         @if !times.is_empty() {
-            section { h2 { "Milliseconds of every technique" } (table(headings.iter().map(String::as_str), times.into_iter().map(row))) }
+            section {
+                h2 { "Milliseconds of every technique" }
+                (table(headings.iter().map(String::as_str), times.into_iter().map(row)))
+            }
         }
         (figures(drawn))
         section { h2 { "All runs" } (all_runs(suite, report)) (not_run(report)) }
@@ -47,8 +50,8 @@ pub fn page(suite: &SuiteRecord, report: &Report, drawn: &[(Figure, String)]) ->
 }
 
 fn all_runs(suite: &SuiteRecord, report: &Report) -> Markup {
-    let headings = "result|cell|technique|update ms|draw ms|mean ms|±|round trip ms|upload ms|n|mode|batch|median \
-        ms|measured|error / diagonal";
+    let headings = "result|cell|technique|update ms|draw ms|mean ms|±|round trip ms|upload ms|n|mode|batch|\
+        median ms|measured|error / diagonal";
     let row = |run: &RunRecord| {
         let more = [
             run.mode.clone(),

@@ -9,8 +9,7 @@ use crate::bench::record::Skipped;
 use crate::bench::select::median;
 use crate::bench::setting::{Config, Setting};
 use crate::output::Failure;
-use deltamorph::pack::DeltaFormat;
-use deltamorph::plan::{BatchSize, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph::{BatchSize, DeltaFormat, UpdateDesc, UpdateMode, UpdatePath};
 
 /// A technique, and the configurations that the best one is chosen from.
 pub struct Technique {
@@ -22,8 +21,8 @@ pub struct Technique {
 
 /// Batch sizes to choose from: few are enough, since beyond 8 the gain is small.
 const SIZES: [BatchSpec; 3] = [BatchSpec::Size(8), BatchSpec::Size(16), BatchSpec::All];
-/// Rebuilding every frame is a technique of its own on these paths: in compute passes (Godot, PlayCanvas), and in vertex
-/// passes one target after the other (Godot's compatibility renderer).
+/// Rebuilding every frame is a technique of its own on these paths: in compute passes (Godot, PlayCanvas), and in
+/// vertex passes one target after the other (Godot's compatibility renderer).
 const REBUILDS: [(UpdatePath, bool); 2] = [(UpdatePath::Compute, false), (UpdatePath::Feedback, true)];
 
 /// The paths asked for, or every path that the command line knows.

@@ -168,7 +168,8 @@ pub fn sentence(suite: &SuiteRecord, report: &Report) -> String {
             match ratios.is_empty() {
                 true => format!("{}: nothing to compare.", title(name)),
                 false => format!(
-                    "{}: blocks is the fastest GPU path in {wins} of {} cells; in the worst it takes {} times what the best other takes.",
+                    "{}: blocks is the fastest GPU path in {wins} of {} cells; in the worst it takes {} \
+                     times what the best other takes.",
                     title(name),
                     ratios.len(),
                     sig3(best(&ratios))

@@ -1,0 +1,257 @@
+//! The `direct` path: the vertex shader of the draw evaluates all active targets in every draw, from deltas in a
+//! storage buffer (Costigan et al., Algorithm 1; Bevy, three.js and Filament do it so, with textures in the place of
+//! buffers).
+
+use super::draws::{Capture, Draws, draw_stats, no_capture, one_pass};
+use crate::abi::modules::{DIRECT, DIRECT_FEEDBACK, DIRECT_STORE};
+use crate::abi::push::DirectPush;
+use crate::error::Result;
+use crate::gpu::descriptors::{Bound, Sets};
+use crate::gpu::device::Device;
+use crate::gpu::kernels::Kernel;
+use crate::gpu::mesh::{MeshBuffers, delta_range};
+use crate::gpu::pipelines::Objects;
+use crate::gpu::ring::Ring;
+use crate::pack::{DeltaFormat, POSE_STRIDE};
+use crate::plan::instances::Instances;
+use crate::plan::steps::{Steps, Work};
+use crate::plan::{UpdatePath, UpdateStats};
+use crate::update::dense::DensePlanner;
+use crate::update::dense::feedback::vertex_input;
+use crate::update::technique::{Context, Technique, UpdateId};
+use ash::vk;
+use bytemuck::bytes_of;
+use std::sync::Arc;
+
+/// Bytes of a target's weight: coefficients of positions and of normals.
+const WEIGHT_BYTES: usize = 8;
+
+/// The draw's pipeline, then, where the device can, the one that captures.
+struct Direct {
+    objects: Objects,
+    format: DeltaFormat,
+    capture: Option<Capture>,
+}
+
+/// What one instance's draw reads.
+#[derive(Clone, Copy, Default)]
+struct DirectDraw {
+    /// Dynamic offset of its weights.
+    weights: u32,
+    /// Its active targets.
+    active: u32,
+}
+
+impl Kernel for Direct {
+    type Key = DeltaFormat;
+
+    fn new(device: &Arc<Device>, format: DeltaFormat, _others: &[Arc<Self>]) -> Result<Self> {
+        let capture = Capture::of(device);
+        let mut objects = Objects::none(device);
+        let kernels = match capture {
+            None => &[&DIRECT][..],
+            Some(Capture::Feedback) => &[&DIRECT, &DIRECT_FEEDBACK],
+            Some(Capture::Store) => &[&DIRECT, &DIRECT_STORE],
+        };
+        let rows: Vec<_> = kernels.iter().map(|kernel| kernel.row).collect();
+        objects.add_layout(&rows, 0)?;
+        objects.add_empty_render_pass()?;
+        let (bindings, attributes) = vertex_input(format, 0);
+        for kernel in kernels {
+            objects.add_discarding_vertex(kernel.module(format, 0)?, &bindings, &attributes)?;
+        }
+        Ok(Self { objects, format, capture })
+    }
+
+    fn key(&self) -> DeltaFormat {
+        self.format
+    }
+}
+
+/// A crowd on the path `direct`: weights in a ring of host-visible memory, which the draws read.
+pub(super) struct DirectTechnique {
+    kernel: Arc<Direct>,
+    mesh: Arc<MeshBuffers>,
+    planner: DensePlanner,
+    ring: Ring,
+    /// Bytes of one instance's weights.
+    stride: u64,
+    sets: Sets,
+    /// Where each instance's weights are, as written last.
+    draws: Vec<DirectDraw>,
+    /// One pose to capture into.
+    pose: vk::Buffer,
+    /// The last update that wrote weights.
+    written: u64,
+    /// It never ran, and its part of the ring is the next one's.
+    stale: bool,
+}
+
+impl DirectTechnique {
+    pub(super) fn new(context: Context<'_>) -> Result<Self> {
+        let (mesh, desc, pose) = (context.mesh, context.desc, context.poses);
+        let stride = Ring::part_bytes((mesh.layout.targets.len() * WEIGHT_BYTES) as u64);
+        let (part, frames) = (stride.saturating_mul(desc.instances.into()), desc.frames_in_flight);
+        let bytes = part.saturating_mul(frames.into());
+        context.check_offsets("weights", bytes, "make several crowds, or use fewer frames in flight")?;
+        let usage = vk::BufferUsageFlags::STORAGE_BUFFER;
+        let ring = Ring::new(context.device, "deltamorph weights", part, frames, usage)?;
+        let kernel = context.kernels.get::<Direct>(mesh.layout.format)?;
+        let mut bound = vec![
+            Bound::dynamic(mesh.deltas.raw, delta_range(&mesh.layout)),
+            Bound::dynamic(ring.range(0).buffer, stride),
+        ];
+        if kernel.capture == Some(Capture::Store) {
+            bound.push(Bound::new(pose.buffer, 0, pose.bytes));
+        }
+        Ok(Self {
+            sets: Sets::new(context.device, kernel.objects.set_layout, &[bound])?,
+            kernel,
+            mesh: mesh.clone(),
+            planner: one_pass(desc)?,
+            ring,
+            stride,
+            draws: vec![DirectDraw::default(); desc.instances as usize],
+            pose: pose.buffer,
+            written: 0,
+            stale: false,
+        })
+    }
+
+    /// Write the weights of all instances, none for one that has no pose. A hidden instance's draws go on as they were,
+    /// whatever is requested of it meanwhile.
+    fn write(&mut self, frame: u64) -> Result<()> {
+        let words = self.ring.words(frame)?;
+        let (stride, targets) = (self.stride as usize / 4, &self.mesh.layout.targets);
+        let first = frame as usize * words.len() * 4;
+        for (i, out) in words.chunks_exact_mut(stride).enumerate() {
+            let weights = self.planner.applied(i).unwrap_or_default();
+            for ((weight, target), out) in weights.iter().zip(targets).zip(out.chunks_exact_mut(WEIGHT_BYTES / 4)) {
+                let coefficient = weight * target.position_step;
+                out.copy_from_slice(&[coefficient, coefficient * target.normal_ratio()].map(f32::to_bits));
+            }
+            let active = weights.iter().filter(|w| **w != 0.0).count() as u32;
+            // Fits 32 bits: checked in `new`.
+            self.draws[i] = DirectDraw { weights: (first + i * stride * 4) as u32, active };
+        }
+        Ok(())
+    }
+
+    /// Record the draws of these instances, captured if requested and the device can.
+    ///
+    /// # Safety
+    /// As [`Draws::record_draws`].
+    unsafe fn record_all(&self, cmd: vk::CommandBuffer, instances: impl Iterator<Item = u32>, captured: bool) {
+        let Direct { objects, capture, .. } = &*self.kernel;
+        let (device, mesh) = (&objects.device.raw, &self.mesh.layout);
+        let (point, layout) = (vk::PipelineBindPoint::GRAPHICS, objects.layout);
+        let pipeline = usize::from(captured && capture.is_some());
+        // SAFETY: the caller's obligations; pipeline and render pass are ours.
+        unsafe {
+            objects.begin_render_pass(cmd);
+            device.cmd_bind_pipeline(cmd, point, objects.pipelines[pipeline]);
+        }
+        let draws = instances.map(|i| self.draws[i as usize]);
+        for (draw, (first, vertices)) in draws.flat_map(|draw| mesh.chunks().map(move |chunk| (draw, chunk))) {
+            let at = (first * POSE_STRIDE) as u64;
+            let row = (mesh.row_start(0, first, vertices) * 4) as u32;
+            let push = DirectPush {
+                chunk_vertices: vertices as u32,
+                target_count: mesh.targets.len() as u32,
+                active_targets: draw.active,
+                first_vertex: first as u32,
+            };
+            // SAFETY: as above; vertices and rows are within their buffers, dynamic offsets are multiples of 64 × 12
+            // bytes and of a list's 256; the push constants fill the layout's range.
+            unsafe {
+                device.cmd_bind_vertex_buffers(cmd, 0, &[self.mesh.base.raw], &[at]);
+                device.cmd_bind_descriptor_sets(cmd, point, layout, 0, &[self.sets.get(0)], &[row, draw.weights]);
+                device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::VERTEX, 0, bytes_of(&push));
+            }
+            let record = || {
+                // SAFETY: as above.
+                unsafe { device.cmd_draw(cmd, vertices as u32, 1, 0, 0) };
+            };
+            match &objects.device.feedback {
+                Some(feedback) if captured && *capture == Some(Capture::Feedback) => {
+                    let (feedback, size) = (feedback.fp(), (vertices * POSE_STRIDE) as u64);
+                    // SAFETY: as above; as much is captured as the pose has room for. ash 0.38 has no wrappers for
+                    // these commands.
+                    unsafe {
+                        (feedback.cmd_bind_transform_feedback_buffers_ext)(cmd, 0, 1, &self.pose, &at, &size);
+                        (feedback.cmd_begin_transform_feedback_ext)(cmd, 0, 0, std::ptr::null(), std::ptr::null());
+                        record();
+                        (feedback.cmd_end_transform_feedback_ext)(cmd, 0, 0, std::ptr::null(), std::ptr::null());
+                    }
+                }
+                Some(_) | None => record(),
+            }
+        }
+        // SAFETY: begun above.
+        unsafe { device.cmd_end_render_pass(cmd) };
+    }
+}
+
+impl Technique for DirectTechnique {
+    /// A step without works: the draws find the weights where they were written.
+    fn plan(&mut self, instances: &Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
+        self.planner.plan(instances, id.update);
+        if self.planner.has_changed() || self.stale {
+            (self.written, self.stale) = (id.update, false);
+            self.write(id.frame)?;
+            steps.step(&[]);
+        }
+        let mut stats = draw_stats(&self.mesh.layout, &self.planner, instances);
+        stats.bytes_moved += instances.requested().flatten().map(bytes_read).sum::<u64>();
+        Ok(stats)
+    }
+
+    unsafe fn record(&self, _cmd: vk::CommandBuffer, _frame: u64, _work: &Work) {}
+
+    fn slots_of(&self, instance: u32) -> Option<(u32, Option<u32>)> {
+        self.planner.slots_of(instance as usize)
+    }
+
+    fn cut(&mut self, instance: u32) {
+        self.planner.cut(instance as usize);
+    }
+
+    fn add(&mut self, instance: u32) {
+        self.planner.forget(instance as usize);
+    }
+
+    fn discard_from(&mut self, id: UpdateId) {
+        self.planner.discard_from(id.update);
+        self.stale |= self.written >= id.update;
+    }
+
+    fn has_poses(&self) -> bool {
+        false
+    }
+
+    #[cfg(any(test, feature = "internals"))]
+    fn accesses(&self, _works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
+        vec![]
+    }
+}
+
+impl Draws for DirectTechnique {
+    unsafe fn record_draws(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>) {
+        // SAFETY: the caller's obligations; the weights were written, since there is an update.
+        unsafe { self.record_all(cmd, instances, false) };
+    }
+
+    fn capture(&self) -> Result<Capture> {
+        self.kernel.capture.ok_or_else(|| no_capture(&self.kernel.objects.device, UpdatePath::Direct))
+    }
+
+    unsafe fn record_capture(&self, cmd: vk::CommandBuffer, instance: u32) {
+        // SAFETY: the caller's obligations; the weights were written, since there is an update.
+        unsafe { self.record_all(cmd, [instance].into_iter(), true) };
+    }
+}
+
+/// Bytes of the weights that a draw reads: up to the last active target.
+fn bytes_read(weights: &[f32]) -> u64 {
+    weights.iter().rposition(|w| *w != 0.0).map_or(0, |last| (WEIGHT_BYTES * (last + 1)) as u64)
+}

@@ -1,0 +1,106 @@
+//! The public face of the baselines: an upload of their own, and draws that evaluate.
+
+use super::draws::{Draws, draws_of};
+use super::scatter::Records;
+use crate::engine::{Crowd, GpuMesh, MorphEngine, PoseView};
+use crate::error::{Error, Result};
+use crate::gpu::barriers;
+use crate::gpu::mesh::MeshWords;
+use crate::pack::PackedMesh;
+use crate::plan::UpdatePath;
+use crate::plan::schedule::Entry;
+use ash::vk;
+
+impl MorphEngine {
+    /// As [`upload`](Self::upload), for crowds on the path `scatter`, which reads records of a vertex and its delta, 16
+    /// bytes each, and no blocks: so many bytes and the base pose, whatever [`mesh_bytes`](Self::mesh_bytes) says.
+    ///
+    /// # Errors
+    /// As [`upload`](Self::upload); a format other than `small`; sums that could overflow.
+    ///
+    /// # Safety
+    /// As [`upload`](Self::upload).
+    pub unsafe fn upload_scatter(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
+        let layout = mesh.layout().clone();
+        let index = layout.blocks.clone().filter(|_| UpdatePath::Scatter.formats().contains(&layout.format));
+        let Some(index) = index else {
+            return Err(Error::invalid(
+                format!("update path 'scatter' with {} deltas", layout.format.name()),
+                "pack the mesh as small",
+            ));
+        };
+        index.exact()?;
+        let Records { words, first } = Records::new(mesh, &index);
+        let bytes = (size_of_val(words.as_slice()) as u64).max(16);
+        self.check_not_empty(&layout)?;
+        for (what, bytes) in [("a pose takes", layout.pose_bytes()), ("the records of 'scatter' take", bytes)] {
+            let (what, range) = (format!("mesh '{}': {what}", layout.name), self.device.caps.max_storage_range);
+            self.device.caps.check_limit(&what, (bytes, "bytes", range), "use fewer targets, or split the mesh")?;
+        }
+        let private: Option<Box<dyn std::any::Any + Send + Sync>> = Some(Box::new(first));
+        let words = MeshWords { base: mesh.base(), deltas: &words, deltas_size: bytes, private };
+        // SAFETY: the caller's obligations.
+        unsafe { self.upload_words(cmd, layout, words) }
+    }
+
+    /// Record the draws of a crowd on a direct path, one for each head, each of which evaluates its pose: in a render
+    /// pass without attachments, with every primitive discarded. It is what such a path costs, for `bench`; an engine
+    /// that wanted to show the result would do the same in its own vertex shader.
+    ///
+    /// The caller is responsible for: recording it after [`record_update`](Self::record_update), and having at most
+    /// `frames_in_flight` frames with draws unfinished, whether weights have changed in them or not: draws read the
+    /// weights where the update wrote them. It binds over the graphics pipeline, its set 0, push constants, and
+    /// vertex bindings from 0 on.
+    ///
+    /// # Errors
+    /// A crowd that another engine made, or whose path has pose buffers to draw from; no update recorded yet.
+    ///
+    /// # Safety
+    /// As [`record_update`](Self::record_update).
+    pub unsafe fn record_draws(&self, cmd: vk::CommandBuffer, crowd: &Crowd) -> Result<()> {
+        let draws = self.draws(crowd)?;
+        crowd.shown().try_for_each(|instance| crowd.base.slots_of(instance).map(|_| ()))?;
+        // SAFETY: the caller's obligations.
+        unsafe { draws.record_draws(cmd, &mut crowd.shown()) };
+        Ok(())
+    }
+
+    /// Record the draw of one head as [`record_draws`](Self::record_draws) does, and capture the pose that it
+    /// evaluates: by transform feedback, or else by stores of the vertex shader, as the device has it. The crowd has
+    /// room for one pose. Barriers are recorded as for an update through `feedback` or `vertex-store`.
+    ///
+    /// # Errors
+    /// As [`record_draws`](Self::record_draws); a device that has neither.
+    ///
+    /// # Safety
+    /// As [`record_draws`](Self::record_draws).
+    pub unsafe fn record_capture(&self, cmd: vk::CommandBuffer, crowd: &Crowd, instance: u32) -> Result<PoseView> {
+        let draws = self.draws(crowd)?;
+        crowd.base.slots_of(instance)?;
+        for entry in draws.capture()?.schedule().entries {
+            // SAFETY: the caller's obligations; the device has what it captures with.
+            unsafe {
+                match entry {
+                    Entry::Barrier(barrier) => barriers::record(&self.device.raw, cmd, &barrier),
+                    Entry::Work { .. } => draws.record_capture(cmd, instance),
+                }
+            }
+        }
+        Ok(crowd.base.view(0, 0))
+    }
+
+    fn draws<'a>(&self, crowd: &'a Crowd) -> Result<&'a dyn Draws> {
+        if !crowd.base.is_on(&self.device) {
+            return Err(Error::invalid(
+                "the crowd belongs to another MorphEngine",
+                "record it with the engine that created it",
+            ));
+        }
+        draws_of(crowd).ok_or_else(|| {
+            Error::invalid(
+                format!("a draw that evaluates, of a crowd on the path '{}'", crowd.desc().update.path.name()),
+                "draw from Crowd::pose: the path has pose buffers",
+            )
+        })
+    }
+}

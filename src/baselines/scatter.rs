@@ -1,0 +1,392 @@
+//! The `scatter` path (O3DE Atom, Unity): a thread for each delta adds to the sums of its vertex by integer atomics,
+//! then a pass makes the pose of the sums.
+//!
+//! Weights and deltas are integers on the grid of exact sums ([`ExactGrid`](crate::pack::blocks::ExactGrid)):
+//! nothing overflows, and the sums are those of `blocks` with exact sums, bit for bit. So is the error: that of
+//! packing, and at most ½ · weight step · Σ |delta| for weights that are not on the grid.
+
+use super::draws::one_pass;
+use crate::abi::modules::{RESOLVE, SCATTER};
+use crate::abi::numbers::WORKGROUP;
+use crate::abi::push::{ResolvePush, ScatterPush};
+use crate::error::{Error, Result};
+use crate::gpu::descriptors::{Bound, Sets};
+use crate::gpu::device::Device;
+use crate::gpu::kernels::Kernel;
+use crate::gpu::memory::{Buffer, BufferDesc};
+use crate::gpu::mesh::MeshBuffers;
+use crate::gpu::pipelines::Objects;
+use crate::pack::blocks::{BlockIndex, ExactGrid};
+use crate::pack::{DeltaFormat, POSE_FLOATS, PackedMesh};
+use crate::plan::UpdateStats;
+use crate::plan::instances::Instances;
+use crate::plan::steps::{Resource, Steps, Use, Work};
+use crate::update::dense::DensePlanner;
+use crate::update::technique::{Context, Poses, Technique, UpdateId};
+use ash::vk;
+use bytemuck::bytes_of;
+use gpu_allocator::MemoryLocation;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Words of a record: the vertex, then three words of a position component (18 bits) and a normal component (14 bits).
+pub(super) const RECORD_WORDS: usize = 4;
+
+/// Deltas as `scatter.comp` reads them, target after target.
+pub(super) struct Records {
+    pub(super) words: Vec<u32>,
+    /// First record of each target, and the number of all.
+    pub(super) first: Vec<u32>,
+}
+
+impl Records {
+    /// The deltas of `mesh`, packed as `small`: its components fit the bits of a record.
+    pub(super) fn new(mesh: &PackedMesh, index: &BlockIndex) -> Self {
+        let (mut words, mut first) = (vec![], vec![0]);
+        for target in 0..mesh.layout().targets.len() {
+            for incidence in index.incidence(target) {
+                let block = incidence.block * index.size() as u32;
+                index.for_each_lane(mesh.deltas(), incidence.entry as usize, |lane, _, q| {
+                    if q != [0; POSE_FLOATS] {
+                        words.push(block + lane as u32);
+                        words.extend((0..3).map(|c| (q[c] as u32 & 0x3ffff) | (q[c + 3] as u32) << 18));
+                    }
+                });
+            }
+            first.push((words.len() / RECORD_WORDS) as u32);
+        }
+        Self { words, first }
+    }
+}
+
+/// The pipelines: scatter, then resolve.
+pub(super) struct Scatter {
+    objects: Objects,
+}
+
+impl Kernel for Scatter {
+    type Key = ();
+
+    fn new(device: &Arc<Device>, (): (), _others: &[Arc<Self>]) -> Result<Self> {
+        let mut objects = Objects::none(device);
+        objects.add_layout(&[SCATTER.row, RESOLVE.row], 0)?;
+        for kernel in [&SCATTER, &RESOLVE] {
+            objects.add_compute(kernel.module(DeltaFormat::Small, 0)?, &[&[]])?;
+        }
+        Ok(Self { objects })
+    }
+
+    fn key(&self) {}
+}
+
+impl Scatter {
+    /// Record the addition of targets: their records, and their weights on the grid.
+    ///
+    /// # Safety
+    /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
+    /// - `set` was made for buffers that live until the commands have run, and have the records.
+    pub(super) unsafe fn record_add(
+        &self,
+        cmd: vk::CommandBuffer,
+        set: vk::DescriptorSet,
+        targets: impl Iterator<Item = (Range<u32>, i32)>,
+    ) {
+        // SAFETY: the caller's obligations.
+        unsafe { self.bind(cmd, 0, set) };
+        for (records, weight) in targets {
+            // SAFETY: as above.
+            unsafe {
+                self.dispatch(cmd, records.len() as u32, |first, count| ScatterPush {
+                    first: records.start + first,
+                    count,
+                    weight,
+                });
+            }
+        }
+    }
+
+    /// Record the pose of `vertices`, a multiple of [`WORKGROUP`], from base and sums in these units.
+    ///
+    /// # Safety
+    /// As [`record_add`](Self::record_add).
+    pub(super) unsafe fn record_resolve(
+        &self,
+        cmd: vk::CommandBuffer,
+        set: vk::DescriptorSet,
+        vertices: u32,
+        [position_unit, normal_unit]: [f32; 2],
+    ) {
+        // SAFETY: the caller's obligations.
+        unsafe {
+            self.bind(cmd, 1, set);
+            self.dispatch(cmd, vertices, |first_vertex, _| ResolvePush { first_vertex, position_unit, normal_unit });
+        }
+    }
+
+    /// # Safety
+    /// As [`record_add`](Self::record_add).
+    unsafe fn bind(&self, cmd: vk::CommandBuffer, pipeline: usize, set: vk::DescriptorSet) {
+        let (device, point) = (&self.objects.device.raw, vk::PipelineBindPoint::COMPUTE);
+        // SAFETY: the caller's obligations; pipelines and layout are ours.
+        unsafe {
+            device.cmd_bind_pipeline(cmd, point, self.objects.pipelines[pipeline]);
+            device.cmd_bind_descriptor_sets(cmd, point, self.objects.layout, 0, &[set], &[]);
+        }
+    }
+
+    /// An invocation for each of `count`, in as many dispatches as the device's workgroup count asks for.
+    ///
+    /// # Safety
+    /// As [`record_add`](Self::record_add).
+    unsafe fn dispatch<P: bytemuck::Pod>(&self, cmd: vk::CommandBuffer, count: u32, push: impl Fn(u32, u32) -> P) {
+        let device = &self.objects.device;
+        let most = device.caps.max_workgroups.min(u32::MAX / WORKGROUP) * WORKGROUP;
+        for first in (0..count).step_by(most as usize) {
+            let here = most.min(count - first);
+            let push = push(first, here);
+            // SAFETY: the caller's obligations; the push constants are within the layout's range.
+            unsafe {
+                let stage = vk::ShaderStageFlags::COMPUTE;
+                device.raw.cmd_push_constants(cmd, self.objects.layout, stage, 0, bytes_of(&push));
+                device.raw.cmd_dispatch(cmd, here.div_ceil(WORKGROUP), 1, 1);
+            }
+        }
+    }
+}
+
+/// What a work does, in the order of [`Work::kernel`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Part {
+    /// Set the sums to zero.
+    Clear,
+    /// Add the deltas of the active targets, by atomics.
+    Add,
+    /// Write the pose: base + sums.
+    Resolve,
+}
+
+const PARTS: [(Part, &[Use]); 3] = [
+    (Part::Clear, &[Use::copy(Resource::Sums)]),
+    (Part::Add, &[Use::read(Resource::Asset), Use::read(Resource::Sums), Use::write(Resource::Sums)]),
+    (Part::Resolve, &[Use::read(Resource::Asset), Use::read(Resource::Sums), Use::write(Resource::Poses)]),
+];
+
+/// Append the planned passes to `steps`: each part of all instances, which do not depend on each other.
+fn fill(planner: &mut DensePlanner, steps: &mut Steps) {
+    if !planner.has_changed() {
+        return;
+    }
+    for (part, uses) in PARTS {
+        steps.step(uses);
+        for instance in 0..planner.plans().len() {
+            let plan = &planner.plans()[instance];
+            if plan.passes.is_empty() {
+                continue;
+            }
+            let (destination, added) = (plan.result, if part == Part::Add { plan.coefficients.len() } else { 0 });
+            let items = planner.list(instance, 0..added);
+            let (kernel, instance) = (part as u32, instance as u32);
+            steps.push(Work { kernel, instance, destination, items, ..Work::default() });
+        }
+    }
+}
+
+/// A crowd with integer sums for each instance, cleared, added to and resolved in each update.
+pub(super) struct ScatterTechnique {
+    kernel: Arc<Scatter>,
+    mesh: Arc<MeshBuffers>,
+    /// First record of each target, and the number of all.
+    first: Vec<u32>,
+    poses: Poses,
+    grid: ExactGrid,
+    /// Input units of a sum: positions, normals.
+    units: [f32; 2],
+    planner: DensePlanner,
+    sums: Buffer,
+    /// `[instance][slot]`.
+    sets: Sets,
+}
+
+impl ScatterTechnique {
+    pub(super) fn new(context: Context<'_>) -> Result<Self> {
+        let (device, desc, mesh, poses) = (context.device, context.desc, context.mesh, context.poses);
+        let first = mesh.private.as_ref().and_then(|private| private.downcast_ref::<Vec<u32>>());
+        let (Some(index), Some(first)) = (&mesh.layout.blocks, first) else {
+            return Err(Error::invalid(
+                format!("mesh '{}' has no records for 'scatter'", mesh.layout.name),
+                "upload it with MorphEngine::upload_scatter",
+            ));
+        };
+        let (grid, kernel) = (index.exact()?, context.kernels.get::<Scatter>(())?);
+        let sums = Buffer::new(
+            device,
+            &BufferDesc {
+                name: "deltamorph scattered sums",
+                bytes: poses.bytes.saturating_mul(desc.instances.into()),
+                usage: vk::BufferUsageFlags::STORAGE_BUFFER
+                    | vk::BufferUsageFlags::TRANSFER_DST
+                    | vk::BufferUsageFlags::TRANSFER_SRC,
+                location: MemoryLocation::GpuOnly,
+            },
+        )?;
+        let records = u64::from(first.last().copied().unwrap_or(0)) * (RECORD_WORDS * 4) as u64;
+        let all = (0..desc.instances).flat_map(|instance| (0..poses.slots).map(move |slot| (instance, slot)));
+        let bound: Vec<Vec<Bound>> = all
+            .map(|(instance, slot)| {
+                vec![
+                    Bound::new(mesh.deltas.raw, 0, records.max(16)),
+                    Bound::new(sums.raw, u64::from(instance) * poses.bytes, poses.bytes),
+                    Bound::new(mesh.base.raw, 0, poses.bytes),
+                    Bound::new(poses.buffer, poses.offset(instance, slot), poses.bytes),
+                ]
+            })
+            .collect();
+        Ok(Self {
+            sets: Sets::new(device, kernel.objects.set_layout, &bound)?,
+            kernel,
+            mesh: mesh.clone(),
+            first: first.clone(),
+            poses,
+            grid,
+            units: index.steps().map(|step| step * grid.weight_step()),
+            planner: one_pass(desc)?,
+            sums,
+        })
+    }
+
+    fn records_of(&self, target: u32) -> Range<u32> {
+        self.first[target as usize]..self.first[target as usize + 1]
+    }
+
+    /// Bytes moved: sums cleared; each record loaded, and its six sums loaded and stored by atomics; sums and base pose
+    /// loaded, the pose stored. The floor is records, base pose and pose.
+    fn stats(&self) -> UpdateStats {
+        let changed = self.planner.plans().iter().filter(|plan| !plan.passes.is_empty());
+        let coefficients = changed.clone().flat_map(|plan| &plan.coefficients);
+        let records: u64 = coefficients.clone().map(|c| self.records_of(c.target).len() as u64).sum();
+        let instances = changed.clone().count();
+        let poses = instances as u64 * self.poses.bytes;
+        let (record, atomics) = ((RECORD_WORDS * 4) as u64, (POSE_FLOATS * 8) as u64);
+        UpdateStats {
+            coefficients: coefficients.count(),
+            passes: instances,
+            rebuilt: instances,
+            bytes_moved: poses * 4 + records * (record + atomics),
+            bytes_floor: poses * 2 + records * record,
+            ..UpdateStats::default()
+        }
+    }
+}
+
+impl Technique for ScatterTechnique {
+    fn plan(&mut self, instances: &Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
+        self.planner.plan(instances, id.update);
+        fill(&mut self.planner, steps);
+        Ok(self.stats())
+    }
+
+    unsafe fn record(&self, cmd: vk::CommandBuffer, _frame: u64, work: &Work) {
+        let set = self.sets.get((work.instance * self.poses.slots + work.destination) as usize);
+        match PARTS[work.kernel as usize].0 {
+            Part::Clear => {
+                let (at, device) = (u64::from(work.instance) * self.poses.bytes, &self.kernel.objects.device.raw);
+                // SAFETY: the caller's obligations; the range is within the sums.
+                unsafe { device.cmd_fill_buffer(cmd, self.sums.raw, at, self.poses.bytes, 0) };
+            }
+            Part::Add => {
+                let targets = self.planner.coefficients(work).iter().filter_map(|c| {
+                    let (records, weight) = (self.records_of(c.target), self.grid.steps(c.value));
+                    (!records.is_empty() && weight != 0).then_some((records, weight))
+                });
+                // SAFETY: the caller's obligations; the records are the mesh's.
+                unsafe { self.kernel.record_add(cmd, set, targets) };
+            }
+            Part::Resolve => {
+                let vertices = self.mesh.layout.padded_vertices() as u32;
+                // SAFETY: the caller's obligations.
+                unsafe { self.kernel.record_resolve(cmd, set, vertices, self.units) };
+            }
+        }
+    }
+
+    fn slots_of(&self, instance: u32) -> Option<(u32, Option<u32>)> {
+        self.planner.slots_of(instance as usize)
+    }
+
+    fn cut(&mut self, instance: u32) {
+        self.planner.cut(instance as usize);
+    }
+
+    fn add(&mut self, instance: u32) {
+        self.planner.forget(instance as usize);
+    }
+
+    fn discard_from(&mut self, id: UpdateId) {
+        self.planner.discard_from(id.update);
+    }
+
+    fn exact(&self) -> Option<ExactGrid> {
+        Some(self.grid)
+    }
+
+    fn sums(&self, instance: u32) -> Option<(vk::Buffer, u64)> {
+        Some((self.sums.raw, u64::from(instance) * self.poses.bytes))
+    }
+
+    #[cfg(any(test, feature = "internals"))]
+    fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
+        accesses(works)
+    }
+}
+
+/// What works read and write. Atomics commute: those of a work do not have to be ordered among themselves.
+#[cfg(any(test, feature = "internals"))]
+fn accesses(works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
+    use crate::plan::hazards::{Accesses, Memory, MemoryUse};
+    use crate::plan::steps::{Access, Stage};
+    let of = |work: &Work| {
+        let (instance, slot) = (work.instance, work.destination);
+        let sums = Memory::Sums { instance };
+        match PARTS[work.kernel as usize].0 {
+            Part::Clear => {
+                let write = MemoryUse { memory: sums, stage: Stage::Transfer, access: Access::TransferWrite };
+                Accesses { writes: vec![write], ..Accesses::default() }
+            }
+            Part::Add => Accesses::compute([Memory::Deltas, sums], [sums]),
+            Part::Resolve => Accesses::compute([Memory::Base, sums], [Memory::Pose { instance, slot }]),
+        }
+    };
+    works.iter().map(of).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::tests::{assert_barriers_needed, scheduled};
+    use crate::plan::{BatchSize, Consumers, CrowdDesc, UpdateDesc, UpdatePath};
+
+    /// The four barriers: before the sums are cleared, and after each part.
+    #[test]
+    fn every_barrier_is_needed() {
+        for slots in 1..4 {
+            let update = UpdateDesc { slots, ..UpdateDesc::new(UpdatePath::Scatter, BatchSize::All) };
+            let mut planner = one_pass(&CrowdDesc { instances: 2, ..CrowdDesc::new(update) }).unwrap();
+            let (mut instances, mut frames, mut counts) = (Instances::new(2, 2), vec![], vec![]);
+            for frame in 0..5u8 {
+                // The second instance is still every other frame.
+                for (instance, weight) in (0..).zip([frame, frame / 2]) {
+                    instances.set_weights(instance, &[f32::from(weight), 1.0]).unwrap();
+                }
+                planner.plan(&instances, u64::from(frame) + 1);
+                let mut steps = Steps::new(Consumers::default());
+                fill(&mut planner, &mut steps);
+                let added: usize = steps.works().iter().map(|work| planner.coefficients(work).len()).sum();
+                counts.push((steps.works().len(), added));
+                let plan = &planner.plans()[0];
+                frames.push((scheduled(&[&steps], |_, works| accesses(works)), [Some(plan.result), plan.previous]));
+            }
+            assert_barriers_needed(&frames, 4, &format!("{update:?}"));
+            assert_eq!((counts[2], counts[3].0), ((6, 4), 3), "a still instance is left out");
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! The `vertex-store` path: the passes of `feedback`, for devices without transform feedback whose vertex shaders may
+//! write storage buffers. Binds targets as vertex attributes, discards all primitives, alternates between slots as
+//! `feedback` does: a pass must not store where other vertices are still fetched from.
+
+use crate::abi::modules::VERTEX_STORE;
+use crate::abi::push::attribute_push_bytes;
+use crate::error::Result;
+use crate::gpu::descriptors::{Bound, Sets};
+use crate::gpu::device::Device;
+use crate::gpu::kernels::Kernel;
+use crate::gpu::mesh::MeshBuffers;
+use crate::gpu::pipelines::Objects;
+use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
+use crate::plan::steps::{Access, Resource, Stage, Use, Work};
+use crate::update::dense::feedback::{VertexPass, push_constants, vertex_batch, vertex_buffers, vertex_input};
+use crate::update::dense::technique::Passes;
+use crate::update::technique::{Context, Poses};
+use crate::weights::delta::Coefficient;
+use ash::vk;
+use std::sync::Arc;
+
+/// What a pass uses.
+pub(crate) const STORE_PASS: &[Use] = &[
+    Use::new(Resource::Asset, Stage::VertexInput, Access::AttributeRead),
+    Use::new(Resource::Poses, Stage::VertexInput, Access::AttributeRead),
+    Use::new(Resource::Poses, Stage::VertexShader, Access::ShaderWrite),
+];
+
+/// Pipelines for batches 0 (a copy) to the batch size.
+pub(super) struct VertexStore {
+    objects: Objects,
+    key: (DeltaFormat, u32),
+}
+
+impl Kernel for VertexStore {
+    type Key = (DeltaFormat, u32);
+
+    fn new(device: &Arc<Device>, key: Self::Key, _others: &[Arc<Self>]) -> Result<Self> {
+        let (format, batch) = key;
+        let mut objects = Objects::none(device);
+        objects.add_layout(&[VERTEX_STORE.row], attribute_push_bytes(format, batch))?;
+        objects.add_empty_render_pass()?;
+        for b in 0..=batch {
+            let (bindings, attributes) = vertex_input(format, b);
+            objects.add_discarding_vertex(VERTEX_STORE.module(format, b)?, &bindings, &attributes)?;
+        }
+        Ok(Self { objects, key })
+    }
+
+    fn key(&self) -> Self::Key {
+        self.key
+    }
+}
+
+impl VertexStore {
+    /// Record one pass.
+    ///
+    /// # Safety
+    /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with graphics.
+    /// - The buffers hold what `pass.layout` says at the offsets given, and live until the pass has run; source
+    ///   and destination are not the same slot. `sets` are those of the destination, one for each chunk.
+    pub(super) unsafe fn record(
+        &self,
+        cmd: vk::CommandBuffer,
+        pass: &VertexPass<'_>,
+        sets: impl Iterator<Item = vk::DescriptorSet>,
+    ) {
+        let device = &self.objects.device.raw;
+        let (point, layout) = (vk::PipelineBindPoint::GRAPHICS, self.objects.layout);
+        let push = push_constants(pass.layout, pass.coefficients);
+        // SAFETY: the caller's obligations; pipeline, layout and render pass are ours; the push constants are within
+        // the layout's range (no more coefficients than the largest batch).
+        unsafe {
+            self.objects.begin_render_pass(cmd);
+            device.cmd_bind_pipeline(cmd, point, self.objects.pipelines[pass.coefficients.len()]);
+            if !push.is_empty() {
+                let bytes = bytemuck::cast_slice(&push);
+                device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::VERTEX, 0, bytes);
+            }
+        }
+        for (chunk, set) in pass.layout.chunks().zip(sets) {
+            let (buffers, offsets) = vertex_buffers(pass.layout, chunk, pass.source, pass.deltas, pass.coefficients);
+            // SAFETY: as above; each binding reads the chunk's vertices within its buffer, and as many are stored.
+            unsafe {
+                device.cmd_bind_vertex_buffers(cmd, 0, &buffers, &offsets);
+                device.cmd_bind_descriptor_sets(cmd, point, layout, 0, &[set], &[]);
+                device.cmd_draw(cmd, chunk.1 as u32, 1, 0, 0);
+            }
+        }
+        // SAFETY: begun above.
+        unsafe { device.cmd_end_render_pass(cmd) };
+    }
+}
+
+/// What a crowd's storing vertex passes take.
+pub(super) struct StorePasses {
+    kernel: Arc<VertexStore>,
+    mesh: Arc<MeshBuffers>,
+    poses: Poses,
+    stores: StoreSets,
+}
+
+impl Passes for StorePasses {
+    const USES: &'static [Use] = STORE_PASS;
+
+    fn new(context: Context<'_>) -> Result<Self> {
+        let (layout, poses) = (context.layout(), context.poses);
+        let kernel: Arc<VertexStore> = context.kernels.get((layout.format, vertex_batch(&context)))?;
+        let stores = StoreSets::new(&kernel, layout, poses.buffer, context.desc.instances * poses.slots)?;
+        Ok(Self { kernel, mesh: context.mesh.clone(), poses, stores })
+    }
+
+    fn layout(&self) -> &PackedLayout {
+        &self.mesh.layout
+    }
+
+    unsafe fn record(&self, cmd: vk::CommandBuffer, _frame: u64, work: &Work, coefficients: &[Coefficient]) {
+        let pass = VertexPass::new(&self.mesh, &self.poses, work, coefficients);
+        let sets = self.stores.of(work.instance * self.poses.slots + work.destination);
+        // SAFETY: the caller's obligations; source and destination are different slots: the plan alternates; the sets
+        // were written for this mesh and crowd.
+        unsafe { self.kernel.record(cmd, &pass, sets) };
+    }
+
+    #[cfg(any(test, feature = "internals"))]
+    fn accesses(works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
+        store_accesses(works)
+    }
+}
+
+/// What the passes read and write.
+#[cfg(any(test, feature = "internals"))]
+pub(crate) fn store_accesses(works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
+    let write = (Stage::VertexShader, Access::ShaderWrite);
+    crate::update::dense::pass_accesses(works, (Stage::VertexInput, Access::AttributeRead), write, false)
+}
+
+/// Where passes store: a set for each pose of a buffer and each chunk, not dynamic offsets (see `compute`).
+pub(super) struct StoreSets {
+    sets: Sets,
+    chunks: usize,
+}
+
+impl StoreSets {
+    /// For `count` poses in `poses`.
+    pub(super) fn new(kernel: &VertexStore, layout: &PackedLayout, poses: vk::Buffer, count: u32) -> Result<Self> {
+        let bound: Vec<Vec<Bound>> = (0..u64::from(count))
+            .flat_map(|pose| {
+                layout.chunks().map(move |(first, vertices)| {
+                    let offset = pose * layout.pose_bytes() + (first * POSE_STRIDE) as u64;
+                    vec![Bound::new(poses, offset, (vertices * POSE_STRIDE) as u64)]
+                })
+            })
+            .collect();
+        let sets = Sets::new(&kernel.objects.device, kernel.objects.set_layout, &bound)?;
+        Ok(Self { sets, chunks: layout.chunks().count() })
+    }
+
+    /// The sets of a pose, one for each chunk.
+    pub(super) fn of(&self, pose: u32) -> impl Iterator<Item = vk::DescriptorSet> + '_ {
+        let first = pose as usize * self.chunks;
+        (first..first + self.chunks).map(|set| self.sets.get(set))
+    }
+}

@@ -1,0 +1,322 @@
+//! What every crowd has: poses, instances, slots, tickets, and a technique that updates them.
+
+use crate::error::{Error, Result};
+use crate::gpu::device::Device;
+use crate::gpu::kernels::Kernels;
+use crate::gpu::memory::{Buffer, BufferDesc};
+use crate::gpu::mesh::MeshBuffers;
+use crate::pack::{POSE_STRIDE, PackedLayout};
+use crate::plan::instances::Instances;
+use crate::plan::schedule::Schedule;
+use crate::plan::steps::{Steps, Work};
+use crate::plan::{CrowdDesc, UpdateStats};
+use crate::update::technique::{Context, Poses, Technique, UpdateId};
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use std::any::Any;
+use std::ops::RangeInclusive;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Ranges of discarded updates that a crowd keeps apart.
+const DISCARDED_RANGES: usize = 64;
+
+/// Proof of a recorded update, to discard it with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[must_use = "an update that never runs has to be discarded with its ticket"]
+pub struct Ticket {
+    /// Of which crowd.
+    crowd: u64,
+    id: UpdateId,
+}
+
+/// What an update recorded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Update {
+    /// For [`Crowd::discard`](super::Crowd::discard), should the command buffer never run.
+    pub ticket: Ticket,
+    /// Coefficients, passes and bytes; all zero, but for the bound, when nothing changed and nothing was recorded. On
+    /// direct paths they speak of the draw, and are the same when nothing changed.
+    pub stats: UpdateStats,
+}
+
+/// Where a pose is. Positions start at `offset`, normals (not normalised) 12 bytes after; float32 × 3 each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct PoseView {
+    /// The buffer; usable as vertex, storage and transfer-source buffer.
+    pub buffer: vk::Buffer,
+    /// Offset of the first vertex, a multiple of 256.
+    pub offset: u64,
+    /// Bytes, padding included.
+    pub size: u64,
+    /// Bytes from vertex to vertex.
+    pub stride: u32,
+    /// Which slot of the instance it is.
+    pub slot: u32,
+}
+
+/// The part that all kinds of crowds share.
+pub struct CrowdBase {
+    // Before the buffers that its descriptor sets name.
+    pub(super) technique: Box<dyn Technique>,
+    pub(crate) mesh: Arc<MeshBuffers>,
+    pub(crate) poses: Poses,
+    pub(super) instances: Instances,
+    pub(super) steps: Steps,
+    /// Scratch space of recording.
+    pub(super) schedule: Schedule,
+    /// The update planned last.
+    last: Option<UpdateId>,
+    desc: CrowdDesc,
+    device: Arc<Device>,
+    _pose_buffer: Buffer,
+    /// Tells crowds apart.
+    crowd: u64,
+    /// Updates planned.
+    updates: u64,
+    /// Updates that recorded something, less discarded ones: the rings of lists turn with them.
+    recorded: u64,
+    /// Updates that were discarded, ascending: a ticket is good for one discard.
+    discarded: Vec<RangeInclusive<u64>>,
+}
+
+/// A crowd of any kind: see [`MorphEngine::record_updates`](super::MorphEngine::record_updates).
+pub trait AnyCrowd: sealed::Sealed {}
+
+pub(crate) mod sealed {
+    /// Keeps other types out.
+    pub trait Sealed {
+        /// What all crowds share.
+        fn base(&self) -> &super::CrowdBase;
+        /// What all crowds share.
+        fn base_mut(&mut self) -> &mut super::CrowdBase;
+    }
+}
+
+impl CrowdBase {
+    /// A crowd of which the weights of `targets` targets are set, updated by what `make` makes.
+    pub(super) fn new(
+        device: &Arc<Device>,
+        kernels: &Kernels,
+        mesh: &Arc<MeshBuffers>,
+        desc: &CrowdDesc,
+        targets: usize,
+        make: impl FnOnce(Context<'_>) -> Result<Box<dyn Technique>>,
+    ) -> Result<Self> {
+        static CROWDS: AtomicU64 = AtomicU64::new(0);
+        if desc.instances == 0 || desc.frames_in_flight == 0 {
+            return Err(Error::invalid(
+                format!("a crowd of {} instances with {} frames in flight", desc.instances, desc.frames_in_flight),
+                "use 1 or more of both",
+            ));
+        }
+        let bytes = pose_bytes(&mesh.layout, desc);
+        if bytes > u64::from(u32::MAX) {
+            return Err(Error::invalid(
+                format!(
+                    "{} instances with {} slots take {bytes} bytes of poses; one crowd holds at most {}",
+                    desc.instances,
+                    desc.update.slots,
+                    u32::MAX
+                ),
+                "make several crowds, or use fewer slots",
+            ));
+        }
+        let mut usage = vk::BufferUsageFlags::STORAGE_BUFFER
+            | vk::BufferUsageFlags::VERTEX_BUFFER
+            | vk::BufferUsageFlags::STORAGE_TEXEL_BUFFER
+            | vk::BufferUsageFlags::TRANSFER_SRC;
+        if device.feedback.is_some() {
+            usage |= vk::BufferUsageFlags::TRANSFORM_FEEDBACK_BUFFER_EXT;
+        }
+        let buffer = Buffer::new(
+            device,
+            &BufferDesc { name: "deltamorph poses", bytes, usage, location: MemoryLocation::GpuOnly },
+        )?;
+        let poses = Poses { buffer: buffer.raw, bytes: mesh.layout.pose_bytes(), slots: desc.update.slots };
+        Ok(Self {
+            technique: make(Context { device, kernels, mesh, desc, poses })?,
+            mesh: mesh.clone(),
+            poses,
+            instances: Instances::new(desc.instances as usize, targets),
+            steps: Steps::new(desc.consumers),
+            schedule: Schedule::default(),
+            last: None,
+            desc: *desc,
+            device: device.clone(),
+            _pose_buffer: buffer,
+            crowd: CROWDS.fetch_add(1, Ordering::Relaxed),
+            updates: 0,
+            recorded: 0,
+            discarded: vec![],
+        })
+    }
+
+    pub(crate) fn desc(&self) -> &CrowdDesc {
+        &self.desc
+    }
+
+    pub(crate) fn is_on(&self, device: &Arc<Device>) -> bool {
+        Arc::ptr_eq(&self.device, device)
+    }
+
+    /// The technique, if it is a `T`.
+    pub(crate) fn technique<T: Technique>(&self) -> Option<&T> {
+        let any: &dyn Any = &*self.technique;
+        any.downcast_ref()
+    }
+
+    /// The technique, if it is a `T`.
+    pub(super) fn technique_mut<T: Technique>(&mut self) -> Option<&mut T> {
+        let any: &mut dyn Any = &mut *self.technique;
+        any.downcast_mut()
+    }
+
+    pub(crate) fn cut(&mut self, instance: u32) -> Result<()> {
+        self.instances.check(instance)?;
+        self.technique.cut(instance);
+        Ok(())
+    }
+
+    pub(crate) fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<()> {
+        if self.instances.set_hidden(instance, hidden)? {
+            self.technique.set_hidden(instance, hidden);
+        }
+        Ok(())
+    }
+
+    pub(crate) fn add(&mut self) -> Result<u32> {
+        let instance = self.instances.add()?;
+        self.technique.add(instance);
+        Ok(instance)
+    }
+
+    pub(crate) fn remove(&mut self, instance: u32) -> Result<()> {
+        self.instances.remove(instance)?;
+        self.technique.remove(instance);
+        Ok(())
+    }
+
+    pub(crate) fn discard(&mut self, ticket: Ticket) -> Result<()> {
+        if self.is_discarded(ticket)? {
+            return Ok(());
+        }
+        // Later ranges are part of this one, the last earlier one may end where it begins, and only so many are kept
+        // apart: a ticket that waited through all of them is taken for one that was discarded before.
+        let update = ticket.id.update;
+        self.discarded.retain(|updates| *updates.start() < update);
+        let mut first = update;
+        if let Some(before) = self.discarded.pop_if(|updates| *updates.end() + 1 == update) {
+            first = *before.start();
+        }
+        if self.discarded.len() == DISCARDED_RANGES {
+            let oldest = self.discarded.remove(0);
+            self.discarded[0] = *oldest.start()..=*self.discarded[0].end();
+        }
+        self.discarded.push(first..=self.updates);
+        self.technique.discard_from(ticket.id);
+        self.recorded = self.recorded.min(ticket.id.recorded);
+        Ok(())
+    }
+
+    /// Whether the update of a ticket was discarded.
+    ///
+    /// # Errors
+    /// A ticket of another crowd.
+    pub(crate) fn is_discarded(&self, ticket: Ticket) -> Result<bool> {
+        if ticket.crowd != self.crowd {
+            return Err(Error::invalid("the ticket is of another crowd", "discard it in the crowd that was updated"));
+        }
+        Ok(self.discarded.iter().any(|updates| updates.contains(&ticket.id.update)))
+    }
+
+    /// Updates that recorded something from that of `ticket` on, for `headless`.
+    #[cfg(feature = "headless")]
+    pub(crate) fn recorded_since(&self, ticket: Ticket) -> u64 {
+        self.recorded.saturating_sub(ticket.id.recorded)
+    }
+
+    /// The update planned last, all of it or in part, will never run.
+    pub(super) fn discard_last(&mut self) {
+        if let Some(id) = self.last {
+            // The ticket is of this crowd: there is no error.
+            let _ = self.discard(Ticket { crowd: self.crowd, id });
+        }
+    }
+
+    pub(crate) fn shown(&self) -> impl Iterator<Item = u32> {
+        self.instances.requested().zip(0..).filter_map(|(requested, i)| requested.map(|_| i))
+    }
+
+    pub(crate) fn pose(&self, instance: u32) -> Result<PoseView> {
+        let (slot, _) = self.slots_of(instance)?;
+        if !self.technique.has_poses() {
+            return Err(Error::invalid(
+                format!("the path '{}' has no pose buffers", self.desc.update.path.name()),
+                "draw with MorphEngine::record_draws, or write the pose with MorphEngine::record_capture",
+            ));
+        }
+        Ok(self.view(instance, slot))
+    }
+
+    pub(crate) fn previous_pose(&self, instance: u32) -> Result<Option<PoseView>> {
+        let (_, previous) = self.slots_of(instance)?;
+        Ok(previous.filter(|_| self.technique.has_poses()).map(|slot| self.view(instance, slot)))
+    }
+
+    /// Slots of the pose and of the previous pose.
+    pub(crate) fn slots_of(&self, instance: u32) -> Result<(u32, Option<u32>)> {
+        self.instances.check(instance)?;
+        let none = || Error::invalid(format!("instance {instance} has no pose yet"), "record an update first");
+        self.technique.slots_of(instance).ok_or_else(none)
+    }
+
+    /// The integer sums of an instance: buffer and offset.
+    #[cfg(feature = "headless")]
+    pub(crate) fn sums(&self, instance: u32) -> Option<(vk::Buffer, u64)> {
+        self.technique.sums(instance)
+    }
+
+    pub(crate) fn view(&self, instance: u32, slot: u32) -> PoseView {
+        PoseView {
+            buffer: self.poses.buffer,
+            offset: self.poses.offset(instance, slot),
+            size: self.poses.bytes,
+            stride: POSE_STRIDE as u32,
+            slot,
+        }
+    }
+
+    /// Record a work of the update planned last.
+    ///
+    /// # Safety
+    /// As [`Technique::record`].
+    pub(super) unsafe fn record(&self, cmd: vk::CommandBuffer, work: &Work) {
+        let frame = self.last.map_or(0, |id| id.frame);
+        // SAFETY: the caller's obligations.
+        unsafe { self.technique.record(cmd, frame, work) };
+    }
+
+    /// Plan an update, and take it as done. Where this fails, [`discard_last`](Self::discard_last) has to follow.
+    pub(super) fn plan(&mut self) -> Result<Update> {
+        self.updates += 1;
+        self.steps.clear();
+        // Lists lie where the update lies that is `frames_in_flight` older.
+        let frame = (self.recorded + 1) % u64::from(self.desc.frames_in_flight);
+        let id = UpdateId { update: self.updates, recorded: self.recorded, frame };
+        self.last = Some(id);
+        let stats = self.technique.plan(&self.instances, id, &mut self.steps)?;
+        self.recorded += u64::from(!self.steps.is_empty());
+        Ok(Update { ticket: Ticket { crowd: self.crowd, id }, stats })
+    }
+}
+
+/// Bytes of device memory that the poses of a crowd take. On a direct path that is one, to capture into.
+pub(super) fn pose_bytes(layout: &PackedLayout, desc: &CrowdDesc) -> u64 {
+    if desc.update.path.evaluates_in_draws() {
+        return layout.pose_bytes();
+    }
+    layout.pose_bytes().saturating_mul(u64::from(desc.instances) * u64::from(desc.update.slots))
+}

@@ -1,0 +1,164 @@
+//! Updates: planned first, then recorded as they were planned.
+
+use super::MorphEngine;
+use super::base::{AnyCrowd, CrowdBase, Update};
+use crate::error::{Error, Result};
+use crate::gpu::barriers;
+use crate::plan::schedule::{Entry, Schedule};
+use ash::vk;
+
+impl MorphEngine {
+    /// Record the update of all instances of `crowd` to the weights asked for.
+    ///
+    /// This records: nothing when no weight changed; otherwise the passes of the plan with the barriers they
+    /// need. First stages: those of the [consumers](super::CrowdDesc::consumers) (reads of earlier poses) and the
+    /// path's own; last: the consumers', by default VERTEX_INPUT with VERTEX_ATTRIBUTE_READ and VERTEX_SHADER with
+    /// SHADER_READ, so that draws recorded next may read [`Crowd::pose`](super::Crowd::pose) and
+    /// [`Crowd::previous_pose`](super::Crowd::previous_pose) as vertex attributes or storage buffers.
+    ///
+    /// It binds over: the compute pipeline, its set 0 and push constants (`compute`, `blocks`, `scatter`); the graphics
+    /// pipeline, vertex bindings from 0 on, push constants and transform-feedback binding 0 (`feedback`), or set 0
+    /// (`vertex-store`).
+    ///
+    /// The direct paths record nothing: their update is a list of weights for [`record_draws`](Self::record_draws).
+    ///
+    /// The caller is responsible for: submitting `cmd` exactly once, after all earlier updates of the crowd,
+    /// or calling [`Crowd::discard`](super::Crowd::discard) with the ticket; having at most
+    /// [`CrowdDesc::frames_in_flight`](super::CrowdDesc::frames_in_flight) updates unfinished, this one included;
+    /// binding its own state anew; barriers of its own where other stages than those named read or have read poses.
+    ///
+    /// # Errors
+    /// A crowd that another engine made. Nothing is recorded then.
+    ///
+    /// # Safety
+    /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
+    ///   without active conditional rendering (the state of the crowd takes the update as done), on a queue with
+    ///   graphics and compute.
+    /// - It runs exactly once, after the upload of the mesh and all earlier updates of the crowd, and before later
+    ///   ones; or it never runs, and [`Crowd::discard`](super::Crowd::discard) is called with the ticket before any
+    ///   later update is recorded.
+    /// - A ticket is discarded only if neither its update nor any later one of the crowd runs: the next update takes
+    ///   over the memory of their lists.
+    /// - With this one, at most [`CrowdDesc::frames_in_flight`](super::CrowdDesc::frames_in_flight) updates of the
+    ///   crowd are recorded and not yet finished.
+    /// - After an error or a panic nothing of the update counts as done; `cmd` may hold some of its commands after a
+    ///   panic, and is not run then.
+    /// - Engine, mesh and crowd live until the device has finished.
+    pub unsafe fn record_update(&self, cmd: vk::CommandBuffer, crowd: &mut impl AnyCrowd) -> Result<Update> {
+        let (mut crowds, mut update) = ([crowd.base_mut()], None);
+        let planned = self.plan(&mut crowds, |planned| update = Some(planned))?;
+        // SAFETY: the caller's obligations.
+        unsafe { planned.record(&self.device.raw, cmd) };
+        update.ok_or_else(|| Error::invalid("an update of no crowd", "name one or more"))
+    }
+
+    /// Record the updates of several crowds, of either kind, as [`record_update`](Self::record_update) does for one.
+    /// They share their barriers: one before all, one after all, and between only those that the longest of them needs.
+    /// Returns the updates in the order of `crowds`.
+    ///
+    /// # Errors
+    /// As [`record_update`](Self::record_update). Nothing is recorded then, and no update is taken as done: poses of
+    /// crowds that were planned before the one that failed are written anew by their next update.
+    ///
+    /// # Safety
+    /// As [`record_update`](Self::record_update), for each crowd.
+    pub unsafe fn record_updates(
+        &self,
+        cmd: vk::CommandBuffer,
+        crowds: &mut [&mut dyn AnyCrowd],
+    ) -> Result<Vec<Update>> {
+        let mut crowds: Vec<&mut CrowdBase> = crowds.iter_mut().map(|crowd| crowd.base_mut()).collect();
+        let mut updates = Vec::with_capacity(crowds.len());
+        let planned = self.plan(&mut crowds, |update| updates.push(update))?;
+        // SAFETY: the caller's obligations.
+        unsafe { planned.record(&self.device.raw, cmd) };
+        Ok(updates)
+    }
+
+    /// As [`record_updates`](Self::record_updates), with what is recorded changed by `tamper`: lets tests plant faults.
+    /// Returns what was recorded, too, as the hazard checker sees it.
+    ///
+    /// # Errors
+    /// As [`record_updates`](Self::record_updates).
+    ///
+    /// # Safety
+    /// As [`record_updates`](Self::record_updates); what `tamper` breaks is broken.
+    #[cfg(feature = "internals")]
+    #[doc(hidden)]
+    pub unsafe fn record_tampered(
+        &self,
+        cmd: vk::CommandBuffer,
+        crowds: &mut [&mut dyn AnyCrowd],
+        tamper: impl FnOnce(&mut Vec<Entry>),
+    ) -> Result<(Vec<Update>, Vec<crate::plan::hazards::Event>)> {
+        let mut crowds: Vec<&mut CrowdBase> = crowds.iter_mut().map(|crowd| crowd.base_mut()).collect();
+        let mut updates = vec![];
+        let mut planned = self.plan(&mut crowds, |update| updates.push(update))?;
+        tamper(&mut planned.schedule.entries);
+        let accesses = |crowd: u32, works: &[_]| planned.crowds[crowd as usize].technique.accesses(works);
+        let events = crate::plan::hazards::trace(&planned.schedule.entries, accesses);
+        // SAFETY: the caller's obligations.
+        unsafe { planned.record(&self.device.raw, cmd) };
+        Ok((updates, events))
+    }
+
+    /// Plan an update of every crowd, and in which order all are recorded.
+    fn plan<'a, 'b>(
+        &self,
+        crowds: &'a mut [&'b mut CrowdBase],
+        mut update: impl FnMut(Update),
+    ) -> Result<Planned<'a, 'b>> {
+        if crowds.iter().any(|crowd| !crowd.is_on(&self.device)) {
+            return Err(Error::invalid(
+                "the crowd belongs to another MorphEngine",
+                "record it with the engine that created it",
+            ));
+        }
+        // Scratch space is kept from update to update.
+        let schedule = crowds.first_mut().map(|crowd| std::mem::take(&mut crowd.schedule)).unwrap_or_default();
+        let mut planned = Planned { crowds, begun: 0, schedule };
+        for i in 0..planned.crowds.len() {
+            planned.begun = i + 1;
+            update(planned.crowds[i].plan()?);
+        }
+        planned.schedule.fill(planned.crowds.iter().map(|crowd| &crowd.steps));
+        Ok(planned)
+    }
+}
+
+/// Updates that are planned and not yet recorded: all are taken back when planning or recording fails or panics.
+struct Planned<'a, 'b> {
+    crowds: &'a mut [&'b mut CrowdBase],
+    /// Crowds of which an update is planned, or was begun to be.
+    begun: usize,
+    schedule: Schedule,
+}
+
+impl Planned<'_, '_> {
+    /// Record what was planned.
+    ///
+    /// # Safety
+    /// As [`MorphEngine::record_updates`].
+    unsafe fn record(mut self, device: &ash::Device, cmd: vk::CommandBuffer) {
+        for entry in &self.schedule.entries {
+            match entry {
+                // SAFETY: the caller's obligations; techniques use only stages that their device has.
+                Entry::Barrier(barrier) => unsafe { barriers::record(device, cmd, barrier) },
+                Entry::Work { crowd, work, .. } => {
+                    // SAFETY: the caller's obligations.
+                    unsafe { self.crowds[*crowd as usize].record(cmd, work) };
+                }
+            }
+        }
+        self.begun = 0;
+    }
+}
+
+impl Drop for Planned<'_, '_> {
+    fn drop(&mut self) {
+        self.crowds[..self.begun].iter_mut().for_each(|crowd| crowd.discard_last());
+        if let Some(first) = self.crowds.first_mut() {
+            first.schedule = std::mem::take(&mut self.schedule);
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! Meshes on their way to the device.
+
+use super::MorphEngine;
+use crate::abi::numbers::WORKGROUP;
+use crate::error::{Error, Result};
+use crate::gpu::memory::Buffer;
+use crate::gpu::mesh::{MeshBuffers, MeshWords, chunk_bytes, deltas_bytes};
+use crate::pack::{POSE_STRIDE, PackedLayout, PackedMesh};
+use ash::vk;
+use std::sync::Arc;
+
+/// A mesh on the device. Crowds keep what they need of it alive.
+pub struct GpuMesh {
+    pub(crate) shared: Arc<MeshBuffers>,
+    staging: Option<Buffer>,
+}
+
+impl GpuMesh {
+    /// Give the staging memory back.
+    ///
+    /// # Safety
+    /// The upload that was recorded with this mesh has run, or never will: its copies read the memory.
+    pub unsafe fn release_staging(&mut self) {
+        self.staging = None;
+    }
+
+    /// The same mesh, for `headless`.
+    #[cfg(feature = "headless")]
+    pub(crate) fn shared(&self) -> Self {
+        Self { shared: self.shared.clone(), staging: None }
+    }
+
+    /// Names, steps and sizes of what was uploaded.
+    pub fn layout(&self) -> &PackedLayout {
+        &self.shared.layout
+    }
+}
+
+impl MorphEngine {
+    /// Bytes of device memory that a mesh takes (as much again in staging memory until
+    /// [`GpuMesh::release_staging`]).
+    pub fn mesh_bytes(layout: &PackedLayout) -> u64 {
+        let base = if layout.format.is_blocks() { 0 } else { layout.pose_bytes() };
+        base + deltas_bytes(layout)
+    }
+
+    /// Create a mesh's buffers and record their upload.
+    ///
+    /// This records: two copies from staging memory, and a barrier that makes them visible to every update path
+    /// (first stage TRANSFER with TRANSFER_WRITE; last stages VERTEX_INPUT, VERTEX_SHADER, COMPUTE_SHADER).
+    ///
+    /// The caller is responsible for: submitting `cmd` before any update of the mesh, and calling
+    /// [`GpuMesh::release_staging`] once it has run.
+    ///
+    /// # Errors
+    /// A mesh that exceeds the device's limits, with the numbers; no memory.
+    ///
+    /// # Safety
+    /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
+    ///   without active conditional rendering, on a queue with graphics and compute.
+    /// - It runs before any update of the mesh, exactly once; where it never does, no crowd of the mesh is updated.
+    /// - The value returned is dropped only when the device no longer uses it.
+    pub unsafe fn upload(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
+        let layout = mesh.layout().clone();
+        self.check_mesh(&layout)?;
+        let (deltas_size, base, deltas) = (deltas_bytes(&layout), mesh.base(), mesh.deltas());
+        // SAFETY: the caller's obligations.
+        unsafe { self.upload_words(cmd, layout, MeshWords { base, deltas, deltas_size, private: None }) }
+    }
+
+    /// Upload words of a mesh that was checked.
+    ///
+    /// # Safety
+    /// As [`upload`](Self::upload).
+    pub(crate) unsafe fn upload_words(
+        &self,
+        cmd: vk::CommandBuffer,
+        layout: PackedLayout,
+        words: MeshWords<'_>,
+    ) -> Result<GpuMesh> {
+        // SAFETY: the caller's obligations.
+        let (mesh, staging) = unsafe { MeshBuffers::upload(&self.device, cmd, layout, words) }?;
+        Ok(GpuMesh { shared: Arc::new(mesh), staging: Some(staging) })
+    }
+
+    pub(crate) fn check_not_empty(&self, layout: &PackedLayout) -> Result<()> {
+        if layout.vertex_count > 0 {
+            return Ok(());
+        }
+        Err(Error::invalid(format!("mesh '{}' has no vertices", layout.name), "leave it out"))
+    }
+
+    fn check_mesh(&self, layout: &PackedLayout) -> Result<()> {
+        let caps = &self.device.caps;
+        let limit = |what: &str, amount: u64, unit: &str, most: u64, remedy: &str| {
+            caps.check_limit(&format!("mesh '{}': {what}", layout.name), (amount, unit, most), remedy)
+        };
+        self.check_not_empty(layout)?;
+        let (range, groups) = (caps.max_storage_range, caps.max_workgroups.into());
+        let chunk_groups = (layout.chunk_vertices as u64).div_ceil(WORKGROUP.into());
+        limit("a pose takes", layout.pose_bytes(), "bytes", range, "split the mesh")?;
+        if layout.format.is_blocks() {
+            let remedy =
+                "use a smaller format, the path 'compute', which cuts its deltas into chunks, or split the mesh";
+            return limit("deltas and base pose take", deltas_bytes(layout), "bytes", range, remedy);
+        }
+        limit("a chunk of deltas takes", chunk_bytes(layout), "bytes", range, "pack with MorphEngine::pack_desc")?;
+        limit("a chunk takes", chunk_groups, "workgroups", groups, "pack with MorphEngine::pack_desc")?;
+        if let Some(feedback) = caps.transform_feedback {
+            let captured = (layout.chunk_vertices * POSE_STRIDE) as u64;
+            let most = feedback.max_buffer_bytes;
+            limit("a chunk captures", captured, "bytes", most, "pack with MorphEngine::pack_desc")?;
+        }
+        let deltas = deltas_bytes(layout);
+        limit("its deltas take", deltas, "bytes", u32::MAX.into(), "split the mesh or use the snorm16 format")
+    }
+}

@@ -1,0 +1,109 @@
+//! A mesh in device memory.
+
+use super::barriers;
+use super::device::Device;
+use super::memory::{Buffer, BufferDesc, STAGING};
+use crate::error::Result;
+use crate::pack::PackedLayout;
+use crate::plan::schedule::asset_uploaded;
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use std::any::Any;
+use std::sync::Arc;
+
+/// The device-local part of a mesh.
+pub(crate) struct MeshBuffers {
+    pub(crate) layout: PackedLayout,
+    /// The base pose (dense formats).
+    pub(crate) base: Buffer,
+    /// Dense formats: the deltas. Block formats: headers, deltas and base pose, the whole asset.
+    pub(crate) deltas: Buffer,
+    /// Uploaded for one technique, in words of its own: what that has to know of them.
+    pub(crate) private: Option<Box<dyn Any + Send + Sync>>,
+}
+
+/// What is copied to a mesh's buffers.
+pub(crate) struct MeshWords<'a> {
+    pub(crate) base: &'a [f32],
+    pub(crate) deltas: &'a [u32],
+    /// Bytes of the buffer of deltas.
+    pub(crate) deltas_size: u64,
+    /// See [`MeshBuffers::private`].
+    pub(crate) private: Option<Box<dyn Any + Send + Sync>>,
+}
+
+impl MeshBuffers {
+    /// Buffers of a base pose and of deltas, and their upload from staging memory, which is returned as well.
+    ///
+    /// # Safety
+    /// - `cmd` is in the recording state on `device`, outside a render pass, on a queue with graphics and compute.
+    /// - What is returned is dropped only when the device no longer uses it.
+    pub(crate) unsafe fn upload(
+        device: &Arc<Device>,
+        cmd: vk::CommandBuffer,
+        layout: PackedLayout,
+        words: MeshWords<'_>,
+    ) -> Result<(Self, Buffer)> {
+        let usage = vk::BufferUsageFlags::STORAGE_BUFFER
+            | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
+            | vk::BufferUsageFlags::VERTEX_BUFFER
+            | vk::BufferUsageFlags::TRANSFER_DST;
+        let buffer = |name, bytes, usage, location| Buffer::new(device, &BufferDesc { name, bytes, usage, location });
+        let (base_bytes, delta_bytes) =
+            (bytemuck::cast_slice::<f32, u8>(words.base), bytemuck::cast_slice::<u32, u8>(words.deltas));
+        // In blocks the base pose lies behind the deltas, and no buffer of its own is needed.
+        let one_buffer = layout.format.is_blocks() && words.private.is_none();
+        let (base_size, base_at) = if one_buffer { (0, delta_bytes.len()) } else { (layout.pose_bytes(), 0) };
+        let base = buffer("deltamorph base pose", base_size, usage, MemoryLocation::GpuOnly)?;
+        let deltas = buffer("deltamorph deltas", words.deltas_size, usage, MemoryLocation::GpuOnly)?;
+        let mut staging = buffer(
+            "deltamorph upload",
+            (base_bytes.len() + delta_bytes.len()) as u64,
+            vk::BufferUsageFlags::TRANSFER_SRC,
+            STAGING,
+        )?;
+        let mapped = staging.mapped()?;
+        mapped[..base_bytes.len()].copy_from_slice(base_bytes);
+        mapped[base_bytes.len()..][..delta_bytes.len()].copy_from_slice(delta_bytes);
+
+        let region = |src_offset: usize, dst_offset: usize, size: usize| vk::BufferCopy {
+            src_offset: src_offset as u64,
+            dst_offset: dst_offset as u64,
+            size: size as u64,
+        };
+        let base_buffer = if one_buffer { &deltas } else { &base };
+        for (target, region) in [
+            (base_buffer, region(0, base_at, base_bytes.len())),
+            (&deltas, region(base_bytes.len(), 0, delta_bytes.len())),
+        ] {
+            if region.size > 0 {
+                // SAFETY: the caller's obligations; the region lies within both buffers, and the two do not overlap.
+                unsafe { device.raw.cmd_copy_buffer(cmd, staging.raw, target.raw, &[region]) };
+            }
+        }
+        if let Some(barrier) = asset_uploaded() {
+            // SAFETY: the caller's obligations.
+            unsafe { barriers::record(&device.raw, cmd, &barrier) };
+        }
+        Ok((Self { layout, base, deltas, private: words.private }, staging))
+    }
+}
+
+/// Bytes of the largest chunk of deltas.
+pub(crate) fn chunk_bytes(layout: &PackedLayout) -> u64 {
+    (layout.chunk_vertices * layout.targets.len() * layout.format.stride()) as u64
+}
+
+/// Bytes of the buffer of deltas: whole chunks, so that one descriptor range fits at every chunk's offset; in blocks
+/// the buffer that holds headers, deltas and base pose.
+pub(crate) fn deltas_bytes(layout: &PackedLayout) -> u64 {
+    match layout.format.is_blocks() {
+        true => layout.index_bytes() + layout.delta_bytes() + layout.pose_bytes(),
+        false => (chunk_bytes(layout) * layout.chunks().count() as u64).max(16),
+    }
+}
+
+/// Bytes that a descriptor of dense deltas covers.
+pub(crate) fn delta_range(layout: &PackedLayout) -> u64 {
+    chunk_bytes(layout).max(16)
+}

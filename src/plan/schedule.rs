@@ -1,0 +1,229 @@
+//! Barriers from uses: in which order steps are recorded, and what has to wait for what.
+//!
+//! The steps of one crowd or of several are recorded in rounds: the first steps of all, the second steps of all, and so
+//! on, with a barrier between two rounds where a use has to wait for an earlier one, as weak as the uses allow.
+
+use super::steps::{Access, Resource, Scope, Stage, Steps, Use, Work};
+use std::fmt;
+
+/// Number of stages.
+const STAGES: usize = (Stage::Indirect as u8).trailing_zeros() as usize + 1;
+
+/// Number of resources.
+const RESOURCES: usize = Resource::Control as usize + 1;
+
+/// A global memory barrier.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Barrier {
+    /// What must be finished and made available.
+    pub before: Scope,
+    /// What waits, and sees it.
+    pub after: Scope,
+    /// The memory that asked for it first, for whoever reads a list of barriers.
+    pub reason: Resource,
+}
+
+impl Barrier {
+    /// The barrier between what was just written for the first time, and what uses it.
+    pub fn between(written: &'static [Use], used: &'static [Use]) -> Option<Self> {
+        let mut tracker = Tracker::default();
+        tracker.use_all(written);
+        tracker.needed(used)
+    }
+}
+
+impl fmt::Display for Barrier {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { before, after, reason } = self;
+        let bits = |scope: &Scope| format!("stages {:06b} accesses {:07b}", scope.stages, scope.accesses);
+        write!(f, "{reason:?}: {} → {}", bits(before), bits(after))
+    }
+}
+
+/// What copies of an upload write, and what updates and draws read of it.
+const UPLOADED: [&[Use]; 2] = [
+    &[Use::copy(Resource::Asset)],
+    &[
+        Use::new(Resource::Asset, Stage::VertexInput, Access::AttributeRead),
+        Use::new(Resource::Asset, Stage::VertexShader, Access::ShaderRead),
+        Use::read(Resource::Asset),
+    ],
+];
+
+/// The barrier behind the copies of an upload: every technique may read base pose and deltas.
+pub fn asset_uploaded() -> Option<Barrier> {
+    Barrier::between(UPLOADED[0], UPLOADED[1])
+}
+
+/// What is recorded, one after the other.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Entry {
+    /// A memory barrier.
+    Barrier(Barrier),
+    /// A work.
+    Work {
+        /// Which crowd of the call.
+        crowd: u32,
+        /// Which step of its update.
+        step: u32,
+        /// What is done.
+        work: Work,
+    },
+}
+
+/// The schedule of an update of one crowd or several, with what making it takes.
+#[derive(Clone, Debug, Default)]
+pub struct Schedule {
+    /// What is recorded.
+    pub entries: Vec<Entry>,
+    trackers: Vec<Tracker>,
+}
+
+impl Schedule {
+    /// Put the steps of all `updates` into common rounds, with one barrier between two of them at most.
+    ///
+    /// Memory is taken to be as the update before left it, which is as these steps leave it, with the poses read since.
+    pub fn fill<'a>(&mut self, updates: impl Iterator<Item = &'a Steps> + Clone) {
+        self.entries.clear();
+        self.trackers.clear();
+        self.trackers.extend(updates.clone().map(|steps| {
+            let (mut tracker, last) = (Tracker::default(), steps.len());
+            for step in 0..=last {
+                tracker.pass(steps.uses_of(step, last));
+            }
+            tracker
+        }));
+        let last = updates.clone().map(|steps| steps.len()).max().unwrap_or(0);
+        for round in 0..=last {
+            let uses = updates.clone().map(|steps| steps.uses_of(round, last));
+            let mut barrier = None;
+            for (tracker, uses) in self.trackers.iter().zip(uses.clone()) {
+                barrier = joined(barrier, tracker.needed(uses));
+            }
+            if let Some(barrier) = barrier {
+                self.trackers.iter_mut().for_each(|tracker| tracker.wait(&barrier));
+                self.entries.push(Entry::Barrier(barrier));
+            }
+            for (tracker, uses) in self.trackers.iter_mut().zip(uses) {
+                tracker.use_all(uses);
+            }
+            for (crowd, steps) in (0..).zip(updates.clone()).filter(|(_, steps)| round < steps.len()) {
+                let work = |work: &Work| Entry::Work { crowd, step: round as u32, work: work.clone() };
+                self.entries.extend(steps.works_of(round).iter().map(work));
+            }
+        }
+    }
+}
+
+fn joined(a: Option<Barrier>, b: Option<Barrier>) -> Option<Barrier> {
+    let (Some(mut joined), Some(b)) = (a, b) else { return a.or(b) };
+    joined.before |= b.before;
+    joined.after |= b.after;
+    Some(joined)
+}
+
+/// What is known of one resource.
+#[derive(Clone, Copy, Debug, Default)]
+struct Memory {
+    /// The last write.
+    write: Scope,
+    /// By stage: accesses that see it.
+    seen: [u8; STAGES],
+    /// Stages that read since, and in the step of the write.
+    reads: u8,
+    /// By reading stage: stages that wait for it.
+    ordered: [u8; STAGES],
+}
+
+/// Follows the uses of a crowd's memory.
+#[derive(Clone, Debug, Default)]
+struct Tracker {
+    memory: [Memory; RESOURCES],
+    /// Bits of resources that were used.
+    used: u16,
+}
+
+fn bits(set: u8) -> impl Iterator<Item = usize> {
+    (0..STAGES).filter(move |stage| set >> stage & 1 != 0)
+}
+
+impl Tracker {
+    fn memory_of(&self, resource: Resource) -> &Memory {
+        &self.memory[resource as usize]
+    }
+
+    /// The least barrier behind which `uses` may follow.
+    fn needed(&self, uses: &[Use]) -> Option<Barrier> {
+        let (mut before, mut after, mut reason) = (Scope::default(), Scope::default(), None);
+        for u in uses {
+            let (memory, stage) = (self.memory_of(u.resource), (u.stage as u8).trailing_zeros() as usize);
+            let unseen = memory.write.stages != 0 && memory.seen[stage] & u.access as u8 == 0;
+            if u.access.writes() {
+                let running = bits(memory.reads).filter(|read| memory.ordered[*read] & u.stage as u8 == 0);
+                let running = running.fold(0, |set, read| set | 1 << read);
+                // Readers that saw the last write pass it on.
+                let passed_on = bits(running).any(|read| memory.seen[read] != 0);
+                if running == 0 && !unseen {
+                    continue;
+                }
+                before.stages |= running;
+                if unseen && !passed_on {
+                    before |= memory.write;
+                }
+            } else if unseen {
+                before |= memory.write;
+            } else {
+                continue;
+            }
+            after |= u.scope();
+            reason = reason.or(Some(u.resource));
+        }
+        reason.map(|reason| Barrier { before, after, reason })
+    }
+
+    /// A barrier was recorded.
+    fn wait(&mut self, barrier: &Barrier) {
+        let Barrier { before, after, .. } = *barrier;
+        for resource in (0..RESOURCES).filter(|resource| self.used >> resource & 1 != 0) {
+            let memory = &mut self.memory[resource];
+            let chained = bits(before.stages).any(|stage| memory.seen[stage] != 0);
+            if memory.write.stages != 0 && (before.contains(memory.write) || chained) {
+                bits(after.stages).for_each(|stage| memory.seen[stage] |= after.accesses);
+            }
+            for read in bits(memory.reads) {
+                if before.stages >> read & 1 != 0 || memory.ordered[read] & before.stages != 0 {
+                    memory.ordered[read] |= after.stages;
+                }
+            }
+        }
+    }
+
+    /// A step was recorded.
+    fn use_all(&mut self, uses: &[Use]) {
+        let mut written = 0u16;
+        for u in uses.iter().filter(|u| u.access.writes()) {
+            let first = written >> u.resource as u16 & 1 == 0;
+            written |= 1 << u.resource as u16;
+            let memory = &mut self.memory[u.resource as usize];
+            if first {
+                *memory = Memory::default();
+            }
+            memory.write |= u.scope();
+        }
+        self.used |= written;
+        for u in uses.iter().filter(|u| !u.access.writes()) {
+            self.used |= 1 << u.resource as u16;
+            let memory = &mut self.memory[u.resource as usize];
+            memory.reads |= u.stage as u8;
+            memory.ordered[(u.stage as u8).trailing_zeros() as usize] = 0;
+        }
+    }
+
+    /// A step was recorded, behind the barrier that it needs.
+    fn pass(&mut self, uses: &[Use]) {
+        if let Some(barrier) = self.needed(uses) {
+            self.wait(&barrier);
+        }
+        self.use_all(uses);
+    }
+}

@@ -1,0 +1,39 @@
+//! How an update went.
+
+/// How an update went. The counts speak of the whole crowd.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct UpdateStats {
+    /// Dense formats: coefficients applied, of targets whose weight changed, or that are active where an update starts
+    /// from base. Block formats: targets whose weight asked for changed.
+    pub coefficients: usize,
+    /// Passes.
+    pub passes: usize,
+    /// Instances that started from the base pose (dense formats).
+    pub rebuilt: usize,
+    /// Blocks written (block formats).
+    pub dirty_blocks: usize,
+    /// Of these, the ones that started from the base pose.
+    pub rebuilt_blocks: usize,
+    /// Bound on the position error that float32 accumulation may have caused so far, in input units; 0 for exact sums.
+    pub bound: f32,
+    /// Bytes loaded and stored. On a direct path, by one draw of every head, which comes again in each frame whether
+    /// weights have changed or not.
+    pub bytes_moved: u64,
+    /// The least that dense work could move; in block formats, what deltas and poses alone take.
+    pub bytes_floor: u64,
+}
+
+impl std::ops::AddAssign for UpdateStats {
+    /// Counts add up; of the bounds the larger one holds for both.
+    fn add_assign(&mut self, other: Self) {
+        self.coefficients += other.coefficients;
+        self.passes += other.passes;
+        self.rebuilt += other.rebuilt;
+        self.dirty_blocks += other.dirty_blocks;
+        self.rebuilt_blocks += other.rebuilt_blocks;
+        self.bound = self.bound.max(other.bound);
+        self.bytes_moved += other.bytes_moved;
+        self.bytes_floor += other.bytes_floor;
+    }
+}

@@ -1,0 +1,286 @@
+//! An update as data: steps, and the memory that each of them uses.
+//!
+//! A technique plans an update as [`Steps`]. A step is work between two barriers: its works are independent of each
+//! other, and its [`Use`]s say which memory they read and write. Barriers follow from the uses
+//! ([`Schedule`](super::schedule::Schedule)). What comes after an update, such as skinning, is further steps of it.
+//!
+//! Uses speak of a crowd's memory as a whole (all poses, all sums), so that deriving barriers takes the same time
+//! whatever the number of instances. The hazard checker follows every instance and slot.
+
+use std::ops::{BitOr, BitOrAssign, Range};
+
+/// A pipeline stage, as a bit of [`Scope::stages`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Stage {
+    /// Copies.
+    Transfer = 1,
+    /// Vertex-attribute fetch.
+    VertexInput = 2,
+    /// Vertex shaders.
+    VertexShader = 4,
+    /// Transform-feedback writes.
+    TransformFeedback = 8,
+    /// Compute shaders.
+    Compute = 16,
+    /// Arguments of indirect dispatches.
+    Indirect = 32,
+}
+
+/// A kind of memory access, as a bit of [`Scope::accesses`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Access {
+    /// A copy writes.
+    TransferWrite = 1,
+    /// Vertex attributes are fetched.
+    AttributeRead = 2,
+    /// A shader reads a storage or texel buffer.
+    ShaderRead = 4,
+    /// A shader writes a storage buffer.
+    ShaderWrite = 8,
+    /// Transform feedback writes.
+    FeedbackWrite = 16,
+    /// Arguments of an indirect dispatch are read.
+    IndirectRead = 32,
+    /// A copy reads.
+    TransferRead = 64,
+}
+
+impl Access {
+    /// Whether it writes.
+    pub const fn writes(self) -> bool {
+        matches!(self, Self::TransferWrite | Self::ShaderWrite | Self::FeedbackWrite)
+    }
+}
+
+/// One side of a barrier: sets of stages and accesses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Scope {
+    /// Bits of [`Stage`].
+    pub stages: u8,
+    /// Bits of [`Access`].
+    pub accesses: u8,
+}
+
+impl Scope {
+    /// Whether `stage` is among the stages.
+    pub const fn has_stage(self, stage: Stage) -> bool {
+        self.stages & stage as u8 != 0
+    }
+
+    /// Whether `access` is among the accesses.
+    pub const fn has_access(self, access: Access) -> bool {
+        self.accesses & access as u8 != 0
+    }
+
+    pub(super) const fn contains(self, other: Self) -> bool {
+        other.stages & !self.stages == 0 && other.accesses & !self.accesses == 0
+    }
+}
+
+impl BitOrAssign for Scope {
+    fn bitor_assign(&mut self, other: Self) {
+        self.stages |= other.stages;
+        self.accesses |= other.accesses;
+    }
+}
+
+/// Memory of a crowd, each kind as a whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Resource {
+    /// Base pose and deltas of the mesh.
+    Asset,
+    /// Poses of all instances and slots.
+    Poses,
+    /// Integer sums of all instances.
+    Sums,
+    /// Clips, and which targets touch which blocks.
+    Tables,
+    /// What instances play, weights that are animated on the GPU, and which updates touched the blocks: one buffer,
+    /// which synchronization validation takes as a whole.
+    State,
+    /// Work lists that the GPU writes.
+    WorkList,
+    /// How many items they have, and the arguments of the dispatches that carry them out: one buffer as well.
+    Control,
+}
+
+/// One way in which a step uses memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Use {
+    /// What is accessed.
+    pub resource: Resource,
+    /// In which stage.
+    pub stage: Stage,
+    /// How.
+    pub access: Access,
+}
+
+impl Use {
+    /// A use.
+    pub const fn new(resource: Resource, stage: Stage, access: Access) -> Self {
+        Self { resource, stage, access }
+    }
+
+    /// A compute shader reads.
+    pub const fn read(resource: Resource) -> Self {
+        Self::new(resource, Stage::Compute, Access::ShaderRead)
+    }
+
+    /// A compute shader writes.
+    pub const fn write(resource: Resource) -> Self {
+        Self::new(resource, Stage::Compute, Access::ShaderWrite)
+    }
+
+    /// A copy or fill writes.
+    pub const fn copy(resource: Resource) -> Self {
+        Self::new(resource, Stage::Transfer, Access::TransferWrite)
+    }
+
+    pub(super) const fn scope(self) -> Scope {
+        Scope { stages: self.stage as u8, accesses: self.access as u8 }
+    }
+}
+
+/// Who reads poses between updates: the barriers of an update wait for these readers, and make the new poses visible to
+/// them. Combined with `|`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Consumers(u8);
+
+impl Consumers {
+    /// Draws that fetch poses as vertex attributes.
+    pub const VERTEX_ATTRIBUTES: Self = Self(1);
+    /// Vertex shaders that read poses from storage buffers.
+    pub const VERTEX_SHADERS: Self = Self(2);
+    /// Compute shaders, such as those of a skinning pass.
+    pub const COMPUTE_SHADERS: Self = Self(4);
+    /// Copies.
+    pub const COPIES: Self = Self(8);
+
+    /// What they do with poses.
+    pub fn uses(self) -> impl Iterator<Item = Use> {
+        [
+            (Self::VERTEX_ATTRIBUTES, Stage::VertexInput, Access::AttributeRead),
+            (Self::VERTEX_SHADERS, Stage::VertexShader, Access::ShaderRead),
+            (Self::COMPUTE_SHADERS, Stage::Compute, Access::ShaderRead),
+            (Self::COPIES, Stage::Transfer, Access::TransferRead),
+        ]
+        .into_iter()
+        .filter(move |(consumer, ..)| self.0 & consumer.0 != 0)
+        .map(|(_, stage, access)| Use::new(Resource::Poses, stage, access))
+    }
+}
+
+impl BitOr for Consumers {
+    type Output = Self;
+
+    fn bitor(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+}
+
+impl Default for Consumers {
+    /// Vertex attributes and vertex shaders.
+    fn default() -> Self {
+        Self::VERTEX_ATTRIBUTES | Self::VERTEX_SHADERS
+    }
+}
+
+/// What a work reads from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Source {
+    /// The base pose.
+    #[default]
+    Base,
+    /// The pose in this slot.
+    Slot(u32),
+}
+
+/// A piece of a step, in the numbers of the technique that planned it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Work {
+    /// Which of the technique's kernels.
+    pub kernel: u32,
+    /// The instance, or the group of instances.
+    pub instance: u32,
+    /// What is read.
+    pub source: Source,
+    /// The slot that is written.
+    pub destination: u32,
+    /// Which of the planned items or coefficients.
+    pub items: Range<u32>,
+}
+
+/// What happens between two barriers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Step {
+    uses: &'static [Use],
+    /// Its works end here in [`Steps::works`].
+    end: usize,
+}
+
+/// The planned steps of one update.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Steps {
+    steps: Vec<Step>,
+    works: Vec<Work>,
+    /// What follows the last step.
+    after: Vec<Use>,
+}
+
+impl Steps {
+    /// No steps yet; poses are read by `consumers` when the update is done.
+    pub fn new(consumers: Consumers) -> Self {
+        Self { steps: vec![], works: vec![], after: consumers.uses().collect() }
+    }
+
+    /// Forget the last update.
+    pub fn clear(&mut self) {
+        self.steps.clear();
+        self.works.clear();
+    }
+
+    /// Begin a step: the works pushed from now on are independent of each other.
+    pub fn step(&mut self, uses: &'static [Use]) {
+        self.steps.push(Step { uses, end: self.works.len() });
+    }
+
+    /// Append a work to the step begun last.
+    pub fn push(&mut self, work: Work) {
+        self.works.push(work);
+        if let Some(step) = self.steps.last_mut() {
+            step.end = self.works.len();
+        }
+    }
+
+    /// Number of steps.
+    pub fn len(&self) -> usize {
+        self.steps.len()
+    }
+
+    /// Whether there is nothing to record.
+    pub fn is_empty(&self) -> bool {
+        self.steps.is_empty()
+    }
+
+    /// All works in order.
+    pub fn works(&self) -> &[Work] {
+        &self.works
+    }
+
+    pub(super) fn works_of(&self, step: usize) -> &[Work] {
+        let first = step.checked_sub(1).map_or(0, |before| self.steps[before].end);
+        &self.works[first..self.steps[step].end]
+    }
+
+    /// What a round uses: the step of this number, or behind the `last` step of all, what follows the update.
+    pub(super) fn uses_of(&self, step: usize, last: usize) -> &[Use] {
+        match self.steps.get(step) {
+            Some(step) => step.uses,
+            // Nothing was done: nobody has to wait.
+            None if step == last && !self.is_empty() => &self.after,
+            None => &[],
+        }
+    }
+}

@@ -1,0 +1,216 @@
+//! Clips as integers: what is uploaded once.
+
+use crate::error::{Error, Result};
+use crate::pack::PackedLayout;
+use crate::pack::blocks::ExactGrid;
+use crate::weights::WeightClip;
+
+/// How keys are kept.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum KeyFormat {
+    /// 32 bits: what the grid of exact sums can tell apart.
+    #[default]
+    Bits32,
+    /// 16 bits, two to a word: the integer shifted to the right until all of a clip fit, to nearest.
+    /// [`Clips::rounding`] says what is lost.
+    Bits16,
+}
+
+/// The clips that the heads of a crowd can play.
+#[derive(Clone, Copy, Debug)]
+pub struct AnimationDesc<'a> {
+    /// The clips; [`Playback::clip`](super::Playback::clip) counts them from 0.
+    pub clips: &'a [WeightClip],
+    /// How keys are kept.
+    pub key_format: KeyFormat,
+}
+
+/// Keys are not larger than this: a float32 has them exactly, and their differences fit 32 bits.
+const KEY_MAX: i32 = 1 << 24;
+
+/// A clip in [`Clips`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Clip {
+    first_word: u32,
+    frames: u32,
+    shift: u32,
+    fps: f32,
+    rounding: f32,
+}
+
+/// Clips on the grid of exact sums, as words.
+///
+/// ```text
+/// table   [clip][first word, frames, shift, bits of a key]
+/// keys    [clip][frame][target]                                 a word each, or half a word
+/// ```
+///
+/// First words count from the start of the table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Clips {
+    words: Vec<u32>,
+    clips: Vec<Clip>,
+    targets: usize,
+    format: KeyFormat,
+}
+
+/// Words of a clip in the table.
+const TABLE_WORDS: usize = 4;
+
+impl Clips {
+    /// Put the clips of `desc` on the grid of a mesh.
+    ///
+    /// # Errors
+    /// As [`BlockIndex::exact`](crate::pack::blocks::BlockIndex::exact) and [`WeightClip::bind`]; a clip without
+    /// frames or with a frame rate that is none; a weight beyond the grid: the message names frame and target.
+    pub fn new(desc: &AnimationDesc<'_>, layout: &PackedLayout) -> Result<Self> {
+        let Some(index) = &layout.blocks else {
+            return Err(Error::invalid(
+                format!("animation on the GPU with {} deltas", layout.format.name()),
+                "pack the mesh as 'fast' or 'small'",
+            ));
+        };
+        let grid = index.exact()?;
+        let names: Vec<&str> = layout.targets.iter().map(|t| t.name.as_str()).collect();
+        let mut all = Self {
+            words: vec![0; TABLE_WORDS * desc.clips.len()],
+            clips: vec![],
+            targets: names.len(),
+            format: desc.key_format,
+        };
+        for clip in desc.clips {
+            let bound = clip.bind(&names)?;
+            let frames = bound.frame_count();
+            let refuse =
+                |what: String, remedy: &str| Err(Error::invalid(format!("clip '{}': {what}", clip.name), remedy));
+            if frames == 0 || frames > i32::MAX as usize {
+                return refuse(format!("{frames} frames"), "give it 1 frame or more");
+            }
+            if !(clip.fps > 0.0 && clip.fps.is_finite()) {
+                return refuse(format!("{} frames a second", clip.fps), "use a rate above 0");
+            }
+            let mut keys = vec![];
+            // Memory for a key of every target in every frame, however few columns state them.
+            let count = frames.saturating_mul(names.len());
+            if count > u32::MAX as usize
+                || keys.try_reserve_exact(count).is_err()
+                || all.words.try_reserve(count).is_err()
+            {
+                let what = format!("there is no memory for {frames} frames of {} targets", names.len());
+                return refuse(what, "cut the clip into shorter ones");
+            }
+            for (frame, row) in bound.frames().enumerate() {
+                for (name, &weight) in names.iter().zip(&row) {
+                    let key = grid.steps(weight);
+                    if weight.abs() > grid.weight_max || !(-KEY_MAX..=KEY_MAX).contains(&key) {
+                        let most = grid.weight_max.min(KEY_MAX as f32 * grid.weight_step());
+                        return Err(Error::invalid(
+                            format!("clip '{}': frame {frame}, target '{name}': the weight is {weight}", clip.name),
+                            format!(
+                                "exact sums of this mesh stand weights from -{most} to {most}: pack with a larger weight_max"
+                            ),
+                        ));
+                    }
+                    keys.push(key);
+                }
+            }
+            all.push(&keys, frames, clip.fps, grid);
+        }
+        if u32::try_from(all.words.len()).is_err() {
+            return Err(Error::invalid(
+                format!("clips of {} words", all.words.len()),
+                "make several crowds, or use 16-bit keys",
+            ));
+        }
+        for (clip, entry) in all.clips.iter().zip(all.words.chunks_exact_mut(TABLE_WORDS)) {
+            let bits = if all.format == KeyFormat::Bits16 { 16 } else { 32 };
+            entry.copy_from_slice(&[clip.first_word, clip.frames, clip.shift, bits]);
+        }
+        Ok(all)
+    }
+
+    fn push(&mut self, keys: &[i32], frames: usize, fps: f32, grid: ExactGrid) {
+        let mut clip =
+            Clip { first_word: self.words.len() as u32, frames: frames as u32, shift: 0, fps, rounding: 0.0 };
+        match self.format {
+            KeyFormat::Bits32 => self.words.extend(keys.iter().map(|&key| key as u32)),
+            KeyFormat::Bits16 => {
+                let most = grid.steps(grid.weight_max);
+                let fits = |shift: &u32| keys.iter().all(|&key| i16::try_from(shortened(key, *shift, most)).is_ok());
+                // 15 always does: keys have 31 bits and a sign.
+                clip.shift = (0..16).find(fits).unwrap_or(16);
+                let short = |key: &i32| shortened(*key, clip.shift, most);
+                let lost = keys.iter().map(|key| (key - (short(key) << clip.shift)).unsigned_abs()).max();
+                clip.rounding = lost.unwrap_or(0) as f32 * grid.weight_step();
+                let half = |key: &i32| short(key) as u32 & 0xffff;
+                self.words.extend(keys.chunks(2).map(|pair| half(&pair[0]) | pair.get(1).map_or(0, half) << 16));
+            }
+        }
+        self.clips.push(clip);
+    }
+
+    /// Table and keys, as kernels read them.
+    pub fn words(&self) -> &[u32] {
+        &self.words
+    }
+
+    /// Number of clips.
+    pub fn count(&self) -> usize {
+        self.clips.len()
+    }
+
+    /// Keys of a frame.
+    pub fn targets(&self) -> usize {
+        self.targets
+    }
+
+    /// Frames of a clip.
+    ///
+    /// # Panics
+    /// When there is no such clip.
+    pub fn frames(&self, clip: usize) -> u32 {
+        self.clips[clip].frames
+    }
+
+    /// Frames a second of a clip.
+    ///
+    /// # Panics
+    /// When there is no such clip.
+    pub fn fps(&self, clip: usize) -> f32 {
+        self.clips[clip].fps
+    }
+
+    /// What 16-bit keys lost of a clip: the largest change of a weight. 0 for 32-bit keys. The grid's own rounding,
+    /// half a [`weight_step`](ExactGrid::weight_step), comes on top.
+    ///
+    /// # Panics
+    /// When there is no such clip.
+    pub fn rounding(&self, clip: usize) -> f32 {
+        self.clips[clip].rounding
+    }
+
+    /// A key in steps of the grid.
+    ///
+    /// # Panics
+    /// When there is no such clip or frame.
+    pub fn key(&self, clip: usize, frame: u32, target: usize) -> i32 {
+        let clip = &self.clips[clip];
+        let at = frame as usize * self.targets + target;
+        match self.format {
+            KeyFormat::Bits32 => self.words[clip.first_word as usize + at] as i32,
+            KeyFormat::Bits16 => {
+                let word = self.words[clip.first_word as usize + at / 2];
+                i32::from((word >> (16 * (at % 2))) as u16 as i16) << clip.shift
+            }
+        }
+    }
+}
+
+/// `key` without its lowest `shift` bits, to nearest, but never beyond `most` once they are back: sums would overflow.
+fn shortened(key: i32, shift: u32, most: i32) -> i32 {
+    let short = (key + ((1 << shift) >> 1)) >> shift;
+    match (i64::from(short) << shift).abs() > i64::from(most) {
+        true => short - short.signum(),
+        false => short,
+    }
+}

@@ -1,0 +1,36 @@
+//! Animation on the GPU: clips are sampled, planned and applied there, and the CPU records the same steps whatever
+//! moves.
+//!
+//! `sample` has time, keys and interpolation, `clips` what is uploaded once, `playback` what each instance plays,
+//! `budget` which changes are deferred; `reference` does on the CPU what the kernels do. `steps` and `layout` are an
+//! update as data and where everything lies, `technique` and `gpu` carry it out.
+
+mod budget;
+mod clips;
+mod gpu;
+mod layout;
+mod playback;
+#[cfg(feature = "headless")]
+mod readback;
+#[cfg(any(test, feature = "internals"))]
+mod reference;
+mod sample;
+mod steps;
+mod technique;
+
+pub use clips::{AnimationDesc, Clips, KeyFormat};
+pub use sample::{Playback, Repeat};
+#[cfg(test)]
+pub(crate) use steps::UPLOADED;
+pub(crate) use technique::Animated;
+#[cfg(any(test, feature = "internals"))]
+pub use {
+    budget::{Budget, Deferred},
+    playback::Playbacks,
+    reference::AnimatedReference,
+    sample::{HeadRecord, TICKS_PER_SECOND, between, interpolate, sample},
+    steps::{AnimatedKernel, AnimatedUpdate},
+};
+
+#[cfg(test)]
+mod tests;

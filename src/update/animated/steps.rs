@@ -1,0 +1,190 @@
+//! The steps of an update that the GPU plans: the same ones, whatever changes.
+
+#[cfg(any(test, feature = "internals"))]
+use crate::plan::hazards::{Accesses, Memory, MemoryUse};
+use crate::plan::steps::{Access, Resource, Source, Stage, Steps, Use, Work};
+use crate::update::blocks::EXACT_BLOCKS;
+
+/// What a work does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AnimatedKernel {
+    /// What instances play is sampled.
+    Sample,
+    /// With an error budget: which changes are applied is decided.
+    Budget,
+    /// They become the weights that poses hold.
+    Commit,
+    /// The work list is written.
+    Plan,
+    /// Its length becomes the arguments of dispatches.
+    Arguments,
+    /// Records of instances that play something else are copied.
+    Records,
+    /// The blocks of the work list are updated.
+    Blocks,
+}
+
+impl AnimatedKernel {
+    /// All of them, in the order of [`Work::kernel`].
+    pub const ALL: [Self; 7] =
+        [Self::Sample, Self::Budget, Self::Commit, Self::Plan, Self::Arguments, Self::Records, Self::Blocks];
+
+    const fn uses(self) -> &'static [Use] {
+        use Resource as R;
+        const BLOCKS: &[Use] = &{
+            const NONE: Use = Use::read(Resource::WorkList);
+            let mut uses = [NONE; EXACT_BLOCKS.len() + 2];
+            uses[1] = Use::new(Resource::Control, Stage::Indirect, Access::IndirectRead);
+            let mut i = 0;
+            while i < EXACT_BLOCKS.len() {
+                uses[i + 2] = EXACT_BLOCKS[i];
+                i += 1;
+            }
+            uses
+        };
+        const SAMPLED: &[Use] = &[Use::read(R::Tables), Use::read(R::State), Use::write(R::State)];
+        match self {
+            Self::Records => const { &[Use::copy(R::State)] },
+            Self::Sample | Self::Budget | Self::Commit => SAMPLED,
+            Self::Plan => {
+                const {
+                    &[
+                        Use::read(R::Tables),
+                        Use::read(R::State),
+                        Use::write(R::State),
+                        Use::read(R::Control),
+                        Use::write(R::Control),
+                        Use::write(R::WorkList),
+                    ]
+                }
+            }
+            Self::Arguments => const { &[Use::read(R::Control), Use::write(R::Control)] },
+            Self::Blocks => BLOCKS,
+        }
+    }
+}
+
+/// What making a crowd copies and fills, and what updates do with it.
+pub(crate) const UPLOADED: [&[Use]; 2] = [
+    &[Use::copy(Resource::Tables), Use::copy(Resource::State), Use::copy(Resource::Control)],
+    &[
+        Use::read(Resource::Tables),
+        Use::read(Resource::State),
+        Use::write(Resource::State),
+        Use::read(Resource::Control),
+        Use::write(Resource::Control),
+    ],
+];
+
+/// What the steps of an update depend on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AnimatedUpdate {
+    /// Some instance plays something else.
+    pub records: bool,
+    /// Small changes are deferred.
+    pub budget: bool,
+    /// The slot that blocks are read from.
+    pub source: u32,
+    /// The slot they are written to.
+    pub destination: u32,
+    /// Dispatches of blocks.
+    pub dispatches: u32,
+    /// Each of them is a step, as in [`Dispatching`](crate::update::blocks).
+    pub texels: bool,
+}
+
+impl AnimatedUpdate {
+    /// Append its steps.
+    pub fn fill(&self, steps: &mut Steps) {
+        use AnimatedKernel as K;
+        let Self { records, budget, dispatches, texels, .. } = *self;
+        let mut add = |kernel: K, items| {
+            steps.step(kernel.uses());
+            let (source, destination) = (Source::Slot(self.source), self.destination);
+            steps.push(Work { kernel: kernel as u32, instance: 0, source, destination, items });
+        };
+        for (kernel, wanted) in [
+            (K::Records, records),
+            (K::Sample, true),
+            (K::Budget, budget),
+            (K::Commit, budget),
+            (K::Plan, true),
+            (K::Arguments, true),
+        ] {
+            if wanted {
+                add(kernel, 0..0);
+            }
+        }
+        match texels {
+            true => (0..dispatches).for_each(|dispatch| add(K::Blocks, dispatch..dispatch + 1)),
+            false => add(K::Blocks, 0..dispatches),
+        }
+    }
+}
+
+/// What the works of a step of a crowd of `instances` read and write.
+#[cfg(any(test, feature = "internals"))]
+pub(crate) fn accesses(works: &[Work], instances: u32) -> Vec<Accesses> {
+    use Memory as M;
+    let of = |work: &Work| match AnimatedKernel::ALL[work.kernel as usize] {
+        AnimatedKernel::Records => {
+            let write = MemoryUse { memory: M::Records, stage: Stage::Transfer, access: Access::TransferWrite };
+            Accesses { writes: vec![write], ..Accesses::default() }
+        }
+        AnimatedKernel::Sample => Accesses::compute([M::Clips, M::Records, M::Weights], [M::Weights]),
+        AnimatedKernel::Budget | AnimatedKernel::Commit => Accesses::compute([M::Clips, M::Weights], [M::Weights]),
+        // Counters are atomic.
+        AnimatedKernel::Plan => {
+            Accesses::compute([M::Clips, M::Weights, M::History, M::Counters], [M::History, M::WorkList, M::Counters])
+        }
+        AnimatedKernel::Arguments => Accesses::compute([M::Counters], [M::Counters, M::Arguments]),
+        AnimatedKernel::Blocks => {
+            let sums = (0..instances).map(|instance| M::Sums { instance });
+            let pose = |slot| (0..instances).map(move |instance| M::Pose { instance, slot });
+            let sources = match work.source {
+                Source::Base => None,
+                Source::Slot(slot) => Some(pose(slot)),
+            };
+            let reads = [M::WorkList, M::Deltas, M::Base].into_iter().chain(sums.clone());
+            let reads = reads.chain(sources.into_iter().flatten());
+            let mut all = Accesses::compute(reads, sums.chain(pose(work.destination)));
+            let arguments = (M::Arguments, Stage::Indirect, Access::IndirectRead);
+            all.reads.push(MemoryUse { memory: arguments.0, stage: arguments.1, access: arguments.2 });
+            all
+        }
+    };
+    works.iter().map(of).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::Consumers;
+    use crate::plan::tests::{assert_barriers_needed, scheduled};
+
+    /// Take any one barrier of a running animation out, and the checker says so.
+    #[test]
+    fn every_barrier_is_needed() {
+        for (slots, records, budget, texels) in [
+            (1, false, false, false),
+            (2, false, true, false),
+            (2, true, false, false),
+            (3, true, true, false),
+            (2, false, false, true),
+        ] {
+            let frames: Vec<_> = (0..6u32)
+                .map(|frame| {
+                    let (source, destination) = ((frame + slots - 1) % slots, frame % slots);
+                    let update = AnimatedUpdate { records, budget, source, destination, dispatches: 3, texels };
+                    let mut steps = Steps::new(Consumers::default());
+                    update.fill(&mut steps);
+                    let events = scheduled(&[&steps], |_, works| accesses(works, 1));
+                    (events, [Some(destination), (slots > 1 && frame > 0).then_some(source)])
+                })
+                .collect();
+            // Sampling waits for nothing: the barriers of the update before have seen to that.
+            let barriers = 4 + 2 * usize::from(records) + 2 * usize::from(budget) + 2 * usize::from(texels);
+            assert_barriers_needed(&frames, barriers, &format!("{slots} slots, records {records}, budget {budget}"));
+        }
+    }
+}

@@ -1,0 +1,318 @@
+use super::*;
+use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
+use crate::plan::{Accumulate, UpdateDesc, UpdatePath};
+use crate::update::Runner;
+use crate::weights::WeightClip;
+use crate::{reference, testing};
+use proptest::prelude::*;
+
+const TARGETS: usize = 5;
+
+fn mesh() -> PackedMesh {
+    PackedMesh::pack(&testing::mesh(100, TARGETS), &PackDesc::new(DeltaFormat::Small)).unwrap()
+}
+
+fn clip(frames: usize, fps: f32, value: impl Fn(usize, usize) -> f32) -> WeightClip {
+    let names = (0..TARGETS).map(|t| format!("target_{t}")).collect();
+    let values = (0..frames * TARGETS).map(|i| value(i / TARGETS, i % TARGETS)).collect();
+    WeightClip { name: "clip".into(), names, fps, values }
+}
+
+fn clips(list: &[WeightClip], key_format: KeyFormat) -> Clips {
+    Clips::new(&AnimationDesc { clips: list, key_format }, mesh().layout()).unwrap()
+}
+
+/// The weights at `seconds`, in double precision.
+fn expected(clip: &WeightClip, playback: &Playback, seconds: f64) -> Vec<f64> {
+    let frames = clip.frame_count() as f64;
+    let mut at = (seconds - playback.start).max(0.0) * playback.speed.abs() * f64::from(clip.fps);
+    at = match playback.repeat {
+        Repeat::Loop => at.rem_euclid(frames),
+        Repeat::Once => at.min(frames - 1.0),
+    };
+    let (frame, f) = (at.floor(), at.fract());
+    let key = |frame: f64, t: usize| {
+        let frame = frame.rem_euclid(frames);
+        let frame = if playback.speed < 0.0 { frames - 1.0 - frame } else { frame };
+        f64::from(clip.values[frame as usize * TARGETS + t])
+    };
+    (0..TARGETS).map(|t| key(frame, t) * (1.0 - f) + if f > 0.0 { key(frame + 1.0, t) * f } else { 0.0 }).collect()
+}
+
+proptest! {
+    /// Any clip, key format, speed and time: the weights are those of interpolation in double precision, but for the
+    /// grid, the keys' rounding, and the time's.
+    #[test]
+    fn weights_are_interpolated(
+        frames in 1usize..20, seed in any::<u32>(), short in any::<bool>(), speed in -3.0..3.0f64,
+        start in -5.0..20.0f64, once in any::<bool>(), seconds in prop::collection::vec(0.0..40.0f64, 1..20),
+    ) {
+        let value = |f: usize, t: usize| ((f as u32 * 31 + t as u32 * 7) ^ seed).wrapping_mul(0x9E37_79B9) as f32 / 2e9 - 1.0;
+        let clip = clip(frames, 30.0, value);
+        let format = if short { KeyFormat::Bits16 } else { KeyFormat::Bits32 };
+        let clips = clips(std::slice::from_ref(&clip), format);
+        let grid = mesh().layout().blocks.clone().unwrap().exact().unwrap();
+        let playback = Playback { clip: 0, start, speed, repeat: if once { Repeat::Once } else { Repeat::Loop } };
+        let mut heads = Playbacks::new(1);
+        heads.play(0, &playback, &clips).unwrap();
+        for seconds in seconds {
+            heads.set_time(seconds).unwrap();
+            heads.update(&clips);
+            let mut steps = [0; TARGETS];
+            sample(&clips, &heads.records()[0], heads.now(), &mut steps);
+            // Ticks and rates are rounded: so is the place in the clip. Where it is next to a frame, both sides are
+            // looked at.
+            let slack = 3.0 * 90.0 / TICKS_PER_SECOND + 60.0 / 65_536.0;
+            let most = f64::from(grid.weight_step()) + f64::from(clips.rounding(0)) + 2.0 * slack;
+            let place = slack / (speed.abs() * 30.0).max(1e-9);
+            for (t, &steps) in steps.iter().enumerate() {
+                let weight = f64::from(steps) * f64::from(grid.weight_step());
+                let near = [-place, 0.0, place].map(|d| (expected(&clip, &playback, seconds + d)[t] - weight).abs());
+                prop_assert!(near.iter().any(|d| *d <= most), "{near:?} {most} at {seconds}");
+            }
+        }
+    }
+
+    /// A record that is started anew goes on exactly where it was, as if it had been played from the beginning; also
+    /// where the clock goes back.
+    #[test]
+    fn a_record_started_anew_goes_on_where_it_was(
+        frames in 1usize..50, fps in 1.0..120.0f32, speed in -2.0..2.0f64, once in any::<bool>(),
+        times in prop::collection::vec(0.0..100_000.0f64, 1..30),
+    ) {
+        let clips = clips(&[clip(frames, fps, |f, t| (f * 3 + t) as f32 / 200.0)], KeyFormat::Bits32);
+        let repeat = if once { Repeat::Once } else { Repeat::Loop };
+        let mut heads = Playbacks::new(1);
+        heads.play(0, &Playback { speed, repeat, ..Playback::new(0) }, &clips).unwrap();
+        let first = heads.records()[0];
+        let mut times = times;
+        times.sort_by(f64::total_cmp);
+        for seconds in times.into_iter().flat_map(|t| [t, t - 0.5, t - 3500.0]).filter(|t| *t >= 0.0) {
+            heads.set_time(seconds).unwrap();
+            heads.update(&clips);
+            let record = heads.records()[0];
+            // The truth, in 128 bits.
+            let at = (seconds * TICKS_PER_SECOND).round() as u128 * u128::from(first.rate);
+            let whole = (frames as u128) << 32;
+            let at = if once { at.min(whole - (1 << 32)) } else { at % whole };
+            let mut position = record.position(heads.now());
+            position = if once { position.min((whole - (1 << 32)) as u64) } else { position % whole as u64 };
+            prop_assert_eq!(u128::from(position), at);
+        }
+    }
+
+    /// No key loses more than `rounding` says, and none goes beyond what sums stand.
+    #[test]
+    fn short_keys_lose_what_is_stated(scale in 0.001..4.0f32, seed in any::<u32>()) {
+        let value = |f: usize, t: usize| {
+            let x = ((f * TARGETS + t) as u32 ^ seed).wrapping_mul(0x85EB_CA6B) >> 8;
+            ((x as f32 / (1u32 << 23) as f32 - 1.0) * scale).clamp(-4.0, 4.0)
+        };
+        let list = [clip(9, 24.0, value), clip(2, 24.0, |_, _| 4.0), clip(2, 24.0, |_, t| t as f32 * 1e-3)];
+        let (long, short) = (clips(&list, KeyFormat::Bits32), clips(&list, KeyFormat::Bits16));
+        let grid = mesh().layout().blocks.clone().unwrap().exact().unwrap();
+        for clip in 0..3 {
+            prop_assert_eq!(long.rounding(clip), 0.0);
+            for (frame, t) in (0..long.frames(clip)).flat_map(|f| (0..TARGETS).map(move |t| (f, t))) {
+                let (key, kept) = (long.key(clip, frame, t), short.key(clip, frame, t));
+                prop_assert!((key - kept).abs() as f32 * grid.weight_step() <= short.rounding(clip));
+                prop_assert!(kept.abs() <= grid.steps(grid.weight_max));
+            }
+        }
+        let range = scale.max(1e-3);
+        prop_assert!(short.rounding(0) <= range / 32_767.0 + 1e-9, "{} of {range}", short.rounding(0));
+    }
+}
+
+#[test]
+fn interpolation_rounds_to_nearest_and_reaches_both_ends() {
+    assert_eq!(interpolate(-7, 100, 0), -7);
+    assert_eq!((interpolate(0, 1, 0x7fff), interpolate(0, 1, 0x8000)), (0, 1));
+    assert_eq!((interpolate(0, -1, 0x8000), interpolate(0, -1, 0x8001)), (0, -1));
+    let most = 1 << 24;
+    assert_eq!(interpolate(-most, most, 0x8000), 0);
+    assert_eq!(interpolate(most, -most, 0xffff), most - ((i64::from(most) * 2 * 0xffff + 0x8000) >> 16) as i32);
+}
+
+#[test]
+fn loops_clamps_and_reverses() {
+    let record = |flags| HeadRecord { flags: HeadRecord::PLAYING | flags, rate: 1 << 16, ..HeadRecord::default() };
+    let at = |flags, quarters: u64| between(&record(flags), 4, quarters << 30);
+    assert_eq!(at(HeadRecord::LOOP, 15), (3, 0, 0xc000));
+    assert_eq!(at(HeadRecord::LOOP, 18), (0, 1, 0x8000));
+    assert_eq!(at(0, 11), (2, 3, 0xc000));
+    assert_eq!(at(0, 12), (3, 3, 0));
+    assert_eq!(at(0, 1 << 33), (3, 3, 0));
+    assert_eq!(at(HeadRecord::LOOP | HeadRecord::REVERSED, 15), (0, 3, 0xc000));
+    assert_eq!(at(HeadRecord::REVERSED, 1), (3, 2, 0x4000));
+    // One frame a second; a time before the start is the start.
+    assert_eq!(record(0).position(5 << 16), 5 << 32);
+    assert_eq!(HeadRecord { start: 9, frame: 2, ..record(0) }.position(3), 2 << 32);
+    // The clock's 32 bits wrap.
+    assert_eq!(HeadRecord { start: 0xffff_0000, ..record(0) }.position(0x1_0000), 2 << 32);
+}
+
+/// First and end of each run of records that the last update sends.
+fn runs(heads: &Playbacks) -> Vec<(u32, u32)> {
+    heads.changed().iter().map(|run| (run.start, run.end)).collect()
+}
+
+#[test]
+fn what_is_played_is_sent_once_and_again_when_it_was_discarded() {
+    let clips = clips(&[clip(4, 24.0, |f, _| f as f32 / 8.0)], KeyFormat::Bits32);
+    let mut heads = Playbacks::new(4);
+    assert_eq!(heads.written(0), None);
+    for head in [0, 1, 3] {
+        heads.play(head, &Playback::new(0), &clips).unwrap();
+    }
+    assert_eq!((heads.update(&clips), runs(&heads)), (0, vec![(0, 2), (3, 4)]));
+    assert_eq!((heads.update(&clips), runs(&heads)), (1, vec![]));
+    assert_eq!((heads.written(0), heads.written(2)), (Some((1, true)), Some((1, true))));
+    heads.set_hidden(2, true);
+    heads.cut(0);
+    assert_eq!((heads.update(&clips), runs(&heads)), (2, vec![(2, 3)]));
+    assert_eq!([0, 1, 2].map(|head| heads.written(head)), [Some((2, false)), Some((2, true)), Some((1, false))]);
+    heads.discard_from(2);
+    assert_eq!([0, 1, 2].map(|head| heads.written(head)), [Some((1, false)), Some((1, true)), Some((1, true))]);
+    heads.set_hidden(2, false);
+    assert_eq!((heads.update(&clips), runs(&heads)), (2, vec![(2, 3)]));
+    assert_eq!([0, 1, 2].map(|head| heads.written(head)), [Some((2, false)), Some((2, true)), Some((2, true))]);
+    assert_eq!((heads.update(&clips), runs(&heads)), (3, vec![]));
+    heads.discard_from(0);
+    assert_eq!(heads.written(1), None);
+    assert_eq!((heads.update(&clips), runs(&heads)), (0, vec![(0, 4)]));
+    assert_eq!(heads.written(1), Some((0, false)));
+}
+
+/// What was before a few turns is known; what was before more is not made up.
+#[test]
+fn turns_that_never_ran_are_turned_back() {
+    let clips = clips(&[clip(4, 24.0, |f, _| f as f32 / 8.0)], KeyFormat::Bits32);
+    for (turns, discarded) in (1..9).flat_map(|turns| (0..=turns).map(move |discarded| (turns, discarded))) {
+        let mut heads = Playbacks::new(1);
+        let mut written = vec![heads.written(0)];
+        for turn in 0..turns {
+            heads.set_hidden(0, turn % 2 == 1);
+            heads.update(&clips);
+            written.push(heads.written(0));
+        }
+        heads.discard_from(turns - discarded);
+        let now = heads.written(0).map(|(update, _)| update);
+        let expected = written[(turns - discarded) as usize].map(|(update, _)| update);
+        assert!(now == expected || (discarded >= 4 && now.is_none()), "{turns} {discarded}: {now:?}, {expected:?}");
+    }
+}
+
+#[test]
+fn a_hidden_head_keeps_its_pose_and_a_shown_one_has_no_past() {
+    let clips = clips(&[], KeyFormat::Bits32);
+    let mut heads = Playbacks::new(1);
+    (0..3).for_each(|_| _ = heads.update(&clips));
+    heads.set_hidden(0, true);
+    (0..3).for_each(|_| _ = heads.update(&clips));
+    assert_eq!(heads.written(0), Some((2, false)));
+    heads.set_hidden(0, false);
+    heads.update(&clips);
+    assert_eq!(heads.written(0), Some((6, false)));
+    heads.update(&clips);
+    assert_eq!(heads.written(0), Some((7, true)));
+}
+
+#[test]
+fn what_cannot_be_played_is_refused() {
+    let mesh = mesh();
+    let refuse = |clip: WeightClip, words: &str| {
+        let desc = AnimationDesc { clips: &[clip], key_format: KeyFormat::Bits32 };
+        let text = Clips::new(&desc, mesh.layout()).unwrap_err().to_string();
+        assert!(text.contains(words), "{text}");
+    };
+    refuse(
+        clip(3, 30.0, |f, t| if (f, t) == (1, 3) { 4.5 } else { 0.0 }),
+        "frame 1, target 'target_3': the weight is 4.5",
+    );
+    refuse(clip(0, 30.0, |_, _| 0.0), "0 frames");
+    refuse(clip(1, 0.0, |_, _| 0.0), "0 frames a second");
+    refuse(WeightClip { names: vec!["jaw".into()], values: vec![0.0], ..clip(1, 30.0, |_, _| 0.0) }, "'jaw'");
+    let dense = PackedMesh::pack(&testing::mesh(10, 2), &PackDesc::new(DeltaFormat::Float32)).unwrap();
+    let desc = AnimationDesc { clips: &[], key_format: KeyFormat::Bits32 };
+    assert!(Clips::new(&desc, dense.layout()).unwrap_err().to_string().contains("pack the mesh as 'fast'"));
+
+    let clips = clips(&[clip(2, 30.0, |_, _| 0.0)], KeyFormat::Bits16);
+    let mut heads = Playbacks::new(1);
+    let good = Playback::new(0);
+    for (playback, words) in [
+        (Playback { clip: 1, ..good }, "clip 1 of 1"),
+        (Playback { speed: f64::NAN, ..good }, "a speed of NaN"),
+        (Playback { speed: 1e6, ..good }, "at most 65535 frames"),
+        (Playback { start: f64::INFINITY, ..good }, "second inf"),
+        (Playback { start: 20_000.0, ..good }, "20000 seconds ahead"),
+    ] {
+        let text = heads.play(0, &playback, &clips).unwrap_err().to_string();
+        assert!(text.contains(words), "{text}");
+    }
+    heads.set_time(1e6).unwrap();
+    heads.play(0, &Playback { start: 1e6, ..good }, &clips).unwrap();
+    assert!(heads.set_time(1e5).unwrap_err().to_string().contains("play its clip again"));
+    heads.play(0, &Playback { start: 1e5, ..good }, &clips).unwrap();
+    heads.set_time(1e5).unwrap();
+}
+
+#[test]
+fn what_is_not_animated_on_the_gpu_is_refused() {
+    let exact = UpdateDesc { accumulate: Accumulate::Exact, ..UpdateDesc::blocks() };
+    let mesh = mesh();
+    exact.check_all(Some(mesh.layout()), Runner::Animated(None)).unwrap();
+    for (desc, words) in [
+        (UpdateDesc::blocks(), "integer sums do not drift"),
+        (UpdateDesc { slots: 33, ..exact }, "use at most 32"),
+        (UpdateDesc { path: UpdatePath::Cpu, ..exact }, "use the path 'blocks'"),
+    ] {
+        let text = AnimatedReference::new(desc, mesh.layout(), 1).err().expect("refused").to_string();
+        assert!(text.contains(words), "{text}");
+    }
+    let stiff = PackedMesh::pack(&testing::mesh(10, 0), &PackDesc::new(DeltaFormat::Small)).unwrap();
+    assert!(
+        exact.check_all(Some(stiff.layout()), Runner::Animated(None)).unwrap_err().to_string().contains("move nothing")
+    );
+}
+
+/// Small changes wait as long as no vertex is further off than the budget says; a large one goes, and a still face
+/// settles.
+#[test]
+fn small_changes_wait_within_the_budget_and_settle() {
+    let mesh = mesh();
+    let index = mesh.layout().blocks.clone().unwrap();
+    assert_eq!(Budget::new(0.0, &index).unwrap(), None);
+    let (length, step) = (0.05, index.exact().unwrap().weight_step());
+    let budget = Budget::new(length, &index).unwrap().unwrap();
+    let mut waiting = Deferred::new(TARGETS);
+    let first = [1000, -500, 0, 20, 0];
+    waiting.commit(&first, None, &index);
+    assert_eq!(waiting.committed(), first);
+    // Target 2 moves nothing: its change is in no block's sum, and waits until the face is still.
+    let mut weights = [1001, -500, 7, 20, 0];
+    waiting.commit(&weights, Some(&budget), &index);
+    assert_eq!(waiting.committed(), first);
+    let (mut went, mut waited) = (0, 0);
+    for i in 0..200 {
+        weights[0] += 50 + i % 5;
+        weights[4] -= i % 2;
+        waiting.commit(&weights, Some(&budget), &index);
+        let held = waiting.committed();
+        if held[0] == weights[0] {
+            went += 1
+        } else {
+            waited += 1
+        }
+        let to_weights = |steps: &[i32]| steps.iter().map(|&s| s as f32 * step).collect::<Vec<_>>();
+        let pose = reference::evaluate(&mesh, &to_weights(held)).iter().map(|&x| x as f32).collect::<Vec<_>>();
+        let error = reference::compare(&pose, &reference::evaluate(&mesh, &to_weights(&weights)));
+        assert!(error.position <= f64::from(length) + 1e-5, "{error:?}");
+    }
+    assert!(went > 5 && waited > 5, "{went} went, {waited} waited");
+    waiting.commit(&weights, Some(&budget), &index);
+    assert_eq!(waiting.committed(), weights, "a still face settles");
+    weights[0] += 100_000;
+    waiting.commit(&weights, Some(&budget), &index);
+    assert_eq!(waiting.committed()[0], weights[0], "a large change does not wait");
+}

@@ -1,0 +1,193 @@
+//! The one check of a description: what it says by itself, for a mesh, and for who carries it out.
+
+use super::blocks::check_tolerance;
+use crate::error::{Error, Result};
+use crate::gpu::caps::DeviceCaps;
+use crate::pack::PackedLayout;
+use crate::plan::{Accumulate, BatchSize, UpdateDesc, UpdateMode, UpdatePath};
+
+/// Most slots of a crowd that is animated on the GPU, which keeps a bit for each update that a slot may have missed.
+const ANIMATED_SLOTS_MAX: u32 = 32;
+
+/// Who is to carry an update out.
+#[derive(Clone, Copy)]
+pub(crate) enum Runner<'a> {
+    /// Not known yet.
+    Unknown,
+    /// [`CpuCrowd`](crate::cpu::CpuCrowd).
+    Cpu,
+    /// A device.
+    Device(&'a DeviceCaps),
+    /// A device that animates as well; `None`: its CPU reference.
+    Animated(Option<&'a DeviceCaps>),
+}
+
+impl UpdateDesc {
+    /// Check the description.
+    ///
+    /// # Errors
+    /// A batch size of 0; no slot, or too few slots for the path; a tolerance or budget that is no length, or exact
+    /// sums or a budget on a dense path; incremental updates of a path that only rebuilds; `scatter` with anything but
+    /// exact sums.
+    pub fn check(&self) -> Result<()> {
+        self.check_all(None, Runner::Unknown)
+    }
+
+    /// Check the description for a mesh packed like this.
+    ///
+    /// # Errors
+    /// As [`check`](Self::check); in block formats, as [`BlockIndex::exact`](crate::pack::blocks::BlockIndex::exact)
+    /// where sums are exact, else a tolerance that rounding exceeds in a pose fresh from base, all weights being 1.
+    pub fn check_for(&self, layout: &PackedLayout) -> Result<()> {
+        self.check_all(Some(layout), Runner::Unknown)
+    }
+
+    /// Check the description for a mesh and for who is to carry it out.
+    ///
+    /// # Errors
+    /// As [`check_for`](Self::check_for); a path that the runner does not have, or that the device cannot run; a batch
+    /// size beyond [`DeviceCaps::batch_max`]; a format that the path does not take; blocks larger than a workgroup;
+    /// what cannot be animated on the GPU.
+    pub(crate) fn check_all(&self, layout: Option<&PackedLayout>, runner: Runner<'_>) -> Result<()> {
+        self.check_alone()?;
+        let (caps, animated) = match runner {
+            Runner::Unknown => (None, false),
+            Runner::Cpu if self.path != UpdatePath::Cpu => {
+                return Err(Error::invalid(
+                    format!("update path '{}' for a CpuCrowd", self.path.name()),
+                    "use UpdatePath::Cpu here, or MorphEngine for the GPU paths",
+                ));
+            }
+            Runner::Cpu => {
+                if let Some(layout) = layout.filter(|layout| layout.blocks.is_none()) {
+                    self.check_dense(layout.format.name())?;
+                }
+                (None, false)
+            }
+            Runner::Device(caps) => (Some(caps), false),
+            Runner::Animated(caps) => (caps, true),
+        };
+        caps.map_or(Ok(()), |caps| caps.check_path(self.path))?;
+        let Some(layout) = layout else { return Ok(()) };
+        caps.map_or(Ok(()), |caps| self.check_format(layout, caps))?;
+        if let Some(index) = &layout.blocks {
+            match self.accumulate {
+                Accumulate::Exact => index.exact().map(drop),
+                Accumulate::Float { tolerance } => check_tolerance(tolerance, layout, index),
+            }?;
+        }
+        match (self.batch, caps.and_then(|caps| Some((caps, caps.batch_max(self.path, layout.format)?)))) {
+            (BatchSize::Targets(batch), Some((caps, most))) if batch > most => {
+                let all = if self.path == UpdatePath::Compute { ", or 'all'" } else { "" };
+                let (path, format) = (self.path.name(), layout.format.name());
+                return Err(Error::invalid(
+                    format!("batch size {batch} for update path '{path}' with {format} deltas on {}", caps.name),
+                    format!("use 1 to {most}{all}"),
+                ));
+            }
+            (BatchSize::Targets(_) | BatchSize::All, _) => {}
+        }
+        if animated { self.check_animated(layout) } else { Ok(()) }
+    }
+
+    fn check_alone(&self) -> Result<()> {
+        let (path, name) = (self.path, self.path.name());
+        let least = if path.works_in_place() { 1 } else { 2 };
+        if self.slots < least || self.slots > 64 {
+            return Err(Error::invalid(
+                format!("{} slots for update path '{name}'", self.slots),
+                format!("use {least} to 64 slots (2 is ping-pong)"),
+            ));
+        }
+        let tolerance = match self.accumulate {
+            Accumulate::Float { tolerance } => tolerance,
+            Accumulate::Exact => 1.0,
+        };
+        if !(tolerance > 0.0 && self.error_budget >= 0.0 && self.error_budget.is_finite()) {
+            return Err(Error::invalid(
+                format!("a tolerance of {tolerance} and an error budget of {}", self.error_budget),
+                "use a tolerance above 0 and a budget of 0 or more",
+            ));
+        }
+        if path.rebuilds_only() && self.mode == UpdateMode::Incremental {
+            return Err(Error::invalid(
+                format!("incremental updates through '{name}'"),
+                "use the mode 'rebuild': this technique evaluates every pose from the base pose",
+            ));
+        }
+        match path {
+            UpdatePath::Scatter if self.accumulate != Accumulate::Exact || self.error_budget > 0.0 => {
+                return Err(Error::invalid(
+                    "float sums or an error budget with 'scatter'",
+                    "use exact sums and no budget: it adds integers, each pose afresh",
+                ));
+            }
+            UpdatePath::Scatter | UpdatePath::Blocks | UpdatePath::Cpu => {}
+            UpdatePath::Feedback
+            | UpdatePath::Compute
+            | UpdatePath::VertexStore
+            | UpdatePath::Direct
+            | UpdatePath::DirectAttributes => self.check_dense(name)?,
+        }
+        match self.batch {
+            BatchSize::Targets(0) => Err(Error::invalid("a batch size of 0", "use 1 or more targets per pass")),
+            BatchSize::All if !path.takes_all_targets() => Err(Error::invalid(
+                format!("batch size 'all' for update path '{name}'"),
+                "a vertex pass takes as many targets as the device has vertex attributes for: name a number",
+            )),
+            BatchSize::Targets(_) | BatchSize::All => Ok(()),
+        }
+    }
+
+    /// Refuse what only block formats have; `what` is the path or format.
+    fn check_dense(&self, what: &str) -> Result<()> {
+        let refuse = |asked: &str| {
+            let remedy = "use the path 'blocks', or 'cpu' with a block format ('fast', 'small')";
+            Err(Error::invalid(format!("{asked} with '{what}'"), remedy))
+        };
+        match self.accumulate {
+            Accumulate::Exact => refuse("exact accumulation"),
+            Accumulate::Float { .. } if self.error_budget > 0.0 => refuse("an error budget"),
+            Accumulate::Float { .. } => Ok(()),
+        }
+    }
+
+    fn check_format(&self, layout: &PackedLayout, caps: &DeviceCaps) -> Result<()> {
+        let (path, format) = (self.path, layout.format);
+        if !path.formats().contains(&format) {
+            let names: Vec<&str> = path.formats().iter().map(|f| f.name()).collect();
+            return Err(Error::invalid(
+                format!("update path '{}' with {} deltas", path.name(), format.name()),
+                format!("pack the mesh as {}", names.join(" or ")),
+            ));
+        }
+        let most = caps.max_workgroup_invocations;
+        match &layout.blocks {
+            Some(blocks) if path == UpdatePath::Blocks && blocks.size() > most as usize => Err(Error::invalid(
+                format!("blocks of {} vertices on {}", blocks.size(), caps.name),
+                format!("pack with blocks of at most {most} vertices"),
+            )),
+            Some(_) | None => Ok(()),
+        }
+    }
+
+    /// Refuse what is not animated on the GPU: sums that drift, since nobody there keeps a bound on it.
+    fn check_animated(&self, layout: &PackedLayout) -> Result<()> {
+        let refuse =
+            |what: String, remedy: &str| Err(Error::invalid(format!("{what} in a crowd animated on the GPU"), remedy));
+        let Some(index) = layout.blocks.as_ref().filter(|_| self.path == UpdatePath::Blocks) else {
+            let what = format!("update path '{}' and {} deltas", self.path.name(), layout.format.name());
+            return refuse(what, "use the path 'blocks', and pack the mesh as 'fast' or 'small'");
+        };
+        if index.entry_count() == 0 {
+            return refuse(format!("mesh '{}', whose targets move nothing,", layout.name), "draw its base pose");
+        }
+        if self.accumulate != Accumulate::Exact {
+            return refuse("float sums".into(), "use Accumulate::Exact: integer sums do not drift");
+        }
+        if self.slots > ANIMATED_SLOTS_MAX {
+            return refuse(format!("{} slots", self.slots), "use at most 32");
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,225 @@
+//! The `compute` path: dense passes, with coefficients in push constants (batch sizes 1 to 16) or listed in a
+//! buffer ("all in one pass"). The first pass of an update reads the current slot and writes the next, the rest run in
+//! place there.
+
+use super::plan::{COMPUTE_PASS, DensePlanner};
+use super::technique::Passes;
+use crate::abi::modules::{DENSE, DENSE_LIST};
+use crate::abi::numbers::WORKGROUP;
+use crate::abi::push::{DenseListEntry, DenseListPush, DensePush};
+use crate::error::Result;
+use crate::gpu::descriptors::{Bound, Sets};
+use crate::gpu::device::Device;
+use crate::gpu::kernels::Kernel;
+use crate::gpu::mesh::{MeshBuffers, delta_range};
+use crate::gpu::pipelines::Objects;
+use crate::gpu::ring::Ring;
+use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
+use crate::plan::BatchSize;
+use crate::plan::steps::{Source, Steps, Use, Work};
+use crate::update::technique::Context;
+use crate::weights::delta::Coefficient;
+use ash::vk;
+use bytemuck::bytes_of;
+use std::sync::Arc;
+
+/// Pipelines for batches 0 (a copy) to the batch size, or the one that reads a list.
+struct Compute {
+    objects: Objects,
+    key: (DeltaFormat, BatchSize),
+}
+
+impl Kernel for Compute {
+    type Key = (DeltaFormat, BatchSize);
+
+    fn new(device: &Arc<Device>, key: Self::Key, _others: &[Arc<Self>]) -> Result<Self> {
+        let (format, batch) = key;
+        let mut objects = Objects::none(device);
+        objects.add_layout(&[DENSE.row, DENSE_LIST.row], 0)?;
+        match batch {
+            BatchSize::All => objects.add_compute(DENSE_LIST.module(format, 0)?, &[&[]])?,
+            BatchSize::Targets(most) => {
+                let batches: Vec<[u32; 1]> = (0..=most).map(|batch| [batch]).collect();
+                let constants: Vec<&[u32]> = batches.iter().map(<[u32; 1]>::as_slice).collect();
+                objects.add_compute(DENSE.module(format, 0)?, &constants)?;
+            }
+        }
+        Ok(Self { objects, key })
+    }
+
+    fn key(&self) -> Self::Key {
+        self.key
+    }
+}
+
+/// What a crowd's compute passes take.
+pub(crate) struct ComputePasses {
+    kernel: Arc<Compute>,
+    mesh: Arc<MeshBuffers>,
+    batch: BatchSize,
+    instances: u32,
+    /// Coefficient lists of all instances.
+    ring: Ring,
+    /// Bytes of one instance's list.
+    stride: u64,
+    sets: PassSets,
+}
+
+impl Passes for ComputePasses {
+    const USES: &'static [Use] = COMPUTE_PASS;
+
+    fn new(context: Context<'_>) -> Result<Self> {
+        let (layout, desc) = (context.layout(), context.desc);
+        let batch = desc.update.batch;
+        let kernel = context.kernels.get::<Compute>((layout.format, batch))?;
+        // Only `All` reads lists; the kernels that do not still have one bound.
+        let (entries, instances, frames) = match batch {
+            BatchSize::All => (layout.targets.len(), desc.instances, desc.frames_in_flight),
+            BatchSize::Targets(_) => (0, 1, 1),
+        };
+        let stride = Ring::part_bytes((entries * size_of::<DenseListEntry>()) as u64);
+        let part = stride.saturating_mul(instances.into());
+        let bytes = part.saturating_mul(frames.into());
+        context.check_offsets("coefficient lists", bytes, "make several crowds, or use a batch size of 1 to 16")?;
+        let usage = vk::BufferUsageFlags::STORAGE_BUFFER;
+        let ring = Ring::new(context.device, "deltamorph coefficient lists", part, frames, usage)?;
+        let sets = PassSets::new(&kernel, &context, ring.range(0).buffer, stride)?;
+        Ok(Self { kernel, mesh: context.mesh.clone(), batch, instances, ring, stride, sets })
+    }
+
+    fn layout(&self) -> &PackedLayout {
+        &self.mesh.layout
+    }
+
+    fn write_lists(&mut self, planner: &DensePlanner, frame: u64, steps: &Steps) -> Result<()> {
+        if self.batch != BatchSize::All {
+            return Ok(());
+        }
+        let (words, stride) = (self.ring.words(frame)?, self.stride as usize / 4);
+        for work in steps.works() {
+            let out = &mut words[work.instance as usize * stride..][..stride];
+            let entries = list_entries(&self.mesh.layout, planner.coefficients(work));
+            for (out, entry) in out.chunks_exact_mut(size_of::<DenseListEntry>() / 4).zip(entries) {
+                out.copy_from_slice(bytemuck::cast_slice(bytes_of(&entry)));
+            }
+        }
+        Ok(())
+    }
+
+    unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work, coefficients: &[Coefficient]) {
+        let (device, layout) = (&self.kernel.objects.device.raw, &self.mesh.layout);
+        let (pipeline, list) = match self.batch {
+            BatchSize::All => (0, (frame * u64::from(self.instances) + u64::from(work.instance)) * self.stride),
+            BatchSize::Targets(_) => (coefficients.len(), 0),
+        };
+        let (point, pipeline) = (vk::PipelineBindPoint::COMPUTE, self.kernel.objects.pipelines[pipeline]);
+        // SAFETY: the caller's obligation; the pipeline is ours.
+        unsafe { device.cmd_bind_pipeline(cmd, point, pipeline) };
+        let dense = dense_push(layout, coefficients);
+        for ((first, vertices), set) in layout.chunks().zip(self.sets.get(work)) {
+            // Fits 32 bits: checked in `new`, and of deltas at upload.
+            let offsets = [(layout.row_start(0, first, vertices) * 4) as u32, list as u32];
+            let chunk_vertices = vertices as u32;
+            let list = DenseListPush { chunk_vertices, entry_count: coefficients.len() as u32 };
+            let dense = DensePush { chunk_vertices, ..dense };
+            let push = match self.batch {
+                BatchSize::All => bytes_of(&list),
+                BatchSize::Targets(_) => bytes_of(&dense),
+            };
+            let (layout, stage) = (self.kernel.objects.layout, vk::ShaderStageFlags::COMPUTE);
+            // SAFETY: the caller's obligations; the sets were written for this mesh and crowd, and this frame's lists
+            // are complete; the push constants are within the layout's range; offsets are multiples of 64 vertices × 12
+            // bytes or of the list's stride, which satisfy the device's alignment; padded vertices fill whole
+            // workgroups, no more than the device has (checked at upload).
+            unsafe {
+                device.cmd_bind_descriptor_sets(cmd, point, layout, 0, &[*set], &offsets);
+                device.cmd_push_constants(cmd, layout, stage, 0, push);
+                device.cmd_dispatch(cmd, chunk_vertices / WORKGROUP, 1, 1);
+            }
+        }
+    }
+
+    #[cfg(any(test, feature = "internals"))]
+    fn accesses(works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
+        super::plan::compute_accesses(works)
+    }
+}
+
+/// Coefficients and targets as `dense.comp` declares them.
+fn dense_push(layout: &PackedLayout, coefficients: &[Coefficient]) -> DensePush {
+    let mut push = DensePush::default();
+    // A list pass has more, and pushes none of this.
+    for (i, c) in coefficients.iter().enumerate().take(push.coefficients.len()) {
+        let target = &layout.targets[c.target as usize];
+        push.coefficients[i] = c.value * target.position_step;
+        push.targets[i / 2] |= c.target << (16 * (i % 2));
+        push.normal_exponents[i / 4] |= u32::from(target.normal_exponent as u8) << (8 * (i % 4));
+    }
+    push
+}
+
+/// The coefficient list of `dense_list.comp`.
+fn list_entries<'a>(
+    layout: &'a PackedLayout,
+    coefficients: &'a [Coefficient],
+) -> impl Iterator<Item = DenseListEntry> + 'a {
+    coefficients.iter().map(|c| {
+        let target = &layout.targets[c.target as usize];
+        let coefficient = c.value * target.position_step;
+        let normal_coefficient = coefficient * target.normal_ratio();
+        DenseListEntry { target: c.target, coefficient, normal_coefficient, unused: 0 }
+    })
+}
+
+/// The descriptor sets of a crowd. Poses are bound where they are, and not by dynamic offset: synchronization
+/// validation does not see dynamic offsets and would take the poses of two instances for one piece of memory. So there
+/// is for each instance and destination slot, one per source (the base pose, the slot itself, the slot before) and
+/// chunk.
+struct PassSets {
+    slots: u32,
+    chunks: usize,
+    sets: Sets,
+}
+
+/// Sources of a destination slot.
+const SOURCES: u32 = 3;
+
+impl PassSets {
+    /// Sets with the lists of `stride` bytes each in `lists`.
+    fn new(kernel: &Compute, context: &Context<'_>, lists: vk::Buffer, stride: u64) -> Result<Self> {
+        let (mesh, poses) = (context.mesh, context.poses);
+        let deltas = delta_range(&mesh.layout);
+        let mut bound = vec![];
+        for instance in 0..context.desc.instances {
+            for slot in 0..poses.slots {
+                let before = (slot + poses.slots - 1) % poses.slots;
+                let (to, pose) = (poses.offset(instance, slot), |slot| (poses.buffer, poses.offset(instance, slot)));
+                for (source, from) in [(mesh.base.raw, 0), pose(slot), pose(before)] {
+                    bound.extend(mesh.layout.chunks().map(|(first, vertices)| {
+                        let (at, size) = ((first * POSE_STRIDE) as u64, (vertices * POSE_STRIDE) as u64);
+                        vec![
+                            Bound::new(source, from + at, size),
+                            Bound::new(poses.buffer, to + at, size),
+                            Bound::dynamic(mesh.deltas.raw, deltas),
+                            Bound::dynamic(lists, stride),
+                        ]
+                    }));
+                }
+            }
+        }
+        let sets = Sets::new(&kernel.objects.device, kernel.objects.set_layout, &bound)?;
+        Ok(Self { slots: poses.slots, chunks: mesh.layout.chunks().count(), sets })
+    }
+
+    /// The sets of a pass, one for each chunk.
+    fn get(&self, work: &Work) -> &[vk::DescriptorSet] {
+        let source = match work.source {
+            Source::Base => 0,
+            Source::Slot(slot) if slot == work.destination => 1,
+            // The plan reads no other slot than the one before.
+            Source::Slot(_) => 2,
+        };
+        let first = ((work.instance * self.slots + work.destination) * SOURCES + source) as usize * self.chunks;
+        self.sets.range(first..first + self.chunks)
+    }
+}

@@ -1,0 +1,221 @@
+//! The `feedback` path: vertex passes whose output is captured by transform feedback.
+//!
+//! James L. Jones, "Efficient Morph Target Animation Using OpenGL ES 3.0", GPU Pro 5: batches of targets bound
+//! as vertex attributes, rasterizer discard, ping-pong. One pipeline per batch size; each pass is a draw in a
+//! render pass of its own, because a barrier inside a subpass cannot order captures before vertex fetch.
+
+use super::technique::Passes;
+use crate::abi::modules::FEEDBACK;
+use crate::abi::push::attribute_push_bytes;
+use crate::error::Result;
+use crate::gpu::device::Device;
+use crate::gpu::kernels::Kernel;
+use crate::gpu::mesh::MeshBuffers;
+use crate::gpu::pipelines::Objects;
+use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
+use crate::plan::BatchSize;
+use crate::plan::steps::{Access, Resource, Source, Stage, Use, Work};
+use crate::update::technique::{Context, Poses};
+use crate::weights::delta::Coefficient;
+use ash::vk;
+use std::sync::Arc;
+
+/// What a pass uses.
+pub(crate) const FEEDBACK_PASS: &[Use] = &[
+    Use::new(Resource::Asset, Stage::VertexInput, Access::AttributeRead),
+    Use::new(Resource::Poses, Stage::VertexInput, Access::AttributeRead),
+    Use::new(Resource::Poses, Stage::TransformFeedback, Access::FeedbackWrite),
+];
+
+/// Pipelines for batches 0 (a copy) to the batch size.
+pub(crate) struct Feedback {
+    objects: Objects,
+    key: (DeltaFormat, u32),
+}
+
+/// The buffers of one vertex pass.
+pub(crate) struct VertexPass<'a> {
+    pub(crate) layout: &'a PackedLayout,
+    pub(crate) deltas: vk::Buffer,
+    /// Buffer and offset of the source pose.
+    pub(crate) source: (vk::Buffer, u64),
+    /// Buffer and offset of the destination pose.
+    pub(crate) destination: (vk::Buffer, u64),
+    pub(crate) coefficients: &'a [Coefficient],
+}
+
+impl<'a> VertexPass<'a> {
+    /// The pass of a work.
+    pub(crate) fn new(mesh: &'a MeshBuffers, poses: &Poses, work: &Work, coefficients: &'a [Coefficient]) -> Self {
+        let pose = |slot| (poses.buffer, poses.offset(work.instance, slot));
+        let source = match work.source {
+            Source::Base => (mesh.base.raw, 0),
+            Source::Slot(slot) => pose(slot),
+        };
+        Self {
+            layout: &mesh.layout,
+            deltas: mesh.deltas.raw,
+            source,
+            destination: pose(work.destination),
+            coefficients,
+        }
+    }
+}
+
+impl Kernel for Feedback {
+    type Key = (DeltaFormat, u32);
+
+    fn new(device: &Arc<Device>, key: Self::Key, _others: &[Arc<Self>]) -> Result<Self> {
+        let (format, batch) = key;
+        let mut objects = Objects::none(device);
+        objects.add_layout(&[FEEDBACK.row], attribute_push_bytes(format, batch))?;
+        objects.add_empty_render_pass()?;
+        for b in 0..=batch {
+            let (bindings, attributes) = vertex_input(format, b);
+            objects.add_discarding_vertex(FEEDBACK.module(format, b)?, &bindings, &attributes)?;
+        }
+        Ok(Self { objects, key })
+    }
+
+    fn key(&self) -> Self::Key {
+        self.key
+    }
+}
+
+impl Feedback {
+    /// Record one pass.
+    ///
+    /// # Safety
+    /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with graphics.
+    /// - The buffers of `pass` are alive until it has run, hold what `pass.layout` says, and source and
+    ///   destination do not overlap.
+    pub(crate) unsafe fn record(&self, cmd: vk::CommandBuffer, pass: &VertexPass<'_>) {
+        let device = &self.objects.device;
+        let Some(feedback) = &device.feedback else { return };
+        let feedback = feedback.fp();
+        let batch = pass.coefficients.len();
+        let push = push_constants(pass.layout, pass.coefficients);
+        // SAFETY: the caller's obligations; pipeline, layout and render pass are ours; the push constants are
+        // within the layout's range (no more coefficients than the largest batch); offsets are multiples of the 4 bytes
+        // of a component.
+        unsafe {
+            self.objects.begin_render_pass(cmd);
+            device.raw.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.objects.pipelines[batch]);
+            if !push.is_empty() {
+                let bytes = bytemuck::cast_slice(&push);
+                device.raw.cmd_push_constants(cmd, self.objects.layout, vk::ShaderStageFlags::VERTEX, 0, bytes);
+            }
+        }
+        for (first, vertices) in pass.layout.chunks() {
+            let pose_offset = (first * POSE_STRIDE) as u64;
+            let (buffers, offsets) =
+                vertex_buffers(pass.layout, (first, vertices), pass.source, pass.deltas, pass.coefficients);
+            let (to, size) = (pass.destination.1 + pose_offset, (vertices * POSE_STRIDE) as u64);
+            // SAFETY: as above; each binding reads `vertices` elements within its buffer, and as many are
+            // captured; transform feedback is enabled since `device.feedback` is there. ash 0.38 has no
+            // wrappers for these commands.
+            unsafe {
+                device.raw.cmd_bind_vertex_buffers(cmd, 0, &buffers, &offsets);
+                (feedback.cmd_bind_transform_feedback_buffers_ext)(cmd, 0, 1, &pass.destination.0, &to, &size);
+                (feedback.cmd_begin_transform_feedback_ext)(cmd, 0, 0, std::ptr::null(), std::ptr::null());
+                device.raw.cmd_draw(cmd, vertices as u32, 1, 0, 0);
+                (feedback.cmd_end_transform_feedback_ext)(cmd, 0, 0, std::ptr::null(), std::ptr::null());
+            }
+        }
+        // SAFETY: begun above.
+        unsafe { device.raw.cmd_end_render_pass(cmd) };
+    }
+}
+
+/// What a crowd's captured vertex passes take.
+pub(crate) struct FeedbackPasses {
+    kernel: Arc<Feedback>,
+    mesh: Arc<MeshBuffers>,
+    poses: Poses,
+}
+
+impl Passes for FeedbackPasses {
+    const USES: &'static [Use] = FEEDBACK_PASS;
+
+    fn new(context: Context<'_>) -> Result<Self> {
+        let kernel = context.kernels.get((context.layout().format, vertex_batch(&context)))?;
+        Ok(Self { kernel, mesh: context.mesh.clone(), poses: context.poses })
+    }
+
+    fn layout(&self) -> &PackedLayout {
+        &self.mesh.layout
+    }
+
+    unsafe fn record(&self, cmd: vk::CommandBuffer, _frame: u64, work: &Work, coefficients: &[Coefficient]) {
+        let pass = VertexPass::new(&self.mesh, &self.poses, work, coefficients);
+        // SAFETY: the caller's obligations; source and destination are different slots: the plan alternates (tests hold
+        // every plan to that).
+        unsafe { self.kernel.record(cmd, &pass) };
+    }
+
+    #[cfg(any(test, feature = "internals"))]
+    fn accesses(works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
+        feedback_accesses(works)
+    }
+}
+
+/// Targets of a vertex pass, at most.
+pub(crate) fn vertex_batch(context: &Context<'_>) -> u32 {
+    match context.desc.update.batch {
+        BatchSize::Targets(batch) => batch,
+        // Refused by the check of the description.
+        BatchSize::All => 0,
+    }
+}
+
+/// What the passes read and write.
+#[cfg(any(test, feature = "internals"))]
+pub(crate) fn feedback_accesses(works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
+    let write = (Stage::TransformFeedback, Access::FeedbackWrite);
+    super::plan::pass_accesses(works, (Stage::VertexInput, Access::AttributeRead), write, false)
+}
+
+/// Coefficients, and for snorm16 the exponents of normals, as `attributes.glsl` declares them.
+pub(crate) fn push_constants(layout: &PackedLayout, coefficients: &[Coefficient]) -> Vec<u32> {
+    let mut words: Vec<u32> =
+        coefficients.iter().map(|c| (c.value * layout.targets[c.target as usize].position_step).to_bits()).collect();
+    if layout.format == DeltaFormat::Snorm16 {
+        words.extend(coefficients.chunks(4).map(|four| {
+            let byte = |c: &Coefficient| layout.targets[c.target as usize].normal_exponent as u8;
+            four.iter().enumerate().fold(0, |word, (i, c)| word | u32::from(byte(c)) << (8 * i))
+        }));
+    }
+    words
+}
+
+/// What a pass or draw binds for `vertices` from `first` on: the pose `source`, then a row of `deltas` for each target.
+pub(crate) fn vertex_buffers(
+    layout: &PackedLayout,
+    (first, vertices): (usize, usize),
+    source: (vk::Buffer, u64),
+    deltas: vk::Buffer,
+    coefficients: &[Coefficient],
+) -> (Vec<vk::Buffer>, Vec<u64>) {
+    let row = |c: &Coefficient| (deltas, (layout.row_start(c.target as usize, first, vertices) * 4) as u64);
+    std::iter::once((source.0, source.1 + (first * POSE_STRIDE) as u64)).chain(coefficients.iter().map(row)).unzip()
+}
+
+type VertexInput = (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>);
+
+/// Binding 0: the pose. Bindings 1..=batch: a target's deltas, as one attribute or two.
+pub(crate) fn vertex_input(format: DeltaFormat, batch: u32) -> VertexInput {
+    let binding = |binding, stride| vk::VertexInputBindingDescription::default().binding(binding).stride(stride);
+    let attribute =
+        |location, binding, format, offset| vk::VertexInputAttributeDescription { location, binding, format, offset };
+    let float3 = vk::Format::R32G32B32_SFLOAT;
+    let mut bindings = vec![binding(0, POSE_STRIDE as u32)];
+    let mut attributes = vec![attribute(0, 0, float3, 0), attribute(1, 0, float3, 12)];
+    for b in 1..=batch {
+        bindings.push(binding(b, format.stride() as u32));
+        match format.attributes() {
+            1 => attributes.push(attribute(1 + b, b, vk::Format::R32G32B32_UINT, 0)),
+            _ => attributes.extend([attribute(2 * b, b, float3, 0), attribute(2 * b + 1, b, float3, 12)]),
+        }
+    }
+    (bindings, attributes)
+}

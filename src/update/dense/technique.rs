@@ -1,0 +1,86 @@
+//! A crowd that is updated in dense passes, whoever carries a pass out.
+
+use super::plan::DensePlanner;
+use crate::error::Result;
+use crate::pack::PackedLayout;
+use crate::plan::UpdateStats;
+use crate::plan::instances::Instances;
+use crate::plan::steps::{Steps, Use, Work};
+use crate::update::technique::{Context, Technique, UpdateId};
+use crate::weights::delta::Coefficient;
+use ash::vk;
+
+/// Who carries passes out, with what it keeps for a crowd.
+pub(crate) trait Passes: Send + Sync + Sized + 'static {
+    /// What the passes of a step use.
+    const USES: &'static [Use];
+
+    /// What a crowd's passes take.
+    fn new(context: Context<'_>) -> Result<Self>;
+
+    /// The mesh.
+    fn layout(&self) -> &PackedLayout;
+
+    /// Write lists for what was planned.
+    fn write_lists(&mut self, _planner: &DensePlanner, _frame: u64, _steps: &Steps) -> Result<()> {
+        Ok(())
+    }
+
+    /// Record a pass.
+    ///
+    /// # Safety
+    /// As [`Technique::record`].
+    unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work, coefficients: &[Coefficient]);
+
+    /// As [`Technique::accesses`].
+    #[cfg(any(test, feature = "internals"))]
+    fn accesses(works: &[Work]) -> Vec<crate::plan::hazards::Accesses>;
+}
+
+/// A crowd that is updated by `P`.
+pub(crate) struct DenseTechnique<P> {
+    planner: DensePlanner,
+    passes: P,
+}
+
+impl<P: Passes> DenseTechnique<P> {
+    pub(crate) fn new(context: Context<'_>) -> Result<Self> {
+        let planner = DensePlanner::new(context.desc.update, context.desc.instances as usize)?;
+        Ok(Self { planner, passes: P::new(context)? })
+    }
+}
+
+impl<P: Passes> Technique for DenseTechnique<P> {
+    fn plan(&mut self, instances: &Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
+        self.planner.plan(instances, id.update);
+        self.planner.fill(P::USES, steps);
+        self.passes.write_lists(&self.planner, id.frame, steps)?;
+        Ok(self.planner.stats(self.passes.layout()))
+    }
+
+    unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work) {
+        // SAFETY: the caller's obligations.
+        unsafe { self.passes.record(cmd, frame, work, self.planner.coefficients(work)) };
+    }
+
+    fn slots_of(&self, instance: u32) -> Option<(u32, Option<u32>)> {
+        self.planner.slots_of(instance as usize)
+    }
+
+    fn cut(&mut self, instance: u32) {
+        self.planner.cut(instance as usize);
+    }
+
+    fn add(&mut self, instance: u32) {
+        self.planner.forget(instance as usize);
+    }
+
+    fn discard_from(&mut self, id: UpdateId) {
+        self.planner.discard_from(id.update);
+    }
+
+    #[cfg(any(test, feature = "internals"))]
+    fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
+        P::accesses(works)
+    }
+}

@@ -1,0 +1,158 @@
+//! What a crowd needs of a way to update its poses.
+
+use crate::error::{Error, Result};
+use crate::gpu::caps::DeviceCaps;
+use crate::gpu::descriptors::BufferRange;
+use crate::gpu::device::Device;
+use crate::gpu::kernels::Kernels;
+use crate::gpu::mesh::MeshBuffers;
+use crate::pack::PackedLayout;
+use crate::pack::blocks::ExactGrid;
+#[cfg(any(test, feature = "internals"))]
+use crate::plan::hazards::Accesses;
+use crate::plan::instances::Instances;
+use crate::plan::steps::{Steps, Work};
+use crate::plan::{CrowdDesc, UpdateStats};
+use ash::vk;
+use std::any::Any;
+use std::sync::Arc;
+
+/// A way to update the poses of a crowd, with what it keeps for that.
+///
+/// In the order of an update: [`plan`](Self::plan) decides everything and writes the lists of the host,
+/// [`record`](Self::record) replays the works of the steps.
+pub trait Technique: Any + Send + Sync {
+    /// Plan an update to what is requested into `steps`, which are empty, write this turn's lists, and take the update
+    /// as done. Steps without works are for updates that write lists only.
+    ///
+    /// # Errors
+    /// Lists that are not mapped.
+    fn plan(&mut self, instances: &Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats>;
+
+    /// Record a work of the steps that were planned last.
+    ///
+    /// # Safety
+    /// - `cmd` is in the recording state on the technique's device, outside a render pass, on a queue with graphics and
+    ///   compute.
+    /// - It is submitted once, behind all earlier updates of the crowd; the technique and the mesh live until it has
+    ///   run.
+    /// - Barriers between steps are recorded as their uses ask for.
+    unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work);
+
+    /// Slots of the pose and of the previous pose of an instance; `None` while it has none.
+    fn slots_of(&self, instance: u32) -> Option<(u32, Option<u32>)>;
+
+    /// The next pose of an instance has no predecessor.
+    fn cut(&mut self, instance: u32);
+
+    /// An instance is hidden from now on, or shown again.
+    fn set_hidden(&mut self, instance: u32, _hidden: bool) {
+        self.cut(instance);
+    }
+
+    /// A new instance takes a free place.
+    fn add(&mut self, instance: u32);
+
+    /// An instance left its place.
+    fn remove(&mut self, _instance: u32) {}
+
+    /// The update of this turn and all later ones will never run.
+    fn discard_from(&mut self, id: UpdateId);
+
+    /// The grid of the weights, for sums that are exact.
+    fn exact(&self) -> Option<ExactGrid> {
+        None
+    }
+
+    /// Refuse weights that it cannot apply.
+    ///
+    /// # Errors
+    /// As the technique says.
+    fn check_weights(&self, _weights: &[f32]) -> Result<()> {
+        Ok(())
+    }
+
+    /// Whether there are pose buffers; otherwise draws evaluate poses.
+    fn has_poses(&self) -> bool {
+        true
+    }
+
+    /// The integer sums of an instance: buffer and offset.
+    #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
+    fn sums(&self, _instance: u32) -> Option<(vk::Buffer, u64)> {
+        None
+    }
+
+    /// What the works of a step read and write, for the hazard checker; see [`trace`](crate::plan::hazards::trace).
+    #[cfg(any(test, feature = "internals"))]
+    fn accesses(&self, works: &[Work]) -> Vec<Accesses>;
+}
+
+/// The place of an update among those of a crowd.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct UpdateId {
+    /// Its number, from 1.
+    pub update: u64,
+    /// Updates that recorded something before it, less discarded ones.
+    pub recorded: u64,
+    /// Which part of the rings it takes.
+    pub frame: u64,
+}
+
+/// The poses of a crowd, `[instance][slot]`.
+#[derive(Clone, Copy, Debug)]
+pub struct Poses {
+    /// The buffer that holds them all.
+    pub buffer: vk::Buffer,
+    /// Bytes of one.
+    pub bytes: u64,
+    /// Poses of an instance.
+    pub slots: u32,
+}
+
+impl Poses {
+    /// Where a pose begins.
+    pub fn offset(&self, instance: u32, slot: u32) -> u64 {
+        (u64::from(instance) * u64::from(self.slots) + u64::from(slot)) * self.bytes
+    }
+
+    /// All poses of `count` instances.
+    pub(crate) fn range(&self, first: u32, count: u32) -> BufferRange {
+        let size = self.offset(count, 0);
+        BufferRange { buffer: self.buffer, offset: self.offset(first, 0), size }
+    }
+}
+
+/// What a technique is made from.
+#[derive(Clone, Copy)]
+pub struct Context<'a> {
+    pub(crate) device: &'a Arc<Device>,
+    pub(crate) kernels: &'a Kernels,
+    pub(crate) mesh: &'a Arc<MeshBuffers>,
+    pub(crate) desc: &'a CrowdDesc,
+    pub(crate) poses: Poses,
+}
+
+impl Context<'_> {
+    pub(crate) fn caps(&self) -> &DeviceCaps {
+        &self.device.caps
+    }
+
+    pub(crate) fn layout(&self) -> &PackedLayout {
+        &self.mesh.layout
+    }
+
+    /// Refuse `what`, which takes more bytes than a descriptor covers.
+    pub(crate) fn check_range(&self, what: &str, bytes: u64, remedy: &str) -> Result<()> {
+        let what = format!("{what} of mesh '{}' take", self.layout().name);
+        self.caps().check_limit(&what, (bytes, "bytes", self.caps().max_storage_range), remedy)
+    }
+
+    /// Refuse lists that offsets of 32 bits do not reach.
+    pub(crate) fn check_offsets(&self, what: &str, bytes: u64, remedy: &str) -> Result<()> {
+        if bytes <= u64::from(u32::MAX) {
+            return Ok(());
+        }
+        Err(Error::invalid(format!("the {what} of {} instances take {bytes} bytes", self.desc.instances), remedy))
+    }
+}
