@@ -52,7 +52,9 @@ pub(super) fn order(vertices: usize, members: &[Vec<u32>]) -> Vec<u32> {
 /// `order` in blocks of `size` vertices such that no block ends between welded vertices (each naming the first of its
 /// place; empty: none is welded): what is equal at one place in the base pose and in all targets is decoded and added up
 /// alike then, and stays equal bit for bit in every pose, whatever a block does. Where a place does not fit the rest of a
-/// block, smaller ones from further on fill it. Only where there are none among the next [`AHEAD`], a place is cut.
+/// block, smaller ones from further on fill it; where there are none among the next [`AHEAD`], others of these and of the block
+/// do that fill it exactly. Only where there are none such either, a place is cut: the order has no holes, and nothing but
+/// places of three, say, cannot fill blocks of 32.
 pub(super) fn keep_welded(order: Vec<u32>, welds: &[u32], size: usize) -> Vec<u32> {
     if welds.is_empty() {
         return order;
@@ -63,8 +65,9 @@ pub(super) fn keep_welded(order: Vec<u32>, welds: &[u32], size: usize) -> Vec<u3
     let mut rest = order.iter().map(|&v| welds[v as usize] as usize);
     let mut waiting: VecDeque<Vec<u32>> = VecDeque::new();
     let mut out = Vec::with_capacity(order.len());
-    while out.len() < order.len() {
-        let room = size - out.len() % size;
+    // The block that is being filled.
+    let (mut block, mut room): (Vec<Vec<u32>>, usize) = (vec![], size);
+    while out.len() + (size - room) < order.len() {
         let at = waiting.iter().position(|place| place.len() <= room);
         let mut fits = at.and_then(|at| waiting.remove(at));
         while fits.is_none() && waiting.len() < AHEAD {
@@ -75,9 +78,52 @@ pub(super) fn keep_welded(order: Vec<u32>, welds: &[u32], size: usize) -> Vec<u3
                 _ => waiting.push_back(place),
             }
         }
-        out.extend(fits.or_else(|| waiting.pop_front()).unwrap_or_default());
+        let lengths = || block.iter().chain(&waiting).map(Vec::len).collect::<Vec<_>>();
+        if fits.is_none()
+            && let Some(chosen) = filling(&lengths(), size)
+        {
+            let all: Vec<Vec<u32>> = block.drain(..).chain(waiting.drain(..)).collect();
+            for (place, chosen) in all.into_iter().zip(chosen) {
+                if chosen { block.push(place) } else { waiting.push_back(place) }
+            }
+            room = 0;
+        } else {
+            let mut place = fits.or_else(|| waiting.pop_front()).unwrap_or_default();
+            let cut = place.split_off(room.min(place.len()));
+            room -= place.len();
+            block.push(place);
+            if !cut.is_empty() {
+                waiting.push_front(cut);
+            }
+        }
+        if room == 0 {
+            out.extend(block.drain(..).flatten());
+            room = size;
+        }
     }
+    out.extend(block.into_iter().flatten());
     out
+}
+
+/// Which of `lengths` add up to `size`, the first ones for choice; `None` where none do.
+fn filling(lengths: &[usize], size: usize) -> Option<Vec<bool>> {
+    // For each sum the first of the lengths with which it is reached: it takes only earlier ones besides.
+    let mut last: Vec<Option<usize>> = vec![None; size + 1];
+    for (i, &length) in lengths.iter().enumerate() {
+        for sum in (length..=size).rev() {
+            if last[sum].is_none() && (sum == length || last[sum - length].is_some()) {
+                last[sum] = Some(i);
+            }
+        }
+    }
+    let mut chosen = vec![false; lengths.len()];
+    let mut sum = size;
+    while sum > 0 {
+        let i = last[sum]?;
+        chosen[i] = true;
+        sum -= lengths[i];
+    }
+    Some(chosen)
 }
 
 /// The order for several groups, given the vertices that each group's targets move: that of the first group, in which
@@ -223,6 +269,18 @@ mod tests {
         assert_eq!(blocks, 16, "each block has one target");
     }
 
+    /// Places that are not in one block.
+    fn cut(order: &[u32], welds: &[u32], size: usize) -> usize {
+        let at = inverse(order);
+        let block = |v: u32| at[v as usize] as usize / size;
+        let mut places: Vec<u32> = (0..order.len() as u32)
+            .filter(|&v| block(v) != block(welds[v as usize]))
+            .map(|v| welds[v as usize])
+            .collect();
+        places.dedup();
+        places.len()
+    }
+
     #[test]
     fn welded_vertices_share_a_block() {
         // Every fifth vertex is doubled, at the end of the list; some are there five times.
@@ -235,13 +293,22 @@ mod tests {
             let mut sorted = kept.clone();
             sorted.sort_unstable();
             assert_eq!(sorted, (0..welds.len() as u32).collect::<Vec<u32>>());
-            let block = |v: u32| inverse(&kept)[v as usize] as usize / size;
-            assert!((0..welds.len() as u32).all(|v| block(v) == block(welds[v as usize])), "{size}");
+            assert_eq!(cut(&kept, &welds, size), 0, "{size}");
         }
         assert_eq!(keep_welded(order.clone(), &[], 32), order);
-        // Places of three fill no block; the one that is cut is not lost.
+        // No place is so small that it fills what is left of a block, but others fill it from the start.
+        let sizes = (0..300).map(|place| 5 + place % 3);
+        let soup: Vec<u32> =
+            sizes.scan(0, |first, n| Some(vec![std::mem::replace(first, *first + n); n as usize])).flatten().collect();
+        for size in [32, 64, 128] {
+            // What is left for the last blocks need not fill them.
+            let kept = keep_welded((0..soup.len() as u32).collect(), &soup, size);
+            assert!(cut(&kept, &soup, size) <= 1 && inverse(&inverse(&kept)) == kept, "{size}");
+        }
+        // The limit: places of three fill no block. Those at the borders are cut (the third is at 96), and not lost.
         let threes: Vec<u32> = (0..99).map(|v| v / 3 * 3).collect();
-        assert_eq!(keep_welded((0..99).collect(), &threes, 32), (0..99).collect::<Vec<u32>>());
+        let kept = keep_welded((0..99).collect(), &threes, 32);
+        assert_eq!((cut(&kept, &threes, 32), kept), (2, (0..99).collect::<Vec<u32>>()));
     }
 
     #[test]
