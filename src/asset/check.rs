@@ -1,6 +1,6 @@
 //! Whether a [`MorphSource`] can be used.
 
-use super::render::copies;
+use super::render::{check_welds, copies};
 use super::{MorphSource, Semantic, SourceTarget, StreamData, StreamDeltas, Tolerance};
 use crate::error::{Error, Result};
 use glam::Vec3;
@@ -145,15 +145,7 @@ impl MorphSource {
     /// Whether welded vertices are at one place in the base pose and in all targets.
     fn check_welds(&self) -> Result<()> {
         let refuse = |what: String, remedy: &str| Err(Error::invalid(format!("{}: {what}", self.name), remedy));
-        let count = self.positions.len();
-        if !self.welds.is_empty() && self.welds.len() != count {
-            let what = format!("{} welds for {count} vertices", self.welds.len());
-            return refuse(what, "give one per vertex, or none at all");
-        }
-        let first = |v: u32| self.welds.get(v as usize).copied();
-        if let Some((v, of)) = copies(&self.welds).find(|(_, of)| first(*of) != Some(*of)) {
-            return refuse(format!("vertex {v} is welded to vertex {of}, which is not the first of its place"), WELD);
-        }
+        check_welds(&self.welds, self.positions.len()).or_else(|what| refuse(what, WELD))?;
         if let Some((v, of)) = copies(&self.welds).find(|(v, of)| !self.meet(*v, *of)) {
             return refuse(format!("vertex {v} is welded to vertex {of}, but is or moves elsewhere"), WELD);
         }

@@ -14,5 +14,6 @@ pub use arrays::{MeshArrays, TargetArrays};
 pub use faces::{Corner, Faces};
 pub use mesh::{MorphMesh, MorphTarget, Tolerance};
 pub use render::RenderVertices;
+pub(crate) use render::check_welds;
 pub use source::{MorphSource, SourceTarget};
 pub use streams::{Semantic, StreamData, StreamDeltas};

@@ -96,6 +96,11 @@ impl MorphSource {
     /// file's vertices is written from them and from the faces of this source. Computed normals are those of the welded
     /// surface.
     ///
+    /// Block formats keep welded vertices in one block, which keeps them equal bit for bit in every pose. Only where no
+    /// choice of whole places fills a block (nothing but places of three, or of six, in blocks of 32) a place is cut at the
+    /// border of two blocks; its vertices may then differ by what blocks may lose. Dense formats have
+    /// no such limit.
+    ///
     /// # Errors
     /// As [`to_mesh`](Self::to_mesh).
     pub fn split(&self) -> Result<Self> {
@@ -157,6 +162,17 @@ impl MorphSource {
 /// Vertices that double another one, and which.
 pub(super) fn copies(welds: &[u32]) -> impl Iterator<Item = (u32, u32)> {
     welds.iter().enumerate().map(|(v, &of)| (v as u32, of)).filter(|(v, of)| v != of)
+}
+
+/// Whether each of `vertices` vertices is welded to the first of its place, or none at all.
+pub(crate) fn check_welds(welds: &[u32], vertices: usize) -> Result<(), String> {
+    if !welds.is_empty() && welds.len() != vertices {
+        return Err(format!("{} welds for {vertices} vertices", welds.len()));
+    }
+    match copies(welds).find(|&(v, of)| of > v || welds[of as usize] != of) {
+        Some((v, of)) => Err(format!("vertex {v} is welded to vertex {of}, which is not the first of its place")),
+        None => Ok(()),
+    }
 }
 
 /// Give each of `copies` the delta of the vertex that it doubles. `deltas` are ascending, and have none for copies.

@@ -144,7 +144,7 @@ fn streams_and_welds_that_do_not_fit_are_named() {
         source.to_mesh(Tolerance::default()).unwrap_err().to_string()
     };
     type Case<'a> = (&'a dyn Fn(&mut MorphSource), &'a str);
-    let cases: [Case<'_>; 13] = [
+    let cases: [Case<'_>; 14] = [
         (&|s| s.streams[0].values.truncate(20), "stream 'tangent': 20 numbers for 6 vertices; give 4"),
         (&|s| s.streams[0].values[9] = f32::NAN, "stream 'tangent': vertex 2 has NaN"),
         (&|s| s.streams[0].values[9] = 1.1, "the tangent of vertex 2 is [0.0, 1.1, 0.0, -1.0]; normalise"),
@@ -157,6 +157,7 @@ fn streams_and_welds_that_do_not_fit_are_named() {
         (&|s| s.targets[0].streams[0].vertices[1] = 6, "a tangent delta of vertex 6, there are 6 vertices"),
         (&|s| s.targets[0].streams[0].deltas[0] = f32::INFINITY, "the tangent delta of vertex 1 is [inf, 0.0, 0.0]"),
         (&|s| s.welds = vec![0, 1, 1, 3, 4, 5], "vertex 2 is welded to vertex 1, but is or moves elsewhere"),
+        (&|s| s.welds = vec![1, 1, 2, 3, 4, 5], "vertex 0 is welded to vertex 1, which is not the first of its place"),
         (&|s| s.welds = vec![0; 5], "5 welds for 6 vertices"),
     ];
     for (change, expected) in cases {

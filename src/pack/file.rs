@@ -18,6 +18,8 @@
 //!  9  face corners        [corner] the user's vertex u32
 //! 10  corner texcoords    [corner] u32, 0xffffffff where there is none; empty where no corner has one
 //! 11  texcoords           [texcoord][u v] f32
+//! 13  welds               [user's vertex] the first vertex at its place, itself where it is that, u32; empty where none is
+//!                         welded
 //!
 //! then for each group g of streams, with 256 g added to the id:
 //! 12  group               streams u32   blocks u32   entries u32   words u32   steps of both triples f32 f32
@@ -45,7 +47,7 @@ mod write;
 
 use super::{DeltaFormat, POSE_FLOATS, PackDesc, PackedGroup, PackedMesh};
 use crate::asset::streams::{Semantic, StreamData, StreamDeltas};
-use crate::asset::{Faces, MorphMesh, MorphTarget, Tolerance};
+use crate::asset::{Faces, MorphMesh, MorphTarget, Tolerance, check_welds};
 use crate::error::{Error, Result};
 use crate::io::{read_bounded, write_replacing};
 use glam::{Vec2, Vec3};
@@ -65,6 +67,8 @@ pub struct Asset {
     pub faces: Faces,
     /// Texture coordinates, as the faces index them.
     pub texcoords: Vec<Vec2>,
+    /// For each vertex the first one at its place, or empty: see [`MorphSource::welds`](crate::MorphSource::welds).
+    pub welds: Vec<u32>,
     /// The tolerance that deltas were kept by before they were packed.
     pub tolerance: Tolerance,
 }
@@ -80,6 +84,7 @@ impl Asset {
             mesh: PackedMesh::pack(mesh, desc)?,
             faces: mesh.faces.clone(),
             texcoords: mesh.texcoords.clone(),
+            welds: mesh.welds.clone(),
             tolerance: mesh.tolerance,
         })
     }
@@ -113,7 +118,7 @@ impl Asset {
     /// What [`write`](Self::write) writes.
     ///
     /// # Errors
-    /// [`Error::Invalid`]: a dense format; a mesh without vertices; faces, texture coordinates, a tolerance or names
+    /// [`Error::Invalid`]: a dense format; a mesh without vertices; faces, texture coordinates, welds, a tolerance or names
     /// that a mesh may not have; more than a file can hold.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         self.check().map_err(|what| {
@@ -137,6 +142,7 @@ impl Asset {
             name: layout.name.clone(),
             texcoords: self.texcoords.clone(),
             faces: self.faces.clone(),
+            welds: self.welds.clone(),
             targets: layout
                 .targets
                 .iter()
@@ -170,6 +176,7 @@ impl Asset {
         if let Some(i) = self.texcoords.iter().position(|t| !t.is_finite()) {
             return Err(format!("texture coordinate {i} is {}", self.texcoords[i]));
         }
+        check_welds(&self.welds, layout.vertex_count)?;
         self.faces
             .check(layout.vertex_count, self.texcoords.len())
             .map_err(|e| if let Error::Invalid { what, .. } = &e { what.clone() } else { e.to_string() })?;

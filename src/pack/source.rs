@@ -3,7 +3,7 @@
 use super::POSE_FLOATS;
 use super::formats::Lane;
 use crate::asset::streams::{Semantic, StreamPlace, TRIPLE, TRIPLES, group_streams};
-use crate::asset::{MorphMesh, MorphTarget};
+use crate::asset::{MorphMesh, MorphTarget, check_welds};
 use crate::error::{Error, Result};
 
 /// A group of the streams of a mesh.
@@ -106,9 +106,10 @@ pub(crate) fn largest(deltas: &[Lane]) -> [f32; TRIPLES] {
     largest
 }
 
-/// Whether streams have as many numbers as they should, so that nothing is out of range.
+/// Whether streams have as many numbers as they should, and welds are of this mesh, so that nothing is out of range.
 fn check(mesh: &MorphMesh) -> Result<(), String> {
     let vertices = mesh.vertex_count();
+    check_welds(&mesh.welds, vertices)?;
     for (i, stream) in mesh.streams.iter().enumerate() {
         let semantic = stream.semantic;
         let own = matches!(semantic, Semantic::Position | Semantic::Normal);

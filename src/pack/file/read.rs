@@ -64,6 +64,7 @@ pub(super) fn asset(path: &Path, bytes: &[u8]) -> Result<Asset> {
         mesh: PackedMesh { groups },
         faces: faces(&sections),
         texcoords: texcoords.as_chunks().0.iter().copied().map(Vec2::from_array).collect(),
+        welds: u32s(sections.get(Section::Welds)),
         tolerance: meta.tolerance,
     };
     match asset.check() {
@@ -96,10 +97,15 @@ fn check_lengths(sections: &Sections<'_>, meta: &Meta, groups: &[GroupMeta]) -> 
     differs((Section::FaceSizes, 0, meta.faces, 4, "faces"))?;
     differs((Section::FaceCorners, 0, meta.corners, 4, "corners"))?;
     differs((Section::Texcoords, 0, meta.texcoords, 8, "texture coordinates"))?;
-    match sections.get(Section::CornerTexcoords) {
-        [] => Ok(()),
-        _ => differs((Section::CornerTexcoords, 0, meta.corners, 4, "corners")),
+    // These two may be empty.
+    for (section, count, of) in
+        [(Section::CornerTexcoords, meta.corners, "corners"), (Section::Welds, meta.vertices, "vertices")]
+    {
+        if !sections.get(section).is_empty() {
+            differs((section, 0, count, 4, of))?;
+        }
     }
+    Ok(())
 }
 
 /// The name of the mesh, then that of each target.

@@ -35,6 +35,7 @@ pub(super) enum Section {
     CornerTexcoords,
     Texcoords,
     Group,
+    Welds,
 }
 
 impl Section {
@@ -53,7 +54,7 @@ impl Section {
         Self::Texcoords,
     ];
     /// Those that a file of version 3 has once, in the order of the file.
-    pub const ONCE: [Self; 7] = [
+    pub const ONCE: [Self; 8] = [
         Self::Meta,
         Self::Names,
         Self::Order,
@@ -61,6 +62,7 @@ impl Section {
         Self::FaceCorners,
         Self::CornerTexcoords,
         Self::Texcoords,
+        Self::Welds,
     ];
     /// Those that it has for each group, after them.
     pub const EACH: [Self; 5] = [Self::Group, Self::Base, Self::FirstEntries, Self::EntryTargets, Self::Words];
@@ -80,6 +82,7 @@ impl Section {
             Self::CornerTexcoords => "corner texcoords",
             Self::Texcoords => "texcoords",
             Self::Group => "group",
+            Self::Welds => "welds",
         }
     }
 }

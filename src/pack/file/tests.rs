@@ -37,7 +37,7 @@ fn read(bytes: &[u8]) -> Result<Asset> {
     let mut result = None;
     let memory = allocation_counter::measure(|| result = Some(Asset::from_bytes(Path::new("head.dmorph"), bytes)));
     // Some things are kept of each target for each group.
-    let groups = bytes.get(12).map_or(1, |sections| u64::from(*sections).saturating_sub(7) / 5).clamp(1, 16);
+    let groups = bytes.get(12).map_or(1, |sections| u64::from(*sections).saturating_sub(8) / 5).clamp(1, 16);
     let most = 16 * 1024 + 24 * groups * bytes.len() as u64;
     assert!(memory.bytes_max <= most, "{} bytes for a file of {}", memory.bytes_max, bytes.len());
     result.expect("measured")
@@ -127,6 +127,28 @@ fn files_of_version_2_are_read_as_they_were_packed() {
     }
 }
 
+/// The built-in head, split at its seam.
+fn split_head(format: DeltaFormat) -> (MorphMesh, Asset) {
+    let head = HeadDesc { vertices: 300, targets: 6, sparsity: 0.12, seed: 1 };
+    let mesh = head_of(&head).split().unwrap().to_mesh(Tolerance::default()).unwrap();
+    let asset = Asset::pack(&mesh, &PackDesc::new(format)).unwrap();
+    (mesh, asset)
+}
+
+#[test]
+fn a_packed_mesh_knows_which_vertices_are_doubled() {
+    for format in DeltaFormat::BLOCKS {
+        let (mesh, asset) = split_head(format);
+        let back = read(&asset.to_bytes().unwrap()).unwrap();
+        assert!(mesh.welds.len() > 300 && back == asset);
+        let decoded = back.to_mesh().unwrap();
+        assert_eq!((&decoded.welds, &decoded.faces), (&mesh.welds, &mesh.faces));
+        // So that packing it again keeps doubled vertices in one block.
+        let again = Asset::pack(&decoded, &PackDesc::new(format)).unwrap();
+        assert_eq!(again.mesh.base(), asset.mesh.base());
+    }
+}
+
 #[test]
 fn files_come_back() {
     let dir = tempfile::tempdir().unwrap();
@@ -171,12 +193,17 @@ fn what_a_file_cannot_hold_is_refused() {
         let error = Asset::pack(&mesh(70, 2), &PackDesc::new(format)).unwrap_err().to_string();
         assert!(error.contains(format.name()) && error.contains("pack as 'fast' or 'small'"), "{error}");
     }
+    let welded = MorphMesh { welds: vec![70; 70], ..mesh(70, 2) };
+    let error = Asset::pack(&welded, &PackDesc::new(DeltaFormat::Small)).unwrap_err().to_string();
+    assert!(error.contains("vertex 0 is welded to vertex 70"), "{error}");
     let good = asset(DeltaFormat::Small, None);
     let faces = Faces { sizes: vec![3], corners: vec![Corner { position: 70, texcoord: None }; 3] };
     for (bad, part) in [
         (Asset { faces, ..good.clone() }, "vertex 70"),
         (Asset { texcoords: vec![], ..good.clone() }, "texture coordinate 1"),
         (Asset { texcoords: vec![Vec2::NAN; 2], ..good.clone() }, "texture coordinate 0"),
+        (Asset { welds: vec![0; 69], ..good.clone() }, "69 welds for 70 vertices"),
+        (Asset { welds: vec![1; 70], ..good.clone() }, "vertex 0 is welded to vertex 1"),
         (Asset { tolerance: Tolerance { position: -1.0, normal: 0.0 }, ..good.clone() }, "tolerances of -1"),
         (
             Asset::pack(&MorphMesh { faces: Faces::default(), ..mesh(0, 1) }, &Default::default()).unwrap_or(Asset {
@@ -265,7 +292,7 @@ proptest! {
     ) {
         let asset = if streams { with_streams(DeltaFormat::BLOCKS[format]) } else { asset(DeltaFormat::BLOCKS[format], Some(32)) };
         let mut bytes = asset.to_bytes().unwrap();
-        let sections = if streams { 22 } else { 12 };
+        let sections = if streams { 23 } else { 13 };
         for (section, word, value, how) in changes {
             // A word of the table of sections, or one of some section: each is as likely.
             let part = section.index(sections + 1);
@@ -316,8 +343,8 @@ fn the_frame_is_checked_behind_right_checksums() {
         (change(0, b"PK"), ["does not begin", "deltamorph pack"]),
         (change(6, b"\n"), ["does not begin", "deltamorph pack"]),
         (change(8, &[1]), ["version 1", "reads versions 2 and 3"]),
-        (change(8, &[2]), ["12 sections", "version 2"]),
-        (change(12, &[13]), ["13 sections", "version 3"]),
+        (change(8, &[2]), ["13 sections", "version 2"]),
+        (change(12, &[12]), ["12 sections", "version 3"]),
         (change(12, &[7]), ["7 sections", "version 3"]),
         (change(row(Section::Words) + 8, &(words as u64 - 8).to_le_bytes()), ["'words'", "expected"]),
         (change(row(Section::Words) + 8, &u64::MAX.to_le_bytes()), ["'words'", "expected"]),
@@ -430,6 +457,16 @@ fn contents_are_checked_behind_right_checksums() {
         let text = message(&with_word(&streams, place, word, value));
         assert!(text.contains(part), "{place:?} {word} {value:#x}: {text}");
     }
+    // Welds: to a later vertex, to one that is welded itself, to none that is there; and fewer of them.
+    let (mesh, split) = split_head(DeltaFormat::Fast);
+    let (doubled, of) = (mesh.welds.len() - 1, mesh.welds[mesh.welds.len() - 1]);
+    for (vertex, value, to) in [(0, of, of), (of as usize, 0, of), (5, giant, giant), (doubled, 300, 300)] {
+        let text = message(&with_word(&split, (Welds, 0), vertex, value));
+        let part = format!("is welded to vertex {to}, which is not the first of its place");
+        assert!(text.contains(&part), "{vertex} {value}: {text}");
+    }
+    let text = message(&with_word(&split, (Meta, 0), 2, 300));
+    assert!(text.contains("300 vertices take"), "{text}");
     // Two targets of one name.
     let mut bytes = small.to_bytes().unwrap();
     let (at, length) = span(&bytes, Names);

@@ -36,6 +36,7 @@ pub(super) fn bytes(asset: &Asset) -> Result<Vec<u8>> {
         ((Section::FaceCorners, 0), u32s(faces.corners.iter().map(|c| c.position))),
         ((Section::CornerTexcoords, 0), corner_texcoords),
         ((Section::Texcoords, 0), u32s(asset.texcoords.iter().flat_map(|t| t.to_array().map(f32::to_bits)))),
+        ((Section::Welds, 0), u32s(asset.welds.iter().copied())),
     ];
     for (i, group) in groups.iter().enumerate() {
         let Some(index) = group.layout().blocks.as_deref() else { continue };
