@@ -1,6 +1,8 @@
 //! The public face of the baselines: an upload of their own, and draws that evaluate.
 
-use super::draws::{Draws, draws_of};
+use super::attributes::AttributesTechnique;
+use super::direct::DirectTechnique;
+use super::draws::Draws;
 use super::scatter::Records;
 use crate::engine::{Crowd, GpuMesh, MorphEngine, PoseView};
 use crate::error::{Error, Result};
@@ -10,6 +12,12 @@ use crate::pack::PackedMesh;
 use crate::plan::UpdatePath;
 use crate::plan::schedule::Entry;
 use ash::vk;
+
+/// The draws of a crowd that has some.
+fn draws_of(crowd: &Crowd) -> Option<&dyn Draws> {
+    let direct = crowd.base.technique::<DirectTechnique>().map(|direct| direct as &dyn Draws);
+    direct.or_else(|| crowd.base.technique::<AttributesTechnique>().map(|attributes| attributes as &dyn Draws))
+}
 
 impl MorphEngine {
     /// As [`upload`](Self::upload), for crowds on the path `scatter`, which reads records of a vertex and its delta, 16
