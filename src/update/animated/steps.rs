@@ -101,7 +101,7 @@ impl AnimatedUpdate {
         let mut add = |kernel: K, items| {
             steps.step(kernel.uses());
             let (source, destination) = (Source::Slot(self.source), self.destination);
-            steps.push(Work { kernel: kernel as u32, instance: 0, source, destination, items });
+            steps.push(Work { kernel: kernel as u32, group: 0, instance: 0, source, destination, items });
         };
         for (kernel, wanted) in [
             (K::Records, records),
@@ -128,7 +128,8 @@ pub(crate) fn accesses(works: &[Work], instances: u32) -> Vec<Accesses> {
     use Memory as M;
     let of = |work: &Work| match AnimatedKernel::ALL[work.kernel as usize] {
         AnimatedKernel::Records => {
-            let write = MemoryUse { memory: M::Records, stage: Stage::Transfer, access: Access::TransferWrite };
+            let write =
+                MemoryUse { group: 0, memory: M::Records, stage: Stage::Transfer, access: Access::TransferWrite };
             Accesses { writes: vec![write], ..Accesses::default() }
         }
         AnimatedKernel::Sample => Accesses::compute([M::Clips, M::Records, M::Weights], [M::Weights]),
@@ -149,7 +150,7 @@ pub(crate) fn accesses(works: &[Work], instances: u32) -> Vec<Accesses> {
             let reads = reads.chain(sources.into_iter().flatten());
             let mut all = Accesses::compute(reads, sums.chain(pose(work.destination)));
             let arguments = (M::Arguments, Stage::Indirect, Access::IndirectRead);
-            all.reads.push(MemoryUse { memory: arguments.0, stage: arguments.1, access: arguments.2 });
+            all.reads.push(MemoryUse { group: 0, memory: arguments.0, stage: arguments.1, access: arguments.2 });
             all
         }
     };

@@ -62,10 +62,13 @@ impl Animated {
     /// Make buffers and sets; [`upload`](Self::upload) fills them.
     pub(crate) fn new(context: Context<'_>, clips: Clips) -> Result<Self> {
         let (device, mesh_layout, desc) = (context.device, context.layout(), context.desc);
-        let Some(index) = &mesh_layout.blocks else {
-            let text = format!("mesh '{}' has no blocks", mesh_layout.name);
-            return Err(Error::invalid(text, "pack the mesh as 'fast' or 'small'"));
-        };
+        let index = mesh_layout.index()?;
+        if context.groups().count() > 1 {
+            return Err(Error::invalid(
+                format!("mesh '{}', which has more than positions and normals, animated on the GPU", mesh_layout.name),
+                "make a crowd whose weights are set, or leave the other streams out of the mesh",
+            ));
+        }
         let (grid, poses) = (index.exact()?, context.poses);
         let budget = Budget::new(desc.update.error_budget, index)?;
         let layout = Layout::new(&context, index, &clips, budget.as_ref())?;

@@ -16,7 +16,7 @@ mod tiles;
 
 pub use bound::Scratch;
 pub use list::{ELEMENT_BYTES, Element, ITEM_WORDS, Item, WorkList, component_bytes};
-pub(crate) use plan::{EXACT_BLOCKS, Planner};
+pub(crate) use plan::{EXACT_BLOCKS, GroupPlanner, Planner};
 pub(crate) use state::check_tolerance;
 pub use state::{BlockPlan, BlockState};
 pub(crate) use technique::BlocksTechnique;
