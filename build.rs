@@ -12,7 +12,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-#[allow(dead_code, reason = "the library needs more of it")]
+#[allow(dead_code, unused_imports, reason = "the library needs more of it")]
 #[path = "src/abi/formats.rs"]
 mod formats;
 #[allow(dead_code, reason = "the library needs more of it")]
@@ -39,7 +39,7 @@ fn modules(kernel: &'static KernelRow, format: Option<&'static FormatRow>) -> Ve
     };
     let module = |batch: Option<u32>| {
         let batch_name = batch.map(|b| format!("{b:02}")).unwrap_or_default();
-        let parts = [kernel.name, format.map_or("", |f| f.module), kernel.suffix, &batch_name];
+        let parts = [kernel.name, format.map_or("", |f| f.file), kernel.suffix, &batch_name];
         let name = parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("_");
         Module { name, kernel, format, batch }
     };
@@ -91,7 +91,9 @@ fn compile(module: &Module, glsl: &Path) -> Vec<u8> {
         fn include(&mut self, _: IncludeType, name: &str, _: &str, _: usize) -> Option<IncludeResult> {
             let data = match (name, self.1) {
                 ("abi.glsl", _) => abi_glsl(),
-                ("format.glsl", Some(format)) => fs::read_to_string(self.0.join("formats").join(format.glsl)).ok()?,
+                ("format.glsl", Some(format)) => {
+                    fs::read_to_string(self.0.join("formats").join(format.file).with_extension("glsl")).ok()?
+                }
                 _ => fs::read_to_string(self.0.join(name)).ok()?,
             };
             Some(IncludeResult { name: name.into(), data })
@@ -110,11 +112,9 @@ fn compile(module: &Module, glsl: &Path) -> Vec<u8> {
         kernels::Stage::Vertex => ShaderStage::Vertex,
         kernels::Stage::Compute(_) => ShaderStage::Compute,
     };
-    let format = module.format.map(|f| f.module.to_uppercase());
     let batch = module.batch.map(|b| b.to_string());
-    let flags = format.as_deref().into_iter().chain(module.kernel.defines.iter().copied());
-    let defines: Vec<(&str, Option<&str>)> =
-        flags.map(|flag| (flag, None)).chain(batch.as_deref().map(|b| ("BATCH", Some(b)))).collect();
+    let flags = module.kernel.defines.iter().map(|flag| (*flag, None));
+    let defines: Vec<(&str, Option<&str>)> = flags.chain(batch.as_deref().map(|b| ("BATCH", Some(b)))).collect();
     let mut includes = Includes(glsl, module.format);
     let source = ShaderSource::from(text);
     let compiler = Compiler::acquire().expect("the only user of glslang in this process");
@@ -207,7 +207,7 @@ fn main() {
     for (row, kernel) in KERNELS.iter().enumerate() {
         let linked = !kernel.baseline || cfg!(feature = "baselines");
         let mut places = vec![];
-        for format in &FORMATS {
+        for format in FORMATS {
             let modules = match kernel.takes {
                 _ if !linked => vec![],
                 Takes::NoDeltas if places.is_empty() => modules(kernel, None),

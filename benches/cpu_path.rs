@@ -4,11 +4,8 @@
 //! `cargo bench --bench cpu_path`
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use deltamorph::cpu::CpuCrowd;
-use deltamorph::mesh::Tolerance;
-use deltamorph::mesh::head::{HeadDesc, head};
-use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::plan::{BatchSize, UpdateDesc, UpdatePath};
+use deltamorph::import::sample::{HeadDesc, head};
+use deltamorph::{BatchSize, CpuCrowd, DeltaFormat, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdatePath};
 use std::sync::Arc;
 
 fn cpu_path(c: &mut Criterion) {

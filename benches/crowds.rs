@@ -3,14 +3,12 @@
 //!
 //! `./with-vulkan cargo bench --bench crowds [-- DEVICE]`
 
-use deltamorph::engine::{AnimatedCrowd, CrowdDesc};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
-use deltamorph::mesh::Tolerance;
-use deltamorph::mesh::head::{HeadDesc, head};
-use deltamorph::pack::{DeltaFormat, PackedMesh};
-use deltamorph::plan::{Accumulate, UpdateDesc};
-use deltamorph::update::animated::{AnimationDesc, KeyFormat, Playback};
-use deltamorph::weights::WeightClip;
+use deltamorph::import::sample::{HeadDesc, head};
+use deltamorph::{
+    Accumulate, AnimatedCrowd, AnimationDesc, CrowdDesc, DeltaFormat, KeyFormat, PackedMesh, Playback, Tolerance,
+    UpdateDesc, WeightClip,
+};
 use std::time::Instant;
 
 const FACE: HeadDesc = HeadDesc { vertices: 2_700, targets: 52, sparsity: 0.17, seed: 1 };

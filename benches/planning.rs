@@ -3,13 +3,13 @@
 //! `cargo bench --bench planning`; with `DELTAMORPH_DATA`, ict_facekit with its captured clips, too.
 
 use criterion::{BatchSize as Setup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use deltamorph::mesh::head::{HeadDesc, head};
-use deltamorph::mesh::{MorphMesh, Tolerance, obj};
-use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath, UpdateStats};
-use deltamorph::update::blocks::{BlockState, Scratch, WorkList};
-use deltamorph::update::dense::{Plan, PoseState};
-use deltamorph::weights::csv;
+use deltamorph::import::sample::{HeadDesc, head};
+use deltamorph::import::{csv, obj};
+use deltamorph::internals::update::blocks::{BlockState, Scratch, WorkList};
+use deltamorph::internals::update::dense::{Plan, PoseState};
+use deltamorph::{
+    Accumulate, BatchSize, DeltaFormat, MorphMesh, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdatePath, UpdateStats,
+};
 use std::hint::black_box;
 
 const FRAMES: usize = 64;

@@ -118,6 +118,7 @@ impl<T: Display> Display for Printable<T> {
 }
 
 /// What to do about a system's error.
+#[allow(clippy::wildcard_enum_match_arm, reason = "the system's enum, of which a few have a remedy")]
 fn io_remedy(kind: io::ErrorKind) -> &'static str {
     use io::ErrorKind as Kind;
     match kind {

@@ -3,17 +3,15 @@
 //! The engine borrows your device and records into your command buffers; it never submits, waits, or creates a queue or
 //! thread. What to call, in order:
 //!
-//! 1. Mesh: [`import::obj::import_folder`], [`import::sample::head`] or an [`asset::MorphSource`] of your own, then
-//!    [`to_mesh`](asset::MorphSource::to_mesh) and [`PackedMesh::pack`](pack::PackedMesh::pack); or
-//!    [`Asset::read`](pack::file::Asset::read) of what was packed before.
-//! 2. Device: [`engine::requirements`] before you create it, [`engine::MorphEngine::new`] after.
-//! 3. [`upload`](engine::MorphEngine::upload) the mesh, [`create_crowd`](engine::MorphEngine::create_crowd).
-//! 4. Each frame: [`set_weights`](engine::Crowd::set_weights),
-//!    [`record_update`](engine::MorphEngine::record_update), and draw from [`pose`](engine::Crowd::pose); motion vectors
-//!    take [`previous_pose`](engine::Crowd::previous_pose).
+//! 1. Mesh: [`import::open`], [`MorphSource::from_arrays`] or the built-in [`import::sample::head`], then
+//!    [`MorphSource::to_mesh`] and [`PackedMesh::pack`]; or [`Asset::read`] of what was packed before.
+//! 2. Device: [`requirements`] before you create it, [`MorphEngine::new`] after.
+//! 3. [`MorphEngine::upload`] the mesh, [`MorphEngine::create_crowd`].
+//! 4. Each frame: [`Crowd::set_weights`], [`MorphEngine::record_update`], and draw from [`Crowd::pose`]; motion vectors
+//!    take [`Crowd::previous_pose`].
 //!
-//! The [`engine`] module says what the caller is responsible for; `examples/minimal.rs` is a complete host. Without
-//! Vulkan, [`cpu::CpuCrowd`] takes the same descriptions. [`mod@reference`] tells how far a pose is from the truth.
+//! [`MorphEngine`] says what the caller is responsible for; `examples/minimal.rs` is a complete host. Without
+//! Vulkan, [`CpuCrowd`] takes the same descriptions. [`mod@reference`] tells how far a pose is from the truth.
 //!
 //! # Features
 //! None is on by default.
@@ -25,46 +23,81 @@
 //!   under `spirv/` are linked.
 
 #![deny(unsafe_code)] // below the gpu line it is allowed, each time with its reason
+#![deny(clippy::wildcard_enum_match_arm)] // a new variant of an enum of ours is looked at wherever it matters
 
-pub mod abi;
-pub mod asset;
+#[cfg_attr(
+    not(feature = "internals"),
+    allow(dead_code, reason = "the tests hold all of it against the shaders; the library needs less")
+)]
+mod abi;
+mod asset;
 #[cfg(feature = "baselines")]
 #[allow(unsafe_code)]
 mod baselines;
-pub mod cpu;
+mod cpu;
 #[allow(unsafe_code)]
-pub mod engine;
-pub mod error;
+mod engine;
+mod error;
 #[allow(unsafe_code)]
-pub mod gpu;
+mod gpu;
 #[cfg(feature = "headless")]
 #[allow(unsafe_code)]
 pub mod headless;
 pub mod import;
 mod io;
 mod math;
-pub mod mesh;
-pub mod pack;
-pub mod plan;
+mod pack;
+mod plan;
 pub mod reference;
 #[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod testing;
 #[allow(unsafe_code)]
-pub mod update;
-pub mod weights;
+mod update;
+mod weights;
 
-/// What the command line and tests share with the library; no part of the API.
+pub use abi::kernels::{DeviceClass, DeviceTuning};
+pub use asset::streams::{Measure, StreamPlace};
+pub use asset::{
+    Corner, Faces, MeshArrays, MorphMesh, MorphSource, MorphTarget, RenderVertices, Semantic, SourceTarget, StreamData,
+    StreamDeltas, TargetArrays, Tolerance,
+};
+pub use cpu::CpuCrowd;
+pub use engine::{AnimatedCrowd, AnyCrowd, Crowd, GpuMesh, MorphEngine, PoseView, StreamView, Ticket, Update};
+pub use error::{Error, ErrorKind, Result};
+pub use gpu::caps::{DeviceCaps, DeviceKind, Requirement, TransformFeedbackCaps, requirements};
+pub use gpu::device::{DeviceDesc, SharedAllocator};
+pub use pack::blocks::{BLOCK_SIZES, BlockDesc, BlockIndex, ExactGrid};
+pub use pack::file::Asset;
+pub use pack::{
+    DeltaFormat, POSE_FLOATS, POSE_STRIDE, PackDesc, PackedGroup, PackedLayout, PackedMesh, PackedTarget, PoseError,
+};
+pub use plan::{Accumulate, BatchSize, Consumers, CrowdDesc, UpdateDesc, UpdateMode, UpdatePath, UpdateStats};
+pub use update::animated::{AnimationDesc, Clips, KeyFormat, Playback, Repeat};
+pub use weights::{BoundClip, WeightClip};
+pub use {ash, gpu_allocator};
+
+/// What tests and the command line look into; no part of the API.
 #[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod internals {
     pub use crate::import::sample::rng::Rng;
     pub use crate::io::write_replacing;
-}
+    pub use crate::math::{angle_degrees, diagonal};
 
-pub use ash;
-pub use error::{Error, ErrorKind, Result};
-pub use gpu_allocator;
+    /// Words shared with GLSL, and the table of kernels.
+    pub mod abi {
+        pub use crate::abi::*;
+    }
+    /// Steps, barriers, and the hazard checker.
+    pub mod plan {
+        pub use crate::plan::*;
+    }
+    /// Techniques.
+    pub mod update {
+        pub use crate::update::*;
+    }
+}
 
 /// The README's code has to compile.
 #[cfg(doctest)]

@@ -1,7 +1,8 @@
 //! Meshes made up for tests: small, irregular, deterministic.
 
 use crate::asset::streams::{Semantic, StreamData, StreamDeltas};
-use crate::asset::{MorphMesh, MorphTarget, Tolerance, diagonal};
+use crate::asset::{MorphMesh, MorphTarget, Tolerance};
+use crate::math::diagonal;
 use glam::Vec3;
 
 fn noise(mut x: u64) -> f32 {

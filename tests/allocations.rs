@@ -1,13 +1,13 @@
 //! Planning a frame allocates nothing: an engine calls it in its frame loop.
 
-use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::plan::schedule::Schedule;
-use deltamorph::plan::steps::Steps;
-use deltamorph::plan::{Accumulate, Consumers, UpdateDesc, UpdateStats};
-use deltamorph::testing;
-use deltamorph::update::animated::{AnimatedUpdate, AnimationDesc, Clips, KeyFormat, Playback, Playbacks};
-use deltamorph::update::blocks::{BlockState, Scratch, WorkList};
-use deltamorph::weights::WeightClip;
+use deltamorph::internals::plan::schedule::Schedule;
+use deltamorph::internals::plan::steps::Steps;
+use deltamorph::internals::update::animated::{AnimatedUpdate, Playbacks};
+use deltamorph::internals::update::blocks::{BlockState, Scratch, WorkList};
+use deltamorph::{
+    Accumulate, AnimationDesc, Clips, Consumers, DeltaFormat, KeyFormat, PackDesc, PackedMesh, Playback, UpdateDesc,
+    UpdateStats, WeightClip, testing,
+};
 
 #[test]
 fn planning_in_blocks_allocates_nothing_after_the_first_frames() {

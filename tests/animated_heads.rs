@@ -6,11 +6,11 @@ mod gpu;
 mod scene;
 
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
-use deltamorph::pack::{DeltaFormat, PackedMesh};
-use deltamorph::plan::schedule::Entry;
-use deltamorph::plan::steps::{Access, Scope};
-use deltamorph::plan::{BatchSize, UpdateDesc, UpdatePath};
-use deltamorph::update::animated::{AnimationDesc, KeyFormat, Playback, Repeat};
+use deltamorph::internals::plan::schedule::Entry;
+use deltamorph::internals::plan::steps::{Access, Scope};
+use deltamorph::{
+    AnimationDesc, BatchSize, DeltaFormat, KeyFormat, PackedMesh, Playback, Repeat, UpdateDesc, UpdatePath,
+};
 use scene::{HEAD, Scene, clips, crowd, exact, packed};
 use std::sync::Arc;
 

@@ -7,14 +7,12 @@ mod gpu;
 #[path = "common/scene.rs"]
 mod scene;
 
-use deltamorph::abi::kernels::DeviceTuning;
-use deltamorph::engine::{CrowdDesc, DeviceCaps};
 use deltamorph::headless::{Headless, HeadlessCrowd};
-use deltamorph::mesh::{Tolerance, obj};
-use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::plan::{UpdateDesc, UpdateMode};
-use deltamorph::update::animated::{AnimationDesc, KeyFormat, Playback, Repeat};
-use deltamorph::weights::csv;
+use deltamorph::import::{csv, obj};
+use deltamorph::{
+    AnimationDesc, CrowdDesc, DeltaFormat, DeviceCaps, DeviceTuning, KeyFormat, PackDesc, PackedMesh, Playback, Repeat,
+    Tolerance, UpdateDesc, UpdateMode,
+};
 use scene::{Scene, blocks, clips, crowd, exact, packed, packed_streams};
 use std::sync::Arc;
 
@@ -77,9 +75,10 @@ fn play_around(
 #[test]
 fn the_gpu_plans_as_the_cpu_does() {
     gpu::on_every_device(|headless, _| {
-        let formats = [(DeltaFormat::Fast, 64), (DeltaFormat::Small, 32), (DeltaFormat::Small, 128)];
+        let formats =
+            [(DeltaFormat::Fast, 64), (DeltaFormat::Small, 32), (DeltaFormat::Small, 128), (DeltaFormat::Pair, 64)];
         for (i, instances) in [1, 7, 8, 9, 33].into_iter().enumerate() {
-            let (format, size) = formats[i % 3];
+            let (format, size) = formats[i % 4];
             let mesh = packed(format, size);
             for slots in [1, 2, 3] {
                 let mode =

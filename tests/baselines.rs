@@ -5,17 +5,16 @@ mod data;
 #[path = "common/gpu.rs"]
 mod gpu;
 
-use deltamorph::cpu::CpuCrowd;
-use deltamorph::engine::{CrowdDesc, DeviceCaps, MorphEngine};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, PoseUpload};
-use deltamorph::mesh::{Tolerance, obj};
-use deltamorph::pack::{DeltaFormat, PackedMesh};
-use deltamorph::plan::hazards::{Event, HazardChecker};
-use deltamorph::plan::schedule::{Entry, asset_uploaded};
-use deltamorph::plan::{Accumulate, BatchSize, Source, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph::import::{csv, obj};
+use deltamorph::internals::plan::Source;
+use deltamorph::internals::plan::hazards::{Event, HazardChecker};
+use deltamorph::internals::plan::schedule::{Entry, asset_uploaded};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::testing;
-use deltamorph::weights::csv;
+use deltamorph::{
+    Accumulate, BatchSize, CpuCrowd, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, PackedMesh, Tolerance,
+    UpdateDesc, UpdateMode, UpdatePath, testing,
+};
 use gpu::{NORMAL, POSITION, applied, in_eight_chunks, on_every_device, packed, single};
 use std::sync::Arc;
 

@@ -5,13 +5,13 @@ mod data;
 #[path = "common/gpu.rs"]
 mod gpu;
 
-use deltamorph::cpu::CpuCrowd;
 use deltamorph::headless::HeadlessCrowd;
-use deltamorph::mesh::{MorphMesh, Tolerance, obj};
-use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath, UpdateStats};
+use deltamorph::import::{csv, obj};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::weights::csv;
+use deltamorph::{
+    Accumulate, BatchSize, CpuCrowd, DeltaFormat, MorphMesh, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdatePath,
+    UpdateStats,
+};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -34,14 +34,15 @@ fn pack(mesh: &MorphMesh, format: DeltaFormat) -> Arc<PackedMesh> {
 
 /// The tolerance that is the default.
 const FLOAT: Accumulate = Accumulate::Float { tolerance: 1e-5 };
-/// Every format and kind of sums that go together, with a number of slots each: whole clips of all 15 take minutes (`.ci/deep`
+/// Every format and kind of sums that go together, with a number of slots each: whole clips of all 21 take minutes (`.ci/deep`
 /// plays them); proptests in src/cpu and tests/gpu_paths.rs go through the rest.
-const VARIANTS: [(DeltaFormat, Accumulate, u32); 5] = [
+const VARIANTS: [(DeltaFormat, Accumulate, u32); 6] = [
     (DeltaFormat::BlockFloat32, FLOAT, 1),
     (DeltaFormat::Fast, FLOAT, 2),
     (DeltaFormat::Fast, Accumulate::Exact, 3),
     (DeltaFormat::Small, FLOAT, 2),
     (DeltaFormat::Small, Accumulate::Exact, 1),
+    (DeltaFormat::Pair, Accumulate::Exact, 2),
 ];
 
 /// Play a whole clip on lavapipe and on the CPU: every 20th frame and the last within what the path promises.

@@ -3,12 +3,11 @@
 #[path = "common/gpu.rs"]
 mod gpu;
 
-use deltamorph::engine::{CrowdDesc, DeviceCaps, MorphEngine};
 use deltamorph::headless::{Headless, HeadlessCrowd};
-use deltamorph::pack::{DeltaFormat, PackedMesh};
-use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::testing;
+use deltamorph::{
+    Accumulate, BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing,
+};
 use gpu::on_every_device;
 
 const TARGETS: usize = 12;
@@ -24,6 +23,8 @@ fn kernels(engine: &MorphEngine) -> Vec<(DeltaFormat, UpdateDesc)> {
         (DeltaFormat::Fast, exact),
         (DeltaFormat::Small, UpdateDesc { slots: 3, ..blocks }),
         (DeltaFormat::Small, UpdateDesc { slots: 1, ..exact }),
+        (DeltaFormat::Pair, UpdateDesc { slots: 1, ..blocks }),
+        (DeltaFormat::Pair, UpdateDesc { slots: 3, ..exact }),
     ];
     if engine.caps().transform_feedback.is_some() {
         list.push((DeltaFormat::Snorm16, UpdateDesc::new(UpdatePath::Feedback, BatchSize::Targets(4))));

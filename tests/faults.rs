@@ -3,14 +3,12 @@
 #[path = "common/gpu.rs"]
 mod gpu;
 
-use deltamorph::engine::MorphEngine;
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
-use deltamorph::pack::{DeltaFormat, PackedMesh};
-use deltamorph::plan::hazards::{Event, HazardChecker, Violation};
-use deltamorph::plan::schedule::{Entry, asset_uploaded};
-use deltamorph::plan::{BatchSize, Source, UpdateDesc, UpdatePath};
+use deltamorph::internals::plan::Source;
+use deltamorph::internals::plan::hazards::{Event, HazardChecker, Violation};
+use deltamorph::internals::plan::schedule::{Entry, asset_uploaded};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::testing;
+use deltamorph::{BatchSize, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing};
 use gpu::{on_every_device, single, update_descs, weights};
 
 fn packed(engine: &MorphEngine, format: DeltaFormat) -> PackedMesh {

@@ -3,13 +3,12 @@
 #[path = "common/gpu.rs"]
 mod gpu;
 
-use deltamorph::cpu::CpuCrowd;
-use deltamorph::engine::{DeviceCaps, MorphEngine, TransformFeedbackCaps};
 use deltamorph::headless::{Headless, HeadlessCrowd};
-use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::plan::{Accumulate, UpdateDesc, UpdateMode, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::testing;
+use deltamorph::{
+    Accumulate, CpuCrowd, DeltaFormat, DeviceCaps, MorphEngine, PackDesc, PackedMesh, TransformFeedbackCaps,
+    UpdateDesc, UpdateMode, UpdatePath, testing,
+};
 use gpu::{NORMAL, POSITION, applied, in_eight_chunks, is_kept, on_every_device, single, update_descs, weights};
 
 fn packed(engine: &MorphEngine, vertices: usize, targets: usize, format: DeltaFormat) -> PackedMesh {
@@ -146,7 +145,7 @@ fn limits_are_kept_or_refused_with_the_numbers() {
                 return;
             }
             let mesh = PackedMesh::pack(&testing::mesh(1000, 5), &PackDesc::default()).expect("a mesh");
-            let desc = UpdateDesc::new(path, deltamorph::plan::BatchSize::Targets(1));
+            let desc = UpdateDesc::new(path, deltamorph::BatchSize::Targets(1));
             let error = HeadlessCrowd::new(headless, &mesh, &single(desc)).err().expect("refused").to_string();
             assert!(words.iter().all(|w| error.contains(w)), "{error}");
         });
@@ -169,10 +168,10 @@ fn limits_are_kept_or_refused_with_the_numbers() {
 #[test]
 fn a_crowd_of_heads_in_one_recording() {
     on_every_device(|headless, engine| {
-        for format in [DeltaFormat::Float32, DeltaFormat::Fast, DeltaFormat::Small] {
+        for format in [DeltaFormat::Float32, DeltaFormat::Fast, DeltaFormat::Small, DeltaFormat::Pair] {
             let mesh = packed(engine, 200, 11, format);
             for update in update_descs(engine, format) {
-                let desc = deltamorph::engine::CrowdDesc { instances: 3, ..single(update) };
+                let desc = deltamorph::CrowdDesc { instances: 3, ..single(update) };
                 let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
                 for frame in 0..4 {
                     let weights: Vec<Vec<f32>> = (0..3).map(|i| weights(&mesh, frame * i, i)).collect();
@@ -207,7 +206,7 @@ fn passes_are_the_coefficients_over_the_batch_size_and_a_still_face_records_noth
             weights[3..12].fill(-1.0);
             let nine = passes(&weights);
             assert_eq!((nine.coefficients, nine.passes), (9, desc.batch.passes(9)), "{desc:?}");
-            assert_eq!(passes(&weights), deltamorph::plan::UpdateStats::default(), "{desc:?}");
+            assert_eq!(passes(&weights), deltamorph::UpdateStats::default(), "{desc:?}");
             // SAFETY: nothing is changed.
             let step = unsafe { crowd.step_tampered(&[&weights], |entries| assert!(entries.is_empty())) };
             assert_eq!(step.expect("a step").0.update.stats.bytes_moved, 0);
@@ -253,7 +252,7 @@ fn the_same_poses_on_every_driver() {
     let poses = std::cell::RefCell::new(Vec::<(String, Vec<f32>)>::new());
     on_every_device(|headless, engine| {
         let mesh = packed(engine, 500, 24, DeltaFormat::Float32);
-        let desc = UpdateDesc::new(UpdatePath::Compute, deltamorph::plan::BatchSize::Targets(8));
+        let desc = UpdateDesc::new(UpdatePath::Compute, deltamorph::BatchSize::Targets(8));
         let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
         for frame in 0..10 {
             crowd.step(&[&weights(&mesh, frame, 3)]).expect("a step");
@@ -272,7 +271,7 @@ fn the_same_poses_on_every_driver() {
 fn a_device_says_why_feedback_is_missing_and_what_takes_its_place() {
     gpu::on_device("SwiftShader", false, |headless, engine| {
         let mesh = packed(engine, 10, 2, DeltaFormat::Float32);
-        let desc = UpdateDesc::new(UpdatePath::Feedback, deltamorph::plan::BatchSize::Targets(1));
+        let desc = UpdateDesc::new(UpdatePath::Feedback, deltamorph::BatchSize::Targets(1));
         let error = HeadlessCrowd::new(headless, &mesh, &single(desc)).err().expect("refused");
         let text = error.to_string();
         assert!(text.contains("'feedback'") && text.contains("SwiftShader"), "{text}");
@@ -286,7 +285,7 @@ fn timestamps_cover_the_whole_update() {
         // Large enough for the update to dwarf a submit.
         let mesh = packed(engine, 40_000, 8, DeltaFormat::Float32);
         for path in [UpdatePath::Feedback, UpdatePath::Compute] {
-            let desc = UpdateDesc::new(path, deltamorph::plan::BatchSize::Targets(1));
+            let desc = UpdateDesc::new(path, deltamorph::BatchSize::Targets(1));
             let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
             // Where nothing separates it from the timestamp, Mesa 22.3 skips the first pass of transform feedback: an
             // update of one pass then seems to take no time. The device's own times alone, the best of a few.
@@ -347,7 +346,7 @@ fn any_sequence_of_weights_equals_the_reference() {
 /// Integer sums and the poses decoded from them: the same bits on every driver, on the CPU, and after a fresh rebuild.
 #[test]
 fn exact_sums_are_the_same_bits_everywhere() {
-    for format in [DeltaFormat::Fast, DeltaFormat::Small] {
+    for format in DeltaFormat::BLOCKS.into_iter().filter(|format| format.has_integers()) {
         let mesh = PackedMesh::pack(&testing::mesh(500, 24), &PackDesc::new(format)).expect("a mesh that fits");
         let mesh = std::sync::Arc::new(mesh);
         let exact = UpdateDesc { accumulate: Accumulate::Exact, ..UpdateDesc::blocks() };

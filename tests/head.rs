@@ -1,8 +1,9 @@
 //! The built-in head and its clip.
 
-use deltamorph::mesh::head::{HeadDesc, head, head_clip};
-use deltamorph::mesh::obj::{ObjMesh, import_folder, write_obj};
-use deltamorph::mesh::{MorphSource, Tolerance, diagonal};
+use deltamorph::import::obj::{ObjMesh, import_folder, write_obj};
+use deltamorph::import::sample::{HeadDesc, head, head_clip};
+use deltamorph::internals::diagonal;
+use deltamorph::{MorphSource, Tolerance};
 use glam::Vec3;
 use std::collections::HashMap;
 

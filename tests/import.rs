@@ -2,8 +2,8 @@
 
 mod common;
 
-use deltamorph::mesh::obj::{ObjFile, ObjMesh, import_folder, write_obj, write_obj_to};
-use deltamorph::mesh::{MorphSource, Tolerance};
+use deltamorph::import::obj::{ObjFile, ObjMesh, import_folder, write_obj, write_obj_to};
+use deltamorph::{MorphSource, Tolerance};
 use glam::Vec3;
 use proptest::prelude::*;
 use std::path::Path;
@@ -377,7 +377,7 @@ proptest! {
 #[cfg(feature = "csv")]
 mod real {
     use super::*;
-    use deltamorph::mesh::MorphMesh;
+    use deltamorph::MorphMesh;
     use glam::DVec3;
 
     fn kept(mesh: &MorphMesh) -> f64 {
@@ -397,7 +397,7 @@ mod real {
 
     /// The largest error that the default tolerance makes over a clip, as a fraction of the diagonal.
     fn error_over_clip(source: &MorphSource, folder: &Path, clip: &str) -> f64 {
-        let clip = deltamorph::weights::csv::read(&folder.join("weights").join(clip), None).unwrap();
+        let clip = deltamorph::import::csv::read(&folder.join("weights").join(clip), None).unwrap();
         assert_eq!(clip.fps, if clip.name.contains("24fps") { 24.0 } else { 30.0 });
         let names: Vec<&str> = source.targets.iter().map(|t| t.name.as_str()).collect();
         let (raw, mesh) = (source.to_mesh(Tolerance::ZERO).unwrap(), source.to_mesh(Tolerance::default()).unwrap());

@@ -5,14 +5,13 @@ mod data;
 #[path = "common/gpu.rs"]
 mod gpu;
 
-use deltamorph::cpu::CpuCrowd;
 use deltamorph::headless::HeadlessCrowd;
-use deltamorph::mesh::{MorphMesh, MorphSource, Tolerance, obj};
-use deltamorph::pack::file::Asset;
-use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::plan::{BatchSize, UpdateDesc, UpdatePath};
-use deltamorph::reference::{PoseError, compare, evaluate, evaluate_unpacked};
-use deltamorph::weights::csv;
+use deltamorph::import::{csv, obj};
+use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
+use deltamorph::{
+    Asset, BatchSize, CpuCrowd, DeltaFormat, MorphMesh, MorphSource, PackDesc, PackedMesh, PoseError, Tolerance,
+    UpdateDesc, UpdatePath,
+};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};

@@ -3,12 +3,9 @@
 #[path = "common/gpu.rs"]
 mod gpu;
 
-use deltamorph::engine::{CrowdDesc, MorphEngine};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
-use deltamorph::pack::{DeltaFormat, PackedMesh};
-use deltamorph::plan::UpdateDesc;
-use deltamorph::reference::{PoseError, compare, evaluate};
-use deltamorph::testing;
+use deltamorph::reference::{compare, evaluate};
+use deltamorph::{CrowdDesc, DeltaFormat, MorphEngine, PackedMesh, PoseError, UpdateDesc, testing};
 use gpu::{applied, on_every_device, single, update_descs, weights};
 
 /// Run `test` for every path and batch size of every device, on a fresh crowd that has shown two frames.
@@ -140,9 +137,9 @@ fn misuse_is_an_error_that_says_what_to_do() {
         refuse(CrowdDesc { instances: 0, ..single(desc) }, "0 instances");
         refuse(CrowdDesc { frames_in_flight: 0, ..single(desc) }, "0 frames in flight");
         refuse(CrowdDesc { instances: 1 << 24, ..single(desc) }, "make several crowds");
-        let batch = deltamorph::plan::BatchSize::Targets(99);
+        let batch = deltamorph::BatchSize::Targets(99);
         refuse(single(UpdateDesc { batch, ..desc }), "batch size 99");
-        let path = deltamorph::plan::UpdatePath::Cpu;
+        let path = deltamorph::UpdatePath::Cpu;
         refuse(single(UpdateDesc { path, ..desc }), "use CpuCrowd");
 
         let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");

@@ -1,13 +1,12 @@
 //! Split meshes: what is doubled at a seam in the texture coordinates stays together bit for bit in every pose, and is
 //! drawn from one index buffer.
 
-use deltamorph::asset::{MorphMesh, MorphSource, Tolerance};
-use deltamorph::cpu::CpuCrowd;
 use deltamorph::import::sample::{HeadDesc, head};
-use deltamorph::pack::blocks::{BLOCK_SIZES, BlockDesc};
-use deltamorph::pack::{DeltaFormat, POSE_FLOATS, PackDesc, PackedMesh};
-use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
 use deltamorph::reference::evaluate;
+use deltamorph::{
+    Accumulate, BLOCK_SIZES, BatchSize, BlockDesc, CpuCrowd, DeltaFormat, MorphMesh, MorphSource, POSE_FLOATS,
+    PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdatePath,
+};
 use glam::{Vec2, Vec3};
 use std::sync::Arc;
 
@@ -94,7 +93,7 @@ fn doubled_vertices_are_equal_bit_for_bit_in_every_pose() {
 #[test]
 fn a_mesh_is_drawn_with_texture_coordinates_from_one_index_buffer() {
     let source = charts();
-    let fans = |face: &[deltamorph::asset::Corner]| {
+    let fans = |face: &[deltamorph::Corner]| {
         (1..face.len() - 1).flat_map(|i| [face[0], face[i], face[i + 1]]).collect::<Vec<_>>()
     };
     let expected: Vec<(Vec3, Vec2)> = (source.faces.iter().flat_map(fans))

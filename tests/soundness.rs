@@ -3,16 +3,12 @@
 #[path = "common/gpu.rs"]
 mod gpu;
 
-use deltamorph::ErrorKind;
-use deltamorph::cpu::CpuCrowd;
-use deltamorph::engine::{Crowd, GpuMesh, MorphEngine};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
-use deltamorph::mesh::{MorphSource, SourceTarget, Tolerance};
-use deltamorph::pack::blocks::BlockDesc;
-use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::testing;
+use deltamorph::{
+    Accumulate, BatchSize, BlockDesc, CpuCrowd, Crowd, DeltaFormat, ErrorKind, GpuMesh, MorphEngine, MorphSource,
+    PackDesc, PackedMesh, SourceTarget, Tolerance, UpdateDesc, UpdatePath, testing,
+};
 use gpu::{applied, drivers, on_every_device, single, update_descs, weights};
 use std::sync::Arc;
 

@@ -1,14 +1,13 @@
 //! The SPIR-V modules: checked in and compiled are the same, and declare what the table of kernels and the host's
 //! structures say.
 
-use deltamorph::abi::kernels::{Buffer, DeviceClass, Push, Stage, Workgroup};
-use deltamorph::abi::modules::{CROWD_TEXELS, MANIFEST, MODULES, Module};
-use deltamorph::abi::numbers::{RECORD_WORDS, WORKGROUP};
-use deltamorph::abi::push::{DenseListEntry, attribute_push_bytes};
-use deltamorph::abi::worklist::TILE;
-use deltamorph::pack::blocks::BLOCK_SIZES;
-use deltamorph::pack::{DeltaFormat, POSE_STRIDE};
-use deltamorph::update::animated::HeadRecord;
+use deltamorph::internals::abi::kernels::{Buffer, Push, Stage, Workgroup};
+use deltamorph::internals::abi::modules::{CROWD_TEXELS, MANIFEST, MODULES, Module};
+use deltamorph::internals::abi::numbers::{RECORD_WORDS, WORKGROUP};
+use deltamorph::internals::abi::push::{DenseListEntry, attribute_push_bytes};
+use deltamorph::internals::abi::worklist::TILE;
+use deltamorph::internals::update::animated::HeadRecord;
+use deltamorph::{BLOCK_SIZES, DeltaFormat, DeviceClass, POSE_STRIDE};
 use spirq::prelude::*;
 use spirq::ty::StructType;
 use std::collections::{BTreeMap, BTreeSet};

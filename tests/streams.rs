@@ -4,16 +4,13 @@
 #[path = "common/gpu.rs"]
 mod gpu;
 
-use deltamorph::asset::streams::Semantic;
-use deltamorph::asset::{MorphSource, SourceTarget, Tolerance};
-use deltamorph::cpu::CpuCrowd;
-use deltamorph::engine::{Crowd, CrowdDesc, MorphEngine};
 use deltamorph::headless::{Headless, HeadlessCrowd};
-use deltamorph::pack::{DeltaFormat, PackDesc, PackedGroup, PackedMesh};
-use deltamorph::plan::hazards::{Event, HazardChecker};
-use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
+use deltamorph::internals::plan::hazards::{Event, HazardChecker};
 use deltamorph::reference::{compare_group, evaluate_group};
-use deltamorph::testing;
+use deltamorph::{
+    Accumulate, BatchSize, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, MorphEngine, MorphSource, PackDesc, PackedGroup,
+    PackedMesh, Semantic, SourceTarget, Tolerance, UpdateDesc, UpdatePath, testing,
+};
 use gpu::{NORMAL, POSITION, on_every_device, update_descs, weights};
 use std::sync::Arc;
 
@@ -240,7 +237,7 @@ fn views_say_where_streams_are() {
 fn the_cpu_updates_every_stream() {
     for format in DeltaFormat::ALL {
         let mesh = Arc::new(packed(&PackDesc::new(format)));
-        let exact = format == DeltaFormat::Fast || format == DeltaFormat::Small;
+        let exact = format.is_blocks() && format != DeltaFormat::BlockFloat32;
         for (slots, exact) in (1..4).flat_map(|slots| [(slots, false), (slots, true)]).filter(|(_, e)| !e || exact) {
             let accumulate = if exact { Accumulate::Exact } else { Accumulate::Float { tolerance: 1e-2 } };
             let desc = UpdateDesc { slots, accumulate, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
@@ -304,7 +301,7 @@ fn what_does_not_update_streams_refuses_them() {
             }
             let accumulate = if path == UpdatePath::Scatter { Accumulate::Exact } else { Accumulate::default() };
             let batch = if path == UpdatePath::DirectAttributes { BatchSize::Targets(1) } else { BatchSize::All };
-            let mode = deltamorph::plan::UpdateMode::Rebuild;
+            let mode = deltamorph::UpdateMode::Rebuild;
             let desc = CrowdDesc::new(UpdateDesc { accumulate, mode, ..UpdateDesc::new(path, batch) });
             let made = HeadlessCrowd::new(headless, &packed(&engine.pack_desc(format)), &desc);
             let text = made.err().expect("a refusal").to_string();

@@ -3,14 +3,11 @@
 #[path = "common/gpu.rs"]
 mod gpu;
 
-use deltamorph::engine::{Crowd, CrowdDesc};
 use deltamorph::headless::{HeadlessCrowd, Step};
-use deltamorph::pack::{DeltaFormat, PackedMesh};
-use deltamorph::plan::hazards::{Event, HazardChecker};
-use deltamorph::plan::schedule::asset_uploaded;
-use deltamorph::plan::{BatchSize, UpdateDesc, UpdatePath};
+use deltamorph::internals::plan::hazards::{Event, HazardChecker};
+use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::testing;
+use deltamorph::{BatchSize, Crowd, CrowdDesc, DeltaFormat, PackedMesh, UpdateDesc, UpdatePath, testing};
 use gpu::{applied, on_every_device, update_descs, weights};
 
 #[test]

@@ -6,11 +6,9 @@ use crate::output::{Failure, Output};
 use crate::stage::{Setup, Stage};
 use crate::verify::Promise;
 use deltamorph::headless::DeviceChoice;
-use deltamorph::mesh::MorphMesh;
-use deltamorph::mesh::obj::{ObjMesh, write_obj};
-use deltamorph::pack::POSE_FLOATS;
-use deltamorph::plan::UpdatePath;
+use deltamorph::import::obj::{ObjMesh, write_obj};
 use deltamorph::reference::{SHORTEST_NORMAL, compare, evaluate};
+use deltamorph::{MorphMesh, POSE_FLOATS, UpdatePath};
 use glam::Vec3;
 use serde::Serialize;
 

@@ -7,11 +7,8 @@ pub mod values;
 use bench::BenchArgs;
 use clap::{Args, Parser, Subcommand};
 use deltamorph::headless::DeviceChoice;
-use deltamorph::mesh::Tolerance;
-use deltamorph::mesh::head::HeadDesc;
-use deltamorph::pack::DeltaFormat;
-use deltamorph::pack::blocks::BlockDesc;
-use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph::import::sample::HeadDesc;
+use deltamorph::{Accumulate, BatchSize, BlockDesc, DeltaFormat, Tolerance, UpdateDesc, UpdateMode, UpdatePath};
 use play::{PlayArgs, SoakArgs};
 use std::path::PathBuf;
 use values::{BatchSpec, BudgetSpec, Projection, WeightSetting, format_on};
@@ -87,7 +84,7 @@ pub struct SampleArgs {
 pub struct PackFileArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// Storage of the deltas: fast, small or block-float32
+    /// Storage of the deltas: a format in blocks
     #[arg(long, value_name = "FORMAT", value_parser = values::format(), default_value = "small")]
     pub format: DeltaFormat,
     #[command(flatten)]

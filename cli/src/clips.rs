@@ -3,8 +3,8 @@
 use crate::args::InputArgs;
 use crate::input::{self, Input};
 use crate::output::Failure;
+use deltamorph::BoundClip;
 use deltamorph::import::{csv, sample};
-use deltamorph::weights::BoundClip;
 use std::path::Path;
 
 /// Frames of the built-in head's clip, as `sample` writes them.

@@ -2,10 +2,8 @@
 
 use crate::output::{Failure, Output};
 use crate::table::{Table, bytes};
-use deltamorph::engine::{DeviceCaps, requirements};
 use deltamorph::headless::{DeviceChoice, Headless};
-use deltamorph::pack::DeltaFormat;
-use deltamorph::plan::UpdatePath;
+use deltamorph::{DeltaFormat, DeviceCaps, UpdatePath, requirements};
 use serde::Serialize;
 
 #[derive(Serialize)]

@@ -10,9 +10,7 @@ use crate::clips;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
 use crate::table::{Table, bytes, percent, sig3, thousands};
-use deltamorph::mesh::{MorphMesh, MorphTarget};
-use deltamorph::pack::DeltaFormat;
-use deltamorph::weights::BoundClip;
+use deltamorph::{BoundClip, DeltaFormat, MorphMesh, MorphTarget};
 use glam::Vec3;
 use record::{Blocks, ClipRow, Info, Overlap, TargetRow};
 

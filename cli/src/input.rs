@@ -2,11 +2,8 @@
 
 use crate::args::InputArgs;
 use crate::output::{Failure, Output};
-use deltamorph::asset::{MorphMesh, Tolerance};
-use deltamorph::import::{self, ImportDesc, Imported, ImportedMesh, sample as head};
-use deltamorph::pack::PackedMesh;
-use deltamorph::pack::file::Asset;
-use deltamorph::weights::BoundClip;
+use deltamorph::import::{ImportDesc, Imported, ImportedMesh, sample as head};
+use deltamorph::{Asset, BoundClip, MorphMesh, PackedMesh, Tolerance, import};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -174,7 +171,7 @@ fn refuse_tolerance(args: &InputArgs, held: Tolerance, path: &Path) -> Result<()
 #[cfg(test)]
 mod tests {
     use super::*;
-    use deltamorph::pack::{DeltaFormat, PackDesc};
+    use deltamorph::{DeltaFormat, PackDesc};
 
     #[test]
     fn packed_files_are_read_and_named_in_errors() {

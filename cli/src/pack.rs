@@ -4,9 +4,7 @@ use crate::args::PackFileArgs;
 use crate::input;
 use crate::output::{Failure, Output};
 use crate::table::{bytes, sig3, thousands};
-use deltamorph::pack::blocks::BlockIndex;
-use deltamorph::pack::file::Asset;
-use deltamorph::pack::{DeltaFormat, PackDesc};
+use deltamorph::{Asset, BlockIndex, DeltaFormat, PackDesc};
 use serde::Serialize;
 use std::path::Path;
 use std::sync::Arc;
@@ -56,7 +54,8 @@ fn is_packed(path: &Path) -> bool {
 
 pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     let format = Some(args.format).filter(|f| f.is_blocks()).ok_or_else(|| {
-        Failure::Usage("--format: packed files hold blocks; name fast, small or block-float32".into())
+        let names = DeltaFormat::BLOCKS.map(DeltaFormat::name).join(", ");
+        Failure::Usage(format!("--format: packed files hold blocks; name one of {names}"))
     })?;
     if !is_packed(&args.output) {
         let name = args.output.display();

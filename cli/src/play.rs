@@ -12,11 +12,8 @@ use crate::table::{Table, bytes, percent, sig3, thousands};
 use crate::verify::{Found, Promise};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::internals::Rng;
-use deltamorph::mesh::MorphMesh;
-use deltamorph::pack::{POSE_STRIDE, PackedMesh};
-use deltamorph::plan::{Accumulate, UpdatePath};
 use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
-use deltamorph::weights::{BoundClip, WeightClip};
+use deltamorph::{Accumulate, BoundClip, MorphMesh, POSE_STRIDE, PackedMesh, UpdatePath, WeightClip};
 use record::{FrameRow, Planned, Played, Summary};
 use std::sync::Arc;
 

@@ -3,14 +3,11 @@
 use crate::args::PackArgs;
 use crate::input::Input;
 use crate::output::{Failure, Output};
-use deltamorph::cpu::CpuCrowd;
-use deltamorph::engine::{AnimatedCrowd, CrowdDesc, DeviceCaps};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, PoseUpload, Step};
-use deltamorph::pack::blocks::BlockDesc;
-use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::plan::{UpdateDesc, UpdatePath, UpdateStats};
-use deltamorph::update::animated::{AnimationDesc, KeyFormat, Playback, Repeat};
-use deltamorph::weights::WeightClip;
+use deltamorph::{
+    AnimatedCrowd, AnimationDesc, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, DeviceCaps, KeyFormat, PackDesc,
+    PackedMesh, Playback, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
+};
 use std::sync::Arc;
 use std::time::Instant;
 

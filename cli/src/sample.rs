@@ -3,9 +3,9 @@
 use crate::args::SampleArgs;
 use crate::output::{Failure, Output, create_folder};
 use crate::table::thousands;
-use deltamorph::mesh::obj::{ObjMesh, write_obj};
-use deltamorph::mesh::{MorphSource, head};
-use deltamorph::weights::csv;
+use deltamorph::MorphSource;
+use deltamorph::import::obj::{ObjMesh, write_obj};
+use deltamorph::import::{csv, sample as head};
 use glam::Vec3;
 use std::path::Path;
 
@@ -96,8 +96,9 @@ fn add(to: &mut [Vec3], deltas: &[(u32, Vec3)]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use deltamorph::mesh::head::HeadDesc;
-    use deltamorph::mesh::{Tolerance, obj};
+    use deltamorph::Tolerance;
+    use deltamorph::import::obj;
+    use deltamorph::import::sample::HeadDesc;
 
     #[test]
     fn only_empty_folders_are_written_to() {

@@ -6,9 +6,7 @@ use crate::input::Input;
 use crate::output::{Failure, Output};
 use crate::runner::{Gpu, Runner, packed};
 use deltamorph::headless::DeviceChoice;
-use deltamorph::pack::{DeltaFormat, PackedLayout, PackedMesh};
-use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
-use deltamorph::weights::WeightClip;
+use deltamorph::{Accumulate, BatchSize, DeltaFormat, PackedLayout, PackedMesh, UpdateDesc, UpdatePath, WeightClip};
 use serde::Serialize;
 use std::sync::Arc;
 

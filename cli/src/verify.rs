@@ -1,9 +1,6 @@
 //! What an update path promises, and whether a pose keeps it: one rule for `bench`, `play` and `soak`.
 
-use deltamorph::pack::PackedLayout;
-use deltamorph::pack::blocks::ExactGrid;
-use deltamorph::plan::{Accumulate, UpdateDesc};
-use deltamorph::reference::PoseError;
+use deltamorph::{Accumulate, ExactGrid, PackedLayout, PoseError, UpdateDesc};
 
 /// A result is right when positions are within this fraction of the diagonal …
 const POSITION_BOUND: f64 = 3e-6;
@@ -89,8 +86,7 @@ impl Promise {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
-    use deltamorph::plan::{BatchSize, UpdatePath};
+    use deltamorph::{BatchSize, DeltaFormat, PackDesc, PackedMesh, UpdatePath};
 
     #[test]
     fn every_kind_of_sums_has_its_own_promise() {

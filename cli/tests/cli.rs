@@ -325,7 +325,7 @@ fn a_packed_file_is_an_input_everywhere() {
         (&["info", "none.dmorph"], 1, "none.dmorph: no such file"),
         (&["pack", &file, "-o", &file], 2, "would be written over"),
         (&["pack", &dir, "-o", &path("head.bin")], 2, "name it *.dmorph"),
-        (&["pack", &dir, "-o", &file, "--format", "snorm16"], 2, "name fast, small or block-float32"),
+        (&["pack", &dir, "-o", &file, "--format", "snorm16"], 2, "name one of block-float32, fast, small, pair"),
         (&["pack", &dir, "-o", "/nonexistent/a.dmorph"], 1, "/nonexistent/a.dmorph"),
         (&["info", &file, "--tolerance", "0.1"], 2, "was packed with a tolerance of"),
         (&["apply", &file, "-o", &file, "--set", "eyeBlinkLeft=1"], 2, "would be written over"),

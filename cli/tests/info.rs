@@ -14,7 +14,7 @@ fn the_report_states_error_against_bytes() {
     assert!(plain.get("sweep").is_none() && plain.get("poses").is_none());
     assert_eq!(plain["blocks"]["size"], 32);
     let names: Vec<&str> = plain["formats"].as_array().unwrap().iter().map(|f| f["name"].as_str().unwrap()).collect();
-    assert_eq!(names, ["float32", "snorm16", "block-float32", "fast", "small"]);
+    assert_eq!(names, ["float32", "snorm16", "block-float32", "fast", "small", "pair"]);
 
     // Twice: a report takes the place of an earlier one.
     let report = ["--report", dir.to_str().unwrap()];
@@ -32,7 +32,7 @@ fn the_report_states_error_against_bytes() {
         assert!(line.iter().all(|r| number(r, "position_error_rel") <= 1.0001 * number(r, "position_allowed_rel")));
     }
     let poses = out["poses"].as_array().unwrap();
-    assert_eq!(poses.len(), 5, "five formats, one clip");
+    assert_eq!(poses.len(), 6, "six formats, one clip");
     for pose in poses {
         assert_eq!((&pose["clip"], &pose["frames"]), (&"head".into(), &32.into()));
         assert!(number(pose, "position_error_rel") < 1e-4 && pose["normal_error_deg"].is_number(), "{pose}");

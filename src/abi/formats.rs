@@ -1,63 +1,110 @@
 //! The delta formats: the one list that build.rs, the library, the command line and the tests share.
 //!
+//! A new format is an item of `delta_formats!` and its two files, src/pack/formats/FILE.rs and glsl/formats/FILE.glsl.
 //! Plain data without dependencies, since build.rs includes this file.
+
+/// Expand a macro with arguments and the list: dense formats, then those in blocks.
+///
+/// An item is the documentation of a `DeltaFormat`, whose first line the command line shows; its name; its files' name;
+/// and the fields of its [`FormatRow`] that are not what [`dense`](FormatRow::dense) or [`blocks`](FormatRow::blocks)
+/// state. Items are appended: reports and tables are in this order.
+macro_rules! delta_formats {
+    ($expanded:ident $arguments:tt) => {
+        $expanded! { $arguments
+            dense {
+                /// Dense, six float32: 24 bytes per vertex and target.
+                ///
+                /// Exact. Two vertex attributes a target.
+                Float32 float32 { attributes: 2 }
+
+                /// Dense, six signed 16-bit integers: 12 bytes per vertex and target.
+                ///
+                /// In three words, one vertex attribute a target. Value = integer × step, a step for the first triple
+                /// per target, and a power of two times that step for the second.
+                Snorm16 snorm16 { attributes: 1, exponents: true }
+            }
+            blocks {
+                /// In blocks, six float32: 24 bytes per vertex and entry.
+                ///
+                /// Exact, but not for [`Accumulate::Exact`](crate::plan::Accumulate).
+                BlockFloat32 block_float32 { id: 1, name: "block-float32" }
+
+                /// In blocks, 9 bytes per vertex and entry.
+                ///
+                /// 15 bits a component in the first triple and 9 in the second, in planes that a kernel reads as three
+                /// words.
+                Fast fast { id: 2, integers: true, texels: true }
+
+                /// In blocks, as few bits as the error allows, for the vertices that move only: the fewest bytes.
+                ///
+                /// Bit widths per entry and component.
+                Small small { id: 3, integers: true }
+
+                /// In blocks, 8 bytes per vertex and entry.
+                ///
+                /// 13 bits a component in the first triple and 8 in the second, in two words side by side that a
+                /// kernel loads at once. Coarser than [`Fast`](Self::Fast) where a target moves far: the step of such
+                /// an entry is larger than the errors allowed make it. With the default errors (1e-5 of the diagonal,
+                /// 0.5°) a face of 57 targets (ICT-FaceKit) came out at 1.7e-5 and 0.72° (`fast`: 1.0e-5 and 0.50°),
+                /// one of 52 (facecap) at 3.6e-5 and 0.77° (`fast`: 1.0e-5 and 0.63°), in 89% of the bytes of `fast`.
+                /// [`BlockIndex::error`](crate::pack::blocks::BlockIndex::error) has what was measured for a mesh.
+                Pair pair { id: 4, integers: true }
+            }
+        }
+    };
+}
+pub(crate) use delta_formats;
 
 /// A delta format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FormatRow {
     /// Name on the command line and in reports.
     pub name: &'static str,
+    /// What it is, in a line.
+    pub summary: &'static str,
+    /// Name of its files, without the ending; part of the names of SPIR-V modules.
+    pub file: &'static str,
     /// Number in packed files; 0: it has no file.
     pub id: u32,
     /// Deltas lie in blocks; otherwise they are dense.
     pub blocks: bool,
     /// Deltas are integers on a grid of one step per triple, so that sums can be exact.
     pub integers: bool,
-    /// Part of the names of SPIR-V modules.
-    pub module: &'static str,
-    /// The GLSL file of the format, under glsl/formats/.
-    pub glsl: &'static str,
     /// Vertex attributes of one target in a vertex pass (dense formats).
     pub attributes: u32,
+    /// A vertex pass is given a signed byte for each target: the power of two between its two steps.
+    pub exponents: bool,
+    /// The GLSL file has entries loaded as texels, too (formats in blocks; `TEXELS` in blocks.glsl).
+    pub texels: bool,
 }
 
-/// Every format, in the order of `DeltaFormat::ALL`.
-pub const FORMATS: [FormatRow; 5] = [
-    FormatRow {
-        name: "float32",
-        id: 0,
-        blocks: false,
-        integers: false,
-        module: "float32",
-        glsl: "float32.glsl",
-        attributes: 2,
-    },
-    FormatRow {
-        name: "snorm16",
-        id: 0,
-        blocks: false,
-        integers: false,
-        module: "snorm16",
-        glsl: "snorm16.glsl",
-        attributes: 1,
-    },
-    FormatRow {
-        name: "block-float32",
-        id: 1,
-        blocks: true,
-        integers: false,
-        module: "float32",
-        glsl: "block_float32.glsl",
-        attributes: 0,
-    },
-    FormatRow { name: "fast", id: 2, blocks: true, integers: true, module: "fast", glsl: "fast.glsl", attributes: 0 },
-    FormatRow {
-        name: "small",
-        id: 3,
-        blocks: true,
-        integers: true,
-        module: "small",
-        glsl: "small.glsl",
-        attributes: 0,
-    },
-];
+impl FormatRow {
+    const fn dense(file: &'static str, summary: &'static str) -> Self {
+        Self {
+            name: file,
+            summary: summary.trim_ascii(),
+            file,
+            id: 0,
+            blocks: false,
+            integers: false,
+            attributes: 0,
+            exponents: false,
+            texels: false,
+        }
+    }
+
+    const fn blocks(file: &'static str, summary: &'static str) -> Self {
+        Self { blocks: true, ..Self::dense(file, summary) }
+    }
+}
+
+macro_rules! rows {
+    (() $($layout:ident {
+        $(#[doc = $summary:literal] $(#[doc = $more:literal])* $name:ident $file:ident { $($fields:tt)* })*
+    })*) => {
+        /// Every format, in the order of `DeltaFormat::ALL`.
+        pub const FORMATS: &[FormatRow] =
+            &[$($(FormatRow { $($fields)*, ..FormatRow::$layout(stringify!($file), $summary) }),*),*];
+    };
+}
+delta_formats!(rows());

@@ -44,8 +44,8 @@ pub enum Takes {
     Blocks,
     /// A module for each format in blocks whose deltas are integers.
     Integers,
-    /// A module for the format of this name.
-    Only(&'static str),
+    /// A module for each format whose entries are loaded as texels, too.
+    Texels,
 }
 
 impl Takes {
@@ -56,7 +56,7 @@ impl Takes {
             Self::Dense | Self::DenseBatches => !format.blocks,
             Self::Blocks => format.blocks,
             Self::Integers => format.blocks && format.integers,
-            Self::Only(name) => format.name == name,
+            Self::Texels => format.texels,
         }
     }
 }
@@ -115,7 +115,7 @@ pub type Binding = (u32, Buffer);
 /// A kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct KernelRow {
-    /// Names of modules are this, the format's `module`, and the suffix, with underscores between.
+    /// Names of modules are this, the format's `file`, and the suffix, with underscores between.
     pub name: &'static str,
     /// End of the names.
     pub suffix: &'static str,
@@ -123,7 +123,7 @@ pub struct KernelRow {
     pub source: &'static str,
     /// Where it runs.
     pub stage: Stage,
-    /// What is defined beside the format's `module` (in capitals) and, with [`Takes::DenseBatches`], `BATCH`.
+    /// What is defined; with [`Takes::DenseBatches`] `BATCH`, too.
     pub defines: &'static [&'static str],
     /// The formats.
     pub takes: Takes,
@@ -244,7 +244,7 @@ pub const KERNELS: &[KernelRow] = &[
     KernelRow {
         suffix: "texels",
         defines: &["TEXELS"],
-        takes: Takes::Only("fast"),
+        takes: Takes::Texels,
         bindings: &[(0, Buffer::UniformTexels), (1, Buffer::UniformTexels), (2, PAIRS), (3, Buffer::StorageTexels)],
         aliased: &[2, 3],
         ..CROWD
@@ -252,7 +252,7 @@ pub const KERNELS: &[KernelRow] = &[
     KernelRow {
         suffix: "exact_texels",
         defines: &["EXACT", "TEXELS"],
-        takes: Takes::Only("fast"),
+        takes: Takes::Texels,
         bindings: &[
             (0, Buffer::UniformTexels),
             (1, Buffer::UniformTexels),
@@ -302,6 +302,7 @@ pub const KERNELS: &[KernelRow] = &[
 
 /// Kinds of devices, as far as kernels differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum DeviceClass {
     /// A driver that runs on the CPU.
     Software,
@@ -321,7 +322,7 @@ pub struct DeviceTuning {
     /// What loading and decoding an entry costs, in additions of it to one instance. Measured on lavapipe: 3 where
     /// deltas are in the cache, 8 where they are not.
     pub load_cost: u32,
-    /// Tiles of `fast` are read as texels, and single instances taken as tiles: software drivers pay for storage
+    /// Tiles are read as texels where the format can be, and single instances taken as tiles: software drivers pay for storage
     /// buffers lane by lane, and several times as much under the control flow that masks take.
     pub texels: bool,
 }

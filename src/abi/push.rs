@@ -200,11 +200,8 @@ impl Push {
     }
 }
 
-/// Bytes of push constants of a vertex pass over `batch` targets: a float each and, for snorm16, a signed byte each,
-/// padded to words.
+/// Bytes of push constants of a vertex pass over `batch` targets: a float each and, where the format has exponents, a
+/// signed byte each, padded to words.
 pub const fn attribute_push_bytes(format: DeltaFormat, batch: u32) -> u32 {
-    match format {
-        DeltaFormat::Snorm16 => 4 * batch + 4 * batch.div_ceil(4),
-        DeltaFormat::Float32 | DeltaFormat::BlockFloat32 | DeltaFormat::Fast | DeltaFormat::Small => 4 * batch,
-    }
+    4 * batch + if format.row().exponents { 4 * batch.div_ceil(4) } else { 0 }
 }

@@ -45,7 +45,7 @@ impl MorphSource {
     /// seam then, and no crack opens in any pose.
     ///
     /// ```
-    /// use deltamorph::asset::{MeshArrays, MorphSource, TargetArrays, Tolerance};
+    /// use deltamorph::{MeshArrays, MorphSource, TargetArrays, Tolerance};
     ///
     /// let smile = [[0.0, 0.0, 0.0], [0.0, 0.25, 0.0], [0.0, 0.0, 0.0]];
     /// let mesh = MorphSource::from_arrays(&MeshArrays {

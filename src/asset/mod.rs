@@ -10,7 +10,6 @@ mod render;
 mod source;
 pub mod streams;
 
-pub use crate::math::diagonal;
 pub use arrays::{MeshArrays, TargetArrays};
 pub use faces::{Corner, Faces};
 pub use mesh::{MorphMesh, MorphTarget, Tolerance};

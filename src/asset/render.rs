@@ -15,6 +15,7 @@ use std::collections::HashMap;
 /// Both `pose_vertices` and, for a mesh that is split, `indices` name vertices of the mesh:
 /// [`remap_indices`](crate::pack::PackedLayout::remap_indices) turns either into those of pose buffers.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct RenderVertices {
     /// The vertex of the mesh that a render vertex takes its position and normal from. Begins with every vertex of the
     /// mesh, in order; the rest are doubled ones.

@@ -34,6 +34,7 @@ pub struct Ticket {
 
 /// What an update recorded.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Update {
     /// For [`Crowd::discard`](super::Crowd::discard), should the command buffer never run.
     pub ticket: Ticket,
@@ -44,6 +45,7 @@ pub struct Update {
 
 /// Where a pose is. Positions start at `offset`, normals (not normalised) 12 bytes after; float32 × 3 each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct PoseView {
     /// The buffer; usable as vertex, storage and transfer-source buffer.
     pub buffer: vk::Buffer,

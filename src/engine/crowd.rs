@@ -9,14 +9,14 @@ use crate::plan::CrowdDesc;
 use crate::plan::instances::check_weights;
 use crate::update::animated::{Animated, Clips, Playback};
 
-/// Instances of one mesh on the device, whose weights are set. See the [module](super) for what the caller is
-/// responsible for.
+/// Instances of one mesh on the device, whose weights are set. [`MorphEngine`](crate::MorphEngine)
+/// says what the caller is responsible for.
 pub struct Crowd {
     pub(crate) base: CrowdBase,
 }
 
-/// Instances of one mesh on the device that play clips: weights are sampled, planned and applied on the GPU. See the
-/// [module](super) for what the caller is responsible for.
+/// Instances of one mesh on the device that play clips: weights are sampled, planned and applied on the GPU.
+/// [`MorphEngine`](crate::MorphEngine) says what the caller is responsible for.
 pub struct AnimatedCrowd {
     pub(crate) base: CrowdBase,
 }

@@ -1,34 +1,13 @@
-//! The public face: upload a mesh, make a crowd, record updates into the host's command buffer.
-//!
-//! The engine borrows the host's device and records; it never submits, waits, or creates a queue, thread or
-//! window. In frame order:
-//!
-//! 1. [`MorphEngine::new`] with the host's device, once; [`MorphEngine::upload`] records the copies of a
-//!    [`PackedMesh`](crate::pack::PackedMesh); [`MorphEngine::create_crowd`] makes pose buffers and pipelines.
-//! 2. Each frame: [`Crowd::set_weights`], then [`MorphEngine::record_update`] before the draws, then draw from
-//!    [`Crowd::pose`].
-//!
-//! Or the GPU does it all: [`MorphEngine::create_animated_crowd`] uploads clips, [`AnimatedCrowd::play`] says who plays
-//! which, and each frame takes [`AnimatedCrowd::set_time`] in place of weights.
-//!
-//! # What the caller is responsible for
-//! - Uploads, updates and draws run on queues of one family, with graphics and compute: the barriers name the
-//!   stages of both. Recorded updates run exactly once each, in the order recorded, on one queue (or ordered by
-//!   semaphores). An update that will never run is handed to [`Crowd::discard`], and only such a one, before anything
-//!   newer of the crowd is submitted.
-//! - At most [`CrowdDesc::frames_in_flight`] updates of a crowd are recorded and not yet finished. Updates that
-//!   recorded nothing and discarded ones do not count.
-//! - Engine, meshes and crowds are dropped only when the device has finished with them, and before the device
-//!   is destroyed. An allocator that the host shares is not locked by the host meanwhile.
+//! Upload a mesh, make a crowd, record updates into the host's command buffer. Knows no technique and no format.
 
 mod base;
 mod crowd;
 mod record;
 mod upload;
 
-pub use crate::gpu::caps::{DeviceCaps, DeviceKind, Requirement, TransformFeedbackCaps, requirements};
-pub use crate::gpu::device::{DeviceDesc, SharedAllocator};
-pub use crate::plan::{Consumers, CrowdDesc};
+pub use crate::gpu::caps::DeviceCaps;
+pub use crate::gpu::device::DeviceDesc;
+pub use crate::plan::CrowdDesc;
 pub use base::{AnyCrowd, PoseView, StreamView, Ticket, Update};
 pub use crowd::{AnimatedCrowd, Crowd};
 pub use upload::GpuMesh;
@@ -47,6 +26,27 @@ use std::any::Any;
 use std::sync::Arc;
 
 /// The engine: the host's device and the pipelines made so far.
+///
+/// The engine borrows the host's device and records; it never submits, waits, or creates a queue, thread or
+/// window. In frame order:
+///
+/// 1. [`MorphEngine::new`] with the host's device, once; [`MorphEngine::upload`] records the copies of a
+///    [`PackedMesh`](crate::PackedMesh); [`MorphEngine::create_crowd`] makes pose buffers and pipelines.
+/// 2. Each frame: [`Crowd::set_weights`], then [`MorphEngine::record_update`] before the draws, then draw from
+///    [`Crowd::pose`].
+///
+/// Or the GPU does it all: [`MorphEngine::create_animated_crowd`] uploads clips, [`AnimatedCrowd::play`] says who plays
+/// which, and each frame takes [`AnimatedCrowd::set_time`] in place of weights.
+///
+/// # What the caller is responsible for
+/// - Uploads, updates and draws run on queues of one family, with graphics and compute: the barriers name the
+///   stages of both. Recorded updates run exactly once each, in the order recorded, on one queue (or ordered by
+///   semaphores). An update that will never run is handed to [`Crowd::discard`], and only such a one, before anything
+///   newer of the crowd is submitted.
+/// - At most [`CrowdDesc::frames_in_flight`] updates of a crowd are recorded and not yet finished. Updates that
+///   recorded nothing and discarded ones do not count.
+/// - Engine, meshes and crowds are dropped only when the device has finished with them, and before the device
+///   is destroyed. An allocator that the host shares is not locked by the host meanwhile.
 pub struct MorphEngine {
     pub(crate) device: Arc<Device>,
     kernels: Kernels,

@@ -96,6 +96,7 @@ pub struct DeviceCaps {
 
 /// An extension or feature that a path needs, and why.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Requirement {
     /// Name of the device extension to enable, if any.
     pub extension: Option<&'static CStr>,
@@ -119,7 +120,12 @@ pub fn requirements(path: UpdatePath) -> &'static [Requirement] {
             feature: Some("vertexPipelineStoresAndAtomics"),
             reason: "vertex passes store the pose in a storage buffer",
         }],
-        _ => &[],
+        UpdatePath::Compute
+        | UpdatePath::Blocks
+        | UpdatePath::Cpu
+        | UpdatePath::Scatter
+        | UpdatePath::Direct
+        | UpdatePath::DirectAttributes => &[],
     }
 }
 

@@ -13,7 +13,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// A gpu-allocator that host and engine may share.
 pub type SharedAllocator = Arc<Mutex<Allocator>>;
 
-/// What the host hands in.
+/// What the host hands in: made by [`new`](Self::new), then changed field by field.
+#[non_exhaustive]
 pub struct DeviceDesc<'a> {
     /// The instance, created for Vulkan 1.1 or later.
     pub instance: &'a ash::Instance,
@@ -37,6 +38,22 @@ pub struct DeviceDesc<'a> {
     /// MiB, of which one is kept for each type of memory. A host with many meshes, or near the device's limit of
     /// allocations (`maxMemoryAllocationCount`), hands in its own.
     pub allocator: Option<SharedAllocator>,
+}
+
+impl<'a> DeviceDesc<'a> {
+    /// A device without extensions and features, its own limits, no pipeline cache, and an allocator of the engine's.
+    pub fn new(instance: &'a ash::Instance, physical_device: vk::PhysicalDevice, device: &'a ash::Device) -> Self {
+        Self {
+            instance,
+            physical_device,
+            device,
+            caps: None,
+            transform_feedback_enabled: false,
+            enabled_features: vk::PhysicalDeviceFeatures::default(),
+            pipeline_cache: vk::PipelineCache::null(),
+            allocator: None,
+        }
+    }
 }
 
 /// Buffers that the engine's own allocator gives memory of their own: a small part of the 4,096 allocations that every
@@ -151,10 +168,8 @@ impl Device {
 /// An error for an allocation that failed.
 pub(crate) fn allocation_failed(name: &str, bytes: u64, error: &AllocationError) -> Error {
     let what = format!("no memory for '{name}' ({bytes} bytes): {error}");
-    match error {
-        AllocationError::OutOfMemory | AllocationError::FailedToMap(_) => {
-            Error::out_of_memory(what, "free memory, or use fewer instances, fewer slots or the snorm16 format")
-        }
-        _ => Error::invalid(what, "report this with the device's name, or hand in an allocator of your own"),
+    if matches!(error, AllocationError::OutOfMemory | AllocationError::FailedToMap(_)) {
+        return Error::out_of_memory(what, "free memory, or use fewer instances, fewer slots or the format 'small'");
     }
+    Error::invalid(what, "report this with the device's name, or hand in an allocator of your own")
 }

@@ -13,6 +13,7 @@ use crate::engine::{AnyCrowd, Crowd, CrowdDesc, GpuMesh, MorphEngine, Ticket, Up
 use crate::error::{Error, Result};
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::pack::PackedMesh;
+#[cfg(feature = "baselines")]
 use crate::plan::UpdatePath;
 #[cfg(feature = "internals")]
 use crate::plan::hazards::Event;

@@ -262,14 +262,10 @@ impl Headless {
         let device = unsafe { instance.raw.create_device(physical, &info, None) }.map_err(failed("vkCreateDevice"))?;
         let owned = Arc::new(Owned { device, instance });
         let engine_desc = DeviceDesc {
-            instance: &owned.instance.raw,
-            physical_device: physical,
-            device: &owned.device,
             caps: Some(caps),
             transform_feedback_enabled: feedback_enabled,
             enabled_features: features,
-            pipeline_cache: vk::PipelineCache::null(),
-            allocator: None,
+            ..DeviceDesc::new(&owned.instance.raw, physical, &owned.device)
         };
         // SAFETY: the handles belong together, and the engine and all it makes keep them alive; the limits are the
         // device's or lower.

@@ -53,10 +53,8 @@ fn parse(path: &Path, text: &[u8]) -> Result<(Vec<String>, Vec<f32>)> {
             Ok(false) => break,
             Err(e) => {
                 let line = line_at(text, e.position().map_or_else(|| reader.position().byte(), csv::Position::byte));
-                let what = match e.kind() {
-                    csv::ErrorKind::Utf8 { .. } => "bytes that are not UTF-8 text".to_owned(),
-                    _ => e.to_string(),
-                };
+                let utf8 = matches!(e.kind(), csv::ErrorKind::Utf8 { .. });
+                let what = if utf8 { "bytes that are not UTF-8 text".to_owned() } else { e.to_string() };
                 return error(format!(": line {line}"), what, "save the file as CSV in UTF-8");
             }
         }

@@ -9,7 +9,7 @@
 //!           checksum of header and table u32   zero u32
 //!
 //! id  section             contents
-//!  1  meta                format u32 (1 block-float32, 2 fast, 3 small)   block size u32   vertices u32   targets u32
+//!  1  meta                format u32 (the ids of src/abi/formats.rs)   block size u32   vertices u32   targets u32
 //!                         faces u32   corners u32   texcoords u32
 //!                         diagonal f32   weight max f32   position tolerance f32   normal tolerance f32
 //!  2  names               of the mesh, then of each target: length in bytes u32, UTF-8
@@ -170,10 +170,9 @@ impl Asset {
         if let Some(i) = self.texcoords.iter().position(|t| !t.is_finite()) {
             return Err(format!("texture coordinate {i} is {}", self.texcoords[i]));
         }
-        self.faces.check(layout.vertex_count, self.texcoords.len()).map_err(|e| match e {
-            Error::Invalid { what, .. } => what,
-            other => other.to_string(),
-        })?;
+        self.faces
+            .check(layout.vertex_count, self.texcoords.len())
+            .map_err(|e| if let Error::Invalid { what, .. } = &e { what.clone() } else { e.to_string() })?;
         let mut names: Vec<&str> = layout.targets.iter().map(|t| t.name.as_str()).collect();
         names.sort_unstable();
         match names.windows(2).find(|w| w[0] == w[1]) {

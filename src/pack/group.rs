@@ -5,7 +5,7 @@ use super::{POSE_FLOATS, PackedLayout, PoseError, Source, stream_errors};
 use crate::asset::streams::Measure;
 use crate::math::angle_degrees;
 
-/// A group of streams, laid out for upload. See the [module](super) for the layouts.
+/// A group of streams, laid out for upload. [`PackedMesh`](super::PackedMesh) has the layouts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedGroup {
     pub(super) layout: PackedLayout,
@@ -24,7 +24,7 @@ impl PackedGroup {
         &self.base
     }
 
-    /// The deltas as words; see the [module](super) for the layout.
+    /// The deltas as words, in the layout that [`PackedMesh`](super::PackedMesh) states.
     pub fn deltas(&self) -> &[u32] {
         &self.words
     }

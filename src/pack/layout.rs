@@ -48,7 +48,7 @@ pub struct PackedLayout {
     pub streams: Vec<StreamPlace>,
     /// Number of vertices, without padding.
     pub vertex_count: usize,
-    /// Dense formats: vertices of every chunk but the last, which has the rest. A multiple of [`VERTEX_PADDING`].
+    /// Dense formats: vertices of every chunk but the last, which has the rest. A multiple of 64.
     pub chunk_vertices: usize,
     /// Length of the base pose's bounding-box diagonal, in input units.
     pub diagonal: f32,
@@ -59,7 +59,7 @@ pub struct PackedLayout {
 }
 
 impl PackedLayout {
-    /// Number of vertices with padding: a multiple of [`VERTEX_PADDING`], or of the block size.
+    /// Number of vertices with padding: a multiple of 64, or of the block size.
     pub fn padded_vertices(&self) -> usize {
         let padding = self.blocks.as_ref().map_or(VERTEX_PADDING, |b| b.size().max(VERTEX_PADDING));
         self.vertex_count.next_multiple_of(padding)

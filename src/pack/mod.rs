@@ -1,22 +1,4 @@
-//! What the update paths read: base pose and deltas in words of 32 bits, in one of two layouts.
-//!
-//! *Dense* formats hold every vertex of every target, in the user's vertex order:
-//!
-//! ```text
-//! base    [vertex][px py pz nx ny nz]                      24 bytes a vertex (the layout of a pose, too)
-//! deltas  [chunk][target][vertex in chunk][words]          24 bytes (float32) or 12 bytes (snorm16)
-//! ```
-//!
-//! The six numbers of a vertex are a *group* of streams ([`streams`](crate::asset::streams)): position and normal, and in
-//! further groups of the same layout whatever else vertices have. All groups of a mesh have the same order of vertices
-//! and the same blocks; base pose, deltas, and what is derived from them are each group's own.
-//!
-//! Vertices are padded with zeros to a multiple of [`VERTEX_PADDING`], so that no kernel needs a bounds check.
-//! A mesh has one chunk unless its deltas exceed the storage-buffer range of the device, or its vertices the
-//! workgroups of a dispatch ([`PackDesc`]); then its vertices are cut into chunks that fit.
-//!
-//! *Block* formats reorder the vertices so that a target covers few runs of consecutive vertices, and hold only those:
-//! see [`blocks`].
+//! Packing: base pose and deltas in words of 32 bits, as the kernels read them.
 
 pub mod blocks;
 mod dense;
@@ -58,7 +40,7 @@ pub struct PackDesc {
     pub format: DeltaFormat,
     /// Dense formats: most bytes of deltas that one descriptor may cover: the device's `maxStorageBufferRange`.
     pub max_chunk_bytes: u64,
-    /// Dense formats: most vertices of a chunk: the device's workgroups per dispatch × [`VERTEX_PADDING`].
+    /// Dense formats: most vertices of a chunk: the device's workgroups per dispatch × 64.
     pub max_chunk_vertices: u64,
     /// Block formats: size of a block, and how much may be lost.
     pub blocks: BlockDesc,
@@ -83,7 +65,25 @@ impl Default for PackDesc {
     }
 }
 
-/// A mesh laid out for upload: its groups. See the [module](self) for the layouts.
+/// A mesh laid out for upload, in words of 32 bits and in one of two layouts.
+///
+/// *Dense* formats hold every vertex of every target, in the user's vertex order:
+///
+/// ```text
+/// base    [vertex][px py pz nx ny nz]                      24 bytes a vertex (the layout of a pose, too)
+/// deltas  [chunk][target][vertex in chunk][words]          24 bytes (float32) or 12 bytes (snorm16)
+/// ```
+///
+/// The six numbers of a vertex are a *group* of streams ([`Semantic`](crate::Semantic)): position and normal, and in
+/// further groups of the same layout whatever else vertices have. All groups of a mesh have the same order of vertices
+/// and the same blocks; base pose, deltas, and what is derived from them are each group's own.
+///
+/// Vertices are padded with zeros to a multiple of 64, so that no kernel needs a bounds check.
+/// A mesh has one chunk unless its deltas exceed the storage-buffer range of the device, or its vertices the
+/// workgroups of a dispatch ([`PackDesc`]); then its vertices are cut into chunks that fit.
+///
+/// *Block* formats reorder the vertices so that a target covers few runs of consecutive vertices, and hold only those: see
+/// [`BlockIndex`](crate::BlockIndex).
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedMesh {
     /// At least one: the first is position and normal.
@@ -98,7 +98,7 @@ impl PackedMesh {
     ///
     /// # Errors
     /// More than 65,536 targets; streams that do not fit the vertices. Dense formats: more targets than fit
-    /// `desc.max_chunk_bytes` even for [`VERTEX_PADDING`] vertices. Block formats: as [`BlockDesc`].
+    /// `desc.max_chunk_bytes` even for 64 vertices. Block formats: as [`BlockDesc`].
     pub fn pack(mesh: &MorphMesh, desc: &PackDesc) -> Result<Self> {
         if mesh.targets.len() > TARGETS_MAX {
             return Err(Error::invalid(

@@ -99,8 +99,9 @@ fn every_group_decodes_to_what_was_packed_within_the_error_measured_in_every_for
             measured.tangent_degrees <= 0.5 && (exact || measured.tangent_degrees > 0.0),
             "{format:?} {measured:?}"
         );
-        // A delta of 0.1 in 9 bits is off by 2e-4.
-        assert!(measured.absolute <= 2.5e-4, "{format:?}: {measured:?}");
+        // A delta of 0.1 in 9 bits is off by 2e-4, in 8 bits by twice as much.
+        let most = if format == DeltaFormat::Pair { 5e-4 } else { 2.5e-4 };
+        assert!(measured.absolute <= most, "{format:?}: {measured:?}");
         for group in packed.groups() {
             let streams = &group.layout().streams;
             assert_eq!(group.layout().vertex_count, 500);

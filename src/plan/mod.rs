@@ -13,7 +13,9 @@ pub mod steps;
 
 pub use desc::{Accumulate, BatchSize, CrowdDesc, UpdateDesc, UpdateMode, UpdatePath};
 pub use stats::UpdateStats;
-pub use steps::{Consumers, Source};
+pub use steps::Consumers;
+#[cfg(any(test, feature = "internals"))]
+pub use steps::Source;
 
 #[cfg(test)]
 pub(crate) mod tests;

@@ -2,6 +2,7 @@
 
 /// How an update went. The counts speak of the whole crowd.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct UpdateStats {
     /// Dense formats: coefficients applied, of targets whose weight changed, or that are active where an update starts
     /// from base. Block formats: targets whose weight asked for changed.

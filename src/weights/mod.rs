@@ -3,6 +3,4 @@
 mod clip;
 pub mod delta;
 
-#[cfg(feature = "csv")]
-pub use crate::import::csv;
 pub use clip::{BoundClip, WeightClip};

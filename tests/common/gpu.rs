@@ -1,12 +1,11 @@
 //! The real drivers that every GPU test runs on, with the validation layers on.
 #![allow(dead_code)] // each test file uses some of this
 
-use deltamorph::engine::{CrowdDesc, DeviceCaps, MorphEngine};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
-use deltamorph::mesh::MorphMesh;
-use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
-use deltamorph::reference::PoseError;
+use deltamorph::{
+    Accumulate, BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, MorphMesh, PackDesc, PackedMesh, PoseError,
+    UpdateDesc, UpdatePath,
+};
 
 /// What the project promises after whole clips: positions within this share of the diagonal…
 pub const POSITION: f64 = 3e-6;

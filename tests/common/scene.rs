@@ -1,20 +1,16 @@
 //! A crowd that is animated on the GPU next to its CPU reference: told the same, held against each other.
 #![allow(dead_code)] // each test file uses some of this
 
-use deltamorph::cpu::CpuCrowd;
-use deltamorph::engine::{AnimatedCrowd, CrowdDesc};
 use deltamorph::headless::{Headless, HeadlessCrowd, PlannedGroup};
-use deltamorph::mesh::Tolerance;
-use deltamorph::mesh::head::{HeadDesc, head, head_clip};
-use deltamorph::pack::blocks::BlockDesc;
-use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::plan::schedule::Entry;
-use deltamorph::plan::{Accumulate, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph::import::sample::{HeadDesc, head, head_clip};
+use deltamorph::internals::plan::schedule::Entry;
+use deltamorph::internals::update::animated::{AnimatedReference, Playbacks};
+use deltamorph::internals::update::blocks::{ROWS, TILE, TILE_WORDS, WorkList, row_words};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::testing;
-use deltamorph::update::animated::{AnimatedReference, AnimationDesc, Clips, Playback, Playbacks};
-use deltamorph::update::blocks::{ROWS, TILE, TILE_WORDS, WorkList, row_words};
-use deltamorph::weights::WeightClip;
+use deltamorph::{
+    Accumulate, AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh,
+    Playback, Tolerance, UpdateDesc, UpdateMode, UpdatePath, WeightClip, testing,
+};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 

@@ -1,13 +1,12 @@
 //! A host that takes deltamorph with its default features: `cargo test --package deltamorph-lean`.
 #![cfg(test)]
 
-use deltamorph::cpu::CpuCrowd;
-use deltamorph::engine::{Crowd, GpuMesh, MorphEngine};
 use deltamorph::import::sample::{HeadDesc, head};
-use deltamorph::mesh::{MorphMesh, Tolerance};
-use deltamorph::pack::{DeltaFormat, PackDesc, PackedMesh};
-use deltamorph::plan::{BatchSize, UpdateDesc, UpdatePath};
 use deltamorph::reference::{compare, evaluate};
+use deltamorph::{
+    BatchSize, CpuCrowd, Crowd, DeltaFormat, GpuMesh, MorphEngine, MorphMesh, PackDesc, PackedMesh, Tolerance,
+    UpdateDesc, UpdatePath,
+};
 use std::sync::Arc;
 
 /// Hosts load on one thread and record on another.

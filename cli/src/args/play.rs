@@ -3,7 +3,7 @@
 use super::values::{self, BatchSpec};
 use super::{InputArgs, UpdateArgs};
 use clap::Args;
-use deltamorph::plan::UpdatePath;
+use deltamorph::UpdatePath;
 use std::path::PathBuf;
 
 /// Options of `play`.

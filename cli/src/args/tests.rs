@@ -138,7 +138,7 @@ fn apply_checks_what_clap_cannot() {
 
 #[test]
 fn batches_are_expanded_within_the_limit() {
-    use deltamorph::plan::BatchSize::{All, Targets};
+    use deltamorph::BatchSize::{All, Targets};
     let spec = [BatchSpec::All, BatchSpec::Range(3, None), BatchSpec::Size(1), BatchSpec::Max, BatchSpec::Size(9)];
     let (kept, refused) = expand_batches(&spec, BatchLimit { max: 5, all: false });
     assert_eq!(kept, [Targets(1), Targets(3), Targets(4), Targets(5)]);

@@ -2,8 +2,7 @@
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use deltamorph::headless::DeviceChoice;
-use deltamorph::pack::DeltaFormat;
-use deltamorph::plan::{Accumulate, BatchSize, UpdateMode, UpdatePath};
+use deltamorph::{Accumulate, BatchSize, DeltaFormat, UpdateMode, UpdatePath};
 
 /// Largest built-in head. A number beyond it is a slip of the finger, and would take all memory.
 const MAX_VERTICES: usize = 10_000_000;
@@ -48,15 +47,7 @@ pub fn mode() -> impl TypedValueParser<Value = UpdateMode> {
 }
 
 pub fn format() -> impl TypedValueParser<Value = DeltaFormat> {
-    named(&DeltaFormat::ALL, DeltaFormat::name, |format| match format {
-        DeltaFormat::Float32 => "Six floats per vertex and target",
-        DeltaFormat::Snorm16 => {
-            "Six 16-bit numbers per vertex and target, with a scale per target (dense paths and cpu)"
-        }
-        DeltaFormat::BlockFloat32 => "In blocks, six floats (what float32 means to the path blocks)",
-        DeltaFormat::Fast => "In blocks, 9 bytes per vertex and target: the fast one",
-        DeltaFormat::Small => "In blocks, as few bits as the error allows: the small one",
-    })
+    named(&DeltaFormat::ALL, DeltaFormat::name, DeltaFormat::summary)
 }
 
 pub fn sums() -> impl TypedValueParser<Value = Accumulate> {

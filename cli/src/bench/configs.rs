@@ -5,8 +5,7 @@ use super::setting::Config;
 use crate::args::UpdateArgs;
 use crate::args::values::{BatchLimit, BatchSpec, expand_batches, format_on};
 use crate::runner::Gpu;
-use deltamorph::pack::DeltaFormat;
-use deltamorph::plan::{Accumulate, BatchSize, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph::{Accumulate, BatchSize, DeltaFormat, UpdateDesc, UpdateMode, UpdatePath};
 
 /// What is asked for.
 pub struct Wanted<'a> {
@@ -95,7 +94,7 @@ pub fn configurations(wanted: &Wanted<'_>, update: &UpdateArgs, gpu: Option<&Gpu
 
 /// Those of `sums` that `format` has. What only blocks have is no news where everything was asked for.
 fn held(sums: &[Accumulate], path: UpdatePath, format: DeltaFormat) -> impl Iterator<Item = Accumulate> {
-    let exact = format.is_blocks() && format != DeltaFormat::BlockFloat32;
+    let exact = format.has_integers();
     sums.iter().copied().filter(move |sums| match sums {
         Accumulate::Float { .. } => path != UpdatePath::Scatter,
         Accumulate::Exact => exact,

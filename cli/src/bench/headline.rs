@@ -5,7 +5,7 @@ use super::record::{Report, RunRecord};
 use super::select::{batch_words, fastest, median, relative};
 use super::suites;
 use crate::table::{count, percent, sig3, thousands};
-use deltamorph::plan::BatchSize;
+use deltamorph::BatchSize;
 
 /// The most telling numbers, the first of which is the heading.
 pub fn sentences(report: &Report) -> Vec<String> {

@@ -7,8 +7,8 @@ use crate::args::bench::BenchArgs;
 use crate::input::Input;
 use crate::output::{Failure, Output};
 use crate::runner::Gpu;
+use deltamorph::DeltaFormat;
 use deltamorph::headless::{DeviceChoice, Headless};
-use deltamorph::pack::DeltaFormat;
 
 /// The device, where there is one, and what memory can do.
 pub struct Machine {

@@ -1,8 +1,8 @@
 //! The float64 references, computed once for all configurations.
 
 use crate::input::Input;
-use deltamorph::pack::{DeltaFormat, PackedMesh};
 use deltamorph::reference::{evaluate, evaluate_unpacked};
+use deltamorph::{DeltaFormat, PackedMesh};
 use std::collections::HashMap;
 use std::sync::Arc;
 

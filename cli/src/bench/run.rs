@@ -3,7 +3,7 @@
 use super::setting::{Config, Setting};
 use super::stats::Stats;
 use crate::input::Input;
-use deltamorph::plan::BatchSize;
+use deltamorph::BatchSize;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// One configuration and what it took.

@@ -6,7 +6,7 @@ use crate::plots::bars::{Bar, BarChart, Unit, remark};
 use crate::plots::chart::{Axes, LineChart, Point, Series, X};
 use crate::plots::{Chart, Figure};
 use crate::table::{count, thousands};
-use deltamorph::plan::BatchSize;
+use deltamorph::BatchSize;
 use std::collections::HashSet;
 
 /// Runs of one workload and number of heads.

@@ -1,8 +1,7 @@
 //! What is measured: how to update, and on what.
 
 use super::workload::Workload;
-use deltamorph::pack::DeltaFormat;
-use deltamorph::plan::UpdateDesc;
+use deltamorph::{DeltaFormat, UpdateDesc};
 
 /// Everything but the update path.
 pub struct Setting<'a> {

@@ -13,8 +13,7 @@ use crate::input::{self, Input};
 use crate::output::{Failure, Output};
 use crate::runner::Gpu;
 use deltamorph::headless::DeviceChoice;
-use deltamorph::pack::DeltaFormat;
-use deltamorph::plan::{Accumulate, UpdatePath};
+use deltamorph::{Accumulate, DeltaFormat, UpdatePath};
 
 /// Batch sizes where none are given.
 const FULL_SWEEP: [BatchSpec; 2] = [BatchSpec::Range(1, None), BatchSpec::All];

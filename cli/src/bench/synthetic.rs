@@ -2,7 +2,8 @@
 
 use super::record::{Bandwidth, DeviceInfo, MeshInfo, Report, RunRecord, Skipped};
 use super::stats::Stats;
-use deltamorph::plan::BatchSize::{self, All, Targets};
+use deltamorph::BatchSize;
+use deltamorph::BatchSize::{All, Targets};
 
 const TARGETS: f64 = 72.0;
 

@@ -8,10 +8,8 @@ use crate::args::bench::BenchArgs;
 use crate::input::Input;
 use crate::runner::Runner;
 use crate::verify::{Found, Promise};
-use deltamorph::Result;
-use deltamorph::pack::PackedMesh;
-use deltamorph::plan::UpdateStats;
 use deltamorph::reference::compare;
+use deltamorph::{PackedMesh, Result, UpdateStats};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 

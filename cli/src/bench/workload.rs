@@ -1,6 +1,6 @@
 //! What moves while a configuration is verified and timed: random changes, or a captured clip.
 
-use deltamorph::weights::BoundClip;
+use deltamorph::BoundClip;
 
 /// Weights of every head in every frame. The same whatever path, batch size or format they are applied with.
 pub trait Workload {
@@ -170,7 +170,7 @@ impl Workload for Clip {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use deltamorph::weights::WeightClip;
+    use deltamorph::WeightClip;
 
     #[test]
     fn just_as_many_targets_change_as_asked_for() {

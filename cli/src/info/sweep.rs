@@ -4,11 +4,9 @@ use super::formats::{dense_bytes, pack};
 use super::record::{PoseRow, SweepRow};
 use crate::input::Input;
 use crate::output::{Failure, Output};
-use deltamorph::mesh::MorphMesh;
-use deltamorph::pack::blocks::{BLOCK_SIZES, BlockDesc};
-use deltamorph::pack::{DeltaFormat, POSE_FLOATS, PackedMesh};
-use deltamorph::reference::{PoseError, SHORTEST_NORMAL, angle_degrees, compare, evaluate, evaluate_unpacked};
-use deltamorph::weights::BoundClip;
+use deltamorph::internals::angle_degrees;
+use deltamorph::reference::{SHORTEST_NORMAL, compare, evaluate, evaluate_unpacked};
+use deltamorph::{BLOCK_SIZES, BlockDesc, BoundClip, DeltaFormat, MorphMesh, POSE_FLOATS, PackedMesh, PoseError};
 use glam::DVec3;
 use std::sync::Arc;
 

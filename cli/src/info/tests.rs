@@ -1,8 +1,8 @@
 //! Tests of `info`.
 
 use super::*;
-use deltamorph::mesh::{Corner, Faces, Tolerance, diagonal};
-use deltamorph::weights::WeightClip;
+use deltamorph::internals::diagonal;
+use deltamorph::{Corner, Faces, Tolerance, WeightClip};
 use std::sync::Arc;
 
 /// 130 vertices in a row; one target moves 0..64 (a whole block), one moves 63, 64 and 129, one nothing.

@@ -1,7 +1,7 @@
 //! The JSON of `play`. Fields may be added, never renamed.
 
 use crate::stage::Setup;
-use deltamorph::plan::UpdateStats;
+use deltamorph::UpdateStats;
 use serde::Serialize;
 
 /// What a clip took.

@@ -1,7 +1,7 @@
 //! What a soak runs: stretches of random frames and of captured ones, in turn.
 
+use deltamorph::BoundClip;
 use deltamorph::internals::Rng;
-use deltamorph::weights::BoundClip;
 
 /// Frames of a stretch, at least and at most.
 const STRETCH: [usize; 2] = [32, 256];
@@ -90,7 +90,7 @@ impl<'a> Script<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use deltamorph::weights::WeightClip;
+    use deltamorph::WeightClip;
 
     #[test]
     fn there_is_some_of_everything() {

@@ -117,10 +117,7 @@ const HINGE: Vec3 = Vec3::new(0.0, -0.5, -0.5);
 fn expression(e: &Expression) -> (Vec<Lobe>, f32) {
     let &(_, side, centre, radii, motion, support) = e;
     let left = Lobe { centre: Vec3::from(centre), radii: Vec3::from(radii), motion };
-    let mirrored = match motion {
-        Shift([x, y, z]) => Shift([-x, y, z]),
-        other => other,
-    };
+    let mirrored = if let Shift([x, y, z]) = motion { Shift([-x, y, z]) } else { motion };
     let right = Lobe { centre: left.centre * MIRROR, motion: mirrored, ..left };
     let lobes = match side {
         Middle | Left => vec![left],

@@ -32,8 +32,9 @@ pub const BLOCK_SIZES: [u32; 3] = [32, 64, 128];
 pub struct BlockDesc {
     /// Vertices of a block: one of [`BLOCK_SIZES`]; `None`: what suits the format (32 for `small`, else 64).
     pub size: Option<u32>,
-    /// Largest error of a position delta (a length), as a fraction of the bounding-box diagonal, above 0. `fast` may
-    /// exceed it where a target moves further than its 15 bits reach; [`BlockIndex::error`] has what was measured.
+    /// Largest error of a position delta (a length), as a fraction of the bounding-box diagonal, above 0. A format whose
+    /// integers have a fixed number of bits may exceed it where a target moves further than they reach;
+    /// [`BlockIndex::error`] has what was measured.
     pub position_error: f32,
     /// Largest error of a normal or tangent at weight 1, in degrees, above 0.
     pub normal_error_degrees: f32,

@@ -2,9 +2,9 @@
 
 use super::table::{OLD_VERSION, Section, places, repair};
 use super::*;
+use crate::asset::Corner;
 use crate::cpu::CpuCrowd;
 use crate::import::sample::{HeadDesc, head as head_of};
-use crate::mesh::Corner;
 use crate::pack::blocks::{BLOCK_SIZES, BlockDesc};
 use crate::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
 use crate::testing;
@@ -107,7 +107,8 @@ fn what_was_packed_comes_back() {
 fn files_of_version_2_are_read_as_they_were_packed() {
     let head = HeadDesc { vertices: 100, targets: 6, sparsity: 0.12, seed: 1 };
     let kept = head_of(&head).to_mesh(Tolerance::default()).unwrap();
-    for format in DeltaFormat::BLOCKS {
+    // The formats that there were.
+    for format in [1, 2, 3].map(|id| DeltaFormat::from_id(id).unwrap()) {
         let path = format!("tests/packed/version2-{}.dmorph", format.name());
         let bytes = std::fs::read(&path).unwrap();
         assert_eq!(bytes[8..12], OLD_VERSION.to_le_bytes());
@@ -146,7 +147,7 @@ fn the_decoded_mesh_is_in_the_users_order() {
     let exact_streams = testing::with_streams(mesh(70, 4));
     assert_eq!((streams.streams, streams.targets), (exact_streams.streams, exact_streams.targets));
     assert_eq!((decoded.diagonal, decoded.tolerance), (exact.diagonal, exact.tolerance));
-    for format in [DeltaFormat::Fast, DeltaFormat::Small] {
+    for format in DeltaFormat::BLOCKS.into_iter().filter(|format| format.has_integers()) {
         let asset = asset(format, None);
         let decoded = asset.to_mesh().unwrap();
         assert_eq!(decoded.positions, exact.positions);
@@ -340,6 +341,8 @@ fn contents_are_checked_behind_right_checksums() {
     use Section::*;
     let (small, fast, floats) =
         (asset(DeltaFormat::Small, None), asset(DeltaFormat::Fast, None), asset(DeltaFormat::BlockFloat32, None));
+    let pair = asset(DeltaFormat::Pair, None);
+    let pairs = pair.mesh.layout().blocks.as_ref().unwrap().deltas_at();
     let (nan, inf) = (f32::NAN.to_bits(), f32::INFINITY.to_bits());
     let giant = u32::MAX;
     let entries = small.mesh.layout().blocks.as_ref().unwrap().entry_count();
@@ -394,6 +397,10 @@ fn contents_are_checked_behind_right_checksums() {
         (&fast, Words, 0, 24 << 8, "entry 0 has shifts of 0x1800"),
         (&fast, Words, 0, 1 << 16, "entry 0 has shifts of 0x10000"),
         (&fast, Words, 1, 17 << 16, "entry 1 has shifts"),
+        (&pair, Words, 0, 20, "entry 0 has shifts of 0x14"),
+        (&pair, Words, 1, 25 << 8, "entry 1 has shifts of 0x1900"),
+        (&pair, Words, 0, 1 << 16, "entry 0 has shifts of 0x10000"),
+        (&pair, Words, pairs + 2, 1 << 31, "word 2 of the deltas is 0x80000000"),
         (&floats, Words, 3, nan, "word 3 of the deltas is NaN"),
         (&floats, Words, 3, f32::MAX.to_bits(), "too large for single precision"),
         (&floats, FaceSizes, 0, 3, "the faces have 6 corners, the corner list has 7"),

@@ -3,11 +3,11 @@
 //! ```text
 //! header [shifts]                   a[size] b[size] c[size / 4]
 //!   a = x:15 y:15 ny0:1 nz0:1   b = z:15 nx:9 ny8..1:8   c = nz8..1:8
-//! the first triple × 2^shift (bits 0..8 of the header), the second × 2^shift (bits 8..16)
 //! ```
 
-use super::{BlockFormat, DeltaFormat, Lane, quantise};
-use crate::asset::streams::{TRIPLE, TRIPLES};
+use super::shifts::{self, field};
+use super::{BlockFormat, DeltaFormat, Lane};
+use crate::asset::streams::TRIPLES;
 use crate::pack::POSE_FLOATS;
 
 /// Bits of an integer, by triple.
@@ -26,7 +26,6 @@ fn pack_vertex(q: [i32; POSE_FLOATS]) -> (u32, u32, u8) {
 /// The reverse of [`pack_vertex`].
 #[inline(always)]
 fn unpack_vertex(a: u32, b: u32, c: i8) -> [i32; POSE_FLOATS] {
-    let field = |word: u32, at: u32, bits: u32| ((word << (32 - at - bits)) as i32) >> (32 - bits);
     [
         field(a, 0, 15),
         field(a, 15, 15),
@@ -62,20 +61,12 @@ impl BlockFormat for Fast {
         headers: &mut Vec<u32>,
         deltas: &mut Vec<u32>,
     ) {
-        let step = |triple: usize, shift: u32| f64::from(steps[triple]) * f64::from(1u32 << shift);
-        let fits = |triple: usize, shift: u32| {
-            let most = f64::from((1 << (BITS[triple] - 1)) - 1);
-            let mut components = lanes.iter().flat_map(|(_, d)| &d[TRIPLE * triple..TRIPLE * (triple + 1)]);
-            components.all(|v| (f64::from(*v) / step(triple, shift)).round().abs() <= most)
-        };
-        let shifts = [0, 1].map(|triple| (0..31).find(|&s| fits(triple, s)).unwrap_or(31));
-        headers.push(shifts[0] | shifts[1] << 8);
+        let (header, integers) = shifts::quantised(BITS, steps, lanes);
+        headers.push(header);
         let at = deltas.len();
         deltas.resize(at + size * 9 / 4, 0);
-        for (lane, delta) in lanes {
-            let lane = *lane as usize;
-            let quantised = |i: usize| quantise(delta[i], step(i / TRIPLE, shifts[i / TRIPLE]));
-            let (a, b, c) = pack_vertex(std::array::from_fn(quantised));
+        for (lane, integers) in integers {
+            let (a, b, c) = pack_vertex(integers);
             deltas[at + lane] = a;
             deltas[at + size + lane] = b;
             deltas[at + 2 * size + lane / 4] |= u32::from(c) << (8 * (lane % 4));
@@ -83,17 +74,12 @@ impl BlockFormat for Fast {
     }
 
     fn check_header(&self, header: &[u32]) -> Result<[u32; TRIPLES], String> {
-        let shifts = self.shifts(header);
-        // Shifted, a component still fits the 32 bits that it is decoded in.
-        if header[0] >> 16 != 0 || (0..TRIPLES).any(|triple| BITS[triple] + shifts[triple] > 32) {
-            return Err(format!("shifts of {:#x}", header[0]));
-        }
-        Ok(std::array::from_fn(|triple| BITS[triple] + shifts[triple]))
+        shifts::check(header, BITS)
     }
 
     #[inline(always)]
     fn shifts(&self, header: &[u32]) -> [u32; TRIPLES] {
-        [header[0] & 0xff, header[0] >> 8 & 0xff]
+        shifts::shifts(header)
     }
 
     type Component = i32;

@@ -1,74 +1,69 @@
 //! How deltas are stored: a file for each format, here and under `glsl/formats/`, and one list of them,
 //! `src/abi/formats.rs`.
-//!
-//! A new format is a row of that list, a variant and a line of `with_format!` here, and its two files.
 
 pub(crate) mod bits;
-pub(crate) mod block_float32;
-pub(crate) mod fast;
-pub(crate) mod float32;
-pub(crate) mod small;
-pub(crate) mod snorm16;
+pub(crate) mod shifts;
 
 use super::POSE_FLOATS;
-use crate::abi::formats::{FORMATS, FormatRow};
+use crate::abi::formats::{FORMATS, FormatRow, delta_formats};
 use crate::asset::streams::TRIPLES;
 use crate::error::{Error, Result};
 use crate::math::power_of_two_below;
 use std::fmt;
 use std::str::FromStr;
 
-/// How deltas are stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum DeltaFormat {
-    /// Dense, six float32: 24 bytes, two vertex attributes a target. Exact.
-    Float32,
-    /// Dense, six signed 16-bit integers in three words: 12 bytes, one vertex attribute a target. Value = integer ×
-    /// step, a step for the first triple per target, and a power of two times that step for the second.
-    Snorm16,
-    /// In blocks, six float32: 24 bytes per vertex and entry. Exact, but not for
-    /// [`Accumulate::Exact`](crate::plan::Accumulate).
-    BlockFloat32,
-    /// In blocks, 15 bits a component in the first triple and 9 in the second: 9 bytes per vertex and entry, in planes
-    /// that a kernel reads as three words.
-    Fast,
-    /// In blocks, bit widths per entry and component, for the vertices that move only: the fewest bytes.
-    Small,
+/// The files of the formats, and their names.
+macro_rules! declared {
+    (()
+        dense { $($(#[$dense_doc:meta])* $dense:ident $dense_file:ident $dense_row:tt)* }
+        blocks { $($(#[$blocks_doc:meta])* $blocks:ident $blocks_file:ident $blocks_row:tt)* }
+    ) => {
+        $(pub(crate) mod $dense_file;)*
+        $(pub(crate) mod $blocks_file;)*
+
+        /// How deltas are stored.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        pub enum DeltaFormat {
+            $($(#[$dense_doc])* $dense,)*
+            $($(#[$blocks_doc])* $blocks,)*
+        }
+
+        impl DeltaFormat {
+            /// Every format.
+            pub const ALL: [Self; FORMATS.len()] = [$(Self::$dense,)* $(Self::$blocks),*];
+            /// The formats of the paths `feedback`, `compute` and `cpu`.
+            pub const DENSE: [Self; [$(Self::$dense),*].len()] = [$(Self::$dense),*];
+            /// The formats of the paths `blocks` and `cpu`.
+            pub const BLOCKS: [Self; [$(Self::$blocks),*].len()] = [$(Self::$blocks),*];
+        }
+    };
 }
+delta_formats!(declared());
 
 /// Evaluate code with `$f` as the format's own type: dense formats one code, formats in blocks the other.
 macro_rules! with_format {
-    ($format:expr, dense $d:ident => $dense:expr, blocks $b:ident => $blocks:expr) => {
-        with_format!(@match $format,
-            dense $d => $dense, [Float32 float32 Snorm16 snorm16],
-            blocks $b => $blocks, [BlockFloat32 block_float32 Fast fast Small small])
-    };
-    (@match $format:expr,
-        dense $d:ident => $dense:expr, [$($dense_name:ident $dense_file:ident)*],
-        blocks $b:ident => $blocks:expr, [$($block_name:ident $block_file:ident)*]
+    ((@match $format:expr, $d:ident => $dense:expr, $b:ident => $blocks:expr)
+        dense { $($(#[$dense_doc:meta])* $dense_name:ident $dense_file:ident $dense_row:tt)* }
+        blocks { $($(#[$blocks_doc:meta])* $blocks_name:ident $blocks_file:ident $blocks_row:tt)* }
     ) => {
         match $format {
             $($crate::pack::DeltaFormat::$dense_name => {
                 let $d = &$crate::pack::formats::$dense_file::$dense_name;
                 $dense
             })*
-            $($crate::pack::DeltaFormat::$block_name => {
-                let $b = &$crate::pack::formats::$block_file::$block_name;
+            $($crate::pack::DeltaFormat::$blocks_name => {
+                let $b = &$crate::pack::formats::$blocks_file::$blocks_name;
                 $blocks
             })*
         }
+    };
+    ($format:expr, dense $d:ident => $dense:expr, blocks $b:ident => $blocks:expr) => {
+        $crate::abi::formats::delta_formats!(with_format (@match $format, $d => $dense, $b => $blocks))
     };
 }
 pub(crate) use with_format;
 
 impl DeltaFormat {
-    /// Every format.
-    pub const ALL: [Self; FORMATS.len()] = [Self::Float32, Self::Snorm16, Self::BlockFloat32, Self::Fast, Self::Small];
-    /// The formats of the paths `feedback`, `compute` and `cpu`.
-    pub const DENSE: [Self; count(false)] = list(false);
-    /// The formats of the paths `blocks` and `cpu`.
-    pub const BLOCKS: [Self; count(true)] = list(true);
-
     /// What build.rs and the tests know of it, too.
     pub(crate) const fn row(self) -> &'static FormatRow {
         &FORMATS[self as usize]
@@ -105,6 +100,11 @@ impl DeltaFormat {
         self.row().name
     }
 
+    /// What it is, in a line: what the command line's help says of it.
+    pub const fn summary(self) -> &'static str {
+        self.row().summary
+    }
+
     /// The format with this number in packed files.
     pub fn from_id(id: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|f| id != 0 && f.row().id == id)
@@ -126,30 +126,6 @@ impl FromStr for DeltaFormat {
             Error::invalid(format!("there is no delta format '{name}'"), format!("use one of {names}"))
         })
     }
-}
-
-/// The number of dense formats, or of those in blocks.
-const fn count(blocks: bool) -> usize {
-    let (mut n, mut i) = (0, 0);
-    while i < FORMATS.len() {
-        n += (FORMATS[i].blocks == blocks) as usize;
-        i += 1;
-    }
-    n
-}
-
-/// The dense formats, or those in blocks.
-const fn list<const N: usize>(blocks: bool) -> [DeltaFormat; N] {
-    let mut found = [DeltaFormat::ALL[0]; N];
-    let (mut n, mut i) = (0, 0);
-    while i < FORMATS.len() {
-        if FORMATS[i].blocks == blocks {
-            found[n] = DeltaFormat::ALL[i];
-            n += 1;
-        }
-        i += 1;
-    }
-    found
 }
 
 /// A dense format: every vertex of every target has as many words.
@@ -280,14 +256,15 @@ mod tests {
 
     #[test]
     fn every_format_is_in_the_list_under_a_name_and_a_number_of_its_own() {
-        for (format, row) in DeltaFormat::ALL.into_iter().zip(&FORMATS) {
+        for (format, row) in DeltaFormat::ALL.into_iter().zip(FORMATS) {
             assert_eq!((format.row(), format.name().parse::<DeltaFormat>().unwrap()), (row, format));
             assert_eq!(with_format!(format, dense _f => false, blocks _f => true), row.blocks);
             assert_eq!(format.block_format().map(|f| f.format()), row.blocks.then_some(format));
             assert_eq!(DeltaFormat::from_id(row.id), row.blocks.then_some(format));
-            assert!(std::path::Path::new("glsl/formats").join(row.glsl).is_file(), "{}", row.glsl);
+            assert!(row.summary.starts_with(if row.blocks { "In blocks, " } else { "Dense, " }), "{}", row.summary);
         }
-        assert_eq!(DeltaFormat::BLOCKS.len() + DeltaFormat::DENSE.len(), FORMATS.len());
+        let ids = DeltaFormat::BLOCKS.map(|format| format.row().id);
+        assert_eq!(ids, std::array::from_fn(|i| i as u32 + 1));
         assert!(DeltaFormat::from_id(99).is_none());
         assert!("float16".parse::<DeltaFormat>().unwrap_err().to_string().contains("block-float32, fast"));
     }

@@ -51,6 +51,7 @@ impl Budget {
 }
 
 /// The weights of a head: asked for, and held.
+#[cfg(any(test, feature = "internals"))]
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Deferred {
     requested: Vec<i32>,
@@ -58,6 +59,7 @@ pub struct Deferred {
     goes: Vec<bool>,
 }
 
+#[cfg(any(test, feature = "internals"))]
 impl Deferred {
     /// All 0.
     pub fn new(targets: usize) -> Self {

@@ -12,20 +12,25 @@ mod layout;
 mod playback;
 #[cfg(feature = "headless")]
 mod readback;
+#[cfg(any(test, feature = "internals"))]
 mod reference;
 mod sample;
 mod steps;
 mod technique;
 
-pub use budget::{Budget, Deferred};
 pub use clips::{AnimationDesc, Clips, KeyFormat};
-pub use playback::Playbacks;
-pub use reference::AnimatedReference;
-pub use sample::{HeadRecord, Playback, Repeat, TICKS_PER_SECOND, between, interpolate, sample};
+pub use sample::{Playback, Repeat};
 #[cfg(test)]
 pub(crate) use steps::UPLOADED;
-pub use steps::{AnimatedKernel, AnimatedUpdate};
 pub(crate) use technique::Animated;
+#[cfg(any(test, feature = "internals"))]
+pub use {
+    budget::{Budget, Deferred},
+    playback::Playbacks,
+    reference::AnimatedReference,
+    sample::{HeadRecord, TICKS_PER_SECOND, between, interpolate, sample},
+    steps::{AnimatedKernel, AnimatedUpdate},
+};
 
 #[cfg(test)]
 mod tests;

@@ -29,6 +29,7 @@
 //!
 //! which [`sample`] and `glsl/animate.comp` compute alike.
 
+#[cfg(any(test, feature = "internals"))]
 use super::clips::Clips;
 use crate::abi::numbers;
 use bytemuck::{Pod, Zeroable};
@@ -103,6 +104,7 @@ impl HeadRecord {
     }
 
     /// Where the clip is at `now`, in steps of 2⁻³² frames; looping clips are not wrapped yet.
+    #[cfg(any(test, feature = "internals"))]
     pub fn position(&self, now: u32) -> u64 {
         let elapsed = (now.wrapping_sub(self.start) as i32).max(0) as u64;
         (u64::from(self.frame) << 32 | u64::from(self.fraction)) + elapsed * u64::from(self.rate)
@@ -110,6 +112,7 @@ impl HeadRecord {
 }
 
 /// Between which frames a clip of `frames` is at `position`, and how far: `(frame, next, f)` with f in 2⁻¹⁶.
+#[cfg(any(test, feature = "internals"))]
 pub fn between(record: &HeadRecord, frames: u32, position: u64) -> (u32, u32, u32) {
     let (whole, fraction) = ((position >> 32) as u32, (position >> 16) as u32 & 0xffff);
     let last = frames - 1;
@@ -125,6 +128,7 @@ pub fn between(record: &HeadRecord, frames: u32, position: u64) -> (u32, u32, u3
 }
 
 /// From `k0` to `k1`, `f`·2⁻¹⁶ of the way, to nearest.
+#[cfg(any(test, feature = "internals"))]
 pub fn interpolate(k0: i32, k1: i32, f: u32) -> i32 {
     let product = i64::from(k1 - k0) * i64::from(f);
     k0 + ((product + 0x8000) >> 16) as i32
@@ -134,6 +138,7 @@ pub fn interpolate(k0: i32, k1: i32, f: u32) -> i32 {
 ///
 /// # Panics
 /// When `out` is not a place for each target.
+#[cfg(any(test, feature = "internals"))]
 pub fn sample(clips: &Clips, record: &HeadRecord, now: u32, out: &mut [i32]) {
     assert_eq!(out.len(), clips.targets());
     if !record.has(HeadRecord::PLAYING) {

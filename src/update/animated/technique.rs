@@ -48,8 +48,10 @@ pub(crate) struct Animated {
 /// What a group of the mesh takes.
 pub(super) struct Group {
     blocks: Arc<BlocksKernel>,
+    #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
     pub(super) work: Buffer,
     pub(super) control: Buffer,
+    #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
     sums: Buffer,
     sets: Sets,
     block_sets: Sets,
@@ -60,6 +62,7 @@ pub(super) struct Group {
     widths: u32,
     texels: bool,
     /// Bytes of an instance's sums.
+    #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
     pose_bytes: u64,
 }
 

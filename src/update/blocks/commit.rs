@@ -47,6 +47,7 @@ pub(super) struct Committed<T> {
 
 impl<T: Unit> Committed<T> {
     /// Numbers that are kept.
+    #[cfg(any(test, feature = "internals"))]
     pub(super) fn len(&self) -> usize {
         self.committed.len() + self.requested.len() + self.next.len()
     }

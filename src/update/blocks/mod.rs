@@ -14,13 +14,19 @@ mod state;
 mod technique;
 mod tiles;
 
-pub use bound::Scratch;
-pub use list::{ELEMENT_BYTES, Element, ITEM_WORDS, Item, WorkList, component_bytes};
+pub use list::{ELEMENT_BYTES, Element, ITEM_WORDS, Item, WorkList};
 pub(crate) use plan::{EXACT_BLOCKS, GroupPlanner, Planner};
+pub use state::BlockState;
 pub(crate) use state::check_tolerance;
-pub use state::{BlockPlan, BlockState};
 pub(crate) use technique::BlocksTechnique;
-pub use tiles::{ALIGN, ROWS, TILE, TILE_WORDS, TileBytes, TileItem, Tiles, WIDTHS, row_words};
+pub use tiles::{ROWS, TILE_WORDS, WIDTHS, row_words};
+#[cfg(any(test, feature = "internals"))]
+pub use {
+    bound::Scratch,
+    list::component_bytes,
+    state::BlockPlan,
+    tiles::{ALIGN, TILE, TileBytes, TileItem, Tiles},
+};
 
 #[cfg(test)]
 mod tests;

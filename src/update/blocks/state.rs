@@ -17,9 +17,13 @@
 //! rounding mode), an update adds √3 · (M·ε + (n + 4)·S·ε): one rounding at pose magnitude, one for each coefficient,
 //! product, partial sum and scale. A rebuild sets the bound to that of its own entries.
 
-use super::bound::{BlockBounds, Scratch, rounding};
+#[cfg(any(test, feature = "internals"))]
+use super::bound::Scratch;
+use super::bound::{BlockBounds, rounding};
 use super::commit::{Committed, Frame, list_active};
-use super::list::{ELEMENT_BYTES, ITEM_WORDS, Item, WorkList, component_bytes};
+#[cfg(any(test, feature = "internals"))]
+use super::list::WorkList;
+use super::list::{ELEMENT_BYTES, ITEM_WORDS, Item, component_bytes};
 use crate::error::{Error, Result};
 use crate::pack::PackedLayout;
 use crate::pack::blocks::{BlockIndex, ExactGrid};
@@ -146,11 +150,13 @@ impl BlockState {
 
     /// From now on, every update moves on to the next slot, also where nothing changed: for planners that do not know
     /// whether anything did.
+    #[cfg(any(test, feature = "internals"))]
     pub(crate) fn rotate_always(&mut self) {
         self.rotates = true;
     }
 
     /// The next update writes `slot`, and what it holds is not known there: the instance was left out of some updates.
+    #[cfg(any(test, feature = "internals"))]
     pub(crate) fn take_up_at(&mut self, slot: u32) {
         self.slots.current = Some((slot + self.desc.slots - 1) % self.desc.slots);
         self.slots.behind.fill(true);
@@ -193,6 +199,7 @@ impl BlockState {
     }
 
     /// Bytes of main memory that an instance's state takes.
+    #[cfg(any(test, feature = "internals"))]
     pub fn state_bytes(&self) -> usize {
         let weights = match &self.weights {
             Weights::Float(w) => w.len(),
@@ -203,6 +210,7 @@ impl BlockState {
 
     /// Append what brings the poses of `instance` to `weights` to `list`, and take it as done by the update numbered
     /// `update` (ascending, from 1). Counts in `stats`.
+    #[cfg(any(test, feature = "internals"))]
     #[allow(clippy::too_many_arguments)]
     pub fn plan(
         &mut self,

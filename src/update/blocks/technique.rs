@@ -37,6 +37,7 @@ struct GroupBlocks {
     /// Index of the first element's or row's first word.
     elements_at: usize,
     item_words: usize,
+    #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
     sums: Option<Buffer>,
     /// For each frame in flight, one for each set of instances.
     sets: Sets,

@@ -57,7 +57,7 @@ proptest! {
     /// slot the one before, and no access is unordered.
     #[test]
     fn plans_reach_the_weights_without_hazards(
-        format in 0usize..3, size in prop::sample::select(vec![32u32, 64]), exact in any::<bool>(),
+        format in 0..DeltaFormat::BLOCKS.len(), size in prop::sample::select(vec![32u32, 64]), exact in any::<bool>(),
         rebuild in any::<bool>(), slots in 1u32..5, budget in any::<bool>(), whole in any::<bool>(), events in events(TARGETS),
     ) {
         let mesh = packed(DeltaFormat::BLOCKS[format], size);

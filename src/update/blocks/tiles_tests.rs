@@ -40,7 +40,7 @@ fn run_items(mesh: &PackedMesh, index: &BlockIndex, list: &WorkList, exact: Opti
 proptest! {
     #[test]
     fn tiles_do_what_the_list_says(
-        format in 0usize..3, size in prop::sample::select(vec![32u32, 64]), exact in any::<bool>(),
+        format in 0..DeltaFormat::BLOCKS.len(), size in prop::sample::select(vec![32u32, 64]), exact in any::<bool>(),
         slots in 1u32..4, instances in 1usize..21, widest in 0usize..WIDTHS,
         frames in prop::collection::vec(prop::collection::vec(prop::option::weighted(0.4, -2i8..5), 20 * TARGETS), 1..6),
     ) {

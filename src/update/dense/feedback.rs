@@ -212,11 +212,9 @@ pub(crate) fn vertex_input(format: DeltaFormat, batch: u32) -> VertexInput {
     let mut attributes = vec![attribute(0, 0, float3, 0), attribute(1, 0, float3, 12)];
     for b in 1..=batch {
         bindings.push(binding(b, format.stride() as u32));
-        match format {
-            DeltaFormat::Snorm16 => attributes.push(attribute(1 + b, b, vk::Format::R32G32B32_UINT, 0)),
-            DeltaFormat::Float32 | DeltaFormat::BlockFloat32 | DeltaFormat::Fast | DeltaFormat::Small => {
-                attributes.extend([attribute(2 * b, b, float3, 0), attribute(2 * b + 1, b, float3, 12)]);
-            }
+        match format.attributes() {
+            1 => attributes.push(attribute(1 + b, b, vk::Format::R32G32B32_UINT, 0)),
+            _ => attributes.extend([attribute(2 * b, b, float3, 0), attribute(2 * b + 1, b, float3, 12)]),
         }
     }
     (bindings, attributes)

@@ -7,7 +7,9 @@ pub(crate) mod technique;
 
 #[cfg(all(feature = "baselines", any(test, feature = "internals")))]
 pub(crate) use plan::pass_accesses;
-pub use plan::{COMPUTE_PASS, DensePlanner, Pass, Plan, PoseState};
+pub use plan::{COMPUTE_PASS, DensePlanner};
+#[cfg(any(test, feature = "internals"))]
+pub use plan::{Pass, Plan, PoseState};
 
 #[cfg(test)]
 mod tests;

@@ -240,11 +240,13 @@ impl DensePlanner {
     }
 
     /// The plans of the last update.
+    #[cfg(any(test, feature = "baselines"))]
     pub fn plans(&self) -> &[Plan] {
         &self.plans
     }
 
     /// Whether the last update changes some pose.
+    #[cfg(any(test, feature = "baselines"))]
     pub(crate) fn has_changed(&self) -> bool {
         self.plans.iter().any(|plan| !plan.passes.is_empty())
     }
@@ -273,6 +275,7 @@ impl DensePlanner {
     }
 
     /// The weights that the current pose of an instance holds.
+    #[cfg(any(test, feature = "baselines"))]
     pub(crate) fn applied(&self, instance: usize) -> Option<&[f32]> {
         self.states[instance].applied()
     }

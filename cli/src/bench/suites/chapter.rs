@@ -12,7 +12,7 @@ use crate::bench::select::{batch_words, fastest};
 use crate::bench::setting::{Config, Setting};
 use crate::bench::workload::Random;
 use crate::output::Failure;
-use deltamorph::plan::{BatchSize, UpdateMode};
+use deltamorph::{BatchSize, UpdateMode};
 
 /// Targets changed per frame, next to all of them.
 const FEW: usize = 8;

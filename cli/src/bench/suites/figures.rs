@@ -11,7 +11,7 @@ use crate::plots::bars::{Bar, BarChart, Unit};
 use crate::plots::chart::{Axes, LineChart, Point, Series, X};
 use crate::plots::{Chart, Figure};
 use crate::table::{sig3, thousands};
-use deltamorph::plan::BatchSize;
+use deltamorph::BatchSize;
 
 /// All figures that the runs of `suite` are enough for.
 pub fn figures(suite: &SuiteRecord, report: &Report) -> Vec<Figure> {

@@ -5,7 +5,7 @@ use crate::args::InputArgs;
 use crate::bench::race::Cache;
 use crate::input::{self, Input};
 use crate::output::Failure;
-use deltamorph::mesh::MorphMesh;
+use deltamorph::MorphMesh;
 use std::sync::Arc;
 
 /// Mean fraction of the vertices that a target of the sparse head moves, where none is given.

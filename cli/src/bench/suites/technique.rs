@@ -9,8 +9,7 @@ use crate::bench::record::Skipped;
 use crate::bench::select::median;
 use crate::bench::setting::{Config, Setting};
 use crate::output::Failure;
-use deltamorph::pack::DeltaFormat;
-use deltamorph::plan::{BatchSize, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph::{BatchSize, DeltaFormat, UpdateDesc, UpdateMode, UpdatePath};
 
 /// A technique, and the configurations that the best one is chosen from.
 pub struct Technique {
