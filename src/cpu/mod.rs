@@ -69,7 +69,7 @@ impl CpuCrowd {
     /// # Errors
     /// As [`UpdateDesc::check`]; a path that isn't [`UpdatePath::Cpu`](crate::plan::UpdatePath::Cpu); threads that
     /// cannot be started; more poses than there is memory. Exact sums or an error budget for a dense format; for block
-    /// formats, as [`BlockState::new`].
+    /// formats, exact sums that could overflow, or a tolerance that rounding alone exceeds.
     pub fn new(mesh: Arc<PackedMesh>, desc: UpdateDesc, instances: usize, threads: usize) -> Result<Self> {
         desc.check_all(Some(mesh.layout()), Runner::Cpu)?;
         let (layout, slots) = (mesh.layout(), desc.slots as usize);

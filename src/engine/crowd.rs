@@ -37,7 +37,7 @@ macro_rules! crowd {
         impl AnyCrowd for $crowd {}
 
         impl $crowd {
-            /// Bytes of device memory that the poses of a crowd take. On a direct path that is one, to capture into.
+            /// Bytes of device memory that the poses of a crowd take, in all groups of the mesh. On a direct path that is one, to capture into.
             pub fn pose_bytes(mesh: &PackedMesh, desc: &CrowdDesc) -> u64 {
                 mesh.groups().iter().map(|group| pose_bytes(group.layout(), desc)).sum()
             }

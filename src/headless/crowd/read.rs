@@ -39,7 +39,7 @@ impl<C: Kind> HeadlessCrowd<'_, C> {
         Ok(Some(self.mesh.layout().to_user_order(&pose)))
     }
 
-    /// Read the pose and the previous pose of an instance in a [group](PackedMesh::groups) of the mesh back, as
+    /// Read the pose and the previous pose of an instance in a [group](crate::PackedMesh::groups) of the mesh back, as
     /// [`read_pose`](Self::read_pose) does for the first.
     ///
     /// # Errors
