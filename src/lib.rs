@@ -22,7 +22,8 @@
 //! - `compile-shaders`: compile `glsl/` at build time, which needs a C++ compiler; without it the modules checked in
 //!   under `spirv/` are linked.
 
-#![deny(unsafe_code)] // below the gpu line it is allowed, each time with its reason
+// Below the gpu line it is allowed, each time with its reason.
+#![deny(unsafe_code)]
 // A new variant of an enum of ours is looked at wherever it matters.
 #![cfg_attr(not(test), deny(clippy::wildcard_enum_match_arm))]
 
