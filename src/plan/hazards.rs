@@ -99,7 +99,7 @@ impl Accesses {
         }
     }
 
-    /// The same of another group: of all memory that is not common to groups.
+    /// What a work of `group` does: all memory that groups do not have in common is its own.
     pub fn of_group(mut self, group: u32) -> Self {
         let own = |access: &&mut MemoryUse| !access.memory.is_common();
         self.reads.iter_mut().chain(&mut self.writes).filter(own).for_each(|access| access.group = group);
