@@ -110,7 +110,7 @@ mod tests {
             (Capture::Feedback, Stage::TransformFeedback, Access::FeedbackWrite),
             (Capture::Store, Stage::VertexShader, Access::ShaderWrite),
         ] {
-            let write = MemoryUse { memory: Memory::Pose { instance: 0, slot: 0 }, stage, access };
+            let write = MemoryUse { group: 0, memory: Memory::Pose { instance: 0, slot: 0 }, stage, access };
             let accesses = Accesses { writes: vec![write], ..Accesses::default() };
             let events = trace(&capture.schedule().entries, |_, _| vec![accesses.clone()]);
             for dropped in [None, Some(0), Some(2)] {

@@ -1,13 +1,14 @@
 //! The public face of the baselines: an upload of their own, and draws that evaluate.
 
 use super::attributes::AttributesTechnique;
+use super::check_one_group;
 use super::direct::DirectTechnique;
 use super::draws::Draws;
 use super::scatter::Records;
 use crate::engine::{Crowd, GpuMesh, MorphEngine, PoseView};
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
-use crate::gpu::mesh::MeshWords;
+use crate::gpu::mesh::{MeshBuffers, MeshWords};
 use crate::pack::PackedMesh;
 use crate::plan::UpdatePath;
 use crate::plan::schedule::Entry;
@@ -24,11 +25,13 @@ impl MorphEngine {
     /// bytes each, and no blocks: so many bytes and the base pose, whatever [`mesh_bytes`](Self::mesh_bytes) says.
     ///
     /// # Errors
-    /// As [`upload`](Self::upload); a format other than `small`; sums that could overflow.
+    /// As [`upload`](Self::upload); a format other than `small`; sums that could overflow; streams beside positions and
+    /// normals.
     ///
     /// # Safety
     /// As [`upload`](Self::upload).
     pub unsafe fn upload_scatter(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
+        check_one_group(UpdatePath::Scatter, mesh.groups().len(), mesh.layout())?;
         let layout = mesh.layout().clone();
         let index = layout.blocks.clone().filter(|_| UpdatePath::Scatter.formats().contains(&layout.format));
         let Some(index) = index else {
@@ -47,8 +50,9 @@ impl MorphEngine {
         }
         let private: Option<Box<dyn std::any::Any + Send + Sync>> = Some(Box::new(first));
         let words = MeshWords { base: mesh.base(), deltas: &words, deltas_size: bytes, private };
+        let buffers = MeshBuffers::new(&self.device, layout, words)?;
         // SAFETY: the caller's obligations.
-        unsafe { self.upload_words(cmd, layout, words) }
+        Ok(unsafe { self.upload_groups(cmd, vec![buffers]) })
     }
 
     /// Record the draws of a crowd on a direct path, one for each head, each of which evaluates its pose: in a render
@@ -94,7 +98,7 @@ impl MorphEngine {
                 }
             }
         }
-        Ok(crowd.base.view(0, 0))
+        Ok(crowd.base.view(0, 0, 0))
     }
 
     fn draws<'a>(&self, crowd: &'a Crowd) -> Result<&'a dyn Draws> {

@@ -180,7 +180,9 @@ impl UpdateDesc {
             return refuse(what, "use the path 'blocks', and pack the mesh as 'fast' or 'small'");
         };
         if index.entry_count() == 0 {
-            return refuse(format!("mesh '{}', whose targets move nothing,", layout.name), "draw its base pose");
+            let streams: Vec<String> = layout.streams.iter().map(|stream| stream.semantic.to_string()).collect();
+            let what = format!("mesh '{}', whose targets move nothing of {},", layout.name, streams.join(" and "));
+            return refuse(what, "draw these streams as they are in the mesh, and leave them out here");
         }
         if self.accumulate != Accumulate::Exact {
             return refuse("float sums".into(), "use Accumulate::Exact: integer sums do not drift");

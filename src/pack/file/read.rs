@@ -62,7 +62,7 @@ pub(super) fn asset(path: &Path, bytes: &[u8]) -> Result<Asset> {
     }
     let texcoords = read_f32s(sections.get(Section::Texcoords));
     let asset = Asset {
-        mesh: PackedMesh { groups },
+        mesh: PackedMesh::of_groups(groups),
         faces: faces(&sections),
         texcoords: texcoords.as_chunks().0.iter().copied().map(Vec2::from_array).collect(),
         tolerance: meta.tolerance,

@@ -15,7 +15,7 @@ mod technique;
 mod tiles;
 
 pub use list::{ELEMENT_BYTES, Element, ITEM_WORDS, Item, WorkList};
-pub(crate) use plan::{EXACT_BLOCKS, Planner};
+pub(crate) use plan::{EXACT_BLOCKS, GroupPlanner, Planner};
 pub use state::BlockState;
 pub(crate) use state::check_tolerance;
 pub(crate) use technique::BlocksTechnique;
