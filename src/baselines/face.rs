@@ -1,7 +1,6 @@
 //! The public face of the baselines: an upload of their own, and draws that evaluate.
 
 use super::attributes::AttributesTechnique;
-use super::check_one_group;
 use super::direct::DirectTechnique;
 use super::draws::Draws;
 use super::scatter::Records;
@@ -31,7 +30,7 @@ impl MorphEngine {
     /// # Safety
     /// As [`upload`](Self::upload).
     pub unsafe fn upload_scatter(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
-        check_one_group(UpdatePath::Scatter, mesh.groups().len(), mesh.layout())?;
+        UpdatePath::Scatter.check_groups(mesh.groups().len(), mesh.layout())?;
         let layout = mesh.layout().clone();
         let index = layout.blocks.clone().filter(|_| UpdatePath::Scatter.formats().contains(&layout.format));
         let Some(index) = index else {

@@ -14,8 +14,7 @@ mod vertex_store;
 #[cfg(test)]
 pub(crate) use vertex_store::{STORE_PASS, store_accesses};
 
-use crate::error::{Error, Result};
-use crate::pack::PackedLayout;
+use crate::error::Result;
 use crate::plan::UpdatePath;
 use crate::update::dense::technique::DenseTechnique;
 use crate::update::technique::{Context, Technique};
@@ -23,31 +22,15 @@ use crate::update::technique::{Context, Technique};
 /// Make the technique of a baseline.
 ///
 /// # Errors
-/// No memory; sizes beyond the device's limits; for `scatter`, a mesh that was not uploaded for it; but for
-/// `vertex-store`, streams beside positions and normals.
+/// No memory; sizes beyond the device's limits; for `scatter`, a mesh that was not uploaded for it.
 pub(crate) fn technique(context: Context<'_>) -> Result<Box<dyn Technique>> {
-    let path = context.desc.update.path;
-    if path != UpdatePath::VertexStore {
-        check_one_group(path, context.groups().count(), context.layout())?;
-    }
-    Ok(match path {
+    Ok(match context.desc.update.path {
         UpdatePath::VertexStore => Box::new(DenseTechnique::<vertex_store::StorePasses>::new(context)?),
         UpdatePath::Scatter => Box::new(scatter::ScatterTechnique::new(context)?),
         UpdatePath::Direct => Box::new(direct::DirectTechnique::new(context)?),
         UpdatePath::DirectAttributes => Box::new(attributes::AttributesTechnique::new(context)?),
-        UpdatePath::Feedback | UpdatePath::Compute | UpdatePath::Blocks | UpdatePath::Cpu => {
+        path @ (UpdatePath::Feedback | UpdatePath::Compute | UpdatePath::Blocks | UpdatePath::Cpu) => {
             unreachable!("'{}' is no baseline", path.name())
         }
     })
-}
-
-/// Refuse streams that a path would leave behind.
-fn check_one_group(path: UpdatePath, groups: usize, layout: &PackedLayout) -> Result<()> {
-    if groups == 1 {
-        return Ok(());
-    }
-    Err(Error::invalid(
-        format!("update path '{}' with mesh '{}', which has more than positions and normals", path.name(), layout.name),
-        "use the path 'blocks', 'compute', 'feedback' or 'cpu', or leave the other streams out of the mesh",
-    ))
 }

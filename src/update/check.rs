@@ -193,3 +193,24 @@ impl UpdateDesc {
         Ok(())
     }
 }
+
+impl UpdatePath {
+    /// Check the path for a mesh of so many groups.
+    ///
+    /// # Errors
+    /// Streams that it would leave behind.
+    pub(crate) fn check_groups(self, groups: usize, layout: &PackedLayout) -> Result<()> {
+        match self {
+            Self::Scatter | Self::Direct | Self::DirectAttributes if groups > 1 => Err(Error::invalid(
+                format!(
+                    "update path '{}' with mesh '{}', which has more than positions and normals",
+                    self.name(),
+                    layout.name
+                ),
+                "use the path 'blocks', 'compute', 'feedback' or 'cpu', or leave the other streams out of the mesh",
+            )),
+            Self::Scatter | Self::Direct | Self::DirectAttributes => Ok(()),
+            Self::Feedback | Self::Compute | Self::VertexStore | Self::Blocks | Self::Cpu => Ok(()),
+        }
+    }
+}
