@@ -62,12 +62,14 @@ impl<'a> HeadlessCrowd<'a> {
     /// As [`MorphEngine::upload`] and [`MorphEngine::create_crowd`].
     pub fn new(headless: &'a Headless, mesh: &PackedMesh, desc: &CrowdDesc) -> Result<Self> {
         let engine = headless.engine();
-        let mut mesh = headless.submitter().run(|cmd| match desc.update.path {
-            // SAFETY: the submitter hands out a recording buffer of the engine's device; it waits for the device.
+        let mut mesh = headless.submitter().run(|cmd| {
             #[cfg(feature = "baselines")]
-            UpdatePath::Scatter => unsafe { engine.upload_scatter(cmd, mesh) },
+            if desc.update.path == UpdatePath::Scatter {
+                // SAFETY: the submitter hands out a recording buffer of the engine's device; it waits for the device.
+                return unsafe { engine.upload_scatter(cmd, mesh) };
+            }
             // SAFETY: as above.
-            _ => unsafe { engine.upload(cmd, mesh) },
+            unsafe { engine.upload(cmd, mesh) }
         })?;
         // SAFETY: `run` has waited for the upload.
         unsafe { mesh.release_staging() };

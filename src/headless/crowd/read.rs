@@ -17,14 +17,14 @@ impl<C: Kind> HeadlessCrowd<'_, C> {
     /// As [`draw`](Self::draw); a direct path on a device that cannot capture.
     pub fn read_pose(&mut self, instance: u32) -> Result<Vec<f32>> {
         #[cfg(feature = "baselines")]
-        let captured = self.direct().map(|crowd| {
+        if let Some(crowd) = self.direct() {
             let engine = self.headless.engine();
             // SAFETY: as in `step_together`.
-            self.headless.submitter().run(|cmd| unsafe { engine.record_capture(cmd, crowd, instance) })
-        });
-        #[cfg(not(feature = "baselines"))]
-        let captured = None;
-        let view = captured.unwrap_or_else(|| self.crowd.base().pose(instance))?;
+            let view = self.headless.submitter().run(|cmd| unsafe { engine.record_capture(cmd, crowd, instance) })?;
+            let pose = self.read_view(view)?;
+            return Ok(self.mesh.layout().to_user_order(&pose));
+        }
+        let view = self.crowd.base().pose(instance)?;
         let pose = self.read_view(view)?;
         Ok(self.mesh.layout().to_user_order(&pose))
     }
