@@ -1,13 +1,22 @@
 //! Split meshes: what is doubled at a seam in the texture coordinates stays together bit for bit in every pose, and is
 //! drawn from one index buffer.
 
+#[path = "common/gpu.rs"]
+mod gpu;
+#[path = "common/picture.rs"]
+mod picture;
+
+use deltamorph::ash::vk;
+use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::import::sample::{HeadDesc, head};
-use deltamorph::reference::evaluate;
+use deltamorph::reference::{evaluate, evaluate_group};
 use deltamorph::{
-    Accumulate, BLOCK_SIZES, BatchSize, BlockDesc, CpuCrowd, DeltaFormat, MorphMesh, MorphSource, POSE_FLOATS,
-    PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdatePath,
+    Accumulate, BLOCK_SIZES, BatchSize, BlockDesc, Corner, CpuCrowd, DeltaFormat, MorphMesh, MorphSource, POSE_FLOATS,
+    POSE_STRIDE, PackDesc, PackedMesh, Semantic, StreamData, StreamDeltas, Tolerance, UpdateDesc, UpdatePath,
 };
-use glam::{Vec2, Vec3};
+use glam::{Mat4, Quat, Vec2, Vec3};
+use picture::{EDGE, Picture, Triangles};
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// The built-in head with a texture in many charts: every eighth face is one of its own.
@@ -25,6 +34,26 @@ fn charts() -> MorphSource {
 
 fn split(source: &MorphSource) -> MorphMesh {
     source.split().unwrap().to_mesh(Tolerance::default()).unwrap()
+}
+
+/// The corners of all triangles, as the faces state them.
+fn corners(source: &MorphSource) -> Vec<Corner> {
+    let fan = |face: &[Corner]| (1..face.len() - 1).flat_map(|i| [face[0], face[i], face[i + 1]]).collect::<Vec<_>>();
+    source.faces.iter().flat_map(fan).collect()
+}
+
+/// Doubled vertices, and the ones that they double.
+fn doubled(mesh: &MorphMesh) -> Vec<(usize, usize)> {
+    let pairs: Vec<(usize, usize)> =
+        (0..).zip(&mesh.welds).map(|(v, &of)| (v, of as usize)).filter(|(v, of)| v != of).collect();
+    assert!(pairs.len() > 50);
+    pairs
+}
+
+/// The first of `pairs` that is not equal bit for bit in `pose`.
+fn parted(pose: &[f32], pairs: &[(usize, usize)]) -> Option<(usize, usize)> {
+    let bits = |v: usize| pose[v * POSE_FLOATS..][..POSE_FLOATS].iter().map(|x| x.to_bits());
+    pairs.iter().copied().find(|(v, of)| !bits(*v).eq(bits(*of)))
 }
 
 /// In every format, and with blocks of every size.
@@ -48,8 +77,7 @@ fn the_built_in_head_has_a_seam() {
 fn doubled_vertices_are_equal_bit_for_bit_in_every_pose() {
     for source in [charts(), head(&HeadDesc { vertices: 3000, targets: 40, ..HeadDesc::default() })] {
         let mesh = split(&source);
-        let pairs: Vec<(usize, usize)> = (0..mesh.welds.len()).map(|v| (v, mesh.welds[v] as usize)).collect();
-        assert!(pairs.iter().filter(|(v, of)| v != of).count() > 50);
+        let pairs = doubled(&mesh);
         for packed in pack(&mesh) {
             let what = (packed.layout().format, packed.layout().blocks.as_ref().map(|b| b.size()));
             for (accumulate, error_budget) in [
@@ -78,8 +106,7 @@ fn doubled_vertices_are_equal_bit_for_bit_in_every_pose() {
                     crowd.set_weights(0, &weights).unwrap();
                     crowd.update();
                     let pose = packed.layout().to_user_order(crowd.pose(0).unwrap());
-                    let bits = |v: usize| pose[v * POSE_FLOATS..][..POSE_FLOATS].iter().map(|x| x.to_bits());
-                    if let Some((v, of)) = pairs.iter().find(|(v, of)| !bits(*v).eq(bits(*of))) {
+                    if let Some((v, of)) = parted(&pose, &pairs) {
                         panic!("{what:?} {desc:?}: vertices {v} and {of} part in frame {frame}");
                     }
                 }
@@ -93,10 +120,7 @@ fn doubled_vertices_are_equal_bit_for_bit_in_every_pose() {
 #[test]
 fn a_mesh_is_drawn_with_texture_coordinates_from_one_index_buffer() {
     let source = charts();
-    let fans = |face: &[deltamorph::Corner]| {
-        (1..face.len() - 1).flat_map(|i| [face[0], face[i], face[i + 1]]).collect::<Vec<_>>()
-    };
-    let expected: Vec<(Vec3, Vec2)> = (source.faces.iter().flat_map(fans))
+    let expected: Vec<(Vec3, Vec2)> = (corners(&source).into_iter())
         .map(|c| (source.positions[c.position as usize], source.texcoords[c.texcoord.unwrap() as usize]))
         .collect();
     for (mesh, is_split) in [(split(&source), true), (source.to_mesh(Tolerance::default()).unwrap(), false)] {
@@ -113,4 +137,178 @@ fn a_mesh_is_drawn_with_texture_coordinates_from_one_index_buffer() {
     }
     let packed = pack(&split(&source)).next().unwrap();
     assert!(packed.layout().render_vertices(&source.faces, &[]).is_err());
+}
+
+#[test]
+fn doubled_vertices_are_equal_bit_for_bit_in_every_pose_of_the_gpu() {
+    let mesh = split(&charts());
+    let pairs = doubled(&mesh);
+    for driver in gpu::drivers() {
+        gpu::on_device(&driver, false, |headless, engine| {
+            for format in DeltaFormat::ALL {
+                let packed = gpu::packed(engine, &mesh, format);
+                for update in updates(headless, format) {
+                    let mut crowd = HeadlessCrowd::new(headless, &packed, &gpu::single(update)).unwrap();
+                    for frame in 0..30 {
+                        crowd.step(&[&gpu::weights(&packed, frame, 11)]).unwrap();
+                        let parted = parted(&crowd.read_pose(0).unwrap(), &pairs);
+                        assert_eq!(parted, None, "{driver} {format:?} {update:?}: frame {frame}");
+                    }
+                }
+            }
+        });
+    }
+}
+
+/// The paths of a device, block formats with float and with exact sums, and with blocks that may lag behind.
+fn updates(headless: &Headless, format: DeltaFormat) -> Vec<UpdateDesc> {
+    if format.is_blocks() {
+        let updates = gpu::update_descs(headless.engine(), format);
+        return updates.iter().flat_map(|&u| [u, UpdateDesc { error_budget: 0.02, ..u }]).collect();
+    }
+    let paths = [UpdatePath::Compute, UpdatePath::Feedback];
+    let there = paths.into_iter().filter(|path| headless.caps().check_path(*path).is_ok());
+    there.map(|path| UpdateDesc::new(path, BatchSize::Targets(3))).collect()
+}
+
+#[test]
+fn further_streams_are_equal_at_doubled_vertices() {
+    let mut source = charts();
+    let tangent = |p: &Vec3| Vec3::Y.cross(*p).try_normalize().unwrap_or(Vec3::X).extend(1.0).to_array();
+    let values = source.positions.iter().flat_map(tangent).collect();
+    source.streams = vec![StreamData { semantic: Semantic::Tangent, values }];
+    for target in &mut source.targets {
+        let vertices = target.positions.iter().map(|(v, _)| *v).collect();
+        let deltas = target.positions.iter().flat_map(|(_, d)| (*d * 0.3).to_array()).collect();
+        target.streams = vec![StreamDeltas { vertices, deltas }];
+    }
+    let mesh = split(&source);
+    let pairs = doubled(&mesh);
+    for packed in pack(&mesh) {
+        let [_, group] = packed.groups() else { panic!("two groups") };
+        let mut moved = 0;
+        for target in 0..mesh.targets.len() {
+            let mut deltas = HashMap::new();
+            group.for_each_delta(target, |v, delta| _ = deltas.insert(v, delta.map(f64::to_bits)));
+            // What is not there does not move.
+            let of = |v: usize| deltas.get(&v).copied().unwrap_or_default();
+            assert!(pairs.iter().all(|&(v, first)| of(v) == of(first)), "{:?} {target}", packed.layout().format);
+            moved += pairs.iter().filter(|(v, _)| of(*v) != [0; POSE_FLOATS]).count();
+        }
+        assert!(moved > 100);
+        let pose = evaluate_group(group, &gpu::weights(&packed, 1, 5));
+        assert!(pairs.iter().all(|(v, of)| pose[v * 6..][..6] == pose[of * 6..][..6]));
+    }
+}
+
+/// What a host draws of a mesh: texture coordinates in the order of pose buffers, and indices.
+fn drawn(packed: &PackedMesh, mesh: &MorphMesh) -> (Vec<Vec2>, Vec<u32>) {
+    let mut render = packed.layout().render_vertices(&mesh.faces, &mesh.texcoords).unwrap();
+    // Without a split: whatever is the first at a position.
+    render.indices.iter_mut().for_each(|index| *index = render.pose_vertices[*index as usize]);
+    render.texcoords.truncate(mesh.vertex_count());
+    (render.texcoords, render.indices)
+}
+
+/// Draw `mesh` from its pose buffer, one buffer of texture coordinates and one of indices, in poses of a few frames from
+/// all sides; and draw each corner of the faces of `source` from the same pose. Returns the largest number of pixels that
+/// differ.
+fn compare_pictures(
+    headless: &Headless,
+    source: &MorphSource,
+    mesh: &MorphMesh,
+    update: UpdateDesc,
+    format: DeltaFormat,
+) -> usize {
+    let engine = headless.engine();
+    let packed = gpu::packed(engine, mesh, format);
+    // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
+    let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &packed) }).unwrap();
+    let mut crowd = engine.create_crowd(&uploaded, &gpu::single(update)).unwrap();
+    let picture = Picture::new(headless);
+    let (texcoords, indices) = drawn(&packed, mesh);
+    let (count, indices) = (indices.len() as u32, Some(picture.filled(&indices)));
+    let texcoords = picture.filled(&texcoords);
+    let readback = picture.shared(packed.layout().pose_bytes() as usize, vk::BufferUsageFlags::TRANSFER_DST);
+    let corners = corners(source);
+    let stated: Vec<Vec2> = corners.iter().map(|c| source.texcoords[c.texcoord.unwrap() as usize]).collect();
+    let stated = picture.filled(&stated);
+    let (low, high) = source.positions.iter().fold((Vec3::MAX, Vec3::MIN), |(a, b), p| (a.min(*p), b.max(*p)));
+    let mut most = 0;
+    for frame in 0..6 {
+        // Depth from 0 to 1, and some room for what moves.
+        let scale = Mat4::from_scale(Vec3::new(2.0, -2.0, 0.5) / (high - low).length());
+        let turn = Mat4::from_quat(Quat::from_rotation_x(0.4) * Quat::from_rotation_y(frame as f32));
+        let view = Mat4::from_translation(Vec3::Z * 0.5) * scale * turn * Mat4::from_translation(-(low + high) / 2.0);
+        crowd.set_weights(0, &gpu::weights(&packed, frame, 3)).unwrap();
+        headless
+            .run(|cmd| {
+                // SAFETY: as above.
+                unsafe { engine.record_update(cmd, &mut crowd) }?;
+                let pose = crowd.pose(0)?;
+                assert_eq!(pose.stride as usize, POSE_STRIDE);
+                let triangles = Triangles { pose: (pose.buffer, pose.offset), texcoords, indices, count };
+                picture.record(cmd, &triangles, &view);
+                picture.record_pose_copy(cmd, &pose, &readback);
+                Ok(())
+            })
+            .unwrap();
+        let from_indices = picture.pixels();
+        let pose = packed.layout().to_user_order(&picture.contents::<f32>(&readback));
+        let of = |c: &Corner| pose[c.position as usize * POSE_FLOATS..][..POSE_FLOATS].to_vec();
+        let pose = picture.filled(&corners.iter().flat_map(of).collect::<Vec<f32>>());
+        let triangles = Triangles { pose: (pose, 0), texcoords: stated, indices: None, count: corners.len() as u32 };
+        headless
+            .run(|cmd| {
+                picture.record(cmd, &triangles, &view);
+                Ok(())
+            })
+            .unwrap();
+        let from_corners = picture.pixels();
+        let shown = from_corners.iter().filter(|pixel| pixel[3] != 0).count();
+        assert!((0.1..0.9).contains(&(shown as f32 / (EDGE * EDGE) as f32)), "{shown} pixels show the head");
+        most = from_indices.iter().zip(&from_corners).filter(|(a, b)| a != b).count().max(most);
+    }
+    most
+}
+
+#[test]
+fn one_index_buffer_draws_what_the_corners_of_the_file_draw() {
+    let exact = UpdateDesc { accumulate: Accumulate::Exact, ..UpdateDesc::blocks() };
+    let float = UpdateDesc { accumulate: Accumulate::Float { tolerance: 1e-2 }, ..UpdateDesc::blocks() };
+    let compute = UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(3));
+    let plain = head(&HeadDesc { vertices: 3000, targets: 40, ..HeadDesc::default() });
+    let charts = charts();
+    let mesh = split(&charts);
+    let kept = charts.positions.len() as u32;
+    // What is doubled stays where it is, as when only the base pose is split.
+    let mut torn = mesh.clone();
+    for target in &mut torn.targets {
+        let first = target.vertices.partition_point(|v| *v < kept);
+        target.vertices.truncate(first);
+        target.positions.truncate(first);
+        target.normals.truncate(first);
+    }
+    for driver in gpu::drivers() {
+        gpu::on_device(&driver, false, |headless, _| {
+            for (update, format) in [
+                (exact, DeltaFormat::Fast),
+                (float, DeltaFormat::Small),
+                (float, DeltaFormat::BlockFloat32),
+                (compute, DeltaFormat::Float32),
+                (compute, DeltaFormat::Snorm16),
+            ] {
+                for (source, mesh) in [(&plain, split(&plain)), (&charts, mesh.clone())] {
+                    let differ = compare_pictures(headless, source, &mesh, update, format);
+                    assert_eq!(differ, 0, "{driver} {format:?} {update:?}");
+                }
+            }
+            // The pictures tell faults: one texture coordinate per position, and doubles that stay behind.
+            let unsplit = |source: &MorphSource| source.to_mesh(Tolerance::default()).unwrap();
+            for (source, mesh) in [(&charts, unsplit(&charts)), (&plain, unsplit(&plain)), (&charts, torn.clone())] {
+                let differ = compare_pictures(headless, source, &mesh, exact, DeltaFormat::Fast);
+                assert!(differ > 100, "{driver}: {differ} pixels differ");
+            }
+        });
+    }
 }

@@ -64,6 +64,7 @@ pub struct Headless {
 /// The device, destroyed before its instance.
 struct Owned {
     device: ash::Device,
+    physical: vk::PhysicalDevice,
     instance: Instance,
 }
 
@@ -260,7 +261,7 @@ impl Headless {
         }
         // SAFETY: the physical device is the instance's own; extension and features are there as queried.
         let device = unsafe { instance.raw.create_device(physical, &info, None) }.map_err(failed("vkCreateDevice"))?;
-        let owned = Arc::new(Owned { device, instance });
+        let owned = Arc::new(Owned { device, physical, instance });
         let engine_desc = DeviceDesc {
             caps: Some(caps),
             transform_feedback_enabled: feedback_enabled,
@@ -287,6 +288,21 @@ impl Headless {
     /// What the validation layers have said so far.
     pub fn messages(&self) -> Vec<String> {
         self.owned.instance.messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Instance, physical device and device, for tests that draw poses as hosts do.
+    #[doc(hidden)]
+    pub fn handles(&self) -> (&ash::Instance, vk::PhysicalDevice, &ash::Device) {
+        (&self.owned.instance.raw, self.owned.physical, &self.owned.device)
+    }
+
+    /// Record a command buffer with `f`, submit it and wait, for tests that draw poses as hosts do.
+    ///
+    /// # Errors
+    /// Those of `f`; a device that fails.
+    #[doc(hidden)]
+    pub fn run<R>(&self, f: impl FnOnce(vk::CommandBuffer) -> Result<R>) -> Result<R> {
+        self.submitter().run(f)
     }
 
     fn milliseconds(&self, ticks: Option<u64>) -> Option<f64> {
