@@ -13,7 +13,7 @@ use deltamorph::{
     AnimationDesc, CrowdDesc, DeltaFormat, DeviceCaps, DeviceTuning, KeyFormat, PackDesc, PackedMesh, Playback, Repeat,
     Tolerance, UpdateDesc, UpdateMode,
 };
-use scene::{Scene, blocks, clips, crowd, exact, packed};
+use scene::{Scene, blocks, clips, crowd, exact, packed, packed_streams};
 use std::sync::Arc;
 
 /// Numbers below `n`, the same everywhere.
@@ -88,6 +88,26 @@ fn the_gpu_plans_as_the_cpu_does() {
                 let [rebuilt, added, caught_up] = play_around(headless, &mesh, desc, keys, 16);
                 assert!(rebuilt > 0 && (mode == UpdateMode::Rebuild || instances < 7 || added > 0), "{desc:?}");
                 assert!(slots == 1 || caught_up > 0, "{desc:?}");
+            }
+        }
+    });
+}
+
+/// All groups of a mesh follow one animation: sampled and decided once, planned and updated group by group.
+#[test]
+fn every_stream_is_animated() {
+    gpu::on_every_device(|headless, _| {
+        for (format, size, slots, budget) in
+            [(DeltaFormat::Fast, 64, 2, 0.0), (DeltaFormat::Small, 32, 3, 0.0), (DeltaFormat::Small, 64, 1, 1e-3)]
+        {
+            let mesh = packed_streams(format, size);
+            let grids = mesh.groups().iter().map(|group| group.layout().blocks.as_ref().expect("blocks").exact());
+            let grids: Vec<_> = grids.map(|grid| grid.expect("a grid")).collect();
+            assert!(grids.iter().all(|grid| *grid == grids[0]), "weights have one grid: {grids:?}");
+            for instances in [1, 9, 20] {
+                let update = UpdateDesc { error_budget: budget * mesh.layout().diagonal, ..exact(slots) };
+                let [rebuilt, ..] = play_around(headless, &mesh, crowd(instances, update), KeyFormat::Bits32, 16);
+                assert!(rebuilt > 0, "{update:?}");
             }
         }
     });

@@ -1,8 +1,5 @@
 //! What the direct paths have in common: draws that evaluate the pose, and the capture of what they evaluate.
 
-use super::attributes::AttributesTechnique;
-use super::direct::DirectTechnique;
-use crate::engine::Crowd;
 use crate::error::{Error, Result};
 use crate::gpu::device::Device;
 use crate::pack::{POSE_STRIDE, PackedLayout};
@@ -32,12 +29,6 @@ pub(super) trait Draws {
     /// # Safety
     /// As [`record_capture`](crate::engine::MorphEngine::record_capture); barriers are recorded around it.
     unsafe fn record_capture(&self, cmd: vk::CommandBuffer, instance: u32);
-}
-
-/// The draws of a crowd that has some.
-pub(super) fn draws_of(crowd: &Crowd) -> Option<&dyn Draws> {
-    let direct = crowd.base.technique::<DirectTechnique>().map(|direct| direct as &dyn Draws);
-    direct.or_else(|| crowd.base.technique::<AttributesTechnique>().map(|attributes| attributes as &dyn Draws))
 }
 
 /// How a device captures what a draw evaluates.
@@ -119,7 +110,7 @@ mod tests {
             (Capture::Feedback, Stage::TransformFeedback, Access::FeedbackWrite),
             (Capture::Store, Stage::VertexShader, Access::ShaderWrite),
         ] {
-            let write = MemoryUse { memory: Memory::Pose { instance: 0, slot: 0 }, stage, access };
+            let write = MemoryUse { group: 0, memory: Memory::Pose { instance: 0, slot: 0 }, stage, access };
             let accesses = Accesses { writes: vec![write], ..Accesses::default() };
             let events = trace(&capture.schedule().entries, |_, _| vec![accesses.clone()]);
             for dropped in [None, Some(0), Some(2)] {

@@ -1,26 +1,36 @@
 //! The public face of the baselines: an upload of their own, and draws that evaluate.
 
-use super::draws::{Draws, draws_of};
+use super::attributes::AttributesTechnique;
+use super::direct::DirectTechnique;
+use super::draws::Draws;
 use super::scatter::Records;
 use crate::engine::{Crowd, GpuMesh, MorphEngine, PoseView};
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
-use crate::gpu::mesh::MeshWords;
+use crate::gpu::mesh::{MeshBuffers, MeshWords};
 use crate::pack::PackedMesh;
 use crate::plan::UpdatePath;
 use crate::plan::schedule::Entry;
 use ash::vk;
+
+/// The draws of a crowd that has some.
+fn draws_of(crowd: &Crowd) -> Option<&dyn Draws> {
+    let direct = crowd.base.technique::<DirectTechnique>().map(|direct| direct as &dyn Draws);
+    direct.or_else(|| crowd.base.technique::<AttributesTechnique>().map(|attributes| attributes as &dyn Draws))
+}
 
 impl MorphEngine {
     /// As [`upload`](Self::upload), for crowds on the path `scatter`, which reads records of a vertex and its delta, 16
     /// bytes each, and no blocks: so many bytes and the base pose, whatever [`mesh_bytes`](Self::mesh_bytes) says.
     ///
     /// # Errors
-    /// As [`upload`](Self::upload); a format other than `small`; sums that could overflow.
+    /// As [`upload`](Self::upload); a format other than `small`; sums that could overflow; streams beside positions and
+    /// normals.
     ///
     /// # Safety
     /// As [`upload`](Self::upload).
     pub unsafe fn upload_scatter(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
+        UpdatePath::Scatter.check_groups(mesh.groups().len(), mesh.layout())?;
         let layout = mesh.layout().clone();
         let index = layout.blocks.clone().filter(|_| UpdatePath::Scatter.formats().contains(&layout.format));
         let Some(index) = index else {
@@ -39,8 +49,9 @@ impl MorphEngine {
         }
         let private: Option<Box<dyn std::any::Any + Send + Sync>> = Some(Box::new(first));
         let words = MeshWords { base: mesh.base(), deltas: &words, deltas_size: bytes, private };
+        let buffers = MeshBuffers::new(&self.device, layout, words)?;
         // SAFETY: the caller's obligations.
-        unsafe { self.upload_words(cmd, layout, words) }
+        Ok(unsafe { self.upload_groups(cmd, vec![buffers]) })
     }
 
     /// Record the draws of a crowd on a direct path, one for each head, each of which evaluates its pose: in a render
@@ -86,7 +97,7 @@ impl MorphEngine {
                 }
             }
         }
-        Ok(crowd.base.view(0, 0))
+        Ok(crowd.base.view(0, 0, 0))
     }
 
     fn draws<'a>(&self, crowd: &'a Crowd) -> Result<&'a dyn Draws> {

@@ -349,7 +349,7 @@ fn accesses(works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
         let sums = Memory::Sums { instance };
         match PARTS[work.kernel as usize].0 {
             Part::Clear => {
-                let write = MemoryUse { memory: sums, stage: Stage::Transfer, access: Access::TransferWrite };
+                let write = MemoryUse { group: 0, memory: sums, stage: Stage::Transfer, access: Access::TransferWrite };
                 Accesses { writes: vec![write], ..Accesses::default() }
             }
             Part::Add => Accesses::compute([Memory::Deltas, sums], [sums]),

@@ -8,12 +8,12 @@ pub(crate) mod tile;
 mod workers;
 
 use crate::error::{Error, Result};
-use crate::pack::{POSE_FLOATS, PackedLayout, PackedMesh};
+use crate::pack::{POSE_FLOATS, PackedGroup, PackedMesh};
 use crate::plan::instances::{Instances, check_weights};
 use crate::plan::steps::{Source, Steps, Work};
-use crate::plan::{Consumers, UpdateDesc, UpdateStats};
+use crate::plan::{Accumulate, Consumers, UpdateDesc, UpdateStats};
 use crate::update::Runner;
-use crate::update::blocks::{BlockState, Planner};
+use crate::update::blocks::{GroupPlanner, Planner};
 use crate::update::dense::{COMPUTE_PASS, DensePlanner};
 use std::sync::Arc;
 use workers::Workers;
@@ -24,8 +24,8 @@ pub struct CpuCrowd {
     slots: usize,
     instances: Instances,
     updates: u64,
-    /// `[instance × slots + slot]`.
-    poses: Vec<Vec<f32>>,
+    /// Of each group.
+    memory: Vec<Memory>,
     workers: Workers,
     kind: Kind,
 }
@@ -33,19 +33,23 @@ pub struct CpuCrowd {
 /// What depends on the format.
 enum Kind {
     Dense { planner: DensePlanner, steps: Steps },
-    Blocks(Box<Blocks>),
+    Blocks(Planner),
 }
 
-struct Blocks {
-    planner: Planner,
+/// The memory of a group.
+struct Memory {
+    /// `[instance × slots + slot]`.
+    poses: Vec<Vec<f32>>,
     /// Integer sums of each instance, for exact accumulation.
     sums: Vec<Vec<i32>>,
 }
 
 /// Refuse poses that there is no memory for: what cannot be reserved in one piece is not there in many, and running out
 /// of it would end the process.
-fn check_memory(layout: &PackedLayout, instances: usize, slots: usize) -> Result<()> {
-    let bytes = layout.pose_bytes().saturating_mul(slots as u64).saturating_mul(instances as u64);
+fn check_memory(mesh: &PackedMesh, instances: usize, slots: usize) -> Result<()> {
+    let layout = mesh.layout();
+    let each = mesh.groups().iter().map(|group| group.layout().pose_bytes()).sum::<u64>();
+    let bytes = each.saturating_mul(slots as u64).saturating_mul(instances as u64);
     let reserved = usize::try_from(bytes).ok().map(|bytes| Vec::<u8>::new().try_reserve_exact(bytes));
     reserved.and_then(Result::ok).ok_or_else(|| {
         let text = format!("the poses of {instances} instances of mesh '{}' take {bytes} bytes", layout.name);
@@ -65,30 +69,28 @@ impl CpuCrowd {
     /// # Errors
     /// As [`UpdateDesc::check`]; a path that isn't [`UpdatePath::Cpu`](crate::plan::UpdatePath::Cpu); threads that
     /// cannot be started; more poses than there is memory. Exact sums or an error budget for a dense format; for block
-    /// formats, as [`BlockState::new`].
+    /// formats, exact sums that could overflow, or a tolerance that rounding alone exceeds.
     pub fn new(mesh: Arc<PackedMesh>, desc: UpdateDesc, instances: usize, threads: usize) -> Result<Self> {
         desc.check_all(Some(mesh.layout()), Runner::Cpu)?;
         let (layout, slots) = (mesh.layout(), desc.slots as usize);
-        check_memory(layout, instances, slots)?;
+        check_memory(&mesh, instances, slots)?;
         let workers = Workers::new(threads)?;
         let targets = layout.targets.len();
         let kind = match &layout.blocks {
             None => {
                 Kind::Dense { planner: DensePlanner::new(desc, instances)?, steps: Steps::new(Consumers::default()) }
             }
-            Some(index) => {
-                let state = BlockState::new(desc, layout, index)?;
-                let sums = if state.exact().is_some() { mesh.base().len() } else { 0 };
-                Kind::Blocks(Box::new(Blocks {
-                    planner: Planner::new(index, state, instances),
-                    sums: vec![vec![0; sums]; instances],
-                }))
-            }
+            Some(_) => Kind::Blocks(Planner::new(desc, mesh.groups().iter().map(PackedGroup::layout), instances)?),
+        };
+        let has_sums = desc.accumulate == Accumulate::Exact;
+        let memory = |group: &PackedGroup| Memory {
+            poses: vec![group.base().to_vec(); instances * slots],
+            sums: vec![vec![0; if has_sums { group.base().len() } else { 0 }]; instances],
         };
         Ok(Self {
             instances: Instances::new(instances, targets),
             updates: 0,
-            poses: vec![mesh.base().to_vec(); instances * slots],
+            memory: mesh.groups().iter().map(memory).collect(),
             slots,
             kind,
             mesh,
@@ -108,7 +110,7 @@ impl CpuCrowd {
     pub fn set_weights(&mut self, instance: usize, weights: &[f32]) -> Result<()> {
         let exact = match &self.kind {
             Kind::Dense { .. } => None,
-            Kind::Blocks(blocks) => blocks.planner.exact(),
+            Kind::Blocks(planner) => planner.exact(),
         };
         check_weights(weights, self.mesh.layout(), exact)?;
         self.instances.set_weights(number(instance), weights)
@@ -123,7 +125,7 @@ impl CpuCrowd {
         let instance = self.instances.check(number(instance))?;
         match &mut self.kind {
             Kind::Dense { planner, .. } => planner.cut(instance),
-            Kind::Blocks(blocks) => blocks.planner.cut(instance),
+            Kind::Blocks(planner) => planner.cut(instance),
         }
         Ok(())
     }
@@ -145,7 +147,7 @@ impl CpuCrowd {
         let instance = self.instances.add()? as usize;
         match &mut self.kind {
             Kind::Dense { planner, .. } => planner.forget(instance),
-            Kind::Blocks(blocks) => blocks.planner.forget(instance),
+            Kind::Blocks(planner) => planner.forget(instance),
         }
         Ok(instance)
     }
@@ -161,19 +163,25 @@ impl CpuCrowd {
     /// Bring all poses to the weights asked for.
     pub fn update(&mut self) -> UpdateStats {
         self.updates += 1;
-        let Self { mesh, workers, poses, slots, instances, .. } = self;
+        let Self { mesh, workers, memory, slots, instances, .. } = self;
+        let groups = mesh.groups();
         match &mut self.kind {
             Kind::Dense { planner, steps } => {
                 planner.plan(instances, self.updates);
                 steps.clear();
-                planner.fill(COMPUTE_PASS, steps);
-                steps.works().iter().for_each(|work| run_dense(mesh, workers, planner, work, poses, *slots));
-                planner.stats(mesh.layout())
+                planner.fill(groups.len(), COMPUTE_PASS, steps);
+                for work in steps.works() {
+                    let group = work.group as usize;
+                    run_dense(&groups[group], workers, planner, work, &mut memory[group].poses, *slots);
+                }
+                planner.stats(groups.iter().map(PackedGroup::layout))
             }
-            Kind::Blocks(blocks) => {
-                let stats = blocks.planner.plan(instances, self.updates);
-                blocks.run(mesh, workers, poses, *slots);
-                stats
+            Kind::Blocks(planner) => {
+                planner.plan(instances, self.updates);
+                for ((group, planner), memory) in groups.iter().zip(&planner.groups).zip(memory) {
+                    run_blocks(group, workers, planner, memory, *slots);
+                }
+                planner.stats()
             }
         }
     }
@@ -182,7 +190,7 @@ impl CpuCrowd {
     fn slots_of(&self, instance: usize) -> (u32, Option<u32>) {
         let slots = match &self.kind {
             Kind::Dense { planner, .. } => planner.slots_of(instance),
-            Kind::Blocks(blocks) => blocks.planner.slots_of(instance),
+            Kind::Blocks(planner) => planner.slots_of(instance),
         };
         slots.unwrap_or_default()
     }
@@ -193,8 +201,23 @@ impl CpuCrowd {
     /// # Errors
     /// An instance out of range or removed.
     pub fn pose(&self, instance: usize) -> Result<&[f32]> {
+        self.group_pose(instance, 0)
+    }
+
+    /// The pose of an instance in a [group](PackedMesh::groups) of the mesh; [`pose`](Self::pose) is that of the first.
+    ///
+    /// # Errors
+    /// An instance out of range or removed; a group out of range.
+    pub fn group_pose(&self, instance: usize, group: usize) -> Result<&[f32]> {
         let instance = self.instances.check(number(instance))?;
-        Ok(&self.poses[instance * self.slots + self.slots_of(instance).0 as usize])
+        Ok(&self.group(group)?.poses[instance * self.slots + self.slots_of(instance).0 as usize])
+    }
+
+    fn group(&self, group: usize) -> Result<&Memory> {
+        self.memory.get(group).ok_or_else(|| {
+            let (name, groups) = (&self.mesh.layout().name, self.memory.len());
+            Error::invalid(format!("group {group} of mesh '{name}', which has {groups}"), "count groups from 0")
+        })
     }
 
     /// The pose before the last update, where it is still there; the pose itself when nothing changed.
@@ -202,26 +225,33 @@ impl CpuCrowd {
     /// # Errors
     /// An instance out of range or removed.
     pub fn previous_pose(&self, instance: usize) -> Result<Option<&[f32]>> {
-        let instance = self.instances.check(number(instance))?;
-        Ok(self.slots_of(instance).1.map(|slot| self.poses[instance * self.slots + slot as usize].as_slice()))
+        self.previous_group_pose(instance, 0)
     }
 
-    /// The integer sums of an instance, in the order of pose buffers; `None` unless it accumulates exactly.
+    /// The [previous pose](Self::previous_pose) of an instance in a group of the mesh.
+    ///
+    /// # Errors
+    /// As [`group_pose`](Self::group_pose).
+    pub fn previous_group_pose(&self, instance: usize, group: usize) -> Result<Option<&[f32]>> {
+        let instance = self.instances.check(number(instance))?;
+        let poses = &self.group(group)?.poses;
+        Ok(self.slots_of(instance).1.map(|slot| poses[instance * self.slots + slot as usize].as_slice()))
+    }
+
+    /// The integer sums of positions and normals of an instance, in the order of pose buffers; `None` unless it
+    /// accumulates exactly.
     ///
     /// # Errors
     /// An instance out of range or removed.
     pub fn sums(&self, instance: usize) -> Result<Option<&[i32]>> {
         let instance = self.instances.check(number(instance))?;
-        Ok(match &self.kind {
-            Kind::Dense { .. } => None,
-            Kind::Blocks(blocks) => Some(blocks.sums[instance].as_slice()).filter(|sums| !sums.is_empty()),
-        })
+        Ok(Some(self.memory[0].sums[instance].as_slice()).filter(|sums| !sums.is_empty()))
     }
 }
 
 /// Carry a dense pass out.
 fn run_dense(
-    mesh: &PackedMesh,
+    mesh: &PackedGroup,
     workers: &Workers,
     planner: &DensePlanner,
     work: &Work,
@@ -243,31 +273,30 @@ fn run_dense(
         workers.for_each_piece(chunk, |at, out| {
             let first = first + at / POSE_FLOATS;
             let source = source.map(|s| &s[first * POSE_FLOATS..][..out.len()]);
-            kernel::dense(mesh.surface(), coefficients, first, source, out);
+            kernel::dense(mesh, coefficients, first, source, out);
         });
     }
     poses[to] = destination;
 }
 
-impl Blocks {
-    fn run(&mut self, mesh: &PackedMesh, workers: &Workers, poses: &mut [Vec<f32>], slots: usize) {
-        let Planner { index, list, .. } = &self.planner;
-        let exact = self.planner.exact();
-        let mut first = 0;
-        for run in list.items.chunk_by(|a, b| a.instance == b.instance) {
-            let instance = run[0].instance as usize;
-            let range = first..first + run.len();
-            first = range.end;
-            let (at, to) = (instance * slots, run[0].destination as usize);
-            let mut destination = std::mem::take(&mut poses[at + to]);
-            // Items of one instance read one slot, but for those that start from base.
-            let from = run.iter().find_map(|item| item.source).filter(|&s| s as usize != to);
-            let source = from.map(|slot| poses[at + slot as usize].as_slice());
-            let sums = exact.map(|grid| (self.sums[instance].as_mut_slice(), grid));
-            let buffers = blocks::Buffers { source, destination: &mut destination, sums };
-            blocks::run(workers, mesh.surface(), index, list, range, buffers);
-            poses[at + to] = destination;
-        }
+/// Carry the work list of a group out.
+fn run_blocks(mesh: &PackedGroup, workers: &Workers, planner: &GroupPlanner, memory: &mut Memory, slots: usize) {
+    let (GroupPlanner { index, list, .. }, exact) = (planner, planner.exact());
+    let Memory { poses, sums } = memory;
+    let mut first = 0;
+    for run in list.items.chunk_by(|a, b| a.instance == b.instance) {
+        let instance = run[0].instance as usize;
+        let range = first..first + run.len();
+        first = range.end;
+        let (at, to) = (instance * slots, run[0].destination as usize);
+        let mut destination = std::mem::take(&mut poses[at + to]);
+        // Items of one instance read one slot, but for those that start from base.
+        let from = run.iter().find_map(|item| item.source).filter(|&s| s as usize != to);
+        let source = from.map(|slot| poses[at + slot as usize].as_slice());
+        let sums = exact.map(|grid| (sums[instance].as_mut_slice(), grid));
+        let buffers = blocks::Buffers { source, destination: &mut destination, sums };
+        blocks::run(workers, mesh, index, list, range, buffers);
+        poses[at + to] = destination;
     }
 }
 

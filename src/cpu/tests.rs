@@ -50,8 +50,8 @@ proptest! {
 
 /// What the kernel loads and stores for the work list as it stands.
 fn metered(crowd: &CpuCrowd) -> u64 {
-    let Kind::Blocks(blocks) = &crowd.kind else { panic!("a block format") };
-    let (planner, mesh) = (&blocks.planner, &crowd.mesh);
+    let Kind::Blocks(planner) = &crowd.kind else { panic!("a block format") };
+    let (planner, mesh) = (&planner.groups[0], &crowd.mesh);
     let (index, list) = (&planner.index, &planner.list);
     let floats = index.size() * POSE_FLOATS;
     let mut moved = 0u64;

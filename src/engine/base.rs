@@ -1,5 +1,7 @@
 //! What every crowd has: poses, instances, slots, tickets, and a technique that updates them.
 
+use super::upload::GpuMesh;
+use crate::asset::streams::{Semantic, StreamPlace};
 use crate::error::{Error, Result};
 use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernels;
@@ -10,7 +12,7 @@ use crate::plan::instances::Instances;
 use crate::plan::schedule::Schedule;
 use crate::plan::steps::{Steps, Work};
 use crate::plan::{CrowdDesc, UpdateStats};
-use crate::update::technique::{Context, Poses, Technique, UpdateId};
+use crate::update::technique::{Context, PoseGroup, Poses, Technique, UpdateId};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use std::any::Any;
@@ -57,12 +59,27 @@ pub struct PoseView {
     pub slot: u32,
 }
 
+/// Where a stream of a pose is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StreamView {
+    /// The buffer; usable as vertex, storage and transfer-source buffer.
+    pub buffer: vk::Buffer,
+    /// Offset of the first vertex's first component.
+    pub offset: u64,
+    /// Components: float32 each, one after the other.
+    pub components: u32,
+    /// Bytes from vertex to vertex.
+    pub stride: u32,
+    /// Which slot of the instance it is.
+    pub slot: u32,
+}
+
 /// The part that all kinds of crowds share.
 pub struct CrowdBase {
     // Before the buffers that its descriptor sets name.
     pub(super) technique: Box<dyn Technique>,
-    pub(crate) mesh: Arc<MeshBuffers>,
-    pub(crate) poses: Poses,
+    /// At least one.
+    groups: Vec<PoseGroup>,
     pub(super) instances: Instances,
     pub(super) steps: Steps,
     /// Scratch space of recording.
@@ -71,7 +88,7 @@ pub struct CrowdBase {
     last: Option<UpdateId>,
     desc: CrowdDesc,
     device: Arc<Device>,
-    _pose_buffer: Buffer,
+    _pose_buffers: Vec<Buffer>,
     /// Tells crowds apart.
     crowd: u64,
     /// Updates planned.
@@ -100,7 +117,7 @@ impl CrowdBase {
     pub(super) fn new(
         device: &Arc<Device>,
         kernels: &Kernels,
-        mesh: &Arc<MeshBuffers>,
+        mesh: &GpuMesh,
         desc: &CrowdDesc,
         targets: usize,
         make: impl FnOnce(Context<'_>) -> Result<Box<dyn Technique>>,
@@ -112,7 +129,7 @@ impl CrowdBase {
                 "use 1 or more of both",
             ));
         }
-        let bytes = pose_bytes(&mesh.layout, desc);
+        let bytes = mesh.layouts().map(|layout| pose_bytes(layout, desc)).max().unwrap_or(0);
         if bytes > u64::from(u32::MAX) {
             return Err(Error::invalid(
                 format!(
@@ -131,22 +148,27 @@ impl CrowdBase {
         if device.feedback.is_some() {
             usage |= vk::BufferUsageFlags::TRANSFORM_FEEDBACK_BUFFER_EXT;
         }
-        let buffer = Buffer::new(
-            device,
-            &BufferDesc { name: "deltamorph poses", bytes, usage, location: MemoryLocation::GpuOnly },
-        )?;
-        let poses = Poses { buffer: buffer.raw, bytes: mesh.layout.pose_bytes(), slots: desc.update.slots };
-        Ok(Self {
-            technique: make(Context { device, kernels, mesh, desc, poses })?,
+        let buffer = |layout: &PackedLayout| {
+            let (name, bytes, location) = ("deltamorph poses", pose_bytes(layout, desc), MemoryLocation::GpuOnly);
+            Buffer::new(device, &BufferDesc { name, bytes, usage, location })
+        };
+        let buffers = mesh.layouts().map(buffer).collect::<Result<Vec<_>>>()?;
+        let group = |(mesh, buffer): (&Arc<MeshBuffers>, &Buffer)| PoseGroup {
             mesh: mesh.clone(),
-            poses,
+            poses: Poses { buffer: buffer.raw, bytes: mesh.layout.pose_bytes(), slots: desc.update.slots },
+        };
+        let groups: Vec<PoseGroup> = mesh.groups.iter().zip(&buffers).map(group).collect();
+        let (mesh, poses) = (&groups[0].mesh, groups[0].poses);
+        Ok(Self {
+            technique: make(Context { device, kernels, mesh, desc, poses, all: &groups })?,
+            groups,
             instances: Instances::new(desc.instances as usize, targets),
             steps: Steps::new(desc.consumers),
             schedule: Schedule::default(),
             last: None,
             desc: *desc,
             device: device.clone(),
-            _pose_buffer: buffer,
+            _pose_buffers: buffers,
             crowd: CROWDS.fetch_add(1, Ordering::Relaxed),
             updates: 0,
             recorded: 0,
@@ -250,7 +272,16 @@ impl CrowdBase {
         self.instances.requested().zip(0..).filter_map(|(requested, i)| requested.map(|_| i))
     }
 
+    pub(super) fn layout(&self) -> &PackedLayout {
+        &self.groups[0].mesh.layout
+    }
+
     pub(crate) fn pose(&self, instance: u32) -> Result<PoseView> {
+        self.group_pose(instance, 0)
+    }
+
+    /// The pose of an instance in a group of the mesh.
+    pub(crate) fn group_pose(&self, instance: u32, group: usize) -> Result<PoseView> {
         let (slot, _) = self.slots_of(instance)?;
         if !self.technique.has_poses() {
             return Err(Error::invalid(
@@ -258,12 +289,39 @@ impl CrowdBase {
                 "draw with MorphEngine::record_draws, or write the pose with MorphEngine::record_capture",
             ));
         }
-        Ok(self.view(instance, slot))
+        Ok(self.view(instance, slot, group))
     }
 
     pub(crate) fn previous_pose(&self, instance: u32) -> Result<Option<PoseView>> {
+        self.previous_group_pose(instance, 0)
+    }
+
+    /// The previous pose of an instance in a group of the mesh.
+    pub(crate) fn previous_group_pose(&self, instance: u32, group: usize) -> Result<Option<PoseView>> {
         let (_, previous) = self.slots_of(instance)?;
-        Ok(previous.filter(|_| self.technique.has_poses()).map(|slot| self.view(instance, slot)))
+        Ok(previous.filter(|_| self.technique.has_poses()).map(|slot| self.view(instance, slot, group)))
+    }
+
+    pub(super) fn stream(&self, instance: u32, semantic: Semantic) -> Result<StreamView> {
+        let (group, place) = self.place(semantic)?;
+        Ok(stream_view(&self.group_pose(instance, group)?, place))
+    }
+
+    pub(super) fn previous_stream(&self, instance: u32, semantic: Semantic) -> Result<Option<StreamView>> {
+        let (group, place) = self.place(semantic)?;
+        Ok(self.previous_group_pose(instance, group)?.map(|view| stream_view(&view, place)))
+    }
+
+    /// The group that has a stream, and where.
+    fn place(&self, semantic: Semantic) -> Result<(usize, StreamPlace)> {
+        let streams = |group: &PoseGroup| group.mesh.layout.streams.iter().find(|s| s.semantic == semantic).copied();
+        let place = self.groups.iter().map(streams).enumerate().find_map(|(group, place)| Some((group, place?)));
+        place.ok_or_else(|| {
+            let streams = self.groups.iter().flat_map(|group| &group.mesh.layout.streams);
+            let names: Vec<String> = streams.map(|stream| stream.semantic.to_string()).collect();
+            let text = format!("stream '{semantic}' of mesh '{}'", self.layout().name);
+            Error::invalid(text, format!("it has {}", names.join(", ")))
+        })
     }
 
     /// Slots of the pose and of the previous pose.
@@ -279,11 +337,12 @@ impl CrowdBase {
         self.technique.sums(instance)
     }
 
-    pub(crate) fn view(&self, instance: u32, slot: u32) -> PoseView {
+    pub(crate) fn view(&self, instance: u32, slot: u32, group: usize) -> PoseView {
+        let poses = self.groups[group].poses;
         PoseView {
-            buffer: self.poses.buffer,
-            offset: self.poses.offset(instance, slot),
-            size: self.poses.bytes,
+            buffer: poses.buffer,
+            offset: poses.offset(instance, slot),
+            size: poses.bytes,
             stride: POSE_STRIDE as u32,
             slot,
         }
@@ -313,7 +372,13 @@ impl CrowdBase {
     }
 }
 
-/// Bytes of device memory that the poses of a crowd take. On a direct path that is one, to capture into.
+fn stream_view(view: &PoseView, place: StreamPlace) -> StreamView {
+    let PoseView { buffer, offset, stride, slot, .. } = *view;
+    let components = place.semantic.components() as u32;
+    StreamView { buffer, offset: offset + 4 * place.first as u64, components, stride, slot }
+}
+
+/// Bytes of device memory that the poses of a crowd take in a group. On a direct path that is one, to capture into.
 pub(super) fn pose_bytes(layout: &PackedLayout, desc: &CrowdDesc) -> u64 {
     if desc.update.path.evaluates_in_draws() {
         return layout.pose_bytes();

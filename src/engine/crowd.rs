@@ -1,9 +1,10 @@
 //! Crowds: instances of one mesh whose weights are set, or that play clips on the GPU.
 
 use super::base::sealed::Sealed;
-use super::base::{AnyCrowd, CrowdBase, PoseView, Ticket, pose_bytes};
+use super::base::{AnyCrowd, CrowdBase, PoseView, StreamView, Ticket, pose_bytes};
+use crate::asset::streams::Semantic;
 use crate::error::Result;
-use crate::pack::PackedLayout;
+use crate::pack::PackedMesh;
 use crate::plan::CrowdDesc;
 use crate::plan::instances::check_weights;
 use crate::update::animated::{Animated, Clips, Playback};
@@ -36,9 +37,9 @@ macro_rules! crowd {
         impl AnyCrowd for $crowd {}
 
         impl $crowd {
-            /// Bytes of device memory that the poses of a crowd take. On a direct path that is one, to capture into.
-            pub fn pose_bytes(layout: &PackedLayout, desc: &CrowdDesc) -> u64 {
-                pose_bytes(layout, desc)
+            /// Bytes of device memory that the poses of a crowd take, in all groups of the mesh. On a direct path that is one, to capture into.
+            pub fn pose_bytes(mesh: &PackedMesh, desc: &CrowdDesc) -> u64 {
+                mesh.groups().iter().map(|group| pose_bytes(group.layout(), desc)).sum()
             }
 
             /// How the crowd was made.
@@ -120,6 +121,22 @@ macro_rules! crowd {
             pub fn previous_pose(&self, instance: u32) -> Result<Option<PoseView>> {
                 self.base.previous_pose(instance)
             }
+
+            /// A stream of the [pose](Self::pose) of `instance`: any that the mesh has.
+            ///
+            /// # Errors
+            /// As [`pose`](Self::pose); a stream that the mesh does not have.
+            pub fn stream(&self, instance: u32, semantic: Semantic) -> Result<StreamView> {
+                self.base.stream(instance, semantic)
+            }
+
+            /// A stream of the [previous pose](Self::previous_pose) of `instance`.
+            ///
+            /// # Errors
+            /// As [`stream`](Self::stream).
+            pub fn previous_stream(&self, instance: u32, semantic: Semantic) -> Result<Option<StreamView>> {
+                self.base.previous_stream(instance, semantic)
+            }
         }
     };
 }
@@ -134,10 +151,10 @@ impl Crowd {
     /// An instance out of range or removed; a wrong number of weights; one that is not finite or out of range; more
     /// active targets than a draw of `direct-attributes` takes. Nothing changes then.
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
-        let CrowdBase { technique, mesh, instances, .. } = &mut self.base;
-        check_weights(weights, &mesh.layout, technique.exact())?;
+        let CrowdBase { technique, .. } = &self.base;
+        check_weights(weights, self.base.layout(), technique.exact())?;
         technique.check_weights(weights)?;
-        instances.set_weights(instance, weights)
+        self.base.instances.set_weights(instance, weights)
     }
 }
 

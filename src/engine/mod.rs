@@ -8,7 +8,7 @@ mod upload;
 pub use crate::gpu::caps::DeviceCaps;
 pub use crate::gpu::device::DeviceDesc;
 pub use crate::plan::CrowdDesc;
-pub use base::{AnyCrowd, PoseView, Ticket, Update};
+pub use base::{AnyCrowd, PoseView, StreamView, Ticket, Update};
 pub use crowd::{AnimatedCrowd, Crowd};
 pub use upload::GpuMesh;
 
@@ -117,19 +117,20 @@ impl MorphEngine {
     pub fn create_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<Crowd> {
         self.check_crowd(mesh, desc, Runner::Device(&self.device.caps))?;
         let targets = mesh.layout().targets.len();
-        let base = CrowdBase::new(&self.device, &self.kernels, &mesh.shared, desc, targets, technique)?;
+        let base = CrowdBase::new(&self.device, &self.kernels, mesh, desc, targets, technique)?;
         Ok(Crowd { base })
     }
 
     fn check_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc, runner: Runner<'_>) -> Result<()> {
-        if !mesh.shared.base.is_on(&self.device) {
+        if !mesh.groups[0].base.is_on(&self.device) {
             return Err(Error::invalid(
                 format!("mesh '{}' belongs to another MorphEngine", mesh.layout().name),
                 "upload it with the engine that makes the crowd",
             ));
         }
-        desc.update.check_all(Some(mesh.layout()), runner)?;
-        if mesh.shared.private.is_some() != desc.update.path.has_own_upload() {
+        mesh.layouts().try_for_each(|layout| desc.update.check_all(Some(layout), runner))?;
+        desc.update.path.check_groups(mesh.groups.len(), mesh.layout())?;
+        if mesh.groups[0].private.is_some() != desc.update.path.has_own_upload() {
             return Err(Error::invalid(
                 format!("mesh '{}' for the path '{}'", mesh.layout().name, desc.update.path.name()),
                 "upload it with MorphEngine::upload_scatter for 'scatter', with MorphEngine::upload for other paths",
@@ -177,7 +178,7 @@ impl MorphEngine {
         self.check_crowd(mesh, desc, Runner::Animated(Some(&self.device.caps)))?;
         let clips = Clips::new(animation, mesh.layout())?;
         // Weights are the GPU's: none are set.
-        let base = CrowdBase::new(&self.device, &self.kernels, &mesh.shared, desc, 0, |context| {
+        let base = CrowdBase::new(&self.device, &self.kernels, mesh, desc, 0, |context| {
             Ok(Box::new(Animated::new(context, clips)?))
         })?;
         let crowd = AnimatedCrowd { base };

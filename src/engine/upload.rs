@@ -3,16 +3,16 @@
 use super::MorphEngine;
 use crate::abi::numbers::WORKGROUP;
 use crate::error::{Error, Result};
-use crate::gpu::memory::Buffer;
-use crate::gpu::mesh::{MeshBuffers, MeshWords, chunk_bytes, deltas_bytes};
-use crate::pack::{POSE_STRIDE, PackedLayout, PackedMesh};
+use crate::gpu::mesh::{MeshBuffers, MeshWords, Upload, chunk_bytes, deltas_bytes, record_uploads};
+use crate::pack::{POSE_STRIDE, PackedGroup, PackedLayout, PackedMesh};
 use ash::vk;
 use std::sync::Arc;
 
 /// A mesh on the device. Crowds keep what they need of it alive.
 pub struct GpuMesh {
-    pub(crate) shared: Arc<MeshBuffers>,
-    staging: Option<Buffer>,
+    /// At least one.
+    pub(crate) groups: Vec<Arc<MeshBuffers>>,
+    staging: Vec<Upload>,
 }
 
 impl GpuMesh {
@@ -21,32 +21,40 @@ impl GpuMesh {
     /// # Safety
     /// The upload that was recorded with this mesh has run, or never will: its copies read the memory.
     pub unsafe fn release_staging(&mut self) {
-        self.staging = None;
+        self.staging.clear();
     }
 
     /// The same mesh, for `headless`.
     #[cfg(feature = "headless")]
     pub(crate) fn shared(&self) -> Self {
-        Self { shared: self.shared.clone(), staging: None }
+        Self { groups: self.groups.clone(), staging: vec![] }
     }
 
-    /// Names, steps and sizes of what was uploaded.
+    /// Names, steps and sizes of what was uploaded: of positions and normals.
     pub fn layout(&self) -> &PackedLayout {
-        &self.shared.layout
+        &self.groups[0].layout
+    }
+
+    /// The layouts of all [groups](PackedMesh::groups).
+    pub fn layouts(&self) -> impl Iterator<Item = &PackedLayout> {
+        self.groups.iter().map(|group| &group.layout)
     }
 }
 
 impl MorphEngine {
     /// Bytes of device memory that a mesh takes (as much again in staging memory until
     /// [`GpuMesh::release_staging`]).
-    pub fn mesh_bytes(layout: &PackedLayout) -> u64 {
-        let base = if layout.format.is_blocks() { 0 } else { layout.pose_bytes() };
-        base + deltas_bytes(layout)
+    pub fn mesh_bytes(mesh: &PackedMesh) -> u64 {
+        let of = |layout: &PackedLayout| {
+            let base = if layout.format.is_blocks() { 0 } else { layout.pose_bytes() };
+            base + deltas_bytes(layout)
+        };
+        mesh.groups().iter().map(|group| of(group.layout())).sum()
     }
 
     /// Create a mesh's buffers and record their upload.
     ///
-    /// This records: two copies from staging memory, and a barrier that makes them visible to every update path
+    /// This records: for each group two copies from staging memory, and a barrier that makes them visible to every update path
     /// (first stage TRANSFER with TRANSFER_WRITE; last stages VERTEX_INPUT, VERTEX_SHADER, COMPUTE_SHADER).
     ///
     /// The caller is responsible for: submitting `cmd` before any update of the mesh, and calling
@@ -61,26 +69,26 @@ impl MorphEngine {
     /// - It runs before any update of the mesh, exactly once; where it never does, no crowd of the mesh is updated.
     /// - The value returned is dropped only when the device no longer uses it.
     pub unsafe fn upload(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
-        let layout = mesh.layout().clone();
-        self.check_mesh(&layout)?;
-        let (deltas_size, base, deltas) = (deltas_bytes(&layout), mesh.base(), mesh.deltas());
+        let group = |group: &PackedGroup| {
+            let layout = group.layout().clone();
+            self.check_mesh(&layout)?;
+            let (deltas_size, base, deltas) = (deltas_bytes(&layout), group.base(), group.deltas());
+            MeshBuffers::new(&self.device, layout, MeshWords { base, deltas, deltas_size, private: None })
+        };
+        let groups = mesh.groups().iter().map(group).collect::<Result<_>>()?;
         // SAFETY: the caller's obligations.
-        unsafe { self.upload_words(cmd, layout, MeshWords { base, deltas, deltas_size, private: None }) }
+        Ok(unsafe { self.upload_groups(cmd, groups) })
     }
 
-    /// Upload words of a mesh that was checked.
+    /// Record the upload of a mesh that was checked.
     ///
     /// # Safety
     /// As [`upload`](Self::upload).
-    pub(crate) unsafe fn upload_words(
-        &self,
-        cmd: vk::CommandBuffer,
-        layout: PackedLayout,
-        words: MeshWords<'_>,
-    ) -> Result<GpuMesh> {
+    pub(crate) unsafe fn upload_groups(&self, cmd: vk::CommandBuffer, groups: Vec<(MeshBuffers, Upload)>) -> GpuMesh {
+        let (groups, staging): (Vec<_>, Vec<_>) = groups.into_iter().unzip();
         // SAFETY: the caller's obligations.
-        let (mesh, staging) = unsafe { MeshBuffers::upload(&self.device, cmd, layout, words) }?;
-        Ok(GpuMesh { shared: Arc::new(mesh), staging: Some(staging) })
+        unsafe { record_uploads(&self.device, cmd, &staging) };
+        GpuMesh { groups: groups.into_iter().map(Arc::new).collect(), staging }
     }
 
     pub(crate) fn check_not_empty(&self, layout: &PackedLayout) -> Result<()> {

@@ -11,7 +11,7 @@ use gpu_allocator::MemoryLocation;
 use std::any::Any;
 use std::sync::Arc;
 
-/// The device-local part of a mesh.
+/// The device-local part of a group of a mesh.
 pub(crate) struct MeshBuffers {
     pub(crate) layout: PackedLayout,
     /// The base pose (dense formats).
@@ -32,18 +32,15 @@ pub(crate) struct MeshWords<'a> {
     pub(crate) private: Option<Box<dyn Any + Send + Sync>>,
 }
 
+/// Staging memory, and what is copied from it.
+pub(crate) struct Upload {
+    staging: Buffer,
+    copies: Vec<(vk::Buffer, vk::BufferCopy)>,
+}
+
 impl MeshBuffers {
-    /// Buffers of a base pose and of deltas, and their upload from staging memory, which is returned as well.
-    ///
-    /// # Safety
-    /// - `cmd` is in the recording state on `device`, outside a render pass, on a queue with graphics and compute.
-    /// - What is returned is dropped only when the device no longer uses it.
-    pub(crate) unsafe fn upload(
-        device: &Arc<Device>,
-        cmd: vk::CommandBuffer,
-        layout: PackedLayout,
-        words: MeshWords<'_>,
-    ) -> Result<(Self, Buffer)> {
+    /// Buffers of a base pose and of deltas, and what fills them.
+    pub(crate) fn new(device: &Arc<Device>, layout: PackedLayout, words: MeshWords<'_>) -> Result<(Self, Upload)> {
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
             | vk::BufferUsageFlags::VERTEX_BUFFER
@@ -72,20 +69,30 @@ impl MeshBuffers {
             size: size as u64,
         };
         let base_buffer = if one_buffer { &deltas } else { &base };
-        for (target, region) in [
-            (base_buffer, region(0, base_at, base_bytes.len())),
-            (&deltas, region(base_bytes.len(), 0, delta_bytes.len())),
-        ] {
-            if region.size > 0 {
-                // SAFETY: the caller's obligations; the region lies within both buffers, and the two do not overlap.
-                unsafe { device.raw.cmd_copy_buffer(cmd, staging.raw, target.raw, &[region]) };
-            }
+        let mut copies = vec![
+            (base_buffer.raw, region(0, base_at, base_bytes.len())),
+            (deltas.raw, region(base_bytes.len(), 0, delta_bytes.len())),
+        ];
+        copies.retain(|(_, region)| region.size > 0);
+        Ok((Self { layout, base, deltas, private: words.private }, Upload { staging, copies }))
+    }
+}
+
+/// Record the upload of all groups of a mesh, and one barrier behind it.
+///
+/// # Safety
+/// - `cmd` is in the recording state on `device`, outside a render pass, on a queue with graphics and compute.
+/// - The uploads and their meshes are dropped only when the device no longer uses them.
+pub(crate) unsafe fn record_uploads(device: &Device, cmd: vk::CommandBuffer, uploads: &[Upload]) {
+    for upload in uploads {
+        for (buffer, region) in &upload.copies {
+            // SAFETY: the caller's obligations; the region lies within both buffers, and the two do not overlap.
+            unsafe { device.raw.cmd_copy_buffer(cmd, upload.staging.raw, *buffer, &[*region]) };
         }
-        if let Some(barrier) = asset_uploaded() {
-            // SAFETY: the caller's obligations.
-            unsafe { barriers::record(&device.raw, cmd, &barrier) };
-        }
-        Ok((Self { layout, base, deltas, private: words.private }, staging))
+    }
+    if let Some(barrier) = asset_uploaded() {
+        // SAFETY: the caller's obligations.
+        unsafe { barriers::record(&device.raw, cmd, &barrier) };
     }
 }
 

@@ -2,14 +2,14 @@
 
 mod animated;
 mod kinds;
+mod read;
 
 #[doc(hidden)]
 pub use animated::PlannedGroup;
 
 use super::Headless;
 use super::draw::PoseDraw;
-use super::submit::{full_barrier, host_barrier};
-use crate::engine::{AnyCrowd, Crowd, CrowdDesc, GpuMesh, MorphEngine, PoseView, Ticket, Update};
+use crate::engine::{AnyCrowd, Crowd, CrowdDesc, GpuMesh, MorphEngine, Ticket, Update};
 use crate::error::{Error, Result};
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::pack::PackedMesh;
@@ -62,12 +62,14 @@ impl<'a> HeadlessCrowd<'a> {
     /// As [`MorphEngine::upload`] and [`MorphEngine::create_crowd`].
     pub fn new(headless: &'a Headless, mesh: &PackedMesh, desc: &CrowdDesc) -> Result<Self> {
         let engine = headless.engine();
-        let mut mesh = headless.submitter().run(|cmd| match desc.update.path {
-            // SAFETY: the submitter hands out a recording buffer of the engine's device; it waits for the device.
+        let mut mesh = headless.submitter().run(|cmd| {
             #[cfg(feature = "baselines")]
-            UpdatePath::Scatter => unsafe { engine.upload_scatter(cmd, mesh) },
+            if desc.update.path == UpdatePath::Scatter {
+                // SAFETY: the submitter hands out a recording buffer of the engine's device; it waits for the device.
+                return unsafe { engine.upload_scatter(cmd, mesh) };
+            }
             // SAFETY: as above.
-            _ => unsafe { engine.upload(cmd, mesh) },
+            unsafe { engine.upload(cmd, mesh) }
         })?;
         // SAFETY: `run` has waited for the upload.
         unsafe { mesh.release_staging() };
@@ -375,69 +377,5 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
         }
         self.draw.record(cmd, &poses, self.mesh.layout().padded_vertices() as u32);
         Ok(())
-    }
-
-    /// Read the pose of an instance back: six floats a vertex, in the user's order of vertices, without padding. On a
-    /// direct path it is captured from a draw.
-    ///
-    /// # Errors
-    /// As [`draw`](Self::draw); a direct path on a device that cannot capture.
-    pub fn read_pose(&mut self, instance: u32) -> Result<Vec<f32>> {
-        #[cfg(feature = "baselines")]
-        let captured = self.direct().map(|crowd| {
-            let engine = self.headless.engine();
-            // SAFETY: as in `step_together`.
-            self.headless.submitter().run(|cmd| unsafe { engine.record_capture(cmd, crowd, instance) })
-        });
-        #[cfg(not(feature = "baselines"))]
-        let captured = None;
-        let view = captured.unwrap_or_else(|| self.crowd.base().pose(instance))?;
-        let pose = self.read_view(view)?;
-        Ok(self.mesh.layout().to_user_order(&pose))
-    }
-
-    /// Read the previous pose of an instance back; `None` where the update had to overwrite it.
-    ///
-    /// # Errors
-    /// As [`draw`](Self::draw).
-    pub fn read_previous_pose(&mut self, instance: u32) -> Result<Option<Vec<f32>>> {
-        let Some(view) = self.crowd.base().previous_pose(instance)? else { return Ok(None) };
-        let pose = self.read_view(view)?;
-        Ok(Some(self.mesh.layout().to_user_order(&pose)))
-    }
-
-    /// Read the integer sums of an instance back, as [`CpuCrowd::sums`](crate::cpu::CpuCrowd::sums) has them; `None`
-    /// unless it accumulates exactly.
-    ///
-    /// # Errors
-    /// A device that fails.
-    pub fn read_sums(&mut self, instance: u32) -> Result<Option<Vec<i32>>> {
-        let Some((buffer, offset)) = self.crowd.base().sums(instance) else { return Ok(None) };
-        let bytes = self.read(buffer, offset, self.mesh.layout().pose_bytes())?;
-        Ok(Some(bytes.chunks_exact(4).map(|b| i32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect()))
-    }
-
-    /// The crowd, if its draws evaluate poses.
-    #[cfg(feature = "baselines")]
-    fn direct(&self) -> Option<&Crowd> {
-        self.crowd.weighted().filter(|crowd| crowd.desc().update.path.evaluates_in_draws())
-    }
-
-    fn read_view(&mut self, view: PoseView) -> Result<Vec<f32>> {
-        let bytes = self.read(view.buffer, view.offset, view.size)?;
-        Ok(bytes.chunks_exact(4).map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect())
-    }
-
-    fn read(&mut self, buffer: vk::Buffer, offset: u64, size: u64) -> Result<&[u8]> {
-        let submitter = self.headless.submitter();
-        let region = [vk::BufferCopy { src_offset: offset, dst_offset: 0, size }];
-        submitter.run(|cmd| {
-            full_barrier(submitter.device(), cmd);
-            // SAFETY: the buffer is recording; the region lies within both buffers, which are alive.
-            unsafe { submitter.device().cmd_copy_buffer(cmd, buffer, self.readback.raw, &region) };
-            host_barrier(submitter.device(), cmd);
-            Ok(())
-        })?;
-        Ok(&self.readback.mapped()?[..size as usize])
     }
 }

@@ -40,6 +40,7 @@
 //! counts are held against the lengths of sections, and those against the file, before anything is made of them. What
 //! planning needs besides ([`BlockIndex`](super::blocks::BlockIndex)) is derived, and its rules are checked on the way.
 
+mod bytes;
 mod meta;
 mod read;
 mod table;

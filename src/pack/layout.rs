@@ -2,7 +2,7 @@
 
 use super::blocks::BlockIndex;
 use super::{DeltaFormat, POSE_FLOATS, POSE_STRIDE, VERTEX_PADDING};
-use crate::asset::streams::{StreamPlace, TRIPLES};
+use crate::asset::streams::{Measure, StreamPlace, TRIPLES};
 use crate::asset::{Faces, RenderVertices};
 use crate::error::{Error, Result};
 use glam::Vec2;
@@ -63,6 +63,22 @@ impl PackedLayout {
     pub fn padded_vertices(&self) -> usize {
         let padding = self.blocks.as_ref().map_or(VERTEX_PADDING, |b| b.size().max(VERTEX_PADDING));
         self.vertex_count.next_multiple_of(padding)
+    }
+
+    /// The blocks.
+    ///
+    /// # Errors
+    /// A dense format.
+    pub(crate) fn index(&self) -> Result<&Arc<BlockIndex>> {
+        self.blocks.as_ref().ok_or_else(|| {
+            let text = format!("mesh '{}' has no blocks", self.name);
+            Error::invalid(text, "pack it in a block format, such as 'fast' or 'small'")
+        })
+    }
+
+    /// Whether errors of some stream are lengths: what error budgets and bounds on drift speak of.
+    pub(crate) fn has_lengths(&self) -> bool {
+        self.streams.iter().any(|stream| stream.semantic.measure() == Measure::Length)
     }
 
     /// The chunks of a dense format: `(first vertex, vertices)`.

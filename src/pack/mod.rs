@@ -21,6 +21,7 @@ use formats::with_format;
 pub use group::PackedGroup;
 pub use layout::{PackedLayout, PackedTarget};
 pub(crate) use source::Source;
+use std::sync::Arc;
 
 /// Dense formats pad vertices to a multiple of this: the workgroup size of every dense kernel, an even number (the
 /// feedback passes draw lines), and a multiple of every device's buffer-offset alignment (64 × 12 bytes).
@@ -114,7 +115,20 @@ impl PackedMesh {
             dense format => sources.iter().map(|source| dense::pack(source, desc, format)).collect::<Result<Vec<_>>>(),
             blocks format => blocks::pack(&sources, desc, format)
         )?;
-        Ok(Self { groups })
+        Ok(Self::of_groups(groups))
+    }
+
+    /// The mesh of these groups, of which there is one at least. Weights are the mesh's, and so is their grid: the
+    /// coarsest that a group asks for.
+    fn of_groups(mut groups: Vec<PackedGroup>) -> Self {
+        let grids = groups.iter().filter_map(|group| group.layout.blocks.as_ref()?.exact().ok());
+        let coarsest = grids.min_by_key(|grid| grid.weight_bits);
+        for index in groups.iter_mut().filter_map(|group| group.layout.blocks.as_mut()) {
+            if index.exact().ok() != coarsest && index.exact().is_ok() {
+                Arc::make_mut(index).set_exact(coarsest);
+            }
+        }
+        Self { groups }
     }
 
     /// The groups of streams: position and normal, then whatever else the mesh has.

@@ -153,7 +153,8 @@ impl std::fmt::Display for BatchSize {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Accumulate {
     /// float32 sums. A bound on what rounding may have done to a block's positions is kept, and a block whose bound
-    /// would exceed `tolerance` (a fraction of the diagonal) starts from the base pose again.
+    /// would exceed `tolerance` (a fraction of the diagonal) starts from the base pose again. Streams beside positions
+    /// and normals have no such bound: in long runs, use [`Exact`](Self::Exact).
     Float {
         /// Largest position error that accumulation may cause, as a fraction of the bounding-box diagonal.
         tolerance: f32,
@@ -197,7 +198,8 @@ pub struct UpdateDesc {
     pub accumulate: Accumulate,
     /// How far a vertex may be from where the weights asked for would put it, as a length in input units (block
     /// formats). Changes too small to matter wait then, until they add up to more, or the face is still. 0: none waits.
-    /// Packing, and rounding by [`Accumulate::Exact`], come on top.
+    /// Packing, and rounding by [`Accumulate::Exact`], come on top. It is one of positions, with which normals wait; other
+    /// streams wait in crowds that are animated on the GPU only.
     pub error_budget: f32,
 }
 

@@ -11,7 +11,7 @@ use super::schedule::{Barrier, Entry};
 use super::steps::{Access, Stage, Work};
 use std::collections::HashMap;
 
-/// A piece of memory that works read or write.
+/// A piece of memory that works read or write. What belongs to a group of the mesh, each group has for itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Memory {
     /// Base pose of the mesh.
@@ -46,9 +46,18 @@ pub enum Memory {
     Arguments,
 }
 
+impl Memory {
+    /// Whether all groups have it in common.
+    const fn is_common(self) -> bool {
+        matches!(self, Self::Clips | Self::Records | Self::Weights)
+    }
+}
+
 /// One access of a work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MemoryUse {
+    /// Of which group; 0 for what all groups have in common.
+    pub group: u32,
     /// What is accessed.
     pub memory: Memory,
     /// In which stage.
@@ -60,12 +69,12 @@ pub struct MemoryUse {
 impl MemoryUse {
     /// A compute shader reads.
     pub const fn read(memory: Memory) -> Self {
-        Self { memory, stage: Stage::Compute, access: Access::ShaderRead }
+        Self { group: 0, memory, stage: Stage::Compute, access: Access::ShaderRead }
     }
 
     /// A compute shader writes.
     pub const fn write(memory: Memory) -> Self {
-        Self { memory, stage: Stage::Compute, access: Access::ShaderWrite }
+        Self { group: 0, memory, stage: Stage::Compute, access: Access::ShaderWrite }
     }
 }
 
@@ -88,6 +97,13 @@ impl Accesses {
             writes: writes.into_iter().map(MemoryUse::write).collect(),
             in_place: true,
         }
+    }
+
+    /// What a work of `group` does: all memory that groups do not have in common is its own.
+    pub fn of_group(mut self, group: u32) -> Self {
+        let own = |access: &&mut MemoryUse| !access.memory.is_common();
+        self.reads.iter_mut().chain(&mut self.writes).filter(own).for_each(|access| access.group = group);
+        self
     }
 }
 
@@ -162,7 +178,7 @@ struct Track {
 #[derive(Default)]
 pub struct HazardChecker {
     /// By crowd; the mesh is that of all.
-    tracks: HashMap<(u32, Memory), Track>,
+    tracks: HashMap<(u32, u32, Memory), Track>,
     violations: Vec<Violation>,
 }
 
@@ -180,16 +196,21 @@ impl HazardChecker {
     /// Copies and fills write memory of a crowd, and this barrier is recorded behind them.
     pub fn copy(&mut self, crowd: u32, written: &[Memory], barrier: Option<Barrier>) {
         for &memory in written {
-            self.access(crowd, MemoryUse { memory, stage: Stage::Transfer, access: Access::TransferWrite });
+            self.access(crowd, MemoryUse { group: 0, memory, stage: Stage::Transfer, access: Access::TransferWrite });
         }
         barrier.iter().for_each(|barrier| self.barrier(barrier));
     }
 
-    /// A draw of the host reads a pose, as vertex attributes and in the vertex shader.
+    /// A draw of the host reads a pose of the first group.
     pub fn draw(&mut self, crowd: u32, instance: u32, slot: u32) {
+        self.draw_group(crowd, 0, instance, slot);
+    }
+
+    /// A draw of the host reads a pose, as vertex attributes and in the vertex shader.
+    pub fn draw_group(&mut self, crowd: u32, group: u32, instance: u32, slot: u32) {
         let memory = Memory::Pose { instance, slot };
-        self.access(crowd, MemoryUse { memory, stage: Stage::VertexInput, access: Access::AttributeRead });
-        self.access(crowd, MemoryUse { memory, stage: Stage::VertexShader, access: Access::ShaderRead });
+        self.access(crowd, MemoryUse { group, memory, stage: Stage::VertexInput, access: Access::AttributeRead });
+        self.access(crowd, MemoryUse { group, memory, stage: Stage::VertexShader, access: Access::ShaderRead });
     }
 
     /// A recorded update.
@@ -208,10 +229,10 @@ impl HazardChecker {
     }
 
     fn step(&mut self, crowd: u32, works: &[Accesses]) {
-        let mut users: HashMap<Memory, (usize, MemoryUse)> = HashMap::new();
+        let mut users: HashMap<(u32, Memory), (usize, MemoryUse)> = HashMap::new();
         for (work, accesses) in works.iter().enumerate() {
             for &access in accesses.writes.iter().chain(&accesses.reads) {
-                let (user, earlier) = *users.entry(access.memory).or_insert((work, access));
+                let (user, earlier) = *users.entry((access.group, access.memory)).or_insert((work, access));
                 if user != work && (earlier.access.writes() || access.access.writes()) {
                     self.violations.push(Violation { before: earlier, after: access });
                 }
@@ -220,7 +241,10 @@ impl HazardChecker {
         works.iter().flat_map(|work| &work.reads).for_each(|read| self.read(crowd, *read));
         for work in works {
             for write in &work.writes {
-                let own = work.reads.iter().find(|read| work.in_place && read.memory == write.memory);
+                let own = work
+                    .reads
+                    .iter()
+                    .find(|read| work.in_place && (read.group, read.memory) == (write.group, write.memory));
                 self.write(crowd, *write, own.copied());
             }
         }
@@ -246,9 +270,9 @@ impl HazardChecker {
         }
     }
 
-    fn track(&mut self, crowd: u32, memory: Memory) -> &mut Track {
+    fn track(&mut self, crowd: u32, MemoryUse { group, memory, .. }: MemoryUse) -> &mut Track {
         let crowd = if matches!(memory, Memory::Base | Memory::Deltas) { 0 } else { crowd };
-        self.tracks.entry((crowd, memory)).or_default()
+        self.tracks.entry((crowd, group, memory)).or_default()
     }
 
     fn access(&mut self, crowd: u32, access: MemoryUse) {
@@ -256,14 +280,14 @@ impl HazardChecker {
     }
 
     fn read(&mut self, crowd: u32, read: MemoryUse) {
-        let track = self.track(crowd, read.memory);
+        let track = self.track(crowd, read);
         let unseen = track.write.as_ref().filter(|(_, visible)| !sees(visible, read)).map(|(write, _)| *write);
         track.reads.push((read, 0));
         self.violations.extend(unseen.map(|before| Violation { before, after: read }));
     }
 
     fn write(&mut self, crowd: u32, write: MemoryUse, own_read: Option<MemoryUse>) {
-        let track = self.track(crowd, write.memory);
+        let track = self.track(crowd, write);
         let unseen = track.write.replace((write, vec![])).filter(|(_, visible)| !sees(visible, write));
         let mut reads = std::mem::take(&mut track.reads);
         if let Some(at) = own_read.and_then(|own| reads.iter().rposition(|(read, _)| *read == own)) {

@@ -11,13 +11,13 @@ pub struct UpdateStats {
     pub passes: usize,
     /// Instances that started from the base pose (dense formats).
     pub rebuilt: usize,
-    /// Blocks written (block formats).
+    /// Blocks written (block formats), in all groups of the mesh.
     pub dirty_blocks: usize,
     /// Of these, the ones that started from the base pose.
     pub rebuilt_blocks: usize,
     /// Bound on the position error that float32 accumulation may have caused so far, in input units; 0 for exact sums.
     pub bound: f32,
-    /// Bytes loaded and stored. On a direct path, by one draw of every head, which comes again in each frame whether
+    /// Bytes loaded and stored, in all groups of the mesh. On a direct path, by one draw of every head, which comes again in each frame whether
     /// weights have changed or not.
     pub bytes_moved: u64,
     /// The least that dense work could move; in block formats, what deltas and poses alone take.

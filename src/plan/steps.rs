@@ -202,6 +202,8 @@ pub enum Source {
 pub struct Work {
     /// Which of the technique's kernels.
     pub kernel: u32,
+    /// The group of the mesh.
+    pub group: u32,
     /// The instance, or the group of instances.
     pub instance: u32,
     /// What is read.

@@ -180,7 +180,9 @@ impl UpdateDesc {
             return refuse(what, "use the path 'blocks', and pack the mesh as 'fast' or 'small'");
         };
         if index.entry_count() == 0 {
-            return refuse(format!("mesh '{}', whose targets move nothing,", layout.name), "draw its base pose");
+            let streams: Vec<String> = layout.streams.iter().map(|stream| stream.semantic.to_string()).collect();
+            let what = format!("mesh '{}', whose targets move nothing of {},", layout.name, streams.join(" and "));
+            return refuse(what, "draw these streams as they are in the mesh, and leave them out here");
         }
         if self.accumulate != Accumulate::Exact {
             return refuse("float sums".into(), "use Accumulate::Exact: integer sums do not drift");
@@ -189,5 +191,26 @@ impl UpdateDesc {
             return refuse(format!("{} slots", self.slots), "use at most 32");
         }
         Ok(())
+    }
+}
+
+impl UpdatePath {
+    /// Check the path for a mesh of so many groups.
+    ///
+    /// # Errors
+    /// Streams that it would leave behind.
+    pub(crate) fn check_groups(self, groups: usize, layout: &PackedLayout) -> Result<()> {
+        match self {
+            Self::Scatter | Self::Direct | Self::DirectAttributes if groups > 1 => Err(Error::invalid(
+                format!(
+                    "update path '{}' with mesh '{}', which has more than positions and normals",
+                    self.name(),
+                    layout.name
+                ),
+                "use the path 'blocks', 'compute', 'feedback' or 'cpu', or leave the other streams out of the mesh",
+            )),
+            Self::Scatter | Self::Direct | Self::DirectAttributes => Ok(()),
+            Self::Feedback | Self::Compute | Self::VertexStore | Self::Blocks | Self::Cpu => Ok(()),
+        }
     }
 }

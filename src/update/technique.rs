@@ -77,7 +77,7 @@ pub trait Technique: Any + Send + Sync {
         true
     }
 
-    /// The integer sums of an instance: buffer and offset.
+    /// The integer sums of an instance in the first group: buffer and offset.
     #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
     fn sums(&self, _instance: u32) -> Option<(vk::Buffer, u64)> {
         None
@@ -123,6 +123,12 @@ impl Poses {
     }
 }
 
+/// A group of a mesh, and the poses of a crowd in it.
+pub(crate) struct PoseGroup {
+    pub(crate) mesh: Arc<MeshBuffers>,
+    pub(crate) poses: Poses,
+}
+
 /// What a technique is made from.
 #[derive(Clone, Copy)]
 pub struct Context<'a> {
@@ -131,14 +137,21 @@ pub struct Context<'a> {
     pub(crate) mesh: &'a Arc<MeshBuffers>,
     pub(crate) desc: &'a CrowdDesc,
     pub(crate) poses: Poses,
+    /// All groups; `mesh` and `poses` are those of one, which is the first to begin with.
+    pub(crate) all: &'a [PoseGroup],
 }
 
-impl Context<'_> {
+impl<'a> Context<'a> {
+    /// What is made from each group of the mesh.
+    pub(crate) fn groups(self) -> impl Iterator<Item = Self> {
+        self.all.iter().map(move |group| Self { mesh: &group.mesh, poses: group.poses, ..self })
+    }
+
     pub(crate) fn caps(&self) -> &DeviceCaps {
         &self.device.caps
     }
 
-    pub(crate) fn layout(&self) -> &PackedLayout {
+    pub(crate) fn layout(&self) -> &'a PackedLayout {
         &self.mesh.layout
     }
 

@@ -9,7 +9,7 @@ use deltamorph::internals::update::blocks::{ROWS, TILE, TILE_WORDS, WorkList, ro
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     Accumulate, AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh,
-    Playback, Tolerance, UpdateDesc, UpdateMode, UpdatePath, WeightClip,
+    Playback, Tolerance, UpdateDesc, UpdateMode, UpdatePath, WeightClip, testing,
 };
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -20,6 +20,15 @@ pub fn packed(format: DeltaFormat, size: u32) -> Arc<PackedMesh> {
     let mesh = head(&HEAD).to_mesh(Tolerance::default()).expect("a mesh");
     let blocks = BlockDesc { size: Some(size), ..BlockDesc::default() };
     Arc::new(PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(format) }).expect("a mesh that packs"))
+}
+
+/// The same head with tangents, texture coordinates and colours.
+pub fn packed_streams(format: DeltaFormat, size: u32) -> Arc<PackedMesh> {
+    let mesh = testing::with_streams(head(&HEAD).to_mesh(Tolerance::default()).expect("a mesh"));
+    let blocks = BlockDesc { size: Some(size), ..BlockDesc::default() };
+    let packed = PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(format) }).expect("a mesh that packs");
+    assert_eq!(packed.groups().len(), 3);
+    Arc::new(packed)
 }
 
 /// A captured-like clip, a short one in which all weights change, and one that is still.
@@ -160,9 +169,12 @@ impl<'a> Scene<'a> {
             "sums of head {instance}, {:?}",
             self.desc
         );
+        for group in 0..self.mesh.groups().len() {
+            let (pose, _) = self.crowd.read_group(instance, group).expect("a pose");
+            let expected = self.mesh.layout().to_user_order(self.fresh.group_pose(0, group).expect("an instance"));
+            assert!(pose == expected, "pose of head {instance}, group {group}, {:?}", self.desc);
+        }
         let pose = self.crowd.read_pose(instance).expect("a pose");
-        let expected = self.mesh.layout().to_user_order(self.fresh.pose(0).expect("an instance"));
-        assert!(pose == expected, "pose of head {instance}, {:?}", self.desc);
         // What was asked for is no further off than the budget.
         let error = compare(&pose, &evaluate(&self.mesh, &to_weights(self.twin.requested(instance as usize))));
         let most = f64::from(self.desc.update.error_budget) + 1e-6 * f64::from(self.mesh.layout().diagonal);

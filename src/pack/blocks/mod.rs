@@ -169,6 +169,11 @@ impl BlockIndex {
         })
     }
 
+    /// Take a coarser grid, which other groups need.
+    pub(super) fn set_exact(&mut self, grid: Option<ExactGrid>) {
+        self.exact = grid;
+    }
+
     /// Vertices of a block.
     pub fn size(&self) -> usize {
         self.size as usize

@@ -1,9 +1,8 @@
 //! What a packed file says of a mesh and of its groups, apart from names and numbers by the vertex.
 
 use super::Asset;
-use super::read::{f32s, u32s};
+use super::bytes::{read_f32s, read_u32s, write_f32s, write_u32s};
 use super::table::{OLD_VERSION, Section, Sections};
-use super::write;
 use crate::asset::Tolerance;
 use crate::asset::streams::{Semantic, StreamPlace, TRIPLES, group_streams};
 use crate::error::{Error, Result};
@@ -61,9 +60,9 @@ impl Meta {
     pub fn to_bytes(&self) -> Vec<u8> {
         let counts = [self.vertices, self.targets, self.faces, self.corners, self.texcoords];
         let mut bytes =
-            write::u32s([self.format.format().row().id, self.size].into_iter().chain(counts.map(|n| n as u32)));
+            write_u32s([self.format.format().row().id, self.size].into_iter().chain(counts.map(|n| n as u32)));
         let Tolerance { position, normal } = self.tolerance;
-        bytes.extend(write::f32s(&[self.diagonal, self.weight_max, position, normal]));
+        bytes.extend(write_f32s(&[self.diagonal, self.weight_max, position, normal]));
         bytes
     }
 
@@ -137,10 +136,10 @@ impl GroupMeta {
 
     pub fn to_bytes(&self) -> Vec<u8> {
         let counts = [self.streams.len(), self.blocks, self.entries, self.words];
-        let mut bytes = write::u32s(counts.into_iter().map(|n| n as u32));
-        bytes.extend(write::f32s(&self.steps));
+        let mut bytes = write_u32s(counts.into_iter().map(|n| n as u32));
+        bytes.extend(write_f32s(&self.steps));
         for place in &self.streams {
-            bytes.extend(write::u32s([semantic_id(place.semantic), 0].into_iter()));
+            bytes.extend(write_u32s([semantic_id(place.semantic), 0].into_iter()));
             bytes.extend(self.error.of(place.semantic).to_le_bytes());
         }
         bytes
@@ -157,7 +156,7 @@ impl GroupMeta {
         let mut errors = vec![];
         for row in rows {
             let (ids, error) = row.split_at(8);
-            let id = u32s(ids);
+            let id = read_u32s(ids);
             let semantic = semantic(id[0]).filter(|_| id[1] == 0);
             semantics.push(semantic.ok_or_else(|| format!("names a stream {:#x} that is not known", id[0]))?);
             errors.extend(error.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b)));
@@ -192,7 +191,7 @@ fn checked_error(streams: &[StreamPlace], errors: &[f64]) -> Result<PoseError, S
 fn numbers<const N: usize, const M: usize>(bytes: &[u8]) -> Result<([u32; N], [f32; M]), String> {
     let wrong = || format!("has {} bytes, {} expected", bytes.len(), 4 * (N + M));
     let (counts, floats) = bytes.split_at_checked(4 * N).ok_or_else(wrong)?;
-    match (u32s(counts).try_into(), f32s(floats).try_into()) {
+    match (read_u32s(counts).try_into(), read_f32s(floats).try_into()) {
         (Ok(counts), Ok(floats)) if bytes.len() == 4 * (N + M) => Ok((counts, floats)),
         _ => Err(wrong()),
     }

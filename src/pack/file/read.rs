@@ -1,6 +1,7 @@
 //! From the bytes of a file to an asset. Nothing in the file is taken for granted.
 
 use super::Asset;
+use super::bytes::{read_f32s, read_u32s};
 use super::meta::{Fault, GroupMeta, Meta};
 use super::table::{Section, Sections, complaint, split};
 use crate::asset::{Corner, Faces};
@@ -25,14 +26,14 @@ pub(super) fn asset(path: &Path, bytes: &[u8]) -> Result<Asset> {
     check_lengths(&sections, &meta, &group_metas).map_err(refuse)?;
     let names = names(sections.get(Section::Names), meta.targets).map_err(|what| refuse((Section::Names, 0, what)))?;
     let (name, targets) = names.split_first().map_or(("", &[][..]), |(first, rest)| (*first, rest));
-    let order: Arc<[u32]> = u32s(sections.get(Section::Order)).into();
+    let order: Arc<[u32]> = read_u32s(sections.get(Section::Order)).into();
     let padded = meta.padded();
 
     let mut groups = vec![];
     for (i, group) in group_metas.into_iter().enumerate() {
-        let mut base = f32s(sections.of(Section::Base, i));
+        let mut base = read_f32s(sections.of(Section::Base, i));
         base.resize(padded * POSE_FLOATS, 0.0);
-        let words = u32s(sections.of(Section::Words, i));
+        let words = read_u32s(sections.of(Section::Words, i));
         let parts = Parts {
             format: meta.format,
             size: meta.size,
@@ -40,8 +41,8 @@ pub(super) fn asset(path: &Path, bytes: &[u8]) -> Result<Asset> {
             steps: group.steps,
             weight_max: meta.weight_max,
             error: group.error,
-            first_entry: u32s(sections.of(Section::FirstEntries, i)),
-            entry_target: u32s(sections.of(Section::EntryTargets, i)),
+            first_entry: read_u32s(sections.of(Section::FirstEntries, i)),
+            entry_target: read_u32s(sections.of(Section::EntryTargets, i)),
         };
         let index = BlockIndex::new(parts, meta.targets, &group.streams, &words, &base).map_err(|what| {
             let of = if i == 0 { "its blocks".to_owned() } else { format!("the blocks of group {i}") };
@@ -59,12 +60,12 @@ pub(super) fn asset(path: &Path, bytes: &[u8]) -> Result<Asset> {
         };
         groups.push(PackedGroup { layout, base, words });
     }
-    let texcoords = f32s(sections.get(Section::Texcoords));
+    let texcoords = read_f32s(sections.get(Section::Texcoords));
     let asset = Asset {
-        mesh: PackedMesh { groups },
+        mesh: PackedMesh::of_groups(groups),
         faces: faces(&sections),
         texcoords: texcoords.as_chunks().0.iter().copied().map(Vec2::from_array).collect(),
-        welds: u32s(sections.get(Section::Welds)),
+        welds: read_u32s(sections.get(Section::Welds)),
         tolerance: meta.tolerance,
     };
     match asset.check() {
@@ -131,22 +132,14 @@ fn names(mut bytes: &[u8], targets: usize) -> Result<Vec<&str>, String> {
 }
 
 fn faces(sections: &Sections<'_>) -> Faces {
-    let positions = u32s(sections.get(Section::FaceCorners));
-    let texcoords = u32s(sections.get(Section::CornerTexcoords));
+    let positions = read_u32s(sections.get(Section::FaceCorners));
+    let texcoords = read_u32s(sections.get(Section::CornerTexcoords));
     let corner = |(i, position)| {
         let texcoord = texcoords.get(i).copied().filter(|t| *t != u32::MAX);
         Corner { position, texcoord }
     };
     Faces {
-        sizes: u32s(sections.get(Section::FaceSizes)),
+        sizes: read_u32s(sections.get(Section::FaceSizes)),
         corners: positions.into_iter().enumerate().map(corner).collect(),
     }
-}
-
-pub(super) fn u32s(bytes: &[u8]) -> Vec<u32> {
-    bytes.as_chunks().0.iter().map(|b| u32::from_le_bytes(*b)).collect()
-}
-
-pub(super) fn f32s(bytes: &[u8]) -> Vec<f32> {
-    bytes.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect()
 }

@@ -1,6 +1,7 @@
 //! From an asset to the bytes of its file.
 
 use super::Asset;
+use super::bytes::{write_f32s, write_u32s};
 use super::meta::{GroupMeta, Meta};
 use super::table::{GROUPS_MAX, Section, join};
 use crate::error::{Error, Result};
@@ -25,36 +26,28 @@ pub(super) fn bytes(asset: &Asset) -> Result<Vec<u8>> {
     }
     let mut corner_texcoords = vec![];
     if faces.corners.iter().any(|c| c.texcoord.is_some()) {
-        corner_texcoords = u32s(faces.corners.iter().map(|c| c.texcoord.unwrap_or(u32::MAX)));
+        corner_texcoords = write_u32s(faces.corners.iter().map(|c| c.texcoord.unwrap_or(u32::MAX)));
     }
     let order = layout.blocks.as_deref().map_or(&[][..], BlockIndex::order);
     let mut contents = vec![
         ((Section::Meta, 0), meta.to_bytes()),
         ((Section::Names, 0), names),
-        ((Section::Order, 0), u32s(order.iter().copied())),
-        ((Section::FaceSizes, 0), u32s(faces.sizes.iter().copied())),
-        ((Section::FaceCorners, 0), u32s(faces.corners.iter().map(|c| c.position))),
+        ((Section::Order, 0), write_u32s(order.iter().copied())),
+        ((Section::FaceSizes, 0), write_u32s(faces.sizes.iter().copied())),
+        ((Section::FaceCorners, 0), write_u32s(faces.corners.iter().map(|c| c.position))),
         ((Section::CornerTexcoords, 0), corner_texcoords),
-        ((Section::Texcoords, 0), u32s(asset.texcoords.iter().flat_map(|t| t.to_array().map(f32::to_bits)))),
-        ((Section::Welds, 0), u32s(asset.welds.iter().copied())),
+        ((Section::Texcoords, 0), write_u32s(asset.texcoords.iter().flat_map(|t| t.to_array().map(f32::to_bits)))),
+        ((Section::Welds, 0), write_u32s(asset.welds.iter().copied())),
     ];
     for (i, group) in groups.iter().enumerate() {
         let Some(index) = group.layout().blocks.as_deref() else { continue };
         contents.extend([
             ((Section::Group, i), GroupMeta::of(group, index)?.to_bytes()),
-            ((Section::Base, i), f32s(&group.base()[..layout.vertex_count * POSE_FLOATS])),
-            ((Section::FirstEntries, i), u32s(index.first_entries().iter().copied())),
-            ((Section::EntryTargets, i), u32s(index.entry_targets().iter().copied())),
-            ((Section::Words, i), u32s(group.deltas().iter().copied())),
+            ((Section::Base, i), write_f32s(&group.base()[..layout.vertex_count * POSE_FLOATS])),
+            ((Section::FirstEntries, i), write_u32s(index.first_entries().iter().copied())),
+            ((Section::EntryTargets, i), write_u32s(index.entry_targets().iter().copied())),
+            ((Section::Words, i), write_u32s(group.deltas().iter().copied())),
         ]);
     }
     Ok(join(&contents))
-}
-
-pub(super) fn u32s(values: impl Iterator<Item = u32>) -> Vec<u8> {
-    values.flat_map(u32::to_le_bytes).collect()
-}
-
-pub(super) fn f32s(values: &[f32]) -> Vec<u8> {
-    u32s(values.iter().map(|v| v.to_bits()))
 }

@@ -75,26 +75,32 @@ impl Groups {
 /// Where everything is in the buffers of a crowd.
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
-    pub(super) groups: Groups,
-    tables: Tables,
+    /// Of each group of the mesh; the first one's tables are those of the error budget as well.
+    pub(super) of_groups: Vec<GroupLayout>,
+    /// Words of the tables before the budget and the reaches, and in all.
+    budget: Option<u64>,
+    tables_end: u64,
     state: State,
     targets: u32,
-    blocks: u32,
-    entries: u32,
     slots: u32,
     always_rebuild: bool,
     chunk_items: u32,
 }
 
-/// Words of the tables before each part: clips; with an error budget, budget and reaches; which targets touch which
-/// blocks; the first entry of each block; target and bytes of each entry.
-#[derive(Clone, Copy, Debug, Default)]
-struct Tables {
-    budget: Option<u64>,
+/// What a group of the mesh has of its own.
+#[derive(Clone, Debug)]
+pub(super) struct GroupLayout {
+    /// Groups of instances.
+    pub(super) groups: Groups,
+    pub(super) blocks: u32,
+    entries: u32,
+    /// Words of the tables before each part: which targets touch which blocks; the first entry of each block; target
+    /// and bytes of each entry.
     block_targets: u64,
     first_entry: u64,
-    entries: u64,
-    end: u64,
+    entries_at: u64,
+    /// Words of the state before its history.
+    history: u64,
 }
 
 /// Words of the state before each part, behind the records of all instances.
@@ -106,54 +112,56 @@ struct State {
     bits: u64,
     /// With an error budget.
     requested: u64,
-    history: u64,
+    /// Behind it are the histories of all groups of the mesh.
     end: u64,
 }
 
 impl Layout {
     /// # Errors
     /// More than the device's storage range holds, with the numbers.
-    pub(super) fn new(
-        context: &Context<'_>,
-        index: &BlockIndex,
-        clips: &Clips,
-        budget: Option<&Budget>,
-    ) -> Result<Self> {
+    pub(super) fn new(context: &Context<'_>, clips: &Clips, budget: Option<&Budget>) -> Result<Self> {
         let (targets, instances) = (context.layout().targets.len() as u64, u64::from(context.desc.instances));
-        let (words, blocks, entries) = (targets.div_ceil(32).max(1), index.count() as u64, index.entry_count() as u64);
-        let clip_words = clips.words().len() as u64;
-        let mut tables = Tables { block_targets: clip_words, ..Tables::default() };
-        if budget.is_some() {
+        let words = targets.div_ceil(32).max(1);
+        let mut tables_end = clips.words().len() as u64;
+        let budget_at = budget.map(|budget| {
             // Not 0, which tells kernels that there is none.
-            let at = clip_words.max(1);
-            (tables.budget, tables.block_targets) = (Some(at), at + 2 + entries);
-        }
-        tables.first_entry = tables.block_targets + blocks * words;
-        tables.entries = tables.first_entry + index.first_entries().len() as u64;
-        tables.end = tables.entries + 2 * entries;
+            let at = tables_end.max(1);
+            tables_end = at + 2 + budget.reaches().len() as u64;
+            at
+        });
         let bit_kinds = u64::from(if budget.is_some() { BIT_KINDS_BUDGET } else { BIT_KINDS });
         let mut state = State { phases: u64::from(RECORD_WORDS) * instances, ..State::default() };
         state.weights = state.phases + words * instances;
         state.deltas = state.weights + targets * instances;
         state.bits = state.deltas + targets * instances;
         state.requested = state.bits + bit_kinds * words * instances;
-        state.history = state.requested + if budget.is_some() { targets * instances } else { 0 };
-        state.end = state.history + blocks * instances;
+        state.end = state.requested + if budget.is_some() { targets * instances } else { 0 };
+        let group = |context: Context<'_>| {
+            let index = context.layout().index()?;
+            let (blocks, entries) = (index.count() as u64, index.entry_count() as u64);
+            let (block_targets, history) = (tables_end, state.end);
+            let first_entry = block_targets + blocks * words;
+            let entries_at = first_entry + index.first_entries().len() as u64;
+            (tables_end, state.end) = (entries_at + 2 * entries, history + blocks * instances);
+            let (blocks, entries) = (blocks as u32, entries as u32);
+            let groups = Groups::new(&context, index)?;
+            Ok(GroupLayout { groups, blocks, entries, block_targets, first_entry, entries_at, history })
+        };
         let layout = Self {
-            groups: Groups::new(context, index)?,
-            tables,
+            of_groups: context.groups().map(group).collect::<Result<_>>()?,
+            budget: budget_at,
+            tables_end,
             state,
             targets: targets as u32,
-            blocks: blocks as u32,
-            entries: entries as u32,
             slots: context.poses.slots,
             always_rebuild: context.desc.update.mode == UpdateMode::Rebuild,
             chunk_items: context.caps().max_workgroups,
         };
+        let control = layout.of_groups.iter().map(GroupLayout::control_bytes).max().unwrap_or(0);
         for (what, bytes, remedy) in [
             ("clips and tables", layout.table_bytes(), "use 16-bit keys, fewer frames, or several crowds"),
             ("the weights and histories of all instances", layout.state_bytes(), "make several crowds"),
-            ("the arguments of all dispatches", layout.control_bytes(), "make several crowds"),
+            ("the arguments of all dispatches", control, "make several crowds"),
         ] {
             context.check_range(what, bytes, remedy)?;
         }
@@ -162,7 +170,7 @@ impl Layout {
 
     /// Bytes of the tables; never 0, since there is a first entry.
     pub(super) fn table_bytes(&self) -> u64 {
-        4 * self.tables.end
+        4 * self.tables_end
     }
 
     /// Bytes of the state.
@@ -170,19 +178,9 @@ impl Layout {
         4 * self.state.end
     }
 
-    /// Bytes of counters and arguments.
-    pub(super) fn control_bytes(&self) -> u64 {
-        self.groups.arguments(self.groups.count(), 0, 0)
-    }
-
     /// Words of a bit for each target.
     pub(super) fn target_words(&self) -> u32 {
         self.targets.div_ceil(32).max(1)
-    }
-
-    /// Blocks of the mesh.
-    pub(super) fn blocks(&self) -> u32 {
-        self.blocks
     }
 
     /// Where the weights of an instance are in the state: offset and bytes.
@@ -192,46 +190,55 @@ impl Layout {
         (4 * (self.state.weights + u64::from(instance) * targets), 4 * targets)
     }
 
-    /// The tables.
-    pub(super) fn tables(&self, index: &BlockIndex, clips: &Clips, budget: Option<&Budget>) -> Vec<u32> {
-        let mut words = Vec::with_capacity(self.tables.end as usize);
+    /// The tables, of groups with these blocks.
+    pub(super) fn tables<'a>(
+        &self,
+        indices: impl Iterator<Item = &'a BlockIndex>,
+        clips: &Clips,
+        budget: Option<&Budget>,
+    ) -> Vec<u32> {
+        let mut words = Vec::with_capacity(self.tables_end as usize);
         words.extend_from_slice(clips.words());
-        if let (Some(budget), Some(at)) = (budget, self.tables.budget) {
+        if let (Some(budget), Some(at)) = (budget, self.budget) {
             words.resize(at as usize, 0);
             words.extend([budget.most() as u32, (budget.most() >> 32) as u32]);
             words.extend_from_slice(budget.reaches());
         }
-        for block in 0..index.count() {
-            let first = words.len();
-            words.resize(first + self.target_words() as usize, 0);
-            for &target in &index.entry_targets()[index.entries(block)] {
-                words[first + target as usize / 32] |= 1 << (target % 32);
+        for index in indices {
+            for block in 0..index.count() {
+                let first = words.len();
+                words.resize(first + self.target_words() as usize, 0);
+                for &target in &index.entry_targets()[index.entries(block)] {
+                    words[first + target as usize / 32] |= 1 << (target % 32);
+                }
             }
+            words.extend_from_slice(index.first_entries());
+            let entries = index.entry_targets().iter().zip(index.costs());
+            words.extend(entries.flat_map(|(&target, cost)| [target, cost.bytes]));
         }
-        words.extend_from_slice(index.first_entries());
-        words.extend(index.entry_targets().iter().zip(index.costs()).flat_map(|(&target, cost)| [target, cost.bytes]));
         words
     }
 
-    /// What kernels have to know; clock, slots and group are those of an update. All fits 32 bits: `new` refuses more.
-    pub(super) fn push(&self) -> AnimationPush {
-        let Self { groups, tables, state, .. } = self;
+    /// What kernels have to know of a group of the mesh; clock, slots and group of instances are those of an update.
+    /// All fits 32 bits: `new` refuses more.
+    pub(super) fn push(&self, group: &GroupLayout) -> AnimationPush {
+        let (groups, state) = (&group.groups, &self.state);
         AnimationPush {
             heads: groups.instances,
             targets: self.targets,
             words: self.target_words(),
-            blocks: self.blocks,
-            entries: self.entries,
-            block_targets_at: tables.block_targets as u32,
-            first_entry_at: tables.first_entry as u32,
-            entries_at: tables.entries as u32,
-            budget_at: tables.budget.unwrap_or(0) as u32,
+            blocks: group.blocks,
+            entries: group.entries,
+            block_targets_at: group.block_targets as u32,
+            first_entry_at: group.first_entry as u32,
+            entries_at: group.entries_at as u32,
+            budget_at: self.budget.unwrap_or(0) as u32,
             phases_at: state.phases as u32,
             weights_at: state.weights as u32,
             deltas_at: state.deltas as u32,
             bits_at: state.bits as u32,
             requested_at: state.requested as u32,
-            history_at: state.history as u32,
+            history_at: group.history as u32,
             history_mask: ((1u64 << (self.slots - 1)) - 1) as u32,
             slots: self.slots,
             always_rebuild: self.always_rebuild.into(),
@@ -242,5 +249,12 @@ impl Layout {
             chunk_items: self.chunk_items,
             ..AnimationPush::default()
         }
+    }
+}
+
+impl GroupLayout {
+    /// Bytes of counters and arguments.
+    pub(super) fn control_bytes(&self) -> u64 {
+        self.groups.arguments(self.groups.count(), 0, 0)
     }
 }

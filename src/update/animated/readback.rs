@@ -1,20 +1,21 @@
 //! Where weights and plans are, for `headless` to read back.
 
-use super::technique::Animated;
+use super::technique::{Animated, Group};
 use crate::update::blocks::WIDTHS;
 use ash::vk;
 
 impl Animated {
-    /// Work lists, arguments, and where those of each group are.
+    /// Work lists, arguments, and where those of each group of instances are: of the first group of the mesh.
     pub(crate) fn plan_buffers(&self) -> (vk::Buffer, vk::Buffer, Vec<PlanPlace>) {
-        let groups = &self.layout().groups;
+        let groups = &self.layout().of_groups[0].groups;
         let place = |group| PlanPlace {
             instances: groups.get(group),
             capacity: groups.capacity as usize,
             list: (u64::from(group) * groups.stride, groups.stride),
             arguments: std::array::from_fn(|width| (groups.arguments(group, width, 0), groups.chunks)),
         };
-        (self.work.raw, self.control.raw, (0..groups.count()).map(place).collect())
+        let Group { work, control, .. } = &self.groups[0];
+        (work.raw, control.raw, (0..groups.count()).map(place).collect())
     }
 
     /// The weights of an instance: buffer, offset, size.

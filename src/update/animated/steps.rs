@@ -4,6 +4,7 @@
 use crate::plan::hazards::{Accesses, Memory, MemoryUse};
 use crate::plan::steps::{Access, Resource, Source, Stage, Steps, Use, Work};
 use crate::update::blocks::EXACT_BLOCKS;
+use std::ops::Range;
 
 /// What a work does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,6 +29,14 @@ impl AnimatedKernel {
     /// All of them, in the order of [`Work::kernel`].
     pub const ALL: [Self; 7] =
         [Self::Sample, Self::Budget, Self::Commit, Self::Plan, Self::Arguments, Self::Records, Self::Blocks];
+
+    /// Whether it works for all groups of the mesh at once.
+    const fn is_common(self) -> bool {
+        match self {
+            Self::Sample | Self::Budget | Self::Commit | Self::Records => true,
+            Self::Plan | Self::Arguments | Self::Blocks => false,
+        }
+    }
 
     const fn uses(self) -> &'static [Use] {
         use Resource as R;
@@ -87,7 +96,9 @@ pub struct AnimatedUpdate {
     pub source: u32,
     /// The slot they are written to.
     pub destination: u32,
-    /// Dispatches of blocks.
+    /// Groups of the mesh.
+    pub groups: u32,
+    /// Dispatches of blocks in a group, at most.
     pub dispatches: u32,
     /// Each of them is a step, as in [`Dispatching`](crate::update::blocks).
     pub texels: bool,
@@ -97,11 +108,14 @@ impl AnimatedUpdate {
     /// Append its steps.
     pub fn fill(&self, steps: &mut Steps) {
         use AnimatedKernel as K;
-        let Self { records, budget, dispatches, texels, .. } = *self;
-        let mut add = |kernel: K, items| {
+        let Self { records, budget, groups, dispatches, texels, .. } = *self;
+        let mut add = |kernel: K, items: Range<u32>| {
             steps.step(kernel.uses());
             let (source, destination) = (Source::Slot(self.source), self.destination);
-            steps.push(Work { kernel: kernel as u32, instance: 0, source, destination, items });
+            for group in 0..if kernel.is_common() { 1 } else { groups } {
+                let items = items.clone();
+                steps.push(Work { kernel: kernel as u32, group, instance: 0, source, destination, items });
+            }
         };
         for (kernel, wanted) in [
             (K::Records, records),
@@ -128,7 +142,8 @@ pub(crate) fn accesses(works: &[Work], instances: u32) -> Vec<Accesses> {
     use Memory as M;
     let of = |work: &Work| match AnimatedKernel::ALL[work.kernel as usize] {
         AnimatedKernel::Records => {
-            let write = MemoryUse { memory: M::Records, stage: Stage::Transfer, access: Access::TransferWrite };
+            let write =
+                MemoryUse { group: 0, memory: M::Records, stage: Stage::Transfer, access: Access::TransferWrite };
             Accesses { writes: vec![write], ..Accesses::default() }
         }
         AnimatedKernel::Sample => Accesses::compute([M::Clips, M::Records, M::Weights], [M::Weights]),
@@ -149,11 +164,11 @@ pub(crate) fn accesses(works: &[Work], instances: u32) -> Vec<Accesses> {
             let reads = reads.chain(sources.into_iter().flatten());
             let mut all = Accesses::compute(reads, sums.chain(pose(work.destination)));
             let arguments = (M::Arguments, Stage::Indirect, Access::IndirectRead);
-            all.reads.push(MemoryUse { memory: arguments.0, stage: arguments.1, access: arguments.2 });
+            all.reads.push(MemoryUse { group: 0, memory: arguments.0, stage: arguments.1, access: arguments.2 });
             all
         }
     };
-    works.iter().map(of).collect()
+    works.iter().map(|work| of(work).of_group(work.group)).collect()
 }
 
 #[cfg(test)]
@@ -175,7 +190,8 @@ mod tests {
             let frames: Vec<_> = (0..6u32)
                 .map(|frame| {
                     let (source, destination) = ((frame + slots - 1) % slots, frame % slots);
-                    let update = AnimatedUpdate { records, budget, source, destination, dispatches: 3, texels };
+                    let (groups, dispatches) = (2, 3);
+                    let update = AnimatedUpdate { records, budget, source, destination, groups, dispatches, texels };
                     let mut steps = Steps::new(Consumers::default());
                     update.fill(&mut steps);
                     let events = scheduled(&[&steps], |_, works| accesses(works, 1));

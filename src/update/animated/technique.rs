@@ -4,13 +4,13 @@
 use super::budget::Budget;
 use super::clips::Clips;
 use super::gpu::AnimationKernel;
-use super::layout::Layout;
+use super::layout::{GroupLayout, Groups, Layout};
 use super::playback::Playbacks;
 use super::sample::HeadRecord;
 use super::steps::{AnimatedKernel, AnimatedUpdate, UPLOADED};
 use crate::abi::numbers::WORKGROUP;
 use crate::abi::push::{AnimationPush, BlocksPush};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::barriers;
 use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
@@ -25,7 +25,6 @@ use crate::update::blocks::{TILE_WORDS, WIDTHS};
 use crate::update::technique::{Context, Technique, UpdateId};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use std::ops::Range;
 use std::sync::Arc;
 
 /// Records that one command writes: 65,536 bytes.
@@ -35,19 +34,25 @@ const RECORDS_MAX: usize = 2048;
 pub(crate) struct Animated {
     device: Arc<Device>,
     kernel: Arc<AnimationKernel>,
-    blocks: Arc<BlocksKernel>,
     pub(crate) clips: Clips,
     pub(crate) playbacks: Playbacks,
     layout: Layout,
     budget: bool,
     pub(super) state: Buffer,
+    tables: Buffer,
+    staging: Option<Buffer>,
+    /// Of the mesh; the first one's sets serve what all have in common.
+    pub(super) groups: Vec<Group>,
+}
+
+/// What a group of the mesh takes.
+pub(super) struct Group {
+    blocks: Arc<BlocksKernel>,
     #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
     pub(super) work: Buffer,
     pub(super) control: Buffer,
     #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
     sums: Buffer,
-    tables: Buffer,
-    staging: Option<Buffer>,
     sets: Sets,
     block_sets: Sets,
     /// Of the last update.
@@ -61,50 +66,36 @@ pub(crate) struct Animated {
     pose_bytes: u64,
 }
 
-impl Animated {
-    /// Make buffers and sets; [`upload`](Self::upload) fills them.
-    pub(crate) fn new(context: Context<'_>, clips: Clips) -> Result<Self> {
-        let (device, mesh_layout, desc) = (context.device, context.layout(), context.desc);
-        let Some(index) = &mesh_layout.blocks else {
-            let text = format!("mesh '{}' has no blocks", mesh_layout.name);
-            return Err(Error::invalid(text, "pack the mesh as 'fast' or 'small'"));
-        };
-        let (grid, poses) = (index.exact()?, context.poses);
-        let budget = Budget::new(desc.update.error_budget, index)?;
-        let layout = Layout::new(&context, index, &clips, budget.as_ref())?;
+fn on_device(device: &Arc<Device>, name: &'static str, bytes: u64, usage: vk::BufferUsageFlags) -> Result<Buffer> {
+    use vk::BufferUsageFlags as U;
+    let usage = usage | U::STORAGE_BUFFER | U::TRANSFER_SRC | U::TRANSFER_DST;
+    Buffer::new(device, &BufferDesc { name, bytes, usage, location: MemoryLocation::GpuOnly })
+}
+
+impl Group {
+    /// Buffers and sets of a group; `common` are tables and state.
+    fn new(
+        context: Context<'_>,
+        kernel: &AnimationKernel,
+        (layout, group): (&Layout, &GroupLayout),
+        common: [BufferRange; 2],
+    ) -> Result<Self> {
+        let (device, desc, poses, index) = (context.device, context.desc, context.poses, context.layout().index()?);
         // Tiles are filled up to the next width, so that there has to be one.
         let instances = desc.instances.max(2).next_power_of_two();
         let blocks = context.kernels.get::<BlocksKernel>(BlocksKey::new(&context, index, true, instances)?)?;
-        let how = blocks.dispatching(0);
-        let kernel = context.kernels.get::<AnimationKernel>(())?;
-
-        use vk::BufferUsageFlags as U;
-        let buffer = |name, bytes, usage, location| Buffer::new(device, &BufferDesc { name, bytes, usage, location });
-        let on_device = |name, bytes, usage| {
-            let usage = usage | U::STORAGE_BUFFER | U::TRANSFER_SRC | U::TRANSFER_DST;
-            buffer(name, bytes, usage, MemoryLocation::GpuOnly)
-        };
-        let (groups, table_bytes) = (&layout.groups, layout.table_bytes());
-        let tables = on_device("deltamorph clips", table_bytes, U::empty())?;
-        let state = on_device("deltamorph animated weights", layout.state_bytes(), U::empty())?;
-        let work = on_device("deltamorph planned work", groups.stride * u64::from(groups.count()), LIST_USAGE)?;
-        let control = on_device("deltamorph dispatches", layout.control_bytes(), U::INDIRECT_BUFFER)?;
+        let (how, groups) = (blocks.dispatching(0), &group.groups);
+        let list_bytes = groups.stride * u64::from(groups.count());
+        let work = on_device(device, "deltamorph planned work", list_bytes, LIST_USAGE)?;
+        let arguments = vk::BufferUsageFlags::INDIRECT_BUFFER;
+        let control = on_device(device, "deltamorph dispatches", group.control_bytes(), arguments)?;
         let sums = sums_buffer(device, poses.bytes * u64::from(desc.instances))?;
-        let mut staging = buffer("deltamorph clip upload", table_bytes, U::TRANSFER_SRC, STAGING)?;
-        let words = layout.tables(index, &clips, budget.as_ref());
-        staging.mapped()?[..table_bytes as usize].copy_from_slice(bytemuck::cast_slice(&words));
-
         let range = |buffer: &Buffer, offset, size| BufferRange { buffer: buffer.raw, offset, size };
         let (mut plan, mut of_blocks) = (vec![], vec![]);
-        for group in 0..groups.count() {
-            let (first, count) = groups.get(group);
-            let list = range(&work, u64::from(group) * groups.stride, groups.stride);
-            plan.push([
-                range(&tables, 0, table_bytes),
-                range(&state, 0, layout.state_bytes()),
-                list,
-                range(&control, 0, layout.control_bytes()),
-            ]);
+        for set in 0..groups.count() {
+            let (first, count) = groups.get(set);
+            let list = range(&work, u64::from(set) * groups.stride, groups.stride);
+            plan.push([common[0], common[1], list, range(&control, 0, group.control_bytes())]);
             of_blocks.push(GroupBuffers {
                 asset: asset_range(&context),
                 list,
@@ -113,26 +104,63 @@ impl Animated {
             });
         }
         Ok(Self {
-            device: device.clone(),
             sets: kernel.sets(&plan)?,
             block_sets: blocks.sets(&of_blocks)?,
+            push: layout.push(group),
+            block_push: blocks_push(context.layout(), index, poses.slots, Some(index.exact()?)),
+            widths: how.widths,
+            texels: how.texels,
+            pose_bytes: poses.bytes,
+            blocks,
+            work,
+            control,
+            sums,
+        })
+    }
+
+    /// Dispatches of blocks, `[group of instances][width][chunk]`.
+    fn dispatches(&self, groups: &Groups) -> u32 {
+        groups.count() * self.widths * groups.chunks
+    }
+}
+
+impl Animated {
+    /// Make buffers and sets; [`upload`](Self::upload) fills them.
+    pub(crate) fn new(context: Context<'_>, clips: Clips) -> Result<Self> {
+        let (device, desc) = (context.device, context.desc);
+        let budget = Budget::new(desc.update.error_budget, context.layout().index()?)?;
+        let layout = Layout::new(&context, &clips, budget.as_ref())?;
+        let kernel = context.kernels.get::<AnimationKernel>(())?;
+
+        let (table_bytes, none) = (layout.table_bytes(), vk::BufferUsageFlags::empty());
+        let tables = on_device(device, "deltamorph clips", table_bytes, none)?;
+        let state = on_device(device, "deltamorph animated weights", layout.state_bytes(), none)?;
+        let upload = BufferDesc {
+            name: "deltamorph clip upload",
+            bytes: table_bytes,
+            usage: vk::BufferUsageFlags::TRANSFER_SRC,
+            location: STAGING,
+        };
+        let mut staging = Buffer::new(device, &upload)?;
+        let indices = context.groups().filter_map(|group| group.layout().blocks.as_deref());
+        let words = layout.tables(indices, &clips, budget.as_ref());
+        staging.mapped()?[..table_bytes as usize].copy_from_slice(bytemuck::cast_slice(&words));
+
+        let common = [(&tables, table_bytes), (&state, layout.state_bytes())];
+        let common = common.map(|(buffer, size)| BufferRange { buffer: buffer.raw, offset: 0, size });
+        let groups = context.groups().zip(&layout.of_groups);
+        let groups = groups.map(|(context, group)| Group::new(context, &kernel, (&layout, group), common));
+        Ok(Self {
+            groups: groups.collect::<Result<_>>()?,
+            device: device.clone(),
             playbacks: Playbacks::new(desc.instances),
             staging: Some(staging),
             tables,
             kernel,
-            blocks,
             clips,
             state,
-            work,
-            control,
-            sums,
             budget: budget.is_some(),
-            push: layout.push(),
             layout,
-            block_push: blocks_push(mesh_layout, index, poses.slots, Some(grid)),
-            widths: how.widths,
-            texels: how.texels,
-            pose_bytes: poses.bytes,
         })
     }
 
@@ -146,7 +174,7 @@ impl Animated {
         // SAFETY: the caller's obligations; the region lies within both buffers, and fills cover whole buffers.
         unsafe {
             device.cmd_copy_buffer(cmd, staging.raw, self.tables.raw, &region);
-            for buffer in [&self.state, &self.control] {
+            for buffer in self.groups.iter().map(|group| &group.control).chain([&self.state]) {
                 device.cmd_fill_buffer(cmd, buffer.raw, 0, vk::WHOLE_SIZE, 0);
             }
             if let Some(barrier) = Barrier::between(UPLOADED[0], UPLOADED[1]) {
@@ -181,49 +209,54 @@ impl Animated {
         }
     }
 
-    /// The dispatches of blocks, `[group][width][chunk]`: as many workgroups as the GPU has planned.
+    /// Dispatches of the blocks of a group: as many workgroups as the GPU has planned.
     ///
     /// # Safety
     /// As [`Technique::record`].
-    unsafe fn record_blocks(&self, cmd: vk::CommandBuffer, dispatches: Range<u32>) {
-        let groups = &self.layout.groups;
-        for dispatch in dispatches {
+    unsafe fn record_blocks(&self, cmd: vk::CommandBuffer, work: &Work) {
+        let (group, groups) = (&self.groups[work.group as usize], &self.layout.of_groups[work.group as usize].groups);
+        // Other groups may have more of them.
+        for dispatch in work.items.start..work.items.end.min(group.dispatches(groups)) {
             let (chunk, rest) = (dispatch % groups.chunks, dispatch / groups.chunks);
-            let (width, group) = (rest % self.widths, rest / self.widths);
-            let first = u64::from(chunk) * u64::from(self.push.chunk_items);
+            let (width, set) = (rest % group.widths, rest / group.widths);
+            let first = u64::from(chunk) * u64::from(group.push.chunk_items);
             let item = (u64::from(width) * groups.capacity + first) * TILE_WORDS as u64;
-            let push = BlocksPush { first_item: item as u32, ..self.block_push };
-            let arguments = Workgroups::At(self.control.raw, groups.arguments(group, width as usize, chunk));
-            let set = self.block_sets.get(group as usize);
+            let push = BlocksPush { first_item: item as u32, ..group.block_push };
+            let arguments = Workgroups::At(group.control.raw, groups.arguments(set, width as usize, chunk));
+            let set = group.block_sets.get(set as usize);
             // SAFETY: the caller's obligations; the set was written for this mesh and crowd; the arguments lie within
             // the buffer, which is one of arguments.
-            unsafe { self.blocks.dispatch(cmd, set, width, &push, arguments) };
+            unsafe { group.blocks.dispatch(cmd, set, width, &push, arguments) };
         }
     }
 }
 
 impl Technique for Animated {
     fn plan(&mut self, _instances: &Instances, _id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
-        let (update, slots) = (self.playbacks.update(&self.clips), u64::from(self.push.slots));
+        let (update, slots) = (self.playbacks.update(&self.clips), u64::from(self.groups[0].push.slots));
         let (source, destination) = (((update + slots - 1) % slots) as u32, (update % slots) as u32);
-        (self.push.now, self.push.source, self.push.destination) = (self.playbacks.now(), source, destination);
-        let groups = &self.layout.groups;
+        for Group { push, .. } in &mut self.groups {
+            (push.now, push.source, push.destination) = (self.playbacks.now(), source, destination);
+        }
+        let groups = self.groups.iter().zip(&self.layout.of_groups);
         let update = AnimatedUpdate {
             records: !self.playbacks.changed().is_empty(),
             budget: self.budget,
             source,
             destination,
-            dispatches: groups.count() * self.widths * groups.chunks,
-            texels: self.texels,
+            groups: self.groups.len() as u32,
+            dispatches: groups.map(|(group, layout)| group.dispatches(&layout.groups)).max().unwrap_or(0),
+            texels: self.groups.iter().any(|group| group.texels),
         };
         update.fill(steps);
         Ok(UpdateStats { passes: 1, ..UpdateStats::default() })
     }
 
     unsafe fn record(&self, cmd: vk::CommandBuffer, _frame: u64, work: &Work) {
-        let (kernel, push, caps) = (&self.kernel, &self.push, &self.device.caps);
+        let (group, layout) = (&self.groups[work.group as usize], &self.layout.of_groups[work.group as usize]);
+        let (kernel, push, caps) = (&self.kernel, &group.push, &self.device.caps);
         let invocations = u64::from(push.heads) * u64::from(self.layout.target_words());
-        let (blocks, what) = (self.layout.blocks().div_ceil(WORKGROUP), AnimatedKernel::ALL[work.kernel as usize]);
+        let (blocks, what) = (layout.blocks.div_ceil(WORKGROUP), AnimatedKernel::ALL[work.kernel as usize]);
         let workgroups = match what {
             AnimatedKernel::Sample | AnimatedKernel::Commit => kernel.groups(invocations),
             AnimatedKernel::Budget => [blocks, push.heads.min(caps.max_workgroups)],
@@ -231,17 +264,17 @@ impl Technique for Animated {
             // SAFETY: the caller's obligations.
             AnimatedKernel::Records => return unsafe { self.record_records(cmd) },
             // SAFETY: the caller's obligations.
-            AnimatedKernel::Blocks => return unsafe { self.record_blocks(cmd, work.items.clone()) },
+            AnimatedKernel::Blocks => return unsafe { self.record_blocks(cmd, work) },
             AnimatedKernel::Plan => {
                 // SAFETY: as below.
                 unsafe { kernel.bind(cmd, what) };
-                for group in 0..self.layout.groups.count() {
-                    let (first_head, group_heads) = self.layout.groups.get(group);
-                    let first_counter = group * WIDTHS as u32;
+                for set in 0..layout.groups.count() {
+                    let (first_head, group_heads) = layout.groups.get(set);
+                    let first_counter = set * WIDTHS as u32;
                     let push = AnimationPush { first_head, group_heads, first_counter, ..*push };
                     let tiles = group_heads.div_ceil(caps.tuning.widest_tile);
                     // SAFETY: as below.
-                    unsafe { kernel.dispatch(cmd, self.sets.get(group as usize), &push, [blocks, tiles]) };
+                    unsafe { kernel.dispatch(cmd, group.sets.get(set as usize), &push, [blocks, tiles]) };
                 }
                 return;
             }
@@ -250,13 +283,13 @@ impl Technique for Animated {
         // more than the device allows.
         unsafe {
             kernel.bind(cmd, what);
-            kernel.dispatch(cmd, self.sets.get(0), push, workgroups);
+            kernel.dispatch(cmd, group.sets.get(0), push, workgroups);
         }
     }
 
     fn slots_of(&self, instance: u32) -> Option<(u32, Option<u32>)> {
         let (update, has_past) = self.playbacks.written(instance)?;
-        let slots = u64::from(self.push.slots);
+        let slots = u64::from(self.groups[0].push.slots);
         let slot = (update % slots) as u32;
         let before = ((update + slots - 1) % slots) as u32;
         Some((slot, if !has_past { Some(slot) } else { (slots > 1).then_some(before) }))
@@ -284,11 +317,12 @@ impl Technique for Animated {
     }
 
     fn sums(&self, instance: u32) -> Option<(vk::Buffer, u64)> {
-        Some((self.sums.raw, u64::from(instance) * self.pose_bytes))
+        let group = &self.groups[0];
+        Some((group.sums.raw, u64::from(instance) * group.pose_bytes))
     }
 
     #[cfg(any(test, feature = "internals"))]
     fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        super::steps::accesses(works, self.push.heads)
+        super::steps::accesses(works, self.groups[0].push.heads)
     }
 }

@@ -74,15 +74,13 @@ pub(super) struct Frame<'a> {
 }
 
 impl<'a> Frame<'a> {
-    /// Begin the update of an instance.
+    /// A phase of the update of an instance; scratch space and list pass from the first to the second.
     pub(super) fn new(
         index: &'a BlockIndex,
         instance: usize,
         scratch: &'a mut Scratch,
         list: &'a mut WorkList,
     ) -> Self {
-        scratch.ends.clear();
-        scratch.ends.extend_from_slice(&index.first_entries()[..index.count()]);
         Self { index, instance, scratch, list, budget: 0.0, largest_weight: 1.0 }
     }
 
@@ -98,6 +96,9 @@ impl<'a> Frame<'a> {
         unknown: bool,
         changed: &mut usize,
     ) -> bool {
+        let ends = &mut self.scratch.ends;
+        ends.clear();
+        ends.extend_from_slice(&self.index.first_entries()[..self.index.count()]);
         weights.next.iter_mut().zip(asked).for_each(|(n, w)| *n = convert(*w));
         *changed = weights.next.iter().zip(&weights.requested).filter(|(a, b)| a != b).count();
         let dirty = match weights.per_entry {

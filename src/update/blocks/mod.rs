@@ -15,8 +15,7 @@ mod technique;
 mod tiles;
 
 pub use list::{ELEMENT_BYTES, Element, ITEM_WORDS, Item, WorkList};
-pub(crate) use plan::{EXACT_BLOCKS, Planner};
-pub use state::BlockState;
+pub(crate) use plan::{EXACT_BLOCKS, GroupPlanner, Planner};
 pub(crate) use state::check_tolerance;
 pub(crate) use technique::BlocksTechnique;
 pub use tiles::{ROWS, TILE_WORDS, WIDTHS, row_words};
@@ -24,7 +23,7 @@ pub use tiles::{ROWS, TILE_WORDS, WIDTHS, row_words};
 pub use {
     bound::Scratch,
     list::component_bytes,
-    state::BlockPlan,
+    state::{BlockPlan, BlockState},
     tiles::{ALIGN, TILE, TileBytes, TileItem, Tiles},
 };
 

@@ -6,77 +6,130 @@ use super::list::WorkList;
 use super::state::{BlockPlan, BlockState};
 use super::tiles::{Tiles, WIDTHS};
 use crate::abi::kernels::DeviceTuning;
+use crate::error::Result;
+use crate::pack::PackedLayout;
 use crate::pack::blocks::{BlockIndex, ExactGrid};
-use crate::plan::UpdateStats;
 #[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::{Accesses, Memory, MemoryUse};
 use crate::plan::instances::Instances;
 use crate::plan::steps::{Resource, Steps, Use, Work};
+use crate::plan::{UpdateDesc, UpdateStats};
 use std::ops::Range;
 use std::sync::Arc;
 
 /// The instances of a crowd, planned together: what GPU and CPU carry out.
 pub(crate) struct Planner {
-    pub index: Arc<BlockIndex>,
-    states: Vec<BlockState>,
+    /// One for each group of the mesh.
+    pub groups: Vec<GroupPlanner>,
     plans: Vec<BlockPlan>,
+}
+
+/// The plan of a group: what blocks hold and which are written is its own; slots turn with those of all groups.
+pub(crate) struct GroupPlanner {
+    pub index: Arc<BlockIndex>,
     pub list: WorkList,
+    /// Of the last update.
+    pub stats: UpdateStats,
+    states: Vec<BlockState>,
     scratch: Scratch,
 }
 
 impl Planner {
-    /// `instances` that are in `state`.
-    pub fn new(index: &Arc<BlockIndex>, state: BlockState, instances: usize) -> Self {
-        Self {
-            index: index.clone(),
-            states: vec![state; instances],
-            plans: vec![BlockPlan::default(); instances],
-            list: WorkList::new(index, instances),
-            scratch: Scratch::default(),
-        }
-    }
-
-    /// The grid of exact sums; the same for all instances.
-    pub fn exact(&self) -> Option<ExactGrid> {
-        self.states.first().and_then(BlockState::exact)
+    /// `instances` of a mesh that was packed like this, group by group.
+    ///
+    /// # Errors
+    /// As [`BlockState::new`]; no blocks.
+    pub fn new<'a>(
+        desc: UpdateDesc,
+        groups: impl IntoIterator<Item = &'a PackedLayout>,
+        instances: usize,
+    ) -> Result<Self> {
+        let group = |layout: &PackedLayout| {
+            let index = layout.index()?;
+            Ok(GroupPlanner {
+                states: vec![BlockState::new(desc, layout, index)?; instances],
+                list: WorkList::new(index, instances),
+                index: index.clone(),
+                stats: UpdateStats::default(),
+                scratch: Scratch::default(),
+            })
+        };
+        let groups = groups.into_iter().map(group).collect::<Result<_>>()?;
+        Ok(Self { groups, plans: vec![BlockPlan::default(); instances] })
     }
 
     /// Plan the update numbered `update` of every instance that is shown.
-    pub fn plan(&mut self, instances: &Instances, update: u64) -> UpdateStats {
-        let mut stats = UpdateStats::default();
-        self.list.clear();
-        let states = self.states.iter_mut().zip(instances.requested()).zip(&mut self.plans);
-        for (i, ((state, requested), plan)) in states.enumerate() {
-            let Some(weights) = requested else { continue };
-            let mut frame = Frame::new(&self.index, i, &mut self.scratch, &mut self.list);
-            *plan = match state.commit(&mut frame, weights) {
-                true => state.emit(&mut frame, update, &mut stats),
-                false => state.stay(&mut stats),
-            };
+    pub fn plan(&mut self, instances: &Instances, update: u64) {
+        for group in &mut self.groups {
+            group.list.clear();
+            group.stats = UpdateStats::default();
         }
-        stats.passes = usize::from(!self.list.items.is_empty());
-        stats
+        for (i, (requested, plan)) in instances.requested().zip(&mut self.plans).enumerate() {
+            let Some(weights) = requested else { continue };
+            let mut changed = false;
+            for GroupPlanner { index, list, states, scratch, .. } in &mut self.groups {
+                changed |= states[i].commit(&mut Frame::new(index, i, scratch, list), weights);
+            }
+            for GroupPlanner { index, list, stats, states, scratch } in &mut self.groups {
+                *plan = match changed {
+                    true => states[i].emit(&mut Frame::new(index, i, scratch, list), update, stats),
+                    false => states[i].stay(stats),
+                };
+            }
+        }
+    }
+
+    /// Count the last update. The groups add the same coefficients in the same pass.
+    pub fn stats(&self) -> UpdateStats {
+        let mut sum = UpdateStats::default();
+        for group in &self.groups {
+            sum += UpdateStats { coefficients: 0, ..group.stats };
+            sum.passes = sum.passes.max(usize::from(!group.list.items.is_empty()));
+        }
+        UpdateStats { coefficients: self.groups.first().map_or(0, |group| group.stats.coefficients), ..sum }
+    }
+
+    fn states(&mut self) -> impl Iterator<Item = &mut [BlockState]> {
+        self.groups.iter_mut().map(|group| &mut group.states[..])
+    }
+
+    /// The grid of exact sums of the first group; that of others may have other steps, and the same largest weight.
+    pub fn exact(&self) -> Option<ExactGrid> {
+        self.groups.first().and_then(GroupPlanner::exact)
     }
 
     /// Slots of the pose and of the previous pose of an instance; `None` while there is no pose.
     pub fn slots_of(&self, instance: usize) -> Option<(u32, Option<u32>)> {
         let plan = self.plans[instance];
-        self.states[instance].is_known().then_some((plan.result, plan.previous))
+        let known = self.groups.iter().all(|group| group.states[instance].is_known());
+        known.then_some((plan.result, plan.previous))
     }
 
     /// The next pose of an instance has no predecessor.
     pub fn cut(&mut self, instance: usize) {
-        self.states[instance].cut();
+        self.states().for_each(|states| states[instance].cut());
     }
 
     /// Nothing is known of an instance any longer.
     pub fn forget(&mut self, instance: usize) {
-        self.states[instance].forget();
+        self.states().for_each(|states| states[instance].forget());
     }
 
     /// The update numbered `first` and all later ones will never run.
     pub fn discard_from(&mut self, first: u64) {
-        self.states.iter_mut().for_each(|state| state.discard_from(first));
+        self.states().flatten().for_each(|state| state.discard_from(first));
+    }
+}
+
+impl GroupPlanner {
+    /// The grid of exact sums; the same for all instances.
+    pub fn exact(&self) -> Option<ExactGrid> {
+        self.states.first().and_then(BlockState::exact)
+    }
+
+    /// Every component of a block that is written, not only those that change.
+    pub fn write_whole_blocks(&mut self) {
+        self.states.iter_mut().for_each(BlockState::write_whole_blocks);
     }
 }
 
@@ -109,9 +162,12 @@ pub(crate) const EXACT_BLOCKS: &[Use] = &[
     Use::write(Resource::Sums),
 ];
 
-/// The dispatches of an update.
+/// The dispatches of an update of a group.
 pub(crate) struct Dispatches {
     how: Dispatching,
+    /// The number of the group.
+    group: u32,
+    works: Vec<Work>,
     exact: bool,
     /// For kernels that take several instances at once.
     pub tiles: Option<Tiles>,
@@ -120,15 +176,16 @@ pub(crate) struct Dispatches {
 }
 
 impl Dispatches {
-    pub fn new(how: Dispatching, index: &BlockIndex, instances: usize, exact: bool) -> Self {
+    pub fn new(how: Dispatching, group: u32, index: &BlockIndex, instances: usize, exact: bool) -> Self {
         // Where rebuilt instances have pipelines of their own.
         let tiles = (how.widths > 0).then(|| Tiles::new(index, instances, !exact, how.tuning));
-        Self { how, exact, tiles, firsts: [0; 2 * WIDTHS + 1] }
+        Self { how, group, works: vec![], exact, tiles, firsts: [0; 2 * WIDTHS + 1] }
     }
 
-    /// Append the dispatches of a planned work list to `steps`, and count what tiles load and store, which instances
-    /// share.
-    pub fn fill(&mut self, index: &BlockIndex, list: &WorkList, steps: &mut Steps, stats: &mut UpdateStats) {
+    /// Make the dispatches of a planned work list, and count what tiles load and store, which instances share. Tells
+    /// whether there are any.
+    pub fn fill(&mut self, index: &BlockIndex, list: &WorkList, stats: &mut UpdateStats) -> bool {
+        self.works.clear();
         let Dispatching { group: size, widths, .. } = self.how;
         if let Some(tiles) = &mut self.tiles {
             tiles.clear();
@@ -138,7 +195,7 @@ impl Dispatches {
             let (group, items) = (run[0].instance / size, first..first + run.len());
             first = items.end;
             let Some(tiles) = &mut self.tiles else {
-                self.dispatch(0, group, items, steps);
+                self.dispatch(0, group, items);
                 continue;
             };
             let before = tiles.counts();
@@ -147,10 +204,10 @@ impl Dispatches {
             for (kernel, (before, after)) in before.into_iter().zip(after).enumerate() {
                 // Rebuilt tiles have the kernels behind those of all widths.
                 let kernel = kernel / WIDTHS * widths as usize + kernel % WIDTHS;
-                self.dispatch(kernel, group, before..after, steps);
+                self.dispatch(kernel, group, before..after);
             }
         }
-        let Some(tiles) = &self.tiles else { return };
+        let Some(tiles) = &self.tiles else { return !self.works.is_empty() };
         let bytes = tiles.bytes(index, self.exact);
         (stats.bytes_moved, stats.bytes_floor) = (bytes.moved, bytes.floor);
         let mut place = 0;
@@ -158,16 +215,30 @@ impl Dispatches {
             self.firsts[kernel / WIDTHS * widths as usize + kernel % WIDTHS] = place;
             place += count;
         }
+        !self.works.is_empty()
     }
 
-    fn dispatch(&self, kernel: usize, group: u32, items: Range<usize>, steps: &mut Steps) {
-        let (most, end) = (self.how.most as usize, items.end);
+    fn dispatch(&mut self, kernel: usize, instance: u32, items: Range<usize>) {
+        let (most, end, group) = (self.how.most as usize, items.end, self.group);
         for first in items.step_by(most) {
-            if steps.is_empty() || self.how.texels {
-                steps.step(if self.exact { EXACT_BLOCKS } else { FLOAT_BLOCKS });
-            }
             let items = first as u32..end.min(first + most) as u32;
-            steps.push(Work { kernel: kernel as u32, instance: group, items, ..Work::default() });
+            self.works.push(Work { kernel: kernel as u32, group, instance, items, ..Work::default() });
+        }
+    }
+
+    /// Append the dispatches of all groups to `steps`.
+    pub fn append<'a>(groups: impl Iterator<Item = &'a Self> + Clone, steps: &mut Steps) {
+        // Groups share no memory: their k-th dispatches are one step in any case.
+        let one_by_one = groups.clone().any(|group| group.how.texels);
+        let most = groups.clone().map(|group| group.works.len()).max().unwrap_or(0);
+        for round in 0..if one_by_one { most } else { most.min(1) } {
+            let exact = groups.clone().any(|group| group.exact);
+            steps.step(if exact { EXACT_BLOCKS } else { FLOAT_BLOCKS });
+            for group in groups.clone() {
+                let last = if one_by_one { round + 1 } else { most };
+                let works = group.works.iter().take(last).skip(round);
+                works.for_each(|work| steps.push(work.clone()));
+            }
         }
     }
 
@@ -179,7 +250,7 @@ impl Dispatches {
     /// What the works of a step read and write: a block of an instance is in one item, so that all are carried out as
     /// one.
     #[cfg(any(test, feature = "internals"))]
-    pub fn accesses(&self, list: &WorkList, works: &[Work]) -> Vec<Accesses> {
+    pub fn accesses(&self, list: &WorkList, works: &[Work]) -> Accesses {
         let mut all = Accesses { in_place: true, ..Accesses::default() };
         let mut known = std::collections::HashSet::new();
         let mut add = |accesses: Accesses| {
@@ -200,7 +271,7 @@ impl Dispatches {
                 }
             }
         }
-        vec![all]
+        all.of_group(self.group)
     }
 
     #[cfg(any(test, feature = "internals"))]

@@ -105,6 +105,8 @@ impl BlockState {
     /// As [`UpdateDesc::check_for`].
     pub fn new(desc: UpdateDesc, layout: &PackedLayout, index: &BlockIndex) -> Result<Self> {
         desc.check_for(layout)?;
+        // Without lengths there is nothing to measure a budget against: all is committed at once.
+        let desc = UpdateDesc { error_budget: if layout.has_lengths() { desc.error_budget } else { 0.0 }, ..desc };
         let (targets, entries, per_entry) = (layout.targets.len(), index.entry_count(), desc.error_budget > 0.0);
         let (weights, tolerance) = match desc.accumulate {
             Accumulate::Exact => {
@@ -221,10 +223,7 @@ impl BlockState {
         stats: &mut UpdateStats,
     ) -> BlockPlan {
         let mut frame = Frame::new(index, instance, scratch, list);
-        if !self.commit(&mut frame, weights) {
-            return self.stay(stats);
-        }
-        self.emit(&mut frame, update, stats)
+        if self.commit(&mut frame, weights) { self.emit(&mut frame, update, stats) } else { self.stay(stats) }
     }
 
     /// The first phase: take `weights` as requested, and decide what of them is applied now. Tells whether the second
@@ -379,9 +378,8 @@ impl BlockState {
 
     fn finish(&mut self, update: u64) -> BlockPlan {
         let result = self.slots.current.unwrap_or(0);
-        let slots = self.desc.slots;
-        let cut = std::mem::take(&mut self.slots.cut) || !self.slots.known;
-        self.slots.known = true;
+        let (slots, known) = (self.desc.slots, std::mem::replace(&mut self.slots.known, true));
+        let cut = std::mem::take(&mut self.slots.cut) || !known;
         self.slots.written_by = update;
         let previous = match slots {
             _ if cut => Some(result),

@@ -1,14 +1,13 @@
 //! A crowd on the path `blocks`, planned on the CPU: work lists, integer sums, and what each block holds.
 
 use super::gpu::{BlocksKernel, BlocksKey, GroupBuffers, Workgroups};
-use super::list::{ELEMENT_BYTES, ITEM_WORDS, Item};
-use super::plan::{Dispatches, Planner};
+use super::list::{ELEMENT_BYTES, ITEM_WORDS, Item, WorkList};
+use super::plan::{Dispatches, GroupPlanner, Planner};
 use super::shared::{LIST_USAGE, asset_range, blocks_push, group_size, sums_buffer};
-use super::state::BlockState;
 use super::tiles::{TILE_WORDS, Tiles};
 use crate::abi::push::BlocksPush;
 use crate::abi::worklist;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::memory::Buffer;
 use crate::gpu::ring::Ring;
@@ -19,25 +18,32 @@ use crate::plan::steps::{Steps, Work};
 use crate::plan::{Accumulate, UpdateStats};
 use crate::update::technique::{Context, Poses, Technique, UpdateId};
 use ash::vk;
+use std::slice::ChunksExactMut;
 use std::sync::Arc;
 
 /// A crowd whose changed blocks are updated.
 pub(crate) struct BlocksTechnique {
+    planner: Planner,
+    groups: Vec<GroupBlocks>,
+}
+
+/// What the blocks of a group take.
+struct GroupBlocks {
     kernel: Arc<BlocksKernel>,
     poses: Poses,
-    planner: Planner,
     dispatches: Dispatches,
     /// Work lists: items, then elements; or tiles, then rows.
     ring: Ring,
     /// Index of the first element's or row's first word.
     elements_at: usize,
+    item_words: usize,
     #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
     sums: Option<Buffer>,
-    /// For each frame in flight, one for each group of instances.
+    /// For each frame in flight, one for each set of instances.
     sets: Sets,
-    groups: u32,
-    /// Instances of a group.
-    group: u32,
+    sets_of_frame: u32,
+    /// Instances that a set reaches.
+    reach: u32,
     push: BlocksPush,
 }
 
@@ -60,20 +66,25 @@ fn list_size(item_words: u64, element_bytes: u64) -> (u64, u64) {
 
 impl BlocksTechnique {
     pub(crate) fn new(context: Context<'_>) -> Result<Self> {
+        let (desc, layouts) = (context.desc, context.groups().map(|group| group.layout()));
+        let mut planner = Planner::new(desc.update, layouts, desc.instances as usize)?;
+        let groups = (0..).zip(context.groups()).zip(&mut planner.groups);
+        let groups = groups.map(|((number, group), planner)| GroupBlocks::new(group, number, planner));
+        Ok(Self { groups: groups.collect::<Result<_>>()?, planner })
+    }
+}
+
+impl GroupBlocks {
+    fn new(context: Context<'_>, number: u32, planner: &mut GroupPlanner) -> Result<Self> {
         let (device, desc, layout, poses) = (context.device, context.desc, context.layout(), context.poses);
-        let Some(index) = &layout.blocks else {
-            let text = format!("mesh '{}' has no blocks", layout.name);
-            return Err(Error::invalid(text, "pack it in a block format, such as 'fast'"));
-        };
+        let (index, grid) = (&planner.index.clone(), planner.exact());
         let exact = desc.update.accumulate == Accumulate::Exact;
         let kernel = context.kernels.get::<BlocksKernel>(BlocksKey::new(&context, index, exact, desc.instances)?)?;
         let tiled = kernel.dispatching(0).widths > 0;
-        let mut state = BlockState::new(desc.update, layout, index)?;
         if tiled {
-            state.write_whole_blocks();
+            planner.write_whole_blocks();
         }
-        let grid = state.exact();
-        let group = group_size(&context, u64::MAX)?;
+        let reach = group_size(&context, u64::MAX)?;
         let (elements_at, part) = match tiled {
             true => tile_list_size(index, desc.instances),
             false => item_list_size(index, desc.instances),
@@ -81,9 +92,9 @@ impl BlocksTechnique {
         context.check_range(&format!("the work lists of {} instances", desc.instances), part, "make several crowds")?;
         let ring = Ring::new(device, "deltamorph work lists", part, desc.frames_in_flight, LIST_USAGE)?;
         let sums = grid.map(|_| sums_buffer(device, poses.bytes * u64::from(desc.instances))).transpose()?;
-        let firsts = (0..desc.instances).step_by(group as usize);
+        let firsts = (0..desc.instances).step_by(reach as usize);
         let buffers = |frame: u32, first: u32| {
-            let count = group.min(desc.instances - first);
+            let count = reach.min(desc.instances - first);
             let of_sums = |buffer: &Buffer| BufferRange {
                 buffer: buffer.raw,
                 offset: u64::from(first) * poses.bytes,
@@ -98,81 +109,92 @@ impl BlocksTechnique {
         };
         let frames = 0..desc.frames_in_flight;
         let all = frames.flat_map(|frame| firsts.clone().map(move |first| (frame, first)));
-        let groups: Vec<GroupBuffers> = all.map(|(frame, first)| buffers(frame, first)).collect();
-        let sets = kernel.sets(&groups)?;
+        let all: Vec<GroupBuffers> = all.map(|(frame, first)| buffers(frame, first)).collect();
+        let sets = kernel.sets(&all)?;
         let push = BlocksPush { elements_at: elements_at as u32, ..blocks_push(layout, index, poses.slots, grid) };
-        let (how, instances) = (kernel.dispatching(group), desc.instances as usize);
+        let (how, instances) = (kernel.dispatching(reach), desc.instances as usize);
         Ok(Self {
-            dispatches: Dispatches::new(how, index, instances, exact),
+            dispatches: Dispatches::new(how, number, index, instances, exact),
             kernel,
             poses,
-            planner: Planner::new(index, state, instances),
             ring,
             elements_at: elements_at as usize,
+            item_words: if tiled { TILE_WORDS } else { ITEM_WORDS + POSE_FLOATS * index.mask_words() },
             sums,
             sets,
-            groups: desc.instances.div_ceil(group),
-            group,
+            sets_of_frame: desc.instances.div_ceil(reach),
+            reach,
             push,
         })
     }
 
-    /// Write items and their elements.
-    fn write_items(&mut self, frame: u64) -> Result<()> {
-        let (list, mask_words) = (&self.planner.list, POSE_FLOATS * self.planner.index.mask_words());
-        let (items, elements) = self.ring.words(frame)?.split_at_mut(self.elements_at);
-        let outs = items.chunks_exact_mut(ITEM_WORDS + mask_words);
-        for ((item, masks), out) in list.items.iter().zip(list.masks.chunks_exact(mask_words)).zip(outs) {
-            let poses = item_poses(item, self.group, self.poses.slots);
-            let words = worklist::item(item.block, item.source.is_none(), poses, item.first, item.count);
-            out[..ITEM_WORDS].copy_from_slice(&words);
-            out[ITEM_WORDS..].copy_from_slice(masks);
-            let (first, count) = (2 * item.first as usize, 2 * item.count as usize);
-            let listed: &[u32] = bytemuck::cast_slice(list.elements_of(item));
-            elements[first..first + count].copy_from_slice(listed);
-        }
-        Ok(())
-    }
-
-    /// Write tiles and their rows.
-    fn write_tiles(&mut self, frame: u64) -> Result<()> {
-        let (Some(tiles), list) = (&self.dispatches.tiles, &self.planner.list) else { return Ok(()) };
-        let (items, rows) = self.ring.words(frame)?.split_at_mut(self.elements_at);
-        rows[..tiles.rows.len()].copy_from_slice(&tiles.rows);
-        let sized = tiles.items.iter().flat_map(|widths| widths.iter().enumerate());
-        let sized = sized.flat_map(|(width, tiles)| tiles.iter().map(move |tile| (width, tile)));
-        for ((width, tile), out) in sized.zip(items.chunks_exact_mut(TILE_WORDS)) {
-            let head = [tile.block, self.elements_at as u32 + tile.first, tile.count, tile.rebuilt];
-            let items = tile.items.iter().take(1 << width).map(|&i| &list.items[i as usize]);
-            worklist::write_tile(out, head, items.map(|item| item_poses(item, self.group, self.poses.slots)));
+    /// Write the lists of what was planned.
+    fn write(&mut self, list: &WorkList, frame: u64) -> Result<()> {
+        let (items, rest) = self.ring.words(frame)?.split_at_mut(self.elements_at);
+        let items = items.chunks_exact_mut(self.item_words);
+        let poses = |item: &Item| item_poses(item, self.reach, self.poses.slots);
+        match &self.dispatches.tiles {
+            Some(tiles) => write_tiles(tiles, list, poses, (items, self.elements_at, rest)),
+            None => write_items(list, poses, (items, rest)),
         }
         Ok(())
     }
 }
 
+/// Write items and their elements.
+fn write_items(
+    list: &WorkList,
+    poses: impl Fn(&Item) -> u32,
+    (items, elements): (ChunksExactMut<'_, u32>, &mut [u32]),
+) {
+    let mask_words = list.masks.len() / list.items.len().max(1);
+    for ((item, masks), out) in list.items.iter().zip(list.masks.chunks_exact(mask_words)).zip(items) {
+        let words = worklist::item(item.block, item.source.is_none(), poses(item), item.first, item.count);
+        out[..ITEM_WORDS].copy_from_slice(&words);
+        out[ITEM_WORDS..].copy_from_slice(masks);
+        let (first, count) = (2 * item.first as usize, 2 * item.count as usize);
+        let listed: &[u32] = bytemuck::cast_slice(list.elements_of(item));
+        elements[first..first + count].copy_from_slice(listed);
+    }
+}
+
+/// Write tiles and their rows, which begin at a word of the list.
+fn write_tiles(
+    tiles: &Tiles,
+    list: &WorkList,
+    poses: impl Fn(&Item) -> u32,
+    (items, rows_at, rows): (ChunksExactMut<'_, u32>, usize, &mut [u32]),
+) {
+    rows[..tiles.rows.len()].copy_from_slice(&tiles.rows);
+    let sized = tiles.items.iter().flat_map(|widths| widths.iter().enumerate());
+    let sized = sized.flat_map(|(width, tiles)| tiles.iter().map(move |tile| (width, tile)));
+    for ((width, tile), out) in sized.zip(items) {
+        let head = [tile.block, rows_at as u32 + tile.first, tile.count, tile.rebuilt];
+        let items = tile.items.iter().take(1 << width).map(|&i| &list.items[i as usize]);
+        worklist::write_tile(out, head, items.map(&poses));
+    }
+}
+
 impl Technique for BlocksTechnique {
     fn plan(&mut self, instances: &Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
-        let mut stats = self.planner.plan(instances, id.update);
-        self.dispatches.fill(&self.planner.index, &self.planner.list, steps, &mut stats);
-        match self.dispatches.tiles {
-            _ if steps.is_empty() => {}
-            Some(_) => self.write_tiles(id.frame)?,
-            None => self.write_items(id.frame)?,
+        self.planner.plan(instances, id.update);
+        for (group, planner) in self.groups.iter_mut().zip(&mut self.planner.groups) {
+            if group.dispatches.fill(&planner.index, &planner.list, &mut planner.stats) {
+                group.write(&planner.list, id.frame)?;
+            }
         }
-        Ok(stats)
+        Dispatches::append(self.groups.iter().map(|group| &group.dispatches), steps);
+        Ok(self.planner.stats())
     }
 
     unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work) {
-        let item_words = match self.dispatches.tiles {
-            Some(_) => TILE_WORDS,
-            None => ITEM_WORDS + POSE_FLOATS * self.planner.index.mask_words(),
-        };
-        let first_item = (self.dispatches.place(work) * item_words) as u32;
-        let push = BlocksPush { first_item, ..self.push };
-        let set = self.sets.get((frame * u64::from(self.groups)) as usize + work.instance as usize);
+        let group = &self.groups[work.group as usize];
+        let first_item = (group.dispatches.place(work) * group.item_words) as u32;
+        let push = BlocksPush { first_item, ..group.push };
+        let set = group.sets.get((frame * u64::from(group.sets_of_frame)) as usize + work.instance as usize);
         let workgroups = Workgroups::Of(work.items.end - work.items.start);
         // SAFETY: the caller's obligations; set and list were written for this mesh and crowd.
-        unsafe { self.kernel.dispatch(cmd, set, work.kernel, &push, workgroups) };
+        unsafe { group.kernel.dispatch(cmd, set, work.kernel, &push, workgroups) };
     }
 
     fn slots_of(&self, instance: u32) -> Option<(u32, Option<u32>)> {
@@ -196,17 +218,22 @@ impl Technique for BlocksTechnique {
     }
 
     fn sums(&self, instance: u32) -> Option<(vk::Buffer, u64)> {
-        self.sums.as_ref().map(|sums| (sums.raw, u64::from(instance) * self.poses.bytes))
+        let GroupBlocks { sums, poses, .. } = &self.groups[0];
+        sums.as_ref().map(|sums| (sums.raw, u64::from(instance) * poses.bytes))
     }
 
     #[cfg(any(test, feature = "internals"))]
     fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        self.dispatches.accesses(&self.planner.list, works)
+        let of = |works: &[Work]| {
+            let group = works[0].group as usize;
+            self.groups[group].dispatches.accesses(&self.planner.groups[group].list, works)
+        };
+        works.chunk_by(|a, b| a.group == b.group).map(of).collect()
     }
 }
 
-/// Source and destination of an item, as numbers of poses in a group of instances.
-fn item_poses(item: &Item, group: u32, slots: u32) -> u32 {
-    let pose = |slot: u32| item.instance % group * slots + slot;
+/// Source and destination of an item, as numbers of poses in a set of instances.
+fn item_poses(item: &Item, reach: u32, slots: u32) -> u32 {
+    let pose = |slot: u32| item.instance % reach * slots + slot;
     worklist::poses(pose(item.source.unwrap_or(item.destination)), pose(item.destination))
 }

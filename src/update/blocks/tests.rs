@@ -40,10 +40,11 @@ fn run(mesh: &PackedMesh, index: &BlockIndex, exact: Option<ExactGrid>, list: &W
 fn recorded(index: &BlockIndex, list: &WorkList, exact: bool, tiles: bool) -> Vec<Recorded> {
     let how =
         Dispatching { group: 1, widths: tiles.into(), tuning: DeviceClass::Desktop.tuning(), most: 3, texels: false };
-    let mut dispatches = Dispatches::new(how, index, 1, exact);
+    let mut dispatches = Dispatches::new(how, 0, index, 1, exact);
     let (mut steps, mut stats) = (Steps::new(Consumers::default()), UpdateStats::default());
-    dispatches.fill(index, list, &mut steps, &mut stats);
-    scheduled(&[&steps], |_, works| dispatches.accesses(list, works))
+    dispatches.fill(index, list, &mut stats);
+    Dispatches::append(std::iter::once(&dispatches), &mut steps);
+    scheduled(&[&steps], |_, works| vec![dispatches.accesses(list, works)])
 }
 
 fn packed(format: DeltaFormat, size: u32) -> PackedMesh {

@@ -9,7 +9,7 @@ use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
 use crate::plan::instances::Instances;
 use crate::plan::{Accumulate, UpdateDesc};
 use crate::testing;
-use crate::update::blocks::{BlockState, Planner};
+use crate::update::blocks::Planner;
 use proptest::prelude::*;
 
 const TARGETS: usize = 9;
@@ -52,10 +52,9 @@ proptest! {
         let accumulate =
             if exact && format != DeltaFormat::BlockFloat32 { Accumulate::Exact } else { Accumulate::default() };
         let desc = UpdateDesc { slots, accumulate, ..UpdateDesc::blocks() };
-        let mut state = BlockState::new(desc, mesh.layout(), &index).unwrap();
-        state.write_whole_blocks();
-        let exact = state.exact();
-        let mut planner = Planner::new(&index, state, instances);
+        let mut planner = Planner::new(desc, [mesh.layout()], instances).unwrap();
+        planner.groups[0].write_whole_blocks();
+        let exact = planner.exact();
         let tuning = DeviceTuning { widest_tile: 1 << widest, ..DeviceClass::Desktop.tuning() };
         let mut tiles = Tiles::new(&index, instances, exact.is_none(), tuning);
         let (mut one, mut other) = (memory(&mesh, instances, slots as usize), memory(&mesh, instances, slots as usize));
@@ -70,7 +69,7 @@ proptest! {
                 heads.set_weights(i as u32, weights).unwrap();
             }
             planner.plan(&heads, update as u64 + 1);
-            let list = &planner.list;
+            let list = &planner.groups[0].list;
             run_items(&mesh, &index, list, exact, &mut one);
             tiles.clear();
             tiles.fill(&index, list, 0..list.items.len());
@@ -100,9 +99,9 @@ proptest! {
 fn widths_of(tuning: DeviceTuning, changed: impl Fn(usize, usize) -> bool) -> [usize; WIDTHS] {
     let mesh = PackedMesh::pack(&testing::mesh(300, TARGETS), &PackDesc::new(DeltaFormat::Fast)).unwrap();
     let index = mesh.layout().blocks.clone().unwrap();
-    let mut state = BlockState::new(UpdateDesc::blocks(), mesh.layout(), &index).unwrap();
-    state.write_whole_blocks();
-    let (mut planner, mut tiles) = (Planner::new(&index, state, TILE), Tiles::new(&index, TILE, true, tuning));
+    let mut planner = Planner::new(UpdateDesc::blocks(), [mesh.layout()], TILE).unwrap();
+    planner.groups[0].write_whole_blocks();
+    let mut tiles = Tiles::new(&index, TILE, true, tuning);
     let mut heads = Instances::new(TILE, TARGETS);
     for update in 1..4 {
         for head in 0..TILE {
@@ -111,7 +110,8 @@ fn widths_of(tuning: DeviceTuning, changed: impl Fn(usize, usize) -> bool) -> [u
         }
         planner.plan(&heads, update);
     }
-    tiles.fill(&index, &planner.list, 0..planner.list.items.len());
+    let list = &planner.groups[0].list;
+    tiles.fill(&index, list, 0..list.items.len());
     std::array::from_fn(|width| tiles.items.iter().map(|widths| widths[width].len()).sum())
 }
 

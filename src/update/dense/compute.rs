@@ -16,7 +16,7 @@ use crate::gpu::pipelines::Objects;
 use crate::gpu::ring::Ring;
 use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
 use crate::plan::BatchSize;
-use crate::plan::steps::{Source, Steps, Use, Work};
+use crate::plan::steps::{Source, Use, Work};
 use crate::update::technique::Context;
 use crate::weights::delta::Coefficient;
 use ash::vk;
@@ -91,12 +91,17 @@ impl Passes for ComputePasses {
         &self.mesh.layout
     }
 
-    fn write_lists(&mut self, planner: &DensePlanner, frame: u64, steps: &Steps) -> Result<()> {
+    fn write_lists<'a>(
+        &mut self,
+        planner: &DensePlanner,
+        frame: u64,
+        works: impl Iterator<Item = &'a Work>,
+    ) -> Result<()> {
         if self.batch != BatchSize::All {
             return Ok(());
         }
         let (words, stride) = (self.ring.words(frame)?, self.stride as usize / 4);
-        for work in steps.works() {
+        for work in works {
             let out = &mut words[work.instance as usize * stride..][..stride];
             let entries = list_entries(&self.mesh.layout, planner.coefficients(work));
             for (out, entry) in out.chunks_exact_mut(size_of::<DenseListEntry>() / 4).zip(entries) {

@@ -209,8 +209,9 @@ impl DensePlanner {
         }
     }
 
-    /// Append the planned passes to `steps`: the k-th passes of all instances are one step, which uses `uses`.
-    pub fn fill(&mut self, uses: &'static [Use], steps: &mut Steps) {
+    /// Append the planned passes of `groups` groups to `steps`: the k-th passes of all instances and groups are one step,
+    /// which uses `uses`. Passes come from weights alone, and are the same in all groups.
+    pub fn fill(&mut self, groups: usize, uses: &'static [Use], steps: &mut Steps) {
         let rounds = self.plans.iter().map(|plan| plan.passes.len()).max().unwrap_or(0);
         for round in 0..rounds {
             steps.step(uses);
@@ -218,7 +219,10 @@ impl DensePlanner {
                 let Some(pass) = self.plans[instance].passes.get(round) else { continue };
                 let (source, destination, range) = (pass.source, pass.destination, pass.coefficients.clone());
                 let items = self.list(instance, range);
-                steps.push(Work { kernel: 0, instance: instance as u32, source, destination, items });
+                for group in 0..groups as u32 {
+                    let (instance, items) = (instance as u32, items.clone());
+                    steps.push(Work { kernel: 0, group, instance, source, destination, items });
+                }
             }
         }
     }
@@ -249,13 +253,17 @@ impl DensePlanner {
 
     /// Count the last update: each pass reads its source and its targets' deltas, and writes its destination. The least
     /// that any order of the same dense work could move is each instance's pose read and written once, each
-    /// coefficient's deltas read once.
-    pub fn stats(&self, layout: &PackedLayout) -> UpdateStats {
-        let (vertices, coefficients) = (layout.padded_vertices(), self.coefficients.len());
+    /// coefficient's deltas read once. Bytes are those of all groups.
+    pub fn stats<'a>(&self, groups: impl Iterator<Item = &'a PackedLayout> + Clone) -> UpdateStats {
+        let coefficients = self.coefficients.len();
         let passes = self.plans.iter().map(|plan| plan.passes.len()).sum();
         let changed = self.plans.iter().filter(|plan| !plan.passes.is_empty());
-        let bytes =
-            |poses: usize| (vertices * (2 * POSE_STRIDE * poses + coefficients * layout.format.stride())) as u64;
+        let bytes = |poses: usize| {
+            let of = |layout: &PackedLayout| {
+                layout.padded_vertices() * (2 * POSE_STRIDE * poses + coefficients * layout.format.stride())
+            };
+            groups.clone().map(of).sum::<usize>() as u64
+        };
         UpdateStats {
             coefficients,
             passes,
@@ -303,7 +311,8 @@ pub(crate) fn pass_accesses(
     in_place: bool,
 ) -> Vec<Accesses> {
     let of = |work: &Work| {
-        let (instance, read) = (work.instance, |memory| MemoryUse { memory, stage: read_stage, access: read });
+        let (instance, group) = (work.instance, work.group);
+        let read = |memory| MemoryUse { group, memory, stage: read_stage, access: read };
         let source = match work.source {
             Source::Base => Memory::Base,
             Source::Slot(slot) => Memory::Pose { instance, slot },
@@ -312,7 +321,7 @@ pub(crate) fn pass_accesses(
         let destination = Memory::Pose { instance, slot: work.destination };
         Accesses {
             reads: deltas.into_iter().chain([source]).map(read).collect(),
-            writes: vec![MemoryUse { memory: destination, stage: write_stage, access: written }],
+            writes: vec![MemoryUse { group, memory: destination, stage: write_stage, access: written }],
             in_place,
         }
     };

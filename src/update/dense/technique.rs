@@ -10,7 +10,7 @@ use crate::update::technique::{Context, Technique, UpdateId};
 use crate::weights::delta::Coefficient;
 use ash::vk;
 
-/// Who carries passes out, with what it keeps for a crowd.
+/// Who carries the passes of a group out, with what it keeps for a crowd.
 pub(crate) trait Passes: Send + Sync + Sized + 'static {
     /// What the passes of a step use.
     const USES: &'static [Use];
@@ -18,11 +18,16 @@ pub(crate) trait Passes: Send + Sync + Sized + 'static {
     /// What a crowd's passes take.
     fn new(context: Context<'_>) -> Result<Self>;
 
-    /// The mesh.
+    /// The group.
     fn layout(&self) -> &PackedLayout;
 
-    /// Write lists for what was planned.
-    fn write_lists(&mut self, _planner: &DensePlanner, _frame: u64, _steps: &Steps) -> Result<()> {
+    /// Write lists for the works of its group.
+    fn write_lists<'a>(
+        &mut self,
+        _planner: &DensePlanner,
+        _frame: u64,
+        _works: impl Iterator<Item = &'a Work>,
+    ) -> Result<()> {
         Ok(())
     }
 
@@ -40,27 +45,31 @@ pub(crate) trait Passes: Send + Sync + Sized + 'static {
 /// A crowd that is updated by `P`.
 pub(crate) struct DenseTechnique<P> {
     planner: DensePlanner,
-    passes: P,
+    /// One for each group.
+    passes: Vec<P>,
 }
 
 impl<P: Passes> DenseTechnique<P> {
     pub(crate) fn new(context: Context<'_>) -> Result<Self> {
         let planner = DensePlanner::new(context.desc.update, context.desc.instances as usize)?;
-        Ok(Self { planner, passes: P::new(context)? })
+        Ok(Self { planner, passes: context.groups().map(P::new).collect::<Result<_>>()? })
     }
 }
 
 impl<P: Passes> Technique for DenseTechnique<P> {
     fn plan(&mut self, instances: &Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         self.planner.plan(instances, id.update);
-        self.planner.fill(P::USES, steps);
-        self.passes.write_lists(&self.planner, id.frame, steps)?;
-        Ok(self.planner.stats(self.passes.layout()))
+        self.planner.fill(self.passes.len(), P::USES, steps);
+        for (group, passes) in (0..).zip(&mut self.passes) {
+            let works = steps.works().iter().filter(|work| work.group == group);
+            passes.write_lists(&self.planner, id.frame, works)?;
+        }
+        Ok(self.planner.stats(self.passes.iter().map(P::layout)))
     }
 
     unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work) {
         // SAFETY: the caller's obligations.
-        unsafe { self.passes.record(cmd, frame, work, self.planner.coefficients(work)) };
+        unsafe { self.passes[work.group as usize].record(cmd, frame, work, self.planner.coefficients(work)) };
     }
 
     fn slots_of(&self, instance: u32) -> Option<(u32, Option<u32>)> {

@@ -37,7 +37,7 @@ const PATHS: &[UpdatePath] = &[
 fn recorded(planner: &mut DensePlanner, path: UpdatePath) -> Vec<Recorded> {
     let (uses, accesses) = passes(path);
     let mut steps = Steps::new(Consumers::default());
-    planner.fill(uses, &mut steps);
+    planner.fill(1, uses, &mut steps);
     scheduled(&[&steps], |_, works| accesses(works))
 }
 
@@ -240,6 +240,6 @@ fn rounds_of_a_crowd_share_their_barriers() {
     assert_eq!(shape, [0, 3, 0, 1, 0]);
     let mesh = crate::testing::mesh(64, 3);
     let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Snorm16)).unwrap();
-    let stats = planner.stats(packed.layout());
+    let stats = planner.stats(std::iter::once(packed.layout()));
     assert_eq!((stats.bytes_moved, stats.bytes_floor), (64 * (4 * 48 + 4 * 12), 64 * (3 * 48 + 4 * 12)));
 }

@@ -1,0 +1,311 @@
+//! Streams beside positions and normals: tangents, texture coordinates and colours through every technique, on real
+//! drivers and on the CPU, against the float64 reference.
+
+#[path = "common/gpu.rs"]
+mod gpu;
+
+use deltamorph::headless::{Headless, HeadlessCrowd};
+use deltamorph::internals::plan::hazards::{Event, HazardChecker};
+use deltamorph::reference::{compare_group, evaluate_group};
+use deltamorph::{
+    Accumulate, BatchSize, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, MorphEngine, MorphSource, PackDesc, PackedGroup,
+    PackedMesh, Semantic, SourceTarget, Tolerance, UpdateDesc, UpdatePath, testing,
+};
+use gpu::{NORMAL, POSITION, on_every_device, update_descs, weights};
+use std::sync::Arc;
+
+const TARGETS: usize = 11;
+const HEADS: usize = 3;
+
+/// A source with every kind of stream; target 2 moves nothing, and the last one nothing but tangents.
+fn source() -> MorphSource {
+    let mesh = testing::with_streams(testing::mesh(300, TARGETS));
+    let targets = mesh.targets.iter().enumerate().map(|(t, target)| {
+        let moved = if t + 1 < TARGETS { &target.vertices[..] } else { &[] };
+        let positions = moved.iter().copied().zip(target.positions.iter().copied()).collect();
+        let normals = moved.iter().copied().zip(target.normals.iter().copied()).collect();
+        let mut streams = target.streams.clone();
+        if t + 1 == TARGETS {
+            streams[1..].iter_mut().for_each(|stream| *stream = Default::default());
+        }
+        SourceTarget { name: target.name.clone(), positions, normals: Some(normals), streams }
+    });
+    MorphSource {
+        name: "streams".into(),
+        targets: targets.collect(),
+        normals: Some(mesh.normals.clone()),
+        positions: mesh.positions.clone(),
+        streams: mesh.streams.clone(),
+        ..MorphSource::default()
+    }
+}
+
+fn packed(desc: &PackDesc) -> PackedMesh {
+    let mesh = source().to_mesh(Tolerance::ZERO).expect("a mesh that is right");
+    let packed = PackedMesh::pack(&mesh, desc).expect("a mesh that fits");
+    assert_eq!(packed.groups().len(), 3, "position and normal; tangent and texture coordinates; colours");
+    packed
+}
+
+/// Weights as a group applies them.
+fn applied(group: &PackedGroup, desc: &UpdateDesc, weights: &[f32]) -> Vec<f32> {
+    match (&group.layout().blocks, desc.accumulate) {
+        (Some(blocks), Accumulate::Exact) => {
+            let grid = blocks.exact().expect("an exact grid");
+            weights.iter().map(|&w| grid.round(w)).collect()
+        }
+        _ => weights.to_vec(),
+    }
+}
+
+/// Hold a pose of a group against the reference, within what the project promises.
+fn assert_pose(group: &PackedGroup, desc: &UpdateDesc, pose: &[f32], weights: &[f32], what: &str) {
+    let (layout, reference) = (group.layout(), evaluate_group(group, &applied(group, desc, weights)));
+    let error = compare_group(&layout.streams, pose, &reference);
+    let length = POSITION * f64::from(layout.diagonal) + f64::from(desc.error_budget);
+    // The budget is one of positions; normals wait with them.
+    let degrees =
+        if desc.error_budget > 0.0 && layout.streams[0].semantic == Semantic::Position { 180.0 } else { NORMAL };
+    assert!(error.within(length, degrees) && error.absolute <= 1e-5, "{what}: {error:?}");
+    for stream in layout.streams.iter().filter(|stream| stream.semantic == Semantic::Tangent) {
+        let (w, base) = (stream.components().end - 1, layout.to_user_order(group.base()));
+        for (pose, base) in pose.chunks_exact(6).zip(base.chunks_exact(6)) {
+            assert_eq!(pose[w].to_bits(), base[w].to_bits(), "{what}: handedness");
+        }
+    }
+}
+
+fn bits(pose: &[f32]) -> Vec<u32> {
+    pose.iter().map(|v| v.to_bits()).collect()
+}
+
+/// What heads are asked for in a frame; only tangents move in every fifth, nothing in every seventh.
+fn requested(mesh: &PackedMesh, frame: u32, head: usize) -> Vec<f32> {
+    let held = frame - u32::from(frame % 7 == 6);
+    let mut weights = weights(mesh, held - u32::from(held % 5 == 4), 3 + head as u32);
+    weights[TARGETS - 1] = if held % 5 == 4 { 0.75 } else { 0.25 };
+    weights
+}
+
+/// Random weights; a head that is hidden for a while; an update that is lost.
+fn check(headless: &Headless, mesh: &PackedMesh, desc: UpdateDesc, frames: u32) {
+    let crowd_desc = CrowdDesc { instances: HEADS as u32, ..CrowdDesc::new(desc) };
+    let mut crowd = HeadlessCrowd::new(headless, mesh, &crowd_desc).expect("a crowd");
+    let name = &headless.caps().name;
+    let (mut shown, mut before) = (vec![vec![]; HEADS], vec![None; HEADS]);
+    for frame in 0..frames {
+        let hidden = |frame: u32| (2..4).contains(&frame);
+        crowd.set_hidden(1, hidden(frame)).expect("an instance");
+        let asked: Vec<Vec<f32>> = (0..HEADS).map(|head| requested(mesh, frame, head)).collect();
+        let asked: Vec<&[f32]> = asked.iter().map(Vec::as_slice).collect();
+        if frame == 5 {
+            let other = [0.5; TARGETS];
+            let (_, lost) = crowd.record(&[&other[..]; HEADS]).expect("a recording");
+            crowd.discard(lost.ticket).expect("a ticket of this crowd");
+        }
+        crowd.step(&asked).expect("a step");
+        for (head, asked) in asked.iter().enumerate().filter(|(head, _)| *head != 1 || !hidden(frame)) {
+            shown[head] = asked.to_vec();
+        }
+        for head in 0..HEADS {
+            let mut poses = vec![];
+            for (number, group) in mesh.groups().iter().enumerate() {
+                let what =
+                    format!("{name} {desc:?} {:?} frame {frame} head {head} group {number}", group.layout().format);
+                let (pose, previous) = crowd.read_group(head as u32, number).expect("a pose");
+                assert_pose(group, &desc, &pose, &shown[head], &what);
+                let has_past = !(frame == 0 || frame == 5 || head == 1 && (2..5).contains(&frame));
+                match (previous, &before[head]) {
+                    (Some(previous), Some(before)) if has_past => {
+                        let before: &Vec<Vec<f32>> = before;
+                        assert_eq!(bits(&previous), bits(&before[number]), "{what}: the previous pose");
+                    }
+                    (Some(_), _) => {}
+                    (None, _) => assert!(desc.slots == 1 || desc.slots == 2 && !desc.path.works_in_place(), "{what}"),
+                }
+                poses.push(pose);
+            }
+            before[head] = Some(poses);
+        }
+    }
+    if desc.accumulate == Accumulate::Exact && desc.error_budget == 0.0 {
+        // After any history: bit for bit a full evaluation.
+        let mut fresh = crowd.another(&crowd_desc).expect("a crowd");
+        let asked: Vec<&[f32]> = shown.iter().map(Vec::as_slice).collect();
+        fresh.step(&asked).expect("a step");
+        for (head, before) in before.iter().enumerate() {
+            for (number, pose) in before.iter().flatten().enumerate() {
+                let (full, _) = fresh.read_group(head as u32, number).expect("a pose");
+                assert_eq!(bits(&full), bits(pose), "{name} {desc:?} head {head} group {number}");
+            }
+        }
+    }
+}
+
+#[test]
+fn every_technique_updates_every_stream() {
+    on_every_device(|headless, engine| {
+        for format in DeltaFormat::ALL {
+            let mesh = packed(&engine.pack_desc(format));
+            for desc in update_descs(engine, format) {
+                for slots in 1..4 {
+                    let desc = UpdateDesc { slots, ..desc };
+                    if desc.check().is_ok() {
+                        check(headless, &mesh, desc, 9);
+                    }
+                }
+            }
+        }
+    });
+}
+
+#[test]
+fn an_error_budget_holds_back_positions_and_nothing_else() {
+    on_every_device(|headless, engine| {
+        for format in [DeltaFormat::Fast, DeltaFormat::Small] {
+            let mesh = packed(&engine.pack_desc(format));
+            for accumulate in [Accumulate::Exact, Accumulate::Float { tolerance: 1e-2 }] {
+                let error_budget = 0.3 * mesh.layout().diagonal;
+                check(headless, &mesh, UpdateDesc { accumulate, error_budget, ..UpdateDesc::blocks() }, 8);
+            }
+        }
+    });
+}
+
+/// Groups take no barrier of their own, and their memory is ordered as that of the first.
+#[test]
+fn groups_share_steps_and_barriers() {
+    on_every_device(|headless, engine| {
+        for format in [DeltaFormat::Snorm16, DeltaFormat::Fast] {
+            let plain = gpu::packed(engine, &testing::mesh(300, TARGETS), format);
+            let mesh = packed(&engine.pack_desc(format));
+            for desc in update_descs(engine, format) {
+                let shape = |mesh: &PackedMesh| {
+                    let mut crowd = HeadlessCrowd::new(headless, mesh, &CrowdDesc::new(desc)).expect("a crowd");
+                    let (mut checker, mut shape) = (HazardChecker::new(), vec![]);
+                    for frame in 0..4 {
+                        let weights = weights(mesh, frame, 5);
+                        // SAFETY: nothing is changed.
+                        let (_, events) = unsafe { crowd.step_tampered(&[&weights], |_| {}) }.expect("a step");
+                        checker.update(&events);
+                        let pose = crowd.crowd().pose(0).expect("a pose").slot;
+                        let previous = crowd.crowd().previous_pose(0).expect("a pose").map(|view| view.slot);
+                        for (group, slot) in (0..mesh.groups().len() as u32)
+                            .flat_map(|g| [Some(pose), previous].into_iter().flatten().map(move |slot| (g, slot)))
+                        {
+                            checker.draw_group(0, group, 0, slot);
+                        }
+                        shape.push(events.iter().filter(|event| matches!(event, Event::Barrier(_))).count());
+                    }
+                    checker.finish().unwrap_or_else(|found| panic!("{desc:?}: {}", found[0]));
+                    shape
+                };
+                assert_eq!(shape(&mesh), shape(&plain), "{desc:?}");
+            }
+        }
+    });
+}
+
+#[test]
+fn views_say_where_streams_are() {
+    on_every_device(|headless, engine| {
+        let mesh = packed(&engine.pack_desc(DeltaFormat::Fast));
+        let desc = CrowdDesc { instances: 2, ..CrowdDesc::new(UpdateDesc::blocks()) };
+        let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
+        crowd.step(&[&[0.5; TARGETS], &[0.25; TARGETS]]).expect("a step");
+        let crowd = crowd.crowd();
+        let view = |semantic| crowd.stream(1, semantic).expect("a stream");
+        let pose = crowd.pose(1).expect("a pose");
+        let normal = view(Semantic::Normal);
+        assert_eq!((normal.buffer, normal.offset, normal.components), (pose.buffer, pose.offset + 12, 3));
+        let (tangent, texcoord, color) =
+            (view(Semantic::Tangent), view(Semantic::TexCoord(0)), view(Semantic::Color(0)));
+        assert_eq!((tangent.components, texcoord.components, color.components), (4, 2, 4));
+        assert_eq!((texcoord.buffer, texcoord.offset), (tangent.buffer, tangent.offset + 16));
+        assert!(tangent.buffer != pose.buffer && color.buffer != pose.buffer && color.buffer != tangent.buffer);
+        assert_eq!((tangent.stride, tangent.slot, tangent.offset), (pose.stride, pose.slot, pose.offset));
+        assert_eq!(crowd.previous_stream(1, Semantic::Tangent).expect("a stream"), Some(tangent));
+        let text = crowd.stream(1, Semantic::Color(1)).expect_err("no such stream").to_string();
+        assert!(text.contains("'color 1'") && text.contains("texcoord 0, color 0"), "{text}");
+        assert_eq!(Crowd::pose_bytes(&mesh, &desc), 3 * 4 * mesh.layout().pose_bytes());
+        let plain = gpu::packed(engine, &testing::mesh(300, TARGETS), DeltaFormat::Fast);
+        assert!(MorphEngine::mesh_bytes(&mesh) > MorphEngine::mesh_bytes(&plain) + 2 * mesh.layout().pose_bytes());
+    });
+}
+
+#[test]
+fn the_cpu_updates_every_stream() {
+    for format in DeltaFormat::ALL {
+        let mesh = Arc::new(packed(&PackDesc::new(format)));
+        let exact = format.is_blocks() && format != DeltaFormat::BlockFloat32;
+        for (slots, exact) in (1..4).flat_map(|slots| [(slots, false), (slots, true)]).filter(|(_, e)| !e || exact) {
+            let accumulate = if exact { Accumulate::Exact } else { Accumulate::Float { tolerance: 1e-2 } };
+            let desc = UpdateDesc { slots, accumulate, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
+            let mut crowd = CpuCrowd::new(mesh.clone(), desc, HEADS, 2).expect("a crowd");
+            let mut before: Vec<Option<Vec<Vec<f32>>>> = vec![None; HEADS];
+            let mut shown = vec![vec![]; HEADS];
+            for frame in 0..12 {
+                crowd.set_hidden(1, (2..4).contains(&frame)).expect("an instance");
+                for (head, shown) in shown.iter_mut().enumerate() {
+                    let asked = requested(&mesh, frame, head);
+                    crowd.set_weights(head, &asked).expect("weights");
+                    if head != 1 || !(2..4).contains(&frame) {
+                        *shown = asked;
+                    }
+                }
+                crowd.update();
+                for head in 0..HEADS {
+                    let mut poses = vec![];
+                    for (number, group) in mesh.groups().iter().enumerate() {
+                        let what = format!("{desc:?} {format:?} frame {frame} head {head} group {number}");
+                        let pose = crowd.group_pose(head, number).expect("a pose");
+                        assert_pose(group, &desc, &mesh.layout().to_user_order(pose), &shown[head], &what);
+                        let previous = crowd.previous_group_pose(head, number).expect("an instance");
+                        if let (Some(previous), Some(before), false) =
+                            (previous, &before[head], head == 1 && (2..5).contains(&frame))
+                        {
+                            assert_eq!(bits(previous), bits(&before[number]), "{what}: the previous pose");
+                        }
+                        poses.push(pose.to_vec());
+                    }
+                    before[head] = Some(poses);
+                }
+            }
+            if exact {
+                let mut fresh = CpuCrowd::new(mesh.clone(), desc, HEADS, 1).expect("a crowd");
+                shown.iter().enumerate().for_each(|(head, w)| fresh.set_weights(head, w).expect("weights"));
+                fresh.update();
+                for (head, number) in (0..HEADS).flat_map(|head| (0..3).map(move |number| (head, number))) {
+                    let pose = |crowd: &CpuCrowd| bits(crowd.group_pose(head, number).expect("a pose"));
+                    assert_eq!(pose(&fresh), pose(&crowd), "{desc:?} head {head} group {number}");
+                }
+            }
+            let text = crowd.group_pose(0, 3).expect_err("three groups").to_string();
+            assert!(text.contains("group 3") && text.contains("has 3"), "{text}");
+        }
+    }
+}
+
+/// Techniques that know positions and normals only say so.
+#[test]
+#[cfg(feature = "baselines")]
+fn what_does_not_update_streams_refuses_them() {
+    on_every_device(|headless, engine| {
+        for (path, format) in [
+            (UpdatePath::Scatter, DeltaFormat::Small),
+            (UpdatePath::Direct, DeltaFormat::Snorm16),
+            (UpdatePath::DirectAttributes, DeltaFormat::Snorm16),
+        ] {
+            if engine.caps().check_path(path).is_err() {
+                continue;
+            }
+            let accumulate = if path == UpdatePath::Scatter { Accumulate::Exact } else { Accumulate::default() };
+            let batch = if path == UpdatePath::DirectAttributes { BatchSize::Targets(1) } else { BatchSize::All };
+            let mode = deltamorph::UpdateMode::Rebuild;
+            let desc = CrowdDesc::new(UpdateDesc { accumulate, mode, ..UpdateDesc::new(path, batch) });
+            let made = HeadlessCrowd::new(headless, &packed(&engine.pack_desc(format)), &desc);
+            let text = made.err().expect("a refusal").to_string();
+            assert!(text.contains(path.name()) && text.contains("'blocks'"), "{text}");
+        }
+    });
+}
