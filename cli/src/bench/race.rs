@@ -1,7 +1,8 @@
 //! Several configurations side by side: a machine that is faster now than a minute ago is so for all of them.
 
-use super::record::{RunRecord, Skipped};
+use super::record::Skipped;
 use super::references::References;
+use super::run::RunRecord;
 use super::setting::{Config, Setting};
 use super::trial::{Context, Trial};
 use crate::output::Failure;

@@ -1,8 +1,8 @@
 //! The JSON of `bench`. Fields may be added, never renamed.
 
-pub use super::run::{Round, RunRecord};
-use super::suites::record::SuiteRecord;
-pub use crate::input::MeshInfo;
+use super::compare::SuiteRecord;
+use super::run::RunRecord;
+use crate::input::MeshInfo;
 use serde::{Deserialize, Serialize};
 
 /// What one call of `bench` measured.
@@ -31,6 +31,13 @@ pub struct Report {
     /// The meshes of the suites, by the name that runs give; empty for an ordinary run, which has one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub meshes: Vec<MeshInfo>,
+}
+
+impl Report {
+    /// The runs of `suite`; without one, all.
+    pub fn runs_of<'a>(&'a self, suite: Option<&'a SuiteRecord>) -> impl Iterator<Item = &'a RunRecord> {
+        self.runs.iter().filter(move |run| suite.is_none_or(|suite| run.suite == suite.name))
+    }
 }
 
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]

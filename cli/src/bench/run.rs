@@ -1,8 +1,6 @@
 //! A run in the JSON. Fields may be added, never renamed.
 
-use super::setting::{Config, Setting};
 use super::stats::Stats;
-use crate::input::Input;
 use deltamorph::BatchSize;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -108,28 +106,6 @@ pub struct RunRecord {
 }
 
 impl RunRecord {
-    /// A configuration that was not measured yet.
-    pub fn blank(config: &Config, setting: &Setting<'_>, input: &Input) -> Self {
-        Self {
-            mesh: input.name.clone(),
-            targets: input.kept.targets.len(),
-            path: config.desc.path.name().into(),
-            mode: config.desc.mode.name().into(),
-            batch_size: config.desc.batch,
-            batch_max: config.batch_max,
-            workload: setting.workload.name().into(),
-            changed: setting.changed.unwrap_or(0) as f64,
-            heads: setting.heads,
-            shared: setting.shared,
-            crowds: if config.apart { setting.updated() } else { 1 },
-            accumulate: config.desc.accumulate.name().into(),
-            error_budget: config.desc.error_budget,
-            format: config.format.name().into(),
-            slots: config.desc.slots,
-            ..Self::default()
-        }
-    }
-
     /// What is wrong has no times worth telling.
     pub fn forget_times(&mut self) {
         (self.gpu_ms, self.cpu_ms, self.draw_ms, self.update_and_draw_ms) = (None, None, None, None);
@@ -143,8 +119,41 @@ impl RunRecord {
         self.update_and_draw_ms.or(self.gpu_ms).or(self.cpu_ms)
     }
 
+    /// The time that a run is judged by, in ms.
+    pub fn median(&self) -> f64 {
+        self.time().map_or(f64::INFINITY, |t| t.median)
+    }
+
+    /// It was right, and timed.
     pub fn counts(&self) -> bool {
         self.verified && self.time().is_some_and(|t| t.median > 0.0)
+    }
+
+    /// Its technique and the format that it ran with: "blocks fast".
+    pub fn label(&self) -> String {
+        format!("{} {}", self.technique, self.format)
+    }
+}
+
+pub fn fastest<'a>(runs: impl IntoIterator<Item = &'a RunRecord>) -> Option<&'a RunRecord> {
+    runs.into_iter().min_by(|a, b| a.median().total_cmp(&b.median()))
+}
+
+/// "batch 7", or "one pass".
+pub fn batch_words(batch: BatchSize) -> String {
+    match batch {
+        BatchSize::Targets(n) => format!("batch {n}"),
+        BatchSize::All => "one pass".into(),
+    }
+}
+
+/// "1 head", "100 heads, each its own", "100 copies, one animation".
+pub fn heads_words(heads: u32, shared: bool) -> String {
+    match (heads, shared) {
+        (1, false) => "1 head".into(),
+        (n, false) => format!("{n} heads, each its own"),
+        (1, true) => "1 copy".into(),
+        (n, true) => format!("{n} copies, one animation"),
     }
 }
 

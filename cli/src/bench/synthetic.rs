@@ -1,7 +1,10 @@
 //! A made-up report with the shape of a real one, for tests.
 
-use super::record::{Bandwidth, DeviceInfo, MeshInfo, Report, RunRecord, Skipped};
+use super::compare::{CellRecord, SuiteRecord};
+use super::record::{Bandwidth, DeviceInfo, Report, Skipped};
+use super::run::{Round, RunRecord};
 use super::stats::Stats;
+use crate::input::MeshInfo;
 use deltamorph::BatchSize;
 use deltamorph::BatchSize::{All, Targets};
 
@@ -122,4 +125,35 @@ pub fn report() -> Report {
         }],
         ..Report::default()
     }
+}
+
+/// A run of `technique` in a suite that took these times in its rounds.
+pub fn technique(technique: &str, rounds: &[f64]) -> RunRecord {
+    let times = Stats::of(rounds);
+    RunRecord {
+        suite: "techniques".into(),
+        cell: "dense <1>, 1 head".into(),
+        technique: technique.into(),
+        rounds: rounds.iter().map(|&ms| Round { ms, update_ms: ms / 2.0 }).collect(),
+        update_and_draw_ms: times.filter(|_| technique != "cpu"),
+        cpu_ms: times,
+        ..run(technique, "fast", All, TARGETS, 1.0)
+    }
+}
+
+/// The report of a suite with one cell, in which a run is wrong.
+pub fn suite() -> Report {
+    let mut wrong = technique("feedback", &[0.1]);
+    wrong.verified = false;
+    wrong.problem = Some("off by a mile".into());
+    let runs = vec![
+        technique("blocks", &[1.0, 10.0, 1.0]),
+        technique("compute", &[2.0, 20.0, 3.0]),
+        technique("direct", &[40.0, 500.0]),
+        technique("cpu", &[0.1, 0.1, 0.1]),
+        wrong,
+    ];
+    let cell = CellRecord::of("dense <1>, 1 head", ["dense", "all"], 1, &runs);
+    let suites = vec![SuiteRecord { name: "techniques".into(), cells: vec![cell], comparisons: vec![] }];
+    Report { runs, suites, ..report() }
 }

@@ -1,7 +1,8 @@
 //! One configuration: verified, then timed in one stretch or in several, then verified again.
 
-use super::record::{Bandwidth, Round, RunRecord};
+use super::record::Bandwidth;
 use super::references::References;
+use super::run::{Round, RunRecord};
 use super::setting::{Config, Setting};
 use super::stats::Stats;
 use crate::args::bench::BenchArgs;
@@ -90,7 +91,7 @@ impl<'a> Trial<'a> {
             runner,
             promise: Promise::new(&config.desc, mesh.layout()),
             found: Found::default(),
-            record: RunRecord::blank(config, setting, context.input),
+            record: blank(config, setting, context.input),
             in_draws: config.desc.path.evaluates_in_draws(),
             frame: 0,
             samples: Samples::default(),
@@ -272,4 +273,27 @@ impl<'a> Trial<'a> {
 struct Stepped {
     weights: Vec<Vec<f32>>,
     frame: crate::runner::Frame,
+}
+
+/// The record of a configuration that was not measured yet.
+fn blank(config: &Config, setting: &Setting<'_>, input: &Input) -> RunRecord {
+    let Config { desc, format, batch_max, apart } = config;
+    RunRecord {
+        mesh: input.name.clone(),
+        targets: input.kept.targets.len(),
+        path: desc.path.name().into(),
+        mode: desc.mode.name().into(),
+        batch_size: desc.batch,
+        batch_max: *batch_max,
+        workload: setting.workload.name().into(),
+        changed: setting.changed.unwrap_or(0) as f64,
+        heads: setting.heads,
+        shared: setting.shared,
+        crowds: if *apart { setting.updated() } else { 1 },
+        accumulate: desc.accumulate.name().into(),
+        error_budget: desc.error_budget,
+        format: format.name().into(),
+        slots: desc.slots,
+        ..RunRecord::default()
+    }
 }

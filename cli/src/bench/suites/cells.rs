@@ -1,10 +1,10 @@
 //! Every technique against every other: on made-up workloads, and on captured clips.
 
 use super::Lab;
-use super::record::{CellRecord, SuiteRecord};
 use super::subject::{Subject, dense_and_sparse};
 use super::technique::{self, Technique};
 use crate::args::InputArgs;
+use crate::bench::compare::{CellRecord, SuiteRecord};
 use crate::bench::race::{Entrant, Tempo};
 use crate::bench::record::Skipped;
 use crate::bench::setting::{Config, Setting};

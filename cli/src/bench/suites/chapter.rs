@@ -1,14 +1,14 @@
 //! The chapter's figure: what batching gains.
 
 use super::Lab;
-use super::record::{Comparison, SuiteRecord};
 use super::subject::Subject;
 use super::technique::{formats, paths};
 use crate::args::values::{BatchSpec, SUMS};
+use crate::bench::compare::{Comparison, SuiteRecord};
 use crate::bench::configs::{Wanted, configurations};
 use crate::bench::race::{Entrant, Tempo};
-use crate::bench::record::{RunRecord, Skipped};
-use crate::bench::select::{batch_words, fastest};
+use crate::bench::record::Skipped;
+use crate::bench::run::{RunRecord, batch_words, fastest};
 use crate::bench::setting::{Config, Setting};
 use crate::bench::workload::Random;
 use crate::output::Failure;

@@ -1,9 +1,10 @@
 //! One head and many, after Costigan et al. (MIG 2016), figures 5 and 6.
 
-use super::record::{Comparison, OURS, SuiteRecord};
 use super::subject::{Subject, dense_and_sparse};
 use super::{Lab, technique};
+use crate::bench::compare::{Comparison, OURS, SuiteRecord};
 use crate::bench::race::{Entrant, Tempo};
+use crate::bench::run::heads_words;
 use crate::bench::setting::{Config, Setting};
 use crate::bench::workload::{Random, Workload};
 use crate::output::Failure;
@@ -42,7 +43,7 @@ pub fn run(lab: &mut Lab<'_>) -> Result<SuiteRecord, Failure> {
         let random = Random::new(count, count, lab.args.input.seed);
         for (heads, shared) in [(one, false), (many, false), (many, true)] {
             let setting = drawn(&random, count, heads, shared);
-            let cell = format!("{}, {count} targets", case(heads, shared));
+            let cell = format!("{}, {count} targets", heads_words(heads, shared));
             lab.measure(&mut kept, &cell, &entrants(&chosen, &setting), &lab.pace(Tempo::Own))?;
             lab.bar.inc(1);
         }
@@ -52,7 +53,7 @@ pub fn run(lab: &mut Lab<'_>) -> Result<SuiteRecord, Failure> {
     let (single, copies) = (drawn(&random, total, 1, false), drawn(&random, total, many, true));
     for (tempo, how, goal) in SHARED {
         for (name, config) in &chosen {
-            let names = [case(many, true), case(1, true)];
+            let names = [heads_words(many, true), heads_words(1, true)];
             let pair = [(&names[0], &copies), (&names[1], &single)].map(|(what, setting)| Entrant {
                 what: what.clone(),
                 config: config.clone(),
@@ -103,14 +104,4 @@ fn drawn(workload: &dyn Workload, changed: usize, heads: u32, shared: bool) -> S
 
 fn entrants<'a>(chosen: &[(String, Config)], setting: &'a Setting<'a>) -> Vec<Entrant<'a>> {
     chosen.iter().map(|(name, config)| Entrant { what: name.clone(), config: config.clone(), setting }).collect()
-}
-
-/// "1 head", "100 heads, each its own", "100 heads, one animation".
-pub fn case(heads: u32, shared: bool) -> String {
-    match (heads, shared) {
-        (1, false) => "1 head".into(),
-        (n, false) => format!("{n} heads, each its own"),
-        (1, true) => "1 copy".into(),
-        (n, true) => format!("{n} copies, one animation"),
-    }
 }

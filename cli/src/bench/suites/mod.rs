@@ -6,25 +6,20 @@
 mod cells;
 mod chapter;
 mod crowd;
-pub mod figures;
-pub mod page;
-pub mod record;
 mod subject;
 mod technique;
-#[cfg(test)]
-mod tests;
-pub mod text;
 
+use super::compare::SuiteRecord;
 use super::machine::Machine;
 use super::race::{Entrant, Outcome, Pace, Tempo, contest};
-use super::record::{MeshInfo, Report, RunRecord, Skipped};
+use super::record::{Report, Skipped};
+use super::run::RunRecord;
 use super::trial::Context;
 use crate::args::bench::{BenchArgs, SuiteChoice};
-use crate::input;
+use crate::input::{self, MeshInfo};
 use crate::output::{Failure, Output};
 use deltamorph::headless::DeviceChoice;
 use indicatif::ProgressBar;
-use record::SuiteRecord;
 use subject::Subject;
 
 /// Turns that the frames of a configuration are divided into.

@@ -6,7 +6,6 @@ use crate::args::values::BatchSpec;
 use crate::bench::configs::{Wanted, configurations};
 use crate::bench::race::{Entrant, Pace, Tempo};
 use crate::bench::record::Skipped;
-use crate::bench::select::median;
 use crate::bench::setting::{Config, Setting};
 use crate::output::Failure;
 use deltamorph::{BatchSize, DeltaFormat, UpdateDesc, UpdateMode, UpdatePath};
@@ -91,8 +90,8 @@ pub fn choose(
         let mut best: Option<(f64, &Config)> = None;
         for (outcome, config) in lab.contest(subject, &entrants, &pace)?.into_iter().zip(&technique.configs) {
             match outcome {
-                Ok(run) if run.counts() && best.is_none_or(|(ms, _)| median(&run) < ms) => {
-                    best = Some((median(&run), config));
+                Ok(run) if run.counts() && best.is_none_or(|(ms, _)| run.median() < ms) => {
+                    best = Some((run.median(), config));
                 }
                 Ok(run) if run.verified => {}
                 // Wrong: that has to be seen, whatever the others do.
