@@ -62,28 +62,24 @@ impl Pace {
     }
 }
 
-/// A trial, and why it was refused, should it be.
-type Running<'a> = (Trial<'a>, Option<String>);
+/// A trial, or why it was refused.
+type Running<'a> = Result<Trial<'a>, String>;
 
 /// Time `running` in turns. What is wrong or refused drops out.
 fn run(running: &mut [Running<'_>], pace: &Pace) -> deltamorph::Result<()> {
     let mut slowest = Duration::ZERO;
-    let warm_up = |trial: &mut Trial<'_>| {
+    each(running, |trial| {
         slowest = slowest.max(trial.warm_up(pace.share())?);
         Ok(())
-    };
-    each(running, warm_up)?;
+    })?;
     if pace.tempo == Tempo::SameRate {
-        each(running, |trial| {
-            trial.take_at_least(slowest);
-            Ok(())
-        })?;
+        running.iter_mut().flatten().for_each(|trial| trial.take_at_least(slowest));
     }
     for round in 0..pace.rounds {
         each(running, |trial| {
             let (timed, spent) = trial.timed();
             if pace.tempo == Tempo::SameFrames {
-                trial.jump(trial.period() * round / pace.rounds)?;
+                trial.jump(round, pace.rounds)?;
             }
             if pace.tempo != Tempo::Own {
                 trial.round(pace.frames_together(slowest), None)
@@ -102,8 +98,13 @@ fn each(
     running: &mut [Running<'_>],
     mut act: impl FnMut(&mut Trial<'_>) -> deltamorph::Result<()>,
 ) -> deltamorph::Result<()> {
-    for (trial, refused) in running.iter_mut().filter(|(trial, refused)| trial.is_right() && refused.is_none()) {
-        *refused = refusal(act(trial))?.err();
+    for place in running {
+        if let Ok(trial) = place
+            && trial.is_right()
+            && let Err(reason) = refusal(act(trial))?
+        {
+            *place = Err(reason);
+        }
     }
     Ok(())
 }
@@ -143,45 +144,27 @@ pub fn contest(
     entrants: &[Entrant<'_>],
     pace: &Pace,
 ) -> Result<Vec<Outcome>, Failure> {
-    let (mut beside, mut places, mut later) = (vec![], vec![], vec![]);
-    for (place, entrant) in entrants.iter().enumerate() {
-        match begin(context, gpu, cache, entrant)? {
-            Ok(trial) => {
-                beside.push((trial, None));
-                places.push(place);
-            }
-            Err(reason) => later.push((place, reason)),
-        }
+    let mut running: Vec<Running<'_>> = vec![];
+    for entrant in entrants {
+        running.push(begin(context, gpu, cache, entrant)?);
     }
-    let any = !beside.is_empty();
-    run(&mut beside, pace)?;
-    let mut outcomes: Vec<(usize, Outcome)> = vec![];
-    for (place, running) in places.into_iter().zip(beside) {
-        outcomes.push((place, finish(running, cache, &entrants[place])?));
-    }
-    for (place, reason) in later {
-        let entrant = &entrants[place];
-        let again = if any { begin(context, gpu, cache, entrant)? } else { Err(reason) };
-        outcomes.push(match again {
-            Ok(trial) => {
-                let mut alone = [(trial, None)];
-                run(&mut alone, pace)?;
-                let [running] = alone;
-                let outcome = finish(running, cache, entrant)?;
-                (place, outcome.map(|record| RunRecord { alone: true, ..record }))
-            }
-            Err(reason) => (place, Err(Skipped { what: entrant.what.clone(), reason })),
+    let begun: Vec<bool> = running.iter().map(Result::is_ok).collect();
+    run(&mut running, pace)?;
+    let mut outcomes: Vec<Outcome> = vec![];
+    for (trial, entrant) in running.into_iter().zip(entrants) {
+        outcomes.push(match trial {
+            Ok(trial) => Ok(trial.finish(&mut cache.references)?),
+            Err(reason) => Err(Skipped { what: entrant.what.clone(), reason }),
         });
     }
-    outcomes.sort_by_key(|(place, _)| *place);
-    Ok(outcomes.into_iter().map(|(_, outcome)| outcome).collect())
-}
-
-fn finish((trial, refused): Running<'_>, cache: &mut Cache, entrant: &Entrant<'_>) -> Result<Outcome, Failure> {
-    Ok(match refused {
-        None => Ok(trial.finish(&mut cache.references)?),
-        Some(reason) => Err(Skipped { what: entrant.what.clone(), reason }),
-    })
+    // When the others have given their memory back, there may be room for what had none beside them.
+    if begun.contains(&true) {
+        for (place, entrant) in entrants.iter().enumerate().filter(|(place, _)| !begun[*place]) {
+            let outcome = contest(context, gpu, cache, std::slice::from_ref(entrant), pace)?.remove(0);
+            outcomes[place] = outcome.map(|record| RunRecord { alone: true, ..record });
+        }
+    }
+    Ok(outcomes)
 }
 
 /// A verified trial, or why there is none.
@@ -190,7 +173,7 @@ fn begin<'a>(
     gpu: Option<&'a Gpu>,
     cache: &mut Cache,
     entrant: &Entrant<'a>,
-) -> Result<Result<Trial<'a>, String>, Failure> {
+) -> Result<Running<'a>, Failure> {
     let Entrant { config, setting, .. } = entrant;
     let mesh = match cache.meshes.get(&config.format) {
         Some(mesh) => mesh.clone(),
@@ -201,18 +184,16 @@ fn begin<'a>(
         }
     };
     let threads = context.args.update.threads.unwrap_or(0);
-    let runner = match (config.apart, gpu) {
+    let runner = match (config.separate, gpu) {
         (true, Some(gpu)) => Runner::crowds(gpu, &mesh, config.desc, 1, setting.updated() as usize),
         _ => Runner::new(gpu, &mesh, config.desc, setting.updated(), threads),
     };
-    let runner = match runner
-        .and_then(|runner| if setting.drawn { runner.with_upload(gpu, setting.updated()) } else { Ok(runner) })
-    {
-        Ok(runner) => runner,
+    let gpu = gpu.filter(|_| setting.drawn);
+    match runner.and_then(|runner| runner.with_upload(gpu, setting.updated())) {
+        Ok(runner) => Ok(refusal(Trial::begin(context, runner, setting, config, &mesh, &mut cache.references))?),
         // Too large for the device, say.
-        Err(e) => return Ok(Err(e.to_string())),
-    };
-    Ok(refusal(Trial::begin(context, runner, setting, config, &mesh, &mut cache.references))?)
+        Err(e) => Ok(Err(e.to_string())),
+    }
 }
 
 #[cfg(test)]

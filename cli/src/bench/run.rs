@@ -184,15 +184,11 @@ fn write_batch<S: Serializer>(batch: &BatchSize, to: S) -> Result<S::Ok, S::Erro
 }
 
 fn read_batch<'de, D: Deserializer<'de>>(from: D) -> Result<BatchSize, D::Error> {
-    #[derive(Deserialize)]
-    #[serde(untagged, expecting = "batch_size: expected a number or \"all\"")]
-    enum Either {
-        Number(u32),
-        Word(String),
-    }
-    match Either::deserialize(from)? {
-        Either::Number(n) if n > 0 => Ok(BatchSize::Targets(n)),
-        Either::Word(w) if w == "all" => Ok(BatchSize::All),
+    let value = serde_json::Value::deserialize(from)?;
+    let number = value.as_u64().and_then(|n| u32::try_from(n).ok()).filter(|n| *n > 0);
+    match (number, value.as_str()) {
+        (Some(n), _) => Ok(BatchSize::Targets(n)),
+        (_, Some("all")) => Ok(BatchSize::All),
         _ => Err(serde::de::Error::custom("batch_size: expected a number above 0 or \"all\"")),
     }
 }

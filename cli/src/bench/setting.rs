@@ -4,10 +4,9 @@ use super::workload::Workload;
 use deltamorph::{DeltaFormat, UpdateDesc};
 
 /// Everything but the update path.
+#[derive(Clone, Copy)]
 pub struct Setting<'a> {
-    pub workload: &'a dyn Workload,
-    /// Targets changed per frame and head, as asked for; `None` for clips.
-    pub changed: Option<usize>,
+    pub workload: &'a Workload,
     /// Heads: each with weights of its own, unless `shared`.
     pub heads: u32,
     /// One animation: one head is updated, and its pose drawn for each.
@@ -45,5 +44,5 @@ pub struct Config {
     /// The largest batch that path and format allow.
     pub batch_max: Option<u32>,
     /// A crowd for each head, all of them in one submission.
-    pub apart: bool,
+    pub separate: bool,
 }

@@ -8,7 +8,7 @@ use crate::bench::compare::{CellRecord, SuiteRecord};
 use crate::bench::race::{Entrant, Tempo};
 use crate::bench::record::Skipped;
 use crate::bench::setting::{Config, Setting};
-use crate::bench::workload::{Clip, Few, Random, Workload};
+use crate::bench::workload::Workload;
 use crate::input::{self, Input};
 use crate::output::Failure;
 use std::collections::HashMap;
@@ -22,14 +22,6 @@ const CHOICE_HEADS: u32 = 10;
 const FEW: usize = 8;
 const ACTIVE: usize = 4;
 
-/// What of a workload names its cells.
-struct Work<'a> {
-    workload: &'a dyn Workload,
-    changed: Option<usize>,
-    /// In words.
-    change: String,
-}
-
 /// All, few, and few active targets × dense and sparse × heads.
 pub fn techniques(lab: &mut Lab<'_>) -> Result<SuiteRecord, Failure> {
     let mut suite = SuiteRecord { name: "techniques".into(), ..SuiteRecord::default() };
@@ -40,15 +32,12 @@ pub fn techniques(lab: &mut Lab<'_>) -> Result<SuiteRecord, Failure> {
     for mut subject in subjects {
         let (n, seed) = (subject.targets(), lab.args.input.seed);
         let (few, active) = (FEW.min(n), ACTIVE.min(n));
-        let (every, some) = (Random::new(n, n, seed), Random::new(n, few, seed));
-        let sparse = Few::new(n, active, seed);
-        let works = [
-            Work { workload: &every, changed: Some(n), change: format!("all {n} changed") },
-            Work { workload: &some, changed: Some(few), change: format!("{few} of {n} changed") },
-            Work { workload: &sparse, changed: Some(active), change: format!("{active} non-zero of {n}") },
-        ];
-        for work in &works {
-            suite.cells.extend(compare(lab, &mut subject, work, &heads, &all)?);
+        for (workload, change) in [
+            (Workload::random(n, n, seed), format!("all {n} changed")),
+            (Workload::random(n, few, seed), format!("{few} of {n} changed")),
+            (Workload::few(n, active, seed), format!("{active} non-zero of {n}")),
+        ] {
+            suite.cells.extend(compare(lab, &mut subject, &workload, &change, &heads, &all)?);
         }
     }
     Ok(suite)
@@ -56,7 +45,7 @@ pub fn techniques(lab: &mut Lab<'_>) -> Result<SuiteRecord, Failure> {
 
 pub struct ClipSet {
     input: Input,
-    clips: Vec<Clip>,
+    clips: Vec<Workload>,
 }
 
 /// Read the clips of INPUT; without INPUT, those of each set under DELTAMORPH_DATA. Before anything is measured: a set
@@ -66,7 +55,7 @@ pub fn clip_sets(lab: &mut Lab<'_>) -> Result<Vec<ClipSet>, Failure> {
     for set in sets(lab)? {
         let args = InputArgs { input: Some(set), head: Default::default(), ..lab.args.input.clone() };
         let input = input::load(&args, true, lab.out)?;
-        let read = |path: &PathBuf| input::clip(path, &args, &input.kept).map(Clip::new);
+        let read = |path: &PathBuf| input::clip(path, &args, &input.kept).map(|clip| Workload::clip(&clip));
         let clips = input.clips.iter().map(read).collect::<Result<_, _>>()?;
         list.push(ClipSet { input, clips });
     }
@@ -82,8 +71,7 @@ pub fn clips(lab: &mut Lab<'_>, sets: Vec<ClipSet>) -> Result<SuiteRecord, Failu
         let mut subject = Subject::new(lab, input);
         lab.bar.inc_length((clips.len() * heads.len()) as u64);
         for clip in &clips {
-            let work = Work { workload: clip, changed: None, change: clip.name().into() };
-            suite.cells.extend(compare(lab, &mut subject, &work, &heads, &all)?);
+            suite.cells.extend(compare(lab, &mut subject, clip, &clip.name, &heads, &all)?);
         }
     }
     Ok(suite)
@@ -118,19 +106,13 @@ fn sets(lab: &mut Lab<'_>) -> Result<Vec<PathBuf>, Failure> {
 fn compare(
     lab: &mut Lab<'_>,
     subject: &mut Subject,
-    work: &Work<'_>,
+    workload: &Workload,
+    change: &str,
     heads: &[u32],
     techniques: &[Technique],
 ) -> Result<Vec<CellRecord>, Failure> {
-    let setting = |heads| Setting {
-        workload: work.workload,
-        changed: work.changed,
-        heads,
-        shared: false,
-        drawn: true,
-        brief: true,
-    };
-    let tempo = if work.changed.is_none() { Tempo::SameFrames } else { Tempo::Own };
+    let setting = |heads| Setting { workload, heads, shared: false, drawn: true, brief: true };
+    let tempo = if workload.changed.is_none() { Tempo::SameFrames } else { Tempo::Own };
     let mut choices: HashMap<u32, Vec<(String, Config)>> = HashMap::new();
     let mut cells = vec![];
     for &heads in heads {
@@ -146,10 +128,10 @@ fn compare(
         };
         let entrants: Vec<Entrant<'_>> = choices[&some].iter().map(entrant).collect();
         let plural = if heads == 1 { "" } else { "s" };
-        let cell = format!("{}, {}, {heads} head{plural}", subject.input.name, work.change);
+        let cell = format!("{}, {}, {heads} head{plural}", subject.input.name, change);
         let runs = lab.measure(subject, &cell, &entrants, &lab.pace(tempo))?;
         let runs: Vec<_> = runs.into_iter().flatten().collect();
-        cells.push(CellRecord::of(&cell, [&subject.input.name, &work.change], heads, &runs));
+        cells.push(CellRecord::of(&cell, [&subject.input.name, change], heads, &runs));
         lab.bar.inc(1);
     }
     Ok(cells)

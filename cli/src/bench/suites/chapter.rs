@@ -10,7 +10,7 @@ use crate::bench::race::{Entrant, Tempo};
 use crate::bench::record::Skipped;
 use crate::bench::run::{RunRecord, batch_words, fastest};
 use crate::bench::setting::{Config, Setting};
-use crate::bench::workload::Random;
+use crate::bench::workload::Workload;
 use crate::output::Failure;
 use deltamorph::{BatchSize, UpdateMode};
 
@@ -43,10 +43,9 @@ pub fn run(lab: &mut Lab<'_>, subject: &mut Subject) -> Result<SuiteRecord, Fail
     lab.bar.inc_length((changes.len() * families.clone().count()) as u64);
     let mut suite = SuiteRecord { name: "chapter".into(), ..SuiteRecord::default() };
     for &changed in &changes {
-        let random = Random::new(subject.targets(), changed, lab.args.input.seed);
+        let random = Workload::random(subject.targets(), changed, lab.args.input.seed);
         let heads = lab.args.heads_or(&[1])[0];
-        let setting =
-            Setting { workload: &random, changed: Some(changed), heads, shared: false, drawn: false, brief: true };
+        let setting = Setting { workload: &random, heads, shared: false, drawn: false, brief: true };
         for family in families.clone() {
             let name = format!("{} {}", family[0].desc.path.name(), family[0].format.name());
             let entrant =

@@ -6,7 +6,7 @@ use crate::bench::compare::{Comparison, OURS, SuiteRecord};
 use crate::bench::race::{Entrant, Tempo};
 use crate::bench::run::heads_words;
 use crate::bench::setting::{Config, Setting};
-use crate::bench::workload::{Random, Workload};
+use crate::bench::workload::Workload;
 use crate::output::Failure;
 
 /// Points along the axis of targets.
@@ -36,13 +36,13 @@ pub fn run(lab: &mut Lab<'_>) -> Result<SuiteRecord, Failure> {
     counts.dedup();
     lab.bar.inc_length(3 * counts.len() as u64 + SHARED.len() as u64 + 2);
 
-    let random = Random::new(total, total, lab.args.input.seed);
-    let chosen = technique::choose(lab, main, &drawn(&random, total, one, false), &all)?;
+    let random = Workload::random(total, total, lab.args.input.seed);
+    let chosen = technique::choose(lab, main, &drawn(&random, one, false), &all)?;
     for &count in &counts {
         let mut kept = main.first_targets(count);
-        let random = Random::new(count, count, lab.args.input.seed);
+        let random = Workload::random(count, count, lab.args.input.seed);
         for (heads, shared) in [(one, false), (many, false), (many, true)] {
-            let setting = drawn(&random, count, heads, shared);
+            let setting = drawn(&random, heads, shared);
             let cell = format!("{}, {count} targets", heads_words(heads, shared));
             lab.measure(&mut kept, &cell, &entrants(&chosen, &setting), &lab.pace(Tempo::Own))?;
             lab.bar.inc(1);
@@ -50,7 +50,7 @@ pub fn run(lab: &mut Lab<'_>) -> Result<SuiteRecord, Failure> {
     }
 
     // In turns, so that the machine's own ups and downs hit both.
-    let (single, copies) = (drawn(&random, total, 1, false), drawn(&random, total, many, true));
+    let (single, copies) = (drawn(&random, 1, false), drawn(&random, many, true));
     for (tempo, how, goal) in SHARED {
         for (name, config) in &chosen {
             let names = [heads_words(many, true), heads_words(1, true)];
@@ -84,12 +84,12 @@ fn crowd_gain(
     changed: usize,
     heads: u32,
 ) -> Result<Option<Comparison>, Failure> {
-    let random = Random::new(subject.targets(), changed, lab.args.input.seed);
-    let setting = Setting { drawn: false, ..drawn(&random, changed, heads, false) };
+    let random = Workload::random(subject.targets(), changed, lab.args.input.seed);
+    let setting = Setting { drawn: false, ..drawn(&random, heads, false) };
     let names = [format!("{heads} crowds of 1"), format!("1 crowd of {heads}")];
-    let pair = [(true, &names[0]), (false, &names[1])].map(|(apart, name)| Entrant {
+    let pair = [(true, &names[0]), (false, &names[1])].map(|(separate, name)| Entrant {
         what: name.clone(),
-        config: Config { apart, ..config.clone() },
+        config: Config { separate, ..config.clone() },
         setting: &setting,
     });
     let cell = format!("{}: {changed} of {} changed, {heads} heads", subject.input.name, subject.targets());
@@ -98,8 +98,8 @@ fn crowd_gain(
     Ok(Comparison::new(&cell, [singles, crowd], names, |round| round.update_ms, CROWD_GOAL))
 }
 
-fn drawn(workload: &dyn Workload, changed: usize, heads: u32, shared: bool) -> Setting<'_> {
-    Setting { workload, changed: Some(changed), heads, shared, drawn: true, brief: true }
+fn drawn(workload: &Workload, heads: u32, shared: bool) -> Setting<'_> {
+    Setting { workload, heads, shared, drawn: true, brief: true }
 }
 
 fn entrants<'a>(chosen: &[(String, Config)], setting: &'a Setting<'a>) -> Vec<Entrant<'a>> {
