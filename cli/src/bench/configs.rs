@@ -8,6 +8,7 @@ use crate::runner::Gpu;
 use deltamorph::{Accumulate, BatchSize, DeltaFormat, UpdateDesc, UpdateMode, UpdatePath};
 
 /// What is asked for.
+#[derive(Default)]
 pub struct Wanted<'a> {
     pub paths: Vec<UpdatePath>,
     /// They were given by name, so that one that has nothing to do is worth a word.

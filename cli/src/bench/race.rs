@@ -133,6 +133,12 @@ pub struct Entrant<'a> {
     pub setting: &'a Setting<'a>,
 }
 
+impl<'a> Entrant<'a> {
+    pub fn new(what: &str, config: &Config, setting: &'a Setting<'a>) -> Self {
+        Self { what: what.into(), config: config.clone(), setting }
+    }
+}
+
 pub type Outcome = Result<RunRecord, Skipped>;
 
 /// Measure `entrants` side by side; outcomes are in their order. One that there is no room for beside the others is

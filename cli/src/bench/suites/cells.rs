@@ -2,11 +2,12 @@
 
 use super::Lab;
 use super::subject::{Subject, dense_and_sparse};
-use super::technique::{self, Technique};
+use super::technique;
 use crate::args::InputArgs;
-use crate::bench::compare::{CellRecord, SuiteRecord};
+use crate::bench::compare::CellRecord;
 use crate::bench::race::{Entrant, Tempo};
 use crate::bench::record::Skipped;
+use crate::bench::run::RunRecord;
 use crate::bench::setting::{Config, Setting};
 use crate::bench::workload::Workload;
 use crate::input::{self, Input};
@@ -14,67 +15,76 @@ use crate::output::Failure;
 use std::collections::HashMap;
 use std::path::PathBuf;
 
-/// Heads, unless told otherwise.
-const HEADS: [u32; 3] = [1, 10, 100];
 /// Configurations are chosen with at most this many heads: with more the choice is the same, and takes longer.
 const CHOICE_HEADS: u32 = 10;
 /// Targets that change where the others are still, and where the others are 0.
 const FEW: usize = 8;
 const ACTIVE: usize = 4;
 
-/// All, few, and few active targets × dense and sparse × heads.
-pub fn techniques(lab: &mut Lab<'_>) -> Result<SuiteRecord, Failure> {
-    let mut suite = SuiteRecord { name: "techniques".into(), ..SuiteRecord::default() };
-    let all = technique::all(lab);
-    let heads = lab.args.heads_or(&HEADS);
-    let subjects = dense_and_sparse(lab)?;
-    lab.bar.inc_length((subjects.len() * 3 * heads.len()) as u64);
-    for mut subject in subjects {
-        let (n, seed) = (subject.targets(), lab.args.input.seed);
+/// A mesh, and what changes on it: the workloads, and each in words.
+pub struct Contest {
+    input: Input,
+    works: Vec<(Workload, String)>,
+}
+
+/// All, few, and few active targets × dense and sparse.
+pub fn made_up(lab: &Lab<'_>) -> Result<Vec<Contest>, Failure> {
+    let contest = |input: Input| {
+        let (n, seed) = (input.kept.targets.len(), lab.args.input.seed);
         let (few, active) = (FEW.min(n), ACTIVE.min(n));
-        for (workload, change) in [
+        let works = vec![
             (Workload::random(n, n, seed), format!("all {n} changed")),
             (Workload::random(n, few, seed), format!("{few} of {n} changed")),
             (Workload::few(n, active, seed), format!("{active} non-zero of {n}")),
-        ] {
-            suite.cells.extend(compare(lab, &mut subject, &workload, &change, &heads, &all)?);
-        }
-    }
-    Ok(suite)
+        ];
+        Contest { input, works }
+    };
+    Ok(dense_and_sparse(lab)?.into_iter().map(contest).collect())
 }
 
-pub struct ClipSet {
-    input: Input,
-    clips: Vec<Workload>,
-}
-
-/// Read the clips of INPUT; without INPUT, those of each set under DELTAMORPH_DATA. Before anything is measured: a set
-/// that cannot be used is not to cost what was measured before it.
-pub fn clip_sets(lab: &mut Lab<'_>) -> Result<Vec<ClipSet>, Failure> {
+/// The clips of INPUT; without INPUT, those of each set under DELTAMORPH_DATA.
+pub fn captured(lab: &mut Lab<'_>) -> Result<Vec<Contest>, Failure> {
     let mut list = vec![];
     for set in sets(lab)? {
         let args = InputArgs { input: Some(set), head: Default::default(), ..lab.args.input.clone() };
         let input = input::load(&args, true, lab.out)?;
-        let read = |path: &PathBuf| input::clip(path, &args, &input.kept).map(|clip| Workload::clip(&clip));
-        let clips = input.clips.iter().map(read).collect::<Result<_, _>>()?;
-        list.push(ClipSet { input, clips });
+        let read = |path: &PathBuf| {
+            input::clip(path, &args, &input.kept).map(|clip| (Workload::clip(&clip), clip.name.clone()))
+        };
+        let works = input.clips.iter().map(read).collect::<Result<_, _>>()?;
+        list.push(Contest { input, works });
     }
     Ok(list)
 }
 
-/// Every technique on these clips.
-pub fn clips(lab: &mut Lab<'_>, sets: Vec<ClipSet>) -> Result<SuiteRecord, Failure> {
-    let mut suite = SuiteRecord { name: "clips".into(), ..SuiteRecord::default() };
-    let all = technique::all(lab);
-    let heads = lab.args.heads_or(&[1]);
-    for ClipSet { input, clips } in sets {
+/// Every technique on each of `contests`, for one head and many: a cell each.
+pub fn run(lab: &mut Lab<'_>, contests: Vec<Contest>, heads: &[u32]) -> Result<(), Failure> {
+    let (all, heads) = (technique::all(lab), lab.args.heads_or(heads));
+    for Contest { input, works } in contests {
         let mut subject = Subject::new(lab, input);
-        lab.bar.inc_length((clips.len() * heads.len()) as u64);
-        for clip in &clips {
-            suite.cells.extend(compare(lab, &mut subject, clip, &clip.name, &heads, &all)?);
+        lab.bar.inc_length((works.len() * heads.len()) as u64);
+        for (workload, change) in &works {
+            let setting = |heads| Setting { workload, heads, shared: false, drawn: true, brief: true };
+            let pace = lab.pace(if workload.changed.is_none() { Tempo::SameFrames } else { Tempo::Own });
+            let mut choices: HashMap<u32, Vec<(String, Config)>> = HashMap::new();
+            for &heads in &heads {
+                let some = heads.min(CHOICE_HEADS);
+                if !choices.contains_key(&some) {
+                    choices.insert(some, technique::choose(lab, &mut subject, &setting(some), &all)?);
+                }
+                let setting = setting(heads);
+                let entrants: Vec<Entrant<'_>> =
+                    choices[&some].iter().map(|(name, config)| Entrant::new(name, config, &setting)).collect();
+                let (mesh, plural) = (subject.input.name.clone(), if heads == 1 { "" } else { "s" });
+                let cell = format!("{mesh}, {change}, {heads} head{plural}");
+                let runs = lab.measure(&mut subject, &cell, &entrants, &pace)?;
+                let runs: Vec<RunRecord> = runs.into_iter().flatten().collect();
+                lab.suite.cells.push(CellRecord::of(&cell, [&mesh, change], heads, &runs));
+                lab.bar.inc(1);
+            }
         }
     }
-    Ok(suite)
+    Ok(())
 }
 
 /// The folders with clips; where there are none, what was skipped says why.
@@ -100,39 +110,4 @@ fn sets(lab: &mut Lab<'_>) -> Result<Vec<PathBuf>, Failure> {
         lab.skip(Skipped { what: "suite clips".into(), reason });
     }
     Ok(sets)
-}
-
-/// A cell for each number of heads.
-fn compare(
-    lab: &mut Lab<'_>,
-    subject: &mut Subject,
-    workload: &Workload,
-    change: &str,
-    heads: &[u32],
-    techniques: &[Technique],
-) -> Result<Vec<CellRecord>, Failure> {
-    let setting = |heads| Setting { workload, heads, shared: false, drawn: true, brief: true };
-    let tempo = if workload.changed.is_none() { Tempo::SameFrames } else { Tempo::Own };
-    let mut choices: HashMap<u32, Vec<(String, Config)>> = HashMap::new();
-    let mut cells = vec![];
-    for &heads in heads {
-        let some = heads.min(CHOICE_HEADS);
-        if let std::collections::hash_map::Entry::Vacant(place) = choices.entry(some) {
-            place.insert(technique::choose(lab, subject, &setting(some), techniques)?);
-        }
-        let setting = setting(heads);
-        let entrant = |(name, config): &(String, Config)| Entrant {
-            what: name.clone(),
-            config: config.clone(),
-            setting: &setting,
-        };
-        let entrants: Vec<Entrant<'_>> = choices[&some].iter().map(entrant).collect();
-        let plural = if heads == 1 { "" } else { "s" };
-        let cell = format!("{}, {}, {heads} head{plural}", subject.input.name, change);
-        let runs = lab.measure(subject, &cell, &entrants, &lab.pace(tempo))?;
-        let runs: Vec<_> = runs.into_iter().flatten().collect();
-        cells.push(CellRecord::of(&cell, [&subject.input.name, change], heads, &runs));
-        lab.bar.inc(1);
-    }
-    Ok(cells)
 }

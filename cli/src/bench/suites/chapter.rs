@@ -4,13 +4,14 @@ use super::Lab;
 use super::subject::Subject;
 use super::technique::{formats, paths};
 use crate::args::values::{BatchSpec, SUMS};
-use crate::bench::compare::{Comparison, SuiteRecord};
+use crate::bench::compare::Comparison;
 use crate::bench::configs::{Wanted, configurations};
 use crate::bench::race::{Entrant, Tempo};
 use crate::bench::record::Skipped;
 use crate::bench::run::{RunRecord, batch_words, fastest};
 use crate::bench::setting::{Config, Setting};
 use crate::bench::workload::Workload;
+use crate::input::Input;
 use crate::output::Failure;
 use deltamorph::{BatchSize, UpdateMode};
 
@@ -18,16 +19,15 @@ use deltamorph::{BatchSize, UpdateMode};
 const FEW: usize = 8;
 
 /// Every batch size of every dense path and format.
-pub fn run(lab: &mut Lab<'_>, subject: &mut Subject) -> Result<SuiteRecord, Failure> {
+pub fn run(lab: &mut Lab<'_>, input: Input) -> Result<(), Failure> {
+    let mut subject = Subject::new(lab, input);
     let wanted = Wanted {
         paths: paths(lab).into_iter().filter(|path| path.default_mode() == UpdateMode::Incremental).collect(),
-        paths_named: false,
         formats: &formats(lab),
         sums: &SUMS[..1],
         modes: vec![UpdateMode::Incremental],
         sizes: &[BatchSpec::Range(1, None)],
-        sizes_named: false,
-        error_budget: 0.0,
+        ..Wanted::default()
     };
     let (configs, skipped) = configurations(&wanted, &lab.args.update, lab.machine.gpu.as_ref());
     skipped.into_iter().for_each(|s| lab.skip(s));
@@ -41,23 +41,21 @@ pub fn run(lab: &mut Lab<'_>, subject: &mut Subject) -> Result<SuiteRecord, Fail
     changes.dedup();
     let families = configs.chunk_by(|a, b| (a.desc.path, a.format) == (b.desc.path, b.format));
     lab.bar.inc_length((changes.len() * families.clone().count()) as u64);
-    let mut suite = SuiteRecord { name: "chapter".into(), ..SuiteRecord::default() };
     for &changed in &changes {
         let random = Workload::random(subject.targets(), changed, lab.args.input.seed);
         let heads = lab.args.heads_or(&[1])[0];
         let setting = Setting { workload: &random, heads, shared: false, drawn: false, brief: true };
         for family in families.clone() {
             let name = format!("{} {}", family[0].desc.path.name(), family[0].format.name());
-            let entrant =
-                |c: &Config| Entrant { what: batch_words(c.desc.batch), config: c.clone(), setting: &setting };
-            let entrants: Vec<Entrant<'_>> = family.iter().map(entrant).collect();
+            let entrants: Vec<Entrant<'_>> =
+                family.iter().map(|c| Entrant::new(&batch_words(c.desc.batch), c, &setting)).collect();
             let cell = format!("{name}, {changed} of {} changed", subject.targets());
-            let runs = lab.measure(subject, &cell, &entrants, &lab.pace(Tempo::Own))?;
-            suite.comparisons.extend(gain(&cell, &runs));
+            let runs = lab.measure(&mut subject, &cell, &entrants, &lab.pace(Tempo::Own))?;
+            lab.suite.comparisons.extend(gain(&cell, &runs));
             lab.bar.inc(1);
         }
     }
-    Ok(suite)
+    Ok(())
 }
 
 /// Batch 1 against the fastest.

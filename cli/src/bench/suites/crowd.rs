@@ -2,7 +2,7 @@
 
 use super::subject::{Subject, dense_and_sparse};
 use super::{Lab, technique};
-use crate::bench::compare::{Comparison, OURS, SuiteRecord};
+use crate::bench::compare::{Comparison, OURS};
 use crate::bench::race::{Entrant, Tempo};
 use crate::bench::run::heads_words;
 use crate::bench::setting::{Config, Setting};
@@ -24,13 +24,15 @@ const SHARED: [(Tempo, &str, &str); 2] =
 const CROWD_GOAL: &str = "3 or more";
 
 /// Time against the number of targets kept, for one head, many, and many copies of one; and what a crowd saves.
-pub fn run(lab: &mut Lab<'_>) -> Result<SuiteRecord, Failure> {
+pub fn run(lab: &mut Lab<'_>) -> Result<(), Failure> {
     let heads = lab.args.heads_or(&HEADS);
     let (one, many) = (heads[0], heads[heads.len() - 1]);
-    let mut suite = SuiteRecord { name: "crowd".into(), ..SuiteRecord::default() };
-    let mut subjects = dense_and_sparse(lab)?;
+    let mut subjects: Vec<Subject> = vec![];
+    for input in dense_and_sparse(lab)? {
+        subjects.push(Subject::new(lab, input));
+    }
     let all = technique::all(lab);
-    let Some(main) = subjects.last_mut() else { return Ok(suite) };
+    let Some(main) = subjects.last_mut() else { return Ok(()) };
     let total = main.targets();
     let mut counts: Vec<usize> = (1..=POINTS).map(|i| (total * i / POINTS).max(1.min(total))).collect();
     counts.dedup();
@@ -54,26 +56,23 @@ pub fn run(lab: &mut Lab<'_>) -> Result<SuiteRecord, Failure> {
     for (tempo, how, goal) in SHARED {
         for (name, config) in &chosen {
             let names = [heads_words(many, true), heads_words(1, true)];
-            let pair = [(&names[0], &copies), (&names[1], &single)].map(|(what, setting)| Entrant {
-                what: what.clone(),
-                config: config.clone(),
-                setting,
-            });
+            let pair = [Entrant::new(&names[0], config, &copies), Entrant::new(&names[1], config, &single)];
             let cell = format!("update of {name}, shared, {how}");
             if let [Some(a), Some(b)] = &lab.measure(main, &cell, &pair, &lab.pace(tempo))?[..] {
-                suite.comparisons.extend(Comparison::new(&cell, [a, b], names, |round| round.update_ms, goal));
+                lab.suite.comparisons.extend(Comparison::new(&cell, [a, b], names, |round| round.update_ms, goal));
             }
         }
         lab.bar.inc(1);
     }
 
-    let Some((_, config)) = chosen.into_iter().find(|(name, _)| name == OURS) else { return Ok(suite) };
+    let Some((_, config)) = chosen.into_iter().find(|(name, _)| name == OURS) else { return Ok(()) };
     let cases = [(subjects.len() - 1, FEW.min(total)), (0, total)];
     for (subject, changed) in cases {
-        suite.comparisons.extend(crowd_gain(lab, &mut subjects[subject], &config, changed, many)?);
+        let gain = crowd_gain(lab, &mut subjects[subject], &config, changed, many)?;
+        lab.suite.comparisons.extend(gain);
         lab.bar.inc(1);
     }
-    Ok(suite)
+    Ok(())
 }
 
 /// One crowd against as many crowds of one head each, recorded into one submission.
@@ -87,11 +86,8 @@ fn crowd_gain(
     let random = Workload::random(subject.targets(), changed, lab.args.input.seed);
     let setting = Setting { drawn: false, ..drawn(&random, heads, false) };
     let names = [format!("{heads} crowds of 1"), format!("1 crowd of {heads}")];
-    let pair = [(true, &names[0]), (false, &names[1])].map(|(separate, name)| Entrant {
-        what: name.clone(),
-        config: Config { separate, ..config.clone() },
-        setting: &setting,
-    });
+    let pair = [(true, &names[0]), (false, &names[1])]
+        .map(|(separate, name)| Entrant::new(name, &Config { separate, ..config.clone() }, &setting));
     let cell = format!("{}: {changed} of {} changed, {heads} heads", subject.input.name, subject.targets());
     let runs = lab.measure(subject, &cell, &pair, &lab.pace(Tempo::Own))?;
     let [Some(singles), Some(crowd)] = &runs[..] else { return Ok(None) };
@@ -103,5 +99,5 @@ fn drawn(workload: &Workload, heads: u32, shared: bool) -> Setting<'_> {
 }
 
 fn entrants<'a>(chosen: &[(String, Config)], setting: &'a Setting<'a>) -> Vec<Entrant<'a>> {
-    chosen.iter().map(|(name, config)| Entrant { what: name.clone(), config: config.clone(), setting }).collect()
+    chosen.iter().map(|(name, config)| Entrant::new(name, config, setting)).collect()
 }

@@ -32,14 +32,23 @@ pub struct Lab<'a> {
     pub out: &'a Output,
     /// Progress: a step for each cell.
     pub bar: ProgressBar,
-    /// The suite that is running.
-    suite: &'static str,
+    /// What the suite that is running has found.
+    suite: SuiteRecord,
+    /// Those that have run.
+    suites: Vec<SuiteRecord>,
     runs: Vec<RunRecord>,
     skipped: Vec<Skipped>,
     meshes: Vec<MeshInfo>,
 }
 
 impl Lab<'_> {
+    fn suite(&mut self, name: &str, run: impl FnOnce(&mut Self) -> Result<(), Failure>) -> Result<(), Failure> {
+        self.suite.name = name.into();
+        run(self)?;
+        self.suites.push(std::mem::take(&mut self.suite));
+        Ok(())
+    }
+
     /// The frames of a configuration, in turns.
     pub fn pace(&self, tempo: Tempo) -> Pace {
         let frames = self.args.frames;
@@ -66,7 +75,7 @@ impl Lab<'_> {
         entrants: &[Entrant<'_>],
         pace: &Pace,
     ) -> Result<Vec<Option<RunRecord>>, Failure> {
-        self.bar.set_message(format!("{} {cell}", self.suite));
+        self.bar.set_message(format!("{} {cell}", self.suite.name));
         let mut runs = vec![];
         for (outcome, entrant) in self.contest(subject, entrants, pace)?.into_iter().zip(entrants) {
             runs.push(match outcome {
@@ -86,7 +95,8 @@ impl Lab<'_> {
 
     /// Put a run into the report.
     pub fn keep(&mut self, cell: &str, technique: &str, run: RunRecord) {
-        self.runs.push(RunRecord { suite: self.suite.into(), cell: cell.into(), technique: technique.into(), ..run });
+        let suite = self.suite.name.clone();
+        self.runs.push(RunRecord { suite, cell: cell.into(), technique: technique.into(), ..run });
     }
 
     /// Put what could not run into the report, once.
@@ -102,30 +112,34 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let input = input::load(&args.input, true, out)?;
     let machine = Machine::open(args, device, &input, out)?;
     let empty = machine.report(&input);
-    let mut lab =
-        Lab { args, machine: &machine, out, bar: out.bar(0), suite: "", runs: vec![], skipped: vec![], meshes: vec![] };
+    let mut lab = Lab {
+        args,
+        machine: &machine,
+        out,
+        bar: out.bar(0),
+        suite: SuiteRecord::default(),
+        suites: vec![],
+        runs: vec![],
+        skipped: vec![],
+        meshes: vec![],
+    };
     let asked = |suite| args.suites.contains(&suite) || args.suites.contains(&SuiteChoice::All);
-    let clip_sets = if asked(SuiteChoice::Clips) { cells::clip_sets(&mut lab)? } else { vec![] };
-    let mut suites: Vec<SuiteRecord> = vec![];
+    // Before anything is measured: a set that cannot be used is not to cost what was measured before it.
+    let clips = if asked(SuiteChoice::Clips) { cells::captured(&mut lab)? } else { vec![] };
     if asked(SuiteChoice::Chapter) {
-        lab.suite = "chapter";
-        let mut subject = Subject::new(&mut lab, input);
-        suites.push(chapter::run(&mut lab, &mut subject)?);
+        lab.suite("chapter", |lab| chapter::run(lab, input))?;
     }
     if asked(SuiteChoice::Crowd) {
-        lab.suite = "crowd";
-        suites.push(crowd::run(&mut lab)?);
+        lab.suite("crowd", crowd::run)?;
     }
     if asked(SuiteChoice::Techniques) {
-        lab.suite = "techniques";
-        suites.push(cells::techniques(&mut lab)?);
+        lab.suite("techniques", |lab| cells::run(lab, cells::made_up(lab)?, &[1, 10, 100]))?;
     }
     if asked(SuiteChoice::Clips) {
-        lab.suite = "clips";
-        suites.push(cells::clips(&mut lab, clip_sets)?);
+        lab.suite("clips", |lab| cells::run(lab, clips, &[1]))?;
     }
     lab.bar.finish_and_clear();
-    let Lab { runs, skipped, meshes, .. } = lab;
+    let Lab { suites, runs, skipped, meshes, .. } = lab;
     let input = meshes.first().cloned().unwrap_or_else(|| empty.input.clone());
     Ok(Report { runs, skipped, suites, meshes, input, ..empty })
 }

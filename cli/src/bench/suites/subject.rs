@@ -49,19 +49,18 @@ impl Subject {
 }
 
 /// The built-in head, dense and sparse; or INPUT alone.
-pub fn dense_and_sparse(lab: &mut Lab<'_>) -> Result<Vec<Subject>, Failure> {
+pub fn dense_and_sparse(lab: &Lab<'_>) -> Result<Vec<Input>, Failure> {
     let args = &lab.args.input;
     if args.input.is_some() {
-        let input = input::load(args, true, lab.out)?;
-        return Ok(vec![Subject::new(lab, input)]);
+        return Ok(vec![input::load(args, true, lab.out)?]);
     }
     let sparse = args.head.sparsity.unwrap_or(SPARSE);
-    let mut subjects = vec![];
+    let mut inputs = vec![];
     for (name, sparsity) in [("dense".to_owned(), 1.0), (format!("{}% sparse", sparse * 100.0), sparse)] {
         let mut args: InputArgs = lab.args.input.clone();
         args.head.sparsity = Some(sparsity);
         let input = input::load(&args, true, lab.out)?;
-        subjects.push(Subject::new(lab, Input { name, ..input }));
+        inputs.push(Input { name, ..input });
     }
-    Ok(subjects)
+    Ok(inputs)
 }

@@ -62,8 +62,7 @@ fn technique(lab: &mut Lab<'_>, path: UpdatePath, mode: UpdateMode, sizes: &[Bat
         sums: &[UpdateDesc::new(path, BatchSize::All).accumulate],
         modes: vec![mode],
         sizes,
-        sizes_named: false,
-        error_budget: 0.0,
+        ..Wanted::default()
     };
     let (configs, skipped) = configurations(&wanted, &lab.args.update, lab.machine.gpu.as_ref());
     skipped.into_iter().for_each(|s| lab.skip(Skipped { what: name.clone(), ..s }));
@@ -85,8 +84,8 @@ pub fn choose(
             chosen.push((technique.name.clone(), config.clone()));
             continue;
         }
-        let entrant = |config: &Config| Entrant { what: technique.name.clone(), config: config.clone(), setting };
-        let entrants: Vec<Entrant<'_>> = technique.configs.iter().map(entrant).collect();
+        let entrants: Vec<Entrant<'_>> =
+            technique.configs.iter().map(|config| Entrant::new(&technique.name, config, setting)).collect();
         let mut best: Option<(f64, &Config)> = None;
         for (outcome, config) in lab.contest(subject, &entrants, &pace)?.into_iter().zip(&technique.configs) {
             match outcome {
