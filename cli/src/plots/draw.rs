@@ -199,17 +199,17 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
 
     /// A data point; `ring` marks it as a special one.
     fn marker(&self, series: &Series, (x, y): (i32, i32), ring: bool) -> Result<(), Error<DB>> {
-        let (corners, turn) = match series.marker {
-            Marker::Circle => (24, 0.0),
-            Marker::Triangle => (3, 0.0),
-            Marker::Square => (4, 0.5),
-            Marker::Diamond => (4, 0.0),
+        let (corners, turn, size) = match series.marker {
+            Marker::Circle => (24, 0.0, 1.0),
+            Marker::Triangle => (3, 0.0, 1.25),
+            Marker::Square => (4, 0.5, 1.25),
+            Marker::Diamond => (4, 0.0, 1.25),
         };
-        let rings = [(6.5, series.color), (4.9, PAPER), (3.7, series.color)];
+        let rings = [(6.5, series.color), (4.8, PAPER), (3.4, series.color)];
         for (radius, color) in rings.into_iter().skip(usize::from(!ring)) {
             let corner = |i| {
                 let (sin, cos) = (TAU * (f64::from(i) + turn) / f64::from(corners)).sin_cos();
-                (x + self.px(radius * sin), y - self.px(radius * cos))
+                (x + self.px(size * radius * sin), y - self.px(size * radius * cos))
             };
             self.draw(Polygon::new((0..corners).map(corner).collect::<Vec<_>>(), color))?;
         }

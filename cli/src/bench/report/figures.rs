@@ -49,18 +49,16 @@ const TIME_VS_HEADS: Kind = Kind {
     slug: "time-vs-heads",
     title: "Time per frame against heads",
     labels: ["heads", "ms per frame"],
-    axes: Axes::CountsFromZero,
-    reference: None,
     caption: "Each point is the fastest batch size of its path. Every head has its own weights; where they are shared, \
               one head is updated for all.",
+    ..TIME_VS_CHANGED
 };
 const DEVICE_TIME: Kind = Kind {
     slug: "crowd-gpu",
     title: "Device time",
     labels: ["targets kept", "ms per frame"],
-    axes: Axes::Counts,
-    reference: None,
     caption: "Mean time of the update and of a draw for each head on the device; bars are ±1 standard error.",
+    ..TIME_VS_BATCH
 };
 const ROUND_TRIP: Kind = Kind {
     slug: "crowd-round-trip",
@@ -137,7 +135,8 @@ fn sweep(report: &Report, runs: &[&RunRecord]) -> Vec<Figure> {
             partition(runs, |run| run.heads).iter().flat_map(|(_, runs)| hardest(runs)).collect();
         let best = best_by(&hardest, |run| run.heads.into());
         let lines = series(&best, |run| run.heads.into(), absolute);
-        figures.extend(TIME_VS_HEADS.figure(&suffix, [workload.clone(), mesh(report, runs)], lines));
+        let work = if workload == "random" { change(hardest[0]) } else { format!("clip {workload}") };
+        figures.extend(TIME_VS_HEADS.figure(&suffix, [work, mesh(report, runs)], lines));
     }
     figures
 }
