@@ -17,7 +17,7 @@ use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::gpu::mesh::MeshBuffers;
 use crate::gpu::pipelines::Objects;
 use crate::pack::blocks::{BlockIndex, ExactGrid};
-use crate::pack::{DeltaFormat, POSE_FLOATS, PackedMesh};
+use crate::pack::{DeltaFormat, POSE_FLOATS, PackedMesh, PoseFormat};
 use crate::plan::UpdateStats;
 use crate::plan::instances::Instances;
 use crate::plan::steps::{Resource, Steps, Use, Work};
@@ -71,7 +71,7 @@ impl Kernel for Scatter {
         let mut objects = Objects::none(device);
         objects.add_layout(&[SCATTER.row, RESOLVE.row], 0)?;
         for kernel in [&SCATTER, &RESOLVE] {
-            objects.add_compute(kernel.module(DeltaFormat::Small, 0)?, &[&[]])?;
+            objects.add_compute(kernel.module(DeltaFormat::Small, PoseFormat::Float32, 0)?, &[&[]])?;
         }
         Ok(Self { objects })
     }

@@ -6,10 +6,13 @@ use crate::abi::kernels::{DeviceClass, DeviceTuning, batch_max};
 use crate::abi::numbers::{DENSE_BATCH_MAX, WORKGROUP};
 use crate::abi::push::attribute_push_bytes;
 use crate::error::{Error, Result};
-use crate::pack::{DeltaFormat, POSE_STRIDE};
+use crate::pack::{DeltaFormat, PoseFormat};
 use crate::plan::UpdatePath;
 use ash::vk;
 use std::ffi::CStr;
+
+/// Bytes of a vertex that transform feedback captures: it writes no other format.
+pub(crate) const CAPTURE_STRIDE: usize = PoseFormat::Float32.stride();
 
 /// Limits of transform feedback.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -273,17 +276,23 @@ impl DeviceCaps {
     }
 
     /// Which kernel of the path `blocks` runs for `instances` instances; `entries`: whether any target moves anything.
-    pub(crate) fn blocks_case(&self, format: DeltaFormat, exact: bool, instances: u32, entries: bool) -> BlocksCase {
+    pub(crate) fn blocks_case(
+        &self,
+        (format, pose): (DeltaFormat, PoseFormat),
+        exact: bool,
+        instances: u32,
+        entries: bool,
+    ) -> BlocksCase {
         // Whatever a storage descriptor covers, a view of four words each covers then.
         let texels = self.int64 && u64::from(self.max_texels) >= self.max_storage_range / 16;
-        BlocksCase { format, exact, instances, entries, device: self.tuning, texels }
+        BlocksCase { format, pose, exact, instances, entries, device: self.tuning, texels }
     }
 
     /// Whether tiles of `format` are read as texels and stored in 64-bit integers, and single instances taken as tiles:
     /// on software drivers, which pay for storage buffers lane by lane, and several times as much under the control
     /// flow that masks take.
     pub fn takes_texels(&self, format: DeltaFormat) -> bool {
-        self.blocks_case(format, false, 1, true).takes_texels()
+        self.blocks_case((format, PoseFormat::default()), false, 1, true).takes_texels()
     }
 
     /// The largest batch of a feedback pass: vertex attributes − 2 for the pose, 2 a target (float32) or 1
@@ -331,9 +340,9 @@ impl DeviceCaps {
                     "the device has no VK_EXT_transform_feedback, or it was not enabled".into(),
                     "use the path 'compute', which needs no extension",
                 ),
-                Some(caps) if caps.max_stride < POSE_STRIDE as u32 => refuse(
+                Some(caps) if caps.max_stride < CAPTURE_STRIDE as u32 => refuse(
                     format!(
-                        "captured vertices may be {} bytes apart at most, a pose needs {POSE_STRIDE}",
+                        "captured vertices may be {} bytes apart at most, a pose needs {CAPTURE_STRIDE}",
                         caps.max_stride
                     ),
                     "use the path 'compute'",

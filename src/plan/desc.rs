@@ -1,7 +1,7 @@
 //! How poses are to be updated: path, mode, batch size, sums, slots.
 
 use super::steps::Consumers;
-use crate::pack::DeltaFormat;
+use crate::pack::{DeltaFormat, PoseFormat};
 
 /// Who carries the passes out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -196,6 +196,8 @@ pub struct UpdateDesc {
     pub slots: u32,
     /// How poses add up (block formats).
     pub accumulate: Accumulate,
+    /// How poses are stored.
+    pub pose: PoseFormat,
     /// How far a vertex may be from where the weights asked for would put it, as a length in input units (block
     /// formats). Changes too small to matter wait then, until they add up to more, or the face is still. 0: none waits.
     /// Packing, and rounding by [`Accumulate::Exact`], come on top. It is one of positions, with which normals wait; other
@@ -211,7 +213,8 @@ impl UpdateDesc {
             true => Accumulate::Exact,
             false => Accumulate::Float { tolerance: 1e-5 },
         };
-        Self { path, batch, mode: path.default_mode(), slots: 2, accumulate, error_budget: 0.0 }
+        let (mode, pose) = (path.default_mode(), PoseFormat::Float32);
+        Self { path, batch, mode, slots: 2, accumulate, pose, error_budget: 0.0 }
     }
 
     /// The path `blocks`: incremental updates in two slots.
