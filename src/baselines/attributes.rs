@@ -63,7 +63,7 @@ enum Capturer {
 }
 
 /// A crowd on the path `direct-attributes`: the active targets of each instance.
-pub(super) struct AttributesTechnique {
+pub(crate) struct AttributesTechnique {
     kernel: Arc<Attributes>,
     capturer: Option<Capturer>,
     mesh: Arc<MeshBuffers>,
@@ -74,7 +74,7 @@ pub(super) struct AttributesTechnique {
 }
 
 impl AttributesTechnique {
-    pub(super) fn new(context: Context<'_>) -> Result<Self> {
+    pub(crate) fn new(context: Context<'_>) -> Result<Self> {
         let (layout, pose, instances) = (context.layout(), context.poses.buffer, context.desc.instances);
         if instances > INSTANCES_MAX {
             return Err(Error::invalid(

@@ -70,7 +70,7 @@ impl Kernel for Direct {
 }
 
 /// A crowd on the path `direct`: weights in a ring of host-visible memory, which the draws read.
-pub(super) struct DirectTechnique {
+pub(crate) struct DirectTechnique {
     kernel: Arc<Direct>,
     mesh: Arc<MeshBuffers>,
     planner: DensePlanner,
@@ -89,7 +89,7 @@ pub(super) struct DirectTechnique {
 }
 
 impl DirectTechnique {
-    pub(super) fn new(context: Context<'_>) -> Result<Self> {
+    pub(crate) fn new(context: Context<'_>) -> Result<Self> {
         let (mesh, desc, pose) = (context.mesh, context.desc, context.poses);
         let stride = Ring::part_bytes((mesh.layout.targets.len() * WEIGHT_BYTES) as u64);
         let (part, frames) = (stride.saturating_mul(desc.instances.into()), desc.frames_in_flight);

@@ -192,7 +192,7 @@ fn fill(planner: &mut DensePlanner, steps: &mut Steps) {
 }
 
 /// A crowd with integer sums for each instance, cleared, added to and resolved in each update.
-pub(super) struct ScatterTechnique {
+pub(crate) struct ScatterTechnique {
     kernel: Arc<Scatter>,
     mesh: Arc<MeshBuffers>,
     /// First record of each target, and the number of all.
@@ -208,7 +208,7 @@ pub(super) struct ScatterTechnique {
 }
 
 impl ScatterTechnique {
-    pub(super) fn new(context: Context<'_>) -> Result<Self> {
+    pub(crate) fn new(context: Context<'_>) -> Result<Self> {
         let (device, desc, mesh, poses) = (context.device, context.desc, context.mesh, context.poses);
         let first = mesh.private.as_ref().and_then(|private| private.downcast_ref::<Vec<u32>>());
         let (Some(index), Some(first)) = (&mesh.layout.blocks, first) else {

@@ -97,7 +97,7 @@ impl VertexStore {
 }
 
 /// What a crowd's storing vertex passes take.
-pub(super) struct StorePasses {
+pub(crate) struct StorePasses {
     kernel: Arc<VertexStore>,
     mesh: Arc<MeshBuffers>,
     poses: Poses,
