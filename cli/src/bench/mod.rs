@@ -4,12 +4,12 @@
 //! the command succeeded. Everything here works without a GPU.
 
 mod bandwidth;
+mod cache;
 mod compare;
 mod configs;
 mod machine;
 mod race;
 mod record;
-mod references;
 mod report;
 mod run;
 mod setting;

@@ -1,15 +1,13 @@
 //! Several configurations side by side: a machine that is faster now than a minute ago is so for all of them.
 
+use super::cache::Cache;
 use super::record::Skipped;
-use super::references::References;
 use super::run::RunRecord;
 use super::setting::{Config, Setting};
 use super::trial::{Context, Trial};
 use crate::output::Failure;
-use crate::runner::{Gpu, Runner, packed};
-use deltamorph::{DeltaFormat, Error, PackedMesh};
-use std::collections::HashMap;
-use std::sync::Arc;
+use crate::runner::{Gpu, Runner};
+use deltamorph::Error;
 use std::time::Duration;
 
 /// How long configurations are timed, and in how many turns.
@@ -118,13 +116,6 @@ fn refusal<T>(result: deltamorph::Result<T>) -> deltamorph::Result<Result<T, Str
     }
 }
 
-/// The meshes packed so far, and the references computed so far, of one input.
-#[derive(Default)]
-pub struct Cache {
-    meshes: HashMap<DeltaFormat, Arc<PackedMesh>>,
-    references: References,
-}
-
 /// A configuration, and what it is measured on.
 pub struct Entrant<'a> {
     /// Its name, should it be refused.
@@ -159,7 +150,7 @@ pub fn contest(
     let mut outcomes: Vec<Outcome> = vec![];
     for (trial, entrant) in running.into_iter().zip(entrants) {
         outcomes.push(match trial {
-            Ok(trial) => Ok(trial.finish(&mut cache.references)?),
+            Ok(trial) => Ok(trial.finish(cache)?),
             Err(reason) => Err(Skipped { what: entrant.what.clone(), reason }),
         });
     }
@@ -181,14 +172,7 @@ fn begin<'a>(
     entrant: &Entrant<'a>,
 ) -> Result<Running<'a>, Failure> {
     let Entrant { config, setting, .. } = entrant;
-    let mesh = match cache.meshes.get(&config.format) {
-        Some(mesh) => mesh.clone(),
-        None => {
-            let mesh = packed(context.input, gpu, config.format, &context.args.update.pack)?;
-            cache.meshes.insert(config.format, mesh.clone());
-            mesh
-        }
-    };
+    let mesh = cache.mesh(context.input, gpu, config.format, &context.args.update.pack)?;
     let threads = context.args.update.threads.unwrap_or(0);
     let runner = match (config.separate, gpu) {
         (true, Some(gpu)) => Runner::crowds(gpu, &mesh, config.desc, 1, setting.updated() as usize),
@@ -196,7 +180,7 @@ fn begin<'a>(
     };
     let gpu = gpu.filter(|_| setting.drawn);
     match runner.and_then(|runner| runner.with_upload(gpu, setting.updated())) {
-        Ok(runner) => Ok(refusal(Trial::begin(context, runner, setting, config, &mesh, &mut cache.references))?),
+        Ok(runner) => Ok(refusal(Trial::begin(context, runner, setting, config, &mesh, cache))?),
         // Too large for the device, say.
         Err(e) => Ok(Err(e.to_string())),
     }

@@ -1,8 +1,9 @@
 //! The ordinary run: every configuration that was asked for, one after the other.
 
+use super::cache::Cache;
 use super::configs::{Wanted, configurations};
 use super::machine::Machine;
-use super::race::{Cache, Entrant, Pace, contest};
+use super::race::{Entrant, Pace, contest};
 use super::record::{Report, Skipped};
 use super::setting::{Config, Setting};
 use super::trial::Context;

@@ -1,7 +1,7 @@
 //! One configuration: verified, then timed in one stretch or in several, then verified again.
 
+use super::cache::Cache;
 use super::record::Bandwidth;
-use super::references::References;
 use super::run::{Round, RunRecord};
 use super::setting::{Config, Setting};
 use super::stats::Stats;
@@ -59,7 +59,7 @@ impl<'a> Trial<'a> {
         setting: &'a Setting<'a>,
         config: &Config,
         mesh: &Arc<PackedMesh>,
-        references: &mut References,
+        cache: &mut Cache,
     ) -> Result<Self> {
         let mut trial = Self {
             context,
@@ -82,7 +82,7 @@ impl<'a> Trial<'a> {
             for frame in trial.frame + 1..=checkpoint {
                 trial.step(frame, 0)?;
             }
-            trial.verify(references)?;
+            trial.verify(cache)?;
         }
         trial.frame %= setting.workload.period();
         Ok(trial)
@@ -164,12 +164,12 @@ impl<'a> Trial<'a> {
     }
 
     /// Compare the first and the last head with the reference.
-    fn verify(&mut self, references: &mut References) -> Result<()> {
+    fn verify(&mut self, cache: &mut Cache) -> Result<()> {
         let last = self.setting.updated() - 1;
         for head in if last == 0 { vec![0] } else { vec![0, last] } {
             let pose = self.runner.pose(head)?;
             let weights = self.promise.applied(&self.setting.workload.weights(head, self.frame));
-            let reference = references.get(&self.mesh, self.context.input, &weights);
+            let reference = cache.reference(&self.mesh, self.context.input, &weights);
             self.found.error = self.found.error.max(compare(&pose, &reference.packed));
             self.found.raw = self.found.raw.max(compare(&pose, &reference.raw));
         }
@@ -177,9 +177,9 @@ impl<'a> Trial<'a> {
     }
 
     /// Verify once more, and sum up.
-    pub fn finish(mut self, references: &mut References) -> Result<RunRecord> {
+    pub fn finish(mut self, cache: &mut Cache) -> Result<RunRecord> {
         if !self.timed.is_empty() {
-            self.verify(references)?;
+            self.verify(cache)?;
             self.sum_up()?;
         }
         let (found, diagonal) = (&self.found, self.promise.scale());

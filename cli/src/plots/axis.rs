@@ -3,6 +3,7 @@
 use super::ALL;
 use crate::table::{percent, sig3};
 use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
+use plotters::coord::types::RangedCoordf64;
 use std::ops::Range;
 
 /// An axis over a range of values.
@@ -37,10 +38,8 @@ impl Axis {
 
     /// A linear axis from 0.
     pub fn from_zero(hi: f64) -> Self {
-        let hi = if hi > 0.0 { hi } else { 1.0 };
-        let step = step(hi, 6);
-        let ticks = multiples(step, 0.0, hi + step * 0.999);
-        Self::new(false, 0.0, *ticks.last().unwrap_or(&hi), 1.0, &ticks, label)
+        let hi = if hi > 0.0 { 1.05 * hi } else { 1.0 };
+        Self::new(false, 0.0, hi, 1.0, &marks(0.0, hi), label)
     }
 
     /// A linear axis for shares.
@@ -75,13 +74,12 @@ impl Axis {
         let (lo, hi) = span(own.iter().copied());
         let end = if behind.is_empty() { 1.0 } else { END };
         let log = lo >= 1.0 && hi / lo > LOG_RATIO_OF_COUNTS;
-        let ticks = match hi - lo {
-            _ if own.len() <= MOST_TICKS => own,
-            _ if log => log_ticks(lo, hi),
-            range => {
-                let ticks = multiples(if range <= 20.0 { 1.0 } else { step(range, 10).max(1.0) }, lo, hi);
-                std::iter::once(lo).filter(|lo| ticks.first() != Some(lo)).chain(ticks.iter().copied()).collect()
-            }
+        let ticks = if own.len() <= MOST_TICKS {
+            own
+        } else if log {
+            log_ticks(lo, hi)
+        } else {
+            std::iter::once(lo).chain(marks(lo, hi).into_iter().filter(|mark| *mark > lo)).collect()
         };
         let air = 0.02 * (hi - lo).max(1.0);
         let (lo, hi) = if log { (lo / 1.1, hi * 1.1) } else { (lo - air, hi + air) };
@@ -163,16 +161,9 @@ fn span(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
     if lo <= hi { (lo, hi) } else { (0.0, 1.0) }
 }
 
-/// The step of 1, 2 or 5 that cuts `range` into at most `parts`.
-fn step(range: f64, parts: usize) -> f64 {
-    let raw = range / parts as f64;
-    let power = 10f64.powf(raw.log10().floor());
-    let multiple = [1.0, 2.0, 5.0].into_iter().find(|m| m * power >= raw * 0.999).unwrap_or(10.0);
-    multiple * power
-}
-
-fn multiples(step: f64, lo: f64, hi: f64) -> Vec<f64> {
-    ((lo / step).ceil() as i64..=(hi / step) as i64).map(|i| i as f64 * step).collect()
+/// The multiples of 1, 2 or 5 in a range.
+fn marks(lo: f64, hi: f64) -> Vec<f64> {
+    RangedCoordf64::from(lo..hi).key_points(MOST_TICKS)
 }
 
 /// As many marks in each decade as there is room for.

@@ -2,7 +2,7 @@
 
 use super::Lab;
 use crate::args::InputArgs;
-use crate::bench::race::Cache;
+use crate::bench::cache::Cache;
 use crate::input::{self, Input};
 use crate::output::Failure;
 use deltamorph::MorphMesh;

@@ -20,10 +20,6 @@ pub struct Technique {
 
 /// Batch sizes to choose from: few are enough, since beyond 8 the gain is small.
 const SIZES: [BatchSpec; 3] = [BatchSpec::Size(8), BatchSpec::Size(16), BatchSpec::All];
-/// Rebuilding every frame is a technique of its own on these paths: in compute passes (Godot, PlayCanvas), and in
-/// vertex passes one target after the other (Godot's compatibility renderer).
-const REBUILDS: [(UpdatePath, bool); 2] = [(UpdatePath::Compute, false), (UpdatePath::Feedback, true)];
-
 /// The paths asked for, or every path that the command line knows.
 pub fn paths(lab: &Lab<'_>) -> Vec<UpdatePath> {
     lab.args.update.paths_or(&UpdatePath::ALL)
@@ -39,34 +35,34 @@ pub fn formats(lab: &Lab<'_>) -> Vec<DeltaFormat> {
 pub fn all(lab: &mut Lab<'_>) -> Vec<Technique> {
     let mut techniques = vec![];
     for path in paths(lab) {
-        let own = path.default_mode();
-        let incremental = own == UpdateMode::Incremental;
         let sizes = if path.takes_all_targets() { &SIZES[..] } else { &[BatchSpec::Max] };
-        techniques.push(technique(lab, path, own, sizes, path.name().into()));
-        for (_, one_by_one) in REBUILDS.into_iter().filter(|(p, _)| *p == path && incremental) {
-            let (name, sizes) = match one_by_one {
-                true => (format!("{} rebuild at batch 1", path.name()), &[BatchSpec::Size(1)][..]),
-                false => (format!("{} rebuild", path.name()), sizes),
+        let mut modes = vec![(path.default_mode(), sizes, "")];
+        // Rebuilding every frame is a technique of its own on two paths: in compute passes (Godot, PlayCanvas), and in
+        // vertex passes one target after the other (Godot's compatibility renderer).
+        match path {
+            UpdatePath::Compute => modes.push((UpdateMode::Rebuild, sizes, " rebuild")),
+            UpdatePath::Feedback => modes.push((UpdateMode::Rebuild, &[BatchSpec::Size(1)], " rebuild at batch 1")),
+            _ => {}
+        }
+        for (mode, sizes, suffix) in modes {
+            let wanted = Wanted {
+                paths: vec![path],
+                paths_named: !lab.args.update.paths.is_empty(),
+                formats: &formats(lab),
+                sums: &[UpdateDesc::new(path, BatchSize::All).accumulate],
+                modes: vec![mode],
+                sizes,
+                ..Wanted::default()
             };
-            techniques.push(technique(lab, path, UpdateMode::Rebuild, sizes, name));
+            let name = format!("{}{suffix}", path.name());
+            let (configs, skipped) = configurations(&wanted, &lab.args.update, lab.machine.gpu.as_ref());
+            skipped.into_iter().for_each(|s| lab.skip(Skipped { what: name.clone(), ..s }));
+            if !configs.is_empty() {
+                techniques.push(Technique { name, configs });
+            }
         }
     }
-    techniques.into_iter().filter(|t| !t.configs.is_empty()).collect()
-}
-
-fn technique(lab: &mut Lab<'_>, path: UpdatePath, mode: UpdateMode, sizes: &[BatchSpec], name: String) -> Technique {
-    let wanted = Wanted {
-        paths: vec![path],
-        paths_named: !lab.args.update.paths.is_empty(),
-        formats: &formats(lab),
-        sums: &[UpdateDesc::new(path, BatchSize::All).accumulate],
-        modes: vec![mode],
-        sizes,
-        ..Wanted::default()
-    };
-    let (configs, skipped) = configurations(&wanted, &lab.args.update, lab.machine.gpu.as_ref());
-    skipped.into_iter().for_each(|s| lab.skip(Skipped { what: name.clone(), ..s }));
-    Technique { name, configs }
+    techniques
 }
 
 /// The fastest configuration of each technique in a short run; none where all are refused.
