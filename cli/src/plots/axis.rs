@@ -1,6 +1,6 @@
 //! Axes: which values are marked, and where they stand.
 
-use super::ALL;
+use super::figure::ALL;
 use crate::table::{percent, sig3};
 use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
 use plotters::coord::types::RangedCoordf64;
@@ -21,6 +21,8 @@ pub struct Axis {
 
 /// Most ticks that stand beside each other without crowding.
 const MOST_TICKS: usize = 9;
+/// Most of them where they are counts, with one or two digits.
+const MOST_COUNTS: usize = 21;
 /// From these ratios on, small values and counts need a log axis to be seen.
 const LOG_RATIO: f64 = 6.0;
 const LOG_RATIO_OF_COUNTS: f64 = 30.0;
@@ -39,7 +41,7 @@ impl Axis {
     /// A linear axis from 0.
     pub fn from_zero(hi: f64) -> Self {
         let hi = if hi > 0.0 { 1.05 * hi } else { 1.0 };
-        Self::new(false, 0.0, hi, 1.0, &marks(0.0, hi), label)
+        Self::new(false, 0.0, hi, 1.0, &marks(0.0, hi, MOST_TICKS), label)
     }
 
     /// A linear axis for shares.
@@ -79,7 +81,7 @@ impl Axis {
         } else if log {
             log_ticks(lo, hi)
         } else {
-            std::iter::once(lo).chain(marks(lo, hi).into_iter().filter(|mark| *mark > lo)).collect()
+            std::iter::once(lo).chain(marks(lo, hi, MOST_COUNTS).into_iter().filter(|mark| *mark > lo)).collect()
         };
         let air = 0.02 * (hi - lo).max(1.0);
         let (lo, hi) = if log { (lo / 1.1, hi * 1.1) } else { (lo - air, hi + air) };
@@ -161,9 +163,9 @@ fn span(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
     if lo <= hi { (lo, hi) } else { (0.0, 1.0) }
 }
 
-/// The multiples of 1, 2 or 5 in a range.
-fn marks(lo: f64, hi: f64) -> Vec<f64> {
-    RangedCoordf64::from(lo..hi).key_points(MOST_TICKS)
+/// At most so many multiples of 1, 2 or 5 in a range.
+fn marks(lo: f64, hi: f64, most: usize) -> Vec<f64> {
+    RangedCoordf64::from(lo..hi).key_points(most)
 }
 
 /// As many marks in each decade as there is room for.

@@ -2,13 +2,15 @@
 //! axis, and the markers are drawn here.
 
 use super::axis::Axis;
-use super::{Axes, Bar, Chart, FONT, Figure, Marker, Point, Series, Unit};
+use super::figure::{Axes, Bar, Chart, Figure, Marker, Point, Series, Unit};
 use plotters::coord::Shift;
 use plotters::element::{DashedPathElement, Drawable, PointCollection};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::f64::consts::TAU;
 
+/// The family that text is set in: the browser's own in SVG, the built-in font in PNG.
+pub const FONT: &str = "sans-serif";
 const WIDTH: f64 = 720.0;
 /// Height of a line chart.
 const HEIGHT: f64 = 440.0;

@@ -1,7 +1,6 @@
 //! Every technique against every other: on made-up workloads, and on captured clips.
 
-use super::Lab;
-use super::subject::{Subject, dense_and_sparse};
+use super::lab::{Lab, Subject, dense_and_sparse};
 use super::technique;
 use crate::args::InputArgs;
 use crate::bench::compare::CellRecord;

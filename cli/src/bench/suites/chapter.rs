@@ -1,7 +1,6 @@
 //! The chapter's figure: what batching gains.
 
-use super::Lab;
-use super::subject::Subject;
+use super::lab::{Lab, Subject};
 use super::technique::{formats, paths};
 use crate::args::values::{BatchSpec, SUMS};
 use crate::bench::compare::Comparison;

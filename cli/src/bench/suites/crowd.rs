@@ -1,7 +1,7 @@
 //! One head and many, after Costigan et al. (MIG 2016), figures 5 and 6.
 
-use super::subject::{Subject, dense_and_sparse};
-use super::{Lab, technique};
+use super::lab::{Lab, Subject, dense_and_sparse};
+use super::technique;
 use crate::bench::compare::{Comparison, OURS};
 use crate::bench::race::{Entrant, Tempo};
 use crate::bench::run::heads_words;

@@ -1,7 +1,6 @@
 //! The techniques that compete: every update path in its best configuration, and two that rebuild every frame.
 
-use super::Lab;
-use super::subject::Subject;
+use super::lab::{Lab, Subject};
 use crate::args::values::BatchSpec;
 use crate::bench::configs::{Wanted, configurations};
 use crate::bench::race::{Entrant, Pace, Tempo};
