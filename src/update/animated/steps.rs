@@ -1,7 +1,7 @@
 //! The steps of an update that the GPU plans: the same ones, whatever changes.
 
 #[cfg(any(test, feature = "internals"))]
-use crate::plan::hazards::{Accesses, Memory, MemoryUse};
+use crate::plan::hazards::{Accesses, Memory};
 use crate::plan::steps::{Access, Resource, Source, Stage, Steps, Use, Work};
 use crate::update::blocks::EXACT_BLOCKS;
 use std::ops::Range;
@@ -141,11 +141,7 @@ impl AnimatedUpdate {
 pub(crate) fn accesses(works: &[Work], instances: u32) -> Vec<Accesses> {
     use Memory as M;
     let of = |work: &Work| match AnimatedKernel::ALL[work.kernel as usize] {
-        AnimatedKernel::Records => {
-            let write =
-                MemoryUse { group: 0, memory: M::Records, stage: Stage::Transfer, access: Access::TransferWrite };
-            Accesses { writes: vec![write], ..Accesses::default() }
-        }
+        AnimatedKernel::Records => Accesses { uses: vec![Use::copy(M::Records)], ..Accesses::default() },
         AnimatedKernel::Sample => Accesses::compute([M::Clips, M::Records, M::Weights], [M::Weights]),
         AnimatedKernel::Budget | AnimatedKernel::Commit => Accesses::compute([M::Clips, M::Weights], [M::Weights]),
         // Counters are atomic.
@@ -163,12 +159,11 @@ pub(crate) fn accesses(works: &[Work], instances: u32) -> Vec<Accesses> {
             let reads = [M::WorkList, M::Deltas, M::Base].into_iter().chain(sums.clone());
             let reads = reads.chain(sources.into_iter().flatten());
             let mut all = Accesses::compute(reads, sums.chain(pose(work.destination)));
-            let arguments = (M::Arguments, Stage::Indirect, Access::IndirectRead);
-            all.reads.push(MemoryUse { group: 0, memory: arguments.0, stage: arguments.1, access: arguments.2 });
+            all.uses.push(Use::new(M::Arguments, Stage::Indirect, Access::IndirectRead));
             all
         }
     };
-    works.iter().map(|work| of(work).of_group(work.group)).collect()
+    works.iter().map(|work| Accesses { group: work.group, ..of(work) }).collect()
 }
 
 #[cfg(test)]

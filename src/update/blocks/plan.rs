@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::pack::PackedLayout;
 use crate::pack::blocks::{BlockIndex, ExactGrid};
 #[cfg(any(test, feature = "internals"))]
-use crate::plan::hazards::{Accesses, Memory, MemoryUse};
+use crate::plan::hazards::{Accesses, Memory};
 use crate::plan::instances::Instances;
 use crate::plan::steps::{Resource, Steps, Use, Work};
 use crate::plan::{UpdateDesc, UpdateStats};
@@ -251,13 +251,10 @@ impl Dispatches {
     /// one.
     #[cfg(any(test, feature = "internals"))]
     pub fn accesses(&self, list: &WorkList, works: &[Work]) -> Accesses {
-        let mut all = Accesses { in_place: true, ..Accesses::default() };
+        let mut all = Accesses { group: self.group, in_place: true, ..Accesses::default() };
         let mut known = std::collections::HashSet::new();
-        let mut add = |accesses: Accesses| {
-            let mut new = |access: &MemoryUse| known.insert((access.memory, access.access as u8));
-            all.reads.extend(accesses.reads.into_iter().filter(&mut new));
-            all.writes.extend(accesses.writes.into_iter().filter(&mut new));
-        };
+        let mut add =
+            |accesses: Accesses| all.uses.extend(accesses.uses.into_iter().filter(|used| known.insert(*used)));
         for work in works {
             let places = work.items.start as usize..work.items.end as usize;
             match &self.tiles {
@@ -271,7 +268,7 @@ impl Dispatches {
                 }
             }
         }
-        all.of_group(self.group)
+        all
     }
 
     #[cfg(any(test, feature = "internals"))]

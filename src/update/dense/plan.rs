@@ -9,7 +9,7 @@
 use crate::error::Result;
 use crate::pack::{POSE_STRIDE, PackedLayout};
 #[cfg(any(test, feature = "internals"))]
-use crate::plan::hazards::{Accesses, Memory, MemoryUse};
+use crate::plan::hazards::{Accesses, Memory};
 use crate::plan::instances::Instances;
 #[cfg(any(test, feature = "internals"))]
 use crate::plan::steps::{Access, Stage};
@@ -312,18 +312,15 @@ pub(crate) fn pass_accesses(
 ) -> Vec<Accesses> {
     let of = |work: &Work| {
         let (instance, group) = (work.instance, work.group);
-        let read = |memory| MemoryUse { group, memory, stage: read_stage, access: read };
+        let read = |memory| Use::new(memory, read_stage, read);
         let source = match work.source {
             Source::Base => Memory::Base,
             Source::Slot(slot) => Memory::Pose { instance, slot },
         };
         let deltas = (!work.items.is_empty()).then_some(Memory::Deltas);
         let destination = Memory::Pose { instance, slot: work.destination };
-        Accesses {
-            reads: deltas.into_iter().chain([source]).map(read).collect(),
-            writes: vec![MemoryUse { group, memory: destination, stage: write_stage, access: written }],
-            in_place,
-        }
+        let reads = deltas.into_iter().chain([source]).map(read);
+        Accesses { group, uses: reads.chain([Use::new(destination, write_stage, written)]).collect(), in_place }
     };
     works.iter().map(of).collect()
 }
