@@ -1,10 +1,10 @@
 //! The CPU reference of the kernels that sample and plan, `glsl/animate.comp` to `glsl/plan.comp`: the planner of the
 //! block formats, with a few choices made.
 
-use super::budget::{Budget, Deferred};
+use super::budget::Budget;
 use super::clips::Clips;
 use super::playback::Playbacks;
-use super::sample::{HeadRecord, sample};
+use super::sample::HeadRecord;
 use crate::error::Result;
 use crate::pack::PackedLayout;
 use crate::pack::blocks::BlockIndex;
@@ -23,10 +23,8 @@ pub struct AnimatedReference {
     /// Of each head, in steps of the grid.
     weights: Vec<Deferred>,
     budget: Option<Budget>,
-    sampled: Vec<i32>,
     list: WorkList,
     scratch: Scratch,
-    asked: Vec<f32>,
 }
 
 impl AnimatedReference {
@@ -38,22 +36,20 @@ impl AnimatedReference {
         desc.check_all(Some(layout), Runner::Animated(None))?;
         let Some(index) = &layout.blocks else { unreachable!("checked") };
         let budget = Budget::new(desc.error_budget, index)?;
-        // What waits is decided before, target by target: the planner gets the weights that go.
+        // What is deferred is decided before, target by target: the planner gets the weights to apply.
         let mut state = BlockState::new(UpdateDesc { error_budget: 0.0, ..desc }, layout, index)?;
         state.write_whole_blocks();
         state.rotate_always();
-        let (heads, targets) = (heads as usize, layout.targets.len());
+        let heads = heads as usize;
         Ok(Self {
             index: index.clone(),
             states: vec![state; heads],
             slots: desc.slots,
             hidden: vec![false; heads],
-            weights: vec![Deferred::new(targets); heads],
+            weights: vec![Deferred::new(layout.targets.len()); heads],
             budget,
-            sampled: vec![0; targets],
             list: WorkList::new(index, heads),
             scratch: Scratch::default(),
-            asked: vec![0.0; targets],
         })
     }
 
@@ -70,30 +66,102 @@ impl AnimatedReference {
             if was_hidden {
                 state.take_up_at(slot);
             }
-            sample(clips, record, heads.now(), &mut self.sampled);
-            // A head that is new or shown again has nothing to wait with.
+            // Nothing is deferred of a head that is new or shown again.
             let budget = self.budget.as_ref().filter(|_| state.is_known() && !was_hidden);
-            self.weights[i].commit(&self.sampled, budget, &self.index);
+            self.weights[i].commit(&sample(clips, record, heads.now()), budget, &self.index);
             let step = state.exact().map_or(0.0, |grid| grid.weight_step());
             // Steps have fewer bits than a float32's, and the step is a power of two: exact.
-            self.asked
-                .iter_mut()
-                .zip(self.weights[i].committed())
-                .for_each(|(asked, &steps)| *asked = steps as f32 * step);
-            let (scratch, list) = (&mut self.scratch, &mut self.list);
+            let weights: Vec<f32> = self.weights[i].committed.iter().map(|&steps| steps as f32 * step).collect();
             let stats = &mut UpdateStats::default();
-            state.plan(&self.index, i, &self.asked, update + 1, scratch, list, stats);
+            state.plan(&self.index, i, &weights, update + 1, &mut self.scratch, &mut self.list, stats);
         }
         &self.list
     }
 
     /// The weights that the poses of a head hold, in steps of the grid.
     pub fn weights(&self, head: usize) -> &[i32] {
-        self.weights[head].committed()
+        &self.weights[head].committed
     }
 
-    /// The weights that were asked for.
+    /// The weights that were requested.
     pub fn requested(&self, head: usize) -> &[i32] {
-        self.weights[head].requested()
+        &self.weights[head].requested
+    }
+}
+
+impl HeadRecord {
+    /// Where the clip is at `now`, in steps of 2⁻³² frames; looping clips are not wrapped yet.
+    pub(super) fn position(&self, now: u32) -> u64 {
+        let elapsed = (now.wrapping_sub(self.start) as i32).max(0) as u64;
+        (u64::from(self.frame) << 32 | u64::from(self.fraction)) + elapsed * u64::from(self.rate)
+    }
+}
+
+/// Between which frames a clip of `frames` is at `position`, and how far: `(frame, next, f)` with f in 2⁻¹⁶.
+pub(super) fn between(record: &HeadRecord, frames: u32, position: u64) -> (u32, u32, u32) {
+    let (whole, fraction) = ((position >> 32) as u32, (position >> 16) as u32 & 0xffff);
+    let last = frames - 1;
+    let (frame, next, f) = if record.has(HeadRecord::LOOP) {
+        let frame = whole % frames;
+        (frame, if frame == last { 0 } else { frame + 1 }, fraction)
+    } else if whole >= last {
+        (last, last, 0)
+    } else {
+        (whole, whole + 1, fraction)
+    };
+    if record.has(HeadRecord::REVERSED) { (last - frame, last - next, f) } else { (frame, next, f) }
+}
+
+/// From `k0` to `k1`, `f`·2⁻¹⁶ of the way, to nearest.
+pub(super) fn interpolate(k0: i32, k1: i32, f: u32) -> i32 {
+    let product = i64::from(k1 - k0) * i64::from(f);
+    k0 + ((product + 0x8000) >> 16) as i32
+}
+
+/// The weights, in steps of the grid, that a head shows at tick `now`: what `glsl/animate.comp` computes.
+pub(super) fn sample(clips: &Clips, record: &HeadRecord, now: u32) -> Vec<i32> {
+    if !record.has(HeadRecord::PLAYING) {
+        return vec![0; clips.targets()];
+    }
+    let clip = record.clip as usize;
+    let (frame, next, f) = between(record, clips.frames(clip), record.position(now));
+    let key = |frame, target| clips.key(clip, frame, target);
+    (0..clips.targets()).map(|target| interpolate(key(frame, target), key(next, target), f)).collect()
+}
+
+/// The weights of a head, in steps of the grid.
+#[derive(Clone)]
+pub(super) struct Deferred {
+    requested: Vec<i32>,
+    /// What poses hold.
+    pub(super) committed: Vec<i32>,
+}
+
+impl Deferred {
+    /// All 0.
+    pub(super) fn new(targets: usize) -> Self {
+        Self { requested: vec![0; targets], committed: vec![0; targets] }
+    }
+
+    /// Request `weights`, one for each target. Without a budget all of them are applied.
+    pub(super) fn commit(&mut self, weights: &[i32], budget: Option<&Budget>, index: &BlockIndex) {
+        let still = std::mem::replace(&mut self.requested, weights.to_vec()) == weights;
+        let Some(budget) = budget.filter(|_| !still) else {
+            return self.committed.copy_from_slice(weights);
+        };
+        let mut applied = vec![false; weights.len()];
+        for block in 0..index.count() {
+            let entries = index.entries(block);
+            let targets = &index.entry_targets()[entries.clone()];
+            let pending = |target: usize| u64::from(weights[target].abs_diff(self.committed[target]));
+            let reaches = targets.iter().zip(&budget.reaches()[entries]);
+            let sum: u64 = reaches.map(|(&target, &reach)| pending(target as usize) * u64::from(reach)).sum();
+            if sum > budget.most() {
+                targets.iter().for_each(|&target| applied[target as usize] = true);
+            }
+        }
+        for (target, _) in applied.into_iter().enumerate().filter(|(_, applied)| *applied) {
+            self.committed[target] = weights[target];
+        }
     }
 }

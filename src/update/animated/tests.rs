@@ -1,3 +1,5 @@
+use super::reference::{Deferred, between, interpolate, sample};
+use super::sample::TICKS_PER_SECOND;
 use super::*;
 use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
 use crate::plan::{Accumulate, UpdateDesc, UpdatePath};
@@ -58,8 +60,7 @@ proptest! {
         for seconds in seconds {
             heads.set_time(seconds).unwrap();
             heads.update(&clips);
-            let mut steps = [0; TARGETS];
-            sample(&clips, &heads.records()[0], heads.now(), &mut steps);
+            let steps = sample(&clips, &heads.records()[0], heads.now());
             // Ticks and rates are rounded: so is the place in the clip. Where it is next to a frame, both sides are
             // looked at.
             let slack = 3.0 * 90.0 / TICKS_PER_SECOND + 60.0 / 65_536.0;
@@ -173,7 +174,7 @@ fn what_is_played_is_sent_once_and_again_when_it_was_discarded() {
     assert_eq!((heads.update(&clips), runs(&heads)), (2, vec![(2, 3)]));
     assert_eq!([0, 1, 2].map(|head| heads.written(head)), [Some((2, false)), Some((2, true)), Some((1, false))]);
     heads.discard_from(2);
-    assert_eq!([0, 1, 2].map(|head| heads.written(head)), [Some((1, false)), Some((1, true)), Some((1, true))]);
+    assert_eq!([0, 1, 2].map(|head| heads.written(head)), [Some((1, true)); 3]);
     heads.set_hidden(2, false);
     assert_eq!((heads.update(&clips), runs(&heads)), (2, vec![(2, 3)]));
     assert_eq!([0, 1, 2].map(|head| heads.written(head)), [Some((2, false)), Some((2, true)), Some((2, true))]);
@@ -188,7 +189,7 @@ fn what_is_played_is_sent_once_and_again_when_it_was_discarded() {
 #[test]
 fn turns_that_never_ran_are_turned_back() {
     let clips = clips(&[clip(4, 24.0, |f, _| f as f32 / 8.0)], KeyFormat::Bits32);
-    for (turns, discarded) in (1..9).flat_map(|turns| (0..=turns).map(move |discarded| (turns, discarded))) {
+    for (turns, discarded) in (1..13).flat_map(|turns| (0..=turns).map(move |discarded| (turns, discarded))) {
         let mut heads = Playbacks::new(1);
         let mut written = vec![heads.written(0)];
         for turn in 0..turns {
@@ -199,7 +200,7 @@ fn turns_that_never_ran_are_turned_back() {
         heads.discard_from(turns - discarded);
         let now = heads.written(0).map(|(update, _)| update);
         let expected = written[(turns - discarded) as usize].map(|(update, _)| update);
-        assert!(now == expected || (discarded >= 4 && now.is_none()), "{turns} {discarded}: {now:?}, {expected:?}");
+        assert!(now == expected || (discarded >= 8 && now.is_none()), "{turns} {discarded}: {now:?}, {expected:?}");
     }
 }
 
@@ -288,17 +289,17 @@ fn small_changes_wait_within_the_budget_and_settle() {
     let mut waiting = Deferred::new(TARGETS);
     let first = [1000, -500, 0, 20, 0];
     waiting.commit(&first, None, &index);
-    assert_eq!(waiting.committed(), first);
+    assert_eq!(waiting.committed, first);
     // Target 2 moves nothing: its change is in no block's sum, and waits until the face is still.
     let mut weights = [1001, -500, 7, 20, 0];
     waiting.commit(&weights, Some(&budget), &index);
-    assert_eq!(waiting.committed(), first);
+    assert_eq!(waiting.committed, first);
     let (mut went, mut waited) = (0, 0);
     for i in 0..200 {
         weights[0] += 50 + i % 5;
         weights[4] -= i % 2;
         waiting.commit(&weights, Some(&budget), &index);
-        let held = waiting.committed();
+        let held = &waiting.committed;
         if held[0] == weights[0] {
             went += 1
         } else {
@@ -311,8 +312,8 @@ fn small_changes_wait_within_the_budget_and_settle() {
     }
     assert!(went > 5 && waited > 5, "{went} went, {waited} waited");
     waiting.commit(&weights, Some(&budget), &index);
-    assert_eq!(waiting.committed(), weights, "a still face settles");
+    assert_eq!(waiting.committed, weights, "a still face settles");
     weights[0] += 100_000;
     waiting.commit(&weights, Some(&budget), &index);
-    assert_eq!(waiting.committed()[0], weights[0], "a large change does not wait");
+    assert_eq!(waiting.committed[0], weights[0], "a large change does not wait");
 }

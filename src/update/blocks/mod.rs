@@ -15,7 +15,7 @@ mod technique;
 mod tiles;
 
 pub use list::{ELEMENT_BYTES, Element, ITEM_WORDS, Item, WorkList};
-pub(crate) use plan::{EXACT_BLOCKS, GroupPlanner, Planner};
+pub(crate) use plan::{GroupPlanner, Planner};
 pub(crate) use state::check_tolerance;
 pub(crate) use technique::BlocksTechnique;
 pub use tiles::{ROWS, TILE_WORDS, WIDTHS, row_words};
