@@ -39,7 +39,7 @@ const UPLOADED: [&[Use]; 2] = [
     ],
 ];
 
-/// The barrier behind the copies of an upload: every technique may read base pose and deltas.
+/// The barrier after the copies of an upload: every technique may read base pose and deltas.
 pub fn asset_uploaded() -> Option<Barrier> {
     Barrier::between(UPLOADED[0], UPLOADED[1])
 }

@@ -284,7 +284,7 @@ impl Steps {
         &self.works[first..self.steps[step].end]
     }
 
-    /// What a round uses: the step of this number, or behind the `last` step of all, what follows the update.
+    /// What a round uses: the step of this number; after the `last` step of all, what follows the update.
     pub(super) fn uses_of(&self, step: usize, last: usize) -> &[Use] {
         match self.steps.get(step) {
             Some(step) => step.uses,

@@ -1,15 +1,16 @@
-//! The error budget of crowds that are animated on the GPU: changes too small to matter wait, target by target.
+//! The error budget of crowds that are animated on the GPU: changes too small to matter are deferred, target by target.
 //!
-//! A head has the weights asked for, and those that its poses hold. A change between the two waits while in every block
+//! A head has requested weights, and those that its poses hold. A change between the two is deferred while in every
+//! block
 //!
 //! ```text
 //! Σ |requested − held| · reach ≤ budget        over the targets that touch the block
 //! ```
 //!
 //! with the reach of a target in a block (its longest position delta there) in steps, rounded up: integers of 64 bits,
-//! so that GPU and CPU decide alike. A block beyond the budget lets all that waits in it go. A head that asks for what
-//! it asked for in the update before settles: all goes. Planners on the CPU let changes wait entry by entry, which
-//! saves more and takes more memory.
+//! so that GPU and CPU decide alike. Where a block exceeds the budget, all that is deferred in it is applied. A head
+//! whose requested weights stay the same from one update to the next has all of them applied. Planners on the CPU defer
+//! changes entry by entry, which saves more and takes more memory.
 
 use crate::error::Result;
 use crate::pack::blocks::BlockIndex;
@@ -22,7 +23,7 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// `length` in input units; `None` for 0, with which no change waits.
+    /// `length` in input units; `None` for 0, with which no change is deferred.
     ///
     /// # Errors
     /// As [`BlockIndex::exact`].

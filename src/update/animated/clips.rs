@@ -8,7 +8,7 @@ use crate::weights::WeightClip;
 /// How keys are kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum KeyFormat {
-    /// 32 bits: what the grid of exact sums can tell apart.
+    /// 32 bits: the resolution of the grid of exact sums.
     #[default]
     Bits32,
     /// 16 bits, two to a word: the integer shifted to the right until all of a clip fit, to nearest.

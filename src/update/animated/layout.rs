@@ -18,13 +18,13 @@ pub(super) struct GroupLayout {
     size: u32,
     /// Bytes of a group's work list.
     pub(super) stride: u64,
-    /// What kernels have to know; clock, slots and group of instances are those of a dispatch. Offsets count words.
+    /// Push constants, but for the group of instances; clock and slots are those of the last update.
     pub(super) push: AnimationPush,
 }
 
 impl GroupLayout {
-    /// Of the mesh and crowd of `context`. `push` is what all groups of the mesh have in common; what is this one's
-    /// alone is placed behind what `tables` and `state` hold so far.
+    /// Of the mesh and crowd of `context`. `push` is the same for all groups of the mesh; tables and history of this one
+    /// are appended to `tables` and `state`.
     fn new(context: &Context<'_>, push: AnimationPush, tables: &mut Words, state: &mut Words) -> Result<Self> {
         let (caps, instances, index) = (context.caps(), context.desc.instances, context.layout().index()?);
         let (blocks, entries) = (index.count() as u64, index.entry_count() as u64);

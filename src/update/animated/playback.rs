@@ -1,4 +1,5 @@
-//! What the CPU knows of the instances of a crowd that is animated on the GPU: what each plays, and which updates wrote it.
+//! What the CPU knows of the instances of a crowd that is animated on the GPU: what each plays, and which updates
+//! wrote its poses.
 
 use super::clips::Clips;
 use super::sample::{HeadRecord, Playback, Repeat, TICKS_PER_SECOND};
@@ -16,8 +17,6 @@ const SECONDS_MAX: f64 = (1u64 << 36) as f64;
 
 #[derive(Clone, Debug, Default)]
 struct Head {
-    /// The tick at which it started, all of its bits.
-    start: i64,
     /// Updates from which on it is shown, its first pose having no predecessor (`true`), or hidden; the latest first.
     /// None: it has no pose, or so many of them never ran that it is not known.
     changes: [Option<(u64, bool)>; CHANGES],
@@ -37,12 +36,11 @@ struct Head {
 #[derive(Clone, Debug)]
 pub struct Playbacks {
     heads: Vec<Head>,
-    /// What each plays.
+    /// What each plays, and the tick at which it started, all bits of it.
     records: Vec<HeadRecord>,
+    starts: Vec<i64>,
     now: i64,
     updates: u64,
-    /// The latest start of any head, and the earliest.
-    starts: (i64, i64),
     /// Instances of which something changed since the last update.
     pending: Vec<u32>,
     changed: Vec<Range<u32>>,
@@ -55,9 +53,9 @@ impl Playbacks {
         Self {
             heads: vec![head; count as usize],
             records: vec![HeadRecord::default(); count as usize],
+            starts: vec![0; count as usize],
             now: 0,
             updates: 0,
-            starts: (0, 0),
             pending: (0..count).collect(),
             changed: Vec::with_capacity(count as usize),
         }
@@ -69,12 +67,8 @@ impl Playbacks {
     /// No number, or one too large; more than 4.5 hours before some head's start.
     pub fn set_time(&mut self, seconds: f64) -> Result<()> {
         let now = ticks(seconds)?;
-        if self.starts.0 - now > REBASE_TICKS {
-            // It may be the start of something that is no longer played.
-            let playing = self.heads.iter().zip(&self.records).filter(|(_, record)| record.has(HeadRecord::PLAYING));
-            self.starts.0 = playing.map(|(head, _)| head.start).fold(now, i64::max);
-        }
-        if self.starts.0 - now > REBASE_TICKS {
+        let mut playing = self.starts.iter().zip(&self.records).filter(|(_, record)| record.has(HeadRecord::PLAYING));
+        if playing.any(|(start, _)| start - now > REBASE_TICKS) {
             return Err(Error::invalid(
                 format!("second {seconds}, more than 4.5 hours before a head starts"),
                 "play its clip again at the new time first",
@@ -108,11 +102,9 @@ impl Playbacks {
         }
         let start_tick = ticks(start)?;
         if start_tick - self.now > REBASE_TICKS {
+            let ahead = start - self.now as f64 / TICKS_PER_SECOND;
             return Err(Error::invalid(
-                format!(
-                    "a clip that starts at second {start}, {} seconds ahead",
-                    start - self.now as f64 / TICKS_PER_SECOND
-                ),
+                format!("a clip that starts at second {start}, {ahead} seconds ahead"),
                 "use a start at most 4.5 hours ahead of the time set",
             ));
         }
@@ -125,13 +117,12 @@ impl Playbacks {
             flags |= HeadRecord::REVERSED;
         }
         *record = HeadRecord { clip, start: start_tick as u32, rate: rate as u32, flags, ..HeadRecord::default() };
-        self.starts = (self.starts.0.max(start_tick), self.starts.1.min(start_tick));
-        let head = self.touch(head);
-        (head.start, head.stale) = (start_tick, true);
+        self.starts[head as usize] = start_tick;
+        self.touch(head).stale = true;
         Ok(())
     }
 
-    /// Leave `head` out of updates from the next one on, or take it up again.
+    /// Leave `head` out of updates from the next one on, or include it again.
     pub fn set_hidden(&mut self, head: u32, hidden: bool) {
         let record = &mut self.records[head as usize];
         if record.has(HeadRecord::HIDDEN) != hidden {
@@ -140,7 +131,7 @@ impl Playbacks {
         }
     }
 
-    /// A new head in the place of one that was hidden: it plays nothing, and has no pose yet.
+    /// A new head takes the index of one that was hidden: it plays nothing, and has no pose yet.
     pub fn add(&mut self, head: u32) {
         self.records[head as usize] = HeadRecord::default();
         let head = self.touch(head);
@@ -152,7 +143,7 @@ impl Playbacks {
         self.touch(head).cut = true;
     }
 
-    /// `head`, which the next update looks at.
+    /// `head`, to be changed by the next update.
     fn touch(&mut self, head: u32) -> &mut Head {
         let touched = &mut self.heads[head as usize];
         if !std::mem::replace(&mut touched.listed, true) {
@@ -164,7 +155,7 @@ impl Playbacks {
     /// Take the next update as recorded; its number. [`changed`](Self::changed) and [`records`](Self::records) are what
     /// it has to bring to the device.
     pub fn update(&mut self, clips: &Clips) -> u64 {
-        if self.now - self.starts.1 >= REBASE_TICKS {
+        if self.starts.iter().any(|start| self.now - start >= REBASE_TICKS) {
             self.rebase(clips);
         }
         let update = self.updates;
@@ -195,19 +186,18 @@ impl Playbacks {
 
     /// Start records anew that have come far, exactly where they are.
     fn rebase(&mut self, clips: &Clips) {
-        self.starts = (self.now, self.now);
-        for number in 0..self.heads.len() {
-            let (head, record) = (&mut self.heads[number], &mut self.records[number]);
-            let elapsed = self.now - head.start;
-            if elapsed >= REBASE_TICKS / 2 {
-                head.start = self.now - REBASE_MARGIN;
+        for head in 0..self.heads.len() {
+            let (elapsed, record) = (self.now - self.starts[head], &mut self.records[head]);
+            if elapsed < REBASE_TICKS / 2 {
+                continue;
             }
-            self.starts = (self.starts.0.max(head.start), self.starts.1.min(head.start));
-            if elapsed >= REBASE_TICKS / 2 && record.has(HeadRecord::PLAYING) {
+            let start = self.now - REBASE_MARGIN;
+            self.starts[head] = start;
+            if record.has(HeadRecord::PLAYING) {
                 let position = position(record, clips, elapsed - REBASE_MARGIN);
                 (record.frame, record.fraction) = ((position >> 32) as u32, position as u32);
-                record.start = head.start as u32;
-                self.touch(number as u32).stale = true;
+                record.start = start as u32;
+                self.touch(head as u32).stale = true;
             }
         }
     }

@@ -7,8 +7,8 @@
 //! shifted to the right ([`KeyFormat`]). [`Clips`] has the layout.
 //!
 //! # Time
-//! The host's clock is told in seconds and kept in ticks of 2⁻¹⁶ s. A head's [`HeadRecord`] has the low 32 bits of the
-//! tick at which it started, its rate in 2⁻¹⁶ frames a second, and the place in the clip where it started:
+//! The host sets its clock in seconds, and it is kept in ticks of 2⁻¹⁶ s. A head's [`HeadRecord`] has the low 32 bits of the
+//! tick at which it started, its rate in 2⁻¹⁶ frames a second, and the position in the clip where it started:
 //!
 //! ```text
 //! elapsed  = max(now − start, 0)                      as a signed 32-bit number
@@ -50,7 +50,7 @@ pub enum Repeat {
 pub struct Playback {
     /// Which clip.
     pub clip: u32,
-    /// When it starts, in seconds of the clock that [`Playbacks::set_time`](super::Playbacks::set_time) tells. Before,
+    /// When it starts, in seconds of the clock that [`Playbacks::set_time`](super::Playbacks::set_time) sets. Before,
     /// the first frame is shown.
     pub start: f64,
     /// 1 is the clip's own speed; backwards below 0.

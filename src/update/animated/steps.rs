@@ -166,7 +166,7 @@ mod tests {
                     (events, [Some(destination), (slots > 1 && frame > 0).then_some(source)])
                 })
                 .collect();
-            // Sampling waits for nothing: the barriers of the update before have seen to that.
+            // None before sampling: the barriers of the update before order it.
             let barriers = 4 + 2 * usize::from(records) + 2 * usize::from(budget) + 2 * usize::from(texels);
             assert_barriers_needed(&frames, barriers, &format!("{slots} slots, records {records}, budget {budget}"));
         }

@@ -297,7 +297,7 @@ impl Technique for Animated {
         self.playbacks.set_hidden(instance, true);
     }
 
-    /// What the GPU would have changed is unchanged: the CPU's count of updates turns back, and that is all.
+    /// The GPU has changed nothing: only the CPU's count of updates goes back.
     fn discard_from(&mut self, id: UpdateId) {
         self.playbacks.discard_from(id.recorded);
     }
