@@ -64,7 +64,8 @@ impl Accesses {
         Self { group: 0, uses, in_place: true }
     }
 
-    fn that(&self, write: bool) -> impl Iterator<Item = Use<Memory>> {
+    /// Its writes, or its reads.
+    fn writing(&self, write: bool) -> impl Iterator<Item = Use<Memory>> {
         self.uses.iter().filter(move |used| used.access.writes() == write).copied()
     }
 }
@@ -109,21 +110,6 @@ pub struct Violation {
     pub before: Use<Memory>,
     /// The later one.
     pub after: Use<Memory>,
-}
-
-impl std::fmt::Display for Violation {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let kind = match (self.before.access.writes(), self.after.access.writes()) {
-            (true, true) => "write after write",
-            (true, false) => "read after write",
-            (false, true | false) => "write after read",
-        };
-        write!(
-            f,
-            "{kind} on {:?}: {:?} in {:?} is not ordered before {:?} in {:?}",
-            self.after.memory, self.before.access, self.before.stage, self.after.access, self.after.stage
-        )
-    }
 }
 
 /// What is known of a piece of memory.
@@ -211,7 +197,7 @@ impl HazardChecker {
     fn step(&mut self, crowd: u32, works: &[Accesses]) {
         let mut users: HashMap<Place, (usize, Use<Memory>)> = HashMap::new();
         for (number, work) in works.iter().enumerate() {
-            for after in work.that(true).chain(work.that(false)) {
+            for after in work.writing(true).chain(work.writing(false)) {
                 let first = users.entry(place(crowd, work.group, after.memory)).or_insert((number, after));
                 let (user, before) = *first;
                 if user != number && (before.access.writes() || after.access.writes()) {
@@ -220,11 +206,11 @@ impl HazardChecker {
             }
         }
         for work in works {
-            work.that(false).for_each(|read| self.read(place(crowd, work.group, read.memory), read));
+            work.writing(false).for_each(|read| self.read(place(crowd, work.group, read.memory), read));
         }
         for work in works {
-            for write in work.that(true) {
-                let own = work.that(false).find(|read| work.in_place && read.memory == write.memory);
+            for write in work.writing(true) {
+                let own = work.writing(false).find(|read| work.in_place && read.memory == write.memory);
                 self.write(place(crowd, work.group, write.memory), write, own);
             }
         }

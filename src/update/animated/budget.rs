@@ -1,6 +1,6 @@
 //! The error budget of crowds that are animated on the GPU: changes too small to matter are deferred, target by target.
 //!
-//! A head has requested weights, and those that its poses hold. A change between the two is deferred while in every
+//! An instance has requested weights, and those that its poses hold. A change between the two is deferred while in every
 //! block
 //!
 //! ```text
@@ -8,7 +8,7 @@
 //! ```
 //!
 //! with the reach of a target in a block (its longest position delta there) in steps, rounded up: integers of 64 bits,
-//! so that GPU and CPU decide alike. Where a block exceeds the budget, all that is deferred in it is applied. A head
+//! so that GPU and CPU decide alike. Where a block exceeds the budget, all that is deferred in it is applied. An instance
 //! whose requested weights stay the same from one update to the next has all of them applied. Planners on the CPU defer
 //! changes entry by entry, which saves more and takes more memory.
 

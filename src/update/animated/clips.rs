@@ -16,7 +16,7 @@ pub enum KeyFormat {
     Bits16,
 }
 
-/// The clips that the heads of a crowd can play.
+/// The clips that the instances of a crowd can play.
 #[derive(Clone, Copy, Debug)]
 pub struct AnimationDesc<'a> {
     /// The clips; [`Playback::clip`](super::Playback::clip) counts them from 0.

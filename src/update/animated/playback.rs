@@ -30,7 +30,7 @@ struct Head {
     listed: bool,
 }
 
-/// The heads of a crowd: records, clock, and what each update writes of them.
+/// The instances of a crowd: records, clock, and what each update writes of them.
 ///
 /// Updates are numbered from 0, and a discarded one gives its number back.
 #[derive(Clone, Debug)]
@@ -47,7 +47,7 @@ pub struct Playbacks {
 }
 
 impl Playbacks {
-    /// `count` heads that play nothing, at second 0.
+    /// `count` instances that play nothing, at second 0.
     pub fn new(count: u32) -> Self {
         let head = Head { listed: true, ..Head::default() };
         Self {
@@ -64,7 +64,7 @@ impl Playbacks {
     /// The clock is at `seconds` when the next update runs. It may stand still, and go back by up to an hour.
     ///
     /// # Errors
-    /// No number, or one too large; more than 4.5 hours before some head's start.
+    /// No number, or one too large; more than 4.5 hours before some instance's start.
     pub fn set_time(&mut self, seconds: f64) -> Result<()> {
         let now = ticks(seconds)?;
         let mut playing = self.starts.iter().zip(&self.records).filter(|(_, record)| record.has(HeadRecord::PLAYING));
@@ -83,7 +83,7 @@ impl Playbacks {
         self.now as u32
     }
 
-    /// Head `head` plays a clip from the next update on.
+    /// Instance `head` plays a clip from the next update on.
     ///
     /// # Errors
     /// A clip that there is not; a speed or start that is no number or too large; a start more than 4.5 hours ahead.
@@ -131,7 +131,7 @@ impl Playbacks {
         }
     }
 
-    /// A new head takes the index of one that was hidden: it plays nothing, and has no pose yet.
+    /// A new instance takes the index of one that was hidden: it plays nothing, and has no pose yet.
     pub fn add(&mut self, head: u32) {
         self.records[head as usize] = HeadRecord::default();
         let head = self.touch(head);
@@ -202,7 +202,7 @@ impl Playbacks {
         }
     }
 
-    /// Runs of heads whose records the last update brings to the device.
+    /// Runs of instances whose records the last update brings to the device.
     pub fn changed(&self) -> &[Range<u32>] {
         &self.changed
     }

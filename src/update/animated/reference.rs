@@ -18,9 +18,9 @@ pub struct AnimatedReference {
     index: Arc<BlockIndex>,
     states: Vec<BlockState>,
     slots: u32,
-    /// Heads left out of the last update.
+    /// Instances left out of the last update.
     hidden: Vec<bool>,
-    /// Of each head, in steps of the grid.
+    /// Of each instance, in steps of the grid.
     weights: Vec<Deferred>,
     budget: Option<Budget>,
     list: WorkList,
@@ -28,7 +28,7 @@ pub struct AnimatedReference {
 }
 
 impl AnimatedReference {
-    /// `heads` heads of a mesh, updated as `desc` says.
+    /// `heads` instances of a mesh, updated as `desc` says.
     ///
     /// # Errors
     /// As [`BlockState::new`] and [`Clips::new`].
@@ -66,7 +66,7 @@ impl AnimatedReference {
             if was_hidden {
                 state.take_up_at(slot);
             }
-            // Nothing is deferred of a head that is new or shown again.
+            // Nothing is deferred of an instance that is new or shown again.
             let budget = self.budget.as_ref().filter(|_| state.is_known() && !was_hidden);
             self.weights[i].commit(&sample(clips, record, heads.now()), budget, &self.index);
             let step = state.exact().map_or(0.0, |grid| grid.weight_step());
@@ -78,7 +78,7 @@ impl AnimatedReference {
         &self.list
     }
 
-    /// The weights that the poses of a head hold, in steps of the grid.
+    /// The weights that the poses of an instance hold, in steps of the grid.
     pub fn weights(&self, head: usize) -> &[i32] {
         &self.weights[head].committed
     }
@@ -118,7 +118,7 @@ pub(super) fn interpolate(k0: i32, k1: i32, f: u32) -> i32 {
     k0 + ((product + 0x8000) >> 16) as i32
 }
 
-/// The weights, in steps of the grid, that a head shows at tick `now`: what `glsl/animate.comp` computes.
+/// The weights, in steps of the grid, that an instance shows at tick `now`: what `glsl/animate.comp` computes.
 pub(super) fn sample(clips: &Clips, record: &HeadRecord, now: u32) -> Vec<i32> {
     if !record.has(HeadRecord::PLAYING) {
         return vec![0; clips.targets()];
@@ -129,7 +129,7 @@ pub(super) fn sample(clips: &Clips, record: &HeadRecord, now: u32) -> Vec<i32> {
     (0..clips.targets()).map(|target| interpolate(key(frame, target), key(next, target), f)).collect()
 }
 
-/// The weights of a head, in steps of the grid.
+/// The weights of an instance, in steps of the grid.
 #[derive(Clone)]
 pub(super) struct Deferred {
     requested: Vec<i32>,

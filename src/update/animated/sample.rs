@@ -1,4 +1,4 @@
-//! Clips on the grid of exact sums, and what a head shows of them at a time: in integers, so that GPU and CPU agree bit
+//! Clips on the grid of exact sums, and what an instance shows of them at a time: in integers, so that GPU and CPU agree bit
 //! for bit.
 //!
 //! # Keys
@@ -7,7 +7,7 @@
 //! shifted to the right ([`KeyFormat`]). [`Clips`] has the layout.
 //!
 //! # Time
-//! The host sets its clock in seconds, and it is kept in ticks of 2⁻¹⁶ s. A head's [`HeadRecord`] has the low 32 bits of the
+//! The host sets its clock in seconds, and it is kept in ticks of 2⁻¹⁶ s. An instance's [`HeadRecord`] has the low 32 bits of the
 //! tick at which it started, its rate in 2⁻¹⁶ frames a second, and the position in the clip where it started:
 //!
 //! ```text
@@ -45,7 +45,7 @@ pub enum Repeat {
     Once,
 }
 
-/// How a head plays a clip.
+/// How an instance plays a clip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Playback {
     /// Which clip.
@@ -66,7 +66,7 @@ impl Playback {
     }
 }
 
-/// What a head plays, as `glsl/animate.comp` reads it.
+/// What an instance plays, as `glsl/animate.comp` reads it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct HeadRecord {
