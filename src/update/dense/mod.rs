@@ -9,7 +9,7 @@ pub(crate) mod technique;
 pub(crate) use plan::pass_accesses;
 pub use plan::{COMPUTE_PASS, DensePlanner};
 #[cfg(any(test, feature = "internals"))]
-pub use plan::{Pass, Plan, PoseState};
+pub use plan::{Pass, Plan};
 
 #[cfg(test)]
 mod tests;
