@@ -2,11 +2,12 @@
 
 use super::blocks::BlocksTechnique;
 use super::dense::compute::ComputePasses;
-use super::dense::feedback::FeedbackPasses;
+use super::dense::feedback::Feedback;
 use super::dense::technique::DenseTechnique;
 use super::technique::{Context, Technique};
 use crate::error::{Error, Result};
 use crate::plan::UpdatePath;
+use std::sync::Arc;
 
 /// Make the technique of `context.desc`, which was checked.
 ///
@@ -16,7 +17,7 @@ use crate::plan::UpdatePath;
 pub(crate) fn technique(context: Context<'_>) -> Result<Box<dyn Technique>> {
     let path = context.desc.update.path;
     Ok(match path {
-        UpdatePath::Feedback => Box::new(DenseTechnique::<FeedbackPasses>::new(context)?),
+        UpdatePath::Feedback => Box::new(DenseTechnique::<Arc<Feedback>>::new(context)?),
         UpdatePath::Compute => Box::new(DenseTechnique::<ComputePasses>::new(context)?),
         UpdatePath::Blocks => Box::new(BlocksTechnique::new(context)?),
         UpdatePath::Cpu => {

@@ -114,6 +114,11 @@ impl Poses {
         (u64::from(instance) * u64::from(self.slots) + u64::from(slot)) * self.bytes
     }
 
+    /// Integer sums in a buffer of their own: of each instance as many as a pose has components.
+    pub(crate) fn sums(&self, buffer: vk::Buffer) -> Self {
+        Self { buffer, slots: 1, ..*self }
+    }
+
     /// All poses of `count` instances.
     pub(crate) fn range(&self, first: u32, count: u32) -> BufferRange {
         let size = self.offset(count, 0);

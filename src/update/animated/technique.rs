@@ -89,7 +89,7 @@ impl Group {
         let work = on_device(device, "deltamorph planned work", list_bytes, LIST_USAGE)?;
         let arguments = vk::BufferUsageFlags::INDIRECT_BUFFER;
         let control = on_device(device, "deltamorph dispatches", group.control_bytes(), arguments)?;
-        let sums = sums_buffer(device, poses.bytes * u64::from(desc.instances))?;
+        let sums = sums_buffer(device, &poses, desc.instances)?;
         let range = |buffer: &Buffer, offset, size| BufferRange { buffer: buffer.raw, offset, size };
         let (mut plan, mut of_blocks) = (vec![], vec![]);
         for set in 0..groups.count() {
@@ -100,7 +100,7 @@ impl Group {
                 asset: asset_range(&context),
                 list,
                 poses: poses.range(first, count),
-                sums: Some(range(&sums, u64::from(first) * poses.bytes, u64::from(count) * poses.bytes)),
+                sums: Some(poses.sums(sums.raw).range(first, count)),
             });
         }
         Ok(Self {

@@ -1,6 +1,6 @@
 //! Plans in blocks, carried out by the CPU twin: any history ends in the pose asked for.
 
-use super::plan::{Dispatches, Dispatching};
+use super::dispatch::{Dispatches, Dispatching};
 use super::*;
 use crate::abi::kernels::DeviceClass;
 use crate::cpu::blocks::Block;
@@ -98,9 +98,7 @@ proptest! {
         let error_budget = if budget { 0.5 } else { 0.0 };
         let desc = UpdateDesc { mode, slots, accumulate, error_budget, ..UpdateDesc::blocks() };
         let mut one = One::new(mesh, desc);
-        if whole {
-            one.planner.groups[0].write_whole_blocks();
-        }
+        one.planner.groups[0].whole_blocks = whole;
         let mesh = one.mesh.clone();
         let mut device = Device {
             // Nothing may be read before it is written.

@@ -6,10 +6,10 @@ mod plan;
 pub(crate) mod technique;
 
 #[cfg(all(feature = "baselines", any(test, feature = "internals")))]
-pub(crate) use plan::pass_accesses;
-pub use plan::{COMPUTE_PASS, DensePlanner};
+pub(crate) use plan::PassAccess;
 #[cfg(any(test, feature = "internals"))]
-pub use plan::{Pass, Plan};
+pub use plan::Plan;
+pub use plan::{COMPUTE_PASS, DensePlanner};
 
 #[cfg(test)]
 mod tests;

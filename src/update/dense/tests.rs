@@ -1,10 +1,12 @@
 //! Plans of dense passes reach the weights requested, and what they record has no hazard.
 
-use super::feedback::{FEEDBACK_PASS, feedback_accesses};
-use super::plan::compute_accesses;
+use super::compute::ComputePasses;
+use super::feedback::Feedback;
+use super::plan::PassAccess;
+use super::technique::Passes;
 use super::*;
 use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
-use crate::plan::hazards::{Accesses, Event as Recorded, HazardChecker};
+use crate::plan::hazards::{Event as Recorded, HazardChecker};
 use crate::plan::instances::Instances;
 use crate::plan::schedule::asset_uploaded;
 use crate::plan::steps::{Source, Steps, Use, Work};
@@ -12,16 +14,18 @@ use crate::plan::tests::{Event, assert_barriers_needed, events, scheduled};
 use crate::plan::{BatchSize, Consumers, UpdateDesc, UpdateMode, UpdatePath};
 use crate::weights::delta::Coefficient;
 use proptest::prelude::*;
-
-type AccessesOf = fn(&[Work]) -> Vec<Accesses>;
+use std::sync::Arc;
 
 /// What passes of a path use, coarsely and in detail.
-fn passes(path: UpdatePath) -> (&'static [Use], AccessesOf) {
+fn passes(path: UpdatePath) -> (&'static [Use], PassAccess) {
+    fn of<P: Passes>() -> (&'static [Use], PassAccess) {
+        (P::USES, P::ACCESS)
+    }
     match path {
-        UpdatePath::Feedback => (FEEDBACK_PASS, feedback_accesses),
+        UpdatePath::Feedback => of::<Arc<Feedback>>(),
         #[cfg(feature = "baselines")]
-        UpdatePath::VertexStore => (crate::baselines::STORE_PASS, crate::baselines::store_accesses),
-        _ => (COMPUTE_PASS, compute_accesses),
+        UpdatePath::VertexStore => of::<crate::baselines::StorePasses>(),
+        _ => of::<ComputePasses>(),
     }
 }
 
@@ -34,11 +38,11 @@ const PATHS: &[UpdatePath] = &[
 ];
 
 /// What an update records.
-fn recorded(planner: &mut DensePlanner, path: UpdatePath) -> Vec<Recorded> {
+fn recorded(planner: &DensePlanner, path: UpdatePath) -> Vec<Recorded> {
     let (uses, accesses) = passes(path);
     let mut steps = Steps::new(Consumers::default());
     planner.fill(1, uses, &mut steps);
-    scheduled(&[&steps], |_, works| accesses(works))
+    scheduled(&[&steps], |_, works| accesses.of(works))
 }
 
 /// A crowd of one instance.
@@ -77,7 +81,7 @@ fn follow(plan: &Plan, slots: &mut [Held], targets: usize) {
             Source::Slot(s) => slots[s as usize].clone(),
         };
         if let Some(weights) = &mut pose {
-            for c in &plan.coefficients[pass.coefficients.clone()] {
+            for c in &plan.coefficients[pass.items.start as usize..pass.items.end as usize] {
                 weights[c.target as usize] += f64::from(c.value);
             }
         }
@@ -121,7 +125,7 @@ proptest! {
                     let applied = one.planner.plans()[0].applied.iter().map(|&w| f64::from(w)).collect::<Vec<_>>();
                     let last = one.instances.slots_of(0).map(|_| applied);
                     let (plan, (result, previous)) = one.plan(&weights);
-                    let list = recorded(&mut one.planner, desc.path);
+                    let list = recorded(&one.planner, desc.path);
                     let before = slots.clone();
                     follow(&plan, &mut slots, TARGETS);
                     let held = slots[result as usize].clone().expect("the result is known");
@@ -167,7 +171,7 @@ fn every_barrier_is_needed() {
             for frame in 0..5 {
                 let weight = |i: usize| if i % 3 == frame % 3 { 2.0 + frame as f32 } else { 1.0 };
                 let (_, (result, previous)) = one.plan(&(0..9).map(weight).collect::<Vec<f32>>());
-                frames.push((recorded(&mut one.planner, path), [Some(result), previous]));
+                frames.push((recorded(&one.planner, path), [Some(result), previous]));
             }
             assert_barriers_needed(&frames, 6usize.div_ceil(batch as usize) + 1, &format!("{desc:?}"));
         }
@@ -195,7 +199,7 @@ fn a_vertex_pass_must_not_write_what_it_fetches() {
     for &path in PATHS.iter().filter(|path| !path.works_in_place()) {
         let pass = Work { source: Source::Slot(1), destination: 1, ..Work::default() };
         let mut checker = HazardChecker::new();
-        checker.update(&[Recorded::Step { crowd: 0, works: passes(path).1(&[pass]) }]);
+        checker.update(&[Recorded::Step { crowd: 0, works: passes(path).1.of(&[pass]) }]);
         let text = checker.finish().unwrap_err()[0].to_string();
         assert!(text.contains("write after read on Pose"), "{text}");
     }
@@ -217,7 +221,7 @@ fn one_weight_among_57_active_is_one_pass_and_none_is_none() {
         assert_eq!((plan.passes.len(), plan.coefficients.len(), plan.rebuilt), (1, 1, false));
         assert_eq!(plan.coefficients[0], Coefficient { target: 33, value: -0.75 });
         let (_, (result, previous)) = one.plan(&weights);
-        assert!(recorded(&mut one.planner, path).is_empty() && previous == Some(result));
+        assert!(recorded(&one.planner, path).is_empty() && previous == Some(result));
     }
 }
 
@@ -229,7 +233,7 @@ fn rounds_of_a_crowd_share_their_barriers() {
         instances.set_weights(instance, &weights).unwrap();
     }
     planner.plan(&mut instances, 1);
-    let events = recorded(&mut planner, UpdatePath::Compute);
+    let events = recorded(&planner, UpdatePath::Compute);
     let shape: Vec<usize> = events
         .iter()
         .map(|event| match event {
