@@ -9,7 +9,7 @@ use crate::gpu::descriptors::{Bound, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernel;
 use crate::gpu::pipelines::Objects;
-use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
+use crate::pack::{DeltaFormat, PackedLayout, PoseFormat};
 use crate::plan::steps::{Access, Resource, Stage, Use, Work};
 #[cfg(any(test, feature = "internals"))]
 use crate::update::dense::PassAccess;
@@ -35,7 +35,11 @@ impl Kernel for VertexStore {
         objects.add_empty_render_pass()?;
         for b in 0..=batch {
             let (bindings, attributes) = vertex_input(format, b);
-            objects.add_discarding_vertex(VERTEX_STORE.module(format, b)?, &bindings, &attributes)?;
+            objects.add_discarding_vertex(
+                VERTEX_STORE.module(format, PoseFormat::Float32, b)?,
+                &bindings,
+                &attributes,
+            )?;
         }
         Ok(Self { objects, key })
     }
@@ -133,8 +137,9 @@ impl StoreSets {
         let bound: Vec<Vec<Bound>> = (0..u64::from(count))
             .flat_map(|pose| {
                 layout.chunks().map(move |(first, vertices)| {
-                    let offset = pose * layout.pose_bytes() + (first * POSE_STRIDE) as u64;
-                    vec![Bound::new(poses, offset, (vertices * POSE_STRIDE) as u64)]
+                    let (format, stride) = (PoseFormat::Float32, PoseFormat::Float32.stride());
+                    let offset = pose * layout.pose_bytes(format) + (first * stride) as u64;
+                    vec![Bound::new(poses, offset, (vertices * stride) as u64)]
                 })
             })
             .collect();

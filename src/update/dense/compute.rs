@@ -16,7 +16,7 @@ use crate::gpu::kernels::Kernel;
 use crate::gpu::mesh::delta_range;
 use crate::gpu::pipelines::Objects;
 use crate::gpu::ring::Ring;
-use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
+use crate::pack::{BASE_STRIDE, DeltaFormat, PackedLayout, PoseFormat};
 use crate::plan::BatchSize;
 #[cfg(any(test, feature = "internals"))]
 use crate::plan::steps::{Access, Stage};
@@ -30,22 +30,22 @@ use std::sync::Arc;
 /// Pipelines for batches 0 (a copy) to the batch size, or the one that reads a list.
 struct Compute {
     objects: Objects,
-    key: (DeltaFormat, BatchSize),
+    key: (DeltaFormat, PoseFormat, BatchSize),
 }
 
 impl Kernel for Compute {
-    type Key = (DeltaFormat, BatchSize);
+    type Key = (DeltaFormat, PoseFormat, BatchSize);
 
     fn new(device: &Arc<Device>, key: Self::Key, _others: &[Arc<Self>]) -> Result<Self> {
-        let (format, batch) = key;
+        let (format, pose, batch) = key;
         let mut objects = Objects::none(device);
         objects.add_layout(&[DENSE.row, DENSE_LIST.row], 0)?;
         match batch {
-            BatchSize::All => objects.add_compute(DENSE_LIST.module(format, 0)?, &[&[]])?,
+            BatchSize::All => objects.add_compute(DENSE_LIST.module(format, pose, 0)?, &[&[]])?,
             BatchSize::Targets(most) => {
                 let batches: Vec<[u32; 1]> = (0..=most).map(|batch| [batch]).collect();
                 let constants: Vec<&[u32]> = batches.iter().map(<[u32; 1]>::as_slice).collect();
-                objects.add_compute(DENSE.module(format, 0)?, &constants)?;
+                objects.add_compute(DENSE.module(format, pose, 0)?, &constants)?;
             }
         }
         Ok(Self { objects, key })
@@ -80,7 +80,7 @@ impl Passes for ComputePasses {
     fn new(context: Context<'_>) -> Result<Self> {
         let (layout, desc) = (context.layout(), context.desc);
         let batch = desc.update.batch;
-        let kernel = context.kernels.get::<Compute>((layout.format, batch))?;
+        let kernel = context.kernels.get::<Compute>((layout.format, desc.update.pose, batch))?;
         // Only `All` reads lists; the kernels that do not still have one bound.
         let (entries, instances, frames) = match batch {
             BatchSize::All => (layout.targets.len(), desc.instances, desc.frames_in_flight),
@@ -97,7 +97,7 @@ impl Passes for ComputePasses {
     }
 
     fn write_list(&mut self, frame: u64, work: &Work, pass: &DensePass<'_>) -> Result<()> {
-        if self.kernel.key.1 == BatchSize::All {
+        if self.kernel.key.2 == BatchSize::All {
             let words = &mut self.ring.words(frame)?[work.instance as usize * self.stride as usize / 4..];
             let entries: &mut [DenseListEntry] = bytemuck::cast_slice_mut(&mut words[..self.stride as usize / 4]);
             for (entry, coefficient) in entries.iter_mut().zip(pass.coefficients) {
@@ -108,7 +108,7 @@ impl Passes for ComputePasses {
     }
 
     unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work, pass: &DensePass<'_>) {
-        let (objects, batch) = (&self.kernel.objects, self.kernel.key.1);
+        let (objects, batch) = (&self.kernel.objects, self.kernel.key.2);
         let (device, point, stage) =
             (&objects.device.raw, vk::PipelineBindPoint::COMPUTE, vk::ShaderStageFlags::COMPUTE);
         let entry_count = pass.coefficients.len();
@@ -185,13 +185,15 @@ impl PassSets {
         for instance in 0..context.desc.instances {
             for slot in 0..poses.slots {
                 let before = (slot + poses.slots - 1) % poses.slots;
-                let (to, pose) = (poses.offset(instance, slot), |slot| (poses.buffer, poses.offset(instance, slot)));
-                for (source, from) in [(mesh.base.raw, 0), pose(slot), pose(before)] {
+                let pose = |slot| (poses.buffer, poses.offset(instance, slot), poses.format.stride());
+                for source in [(mesh.base.raw, 0, BASE_STRIDE), pose(slot), pose(before)] {
                     bound.extend(mesh.layout.chunks().map(|(first, vertices)| {
-                        let (at, size) = ((first * POSE_STRIDE) as u64, (vertices * POSE_STRIDE) as u64);
+                        let chunk = |(buffer, from, stride)| {
+                            Bound::new(buffer, from + (first * stride) as u64, (vertices * stride) as u64)
+                        };
                         vec![
-                            Bound::new(source, from + at, size),
-                            Bound::new(poses.buffer, to + at, size),
+                            chunk(source),
+                            chunk(pose(slot)),
                             Bound::dynamic(mesh.deltas.raw, deltas),
                             Bound::dynamic(lists, stride),
                         ]

@@ -5,6 +5,9 @@ pub(crate) mod feedback;
 mod plan;
 pub(crate) mod technique;
 
+pub(crate) type ComputeTechnique = technique::DenseTechnique<compute::ComputePasses>;
+pub(crate) type FeedbackTechnique = technique::DenseTechnique<std::sync::Arc<feedback::Feedback>>;
+
 #[cfg(all(feature = "baselines", any(test, feature = "internals")))]
 pub(crate) use plan::PassAccess;
 #[cfg(any(test, feature = "internals"))]

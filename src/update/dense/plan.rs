@@ -7,7 +7,7 @@
 //! ```
 
 use crate::error::Result;
-use crate::pack::{POSE_STRIDE, PackedLayout};
+use crate::pack::PackedLayout;
 #[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::{Accesses, Memory, MemoryUse};
 use crate::plan::history::History;
@@ -152,7 +152,7 @@ impl DensePlanner {
         let changed = self.plans.iter().filter(|plan| !plan.passes.is_empty());
         let bytes = |poses: usize| {
             let of = |layout: &PackedLayout| {
-                layout.padded_vertices() * (2 * POSE_STRIDE * poses + coefficients * layout.format.stride())
+                layout.padded_vertices() * (2 * self.desc.pose.stride() * poses + coefficients * layout.format.stride())
             };
             groups.clone().map(of).sum::<usize>() as u64
         };
