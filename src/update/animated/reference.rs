@@ -8,74 +8,73 @@ use super::sample::HeadRecord;
 use crate::error::Result;
 use crate::pack::PackedLayout;
 use crate::pack::blocks::BlockIndex;
-use crate::plan::{UpdateDesc, UpdateStats};
+use crate::plan::UpdateDesc;
 use crate::update::Runner;
-use crate::update::blocks::{BlockState, Scratch, WorkList};
-use std::sync::Arc;
+use crate::update::blocks::{BlockState, GroupPlan, WorkList};
 
 /// What the GPU samples and plans, worked out on the CPU.
 pub struct AnimatedReference {
-    index: Arc<BlockIndex>,
+    group: GroupPlan,
     states: Vec<BlockState>,
     slots: u32,
+    /// Instances that some update wrote.
+    known: Vec<bool>,
     /// Instances left out of the last update.
     hidden: Vec<bool>,
     /// Of each instance, in steps of the grid.
     weights: Vec<Deferred>,
     budget: Option<Budget>,
-    list: WorkList,
-    scratch: Scratch,
 }
 
 impl AnimatedReference {
     /// `heads` instances of a mesh, updated as `desc` says.
     ///
     /// # Errors
-    /// As [`BlockState::new`] and [`Clips::new`].
+    /// As [`GroupPlan::new`] and [`Clips::new`].
     pub fn new(desc: UpdateDesc, layout: &PackedLayout, heads: u32) -> Result<Self> {
         desc.check_all(Some(layout), Runner::Animated(None))?;
         let Some(index) = &layout.blocks else { unreachable!("checked") };
         let budget = Budget::new(desc.error_budget, index)?;
         // What is deferred is decided before, target by target: the planner gets the weights to apply.
-        let mut state = BlockState::new(UpdateDesc { error_budget: 0.0, ..desc }, layout, index)?;
-        state.write_whole_blocks();
-        state.rotate_always();
         let heads = heads as usize;
+        let mut group = GroupPlan::new(UpdateDesc { error_budget: 0.0, ..desc }, layout, heads)?;
+        group.whole_blocks = true;
         Ok(Self {
-            index: index.clone(),
-            states: vec![state; heads],
+            states: vec![BlockState::new(&group); heads],
+            group,
             slots: desc.slots,
+            known: vec![false; heads],
             hidden: vec![false; heads],
             weights: vec![Deferred::new(layout.targets.len()); heads],
             budget,
-            list: WorkList::new(index, heads),
-            scratch: Scratch::default(),
         })
     }
 
     /// Sample and plan the update numbered `update`, which [`Playbacks::update`] returned last.
     pub fn update(&mut self, clips: &Clips, heads: &Playbacks, update: u64) -> &WorkList {
-        self.list.clear();
-        let slot = (update % u64::from(self.slots)) as u32;
+        self.group.clear();
+        let slots = [update + u64::from(self.slots) - 1, update].map(|update| (update % u64::from(self.slots)) as u32);
         for (i, (state, record)) in self.states.iter_mut().zip(heads.records()).enumerate() {
             let hidden = record.has(HeadRecord::HIDDEN);
             let was_hidden = std::mem::replace(&mut self.hidden[i], hidden);
             if hidden {
                 continue;
             }
+            let known = std::mem::replace(&mut self.known[i], true);
             if was_hidden {
-                state.take_up_at(slot);
+                state.forget_slots();
             }
             // Nothing is deferred of an instance that is new or shown again.
-            let budget = self.budget.as_ref().filter(|_| state.is_known() && !was_hidden);
-            self.weights[i].commit(&sample(clips, record, heads.now()), budget, &self.index);
-            let step = state.exact().map_or(0.0, |grid| grid.weight_step());
+            let budget = self.budget.as_ref().filter(|_| known && !was_hidden);
+            self.weights[i].commit(&sample(clips, record, heads.now()), budget, &self.group.index);
+            let step = self.group.exact().map_or(0.0, |grid| grid.weight_step());
             // Steps have fewer bits than a float32's, and the step is a power of two: exact.
             let weights: Vec<f32> = self.weights[i].committed.iter().map(|&steps| steps as f32 * step).collect();
-            let stats = &mut UpdateStats::default();
-            state.plan(&self.index, i, &weights, update + 1, &mut self.scratch, &mut self.list, stats);
+            state.commit(&mut self.group, i, &weights, known);
+            // Slots rotate in every update, also where nothing changed.
+            state.emit(&mut self.group, i, slots, known);
         }
-        &self.list
+        &self.group.list
     }
 
     /// The weights that the poses of an instance hold, in steps of the grid.

@@ -87,7 +87,7 @@ impl Group {
         let work = on_device(device, "deltamorph planned work", list_bytes, LIST_USAGE)?;
         let arguments = vk::BufferUsageFlags::INDIRECT_BUFFER;
         let control = on_device(device, "deltamorph dispatches", layout.control_bytes(), arguments)?;
-        let sums = sums_buffer(device, poses.bytes * u64::from(desc.instances))?;
+        let sums = sums_buffer(device, &poses, desc.instances)?;
         let range = |buffer: &Buffer, offset, size| BufferRange { buffer: buffer.raw, offset, size };
         let (mut plan, mut of_blocks) = (vec![], vec![]);
         for set in 0..layout.count() {
@@ -98,7 +98,7 @@ impl Group {
                 asset: asset_range(&context),
                 list,
                 poses: poses.range(first, count),
-                sums: Some(range(&sums, u64::from(first) * poses.bytes, u64::from(count) * poses.bytes)),
+                sums: Some(poses.sums(sums.raw).range(first, count)),
             });
         }
         Ok(Self {
@@ -230,7 +230,7 @@ impl Animated {
 }
 
 impl Technique for Animated {
-    fn plan(&mut self, _instances: &Instances, _id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
+    fn plan(&mut self, _instances: &mut Instances, _id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         let update = self.playbacks.update(&self.clips);
         let (source, destination) = self.slots(update);
         for Group { layout: GroupLayout { push, .. }, .. } in &mut self.groups {
@@ -275,8 +275,8 @@ impl Technique for Animated {
         }
     }
 
-    fn slots_of(&self, instance: u32) -> Option<(u32, Option<u32>)> {
-        let (update, has_past) = self.playbacks.written(instance)?;
+    fn slots_of(&self, _instances: &Instances, instance: usize) -> Option<(u32, Option<u32>)> {
+        let (update, has_past) = self.playbacks.written(instance as u32)?;
         let (before, slot) = self.slots(update);
         Some((slot, if !has_past { Some(slot) } else { (before != slot).then_some(before) }))
     }
@@ -291,10 +291,6 @@ impl Technique for Animated {
 
     fn add(&mut self, instance: u32) {
         self.playbacks.add(instance);
-    }
-
-    fn remove(&mut self, instance: u32) {
-        self.playbacks.set_hidden(instance, true);
     }
 
     /// The GPU has changed nothing: only the CPU's count of updates goes back.
