@@ -197,7 +197,7 @@ fn groups_share_steps_and_barriers() {
                         }
                         shape.push(events.iter().filter(|event| matches!(event, Event::Barrier(_))).count());
                     }
-                    checker.finish().unwrap_or_else(|found| panic!("{desc:?}: {:?}", found[0]));
+                    checker.finish().unwrap_or_else(|found| panic!("{desc:?}: {}", found[0]));
                     shape
                 };
                 assert_eq!(shape(&mesh), shape(&plain), "{desc:?}");

@@ -112,6 +112,16 @@ pub struct Violation {
     pub after: Use<Memory>,
 }
 
+impl std::fmt::Display for Violation {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { before, after } = self;
+        let kind = |used: &Use<Memory>| if used.access.writes() { "write" } else { "read" };
+        write!(f, "{} after {} on {:?}: ", kind(after), kind(before), after.memory)?;
+        write!(f, "{:?} in {:?} is not ordered before ", before.access, before.stage)?;
+        write!(f, "{:?} in {:?}", after.access, after.stage)
+    }
+}
+
 /// What is known of a piece of memory.
 #[derive(Default)]
 struct Track {
