@@ -21,16 +21,13 @@ impl Tolerance {
 }
 
 impl Default for Tolerance {
-    /// 1e-6 of the diagonal for positions, 1e-3 (0.06°) for normals.
+    /// 1e-6 of the diagonal for positions, 1e-3 (0.06°) for normals: both below what can be seen. With 43 targets active
+    /// at once, as in captured clips, dropped position deltas add up to 4.3e-5 of the diagonal at the very most.
     ///
-    /// Both stay below what can be seen: with 43 targets active at once, as in captured clips, the dropped
-    /// position deltas add up to 4.3e-5 of the diagonal at the very most.
-    ///
-    /// The normal tolerance was chosen on real heads. A mesh written with six digits and no normals (ICT FaceKit)
-    /// has rounding noise in its computed normals: in the mean over the targets, positions alone keep 30.2% of
-    /// the vertices; 1e-4 keeps 31.7%, 1e-3 keeps 30.6%, and larger values hardly less (1e-2: 30.3%) while their
-    /// error grows. Over a captured clip, 99.9% of the normals at 1e-3 are within 0.08° of those with nothing
-    /// dropped. Normals that a file states in 8 bits (Face Cap) have no delta below 5e-3, so none is lost.
+    /// The normals that are computed for a mesh written with six digits (ICT FaceKit) have rounding noise: positions alone
+    /// keep 30.2% of the vertices in the mean over the targets, 1e-4 keeps 31.7%, 1e-3 keeps 30.6%, and larger values
+    /// hardly less (1e-2: 30.3%) with larger errors. Over a captured clip, 99.9% of the normals at 1e-3 are within 0.08° of
+    /// those with nothing dropped. Normals that a file states in 8 bits (Face Cap) have no delta below 5e-3: none is lost.
     fn default() -> Self {
         Self { position: 1e-6, normal: 1e-3 }
     }
