@@ -31,7 +31,7 @@ pub(crate) fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<
     Ok(bytes)
 }
 
-/// Room for `size` bytes of a file, or an error in place of the end of the process.
+/// Reserve `size` bytes for a file. An allocation that fails is an error, and does not end the process.
 fn reserve(path: &Path, bytes: &mut Vec<u8>, size: u64) -> Result<()> {
     if usize::try_from(size).is_ok_and(|size| bytes.try_reserve_exact(size).is_ok()) {
         return Ok(());

@@ -5,8 +5,7 @@ use glam::{Vec2, Vec3};
 
 /// Below which size a delta is rounding noise and is dropped.
 ///
-/// Further streams go by how their error is measured: directions (tangents) by `normal`, other numbers by `position`, as
-/// a fraction of 1.
+/// Other streams are compared with `normal` where they are directions (tangents), else with `position`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerance {
     /// Length of a position delta, as a fraction of the bounding-box diagonal (≥ 0).
@@ -61,9 +60,9 @@ pub struct MorphMesh {
     pub texcoords: Vec<Vec2>,
     /// The face list.
     pub faces: Faces,
-    /// What vertices have besides: tangents, colours, texture coordinates that morph.
+    /// Other vertex attributes: tangents, colours, texture coordinates that morph.
     pub streams: Vec<StreamData>,
-    /// For each vertex the first one at its place, or empty: see [`MorphSource::welds`](super::MorphSource::welds).
+    /// For each vertex the first one at its position, or empty: see [`MorphSource::welds`](super::MorphSource::welds).
     pub welds: Vec<u32>,
     /// The targets, in the order of the source.
     pub targets: Vec<MorphTarget>,

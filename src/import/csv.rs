@@ -61,7 +61,7 @@ fn parse(path: &Path, text: &[u8]) -> Result<(Vec<String>, Vec<f32>)> {
             Err(Error::input(path, format!(": column '{name}', line {}", line()), what, remedy))
         };
         if names.is_empty() {
-            // Where there is one column, whatever else divides the line was meant to.
+            // A single column: perhaps another character was meant to divide the line.
             let divided = |by: &char| record.len() == 1 && record[0].contains(*by);
             if let Some(by) = [';', '\t'].iter().find(|by| divided(by)) {
                 return refuse(format!("one column, whose name has {by:?} in it"), "divide columns by commas");

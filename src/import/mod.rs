@@ -1,7 +1,6 @@
 //! Where meshes and weight clips come from, and where they are written.
 //!
-//! [`open`] takes whatever there is an importer for. To add one: a module of its own here, and a row in the list of
-//! importers.
+//! [`open`] tries a list of importers. To add one: a module here, and a row in the list.
 
 #[cfg(feature = "csv")]
 pub mod csv;

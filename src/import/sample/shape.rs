@@ -237,7 +237,7 @@ pub(super) fn base(vertices: usize) -> Base {
         Corner { position: v + (i % n.max(1)) as u32, texcoord: Some(vt + i as u32) }
     };
     for r in 1..rows.len() {
-        // Sew two rows together, always stepping on the side that is behind.
+        // Sew two rows together, always stepping on the row of which less is sewn.
         let (above, below) = (rows[r - 1].1, rows[r].1);
         let (mut i, mut j) = (0, 0);
         while i < above || j < below {
