@@ -3,7 +3,7 @@
 use crate::args::InputArgs;
 use crate::output::{Failure, Output};
 use deltamorph::import::{ImportDesc, Imported, ImportedMesh, sample as head};
-use deltamorph::{Asset, BoundClip, MorphMesh, PackedMesh, Tolerance, import};
+use deltamorph::{BoundClip, MorphMesh, PackedMesh, Tolerance, import};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -62,71 +62,42 @@ impl Input {
             moved_mean: moved as f64 / (mesh.vertex_count() * mesh.targets.len()).max(1) as f64,
         }
     }
-
-    /// A packed file; the raw files that it came from are not there any more.
-    fn of_asset(asset: Asset, path: &Path) -> Result<Self, Failure> {
-        let kept = Arc::new(asset.to_mesh()?);
-        Ok(Self {
-            name: kept.name.clone(),
-            raw: kept.clone(),
-            kept,
-            packed: Some(Arc::new(asset.mesh)),
-            clips: Vec::new(),
-            origin: path.display().to_string(),
-        })
-    }
 }
 
 /// Read what `args` name. Commands that measure nothing against the raw files take no memory for them: where
 /// `with_raw` is false, `raw` is what is kept.
 pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Failure> {
-    let (source, clips, origin) = match &args.input {
-        None => {
-            let desc = args.head.desc(args.seed);
-            let spinner = out.spinner("building the head");
-            let source = head::head(&desc);
-            spinner.finish_and_clear();
-            (source, Vec::new(), "built-in head".to_owned())
-        }
-        Some(path) => {
-            if let Some(option) = args.head.given() {
-                return Err(Failure::Usage(format!(
-                    "{option} sizes the built-in head, but INPUT is {}; leave out one of the two",
-                    path.display()
-                )));
-            }
-            let spinner = out.spinner(format!("reading {}", path.display()));
-            let imported = import::open(path, &ImportDesc::default());
-            spinner.finish_and_clear();
-            let Imported { mesh, clips, .. } = imported?;
-            match mesh {
-                ImportedMesh::Source(source) => (source, clips, path.display().to_string()),
-                ImportedMesh::Packed(asset) => {
-                    let input = Input::of_asset(asset, path)?;
-                    refuse_tolerance(args, input.kept.tolerance, path)?;
-                    out.note(format_args!(
-                        "{} is packed: errors are against what it holds; those against the raw files cannot be told",
-                        path.display()
-                    ));
-                    return Ok(input);
-                }
-            }
-        }
-    };
-    let spinner = out.spinner("computing normals and dropping noise");
-    let meshes = || -> deltamorph::Result<_> {
-        let kept = Arc::new(source.to_mesh(args.tolerance())?);
-        let same = !with_raw || kept.tolerance == Tolerance::ZERO;
-        let raw = if same { kept.clone() } else { Arc::new(source.to_mesh(Tolerance::ZERO)?) };
-        Ok((raw, kept))
-    };
-    let meshes = meshes();
-    spinner.finish_and_clear();
-    let (raw, kept) = meshes?;
-    for note in source.notes.iter().chain(kept.notes.iter().filter(|n| !source.notes.contains(n))) {
-        out.note(note);
+    let origin = args.input.as_ref().map_or("built-in head".into(), |path| path.display().to_string());
+    if let (Some(_), Some(option)) = (&args.input, args.head.given()) {
+        return Err(Failure::Usage(format!(
+            "{option} sizes the built-in head, but INPUT is {origin}; leave out one of the two"
+        )));
     }
-    Ok(Input { name: kept.name.clone(), raw, kept, packed: None, clips, origin })
+    let spinner = out.spinner(format!("reading {origin}"));
+    let (mesh, clips) = match &args.input {
+        None => (ImportedMesh::Source(head::head(&args.head.desc(args.seed))), vec![]),
+        Some(path) => import::open(path, &ImportDesc::default()).map(|Imported { mesh, clips, .. }| (mesh, clips))?,
+    };
+    let (raw, kept, packed) = match mesh {
+        ImportedMesh::Source(source) => {
+            let kept = Arc::new(source.to_mesh(args.tolerance())?);
+            let same = !with_raw || kept.tolerance == Tolerance::ZERO;
+            let raw = if same { kept.clone() } else { Arc::new(source.to_mesh(Tolerance::ZERO)?) };
+            (raw, kept, None)
+        }
+        ImportedMesh::Packed(asset) => {
+            let kept = Arc::new(asset.to_mesh()?);
+            refuse_tolerance(args.tolerance(), kept.tolerance, &origin)?;
+            (kept.clone(), kept, Some(Arc::new(asset.mesh)))
+        }
+    };
+    spinner.finish_and_clear();
+    kept.notes.iter().for_each(|note| out.note(note));
+    if packed.is_some() {
+        let what = "errors are against what it holds; those against the raw files cannot be told";
+        out.note(format_args!("{origin} is packed: {what}"));
+    }
+    Ok(Input { name: kept.name.clone(), raw, kept, packed, clips, origin })
 }
 
 /// The weight clip at `path`, for the targets of `mesh`; at least one frame.
@@ -154,49 +125,13 @@ pub fn files_of(args: &InputArgs, others: &[PathBuf]) -> Vec<PathBuf> {
 }
 
 /// What was dropped before packing is not there to be kept, and a packed mesh is taken as it is.
-fn refuse_tolerance(args: &InputArgs, held: Tolerance, path: &Path) -> Result<(), Failure> {
-    let asked = args.tolerance();
+fn refuse_tolerance(asked: Tolerance, held: Tolerance, origin: &str) -> Result<(), Failure> {
     if asked == Tolerance::default() || asked == held {
         return Ok(());
     }
     Err(Failure::Usage(format!(
-        "--tolerance {}: {} was packed with a tolerance of {}; leave it out, or give the folder that it was \
+        "--tolerance {}: {origin} was packed with a tolerance of {}; leave it out, or give the folder that it was \
          packed from",
-        asked.position,
-        path.display(),
-        held.position
+        asked.position, held.position
     )))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use deltamorph::{DeltaFormat, PackDesc};
-
-    #[test]
-    fn packed_files_are_read_and_named_in_errors() {
-        let dir = tempfile::tempdir().expect("a folder");
-        let (out, path) = (Output::new(&Default::default()), dir.path().join("a.DMORPH"));
-        let args = |tolerance| InputArgs {
-            input: Some(path.clone()),
-            head: Default::default(),
-            tolerance,
-            fps: None,
-            seed: 1,
-        };
-        std::fs::write(&path, "").expect("written");
-        let text = load(&args(1e-6), true, &out).expect_err("empty").to_string();
-        assert!(text.contains("a.DMORPH: does not begin as a packed mesh does; give a file written by"), "{text}");
-
-        let source = head::head(&head::HeadDesc { vertices: 300, targets: 5, ..Default::default() });
-        let mesh = source.to_mesh(Tolerance::default()).expect("the head");
-        let asset = Asset::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).expect("packed");
-        asset.write(&path).expect("written");
-        let input = load(&args(1e-6), true, &out).expect("read");
-        assert_eq!(input.packed.as_deref(), Some(&asset.mesh));
-        assert_eq!((input.kept.positions.len(), input.raw.targets.len()), (300, 5));
-        assert_eq!(input.kept.faces, mesh.faces);
-        let text = load(&args(1e-3), true, &out).expect_err("another tolerance").to_string();
-        assert!(text.contains("was packed with a tolerance of 0.000001"), "{text}");
-    }
 }

@@ -1,6 +1,7 @@
 //! Pages that need nothing but themselves: what the reports of `bench` and `info` share.
 
 use crate::plots::Figure;
+use crate::table::Table;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 pub fn document(title: &str, body: &Markup) -> String {
@@ -55,6 +56,12 @@ pub fn table<'a>(headings: impl IntoIterator<Item = &'a str>, rows: impl IntoIte
 
 pub fn row(cells: impl IntoIterator<Item = String>) -> Markup {
     html! { tr { @for cell in cells { td { (cell) } } } }
+}
+
+/// A table of text.
+pub fn text_table(of: &Table) -> Markup {
+    let (headings, rows) = of.rows().split_at(1);
+    table(headings.iter().flatten().map(String::as_str), rows.iter().map(|cells| row(cells.clone())))
 }
 
 pub fn verdict(right: bool) -> Markup {

@@ -1,7 +1,7 @@
 //! The JSON of `play`. Fields may be added, never renamed.
 
 use crate::stage::Setup;
-use deltamorph::UpdateStats;
+use crate::verify::Checked;
 use serde::Serialize;
 
 /// What a clip took.
@@ -18,7 +18,7 @@ pub struct Played {
 }
 
 /// What a frame took.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Debug, Serialize)]
 pub struct FrameRow {
     /// Its number, from 0.
     pub frame: usize,
@@ -26,9 +26,13 @@ pub struct FrameRow {
     pub changed: usize,
     /// Targets with a weight other than 0.
     pub active: usize,
-    /// What was planned; `None` where the device plans.
-    #[serde(flatten)]
-    pub planned: Planned,
+    /// Blocks written (block formats); this and the next three are `None` where the device plans.
+    pub dirty_blocks: Option<usize>,
+    /// Of these, the ones that started from the base pose.
+    pub rebuilt_blocks: Option<usize>,
+    pub passes: Option<usize>,
+    /// Bytes loaded and stored.
+    pub bytes_moved: Option<u64>,
     /// Time on the device; `None` without one.
     pub gpu_ms: Option<f64>,
     /// Round trip from weights to result, in microseconds.
@@ -37,29 +41,7 @@ pub struct FrameRow {
     pub max_error: Option<f64>,
 }
 
-#[derive(Clone, Debug, Default, Serialize)]
-pub struct Planned {
-    /// Blocks written (block formats).
-    pub dirty_blocks: Option<usize>,
-    /// Of these, the ones that started from the base pose.
-    pub rebuilt_blocks: Option<usize>,
-    pub passes: Option<usize>,
-    /// Bytes loaded and stored.
-    pub bytes_moved: Option<u64>,
-}
-
-impl Planned {
-    pub fn of(stats: &UpdateStats) -> Self {
-        Self {
-            dirty_blocks: Some(stats.dirty_blocks),
-            rebuilt_blocks: Some(stats.rebuilt_blocks),
-            passes: Some(stats.passes),
-            bytes_moved: Some(stats.bytes_moved),
-        }
-    }
-}
-
-#[derive(Clone, Debug, Serialize)]
+#[derive(Debug, Serialize)]
 pub struct Summary {
     pub frames: usize,
     #[serde(flatten)]
@@ -82,12 +64,8 @@ pub struct Summary {
     pub gpu_ms_mean: Option<f64>,
     /// Median of the round trips, in microseconds.
     pub cpu_us_median: Option<f64>,
-    /// Frames that were compared with the reference.
-    pub checks: usize,
-    /// Largest position error against the float64 reference, in input units. Exact sums are held to the weights as
-    /// their grid rounds them.
-    pub max_error: f64,
-    pub max_error_rel: f64,
+    #[serde(flatten)]
+    pub checked: Checked,
     /// Largest angle between normals, in degrees.
     pub normal_error_deg: f64,
     /// Against the weights as asked for, as a fraction of the diagonal.
@@ -95,6 +73,4 @@ pub struct Summary {
     /// Against the raw files: dropped deltas, packing, sums and what waits, as a fraction of the diagonal. `None` where
     /// INPUT is a packed file, which does not say what it was packed from.
     pub raw_error_rel: Option<f64>,
-    /// The largest bound that the path kept, in input units; 0 where it keeps none.
-    pub bound: f64,
 }
