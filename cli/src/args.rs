@@ -109,7 +109,7 @@ pub struct InfoArgs {
 pub struct InputArgs {
     /// Folder with neutral.obj, targets/*.obj and, if any, weights/*.csv, or a packed file (*.dmorph); without it, the
     /// built-in head
-    #[arg(value_name = "INPUT")]
+    #[arg(value_name = "INPUT", conflicts_with_all = ["vertices", "targets", "sparsity"])]
     pub input: Option<PathBuf>,
     #[command(flatten)]
     pub head: HeadArgs,
@@ -160,12 +160,6 @@ impl HeadArgs {
             sparsity: self.sparsity.unwrap_or(d.sparsity),
             seed,
         }
-    }
-
-    /// The first of these options that was given: they mean nothing to a mesh read from a file.
-    pub fn given(&self) -> Option<&'static str> {
-        let vertices = self.vertices.map(|_| "--vertices");
-        vertices.or(self.targets.map(|_| "--targets")).or(self.sparsity.map(|_| "--sparsity"))
     }
 }
 

@@ -6,7 +6,6 @@ mod report;
 mod sweep;
 
 use crate::args::InfoArgs;
-use crate::clips;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
 use crate::table::{Column, Table, bytes, percent, sig3, thousands};
@@ -30,7 +29,7 @@ pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
     }
     spinner.finish_and_clear();
     if let Some(dir) = &args.report {
-        let clips = clips::all(None, &args.input, &input)?;
+        let clips = input::clips(None, &args.input, &input)?;
         info.sweep = Some(sweep::sweep(&input.kept, &formats, out)?);
         info.poses = Some(sweep::poses(&input, &formats, &clips, out));
         report::write(&info, dir)?;

@@ -1,12 +1,15 @@
-//! Reading INPUT: a folder, a packed file, or the built-in head.
+//! Reading INPUT: a folder, a packed file, or the built-in head; and the weight clips that a command runs.
 
 use crate::args::InputArgs;
 use crate::output::{Failure, Output};
-use deltamorph::import::{ImportDesc, Imported, ImportedMesh, sample as head};
+use deltamorph::import::{ImportDesc, Imported, ImportedMesh, csv, sample as head};
 use deltamorph::{BoundClip, MorphMesh, PackedMesh, Tolerance, import};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// Frames of the built-in head's clip, as `sample` writes them.
+const HEAD_FRAMES: usize = 300;
 
 /// A mesh: what its files state, and what the tolerance keeps of it.
 #[derive(Debug)]
@@ -68,11 +71,6 @@ impl Input {
 /// `with_raw` is false, `raw` is what is kept.
 pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Failure> {
     let origin = args.input.as_ref().map_or("built-in head".into(), |path| path.display().to_string());
-    if let (Some(_), Some(option)) = (&args.input, args.head.given()) {
-        return Err(Failure::Usage(format!(
-            "{option} sizes the built-in head, but INPUT is {origin}; leave out one of the two"
-        )));
-    }
     let spinner = out.spinner(format!("reading {origin}"));
     let (mesh, clips) = match &args.input {
         None => (ImportedMesh::Source(head::head(&args.head.desc(args.seed))), vec![]),
@@ -100,15 +98,45 @@ pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Fai
     Ok(Input { name: kept.name.clone(), raw, kept, packed, clips, origin })
 }
 
+fn names(mesh: &MorphMesh) -> Vec<&str> {
+    mesh.targets.iter().map(|t| t.name.as_str()).collect()
+}
+
 /// The weight clip at `path`, for the targets of `mesh`; at least one frame.
 pub fn clip(path: &Path, args: &InputArgs, mesh: &MorphMesh) -> Result<BoundClip, Failure> {
     let clip = import::open_clip(path, args.fps)?;
-    let names: Vec<&str> = mesh.targets.iter().map(|t| t.name.as_str()).collect();
-    let clip = clip.bind(&names).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))?;
+    let clip = clip.bind(&names(mesh)).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))?;
     if clip.frame_count() == 0 {
         return Err(Failure::Failed(format!("{}: has no frames; add one row per frame", path.display())));
     }
     Ok(clip)
+}
+
+/// The clip at `named`, or the only one that `input` has.
+pub fn one_clip(named: Option<&Path>, args: &InputArgs, input: &Input) -> Result<BoundClip, Failure> {
+    if named.is_none() && input.clips.len() > 1 {
+        let list: Vec<String> = input.clips.iter().map(|c| c.display().to_string()).collect();
+        return Err(Failure::Usage(format!(
+            "{} has {} clips; name one with --weights: {}",
+            input.origin,
+            list.len(),
+            list.join(", ")
+        )));
+    }
+    clips(named, args, input)?.pop().ok_or_else(|| {
+        Failure::Usage(format!("{} has no clip in weights/*.csv; name one with --weights CSV", input.origin))
+    })
+}
+
+/// The clip at `named`, or all that `input` has.
+pub fn clips(named: Option<&Path>, args: &InputArgs, input: &Input) -> Result<Vec<BoundClip>, Failure> {
+    if named.is_none() && args.input.is_none() {
+        let clip = head::head_clip(&args.head.desc(args.seed), HEAD_FRAMES, args.fps.unwrap_or(csv::DEFAULT_FPS));
+        // Without a target there is none.
+        return if input.kept.targets.is_empty() { Ok(vec![]) } else { Ok(vec![clip.bind(&names(&input.kept))?]) };
+    }
+    let paths = named.map_or_else(|| input.clips.clone(), |path| vec![path.to_path_buf()]);
+    paths.iter().map(|path| clip(path, args, &input.kept)).collect()
 }
 
 /// The files that `args` and `others` may have read: none of them is to be written over.

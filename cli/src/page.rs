@@ -1,7 +1,6 @@
 //! Pages that need nothing but themselves: what the reports of `bench` and `info` share.
 
 use crate::plots::Figure;
-use crate::table::Table;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 pub fn document(title: &str, body: &Markup) -> String {
@@ -56,12 +55,6 @@ pub fn table<'a>(headings: impl IntoIterator<Item = &'a str>, rows: impl IntoIte
 
 pub fn row(cells: impl IntoIterator<Item = String>) -> Markup {
     html! { tr { @for cell in cells { td { (cell) } } } }
-}
-
-/// A table of text.
-pub fn text_table(of: &Table) -> Markup {
-    let (headings, rows) = of.rows().split_at(1);
-    table(headings.iter().flatten().map(String::as_str), rows.iter().map(|cells| row(cells.clone())))
 }
 
 pub fn verdict(right: bool) -> Markup {

@@ -1,19 +1,87 @@
 //! `play`: a whole clip, one update per frame: what each moved, what it took, and how far the pose is off.
 
-mod record;
-
 use crate::args::run::{PlayArgs, Single};
 use crate::bench::stats::Stats;
-use crate::clips;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
-use crate::stage::Stage;
+use crate::stage::{Setup, Stage};
 use crate::table::{Table, bytes, percent, sig3, thousands};
-use crate::verify::Checks;
+use crate::verify::{Checked, Checks};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::internals::Rng;
 use deltamorph::{Accumulate, BoundClip, POSE_STRIDE, UpdatePath, WeightClip};
-use record::{FrameRow, Played, Summary};
+use serde::Serialize;
+
+/// The JSON of `play`. Fields may be added, never renamed.
+#[derive(Debug, Serialize)]
+struct Played {
+    schema: u32,
+    /// The Vulkan device's name, or "none".
+    device: String,
+    /// Where the mesh came from: a folder, or "built-in head".
+    input: String,
+    clip: String,
+    frames: Vec<FrameRow>,
+    summary: Summary,
+}
+
+/// What a frame took.
+#[derive(Debug, Serialize)]
+struct FrameRow {
+    /// Its number, from 0.
+    frame: usize,
+    /// Targets whose weight differs from the frame before; in the first one, from 0.
+    changed: usize,
+    /// Targets with a weight other than 0.
+    active: usize,
+    /// Blocks written (block formats); this and the next three are `None` where the device plans.
+    dirty_blocks: Option<usize>,
+    /// Of these, the ones that started from the base pose.
+    rebuilt_blocks: Option<usize>,
+    passes: Option<usize>,
+    /// Bytes loaded and stored.
+    bytes_moved: Option<u64>,
+    /// Time on the device; `None` without one.
+    gpu_ms: Option<f64>,
+    /// Round trip from weights to result, in microseconds.
+    cpu_us: f64,
+    /// Largest position error against the float64 reference, in input units; `None` where it was not measured.
+    max_error: Option<f64>,
+}
+
+#[derive(Debug, Serialize)]
+struct Summary {
+    frames: usize,
+    #[serde(flatten)]
+    setup: Setup,
+    /// Animated and planned on the device.
+    animated: bool,
+    /// Amplitude of the noise that was added to the weights.
+    noise: f32,
+    /// Targets changed, per frame.
+    changed_mean: f64,
+    /// Bytes loaded and stored, per frame.
+    bytes_moved_mean: Option<f64>,
+    /// What incremental updates of whole float32 poses would move: per frame with a change, each vertex's pose in and
+    /// out, and its delta for each changed target.
+    dense_bytes_mean: f64,
+    /// `bytes_moved_mean` as a share of `dense_bytes_mean`; `None` where nothing moved.
+    bytes_share: Option<f64>,
+    /// Median of the time on the device.
+    gpu_ms_median: Option<f64>,
+    gpu_ms_mean: Option<f64>,
+    /// Median of the round trips, in microseconds.
+    cpu_us_median: Option<f64>,
+    #[serde(flatten)]
+    checked: Checked,
+    /// Largest angle between normals, in degrees.
+    normal_error_deg: f64,
+    /// Against the weights as asked for, as a fraction of the diagonal.
+    request_error_rel: f64,
+    /// Against the raw files: dropped deltas, packing, sums and what waits, as a fraction of the diagonal. `None` where
+    /// INPUT is a packed file, which does not say what it was packed from.
+    raw_error_rel: Option<f64>,
+}
 
 pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     let PlayArgs { run, weights, .. } = args;
@@ -24,7 +92,7 @@ pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     }
     out.check(&input::files_of(&run.input, weights.as_slice()), &[], None)?;
     let input = input::load(&run.input, true, out)?;
-    let clip = clips::the_one(weights.as_deref(), &run.input, &input)?;
+    let clip = input::one_clip(weights.as_deref(), &run.input, &input)?;
     let stage = Stage::new(single, run, &input, device, out)?;
     // From here on the packed mesh is enough, and the raw files' where errors against them can be told.
     let Input { raw, packed, origin, .. } = input;

@@ -3,7 +3,6 @@
 mod script;
 
 use crate::args::run::{Single, SoakArgs};
-use crate::clips;
 use crate::input;
 use crate::output::{Failure, Output};
 use crate::runner::Runner;
@@ -42,7 +41,7 @@ pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     let single = Single::new("soak", &run.update).map_err(Failure::Usage)?;
     out.check(&input::files_of(&run.input, weights.as_slice()), &[], None)?;
     let input = input::load(&run.input, false, out)?;
-    let clips = clips::all(weights.as_deref(), &run.input, &input)?;
+    let clips = input::clips(weights.as_deref(), &run.input, &input)?;
     let stage = Stage::new(single, run, &input, device, out)?;
     let (origin, targets) = (input.origin.clone(), input.kept.targets.len());
     // From here on the packed mesh is enough.

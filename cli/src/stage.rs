@@ -6,7 +6,7 @@ use crate::input::Input;
 use crate::output::{Failure, Output};
 use crate::runner::{self, Gpu, Runner, packed};
 use deltamorph::headless::DeviceChoice;
-use deltamorph::{Accumulate, BatchSize, DeltaFormat, PackedLayout, PackedMesh, UpdateDesc, UpdatePath, WeightClip};
+use deltamorph::{Accumulate, BatchSize, DeltaFormat, PackedMesh, UpdateDesc, UpdatePath, WeightClip};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -55,7 +55,15 @@ impl Stage {
         let desc = single.desc(path, batch, &args.update, input.kept.diagonal).map_err(Failure::Usage)?;
         desc.check().map_err(|e| Failure::Usage(e.to_string()))?;
         let mesh = packed(input, gpu.as_ref(), format, &args.update.pack)?;
-        let desc = with_sums_that_fit(desc, single.sums.is_none(), mesh.layout(), out)?;
+        let exact = UpdateDesc { accumulate: Accumulate::Exact, ..desc };
+        let desc = match desc.check_for(mesh.layout()) {
+            Ok(()) => desc,
+            Err(e) if single.sums.is_none() && exact.check_for(mesh.layout()).is_ok() => {
+                out.note(format_args!("{e}; taking exact sums (--drift and --accumulate choose)"));
+                exact
+            }
+            Err(e) => return Err(Failure::Usage(format!("{e}; see --drift, --accumulate and --weight-max"))),
+        };
         Ok(Self { gpu, threads: args.update.threads.unwrap_or(0), mesh, desc })
     }
 
@@ -100,24 +108,6 @@ impl Stage {
         // Draws that evaluate have no pose buffers.
         let slots = if path.evaluates_in_draws() { String::new() } else { format!(", {slots} slots") };
         format!("{} {format} {}{slots}, on {device}", path.name(), accumulate.name())
-    }
-}
-
-/// `desc`, with exact sums where float sums would drift too far and the kind of sums is `free`: nobody chose it.
-fn with_sums_that_fit(
-    desc: UpdateDesc,
-    free: bool,
-    layout: &PackedLayout,
-    out: &Output,
-) -> Result<UpdateDesc, Failure> {
-    let exact = UpdateDesc { accumulate: Accumulate::Exact, ..desc };
-    match desc.check_for(layout) {
-        Ok(()) => Ok(desc),
-        Err(e) if free && exact.check_for(layout).is_ok() => {
-            out.note(format_args!("{e}; taking exact sums (--drift and --accumulate choose)"));
-            Ok(exact)
-        }
-        Err(e) => Err(Failure::Usage(format!("{e}; see --drift, --accumulate and --weight-max"))),
     }
 }
 

@@ -23,11 +23,6 @@ impl Table {
         table
     }
 
-    /// The cells, row by row, headings first.
-    pub fn rows(&self) -> &[Vec<String>] {
-        &self.rows
-    }
-
     pub fn row(&mut self, cells: impl IntoIterator<Item = String>) {
         self.rows.push(cells.into_iter().collect());
     }

@@ -147,11 +147,9 @@ impl<'a> Checks<'a> {
         let step = runner.step(&[weights]).map_err(failed)?;
         let bound = step.stats.bound.into();
         self.found.bound = self.found.bound.max(bound);
-        let error = due.then(|| self.measure(frame, runner, weights, bound)).transpose()?;
-        Ok((step, error))
-    }
-
-    fn measure(&mut self, frame: usize, runner: &mut Runner<'_>, weights: &[f32], bound: f64) -> Result<f64, Failure> {
+        if !due {
+            return Ok((step, None));
+        }
         let pose = &runner.pose(0)?;
         let applied = runner.played(self.mesh)?.unwrap_or_else(|| self.promise.applied(weights));
         let mut error = compare(pose, &evaluate(self.mesh, &applied));
@@ -168,7 +166,7 @@ impl<'a> Checks<'a> {
         }
         self.count += 1;
         self.found = self.found.max(found);
-        Ok(error.position)
+        Ok((step, Some(error.position)))
     }
 
     /// The largest position error against the raw files, where there are any.

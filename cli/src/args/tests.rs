@@ -76,7 +76,7 @@ fn bad_values_are_refused_with_exit_code_2() {
         ),
         ("bench", "--tolerance -1e-6|--tolerance inf|--batch-sizes 0|--batch-sizes 7..1|--batch-sizes 1..|--heads 0"),
         ("bench", "--paths vulkan|--formats half|--mode both|--report a --no-report|face --redraw report.json"),
-        ("bench", "--suite x|--time-limit 1"),
+        ("bench", "--suite x|--time-limit 1|face --vertices 3|face --sparsity 0.5"),
         ("bench --suite all", "--changed 3|--shared|--mode rebuild"),
         ("apply", "--set jawOpen -o a.obj|--set =1 -o a.obj|--set jawOpen=nan -o a.obj|face --set a=1"),
         ("apply face -o a.obj", "--weights a.csv|--frame 3|--batch-size 1..3 --set a=1"),

@@ -3,6 +3,7 @@
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::{Accumulate, BatchSize, DeltaFormat, UpdateMode, UpdatePath};
+use std::collections::BTreeSet;
 
 /// Largest number of targets of the built-in head.
 pub const MAX_TARGETS: usize = 65_536;
@@ -218,18 +219,14 @@ pub fn expand_batches(specs: &[BatchSpec], limit: BatchLimit) -> (Vec<BatchSize>
     if limit.max == 0 {
         return (vec![BatchSize::All], Vec::new());
     }
-    let mut sizes: Vec<BatchSize> = specs
-        .iter()
-        .flat_map(|&spec| match spec {
-            BatchSpec::Size(n) => n..=n,
-            BatchSpec::Range(lo, hi) => lo..=hi.unwrap_or(limit.max),
-            BatchSpec::Max => limit.max..=limit.max,
-            BatchSpec::All => 0..=0,
-        })
-        .map(|n| if n == 0 { BatchSize::All } else { BatchSize::Targets(n) })
-        .collect();
-    sizes.sort_unstable();
-    sizes.dedup();
+    let ranges = specs.iter().map(|&spec| match spec {
+        BatchSpec::Size(n) => n..=n,
+        BatchSpec::Range(lo, hi) => lo..=hi.unwrap_or(limit.max),
+        BatchSpec::Max => limit.max..=limit.max,
+        BatchSpec::All => 0..=0,
+    });
+    let sizes: BTreeSet<_> =
+        ranges.flatten().map(|n| if n == 0 { BatchSize::All } else { BatchSize::Targets(n) }).collect();
     sizes.into_iter().partition(|s| match s {
         BatchSize::Targets(n) => *n <= limit.max,
         BatchSize::All => limit.all,
@@ -242,17 +239,12 @@ pub fn expand_changed(specs: &[ChangedSpec], targets: usize) -> Result<Vec<usize
     if specs.is_empty() {
         return Ok([1, 4, 8, 16, 32].into_iter().filter(|n| *n < targets).chain([targets]).collect());
     }
-    let mut counts = Vec::new();
-    for &spec in specs {
-        counts.push(match spec {
-            ChangedSpec::All => targets,
-            ChangedSpec::Count(n) if n <= targets => n,
-            ChangedSpec::Count(n) => {
-                return Err(format!("--changed {n}: the mesh has {targets} targets; give at most that, or \"all\""));
-            }
-        });
-    }
-    counts.sort_unstable();
-    counts.dedup();
-    Ok(counts)
+    let counts = specs.iter().map(|spec| match *spec {
+        ChangedSpec::All => Ok(targets),
+        ChangedSpec::Count(n) if n <= targets => Ok(n),
+        ChangedSpec::Count(n) => {
+            Err(format!("--changed {n}: the mesh has {targets} targets; give at most that, or \"all\""))
+        }
+    });
+    Ok(counts.collect::<Result<BTreeSet<_>, _>>()?.into_iter().collect())
 }

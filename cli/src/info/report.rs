@@ -2,11 +2,11 @@
 
 use super::record::{Info, PoseRow, SweepRow};
 use crate::output::{self, Failure, publish, to_json, write_file};
-use crate::page::{self, document};
+use crate::page::{self, document, row, table};
 use crate::plots::canvas::Marker;
 use crate::plots::chart::{Axes, LineChart, Point, Series, X};
 use crate::plots::{Chart, Figure};
-use crate::table::{Column, Table, bytes, percent, sig3, thousands};
+use crate::table::{bytes, sig3, thousands};
 use maud::{Markup, html};
 use plotters::prelude::RGBColor;
 use std::path::Path;
@@ -40,7 +40,6 @@ fn write_into(info: &Info, dir: &Path) -> Result<(), Failure> {
         }
         (page::figures(&drawn))
         section { h2 { "Whole poses" } (pose_table(info.poses.as_deref().unwrap_or_default())) }
-        section { h2 { "Every point" } (sweep_table(rows)) }
         p.note { "All numbers: " a href="info.json" { "info.json" } "." }
     };
     write_file(&dir.join("index.html"), document(&format!("{} · deltamorph info", info.input.name), &body))
@@ -105,19 +104,16 @@ fn series(rows: &[SweepRow], error: Error) -> Vec<Series> {
 }
 
 fn pose_table(rows: &[PoseRow]) -> Markup {
-    let columns: &[Column<'_, PoseRow>] = &[
-        ("clip", &|r| r.clip.clone()),
-        ("frames", &|r| r.frames.to_string()),
-        ("format", &|r| r.format.into()),
-        ("position error / diagonal", &|r| sig3(r.position_error_rel)),
-        ("normals", &|r| format!("{}°", sig3(r.normal_error_deg))),
-        ("999 of 1000 normals", &|r| format!("{}°", sig3(r.normal_error_p999_deg))),
-    ];
+    let cells = |r: &PoseRow| {
+        let [normals, usual] = [r.normal_error_deg, r.normal_error_p999_deg].map(|angle| format!("{}°", sig3(angle)));
+        row([r.clip.clone(), r.frames.to_string(), r.format.into(), sig3(r.position_error_rel), normals, usual])
+    };
+    let headings = ["clip", "frames", "format", "position error / diagonal", "normals", "999 of 1000 normals"];
     html! {
         @if rows.is_empty() {
             p.note { "There is no clip to take poses from." }
         } @else {
-            (page::text_table(&Table::of(rows, columns)))
+            (table(headings, rows.iter().map(cells)))
             p.note {
                 "Largest errors against the raw files: dropped deltas and packing together, the weights as captured. \
                  Where targets fold a normal to almost nothing, a small error turns it far: the last column leaves out \
@@ -125,19 +121,4 @@ fn pose_table(rows: &[PoseRow]) -> Markup {
             }
         }
     }
-}
-
-fn sweep_table(rows: &[SweepRow]) -> Markup {
-    let optional = |v: Option<String>| v.unwrap_or_else(|| "–".into());
-    let columns: &[Column<'_, SweepRow>] = &[
-        ("format", &|r| r.format.into()),
-        ("block size", &|r| optional(r.block_size.map(|n| n.to_string()))),
-        ("positions allowed", &|r| optional(r.position_allowed_rel.map(|v| format!("{v:.1e}")))),
-        ("normals allowed", &|r| optional(r.normal_allowed_deg.map(|v| format!("{}°", sig3(v.into()))))),
-        ("bytes", &|r| bytes(r.bytes as f64)),
-        ("of float32", &|r| percent(r.share)),
-        ("position error / diagonal", &|r| sig3(r.position_error_rel)),
-        ("normals", &|r| format!("{}°", sig3(r.normal_error_deg))),
-    ];
-    page::text_table(&Table::of(rows, columns))
 }
