@@ -9,7 +9,7 @@ use crate::table::{Table, bytes, percent, sig3, thousands};
 use crate::verify::{Checked, Checks};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::internals::Rng;
-use deltamorph::{Accumulate, BoundClip, POSE_STRIDE, UpdatePath, WeightClip};
+use deltamorph::{Accumulate, BoundClip, PoseFormat, UpdatePath, WeightClip};
 use serde::Serialize;
 
 /// The JSON of `play`. Fields may be added, never renamed.
@@ -162,7 +162,7 @@ fn summary(args: &PlayArgs, stage: &Stage, frames: &[FrameRow], checks: &Checks<
     let mean = |value: fn(&FrameRow) -> usize| {
         frames.iter().map(|f| value(f) as f64).sum::<f64>() / frames.len().max(1) as f64
     };
-    let pose_bytes = stage.mesh.layout().vertex_count * POSE_STRIDE;
+    let pose_bytes = stage.mesh.layout().vertex_count * PoseFormat::Float32.stride();
     let dense = mean(|f| if f.changed > 0 { f.changed + 2 } else { 0 }) * pose_bytes as f64;
     let moved = (!args.animated).then(|| mean(|f| f.bytes_moved.unwrap_or(0) as usize));
     let gpu = Stats::of(&frames.iter().filter_map(|f| f.gpu_ms).collect::<Vec<_>>());

@@ -10,7 +10,7 @@ use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernel;
 use crate::gpu::mesh::MeshBuffers;
 use crate::gpu::pipelines::Objects;
-use crate::pack::DeltaFormat;
+use crate::pack::{DeltaFormat, PoseFormat};
 use crate::plan::instances::Instances;
 use crate::plan::steps::{Steps, Work};
 use crate::plan::{UpdatePath, UpdateStats};
@@ -39,7 +39,11 @@ impl Kernel for Attributes {
         draw.add_empty_render_pass()?;
         for b in 0..=most {
             let (bindings, attributes) = vertex_input(format, b);
-            draw.add_discarding_vertex(DIRECT_ATTRIBUTES.module(format, b)?, &bindings, &attributes)?;
+            draw.add_discarding_vertex(
+                DIRECT_ATTRIBUTES.module(format, PoseFormat::Float32, b)?,
+                &bindings,
+                &attributes,
+            )?;
         }
         Ok(Self { draw, key })
     }
@@ -59,7 +63,7 @@ enum Capturer {
 }
 
 /// A crowd on the path `direct-attributes`: the active targets of each instance.
-pub(super) struct AttributesTechnique {
+pub(crate) struct AttributesTechnique {
     kernel: Arc<Attributes>,
     capturer: Option<Capturer>,
     mesh: Arc<MeshBuffers>,
@@ -70,7 +74,7 @@ pub(super) struct AttributesTechnique {
 }
 
 impl AttributesTechnique {
-    pub(super) fn new(context: Context<'_>) -> Result<Self> {
+    pub(crate) fn new(context: Context<'_>) -> Result<Self> {
         let (layout, pose, instances) = (context.layout(), context.poses.buffer, context.desc.instances);
         if instances > INSTANCES_MAX {
             return Err(Error::invalid(
