@@ -169,7 +169,7 @@ fn captured_clips_are_planned_alike() {
 fn small_limits_split_the_crowd() {
     let mesh = packed(DeltaFormat::Fast, 32);
     // Sixteen instances in two slots, or a little more; four items in a dispatch.
-    let range = 2 * 17 * mesh.layout().pose_bytes();
+    let range = 2 * 17 * mesh.layout().base_bytes();
     let limits = DeviceCaps { max_storage_range: range, max_workgroups: 4, ..DeviceCaps::android_baseline() };
     let roomy = DeviceCaps { max_texels: u32::MAX, int64: true, ..limits.clone() };
     for (driver, limits) in gpu::drivers().iter().flat_map(|d| [(d, roomy.clone()), (d, limits.clone())]) {

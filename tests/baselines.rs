@@ -21,7 +21,7 @@ use std::sync::Arc;
 /// Every baseline that the device can run in `format`, with a spread of batch sizes, modes and slots.
 fn descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc> {
     let mut descs = vec![];
-    for path in UpdatePath::BASELINES {
+    for path in UpdatePath::ALL.into_iter().filter(|path| path.is_baseline()) {
         if !path.formats().contains(&format) || engine.caps().check_path(path).is_err() {
             continue;
         }
@@ -510,7 +510,7 @@ fn poses_of_the_cpu_path_are_uploaded_as_they_are() {
             crowd.update();
             let poses = [0, 1].map(|i| crowd.pose(i).expect("an instance"));
             let took = upload.upload(&poses).expect("an upload");
-            assert_eq!(took.bytes_moved, 2 * 4 * mesh.layout().pose_bytes());
+            assert_eq!(took.bytes_moved, 2 * 4 * mesh.layout().base_bytes());
             upload.draw().expect("a draw");
             assert_eq!(upload.read().expect("poses"), poses.concat());
         }

@@ -10,7 +10,7 @@ use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernel;
 use crate::gpu::mesh::MeshBuffers;
 use crate::gpu::pipelines::Objects;
-use crate::pack::DeltaFormat;
+use crate::pack::{DeltaFormat, PoseFormat};
 use crate::plan::instances::Instances;
 use crate::plan::steps::{Steps, Work};
 use crate::plan::{UpdatePath, UpdateStats};
@@ -39,7 +39,11 @@ impl Kernel for Attributes {
         draw.add_empty_render_pass()?;
         for b in 0..=most {
             let (bindings, attributes) = vertex_input(format, b);
-            draw.add_discarding_vertex(DIRECT_ATTRIBUTES.module(format, b)?, &bindings, &attributes)?;
+            draw.add_discarding_vertex(
+                DIRECT_ATTRIBUTES.module(format, PoseFormat::Float32, b)?,
+                &bindings,
+                &attributes,
+            )?;
         }
         Ok(Self { draw, key })
     }
@@ -59,7 +63,7 @@ enum Capturer {
 }
 
 /// A crowd on the path `direct-attributes`: the active targets of each instance.
-pub(super) struct AttributesTechnique {
+pub(crate) struct AttributesTechnique {
     kernel: Arc<Attributes>,
     capturer: Option<Capturer>,
     mesh: Arc<MeshBuffers>,
@@ -70,7 +74,7 @@ pub(super) struct AttributesTechnique {
 }
 
 impl AttributesTechnique {
-    pub(super) fn new(context: Context<'_>) -> Result<Self> {
+    pub(crate) fn new(context: Context<'_>) -> Result<Self> {
         let (layout, pose, instances) = (context.layout(), context.poses.buffer, context.desc.instances);
         if instances > INSTANCES_MAX {
             return Err(Error::invalid(
@@ -100,11 +104,11 @@ impl AttributesTechnique {
 }
 
 impl Technique for AttributesTechnique {
-    fn plan(&mut self, instances: &Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
+    fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         self.planner.plan(instances, id.update);
         for (i, active) in self.active.iter_mut().enumerate() {
             active.clear();
-            active_targets(self.planner.applied(i).unwrap_or_default(), active);
+            active_targets(self.planner.applied(i), active);
         }
         if self.planner.has_changed() {
             steps.step(&[]);
@@ -113,22 +117,6 @@ impl Technique for AttributesTechnique {
     }
 
     unsafe fn record(&self, _cmd: vk::CommandBuffer, _frame: u64, _work: &Work) {}
-
-    fn slots_of(&self, instance: u32) -> Option<(u32, Option<u32>)> {
-        self.planner.slots_of(instance as usize)
-    }
-
-    fn cut(&mut self, instance: u32) {
-        self.planner.cut(instance as usize);
-    }
-
-    fn add(&mut self, instance: u32) {
-        self.planner.forget(instance as usize);
-    }
-
-    fn discard_from(&mut self, id: UpdateId) {
-        self.planner.discard_from(id.update);
-    }
 
     /// Refuse more active targets than a draw has attributes for.
     fn check_weights(&self, weights: &[f32]) -> Result<()> {

@@ -6,13 +6,14 @@ use super::draws::{Capture, Draws, draw_stats, no_capture, one_pass};
 use crate::abi::modules::{DIRECT, DIRECT_FEEDBACK, DIRECT_STORE};
 use crate::abi::push::DirectPush;
 use crate::error::Result;
+use crate::gpu::caps::CAPTURE_STRIDE;
 use crate::gpu::descriptors::{Bound, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernel;
 use crate::gpu::mesh::{MeshBuffers, delta_range};
 use crate::gpu::pipelines::Objects;
 use crate::gpu::ring::Ring;
-use crate::pack::{DeltaFormat, POSE_STRIDE};
+use crate::pack::{BASE_STRIDE, DeltaFormat, PoseFormat};
 use crate::plan::instances::Instances;
 use crate::plan::steps::{Steps, Work};
 use crate::plan::{UpdatePath, UpdateStats};
@@ -58,7 +59,7 @@ impl Kernel for Direct {
         objects.add_empty_render_pass()?;
         let (bindings, attributes) = vertex_input(format, 0);
         for kernel in kernels {
-            objects.add_discarding_vertex(kernel.module(format, 0)?, &bindings, &attributes)?;
+            objects.add_discarding_vertex(kernel.module(format, PoseFormat::Float32, 0)?, &bindings, &attributes)?;
         }
         Ok(Self { objects, format, capture })
     }
@@ -69,7 +70,7 @@ impl Kernel for Direct {
 }
 
 /// A crowd on the path `direct`: weights in a ring of host-visible memory, which the draws read.
-pub(super) struct DirectTechnique {
+pub(crate) struct DirectTechnique {
     kernel: Arc<Direct>,
     mesh: Arc<MeshBuffers>,
     planner: DensePlanner,
@@ -88,7 +89,7 @@ pub(super) struct DirectTechnique {
 }
 
 impl DirectTechnique {
-    pub(super) fn new(context: Context<'_>) -> Result<Self> {
+    pub(crate) fn new(context: Context<'_>) -> Result<Self> {
         let (mesh, desc, pose) = (context.mesh, context.desc, context.poses);
         let stride = Ring::part_bytes((mesh.layout.targets.len() * WEIGHT_BYTES) as u64);
         let (part, frames) = (stride.saturating_mul(desc.instances.into()), desc.frames_in_flight);
@@ -125,7 +126,7 @@ impl DirectTechnique {
         let (stride, targets) = (self.stride as usize / 4, &self.mesh.layout.targets);
         let first = frame as usize * words.len() * 4;
         for (i, out) in words.chunks_exact_mut(stride).enumerate() {
-            let weights = self.planner.applied(i).unwrap_or_default();
+            let weights = self.planner.applied(i);
             for ((weight, target), out) in weights.iter().zip(targets).zip(out.chunks_exact_mut(WEIGHT_BYTES / 4)) {
                 let coefficient = weight * target.position_step;
                 out.copy_from_slice(&[coefficient, coefficient * target.normal_ratio()].map(f32::to_bits));
@@ -153,7 +154,7 @@ impl DirectTechnique {
         }
         let draws = instances.map(|i| self.draws[i as usize]);
         for (draw, (first, vertices)) in draws.flat_map(|draw| mesh.chunks().map(move |chunk| (draw, chunk))) {
-            let at = (first * POSE_STRIDE) as u64;
+            let at = (first * BASE_STRIDE) as u64;
             let row = (mesh.row_start(0, first, vertices) * 4) as u32;
             let push = DirectPush {
                 chunk_vertices: vertices as u32,
@@ -174,7 +175,7 @@ impl DirectTechnique {
             };
             match &objects.device.feedback {
                 Some(feedback) if captured && *capture == Some(Capture::Feedback) => {
-                    let (feedback, size) = (feedback.fp(), (vertices * POSE_STRIDE) as u64);
+                    let (feedback, size) = (feedback.fp(), (vertices * CAPTURE_STRIDE) as u64);
                     // SAFETY: as above; as much is captured as the pose has room for. ash 0.38 has no wrappers for
                     // these commands.
                     unsafe {
@@ -194,7 +195,7 @@ impl DirectTechnique {
 
 impl Technique for DirectTechnique {
     /// A step without works: the draws find the weights where they were written.
-    fn plan(&mut self, instances: &Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
+    fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         self.planner.plan(instances, id.update);
         if self.planner.has_changed() || self.stale {
             (self.written, self.stale) = (id.update, false);
@@ -208,20 +209,7 @@ impl Technique for DirectTechnique {
 
     unsafe fn record(&self, _cmd: vk::CommandBuffer, _frame: u64, _work: &Work) {}
 
-    fn slots_of(&self, instance: u32) -> Option<(u32, Option<u32>)> {
-        self.planner.slots_of(instance as usize)
-    }
-
-    fn cut(&mut self, instance: u32) {
-        self.planner.cut(instance as usize);
-    }
-
-    fn add(&mut self, instance: u32) {
-        self.planner.forget(instance as usize);
-    }
-
     fn discard_from(&mut self, id: UpdateId) {
-        self.planner.discard_from(id.update);
         self.stale |= self.written >= id.update;
     }
 

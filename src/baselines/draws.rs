@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::gpu::device::Device;
-use crate::pack::{POSE_STRIDE, PackedLayout};
+use crate::pack::{BASE_STRIDE, PackedLayout};
 use crate::plan::instances::Instances;
 use crate::plan::schedule::Schedule;
 use crate::plan::steps::{Access, Resource, Stage, Steps, Use, Work};
@@ -86,7 +86,7 @@ pub(super) fn one_pass(desc: &CrowdDesc) -> Result<DensePlanner> {
 /// What one draw of every instance that is shown loads: draws evaluate whether weights have changed or not.
 pub(super) fn draw_stats(layout: &PackedLayout, planner: &DensePlanner, instances: &Instances) -> UpdateStats {
     let active: usize = instances.requested().flatten().flatten().filter(|w| **w != 0.0).count();
-    let loaded = POSE_STRIDE * instances.requested().flatten().count() + active * layout.format.stride();
+    let loaded = BASE_STRIDE * instances.requested().flatten().count() + active * layout.format.stride();
     let floor = (layout.padded_vertices() * loaded) as u64;
     UpdateStats {
         coefficients: active,

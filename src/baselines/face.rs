@@ -43,7 +43,7 @@ impl MorphEngine {
         let Records { words, first } = Records::new(mesh, &index);
         let bytes = (size_of_val(words.as_slice()) as u64).max(16);
         self.check_not_empty(&layout)?;
-        for (what, bytes) in [("a pose takes", layout.pose_bytes()), ("the records of 'scatter' take", bytes)] {
+        for (what, bytes) in [("a pose takes", layout.base_bytes()), ("the records of 'scatter' take", bytes)] {
             let (what, range) = (format!("mesh '{}': {what}", layout.name), self.device.caps.max_storage_range);
             self.device.caps.check_limit(&what, (bytes, "bytes", range), "use fewer targets, or split the mesh")?;
         }

@@ -7,7 +7,7 @@ use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernels;
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::gpu::mesh::MeshBuffers;
-use crate::pack::{POSE_STRIDE, PackedLayout};
+use crate::pack::{PackedLayout, PoseFormat};
 use crate::plan::instances::Instances;
 use crate::plan::schedule::Schedule;
 use crate::plan::steps::{Steps, Work};
@@ -43,7 +43,7 @@ pub struct Update {
     pub stats: UpdateStats,
 }
 
-/// Where a pose is. Positions start at `offset`, normals (not normalised) 12 bytes after; float32 × 3 each.
+/// Where a pose is: from `offset` on, each vertex as its [`PoseFormat`] says. Normals are not normalised.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct PoseView {
@@ -55,6 +55,8 @@ pub struct PoseView {
     pub size: u64,
     /// Bytes from vertex to vertex.
     pub stride: u32,
+    /// How vertices are stored.
+    pub format: PoseFormat,
     /// Which slot of the instance it is.
     pub slot: u32,
 }
@@ -153,16 +155,17 @@ impl CrowdBase {
             Buffer::new(device, &BufferDesc { name, bytes, usage, location })
         };
         let buffers = mesh.layouts().map(buffer).collect::<Result<Vec<_>>>()?;
+        let (format, slots) = (desc.update.pose, desc.update.slots);
         let group = |(mesh, buffer): (&Arc<MeshBuffers>, &Buffer)| PoseGroup {
             mesh: mesh.clone(),
-            poses: Poses { buffer: buffer.raw, bytes: mesh.layout.pose_bytes(), slots: desc.update.slots },
+            poses: Poses { buffer: buffer.raw, format, bytes: mesh.layout.pose_bytes(format), slots },
         };
         let groups: Vec<PoseGroup> = mesh.groups.iter().zip(&buffers).map(group).collect();
         let (mesh, poses) = (&groups[0].mesh, groups[0].poses);
         Ok(Self {
             technique: make(Context { device, kernels, mesh, desc, poses, all: &groups })?,
             groups,
-            instances: Instances::new(desc.instances as usize, targets),
+            instances: Instances::new(desc.instances as usize, targets, desc.update.slots),
             steps: Steps::new(desc.consumers),
             schedule: Schedule::default(),
             last: None,
@@ -197,7 +200,7 @@ impl CrowdBase {
     }
 
     pub(crate) fn cut(&mut self, instance: u32) -> Result<()> {
-        self.instances.check(instance)?;
+        self.instances.cut(instance)?;
         self.technique.cut(instance);
         Ok(())
     }
@@ -217,7 +220,7 @@ impl CrowdBase {
 
     pub(crate) fn remove(&mut self, instance: u32) -> Result<()> {
         self.instances.remove(instance)?;
-        self.technique.remove(instance);
+        self.technique.set_hidden(instance, true);
         Ok(())
     }
 
@@ -238,6 +241,7 @@ impl CrowdBase {
             self.discarded[0] = *oldest.start()..=*self.discarded[0].end();
         }
         self.discarded.push(first..=self.updates);
+        self.instances.discard_from(update);
         self.technique.discard_from(ticket.id);
         self.recorded = self.recorded.min(ticket.id.recorded);
         Ok(())
@@ -326,9 +330,9 @@ impl CrowdBase {
 
     /// Slots of the pose and of the previous pose.
     pub(crate) fn slots_of(&self, instance: u32) -> Result<(u32, Option<u32>)> {
-        self.instances.check(instance)?;
+        let place = self.instances.check(instance)?;
         let none = || Error::invalid(format!("instance {instance} has no pose yet"), "record an update first");
-        self.technique.slots_of(instance).ok_or_else(none)
+        self.technique.slots_of(&self.instances, place).ok_or_else(none)
     }
 
     /// The integer sums of an instance: buffer and offset.
@@ -343,7 +347,8 @@ impl CrowdBase {
             buffer: poses.buffer,
             offset: poses.offset(instance, slot),
             size: poses.bytes,
-            stride: POSE_STRIDE as u32,
+            stride: poses.format.stride() as u32,
+            format: poses.format,
             slot,
         }
     }
@@ -366,22 +371,23 @@ impl CrowdBase {
         let frame = (self.recorded + 1) % u64::from(self.desc.frames_in_flight);
         let id = UpdateId { update: self.updates, recorded: self.recorded, frame };
         self.last = Some(id);
-        let stats = self.technique.plan(&self.instances, id, &mut self.steps)?;
+        let stats = self.technique.plan(&mut self.instances, id, &mut self.steps)?;
         self.recorded += u64::from(!self.steps.is_empty());
         Ok(Update { ticket: Ticket { crowd: self.crowd, id }, stats })
     }
 }
 
 fn stream_view(view: &PoseView, place: StreamPlace) -> StreamView {
-    let PoseView { buffer, offset, stride, slot, .. } = *view;
+    let PoseView { buffer, offset, stride, format, slot, .. } = *view;
     let components = place.semantic.components() as u32;
-    StreamView { buffer, offset: offset + 4 * place.first as u64, components, stride, slot }
+    StreamView { buffer, offset: offset + format.offset(place.first) as u64, components, stride, slot }
 }
 
 /// Bytes of device memory that the poses of a crowd take in a group. On a direct path that is one, to capture into.
 pub(super) fn pose_bytes(layout: &PackedLayout, desc: &CrowdDesc) -> u64 {
+    let pose = layout.pose_bytes(desc.update.pose);
     if desc.update.path.evaluates_in_draws() {
-        return layout.pose_bytes();
+        return pose;
     }
-    layout.pose_bytes().saturating_mul(u64::from(desc.instances) * u64::from(desc.update.slots))
+    pose.saturating_mul(u64::from(desc.instances) * u64::from(desc.update.slots))
 }

@@ -104,12 +104,13 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
             engine.device(),
             &BufferDesc {
                 name: "readback",
-                bytes: mesh.layout().pose_bytes(),
+                bytes: mesh.layout().base_bytes(), // of integer sums, too; no pose takes more
                 usage: vk::BufferUsageFlags::TRANSFER_DST,
                 location: MemoryLocation::GpuToCpu,
             },
         )?;
-        Ok(Self { headless, draw: PoseDraw::new(engine.device())?, mesh, crowd, readback, waiting: VecDeque::new() })
+        let draw = PoseDraw::new(engine.device(), crowd.base().desc().update.pose)?;
+        Ok(Self { headless, draw, mesh, crowd, readback, waiting: VecDeque::new() })
     }
 
     /// The crowd. There is no way to change it but the methods here: a crowd of another device must not take its place.

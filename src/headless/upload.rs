@@ -8,7 +8,7 @@ use crate::engine::PoseView;
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
 use crate::gpu::memory::{Buffer, BufferDesc, STAGING};
-use crate::pack::{POSE_STRIDE, PackedLayout};
+use crate::pack::{PackedLayout, PoseFormat};
 use crate::plan::schedule::asset_uploaded;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
@@ -41,7 +41,7 @@ impl<'a> PoseUpload<'a> {
     /// # Errors
     /// No instance, or no memory.
     pub fn new(headless: &'a Headless, layout: &PackedLayout, instances: u32) -> Result<Self> {
-        let bytes = layout.pose_bytes().saturating_mul(instances.into());
+        let bytes = layout.pose_bytes(PoseFormat::Float32).saturating_mul(instances.into());
         if instances == 0 || bytes == 0 {
             return Err(Error::invalid("an upload of no pose", "leave it out"));
         }
@@ -53,7 +53,8 @@ impl<'a> PoseUpload<'a> {
             | vk::BufferUsageFlags::TRANSFER_DST
             | vk::BufferUsageFlags::TRANSFER_SRC;
         let poses = buffer("uploaded poses", usage, MemoryLocation::GpuOnly)?;
-        Ok(Self { headless, staging, poses, draw: PoseDraw::new(device)?, layout: layout.clone(), instances })
+        let draw = PoseDraw::new(device, PoseFormat::Float32)?;
+        Ok(Self { headless, staging, poses, draw, layout: layout.clone(), instances })
     }
 
     /// Bring the pose of each instance, as [`CpuCrowd::pose`](crate::cpu::CpuCrowd::pose) has it, to the device, ready
@@ -62,7 +63,7 @@ impl<'a> PoseUpload<'a> {
     /// # Errors
     /// Too few or too many poses, or one of another size; a device that fails.
     pub fn upload(&mut self, poses: &[&[f32]]) -> Result<Uploaded> {
-        let pose_bytes = self.layout.pose_bytes() as usize;
+        let pose_bytes = self.layout.pose_bytes(PoseFormat::Float32) as usize;
         let start = Instant::now();
         if poses.len() != self.instances as usize || poses.iter().any(|pose| size_of_val(*pose) != pose_bytes) {
             return Err(Error::invalid(
@@ -109,7 +110,8 @@ impl<'a> PoseUpload<'a> {
     /// # Errors
     /// A device that fails.
     pub fn read(&mut self) -> Result<Vec<f32>> {
-        let (submitter, size) = (self.headless.submitter(), self.layout.pose_bytes() * u64::from(self.instances));
+        let (submitter, size) =
+            (self.headless.submitter(), self.layout.pose_bytes(PoseFormat::Float32) * u64::from(self.instances));
         let mut readback = Buffer::new(
             self.headless.engine().device(),
             &BufferDesc {
@@ -128,16 +130,17 @@ impl<'a> PoseUpload<'a> {
             Ok(())
         })?;
         let bytes = &readback.mapped()?[..size as usize];
-        Ok(bytes.chunks_exact(4).map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect())
+        Ok(PoseFormat::Float32.decode(bytes))
     }
 
     fn view(&self, instance: u32) -> PoseView {
-        let size = self.layout.pose_bytes();
+        let size = self.layout.pose_bytes(PoseFormat::Float32);
         PoseView {
             buffer: self.poses.raw,
             offset: u64::from(instance) * size,
             size,
-            stride: POSE_STRIDE as u32,
+            stride: PoseFormat::Float32.stride() as u32,
+            format: PoseFormat::Float32,
             slot: 0,
         }
     }

@@ -91,7 +91,7 @@ impl<'a> HeadlessCrowd<'a, AnimatedCrowd> {
 
     /// Piece by piece: what is read may be larger than a pose.
     fn read_words(&mut self, buffer: vk::Buffer, offset: u64, size: u64) -> Result<Vec<u32>> {
-        let (mut words, most) = (vec![], self.mesh.layout().pose_bytes());
+        let (mut words, most) = (vec![], self.mesh.layout().base_bytes());
         let mut at = 0;
         while at < size {
             let bytes = self.read(buffer, offset + at, most.min(size - at))?;

@@ -63,7 +63,7 @@ impl<C: Kind> HeadlessCrowd<'_, C> {
     /// A device that fails.
     pub fn read_sums(&mut self, instance: u32) -> Result<Option<Vec<i32>>> {
         let Some((buffer, offset)) = self.crowd.base().sums(instance) else { return Ok(None) };
-        let bytes = self.read(buffer, offset, self.mesh.layout().pose_bytes())?;
+        let bytes = self.read(buffer, offset, self.mesh.layout().base_bytes())?;
         Ok(Some(bytes.chunks_exact(4).map(|b| i32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect()))
     }
 
@@ -75,7 +75,7 @@ impl<C: Kind> HeadlessCrowd<'_, C> {
 
     fn read_view(&mut self, view: PoseView) -> Result<Vec<f32>> {
         let bytes = self.read(view.buffer, view.offset, view.size)?;
-        Ok(bytes.chunks_exact(4).map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect())
+        Ok(view.format.decode(bytes))
     }
 
     pub(super) fn read(&mut self, buffer: vk::Buffer, offset: u64, size: u64) -> Result<&[u8]> {
