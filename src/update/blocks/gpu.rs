@@ -1,6 +1,7 @@
 //! The kernels of blocks: a workgroup for each item of the work list, or for each tile.
 
-use super::plan::Dispatching;
+use super::dispatch::Dispatching;
+use super::tiles::WIDTHS;
 use crate::abi::choice::BlocksChoice;
 use crate::abi::numbers::ROWS;
 use crate::abi::push::BlocksPush;
@@ -91,13 +92,8 @@ impl BlocksKernel {
         Dispatching { group, widths: choice.widths, tuning: choice.device, most, texels: choice.texels() }
     }
 
-    /// A pipeline by its number: those of all widths, then those for tiles that start from the base pose.
-    fn pipeline(&self, number: u32) -> vk::Pipeline {
-        let (number, widths) = (number as usize, self.pipelines.len());
-        self.pipelines[number % widths][number / widths]
-    }
-
-    /// Record a dispatch of pipeline `kernel`: of so many workgroups, or of as many as these arguments will say.
+    /// Record a dispatch of kernel number `kernel`: of a width, or from [`WIDTHS`] on, of a width for tiles that start
+    /// from the base pose; of so many workgroups, or of as many as these arguments will say.
     ///
     /// # Safety
     /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
@@ -113,7 +109,8 @@ impl BlocksKernel {
         workgroups: Workgroups,
     ) {
         let (device, layout) = (&self.objects.device.raw, self.objects.layout);
-        let (point, pipeline) = (vk::PipelineBindPoint::COMPUTE, self.pipeline(kernel));
+        let (kernel, point) = (kernel as usize, vk::PipelineBindPoint::COMPUTE);
+        let pipeline = self.pipelines[kernel % WIDTHS][kernel / WIDTHS];
         // SAFETY: the caller's obligations; the push constants fill the layout's range.
         unsafe {
             device.cmd_bind_descriptor_sets(cmd, point, layout, 0, &[set], &[]);

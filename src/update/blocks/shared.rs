@@ -10,7 +10,7 @@ use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::gpu::mesh::deltas_bytes;
 use crate::pack::PackedLayout;
 use crate::pack::blocks::{BlockIndex, ExactGrid};
-use crate::update::technique::Context;
+use crate::update::technique::{Context, Poses};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
@@ -20,13 +20,13 @@ pub(crate) const LIST_USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_r
     vk::BufferUsageFlags::STORAGE_BUFFER.as_raw() | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER.as_raw(),
 );
 
-/// The integer sums of all instances: stored as a storage buffer, loaded as one or as texels.
-pub(crate) fn sums_buffer(device: &Arc<Device>, bytes: u64) -> Result<Buffer> {
+/// The integer sums of `instances`, one set for all poses of each: stored as a storage buffer, loaded as one or as texels.
+pub(crate) fn sums_buffer(device: &Arc<Device>, poses: &Poses, instances: u32) -> Result<Buffer> {
     let usage = vk::BufferUsageFlags::STORAGE_BUFFER
         | vk::BufferUsageFlags::STORAGE_TEXEL_BUFFER
         | vk::BufferUsageFlags::TRANSFER_SRC;
-    let location = MemoryLocation::GpuOnly;
-    Buffer::new(device, &BufferDesc { name: "deltamorph integer sums", bytes, usage, location })
+    let (name, bytes) = ("deltamorph integer sums", poses.bytes * u64::from(instances));
+    Buffer::new(device, &BufferDesc { name, bytes, usage, location: MemoryLocation::GpuOnly })
 }
 
 /// Instances that one descriptor set reaches, where other limits allow `most`: as far as the storage range and the

@@ -53,12 +53,12 @@ proptest! {
             if exact && format != DeltaFormat::BlockFloat32 { Accumulate::Exact } else { Accumulate::default() };
         let desc = UpdateDesc { slots, accumulate, ..UpdateDesc::blocks() };
         let mut planner = Planner::new(desc, [mesh.layout()], instances).unwrap();
-        planner.groups[0].write_whole_blocks();
+        planner.groups[0].whole_blocks = true;
         let exact = planner.exact();
         let tuning = DeviceTuning { widest_tile: 1 << widest, ..DeviceClass::Desktop.tuning() };
         let mut tiles = Tiles::new(&index, instances, exact.is_none(), tuning);
         let (mut one, mut other) = (memory(&mesh, instances, slots as usize), memory(&mesh, instances, slots as usize));
-        let mut heads = Instances::new(instances, TARGETS);
+        let mut heads = Instances::new(instances, TARGETS, slots);
         let mut weights = vec![[0.0; TARGETS]; instances];
         for (update, changes) in frames.iter().enumerate() {
             // Weights are multiples of 1/4: sums are exact in any order.
@@ -68,23 +68,21 @@ proptest! {
             for (i, weights) in weights.iter().enumerate() {
                 heads.set_weights(i as u32, weights).unwrap();
             }
-            planner.plan(&heads, update as u64 + 1);
+            planner.plan(&mut heads, update as u64 + 1);
             let list = &planner.groups[0].list;
             run_items(&mesh, &index, list, exact, &mut one);
             tiles.clear();
             tiles.fill(&index, list, 0..list.items.len());
             let (mut metered, mut seen) = (0u64, vec![]);
-            for (width, items) in tiles.items.iter().flat_map(|widths| widths.iter().enumerate()) {
-                prop_assert!(width <= widest || items.is_empty());
-                for tile in items {
-                    seen.extend_from_slice(&tile.items[..1 << width]);
-                    prop_assert!((tile.first as usize).is_multiple_of(ALIGN) && row_words(width) > 1 << width);
-                    tile::run(mesh.surface(), &index, list, (&tiles, tile, width), exact, &mut other, &mut metered);
-                }
+            for (width, tile) in tiles.iter() {
+                prop_assert!(width <= widest);
+                seen.extend_from_slice(&tile.items[..1 << width]);
+                prop_assert!((tile.first as usize).is_multiple_of(ALIGN) && row_words(width) > 1 << width);
+                tile::run(mesh.surface(), &index, list, (&tiles, tile, width), exact, &mut other, &mut metered);
             }
             seen.sort_unstable();
             prop_assert!(seen.iter().copied().eq(0..list.items.len() as u32), "every item is in one tile");
-            prop_assert_eq!(tiles.bytes(&index, exact.is_some()).moved, metered);
+            prop_assert_eq!(tiles.bytes(&index, exact.is_some())[0], metered);
             prop_assert!(tiles.rows.len() <= Tiles::words_max(&index, instances));
             prop_assert_eq!(&one.sums, &other.sums);
             let tolerance = 1e-6 * mesh.layout().diagonal;
@@ -99,20 +97,21 @@ proptest! {
 fn widths_of(tuning: DeviceTuning, changed: impl Fn(usize, usize) -> bool) -> [usize; WIDTHS] {
     let mesh = PackedMesh::pack(&testing::mesh(300, TARGETS), &PackDesc::new(DeltaFormat::Fast)).unwrap();
     let index = mesh.layout().blocks.clone().unwrap();
-    let mut planner = Planner::new(UpdateDesc::blocks(), [mesh.layout()], TILE).unwrap();
-    planner.groups[0].write_whole_blocks();
+    let desc = UpdateDesc::blocks();
+    let mut planner = Planner::new(desc, [mesh.layout()], TILE).unwrap();
+    planner.groups[0].whole_blocks = true;
     let mut tiles = Tiles::new(&index, TILE, true, tuning);
-    let mut heads = Instances::new(TILE, TARGETS);
+    let mut heads = Instances::new(TILE, TARGETS, desc.slots);
     for update in 1..4 {
         for head in 0..TILE {
             let weight = |t| if changed(head, t) { 0.25 * update as f32 } else { 0.25 };
             heads.set_weights(head as u32, &std::array::from_fn::<f32, TARGETS, _>(weight)).unwrap();
         }
-        planner.plan(&heads, update);
+        planner.plan(&mut heads, update);
     }
     let list = &planner.groups[0].list;
     tiles.fill(&index, list, 0..list.items.len());
-    std::array::from_fn(|width| tiles.items.iter().map(|widths| widths[width].len()).sum())
+    std::array::from_fn(|width| tiles.iter().filter(|(w, _)| *w == width).count())
 }
 
 #[test]
@@ -122,7 +121,7 @@ fn heads_share_a_tile_where_they_share_entries() {
     let blocks = widths(&|_, _| true)[3];
     assert!(blocks > 1);
     assert_eq!(widths(&|_, _| true), [0, 0, 0, blocks], "all change: one tile of eight a block");
-    assert_eq!(widths(&|head, t| t == head)[2..], [0, 0], "heads that have nothing in common go apart");
+    assert_eq!(widths(&|head, t| t == head)[2..], [0, 0], "heads that have nothing in common share no tile");
     let half = widths(&|head, t| (head + t) % 2 == 0);
     assert!(half[3] > 0 && half[0] == 0, "heads that have half in common do not: {half:?}");
     let most = |head: usize, t: usize| t % 5 != head / 4;
