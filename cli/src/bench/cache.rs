@@ -7,6 +7,7 @@ use crate::runner::{Gpu, packed};
 use deltamorph::reference::{evaluate, evaluate_unpacked};
 use deltamorph::{DeltaFormat, PackedMesh};
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
 #[derive(Default)]
@@ -33,10 +34,10 @@ impl Cache {
         format: DeltaFormat,
         args: &PackArgs,
     ) -> Result<Arc<PackedMesh>, Failure> {
-        if !self.meshes.contains_key(&format) {
-            self.meshes.insert(format, packed(input, gpu, format, args)?);
-        }
-        Ok(self.meshes[&format].clone())
+        Ok(match self.meshes.entry(format) {
+            Entry::Occupied(known) => known.get().clone(),
+            Entry::Vacant(place) => place.insert(packed(input, gpu, format, args)?).clone(),
+        })
     }
 
     pub fn reference(&mut self, mesh: &PackedMesh, input: &Input, weights: &[f32]) -> Arc<Reference> {

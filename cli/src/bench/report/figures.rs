@@ -161,14 +161,16 @@ fn against_batch(suffix: &str, subtitle: &[String; 2], runs: &[&RunRecord]) -> V
     time.into_iter().chain(RELATIVE.figure(suffix, subtitle.clone(), gains)).collect()
 }
 
+/// The time of a run that a figure shows.
+type Time = fn(&RunRecord) -> Option<Stats>;
+
 fn crowd(report: &Report, runs: &[&RunRecord]) -> Vec<Figure> {
     let runs: Vec<&RunRecord> = runs.iter().copied().filter(|run| run.cell.ends_with(" targets")).collect();
     let mut figures = vec![];
     for ((heads, shared), runs) in partition(&runs, |run| (run.heads, run.shared)) {
         let name = heads_words(heads, shared);
         let subtitle = [format!("{name}; all targets kept change in every frame"), mesh(report, &runs)];
-        let kinds: [(Kind, fn(&RunRecord) -> Option<Stats>); 2] =
-            [(DEVICE_TIME, |run| run.update_and_draw_ms), (ROUND_TRIP, |run| run.cpu_ms)];
+        let kinds: [(Kind, Time); 2] = [(DEVICE_TIME, |run| run.update_and_draw_ms), (ROUND_TRIP, |run| run.cpu_ms)];
         for (kind, time) in kinds {
             let lines =
                 series(&runs, |run| run.targets as f64, |run, _| time(run).map(|time| (time.mean, time.stderr)));

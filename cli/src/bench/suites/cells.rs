@@ -12,6 +12,7 @@ use crate::bench::workload::Workload;
 use crate::input::{self, Input};
 use crate::output::Failure;
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::path::PathBuf;
 
 /// Configurations are chosen with at most this many heads: with more the choice is the same, and takes longer.
@@ -68,12 +69,13 @@ pub fn run(lab: &mut Lab<'_>, contests: Vec<Contest>, heads: &[u32]) -> Result<(
             let mut choices: HashMap<u32, Vec<(String, Config)>> = HashMap::new();
             for &heads in &heads {
                 let some = heads.min(CHOICE_HEADS);
-                if !choices.contains_key(&some) {
-                    choices.insert(some, technique::choose(lab, &mut subject, &setting(some), &all)?);
-                }
+                let chosen = match choices.entry(some) {
+                    Entry::Occupied(known) => known.into_mut(),
+                    Entry::Vacant(place) => place.insert(technique::choose(lab, &mut subject, &setting(some), &all)?),
+                };
                 let setting = setting(heads);
                 let entrants: Vec<Entrant<'_>> =
-                    choices[&some].iter().map(|(name, config)| Entrant::new(name, config, &setting)).collect();
+                    chosen.iter().map(|(name, config)| Entrant::new(name, config, &setting)).collect();
                 let (mesh, plural) = (subject.input.name.clone(), if heads == 1 { "" } else { "s" });
                 let cell = format!("{mesh}, {change}, {heads} head{plural}");
                 let runs = lab.measure(&mut subject, &cell, &entrants, &pace)?;
