@@ -11,7 +11,7 @@ pub struct SuiteRecord {
     pub name: String,
     /// What techniques compete in, in the order measured.
     pub cells: Vec<CellRecord>,
-    /// Two configurations each, measured in turns.
+    /// Two configurations each, measured interleaved.
     pub comparisons: Vec<Comparison>,
 }
 
@@ -96,7 +96,7 @@ impl CellRecord {
 }
 
 impl Comparison {
-    /// Of two runs that were measured in turns, by what `of` says of their rounds; `None` unless both were right.
+    /// Of two runs that were measured interleaved, by what `of` says of their rounds; `None` unless both were right.
     pub fn new(
         name: &str,
         runs: [&RunRecord; 2],

@@ -85,7 +85,7 @@ pub struct RunRecord {
     /// includes it.
     #[serde(default)]
     pub upload_ms: Option<Stats>,
-    /// What was timed in turns with others; empty where everything was timed in one go.
+    /// What was timed interleaved with others; empty where everything was timed in one go.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rounds: Vec<Round>,
     /// The time that moving `bytes_floor` takes at the best bandwidth measured, of reading or copying, as a share of the
@@ -161,7 +161,7 @@ fn one() -> u32 {
     1
 }
 
-/// Medians of a few frames that were timed in turns with those of other configurations, in ms.
+/// Medians of a few frames that were timed interleaved with those of other configurations, in ms.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Round {
     /// What [`RunRecord::time`] is about.

@@ -11,7 +11,7 @@ pub struct Setting<'a> {
     pub heads: u32,
     /// One animation: one head is updated, and its pose drawn for each.
     pub shared: bool,
-    /// Every frame draws each head once, without rasterizing, behind the update.
+    /// Every frame draws each head once, without rasterizing, after the update.
     pub drawn: bool,
     /// Compare with the reference after a few frames, not at all checkpoints of the workload: where frames take long.
     pub brief: bool,

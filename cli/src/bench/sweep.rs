@@ -2,8 +2,8 @@
 
 use super::cache::Cache;
 use super::configs::{Wanted, configurations};
+use super::interleave::{Candidate, Schedule, interleave};
 use super::machine::Machine;
-use super::race::{Entrant, Pace, contest};
 use super::record::{Report, Skipped};
 use super::setting::{Config, Setting};
 use super::trial::Context;
@@ -63,11 +63,11 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
             let work = format!("{}, {changed} changed, {heads} heads", workload.name);
             let what = format!("{path} {format}{sums} batch {batch}, {work}");
             bar.set_message(what.clone());
-            let one = [Entrant { what, config: config.clone(), setting }];
-            for outcome in contest(context, gpu, &mut cache, &one, &Pace::whole(args.frames))? {
+            let one = [Candidate { what, config: config.clone(), setting }];
+            for outcome in interleave(context, gpu, &mut cache, &one, &Schedule::whole(args.frames))? {
                 match outcome {
                     Ok(run) => runs.push(run),
-                    // The rest goes on.
+                    // The others are measured all the same.
                     Err(refused) => skipped.push(refused),
                 }
             }

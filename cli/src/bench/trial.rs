@@ -112,7 +112,7 @@ impl<'a> Trial<'a> {
         Ok(last)
     }
 
-    /// From now on, wait behind a timed frame until it took `least`.
+    /// From now on, wait after a timed frame until it took `least`.
     pub fn take_at_least(&mut self, least: Duration) {
         self.least = least;
     }

@@ -70,11 +70,11 @@ impl Axis {
     /// An axis for counts: the own values while they are few, logarithmic when they span much. What is not finite
     /// stands at "all".
     pub fn counts(values: impl IntoIterator<Item = f64>) -> Self {
-        let (mut own, behind): (Vec<f64>, Vec<f64>) = values.into_iter().partition(|v| v.is_finite());
+        let (mut own, beyond): (Vec<f64>, Vec<f64>) = values.into_iter().partition(|v| v.is_finite());
         own.sort_by(f64::total_cmp);
         own.dedup();
         let (lo, hi) = span(own.iter().copied());
-        let end = if behind.is_empty() { 1.0 } else { END };
+        let end = if beyond.is_empty() { 1.0 } else { END };
         let log = lo >= 1.0 && hi / lo > LOG_RATIO_OF_COUNTS;
         let ticks = if own.len() <= MOST_TICKS {
             own

@@ -178,12 +178,12 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         }
         for (i, series) in all.iter().enumerate() {
             let at = |p: &Point| place(p.x, p.y);
-            let (numbers, behind): (Vec<Point>, Vec<Point>) = series.points.iter().partition(|p| p.x.is_finite());
+            let (numbers, beyond): (Vec<Point>, Vec<Point>) = series.points.iter().partition(|p| p.x.is_finite());
             self.draw(PathElement::new(numbers.iter().map(at).collect::<Vec<_>>(), self.pen(series.color, 2.0)))?;
-            if let Some(behind) = behind.first() {
+            if let Some(beyond) = beyond.first() {
                 // A path without batches: a level to compare the others with.
-                let from = numbers.last().map_or((across.start, at(behind).1), at);
-                self.dashed(from, at(behind), series.color, 1.5)?;
+                let from = numbers.last().map_or((across.start, at(beyond).1), at);
+                self.dashed(from, at(beyond), series.color, 1.5)?;
             }
             for p in &series.points {
                 let ends = [low(p), p.y + p.error].map(|value| place(p.x, value));

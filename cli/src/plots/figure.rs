@@ -57,7 +57,7 @@ pub struct Point {
     pub error: f64,
 }
 
-/// The place behind all numbers on the x axis: every target in one pass.
+/// The place after all numbers on the x axis: every target in one pass.
 pub const ALL: f64 = f64::INFINITY;
 
 /// Shape of a data point, so that series differ without colour too.
@@ -81,7 +81,7 @@ pub struct Bar {
 /// What the lengths of bars are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
-    /// Shares: the axis goes to 100 % at least.
+    /// Shares: the axis ends at 100 % or later.
     Share,
     Milliseconds,
 }

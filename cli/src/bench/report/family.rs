@@ -47,7 +47,7 @@ impl Family {
 
     /// Colour and marker among `all`: the colour says the path, the marker the format, and the shade the format too, or
     /// sums and mode where those vary.
-    pub fn look(&self, all: &[Family]) -> (RGBColor, Marker) {
+    pub fn style(&self, all: &[Family]) -> (RGBColor, Marker) {
         let path = UpdatePath::ALL.iter().position(|path| path.name() == self.path).unwrap_or(COLORS.len());
         let [dark, light] = COLORS[path % COLORS.len()];
         let format = rank(all, |f| f.format.clone(), self);

@@ -190,7 +190,7 @@ fn ranking(report: &Report, suite: &SuiteRecord, cell: &str) -> Option<Figure> {
         label: run.label(),
         remark: format!("{} · n = {}", remark(run), run.time().map_or(0, |time| time.n)),
         length: run.median(),
-        color: Family::of(run).look(&all).0,
+        color: Family::of(run).style(&all).0,
     };
     let wrong = match wrong.len() {
         0 => String::new(),
@@ -199,7 +199,7 @@ fn ranking(report: &Report, suite: &SuiteRecord, cell: &str) -> Option<Figure> {
     (!right.is_empty()).then(|| Figure {
         slug: format!("{}-{}", suite.name, slug(cell)),
         caption: format!(
-            "Median time of the update and of one draw for each head, measured in turns; of the path cpu the update \
+            "Median time of the update and of one draw for each head, measured interleaved; of the path cpu the update \
              alone: upload and draw are in the table below.{wrong}"
         ),
         title: cell.to_owned(),
@@ -213,7 +213,7 @@ fn floor(suffix: &str, subtitle: [String; 2], runs: &[&RunRecord]) -> Option<Fig
     let bar = |run: &&RunRecord| {
         let (family, share) = (Family::of(run), run.floor_fraction.filter(|share| share.is_finite())?);
         let remark = format!("{} · {}", percent(share), remark(run));
-        Some(Bar { label: family.label(&all), remark, length: share, color: family.look(&all).0 })
+        Some(Bar { label: family.label(&all), remark, length: share, color: family.style(&all).0 })
     };
     let mut bars: Vec<Bar> = best_by(runs, |_| 0.0).iter().filter_map(bar).collect();
     bars.sort_by(|a, b| b.length.total_cmp(&a.length));
@@ -275,7 +275,7 @@ fn series(
         let point = |run: &&RunRecord| y(run, &own).map(|(y, error)| Point { x: x(run), y, error });
         let mut points: Vec<Point> = own.iter().filter_map(point).collect();
         points.sort_by(|a, b| a.x.total_cmp(&b.x));
-        let (color, marker) = family.look(&all);
+        let (color, marker) = family.style(&all);
         if !points.is_empty() {
             lines.push(Series { label: family.label(&all), color, marker, points });
         }

@@ -36,7 +36,7 @@ const NUMBERS: [Column; 16] = [
     ("measured", |run| match (run.suite.is_empty(), run.alone) {
         (true, _) => String::new(),
         (false, true) => "alone".into(),
-        (false, false) => "in turns".into(),
+        (false, false) => "interleaved".into(),
     }),
     ("moved", |run| bytes(run.bytes_moved)),
     ("of floor", |run| run.floor_fraction.map_or(NONE.into(), percent)),

@@ -1,10 +1,10 @@
 //! Every technique against every other: on made-up workloads, and on captured clips.
 
-use super::lab::{Lab, Subject, dense_and_sparse};
+use super::session::{Session, Subject, dense_and_sparse};
 use super::technique;
 use crate::args::InputArgs;
 use crate::bench::compare::CellRecord;
-use crate::bench::race::{Entrant, Tempo};
+use crate::bench::interleave::{Candidate, Common};
 use crate::bench::record::Skipped;
 use crate::bench::run::RunRecord;
 use crate::bench::setting::{Config, Setting};
@@ -22,66 +22,68 @@ const FEW: usize = 8;
 const ACTIVE: usize = 4;
 
 /// A mesh, and what changes on it: the workloads, and each in words.
-pub struct Contest {
+pub struct Workloads {
     input: Input,
     works: Vec<(Workload, String)>,
 }
 
 /// All, few, and few active targets × dense and sparse.
-pub fn made_up(lab: &Lab<'_>) -> Result<Vec<Contest>, Failure> {
-    let contest = |input: Input| {
-        let (n, seed) = (input.kept.targets.len(), lab.args.input.seed);
+pub fn made_up(session: &Session<'_>) -> Result<Vec<Workloads>, Failure> {
+    let workloads = |input: Input| {
+        let (n, seed) = (input.kept.targets.len(), session.args.input.seed);
         let (few, active) = (FEW.min(n), ACTIVE.min(n));
         let works = vec![
             (Workload::random(n, n, seed), format!("all {n} changed")),
             (Workload::random(n, few, seed), format!("{few} of {n} changed")),
             (Workload::few(n, active, seed), format!("{active} non-zero of {n}")),
         ];
-        Contest { input, works }
+        Workloads { input, works }
     };
-    Ok(dense_and_sparse(lab)?.into_iter().map(contest).collect())
+    Ok(dense_and_sparse(session)?.into_iter().map(workloads).collect())
 }
 
 /// The clips of INPUT; without INPUT, those of each set under DELTAMORPH_DATA.
-pub fn captured(lab: &mut Lab<'_>) -> Result<Vec<Contest>, Failure> {
+pub fn captured(session: &mut Session<'_>) -> Result<Vec<Workloads>, Failure> {
     let mut list = vec![];
-    for set in sets(lab)? {
-        let args = InputArgs { input: Some(set), head: Default::default(), ..lab.args.input.clone() };
-        let input = input::load(&args, true, lab.out)?;
+    for set in sets(session)? {
+        let args = InputArgs { input: Some(set), head: Default::default(), ..session.args.input.clone() };
+        let input = input::load(&args, true, session.out)?;
         let read = |path: &PathBuf| {
             input::clip(path, &args, &input.kept).map(|clip| (Workload::clip(&clip), clip.name.clone()))
         };
         let works = input.clips.iter().map(read).collect::<Result<_, _>>()?;
-        list.push(Contest { input, works });
+        list.push(Workloads { input, works });
     }
     Ok(list)
 }
 
-/// Every technique on each of `contests`, for one head and many: a cell each.
-pub fn run(lab: &mut Lab<'_>, contests: Vec<Contest>, heads: &[u32]) -> Result<(), Failure> {
-    let (all, heads) = (technique::all(lab), lab.args.heads_or(heads));
-    for Contest { input, works } in contests {
-        let mut subject = Subject::new(lab, input);
-        lab.bar.inc_length((works.len() * heads.len()) as u64);
+/// Every technique on each of `list`, for one head and many: a cell each.
+pub fn run(session: &mut Session<'_>, list: Vec<Workloads>, heads: &[u32]) -> Result<(), Failure> {
+    let (all, heads) = (technique::all(session), session.args.heads_or(heads));
+    for Workloads { input, works } in list {
+        let mut subject = Subject::new(session, input);
+        session.bar.inc_length((works.len() * heads.len()) as u64);
         for (workload, change) in &works {
             let setting = |heads| Setting { workload, heads, shared: false, drawn: true, brief: true };
-            let pace = lab.pace(if workload.changed.is_none() { Tempo::SameFrames } else { Tempo::Own });
+            let schedule = session.schedule(if workload.changed.is_none() { Common::Frames } else { Common::Nothing });
             let mut choices: HashMap<u32, Vec<(String, Config)>> = HashMap::new();
             for &heads in &heads {
                 let some = heads.min(CHOICE_HEADS);
                 let chosen = match choices.entry(some) {
                     Entry::Occupied(known) => known.into_mut(),
-                    Entry::Vacant(place) => place.insert(technique::choose(lab, &mut subject, &setting(some), &all)?),
+                    Entry::Vacant(place) => {
+                        place.insert(technique::choose(session, &mut subject, &setting(some), &all)?)
+                    }
                 };
                 let setting = setting(heads);
-                let entrants: Vec<Entrant<'_>> =
-                    chosen.iter().map(|(name, config)| Entrant::new(name, config, &setting)).collect();
+                let candidates: Vec<Candidate<'_>> =
+                    chosen.iter().map(|(name, config)| Candidate::new(name, config, &setting)).collect();
                 let (mesh, plural) = (subject.input.name.clone(), if heads == 1 { "" } else { "s" });
                 let cell = format!("{mesh}, {change}, {heads} head{plural}");
-                let runs = lab.measure(&mut subject, &cell, &entrants, &pace)?;
+                let runs = session.measure(&mut subject, &cell, &candidates, &schedule)?;
                 let runs: Vec<RunRecord> = runs.into_iter().flatten().collect();
-                lab.suite.cells.push(CellRecord::of(&cell, [&mesh, change], heads, &runs));
-                lab.bar.inc(1);
+                session.suite.cells.push(CellRecord::of(&cell, [&mesh, change], heads, &runs));
+                session.bar.inc(1);
             }
         }
     }
@@ -89,9 +91,9 @@ pub fn run(lab: &mut Lab<'_>, contests: Vec<Contest>, heads: &[u32]) -> Result<(
 }
 
 /// The folders with clips; where there are none, what was skipped says why.
-fn sets(lab: &mut Lab<'_>) -> Result<Vec<PathBuf>, Failure> {
+fn sets(session: &mut Session<'_>) -> Result<Vec<PathBuf>, Failure> {
     let has_clips = |folder: &PathBuf| folder.join("neutral.obj").is_file() && folder.join("weights").is_dir();
-    let (sets, reason) = match (&lab.args.input.input, std::env::var_os("DELTAMORPH_DATA")) {
+    let (sets, reason) = match (&session.args.input.input, std::env::var_os("DELTAMORPH_DATA")) {
         (Some(input), _) => (vec![input.clone()], format!("{} has no clip in weights/*.csv", input.display())),
         (None, Some(root)) => {
             let root = PathBuf::from(root);
@@ -108,7 +110,7 @@ fn sets(lab: &mut Lab<'_>) -> Result<Vec<PathBuf>, Failure> {
     };
     let sets: Vec<PathBuf> = sets.into_iter().filter(has_clips).collect();
     if sets.is_empty() {
-        lab.skip(Skipped { what: "suite clips".into(), reason });
+        session.skip(Skipped { what: "suite clips".into(), reason });
     }
     Ok(sets)
 }

@@ -10,38 +10,38 @@ use crate::runner::{Gpu, Runner};
 use deltamorph::Error;
 use std::time::Duration;
 
-/// How long configurations are timed, and in how many turns.
+/// How long configurations are timed, and in how many rounds.
 #[derive(Clone, Copy, Debug)]
-pub struct Pace {
+pub struct Schedule {
     /// Frames of each configuration.
     pub frames: usize,
-    /// Turns that they are divided into.
+    /// Rounds that they are divided into.
     pub rounds: usize,
     /// Time for each configuration; three frames are timed however long they take.
     pub limit: Option<Duration>,
     /// What configurations have in common besides.
-    pub tempo: Tempo,
+    pub common: Common,
 }
 
-/// What configurations in turns have in common.
+/// What interleaved configurations have in common.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Tempo {
-    /// Nothing: each runs frame after frame, as many as it can.
-    Own,
+pub enum Common {
+    /// Each runs frame after frame, as many as it can.
+    Nothing,
     /// The same frames, spread over the workload: where frames differ.
-    SameFrames,
+    Frames,
     /// The same time for a frame: those that are done before the slowest wait. A machine that waits cools down, its
     /// caches fill with other things and its cores go to sleep, and a frame after a pause takes longer.
-    SameRate,
+    FrameRate,
 }
 
 /// Frames that are timed at least.
 const LEAST_FRAMES: usize = 3;
 
-impl Pace {
+impl Schedule {
     /// All frames in one go.
     pub fn whole(frames: usize) -> Self {
-        Self { frames, rounds: 1, limit: None, tempo: Tempo::Own }
+        Self { frames, rounds: 1, limit: None, common: Common::Nothing }
     }
 
     fn share(&self) -> Option<Duration> {
@@ -63,26 +63,26 @@ impl Pace {
 /// A trial, or why it was refused.
 type Running<'a> = Result<Trial<'a>, String>;
 
-/// Time `running` in turns. What is wrong or refused drops out.
-fn run(running: &mut [Running<'_>], pace: &Pace) -> deltamorph::Result<()> {
+/// Time `running`, interleaved. What is wrong or refused drops out.
+fn run(running: &mut [Running<'_>], schedule: &Schedule) -> deltamorph::Result<()> {
     let mut slowest = Duration::ZERO;
     each(running, |trial| {
-        slowest = slowest.max(trial.warm_up(pace.share())?);
+        slowest = slowest.max(trial.warm_up(schedule.share())?);
         Ok(())
     })?;
-    if pace.tempo == Tempo::SameRate {
+    if schedule.common == Common::FrameRate {
         running.iter_mut().flatten().for_each(|trial| trial.take_at_least(slowest));
     }
-    for round in 0..pace.rounds {
+    for round in 0..schedule.rounds {
         each(running, |trial| {
             let (timed, spent) = trial.timed();
-            if pace.tempo == Tempo::SameFrames {
-                trial.jump(round, pace.rounds)?;
+            if schedule.common == Common::Frames {
+                trial.jump(round, schedule.rounds)?;
             }
-            if pace.tempo != Tempo::Own {
-                trial.round(pace.frames_together(slowest), None)
-            } else if timed < LEAST_FRAMES || pace.limit.is_none_or(|limit| spent < limit) {
-                trial.round(pace.frames.div_ceil(pace.rounds), pace.share())
+            if schedule.common != Common::Nothing {
+                trial.round(schedule.frames_together(slowest), None)
+            } else if timed < LEAST_FRAMES || schedule.limit.is_none_or(|limit| spent < limit) {
+                trial.round(schedule.frames.div_ceil(schedule.rounds), schedule.share())
             } else {
                 Ok(())
             }
@@ -117,14 +117,14 @@ fn refusal<T>(result: deltamorph::Result<T>) -> deltamorph::Result<Result<T, Str
 }
 
 /// A configuration, and what it is measured on.
-pub struct Entrant<'a> {
+pub struct Candidate<'a> {
     /// Its name, should it be refused.
     pub what: String,
     pub config: Config,
     pub setting: &'a Setting<'a>,
 }
 
-impl<'a> Entrant<'a> {
+impl<'a> Candidate<'a> {
     pub fn new(what: &str, config: &Config, setting: &'a Setting<'a>) -> Self {
         Self { what: what.into(), config: config.clone(), setting }
     }
@@ -132,32 +132,32 @@ impl<'a> Entrant<'a> {
 
 pub type Outcome = Result<RunRecord, Skipped>;
 
-/// Measure `entrants` side by side; outcomes are in their order. One that there is no room for beside the others is
+/// Measure `candidates` side by side; outcomes are in their order. One that there is no room for beside the others is
 /// measured after them.
-pub fn contest(
+pub fn interleave(
     context: Context<'_>,
     gpu: Option<&Gpu>,
     cache: &mut Cache,
-    entrants: &[Entrant<'_>],
-    pace: &Pace,
+    candidates: &[Candidate<'_>],
+    schedule: &Schedule,
 ) -> Result<Vec<Outcome>, Failure> {
     let mut running: Vec<Running<'_>> = vec![];
-    for entrant in entrants {
-        running.push(begin(context, gpu, cache, entrant)?);
+    for candidate in candidates {
+        running.push(begin(context, gpu, cache, candidate)?);
     }
     let begun: Vec<bool> = running.iter().map(Result::is_ok).collect();
-    run(&mut running, pace)?;
+    run(&mut running, schedule)?;
     let mut outcomes: Vec<Outcome> = vec![];
-    for (trial, entrant) in running.into_iter().zip(entrants) {
+    for (trial, candidate) in running.into_iter().zip(candidates) {
         outcomes.push(match trial {
             Ok(trial) => Ok(trial.finish(cache)?),
-            Err(reason) => Err(Skipped { what: entrant.what.clone(), reason }),
+            Err(reason) => Err(Skipped { what: candidate.what.clone(), reason }),
         });
     }
     // When the others have given their memory back, there may be room for what had none beside them.
     if begun.contains(&true) {
-        for (place, entrant) in entrants.iter().enumerate().filter(|(place, _)| !begun[*place]) {
-            let outcome = contest(context, gpu, cache, std::slice::from_ref(entrant), pace)?.remove(0);
+        for (place, candidate) in candidates.iter().enumerate().filter(|(place, _)| !begun[*place]) {
+            let outcome = interleave(context, gpu, cache, std::slice::from_ref(candidate), schedule)?.remove(0);
             outcomes[place] = outcome.map(|record| RunRecord { alone: true, ..record });
         }
     }
@@ -169,9 +169,9 @@ fn begin<'a>(
     context: Context<'a>,
     gpu: Option<&'a Gpu>,
     cache: &mut Cache,
-    entrant: &Entrant<'a>,
+    candidate: &Candidate<'a>,
 ) -> Result<Running<'a>, Failure> {
-    let Entrant { config, setting, .. } = entrant;
+    let Candidate { config, setting, .. } = candidate;
     let mesh = cache.mesh(context.input, gpu, config.format, &context.args.update.pack)?;
     let threads = context.args.update.threads.unwrap_or(0);
     let runner = match (config.separate, gpu) {
@@ -193,10 +193,10 @@ mod tests {
     #[test]
     fn the_slowest_sets_the_pace() {
         let seconds = Duration::from_secs_f64;
-        let pace = Pace { frames: 100, rounds: 10, limit: Some(seconds(5.0)), tempo: Tempo::SameFrames };
-        assert_eq!(pace.share(), Some(seconds(0.5)));
-        let frames = [0.0, 0.001, 0.1, 0.25, 20.0].map(|slowest| pace.frames_together(seconds(slowest)));
+        let schedule = Schedule { frames: 100, rounds: 10, limit: Some(seconds(5.0)), common: Common::Frames };
+        assert_eq!(schedule.share(), Some(seconds(0.5)));
+        let frames = [0.0, 0.001, 0.1, 0.25, 20.0].map(|slowest| schedule.frames_together(seconds(slowest)));
         assert_eq!(frames, [10, 10, 5, 2, 1]);
-        assert_eq!(Pace::whole(7).frames_together(seconds(100.0)), 7);
+        assert_eq!(Schedule::whole(7).frames_together(seconds(100.0)), 7);
     }
 }

@@ -4,8 +4,8 @@ use crate::args::InputArgs;
 use crate::args::bench::BenchArgs;
 use crate::bench::cache::Cache;
 use crate::bench::compare::SuiteRecord;
+use crate::bench::interleave::{Candidate, Common, Outcome, Schedule, interleave};
 use crate::bench::machine::Machine;
-use crate::bench::race::{Entrant, Outcome, Pace, Tempo, contest};
 use crate::bench::record::{Report, Skipped};
 use crate::bench::run::RunRecord;
 use crate::bench::trial::Context;
@@ -15,11 +15,11 @@ use deltamorph::MorphMesh;
 use indicatif::ProgressBar;
 use std::sync::Arc;
 
-/// Turns that the frames of a configuration are divided into.
+/// Rounds that the frames of a configuration are divided into.
 const ROUNDS: usize = 10;
 
 /// What all suites share, and what they have found so far.
-pub struct Lab<'a> {
+pub struct Session<'a> {
     pub args: &'a BenchArgs,
     pub machine: &'a Machine,
     pub out: &'a Output,
@@ -34,7 +34,7 @@ pub struct Lab<'a> {
     meshes: Vec<MeshInfo>,
 }
 
-impl<'a> Lab<'a> {
+impl<'a> Session<'a> {
     pub fn new(args: &'a BenchArgs, machine: &'a Machine, out: &'a Output) -> Self {
         Self {
             args,
@@ -65,39 +65,39 @@ impl<'a> Lab<'a> {
         Report { runs, skipped, suites, meshes, input, ..empty }
     }
 
-    /// The frames of a configuration, in turns.
-    pub fn pace(&self, tempo: Tempo) -> Pace {
+    /// The frames of a configuration, in rounds.
+    pub fn schedule(&self, common: Common) -> Schedule {
         let frames = self.args.frames;
-        Pace { frames, rounds: ROUNDS.min(frames), limit: Some(self.args.time_limit()), tempo }
+        Schedule { frames, rounds: ROUNDS.min(frames), limit: Some(self.args.time_limit()), common }
     }
 
-    /// Measure `entrants` on `subject`, in turns.
-    pub fn contest(
+    /// Measure `candidates` on `subject`, interleaved.
+    pub fn interleave(
         &mut self,
         subject: &mut Subject,
-        entrants: &[Entrant<'_>],
-        pace: &Pace,
+        candidates: &[Candidate<'_>],
+        schedule: &Schedule,
     ) -> Result<Vec<Outcome>, Failure> {
         let Subject { input, cache, .. } = subject;
         let context = Context { args: self.args, input, bandwidth: self.machine.bandwidth };
-        contest(context, self.machine.gpu.as_ref(), cache, entrants, pace)
+        interleave(context, self.machine.gpu.as_ref(), cache, candidates, schedule)
     }
 
-    /// As [`contest`](Self::contest); what was measured goes into the report under `cell` and the entrants' names.
+    /// As [`interleave`](Self::interleave); runs are added to the report under `cell` and the candidates' names.
     pub fn measure(
         &mut self,
         subject: &mut Subject,
         cell: &str,
-        entrants: &[Entrant<'_>],
-        pace: &Pace,
+        candidates: &[Candidate<'_>],
+        schedule: &Schedule,
     ) -> Result<Vec<Option<RunRecord>>, Failure> {
         self.bar.set_message(format!("{} {cell}", self.suite.name));
         let mut runs = vec![];
-        for (outcome, entrant) in self.contest(subject, entrants, pace)?.into_iter().zip(entrants) {
+        for (outcome, candidate) in self.interleave(subject, candidates, schedule)?.into_iter().zip(candidates) {
             runs.push(match outcome {
                 Ok(mut run) => {
                     run.raw_error_rel = run.raw_error_rel.filter(|_| !subject.was_packed);
-                    self.keep(cell, &entrant.what, run);
+                    self.keep(cell, &candidate.what, run);
                     self.runs.last().cloned()
                 }
                 Err(refused) => {
@@ -137,9 +137,9 @@ pub struct Subject {
 
 impl Subject {
     /// The report will describe it.
-    pub fn new(lab: &mut Lab<'_>, input: Input) -> Self {
-        if lab.meshes.iter().all(|mesh| mesh.name != input.name) {
-            lab.meshes.push(input.info());
+    pub fn new(session: &mut Session<'_>, input: Input) -> Self {
+        if session.meshes.iter().all(|mesh| mesh.name != input.name) {
+            session.meshes.push(input.info());
         }
         let was_packed = input.packed.is_some();
         Self { input, cache: Cache::default(), was_packed }
@@ -164,17 +164,17 @@ impl Subject {
 }
 
 /// The built-in head, dense and sparse; or INPUT alone.
-pub fn dense_and_sparse(lab: &Lab<'_>) -> Result<Vec<Input>, Failure> {
-    let args = &lab.args.input;
+pub fn dense_and_sparse(session: &Session<'_>) -> Result<Vec<Input>, Failure> {
+    let args = &session.args.input;
     if args.input.is_some() {
-        return Ok(vec![input::load(args, true, lab.out)?]);
+        return Ok(vec![input::load(args, true, session.out)?]);
     }
     let sparse = args.head.sparsity.unwrap_or(SPARSE);
     let mut inputs = vec![];
     for (name, sparsity) in [("dense".to_owned(), 1.0), (format!("{}% sparse", sparse * 100.0), sparse)] {
-        let mut args: InputArgs = lab.args.input.clone();
+        let mut args: InputArgs = session.args.input.clone();
         args.head.sparsity = Some(sparsity);
-        let input = input::load(&args, true, lab.out)?;
+        let input = input::load(&args, true, session.out)?;
         inputs.push(Input { name, ..input });
     }
     Ok(inputs)
