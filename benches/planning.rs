@@ -76,7 +76,7 @@ fn plan_blocks(c: &mut Criterion, name: &str, mesh: &MorphMesh, frames: &[Vec<f3
     ] {
         let packed = PackedMesh::pack(mesh, &PackDesc::new(format)).expect("a mesh that packs");
         let index = packed.layout().blocks.clone().expect("a block format");
-        let desc = UpdateDesc { accumulate, ..UpdateDesc::blocks() };
+        let desc = UpdateDesc::blocks().accumulate(accumulate);
         let mut state = BlockState::new(desc, packed.layout(), &index).expect("a description that is right");
         let (mut scratch, mut list) = (Scratch::default(), WorkList::new(&index, 1));
         let mut number = 0;

@@ -12,8 +12,8 @@ use deltamorph::internals::plan::hazards::{Event, HazardChecker};
 use deltamorph::internals::plan::schedule::{Entry, asset_uploaded};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    Accumulate, BatchSize, CpuCrowd, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, PackedMesh, Tolerance,
-    UpdateDesc, UpdateMode, UpdatePath, testing,
+    Accumulate, BatchSize, CpuCrowd, DeltaFormat, MorphEngine, PackedMesh, Tolerance, UpdateDesc, UpdateMode,
+    UpdatePath, testing,
 };
 use gpu::{NORMAL, POSITION, applied, in_eight_chunks, on_every_device, packed, single};
 use std::sync::Arc;
@@ -36,7 +36,7 @@ fn descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc> {
                 .into_iter()
                 .flat_map(|m| (1..4).map(move |slots| (m, slots)))
             {
-                let desc = UpdateDesc { mode, slots, ..UpdateDesc::new(path, batch) };
+                let desc = UpdateDesc::new(path, batch).mode(mode).slots(slots);
                 descs.extend(desc.check().is_ok().then_some(desc));
             }
         }
@@ -152,7 +152,7 @@ fn small_limits_are_kept_or_refused_with_the_numbers() {
             gpu::on_device_within(&driver, Some(limits), test);
         };
         // More workgroups than a dispatch has: one thread a record, of which there are hundreds a target.
-        within(DeviceCaps { max_workgroups: 3, ..whole.clone() }, &|headless, engine| {
+        within(gpu::limited(whole.clone(), |caps| caps.max_workgroups = 3), &|headless, engine| {
             for format in FORMATS {
                 let mesh = packed(engine, &testing::mesh(1000, 9), format);
                 for desc in descs(engine, format).into_iter().filter(|desc| desc.slots == 2) {
@@ -160,7 +160,7 @@ fn small_limits_are_kept_or_refused_with_the_numbers() {
                 }
             }
         });
-        within(DeviceCaps { max_storage_range: 40_000, ..whole }, &|headless, engine| {
+        within(gpu::limited(whole, |caps| caps.max_storage_range = 40_000), &|headless, engine| {
             let mesh = packed(engine, &testing::mesh(1000, 9), DeltaFormat::Small);
             let desc = single(UpdateDesc::new(UpdatePath::Scatter, BatchSize::All));
             let text = HeadlessCrowd::new(headless, &mesh, &desc).err().expect("refused").to_string();
@@ -178,7 +178,7 @@ fn validation_sees_a_dropped_barrier() {
         (UpdatePath::VertexStore, BatchSize::Targets(4), DeltaFormat::Float32, 1),
     ] {
         let device = DeviceChoice::Name("llvmpipe".into());
-        let headless = Headless::new(&HeadlessDesc { device, validation: true, limits: None })
+        let headless = Headless::new(&HeadlessDesc::default().device(device).validation(true))
             .expect("lavapipe; run the tests as ./with-vulkan cargo test");
         let mesh = packed(headless.engine(), &testing::mesh(500, 20), format);
         let desc = single(UpdateDesc::new(path, batch));
@@ -203,7 +203,7 @@ fn crowds() {
         for format in FORMATS {
             let mesh = packed(engine, &testing::mesh(200, 11), format);
             for update in descs(engine, format) {
-                let desc = CrowdDesc { instances: 3, ..single(update) };
+                let desc = single(update).instances(3);
                 let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
                 let histories: Vec<_> = (0..3).map(|i| history(&mesh, &update, i)).collect();
                 for frame in 0..6 {
@@ -235,7 +235,7 @@ fn hidden_heads_come_back_as_they_are_asked_for() {
             if desc.batch == BatchSize::Targets(1) {
                 continue;
             }
-            let desc = CrowdDesc { instances: 2, ..single(desc) };
+            let desc = single(desc).instances(2);
             let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
             crowd.step(&[&first, &first]).expect("a step");
             crowd.set_hidden(0, true).expect("an instance");
@@ -262,7 +262,7 @@ fn scattered_sums_are_exact_sums() {
         let mesh = Arc::new(packed(engine, &testing::mesh(700, 23), DeltaFormat::Small));
         let update = UpdateDesc::new(UpdatePath::Scatter, BatchSize::All);
         let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(update)).expect("a crowd");
-        let exact = UpdateDesc { accumulate: Accumulate::Exact, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
+        let exact = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).accumulate(Accumulate::Exact);
         let mut twin = CpuCrowd::new(mesh.clone(), exact, 1, 1).expect("a crowd");
         let grid = mesh.layout().blocks.as_ref().expect("blocks").exact().expect("a grid");
         let mut reach = vec![0.0f64; mesh.layout().vertex_count * 6];
@@ -421,7 +421,7 @@ fn feedback_rebuilt_at_batch_one_is_a_pass_per_active_target_from_base() {
     gpu::on_device("llvmpipe", false, |headless, engine| {
         let mesh = packed(engine, &testing::mesh(200, 9), DeltaFormat::Float32);
         let update = UpdateDesc::new(UpdatePath::Feedback, BatchSize::Targets(1));
-        let desc = UpdateDesc { mode: UpdateMode::Rebuild, ..update };
+        let desc = update.mode(UpdateMode::Rebuild);
         let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
         let mut weights = [0.5, 0.0, 1.0, -0.5, 0.0, 0.0, 0.25, 0.0, 0.0];
         for changed in [0.5, 0.75] {
@@ -452,14 +452,13 @@ fn what_a_baseline_cannot_do_is_refused_by_name() {
         (UpdateDesc::new(UpdatePath::DirectAttributes, BatchSize::Targets(4)), "'direct-attributes'"),
     ] {
         assert!(desc.check().is_ok());
-        let incremental = UpdateDesc { mode: UpdateMode::Incremental, ..desc };
+        let incremental = desc.mode(UpdateMode::Incremental);
         let text = incremental.check().expect_err("refused").to_string();
         assert!(text.contains(words) && text.contains("'rebuild'"), "{text}");
     }
-    let float =
-        UpdateDesc { accumulate: Accumulate::default(), ..UpdateDesc::new(UpdatePath::Scatter, BatchSize::All) };
+    let float = UpdateDesc::new(UpdatePath::Scatter, BatchSize::All).accumulate(Accumulate::default());
     assert!(float.check().expect_err("refused").to_string().contains("exact sums"));
-    let one_slot = UpdateDesc { slots: 1, ..UpdateDesc::new(UpdatePath::VertexStore, BatchSize::Targets(1)) };
+    let one_slot = UpdateDesc::new(UpdatePath::VertexStore, BatchSize::Targets(1)).slots(1);
     assert!(one_slot.check().expect_err("refused").to_string().contains("2 to 64 slots"));
 
     on_every_device(|headless, engine| {

@@ -72,7 +72,7 @@ fn what_the_engine_records_has_no_hazard_and_a_dropped_barrier_has_one() {
 #[test]
 fn validation_sees_a_dropped_barrier_between_compute_passes() {
     let device = DeviceChoice::Name("llvmpipe".into());
-    let headless = Headless::new(&HeadlessDesc { device, validation: true, limits: None })
+    let headless = Headless::new(&HeadlessDesc::default().device(device).validation(true))
         .expect("lavapipe; run the tests as ./with-vulkan cargo test");
     let engine = headless.engine();
     let mesh = packed(engine, DeltaFormat::Float32);
@@ -97,7 +97,7 @@ fn a_swapped_slot_gives_a_wrong_pose() {
     on_every_device(|headless, engine| {
         let descs =
             DeltaFormat::DENSE.into_iter().flat_map(|f| update_descs(engine, f).into_iter().map(move |d| (f, d)));
-        for (format, desc) in descs.flat_map(|(f, d)| [2, 3].map(|slots| (f, UpdateDesc { slots, ..d }))) {
+        for (format, desc) in descs.flat_map(|(f, d)| [2, 3].map(|slots| (f, d.slots(slots)))) {
             let mesh = packed(engine, format);
             let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
             let mut weights = [0.5; 20];

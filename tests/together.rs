@@ -16,7 +16,7 @@ fn crowds_side_by_side_do_what_one_crowd_does() {
         for format in [DeltaFormat::Snorm16, DeltaFormat::Fast] {
             let mesh = PackedMesh::pack(&testing::mesh(200, 11), &engine.pack_desc(format)).expect("packed");
             for update in update_descs(engine, format) {
-                let desc = |instances| CrowdDesc { instances, frames_in_flight: 1, ..CrowdDesc::new(update) };
+                let desc = |instances| CrowdDesc::new(update).instances(instances).frames_in_flight(1);
                 let mut whole = HeadlessCrowd::new(headless, &mesh, &desc(4)).expect("a crowd");
                 let half = HeadlessCrowd::new(headless, &mesh, &desc(2)).expect("a crowd");
                 let mut halves = [half.another(&desc(2)).expect("another"), half];
@@ -97,7 +97,7 @@ fn a_step_of_nothing_or_of_too_many_is_refused() {
     on_every_device(|headless, engine| {
         let mesh = PackedMesh::pack(&testing::mesh(64, 3), &engine.pack_desc(DeltaFormat::Fast)).expect("packed");
         let update = update_descs(engine, DeltaFormat::Fast)[0];
-        let desc = CrowdDesc { instances: 1, frames_in_flight: 1, ..CrowdDesc::new(update) };
+        let desc = CrowdDesc::new(update).instances(1).frames_in_flight(1);
         let crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
         let mut crowds = [crowd.another(&desc).expect("another"), crowd];
         let heads: [&[f32]; 3] = [&[0.5; 3]; 3];

@@ -17,6 +17,7 @@ pub use upload::{PoseUpload, Uploaded};
 use crate::engine::{DeviceCaps, DeviceDesc, MorphEngine};
 use crate::error::{Error, Result};
 use crate::gpu::failed;
+use crate::setters::setters;
 use ash::vk;
 use std::borrow::Cow;
 use std::ffi::{CStr, c_void};
@@ -47,6 +48,8 @@ pub struct HeadlessDesc {
     /// Limits to keep to where the device has more, as of [`DeviceCaps::android_baseline`].
     pub limits: Option<DeviceCaps>,
 }
+
+setters!(HeadlessDesc { device: DeviceChoice, validation: bool, limits: Option<DeviceCaps> });
 
 /// An instance, a device, a queue, and an engine on it. To be used by one thread at a time:
 ///

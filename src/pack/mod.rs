@@ -13,6 +13,7 @@ mod source;
 use crate::asset::MorphMesh;
 use crate::asset::streams::GROUP_COMPONENTS;
 use crate::error::{Error, Result};
+use crate::setters::setters;
 use blocks::BlockDesc;
 pub use error::PoseError;
 pub(crate) use error::stream_errors;
@@ -45,6 +46,8 @@ pub struct PackDesc {
     /// Block formats: size of a block, and how much may be lost.
     pub blocks: BlockDesc,
 }
+
+setters!(PackDesc { format: DeltaFormat, max_chunk_bytes: u64, max_chunk_vertices: u64, blocks: BlockDesc });
 
 impl PackDesc {
     /// Any device of Khronos' Android baseline: chunks of 128 MiB and 65,535 workgroups.

@@ -2,6 +2,7 @@
 
 use super::steps::Consumers;
 use crate::pack::DeltaFormat;
+use crate::setters::setters;
 
 /// Who carries the passes out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -203,6 +204,15 @@ pub struct UpdateDesc {
     pub error_budget: f32,
 }
 
+setters!(UpdateDesc {
+    path: UpdatePath,
+    batch: BatchSize,
+    mode: UpdateMode,
+    slots: u32,
+    accumulate: Accumulate,
+    error_budget: f32,
+});
+
 impl UpdateDesc {
     /// Incremental updates in two slots with float sums; rebuilds for paths that know nothing else, and exact sums for
     /// `scatter`.
@@ -233,6 +243,8 @@ pub struct CrowdDesc {
     /// Who reads poses between updates: updates wait for these readers, and make new poses visible to them.
     pub consumers: Consumers,
 }
+
+setters!(CrowdDesc { instances: u32, update: UpdateDesc, frames_in_flight: u32, consumers: Consumers });
 
 impl CrowdDesc {
     /// One instance, two frames in flight, drawn from vertex attributes or by vertex shaders.

@@ -11,6 +11,7 @@ mod shape;
 mod targets;
 
 use crate::asset::MorphSource;
+use crate::setters::setters;
 use crate::weights::WeightClip;
 
 /// What the built-in head is made from. Same description, same head, on every machine.
@@ -25,6 +26,8 @@ pub struct HeadDesc {
     /// Seed.
     pub seed: u64,
 }
+
+setters!(HeadDesc { vertices: usize, targets: usize, sparsity: f32, seed: u64 });
 
 impl Default for HeadDesc {
     /// 43,788 vertices and 72 targets, the size in Costigan et al. (MIG 2016).

@@ -22,6 +22,7 @@ use super::order::inverse;
 use super::{POSE_FLOATS, PoseError};
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::error::{Error, Result};
+use crate::setters::setters;
 use std::sync::Arc;
 
 /// Sizes that a block may have.
@@ -43,6 +44,14 @@ pub struct BlockDesc {
     /// The largest weight, either sign, that [`Accumulate::Exact`](crate::plan::Accumulate) has to stand.
     pub weight_max: f32,
 }
+
+setters!(BlockDesc {
+    size: Option<u32>,
+    position_error: f32,
+    normal_error_degrees: f32,
+    absolute_error: f32,
+    weight_max: f32,
+});
 
 impl Default for BlockDesc {
     /// 1e-5 of the diagonal, 0.5°, 1e-4 (less than half a texel of 4096), weights up to 4.

@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::pack::PackedLayout;
 use crate::pack::blocks::ExactGrid;
+use crate::setters::setters;
 use crate::weights::WeightClip;
 
 /// How keys are kept.
@@ -23,6 +24,15 @@ pub struct AnimationDesc<'a> {
     pub clips: &'a [WeightClip],
     /// How keys are kept.
     pub key_format: KeyFormat,
+}
+
+setters!(AnimationDesc<'a> { key_format: KeyFormat });
+
+impl<'a> AnimationDesc<'a> {
+    /// These clips, with keys of 32 bits.
+    pub fn new(clips: &'a [WeightClip]) -> Self {
+        Self { clips, key_format: KeyFormat::default() }
+    }
 }
 
 /// Keys are not larger than this: a float32 has them exactly, and their differences fit 32 bits.

@@ -32,6 +32,7 @@
 #[cfg(any(test, feature = "internals"))]
 use super::clips::Clips;
 use crate::abi::numbers;
+use crate::setters::setters;
 use bytemuck::{Pod, Zeroable};
 
 /// Ticks of the clock in a second.
@@ -60,6 +61,8 @@ pub struct Playback {
     /// What happens when it ends.
     pub repeat: Repeat,
 }
+
+setters!(Playback { clip: u32, start: f64, speed: f64, repeat: Repeat });
 
 impl Playback {
     /// `clip` from the clock's second 0 on, at its own speed, over and over.
