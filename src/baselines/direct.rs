@@ -2,7 +2,7 @@
 //! storage buffer (Costigan et al., Algorithm 1; Bevy, three.js and Filament do it so, with textures in the place of
 //! buffers).
 
-use super::draws::{Capture, Draws, draw_stats, no_capture, one_pass};
+use super::draws::{Capture, Draws};
 use crate::abi::modules::{DIRECT, DIRECT_FEEDBACK, DIRECT_STORE};
 use crate::abi::push::DirectPush;
 use crate::error::Result;
@@ -13,12 +13,9 @@ use crate::gpu::mesh::{MeshBuffers, delta_range};
 use crate::gpu::pipelines::Objects;
 use crate::gpu::ring::Ring;
 use crate::pack::{DeltaFormat, POSE_STRIDE};
-use crate::plan::instances::Instances;
-use crate::plan::steps::{Steps, Work};
-use crate::plan::{UpdatePath, UpdateStats};
 use crate::update::dense::DensePlanner;
 use crate::update::dense::feedback::vertex_input;
-use crate::update::technique::{Context, Technique, UpdateId};
+use crate::update::technique::Context;
 use ash::vk;
 use bytemuck::bytes_of;
 use std::sync::Arc;
@@ -68,11 +65,10 @@ impl Kernel for Direct {
     }
 }
 
-/// A crowd on the path `direct`: weights in a ring of host-visible memory, which the draws read.
-pub(super) struct DirectTechnique {
+/// The draws of a crowd on the path `direct`, which read weights from a ring of host-visible memory.
+pub(super) struct DirectDraws {
     kernel: Arc<Direct>,
     mesh: Arc<MeshBuffers>,
-    planner: DensePlanner,
     ring: Ring,
     /// Bytes of one instance's weights.
     stride: u64,
@@ -81,13 +77,9 @@ pub(super) struct DirectTechnique {
     draws: Vec<DirectDraw>,
     /// One pose to capture into.
     pose: vk::Buffer,
-    /// The last update that wrote weights.
-    written: u64,
-    /// It never ran, and its part of the ring is the next one's.
-    stale: bool,
 }
 
-impl DirectTechnique {
+impl DirectDraws {
     pub(super) fn new(context: Context<'_>) -> Result<Self> {
         let (mesh, desc, pose) = (context.mesh, context.desc, context.poses);
         let stride = Ring::part_bytes((mesh.layout.targets.len() * WEIGHT_BYTES) as u64);
@@ -108,39 +100,17 @@ impl DirectTechnique {
             sets: Sets::new(context.device, kernel.objects.set_layout, &[bound])?,
             kernel,
             mesh: mesh.clone(),
-            planner: one_pass(desc)?,
             ring,
             stride,
             draws: vec![DirectDraw::default(); desc.instances as usize],
             pose: pose.buffer,
-            written: 0,
-            stale: false,
         })
-    }
-
-    /// Write the weights of all instances, none for one that has no pose. A hidden instance's draws go on as they were,
-    /// whatever is requested of it meanwhile.
-    fn write(&mut self, frame: u64) -> Result<()> {
-        let words = self.ring.words(frame)?;
-        let (stride, targets) = (self.stride as usize / 4, &self.mesh.layout.targets);
-        let first = frame as usize * words.len() * 4;
-        for (i, out) in words.chunks_exact_mut(stride).enumerate() {
-            let weights = self.planner.applied(i).unwrap_or_default();
-            for ((weight, target), out) in weights.iter().zip(targets).zip(out.chunks_exact_mut(WEIGHT_BYTES / 4)) {
-                let coefficient = weight * target.position_step;
-                out.copy_from_slice(&[coefficient, coefficient * target.normal_ratio()].map(f32::to_bits));
-            }
-            let active = weights.iter().filter(|w| **w != 0.0).count() as u32;
-            // Fits 32 bits: checked in `new`.
-            self.draws[i] = DirectDraw { weights: (first + i * stride * 4) as u32, active };
-        }
-        Ok(())
     }
 
     /// Record the draws of these instances, captured if requested and the device can.
     ///
     /// # Safety
-    /// As [`Draws::record_draws`].
+    /// As [`Draws::record`].
     unsafe fn record_all(&self, cmd: vk::CommandBuffer, instances: impl Iterator<Item = u32>, captured: bool) {
         let Direct { objects, capture, .. } = &*self.kernel;
         let (device, mesh) = (&objects.device.raw, &self.mesh.layout);
@@ -192,66 +162,36 @@ impl DirectTechnique {
     }
 }
 
-impl Technique for DirectTechnique {
-    /// A step without works: the draws find the weights where they were written.
-    fn plan(&mut self, instances: &Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
-        self.planner.plan(instances, id.update);
-        if self.planner.has_changed() || self.stale {
-            (self.written, self.stale) = (id.update, false);
-            self.write(id.frame)?;
-            steps.step(&[]);
+impl Draws for DirectDraws {
+    fn write(&mut self, planner: &DensePlanner, frame: u64) -> Result<()> {
+        let words = self.ring.words(frame)?;
+        let (stride, targets) = (self.stride as usize / 4, &self.mesh.layout.targets);
+        let first = frame as usize * words.len() * 4;
+        for (i, out) in words.chunks_exact_mut(stride).enumerate() {
+            let weights = planner.applied(i).unwrap_or_default();
+            for ((weight, target), out) in weights.iter().zip(targets).zip(out.chunks_exact_mut(WEIGHT_BYTES / 4)) {
+                let coefficient = weight * target.position_step;
+                out.copy_from_slice(&[coefficient, coefficient * target.normal_ratio()].map(f32::to_bits));
+            }
+            let active = weights.iter().filter(|w| **w != 0.0).count() as u32;
+            // Fits 32 bits: checked in `new`.
+            self.draws[i] = DirectDraw { weights: (first + i * stride * 4) as u32, active };
         }
-        let mut stats = draw_stats(&self.mesh.layout, &self.planner, instances);
-        stats.bytes_moved += instances.requested().flatten().map(bytes_read).sum::<u64>();
-        Ok(stats)
+        Ok(())
     }
 
-    unsafe fn record(&self, _cmd: vk::CommandBuffer, _frame: u64, _work: &Work) {}
-
-    fn slots_of(&self, instance: u32) -> Option<(u32, Option<u32>)> {
-        self.planner.slots_of(instance as usize)
+    /// Those of the weights up to the last active target.
+    fn weight_bytes(&self, weights: &[f32]) -> u64 {
+        weights.iter().rposition(|w| *w != 0.0).map_or(0, |last| (WEIGHT_BYTES * (last + 1)) as u64)
     }
 
-    fn cut(&mut self, instance: u32) {
-        self.planner.cut(instance as usize);
-    }
-
-    fn add(&mut self, instance: u32) {
-        self.planner.forget(instance as usize);
-    }
-
-    fn discard_from(&mut self, id: UpdateId) {
-        self.planner.discard_from(id.update);
-        self.stale |= self.written >= id.update;
-    }
-
-    fn has_poses(&self) -> bool {
-        false
-    }
-
-    #[cfg(any(test, feature = "internals"))]
-    fn accesses(&self, _works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        vec![]
-    }
-}
-
-impl Draws for DirectTechnique {
-    unsafe fn record_draws(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>) {
+    unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>) {
         // SAFETY: the caller's obligations; the weights were written, since there is an update.
         unsafe { self.record_all(cmd, instances, false) };
     }
 
-    fn capture(&self) -> Result<Capture> {
-        self.kernel.capture.ok_or_else(|| no_capture(&self.kernel.objects.device, UpdatePath::Direct))
-    }
-
-    unsafe fn record_capture(&self, cmd: vk::CommandBuffer, instance: u32) {
-        // SAFETY: the caller's obligations; the weights were written, since there is an update.
+    unsafe fn record_captured(&self, cmd: vk::CommandBuffer, instance: u32) {
+        // SAFETY: as above.
         unsafe { self.record_all(cmd, [instance].into_iter(), true) };
     }
-}
-
-/// Bytes of the weights that a draw reads: up to the last active target.
-fn bytes_read(weights: &[f32]) -> u64 {
-    weights.iter().rposition(|w| *w != 0.0).map_or(0, |last| (WEIGHT_BYTES * (last + 1)) as u64)
 }

@@ -18,6 +18,7 @@ use crate::error::Result;
 use crate::plan::UpdatePath;
 use crate::update::dense::technique::DenseTechnique;
 use crate::update::technique::{Context, Technique};
+use draws::DrawTechnique;
 
 /// Make the technique of a baseline.
 ///
@@ -27,8 +28,10 @@ pub(crate) fn technique(context: Context<'_>) -> Result<Box<dyn Technique>> {
     Ok(match context.desc.update.path {
         UpdatePath::VertexStore => Box::new(DenseTechnique::<vertex_store::StorePasses>::new(context)?),
         UpdatePath::Scatter => Box::new(scatter::ScatterTechnique::new(context)?),
-        UpdatePath::Direct => Box::new(direct::DirectTechnique::new(context)?),
-        UpdatePath::DirectAttributes => Box::new(attributes::AttributesTechnique::new(context)?),
+        UpdatePath::Direct => Box::new(DrawTechnique::new(context, direct::DirectDraws::new(context)?)?),
+        UpdatePath::DirectAttributes => {
+            Box::new(DrawTechnique::new(context, attributes::AttributeDraws::new(context)?)?)
+        }
         path @ (UpdatePath::Feedback | UpdatePath::Compute | UpdatePath::Blocks | UpdatePath::Cpu) => {
             unreachable!("'{}' is no baseline", path.name())
         }
