@@ -10,6 +10,7 @@ use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::internals::plan::steps::{Access, Scope};
 use deltamorph::{AnimationDesc, BatchSize, DeltaFormat, PackedMesh, Playback, Repeat, UpdateDesc, UpdatePath};
 use scene::{Scene, clips, crowd, exact, head_desc, packed};
+use std::slice::from_mut;
 use std::sync::Arc;
 
 /// Days of playing: records are started anew, and nobody sees it.
@@ -214,7 +215,7 @@ fn validation_sees_a_dropped_barrier() {
             entries.remove(at);
         };
         // SAFETY: a barrier less; the driver is software, and runs dispatches one after the other all the same.
-        unsafe { crowd.step_tampered(&[], dropped) }.expect("a step");
+        unsafe { HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[], dropped) }.expect("a step");
         let messages = gpu::complaints(&headless);
         assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD")), "barrier {which}: {messages:?}");
     }

@@ -10,6 +10,7 @@ use deltamorph::{
     PackDesc, PackedMesh, SourceTarget, Tolerance, UpdateDesc, UpdatePath, testing,
 };
 use gpu::{applied, drivers, on_every_device, single, update_descs, weights};
+use std::slice::from_mut;
 use std::sync::Arc;
 
 #[test]
@@ -155,7 +156,7 @@ fn a_panic_between_planning_and_recording_takes_the_update_back() {
         let asked = [0.7; 8];
         // SAFETY: the commands are not changed; what unwinds is caught by the caller.
         let failed = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| unsafe {
-            crowd.step_tampered(&[&asked], |_| panic!("between planning and recording"))
+            HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[&asked], |_| panic!("between planning and recording"))
         }));
         assert!(failed.is_err());
         assert!(crowd.crowd().pose(0).is_err(), "what was planned is not taken as done");

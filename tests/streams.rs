@@ -12,6 +12,7 @@ use deltamorph::{
     PackedMesh, Semantic, SourceTarget, Tolerance, UpdateDesc, UpdatePath, testing,
 };
 use gpu::{NORMAL, POSITION, on_every_device, update_descs, weights};
+use std::slice::from_mut;
 use std::sync::Arc;
 
 const TARGETS: usize = 11;
@@ -186,7 +187,9 @@ fn groups_share_steps_and_barriers() {
                     for frame in 0..4 {
                         let weights = weights(mesh, frame, 5);
                         // SAFETY: nothing is changed.
-                        let (_, events) = unsafe { crowd.step_tampered(&[&weights], |_| {}) }.expect("a step");
+                        let (_, events) =
+                            unsafe { HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[&weights], |_| {}) }
+                                .expect("a step");
                         checker.update(&events);
                         let pose = crowd.crowd().pose(0).expect("a pose").slot;
                         let previous = crowd.crowd().previous_pose(0).expect("a pose").map(|view| view.slot);

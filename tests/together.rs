@@ -63,7 +63,7 @@ fn crowds_of_one_call_share_their_barriers() {
             let mut one = [1.0; 11];
             one[3] = f32::from(frame) / 4.0;
             // SAFETY: nothing is changed.
-            let step = unsafe { HeadlessCrowd::step_together_tampered(&mut crowds, &[&many, &one], |_| {}) };
+            let step = unsafe { HeadlessCrowd::step_tampered(&mut crowds, &[&many, &one], |_| {}) };
             let slots = [0, 1].map(|crowd: usize| {
                 let crowd = crowds[crowd].crowd();
                 let previous = crowd.previous_pose(0).expect("a pose").expect("two slots keep it");

@@ -12,6 +12,7 @@ use deltamorph::{
     Playback, Tolerance, UpdateDesc, UpdateMode, UpdatePath, WeightClip, testing,
 };
 use std::collections::{BTreeMap, BTreeSet};
+use std::slice::from_mut;
 use std::sync::Arc;
 
 pub fn head_desc() -> HeadDesc {
@@ -121,7 +122,10 @@ impl<'a> Scene<'a> {
         self.heads.set_time(seconds).expect("a time");
         let mut commands = None;
         // SAFETY: nothing is changed.
-        unsafe { self.crowd.step_tampered(&[], |entries| commands = Some(entries.clone())) }.expect("a step");
+        unsafe {
+            HeadlessCrowd::step_tampered(from_mut(&mut self.crowd), &[], |entries| commands = Some(entries.clone()))
+        }
+        .expect("a step");
         let update = self.heads.update(&self.clips);
         let expected = of_list(self.twin.update(&self.clips, &self.heads, update));
         // A few of many.
