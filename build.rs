@@ -6,7 +6,7 @@
 //! - `manifest.txt`: what the modules were made from;
 //! - `*.spv`: the modules as compiled, which `tests/spirv.rs` compares with spirv/.
 
-use formats::{FORMATS, FormatRow};
+use formats::{FORMATS, FormatRow, POSE_FORMATS, PoseRow};
 use kernels::{KERNELS, KernelRow, Takes, batch_max};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -22,26 +22,29 @@ mod kernels;
 #[path = "src/abi/numbers.rs"]
 mod numbers;
 
-/// A module: a kernel for a format and a number of targets.
+/// A module: a kernel for a pair of formats and a number of targets.
 struct Module {
     name: String,
     #[cfg_attr(not(feature = "compile-shaders"), expect(dead_code, reason = "only the compiler reads it"))]
     kernel: &'static KernelRow,
     format: Option<&'static FormatRow>,
+    #[cfg_attr(not(feature = "compile-shaders"), expect(dead_code, reason = "only the compiler reads it"))]
+    pose: &'static PoseRow,
     batch: Option<u32>,
 }
 
-/// The modules of a kernel for a format, or those of a kernel that reads no deltas.
-fn modules(kernel: &'static KernelRow, format: Option<&'static FormatRow>) -> Vec<Module> {
+/// The modules of a kernel for a pair of formats, or those of a kernel that reads no deltas.
+fn modules(kernel: &'static KernelRow, format: Option<&'static FormatRow>, pose: &'static PoseRow) -> Vec<Module> {
     let batches = match (kernel.takes, format) {
         (Takes::DenseBatches, Some(format)) => (0..=batch_max(format)).map(Some).collect(),
         _ => vec![None],
     };
     let module = |batch: Option<u32>| {
         let batch_name = batch.map(|b| format!("{b:02}")).unwrap_or_default();
-        let parts = [kernel.name, format.map_or("", |f| f.file), kernel.suffix, &batch_name];
+        let pose_name = if *pose == POSE_FORMATS[0] { "" } else { pose.file };
+        let parts = [kernel.name, format.map_or("", |f| f.file), kernel.suffix, pose_name, &batch_name];
         let name = parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("_");
-        Module { name, kernel, format, batch }
+        Module { name, kernel, format, pose, batch }
     };
     batches.into_iter().map(module).collect()
 }
@@ -85,18 +88,17 @@ fn compile(module: &Module, glsl: &Path) -> Vec<u8> {
         VulkanVersion,
     };
 
-    /// Files of glsl/; `abi.glsl`; and as `format.glsl` the file of the module's format.
-    struct Includes<'a>(&'a Path, Option<&'static FormatRow>);
+    /// Files of glsl/; `abi.glsl`; and as `format.glsl` and `pose.glsl` the files of the module's formats.
+    struct Includes<'a>(&'a Path, &'a Module);
     impl IncludeHandler for Includes<'_> {
         fn include(&mut self, _: IncludeType, name: &str, _: &str, _: usize) -> Option<IncludeResult> {
-            let data = match (name, self.1) {
-                ("abi.glsl", _) => abi_glsl(),
-                ("format.glsl", Some(format)) => {
-                    fs::read_to_string(self.0.join("formats").join(format.file).with_extension("glsl")).ok()?
-                }
-                _ => fs::read_to_string(self.0.join(name)).ok()?,
+            let file = match name {
+                "abi.glsl" => return Some(IncludeResult { name: name.into(), data: abi_glsl() }),
+                "format.glsl" => format!("formats/{}.glsl", self.1.format?.file),
+                "pose.glsl" => format!("poses/{}.glsl", self.1.pose.file),
+                _ => name.to_owned(),
             };
-            Some(IncludeResult { name: name.into(), data })
+            Some(IncludeResult { name: name.into(), data: fs::read_to_string(self.0.join(file)).ok()? })
         }
     }
 
@@ -115,7 +117,7 @@ fn compile(module: &Module, glsl: &Path) -> Vec<u8> {
     let batch = module.batch.map(|b| b.to_string());
     let flags = module.kernel.defines.iter().map(|flag| (*flag, None));
     let defines: Vec<(&str, Option<&str>)> = flags.chain(batch.as_deref().map(|b| ("BATCH", Some(b)))).collect();
-    let mut includes = Includes(glsl, module.format);
+    let mut includes = Includes(glsl, module);
     let source = ShaderSource::from(text);
     let compiler = Compiler::acquire().expect("the only user of glslang in this process");
     let input =
@@ -174,14 +176,14 @@ impl Table {
         self.count += 1;
     }
 
-    /// `modules`: first and number for each format, or of a kernel that reads no deltas.
-    fn add_kernel(&mut self, row: usize, modules: &[(usize, usize)]) {
+    /// `modules`: first and number for each format of poses and of deltas.
+    fn add_kernel(&mut self, row: usize, modules: &[[(usize, usize); FORMATS.len()]]) {
         let kernel = &KERNELS[row];
         let source = kernel.source;
         let name = [kernel.name, kernel.suffix].join(if kernel.suffix.is_empty() { "" } else { "_" }).to_uppercase();
-        match (kernel.takes, kernel.baseline) {
-            (Takes::NoDeltas, false) => {
-                writeln!(self.kernels, "/// {source}\npub static {name}: &Module = &MODULES[{}];", modules[0].0)
+        match (kernel.takes, kernel.poses, kernel.baseline) {
+            (Takes::NoDeltas, false, false) => {
+                writeln!(self.kernels, "/// {source}\npub static {name}: &Module = &MODULES[{}];", modules[0][0].0)
             }
             _ => writeln!(
                 self.kernels,
@@ -205,21 +207,8 @@ fn main() {
     let mut manifest = source_manifest(&glsl);
     let mut table = Table::default();
     for (row, kernel) in KERNELS.iter().enumerate() {
-        let linked = !kernel.baseline || cfg!(feature = "baselines");
-        let mut places = vec![];
-        for format in FORMATS {
-            let modules = match kernel.takes {
-                _ if !linked => vec![],
-                Takes::NoDeltas if places.is_empty() => modules(kernel, None),
-                // The same module for each.
-                Takes::NoDeltas => {
-                    places.push(places[0]);
-                    continue;
-                }
-                takes if takes.takes(format) => modules(kernel, Some(format)),
-                _ => vec![],
-            };
-            places.push((table.count, modules.len()));
+        let mut add = |format, pose| {
+            let (first, modules) = (table.count, modules(kernel, format, pose));
             for module in &modules {
                 let file = format!("{}.spv", module.name);
                 #[cfg(feature = "compile-shaders")]
@@ -240,6 +229,21 @@ fn main() {
                 let path = out.join(&module.name);
                 fs::write(&path, embedded(&bytes)).expect("OUT_DIR can be written");
                 table.add_module(row, module, &path);
+            }
+            (first, modules.len())
+        };
+        let linked = !kernel.baseline || cfg!(feature = "baselines");
+        let poses = if linked { if kernel.poses { POSE_FORMATS } else { &POSE_FORMATS[..1] } } else { &[] };
+        let mut places = vec![[(0, 0); FORMATS.len()]; POSE_FORMATS.len()];
+        for (pose, places) in poses.iter().zip(&mut places) {
+            match kernel.takes {
+                // The same module for each.
+                Takes::NoDeltas => places.fill(add(None, pose)),
+                takes => FORMATS
+                    .iter()
+                    .zip(places)
+                    .filter(|(format, _)| takes.takes(format))
+                    .for_each(|(format, place)| *place = add(Some(format), pose)),
             }
         }
         table.add_kernel(row, &places);

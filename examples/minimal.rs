@@ -137,7 +137,7 @@ fn main() -> Result<()> {
     mesh.layout().remap_indices(&mut indices)?; // packing reorders the vertices that draws name
     let names: Vec<&str> = mesh.layout().targets.iter().map(|t| t.name.as_str()).collect();
     let clip: Vec<Vec<f32>> = head::head_clip(&head_desc, 60, 30.0).bind(&names)?.frames().collect();
-    let frame = || Frame::new(&host, mesh.layout().pose_bytes());
+    let frame = || Frame::new(&host, mesh.layout().base_bytes());
     let frames: [Frame; FRAMES_IN_FLIGHT] = [frame()?, frame()?];
 
     // SAFETY: `submit` hands out a recording buffer; the mesh is dropped after the last wait.

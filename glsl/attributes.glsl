@@ -1,7 +1,7 @@
 // A vertex stage over BATCH targets bound as vertex attributes: source + Σ coefficient · delta. CPU twin:
 // cpu::kernel::dense.
-layout(location = 0) in vec3 source_position;
-layout(location = 1) in vec3 source_normal;
+#include "pose.glsl"
+POSE_ATTRIBUTES(source_position, source_normal)
 
 #include "dense_formats.glsl"
 

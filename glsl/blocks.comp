@@ -24,19 +24,19 @@ struct Place {
 #ifdef EXACT
 void store(Place place, uint k, int added, float unit) {
     if (place.copied) {
-        poses[place.destination + k] = poses[place.source + k];
+        STORE_COMPONENT(place.destination + k, LOAD_COMPONENT(place.source + k));
         return;
     }
     int sum = (place.rebuilt ? 0 : sums[place.sums + k]) + added;
     sums[place.sums + k] = sum;
     // The product is exact, the unit being a power of two; sums above 24 bits are rounded before.
     precise float value = uintBitsToFloat(asset[place.base + k]) + float(sum) * unit;
-    poses[place.destination + k] = value;
+    STORE_COMPONENT(place.destination + k, value);
 }
 #else
 void store(Place place, uint k, float added, float unit) {
-    float before = place.rebuilt ? uintBitsToFloat(asset[place.base + k]) : poses[place.source + k];
-    poses[place.destination + k] = before + added;
+    float before = place.rebuilt ? uintBitsToFloat(asset[place.base + k]) : LOAD_COMPONENT(place.source + k);
+    STORE_COMPONENT(place.destination + k, before + added);
 }
 #endif
 

@@ -15,28 +15,25 @@
 layout(local_size_x_id = 0) in;   // BLOCK_SIZE / VERTICES
 layout(constant_id = 1) const uint BLOCK_SIZE = 64;
 
-// Poses: slots of the instances, source and destination alike. An invocation loads and stores its own vertices only, and
-// loads before it stores.
 #ifdef TEXELS
-// What is loaded as texels is stored as integers.
 #include "aliased.glsl"
 layout(set = 0, binding = 0) uniform usamplerBuffer asset;
 layout(set = 0, binding = 1) uniform usamplerBuffer work;
-ALIASED layout(set = 0, binding = 2, std430) buffer Poses { uint64_t poses[]; };
-ALIASED layout(set = 0, binding = 3, rgba32f) uniform imageBuffer pose_texels;
-#ifdef EXACT
-ALIASED layout(set = 0, binding = 4, std430) buffer Sums { uint64_t sums[]; };
-ALIASED layout(set = 0, binding = 5, rgba32i) uniform iimageBuffer sum_texels;
-#endif
 #else
 layout(set = 0, binding = 0, std430) readonly buffer Asset { uint asset[]; };
 layout(set = 0, binding = 1, std430) readonly buffer Work { uint work[]; };
-layout(set = 0, binding = 2, std430) buffer Poses { float poses[]; };
+#endif
+// Poses: slots of the instances, source and destination alike. An invocation loads and stores its own vertices only, and
+// loads before it stores.
+#define POSES_BINDING 2
+#include "pose.glsl"
 #ifdef EXACT
+#ifdef TEXELS
+ALIASED layout(set = 0, binding = 4, std430) buffer Sums { uint64_t sums[]; };
+ALIASED layout(set = 0, binding = 5, rgba32i) uniform iimageBuffer sum_texels;
+#else
 layout(set = 0, binding = 3, std430) buffer Sums { int sums[]; };
 #endif
-#endif
-#ifdef EXACT
 #define ADDEND ivec3
 #else
 #define ADDEND vec3

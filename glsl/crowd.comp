@@ -24,7 +24,8 @@ const uint NUMBERS = 6u * VERTICES;
 #define NUMBER float
 #endif
 
-// What is loaded and stored: numbers and words that lie one after the other, from a texel on.
+// What is loaded and stored: numbers and words that lie one after the other, from a texel on. LOAD_POSE and
+// STORE_POSE_NUMBERS are the pose format's (pose.glsl).
 #ifdef TEXELS
 #define LOAD(type, value, count, texel) \
     [[unroll]] for (uint i = 0u; i < (count); i += 4u) { \
@@ -34,7 +35,6 @@ const uint NUMBERS = 6u * VERTICES;
 #define TEXEL(at) int(((at) + i) / 4u)
 #define LOAD_WORDS(value, count, at) LOAD(uvec4, value, count, texelFetch(work, TEXEL(at)))
 #define LOAD_BASE(value, at) LOAD(vec4, value, NUMBERS, uintBitsToFloat(texelFetch(asset, TEXEL(base_at + (at)))))
-#define LOAD_POSE(value, at) LOAD(vec4, value, NUMBERS, imageLoad(pose_texels, TEXEL(at)))
 #define LOAD_SUMS(value, at) LOAD(ivec4, value, NUMBERS, imageLoad(sum_texels, TEXEL(at)))
 #define STORE(pairs, at, value) \
     [[unroll]] for (uint i = 0u; i < NUMBERS; i += 2u) { \
@@ -46,7 +46,6 @@ uint BITS(int value) { return uint(value); }
 #define LOAD(value, count, loaded) [[unroll]] for (uint i = 0u; i < (count); ++i) value[i] = loaded;
 #define LOAD_WORDS(value, count, at) LOAD(value, count, work[(at) + i])
 #define LOAD_BASE(value, at) LOAD(value, NUMBERS, uintBitsToFloat(asset[base_at + (at) + i]))
-#define LOAD_POSE(value, at) LOAD(value, NUMBERS, poses[(at) + i])
 #define LOAD_SUMS(value, at) LOAD(value, NUMBERS, sums[(at) + i])
 #define STORE(numbers, at, value) [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) numbers[(at) + i] = value(i);
 #endif
@@ -149,6 +148,6 @@ void main() {
 #ifdef EXACT
         STORE(sums, pose / slots * pose_floats + at, SUM)
 #endif
-        STORE(poses, pose * pose_floats + at, POSE)
+        STORE_POSE_NUMBERS(pose * pose_floats + at, POSE)
     }
 }

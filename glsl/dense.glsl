@@ -2,21 +2,19 @@
 
 #include "abi.glsl"
 #include "aliased.glsl"
+#include "pose.glsl"
 
 layout(local_size_x = WORKGROUP) in;
 
 // Both are bound at the first vertex of the chunk. An in-place pass binds the same memory twice: an invocation
 // stores what it computed from its own vertex alone, so that each load precedes its store by data dependency and no
 // invocation reads another's vertex. (Never `restrict`.)
-ALIASED layout(set = 0, binding = 0, std430) readonly buffer SourcePose { vec2 source_pose[]; };
-ALIASED layout(set = 0, binding = 1, std430) writeonly buffer DestinationPose { vec2 destination_pose[]; };
+ALIASED layout(set = 0, binding = 0, std430) readonly buffer SourcePose { POSE_ELEMENT source_pose[]; };
+ALIASED layout(set = 0, binding = 1, std430) writeonly buffer DestinationPose { POSE_ELEMENT destination_pose[]; };
 #define DELTAS_BINDING 2
 #include "dense_formats.glsl"
 
-// destination = source + sum: one rounding at pose magnitude.
+// destination = source + sum.
 void store_pose(uint vertex, vec3 position, vec3 normal) {
-    vec2 a = source_pose[3u * vertex], b = source_pose[3u * vertex + 1u], c = source_pose[3u * vertex + 2u];
-    destination_pose[3u * vertex] = a + position.xy;
-    destination_pose[3u * vertex + 1u] = b + vec2(position.z, normal.x);
-    destination_pose[3u * vertex + 2u] = c + normal.yz;
+    ADD_TO_POSE(destination_pose, source_pose, vertex, position, normal)
 }

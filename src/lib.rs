@@ -73,7 +73,7 @@ pub use gpu::device::{DeviceDesc, SharedAllocator};
 pub use pack::blocks::{BLOCK_SIZES, BlockDesc, BlockIndex, ExactGrid};
 pub use pack::file::Asset;
 pub use pack::{
-    DeltaFormat, POSE_FLOATS, POSE_STRIDE, PackDesc, PackedGroup, PackedLayout, PackedMesh, PackedTarget, PoseError,
+    DeltaFormat, POSE_FLOATS, PackDesc, PackedGroup, PackedLayout, PackedMesh, PackedTarget, PoseError, PoseFormat,
 };
 pub use plan::{Accumulate, BatchSize, Consumers, CrowdDesc, UpdateDesc, UpdateMode, UpdatePath, UpdateStats};
 pub use update::animated::{AnimationDesc, Clips, KeyFormat, Playback, Repeat};

@@ -166,7 +166,7 @@ fn captured_clips_are_planned_alike() {
 fn small_limits_split_the_crowd() {
     let mesh = packed(DeltaFormat::Fast, 32);
     // Sixteen instances in two slots, or a little more; four items in a dispatch.
-    let range = 2 * 17 * mesh.layout().pose_bytes();
+    let range = 2 * 17 * mesh.layout().base_bytes();
     let limits = gpu::baseline(|caps| (caps.max_storage_range, caps.max_workgroups) = (range, 4));
     for (driver, limits) in gpu::with_and_without_texels(&limits) {
         let texels = limits.int64 && driver == "llvmpipe";

@@ -276,7 +276,7 @@ fn poses_of_the_cpu_path_are_uploaded_as_they_are() {
             crowd.update();
             let poses = [0, 1].map(|i| crowd.pose(i).expect("an instance"));
             let took = upload.upload(&poses).expect("an upload");
-            assert_eq!(took.bytes_moved, 2 * 4 * mesh.layout().pose_bytes());
+            assert_eq!(took.bytes_moved, 2 * 4 * mesh.layout().base_bytes());
             upload.draw().expect("a draw");
             assert_eq!(upload.read().expect("poses"), poses.concat());
         }

@@ -12,7 +12,7 @@ use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::reference::{evaluate, evaluate_group};
 use deltamorph::{
     Accumulate, BLOCK_SIZES, BatchSize, BlockDesc, Corner, CpuCrowd, DeltaFormat, MorphMesh, MorphSource, POSE_FLOATS,
-    POSE_STRIDE, PackDesc, PackedMesh, Semantic, StreamData, StreamDeltas, Tolerance, UpdateDesc, UpdatePath,
+    PackDesc, PackedMesh, Semantic, StreamData, StreamDeltas, Tolerance, UpdateDesc, UpdatePath,
 };
 use glam::{Mat4, Quat, Vec2, Vec3};
 use picture::{EDGE, Picture, Triangles};
@@ -238,7 +238,7 @@ fn compare_pictures(
     let (texcoords, indices) = drawn(&packed, mesh);
     let (count, indices) = (indices.len() as u32, Some(picture.filled(&indices)));
     let texcoords = picture.filled(&texcoords);
-    let readback = picture.shared(packed.layout().pose_bytes() as usize, vk::BufferUsageFlags::TRANSFER_DST);
+    let readback = picture.shared(packed.layout().base_bytes() as usize, vk::BufferUsageFlags::TRANSFER_DST);
     let corners = corners(source);
     let stated: Vec<Vec2> = corners.iter().map(|c| source.texcoords[c.texcoord.unwrap() as usize]).collect();
     let stated = picture.filled(&stated);
@@ -255,7 +255,7 @@ fn compare_pictures(
                 // SAFETY: as above.
                 unsafe { engine.record_update(cmd, &mut crowd) }?;
                 let pose = crowd.pose(0)?;
-                assert_eq!(pose.stride as usize, POSE_STRIDE);
+                assert_eq!(pose.stride as usize, pose.format.stride());
                 let triangles = Triangles { pose: (pose.buffer, pose.offset), texcoords, indices, count };
                 picture.record(cmd, &triangles, &view);
                 picture.record_pose_copy(cmd, &pose, &readback);

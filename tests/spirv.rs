@@ -7,7 +7,7 @@ use deltamorph::internals::abi::numbers::{RECORD_WORDS, WORKGROUP};
 use deltamorph::internals::abi::push::{DenseListEntry, attribute_push_bytes};
 use deltamorph::internals::abi::worklist::TILE;
 use deltamorph::internals::update::animated::HeadRecord;
-use deltamorph::{BLOCK_SIZES, DeltaFormat, DeviceClass, POSE_STRIDE};
+use deltamorph::{BLOCK_SIZES, DeltaFormat, DeviceClass, PoseFormat};
 use spirq::prelude::*;
 use spirq::ty::StructType;
 use std::collections::{BTreeMap, BTreeSet};
@@ -205,6 +205,7 @@ fn modules_declare_what_the_table_says() {
         let expected = kernel.bindings.iter().map(|(binding, buffer)| {
             let bound = match buffer {
                 Buffer::Storage(bytes) | Buffer::Dynamic(bytes) => Bound::Elements(*bytes as usize),
+                Buffer::Poses => Bound::Elements(8), // vec2
                 Buffer::DynamicDeltas => match format {
                     Some(DeltaFormat::Snorm16) => Bound::Elements(4), // uint
                     _ => Bound::Elements(8),                          // vec2
@@ -267,7 +268,7 @@ fn vertex_modules_capture_what_a_pose_has_and_draws_do_nothing_else() {
         if captures {
             assert_eq!(captured(buffer).iter().filter(|b| **b == 0).count(), captured(buffer).len(), "{name}");
             assert_eq!(captured(buffer).len(), 2, "{name}");
-            assert!(captured(stride).iter().all(|s| *s == POSE_STRIDE as u32), "{name}");
+            assert!(captured(stride).iter().all(|s| *s as usize == PoseFormat::Float32.stride()), "{name}");
             let offsets = captured(offset);
             assert!(offsets.ends_with(&[12]) && offsets.starts_with(&[0]), "{name}: {offsets:?}");
         } else {
@@ -297,7 +298,6 @@ fn structures_in_buffers_are_the_hosts() {
     }
     assert_eq!(seen, DeltaFormat::DENSE.len());
     assert_eq!(size_of::<HeadRecord>(), 4 * RECORD_WORDS as usize);
-    assert_eq!(POSE_STRIDE, 3 * 8, "poses are loaded and stored as pairs of floats");
 }
 
 #[test]
@@ -306,6 +306,7 @@ fn every_device_class_has_tiles_that_kernels_take() {
         let tuning = class.tuning();
         assert!(tuning.widest_tile.is_power_of_two() && tuning.widest_tile <= TILE as u32, "{tuning:?}");
     }
-    let texels = DeltaFormat::ALL.into_iter().filter(|format| !CROWD_TEXELS.modules(*format).is_empty());
+    let texels =
+        DeltaFormat::ALL.into_iter().filter(|format| !CROWD_TEXELS.modules(*format, PoseFormat::Float32).is_empty());
     assert_eq!(texels.collect::<Vec<_>>(), [DeltaFormat::Fast]);
 }

@@ -230,9 +230,9 @@ fn views_say_where_streams_are() {
         assert_eq!(crowd.previous_stream(1, Semantic::Tangent).expect("a stream"), Some(tangent));
         let text = crowd.stream(1, Semantic::Color(1)).expect_err("no such stream").to_string();
         assert!(text.contains("'color 1'") && text.contains("texcoord 0, color 0"), "{text}");
-        assert_eq!(Crowd::pose_bytes(&mesh, &desc), 3 * 4 * mesh.layout().pose_bytes());
+        assert_eq!(Crowd::pose_bytes(&mesh, &desc), 3 * 4 * mesh.layout().base_bytes());
         let plain = gpu::packed(engine, &testing::mesh(300, TARGETS), DeltaFormat::Fast);
-        assert!(MorphEngine::mesh_bytes(&mesh) > MorphEngine::mesh_bytes(&plain) + 2 * mesh.layout().pose_bytes());
+        assert!(MorphEngine::mesh_bytes(&mesh) > MorphEngine::mesh_bytes(&plain) + 2 * mesh.layout().base_bytes());
     });
 }
 

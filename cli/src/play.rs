@@ -13,7 +13,7 @@ use crate::verify::{Found, Promise};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::internals::Rng;
 use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
-use deltamorph::{Accumulate, BoundClip, MorphMesh, POSE_STRIDE, PackedMesh, UpdatePath, WeightClip};
+use deltamorph::{Accumulate, BoundClip, MorphMesh, PackedMesh, PoseFormat, UpdatePath, WeightClip};
 use record::{FrameRow, Planned, Played, Summary};
 use std::sync::Arc;
 
@@ -144,7 +144,9 @@ impl<'a> Checks<'a> {
 fn summary(args: &PlayArgs, stage: &Stage, frames: &[FrameRow], checks: &Checks<'_>) -> Summary {
     let mean = |value: &dyn Fn(&FrameRow) -> f64| frames.iter().map(value).sum::<f64>() / frames.len().max(1) as f64;
     let vertices = stage.mesh.layout().vertex_count;
-    let dense = |f: &FrameRow| if f.changed > 0 { (vertices * POSE_STRIDE * (f.changed + 2)) as f64 } else { 0.0 };
+    let dense = |f: &FrameRow| {
+        if f.changed > 0 { (vertices * PoseFormat::Float32.stride() * (f.changed + 2)) as f64 } else { 0.0 }
+    };
     let moved = (!args.animated).then(|| mean(&|f| f.planned.bytes_moved.unwrap_or(0) as f64));
     let dense = mean(&dense);
     let gpu = Stats::of(&frames.iter().filter_map(|f| f.gpu_ms).collect::<Vec<_>>());

@@ -5,9 +5,9 @@
 #extension GL_GOOGLE_include_directive : require
 #define DELTAS_BINDING 0
 #include "dense_formats.glsl"
+#include "pose.glsl"
 
-layout(location = 0) in vec3 base_position;
-layout(location = 1) in vec3 base_normal;
+POSE_ATTRIBUTES(base_position, base_normal)
 
 // For each target the coefficients of positions and normals, in quantised units.
 layout(set = 0, binding = 1, std430) readonly buffer Weights { vec2 weights[]; };
@@ -20,8 +20,7 @@ layout(push_constant) uniform Push {
 };
 
 #if defined(FEEDBACK)
-layout(location = 0, xfb_buffer = 0, xfb_stride = 24, xfb_offset = 0) out vec3 pose_position;
-layout(location = 1, xfb_buffer = 0, xfb_offset = 12) out vec3 pose_normal;
+POSE_CAPTURE(pose_position, pose_normal)
 #elif defined(STORE)
 #define POSE_BINDING 2
 #include "baselines/store.glsl"

@@ -3,13 +3,15 @@
 use super::kernels::{Buffer, DeviceTuning};
 use super::modules::{BLOCKS, BLOCKS_EXACT, CROWD, CROWD_EXACT, CROWD_EXACT_TEXELS, CROWD_TEXELS, Module};
 use crate::error::Result;
-use crate::pack::DeltaFormat;
+use crate::pack::{DeltaFormat, PoseFormat};
 
 /// What decides which kernel of the path `blocks` runs.
 #[derive(Clone, Copy, Debug)]
 pub struct BlocksCase {
     /// How deltas are stored.
     pub format: DeltaFormat,
+    /// How poses are stored.
+    pub pose: PoseFormat,
     /// Whether sums are exact.
     pub exact: bool,
     /// Instances that are updated together.
@@ -36,7 +38,7 @@ pub struct BlocksChoice {
 impl BlocksCase {
     /// Whether tiles are read as texels and stored in 64-bit integers, and single instances taken as tiles.
     pub fn takes_texels(&self) -> bool {
-        self.device.texels && self.texels && !CROWD_TEXELS.modules(self.format).is_empty()
+        self.device.texels && self.texels && !CROWD_TEXELS.modules(self.format, self.pose).is_empty()
     }
 
     /// Which kernel runs.
@@ -55,7 +57,7 @@ impl BlocksCase {
             (true, true, true) => &CROWD_EXACT_TEXELS,
         };
         let widths = if tiles { self.instances.clamp(1, self.device.widest_tile).ilog2() + 1 } else { 0 };
-        Ok(BlocksChoice { module: kernel.module(self.format, 0)?, widths, device: self.device })
+        Ok(BlocksChoice { module: kernel.module(self.format, self.pose, 0)?, widths, device: self.device })
     }
 }
 

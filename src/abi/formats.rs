@@ -1,6 +1,7 @@
-//! The delta formats: the one list that build.rs, the library, the command line and the tests share.
+//! The delta formats and the pose formats: the two lists that build.rs, the library, the command line and the tests share.
 //!
-//! A new format is an item of `delta_formats!` and its two files, src/pack/formats/FILE.rs and glsl/formats/FILE.glsl.
+//! A new delta format is an item of `delta_formats!` and its two files, src/pack/formats/FILE.rs and
+//! glsl/formats/FILE.glsl; a new pose format an item of `pose_formats!`, src/pack/poses/FILE.rs and glsl/poses/FILE.glsl.
 //! Plain data without dependencies, since build.rs includes this file.
 
 /// Expand a macro with arguments and the list: dense formats, then those in blocks.
@@ -54,6 +55,42 @@ macro_rules! delta_formats {
     };
 }
 pub(crate) use delta_formats;
+
+/// Expand a macro with arguments and the list of pose formats.
+///
+/// An item is the documentation of a `PoseFormat`; its name; its files' name; and the fields of its [`PoseRow`].
+macro_rules! pose_formats {
+    ($expanded:ident $arguments:tt) => {
+        $expanded! { $arguments
+            /// Six float32, one after the other: 24 bytes per vertex, two vertex attributes of three floats.
+            #[default]
+            Float32 float32 { stride: 24, attributes: &[(R32G32B32_SFLOAT, 0), (R32G32B32_SFLOAT, 12)] }
+        }
+    };
+}
+pub(crate) use pose_formats;
+
+/// The number of the `VkFormat` of three floats.
+const R32G32B32_SFLOAT: u32 = 106;
+
+/// A pose format.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PoseRow {
+    /// Name of its files, without the ending; the first format's is no part of the names of SPIR-V modules.
+    pub file: &'static str,
+    /// Bytes of a vertex.
+    pub stride: u32,
+    /// Vertex attributes, from location 0 on, that a draw reads the six numbers from: `VkFormat` and offset.
+    pub attributes: &'static [(u32, u32)],
+}
+
+macro_rules! pose_rows {
+    (() $($(#[$meta:meta])* $name:ident $file:ident { $($fields:tt)* })*) => {
+        /// Every pose format, in the order of `PoseFormat::ALL`.
+        pub const POSE_FORMATS: &[PoseRow] = &[$(PoseRow { file: stringify!($file), $($fields)* }),*];
+    };
+}
+pose_formats!(pose_rows());
 
 /// A delta format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -101,6 +101,8 @@ pub enum Buffer {
     Storage(u32),
     /// A storage buffer whose offset is given when the set is bound.
     Dynamic(u32),
+    /// A storage buffer of poses, in elements that suit the pose format.
+    Poses,
     /// The deltas of a dense format, at an offset that is given when the set is bound.
     DynamicDeltas,
     /// A texel buffer that is loaded.
@@ -125,8 +127,10 @@ pub struct KernelRow {
     pub stage: Stage,
     /// What is defined; with [`Takes::DenseBatches`] `BATCH`, too.
     pub defines: &'static [&'static str],
-    /// The formats.
+    /// The delta formats.
     pub takes: Takes,
+    /// There are modules for each pose format, too; otherwise for the first, or the kernel reads and writes no poses.
+    pub poses: bool,
     /// Set 0.
     pub bindings: &'static [Binding],
     /// Bindings that may be the same memory as another one: decorated Aliased.
@@ -146,6 +150,7 @@ const VERTEX: KernelRow = KernelRow {
     stage: Stage::Vertex,
     defines: &[],
     takes: Takes::NoDeltas,
+    poses: false,
     bindings: &[],
     aliased: &[],
     push: Push::None,
@@ -161,7 +166,8 @@ const DENSE: KernelRow = KernelRow {
     name: "dense",
     source: "dense.comp",
     takes: Takes::Dense,
-    bindings: &[(0, PAIRS), (1, PAIRS), (2, Buffer::DynamicDeltas)],
+    poses: true,
+    bindings: &[(0, Buffer::Poses), (1, Buffer::Poses), (2, Buffer::DynamicDeltas)],
     aliased: &[0, 1],
     push: Push::Dense,
     constants: 1,
@@ -173,16 +179,18 @@ const BLOCKS: KernelRow = KernelRow {
     source: "blocks.comp",
     stage: Stage::Compute(Workgroup::Specialized),
     takes: Takes::Blocks,
+    poses: true,
     bindings: &[(0, WORDS), (1, WORDS), (2, WORDS)],
     push: Push::Blocks,
     constants: 2,
     ..COMPUTE
 };
-/// With the integer sums behind the poses.
+/// With integer sums beside the poses, which are float32.
 const BLOCKS_EXACT: KernelRow = KernelRow {
     suffix: "exact",
     defines: &["EXACT"],
     takes: Takes::Integers,
+    poses: false,
     bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)],
     ..BLOCKS
 };
@@ -208,7 +216,7 @@ const PAIRS: Buffer = Buffer::Storage(8);
 /// Every kernel.
 pub const KERNELS: &[KernelRow] = &[
     // What measurements need.
-    KernelRow { name: "consume", source: "consume.vert", ..VERTEX },
+    KernelRow { name: "consume", source: "consume.vert", poses: true, ..VERTEX },
     KernelRow {
         name: "read",
         source: "read.comp",
@@ -227,7 +235,7 @@ pub const KERNELS: &[KernelRow] = &[
     KernelRow {
         name: "dense_list",
         source: "dense_list.comp",
-        bindings: &[(0, PAIRS), (1, PAIRS), (2, Buffer::DynamicDeltas), (3, Buffer::Dynamic(16))],
+        bindings: &[(0, Buffer::Poses), (1, Buffer::Poses), (2, Buffer::DynamicDeltas), (3, Buffer::Dynamic(16))],
         push: Push::DenseList,
         constants: 0,
         ..DENSE

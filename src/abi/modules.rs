@@ -1,9 +1,9 @@
 //! The SPIR-V modules that build.rs embeds: a `static` for each row of [`KERNELS`].
 
-use super::formats::{FORMATS, FormatRow};
+use super::formats::{FORMATS, FormatRow, POSE_FORMATS};
 use super::kernels::{KERNELS, KernelRow};
 use crate::error::{Error, Result};
-use crate::pack::DeltaFormat;
+use crate::pack::{DeltaFormat, PoseFormat};
 
 include!(concat!(env!("OUT_DIR"), "/modules.rs"));
 
@@ -47,40 +47,36 @@ impl Module {
     }
 }
 
-/// A kernel's modules: for each format that it takes one, or one for each number of targets.
+/// A kernel's modules: for each pair of formats that it takes one, or one for each number of targets.
 #[derive(Debug)]
 pub struct Kernel {
     /// What they declare.
     pub row: &'static KernelRow,
-    /// By format: the first in [`MODULES`], and how many.
-    modules: [(usize, usize); FORMATS.len()],
+    /// By format of poses and of deltas: the first in [`MODULES`], and how many.
+    modules: [[(usize, usize); FORMATS.len()]; POSE_FORMATS.len()],
 }
 
 impl Kernel {
-    /// All modules for a format; none if it does not take it, or the library was built without the technique.
-    pub fn modules(&self, format: DeltaFormat) -> &'static [Module] {
-        let (first, count) = self.modules[format as usize];
+    /// All modules for a pair of formats; none if it does not take them, or the library was built without the technique.
+    pub fn modules(&self, format: DeltaFormat, pose: PoseFormat) -> &'static [Module] {
+        let (first, count) = self.modules[pose as usize][format as usize];
         MODULES.get(first..first + count).unwrap_or_default()
     }
 
-    /// The module for a format and, where they are vertex attributes, `batch` targets.
+    /// The module for a pair of formats and, where they are vertex attributes, `batch` targets.
     ///
     /// # Errors
     /// There is none.
-    pub fn module(&self, format: DeltaFormat, batch: u32) -> Result<&'static Module> {
-        self.modules(format).get(batch as usize).ok_or_else(|| {
+    pub fn module(&self, format: DeltaFormat, pose: PoseFormat, batch: u32) -> Result<&'static Module> {
+        self.modules(format, pose).get(batch as usize).ok_or_else(|| {
+            let (source, deltas, poses) = (self.row.source, format.name(), pose.row().file);
             Error::invalid(
-                format!("no kernel {} for {} deltas and a batch of {batch}", self.row.source, format.name()),
+                format!("no kernel {source} for {deltas} deltas, {poses} poses and a batch of {batch}"),
                 match self.row.baseline {
                     true => "build deltamorph with the feature 'baselines', or use another update path",
                     false => "use another format, update path or batch size",
                 },
             )
         })
-    }
-
-    /// The largest batch that there is a module for.
-    pub fn batch_max(&self, format: DeltaFormat) -> u32 {
-        self.modules(format).len().saturating_sub(1) as u32
     }
 }

@@ -69,7 +69,7 @@ shared! {
         pub deltas_at: u32,
         /// Index of the base pose's first word in the asset.
         pub base_at: u32,
-        /// Floats of a pose.
+        /// Numbers of a pose: six for each vertex, padding included.
         pub pose_floats: u32,
         /// Poses of an instance.
         pub slots: u32,

@@ -23,7 +23,7 @@ enum Capturer {
 }
 
 /// The draws of a crowd on the path `direct-attributes`: the active targets of each instance.
-pub(super) struct AttributeDraws {
+pub(crate) struct AttributeDraws {
     kernel: Arc<VertexKernel<false>>,
     capturer: Option<Capturer>,
     mesh: Arc<MeshBuffers>,
@@ -33,7 +33,20 @@ pub(super) struct AttributeDraws {
 }
 
 impl AttributeDraws {
-    pub(super) fn new(context: Context<'_>) -> Result<Self> {
+    /// The evaluation of an instance.
+    fn pass(&self, instance: u32) -> VertexPass<'_> {
+        VertexPass {
+            layout: &self.mesh.layout,
+            deltas: self.mesh.deltas.raw,
+            source: (self.mesh.base.raw, 0),
+            destination: (self.pose, 0),
+            coefficients: &self.active[instance as usize],
+        }
+    }
+}
+
+impl Draws for AttributeDraws {
+    fn new(context: Context<'_>) -> Result<Self> {
         let (layout, pose, instances) = (context.layout(), context.poses.buffer, context.desc.instances);
         if instances > INSTANCES_MAX {
             return Err(Error::invalid(
@@ -55,19 +68,6 @@ impl AttributeDraws {
         Ok(Self { kernel, capturer, mesh: context.mesh.clone(), active, pose })
     }
 
-    /// The evaluation of an instance.
-    fn pass(&self, instance: u32) -> VertexPass<'_> {
-        VertexPass {
-            layout: &self.mesh.layout,
-            deltas: self.mesh.deltas.raw,
-            source: (self.mesh.base.raw, 0),
-            destination: (self.pose, 0),
-            coefficients: &self.active[instance as usize],
-        }
-    }
-}
-
-impl Draws for AttributeDraws {
     fn write(&mut self, planner: &DensePlanner, _frame: u64) -> Result<()> {
         for (i, active) in self.active.iter_mut().enumerate() {
             active.clear();

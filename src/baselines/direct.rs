@@ -6,13 +6,14 @@ use super::draws::{Capture, Draws};
 use crate::abi::modules::{DIRECT, DIRECT_FEEDBACK, DIRECT_STORE};
 use crate::abi::push::DirectPush;
 use crate::error::Result;
+use crate::gpu::caps::CAPTURE_STRIDE;
 use crate::gpu::descriptors::{Bound, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernel;
 use crate::gpu::mesh::{MeshBuffers, delta_range};
 use crate::gpu::pipelines::Objects;
 use crate::gpu::ring::Ring;
-use crate::pack::{DeltaFormat, POSE_STRIDE};
+use crate::pack::{BASE_STRIDE, DeltaFormat, PoseFormat};
 use crate::update::dense::DensePlanner;
 use crate::update::dense::feedback::vertex_input;
 use crate::update::technique::Context;
@@ -55,7 +56,7 @@ impl Kernel for Direct {
         objects.add_empty_render_pass()?;
         let (bindings, attributes) = vertex_input(format, 0);
         for kernel in kernels {
-            objects.add_discarding_vertex(kernel.module(format, 0)?, &bindings, &attributes)?;
+            objects.add_discarding_vertex(kernel.module(format, PoseFormat::Float32, 0)?, &bindings, &attributes)?;
         }
         Ok(Self { objects, format, capture })
     }
@@ -66,7 +67,7 @@ impl Kernel for Direct {
 }
 
 /// The draws of a crowd on the path `direct`, which read weights from a ring of host-visible memory.
-pub(super) struct DirectDraws {
+pub(crate) struct DirectDraws {
     kernel: Arc<Direct>,
     mesh: Arc<MeshBuffers>,
     ring: Ring,
@@ -80,7 +81,63 @@ pub(super) struct DirectDraws {
 }
 
 impl DirectDraws {
-    pub(super) fn new(context: Context<'_>) -> Result<Self> {
+    /// Record the draws of these instances, captured if requested and the device can.
+    ///
+    /// # Safety
+    /// As [`Draws::record`].
+    unsafe fn record_all(&self, cmd: vk::CommandBuffer, instances: impl Iterator<Item = u32>, captured: bool) {
+        let Direct { objects, capture, .. } = &*self.kernel;
+        let (device, mesh) = (&objects.device.raw, &self.mesh.layout);
+        let (point, layout) = (vk::PipelineBindPoint::GRAPHICS, objects.layout);
+        let pipeline = usize::from(captured && capture.is_some());
+        // SAFETY: the caller's obligations; pipeline and render pass are ours.
+        unsafe {
+            objects.begin_render_pass(cmd);
+            device.cmd_bind_pipeline(cmd, point, objects.pipelines[pipeline]);
+        }
+        let draws = instances.map(|i| self.draws[i as usize]);
+        for (draw, (first, vertices)) in draws.flat_map(|draw| mesh.chunks().map(move |chunk| (draw, chunk))) {
+            let at = (first * BASE_STRIDE) as u64;
+            let row = (mesh.row_start(0, first, vertices) * 4) as u32;
+            let push = DirectPush {
+                chunk_vertices: vertices as u32,
+                target_count: mesh.targets.len() as u32,
+                active_targets: draw.active,
+                first_vertex: first as u32,
+            };
+            // SAFETY: as above; vertices and rows are within their buffers, dynamic offsets are multiples of 64 × 12
+            // bytes and of a list's 256; the push constants fill the layout's range.
+            unsafe {
+                device.cmd_bind_vertex_buffers(cmd, 0, &[self.mesh.base.raw], &[at]);
+                device.cmd_bind_descriptor_sets(cmd, point, layout, 0, &[self.sets.get(0)], &[row, draw.weights]);
+                device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::VERTEX, 0, bytes_of(&push));
+            }
+            let record = || {
+                // SAFETY: as above.
+                unsafe { device.cmd_draw(cmd, vertices as u32, 1, 0, 0) };
+            };
+            match &objects.device.feedback {
+                Some(feedback) if captured && *capture == Some(Capture::Feedback) => {
+                    let (feedback, size) = (feedback.fp(), (vertices * CAPTURE_STRIDE) as u64);
+                    // SAFETY: as above; as much is captured as the pose has room for. ash 0.38 has no wrappers for
+                    // these commands.
+                    unsafe {
+                        (feedback.cmd_bind_transform_feedback_buffers_ext)(cmd, 0, 1, &self.pose, &at, &size);
+                        (feedback.cmd_begin_transform_feedback_ext)(cmd, 0, 0, std::ptr::null(), std::ptr::null());
+                        record();
+                        (feedback.cmd_end_transform_feedback_ext)(cmd, 0, 0, std::ptr::null(), std::ptr::null());
+                    }
+                }
+                Some(_) | None => record(),
+            }
+        }
+        // SAFETY: begun above.
+        unsafe { device.cmd_end_render_pass(cmd) };
+    }
+}
+
+impl Draws for DirectDraws {
+    fn new(context: Context<'_>) -> Result<Self> {
         let (mesh, desc, pose) = (context.mesh, context.desc, context.poses);
         let stride = Ring::part_bytes((mesh.layout.targets.len() * WEIGHT_BYTES) as u64);
         let (part, frames) = (stride.saturating_mul(desc.instances.into()), desc.frames_in_flight);
@@ -107,62 +164,6 @@ impl DirectDraws {
         })
     }
 
-    /// Record the draws of these instances, captured if requested and the device can.
-    ///
-    /// # Safety
-    /// As [`Draws::record`].
-    unsafe fn record_all(&self, cmd: vk::CommandBuffer, instances: impl Iterator<Item = u32>, captured: bool) {
-        let Direct { objects, capture, .. } = &*self.kernel;
-        let (device, mesh) = (&objects.device.raw, &self.mesh.layout);
-        let (point, layout) = (vk::PipelineBindPoint::GRAPHICS, objects.layout);
-        let pipeline = usize::from(captured && capture.is_some());
-        // SAFETY: the caller's obligations; pipeline and render pass are ours.
-        unsafe {
-            objects.begin_render_pass(cmd);
-            device.cmd_bind_pipeline(cmd, point, objects.pipelines[pipeline]);
-        }
-        let draws = instances.map(|i| self.draws[i as usize]);
-        for (draw, (first, vertices)) in draws.flat_map(|draw| mesh.chunks().map(move |chunk| (draw, chunk))) {
-            let at = (first * POSE_STRIDE) as u64;
-            let row = (mesh.row_start(0, first, vertices) * 4) as u32;
-            let push = DirectPush {
-                chunk_vertices: vertices as u32,
-                target_count: mesh.targets.len() as u32,
-                active_targets: draw.active,
-                first_vertex: first as u32,
-            };
-            // SAFETY: as above; vertices and rows are within their buffers, dynamic offsets are multiples of 64 × 12
-            // bytes and of a list's 256; the push constants fill the layout's range.
-            unsafe {
-                device.cmd_bind_vertex_buffers(cmd, 0, &[self.mesh.base.raw], &[at]);
-                device.cmd_bind_descriptor_sets(cmd, point, layout, 0, &[self.sets.get(0)], &[row, draw.weights]);
-                device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::VERTEX, 0, bytes_of(&push));
-            }
-            let record = || {
-                // SAFETY: as above.
-                unsafe { device.cmd_draw(cmd, vertices as u32, 1, 0, 0) };
-            };
-            match &objects.device.feedback {
-                Some(feedback) if captured && *capture == Some(Capture::Feedback) => {
-                    let (feedback, size) = (feedback.fp(), (vertices * POSE_STRIDE) as u64);
-                    // SAFETY: as above; as much is captured as the pose has room for. ash 0.38 has no wrappers for
-                    // these commands.
-                    unsafe {
-                        (feedback.cmd_bind_transform_feedback_buffers_ext)(cmd, 0, 1, &self.pose, &at, &size);
-                        (feedback.cmd_begin_transform_feedback_ext)(cmd, 0, 0, std::ptr::null(), std::ptr::null());
-                        record();
-                        (feedback.cmd_end_transform_feedback_ext)(cmd, 0, 0, std::ptr::null(), std::ptr::null());
-                    }
-                }
-                Some(_) | None => record(),
-            }
-        }
-        // SAFETY: begun above.
-        unsafe { device.cmd_end_render_pass(cmd) };
-    }
-}
-
-impl Draws for DirectDraws {
     fn write(&mut self, planner: &DensePlanner, frame: u64) -> Result<()> {
         let words = self.ring.words(frame)?;
         let (stride, targets) = (self.stride as usize / 4, &self.mesh.layout.targets);

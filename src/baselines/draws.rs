@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::gpu::device::Device;
 use crate::gpu::mesh::MeshBuffers;
-use crate::pack::POSE_STRIDE;
+use crate::pack::BASE_STRIDE;
 use crate::plan::instances::Instances;
 use crate::plan::schedule::Schedule;
 use crate::plan::steps::{Access, Resource, Stage, Steps, Use, Work};
@@ -14,7 +14,12 @@ use ash::vk;
 use std::sync::Arc;
 
 /// Draws that evaluate the pose.
-pub(super) trait Draws: Send + Sync {
+pub(crate) trait Draws: Send + Sync + 'static {
+    /// What a crowd's draws take.
+    fn new(context: Context<'_>) -> Result<Self>
+    where
+        Self: Sized;
+
     /// Write the weights of all instances for the draws to read, none for one that has no pose. A hidden instance's draws
     /// stay as they were, whatever is requested of it meanwhile.
     fn write(&mut self, planner: &DensePlanner, frame: u64) -> Result<()>;
@@ -43,8 +48,8 @@ pub(super) trait Draws: Send + Sync {
 }
 
 /// A crowd on a direct path: an update writes weights, and there are no works.
-pub(super) struct DrawTechnique {
-    pub(super) draws: Box<dyn Draws>,
+pub(crate) struct DrawTechnique<D> {
+    pub(super) draws: D,
     mesh: Arc<MeshBuffers>,
     planner: DensePlanner,
     /// The last update that wrote weights.
@@ -53,14 +58,14 @@ pub(super) struct DrawTechnique {
     stale: bool,
 }
 
-impl DrawTechnique {
-    pub(super) fn new(context: Context<'_>, draws: impl Draws + 'static) -> Result<Self> {
-        let (draws, mesh, planner) = (Box::new(draws), context.mesh.clone(), one_pass(context.desc)?);
-        Ok(Self { draws, mesh, planner, written: 0, stale: false })
+impl<D: Draws> DrawTechnique<D> {
+    pub(crate) fn new(context: Context<'_>) -> Result<Self> {
+        let (mesh, planner) = (context.mesh.clone(), one_pass(context.desc)?);
+        Ok(Self { draws: D::new(context)?, mesh, planner, written: 0, stale: false })
     }
 }
 
-impl Technique for DrawTechnique {
+impl<D: Draws> Technique for DrawTechnique<D> {
     /// A step without works: the draws find the weights where they were written. Bytes are what one draw of every
     /// instance that is shown loads: draws evaluate whether weights have changed or not.
     fn plan(&mut self, instances: &Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
@@ -72,7 +77,7 @@ impl Technique for DrawTechnique {
         }
         let (layout, shown) = (&self.mesh.layout, || instances.requested().flatten());
         let active = shown().flatten().filter(|w| **w != 0.0).count();
-        let loaded = POSE_STRIDE * shown().count() + active * layout.format.stride();
+        let loaded = BASE_STRIDE * shown().count() + active * layout.format.stride();
         let floor = (layout.padded_vertices() * loaded) as u64;
         Ok(UpdateStats {
             coefficients: active,

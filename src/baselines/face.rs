@@ -1,7 +1,8 @@
 //! The public face of the baselines: an upload of their own, and draws that evaluate.
 
-use super::draws::{Capture, DrawTechnique, Draws};
+use super::draws::{Capture, Draws};
 use super::scatter::Records;
+use super::{AttributesTechnique, DirectTechnique};
 use crate::engine::{Crowd, GpuMesh, MorphEngine, PoseView};
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
@@ -35,7 +36,7 @@ impl MorphEngine {
         let Records { words, first } = Records::new(mesh, &index);
         let bytes = (size_of_val(words.as_slice()) as u64).max(16);
         self.check_not_empty(&layout)?;
-        for (what, bytes) in [("a pose takes", layout.pose_bytes()), ("the records of 'scatter' take", bytes)] {
+        for (what, bytes) in [("a pose takes", layout.base_bytes()), ("the records of 'scatter' take", bytes)] {
             let (what, range) = (format!("mesh '{}': {what}", layout.name), self.device.caps.max_storage_range);
             self.device.caps.check_limit(&what, (bytes, "bytes", range), "use fewer targets, or split the mesh")?;
         }
@@ -99,8 +100,9 @@ impl MorphEngine {
                 "record it with the engine that created it",
             ));
         }
-        let technique = crowd.base.technique::<DrawTechnique>();
-        technique.map(|technique| &*technique.draws).ok_or_else(|| {
+        let direct = crowd.base.technique::<DirectTechnique>().map(|direct| &direct.draws as &dyn Draws);
+        let attributes = || crowd.base.technique::<AttributesTechnique>().map(|attributes| &attributes.draws as _);
+        direct.or_else(attributes).ok_or_else(|| {
             Error::invalid(
                 format!("a draw that evaluates, of a crowd on the path '{}'", crowd.desc().update.path.name()),
                 "draw from Crowd::pose: the path has pose buffers",

@@ -14,26 +14,8 @@ mod vertex_store;
 #[cfg(test)]
 pub(crate) use vertex_store::{STORE_PASS, store_accesses};
 
-use crate::error::Result;
-use crate::plan::UpdatePath;
-use crate::update::dense::technique::DenseTechnique;
-use crate::update::technique::{Context, Technique};
-use draws::DrawTechnique;
+pub(crate) use scatter::ScatterTechnique;
 
-/// Make the technique of a baseline.
-///
-/// # Errors
-/// No memory; sizes beyond the device's limits; for `scatter`, a mesh that was not uploaded for it.
-pub(crate) fn technique(context: Context<'_>) -> Result<Box<dyn Technique>> {
-    Ok(match context.desc.update.path {
-        UpdatePath::VertexStore => Box::new(DenseTechnique::<vertex_store::StorePasses>::new(context)?),
-        UpdatePath::Scatter => Box::new(scatter::ScatterTechnique::new(context)?),
-        UpdatePath::Direct => Box::new(DrawTechnique::new(context, direct::DirectDraws::new(context)?)?),
-        UpdatePath::DirectAttributes => {
-            Box::new(DrawTechnique::new(context, attributes::AttributeDraws::new(context)?)?)
-        }
-        path @ (UpdatePath::Feedback | UpdatePath::Compute | UpdatePath::Blocks | UpdatePath::Cpu) => {
-            unreachable!("'{}' is no baseline", path.name())
-        }
-    })
-}
+pub(crate) type VertexStoreTechnique = crate::update::dense::technique::DenseTechnique<vertex_store::StorePasses>;
+pub(crate) type DirectTechnique = draws::DrawTechnique<direct::DirectDraws>;
+pub(crate) type AttributesTechnique = draws::DrawTechnique<attributes::AttributeDraws>;

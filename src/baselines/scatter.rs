@@ -17,7 +17,7 @@ use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::gpu::mesh::MeshBuffers;
 use crate::gpu::pipelines::Objects;
 use crate::pack::blocks::{BlockIndex, ExactGrid};
-use crate::pack::{DeltaFormat, POSE_FLOATS, PackedMesh};
+use crate::pack::{DeltaFormat, POSE_FLOATS, PackedMesh, PoseFormat};
 use crate::plan::UpdateStats;
 use crate::plan::instances::Instances;
 use crate::plan::steps::{Resource, Steps, Use, Work};
@@ -71,7 +71,7 @@ impl Kernel for Scatter {
         let mut objects = Objects::none(device);
         objects.add_layout(&[SCATTER.row, RESOLVE.row], 0)?;
         for kernel in [&SCATTER, &RESOLVE] {
-            objects.add_compute(kernel.module(DeltaFormat::Small, 0)?, &[&[]])?;
+            objects.add_compute(kernel.module(DeltaFormat::Small, PoseFormat::Float32, 0)?, &[&[]])?;
         }
         Ok(Self { objects })
     }
@@ -153,7 +153,7 @@ fn fill(planner: &mut DensePlanner, steps: &mut Steps) {
 }
 
 /// A crowd with integer sums for each instance, cleared, added to and resolved in each update.
-pub(super) struct ScatterTechnique {
+pub(crate) struct ScatterTechnique {
     kernel: Arc<Scatter>,
     mesh: Arc<MeshBuffers>,
     /// First record of each target, and the number of all.
@@ -169,7 +169,7 @@ pub(super) struct ScatterTechnique {
 }
 
 impl ScatterTechnique {
-    pub(super) fn new(context: Context<'_>) -> Result<Self> {
+    pub(crate) fn new(context: Context<'_>) -> Result<Self> {
         let (device, desc, mesh, poses) = (context.device, context.desc, context.mesh, context.poses);
         let first = mesh.private.as_ref().and_then(|private| private.downcast_ref::<Vec<u32>>());
         let (Some(index), Some(first)) = (&mesh.layout.blocks, first) else {

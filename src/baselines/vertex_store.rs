@@ -10,7 +10,7 @@ use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernel;
 use crate::gpu::mesh::MeshBuffers;
 use crate::gpu::pipelines::Objects;
-use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
+use crate::pack::{DeltaFormat, PackedLayout, PoseFormat};
 use crate::plan::steps::{Access, Resource, Stage, Use, Work};
 use crate::update::dense::feedback::{VertexPass, push_constants, vertex_batch, vertex_buffers, vertex_input};
 use crate::update::dense::technique::Passes;
@@ -45,7 +45,7 @@ impl<const STORES: bool> Kernel for VertexKernel<STORES> {
         objects.add_empty_render_pass()?;
         for b in 0..=most {
             let (bindings, attributes) = vertex_input(format, b);
-            objects.add_discarding_vertex(kernel.module(format, b)?, &bindings, &attributes)?;
+            objects.add_discarding_vertex(kernel.module(format, PoseFormat::Float32, b)?, &bindings, &attributes)?;
         }
         Ok(Self { objects, key })
     }
@@ -107,7 +107,7 @@ impl<const STORES: bool> VertexKernel<STORES> {
 }
 
 /// What a crowd's storing vertex passes take.
-pub(super) struct StorePasses {
+pub(crate) struct StorePasses {
     kernel: Arc<VertexStore>,
     mesh: Arc<MeshBuffers>,
     poses: Poses,
@@ -161,8 +161,9 @@ impl StoreSets {
         let bound: Vec<Vec<Bound>> = (0..u64::from(count))
             .flat_map(|pose| {
                 layout.chunks().map(move |(first, vertices)| {
-                    let offset = pose * layout.pose_bytes() + (first * POSE_STRIDE) as u64;
-                    vec![Bound::new(poses, offset, (vertices * POSE_STRIDE) as u64)]
+                    let (format, stride) = (PoseFormat::Float32, PoseFormat::Float32.stride());
+                    let offset = pose * layout.pose_bytes(format) + (first * stride) as u64;
+                    vec![Bound::new(poses, offset, (vertices * stride) as u64)]
                 })
             })
             .collect();

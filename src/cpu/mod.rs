@@ -48,7 +48,7 @@ struct Memory {
 /// of it would end the process.
 fn check_memory(mesh: &PackedMesh, instances: usize, slots: usize) -> Result<()> {
     let layout = mesh.layout();
-    let each = mesh.groups().iter().map(|group| group.layout().pose_bytes()).sum::<u64>();
+    let each = mesh.groups().iter().map(|group| group.layout().base_bytes()).sum::<u64>();
     let bytes = each.saturating_mul(slots as u64).saturating_mul(instances as u64);
     let reserved = usize::try_from(bytes).ok().map(|bytes| Vec::<u8>::new().try_reserve_exact(bytes));
     reserved.and_then(Result::ok).ok_or_else(|| {

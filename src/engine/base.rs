@@ -7,7 +7,7 @@ use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernels;
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::gpu::mesh::MeshBuffers;
-use crate::pack::{POSE_STRIDE, PackedLayout};
+use crate::pack::{PackedLayout, PoseFormat};
 use crate::plan::instances::Instances;
 use crate::plan::schedule::Schedule;
 use crate::plan::steps::{Steps, Work};
@@ -43,7 +43,7 @@ pub struct Update {
     pub stats: UpdateStats,
 }
 
-/// Where a pose is. Positions start at `offset`, normals (not normalised) 12 bytes after; float32 × 3 each.
+/// Where a pose is: from `offset` on, each vertex as its [`PoseFormat`] says. Normals are not normalised.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct PoseView {
@@ -55,6 +55,8 @@ pub struct PoseView {
     pub size: u64,
     /// Bytes from vertex to vertex.
     pub stride: u32,
+    /// How vertices are stored.
+    pub format: PoseFormat,
     /// Which slot of the instance it is.
     pub slot: u32,
 }
@@ -153,9 +155,10 @@ impl CrowdBase {
             Buffer::new(device, &BufferDesc { name, bytes, usage, location })
         };
         let buffers = mesh.layouts().map(buffer).collect::<Result<Vec<_>>>()?;
+        let (format, slots) = (desc.update.pose, desc.update.slots);
         let group = |(mesh, buffer): (&Arc<MeshBuffers>, &Buffer)| PoseGroup {
             mesh: mesh.clone(),
-            poses: Poses { buffer: buffer.raw, bytes: mesh.layout.pose_bytes(), slots: desc.update.slots },
+            poses: Poses { buffer: buffer.raw, format, bytes: mesh.layout.pose_bytes(format), slots },
         };
         let groups: Vec<PoseGroup> = mesh.groups.iter().zip(&buffers).map(group).collect();
         let (mesh, poses) = (&groups[0].mesh, groups[0].poses);
@@ -343,7 +346,8 @@ impl CrowdBase {
             buffer: poses.buffer,
             offset: poses.offset(instance, slot),
             size: poses.bytes,
-            stride: POSE_STRIDE as u32,
+            stride: poses.format.stride() as u32,
+            format: poses.format,
             slot,
         }
     }
@@ -373,15 +377,16 @@ impl CrowdBase {
 }
 
 fn stream_view(view: &PoseView, place: StreamPlace) -> StreamView {
-    let PoseView { buffer, offset, stride, slot, .. } = *view;
+    let PoseView { buffer, offset, stride, format, slot, .. } = *view;
     let components = place.semantic.components() as u32;
-    StreamView { buffer, offset: offset + 4 * place.first as u64, components, stride, slot }
+    StreamView { buffer, offset: offset + format.offset(place.first) as u64, components, stride, slot }
 }
 
 /// Bytes of device memory that the poses of a crowd take in a group. On a direct path that is one, to capture into.
 pub(super) fn pose_bytes(layout: &PackedLayout, desc: &CrowdDesc) -> u64 {
+    let pose = layout.pose_bytes(desc.update.pose);
     if desc.update.path.evaluates_in_draws() {
-        return layout.pose_bytes();
+        return pose;
     }
-    layout.pose_bytes().saturating_mul(u64::from(desc.instances) * u64::from(desc.update.slots))
+    pose.saturating_mul(u64::from(desc.instances) * u64::from(desc.update.slots))
 }

@@ -14,10 +14,11 @@ pub use upload::GpuMesh;
 
 use crate::abi::numbers::WORKGROUP;
 use crate::error::{Error, Result};
+use crate::gpu::caps::CAPTURE_STRIDE;
 use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernels;
 use crate::pack::blocks::BlockDesc;
-use crate::pack::{DeltaFormat, POSE_STRIDE, PackDesc};
+use crate::pack::{DeltaFormat, PackDesc};
 use crate::update::animated::{Animated, AnimationDesc, Clips};
 use crate::update::{Runner, technique};
 use ash::vk;
@@ -95,7 +96,7 @@ impl MorphEngine {
     pub fn pack_desc(&self, format: DeltaFormat) -> PackDesc {
         let caps = &self.device.caps;
         let dispatch = u64::from(caps.max_workgroups) * u64::from(WORKGROUP);
-        let capture = caps.transform_feedback.map_or(u64::MAX, |f| f.max_buffer_bytes / POSE_STRIDE as u64);
+        let capture = caps.transform_feedback.map_or(u64::MAX, |f| f.max_buffer_bytes / CAPTURE_STRIDE as u64);
         let max_chunk_vertices = dispatch.min(capture);
         PackDesc { format, max_chunk_bytes: caps.max_storage_range, max_chunk_vertices, blocks: BlockDesc::default() }
     }
@@ -130,7 +131,7 @@ impl MorphEngine {
         }
         mesh.layouts().try_for_each(|layout| desc.update.check_all(Some(layout), runner))?;
         desc.update.path.check_groups(mesh.groups.len(), mesh.layout())?;
-        if mesh.groups[0].private.is_some() != desc.update.path.has_own_upload() {
+        if mesh.groups[0].private.is_some() != desc.update.path.row().has_own_upload {
             return Err(Error::invalid(
                 format!("mesh '{}' for the path '{}'", mesh.layout().name, desc.update.path.name()),
                 "upload it with MorphEngine::upload_scatter for 'scatter', with MorphEngine::upload for other paths",

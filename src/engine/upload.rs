@@ -3,8 +3,9 @@
 use super::MorphEngine;
 use crate::abi::numbers::WORKGROUP;
 use crate::error::{Error, Result};
+use crate::gpu::caps::CAPTURE_STRIDE;
 use crate::gpu::mesh::{MeshBuffers, MeshWords, Upload, chunk_bytes, deltas_bytes, record_uploads};
-use crate::pack::{POSE_STRIDE, PackedGroup, PackedLayout, PackedMesh};
+use crate::pack::{PackedGroup, PackedLayout, PackedMesh};
 use ash::vk;
 use std::sync::Arc;
 
@@ -46,7 +47,7 @@ impl MorphEngine {
     /// [`GpuMesh::release_staging`]).
     pub fn mesh_bytes(mesh: &PackedMesh) -> u64 {
         let of = |layout: &PackedLayout| {
-            let base = if layout.format.is_blocks() { 0 } else { layout.pose_bytes() };
+            let base = if layout.format.is_blocks() { 0 } else { layout.base_bytes() };
             base + deltas_bytes(layout)
         };
         mesh.groups().iter().map(|group| of(group.layout())).sum()
@@ -106,7 +107,7 @@ impl MorphEngine {
         self.check_not_empty(layout)?;
         let (range, groups) = (caps.max_storage_range, caps.max_workgroups.into());
         let chunk_groups = (layout.chunk_vertices as u64).div_ceil(WORKGROUP.into());
-        limit("a pose takes", layout.pose_bytes(), "bytes", range, "split the mesh")?;
+        limit("a pose takes", layout.base_bytes(), "bytes", range, "split the mesh")?;
         if layout.format.is_blocks() {
             let remedy =
                 "use a smaller format, the path 'compute', which cuts its deltas into chunks, or split the mesh";
@@ -115,7 +116,7 @@ impl MorphEngine {
         limit("a chunk of deltas takes", chunk_bytes(layout), "bytes", range, "pack with MorphEngine::pack_desc")?;
         limit("a chunk takes", chunk_groups, "workgroups", groups, "pack with MorphEngine::pack_desc")?;
         if let Some(feedback) = caps.transform_feedback {
-            let captured = (layout.chunk_vertices * POSE_STRIDE) as u64;
+            let captured = (layout.chunk_vertices * CAPTURE_STRIDE) as u64;
             let most = feedback.max_buffer_bytes;
             limit("a chunk captures", captured, "bytes", most, "pack with MorphEngine::pack_desc")?;
         }

@@ -6,10 +6,13 @@ use crate::abi::kernels::{DeviceClass, DeviceTuning, batch_max};
 use crate::abi::numbers::{DENSE_BATCH_MAX, WORKGROUP};
 use crate::abi::push::attribute_push_bytes;
 use crate::error::{Error, Result};
-use crate::pack::{DeltaFormat, POSE_STRIDE};
-use crate::plan::UpdatePath;
+use crate::pack::{DeltaFormat, PoseFormat};
+use crate::plan::paths::{Batch, Needs, UpdatePath};
 use ash::vk;
 use std::ffi::CStr;
+
+/// Bytes of a vertex that transform feedback captures: it writes no other format.
+pub(crate) const CAPTURE_STRIDE: usize = PoseFormat::Float32.stride();
 
 /// Limits of transform feedback.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -109,23 +112,18 @@ pub struct Requirement {
 /// What to enable when creating a device for `path`. Beyond this, core Vulkan 1.1 and one queue with graphics and
 /// compute suffice: barriers name the vertex stages of the draws that read poses, whatever the path.
 pub fn requirements(path: UpdatePath) -> &'static [Requirement] {
-    match path {
-        UpdatePath::Feedback => &[Requirement {
+    match path.row().needs {
+        Needs::TransformFeedback => &[Requirement {
             extension: Some(ash::ext::transform_feedback::NAME),
             feature: Some("VkPhysicalDeviceTransformFeedbackFeaturesEXT::transformFeedback"),
             reason: "vertex passes capture the pose into a buffer",
         }],
-        UpdatePath::VertexStore => &[Requirement {
+        Needs::VertexStores => &[Requirement {
             extension: None,
             feature: Some("vertexPipelineStoresAndAtomics"),
             reason: "vertex passes store the pose in a storage buffer",
         }],
-        UpdatePath::Compute
-        | UpdatePath::Blocks
-        | UpdatePath::Cpu
-        | UpdatePath::Scatter
-        | UpdatePath::Direct
-        | UpdatePath::DirectAttributes => &[],
+        Needs::Nothing | Needs::Workgroups => &[],
     }
 }
 
@@ -273,23 +271,23 @@ impl DeviceCaps {
     }
 
     /// Which kernel of the path `blocks` runs for `instances` instances; `entries`: whether any target moves anything.
-    pub(crate) fn blocks_case(&self, format: DeltaFormat, exact: bool, instances: u32, entries: bool) -> BlocksCase {
+    pub(crate) fn blocks_case(
+        &self,
+        (format, pose): (DeltaFormat, PoseFormat),
+        exact: bool,
+        instances: u32,
+        entries: bool,
+    ) -> BlocksCase {
         // Whatever a storage descriptor covers, a view of four words each covers then.
         let texels = self.int64 && u64::from(self.max_texels) >= self.max_storage_range / 16;
-        BlocksCase { format, exact, instances, entries, device: self.tuning, texels }
+        BlocksCase { format, pose, exact, instances, entries, device: self.tuning, texels }
     }
 
     /// Whether tiles of `format` are read as texels and stored in 64-bit integers, and single instances taken as tiles:
     /// on software drivers, which pay for storage buffers lane by lane, and several times as much under the control
     /// flow that masks take.
     pub fn takes_texels(&self, format: DeltaFormat) -> bool {
-        self.blocks_case(format, false, 1, true).takes_texels()
-    }
-
-    /// The largest batch of a feedback pass: vertex attributes − 2 for the pose, 2 a target (float32) or 1
-    /// (snorm16), as far as vertex bindings and push constants reach. 0 without transform feedback.
-    pub fn feedback_batch_max(&self, format: DeltaFormat) -> u32 {
-        if self.transform_feedback.is_none() { 0 } else { self.attribute_targets_max(format) }
+        self.blocks_case((format, PoseFormat::default()), false, 1, true).takes_texels()
     }
 
     /// Targets that vertex attributes, bindings and push constants have room for, next to a pose.
@@ -300,13 +298,13 @@ impl DeviceCaps {
         (0..=most).rev().find(|&b| attribute_push_bytes(format, b) <= self.max_push_constants).unwrap_or(0)
     }
 
-    /// The largest batch of `path` with coefficients in push constants; `None`: any.
+    /// The largest batch of `path` with coefficients in push constants; `None`: any. For vertex passes: vertex attributes
+    /// − 2 for the pose, 2 a target (float32) or 1 (snorm16), as far as vertex bindings and push constants reach.
     pub fn batch_max(&self, path: UpdatePath, format: DeltaFormat) -> Option<u32> {
-        match path {
-            UpdatePath::Feedback => Some(self.feedback_batch_max(format)),
-            UpdatePath::Compute => Some(DENSE_BATCH_MAX),
-            UpdatePath::VertexStore | UpdatePath::DirectAttributes => Some(self.attribute_targets_max(format)),
-            UpdatePath::Blocks | UpdatePath::Cpu | UpdatePath::Scatter | UpdatePath::Direct => None,
+        match path.row().batch {
+            Batch::Attributes => Some(self.attribute_targets_max(format)),
+            Batch::PushConstants => Some(DENSE_BATCH_MAX),
+            Batch::Any => None,
         }
     }
 
@@ -318,33 +316,31 @@ impl DeviceCaps {
         let refuse = |reason: String, remedy: &str| {
             Err(Error::Unsupported { path: path.name(), device: self.name.clone(), reason, remedy: remedy.into() })
         };
-        match path {
-            UpdatePath::Cpu | UpdatePath::Direct | UpdatePath::DirectAttributes => Ok(()),
-            UpdatePath::VertexStore if !self.vertex_stores => refuse(
+        match path.row().needs {
+            Needs::VertexStores if !self.vertex_stores => refuse(
                 "needs the feature vertexPipelineStoresAndAtomics, which the device lacks, or which was not enabled"
                     .into(),
                 "use the path 'compute', which needs no feature",
             ),
-            UpdatePath::VertexStore => Ok(()),
-            UpdatePath::Feedback => match self.transform_feedback {
+            Needs::TransformFeedback => match self.transform_feedback {
                 None => refuse(
                     "the device has no VK_EXT_transform_feedback, or it was not enabled".into(),
                     "use the path 'compute', which needs no extension",
                 ),
-                Some(caps) if caps.max_stride < POSE_STRIDE as u32 => refuse(
+                Some(caps) if caps.max_stride < CAPTURE_STRIDE as u32 => refuse(
                     format!(
-                        "captured vertices may be {} bytes apart at most, a pose needs {POSE_STRIDE}",
+                        "captured vertices may be {} bytes apart at most, a pose needs {CAPTURE_STRIDE}",
                         caps.max_stride
                     ),
                     "use the path 'compute'",
                 ),
                 Some(_) => Ok(()),
             },
-            _ if self.max_workgroup_invocations < WORKGROUP => refuse(
+            Needs::Workgroups if self.max_workgroup_invocations < WORKGROUP => refuse(
                 format!("{} invocations per workgroup, {WORKGROUP} needed", self.max_workgroup_invocations),
                 "use the path 'cpu'",
             ),
-            UpdatePath::Compute | UpdatePath::Blocks | UpdatePath::Scatter => Ok(()),
+            Needs::Nothing | Needs::VertexStores | Needs::Workgroups => Ok(()),
         }
     }
 

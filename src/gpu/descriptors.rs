@@ -44,7 +44,7 @@ impl Bound {
 /// The descriptor of a buffer that a kernel declares.
 pub(crate) fn descriptor_type(buffer: Buffer) -> vk::DescriptorType {
     match buffer {
-        Buffer::Storage(_) => vk::DescriptorType::STORAGE_BUFFER,
+        Buffer::Storage(_) | Buffer::Poses => vk::DescriptorType::STORAGE_BUFFER,
         Buffer::Dynamic(_) | Buffer::DynamicDeltas => vk::DescriptorType::STORAGE_BUFFER_DYNAMIC,
         Buffer::UniformTexels => vk::DescriptorType::UNIFORM_TEXEL_BUFFER,
         Buffer::StorageTexels => vk::DescriptorType::STORAGE_TEXEL_BUFFER,

@@ -50,7 +50,7 @@ impl MeshBuffers {
             (bytemuck::cast_slice::<f32, u8>(words.base), bytemuck::cast_slice::<u32, u8>(words.deltas));
         // In blocks the base pose lies behind the deltas, and no buffer of its own is needed.
         let one_buffer = layout.format.is_blocks() && words.private.is_none();
-        let (base_size, base_at) = if one_buffer { (0, delta_bytes.len()) } else { (layout.pose_bytes(), 0) };
+        let (base_size, base_at) = if one_buffer { (0, delta_bytes.len()) } else { (layout.base_bytes(), 0) };
         let base = buffer("deltamorph base pose", base_size, usage, MemoryLocation::GpuOnly)?;
         let deltas = buffer("deltamorph deltas", words.deltas_size, usage, MemoryLocation::GpuOnly)?;
         let mut staging = buffer(
@@ -105,7 +105,7 @@ pub(crate) fn chunk_bytes(layout: &PackedLayout) -> u64 {
 /// the buffer that holds headers, deltas and base pose.
 pub(crate) fn deltas_bytes(layout: &PackedLayout) -> u64 {
     match layout.format.is_blocks() {
-        true => layout.index_bytes() + layout.delta_bytes() + layout.pose_bytes(),
+        true => layout.index_bytes() + layout.delta_bytes() + layout.base_bytes(),
         false => (chunk_bytes(layout) * layout.chunks().count() as u64).max(16),
     }
 }

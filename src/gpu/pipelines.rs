@@ -6,6 +6,7 @@ use super::failed;
 use crate::abi::kernels::{KernelRow, Stage};
 use crate::abi::modules::Module;
 use crate::error::Result;
+use crate::pack::PoseFormat;
 use ash::vk;
 use std::ops::Index;
 use std::sync::Arc;
@@ -214,6 +215,18 @@ impl Drop for Objects {
             device.destroy_descriptor_set_layout(self.set_layout, None);
         }
     }
+}
+
+/// How a draw reads a pose: binding 0, and attributes from location 0 on.
+pub(crate) fn pose_input(
+    format: PoseFormat,
+) -> (vk::VertexInputBindingDescription, Vec<vk::VertexInputAttributeDescription>) {
+    let attribute = |(location, &(format, offset)): (u32, &(u32, u32))| {
+        let format = vk::Format::from_raw(format as i32);
+        vk::VertexInputAttributeDescription { location, binding: 0, format, offset }
+    };
+    let binding = vk::VertexInputBindingDescription::default().stride(format.stride() as u32);
+    (binding, (0..).zip(format.row().attributes).map(attribute).collect())
 }
 
 fn stage_of(stage: Stage) -> vk::ShaderStageFlags {

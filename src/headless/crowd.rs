@@ -96,8 +96,8 @@ impl<'a> HeadlessCrowd<'a> {
 
 impl<'a, C: Kind> HeadlessCrowd<'a, C> {
     fn with(headless: &'a Headless, mesh: GpuMesh, crowd: C) -> Result<Self> {
-        let (draw, readback) =
-            (PoseDraw::new(headless.engine.device())?, Readback::new(headless, mesh.layout().pose_bytes())?);
+        let draw = PoseDraw::new(headless.engine.device(), crowd.base().desc().update.pose)?;
+        let readback = Readback::new(headless, mesh.layout().base_bytes())?;
         Ok(Self { headless, mesh, crowd, draw, readback, waiting: VecDeque::new() })
     }
 

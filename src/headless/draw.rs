@@ -3,8 +3,8 @@
 use crate::abi::modules::CONSUME;
 use crate::error::Result;
 use crate::gpu::device::Device;
-use crate::gpu::pipelines::Objects;
-use crate::pack::POSE_STRIDE;
+use crate::gpu::pipelines::{Objects, pose_input};
+use crate::pack::{DeltaFormat, PoseFormat};
 use ash::vk;
 use std::sync::Arc;
 
@@ -13,16 +13,14 @@ pub(super) struct PoseDraw {
 }
 
 impl PoseDraw {
-    pub(super) fn new(device: &Arc<Device>) -> Result<Self> {
+    pub(super) fn new(device: &Arc<Device>, pose: PoseFormat) -> Result<Self> {
         let mut objects = Objects::none(device);
-        objects.add_layout(&[CONSUME.kernel], 0)?;
+        objects.add_layout(&[CONSUME.row], 0)?;
         objects.add_empty_render_pass()?;
-        let bindings = [vk::VertexInputBindingDescription::default().stride(POSE_STRIDE as u32)];
-        let attribute = |location| {
-            let format = vk::Format::R32G32B32_SFLOAT;
-            vk::VertexInputAttributeDescription { location, binding: 0, format, offset: 12 * location }
-        };
-        objects.add_discarding_vertex(CONSUME, &bindings, &[attribute(0), attribute(1)])?;
+        let (binding, attributes) = pose_input(pose);
+        // It reads no deltas: the module is the same for each of their formats.
+        let module = CONSUME.module(DeltaFormat::Float32, pose, 0)?;
+        objects.add_discarding_vertex(module, &[binding], &attributes)?;
         Ok(Self { objects })
     }
 

@@ -7,7 +7,7 @@ use super::readback::Readback;
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
 use crate::gpu::memory::{Buffer, BufferDesc, STAGING};
-use crate::pack::PackedLayout;
+use crate::pack::{PackedLayout, PoseFormat};
 use crate::plan::schedule::asset_uploaded;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
@@ -40,7 +40,7 @@ impl<'a> PoseUpload<'a> {
     /// # Errors
     /// No instance, or no memory.
     pub fn new(headless: &'a Headless, layout: &PackedLayout, instances: u32) -> Result<Self> {
-        let bytes = layout.pose_bytes().saturating_mul(instances.into());
+        let bytes = layout.pose_bytes(PoseFormat::Float32).saturating_mul(instances.into());
         if instances == 0 || bytes == 0 {
             return Err(Error::invalid("an upload of no pose", "leave it out"));
         }
@@ -52,7 +52,8 @@ impl<'a> PoseUpload<'a> {
             | vk::BufferUsageFlags::TRANSFER_DST
             | vk::BufferUsageFlags::TRANSFER_SRC;
         let poses = buffer("uploaded poses", usage, MemoryLocation::GpuOnly)?;
-        Ok(Self { headless, staging, poses, draw: PoseDraw::new(device)?, layout: layout.clone(), instances })
+        let draw = PoseDraw::new(device, PoseFormat::Float32)?;
+        Ok(Self { headless, staging, poses, draw, layout: layout.clone(), instances })
     }
 
     /// Bring the pose of each instance, as [`CpuCrowd::pose`](crate::cpu::CpuCrowd::pose) has it, to the device, ready
@@ -61,7 +62,7 @@ impl<'a> PoseUpload<'a> {
     /// # Errors
     /// Too few or too many poses, or one of another size; a device that fails.
     pub fn upload(&mut self, poses: &[&[f32]]) -> Result<Uploaded> {
-        let pose_bytes = self.layout.pose_bytes() as usize;
+        let pose_bytes = self.layout.pose_bytes(PoseFormat::Float32) as usize;
         let start = Instant::now();
         if poses.len() != self.instances as usize || poses.iter().any(|pose| size_of_val(*pose) != pose_bytes) {
             return Err(Error::invalid(
@@ -94,7 +95,8 @@ impl<'a> PoseUpload<'a> {
     /// # Errors
     /// A device that fails.
     pub fn draw(&self) -> Result<Option<f64>> {
-        let poses = (0..self.instances).map(|i| (self.poses.raw, u64::from(i) * self.layout.pose_bytes()));
+        let poses =
+            (0..self.instances).map(|i| (self.poses.raw, u64::from(i) * self.layout.pose_bytes(PoseFormat::Float32)));
         let vertices = self.layout.padded_vertices() as u32;
         let ((), [ms, _]) = self.headless.submitter.run_timed(|cmd, _| {
             self.draw.record(cmd, poses, vertices);
@@ -108,7 +110,7 @@ impl<'a> PoseUpload<'a> {
     /// # Errors
     /// A device that fails.
     pub fn read(&mut self) -> Result<Vec<f32>> {
-        let size = self.layout.pose_bytes() * u64::from(self.instances);
+        let size = self.layout.pose_bytes(PoseFormat::Float32) * u64::from(self.instances);
         Readback::new(self.headless, size)?.read(self.headless, (self.poses.raw, 0, size))
     }
 }

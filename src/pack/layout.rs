@@ -1,7 +1,7 @@
 //! Where everything is in a packed group.
 
 use super::blocks::BlockIndex;
-use super::{DeltaFormat, POSE_FLOATS, POSE_STRIDE, VERTEX_PADDING};
+use super::{BASE_STRIDE, DeltaFormat, POSE_FLOATS, PoseFormat, VERTEX_PADDING};
 use crate::asset::streams::{Measure, StreamPlace, TRIPLES};
 use crate::asset::{Faces, RenderVertices};
 use crate::error::{Error, Result};
@@ -88,8 +88,13 @@ impl PackedLayout {
     }
 
     /// Bytes of one pose, padding included.
-    pub fn pose_bytes(&self) -> u64 {
-        (self.padded_vertices() * POSE_STRIDE) as u64
+    pub fn pose_bytes(&self, format: PoseFormat) -> u64 {
+        (self.padded_vertices() * format.stride()) as u64
+    }
+
+    /// Bytes of the base pose, padding included; as many as the integer sums of an instance take.
+    pub fn base_bytes(&self) -> u64 {
+        (self.padded_vertices() * BASE_STRIDE) as u64
     }
 
     /// Bytes of all deltas, padding included; without what says which vertices they belong to.

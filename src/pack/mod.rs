@@ -8,6 +8,7 @@ pub(crate) mod formats;
 mod group;
 mod layout;
 mod order;
+pub(crate) mod poses;
 mod source;
 
 use crate::asset::MorphMesh;
@@ -21,6 +22,7 @@ pub use formats::DeltaFormat;
 use formats::with_format;
 pub use group::PackedGroup;
 pub use layout::{PackedLayout, PackedTarget};
+pub use poses::PoseFormat;
 pub(crate) use source::Source;
 use std::sync::Arc;
 
@@ -31,8 +33,8 @@ pub const VERTEX_PADDING: usize = 64;
 /// Floats of one vertex of a pose: a group.
 pub const POSE_FLOATS: usize = GROUP_COMPONENTS;
 
-/// Bytes of one vertex of a pose.
-pub const POSE_STRIDE: usize = POSE_FLOATS * 4;
+/// Bytes of one vertex of the base pose: float32, whatever the format of poses.
+pub(crate) const BASE_STRIDE: usize = POSE_FLOATS * size_of::<f32>();
 
 /// How to pack.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,100 +1,11 @@
 //! How poses are to be updated: path, mode, batch size, sums, slots.
 
+use super::paths::{Sums, UpdatePath};
 use super::steps::Consumers;
-use crate::pack::DeltaFormat;
+use crate::pack::PoseFormat;
 use crate::setters::setters;
 
-/// Who carries the passes out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum UpdatePath {
-    /// Vertex passes with transform feedback and rasterizer discard (Jones, GPU Pro 5). A pass cannot read the
-    /// buffer it writes: passes alternate between two slots.
-    Feedback,
-    /// Compute passes. The first reads the current slot and writes the next, the rest run in place there.
-    Compute,
-    /// Compute, one workgroup for each block of vertices that a changed target touches. Takes the block formats. The
-    /// one to use where there is a GPU.
-    Blocks,
-    /// SIMD and threads on the CPU; runs without Vulkan. Takes every format.
-    Cpu,
-    /// Baseline: the vertex passes of `Feedback`, whose shader stores the pose in a storage buffer.
-    VertexStore,
-    /// Baseline: a thread for each delta adds integers to sums by atomics, and a pass makes the pose of them (O3DE
-    /// Atom, Unity). From base every time.
-    Scatter,
-    /// Baseline: no update; the vertex shader of every draw evaluates the active targets, whose deltas it reads from a
-    /// storage buffer (Costigan et al., Bevy, three.js, Filament).
-    Direct,
-    /// Baseline: as `Direct`, with the active targets as vertex attributes (Gerdelan).
-    DirectAttributes,
-}
-
 impl UpdatePath {
-    /// Every path.
-    pub const ALL: [Self; 8] = [
-        Self::Feedback,
-        Self::Compute,
-        Self::Blocks,
-        Self::Cpu,
-        Self::VertexStore,
-        Self::Scatter,
-        Self::Direct,
-        Self::DirectAttributes,
-    ];
-    /// The techniques that others published, to compare with. `bench` runs them where they are named.
-    pub const BASELINES: [Self; 4] = [Self::VertexStore, Self::Scatter, Self::Direct, Self::DirectAttributes];
-
-    /// The name used on the command line and in reports.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Feedback => "feedback",
-            Self::Compute => "compute",
-            Self::Blocks => "blocks",
-            Self::Cpu => "cpu",
-            Self::VertexStore => "vertex-store",
-            Self::Scatter => "scatter",
-            Self::Direct => "direct",
-            Self::DirectAttributes => "direct-attributes",
-        }
-    }
-
-    /// Whether a pass may write the slot it reads.
-    pub const fn works_in_place(self) -> bool {
-        !matches!(self, Self::Feedback | Self::VertexStore)
-    }
-
-    /// Whether it has no [`UpdateMode::Incremental`]: each pose is evaluated from base.
-    pub const fn rebuilds_only(self) -> bool {
-        matches!(self, Self::Scatter) || self.evaluates_in_draws()
-    }
-
-    /// Whether there are no pose buffers: every draw evaluates the pose.
-    pub const fn evaluates_in_draws(self) -> bool {
-        matches!(self, Self::Direct | Self::DirectAttributes)
-    }
-
-    /// Whether its meshes are uploaded in words of their own.
-    pub(crate) const fn has_own_upload(self) -> bool {
-        matches!(self, Self::Scatter)
-    }
-
-    /// Whether it takes [`BatchSize::All`]; vertex attributes hold a limited number of targets.
-    pub const fn takes_all_targets(self) -> bool {
-        !matches!(self, Self::Feedback | Self::VertexStore | Self::DirectAttributes)
-    }
-
-    /// The formats it takes.
-    pub const fn formats(self) -> &'static [DeltaFormat] {
-        match self {
-            Self::Feedback | Self::Compute | Self::VertexStore | Self::Direct | Self::DirectAttributes => {
-                &DeltaFormat::DENSE
-            }
-            Self::Blocks => &DeltaFormat::BLOCKS,
-            Self::Scatter => &[DeltaFormat::Small],
-            Self::Cpu => &DeltaFormat::ALL,
-        }
-    }
-
     /// The mode where none is asked for.
     pub const fn default_mode(self) -> UpdateMode {
         if self.rebuilds_only() { UpdateMode::Rebuild } else { UpdateMode::Incremental }
@@ -197,6 +108,8 @@ pub struct UpdateDesc {
     pub slots: u32,
     /// How poses add up (block formats).
     pub accumulate: Accumulate,
+    /// How poses are stored.
+    pub pose: PoseFormat,
     /// How far a vertex may be from where the weights asked for would put it, as a length in input units (block
     /// formats). Changes too small to matter wait then, until they add up to more, or the face is still. 0: none waits.
     /// Packing, and rounding by [`Accumulate::Exact`], come on top. It is one of positions, with which normals wait; other
@@ -211,17 +124,18 @@ setters!(UpdateDesc {
     slots: u32,
     accumulate: Accumulate,
     error_budget: f32,
+    pose: PoseFormat,
 });
 
 impl UpdateDesc {
-    /// Incremental updates in two slots with float sums; rebuilds for paths that know nothing else, and exact sums for
-    /// `scatter`.
+    /// Incremental updates in two slots with float sums; rebuilds and exact sums for paths that know nothing else.
     pub const fn new(path: UpdatePath, batch: BatchSize) -> Self {
-        let accumulate = match matches!(path, UpdatePath::Scatter) {
+        let accumulate = match matches!(path.row().sums, Sums::Exact) {
             true => Accumulate::Exact,
             false => Accumulate::Float { tolerance: 1e-5 },
         };
-        Self { path, batch, mode: path.default_mode(), slots: 2, accumulate, error_budget: 0.0 }
+        let (mode, pose) = (path.default_mode(), PoseFormat::Float32);
+        Self { path, batch, mode, slots: 2, accumulate, pose, error_budget: 0.0 }
     }
 
     /// The path `blocks`: incremental updates in two slots.

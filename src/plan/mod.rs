@@ -7,11 +7,13 @@ mod desc;
 #[cfg(any(test, feature = "internals"))]
 pub mod hazards;
 pub(crate) mod instances;
+pub(crate) mod paths;
 pub mod schedule;
 mod stats;
 pub mod steps;
 
-pub use desc::{Accumulate, BatchSize, CrowdDesc, UpdateDesc, UpdateMode, UpdatePath};
+pub use desc::{Accumulate, BatchSize, CrowdDesc, UpdateDesc, UpdateMode};
+pub use paths::UpdatePath;
 pub use stats::UpdateStats;
 pub use steps::Consumers;
 #[cfg(any(test, feature = "internals"))]

@@ -4,6 +4,7 @@ use super::blocks::check_tolerance;
 use crate::error::{Error, Result};
 use crate::gpu::caps::DeviceCaps;
 use crate::pack::PackedLayout;
+use crate::plan::paths::Sums;
 use crate::plan::{Accumulate, BatchSize, UpdateDesc, UpdateMode, UpdatePath};
 
 /// Most slots of a crowd that is animated on the GPU, which keeps a bit for each update that a slot may have missed.
@@ -78,7 +79,7 @@ impl UpdateDesc {
         }
         match (self.batch, caps.and_then(|caps| Some((caps, caps.batch_max(self.path, layout.format)?)))) {
             (BatchSize::Targets(batch), Some((caps, most))) if batch > most => {
-                let all = if self.path == UpdatePath::Compute { ", or 'all'" } else { "" };
+                let all = if self.path.takes_all_targets() { ", or 'all'" } else { "" };
                 let (path, format) = (self.path.name(), layout.format.name());
                 return Err(Error::invalid(
                     format!("batch size {batch} for update path '{path}' with {format} deltas on {}", caps.name),
@@ -115,19 +116,15 @@ impl UpdateDesc {
                 "use the mode 'rebuild': this technique evaluates every pose from the base pose",
             ));
         }
-        match path {
-            UpdatePath::Scatter if self.accumulate != Accumulate::Exact || self.error_budget > 0.0 => {
+        match path.row().sums {
+            Sums::Exact if self.accumulate != Accumulate::Exact || self.error_budget > 0.0 => {
                 return Err(Error::invalid(
-                    "float sums or an error budget with 'scatter'",
+                    format!("float sums or an error budget with '{name}'"),
                     "use exact sums and no budget: it adds integers, each pose afresh",
                 ));
             }
-            UpdatePath::Scatter | UpdatePath::Blocks | UpdatePath::Cpu => {}
-            UpdatePath::Feedback
-            | UpdatePath::Compute
-            | UpdatePath::VertexStore
-            | UpdatePath::Direct
-            | UpdatePath::DirectAttributes => self.check_dense(name)?,
+            Sums::Exact | Sums::Either => {}
+            Sums::Float => self.check_dense(name)?,
         }
         match self.batch {
             BatchSize::Targets(0) => Err(Error::invalid("a batch size of 0", "use 1 or more targets per pass")),
@@ -200,17 +197,13 @@ impl UpdatePath {
     /// # Errors
     /// Streams that it would leave behind.
     pub(crate) fn check_groups(self, groups: usize, layout: &PackedLayout) -> Result<()> {
-        match self {
-            Self::Scatter | Self::Direct | Self::DirectAttributes if groups > 1 => Err(Error::invalid(
-                format!(
-                    "update path '{}' with mesh '{}', which has more than positions and normals",
-                    self.name(),
-                    layout.name
-                ),
-                "use the path 'blocks', 'compute', 'feedback' or 'cpu', or leave the other streams out of the mesh",
-            )),
-            Self::Scatter | Self::Direct | Self::DirectAttributes => Ok(()),
-            Self::Feedback | Self::Compute | Self::VertexStore | Self::Blocks | Self::Cpu => Ok(()),
+        if groups == 1 || self.row().takes_groups {
+            return Ok(());
         }
+        let (path, mesh) = (self.name(), &layout.name);
+        Err(Error::invalid(
+            format!("update path '{path}' with mesh '{mesh}', which has more than positions and normals"),
+            "use the path 'blocks', 'compute', 'feedback' or 'cpu', or leave the other streams out of the mesh",
+        ))
     }
 }

@@ -6,8 +6,8 @@ use crate::gpu::descriptors::BufferRange;
 use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernels;
 use crate::gpu::mesh::MeshBuffers;
-use crate::pack::PackedLayout;
 use crate::pack::blocks::ExactGrid;
+use crate::pack::{PackedLayout, PoseFormat};
 #[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::Accesses;
 use crate::plan::instances::Instances;
@@ -104,6 +104,8 @@ pub struct UpdateId {
 pub struct Poses {
     /// The buffer that holds them all.
     pub buffer: vk::Buffer,
+    /// How they are stored.
+    pub format: PoseFormat,
     /// Bytes of one.
     pub bytes: u64,
     /// Poses of an instance.

@@ -10,7 +10,7 @@ pub const FORMATS: [DeltaFormat; 3] = [DeltaFormat::Float32, DeltaFormat::Snorm1
 /// Every baseline that the device can run in `format`, with a spread of batch sizes, modes and slots.
 pub fn descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc> {
     let mut descs = vec![];
-    for path in UpdatePath::BASELINES {
+    for path in UpdatePath::ALL.into_iter().filter(|path| path.is_baseline()) {
         if !path.formats().contains(&format) || engine.caps().check_path(path).is_err() {
             continue;
         }

@@ -3,7 +3,7 @@
 
 use deltamorph::ash::{self, vk};
 use deltamorph::headless::Headless;
-use deltamorph::{POSE_STRIDE, PoseView};
+use deltamorph::{PoseFormat, PoseView};
 use glam::Mat4;
 use glslang::{
     Compiler, CompilerOptions, ShaderInput, ShaderSource, ShaderStage, SourceLanguage, SpirvVersion, Target,
@@ -305,7 +305,7 @@ fn pipeline(device: &ash::Device, pass: vk::RenderPass, layout: vk::PipelineLayo
     let stage = |stage, module| vk::PipelineShaderStageCreateInfo::default().stage(stage).module(module).name(c"main");
     let stages = [stage(vk::ShaderStageFlags::VERTEX, modules[0]), stage(vk::ShaderStageFlags::FRAGMENT, modules[1])];
     let binding = |binding, stride| vk::VertexInputBindingDescription::default().binding(binding).stride(stride);
-    let bindings = [binding(0, POSE_STRIDE as u32), binding(1, 8)];
+    let bindings = [binding(0, PoseFormat::Float32.stride() as u32), binding(1, 8)];
     let (three, two) = (vk::Format::R32G32B32_SFLOAT, vk::Format::R32G32_SFLOAT);
     let attributes =
         [(0, 0, three, 0), (1, 0, three, 12), (2, 1, two, 0)].map(|(location, binding, format, offset)| {

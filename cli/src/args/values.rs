@@ -25,18 +25,7 @@ fn named<T: Copy + Send + Sync + 'static>(
 }
 
 pub fn path() -> impl TypedValueParser<Value = UpdatePath> {
-    named(&UpdatePath::ALL, UpdatePath::name, |path| match path {
-        UpdatePath::Feedback => "Vertex passes with transform feedback",
-        UpdatePath::Compute => "Compute passes",
-        UpdatePath::Blocks => "Compute, for the blocks of vertices that a changed target touches, and no others",
-        UpdatePath::Cpu => "SIMD and threads, without Vulkan",
-        UpdatePath::VertexStore => "Baseline: the passes of feedback, stored by the vertex shader",
-        UpdatePath::Scatter => "Baseline: a thread per delta, integer atomics, from base every time (O3DE, Unity)",
-        UpdatePath::Direct => {
-            "Baseline: each draw evaluates all active targets (Costigan et al., Bevy, three.js, Filament)"
-        }
-        UpdatePath::DirectAttributes => "Baseline: as direct, the active targets being vertex attributes (Gerdelan)",
-    })
+    named(&UpdatePath::ALL, UpdatePath::name, UpdatePath::summary)
 }
 
 pub fn mode() -> impl TypedValueParser<Value = UpdateMode> {

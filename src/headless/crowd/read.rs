@@ -56,7 +56,7 @@ impl<C: Kind> HeadlessCrowd<'_, C> {
     /// A device that fails.
     pub fn read_sums(&mut self, instance: u32) -> Result<Option<Vec<i32>>> {
         let Some((buffer, offset)) = self.crowd.base().sums(instance) else { return Ok(None) };
-        self.read((buffer, offset, self.mesh.layout().pose_bytes())).map(Some)
+        self.read((buffer, offset, self.mesh.layout().base_bytes())).map(Some)
     }
 
     /// The crowd, if its draws evaluate poses.
@@ -67,8 +67,8 @@ impl<C: Kind> HeadlessCrowd<'_, C> {
 
     /// The pose of a view in the user's order of vertices.
     fn read_view(&mut self, view: PoseView) -> Result<Vec<f32>> {
-        let pose: Vec<f32> = self.read((view.buffer, view.offset, view.size))?;
-        Ok(self.mesh.layout().to_user_order(&pose))
+        let bytes: Vec<u8> = self.read((view.buffer, view.offset, view.size))?;
+        Ok(self.mesh.layout().to_user_order(&view.format.decode(&bytes)))
     }
 
     /// A buffer, an offset and a size, read back.

@@ -8,7 +8,7 @@ use crate::asset::{Corner, Faces};
 use crate::error::Result;
 use crate::io::check_room;
 use crate::pack::blocks::{BlockIndex, Parts, target};
-use crate::pack::{POSE_FLOATS, POSE_STRIDE, PackedGroup, PackedLayout, PackedMesh, VERTEX_PADDING};
+use crate::pack::{BASE_STRIDE, POSE_FLOATS, PackedGroup, PackedLayout, PackedMesh, VERTEX_PADDING};
 use glam::Vec2;
 use std::path::Path;
 use std::sync::Arc;
@@ -89,7 +89,7 @@ fn check_lengths(sections: &Sections<'_>, meta: &Meta, groups: &[GroupMeta]) -> 
         if length == needed { Ok(()) } else { Err((section, group, what())) }
     };
     for (i, group) in groups.iter().enumerate() {
-        differs((Section::Base, i, meta.vertices, POSE_STRIDE, "vertices"))?;
+        differs((Section::Base, i, meta.vertices, BASE_STRIDE, "vertices"))?;
         differs((Section::FirstEntries, i, group.blocks.saturating_add(1), 4, "blocks and one"))?;
         differs((Section::EntryTargets, i, group.entries, 4, "entries"))?;
         differs((Section::Words, i, group.words, 4, "words"))?;

@@ -29,7 +29,8 @@ impl BlocksKey {
     /// # Errors
     /// There is no kernel for its format and kind of sums.
     pub(crate) fn new(context: &Context<'_>, index: &BlockIndex, exact: bool, instances: u32) -> Result<Self> {
-        let case = context.caps().blocks_case(context.layout().format, exact, instances, index.entry_count() > 0);
+        let formats = (context.layout().format, context.desc.update.pose);
+        let case = context.caps().blocks_case(formats, exact, instances, index.entry_count() > 0);
         Ok(Self { choice: case.choose()?, size: index.size() as u32 })
     }
 }

@@ -58,13 +58,13 @@ pub(crate) fn blocks_push(
     exact: Option<ExactGrid>,
 ) -> BlocksPush {
     let step = exact.map_or(1.0, |grid| grid.weight_step());
-    let ([position, normal], pose) = (index.steps(), layout.pose_bytes());
+    let ([position, normal], base) = (index.steps(), layout.base_bytes());
     BlocksPush {
         first_item: 0,
         elements_at: 0,
         deltas_at: index.deltas_at() as u32,
-        base_at: (deltas_bytes(layout) / 4 - pose / 4) as u32,
-        pose_floats: (pose / 4) as u32,
+        base_at: ((deltas_bytes(layout) - base) / 4) as u32,
+        pose_floats: (base / 4) as u32,
         slots,
         position_unit: position * step,
         normal_unit: normal * step,

@@ -14,7 +14,7 @@ use crate::gpu::kernels::Kernel;
 use crate::gpu::mesh::{MeshBuffers, delta_range};
 use crate::gpu::pipelines::Objects;
 use crate::gpu::ring::Ring;
-use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
+use crate::pack::{BASE_STRIDE, DeltaFormat, PackedLayout, PoseFormat};
 use crate::plan::BatchSize;
 use crate::plan::steps::{Source, Use, Work};
 use crate::update::technique::Context;
@@ -26,22 +26,22 @@ use std::sync::Arc;
 /// Pipelines for batches 0 (a copy) to the batch size, or the one that reads a list.
 struct Compute {
     objects: Objects,
-    key: (DeltaFormat, BatchSize),
+    key: (DeltaFormat, PoseFormat, BatchSize),
 }
 
 impl Kernel for Compute {
-    type Key = (DeltaFormat, BatchSize);
+    type Key = (DeltaFormat, PoseFormat, BatchSize);
 
     fn new(device: &Arc<Device>, key: Self::Key, _others: &[Arc<Self>]) -> Result<Self> {
-        let (format, batch) = key;
+        let (format, pose, batch) = key;
         let mut objects = Objects::none(device);
         objects.add_layout(&[DENSE.row, DENSE_LIST.row], 0)?;
         match batch {
-            BatchSize::All => objects.add_compute(DENSE_LIST.module(format, 0)?, &[&[]])?,
+            BatchSize::All => objects.add_compute(DENSE_LIST.module(format, pose, 0)?, &[&[]])?,
             BatchSize::Targets(most) => {
                 let batches: Vec<[u32; 1]> = (0..=most).map(|batch| [batch]).collect();
                 let constants: Vec<&[u32]> = batches.iter().map(<[u32; 1]>::as_slice).collect();
-                objects.add_compute(DENSE.module(format, 0)?, &constants)?;
+                objects.add_compute(DENSE.module(format, pose, 0)?, &constants)?;
             }
         }
         Ok(Self { objects, key })
@@ -71,7 +71,7 @@ impl Passes for ComputePasses {
     fn new(context: Context<'_>) -> Result<Self> {
         let (layout, desc) = (context.layout(), context.desc);
         let batch = desc.update.batch;
-        let kernel = context.kernels.get::<Compute>((layout.format, batch))?;
+        let kernel = context.kernels.get::<Compute>((layout.format, desc.update.pose, batch))?;
         // Only `All` reads lists; the kernels that do not still have one bound.
         let (entries, instances, frames) = match batch {
             BatchSize::All => (layout.targets.len(), desc.instances, desc.frames_in_flight),
@@ -198,13 +198,15 @@ impl PassSets {
         for instance in 0..context.desc.instances {
             for slot in 0..poses.slots {
                 let before = (slot + poses.slots - 1) % poses.slots;
-                let (to, pose) = (poses.offset(instance, slot), |slot| (poses.buffer, poses.offset(instance, slot)));
-                for (source, from) in [(mesh.base.raw, 0), pose(slot), pose(before)] {
+                let pose = |slot| (poses.buffer, poses.offset(instance, slot), poses.format.stride());
+                for source in [(mesh.base.raw, 0, BASE_STRIDE), pose(slot), pose(before)] {
                     bound.extend(mesh.layout.chunks().map(|(first, vertices)| {
-                        let (at, size) = ((first * POSE_STRIDE) as u64, (vertices * POSE_STRIDE) as u64);
+                        let chunk = |(buffer, from, stride)| {
+                            Bound::new(buffer, from + (first * stride) as u64, (vertices * stride) as u64)
+                        };
                         vec![
-                            Bound::new(source, from + at, size),
-                            Bound::new(poses.buffer, to + at, size),
+                            chunk(source),
+                            chunk(pose(slot)),
                             Bound::dynamic(mesh.deltas.raw, deltas),
                             Bound::dynamic(lists, stride),
                         ]

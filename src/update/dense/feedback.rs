@@ -8,11 +8,12 @@ use super::technique::Passes;
 use crate::abi::modules::FEEDBACK;
 use crate::abi::push::attribute_push_bytes;
 use crate::error::Result;
+use crate::gpu::caps::CAPTURE_STRIDE;
 use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernel;
 use crate::gpu::mesh::MeshBuffers;
-use crate::gpu::pipelines::Objects;
-use crate::pack::{DeltaFormat, POSE_STRIDE, PackedLayout};
+use crate::gpu::pipelines::{Objects, pose_input};
+use crate::pack::{DeltaFormat, PackedLayout, PoseFormat};
 use crate::plan::BatchSize;
 use crate::plan::steps::{Access, Resource, Source, Stage, Use, Work};
 use crate::update::technique::{Context, Poses};
@@ -72,7 +73,7 @@ impl Kernel for Feedback {
         objects.add_empty_render_pass()?;
         for b in 0..=batch {
             let (bindings, attributes) = vertex_input(format, b);
-            objects.add_discarding_vertex(FEEDBACK.module(format, b)?, &bindings, &attributes)?;
+            objects.add_discarding_vertex(FEEDBACK.module(format, PoseFormat::Float32, b)?, &bindings, &attributes)?;
         }
         Ok(Self { objects, key })
     }
@@ -107,10 +108,10 @@ impl Feedback {
             }
         }
         for (first, vertices) in pass.layout.chunks() {
-            let pose_offset = (first * POSE_STRIDE) as u64;
+            let pose_offset = (first * CAPTURE_STRIDE) as u64;
             let (buffers, offsets) =
                 vertex_buffers(pass.layout, (first, vertices), pass.source, pass.deltas, pass.coefficients);
-            let (to, size) = (pass.destination.1 + pose_offset, (vertices * POSE_STRIDE) as u64);
+            let (to, size) = (pass.destination.1 + pose_offset, (vertices * CAPTURE_STRIDE) as u64);
             // SAFETY: as above; each binding reads `vertices` elements within its buffer, and as many are
             // captured; transform feedback is enabled since `device.feedback` is there. ash 0.38 has no
             // wrappers for these commands.
@@ -197,7 +198,7 @@ pub(crate) fn vertex_buffers(
     coefficients: &[Coefficient],
 ) -> (Vec<vk::Buffer>, Vec<u64>) {
     let row = |c: &Coefficient| (deltas, (layout.row_start(c.target as usize, first, vertices) * 4) as u64);
-    std::iter::once((source.0, source.1 + (first * POSE_STRIDE) as u64)).chain(coefficients.iter().map(row)).unzip()
+    std::iter::once((source.0, source.1 + (first * CAPTURE_STRIDE) as u64)).chain(coefficients.iter().map(row)).unzip()
 }
 
 type VertexInput = (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>);
@@ -208,8 +209,8 @@ pub(crate) fn vertex_input(format: DeltaFormat, batch: u32) -> VertexInput {
     let attribute =
         |location, binding, format, offset| vk::VertexInputAttributeDescription { location, binding, format, offset };
     let float3 = vk::Format::R32G32B32_SFLOAT;
-    let mut bindings = vec![binding(0, POSE_STRIDE as u32)];
-    let mut attributes = vec![attribute(0, 0, float3, 0), attribute(1, 0, float3, 12)];
+    let (pose, attributes) = pose_input(PoseFormat::Float32);
+    let (mut bindings, mut attributes) = (vec![pose], attributes);
     for b in 1..=batch {
         bindings.push(binding(b, format.stride() as u32));
         match format.attributes() {

@@ -5,6 +5,9 @@ pub(crate) mod feedback;
 mod plan;
 pub(crate) mod technique;
 
+pub(crate) type ComputeTechnique = technique::DenseTechnique<compute::ComputePasses>;
+pub(crate) type FeedbackTechnique = technique::DenseTechnique<feedback::FeedbackPasses>;
+
 #[cfg(all(feature = "baselines", any(test, feature = "internals")))]
 pub(crate) use plan::pass_accesses;
 pub use plan::{COMPUTE_PASS, DensePlanner};

@@ -7,7 +7,7 @@
 //! ```
 
 use crate::error::Result;
-use crate::pack::{POSE_STRIDE, PackedLayout};
+use crate::pack::{PackedLayout, PoseFormat};
 #[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::{Accesses, Memory, MemoryUse};
 use crate::plan::instances::Instances;
@@ -186,6 +186,7 @@ pub struct DensePlanner {
     plans: Vec<Plan>,
     /// What the passes of all instances add.
     coefficients: Vec<Coefficient>,
+    pose: PoseFormat,
 }
 
 impl DensePlanner {
@@ -195,7 +196,7 @@ impl DensePlanner {
     /// As [`UpdateDesc::check`].
     pub fn new(desc: UpdateDesc, instances: usize) -> Result<Self> {
         let states = vec![PoseState::new(desc)?; instances];
-        Ok(Self { states, plans: vec![Plan::default(); instances], coefficients: vec![] })
+        Ok(Self { states, plans: vec![Plan::default(); instances], coefficients: vec![], pose: desc.pose })
     }
 
     /// Plan the update numbered `update` of every instance that is shown.
@@ -260,7 +261,7 @@ impl DensePlanner {
         let changed = self.plans.iter().filter(|plan| !plan.passes.is_empty());
         let bytes = |poses: usize| {
             let of = |layout: &PackedLayout| {
-                layout.padded_vertices() * (2 * POSE_STRIDE * poses + coefficients * layout.format.stride())
+                layout.padded_vertices() * (2 * self.pose.stride() * poses + coefficients * layout.format.stride())
             };
             groups.clone().map(of).sum::<usize>() as u64
         };

@@ -1,0 +1,41 @@
+// float32: the six numbers of a vertex, one after the other. CPU: src/pack/poses/float32.rs.
+
+// Inputs of a vertex shader, from the vertex attributes of a pose.
+#define POSE_ATTRIBUTES(position, normal) \
+    layout(location = 0) in vec3 position; \
+    layout(location = 1) in vec3 normal;
+
+// Outputs of a vertex shader, as transform feedback captures them.
+#define POSE_CAPTURE(position, normal) \
+    layout(location = 0, xfb_buffer = 0, xfb_stride = 24, xfb_offset = 0) out vec3 position; \
+    layout(location = 1, xfb_buffer = 0, xfb_offset = 12) out vec3 normal;
+
+// Elements of a storage buffer that is loaded and stored vertex by vertex: three of a vertex.
+#define POSE_ELEMENT vec2
+// A vertex of `destination`: that of `source`, and what is added. One rounding at pose magnitude.
+#define ADD_TO_POSE(destination, source, vertex, position, normal) \
+    vec2 a = source[3u * vertex], b = source[3u * vertex + 1u], c = source[3u * vertex + 2u]; \
+    destination[3u * vertex] = a + position.xy; \
+    destination[3u * vertex + 1u] = b + vec2(position.z, normal.x); \
+    destination[3u * vertex + 2u] = c + normal.yz;
+#define STORE_POSE(destination, vertex, position, normal) \
+    destination[3u * vertex] = position.xy; \
+    destination[3u * vertex + 1u] = vec2(position.z, normal.x); \
+    destination[3u * vertex + 2u] = normal.yz;
+
+// All poses of a group of instances, where POSES_BINDING says and, with TEXELS, the binding after it; the number
+// `at` of a pose is that of a component. LOAD and STORE are crowd.comp's.
+#ifdef POSES_BINDING
+#ifdef TEXELS
+// What is loaded as texels is stored as integers.
+ALIASED layout(set = 0, binding = POSES_BINDING, std430) buffer Poses { uint64_t poses[]; };
+ALIASED layout(set = 0, binding = POSES_BINDING + 1, rgba32f) uniform imageBuffer pose_texels;
+#define LOAD_POSE(value, at) LOAD(vec4, value, NUMBERS, imageLoad(pose_texels, TEXEL(at)))
+#else
+layout(set = 0, binding = POSES_BINDING, std430) buffer Poses { float poses[]; };
+#define LOAD_POSE(value, at) LOAD(value, NUMBERS, poses[(at) + i])
+#endif
+#define STORE_POSE_NUMBERS(at, value) STORE(poses, at, value)
+#define LOAD_COMPONENT(at) poses[at]
+#define STORE_COMPONENT(at, value) poses[at] = value
+#endif

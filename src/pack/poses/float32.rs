@@ -1,0 +1,17 @@
+//! float32: the six numbers of a vertex, one after the other. GLSL: `glsl/poses/float32.glsl`.
+
+use super::PoseStorage;
+use crate::pack::POSE_FLOATS;
+
+/// See [`PoseFormat::Float32`](super::PoseFormat::Float32).
+pub(super) struct Float32;
+
+impl PoseStorage for Float32 {
+    fn decode(&self, vertex: &[u8]) -> [f32; POSE_FLOATS] {
+        bytemuck::pod_read_unaligned(vertex)
+    }
+
+    fn offset(&self, component: usize) -> usize {
+        size_of::<f32>() * component
+    }
+}

@@ -1,0 +1,227 @@
+//! The update paths: the one list of them.
+
+use crate::pack::DeltaFormat;
+
+/// Expand a macro with arguments and the list: paths whose technique is ours, those that take no device, and those of
+/// others, which are linked with the feature `baselines` only.
+///
+/// An item is the documentation of an `UpdatePath`, whose first line the command line shows; its name; the fields of its
+/// [`PathRow`] that are not what [`PathRow::new`] states; and the type of its technique, for `update::make`.
+macro_rules! update_paths {
+    ($expanded:ident $arguments:tt) => {
+        $expanded! { $arguments
+            Ours {
+                /// Vertex passes with transform feedback
+                ///
+                /// And rasterizer discard (Jones, GPU Pro 5). A pass cannot read the buffer it writes: passes alternate
+                /// between two slots.
+                Feedback "feedback" { needs: Needs::TransformFeedback, in_place: false, batch: Batch::Attributes }
+                    crate::update::dense::FeedbackTechnique;
+
+                /// Compute passes
+                ///
+                /// The first reads the current slot and writes the next, the rest run in place there.
+                Compute "compute" { batch: Batch::PushConstants } crate::update::dense::ComputeTechnique;
+
+                /// Compute, for the blocks of vertices that a changed target touches, and no others
+                ///
+                /// One workgroup for each. Takes the block formats. The one to use where there is a GPU.
+                Blocks "blocks" { formats: &DeltaFormat::BLOCKS, sums: Sums::Either }
+                    crate::update::blocks::BlocksTechnique;
+            }
+            Host {
+                /// SIMD and threads, without Vulkan
+                ///
+                /// Takes every format.
+                Cpu "cpu" { needs: Needs::Nothing, formats: &DeltaFormat::ALL, sums: Sums::Either };
+            }
+            Baselines {
+                /// Baseline: the passes of feedback, stored by the vertex shader
+                VertexStore "vertex-store" { needs: Needs::VertexStores, in_place: false, batch: Batch::Attributes }
+                    crate::baselines::VertexStoreTechnique;
+
+                /// Baseline: a thread per delta, integer atomics, from base every time (O3DE, Unity)
+                ///
+                /// A last pass makes the pose of the sums.
+                Scatter "scatter" {
+                    formats: &[DeltaFormat::Small],
+                    sums: Sums::Exact,
+                    rebuilds_only: true,
+                    has_own_upload: true,
+                    takes_groups: false
+                } crate::baselines::ScatterTechnique;
+
+                /// Baseline: each draw evaluates all active targets (Costigan et al., Bevy, three.js, Filament)
+                ///
+                /// There is no update: the vertex shader reads the deltas from a storage buffer.
+                Direct "direct" {
+                    needs: Needs::Nothing,
+                    rebuilds_only: true,
+                    evaluates_in_draws: true,
+                    takes_groups: false
+                } crate::baselines::DirectTechnique;
+
+                /// Baseline: as direct, the active targets being vertex attributes (Gerdelan)
+                DirectAttributes "direct-attributes" {
+                    needs: Needs::Nothing,
+                    rebuilds_only: true,
+                    evaluates_in_draws: true,
+                    takes_groups: false,
+                    batch: Batch::Attributes
+                } crate::baselines::AttributesTechnique;
+            }
+        }
+    };
+}
+pub(crate) use update_paths;
+
+/// Which part of the list a path is in.
+#[derive(Clone, Copy, Debug)]
+enum Section {
+    Ours,
+    Host,
+    Baselines,
+}
+
+/// What a path needs of a device.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Needs {
+    /// No device, or no more than any has.
+    Nothing,
+    /// Workgroups as large as the kernels'.
+    Workgroups,
+    /// VK_EXT_transform_feedback.
+    TransformFeedback,
+    /// The feature `vertexPipelineStoresAndAtomics`.
+    VertexStores,
+}
+
+/// How many targets a pass takes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Batch {
+    /// Any number.
+    Any,
+    /// As many as push constants hold, or any number in one pass.
+    PushConstants,
+    /// As many as there are vertex attributes for.
+    Attributes,
+}
+
+/// How poses may add up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Sums {
+    /// In float32, without a bound on drift and without an error budget.
+    Float,
+    /// In integers, without an error budget.
+    Exact,
+    /// In any way that the format of the mesh allows.
+    Either,
+}
+
+/// A path.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PathRow {
+    section: Section,
+    name: &'static str,
+    summary: &'static str,
+    formats: &'static [DeltaFormat],
+    pub(crate) needs: Needs,
+    pub(crate) batch: Batch,
+    pub(crate) sums: Sums,
+    /// It updates all groups of a mesh, not only positions and normals.
+    pub(crate) takes_groups: bool,
+    /// Its meshes are uploaded in words of their own.
+    pub(crate) has_own_upload: bool,
+    in_place: bool,
+    rebuilds_only: bool,
+    evaluates_in_draws: bool,
+}
+
+impl PathRow {
+    /// Compute passes over dense deltas.
+    const fn new(section: Section, name: &'static str, summary: &'static str) -> Self {
+        Self {
+            section,
+            name,
+            summary: summary.trim_ascii(),
+            formats: &DeltaFormat::DENSE,
+            needs: Needs::Workgroups,
+            batch: Batch::Any,
+            sums: Sums::Float,
+            takes_groups: true,
+            has_own_upload: false,
+            in_place: true,
+            rebuilds_only: false,
+            evaluates_in_draws: false,
+        }
+    }
+}
+
+macro_rules! declared {
+    (() $($section:ident { $(
+        #[doc = $summary:literal] $(#[doc = $more:literal])*
+        $path:ident $name:literal { $($fields:tt)* } $($technique:ty)?;
+    )* })*) => {
+        /// Who carries the passes out.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        pub enum UpdatePath {
+            $($(#[doc = $summary] $(#[doc = $more])* $path,)*)*
+        }
+
+        /// By path.
+        const ROWS: &[PathRow] =
+            &[$($(PathRow { $($fields)*, ..PathRow::new(Section::$section, $name, $summary) }),*),*];
+
+        impl UpdatePath {
+            /// Every path.
+            pub const ALL: [Self; ROWS.len()] = [$($(Self::$path),*),*];
+        }
+    };
+}
+update_paths!(declared());
+
+impl UpdatePath {
+    pub(crate) const fn row(self) -> &'static PathRow {
+        &ROWS[self as usize]
+    }
+
+    /// Whether others published the technique, and it is here to compare with. `bench` runs those that are named.
+    pub const fn is_baseline(self) -> bool {
+        matches!(self.row().section, Section::Baselines)
+    }
+
+    /// The name used on the command line and in reports.
+    pub const fn name(self) -> &'static str {
+        self.row().name
+    }
+
+    /// What it is, in a line: what the command line's help says of it.
+    pub const fn summary(self) -> &'static str {
+        self.row().summary
+    }
+
+    /// Whether a pass may write the slot it reads.
+    pub const fn works_in_place(self) -> bool {
+        self.row().in_place
+    }
+
+    /// Whether it has no [`UpdateMode::Incremental`](super::UpdateMode): each pose is evaluated from base.
+    pub const fn rebuilds_only(self) -> bool {
+        self.row().rebuilds_only
+    }
+
+    /// Whether there are no pose buffers: every draw evaluates the pose.
+    pub const fn evaluates_in_draws(self) -> bool {
+        self.row().evaluates_in_draws
+    }
+
+    /// Whether it takes [`BatchSize::All`](super::BatchSize::All); vertex attributes hold a limited number of targets.
+    pub const fn takes_all_targets(self) -> bool {
+        !matches!(self.row().batch, Batch::Attributes)
+    }
+
+    /// The formats it takes.
+    pub const fn formats(self) -> &'static [DeltaFormat] {
+        self.row().formats
+    }
+}
