@@ -10,7 +10,6 @@ use crate::update::dense::feedback::{Feedback, VertexPass, vertex_batch};
 use crate::update::technique::Context;
 use crate::weights::delta::{Coefficient, active_targets};
 use ash::vk;
-use std::iter::once;
 use std::sync::Arc;
 
 /// Instances of a crowd that keeps no poses: each takes memory of the host and draws of its own.
@@ -88,19 +87,19 @@ impl Draws for AttributeDraws {
         ))
     }
 
-    unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>) {
-        // SAFETY: the caller's obligations; nothing is stored, and `check_weights` has seen to the length of each list.
-        unsafe { self.kernel.record(cmd, instances.map(|instance| (self.pass(instance), &[][..]))) };
-    }
-
-    unsafe fn record_captured(&self, cmd: vk::CommandBuffer, instance: u32) {
-        let pass = self.pass(instance);
+    unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>, captured: bool) {
+        let passes = instances.map(|instance| self.pass(instance));
         match &self.capturer {
-            // SAFETY: the caller's obligations; the base pose is another buffer than the one written.
-            Some(Capturer::Feedback(feedback)) => unsafe { feedback.record(cmd, &pass) },
+            Some(Capturer::Feedback(feedback)) if captured => passes.for_each(|pass| {
+                // SAFETY: the caller's obligations; the base pose is another buffer than the one written.
+                unsafe { feedback.record(cmd, &pass) };
+            }),
             // SAFETY: as above.
-            Some(Capturer::Store(store, sets)) => unsafe { store.record(cmd, once((pass, sets.of(0)))) },
-            None => {}
+            Some(Capturer::Store(store, sets)) if captured => unsafe {
+                store.record(cmd, passes.map(|pass| (pass, sets.of(0))));
+            },
+            // SAFETY: as above; nothing is stored, and `check_weights` has seen to the length of each list.
+            Some(_) | None => unsafe { self.kernel.record(cmd, passes.map(|pass| (pass, &[][..]))) },
         }
     }
 }

@@ -80,62 +80,6 @@ pub(crate) struct DirectDraws {
     pose: vk::Buffer,
 }
 
-impl DirectDraws {
-    /// Record the draws of these instances, captured if requested and the device can.
-    ///
-    /// # Safety
-    /// As [`Draws::record`].
-    unsafe fn record_all(&self, cmd: vk::CommandBuffer, instances: impl Iterator<Item = u32>, captured: bool) {
-        let Direct { objects, capture, .. } = &*self.kernel;
-        let (device, mesh) = (&objects.device.raw, &self.mesh.layout);
-        let (point, layout) = (vk::PipelineBindPoint::GRAPHICS, objects.layout);
-        let pipeline = usize::from(captured && capture.is_some());
-        // SAFETY: the caller's obligations; pipeline and render pass are ours.
-        unsafe {
-            objects.begin_render_pass(cmd);
-            device.cmd_bind_pipeline(cmd, point, objects.pipelines[pipeline]);
-        }
-        let draws = instances.map(|i| self.draws[i as usize]);
-        for (draw, (first, vertices)) in draws.flat_map(|draw| mesh.chunks().map(move |chunk| (draw, chunk))) {
-            let at = (first * BASE_STRIDE) as u64;
-            let row = (mesh.row_start(0, first, vertices) * 4) as u32;
-            let push = DirectPush {
-                chunk_vertices: vertices as u32,
-                target_count: mesh.targets.len() as u32,
-                active_targets: draw.active,
-                first_vertex: first as u32,
-            };
-            // SAFETY: as above; vertices and rows are within their buffers, dynamic offsets are multiples of 64 × 12
-            // bytes and of a list's 256; the push constants fill the layout's range.
-            unsafe {
-                device.cmd_bind_vertex_buffers(cmd, 0, &[self.mesh.base.raw], &[at]);
-                device.cmd_bind_descriptor_sets(cmd, point, layout, 0, &[self.sets.get(0)], &[row, draw.weights]);
-                device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::VERTEX, 0, bytes_of(&push));
-            }
-            let record = || {
-                // SAFETY: as above.
-                unsafe { device.cmd_draw(cmd, vertices as u32, 1, 0, 0) };
-            };
-            match &objects.device.feedback {
-                Some(feedback) if captured && *capture == Some(Capture::Feedback) => {
-                    let (feedback, size) = (feedback.fp(), (vertices * CAPTURE_STRIDE) as u64);
-                    // SAFETY: as above; as much is captured as the pose has room for. ash 0.38 has no wrappers for
-                    // these commands.
-                    unsafe {
-                        (feedback.cmd_bind_transform_feedback_buffers_ext)(cmd, 0, 1, &self.pose, &at, &size);
-                        (feedback.cmd_begin_transform_feedback_ext)(cmd, 0, 0, std::ptr::null(), std::ptr::null());
-                        record();
-                        (feedback.cmd_end_transform_feedback_ext)(cmd, 0, 0, std::ptr::null(), std::ptr::null());
-                    }
-                }
-                Some(_) | None => record(),
-            }
-        }
-        // SAFETY: begun above.
-        unsafe { device.cmd_end_render_pass(cmd) };
-    }
-}
-
 impl Draws for DirectDraws {
     fn new(context: Context<'_>) -> Result<Self> {
         let (mesh, desc, pose) = (context.mesh, context.desc, context.poses);
@@ -186,13 +130,53 @@ impl Draws for DirectDraws {
         weights.iter().rposition(|w| *w != 0.0).map_or(0, |last| (WEIGHT_BYTES * (last + 1)) as u64)
     }
 
-    unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>) {
-        // SAFETY: the caller's obligations; the weights were written, since there is an update.
-        unsafe { self.record_all(cmd, instances, false) };
-    }
-
-    unsafe fn record_captured(&self, cmd: vk::CommandBuffer, instance: u32) {
-        // SAFETY: as above.
-        unsafe { self.record_all(cmd, [instance].into_iter(), true) };
+    unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>, captured: bool) {
+        let Direct { objects, capture, .. } = &*self.kernel;
+        let (device, mesh) = (&objects.device.raw, &self.mesh.layout);
+        let (point, layout) = (vk::PipelineBindPoint::GRAPHICS, objects.layout);
+        let pipeline = usize::from(captured && capture.is_some());
+        // SAFETY: the caller's obligations; pipeline and render pass are ours.
+        unsafe {
+            objects.begin_render_pass(cmd);
+            device.cmd_bind_pipeline(cmd, point, objects.pipelines[pipeline]);
+        }
+        let draws = instances.map(|i| self.draws[i as usize]);
+        for (draw, (first, vertices)) in draws.flat_map(|draw| mesh.chunks().map(move |chunk| (draw, chunk))) {
+            let at = (first * BASE_STRIDE) as u64;
+            let row = (mesh.row_start(0, first, vertices) * 4) as u32;
+            let push = DirectPush {
+                chunk_vertices: vertices as u32,
+                target_count: mesh.targets.len() as u32,
+                active_targets: draw.active,
+                first_vertex: first as u32,
+            };
+            // SAFETY: as above; vertices and rows are within their buffers, dynamic offsets are multiples of 64 × 12
+            // bytes and of a list's 256; the push constants fill the layout's range.
+            unsafe {
+                device.cmd_bind_vertex_buffers(cmd, 0, &[self.mesh.base.raw], &[at]);
+                device.cmd_bind_descriptor_sets(cmd, point, layout, 0, &[self.sets.get(0)], &[row, draw.weights]);
+                device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::VERTEX, 0, bytes_of(&push));
+            }
+            let record = || {
+                // SAFETY: as above.
+                unsafe { device.cmd_draw(cmd, vertices as u32, 1, 0, 0) };
+            };
+            match &objects.device.feedback {
+                Some(feedback) if captured && *capture == Some(Capture::Feedback) => {
+                    let (feedback, size) = (feedback.fp(), (vertices * CAPTURE_STRIDE) as u64);
+                    // SAFETY: as above; as much is captured as the pose has room for. ash 0.38 has no wrappers for
+                    // these commands.
+                    unsafe {
+                        (feedback.cmd_bind_transform_feedback_buffers_ext)(cmd, 0, 1, &self.pose, &at, &size);
+                        (feedback.cmd_begin_transform_feedback_ext)(cmd, 0, 0, std::ptr::null(), std::ptr::null());
+                        record();
+                        (feedback.cmd_end_transform_feedback_ext)(cmd, 0, 0, std::ptr::null(), std::ptr::null());
+                    }
+                }
+                Some(_) | None => record(),
+            }
+        }
+        // SAFETY: begun above.
+        unsafe { device.cmd_end_render_pass(cmd) };
     }
 }

@@ -34,17 +34,12 @@ pub(crate) trait Draws: Send + Sync + 'static {
         0
     }
 
-    /// Record the draws of these instances.
+    /// Record the draws of these instances, captured in the way that the device has, if requested.
     ///
     /// # Safety
-    /// As [`record_draws`](crate::engine::MorphEngine::record_draws).
-    unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>);
-
-    /// Record the draw of an instance, captured as [`Capture::of`] the device says.
-    ///
-    /// # Safety
-    /// As [`record_capture`](crate::engine::MorphEngine::record_capture); barriers are recorded around it.
-    unsafe fn record_captured(&self, cmd: vk::CommandBuffer, instance: u32);
+    /// As [`record_draws`](crate::engine::MorphEngine::record_draws); an update has written the weights; captures have
+    /// barriers around them.
+    unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>, captured: bool);
 }
 
 /// A crowd on a direct path: an update writes weights, and there are no works.

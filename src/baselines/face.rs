@@ -65,7 +65,7 @@ impl MorphEngine {
         let draws = self.draws(crowd)?;
         crowd.shown().try_for_each(|instance| crowd.base.slots_of(instance).map(|_| ()))?;
         // SAFETY: the caller's obligations.
-        unsafe { draws.record(cmd, &mut crowd.shown()) };
+        unsafe { draws.record(cmd, &mut crowd.shown(), false) };
         Ok(())
     }
 
@@ -86,7 +86,7 @@ impl MorphEngine {
             unsafe {
                 match entry {
                     Entry::Barrier(barrier) => barriers::record(&self.device.raw, cmd, &barrier),
-                    Entry::Work { .. } => draws.record_captured(cmd, instance),
+                    Entry::Work { .. } => draws.record(cmd, &mut [instance].into_iter(), true),
                 }
             }
         }

@@ -88,7 +88,6 @@ impl<'a> HeadlessCrowd<'a> {
     }
 
     /// See [`Crowd::set_weights`].
-    #[allow(clippy::missing_errors_doc)]
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
         self.crowd.set_weights(instance, weights)
     }
@@ -112,25 +111,21 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
     }
 
     /// See [`Crowd::cut`].
-    #[allow(clippy::missing_errors_doc)]
     pub fn cut(&mut self, instance: u32) -> Result<()> {
         self.crowd.base_mut().cut(instance)
     }
 
     /// See [`Crowd::set_hidden`].
-    #[allow(clippy::missing_errors_doc)]
     pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<()> {
         self.crowd.base_mut().set_hidden(instance, hidden)
     }
 
     /// See [`Crowd::add`].
-    #[allow(clippy::missing_errors_doc)]
     pub fn add(&mut self) -> Result<u32> {
         self.crowd.base_mut().add()
     }
 
     /// See [`Crowd::remove`].
-    #[allow(clippy::missing_errors_doc)]
     pub fn remove(&mut self, instance: u32) -> Result<()> {
         self.crowd.base_mut().remove(instance)
     }

@@ -332,15 +332,9 @@ fn choose(
     mut devices: Vec<(vk::PhysicalDevice, DeviceCaps)>,
     choice: &DeviceChoice,
 ) -> Result<(vk::PhysicalDevice, DeviceCaps)> {
-    let at = match choice {
-        DeviceChoice::Best => (0..devices.len()).min_by_key(|&i| {
-            let caps = &devices[i].1;
-            (caps.is_software(), caps.transform_feedback.is_none())
-        }),
-        DeviceChoice::Index(_) | DeviceChoice::Name(_) => {
-            (0..devices.len()).find(|&i| choice.matches(i, &devices[i].1))
-        }
-    };
+    let best = |caps: &DeviceCaps| (caps.is_software(), caps.transform_feedback.is_none());
+    let matching = (0..devices.len()).filter(|&i| choice.matches(i, &devices[i].1));
+    let at = matching.min_by_key(|&i| (*choice == DeviceChoice::Best).then(|| best(&devices[i].1)));
     at.map(|i| devices.swap_remove(i)).ok_or_else(|| {
         let names: Vec<String> = devices.iter().enumerate().map(|(i, (_, c))| format!("{i}: {}", c.name)).collect();
         let what = match choice {

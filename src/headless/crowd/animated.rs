@@ -45,13 +45,11 @@ impl<'a> HeadlessCrowd<'a, AnimatedCrowd> {
     }
 
     /// See [`AnimatedCrowd::play`].
-    #[allow(clippy::missing_errors_doc)]
     pub fn play(&mut self, instance: u32, playback: &Playback) -> Result<()> {
         self.crowd.play(instance, playback)
     }
 
     /// See [`AnimatedCrowd::set_time`].
-    #[allow(clippy::missing_errors_doc)]
     pub fn set_time(&mut self, seconds: f64) -> Result<()> {
         self.crowd.set_time(seconds)
     }
