@@ -63,7 +63,7 @@ impl<D: Draws> DrawTechnique<D> {
 impl<D: Draws> Technique for DrawTechnique<D> {
     /// A step without works: the draws find the weights where they were written. Bytes are what one draw of every
     /// instance that is shown loads: draws evaluate whether weights have changed or not.
-    fn plan(&mut self, instances: &Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
+    fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         self.planner.plan(instances, id.update);
         if self.planner.has_changed() || self.stale {
             (self.written, self.stale) = (id.update, false);
@@ -85,20 +85,7 @@ impl<D: Draws> Technique for DrawTechnique<D> {
 
     unsafe fn record(&self, _cmd: vk::CommandBuffer, _frame: u64, _work: &Work) {}
 
-    fn slots_of(&self, instance: u32) -> Option<(u32, Option<u32>)> {
-        self.planner.slots_of(instance as usize)
-    }
-
-    fn cut(&mut self, instance: u32) {
-        self.planner.cut(instance as usize);
-    }
-
-    fn add(&mut self, instance: u32) {
-        self.planner.forget(instance as usize);
-    }
-
     fn discard_from(&mut self, id: UpdateId) {
-        self.planner.discard_from(id.update);
         self.stale |= self.written >= id.update;
     }
 
