@@ -131,7 +131,7 @@ impl InputArgs {
         if self.tolerance == 0.0 {
             return Tolerance::ZERO;
         }
-        Tolerance { position: self.tolerance, ..Tolerance::default() }
+        Tolerance::default().position(self.tolerance)
     }
 }
 
@@ -154,12 +154,11 @@ impl HeadArgs {
     /// What the built-in head is made from.
     pub fn desc(&self, seed: u64) -> HeadDesc {
         let d = HeadDesc::default();
-        HeadDesc {
-            vertices: self.vertices.unwrap_or(d.vertices),
-            targets: self.targets.unwrap_or(d.targets),
-            sparsity: self.sparsity.unwrap_or(d.sparsity),
-            seed,
-        }
+        HeadDesc::default()
+            .vertices(self.vertices.unwrap_or(d.vertices))
+            .targets(self.targets.unwrap_or(d.targets))
+            .sparsity(self.sparsity.unwrap_or(d.sparsity))
+            .seed(seed)
     }
 }
 
@@ -223,13 +222,11 @@ pub struct PackArgs {
 impl PackArgs {
     /// What the library calls it.
     pub fn desc(&self) -> BlockDesc {
-        BlockDesc {
-            size: self.block_size,
-            position_error: self.position_error,
-            normal_error_degrees: self.normal_error,
-            weight_max: self.weight_max,
-            ..BlockDesc::default()
-        }
+        BlockDesc::default()
+            .size(self.block_size)
+            .position_error(self.position_error)
+            .normal_error_degrees(self.normal_error)
+            .weight_max(self.weight_max)
     }
 }
 

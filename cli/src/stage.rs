@@ -55,7 +55,7 @@ impl Stage {
         let desc = single.desc(path, batch, &args.update, input.kept.diagonal).map_err(Failure::Usage)?;
         desc.check().map_err(|e| Failure::Usage(e.to_string()))?;
         let mesh = packed(input, gpu.as_ref(), format, &args.update.pack)?;
-        let exact = UpdateDesc { accumulate: Accumulate::Exact, ..desc };
+        let exact = desc.accumulate(Accumulate::Exact);
         let desc = match desc.check_for(mesh.layout()) {
             Ok(()) => desc,
             Err(e) if single.sums.is_none() && exact.check_for(mesh.layout()).is_ok() => {

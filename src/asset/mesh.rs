@@ -8,6 +8,7 @@ use glam::{Vec2, Vec3};
 ///
 /// Other streams are compared with `normal` where they are directions (tangents), else with `position`.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Tolerance {
     /// Length of a position delta, as a fraction of the bounding-box diagonal (≥ 0).
     pub position: f32,

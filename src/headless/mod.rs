@@ -28,6 +28,7 @@ use turn::Turn;
 
 /// Which device to use.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum DeviceChoice {
     /// A GPU where there is one, else the software device that can do most.
     #[default]
@@ -40,6 +41,7 @@ pub enum DeviceChoice {
 
 /// How to set up.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct HeadlessDesc {
     /// Which device.
     pub device: DeviceChoice,

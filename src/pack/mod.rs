@@ -38,6 +38,7 @@ pub(crate) const BASE_STRIDE: usize = POSE_FLOATS * size_of::<f32>();
 
 /// How to pack.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct PackDesc {
     /// Storage of the deltas.
     pub format: DeltaFormat,

@@ -95,6 +95,7 @@ impl Accumulate {
 
 /// How poses are to be updated. The same for all instances of a crowd, for its life.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct UpdateDesc {
     /// Who carries the passes out.
     pub path: UpdatePath,
@@ -146,6 +147,7 @@ impl UpdateDesc {
 
 /// How to make a crowd.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct CrowdDesc {
     /// Instances, each with weights and poses of its own (≥ 1).
     pub instances: u32,

@@ -118,13 +118,11 @@ impl Single {
         diagonal: f32,
     ) -> Result<UpdateDesc, String> {
         let default = UpdateDesc::new(path, batch);
-        Ok(UpdateDesc {
-            mode: self.mode.unwrap_or(default.mode),
-            slots: args.slots,
-            accumulate: args.sums(self.sums.unwrap_or(default.accumulate)),
-            error_budget: args.budget(diagonal)?,
-            ..default
-        })
+        Ok(default
+            .mode(self.mode.unwrap_or(default.mode))
+            .slots(args.slots)
+            .accumulate(args.sums(self.sums.unwrap_or(default.accumulate)))
+            .error_budget(args.budget(diagonal)?))
     }
 
     /// The format on `path`: the one given, or that of the packed file that is read, or the default of the path.

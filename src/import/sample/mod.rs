@@ -16,6 +16,7 @@ use crate::weights::WeightClip;
 
 /// What the built-in head is made from. Same description, same head, on every machine.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct HeadDesc {
     /// Number of vertices (≥ 1).
     pub vertices: usize,

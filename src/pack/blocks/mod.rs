@@ -30,6 +30,7 @@ pub const BLOCK_SIZES: [u32; 3] = [32, 64, 128];
 
 /// How to pack into blocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct BlockDesc {
     /// Vertices of a block: one of [`BLOCK_SIZES`]; `None`: what suits the format (32 for `small`, else 64).
     pub size: Option<u32>,

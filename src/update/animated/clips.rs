@@ -8,6 +8,7 @@ use crate::weights::WeightClip;
 
 /// How keys are kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum KeyFormat {
     /// 32 bits: what the grid of exact sums can tell apart.
     #[default]
@@ -19,6 +20,7 @@ pub enum KeyFormat {
 
 /// The clips that the heads of a crowd can play.
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub struct AnimationDesc<'a> {
     /// The clips; [`Playback::clip`](super::Playback::clip) counts them from 0.
     pub clips: &'a [WeightClip],

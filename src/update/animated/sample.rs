@@ -40,6 +40,7 @@ pub const TICKS_PER_SECOND: f64 = 65_536.0;
 
 /// What happens when a clip ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Repeat {
     /// It starts again: from its last frame to its first as from any frame to the next.
     #[default]
@@ -50,6 +51,7 @@ pub enum Repeat {
 
 /// How a head plays a clip.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Playback {
     /// Which clip.
     pub clip: u32,
