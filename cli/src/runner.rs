@@ -6,8 +6,8 @@ use crate::output::{Failure, Output};
 pub use deltamorph::headless::Headless as Gpu;
 use deltamorph::headless::{DeviceChoice, HeadlessCrowd, HeadlessDesc, PoseUpload, Step};
 use deltamorph::{
-    AnimatedCrowd, AnimationDesc, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, DeviceCaps, PackDesc,
-    PackedMesh, Playback, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
+    AnimatedCrowd, AnimationDesc, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, DeviceCaps, PackDesc, PackedMesh,
+    Playback, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
 };
 use std::sync::Arc;
 use std::time::Instant;

@@ -5,8 +5,10 @@ use super::draws::{Capture, Draws};
 use super::vertex_store::{StoreSets, VertexKernel, VertexStore};
 use crate::error::{Error, Result};
 use crate::gpu::mesh::MeshBuffers;
+use crate::plan::UpdatePath;
 use crate::update::dense::DensePlanner;
-use crate::update::dense::feedback::{Feedback, VertexPass, vertex_batch};
+use crate::update::dense::feedback::{Feedback, vertex_batch};
+use crate::update::dense::technique::DensePass;
 use crate::update::technique::Context;
 use crate::weights::delta::{Coefficient, active_targets};
 use ash::vk;
@@ -33,8 +35,8 @@ pub(crate) struct AttributeDraws {
 
 impl AttributeDraws {
     /// The evaluation of an instance.
-    fn pass(&self, instance: u32) -> VertexPass<'_> {
-        VertexPass {
+    fn pass(&self, instance: u32) -> DensePass<'_> {
+        DensePass {
             layout: &self.mesh.layout,
             deltas: self.mesh.deltas.raw,
             source: (self.mesh.base.raw, 0),
@@ -54,14 +56,14 @@ impl Draws for AttributeDraws {
             ));
         }
         let key = (layout.format, vertex_batch(&context));
-        let capturer = match Capture::of(context.device) {
-            Some(Capture::Feedback) => Some(Capturer::Feedback(context.kernels.get(key)?)),
-            Some(Capture::Store) => {
+        let capturer = match Capture::of(context.device, UpdatePath::DirectAttributes) {
+            Ok(Capture::Feedback) => Some(Capturer::Feedback(context.kernels.get(key)?)),
+            Ok(Capture::Store) => {
                 let store = context.kernels.get::<VertexStore>(key)?;
                 let sets = StoreSets::new(&store, layout, pose, 1)?;
                 Some(Capturer::Store(store, sets))
             }
-            None => None,
+            Err(_) => None,
         };
         let (kernel, active) = (context.kernels.get(key)?, vec![vec![]; instances as usize]);
         Ok(Self { kernel, capturer, mesh: context.mesh.clone(), active, pose })

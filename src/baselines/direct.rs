@@ -14,6 +14,7 @@ use crate::gpu::mesh::{MeshBuffers, delta_range};
 use crate::gpu::pipelines::Objects;
 use crate::gpu::ring::Ring;
 use crate::pack::{BASE_STRIDE, DeltaFormat, PoseFormat};
+use crate::plan::UpdatePath;
 use crate::update::dense::DensePlanner;
 use crate::update::dense::feedback::vertex_input;
 use crate::update::technique::Context;
@@ -44,7 +45,7 @@ impl Kernel for Direct {
     type Key = DeltaFormat;
 
     fn new(device: &Arc<Device>, format: DeltaFormat, _others: &[Arc<Self>]) -> Result<Self> {
-        let capture = Capture::of(device);
+        let capture = Capture::of(device, UpdatePath::Direct).ok();
         let mut objects = Objects::none(device);
         let kernels = match capture {
             None => &[&DIRECT][..],

@@ -111,27 +111,24 @@ pub(super) enum Capture {
 }
 
 impl Capture {
-    /// The way that a device has.
-    pub(super) fn of(device: &Device) -> Option<Self> {
-        match device.caps.check_path(UpdatePath::Feedback).is_ok() {
-            true => Some(Self::Feedback),
-            false => device.caps.vertex_stores.then_some(Self::Store),
-        }
-    }
-
     /// The way that a device has to capture a pose that only the draws of `path` evaluate.
     ///
     /// # Errors
     /// It has none.
-    pub(super) fn required(device: &Device, path: UpdatePath) -> Result<Self> {
-        Self::of(device).ok_or_else(|| Error::Unsupported {
-            path: path.name(),
-            device: device.caps.name.clone(),
-            reason: "its draws evaluate the pose, and to capture it the device needs VK_EXT_transform_feedback or the \
-                     feature vertexPipelineStoresAndAtomics, enabled"
-                .into(),
-            remedy: "draw it, or use a path with pose buffers, such as 'compute'".into(),
-        })
+    pub(super) fn of(device: &Device, path: UpdatePath) -> Result<Self> {
+        match device.caps.check_path(UpdatePath::Feedback) {
+            Ok(()) => Ok(Self::Feedback),
+            Err(_) if device.caps.vertex_stores => Ok(Self::Store),
+            Err(_) => Err(Error::Unsupported {
+                path: path.name(),
+                device: device.caps.name.clone(),
+                reason:
+                    "its draws evaluate the pose, and to capture it the device needs VK_EXT_transform_feedback or the \
+                         feature vertexPipelineStoresAndAtomics, enabled"
+                        .into(),
+                remedy: "draw it, or use a path with pose buffers, such as 'compute'".into(),
+            }),
+        }
     }
 
     /// What a capture records: a work, with the barriers around it.

@@ -81,7 +81,7 @@ impl MorphEngine {
     pub unsafe fn record_capture(&self, cmd: vk::CommandBuffer, crowd: &Crowd, instance: u32) -> Result<PoseView> {
         let draws = self.draws(crowd)?;
         crowd.base.slots_of(instance)?;
-        for entry in Capture::required(&self.device, crowd.desc().update.path)?.schedule().entries {
+        for entry in Capture::of(&self.device, crowd.desc().update.path)?.schedule().entries {
             // SAFETY: the caller's obligations; the device has what it captures with.
             unsafe {
                 match entry {

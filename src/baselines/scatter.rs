@@ -133,7 +133,7 @@ const PARTS: [(Part, &[Use]); 3] = [
 ];
 
 /// Append the planned passes to `steps`: each part of all instances, which do not depend on each other.
-fn fill(planner: &mut DensePlanner, steps: &mut Steps) {
+fn fill(planner: &DensePlanner, steps: &mut Steps) {
     if !planner.has_changed() {
         return;
     }
@@ -142,11 +142,8 @@ fn fill(planner: &mut DensePlanner, steps: &mut Steps) {
         for instance in 0..planner.plans().len() {
             let plan = &planner.plans()[instance];
             let [pass] = &plan.passes[..] else { continue };
-            let added = if part == Part::Add { plan.coefficients.len() } else { 0 };
-            let destination = pass.destination;
-            let items = planner.list(instance, 0..added);
-            let (kernel, instance) = (part as u32, instance as u32);
-            steps.push(Work { kernel, instance, destination, items, ..Work::default() });
+            let items = if part == Part::Add { pass.items.clone() } else { 0..0 };
+            steps.push(Work { kernel: part as u32, instance: instance as u32, items, ..pass.clone() });
         }
     }
 }
@@ -241,7 +238,7 @@ impl ScatterTechnique {
 impl Technique for ScatterTechnique {
     fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         self.planner.plan(instances, id.update);
-        fill(&mut self.planner, steps);
+        fill(&self.planner, steps);
         Ok(self.stats())
     }
 
@@ -332,7 +329,7 @@ mod tests {
                 }
                 planner.plan(&mut instances, u64::from(frame) + 1);
                 let mut steps = Steps::new(Consumers::default());
-                fill(&mut planner, &mut steps);
+                fill(&planner, &mut steps);
                 let added: usize = steps.works().iter().map(|work| planner.coefficients(work).len()).sum();
                 counts.push((steps.works().len(), added));
                 let (pose, previous) = instances.slots_of(0).unwrap();

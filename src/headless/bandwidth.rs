@@ -58,12 +58,12 @@ impl Headless {
         })?;
         let mut best = [f64::INFINITY; 2];
         for _ in 0..6 {
-            let ((), [copy, read]) = submitter.run_timed(|cmd, timed_apart| {
+            let ((), [copy, read]) = submitter.run_timed(|cmd, next_part| {
                 // SAFETY: recording; the region lies within both buffers; pipeline, layout and set are ours and fit each
                 // other (tests/spirv.rs).
                 unsafe {
                     device.cmd_copy_buffer(cmd, from.raw, to.raw, &region);
-                    timed_apart();
+                    next_part();
                     let (point, stage) = (vk::PipelineBindPoint::COMPUTE, vk::ShaderStageFlags::COMPUTE);
                     device.cmd_bind_pipeline(cmd, point, objects.pipelines[0]);
                     device.cmd_bind_descriptor_sets(cmd, point, objects.layout, 0, &[sets.get(0)], &[]);

@@ -220,14 +220,14 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
             ));
         }
         let mut tickets = vec![];
-        let ran = headless.submitter.run_timed(|cmd, timed_apart| {
+        let ran = headless.submitter.run_timed(|cmd, next_part| {
             crowds.iter_mut().for_each(|this| this.waiting.clear());
             let mut all: Vec<_> = crowds.iter_mut().map(|this| &mut this.crowd as &mut dyn AnyCrowd).collect();
             let (updates, recorded) = record(headless, &mut all, cmd)?;
             tickets.extend(updates.iter().map(|update| update.ticket));
             let mut sum = updates[0];
             updates[1..].iter().for_each(|update| sum.stats += update.stats);
-            timed_apart();
+            next_part();
             crowds.iter().try_for_each(|crowd| crowd.record_draws(cmd, copies))?;
             Ok((sum, recorded))
         });

@@ -19,8 +19,8 @@ use crate::plan::UpdateStats;
 use crate::plan::instances::Instances;
 use crate::plan::schedule::Barrier;
 use crate::plan::steps::{Steps, Work};
-use crate::update::blocks::gpu::{BlocksKernel, BlocksKey, GroupBuffers, Workgroups};
-use crate::update::blocks::shared::{LIST_USAGE, asset_range, blocks_push, sums_buffer};
+use crate::update::blocks::gpu::{BlocksKernels, Workgroups};
+use crate::update::blocks::shared::{LIST_USAGE, blocks_push, sums_buffer};
 use crate::update::blocks::{TILE_WORDS, WIDTHS};
 use crate::update::technique::{Context, Technique, UpdateId};
 use ash::vk;
@@ -47,7 +47,7 @@ pub(crate) struct Animated {
 
 /// What a group of the mesh takes.
 pub(super) struct Group {
-    blocks: Arc<BlocksKernel>,
+    blocks: BlocksKernels,
     #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
     pub(super) work: Buffer,
     pub(super) control: Buffer,
@@ -83,29 +83,24 @@ impl Group {
         let (device, desc, poses, index) = (context.device, context.desc, context.poses, context.layout().index()?);
         // Tiles are filled up to the next width, so that there has to be one.
         let instances = desc.instances.max(2).next_power_of_two();
-        let blocks = context.kernels.get::<BlocksKernel>(BlocksKey::new(&context, index, true, instances)?)?;
+        let blocks = BlocksKernels::new(&context, index, true, instances)?;
         let (how, groups) = (blocks.dispatching(0), &group.groups);
         let list_bytes = groups.stride * u64::from(groups.count());
         let work = on_device(device, "deltamorph planned work", list_bytes, LIST_USAGE)?;
         let arguments = vk::BufferUsageFlags::INDIRECT_BUFFER;
         let control = on_device(device, "deltamorph dispatches", group.control_bytes(), arguments)?;
-        let sums = sums_buffer(device, poses.bytes * u64::from(desc.instances))?;
+        let sums = sums_buffer(device, &poses, desc.instances)?;
         let range = |buffer: &Buffer, offset, size| BufferRange { buffer: buffer.raw, offset, size };
-        let (mut plan, mut of_blocks) = (vec![], vec![]);
+        let (mut plan, mut lists) = (vec![], vec![]);
         for set in 0..groups.count() {
             let (first, count) = groups.get(set);
             let list = range(&work, u64::from(set) * groups.stride, groups.stride);
             plan.push([common[0], common[1], list, range(&control, 0, group.control_bytes())]);
-            of_blocks.push(GroupBuffers {
-                asset: asset_range(&context),
-                list,
-                poses: poses.range(first, count),
-                sums: Some(range(&sums, u64::from(first) * poses.bytes, u64::from(count) * poses.bytes)),
-            });
+            lists.push((list, first, count));
         }
         Ok(Self {
             sets: kernel.sets(&plan)?,
-            block_sets: blocks.sets(&of_blocks)?,
+            block_sets: blocks.sets(&context, Some(&sums), &lists)?,
             push: layout.push(group),
             block_push: blocks_push(context.layout(), index, poses.slots, Some(index.exact()?)),
             widths: how.widths,
