@@ -322,16 +322,12 @@ impl Technique for ScatterTechnique {
 /// What works read and write. Atomics commute: those of a work do not have to be ordered among themselves.
 #[cfg(any(test, feature = "internals"))]
 fn accesses(works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-    use crate::plan::hazards::{Accesses, Memory, MemoryUse};
-    use crate::plan::steps::{Access, Stage};
+    use crate::plan::hazards::{Accesses, Memory};
     let of = |work: &Work| {
         let (instance, slot) = (work.instance, work.destination);
         let sums = Memory::Sums { instance };
         match PARTS[work.kernel as usize].0 {
-            Part::Clear => {
-                let write = MemoryUse { group: 0, memory: sums, stage: Stage::Transfer, access: Access::TransferWrite };
-                Accesses { writes: vec![write], ..Accesses::default() }
-            }
+            Part::Clear => Accesses { uses: vec![Use::copy(sums)], ..Accesses::default() },
             Part::Add => Accesses::compute([Memory::Deltas, sums], [sums]),
             Part::Resolve => Accesses::compute([Memory::Base, sums], [Memory::Pose { instance, slot }]),
         }

@@ -6,7 +6,7 @@ use crate::abi::kernels::DeviceTuning;
 use crate::pack::blocks::BlockIndex;
 use crate::plan::UpdateStats;
 #[cfg(any(test, feature = "internals"))]
-use crate::plan::hazards::{Accesses, Memory, MemoryUse};
+use crate::plan::hazards::{Accesses, Memory};
 use crate::plan::steps::{Resource, Steps, Use, Work};
 use std::ops::Range;
 
@@ -118,13 +118,10 @@ impl Dispatches {
     /// one.
     #[cfg(any(test, feature = "internals"))]
     pub fn accesses(&self, list: &WorkList, works: &[Work]) -> Accesses {
-        let mut all = Accesses { in_place: true, ..Accesses::default() };
+        let mut all = Accesses { group: self.group, in_place: true, ..Accesses::default() };
         let mut known = std::collections::HashSet::new();
-        let mut add = |accesses: Accesses| {
-            let mut new = |access: &MemoryUse| known.insert((access.memory, access.access as u8));
-            all.reads.extend(accesses.reads.into_iter().filter(&mut new));
-            all.writes.extend(accesses.writes.into_iter().filter(&mut new));
-        };
+        let mut add =
+            |accesses: Accesses| all.uses.extend(accesses.uses.into_iter().filter(|used| known.insert(*used)));
         for work in works {
             let places = work.items.start as usize..work.items.end as usize;
             match &self.tiles {
@@ -137,7 +134,7 @@ impl Dispatches {
                 }
             }
         }
-        all.of_group(self.group)
+        all
     }
 
     #[cfg(any(test, feature = "internals"))]

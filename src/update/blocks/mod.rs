@@ -19,7 +19,6 @@ mod technique;
 mod tiles;
 
 pub(crate) use bound::check_tolerance;
-pub(crate) use dispatch::EXACT_BLOCKS;
 pub use group::GroupPlan;
 pub use list::{ELEMENT_BYTES, Element, ITEM_WORDS, Item, WorkList};
 pub use plan::Planner;

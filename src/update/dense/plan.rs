@@ -9,7 +9,7 @@
 use crate::error::Result;
 use crate::pack::PackedLayout;
 #[cfg(any(test, feature = "internals"))]
-use crate::plan::hazards::{Accesses, Memory, MemoryUse};
+use crate::plan::hazards::{Accesses, Memory};
 use crate::plan::history::History;
 use crate::plan::instances::Instances;
 #[cfg(any(test, feature = "internals"))]
@@ -189,18 +189,15 @@ impl PassAccess {
     pub(crate) fn of(self, works: &[Work]) -> Vec<Accesses> {
         let of = |work: &Work| {
             let (instance, group) = (work.instance, work.group);
-            let read = |memory| MemoryUse { group, memory, stage: self.reads.0, access: self.reads.1 };
+            let read = |memory| Use::new(memory, self.reads.0, self.reads.1);
             let source = match work.source {
                 Source::Base => Memory::Base,
                 Source::Slot(slot) => Memory::Pose { instance, slot },
             };
             let deltas = (!work.items.is_empty()).then_some(Memory::Deltas);
-            let memory = Memory::Pose { instance, slot: work.destination };
-            Accesses {
-                reads: deltas.into_iter().chain([source]).map(read).collect(),
-                writes: vec![MemoryUse { group, memory, stage: self.writes.0, access: self.writes.1 }],
-                in_place: self.in_place,
-            }
+            let write = Use::new(Memory::Pose { instance, slot: work.destination }, self.writes.0, self.writes.1);
+            let uses = deltas.into_iter().chain([source]).map(read).chain([write]).collect();
+            Accesses { group, uses, in_place: self.in_place }
         };
         works.iter().map(of).collect()
     }
