@@ -18,7 +18,6 @@ pub struct RunArgs {
     pub batch_size: Option<BatchSpec>,
 }
 
-/// Options of `play`.
 #[derive(Args, Clone, Debug)]
 pub struct PlayArgs {
     #[command(flatten)]
@@ -38,7 +37,6 @@ pub struct PlayArgs {
     pub noise: Option<f32>,
 }
 
-/// Options of `soak`.
 #[derive(Args, Clone, Debug)]
 pub struct SoakArgs {
     #[command(flatten)]
@@ -61,7 +59,6 @@ impl SoakArgs {
     }
 }
 
-/// Options of `apply`.
 #[derive(Args, Clone, Debug)]
 pub struct ApplyArgs {
     #[command(flatten)]
