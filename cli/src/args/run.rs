@@ -3,7 +3,7 @@
 use super::values::{self, BatchSpec, format_on};
 use super::{InputArgs, UpdateArgs};
 use clap::Args;
-use deltamorph::{Accumulate, BatchSize, DeltaFormat, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph::{Accumulate, DeltaFormat, UpdateMode, UpdatePath};
 use std::path::PathBuf;
 
 /// What these commands have in common.
@@ -103,24 +103,6 @@ impl Single {
             mode: one(command, "--mode", &update.modes)?,
             sums: one(command, "--accumulate", &update.accumulate)?,
             format: one(command, "--format", &update.formats)?,
-        })
-    }
-
-    /// How poses are updated on `path`.
-    pub fn desc(
-        &self,
-        path: UpdatePath,
-        batch: BatchSize,
-        args: &UpdateArgs,
-        diagonal: f32,
-    ) -> Result<UpdateDesc, String> {
-        let default = UpdateDesc::new(path, batch);
-        Ok(UpdateDesc {
-            mode: self.mode.unwrap_or(default.mode),
-            slots: args.slots,
-            accumulate: args.sums(self.sums.unwrap_or(default.accumulate)),
-            error_budget: args.budget(diagonal)?,
-            ..default
         })
     }
 
