@@ -2,13 +2,22 @@
 
 #[path = "common/gpu.rs"]
 mod gpu;
+#[allow(dead_code, reason = "only poses are read back here, nothing is drawn")]
+#[path = "common/picture.rs"]
+mod picture;
 
+use deltamorph::ash::vk::BufferUsageFlags;
 use deltamorph::headless::{HeadlessCrowd, Step};
 use deltamorph::internals::plan::hazards::{Event, HazardChecker};
 use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::{BatchSize, Crowd, CrowdDesc, DeltaFormat, PackedMesh, UpdateDesc, UpdatePath, testing};
+use deltamorph::{
+    Accumulate, AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DeltaFormat, KeyFormat, PackedMesh, Playback,
+    UpdateDesc, UpdatePath, WeightClip, testing,
+};
 use gpu::{applied, on_every_device, update_descs, weights};
+use picture::Picture;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 #[test]
 fn crowds_side_by_side_do_what_one_crowd_does() {
@@ -16,7 +25,7 @@ fn crowds_side_by_side_do_what_one_crowd_does() {
         for format in [DeltaFormat::Snorm16, DeltaFormat::Fast] {
             let mesh = PackedMesh::pack(&testing::mesh(200, 11), &engine.pack_desc(format)).expect("packed");
             for update in update_descs(engine, format) {
-                let desc = |instances| CrowdDesc { instances, frames_in_flight: 1, ..CrowdDesc::new(update) };
+                let desc = |instances| CrowdDesc::new(update).instances(instances).frames_in_flight(1);
                 let mut whole = HeadlessCrowd::new(headless, &mesh, &desc(4)).expect("a crowd");
                 let half = HeadlessCrowd::new(headless, &mesh, &desc(2)).expect("a crowd");
                 let mut halves = [half.another(&desc(2)).expect("another"), half];
@@ -63,7 +72,7 @@ fn crowds_of_one_call_share_their_barriers() {
             let mut one = [1.0; 11];
             one[3] = f32::from(frame) / 4.0;
             // SAFETY: nothing is changed.
-            let step = unsafe { HeadlessCrowd::step_together_tampered(&mut crowds, &[&many, &one], |_| {}) };
+            let step = unsafe { HeadlessCrowd::step_tampered(&mut crowds, &[&many, &one], |_| {}) };
             let slots = [0, 1].map(|crowd: usize| {
                 let crowd = crowds[crowd].crowd();
                 let previous = crowd.previous_pose(0).expect("a pose").expect("two slots keep it");
@@ -92,12 +101,71 @@ fn crowds_of_one_call_share_their_barriers() {
     });
 }
 
+/// One call updates crowds of both kinds. Where it ends before all is recorded, nothing of it counts as done: poses whose
+/// weights are the CPU's are written anew by the next call, and those that the GPU animates are the ones before.
+#[test]
+fn crowds_of_both_kinds_are_updated_by_one_call() {
+    on_every_device(|headless, engine| {
+        let mesh = PackedMesh::pack(&testing::mesh(200, 5), &engine.pack_desc(DeltaFormat::Small)).expect("packed");
+        let layout = mesh.layout();
+        let desc = CrowdDesc::new(UpdateDesc::blocks().accumulate(Accumulate::Exact));
+        // On the grid of weights: a frame a second.
+        let weights = |frame: usize| (0..5).map(|t| (frame * t + 1) as f32 / 8.0).collect::<Vec<f32>>();
+        let names = layout.targets.iter().map(|target| target.name.clone()).collect();
+        let clip = WeightClip { name: "clip".into(), names, fps: 1.0, values: (0..4).flat_map(weights).collect() };
+        let clips = [clip];
+        let animation = AnimationDesc::new(&clips).key_format(KeyFormat::Bits32);
+        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so in all that follows.
+        let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+        // SAFETY: as above.
+        let animated = |cmd| unsafe { engine.create_animated_crowd(cmd, &uploaded, &desc, &animation) };
+        let mut animated = headless.run(animated).expect("a crowd");
+        let mut weighted = engine.create_crowd(&uploaded, &desc).expect("a crowd");
+        animated.play(0, &Playback::new(0)).expect("a clip");
+        let picture = Picture::new(headless);
+        let readbacks = [0, 1].map(|_| picture.shared(layout.base_bytes() as usize, BufferUsageFlags::TRANSFER_DST));
+        for frame in 0..4 {
+            weighted.set_weights(0, &weights(frame)).expect("weights");
+            animated.set_time(frame as f64).expect("a time");
+            if frame == 2 {
+                let before = animated.pose(0).expect("a pose").slot;
+                let ended = catch_unwind(AssertUnwindSafe(|| {
+                    headless.run(|cmd| {
+                        let crowds: &mut [&mut dyn AnyCrowd] = &mut [&mut weighted, &mut animated];
+                        // SAFETY: as above; the buffer is not submitted.
+                        unsafe { engine.record_tampered(cmd, crowds, |_| panic!("planned, and not recorded")) }
+                    })
+                }));
+                assert!(ended.is_err());
+                assert!(weighted.pose(0).is_err());
+                assert_eq!(animated.pose(0).expect("the pose before").slot, before);
+            }
+            let stats = headless.run(|cmd| {
+                // SAFETY: as above.
+                let updates = unsafe { engine.record_updates(cmd, &mut [&mut weighted, &mut animated]) }?;
+                for (pose, readback) in [weighted.pose(0)?, animated.pose(0)?].iter().zip(&readbacks) {
+                    picture.record_pose_copy(cmd, pose, readback);
+                }
+                Ok([updates[0].stats, updates[1].stats])
+            });
+            let [stats, _] = stats.expect("an update");
+            assert!(frame != 2 || stats.rebuilt_blocks == stats.dirty_blocks, "{stats:?}");
+            let reference = evaluate(&mesh, &weights(frame));
+            for readback in &readbacks {
+                let pose = layout.to_user_order(&picture.contents(readback));
+                let error = compare(&pose, &reference);
+                assert!(error.within(1e-5, 0.01), "frame {frame}: {error:?}");
+            }
+        }
+    });
+}
+
 #[test]
 fn a_step_of_nothing_or_of_too_many_is_refused() {
     on_every_device(|headless, engine| {
         let mesh = PackedMesh::pack(&testing::mesh(64, 3), &engine.pack_desc(DeltaFormat::Fast)).expect("packed");
         let update = update_descs(engine, DeltaFormat::Fast)[0];
-        let desc = CrowdDesc { instances: 1, frames_in_flight: 1, ..CrowdDesc::new(update) };
+        let desc = CrowdDesc::new(update).instances(1).frames_in_flight(1);
         let crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
         let mut crowds = [crowd.another(&desc).expect("another"), crowd];
         let heads: [&[f32]; 3] = [&[0.5; 3]; 3];

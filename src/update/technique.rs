@@ -35,7 +35,7 @@ pub trait Technique: Any + Send + Sync {
     /// # Safety
     /// - `cmd` is in the recording state on the technique's device, outside a render pass, on a queue with graphics and
     ///   compute.
-    /// - It is submitted once, behind all earlier updates of the crowd; the technique and the mesh live until it has
+    /// - It is submitted once, after all earlier updates of the crowd; the technique and the mesh live until it has
     ///   run.
     /// - Barriers between steps are recorded as their uses ask for.
     unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work);

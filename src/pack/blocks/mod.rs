@@ -22,6 +22,7 @@ use super::order::inverse;
 use super::{POSE_FLOATS, PoseError};
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::error::{Error, Result};
+use crate::setters::setters;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -30,6 +31,7 @@ pub const BLOCK_SIZES: [u32; 3] = [32, 64, 128];
 
 /// How to pack into blocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct BlockDesc {
     /// Vertices of a block: one of [`BLOCK_SIZES`]; `None`: what suits the format (32 for `small`, else 64).
     pub size: Option<u32>,
@@ -44,6 +46,14 @@ pub struct BlockDesc {
     /// The largest weight, either sign, that [`Accumulate::Exact`](crate::plan::Accumulate) has to stand.
     pub weight_max: f32,
 }
+
+setters!(BlockDesc {
+    size: Option<u32>,
+    position_error: f32,
+    normal_error_degrees: f32,
+    absolute_error: f32,
+    weight_max: f32,
+});
 
 impl Default for BlockDesc {
     /// 1e-5 of the diagonal, 0.5°, 1e-4 (less than half a texel of 4096), weights up to 4.

@@ -24,6 +24,7 @@ macro_rules! declared {
 
         /// How deltas are stored.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[non_exhaustive]
         pub enum DeltaFormat {
             $($(#[$dense_doc])* $dense,)*
             $($(#[$blocks_doc])* $blocks,)*

@@ -19,8 +19,8 @@ use crate::plan::UpdateStats;
 use crate::plan::instances::Instances;
 use crate::plan::schedule::Barrier;
 use crate::plan::steps::{Steps, Work};
-use crate::update::blocks::gpu::{BlocksKernel, BlocksKey, GroupBuffers, Workgroups};
-use crate::update::blocks::shared::{LIST_USAGE, asset_range, blocks_push, sums_buffer};
+use crate::update::blocks::gpu::{BlocksKernels, Workgroups};
+use crate::update::blocks::shared::{LIST_USAGE, blocks_push, sums_buffer};
 use crate::update::blocks::{TILE_WORDS, WIDTHS};
 use crate::update::technique::{Context, Technique, UpdateId};
 use ash::vk;
@@ -40,14 +40,14 @@ pub(crate) struct Animated {
     tables: Buffer,
     table_bytes: u64,
     staging: Option<Buffer>,
-    /// Of the mesh; the first one's sets serve what all have in common.
+    /// Of the mesh. What is done once for all of them uses the descriptor sets of the first.
     pub(super) groups: Vec<Group>,
 }
 
 /// What a group of the mesh takes.
 pub(super) struct Group {
     pub(super) layout: GroupLayout,
-    blocks: Arc<BlocksKernel>,
+    blocks: BlocksKernels,
     #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
     pub(super) work: Buffer,
     pub(super) control: Buffer,
@@ -81,7 +81,7 @@ impl Group {
         let (device, desc, poses, index) = (context.device, context.desc, context.poses, context.layout().index()?);
         // Tiles are filled up to the next width, so that there has to be one.
         let instances = desc.instances.max(2).next_power_of_two();
-        let blocks = context.kernels.get::<BlocksKernel>(BlocksKey::new(&context, index, true, instances)?)?;
+        let blocks = BlocksKernels::new(&context, index, true, instances)?;
         let how = blocks.dispatching(0);
         let list_bytes = layout.stride * u64::from(layout.count());
         let work = on_device(device, "deltamorph planned work", list_bytes, LIST_USAGE)?;
@@ -89,21 +89,16 @@ impl Group {
         let control = on_device(device, "deltamorph dispatches", layout.control_bytes(), arguments)?;
         let sums = sums_buffer(device, &poses, desc.instances)?;
         let range = |buffer: &Buffer, offset, size| BufferRange { buffer: buffer.raw, offset, size };
-        let (mut plan, mut of_blocks) = (vec![], vec![]);
+        let (mut plan, mut lists) = (vec![], vec![]);
         for set in 0..layout.count() {
             let (first, count) = layout.get(set);
             let list = range(&work, u64::from(set) * layout.stride, layout.stride);
             plan.push([common[0], common[1], list, range(&control, 0, layout.control_bytes())]);
-            of_blocks.push(GroupBuffers {
-                asset: asset_range(&context),
-                list,
-                poses: poses.range(first, count),
-                sums: Some(poses.sums(sums.raw).range(first, count)),
-            });
+            lists.push((list, first, count));
         }
         Ok(Self {
             sets: kernel.sets(&plan)?,
-            block_sets: blocks.sets(&of_blocks)?,
+            block_sets: blocks.sets(&context, Some(&sums), &lists)?,
             block_push: blocks_push(context.layout(), index, poses.slots, Some(index.exact()?)),
             widths: how.widths,
             texels: how.texels,

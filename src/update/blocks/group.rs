@@ -104,7 +104,7 @@ impl Unit {
 pub(super) struct Scratch {
     /// The weights requested of an instance.
     pub(super) next: Vec<u32>,
-    /// Per block: the place in the list behind its last element, counted from the instance's first.
+    /// Per block: the place in the list after its last element, counted from the instance's first.
     pub(super) ends: Vec<u32>,
     /// With an error budget: blocks that a change reaches.
     pub(super) reached: Vec<bool>,

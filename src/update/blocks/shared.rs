@@ -4,7 +4,6 @@ use super::tiles::TILE;
 use crate::abi::push::BlocksPush;
 use crate::abi::worklist::POSES_MAX;
 use crate::error::Result;
-use crate::gpu::descriptors::BufferRange;
 use crate::gpu::device::Device;
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::gpu::mesh::deltas_bytes;
@@ -43,11 +42,6 @@ pub(crate) fn group_size(context: &Context<'_>, most: u64) -> Result<u32> {
         size if size < instances && size > TILE as u32 => size - size % TILE as u32,
         size => size,
     })
-}
-
-/// What a descriptor of the asset covers.
-pub(crate) fn asset_range(context: &Context<'_>) -> BufferRange {
-    BufferRange { buffer: context.mesh.deltas.raw, offset: 0, size: deltas_bytes(context.layout()) }
 }
 
 /// The push constants of a mesh and its poses.

@@ -1,11 +1,11 @@
 //! A crowd on the path `blocks`, planned on the CPU: work lists, integer sums, and what each block holds.
 
 use super::dispatch::Dispatches;
-use super::gpu::{BlocksKernel, BlocksKey, GroupBuffers, Workgroups};
+use super::gpu::{BlocksKernels, Workgroups};
 use super::group::GroupPlan;
 use super::list::{ELEMENT_BYTES, ITEM_WORDS, Item, WorkList};
 use super::plan::Planner;
-use super::shared::{LIST_USAGE, asset_range, blocks_push, group_size, sums_buffer};
+use super::shared::{LIST_USAGE, blocks_push, group_size, sums_buffer};
 use super::tiles::{TILE_WORDS, Tiles};
 use crate::abi::push::BlocksPush;
 use crate::abi::worklist;
@@ -20,7 +20,6 @@ use crate::plan::instances::Instances;
 use crate::plan::steps::{Steps, Work};
 use crate::update::technique::{Context, Poses, Technique, UpdateId};
 use ash::vk;
-use std::sync::Arc;
 
 /// A crowd whose changed blocks are updated.
 pub(crate) struct BlocksTechnique {
@@ -30,7 +29,7 @@ pub(crate) struct BlocksTechnique {
 
 /// What the blocks of a group take.
 struct GroupBlocks {
-    kernel: Arc<BlocksKernel>,
+    kernels: BlocksKernels,
     poses: Poses,
     dispatches: Dispatches,
     /// Work lists: items, then elements; or tiles, then rows.
@@ -64,9 +63,9 @@ impl GroupBlocks {
         let (device, desc, layout, poses) = (context.device, context.desc, context.layout(), context.poses);
         let (index, grid, instances) = (&planner.index, planner.exact(), desc.instances as usize);
         let exact = grid.is_some();
-        let kernel = context.kernels.get::<BlocksKernel>(BlocksKey::new(&context, index, exact, desc.instances)?)?;
+        let kernels = BlocksKernels::new(&context, index, exact, desc.instances)?;
         let reach = group_size(&context, u64::MAX)?;
-        let how = kernel.dispatching(reach);
+        let how = kernels.dispatching(reach);
         planner.whole_blocks = how.widths > 0;
         let (item_words, element_words) = match planner.whole_blocks {
             true => (TILE_WORDS, Tiles::words_max(index, instances)),
@@ -79,22 +78,17 @@ impl GroupBlocks {
         context.check_range(&format!("the work lists of {instances} instances"), part, "make several crowds")?;
         let ring = Ring::new(device, "deltamorph work lists", part, desc.frames_in_flight, LIST_USAGE)?;
         let sums = grid.map(|_| sums_buffer(device, &poses, desc.instances)).transpose()?;
-        let all = (0..desc.frames_in_flight)
-            .flat_map(|frame| (0..desc.instances).step_by(reach as usize).map(move |first| (frame, first)));
-        let buffers = |(frame, first): (u32, u32)| {
-            let count = reach.min(desc.instances - first);
-            GroupBuffers {
-                asset: asset_range(&context),
-                list: ring.range(frame.into()),
-                poses: poses.range(first, count),
-                sums: sums.as_ref().map(|sums| poses.sums(sums.raw).range(first, count)),
-            }
-        };
-        let sets = kernel.sets(&all.map(buffers).collect::<Vec<_>>())?;
+        let lists = (0..desc.frames_in_flight).flat_map(|frame| {
+            let list = ring.range(frame.into());
+            (0..desc.instances)
+                .step_by(reach as usize)
+                .map(move |first| (list, first, reach.min(desc.instances - first)))
+        });
+        let sets = kernels.sets(&context, sums.as_ref(), &lists.collect::<Vec<_>>())?;
         let push = BlocksPush { elements_at: elements_at as u32, ..blocks_push(layout, index, poses.slots, grid) };
         Ok(Self {
             dispatches: Dispatches::new(how, number, index, instances, exact),
-            kernel,
+            kernels,
             poses,
             ring,
             item_words,
@@ -158,7 +152,7 @@ impl Technique for BlocksTechnique {
         let set = group.sets.get((frame * u64::from(group.sets_of_frame)) as usize + work.instance as usize);
         let workgroups = Workgroups::Of(work.items.end - work.items.start);
         // SAFETY: the caller's obligations; set and list were written for this mesh and crowd.
-        unsafe { group.kernel.dispatch(cmd, set, work.kernel, &push, workgroups) };
+        unsafe { group.kernels.dispatch(cmd, set, work.kernel, &push, workgroups) };
     }
 
     fn exact(&self) -> Option<ExactGrid> {

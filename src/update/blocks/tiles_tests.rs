@@ -2,40 +2,17 @@
 
 use super::*;
 use crate::abi::kernels::{DeviceClass, DeviceTuning};
-use crate::cpu::blocks::Block;
-use crate::cpu::tile::{self, Memory};
-use crate::pack::blocks::{BlockDesc, ExactGrid};
+use crate::cpu::tile;
+use crate::pack::blocks::BlockDesc;
 use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
 use crate::plan::instances::Instances;
 use crate::plan::{Accumulate, UpdateDesc};
 use crate::testing;
 use crate::update::blocks::Planner;
+use crate::update::blocks::tests::{memory, run_items};
 use proptest::prelude::*;
 
 const TARGETS: usize = 9;
-
-fn memory(mesh: &PackedMesh, instances: usize, slots: usize) -> Memory {
-    let floats = mesh.base().len();
-    Memory {
-        slots,
-        poses: vec![vec![f32::NAN; floats]; instances * slots],
-        sums: vec![vec![i32::MAX; floats]; instances],
-    }
-}
-
-/// Carry the list out block by block.
-fn run_items(mesh: &PackedMesh, index: &BlockIndex, list: &WorkList, exact: Option<ExactGrid>, memory: &mut Memory) {
-    let floats = index.size() * POSE_FLOATS;
-    for (i, item) in list.items.iter().enumerate() {
-        let part = item.block as usize * floats..(item.block as usize + 1) * floats;
-        let at = item.instance as usize * memory.slots;
-        let source = item.source.filter(|&s| s != item.destination);
-        let source = source.map(|s| memory.poses[at + s as usize][part.clone()].to_vec());
-        let sums = exact.map(|grid| (&mut memory.sums[item.instance as usize][part.clone()], grid));
-        let destination = &mut memory.poses[at + item.destination as usize][part];
-        Block::new(mesh.surface(), index, list, i, source.as_deref()).run(destination, sums, &mut ());
-    }
-}
 
 proptest! {
     #[test]

@@ -18,7 +18,7 @@ use crate::plan::steps::{Resource, Source, Steps, Use, Work};
 use crate::plan::{BatchSize, UpdateDesc, UpdateMode, UpdateStats};
 use crate::weights::delta::{Coefficient, active_targets, changed_targets};
 
-/// The passes of one update of one instance, and what its pose holds behind them.
+/// The passes of one update of one instance, and what its pose holds after them.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Plan {
     /// What is applied, ascending by target.
