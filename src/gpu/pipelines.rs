@@ -232,7 +232,7 @@ pub(crate) fn pose_input(
 fn stage_of(stage: Stage) -> vk::ShaderStageFlags {
     match stage {
         Stage::Vertex => vk::ShaderStageFlags::VERTEX,
-        Stage::Compute(_) => vk::ShaderStageFlags::COMPUTE,
+        Stage::Compute | Stage::ComputeSized => vk::ShaderStageFlags::COMPUTE,
     }
 }
 

@@ -9,10 +9,11 @@ pub use animated::PlannedGroup;
 
 use super::Headless;
 use super::draw::PoseDraw;
-use crate::engine::{AnyCrowd, Crowd, CrowdDesc, GpuMesh, MorphEngine, Ticket, Update};
+use crate::engine::{AnyCrowd, Crowd, GpuMesh, MorphEngine, Ticket, Update};
 use crate::error::{Error, Result};
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::pack::PackedMesh;
+use crate::plan::CrowdDesc;
 #[cfg(feature = "baselines")]
 use crate::plan::UpdatePath;
 #[cfg(feature = "internals")]
@@ -374,7 +375,7 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
         }
         let (base, mut poses) = (self.crowd.base(), vec![]);
         for instance in base.shown() {
-            poses.extend(std::iter::repeat_n(base.pose(instance)?, copies as usize));
+            poses.extend(std::iter::repeat_n(base.group_pose(instance, 0)?, copies as usize));
         }
         self.draw.record(cmd, &poses, self.mesh.layout().padded_vertices() as u32);
         Ok(())

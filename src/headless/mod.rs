@@ -14,8 +14,10 @@ pub use crowd::PlannedGroup;
 pub use crowd::{HeadlessCrowd, Recorded, Step};
 pub use upload::{PoseUpload, Uploaded};
 
-use crate::engine::{DeviceCaps, DeviceDesc, MorphEngine};
+use crate::engine::MorphEngine;
 use crate::error::{Error, Result};
+use crate::gpu::caps::DeviceCaps;
+use crate::gpu::device::DeviceDesc;
 use crate::gpu::failed;
 use ash::vk;
 use std::borrow::Cow;

@@ -24,7 +24,7 @@ impl<C: Kind> HeadlessCrowd<'_, C> {
             let pose = self.read_view(view)?;
             return Ok(self.mesh.layout().to_user_order(&pose));
         }
-        let view = self.crowd.base().pose(instance)?;
+        let view = self.crowd.base().group_pose(instance, 0)?;
         let pose = self.read_view(view)?;
         Ok(self.mesh.layout().to_user_order(&pose))
     }
@@ -34,7 +34,7 @@ impl<C: Kind> HeadlessCrowd<'_, C> {
     /// # Errors
     /// As [`draw`](Self::draw).
     pub fn read_previous_pose(&mut self, instance: u32) -> Result<Option<Vec<f32>>> {
-        let Some(view) = self.crowd.base().previous_pose(instance)? else { return Ok(None) };
+        let Some(view) = self.crowd.base().previous_group_pose(instance, 0)? else { return Ok(None) };
         let pose = self.read_view(view)?;
         Ok(Some(self.mesh.layout().to_user_order(&pose)))
     }

@@ -1,7 +1,7 @@
 //! The kernels of blocks: a workgroup for each item of the work list, or for each tile.
 
 use super::plan::Dispatching;
-use crate::abi::choice::BlocksChoice;
+use crate::abi::choice::{BlocksCase, BlocksChoice};
 use crate::abi::numbers::ROWS;
 use crate::abi::push::BlocksPush;
 use crate::error::Result;
@@ -29,8 +29,9 @@ impl BlocksKey {
     /// # Errors
     /// There is no kernel for its format and kind of sums.
     pub(crate) fn new(context: &Context<'_>, index: &BlockIndex, exact: bool, instances: u32) -> Result<Self> {
-        let formats = (context.layout().format, context.desc.update.pose);
-        let case = context.caps().blocks_case(formats, exact, instances, index.entry_count() > 0);
+        let (format, pose, entries) = (context.layout().format, context.desc.update.pose, index.entry_count() > 0);
+        let (device, texels) = (context.caps().tuning, context.caps().takes_texels(format));
+        let case = BlocksCase { format, pose, exact, instances, entries, device, texels };
         Ok(Self { choice: case.choose()?, size: index.size() as u32 })
     }
 }
