@@ -5,10 +5,12 @@
 use criterion::{BatchSize as Setup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::import::{csv, obj};
-use deltamorph::internals::update::blocks::{BlockState, Scratch, WorkList};
-use deltamorph::internals::update::dense::{Plan, PoseState};
+use deltamorph::internals::plan::history::History;
+use deltamorph::internals::plan::instances::Instances;
+use deltamorph::internals::update::blocks::Planner;
+use deltamorph::internals::update::dense::Plan;
 use deltamorph::{
-    Accumulate, BatchSize, DeltaFormat, MorphMesh, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdatePath, UpdateStats,
+    Accumulate, BatchSize, DeltaFormat, MorphMesh, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdatePath,
 };
 use std::hint::black_box;
 
@@ -39,14 +41,14 @@ fn planning(c: &mut Criterion) {
             ("feedback, batch 7", UpdatePath::Feedback, BatchSize::Targets(7)),
             ("compute, batch 16", UpdatePath::Compute, BatchSize::Targets(16)),
         ] {
-            let mut state = PoseState::new(UpdateDesc::new(path, batch)).expect("a description that is right");
-            let mut plan = Plan::default();
+            let desc = UpdateDesc::new(path, batch);
+            let (mut plan, mut history) = (Plan::default(), History::new(desc.slots));
             let mut frame = 200;
             // Buffers are kept from frame to frame, as the engine keeps them.
             let mut update = |frame: u64| {
                 // To and fro: the same number changes at the turns.
                 let step = frame as usize % (2 * FRAMES - 2);
-                state.plan(&clip[step.min(2 * FRAMES - 2 - step)], frame, &mut plan);
+                plan.fill(&desc, &clip[step.min(2 * FRAMES - 2 - step)], &mut history, frame + 1);
                 plan.coefficients.len()
             };
             update(0);
@@ -75,17 +77,15 @@ fn plan_blocks(c: &mut Criterion, name: &str, mesh: &MorphMesh, frames: &[Vec<f3
         (DeltaFormat::Small, Accumulate::default()),
     ] {
         let packed = PackedMesh::pack(mesh, &PackDesc::new(format)).expect("a mesh that packs");
-        let index = packed.layout().blocks.clone().expect("a block format");
         let desc = UpdateDesc { accumulate, ..UpdateDesc::blocks() };
-        let mut state = BlockState::new(desc, packed.layout(), &index).expect("a description that is right");
-        let (mut scratch, mut list) = (Scratch::default(), WorkList::new(&index, 1));
+        let mut planner = Planner::new(desc, [packed.layout()], 1).expect("a description that is right");
+        let mut instances = Instances::new(1, mesh.targets.len(), desc.slots);
         let mut number = 0;
         let mut frame = |weights: &[f32]| {
             number += 1;
-            list.clear();
-            let mut stats = UpdateStats::default();
-            state.plan(&index, 0, weights, number, &mut scratch, &mut list, &mut stats);
-            stats.dirty_blocks
+            instances.set_weights(0, weights).expect("an instance");
+            planner.plan(&mut instances, number);
+            planner.stats().dirty_blocks
         };
         assert!(frames.iter().map(|w| frame(w)).sum::<usize>() > 0);
         group.throughput(Throughput::Elements(frames.len() as u64));

@@ -1,12 +1,13 @@
 //! Planning a frame allocates nothing: an engine calls it in its frame loop.
 
+use deltamorph::internals::plan::instances::Instances;
 use deltamorph::internals::plan::schedule::Schedule;
 use deltamorph::internals::plan::steps::Steps;
 use deltamorph::internals::update::animated::{AnimatedUpdate, Playbacks};
-use deltamorph::internals::update::blocks::{BlockState, Scratch, WorkList};
+use deltamorph::internals::update::blocks::Planner;
 use deltamorph::{
     Accumulate, AnimationDesc, Clips, Consumers, DeltaFormat, KeyFormat, PackDesc, PackedMesh, Playback, UpdateDesc,
-    UpdateStats, WeightClip, testing,
+    WeightClip, testing,
 };
 
 #[test]
@@ -14,21 +15,19 @@ fn planning_in_blocks_allocates_nothing_after_the_first_frames() {
     let mesh = testing::mesh(5000, 40);
     for format in DeltaFormat::BLOCKS {
         let packed = PackedMesh::pack(&mesh, &PackDesc::new(format)).unwrap();
-        let index = packed.layout().blocks.clone().unwrap();
         for accumulate in [Accumulate::Float { tolerance: 1e-3 }, Accumulate::Exact] {
             for error_budget in [0.0, 0.1] {
                 let desc = UpdateDesc { accumulate, error_budget, ..UpdateDesc::blocks() };
-                let Ok(mut state) = BlockState::new(desc, packed.layout(), &index) else {
+                let Ok(mut planner) = Planner::new(desc, [packed.layout()], 1) else {
                     assert_eq!((format, accumulate), (DeltaFormat::BlockFloat32, Accumulate::Exact));
                     continue;
                 };
-                let (mut scratch, mut list) = (Scratch::default(), WorkList::new(&index, 1));
+                let mut instances = Instances::new(1, 40, desc.slots);
                 let mut weights = vec![0.0f32; 40];
                 let mut frame = |number: u64, weights: &[f32]| {
-                    let mut stats = UpdateStats::default();
-                    list.clear();
-                    state.plan(&index, 0, weights, number, &mut scratch, &mut list, &mut stats);
-                    stats.dirty_blocks
+                    instances.set_weights(0, weights).unwrap();
+                    planner.plan(&mut instances, number);
+                    planner.stats().dirty_blocks
                 };
                 // The first two frames size what is kept.
                 (1..3).for_each(|number| {

@@ -104,11 +104,11 @@ impl AttributesTechnique {
 }
 
 impl Technique for AttributesTechnique {
-    fn plan(&mut self, instances: &Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
+    fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         self.planner.plan(instances, id.update);
         for (i, active) in self.active.iter_mut().enumerate() {
             active.clear();
-            active_targets(self.planner.applied(i).unwrap_or_default(), active);
+            active_targets(self.planner.applied(i), active);
         }
         if self.planner.has_changed() {
             steps.step(&[]);
@@ -117,22 +117,6 @@ impl Technique for AttributesTechnique {
     }
 
     unsafe fn record(&self, _cmd: vk::CommandBuffer, _frame: u64, _work: &Work) {}
-
-    fn slots_of(&self, instance: u32) -> Option<(u32, Option<u32>)> {
-        self.planner.slots_of(instance as usize)
-    }
-
-    fn cut(&mut self, instance: u32) {
-        self.planner.cut(instance as usize);
-    }
-
-    fn add(&mut self, instance: u32) {
-        self.planner.forget(instance as usize);
-    }
-
-    fn discard_from(&mut self, id: UpdateId) {
-        self.planner.discard_from(id.update);
-    }
 
     /// Refuse more active targets than a draw has attributes for.
     fn check_weights(&self, weights: &[f32]) -> Result<()> {

@@ -126,7 +126,7 @@ impl DirectTechnique {
         let (stride, targets) = (self.stride as usize / 4, &self.mesh.layout.targets);
         let first = frame as usize * words.len() * 4;
         for (i, out) in words.chunks_exact_mut(stride).enumerate() {
-            let weights = self.planner.applied(i).unwrap_or_default();
+            let weights = self.planner.applied(i);
             for ((weight, target), out) in weights.iter().zip(targets).zip(out.chunks_exact_mut(WEIGHT_BYTES / 4)) {
                 let coefficient = weight * target.position_step;
                 out.copy_from_slice(&[coefficient, coefficient * target.normal_ratio()].map(f32::to_bits));
@@ -195,7 +195,7 @@ impl DirectTechnique {
 
 impl Technique for DirectTechnique {
     /// A step without works: the draws find the weights where they were written.
-    fn plan(&mut self, instances: &Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
+    fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         self.planner.plan(instances, id.update);
         if self.planner.has_changed() || self.stale {
             (self.written, self.stale) = (id.update, false);
@@ -209,20 +209,7 @@ impl Technique for DirectTechnique {
 
     unsafe fn record(&self, _cmd: vk::CommandBuffer, _frame: u64, _work: &Work) {}
 
-    fn slots_of(&self, instance: u32) -> Option<(u32, Option<u32>)> {
-        self.planner.slots_of(instance as usize)
-    }
-
-    fn cut(&mut self, instance: u32) {
-        self.planner.cut(instance as usize);
-    }
-
-    fn add(&mut self, instance: u32) {
-        self.planner.forget(instance as usize);
-    }
-
     fn discard_from(&mut self, id: UpdateId) {
-        self.planner.discard_from(id.update);
         self.stale |= self.written >= id.update;
     }
 

@@ -180,10 +180,9 @@ fn fill(planner: &mut DensePlanner, steps: &mut Steps) {
         steps.step(uses);
         for instance in 0..planner.plans().len() {
             let plan = &planner.plans()[instance];
-            if plan.passes.is_empty() {
-                continue;
-            }
-            let (destination, added) = (plan.result, if part == Part::Add { plan.coefficients.len() } else { 0 });
+            let [pass] = &plan.passes[..] else { continue };
+            let added = if part == Part::Add { plan.coefficients.len() } else { 0 };
+            let destination = pass.destination;
             let items = planner.list(instance, 0..added);
             let (kernel, instance) = (part as u32, instance as u32);
             steps.push(Work { kernel, instance, destination, items, ..Work::default() });
@@ -279,7 +278,7 @@ impl ScatterTechnique {
 }
 
 impl Technique for ScatterTechnique {
-    fn plan(&mut self, instances: &Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
+    fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         self.planner.plan(instances, id.update);
         fill(&mut self.planner, steps);
         Ok(self.stats())
@@ -307,22 +306,6 @@ impl Technique for ScatterTechnique {
                 unsafe { self.kernel.record_resolve(cmd, set, vertices, self.units) };
             }
         }
-    }
-
-    fn slots_of(&self, instance: u32) -> Option<(u32, Option<u32>)> {
-        self.planner.slots_of(instance as usize)
-    }
-
-    fn cut(&mut self, instance: u32) {
-        self.planner.cut(instance as usize);
-    }
-
-    fn add(&mut self, instance: u32) {
-        self.planner.forget(instance as usize);
-    }
-
-    fn discard_from(&mut self, id: UpdateId) {
-        self.planner.discard_from(id.update);
     }
 
     fn exact(&self) -> Option<ExactGrid> {
@@ -371,19 +354,19 @@ mod tests {
         for slots in 1..4 {
             let update = UpdateDesc { slots, ..UpdateDesc::new(UpdatePath::Scatter, BatchSize::All) };
             let mut planner = one_pass(&CrowdDesc { instances: 2, ..CrowdDesc::new(update) }).unwrap();
-            let (mut instances, mut frames, mut counts) = (Instances::new(2, 2), vec![], vec![]);
+            let (mut instances, mut frames, mut counts) = (Instances::new(2, 2, slots), vec![], vec![]);
             for frame in 0..5u8 {
                 // The second instance is still every other frame.
                 for (instance, weight) in (0..).zip([frame, frame / 2]) {
                     instances.set_weights(instance, &[f32::from(weight), 1.0]).unwrap();
                 }
-                planner.plan(&instances, u64::from(frame) + 1);
+                planner.plan(&mut instances, u64::from(frame) + 1);
                 let mut steps = Steps::new(Consumers::default());
                 fill(&mut planner, &mut steps);
                 let added: usize = steps.works().iter().map(|work| planner.coefficients(work).len()).sum();
                 counts.push((steps.works().len(), added));
-                let plan = &planner.plans()[0];
-                frames.push((scheduled(&[&steps], |_, works| accesses(works)), [Some(plan.result), plan.previous]));
+                let (pose, previous) = instances.slots_of(0).unwrap();
+                frames.push((scheduled(&[&steps], |_, works| accesses(works)), [Some(pose), previous]));
             }
             assert_barriers_needed(&frames, 4, &format!("{update:?}"));
             assert_eq!((counts[2], counts[3].0), ((6, 4), 3), "a still instance is left out");

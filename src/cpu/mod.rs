@@ -88,7 +88,7 @@ impl CpuCrowd {
             sums: vec![vec![0; if has_sums { group.base().len() } else { 0 }]; instances],
         };
         Ok(Self {
-            instances: Instances::new(instances, targets),
+            instances: Instances::new(instances, targets, desc.slots),
             updates: 0,
             memory: mesh.groups().iter().map(memory).collect(),
             slots,
@@ -122,12 +122,7 @@ impl CpuCrowd {
     /// # Errors
     /// An instance out of range or removed.
     pub fn cut(&mut self, instance: usize) -> Result<()> {
-        let instance = self.instances.check(number(instance))?;
-        match &mut self.kind {
-            Kind::Dense { planner, .. } => planner.cut(instance),
-            Kind::Blocks(planner) => planner.cut(instance),
-        }
-        Ok(())
+        self.instances.cut(number(instance))
     }
 
     /// Hide `instance`, or show it again: a hidden one is left out of updates and keeps its pose; the first pose after
@@ -136,7 +131,7 @@ impl CpuCrowd {
     /// # Errors
     /// An instance out of range or removed.
     pub fn set_hidden(&mut self, instance: usize, hidden: bool) -> Result<()> {
-        if self.instances.set_hidden(number(instance), hidden)? { self.cut(instance) } else { Ok(()) }
+        self.instances.set_hidden(number(instance), hidden).map(drop)
     }
 
     /// Add a head in a place that [`remove`](Self::remove) freed: shown, all weights 0.
@@ -144,12 +139,7 @@ impl CpuCrowd {
     /// # Errors
     /// No free place.
     pub fn add(&mut self) -> Result<usize> {
-        let instance = self.instances.add()? as usize;
-        match &mut self.kind {
-            Kind::Dense { planner, .. } => planner.forget(instance),
-            Kind::Blocks(planner) => planner.forget(instance),
-        }
-        Ok(instance)
+        Ok(self.instances.add()? as usize)
     }
 
     /// Take a head out of the crowd.
@@ -188,11 +178,7 @@ impl CpuCrowd {
 
     /// Slots of the pose and of the previous pose; the first slot while there is no pose.
     fn slots_of(&self, instance: usize) -> (u32, Option<u32>) {
-        let slots = match &self.kind {
-            Kind::Dense { planner, .. } => planner.slots_of(instance),
-            Kind::Blocks(planner) => planner.slots_of(instance),
-        };
-        slots.unwrap_or_default()
+        self.instances.slots_of(instance).unwrap_or_default()
     }
 
     /// The pose of an instance after the last update: six floats a vertex, with padding, in the order of pose buffers

@@ -165,7 +165,7 @@ impl CrowdBase {
         Ok(Self {
             technique: make(Context { device, kernels, mesh, desc, poses, all: &groups })?,
             groups,
-            instances: Instances::new(desc.instances as usize, targets),
+            instances: Instances::new(desc.instances as usize, targets, desc.update.slots),
             steps: Steps::new(desc.consumers),
             schedule: Schedule::default(),
             last: None,
@@ -200,7 +200,7 @@ impl CrowdBase {
     }
 
     pub(crate) fn cut(&mut self, instance: u32) -> Result<()> {
-        self.instances.check(instance)?;
+        self.instances.cut(instance)?;
         self.technique.cut(instance);
         Ok(())
     }
@@ -220,7 +220,7 @@ impl CrowdBase {
 
     pub(crate) fn remove(&mut self, instance: u32) -> Result<()> {
         self.instances.remove(instance)?;
-        self.technique.remove(instance);
+        self.technique.set_hidden(instance, true);
         Ok(())
     }
 
@@ -241,6 +241,7 @@ impl CrowdBase {
             self.discarded[0] = *oldest.start()..=*self.discarded[0].end();
         }
         self.discarded.push(first..=self.updates);
+        self.instances.discard_from(update);
         self.technique.discard_from(ticket.id);
         self.recorded = self.recorded.min(ticket.id.recorded);
         Ok(())
@@ -321,9 +322,9 @@ impl CrowdBase {
 
     /// Slots of the pose and of the previous pose.
     pub(crate) fn slots_of(&self, instance: u32) -> Result<(u32, Option<u32>)> {
-        self.instances.check(instance)?;
+        let place = self.instances.check(instance)?;
         let none = || Error::invalid(format!("instance {instance} has no pose yet"), "record an update first");
-        self.technique.slots_of(instance).ok_or_else(none)
+        self.technique.slots_of(&self.instances, place).ok_or_else(none)
     }
 
     /// The integer sums of an instance: buffer and offset.
@@ -362,7 +363,7 @@ impl CrowdBase {
         let frame = (self.recorded + 1) % u64::from(self.desc.frames_in_flight);
         let id = UpdateId { update: self.updates, recorded: self.recorded, frame };
         self.last = Some(id);
-        let stats = self.technique.plan(&self.instances, id, &mut self.steps)?;
+        let stats = self.technique.plan(&mut self.instances, id, &mut self.steps)?;
         self.recorded += u64::from(!self.steps.is_empty());
         Ok(Update { ticket: Ticket { crowd: self.crowd, id }, stats })
     }

@@ -1,5 +1,6 @@
-//! The instances of a crowd: which there are, which are shown, and the weights requested of them.
+//! The instances of a crowd: which there are, which are shown, the weights requested of them, and where their poses are.
 
+use super::history::History;
 use crate::error::{Error, Result};
 use crate::pack::PackedLayout;
 use crate::pack::blocks::ExactGrid;
@@ -13,17 +14,30 @@ enum Presence {
     Free,
 }
 
-/// Places for instances, each with weights.
+/// A place for an instance.
 #[derive(Clone, Debug)]
-pub(crate) struct Instances {
-    presence: Vec<Presence>,
-    weights: Vec<Vec<f32>>,
+struct Place {
+    presence: Presence,
+    weights: Vec<f32>,
+    history: History,
+}
+
+/// Places for instances.
+#[derive(Clone, Debug)]
+pub struct Instances {
+    places: Vec<Place>,
 }
 
 impl Instances {
-    /// `places` instances, all shown, all weights 0.
-    pub fn new(places: usize, targets: usize) -> Self {
-        Self { presence: vec![Presence::Shown; places], weights: vec![vec![0.0; targets]; places] }
+    /// `places` instances with so many slots, all shown, all weights 0.
+    pub fn new(places: usize, targets: usize, slots: u32) -> Self {
+        let place = Place { presence: Presence::Shown, weights: vec![0.0; targets], history: History::new(slots) };
+        Self { places: vec![place; places] }
+    }
+
+    fn place(&mut self, instance: u32) -> Result<&mut Place> {
+        let i = self.check(instance)?;
+        Ok(&mut self.places[i])
     }
 
     /// The place of `instance`.
@@ -31,14 +45,13 @@ impl Instances {
     /// # Errors
     /// An instance out of range, or one that was removed.
     pub fn check(&self, instance: u32) -> Result<usize> {
-        let i = instance as usize;
-        match self.presence.get(i) {
-            Some(Presence::Shown | Presence::Hidden) => Ok(i),
+        match self.places.get(instance as usize).map(|place| place.presence) {
+            Some(Presence::Shown | Presence::Hidden) => Ok(instance as usize),
             Some(Presence::Free) => {
                 Err(Error::invalid(format!("instance {instance} was removed"), "use the number that `add` returns"))
             }
             None => Err(Error::invalid(
-                format!("instance {instance} of a crowd of {}", self.presence.len()),
+                format!("instance {instance} of a crowd of {}", self.places.len()),
                 "count instances from 0",
             )),
         }
@@ -49,32 +62,46 @@ impl Instances {
     /// # Errors
     /// As [`check`](Self::check).
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
-        let i = self.check(instance)?;
-        self.weights[i].copy_from_slice(weights);
+        self.place(instance)?.weights.copy_from_slice(weights);
         Ok(())
     }
 
-    /// Show or hide; tells whether that changed.
+    /// The next pose of `instance` has no predecessor.
+    ///
+    /// # Errors
+    /// As [`check`](Self::check).
+    pub fn cut(&mut self, instance: u32) -> Result<()> {
+        self.place(instance)?.history.cut();
+        Ok(())
+    }
+
+    /// Show or hide: the next pose has no predecessor. Tells whether that changed.
     ///
     /// # Errors
     /// As [`check`](Self::check).
     pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<bool> {
-        let i = self.check(instance)?;
+        let place = self.place(instance)?;
         let new = if hidden { Presence::Hidden } else { Presence::Shown };
-        Ok(std::mem::replace(&mut self.presence[i], new) != new)
+        let changed = std::mem::replace(&mut place.presence, new) != new;
+        if changed {
+            place.history.cut();
+        }
+        Ok(changed)
     }
 
-    /// Take the first free place: shown, all weights 0.
+    /// Take the first free place: shown, all weights 0, without a pose.
     ///
     /// # Errors
     /// No free place.
     pub fn add(&mut self) -> Result<u32> {
-        let Some(i) = self.presence.iter().position(|p| *p == Presence::Free) else {
-            let text = format!("the crowd has places for {} heads, all taken", self.presence.len());
+        let Some(i) = self.places.iter().position(|place| place.presence == Presence::Free) else {
+            let text = format!("the crowd has places for {} heads, all taken", self.places.len());
             return Err(Error::invalid(text, "remove one, or make another crowd of the same mesh"));
         };
-        self.presence[i] = Presence::Shown;
-        self.weights[i].fill(0.0);
+        let place = &mut self.places[i];
+        place.presence = Presence::Shown;
+        place.weights.fill(0.0);
+        place.history.discard_from(0);
         Ok(i as u32)
     }
 
@@ -83,14 +110,29 @@ impl Instances {
     /// # Errors
     /// As [`check`](Self::check).
     pub fn remove(&mut self, instance: u32) -> Result<()> {
-        let i = self.check(instance)?;
-        self.presence[i] = Presence::Free;
+        self.place(instance)?.presence = Presence::Free;
         Ok(())
+    }
+
+    /// The update numbered `first` and all later ones will never run.
+    pub fn discard_from(&mut self, first: u64) {
+        self.places.iter_mut().for_each(|place| place.history.discard_from(first));
+    }
+
+    /// Slots of the pose and of the previous pose of a place; `None` while it has no pose.
+    pub fn slots_of(&self, place: usize) -> Option<(u32, Option<u32>)> {
+        self.places[place].history.slots()
     }
 
     /// For each place, the weights requested; `None` where nothing is to be updated.
     pub fn requested(&self) -> impl Iterator<Item = Option<&[f32]>> {
-        self.presence.iter().zip(&self.weights).map(|(p, w)| (*p == Presence::Shown).then_some(&w[..]))
+        self.places.iter().map(|place| (place.presence == Presence::Shown).then_some(&place.weights[..]))
+    }
+
+    /// What is to be updated: each place that is shown, the weights requested, and its slots.
+    pub fn shown(&mut self) -> impl Iterator<Item = (usize, &[f32], &mut History)> {
+        let shown = self.places.iter_mut().enumerate().filter(|(_, place)| place.presence == Presence::Shown);
+        shown.map(|(i, place)| (i, &place.weights[..], &mut place.history))
     }
 }
 

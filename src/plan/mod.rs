@@ -6,7 +6,8 @@
 mod desc;
 #[cfg(any(test, feature = "internals"))]
 pub mod hazards;
-pub(crate) mod instances;
+pub mod history;
+pub mod instances;
 pub(crate) mod paths;
 pub mod schedule;
 mod stats;

@@ -20,14 +20,15 @@ use std::sync::Arc;
 /// A way to update the poses of a crowd, with what it keeps for that.
 ///
 /// In the order of an update: [`plan`](Self::plan) decides everything and writes the lists of the host,
-/// [`record`](Self::record) replays the works of the steps.
+/// [`record`](Self::record) replays the works of the steps. Which slots hold poses is in [`Instances`], with what was
+/// discarded: a technique is told what happens to instances only for state of its own.
 pub trait Technique: Any + Send + Sync {
-    /// Plan an update to what is requested into `steps`, which are empty, write this turn's lists, and take the update
-    /// as done. Steps without works are for updates that write lists only.
+    /// Plan an update to what is requested into `steps`, which are empty, write its lists, and take it as done: advance
+    /// the history of what it writes. Steps without works are for updates that write lists only.
     ///
     /// # Errors
     /// Lists that are not mapped.
-    fn plan(&mut self, instances: &Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats>;
+    fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats>;
 
     /// Record a work of the steps that were planned last.
     ///
@@ -40,24 +41,21 @@ pub trait Technique: Any + Send + Sync {
     unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work);
 
     /// Slots of the pose and of the previous pose of an instance; `None` while it has none.
-    fn slots_of(&self, instance: u32) -> Option<(u32, Option<u32>)>;
-
-    /// The next pose of an instance has no predecessor.
-    fn cut(&mut self, instance: u32);
-
-    /// An instance is hidden from now on, or shown again.
-    fn set_hidden(&mut self, instance: u32, _hidden: bool) {
-        self.cut(instance);
+    fn slots_of(&self, instances: &Instances, instance: usize) -> Option<(u32, Option<u32>)> {
+        instances.slots_of(instance)
     }
 
+    /// The next pose of an instance has no predecessor.
+    fn cut(&mut self, _instance: u32) {}
+
+    /// An instance is hidden from now on, or removed; or it is shown again.
+    fn set_hidden(&mut self, _instance: u32, _hidden: bool) {}
+
     /// A new instance takes a free place.
-    fn add(&mut self, instance: u32);
+    fn add(&mut self, _instance: u32) {}
 
-    /// An instance left its place.
-    fn remove(&mut self, _instance: u32) {}
-
-    /// The update of this turn and all later ones will never run.
-    fn discard_from(&mut self, id: UpdateId);
+    /// This update and all later ones will never run.
+    fn discard_from(&mut self, _id: UpdateId) {}
 
     /// The grid of the weights, for sums that are exact.
     fn exact(&self) -> Option<ExactGrid> {

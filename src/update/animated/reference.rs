@@ -10,7 +10,7 @@ use crate::pack::PackedLayout;
 use crate::pack::blocks::BlockIndex;
 use crate::plan::{UpdateDesc, UpdateStats};
 use crate::update::Runner;
-use crate::update::blocks::{BlockState, Scratch, WorkList};
+use crate::update::blocks::{BlockState, Frame, Scratch, WorkList};
 use std::sync::Arc;
 
 /// What the GPU samples and plans, worked out on the CPU.
@@ -18,6 +18,8 @@ pub struct AnimatedReference {
     index: Arc<BlockIndex>,
     states: Vec<BlockState>,
     slots: u32,
+    /// Heads that some update wrote.
+    known: Vec<bool>,
     /// Heads left out of the last update.
     hidden: Vec<bool>,
     /// Of each head, in steps of the grid.
@@ -41,12 +43,12 @@ impl AnimatedReference {
         // What waits is decided before, target by target: the planner gets the weights that go.
         let mut state = BlockState::new(UpdateDesc { error_budget: 0.0, ..desc }, layout, index)?;
         state.write_whole_blocks();
-        state.rotate_always();
         let (heads, targets) = (heads as usize, layout.targets.len());
         Ok(Self {
             index: index.clone(),
             states: vec![state; heads],
             slots: desc.slots,
+            known: vec![false; heads],
             hidden: vec![false; heads],
             weights: vec![Deferred::new(targets); heads],
             budget,
@@ -60,19 +62,20 @@ impl AnimatedReference {
     /// Sample and plan the update numbered `update`, which [`Playbacks::update`] returned last.
     pub fn update(&mut self, clips: &Clips, heads: &Playbacks, update: u64) -> &WorkList {
         self.list.clear();
-        let slot = (update % u64::from(self.slots)) as u32;
+        let slots = [update + u64::from(self.slots) - 1, update].map(|update| (update % u64::from(self.slots)) as u32);
         for (i, (state, record)) in self.states.iter_mut().zip(heads.records()).enumerate() {
             let hidden = record.has(HeadRecord::HIDDEN);
             let was_hidden = std::mem::replace(&mut self.hidden[i], hidden);
             if hidden {
                 continue;
             }
+            let known = std::mem::replace(&mut self.known[i], true);
             if was_hidden {
-                state.take_up_at(slot);
+                state.forget_slots();
             }
             sample(clips, record, heads.now(), &mut self.sampled);
             // A head that is new or shown again has nothing to wait with.
-            let budget = self.budget.as_ref().filter(|_| state.is_known() && !was_hidden);
+            let budget = self.budget.as_ref().filter(|_| known && !was_hidden);
             self.weights[i].commit(&self.sampled, budget, &self.index);
             let step = state.exact().map_or(0.0, |grid| grid.weight_step());
             // Steps have fewer bits than a float32's, and the step is a power of two: exact.
@@ -80,9 +83,10 @@ impl AnimatedReference {
                 .iter_mut()
                 .zip(self.weights[i].committed())
                 .for_each(|(asked, &steps)| *asked = steps as f32 * step);
-            let (scratch, list) = (&mut self.scratch, &mut self.list);
-            let stats = &mut UpdateStats::default();
-            state.plan(&self.index, i, &self.asked, update + 1, scratch, list, stats);
+            let mut frame = Frame::new(&self.index, i, &mut self.scratch, &mut self.list);
+            state.commit(&mut frame, &self.asked, known);
+            // Slots rotate in every update, also where nothing changed.
+            state.emit(&mut frame, slots, known, &mut UpdateStats::default());
         }
         &self.list
     }

@@ -232,7 +232,7 @@ impl Animated {
 }
 
 impl Technique for Animated {
-    fn plan(&mut self, _instances: &Instances, _id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
+    fn plan(&mut self, _instances: &mut Instances, _id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         let (update, slots) = (self.playbacks.update(&self.clips), u64::from(self.groups[0].push.slots));
         let (source, destination) = (((update + slots - 1) % slots) as u32, (update % slots) as u32);
         for Group { push, .. } in &mut self.groups {
@@ -287,8 +287,8 @@ impl Technique for Animated {
         }
     }
 
-    fn slots_of(&self, instance: u32) -> Option<(u32, Option<u32>)> {
-        let (update, has_past) = self.playbacks.written(instance)?;
+    fn slots_of(&self, _instances: &Instances, instance: usize) -> Option<(u32, Option<u32>)> {
+        let (update, has_past) = self.playbacks.written(instance as u32)?;
         let slots = u64::from(self.groups[0].push.slots);
         let slot = (update % slots) as u32;
         let before = ((update + slots - 1) % slots) as u32;
@@ -305,10 +305,6 @@ impl Technique for Animated {
 
     fn add(&mut self, instance: u32) {
         self.playbacks.add(instance);
-    }
-
-    fn remove(&mut self, instance: u32) {
-        self.playbacks.set_hidden(instance, true);
     }
 
     /// What the GPU would have changed is unchanged: the CPU's count of updates turns back, and that is all.

@@ -46,12 +46,6 @@ pub(super) struct Committed<T> {
 }
 
 impl<T: Unit> Committed<T> {
-    /// Numbers that are kept.
-    #[cfg(any(test, feature = "internals"))]
-    pub(super) fn len(&self) -> usize {
-        self.committed.len() + self.requested.len() + self.next.len()
-    }
-
     pub(super) fn new(targets: usize, entries: usize, per_entry: bool) -> Self {
         Self {
             requested: vec![T::default(); targets],
@@ -64,7 +58,7 @@ impl<T: Unit> Committed<T> {
 }
 
 /// One instance's part of an update.
-pub(super) struct Frame<'a> {
+pub(crate) struct Frame<'a> {
     pub(super) index: &'a BlockIndex,
     pub(super) instance: usize,
     pub(super) scratch: &'a mut Scratch,
@@ -75,7 +69,7 @@ pub(super) struct Frame<'a> {
 
 impl<'a> Frame<'a> {
     /// A phase of the update of an instance; scratch space and list pass from the first to the second.
-    pub(super) fn new(
+    pub(crate) fn new(
         index: &'a BlockIndex,
         instance: usize,
         scratch: &'a mut Scratch,

@@ -15,15 +15,16 @@ mod technique;
 mod tiles;
 
 pub use list::{ELEMENT_BYTES, Element, ITEM_WORDS, Item, WorkList};
-pub(crate) use plan::{EXACT_BLOCKS, GroupPlanner, Planner};
+pub(crate) use plan::EXACT_BLOCKS;
+pub use plan::{GroupPlanner, Planner};
 pub(crate) use state::check_tolerance;
 pub(crate) use technique::BlocksTechnique;
 pub use tiles::{ROWS, TILE_WORDS, WIDTHS, row_words};
 #[cfg(any(test, feature = "internals"))]
+pub(crate) use {bound::Scratch, commit::Frame, state::BlockState};
+#[cfg(any(test, feature = "internals"))]
 pub use {
-    bound::Scratch,
     list::component_bytes,
-    state::{BlockPlan, BlockState},
     tiles::{ALIGN, TILE, TileBytes, TileItem, Tiles},
 };
 

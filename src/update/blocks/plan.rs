@@ -3,7 +3,7 @@
 use super::bound::Scratch;
 use super::commit::Frame;
 use super::list::WorkList;
-use super::state::{BlockPlan, BlockState};
+use super::state::BlockState;
 use super::tiles::{Tiles, WIDTHS};
 use crate::abi::kernels::DeviceTuning;
 use crate::error::Result;
@@ -18,15 +18,16 @@ use std::ops::Range;
 use std::sync::Arc;
 
 /// The instances of a crowd, planned together: what GPU and CPU carry out.
-pub(crate) struct Planner {
+pub struct Planner {
     /// One for each group of the mesh.
     pub groups: Vec<GroupPlanner>,
-    plans: Vec<BlockPlan>,
 }
 
 /// The plan of a group: what blocks hold and which are written is its own; slots turn with those of all groups.
-pub(crate) struct GroupPlanner {
+pub struct GroupPlanner {
+    /// What the group was packed into.
     pub index: Arc<BlockIndex>,
+    /// What the last update writes.
     pub list: WorkList,
     /// Of the last update.
     pub stats: UpdateStats,
@@ -54,28 +55,29 @@ impl Planner {
                 scratch: Scratch::default(),
             })
         };
-        let groups = groups.into_iter().map(group).collect::<Result<_>>()?;
-        Ok(Self { groups, plans: vec![BlockPlan::default(); instances] })
+        Ok(Self { groups: groups.into_iter().map(group).collect::<Result<_>>()? })
     }
 
     /// Plan the update numbered `update` of every instance that is shown.
-    pub fn plan(&mut self, instances: &Instances, update: u64) {
+    pub fn plan(&mut self, instances: &mut Instances, update: u64) {
         for group in &mut self.groups {
             group.list.clear();
             group.stats = UpdateStats::default();
         }
-        for (i, (requested, plan)) in instances.requested().zip(&mut self.plans).enumerate() {
-            let Some(weights) = requested else { continue };
+        for (i, weights, history) in instances.shown() {
+            let known = history.current().is_some();
             let mut changed = false;
             for GroupPlanner { index, list, states, scratch, .. } in &mut self.groups {
-                changed |= states[i].commit(&mut Frame::new(index, i, scratch, list), weights);
+                changed |= states[i].commit(&mut Frame::new(index, i, scratch, list), weights, known);
             }
+            let slots = [history.after(0), history.after(1)];
             for GroupPlanner { index, list, stats, states, scratch } in &mut self.groups {
-                *plan = match changed {
-                    true => states[i].emit(&mut Frame::new(index, i, scratch, list), update, stats),
+                match changed {
+                    true => states[i].emit(&mut Frame::new(index, i, scratch, list), slots, known, stats),
                     false => states[i].stay(stats),
-                };
+                }
             }
+            if changed { history.advance(update, [slots[1]]) } else { history.stay() }
         }
     }
 
@@ -89,35 +91,9 @@ impl Planner {
         UpdateStats { coefficients: self.groups.first().map_or(0, |group| group.stats.coefficients), ..sum }
     }
 
-    fn states(&mut self) -> impl Iterator<Item = &mut [BlockState]> {
-        self.groups.iter_mut().map(|group| &mut group.states[..])
-    }
-
     /// The grid of exact sums of the first group; that of others may have other steps, and the same largest weight.
     pub fn exact(&self) -> Option<ExactGrid> {
         self.groups.first().and_then(GroupPlanner::exact)
-    }
-
-    /// Slots of the pose and of the previous pose of an instance; `None` while there is no pose.
-    pub fn slots_of(&self, instance: usize) -> Option<(u32, Option<u32>)> {
-        let plan = self.plans[instance];
-        let known = self.groups.iter().all(|group| group.states[instance].is_known());
-        known.then_some((plan.result, plan.previous))
-    }
-
-    /// The next pose of an instance has no predecessor.
-    pub fn cut(&mut self, instance: usize) {
-        self.states().for_each(|states| states[instance].cut());
-    }
-
-    /// Nothing is known of an instance any longer.
-    pub fn forget(&mut self, instance: usize) {
-        self.states().for_each(|states| states[instance].forget());
-    }
-
-    /// The update numbered `first` and all later ones will never run.
-    pub fn discard_from(&mut self, first: u64) {
-        self.states().flatten().for_each(|state| state.discard_from(first));
     }
 }
 

@@ -17,12 +17,8 @@
 //! rounding mode), an update adds √3 · (M·ε + (n + 4)·S·ε): one rounding at pose magnitude, one for each coefficient,
 //! product, partial sum and scale. A rebuild sets the bound to that of its own entries.
 
-#[cfg(any(test, feature = "internals"))]
-use super::bound::Scratch;
 use super::bound::{BlockBounds, rounding};
 use super::commit::{Committed, Frame, list_active};
-#[cfg(any(test, feature = "internals"))]
-use super::list::WorkList;
 use super::list::{ELEMENT_BYTES, ITEM_WORDS, Item, component_bytes};
 use crate::error::{Error, Result};
 use crate::pack::PackedLayout;
@@ -38,8 +34,6 @@ pub struct BlockState {
     slots: Slots,
     /// Every component of a block that is written, not only those that change.
     whole: bool,
-    /// Every update moves on to the next slot.
-    rotates: bool,
     /// Targets asked for that differ from the update before.
     changed: usize,
     largest_weight: f32,
@@ -53,25 +47,10 @@ enum Weights {
 
 #[derive(Clone, Debug)]
 struct Slots {
-    current: Option<u32>,
-    /// Whether the current slot holds what the state says.
-    known: bool,
-    written_by: u64,
-    cut: bool,
     /// `[slot][block]`: whether there is anything in `missed`.
     behind: Vec<bool>,
     /// `[slot][block][component][word]`: what differs from the current pose.
     missed: Vec<u32>,
-}
-
-/// Where an instance's poses are after an update.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct BlockPlan {
-    /// The slot that holds the pose.
-    pub result: u32,
-    /// The slot that holds the previous pose: `result` where there is none to tell apart; `None` where the update
-    /// overwrote it (one slot).
-    pub previous: Option<u32>,
 }
 
 /// What tolerances are fractions of: the diagonal, where there is one.
@@ -129,15 +108,10 @@ impl BlockState {
                 tolerance,
             },
             slots: Slots {
-                current: None,
-                known: false,
-                written_by: 0,
-                cut: false,
                 behind: vec![true; slots * blocks],
                 missed: vec![u32::MAX; slots * blocks * 6 * index.mask_words()],
             },
             whole: false,
-            rotates: false,
             changed: 0,
             largest_weight: 1.0,
         })
@@ -148,17 +122,8 @@ impl BlockState {
         self.whole = true;
     }
 
-    /// From now on, every update moves on to the next slot, also where nothing changed: for planners that do not know
-    /// whether anything did.
-    #[cfg(any(test, feature = "internals"))]
-    pub(crate) fn rotate_always(&mut self) {
-        self.rotates = true;
-    }
-
-    /// The next update writes `slot`, and what it holds is not known there: the instance was left out of some updates.
-    #[cfg(any(test, feature = "internals"))]
-    pub(crate) fn take_up_at(&mut self, slot: u32) {
-        self.slots.current = Some((slot + self.desc.slots - 1) % self.desc.slots);
+    /// What the slots hold is not known any longer: the instance was left out of some updates.
+    pub(crate) fn forget_slots(&mut self) {
         self.slots.behind.fill(true);
         self.slots.missed.fill(u32::MAX);
     }
@@ -171,67 +136,18 @@ impl BlockState {
         }
     }
 
-    /// Whether the current slot holds a pose: not before the first update, and not after a discarded one.
-    pub fn is_known(&self) -> bool {
-        self.slots.known
-    }
-
-    /// The next pose has no predecessor (the head was hidden or teleported): its previous pose is itself.
-    pub fn cut(&mut self) {
-        self.slots.cut = true;
-    }
-
-    /// The update numbered `first` and all later ones will never run.
-    pub fn discard_from(&mut self, first: u64) {
-        if self.slots.written_by >= first {
-            self.slots.known = false;
-        }
-    }
-
-    /// No slot is known any longer: the next plan rebuilds.
-    pub fn forget(&mut self) {
-        self.discard_from(0);
-    }
-
     /// The largest bound of any block, in input units; 0 for exact sums.
     pub fn bound(&self) -> f32 {
         if self.exact().is_some() { 0.0 } else { self.blocks.bound.iter().copied().fold(0.0, f32::max) }
     }
 
-    /// Bytes of main memory that an instance's state takes.
-    #[cfg(any(test, feature = "internals"))]
-    pub fn state_bytes(&self) -> usize {
-        let weights = match &self.weights {
-            Weights::Float(w) => w.len(),
-            Weights::Exact(_, w) => w.len(),
-        };
-        4 * (weights + 3 * self.blocks.bound.len() + self.slots.missed.len()) + self.slots.behind.len()
-    }
-
-    /// Append what brings the poses of `instance` to `weights` to `list`, and take it as done by the update numbered
-    /// `update` (ascending, from 1). Counts in `stats`.
-    #[cfg(any(test, feature = "internals"))]
-    #[allow(clippy::too_many_arguments)]
-    pub fn plan(
-        &mut self,
-        index: &BlockIndex,
-        instance: usize,
-        weights: &[f32],
-        update: u64,
-        scratch: &mut Scratch,
-        list: &mut WorkList,
-        stats: &mut UpdateStats,
-    ) -> BlockPlan {
-        let mut frame = Frame::new(index, instance, scratch, list);
-        if self.commit(&mut frame, weights) { self.emit(&mut frame, update, stats) } else { self.stay(stats) }
-    }
-
-    /// The first phase: take `weights` as requested, and decide what of them is applied now. Tells whether the second
-    /// has to follow: where several states have a slot in common, for all of them as soon as one says so.
-    pub(super) fn commit(&mut self, frame: &mut Frame<'_>, weights: &[f32]) -> bool {
+    /// The first phase: take `weights` as requested, and decide what of them is applied now; all of them where it is not
+    /// `known` what the poses hold. Tells whether the second has to follow: where several states have a slot in common,
+    /// for all of them as soon as one says so.
+    pub(crate) fn commit(&mut self, frame: &mut Frame<'_>, weights: &[f32], known: bool) -> bool {
         self.largest_weight = weights.iter().fold(self.largest_weight, |m, w| m.max(w.abs()));
         (frame.budget, frame.largest_weight) = (self.desc.error_budget, self.largest_weight);
-        let (unknown, amount) = (!self.slots.known, amount(self.exact()));
+        let (unknown, amount) = (!known, amount(self.exact()));
         let (blocks, changed) = (&mut self.blocks, &mut self.changed);
         let dirty = match &mut self.weights {
             Weights::Float(committed) => frame.commit(committed, blocks, weights, |w| w, amount, unknown, changed),
@@ -239,45 +155,42 @@ impl BlockState {
                 frame.commit(committed, blocks, weights, |w| grid.steps(w), amount, unknown, changed)
             }
         };
-        dirty || unknown || self.rotates
+        dirty || unknown
     }
 
     /// Nothing changed: the pose stays where it is.
-    pub(super) fn stay(&mut self, stats: &mut UpdateStats) -> BlockPlan {
-        // A still pose has no predecessor to tell apart either.
-        self.slots.cut = false;
+    pub(super) fn stay(&mut self, stats: &mut UpdateStats) {
         stats.coefficients += self.changed;
         stats.bound = stats.bound.max(self.bound());
-        let result = self.slots.current.unwrap_or(0);
-        BlockPlan { result, previous: Some(result) }
     }
 
-    /// The second phase: append what brings the next slot to what was committed, taken as done by the update numbered
-    /// `update`.
-    pub(super) fn emit(&mut self, frame: &mut Frame<'_>, update: u64, stats: &mut UpdateStats) -> BlockPlan {
-        stats.coefficients += self.changed;
-        match frame.index.mask_words() {
-            1 => self.emit_blocks::<6>(frame, stats),
-            2 => self.emit_blocks::<12>(frame, stats),
-            _ => self.emit_blocks::<24>(frame, stats),
+    /// The second phase: append what brings the second of two slots to what was committed; the first is current, and
+    /// holds what the state says where it is `known`.
+    pub(crate) fn emit(&mut self, frame: &mut Frame<'_>, slots: [u32; 2], known: bool, stats: &mut UpdateStats) {
+        if !known {
+            self.forget_slots();
         }
-        stats.bound = stats.bound.max(self.bound());
-        self.finish(update)
+        match frame.index.mask_words() {
+            1 => self.emit_blocks::<6>(frame, slots, known, stats),
+            2 => self.emit_blocks::<12>(frame, slots, known, stats),
+            _ => self.emit_blocks::<24>(frame, slots, known, stats),
+        }
+        self.stay(stats);
     }
 
     /// Which blocks are written, and how.
-    fn emit_blocks<const N: usize>(&mut self, frame: &mut Frame<'_>, stats: &mut UpdateStats) {
+    fn emit_blocks<const N: usize>(
+        &mut self,
+        frame: &mut Frame<'_>,
+        [current, destination]: [u32; 2],
+        known: bool,
+        stats: &mut UpdateStats,
+    ) {
         let Frame { index, instance, scratch, list, .. } = frame;
         let count = index.count();
         let (slots, exact) = (self.desc.slots as usize, self.exact().is_some());
         let amount = amount(self.exact());
-        let current = self.slots.current.unwrap_or(self.desc.slots - 1);
-        let destination = (current + 1) % self.desc.slots;
-        let unknown = !self.slots.known;
-        if unknown {
-            self.slots.behind.fill(true);
-            self.slots.missed.fill(u32::MAX);
-        }
+        let unknown = !known;
         let first_element = *instance * index.entry_count();
         let costs = index.costs();
         let (entry_masks, _) = index.masks().as_chunks::<N>();
@@ -373,20 +286,6 @@ impl BlockState {
             stats.bytes_moved += pose;
             stats.bytes_floor += pose;
         }
-        self.slots.current = Some(destination);
-    }
-
-    fn finish(&mut self, update: u64) -> BlockPlan {
-        let result = self.slots.current.unwrap_or(0);
-        let (slots, known) = (self.desc.slots, std::mem::replace(&mut self.slots.known, true));
-        let cut = std::mem::take(&mut self.slots.cut) || !known;
-        self.slots.written_by = update;
-        let previous = match slots {
-            _ if cut => Some(result),
-            1 => None,
-            _ => Some((result + slots - 1) % slots),
-        };
-        BlockPlan { result, previous }
     }
 }
 

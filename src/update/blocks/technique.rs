@@ -176,7 +176,7 @@ fn write_tiles(
 }
 
 impl Technique for BlocksTechnique {
-    fn plan(&mut self, instances: &Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
+    fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         self.planner.plan(instances, id.update);
         for (group, planner) in self.groups.iter_mut().zip(&mut self.planner.groups) {
             if group.dispatches.fill(&planner.index, &planner.list, &mut planner.stats) {
@@ -195,22 +195,6 @@ impl Technique for BlocksTechnique {
         let workgroups = Workgroups::Of(work.items.end - work.items.start);
         // SAFETY: the caller's obligations; set and list were written for this mesh and crowd.
         unsafe { group.kernel.dispatch(cmd, set, work.kernel, &push, workgroups) };
-    }
-
-    fn slots_of(&self, instance: u32) -> Option<(u32, Option<u32>)> {
-        self.planner.slots_of(instance as usize)
-    }
-
-    fn cut(&mut self, instance: u32) {
-        self.planner.cut(instance as usize);
-    }
-
-    fn add(&mut self, instance: u32) {
-        self.planner.forget(instance as usize);
-    }
-
-    fn discard_from(&mut self, id: UpdateId) {
-        self.planner.discard_from(id.update);
     }
 
     fn exact(&self) -> Option<ExactGrid> {

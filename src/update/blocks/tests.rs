@@ -8,6 +8,7 @@ use crate::pack::blocks::BlockDesc;
 use crate::pack::blocks::{BlockIndex, ExactGrid};
 use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
 use crate::plan::hazards::Event as Recorded;
+use crate::plan::instances::Instances;
 use crate::plan::steps::Steps;
 use crate::plan::tests::{Event, assert_barriers_needed, checker, events, scheduled};
 use crate::plan::{Accumulate, BatchSize, Consumers, UpdateDesc, UpdateMode, UpdatePath, UpdateStats};
@@ -52,6 +53,35 @@ fn packed(format: DeltaFormat, size: u32) -> PackedMesh {
     PackedMesh::pack(&testing::mesh(300, TARGETS), &PackDesc { blocks, ..PackDesc::new(format) }).unwrap()
 }
 
+/// A crowd of one instance.
+struct One {
+    mesh: PackedMesh,
+    planner: Planner,
+    instances: Instances,
+    update: u64,
+}
+
+impl One {
+    fn new(mesh: PackedMesh, desc: UpdateDesc) -> Self {
+        let planner = Planner::new(desc, [mesh.layout()], 1).unwrap();
+        Self { planner, instances: Instances::new(1, TARGETS, desc.slots), mesh, update: 0 }
+    }
+
+    /// Plan the next update; the slots of pose and previous pose.
+    fn step(&mut self, weights: &[f32]) -> ((u32, Option<u32>), UpdateStats) {
+        self.update += 1;
+        self.instances.set_weights(0, weights).unwrap();
+        self.planner.plan(&mut self.instances, self.update);
+        (self.instances.slots_of(0).unwrap(), self.planner.groups[0].stats)
+    }
+
+    /// What a device records of the last update.
+    fn recorded(&self, exact: bool, tiles: bool) -> Vec<Recorded> {
+        let group = &self.planner.groups[0];
+        recorded(&group.index, &group.list, exact, tiles)
+    }
+}
+
 proptest! {
     /// Any sequence of updates, cuts and discarded updates: the result slot holds the pose asked for, the previous
     /// slot the one before, and no access is unordered.
@@ -67,57 +97,55 @@ proptest! {
         let mode = if rebuild { UpdateMode::Rebuild } else { UpdateMode::Incremental };
         let error_budget = if budget { 0.5 } else { 0.0 };
         let desc = UpdateDesc { mode, slots, accumulate, error_budget, ..UpdateDesc::blocks() };
-        let mut state = BlockState::new(desc, mesh.layout(), &index).unwrap();
+        let mut one = One::new(mesh, desc);
         if whole {
-            state.write_whole_blocks();
+            one.planner.groups[0].write_whole_blocks();
         }
-        let (mut scratch, mut list) = (Scratch::default(), WorkList::new(&index, 1));
+        let mesh = one.mesh.clone();
         let mut device = Device {
             // Nothing may be read before it is written.
             slots: vec![vec![f32::NAN; mesh.base().len()]; slots as usize],
             sums: vec![i32::MAX; mesh.base().len()],
         };
         let mut ran: Vec<(u64, Vec<Recorded>, Vec<u32>, Device)> = vec![];
-        let (mut update, mut last) = (0u64, None::<Vec<f32>>);
+        let mut last = None::<Vec<f32>>;
         for event in events {
             match event {
                 Event::DiscardLast(n) => {
                     // They never ran: memory is what it was before the first of them.
                     let kept = ran.len().saturating_sub(n as usize);
                     for (number, list, _, before) in ran.drain(kept..).rev() {
-                        state.discard_from(number);
+                        one.instances.discard_from(number);
                         if !list.is_empty() {
                             last = None;
                         }
                         device = before;
                     }
                 }
-                Event::Cut => { state.cut(); last = None; }
+                Event::Cut => { one.instances.cut(0).unwrap(); last = None; }
                 Event::Update(weights) => {
-                    let known = state.is_known();
-                    let mut stats = UpdateStats::default();
-                    update += 1;
-                    list.clear();
-                    let plan = state.plan(&index, 0, &weights, update, &mut scratch, &mut list, &mut stats);
-                    let commands = recorded(&index, &list, exact, whole);
+                    let known = one.instances.slots_of(0).is_some();
+                    let ((result, previous), stats) = one.step(&weights);
+                    let commands = one.recorded(exact, whole);
+                    let list = &one.planner.groups[0].list;
                     prop_assert_eq!(commands.is_empty(), list.items.is_empty());
                     prop_assert!(!whole || list.masks.iter().all(|m| *m == u32::MAX));
                     let before = device.clone();
-                    run(&mesh, &index, state.exact(), &list, &mut device);
-                    let pose = mesh.layout().to_user_order(&device.slots[plan.result as usize]);
+                    run(&mesh, &index, one.planner.exact(), list, &mut device);
+                    let pose = mesh.layout().to_user_order(&device.slots[result as usize]);
                     // Weights are multiples of 1/4: on any grid.
                     let error = reference::compare(&pose, &reference::evaluate(&mesh, &weights));
                     let most = f64::from(error_budget.max(stats.bound)).max(1e-6 * f64::from(mesh.layout().diagonal));
                     prop_assert!(error.position <= most, "{:?} of {:?}", error, stats);
-                    match (plan.previous, &last) {
+                    match (previous, &last) {
                         (Some(slot), Some(last)) => {
                             prop_assert_eq!(&mesh.layout().to_user_order(&device.slots[slot as usize]), last);
                         }
-                        (Some(slot), None) => prop_assert!(slot == plan.result || (known && list.items.is_empty())),
+                        (Some(slot), None) => prop_assert!(slot == result || (known && list.items.is_empty())),
                         (None, _) => prop_assert_eq!(slots, 1),
                     }
-                    let drawn = plan.previous.into_iter().chain([plan.result]).collect();
-                    ran.push((update, commands, drawn, before));
+                    let drawn = previous.into_iter().chain([result]).collect();
+                    ran.push((one.update, commands, drawn, before));
                     last = Some(pose);
                 }
             }
@@ -131,33 +159,6 @@ proptest! {
     }
 }
 
-/// Plan one frame after another for one instance.
-struct Planner {
-    mesh: PackedMesh,
-    state: BlockState,
-    scratch: Scratch,
-    list: WorkList,
-    update: u64,
-}
-
-impl Planner {
-    fn new(format: DeltaFormat, desc: UpdateDesc) -> Self {
-        let mesh = packed(format, 32);
-        let index = mesh.layout().blocks.clone().unwrap();
-        let state = BlockState::new(desc, mesh.layout(), &index).unwrap();
-        Self { state, scratch: Scratch::default(), list: WorkList::new(&index, 1), mesh, update: 0 }
-    }
-
-    fn step(&mut self, weights: &[f32]) -> (BlockPlan, UpdateStats) {
-        let index = self.mesh.layout().blocks.clone().unwrap();
-        self.update += 1;
-        self.list.clear();
-        let mut stats = UpdateStats::default();
-        let plan = self.state.plan(&index, 0, weights, self.update, &mut self.scratch, &mut self.list, &mut stats);
-        (plan, stats)
-    }
-}
-
 fn float(tolerance: f32) -> UpdateDesc {
     UpdateDesc { accumulate: Accumulate::Float { tolerance }, ..UpdateDesc::blocks() }
 }
@@ -166,14 +167,12 @@ fn float(tolerance: f32) -> UpdateDesc {
 #[test]
 fn every_barrier_is_needed() {
     for (slots, accumulate) in [(1, Accumulate::Exact), (2, Accumulate::Exact), (2, Accumulate::default())] {
-        let mut planner = Planner::new(DeltaFormat::Small, UpdateDesc { slots, accumulate, ..float(1e-4) });
+        let mut one = One::new(packed(DeltaFormat::Small, 32), UpdateDesc { slots, accumulate, ..float(1e-4) });
         let mut frames = vec![];
         for frame in 0..5usize {
             let weight = |i: usize| if i % 3 == frame % 3 { 2.0 + frame as f32 / 4.0 } else { 1.0 };
-            let (plan, _) = planner.step(&(0..TARGETS).map(weight).collect::<Vec<f32>>());
-            let index = planner.mesh.layout().blocks.clone().unwrap();
-            let events = recorded(&index, &planner.list, accumulate == Accumulate::Exact, false);
-            frames.push((events, [Some(plan.result), plan.previous]));
+            let ((result, previous), _) = one.step(&(0..TARGETS).map(weight).collect::<Vec<f32>>());
+            frames.push((one.recorded(accumulate == Accumulate::Exact, false), [Some(result), previous]));
         }
         assert_barriers_needed(&frames, 2, &format!("{slots} slots"));
     }
@@ -181,53 +180,53 @@ fn every_barrier_is_needed() {
 
 #[test]
 fn a_still_face_is_no_work_and_a_change_touches_its_blocks_only() {
-    let mut planner = Planner::new(DeltaFormat::Fast, float(1e-4));
+    let mut one = One::new(packed(DeltaFormat::Fast, 32), float(1e-4));
     let mut weights = [0.25; TARGETS];
-    let (first, stats) = planner.step(&weights);
-    assert_eq!((first.previous, stats.dirty_blocks), (Some(first.result), 10));
+    let ((first, previous), stats) = one.step(&weights);
+    assert_eq!((previous, stats.dirty_blocks), (Some(first), 10));
     // The other slot was never written: it takes the whole pose once.
     weights[1] = 0.5;
-    assert_eq!(planner.step(&weights).1.dirty_blocks, 10);
+    assert_eq!(one.step(&weights).1.dirty_blocks, 10);
     weights[1] = 0.75;
-    let index = planner.mesh.layout().blocks.clone().unwrap();
-    let (plan, stats) = planner.step(&weights);
+    let index = one.mesh.layout().blocks.clone().unwrap();
+    let ((moved, previous), stats) = one.step(&weights);
     assert_eq!(stats.dirty_blocks, index.incidence(1).len());
-    assert_ne!(plan.previous, Some(plan.result));
-    let (still, stats) = planner.step(&weights);
-    assert_eq!((still.result, still.previous), (plan.result, Some(plan.result)));
+    assert_ne!(previous, Some(moved));
+    let (still, stats) = one.step(&weights);
+    assert_eq!(still, (moved, Some(moved)));
     assert_eq!(stats, UpdateStats { bound: stats.bound, ..UpdateStats::default() });
     // Target 2 is empty: its weight changes no pose.
     weights[2] = 1.0;
-    assert_eq!(planner.step(&weights).1.dirty_blocks, 0);
+    assert_eq!(one.step(&weights).1.dirty_blocks, 0);
 }
 
 #[test]
 fn a_cut_to_neutral_is_cheaper_from_base() {
-    let mut planner = Planner::new(DeltaFormat::Fast, float(1e-4));
+    let mut one = One::new(packed(DeltaFormat::Fast, 32), float(1e-4));
     for frame in 0..3 {
-        planner.step(&[0.5 + frame as f32 / 8.0; TARGETS]);
+        one.step(&[0.5 + frame as f32 / 8.0; TARGETS]);
     }
-    let (_, stats) = planner.step(&[0.0; TARGETS]);
+    let (_, stats) = one.step(&[0.0; TARGETS]);
     assert!(stats.rebuilt_blocks > 0 && stats.rebuilt_blocks == stats.dirty_blocks, "{stats:?}");
     // One weight of nine: adding it is cheaper than all nine from base.
-    planner.step(&[0.5; TARGETS]);
-    planner.step(&[0.75; TARGETS]);
+    one.step(&[0.5; TARGETS]);
+    one.step(&[0.75; TARGETS]);
     let mut weights = [0.75; TARGETS];
     weights[0] = 1.0;
-    assert_eq!(planner.step(&weights).1.rebuilt_blocks, 0);
+    assert_eq!(one.step(&weights).1.rebuilt_blocks, 0);
 }
 
 #[test]
 fn blocks_are_refreshed_before_their_bound_passes_the_tolerance_and_not_all_at_once() {
     let tolerance = 2e-5;
-    let mut planner = Planner::new(DeltaFormat::Fast, float(tolerance));
-    let length = tolerance * planner.mesh.layout().diagonal;
+    let mut one = One::new(packed(DeltaFormat::Fast, 32), float(tolerance));
+    let length = tolerance * one.mesh.layout().diagonal;
     let (mut rebuilt, mut most) = (0, 0);
     let mut weights = [0.5; TARGETS];
     for frame in 0..1200u32 {
         // One of nine targets changes: rebuilding never pays by bytes.
         weights[frame as usize % TARGETS] = 0.5 + (frame * 7 % 16) as f32 / 16.0;
-        let (_, stats) = planner.step(&weights);
+        let (_, stats) = one.step(&weights);
         assert!(stats.bound <= length, "{stats:?}");
         if frame > 2 {
             rebuilt += stats.rebuilt_blocks;
@@ -240,16 +239,16 @@ fn blocks_are_refreshed_before_their_bound_passes_the_tolerance_and_not_all_at_o
 #[test]
 fn small_changes_wait_and_settle() {
     let budget = 0.05;
-    let mut planner = Planner::new(DeltaFormat::Small, UpdateDesc { error_budget: budget, ..float(1e-4) });
-    planner.step(&[0.5; TARGETS]);
-    planner.step(&[0.75; TARGETS]);
+    let mut one = One::new(packed(DeltaFormat::Small, 32), UpdateDesc { error_budget: budget, ..float(1e-4) });
+    one.step(&[0.5; TARGETS]);
+    one.step(&[0.75; TARGETS]);
     let mut weights = [0.75; TARGETS];
     weights[0] += 0.01;
-    assert_eq!(planner.step(&weights).1.dirty_blocks, 0, "it waits");
-    assert!(planner.step(&weights).1.dirty_blocks > 0, "a still face settles");
-    assert_eq!(planner.step(&weights).1.dirty_blocks, 0);
+    assert_eq!(one.step(&weights).1.dirty_blocks, 0, "it waits");
+    assert!(one.step(&weights).1.dirty_blocks > 0, "a still face settles");
+    assert_eq!(one.step(&weights).1.dirty_blocks, 0);
     weights[0] += 0.5;
-    assert!(planner.step(&weights).1.dirty_blocks > 0, "a large change does not wait");
+    assert!(one.step(&weights).1.dirty_blocks > 0, "a large change does not wait");
 }
 
 #[test]
@@ -266,14 +265,14 @@ fn unusable_descriptions_are_refused() {
 
 #[test]
 fn a_cut_is_spent_on_a_still_frame_too() {
-    let mut planner = Planner::new(DeltaFormat::Fast, float(1e-4));
-    planner.step(&[0.25; TARGETS]);
-    let (still, _) = planner.step(&[0.5; TARGETS]);
-    planner.state.cut();
-    planner.step(&[0.5; TARGETS]);
-    let (moved, _) = planner.step(&[0.75; TARGETS]);
-    assert_eq!(moved.previous, Some(still.result));
-    planner.state.cut();
-    let (moved, _) = planner.step(&[1.0; TARGETS]);
-    assert_eq!(moved.previous, Some(moved.result));
+    let mut one = One::new(packed(DeltaFormat::Fast, 32), float(1e-4));
+    one.step(&[0.25; TARGETS]);
+    let ((still, _), _) = one.step(&[0.5; TARGETS]);
+    one.instances.cut(0).unwrap();
+    one.step(&[0.5; TARGETS]);
+    let ((_, previous), _) = one.step(&[0.75; TARGETS]);
+    assert_eq!(previous, Some(still));
+    one.instances.cut(0).unwrap();
+    let ((moved, previous), _) = one.step(&[1.0; TARGETS]);
+    assert_eq!(previous, Some(moved));
 }

@@ -58,7 +58,7 @@ proptest! {
         let tuning = DeviceTuning { widest_tile: 1 << widest, ..DeviceClass::Desktop.tuning() };
         let mut tiles = Tiles::new(&index, instances, exact.is_none(), tuning);
         let (mut one, mut other) = (memory(&mesh, instances, slots as usize), memory(&mesh, instances, slots as usize));
-        let mut heads = Instances::new(instances, TARGETS);
+        let mut heads = Instances::new(instances, TARGETS, slots);
         let mut weights = vec![[0.0; TARGETS]; instances];
         for (update, changes) in frames.iter().enumerate() {
             // Weights are multiples of 1/4: sums are exact in any order.
@@ -68,7 +68,7 @@ proptest! {
             for (i, weights) in weights.iter().enumerate() {
                 heads.set_weights(i as u32, weights).unwrap();
             }
-            planner.plan(&heads, update as u64 + 1);
+            planner.plan(&mut heads, update as u64 + 1);
             let list = &planner.groups[0].list;
             run_items(&mesh, &index, list, exact, &mut one);
             tiles.clear();
@@ -99,16 +99,17 @@ proptest! {
 fn widths_of(tuning: DeviceTuning, changed: impl Fn(usize, usize) -> bool) -> [usize; WIDTHS] {
     let mesh = PackedMesh::pack(&testing::mesh(300, TARGETS), &PackDesc::new(DeltaFormat::Fast)).unwrap();
     let index = mesh.layout().blocks.clone().unwrap();
-    let mut planner = Planner::new(UpdateDesc::blocks(), [mesh.layout()], TILE).unwrap();
+    let desc = UpdateDesc::blocks();
+    let mut planner = Planner::new(desc, [mesh.layout()], TILE).unwrap();
     planner.groups[0].write_whole_blocks();
     let mut tiles = Tiles::new(&index, TILE, true, tuning);
-    let mut heads = Instances::new(TILE, TARGETS);
+    let mut heads = Instances::new(TILE, TARGETS, desc.slots);
     for update in 1..4 {
         for head in 0..TILE {
             let weight = |t| if changed(head, t) { 0.25 * update as f32 } else { 0.25 };
             heads.set_weights(head as u32, &std::array::from_fn::<f32, TARGETS, _>(weight)).unwrap();
         }
-        planner.plan(&heads, update);
+        planner.plan(&mut heads, update);
     }
     let list = &planner.groups[0].list;
     tiles.fill(&index, list, 0..list.items.len());

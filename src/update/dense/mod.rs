@@ -12,7 +12,7 @@ pub(crate) type FeedbackTechnique = technique::DenseTechnique<feedback::Feedback
 pub(crate) use plan::pass_accesses;
 pub use plan::{COMPUTE_PASS, DensePlanner};
 #[cfg(any(test, feature = "internals"))]
-pub use plan::{Pass, Plan, PoseState};
+pub use plan::{Pass, Plan};
 
 #[cfg(test)]
 mod tests;

@@ -7,9 +7,10 @@
 //! ```
 
 use crate::error::Result;
-use crate::pack::{PackedLayout, PoseFormat};
+use crate::pack::PackedLayout;
 #[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::{Accesses, Memory, MemoryUse};
+use crate::plan::history::History;
 use crate::plan::instances::Instances;
 #[cfg(any(test, feature = "internals"))]
 use crate::plan::steps::{Access, Stage};
@@ -29,149 +30,68 @@ pub struct Pass {
     pub coefficients: Range<usize>,
 }
 
-/// The passes of one update of one instance.
+/// The passes of one update of one instance, and what its pose holds behind them.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Plan {
     /// What is applied, ascending by target.
     pub coefficients: Vec<Coefficient>,
     /// In order; empty when nothing changed.
     pub passes: Vec<Pass>,
-    /// The slot that holds the pose afterwards.
-    pub result: u32,
-    /// The slot that holds the previous pose afterwards: `result` where there is none to tell apart (nothing
-    /// changed, first pose, cut); `None` where the update had to overwrite it.
-    pub previous: Option<u32>,
     /// Whether the passes start from the base pose.
     pub rebuilt: bool,
+    /// The weights that the pose holds, as far as the history of the instance knows one.
+    pub applied: Vec<f32>,
 }
 
 impl Plan {
     /// Forget the passes of the last update.
-    pub(crate) fn clear(&mut self) {
+    fn clear(&mut self) {
         self.coefficients.clear();
         self.passes.clear();
         self.rebuilt = false;
     }
-}
 
-/// What the pose buffers of one instance hold.
-#[derive(Clone, Debug)]
-pub struct PoseState {
-    desc: UpdateDesc,
-    /// Weights applied to each slot; `None` = unknown.
-    applied: Vec<Option<Vec<f32>>>,
-    /// Number of the last update that wrote each slot.
-    written_by: Vec<u64>,
-    current: Option<u32>,
-    cut: bool,
-}
-
-impl PoseState {
-    /// Nothing known yet: the first plan rebuilds.
-    ///
-    /// # Errors
-    /// As [`UpdateDesc::check`].
-    pub fn new(desc: UpdateDesc) -> Result<Self> {
-        desc.check()?;
-        let slots = desc.slots as usize;
-        Ok(Self { desc, applied: vec![None; slots], written_by: vec![0; slots], current: None, cut: false })
-    }
-
-    /// The weights that the current slot holds; `None` before the first update and after a discarded one.
-    pub fn applied(&self) -> Option<&[f32]> {
-        self.applied[self.current? as usize].as_deref()
-    }
-
-    /// The next pose has no predecessor (the head was hidden or teleported): its previous pose is itself.
-    pub fn cut(&mut self) {
-        self.cut = true;
-    }
-
-    /// The update numbered `first` and all later ones will never run: what they wrote is unknown.
-    pub fn discard_from(&mut self, first: u64) {
-        for (applied, &by) in self.applied.iter_mut().zip(&self.written_by) {
-            if by >= first {
-                *applied = None;
-            }
-        }
-    }
-
-    /// No slot is known any longer: the next plan rebuilds.
-    pub fn forget(&mut self) {
-        self.discard_from(0);
-    }
-
-    /// Plan the passes to `weights` into `plan`, and take them as done by the update numbered `update`
-    /// (ascending, from 1).
-    pub fn plan(&mut self, weights: &[f32], update: u64, plan: &mut Plan) {
-        plan.clear();
-        let known = self.current.filter(|&c| self.applied[c as usize].is_some());
-        let cut = std::mem::take(&mut self.cut);
-
-        if let Some(current) = known
-            && self.applied[current as usize].as_deref() == Some(weights)
-        {
-            plan.result = current;
-            plan.previous = Some(current);
+    /// Plan the passes to `weights`, and take them as done by the update numbered `update` (ascending, from 1).
+    pub fn fill(&mut self, desc: &UpdateDesc, weights: &[f32], history: &mut History, update: u64) {
+        self.clear();
+        if history.current().is_some() && self.applied == weights {
+            history.stay();
             return;
         }
-
-        plan.rebuilt = self.choose_coefficients(known, weights, &mut plan.coefficients);
-        let source = match known {
-            Some(current) if !plan.rebuilt => Source::Slot(current),
-            _ => Source::Base,
-        };
-        self.lay_out_passes(source, plan);
-
-        for pass in &plan.passes {
-            self.applied[pass.destination as usize] = None;
-            self.written_by[pass.destination as usize] = update;
+        let current = history.current().filter(|_| desc.mode == UpdateMode::Incremental);
+        if current.is_some() {
+            changed_targets(weights, &self.applied, &mut self.coefficients);
         }
-        let overwritten = |slot: u32| plan.passes.iter().any(|p| p.destination == slot);
-        plan.previous = match known {
-            Some(current) if !cut => Some(current).filter(|&c| !overwritten(c)),
-            _ => Some(plan.result),
-        };
-        self.applied[plan.result as usize] = Some(weights.to_vec());
-        self.current = Some(plan.result);
-    }
-
-    /// Fill `out` with delta weights, or with weights where the update starts from base; tells which.
-    fn choose_coefficients(&self, known: Option<u32>, weights: &[f32], out: &mut Vec<Coefficient>) -> bool {
-        if let (UpdateMode::Incremental, Some(applied)) =
-            (self.desc.mode, known.and_then(|c| self.applied[c as usize].as_deref()))
-        {
-            changed_targets(weights, applied, out);
+        let source = match current {
+            Some(slot) if weights.iter().filter(|w| **w != 0.0).count() > self.coefficients.len() => Source::Slot(slot),
             // From base where that takes no more targets: as many bytes, and it wipes out accumulated rounding.
-            if weights.iter().filter(|w| **w != 0.0).count() > out.len() {
-                return false;
+            Some(_) | None => {
+                self.rebuilt = true;
+                self.coefficients.clear();
+                active_targets(weights, &mut self.coefficients);
+                Source::Base
             }
-            out.clear();
-        }
-        active_targets(weights, out);
-        true
+        };
+        self.lay_out_passes(desc, source, history);
+        history.advance(update, self.passes.iter().map(|pass| pass.destination));
+        self.applied.clear();
+        self.applied.extend_from_slice(weights);
     }
 
-    fn lay_out_passes(&self, source: Source, plan: &mut Plan) {
-        let slots = self.desc.slots;
-        let current = self.current.unwrap_or(slots - 1);
-        let first = (current + 1) % slots;
-        // Where the passes after the first go: in place, or to and fro between two slots. With three slots or
-        // more the current one is neither of them and survives as the previous pose.
-        let second = if self.desc.path.works_in_place() { first } else { (current + 2) % slots };
-        let count = plan.coefficients.len();
-        let passes = self.desc.batch.passes(count);
-        let size = match self.desc.batch {
-            BatchSize::Targets(b) => b as usize,
+    fn lay_out_passes(&mut self, desc: &UpdateDesc, mut source: Source, history: &History) {
+        // The passes after the first run in place, or alternate between two slots. With three slots or more the current
+        // one is neither of them and survives as the previous pose.
+        let first = history.after(1);
+        let second = if desc.path.works_in_place() { first } else { history.after(2) };
+        let count = self.coefficients.len();
+        let size = match desc.batch {
+            BatchSize::Targets(batch) => batch as usize,
             BatchSize::All => count,
         };
-        let mut from = source;
-        for k in 0..passes {
-            let destination = if k % 2 == 0 { first } else { second };
+        for (k, &destination) in (0..desc.batch.passes(count)).zip([first, second].iter().cycle()) {
             let coefficients = (k * size).min(count)..((k + 1) * size).min(count);
-            plan.passes.push(Pass { source: from, destination, coefficients });
-            from = Source::Slot(destination);
-            plan.result = destination;
+            self.passes.push(Pass { source, destination, coefficients });
+            source = Source::Slot(destination);
         }
     }
 }
@@ -182,31 +102,28 @@ pub const COMPUTE_PASS: &[Use] = &[Use::read(Resource::Asset), Use::read(Resourc
 /// The instances of a crowd, planned together.
 #[derive(Clone, Debug)]
 pub struct DensePlanner {
-    states: Vec<PoseState>,
+    desc: UpdateDesc,
     plans: Vec<Plan>,
     /// What the passes of all instances add.
     coefficients: Vec<Coefficient>,
-    pose: PoseFormat,
 }
 
 impl DensePlanner {
-    /// `instances` of which nothing is known yet.
+    /// For so many instances.
     ///
     /// # Errors
     /// As [`UpdateDesc::check`].
     pub fn new(desc: UpdateDesc, instances: usize) -> Result<Self> {
-        let states = vec![PoseState::new(desc)?; instances];
-        Ok(Self { states, plans: vec![Plan::default(); instances], coefficients: vec![], pose: desc.pose })
+        desc.check()?;
+        Ok(Self { desc, plans: vec![Plan::default(); instances], coefficients: vec![] })
     }
 
     /// Plan the update numbered `update` of every instance that is shown.
-    pub(crate) fn plan(&mut self, instances: &Instances, update: u64) {
+    pub fn plan(&mut self, instances: &mut Instances, update: u64) {
         self.coefficients.clear();
-        for ((state, requested), plan) in self.states.iter_mut().zip(instances.requested()).zip(&mut self.plans) {
-            match requested {
-                Some(weights) => state.plan(weights, update, plan),
-                None => plan.clear(),
-            }
+        self.plans.iter_mut().for_each(Plan::clear);
+        for (place, weights, history) in instances.shown() {
+            self.plans[place].fill(&self.desc, weights, history, update);
         }
     }
 
@@ -261,7 +178,7 @@ impl DensePlanner {
         let changed = self.plans.iter().filter(|plan| !plan.passes.is_empty());
         let bytes = |poses: usize| {
             let of = |layout: &PackedLayout| {
-                layout.padded_vertices() * (2 * self.pose.stride() * poses + coefficients * layout.format.stride())
+                layout.padded_vertices() * (2 * self.desc.pose.stride() * poses + coefficients * layout.format.stride())
             };
             groups.clone().map(of).sum::<usize>() as u64
         };
@@ -275,31 +192,10 @@ impl DensePlanner {
         }
     }
 
-    /// The weights that the current pose of an instance holds.
-    #[cfg(any(test, feature = "baselines"))]
-    pub(crate) fn applied(&self, instance: usize) -> Option<&[f32]> {
-        self.states[instance].applied()
-    }
-
-    /// Slots of the pose and of the previous pose of an instance; `None` while there is no pose.
-    pub(crate) fn slots_of(&self, instance: usize) -> Option<(u32, Option<u32>)> {
-        let plan = &self.plans[instance];
-        self.states[instance].applied().map(|_| (plan.result, plan.previous))
-    }
-
-    /// The next pose of an instance has no predecessor.
-    pub(crate) fn cut(&mut self, instance: usize) {
-        self.states[instance].cut();
-    }
-
-    /// Nothing is known of an instance any longer.
-    pub(crate) fn forget(&mut self, instance: usize) {
-        self.states[instance].forget();
-    }
-
-    /// The update numbered `first` and all later ones will never run.
-    pub(crate) fn discard_from(&mut self, first: u64) {
-        self.states.iter_mut().for_each(|state| state.discard_from(first));
+    /// The weights that the pose of an instance holds; none before its first update.
+    #[cfg(feature = "baselines")]
+    pub(crate) fn applied(&self, instance: usize) -> &[f32] {
+        &self.plans[instance].applied
     }
 }
 

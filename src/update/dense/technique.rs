@@ -57,7 +57,7 @@ impl<P: Passes> DenseTechnique<P> {
 }
 
 impl<P: Passes> Technique for DenseTechnique<P> {
-    fn plan(&mut self, instances: &Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
+    fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         self.planner.plan(instances, id.update);
         self.planner.fill(self.passes.len(), P::USES, steps);
         for (group, passes) in (0..).zip(&mut self.passes) {
@@ -70,22 +70,6 @@ impl<P: Passes> Technique for DenseTechnique<P> {
     unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work) {
         // SAFETY: the caller's obligations.
         unsafe { self.passes[work.group as usize].record(cmd, frame, work, self.planner.coefficients(work)) };
-    }
-
-    fn slots_of(&self, instance: u32) -> Option<(u32, Option<u32>)> {
-        self.planner.slots_of(instance as usize)
-    }
-
-    fn cut(&mut self, instance: u32) {
-        self.planner.cut(instance as usize);
-    }
-
-    fn add(&mut self, instance: u32) {
-        self.planner.forget(instance as usize);
-    }
-
-    fn discard_from(&mut self, id: UpdateId) {
-        self.planner.discard_from(id.update);
     }
 
     #[cfg(any(test, feature = "internals"))]

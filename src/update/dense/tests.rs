@@ -51,14 +51,15 @@ struct One {
 impl One {
     fn new(desc: UpdateDesc, targets: usize) -> Option<Self> {
         let planner = DensePlanner::new(desc, 1).ok()?;
-        Some(Self { planner, instances: Instances::new(1, targets), update: 0 })
+        Some(Self { planner, instances: Instances::new(1, targets, desc.slots), update: 0 })
     }
 
-    fn plan(&mut self, weights: &[f32]) -> Plan {
+    /// The plan, and the slots of pose and previous pose.
+    fn plan(&mut self, weights: &[f32]) -> (Plan, (u32, Option<u32>)) {
         self.instances.set_weights(0, weights).unwrap();
         self.update += 1;
-        self.planner.plan(&self.instances, self.update);
-        self.planner.plans()[0].clone()
+        self.planner.plan(&mut self.instances, self.update);
+        (self.planner.plans()[0].clone(), self.instances.slots_of(0).unwrap())
     }
 }
 
@@ -110,24 +111,25 @@ proptest! {
                     // They never ran: the slots are what they were before the first of them.
                     let kept = ran.len().saturating_sub(n as usize);
                     for (number, _, _, before) in ran.drain(kept..).rev() {
-                        one.planner.discard_from(number);
+                        one.instances.discard_from(number);
                         slots = before;
                     }
                 }
-                Event::Cut => { one.planner.cut(0); cut = true; }
+                Event::Cut => { one.instances.cut(0).unwrap(); cut = true; }
                 Event::Update(weights) => {
                     let wanted: Vec<f64> = weights.iter().map(|&w| f64::from(w)).collect();
-                    let last = one.planner.applied(0).map(|w| w.iter().map(|&w| f64::from(w)).collect::<Vec<_>>());
-                    let plan = one.plan(&weights);
+                    let applied = one.planner.plans()[0].applied.iter().map(|&w| f64::from(w)).collect::<Vec<_>>();
+                    let last = one.instances.slots_of(0).map(|_| applied);
+                    let (plan, (result, previous)) = one.plan(&weights);
                     let list = recorded(&mut one.planner, desc.path);
                     let before = slots.clone();
                     follow(&plan, &mut slots, TARGETS);
-                    let held = slots[plan.result as usize].clone().expect("the result is known");
+                    let held = slots[result as usize].clone().expect("the result is known");
                     prop_assert_eq!(&held, &wanted);
-                    prop_assert_eq!(one.planner.applied(0), Some(&weights[..]));
+                    prop_assert_eq!(&plan.applied, &weights);
                     let still = last.as_ref() == Some(&wanted);
                     let expected = match (last, cut) { (Some(l), false) => l, _ => wanted.clone() };
-                    if let Some(previous) = plan.previous {
+                    if let Some(previous) = previous {
                         prop_assert_eq!(slots[previous as usize].as_ref(), Some(&expected));
                     } else {
                         prop_assert!(desc.slots == 1 || (!desc.path.works_in_place() && desc.slots == 2));
@@ -137,7 +139,7 @@ proptest! {
                     } else {
                         prop_assert_eq!(plan.passes.len(), desc.batch.passes(plan.coefficients.len()));
                     }
-                    let drawn = plan.previous.into_iter().chain([plan.result]).collect();
+                    let drawn = previous.into_iter().chain([result]).collect();
                     ran.push((one.update, list, drawn, before));
                     cut = false;
                 }
@@ -164,8 +166,8 @@ fn every_barrier_is_needed() {
             let mut frames = vec![];
             for frame in 0..5 {
                 let weight = |i: usize| if i % 3 == frame % 3 { 2.0 + frame as f32 } else { 1.0 };
-                let plan = one.plan(&(0..9).map(weight).collect::<Vec<f32>>());
-                frames.push((recorded(&mut one.planner, path), [Some(plan.result), plan.previous]));
+                let (_, (result, previous)) = one.plan(&(0..9).map(weight).collect::<Vec<f32>>());
+                frames.push((recorded(&mut one.planner, path), [Some(result), previous]));
             }
             assert_barriers_needed(&frames, 6usize.div_ceil(batch as usize) + 1, &format!("{desc:?}"));
         }
@@ -176,17 +178,15 @@ fn every_barrier_is_needed() {
 fn a_swapped_ping_pong_slot_is_seen() {
     for path in [UpdatePath::Feedback, UpdatePath::Compute] {
         let desc = UpdateDesc::new(path, BatchSize::Targets(1));
-        let mut state = PoseState::new(desc).unwrap();
-        let (mut plan, mut slots) = (Plan::default(), vec![None; 2]);
-        state.plan(&[1.0, 1.0, 1.0], 1, &mut plan);
-        follow(&plan, &mut slots, 3);
-        state.plan(&[1.0, 0.5, 1.0], 2, &mut plan);
+        let (mut one, mut slots) = (One::new(desc, 3).unwrap(), vec![None; 2]);
+        follow(&one.plan(&[1.0, 1.0, 1.0]).0, &mut slots, 3);
+        let (mut plan, (result, _)) = one.plan(&[1.0, 0.5, 1.0]);
         assert_eq!(plan.passes.len(), 1);
         let Source::Slot(source) = plan.passes[0].source else { panic!("{plan:?}") };
         let pass = &mut plan.passes[0];
         (pass.source, pass.destination) = (Source::Slot(pass.destination), source);
         follow(&plan, &mut slots, 3);
-        assert_ne!(slots[plan.result as usize], Some(vec![1.0, 0.5, 1.0]), "{path:?}");
+        assert_ne!(slots[result as usize], Some(vec![1.0, 0.5, 1.0]), "{path:?}");
     }
 }
 
@@ -211,24 +211,24 @@ fn one_weight_among_57_active_is_one_pass_and_none_is_none() {
     ] {
         let mut one = One::new(UpdateDesc::new(path, batch), 57).unwrap();
         let mut weights = vec![0.5; 57];
-        assert_eq!(one.plan(&weights).passes.len(), batch.passes(57));
+        assert_eq!(one.plan(&weights).0.passes.len(), batch.passes(57));
         weights[33] = -0.25;
-        let plan = one.plan(&weights);
+        let (plan, _) = one.plan(&weights);
         assert_eq!((plan.passes.len(), plan.coefficients.len(), plan.rebuilt), (1, 1, false));
         assert_eq!(plan.coefficients[0], Coefficient { target: 33, value: -0.75 });
-        let plan = one.plan(&weights);
-        assert!(recorded(&mut one.planner, path).is_empty() && plan.previous == Some(plan.result));
+        let (_, (result, previous)) = one.plan(&weights);
+        assert!(recorded(&mut one.planner, path).is_empty() && previous == Some(result));
     }
 }
 
 #[test]
 fn rounds_of_a_crowd_share_their_barriers() {
     let desc = UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(2));
-    let (mut planner, mut instances) = (DensePlanner::new(desc, 3).unwrap(), Instances::new(3, 3));
+    let (mut planner, mut instances) = (DensePlanner::new(desc, 3).unwrap(), Instances::new(3, 3, desc.slots));
     for (instance, weights) in (0..).zip([[1.0, 1.0, 1.0], [1.0, 0.0, 0.0], [0.0; 3]]) {
         instances.set_weights(instance, &weights).unwrap();
     }
-    planner.plan(&instances, 1);
+    planner.plan(&mut instances, 1);
     let events = recorded(&mut planner, UpdatePath::Compute);
     let shape: Vec<usize> = events
         .iter()
