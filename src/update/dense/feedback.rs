@@ -12,7 +12,7 @@ use crate::gpu::caps::CAPTURE_STRIDE;
 use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernel;
 use crate::gpu::mesh::MeshBuffers;
-use crate::gpu::pipelines::{Objects, pose_input};
+use crate::gpu::pipelines::Objects;
 use crate::pack::{DeltaFormat, PackedLayout, PoseFormat};
 use crate::plan::BatchSize;
 use crate::plan::steps::{Access, Resource, Source, Stage, Use, Work};
@@ -209,8 +209,8 @@ pub(crate) fn vertex_input(format: DeltaFormat, batch: u32) -> VertexInput {
     let attribute =
         |location, binding, format, offset| vk::VertexInputAttributeDescription { location, binding, format, offset };
     let float3 = vk::Format::R32G32B32_SFLOAT;
-    let (pose, attributes) = pose_input(PoseFormat::Float32);
-    let (mut bindings, mut attributes) = (vec![pose], attributes);
+    let (pose, mut attributes) = PoseFormat::Float32.vertex_input();
+    let mut bindings = vec![pose];
     for b in 1..=batch {
         bindings.push(binding(b, format.stride() as u32));
         match format.attributes() {
