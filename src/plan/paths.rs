@@ -24,14 +24,13 @@ macro_rules! update_paths {
                 /// Compute, for the blocks of vertices that a changed target touches, and no others
                 ///
                 /// One workgroup for each. Takes the block formats. The one to use where there is a GPU.
-                Blocks "blocks" { formats: &DeltaFormat::BLOCKS, sums: Sums::Either }
-                    crate::update::blocks::BlocksTechnique;
+                Blocks "blocks" { formats: &DeltaFormat::BLOCKS } crate::update::blocks::BlocksTechnique;
             }
             host {
                 /// SIMD and threads, without Vulkan
                 ///
                 /// Takes every format.
-                Cpu "cpu" { formats: &DeltaFormat::ALL, sums: Sums::Either };
+                Cpu "cpu" { formats: &DeltaFormat::ALL };
             }
             baselines {
                 /// Baseline: the passes of feedback, stored by the vertex shader
@@ -41,7 +40,7 @@ macro_rules! update_paths {
                 ///
                 /// A last pass makes the pose of the sums.
                 Scatter "scatter" {
-                    formats: &[DeltaFormat::Small], has_own_upload: true, sums: Sums::Exact,
+                    formats: &[DeltaFormat::Small], has_own_upload: true, exact_only: true,
                     rebuilds_only: true, takes_groups: false
                 } crate::baselines::ScatterTechnique;
                 /// Baseline: each draw evaluates all active targets (Costigan et al., Bevy, three.js, Filament)
@@ -85,17 +84,6 @@ pub(crate) enum Batch {
     Attributes,
 }
 
-/// How poses may add up.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Sums {
-    /// In float32, without a bound on drift and without an error budget.
-    Float,
-    /// In integers, without an error budget.
-    Exact,
-    /// In any way that the format of the mesh allows.
-    Either,
-}
-
 /// A path.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathRow {
@@ -105,7 +93,8 @@ pub(crate) struct PathRow {
     formats: &'static [DeltaFormat],
     pub(crate) needs: Needs,
     pub(crate) batch: Batch,
-    pub(crate) sums: Sums,
+    /// Its sums are integers, and it has no error budget.
+    pub(crate) exact_only: bool,
     /// It updates all groups of a mesh, not only positions and normals.
     pub(crate) takes_groups: bool,
     /// Its meshes are uploaded in words of their own.
@@ -124,7 +113,7 @@ impl PathRow {
             formats: &DeltaFormat::DENSE,
             needs: Needs::Workgroups,
             batch: Batch::Any,
-            sums: Sums::Float,
+            exact_only: false,
             takes_groups: true,
             has_own_upload: false,
             rebuilds_only: false,
