@@ -3,7 +3,7 @@
 use ash::vk;
 use std::fmt::{Display, Formatter, Write};
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What went wrong, where, and what to do about it.
 #[derive(Debug, thiserror::Error)]
@@ -152,6 +152,16 @@ impl Error {
         }
     }
 
+    /// Makes an [`Error::Io`] of the system's error, for `map_err`.
+    pub(crate) fn io(path: &Path, action: &'static str) -> impl Fn(io::Error) -> Self {
+        move |source| Self::Io { path: path.to_path_buf(), action, source }
+    }
+
+    /// An [`Error::Input`].
+    pub(crate) fn input(path: &Path, place: impl Into<String>, what: impl Into<String>, remedy: &str) -> Self {
+        Self::Input { path: path.to_path_buf(), place: place.into(), what: what.into(), remedy: remedy.into() }
+    }
+
     /// An [`Error::OutOfMemory`].
     pub(crate) fn out_of_memory(what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::OutOfMemory { what: what.into(), remedy: remedy.into() }
@@ -167,31 +177,32 @@ impl Error {
 mod tests {
     use super::*;
 
+    fn io(kind: io::ErrorKind) -> Error {
+        Error::io(Path::new("a/b.obj"), "read")(kind.into())
+    }
+
     #[test]
     fn a_failed_access_has_a_remedy() {
-        let io = |kind: io::ErrorKind| Error::Io { path: "a/b.obj".into(), action: "read", source: kind.into() };
-        let text = |kind| io(kind).to_string();
-        assert_eq!(text(io::ErrorKind::NotFound), "a/b.obj: cannot read: entity not found; check the path");
-        assert_eq!(
-            text(io::ErrorKind::PermissionDenied),
-            "a/b.obj: cannot read: permission denied; check the permissions"
-        );
-        assert!(text(io::ErrorKind::StorageFull).ends_with("; free some space, or choose another disk"));
-        assert!(text(io::ErrorKind::BrokenPipe).ends_with("; see the system's message"));
+        for (kind, text) in [
+            (io::ErrorKind::NotFound, "a/b.obj: cannot read: entity not found; check the path"),
+            (io::ErrorKind::PermissionDenied, "a/b.obj: cannot read: permission denied; check the permissions"),
+            (io::ErrorKind::StorageFull, "; free some space, or choose another disk"),
+            (io::ErrorKind::BrokenPipe, "; see the system's message"),
+        ] {
+            assert!(io(kind).to_string().ends_with(text), "{}", io(kind));
+        }
     }
 
     /// Hosts store these numbers: one that changes is a breaking change.
     #[test]
     fn kinds_have_stable_numbers() {
-        let words = || ("what".to_owned(), "remedy".to_owned());
         let vulkan = |result| Error::Vulkan { call: "vkCall", result, remedy: "" };
-        let io = |kind: io::ErrorKind| Error::Io { path: "a".into(), action: "read", source: kind.into() };
-        let place = String::new();
+        let (reason, remedy) = (String::new(), String::new());
         let all = [
             (1, io(io::ErrorKind::NotFound)),
-            (2, Error::Input { path: "a".into(), place: place.clone(), what: words().0, remedy: words().1 }),
+            (2, Error::input(Path::new("a"), "", "what", "remedy")),
             (3, Error::invalid("what", "remedy")),
-            (4, Error::Unsupported { path: "compute", device: place, reason: words().0, remedy: words().1 }),
+            (4, Error::Unsupported { path: "compute", device: String::new(), reason, remedy }),
             (5, Error::out_of_memory("what", "remedy")),
             (5, io(io::ErrorKind::OutOfMemory)),
             (5, vulkan(vk::Result::ERROR_OUT_OF_HOST_MEMORY)),
@@ -214,12 +225,8 @@ mod tests {
 
     #[test]
     fn what_a_file_says_cannot_steer_the_terminal() {
-        let text = Error::Input {
-            path: "a\u{7}b.csv".into(),
-            place: ": column '\u{9b}2J'".into(),
-            what: "'\u{1b}[2J' is not a number, ä is".into(),
-            remedy: "mend it".into(),
-        };
+        let what = "'\u{1b}[2J' is not a number, ä is";
+        let text = Error::input(Path::new("a\u{7}b.csv"), ": column '\u{9b}2J'", what, "mend it");
         assert_eq!(text.to_string(), r"a\u{7}b.csv: column '\u{9b}2J': '\u{1b}[2J' is not a number, ä is; mend it");
         assert_eq!(Error::invalid("target 'a\nb'", "rename it").to_string(), r"target 'a\nb'; rename it");
     }

@@ -1,4 +1,4 @@
-//! Files: read up to a bounded size, and replaced only by a complete one.
+//! Files: read up to a bounded size, and replaced only by a complete one; what is in a folder.
 
 use crate::error::{Error, Result};
 use std::fs::{File, OpenOptions};
@@ -8,63 +8,65 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 /// The bytes of a regular file of at most `limit` bytes; `remedy` is for one that is larger.
 pub(crate) fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<u8>> {
-    let io = |source| Error::Io { path: path.to_path_buf(), action: "read", source };
-    let input = |what: String, remedy: &str| Error::Input {
-        path: path.to_path_buf(),
-        place: String::new(),
-        what,
-        remedy: remedy.to_owned(),
-    };
-    // Looked at before it is opened: opening a pipe that nobody writes to waits for ever.
-    let kind = std::fs::metadata(path).map_err(io)?;
+    let io = Error::io(path, "read");
+    // Looked at before it is opened: opening a pipe that nobody writes to blocks for ever.
+    let kind = std::fs::metadata(path).map_err(&io)?;
     if !kind.is_file() {
         let kind = if kind.is_dir() { "a folder" } else { "a pipe, socket or device" };
-        return Err(input(format!("{kind}, where a regular file is expected"), "give the path of a regular file"));
+        let what = format!("{kind}, where a regular file is expected");
+        return Err(Error::input(path, "", what, "give the path of a regular file"));
     }
-    let file = File::open(path).map_err(io)?;
-    let size = file.metadata().map_err(io)?.len();
+    let file = File::open(path).map_err(&io)?;
+    let size = file.metadata().map_err(&io)?.len();
     let mut bytes = Vec::new();
     if size <= limit {
         reserve(path, &mut bytes, size.saturating_add(2))?;
         // The size is only a hint: a file may grow while it is read.
-        file.take(limit + 1).read_to_end(&mut bytes).map_err(io)?;
+        file.take(limit + 1).read_to_end(&mut bytes).map_err(&io)?;
     }
     if size.max(bytes.len() as u64) > limit {
         let what = format!("more than {} MiB, the most that is read", limit >> 20);
-        return Err(input(what, remedy));
+        return Err(Error::input(path, "", what, remedy));
     }
     Ok(bytes)
 }
 
-/// Room for `size` bytes of a file, or an error in place of the end of the process.
+/// Reserve `size` bytes for a file. An allocation that fails is an error, and does not end the process.
 fn reserve(path: &Path, bytes: &mut Vec<u8>, size: u64) -> Result<()> {
-    let reserved = usize::try_from(size).ok().map(|size| bytes.try_reserve_exact(size));
-    match reserved {
-        Some(Ok(())) => Ok(()),
-        _ => Err(Error::out_of_memory(
-            format!("{}: {} MiB, for which there is no memory", path.display(), size.div_ceil(1 << 20)),
-            "free memory, or use a smaller file",
-        )),
+    if usize::try_from(size).is_ok_and(|size| bytes.try_reserve_exact(size).is_ok()) {
+        return Ok(());
     }
+    let what = format!("{}: {} MiB, for which there is no memory", path.display(), size.div_ceil(1 << 20));
+    Err(Error::out_of_memory(what, "free memory, or use a smaller file"))
 }
 
-/// Whether there is memory for copies of `size` bytes of a file.
-///
-/// # Errors
-/// There is not.
+/// Refuse where there is no memory for copies of `size` bytes of a file.
 pub(crate) fn check_room(path: &Path, size: u64) -> Result<()> {
     reserve(path, &mut Vec::new(), size)
 }
 
+/// What is in a folder, by name.
+pub(crate) fn list(folder: &Path) -> Result<Vec<PathBuf>> {
+    let entries = std::fs::read_dir(folder).and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect());
+    let mut paths: Vec<PathBuf> = entries.map_err(Error::io(folder, "read the folder"))?;
+    paths.sort();
+    Ok(paths)
+}
+
+/// Whether a name ends in `.extension`, in upper or lower case.
+pub(crate) fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
+}
+
 /// Write a file beside `path`, and then in its place: what was there stays until the new one is complete.
 pub fn write_replacing(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<()> {
-    let io = |source| Error::Io { path: path.to_path_buf(), action: "write", source };
+    let io = Error::io(path, "write");
     let flushed = |file: File| {
         let mut out = BufWriter::new(file);
         write(&mut out)?;
         out.into_inner().map_err(io::IntoInnerError::into_error)
     };
-    // A pipe or a terminal has no place to take.
+    // A pipe or a terminal is written to, not replaced.
     if path.metadata().is_ok_and(|m| !m.is_file()) {
         return File::create(path).and_then(flushed).map(drop).map_err(io);
     }
@@ -105,25 +107,19 @@ mod tests {
     use std::io::Write;
 
     #[test]
-    fn a_file_above_the_limit_is_refused() {
+    fn what_is_too_large_or_no_regular_file_is_refused() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("big.obj");
         std::fs::write(&path, vec![b' '; 3 << 20]).unwrap();
-        let message = read_bounded(&path, 2 << 20, "split it").unwrap_err().to_string();
-        assert!(message.contains("big.obj") && message.contains("2 MiB") && message.contains("split it"), "{message}");
         assert_eq!(read_bounded(&path, 3 << 20, "").unwrap().len(), 3 << 20);
-    }
-
-    #[test]
-    fn what_is_no_regular_file_is_refused() {
-        let dir = tempfile::tempdir().unwrap();
-        let message = read_bounded(dir.path(), 1, "").unwrap_err().to_string();
-        let path = dir.path().display().to_string();
-        assert!(message.starts_with(&path) && message.contains("a folder, where a regular file"), "{message}");
-        #[cfg(unix)]
-        {
-            let message = read_bounded(Path::new("/dev/zero"), 1, "").unwrap_err().to_string();
-            assert!(message.contains("/dev/zero: a pipe, socket or device"), "{message}");
+        let cases = [
+            (path.as_path(), "big.obj: more than 2 MiB, the most that is read; split it"),
+            (dir.path(), ": a folder, where a regular file"),
+            (Path::new("/dev/zero"), "/dev/zero: a pipe, socket or device"),
+        ];
+        for (path, text) in &cases[..if cfg!(unix) { 3 } else { 2 }] {
+            let message = read_bounded(path, 2 << 20, "split it").unwrap_err().to_string();
+            assert!(message.starts_with(&path.display().to_string()) && message.contains(text), "{message}");
         }
     }
 

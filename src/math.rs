@@ -1,4 +1,4 @@
-//! Small functions that several rooms use: lengths, angles, powers of two.
+//! Small functions that several rooms use: lengths, angles, powers of two, a map that takes several threads.
 
 use glam::{DVec3, Vec3};
 
@@ -24,6 +24,21 @@ pub fn diagonal(positions: &[Vec3]) -> f32 {
     let (lo, hi) = positions.iter().fold((first, first), |(lo, hi), &p| (lo.min(p), hi.max(p)));
     // The squares of tiny differences would vanish in single precision, and those of huge ones overflow.
     (hi.as_dvec3() - lo.as_dvec3()).length() as f32
+}
+
+/// `map` of every item, in order; on several threads where the crate is built with them. Each thread has a copy of
+/// `scratch`.
+pub(crate) fn map_all<T: Sync, S: Clone + Send + Sync, R: Send>(
+    items: &[T],
+    mut scratch: S,
+    map: impl Fn(&mut S, &T) -> R + Send + Sync,
+) -> Vec<R> {
+    #[cfg(feature = "threads")]
+    if items.len() > 1 {
+        use rayon::prelude::*;
+        return items.par_iter().map_init(|| scratch.clone(), map).collect();
+    }
+    items.iter().map(|item| map(&mut scratch, item)).collect()
 }
 
 #[cfg(test)]

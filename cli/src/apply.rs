@@ -1,16 +1,17 @@
 //! `apply`: one pose, through the path named, written as OBJ in the input's vertex order.
 
-use crate::args::ApplyArgs;
+use crate::args::run::{ApplyArgs, Single};
 use crate::input;
 use crate::output::{Failure, Output};
 use crate::stage::{Setup, Stage};
-use crate::verify::Promise;
+use crate::verify::{Promise, REMEDY};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::import::obj::{ObjMesh, write_obj};
 use deltamorph::reference::{SHORTEST_NORMAL, compare, evaluate};
-use deltamorph::{MorphMesh, POSE_FLOATS, UpdatePath};
+use deltamorph::{MorphMesh, POSE_FLOATS};
 use glam::Vec3;
 use serde::Serialize;
+use std::path::Path;
 
 #[derive(Serialize)]
 struct Applied {
@@ -29,16 +30,22 @@ struct Applied {
 }
 
 pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
-    out.check(&input::files_of(&args.input, args.weights.as_slice()), &[&args.output], None)?;
-    let input = input::load(&args.input, false, out)?;
+    let ApplyArgs { run, weights, output, .. } = args;
+    let single = Single::new("apply", &run.update).map_err(Failure::Usage)?;
+    if weights.is_none() && args.set.is_empty() {
+        let text = "nothing to apply; give --weights CSV --frame N, or --set NAME=WEIGHT";
+        return Err(Failure::Usage(text.into()));
+    }
+    out.check(&input::files_of(&run.input, weights.as_slice()), &[output], None)?;
+    let input = input::load(&run.input, false, out)?;
     let frames = frames(args, &input.kept)?;
 
-    let stage = Stage::best("apply", &args.update, args.batch_size, &input, device, out)?;
-    let path = stage.desc.path;
+    let stage = Stage::new(single, run, &input, device, out)?;
+    let path = stage.desc.path.name();
     let mut runner = stage.runner()?;
     let mut passes = 0;
     for weights in &frames {
-        passes += runner.step(std::slice::from_ref(weights))?.stats.passes;
+        passes += runner.step(&[weights])?.stats.passes;
     }
     let pose = runner.pose(0)?;
     // There is at least one frame: `frames` sees to it.
@@ -46,39 +53,35 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let promise = Promise::new(&stage.desc, stage.mesh.layout());
     let error = compare(&pose, &evaluate(&stage.mesh, &promise.applied(weights)));
     let diagonal = f64::from(input.kept.diagonal);
-    let relative = if diagonal > 0.0 { error.position / diagonal } else { error.position };
+    let relative = error.position / promise.scale();
     // Rounding grows with what is added up, on the way as well as at the end.
     let reach = |weights: &Vec<f32>| weights.iter().map(|w| f64::from(w.abs())).sum::<f64>();
     let added = frames.iter().map(reach).fold(1.0, f64::max);
     if !error.within(1e-5 * diagonal * added, 0.1 * added) && error.position > f64::from(f32::MIN_POSITIVE) {
         return Err(Failure::Failed(format!(
-            "the pose through '{}' is off by {relative:.3e} of the diagonal; nothing was written; try another --path, \
-             and report this with what `deltamorph devices` prints",
-            path.name()
+            "the pose through '{path}' is off by {relative:.3e} of the diagonal; nothing was written; {REMEDY}"
         )));
     }
-    write(args, &input.kept, &pose)?;
-    let device = stage.device();
+    write(output, &input.kept, &pose)?;
+    let active = weights.iter().filter(|w| **w != 0.0).count();
     out.say(format_args!(
-        "{}: {} active of {} targets, {passes} passes on {} ({}), {relative:.1e} of the diagonal off the float64 \
+        "{}: {active} active of {} targets, {passes} passes through {}; {relative:.1e} of the diagonal off the float64 \
          reference",
-        args.output.display(),
-        weights.iter().filter(|w| **w != 0.0).count(),
+        output.display(),
         weights.len(),
-        path.name(),
-        if path == UpdatePath::Cpu { "the processor" } else { &device },
+        stage.describe(),
     ));
     out.json(&Applied {
         schema: 1,
-        device,
+        device: stage.device(),
         setup: stage.setup(),
         batch_size: stage.desc.batch.to_string(),
         frames: frames.len(),
         passes,
-        active: weights.iter().filter(|w| **w != 0.0).count(),
+        active,
         max_error: error.position,
         max_error_rel: relative,
-        output: args.output.display().to_string(),
+        output: output.display().to_string(),
     })
 }
 
@@ -87,7 +90,7 @@ fn frames(args: &ApplyArgs, mesh: &MorphMesh) -> Result<Vec<Vec<f32>>, Failure> 
     let targets = mesh.targets.len();
     let mut frames = match (&args.weights, args.frame) {
         (Some(path), Some(last)) => {
-            let all = input::clip(path, &args.input, mesh)?;
+            let all = input::clip(path, &args.run.input, mesh)?;
             let first = args.from_frame.unwrap_or(last);
             let count = all.frame_count();
             if let Some(beyond) = [first, last].into_iter().find(|f| *f >= count) {
@@ -97,29 +100,29 @@ fn frames(args: &ApplyArgs, mesh: &MorphMesh) -> Result<Vec<Vec<f32>>, Failure> 
                 )));
             }
             // Backwards is fine, too: a delta weight may be negative.
-            let order: Vec<usize> =
-                if first <= last { (first..=last).collect() } else { (last..=first).rev().collect() };
-            order.into_iter().map(|f| all.frame(f)).collect()
+            let mut frames: Vec<_> = (first.min(last)..=first.max(last)).map(|f| all.frame(f)).collect();
+            if first > last {
+                frames.reverse();
+            }
+            frames
         }
         _ => vec![vec![0.0; targets]],
     };
-    for (i, setting) in args.set.iter().enumerate() {
-        if args.set[..i].iter().any(|other| other.name == setting.name) {
-            return Err(Failure::Usage(format!("--set {}: set twice; leave one of them out", setting.name)));
+    for (i, (name, weight)) in args.set.iter().enumerate() {
+        let refuse = |why: String| Failure::Usage(format!("--set {name}: {why}"));
+        if args.set[..i].iter().any(|(other, _)| other == name) {
+            return Err(refuse("set twice; leave one of them out".into()));
         }
-        let at = mesh.target_index(&setting.name).ok_or_else(|| {
-            Failure::Usage(format!(
-                "--set {}: '{}' has no such target; `deltamorph info` lists the {targets} there are",
-                setting.name, mesh.name
-            ))
+        let at = mesh.target_index(name).ok_or_else(|| {
+            refuse(format!("'{}' has no such target; `deltamorph info` lists the {targets} there are", mesh.name))
         })?;
-        frames.iter_mut().for_each(|weights| weights[at] = setting.weight);
+        frames.iter_mut().for_each(|weights| weights[at] = *weight);
     }
     Ok(frames)
 }
 
 /// Write the pose: nine digits, the input's vertex order, normals normalised.
-fn write(args: &ApplyArgs, mesh: &MorphMesh, pose: &[f32]) -> Result<(), Failure> {
+fn write(path: &Path, mesh: &MorphMesh, pose: &[f32]) -> Result<(), Failure> {
     let vertices = pose.chunks_exact(POSE_FLOATS).take(mesh.vertex_count());
     let positions: Vec<Vec3> = vertices.clone().map(|v| Vec3::from_slice(&v[..3])).collect();
     let normals: Vec<Vec3> = vertices
@@ -130,5 +133,5 @@ fn write(args: &ApplyArgs, mesh: &MorphMesh, pose: &[f32]) -> Result<(), Failure
         })
         .collect();
     let shape = ObjMesh { positions: &positions, normals: &normals, texcoords: &mesh.texcoords, faces: &mesh.faces };
-    Ok(write_obj(&args.output, shape)?)
+    Ok(write_obj(path, shape)?)
 }

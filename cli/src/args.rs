@@ -1,17 +1,17 @@
 //! The command line, as clap sees it.
 
 pub mod bench;
-pub mod play;
+pub mod run;
 pub mod values;
 
 use bench::BenchArgs;
 use clap::{Args, Parser, Subcommand};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::import::sample::HeadDesc;
-use deltamorph::{Accumulate, BatchSize, BlockDesc, DeltaFormat, Tolerance, UpdateDesc, UpdateMode, UpdatePath};
-use play::{PlayArgs, SoakArgs};
+use deltamorph::{Accumulate, BlockDesc, DeltaFormat, Tolerance, UpdateMode, UpdatePath};
+use run::{ApplyArgs, PlayArgs, SoakArgs};
 use std::path::PathBuf;
-use values::{BatchSpec, BudgetSpec, Projection, WeightSetting, format_on};
+use values::BudgetSpec;
 
 /// Morph targets (blend shapes) on the GPU: applies only the weights that changed.
 #[derive(Debug, Parser)]
@@ -72,7 +72,7 @@ pub struct SampleArgs {
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
     /// Frames of the weight clip
-    #[arg(long, value_name = "N", default_value_t = 300, value_parser = values::at_least_one)]
+    #[arg(long, value_name = "N", default_value_t = 300, value_parser = values::whole(1usize, 1_000_000))]
     pub frames: usize,
     /// Frames per second of the weight clip
     #[arg(long, value_name = "F", default_value_t = 30.0, value_parser = values::fps)]
@@ -109,12 +109,13 @@ pub struct InfoArgs {
 pub struct InputArgs {
     /// Folder with neutral.obj, targets/*.obj and, if any, weights/*.csv, or a packed file (*.dmorph); without it, the
     /// built-in head
-    #[arg(value_name = "INPUT")]
+    #[arg(value_name = "INPUT", conflicts_with_all = ["vertices", "targets", "sparsity"])]
     pub input: Option<PathBuf>,
     #[command(flatten)]
     pub head: HeadArgs,
     /// Drop position deltas that are not longer than this fraction of the bounding-box diagonal
-    #[arg(long, value_name = "FRACTION", default_value_t = 1e-6, value_parser = values::tolerance)]
+    #[arg(long, value_name = "FRACTION", default_value_t = 1e-6)]
+    #[arg(value_parser = values::number("a fraction of the diagonal, 0 or more (0 keeps every delta)", |v| v >= 0.0))]
     pub tolerance: f32,
     /// Frames per second of weight clips [default: what the file name says ("…_24fps.csv"), else 30]
     #[arg(long, value_name = "F", value_parser = values::fps)]
@@ -138,13 +139,14 @@ impl InputArgs {
 #[derive(Args, Clone, Debug, Default)]
 pub struct HeadArgs {
     /// Built-in head: number of vertices [default: 43788]
-    #[arg(long, value_name = "N", value_parser = values::vertices)]
+    #[arg(long, value_name = "N", value_parser = values::whole(1usize, 10_000_000))]
     pub vertices: Option<usize>,
     /// Built-in head: number of morph targets [default: 72]
-    #[arg(long, value_name = "N", value_parser = values::targets)]
+    #[arg(long, value_name = "N", value_parser = values::whole(0, values::MAX_TARGETS))]
     pub targets: Option<usize>,
     /// Built-in head: mean fraction of the vertices that a target moves, above 0, at most 1 [default: 0.12]
-    #[arg(long, value_name = "FRACTION", value_parser = values::sparsity)]
+    #[arg(long, value_name = "FRACTION")]
+    #[arg(value_parser = values::number("a fraction above 0 and at most 1", |v| v > 0.0 && v <= 1.0))]
     pub sparsity: Option<f32>,
 }
 
@@ -158,17 +160,6 @@ impl HeadArgs {
             sparsity: self.sparsity.unwrap_or(d.sparsity),
             seed,
         }
-    }
-
-    /// The first of these options that was given: they mean nothing to a mesh read from a file.
-    pub fn given(&self) -> Option<&'static str> {
-        [
-            ("--vertices", self.vertices.is_some()),
-            ("--targets", self.targets.is_some()),
-            ("--sparsity", self.sparsity.is_some()),
-        ]
-        .into_iter()
-        .find_map(|(name, given)| given.then_some(name))
     }
 }
 
@@ -186,7 +177,7 @@ pub struct UpdateArgs {
     #[arg(value_parser = values::mode())]
     pub modes: Vec<UpdateMode>,
     /// Pose buffers per head; 2 keeps the previous pose for motion vectors
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = values::slots)]
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = values::whole(1u32, 64))]
     pub slots: u32,
     /// Delta formats, separated by commas [default: bench: all; others: fast, or what a .dmorph file holds]
     #[arg(long = "formats", visible_alias = "format", value_name = "FORMAT,…", value_delimiter = ',')]
@@ -204,11 +195,11 @@ pub struct UpdateArgs {
     pub error_budget: Option<BudgetSpec>,
     /// What a pixel of --error-budget is: degrees of view from bottom to top, pixels of height, distance of the face
     #[arg(long, value_name = "DEGREES,PIXELS,DISTANCE", value_parser = values::projection)]
-    pub projection: Option<Projection>,
+    pub projection: Option<f32>,
     #[command(flatten)]
     pub pack: PackArgs,
     /// Threads of the cpu path [default: one per core]
-    #[arg(long, value_name = "N", value_parser = values::threads)]
+    #[arg(long, value_name = "N", value_parser = values::whole(1usize, 256))]
     pub threads: Option<usize>,
 }
 
@@ -263,8 +254,8 @@ impl UpdateArgs {
 
     /// The error budget as a length.
     pub fn budget(&self, diagonal: f32) -> Result<f32, String> {
-        match (self.error_budget, &self.projection) {
-            (Some(BudgetSpec::Pixels(n)), Some(projection)) => Ok(n * projection.pixel()),
+        match (self.error_budget, self.projection) {
+            (Some(BudgetSpec::Pixels(n)), Some(pixel)) => Ok(n * pixel),
             (Some(BudgetSpec::Pixels(_)), None) => {
                 Err("--error-budget in pixels needs --projection DEGREES,PIXELS,DISTANCE".into())
             }
@@ -273,93 +264,6 @@ impl UpdateArgs {
             (Some(BudgetSpec::Diagonal(fraction)), None) => Ok(fraction * diagonal),
             (None, None) => Ok(0.0),
         }
-    }
-
-    /// The one path, mode and kind of sums of a command that takes one; `path` where none is given.
-    pub fn single(&self, command: &str, path: UpdatePath) -> Result<Single, String> {
-        fn one<T: Copy>(given: &[T], default: T, option: &str, command: &str) -> Result<T, String> {
-            match given {
-                [] => Ok(default),
-                [one] => Ok(*one),
-                _ => Err(format!("{option}: {command} takes one; name one of them")),
-            }
-        }
-        let path = one(&self.paths, path, "--path", command)?;
-        let sums = UpdateDesc::new(path, BatchSize::All).accumulate;
-        Ok(Single {
-            path,
-            mode: one(&self.modes, path.default_mode(), "--mode", command)?,
-            accumulate: self.sums(one(&self.accumulate, sums, "--accumulate", command)?),
-            format: one(&self.formats.iter().copied().map(Some).collect::<Vec<_>>(), None, "--format", command)?,
-        })
-    }
-}
-
-/// How a command that takes one of each updates poses.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Single {
-    /// The path.
-    pub path: UpdatePath,
-    /// The mode.
-    pub mode: UpdateMode,
-    /// The kind of sums.
-    pub accumulate: Accumulate,
-    /// The format, where one is given.
-    pub format: Option<DeltaFormat>,
-}
-
-impl Single {
-    /// The format: the one given, or that of the packed file that is read, or the default of the path.
-    pub fn delta_format(&self, held: Option<DeltaFormat>) -> Result<DeltaFormat, String> {
-        let taken = self.path.formats();
-        if let (None, Some(held)) = (self.format, held.filter(|held| taken.contains(held))) {
-            return Ok(held);
-        }
-        let default = [DeltaFormat::Fast, DeltaFormat::Float32, DeltaFormat::Small]
-            .into_iter()
-            .find(|format| format_on(self.path, *format).is_some());
-        self.format.or(default).and_then(|format| format_on(self.path, format)).ok_or_else(|| {
-            let names: Vec<&str> = taken.iter().map(|format| format.name()).collect();
-            format!("--format: the path '{}' takes {}", self.path.name(), names.join(" or "))
-        })
-    }
-}
-
-/// Options of `apply`.
-#[derive(Args, Clone, Debug)]
-pub struct ApplyArgs {
-    #[command(flatten)]
-    pub input: InputArgs,
-    #[command(flatten)]
-    pub update: UpdateArgs,
-    /// Weight clip to take the weights from
-    #[arg(long, value_name = "CSV", requires = "frame")]
-    pub weights: Option<PathBuf>,
-    /// Frame of the weight clip, counted from 0
-    #[arg(long, value_name = "N", requires = "weights")]
-    pub frame: Option<usize>,
-    /// Step incrementally from this frame of the weight clip to --frame
-    #[arg(long, value_name = "M", requires = "weights")]
-    pub from_frame: Option<usize>,
-    /// Weights by name, on top of the clip's (repeatable)
-    #[arg(long, value_name = "NAME=WEIGHT,…", value_delimiter = ',', value_parser = values::setting)]
-    pub set: Vec<WeightSetting>,
-    /// Targets per pass: a number, "max" or "all" [default: the largest that the path allows]
-    #[arg(long, value_name = "N", value_parser = values::one_batch)]
-    pub batch_size: Option<BatchSpec>,
-    /// OBJ file to write
-    #[arg(short, long, value_name = "OUT.obj")]
-    pub output: PathBuf,
-}
-
-impl ApplyArgs {
-    /// Complain about what clap cannot see.
-    pub fn check(&self) -> Result<(), String> {
-        self.update.single("apply", UpdatePath::Cpu)?.delta_format(None)?;
-        if self.weights.is_none() && self.set.is_empty() {
-            return Err("nothing to apply; give --weights CSV --frame N, or --set NAME=WEIGHT".into());
-        }
-        Ok(())
     }
 }
 

@@ -6,6 +6,7 @@ use deltamorph::headless::{DeviceChoice, Headless};
 use deltamorph::{DeltaFormat, DeviceCaps, UpdatePath, requirements};
 use serde::Serialize;
 
+/// The JSON of `devices`. Fields may be added, never renamed.
 #[derive(Serialize)]
 struct Devices {
     schema: u32,
@@ -21,7 +22,7 @@ struct Device {
     driver_info: String,
     api_version: String,
     paths: Vec<PathRow>,
-    limits: Limits,
+    limits: serde_json::Map<String, serde_json::Value>,
 }
 
 #[derive(Serialize)]
@@ -35,51 +36,65 @@ struct PathRow {
     needs: Vec<String>,
 }
 
-#[derive(Serialize)]
-struct Limits {
-    storage_range: u64,
-    storage_buffers: u32,
-    push_constants: u32,
-    vertex_attributes: u32,
-    vertex_bindings: u32,
-    workgroup_invocations: u32,
-    allocation: u64,
-}
+/// Name in the JSON, heading, value, and how people read it.
+type Limit = (&'static str, &'static str, fn(&DeviceCaps) -> u64, fn(u64) -> String);
+
+const LIMITS: [Limit; 7] = [
+    ("storage_range", "storage range", |caps| caps.max_storage_range, |n| bytes(n as f64)),
+    ("storage_buffers", "storage buffers", |caps| caps.max_storage_buffers.into(), |n| n.to_string()),
+    ("push_constants", "push constants", |caps| caps.max_push_constants.into(), |n| format!("{n} B")),
+    ("vertex_attributes", "attributes", |caps| caps.max_vertex_attributes.into(), |n| n.to_string()),
+    ("vertex_bindings", "bindings", |caps| caps.max_vertex_bindings.into(), |n| n.to_string()),
+    ("workgroup_invocations", "invocations", |caps| caps.max_workgroup_invocations.into(), |n| n.to_string()),
+    ("allocation", "allocation", |caps| caps.max_allocation, |n| bytes(n as f64)),
+];
 
 pub fn run(device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     out.check(&[], &[], None)?;
     let all = Headless::devices()?;
-    let asked = |i: &usize| device.is_none_or(|choice| choice.matches(*i, &all[*i]));
-    let devices: Vec<Device> = (0..all.len()).filter(asked).map(|i| describe(i, &all[i])).collect();
+    let chosen = all.iter().enumerate().filter(|(i, caps)| device.is_none_or(|choice| choice.matches(*i, caps)));
+    let (texts, devices): (Vec<String>, Vec<Device>) = chosen.map(|(i, caps)| describe(i, caps)).unzip();
     if device.is_some() && devices.is_empty() {
         let there: Vec<String> = all.iter().enumerate().map(|(i, caps)| format!("{i}: {}", caps.name)).collect();
         return Err(Failure::Failed(format!("no such Vulkan device; choose one of: {}", there.join("; "))));
     }
-    let devices = Devices { schema: 1, devices };
-    out.say(text(&devices));
-    out.json(&devices)
+    match texts[..] {
+        [] => out.say("no Vulkan 1.1 device; the path 'cpu' works without one (./with-vulkan installs lavapipe)"),
+        _ => out.say(texts.join("\n")),
+    }
+    out.json(&Devices { schema: 1, devices })
 }
 
-fn describe(index: usize, caps: &DeviceCaps) -> Device {
+/// A device for people, and for programs.
+fn describe(index: usize, caps: &DeviceCaps) -> (String, Device) {
     let (major, minor, patch) = caps.api_version;
-    Device {
-        index,
-        name: caps.name.clone(),
-        kind: caps.kind.name(),
-        driver: caps.driver.clone(),
-        driver_info: caps.driver_info.clone(),
-        api_version: format!("{major}.{minor}.{patch}"),
-        paths: UpdatePath::ALL.into_iter().map(|path| path_row(caps, path)).collect(),
-        limits: Limits {
-            storage_range: caps.max_storage_range,
-            storage_buffers: caps.max_storage_buffers,
-            push_constants: caps.max_push_constants,
-            vertex_attributes: caps.max_vertex_attributes,
-            vertex_bindings: caps.max_vertex_bindings,
-            workgroup_invocations: caps.max_workgroup_invocations,
-            allocation: caps.max_allocation,
-        },
+    let api_version = format!("{major}.{minor}.{patch}");
+    let DeviceCaps { name, driver, driver_info, .. } = caps;
+    let kind = caps.kind.name();
+    let paths: Vec<PathRow> = UpdatePath::ALL.into_iter().map(|path| path_row(caps, path)).collect();
+    let mut lines = vec![format!("{index}: {name} ({kind}), {driver} {driver_info}, Vulkan {api_version}")];
+    for PathRow { path, reason, batch_max, .. } in &paths {
+        let sizes: Vec<String> = batch_max.iter().map(|(format, n)| format!("{n} {format}")).collect();
+        lines.push(match reason {
+            Some(reason) => format!("   {path}: no: {reason}"),
+            None if sizes.is_empty() => format!("   {path}: yes"),
+            None => format!("   {path}: yes, targets per pass: up to {}", sizes.join(", ")),
+        });
     }
+    let mut table = Table::new(&LIMITS.map(|(_, heading, ..)| heading), 0);
+    table.row(LIMITS.map(|(.., value, show)| show(value(caps))));
+    lines.extend(table.to_string().lines().map(|line| format!("   {line}")));
+    let device = Device {
+        index,
+        name: name.clone(),
+        kind,
+        driver: driver.clone(),
+        driver_info: driver_info.clone(),
+        api_version,
+        paths,
+        limits: LIMITS.iter().map(|(name, _, value, _)| ((*name).into(), value(caps).into())).collect(),
+    };
+    (lines.join("\n"), device)
 }
 
 fn path_row(caps: &DeviceCaps, path: UpdatePath) -> PathRow {
@@ -95,42 +110,4 @@ fn path_row(caps: &DeviceCaps, path: UpdatePath) -> PathRow {
         reason: refused.map(|e| e.to_string()),
         needs: needs.collect(),
     }
-}
-
-fn text(devices: &Devices) -> String {
-    if devices.devices.is_empty() {
-        return "no Vulkan 1.1 device; the path 'cpu' works without one (./with-vulkan installs lavapipe)".into();
-    }
-    let mut text = String::new();
-    for d in &devices.devices {
-        text += &format!(
-            "{}: {} ({}), {} {}, Vulkan {}\n",
-            d.index, d.name, d.kind, d.driver, d.driver_info, d.api_version
-        );
-        for p in &d.paths {
-            let sizes: Vec<String> = p.batch_max.iter().map(|(f, n)| format!("{n} {f}")).collect();
-            text += &match &p.reason {
-                Some(reason) => format!("   {}: no: {reason}\n", p.path),
-                None if sizes.is_empty() => format!("   {}: yes\n", p.path),
-                None => format!("   {}: yes, targets per pass: up to {}\n", p.path, sizes.join(", ")),
-            };
-        }
-        let l = &d.limits;
-        let headings = "storage range|storage buffers|push constants|attributes|bindings|invocations|allocation";
-        let mut table = Table::new(&headings.split('|').collect::<Vec<_>>(), 0);
-        table.row([
-            bytes(l.storage_range as f64),
-            l.storage_buffers.to_string(),
-            format!("{} B", l.push_constants),
-            l.vertex_attributes.to_string(),
-            l.vertex_bindings.to_string(),
-            l.workgroup_invocations.to_string(),
-            bytes(l.allocation as f64),
-        ]);
-        for line in table.to_string().lines() {
-            text += &format!("   {line}\n");
-        }
-    }
-    text.truncate(text.trim_end().len());
-    text
 }

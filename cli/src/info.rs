@@ -1,18 +1,18 @@
 //! `info`: what a mesh is made of, and what each format makes of it.
 
 mod formats;
-mod record;
+pub mod record;
 mod report;
 mod sweep;
 
 use crate::args::InfoArgs;
-use crate::clips;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
-use crate::table::{Table, bytes, percent, sig3, thousands};
+use crate::table::{Column, Table, bytes, percent, sig3, thousands};
 use deltamorph::{BoundClip, DeltaFormat, MorphMesh, MorphTarget};
+use formats::Measured;
 use glam::Vec3;
-use record::{Blocks, ClipRow, Info, Overlap, TargetRow};
+use record::{ClipRow, FormatRow, Info, Overlap, TargetRow};
 
 pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
     // Before seconds are spent on what then cannot be written.
@@ -22,19 +22,16 @@ pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
     }
     let input = input::load(&args.input, true, out)?;
     let spinner = out.spinner("packing");
-    let mut info = describe(&input);
-    let packed = formats::pack_all(&input.kept, input.packed.as_ref())?;
-    info.formats = packed.iter().map(|p| formats::format_row(&input.kept, input.packed.as_deref(), p)).collect();
-    info.blocks =
-        packed.iter().find(|p| p.layout().format == DeltaFormat::Small).map(|p| formats::blocks(p)).unwrap_or_default();
+    let formats = formats::measure_all(&input.kept, input.packed.as_ref())?;
+    let mut info = describe(&input, &formats);
     for path in &input.clips {
         info.clips.push(clip_row(&input::clip(path, &args.input, &input.kept)?));
     }
     spinner.finish_and_clear();
     if let Some(dir) = &args.report {
-        let clips = clips::all(None, &args.input, &input)?;
-        info.sweep = Some(sweep::sweep(&input.kept, &packed, out)?);
-        info.poses = Some(sweep::poses(&input, &packed, &clips, out));
+        let clips = input::clips(None, &args.input, &input)?;
+        info.sweep = Some(sweep::sweep(&input.kept, &formats, out)?);
+        info.poses = Some(sweep::poses(&input, &formats, &clips, out));
         report::write(&info, dir)?;
     }
     out.say(text(&info));
@@ -44,8 +41,8 @@ pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
     out.json(&info)
 }
 
-/// Everything that needs no packing.
-fn describe(input: &Input) -> Info {
+/// Mesh and formats.
+fn describe(input: &Input, formats: &[Measured]) -> Info {
     let (kept, raw) = (&input.kept, &input.raw);
     let vertices = kept.vertex_count();
     let share = |n: usize| n as f64 / vertices.max(1) as f64;
@@ -65,8 +62,10 @@ fn describe(input: &Input) -> Info {
             })
             .collect(),
         overlap: overlap(kept),
-        blocks: Blocks::default(),
-        formats: Vec::new(),
+        blocks: (formats.iter().map(|m| &m.packed).find(|p| p.layout().format == DeltaFormat::Small))
+            .map(|small| formats::blocks(small))
+            .unwrap_or_default(),
+        formats: formats.iter().map(Measured::row).collect(),
         clips: Vec::new(),
         sweep: None,
         poses: None,
@@ -124,22 +123,16 @@ fn text(info: &Info) -> String {
         sig3(i.tolerance.into()),
         sig3(i.tolerance_normal.into()),
     )];
-    let mut table = Table::new(
-        &["target", "moved", "without tolerance", "positions in the file", "largest delta", "of diagonal"],
-        1,
-    );
-    for t in &info.targets {
-        let largest = f64::from(t.max_delta);
-        table.row([
-            t.name.clone(),
-            percent(t.moved),
-            percent(t.moved_raw),
-            percent(t.moved_raw_positions),
-            sig3(largest),
-            if i.diagonal > 0.0 { percent(largest / f64::from(i.diagonal)) } else { "–".into() },
-        ]);
-    }
-    parts.push(table.to_string());
+    let of_diagonal = |length: f32| if i.diagonal > 0.0 { percent((length / i.diagonal).into()) } else { "–".into() };
+    let targets: &[Column<'_, TargetRow>] = &[
+        ("target", &|t| t.name.clone()),
+        ("moved", &|t| percent(t.moved)),
+        ("without tolerance", &|t| percent(t.moved_raw)),
+        ("positions in the file", &|t| percent(t.moved_raw_positions)),
+        ("largest delta", &|t| sig3(t.max_delta.into())),
+        ("of diagonal", &|t| of_diagonal(t.max_delta)),
+    ];
+    parts.push(Table::of(&info.targets, targets).to_string());
     let (o, b) = (&info.overlap, &info.blocks);
     parts.push(format!(
         "{} of the vertices are moved by some target; each of these by {} targets on average, {} at most\n\
@@ -152,36 +145,26 @@ fn text(info: &Info) -> String {
         thousands(b.incidence),
         percent(b.fill),
     ));
-    if !info.formats.is_empty() {
-        let mut table =
-            Table::new(&["format", "deltas", "index", "dense float32", "position error", "normal error"], 1);
-        for f in &info.formats {
-            table.row([
-                f.name.clone(),
-                bytes(f.delta_bytes as f64),
-                bytes(f.index_bytes as f64),
-                bytes(f.dense_f32_bytes as f64),
-                format!("{} of the diagonal", sig3(f.position_error_rel)),
-                format!("{}°", sig3(f.normal_error_deg)),
-            ]);
-        }
-        parts.push(table.to_string());
-    }
+    let formats: &[Column<'_, FormatRow>] = &[
+        ("format", &|f| f.name.into()),
+        ("deltas", &|f| bytes(f.cost.delta_bytes as f64)),
+        ("index", &|f| bytes(f.cost.index_bytes as f64)),
+        ("dense float32", &|f| bytes(f.cost.dense_f32_bytes as f64)),
+        ("position error", &|f| format!("{} of the diagonal", sig3(f.cost.position_error_rel))),
+        ("normal error", &|f| format!("{}°", sig3(f.cost.normal_error_deg))),
+    ];
+    parts.push(Table::of(&info.formats, formats).to_string());
+    let clips: &[Column<'_, ClipRow>] = &[
+        ("clip", &|c| c.name.clone()),
+        ("frames", &|c| c.frames.to_string()),
+        ("fps", &|c| c.fps.to_string()),
+        ("changed per frame", &|c| sig3(c.changed_mean)),
+        ("most", &|c| c.changed_max.to_string()),
+        ("active", &|c| sig3(c.active_mean)),
+        ("still frames", &|c| percent(c.still)),
+    ];
     if !info.clips.is_empty() {
-        let mut table =
-            Table::new(&["clip", "frames", "fps", "changed per frame", "most", "active", "still frames"], 1);
-        for c in &info.clips {
-            table.row([
-                c.name.clone(),
-                c.frames.to_string(),
-                c.fps.to_string(),
-                sig3(c.changed_mean),
-                c.changed_max.to_string(),
-                sig3(c.active_mean),
-                percent(c.still),
-            ]);
-        }
-        parts.push(table.to_string());
+        parts.push(Table::of(&info.clips, clips).to_string());
     }
     parts.join("\n\n")
 }

@@ -1,12 +1,15 @@
-//! Reading INPUT: a folder, a packed file, or the built-in head.
+//! Reading INPUT: a folder, a packed file, or the built-in head; and the weight clips that a command runs.
 
 use crate::args::InputArgs;
 use crate::output::{Failure, Output};
-use deltamorph::import::{ImportDesc, Imported, ImportedMesh, sample as head};
-use deltamorph::{Asset, BoundClip, MorphMesh, PackedMesh, Tolerance, import};
+use deltamorph::import::{ImportDesc, Imported, ImportedMesh, csv, sample as head};
+use deltamorph::{BoundClip, MorphMesh, PackedMesh, Tolerance, import};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// Frames of the built-in head's clip, as `sample` writes them.
+const HEAD_FRAMES: usize = 300;
 
 /// A mesh: what its files state, and what the tolerance keeps of it.
 #[derive(Debug)]
@@ -62,82 +65,78 @@ impl Input {
             moved_mean: moved as f64 / (mesh.vertex_count() * mesh.targets.len()).max(1) as f64,
         }
     }
-
-    /// A packed file; the raw files that it came from are not there any more.
-    fn of_asset(asset: Asset, path: &Path) -> Result<Self, Failure> {
-        let kept = Arc::new(asset.to_mesh()?);
-        Ok(Self {
-            name: kept.name.clone(),
-            raw: kept.clone(),
-            kept,
-            packed: Some(Arc::new(asset.mesh)),
-            clips: Vec::new(),
-            origin: path.display().to_string(),
-        })
-    }
 }
 
 /// Read what `args` name. Commands that measure nothing against the raw files take no memory for them: where
 /// `with_raw` is false, `raw` is what is kept.
 pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Failure> {
-    let (source, clips, origin) = match &args.input {
-        None => {
-            let desc = args.head.desc(args.seed);
-            let spinner = out.spinner("building the head");
-            let source = head::head(&desc);
-            spinner.finish_and_clear();
-            (source, Vec::new(), "built-in head".to_owned())
+    let origin = args.input.as_ref().map_or("built-in head".into(), |path| path.display().to_string());
+    let spinner = out.spinner(format!("reading {origin}"));
+    let (mesh, clips) = match &args.input {
+        None => (ImportedMesh::Source(head::head(&args.head.desc(args.seed))), vec![]),
+        Some(path) => import::open(path, &ImportDesc::default()).map(|Imported { mesh, clips, .. }| (mesh, clips))?,
+    };
+    let (raw, kept, packed) = match mesh {
+        ImportedMesh::Source(source) => {
+            let kept = Arc::new(source.to_mesh(args.tolerance())?);
+            let same = !with_raw || kept.tolerance == Tolerance::ZERO;
+            let raw = if same { kept.clone() } else { Arc::new(source.to_mesh(Tolerance::ZERO)?) };
+            (raw, kept, None)
         }
-        Some(path) => {
-            if let Some(option) = args.head.given() {
-                return Err(Failure::Usage(format!(
-                    "{option} sizes the built-in head, but INPUT is {}; leave out one of the two",
-                    path.display()
-                )));
-            }
-            let spinner = out.spinner(format!("reading {}", path.display()));
-            let imported = import::open(path, &ImportDesc::default());
-            spinner.finish_and_clear();
-            let Imported { mesh, clips, .. } = imported?;
-            match mesh {
-                ImportedMesh::Source(source) => (source, clips, path.display().to_string()),
-                ImportedMesh::Packed(asset) => {
-                    let input = Input::of_asset(asset, path)?;
-                    refuse_tolerance(args, input.kept.tolerance, path)?;
-                    out.note(format_args!(
-                        "{} is packed: errors are against what it holds; those against the raw files cannot be told",
-                        path.display()
-                    ));
-                    return Ok(input);
-                }
-            }
+        ImportedMesh::Packed(asset) => {
+            let kept = Arc::new(asset.to_mesh()?);
+            refuse_tolerance(args.tolerance(), kept.tolerance, &origin)?;
+            (kept.clone(), kept, Some(Arc::new(asset.mesh)))
         }
     };
-    let spinner = out.spinner("computing normals and dropping noise");
-    let meshes = || -> deltamorph::Result<_> {
-        let kept = Arc::new(source.to_mesh(args.tolerance())?);
-        let same = !with_raw || kept.tolerance == Tolerance::ZERO;
-        let raw = if same { kept.clone() } else { Arc::new(source.to_mesh(Tolerance::ZERO)?) };
-        Ok((raw, kept))
-    };
-    let meshes = meshes();
     spinner.finish_and_clear();
-    let (raw, kept) = meshes?;
-    for note in source.notes.iter().chain(kept.notes.iter().filter(|n| !source.notes.contains(n))) {
-        out.note(note);
+    kept.notes.iter().for_each(|note| out.note(note));
+    if packed.is_some() {
+        let what = "errors are against what it holds; those against the raw files cannot be told";
+        out.note(format_args!("{origin} is packed: {what}"));
     }
-    Ok(Input { name: kept.name.clone(), raw, kept, packed: None, clips, origin })
+    Ok(Input { name: kept.name.clone(), raw, kept, packed, clips, origin })
+}
+
+fn names(mesh: &MorphMesh) -> Vec<&str> {
+    mesh.targets.iter().map(|t| t.name.as_str()).collect()
 }
 
 /// The weight clip at `path`, for the targets of `mesh`; at least one frame.
 pub fn clip(path: &Path, args: &InputArgs, mesh: &MorphMesh) -> Result<BoundClip, Failure> {
     let clip = import::open_clip(path, args.fps)?;
-    let names: Vec<&str> = mesh.targets.iter().map(|t| t.name.as_str()).collect();
-    let clip = clip.bind(&names).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))?;
+    let clip = clip.bind(&names(mesh)).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))?;
     if clip.frame_count() == 0 {
         return Err(Failure::Failed(format!("{}: has no frames; add one row per frame", path.display())));
     }
     Ok(clip)
+}
+
+/// The clip at `named`, or the only one that `input` has.
+pub fn one_clip(named: Option<&Path>, args: &InputArgs, input: &Input) -> Result<BoundClip, Failure> {
+    if named.is_none() && input.clips.len() > 1 {
+        let list: Vec<String> = input.clips.iter().map(|c| c.display().to_string()).collect();
+        return Err(Failure::Usage(format!(
+            "{} has {} clips; name one with --weights: {}",
+            input.origin,
+            list.len(),
+            list.join(", ")
+        )));
+    }
+    clips(named, args, input)?.pop().ok_or_else(|| {
+        Failure::Usage(format!("{} has no clip in weights/*.csv; name one with --weights CSV", input.origin))
+    })
+}
+
+/// The clip at `named`, or all that `input` has.
+pub fn clips(named: Option<&Path>, args: &InputArgs, input: &Input) -> Result<Vec<BoundClip>, Failure> {
+    if named.is_none() && args.input.is_none() {
+        let clip = head::head_clip(&args.head.desc(args.seed), HEAD_FRAMES, args.fps.unwrap_or(csv::DEFAULT_FPS));
+        // Without a target there is none.
+        return if input.kept.targets.is_empty() { Ok(vec![]) } else { Ok(vec![clip.bind(&names(&input.kept))?]) };
+    }
+    let paths = named.map_or_else(|| input.clips.clone(), |path| vec![path.to_path_buf()]);
+    paths.iter().map(|path| clip(path, args, &input.kept)).collect()
 }
 
 /// The files that `args` and `others` may have read: none of them is to be written over.
@@ -154,49 +153,13 @@ pub fn files_of(args: &InputArgs, others: &[PathBuf]) -> Vec<PathBuf> {
 }
 
 /// What was dropped before packing is not there to be kept, and a packed mesh is taken as it is.
-fn refuse_tolerance(args: &InputArgs, held: Tolerance, path: &Path) -> Result<(), Failure> {
-    let asked = args.tolerance();
+fn refuse_tolerance(asked: Tolerance, held: Tolerance, origin: &str) -> Result<(), Failure> {
     if asked == Tolerance::default() || asked == held {
         return Ok(());
     }
     Err(Failure::Usage(format!(
-        "--tolerance {}: {} was packed with a tolerance of {}; leave it out, or give the folder that it was \
+        "--tolerance {}: {origin} was packed with a tolerance of {}; leave it out, or give the folder that it was \
          packed from",
-        asked.position,
-        path.display(),
-        held.position
+        asked.position, held.position
     )))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use deltamorph::{DeltaFormat, PackDesc};
-
-    #[test]
-    fn packed_files_are_read_and_named_in_errors() {
-        let dir = tempfile::tempdir().expect("a folder");
-        let (out, path) = (Output::new(&Default::default()), dir.path().join("a.DMORPH"));
-        let args = |tolerance| InputArgs {
-            input: Some(path.clone()),
-            head: Default::default(),
-            tolerance,
-            fps: None,
-            seed: 1,
-        };
-        std::fs::write(&path, "").expect("written");
-        let text = load(&args(1e-6), true, &out).expect_err("empty").to_string();
-        assert!(text.contains("a.DMORPH: does not begin as a packed mesh does; give a file written by"), "{text}");
-
-        let source = head::head(&head::HeadDesc { vertices: 300, targets: 5, ..Default::default() });
-        let mesh = source.to_mesh(Tolerance::default()).expect("the head");
-        let asset = Asset::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).expect("packed");
-        asset.write(&path).expect("written");
-        let input = load(&args(1e-6), true, &out).expect("read");
-        assert_eq!(input.packed.as_deref(), Some(&asset.mesh));
-        assert_eq!((input.kept.positions.len(), input.raw.targets.len()), (300, 5));
-        assert_eq!(input.kept.faces, mesh.faces);
-        let text = load(&args(1e-3), true, &out).expect_err("another tolerance").to_string();
-        assert!(text.contains("was packed with a tolerance of 0.000001"), "{text}");
-    }
 }

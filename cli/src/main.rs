@@ -3,7 +3,6 @@
 mod apply;
 mod args;
 mod bench;
-mod clips;
 mod devices;
 mod info;
 mod input;
@@ -44,17 +43,8 @@ fn run(cli: &Cli, out: &Output) -> Result<(), Failure> {
         Command::Pack(args) => pack::run(args, out),
         Command::Info(args) => info::run(args, out),
         Command::Bench(args) => bench::run(args, device, out),
-        Command::Play(args) => {
-            args.check().map_err(Failure::Usage)?;
-            play::run(args, device, out)
-        }
-        Command::Soak(args) => {
-            args.check().map_err(Failure::Usage)?;
-            soak::run(args, device, out)
-        }
-        Command::Apply(args) => {
-            args.check().map_err(Failure::Usage)?;
-            apply::run(args, device, out)
-        }
+        Command::Play(args) => play::run(args, device, out),
+        Command::Soak(args) => soak::run(args, device, out),
+        Command::Apply(args) => apply::run(args, device, out),
     }
 }

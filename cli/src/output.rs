@@ -2,11 +2,11 @@
 
 use crate::args::GlobalArgs;
 use deltamorph::internals::write_replacing;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 use std::collections::HashSet;
 use std::fmt;
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::OnceLock;
@@ -70,7 +70,6 @@ impl From<deltamorph::Error> for Failure {
 pub struct Output {
     quiet: bool,
     json: Option<PathBuf>,
-    terminal: bool,
     /// Why stdout did not take what was said.
     lost: OnceLock<io::ErrorKind>,
 }
@@ -78,12 +77,7 @@ pub struct Output {
 impl Output {
     /// As the global options ask for.
     pub fn new(global: &GlobalArgs) -> Self {
-        Self {
-            quiet: global.quiet,
-            json: global.json.clone(),
-            terminal: std::io::stderr().is_terminal(),
-            lost: OnceLock::new(),
-        }
+        Self { quiet: global.quiet, json: global.json.clone(), lost: OnceLock::new() }
     }
 
     /// Whether stdout is for JSON alone.
@@ -121,13 +115,11 @@ impl Output {
     /// Write the JSON, if it was asked for.
     pub fn json(&self, value: &impl Serialize) -> Result<(), Failure> {
         match self.json.as_deref() {
-            None => Ok(()),
-            Some(_) if self.json_to_stdout() => {
-                self.print(&to_json(value)?);
-                Ok(())
-            }
-            Some(path) => write_file(path, to_json(value)?),
+            None => {}
+            Some(_) if self.json_to_stdout() => self.print(&to_json(value)?),
+            Some(path) => write_file(path, to_json(value)?)?,
         }
+        Ok(())
     }
 
     /// Before work begins: whether the JSON, if asked for, can be written, and whether nothing is written over that is
@@ -160,31 +152,29 @@ impl Output {
         json.map_or(Ok(()), can_write)
     }
 
-    /// A spinner for work of unknown length; hidden unless a person is watching.
+    /// A spinner for work of unknown length.
     pub fn spinner(&self, message: impl Into<String>) -> ProgressBar {
-        if !self.watched() {
-            return ProgressBar::hidden();
+        let bar = self.progress(None).with_message(message.into());
+        if !bar.is_hidden() {
+            bar.enable_steady_tick(Duration::from_millis(100));
         }
-        let bar = ProgressBar::new_spinner().with_message(message.into());
-        bar.enable_steady_tick(Duration::from_millis(100));
         bar
     }
 
-    /// A bar for `steps` of work; hidden unless a person is watching.
+    /// A bar for `steps` of work.
     pub fn bar(&self, steps: u64) -> ProgressBar {
-        if !self.watched() {
-            return ProgressBar::hidden();
-        }
         let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {eta:>5} left  {wide_msg}");
-        ProgressBar::new(steps).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+        self.progress(Some(steps)).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
     }
 
-    fn watched(&self) -> bool {
-        self.terminal && !self.quiet
+    /// Hidden by itself where stderr is no terminal; gone when it is dropped.
+    fn progress(&self, steps: Option<u64>) -> ProgressBar {
+        let target = if self.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
+        ProgressBar::with_draw_target(steps, target)
     }
 }
 
-fn to_json(value: &impl Serialize) -> Result<String, Failure> {
+pub fn to_json(value: &impl Serialize) -> Result<String, Failure> {
     let mut text = serde_json::to_string_pretty(value).map_err(|e| Failure::failed(&e))?;
     text.push('\n');
     Ok(text)
@@ -192,29 +182,18 @@ fn to_json(value: &impl Serialize) -> Result<String, Failure> {
 
 /// Where `path` is or would be, without links.
 fn place_of(path: &Path) -> PathBuf {
-    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
-    let mut missing = vec![];
-    let mut there = absolute.as_path();
-    loop {
-        match (there.canonicalize(), there.parent(), there.file_name()) {
-            (Ok(found), ..) => return missing.iter().rev().fold(found, |path, name| path.join(name)),
-            (Err(_), Some(parent), Some(name)) => {
-                missing.push(name);
-                there = parent;
-            }
-            _ => return absolute,
-        }
-    }
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
+    let there =
+        path.ancestors().find_map(|there| Some(there.canonicalize().ok()?.join(path.strip_prefix(there).ok()?)));
+    there.unwrap_or(path)
 }
 
 /// Try to write at `path`, and leave everything as it is.
 fn can_write(path: &Path) -> Result<(), Failure> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let tried = match path.exists() {
         true => std::fs::OpenOptions::new().append(true).open(path).map(drop),
-        false => {
-            let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-            tempfile::tempfile_in(folder).map(drop)
-        }
+        false => tempfile::tempfile_in(folder).map(drop),
     };
     tried.map_err(|e| Failure::io(path, "write", e))
 }
@@ -259,16 +238,22 @@ pub fn publish(
 }
 
 /// The names in `folder`, but for those that are not text: they are not ours.
-pub fn names_in(folder: &Path) -> Result<Vec<String>, Failure> {
+fn names_in(folder: &Path) -> Result<Vec<String>, Failure> {
     let io = |e| Failure::io(folder, "read the folder", e);
     let entries = std::fs::read_dir(folder).map_err(io)?.collect::<Result<Vec<_>, _>>().map_err(io)?;
     Ok(entries.into_iter().filter_map(|entry| entry.file_name().into_string().ok()).collect())
 }
 
-/// Whether there is nothing in `folder` but what [`publish`] may have left behind.
-pub fn is_free(folder: &Path) -> Result<bool, Failure> {
+/// Make sure that `folder` is there, and empty or `ours` to write to; `complaint` says what it is instead, and the remedy.
+pub fn claim(folder: &Path, complaint: &str, ours: impl FnOnce() -> bool) -> Result<(), Failure> {
+    create_folder(folder)?;
     let entries = std::fs::read_dir(folder).map_err(|e| Failure::io(folder, "read the folder", e))?;
-    Ok(entries.flatten().all(|entry| entry.file_name().to_string_lossy().starts_with(PREPARED)))
+    // What `publish` may have left behind does not count.
+    let prepared = |entry: std::fs::DirEntry| entry.file_name().to_string_lossy().starts_with(PREPARED);
+    if entries.flatten().all(prepared) || ours() {
+        return Ok(());
+    }
+    Err(Failure::Usage(format!("{}: the folder {complaint}", folder.display())))
 }
 
 pub fn create_folder(path: &Path) -> Result<(), Failure> {
@@ -287,11 +272,5 @@ mod tests {
         let missing = Failure::io(Path::new("a/b.csv"), "read", std::io::ErrorKind::NotFound.into());
         assert_eq!(missing.to_string(), "a/b.csv: cannot read: entity not found; check the path");
         assert_eq!(Failure::Failed("first\n  second\n".into()).to_string(), "first second");
-    }
-
-    #[test]
-    fn exit_codes() {
-        assert_eq!(format!("{:?}", Failure::Usage(String::new()).exit_code()), format!("{:?}", ExitCode::from(2)));
-        assert_eq!(format!("{:?}", Failure::Failed("x".into()).exit_code()), format!("{:?}", ExitCode::from(1)));
     }
 }

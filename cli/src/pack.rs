@@ -1,12 +1,12 @@
 //! `pack`: a mesh as a file that loads without packing again.
 
 use crate::args::PackFileArgs;
+use crate::info::record::Cost;
 use crate::input;
 use crate::output::{Failure, Output};
 use crate::table::{bytes, sig3, thousands};
 use deltamorph::{Asset, BlockIndex, DeltaFormat, PackDesc};
 use serde::Serialize;
-use std::path::Path;
 use std::sync::Arc;
 
 /// The JSON of `pack`. Fields may be added, never renamed.
@@ -25,16 +25,8 @@ struct Packed {
     /// Pairs of a block and a target that moves some of its vertices.
     entries: usize,
     file_bytes: u64,
-    delta_bytes: u64,
-    /// Bytes that say which vertices the deltas belong to.
-    index_bytes: u64,
-    /// Bytes of all vertices' deltas as six floats.
-    dense_f32_bytes: u64,
-    /// Largest error of a position delta, in input units, and as a fraction of the diagonal.
-    position_error: f64,
-    position_error_rel: f64,
-    /// Largest angle between the exact and the decoded normal at weight 1, in degrees.
-    normal_error_deg: f64,
+    #[serde(flatten)]
+    cost: Cost,
     /// The grid of weights for exact sums, or why there is none.
     exact: Option<Grid>,
     exact_reason: Option<String>,
@@ -47,17 +39,12 @@ struct Grid {
     weight_max: f32,
 }
 
-/// Whether `path` is called as a packed file is.
-fn is_packed(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("dmorph"))
-}
-
 pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     let format = Some(args.format).filter(|f| f.is_blocks()).ok_or_else(|| {
         let names = DeltaFormat::BLOCKS.map(DeltaFormat::name).join(", ");
         Failure::Usage(format!("--format: packed files hold blocks; name one of {names}"))
     })?;
-    if !is_packed(&args.output) {
+    if !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("dmorph")) {
         let name = args.output.display();
         return Err(Failure::Usage(format!("-o {name}: name it *.dmorph, so that it is known for what it is")));
     }
@@ -86,7 +73,6 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
 
 fn describe(asset: &Asset, index: &Arc<BlockIndex>, file_bytes: u64, args: &PackFileArgs, origin: String) -> Packed {
     let layout = asset.mesh.layout();
-    let (error, diagonal) = (index.error(), f64::from(layout.diagonal));
     let exact = index.exact();
     Packed {
         schema: 1,
@@ -100,12 +86,7 @@ fn describe(asset: &Asset, index: &Arc<BlockIndex>, file_bytes: u64, args: &Pack
         blocks_moved: index.touched(),
         entries: index.entry_count(),
         file_bytes,
-        delta_bytes: layout.delta_bytes(),
-        index_bytes: layout.index_bytes(),
-        dense_f32_bytes: (layout.vertex_count * layout.targets.len() * DeltaFormat::Float32.stride()) as u64,
-        position_error: error.position,
-        position_error_rel: if diagonal > 0.0 { error.position / diagonal } else { 0.0 },
-        normal_error_deg: error.normal_degrees,
+        cost: Cost::of(layout, index.error()),
         exact_reason: exact.as_ref().err().map(ToString::to_string),
         exact: exact.ok().map(|g| Grid { weight_bits: g.weight_bits, weight_max: g.weight_max }),
     }
@@ -113,10 +94,10 @@ fn describe(asset: &Asset, index: &Arc<BlockIndex>, file_bytes: u64, args: &Pack
 
 /// The same for people.
 fn text(p: &Packed) -> String {
-    let deltas = (p.delta_bytes + p.index_bytes) as f64;
+    let deltas = (p.cost.delta_bytes + p.cost.index_bytes) as f64;
     let times = match deltas {
         0.0 => String::new(),
-        deltas => format!(", {} times as much", sig3(p.dense_f32_bytes as f64 / deltas)),
+        deltas => format!(", {} times as much", sig3(p.cost.dense_f32_bytes as f64 / deltas)),
     };
     let exact = match (&p.exact, &p.exact_reason) {
         (Some(grid), _) => format!("weights on a grid of 2^-{}, up to {}", grid.weight_bits, grid.weight_max),
@@ -137,8 +118,8 @@ fn text(p: &Packed) -> String {
         thousands(p.blocks_moved),
         thousands(p.blocks),
         p.block_size,
-        bytes(p.dense_f32_bytes as f64),
-        sig3(p.position_error_rel),
-        sig3(p.normal_error_deg),
+        bytes(p.cost.dense_f32_bytes as f64),
+        sig3(p.cost.position_error_rel),
+        sig3(p.cost.normal_error_deg),
     )
 }

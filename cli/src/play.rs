@@ -1,49 +1,108 @@
 //! `play`: a whole clip, one update per frame: what each moved, what it took, and how far the pose is off.
 
-mod record;
-
-use crate::args::play::PlayArgs;
+use crate::args::run::{PlayArgs, Single};
 use crate::bench::stats::Stats;
-use crate::clips;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
-use crate::stage::Stage;
+use crate::stage::{Setup, Stage};
 use crate::table::{Table, bytes, percent, sig3, thousands};
-use crate::verify::{Found, Promise};
+use crate::verify::{Checked, Checks};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::internals::Rng;
-use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
-use deltamorph::{Accumulate, BoundClip, MorphMesh, PackedMesh, PoseFormat, UpdatePath, WeightClip};
-use record::{FrameRow, Planned, Played, Summary};
-use std::sync::Arc;
+use deltamorph::{Accumulate, BoundClip, PoseFormat, UpdatePath, WeightClip};
+use serde::Serialize;
+
+/// The JSON of `play`. Fields may be added, never renamed.
+#[derive(Debug, Serialize)]
+struct Played {
+    schema: u32,
+    /// The Vulkan device's name, or "none".
+    device: String,
+    /// Where the mesh came from: a folder, or "built-in head".
+    input: String,
+    clip: String,
+    frames: Vec<FrameRow>,
+    summary: Summary,
+}
+
+/// What a frame took.
+#[derive(Debug, Serialize)]
+struct FrameRow {
+    /// Its number, from 0.
+    frame: usize,
+    /// Targets whose weight differs from the frame before; in the first one, from 0.
+    changed: usize,
+    /// Targets with a weight other than 0.
+    active: usize,
+    /// Blocks written (block formats); this and the next three are `None` where the device plans.
+    dirty_blocks: Option<usize>,
+    /// Of these, the ones that started from the base pose.
+    rebuilt_blocks: Option<usize>,
+    passes: Option<usize>,
+    /// Bytes loaded and stored.
+    bytes_moved: Option<u64>,
+    /// Time on the device; `None` without one.
+    gpu_ms: Option<f64>,
+    /// Round trip from weights to result, in microseconds.
+    cpu_us: f64,
+    /// Largest position error against the float64 reference, in input units; `None` where it was not measured.
+    max_error: Option<f64>,
+}
+
+#[derive(Debug, Serialize)]
+struct Summary {
+    frames: usize,
+    #[serde(flatten)]
+    setup: Setup,
+    /// Animated and planned on the device.
+    animated: bool,
+    /// Amplitude of the noise that was added to the weights.
+    noise: f32,
+    /// Targets changed, per frame.
+    changed_mean: f64,
+    /// Bytes loaded and stored, per frame.
+    bytes_moved_mean: Option<f64>,
+    /// What incremental updates of whole float32 poses would move: per frame with a change, each vertex's pose in and
+    /// out, and its delta for each changed target.
+    dense_bytes_mean: f64,
+    /// `bytes_moved_mean` as a share of `dense_bytes_mean`; `None` where nothing moved.
+    bytes_share: Option<f64>,
+    /// Median of the time on the device.
+    gpu_ms_median: Option<f64>,
+    gpu_ms_mean: Option<f64>,
+    /// Median of the round trips, in microseconds.
+    cpu_us_median: Option<f64>,
+    #[serde(flatten)]
+    checked: Checked,
+    /// Largest angle between normals, in degrees.
+    normal_error_deg: f64,
+    /// Against the weights as asked for, as a fraction of the diagonal.
+    request_error_rel: f64,
+    /// Against the raw files: dropped deltas, packing, sums and what waits, as a fraction of the diagonal. `None` where
+    /// INPUT is a packed file, which does not say what it was packed from.
+    raw_error_rel: Option<f64>,
+}
 
 pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
-    out.check(&input::files_of(&args.input, args.weights.as_slice()), &[], None)?;
-    let input = input::load(&args.input, true, out)?;
-    let clip = clips::the_one(args.weights.as_deref(), &args.input, &input)?;
-    let mut update = args.update.clone();
+    let PlayArgs { run, weights, .. } = args;
+    let mut single = Single::new("play", &run.update).map_err(Failure::Usage)?;
     if args.animated {
-        update.paths = if update.paths.is_empty() { vec![UpdatePath::Blocks] } else { update.paths };
-        update.accumulate = if update.accumulate.is_empty() { vec![Accumulate::Exact] } else { update.accumulate };
+        single.path.get_or_insert(UpdatePath::Blocks);
+        single.sums.get_or_insert(Accumulate::Exact);
     }
-    let stage = Stage::best("play", &update, args.batch_size, &input, device, out)?;
+    out.check(&input::files_of(&run.input, weights.as_slice()), &[], None)?;
+    let input = input::load(&run.input, true, out)?;
+    let clip = input::one_clip(weights.as_deref(), &run.input, &input)?;
+    let stage = Stage::new(single, run, &input, device, out)?;
     // From here on the packed mesh is enough, and the raw files' where errors against them can be told.
     let Input { raw, packed, origin, .. } = input;
-    let checks = Checks::new(&stage, packed.is_none().then_some(raw));
-    let (frames, checks) = play(args, &stage, checks, &clip, out)?;
+    let mut checks = Checks::new(&stage, packed.is_none().then_some(raw), true);
+    let frames = play(args, &stage, &mut checks, &clip, out)?;
     let summary = summary(args, &stage, &frames, &checks);
-    out.say(text(&clip.name, &stage, &frames, &summary));
-    let wrong = checks.wrong;
+    out.say(text(&clip.name, &stage, &frames, &summary, &checks));
     out.json(&Played { schema: 1, device: stage.device(), input: origin, clip: clip.name, frames, summary })?;
     // Everything is written first.
-    match wrong {
-        None => Ok(()),
-        Some((frame, complaint)) => Err(Failure::Failed(format!(
-            "frame {frame} is wrong through '{}': {complaint}; try another --path, and report this with what \
-             `deltamorph devices` prints",
-            stage.desc.path.name()
-        ))),
-    }
+    checks.verdict(stage.desc.path.name())
 }
 
 /// The frames of a clip, with noise added to every weight where there is any.
@@ -57,27 +116,14 @@ fn shaken(frames: impl Iterator<Item = Vec<f32>>, amount: Option<f32>, seed: u64
     })
 }
 
-struct Checks<'a> {
-    mesh: &'a PackedMesh,
-    promise: Promise,
-    /// `None` where INPUT is a packed file.
-    raw: Option<Arc<MorphMesh>>,
-    count: usize,
-    found: Found,
-    /// Position error against the weights as asked for.
-    request: f64,
-    /// The first frame that breaks the promise, and how.
-    wrong: Option<(usize, String)>,
-}
-
-fn play<'a>(
+fn play(
     args: &PlayArgs,
     stage: &Stage,
-    mut checks: Checks<'a>,
+    checks: &mut Checks<'_>,
     clip: &BoundClip,
     out: &Output,
-) -> Result<(Vec<FrameRow>, Checks<'a>), Failure> {
-    let frames = || shaken(clip.frames(), args.noise, args.input.seed);
+) -> Result<Vec<FrameRow>, Failure> {
+    let frames = || shaken(clip.frames(), args.noise, args.run.input.seed);
     let mut runner = if args.animated {
         let names = stage.mesh.layout().targets.iter().map(|t| t.name.clone()).collect();
         let values = frames().flatten().collect();
@@ -90,92 +136,59 @@ fn play<'a>(
     let mut rows = Vec::with_capacity(count);
     let mut before = vec![0.0; stage.mesh.layout().targets.len()];
     for (frame, weights) in frames().enumerate() {
-        let refused = |e| Failure::Failed(format!("clip '{}', frame {frame}: {}", clip.name, Failure::from(e)));
-        let step = runner.step(std::slice::from_ref(&weights)).map_err(refused)?;
-        let bound = f64::from(step.stats.bound);
-        checks.found.bound = checks.found.bound.max(bound);
-        let measured = frame % args.every == 0 || frame + 1 == count;
-        let found = match measured {
-            true => {
-                let played = runner.played(&stage.mesh)?;
-                Some(checks.measure(frame, &runner.pose(0)?, &weights, played, bound))
-            }
-            false => None,
-        };
+        let due = frame % args.every == 0 || frame + 1 == count;
+        let refused = |e| Failure::Failed(format!("clip '{}', {e}", clip.name));
+        let (step, max_error) = checks.step(frame, &mut runner, &weights, due).map_err(refused)?;
+        let planned = (!args.animated).then_some(step.stats);
         rows.push(FrameRow {
             frame,
             changed: weights.iter().zip(&before).filter(|(a, b)| a != b).count(),
             active: weights.iter().filter(|w| **w != 0.0).count(),
-            planned: if args.animated { Planned::default() } else { Planned::of(&step.stats) },
+            dirty_blocks: planned.map(|stats| stats.dirty_blocks),
+            rebuilt_blocks: planned.map(|stats| stats.rebuilt_blocks),
+            passes: planned.map(|stats| stats.passes),
+            bytes_moved: planned.map(|stats| stats.bytes_moved),
             gpu_ms: step.gpu_ms,
             cpu_us: step.cpu_ms * 1e3,
-            max_error: found.map(|f| f.error.position),
+            max_error,
         });
         before = weights;
         bar.inc(1);
     }
-    bar.finish_and_clear();
-    Ok((rows, checks))
-}
-
-impl<'a> Checks<'a> {
-    fn new(stage: &'a Stage, raw: Option<Arc<MorphMesh>>) -> Self {
-        let promise = Promise::new(&stage.desc, stage.mesh.layout());
-        Self { mesh: &stage.mesh, promise, raw, count: 0, found: Found::default(), request: 0.0, wrong: None }
-    }
-
-    /// `played`: what a device made of `weights`, where it animates.
-    fn measure(&mut self, frame: usize, pose: &[f32], weights: &[f32], played: Option<Vec<f32>>, bound: f64) -> Found {
-        let applied = played.unwrap_or_else(|| self.promise.applied(weights));
-        let error = compare(pose, &evaluate(self.mesh, &applied));
-        let raw = self.raw.as_ref().map(|raw| compare(pose, &evaluate_unpacked(raw, weights))).unwrap_or_default();
-        let request = if applied == weights { error } else { compare(pose, &evaluate(self.mesh, weights)) };
-        let found = Found { error, raw, bound };
-        if !self.promise.kept(&found) && self.wrong.is_none() {
-            self.wrong = Some((frame, self.promise.complaint(&found)));
-        }
-        self.count += 1;
-        self.found = self.found.max(found);
-        self.request = self.request.max(request.position);
-        found
-    }
+    Ok(rows)
 }
 
 fn summary(args: &PlayArgs, stage: &Stage, frames: &[FrameRow], checks: &Checks<'_>) -> Summary {
-    let mean = |value: &dyn Fn(&FrameRow) -> f64| frames.iter().map(value).sum::<f64>() / frames.len().max(1) as f64;
-    let vertices = stage.mesh.layout().vertex_count;
-    let dense = |f: &FrameRow| {
-        if f.changed > 0 { (vertices * PoseFormat::Float32.stride() * (f.changed + 2)) as f64 } else { 0.0 }
+    let mean = |value: fn(&FrameRow) -> usize| {
+        frames.iter().map(|f| value(f) as f64).sum::<f64>() / frames.len().max(1) as f64
     };
-    let moved = (!args.animated).then(|| mean(&|f| f.planned.bytes_moved.unwrap_or(0) as f64));
-    let dense = mean(&dense);
+    let pose_bytes = stage.mesh.layout().vertex_count * PoseFormat::Float32.stride();
+    let dense = mean(|f| if f.changed > 0 { f.changed + 2 } else { 0 }) * pose_bytes as f64;
+    let moved = (!args.animated).then(|| mean(|f| f.bytes_moved.unwrap_or(0) as usize));
     let gpu = Stats::of(&frames.iter().filter_map(|f| f.gpu_ms).collect::<Vec<_>>());
     let cpu = Stats::of(&frames.iter().map(|f| f.cpu_us).collect::<Vec<_>>());
-    let (found, scale) = (&checks.found, checks.promise.scale());
+    let scale = checks.promise.scale();
     Summary {
         frames: frames.len(),
         setup: stage.setup(),
         animated: args.animated,
         noise: args.noise.unwrap_or(0.0),
-        changed_mean: mean(&|f| f.changed as f64),
+        changed_mean: mean(|f| f.changed),
         bytes_moved_mean: moved,
         dense_bytes_mean: dense,
         bytes_share: moved.filter(|_| dense > 0.0).map(|moved| moved / dense),
         gpu_ms_median: gpu.map(|s| s.median),
         gpu_ms_mean: gpu.map(|s| s.mean),
         cpu_us_median: cpu.map(|s| s.median),
-        checks: checks.count,
-        max_error: found.error.position,
-        max_error_rel: found.error.position / scale,
-        normal_error_deg: found.error.normal_degrees,
+        checked: checks.record(),
+        normal_error_deg: checks.found.error.normal_degrees,
         request_error_rel: checks.request / scale,
-        raw_error_rel: checks.raw.as_ref().map(|_| found.raw.position / scale),
-        bound: found.bound,
+        raw_error_rel: checks.raw_error().map(|error| error / scale),
     }
 }
 
 /// The same for people: what frames took on average and at most, and the errors.
-fn text(clip: &str, stage: &Stage, frames: &[FrameRow], s: &Summary) -> String {
+fn text(clip: &str, stage: &Stage, frames: &[FrameRow], s: &Summary, checks: &Checks<'_>) -> String {
     let mut table = Table::new(&["per frame", "mean", "least", "median", "most"], 1);
     let mut row = |name: &str, value: &dyn Fn(&FrameRow) -> Option<f64>, show: &dyn Fn(f64) -> String| {
         if let Some(s) = Stats::of(&frames.iter().filter_map(value).collect::<Vec<_>>()) {
@@ -185,31 +198,26 @@ fn text(clip: &str, stage: &Stage, frames: &[FrameRow], s: &Summary) -> String {
     row("targets changed", &|f| Some(f.changed as f64), &sig3);
     row("targets active", &|f| Some(f.active as f64), &sig3);
     if stage.mesh.layout().format.is_blocks() {
-        row("blocks written", &|f| f.planned.dirty_blocks.map(|n| n as f64), &sig3);
-        row("of these from base", &|f| f.planned.rebuilt_blocks.map(|n| n as f64), &sig3);
+        row("blocks written", &|f| f.dirty_blocks.map(|n| n as f64), &sig3);
+        row("of these from base", &|f| f.rebuilt_blocks.map(|n| n as f64), &sig3);
     }
-    row("passes", &|f| f.planned.passes.map(|n| n as f64), &sig3);
-    row("moved", &|f| f.planned.bytes_moved.map(|n| n as f64), &bytes);
+    row("passes", &|f| f.passes.map(|n| n as f64), &sig3);
+    row("moved", &|f| f.bytes_moved.map(|n| n as f64), &bytes);
     row("device ms", &|f| f.gpu_ms, &sig3);
     row("round trip µs", &|f| Some(f.cpu_us), &sig3);
     let share = s.bytes_share.map_or(String::new(), |share| {
         format!(": {} of what whole poses in float32 would take ({})", percent(share), bytes(s.dense_bytes_mean))
     });
-    let scale = Promise::new(&stage.desc, stage.mesh.layout()).scale();
-    let bound =
-        if s.bound > 0.0 { format!(", at most {} by the bound kept", sig3(s.bound / scale)) } else { String::new() };
+    let moved = match s.bytes_moved_mean {
+        Some(moved) => format!("moved {} per frame{share}", bytes(moved)),
+        None => "planned on the device".into(),
+    };
     let raw = s.raw_error_rel.map_or(String::new(), |raw| format!("; {} against the raw files", sig3(raw)));
-    let moved = s
-        .bytes_moved_mean
-        .map_or("planned on the device\n".into(), |moved| format!("moved {} per frame{share}\n", bytes(moved)));
     format!(
-        "{clip}, {} frames, {}\n\n{table}\n\n\
-         {moved}largest error in {} frames, of the diagonal: {} against the float64 reference{bound}; {} against \
-         the weights asked for{raw}; normals {}°",
+        "{clip}, {} frames, {}\n\n{table}\n\n{moved}\n{}; {} against the weights asked for{raw}; normals {}°",
         thousands(s.frames),
         stage.describe(),
-        thousands(s.checks),
-        sig3(s.max_error_rel),
+        checks.text(),
         sig3(s.request_error_rel),
         sig3(s.normal_error_deg),
     )

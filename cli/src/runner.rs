@@ -3,7 +3,8 @@
 use crate::args::PackArgs;
 use crate::input::Input;
 use crate::output::{Failure, Output};
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, PoseUpload, Step};
+pub use deltamorph::headless::Headless as Gpu;
+use deltamorph::headless::{DeviceChoice, HeadlessCrowd, HeadlessDesc, PoseUpload, Step};
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, DeviceCaps, KeyFormat, PackDesc,
     PackedMesh, Playback, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
@@ -11,42 +12,23 @@ use deltamorph::{
 use std::sync::Arc;
 use std::time::Instant;
 
-pub struct Gpu {
-    /// It, with its engine.
-    pub headless: Headless,
-}
-
-impl Gpu {
-    /// Set up the device chosen on the command line. Without any, and none asked for: `None`, and says so.
-    pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Self>, Failure> {
-        let desc = HeadlessDesc { device: choice.cloned().unwrap_or_default(), ..HeadlessDesc::default() };
-        match Headless::new(&desc) {
-            Ok(headless) => {
-                if headless.caps().is_software() {
-                    out.note(format_args!(
-                        "{} is a software driver: without a GPU the path 'cpu' is the one to use",
-                        headless.caps().name
-                    ));
-                }
-                Ok(Some(Self { headless }))
+/// Set up the device chosen on the command line. Without any, and none asked for: `None`, and says so.
+pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, Failure> {
+    let desc = HeadlessDesc { device: choice.cloned().unwrap_or_default(), ..HeadlessDesc::default() };
+    match Gpu::new(&desc) {
+        Ok(gpu) => {
+            let DeviceCaps { name, .. } = gpu.caps();
+            if gpu.caps().is_software() {
+                out.note(format_args!("{name} is a software driver: without a GPU the path 'cpu' is the one to use"));
             }
-            Err(error) if choice.is_none() => {
-                out.note(format_args!("{error}"));
-                Ok(None)
-            }
-            Err(error) => Err(error.into()),
+            Ok(Some(gpu))
         }
+        Err(error) if choice.is_none() => {
+            out.note(error);
+            Ok(None)
+        }
+        Err(error) => Err(error.into()),
     }
-
-    pub fn caps(&self) -> &DeviceCaps {
-        self.headless.caps()
-    }
-}
-
-/// How to pack for `gpu`, or for the cpu path alone.
-pub fn pack_desc(gpu: Option<&Gpu>, format: DeltaFormat, args: &PackArgs) -> PackDesc {
-    let desc = gpu.map_or(PackDesc::new(format), |g| g.headless.engine().pack_desc(format));
-    PackDesc { blocks: args.desc(), ..desc }
 }
 
 /// The mesh of `input` in `format`: as a packed file has it where it is the file's, else packed now.
@@ -65,7 +47,10 @@ pub fn packed(
                 input.origin
             ))),
         },
-        _ => Ok(Arc::new(PackedMesh::pack(&input.kept, &pack_desc(gpu, format, args))?)),
+        _ => {
+            let desc = gpu.map_or(PackDesc::new(format), |gpu| gpu.engine().pack_desc(format));
+            Ok(Arc::new(PackedMesh::pack(&input.kept, &PackDesc { blocks: args.desc(), ..desc })?))
+        }
     }
 }
 
@@ -74,16 +59,9 @@ pub enum Runner<'a> {
     /// On a device: a crowd, or one for each head.
     Gpu(Vec<HeadlessCrowd<'a>>),
     /// On a device, which plays a clip.
-    Animated(Box<HeadlessCrowd<'a, AnimatedCrowd>>, Clock),
+    Animated { crowd: Box<HeadlessCrowd<'a, AnimatedCrowd>>, fps: f32, frames: u32 },
     /// On the processor; with a way to the device, where poses are to be drawn there.
     Cpu(Box<CpuCrowd>, Option<Box<PoseUpload<'a>>>),
-}
-
-/// The time of a crowd that is animated on the device.
-pub struct Clock {
-    fps: f32,
-    /// Frames that were updated.
-    frames: u32,
 }
 
 /// What a frame took.
@@ -138,7 +116,7 @@ impl<'a> Runner<'a> {
     ) -> Result<Self, Failure> {
         // One update at a time is recorded and waited for.
         let desc = CrowdDesc { instances: heads, frames_in_flight: 1, ..CrowdDesc::new(desc) };
-        let mut crowds = vec![HeadlessCrowd::new(&gpu.headless, mesh, &desc)?];
+        let mut crowds = vec![HeadlessCrowd::new(gpu, mesh, &desc)?];
         for _ in 1..count {
             crowds.push(crowds[0].another(&desc)?);
         }
@@ -154,16 +132,16 @@ impl<'a> Runner<'a> {
     ) -> Result<Self, Failure> {
         let desc = CrowdDesc { frames_in_flight: 1, ..CrowdDesc::new(update) };
         let clips = AnimationDesc { clips: std::slice::from_ref(clip), key_format: KeyFormat::default() };
-        let mut crowd = HeadlessCrowd::animated(&gpu.headless, mesh, &desc, &clips)?;
+        let mut crowd = HeadlessCrowd::animated(gpu, mesh, &desc, &clips)?;
         crowd.play(0, &Playback { repeat: Repeat::Once, ..Playback::new(0) })?;
-        Ok(Self::Animated(Box::new(crowd), Clock { fps: clip.fps, frames: 0 }))
+        Ok(Self::Animated { crowd: Box::new(crowd), fps: clip.fps, frames: 0 })
     }
 
     /// Where poses lie in main memory, bring those of all `heads` to `gpu` when they are drawn.
     pub fn with_upload(self, gpu: Option<&'a Gpu>, heads: u32) -> Result<Self, Failure> {
         match (self, gpu) {
             (Self::Cpu(crowd, _), Some(gpu)) => {
-                let upload = PoseUpload::new(&gpu.headless, crowd.layout(), heads)?;
+                let upload = PoseUpload::new(gpu, crowd.layout(), heads)?;
                 Ok(Self::Cpu(crowd, Some(Box::new(upload))))
             }
             (this, _) => Ok(this),
@@ -171,26 +149,26 @@ impl<'a> Runner<'a> {
     }
 
     /// Update every head to `weights[head]` and wait.
-    pub fn step(&mut self, weights: &[Vec<f32>]) -> deltamorph::Result<Frame> {
+    pub fn step(&mut self, weights: &[&[f32]]) -> deltamorph::Result<Frame> {
         self.step_and_draw(weights, 0)
     }
 
     /// As [`step`](Self::step), and on a device draw every head `copies` times.
-    pub fn step_and_draw(&mut self, weights: &[Vec<f32>], copies: u32) -> deltamorph::Result<Frame> {
+    pub fn step_and_draw(&mut self, weights: &[impl AsRef<[f32]>], copies: u32) -> deltamorph::Result<Frame> {
         match self {
             Self::Gpu(crowds) => {
-                let weights: Vec<&[f32]> = weights.iter().map(Vec::as_slice).collect();
+                let weights: Vec<&[f32]> = weights.iter().map(AsRef::as_ref).collect();
                 Ok(Frame::of(HeadlessCrowd::step_together(crowds, &weights, copies)?))
             }
-            Self::Animated(crowd, clock) => {
-                crowd.set_time(f64::from(clock.frames) / f64::from(clock.fps))?;
-                clock.frames += 1;
+            Self::Animated { crowd, fps, frames } => {
+                crowd.set_time(f64::from(*frames) / f64::from(*fps))?;
+                *frames += 1;
                 Ok(Frame::of(HeadlessCrowd::step_together(std::slice::from_mut(&mut **crowd), &[], copies)?))
             }
             Self::Cpu(crowd, upload) => {
                 let start = Instant::now();
                 for (head, weights) in weights.iter().enumerate() {
-                    crowd.set_weights(head, weights)?;
+                    crowd.set_weights(head, weights.as_ref())?;
                 }
                 let stats = crowd.update();
                 let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
@@ -211,60 +189,48 @@ impl<'a> Runner<'a> {
     pub fn pose(&mut self, head: u32) -> deltamorph::Result<Vec<f32>> {
         match self {
             Self::Gpu(crowds) => {
-                let (crowd, instance) = place(crowds, head);
-                crowd.read_pose(instance)
+                let instances = crowds[0].crowd().desc().instances;
+                crowds[(head / instances) as usize].read_pose(head % instances)
             }
-            Self::Animated(crowd, _) => crowd.read_pose(head),
+            Self::Animated { crowd, .. } => crowd.read_pose(head),
             Self::Cpu(crowd, _) => Ok(crowd.layout().to_user_order(crowd.pose(head as usize)?)),
         }
     }
 
-    /// The weights that a device has chosen, where it animates.
+    /// The weights that a device has chosen for the first head, where it animates.
     pub fn played(&mut self, mesh: &PackedMesh) -> Result<Option<Vec<f32>>, Failure> {
-        let (Self::Animated(crowd, _), Some(blocks)) = (self, &mesh.layout().blocks) else { return Ok(None) };
+        let (Self::Animated { crowd, .. }, Some(blocks)) = (self, &mesh.layout().blocks) else { return Ok(None) };
         let step = blocks.exact()?.weight_step();
         Ok(Some(crowd.read_weights(0)?.into_iter().map(|steps| steps as f32 * step).collect()))
     }
 
-    /// The next pose of a head has no predecessor.
-    pub fn cut(&mut self, head: u32) -> Result<(), Failure> {
+    /// The next pose of the first head has no predecessor.
+    pub fn cut(&mut self) -> deltamorph::Result<()> {
         match self {
-            Self::Gpu(crowds) => {
-                let (crowd, instance) = place(crowds, head);
-                crowd.cut(instance)?;
-            }
-            Self::Animated(crowd, _) => crowd.cut(head)?,
-            Self::Cpu(crowd, _) => crowd.cut(head as usize)?,
+            Self::Gpu(crowds) => crowds[0].cut(0),
+            Self::Animated { crowd, .. } => crowd.cut(0),
+            Self::Cpu(crowd, _) => crowd.cut(0),
         }
-        Ok(())
     }
 
-    /// The integer sums of a head; `None` unless it accumulates exactly.
-    pub fn sums(&mut self, head: u32) -> Result<Option<Vec<i32>>, Failure> {
+    /// The integer sums of the first head; `None` unless it accumulates exactly.
+    pub fn sums(&mut self) -> deltamorph::Result<Option<Vec<i32>>> {
         match self {
-            Self::Gpu(crowds) => {
-                let (crowd, instance) = place(crowds, head);
-                Ok(crowd.read_sums(instance)?)
-            }
-            Self::Animated(crowd, _) => Ok(crowd.read_sums(head)?),
-            Self::Cpu(crowd, _) => Ok(crowd.sums(head as usize)?.map(<[i32]>::to_vec)),
+            Self::Gpu(crowds) => crowds[0].read_sums(0),
+            Self::Animated { crowd, .. } => crowd.read_sums(0),
+            Self::Cpu(crowd, _) => Ok(crowd.sums(0)?.map(<[i32]>::to_vec)),
         }
     }
 
     /// Device time of `copies` draws of every head; `None` without a device.
     pub fn draw_ms(&mut self, copies: u32) -> deltamorph::Result<Option<f64>> {
-        let crowds = match self {
-            Self::Gpu(crowds) => crowds,
-            Self::Animated(crowd, _) => return crowd.draw(copies),
-            Self::Cpu(..) => return Ok(None),
-        };
-        let each: Vec<Option<f64>> = crowds.iter().map(|crowd| crowd.draw(copies)).collect::<Result<_, _>>()?;
-        Ok(each.into_iter().sum())
+        match self {
+            Self::Gpu(crowds) => {
+                let each: Vec<Option<f64>> = crowds.iter().map(|crowd| crowd.draw(copies)).collect::<Result<_, _>>()?;
+                Ok(each.into_iter().sum())
+            }
+            Self::Animated { crowd, .. } => crowd.draw(copies),
+            Self::Cpu(..) => Ok(None),
+        }
     }
-}
-
-/// The crowd that has a head, and which of its instances it is.
-fn place<'c, 'a>(crowds: &'c mut [HeadlessCrowd<'a>], head: u32) -> (&'c mut HeadlessCrowd<'a>, u32) {
-    let instances = crowds[0].crowd().desc().instances;
-    (&mut crowds[(head / instances) as usize], head % instances)
 }

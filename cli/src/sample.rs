@@ -1,7 +1,7 @@
 //! `sample`: the built-in head as a folder that any morph-target tool can read.
 
 use crate::args::SampleArgs;
-use crate::output::{Failure, Output, create_folder};
+use crate::output::{Failure, Output, claim, create_folder};
 use crate::table::thousands;
 use deltamorph::MorphSource;
 use deltamorph::import::obj::{ObjMesh, write_obj};
@@ -11,7 +11,8 @@ use std::path::Path;
 
 pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
     out.check(&[], &[], Some(&args.dir))?;
-    refuse_full(&args.dir)?;
+    // Files of an earlier run would be read as targets of this one.
+    claim(&args.dir, "is not empty; name a new one", || false)?;
     let desc = args.head.desc(args.seed);
     let spinner = out.spinner("building the head");
     let source = head::head(&desc);
@@ -27,7 +28,6 @@ pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
         csv::write(&args.dir.join("weights").join(format!("{}.csv", clip.name)), &clip)?;
     }
     write_folder(&source, &args.dir, || bar.inc(1))?;
-    bar.finish_and_clear();
 
     out.say(format_args!(
         "{}: {} vertices, {} targets, a weight clip of {} frames",
@@ -47,19 +47,6 @@ pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
     }))
 }
 
-/// Files of an earlier run would be read as targets of this one.
-fn refuse_full(dir: &Path) -> Result<(), Failure> {
-    let first = match std::fs::read_dir(dir) {
-        Ok(mut entries) => entries.next(),
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => None,
-        Err(e) => return Err(Failure::io(dir, "read the folder", e)),
-    };
-    match first {
-        None => Ok(()),
-        Some(_) => Err(Failure::Failed(format!("{}: the folder is not empty; name a new one", dir.display()))),
-    }
-}
-
 /// Write `targets/*.obj` and at last `neutral.obj`, so that no folder is taken for whole before it is, calling `step`
 /// after each file. Nine digits per number: every position and normal reads back as the float that was written.
 fn write_folder(source: &MorphSource, dir: &Path, mut step: impl FnMut()) -> Result<(), Failure> {
@@ -67,8 +54,7 @@ fn write_folder(source: &MorphSource, dir: &Path, mut step: impl FnMut()) -> Res
     create_folder(&targets)?;
     let base_normals = source.normals.as_deref().unwrap_or_default();
     let file = |positions: &[Vec3], normals: &[Vec3], path: &Path| {
-        let mesh = ObjMesh { positions, normals, texcoords: &source.texcoords, faces: &source.faces };
-        write_obj(path, mesh)
+        write_obj(path, ObjMesh { positions, normals, texcoords: &source.texcoords, faces: &source.faces })
     };
     for target in &source.targets {
         let mut positions = source.positions.clone();
@@ -99,15 +85,6 @@ mod tests {
     use deltamorph::Tolerance;
     use deltamorph::import::obj;
     use deltamorph::import::sample::HeadDesc;
-
-    #[test]
-    fn only_empty_folders_are_written_to() {
-        let dir = tempfile::tempdir().expect("a folder");
-        assert!(refuse_full(dir.path()).is_ok());
-        assert!(refuse_full(&dir.path().join("new")).is_ok());
-        std::fs::write(dir.path().join("a"), "").expect("written");
-        assert!(refuse_full(dir.path()).is_err());
-    }
 
     #[test]
     fn the_folder_reads_back_as_the_head() {

@@ -1,12 +1,12 @@
 //! One head, updated as the command line says: what commands that take one path have in common.
 
+use crate::args::run::{RunArgs, Single};
 use crate::args::values::{BatchLimit, BatchSpec, expand_batches};
-use crate::args::{Single, UpdateArgs};
 use crate::input::Input;
 use crate::output::{Failure, Output};
-use crate::runner::{Gpu, Runner, packed};
+use crate::runner::{self, Gpu, Runner, packed};
 use deltamorph::headless::DeviceChoice;
-use deltamorph::{Accumulate, BatchSize, DeltaFormat, PackedLayout, PackedMesh, UpdateDesc, UpdatePath, WeightClip};
+use deltamorph::{Accumulate, BatchSize, DeltaFormat, PackedMesh, UpdateDesc, UpdatePath, WeightClip};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -34,48 +34,37 @@ pub struct Setup {
 }
 
 impl Stage {
-    /// For the command called `command`, on the path that it was given, or else the best that there is: `blocks` where
+    /// For a command that was asked for `single`, on the path named, or else the best that there is: `blocks` where
     /// there is a device, or `cpu`.
-    pub fn best(
-        command: &str,
-        update: &UpdateArgs,
-        batch: Option<BatchSpec>,
+    pub fn new(
+        single: Single,
+        args: &RunArgs,
         input: &Input,
         device: Option<&DeviceChoice>,
         out: &Output,
     ) -> Result<Self, Failure> {
-        let single = |path| update.single(command, path).map_err(Failure::Usage);
-        if !update.paths.is_empty() {
-            let single = single(UpdatePath::Cpu)?;
-            let gpu = if single.path == UpdatePath::Cpu { None } else { Gpu::open(device, out)? };
-            return Self::on(gpu, single, update, batch, input, out);
-        }
-        let gpu = Gpu::open(device, out)?.filter(|gpu| gpu.caps().check_path(UpdatePath::Blocks).is_ok());
-        let path = if gpu.is_some() { UpdatePath::Blocks } else { UpdatePath::Cpu };
-        Self::on(gpu, single(path)?, update, batch, input, out)
-    }
-
-    fn on(
-        gpu: Option<Gpu>,
-        single: Single,
-        update: &UpdateArgs,
-        batch: Option<BatchSpec>,
-        input: &Input,
-        out: &Output,
-    ) -> Result<Self, Failure> {
-        let held = input.packed.as_ref().map(|mesh| mesh.layout().format);
-        let format = single.delta_format(held).map_err(Failure::Usage)?;
-        let desc = UpdateDesc {
-            mode: single.mode,
-            slots: update.slots,
-            accumulate: single.accumulate,
-            error_budget: update.budget(input.kept.diagonal).map_err(Failure::Usage)?,
-            ..UpdateDesc::new(single.path, batch_size(batch, single.path, gpu.as_ref(), format)?)
+        let gpu = match single.path {
+            Some(UpdatePath::Cpu) => None,
+            Some(_) => runner::open(device, out)?,
+            None => runner::open(device, out)?.filter(|gpu| gpu.caps().check_path(UpdatePath::Blocks).is_ok()),
         };
+        let path = single.path.unwrap_or(if gpu.is_some() { UpdatePath::Blocks } else { UpdatePath::Cpu });
+        let held = input.packed.as_ref().map(|mesh| mesh.layout().format);
+        let format = single.format_on(path, held).map_err(Failure::Usage)?;
+        let batch = batch_size(args.batch_size, path, gpu.as_ref(), format)?;
+        let desc = single.desc(path, batch, &args.update, input.kept.diagonal).map_err(Failure::Usage)?;
         desc.check().map_err(|e| Failure::Usage(e.to_string()))?;
-        let mesh = packed(input, gpu.as_ref(), format, &update.pack)?;
-        let desc = with_sums_that_fit(desc, update, mesh.layout(), out)?;
-        Ok(Self { gpu, threads: update.threads.unwrap_or(0), mesh, desc })
+        let mesh = packed(input, gpu.as_ref(), format, &args.update.pack)?;
+        let exact = UpdateDesc { accumulate: Accumulate::Exact, ..desc };
+        let desc = match desc.check_for(mesh.layout()) {
+            Ok(()) => desc,
+            Err(e) if single.sums.is_none() && exact.check_for(mesh.layout()).is_ok() => {
+                out.note(format_args!("{e}; taking exact sums (--drift and --accumulate choose)"));
+                exact
+            }
+            Err(e) => return Err(Failure::Usage(format!("{e}; see --drift, --accumulate and --weight-max"))),
+        };
+        Ok(Self { gpu, threads: args.update.threads.unwrap_or(0), mesh, desc })
     }
 
     pub fn runner(&self) -> Result<Runner<'_>, Failure> {
@@ -119,24 +108,6 @@ impl Stage {
         // Draws that evaluate have no pose buffers.
         let slots = if path.evaluates_in_draws() { String::new() } else { format!(", {slots} slots") };
         format!("{} {format} {}{slots}, on {device}", path.name(), accumulate.name())
-    }
-}
-
-/// `desc`, with exact sums where float sums would drift too far and nobody has asked for them.
-fn with_sums_that_fit(
-    desc: UpdateDesc,
-    update: &UpdateArgs,
-    layout: &PackedLayout,
-    out: &Output,
-) -> Result<UpdateDesc, Failure> {
-    let exact = UpdateDesc { accumulate: Accumulate::Exact, ..desc };
-    match desc.check_for(layout) {
-        Ok(()) => Ok(desc),
-        Err(e) if update.accumulate.is_empty() && exact.check_for(layout).is_ok() => {
-            out.note(format_args!("{e}; taking exact sums (--drift and --accumulate choose)"));
-            Ok(exact)
-        }
-        Err(e) => Err(Failure::Usage(format!("{e}; see --drift, --accumulate and --weight-max"))),
     }
 }
 

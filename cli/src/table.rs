@@ -7,10 +7,20 @@ pub struct Table {
     left: usize,
 }
 
+/// Its heading, and what a row has in it.
+pub type Column<'a, R> = (&'a str, &'a dyn Fn(&R) -> String);
+
 impl Table {
     /// A table with these headings, the first `left` columns of which hold words.
     pub fn new(headings: &[&str], left: usize) -> Self {
         Self { rows: vec![headings.iter().map(|h| (*h).to_owned()).collect()], left }
+    }
+
+    /// A row for each of `rows`; the first column holds words.
+    pub fn of<R>(rows: &[R], columns: &[Column<'_, R>]) -> Self {
+        let mut table = Self::new(&columns.iter().map(|(heading, _)| *heading).collect::<Vec<_>>(), 1);
+        rows.iter().for_each(|row| table.row(columns.iter().map(|(_, cell)| cell(row))));
+        table
     }
 
     pub fn row(&mut self, cells: impl IntoIterator<Item = String>) {

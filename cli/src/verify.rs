@@ -1,6 +1,16 @@
 //! What an update path promises, and whether a pose keeps it: one rule for `bench`, `play` and `soak`.
 
-use deltamorph::{Accumulate, ExactGrid, PackedLayout, PoseError, UpdateDesc};
+use crate::output::Failure;
+use crate::runner::{Frame, Runner};
+use crate::stage::Stage;
+use crate::table::{sig3, thousands};
+use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
+use deltamorph::{Accumulate, ExactGrid, MorphMesh, PackedLayout, PackedMesh, PoseError, UpdateDesc};
+use serde::Serialize;
+use std::sync::Arc;
+
+/// What to do about a wrong pose.
+pub const REMEDY: &str = "try another --path, and report this with what `deltamorph devices` prints";
 
 /// A result is right when positions are within this fraction of the diagonal …
 const POSITION_BOUND: f64 = 3e-6;
@@ -25,6 +35,11 @@ impl Found {
     }
 }
 
+/// What errors are stated relative to: the diagonal. A single point has none; its errors stay absolute.
+pub fn scale(diagonal: f32) -> f64 {
+    if diagonal > 0.0 { f64::from(diagonal) } else { 1.0 }
+}
+
 /// What a path promises on a mesh.
 #[derive(Clone, Copy, Debug)]
 pub struct Promise {
@@ -43,8 +58,7 @@ impl Promise {
             tracked: layout.blocks.is_some() && !exact,
             grid: layout.blocks.as_ref().filter(|_| exact).and_then(|blocks| blocks.exact().ok()),
             budget: f64::from(desc.error_budget),
-            // A single point has no diagonal; its errors stay absolute.
-            scale: if layout.diagonal > 0.0 { f64::from(layout.diagonal) } else { 1.0 },
+            scale: scale(layout.diagonal),
         }
     }
 
@@ -80,6 +94,111 @@ impl Promise {
             self.allowed(found) / self.scale,
             found.error.normal_degrees
         )
+    }
+}
+
+/// Poses of one head, each compared with the float64 reference.
+pub struct Checks<'a> {
+    mesh: &'a PackedMesh,
+    pub promise: Promise,
+    /// Compare with these deltas, too.
+    raw: Option<Arc<MorphMesh>>,
+    /// Compare normals, and with the weights asked for, too.
+    full: bool,
+    count: usize,
+    pub found: Found,
+    /// Largest position error against the weights asked for.
+    pub request: f64,
+    /// The first frame that breaks the promise, and how.
+    wrong: Option<(usize, String)>,
+}
+
+/// What comparisons found, in the JSON of `play` and `soak`.
+#[derive(Debug, Serialize)]
+pub struct Checked {
+    /// Frames that were compared with the reference.
+    checks: usize,
+    /// Largest position error against the float64 reference, in input units, and as a fraction of the diagonal. Exact
+    /// sums are held to the weights as their grid rounds them.
+    max_error: f64,
+    max_error_rel: f64,
+    /// The largest bound that the path kept, in input units; 0 where it keeps none.
+    bound: f64,
+}
+
+impl<'a> Checks<'a> {
+    /// Of poses of `stage`; against `raw` as well, where there is such a mesh. `full`: normals, and against the weights
+    /// asked for.
+    pub fn new(stage: &'a Stage, raw: Option<Arc<MorphMesh>>, full: bool) -> Self {
+        let promise = Promise::new(&stage.desc, stage.mesh.layout());
+        let found = Found::default();
+        Self { mesh: &stage.mesh, promise, raw, full, count: 0, found, request: 0.0, wrong: None }
+    }
+
+    /// Update the head of `runner`, and compare its pose where that is `due`. Returns the position error, too.
+    pub fn step(
+        &mut self,
+        frame: usize,
+        runner: &mut Runner<'_>,
+        weights: &[f32],
+        due: bool,
+    ) -> Result<(Frame, Option<f64>), Failure> {
+        let failed = |e| Failure::Failed(format!("frame {frame}: {}", Failure::from(e)));
+        let step = runner.step(&[weights]).map_err(failed)?;
+        let bound = step.stats.bound.into();
+        self.found.bound = self.found.bound.max(bound);
+        if !due {
+            return Ok((step, None));
+        }
+        let pose = &runner.pose(0)?;
+        let applied = runner.played(self.mesh)?.unwrap_or_else(|| self.promise.applied(weights));
+        let mut error = compare(pose, &evaluate(self.mesh, &applied));
+        let raw = self.raw.as_ref().map(|raw| compare(pose, &evaluate_unpacked(raw, weights))).unwrap_or_default();
+        if self.full {
+            let request = if applied == weights { error } else { compare(pose, &evaluate(self.mesh, weights)) };
+            self.request = self.request.max(request.position);
+        } else {
+            error = PoseError { position: error.position, ..PoseError::default() };
+        }
+        let found = Found { error, raw, bound };
+        if !self.promise.kept(&found) && self.wrong.is_none() {
+            self.wrong = Some((frame, self.promise.complaint(&found)));
+        }
+        self.count += 1;
+        self.found = self.found.max(found);
+        Ok((step, Some(error.position)))
+    }
+
+    /// The largest position error against the raw files, where there are any.
+    pub fn raw_error(&self) -> Option<f64> {
+        self.raw.as_ref().map(|_| self.found.raw.position)
+    }
+
+    pub fn record(&self) -> Checked {
+        Checked {
+            checks: self.count,
+            max_error: self.found.error.position,
+            max_error_rel: self.found.error.position / self.promise.scale,
+            bound: self.found.bound,
+        }
+    }
+
+    /// The same for people.
+    pub fn text(&self) -> String {
+        let relative = |length: f64| sig3(length / self.promise.scale);
+        let bound = match self.found.bound {
+            0.0 => String::new(),
+            bound => format!(", at most {} by the bound kept", relative(bound)),
+        };
+        let (count, error) = (thousands(self.count), relative(self.found.error.position));
+        format!("largest error in {count} frames, of the diagonal: {error} against the float64 reference{bound}")
+    }
+
+    /// A failure where a frame broke the promise.
+    pub fn verdict(&self, path: &str) -> Result<(), Failure> {
+        self.wrong.as_ref().map_or(Ok(()), |(frame, complaint)| {
+            Err(Failure::Failed(format!("frame {frame} is wrong through '{path}': {complaint}; {REMEDY}")))
+        })
     }
 }
 

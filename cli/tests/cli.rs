@@ -316,18 +316,20 @@ fn a_packed_file_is_an_input_everywhere() {
 
     // A damaged file, and what would lose something.
     let bytes = std::fs::read(&file).unwrap();
-    let bad = path("bad.dmorph");
+    let (bad, empty) = (path("bad.dmorph"), path("empty.DMORPH"));
     std::fs::write(&bad, &bytes[..bytes.len() / 2]).unwrap();
+    std::fs::write(&empty, "").unwrap();
     let folder_out = path("folder");
     std::fs::create_dir(&folder_out).unwrap();
     for (args, code, words) in [
         (&["info", &bad][..], 1, "bad.dmorph: section"),
+        (&["info", &empty], 1, "empty.DMORPH: does not begin as a packed mesh does; give a file written by"),
         (&["info", "none.dmorph"], 1, "none.dmorph: no such file"),
         (&["pack", &file, "-o", &file], 2, "would be written over"),
         (&["pack", &dir, "-o", &path("head.bin")], 2, "name it *.dmorph"),
         (&["pack", &dir, "-o", &file, "--format", "snorm16"], 2, "name one of block-float32, fast, small, pair"),
         (&["pack", &dir, "-o", "/nonexistent/a.dmorph"], 1, "/nonexistent/a.dmorph"),
-        (&["info", &file, "--tolerance", "0.1"], 2, "was packed with a tolerance of"),
+        (&["info", &file, "--tolerance", "0.1"], 2, "was packed with a tolerance of 0.000001"),
         (&["apply", &file, "-o", &file, "--set", "eyeBlinkLeft=1"], 2, "would be written over"),
         (&["apply", &file, "-o", &a, "--set", "eyeBlinkLeft=1", "--block-size", "64"], 2, "is packed already"),
     ] {

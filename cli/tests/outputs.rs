@@ -125,6 +125,10 @@ fn what_fails_leaves_files_as_they_were() {
     assert_eq!(contents(&foreign).len(), 1);
     let (code, text) = fails(&[&BENCH[..], &["--report", &old]].concat());
     assert!(code == 2 && text.contains("old.json: is no folder; name another one"), "{text}");
+    for folder in [&dir, &old] {
+        let (code, text) = fails(&["sample", folder]);
+        assert!(code == 2 && text.contains("name a"), "{text}");
+    }
     let report = at("report");
     let (_, text) = fails(&[&BENCH[..], &["--report", &report, "--json", "/nonexistent/x.json"]].concat());
     assert!(text.contains("/nonexistent/x.json"), "{text}");

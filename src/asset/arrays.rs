@@ -71,64 +71,51 @@ impl MorphSource {
         if !arrays.indices.len().is_multiple_of(3) {
             return refuse(format!("{} indices", arrays.indices.len()), "give three per triangle");
         }
-        let lengths = [
-            ("normals", arrays.normals.len()),
-            ("tangents", arrays.tangents.len()),
-            ("texture coordinates", arrays.texcoords.len()),
-        ];
+        let (normals, tangents, texcoords) = (arrays.normals, arrays.tangents, arrays.texcoords);
+        let lengths =
+            [("normals", normals.len()), ("tangents", tangents.len()), ("texture coordinates", texcoords.len())];
         if let Some((what, n)) = lengths.into_iter().find(|(_, n)| *n != 0 && *n != count) {
             return refuse(format!("{n} {what} for {count} vertices"), "give one per vertex, or none");
         }
-        let streams = match arrays.tangents {
-            [] => vec![],
-            tangents => vec![StreamData { semantic: Semantic::Tangent, values: tangents.concat() }],
+        let directions: Vec<[f32; 3]> = tangents.iter().map(|&[x, y, z, _]| [x, y, z]).collect();
+        let differences = |base: &[[f32; 3]], target: &[[f32; 3]]| -> Vec<(u32, Vec3)> {
+            let base = |v: usize| if arrays.absolute { Vec3::from(base[v]) } else { Vec3::ZERO };
+            let deltas = target.iter().enumerate().map(|(v, t)| (v as u32, Vec3::from(*t) - base(v)));
+            deltas.filter(|(_, d)| *d != Vec3::ZERO).collect()
         };
         let mut targets = Vec::with_capacity(arrays.targets.len());
         for (i, target) in arrays.targets.iter().enumerate() {
             let name = if target.name.is_empty() { format!("target {i}") } else { target.name.to_owned() };
             let lengths = [
                 ("positions", target.positions.len(), count),
-                ("normals", target.normals.len(), arrays.normals.len()),
-                ("tangents", target.tangents.len(), arrays.tangents.len()),
+                ("normals", target.normals.len(), normals.len()),
+                ("tangents", target.tangents.len(), tangents.len()),
             ];
             if let Some((what, n, base)) = lengths.into_iter().find(|(_, n, base)| *n != 0 && n != base) {
-                return refuse(
-                    format!("target '{name}' has {n} {what}, the base pose {base}"),
-                    "give as many as the base pose has, or none",
-                );
+                let what = format!("target '{name}' has {n} {what}, the base pose {base}");
+                return refuse(what, "give as many as the base pose has, or none");
             }
-            let differences = |base: &[[f32; 3]], target: &[[f32; 3]]| -> Vec<(u32, Vec3)> {
-                let base = |v: usize| if arrays.absolute { Vec3::from(base[v]) } else { Vec3::ZERO };
-                let deltas = target.iter().enumerate().map(|(v, t)| (v as u32, Vec3::from(*t) - base(v)));
-                deltas.filter(|(_, d)| *d != Vec3::ZERO).collect()
-            };
-            let directions: Vec<[f32; 3]> = arrays.tangents.iter().map(|&[x, y, z, _]| [x, y, z]).collect();
-            let tangents = differences(&directions, target.tangents);
+            let (vertices, deltas): (_, Vec<Vec3>) = differences(&directions, target.tangents).into_iter().unzip();
+            let tangents = StreamDeltas { vertices, deltas: deltas.iter().flat_map(Vec3::to_array).collect() };
             targets.push(SourceTarget {
                 name,
                 positions: differences(arrays.positions, target.positions),
-                normals: (!target.normals.is_empty()).then(|| differences(arrays.normals, target.normals)),
-                streams: match tangents[..] {
-                    [] => vec![],
-                    _ => vec![StreamDeltas {
-                        vertices: tangents.iter().map(|(v, _)| *v).collect(),
-                        deltas: tangents.iter().flat_map(|(_, d)| d.to_array()).collect(),
-                    }],
-                },
+                normals: (!target.normals.is_empty()).then(|| differences(normals, target.normals)),
+                streams: if tangents.vertices.is_empty() { vec![] } else { vec![tangents] },
             });
         }
-        let corner =
-            |&position: &u32| Corner { position, texcoord: (!arrays.texcoords.is_empty()).then_some(position) };
+        let corner = |&position: &u32| Corner { position, texcoord: (!texcoords.is_empty()).then_some(position) };
+        let tangents = StreamData { semantic: Semantic::Tangent, values: tangents.concat() };
         Ok(Self {
             name: arrays.name.to_owned(),
             positions: arrays.positions.iter().copied().map(Vec3::from).collect(),
-            normals: (!arrays.normals.is_empty()).then(|| arrays.normals.iter().copied().map(Vec3::from).collect()),
-            texcoords: arrays.texcoords.iter().copied().map(Into::into).collect(),
+            normals: (!normals.is_empty()).then(|| normals.iter().copied().map(Vec3::from).collect()),
+            texcoords: texcoords.iter().copied().map(Into::into).collect(),
             faces: Faces {
                 sizes: vec![3; arrays.indices.len() / 3],
                 corners: arrays.indices.iter().map(corner).collect(),
             },
-            streams,
+            streams: if tangents.values.is_empty() { vec![] } else { vec![tangents] },
             targets,
             ..Self::default()
         })

@@ -3,9 +3,9 @@
 use super::normals::{Adjacency, Deformer, vertex_normals};
 use super::render::{copies, copy_deltas};
 use super::streams::Measure;
-use super::{MorphMesh, MorphSource, MorphTarget, Semantic, SourceTarget, StreamDeltas, Tolerance};
+use super::{MorphMesh, MorphSource, MorphTarget, Semantic, SourceTarget, StreamData, StreamDeltas, Tolerance};
 use crate::error::{Error, Result};
-use crate::math::diagonal;
+use crate::math::{diagonal, map_all};
 use glam::Vec3;
 use std::borrow::Cow;
 
@@ -62,29 +62,14 @@ impl MorphSource {
                 }
                 (None, None) => Vec::new(),
             };
-            let streams = self.streams.iter().enumerate();
-            let streams = streams
-                .map(|(i, s)| {
-                    target
-                        .streams
-                        .get(i)
-                        .map_or_else(Default::default, |deltas| keep_stream(s.semantic, deltas, tolerance))
-                })
-                .collect();
+            let stated = target.streams.iter().map(Some).chain(std::iter::repeat(None));
+            let kept = |(data, stated): (&StreamData, Option<&StreamDeltas>)| {
+                stated.map_or_else(StreamDeltas::default, |deltas| keep_stream(data.semantic, deltas, tolerance))
+            };
+            let streams = self.streams.iter().zip(stated).map(kept).collect();
             MorphTarget { streams, ..merge(target.name.clone(), &positions, &normals, tolerance.normal) }
         };
-        let deformer = Deformer::new(&adjacency, &self.positions);
-        #[cfg(feature = "threads")]
-        let targets = {
-            use rayon::prelude::*;
-            self.targets.par_iter().map_init(|| deformer.clone(), keep).collect()
-        };
-        #[cfg(not(feature = "threads"))]
-        let targets = {
-            let mut deformer = deformer;
-            self.targets.iter().map(|t| keep(&mut deformer, t)).collect()
-        };
-
+        let targets = map_all(&self.targets, Deformer::new(&adjacency, &self.positions), keep);
         let normals = self.normals.clone().or(computed).unwrap_or_default();
         Ok(MorphMesh {
             name: self.name.clone(),

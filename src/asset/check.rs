@@ -5,6 +5,7 @@ use super::{MorphSource, Semantic, SourceTarget, StreamData, StreamDeltas, Toler
 use crate::error::{Error, Result};
 use glam::Vec3;
 use std::collections::HashMap;
+use std::fmt::Display;
 
 const NOT_FINITE: &str = "replace values that are not a number or infinite";
 const WELD: &str = "weld vertices of one place, each to the first of them, or none (MorphSource::weld finds them)";
@@ -12,71 +13,124 @@ const WELD: &str = "weld vertices of one place, each to the first of them, or no
 impl MorphSource {
     /// Everything that [`to_mesh`](Self::to_mesh) refuses.
     pub(super) fn check(&self, tolerance: Tolerance) -> Result<()> {
-        let refuse = |what: String, remedy: &str| Err(Error::invalid(format!("{}: {what}", self.name), remedy));
         for (kind, value) in [("position", tolerance.position), ("normal", tolerance.normal)] {
             if !(value >= 0.0 && value.is_finite()) {
-                return refuse(format!("the {kind} tolerance is {value}"), "give a tolerance of 0 or more");
+                return self.refuse(format!("the {kind} tolerance is {value}"), "give a tolerance of 0 or more");
             }
         }
         let count = self.positions.len();
         if count == 0 {
-            return refuse("the base pose has no vertex".into(), "give a mesh with at least one vertex");
+            return self.refuse("the base pose has no vertex", "give a mesh with at least one vertex");
         }
         // Corners as well, since adjacency counts them in 32 bits.
         if u32::try_from(count).is_err() || u32::try_from(self.faces.corners.len()).is_err() {
-            return refuse("more than 4,294,967,295 vertices or face corners".into(), "split the mesh");
+            return self.refuse("more than 4,294,967,295 vertices or face corners", "split the mesh");
         }
         if let Some(v) = self.positions.iter().position(|p| !p.is_finite()) {
-            return refuse(format!("vertex {v} is {}", self.positions[v]), NOT_FINITE);
+            return self.refuse(format!("vertex {v} is {}", self.positions[v]), NOT_FINITE);
         }
         if let Some(t) = self.texcoords.iter().position(|t| !t.is_finite()) {
-            return refuse(format!("texture coordinate {t} is {}", self.texcoords[t]), NOT_FINITE);
+            return self.refuse(format!("texture coordinate {t} is {}", self.texcoords[t]), NOT_FINITE);
         }
         if let Some(normals) = &self.normals {
             if normals.len() != count {
-                return refuse(format!("{} normals for {count} vertices", normals.len()), "give one per vertex");
+                return self.refuse(format!("{} normals for {count} vertices", normals.len()), "give one per vertex");
             }
             if let Some(v) = normals.iter().position(|n| !is_unit(*n)) {
                 let what = format!("the normal of vertex {v} is {}, unit length expected", normals[v]);
-                return refuse(what, "normalise the base normals");
+                return self.refuse(what, "normalise the base normals");
             }
         }
         self.faces.check(count, self.texcoords.len())?;
+        self.check_streams()?;
         let mut names = HashMap::new();
         for (i, target) in self.targets.iter().enumerate() {
             if let Some(first) = names.insert(target.name.as_str(), i) {
                 let what = format!("targets {first} and {i} are both called '{}'", target.name);
-                return refuse(what, "rename one of them");
+                return self.refuse(what, "rename one of them");
             }
-            let vectors = |deltas: &[(u32, Vec3)]| deltas.iter().map(|(v, d)| (*v, d.to_array())).collect::<Vec<_>>();
-            for (semantic, deltas) in
-                [(Semantic::Position, Some(&target.positions)), (Semantic::Normal, target.normals.as_ref())]
-            {
-                let deltas = vectors(deltas.map_or(&[][..], Vec::as_slice));
-                self.check_deltas(&target.name, semantic, deltas.iter().map(|(v, d)| (*v, d.as_slice())))?;
+            self.check_target(target)?;
+        }
+        check_welds(&self.welds, count).or_else(|what| self.refuse(what, WELD))?;
+        if let Some((v, of)) = copies(&self.welds).find(|(v, of)| !self.meet(*v, *of)) {
+            return self.refuse(format!("vertex {v} is welded to vertex {of}, but is or moves elsewhere"), WELD);
+        }
+        Ok(())
+    }
+
+    fn refuse(&self, what: impl Display, remedy: &str) -> Result<()> {
+        Err(Error::invalid(format!("{}: {what}", self.name), remedy))
+    }
+
+    /// Whether the streams beside positions and normals fit the vertices of the base pose.
+    fn check_streams(&self) -> Result<()> {
+        let count = self.positions.len();
+        for (i, StreamData { semantic, values }) in self.streams.iter().enumerate() {
+            if matches!(semantic, Semantic::Position | Semantic::Normal) {
+                return self
+                    .refuse(format!("a further stream '{semantic}'"), "use the fields `positions` and `normals`");
             }
-            // The deformed surface has to be finite as well, or its normals are not.
-            let infinite = |(v, d): &&(u32, Vec3)| !(self.positions[*v as usize] + *d).is_finite();
-            if let Some((v, d)) = target.positions.iter().find(infinite) {
-                return refuse(format!("target '{}' moves vertex {v} by {d}, to infinity", target.name), NOT_FINITE);
+            if self.streams[..i].iter().any(|other| other.semantic == *semantic) {
+                return self.refuse(format!("two streams '{semantic}'"), "number them, or remove one");
+            }
+            let components = semantic.components();
+            if values.len() != components * count {
+                let what = format!("stream '{semantic}': {} numbers for {count} vertices", values.len());
+                return self.refuse(what, &format!("give {components} numbers per vertex"));
+            }
+            if let Some(at) = values.iter().position(|v| !v.is_finite()) {
+                let what = format!("stream '{semantic}': vertex {} has {}", at / components, values[at]);
+                return self.refuse(what, NOT_FINITE);
+            }
+            if *semantic == Semantic::Tangent {
+                let fits = |t: &[f32]| is_unit(Vec3::from_slice(t)) && t[3].abs() == 1.0;
+                if let Some(v) = values.chunks_exact(components).position(|t| !fits(t)) {
+                    let what = format!("the tangent of vertex {v} is {:?}", &values[v * components..][..components]);
+                    return self.refuse(what, "normalise x y z, and give 1 or -1 as w");
+                }
             }
         }
-        self.check_streams()?;
-        self.check_welds()
+        Ok(())
+    }
+
+    fn check_target(&self, target: &SourceTarget) -> Result<()> {
+        let refuse = |what: String, remedy: &str| self.refuse(format!("target '{}' {what}", target.name), remedy);
+        let vectors = |(v, d): &(u32, Vec3)| (*v, d.to_array());
+        self.check_deltas(target, Semantic::Position, target.positions.iter().map(vectors))?;
+        self.check_deltas(target, Semantic::Normal, target.normals.iter().flatten().map(vectors))?;
+        // The deformed surface has to be finite as well, or its normals are not.
+        let infinite = |(v, d): &&(u32, Vec3)| !(self.positions[*v as usize] + *d).is_finite();
+        if let Some((v, d)) = target.positions.iter().find(infinite) {
+            return refuse(format!("moves vertex {v} by {d}, to infinity"), NOT_FINITE);
+        }
+        if target.streams.len() > self.streams.len() {
+            let what = format!("has deltas of {} streams", target.streams.len());
+            return refuse(what, "give the base pose every stream that a target changes");
+        }
+        for (StreamData { semantic, .. }, StreamDeltas { vertices, deltas }) in self.streams.iter().zip(&target.streams)
+        {
+            let numbers = semantic.morphing_components();
+            if deltas.len() != numbers * vertices.len() {
+                let (found, moved) = (deltas.len(), vertices.len());
+                let what = format!("has {found} numbers for {moved} vertices in the deltas of stream '{semantic}'");
+                return refuse(what, &format!("give {numbers} numbers per vertex"));
+            }
+            self.check_deltas(target, *semantic, vertices.iter().copied().zip(deltas.chunks_exact(numbers)))?;
+        }
+        Ok(())
     }
 
     /// Whether deltas are finite, ascending by vertex, and of vertices that there are.
-    fn check_deltas<'a>(
+    fn check_deltas(
         &self,
-        target: &str,
+        target: &SourceTarget,
         semantic: Semantic,
-        deltas: impl Iterator<Item = (u32, &'a [f32])>,
+        deltas: impl Iterator<Item = (u32, impl AsRef<[f32]>)>,
     ) -> Result<()> {
-        let refuse = |what: String, remedy: &str| {
-            Err(Error::invalid(format!("{}: target '{target}': {what}", self.name), remedy))
-        };
+        let refuse = |what: String, remedy: &str| self.refuse(format!("target '{}': {what}", target.name), remedy);
         let mut before = None;
         for (v, delta) in deltas {
+            let delta = delta.as_ref();
             if delta.iter().any(|d| !d.is_finite()) {
                 return refuse(format!("the {semantic} delta of vertex {v} is {delta:?}"), NOT_FINITE);
             }
@@ -89,65 +143,6 @@ impl MorphSource {
                 return refuse(what, "give targets of the same vertices as the base pose");
             }
             before = Some(v);
-        }
-        Ok(())
-    }
-
-    /// Whether the streams beside positions and normals fit the vertices, in the base pose and in all targets.
-    fn check_streams(&self) -> Result<()> {
-        let refuse = |what: String, remedy: &str| Err(Error::invalid(format!("{}: {what}", self.name), remedy));
-        let count = self.positions.len();
-        for (i, StreamData { semantic, values }) in self.streams.iter().enumerate() {
-            if matches!(semantic, Semantic::Position | Semantic::Normal) {
-                return refuse(format!("a further stream '{semantic}'"), "use the fields `positions` and `normals`");
-            }
-            if self.streams[..i].iter().any(|other| other.semantic == *semantic) {
-                return refuse(format!("two streams '{semantic}'"), "number them, or remove one");
-            }
-            let components = semantic.components();
-            if values.len() != components * count {
-                let what = format!("stream '{semantic}': {} numbers for {count} vertices", values.len());
-                return refuse(what, &format!("give {components} numbers per vertex"));
-            }
-            if let Some(at) = values.iter().position(|v| !v.is_finite()) {
-                let what = format!("stream '{semantic}': vertex {} has {}", at / components, values[at]);
-                return refuse(what, NOT_FINITE);
-            }
-            if *semantic == Semantic::Tangent {
-                let fits = |t: &[f32]| is_unit(Vec3::from_slice(t)) && t[3].abs() == 1.0;
-                if let Some(v) = values.chunks_exact(components).position(|t| !fits(t)) {
-                    let what = format!("the tangent of vertex {v} is {:?}", &values[v * components..][..components]);
-                    return refuse(what, "normalise x y z, and give 1 or -1 as w");
-                }
-            }
-        }
-        for target in &self.targets {
-            if target.streams.len() > self.streams.len() {
-                let what = format!("target '{}' has deltas of {} streams", target.name, target.streams.len());
-                return refuse(what, "give the base pose every stream that a target changes");
-            }
-            for (StreamData { semantic, .. }, StreamDeltas { vertices, deltas }) in
-                self.streams.iter().zip(&target.streams)
-            {
-                let numbers = semantic.morphing_components();
-                if deltas.len() != numbers * vertices.len() {
-                    let (what, name) =
-                        (format!("{} numbers for {} vertices", deltas.len(), vertices.len()), &target.name);
-                    let what = format!("target '{name}': {what} in the deltas of stream '{semantic}'");
-                    return refuse(what, &format!("give {numbers} numbers per vertex"));
-                }
-                self.check_deltas(&target.name, *semantic, vertices.iter().copied().zip(deltas.chunks_exact(numbers)))?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Whether welded vertices are at one place in the base pose and in all targets.
-    fn check_welds(&self) -> Result<()> {
-        let refuse = |what: String, remedy: &str| Err(Error::invalid(format!("{}: {what}", self.name), remedy));
-        check_welds(&self.welds, self.positions.len()).or_else(|what| refuse(what, WELD))?;
-        if let Some((v, of)) = copies(&self.welds).find(|(v, of)| !self.meet(*v, *of)) {
-            return refuse(format!("vertex {v} is welded to vertex {of}, but is or moves elsewhere"), WELD);
         }
         Ok(())
     }

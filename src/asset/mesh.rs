@@ -5,8 +5,7 @@ use glam::{Vec2, Vec3};
 
 /// Below which size a delta is rounding noise and is dropped.
 ///
-/// Further streams go by how their error is measured: directions (tangents) by `normal`, other numbers by `position`, as
-/// a fraction of 1.
+/// Other streams are compared with `normal` where they are directions (tangents), else with `position`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerance {
     /// Length of a position delta, as a fraction of the bounding-box diagonal (≥ 0).
@@ -21,16 +20,13 @@ impl Tolerance {
 }
 
 impl Default for Tolerance {
-    /// 1e-6 of the diagonal for positions, 1e-3 (0.06°) for normals.
+    /// 1e-6 of the diagonal for positions, 1e-3 (0.06°) for normals: both below what can be seen. With 43 targets active
+    /// at once, as in captured clips, dropped position deltas add up to 4.3e-5 of the diagonal at the very most.
     ///
-    /// Both stay below what can be seen: with 43 targets active at once, as in captured clips, the dropped
-    /// position deltas add up to 4.3e-5 of the diagonal at the very most.
-    ///
-    /// The normal tolerance was chosen on real heads. A mesh written with six digits and no normals (ICT FaceKit)
-    /// has rounding noise in its computed normals: in the mean over the targets, positions alone keep 30.2% of
-    /// the vertices; 1e-4 keeps 31.7%, 1e-3 keeps 30.6%, and larger values hardly less (1e-2: 30.3%) while their
-    /// error grows. Over a captured clip, 99.9% of the normals at 1e-3 are within 0.08° of those with nothing
-    /// dropped. Normals that a file states in 8 bits (Face Cap) have no delta below 5e-3, so none is lost.
+    /// The normals that are computed for a mesh written with six digits (ICT FaceKit) have rounding noise: positions alone
+    /// keep 30.2% of the vertices in the mean over the targets, 1e-4 keeps 31.7%, 1e-3 keeps 30.6%, and larger values
+    /// hardly less (1e-2: 30.3%) with larger errors. Over a captured clip, 99.9% of the normals at 1e-3 are within 0.08° of
+    /// those with nothing dropped. Normals that a file states in 8 bits (Face Cap) have no delta below 5e-3: none is lost.
     fn default() -> Self {
         Self { position: 1e-6, normal: 1e-3 }
     }
@@ -64,9 +60,9 @@ pub struct MorphMesh {
     pub texcoords: Vec<Vec2>,
     /// The face list.
     pub faces: Faces,
-    /// What vertices have besides: tangents, colours, texture coordinates that morph.
+    /// Other vertex attributes: tangents, colours, texture coordinates that morph.
     pub streams: Vec<StreamData>,
-    /// For each vertex the first one at its place, or empty: see [`MorphSource::welds`](super::MorphSource::welds).
+    /// For each vertex the first one at its position, or empty: see [`MorphSource::welds`](super::MorphSource::welds).
     pub welds: Vec<u32>,
     /// The targets, in the order of the source.
     pub targets: Vec<MorphTarget>,

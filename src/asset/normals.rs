@@ -109,20 +109,16 @@ pub fn vertex_normals(adjacency: &Adjacency, positions: &[Vec3]) -> Vec<Vec3> {
 pub struct Deformer<'a> {
     adjacency: &'a Adjacency,
     base: &'a [Vec3],
-    /// The base again, deformed and put back by every call.
+    /// The base again: deformed and restored by every call.
     positions: Vec<Vec3>,
-    /// The base's area vectors, likewise.
+    /// The area vectors of the base: those of the deformed surface during a call.
     areas: Vec<DVec3>,
-    seen_vertices: Vec<bool>,
-    seen_faces: Vec<bool>,
 }
 
 impl<'a> Deformer<'a> {
     /// For deformations of `base`, which has a position for every vertex of `adjacency`.
     pub fn new(adjacency: &'a Adjacency, base: &'a [Vec3]) -> Self {
-        let areas = adjacency.area_vectors(base);
-        let (seen_vertices, seen_faces) = (vec![false; base.len()], vec![false; areas.len()]);
-        Self { adjacency, base, positions: base.to_vec(), areas, seen_vertices, seen_faces }
+        Self { adjacency, base, positions: base.to_vec(), areas: adjacency.area_vectors(base) }
     }
 
     /// The normals of `base + moved` at every vertex that shares a face with a moved one, ascending by vertex.
@@ -133,34 +129,20 @@ impl<'a> Deformer<'a> {
             self.positions[v as usize] = self.base[v as usize] + delta;
         }
         // Every face once: a polygon that moves at all its corners would otherwise be walked once for each.
-        let mut faces = Vec::new();
+        let (mut seen_faces, mut seen_vertices) = (vec![false; self.areas.len()], vec![false; self.base.len()]);
+        let mut unseen = |face: &u32| !std::mem::replace(&mut seen_faces[*face as usize], true);
+        let mut restore = Vec::new();
         let mut touched = Vec::new();
-        for &(v, _) in moved {
-            for &face in self.adjacency.faces_of(v) {
-                if std::mem::replace(&mut self.seen_faces[face as usize], true) {
-                    continue;
-                }
-                let area = self.adjacency.area_vector(face, &self.positions);
-                faces.push((face, std::mem::replace(&mut self.areas[face as usize], area)));
-                for &c in self.adjacency.corners_of(face) {
-                    if !std::mem::replace(&mut self.seen_vertices[c as usize], true) {
-                        touched.push(c);
-                    }
-                }
-            }
+        for &face in moved.iter().flat_map(|&(v, _)| self.adjacency.faces_of(v)).filter(|face| unseen(face)) {
+            let area = self.adjacency.area_vector(face, &self.positions);
+            restore.push((face, std::mem::replace(&mut self.areas[face as usize], area)));
+            let mut unseen = |v: &u32| !std::mem::replace(&mut seen_vertices[*v as usize], true);
+            touched.extend(self.adjacency.corners_of(face).iter().copied().filter(|v| unseen(v)));
         }
         touched.sort_unstable();
         let normals = touched.iter().map(|&v| (v, self.adjacency.normal(v, &self.areas))).collect();
-        for v in touched {
-            self.seen_vertices[v as usize] = false;
-        }
-        for (face, area) in faces {
-            self.seen_faces[face as usize] = false;
-            self.areas[face as usize] = area;
-        }
-        for &(v, _) in moved {
-            self.positions[v as usize] = self.base[v as usize];
-        }
+        restore.into_iter().for_each(|(face, area)| self.areas[face as usize] = area);
+        moved.iter().for_each(|&(v, _)| self.positions[v as usize] = self.base[v as usize]);
         normals
     }
 }

@@ -3,7 +3,7 @@
 //!
 //! A host that draws poses straight from an index buffer takes a source that is [`split`](MorphSource::split). One that
 //! pulls vertices in its shader updates fewer of them: it keeps the source welded, and looks up the pose vertex of each of
-//! the [`RenderVertices`]. Either way normals, tangents and deltas belong to a place, so that no crack opens at a seam.
+//! the [`RenderVertices`]. Either way normals, tangents and deltas belong to a position, so that no crack opens at a seam.
 
 use super::{Faces, MorphSource, StreamData, StreamDeltas};
 use crate::error::Result;
@@ -26,47 +26,6 @@ pub struct RenderVertices {
     pub indices: Vec<u32>,
 }
 
-/// Render vertices, and which of them each corner of the faces is.
-struct Corners {
-    pose_vertices: Vec<u32>,
-    texcoords: Vec<Option<Vec2>>,
-    corners: Vec<u32>,
-}
-
-impl Corners {
-    fn new(faces: &Faces, vertices: usize, texcoords: &[Vec2]) -> Self {
-        let mut all = Self {
-            pose_vertices: (0..vertices as u32).collect(),
-            texcoords: vec![None; vertices],
-            corners: Vec::with_capacity(faces.corners.len()),
-        };
-        let mut doubled = HashMap::new();
-        for corner in &faces.corners {
-            let v = corner.position;
-            let vertex = match (corner.texcoord.map(|t| texcoords[t as usize]), all.texcoords[v as usize]) {
-                // Whatever is there fits a corner that states nothing.
-                (None, _) => v,
-                (Some(texcoord), None) => {
-                    all.texcoords[v as usize] = Some(texcoord);
-                    v
-                }
-                (Some(texcoord), Some(first)) if texcoord == first => v,
-                (Some(texcoord), Some(_)) => {
-                    // By value, since a file may state a value twice; 0 and -0 are one.
-                    let key = (v, (texcoord + 0.0).to_array().map(f32::to_bits));
-                    *doubled.entry(key).or_insert_with(|| {
-                        all.pose_vertices.push(v);
-                        all.texcoords.push(Some(texcoord));
-                        all.pose_vertices.len() as u32 - 1
-                    })
-                }
-            };
-            all.corners.push(vertex);
-        }
-        all
-    }
-}
-
 impl Faces {
     /// The vertices that draw these faces of `vertices` vertices, and their index buffer.
     ///
@@ -74,16 +33,32 @@ impl Faces {
     /// A face of fewer than three corners, or an index that is out of range.
     pub fn render_vertices(&self, vertices: usize, texcoords: &[Vec2]) -> Result<RenderVertices> {
         self.check(vertices, texcoords.len())?;
-        let all = Corners::new(self, vertices, texcoords);
-        let mut rest = all.corners.as_slice();
-        let mut indices = Vec::with_capacity(3 * self.corners.len());
-        for &size in &self.sizes {
-            let (face, tail) = rest.split_at(size as usize);
-            rest = tail;
-            indices.extend(face.windows(2).skip(1).flat_map(|edge| [face[0], edge[0], edge[1]]));
+        let (render, faces) = self.split(vertices, texcoords);
+        Ok(RenderVertices { indices: faces.triangles().into_flattened(), ..render })
+    }
+
+    /// Render vertices, still without indices, and these faces over them.
+    fn split(&self, vertices: usize, texcoords: &[Vec2]) -> (RenderVertices, Self) {
+        let mut pose_vertices: Vec<u32> = (0..vertices as u32).collect();
+        let mut stated: Vec<Option<Vec2>> = vec![None; vertices];
+        let mut doubled = HashMap::new();
+        let mut faces = self.clone();
+        for corner in &mut faces.corners {
+            // A corner without texture coordinates is drawn with those of any other.
+            let Some(texcoord) = corner.texcoord.map(|t| texcoords[t as usize]) else { continue };
+            let v = corner.position;
+            if *stated[v as usize].get_or_insert(texcoord) != texcoord {
+                // By value, since a file may state a value twice; 0 and -0 are one.
+                let key = (v, (texcoord + 0.0).to_array().map(f32::to_bits));
+                corner.position = *doubled.entry(key).or_insert_with(|| {
+                    pose_vertices.push(v);
+                    stated.push(Some(texcoord));
+                    pose_vertices.len() as u32 - 1
+                });
+            }
         }
-        let texcoords = all.texcoords.into_iter().map(Option::unwrap_or_default).collect();
-        Ok(RenderVertices { pose_vertices: all.pose_vertices, texcoords, indices })
+        let texcoords = stated.into_iter().map(Option::unwrap_or_default).collect();
+        (RenderVertices { pose_vertices, texcoords, indices: vec![] }, faces)
     }
 }
 
@@ -93,32 +68,34 @@ impl MorphSource {
     ///
     /// The vertices of this source come first, in their order; doubled ones follow, welded to them ([`Self::welds`]), with
     /// the same normals, streams and deltas. So the first vertices of a pose are those of the file, and an OBJ with the
-    /// file's vertices is written from them and from the faces of this source. Computed normals are those of the welded
-    /// surface.
+    /// file's vertices is written from them and from the faces of this source.
+    ///
+    /// A hard edge doubles nothing: a position has one normal (stated, or computed of the welded surface), one tangent and
+    /// one delta per target, so the corners that meet at a hard edge are shaded alike.
     ///
     /// Block formats keep welded vertices in one block, which keeps them equal bit for bit in every pose. Only where no
-    /// choice of whole places fills a block (nothing but places of three, or of six, in blocks of 32) a place is cut at the
-    /// border of two blocks; its vertices may then differ by what blocks may lose. Dense formats have
-    /// no such limit.
+    /// choice of whole positions fills a block (nothing but positions of three vertices, or of six, in blocks of 32), the
+    /// vertices of one position lie in two blocks, and may then differ by what blocks may lose. Dense formats have no such
+    /// limit.
     ///
     /// # Errors
     /// As [`to_mesh`](Self::to_mesh).
     pub fn split(&self) -> Result<Self> {
         self.check(super::Tolerance::ZERO)?;
         let count = self.positions.len();
-        let Corners { pose_vertices: of, corners, .. } = Corners::new(&self.faces, count, &self.texcoords);
-        let mut split = self.clone();
-        for (vectors, from) in std::iter::once((&mut split.positions, &self.positions))
-            .chain(split.normals.as_mut().zip(self.normals.as_ref()))
-        {
-            *vectors = of.iter().map(|&v| from[v as usize]).collect();
-        }
+        let (RenderVertices { pose_vertices: of, .. }, faces) = self.faces.split(count, &self.texcoords);
+        let vectors = |from: &Vec<Vec3>| of.iter().map(|&v| from[v as usize]).collect();
+        let mut split = Self {
+            positions: vectors(&self.positions),
+            normals: self.normals.as_ref().map(vectors),
+            faces,
+            welds: of.iter().map(|&v| self.welds.get(v as usize).copied().unwrap_or(v)).collect(),
+            ..self.clone()
+        };
         for (StreamData { semantic, values }, from) in split.streams.iter_mut().zip(&self.streams) {
             let n = semantic.components();
             *values = of.iter().flat_map(|&v| &from.values[v as usize * n..][..n]).copied().collect();
         }
-        split.faces.corners.iter_mut().zip(corners).for_each(|(corner, vertex)| corner.position = vertex);
-        split.welds = of.iter().map(|&v| self.welds.get(v as usize).copied().unwrap_or(v)).collect();
         let doubled: Vec<(u32, u32)> = (count as u32..).zip(of[count..].iter().copied()).collect();
         for target in &mut split.targets {
             copy_deltas(&mut target.positions, &doubled);

@@ -30,11 +30,11 @@ pub struct MorphSource {
     pub texcoords: Vec<Vec2>,
     /// The face list.
     pub faces: Faces,
-    /// What vertices have besides: tangents, colours, texture coordinates that morph.
+    /// Other vertex attributes: tangents, colours, texture coordinates that morph.
     pub streams: Vec<StreamData>,
-    /// For each vertex the first one at its place, itself where it is that; empty where every vertex has a place of its
-    /// own. Welded vertices share the normal that is computed, and what they share stays equal bit for bit in every
-    /// pose. See [`split`](Self::split) and [`weld`](Self::weld).
+    /// For each vertex the first one at its position, which may be itself; empty where no vertices are doubled. Welded
+    /// vertices share the computed normal, and what they share stays equal bit for bit in every pose. See
+    /// [`split`](Self::split) and [`weld`](Self::weld).
     pub welds: Vec<u32>,
     /// The targets; an empty target keeps its index.
     pub targets: Vec<SourceTarget>,

@@ -50,30 +50,30 @@ pub enum Measure {
 }
 
 impl Semantic {
+    /// Components, how many of them morph (the first ones), and how errors are measured.
+    const fn properties(self) -> (usize, usize, Measure) {
+        match self {
+            Self::Position => (3, 3, Measure::Length),
+            Self::Normal => (3, 3, Measure::Angle),
+            Self::Tangent => (4, 3, Measure::Angle),
+            Self::TexCoord(_) => (2, 2, Measure::Absolute),
+            Self::Color(_) => (4, 4, Measure::Absolute),
+        }
+    }
+
     /// Numbers of a vertex.
     pub const fn components(self) -> usize {
-        match self {
-            Self::Position | Self::Normal => 3,
-            Self::Tangent | Self::Color(_) => 4,
-            Self::TexCoord(_) => 2,
-        }
+        self.properties().0
     }
 
     /// Numbers of a delta: the first of the components.
     pub const fn morphing_components(self) -> usize {
-        match self {
-            Self::Tangent => 3,
-            Self::Position | Self::Normal | Self::TexCoord(_) | Self::Color(_) => self.components(),
-        }
+        self.properties().1
     }
 
     /// How errors are measured.
     pub const fn measure(self) -> Measure {
-        match self {
-            Self::Position => Measure::Length,
-            Self::Normal | Self::Tangent => Measure::Angle,
-            Self::TexCoord(_) | Self::Color(_) => Measure::Absolute,
-        }
+        self.properties().2
     }
 }
 

@@ -39,10 +39,7 @@ pub fn read(path: &Path, fps: Option<f32>) -> Result<WeightClip> {
 
 /// Names and values, row after row.
 fn parse(path: &Path, text: &[u8]) -> Result<(Vec<String>, Vec<f32>)> {
-    let error = |place: String, what: String, remedy: &str| {
-        Err(Error::Input { path: path.to_path_buf(), place, what, remedy: remedy.to_owned() })
-    };
-    // Flexible, since a ragged row is told here, with its line.
+    // Flexible, since a ragged row is refused here, with its line.
     let mut reader = ReaderBuilder::new().has_headers(false).flexible(true).trim(Trim::All).from_reader(text);
     let mut record = StringRecord::new();
     let mut names: Vec<String> = Vec::new();
@@ -55,26 +52,32 @@ fn parse(path: &Path, text: &[u8]) -> Result<(Vec<String>, Vec<f32>)> {
                 let line = line_at(text, e.position().map_or_else(|| reader.position().byte(), csv::Position::byte));
                 let utf8 = matches!(e.kind(), csv::ErrorKind::Utf8 { .. });
                 let what = if utf8 { "bytes that are not UTF-8 text".to_owned() } else { e.to_string() };
-                return error(format!(": line {line}"), what, "save the file as CSV in UTF-8");
+                return Err(Error::input(path, format!(": line {line}"), what, "save the file as CSV in UTF-8"));
             }
         }
         let line = || line_at(text, record.position().map_or(0, csv::Position::byte));
+        let refuse = |what: String, remedy| Err(Error::input(path, format!(": line {}", line()), what, remedy));
+        let refuse_column = |name: &str, what: String, remedy| {
+            Err(Error::input(path, format!(": column '{name}', line {}", line()), what, remedy))
+        };
         if names.is_empty() {
-            // Where there is one column, whatever else divides the line was meant to.
+            // A single column: perhaps another character was meant to divide the line.
             let divided = |by: &char| record.len() == 1 && record[0].contains(*by);
             if let Some(by) = [';', '\t'].iter().find(|by| divided(by)) {
-                let what = format!("one column, whose name has {by:?} in it");
-                return error(format!(": line {}", line()), what, "divide columns by commas");
+                return refuse(format!("one column, whose name has {by:?} in it"), "divide columns by commas");
             }
             let mut seen = HashSet::new();
             for (i, name) in record.iter().enumerate() {
                 if name.is_empty() {
                     let what = format!("column {} of the header has no name", i + 1);
-                    return error(format!(": line {}", line()), what, "name every column after its target");
+                    return refuse(what, "name every column after its target");
                 }
                 if !seen.insert(name) {
-                    let place = format!(": column '{name}', line {}", line());
-                    return error(place, "the second column of this name".into(), "rename or remove one of them");
+                    return refuse_column(
+                        name,
+                        "the second column of this name".into(),
+                        "rename or remove one of them",
+                    );
                 }
             }
             names = record.iter().map(str::to_owned).collect();
@@ -82,29 +85,28 @@ fn parse(path: &Path, text: &[u8]) -> Result<(Vec<String>, Vec<f32>)> {
         }
         if record.len() != names.len() {
             let what = format!("{} values, but the header has {} columns", record.len(), names.len());
-            return error(format!(": line {}", line()), what, "give one value per column in every row");
+            return refuse(what, "give one value per column in every row");
         }
         if values.try_reserve(names.len()).is_err() {
             let what = format!("{}: line {}: there is no memory for more rows", path.display(), line());
             return Err(Error::out_of_memory(what, "split the clip"));
         }
         for (name, value) in names.iter().zip(&record) {
-            let place = || format!(": column '{name}', line {}", line());
             match value.parse::<f32>() {
                 Ok(w) if w.is_finite() => values.push(w),
                 Ok(_) => {
                     let what = format!("the weight '{value}' is not a finite number");
-                    return error(place(), what, "replace it with a finite number");
+                    return refuse_column(name, what, "replace it with a finite number");
                 }
                 Err(_) => {
                     let what = format!("'{}' is not a number", value.chars().take(40).collect::<String>());
-                    return error(place(), what, "write weights as decimal numbers with a point");
+                    return refuse_column(name, what, "write weights as decimal numbers with a point");
                 }
             }
         }
     }
     if names.is_empty() {
-        return error(String::new(), "an empty file".into(), "give a header of target names and one row per frame");
+        return Err(Error::input(path, "", "an empty file", "give a header of target names and one row per frame"));
     }
     Ok((names, values))
 }
@@ -141,7 +143,6 @@ pub fn write(path: &Path, clip: &WeightClip) -> Result<()> {
         let what = format!("clip '{}': the column name '{name}' is empty or has spaces around it", clip.name);
         return Err(Error::invalid(what, "rename the column"));
     }
-    let failed = |source| Error::Io { path: path.to_path_buf(), action: "write", source };
     let text = || -> csv::Result<Vec<u8>> {
         let mut out = csv::Writer::from_writer(Vec::new());
         out.write_record(&clip.names)?;
@@ -150,7 +151,7 @@ pub fn write(path: &Path, clip: &WeightClip) -> Result<()> {
         }
         out.into_inner().map_err(|e| e.into_error().into())
     };
-    let text = text().map_err(|e| failed(e.into()))?;
+    let text = text().map_err(|e| Error::io(path, "write")(e.into()))?;
     write_replacing(path, |out| out.write_all(&text))
 }
 
@@ -178,10 +179,6 @@ mod tests {
         parse(Path::new("w.csv"), text.as_bytes())
     }
 
-    fn message(text: &str) -> String {
-        read_text(text).unwrap_err().to_string()
-    }
-
     #[test]
     fn rows_and_names_are_read() {
         let (names, values) = read_text(" a ,\"b,c\"\r\n0.5,-2\r\n\r\n 1e-3 ,3.5").unwrap();
@@ -192,16 +189,21 @@ mod tests {
 
     #[test]
     fn errors_name_file_line_and_column() {
-        assert!(message("").contains("w.csv: an empty file"), "{}", message(""));
-        assert!(message("a,b\n1,2\n3\n").contains("w.csv: line 3: 1 values, but the header has 2 columns"));
-        assert!(message("a,b\n1,2\n3,x1\n").contains("column 'b', line 3: 'x1' is not a number"));
-        assert!(message("a,b\n1,NaN\n").contains("column 'b', line 2: the weight 'NaN' is not a finite"));
-        assert!(message("a,b\n1e99,0\n").contains("column 'a', line 2"));
-        assert!(message("a,b,a\n").contains("column 'a', line 1: the second column"));
-        assert!(message("a,,b\n").contains("column 2 of the header"));
-        assert!(message("a,b\r\n1,2\r\n\r\n3\r\n").contains("line 4"), "{}", message("a,b\r\n1,2\r\n\r\n3\r\n"));
-        let latin = parse(Path::new("w.csv"), b"a,b\n1,\xe9\n").unwrap_err().to_string();
-        assert!(latin.contains("w.csv: line 2: bytes that are not UTF-8"), "{latin}");
+        for (text, expected) in [
+            (&b""[..], "w.csv: an empty file"),
+            (b"a,b\n1,2\n3\n", "w.csv: line 3: 1 values, but the header has 2 columns"),
+            (b"a,b\n1,2\n3,x1\n", "column 'b', line 3: 'x1' is not a number"),
+            (b"a,b\n1,NaN\n", "column 'b', line 2: the weight 'NaN' is not a finite"),
+            (b"a,b\n1e99,0\n", "column 'a', line 2"),
+            (b"a,b,a\n", "column 'a', line 1: the second column"),
+            (b"a,,b\n", "column 2 of the header"),
+            (b"a;b\n", "line 1: one column, whose name has ';' in it"),
+            (b"a,b\r\n1,2\r\n\r\n3\r\n", "line 4"),
+            (b"a,b\n1,\xe9\n", "w.csv: line 2: bytes that are not UTF-8"),
+        ] {
+            let message = parse(Path::new("w.csv"), text).unwrap_err().to_string();
+            assert!(message.contains(expected), "{message}");
+        }
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! Where meshes and weight clips come from, and where they are written.
 //!
-//! [`open`] takes whatever there is an importer for. To add one: a module of its own here, and a row in the list of
-//! importers.
+//! [`open`] tries a list of importers. To add one: a module here, and a row in the list.
 
 #[cfg(feature = "csv")]
 pub mod csv;
@@ -10,6 +9,7 @@ pub mod sample;
 
 use crate::asset::MorphSource;
 use crate::error::{Error, Result};
+use crate::io::{has_extension, list};
 use crate::pack::file::Asset;
 use crate::weights::WeightClip;
 use std::path::{Path, PathBuf};
@@ -66,7 +66,7 @@ const IMPORTERS: [Importer; 2] = [
 pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
     let refuse = |what: &str| {
         let remedy = format!("give {}", IMPORTERS.each_ref().map(|i| i.gives).join(", or "));
-        Err(obj::input(path, "", what, remedy))
+        Err(Error::input(path, "", what, &remedy))
     };
     if !path.exists() {
         return refuse("no such file or folder");
@@ -89,7 +89,7 @@ pub fn open_clip(path: &Path, fps: Option<f32>) -> Result<WeightClip> {
     #[cfg(feature = "csv")]
     return csv::read(path, fps);
     #[cfg(not(feature = "csv"))]
-    Err(obj::input(path, "", format!("no weight clips are read (fps {fps:?})"), "build with the feature 'csv'"))
+    Err(Error::input(path, "", format!("no weight clips are read (fps {fps:?})"), "build with the feature 'csv'"))
 }
 
 fn open_folder(path: &Path) -> Result<Imported> {
@@ -106,17 +106,9 @@ fn clips_in(folder: &Path) -> Result<Vec<PathBuf>> {
     if !folder.is_dir() {
         return Ok(vec![]);
     }
-    let failed = |source| Error::Io { path: folder.to_path_buf(), action: "read the folder", source };
-    let paths: std::io::Result<Vec<PathBuf>> =
-        std::fs::read_dir(folder).map_err(failed)?.map(|entry| entry.map(|e| e.path())).collect();
-    let mut clips = paths.map_err(failed)?;
+    let mut clips = list(folder)?;
     clips.retain(|path| has_extension(path, "csv") && path.is_file());
-    clips.sort();
     Ok(clips)
-}
-
-fn has_extension(path: &Path, extension: &str) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
 }
 
 #[cfg(test)]
@@ -168,12 +160,9 @@ mod tests {
     #[test]
     fn what_cannot_be_opened_comes_with_a_remedy() {
         let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("a.glb");
-        std::fs::write(&path, "").unwrap();
-        for (path, part) in
-            [(path, "a.glb: a file of a kind"), (dir.path().join("none"), "none: no such file or folder")]
-        {
-            let text = message(&path);
+        std::fs::write(dir.path().join("a.glb"), "").unwrap();
+        for (name, part) in [("a.glb", "a.glb: a file of a kind"), ("none", "none: no such file or folder")] {
+            let text = message(&dir.path().join(name));
             assert!(text.contains(part) && text.contains("neutral.obj") && text.contains("*.dmorph"), "{text}");
         }
     }

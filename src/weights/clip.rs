@@ -31,11 +31,11 @@ impl WeightClip {
     /// that is not a multiple of the number of columns.
     pub fn bind(&self, targets: &[&str]) -> Result<BoundClip> {
         self.check()?;
-        let mut places = HashMap::with_capacity(targets.len());
+        let mut indices = HashMap::with_capacity(targets.len());
         for (i, &target) in targets.iter().enumerate() {
-            places.entry(target).or_insert(i);
+            indices.entry(target).or_insert(i);
         }
-        let mut unknown = self.names.iter().filter(|name| !places.contains_key(name.as_str()));
+        let mut unknown = self.names.iter().filter(|name| !indices.contains_key(name.as_str()));
         if let Some(name) = unknown.next() {
             let more = match unknown.count() {
                 0 => String::new(),
@@ -53,8 +53,8 @@ impl WeightClip {
             name: self.name.clone(),
             fps: self.fps,
             targets: targets.len(),
-            // `check` has made the names distinct, so no two columns write one place.
-            columns: self.names.iter().map(|name| places[name.as_str()]).collect(),
+            // `check` has made the names distinct, so no two columns have one target.
+            columns: self.names.iter().map(|name| indices[name.as_str()]).collect(),
             values: self.values.clone(),
         })
     }

@@ -1,4 +1,4 @@
-//! Delta weights: what is asked for minus what a pose buffer already holds.
+//! Delta weights: the weights to reach minus those that a pose buffer already holds.
 
 use crate::error::{Error, Result};
 
@@ -13,25 +13,17 @@ pub struct Coefficient {
 
 /// Append the changed targets (`weight ≠ applied weight`) with their delta weights, ascending by target.
 pub fn changed_targets(weights: &[f32], applied: &[f32], out: &mut Vec<Coefficient>) {
-    out.extend(
-        weights
-            .iter()
-            .zip(applied)
-            .enumerate()
-            .filter(|(_, (w, a))| w != a)
-            .map(|(target, (w, a))| Coefficient { target: target as u32, value: w - a }),
-    );
+    differences(weights, applied.iter().copied(), out);
 }
 
 /// Append the active targets (`weight ≠ 0`) with their weights, ascending by target.
 pub fn active_targets(weights: &[f32], out: &mut Vec<Coefficient>) {
-    out.extend(
-        weights
-            .iter()
-            .enumerate()
-            .filter(|(_, w)| **w != 0.0)
-            .map(|(target, &value)| Coefficient { target: target as u32, value }),
-    );
+    differences(weights, std::iter::repeat(0.0), out);
+}
+
+fn differences(weights: &[f32], applied: impl Iterator<Item = f32>, out: &mut Vec<Coefficient>) {
+    let changed = weights.iter().zip(applied).enumerate().filter(|(_, (w, a))| *w != a);
+    out.extend(changed.map(|(target, (w, a))| Coefficient { target: target as u32, value: w - a }));
 }
 
 /// The largest weight, either sign. Beyond it a float32 pose has no digits left for the base.
@@ -62,27 +54,25 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_changed_is_listed() {
-        let mut out = vec![];
-        changed_targets(&[0.5, -0.25, 0.0, 1.0], &[0.5, 0.25, -0.0, 0.0], &mut out);
-        assert_eq!(out, [Coefficient { target: 1, value: -0.5 }, Coefficient { target: 3, value: 1.0 }]);
-    }
-
-    #[test]
-    fn negative_weights_are_active() {
-        let mut out = vec![];
-        active_targets(&[0.0, -0.1, 1.5], &mut out);
-        assert_eq!(out.iter().map(|c| c.target).collect::<Vec<_>>(), [1, 2]);
+    fn only_what_changed_or_is_active_is_listed() {
+        let listed = |out: Vec<Coefficient>| out.iter().map(|c| (c.target, c.value)).collect::<Vec<_>>();
+        let (mut changed, mut active) = (vec![], vec![]);
+        changed_targets(&[0.5, -0.25, 0.0, 1.0], &[0.5, 0.25, -0.0, 0.0], &mut changed);
+        assert_eq!(listed(changed), [(1, -0.5), (3, 1.0)]);
+        active_targets(&[0.0, -0.1, 1.5, -0.0], &mut active);
+        assert_eq!(listed(active), [(1, -0.1), (2, 1.5)]);
     }
 
     #[test]
     fn bad_weights_are_named() {
         let name = |i| ["jawOpen", "smile"].get(i).copied();
-        let text = check_weights(&[0.0, f32::NAN], name, 2).unwrap_err().to_string();
-        assert!(text.contains("target 1 ('smile') is NaN"), "{text}");
-        let text = check_weights(&[0.0, -3e38], name, 2).unwrap_err().to_string();
-        assert!(text.contains("from -1000000 to 1000000"), "{text}");
-        let text = check_weights(&[0.0], name, 2).unwrap_err().to_string();
-        assert!(text.contains("1 weights given, but the mesh has 2 targets"), "{text}");
+        for (weights, expected) in [
+            (&[0.0, f32::NAN][..], "target 1 ('smile') is NaN"),
+            (&[0.0, -3e38], "from -1000000 to 1000000"),
+            (&[0.0], "1 weights given, but the mesh has 2 targets"),
+        ] {
+            let text = check_weights(weights, name, 2).unwrap_err().to_string();
+            assert!(text.contains(expected), "{text}");
+        }
     }
 }

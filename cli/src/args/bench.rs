@@ -39,16 +39,16 @@ pub struct BenchArgs {
     #[arg(long, value_name = "CSV")]
     pub weights: Vec<PathBuf>,
     /// Numbers of heads, each with its own weights [default: 1; suites: 1 and 100, techniques: 1,10,100]
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::heads)]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::whole(1u32, 1_000_000))]
     pub heads: Vec<u32>,
     /// One animation for all heads: one is updated, and its pose drawn for each
     #[arg(long)]
     pub shared: bool,
     /// Frames to time per configuration
-    #[arg(long, value_name = "N", default_value_t = 100, value_parser = values::at_least_one)]
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = values::whole(1usize, 1_000_000))]
     pub frames: usize,
     /// Frames to run before timing starts
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = values::warmup)]
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = values::whole(0usize, 1_000_000))]
     pub warmup: usize,
     /// Run ready-made comparisons instead, each with a page of its own in the report
     #[arg(
@@ -62,7 +62,8 @@ pub struct BenchArgs {
     )]
     pub suites: Vec<SuiteChoice>,
     /// Suites: seconds to time each configuration for, where --frames take longer [default: 5]
-    #[arg(long, value_name = "SECONDS", value_parser = values::seconds, requires = "suites")]
+    #[arg(long, value_name = "SECONDS", requires = "suites")]
+    #[arg(value_parser = values::number("a number of seconds above 0, at most a day", |v| v > 0.0 && v <= 86_400.0))]
     pub time_limit: Option<f32>,
     /// Folder for report.json, runs.csv, the plots and index.html
     #[arg(long, value_name = "DIR", default_value = "bench-report")]

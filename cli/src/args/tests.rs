@@ -1,19 +1,23 @@
 //! Tests of the command line.
 
 use super::bench::SuiteChoice;
+use super::run::Single;
 use super::values::*;
 use super::*;
 use clap::CommandFactory;
 
 fn parse(line: &str) -> Result<Cli, clap::Error> {
-    Cli::try_parse_from(line.split_whitespace())
+    Cli::try_parse_from(format!("deltamorph {line}").split_whitespace())
 }
 
-fn bench(line: &str) -> BenchArgs {
-    match parse(line).expect(line).command {
-        Command::Bench(args) => *args,
-        other => panic!("{other:?}"),
-    }
+/// The arguments of one command.
+macro_rules! args {
+    ($command:ident, $line:expr) => {
+        match parse($line).expect($line).command {
+            Command::$command(args) => *args,
+            other => panic!("{other:?}"),
+        }
+    };
 }
 
 #[test]
@@ -23,117 +27,103 @@ fn the_definition_is_consistent() {
 
 #[test]
 fn defaults() {
-    let args = bench("deltamorph bench");
-    assert!(args.batch_sizes.is_empty());
-    assert!(args.changed.is_empty());
+    let args = args!(Bench, "bench");
+    assert!(args.batch_sizes.is_empty() && args.changed.is_empty() && args.suites.is_empty() && !args.shared);
     assert_eq!((args.heads_or(&[1]), args.frames, args.warmup, args.time_limit().as_secs()), (vec![1], 100, 5, 5));
-    assert!(args.suites.is_empty() && !args.shared);
     assert_eq!((args.update.slots, args.input.tolerance), (2, 1e-6));
-    assert!(args.update.formats.is_empty());
-    assert!(args.update.paths.is_empty());
+    assert!(args.update.formats.is_empty() && args.update.paths.is_empty());
     assert_eq!(args.report, PathBuf::from("bench-report"));
     assert_eq!(args.input.head.desc(1), HeadDesc::default());
     assert_eq!(args.input.tolerance(), Tolerance::default());
+    assert_eq!((args!(Play, "play").every, args!(Play, "play").noise), (16, None));
+    let every = |line: &str| args!(Soak, line).every();
+    assert_eq!(every("soak --frames 10000000"), 156_250, "a 64th");
+    assert_eq!((every("soak --frames 5"), every("soak --frames 500 --every 100")), (1, 100));
 }
 
 #[test]
 fn lists_and_aliases() {
-    let args = bench(
-        "deltamorph bench face --path feedback,cpu --format float32,snorm16 --batch-sizes 1..3,7,max --changed 4,all \
-         --weights a.csv --weights b.csv --heads 1,16 --device 1",
+    let args = args!(
+        Bench,
+        "bench face --path feedback,cpu --format float32,snorm16 --batch-sizes 1..3,7,max --changed 4,all \
+         --weights a.csv --weights b.csv --heads 1,16 --device 1"
     );
     assert_eq!(args.update.paths, [UpdatePath::Feedback, UpdatePath::Cpu]);
     assert_eq!(args.update.formats, [DeltaFormat::Float32, DeltaFormat::Snorm16]);
     assert_eq!(args.batch_sizes, [BatchSpec::Range(1, Some(3)), BatchSpec::Size(7), BatchSpec::Max]);
     assert_eq!(args.changed, [ChangedSpec::Count(4), ChangedSpec::All]);
     assert_eq!((args.weights.len(), args.heads.as_slice()), (2, &[1, 16][..]));
-    let global = parse("deltamorph --device 1 devices").expect("global before").global;
+    let args = args!(Bench, "bench --suite crowd,clips --time-limit 0.2 --heads 1,3 --paths blocks,compute");
+    assert_eq!(args.suites, [SuiteChoice::Crowd, SuiteChoice::Clips]);
+    assert_eq!((args.heads_or(&[7]), args.time_limit().as_millis()), (vec![1, 3], 200));
+    let args = args!(Apply, "apply face --set a=b=0.5,c=-1 --set d=2 -o out.obj");
+    assert_eq!(args.set, [("a=b".into(), 0.5), ("c".into(), -1.0), ("d".into(), 2.0)]);
+    let args = args!(Play, "play face --weights a.csv --noise 0.001 --every 3 --error-budget 1e-4d");
+    assert_eq!((args.every, args.noise, args.run.update.budget(2.0)), (3, Some(0.001), Ok(2e-4)));
+    let global = parse("--device 1 devices").expect("global before").global;
     assert_eq!(global.device, Some(DeviceChoice::Index(1)));
-    let global = parse("deltamorph info --device llvmpipe --json -").expect("global after").global;
+    let global = parse("info --device llvmpipe --json -").expect("global after").global;
     assert_eq!(global.device, Some(DeviceChoice::Name("llvmpipe".into())));
     assert_eq!(global.json, Some(PathBuf::from("-")));
 }
 
 #[test]
 fn bad_values_are_refused_with_exit_code_2() {
-    for line in [
-        "bench --vertices 0",
-        "bench --vertices -1",
-        "bench --sparsity 0",
-        "bench --sparsity 1.01",
-        "bench --sparsity nan",
-        "bench --tolerance -1e-6",
-        "bench --tolerance inf",
-        "bench --batch-sizes 0",
-        "bench --batch-sizes 7..1",
-        "bench --batch-sizes 1..",
-        "bench --slots 0",
-        "bench --frames 0",
-        "bench --heads 0",
-        "bench --paths vulkan",
-        "bench --formats half",
-        "bench --mode both",
-        "bench --fps 0",
-        "bench --report a --no-report",
-        "bench face --redraw report.json",
-        "apply --set jawOpen",
-        "apply --set =1 -o a.obj",
-        "apply --set jawOpen=nan -o a.obj",
-        "apply face --weights a.csv -o a.obj",
-        "apply face --frame 3 -o a.obj",
-        "apply face --batch-size 1..3 --set a=1 -o a.obj",
-        "apply face --set a=1",
-        "sample",
-        "lod face",
+    for (command, options) in [
+        (
+            "bench",
+            "--vertices 0|--vertices -1|--sparsity 0|--sparsity 1.01|--sparsity nan|--fps 0|--slots 0|--frames 0",
+        ),
+        ("bench", "--tolerance -1e-6|--tolerance inf|--batch-sizes 0|--batch-sizes 7..1|--batch-sizes 1..|--heads 0"),
+        ("bench", "--paths vulkan|--formats half|--mode both|--report a --no-report|face --redraw report.json"),
+        ("bench", "--suite x|--time-limit 1|face --vertices 3|face --sparsity 0.5"),
+        ("bench --suite all", "--changed 3|--shared|--mode rebuild"),
+        ("apply", "--set jawOpen -o a.obj|--set =1 -o a.obj|--set jawOpen=nan -o a.obj|face --set a=1"),
+        ("apply face -o a.obj", "--weights a.csv|--frame 3|--batch-size 1..3 --set a=1"),
+        ("play", "face --noise 0|face --noise nan|face --every 0|--path gpu|--batch-size 1..3"),
+        ("play", "--block-size 33|--projection 30,1000"),
+        ("soak", "|--frames 0|--frames 5 --every 0"),
+        ("sample", ""),
+        ("lod", "face"),
     ] {
-        let error = parse(&format!("deltamorph {line}")).expect_err(line);
-        assert_eq!(error.exit_code(), 2, "{line}");
-    }
-}
-
-#[test]
-fn suites_take_what_makes_sense_to_them() {
-    let args =
-        bench("deltamorph bench --suite crowd,clips --time-limit 0.2 --heads 1,3 --frames 5 --paths blocks,compute");
-    assert_eq!(args.suites, [SuiteChoice::Crowd, SuiteChoice::Clips]);
-    assert_eq!((args.heads_or(&[7]), args.time_limit().as_millis()), (vec![1, 3], 200));
-    for line in
-        ["--time-limit 1", "--suite all --changed 3", "--suite all --shared", "--suite all --mode rebuild", "--suite x"]
-    {
-        assert_eq!(parse(&format!("deltamorph bench {line}")).expect_err(line).exit_code(), 2, "{line}");
+        for options in options.split('|') {
+            let line = format!("{command} {options}");
+            assert_eq!(parse(&line).expect_err(&line).exit_code(), 2, "{line}");
+        }
     }
 }
 
 #[test]
 fn messages_say_what_would_be_right() {
-    let message = |line: &str| parse(line).expect_err(line).to_string();
-    assert!(message("deltamorph bench --vertices 0").contains("from 1 to"));
-    assert!(message("deltamorph bench --batch-sizes 7..1").contains("write 1..7"));
-    assert!(message("deltamorph bench --sparsity 2").contains("above 0 and at most 1"));
+    for (line, words) in [
+        ("bench --vertices 0", "from 1 to"),
+        ("bench --batch-sizes 7..1", "write 1..7"),
+        ("bench --sparsity 2", "above 0 and at most 1"),
+    ] {
+        let message = parse(line).expect_err(line).to_string();
+        assert!(message.contains(words), "{message}");
+    }
 }
 
 #[test]
-fn apply_checks_what_clap_cannot() {
-    let apply = |line: &str| match parse(line).expect(line).command {
-        Command::Apply(args) => *args,
-        other => panic!("{other:?}"),
+fn one_of_each_is_taken_or_the_default() {
+    let single = |options: &str| {
+        let update = args!(Play, &format!("play face {options}")).run.update;
+        Single::new("play", &update)
     };
-    let args = apply("deltamorph apply face --set a=b=0.5,c=-1 --set d=2 -o out.obj");
-    let set: Vec<_> = args.set.iter().map(|s| (s.name.as_str(), s.weight)).collect();
-    assert_eq!(set, [("a=b", 0.5), ("c", -1.0), ("d", 2.0)]);
-    let single = args.update.single("apply", UpdatePath::Cpu).expect("one of each");
-    assert_eq!((args.check(), single.path), (Ok(()), UpdatePath::Cpu));
-    let format = |options: &str, held| {
-        let args = apply(&format!("deltamorph apply face --set a=1 -o out.obj {options}"));
-        args.update.single("apply", UpdatePath::Cpu).expect("one of each").delta_format(held)
-    };
-    let small = Some(DeltaFormat::Small);
-    assert_eq!((format("", None), format("", small)), (Ok(DeltaFormat::Fast), Ok(DeltaFormat::Small)));
-    assert_eq!(format("--path compute", small), Ok(DeltaFormat::Float32));
-    assert_eq!(format("--format fast", small), Ok(DeltaFormat::Fast));
-    assert!(apply("deltamorph apply face -o out.obj").check().is_err());
-    assert!(apply("deltamorph apply face --set a=1 --path cpu,compute -o out.obj").check().is_err());
-    assert!(apply("deltamorph apply --weights a.csv --frame 9 --from-frame 3 -o out.obj").check().is_ok());
+    for several in
+        ["--path cpu,blocks", "--accumulate float,exact", "--mode incremental,rebuild", "--format fast,small"]
+    {
+        let message = single(several).expect_err(several);
+        assert!(message.contains(": play takes one; name one of them"), "{message}");
+    }
+    let (small, cpu) = (Some(DeltaFormat::Small), UpdatePath::Cpu);
+    let format = |options: &str, path, held| single(options).expect("one of each").format_on(path, held);
+    assert_eq!((format("", cpu, None), format("", cpu, small)), (Ok(DeltaFormat::Fast), Ok(DeltaFormat::Small)));
+    assert_eq!(format("", UpdatePath::Compute, small), Ok(DeltaFormat::Float32));
+    assert_eq!(format("--format fast", cpu, small), Ok(DeltaFormat::Fast));
+    assert_eq!(format("--format float32", UpdatePath::Blocks, None), Ok(DeltaFormat::BlockFloat32));
+    assert!(format("--format small", UpdatePath::Compute, None).unwrap_err().contains("takes float32 or snorm16"));
 }
 
 #[test]

@@ -3,13 +3,10 @@
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::{Accumulate, BatchSize, DeltaFormat, UpdateMode, UpdatePath};
+use std::collections::BTreeSet;
 
-/// Largest built-in head. A number beyond it is a slip of the finger, and would take all memory.
-const MAX_VERTICES: usize = 10_000_000;
 /// Largest number of targets of the built-in head.
-const MAX_TARGETS: usize = 65_536;
-/// Largest number of slots: each is a whole pose per head.
-const MAX_SLOTS: u32 = 64;
+pub const MAX_TARGETS: usize = 65_536;
 
 /// Float and exact, as `--accumulate` lists them.
 pub const SUMS: [Accumulate; 2] = [Accumulate::Float { tolerance: 0.0 }, Accumulate::Exact];
@@ -64,24 +61,6 @@ pub enum BudgetSpec {
     Pixels(f32),
 }
 
-/// A perspective camera, as far as it turns pixels into lengths.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Projection {
-    /// Vertical angle of view in degrees.
-    pub fov_degrees: f32,
-    /// Height of the picture in pixels.
-    pub height: f32,
-    /// Distance to the face in input units.
-    pub distance: f32,
-}
-
-impl Projection {
-    /// The length that one pixel shows at the distance of the face.
-    pub fn pixel(&self) -> f32 {
-        2.0 * self.distance * (self.fov_degrees.to_radians() / 2.0).tan() / self.height
-    }
-}
-
 /// An entry of `--batch-sizes`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BatchSpec {
@@ -104,26 +83,35 @@ pub enum ChangedSpec {
     All,
 }
 
-/// An entry of `--set`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct WeightSetting {
-    pub name: String,
-    pub weight: f32,
-}
-
 /// A whole number within bounds, or a sentence that says which.
-fn whole<T>(s: &str, lo: T, hi: T) -> Result<T, String>
+pub fn whole<T>(lo: T, hi: T) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync + 'static
 where
-    T: std::str::FromStr + PartialOrd + std::fmt::Display,
+    T: std::str::FromStr + PartialOrd + std::fmt::Display + Copy + Send + Sync + 'static,
 {
-    let complaint = || format!("give a whole number from {lo} to {hi}");
-    s.trim().parse().ok().filter(|v| (&lo..=&hi).contains(&v)).ok_or_else(complaint)
+    move |s| {
+        let parsed = s.trim().parse().ok().filter(|v| (lo..=hi).contains(v));
+        parsed.ok_or_else(|| format!("give a whole number from {lo} to {hi}"))
+    }
 }
 
-/// A finite number that `fits`, or a sentence that says what would.
-fn number(s: &str, fits: impl Fn(f32) -> bool, what: &str) -> Result<f32, String> {
-    let parsed = s.trim().parse::<f32>().ok().filter(|v| v.is_finite() && fits(*v));
-    parsed.ok_or_else(|| format!("give {what}"))
+/// A finite number that `fits`, or a sentence that says `what` would.
+pub fn number(
+    what: &'static str,
+    fits: fn(f32) -> bool,
+) -> impl Fn(&str) -> Result<f32, String> + Clone + Send + Sync + 'static {
+    move |s| {
+        let parsed = s.trim().parse::<f32>().ok().filter(|v| v.is_finite() && fits(*v));
+        parsed.ok_or_else(|| format!("give {what}"))
+    }
+}
+
+/// A number above 0.
+pub fn positive(s: &str) -> Result<f32, String> {
+    number("a number above 0", |v| v > 0.0)(s)
+}
+
+pub fn fps(s: &str) -> Result<f32, String> {
+    number("a number of frames per second from 0.1 to 1000", |v| (0.1..=1000.0).contains(&v))(s)
 }
 
 pub fn device(s: &str) -> Result<DeviceChoice, String> {
@@ -133,78 +121,30 @@ pub fn device(s: &str) -> Result<DeviceChoice, String> {
     }
 }
 
-pub fn vertices(s: &str) -> Result<usize, String> {
-    whole(s, 1, MAX_VERTICES)
-}
-
-pub fn targets(s: &str) -> Result<usize, String> {
-    whole(s, 0, MAX_TARGETS)
-}
-
-pub fn slots(s: &str) -> Result<u32, String> {
-    whole(s, 1, MAX_SLOTS)
-}
-
-pub fn heads(s: &str) -> Result<u32, String> {
-    whole(s, 1, 1_000_000)
-}
-
-/// Parse a count that can't be 0.
-pub fn at_least_one(s: &str) -> Result<usize, String> {
-    whole(s, 1, 1_000_000)
-}
-
-pub fn warmup(s: &str) -> Result<usize, String> {
-    whole(s, 0, 1_000_000)
-}
-
-/// Parse the frames of `soak`.
-pub fn frames(s: &str) -> Result<usize, String> {
-    whole(s, 1, 1_000_000_000)
-}
-
-pub fn sparsity(s: &str) -> Result<f32, String> {
-    number(s, |v| v > 0.0 && v <= 1.0, "a fraction above 0 and at most 1")
-}
-
-pub fn tolerance(s: &str) -> Result<f32, String> {
-    number(s, |v| v >= 0.0, "a fraction of the diagonal, 0 or more (0 keeps every delta)")
-}
-
-/// Parse a number above 0.
-pub fn positive(s: &str) -> Result<f32, String> {
-    number(s, |v| v > 0.0, "a number above 0")
-}
-
-pub fn seconds(s: &str) -> Result<f32, String> {
-    number(s, |v| v > 0.0 && v <= 86_400.0, "a number of seconds above 0, at most a day")
-}
-
-pub fn block_size(s: &str) -> Result<u32, String> {
-    match s.trim() {
-        "32" => Ok(32),
-        "64" => Ok(64),
-        "128" => Ok(128),
-        _ => Err("give 32, 64 or 128".into()),
-    }
+pub fn block_size(s: &str) -> Result<u32, &'static str> {
+    s.trim().parse().ok().filter(|size| matches!(size, 32 | 64 | 128)).ok_or("give 32, 64 or 128")
 }
 
 pub fn budget(s: &str) -> Result<BudgetSpec, String> {
-    let what =
-        "a length in input units, or a number with \"d\" (of the diagonal) or \"px\" (pixels, with --projection)";
+    let length = number(
+        "a length in input units, or a number with \"d\" (of the diagonal) or \"px\" (pixels, with --projection)",
+        |v| v >= 0.0,
+    );
     let s = s.trim();
-    let value = |s: &str| number(s, |v| v >= 0.0, what);
     match (s.strip_suffix("px"), s.strip_suffix('d')) {
-        (Some(s), _) => value(s).map(BudgetSpec::Pixels),
-        (_, Some(s)) => value(s).map(BudgetSpec::Diagonal),
-        _ => value(s).map(BudgetSpec::Length),
+        (Some(s), _) => length(s).map(BudgetSpec::Pixels),
+        (_, Some(s)) => length(s).map(BudgetSpec::Diagonal),
+        _ => length(s).map(BudgetSpec::Length),
     }
 }
 
-pub fn projection(s: &str) -> Result<Projection, String> {
+/// Parse `--projection` into the length that a pixel shows at the distance of the face.
+pub fn projection(s: &str) -> Result<f32, String> {
     let numbers: Vec<f32> = s.split(',').map(positive).collect::<Result<_, _>>()?;
     match numbers[..] {
-        [fov_degrees, height, distance] if fov_degrees < 180.0 => Ok(Projection { fov_degrees, height, distance }),
+        [degrees, height, distance] if degrees < 180.0 => {
+            Ok(2.0 * distance * (degrees.to_radians() / 2.0).tan() / height)
+        }
         _ => {
             Err("give three numbers: degrees of view from bottom to top, pixels of height, distance in input units"
                 .into())
@@ -212,33 +152,19 @@ pub fn projection(s: &str) -> Result<Projection, String> {
     }
 }
 
-pub fn fps(s: &str) -> Result<f32, String> {
-    number(s, |v| (0.1..=1000.0).contains(&v), "a number of frames per second from 0.1 to 1000")
-}
-
-pub fn threads(s: &str) -> Result<usize, String> {
-    whole(s, 1, 256)
-}
-
 /// Parse an entry of `--batch-sizes`. Ranges include both ends: "1..7" are the seven sizes of the chapter.
 pub fn batch(s: &str) -> Result<BatchSpec, String> {
-    let size =
-        |s: &str| whole::<u32>(s, 1, 65_536).map_err(|e| format!("{e}, \"max\", \"all\" or a range as \"1..7\""));
-    match s.trim() {
-        "all" => Ok(BatchSpec::All),
-        "max" => Ok(BatchSpec::Max),
-        s => match s.split_once("..") {
-            None => size(s).map(BatchSpec::Size),
-            Some((lo, hi)) => {
-                let lo = size(lo)?;
-                match hi.strip_prefix('=').unwrap_or(hi).trim() {
-                    "max" => Ok(BatchSpec::Range(lo, None)),
-                    hi => match size(hi)? {
-                        hi if hi < lo => Err(format!("the range runs backwards; write {hi}..{lo}")),
-                        hi => Ok(BatchSpec::Range(lo, Some(hi))),
-                    },
-                }
-            }
+    let size = |s: &str| whole(1, 65_536)(s).map_err(|e| format!("{e}, \"max\", \"all\" or a range as \"1..7\""));
+    match (s.trim(), s.split_once("..")) {
+        ("all", _) => Ok(BatchSpec::All),
+        ("max", _) => Ok(BatchSpec::Max),
+        (s, None) => size(s).map(BatchSpec::Size),
+        (_, Some((lo, hi))) => match (size(lo)?, hi.strip_prefix('=').unwrap_or(hi).trim()) {
+            (lo, "max") => Ok(BatchSpec::Range(lo, None)),
+            (lo, hi) => match size(hi)? {
+                hi if hi < lo => Err(format!("the range runs backwards; write {hi}..{lo}")),
+                hi => Ok(BatchSpec::Range(lo, Some(hi))),
+            },
         },
     }
 }
@@ -254,18 +180,17 @@ pub fn one_batch(s: &str) -> Result<BatchSpec, String> {
 pub fn changed(s: &str) -> Result<ChangedSpec, String> {
     match s.trim() {
         "all" => Ok(ChangedSpec::All),
-        s => whole(s, 0, MAX_TARGETS).map(ChangedSpec::Count).map_err(|e| format!("{e}, or \"all\"")),
+        s => whole(0, MAX_TARGETS)(s).map(ChangedSpec::Count).map_err(|e| format!("{e}, or \"all\"")),
     }
 }
 
 /// Parse an entry of `--set`. The last "=" divides: names may have one.
-pub fn setting(s: &str) -> Result<WeightSetting, String> {
+pub fn setting(s: &str) -> Result<(String, f32), String> {
     let (name, weight) = s.rsplit_once('=').ok_or("write NAME=WEIGHT, as in jawOpen=0.5")?;
     if name.trim().is_empty() {
         return Err("the name before \"=\" is missing; write NAME=WEIGHT, as in jawOpen=0.5".into());
     }
-    let weight = number(weight, |_| true, "a finite weight after \"=\", as in jawOpen=0.5")?;
-    Ok(WeightSetting { name: name.trim().into(), weight })
+    Ok((name.trim().into(), number("a finite weight after \"=\", as in jawOpen=0.5", |_| true)(weight)?))
 }
 
 /// What an update path can batch on a device.
@@ -283,18 +208,14 @@ pub fn expand_batches(specs: &[BatchSpec], limit: BatchLimit) -> (Vec<BatchSize>
     if limit.max == 0 {
         return (vec![BatchSize::All], Vec::new());
     }
-    let mut sizes: Vec<BatchSize> = specs
-        .iter()
-        .flat_map(|&spec| match spec {
-            BatchSpec::Size(n) => n..=n,
-            BatchSpec::Range(lo, hi) => lo..=hi.unwrap_or(limit.max),
-            BatchSpec::Max => limit.max..=limit.max,
-            BatchSpec::All => 0..=0,
-        })
-        .map(|n| if n == 0 { BatchSize::All } else { BatchSize::Targets(n) })
-        .collect();
-    sizes.sort_unstable();
-    sizes.dedup();
+    let ranges = specs.iter().map(|&spec| match spec {
+        BatchSpec::Size(n) => n..=n,
+        BatchSpec::Range(lo, hi) => lo..=hi.unwrap_or(limit.max),
+        BatchSpec::Max => limit.max..=limit.max,
+        BatchSpec::All => 0..=0,
+    });
+    let sizes: BTreeSet<_> =
+        ranges.flatten().map(|n| if n == 0 { BatchSize::All } else { BatchSize::Targets(n) }).collect();
     sizes.into_iter().partition(|s| match s {
         BatchSize::Targets(n) => *n <= limit.max,
         BatchSize::All => limit.all,
@@ -307,17 +228,12 @@ pub fn expand_changed(specs: &[ChangedSpec], targets: usize) -> Result<Vec<usize
     if specs.is_empty() {
         return Ok([1, 4, 8, 16, 32].into_iter().filter(|n| *n < targets).chain([targets]).collect());
     }
-    let mut counts = Vec::new();
-    for &spec in specs {
-        counts.push(match spec {
-            ChangedSpec::All => targets,
-            ChangedSpec::Count(n) if n <= targets => n,
-            ChangedSpec::Count(n) => {
-                return Err(format!("--changed {n}: the mesh has {targets} targets; give at most that, or \"all\""));
-            }
-        });
-    }
-    counts.sort_unstable();
-    counts.dedup();
-    Ok(counts)
+    let counts = specs.iter().map(|spec| match *spec {
+        ChangedSpec::All => Ok(targets),
+        ChangedSpec::Count(n) if n <= targets => Ok(n),
+        ChangedSpec::Count(n) => {
+            Err(format!("--changed {n}: the mesh has {targets} targets; give at most that, or \"all\""))
+        }
+    });
+    Ok(counts.collect::<Result<BTreeSet<_>, _>>()?.into_iter().collect())
 }

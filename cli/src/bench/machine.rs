@@ -6,7 +6,7 @@ use super::stamp;
 use crate::args::bench::BenchArgs;
 use crate::input::Input;
 use crate::output::{Failure, Output};
-use crate::runner::Gpu;
+use crate::runner::{self, Gpu};
 use deltamorph::DeltaFormat;
 use deltamorph::headless::{DeviceChoice, Headless};
 
@@ -20,7 +20,7 @@ pub struct Machine {
 impl Machine {
     /// Set up the device, and measure bandwidth over as many bytes as the deltas of `input` have.
     pub fn open(args: &BenchArgs, device: Option<&DeviceChoice>, input: &Input, out: &Output) -> Result<Self, Failure> {
-        let gpu = Gpu::open(device, out)?;
+        let gpu = runner::open(device, out)?;
         if gpu.is_none() {
             out.note("carrying on with the path 'cpu'");
         }
@@ -29,7 +29,7 @@ impl Machine {
         let largest = (input.kept.vertex_count() * input.kept.targets.len() * DeltaFormat::Float32.stride()) as u64;
         let cpu = bandwidth::measure(largest, threads);
         let on_device = match &gpu {
-            Some(gpu) => gpu.headless.bandwidth(largest.max(1 << 20))?,
+            Some(gpu) => gpu.bandwidth(largest.max(1 << 20))?,
             None => None,
         };
         spinner.finish_and_clear();

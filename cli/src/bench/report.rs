@@ -4,7 +4,7 @@ use super::html;
 use super::record::{Report, RunRecord};
 use super::select::figures;
 use super::suites;
-use crate::output::{Failure, create_folder, is_free, publish, write_file};
+use crate::output::{self, Failure, publish, write_file};
 use serde_json::Value;
 use std::path::Path;
 
@@ -43,14 +43,8 @@ fn is_drawn(name: &str) -> bool {
 
 /// Make sure that `dir` is ours to write to: new, empty, or with an earlier report.
 pub fn claim(dir: &Path) -> Result<(), Failure> {
-    create_folder(dir)?;
-    if is_free(dir)? || read(&dir.join("report.json")).is_ok() {
-        return Ok(());
-    }
-    Err(Failure::Usage(format!(
-        "{}: the folder holds something else than a report; name another one with --report",
-        dir.display()
-    )))
+    let complaint = "holds something else than a report; name another one with --report";
+    output::claim(dir, complaint, || read(&dir.join("report.json")).is_ok())
 }
 
 pub fn read(path: &Path) -> Result<Report, Failure> {

@@ -1,48 +1,44 @@
 //! What each delta format costs in bytes and in error.
 
-use super::record::{Blocks, FormatRow};
+use super::record::{Blocks, Cost, FormatRow};
 use crate::output::Failure;
-use deltamorph::{BlockDesc, DeltaFormat, MorphMesh, PackDesc, PackedMesh};
+use deltamorph::{BlockDesc, DeltaFormat, MorphMesh, PackDesc, PackedMesh, PoseError};
 use std::sync::Arc;
 
-/// `mesh` in every format; `held`, where it comes from a packed file, as the file has it. The others pack what the file
-/// holds, and their errors are against that.
-pub fn pack_all(mesh: &MorphMesh, held: Option<&Arc<PackedMesh>>) -> Result<Vec<Arc<PackedMesh>>, Failure> {
-    let pack = |format| match held.filter(|held| held.layout().format == format) {
-        Some(held) => Ok(held.clone()),
-        None => pack(mesh, format, BlockDesc::default()).map(Arc::new),
+/// A packed mesh, and the largest errors of its deltas.
+pub struct Measured {
+    pub packed: Arc<PackedMesh>,
+    error: PoseError,
+}
+
+impl Measured {
+    pub fn cost(&self) -> Cost {
+        Cost::of(self.packed.layout(), self.error)
+    }
+
+    pub fn row(&self) -> FormatRow {
+        FormatRow { name: self.packed.layout().format.name(), cost: self.cost() }
+    }
+}
+
+/// `mesh` in every format; `held`, where it comes from a packed file, as the file has it, with the error that was
+/// measured when it was packed. The others pack what the file holds, and their errors are against that.
+pub fn measure_all(mesh: &MorphMesh, held: Option<&Arc<PackedMesh>>) -> Result<Vec<Measured>, Failure> {
+    let one = |format| match held.map(|held| (held, &held.layout().blocks)) {
+        Some((held, Some(blocks))) if held.layout().format == format => {
+            Ok(Measured { packed: held.clone(), error: blocks.error() })
+        }
+        _ => measure(mesh, format, BlockDesc::default()),
     };
-    DeltaFormat::ALL.into_iter().map(pack).collect()
+    DeltaFormat::ALL.into_iter().map(one).collect()
 }
 
 /// `mesh` in one format.
-pub fn pack(mesh: &MorphMesh, format: DeltaFormat, blocks: BlockDesc) -> Result<PackedMesh, Failure> {
+pub fn measure(mesh: &MorphMesh, format: DeltaFormat, blocks: BlockDesc) -> Result<Measured, Failure> {
     // One chunk, whatever a device would bind: chunks change neither bytes nor values.
     let desc = PackDesc { max_chunk_bytes: u64::MAX, max_chunk_vertices: u64::MAX, blocks, ..PackDesc::new(format) };
-    Ok(PackedMesh::pack(mesh, &desc)?)
-}
-
-/// Bytes of every vertex' delta in every target, as six floats.
-pub fn dense_bytes(mesh: &MorphMesh) -> u64 {
-    (mesh.vertex_count() * mesh.targets.len() * DeltaFormat::Float32.stride()) as u64
-}
-
-/// What `packed` costs. The mesh that a file held has the error that was measured when it was packed.
-pub fn format_row(mesh: &MorphMesh, held: Option<&PackedMesh>, packed: &PackedMesh) -> FormatRow {
-    let error = match (held.is_some_and(|held| held.layout().format == packed.layout().format), &packed.layout().blocks)
-    {
-        (true, Some(blocks)) => blocks.error(),
-        _ => packed.measure_error(mesh),
-    };
-    FormatRow {
-        name: packed.layout().format.name().to_owned(),
-        delta_bytes: packed.layout().delta_bytes(),
-        index_bytes: packed.layout().index_bytes(),
-        dense_f32_bytes: dense_bytes(mesh),
-        position_error: error.position,
-        position_error_rel: if mesh.diagonal > 0.0 { error.position / f64::from(mesh.diagonal) } else { 0.0 },
-        normal_error_deg: error.normal_degrees,
-    }
+    let packed = Arc::new(PackedMesh::pack(mesh, &desc)?);
+    Ok(Measured { error: packed.measure_error(mesh), packed })
 }
 
 /// How tightly the targets fill the blocks of `packed`; nothing for a dense format.
@@ -69,37 +65,34 @@ mod tests {
 
     #[test]
     fn every_format_has_a_row_with_its_bytes_and_errors() {
-        let mesh = mesh();
-        let packed = pack_all(&mesh, None).expect("packed");
-        let rows: Vec<FormatRow> = packed.iter().map(|p| format_row(&mesh, None, p)).collect();
-        let row = |name: &str| rows.iter().find(|r| r.name == name).expect("a row for each format");
-        let (float32, snorm16) = (row("float32"), row("snorm16"));
+        let measured = measure_all(&mesh(), None).expect("packed");
+        let rows: Vec<FormatRow> = measured.iter().map(Measured::row).collect();
+        let cost = |name: &str| &rows.iter().find(|r| r.name == name).expect("a row for each format").cost;
+        let (float32, snorm16) = (cost("float32"), cost("snorm16"));
         assert_eq!((float32.position_error, float32.normal_error_deg), (0.0, 0.0));
         assert_eq!(snorm16.delta_bytes * 2, float32.delta_bytes);
         assert!(snorm16.position_error > 0.0 && snorm16.position_error_rel < 1e-5, "{snorm16:?}");
         assert!(snorm16.normal_error_deg < 0.01, "{snorm16:?}");
         for (name, allowed) in [("block-float32", 0.0), ("fast", 1e-5), ("small", 1e-5), ("pair", 1e-4)] {
-            let row = row(name);
-            assert!(row.delta_bytes > 0 && row.position_error_rel <= allowed, "{row:?}");
-            assert!(row.index_bytes > 0 || name == "block-float32", "{row:?}");
+            let cost = cost(name);
+            assert!(cost.delta_bytes > 0 && cost.position_error_rel <= allowed, "{cost:?}");
+            assert!(cost.index_bytes > 0 || name == "block-float32", "{cost:?}");
         }
     }
 
     #[test]
     fn blocks_count_what_is_touched() {
         let mut mesh = mesh();
-        let small = |mesh: &MorphMesh| pack(mesh, DeltaFormat::Small, BlockDesc::default()).expect("packed");
-        let found = blocks(&small(&mesh));
+        let found =
+            |mesh: &MorphMesh, format| blocks(&measure(mesh, format, BlockDesc::default()).expect("packed").packed);
+        let small = found(&mesh, DeltaFormat::Small);
         // Vertices that move together lie together: 64 of one target take two blocks, three of another at most three.
-        assert_eq!((found.size, found.count), (32, 6));
-        assert!((3..=5).contains(&found.incidence), "{found:?}");
-        assert_eq!(found.fill, 67.0 / (found.incidence * 32) as f64);
+        assert_eq!((small.size, small.count), (32, 6));
+        assert!((3..=5).contains(&small.incidence), "{small:?}");
+        assert_eq!(small.fill, 67.0 / (small.incidence * 32) as f64);
         mesh.targets.clear();
-        assert_eq!(blocks(&small(&mesh)), Blocks { size: 32, count: 6, incidence: 0, fill: 0.0 });
-        assert_eq!(
-            blocks(&pack(&mesh, DeltaFormat::Float32, BlockDesc::default()).expect("packed")),
-            Blocks::default()
-        );
+        assert_eq!(found(&mesh, DeltaFormat::Small), Blocks { size: 32, count: 6, incidence: 0, fill: 0.0 });
+        assert_eq!(found(&mesh, DeltaFormat::Float32), Blocks::default());
     }
 
     #[test]
@@ -107,12 +100,10 @@ mod tests {
         let mesh = mesh();
         let asset = Asset::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).expect("packed");
         let (decoded, held) = (asset.to_mesh().expect("decoded"), Arc::new(asset.mesh));
-        let packed = pack_all(&decoded, Some(&held)).expect("packed");
-        let rows: Vec<FormatRow> = packed.iter().map(|p| format_row(&decoded, Some(&held), p)).collect();
-        let error = held.measure_error(&mesh);
-        let small = rows.iter().find(|r| r.name == "small").expect("a row");
-        assert_eq!((small.position_error, small.normal_error_deg), (error.position, error.normal_degrees));
-        assert!(small.position_error > 0.0);
-        assert_eq!(rows[0].position_error, 0.0, "float32 holds what the file holds");
+        let measured = measure_all(&decoded, Some(&held)).expect("packed");
+        let small = measured.iter().find(|m| Arc::ptr_eq(&m.packed, &held)).expect("as the file has it");
+        assert_eq!(small.error, held.measure_error(&mesh));
+        assert!(small.error.position > 0.0);
+        assert_eq!(measured[0].error.position, 0.0, "float32 holds what the file holds");
     }
 }

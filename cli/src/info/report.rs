@@ -1,30 +1,21 @@
 //! The report folder of `info`: index.html, the plots, and the numbers as info.json.
 
 use super::record::{Info, PoseRow, SweepRow};
-use crate::output::{Failure, create_folder, is_free, publish, write_file};
+use crate::output::{self, Failure, publish, to_json, write_file};
 use crate::page::{self, document, row, table};
 use crate::plots::canvas::Marker;
 use crate::plots::chart::{Axes, LineChart, Point, Series, X};
 use crate::plots::{Chart, Figure};
-use crate::table::{bytes, percent, sig3, thousands};
+use crate::table::{bytes, sig3, thousands};
 use maud::{Markup, html};
 use plotters::prelude::RGBColor;
 use std::path::Path;
 
 /// Make sure that `dir` is ours to write to: new, empty, or with an earlier report.
 pub fn claim(dir: &Path) -> Result<(), Failure> {
-    create_folder(dir)?;
-    let ours = || {
-        let text = std::fs::read_to_string(dir.join("info.json")).ok()?;
-        serde_json::from_str::<serde_json::Value>(&text).ok()?.get("sweep").cloned()
-    };
-    if !is_free(dir)? && ours().is_none() {
-        return Err(Failure::Usage(format!(
-            "{}: the folder holds something else than a report of info; name another one with --report",
-            dir.display()
-        )));
-    }
-    Ok(())
+    let complaint = "holds something else than a report of info; name another one with --report";
+    let sweep = |text: String| serde_json::from_str::<serde_json::Value>(&text).ok()?.get("sweep").cloned();
+    output::claim(dir, complaint, || std::fs::read_to_string(dir.join("info.json")).ok().and_then(sweep).is_some())
 }
 
 /// Write everything into `dir`, replacing what an earlier run left there when all is drawn.
@@ -33,12 +24,11 @@ pub fn write(info: &Info, dir: &Path) -> Result<(), Failure> {
 }
 
 fn write_into(info: &Info, dir: &Path) -> Result<(), Failure> {
-    let json = serde_json::to_string_pretty(info).map_err(|e| Failure::failed(&e))?;
-    write_file(&dir.join("info.json"), json + "\n")?;
+    write_file(&dir.join("info.json"), to_json(info)?)?;
     let rows = info.sweep.as_deref().unwrap_or_default();
     let drawn = figures(info, rows).map(|figure| figure.write(dir).map(|svg| (figure, svg)));
     let drawn = drawn.into_iter().collect::<Result<Vec<_>, _>>()?;
-    let dense = info.formats.first().map_or(0, |f| f.dense_f32_bytes);
+    let dense = info.formats.first().map_or(0, |f| f.cost.dense_f32_bytes);
     let body = html! {
         header {
             p.kicker { "deltamorph info · " (info.input.name) }
@@ -50,7 +40,6 @@ fn write_into(info: &Info, dir: &Path) -> Result<(), Failure> {
         }
         (page::figures(&drawn))
         section { h2 { "Whole poses" } (pose_table(info.poses.as_deref().unwrap_or_default())) }
-        section { h2 { "Every point" } (sweep_table(rows)) }
         p.note { "All numbers: " a href="info.json" { "info.json" } "." }
     };
     write_file(&dir.join("index.html"), document(&format!("{} · deltamorph info", info.input.name), &body))
@@ -116,14 +105,8 @@ fn series(rows: &[SweepRow], error: Error) -> Vec<Series> {
 
 fn pose_table(rows: &[PoseRow]) -> Markup {
     let cells = |r: &PoseRow| {
-        row([
-            r.clip.clone(),
-            r.frames.to_string(),
-            r.format.into(),
-            sig3(r.position_error_rel),
-            format!("{}°", sig3(r.normal_error_deg)),
-            format!("{}°", sig3(r.normal_error_p999_deg)),
-        ])
+        let [normals, usual] = [r.normal_error_deg, r.normal_error_p999_deg].map(|angle| format!("{}°", sig3(angle)));
+        row([r.clip.clone(), r.frames.to_string(), r.format.into(), sig3(r.position_error_rel), normals, usual])
     };
     let headings = ["clip", "frames", "format", "position error / diagonal", "normals", "999 of 1000 normals"];
     html! {
@@ -137,39 +120,5 @@ fn pose_table(rows: &[PoseRow]) -> Markup {
                  one normal of a thousand."
             }
         }
-    }
-}
-
-fn sweep_table(rows: &[SweepRow]) -> Markup {
-    let cells = |r: &SweepRow| {
-        let optional = |v: Option<String>| v.unwrap_or_else(|| "–".into());
-        row([
-            r.format.into(),
-            optional(r.block_size.map(|n| n.to_string())),
-            optional(r.position_allowed_rel.map(|v| format!("{v:.1e}"))),
-            optional(r.normal_allowed_deg.map(|v| format!("{}°", sig3(v.into())))),
-            bytes(r.bytes as f64),
-            percent(r.share),
-            sig3(r.position_error_rel),
-            format!("{}°", sig3(r.normal_error_deg)),
-        ])
-    };
-    let headings = "format|block size|positions allowed|normals allowed|bytes|of float32|\
-        position error / diagonal|normals";
-    table(headings.split('|'), rows.iter().map(cells))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_folder_of_something_else_is_left_alone() {
-        let dir = tempfile::tempdir().expect("a folder");
-        assert!(claim(&dir.path().join("new")).is_ok() && claim(dir.path()).is_err(), "there is 'new' in it");
-        std::fs::write(dir.path().join("info.json"), "{}").expect("written");
-        assert!(claim(dir.path()).is_err());
-        std::fs::write(dir.path().join("info.json"), "{\"sweep\": []}").expect("written");
-        assert!(claim(dir.path()).is_ok());
     }
 }

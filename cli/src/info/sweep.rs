@@ -1,14 +1,13 @@
 //! Error against bytes, and the errors of whole poses: what `--report` measures.
 
-use super::formats::{dense_bytes, pack};
+use super::formats::{Measured, measure};
 use super::record::{PoseRow, SweepRow};
 use crate::input::Input;
 use crate::output::{Failure, Output};
-use deltamorph::internals::angle_degrees;
-use deltamorph::reference::{SHORTEST_NORMAL, compare, evaluate, evaluate_unpacked};
-use deltamorph::{BLOCK_SIZES, BlockDesc, BoundClip, DeltaFormat, MorphMesh, POSE_FLOATS, PackedMesh, PoseError};
+use crate::verify::scale;
+use deltamorph::reference::{SHORTEST_NORMAL, angle_degrees, compare, evaluate, evaluate_unpacked};
+use deltamorph::{BLOCK_SIZES, BlockDesc, BoundClip, DeltaFormat, MorphMesh, POSE_FLOATS, PoseError};
 use glam::DVec3;
-use std::sync::Arc;
 
 /// Steps of √10 from 1e-3 to 1e-6 of the diagonal.
 const STEPS: i32 = 7;
@@ -16,7 +15,7 @@ const STEPS: i32 = 7;
 const FRAMES: usize = 32;
 
 /// The format `small` over the errors allowed and the block sizes, then every format as it is by default.
-pub fn sweep(mesh: &MorphMesh, packed: &[Arc<PackedMesh>], out: &Output) -> Result<Vec<SweepRow>, Failure> {
+pub fn sweep(mesh: &MorphMesh, formats: &[Measured], out: &Output) -> Result<Vec<SweepRow>, Failure> {
     let bar = out.bar(STEPS as u64 * BLOCK_SIZES.len() as u64);
     let default = BlockDesc::default();
     let mut rows = vec![];
@@ -27,61 +26,54 @@ pub fn sweep(mesh: &MorphMesh, packed: &[Arc<PackedMesh>], out: &Output) -> Resu
             let normal_error_degrees = default.normal_error_degrees * position_error / default.position_error;
             let desc = BlockDesc { size: Some(size), position_error, normal_error_degrees, ..default };
             bar.set_message(format!("small, {position_error:.1e} of the diagonal, blocks of {size}"));
-            rows.push(row(mesh, &pack(mesh, DeltaFormat::Small, desc)?, Some(desc)));
+            rows.push(row(&measure(mesh, DeltaFormat::Small, desc)?, Some(desc)));
             bar.inc(1);
         }
     }
-    bar.finish_and_clear();
-    rows.extend(packed.iter().map(|packed| row(mesh, packed, None)));
+    rows.extend(formats.iter().map(|measured| row(measured, None)));
     Ok(rows)
 }
 
-fn row(mesh: &MorphMesh, packed: &PackedMesh, desc: Option<BlockDesc>) -> SweepRow {
-    let (layout, error) = (packed.layout(), packed.measure_error(mesh));
-    let bytes = layout.delta_bytes() + layout.index_bytes();
+fn row(measured: &Measured, desc: Option<BlockDesc>) -> SweepRow {
+    let (layout, cost) = (measured.packed.layout(), measured.cost());
+    let bytes = cost.delta_bytes + cost.index_bytes;
     SweepRow {
         format: layout.format.name(),
         block_size: layout.blocks.as_ref().map(|b| b.size()),
         position_allowed_rel: desc.map(|d| d.position_error),
         normal_allowed_deg: desc.map(|d| d.normal_error_degrees),
         bytes,
-        share: bytes as f64 / dense_bytes(mesh).max(1) as f64,
-        position_error_rel: error.position / scale(mesh),
-        normal_error_deg: error.normal_degrees,
+        share: bytes as f64 / cost.dense_f32_bytes.max(1) as f64,
+        position_error_rel: cost.position_error_rel,
+        normal_error_deg: cost.normal_error_deg,
     }
 }
 
-/// What errors are stated relative to: a single point has no diagonal.
-fn scale(mesh: &MorphMesh) -> f64 {
-    if mesh.diagonal > 0.0 { f64::from(mesh.diagonal) } else { 1.0 }
-}
-
 /// The largest error of poses of each clip in each format, against the raw files.
-pub fn poses(input: &Input, packed: &[Arc<PackedMesh>], clips: &[BoundClip], out: &Output) -> Vec<PoseRow> {
+pub fn poses(input: &Input, formats: &[Measured], clips: &[BoundClip], out: &Output) -> Vec<PoseRow> {
     let bar = out.bar(clips.iter().map(|c| c.frame_count().min(FRAMES) as u64).sum());
     let mut rows = vec![];
     for clip in clips {
         let frames = spread(clip.frame_count());
-        let mut errors = vec![Errors::default(); packed.len()];
+        let mut errors = vec![Errors::default(); formats.len()];
         bar.set_message(format!("poses of {}", clip.name));
         for &frame in &frames {
             let weights = &clip.frame(frame);
             let truth = evaluate_unpacked(&input.raw, weights);
-            for (mesh, error) in packed.iter().zip(&mut errors) {
-                error.add(&evaluate(mesh, weights), &truth);
+            for (format, error) in formats.iter().zip(&mut errors) {
+                error.add(&evaluate(&format.packed, weights), &truth);
             }
             bar.inc(1);
         }
-        rows.extend(packed.iter().zip(errors).map(|(mesh, error)| PoseRow {
+        rows.extend(formats.iter().zip(errors).map(|(format, error)| PoseRow {
             clip: clip.name.clone(),
             frames: frames.len(),
-            format: mesh.layout().format.name(),
-            position_error_rel: error.largest.position / scale(&input.kept),
+            format: format.packed.layout().format.name(),
+            position_error_rel: error.largest.position / scale(input.kept.diagonal),
             normal_error_deg: error.largest.normal_degrees,
             normal_error_p999_deg: error.usual_angle().into(),
         }));
     }
-    bar.finish_and_clear();
     rows
 }
 

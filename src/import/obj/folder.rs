@@ -1,10 +1,12 @@
 //! Import of a folder: `neutral.obj` and `targets/*.obj`.
 
+use super::ObjFile;
 use super::shading::{Stated, face_areas, stated};
-use super::{ObjFile, input};
 use crate::asset::normals::{Adjacency, vertex_normals};
 use crate::asset::{Corner, Faces, MorphSource, SourceTarget};
 use crate::error::{Error, Result};
+use crate::io::{has_extension, list};
+use crate::math::map_all;
 use glam::Vec3;
 use std::path::{Path, PathBuf};
 
@@ -36,40 +38,35 @@ pub fn import_folder(folder: &Path) -> Result<MorphSource> {
     let areas = face_areas(&neutral);
     let base = base_normals(&neutral, &areas, &mut notes);
     let neutral = Neutral { path: neutral_path, file: neutral, areas, base };
-    let read = |(name, path): &(String, PathBuf)| neutral.target(name, path);
-    #[cfg(feature = "threads")]
-    let results: Vec<_> = {
-        use rayon::prelude::*;
-        paths.par_iter().map(read).collect()
-    };
-    #[cfg(not(feature = "threads"))]
-    let results: Vec<_> = paths.iter().map(read).collect();
     // All results first: whichever thread is faster, the first bad target by name is the one reported.
-    let targets = results.into_iter().collect::<Result<Vec<Target>>>()?;
+    let results = map_all(&paths, (), |(), (name, path)| neutral.target(name, path));
+    let targets: Vec<(SourceTarget, Option<&str>)> = results.into_iter().collect::<Result<_>>()?;
+    for remark in [COMPUTED, AVERAGED, IGNORED] {
+        let named: Vec<&str> =
+            targets.iter().filter(|(_, r)| *r == Some(remark)).map(|(target, _)| target.name.as_str()).collect();
+        if !named.is_empty() {
+            let more = if named.len() > 3 { ", …" } else { "" };
+            notes.push(format!("{} targets ({}{more}) {remark}", named.len(), named[..named.len().min(3)].join(", ")));
+        }
+    }
 
     let Neutral { file, base, .. } = neutral;
-    if base.is_some() {
-        remark(&mut notes, &targets, |t| t.source.normals.is_none(), "without normals at all corners: computed");
-        remark(&mut notes, &targets, |t| t.opens_edges, "with hard edges where neutral.obj has none: averaged by area");
-    } else {
-        remark(&mut notes, &targets, |t| t.ignored_normals, "with normals, neutral.obj has none: computed for all");
-    }
     Ok(MorphSource {
         name,
         positions: file.positions,
         normals: base.map(|b| b.units),
         texcoords: file.texcoords,
         faces: file.faces,
-        targets: targets.into_iter().map(|t| t.source).collect(),
+        targets: targets.into_iter().map(|(target, _)| target).collect(),
         notes,
         ..MorphSource::default()
     })
 }
 
-fn list(folder: &Path) -> Result<Vec<PathBuf>> {
-    let io = |source| Error::Io { path: folder.to_path_buf(), action: "read the folder", source };
-    std::fs::read_dir(folder).map_err(io)?.map(|entry| entry.map(|e| e.path()).map_err(io)).collect()
-}
+// Remarks on targets, for the notes.
+const COMPUTED: &str = "without normals at all corners: computed";
+const AVERAGED: &str = "with hard edges where neutral.obj has none: averaged by area";
+const IGNORED: &str = "with normals, neutral.obj has none: computed for all";
 
 /// `neutral.obj`, or else its name in another case.
 fn neutral_path(folder: &Path) -> Result<PathBuf> {
@@ -77,15 +74,14 @@ fn neutral_path(folder: &Path) -> Result<PathBuf> {
     if exact.is_file() {
         return Ok(exact);
     }
-    let mut files = list(folder)?;
-    files.sort();
-    let other = files.into_iter().find(|p| {
+    let is_neutral = |p: &PathBuf| {
         p.is_file() && p.file_name().and_then(|n| n.to_str()).is_some_and(|n| n.eq_ignore_ascii_case("neutral.obj"))
-    });
-    // A folder or pipe of that name is told as such when it is read.
+    };
+    let other = list(folder)?.into_iter().find(is_neutral);
+    // A folder or pipe of that name is refused when it is read.
     other.or_else(|| exact.exists().then_some(exact)).ok_or_else(|| {
         let remedy = "give a folder with neutral.obj and one file per target in targets/";
-        input(folder, "", "no file neutral.obj in this folder", remedy)
+        Error::input(folder, "", "no file neutral.obj in this folder", remedy)
     })
 }
 
@@ -94,60 +90,55 @@ fn target_paths(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
     let targets = folder.join("targets");
     if !targets.is_dir() {
         let remedy = "put one .obj file per target into it (or none, for a base pose without targets)";
-        return Err(input(folder, "", "no folder 'targets' in this folder", remedy));
+        return Err(Error::input(folder, "", "no folder 'targets' in this folder", remedy));
     }
     let mut paths: Vec<(String, PathBuf)> = list(&targets)?
         .into_iter()
-        .filter(|p| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj")) && !p.is_dir())
+        .filter(|p| has_extension(p, "obj") && !p.is_dir())
         .filter_map(|p| Some((p.file_stem()?.to_string_lossy().into_owned(), p)))
         .filter(|(name, _)| !name.starts_with('.'))
         .collect();
     paths.sort();
-    match paths.windows(2).find(|w| w[0].0 == w[1].0) {
-        Some(w) => {
-            let what = format!("a second file of the target '{}', beside {}", w[0].0, w[0].1.display());
-            Err(input(&w[1].1, "", what, "remove or rename one of them"))
-        }
-        None => Ok(paths),
+    if let Some(w) = paths.windows(2).find(|w| w[0].0 == w[1].0) {
+        let what = format!("a second file of the target '{}', beside {}", w[0].0, w[0].1.display());
+        return Err(Error::input(&w[1].1, "", what, "remove or rename one of them"));
     }
+    Ok(paths)
 }
 
 /// The neutral's normals: as stated, and of unit length.
 struct Base {
-    stated: Vec<Vec3>,
+    stated: Stated,
     /// By what a stated normal is multiplied; its delta as well.
     scales: Vec<f32>,
     units: Vec<Vec3>,
-    hard: usize,
 }
 
 fn base_normals(neutral: &ObjFile, areas: &[f64], notes: &mut Vec<String>) -> Option<Base> {
-    let Some(Stated { values, hard }) = stated(neutral, areas) else {
+    let Some(stated) = stated(neutral, areas) else {
         if neutral.any_normals {
             notes.push("neutral.obj has normals at some corners only: computed for all".to_owned());
         }
         return None;
     };
-    if hard > 0 {
-        notes.push(format!("{hard} vertices have several normals (hard edges): averaged by face area"));
+    if stated.hard > 0 {
+        notes.push(format!("{} vertices have several normals (hard edges): averaged by face area", stated.hard));
     }
-    // Too short to give a direction: unreferenced, zero in the file, or opposite sides averaged out.
-    let vanishes = |n: &Vec3| n.as_dvec3().length() < 1e-6;
-    let lost = values.iter().filter(|n| vanishes(n)).count();
-    let mut units = if lost > 0 {
+    // Zero where too short to give a direction: unreferenced, zero in the file, or opposite sides averaged out.
+    let length = |n: &Vec3| Some(n.as_dvec3().length()).filter(|length| *length >= 1e-6).unwrap_or_default();
+    let lengths: Vec<f64> = stated.values.iter().map(length).collect();
+    let lost = lengths.iter().filter(|length| **length == 0.0).count();
+    let mut units = vec![Vec3::ZERO; lengths.len()];
+    if lost > 0 {
         notes.push(format!("{lost} vertices have no normal or a zero one: computed, and constant in all targets"));
-        let adjacency = Adjacency::new(&neutral.faces, neutral.positions.len());
-        vertex_normals(&adjacency, &neutral.positions)
-    } else {
-        vec![Vec3::ZERO; values.len()]
-    };
-    let mut scales = vec![0.0; values.len()];
-    for ((n, unit), scale) in values.iter().zip(&mut units).zip(&mut scales).filter(|((n, _), _)| !vanishes(n)) {
-        let length = n.as_dvec3().length();
-        *unit = (n.as_dvec3() / length).as_vec3();
-        *scale = (1.0 / length) as f32;
+        units = vertex_normals(&Adjacency::new(&neutral.faces, neutral.positions.len()), &neutral.positions);
     }
-    Some(Base { stated: values, scales, units, hard })
+    let mut scales = vec![0.0; lengths.len()];
+    for (v, &length) in lengths.iter().enumerate().filter(|(_, length)| **length > 0.0) {
+        units[v] = (stated.values[v].as_dvec3() / length).as_vec3();
+        scales[v] = (1.0 / length) as f32;
+    }
+    Some(Base { stated, scales, units })
 }
 
 /// The neutral mesh, as the targets need it.
@@ -158,43 +149,40 @@ struct Neutral {
     base: Option<Base>,
 }
 
-/// A target, and what there is to remark on it.
-struct Target {
-    source: SourceTarget,
-    ignored_normals: bool,
-    opens_edges: bool,
-}
-
 impl Neutral {
-    fn target(&self, name: &str, path: &Path) -> Result<Target> {
+    /// A target, and what there is to remark on it.
+    fn target(&self, name: &str, path: &Path) -> Result<(SourceTarget, Option<&'static str>)> {
         let file = ObjFile::read(path)?;
+        let refuse = |what: String| {
+            let remedy =
+                "export every target from the neutral mesh, with the same vertices and faces in the same order";
+            Err(Error::input(path, "", what, remedy))
+        };
         let (found, expected) = (file.positions.len(), self.file.positions.len());
-        let remedy = "export every target from the neutral mesh, with the same vertices and faces in the same order";
         if found != expected {
-            let what = format!("{found} vertices, but {} has {expected}", self.path.display());
-            return Err(input(path, "", what, remedy));
+            return refuse(format!("{found} vertices, but {} has {expected}", self.path.display()));
         }
         if let Some(difference) = first_difference(&file.faces, &self.file.faces) {
-            return Err(input(path, "", format!("{difference} in {}", self.path.display()), remedy));
+            return refuse(format!("{difference} in {}", self.path.display()));
+        }
+        let positions: Vec<(u32, Vec3)> = differences(&self.file.positions, &file.positions).collect();
+        if let Some((v, _)) = positions.iter().find(|(_, d)| !d.is_finite()) {
+            return refuse(format!("vertex {} is too far from its place in the neutral mesh", u64::from(*v) + 1));
         }
         let stated = stated(&file, &self.areas);
-        let (ignored_normals, opens_edges) = match &self.base {
-            Some(base) => (false, stated.as_ref().is_some_and(|s| s.hard > base.hard)),
-            None => (stated.is_some(), false),
+        let remark = match (&self.base, &stated) {
+            (Some(_), None) => Some(COMPUTED),
+            (Some(base), Some(target)) => (target.hard > base.stated.hard).then_some(AVERAGED),
+            (None, Some(_)) => Some(IGNORED),
+            (None, None) => None,
         };
         let normals = self.base.as_ref().zip(stated).map(|(base, target)| {
-            differences(&base.stated, &target.values)
+            differences(&base.stated.values, &target.values)
                 .map(|(v, delta)| (v, delta * base.scales[v as usize]))
                 .filter(|(_, delta)| *delta != Vec3::ZERO)
                 .collect()
         });
-        let positions = differences(&self.file.positions, &file.positions).collect();
-        let source = SourceTarget { name: name.to_owned(), positions, normals, streams: vec![] };
-        if let Some((v, _)) = source.positions.iter().find(|(_, d)| !d.is_finite()) {
-            let what = format!("vertex {} is too far from its place in the neutral mesh", u64::from(*v) + 1);
-            return Err(input(path, "", what, remedy));
-        }
-        Ok(Target { source, ignored_normals, opens_edges })
+        Ok((SourceTarget { name: name.to_owned(), positions, normals, streams: vec![] }, remark))
     }
 }
 
@@ -205,30 +193,21 @@ fn differences<'a>(base: &'a [Vec3], target: &'a [Vec3]) -> impl Iterator<Item =
 
 /// Where two face lists differ in sizes or positions, in words that end where "in FILE" can follow.
 fn first_difference(found: &Faces, expected: &Faces) -> Option<String> {
+    fn vertices(face: &[Corner]) -> impl Iterator<Item = u64> {
+        face.iter().map(|c| u64::from(c.position) + 1)
+    }
     let words = |face: &[Corner]| {
-        let mut text: Vec<String> = face.iter().take(8).map(|c| (u64::from(c.position) + 1).to_string()).collect();
+        let mut text: Vec<String> = vertices(face).take(8).map(|v| v.to_string()).collect();
         if face.len() > 8 {
             text.push(format!("… ({} corners)", face.len()));
         }
         text.join(" ")
     };
-    let same =
-        |a: &[Corner], b: &[Corner]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.position == b.position);
-    let pair = found.iter().zip(expected.iter()).enumerate().find(|(_, (f, e))| !same(f, e));
-    match pair {
-        Some((i, (f, e))) => Some(format!("face {} has the vertices {}, but {}", i + 1, words(f), words(e))),
-        None if found.sizes.len() != expected.sizes.len() => {
-            Some(format!("{} faces, but {}", found.sizes.len(), expected.sizes.len()))
+    for (i, (f, e)) in found.iter().zip(expected.iter()).enumerate() {
+        if !vertices(f).eq(vertices(e)) {
+            return Some(format!("face {} has the vertices {}, but {}", i + 1, words(f), words(e)));
         }
-        None => None,
     }
-}
-
-/// Add a note on the targets that `which` picks.
-fn remark(notes: &mut Vec<String>, targets: &[Target], which: impl Fn(&Target) -> bool, what: &str) {
-    let names: Vec<&str> = targets.iter().filter(|t| which(t)).map(|t| t.source.name.as_str()).collect();
-    if !names.is_empty() {
-        let more = if names.len() > 3 { ", …" } else { "" };
-        notes.push(format!("{} targets ({}{more}) {what}", names.len(), names[..names.len().min(3)].join(", ")));
-    }
+    let (found, expected) = (found.sizes.len(), expected.sizes.len());
+    (found != expected).then(|| format!("{found} faces, but {expected}"))
 }

@@ -1,7 +1,8 @@
 //! OBJ import and export.
 //!
-//! The text is parsed by [tobj](https://docs.rs/tobj); this module checks every line first (tobj has no line
-//! numbers) and feeds tobj in a way that keeps the file's vertex order.
+//! [tobj](https://docs.rs/tobj) parses the text. `scan` checks every statement first, since tobj has no line numbers,
+//! takes NaN for a number and reads an index of 0 as missing; `parse` makes it keep the vertices of the file, all of them
+//! and in their order.
 
 mod folder;
 mod parse;
@@ -13,7 +14,7 @@ pub use folder::import_folder;
 pub use write::{ObjMesh, write_obj, write_obj_to};
 
 use crate::asset::Faces;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::io::read_bounded;
 use glam::{Vec2, Vec3};
 use std::path::Path;
@@ -43,7 +44,7 @@ impl ObjFile {
     /// CR LF, or all of them in CR.
     ///
     /// # Errors
-    /// [`Error::Io`] where the file cannot be read, [`Error::Input`] with the line where its text cannot be
+    /// [`Error::Io`](crate::Error::Io) where the file cannot be read, [`Error::Input`](crate::Error::Input) with the line where its text cannot be
     /// used, or where it is larger than 1 GiB.
     pub fn read(path: &Path) -> Result<Self> {
         parse::parse(path, read_bounded(path, parse::MAX_BYTES, "split the mesh")?)
@@ -52,18 +53,8 @@ impl ObjFile {
     /// The same, from text in memory; `path` is only for messages.
     ///
     /// # Errors
-    /// [`Error::Input`], as [`read`](Self::read).
+    /// [`Error::Input`](crate::Error::Input), as [`read`](Self::read).
     pub fn from_bytes(path: &Path, bytes: Vec<u8>) -> Result<Self> {
         parse::parse(path, bytes)
     }
-}
-
-/// An [`Error::Input`] for `path`.
-pub(super) fn input(
-    path: &Path,
-    place: impl Into<String>,
-    what: impl Into<String>,
-    remedy: impl Into<String>,
-) -> Error {
-    Error::Input { path: path.to_path_buf(), place: place.into(), what: what.into(), remedy: remedy.into() }
 }

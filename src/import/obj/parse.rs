@@ -1,8 +1,8 @@
 //! From OBJ text to arrays, through tobj, in the file's order.
 
-use super::{ObjFile, input, scan};
+use super::{ObjFile, scan};
 use crate::asset::{Corner, Faces};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use glam::{Vec2, Vec3};
 use std::io::Read;
 use std::path::Path;
@@ -20,24 +20,18 @@ pub(super) fn parse(path: &Path, bytes: Vec<u8>) -> Result<ObjFile> {
     let loaded = tobj::load_obj_buf(&mut reader, &tobj::LoadOptions::default(), |_| {
         Ok((Vec::new(), std::collections::HashMap::new()))
     });
-    // The scan has refused what tobj refuses; a difference between the two would end up here.
-    let mesh = match loaded {
-        Ok((mut models, _)) if models.len() == 1 => models.remove(0).mesh,
-        Ok((models, _)) => {
-            let what = format!("{} models, one expected", models.len());
-            return Err(input(path, "", what, "export the mesh as one object"));
-        }
-        Err(e) => return Err(input(path, "", e.to_string(), "export the file again")),
-    };
     drop((head, scan.text));
-
-    let complete = mesh.positions.len() == 3 * scan.counts[0]
+    // The scan has refused what tobj refuses; a difference between the two would end up here.
+    let refuse = |what: String| Error::input(path, "", what, "export the file again, with one statement on a line");
+    let (mut models, _) = loaded.map_err(|e| refuse(e.to_string()))?;
+    let mesh = models.pop().map(|model| model.mesh).unwrap_or_default();
+    let complete = models.is_empty()
+        && mesh.positions.len() == 3 * scan.counts[0]
         && mesh.texcoords.len() == 2 * scan.counts[1]
         && mesh.normals.len() == 3 * scan.counts[2]
         && mesh.indices.len() == first + scan.corners;
     if !complete {
-        let what = "the parser lost vertices or corners";
-        return Err(input(path, "", what, "export the file again, with one statement on a line"));
+        return Err(refuse("the parser lost vertices or corners".into()));
     }
 
     // tobj leaves the sizes out when all faces, the first one included, are triangles.

@@ -43,11 +43,10 @@ fn check(mesh: &ObjMesh<'_>) -> Result<()> {
     if vn != 0 && vn != v {
         return refuse(format!("{vn} normals for {v} vertices"));
     }
-    if let Some(i) = mesh.positions.iter().position(|p| !p.is_finite()) {
-        return refuse(format!("vertex {i} is not finite: {}", mesh.positions[i]));
-    }
-    if let Some(i) = mesh.normals.iter().position(|n| !n.is_finite()) {
-        return refuse(format!("the normal of vertex {i} is not finite: {}", mesh.normals[i]));
+    for (name, vectors) in [("vertex", mesh.positions), ("the normal of vertex", mesh.normals)] {
+        if let Some(i) = vectors.iter().position(|p| !p.is_finite()) {
+            return refuse(format!("{name} {i} is not finite: {}", vectors[i]));
+        }
     }
     if let Some(i) = mesh.texcoords.iter().position(|t| !t.is_finite()) {
         return refuse(format!("texture coordinate {i} is not finite: {}", mesh.texcoords[i]));
@@ -61,16 +60,9 @@ fn check(mesh: &ObjMesh<'_>) -> Result<()> {
 /// # Errors
 /// What `out` returns. Values are written as they are: check them first, or use [`write_obj`].
 pub fn write_obj_to(out: &mut impl Write, mesh: ObjMesh<'_>) -> io::Result<()> {
-    let mut line = String::new();
-    for p in mesh.positions {
-        numbers(out, &mut line, "v", &p.to_array())?;
-    }
-    for t in mesh.texcoords {
-        numbers(out, &mut line, "vt", &t.to_array())?;
-    }
-    for n in mesh.normals {
-        numbers(out, &mut line, "vn", &n.to_array())?;
-    }
+    rows(out, "v", mesh.positions.iter().map(Vec3::to_array))?;
+    rows(out, "vt", mesh.texcoords.iter().map(Vec2::to_array))?;
+    rows(out, "vn", mesh.normals.iter().map(Vec3::to_array))?;
     for face in mesh.faces.iter() {
         out.write_all(b"f")?;
         for corner in face {
@@ -88,15 +80,19 @@ pub fn write_obj_to(out: &mut impl Write, mesh: ObjMesh<'_>) -> io::Result<()> {
     Ok(())
 }
 
-fn numbers(out: &mut impl Write, line: &mut String, keyword: &str, values: &[f32]) -> io::Result<()> {
-    line.clear();
-    line.push_str(keyword);
-    for &x in values {
-        line.push(' ');
-        push_nine_digits(line, x);
+fn rows<const N: usize>(out: &mut impl Write, keyword: &str, rows: impl Iterator<Item = [f32; N]>) -> io::Result<()> {
+    let mut line = String::new();
+    for row in rows {
+        line.clear();
+        line.push_str(keyword);
+        for x in row {
+            line.push(' ');
+            push_nine_digits(&mut line, x);
+        }
+        line.push('\n');
+        out.write_all(line.as_bytes())?;
     }
-    line.push('\n');
-    out.write_all(line.as_bytes())
+    Ok(())
 }
 
 /// Append `x` as a plain decimal of nine significant digits, without trailing zeros.
@@ -134,12 +130,8 @@ mod tests {
 
     #[test]
     fn nine_digits() {
-        assert_eq!(written(0.1), "0.100000001");
-        assert_eq!(written(1.0), "1");
-        assert_eq!(written(-0.5), "-0.5");
-        assert_eq!(written(0.0), "0");
-        assert_eq!(written(123456.78), "123456.781");
-        assert_eq!(written(100.0), "100");
+        let numbers = [0.1, 1.0, -0.5, 0.0, 123456.78, 100.0];
+        assert_eq!(numbers.map(written), ["0.100000001", "1", "-0.5", "0", "123456.781", "100"]);
     }
 
     proptest! {

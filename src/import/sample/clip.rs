@@ -4,33 +4,6 @@ use super::rng::Rng;
 use super::{HeadDesc, smoothstep, targets};
 use crate::weights::WeightClip;
 
-/// What drives a column.
-enum Drive {
-    /// Nothing: it stays 0.
-    Zero,
-    /// Blinks.
-    Blink,
-    /// Speech, with this much of the syllable's opening.
-    Speech(f32),
-    /// Slow noise up to a height, with pauses.
-    Drift(f32),
-}
-
-/// The driver of the column called `name`.
-fn drive(name: &str, i: usize, rng: &mut Rng) -> Drive {
-    match name {
-        _ if targets::is_empty(i) => Drive::Zero,
-        "jawOpen" => Drive::Speech(0.75),
-        "mouthFunnel" | "mouthPucker" | "mouthShrugLower" => Drive::Speech(0.4),
-        n if n.starts_with("mouthLowerDown") || n.starts_with("mouthUpperUp") => Drive::Speech(0.5),
-        "mouthClose" => Drive::Speech(0.15),
-        n if n.starts_with("eyeBlink") => Drive::Blink,
-        "jawForward" | "jawLeft" | "jawRight" => Drive::Zero,
-        n if n.starts_with("detail") && rng.unit() < 0.25 => Drive::Zero,
-        _ => Drive::Drift(rng.range(0.15, 0.7)),
-    }
-}
-
 pub(super) fn clip(desc: &HeadDesc, frames: usize, fps: f32) -> WeightClip {
     let names: Vec<String> = (0..desc.targets).map(targets::name).collect();
     let count = names.len();
@@ -38,17 +11,26 @@ pub(super) fn clip(desc: &HeadDesc, frames: usize, fps: f32) -> WeightClip {
     // Shared by all columns that they drive, as in a face: both eyes blink, jaw and lips speak together.
     let blink = blinks(&mut Rng::new(desc.seed, u64::MAX), frames, fps);
     let speech = syllables(&mut Rng::new(desc.seed, u64::MAX - 1), frames, fps);
+    let speak = |rng: &mut Rng, height: f32| -> Vec<f32> {
+        // Each articulator has its own share of every syllable.
+        let share = drift(rng, frames, fps, 0.25, 0.0);
+        speech.iter().zip(share).map(|(s, share)| height * s * (0.4 + 0.6 * share)).collect()
+    };
     for (i, name) in names.iter().enumerate() {
-        let mut rng = Rng::new(desc.seed, (1 << 32) + i as u64);
-        let column: Vec<f32> = match drive(name, i, &mut rng) {
-            Drive::Zero => continue,
-            Drive::Blink => blink.iter().map(|b| b * 0.95).collect(),
-            Drive::Speech(height) => {
-                // Each articulator has its own share of every syllable.
-                let share = drift(&mut rng, frames, fps, 0.25, 0.0);
-                speech.iter().zip(share).map(|(s, share)| height * s * (0.4 + 0.6 * share)).collect()
+        let rng = &mut Rng::new(desc.seed, (1 << 32) + i as u64);
+        let column = match name.as_str() {
+            _ if targets::is_empty(i) => continue,
+            "jawOpen" => speak(rng, 0.75),
+            "mouthFunnel" | "mouthPucker" | "mouthShrugLower" => speak(rng, 0.4),
+            n if n.starts_with("mouthLowerDown") || n.starts_with("mouthUpperUp") => speak(rng, 0.5),
+            "mouthClose" => speak(rng, 0.15),
+            n if n.starts_with("eyeBlink") => blink.iter().map(|b| b * 0.95).collect(),
+            "jawForward" | "jawLeft" | "jawRight" => continue,
+            n if n.starts_with("detail") && rng.unit() < 0.25 => continue,
+            _ => {
+                let height = rng.range(0.15, 0.7);
+                drift(rng, frames, fps, 0.5, 0.55).iter().map(|d| height * d).collect()
             }
-            Drive::Drift(height) => drift(&mut rng, frames, fps, 0.5, 0.55).iter().map(|d| height * d).collect(),
         };
         for (frame, w) in column.into_iter().enumerate() {
             // In steps of 1/255, as capture files have them.

@@ -206,44 +206,38 @@ pub(super) fn base(vertices: usize) -> Base {
     if vertices < 5 {
         return few(vertices);
     }
-    let rows = rows(vertices);
     let last = SECTIONS.len() - 1;
-    let mut positions = vec![point(0.0, 0.5)];
-    let mut texcoords = vec![Vec2::new(0.5, 1.0)];
-    let height = |y: f32| (y - SECTIONS[last][0]) / (SECTIONS[0][0] - SECTIONS[last][0]);
+    // Crown and end of the neck are rows of one vertex, with no edges.
+    let rows: Vec<(f32, usize)> = [(0.0, 0)].into_iter().chain(rows(vertices)).chain([(last as f32, 0)]).collect();
+    let (top, bottom) = (SECTIONS[0][0], SECTIONS[last][0]);
+    let (mut positions, mut texcoords) = (Vec::with_capacity(vertices), Vec::new());
     // First vertex and first texture coordinate of each row; a row has one texture coordinate more than
-    // vertices, the seam at the back being there with u = 0 and u = 1.
+    // edges, the seam at the back being there with u = 0 and u = 1.
     let mut starts = Vec::with_capacity(rows.len());
     for &(t, n) in &rows {
         starts.push((positions.len() as u32, texcoords.len() as u32));
-        let v = height(section(t)[0]);
+        // The spline ends a rounding error above the last section.
+        let v = if t < last as f32 { (section(t)[0] - bottom) / (top - bottom) } else { 0.0 };
         for i in 0..=n {
-            let u = i as f64 / n as f64;
+            let u = if n == 0 { 0.5 } else { i as f64 / n as f64 };
             texcoords.push(Vec2::new(u as f32, v));
-            if i < n {
+            if i < n.max(1) {
                 positions.push(point(t, u));
             }
         }
     }
-    let end = (positions.len() as u32, texcoords.len() as u32);
-    positions.push(point(last as f32, 0.5));
-    texcoords.push(Vec2::new(0.5, 0.0));
 
     let mut faces = Faces { sizes: Vec::with_capacity(2 * vertices), corners: Vec::with_capacity(6 * vertices) };
     let mut triangle = |corners: [Corner; 3]| {
         faces.sizes.push(3);
         faces.corners.extend(corners);
     };
-    let corner = |(position, texcoord): (u32, u32)| Corner { position, texcoord: Some(texcoord) };
     let on = |row: usize, i: usize| {
         let ((v, vt), n) = (starts[row], rows[row].1);
-        corner((v + (i % n) as u32, vt + i as u32))
+        Corner { position: v + (i % n.max(1)) as u32, texcoord: Some(vt + i as u32) }
     };
-    for i in 0..rows[0].1 {
-        triangle([corner((0, 0)), on(0, i), on(0, i + 1)]);
-    }
     for r in 1..rows.len() {
-        // Sew two rows together, always stepping on the side that is behind.
+        // Sew two rows together, always stepping on the row of which less is sewn.
         let (above, below) = (rows[r - 1].1, rows[r].1);
         let (mut i, mut j) = (0, 0);
         while i < above || j < below {
@@ -255,10 +249,6 @@ pub(super) fn base(vertices: usize) -> Base {
                 j += 1;
             }
         }
-    }
-    let bottom = rows.len() - 1;
-    for i in 0..rows[bottom].1 {
-        triangle([on(bottom, i), corner(end), on(bottom, i + 1)]);
     }
     Base { positions, texcoords, faces }
 }

@@ -201,7 +201,7 @@ fn fractions(factors: &[f32], wanted: f32) -> Vec<f32> {
     }
     let goal = wanted * factors.len() as f32;
     let mut scale = goal / factors.iter().sum::<f32>().max(f32::MIN_POSITIVE);
-    // What a full target cannot take goes to the others.
+    // The others share what exceeds a full target.
     for _ in 0..64 {
         let (full, rest) = factors
             .iter()
