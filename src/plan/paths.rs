@@ -13,7 +13,7 @@ macro_rules! update_paths {
             ours {
                 /// Vertex passes with transform feedback
                 ///
-                /// And rasterizer discard (Jones, GPU Pro 5). A pass cannot read the buffer it writes: passes alternate
+                /// With rasterizer discard (Jones, GPU Pro 5). A pass cannot read the buffer it writes: passes alternate
                 /// between two slots.
                 Feedback "feedback" { needs: Needs::TransformFeedback, batch: Batch::Attributes }
                     crate::update::dense::FeedbackTechnique;
