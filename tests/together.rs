@@ -2,13 +2,22 @@
 
 #[path = "common/gpu.rs"]
 mod gpu;
+#[allow(dead_code, reason = "only poses are read back here, nothing is drawn")]
+#[path = "common/picture.rs"]
+mod picture;
 
+use deltamorph::ash::vk::BufferUsageFlags;
 use deltamorph::headless::{HeadlessCrowd, Step};
 use deltamorph::internals::plan::hazards::{Event, HazardChecker};
 use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::{BatchSize, Crowd, CrowdDesc, DeltaFormat, PackedMesh, UpdateDesc, UpdatePath, testing};
+use deltamorph::{
+    Accumulate, AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DeltaFormat, KeyFormat, PackedMesh, Playback,
+    UpdateDesc, UpdatePath, WeightClip, testing,
+};
 use gpu::{applied, on_every_device, update_descs, weights};
+use picture::Picture;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 #[test]
 fn crowds_side_by_side_do_what_one_crowd_does() {
@@ -88,6 +97,64 @@ fn crowds_of_one_call_share_their_barriers() {
                 }
             }
             assert_eq!(checker.finish().is_err(), dropped.is_some(), "dropped {dropped:?}");
+        }
+    });
+}
+
+/// One call updates crowds of both kinds. Where it ends before all is recorded, nothing of it counts as done: poses whose
+/// weights are the CPU's are written anew by the next call, and those that the GPU animates are the ones before.
+#[test]
+fn crowds_of_both_kinds_are_updated_by_one_call() {
+    on_every_device(|headless, engine| {
+        let mesh = PackedMesh::pack(&testing::mesh(200, 5), &engine.pack_desc(DeltaFormat::Small)).expect("packed");
+        let layout = mesh.layout();
+        let desc = CrowdDesc::new(UpdateDesc { accumulate: Accumulate::Exact, ..UpdateDesc::blocks() });
+        // On the grid of weights: a frame a second.
+        let weights = |frame: usize| (0..5).map(|t| (frame * t + 1) as f32 / 8.0).collect::<Vec<f32>>();
+        let names = layout.targets.iter().map(|target| target.name.clone()).collect();
+        let clip = WeightClip { name: "clip".into(), names, fps: 1.0, values: (0..4).flat_map(weights).collect() };
+        let animation = AnimationDesc { clips: &[clip], key_format: KeyFormat::Bits32 };
+        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so in all that follows.
+        let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+        // SAFETY: as above.
+        let animated = |cmd| unsafe { engine.create_animated_crowd(cmd, &uploaded, &desc, &animation) };
+        let mut animated = headless.run(animated).expect("a crowd");
+        let mut weighted = engine.create_crowd(&uploaded, &desc).expect("a crowd");
+        animated.play(0, &Playback::new(0)).expect("a clip");
+        let picture = Picture::new(headless);
+        let readbacks = [0, 1].map(|_| picture.shared(layout.base_bytes() as usize, BufferUsageFlags::TRANSFER_DST));
+        for frame in 0..4 {
+            weighted.set_weights(0, &weights(frame)).expect("weights");
+            animated.set_time(frame as f64).expect("a time");
+            if frame == 2 {
+                let before = animated.pose(0).expect("a pose").slot;
+                let ended = catch_unwind(AssertUnwindSafe(|| {
+                    headless.run(|cmd| {
+                        let crowds: &mut [&mut dyn AnyCrowd] = &mut [&mut weighted, &mut animated];
+                        // SAFETY: as above; the buffer is not submitted.
+                        unsafe { engine.record_tampered(cmd, crowds, |_| panic!("planned, and not recorded")) }
+                    })
+                }));
+                assert!(ended.is_err());
+                assert!(weighted.pose(0).is_err());
+                assert_eq!(animated.pose(0).expect("the pose before").slot, before);
+            }
+            let stats = headless.run(|cmd| {
+                // SAFETY: as above.
+                let updates = unsafe { engine.record_updates(cmd, &mut [&mut weighted, &mut animated]) }?;
+                for (pose, readback) in [weighted.pose(0)?, animated.pose(0)?].iter().zip(&readbacks) {
+                    picture.record_pose_copy(cmd, pose, readback);
+                }
+                Ok([updates[0].stats, updates[1].stats])
+            });
+            let [stats, _] = stats.expect("an update");
+            assert!(frame != 2 || stats.rebuilt_blocks == stats.dirty_blocks, "{stats:?}");
+            let reference = evaluate(&mesh, &weights(frame));
+            for readback in &readbacks {
+                let pose = layout.to_user_order(&picture.contents(readback));
+                let error = compare(&pose, &reference);
+                assert!(error.within(1e-5, 0.01), "frame {frame}: {error:?}");
+            }
         }
     });
 }

@@ -6,13 +6,7 @@ use deltamorph::headless::{DeviceChoice, Headless};
 use deltamorph::{DeltaFormat, DeviceCaps, UpdatePath, requirements};
 use serde::Serialize;
 
-/// The JSON of `devices`. Fields may be added, never renamed.
-#[derive(Serialize)]
-struct Devices {
-    schema: u32,
-    devices: Vec<Device>,
-}
-
+/// A device in the JSON of `devices`. Fields may be added, never renamed.
 #[derive(Serialize)]
 struct Device {
     index: usize,
@@ -62,7 +56,7 @@ pub fn run(device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
         [] => out.say("no Vulkan 1.1 device; the path 'cpu' works without one (./with-vulkan installs lavapipe)"),
         _ => out.say(texts.join("\n")),
     }
-    out.json(&Devices { schema: 1, devices })
+    out.json(&serde_json::json!({ "schema": 1, "devices": devices }))
 }
 
 /// A device for people, and for programs.

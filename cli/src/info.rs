@@ -1,18 +1,81 @@
 //! `info`: what a mesh is made of, and what each format makes of it.
 
-mod formats;
-pub mod record;
+pub mod formats;
 mod report;
 mod sweep;
 
 use crate::args::InfoArgs;
-use crate::input::{self, Input};
+use crate::input::{self, Input, MeshInfo};
 use crate::output::{Failure, Output};
 use crate::table::{Column, Table, bytes, percent, sig3, thousands};
 use deltamorph::{BoundClip, DeltaFormat, MorphMesh, MorphTarget};
-use formats::Measured;
+use formats::{Blocks, FormatRow, Measured};
 use glam::Vec3;
-use record::{ClipRow, FormatRow, Info, Overlap, TargetRow};
+use serde::Serialize;
+use sweep::{PoseRow, SweepRow};
+
+/// The JSON of `info`. Fields may be added, never renamed.
+#[derive(Debug, Serialize)]
+struct Info {
+    schema: u32,
+    input: MeshInfo,
+    /// The targets, in the order of the input.
+    targets: Vec<TargetRow>,
+    overlap: Overlap,
+    /// How tightly they fill the blocks of the format `small`.
+    blocks: Blocks,
+    /// What each delta format costs.
+    formats: Vec<FormatRow>,
+    /// The weight clips that lie beside the mesh.
+    clips: Vec<ClipRow>,
+    /// With `--report`: bytes against error, of `small` over a range of errors allowed and of the other formats.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sweep: Option<Vec<SweepRow>>,
+    /// With `--report`: errors of whole poses.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    poses: Option<Vec<PoseRow>>,
+}
+
+#[derive(Debug, Serialize)]
+struct TargetRow {
+    name: String,
+    /// Fraction of the vertices with a delta that was kept.
+    moved: f64,
+    /// Fraction of the vertices with a delta, of position or normal, that is not exactly zero.
+    moved_raw: f64,
+    /// Fraction of the vertices whose position in the file differs at all.
+    moved_raw_positions: f64,
+    /// Length of the longest position delta, in input units.
+    max_delta: f32,
+    /// Length of the longest normal delta.
+    max_normal_delta: f32,
+}
+
+#[derive(Debug, Serialize)]
+struct Overlap {
+    /// Fraction of the vertices that some target moves.
+    union: f64,
+    /// Targets that move such a vertex, on average.
+    mean: f64,
+    /// And at most.
+    max: u32,
+}
+
+#[derive(Debug, Serialize)]
+struct ClipRow {
+    name: String,
+    frames: usize,
+    fps: f32,
+    columns: usize,
+    /// Targets whose weight differs from the frame before, on average.
+    changed_mean: f64,
+    /// And at most.
+    changed_max: usize,
+    /// Targets with a weight other than 0, on average.
+    active_mean: f64,
+    /// Fraction of the frames that change nothing.
+    still: f64,
+}
 
 pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
     // Before seconds are spent on what then cannot be written.

@@ -1,13 +1,12 @@
 //! `pack`: a mesh as a file that loads without packing again.
 
 use crate::args::PackFileArgs;
-use crate::info::record::Cost;
+use crate::info::formats::Cost;
 use crate::input;
 use crate::output::{Failure, Output};
 use crate::table::{bytes, sig3, thousands};
-use deltamorph::{Asset, BlockIndex, DeltaFormat, PackDesc};
+use deltamorph::{Asset, DeltaFormat, PackDesc};
 use serde::Serialize;
-use std::sync::Arc;
 
 /// The JSON of `pack`. Fields may be added, never renamed.
 #[derive(Serialize)]
@@ -65,18 +64,12 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     let asset = asset?;
     asset.write(&args.output)?;
     let file_bytes = args.output.metadata().map_err(|e| Failure::io(&args.output, "read", e))?.len();
-    let Some(index) = &asset.mesh.layout().blocks else { return Ok(()) }; // `Asset::pack` takes no other format
-    let packed = describe(&asset, index, file_bytes, args, input.origin);
-    out.say(text(&packed));
-    out.json(&packed)
-}
-
-fn describe(asset: &Asset, index: &Arc<BlockIndex>, file_bytes: u64, args: &PackFileArgs, origin: String) -> Packed {
     let layout = asset.mesh.layout();
+    let Some(index) = &layout.blocks else { return Ok(()) }; // `Asset::pack` takes no other format
     let exact = index.exact();
-    Packed {
+    let packed = Packed {
         schema: 1,
-        origin,
+        origin: input.origin,
         output: args.output.display().to_string(),
         format: layout.format.name(),
         vertices: layout.vertex_count,
@@ -89,7 +82,9 @@ fn describe(asset: &Asset, index: &Arc<BlockIndex>, file_bytes: u64, args: &Pack
         cost: Cost::of(layout, index.error()),
         exact_reason: exact.as_ref().err().map(ToString::to_string),
         exact: exact.ok().map(|g| Grid { weight_bits: g.weight_bits, weight_max: g.weight_max }),
-    }
+    };
+    out.say(text(&packed));
+    out.json(&packed)
 }
 
 /// The same for people.

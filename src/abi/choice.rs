@@ -56,12 +56,6 @@ impl BlocksCase {
     }
 }
 
-impl PartialEq for BlocksChoice {
-    fn eq(&self, other: &Self) -> bool {
-        std::ptr::eq(self.module, other.module) && self.widths == other.widths
-    }
-}
-
 impl BlocksChoice {
     /// Whether asset and list are read as texels.
     pub fn texels(&self) -> bool {
@@ -71,11 +65,5 @@ impl BlocksChoice {
     /// Vertices of an invocation.
     pub fn lane_vertices(&self) -> u32 {
         if self.texels() { 8 } else { 1 }
-    }
-
-    /// Pipelines of each width: two where tiles that start from the base pose have their own (the last specialization
-    /// constant), one otherwise.
-    pub fn pipelines_of_a_width(&self) -> u32 {
-        if self.module.kernel.constants == 5 { 2 } else { 1 }
     }
 }

@@ -25,6 +25,12 @@ pub struct Module {
     code: &'static [u8],
 }
 
+impl PartialEq for Module {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
 impl Module {
     /// The SPIR-V.
     pub fn words(&self) -> Vec<u32> {

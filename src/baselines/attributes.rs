@@ -15,9 +15,8 @@ use crate::plan::instances::Instances;
 use crate::plan::steps::{Steps, Work};
 use crate::plan::{UpdatePath, UpdateStats};
 use crate::update::dense::DensePlanner;
-use crate::update::dense::feedback::{
-    Feedback, VertexPass, push_constants, vertex_batch, vertex_buffers, vertex_input,
-};
+use crate::update::dense::feedback::{Feedback, push_constants, vertex_batch, vertex_buffers, vertex_input};
+use crate::update::dense::technique::DensePass;
 use crate::update::technique::{Context, Technique, UpdateId};
 use crate::weights::delta::{Coefficient, active_targets};
 use ash::vk;
@@ -32,7 +31,7 @@ struct Attributes {
 impl Kernel for Attributes {
     type Key = (DeltaFormat, u32);
 
-    fn new(device: &Arc<Device>, key: Self::Key, _others: &[Arc<Self>]) -> Result<Self> {
+    fn new(device: &Arc<Device>, key: Self::Key) -> Result<Self> {
         let (format, most) = key;
         let mut draw = Objects::none(device);
         draw.add_layout(&[DIRECT_ATTRIBUTES.row], attribute_push_bytes(format, most))?;
@@ -179,7 +178,7 @@ impl Draws for AttributesTechnique {
     }
 
     unsafe fn record_capture(&self, cmd: vk::CommandBuffer, instance: u32) {
-        let pass = VertexPass {
+        let pass = DensePass {
             layout: &self.mesh.layout,
             deltas: self.mesh.deltas.raw,
             source: (self.mesh.base.raw, 0),

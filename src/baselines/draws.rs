@@ -100,8 +100,8 @@ pub(super) fn draw_stats(layout: &PackedLayout, planner: &DensePlanner, instance
 #[cfg(test)]
 mod tests {
     use super::Capture;
-    use crate::plan::hazards::{Accesses, Event, HazardChecker, Memory, MemoryUse, trace};
-    use crate::plan::steps::{Access, Stage};
+    use crate::plan::hazards::{Accesses, Event, HazardChecker, Memory, trace};
+    use crate::plan::steps::{Access, Stage, Use};
 
     /// Two captures with a draw between them: each barrier is needed.
     #[test]
@@ -110,8 +110,8 @@ mod tests {
             (Capture::Feedback, Stage::TransformFeedback, Access::FeedbackWrite),
             (Capture::Store, Stage::VertexShader, Access::ShaderWrite),
         ] {
-            let write = MemoryUse { group: 0, memory: Memory::Pose { instance: 0, slot: 0 }, stage, access };
-            let accesses = Accesses { writes: vec![write], ..Accesses::default() };
+            let write = Use::new(Memory::Pose { instance: 0, slot: 0 }, stage, access);
+            let accesses = Accesses { uses: vec![write], ..Accesses::default() };
             let events = trace(&capture.schedule().entries, |_, _| vec![accesses.clone()]);
             for dropped in [None, Some(0), Some(2)] {
                 let mut checker = HazardChecker::new();

@@ -12,7 +12,7 @@ mod scatter;
 mod vertex_store;
 
 #[cfg(test)]
-pub(crate) use vertex_store::{STORE_PASS, store_accesses};
+pub(crate) use vertex_store::StorePasses;
 
 pub(crate) use attributes::AttributesTechnique;
 pub(crate) use direct::DirectTechnique;

@@ -67,7 +67,7 @@ pub(super) struct Scatter {
 impl Kernel for Scatter {
     type Key = ();
 
-    fn new(device: &Arc<Device>, (): (), _others: &[Arc<Self>]) -> Result<Self> {
+    fn new(device: &Arc<Device>, (): ()) -> Result<Self> {
         let mut objects = Objects::none(device);
         objects.add_layout(&[SCATTER.row, RESOLVE.row], 0)?;
         for kernel in [&SCATTER, &RESOLVE] {
@@ -172,7 +172,7 @@ const PARTS: [(Part, &[Use]); 3] = [
 ];
 
 /// Append the planned passes to `steps`: each part of all instances, which do not depend on each other.
-fn fill(planner: &mut DensePlanner, steps: &mut Steps) {
+fn fill(planner: &DensePlanner, steps: &mut Steps) {
     if !planner.has_changed() {
         return;
     }
@@ -181,11 +181,8 @@ fn fill(planner: &mut DensePlanner, steps: &mut Steps) {
         for instance in 0..planner.plans().len() {
             let plan = &planner.plans()[instance];
             let [pass] = &plan.passes[..] else { continue };
-            let added = if part == Part::Add { plan.coefficients.len() } else { 0 };
-            let destination = pass.destination;
-            let items = planner.list(instance, 0..added);
-            let (kernel, instance) = (part as u32, instance as u32);
-            steps.push(Work { kernel, instance, destination, items, ..Work::default() });
+            let items = if part == Part::Add { pass.items.clone() } else { 0..0 };
+            steps.push(Work { kernel: part as u32, instance: instance as u32, items, ..pass.clone() });
         }
     }
 }
@@ -280,7 +277,7 @@ impl ScatterTechnique {
 impl Technique for ScatterTechnique {
     fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         self.planner.plan(instances, id.update);
-        fill(&mut self.planner, steps);
+        fill(&self.planner, steps);
         Ok(self.stats())
     }
 
@@ -325,16 +322,12 @@ impl Technique for ScatterTechnique {
 /// What works read and write. Atomics commute: those of a work do not have to be ordered among themselves.
 #[cfg(any(test, feature = "internals"))]
 fn accesses(works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-    use crate::plan::hazards::{Accesses, Memory, MemoryUse};
-    use crate::plan::steps::{Access, Stage};
+    use crate::plan::hazards::{Accesses, Memory};
     let of = |work: &Work| {
         let (instance, slot) = (work.instance, work.destination);
         let sums = Memory::Sums { instance };
         match PARTS[work.kernel as usize].0 {
-            Part::Clear => {
-                let write = MemoryUse { group: 0, memory: sums, stage: Stage::Transfer, access: Access::TransferWrite };
-                Accesses { writes: vec![write], ..Accesses::default() }
-            }
+            Part::Clear => Accesses { uses: vec![Use::copy(sums)], ..Accesses::default() },
             Part::Add => Accesses::compute([Memory::Deltas, sums], [sums]),
             Part::Resolve => Accesses::compute([Memory::Base, sums], [Memory::Pose { instance, slot }]),
         }
@@ -362,7 +355,7 @@ mod tests {
                 }
                 planner.plan(&mut instances, u64::from(frame) + 1);
                 let mut steps = Steps::new(Consumers::default());
-                fill(&mut planner, &mut steps);
+                fill(&planner, &mut steps);
                 let added: usize = steps.works().iter().map(|work| planner.coefficients(work).len()).sum();
                 counts.push((steps.works().len(), added));
                 let (pose, previous) = instances.slots_of(0).unwrap();

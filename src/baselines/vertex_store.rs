@@ -8,23 +8,16 @@ use crate::error::Result;
 use crate::gpu::descriptors::{Bound, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernel;
-use crate::gpu::mesh::MeshBuffers;
 use crate::gpu::pipelines::Objects;
 use crate::pack::{DeltaFormat, PackedLayout, PoseFormat};
 use crate::plan::steps::{Access, Resource, Stage, Use, Work};
-use crate::update::dense::feedback::{VertexPass, push_constants, vertex_batch, vertex_buffers, vertex_input};
-use crate::update::dense::technique::Passes;
-use crate::update::technique::{Context, Poses};
-use crate::weights::delta::Coefficient;
+#[cfg(any(test, feature = "internals"))]
+use crate::update::dense::PassAccess;
+use crate::update::dense::feedback::{push_constants, vertex_batch, vertex_buffers, vertex_input};
+use crate::update::dense::technique::{DensePass, Passes};
+use crate::update::technique::Context;
 use ash::vk;
 use std::sync::Arc;
-
-/// What a pass uses.
-pub(crate) const STORE_PASS: &[Use] = &[
-    Use::new(Resource::Asset, Stage::VertexInput, Access::AttributeRead),
-    Use::new(Resource::Poses, Stage::VertexInput, Access::AttributeRead),
-    Use::new(Resource::Poses, Stage::VertexShader, Access::ShaderWrite),
-];
 
 /// Pipelines for batches 0 (a copy) to the batch size.
 pub(super) struct VertexStore {
@@ -35,7 +28,7 @@ pub(super) struct VertexStore {
 impl Kernel for VertexStore {
     type Key = (DeltaFormat, u32);
 
-    fn new(device: &Arc<Device>, key: Self::Key, _others: &[Arc<Self>]) -> Result<Self> {
+    fn new(device: &Arc<Device>, key: Self::Key) -> Result<Self> {
         let (format, batch) = key;
         let mut objects = Objects::none(device);
         objects.add_layout(&[VERTEX_STORE.row], attribute_push_bytes(format, batch))?;
@@ -66,7 +59,7 @@ impl VertexStore {
     pub(super) unsafe fn record(
         &self,
         cmd: vk::CommandBuffer,
-        pass: &VertexPass<'_>,
+        pass: &DensePass<'_>,
         sets: impl Iterator<Item = vk::DescriptorSet>,
     ) {
         let device = &self.objects.device.raw;
@@ -99,44 +92,37 @@ impl VertexStore {
 /// What a crowd's storing vertex passes take.
 pub(crate) struct StorePasses {
     kernel: Arc<VertexStore>,
-    mesh: Arc<MeshBuffers>,
-    poses: Poses,
+    slots: u32,
     stores: StoreSets,
 }
 
 impl Passes for StorePasses {
-    const USES: &'static [Use] = STORE_PASS;
+    const USES: &'static [Use] = &[
+        Use::new(Resource::Asset, Stage::VertexInput, Access::AttributeRead),
+        Use::new(Resource::Poses, Stage::VertexInput, Access::AttributeRead),
+        Use::new(Resource::Poses, Stage::VertexShader, Access::ShaderWrite),
+    ];
+
+    #[cfg(any(test, feature = "internals"))]
+    const ACCESS: PassAccess = PassAccess {
+        reads: (Stage::VertexInput, Access::AttributeRead),
+        writes: (Stage::VertexShader, Access::ShaderWrite),
+        in_place: false,
+    };
 
     fn new(context: Context<'_>) -> Result<Self> {
         let (layout, poses) = (context.layout(), context.poses);
         let kernel: Arc<VertexStore> = context.kernels.get((layout.format, vertex_batch(&context)))?;
         let stores = StoreSets::new(&kernel, layout, poses.buffer, context.desc.instances * poses.slots)?;
-        Ok(Self { kernel, mesh: context.mesh.clone(), poses, stores })
+        Ok(Self { kernel, slots: poses.slots, stores })
     }
 
-    fn layout(&self) -> &PackedLayout {
-        &self.mesh.layout
-    }
-
-    unsafe fn record(&self, cmd: vk::CommandBuffer, _frame: u64, work: &Work, coefficients: &[Coefficient]) {
-        let pass = VertexPass::new(&self.mesh, &self.poses, work, coefficients);
-        let sets = self.stores.of(work.instance * self.poses.slots + work.destination);
+    unsafe fn record(&self, cmd: vk::CommandBuffer, _frame: u64, work: &Work, pass: &DensePass<'_>) {
+        let sets = self.stores.of(work.instance * self.slots + work.destination);
         // SAFETY: the caller's obligations; source and destination are different slots: the plan alternates; the sets
         // were written for this mesh and crowd.
-        unsafe { self.kernel.record(cmd, &pass, sets) };
+        unsafe { self.kernel.record(cmd, pass, sets) };
     }
-
-    #[cfg(any(test, feature = "internals"))]
-    fn accesses(works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        store_accesses(works)
-    }
-}
-
-/// What the passes read and write.
-#[cfg(any(test, feature = "internals"))]
-pub(crate) fn store_accesses(works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-    let write = (Stage::VertexShader, Access::ShaderWrite);
-    crate::update::dense::pass_accesses(works, (Stage::VertexInput, Access::AttributeRead), write, false)
 }
 
 /// Where passes store: a set for each pose of a buffer and each chunk, not dynamic offsets (see `compute`).

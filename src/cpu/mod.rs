@@ -13,7 +13,7 @@ use crate::plan::instances::{Instances, check_weights};
 use crate::plan::steps::{Source, Steps, Work};
 use crate::plan::{Accumulate, Consumers, UpdateDesc, UpdateStats};
 use crate::update::Runner;
-use crate::update::blocks::{GroupPlanner, Planner};
+use crate::update::blocks::{GroupPlan, Planner};
 use crate::update::dense::{COMPUTE_PASS, DensePlanner};
 use std::sync::Arc;
 use workers::Workers;
@@ -266,8 +266,8 @@ fn run_dense(
 }
 
 /// Carry the work list of a group out.
-fn run_blocks(mesh: &PackedGroup, workers: &Workers, planner: &GroupPlanner, memory: &mut Memory, slots: usize) {
-    let (GroupPlanner { index, list, .. }, exact) = (planner, planner.exact());
+fn run_blocks(mesh: &PackedGroup, workers: &Workers, planner: &GroupPlan, memory: &mut Memory, slots: usize) {
+    let (GroupPlan { index, list, .. }, exact) = (planner, planner.exact());
     let Memory { poses, sums } = memory;
     let mut first = 0;
     for run in list.items.chunk_by(|a, b| a.instance == b.instance) {

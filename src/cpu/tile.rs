@@ -8,6 +8,7 @@ use crate::pack::{POSE_FLOATS, PackedGroup};
 use crate::update::blocks::{TileItem, Tiles, WorkList, row_words};
 
 /// The memory of a crowd: `[instance × slots + slot]` poses, `[instance]` sums.
+#[derive(Clone)]
 pub(crate) struct Memory {
     pub slots: usize,
     pub poses: Vec<Vec<f32>>,

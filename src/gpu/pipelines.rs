@@ -17,16 +17,6 @@ pub(crate) struct Pipelines {
     raw: Vec<vk::Pipeline>,
 }
 
-impl Pipelines {
-    /// The same pipelines, `count` to an owner.
-    pub(crate) fn split(mut self, count: usize) -> impl Iterator<Item = Self> {
-        let (device, raw) = (self.device.clone(), std::mem::take(&mut self.raw));
-        let parts: Vec<Self> =
-            raw.chunks(count).map(|part| Self { device: device.clone(), raw: part.to_vec() }).collect();
-        parts.into_iter()
-    }
-}
-
 impl Index<usize> for Pipelines {
     type Output = vk::Pipeline;
 

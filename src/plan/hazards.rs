@@ -8,7 +8,7 @@
 //! another uses.
 
 use super::schedule::{Barrier, Entry};
-use super::steps::{Access, Stage, Work};
+use super::steps::{Access, Scope, Stage, Use, Work};
 use std::collections::HashMap;
 
 /// A piece of memory that works read or write. What belongs to a group of the mesh, each group has for itself.
@@ -46,64 +46,27 @@ pub enum Memory {
     Arguments,
 }
 
-impl Memory {
-    /// Whether all groups have it in common.
-    const fn is_common(self) -> bool {
-        matches!(self, Self::Clips | Self::Records | Self::Weights)
-    }
-}
-
-/// One access of a work.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct MemoryUse {
-    /// Of which group; 0 for what all groups have in common.
-    pub group: u32,
-    /// What is accessed.
-    pub memory: Memory,
-    /// In which stage.
-    pub stage: Stage,
-    /// How.
-    pub access: Access,
-}
-
-impl MemoryUse {
-    /// A compute shader reads.
-    pub const fn read(memory: Memory) -> Self {
-        Self { group: 0, memory, stage: Stage::Compute, access: Access::ShaderRead }
-    }
-
-    /// A compute shader writes.
-    pub const fn write(memory: Memory) -> Self {
-        Self { group: 0, memory, stage: Stage::Compute, access: Access::ShaderWrite }
-    }
-}
-
 /// What works that are carried out as one read and write.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Accesses {
-    /// What is read.
-    pub reads: Vec<MemoryUse>,
-    /// What is written.
-    pub writes: Vec<MemoryUse>,
+    /// The group of the mesh.
+    pub group: u32,
+    /// Reads and writes.
+    pub uses: Vec<Use<Memory>>,
     /// Memory that is read and written is read by the invocation that writes it, and by no other (or atomically).
     pub in_place: bool,
 }
 
 impl Accesses {
-    /// Of compute shaders that read and write in place.
+    /// Of compute shaders that read and write in place, in the first group.
     pub fn compute(reads: impl IntoIterator<Item = Memory>, writes: impl IntoIterator<Item = Memory>) -> Self {
-        Self {
-            reads: reads.into_iter().map(MemoryUse::read).collect(),
-            writes: writes.into_iter().map(MemoryUse::write).collect(),
-            in_place: true,
-        }
+        let uses = reads.into_iter().map(Use::read).chain(writes.into_iter().map(Use::write)).collect();
+        Self { group: 0, uses, in_place: true }
     }
 
-    /// What a work of `group` does: all memory that groups do not have in common is its own.
-    pub fn of_group(mut self, group: u32) -> Self {
-        let own = |access: &&mut MemoryUse| !access.memory.is_common();
-        self.reads.iter_mut().chain(&mut self.writes).filter(own).for_each(|access| access.group = group);
-        self
+    /// Its writes, or its reads.
+    fn writing(&self, write: bool) -> impl Iterator<Item = Use<Memory>> {
+        self.uses.iter().filter(move |used| used.access.writes() == write).copied()
     }
 }
 
@@ -123,62 +86,72 @@ pub enum Event {
 
 /// `entries` as events; `accesses` says what the works of a crowd's step do.
 pub fn trace(entries: &[Entry], mut accesses: impl FnMut(u32, &[Work]) -> Vec<Accesses>) -> Vec<Event> {
-    let of_step = |entry: &Entry| match entry {
-        Entry::Barrier(_) => None,
-        Entry::Work { crowd, step, .. } => Some((*crowd, *step)),
-    };
-    let runs = entries.chunk_by(|a, b| of_step(a).is_some() && of_step(a) == of_step(b));
+    fn of_step(entry: &Entry) -> Option<((u32, u32), &Work)> {
+        match entry {
+            Entry::Barrier(_) => None,
+            Entry::Work { crowd, step, work } => Some(((*crowd, *step), work)),
+        }
+    }
+    let same = |a: &Entry, b: &Entry| of_step(a).zip(of_step(b)).is_some_and(|((a, _), (b, _))| a == b);
     let event = |run: &[Entry]| match &run[0] {
         Entry::Barrier(barrier) => Event::Barrier(*barrier),
         Entry::Work { crowd, .. } => {
-            let works = run.iter().filter_map(|entry| match entry {
-                Entry::Work { work, .. } => Some(work.clone()),
-                Entry::Barrier(_) => None,
-            });
-            Event::Step { crowd: *crowd, works: accesses(*crowd, &works.collect::<Vec<_>>()) }
+            let works: Vec<Work> = run.iter().filter_map(of_step).map(|(_, work)| work.clone()).collect();
+            Event::Step { crowd: *crowd, works: accesses(*crowd, &works) }
         }
     };
-    runs.map(event).collect()
+    entries.chunk_by(same).map(event).collect()
 }
 
 /// Two accesses that no barrier orders.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Violation {
     /// The earlier access.
-    pub before: MemoryUse,
+    pub before: Use<Memory>,
     /// The later one.
-    pub after: MemoryUse,
+    pub after: Use<Memory>,
 }
 
 impl std::fmt::Display for Violation {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let kind = match (self.before.access.writes(), self.after.access.writes()) {
-            (true, true) => "write after write",
-            (true, false) => "read after write",
-            (false, true | false) => "write after read",
-        };
-        write!(
-            f,
-            "{kind} on {:?}: {:?} in {:?} is not ordered before {:?} in {:?}",
-            self.after.memory, self.before.access, self.before.stage, self.after.access, self.after.stage
-        )
+        let Self { before, after } = self;
+        let kind = |used: &Use<Memory>| if used.access.writes() { "write" } else { "read" };
+        write!(f, "{} after {} on {:?}: ", kind(after), kind(before), after.memory)?;
+        write!(f, "{:?} in {:?} is not ordered before ", before.access, before.stage)?;
+        write!(f, "{:?} in {:?}", after.access, after.stage)
     }
 }
 
 /// What is known of a piece of memory.
 #[derive(Default)]
 struct Track {
-    /// The last write and what it has been made visible to: `(stages, accesses)` of each barrier that did.
-    write: Option<(MemoryUse, Vec<(u8, u8)>)>,
+    /// The last write, and the second sides of the barriers that have made it visible.
+    write: Option<(Use<Memory>, Vec<Scope>)>,
     /// Reads since, each with the stages that wait for it.
-    reads: Vec<(MemoryUse, u8)>,
+    reads: Vec<(Use<Memory>, u8)>,
+}
+
+/// Crowd, group and memory.
+type Place = (u32, u32, Memory);
+
+/// The mesh belongs to all crowds; what instances play and their weights, to all groups.
+const fn place(crowd: u32, group: u32, memory: Memory) -> Place {
+    match memory {
+        Memory::Base | Memory::Deltas => (0, group, memory),
+        Memory::Clips | Memory::Records | Memory::Weights => (crowd, 0, memory),
+        Memory::Pose { .. }
+        | Memory::Sums { .. }
+        | Memory::History
+        | Memory::WorkList
+        | Memory::Counters
+        | Memory::Arguments => (crowd, group, memory),
+    }
 }
 
 /// Walks what is recorded.
 #[derive(Default)]
 pub struct HazardChecker {
-    /// By crowd; the mesh is that of all.
-    tracks: HashMap<(u32, u32, Memory), Track>,
+    tracks: HashMap<Place, Track>,
     violations: Vec<Violation>,
 }
 
@@ -188,16 +161,14 @@ impl HazardChecker {
         Self::default()
     }
 
-    /// An upload writes the asset, and this barrier is recorded behind it.
+    /// An upload writes the asset, and this barrier follows it.
     pub fn upload(&mut self, barrier: Option<Barrier>) {
         self.copy(0, &[Memory::Base, Memory::Deltas], barrier);
     }
 
-    /// Copies and fills write memory of a crowd, and this barrier is recorded behind them.
+    /// Copies and fills write memory of a crowd, and this barrier follows them.
     pub fn copy(&mut self, crowd: u32, written: &[Memory], barrier: Option<Barrier>) {
-        for &memory in written {
-            self.access(crowd, MemoryUse { group: 0, memory, stage: Stage::Transfer, access: Access::TransferWrite });
-        }
+        written.iter().for_each(|&memory| self.write(place(crowd, 0, memory), Use::copy(memory), None));
         barrier.iter().for_each(|barrier| self.barrier(barrier));
     }
 
@@ -209,8 +180,10 @@ impl HazardChecker {
     /// A draw of the host reads a pose, as vertex attributes and in the vertex shader.
     pub fn draw_group(&mut self, crowd: u32, group: u32, instance: u32, slot: u32) {
         let memory = Memory::Pose { instance, slot };
-        self.access(crowd, MemoryUse { group, memory, stage: Stage::VertexInput, access: Access::AttributeRead });
-        self.access(crowd, MemoryUse { group, memory, stage: Stage::VertexShader, access: Access::ShaderRead });
+        for (stage, access) in [(Stage::VertexInput, Access::AttributeRead), (Stage::VertexShader, Access::ShaderRead)]
+        {
+            self.read(place(crowd, group, memory), Use::new(memory, stage, access));
+        }
     }
 
     /// A recorded update.
@@ -224,42 +197,45 @@ impl HazardChecker {
     }
 
     /// What was found.
+    ///
+    /// # Errors
+    /// Accesses that no barrier orders.
     pub fn finish(self) -> Result<(), Vec<Violation>> {
         if self.violations.is_empty() { Ok(()) } else { Err(self.violations) }
     }
 
     fn step(&mut self, crowd: u32, works: &[Accesses]) {
-        let mut users: HashMap<(u32, Memory), (usize, MemoryUse)> = HashMap::new();
-        for (work, accesses) in works.iter().enumerate() {
-            for &access in accesses.writes.iter().chain(&accesses.reads) {
-                let (user, earlier) = *users.entry((access.group, access.memory)).or_insert((work, access));
-                if user != work && (earlier.access.writes() || access.access.writes()) {
-                    self.violations.push(Violation { before: earlier, after: access });
+        let mut users: HashMap<Place, (usize, Use<Memory>)> = HashMap::new();
+        for (number, work) in works.iter().enumerate() {
+            for after in work.writing(true).chain(work.writing(false)) {
+                let first = users.entry(place(crowd, work.group, after.memory)).or_insert((number, after));
+                let (user, before) = *first;
+                if user != number && (before.access.writes() || after.access.writes()) {
+                    self.violations.push(Violation { before, after });
                 }
             }
         }
-        works.iter().flat_map(|work| &work.reads).for_each(|read| self.read(crowd, *read));
         for work in works {
-            for write in &work.writes {
-                let own = work
-                    .reads
-                    .iter()
-                    .find(|read| work.in_place && (read.group, read.memory) == (write.group, write.memory));
-                self.write(crowd, *write, own.copied());
+            work.writing(false).for_each(|read| self.read(place(crowd, work.group, read.memory), read));
+        }
+        for work in works {
+            for write in work.writing(true) {
+                let own = work.writing(false).find(|read| work.in_place && read.memory == write.memory);
+                self.write(place(crowd, work.group, write.memory), write, own);
             }
         }
     }
 
     fn barrier(&mut self, barrier: &Barrier) {
-        let Barrier { before, after, .. } = *barrier;
+        let Barrier { before, after } = *barrier;
         for track in self.tracks.values_mut() {
             if let Some((write, visible)) = &mut track.write {
                 let direct = before.has_stage(write.stage) && before.has_access(write.access);
                 // Available already: a later barrier passes it on where its first stages wait for the second
                 // stages of the one that made it so.
-                let chained = visible.iter().any(|(stages, _)| stages & before.stages != 0);
+                let chained = visible.iter().any(|scope| scope.stages & before.stages != 0);
                 if direct || chained {
-                    visible.push((after.stages, after.accesses));
+                    visible.push(after);
                 }
             }
             for (read, ordered) in &mut track.reads {
@@ -270,35 +246,26 @@ impl HazardChecker {
         }
     }
 
-    fn track(&mut self, crowd: u32, MemoryUse { group, memory, .. }: MemoryUse) -> &mut Track {
-        let crowd = if matches!(memory, Memory::Base | Memory::Deltas) { 0 } else { crowd };
-        self.tracks.entry((crowd, group, memory)).or_default()
+    fn read(&mut self, place: Place, after: Use<Memory>) {
+        let track = self.tracks.entry(place).or_default();
+        track.reads.push((after, 0));
+        let unseen = track.write.iter().filter(|(_, visible)| !sees(visible, after));
+        self.violations.extend(unseen.map(|&(before, _)| Violation { before, after }));
     }
 
-    fn access(&mut self, crowd: u32, access: MemoryUse) {
-        if access.access.writes() { self.write(crowd, access, None) } else { self.read(crowd, access) }
-    }
-
-    fn read(&mut self, crowd: u32, read: MemoryUse) {
-        let track = self.track(crowd, read);
-        let unseen = track.write.as_ref().filter(|(_, visible)| !sees(visible, read)).map(|(write, _)| *write);
-        track.reads.push((read, 0));
-        self.violations.extend(unseen.map(|before| Violation { before, after: read }));
-    }
-
-    fn write(&mut self, crowd: u32, write: MemoryUse, own_read: Option<MemoryUse>) {
-        let track = self.track(crowd, write);
-        let unseen = track.write.replace((write, vec![])).filter(|(_, visible)| !sees(visible, write));
+    fn write(&mut self, place: Place, after: Use<Memory>, own_read: Option<Use<Memory>>) {
+        let track = self.tracks.entry(place).or_default();
+        let unseen = track.write.replace((after, vec![])).filter(|(_, visible)| !sees(visible, after));
         let mut reads = std::mem::take(&mut track.reads);
         if let Some(at) = own_read.and_then(|own| reads.iter().rposition(|(read, _)| *read == own)) {
             reads.remove(at);
         }
-        let running = reads.into_iter().filter(|(_, ordered)| ordered & write.stage as u8 == 0);
+        let running = reads.into_iter().filter(|(_, ordered)| ordered & after.stage as u8 == 0);
         let earlier = unseen.map(|(earlier, _)| earlier).into_iter().chain(running.map(|(read, _)| read));
-        self.violations.extend(earlier.map(|before| Violation { before, after: write }));
+        self.violations.extend(earlier.map(|before| Violation { before, after }));
     }
 }
 
-fn sees(visible: &[(u8, u8)], access: MemoryUse) -> bool {
-    visible.iter().any(|(stages, accesses)| stages & access.stage as u8 != 0 && accesses & access.access as u8 != 0)
+fn sees(visible: &[Scope], access: Use<Memory>) -> bool {
+    visible.iter().any(|scope| scope.has_stage(access.stage) && scope.has_access(access.access))
 }

@@ -4,10 +4,9 @@
 //! on, with a barrier between two rounds where a use has to wait for an earlier one, as weak as the uses allow.
 
 use super::steps::{Access, Resource, Scope, Stage, Steps, Use, Work};
-use std::fmt;
 
 /// Number of stages.
-const STAGES: usize = (Stage::Indirect as u8).trailing_zeros() as usize + 1;
+const STAGES: usize = Stage::Indirect.index() + 1;
 
 /// Number of resources.
 const RESOURCES: usize = Resource::Control as usize + 1;
@@ -19,24 +18,14 @@ pub struct Barrier {
     pub before: Scope,
     /// What waits, and sees it.
     pub after: Scope,
-    /// The memory that asked for it first, for whoever reads a list of barriers.
-    pub reason: Resource,
 }
 
 impl Barrier {
     /// The barrier between what was just written for the first time, and what uses it.
-    pub fn between(written: &'static [Use], used: &'static [Use]) -> Option<Self> {
+    pub fn between(written: &[Use], used: &[Use]) -> Option<Self> {
         let mut tracker = Tracker::default();
         tracker.use_all(written);
         tracker.needed(used)
-    }
-}
-
-impl fmt::Display for Barrier {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { before, after, reason } = self;
-        let bits = |scope: &Scope| format!("stages {:06b} accesses {:07b}", scope.stages, scope.accesses);
-        write!(f, "{reason:?}: {} → {}", bits(before), bits(after))
     }
 }
 
@@ -50,7 +39,7 @@ const UPLOADED: [&[Use]; 2] = [
     ],
 ];
 
-/// The barrier behind the copies of an upload: every technique may read base pose and deltas.
+/// The barrier after the copies of an upload: every technique may read base pose and deltas.
 pub fn asset_uploaded() -> Option<Barrier> {
     Barrier::between(UPLOADED[0], UPLOADED[1])
 }
@@ -89,18 +78,19 @@ impl Schedule {
         self.trackers.extend(updates.clone().map(|steps| {
             let (mut tracker, last) = (Tracker::default(), steps.len());
             for step in 0..=last {
-                tracker.pass(steps.uses_of(step, last));
+                let uses = steps.uses_of(step, last);
+                tracker.needed(uses).iter().for_each(|barrier| tracker.wait(barrier));
+                tracker.use_all(uses);
             }
             tracker
         }));
         let last = updates.clone().map(|steps| steps.len()).max().unwrap_or(0);
         for round in 0..=last {
             let uses = updates.clone().map(|steps| steps.uses_of(round, last));
-            let mut barrier = None;
-            for (tracker, uses) in self.trackers.iter().zip(uses.clone()) {
-                barrier = joined(barrier, tracker.needed(uses));
-            }
-            if let Some(barrier) = barrier {
+            let needed = self.trackers.iter().zip(uses.clone()).filter_map(|(tracker, uses)| tracker.needed(uses));
+            if let Some(barrier) =
+                needed.reduce(|a, b| Barrier { before: a.before | b.before, after: a.after | b.after })
+            {
                 self.trackers.iter_mut().for_each(|tracker| tracker.wait(&barrier));
                 self.entries.push(Entry::Barrier(barrier));
             }
@@ -113,13 +103,6 @@ impl Schedule {
             }
         }
     }
-}
-
-fn joined(a: Option<Barrier>, b: Option<Barrier>) -> Option<Barrier> {
-    let (Some(mut joined), Some(b)) = (a, b) else { return a.or(b) };
-    joined.before |= b.before;
-    joined.after |= b.after;
-    Some(joined)
 }
 
 /// What is known of one resource.
@@ -139,8 +122,6 @@ struct Memory {
 #[derive(Clone, Debug, Default)]
 struct Tracker {
     memory: [Memory; RESOURCES],
-    /// Bits of resources that were used.
-    used: u16,
 }
 
 fn bits(set: u8) -> impl Iterator<Item = usize> {
@@ -148,44 +129,34 @@ fn bits(set: u8) -> impl Iterator<Item = usize> {
 }
 
 impl Tracker {
-    fn memory_of(&self, resource: Resource) -> &Memory {
-        &self.memory[resource as usize]
-    }
-
-    /// The least barrier behind which `uses` may follow.
+    /// The weakest barrier after which `uses` may follow.
     fn needed(&self, uses: &[Use]) -> Option<Barrier> {
-        let (mut before, mut after, mut reason) = (Scope::default(), Scope::default(), None);
+        let (mut before, mut after) = (Scope::default(), Scope::default());
         for u in uses {
-            let (memory, stage) = (self.memory_of(u.resource), (u.stage as u8).trailing_zeros() as usize);
-            let unseen = memory.write.stages != 0 && memory.seen[stage] & u.access as u8 == 0;
+            let memory = &self.memory[u.memory as usize];
+            let unseen = memory.write.stages != 0 && memory.seen[u.stage.index()] & u.access as u8 == 0;
+            let mut running = 0;
             if u.access.writes() {
-                let running = bits(memory.reads).filter(|read| memory.ordered[*read] & u.stage as u8 == 0);
-                let running = running.fold(0, |set, read| set | 1 << read);
-                // Readers that saw the last write pass it on.
-                let passed_on = bits(running).any(|read| memory.seen[read] != 0);
-                if running == 0 && !unseen {
-                    continue;
-                }
-                before.stages |= running;
-                if unseen && !passed_on {
-                    before |= memory.write;
-                }
-            } else if unseen {
-                before |= memory.write;
-            } else {
+                let unordered = bits(memory.reads).filter(|read| memory.ordered[*read] & u.stage as u8 == 0);
+                running = unordered.fold(0, |set, read| set | 1 << read);
+            }
+            if running == 0 && !unseen {
                 continue;
             }
-            after |= u.scope();
-            reason = reason.or(Some(u.resource));
+            before.stages |= running;
+            // Readers that saw the last write pass it on.
+            if unseen && !bits(running).any(|read| memory.seen[read] != 0) {
+                before = before | memory.write;
+            }
+            after = after | u.scope();
         }
-        reason.map(|reason| Barrier { before, after, reason })
+        (after.stages != 0).then_some(Barrier { before, after })
     }
 
     /// A barrier was recorded.
     fn wait(&mut self, barrier: &Barrier) {
         let Barrier { before, after, .. } = *barrier;
-        for resource in (0..RESOURCES).filter(|resource| self.used >> resource & 1 != 0) {
-            let memory = &mut self.memory[resource];
+        for memory in &mut self.memory {
             let chained = bits(before.stages).any(|stage| memory.seen[stage] != 0);
             if memory.write.stages != 0 && (before.contains(memory.write) || chained) {
                 bits(after.stages).for_each(|stage| memory.seen[stage] |= after.accesses);
@@ -198,32 +169,19 @@ impl Tracker {
         }
     }
 
-    /// A step was recorded.
+    /// A step was recorded, after the barrier that it needs.
     fn use_all(&mut self, uses: &[Use]) {
-        let mut written = 0u16;
         for u in uses.iter().filter(|u| u.access.writes()) {
-            let first = written >> u.resource as u16 & 1 == 0;
-            written |= 1 << u.resource as u16;
-            let memory = &mut self.memory[u.resource as usize];
-            if first {
-                *memory = Memory::default();
+            self.memory[u.memory as usize] = Memory::default();
+        }
+        for u in uses {
+            let memory = &mut self.memory[u.memory as usize];
+            if u.access.writes() {
+                memory.write = memory.write | u.scope();
+            } else {
+                memory.reads |= u.stage as u8;
+                memory.ordered[u.stage.index()] = 0;
             }
-            memory.write |= u.scope();
         }
-        self.used |= written;
-        for u in uses.iter().filter(|u| !u.access.writes()) {
-            self.used |= 1 << u.resource as u16;
-            let memory = &mut self.memory[u.resource as usize];
-            memory.reads |= u.stage as u8;
-            memory.ordered[(u.stage as u8).trailing_zeros() as usize] = 0;
-        }
-    }
-
-    /// A step was recorded, behind the barrier that it needs.
-    fn pass(&mut self, uses: &[Use]) {
-        if let Some(barrier) = self.needed(uses) {
-            self.wait(&barrier);
-        }
-        self.use_all(uses);
     }
 }

@@ -7,10 +7,10 @@
 //! Uses speak of a crowd's memory as a whole (all poses, all sums), so that deriving barriers takes the same time
 //! whatever the number of instances. The hazard checker follows every instance and slot.
 
-use std::ops::{BitOr, BitOrAssign, Range};
+use std::ops::{BitOr, Range};
 
 /// A pipeline stage, as a bit of [`Scope::stages`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Stage {
     /// Copies.
@@ -27,8 +27,15 @@ pub enum Stage {
     Indirect = 32,
 }
 
+impl Stage {
+    /// The number of its bit.
+    pub(super) const fn index(self) -> usize {
+        (self as u8).trailing_zeros() as usize
+    }
+}
+
 /// A kind of memory access, as a bit of [`Scope::accesses`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Access {
     /// A copy writes.
@@ -79,15 +86,16 @@ impl Scope {
     }
 }
 
-impl BitOrAssign for Scope {
-    fn bitor_assign(&mut self, other: Self) {
-        self.stages |= other.stages;
-        self.accesses |= other.accesses;
+impl BitOr for Scope {
+    type Output = Self;
+
+    fn bitor(self, other: Self) -> Self {
+        Self { stages: self.stages | other.stages, accesses: self.accesses | other.accesses }
     }
 }
 
 /// Memory of a crowd, each kind as a whole.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Resource {
     /// Base pose and deltas of the mesh.
     Asset,
@@ -106,39 +114,39 @@ pub enum Resource {
     Control,
 }
 
-/// One way in which a step uses memory.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Use {
+/// One way in which memory is used: a [`Resource`] by a step, or what the hazard checker knows of it by a work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Use<M = Resource> {
     /// What is accessed.
-    pub resource: Resource,
+    pub memory: M,
     /// In which stage.
     pub stage: Stage,
     /// How.
     pub access: Access,
 }
 
-impl Use {
+impl<M> Use<M> {
     /// A use.
-    pub const fn new(resource: Resource, stage: Stage, access: Access) -> Self {
-        Self { resource, stage, access }
+    pub const fn new(memory: M, stage: Stage, access: Access) -> Self {
+        Self { memory, stage, access }
     }
 
     /// A compute shader reads.
-    pub const fn read(resource: Resource) -> Self {
-        Self::new(resource, Stage::Compute, Access::ShaderRead)
+    pub const fn read(memory: M) -> Self {
+        Self::new(memory, Stage::Compute, Access::ShaderRead)
     }
 
     /// A compute shader writes.
-    pub const fn write(resource: Resource) -> Self {
-        Self::new(resource, Stage::Compute, Access::ShaderWrite)
+    pub const fn write(memory: M) -> Self {
+        Self::new(memory, Stage::Compute, Access::ShaderWrite)
     }
 
     /// A copy or fill writes.
-    pub const fn copy(resource: Resource) -> Self {
-        Self::new(resource, Stage::Transfer, Access::TransferWrite)
+    pub const fn copy(memory: M) -> Self {
+        Self::new(memory, Stage::Transfer, Access::TransferWrite)
     }
 
-    pub(super) const fn scope(self) -> Scope {
+    pub(super) const fn scope(&self) -> Scope {
         Scope { stages: self.stage as u8, accesses: self.access as u8 }
     }
 }
@@ -276,7 +284,7 @@ impl Steps {
         &self.works[first..self.steps[step].end]
     }
 
-    /// What a round uses: the step of this number, or behind the `last` step of all, what follows the update.
+    /// What a round uses: the step of this number; after the `last` step of all, what follows the update.
     pub(super) fn uses_of(&self, step: usize, last: usize) -> &[Use] {
         match self.steps.get(step) {
             Some(step) => step.uses,

@@ -6,7 +6,7 @@ use crate::gpu::caps::DeviceCaps;
 use crate::pack::PackedLayout;
 use crate::plan::{Accumulate, BatchSize, UpdateDesc, UpdateMode, UpdatePath};
 
-/// Most slots of a crowd that is animated on the GPU, which keeps a bit for each update that a slot may have missed.
+/// Most slots of a crowd that is animated on the GPU, which keeps a bit for each update since a slot was written.
 const ANIMATED_SLOTS_MAX: u32 = 32;
 
 /// Who is to carry an update out.
@@ -50,13 +50,12 @@ impl UpdateDesc {
     /// what cannot be animated on the GPU.
     pub(crate) fn check_all(&self, layout: Option<&PackedLayout>, runner: Runner<'_>) -> Result<()> {
         self.check_alone()?;
+        let path = self.path.name();
         let (caps, animated) = match runner {
             Runner::Unknown => (None, false),
             Runner::Cpu if self.path != UpdatePath::Cpu => {
-                return Err(Error::invalid(
-                    format!("update path '{}' for a CpuCrowd", self.path.name()),
-                    "use UpdatePath::Cpu here, or MorphEngine for the GPU paths",
-                ));
+                let remedy = "use UpdatePath::Cpu here, or MorphEngine for the GPU paths";
+                return refuse(format!("update path '{path}' for a CpuCrowd"), remedy);
             }
             Runner::Cpu => {
                 if let Some(layout) = layout.filter(|layout| layout.blocks.is_none()) {
@@ -79,11 +78,9 @@ impl UpdateDesc {
         match (self.batch, caps.and_then(|caps| Some((caps, caps.batch_max(self.path, layout.format)?)))) {
             (BatchSize::Targets(batch), Some((caps, most))) if batch > most => {
                 let all = if self.path.takes_all_targets() { ", or 'all'" } else { "" };
-                let (path, format) = (self.path.name(), layout.format.name());
-                return Err(Error::invalid(
-                    format!("batch size {batch} for update path '{path}' with {format} deltas on {}", caps.name),
-                    format!("use 1 to {most}{all}"),
-                ));
+                let (format, device) = (layout.format.name(), &caps.name);
+                let what = format!("batch size {batch} for update path '{path}' with {format} deltas on {device}");
+                refuse(what, format!("use 1 to {most}{all}"))?;
             }
             (BatchSize::Targets(_) | BatchSize::All, _) => {}
         }
@@ -94,82 +91,67 @@ impl UpdateDesc {
         let (path, name) = (self.path, self.path.name());
         let least = if path.works_in_place() { 1 } else { 2 };
         if self.slots < least || self.slots > 64 {
-            return Err(Error::invalid(
-                format!("{} slots for update path '{name}'", self.slots),
-                format!("use {least} to 64 slots (2 is ping-pong)"),
-            ));
+            let remedy = format!("use {least} to 64 slots (2 is ping-pong)");
+            return refuse(format!("{} slots for update path '{name}'", self.slots), remedy);
         }
         let tolerance = match self.accumulate {
             Accumulate::Float { tolerance } => tolerance,
             Accumulate::Exact => 1.0,
         };
         if !(tolerance > 0.0 && self.error_budget >= 0.0 && self.error_budget.is_finite()) {
-            return Err(Error::invalid(
-                format!("a tolerance of {tolerance} and an error budget of {}", self.error_budget),
-                "use a tolerance above 0 and a budget of 0 or more",
-            ));
+            let what = format!("a tolerance of {tolerance} and an error budget of {}", self.error_budget);
+            return refuse(what, "use a tolerance above 0 and a budget of 0 or more");
         }
         if path.rebuilds_only() && self.mode == UpdateMode::Incremental {
-            return Err(Error::invalid(
-                format!("incremental updates through '{name}'"),
-                "use the mode 'rebuild': this technique evaluates every pose from the base pose",
-            ));
+            let remedy = "use the mode 'rebuild': this technique evaluates every pose from the base pose";
+            return refuse(format!("incremental updates through '{name}'"), remedy);
         }
         if path.row().exact_only && (self.accumulate != Accumulate::Exact || self.error_budget > 0.0) {
-            return Err(Error::invalid(
-                format!("float sums or an error budget with '{name}'"),
-                "use exact sums and no budget: it adds integers, each pose afresh",
-            ));
+            let remedy = "use exact sums and no budget: it adds integers, each pose afresh";
+            return refuse(format!("float sums or an error budget with '{name}'"), remedy);
         }
         if !path.formats().iter().any(|format| format.is_blocks()) {
             self.check_dense(name)?;
         }
         match self.batch {
-            BatchSize::Targets(0) => Err(Error::invalid("a batch size of 0", "use 1 or more targets per pass")),
-            BatchSize::All if !path.takes_all_targets() => Err(Error::invalid(
+            BatchSize::Targets(0) => refuse("a batch size of 0", "use 1 or more targets per pass"),
+            BatchSize::All if !path.takes_all_targets() => refuse(
                 format!("batch size 'all' for update path '{name}'"),
                 "a vertex pass takes as many targets as the device has vertex attributes for: name a number",
-            )),
+            ),
             BatchSize::Targets(_) | BatchSize::All => Ok(()),
         }
     }
 
-    /// Refuse what only block formats have; `what` is the path or format.
-    fn check_dense(&self, what: &str) -> Result<()> {
-        let refuse = |asked: &str| {
-            let remedy = "use the path 'blocks', or 'cpu' with a block format ('fast', 'small')";
-            Err(Error::invalid(format!("{asked} with '{what}'"), remedy))
+    /// Refuse what only block formats have; `name` is the path's or the format's.
+    fn check_dense(&self, name: &str) -> Result<()> {
+        let what = match self.accumulate {
+            Accumulate::Exact => "exact accumulation",
+            Accumulate::Float { .. } if self.error_budget > 0.0 => "an error budget",
+            Accumulate::Float { .. } => return Ok(()),
         };
-        match self.accumulate {
-            Accumulate::Exact => refuse("exact accumulation"),
-            Accumulate::Float { .. } if self.error_budget > 0.0 => refuse("an error budget"),
-            Accumulate::Float { .. } => Ok(()),
-        }
+        let remedy = "use the path 'blocks', or 'cpu' with a block format ('fast', 'small')";
+        refuse(format!("{what} with '{name}'"), remedy)
     }
 
     fn check_format(&self, layout: &PackedLayout, caps: &DeviceCaps) -> Result<()> {
-        let (path, format) = (self.path, layout.format);
-        if !path.formats().contains(&format) {
-            let names: Vec<&str> = path.formats().iter().map(|f| f.name()).collect();
-            return Err(Error::invalid(
-                format!("update path '{}' with {} deltas", path.name(), format.name()),
-                format!("pack the mesh as {}", names.join(" or ")),
-            ));
+        let (path, format) = (self.path, layout.format.name());
+        if !path.formats().contains(&layout.format) {
+            let names: Vec<&str> = path.formats().iter().map(|format| format.name()).collect();
+            let what = format!("update path '{}' with {format} deltas", path.name());
+            return refuse(what, format!("pack the mesh as {}", names.join(" or ")));
         }
-        let most = caps.max_workgroup_invocations;
-        match &layout.blocks {
-            Some(blocks) if path == UpdatePath::Blocks && blocks.size() > most as usize => Err(Error::invalid(
-                format!("blocks of {} vertices on {}", blocks.size(), caps.name),
-                format!("pack with blocks of at most {most} vertices"),
-            )),
-            Some(_) | None => Ok(()),
+        let (size, most) = (layout.blocks.as_ref().map_or(0, |blocks| blocks.size()), caps.max_workgroup_invocations);
+        if path != UpdatePath::Blocks || size <= most as usize {
+            return Ok(());
         }
+        let remedy = format!("pack with blocks of at most {most} vertices");
+        refuse(format!("blocks of {size} vertices on {}", caps.name), remedy)
     }
 
     /// Refuse what is not animated on the GPU: sums that drift, since nobody there keeps a bound on it.
     fn check_animated(&self, layout: &PackedLayout) -> Result<()> {
-        let refuse =
-            |what: String, remedy: &str| Err(Error::invalid(format!("{what} in a crowd animated on the GPU"), remedy));
+        let refuse = |what: String, remedy: &str| refuse(format!("{what} in a crowd animated on the GPU"), remedy);
         let Some(index) = layout.blocks.as_ref().filter(|_| self.path == UpdatePath::Blocks) else {
             let what = format!("update path '{}' and {} deltas", self.path.name(), layout.format.name());
             return refuse(what, "use the path 'blocks', and pack the mesh as 'fast' or 'small'");
@@ -189,19 +171,23 @@ impl UpdateDesc {
     }
 }
 
+fn refuse(what: impl Into<String>, remedy: impl Into<String>) -> Result<()> {
+    Err(Error::invalid(what, remedy))
+}
+
 impl UpdatePath {
     /// Check the path for a mesh of so many groups.
     ///
     /// # Errors
-    /// Streams that it would leave behind.
+    /// Streams that it would leave out.
     pub(crate) fn check_groups(self, groups: usize, layout: &PackedLayout) -> Result<()> {
         if groups == 1 || self.row().takes_groups {
             return Ok(());
         }
         let (path, mesh) = (self.name(), &layout.name);
-        Err(Error::invalid(
+        refuse(
             format!("update path '{path}' with mesh '{mesh}', which has more than positions and normals"),
             "use the path 'blocks', 'compute', 'feedback' or 'cpu', or leave the other streams out of the mesh",
-        ))
+        )
     }
 }

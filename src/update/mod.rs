@@ -12,3 +12,6 @@ pub(crate) mod technique;
 
 pub(crate) use check::Runner;
 pub(crate) use make::technique;
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -35,7 +35,7 @@ pub trait Technique: Any + Send + Sync {
     /// # Safety
     /// - `cmd` is in the recording state on the technique's device, outside a render pass, on a queue with graphics and
     ///   compute.
-    /// - It is submitted once, behind all earlier updates of the crowd; the technique and the mesh live until it has
+    /// - It is submitted once, after all earlier updates of the crowd; the technique and the mesh live until it has
     ///   run.
     /// - Barriers between steps are recorded as their uses ask for.
     unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work);
@@ -114,6 +114,11 @@ impl Poses {
     /// Where a pose begins.
     pub fn offset(&self, instance: u32, slot: u32) -> u64 {
         (u64::from(instance) * u64::from(self.slots) + u64::from(slot)) * self.bytes
+    }
+
+    /// Integer sums in a buffer of their own: of each instance as many as a pose has components.
+    pub(crate) fn sums(&self, buffer: vk::Buffer) -> Self {
+        Self { buffer, slots: 1, ..*self }
     }
 
     /// All poses of `count` instances.

@@ -1,9 +1,57 @@
 //! What each delta format costs in bytes and in error.
 
-use super::record::{Blocks, Cost, FormatRow};
 use crate::output::Failure;
-use deltamorph::{BlockDesc, DeltaFormat, MorphMesh, PackDesc, PackedMesh, PoseError};
+use crate::verify::scale;
+use deltamorph::{BlockDesc, DeltaFormat, MorphMesh, PackDesc, PackedLayout, PackedMesh, PoseError};
+use serde::Serialize;
 use std::sync::Arc;
+
+/// The blocks of the format `small`, in the order in which packing lays the vertices out.
+#[derive(Debug, Default, PartialEq, Serialize)]
+pub struct Blocks {
+    pub size: usize,
+    pub count: usize,
+    /// Pairs of a block and a target that moves some of its vertices.
+    pub incidence: usize,
+    /// Deltas per vertex of these pairs: 1 when a target moves all of each block that it touches.
+    pub fill: f64,
+}
+
+#[derive(Debug, Serialize)]
+pub struct FormatRow {
+    pub name: &'static str,
+    #[serde(flatten)]
+    pub cost: Cost,
+}
+
+/// Bytes and errors of a packed mesh, in the JSON of `info` and `pack`.
+#[derive(Debug, Serialize)]
+pub struct Cost {
+    /// Bytes of the deltas.
+    pub delta_bytes: u64,
+    /// Bytes that say which vertices they belong to (dense formats have none).
+    pub index_bytes: u64,
+    /// Bytes of all vertices' deltas as six floats.
+    pub dense_f32_bytes: u64,
+    /// Largest error of a position delta, in input units, and as a fraction of the diagonal.
+    pub position_error: f64,
+    pub position_error_rel: f64,
+    /// Largest angle between the exact and the decoded normal at weight 1, in degrees.
+    pub normal_error_deg: f64,
+}
+
+impl Cost {
+    pub fn of(layout: &PackedLayout, error: PoseError) -> Self {
+        Self {
+            delta_bytes: layout.delta_bytes(),
+            index_bytes: layout.index_bytes(),
+            dense_f32_bytes: (layout.vertex_count * layout.targets.len() * DeltaFormat::Float32.stride()) as u64,
+            position_error: error.position,
+            position_error_rel: error.position / scale(layout.diagonal),
+            normal_error_deg: error.normal_degrees,
+        }
+    }
+}
 
 /// A packed mesh, and the largest errors of its deltas.
 pub struct Measured {

@@ -1,6 +1,7 @@
 //! The report folder of `info`: index.html, the plots, and the numbers as info.json.
 
-use super::record::{Info, PoseRow, SweepRow};
+use super::Info;
+use super::sweep::{PoseRow, SweepRow};
 use crate::output::{self, Failure, publish, to_json, write_file};
 use crate::page::{self, document, row, table};
 use crate::plots::canvas::Marker;

@@ -1,13 +1,49 @@
 //! Error against bytes, and the errors of whole poses: what `--report` measures.
 
 use super::formats::{Measured, measure};
-use super::record::{PoseRow, SweepRow};
 use crate::input::Input;
 use crate::output::{Failure, Output};
 use crate::verify::scale;
 use deltamorph::reference::{SHORTEST_NORMAL, angle_degrees, compare, evaluate, evaluate_unpacked};
 use deltamorph::{BLOCK_SIZES, BlockDesc, BoundClip, DeltaFormat, MorphMesh, POSE_FLOATS, PoseError};
 use glam::DVec3;
+use serde::Serialize;
+
+/// A way to pack, and what it costs.
+#[derive(Debug, Serialize)]
+pub struct SweepRow {
+    pub format: &'static str,
+    /// Vertices per block; `None` for dense formats.
+    pub block_size: Option<usize>,
+    /// Position error allowed, as a fraction of the diagonal; `None` where it is not chosen.
+    pub position_allowed_rel: Option<f32>,
+    /// Normal error allowed, in degrees.
+    pub normal_allowed_deg: Option<f32>,
+    /// Bytes of deltas and of what says where they belong.
+    pub bytes: u64,
+    /// The same as a share of all vertices' deltas as six floats.
+    pub share: f64,
+    /// Largest error of a position delta, as a fraction of the diagonal.
+    pub position_error_rel: f64,
+    /// Largest error of a normal at weight 1, in degrees.
+    pub normal_error_deg: f64,
+}
+
+/// The largest errors of whole poses of a clip against the raw files: dropped deltas and packing together.
+#[derive(Debug, Serialize)]
+pub struct PoseRow {
+    pub clip: String,
+    /// Frames that were looked at.
+    pub frames: usize,
+    pub format: &'static str,
+    /// Largest position error, as a fraction of the diagonal.
+    pub position_error_rel: f64,
+    /// Largest angle between normals, in degrees: where targets fold a normal to almost nothing, a small error turns it
+    /// far.
+    pub normal_error_deg: f64,
+    /// The angle that 999 of 1000 normals do not exceed, in degrees.
+    pub normal_error_p999_deg: f64,
+}
 
 /// Steps of √10 from 1e-3 to 1e-6 of the diagonal.
 const STEPS: i32 = 7;

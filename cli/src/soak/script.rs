@@ -33,7 +33,14 @@ impl<'a> Script<'a> {
     /// The weights of the next frame, and whether it is a cut.
     pub fn next(&mut self) -> (&[f32], bool) {
         if self.left == 0 {
-            self.turn();
+            self.left = STRETCH[0] + self.rng.below(STRETCH[1] - STRETCH[0]);
+            self.place = match self.place {
+                None if !self.clips.is_empty() => {
+                    let clip = self.rng.below(self.clips.len());
+                    Some((clip, self.rng.below(self.clips[clip].frame_count())))
+                }
+                _ => None,
+            };
         }
         self.left -= 1;
         let cut = match &mut self.place {
@@ -47,18 +54,6 @@ impl<'a> Script<'a> {
             None => self.random(),
         };
         (&self.now, cut)
-    }
-
-    /// Begin the next stretch.
-    fn turn(&mut self) {
-        self.left = STRETCH[0] + self.rng.below(STRETCH[1] - STRETCH[0]);
-        self.place = match self.place {
-            None if !self.clips.is_empty() => {
-                let clip = self.rng.below(self.clips.len());
-                Some((clip, self.rng.below(self.clips[clip].frame_count())))
-            }
-            _ => None,
-        };
     }
 
     fn random(&mut self) -> bool {

@@ -44,7 +44,7 @@ impl BlockIndex {
             block_base: vec![0.0; blocks],
             block_reach: vec![0.0; blocks],
         };
-        index.deltas_at = entries.saturating_mul(index.header_words()).next_multiple_of(4);
+        index.deltas_at = entries.saturating_mul(format.header_words(size as usize)).next_multiple_of(4);
         let lengths = streams.iter().find(|s| s.semantic.measure() == Measure::Length);
         let lengths = lengths.map_or(0..0, StreamPlace::components);
         index.check(targets, &lengths, words, base)?;
@@ -103,11 +103,12 @@ impl BlockIndex {
         // Entries lie one after the other: each where the one before ends, the last at the end.
         let mut at = self.deltas_at;
         for entry in 0..self.entry_target.len() {
-            self.check_header(lengths, words, entry)?;
-            if self.first_word(words, entry) != at {
+            let (header, deltas) = self.locate(self.format, words, entry);
+            self.check_header(lengths, entry, header)?;
+            if deltas.start != at {
                 return Err(format!("the deltas of entry {entry} are not where they belong"));
             }
-            at += self.entry_words(words, entry);
+            at = deltas.end;
         }
         if at != words.len() {
             return Err(format!("{} words where the entries take {at}", words.len()));
@@ -116,9 +117,8 @@ impl BlockIndex {
     }
 
     /// Whether the integers of an entry fit what decodes them, whatever its deltas are.
-    fn check_header(&self, lengths: &Range<usize>, words: &[u32], entry: usize) -> Result<(), String> {
-        let bits =
-            self.format.check_header(self.header(words, entry)).map_err(|what| format!("entry {entry} has {what}"))?;
+    fn check_header(&self, lengths: &Range<usize>, entry: usize, header: &[u32]) -> Result<(), String> {
+        let bits = self.format.check_header(header).map_err(|what| format!("entry {entry} has {what}"))?;
         // Lengths are bounded by their sum over a block.
         for triple in (0..TRIPLES).filter(|triple| !lengths.contains(&(triple * TRIPLE))) {
             let largest = f64::from(self.steps[triple]) * f64::from(bits[triple]).exp2();
@@ -154,7 +154,8 @@ impl BlockIndex {
                 }
                 // Rounded up: bounds are computed from it.
                 let reach = if lengths.is_empty() { 0.0 } else { (reach.sqrt() as f32).next_up() };
-                let bytes = 4 * (self.header_words() + self.entry_words(words, entry)) as u32;
+                let (header, deltas) = self.locate(self.format, words, entry);
+                let bytes = 4 * (header.len() + deltas.len()) as u32;
                 costs.push(EntryCost { bytes, reach });
                 self.block_reach[block] += reach;
             }

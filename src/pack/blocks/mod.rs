@@ -22,6 +22,7 @@ use super::order::inverse;
 use super::{POSE_FLOATS, PoseError};
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::error::{Error, Result};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Sizes that a block may have.
@@ -229,11 +230,6 @@ impl BlockIndex {
         self.size as usize / 32
     }
 
-    /// Words of an entry's header.
-    pub(crate) fn header_words(&self) -> usize {
-        self.format.header_words(self.size())
-    }
-
     /// Index of the first delta word: the headers end there.
     pub(crate) fn deltas_at(&self) -> usize {
         self.deltas_at
@@ -241,17 +237,6 @@ impl BlockIndex {
 
     pub(crate) fn format(&self) -> &'static dyn BlockFormat {
         self.format
-    }
-
-    /// The header of an entry.
-    pub(crate) fn header<'a>(&self, words: &'a [u32], entry: usize) -> &'a [u32] {
-        let length = self.header_words();
-        &words[entry * length..][..length]
-    }
-
-    /// The deltas of an entry.
-    pub(crate) fn deltas<'a>(&self, words: &'a [u32], entry: usize) -> &'a [u32] {
-        &words[self.first_word(words, entry)..][..self.entry_words(words, entry)]
     }
 
     pub(crate) fn weight_max(&self) -> f32 {
@@ -266,7 +251,7 @@ impl BlockIndex {
         &self.entry_target
     }
 
-    pub(crate) fn entries(&self, block: usize) -> std::ops::Range<usize> {
+    pub(crate) fn entries(&self, block: usize) -> Range<usize> {
         self.first_entry[block] as usize..self.first_entry[block + 1] as usize
     }
 
@@ -296,14 +281,19 @@ impl BlockIndex {
         &self.block_reach
     }
 
-    /// Index of an entry's first delta word.
-    pub(crate) fn first_word(&self, words: &[u32], entry: usize) -> usize {
-        self.deltas_at.saturating_add(self.format.first_word(entry, self.header(words, entry), self.size()))
-    }
-
-    /// Delta words of an entry.
-    pub(crate) fn entry_words(&self, words: &[u32], entry: usize) -> usize {
-        self.format.entry_words(self.header(words, entry), self.size())
+    /// The header of an entry, and where `words` has its deltas: `format` is that of the mesh. Kernels, which look up many
+    /// short entries, pass it as its own type.
+    #[inline(always)]
+    pub(crate) fn locate<'a>(
+        &self,
+        format: &(impl BlockFormat + ?Sized),
+        words: &'a [u32],
+        entry: usize,
+    ) -> (&'a [u32], Range<usize>) {
+        let length = format.header_words(self.size());
+        let header = &words[entry * length..][..length];
+        let deltas = format.words(entry, header, self.size());
+        (header, self.deltas_at.saturating_add(deltas.start)..self.deltas_at.saturating_add(deltas.end))
     }
 
     /// Call `f` with each vertex of an entry's block that it holds a delta for: its place in the block, the delta in
@@ -314,11 +304,11 @@ impl BlockIndex {
         entry: usize,
         mut f: impl FnMut(usize, [f64; POSE_FLOATS], [i32; POSE_FLOATS]),
     ) {
-        let (header, deltas) = (self.header(words, entry), self.deltas(words, entry));
         let steps = self.steps.map(f64::from);
-        let shifts = self.format.shifts(header);
         with_format!(self.format.format(), dense _f => {}, blocks format => {
-            format.decode(self.size(), header, deltas, |lane, delta| {
+            let (header, deltas) = self.locate(format, words, entry);
+            let shifts = format.shifts(header);
+            format.decode(self.size(), header, &words[deltas], |lane, delta| {
                 let (mut value, mut integer) = ([0.0; POSE_FLOATS], [0; POSE_FLOATS]);
                 for (c, number) in delta.into_iter().enumerate() {
                     (value[c], integer[c]) = number.value(steps[c / TRIPLE], shifts[c / TRIPLE]);

@@ -4,9 +4,10 @@
 //! no header    px[size] py[size] pz[size] nx[size] ny[size] nz[size]
 //! ```
 
-use super::{BlockFormat, DeltaFormat, Lane};
+use super::{BlockFormat, DeltaFormat, Lane, fixed};
 use crate::asset::streams::TRIPLES;
 use crate::pack::POSE_FLOATS;
+use std::ops::Range;
 
 pub(crate) struct BlockFloat32;
 
@@ -23,12 +24,8 @@ impl BlockFormat for BlockFloat32 {
         0
     }
 
-    fn first_word(&self, entry: usize, _: &[u32], size: usize) -> usize {
-        entry * size * POSE_FLOATS
-    }
-
-    fn entry_words(&self, _: &[u32], size: usize) -> usize {
-        size * POSE_FLOATS
+    fn words(&self, entry: usize, _: &[u32], size: usize) -> Range<usize> {
+        fixed(entry, size * POSE_FLOATS)
     }
 
     fn encode(&self, size: usize, _: [f32; TRIPLES], lanes: &[Lane], _: &mut Vec<u32>, deltas: &mut Vec<u32>) {

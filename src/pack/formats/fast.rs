@@ -6,9 +6,10 @@
 //! ```
 
 use super::shifts::{self, field};
-use super::{BlockFormat, DeltaFormat, Lane};
+use super::{BlockFormat, DeltaFormat, Lane, fixed};
 use crate::asset::streams::TRIPLES;
 use crate::pack::POSE_FLOATS;
+use std::ops::Range;
 
 /// Bits of an integer, by triple.
 const BITS: [u32; TRIPLES] = [15, 9];
@@ -45,12 +46,8 @@ impl BlockFormat for Fast {
         1
     }
 
-    fn first_word(&self, entry: usize, header: &[u32], size: usize) -> usize {
-        entry * self.entry_words(header, size)
-    }
-
-    fn entry_words(&self, _: &[u32], size: usize) -> usize {
-        size * 9 / 4
+    fn words(&self, entry: usize, _: &[u32], size: usize) -> Range<usize> {
+        fixed(entry, size * 9 / 4)
     }
 
     fn encode(

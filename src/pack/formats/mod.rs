@@ -10,6 +10,7 @@ use crate::asset::streams::TRIPLES;
 use crate::error::{Error, Result};
 use crate::math::power_of_two_below;
 use std::fmt;
+use std::ops::Range;
 use std::str::FromStr;
 
 /// The files of the formats, and their names.
@@ -176,11 +177,8 @@ pub(crate) trait BlockFormat: Send + Sync {
     /// Words of an entry's header, in blocks of `size` vertices.
     fn header_words(&self, size: usize) -> usize;
 
-    /// An entry's first delta word, counted from the mesh's first.
-    fn first_word(&self, entry: usize, header: &[u32], size: usize) -> usize;
-
-    /// An entry's delta words.
-    fn entry_words(&self, header: &[u32], size: usize) -> usize;
+    /// The delta words of entry `entry`, counted from the group's first.
+    fn words(&self, entry: usize, header: &[u32], size: usize) -> Range<usize>;
 
     /// Append an entry.
     fn encode(&self, size: usize, steps: [f32; TRIPLES], lanes: &[Lane], headers: &mut Vec<u32>, deltas: &mut Vec<u32>);
@@ -243,6 +241,12 @@ impl Component for f32 {
     fn value(self, _: f64, _: u32) -> (f64, i32) {
         (f64::from(self), 0)
     }
+}
+
+/// The words of an entry where each has `length`.
+#[inline(always)]
+fn fixed(entry: usize, length: usize) -> Range<usize> {
+    entry * length..(entry + 1) * length
 }
 
 /// The multiple of `step` that is nearest to `value`; zero stays zero.

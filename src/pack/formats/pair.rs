@@ -6,9 +6,10 @@
 //! ```
 
 use super::shifts::{self, field};
-use super::{BlockFormat, DeltaFormat, Lane};
+use super::{BlockFormat, DeltaFormat, Lane, fixed};
 use crate::asset::streams::TRIPLES;
 use crate::pack::POSE_FLOATS;
+use std::ops::Range;
 
 /// Bits of an integer, by triple.
 const BITS: [u32; TRIPLES] = [13, 8];
@@ -39,12 +40,8 @@ impl BlockFormat for Pair {
         1
     }
 
-    fn first_word(&self, entry: usize, header: &[u32], size: usize) -> usize {
-        entry * self.entry_words(header, size)
-    }
-
-    fn entry_words(&self, _: &[u32], size: usize) -> usize {
-        size * 2
+    fn words(&self, entry: usize, _: &[u32], size: usize) -> Range<usize> {
+        fixed(entry, size * 2)
     }
 
     fn encode(

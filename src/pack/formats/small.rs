@@ -5,10 +5,11 @@
 //!   widths = 5 bits for each component; a record = six signed integers, 96 bits at most
 //! ```
 
-use super::bits::{BitReader, BitWriter, width};
+use super::bits::{BitWriter, Field, width};
 use super::{BlockFormat, DeltaFormat, INTEGER_BITS, Lane, quantise};
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::pack::POSE_FLOATS;
+use std::ops::Range;
 
 pub(crate) struct Small;
 
@@ -39,14 +40,11 @@ impl BlockFormat for Small {
         2 + size / 32
     }
 
-    fn first_word(&self, _: usize, header: &[u32], _: usize) -> usize {
-        header[0] as usize
-    }
-
-    fn entry_words(&self, header: &[u32], _: usize) -> usize {
+    fn words(&self, _: usize, header: &[u32], _: usize) -> Range<usize> {
         let record: u32 = unpack_widths(header[1]).iter().sum();
         let vertices: u32 = header[2..].iter().map(|m| m.count_ones()).sum();
-        (record * vertices).div_ceil(32) as usize
+        let first = header[0] as usize;
+        first..first.saturating_add((record * vertices).div_ceil(32) as usize)
     }
 
     fn encode(
@@ -89,14 +87,24 @@ impl BlockFormat for Small {
 
     #[inline(always)]
     fn decode(&self, _: usize, header: &[u32], deltas: &[u32], mut f: impl FnMut(usize, [i32; POSE_FLOATS])) {
-        let widths = unpack_widths(header[1]);
-        let mut bits = BitReader::new(deltas);
+        let mut record = 0;
+        let fields = unpack_widths(header[1]).map(|width| {
+            record += width as usize;
+            Field::new(record - width as usize, width)
+        });
+        let mut at = 0;
         for (word, &mask) in header[2..].iter().enumerate() {
             let mut rest = mask;
             while rest != 0 {
                 let lane = 32 * word + rest.trailing_zeros() as usize;
                 rest &= rest - 1;
-                f(lane, widths.map(|width| bits.take(width)));
+                // A loop: mapped, the array is built by a slower one.
+                let mut delta = [0; POSE_FLOATS];
+                for (number, field) in delta.iter_mut().zip(&fields) {
+                    *number = field.read(deltas, at);
+                }
+                f(lane, delta);
+                at += record;
             }
         }
     }

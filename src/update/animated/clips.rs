@@ -8,7 +8,7 @@ use crate::weights::WeightClip;
 /// How keys are kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum KeyFormat {
-    /// 32 bits: what the grid of exact sums can tell apart.
+    /// 32 bits: the resolution of the grid of exact sums.
     #[default]
     Bits32,
     /// 16 bits, two to a word: the integer shifted to the right until all of a clip fit, to nearest.
@@ -16,7 +16,7 @@ pub enum KeyFormat {
     Bits16,
 }
 
-/// The clips that the heads of a crowd can play.
+/// The clips that the instances of a crowd can play.
 #[derive(Clone, Copy, Debug)]
 pub struct AnimationDesc<'a> {
     /// The clips; [`Playback::clip`](super::Playback::clip) counts them from 0.
@@ -28,12 +28,9 @@ pub struct AnimationDesc<'a> {
 /// Keys are not larger than this: a float32 has them exactly, and their differences fit 32 bits.
 const KEY_MAX: i32 = 1 << 24;
 
-/// A clip in [`Clips`].
+/// What the table does not say of a clip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Clip {
-    first_word: u32,
-    frames: u32,
-    shift: u32,
     fps: f32,
     rounding: f32,
 }
@@ -72,81 +69,78 @@ impl Clips {
         };
         let grid = index.exact()?;
         let names: Vec<&str> = layout.targets.iter().map(|t| t.name.as_str()).collect();
-        let mut all = Self {
-            words: vec![0; TABLE_WORDS * desc.clips.len()],
-            clips: vec![],
-            targets: names.len(),
-            format: desc.key_format,
-        };
-        for clip in desc.clips {
-            let bound = clip.bind(&names)?;
-            let frames = bound.frame_count();
-            let refuse =
-                |what: String, remedy: &str| Err(Error::invalid(format!("clip '{}': {what}", clip.name), remedy));
-            if frames == 0 || frames > i32::MAX as usize {
-                return refuse(format!("{frames} frames"), "give it 1 frame or more");
-            }
-            if !(clip.fps > 0.0 && clip.fps.is_finite()) {
-                return refuse(format!("{} frames a second", clip.fps), "use a rate above 0");
-            }
-            let mut keys = vec![];
-            // Memory for a key of every target in every frame, however few columns state them.
-            let count = frames.saturating_mul(names.len());
-            if count > u32::MAX as usize
-                || keys.try_reserve_exact(count).is_err()
-                || all.words.try_reserve(count).is_err()
-            {
-                let what = format!("there is no memory for {frames} frames of {} targets", names.len());
-                return refuse(what, "cut the clip into shorter ones");
-            }
-            for (frame, row) in bound.frames().enumerate() {
-                for (name, &weight) in names.iter().zip(&row) {
-                    let key = grid.steps(weight);
-                    if weight.abs() > grid.weight_max || !(-KEY_MAX..=KEY_MAX).contains(&key) {
-                        let most = grid.weight_max.min(KEY_MAX as f32 * grid.weight_step());
-                        return Err(Error::invalid(
-                            format!("clip '{}': frame {frame}, target '{name}': the weight is {weight}", clip.name),
-                            format!(
-                                "exact sums of this mesh stand weights from -{most} to {most}: pack with a larger weight_max"
-                            ),
-                        ));
-                    }
-                    keys.push(key);
-                }
-            }
-            all.push(&keys, frames, clip.fps, grid);
-        }
+        let words = vec![0; TABLE_WORDS * desc.clips.len()];
+        let mut all = Self { words, clips: vec![], targets: names.len(), format: desc.key_format };
+        desc.clips.iter().try_for_each(|clip| all.push(clip, &names, grid))?;
         if u32::try_from(all.words.len()).is_err() {
             return Err(Error::invalid(
                 format!("clips of {} words", all.words.len()),
                 "make several crowds, or use 16-bit keys",
             ));
         }
-        for (clip, entry) in all.clips.iter().zip(all.words.chunks_exact_mut(TABLE_WORDS)) {
-            let bits = if all.format == KeyFormat::Bits16 { 16 } else { 32 };
-            entry.copy_from_slice(&[clip.first_word, clip.frames, clip.shift, bits]);
-        }
         Ok(all)
     }
 
-    fn push(&mut self, keys: &[i32], frames: usize, fps: f32, grid: ExactGrid) {
-        let mut clip =
-            Clip { first_word: self.words.len() as u32, frames: frames as u32, shift: 0, fps, rounding: 0.0 };
-        match self.format {
-            KeyFormat::Bits32 => self.words.extend(keys.iter().map(|&key| key as u32)),
+    /// Append a clip.
+    fn push(&mut self, clip: &WeightClip, names: &[&str], grid: ExactGrid) -> Result<()> {
+        let refuse = |what: String, remedy: &str| Err(Error::invalid(format!("clip '{}': {what}", clip.name), remedy));
+        let bound = clip.bind(names)?;
+        let frames = bound.frame_count();
+        if frames == 0 || frames > i32::MAX as usize {
+            return refuse(format!("{frames} frames"), "give it 1 frame or more");
+        }
+        if !(clip.fps > 0.0 && clip.fps.is_finite()) {
+            return refuse(format!("{} frames a second", clip.fps), "use a rate above 0");
+        }
+        let mut keys = vec![];
+        // Memory for a key of every target in every frame, however few columns state them.
+        let count = frames.saturating_mul(names.len());
+        if count > u32::MAX as usize || keys.try_reserve_exact(count).is_err() || self.words.try_reserve(count).is_err()
+        {
+            let what = format!("there is no memory for {frames} frames of {} targets", names.len());
+            return refuse(what, "cut the clip into shorter ones");
+        }
+        for (frame, row) in bound.frames().enumerate() {
+            for (name, &weight) in names.iter().zip(&row) {
+                let key = grid.steps(weight);
+                if weight.abs() > grid.weight_max || !(-KEY_MAX..=KEY_MAX).contains(&key) {
+                    let most = grid.weight_max.min(KEY_MAX as f32 * grid.weight_step());
+                    let stand = format!("exact sums of this mesh stand weights from -{most} to {most}");
+                    return refuse(
+                        format!("frame {frame}, target '{name}': the weight is {weight}"),
+                        &format!("{stand}: pack with a larger weight_max"),
+                    );
+                }
+                keys.push(key);
+            }
+        }
+        let first = self.words.len() as u32;
+        let (shift, bits, lost) = match self.format {
+            KeyFormat::Bits32 => {
+                self.words.extend(keys.iter().map(|&key| key as u32));
+                (0, 32, 0)
+            }
             KeyFormat::Bits16 => {
                 let most = grid.steps(grid.weight_max);
                 let fits = |shift: &u32| keys.iter().all(|&key| i16::try_from(shortened(key, *shift, most)).is_ok());
                 // 15 always does: keys have 31 bits and a sign.
-                clip.shift = (0..16).find(fits).unwrap_or(16);
-                let short = |key: &i32| shortened(*key, clip.shift, most);
-                let lost = keys.iter().map(|key| (key - (short(key) << clip.shift)).unsigned_abs()).max();
-                clip.rounding = lost.unwrap_or(0) as f32 * grid.weight_step();
+                let shift = (0..16).find(fits).unwrap_or(16);
+                let short = |key: &i32| shortened(*key, shift, most);
                 let half = |key: &i32| short(key) as u32 & 0xffff;
                 self.words.extend(keys.chunks(2).map(|pair| half(&pair[0]) | pair.get(1).map_or(0, half) << 16));
+                let lost = keys.iter().map(|key| (key - (short(key) << shift)).unsigned_abs()).max();
+                (shift, 16, lost.unwrap_or(0))
             }
-        }
-        self.clips.push(clip);
+        };
+        let entry = &mut self.words[TABLE_WORDS * self.clips.len()..][..TABLE_WORDS];
+        entry.copy_from_slice(&[first, frames as u32, shift, bits]);
+        self.clips.push(Clip { fps: clip.fps, rounding: lost as f32 * grid.weight_step() });
+        Ok(())
+    }
+
+    /// The table's words of a clip.
+    fn entry(&self, clip: usize) -> [u32; TABLE_WORDS] {
+        self.words[..TABLE_WORDS * self.clips.len()].as_chunks().0[clip]
     }
 
     /// Table and keys, as kernels read them.
@@ -169,7 +163,7 @@ impl Clips {
     /// # Panics
     /// When there is no such clip.
     pub fn frames(&self, clip: usize) -> u32 {
-        self.clips[clip].frames
+        self.entry(clip)[1]
     }
 
     /// Frames a second of a clip.
@@ -194,13 +188,12 @@ impl Clips {
     /// # Panics
     /// When there is no such clip or frame.
     pub fn key(&self, clip: usize, frame: u32, target: usize) -> i32 {
-        let clip = &self.clips[clip];
-        let at = frame as usize * self.targets + target;
+        let ([first, _, shift, _], at) = (self.entry(clip), frame as usize * self.targets + target);
         match self.format {
-            KeyFormat::Bits32 => self.words[clip.first_word as usize + at] as i32,
+            KeyFormat::Bits32 => self.words[first as usize + at] as i32,
             KeyFormat::Bits16 => {
-                let word = self.words[clip.first_word as usize + at / 2];
-                i32::from((word >> (16 * (at % 2))) as u16 as i16) << clip.shift
+                let word = self.words[first as usize + at / 2];
+                i32::from((word >> (16 * (at % 2))) as u16 as i16) << shift
             }
         }
     }

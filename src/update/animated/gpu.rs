@@ -20,7 +20,7 @@ pub(crate) struct AnimationKernel {
 impl Kernel for AnimationKernel {
     type Key = ();
 
-    fn new(device: &Arc<Device>, (): (), _others: &[Arc<Self>]) -> Result<Self> {
+    fn new(device: &Arc<Device>, (): ()) -> Result<Self> {
         let mut objects = Objects::none(device);
         let kernels = [modules::ANIMATE, modules::BUDGET, modules::COMMIT, modules::PLAN, modules::ARGUMENTS];
         objects.add_layout(&[kernels[0].kernel], 0)?;
@@ -42,37 +42,29 @@ impl AnimationKernel {
         Sets::new(&self.objects.device, self.objects.set_layout, &bound)
     }
 
-    /// Bind the pipeline of a kernel.
+    /// Dispatch a kernel that samples or plans.
     ///
     /// # Safety
-    /// `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
-    pub(crate) unsafe fn bind(&self, cmd: vk::CommandBuffer, kernel: AnimatedKernel) {
-        let pipeline = self.objects.pipelines[kernel as usize];
-        // SAFETY: the caller's obligations.
-        unsafe { self.objects.device.raw.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::COMPUTE, pipeline) };
-    }
-
-    /// Dispatch the kernel that is bound.
-    ///
-    /// # Safety
-    /// - As [`bind`](Self::bind).
+    /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
     /// - `set` was made by [`sets`](Self::sets) and lives until the dispatch has run; its buffers hold what `push`
     ///   says.
     /// - There are no more `groups` than the device allows.
     pub(crate) unsafe fn dispatch(
         &self,
         cmd: vk::CommandBuffer,
+        kernel: AnimatedKernel,
         set: vk::DescriptorSet,
         push: &AnimationPush,
         groups: [u32; 2],
     ) {
-        let (device, layout) = (&self.objects.device.raw, self.objects.layout);
+        let Objects { device, layout, pipelines, .. } = &self.objects;
         let (point, stage) = (vk::PipelineBindPoint::COMPUTE, vk::ShaderStageFlags::COMPUTE);
         // SAFETY: the caller's obligations; the push constants fill the layout's range.
         unsafe {
-            device.cmd_bind_descriptor_sets(cmd, point, layout, 0, &[set], &[]);
-            device.cmd_push_constants(cmd, layout, stage, 0, bytemuck::bytes_of(push));
-            device.cmd_dispatch(cmd, groups[0], groups[1], 1);
+            device.raw.cmd_bind_pipeline(cmd, point, pipelines[kernel as usize]);
+            device.raw.cmd_bind_descriptor_sets(cmd, point, *layout, 0, &[set], &[]);
+            device.raw.cmd_push_constants(cmd, *layout, stage, 0, bytemuck::bytes_of(push));
+            device.raw.cmd_dispatch(cmd, groups[0], groups[1], 1);
         }
     }
 

@@ -25,11 +25,7 @@ pub(crate) use steps::UPLOADED;
 pub(crate) use technique::Animated;
 #[cfg(any(test, feature = "internals"))]
 pub use {
-    budget::{Budget, Deferred},
-    playback::Playbacks,
-    reference::AnimatedReference,
-    sample::{HeadRecord, TICKS_PER_SECOND, between, interpolate, sample},
-    steps::{AnimatedKernel, AnimatedUpdate},
+    budget::Budget, playback::Playbacks, reference::AnimatedReference, sample::HeadRecord, steps::AnimatedUpdate,
 };
 
 #[cfg(test)]

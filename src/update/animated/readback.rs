@@ -7,21 +7,21 @@ use ash::vk;
 impl Animated {
     /// Work lists, arguments, and where those of each group of instances are: of the first group of the mesh.
     pub(crate) fn plan_buffers(&self) -> (vk::Buffer, vk::Buffer, Vec<PlanPlace>) {
-        let groups = &self.layout().of_groups[0].groups;
+        let Group { layout, work, control, .. } = &self.groups[0];
         let place = |group| PlanPlace {
-            instances: groups.get(group),
-            capacity: groups.capacity as usize,
-            list: (u64::from(group) * groups.stride, groups.stride),
-            arguments: std::array::from_fn(|width| (groups.arguments(group, width, 0), groups.chunks)),
+            instances: layout.get(group),
+            capacity: layout.push.capacity as usize,
+            list: (u64::from(group) * layout.stride, layout.stride),
+            arguments: std::array::from_fn(|width| (layout.arguments(group, width, 0), layout.push.chunks)),
         };
-        let Group { work, control, .. } = &self.groups[0];
-        (work.raw, control.raw, (0..groups.count()).map(place).collect())
+        (work.raw, control.raw, (0..layout.count()).map(place).collect())
     }
 
     /// The weights of an instance: buffer, offset, size.
     pub(crate) fn weights_of(&self, instance: u32) -> (vk::Buffer, u64, u64) {
-        let (offset, size) = self.layout().weights_of(instance);
-        (self.state.raw, offset, size)
+        let push = &self.groups[0].layout.push;
+        let (first, bytes) = (4 * u64::from(push.weights_at), 4 * u64::from(push.targets));
+        (self.state.raw, first + u64::from(instance) * bytes, bytes)
     }
 }
 

@@ -1,67 +1,58 @@
 //! The CPU reference of the kernels that sample and plan, `glsl/animate.comp` to `glsl/plan.comp`: the planner of the
 //! block formats, with a few choices made.
 
-use super::budget::{Budget, Deferred};
+use super::budget::Budget;
 use super::clips::Clips;
 use super::playback::Playbacks;
-use super::sample::{HeadRecord, sample};
+use super::sample::HeadRecord;
 use crate::error::Result;
 use crate::pack::PackedLayout;
 use crate::pack::blocks::BlockIndex;
-use crate::plan::{UpdateDesc, UpdateStats};
+use crate::plan::UpdateDesc;
 use crate::update::Runner;
-use crate::update::blocks::{BlockState, Frame, Scratch, WorkList};
-use std::sync::Arc;
+use crate::update::blocks::{BlockState, GroupPlan, WorkList};
 
 /// What the GPU samples and plans, worked out on the CPU.
 pub struct AnimatedReference {
-    index: Arc<BlockIndex>,
+    group: GroupPlan,
     states: Vec<BlockState>,
     slots: u32,
-    /// Heads that some update wrote.
+    /// Instances that some update wrote.
     known: Vec<bool>,
-    /// Heads left out of the last update.
+    /// Instances left out of the last update.
     hidden: Vec<bool>,
-    /// Of each head, in steps of the grid.
+    /// Of each instance, in steps of the grid.
     weights: Vec<Deferred>,
     budget: Option<Budget>,
-    sampled: Vec<i32>,
-    list: WorkList,
-    scratch: Scratch,
-    asked: Vec<f32>,
 }
 
 impl AnimatedReference {
-    /// `heads` heads of a mesh, updated as `desc` says.
+    /// `heads` instances of a mesh, updated as `desc` says.
     ///
     /// # Errors
-    /// As [`BlockState::new`] and [`Clips::new`].
+    /// As [`GroupPlan::new`] and [`Clips::new`].
     pub fn new(desc: UpdateDesc, layout: &PackedLayout, heads: u32) -> Result<Self> {
         desc.check_all(Some(layout), Runner::Animated(None))?;
         let Some(index) = &layout.blocks else { unreachable!("checked") };
         let budget = Budget::new(desc.error_budget, index)?;
-        // What waits is decided before, target by target: the planner gets the weights that go.
-        let mut state = BlockState::new(UpdateDesc { error_budget: 0.0, ..desc }, layout, index)?;
-        state.write_whole_blocks();
-        let (heads, targets) = (heads as usize, layout.targets.len());
+        // What is deferred is decided before, target by target: the planner gets the weights to apply.
+        let heads = heads as usize;
+        let mut group = GroupPlan::new(UpdateDesc { error_budget: 0.0, ..desc }, layout, heads)?;
+        group.whole_blocks = true;
         Ok(Self {
-            index: index.clone(),
-            states: vec![state; heads],
+            states: vec![BlockState::new(&group); heads],
+            group,
             slots: desc.slots,
             known: vec![false; heads],
             hidden: vec![false; heads],
-            weights: vec![Deferred::new(targets); heads],
+            weights: vec![Deferred::new(layout.targets.len()); heads],
             budget,
-            sampled: vec![0; targets],
-            list: WorkList::new(index, heads),
-            scratch: Scratch::default(),
-            asked: vec![0.0; targets],
         })
     }
 
     /// Sample and plan the update numbered `update`, which [`Playbacks::update`] returned last.
     pub fn update(&mut self, clips: &Clips, heads: &Playbacks, update: u64) -> &WorkList {
-        self.list.clear();
+        self.group.clear();
         let slots = [update + u64::from(self.slots) - 1, update].map(|update| (update % u64::from(self.slots)) as u32);
         for (i, (state, record)) in self.states.iter_mut().zip(heads.records()).enumerate() {
             let hidden = record.has(HeadRecord::HIDDEN);
@@ -73,31 +64,103 @@ impl AnimatedReference {
             if was_hidden {
                 state.forget_slots();
             }
-            sample(clips, record, heads.now(), &mut self.sampled);
-            // A head that is new or shown again has nothing to wait with.
+            // Nothing is deferred of an instance that is new or shown again.
             let budget = self.budget.as_ref().filter(|_| known && !was_hidden);
-            self.weights[i].commit(&self.sampled, budget, &self.index);
-            let step = state.exact().map_or(0.0, |grid| grid.weight_step());
+            self.weights[i].commit(&sample(clips, record, heads.now()), budget, &self.group.index);
+            let step = self.group.exact().map_or(0.0, |grid| grid.weight_step());
             // Steps have fewer bits than a float32's, and the step is a power of two: exact.
-            self.asked
-                .iter_mut()
-                .zip(self.weights[i].committed())
-                .for_each(|(asked, &steps)| *asked = steps as f32 * step);
-            let mut frame = Frame::new(&self.index, i, &mut self.scratch, &mut self.list);
-            state.commit(&mut frame, &self.asked, known);
+            let weights: Vec<f32> = self.weights[i].committed.iter().map(|&steps| steps as f32 * step).collect();
+            state.commit(&mut self.group, i, &weights, known);
             // Slots rotate in every update, also where nothing changed.
-            state.emit(&mut frame, slots, known, &mut UpdateStats::default());
+            state.emit(&mut self.group, i, slots, known);
         }
-        &self.list
+        &self.group.list
     }
 
-    /// The weights that the poses of a head hold, in steps of the grid.
+    /// The weights that the poses of an instance hold, in steps of the grid.
     pub fn weights(&self, head: usize) -> &[i32] {
-        self.weights[head].committed()
+        &self.weights[head].committed
     }
 
-    /// The weights that were asked for.
+    /// The weights that were requested.
     pub fn requested(&self, head: usize) -> &[i32] {
-        self.weights[head].requested()
+        &self.weights[head].requested
+    }
+}
+
+impl HeadRecord {
+    /// Where the clip is at `now`, in steps of 2⁻³² frames; looping clips are not wrapped yet.
+    pub(super) fn position(&self, now: u32) -> u64 {
+        let elapsed = (now.wrapping_sub(self.start) as i32).max(0) as u64;
+        (u64::from(self.frame) << 32 | u64::from(self.fraction)) + elapsed * u64::from(self.rate)
+    }
+}
+
+/// Between which frames a clip of `frames` is at `position`, and how far: `(frame, next, f)` with f in 2⁻¹⁶.
+pub(super) fn between(record: &HeadRecord, frames: u32, position: u64) -> (u32, u32, u32) {
+    let (whole, fraction) = ((position >> 32) as u32, (position >> 16) as u32 & 0xffff);
+    let last = frames - 1;
+    let (frame, next, f) = if record.has(HeadRecord::LOOP) {
+        let frame = whole % frames;
+        (frame, if frame == last { 0 } else { frame + 1 }, fraction)
+    } else if whole >= last {
+        (last, last, 0)
+    } else {
+        (whole, whole + 1, fraction)
+    };
+    if record.has(HeadRecord::REVERSED) { (last - frame, last - next, f) } else { (frame, next, f) }
+}
+
+/// From `k0` to `k1`, `f`·2⁻¹⁶ of the way, to nearest.
+pub(super) fn interpolate(k0: i32, k1: i32, f: u32) -> i32 {
+    let product = i64::from(k1 - k0) * i64::from(f);
+    k0 + ((product + 0x8000) >> 16) as i32
+}
+
+/// The weights, in steps of the grid, that an instance shows at tick `now`: what `glsl/animate.comp` computes.
+pub(super) fn sample(clips: &Clips, record: &HeadRecord, now: u32) -> Vec<i32> {
+    if !record.has(HeadRecord::PLAYING) {
+        return vec![0; clips.targets()];
+    }
+    let clip = record.clip as usize;
+    let (frame, next, f) = between(record, clips.frames(clip), record.position(now));
+    let key = |frame, target| clips.key(clip, frame, target);
+    (0..clips.targets()).map(|target| interpolate(key(frame, target), key(next, target), f)).collect()
+}
+
+/// The weights of an instance, in steps of the grid.
+#[derive(Clone)]
+pub(super) struct Deferred {
+    requested: Vec<i32>,
+    /// What poses hold.
+    pub(super) committed: Vec<i32>,
+}
+
+impl Deferred {
+    /// All 0.
+    pub(super) fn new(targets: usize) -> Self {
+        Self { requested: vec![0; targets], committed: vec![0; targets] }
+    }
+
+    /// Request `weights`, one for each target. Without a budget all of them are applied.
+    pub(super) fn commit(&mut self, weights: &[i32], budget: Option<&Budget>, index: &BlockIndex) {
+        let still = std::mem::replace(&mut self.requested, weights.to_vec()) == weights;
+        let Some(budget) = budget.filter(|_| !still) else {
+            return self.committed.copy_from_slice(weights);
+        };
+        let mut applied = vec![false; weights.len()];
+        for block in 0..index.count() {
+            let entries = index.entries(block);
+            let targets = &index.entry_targets()[entries.clone()];
+            let pending = |target: usize| u64::from(weights[target].abs_diff(self.committed[target]));
+            let reaches = targets.iter().zip(&budget.reaches()[entries]);
+            let sum: u64 = reaches.map(|(&target, &reach)| pending(target as usize) * u64::from(reach)).sum();
+            if sum > budget.most() {
+                targets.iter().for_each(|&target| applied[target as usize] = true);
+            }
+        }
+        for (target, _) in applied.into_iter().enumerate().filter(|(_, applied)| *applied) {
+            self.committed[target] = weights[target];
+        }
     }
 }

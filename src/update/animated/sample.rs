@@ -1,4 +1,4 @@
-//! Clips on the grid of exact sums, and what a head shows of them at a time: in integers, so that GPU and CPU agree bit
+//! Clips on the grid of exact sums, and what an instance shows of them at a time: in integers, so that GPU and CPU agree bit
 //! for bit.
 //!
 //! # Keys
@@ -7,8 +7,8 @@
 //! shifted to the right ([`KeyFormat`]). [`Clips`] has the layout.
 //!
 //! # Time
-//! The host's clock is told in seconds and kept in ticks of 2⁻¹⁶ s. A head's [`HeadRecord`] has the low 32 bits of the
-//! tick at which it started, its rate in 2⁻¹⁶ frames a second, and the place in the clip where it started:
+//! The host sets its clock in seconds, and it is kept in ticks of 2⁻¹⁶ s. An instance's [`HeadRecord`] has the low 32 bits of the
+//! tick at which it started, its rate in 2⁻¹⁶ frames a second, and the position in the clip where it started:
 //!
 //! ```text
 //! elapsed  = max(now − start, 0)                      as a signed 32-bit number
@@ -27,10 +27,8 @@
 //! weight = k₀ + ⌊((k₁ − k₀) · f + 2¹⁵) / 2¹⁶⌋          in steps
 //! ```
 //!
-//! which [`sample`] and `glsl/animate.comp` compute alike.
+//! which [`AnimatedReference`](super::AnimatedReference) and `glsl/animate.comp` compute alike.
 
-#[cfg(any(test, feature = "internals"))]
-use super::clips::Clips;
 use crate::abi::numbers;
 use bytemuck::{Pod, Zeroable};
 
@@ -47,12 +45,12 @@ pub enum Repeat {
     Once,
 }
 
-/// How a head plays a clip.
+/// How an instance plays a clip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Playback {
     /// Which clip.
     pub clip: u32,
-    /// When it starts, in seconds of the clock that [`Playbacks::set_time`](super::Playbacks::set_time) tells. Before,
+    /// When it starts, in seconds of the clock that [`Playbacks::set_time`](super::Playbacks::set_time) sets. Before,
     /// the first frame is shown.
     pub start: f64,
     /// 1 is the clip's own speed; backwards below 0.
@@ -68,7 +66,7 @@ impl Playback {
     }
 }
 
-/// What a head plays, as `glsl/animate.comp` reads it.
+/// What an instance plays, as `glsl/animate.comp` reads it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct HeadRecord {
@@ -101,53 +99,5 @@ impl HeadRecord {
     /// Whether a flag is set.
     pub const fn has(&self, flag: u32) -> bool {
         self.flags & flag != 0
-    }
-
-    /// Where the clip is at `now`, in steps of 2⁻³² frames; looping clips are not wrapped yet.
-    #[cfg(any(test, feature = "internals"))]
-    pub fn position(&self, now: u32) -> u64 {
-        let elapsed = (now.wrapping_sub(self.start) as i32).max(0) as u64;
-        (u64::from(self.frame) << 32 | u64::from(self.fraction)) + elapsed * u64::from(self.rate)
-    }
-}
-
-/// Between which frames a clip of `frames` is at `position`, and how far: `(frame, next, f)` with f in 2⁻¹⁶.
-#[cfg(any(test, feature = "internals"))]
-pub fn between(record: &HeadRecord, frames: u32, position: u64) -> (u32, u32, u32) {
-    let (whole, fraction) = ((position >> 32) as u32, (position >> 16) as u32 & 0xffff);
-    let last = frames - 1;
-    let (frame, next, f) = if record.has(HeadRecord::LOOP) {
-        let frame = whole % frames;
-        (frame, if frame == last { 0 } else { frame + 1 }, fraction)
-    } else if whole >= last {
-        (last, last, 0)
-    } else {
-        (whole, whole + 1, fraction)
-    };
-    if record.has(HeadRecord::REVERSED) { (last - frame, last - next, f) } else { (frame, next, f) }
-}
-
-/// From `k0` to `k1`, `f`·2⁻¹⁶ of the way, to nearest.
-#[cfg(any(test, feature = "internals"))]
-pub fn interpolate(k0: i32, k1: i32, f: u32) -> i32 {
-    let product = i64::from(k1 - k0) * i64::from(f);
-    k0 + ((product + 0x8000) >> 16) as i32
-}
-
-/// The weights, in steps of the grid, that a head shows at tick `now`. The twin of `glsl/animate.comp`.
-///
-/// # Panics
-/// When `out` is not a place for each target.
-#[cfg(any(test, feature = "internals"))]
-pub fn sample(clips: &Clips, record: &HeadRecord, now: u32, out: &mut [i32]) {
-    assert_eq!(out.len(), clips.targets());
-    if !record.has(HeadRecord::PLAYING) {
-        out.fill(0);
-        return;
-    }
-    let clip = record.clip as usize;
-    let (frame, next, f) = between(record, clips.frames(clip), record.position(now));
-    for (target, out) in out.iter_mut().enumerate() {
-        *out = interpolate(clips.key(clip, frame, target), clips.key(clip, next, target), f);
     }
 }

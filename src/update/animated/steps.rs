@@ -1,9 +1,8 @@
 //! The steps of an update that the GPU plans: the same ones, whatever changes.
 
 #[cfg(any(test, feature = "internals"))]
-use crate::plan::hazards::{Accesses, Memory, MemoryUse};
-use crate::plan::steps::{Access, Resource, Source, Stage, Steps, Use, Work};
-use crate::update::blocks::EXACT_BLOCKS;
+use crate::plan::hazards::{Accesses, Memory};
+use crate::plan::steps::{Access, Resource as R, Source, Stage, Steps, Use, Work};
 use std::ops::Range;
 
 /// What a work does.
@@ -30,59 +29,41 @@ impl AnimatedKernel {
     pub const ALL: [Self; 7] =
         [Self::Sample, Self::Budget, Self::Commit, Self::Plan, Self::Arguments, Self::Records, Self::Blocks];
 
-    /// Whether it works for all groups of the mesh at once.
-    const fn is_common(self) -> bool {
+    /// Whether it works for all groups of the mesh at once, and what it uses.
+    const fn uses(self) -> (bool, &'static [Use]) {
         match self {
-            Self::Sample | Self::Budget | Self::Commit | Self::Records => true,
-            Self::Plan | Self::Arguments | Self::Blocks => false,
-        }
-    }
-
-    const fn uses(self) -> &'static [Use] {
-        use Resource as R;
-        const BLOCKS: &[Use] = &{
-            const NONE: Use = Use::read(Resource::WorkList);
-            let mut uses = [NONE; EXACT_BLOCKS.len() + 2];
-            uses[1] = Use::new(Resource::Control, Stage::Indirect, Access::IndirectRead);
-            let mut i = 0;
-            while i < EXACT_BLOCKS.len() {
-                uses[i + 2] = EXACT_BLOCKS[i];
-                i += 1;
-            }
-            uses
-        };
-        const SAMPLED: &[Use] = &[Use::read(R::Tables), Use::read(R::State), Use::write(R::State)];
-        match self {
-            Self::Records => const { &[Use::copy(R::State)] },
-            Self::Sample | Self::Budget | Self::Commit => SAMPLED,
-            Self::Plan => {
-                const {
-                    &[
-                        Use::read(R::Tables),
-                        Use::read(R::State),
-                        Use::write(R::State),
-                        Use::read(R::Control),
-                        Use::write(R::Control),
-                        Use::write(R::WorkList),
-                    ]
-                }
-            }
-            Self::Arguments => const { &[Use::read(R::Control), Use::write(R::Control)] },
-            Self::Blocks => BLOCKS,
+            Self::Sample | Self::Budget | Self::Commit => (true, SAMPLE),
+            Self::Plan => (false, PLAN),
+            Self::Arguments => (false, const { &[Use::read(R::Control), Use::write(R::Control)] }),
+            Self::Records => (true, const { &[Use::copy(R::State)] }),
+            Self::Blocks => (false, BLOCKS),
         }
     }
 }
 
+const SAMPLE: &[Use] = &[Use::read(R::Tables), Use::read(R::State), Use::write(R::State)];
+const PLAN: &[Use] = &[
+    Use::read(R::Tables),
+    Use::read(R::State),
+    Use::write(R::State),
+    Use::read(R::Control),
+    Use::write(R::Control),
+    Use::write(R::WorkList),
+];
+const BLOCKS: &[Use] = &[
+    Use::read(R::WorkList),
+    Use::new(R::Control, Stage::Indirect, Access::IndirectRead),
+    Use::read(R::Asset),
+    Use::read(R::Poses),
+    Use::write(R::Poses),
+    Use::read(R::Sums),
+    Use::write(R::Sums),
+];
+
 /// What making a crowd copies and fills, and what updates do with it.
 pub(crate) const UPLOADED: [&[Use]; 2] = [
-    &[Use::copy(Resource::Tables), Use::copy(Resource::State), Use::copy(Resource::Control)],
-    &[
-        Use::read(Resource::Tables),
-        Use::read(Resource::State),
-        Use::write(Resource::State),
-        Use::read(Resource::Control),
-        Use::write(Resource::Control),
-    ],
+    &[Use::copy(R::Tables), Use::copy(R::State), Use::copy(R::Control)],
+    &[Use::read(R::Tables), Use::read(R::State), Use::write(R::State), Use::read(R::Control), Use::write(R::Control)],
 ];
 
 /// What the steps of an update depend on.
@@ -110,25 +91,17 @@ impl AnimatedUpdate {
         use AnimatedKernel as K;
         let Self { records, budget, groups, dispatches, texels, .. } = *self;
         let mut add = |kernel: K, items: Range<u32>| {
-            steps.step(kernel.uses());
+            let (common, uses) = kernel.uses();
+            steps.step(uses);
             let (source, destination) = (Source::Slot(self.source), self.destination);
-            for group in 0..if kernel.is_common() { 1 } else { groups } {
+            for group in 0..if common { 1 } else { groups } {
                 let items = items.clone();
                 steps.push(Work { kernel: kernel as u32, group, instance: 0, source, destination, items });
             }
         };
-        for (kernel, wanted) in [
-            (K::Records, records),
-            (K::Sample, true),
-            (K::Budget, budget),
-            (K::Commit, budget),
-            (K::Plan, true),
-            (K::Arguments, true),
-        ] {
-            if wanted {
-                add(kernel, 0..0);
-            }
-        }
+        let planning = [(K::Records, records), (K::Sample, true), (K::Budget, budget), (K::Commit, budget)];
+        let planning = planning.into_iter().chain([(K::Plan, true), (K::Arguments, true)]);
+        planning.filter(|(_, wanted)| *wanted).for_each(|(kernel, _)| add(kernel, 0..0));
         match texels {
             true => (0..dispatches).for_each(|dispatch| add(K::Blocks, dispatch..dispatch + 1)),
             false => add(K::Blocks, 0..dispatches),
@@ -141,11 +114,7 @@ impl AnimatedUpdate {
 pub(crate) fn accesses(works: &[Work], instances: u32) -> Vec<Accesses> {
     use Memory as M;
     let of = |work: &Work| match AnimatedKernel::ALL[work.kernel as usize] {
-        AnimatedKernel::Records => {
-            let write =
-                MemoryUse { group: 0, memory: M::Records, stage: Stage::Transfer, access: Access::TransferWrite };
-            Accesses { writes: vec![write], ..Accesses::default() }
-        }
+        AnimatedKernel::Records => Accesses { uses: vec![Use::copy(M::Records)], ..Accesses::default() },
         AnimatedKernel::Sample => Accesses::compute([M::Clips, M::Records, M::Weights], [M::Weights]),
         AnimatedKernel::Budget | AnimatedKernel::Commit => Accesses::compute([M::Clips, M::Weights], [M::Weights]),
         // Counters are atomic.
@@ -163,12 +132,11 @@ pub(crate) fn accesses(works: &[Work], instances: u32) -> Vec<Accesses> {
             let reads = [M::WorkList, M::Deltas, M::Base].into_iter().chain(sums.clone());
             let reads = reads.chain(sources.into_iter().flatten());
             let mut all = Accesses::compute(reads, sums.chain(pose(work.destination)));
-            let arguments = (M::Arguments, Stage::Indirect, Access::IndirectRead);
-            all.reads.push(MemoryUse { group: 0, memory: arguments.0, stage: arguments.1, access: arguments.2 });
+            all.uses.push(Use::new(M::Arguments, Stage::Indirect, Access::IndirectRead));
             all
         }
     };
-    works.iter().map(|work| of(work).of_group(work.group)).collect()
+    works.iter().map(|work| Accesses { group: work.group, ..of(work) }).collect()
 }
 
 #[cfg(test)]
@@ -198,7 +166,7 @@ mod tests {
                     (events, [Some(destination), (slots > 1 && frame > 0).then_some(source)])
                 })
                 .collect();
-            // Sampling waits for nothing: the barriers of the update before have seen to that.
+            // None before sampling: the barriers of the update before order it.
             let barriers = 4 + 2 * usize::from(records) + 2 * usize::from(budget) + 2 * usize::from(texels);
             assert_barriers_needed(&frames, barriers, &format!("{slots} slots, records {records}, budget {budget}"));
         }

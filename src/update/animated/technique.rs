@@ -4,7 +4,7 @@
 use super::budget::Budget;
 use super::clips::Clips;
 use super::gpu::AnimationKernel;
-use super::layout::{GroupLayout, Groups, Layout};
+use super::layout::{GroupLayout, Layout};
 use super::playback::Playbacks;
 use super::sample::HeadRecord;
 use super::steps::{AnimatedKernel, AnimatedUpdate, UPLOADED};
@@ -19,8 +19,8 @@ use crate::plan::UpdateStats;
 use crate::plan::instances::Instances;
 use crate::plan::schedule::Barrier;
 use crate::plan::steps::{Steps, Work};
-use crate::update::blocks::gpu::{BlocksKernel, BlocksKey, GroupBuffers, Workgroups};
-use crate::update::blocks::shared::{LIST_USAGE, asset_range, blocks_push, sums_buffer};
+use crate::update::blocks::gpu::{BlocksKernels, Workgroups};
+use crate::update::blocks::shared::{LIST_USAGE, blocks_push, sums_buffer};
 use crate::update::blocks::{TILE_WORDS, WIDTHS};
 use crate::update::technique::{Context, Technique, UpdateId};
 use ash::vk;
@@ -36,10 +36,9 @@ pub(crate) struct Animated {
     kernel: Arc<AnimationKernel>,
     pub(crate) clips: Clips,
     pub(crate) playbacks: Playbacks,
-    layout: Layout,
-    budget: bool,
     pub(super) state: Buffer,
     tables: Buffer,
+    table_bytes: u64,
     staging: Option<Buffer>,
     /// Of the mesh; the first one's sets serve what all have in common.
     pub(super) groups: Vec<Group>,
@@ -47,7 +46,8 @@ pub(crate) struct Animated {
 
 /// What a group of the mesh takes.
 pub(super) struct Group {
-    blocks: Arc<BlocksKernel>,
+    pub(super) layout: GroupLayout,
+    blocks: BlocksKernels,
     #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
     pub(super) work: Buffer,
     pub(super) control: Buffer,
@@ -55,8 +55,6 @@ pub(super) struct Group {
     sums: Buffer,
     sets: Sets,
     block_sets: Sets,
-    /// Of the last update.
-    push: AnimationPush,
     block_push: BlocksPush,
     /// Widths of tiles, and whether each dispatch is a step of its own.
     widths: u32,
@@ -77,40 +75,35 @@ impl Group {
     fn new(
         context: Context<'_>,
         kernel: &AnimationKernel,
-        (layout, group): (&Layout, &GroupLayout),
+        layout: GroupLayout,
         common: [BufferRange; 2],
     ) -> Result<Self> {
         let (device, desc, poses, index) = (context.device, context.desc, context.poses, context.layout().index()?);
         // Tiles are filled up to the next width, so that there has to be one.
         let instances = desc.instances.max(2).next_power_of_two();
-        let blocks = context.kernels.get::<BlocksKernel>(BlocksKey::new(&context, index, true, instances)?)?;
-        let (how, groups) = (blocks.dispatching(0), &group.groups);
-        let list_bytes = groups.stride * u64::from(groups.count());
+        let blocks = BlocksKernels::new(&context, index, true, instances)?;
+        let how = blocks.dispatching(0);
+        let list_bytes = layout.stride * u64::from(layout.count());
         let work = on_device(device, "deltamorph planned work", list_bytes, LIST_USAGE)?;
         let arguments = vk::BufferUsageFlags::INDIRECT_BUFFER;
-        let control = on_device(device, "deltamorph dispatches", group.control_bytes(), arguments)?;
-        let sums = sums_buffer(device, poses.bytes * u64::from(desc.instances))?;
+        let control = on_device(device, "deltamorph dispatches", layout.control_bytes(), arguments)?;
+        let sums = sums_buffer(device, &poses, desc.instances)?;
         let range = |buffer: &Buffer, offset, size| BufferRange { buffer: buffer.raw, offset, size };
-        let (mut plan, mut of_blocks) = (vec![], vec![]);
-        for set in 0..groups.count() {
-            let (first, count) = groups.get(set);
-            let list = range(&work, u64::from(set) * groups.stride, groups.stride);
-            plan.push([common[0], common[1], list, range(&control, 0, group.control_bytes())]);
-            of_blocks.push(GroupBuffers {
-                asset: asset_range(&context),
-                list,
-                poses: poses.range(first, count),
-                sums: Some(range(&sums, u64::from(first) * poses.bytes, u64::from(count) * poses.bytes)),
-            });
+        let (mut plan, mut lists) = (vec![], vec![]);
+        for set in 0..layout.count() {
+            let (first, count) = layout.get(set);
+            let list = range(&work, u64::from(set) * layout.stride, layout.stride);
+            plan.push([common[0], common[1], list, range(&control, 0, layout.control_bytes())]);
+            lists.push((list, first, count));
         }
         Ok(Self {
             sets: kernel.sets(&plan)?,
-            block_sets: blocks.sets(&of_blocks)?,
-            push: layout.push(group),
+            block_sets: blocks.sets(&context, Some(&sums), &lists)?,
             block_push: blocks_push(context.layout(), index, poses.slots, Some(index.exact()?)),
             widths: how.widths,
             texels: how.texels,
             pose_bytes: poses.bytes,
+            layout,
             blocks,
             work,
             control,
@@ -119,8 +112,8 @@ impl Group {
     }
 
     /// Dispatches of blocks, `[group of instances][width][chunk]`.
-    fn dispatches(&self, groups: &Groups) -> u32 {
-        groups.count() * self.widths * groups.chunks
+    fn dispatches(&self) -> u32 {
+        self.layout.count() * self.widths * self.layout.push.chunks
     }
 }
 
@@ -132,9 +125,9 @@ impl Animated {
         let layout = Layout::new(&context, &clips, budget.as_ref())?;
         let kernel = context.kernels.get::<AnimationKernel>(())?;
 
-        let (table_bytes, none) = (layout.table_bytes(), vk::BufferUsageFlags::empty());
+        let (table_bytes, none) = (layout.table_bytes, vk::BufferUsageFlags::empty());
         let tables = on_device(device, "deltamorph clips", table_bytes, none)?;
-        let state = on_device(device, "deltamorph animated weights", layout.state_bytes(), none)?;
+        let state = on_device(device, "deltamorph animated weights", layout.state_bytes, none)?;
         let upload = BufferDesc {
             name: "deltamorph clip upload",
             bytes: table_bytes,
@@ -146,21 +139,20 @@ impl Animated {
         let words = layout.tables(indices, &clips, budget.as_ref());
         staging.mapped()?[..table_bytes as usize].copy_from_slice(bytemuck::cast_slice(&words));
 
-        let common = [(&tables, table_bytes), (&state, layout.state_bytes())];
+        let common = [(&tables, table_bytes), (&state, layout.state_bytes)];
         let common = common.map(|(buffer, size)| BufferRange { buffer: buffer.raw, offset: 0, size });
-        let groups = context.groups().zip(&layout.of_groups);
-        let groups = groups.map(|(context, group)| Group::new(context, &kernel, (&layout, group), common));
+        let groups = context.groups().zip(layout.groups);
+        let groups = groups.map(|(context, layout)| Group::new(context, &kernel, layout, common));
         Ok(Self {
             groups: groups.collect::<Result<_>>()?,
             device: device.clone(),
             playbacks: Playbacks::new(desc.instances),
             staging: Some(staging),
             tables,
+            table_bytes,
             kernel,
             clips,
             state,
-            budget: budget.is_some(),
-            layout,
         })
     }
 
@@ -170,7 +162,7 @@ impl Animated {
     /// As [`create_animated_crowd`](crate::engine::MorphEngine::create_animated_crowd).
     pub(crate) unsafe fn upload(&self, cmd: vk::CommandBuffer) {
         let (Some(staging), device) = (&self.staging, &self.device.raw) else { return };
-        let region = [vk::BufferCopy { src_offset: 0, dst_offset: 0, size: self.layout.table_bytes() }];
+        let region = [vk::BufferCopy { src_offset: 0, dst_offset: 0, size: self.table_bytes }];
         // SAFETY: the caller's obligations; the region lies within both buffers, and fills cover whole buffers.
         unsafe {
             device.cmd_copy_buffer(cmd, staging.raw, self.tables.raw, &region);
@@ -186,12 +178,6 @@ impl Animated {
     /// Give the staging memory of the clips back.
     pub(crate) fn release_staging(&mut self) {
         self.staging = None;
-    }
-
-    /// Where work lists, arguments and weights are.
-    #[cfg(feature = "headless")]
-    pub(super) fn layout(&self) -> &Layout {
-        &self.layout
     }
 
     /// # Safety
@@ -214,38 +200,44 @@ impl Animated {
     /// # Safety
     /// As [`Technique::record`].
     unsafe fn record_blocks(&self, cmd: vk::CommandBuffer, work: &Work) {
-        let (group, groups) = (&self.groups[work.group as usize], &self.layout.of_groups[work.group as usize].groups);
+        let group = &self.groups[work.group as usize];
+        let AnimationPush { chunks, chunk_items, capacity, .. } = group.layout.push;
         // Other groups may have more of them.
-        for dispatch in work.items.start..work.items.end.min(group.dispatches(groups)) {
-            let (chunk, rest) = (dispatch % groups.chunks, dispatch / groups.chunks);
+        for dispatch in work.items.start..work.items.end.min(group.dispatches()) {
+            let (chunk, rest) = (dispatch % chunks, dispatch / chunks);
             let (width, set) = (rest % group.widths, rest / group.widths);
-            let first = u64::from(chunk) * u64::from(group.push.chunk_items);
-            let item = (u64::from(width) * groups.capacity + first) * TILE_WORDS as u64;
-            let push = BlocksPush { first_item: item as u32, ..group.block_push };
-            let arguments = Workgroups::At(group.control.raw, groups.arguments(set, width as usize, chunk));
+            let item = (width * capacity + chunk * chunk_items) * TILE_WORDS as u32;
+            let push = BlocksPush { first_item: item, ..group.block_push };
+            let arguments = group.layout.arguments(set, width as usize, chunk);
+            let arguments = Workgroups::At(group.control.raw, arguments);
             let set = group.block_sets.get(set as usize);
             // SAFETY: the caller's obligations; the set was written for this mesh and crowd; the arguments lie within
             // the buffer, which is one of arguments.
             unsafe { group.blocks.dispatch(cmd, set, width, &push, arguments) };
         }
     }
+
+    /// The slots that the update of this number reads and writes.
+    fn slots(&self, update: u64) -> (u32, u32) {
+        let slots = u64::from(self.groups[0].layout.push.slots);
+        (((update + slots - 1) % slots) as u32, (update % slots) as u32)
+    }
 }
 
 impl Technique for Animated {
     fn plan(&mut self, _instances: &mut Instances, _id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
-        let (update, slots) = (self.playbacks.update(&self.clips), u64::from(self.groups[0].push.slots));
-        let (source, destination) = (((update + slots - 1) % slots) as u32, (update % slots) as u32);
-        for Group { push, .. } in &mut self.groups {
+        let update = self.playbacks.update(&self.clips);
+        let (source, destination) = self.slots(update);
+        for Group { layout: GroupLayout { push, .. }, .. } in &mut self.groups {
             (push.now, push.source, push.destination) = (self.playbacks.now(), source, destination);
         }
-        let groups = self.groups.iter().zip(&self.layout.of_groups);
         let update = AnimatedUpdate {
             records: !self.playbacks.changed().is_empty(),
-            budget: self.budget,
+            budget: self.groups[0].layout.push.budget_at != 0,
             source,
             destination,
             groups: self.groups.len() as u32,
-            dispatches: groups.map(|(group, layout)| group.dispatches(&layout.groups)).max().unwrap_or(0),
+            dispatches: self.groups.iter().map(Group::dispatches).max().unwrap_or(0),
             texels: self.groups.iter().any(|group| group.texels),
         };
         update.fill(steps);
@@ -253,46 +245,35 @@ impl Technique for Animated {
     }
 
     unsafe fn record(&self, cmd: vk::CommandBuffer, _frame: u64, work: &Work) {
-        let (group, layout) = (&self.groups[work.group as usize], &self.layout.of_groups[work.group as usize]);
-        let (kernel, push, caps) = (&self.kernel, &group.push, &self.device.caps);
-        let invocations = u64::from(push.heads) * u64::from(self.layout.target_words());
-        let (blocks, what) = (layout.blocks.div_ceil(WORKGROUP), AnimatedKernel::ALL[work.kernel as usize]);
-        let workgroups = match what {
-            AnimatedKernel::Sample | AnimatedKernel::Commit => kernel.groups(invocations),
-            AnimatedKernel::Budget => [blocks, push.heads.min(caps.max_workgroups)],
-            AnimatedKernel::Arguments => [1, 1],
-            // SAFETY: the caller's obligations.
-            AnimatedKernel::Records => return unsafe { self.record_records(cmd) },
-            // SAFETY: the caller's obligations.
-            AnimatedKernel::Blocks => return unsafe { self.record_blocks(cmd, work) },
-            AnimatedKernel::Plan => {
-                // SAFETY: as below.
-                unsafe { kernel.bind(cmd, what) };
-                for set in 0..layout.groups.count() {
-                    let (first_head, group_heads) = layout.groups.get(set);
-                    let first_counter = set * WIDTHS as u32;
-                    let push = AnimationPush { first_head, group_heads, first_counter, ..*push };
-                    let tiles = group_heads.div_ceil(caps.tuning.widest_tile);
-                    // SAFETY: as below.
-                    unsafe { kernel.dispatch(cmd, group.sets.get(set as usize), &push, [blocks, tiles]) };
+        let (group, what) = (&self.groups[work.group as usize], AnimatedKernel::ALL[work.kernel as usize]);
+        let (layout, push, caps) = (&group.layout, &group.layout.push, &self.device.caps);
+        let blocks = push.blocks.div_ceil(WORKGROUP);
+        // Planning is for the instances of one set at a time, the rest for all of them.
+        for set in 0..if what == AnimatedKernel::Plan { layout.count() } else { 1 } {
+            let (first_head, group_heads) = layout.get(set);
+            let workgroups = match what {
+                AnimatedKernel::Sample | AnimatedKernel::Commit => {
+                    self.kernel.groups(u64::from(push.heads) * u64::from(push.words))
                 }
-                return;
-            }
-        };
-        // SAFETY: the caller's obligations; sets and push constants were made for these buffers, and workgroups are no
-        // more than the device allows.
-        unsafe {
-            kernel.bind(cmd, what);
-            kernel.dispatch(cmd, group.sets.get(0), push, workgroups);
+                AnimatedKernel::Budget => [blocks, push.heads.min(caps.max_workgroups)],
+                AnimatedKernel::Plan => [blocks, group_heads.div_ceil(caps.tuning.widest_tile)],
+                AnimatedKernel::Arguments => [1, 1],
+                // SAFETY: the caller's obligations.
+                AnimatedKernel::Records => return unsafe { self.record_records(cmd) },
+                // SAFETY: the caller's obligations.
+                AnimatedKernel::Blocks => return unsafe { self.record_blocks(cmd, work) },
+            };
+            let push = AnimationPush { first_head, group_heads, first_counter: set * WIDTHS as u32, ..*push };
+            // SAFETY: the caller's obligations; sets and push constants were made for these buffers, and workgroups
+            // are no more than the device allows.
+            unsafe { self.kernel.dispatch(cmd, what, group.sets.get(set as usize), &push, workgroups) };
         }
     }
 
     fn slots_of(&self, _instances: &Instances, instance: usize) -> Option<(u32, Option<u32>)> {
         let (update, has_past) = self.playbacks.written(instance as u32)?;
-        let slots = u64::from(self.groups[0].push.slots);
-        let slot = (update % slots) as u32;
-        let before = ((update + slots - 1) % slots) as u32;
-        Some((slot, if !has_past { Some(slot) } else { (slots > 1).then_some(before) }))
+        let (before, slot) = self.slots(update);
+        Some((slot, if !has_past { Some(slot) } else { (before != slot).then_some(before) }))
     }
 
     fn cut(&mut self, instance: u32) {
@@ -307,7 +288,7 @@ impl Technique for Animated {
         self.playbacks.add(instance);
     }
 
-    /// What the GPU would have changed is unchanged: the CPU's count of updates turns back, and that is all.
+    /// The GPU has changed nothing: only the CPU's count of updates goes back.
     fn discard_from(&mut self, id: UpdateId) {
         self.playbacks.discard_from(id.recorded);
     }
@@ -319,6 +300,6 @@ impl Technique for Animated {
 
     #[cfg(any(test, feature = "internals"))]
     fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        super::steps::accesses(works, self.groups[0].push.heads)
+        super::steps::accesses(works, self.groups[0].layout.push.heads)
     }
 }

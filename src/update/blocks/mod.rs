@@ -1,12 +1,16 @@
 //! The block formats: only blocks of vertices that a changed target touches are loaded and stored.
 //!
-//! `state` decides what an update writes of an instance, `plan` what it does for a crowd, and in which dispatches;
-//! `tiles` puts several instances together; `technique` and `gpu` carry it out on a device. `shared` is what crowds
-//! that are planned on the GPU take over.
+//! `state` is what the poses of an instance hold; `commit` decides which weights an update applies, and `emit` which
+//! blocks it writes, into the list of a `group`. `plan` does that for a crowd; `tiles` puts several instances together;
+//! `dispatch` cuts lists into dispatches; `technique` and `gpu` carry them out on a device. `shared` is what crowds that
+//! are planned on the GPU take over.
 
 mod bound;
 mod commit;
+mod dispatch;
+mod emit;
 pub(crate) mod gpu;
+mod group;
 mod list;
 mod plan;
 pub(crate) mod shared;
@@ -14,18 +18,18 @@ mod state;
 mod technique;
 mod tiles;
 
+pub(crate) use bound::check_tolerance;
+pub use group::GroupPlan;
 pub use list::{ELEMENT_BYTES, Element, ITEM_WORDS, Item, WorkList};
-pub(crate) use plan::EXACT_BLOCKS;
-pub use plan::{GroupPlanner, Planner};
-pub(crate) use state::check_tolerance;
+pub use plan::Planner;
+#[cfg(any(test, feature = "internals"))]
+pub(crate) use state::BlockState;
 pub(crate) use technique::BlocksTechnique;
 pub use tiles::{ROWS, TILE_WORDS, WIDTHS, row_words};
 #[cfg(any(test, feature = "internals"))]
-pub(crate) use {bound::Scratch, commit::Frame, state::BlockState};
-#[cfg(any(test, feature = "internals"))]
 pub use {
     list::component_bytes,
-    tiles::{ALIGN, TILE, TileBytes, TileItem, Tiles},
+    tiles::{ALIGN, TILE, TileItem, Tiles},
 };
 
 #[cfg(test)]

@@ -4,13 +4,12 @@ use super::tiles::TILE;
 use crate::abi::push::BlocksPush;
 use crate::abi::worklist::POSES_MAX;
 use crate::error::Result;
-use crate::gpu::descriptors::BufferRange;
 use crate::gpu::device::Device;
 use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::gpu::mesh::deltas_bytes;
 use crate::pack::PackedLayout;
 use crate::pack::blocks::{BlockIndex, ExactGrid};
-use crate::update::technique::Context;
+use crate::update::technique::{Context, Poses};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
@@ -20,13 +19,13 @@ pub(crate) const LIST_USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_r
     vk::BufferUsageFlags::STORAGE_BUFFER.as_raw() | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER.as_raw(),
 );
 
-/// The integer sums of all instances: stored as a storage buffer, loaded as one or as texels.
-pub(crate) fn sums_buffer(device: &Arc<Device>, bytes: u64) -> Result<Buffer> {
+/// The integer sums of `instances`, one set for all poses of each: stored as a storage buffer, loaded as one or as texels.
+pub(crate) fn sums_buffer(device: &Arc<Device>, poses: &Poses, instances: u32) -> Result<Buffer> {
     let usage = vk::BufferUsageFlags::STORAGE_BUFFER
         | vk::BufferUsageFlags::STORAGE_TEXEL_BUFFER
         | vk::BufferUsageFlags::TRANSFER_SRC;
-    let location = MemoryLocation::GpuOnly;
-    Buffer::new(device, &BufferDesc { name: "deltamorph integer sums", bytes, usage, location })
+    let (name, bytes) = ("deltamorph integer sums", poses.bytes * u64::from(instances));
+    Buffer::new(device, &BufferDesc { name, bytes, usage, location: MemoryLocation::GpuOnly })
 }
 
 /// Instances that one descriptor set reaches, where other limits allow `most`: as far as the storage range and the
@@ -43,11 +42,6 @@ pub(crate) fn group_size(context: &Context<'_>, most: u64) -> Result<u32> {
         size if size < instances && size > TILE as u32 => size - size % TILE as u32,
         size => size,
     })
-}
-
-/// What a descriptor of the asset covers.
-pub(crate) fn asset_range(context: &Context<'_>) -> BufferRange {
-    BufferRange { buffer: context.mesh.deltas.raw, offset: 0, size: deltas_bytes(context.layout()) }
 }
 
 /// The push constants of a mesh and its poses.

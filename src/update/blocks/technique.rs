@@ -1,25 +1,25 @@
 //! A crowd on the path `blocks`, planned on the CPU: work lists, integer sums, and what each block holds.
 
-use super::gpu::{BlocksKernel, BlocksKey, GroupBuffers, Workgroups};
+use super::dispatch::Dispatches;
+use super::gpu::{BlocksKernels, Workgroups};
+use super::group::GroupPlan;
 use super::list::{ELEMENT_BYTES, ITEM_WORDS, Item, WorkList};
-use super::plan::{Dispatches, GroupPlanner, Planner};
-use super::shared::{LIST_USAGE, asset_range, blocks_push, group_size, sums_buffer};
+use super::plan::Planner;
+use super::shared::{LIST_USAGE, blocks_push, group_size, sums_buffer};
 use super::tiles::{TILE_WORDS, Tiles};
 use crate::abi::push::BlocksPush;
 use crate::abi::worklist;
 use crate::error::Result;
-use crate::gpu::descriptors::{BufferRange, Sets};
+use crate::gpu::descriptors::Sets;
 use crate::gpu::memory::Buffer;
 use crate::gpu::ring::Ring;
 use crate::pack::POSE_FLOATS;
-use crate::pack::blocks::{BlockIndex, ExactGrid};
+use crate::pack::blocks::ExactGrid;
+use crate::plan::UpdateStats;
 use crate::plan::instances::Instances;
 use crate::plan::steps::{Steps, Work};
-use crate::plan::{Accumulate, UpdateStats};
 use crate::update::technique::{Context, Poses, Technique, UpdateId};
 use ash::vk;
-use std::slice::ChunksExactMut;
-use std::sync::Arc;
 
 /// A crowd whose changed blocks are updated.
 pub(crate) struct BlocksTechnique {
@@ -29,14 +29,15 @@ pub(crate) struct BlocksTechnique {
 
 /// What the blocks of a group take.
 struct GroupBlocks {
-    kernel: Arc<BlocksKernel>,
+    kernels: BlocksKernels,
     poses: Poses,
     dispatches: Dispatches,
     /// Work lists: items, then elements; or tiles, then rows.
     ring: Ring,
+    /// Words of an item or tile.
+    item_words: usize,
     /// Index of the first element's or row's first word.
     elements_at: usize,
-    item_words: usize,
     #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
     sums: Option<Buffer>,
     /// For each frame in flight, one for each set of instances.
@@ -45,23 +46,6 @@ struct GroupBlocks {
     /// Instances that a set reaches.
     reach: u32,
     push: BlocksPush,
-}
-
-/// Sizes of a work list of items and elements: words before the elements, and bytes in all.
-fn item_list_size(index: &BlockIndex, instances: u32) -> (u64, u64) {
-    let item = (ITEM_WORDS + POSE_FLOATS * index.mask_words()) as u64;
-    let elements = u64::from(instances) * (index.entry_count() * ELEMENT_BYTES) as u64;
-    list_size(u64::from(instances) * index.count() as u64 * item, elements)
-}
-
-/// Sizes of a work list of tiles and rows.
-fn tile_list_size(index: &BlockIndex, instances: u32) -> (u64, u64) {
-    let tiles = u64::from(instances) * index.count() as u64;
-    list_size(tiles * TILE_WORDS as u64, 4 * Tiles::words_max(index, instances as usize) as u64)
-}
-
-fn list_size(item_words: u64, element_bytes: u64) -> (u64, u64) {
-    (item_words, Ring::part_bytes(4 * item_words + element_bytes))
 }
 
 impl BlocksTechnique {
@@ -75,51 +59,40 @@ impl BlocksTechnique {
 }
 
 impl GroupBlocks {
-    fn new(context: Context<'_>, number: u32, planner: &mut GroupPlanner) -> Result<Self> {
+    fn new(context: Context<'_>, number: u32, planner: &mut GroupPlan) -> Result<Self> {
         let (device, desc, layout, poses) = (context.device, context.desc, context.layout(), context.poses);
-        let (index, grid) = (&planner.index.clone(), planner.exact());
-        let exact = desc.update.accumulate == Accumulate::Exact;
-        let kernel = context.kernels.get::<BlocksKernel>(BlocksKey::new(&context, index, exact, desc.instances)?)?;
-        let tiled = kernel.dispatching(0).widths > 0;
-        if tiled {
-            planner.write_whole_blocks();
-        }
+        let (index, grid, instances) = (&planner.index, planner.exact(), desc.instances as usize);
+        let exact = grid.is_some();
+        let kernels = BlocksKernels::new(&context, index, exact, desc.instances)?;
         let reach = group_size(&context, u64::MAX)?;
-        let (elements_at, part) = match tiled {
-            true => tile_list_size(index, desc.instances),
-            false => item_list_size(index, desc.instances),
-        };
-        context.check_range(&format!("the work lists of {} instances", desc.instances), part, "make several crowds")?;
-        let ring = Ring::new(device, "deltamorph work lists", part, desc.frames_in_flight, LIST_USAGE)?;
-        let sums = grid.map(|_| sums_buffer(device, poses.bytes * u64::from(desc.instances))).transpose()?;
-        let firsts = (0..desc.instances).step_by(reach as usize);
-        let buffers = |frame: u32, first: u32| {
-            let count = reach.min(desc.instances - first);
-            let of_sums = |buffer: &Buffer| BufferRange {
-                buffer: buffer.raw,
-                offset: u64::from(first) * poses.bytes,
-                size: u64::from(count) * poses.bytes,
-            };
-            GroupBuffers {
-                asset: asset_range(&context),
-                list: ring.range(frame.into()),
-                poses: poses.range(first, count),
-                sums: sums.as_ref().map(of_sums),
+        let how = kernels.dispatching(reach);
+        planner.whole_blocks = how.widths > 0;
+        let (item_words, element_words) = match planner.whole_blocks {
+            true => (TILE_WORDS, Tiles::words_max(index, instances)),
+            false => {
+                (ITEM_WORDS + POSE_FLOATS * index.mask_words(), instances * index.entry_count() * ELEMENT_BYTES / 4)
             }
         };
-        let frames = 0..desc.frames_in_flight;
-        let all = frames.flat_map(|frame| firsts.clone().map(move |first| (frame, first)));
-        let all: Vec<GroupBuffers> = all.map(|(frame, first)| buffers(frame, first)).collect();
-        let sets = kernel.sets(&all)?;
+        let elements_at = instances * index.count() * item_words;
+        let part = Ring::part_bytes(4 * (elements_at + element_words) as u64);
+        context.check_range(&format!("the work lists of {instances} instances"), part, "make several crowds")?;
+        let ring = Ring::new(device, "deltamorph work lists", part, desc.frames_in_flight, LIST_USAGE)?;
+        let sums = grid.map(|_| sums_buffer(device, &poses, desc.instances)).transpose()?;
+        let lists = (0..desc.frames_in_flight).flat_map(|frame| {
+            let list = ring.range(frame.into());
+            (0..desc.instances)
+                .step_by(reach as usize)
+                .map(move |first| (list, first, reach.min(desc.instances - first)))
+        });
+        let sets = kernels.sets(&context, sums.as_ref(), &lists.collect::<Vec<_>>())?;
         let push = BlocksPush { elements_at: elements_at as u32, ..blocks_push(layout, index, poses.slots, grid) };
-        let (how, instances) = (kernel.dispatching(reach), desc.instances as usize);
         Ok(Self {
             dispatches: Dispatches::new(how, number, index, instances, exact),
-            kernel,
+            kernels,
             poses,
             ring,
-            elements_at: elements_at as usize,
-            item_words: if tiled { TILE_WORDS } else { ITEM_WORDS + POSE_FLOATS * index.mask_words() },
+            item_words,
+            elements_at,
             sums,
             sets,
             sets_of_frame: desc.instances.div_ceil(reach),
@@ -132,46 +105,31 @@ impl GroupBlocks {
     fn write(&mut self, list: &WorkList, frame: u64) -> Result<()> {
         let (items, rest) = self.ring.words(frame)?.split_at_mut(self.elements_at);
         let items = items.chunks_exact_mut(self.item_words);
-        let poses = |item: &Item| item_poses(item, self.reach, self.poses.slots);
-        match &self.dispatches.tiles {
-            Some(tiles) => write_tiles(tiles, list, poses, (items, self.elements_at, rest)),
-            None => write_items(list, poses, (items, rest)),
+        // Source and destination of an item, as numbers of poses in a set of instances.
+        let (reach, slots) = (self.reach, self.poses.slots);
+        let pose = |item: &Item, slot: u32| item.instance % reach * slots + slot;
+        let poses = |item: &Item| {
+            worklist::poses(pose(item, item.source.unwrap_or(item.destination)), pose(item, item.destination))
+        };
+        if let Some(tiles) = &self.dispatches.tiles {
+            rest[..tiles.rows.len()].copy_from_slice(&tiles.rows);
+            for ((width, tile), out) in tiles.iter().zip(items) {
+                let head = [tile.block, self.elements_at as u32 + tile.first, tile.count, tile.rebuilt];
+                let items = tile.items.iter().take(1 << width).map(|&i| &list.items[i as usize]);
+                worklist::write_tile(out, head, items.map(poses));
+            }
+            return Ok(());
+        }
+        for ((item, masks), out) in
+            list.items.iter().zip(list.masks.chunks_exact(self.item_words - ITEM_WORDS)).zip(items)
+        {
+            let words = worklist::item(item.block, item.source.is_none(), poses(item), item.first, item.count);
+            out[..ITEM_WORDS].copy_from_slice(&words);
+            out[ITEM_WORDS..].copy_from_slice(masks);
+            let (first, count) = (2 * item.first as usize, 2 * item.count as usize);
+            rest[first..first + count].copy_from_slice(bytemuck::cast_slice(list.elements_of(item)));
         }
         Ok(())
-    }
-}
-
-/// Write items and their elements.
-fn write_items(
-    list: &WorkList,
-    poses: impl Fn(&Item) -> u32,
-    (items, elements): (ChunksExactMut<'_, u32>, &mut [u32]),
-) {
-    let mask_words = list.masks.len() / list.items.len().max(1);
-    for ((item, masks), out) in list.items.iter().zip(list.masks.chunks_exact(mask_words)).zip(items) {
-        let words = worklist::item(item.block, item.source.is_none(), poses(item), item.first, item.count);
-        out[..ITEM_WORDS].copy_from_slice(&words);
-        out[ITEM_WORDS..].copy_from_slice(masks);
-        let (first, count) = (2 * item.first as usize, 2 * item.count as usize);
-        let listed: &[u32] = bytemuck::cast_slice(list.elements_of(item));
-        elements[first..first + count].copy_from_slice(listed);
-    }
-}
-
-/// Write tiles and their rows, which begin at a word of the list.
-fn write_tiles(
-    tiles: &Tiles,
-    list: &WorkList,
-    poses: impl Fn(&Item) -> u32,
-    (items, rows_at, rows): (ChunksExactMut<'_, u32>, usize, &mut [u32]),
-) {
-    rows[..tiles.rows.len()].copy_from_slice(&tiles.rows);
-    let sized = tiles.items.iter().flat_map(|widths| widths.iter().enumerate());
-    let sized = sized.flat_map(|(width, tiles)| tiles.iter().map(move |tile| (width, tile)));
-    for ((width, tile), out) in sized.zip(items) {
-        let head = [tile.block, rows_at as u32 + tile.first, tile.count, tile.rebuilt];
-        let items = tile.items.iter().take(1 << width).map(|&i| &list.items[i as usize]);
-        worklist::write_tile(out, head, items.map(&poses));
     }
 }
 
@@ -194,7 +152,7 @@ impl Technique for BlocksTechnique {
         let set = group.sets.get((frame * u64::from(group.sets_of_frame)) as usize + work.instance as usize);
         let workgroups = Workgroups::Of(work.items.end - work.items.start);
         // SAFETY: the caller's obligations; set and list were written for this mesh and crowd.
-        unsafe { group.kernel.dispatch(cmd, set, work.kernel, &push, workgroups) };
+        unsafe { group.kernels.dispatch(cmd, set, work.kernel, &push, workgroups) };
     }
 
     fn exact(&self) -> Option<ExactGrid> {
@@ -203,7 +161,7 @@ impl Technique for BlocksTechnique {
 
     fn sums(&self, instance: u32) -> Option<(vk::Buffer, u64)> {
         let GroupBlocks { sums, poses, .. } = &self.groups[0];
-        sums.as_ref().map(|sums| (sums.raw, u64::from(instance) * poses.bytes))
+        sums.as_ref().map(|sums| (sums.raw, poses.sums(sums.raw).offset(instance, 0)))
     }
 
     #[cfg(any(test, feature = "internals"))]
@@ -214,10 +172,4 @@ impl Technique for BlocksTechnique {
         };
         works.chunk_by(|a, b| a.group == b.group).map(of).collect()
     }
-}
-
-/// Source and destination of an item, as numbers of poses in a set of instances.
-fn item_poses(item: &Item, reach: u32, slots: u32) -> u32 {
-    let pose = |slot: u32| item.instance % reach * slots + slot;
-    worklist::poses(pose(item.source.unwrap_or(item.destination)), pose(item.destination))
 }

@@ -31,13 +31,14 @@ pub struct TileItem {
 /// What [`WorkList`] says, tile by tile.
 #[derive(Clone, Debug)]
 pub struct Tiles {
-    /// `[apart][width]`: tiles of 2^width instances. Apart: tiles that start from the base pose.
-    pub items: [[Vec<TileItem>; WIDTHS]; 2],
+    /// `[kernel]`: tiles of 2^width instances for kernel number `width`. Those of rebuilt instances, where they are in
+    /// tiles of their own, are for number [`WIDTHS`] + width.
+    pub items: [Vec<TileItem>; 2 * WIDTHS],
     /// `[row]`: entry, then a coefficient for each instance of the tile, 0 for one that does not need the entry; see
     /// [`row_words`].
     pub rows: Vec<u32>,
-    /// Rebuilt instances have tiles of their own.
-    rebuilt_apart: bool,
+    /// Rebuilt instances are in tiles of their own.
+    separate: bool,
     /// How wide tiles are.
     device: DeviceTuning,
     /// Per block and part: items of the list, one after the other.
@@ -48,15 +49,14 @@ pub struct Tiles {
 }
 
 impl Tiles {
-    /// No tiles yet, with room for every block of `instances`. `rebuilt_apart`: instances that start from the base pose
-    /// are in tiles of their own.
-    pub fn new(index: &BlockIndex, instances: usize, rebuilt_apart: bool, device: DeviceTuning) -> Self {
+    /// No tiles yet, with room for every block of `instances`. `separate`: instances that start from the base pose are
+    /// in tiles of their own.
+    pub fn new(index: &BlockIndex, instances: usize, separate: bool, device: DeviceTuning) -> Self {
         let blocks = index.count() * instances;
-        let apart = |_| std::array::from_fn(|width| Vec::with_capacity(blocks >> width));
         Self {
-            items: [0, 1].map(apart),
+            items: std::array::from_fn(|kernel| Vec::with_capacity(blocks >> (kernel % WIDTHS))),
             rows: Vec::with_capacity(Self::words_max(index, instances)),
-            rebuilt_apart,
+            separate,
             device,
             ends: vec![],
             sorted: Vec::with_capacity(blocks),
@@ -72,18 +72,24 @@ impl Tiles {
 
     /// Forget the last update.
     pub fn clear(&mut self) {
-        self.items.iter_mut().flatten().for_each(Vec::clear);
+        self.items.iter_mut().for_each(Vec::clear);
         self.rows.clear();
     }
 
-    /// How many tiles there are, of each width that do not start from base, then of each width that do.
+    /// How many tiles there are for each kernel.
     pub fn counts(&self) -> [usize; 2 * WIDTHS] {
-        std::array::from_fn(|i| self.items[i / WIDTHS][i % WIDTHS].len())
+        std::array::from_fn(|kernel| self.items[kernel].len())
+    }
+
+    /// All tiles, with their widths, in the order of lists.
+    pub fn iter(&self) -> impl Iterator<Item = (usize, &TileItem)> {
+        let kernels = self.items.iter().enumerate();
+        kernels.flat_map(|(kernel, tiles)| tiles.iter().map(move |tile| (kernel % WIDTHS, tile)))
     }
 
     /// Append tiles of these items of `list`, which are ascending by instance, then block.
     pub fn fill(&mut self, index: &BlockIndex, list: &WorkList, items: Range<usize>) {
-        let part = |item: &Item| 2 * item.block as usize + usize::from(self.rebuilt_apart && item.source.is_none());
+        let part = |item: &Item| 2 * item.block as usize + usize::from(self.separate && item.source.is_none());
         // A counting sort by block: for each part, first its size, then where it begins, in the end where it ends.
         self.ends.clear();
         self.ends.resize(2 * index.count() + 1, 0);
@@ -162,42 +168,24 @@ impl Tiles {
             tile.items[place] = i;
             tile.rebuilt |= u32::from(list.items[i as usize].source.is_none()) << place;
         }
-        self.items[part % 2][width].push(tile);
+        self.items[part % 2 * WIDTHS + width].push(tile);
     }
 
-    /// What kernels load and store for these tiles.
-    pub fn bytes(&self, index: &BlockIndex, exact: bool) -> TileBytes {
-        let mut bytes = TileBytes::default();
-        for (width, tiles) in self.items.iter().flat_map(|widths| widths.iter().enumerate()) {
+    /// Bytes that kernels load and store for these tiles, and those that are not of lists.
+    pub fn bytes(&self, index: &BlockIndex, exact: bool) -> [u64; 2] {
+        let (mut moved, mut floor) = (0, 0);
+        for (width, tile) in self.iter() {
             let (instances, stride) = (1u64 << width, row_words(width));
             // Exact: base in, integers in and out, poses out.
             let pose = if exact { 4 + 12 * instances } else { 8 * instances };
-            for tile in tiles {
-                let rows = &self.rows[tile.first as usize..][..tile.count as usize * stride];
-                let deltas: u64 =
-                    rows.chunks_exact(stride).map(|row| u64::from(index.costs()[row[0] as usize].bytes)).sum();
-                let least = deltas + (index.size() * POSE_FLOATS) as u64 * pose;
-                bytes.floor += least;
-                bytes.moved += least + 4 * (4 + instances + rows.len() as u64);
-            }
+            let rows = &self.rows[tile.first as usize..][..tile.count as usize * stride];
+            let deltas: u64 =
+                rows.chunks_exact(stride).map(|row| u64::from(index.costs()[row[0] as usize].bytes)).sum();
+            let least = deltas + (index.size() * POSE_FLOATS) as u64 * pose;
+            floor += least;
+            moved += least + 4 * (4 + instances + rows.len() as u64);
         }
-        bytes
-    }
-}
-
-/// Bytes of an update in tiles.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct TileBytes {
-    /// Deltas, lists and poses.
-    pub moved: u64,
-    /// Without the lists.
-    pub floor: u64,
-}
-
-impl std::ops::AddAssign for TileBytes {
-    fn add_assign(&mut self, other: Self) {
-        self.moved += other.moved;
-        self.floor += other.floor;
+        [moved, floor]
     }
 }
 

@@ -2,40 +2,17 @@
 
 use super::*;
 use crate::abi::kernels::{DeviceClass, DeviceTuning};
-use crate::cpu::blocks::Block;
-use crate::cpu::tile::{self, Memory};
-use crate::pack::blocks::{BlockDesc, ExactGrid};
+use crate::cpu::tile;
+use crate::pack::blocks::BlockDesc;
 use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
 use crate::plan::instances::Instances;
 use crate::plan::{Accumulate, UpdateDesc};
 use crate::testing;
 use crate::update::blocks::Planner;
+use crate::update::blocks::tests::{memory, run_items};
 use proptest::prelude::*;
 
 const TARGETS: usize = 9;
-
-fn memory(mesh: &PackedMesh, instances: usize, slots: usize) -> Memory {
-    let floats = mesh.base().len();
-    Memory {
-        slots,
-        poses: vec![vec![f32::NAN; floats]; instances * slots],
-        sums: vec![vec![i32::MAX; floats]; instances],
-    }
-}
-
-/// Carry the list out block by block.
-fn run_items(mesh: &PackedMesh, index: &BlockIndex, list: &WorkList, exact: Option<ExactGrid>, memory: &mut Memory) {
-    let floats = index.size() * POSE_FLOATS;
-    for (i, item) in list.items.iter().enumerate() {
-        let part = item.block as usize * floats..(item.block as usize + 1) * floats;
-        let at = item.instance as usize * memory.slots;
-        let source = item.source.filter(|&s| s != item.destination);
-        let source = source.map(|s| memory.poses[at + s as usize][part.clone()].to_vec());
-        let sums = exact.map(|grid| (&mut memory.sums[item.instance as usize][part.clone()], grid));
-        let destination = &mut memory.poses[at + item.destination as usize][part];
-        Block::new(mesh.surface(), index, list, i, source.as_deref()).run(destination, sums, &mut ());
-    }
-}
 
 proptest! {
     #[test]
@@ -53,7 +30,7 @@ proptest! {
             if exact && format != DeltaFormat::BlockFloat32 { Accumulate::Exact } else { Accumulate::default() };
         let desc = UpdateDesc { slots, accumulate, ..UpdateDesc::blocks() };
         let mut planner = Planner::new(desc, [mesh.layout()], instances).unwrap();
-        planner.groups[0].write_whole_blocks();
+        planner.groups[0].whole_blocks = true;
         let exact = planner.exact();
         let tuning = DeviceTuning { widest_tile: 1 << widest, ..DeviceClass::Desktop.tuning() };
         let mut tiles = Tiles::new(&index, instances, exact.is_none(), tuning);
@@ -74,17 +51,15 @@ proptest! {
             tiles.clear();
             tiles.fill(&index, list, 0..list.items.len());
             let (mut metered, mut seen) = (0u64, vec![]);
-            for (width, items) in tiles.items.iter().flat_map(|widths| widths.iter().enumerate()) {
-                prop_assert!(width <= widest || items.is_empty());
-                for tile in items {
-                    seen.extend_from_slice(&tile.items[..1 << width]);
-                    prop_assert!((tile.first as usize).is_multiple_of(ALIGN) && row_words(width) > 1 << width);
-                    tile::run(mesh.surface(), &index, list, (&tiles, tile, width), exact, &mut other, &mut metered);
-                }
+            for (width, tile) in tiles.iter() {
+                prop_assert!(width <= widest);
+                seen.extend_from_slice(&tile.items[..1 << width]);
+                prop_assert!((tile.first as usize).is_multiple_of(ALIGN) && row_words(width) > 1 << width);
+                tile::run(mesh.surface(), &index, list, (&tiles, tile, width), exact, &mut other, &mut metered);
             }
             seen.sort_unstable();
             prop_assert!(seen.iter().copied().eq(0..list.items.len() as u32), "every item is in one tile");
-            prop_assert_eq!(tiles.bytes(&index, exact.is_some()).moved, metered);
+            prop_assert_eq!(tiles.bytes(&index, exact.is_some())[0], metered);
             prop_assert!(tiles.rows.len() <= Tiles::words_max(&index, instances));
             prop_assert_eq!(&one.sums, &other.sums);
             let tolerance = 1e-6 * mesh.layout().diagonal;
@@ -101,7 +76,7 @@ fn widths_of(tuning: DeviceTuning, changed: impl Fn(usize, usize) -> bool) -> [u
     let index = mesh.layout().blocks.clone().unwrap();
     let desc = UpdateDesc::blocks();
     let mut planner = Planner::new(desc, [mesh.layout()], TILE).unwrap();
-    planner.groups[0].write_whole_blocks();
+    planner.groups[0].whole_blocks = true;
     let mut tiles = Tiles::new(&index, TILE, true, tuning);
     let mut heads = Instances::new(TILE, TARGETS, desc.slots);
     for update in 1..4 {
@@ -113,7 +88,7 @@ fn widths_of(tuning: DeviceTuning, changed: impl Fn(usize, usize) -> bool) -> [u
     }
     let list = &planner.groups[0].list;
     tiles.fill(&index, list, 0..list.items.len());
-    std::array::from_fn(|width| tiles.items.iter().map(|widths| widths[width].len()).sum())
+    std::array::from_fn(|width| tiles.iter().filter(|(w, _)| *w == width).count())
 }
 
 #[test]
@@ -123,7 +98,7 @@ fn heads_share_a_tile_where_they_share_entries() {
     let blocks = widths(&|_, _| true)[3];
     assert!(blocks > 1);
     assert_eq!(widths(&|_, _| true), [0, 0, 0, blocks], "all change: one tile of eight a block");
-    assert_eq!(widths(&|head, t| t == head)[2..], [0, 0], "heads that have nothing in common go apart");
+    assert_eq!(widths(&|head, t| t == head)[2..], [0, 0], "heads that have nothing in common share no tile");
     let half = widths(&|head, t| (head + t) % 2 == 0);
     assert!(half[3] > 0 && half[0] == 0, "heads that have half in common do not: {half:?}");
     let most = |head: usize, t: usize| t % 5 != head / 4;

@@ -2,8 +2,10 @@
 //! buffer ("all in one pass"). The first pass of an update reads the current slot and writes the next, the rest run in
 //! place there.
 
-use super::plan::{COMPUTE_PASS, DensePlanner};
-use super::technique::Passes;
+use super::plan::COMPUTE_PASS;
+#[cfg(any(test, feature = "internals"))]
+use super::plan::PassAccess;
+use super::technique::{DensePass, Passes};
 use crate::abi::modules::{DENSE, DENSE_LIST};
 use crate::abi::numbers::WORKGROUP;
 use crate::abi::push::{DenseListEntry, DenseListPush, DensePush};
@@ -11,11 +13,13 @@ use crate::error::Result;
 use crate::gpu::descriptors::{Bound, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernel;
-use crate::gpu::mesh::{MeshBuffers, delta_range};
+use crate::gpu::mesh::delta_range;
 use crate::gpu::pipelines::Objects;
 use crate::gpu::ring::Ring;
 use crate::pack::{BASE_STRIDE, DeltaFormat, PackedLayout, PoseFormat};
 use crate::plan::BatchSize;
+#[cfg(any(test, feature = "internals"))]
+use crate::plan::steps::{Access, Stage};
 use crate::plan::steps::{Source, Use, Work};
 use crate::update::technique::Context;
 use crate::weights::delta::Coefficient;
@@ -32,7 +36,7 @@ struct Compute {
 impl Kernel for Compute {
     type Key = (DeltaFormat, PoseFormat, BatchSize);
 
-    fn new(device: &Arc<Device>, key: Self::Key, _others: &[Arc<Self>]) -> Result<Self> {
+    fn new(device: &Arc<Device>, key: Self::Key) -> Result<Self> {
         let (format, pose, batch) = key;
         let mut objects = Objects::none(device);
         objects.add_layout(&[DENSE.row, DENSE_LIST.row], 0)?;
@@ -55,8 +59,6 @@ impl Kernel for Compute {
 /// What a crowd's compute passes take.
 pub(crate) struct ComputePasses {
     kernel: Arc<Compute>,
-    mesh: Arc<MeshBuffers>,
-    batch: BatchSize,
     instances: u32,
     /// Coefficient lists of all instances.
     ring: Ring,
@@ -67,6 +69,13 @@ pub(crate) struct ComputePasses {
 
 impl Passes for ComputePasses {
     const USES: &'static [Use] = COMPUTE_PASS;
+
+    #[cfg(any(test, feature = "internals"))]
+    const ACCESS: PassAccess = PassAccess {
+        reads: (Stage::Compute, Access::ShaderRead),
+        writes: (Stage::Compute, Access::ShaderWrite),
+        in_place: true,
+    };
 
     fn new(context: Context<'_>) -> Result<Self> {
         let (layout, desc) = (context.layout(), context.desc);
@@ -84,69 +93,52 @@ impl Passes for ComputePasses {
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER;
         let ring = Ring::new(context.device, "deltamorph coefficient lists", part, frames, usage)?;
         let sets = PassSets::new(&kernel, &context, ring.range(0).buffer, stride)?;
-        Ok(Self { kernel, mesh: context.mesh.clone(), batch, instances, ring, stride, sets })
+        Ok(Self { kernel, instances, ring, stride, sets })
     }
 
-    fn layout(&self) -> &PackedLayout {
-        &self.mesh.layout
-    }
-
-    fn write_lists<'a>(
-        &mut self,
-        planner: &DensePlanner,
-        frame: u64,
-        works: impl Iterator<Item = &'a Work>,
-    ) -> Result<()> {
-        if self.batch != BatchSize::All {
-            return Ok(());
-        }
-        let (words, stride) = (self.ring.words(frame)?, self.stride as usize / 4);
-        for work in works {
-            let out = &mut words[work.instance as usize * stride..][..stride];
-            let entries = list_entries(&self.mesh.layout, planner.coefficients(work));
-            for (out, entry) in out.chunks_exact_mut(size_of::<DenseListEntry>() / 4).zip(entries) {
-                out.copy_from_slice(bytemuck::cast_slice(bytes_of(&entry)));
+    fn write_list(&mut self, frame: u64, work: &Work, pass: &DensePass<'_>) -> Result<()> {
+        if self.kernel.key.2 == BatchSize::All {
+            let words = &mut self.ring.words(frame)?[work.instance as usize * self.stride as usize / 4..];
+            let entries: &mut [DenseListEntry] = bytemuck::cast_slice_mut(&mut words[..self.stride as usize / 4]);
+            for (entry, coefficient) in entries.iter_mut().zip(pass.coefficients) {
+                *entry = list_entry(pass.layout, coefficient);
             }
         }
         Ok(())
     }
 
-    unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work, coefficients: &[Coefficient]) {
-        let (device, layout) = (&self.kernel.objects.device.raw, &self.mesh.layout);
-        let (pipeline, list) = match self.batch {
+    unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work, pass: &DensePass<'_>) {
+        let (objects, batch) = (&self.kernel.objects, self.kernel.key.2);
+        let (device, point, stage) =
+            (&objects.device.raw, vk::PipelineBindPoint::COMPUTE, vk::ShaderStageFlags::COMPUTE);
+        let entry_count = pass.coefficients.len();
+        let (pipeline, list) = match batch {
             BatchSize::All => (0, (frame * u64::from(self.instances) + u64::from(work.instance)) * self.stride),
-            BatchSize::Targets(_) => (coefficients.len(), 0),
+            BatchSize::Targets(_) => (entry_count, 0),
         };
-        let (point, pipeline) = (vk::PipelineBindPoint::COMPUTE, self.kernel.objects.pipelines[pipeline]);
         // SAFETY: the caller's obligation; the pipeline is ours.
-        unsafe { device.cmd_bind_pipeline(cmd, point, pipeline) };
-        let dense = dense_push(layout, coefficients);
-        for ((first, vertices), set) in layout.chunks().zip(self.sets.get(work)) {
+        unsafe { device.cmd_bind_pipeline(cmd, point, objects.pipelines[pipeline]) };
+        let dense = dense_push(pass.layout, pass.coefficients);
+        for ((first, vertices), set) in pass.layout.chunks().zip(self.sets.get(work)) {
             // Fits 32 bits: checked in `new`, and of deltas at upload.
-            let offsets = [(layout.row_start(0, first, vertices) * 4) as u32, list as u32];
+            let offsets = [(pass.layout.row_start(0, first, vertices) * 4) as u32, list as u32];
             let chunk_vertices = vertices as u32;
-            let list = DenseListPush { chunk_vertices, entry_count: coefficients.len() as u32 };
+            let list = DenseListPush { chunk_vertices, entry_count: entry_count as u32 };
             let dense = DensePush { chunk_vertices, ..dense };
-            let push = match self.batch {
+            let push = match batch {
                 BatchSize::All => bytes_of(&list),
                 BatchSize::Targets(_) => bytes_of(&dense),
             };
-            let (layout, stage) = (self.kernel.objects.layout, vk::ShaderStageFlags::COMPUTE);
             // SAFETY: the caller's obligations; the sets were written for this mesh and crowd, and this frame's lists
             // are complete; the push constants are within the layout's range; offsets are multiples of 64 vertices × 12
             // bytes or of the list's stride, which satisfy the device's alignment; padded vertices fill whole
             // workgroups, no more than the device has (checked at upload).
             unsafe {
-                device.cmd_bind_descriptor_sets(cmd, point, layout, 0, &[*set], &offsets);
-                device.cmd_push_constants(cmd, layout, stage, 0, push);
+                device.cmd_bind_descriptor_sets(cmd, point, objects.layout, 0, &[*set], &offsets);
+                device.cmd_push_constants(cmd, objects.layout, stage, 0, push);
                 device.cmd_dispatch(cmd, chunk_vertices / WORKGROUP, 1, 1);
             }
         }
-    }
-
-    #[cfg(any(test, feature = "internals"))]
-    fn accesses(works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        super::plan::compute_accesses(works)
     }
 }
 
@@ -163,17 +155,12 @@ fn dense_push(layout: &PackedLayout, coefficients: &[Coefficient]) -> DensePush 
     push
 }
 
-/// The coefficient list of `dense_list.comp`.
-fn list_entries<'a>(
-    layout: &'a PackedLayout,
-    coefficients: &'a [Coefficient],
-) -> impl Iterator<Item = DenseListEntry> + 'a {
-    coefficients.iter().map(|c| {
-        let target = &layout.targets[c.target as usize];
-        let coefficient = c.value * target.position_step;
-        let normal_coefficient = coefficient * target.normal_ratio();
-        DenseListEntry { target: c.target, coefficient, normal_coefficient, unused: 0 }
-    })
+/// An entry of the coefficient list of `dense_list.comp`.
+fn list_entry(layout: &PackedLayout, c: &Coefficient) -> DenseListEntry {
+    let target = &layout.targets[c.target as usize];
+    let coefficient = c.value * target.position_step;
+    let normal_coefficient = coefficient * target.normal_ratio();
+    DenseListEntry { target: c.target, coefficient, normal_coefficient, unused: 0 }
 }
 
 /// The descriptor sets of a crowd. Poses are bound where they are, and not by dynamic offset: synchronization

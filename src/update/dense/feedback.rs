@@ -4,29 +4,23 @@
 //! as vertex attributes, rasterizer discard, ping-pong. One pipeline per batch size; each pass is a draw in a
 //! render pass of its own, because a barrier inside a subpass cannot order captures before vertex fetch.
 
-use super::technique::Passes;
+#[cfg(any(test, feature = "internals"))]
+use super::plan::PassAccess;
+use super::technique::{DensePass, Passes};
 use crate::abi::modules::FEEDBACK;
 use crate::abi::push::attribute_push_bytes;
 use crate::error::Result;
 use crate::gpu::caps::CAPTURE_STRIDE;
 use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernel;
-use crate::gpu::mesh::MeshBuffers;
 use crate::gpu::pipelines::Objects;
 use crate::pack::{DeltaFormat, PackedLayout, PoseFormat};
 use crate::plan::BatchSize;
-use crate::plan::steps::{Access, Resource, Source, Stage, Use, Work};
-use crate::update::technique::{Context, Poses};
+use crate::plan::steps::{Access, Resource, Stage, Use, Work};
+use crate::update::technique::Context;
 use crate::weights::delta::Coefficient;
 use ash::vk;
 use std::sync::Arc;
-
-/// What a pass uses.
-pub(crate) const FEEDBACK_PASS: &[Use] = &[
-    Use::new(Resource::Asset, Stage::VertexInput, Access::AttributeRead),
-    Use::new(Resource::Poses, Stage::VertexInput, Access::AttributeRead),
-    Use::new(Resource::Poses, Stage::TransformFeedback, Access::FeedbackWrite),
-];
 
 /// Pipelines for batches 0 (a copy) to the batch size.
 pub(crate) struct Feedback {
@@ -34,39 +28,10 @@ pub(crate) struct Feedback {
     key: (DeltaFormat, u32),
 }
 
-/// The buffers of one vertex pass.
-pub(crate) struct VertexPass<'a> {
-    pub(crate) layout: &'a PackedLayout,
-    pub(crate) deltas: vk::Buffer,
-    /// Buffer and offset of the source pose.
-    pub(crate) source: (vk::Buffer, u64),
-    /// Buffer and offset of the destination pose.
-    pub(crate) destination: (vk::Buffer, u64),
-    pub(crate) coefficients: &'a [Coefficient],
-}
-
-impl<'a> VertexPass<'a> {
-    /// The pass of a work.
-    pub(crate) fn new(mesh: &'a MeshBuffers, poses: &Poses, work: &Work, coefficients: &'a [Coefficient]) -> Self {
-        let pose = |slot| (poses.buffer, poses.offset(work.instance, slot));
-        let source = match work.source {
-            Source::Base => (mesh.base.raw, 0),
-            Source::Slot(slot) => pose(slot),
-        };
-        Self {
-            layout: &mesh.layout,
-            deltas: mesh.deltas.raw,
-            source,
-            destination: pose(work.destination),
-            coefficients,
-        }
-    }
-}
-
 impl Kernel for Feedback {
     type Key = (DeltaFormat, u32);
 
-    fn new(device: &Arc<Device>, key: Self::Key, _others: &[Arc<Self>]) -> Result<Self> {
+    fn new(device: &Arc<Device>, key: Self::Key) -> Result<Self> {
         let (format, batch) = key;
         let mut objects = Objects::none(device);
         objects.add_layout(&[FEEDBACK.row], attribute_push_bytes(format, batch))?;
@@ -90,7 +55,7 @@ impl Feedback {
     /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with graphics.
     /// - The buffers of `pass` are alive until it has run, hold what `pass.layout` says, and source and
     ///   destination do not overlap.
-    pub(crate) unsafe fn record(&self, cmd: vk::CommandBuffer, pass: &VertexPass<'_>) {
+    pub(crate) unsafe fn record(&self, cmd: vk::CommandBuffer, pass: &DensePass<'_>) {
         let device = &self.objects.device;
         let Some(feedback) = &device.feedback else { return };
         let feedback = feedback.fp();
@@ -128,35 +93,28 @@ impl Feedback {
     }
 }
 
-/// What a crowd's captured vertex passes take.
-pub(crate) struct FeedbackPasses {
-    kernel: Arc<Feedback>,
-    mesh: Arc<MeshBuffers>,
-    poses: Poses,
-}
-
-impl Passes for FeedbackPasses {
-    const USES: &'static [Use] = FEEDBACK_PASS;
-
-    fn new(context: Context<'_>) -> Result<Self> {
-        let kernel = context.kernels.get((context.layout().format, vertex_batch(&context)))?;
-        Ok(Self { kernel, mesh: context.mesh.clone(), poses: context.poses })
-    }
-
-    fn layout(&self) -> &PackedLayout {
-        &self.mesh.layout
-    }
-
-    unsafe fn record(&self, cmd: vk::CommandBuffer, _frame: u64, work: &Work, coefficients: &[Coefficient]) {
-        let pass = VertexPass::new(&self.mesh, &self.poses, work, coefficients);
-        // SAFETY: the caller's obligations; source and destination are different slots: the plan alternates (tests hold
-        // every plan to that).
-        unsafe { self.kernel.record(cmd, &pass) };
-    }
+impl Passes for Arc<Feedback> {
+    const USES: &'static [Use] = &[
+        Use::new(Resource::Asset, Stage::VertexInput, Access::AttributeRead),
+        Use::new(Resource::Poses, Stage::VertexInput, Access::AttributeRead),
+        Use::new(Resource::Poses, Stage::TransformFeedback, Access::FeedbackWrite),
+    ];
 
     #[cfg(any(test, feature = "internals"))]
-    fn accesses(works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        feedback_accesses(works)
+    const ACCESS: PassAccess = PassAccess {
+        reads: (Stage::VertexInput, Access::AttributeRead),
+        writes: (Stage::TransformFeedback, Access::FeedbackWrite),
+        in_place: false,
+    };
+
+    fn new(context: Context<'_>) -> Result<Self> {
+        context.kernels.get((context.layout().format, vertex_batch(&context)))
+    }
+
+    unsafe fn record(&self, cmd: vk::CommandBuffer, _frame: u64, _work: &Work, pass: &DensePass<'_>) {
+        // SAFETY: the caller's obligations; source and destination are different slots: the plan alternates (tests hold
+        // every plan to that).
+        unsafe { Feedback::record(self, cmd, pass) };
     }
 }
 
@@ -167,13 +125,6 @@ pub(crate) fn vertex_batch(context: &Context<'_>) -> u32 {
         // Refused by the check of the description.
         BatchSize::All => 0,
     }
-}
-
-/// What the passes read and write.
-#[cfg(any(test, feature = "internals"))]
-pub(crate) fn feedback_accesses(works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-    let write = (Stage::TransformFeedback, Access::FeedbackWrite);
-    super::plan::pass_accesses(works, (Stage::VertexInput, Access::AttributeRead), write, false)
 }
 
 /// Coefficients, and for snorm16 the exponents of normals, as `attributes.glsl` declares them.

@@ -6,13 +6,13 @@ mod plan;
 pub(crate) mod technique;
 
 pub(crate) type ComputeTechnique = technique::DenseTechnique<compute::ComputePasses>;
-pub(crate) type FeedbackTechnique = technique::DenseTechnique<feedback::FeedbackPasses>;
+pub(crate) type FeedbackTechnique = technique::DenseTechnique<std::sync::Arc<feedback::Feedback>>;
 
 #[cfg(all(feature = "baselines", any(test, feature = "internals")))]
-pub(crate) use plan::pass_accesses;
-pub use plan::{COMPUTE_PASS, DensePlanner};
+pub(crate) use plan::PassAccess;
 #[cfg(any(test, feature = "internals"))]
-pub use plan::{Pass, Plan};
+pub use plan::Plan;
+pub use plan::{COMPUTE_PASS, DensePlanner};
 
 #[cfg(test)]
 mod tests;

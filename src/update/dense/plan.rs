@@ -9,7 +9,7 @@
 use crate::error::Result;
 use crate::pack::PackedLayout;
 #[cfg(any(test, feature = "internals"))]
-use crate::plan::hazards::{Accesses, Memory, MemoryUse};
+use crate::plan::hazards::{Accesses, Memory};
 use crate::plan::history::History;
 use crate::plan::instances::Instances;
 #[cfg(any(test, feature = "internals"))]
@@ -17,26 +17,14 @@ use crate::plan::steps::{Access, Stage};
 use crate::plan::steps::{Resource, Source, Steps, Use, Work};
 use crate::plan::{BatchSize, UpdateDesc, UpdateMode, UpdateStats};
 use crate::weights::delta::{Coefficient, active_targets, changed_targets};
-use std::ops::Range;
 
-/// `destination = source + Σ coefficient · delta` over a range of the plan's coefficients.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Pass {
-    /// What it adds to.
-    pub source: Source,
-    /// The slot it writes.
-    pub destination: u32,
-    /// Which of [`Plan::coefficients`] it adds.
-    pub coefficients: Range<usize>,
-}
-
-/// The passes of one update of one instance, and what its pose holds behind them.
+/// The passes of one update of one instance, and what its pose holds after them.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Plan {
     /// What is applied, ascending by target.
     pub coefficients: Vec<Coefficient>,
-    /// In order; empty when nothing changed.
-    pub passes: Vec<Pass>,
+    /// `destination = source + Σ coefficient · delta` over items of `coefficients`, in order; empty when nothing changed.
+    pub passes: Vec<Work>,
     /// Whether the passes start from the base pose.
     pub rebuilt: bool,
     /// The weights that the pose holds, as far as the history of the instance knows one.
@@ -89,8 +77,8 @@ impl Plan {
             BatchSize::All => count,
         };
         for (k, &destination) in (0..desc.batch.passes(count)).zip([first, second].iter().cycle()) {
-            let coefficients = (k * size).min(count)..((k + 1) * size).min(count);
-            self.passes.push(Pass { source, destination, coefficients });
+            let items = (k * size).min(count) as u32..((k + 1) * size).min(count) as u32;
+            self.passes.push(Work { source, destination, items, ..Work::default() });
             source = Source::Slot(destination);
         }
     }
@@ -104,8 +92,6 @@ pub const COMPUTE_PASS: &[Use] = &[Use::read(Resource::Asset), Use::read(Resourc
 pub struct DensePlanner {
     desc: UpdateDesc,
     plans: Vec<Plan>,
-    /// What the passes of all instances add.
-    coefficients: Vec<Coefficient>,
 }
 
 impl DensePlanner {
@@ -115,12 +101,11 @@ impl DensePlanner {
     /// As [`UpdateDesc::check`].
     pub fn new(desc: UpdateDesc, instances: usize) -> Result<Self> {
         desc.check()?;
-        Ok(Self { desc, plans: vec![Plan::default(); instances], coefficients: vec![] })
+        Ok(Self { desc, plans: vec![Plan::default(); instances] })
     }
 
     /// Plan the update numbered `update` of every instance that is shown.
     pub fn plan(&mut self, instances: &mut Instances, update: u64) {
-        self.coefficients.clear();
         self.plans.iter_mut().for_each(Plan::clear);
         for (place, weights, history) in instances.shown() {
             self.plans[place].fill(&self.desc, weights, history, update);
@@ -129,32 +114,21 @@ impl DensePlanner {
 
     /// Append the planned passes of `groups` groups to `steps`: the k-th passes of all instances and groups are one step,
     /// which uses `uses`. Passes come from weights alone, and are the same in all groups.
-    pub fn fill(&mut self, groups: usize, uses: &'static [Use], steps: &mut Steps) {
+    pub fn fill(&self, groups: usize, uses: &'static [Use], steps: &mut Steps) {
         let rounds = self.plans.iter().map(|plan| plan.passes.len()).max().unwrap_or(0);
         for round in 0..rounds {
             steps.step(uses);
-            for instance in 0..self.plans.len() {
-                let Some(pass) = self.plans[instance].passes.get(round) else { continue };
-                let (source, destination, range) = (pass.source, pass.destination, pass.coefficients.clone());
-                let items = self.list(instance, range);
-                for group in 0..groups as u32 {
-                    let (instance, items) = (instance as u32, items.clone());
-                    steps.push(Work { kernel: 0, group, instance, source, destination, items });
-                }
+            let passes =
+                (0..).zip(&self.plans).filter_map(|(instance, plan)| Some((instance, plan.passes.get(round)?)));
+            for (instance, pass) in passes {
+                (0..groups as u32).for_each(|group| steps.push(Work { group, instance, ..pass.clone() }));
             }
         }
     }
 
-    /// Append coefficients of an instance's plan to those that works name.
-    pub(crate) fn list(&mut self, instance: usize, range: Range<usize>) -> Range<u32> {
-        let first = self.coefficients.len() as u32;
-        self.coefficients.extend_from_slice(&self.plans[instance].coefficients[range]);
-        first..self.coefficients.len() as u32
-    }
-
     /// The coefficients of a work.
     pub fn coefficients(&self, work: &Work) -> &[Coefficient] {
-        &self.coefficients[work.items.start as usize..work.items.end as usize]
+        &self.plans[work.instance as usize].coefficients[work.items.start as usize..work.items.end as usize]
     }
 
     /// The plans of the last update.
@@ -173,7 +147,7 @@ impl DensePlanner {
     /// that any order of the same dense work could move is each instance's pose read and written once, each
     /// coefficient's deltas read once. Bytes are those of all groups.
     pub fn stats<'a>(&self, groups: impl Iterator<Item = &'a PackedLayout> + Clone) -> UpdateStats {
-        let coefficients = self.coefficients.len();
+        let coefficients = self.plans.iter().map(|plan| plan.coefficients.len()).sum();
         let passes = self.plans.iter().map(|plan| plan.passes.len()).sum();
         let changed = self.plans.iter().filter(|plan| !plan.passes.is_empty());
         let bytes = |poses: usize| {
@@ -199,34 +173,32 @@ impl DensePlanner {
     }
 }
 
-/// What dense passes read and write, with these stages and accesses.
+/// How passes access memory, for the hazard checker: stage and kind of reads and of the write, and whether a pass may
+/// write the pose that it reads.
 #[cfg(any(test, feature = "internals"))]
-pub(crate) fn pass_accesses(
-    works: &[Work],
-    (read_stage, read): (Stage, Access),
-    (write_stage, written): (Stage, Access),
-    in_place: bool,
-) -> Vec<Accesses> {
-    let of = |work: &Work| {
-        let (instance, group) = (work.instance, work.group);
-        let read = |memory| MemoryUse { group, memory, stage: read_stage, access: read };
-        let source = match work.source {
-            Source::Base => Memory::Base,
-            Source::Slot(slot) => Memory::Pose { instance, slot },
-        };
-        let deltas = (!work.items.is_empty()).then_some(Memory::Deltas);
-        let destination = Memory::Pose { instance, slot: work.destination };
-        Accesses {
-            reads: deltas.into_iter().chain([source]).map(read).collect(),
-            writes: vec![MemoryUse { group, memory: destination, stage: write_stage, access: written }],
-            in_place,
-        }
-    };
-    works.iter().map(of).collect()
+#[derive(Clone, Copy)]
+pub(crate) struct PassAccess {
+    pub(crate) reads: (Stage, Access),
+    pub(crate) writes: (Stage, Access),
+    pub(crate) in_place: bool,
 }
 
-/// What compute passes read and write.
 #[cfg(any(test, feature = "internals"))]
-pub(crate) fn compute_accesses(works: &[Work]) -> Vec<Accesses> {
-    pass_accesses(works, (Stage::Compute, Access::ShaderRead), (Stage::Compute, Access::ShaderWrite), true)
+impl PassAccess {
+    /// What works read and write.
+    pub(crate) fn of(self, works: &[Work]) -> Vec<Accesses> {
+        let of = |work: &Work| {
+            let (instance, group) = (work.instance, work.group);
+            let read = |memory| Use::new(memory, self.reads.0, self.reads.1);
+            let source = match work.source {
+                Source::Base => Memory::Base,
+                Source::Slot(slot) => Memory::Pose { instance, slot },
+            };
+            let deltas = (!work.items.is_empty()).then_some(Memory::Deltas);
+            let write = Use::new(Memory::Pose { instance, slot: work.destination }, self.writes.0, self.writes.1);
+            let uses = deltas.into_iter().chain([source]).map(read).chain([write]).collect();
+            Accesses { group, uses, in_place: self.in_place }
+        };
+        works.iter().map(of).collect()
+    }
 }

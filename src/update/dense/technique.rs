@@ -1,79 +1,110 @@
 //! A crowd that is updated in dense passes, whoever carries a pass out.
 
 use super::plan::DensePlanner;
+#[cfg(any(test, feature = "internals"))]
+use super::plan::PassAccess;
 use crate::error::Result;
+use crate::gpu::mesh::MeshBuffers;
 use crate::pack::PackedLayout;
 use crate::plan::UpdateStats;
 use crate::plan::instances::Instances;
-use crate::plan::steps::{Steps, Use, Work};
-use crate::update::technique::{Context, Technique, UpdateId};
+use crate::plan::steps::{Source, Steps, Use, Work};
+use crate::update::technique::{Context, Poses, Technique, UpdateId};
 use crate::weights::delta::Coefficient;
 use ash::vk;
+use std::sync::Arc;
+
+/// A pass, with the buffers that it takes.
+pub(crate) struct DensePass<'a> {
+    pub(crate) layout: &'a PackedLayout,
+    pub(crate) deltas: vk::Buffer,
+    /// Buffer and offset of the source pose.
+    pub(crate) source: (vk::Buffer, u64),
+    /// Buffer and offset of the destination pose.
+    pub(crate) destination: (vk::Buffer, u64),
+    pub(crate) coefficients: &'a [Coefficient],
+}
+
+impl<'a> DensePass<'a> {
+    /// The pass of a work.
+    fn new(mesh: &'a MeshBuffers, poses: &Poses, work: &Work, coefficients: &'a [Coefficient]) -> Self {
+        let pose = |slot| (poses.buffer, poses.offset(work.instance, slot));
+        let source = match work.source {
+            Source::Base => (mesh.base.raw, 0),
+            Source::Slot(slot) => pose(slot),
+        };
+        let destination = pose(work.destination);
+        Self { layout: &mesh.layout, deltas: mesh.deltas.raw, source, destination, coefficients }
+    }
+}
 
 /// Who carries the passes of a group out, with what it keeps for a crowd.
 pub(crate) trait Passes: Send + Sync + Sized + 'static {
     /// What the passes of a step use.
     const USES: &'static [Use];
 
+    /// How they access what they use.
+    #[cfg(any(test, feature = "internals"))]
+    const ACCESS: PassAccess;
+
     /// What a crowd's passes take.
     fn new(context: Context<'_>) -> Result<Self>;
 
-    /// The group.
-    fn layout(&self) -> &PackedLayout;
-
-    /// Write lists for the works of its group.
-    fn write_lists<'a>(
-        &mut self,
-        _planner: &DensePlanner,
-        _frame: u64,
-        _works: impl Iterator<Item = &'a Work>,
-    ) -> Result<()> {
+    /// Write the list of a work of this group, where it has one.
+    fn write_list(&mut self, _frame: u64, _work: &Work, _pass: &DensePass<'_>) -> Result<()> {
         Ok(())
     }
 
-    /// Record a pass.
+    /// Record the pass of a work.
     ///
     /// # Safety
     /// As [`Technique::record`].
-    unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work, coefficients: &[Coefficient]);
-
-    /// As [`Technique::accesses`].
-    #[cfg(any(test, feature = "internals"))]
-    fn accesses(works: &[Work]) -> Vec<crate::plan::hazards::Accesses>;
+    unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work, pass: &DensePass<'_>);
 }
 
 /// A crowd that is updated by `P`.
 pub(crate) struct DenseTechnique<P> {
     planner: DensePlanner,
-    /// One for each group.
-    passes: Vec<P>,
+    groups: Vec<Group<P>>,
+}
+
+struct Group<P> {
+    mesh: Arc<MeshBuffers>,
+    poses: Poses,
+    passes: P,
 }
 
 impl<P: Passes> DenseTechnique<P> {
     pub(crate) fn new(context: Context<'_>) -> Result<Self> {
         let planner = DensePlanner::new(context.desc.update, context.desc.instances as usize)?;
-        Ok(Self { planner, passes: context.groups().map(P::new).collect::<Result<_>>()? })
+        let group = |context: Context<'_>| {
+            Ok(Group { mesh: context.mesh.clone(), poses: context.poses, passes: P::new(context)? })
+        };
+        Ok(Self { planner, groups: context.groups().map(group).collect::<Result<_>>()? })
     }
 }
 
 impl<P: Passes> Technique for DenseTechnique<P> {
     fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
-        self.planner.plan(instances, id.update);
-        self.planner.fill(self.passes.len(), P::USES, steps);
-        for (group, passes) in (0..).zip(&mut self.passes) {
-            let works = steps.works().iter().filter(|work| work.group == group);
-            passes.write_lists(&self.planner, id.frame, works)?;
+        let Self { planner, groups } = self;
+        planner.plan(instances, id.update);
+        planner.fill(groups.len(), P::USES, steps);
+        for work in steps.works() {
+            let Group { mesh, poses, passes } = &mut groups[work.group as usize];
+            passes.write_list(id.frame, work, &DensePass::new(mesh, poses, work, planner.coefficients(work)))?;
         }
-        Ok(self.planner.stats(self.passes.iter().map(P::layout)))
+        Ok(planner.stats(groups.iter().map(|group| &group.mesh.layout)))
     }
 
     unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work) {
+        let Group { mesh, poses, passes } = &self.groups[work.group as usize];
+        let pass = DensePass::new(mesh, poses, work, self.planner.coefficients(work));
         // SAFETY: the caller's obligations.
-        unsafe { self.passes[work.group as usize].record(cmd, frame, work, self.planner.coefficients(work)) };
+        unsafe { passes.record(cmd, frame, work, &pass) };
     }
 
     #[cfg(any(test, feature = "internals"))]
     fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        P::accesses(works)
+        P::ACCESS.of(works)
     }
 }

@@ -1,0 +1,139 @@
+//! The second phase of an update: which blocks are written, from what, and with which entries.
+//!
+//! An update reads the current slot and writes the next. A block is written when a changed target touches it, or when
+//! it is stale in the next slot (it is copied then, together with what changes now: each change is computed once,
+//! however many slots there are). Within a block only the components that changed are loaded and stored: the work list
+//! names them, a bit per vertex and component.
+//!
+//! Each block of each head makes its own choice: apply the changed targets to the pose there is, or rebuild from the
+//! base pose with the active ones, whichever moves fewer bytes of deltas and poses ([`UpdateMode::Incremental`]), and
+//! from the base pose where it is the same: rounding ends there, and heads have that pose in common. A block whose
+//! [bound](super::bound) on accumulated rounding would exceed the tolerance is rebuilt in any case. The first time the
+//! blocks' limits are spread out, so that they do not all come due in one frame.
+
+use super::bound::rounding;
+use super::group::GroupPlan;
+use super::list::{ELEMENT_BYTES, ITEM_WORDS, Item, component_bytes};
+use super::state::BlockState;
+use crate::plan::UpdateMode;
+
+impl BlockState {
+    /// Append what brings the second of two slots to what was committed; the first is current, and holds what the state
+    /// says where it is `known`.
+    pub(crate) fn emit(&mut self, group: &mut GroupPlan, instance: usize, slots: [u32; 2], known: bool) {
+        if !known {
+            self.forget_slots();
+        }
+        let (first_item, first_mask) = (group.list.items.len(), group.list.masks.len());
+        match group.index.mask_words() {
+            1 => self.emit_blocks::<6>(group, instance, slots, known),
+            2 => self.emit_blocks::<12>(group, instance, slots, known),
+            _ => self.emit_blocks::<24>(group, instance, slots, known),
+        }
+        let components = |masks: &[u32]| u64::from(masks.iter().map(|mask| mask.count_ones()).sum::<u32>());
+        let (items, masks) = (&group.list.items[first_item..], &group.list.masks[first_mask..]);
+        let poses = match group.exact() {
+            // In one loop over all items: it becomes SIMD.
+            None => components(masks) * component_bytes(false, false, true),
+            Some(_) => {
+                let masks = masks.chunks_exact(6 * group.index.mask_words());
+                let bytes = |item: &Item| component_bytes(true, item.source.is_none(), item.count > 0);
+                items.iter().zip(masks).map(|(item, masks)| components(masks) * bytes(item)).sum()
+            }
+        };
+        group.stats.bytes_moved += poses;
+        group.stats.bytes_floor += poses;
+        self.count(group);
+    }
+
+    fn emit_blocks<const N: usize>(
+        &mut self,
+        group: &mut GroupPlan,
+        instance: usize,
+        [current, destination]: [u32; 2],
+        known: bool,
+    ) {
+        let GroupPlan { index, list, stats, whole_blocks, desc, unit, tolerance, scratch, .. } = group;
+        let (count, costs) = (index.count(), index.costs());
+        let (entry_masks, _) = index.masks().as_chunks::<N>();
+        let (block_masks, _) = index.block_masks().as_chunks::<N>();
+        for (block, all) in block_masks.iter().enumerate() {
+            let entries = index.entries(block);
+            let first = instance * index.entry_count() + entries.start;
+            let mut listed = scratch.ends[block] - entries.start as u32;
+            let (touched, at) = (listed > 0, destination as usize * count + block);
+            let is_stale = std::mem::replace(&mut self.is_stale[at], false);
+            if !touched && !is_stale {
+                continue;
+            }
+            // What the listed entries load, move and change.
+            let (mut deltas, mut sum, mut changed) = (0, 0.0, [0; N]);
+            for element in &list.elements[first..first + listed as usize] {
+                let entry = element.entry as usize;
+                deltas += costs[entry].bytes;
+                sum += unit.size(element.coefficient) * costs[entry].reach;
+                changed.iter_mut().zip(&entry_masks[entry]).for_each(|(c, e)| *c |= e);
+            }
+            let (magnitude, active) =
+                (index.block_base()[block] + self.largest_weight * index.block_reach()[block], self.blocks[block]);
+            let bound = active.bound + rounding(magnitude, listed, sum);
+            let exceeded = touched && bound > active.limit;
+            let rebuilt = !known
+                || touched
+                    && (exceeded
+                        || desc.mode == UpdateMode::Rebuild
+                        || match *whole_blocks {
+                            // All components either way.
+                            true => active.active_bytes <= deltas,
+                            false => no_more_bytes_from_base(active.active_bytes, deltas, all, &changed),
+                        });
+            if rebuilt {
+                let (entries, sum) = self.list_active(index, *unit, block, &mut list.elements[first..]);
+                (listed, deltas, changed) = (entries, active.active_bytes, *all);
+                self.blocks[block].bound = rounding(magnitude, listed, sum);
+                if exceeded {
+                    self.blocks[block].limit = *tolerance;
+                }
+            } else if touched {
+                self.blocks[block].bound = bound;
+            }
+            if !known || *whole_blocks && touched {
+                changed = [u32::MAX; N];
+            }
+            let (stale, _) = self.stale.as_chunks_mut::<N>();
+            let mut written = changed;
+            if is_stale && desc.slots > 1 {
+                written.iter_mut().zip(&stale[at]).for_each(|(w, s)| *w |= s);
+            }
+            if touched || rebuilt {
+                for slot in 0..desc.slots as usize {
+                    let at = slot * count + block;
+                    self.is_stale[at] = true;
+                    stale[at].iter_mut().zip(&changed).for_each(|(s, c)| *s |= c);
+                }
+            }
+            self.is_stale[at] = false;
+            stale[at] = [0; N];
+            list.items.push(Item {
+                instance: instance as u32,
+                block: block as u32,
+                source: (!rebuilt).then_some(current),
+                destination,
+                first: first as u32,
+                count: listed,
+            });
+            list.masks.extend_from_slice(&written);
+            stats.dirty_blocks += 1;
+            stats.rebuilt_blocks += usize::from(rebuilt);
+            stats.bytes_moved += u64::from(deltas) + (listed as usize * ELEMENT_BYTES + (ITEM_WORDS + N) * 4) as u64;
+            stats.bytes_floor += u64::from(deltas);
+        }
+    }
+}
+
+/// The cost model: active entries and all components that any target moves, against changed ones and theirs.
+fn no_more_bytes_from_base<const N: usize>(active: u32, changed: u32, all: &[u32; N], some: &[u32; N]) -> bool {
+    // A rebuild never moves fewer components; counting them is only worth it where it moves no more deltas.
+    let components = |mask: &[u32; N]| 8 * mask.iter().map(|m| m.count_ones()).sum::<u32>();
+    active <= changed && active + components(all) <= changed + components(some)
+}
