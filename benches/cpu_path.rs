@@ -14,7 +14,7 @@ fn cpu_path(c: &mut Criterion) {
     let mut group = c.benchmark_group("cpu_path");
     group.sample_size(20);
     for format in DeltaFormat::ALL {
-        let packed = PackedMesh::pack(&mesh, &PackDesc { format, ..PackDesc::default() }).expect("72 targets fit");
+        let packed = PackedMesh::pack(&mesh, &PackDesc::new(format)).expect("72 targets fit");
         let packed = Arc::new(packed);
         for changed in [targets, 8] {
             let update = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);

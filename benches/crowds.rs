@@ -6,12 +6,10 @@
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
 use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::{
-    Accumulate, AnimatedCrowd, AnimationDesc, CrowdDesc, DeltaFormat, KeyFormat, PackedMesh, Playback, Tolerance,
-    UpdateDesc, WeightClip,
+    Accumulate, AnimatedCrowd, AnimationDesc, CrowdDesc, DeltaFormat, PackedMesh, Playback, Tolerance, UpdateDesc,
+    WeightClip,
 };
 use std::time::Instant;
-
-const FACE: HeadDesc = HeadDesc { vertices: 2_700, targets: 52, sparsity: 0.17, seed: 1 };
 
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
@@ -30,12 +28,12 @@ fn packed(headless: &Headless, desc: &HeadDesc) -> PackedMesh {
 }
 
 fn desc(instances: u32, update: UpdateDesc) -> CrowdDesc {
-    CrowdDesc { instances, frames_in_flight: 1, ..CrowdDesc::new(update) }
+    CrowdDesc::new(update).instances(instances).frames_in_flight(1)
 }
 
 /// One update of a crowd against as many updates of single heads in one submission.
 fn together(headless: &Headless, heads: usize, sparsity: f32, changed: usize) {
-    let mesh = packed(headless, &HeadDesc { sparsity, ..HeadDesc::default() });
+    let mesh = packed(headless, &HeadDesc::default().sparsity(sparsity));
     let targets = mesh.layout().targets.len();
     let mut crowd = [HeadlessCrowd::new(headless, &mesh, &desc(heads as u32, UpdateDesc::blocks())).expect("a crowd")];
     let one = desc(1, UpdateDesc::blocks());
@@ -96,13 +94,13 @@ fn crowd<'a>(
     slots: u32,
     clip: u32,
 ) -> HeadlessCrowd<'a, AnimatedCrowd> {
-    let update = UpdateDesc { accumulate: Accumulate::Exact, slots, ..UpdateDesc::blocks() };
+    let update = UpdateDesc::blocks().accumulate(Accumulate::Exact).slots(slots);
     let clips = clips(mesh);
-    let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
+    let animation = AnimationDesc::new(&clips);
     let mut crowd = HeadlessCrowd::animated(headless, mesh, &desc(heads, update), &animation).expect("a crowd");
     for head in 0..heads {
         let start = -f64::from(head) / 7.0;
-        crowd.play(head, &Playback { start, ..Playback::new(clip) }).expect("a clip");
+        crowd.play(head, &Playback::new(clip).start(start)).expect("a clip");
     }
     crowd
 }
@@ -117,7 +115,7 @@ fn play(crowd: &mut HeadlessCrowd<'_, AnimatedCrowd>, frames: u32) -> Vec<Step> 
 }
 
 fn planned_on_the_gpu(headless: &Headless) {
-    let mesh = packed(headless, &FACE);
+    let mesh = packed(headless, &HeadDesc::default().vertices(2_700).targets(52).sparsity(0.17));
     println!("animated on the GPU, 2,700 vertices, 52 targets, 17% sparse, exact sums:");
     for (clip, what) in ["no weight changes", "a third change", "all change"].into_iter().enumerate() {
         let mut crowd = crowd(headless, &mesh, 1000, 2, clip as u32);
@@ -147,7 +145,7 @@ fn planned_on_the_gpu(headless: &Headless) {
 fn main() {
     let name = std::env::args().skip(1).find(|a| !a.starts_with('-'));
     let device = name.map_or(DeviceChoice::Best, DeviceChoice::Name);
-    let headless = Headless::new(&HeadlessDesc { device, ..HeadlessDesc::default() }).expect("a Vulkan device");
+    let headless = Headless::new(&HeadlessDesc::default().device(device)).expect("a Vulkan device");
     let caps = headless.caps();
     println!("{} ({} {})", caps.name, caps.driver, caps.driver_info);
     together(&headless, 100, 0.08, 8);

@@ -77,7 +77,7 @@ fn plan_blocks(c: &mut Criterion, name: &str, mesh: &MorphMesh, frames: &[Vec<f3
         (DeltaFormat::Small, Accumulate::default()),
     ] {
         let packed = PackedMesh::pack(mesh, &PackDesc::new(format)).expect("a mesh that packs");
-        let desc = UpdateDesc { accumulate, ..UpdateDesc::blocks() };
+        let desc = UpdateDesc::blocks().accumulate(accumulate);
         let mut planner = Planner::new(desc, [packed.layout()], 1).expect("a description that is right");
         let mut instances = Instances::new(1, mesh.targets.len(), desc.slots);
         let mut number = 0;

@@ -130,7 +130,7 @@ fn main() -> Result<()> {
     let desc = DeviceDesc::new(&host.instance, host.physical, &host.device);
     // SAFETY: the handles belong together, and are destroyed after the engine and all it made.
     let engine = unsafe { MorphEngine::new(&desc) }?;
-    let head_desc = head::HeadDesc { vertices: 5_000, targets: 52, ..Default::default() };
+    let head_desc = head::HeadDesc::default().vertices(5_000).targets(52);
     let source = head::head(&head_desc);
     let mesh = PackedMesh::pack(&source.to_mesh(Tolerance::default())?, &engine.pack_desc(DeltaFormat::Fast))?;
     let mut indices = source.faces.triangles().concat();
@@ -147,7 +147,7 @@ fn main() -> Result<()> {
     unsafe { uploaded.release_staging() };
     let consumers = Consumers::VERTEX_ATTRIBUTES | Consumers::COPIES;
     let crowd_desc =
-        CrowdDesc { frames_in_flight: FRAMES_IN_FLIGHT as u32, consumers, ..CrowdDesc::new(UpdateDesc::blocks()) };
+        CrowdDesc::new(UpdateDesc::blocks()).frames_in_flight(FRAMES_IN_FLIGHT as u32).consumers(consumers);
     let mut crowd = engine.create_crowd(&uploaded, &crowd_desc)?;
 
     let (mut worst, mut applied, mut blocks) = (PoseError::default(), 0, 0);

@@ -51,6 +51,7 @@ mod math;
 mod pack;
 mod plan;
 pub mod reference;
+mod setters;
 #[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod testing;

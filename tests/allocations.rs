@@ -6,8 +6,8 @@ use deltamorph::internals::plan::steps::Steps;
 use deltamorph::internals::update::animated::{AnimatedUpdate, Playbacks};
 use deltamorph::internals::update::blocks::Planner;
 use deltamorph::{
-    Accumulate, AnimationDesc, Clips, Consumers, DeltaFormat, KeyFormat, PackDesc, PackedMesh, Playback, UpdateDesc,
-    WeightClip, testing,
+    Accumulate, AnimationDesc, Clips, Consumers, DeltaFormat, PackDesc, PackedMesh, Playback, UpdateDesc, WeightClip,
+    testing,
 };
 
 #[test]
@@ -17,7 +17,7 @@ fn planning_in_blocks_allocates_nothing_after_the_first_frames() {
         let packed = PackedMesh::pack(&mesh, &PackDesc::new(format)).unwrap();
         for accumulate in [Accumulate::Float { tolerance: 1e-3 }, Accumulate::Exact] {
             for error_budget in [0.0, 0.1] {
-                let desc = UpdateDesc { accumulate, error_budget, ..UpdateDesc::blocks() };
+                let desc = UpdateDesc::blocks().accumulate(accumulate).error_budget(error_budget);
                 let Ok(mut planner) = Planner::new(desc, [packed.layout()], 1) else {
                     assert_eq!((format, accumulate), (DeltaFormat::BlockFloat32, Accumulate::Exact));
                     continue;
@@ -53,14 +53,14 @@ fn an_update_that_the_gpu_plans_allocates_nothing_after_the_first() {
     let packed = PackedMesh::pack(&testing::mesh(500, 4), &PackDesc::new(DeltaFormat::Small)).unwrap();
     let names: Vec<String> = (0..4).map(|t| format!("target_{t}")).collect();
     let clip = WeightClip { name: "clip".into(), names, fps: 30.0, values: vec![0.5; 40] };
-    let desc = AnimationDesc { clips: &[clip], key_format: KeyFormat::Bits32 };
-    let (clips, mut heads) = (Clips::new(&desc, packed.layout()).unwrap(), Playbacks::new(100));
+    let clips = [clip];
+    let (clips, mut heads) = (Clips::new(&AnimationDesc::new(&clips), packed.layout()).unwrap(), Playbacks::new(100));
     let (mut steps, mut schedule) = (Steps::new(Consumers::default()), Schedule::default());
     let mut sent = 0;
     let mut frame = |number: u32| {
         heads.set_time(f64::from(number) * 1000.0).unwrap();
         for head in (0..100).filter(|head| (head * 7 + number).is_multiple_of(5)) {
-            heads.play(head, &Playback { start: f64::from(number) * 1000.0, ..Playback::new(0) }, &clips).unwrap();
+            heads.play(head, &Playback::new(0).start(f64::from(number) * 1000.0), &clips).unwrap();
             heads.set_hidden((head + 3) % 100, number.is_multiple_of(2));
         }
         let slot = (heads.update(&clips) % 2) as u32;

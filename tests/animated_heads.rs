@@ -8,10 +8,9 @@ mod scene;
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::internals::plan::steps::{Access, Scope};
-use deltamorph::{
-    AnimationDesc, BatchSize, DeltaFormat, KeyFormat, PackedMesh, Playback, Repeat, UpdateDesc, UpdatePath,
-};
-use scene::{HEAD, Scene, clips, crowd, exact, packed};
+use deltamorph::{AnimationDesc, BatchSize, DeltaFormat, PackedMesh, Playback, Repeat, UpdateDesc, UpdatePath};
+use scene::{Scene, clips, crowd, exact, head_desc, packed};
+use std::slice::from_mut;
 use std::sync::Arc;
 
 /// Days of playing: records are started anew, and nobody sees it.
@@ -20,11 +19,11 @@ fn the_clock_may_run_for_days() {
     let mesh = packed(DeltaFormat::Small, 64);
     gpu::on_device("llvmpipe", false, |headless, _| {
         let clips = clips();
-        let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
+        let animation = AnimationDesc::new(&clips);
         let mut scene = Scene::new(headless, &mesh, crowd(3, exact(2)), &animation);
         scene.play(0, Playback::new(0));
-        scene.play(1, Playback { speed: -1.7, ..Playback::new(1) });
-        scene.play(2, Playback { repeat: Repeat::Once, start: 16_000.0, speed: 0.01, clip: 0 });
+        scene.play(1, Playback::new(1).speed(-1.7));
+        scene.play(2, Playback::new(0).repeat(Repeat::Once).start(16_000.0).speed(0.01));
         for hours in [0.0, 4.4, 4.6, 9.0, 18.3, 40.0, 200.0] {
             for later in [0.0, 0.5] {
                 scene.step(hours * 3600.0 + later);
@@ -37,7 +36,7 @@ fn the_clock_may_run_for_days() {
 /// Two heads that play the clip in which all weights change.
 fn two_heads<'a>(headless: &'a Headless, mesh: &Arc<PackedMesh>, slots: u32) -> Scene<'a> {
     let clips = clips();
-    let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
+    let animation = AnimationDesc::new(&clips);
     let mut scene = Scene::new(headless, mesh, crowd(2, exact(slots)), &animation);
     (0..2).for_each(|i| scene.play(i, Playback::new(1)));
     scene
@@ -122,9 +121,9 @@ fn heads_come_and_go() {
     let mesh = packed(DeltaFormat::Small, 32);
     gpu::on_every_device(|headless, _| {
         let clips = clips();
-        let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
+        let animation = AnimationDesc::new(&clips);
         let mut scene = Scene::new(headless, &mesh, crowd(10, exact(3)), &animation);
-        scene.instances().for_each(|i| scene.play(i, Playback { speed: 1.0 + f64::from(i) / 9.0, ..Playback::new(0) }));
+        scene.instances().for_each(|i| scene.play(i, Playback::new(0).speed(1.0 + f64::from(i) / 9.0)));
         (0..3).for_each(|frame| drop(scene.step(f64::from(frame) / 10.0)));
         scene.remove(4);
         scene.remove(9);
@@ -158,7 +157,7 @@ fn misuse_is_an_error_that_says_what_to_do() {
     let mesh = packed(DeltaFormat::Small, 64);
     gpu::on_device("llvmpipe", false, |headless, _| {
         let clips = clips();
-        let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
+        let animation = AnimationDesc::new(&clips);
         let refuse = |update: UpdateDesc, words: &str| {
             let text = HeadlessCrowd::animated(headless, &mesh, &crowd(2, update), &animation).err().expect("refused");
             assert!(text.to_string().contains(words), "{text}");
@@ -167,7 +166,7 @@ fn misuse_is_an_error_that_says_what_to_do() {
         refuse(exact(40), "at most 32");
         refuse(UpdateDesc::new(UpdatePath::Compute, BatchSize::All), "pack the mesh as");
         let mut animated = HeadlessCrowd::animated(headless, &mesh, &crowd(2, exact(2)), &animation).expect("a crowd");
-        let weights = vec![0.0; HEAD.targets];
+        let weights = vec![0.0; head_desc().targets];
         for (result, words) in [
             (animated.step(&[&weights]).map(drop), "play a clip"),
             (animated.play(2, &Playback::new(0)), "instance 2 of a crowd of 2"),
@@ -188,7 +187,7 @@ fn misuse_is_an_error_that_says_what_to_do() {
 fn validation_sees_a_dropped_barrier() {
     let mesh = packed(DeltaFormat::Small, 64);
     let clips = clips();
-    let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
+    let animation = AnimationDesc::new(&clips);
     // Behind the records, between two kernels, before the indirect dispatches.
     let wanted: [fn(&Scope, &Scope) -> bool; 3] = [
         |before, _| before.has_access(Access::TransferWrite),
@@ -197,9 +196,9 @@ fn validation_sees_a_dropped_barrier() {
     ];
     for (which, wanted) in wanted.iter().enumerate() {
         let device = DeviceChoice::Name("llvmpipe".into());
-        let headless = Headless::new(&HeadlessDesc { device, validation: true, limits: None })
+        let headless = Headless::new(&HeadlessDesc::default().device(device).validation(true))
             .expect("lavapipe; run the tests as ./with-vulkan cargo test");
-        let update = UpdateDesc { error_budget: 1e-3, ..exact(2) };
+        let update = exact(2).error_budget(1e-3);
         let mut crowd = HeadlessCrowd::animated(&headless, &mesh, &crowd(2, update), &animation).expect("a crowd");
         for _ in 0..2 {
             crowd.play(0, &Playback::new(0)).expect("a clip");
@@ -216,7 +215,7 @@ fn validation_sees_a_dropped_barrier() {
             entries.remove(at);
         };
         // SAFETY: a barrier less; the driver is software, and runs dispatches one after the other all the same.
-        unsafe { crowd.step_tampered(&[], dropped) }.expect("a step");
+        unsafe { HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[], dropped) }.expect("a step");
         let messages = gpu::complaints(&headless);
         assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD")), "barrier {which}: {messages:?}");
     }

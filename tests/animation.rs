@@ -10,8 +10,7 @@ mod scene;
 use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::import::{csv, obj};
 use deltamorph::{
-    AnimationDesc, CrowdDesc, DeltaFormat, DeviceCaps, DeviceTuning, KeyFormat, PackDesc, PackedMesh, Playback, Repeat,
-    Tolerance, UpdateDesc, UpdateMode,
+    AnimationDesc, CrowdDesc, DeltaFormat, KeyFormat, PackDesc, PackedMesh, Playback, Repeat, Tolerance, UpdateMode,
 };
 use scene::{Scene, blocks, clips, crowd, exact, packed, packed_streams};
 use std::sync::Arc;
@@ -24,12 +23,10 @@ fn dice(state: &mut u32, n: u32) -> u32 {
 
 fn some_playback(state: &mut u32, now: f64) -> Playback {
     let speeds = [1.0, 0.5, -1.0, 3.0, 0.0, -0.25];
-    Playback {
-        clip: dice(state, 3),
-        start: now + f64::from(dice(state, 20)) / 10.0 - 1.5,
-        speed: speeds[dice(state, 6) as usize],
-        repeat: if dice(state, 2) == 0 { Repeat::Loop } else { Repeat::Once },
-    }
+    Playback::new(dice(state, 3))
+        .start(now + f64::from(dice(state, 20)) / 10.0 - 1.5)
+        .speed(speeds[dice(state, 6) as usize])
+        .repeat(if dice(state, 2) == 0 { Repeat::Loop } else { Repeat::Once })
 }
 
 /// Heads that play, are hidden, shown and cut at random. How many blocks were rebuilt, added to, and only caught up.
@@ -41,7 +38,7 @@ fn play_around(
     frames: u32,
 ) -> [usize; 3] {
     let (clips, mut seen) = (clips(), [0; 3]);
-    let mut scene = Scene::new(headless, mesh, desc, &AnimationDesc { clips: &clips, key_format: keys });
+    let mut scene = Scene::new(headless, mesh, desc, &AnimationDesc::new(&clips).key_format(keys));
     let mut state = desc.instances * 31 + desc.update.slots;
     for frame in 0..frames {
         let now = f64::from(frame) / 24.0;
@@ -84,7 +81,7 @@ fn the_gpu_plans_as_the_cpu_does() {
                 let mode =
                     if (i as u32 + slots).is_multiple_of(4) { UpdateMode::Rebuild } else { UpdateMode::Incremental };
                 let keys = if slots == 2 { KeyFormat::Bits16 } else { KeyFormat::Bits32 };
-                let desc = crowd(instances, UpdateDesc { mode, ..exact(slots) });
+                let desc = crowd(instances, exact(slots).mode(mode));
                 let [rebuilt, added, caught_up] = play_around(headless, &mesh, desc, keys, 16);
                 assert!(rebuilt > 0 && (mode == UpdateMode::Rebuild || instances < 7 || added > 0), "{desc:?}");
                 assert!(slots == 1 || caught_up > 0, "{desc:?}");
@@ -105,7 +102,7 @@ fn every_stream_is_animated() {
             let grids: Vec<_> = grids.map(|grid| grid.expect("a grid")).collect();
             assert!(grids.iter().all(|grid| *grid == grids[0]), "weights have one grid: {grids:?}");
             for instances in [1, 9, 20] {
-                let update = UpdateDesc { error_budget: budget * mesh.layout().diagonal, ..exact(slots) };
+                let update = exact(slots).error_budget(budget * mesh.layout().diagonal);
                 let [rebuilt, ..] = play_around(headless, &mesh, crowd(instances, update), KeyFormat::Bits32, 16);
                 assert!(rebuilt > 0, "{update:?}");
             }
@@ -122,7 +119,7 @@ fn small_changes_wait_as_on_the_cpu() {
             let diagonal = mesh.layout().diagonal;
             let mut written = vec![];
             for budget in [0.0, 1e-3, 2e-2] {
-                let update = UpdateDesc { error_budget: budget * diagonal, ..exact(slots) };
+                let update = exact(slots).error_budget(budget * diagonal);
                 let [rebuilt, added, _] = play_around(headless, &mesh, crowd(9, update), KeyFormat::Bits32, 24);
                 written.push(rebuilt + added);
             }
@@ -138,11 +135,11 @@ fn captured(set: &str, clip: &str, format: DeltaFormat, keys: KeyFormat) {
     let mesh = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format)).expect("a mesh that packs"));
     let clips = [csv::read(&folder.join("weights").join(clip), None).expect("a clip")];
     gpu::on_device("llvmpipe", false, |headless, _| {
-        let animation = AnimationDesc { clips: &clips, key_format: keys };
+        let animation = AnimationDesc::new(&clips).key_format(keys);
         let mut scene = Scene::new(headless, &mesh, crowd(9, exact(2)), &animation);
         for i in 0..9 {
             let (start, speed) = (-f64::from(i) * 1.7, if i < 3 { 1.0 } else { 0.4 + f64::from(i) / 6.0 });
-            scene.play(i, Playback { start, speed, ..Playback::new(0) });
+            scene.play(i, Playback::new(0).start(start).speed(speed));
         }
         let mut written = 0;
         for frame in 0..120 {
@@ -170,19 +167,18 @@ fn small_limits_split_the_crowd() {
     let mesh = packed(DeltaFormat::Fast, 32);
     // Sixteen instances in two slots, or a little more; four items in a dispatch.
     let range = 2 * 17 * mesh.layout().base_bytes();
-    let limits = DeviceCaps { max_storage_range: range, max_workgroups: 4, ..DeviceCaps::android_baseline() };
-    let roomy = DeviceCaps { max_texels: u32::MAX, int64: true, ..limits.clone() };
-    for (driver, limits) in gpu::drivers().iter().flat_map(|d| [(d, roomy.clone()), (d, limits.clone())]) {
+    let limits = gpu::baseline(|caps| (caps.max_storage_range, caps.max_workgroups) = (range, 4));
+    for (driver, limits) in gpu::with_and_without_texels(&limits) {
         let texels = limits.int64 && driver == "llvmpipe";
-        gpu::on_device_within(driver, Some(limits), |headless, _| {
+        gpu::on_device_within(&driver, Some(limits), |headless, _| {
             assert_eq!(headless.caps().takes_texels(DeltaFormat::Fast), texels, "{driver}");
             play_around(headless, &mesh, crowd(45, exact(2)), KeyFormat::Bits32, 10);
         });
     }
-    let small = DeviceCaps { max_storage_range: 20_000, ..limits };
+    let small = gpu::limited(limits, |caps| caps.max_storage_range = 20_000);
     gpu::on_device_within("llvmpipe", Some(small), |headless, _| {
         let clips = clips();
-        let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
+        let animation = AnimationDesc::new(&clips);
         let refused = HeadlessCrowd::animated(headless, &mesh, &crowd(9, exact(2)), &animation);
         let text = refused.err().expect("refused").to_string();
         assert!(text.contains("bytes") && text.contains("allows 20000"), "{text}");
@@ -194,9 +190,8 @@ fn small_limits_split_the_crowd() {
 fn narrow_tiles_give_the_same_poses() {
     let mesh = packed(DeltaFormat::Small, 32);
     for widest_tile in [1, 4] {
-        let limits = DeviceCaps::android_baseline();
-        let tuning = DeviceTuning { widest_tile, ..limits.tuning };
-        gpu::on_device_within("llvmpipe", Some(DeviceCaps { tuning, ..limits }), |headless, _| {
+        let limits = gpu::baseline(|caps| caps.tuning.widest_tile = widest_tile);
+        gpu::on_device_within("llvmpipe", Some(limits), |headless, _| {
             assert_eq!(headless.caps().tuning.widest_tile, widest_tile);
             play_around(headless, &mesh, crowd(21, exact(2)), KeyFormat::Bits32, 6);
         });
@@ -207,10 +202,10 @@ fn narrow_tiles_give_the_same_poses() {
 #[test]
 fn thousands_of_heads_start_at_once() {
     let mesh = packed(DeltaFormat::Small, 128);
-    let limits = DeviceCaps { max_workgroups: 60, ..DeviceCaps::android_baseline() };
+    let limits = gpu::baseline(|caps| caps.max_workgroups = 60);
     gpu::on_device_within("llvmpipe", Some(limits), |headless, _| {
         let clips = clips();
-        let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits16 };
+        let animation = AnimationDesc::new(&clips).key_format(KeyFormat::Bits16);
         let mut scene = Scene::new(headless, &mesh, crowd(2100, exact(1)), &animation);
         let mut state = 5;
         for instance in scene.instances() {
@@ -228,7 +223,7 @@ fn the_same_is_recorded_whatever_changes_and_an_idle_crowd_is_no_work() {
     let mesh = packed(DeltaFormat::Fast, 64);
     gpu::on_every_device(|headless, _| {
         let clips = clips();
-        let animation = AnimationDesc { clips: &clips, key_format: KeyFormat::Bits32 };
+        let animation = AnimationDesc::new(&clips);
         let mut scene = Scene::new(headless, &mesh, crowd(9, exact(2)), &animation);
         let (first, still) = scene.step(0.0);
         let (second, _) = scene.step(0.0);

@@ -1,73 +1,21 @@
-//! The techniques of others, each against the float64 reference, on real drivers.
+//! The techniques of others, each against the float64 reference, on real drivers: poses, sums, bytes.
 
+#[path = "common/baselines.rs"]
+mod baselines;
 #[path = "common/data.rs"]
 mod data;
 #[path = "common/gpu.rs"]
 mod gpu;
 
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, PoseUpload};
+use baselines::{FORMATS, can_read, descs, history};
+use deltamorph::headless::{Headless, HeadlessCrowd, PoseUpload};
 use deltamorph::import::{csv, obj};
-use deltamorph::internals::plan::Source;
-use deltamorph::internals::plan::hazards::{Event, HazardChecker};
-use deltamorph::internals::plan::schedule::{Entry, asset_uploaded};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    Accumulate, BatchSize, CpuCrowd, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, PackedMesh, Tolerance,
-    UpdateDesc, UpdateMode, UpdatePath, testing,
+    Accumulate, BatchSize, CpuCrowd, DeltaFormat, MorphEngine, PackedMesh, Tolerance, UpdateDesc, UpdatePath, testing,
 };
 use gpu::{NORMAL, POSITION, applied, in_eight_chunks, on_every_device, packed, single};
 use std::sync::Arc;
-
-/// Every baseline that the device can run in `format`, with a spread of batch sizes, modes and slots.
-fn descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc> {
-    let mut descs = vec![];
-    for path in UpdatePath::ALL.into_iter().filter(|path| path.is_baseline()) {
-        if !path.formats().contains(&format) || engine.caps().check_path(path).is_err() {
-            continue;
-        }
-        let mut batches = match (path, engine.caps().batch_max(path, format)) {
-            (UpdatePath::VertexStore, Some(most)) => [1, 3, most].map(BatchSize::Targets).to_vec(),
-            (_, Some(most)) => vec![BatchSize::Targets(most)],
-            (_, None) => vec![BatchSize::All],
-        };
-        batches.dedup();
-        for batch in batches {
-            for (mode, slots) in [UpdateMode::Incremental, UpdateMode::Rebuild]
-                .into_iter()
-                .flat_map(|m| (1..4).map(move |slots| (m, slots)))
-            {
-                let desc = UpdateDesc { mode, slots, ..UpdateDesc::new(path, batch) };
-                descs.extend(desc.check().is_ok().then_some(desc));
-            }
-        }
-    }
-    descs
-}
-
-/// Whether the device can tell what a draw of a direct path evaluates.
-fn can_read(headless: &Headless, desc: &UpdateDesc) -> bool {
-    let caps = headless.caps();
-    !desc.path.evaluates_in_draws() || caps.transform_feedback.is_some() || caps.vertex_stores
-}
-
-/// Weights of a face that rests, moves, moves a little, stays, moves all over, exaggerates, and rests again; no more
-/// active than the path takes.
-fn history(mesh: &PackedMesh, desc: &UpdateDesc, seed: u32) -> Vec<Vec<f32>> {
-    let targets = mesh.layout().targets.len();
-    let (a, b) = (gpu::weights(mesh, 1, seed), gpu::weights(mesh, 9, seed + 1));
-    let mut nudged = a.clone();
-    nudged.iter_mut().skip(targets / 2).take(1).for_each(|w| *w = 0.375);
-    let mut one = vec![0.0; targets];
-    one.iter_mut().rev().take(1).for_each(|w| *w = -0.75);
-    let exaggerated = b.iter().map(|w| w * 1.9 - 0.3).collect();
-    let mut frames = vec![vec![0.0; targets], a, nudged.clone(), nudged, b, exaggerated, one, vec![0.0; targets]];
-    if let (UpdatePath::DirectAttributes, BatchSize::Targets(most)) = (desc.path, desc.batch) {
-        for weights in &mut frames {
-            weights.iter_mut().filter(|w| **w != 0.0).skip(most as usize).for_each(|w| *w = 0.0);
-        }
-    }
-    frames
-}
 
 /// Play a history and compare every pose and previous pose with the reference.
 fn check(headless: &Headless, mesh: &PackedMesh, desc: UpdateDesc, seed: u32) {
@@ -103,8 +51,6 @@ fn check(headless: &Headless, mesh: &PackedMesh, desc: UpdateDesc, seed: u32) {
         before = Some(reference);
     }
 }
-
-const FORMATS: [DeltaFormat; 3] = [DeltaFormat::Float32, DeltaFormat::Snorm16, DeltaFormat::Small];
 
 #[test]
 fn every_baseline_equals_the_reference() {
@@ -152,7 +98,7 @@ fn small_limits_are_kept_or_refused_with_the_numbers() {
             gpu::on_device_within(&driver, Some(limits), test);
         };
         // More workgroups than a dispatch has: one thread a record, of which there are hundreds a target.
-        within(DeviceCaps { max_workgroups: 3, ..whole.clone() }, &|headless, engine| {
+        within(gpu::limited(whole.clone(), |caps| caps.max_workgroups = 3), &|headless, engine| {
             for format in FORMATS {
                 let mesh = packed(engine, &testing::mesh(1000, 9), format);
                 for desc in descs(engine, format).into_iter().filter(|desc| desc.slots == 2) {
@@ -160,40 +106,12 @@ fn small_limits_are_kept_or_refused_with_the_numbers() {
                 }
             }
         });
-        within(DeviceCaps { max_storage_range: 40_000, ..whole }, &|headless, engine| {
+        within(gpu::limited(whole, |caps| caps.max_storage_range = 40_000), &|headless, engine| {
             let mesh = packed(engine, &testing::mesh(1000, 9), DeltaFormat::Small);
             let desc = single(UpdateDesc::new(UpdatePath::Scatter, BatchSize::All));
             let text = HeadlessCrowd::new(headless, &mesh, &desc).err().expect("refused").to_string();
             assert!(text.contains("the records of 'scatter' take") && text.contains("allows 40000"), "{text}");
         });
-    }
-}
-
-/// Synchronization validation sees the same fault in the real command buffer; but not, in 1.3.239, between atomics and
-/// the reads of the next dispatch.
-#[test]
-fn validation_sees_a_dropped_barrier() {
-    for (path, batch, format, dropped) in [
-        (UpdatePath::Scatter, BatchSize::All, DeltaFormat::Small, 1),
-        (UpdatePath::VertexStore, BatchSize::Targets(4), DeltaFormat::Float32, 1),
-    ] {
-        let device = DeviceChoice::Name("llvmpipe".into());
-        let headless = Headless::new(&HeadlessDesc { device, validation: true, limits: None })
-            .expect("lavapipe; run the tests as ./with-vulkan cargo test");
-        let mesh = packed(headless.engine(), &testing::mesh(500, 20), format);
-        let desc = single(UpdateDesc::new(path, batch));
-        let mut crowd = HeadlessCrowd::new(&headless, &mesh, &desc).expect("a crowd");
-        crowd.step(&[&gpu::weights(&mesh, 0, 1)]).expect("a step");
-        assert_eq!(gpu::complaints(&headless), Vec::<String>::new());
-        let drop_one = |entries: &mut Vec<Entry>| {
-            let barriers = entries.iter().enumerate().filter(|(_, entry)| matches!(entry, Entry::Barrier(_)));
-            let at = barriers.map(|(i, _)| i).nth(dropped).expect("a barrier between steps");
-            entries.remove(at);
-        };
-        // SAFETY: a barrier less; the driver is software, and runs commands one after the other all the same.
-        unsafe { crowd.step_tampered(&[&[0.7; 20]], drop_one) }.expect("a step");
-        let messages = gpu::complaints(&headless);
-        assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD")), "{path:?}, {dropped}: {messages:?}");
     }
 }
 
@@ -203,7 +121,7 @@ fn crowds() {
         for format in FORMATS {
             let mesh = packed(engine, &testing::mesh(200, 11), format);
             for update in descs(engine, format) {
-                let desc = CrowdDesc { instances: 3, ..single(update) };
+                let desc = single(update).instances(3);
                 let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
                 let histories: Vec<_> = (0..3).map(|i| history(&mesh, &update, i)).collect();
                 for frame in 0..6 {
@@ -221,8 +139,6 @@ fn crowds() {
     });
 }
 
-/// The sums that atomics add up in any order are those of exact sums in blocks, and rounding weights to the grid moves
-/// no component further than half a weight step times Σ |delta|.
 /// What a head is asked for while it is hidden is not drawn, whatever other heads do meanwhile.
 #[test]
 fn hidden_heads_come_back_as_they_are_asked_for() {
@@ -235,7 +151,7 @@ fn hidden_heads_come_back_as_they_are_asked_for() {
             if desc.batch == BatchSize::Targets(1) {
                 continue;
             }
-            let desc = CrowdDesc { instances: 2, ..single(desc) };
+            let desc = single(desc).instances(2);
             let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
             crowd.step(&[&first, &first]).expect("a step");
             crowd.set_hidden(0, true).expect("an instance");
@@ -256,13 +172,15 @@ fn hidden_heads_come_back_as_they_are_asked_for() {
     });
 }
 
+/// The sums that atomics add up in any order are those of exact sums in blocks, and rounding weights to the grid moves
+/// no component further than half a weight step times Σ |delta|.
 #[test]
 fn scattered_sums_are_exact_sums() {
     on_every_device(|headless, engine| {
         let mesh = Arc::new(packed(engine, &testing::mesh(700, 23), DeltaFormat::Small));
         let update = UpdateDesc::new(UpdatePath::Scatter, BatchSize::All);
         let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(update)).expect("a crowd");
-        let exact = UpdateDesc { accumulate: Accumulate::Exact, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
+        let exact = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).accumulate(Accumulate::Exact);
         let mut twin = CpuCrowd::new(mesh.clone(), exact, 1, 1).expect("a crowd");
         let grid = mesh.layout().blocks.as_ref().expect("blocks").exact().expect("a grid");
         let mut reach = vec![0.0f64; mesh.layout().vertex_count * 6];
@@ -323,77 +241,6 @@ fn bytes_are_those_that_kernels_load_and_store() {
     });
 }
 
-fn hazards(frames: &[(Vec<Event>, u32)]) -> bool {
-    let mut checker = HazardChecker::new();
-    checker.upload(asset_uploaded());
-    for (events, slot) in frames {
-        checker.update(events);
-        if !events.is_empty() {
-            checker.draw(0, 0, *slot);
-        }
-    }
-    checker.finish().is_err()
-}
-
-#[test]
-fn what_is_recorded_has_no_hazard_and_a_dropped_barrier_has_one() {
-    on_every_device(|headless, engine| {
-        for format in [DeltaFormat::Float32, DeltaFormat::Small] {
-            let mesh = packed(engine, &testing::mesh(500, 20), format);
-            for desc in descs(engine, format).into_iter().filter(|desc| !desc.path.evaluates_in_draws()) {
-                let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
-                let mut lists = vec![];
-                for frame in 0..5 {
-                    let weights = gpu::weights(&mesh, frame, 1);
-                    // SAFETY: nothing is changed.
-                    let (_, events) = unsafe { crowd.step_tampered(&[&weights], |_| {}) }.expect("a step");
-                    lists.push((events, crowd.crowd().pose(0).expect("a pose").slot));
-                }
-                assert!(!hazards(&lists), "{desc:?}");
-                for at in 0..lists[3].0.len() {
-                    // The first barrier of a pass is covered by those of the frame before where the slot is one that
-                    // no draw reads any more; src/plan/tests.rs has it with both slots drawn. Sums are always in use.
-                    let covered = at == 0 && desc.path == UpdatePath::VertexStore;
-                    if covered || !matches!(lists[3].0[at], Event::Barrier(_)) {
-                        continue;
-                    }
-                    let mut faulty = lists.clone();
-                    let dropped = faulty[3].0.remove(at);
-                    assert!(hazards(&faulty), "{desc:?}: dropped {dropped:?}");
-                }
-            }
-        }
-    });
-}
-
-#[test]
-fn a_discarded_update_is_rebuilt_and_recorded_ones_run_later() {
-    on_every_device(|headless, engine| {
-        for format in FORMATS {
-            let mesh = packed(engine, &testing::mesh(300, 13), format);
-            for desc in descs(engine, format) {
-                let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
-                let frames = history(&mesh, &desc, 4);
-                crowd.step(&[&frames[1]]).expect("a step");
-                let (_, dropped) = crowd.record(&[&frames[4]]).expect("a recording");
-                crowd.discard(dropped.ticket).expect("a ticket of this crowd");
-                let late = crowd.draw(1).err().map(|e| e.to_string());
-                assert!(late.is_none_or(|text| text.contains("no pose yet")), "{desc:?}");
-                let (first, _) = crowd.record(&[&frames[5]]).expect("a recording");
-                let (second, _) = crowd.record(&[&frames[4]]).expect("a recording");
-                crowd.submit(vec![first, second]).expect("a submission");
-                if can_read(headless, &desc) {
-                    let error = compare(
-                        &crowd.read_pose(0).expect("a pose"),
-                        &evaluate(&mesh, &applied(&mesh, &desc, &frames[4])),
-                    );
-                    assert!(error.within(POSITION * f64::from(mesh.layout().diagonal), NORMAL), "{desc:?}: {error:?}");
-                }
-            }
-        }
-    });
-}
-
 #[test]
 fn an_altered_delta_gives_a_wrong_pose() {
     on_every_device(|headless, engine| {
@@ -412,87 +259,6 @@ fn an_altered_delta_gives_a_wrong_pose() {
                 assert!(!error.within(POSITION * f64::from(right.diagonal), NORMAL), "{desc:?}: the fault went unseen");
             }
         }
-    });
-}
-
-/// What Godot's compatibility renderer does: from base, a pass for each active target.
-#[test]
-fn feedback_rebuilt_at_batch_one_is_a_pass_per_active_target_from_base() {
-    gpu::on_device("llvmpipe", false, |headless, engine| {
-        let mesh = packed(engine, &testing::mesh(200, 9), DeltaFormat::Float32);
-        let update = UpdateDesc::new(UpdatePath::Feedback, BatchSize::Targets(1));
-        let desc = UpdateDesc { mode: UpdateMode::Rebuild, ..update };
-        let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
-        let mut weights = [0.5, 0.0, 1.0, -0.5, 0.0, 0.0, 0.25, 0.0, 0.0];
-        for changed in [0.5, 0.75] {
-            weights[0] = changed;
-            let mut passes = vec![];
-            let keep = |entries: &mut Vec<Entry>| {
-                passes.extend(entries.iter().filter_map(|entry| match entry {
-                    Entry::Work { work, .. } => Some(work.clone()),
-                    Entry::Barrier(_) => None,
-                }));
-            };
-            // SAFETY: nothing is changed.
-            let (step, _) = unsafe { crowd.step_tampered(&[&weights], keep) }.expect("a step");
-            assert_eq!(step.update.stats.passes, 4, "one weight changed, four are active");
-            assert_eq!(passes[0].source, Source::Base);
-            assert!(passes.len() == 4 && passes.iter().all(|pass| pass.items.len() == 1));
-            let error = compare(&crowd.read_pose(0).expect("a pose"), &evaluate(&mesh, &weights));
-            assert!(error.within(POSITION * f64::from(mesh.layout().diagonal), NORMAL), "{error:?}");
-        }
-    });
-}
-
-#[test]
-fn what_a_baseline_cannot_do_is_refused_by_name() {
-    for (desc, words) in [
-        (UpdateDesc::new(UpdatePath::Scatter, BatchSize::All), "'scatter'"),
-        (UpdateDesc::new(UpdatePath::Direct, BatchSize::All), "'direct'"),
-        (UpdateDesc::new(UpdatePath::DirectAttributes, BatchSize::Targets(4)), "'direct-attributes'"),
-    ] {
-        assert!(desc.check().is_ok());
-        let incremental = UpdateDesc { mode: UpdateMode::Incremental, ..desc };
-        let text = incremental.check().expect_err("refused").to_string();
-        assert!(text.contains(words) && text.contains("'rebuild'"), "{text}");
-    }
-    let float =
-        UpdateDesc { accumulate: Accumulate::default(), ..UpdateDesc::new(UpdatePath::Scatter, BatchSize::All) };
-    assert!(float.check().expect_err("refused").to_string().contains("exact sums"));
-    let one_slot = UpdateDesc { slots: 1, ..UpdateDesc::new(UpdatePath::VertexStore, BatchSize::Targets(1)) };
-    assert!(one_slot.check().expect_err("refused").to_string().contains("2 to 64 slots"));
-
-    on_every_device(|headless, engine| {
-        let float32 = packed(engine, &testing::mesh(100, 40), DeltaFormat::Float32);
-        let small = packed(engine, &testing::mesh(100, 40), DeltaFormat::Small);
-        let refused = |mesh: &PackedMesh, path, batch| {
-            let desc = single(UpdateDesc::new(path, batch));
-            HeadlessCrowd::new(headless, mesh, &desc).err().expect("refused").to_string()
-        };
-        let one = BatchSize::Targets(1);
-        assert!(refused(&float32, UpdatePath::Scatter, BatchSize::All).contains("pack the mesh as small"));
-        assert!(refused(&small, UpdatePath::Direct, BatchSize::All).contains("pack the mesh as float32 or snorm16"));
-        let most = engine.caps().batch_max(UpdatePath::DirectAttributes, DeltaFormat::Float32).expect("a limit");
-        let text = refused(&float32, UpdatePath::DirectAttributes, BatchSize::Targets(most + 1));
-        assert!(text.contains(&format!("use 1 to {most}")), "{text}");
-        let desc = single(UpdateDesc::new(UpdatePath::DirectAttributes, BatchSize::Targets(most)));
-        let mut crowd = HeadlessCrowd::new(headless, &float32, &desc).expect("a crowd");
-        let text = crowd.step(&[&[1.0; 40]]).expect_err("refused").to_string();
-        assert!(text.contains("40 active") && text.contains(&format!("attributes for {most}")), "{text}");
-        if !engine.caps().vertex_stores {
-            let text = refused(&float32, UpdatePath::VertexStore, one);
-            assert!(text.contains("needs the feature vertexPipelineStoresAndAtomics"), "{text}");
-        }
-    });
-    gpu::on_device("llvmpipe", true, |_, engine| assert!(!engine.caps().vertex_stores, "the clamp takes it away"));
-    gpu::on_device("llvmpipe", false, |headless, engine| {
-        assert!(engine.caps().vertex_stores);
-        // What one path was uploaded for, another does not take.
-        let small = packed(engine, &testing::mesh(100, 4), DeltaFormat::Small);
-        let scatter = single(UpdateDesc::new(UpdatePath::Scatter, BatchSize::All));
-        let crowd = HeadlessCrowd::new(headless, &small, &scatter).expect("a crowd");
-        let text = engine.create_crowd(crowd.mesh(), &single(UpdateDesc::blocks())).err().expect("refused").to_string();
-        assert!(text.contains("upload_scatter"), "{text}");
     });
 }
 

@@ -52,8 +52,8 @@ fn whole_clip(set: &str, clip: &str) {
     gpu::on_device("llvmpipe", false, |headless, _| {
         for (format, accumulate, slots) in VARIANTS {
             let packed = pack(&mesh, format);
-            let desc = UpdateDesc { accumulate, slots, ..UpdateDesc::blocks() };
-            let on_cpu = UpdateDesc { path: UpdatePath::Cpu, ..desc };
+            let desc = UpdateDesc::blocks().accumulate(accumulate).slots(slots);
+            let on_cpu = desc.path(UpdatePath::Cpu);
             let mut crowd = HeadlessCrowd::new(headless, &packed, &gpu::single(desc)).expect("a crowd");
             let mut cpu = CpuCrowd::new(packed.clone(), on_cpu, 1, 2).expect("a crowd");
             for (i, weights) in frames.iter().enumerate() {
@@ -189,7 +189,7 @@ fn an_error_budget_saves_bytes_under_sensor_noise_and_holds() {
     let budget = 1e-4 * mesh.diagonal;
     let mut moved = vec![];
     for error_budget in [0.0, budget] {
-        let desc = UpdateDesc { error_budget, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
+        let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).error_budget(error_budget);
         let mut crowd = CpuCrowd::new(packed.clone(), desc, 1, 2).expect("a crowd");
         let (mut state, mut sum) = (7, 0);
         for (i, weights) in frames.iter().take(1500).enumerate() {

@@ -6,25 +6,26 @@ mod gpu;
 use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    Accumulate, BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing,
+    Accumulate, BatchSize, CrowdDesc, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing,
 };
 use gpu::on_every_device;
+use std::slice::from_mut;
 
 const TARGETS: usize = 12;
 
 /// A description for each kernel there is.
 fn kernels(engine: &MorphEngine) -> Vec<(DeltaFormat, UpdateDesc)> {
     let blocks = UpdateDesc::blocks();
-    let exact = UpdateDesc { accumulate: Accumulate::Exact, ..blocks };
+    let exact = blocks.accumulate(Accumulate::Exact);
     let mut list = vec![
         (DeltaFormat::Float32, UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(8))),
         (DeltaFormat::BlockFloat32, blocks),
         (DeltaFormat::Fast, blocks),
         (DeltaFormat::Fast, exact),
-        (DeltaFormat::Small, UpdateDesc { slots: 3, ..blocks }),
-        (DeltaFormat::Small, UpdateDesc { slots: 1, ..exact }),
-        (DeltaFormat::Pair, UpdateDesc { slots: 1, ..blocks }),
-        (DeltaFormat::Pair, UpdateDesc { slots: 3, ..exact }),
+        (DeltaFormat::Small, blocks.slots(3)),
+        (DeltaFormat::Small, exact.slots(1)),
+        (DeltaFormat::Pair, blocks.slots(1)),
+        (DeltaFormat::Pair, exact.slots(3)),
     ];
     if engine.caps().transform_feedback.is_some() {
         list.push((DeltaFormat::Snorm16, UpdateDesc::new(UpdatePath::Feedback, BatchSize::Targets(4))));
@@ -51,7 +52,7 @@ fn assert_pose(crowd: &mut HeadlessCrowd<'_>, mesh: &PackedMesh, desc: &UpdateDe
 }
 
 fn crowd<'a>(headless: &'a Headless, mesh: &PackedMesh, update: UpdateDesc, instances: u32) -> HeadlessCrowd<'a> {
-    HeadlessCrowd::new(headless, mesh, &CrowdDesc { instances, frames_in_flight: 1, ..CrowdDesc::new(update) })
+    HeadlessCrowd::new(headless, mesh, &CrowdDesc::new(update).instances(instances).frames_in_flight(1))
         .expect("a crowd")
 }
 
@@ -116,7 +117,9 @@ fn an_idle_crowd_is_no_work() {
             }
             assert!(crowd.step(&[]).expect("a step").update.stats.bytes_moved > 0);
             // SAFETY: nothing is changed, only looked at.
-            let idle = unsafe { crowd.step_tampered(&[], |entries| assert!(entries.is_empty())) };
+            let idle = unsafe {
+                HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[], |entries| assert!(entries.is_empty()))
+            };
             let stats = idle.expect("a step").0.update.stats;
             assert_eq!((stats.bytes_moved, stats.dirty_blocks, stats.passes), (0, 0, 0), "{desc:?}");
         }
@@ -127,11 +130,10 @@ fn an_idle_crowd_is_no_work() {
 #[test]
 fn a_crowd_in_several_descriptor_ranges() {
     // Poses of 704 vertices: seven heads of two slots each.
-    let limits = DeviceCaps { max_storage_range: 704 * 24 * 15, ..DeviceCaps::android_baseline() };
-    let roomy = DeviceCaps { max_texels: u32::MAX, int64: true, ..limits.clone() };
-    for (driver, limits) in gpu::drivers().iter().flat_map(|d| [(d, roomy.clone()), (d, limits.clone())]) {
+    let limits = gpu::baseline(|caps| caps.max_storage_range = 704 * 24 * 15);
+    for (driver, limits) in gpu::with_and_without_texels(&limits) {
         let texels = limits.int64 && driver == "llvmpipe";
-        gpu::on_device_within(driver, Some(limits), |headless, engine| {
+        gpu::on_device_within(&driver, Some(limits), |headless, engine| {
             assert_eq!(headless.caps().takes_texels(DeltaFormat::Fast), texels, "{driver}");
             for (format, desc) in kernels(engine).into_iter().filter(|(f, _)| f.is_blocks()) {
                 let mesh = packed(engine, format);

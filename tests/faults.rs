@@ -10,6 +10,7 @@ use deltamorph::internals::plan::schedule::{Entry, asset_uploaded};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{BatchSize, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing};
 use gpu::{on_every_device, single, update_descs, weights};
+use std::slice::from_mut;
 
 fn packed(engine: &MorphEngine, format: DeltaFormat) -> PackedMesh {
     gpu::packed(engine, &testing::mesh(500, 20), format)
@@ -27,7 +28,7 @@ fn recorded(
     let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
     let step = |frame| {
         // SAFETY: nothing is changed.
-        let step = unsafe { crowd.step_tampered(&[&weights(&mesh, frame, 1)], |_| {}) };
+        let step = unsafe { HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[&weights(&mesh, frame, 1)], |_| {}) };
         (step.expect("a step").1, crowd.crowd().pose(0).expect("a pose").slot)
     };
     (0..frames).map(step).collect()
@@ -72,7 +73,7 @@ fn what_the_engine_records_has_no_hazard_and_a_dropped_barrier_has_one() {
 #[test]
 fn validation_sees_a_dropped_barrier_between_compute_passes() {
     let device = DeviceChoice::Name("llvmpipe".into());
-    let headless = Headless::new(&HeadlessDesc { device, validation: true, limits: None })
+    let headless = Headless::new(&HeadlessDesc::default().device(device).validation(true))
         .expect("lavapipe; run the tests as ./with-vulkan cargo test");
     let engine = headless.engine();
     let mesh = packed(engine, DeltaFormat::Float32);
@@ -86,7 +87,7 @@ fn validation_sees_a_dropped_barrier_between_compute_passes() {
         entries.remove(at);
     };
     // SAFETY: a barrier less; the driver is software, and runs dispatches one after the other all the same.
-    unsafe { crowd.step_tampered(&[&[0.7; 20]], drop_second) }.expect("a step");
+    unsafe { HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[&[0.7; 20]], drop_second) }.expect("a step");
     let messages = gpu::complaints(&headless);
     assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD")), "{messages:?}");
 }
@@ -97,7 +98,7 @@ fn a_swapped_slot_gives_a_wrong_pose() {
     on_every_device(|headless, engine| {
         let descs =
             DeltaFormat::DENSE.into_iter().flat_map(|f| update_descs(engine, f).into_iter().map(move |d| (f, d)));
-        for (format, desc) in descs.flat_map(|(f, d)| [2, 3].map(|slots| (f, UpdateDesc { slots, ..d }))) {
+        for (format, desc) in descs.flat_map(|(f, d)| [2, 3].map(|slots| (f, d.slots(slots)))) {
             let mesh = packed(engine, format);
             let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
             let mut weights = [0.5; 20];
@@ -118,7 +119,7 @@ fn a_swapped_slot_gives_a_wrong_pose() {
                 }
             };
             // SAFETY: the slots are there, and every one of them was written: a valid recording.
-            unsafe { crowd.step_tampered(&[&weights], swap) }.expect("a step");
+            unsafe { HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[&weights], swap) }.expect("a step");
             assert!(swapped > 0, "{format:?} {desc:?}: nothing to swap");
             let error = compare(&crowd.read_pose(0).expect("a pose"), &evaluate(&mesh, &weights));
             assert!(error.position > 1e-3, "{format:?} {desc:?}: the fault went unseen: {error:?}");
@@ -144,7 +145,8 @@ fn a_block_left_out_gives_a_wrong_pose() {
                     crowd.step(&[&[weight; 20]]).expect("a step");
                 }
                 // SAFETY: a workgroup less: a valid recording.
-                unsafe { crowd.step_tampered(&[&[1.0; 20]], leave_out) }.expect("a step");
+                unsafe { HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[&[1.0; 20]], leave_out) }
+                    .expect("a step");
                 let error = compare(&crowd.read_pose(0).expect("a pose"), &evaluate(&mesh, &[1.0; 20]));
                 assert!(error.position > 1e-3, "{desc:?}: the fault went unseen: {error:?}");
             }

@@ -10,6 +10,7 @@ use deltamorph::{
     UpdateDesc, UpdateMode, UpdatePath, testing,
 };
 use gpu::{NORMAL, POSITION, applied, in_eight_chunks, is_kept, on_every_device, single, update_descs, weights};
+use std::slice::from_mut;
 
 fn packed(engine: &MorphEngine, vertices: usize, targets: usize, format: DeltaFormat) -> PackedMesh {
     gpu::packed(engine, &testing::mesh(vertices, targets), format)
@@ -61,7 +62,7 @@ fn modes_and_slot_counts() {
             for desc in update_descs(engine, format) {
                 for slots in [1, 3] {
                     for mode in [UpdateMode::Incremental, UpdateMode::Rebuild] {
-                        let desc = UpdateDesc { slots, mode, ..desc };
+                        let desc = desc.slots(slots).mode(mode);
                         if desc.check().is_ok() {
                             check(headless, &mesh, desc, 5);
                         }
@@ -100,25 +101,25 @@ fn meshes_beyond_the_storage_range_are_cut_into_chunks() {
 
 /// No limits but the device's own.
 fn roomy() -> DeviceCaps {
-    DeviceCaps {
-        max_storage_range: u64::MAX,
-        max_texels: u32::MAX,
-        max_allocation: u64::MAX,
-        max_storage_buffers: u32::MAX,
-        max_push_constants: u32::MAX,
-        max_vertex_attributes: u32::MAX,
-        max_vertex_bindings: u32::MAX,
-        max_workgroup_invocations: u32::MAX,
-        max_workgroups: u32::MAX,
-        transform_feedback: Some(TransformFeedbackCaps { max_buffer_bytes: u64::MAX, max_stride: u32::MAX }),
-        vertex_stores: true,
-        int64: true,
-        ..DeviceCaps::android_baseline()
-    }
+    gpu::baseline(|caps| {
+        caps.max_storage_range = u64::MAX;
+        caps.max_texels = u32::MAX;
+        caps.max_allocation = u64::MAX;
+        caps.max_storage_buffers = u32::MAX;
+        caps.max_push_constants = u32::MAX;
+        caps.max_vertex_attributes = u32::MAX;
+        caps.max_vertex_bindings = u32::MAX;
+        caps.max_workgroup_invocations = u32::MAX;
+        caps.max_workgroups = u32::MAX;
+        caps.transform_feedback = Some(TransformFeedbackCaps { max_buffer_bytes: u64::MAX, max_stride: u32::MAX });
+        caps.vertex_stores = true;
+        caps.int64 = true;
+    })
 }
 
-/// Run `test` on every driver within `limits`.
-fn within(limits: DeviceCaps, test: impl Fn(&Headless, &MorphEngine)) {
+/// Run `test` on every driver with one limit.
+fn within(limit: impl FnOnce(&mut DeviceCaps), test: impl Fn(&Headless, &MorphEngine)) {
+    let limits = gpu::limited(roomy(), limit);
     for driver in gpu::drivers() {
         gpu::on_device_within(&driver, Some(limits.clone()), &test);
     }
@@ -126,21 +127,24 @@ fn within(limits: DeviceCaps, test: impl Fn(&Headless, &MorphEngine)) {
 
 #[test]
 fn more_workgroups_than_a_dispatch_has() {
-    within(DeviceCaps { max_workgroups: 3, ..roomy() }, |headless, engine| {
-        for format in DeltaFormat::ALL {
-            let mesh = packed(engine, 1000, 19, format);
-            assert!(format.is_blocks() || mesh.layout().chunks().count() == 6);
-            for desc in update_descs(engine, format) {
-                check(headless, &mesh, desc, 3);
+    within(
+        |caps| caps.max_workgroups = 3,
+        |headless, engine| {
+            for format in DeltaFormat::ALL {
+                let mesh = packed(engine, 1000, 19, format);
+                assert!(format.is_blocks() || mesh.layout().chunks().count() == 6);
+                for desc in update_descs(engine, format) {
+                    check(headless, &mesh, desc, 3);
+                }
             }
-        }
-    });
+        },
+    );
 }
 
 #[test]
 fn limits_are_kept_or_refused_with_the_numbers() {
-    let refuse = |limits: DeviceCaps, path: UpdatePath, words: &[&str]| {
-        within(limits, |headless, _| {
+    let refuse = |path: UpdatePath, limit: fn(&mut DeviceCaps), words: &[&str]| {
+        within(limit, |headless, _| {
             if headless.caps().check_path(UpdatePath::Feedback).is_err() && path == UpdatePath::Feedback {
                 return;
             }
@@ -151,18 +155,19 @@ fn limits_are_kept_or_refused_with_the_numbers() {
         });
     };
     // 1,024 padded vertices of 24 bytes; five targets of them.
-    let compute = |limits, words: &[&str]| refuse(limits, UpdatePath::Compute, words);
-    compute(DeviceCaps { max_storage_range: 10_000, ..roomy() }, &["a pose takes 24576 bytes", "allows 10000"]);
-    compute(
-        DeviceCaps { max_storage_range: 50_000, ..roomy() },
-        &["a chunk of deltas takes 122880 bytes", "pack_desc"],
+    let compute = |limit, words: &[&str]| refuse(UpdatePath::Compute, limit, words);
+    compute(|caps| caps.max_storage_range = 10_000, &["a pose takes 24576 bytes", "allows 10000"]);
+    compute(|caps| caps.max_storage_range = 50_000, &["a chunk of deltas takes 122880 bytes", "pack_desc"]);
+    compute(|caps| caps.max_workgroups = 15, &["a chunk takes 16 workgroups", "allows 15", "pack_desc"]);
+    compute(|caps| caps.max_allocation = 100_000, &["'deltamorph deltas' needs 122880 bytes", "100000"]);
+    compute(|caps| caps.max_workgroup_invocations = 32, &["32 invocations per workgroup", "'cpu'"]);
+    refuse(
+        UpdatePath::Feedback,
+        |caps| {
+            caps.transform_feedback = Some(TransformFeedbackCaps { max_buffer_bytes: 20_000, max_stride: 512 });
+        },
+        &["a chunk captures 24576 bytes", "allows 20000", "pack_desc"],
     );
-    compute(DeviceCaps { max_workgroups: 15, ..roomy() }, &["a chunk takes 16 workgroups", "allows 15", "pack_desc"]);
-    compute(DeviceCaps { max_allocation: 100_000, ..roomy() }, &["'deltamorph deltas' needs 122880 bytes", "100000"]);
-    compute(DeviceCaps { max_workgroup_invocations: 32, ..roomy() }, &["32 invocations per workgroup", "'cpu'"]);
-    let transform_feedback = Some(TransformFeedbackCaps { max_buffer_bytes: 20_000, max_stride: 512 });
-    let limits = DeviceCaps { transform_feedback, ..roomy() };
-    refuse(limits, UpdatePath::Feedback, &["a chunk captures 24576 bytes", "allows 20000", "pack_desc"]);
 }
 
 #[test]
@@ -171,7 +176,7 @@ fn a_crowd_of_heads_in_one_recording() {
         for format in [DeltaFormat::Float32, DeltaFormat::Fast, DeltaFormat::Small, DeltaFormat::Pair] {
             let mesh = packed(engine, 200, 11, format);
             for update in update_descs(engine, format) {
-                let desc = deltamorph::CrowdDesc { instances: 3, ..single(update) };
+                let desc = single(update).instances(3);
                 let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
                 for frame in 0..4 {
                     let weights: Vec<Vec<f32>> = (0..3).map(|i| weights(&mesh, frame * i, i)).collect();
@@ -208,7 +213,9 @@ fn passes_are_the_coefficients_over_the_batch_size_and_a_still_face_records_noth
             assert_eq!((nine.coefficients, nine.passes), (9, desc.batch.passes(9)), "{desc:?}");
             assert_eq!(passes(&weights), deltamorph::UpdateStats::default(), "{desc:?}");
             // SAFETY: nothing is changed.
-            let step = unsafe { crowd.step_tampered(&[&weights], |entries| assert!(entries.is_empty())) };
+            let step = unsafe {
+                HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[&weights], |entries| assert!(entries.is_empty()))
+            };
             assert_eq!(step.expect("a step").0.update.stats.bytes_moved, 0);
         }
     });
@@ -222,7 +229,7 @@ fn a_face_that_stops_has_its_pose_as_previous_pose() {
         for desc in update_descs(engine, DeltaFormat::Small) {
             for (slots, error_budget) in (1..4).flat_map(|slots| [(slots, 0.0), (slots, 0.05 * mesh.layout().diagonal)])
             {
-                let desc = UpdateDesc { slots, error_budget, ..desc };
+                let desc = desc.slots(slots).error_budget(error_budget);
                 let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
                 let mut weights = [0.0; 11];
                 let step = |crowd: &mut HeadlessCrowd<'_>, weights: &[f32]| {
@@ -325,7 +332,7 @@ fn any_sequence_of_weights_equals_the_reference() {
             let format = mesh.layout().format;
             let config = Config { cases: 4, failure_persistence: None, ..Config::default() };
             let run = TestRunner::new(config).run(&strategy, |(slots, frames)| {
-                let desc = UpdateDesc { slots, ..*desc };
+                let desc = desc.slots(slots);
                 let mut crowd = HeadlessCrowd::new(headless, mesh, &single(desc)).expect("a crowd");
                 for frame in frames {
                     let weights: Vec<f32> = frame.iter().map(|&w| f32::from(w) * 0.3).collect();
@@ -349,8 +356,8 @@ fn exact_sums_are_the_same_bits_everywhere() {
     for format in DeltaFormat::BLOCKS.into_iter().filter(|format| format.has_integers()) {
         let mesh = PackedMesh::pack(&testing::mesh(500, 24), &PackDesc::new(format)).expect("a mesh that fits");
         let mesh = std::sync::Arc::new(mesh);
-        let exact = UpdateDesc { accumulate: Accumulate::Exact, ..UpdateDesc::blocks() };
-        let on_cpu = UpdateDesc { path: UpdatePath::Cpu, ..exact };
+        let exact = UpdateDesc::blocks().accumulate(Accumulate::Exact);
+        let on_cpu = exact.path(UpdatePath::Cpu);
         let cpu = |frames: std::ops::Range<u32>| {
             let mut crowd = CpuCrowd::new(mesh.clone(), on_cpu, 1, 2).expect("a crowd");
             for frame in frames {

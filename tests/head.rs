@@ -8,7 +8,7 @@ use glam::Vec3;
 use std::collections::HashMap;
 
 fn desc(vertices: usize, targets: usize, sparsity: f32) -> HeadDesc {
-    HeadDesc { vertices, targets, sparsity, ..HeadDesc::default() }
+    HeadDesc::default().vertices(vertices).targets(targets).sparsity(sparsity)
 }
 
 /// FNV-1a over the bits of everything.
@@ -60,7 +60,7 @@ fn the_same_description_gives_the_same_bits() {
     let d = desc(3000, 60, 0.12);
     assert_eq!(fingerprint(&head(&d)), fingerprint(&head(&d)));
     assert_eq!(format!("{:016x}", fingerprint(&head(&d))), FINGERPRINT);
-    let other = head(&HeadDesc { seed: 2, ..d.clone() });
+    let other = head(&d.clone().seed(2));
     assert_eq!(other.positions, head(&d).positions);
     assert_ne!(fingerprint(&other), fingerprint(&head(&d)));
 }
@@ -83,7 +83,7 @@ fn the_first_targets_have_the_arkit_names() {
 fn targets_move_the_fraction_that_was_asked_for() {
     for (sparsity, targets) in [(0.02, 52), (0.12, 72), (0.25, 120), (0.5, 52), (0.9, 60)] {
         let source = head(&desc(6000, targets, sparsity));
-        let mesh = source.to_mesh(Tolerance { normal: 1e9, ..Tolerance::default() }).unwrap();
+        let mesh = source.to_mesh(Tolerance::default().normal(1e9)).unwrap();
         let moved: usize = mesh.targets.iter().map(|t| t.vertices.len()).sum();
         let mean = moved as f32 / (6000 * targets) as f32;
         assert!((mean / sparsity - 1.0).abs() < 0.2, "{mean} for {sparsity}");
@@ -96,7 +96,7 @@ fn targets_move_the_fraction_that_was_asked_for() {
 #[test]
 fn at_sparsity_one_every_target_moves_every_vertex() {
     for n in [1, 2, 3, 4, 7, 3000] {
-        let mesh = head(&desc(n, 80, 1.0)).to_mesh(Tolerance { normal: 1e9, ..Tolerance::default() }).unwrap();
+        let mesh = head(&desc(n, 80, 1.0)).to_mesh(Tolerance::default().normal(1e9)).unwrap();
         for target in &mesh.targets {
             assert_eq!(target.vertices.len(), n, "{}", target.name);
         }
@@ -109,7 +109,7 @@ fn a_head_that_is_written_and_imported_is_the_same_bit_for_bit() {
         a.0 == b.0 && a.1.to_array().map(f32::to_bits) == b.1.to_array().map(f32::to_bits)
     };
     for (d, seed) in [(desc(3000, 72, 0.12), 1), (desc(500, 80, 1.0), 2), (desc(20_000, 60, 0.3), 3)] {
-        let source = head(&HeadDesc { seed, ..d });
+        let source = head(&d.seed(seed));
         let dir = tempfile::tempdir().unwrap();
         std::fs::create_dir(dir.path().join("targets")).unwrap();
         let write = |name: String, positions: &[Vec3]| {

@@ -136,13 +136,13 @@ fn misuse_is_an_error_that_says_what_to_do() {
             let error = HeadlessCrowd::new(headless, &mesh, &desc).err().expect("refused").to_string();
             assert!(error.contains(words), "{error}");
         };
-        refuse(CrowdDesc { instances: 0, ..single(desc) }, "0 instances");
-        refuse(CrowdDesc { frames_in_flight: 0, ..single(desc) }, "0 frames in flight");
-        refuse(CrowdDesc { instances: 1 << 24, ..single(desc) }, "make several crowds");
+        refuse(single(desc).instances(0), "0 instances");
+        refuse(single(desc).frames_in_flight(0), "0 frames in flight");
+        refuse(single(desc).instances(1 << 24), "make several crowds");
         let batch = deltamorph::BatchSize::Targets(99);
-        refuse(single(UpdateDesc { batch, ..desc }), "batch size 99");
+        refuse(single(desc.batch(batch)), "batch size 99");
         let path = deltamorph::UpdatePath::Cpu;
-        refuse(single(UpdateDesc { path, ..desc }), "use CpuCrowd");
+        refuse(single(desc.path(path)), "use CpuCrowd");
 
         let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
         assert!(crowd.crowd().pose(0).unwrap_err().to_string().contains("record an update first"));
@@ -159,10 +159,7 @@ fn misuse_is_an_error_that_says_what_to_do() {
         assert_right(&mut crowd, &mesh, &[0.25, 0.5], desc);
 
         // A second engine, on a device of its own.
-        let other = Headless::new(&HeadlessDesc {
-            device: DeviceChoice::Name(headless.caps().name.clone()),
-            ..HeadlessDesc::default()
-        });
+        let other = Headless::new(&HeadlessDesc::default().device(DeviceChoice::Name(headless.caps().name.clone())));
         let other = other.expect("a second device");
         let error = crowd.record_with(other.engine()).unwrap_err().to_string();
         assert!(error.contains("another MorphEngine"), "{error}");

@@ -21,7 +21,7 @@ use std::sync::Arc;
 
 /// The built-in head with a texture in many charts: every eighth face is one of its own.
 fn charts() -> MorphSource {
-    let mut source = head(&HeadDesc { vertices: 3000, targets: 40, ..HeadDesc::default() });
+    let mut source = head(&HeadDesc::default().vertices(3000).targets(40));
     let before = source.texcoords.clone();
     for (face, corners) in source.faces.corners.chunks_mut(3).enumerate().filter(|(face, _)| face % 8 == 0) {
         for corner in corners {
@@ -75,20 +75,20 @@ fn pack(mesh: &MorphMesh) -> impl Iterator<Item = Arc<PackedMesh>> {
     let all =
         DeltaFormat::ALL.into_iter().flat_map(move |format| sizes(format).iter().map(move |&size| (format, size)));
     all.map(|(format, size)| {
-        let blocks = BlockDesc { size: Some(size), ..BlockDesc::default() };
-        Arc::new(PackedMesh::pack(mesh, &PackDesc { blocks, ..PackDesc::new(format) }).unwrap())
+        let blocks = BlockDesc::default().size(Some(size));
+        Arc::new(PackedMesh::pack(mesh, &PackDesc::new(format).blocks(blocks)).unwrap())
     })
 }
 
 #[test]
 fn the_built_in_head_has_a_seam() {
-    let source = head(&HeadDesc { targets: 0, ..HeadDesc::default() });
+    let source = head(&HeadDesc::default().targets(0));
     assert_eq!(source.split().unwrap().positions.len(), source.positions.len() + 245);
 }
 
 #[test]
 fn doubled_vertices_are_equal_bit_for_bit_in_every_pose() {
-    for source in [charts(), head(&HeadDesc { vertices: 3000, targets: 40, ..HeadDesc::default() })] {
+    for source in [charts(), head(&HeadDesc::default().vertices(3000).targets(40))] {
         let mesh = split(&source);
         let pairs = doubled(&mesh);
         for packed in pack(&mesh) {
@@ -99,7 +99,8 @@ fn doubled_vertices_are_equal_bit_for_bit_in_every_pose() {
                 (Accumulate::Exact, 0.0),
                 (Accumulate::Exact, 0.02),
             ] {
-                let desc = UpdateDesc { accumulate, error_budget, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
+                let desc =
+                    UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).accumulate(accumulate).error_budget(error_budget);
                 let Ok(mut crowd) = CpuCrowd::new(packed.clone(), desc, 1, 1) else {
                     // Dense formats have neither integer sums nor budgets, float32 deltas no integers.
                     let exact = accumulate == Accumulate::Exact;
@@ -181,7 +182,7 @@ fn doubled_vertices_are_equal_bit_for_bit_in_every_pose_of_the_gpu() {
 fn updates(headless: &Headless, format: DeltaFormat) -> Vec<UpdateDesc> {
     if format.is_blocks() {
         let updates = gpu::update_descs(headless.engine(), format);
-        return updates.iter().flat_map(|&u| [u, UpdateDesc { error_budget: 0.02, ..u }]).collect();
+        return updates.iter().flat_map(|&u| [u, u.error_budget(0.02)]).collect();
     }
     let paths = [UpdatePath::Compute, UpdatePath::Feedback];
     let there = paths.into_iter().filter(|path| headless.caps().check_path(*path).is_ok());
@@ -282,10 +283,10 @@ fn compare_pictures(
 
 #[test]
 fn one_index_buffer_draws_what_the_corners_of_the_file_draw() {
-    let exact = UpdateDesc { accumulate: Accumulate::Exact, ..UpdateDesc::blocks() };
-    let float = UpdateDesc { accumulate: Accumulate::Float { tolerance: 1e-2 }, ..UpdateDesc::blocks() };
+    let exact = UpdateDesc::blocks().accumulate(Accumulate::Exact);
+    let float = UpdateDesc::blocks().accumulate(Accumulate::Float { tolerance: 1e-2 });
     let compute = UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(3));
-    let plain = head(&HeadDesc { vertices: 3000, targets: 40, ..HeadDesc::default() });
+    let plain = head(&HeadDesc::default().vertices(3000).targets(40));
     let charts = charts();
     let mesh = split(&charts);
     let kept = charts.positions.len() as u32;

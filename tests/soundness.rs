@@ -10,6 +10,7 @@ use deltamorph::{
     PackDesc, PackedMesh, SourceTarget, Tolerance, UpdateDesc, UpdatePath, testing,
 };
 use gpu::{applied, drivers, on_every_device, single, update_descs, weights};
+use std::slice::from_mut;
 use std::sync::Arc;
 
 #[test]
@@ -129,7 +130,7 @@ fn recorded_updates_run_in_their_crowd_and_while_their_lists_are_theirs() {
 #[test]
 fn a_step_that_fails_half_way_leaves_every_crowd_as_it_was() {
     for driver in drivers() {
-        let desc = HeadlessDesc { device: DeviceChoice::Name(driver.clone()), ..HeadlessDesc::default() };
+        let desc = HeadlessDesc::default().device(DeviceChoice::Name(driver.clone()));
         let devices = [Headless::new(&desc).expect("a device"), Headless::new(&desc).expect("a device")];
         let pack = devices[0].engine().pack_desc(DeltaFormat::Fast);
         let mesh = PackedMesh::pack(&testing::mesh(300, 8), &pack).expect("a mesh that fits");
@@ -155,7 +156,7 @@ fn a_panic_between_planning_and_recording_takes_the_update_back() {
         let asked = [0.7; 8];
         // SAFETY: the commands are not changed; what unwinds is caught by the caller.
         let failed = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| unsafe {
-            crowd.step_tampered(&[&asked], |_| panic!("between planning and recording"))
+            HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[&asked], |_| panic!("between planning and recording"))
         }));
         assert!(failed.is_err());
         assert!(crowd.crowd().pose(0).is_err(), "what was planned is not taken as done");
@@ -167,7 +168,7 @@ fn a_panic_between_planning_and_recording_takes_the_update_back() {
 #[test]
 fn what_an_engine_made_outlives_its_headless() {
     for driver in drivers() {
-        let desc = HeadlessDesc { device: DeviceChoice::Name(driver), validation: true, limits: None };
+        let desc = HeadlessDesc::default().device(DeviceChoice::Name(driver)).validation(true);
         let headless = Headless::new(&desc).expect("a device");
         let pack = headless.engine().pack_desc(DeltaFormat::Fast);
         let mesh = PackedMesh::pack(&testing::mesh(64, 4), &pack).expect("a mesh that fits");
@@ -239,12 +240,12 @@ fn an_error_budget_holds_after_a_large_change() {
         .collect();
     let mesh = source.to_mesh(Tolerance::ZERO).expect("a mesh");
     let (most, budget) = (4.0, 2e-5);
-    let blocks = BlockDesc { position_error: 1e-6, weight_max: most, ..Default::default() };
-    let pack = PackDesc { blocks, ..PackDesc::new(DeltaFormat::Fast) };
+    let blocks = BlockDesc::default().position_error(1e-6).weight_max(most);
+    let pack = PackDesc::new(DeltaFormat::Fast).blocks(blocks);
     let mesh = Arc::new(PackedMesh::pack(&mesh, &pack).expect("a mesh that fits"));
     let grid = mesh.layout().blocks.as_ref().expect("blocks").exact().expect("a grid");
-    let exact = UpdateDesc { path: UpdatePath::Cpu, accumulate: Accumulate::Exact, ..UpdateDesc::blocks() };
-    let desc = UpdateDesc { error_budget: budget, ..exact };
+    let exact = UpdateDesc::blocks().path(UpdatePath::Cpu).accumulate(Accumulate::Exact);
+    let desc = exact.error_budget(budget);
     let mut worst = 0.0f64;
     for _ in 0..6_000 {
         let mut crowd = CpuCrowd::new(mesh.clone(), desc, 1, 1).expect("a crowd");
@@ -273,7 +274,7 @@ fn an_error_budget_holds_after_a_large_change() {
 #[test]
 fn running_out_of_memory_is_an_error_of_its_own() {
     let mesh = PackedMesh::pack(&testing::mesh(1000, 4), &PackDesc::new(DeltaFormat::Fast)).expect("a mesh");
-    let desc = UpdateDesc { path: UpdatePath::Cpu, ..UpdateDesc::blocks() };
+    let desc = UpdateDesc::blocks().path(UpdatePath::Cpu);
     let error = CpuCrowd::new(Arc::new(mesh), desc, usize::MAX / 1_000_000, 1).err().expect("no memory");
     assert_eq!(error.kind(), ErrorKind::OutOfMemory, "{error}");
 }
@@ -283,7 +284,7 @@ fn an_instance_that_is_not_there_is_an_error() {
     for format in [DeltaFormat::Float32, DeltaFormat::Fast] {
         let mesh = PackedMesh::pack(&testing::mesh(100, 4), &PackDesc::new(format)).expect("a mesh");
         let mesh = Arc::new(mesh);
-        let blocks = UpdateDesc { path: UpdatePath::Cpu, ..UpdateDesc::blocks() };
+        let blocks = UpdateDesc::blocks().path(UpdatePath::Cpu);
         let dense = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
         let desc = if format.is_blocks() { blocks } else { dense };
         let mut crowd = CpuCrowd::new(mesh.clone(), desc, 2, 1).expect("a crowd");

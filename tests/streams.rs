@@ -12,6 +12,7 @@ use deltamorph::{
     PackedMesh, Semantic, SourceTarget, Tolerance, UpdateDesc, UpdatePath, testing,
 };
 use gpu::{NORMAL, POSITION, on_every_device, update_descs, weights};
+use std::slice::from_mut;
 use std::sync::Arc;
 
 const TARGETS: usize = 11;
@@ -89,7 +90,7 @@ fn requested(mesh: &PackedMesh, frame: u32, head: usize) -> Vec<f32> {
 
 /// Random weights; a head that is hidden for a while; an update that is lost.
 fn check(headless: &Headless, mesh: &PackedMesh, desc: UpdateDesc, frames: u32) {
-    let crowd_desc = CrowdDesc { instances: HEADS as u32, ..CrowdDesc::new(desc) };
+    let crowd_desc = CrowdDesc::new(desc).instances(HEADS as u32);
     let mut crowd = HeadlessCrowd::new(headless, mesh, &crowd_desc).expect("a crowd");
     let name = &headless.caps().name;
     let (mut shown, mut before) = (vec![vec![]; HEADS], vec![None; HEADS]);
@@ -149,7 +150,7 @@ fn every_technique_updates_every_stream() {
             let mesh = packed(&engine.pack_desc(format));
             for desc in update_descs(engine, format) {
                 for slots in 1..4 {
-                    let desc = UpdateDesc { slots, ..desc };
+                    let desc = desc.slots(slots);
                     if desc.check().is_ok() {
                         check(headless, &mesh, desc, 9);
                     }
@@ -166,7 +167,7 @@ fn an_error_budget_holds_back_positions_and_nothing_else() {
             let mesh = packed(&engine.pack_desc(format));
             for accumulate in [Accumulate::Exact, Accumulate::Float { tolerance: 1e-2 }] {
                 let error_budget = 0.3 * mesh.layout().diagonal;
-                check(headless, &mesh, UpdateDesc { accumulate, error_budget, ..UpdateDesc::blocks() }, 8);
+                check(headless, &mesh, UpdateDesc::blocks().accumulate(accumulate).error_budget(error_budget), 8);
             }
         }
     });
@@ -186,7 +187,9 @@ fn groups_share_steps_and_barriers() {
                     for frame in 0..4 {
                         let weights = weights(mesh, frame, 5);
                         // SAFETY: nothing is changed.
-                        let (_, events) = unsafe { crowd.step_tampered(&[&weights], |_| {}) }.expect("a step");
+                        let (_, events) =
+                            unsafe { HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[&weights], |_| {}) }
+                                .expect("a step");
                         checker.update(&events);
                         let pose = crowd.crowd().pose(0).expect("a pose").slot;
                         let previous = crowd.crowd().previous_pose(0).expect("a pose").map(|view| view.slot);
@@ -210,7 +213,7 @@ fn groups_share_steps_and_barriers() {
 fn views_say_where_streams_are() {
     on_every_device(|headless, engine| {
         let mesh = packed(&engine.pack_desc(DeltaFormat::Fast));
-        let desc = CrowdDesc { instances: 2, ..CrowdDesc::new(UpdateDesc::blocks()) };
+        let desc = CrowdDesc::new(UpdateDesc::blocks()).instances(2);
         let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
         crowd.step(&[&[0.5; TARGETS], &[0.25; TARGETS]]).expect("a step");
         let crowd = crowd.crowd();
@@ -240,7 +243,7 @@ fn the_cpu_updates_every_stream() {
         let exact = format.is_blocks() && format != DeltaFormat::BlockFloat32;
         for (slots, exact) in (1..4).flat_map(|slots| [(slots, false), (slots, true)]).filter(|(_, e)| !e || exact) {
             let accumulate = if exact { Accumulate::Exact } else { Accumulate::Float { tolerance: 1e-2 } };
-            let desc = UpdateDesc { slots, accumulate, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
+            let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).slots(slots).accumulate(accumulate);
             let mut crowd = CpuCrowd::new(mesh.clone(), desc, HEADS, 2).expect("a crowd");
             let mut before: Vec<Option<Vec<Vec<f32>>>> = vec![None; HEADS];
             let mut shown = vec![vec![]; HEADS];
@@ -302,7 +305,7 @@ fn what_does_not_update_streams_refuses_them() {
             let accumulate = if path == UpdatePath::Scatter { Accumulate::Exact } else { Accumulate::default() };
             let batch = if path == UpdatePath::DirectAttributes { BatchSize::Targets(1) } else { BatchSize::All };
             let mode = deltamorph::UpdateMode::Rebuild;
-            let desc = CrowdDesc::new(UpdateDesc { accumulate, mode, ..UpdateDesc::new(path, batch) });
+            let desc = CrowdDesc::new(UpdateDesc::new(path, batch).accumulate(accumulate).mode(mode));
             let made = HeadlessCrowd::new(headless, &packed(&engine.pack_desc(format)), &desc);
             let text = made.err().expect("a refusal").to_string();
             assert!(text.contains(path.name()) && text.contains("'blocks'"), "{text}");

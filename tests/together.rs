@@ -25,7 +25,7 @@ fn crowds_side_by_side_do_what_one_crowd_does() {
         for format in [DeltaFormat::Snorm16, DeltaFormat::Fast] {
             let mesh = PackedMesh::pack(&testing::mesh(200, 11), &engine.pack_desc(format)).expect("packed");
             for update in update_descs(engine, format) {
-                let desc = |instances| CrowdDesc { instances, frames_in_flight: 1, ..CrowdDesc::new(update) };
+                let desc = |instances| CrowdDesc::new(update).instances(instances).frames_in_flight(1);
                 let mut whole = HeadlessCrowd::new(headless, &mesh, &desc(4)).expect("a crowd");
                 let half = HeadlessCrowd::new(headless, &mesh, &desc(2)).expect("a crowd");
                 let mut halves = [half.another(&desc(2)).expect("another"), half];
@@ -72,7 +72,7 @@ fn crowds_of_one_call_share_their_barriers() {
             let mut one = [1.0; 11];
             one[3] = f32::from(frame) / 4.0;
             // SAFETY: nothing is changed.
-            let step = unsafe { HeadlessCrowd::step_together_tampered(&mut crowds, &[&many, &one], |_| {}) };
+            let step = unsafe { HeadlessCrowd::step_tampered(&mut crowds, &[&many, &one], |_| {}) };
             let slots = [0, 1].map(|crowd: usize| {
                 let crowd = crowds[crowd].crowd();
                 let previous = crowd.previous_pose(0).expect("a pose").expect("two slots keep it");
@@ -108,12 +108,13 @@ fn crowds_of_both_kinds_are_updated_by_one_call() {
     on_every_device(|headless, engine| {
         let mesh = PackedMesh::pack(&testing::mesh(200, 5), &engine.pack_desc(DeltaFormat::Small)).expect("packed");
         let layout = mesh.layout();
-        let desc = CrowdDesc::new(UpdateDesc { accumulate: Accumulate::Exact, ..UpdateDesc::blocks() });
+        let desc = CrowdDesc::new(UpdateDesc::blocks().accumulate(Accumulate::Exact));
         // On the grid of weights: a frame a second.
         let weights = |frame: usize| (0..5).map(|t| (frame * t + 1) as f32 / 8.0).collect::<Vec<f32>>();
         let names = layout.targets.iter().map(|target| target.name.clone()).collect();
         let clip = WeightClip { name: "clip".into(), names, fps: 1.0, values: (0..4).flat_map(weights).collect() };
-        let animation = AnimationDesc { clips: &[clip], key_format: KeyFormat::Bits32 };
+        let clips = [clip];
+        let animation = AnimationDesc::new(&clips).key_format(KeyFormat::Bits32);
         // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so in all that follows.
         let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
         // SAFETY: as above.
@@ -164,7 +165,7 @@ fn a_step_of_nothing_or_of_too_many_is_refused() {
     on_every_device(|headless, engine| {
         let mesh = PackedMesh::pack(&testing::mesh(64, 3), &engine.pack_desc(DeltaFormat::Fast)).expect("packed");
         let update = update_descs(engine, DeltaFormat::Fast)[0];
-        let desc = CrowdDesc { instances: 1, frames_in_flight: 1, ..CrowdDesc::new(update) };
+        let desc = CrowdDesc::new(update).instances(1).frames_in_flight(1);
         let crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
         let mut crowds = [crowd.another(&desc).expect("another"), crowd];
         let heads: [&[f32]; 3] = [&[0.5; 3]; 3];

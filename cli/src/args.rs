@@ -17,10 +17,8 @@ use values::BudgetSpec;
 #[derive(Debug, Parser)]
 #[command(name = "deltamorph", version, propagate_version = true)]
 pub struct Cli {
-    /// Options of every command.
     #[command(flatten)]
     pub global: GlobalArgs,
-    /// What to do.
     #[command(subcommand)]
     pub command: Command,
 }
@@ -39,7 +37,6 @@ pub struct GlobalArgs {
     pub quiet: bool,
 }
 
-/// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// List the Vulkan devices and which update paths each of them can run
@@ -60,7 +57,6 @@ pub enum Command {
     Apply(Box<ApplyArgs>),
 }
 
-/// Options of `sample`.
 #[derive(Args, Clone, Debug)]
 pub struct SampleArgs {
     /// Folder to write; created when missing, refused when not empty
@@ -79,7 +75,6 @@ pub struct SampleArgs {
     pub fps: f32,
 }
 
-/// Options of `pack`.
 #[derive(Args, Clone, Debug)]
 pub struct PackFileArgs {
     #[command(flatten)]
@@ -94,7 +89,6 @@ pub struct PackFileArgs {
     pub output: PathBuf,
 }
 
-/// Options of `info`.
 #[derive(Args, Clone, Debug)]
 pub struct InfoArgs {
     #[command(flatten)]
@@ -131,7 +125,7 @@ impl InputArgs {
         if self.tolerance == 0.0 {
             return Tolerance::ZERO;
         }
-        Tolerance { position: self.tolerance, ..Tolerance::default() }
+        Tolerance::default().position(self.tolerance)
     }
 }
 
@@ -154,12 +148,11 @@ impl HeadArgs {
     /// What the built-in head is made from.
     pub fn desc(&self, seed: u64) -> HeadDesc {
         let d = HeadDesc::default();
-        HeadDesc {
-            vertices: self.vertices.unwrap_or(d.vertices),
-            targets: self.targets.unwrap_or(d.targets),
-            sparsity: self.sparsity.unwrap_or(d.sparsity),
-            seed,
-        }
+        HeadDesc::default()
+            .vertices(self.vertices.unwrap_or(d.vertices))
+            .targets(self.targets.unwrap_or(d.targets))
+            .sparsity(self.sparsity.unwrap_or(d.sparsity))
+            .seed(seed)
     }
 }
 
@@ -223,13 +216,11 @@ pub struct PackArgs {
 impl PackArgs {
     /// What the library calls it.
     pub fn desc(&self) -> BlockDesc {
-        BlockDesc {
-            size: self.block_size,
-            position_error: self.position_error,
-            normal_error_degrees: self.normal_error,
-            weight_max: self.weight_max,
-            ..BlockDesc::default()
-        }
+        BlockDesc::default()
+            .size(self.block_size)
+            .position_error(self.position_error)
+            .normal_error_degrees(self.normal_error)
+            .weight_max(self.weight_max)
     }
 }
 

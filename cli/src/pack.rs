@@ -58,7 +58,7 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
         ));
     }
     let spinner = out.spinner("packing");
-    let desc = PackDesc { blocks: args.pack.desc(), ..PackDesc::new(format) };
+    let desc = PackDesc::new(format).blocks(args.pack.desc());
     let asset = Asset::pack(&input.kept, &desc);
     spinner.finish_and_clear();
     let asset = asset?;

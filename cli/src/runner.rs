@@ -6,15 +6,15 @@ use crate::output::{Failure, Output};
 pub use deltamorph::headless::Headless as Gpu;
 use deltamorph::headless::{DeviceChoice, HeadlessCrowd, HeadlessDesc, PoseUpload, Step};
 use deltamorph::{
-    AnimatedCrowd, AnimationDesc, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, DeviceCaps, KeyFormat, PackDesc,
-    PackedMesh, Playback, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
+    AnimatedCrowd, AnimationDesc, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, DeviceCaps, PackDesc, PackedMesh,
+    Playback, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
 };
 use std::sync::Arc;
 use std::time::Instant;
 
 /// Set up the device chosen on the command line. Without any, and none asked for: `None`, and says so.
 pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, Failure> {
-    let desc = HeadlessDesc { device: choice.cloned().unwrap_or_default(), ..HeadlessDesc::default() };
+    let desc = HeadlessDesc::default().device(choice.cloned().unwrap_or_default());
     match Gpu::new(&desc) {
         Ok(gpu) => {
             let DeviceCaps { name, .. } = gpu.caps();
@@ -49,7 +49,7 @@ pub fn packed(
         },
         _ => {
             let desc = gpu.map_or(PackDesc::new(format), |gpu| gpu.engine().pack_desc(format));
-            Ok(Arc::new(PackedMesh::pack(&input.kept, &PackDesc { blocks: args.desc(), ..desc })?))
+            Ok(Arc::new(PackedMesh::pack(&input.kept, &desc.blocks(args.desc()))?))
         }
     }
 }
@@ -115,7 +115,7 @@ impl<'a> Runner<'a> {
         count: usize,
     ) -> Result<Self, Failure> {
         // One update at a time is recorded and waited for.
-        let desc = CrowdDesc { instances: heads, frames_in_flight: 1, ..CrowdDesc::new(desc) };
+        let desc = CrowdDesc::new(desc).instances(heads).frames_in_flight(1);
         let mut crowds = vec![HeadlessCrowd::new(gpu, mesh, &desc)?];
         for _ in 1..count {
             crowds.push(crowds[0].another(&desc)?);
@@ -130,10 +130,10 @@ impl<'a> Runner<'a> {
         update: UpdateDesc,
         clip: &WeightClip,
     ) -> Result<Self, Failure> {
-        let desc = CrowdDesc { frames_in_flight: 1, ..CrowdDesc::new(update) };
-        let clips = AnimationDesc { clips: std::slice::from_ref(clip), key_format: KeyFormat::default() };
+        let desc = CrowdDesc::new(update).frames_in_flight(1);
+        let clips = AnimationDesc::new(std::slice::from_ref(clip));
         let mut crowd = HeadlessCrowd::animated(gpu, mesh, &desc, &clips)?;
-        crowd.play(0, &Playback { repeat: Repeat::Once, ..Playback::new(0) })?;
+        crowd.play(0, &Playback::new(0).repeat(Repeat::Once))?;
         Ok(Self::Animated { crowd: Box::new(crowd), fps: clip.fps, frames: 0 })
     }
 

@@ -9,8 +9,8 @@ use crate::runner::Runner;
 use crate::stage::{Setup, Stage};
 use crate::table::{sig3, thousands};
 use crate::verify::{Checked, Checks, REMEDY};
+use deltamorph::Accumulate;
 use deltamorph::headless::DeviceChoice;
-use deltamorph::{Accumulate, UpdateDesc};
 use script::Script;
 use serde::Serialize;
 use std::time::Instant;
@@ -119,7 +119,7 @@ impl Sums {
             // What waits is settled when the face is still.
             runner.step(&[weights])?;
         }
-        let mut fresh = stage.runner_of(UpdateDesc { error_budget: 0.0, ..stage.desc })?;
+        let mut fresh = stage.runner_of(stage.desc.error_budget(0.0))?;
         fresh.step(&[weights])?;
         let (sums, pose) = (runner.sums()?, runner.pose(0)?);
         let bits = |pose: &[f32]| pose.iter().map(|v| v.to_bits()).collect::<Vec<_>>();

@@ -213,8 +213,8 @@ mod tests {
         let layout = |format| PackedMesh::pack(&mesh, &PackDesc::new(format)).expect("packed").layout().clone();
         let (dense, blocks) = (layout(DeltaFormat::Float32), layout(DeltaFormat::Fast));
         let float = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
-        let exact = UpdateDesc { accumulate: Accumulate::Exact, ..float };
-        let patient = |desc: UpdateDesc| UpdateDesc { error_budget: 0.5, ..desc };
+        let exact = float.accumulate(Accumulate::Exact);
+        let patient = |desc: UpdateDesc| desc.error_budget(0.5);
         let found = Found { bound: 0.25, ..Found::default() };
         let allowed = |desc: UpdateDesc, layout: &PackedLayout| Promise::new(&desc, layout).allowed(&found);
         let own = 3e-6 * f64::from(mesh.diagonal);

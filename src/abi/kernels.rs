@@ -315,6 +315,7 @@ pub enum DeviceClass {
 
 /// What suits a class of devices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct DeviceTuning {
     /// The class.
     pub class: DeviceClass,

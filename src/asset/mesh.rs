@@ -1,18 +1,22 @@
 //! A mesh ready to pack: what is kept of a source.
 
 use super::{Faces, StreamData, StreamDeltas};
+use crate::setters::setters;
 use glam::{Vec2, Vec3};
 
 /// Below which size a delta is rounding noise and is dropped.
 ///
 /// Other streams are compared with `normal` where they are directions (tangents), else with `position`.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Tolerance {
     /// Length of a position delta, as a fraction of the bounding-box diagonal (≥ 0).
     pub position: f32,
     /// Length of a normal delta (≥ 0; 0.001 is about 0.06°).
     pub normal: f32,
 }
+
+setters!(Tolerance { position: f32, normal: f32 });
 
 impl Tolerance {
     /// Keep every delta that is not exactly zero.

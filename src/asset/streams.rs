@@ -40,6 +40,7 @@ pub enum Semantic {
 
 /// How the error of a stream is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Measure {
     /// Distance in input units. Error budgets and drift bounds are lengths as well.
     Length,

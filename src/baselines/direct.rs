@@ -2,7 +2,7 @@
 //! storage buffer (Costigan et al., Algorithm 1; Bevy, three.js and Filament do it so, with textures in the place of
 //! buffers).
 
-use super::draws::{Capture, Draws, draw_stats, no_capture, one_pass};
+use super::draws::{Capture, Draws};
 use crate::abi::modules::{DIRECT, DIRECT_FEEDBACK, DIRECT_STORE};
 use crate::abi::push::DirectPush;
 use crate::error::Result;
@@ -14,12 +14,10 @@ use crate::gpu::mesh::{MeshBuffers, delta_range};
 use crate::gpu::pipelines::Objects;
 use crate::gpu::ring::Ring;
 use crate::pack::{BASE_STRIDE, DeltaFormat, PoseFormat};
-use crate::plan::instances::Instances;
-use crate::plan::steps::{Steps, Work};
-use crate::plan::{UpdatePath, UpdateStats};
+use crate::plan::UpdatePath;
 use crate::update::dense::DensePlanner;
 use crate::update::dense::feedback::vertex_input;
-use crate::update::technique::{Context, Technique, UpdateId};
+use crate::update::technique::Context;
 use ash::vk;
 use bytemuck::bytes_of;
 use std::sync::Arc;
@@ -47,7 +45,7 @@ impl Kernel for Direct {
     type Key = DeltaFormat;
 
     fn new(device: &Arc<Device>, format: DeltaFormat) -> Result<Self> {
-        let capture = Capture::of(device);
+        let capture = Capture::of(device, UpdatePath::Direct).ok();
         let mut objects = Objects::none(device);
         let kernels = match capture {
             None => &[&DIRECT][..],
@@ -69,11 +67,10 @@ impl Kernel for Direct {
     }
 }
 
-/// A crowd on the path `direct`: weights in a ring of host-visible memory, which the draws read.
-pub(crate) struct DirectTechnique {
+/// The draws of a crowd on the path `direct`, which read weights from a ring of host-visible memory.
+pub(crate) struct DirectDraws {
     kernel: Arc<Direct>,
     mesh: Arc<MeshBuffers>,
-    planner: DensePlanner,
     ring: Ring,
     /// Bytes of one instance's weights.
     stride: u64,
@@ -82,14 +79,10 @@ pub(crate) struct DirectTechnique {
     draws: Vec<DirectDraw>,
     /// One pose to capture into.
     pose: vk::Buffer,
-    /// The last update that wrote weights.
-    written: u64,
-    /// It never ran, and its part of the ring is the next one's.
-    stale: bool,
 }
 
-impl DirectTechnique {
-    pub(crate) fn new(context: Context<'_>) -> Result<Self> {
+impl Draws for DirectDraws {
+    fn new(context: Context<'_>) -> Result<Self> {
         let (mesh, desc, pose) = (context.mesh, context.desc, context.poses);
         let stride = Ring::part_bytes((mesh.layout.targets.len() * WEIGHT_BYTES) as u64);
         let (part, frames) = (stride.saturating_mul(desc.instances.into()), desc.frames_in_flight);
@@ -109,24 +102,19 @@ impl DirectTechnique {
             sets: Sets::new(context.device, kernel.objects.set_layout, &[bound])?,
             kernel,
             mesh: mesh.clone(),
-            planner: one_pass(desc)?,
             ring,
             stride,
             draws: vec![DirectDraw::default(); desc.instances as usize],
             pose: pose.buffer,
-            written: 0,
-            stale: false,
         })
     }
 
-    /// Write the weights of all instances, none for one that has no pose. A hidden instance's draws go on as they were,
-    /// whatever is requested of it meanwhile.
-    fn write(&mut self, frame: u64) -> Result<()> {
+    fn write(&mut self, planner: &DensePlanner, frame: u64) -> Result<()> {
         let words = self.ring.words(frame)?;
         let (stride, targets) = (self.stride as usize / 4, &self.mesh.layout.targets);
         let first = frame as usize * words.len() * 4;
         for (i, out) in words.chunks_exact_mut(stride).enumerate() {
-            let weights = self.planner.applied(i);
+            let weights = planner.applied(i);
             for ((weight, target), out) in weights.iter().zip(targets).zip(out.chunks_exact_mut(WEIGHT_BYTES / 4)) {
                 let coefficient = weight * target.position_step;
                 out.copy_from_slice(&[coefficient, coefficient * target.normal_ratio()].map(f32::to_bits));
@@ -138,11 +126,12 @@ impl DirectTechnique {
         Ok(())
     }
 
-    /// Record the draws of these instances, captured if requested and the device can.
-    ///
-    /// # Safety
-    /// As [`Draws::record_draws`].
-    unsafe fn record_all(&self, cmd: vk::CommandBuffer, instances: impl Iterator<Item = u32>, captured: bool) {
+    /// Those of the weights up to the last active target.
+    fn weight_bytes(&self, weights: &[f32]) -> u64 {
+        weights.iter().rposition(|w| *w != 0.0).map_or(0, |last| (WEIGHT_BYTES * (last + 1)) as u64)
+    }
+
+    unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>, captured: bool) {
         let Direct { objects, capture, .. } = &*self.kernel;
         let (device, mesh) = (&objects.device.raw, &self.mesh.layout);
         let (point, layout) = (vk::PipelineBindPoint::GRAPHICS, objects.layout);
@@ -191,55 +180,4 @@ impl DirectTechnique {
         // SAFETY: begun above.
         unsafe { device.cmd_end_render_pass(cmd) };
     }
-}
-
-impl Technique for DirectTechnique {
-    /// A step without works: the draws find the weights where they were written.
-    fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
-        self.planner.plan(instances, id.update);
-        if self.planner.has_changed() || self.stale {
-            (self.written, self.stale) = (id.update, false);
-            self.write(id.frame)?;
-            steps.step(&[]);
-        }
-        let mut stats = draw_stats(&self.mesh.layout, &self.planner, instances);
-        stats.bytes_moved += instances.requested().flatten().map(bytes_read).sum::<u64>();
-        Ok(stats)
-    }
-
-    unsafe fn record(&self, _cmd: vk::CommandBuffer, _frame: u64, _work: &Work) {}
-
-    fn discard_from(&mut self, id: UpdateId) {
-        self.stale |= self.written >= id.update;
-    }
-
-    fn has_poses(&self) -> bool {
-        false
-    }
-
-    #[cfg(any(test, feature = "internals"))]
-    fn accesses(&self, _works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        vec![]
-    }
-}
-
-impl Draws for DirectTechnique {
-    unsafe fn record_draws(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>) {
-        // SAFETY: the caller's obligations; the weights were written, since there is an update.
-        unsafe { self.record_all(cmd, instances, false) };
-    }
-
-    fn capture(&self) -> Result<Capture> {
-        self.kernel.capture.ok_or_else(|| no_capture(&self.kernel.objects.device, UpdatePath::Direct))
-    }
-
-    unsafe fn record_capture(&self, cmd: vk::CommandBuffer, instance: u32) {
-        // SAFETY: the caller's obligations; the weights were written, since there is an update.
-        unsafe { self.record_all(cmd, [instance].into_iter(), true) };
-    }
-}
-
-/// Bytes of the weights that a draw reads: up to the last active target.
-fn bytes_read(weights: &[f32]) -> u64 {
-    weights.iter().rposition(|w| *w != 0.0).map_or(0, |last| (WEIGHT_BYTES * (last + 1)) as u64)
 }

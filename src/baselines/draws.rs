@@ -2,33 +2,105 @@
 
 use crate::error::{Error, Result};
 use crate::gpu::device::Device;
-use crate::pack::{BASE_STRIDE, PackedLayout};
+use crate::gpu::mesh::MeshBuffers;
+use crate::pack::BASE_STRIDE;
 use crate::plan::instances::Instances;
 use crate::plan::schedule::Schedule;
 use crate::plan::steps::{Access, Resource, Stage, Steps, Use, Work};
 use crate::plan::{BatchSize, Consumers, CrowdDesc, UpdateDesc, UpdatePath, UpdateStats};
 use crate::update::dense::DensePlanner;
+use crate::update::technique::{Context, Technique, UpdateId};
 use ash::vk;
+use std::sync::Arc;
 
-/// A technique whose draws evaluate the pose.
-pub(super) trait Draws {
-    /// Record the draws of these instances.
+/// Draws that evaluate the pose.
+pub(crate) trait Draws: Send + Sync + 'static {
+    /// What a crowd's draws take.
+    fn new(context: Context<'_>) -> Result<Self>
+    where
+        Self: Sized;
+
+    /// Write the weights of all instances for the draws to read, none for one that has no pose. A hidden instance's draws
+    /// stay as they were, whatever is requested of it meanwhile.
+    fn write(&mut self, planner: &DensePlanner, frame: u64) -> Result<()>;
+
+    /// As [`Technique::check_weights`].
+    fn check_weights(&self, _weights: &[f32]) -> Result<()> {
+        Ok(())
+    }
+
+    /// Bytes that a draw of these weights loads beside the base pose and the deltas of the active targets.
+    fn weight_bytes(&self, _weights: &[f32]) -> u64 {
+        0
+    }
+
+    /// Record the draws of these instances, captured in the way that the device has, if requested.
     ///
     /// # Safety
-    /// As [`record_draws`](crate::engine::MorphEngine::record_draws).
-    unsafe fn record_draws(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>);
+    /// As [`record_draws`](crate::engine::MorphEngine::record_draws); an update has written the weights; captures have
+    /// barriers around them.
+    unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>, captured: bool);
+}
 
-    /// How a pose is captured.
-    ///
-    /// # Errors
-    /// The device has no way to do it.
-    fn capture(&self) -> Result<Capture>;
+/// A crowd on a direct path: an update writes weights, and there are no works.
+pub(crate) struct DrawTechnique<D> {
+    pub(super) draws: D,
+    mesh: Arc<MeshBuffers>,
+    planner: DensePlanner,
+    /// The last update that wrote weights.
+    written: u64,
+    /// It never ran, and its part of the ring is the next one's.
+    stale: bool,
+}
 
-    /// Record the draw of an instance, captured.
-    ///
-    /// # Safety
-    /// As [`record_capture`](crate::engine::MorphEngine::record_capture); barriers are recorded around it.
-    unsafe fn record_capture(&self, cmd: vk::CommandBuffer, instance: u32);
+impl<D: Draws> DrawTechnique<D> {
+    pub(crate) fn new(context: Context<'_>) -> Result<Self> {
+        let (mesh, planner) = (context.mesh.clone(), one_pass(context.desc)?);
+        Ok(Self { draws: D::new(context)?, mesh, planner, written: 0, stale: false })
+    }
+}
+
+impl<D: Draws> Technique for DrawTechnique<D> {
+    /// A step without works: the draws find the weights where they were written. Bytes are what one draw of every
+    /// instance that is shown loads: draws evaluate whether weights have changed or not.
+    fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
+        self.planner.plan(instances, id.update);
+        if self.planner.has_changed() || self.stale {
+            (self.written, self.stale) = (id.update, false);
+            self.draws.write(&self.planner, id.frame)?;
+            steps.step(&[]);
+        }
+        let (layout, shown) = (&self.mesh.layout, || instances.requested().flatten());
+        let active = shown().flatten().filter(|w| **w != 0.0).count();
+        let loaded = BASE_STRIDE * shown().count() + active * layout.format.stride();
+        let floor = (layout.padded_vertices() * loaded) as u64;
+        Ok(UpdateStats {
+            coefficients: active,
+            rebuilt: self.planner.plans().iter().filter(|plan| !plan.passes.is_empty()).count(),
+            bytes_moved: floor + shown().map(|weights| self.draws.weight_bytes(weights)).sum::<u64>(),
+            bytes_floor: floor,
+            ..UpdateStats::default()
+        })
+    }
+
+    unsafe fn record(&self, _cmd: vk::CommandBuffer, _frame: u64, _work: &Work) {}
+
+    fn discard_from(&mut self, id: UpdateId) {
+        self.stale |= self.written >= id.update;
+    }
+
+    fn check_weights(&self, weights: &[f32]) -> Result<()> {
+        self.draws.check_weights(weights)
+    }
+
+    fn has_poses(&self) -> bool {
+        false
+    }
+
+    #[cfg(any(test, feature = "internals"))]
+    fn accesses(&self, _works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
+        vec![]
+    }
 }
 
 /// How a device captures what a draw evaluates.
@@ -39,11 +111,23 @@ pub(super) enum Capture {
 }
 
 impl Capture {
-    /// The way that a device has.
-    pub(super) fn of(device: &Device) -> Option<Self> {
-        match device.caps.check_path(UpdatePath::Feedback).is_ok() {
-            true => Some(Self::Feedback),
-            false => device.caps.vertex_stores.then_some(Self::Store),
+    /// The way that a device has to capture a pose that only the draws of `path` evaluate.
+    ///
+    /// # Errors
+    /// It has none.
+    pub(super) fn of(device: &Device, path: UpdatePath) -> Result<Self> {
+        match device.caps.check_path(UpdatePath::Feedback) {
+            Ok(()) => Ok(Self::Feedback),
+            Err(_) if device.caps.vertex_stores => Ok(Self::Store),
+            Err(_) => Err(Error::Unsupported {
+                path: path.name(),
+                device: device.caps.name.clone(),
+                reason:
+                    "its draws evaluate the pose, and to capture it the device needs VK_EXT_transform_feedback or the \
+                         feature vertexPipelineStoresAndAtomics, enabled"
+                        .into(),
+                remedy: "draw it, or use a path with pose buffers, such as 'compute'".into(),
+            }),
         }
     }
 
@@ -62,18 +146,6 @@ impl Capture {
     }
 }
 
-/// The refusal to capture a pose that only draws evaluate, on a device that cannot.
-pub(super) fn no_capture(device: &Device, path: UpdatePath) -> Error {
-    Error::Unsupported {
-        path: path.name(),
-        device: device.caps.name.clone(),
-        reason: "its draws evaluate the pose, and to capture it the device needs VK_EXT_transform_feedback or the \
-                 feature vertexPipelineStoresAndAtomics, enabled"
-            .into(),
-        remedy: "draw it, or use a path with pose buffers, such as 'compute'".into(),
-    }
-}
-
 /// A planner of which each plan is one pass from base, or none, whatever number of targets a draw takes.
 pub(super) fn one_pass(desc: &CrowdDesc) -> Result<DensePlanner> {
     let batch = match desc.update.path.takes_all_targets() {
@@ -81,20 +153,6 @@ pub(super) fn one_pass(desc: &CrowdDesc) -> Result<DensePlanner> {
         false => BatchSize::Targets(u32::MAX),
     };
     DensePlanner::new(UpdateDesc { batch, ..desc.update }, desc.instances as usize)
-}
-
-/// What one draw of every instance that is shown loads: draws evaluate whether weights have changed or not.
-pub(super) fn draw_stats(layout: &PackedLayout, planner: &DensePlanner, instances: &Instances) -> UpdateStats {
-    let active: usize = instances.requested().flatten().flatten().filter(|w| **w != 0.0).count();
-    let loaded = BASE_STRIDE * instances.requested().flatten().count() + active * layout.format.stride();
-    let floor = (layout.padded_vertices() * loaded) as u64;
-    UpdateStats {
-        coefficients: active,
-        rebuilt: planner.plans().iter().filter(|plan| !plan.passes.is_empty()).count(),
-        bytes_moved: floor,
-        bytes_floor: floor,
-        ..UpdateStats::default()
-    }
 }
 
 #[cfg(test)]

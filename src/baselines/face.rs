@@ -1,9 +1,8 @@
 //! The public face of the baselines: an upload of their own, and draws that evaluate.
 
-use super::attributes::AttributesTechnique;
-use super::direct::DirectTechnique;
-use super::draws::Draws;
+use super::draws::{Capture, Draws};
 use super::scatter::Records;
+use super::{AttributesTechnique, DirectTechnique};
 use crate::engine::{Crowd, GpuMesh, MorphEngine, PoseView};
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
@@ -12,12 +11,6 @@ use crate::pack::PackedMesh;
 use crate::plan::UpdatePath;
 use crate::plan::schedule::Entry;
 use ash::vk;
-
-/// The draws of a crowd that has some.
-fn draws_of(crowd: &Crowd) -> Option<&dyn Draws> {
-    let direct = crowd.base.technique::<DirectTechnique>().map(|direct| direct as &dyn Draws);
-    direct.or_else(|| crowd.base.technique::<AttributesTechnique>().map(|attributes| attributes as &dyn Draws))
-}
 
 impl MorphEngine {
     /// As [`upload`](Self::upload), for crowds on the path `scatter`, which reads records of a vertex and its delta, 16
@@ -72,7 +65,7 @@ impl MorphEngine {
         let draws = self.draws(crowd)?;
         crowd.shown().try_for_each(|instance| crowd.base.slots_of(instance).map(|_| ()))?;
         // SAFETY: the caller's obligations.
-        unsafe { draws.record_draws(cmd, &mut crowd.shown()) };
+        unsafe { draws.record(cmd, &mut crowd.shown(), false) };
         Ok(())
     }
 
@@ -88,12 +81,12 @@ impl MorphEngine {
     pub unsafe fn record_capture(&self, cmd: vk::CommandBuffer, crowd: &Crowd, instance: u32) -> Result<PoseView> {
         let draws = self.draws(crowd)?;
         crowd.base.slots_of(instance)?;
-        for entry in draws.capture()?.schedule().entries {
+        for entry in Capture::of(&self.device, crowd.desc().update.path)?.schedule().entries {
             // SAFETY: the caller's obligations; the device has what it captures with.
             unsafe {
                 match entry {
                     Entry::Barrier(barrier) => barriers::record(&self.device.raw, cmd, &barrier),
-                    Entry::Work { .. } => draws.record_capture(cmd, instance),
+                    Entry::Work { .. } => draws.record(cmd, &mut [instance].into_iter(), true),
                 }
             }
         }
@@ -107,7 +100,9 @@ impl MorphEngine {
                 "record it with the engine that created it",
             ));
         }
-        draws_of(crowd).ok_or_else(|| {
+        let direct = crowd.base.technique::<DirectTechnique>().map(|direct| &direct.draws as &dyn Draws);
+        let attributes = || crowd.base.technique::<AttributesTechnique>().map(|attributes| &attributes.draws as _);
+        direct.or_else(attributes).ok_or_else(|| {
             Error::invalid(
                 format!("a draw that evaluates, of a crowd on the path '{}'", crowd.desc().update.path.name()),
                 "draw from Crowd::pose: the path has pose buffers",

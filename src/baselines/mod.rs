@@ -14,8 +14,8 @@ mod vertex_store;
 #[cfg(test)]
 pub(crate) use vertex_store::StorePasses;
 
-pub(crate) use attributes::AttributesTechnique;
-pub(crate) use direct::DirectTechnique;
 pub(crate) use scatter::ScatterTechnique;
 
 pub(crate) type VertexStoreTechnique = crate::update::dense::technique::DenseTechnique<vertex_store::StorePasses>;
+pub(crate) type DirectTechnique = draws::DrawTechnique<direct::DirectDraws>;
+pub(crate) type AttributesTechnique = draws::DrawTechnique<attributes::AttributeDraws>;

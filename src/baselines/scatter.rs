@@ -80,51 +80,11 @@ impl Kernel for Scatter {
 }
 
 impl Scatter {
-    /// Record the addition of targets: their records, and their weights on the grid.
+    /// Bind the pipeline that adds, or the one that resolves, and what it reads and writes.
     ///
     /// # Safety
     /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
-    /// - `set` was made for buffers that live until the commands have run, and have the records.
-    pub(super) unsafe fn record_add(
-        &self,
-        cmd: vk::CommandBuffer,
-        set: vk::DescriptorSet,
-        targets: impl Iterator<Item = (Range<u32>, i32)>,
-    ) {
-        // SAFETY: the caller's obligations.
-        unsafe { self.bind(cmd, 0, set) };
-        for (records, weight) in targets {
-            // SAFETY: as above.
-            unsafe {
-                self.dispatch(cmd, records.len() as u32, |first, count| ScatterPush {
-                    first: records.start + first,
-                    count,
-                    weight,
-                });
-            }
-        }
-    }
-
-    /// Record the pose of `vertices`, a multiple of [`WORKGROUP`], from base and sums in these units.
-    ///
-    /// # Safety
-    /// As [`record_add`](Self::record_add).
-    pub(super) unsafe fn record_resolve(
-        &self,
-        cmd: vk::CommandBuffer,
-        set: vk::DescriptorSet,
-        vertices: u32,
-        [position_unit, normal_unit]: [f32; 2],
-    ) {
-        // SAFETY: the caller's obligations.
-        unsafe {
-            self.bind(cmd, 1, set);
-            self.dispatch(cmd, vertices, |first_vertex, _| ResolvePush { first_vertex, position_unit, normal_unit });
-        }
-    }
-
-    /// # Safety
-    /// As [`record_add`](Self::record_add).
+    /// - `set` was made for buffers that live until the commands have run.
     unsafe fn bind(&self, cmd: vk::CommandBuffer, pipeline: usize, set: vk::DescriptorSet) {
         let (device, point) = (&self.objects.device.raw, vk::PipelineBindPoint::COMPUTE);
         // SAFETY: the caller's obligations; pipelines and layout are ours.
@@ -134,10 +94,11 @@ impl Scatter {
         }
     }
 
-    /// An invocation for each of `count`, in as many dispatches as the device's workgroup count asks for.
+    /// An invocation for each of `count`, in as many dispatches as the device's workgroup count asks for. `push`: the
+    /// push constants of a dispatch, of its first invocation and their number.
     ///
     /// # Safety
-    /// As [`record_add`](Self::record_add).
+    /// As [`bind`](Self::bind), which has happened; the invocations stay within the buffers.
     unsafe fn dispatch<P: bytemuck::Pod>(&self, cmd: vk::CommandBuffer, count: u32, push: impl Fn(u32, u32) -> P) {
         let device = &self.objects.device;
         let most = device.caps.max_workgroups.min(u32::MAX / WORKGROUP) * WORKGROUP;
@@ -290,17 +251,26 @@ impl Technique for ScatterTechnique {
                 unsafe { device.cmd_fill_buffer(cmd, self.sums.raw, at, self.poses.bytes, 0) };
             }
             Part::Add => {
-                let targets = self.planner.coefficients(work).iter().filter_map(|c| {
-                    let (records, weight) = (self.records_of(c.target), self.grid.steps(c.value));
-                    (!records.is_empty() && weight != 0).then_some((records, weight))
-                });
                 // SAFETY: the caller's obligations; the records are the mesh's.
-                unsafe { self.kernel.record_add(cmd, set, targets) };
+                unsafe { self.kernel.bind(cmd, 0, set) };
+                for c in self.planner.coefficients(work) {
+                    let (records, weight) = (self.records_of(c.target), self.grid.steps(c.value));
+                    if weight == 0 {
+                        continue;
+                    }
+                    let push = |first, count| ScatterPush { first: records.start + first, count, weight };
+                    // SAFETY: as above.
+                    unsafe { self.kernel.dispatch(cmd, records.len() as u32, push) };
+                }
             }
             Part::Resolve => {
-                let vertices = self.mesh.layout.padded_vertices() as u32;
-                // SAFETY: the caller's obligations.
-                unsafe { self.kernel.record_resolve(cmd, set, vertices, self.units) };
+                let ([position_unit, normal_unit], count) = (self.units, self.mesh.layout.padded_vertices() as u32);
+                let push = |first_vertex, _| ResolvePush { first_vertex, position_unit, normal_unit };
+                // SAFETY: the caller's obligations; `count` is a multiple of the workgroup size.
+                unsafe {
+                    self.kernel.bind(cmd, 1, set);
+                    self.kernel.dispatch(cmd, count, push);
+                }
             }
         }
     }

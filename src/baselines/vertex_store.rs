@@ -2,7 +2,7 @@
 //! write storage buffers. Binds targets as vertex attributes, discards all primitives, alternates between slots as
 //! `feedback` does: a pass must not store where other vertices are still fetched from.
 
-use crate::abi::modules::VERTEX_STORE;
+use crate::abi::modules::{DIRECT_ATTRIBUTES, VERTEX_STORE};
 use crate::abi::push::attribute_push_bytes;
 use crate::error::Result;
 use crate::gpu::descriptors::{Bound, Sets};
@@ -17,29 +17,29 @@ use crate::update::dense::feedback::{push_constants, vertex_batch, vertex_buffer
 use crate::update::dense::technique::{DensePass, Passes};
 use crate::update::technique::Context;
 use ash::vk;
+use std::borrow::Borrow;
 use std::sync::Arc;
 
-/// Pipelines for batches 0 (a copy) to the batch size.
-pub(super) struct VertexStore {
+/// Pipelines of a vertex shader that takes targets as attributes, for none (a copy) to the most. It stores the pose, or
+/// it only draws.
+pub(super) struct VertexKernel<const STORES: bool> {
     objects: Objects,
     key: (DeltaFormat, u32),
 }
 
-impl Kernel for VertexStore {
+pub(super) type VertexStore = VertexKernel<true>;
+
+impl<const STORES: bool> Kernel for VertexKernel<STORES> {
     type Key = (DeltaFormat, u32);
 
     fn new(device: &Arc<Device>, key: Self::Key) -> Result<Self> {
-        let (format, batch) = key;
+        let ((format, most), kernel) = (key, if STORES { &VERTEX_STORE } else { &DIRECT_ATTRIBUTES });
         let mut objects = Objects::none(device);
-        objects.add_layout(&[VERTEX_STORE.row], attribute_push_bytes(format, batch))?;
+        objects.add_layout(&[kernel.row], attribute_push_bytes(format, most))?;
         objects.add_empty_render_pass()?;
-        for b in 0..=batch {
+        for b in 0..=most {
             let (bindings, attributes) = vertex_input(format, b);
-            objects.add_discarding_vertex(
-                VERTEX_STORE.module(format, PoseFormat::Float32, b)?,
-                &bindings,
-                &attributes,
-            )?;
+            objects.add_discarding_vertex(kernel.module(format, PoseFormat::Float32, b)?, &bindings, &attributes)?;
         }
         Ok(Self { objects, key })
     }
@@ -49,43 +49,55 @@ impl Kernel for VertexStore {
     }
 }
 
-impl VertexStore {
-    /// Record one pass.
+impl<const STORES: bool> VertexKernel<STORES> {
+    /// Record passes in one render pass. Where they store, each comes with the sets of its destination, one for each
+    /// chunk.
     ///
     /// # Safety
     /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with graphics.
-    /// - The buffers hold what `pass.layout` says at the offsets given, and live until the pass has run; source
-    ///   and destination are not the same slot. `sets` are those of the destination, one for each chunk.
-    pub(super) unsafe fn record(
+    /// - The buffers hold what the layout of a pass says at the offsets given, and live until it has run; its source and
+    ///   destination are not the same slot, and neither is written by another pass.
+    /// - No pass has more coefficients than the kernel was made for.
+    pub(super) unsafe fn record<'a, P: Borrow<DensePass<'a>>>(
         &self,
         cmd: vk::CommandBuffer,
-        pass: &DensePass<'_>,
-        sets: impl Iterator<Item = vk::DescriptorSet>,
+        passes: impl Iterator<Item = (P, &'a [vk::DescriptorSet])>,
     ) {
         let device = &self.objects.device.raw;
         let (point, layout) = (vk::PipelineBindPoint::GRAPHICS, self.objects.layout);
-        let push = push_constants(pass.layout, pass.coefficients);
-        // SAFETY: the caller's obligations; pipeline, layout and render pass are ours; the push constants are within
-        // the layout's range (no more coefficients than the largest batch).
-        unsafe {
-            self.objects.begin_render_pass(cmd);
-            device.cmd_bind_pipeline(cmd, point, self.objects.pipelines[pass.coefficients.len()]);
-            if !push.is_empty() {
-                let bytes = bytemuck::cast_slice(&push);
-                device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::VERTEX, 0, bytes);
-            }
-        }
-        for (chunk, set) in pass.layout.chunks().zip(sets) {
-            let (buffers, offsets) = vertex_buffers(pass.layout, chunk, pass.source, pass.deltas, pass.coefficients);
-            // SAFETY: as above; each binding reads the chunk's vertices within its buffer, and as many are stored.
+        // SAFETY: the caller's obligations; the render pass is ours.
+        unsafe { self.objects.begin_render_pass(cmd) };
+        for (pass, sets) in passes {
+            let pass = pass.borrow();
+            let push = push_constants(pass.layout, pass.coefficients);
+            // SAFETY: as above; pipeline and layout are ours, and the push constants within the layout's range.
             unsafe {
-                device.cmd_bind_vertex_buffers(cmd, 0, &buffers, &offsets);
-                device.cmd_bind_descriptor_sets(cmd, point, layout, 0, &[set], &[]);
-                device.cmd_draw(cmd, chunk.1 as u32, 1, 0, 0);
+                device.cmd_bind_pipeline(cmd, point, self.objects.pipelines[pass.coefficients.len()]);
+                if !push.is_empty() {
+                    let bytes = bytemuck::cast_slice(&push);
+                    device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::VERTEX, 0, bytes);
+                }
+            }
+            for (i, chunk) in pass.layout.chunks().enumerate() {
+                let (buffers, offsets) =
+                    vertex_buffers(pass.layout, chunk, pass.source, pass.deltas, pass.coefficients);
+                // SAFETY: as above; each binding reads the chunk's vertices within its buffer, and as many are stored.
+                unsafe {
+                    device.cmd_bind_vertex_buffers(cmd, 0, &buffers, &offsets);
+                    if let Some(set) = sets.get(i) {
+                        device.cmd_bind_descriptor_sets(cmd, point, layout, 0, &[*set], &[]);
+                    }
+                    device.cmd_draw(cmd, chunk.1 as u32, 1, 0, 0);
+                }
             }
         }
         // SAFETY: begun above.
         unsafe { device.cmd_end_render_pass(cmd) };
+    }
+
+    /// The most targets of a pass.
+    pub(super) fn most(&self) -> u32 {
+        self.key.1
     }
 }
 
@@ -121,7 +133,7 @@ impl Passes for StorePasses {
         let sets = self.stores.of(work.instance * self.slots + work.destination);
         // SAFETY: the caller's obligations; source and destination are different slots: the plan alternates; the sets
         // were written for this mesh and crowd.
-        unsafe { self.kernel.record(cmd, pass, sets) };
+        unsafe { self.kernel.record(cmd, std::iter::once((pass, sets))) };
     }
 }
 
@@ -148,8 +160,8 @@ impl StoreSets {
     }
 
     /// The sets of a pose, one for each chunk.
-    pub(super) fn of(&self, pose: u32) -> impl Iterator<Item = vk::DescriptorSet> + '_ {
+    pub(super) fn of(&self, pose: u32) -> &[vk::DescriptorSet] {
         let first = pose as usize * self.chunks;
-        (first..first + self.chunks).map(|set| self.sets.get(set))
+        self.sets.range(first..first + self.chunks)
     }
 }

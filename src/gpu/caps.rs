@@ -52,6 +52,7 @@ impl DeviceKind {
 
 /// A device's limits and features. Can be clamped to a smaller profile before use.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct DeviceCaps {
     /// Device name.
     pub name: String,

@@ -2,6 +2,7 @@
 
 use super::caps::DeviceCaps;
 use crate::error::{Error, Result};
+use crate::setters::setters;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
@@ -39,6 +40,14 @@ pub struct DeviceDesc<'a> {
     /// allocations (`maxMemoryAllocationCount`), hands in its own.
     pub allocator: Option<SharedAllocator>,
 }
+
+setters!(DeviceDesc<'a> {
+    caps: Option<DeviceCaps>,
+    transform_feedback_enabled: bool,
+    enabled_features: vk::PhysicalDeviceFeatures,
+    pipeline_cache: vk::PipelineCache,
+    allocator: Option<SharedAllocator>,
+});
 
 impl<'a> DeviceDesc<'a> {
     /// A device without extensions and features, its own limits, no pipeline cache, and an allocator of the engine's.

@@ -31,7 +31,7 @@ impl Headless {
     /// # Errors
     /// No memory; a device that fails.
     pub fn bandwidth(&self, bytes: u64) -> Result<Option<Bandwidth>> {
-        let device = self.engine().device();
+        let device = self.engine.device();
         let most = self.caps().max_storage_range.min(self.caps().max_allocation);
         let bytes = bytes.clamp(16, most) & !15;
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER
@@ -46,18 +46,7 @@ impl Headless {
         objects.add_compute(READ, &[&[]])?;
         let bound = [&from, &to].map(|buffer| Bound::new(buffer.raw, 0, bytes)).to_vec();
         let sets = Sets::new(device, objects.set_layout, &[bound])?;
-        self.measure(&objects, sets.get(0), &from, &to, bytes)
-    }
-
-    fn measure(
-        &self,
-        objects: &Objects,
-        set: vk::DescriptorSet,
-        from: &Buffer,
-        to: &Buffer,
-        bytes: u64,
-    ) -> Result<Option<Bandwidth>> {
-        let (device, submitter) = (&objects.device.raw, self.submitter());
+        let (device, submitter) = (&objects.device.raw, &self.submitter);
         let push = ReadPush { count: (bytes / 16) as u32, stride: INVOCATIONS };
         let region = [vk::BufferCopy { src_offset: 0, dst_offset: 0, size: bytes }];
 
@@ -67,38 +56,27 @@ impl Headless {
             full_barrier(device, cmd);
             Ok(())
         })?;
-        let mut best: [Option<u64>; 2] = [None; 2];
+        let mut best = [f64::INFINITY; 2];
         for _ in 0..6 {
-            let ((), copy) = submitter.run_timed(|cmd| {
-                // SAFETY: recording; the region lies within both buffers.
-                unsafe { device.cmd_copy_buffer(cmd, from.raw, to.raw, &region) };
-                Ok(())
-            })?;
-            let ((), read) = submitter.run_timed(|cmd| {
-                // SAFETY: recording; pipeline, layout and set are ours and fit each other (tests/spirv.rs).
+            let ((), [copy, read]) = submitter.run_timed(|cmd, next_part| {
+                // SAFETY: recording; the region lies within both buffers; pipeline, layout and set are ours and fit each
+                // other (tests/spirv.rs).
                 unsafe {
-                    let point = vk::PipelineBindPoint::COMPUTE;
+                    device.cmd_copy_buffer(cmd, from.raw, to.raw, &region);
+                    next_part();
+                    let (point, stage) = (vk::PipelineBindPoint::COMPUTE, vk::ShaderStageFlags::COMPUTE);
                     device.cmd_bind_pipeline(cmd, point, objects.pipelines[0]);
-                    device.cmd_bind_descriptor_sets(cmd, point, objects.layout, 0, &[set], &[]);
-                    device.cmd_push_constants(
-                        cmd,
-                        objects.layout,
-                        vk::ShaderStageFlags::COMPUTE,
-                        0,
-                        bytemuck::bytes_of(&push),
-                    );
+                    device.cmd_bind_descriptor_sets(cmd, point, objects.layout, 0, &[sets.get(0)], &[]);
+                    device.cmd_push_constants(cmd, objects.layout, stage, 0, bytemuck::bytes_of(&push));
                     device.cmd_dispatch(cmd, INVOCATIONS / WORKGROUP, 1, 1);
                 }
                 Ok(())
             })?;
-            for (best, ticks) in best.iter_mut().zip([copy, read]) {
-                *best = ticks.map(|t| best.map_or(t, |b| b.min(t)).max(1));
-            }
+            let (Some(copy), Some(read)) = (copy, read) else { return Ok(None) };
+            best = [best[0].min(copy), best[1].min(read)];
         }
-        let rate = |bytes: u64, ticks: u64| bytes as f64 / (ticks as f64 * f64::from(self.caps().timestamp_period));
-        Ok(match best {
-            [Some(copy), Some(read)] => Some(Bandwidth { copy: rate(2 * bytes, copy), read: rate(bytes, read) }),
-            _ => None,
-        })
+        // No less than a tick, in nanoseconds.
+        let rate = |bytes: u64, ms: f64| bytes as f64 / (ms * 1e6).max(self.caps().timestamp_period.into());
+        Ok(Some(Bandwidth { copy: rate(2 * bytes, best[0]), read: rate(bytes, best[1]) }))
     }
 }

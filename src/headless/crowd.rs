@@ -9,9 +9,9 @@ pub use animated::PlannedGroup;
 
 use super::Headless;
 use super::draw::PoseDraw;
+use super::readback::Readback;
 use crate::engine::{AnyCrowd, Crowd, GpuMesh, MorphEngine, Ticket, Update};
 use crate::error::{Error, Result};
-use crate::gpu::memory::{Buffer, BufferDesc};
 use crate::pack::PackedMesh;
 use crate::plan::CrowdDesc;
 #[cfg(feature = "baselines")]
@@ -21,7 +21,6 @@ use crate::plan::hazards::Event;
 #[cfg(feature = "internals")]
 use crate::plan::schedule::Entry;
 use ash::vk;
-use gpu_allocator::MemoryLocation;
 use kinds::Kind;
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -51,7 +50,7 @@ pub struct HeadlessCrowd<'a, C = Crowd> {
     mesh: GpuMesh,
     crowd: C,
     draw: PoseDraw,
-    readback: Buffer,
+    readback: Readback,
     /// Recorded and not yet submitted, in order. The lists of others may have been overwritten.
     waiting: VecDeque<Ticket>,
 }
@@ -62,8 +61,8 @@ impl<'a> HeadlessCrowd<'a> {
     /// # Errors
     /// As [`MorphEngine::upload`] and [`MorphEngine::create_crowd`].
     pub fn new(headless: &'a Headless, mesh: &PackedMesh, desc: &CrowdDesc) -> Result<Self> {
-        let engine = headless.engine();
-        let mut mesh = headless.submitter().run(|cmd| {
+        let engine = &headless.engine;
+        let mesh = headless.upload(|cmd| {
             #[cfg(feature = "baselines")]
             if desc.update.path == UpdatePath::Scatter {
                 // SAFETY: the submitter hands out a recording buffer of the engine's device; it waits for the device.
@@ -72,13 +71,11 @@ impl<'a> HeadlessCrowd<'a> {
             // SAFETY: as above.
             unsafe { engine.upload(cmd, mesh) }
         })?;
-        // SAFETY: `run` has waited for the upload.
-        unsafe { mesh.release_staging() };
         Self::of(headless, mesh, desc)
     }
 
     fn of(headless: &'a Headless, mesh: GpuMesh, desc: &CrowdDesc) -> Result<Self> {
-        let crowd = headless.engine().create_crowd(&mesh, desc)?;
+        let crowd = headless.engine.create_crowd(&mesh, desc)?;
         Self::with(headless, mesh, crowd)
     }
 
@@ -92,7 +89,6 @@ impl<'a> HeadlessCrowd<'a> {
     }
 
     /// See [`Crowd::set_weights`].
-    #[allow(clippy::missing_errors_doc)]
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
         self.crowd.set_weights(instance, weights)
     }
@@ -100,18 +96,9 @@ impl<'a> HeadlessCrowd<'a> {
 
 impl<'a, C: Kind> HeadlessCrowd<'a, C> {
     fn with(headless: &'a Headless, mesh: GpuMesh, crowd: C) -> Result<Self> {
-        let engine = headless.engine();
-        let readback = Buffer::new(
-            engine.device(),
-            &BufferDesc {
-                name: "readback",
-                bytes: mesh.layout().base_bytes(), // of integer sums, too; no pose takes more
-                usage: vk::BufferUsageFlags::TRANSFER_DST,
-                location: MemoryLocation::GpuToCpu,
-            },
-        )?;
-        let draw = PoseDraw::new(engine.device(), crowd.base().desc().update.pose)?;
-        Ok(Self { headless, draw, mesh, crowd, readback, waiting: VecDeque::new() })
+        let draw = PoseDraw::new(headless.engine.device(), crowd.base().desc().update.pose)?;
+        let readback = Readback::new(headless, mesh.layout().base_bytes())?;
+        Ok(Self { headless, mesh, crowd, draw, readback, waiting: VecDeque::new() })
     }
 
     /// The crowd. There is no way to change it but the methods here: a crowd of another device must not take its place.
@@ -125,25 +112,21 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
     }
 
     /// See [`Crowd::cut`].
-    #[allow(clippy::missing_errors_doc)]
     pub fn cut(&mut self, instance: u32) -> Result<()> {
         self.crowd.base_mut().cut(instance)
     }
 
     /// See [`Crowd::set_hidden`].
-    #[allow(clippy::missing_errors_doc)]
     pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<()> {
         self.crowd.base_mut().set_hidden(instance, hidden)
     }
 
     /// See [`Crowd::add`].
-    #[allow(clippy::missing_errors_doc)]
     pub fn add(&mut self) -> Result<u32> {
         self.crowd.base_mut().add()
     }
 
     /// See [`Crowd::remove`].
-    #[allow(clippy::missing_errors_doc)]
     pub fn remove(&mut self, instance: u32) -> Result<()> {
         self.crowd.base_mut().remove(instance)
     }
@@ -183,47 +166,29 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
         Ok(Self::step_all(crowds, weights, copies, |headless, crowds, cmd| {
             // SAFETY: the buffer is recording on the engine's device, on a queue with graphics and compute; it is
             // submitted once, and waited for, before anything else happens.
-            Ok((unsafe { headless.engine().record_updates(cmd, crowds) }?, ()))
+            Ok((unsafe { headless.engine.record_updates(cmd, crowds) }?, ()))
         })?
         .0)
     }
 
-    /// As [`step`](Self::step), with what is recorded changed before: lets tests plant faults. Returns what was recorded,
-    /// too, as the hazard checker sees it.
+    /// As [`step_together`](Self::step_together), with what is recorded changed before: lets tests plant faults. Returns
+    /// what was recorded, too, as the hazard checker sees it.
     ///
     /// # Errors
-    /// As [`step`](Self::step).
+    /// As [`step_together`](Self::step_together).
     ///
     /// # Safety
     /// The works stay within slots, instances and coefficients that there are.
     #[cfg(feature = "internals")]
     #[doc(hidden)]
     pub unsafe fn step_tampered(
-        &mut self,
-        weights: &[&[f32]],
-        tamper: impl FnMut(&mut Vec<Entry>),
-    ) -> Result<(Step, Vec<Event>)> {
-        // SAFETY: the caller's obligations.
-        unsafe { Self::step_together_tampered(std::slice::from_mut(self), weights, tamper) }
-    }
-
-    /// As [`step_tampered`](Self::step_tampered), of several crowds.
-    ///
-    /// # Errors
-    /// As [`step_together`](Self::step_together).
-    ///
-    /// # Safety
-    /// As [`step_tampered`](Self::step_tampered).
-    #[cfg(feature = "internals")]
-    #[doc(hidden)]
-    pub unsafe fn step_together_tampered(
         crowds: &mut [Self],
         weights: &[&[f32]],
         mut tamper: impl FnMut(&mut Vec<Entry>),
     ) -> Result<(Step, Vec<Event>)> {
         Self::step_all(crowds, weights, 0, |headless, crowds, cmd| {
             // SAFETY: as in `step_together`; tampering is the caller's to answer for.
-            unsafe { headless.engine().record_tampered(cmd, crowds, &mut tamper) }
+            unsafe { headless.engine.record_tampered(cmd, crowds, &mut tamper) }
         })
     }
 
@@ -231,7 +196,7 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
         crowds: &mut [Self],
         weights: &[&[f32]],
         copies: u32,
-        mut record: impl FnMut(&Headless, &mut [&mut dyn AnyCrowd], vk::CommandBuffer) -> Result<(Vec<Update>, R)>,
+        record: impl FnOnce(&Headless, &mut [&mut dyn AnyCrowd], vk::CommandBuffer) -> Result<(Vec<Update>, R)>,
     ) -> Result<(Step, R)> {
         let Some(headless) = crowds.first().map(|crowd| crowd.headless) else {
             return Err(Error::invalid("a step of no crowd", "name one or more"));
@@ -255,28 +220,24 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
                 "give one list of weights per instance",
             ));
         }
-        let record = |(crowds, tickets): &mut (&mut [Self], Vec<Ticket>), cmd| {
+        let mut tickets = vec![];
+        let ran = headless.submitter.run_timed(|cmd, next_part| {
             crowds.iter_mut().for_each(|this| this.waiting.clear());
-            let mut all: Vec<_> = crowds.iter_mut().map(|this| this.crowd.any()).collect();
+            let mut all: Vec<_> = crowds.iter_mut().map(|this| &mut this.crowd as &mut dyn AnyCrowd).collect();
             let (updates, recorded) = record(headless, &mut all, cmd)?;
             tickets.extend(updates.iter().map(|update| update.ticket));
             let mut sum = updates[0];
             updates[1..].iter().for_each(|update| sum.stats += update.stats);
+            next_part();
+            crowds.iter().try_for_each(|crowd| crowd.record_draws(cmd, copies))?;
             Ok((sum, recorded))
-        };
-        let draw = |(crowds, _): &mut (&mut [Self], Vec<Ticket>), cmd| {
-            crowds.iter().try_for_each(|crowd| crowd.record_draws(cmd, copies))
-        };
-        let mut state = (crowds, vec![]);
-        let ran = headless.submitter().run_timed_then(&mut state, record, draw);
+        });
         if ran.is_err() {
             // Nothing ran, whatever crowds had recorded by then.
-            let (crowds, tickets) = state;
             crowds.iter_mut().zip(tickets).try_for_each(|(this, ticket)| this.crowd.base_mut().discard(ticket))?;
         }
-        let ((update, recorded), ticks) = ran?;
+        let ((update, recorded), [gpu_ms, draw_ms]) = ran?;
         let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
-        let [gpu_ms, draw_ms] = [0, 1].map(|part| headless.milliseconds(ticks.map(|ticks| ticks[part])));
         Ok((Step { update, gpu_ms, draw_ms: draw_ms.filter(|_| copies > 0), cpu_ms }, recorded))
     }
 
@@ -299,9 +260,8 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
         for (instance, weights) in weights.iter().enumerate() {
             self.crowd.set(instance as u32, weights)?;
         }
-        let submitter = self.headless.submitter();
+        let (engine, submitter, crowd) = (&self.headless.engine, &self.headless.submitter, &mut self.crowd);
         let cmd = submitter.allocate()?;
-        let (engine, crowd) = (self.headless.engine(), &mut self.crowd);
         let mut ticket = None;
         let recorded = submitter.record(cmd, |cmd| {
             // SAFETY: the buffer is recording on the engine's device, on a queue with graphics and compute; `submit` takes
@@ -326,7 +286,7 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
     pub fn record_with(&mut self, engine: &MorphEngine) -> Result<Update> {
         let crowd = &mut self.crowd;
         // SAFETY: as in `step_together`.
-        self.headless.submitter().run(|cmd| unsafe { engine.record_update(cmd, crowd) })
+        self.headless.submitter.run(|cmd| unsafe { engine.record_update(cmd, crowd) })
     }
 
     /// Run recorded updates of this crowd, the oldest that wait, in the order in which they were recorded, and wait.
@@ -345,7 +305,7 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
             ));
         }
         let cmds: Vec<vk::CommandBuffer> = recorded.iter().map(|r| r.cmd).collect();
-        let ran = self.headless.submitter().submit(&cmds);
+        let ran = self.headless.submitter.submit(&cmds);
         match (&ran, recorded.first()) {
             (Err(_), Some(first)) => self.discard(first.ticket)?,
             _ => drop(self.waiting.drain(..count)),
@@ -359,8 +319,8 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
     /// # Errors
     /// No update recorded yet; a device that fails.
     pub fn draw(&self, copies: u32) -> Result<Option<f64>> {
-        let ((), ticks) = self.headless.submitter().run_timed(|cmd| self.record_draws(cmd, copies))?;
-        Ok(self.headless.milliseconds(ticks))
+        let ((), [ms, _]) = self.headless.submitter.run_timed(|cmd, _| self.record_draws(cmd, copies))?;
+        Ok(ms)
     }
 
     fn record_draws(&self, cmd: vk::CommandBuffer, copies: u32) -> Result<()> {
@@ -369,15 +329,16 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
         }
         #[cfg(feature = "baselines")]
         if let Some(crowd) = self.direct() {
-            let engine = self.headless.engine();
+            let engine = &self.headless.engine;
             // SAFETY: as in `step_together`.
             return (0..copies).try_for_each(|_| unsafe { engine.record_draws(cmd, crowd) });
         }
         let (base, mut poses) = (self.crowd.base(), vec![]);
         for instance in base.shown() {
-            poses.extend(std::iter::repeat_n(base.group_pose(instance, 0)?, copies as usize));
+            let pose = base.group_pose(instance, 0)?;
+            poses.extend(std::iter::repeat_n((pose.buffer, pose.offset), copies as usize));
         }
-        self.draw.record(cmd, &poses, self.mesh.layout().padded_vertices() as u32);
+        self.draw.record(cmd, poses.into_iter(), self.mesh.layout().padded_vertices() as u32);
         Ok(())
     }
 }

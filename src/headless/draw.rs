@@ -1,7 +1,6 @@
 //! A draw that reads a pose as vertex attributes and discards every primitive: what reading a pose costs.
 
 use crate::abi::modules::CONSUME;
-use crate::engine::PoseView;
 use crate::error::Result;
 use crate::gpu::device::Device;
 use crate::gpu::pipelines::Objects;
@@ -25,16 +24,16 @@ impl PoseDraw {
         Ok(Self { objects })
     }
 
-    /// Draw `vertices` of each pose. `cmd` is recording outside a render pass, and the poses are ready for
-    /// vertex-attribute reads.
-    pub(super) fn record(&self, cmd: vk::CommandBuffer, poses: &[PoseView], vertices: u32) {
+    /// Draw `vertices` of each pose, by its buffer and offset. `cmd` is recording outside a render pass, and the poses
+    /// are ready for vertex-attribute reads.
+    pub(super) fn record(&self, cmd: vk::CommandBuffer, poses: impl Iterator<Item = (vk::Buffer, u64)>, vertices: u32) {
         let device = &self.objects.device.raw;
         // SAFETY: `cmd` is recording (see above); pipeline and render pass are ours; each pose has `vertices`.
         unsafe {
             self.objects.begin_render_pass(cmd);
             device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.objects.pipelines[0]);
-            for pose in poses {
-                device.cmd_bind_vertex_buffers(cmd, 0, &[pose.buffer], &[pose.offset]);
+            for (buffer, offset) in poses {
+                device.cmd_bind_vertex_buffers(cmd, 0, &[buffer], &[offset]);
                 device.cmd_draw(cmd, vertices, 1, 0, 0);
             }
             device.cmd_end_render_pass(cmd);

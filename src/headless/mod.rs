@@ -4,6 +4,7 @@
 mod bandwidth;
 mod crowd;
 mod draw;
+mod readback;
 mod submit;
 mod turn;
 mod upload;
@@ -14,11 +15,12 @@ pub use crowd::PlannedGroup;
 pub use crowd::{HeadlessCrowd, Recorded, Step};
 pub use upload::{PoseUpload, Uploaded};
 
-use crate::engine::MorphEngine;
+use crate::engine::{GpuMesh, MorphEngine};
 use crate::error::{Error, Result};
 use crate::gpu::caps::DeviceCaps;
 use crate::gpu::device::DeviceDesc;
 use crate::gpu::failed;
+use crate::setters::setters;
 use ash::vk;
 use std::borrow::Cow;
 use std::ffi::{CStr, c_void};
@@ -28,6 +30,7 @@ use turn::Turn;
 
 /// Which device to use.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum DeviceChoice {
     /// A GPU where there is one, else the software device that can do most.
     #[default]
@@ -40,6 +43,7 @@ pub enum DeviceChoice {
 
 /// How to set up.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct HeadlessDesc {
     /// Which device.
     pub device: DeviceChoice,
@@ -49,6 +53,8 @@ pub struct HeadlessDesc {
     /// Limits to keep to where the device has more, as of [`DeviceCaps::android_baseline`].
     pub limits: Option<DeviceCaps>,
 }
+
+setters!(HeadlessDesc { device: DeviceChoice, validation: bool, limits: Option<DeviceCaps> });
 
 /// An instance, a device, a queue, and an engine on it. To be used by one thread at a time:
 ///
@@ -223,7 +229,7 @@ impl Headless {
     pub fn devices() -> Result<Vec<DeviceCaps>> {
         match Instance::new(false) {
             Ok(instance) => Ok(instance.devices()?.into_iter().map(|(_, caps)| caps).collect()),
-            Err(e) if is_no_driver(&e) => Ok(vec![]),
+            Err(Error::Vulkan { result: vk::Result::ERROR_INCOMPATIBLE_DRIVER, .. }) => Ok(vec![]),
             Err(e) => Err(e),
         }
     }
@@ -247,9 +253,7 @@ impl Headless {
                 "choose another device with --device",
             )
         })? as u32;
-        let timestamp_bits =
-            if caps.timestamp_period > 0.0 { families[family as usize].timestamp_valid_bits } else { 0 };
-
+        let (timestamp_bits, nanoseconds) = (families[family as usize].timestamp_valid_bits, caps.timestamp_period);
         let feedback_enabled = caps.transform_feedback.is_some();
         let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
         let extensions = [ash::ext::transform_feedback::NAME.as_ptr()];
@@ -264,16 +268,14 @@ impl Headless {
         // SAFETY: the physical device is the instance's own; extension and features are there as queried.
         let device = unsafe { instance.raw.create_device(physical, &info, None) }.map_err(failed("vkCreateDevice"))?;
         let owned = Arc::new(Owned { device, physical, instance });
-        let engine_desc = DeviceDesc {
-            caps: Some(caps),
-            transform_feedback_enabled: feedback_enabled,
-            enabled_features: features,
-            ..DeviceDesc::new(&owned.instance.raw, physical, &owned.device)
-        };
+        let engine_desc = DeviceDesc::new(&owned.instance.raw, physical, &owned.device)
+            .caps(Some(caps))
+            .transform_feedback_enabled(feedback_enabled)
+            .enabled_features(features);
         // SAFETY: the handles belong together, and the engine and all it makes keep them alive; the limits are the
         // device's or lower.
         let engine = unsafe { MorphEngine::on(&engine_desc, Some(owned.clone())) }?;
-        let submitter = Submitter::new(&owned.device, family, timestamp_bits)?;
+        let submitter = Submitter::new(&owned.device, family, timestamp_bits, nanoseconds)?;
         Ok(Self { submitter, engine, owned })
     }
 
@@ -304,22 +306,16 @@ impl Headless {
     /// Those of `f`; a device that fails.
     #[doc(hidden)]
     pub fn run<R>(&self, f: impl FnOnce(vk::CommandBuffer) -> Result<R>) -> Result<R> {
-        self.submitter().run(f)
+        self.submitter.run(f)
     }
 
-    fn milliseconds(&self, ticks: Option<u64>) -> Option<f64> {
-        let period = f64::from(self.caps().timestamp_period);
-        ticks.map(|t| t as f64 * period * 1e-6)
+    /// Run what records the upload of a mesh, and wait.
+    fn upload(&self, record: impl FnOnce(vk::CommandBuffer) -> Result<GpuMesh>) -> Result<GpuMesh> {
+        let mut mesh = self.submitter.run(record)?;
+        // SAFETY: `run` has waited for the upload.
+        unsafe { mesh.release_staging() };
+        Ok(mesh)
     }
-
-    fn submitter(&self) -> &Submitter {
-        &self.submitter
-    }
-}
-
-/// Whether the loader says that there is no driver.
-fn is_no_driver(error: &Error) -> bool {
-    matches!(error, Error::Vulkan { result: vk::Result::ERROR_INCOMPATIBLE_DRIVER, .. })
 }
 
 impl DeviceChoice {
@@ -340,15 +336,9 @@ fn choose(
     mut devices: Vec<(vk::PhysicalDevice, DeviceCaps)>,
     choice: &DeviceChoice,
 ) -> Result<(vk::PhysicalDevice, DeviceCaps)> {
-    let at = match choice {
-        DeviceChoice::Best => (0..devices.len()).min_by_key(|&i| {
-            let caps = &devices[i].1;
-            (caps.is_software(), caps.transform_feedback.is_none())
-        }),
-        DeviceChoice::Index(_) | DeviceChoice::Name(_) => {
-            (0..devices.len()).find(|&i| choice.matches(i, &devices[i].1))
-        }
-    };
+    let best = |caps: &DeviceCaps| (caps.is_software(), caps.transform_feedback.is_none());
+    let matching = (0..devices.len()).filter(|&i| choice.matches(i, &devices[i].1));
+    let at = matching.min_by_key(|&i| (*choice == DeviceChoice::Best).then(|| best(&devices[i].1)));
     at.map(|i| devices.swap_remove(i)).ok_or_else(|| {
         let names: Vec<String> = devices.iter().enumerate().map(|(i, (_, c))| format!("{i}: {}", c.name)).collect();
         let what = match choice {

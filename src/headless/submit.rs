@@ -8,7 +8,7 @@ use std::marker::PhantomData;
 
 /// Runs command buffers on a queue and waits for them.
 pub(super) struct Submitter {
-    device: ash::Device,
+    pub(super) device: ash::Device,
     queue: vk::Queue,
     pool: vk::CommandPool,
     cmd: vk::CommandBuffer,
@@ -16,12 +16,15 @@ pub(super) struct Submitter {
     queries: Option<vk::QueryPool>,
     /// Bits of a timestamp that count.
     mask: u64,
+    /// Milliseconds of a tick.
+    tick: f64,
     /// Queue, pool, buffer and fence are used through `&self`, without a lock: not to be shared between threads.
     not_sync: PhantomData<Cell<()>>,
 }
 
 impl Submitter {
-    pub(super) fn new(device: &ash::Device, family: u32, timestamp_bits: u32) -> Result<Self> {
+    /// Timestamps are of `nanoseconds` and have so many bits; none if either is 0.
+    pub(super) fn new(device: &ash::Device, family: u32, timestamp_bits: u32, nanoseconds: f32) -> Result<Self> {
         let info = vk::CommandPoolCreateInfo::default()
             .queue_family_index(family)
             .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
@@ -30,13 +33,13 @@ impl Submitter {
         let pool = pool.map_err(failed("vkCreateCommandPool"))?;
         let (cmd, fence) = (vk::CommandBuffer::null(), vk::Fence::null());
         let mask = u64::MAX.checked_shr(64 - timestamp_bits).unwrap_or(0);
-        let mut this =
-            Self { device: device.clone(), queue, pool, cmd, fence, queries: None, mask, not_sync: PhantomData };
+        let (tick, queries, not_sync) = (f64::from(nanoseconds) * 1e-6, None, PhantomData);
+        let mut this = Self { device: device.clone(), queue, pool, cmd, fence, queries, mask, tick, not_sync };
         this.cmd = this.allocate()?;
         // SAFETY: as above.
         this.fence =
             unsafe { device.create_fence(&vk::FenceCreateInfo::default(), None) }.map_err(failed("vkCreateFence"))?;
-        if timestamp_bits > 0 {
+        if timestamp_bits > 0 && nanoseconds > 0.0 {
             let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(3);
             // SAFETY: as above; the queue family has timestamps.
             let queries = unsafe { device.create_query_pool(&info, None) }.map_err(failed("vkCreateQueryPool"))?;
@@ -92,45 +95,34 @@ impl Submitter {
         Ok(result)
     }
 
-    /// As [`run`](Self::run), with the ticks that the device took, where it has timestamps.
-    pub(super) fn run_timed<R>(&self, f: impl FnOnce(vk::CommandBuffer) -> Result<R>) -> Result<(R, Option<u64>)> {
-        let (result, ticks) = self.run_timed_then(&mut (), |(), cmd| f(cmd), |(), _| Ok(()))?;
-        Ok((result, ticks.map(|[first, _]| first)))
-    }
-
-    /// Two things in one submission, the ticks of each: both are handed `state`, so that the second can use what the
-    /// first left there.
-    pub(super) fn run_timed_then<S, R>(
+    /// As [`run`](Self::run), with the milliseconds that the device took, where it has timestamps: for what `f` records
+    /// before it calls what it is handed, once at most, and for what it records after.
+    pub(super) fn run_timed<R>(
         &self,
-        state: &mut S,
-        first: impl FnOnce(&mut S, vk::CommandBuffer) -> Result<R>,
-        then: impl FnOnce(&mut S, vk::CommandBuffer) -> Result<()>,
-    ) -> Result<(R, Option<[u64; 2]>)> {
+        f: impl FnOnce(vk::CommandBuffer, &dyn Fn()) -> Result<R>,
+    ) -> Result<(R, [Option<f64>; 2])> {
         let result = self.run(|cmd| {
             if let Some(queries) = self.queries {
                 // SAFETY: the buffer is recording; the query pool is ours and not in use.
                 unsafe { self.device.cmd_reset_query_pool(cmd, queries, 0, 3) };
             }
-            self.stamp(cmd, 0);
-            let result = first(state, cmd)?;
-            self.stamp(cmd, 1);
-            then(state, cmd)?;
-            self.stamp(cmd, 2);
+            let written = Cell::new(0);
+            let stamp = || self.stamp(cmd, written.replace(written.get() + 1));
+            stamp();
+            let result = f(cmd, &stamp)?;
+            (written.get()..3).for_each(|_| stamp());
             Ok(result)
         })?;
-        let Some(queries) = self.queries else { return Ok((result, None)) };
+        let Some(queries) = self.queries else { return Ok((result, [None; 2])) };
         let mut at = [0u64; 3];
         // SAFETY: the queries were written by the commands that have finished.
         let read = unsafe {
             let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
             self.device.get_query_pool_results(queries, 0, &mut at, flags)
         };
-        // An error would say that nothing ran: there is no time, and that is all.
-        if read.is_err() {
-            return Ok((result, None));
-        }
-        let ticks = |from: u64, to: u64| to.wrapping_sub(from) & self.mask;
-        Ok((result, Some([ticks(at[0], at[1]), ticks(at[1], at[2])])))
+        // To return an error would say that nothing ran.
+        let ms = |from: u64, to: u64| read.is_ok().then(|| (to.wrapping_sub(from) & self.mask) as f64 * self.tick);
+        Ok((result, [ms(at[0], at[1]), ms(at[1], at[2])]))
     }
 
     /// A timestamp when everything before it is done, and nothing after it has begun.
@@ -140,10 +132,6 @@ impl Submitter {
         unsafe { self.device.cmd_write_timestamp(cmd, vk::PipelineStageFlags::BOTTOM_OF_PIPE, queries, query) };
         // Without a barrier here Mesa 22.3.6 (lavapipe) leaves the first feedback pass out of the time.
         full_barrier(&self.device, cmd);
-    }
-
-    pub(super) fn device(&self) -> &ash::Device {
-        &self.device
     }
 }
 
@@ -160,16 +148,6 @@ impl Drop for Submitter {
             self.device.destroy_command_pool(self.pool, None);
         }
     }
-}
-
-/// What copies wrote, to the host: a fence makes nothing visible to it.
-pub(super) fn host_barrier(device: &ash::Device, cmd: vk::CommandBuffer) {
-    let memory = [vk::MemoryBarrier::default()
-        .src_access_mask(vk::AccessFlags::TRANSFER_WRITE)
-        .dst_access_mask(vk::AccessFlags::HOST_READ)];
-    let (from, to) = (vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::HOST);
-    // SAFETY: as in `full_barrier`.
-    unsafe { device.cmd_pipeline_barrier(cmd, from, to, vk::DependencyFlags::empty(), &memory, &[], &[]) };
 }
 
 /// Everything before, then everything after, all memory.

@@ -3,8 +3,7 @@
 
 use super::Headless;
 use super::draw::PoseDraw;
-use super::submit::{full_barrier, host_barrier};
-use crate::engine::PoseView;
+use super::readback::Readback;
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
 use crate::gpu::memory::{Buffer, BufferDesc, STAGING};
@@ -45,7 +44,7 @@ impl<'a> PoseUpload<'a> {
         if instances == 0 || bytes == 0 {
             return Err(Error::invalid("an upload of no pose", "leave it out"));
         }
-        let device = headless.engine().device();
+        let device = headless.engine.device();
         let buffer = |name, usage, location| Buffer::new(device, &BufferDesc { name, bytes, usage, location });
         let mut staging = buffer("poses to upload", vk::BufferUsageFlags::TRANSFER_SRC, STAGING)?;
         staging.mapped()?;
@@ -75,20 +74,20 @@ impl<'a> PoseUpload<'a> {
             staged.copy_from_slice(bytemuck::cast_slice(pose));
         }
         let size = (pose_bytes * poses.len()) as u64;
-        let (submitter, region) = (self.headless.submitter(), [vk::BufferCopy { src_offset: 0, dst_offset: 0, size }]);
-        let ((), ticks) = submitter.run_timed(|cmd| {
+        let (submitter, region) = (&self.headless.submitter, [vk::BufferCopy { src_offset: 0, dst_offset: 0, size }]);
+        let ((), [gpu_ms, _]) = submitter.run_timed(|cmd, _| {
             // SAFETY: the buffer is recording on this device outside a render pass; the region lies within both
             // buffers, which are alive; nothing is running: each submission is waited for.
             unsafe {
-                submitter.device().cmd_copy_buffer(cmd, self.staging.raw, self.poses.raw, &region);
+                submitter.device.cmd_copy_buffer(cmd, self.staging.raw, self.poses.raw, &region);
                 if let Some(barrier) = asset_uploaded() {
-                    barriers::record(submitter.device(), cmd, &barrier);
+                    barriers::record(&submitter.device, cmd, &barrier);
                 }
             }
             Ok(())
         })?;
         let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
-        Ok(Uploaded { gpu_ms: self.headless.milliseconds(ticks), cpu_ms, bytes_moved: 4 * size })
+        Ok(Uploaded { gpu_ms, cpu_ms, bytes_moved: 4 * size })
     }
 
     /// Draw every pose uploaded once, discarding all primitives; device time in milliseconds.
@@ -96,13 +95,14 @@ impl<'a> PoseUpload<'a> {
     /// # Errors
     /// A device that fails.
     pub fn draw(&self) -> Result<Option<f64>> {
-        let poses: Vec<PoseView> = (0..self.instances).map(|instance| self.view(instance)).collect();
+        let poses =
+            (0..self.instances).map(|i| (self.poses.raw, u64::from(i) * self.layout.pose_bytes(PoseFormat::Float32)));
         let vertices = self.layout.padded_vertices() as u32;
-        let ((), ticks) = self.headless.submitter().run_timed(|cmd| {
-            self.draw.record(cmd, &poses, vertices);
+        let ((), [ms, _]) = self.headless.submitter.run_timed(|cmd, _| {
+            self.draw.record(cmd, poses, vertices);
             Ok(())
         })?;
-        Ok(self.headless.milliseconds(ticks))
+        Ok(ms)
     }
 
     /// Read what was uploaded last back: the poses of all instances, one after the other, as they were handed in.
@@ -110,38 +110,7 @@ impl<'a> PoseUpload<'a> {
     /// # Errors
     /// A device that fails.
     pub fn read(&mut self) -> Result<Vec<f32>> {
-        let (submitter, size) =
-            (self.headless.submitter(), self.layout.pose_bytes(PoseFormat::Float32) * u64::from(self.instances));
-        let mut readback = Buffer::new(
-            self.headless.engine().device(),
-            &BufferDesc {
-                name: "readback",
-                bytes: size,
-                usage: vk::BufferUsageFlags::TRANSFER_DST,
-                location: MemoryLocation::GpuToCpu,
-            },
-        )?;
-        let region = [vk::BufferCopy { src_offset: 0, dst_offset: 0, size }];
-        submitter.run(|cmd| {
-            full_barrier(submitter.device(), cmd);
-            // SAFETY: as in `upload`.
-            unsafe { submitter.device().cmd_copy_buffer(cmd, self.poses.raw, readback.raw, &region) };
-            host_barrier(submitter.device(), cmd);
-            Ok(())
-        })?;
-        let bytes = &readback.mapped()?[..size as usize];
-        Ok(PoseFormat::Float32.decode(bytes))
-    }
-
-    fn view(&self, instance: u32) -> PoseView {
-        let size = self.layout.pose_bytes(PoseFormat::Float32);
-        PoseView {
-            buffer: self.poses.raw,
-            offset: u64::from(instance) * size,
-            size,
-            stride: PoseFormat::Float32.stride() as u32,
-            format: PoseFormat::Float32,
-            slot: 0,
-        }
+        let size = self.layout.pose_bytes(PoseFormat::Float32) * u64::from(self.instances);
+        Readback::new(self.headless, size)?.read(self.headless, (self.poses.raw, 0, size))
     }
 }

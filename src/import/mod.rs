@@ -11,6 +11,7 @@ use crate::asset::MorphSource;
 use crate::error::{Error, Result};
 use crate::io::{has_extension, list};
 use crate::pack::file::Asset;
+use crate::setters::setters;
 use crate::weights::WeightClip;
 use std::path::{Path, PathBuf};
 
@@ -21,6 +22,8 @@ pub struct ImportDesc {
     /// Give vertices one texture coordinate each ([`MorphSource::split`]). A packed file stays as it is.
     pub split: bool,
 }
+
+setters!(ImportDesc { split: bool });
 
 /// What was found.
 #[derive(Debug)]
@@ -133,7 +136,7 @@ mod tests {
             Imported { mesh: ImportedMesh::Packed(_), .. } => panic!("nothing is packed"),
         };
         assert_eq!(count(&ImportDesc::default()), (3, vec![]));
-        assert_eq!(count(&ImportDesc { split: true }).0, 4);
+        assert_eq!(count(&ImportDesc::default().split(true)).0, 4);
         let weights = dir.path().join("weights");
         std::fs::create_dir(&weights).unwrap();
         for name in ["b.csv", "a.CSV", "notes.txt"] {

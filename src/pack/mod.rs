@@ -14,6 +14,7 @@ mod source;
 use crate::asset::MorphMesh;
 use crate::asset::streams::GROUP_COMPONENTS;
 use crate::error::{Error, Result};
+use crate::setters::setters;
 use blocks::BlockDesc;
 pub use error::PoseError;
 pub(crate) use error::stream_errors;
@@ -37,6 +38,7 @@ pub(crate) const BASE_STRIDE: usize = POSE_FLOATS * size_of::<f32>();
 
 /// How to pack.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct PackDesc {
     /// Storage of the deltas.
     pub format: DeltaFormat,
@@ -47,6 +49,8 @@ pub struct PackDesc {
     /// Block formats: size of a block, and how much may be lost.
     pub blocks: BlockDesc,
 }
+
+setters!(PackDesc { format: DeltaFormat, max_chunk_bytes: u64, max_chunk_vertices: u64, blocks: BlockDesc });
 
 impl PackDesc {
     /// Any device of Khronos' Android baseline: chunks of 128 MiB and 65,535 workgroups.
@@ -121,7 +125,7 @@ impl PackedMesh {
     }
 
     /// The mesh of these groups, of which there is one at least. Weights are the mesh's, and so is their grid: the
-    /// coarsest that a group asks for.
+    /// coarsest grid of its groups.
     fn of_groups(mut groups: Vec<PackedGroup>) -> Self {
         let grids = groups.iter().filter_map(|group| group.layout.blocks.as_ref()?.exact().ok());
         let coarsest = grids.min_by_key(|grid| grid.weight_bits);

@@ -3,6 +3,7 @@
 use super::paths::UpdatePath;
 use super::steps::Consumers;
 use crate::pack::PoseFormat;
+use crate::setters::setters;
 
 impl UpdatePath {
     /// The mode where none is asked for.
@@ -94,6 +95,7 @@ impl Accumulate {
 
 /// How poses are to be updated. The same for all instances of a crowd, for its life.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct UpdateDesc {
     /// Who carries the passes out.
     pub path: UpdatePath,
@@ -109,12 +111,22 @@ pub struct UpdateDesc {
     pub accumulate: Accumulate,
     /// How poses are stored.
     pub pose: PoseFormat,
-    /// How far a vertex may be from where the weights asked for would put it, as a length in input units (block
-    /// formats). Changes too small to matter wait then, until they add up to more, or the face is still. 0: none waits.
-    /// Packing, and rounding by [`Accumulate::Exact`], come on top. It is one of positions, with which normals wait; other
-    /// streams wait in crowds that are animated on the GPU only.
+    /// How far a vertex may be from where the requested weights would put it, as a length in input units (block
+    /// formats). Smaller changes are deferred until they add up to more, or until the same weights are requested again;
+    /// 0 defers none. Errors of packing, and rounding by [`Accumulate::Exact`], are not part of it. It bounds positions;
+    /// normals are deferred with them, other streams only in crowds that are animated on the GPU.
     pub error_budget: f32,
 }
+
+setters!(UpdateDesc {
+    path: UpdatePath,
+    batch: BatchSize,
+    mode: UpdateMode,
+    slots: u32,
+    accumulate: Accumulate,
+    error_budget: f32,
+    pose: PoseFormat,
+});
 
 impl UpdateDesc {
     /// Incremental updates in two slots with float sums; rebuilds and exact sums for paths that know nothing else.
@@ -135,6 +147,7 @@ impl UpdateDesc {
 
 /// How to make a crowd.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct CrowdDesc {
     /// Instances, each with weights and poses of its own (≥ 1).
     pub instances: u32,
@@ -146,6 +159,8 @@ pub struct CrowdDesc {
     /// Who reads poses between updates: updates wait for these readers, and make new poses visible to them.
     pub consumers: Consumers,
 }
+
+setters!(CrowdDesc { instances: u32, update: UpdateDesc, frames_in_flight: u32, consumers: Consumers });
 
 impl CrowdDesc {
     /// One instance, two frames in flight, drawn from vertex attributes or by vertex shaders.

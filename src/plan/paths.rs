@@ -137,6 +137,7 @@ macro_rules! declared {
     )* })*) => {
         /// Who carries the passes out.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[non_exhaustive]
         pub enum UpdatePath {
             $($(#[doc = $summary] $(#[doc = $more])* $path,)*)*
         }

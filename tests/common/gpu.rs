@@ -44,6 +44,23 @@ pub fn caps(driver: &str) -> DeviceCaps {
     found.unwrap_or_else(|| panic!("{driver} is missing\nrun the tests as ./with-vulkan cargo test"))
 }
 
+/// `caps` with something changed.
+pub fn limited(mut caps: DeviceCaps, change: impl FnOnce(&mut DeviceCaps)) -> DeviceCaps {
+    change(&mut caps);
+    caps
+}
+
+/// The Android baseline with something changed.
+pub fn baseline(change: impl FnOnce(&mut DeviceCaps)) -> DeviceCaps {
+    limited(DeviceCaps::android_baseline(), change)
+}
+
+/// `limits`, and the same with texel buffers and 64-bit integers, for every driver.
+pub fn with_and_without_texels(limits: &DeviceCaps) -> Vec<(String, DeviceCaps)> {
+    let roomy = limited(limits.clone(), |caps| (caps.max_texels, caps.int64) = (u32::MAX, true));
+    drivers().into_iter().flat_map(|driver| [(driver.clone(), roomy.clone()), (driver, limits.clone())]).collect()
+}
+
 /// Run `test` on one device.
 pub fn on_device(driver: &str, android_baseline: bool, test: impl Fn(&Headless, &MorphEngine)) {
     let limits = android_baseline.then(DeviceCaps::android_baseline);
@@ -53,7 +70,7 @@ pub fn on_device(driver: &str, android_baseline: bool, test: impl Fn(&Headless, 
 /// Run `test` on one device within limits.
 pub fn on_device_within(driver: &str, limits: Option<DeviceCaps>, test: impl Fn(&Headless, &MorphEngine)) {
     let device = DeviceChoice::Name(driver.to_owned());
-    let headless = Headless::new(&HeadlessDesc { device, validation: true, limits })
+    let headless = Headless::new(&HeadlessDesc::default().device(device).validation(true).limits(limits))
         .unwrap_or_else(|e| panic!("{driver}: {e}\nrun the tests as ./with-vulkan cargo test"));
     test(&headless, headless.engine());
     let caps = headless.caps();
@@ -77,10 +94,10 @@ pub fn complaints(headless: &Headless) -> Vec<String> {
 pub fn update_descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc> {
     let mut descs = vec![];
     if format.is_blocks() {
-        let blocks = UpdateDesc { accumulate: Accumulate::Float { tolerance: 1e-2 }, ..UpdateDesc::blocks() };
+        let blocks = UpdateDesc::blocks().accumulate(Accumulate::Float { tolerance: 1e-2 });
         descs.push(blocks);
         if format != DeltaFormat::BlockFloat32 {
-            descs.push(UpdateDesc { accumulate: Accumulate::Exact, ..blocks });
+            descs.push(blocks.accumulate(Accumulate::Exact));
         }
         return descs;
     }
@@ -120,7 +137,7 @@ pub fn single(update: UpdateDesc) -> CrowdDesc {
 /// `mesh` of 1000 vertices and 37 targets as a device would need it that reaches 128 vertices.
 pub fn in_eight_chunks(mesh: &MorphMesh, format: DeltaFormat) -> PackedMesh {
     let max_chunk_bytes = 128 * 37 * format.stride() as u64;
-    let desc = PackDesc { format, max_chunk_bytes, ..PackDesc::default() };
+    let desc = PackDesc::new(format).max_chunk_bytes(max_chunk_bytes);
     let mesh = PackedMesh::pack(mesh, &desc).expect("a mesh that fits");
     assert_eq!(mesh.layout().chunks().count(), 8);
     mesh

@@ -12,28 +12,31 @@ use deltamorph::{
     Playback, Tolerance, UpdateDesc, UpdateMode, UpdatePath, WeightClip, testing,
 };
 use std::collections::{BTreeMap, BTreeSet};
+use std::slice::from_mut;
 use std::sync::Arc;
 
-pub const HEAD: HeadDesc = HeadDesc { vertices: 900, targets: 37, sparsity: 0.15, seed: 3 };
+pub fn head_desc() -> HeadDesc {
+    HeadDesc::default().vertices(900).targets(37).sparsity(0.15).seed(3)
+}
 
 pub fn packed(format: DeltaFormat, size: u32) -> Arc<PackedMesh> {
-    let mesh = head(&HEAD).to_mesh(Tolerance::default()).expect("a mesh");
-    let blocks = BlockDesc { size: Some(size), ..BlockDesc::default() };
-    Arc::new(PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(format) }).expect("a mesh that packs"))
+    let mesh = head(&head_desc()).to_mesh(Tolerance::default()).expect("a mesh");
+    let blocks = BlockDesc::default().size(Some(size));
+    Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format).blocks(blocks)).expect("a mesh that packs"))
 }
 
 /// The same head with tangents, texture coordinates and colours.
 pub fn packed_streams(format: DeltaFormat, size: u32) -> Arc<PackedMesh> {
-    let mesh = testing::with_streams(head(&HEAD).to_mesh(Tolerance::default()).expect("a mesh"));
-    let blocks = BlockDesc { size: Some(size), ..BlockDesc::default() };
-    let packed = PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(format) }).expect("a mesh that packs");
+    let mesh = testing::with_streams(head(&head_desc()).to_mesh(Tolerance::default()).expect("a mesh"));
+    let blocks = BlockDesc::default().size(Some(size));
+    let packed = PackedMesh::pack(&mesh, &PackDesc::new(format).blocks(blocks)).expect("a mesh that packs");
     assert_eq!(packed.groups().len(), 3);
     Arc::new(packed)
 }
 
 /// A captured-like clip, a short one in which all weights change, and one that is still.
 pub fn clips() -> Vec<WeightClip> {
-    let clip = head_clip(&HEAD, 40, 30.0);
+    let clip = head_clip(&head_desc(), 40, 30.0);
     let noise = |i: usize| ((i as u32).wrapping_mul(0x9E37_79B9) >> 12) as f32 / (1 << 20) as f32 - 0.3;
     let values = |f: &dyn Fn(usize) -> f32, frames: usize| (0..frames * clip.names.len()).map(f).collect();
     let wild = WeightClip { fps: 12.0, values: values(&noise, 5), ..clip.clone() };
@@ -42,7 +45,7 @@ pub fn clips() -> Vec<WeightClip> {
 }
 
 pub fn crowd(instances: u32, update: UpdateDesc) -> CrowdDesc {
-    CrowdDesc { instances, ..CrowdDesc::new(update) }
+    CrowdDesc::new(update).instances(instances)
 }
 
 pub fn blocks(mesh: &PackedMesh) -> usize {
@@ -51,7 +54,7 @@ pub fn blocks(mesh: &PackedMesh) -> usize {
 
 /// Exact sums on the path `blocks`.
 pub fn exact(slots: u32) -> UpdateDesc {
-    UpdateDesc { accumulate: Accumulate::Exact, slots, ..UpdateDesc::blocks() }
+    UpdateDesc::blocks().accumulate(Accumulate::Exact).slots(slots)
 }
 
 /// What is done with a block of an instance: whether it starts from the base pose, slots, entries and coefficients.
@@ -75,7 +78,7 @@ pub struct Scene<'a> {
 
 impl<'a> Scene<'a> {
     pub fn new(headless: &'a Headless, mesh: &Arc<PackedMesh>, desc: CrowdDesc, animation: &AnimationDesc<'_>) -> Self {
-        let rebuilt = UpdateDesc { path: UpdatePath::Cpu, mode: UpdateMode::Rebuild, ..exact(1) };
+        let rebuilt = exact(1).path(UpdatePath::Cpu).mode(UpdateMode::Rebuild);
         Self {
             widest: headless.caps().tuning.widest_tile,
             crowd: HeadlessCrowd::animated(headless, mesh, &desc, animation).expect("a crowd"),
@@ -119,7 +122,10 @@ impl<'a> Scene<'a> {
         self.heads.set_time(seconds).expect("a time");
         let mut commands = None;
         // SAFETY: nothing is changed.
-        unsafe { self.crowd.step_tampered(&[], |entries| commands = Some(entries.clone())) }.expect("a step");
+        unsafe {
+            HeadlessCrowd::step_tampered(from_mut(&mut self.crowd), &[], |entries| commands = Some(entries.clone()))
+        }
+        .expect("a step");
         let update = self.heads.update(&self.clips);
         let expected = of_list(self.twin.update(&self.clips, &self.heads, update));
         // A few of many.

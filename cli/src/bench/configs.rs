@@ -8,6 +8,7 @@ use crate::runner::Gpu;
 use deltamorph::{Accumulate, BatchSize, DeltaFormat, UpdateDesc, UpdateMode, UpdatePath};
 
 /// What is asked for.
+#[derive(Default)]
 pub struct Wanted<'a> {
     pub paths: Vec<UpdatePath>,
     /// They were given by name, so that one that has nothing to do is worth a word.
@@ -49,17 +50,15 @@ pub fn configurations(wanted: &Wanted<'_>, update: &UpdateArgs, gpu: Option<&Gpu
             let (batches, refused) = expand_batches(if direct { &[BatchSpec::Max] } else { wanted.sizes }, limit);
             for batch in batches {
                 for (mode, sums) in modes.iter().flat_map(|m| held(wanted.sums, path, format).map(move |s| (*m, s))) {
-                    let desc = UpdateDesc {
-                        mode,
-                        slots: update.slots,
-                        accumulate: update.sums(sums),
-                        error_budget: if format.is_blocks() { wanted.error_budget } else { 0.0 },
-                        ..UpdateDesc::new(path, batch)
-                    };
+                    let desc = UpdateDesc::new(path, batch)
+                        .mode(mode)
+                        .slots(update.slots)
+                        .accumulate(update.sums(sums))
+                        .error_budget(if format.is_blocks() { wanted.error_budget } else { 0.0 });
                     match desc.check() {
                         // Two names for one format are one configuration.
                         Ok(()) if configs.iter().any(|c: &Config| (c.desc, c.format) == (desc, format)) => {}
-                        Ok(()) => configs.push(Config { desc, format, batch_max, apart: false }),
+                        Ok(()) => configs.push(Config { desc, format, batch_max, separate: false }),
                         Err(e) => {
                             let what = format!("{} batch {batch}", path.name());
                             skipped.push(Skipped { what, reason: e.to_string() });

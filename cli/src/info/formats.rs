@@ -84,7 +84,7 @@ pub fn measure_all(mesh: &MorphMesh, held: Option<&Arc<PackedMesh>>) -> Result<V
 /// `mesh` in one format.
 pub fn measure(mesh: &MorphMesh, format: DeltaFormat, blocks: BlockDesc) -> Result<Measured, Failure> {
     // One chunk, whatever a device would bind: chunks change neither bytes nor values.
-    let desc = PackDesc { max_chunk_bytes: u64::MAX, max_chunk_vertices: u64::MAX, blocks, ..PackDesc::new(format) };
+    let desc = PackDesc::new(format).max_chunk_bytes(u64::MAX).max_chunk_vertices(u64::MAX).blocks(blocks);
     let packed = Arc::new(PackedMesh::pack(mesh, &desc)?);
     Ok(Measured { error: packed.measure_error(mesh), packed })
 }

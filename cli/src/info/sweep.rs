@@ -60,7 +60,8 @@ pub fn sweep(mesh: &MorphMesh, formats: &[Measured], out: &Output) -> Result<Vec
             let position_error = 10f32.powf(-3.0 - 0.5 * step as f32);
             // In the proportion of the defaults.
             let normal_error_degrees = default.normal_error_degrees * position_error / default.position_error;
-            let desc = BlockDesc { size: Some(size), position_error, normal_error_degrees, ..default };
+            let desc =
+                default.size(Some(size)).position_error(position_error).normal_error_degrees(normal_error_degrees);
             bar.set_message(format!("small, {position_error:.1e} of the diagonal, blocks of {size}"));
             rows.push(row(&measure(mesh, DeltaFormat::Small, desc)?, Some(desc)));
             bar.inc(1);

@@ -7,7 +7,6 @@ use crate::headless::Headless;
 use crate::pack::PackedMesh;
 use crate::plan::CrowdDesc;
 use crate::update::animated::{AnimationDesc, Playback};
-use ash::vk;
 
 /// What the GPU planned for a group of instances, as it lies in memory: see `glsl/plan.comp`.
 #[doc(hidden)]
@@ -36,11 +35,9 @@ impl<'a> HeadlessCrowd<'a, AnimatedCrowd> {
         desc: &CrowdDesc,
         animation: &AnimationDesc<'_>,
     ) -> Result<Self> {
-        let (engine, submitter) = (headless.engine(), headless.submitter());
+        let (engine, submitter) = (&headless.engine, &headless.submitter);
         // SAFETY: the submitter hands out a recording buffer of the engine's device; it waits for the device.
-        let mut mesh = submitter.run(|cmd| unsafe { engine.upload(cmd, mesh) })?;
-        // SAFETY: `run` has waited for the upload.
-        unsafe { mesh.release_staging() };
+        let mesh = headless.upload(|cmd| unsafe { engine.upload(cmd, mesh) })?;
         // SAFETY: as above.
         let mut crowd = submitter.run(|cmd| unsafe { engine.create_animated_crowd(cmd, &mesh, desc, animation) })?;
         // SAFETY: as above.
@@ -49,13 +46,11 @@ impl<'a> HeadlessCrowd<'a, AnimatedCrowd> {
     }
 
     /// See [`AnimatedCrowd::play`].
-    #[allow(clippy::missing_errors_doc)]
     pub fn play(&mut self, instance: u32, playback: &Playback) -> Result<()> {
         self.crowd.play(instance, playback)
     }
 
     /// See [`AnimatedCrowd::set_time`].
-    #[allow(clippy::missing_errors_doc)]
     pub fn set_time(&mut self, seconds: f64) -> Result<()> {
         self.crowd.set_time(seconds)
     }
@@ -71,10 +66,10 @@ impl<'a> HeadlessCrowd<'a, AnimatedCrowd> {
         for group in groups {
             let mut counts = [0; 4];
             for (count, (offset, chunks)) in counts.iter_mut().zip(group.arguments) {
-                let arguments = self.read_words(control, offset, 12 * u64::from(chunks))?;
+                let arguments: Vec<u32> = self.read((control, offset, 12 * u64::from(chunks)))?;
                 *count = arguments.chunks_exact(3).map(|xyz| xyz[0]).sum();
             }
-            let words = self.read_words(work, group.list.0, group.list.1)?;
+            let words = self.read((work, group.list.0, group.list.1))?;
             planned.push(PlannedGroup { instances: group.instances, counts, capacity: group.capacity, words });
         }
         Ok(planned)
@@ -86,19 +81,7 @@ impl<'a> HeadlessCrowd<'a, AnimatedCrowd> {
     /// As [`read_plan`](Self::read_plan).
     #[doc(hidden)]
     pub fn read_weights(&mut self, instance: u32) -> Result<Vec<i32>> {
-        let (buffer, offset, size) = self.crowd.animated().weights_of(instance);
-        Ok(self.read_words(buffer, offset, size)?.into_iter().map(|word| word as i32).collect())
-    }
-
-    /// Piece by piece: what is read may be larger than a pose.
-    fn read_words(&mut self, buffer: vk::Buffer, offset: u64, size: u64) -> Result<Vec<u32>> {
-        let (mut words, most) = (vec![], self.mesh.layout().base_bytes());
-        let mut at = 0;
-        while at < size {
-            let bytes = self.read(buffer, offset + at, most.min(size - at))?;
-            words.extend(bytes.chunks_exact(4).map(|b| u32::from_ne_bytes([b[0], b[1], b[2], b[3]])));
-            at += most;
-        }
-        Ok(words)
+        let range = self.crowd.animated().weights_of(instance);
+        self.read(range)
     }
 }

@@ -8,9 +8,6 @@ pub trait Kind: AnyCrowd {
     /// Request weights.
     fn set(&mut self, instance: u32, weights: &[f32]) -> Result<()>;
 
-    /// For recording it with others.
-    fn any(&mut self) -> &mut dyn AnyCrowd;
-
     /// The crowd, if its weights are set.
     fn weighted(&self) -> Option<&Crowd>;
 }
@@ -18,10 +15,6 @@ pub trait Kind: AnyCrowd {
 impl Kind for Crowd {
     fn set(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
         self.set_weights(instance, weights)
-    }
-
-    fn any(&mut self) -> &mut dyn AnyCrowd {
-        self
     }
 
     fn weighted(&self) -> Option<&Crowd> {
@@ -33,10 +26,6 @@ impl Kind for AnimatedCrowd {
     fn set(&mut self, instance: u32, _weights: &[f32]) -> Result<()> {
         let what = format!("weights of instance {instance}, which is animated on the GPU");
         Err(Error::invalid(what, "play a clip, or make the crowd with create_crowd"))
-    }
-
-    fn any(&mut self) -> &mut dyn AnyCrowd {
-        self
     }
 
     fn weighted(&self) -> Option<&Crowd> {

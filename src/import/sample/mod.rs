@@ -11,10 +11,12 @@ mod shape;
 mod targets;
 
 use crate::asset::MorphSource;
+use crate::setters::setters;
 use crate::weights::WeightClip;
 
 /// What the built-in head is made from. Same description, same head, on every machine.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct HeadDesc {
     /// Number of vertices (≥ 1).
     pub vertices: usize,
@@ -25,6 +27,8 @@ pub struct HeadDesc {
     /// Seed.
     pub seed: u64,
 }
+
+setters!(HeadDesc { vertices: usize, targets: usize, sparsity: f32, seed: u64 });
 
 impl Default for HeadDesc {
     /// 43,788 vertices and 72 targets, the size in Costigan et al. (MIG 2016).

@@ -11,6 +11,7 @@ macro_rules! declared {
 
         /// How the six numbers of a vertex (of positions and normals: position, then normal) are stored in pose buffers.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+        #[non_exhaustive]
         pub enum PoseFormat {
             $($(#[$meta])* $name,)*
         }

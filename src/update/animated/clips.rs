@@ -3,10 +3,12 @@
 use crate::error::{Error, Result};
 use crate::pack::PackedLayout;
 use crate::pack::blocks::ExactGrid;
+use crate::setters::setters;
 use crate::weights::WeightClip;
 
 /// How keys are kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum KeyFormat {
     /// 32 bits: the resolution of the grid of exact sums.
     #[default]
@@ -18,11 +20,21 @@ pub enum KeyFormat {
 
 /// The clips that the instances of a crowd can play.
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub struct AnimationDesc<'a> {
     /// The clips; [`Playback::clip`](super::Playback::clip) counts them from 0.
     pub clips: &'a [WeightClip],
     /// How keys are kept.
     pub key_format: KeyFormat,
+}
+
+setters!(AnimationDesc<'a> { key_format: KeyFormat });
+
+impl<'a> AnimationDesc<'a> {
+    /// These clips, with keys of 32 bits.
+    pub fn new(clips: &'a [WeightClip]) -> Self {
+        Self { clips, key_format: KeyFormat::default() }
+    }
 }
 
 /// Keys are not larger than this: a float32 has them exactly, and their differences fit 32 bits.

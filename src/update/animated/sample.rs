@@ -30,6 +30,7 @@
 //! which [`AnimatedReference`](super::AnimatedReference) and `glsl/animate.comp` compute alike.
 
 use crate::abi::numbers;
+use crate::setters::setters;
 use bytemuck::{Pod, Zeroable};
 
 /// Ticks of the clock in a second.
@@ -37,6 +38,7 @@ pub const TICKS_PER_SECOND: f64 = 65_536.0;
 
 /// What happens when a clip ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Repeat {
     /// It starts again: from its last frame to its first as from any frame to the next.
     #[default]
@@ -47,6 +49,7 @@ pub enum Repeat {
 
 /// How an instance plays a clip.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Playback {
     /// Which clip.
     pub clip: u32,
@@ -58,6 +61,8 @@ pub struct Playback {
     /// What happens when it ends.
     pub repeat: Repeat,
 }
+
+setters!(Playback { clip: u32, start: f64, speed: f64, repeat: Repeat });
 
 impl Playback {
     /// `clip` from the clock's second 0 on, at its own speed, over and over.

@@ -1,0 +1,20 @@
+//! Chained setters of descriptions. Descriptions are `#[non_exhaustive]`, so that they can get further fields: outside
+//! the crate they are made by `new` or `default`, and then changed.
+
+/// Write a setter for each field listed.
+macro_rules! setters {
+    ($owner:ident $(<$life:lifetime>)? { $($field:ident: $type:ty),+ $(,)? }) => {
+        impl $(<$life>)? $owner $(<$life>)? {
+            $(
+                #[doc = concat!("Set [`", stringify!($field), "`](field@Self::", stringify!($field), ").")]
+                #[must_use]
+                pub fn $field(mut self, $field: $type) -> Self {
+                    self.$field = $field;
+                    self
+                }
+            )+
+        }
+    };
+}
+
+pub(crate) use setters;
