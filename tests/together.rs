@@ -12,8 +12,8 @@ use deltamorph::internals::plan::hazards::{Event, HazardChecker};
 use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    Accumulate, AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DeltaFormat, KeyFormat, PackedMesh, Playback,
-    UpdateDesc, UpdatePath, WeightClip, testing,
+    Accumulate, AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DeltaFormat, PackedMesh, Playback, UpdateDesc,
+    UpdatePath, WeightClip, testing,
 };
 use gpu::{applied, on_every_device, update_descs, weights};
 use picture::Picture;
@@ -108,12 +108,13 @@ fn crowds_of_both_kinds_are_updated_by_one_call() {
     on_every_device(|headless, engine| {
         let mesh = PackedMesh::pack(&testing::mesh(200, 5), &engine.pack_desc(DeltaFormat::Small)).expect("packed");
         let layout = mesh.layout();
-        let desc = CrowdDesc::new(UpdateDesc { accumulate: Accumulate::Exact, ..UpdateDesc::blocks() });
+        let desc = CrowdDesc::new(UpdateDesc::blocks().accumulate(Accumulate::Exact));
         // On the grid of weights: a frame a second.
         let weights = |frame: usize| (0..5).map(|t| (frame * t + 1) as f32 / 8.0).collect::<Vec<f32>>();
         let names = layout.targets.iter().map(|target| target.name.clone()).collect();
         let clip = WeightClip { name: "clip".into(), names, fps: 1.0, values: (0..4).flat_map(weights).collect() };
-        let animation = AnimationDesc { clips: &[clip], key_format: KeyFormat::Bits32 };
+        let clips = [clip];
+        let animation = AnimationDesc::new(&clips);
         // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so in all that follows.
         let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
         // SAFETY: as above.
