@@ -17,10 +17,8 @@ use values::BudgetSpec;
 #[derive(Debug, Parser)]
 #[command(name = "deltamorph", version, propagate_version = true)]
 pub struct Cli {
-    /// Options of every command.
     #[command(flatten)]
     pub global: GlobalArgs,
-    /// What to do.
     #[command(subcommand)]
     pub command: Command,
 }
@@ -39,7 +37,6 @@ pub struct GlobalArgs {
     pub quiet: bool,
 }
 
-/// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// List the Vulkan devices and which update paths each of them can run
@@ -60,7 +57,6 @@ pub enum Command {
     Apply(Box<ApplyArgs>),
 }
 
-/// Options of `sample`.
 #[derive(Args, Clone, Debug)]
 pub struct SampleArgs {
     /// Folder to write; created when missing, refused when not empty
@@ -79,7 +75,6 @@ pub struct SampleArgs {
     pub fps: f32,
 }
 
-/// Options of `pack`.
 #[derive(Args, Clone, Debug)]
 pub struct PackFileArgs {
     #[command(flatten)]
@@ -94,7 +89,6 @@ pub struct PackFileArgs {
     pub output: PathBuf,
 }
 
-/// Options of `info`.
 #[derive(Args, Clone, Debug)]
 pub struct InfoArgs {
     #[command(flatten)]

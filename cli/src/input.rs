@@ -85,7 +85,14 @@ pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Fai
         }
         ImportedMesh::Packed(asset) => {
             let kept = Arc::new(asset.to_mesh()?);
-            refuse_tolerance(args.tolerance(), kept.tolerance, &origin)?;
+            // What was dropped before packing is not there to be kept, and a packed mesh is taken as it is.
+            if ![Tolerance::default(), kept.tolerance].contains(&args.tolerance()) {
+                return Err(Failure::Usage(format!(
+                    "--tolerance {}: {origin} was packed with a tolerance of {}; leave it out, or give the folder that \
+                     it was packed from",
+                    args.tolerance, kept.tolerance.position
+                )));
+            }
             (kept.clone(), kept, Some(Arc::new(asset.mesh)))
         }
     };
@@ -150,16 +157,4 @@ pub fn files_of(args: &InputArgs, others: &[PathBuf]) -> Vec<PathBuf> {
         read.push(input.clone());
     }
     read
-}
-
-/// What was dropped before packing is not there to be kept, and a packed mesh is taken as it is.
-fn refuse_tolerance(asked: Tolerance, held: Tolerance, origin: &str) -> Result<(), Failure> {
-    if asked == Tolerance::default() || asked == held {
-        return Ok(());
-    }
-    Err(Failure::Usage(format!(
-        "--tolerance {}: {origin} was packed with a tolerance of {}; leave it out, or give the folder that it was \
-         packed from",
-        asked.position, held.position
-    )))
 }

@@ -26,7 +26,7 @@ pub fn figures(drawn: &[(Figure, String)]) -> Markup {
         section.figures {
             @for (figure, svg) in drawn {
                 figure id=(figure.slug) {
-                    div.plot role="img" aria-label=(figure.title()) {
+                    div.plot role="img" aria-label=(figure.title) {
                         // Without its XML declaration.
                         (PreEscaped(&svg[svg.find("<svg").unwrap_or(0)..]))
                     }
@@ -55,8 +55,4 @@ pub fn table<'a>(headings: impl IntoIterator<Item = &'a str>, rows: impl IntoIte
 
 pub fn row(cells: impl IntoIterator<Item = String>) -> Markup {
     html! { tr { @for cell in cells { td { (cell) } } } }
-}
-
-pub fn verdict(right: bool) -> Markup {
-    html! { @if right { span.ok { "right" } } @else { span.bad { "wrong" } } }
 }

@@ -51,8 +51,12 @@ impl Stage {
         let path = single.path.unwrap_or(if gpu.is_some() { UpdatePath::Blocks } else { UpdatePath::Cpu });
         let held = input.packed.as_ref().map(|mesh| mesh.layout().format);
         let format = single.format_on(path, held).map_err(Failure::Usage)?;
-        let batch = batch_size(args.batch_size, path, gpu.as_ref(), format)?;
-        let desc = single.desc(path, batch, &args.update, input.kept.diagonal).map_err(Failure::Usage)?;
+        let default = UpdateDesc::new(path, batch_size(args.batch_size, path, gpu.as_ref(), format)?);
+        let desc = default
+            .mode(single.mode.unwrap_or(default.mode))
+            .slots(args.update.slots)
+            .accumulate(args.update.sums(single.sums.unwrap_or(default.accumulate)))
+            .error_budget(args.update.budget(input.kept.diagonal).map_err(Failure::Usage)?);
         desc.check().map_err(|e| Failure::Usage(e.to_string()))?;
         let mesh = packed(input, gpu.as_ref(), format, &args.update.pack)?;
         let exact = desc.accumulate(Accumulate::Exact);

@@ -1,7 +1,7 @@
 //! Text tables, and numbers as people read them.
 
 /// A table: columns as wide as their widest cell, the first aligned left, the others right.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Table {
     rows: Vec<Vec<String>>,
     left: usize,
@@ -14,6 +14,15 @@ impl Table {
     /// A table with these headings, the first `left` columns of which hold words.
     pub fn new(headings: &[&str], left: usize) -> Self {
         Self { rows: vec![headings.iter().map(|h| (*h).to_owned()).collect()], left }
+    }
+
+    pub fn headings(&self) -> impl Iterator<Item = &str> {
+        self.rows[0].iter().map(String::as_str)
+    }
+
+    /// The rows below the headings.
+    pub fn rows(&self) -> &[Vec<String>] {
+        &self.rows[1..]
     }
 
     /// A row for each of `rows`; the first column holds words.

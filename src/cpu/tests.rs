@@ -58,8 +58,8 @@ fn metered(crowd: &CpuCrowd) -> u64 {
     for (i, item) in list.items.iter().enumerate() {
         let (mut destination, mut sums) = (vec![0.0; floats], vec![0; floats]);
         let source = vec![0.0; floats];
-        let apart = item.source.is_some() && item.source != Some(item.destination);
-        let block = super::blocks::Block::new(mesh.surface(), index, list, i, apart.then_some(&source[..]));
+        let separate = item.source.is_some() && item.source != Some(item.destination);
+        let block = super::blocks::Block::new(mesh.surface(), index, list, i, separate.then_some(&source[..]));
         let grid = planner.exact();
         block.run(&mut destination, grid.map(|grid| (&mut sums[..], grid)), &mut moved);
     }

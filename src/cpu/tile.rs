@@ -1,5 +1,5 @@
 //! The CPU twin of `glsl/crowd.comp`: tests hold the tiles of a crowd, and the bytes they are said to move, against it.
-//! The path `cpu` itself goes block by block, with masks: main memory is read and written by the byte.
+//! The path `cpu` itself updates one block at a time, with masks: main memory is read and written by the byte.
 
 use super::blocks::Meter;
 use crate::asset::streams::TRIPLE;

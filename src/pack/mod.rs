@@ -125,7 +125,7 @@ impl PackedMesh {
     }
 
     /// The mesh of these groups, of which there is one at least. Weights are the mesh's, and so is their grid: the
-    /// coarsest that a group asks for.
+    /// coarsest grid of its groups.
     fn of_groups(mut groups: Vec<PackedGroup>) -> Self {
         let grids = groups.iter().filter_map(|group| group.layout.blocks.as_ref()?.exact().ok());
         let coarsest = grids.min_by_key(|grid| grid.weight_bits);

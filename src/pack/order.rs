@@ -107,7 +107,7 @@ pub(super) fn keep_welded(order: Vec<u32>, welds: &[u32], size: usize) -> Vec<u3
 
 /// Which of `lengths` add up to `size`, the first ones for choice; `None` where none do.
 fn filling(lengths: &[usize], size: usize) -> Option<Vec<bool>> {
-    // For each sum the first of the lengths with which it is reached: it takes only earlier ones besides.
+    // For each sum the first of the lengths with which it is reached: it takes only earlier ones in addition.
     let mut last: Vec<Option<usize>> = vec![None; size + 1];
     for (i, &length) in lengths.iter().enumerate() {
         for sum in (length..=size).rev() {

@@ -111,10 +111,10 @@ pub struct UpdateDesc {
     pub accumulate: Accumulate,
     /// How poses are stored.
     pub pose: PoseFormat,
-    /// How far a vertex may be from where the weights asked for would put it, as a length in input units (block
-    /// formats). Changes too small to matter wait then, until they add up to more, or the face is still. 0: none waits.
-    /// Packing, and rounding by [`Accumulate::Exact`], come on top. It is one of positions, with which normals wait; other
-    /// streams wait in crowds that are animated on the GPU only.
+    /// How far a vertex may be from where the requested weights would put it, as a length in input units (block
+    /// formats). Smaller changes are deferred until they add up to more, or until the same weights are requested again;
+    /// 0 defers none. Errors of packing, and rounding by [`Accumulate::Exact`], are not part of it. It bounds positions;
+    /// normals are deferred with them, other streams only in crowds that are animated on the GPU.
     pub error_budget: f32,
 }
 

@@ -1,11 +1,11 @@
 //! How an update went.
 
-/// How an update went. The counts speak of the whole crowd.
+/// How an update went: counts are those of the whole crowd.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct UpdateStats {
     /// Dense formats: coefficients applied, of targets whose weight changed, or that are active where an update starts
-    /// from base. Block formats: targets whose weight asked for changed.
+    /// from base. Block formats: targets whose requested weight changed.
     pub coefficients: usize,
     /// Passes.
     pub passes: usize,
@@ -17,8 +17,8 @@ pub struct UpdateStats {
     pub rebuilt_blocks: usize,
     /// Bound on the position error that float32 accumulation may have caused so far, in input units; 0 for exact sums.
     pub bound: f32,
-    /// Bytes loaded and stored, in all groups of the mesh. On a direct path, by one draw of every head, which comes again in each frame whether
-    /// weights have changed or not.
+    /// Bytes loaded and stored, in all groups of the mesh. On a direct path, by one draw of every instance, in each frame
+    /// again, whether weights have changed or not.
     pub bytes_moved: u64,
     /// The least that dense work could move; in block formats, what deltas and poses alone take.
     pub bytes_floor: u64,

@@ -21,7 +21,6 @@ pub enum SuiteChoice {
     All,
 }
 
-/// Options of `bench`.
 #[derive(Args, Clone, Debug)]
 pub struct BenchArgs {
     #[command(flatten)]

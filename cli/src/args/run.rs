@@ -3,7 +3,7 @@
 use super::values::{self, BatchSpec, format_on};
 use super::{InputArgs, UpdateArgs};
 use clap::Args;
-use deltamorph::{Accumulate, BatchSize, DeltaFormat, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph::{Accumulate, DeltaFormat, UpdateMode, UpdatePath};
 use std::path::PathBuf;
 
 /// What these commands have in common.
@@ -18,7 +18,6 @@ pub struct RunArgs {
     pub batch_size: Option<BatchSpec>,
 }
 
-/// Options of `play`.
 #[derive(Args, Clone, Debug)]
 pub struct PlayArgs {
     #[command(flatten)]
@@ -38,7 +37,6 @@ pub struct PlayArgs {
     pub noise: Option<f32>,
 }
 
-/// Options of `soak`.
 #[derive(Args, Clone, Debug)]
 pub struct SoakArgs {
     #[command(flatten)]
@@ -61,7 +59,6 @@ impl SoakArgs {
     }
 }
 
-/// Options of `apply`.
 #[derive(Args, Clone, Debug)]
 pub struct ApplyArgs {
     #[command(flatten)]
@@ -107,22 +104,6 @@ impl Single {
             sums: one(command, "--accumulate", &update.accumulate)?,
             format: one(command, "--format", &update.formats)?,
         })
-    }
-
-    /// How poses are updated on `path`.
-    pub fn desc(
-        &self,
-        path: UpdatePath,
-        batch: BatchSize,
-        args: &UpdateArgs,
-        diagonal: f32,
-    ) -> Result<UpdateDesc, String> {
-        let default = UpdateDesc::new(path, batch);
-        Ok(default
-            .mode(self.mode.unwrap_or(default.mode))
-            .slots(args.slots)
-            .accumulate(args.sums(self.sums.unwrap_or(default.accumulate)))
-            .error_budget(args.budget(diagonal)?))
     }
 
     /// The format on `path`: the one given, or that of the packed file that is read, or the default of the path.

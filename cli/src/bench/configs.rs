@@ -8,6 +8,7 @@ use crate::runner::Gpu;
 use deltamorph::{Accumulate, BatchSize, DeltaFormat, UpdateDesc, UpdateMode, UpdatePath};
 
 /// What is asked for.
+#[derive(Default)]
 pub struct Wanted<'a> {
     pub paths: Vec<UpdatePath>,
     /// They were given by name, so that one that has nothing to do is worth a word.
@@ -57,7 +58,7 @@ pub fn configurations(wanted: &Wanted<'_>, update: &UpdateArgs, gpu: Option<&Gpu
                     match desc.check() {
                         // Two names for one format are one configuration.
                         Ok(()) if configs.iter().any(|c: &Config| (c.desc, c.format) == (desc, format)) => {}
-                        Ok(()) => configs.push(Config { desc, format, batch_max, apart: false }),
+                        Ok(()) => configs.push(Config { desc, format, batch_max, separate: false }),
                         Err(e) => {
                             let what = format!("{} batch {batch}", path.name());
                             skipped.push(Skipped { what, reason: e.to_string() });

@@ -4,33 +4,32 @@
 //! the command succeeded. Everything here works without a GPU.
 
 mod bandwidth;
+mod cache;
+mod compare;
 mod configs;
-mod family;
-pub mod headline;
-pub mod html;
+mod interleave;
 mod machine;
-mod race;
-pub mod record;
-mod references;
-pub mod report;
+mod record;
+mod report;
 mod run;
-pub mod select;
 mod setting;
-pub mod stamp;
+mod stamp;
 pub mod stats;
 mod suites;
 mod sweep;
 #[cfg(test)]
-pub mod synthetic;
+mod synthetic;
 mod trial;
 mod workload;
 
 use crate::args::bench::BenchArgs;
 use crate::input;
 use crate::output::{Failure, Output};
-use crate::table::{Table, bytes, count, optional, percent};
+use crate::table::count;
 use deltamorph::headless::DeviceChoice;
-use record::{Report, RunRecord};
+use record::Report;
+use report::{sentences, tables};
+use run::RunRecord;
 
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     // Before minutes are spent on what then cannot be written.
@@ -46,9 +45,14 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
 
 /// Print the result, write the JSON and the report folder.
 pub fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Failure> {
-    match report.suites.is_empty() {
-        true => out.say(text(&report.runs)),
-        false => report.suites.iter().for_each(|suite| out.say(suites::text::text(suite, report))),
+    if report.suites.is_empty() {
+        out.say(tables::runs(&report.runs, true));
+    }
+    for suite in &report.suites {
+        out.say(format_args!("{} (suite {})\n", sentences::title(suite), suite.name));
+        for (_, table) in tables::of_suite(suite, report) {
+            out.say(format_args!("{table}\n"));
+        }
     }
     for skipped in &report.skipped {
         out.note(format_args!("{}: {}", skipped.what, skipped.reason));
@@ -60,7 +64,7 @@ pub fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Fai
         }
         return Err(nothing_ran(report));
     }
-    out.say(format_args!("\n{}", headline::sentences(report).join("\n")));
+    out.say(format_args!("\n{}", sentences::sentences(report).join("\n")));
     let json = out.json(report);
     if !args.no_report {
         let spinner = out.spinner("drawing the report");
@@ -105,33 +109,6 @@ fn verdict(runs: &[RunRecord]) -> Result<(), Failure> {
     }
 }
 
-fn text(runs: &[RunRecord]) -> String {
-    let headings = [
-        "path", "format", "mode", "workload", "heads", "changed", "batch", "passes", "ms/frame", "±", "moved",
-        "of floor", "error",
-    ];
-    let mut table = Table::new(&headings, 4);
-    for run in runs {
-        let time = run.time();
-        table.row([
-            run.path.clone(),
-            if run.accumulate == "exact" { format!("{} exact", run.format) } else { run.format.clone() },
-            run.mode.clone(),
-            run.workload.clone(),
-            run.heads.to_string(),
-            count(run.changed),
-            run.batch_size.to_string(),
-            count(run.passes),
-            if run.verified { optional(time.map(|t| t.median)) } else { "WRONG".into() },
-            optional(time.map(|t| t.stderr)),
-            bytes(run.bytes_moved),
-            run.floor_fraction.map_or("–".to_owned(), percent),
-            optional(run.max_error_rel),
-        ]);
-    }
-    table.to_string()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -144,13 +121,5 @@ mod tests {
         report.runs.retain(|r| r.verified);
         assert!(verdict(&report.runs).is_ok());
         assert!(nothing_ran(&report).to_string().contains("no configuration could run; "));
-    }
-
-    #[test]
-    fn the_table_has_a_line_per_run() {
-        let report = synthetic::report();
-        let text = text(&report.runs);
-        assert_eq!(text.lines().count(), report.runs.len() + 1);
-        assert_eq!(text.matches("WRONG").count(), 2);
     }
 }

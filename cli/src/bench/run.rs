@@ -1,8 +1,6 @@
 //! A run in the JSON. Fields may be added, never renamed.
 
-use super::setting::{Config, Setting};
 use super::stats::Stats;
-use crate::input::Input;
 use deltamorph::BatchSize;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -87,7 +85,7 @@ pub struct RunRecord {
     /// includes it.
     #[serde(default)]
     pub upload_ms: Option<Stats>,
-    /// What was timed in turns with others; empty where everything was timed in one go.
+    /// What was timed interleaved with others; empty where everything was timed in one go.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rounds: Vec<Round>,
     /// The time that moving `bytes_floor` takes at the best bandwidth measured, of reading or copying, as a share of the
@@ -108,28 +106,6 @@ pub struct RunRecord {
 }
 
 impl RunRecord {
-    /// A configuration that was not measured yet.
-    pub fn blank(config: &Config, setting: &Setting<'_>, input: &Input) -> Self {
-        Self {
-            mesh: input.name.clone(),
-            targets: input.kept.targets.len(),
-            path: config.desc.path.name().into(),
-            mode: config.desc.mode.name().into(),
-            batch_size: config.desc.batch,
-            batch_max: config.batch_max,
-            workload: setting.workload.name().into(),
-            changed: setting.changed.unwrap_or(0) as f64,
-            heads: setting.heads,
-            shared: setting.shared,
-            crowds: if config.apart { setting.updated() } else { 1 },
-            accumulate: config.desc.accumulate.name().into(),
-            error_budget: config.desc.error_budget,
-            format: config.format.name().into(),
-            slots: config.desc.slots,
-            ..Self::default()
-        }
-    }
-
     /// What is wrong has no times worth telling.
     pub fn forget_times(&mut self) {
         (self.gpu_ms, self.cpu_ms, self.draw_ms, self.update_and_draw_ms) = (None, None, None, None);
@@ -143,8 +119,41 @@ impl RunRecord {
         self.update_and_draw_ms.or(self.gpu_ms).or(self.cpu_ms)
     }
 
+    /// The time that a run is judged by, in ms.
+    pub fn median(&self) -> f64 {
+        self.time().map_or(f64::INFINITY, |t| t.median)
+    }
+
+    /// It was right, and timed.
     pub fn counts(&self) -> bool {
         self.verified && self.time().is_some_and(|t| t.median > 0.0)
+    }
+
+    /// Its technique and the format that it ran with: "blocks fast".
+    pub fn label(&self) -> String {
+        format!("{} {}", self.technique, self.format)
+    }
+}
+
+pub fn fastest<'a>(runs: impl IntoIterator<Item = &'a RunRecord>) -> Option<&'a RunRecord> {
+    runs.into_iter().min_by(|a, b| a.median().total_cmp(&b.median()))
+}
+
+/// "batch 7", or "one pass".
+pub fn batch_words(batch: BatchSize) -> String {
+    match batch {
+        BatchSize::Targets(n) => format!("batch {n}"),
+        BatchSize::All => "one pass".into(),
+    }
+}
+
+/// "1 head", "100 heads, each its own", "100 copies, one animation".
+pub fn heads_words(heads: u32, shared: bool) -> String {
+    match (heads, shared) {
+        (1, false) => "1 head".into(),
+        (n, false) => format!("{n} heads, each its own"),
+        (1, true) => "1 copy".into(),
+        (n, true) => format!("{n} copies, one animation"),
     }
 }
 
@@ -152,7 +161,7 @@ fn one() -> u32 {
     1
 }
 
-/// Medians of a few frames that were timed in turns with those of other configurations, in ms.
+/// Medians of a few frames that were timed interleaved with those of other configurations, in ms.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Round {
     /// What [`RunRecord::time`] is about.
@@ -175,15 +184,11 @@ fn write_batch<S: Serializer>(batch: &BatchSize, to: S) -> Result<S::Ok, S::Erro
 }
 
 fn read_batch<'de, D: Deserializer<'de>>(from: D) -> Result<BatchSize, D::Error> {
-    #[derive(Deserialize)]
-    #[serde(untagged, expecting = "batch_size: expected a number or \"all\"")]
-    enum Either {
-        Number(u32),
-        Word(String),
-    }
-    match Either::deserialize(from)? {
-        Either::Number(n) if n > 0 => Ok(BatchSize::Targets(n)),
-        Either::Word(w) if w == "all" => Ok(BatchSize::All),
+    let value = serde_json::Value::deserialize(from)?;
+    let number = value.as_u64().and_then(|n| u32::try_from(n).ok()).filter(|n| *n > 0);
+    match (number, value.as_str()) {
+        (Some(n), _) => Ok(BatchSize::Targets(n)),
+        (_, Some("all")) => Ok(BatchSize::All),
         _ => Err(serde::de::Error::custom("batch_size: expected a number above 0 or \"all\"")),
     }
 }

@@ -4,15 +4,14 @@ use super::workload::Workload;
 use deltamorph::{DeltaFormat, UpdateDesc};
 
 /// Everything but the update path.
+#[derive(Clone, Copy)]
 pub struct Setting<'a> {
-    pub workload: &'a dyn Workload,
-    /// Targets changed per frame and head, as asked for; `None` for clips.
-    pub changed: Option<usize>,
+    pub workload: &'a Workload,
     /// Heads: each with weights of its own, unless `shared`.
     pub heads: u32,
     /// One animation: one head is updated, and its pose drawn for each.
     pub shared: bool,
-    /// Every frame draws each head once, without rasterizing, behind the update.
+    /// Every frame draws each head once, without rasterizing, after the update.
     pub drawn: bool,
     /// Compare with the reference after a few frames, not at all checkpoints of the workload: where frames take long.
     pub brief: bool,
@@ -45,5 +44,5 @@ pub struct Config {
     /// The largest batch that path and format allow.
     pub batch_max: Option<u32>,
     /// A crowd for each head, all of them in one submission.
-    pub apart: bool,
+    pub separate: bool,
 }

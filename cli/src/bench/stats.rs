@@ -59,7 +59,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn averages_lie_within_the_sample(values in samples()) {
+        fn averages_lie_within_the_sample_whatever_its_order(values in samples(), seed in any::<prop::sample::Index>()) {
             let s = Stats::of(&values).expect("finite");
             prop_assert!(s.min <= s.median && s.median <= s.max);
             prop_assert!(s.min <= s.mean && s.mean <= s.max);
@@ -68,17 +68,13 @@ mod tests {
             prop_assert!(values.iter().filter(|&&v| v >= s.median).count() * 2 >= s.n);
             // The sample's deviation is at most √(n/(n−1))/2 of its range.
             prop_assert!(s.stderr <= (s.max - s.min) * 0.8);
-        }
-
-        #[test]
-        fn order_does_not_matter(values in samples(), seed in any::<prop::sample::Index>()) {
             let mut turned = values.clone();
             turned.rotate_left(seed.index(values.len()));
-            prop_assert_eq!(Stats::of(&values), Stats::of(&turned));
+            prop_assert_eq!(Stats::of(&turned), Some(s));
         }
 
         #[test]
-        fn scale_and_shift_carry_over(values in samples(), factor in 0.1..10.0f64, shift in 0.0..100.0f64) {
+        fn scale_and_shift_carry_over(values in samples(), factor in 0.0..10.0f64, shift in 0.001..100.0f64) {
             let a = Stats::of(&values).expect("finite");
             let b = Stats::of(&values.iter().map(|v| v * factor + shift).collect::<Vec<_>>()).expect("finite");
             let close = |x: f64, y: f64| (x - y).abs() <= 1e-9 * (1.0 + x.abs().max(y.abs()));
@@ -86,12 +82,13 @@ mod tests {
             prop_assert!(close(a.mean * factor + shift, b.mean));
             prop_assert!((a.stderr * factor - b.stderr).abs() <= 1e-6 * (1.0 + b.stderr));
         }
+    }
 
-        #[test]
-        fn equal_values_have_no_error(value in 0.001..1e4f64, n in 1..50usize) {
-            let s = Stats::of(&vec![value; n]).expect("finite");
-            prop_assert!((s.mean - value).abs() <= 1e-12 * value && s.stderr <= 1e-12 * value);
-            prop_assert_eq!(s.median, value);
+    #[test]
+    fn equal_values_have_no_error() {
+        for n in 1..50 {
+            let s = Stats::of(&vec![0.1; n]).expect("finite");
+            assert!((s.mean - 0.1).abs() <= 1e-13 && s.stderr <= 1e-13 && s.median == 0.1, "{s:?}");
         }
     }
 }

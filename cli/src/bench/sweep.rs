@@ -1,19 +1,20 @@
 //! The ordinary run: every configuration that was asked for, one after the other.
 
+use super::cache::Cache;
 use super::configs::{Wanted, configurations};
+use super::interleave::{Candidate, Schedule, interleave};
 use super::machine::Machine;
-use super::race::{Cache, Entrant, Pace, contest};
 use super::record::{Report, Skipped};
 use super::setting::{Config, Setting};
 use super::trial::Context;
-use super::workload::{Clip, Random, Workload};
+use super::workload::Workload;
 use crate::args::bench::BenchArgs;
 use crate::args::values::{BatchSpec, SUMS, expand_changed};
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
 use crate::runner::Gpu;
 use deltamorph::headless::DeviceChoice;
-use deltamorph::{Accumulate, DeltaFormat, UpdatePath};
+use deltamorph::{Accumulate, BoundClip, DeltaFormat, UpdatePath};
 
 /// Batch sizes where none are given.
 const FULL_SWEEP: [BatchSpec; 2] = [BatchSpec::Range(1, None), BatchSpec::All];
@@ -34,19 +35,18 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let (full, mut skipped) = wanted(args, gpu, budget, &FULL_SWEEP);
     let (brief, _) = wanted(args, gpu, budget, &BRIEF_SWEEP);
 
-    let randoms: Vec<(usize, Random)> =
-        counts.iter().map(|&n| (n, Random::new(input.kept.targets.len(), n, args.input.seed))).collect();
+    let random = |&n: &usize| Workload::random(input.kept.targets.len(), n, args.input.seed);
+    let workloads: Vec<Workload> = counts.iter().map(random).chain(clips.iter().map(Workload::clip)).collect();
     let mut settings = vec![];
     // Where a path evaluates in draws, draws are what has to be compared.
     let drawn = full.iter().any(|config| config.desc.path.evaluates_in_draws());
     for heads in args.heads_or(&[1]) {
-        let plain = |workload, changed| Setting { workload, changed, heads, shared: args.shared, drawn, brief: false };
-        settings.extend(randoms.iter().map(|(n, w)| plain(w as &dyn Workload, Some(*n))));
-        settings.extend(clips.iter().map(|w| plain(w, None)));
+        let plain = |workload| Setting { workload, heads, shared: args.shared, drawn, brief: false };
+        settings.extend(workloads.iter().map(plain));
     }
 
     // Every batch size where most changes; elsewhere a few, for the plot against changed targets.
-    let configs = |setting: &Setting<'_>| match setting.changed {
+    let configs = |setting: &Setting<'_>| match setting.workload.changed {
         Some(n) if Some(&n) != counts.last() => &brief,
         _ => &full,
     };
@@ -57,16 +57,17 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     for setting in &settings {
         for config in configs(setting) {
             let (path, format, batch) = (config.desc.path.name(), config.format.name(), config.desc.batch);
-            let changed = setting.changed.map_or("its".into(), |n| n.to_string());
-            bar.set_message(format!("{path} {format} batch {batch}, {}, {changed} changed", setting.workload.name()));
             let sums = if config.desc.accumulate == Accumulate::Exact { " exact" } else { "" };
-            let (workload, heads) = (setting.workload.name(), setting.heads);
-            let what = format!("{path} {format}{sums} batch {batch}, {workload}, {changed} changed, {heads} heads");
-            let one = [Entrant { what, config: config.clone(), setting }];
-            for outcome in contest(context, gpu, &mut cache, &one, &Pace::whole(args.frames))? {
+            let (workload, heads) = (setting.workload, setting.heads);
+            let changed = workload.changed.map_or("its".into(), |n| n.to_string());
+            let work = format!("{}, {changed} changed, {heads} heads", workload.name);
+            let what = format!("{path} {format}{sums} batch {batch}, {work}");
+            bar.set_message(what.clone());
+            let one = [Candidate { what, config: config.clone(), setting }];
+            for outcome in interleave(context, gpu, &mut cache, &one, &Schedule::whole(args.frames))? {
                 match outcome {
                     Ok(run) => runs.push(run),
-                    // The rest goes on.
+                    // The others are measured all the same.
                     Err(refused) => skipped.push(refused),
                 }
             }
@@ -74,26 +75,23 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
         }
     }
     bar.finish_and_clear();
-    let ran = |clip: &&Clip| runs.iter().any(|run| run.workload == clip.name());
-    let unplayed = match args.weights.is_empty() {
-        true => vec![],
-        false => clips.iter().filter(|clip| !ran(clip)).map(|clip| clip.name().to_owned()).collect(),
-    };
+    let named = clips.iter().filter(|_| !args.weights.is_empty()).map(|clip| clip.name.clone());
+    let unplayed = named.filter(|name| runs.iter().all(|run| run.workload != *name)).collect();
     Ok(Report { runs, skipped, unplayed, ..machine.report(&input) })
 }
 
 /// The clips given with `--weights`; without any, those of the input.
-fn clips(args: &BenchArgs, input: &Input) -> Result<Vec<Clip>, Failure> {
+fn clips(args: &BenchArgs, input: &Input) -> Result<Vec<BoundClip>, Failure> {
     let paths = if args.weights.is_empty() { &input.clips } else { &args.weights };
-    let mut clips: Vec<Clip> = vec![];
+    let mut clips: Vec<BoundClip> = vec![];
     for path in paths {
         let mut clip = input::clip(path, &args.input, &input.kept)?;
         // Reports tell workloads apart by name.
-        let taken = |name: &str| name == "random" || clips.iter().any(|c| c.name() == name);
+        let taken = |name: &str| name == "random" || clips.iter().any(|c| c.name == name);
         let numbered = (2..).map(|n| format!("{} {n}", clip.name));
         let name: Option<String> = std::iter::once(clip.name.clone()).chain(numbered).find(|name| !taken(name));
         clip.name = name.unwrap_or_default();
-        clips.push(Clip::new(clip));
+        clips.push(clip);
     }
     Ok(clips)
 }

@@ -1,7 +1,10 @@
 //! A made-up report with the shape of a real one, for tests.
 
-use super::record::{Bandwidth, DeviceInfo, MeshInfo, Report, RunRecord, Skipped};
+use super::compare::{CellRecord, SuiteRecord};
+use super::record::{Bandwidth, DeviceInfo, Report, Skipped};
+use super::run::{Round, RunRecord};
 use super::stats::Stats;
+use crate::input::MeshInfo;
 use deltamorph::BatchSize;
 use deltamorph::BatchSize::{All, Targets};
 
@@ -52,31 +55,28 @@ fn run(path: &str, format: &str, batch: BatchSize, changed: f64, ms: f64) -> Run
     }
 }
 
-/// Falls as passes do, towards what the deltas cost however they are batched.
-fn ms(batch: f64, changed: f64, deltas: f64, pose: f64) -> f64 {
-    let coefficients = (2.0 * changed).min(TARGETS);
-    0.15 + coefficients * deltas + (coefficients / batch).ceil() * pose
-}
-
 /// Three paths, two formats, several numbers of changed targets, a clip; two runs are wrong.
 pub fn report() -> Report {
-    let mut runs = Vec::new();
+    let mut runs = vec![];
     for changed in [TARGETS, 4.0, 16.0, 36.0] {
-        for b in 1..=15 {
-            runs.push(run("feedback", "float32", Targets(b), changed, ms(f64::from(b), changed, 0.068, 0.65)));
+        // What a coefficient and a pass take, in ms.
+        for (path, format, batches, coefficient, pass) in [
+            ("feedback", "float32", 1..=15, 0.068, 0.65),
+            ("feedback", "snorm16", 1..=16, 0.042, 0.64),
+            ("compute", "float32", 1..=17, 0.055, 0.42),
+            ("compute", "snorm16", 1..=17, 0.031, 0.41),
+            ("cpu", "float32", 17..=17, 0.12, 1.0),
+        ] {
+            for batch in batches.map(|n| if n == 17 { All } else { Targets(n) }) {
+                let blank = run(path, format, batch, changed, 1.0);
+                let ms = 0.15 + blank.coefficients * coefficient + blank.passes * pass;
+                runs.push(run(path, format, batch, changed, ms));
+            }
         }
-        for b in 1..=16 {
-            runs.push(run("feedback", "snorm16", Targets(b), changed, ms(f64::from(b), changed, 0.042, 0.64)));
-            runs.push(run("compute", "float32", Targets(b), changed, ms(f64::from(b), changed, 0.055, 0.42)));
-            runs.push(run("compute", "snorm16", Targets(b), changed, ms(f64::from(b), changed, 0.031, 0.41)));
-        }
-        runs.push(run("compute", "float32", All, changed, ms(TARGETS, changed, 0.054, 0.42)));
-        runs.push(run("compute", "snorm16", All, changed, ms(TARGETS, changed, 0.030, 0.41)));
-        runs.push(run("cpu", "float32", All, changed, ms(TARGETS, changed, 0.12, 1.0)));
     }
     let clip: Vec<RunRecord> = runs.iter().filter(|r| r.changed == 16.0).cloned().collect();
     runs.extend(clip.into_iter().map(|r| RunRecord { workload: "speech_30fps".into(), changed: 2.71, ..r }));
-    for wrong in [7, 30] {
+    for wrong in [7, 20] {
         let run = &mut runs[wrong];
         run.verified = false;
         run.forget_times();
@@ -88,33 +88,9 @@ pub fn report() -> Report {
         version: "0.1.0".into(),
         created: "2026-01-31T12:00:00Z".into(),
         command: "deltamorph bench --paths feedback,compute,cpu --formats float32,snorm16 --changed 4,16,36,all".into(),
-        device: DeviceInfo {
-            name: "Example GPU <1>".into(),
-            kind: "cpu".into(),
-            driver: "example".into(),
-            driver_info: "1.2.3".into(),
-            api_version: "1.3.255".into(),
-            index: Some(0),
-            cpu: "Example CPU".into(),
-            threads: 2,
-        },
-        input: MeshInfo {
-            name: "head".into(),
-            origin: "built-in head".into(),
-            vertices: 43_788,
-            targets: 72,
-            triangles: 87_000,
-            diagonal: 25.0,
-            tolerance: 1e-6,
-            tolerance_normal: 1e-3,
-            moved_mean: 0.12,
-        },
-        bandwidth: Bandwidth {
-            cpu_read_gb_s: Some(14.1),
-            cpu_copy_gb_s: Some(12.0),
-            device_copy_gb_s: Some(11.4),
-            device_read_gb_s: None,
-        },
+        device: DeviceInfo { name: "Example GPU <1>".into(), kind: "cpu".into(), ..DeviceInfo::default() },
+        input: MeshInfo { name: "head".into(), vertices: 43_788, targets: 72, ..MeshInfo::default() },
+        bandwidth: Bandwidth { cpu_read_gb_s: Some(14.1), device_copy_gb_s: Some(11.4), ..Bandwidth::default() },
         runs,
         skipped: vec![Skipped {
             what: "feedback, batch all".into(),
@@ -122,4 +98,35 @@ pub fn report() -> Report {
         }],
         ..Report::default()
     }
+}
+
+/// A run of `technique` in a suite that took these times in its rounds.
+pub fn technique(technique: &str, rounds: &[f64]) -> RunRecord {
+    let times = Stats::of(rounds);
+    RunRecord {
+        suite: "techniques".into(),
+        cell: "dense <1>, 1 head".into(),
+        technique: technique.into(),
+        rounds: rounds.iter().map(|&ms| Round { ms, update_ms: ms / 2.0 }).collect(),
+        update_and_draw_ms: times.filter(|_| technique != "cpu"),
+        cpu_ms: times,
+        ..run(technique, "fast", All, TARGETS, 1.0)
+    }
+}
+
+/// The report of a suite with one cell, in which a run is wrong.
+pub fn suite() -> Report {
+    let mut wrong = technique("feedback", &[0.1]);
+    wrong.verified = false;
+    wrong.problem = Some("off by a mile".into());
+    let runs = vec![
+        technique("blocks", &[1.0, 10.0, 1.0]),
+        technique("compute", &[2.0, 20.0, 3.0]),
+        technique("direct", &[40.0, 500.0]),
+        technique("cpu", &[0.1, 0.1, 0.1]),
+        wrong,
+    ];
+    let cell = CellRecord::of("dense <1>, 1 head", ["dense", "all"], 1, &runs);
+    let suites = vec![SuiteRecord { name: "techniques".into(), cells: vec![cell], comparisons: vec![] }];
+    Report { runs, suites, ..report() }
 }

@@ -1,12 +1,13 @@
 //! One configuration: verified, then timed in one stretch or in several, then verified again.
 
-use super::record::{Bandwidth, Round, RunRecord};
-use super::references::References;
+use super::cache::Cache;
+use super::record::Bandwidth;
+use super::run::{Round, RunRecord};
 use super::setting::{Config, Setting};
 use super::stats::Stats;
 use crate::args::bench::BenchArgs;
 use crate::input::Input;
-use crate::runner::Runner;
+use crate::runner::{Frame, Runner};
 use crate::verify::{Found, Promise};
 use deltamorph::reference::compare;
 use deltamorph::{PackedMesh, Result, UpdateStats};
@@ -40,37 +41,14 @@ pub struct Trial<'a> {
     in_draws: bool,
     /// The last frame that ran.
     frame: usize,
-    samples: Samples,
+    /// What the timed frames took, and their weights that changed or are not 0.
+    timed: Vec<Frame>,
+    changed: usize,
+    active: usize,
     /// What the timed rounds took, all in all.
     spent: Duration,
     /// What a timed frame takes at least, waiting included.
     least: Duration,
-}
-
-/// What the timed frames took.
-#[derive(Default)]
-struct Samples {
-    frames: usize,
-    /// Update, draws, and both, on the device.
-    gpu: Vec<f64>,
-    draw: Vec<f64>,
-    both: Vec<f64>,
-    upload: Vec<f64>,
-    cpu: Vec<f64>,
-    changed: usize,
-    active: usize,
-    stats: UpdateStats,
-}
-
-impl Samples {
-    /// The times that the configuration is judged by.
-    fn judged(&self) -> &[f64] {
-        if self.both.is_empty() { self.updates() } else { &self.both }
-    }
-
-    fn updates(&self) -> &[f64] {
-        if self.gpu.is_empty() { &self.cpu } else { &self.gpu }
-    }
 }
 
 impl<'a> Trial<'a> {
@@ -81,7 +59,7 @@ impl<'a> Trial<'a> {
         setting: &'a Setting<'a>,
         config: &Config,
         mesh: &Arc<PackedMesh>,
-        references: &mut References,
+        cache: &mut Cache,
     ) -> Result<Self> {
         let mut trial = Self {
             context,
@@ -90,23 +68,21 @@ impl<'a> Trial<'a> {
             runner,
             promise: Promise::new(&config.desc, mesh.layout()),
             found: Found::default(),
-            record: RunRecord::blank(config, setting, context.input),
+            record: blank(config, setting, context.input),
             in_draws: config.desc.path.evaluates_in_draws(),
             frame: 0,
-            samples: Samples::default(),
+            timed: vec![],
+            changed: 0,
+            active: 0,
             spent: Duration::ZERO,
             least: Duration::ZERO,
         };
-        let checkpoints = match setting.brief {
-            true => vec![BRIEF_CHECK],
-            false => setting.workload.checkpoints(),
-        };
         trial.step(0, 0)?;
-        for checkpoint in checkpoints {
+        for &checkpoint in if setting.brief { &[BRIEF_CHECK] } else { &setting.workload.checkpoints[..] } {
             for frame in trial.frame + 1..=checkpoint {
                 trial.step(frame, 0)?;
             }
-            trial.verify(references)?;
+            trial.verify(cache)?;
         }
         trial.frame %= setting.workload.period();
         Ok(trial)
@@ -119,12 +95,7 @@ impl<'a> Trial<'a> {
 
     /// Timed frames, and what they took.
     pub fn timed(&self) -> (usize, Duration) {
-        (self.samples.frames, self.spent)
-    }
-
-    /// Frames after which the workload starts over.
-    pub fn period(&self) -> usize {
-        self.setting.workload.period()
+        (self.timed.len(), self.spent)
     }
 
     /// Run frames as they will be timed, up to `limit` (but one at least); returns what the last of them took.
@@ -141,45 +112,41 @@ impl<'a> Trial<'a> {
         Ok(last)
     }
 
-    /// From now on, wait behind a timed frame until it took `least`.
+    /// From now on, wait after a timed frame until it took `least`.
     pub fn take_at_least(&mut self, least: Duration) {
         self.least = least;
     }
 
-    /// Go on from `frame`: the frames to it are not timed, and enough of them that no slot is from before.
-    pub fn jump(&mut self, frame: usize) -> Result<()> {
+    /// Go on from this part of the workload: the frames to there are not timed, and enough of them that no slot is from
+    /// before.
+    pub fn jump(&mut self, part: usize, parts: usize) -> Result<()> {
+        let frame = self.setting.workload.period() * part / parts;
         (0..self.record.slots as usize).try_for_each(|i| self.step(frame + i, 0).map(drop))
     }
 
     /// Time `frames` more, up to `limit` (but one at least).
     pub fn round(&mut self, frames: usize, limit: Option<Duration>) -> Result<()> {
-        let (begun, first) = (Instant::now(), self.samples.frames);
+        let (begun, first) = (Instant::now(), self.timed.len());
         let mut before = self.setting.weights(self.frame);
         for i in 0..frames {
             if i > 0 && limit.is_some_and(|limit| begun.elapsed() >= limit) {
                 break;
             }
             let start = Instant::now();
-            let now = self.step(self.frame + 1, self.draws())?;
+            let (now, frame) = self.step(self.frame + 1, self.draws())?;
             std::thread::sleep(self.least.saturating_sub(start.elapsed()));
-            let samples = &mut self.samples;
-            samples.frames += 1;
-            for (a, b) in before.iter().flatten().zip(now.weights.iter().flatten()) {
-                samples.changed += usize::from(a != b);
-                samples.active += usize::from(*b != 0.0);
+            self.timed.push(frame);
+            for (a, b) in before.iter().flatten().zip(now.iter().flatten()) {
+                self.changed += usize::from(a != b);
+                self.active += usize::from(*b != 0.0);
             }
-            samples.gpu.extend(now.frame.gpu_ms);
-            samples.draw.extend(now.frame.draw_ms);
-            samples.both.extend(now.frame.gpu_ms.zip(now.frame.draw_ms).map(|(update, draw)| update + draw));
-            samples.upload.extend(now.frame.upload_ms);
-            samples.cpu.push(now.frame.cpu_ms);
-            samples.stats += now.frame.stats;
-            before = now.weights;
+            before = now;
         }
         self.spent += begun.elapsed();
-        let median = |times: &[f64]| Stats::of(&times[first..]).map(|s| s.median);
-        let medians = median(self.samples.judged()).zip(median(self.samples.updates()));
-        self.record.rounds.extend(medians.map(|(ms, update_ms)| Round { ms, update_ms }));
+        let update = |frame: &Frame| frame.gpu_ms.or(Some(frame.cpu_ms));
+        let judged = times(&self.timed[first..], |frame| both(frame).or(update(frame)));
+        let rounds = judged.zip(times(&self.timed[first..], update));
+        self.record.rounds.extend(rounds.map(|(a, b)| Round { ms: a.median, update_ms: b.median }));
         Ok(())
     }
 
@@ -187,21 +154,22 @@ impl<'a> Trial<'a> {
         if self.setting.drawn { self.setting.copies() } else { 0 }
     }
 
-    fn step(&mut self, frame: usize, copies: u32) -> Result<Stepped> {
+    /// Run a frame; returns the weights that it ran with, too.
+    fn step(&mut self, frame: usize, copies: u32) -> Result<(Vec<Vec<f32>>, Frame)> {
         let weights = self.setting.weights(frame);
         let step = self.runner.step_and_draw(&weights, copies)?;
         self.frame = frame;
         self.found.bound = self.found.bound.max(f64::from(step.stats.bound));
-        Ok(Stepped { weights, frame: step })
+        Ok((weights, step))
     }
 
     /// Compare the first and the last head with the reference.
-    fn verify(&mut self, references: &mut References) -> Result<()> {
+    fn verify(&mut self, cache: &mut Cache) -> Result<()> {
         let last = self.setting.updated() - 1;
         for head in if last == 0 { vec![0] } else { vec![0, last] } {
             let pose = self.runner.pose(head)?;
             let weights = self.promise.applied(&self.setting.workload.weights(head, self.frame));
-            let reference = references.get(&self.mesh, self.context.input, &weights);
+            let reference = cache.reference(&self.mesh, self.context.input, &weights);
             self.found.error = self.found.error.max(compare(&pose, &reference.packed));
             self.found.raw = self.found.raw.max(compare(&pose, &reference.raw));
         }
@@ -209,15 +177,10 @@ impl<'a> Trial<'a> {
     }
 
     /// Verify once more, and sum up.
-    pub fn finish(mut self, references: &mut References) -> Result<RunRecord> {
-        if self.samples.frames > 0 {
-            self.verify(references)?;
-            if !self.setting.drawn {
-                for _ in 0..DRAWS {
-                    self.samples.draw.extend(self.runner.draw_ms(self.setting.copies())?);
-                }
-            }
-            self.sum_up();
+    pub fn finish(mut self, cache: &mut Cache) -> Result<RunRecord> {
+        if !self.timed.is_empty() {
+            self.verify(cache)?;
+            self.sum_up()?;
         }
         let (found, diagonal) = (&self.found, self.promise.scale());
         let mut record = self.record;
@@ -234,24 +197,35 @@ impl<'a> Trial<'a> {
         Ok(record)
     }
 
-    fn sum_up(&mut self) {
-        let Samples { frames, stats: sum, .. } = self.samples;
-        let (record, samples) = (&mut self.record, &self.samples);
-        let mean = |total: f64| total / frames as f64;
+    fn sum_up(&mut self) -> Result<()> {
+        let (record, timed) = (&mut self.record, &self.timed);
+        let mut sum = UpdateStats::default();
+        timed.iter().for_each(|frame| sum += frame.stats);
+        let mean = |total: f64| total / timed.len() as f64;
         let per_head = |total: usize| mean(total as f64 / f64::from(self.setting.updated()));
-        record.changed = per_head(samples.changed);
-        record.active = per_head(samples.active);
+        record.changed = per_head(self.changed);
+        record.active = per_head(self.active);
         record.coefficients = per_head(sum.coefficients);
         record.passes = per_head(sum.passes);
         record.bytes_moved = mean(sum.bytes_moved as f64);
         record.bytes_floor = mean(sum.bytes_floor as f64);
         record.dirty_blocks = per_head(sum.dirty_blocks);
         record.rebuilt_blocks = per_head(sum.rebuilt_blocks);
-        record.gpu_ms = Stats::of(&samples.gpu);
-        record.cpu_ms = Stats::of(&samples.cpu);
-        record.draw_ms = Stats::of(&samples.draw).map(|s| s.median);
-        record.update_and_draw_ms = Stats::of(&samples.both);
-        record.upload_ms = Stats::of(&samples.upload);
+        record.gpu_ms = times(timed, |frame| frame.gpu_ms);
+        record.cpu_ms = times(timed, |frame| Some(frame.cpu_ms));
+        record.update_and_draw_ms = times(timed, both);
+        record.upload_ms = times(timed, |frame| frame.upload_ms);
+        record.draw_ms = match self.setting.drawn {
+            true => times(timed, |frame| frame.draw_ms),
+            false => {
+                let draws = (0..DRAWS).map(|_| self.runner.draw_ms(self.setting.copies()));
+                Stats::of(&draws.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect::<Vec<_>>())
+            }
+        }
+        .map(|s| s.median);
+        if record.rounds.len() == 1 {
+            record.rounds.clear();
+        }
         let b = self.context.bandwidth;
         let rates = match record.gpu_ms {
             None => [b.cpu_read_gb_s, b.cpu_copy_gb_s],
@@ -260,16 +234,41 @@ impl<'a> Trial<'a> {
         let best = rates.into_iter().flatten().reduce(f64::max);
         // Means: in a clip the frames differ, and the bytes are their mean.
         let seconds = record.gpu_ms.or(record.cpu_ms).map(|t| t.mean * 1e-3).filter(|t| *t > 0.0);
-        if record.rounds.len() == 1 {
-            record.rounds.clear();
-        }
         let update = best.zip(seconds).filter(|_| !self.in_draws);
         record.floor_fraction = update.map(|(gb_s, s)| record.bytes_floor / (gb_s * 1e9) / s);
+        Ok(())
     }
 }
 
-/// A frame that ran, and the weights it ran with.
-struct Stepped {
-    weights: Vec<Vec<f32>>,
-    frame: crate::runner::Frame,
+/// Update and draws, on the device.
+fn both(frame: &Frame) -> Option<f64> {
+    frame.gpu_ms.zip(frame.draw_ms).map(|(update, draw)| update + draw)
+}
+
+/// What `of` says of those frames of which it says something.
+fn times(frames: &[Frame], of: impl Fn(&Frame) -> Option<f64>) -> Option<Stats> {
+    Stats::of(&frames.iter().filter_map(of).collect::<Vec<_>>())
+}
+
+/// The record of a configuration that was not measured yet.
+fn blank(config: &Config, setting: &Setting<'_>, input: &Input) -> RunRecord {
+    let Config { desc, format, batch_max, separate } = config;
+    RunRecord {
+        mesh: input.name.clone(),
+        targets: input.kept.targets.len(),
+        path: desc.path.name().into(),
+        mode: desc.mode.name().into(),
+        batch_size: desc.batch,
+        batch_max: *batch_max,
+        workload: setting.workload.name.clone(),
+        changed: setting.workload.changed.unwrap_or(0) as f64,
+        heads: setting.heads,
+        shared: setting.shared,
+        crowds: if *separate { setting.updated() } else { 1 },
+        accumulate: desc.accumulate.name().into(),
+        error_budget: desc.error_budget,
+        format: format.name().into(),
+        slots: desc.slots,
+        ..RunRecord::default()
+    }
 }

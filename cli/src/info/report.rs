@@ -4,9 +4,7 @@ use super::Info;
 use super::sweep::{PoseRow, SweepRow};
 use crate::output::{self, Failure, publish, to_json, write_file};
 use crate::page::{self, document, row, table};
-use crate::plots::canvas::Marker;
-use crate::plots::chart::{Axes, LineChart, Point, Series, X};
-use crate::plots::{Chart, Figure};
+use crate::plots::{Axes, Chart, Figure, Marker, Point, Series};
 use crate::table::{bytes, sig3, thousands};
 use maud::{Markup, html};
 use plotters::prelude::RGBColor;
@@ -50,21 +48,22 @@ fn write_into(info: &Info, dir: &Path) -> Result<(), Failure> {
 type Error = fn(&SweepRow) -> f64;
 
 fn figures(info: &Info, rows: &[SweepRow]) -> [Figure; 2] {
-    let chart = |slug: &str, title: &str, y_label: &str, error: Error| Figure {
+    let chart = |slug: &str, title: &str, y_label: &'static str, error: Error| Figure {
         slug: slug.into(),
         caption: "Lines: the format small, for errors allowed from 1e-3 to 1e-6 of the diagonal, that of normals in \
                   proportion. Points: every format as it is by default. A format without any error stands at the foot."
             .into(),
-        chart: Chart::Lines(LineChart::new(
-            title,
-            [
-                format!("{}: {} vertices × {} targets", info.input.name, info.input.vertices, info.input.targets),
-                "largest error measured, of a single target at weight 1".into(),
-            ],
-            ["bytes, as a share of float32 for every vertex and target", y_label],
-            Axes::Log,
-            series(rows, error),
-        )),
+        title: title.into(),
+        subtitle: [
+            format!("{}: {} vertices × {} targets", info.input.name, info.input.vertices, info.input.targets),
+            "largest error measured, of a single target at weight 1".into(),
+        ],
+        chart: Chart::Lines {
+            labels: ["bytes, as a share of float32 for every vertex and target", y_label],
+            axes: Axes::Log,
+            reference: None,
+            series: series(rows, error),
+        },
     };
     [
         chart("position-error", "Position error against bytes", "of the diagonal", |r| r.position_error_rel),
@@ -92,7 +91,7 @@ fn series(rows: &[SweepRow], error: Error) -> Vec<Series> {
     };
     let mut all: Vec<Series> = vec![];
     for row in rows {
-        let (label, point) = (label(row), Point { x: X::Value(row.share), y: error(row), error: 0.0 });
+        let (label, point) = (label(row), Point { x: row.share, y: error(row), error: 0.0 });
         match all.iter_mut().find(|s| s.label == label) {
             Some(series) => series.points.push(point),
             None => {

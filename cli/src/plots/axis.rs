@@ -1,30 +1,35 @@
 //! Axes: which values are marked, and where they stand.
 
-use crate::table::sig3;
-
-/// How values become distances.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Scale {
-    /// Equal steps for equal differences.
-    Linear,
-    /// Equal steps for equal ratios.
-    Log,
-}
+use super::figure::ALL;
+use crate::table::{percent, sig3};
+use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
+use plotters::coord::types::RangedCoordf64;
+use std::ops::Range;
 
 /// An axis over a range of values.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Axis {
-    /// How values become distances.
-    pub scale: Scale,
-    pub lo: f64,
-    pub hi: f64,
-    pub ticks: Vec<f64>,
+    /// Equal steps for equal ratios; else for equal differences.
+    log: bool,
+    lo: f64,
+    hi: f64,
+    /// Where the numbers end: 1, or before "all".
+    end: f64,
+    /// What is marked, and with which label; an empty one where there is no room.
+    ticks: Vec<(f64, String)>,
 }
 
 /// Most ticks that stand beside each other without crowding.
 const MOST_TICKS: usize = 9;
-/// From this ratio on, small values need a log axis to be seen.
+/// Most of them where they are counts, with one or two digits.
+const MOST_COUNTS: usize = 21;
+/// From these ratios on, small values and counts need a log axis to be seen.
 const LOG_RATIO: f64 = 6.0;
+const LOG_RATIO_OF_COUNTS: f64 = 30.0;
+/// Where numbers end that "all" follows.
+const END: f64 = 0.92;
+/// How much of an axis a character of a label takes, and a gap between labels.
+const CHARACTER: f64 = 0.016;
 
 impl Axis {
     /// An axis for lengths of time, ratios and the like: logarithmic when the values span much, else from 0.
@@ -35,10 +40,18 @@ impl Axis {
 
     /// A linear axis from 0.
     pub fn from_zero(hi: f64) -> Self {
-        let step = step(if hi > 0.0 { hi } else { 1.0 }, 6);
-        let n = (hi / step * 1.001).ceil().max(1.0);
-        let ticks = (0..=n as usize).map(|i| i as f64 * step).collect();
-        Self { scale: Scale::Linear, lo: 0.0, hi: n * step, ticks }
+        let hi = if hi > 0.0 { 1.05 * hi } else { 1.0 };
+        Self::new(false, 0.0, hi, 1.0, &marks(0.0, hi, MOST_TICKS), label)
+    }
+
+    /// A linear axis for shares.
+    pub fn shares(hi: f64) -> Self {
+        Self::new(false, 0.0, hi, 1.0, &[0.0, 0.25, 0.5, 0.75, 1.0], percent)
+    }
+
+    /// An axis without marks.
+    pub fn none() -> Self {
+        Self::new(false, 0.0, 1.0, 1.0, &[], label)
     }
 
     /// A logarithmic axis for the values above 0.
@@ -49,85 +62,100 @@ impl Axis {
     }
 
     /// A logarithmic axis that holds `lo` and `hi` with some air.
-    pub fn log(lo: f64, hi: f64) -> Self {
+    fn log(lo: f64, hi: f64) -> Self {
         let (lo, hi) = (lo / 1.15, hi * 1.15);
-        let sets: [&[f64]; 4] = [&[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0], &[1.0, 2.0, 3.0, 5.0], &[1.0, 2.0, 5.0], &[1.0]];
-        let marks = |set: &[f64]| -> Vec<f64> {
-            let decades = lo.log10().floor() as i32..=hi.log10().ceil() as i32;
-            let all = decades.flat_map(|d| set.iter().map(move |m| m * 10f64.powi(d)));
-            all.filter(|v| (lo..=hi).contains(v)).collect()
-        };
-        let ticks = sets.into_iter().map(marks).find(|t| t.len() <= MOST_TICKS).unwrap_or_else(|| marks(&[1.0]));
-        Self { scale: Scale::Log, lo, hi, ticks }
+        Self::new(true, lo, hi, 1.0, &log_ticks(lo, hi), label)
     }
 
-    /// An axis for counts: every one marked while they are few, logarithmic when they span much.
-    pub fn counts(values: impl IntoIterator<Item = f64> + Clone) -> Self {
-        let (lo, hi) = span(values.clone());
-        if lo >= 1.0 && hi / lo > 30.0 {
-            let mut ticks: Vec<f64> = (0..31).map(|p| 2f64.powi(p)).filter(|v| (lo..=hi).contains(v)).collect();
-            while ticks.len() > MOST_TICKS {
-                ticks = ticks.into_iter().step_by(2).collect();
-            }
-            return Self { scale: Scale::Log, lo: lo / 1.1, hi: hi * 1.1, ticks };
-        }
-        let step = if hi - lo <= 20.0 { 1.0 } else { step(hi - lo, 10).max(1.0) };
-        let first = (lo / step).ceil() as i64;
-        let mut ticks: Vec<f64> = (first..=(hi / step) as i64).map(|i| i as f64 * step).collect();
-        if step > 1.0 && ticks.first().is_some_and(|&t| t > lo) {
-            ticks.insert(0, lo);
-        }
-        // Few values: mark these rather than what is between them.
-        let mut own: Vec<f64> = values.into_iter().collect();
+    /// An axis for counts: the own values while they are few, logarithmic when they span much. What is not finite
+    /// stands at "all".
+    pub fn counts(values: impl IntoIterator<Item = f64>) -> Self {
+        let (mut own, beyond): (Vec<f64>, Vec<f64>) = values.into_iter().partition(|v| v.is_finite());
         own.sort_by(f64::total_cmp);
         own.dedup();
-        if own.len() <= MOST_TICKS && own.windows(2).all(|w| w[1] - w[0] >= 0.04 * (hi - lo)) {
-            ticks = own;
-        }
+        let (lo, hi) = span(own.iter().copied());
+        let end = if beyond.is_empty() { 1.0 } else { END };
+        let log = lo >= 1.0 && hi / lo > LOG_RATIO_OF_COUNTS;
+        let ticks = if own.len() <= MOST_TICKS {
+            own
+        } else if log {
+            log_ticks(lo, hi)
+        } else {
+            std::iter::once(lo).chain(marks(lo, hi, MOST_COUNTS).into_iter().filter(|mark| *mark > lo)).collect()
+        };
         let air = 0.02 * (hi - lo).max(1.0);
-        Self { scale: Scale::Linear, lo: lo - air, hi: hi + air, ticks }
+        let (lo, hi) = if log { (lo / 1.1, hi * 1.1) } else { (lo - air, hi + air) };
+        Self::new(log, lo, hi, end, &ticks, label)
+    }
+
+    fn new(log: bool, lo: f64, hi: f64, end: f64, ticks: &[f64], label: fn(f64) -> String) -> Self {
+        let mut axis = Self { log, lo, hi, end, ticks: ticks.iter().map(|&tick| (tick, label(tick))).collect() };
+        if end < 1.0 {
+            axis.ticks.push((ALL, "all".into()));
+        }
+        // The last label stays, and before it those that leave a gap.
+        let mut start = f64::INFINITY;
+        let places: Vec<f64> = axis.ticks.iter().map(|(tick, _)| axis.at(*tick)).collect();
+        for ((_, label), at) in axis.ticks.iter_mut().zip(places).rev() {
+            let half = CHARACTER / 2.0 * label.chars().count() as f64;
+            if at + half + CHARACTER / 2.0 <= start {
+                start = at - half;
+            } else {
+                label.clear();
+            }
+        }
+        axis
     }
 
     /// Where `value` stands: 0 at the start, 1 at the end.
-    pub fn at(&self, value: f64) -> f64 {
-        match self.scale {
-            Scale::Linear => (value - self.lo) / (self.hi - self.lo),
-            // A value that a logarithm cannot show stands at the start.
-            Scale::Log => (value.max(self.lo) / self.lo).ln() / (self.hi / self.lo).ln(),
+    fn at(&self, value: f64) -> f64 {
+        if value == ALL {
+            return 1.0 - 0.3 * (1.0 - self.end);
         }
+        // A value that a logarithm cannot show stands at the start.
+        let part = if self.log {
+            (value.max(self.lo) / self.lo).ln() / (self.hi / self.lo).ln()
+        } else {
+            (value - self.lo) / (self.hi - self.lo)
+        };
+        self.end * part
     }
 
-    /// The label of a tick: no more digits than it needs.
-    pub fn label(value: f64) -> String {
-        let text = if value.abs() >= 100.0 { format!("{value:.0}") } else { sig3(value) };
-        if text.contains('e') {
-            return text.replace(".0e", "e");
-        }
-        if text.contains('.') {
-            return text.trim_end_matches('0').trim_end_matches('.').to_owned();
-        }
-        text
+    /// Between the numbers and "all", where there is one.
+    pub fn gap(&self) -> Option<f64> {
+        (self.end < 1.0).then_some(0.75 * self.end + 0.25)
+    }
+
+    /// The label of a tick; empty where there is no room for one.
+    pub fn label(&self, value: f64) -> String {
+        self.ticks.iter().find(|(tick, _)| *tick == value).map_or(String::new(), |(_, label)| label.clone())
     }
 }
 
-/// Space between two labels.
-const LABEL_GAP: f64 = 5.0;
+impl Ranged for Axis {
+    type FormatOption = DefaultFormatting;
+    type ValueType = f64;
 
-/// Which labels, centred at the first number and as wide as the second, can stand beside each other: the last one, and
-/// before it those that leave a gap. Ascending.
-pub fn fitting(labels: &[(f64, f64)]) -> Vec<bool> {
-    let mut start = f64::INFINITY;
-    let mut fits: Vec<bool> = labels
-        .iter()
-        .rev()
-        .map(|(center, width)| {
-            let fits = center + width / 2.0 + LABEL_GAP <= start;
-            start = if fits { center - width / 2.0 } else { start };
-            fits
-        })
-        .collect();
-    fits.reverse();
-    fits
+    fn map(&self, value: &f64, (start, end): (i32, i32)) -> i32 {
+        start + (f64::from(end - start) * self.at(*value)).round() as i32
+    }
+
+    fn key_points<H: KeyPointHint>(&self, hint: H) -> Vec<f64> {
+        if hint.weight().allow_light_points() { vec![] } else { self.ticks.iter().map(|(tick, _)| *tick).collect() }
+    }
+
+    fn range(&self) -> Range<f64> {
+        self.lo..self.hi
+    }
+}
+
+/// No more digits than it needs.
+fn label(value: f64) -> String {
+    let text = if value.abs() >= 100.0 { format!("{value:.0}") } else { sig3(value) };
+    match text.contains('.') && !text.contains('e') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        false => text.replace(".0e", "e"),
+    }
 }
 
 fn span(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
@@ -135,12 +163,20 @@ fn span(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
     if lo <= hi { (lo, hi) } else { (0.0, 1.0) }
 }
 
-/// The step of 1, 2 or 5 that cuts `range` into at most `parts`.
-fn step(range: f64, parts: usize) -> f64 {
-    let raw = range / parts as f64;
-    let power = 10f64.powf(raw.log10().floor());
-    let multiple = [1.0, 2.0, 5.0].into_iter().find(|m| m * power >= raw * 0.999).unwrap_or(10.0);
-    multiple * power
+/// At most so many multiples of 1, 2 or 5 in a range.
+fn marks(lo: f64, hi: f64, most: usize) -> Vec<f64> {
+    RangedCoordf64::from(lo..hi).key_points(most)
+}
+
+/// As many marks in each decade as there is room for.
+fn log_ticks(lo: f64, hi: f64) -> Vec<f64> {
+    let sets: [&[f64]; 4] = [&[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0], &[1.0, 2.0, 3.0, 5.0], &[1.0, 2.0, 5.0], &[1.0]];
+    let marks = |set: &[f64]| -> Vec<f64> {
+        let decades = lo.log10().floor() as i32..=hi.log10().ceil() as i32;
+        let all = decades.flat_map(|d| set.iter().map(move |m| m * 10f64.powi(d)));
+        all.filter(|v| (lo..=hi).contains(v)).collect()
+    };
+    sets.into_iter().map(marks).find(|ticks| ticks.len() <= MOST_TICKS).unwrap_or_else(|| marks(&[1.0]))
 }
 
 #[cfg(test)]
@@ -148,30 +184,35 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    fn labels(axis: &Axis) -> String {
+        axis.ticks.iter().map(|(_, label)| label.as_str()).collect::<Vec<_>>().join(" ")
+    }
+
     #[test]
     fn familiar_ranges() {
-        assert_eq!(Axis::from_zero(5.9).ticks, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
-        assert_eq!(Axis::values([8.0, 52.0]).scale, Scale::Log);
-        assert_eq!(Axis::values([8.0, 12.0]).scale, Scale::Linear);
-        let log = Axis::log_of([0.0, 1e-6, 1e-4]);
-        assert!(log.scale == Scale::Log && log.lo > 8e-7 && log.ticks.len() == 9, "{log:?}");
-        assert_eq!((Axis::log_of([0.0]).at(0.0), Axis::log_of([]).scale), (0.0, Scale::Log));
-        assert_eq!(Axis::counts((1..=15).map(f64::from)).ticks.len(), 15);
-        assert_eq!(Axis::counts([4.0, 16.0, 36.0, 72.0]).ticks, [4.0, 16.0, 36.0, 72.0]);
-        assert_eq!(Axis::counts([1.0, 64.0]).ticks, [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0]);
-        assert_eq!(
-            ["0.5", "7", "1.5", "100", "2000", "1e-5"].map(String::from),
-            [0.5, 7.0, 1.5, 100.0, 2000.0, 1e-5].map(Axis::label)
-        );
+        for (axis, log, expected) in [
+            (Axis::from_zero(5.9), false, "0 1 2 3 4 5 6"),
+            (Axis::from_zero(0.0), false, "0 0.2 0.4 0.6 0.8 1"),
+            (Axis::values([8.0, 12.0]), false, "0 2 4 6 8 10 12"),
+            (Axis::values([8.0, 52.0]), true, "7 10 15 20 30 40 50"),
+            (Axis::log_of([0.0, 1e-6, 1e-4]), true, "1e-6 2e-6 3e-6 5e-6 1e-5 2e-5 3e-5 5e-5 1e-4"),
+            (Axis::log_of([]), true, "0.1 0.15 0.2 0.3 0.4 0.5 0.7 1"),
+            (Axis::counts((1..=12).map(f64::from)), false, "1 2 3 4 5 6 7 8 9 10 11 12"),
+            (Axis::counts([4.0, 16.0, 36.0, 72.0]), false, "4 16 36 72"),
+            (Axis::counts([1.0, 8.0, ALL]), false, "1 8 all"),
+            (Axis::counts([1.0, 64.0]), true, "1 64"),
+            (Axis::shares(1.5), false, "0 % 25.0 % 50.0 % 75.0 % 100 %"),
+        ] {
+            assert_eq!((axis.log, labels(&axis).as_str()), (log, expected), "{axis:?}");
+        }
+        assert_eq!(Axis::log_of([0.0]).at(0.0), 0.0);
+        assert_eq!([0.5, 7.0, 1.5, 100.0, 2000.0, 1e-5].map(label), ["0.5", "7", "1.5", "100", "2000", "1e-5"]);
     }
 
     #[test]
     fn labels_that_would_touch_are_left_out() {
-        let at = |centers: &[f64]| fitting(&centers.iter().map(|c| (*c, 14.0)).collect::<Vec<_>>());
-        assert_eq!(at(&[10.0, 30.0, 50.0]), [true; 3]);
-        assert_eq!(at(&[10.0, 20.0, 30.0, 50.0]), [true, false, true, true]);
-        assert_eq!(at(&[0.0, 15.0]), [false, true], "the last one stays");
-        assert!(at(&[]).is_empty());
+        let axis = Axis::counts([1.0, 2.0, 4.0, 8.0, 700.0, 720.0]);
+        assert_eq!(labels(&Axis { log: false, ..axis }).trim(), "1 2 4 8  720", "the last one stays");
     }
 
     proptest! {
@@ -179,11 +220,8 @@ mod tests {
         fn ticks_are_few_and_on_the_axis(values in prop::collection::vec(1e-4..1e5f64, 1..40)) {
             for axis in [Axis::values(values.clone()), Axis::counts(values.clone())] {
                 prop_assert!(axis.ticks.len() <= 22, "{:?}", axis);
-                for t in &axis.ticks {
-                    prop_assert!((-1e-9..=1.0 + 1e-9).contains(&axis.at(*t)), "{:?} {}", axis, t);
-                }
-                for v in &values {
-                    prop_assert!((-1e-9..=1.0 + 1e-9).contains(&axis.at(*v)), "{:?} {}", axis, v);
+                for value in values.iter().chain(axis.ticks.iter().map(|(tick, _)| tick)) {
+                    prop_assert!((-1e-9..=1.0 + 1e-9).contains(&axis.at(*value)), "{:?} {}", axis, value);
                 }
                 prop_assert!(axis.ticks.is_sorted());
             }

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 /// Most words of a mesh: its bytes have to be counted in 32 bits.
 pub(super) const WORDS_MAX: u64 = u32::MAX as u64 / 4;
-/// More bits than this nobody can tell apart.
+/// Steps finer than 2^-16 make no visible difference.
 const WEIGHT_BITS_MAX: u32 = 16;
 
 impl BlockIndex {
@@ -20,19 +20,11 @@ impl BlockIndex {
         words: &[u32],
         base: &[f32],
     ) -> Result<Self, String> {
-        let Parts { format, size, order, steps, weight_max, error, first_entry, entry_target } = parts;
-        let entries = entry_target.len();
-        let blocks = first_entry.len().saturating_sub(1);
+        let (entries, blocks) = (parts.entry_target.len(), parts.first_entry.len().saturating_sub(1));
+        let headers = entries.saturating_mul(parts.format.header_words(parts.size as usize));
         let mut index = Self {
-            format,
-            size,
-            order,
-            steps,
-            weight_max,
-            error,
-            first_entry,
-            entry_target,
-            deltas_at: 0,
+            parts,
+            deltas_at: headers.next_multiple_of(4),
             words: words.len(),
             exact: None,
             largest_sum: 0,
@@ -44,7 +36,6 @@ impl BlockIndex {
             block_base: vec![0.0; blocks],
             block_reach: vec![0.0; blocks],
         };
-        index.deltas_at = entries.saturating_mul(format.header_words(size as usize)).next_multiple_of(4);
         let lengths = streams.iter().find(|s| s.semantic.measure() == Measure::Length);
         let lengths = lengths.map_or(0..0, StreamPlace::components);
         index.check(targets, &lengths, words, base)?;
@@ -53,41 +44,45 @@ impl BlockIndex {
     }
 
     fn check(&self, targets: usize, lengths: &Range<usize>, words: &[u32], base: &[f32]) -> Result<(), String> {
-        let size = self.size as usize;
-        if !BLOCK_SIZES.contains(&self.size) {
+        let size = self.parts.size as usize;
+        if !BLOCK_SIZES.contains(&self.parts.size) {
             return Err(format!("a block size of {size}"));
         }
         // Powers of two: integers and sums decode without rounding, and a target's step of normals is a shift away.
         if let Some(step) = self.steps().into_iter().find(|s| !is_power_of_two(*s)) {
             return Err(format!("a step of {step}, which is no power of two"));
         }
-        if !(self.weight_max.is_finite() && self.weight_max > 0.0) {
-            return Err(format!("weights up to {}", self.weight_max));
+        if !(self.parts.weight_max.is_finite() && self.parts.weight_max > 0.0) {
+            return Err(format!("weights up to {}", self.parts.weight_max));
         }
         // The kernels count words in 32 bits, and bytes on some devices.
         if words.len() as u64 > WORDS_MAX {
             return Err(format!("{} words; the kernels reach {WORDS_MAX}", words.len()));
         }
-        let padded = self.order.len().next_multiple_of(size.max(VERTEX_PADDING));
-        if base.len() != padded * POSE_FLOATS || self.first_entry.len() != padded / size + 1 {
-            return Err(format!("{} vertices, but {} blocks", self.order.len(), self.first_entry.len() as i64 - 1));
+        let padded = self.parts.order.len().next_multiple_of(size.max(VERTEX_PADDING));
+        if base.len() != padded * POSE_FLOATS || self.parts.first_entry.len() != padded / size + 1 {
+            return Err(format!(
+                "{} vertices, but {} blocks",
+                self.parts.order.len(),
+                self.parts.first_entry.len() as i64 - 1
+            ));
         }
         if let Some(i) = base.iter().position(|b| !b.is_finite()) {
             return Err(format!("the base pose of packed vertex {} is {}", i / POSE_FLOATS, base[i]));
         }
-        let mut seen = vec![false; self.order.len()];
-        for &v in self.order.iter() {
+        let mut seen = vec![false; self.parts.order.len()];
+        for &v in self.parts.order.iter() {
             match seen.get_mut(v as usize) {
                 Some(seen) if !*seen => *seen = true,
                 _ => return Err(format!("vertex {v} comes twice in the order, or is not there")),
             }
         }
-        let ends = (self.first_entry.first(), self.first_entry.last());
-        if ends != (Some(&0), Some(&(self.entry_target.len() as u32))) || !self.first_entry.is_sorted() {
+        let ends = (self.parts.first_entry.first(), self.parts.first_entry.last());
+        if ends != (Some(&0), Some(&(self.parts.entry_target.len() as u32))) || !self.parts.first_entry.is_sorted() {
             return Err("the entries of blocks overlap or leave gaps".into());
         }
         for block in 0..self.count() {
-            let listed = &self.entry_target[self.entries(block)];
+            let listed = &self.parts.entry_target[self.entries(block)];
             if listed.windows(2).any(|w| w[0] >= w[1]) || listed.iter().any(|&t| t as usize >= targets) {
                 return Err(format!("the targets of block {block} are not ascending, or there are fewer"));
             }
@@ -97,13 +92,13 @@ impl BlockIndex {
             return Err(format!(
                 "{} words, fewer than the headers of {} entries",
                 words.len(),
-                self.entry_target.len()
+                self.parts.entry_target.len()
             ));
         }
         // Entries lie one after the other: each where the one before ends, the last at the end.
         let mut at = self.deltas_at;
-        for entry in 0..self.entry_target.len() {
-            let (header, deltas) = self.locate(self.format, words, entry);
+        for entry in 0..self.parts.entry_target.len() {
+            let (header, deltas) = self.locate(self.parts.format, words, entry);
             self.check_header(lengths, entry, header)?;
             if deltas.start != at {
                 return Err(format!("the deltas of entry {entry} are not where they belong"));
@@ -113,15 +108,15 @@ impl BlockIndex {
         if at != words.len() {
             return Err(format!("{} words where the entries take {at}", words.len()));
         }
-        self.format.check_deltas(&words[self.deltas_at..])
+        self.parts.format.check_deltas(&words[self.deltas_at..])
     }
 
     /// Whether the integers of an entry fit what decodes them, whatever its deltas are.
     fn check_header(&self, lengths: &Range<usize>, entry: usize, header: &[u32]) -> Result<(), String> {
-        let bits = self.format.check_header(header).map_err(|what| format!("entry {entry} has {what}"))?;
+        let bits = self.parts.format.check_header(header).map_err(|what| format!("entry {entry} has {what}"))?;
         // Lengths are bounded by their sum over a block.
         for triple in (0..TRIPLES).filter(|triple| !lengths.contains(&(triple * TRIPLE))) {
-            let largest = f64::from(self.steps[triple]) * f64::from(bits[triple]).exp2();
+            let largest = f64::from(self.parts.steps[triple]) * f64::from(bits[triple]).exp2();
             if largest > f64::from(f32::MAX) {
                 return Err(format!("entry {entry} has numbers up to {largest:e} in triple {triple}"));
             }
@@ -131,8 +126,8 @@ impl BlockIndex {
 
     /// `lengths`: the components of a group that are positions.
     fn derive(&mut self, lengths: Range<usize>, words: &[u32], base: &[f32]) -> Result<(), String> {
-        let (size, w) = (self.size as usize, self.mask_words());
-        let entries = self.entry_target.len();
+        let (size, w) = (self.parts.size as usize, self.mask_words());
+        let entries = self.parts.entry_target.len();
         let mut masks = vec![0u32; entries * POSE_FLOATS * w];
         let mut block_masks = vec![0u32; self.count() * POSE_FLOATS * w];
         let mut costs = Vec::with_capacity(entries);
@@ -154,7 +149,7 @@ impl BlockIndex {
                 }
                 // Rounded up: bounds are computed from it.
                 let reach = if lengths.is_empty() { 0.0 } else { (reach.sqrt() as f32).next_up() };
-                let (header, deltas) = self.locate(self.format, words, entry);
+                let (header, deltas) = self.locate(self.parts.format, words, entry);
                 let bytes = 4 * (header.len() + deltas.len()) as u32;
                 costs.push(EntryCost { bytes, reach });
                 self.block_reach[block] += reach;
@@ -167,7 +162,7 @@ impl BlockIndex {
                 return Err(format!("the deltas of block {block} are too large for single precision"));
             }
             // Where the last block has no vertex, nothing may move.
-            let live = self.order.len().saturating_sub(block * size).min(size);
+            let live = self.parts.order.len().saturating_sub(block * size).min(size);
             let mask = &block_masks[block * POSE_FLOATS * w..][..POSE_FLOATS * w];
             let moves = |lane: usize| (0..POSE_FLOATS).any(|c| mask[c * w + lane / 32] >> (lane % 32) & 1 != 0);
             if (live..size).any(moves) {
@@ -176,7 +171,7 @@ impl BlockIndex {
         }
         (self.masks, self.block_masks, self.costs) = (masks, block_masks, costs);
         // By target: a counting sort, which leaves blocks ascending.
-        for &t in &self.entry_target {
+        for &t in &self.parts.entry_target {
             self.first_incidence[t as usize + 1] += 1;
         }
         for t in 1..self.first_incidence.len() {
@@ -185,7 +180,7 @@ impl BlockIndex {
         let mut next = self.first_incidence.clone();
         for block in 0..self.count() {
             for entry in self.entries(block) {
-                let at = &mut next[self.entry_target[entry] as usize];
+                let at = &mut next[self.parts.entry_target[entry] as usize];
                 self.incidence[*at as usize] = Incidence { block: block as u32, entry: entry as u32 };
                 *at += 1;
             }
@@ -196,14 +191,14 @@ impl BlockIndex {
 
     /// The finest grid of weights on which Σ|integer| × weight cannot leave 31 bits.
     fn exact_grid(&self) -> Option<ExactGrid> {
-        if !self.format.format().has_integers() {
+        if !self.parts.format.format().has_integers() {
             return None;
         }
         let fits = |bits: &u32| {
-            let weight = (f64::from(self.weight_max) * f64::from(1u32 << bits)).ceil();
+            let weight = (f64::from(self.parts.weight_max) * f64::from(1u32 << bits)).ceil();
             self.largest_sum as f64 * weight <= f64::from(i32::MAX)
         };
         let weight_bits = (WEIGHT_BITS_MIN..=WEIGHT_BITS_MAX).rev().find(fits)?;
-        Some(ExactGrid { weight_bits, weight_max: self.weight_max })
+        Some(ExactGrid { weight_bits, weight_max: self.parts.weight_max })
     }
 }

@@ -43,7 +43,7 @@ pub struct BlockDesc {
     pub normal_error_degrees: f32,
     /// Largest error of the numbers of other streams (texture coordinates, colours) at weight 1, above 0.
     pub absolute_error: f32,
-    /// The largest weight, either sign, that [`Accumulate::Exact`](crate::plan::Accumulate) has to stand.
+    /// The largest weight, either sign, that [`Accumulate::Exact`](crate::plan::Accumulate) accepts.
     pub weight_max: f32,
 }
 
@@ -113,15 +113,8 @@ pub(crate) struct EntryCost {
 /// The blocks of a mesh: which targets touch them, and where their deltas are.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlockIndex {
-    format: &'static dyn BlockFormat,
-    size: u32,
-    order: Arc<[u32]>,
-    steps: [f32; TRIPLES],
-    weight_max: f32,
-    error: PoseError,
-    first_entry: Vec<u32>,
-    entry_target: Vec<u32>,
-    // Derived from the above and the words.
+    parts: Parts,
+    // Derived from it and the words.
     deltas_at: usize,
     words: usize,
     exact: Option<ExactGrid>,
@@ -140,6 +133,7 @@ pub struct BlockIndex {
 }
 
 /// What a [`BlockIndex`] is made from: what a packed file holds of it.
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Parts {
     pub format: &'static dyn BlockFormat,
     pub size: u32,
@@ -158,23 +152,23 @@ impl BlockIndex {
     /// `block-float32` has no integers; deltas so large against their step that sums could overflow: the message
     /// names a position error that would do.
     pub fn exact(&self) -> Result<ExactGrid> {
-        if !self.format.format().has_integers() {
+        if !self.parts.format.format().has_integers() {
             return Err(Error::invalid("exact accumulation of float32 deltas", "pack as 'fast' or 'small'"));
         }
         self.exact.ok_or_else(|| {
-            let room = f64::from(i32::MAX) / f64::from(self.weight_max) / f64::from(1u32 << WEIGHT_BITS_MIN);
+            let room = f64::from(i32::MAX) / f64::from(self.parts.weight_max) / f64::from(1u32 << WEIGHT_BITS_MIN);
             let factor = (self.largest_sum as f64 / room).log2().ceil().exp2();
             Error::invalid(
                 format!(
                     "integer sums of this mesh could overflow: a vertex adds up to {} steps, {room:.0} fit weights up \
                      to {}",
-                    self.largest_sum, self.weight_max
+                    self.largest_sum, self.parts.weight_max
                 ),
                 format!(
                     "pack with errors {factor} times as large (now {:.1e} in length and {:.2}° at most), or with a \
                      smaller largest weight",
-                    f64::from(self.steps[0]) * 0.75f64.sqrt(),
-                    (f64::from(self.steps[1]) * 0.75f64.sqrt()).to_degrees()
+                    f64::from(self.parts.steps[0]) * 0.75f64.sqrt(),
+                    (f64::from(self.parts.steps[1]) * 0.75f64.sqrt()).to_degrees()
                 ),
             )
         })
@@ -187,17 +181,17 @@ impl BlockIndex {
 
     /// Vertices of a block.
     pub fn size(&self) -> usize {
-        self.size as usize
+        self.parts.size as usize
     }
 
     /// Number of blocks.
     pub fn count(&self) -> usize {
-        self.first_entry.len() - 1
+        self.parts.first_entry.len() - 1
     }
 
     /// Number of entries: pairs of a block and a target that touches it.
     pub fn entry_count(&self) -> usize {
-        self.entry_target.len()
+        self.parts.entry_target.len()
     }
 
     /// Blocks that some target touches.
@@ -207,22 +201,22 @@ impl BlockIndex {
 
     /// Packed → user vertex order.
     pub fn order(&self) -> &[u32] {
-        &self.order
+        &self.parts.order
     }
 
     /// User → packed vertex order.
     pub fn packed_vertices(&self) -> Vec<u32> {
-        inverse(&self.order)
+        inverse(&self.parts.order)
     }
 
     /// What packing lost, measured when the mesh was packed.
     pub fn error(&self) -> PoseError {
-        self.error
+        self.parts.error
     }
 
     /// Input units of an integer step, for each triple of the group: of positions and of normals.
     pub fn steps(&self) -> [f32; TRIPLES] {
-        self.steps
+        self.parts.steps
     }
 
     /// Bytes of the deltas.
@@ -237,7 +231,7 @@ impl BlockIndex {
 
     /// 32-bit words of a mask of a block's vertices.
     pub(crate) fn mask_words(&self) -> usize {
-        self.size as usize / 32
+        self.parts.size as usize / 32
     }
 
     /// Index of the first delta word: the headers end there.
@@ -246,23 +240,23 @@ impl BlockIndex {
     }
 
     pub(crate) fn format(&self) -> &'static dyn BlockFormat {
-        self.format
+        self.parts.format
     }
 
     pub(crate) fn weight_max(&self) -> f32 {
-        self.weight_max
+        self.parts.weight_max
     }
 
     pub(crate) fn first_entries(&self) -> &[u32] {
-        &self.first_entry
+        &self.parts.first_entry
     }
 
     pub(crate) fn entry_targets(&self) -> &[u32] {
-        &self.entry_target
+        &self.parts.entry_target
     }
 
     pub(crate) fn entries(&self, block: usize) -> Range<usize> {
-        self.first_entry[block] as usize..self.first_entry[block + 1] as usize
+        self.parts.first_entry[block] as usize..self.parts.first_entry[block + 1] as usize
     }
 
     pub(crate) fn incidence(&self, target: usize) -> &[Incidence] {
@@ -314,8 +308,8 @@ impl BlockIndex {
         entry: usize,
         mut f: impl FnMut(usize, [f64; POSE_FLOATS], [i32; POSE_FLOATS]),
     ) {
-        let steps = self.steps.map(f64::from);
-        with_format!(self.format.format(), dense _f => {}, blocks format => {
+        let steps = self.parts.steps.map(f64::from);
+        with_format!(self.parts.format.format(), dense _f => {}, blocks format => {
             let (header, deltas) = self.locate(format, words, entry);
             let shifts = format.shifts(header);
             format.decode(self.size(), header, &words[deltas], |lane, delta| {
@@ -331,9 +325,9 @@ impl BlockIndex {
     /// [`PackedGroup::for_each_delta`](super::PackedGroup::for_each_delta), of deltas in `words`.
     pub(crate) fn for_each_delta(&self, words: &[u32], target: usize, mut f: impl FnMut(usize, [f64; POSE_FLOATS])) {
         for incidence in self.incidence(target) {
-            let first = incidence.block as usize * self.size as usize;
+            let first = incidence.block as usize * self.parts.size as usize;
             self.for_each_lane(words, incidence.entry as usize, |lane, delta, _| {
-                if let Some(&user) = self.order.get(first + lane) {
+                if let Some(&user) = self.parts.order.get(first + lane) {
                     f(user as usize, delta);
                 }
             });

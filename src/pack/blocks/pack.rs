@@ -153,7 +153,7 @@ impl Packing<'_> {
             let (allowed, floor) = (f64::from(self.desc.blocks.normal_error_degrees), steps[triple] / 4.0);
             let finest = least_step(self.kept.largest, triple);
             let error =
-                |packed: &PackedGroup| packed.layout.blocks.as_ref().map_or(0.0, |b| b.error.of(place.semantic));
+                |packed: &PackedGroup| packed.layout.blocks.as_ref().map_or(0.0, |b| b.parts.error.of(place.semantic));
             while error(&packed) > allowed && f64::from(steps[triple]) / 2.0 >= finest && steps[triple] > floor {
                 steps[triple] /= 2.0;
                 packed = self.with(steps)?;
@@ -181,7 +181,7 @@ impl Packing<'_> {
         for block in &by_block {
             for (target, lanes) in block {
                 entry_target.push(*target);
-                self.format.encode(size as usize, steps, lanes, &mut headers, &mut deltas);
+                self.format.encode(size as usize, steps, lanes, [&mut headers, &mut deltas]);
             }
             first_entry.push(entry_target.len() as u32);
         }
@@ -223,7 +223,7 @@ impl Packing<'_> {
         let mut packed = PackedGroup { layout, base, words };
         let error = packed.measure_error(self.source);
         if let Some(index) = packed.layout.blocks.as_mut().map(Arc::make_mut) {
-            index.error = error;
+            index.parts.error = error;
         }
         Ok(packed)
     }

@@ -1,4 +1,4 @@
-//! What a packed file says of a mesh and of its groups, apart from names and numbers by the vertex.
+//! Metadata of a packed file: the sections 'meta' and 'group'.
 
 use super::Asset;
 use super::bytes::{read_f32s, read_u32s, write_f32s, write_u32s};

@@ -5,7 +5,7 @@ use std::path::Path;
 
 /// What a packed file begins with. A transfer that takes it for text changes the line end, and shows.
 const MAGIC: [u8; 8] = *b"DMORPH\r\n";
-/// The version that is written, and the one that is read besides.
+/// The version that is written, and an older one that is still read.
 pub(super) const VERSION: u32 = 3;
 pub(super) const OLD_VERSION: u32 = 2;
 /// More groups than this no file has: what is kept of a mesh for each of its targets is kept for each group.
@@ -39,20 +39,6 @@ pub(super) enum Section {
 }
 
 impl Section {
-    /// The sections of version 2, in the order of the file.
-    pub const OLD: [Self; 11] = [
-        Self::Meta,
-        Self::Names,
-        Self::Base,
-        Self::Order,
-        Self::FirstEntries,
-        Self::EntryTargets,
-        Self::Words,
-        Self::FaceSizes,
-        Self::FaceCorners,
-        Self::CornerTexcoords,
-        Self::Texcoords,
-    ];
     /// Those that a file of version 3 has once, in the order of the file.
     pub const ONCE: [Self; 8] = [
         Self::Meta,
@@ -69,23 +55,28 @@ impl Section {
 
     /// Its name in messages.
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::Meta => "meta",
-            Self::Names => "names",
-            Self::Base => "base pose",
-            Self::Order => "order",
-            Self::FirstEntries => "first entries",
-            Self::EntryTargets => "entry targets",
-            Self::Words => "words",
-            Self::FaceSizes => "face sizes",
-            Self::FaceCorners => "face corners",
-            Self::CornerTexcoords => "corner texcoords",
-            Self::Texcoords => "texcoords",
-            Self::Group => "group",
-            Self::Welds => "welds",
-        }
+        SECTIONS[self as usize].1
     }
 }
+
+/// The sections, in the order of their ids and of a file of version 2, and their names in messages.
+const SECTIONS: [(Section, &str); 13] = [
+    (Section::Meta, "meta"),
+    (Section::Names, "names"),
+    (Section::Base, "base pose"),
+    (Section::Order, "order"),
+    (Section::FirstEntries, "first entries"),
+    (Section::EntryTargets, "entry targets"),
+    (Section::Words, "words"),
+    (Section::FaceSizes, "face sizes"),
+    (Section::FaceCorners, "face corners"),
+    (Section::CornerTexcoords, "corner texcoords"),
+    (Section::Texcoords, "texcoords"),
+    (Section::Group, "group"),
+    (Section::Welds, "welds"),
+];
+/// The number of sections of version 2: the first ones.
+const OLD_SECTIONS: usize = 11;
 
 /// A section, and the number of the group that it is of; 0 for those that there are once.
 pub(super) type Place = (Section, usize);
@@ -93,15 +84,15 @@ pub(super) type Place = (Section, usize);
 /// The sections of a file, in its order; `None` where there can be no file of so many.
 pub(super) fn places(version: u32, sections: usize) -> Option<Vec<Place>> {
     let (once, each) = match version {
-        VERSION => (&Section::ONCE[..], &Section::EACH[..]),
-        _ => (&Section::OLD[..], &[][..]),
+        VERSION => (Section::ONCE.to_vec(), &Section::EACH[..]),
+        _ => (SECTIONS[..OLD_SECTIONS].iter().map(|(section, _)| *section).collect(), &[][..]),
     };
     let rest = sections.checked_sub(once.len())?;
     let groups = if each.is_empty() { 0 } else { rest / each.len() };
     if rest != groups * each.len() || groups > GROUPS_MAX || (groups == 0) != each.is_empty() {
         return None;
     }
-    let once = once.iter().map(|section| (*section, 0));
+    let once = once.into_iter().map(|section| (section, 0));
     Some(once.chain((0..groups).flat_map(|group| each.iter().map(move |section| (*section, group)))).collect())
 }
 
@@ -172,7 +163,7 @@ pub(super) fn join(contents: &[(Place, Vec<u8>)]) -> Vec<u8> {
     out
 }
 
-/// Take a file apart, and hold every byte of it against the table and the checksums.
+/// Split a file into its sections, checking every byte against the table and the checksums.
 pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
     let refuse = |what: String, remedy: &str| Err(complaint(path, None, what, remedy));
     let ends = |within: &str| refuse(format!("ends after {} bytes, within {within}", bytes.len()), DAMAGED);
@@ -236,7 +227,7 @@ fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
     bytes.get(at..)?.first_chunk().map(|b| u32::from_le_bytes(*b))
 }
 
-/// Compute the checksums of `bytes` anew, so that tests see what lies behind them.
+/// Recompute the checksums of `bytes`, so that tests reach the checks that follow them.
 #[cfg(test)]
 pub(super) fn repair(bytes: &mut [u8]) {
     let Some(count) = u32_at(bytes, 12).filter(|count| *count < 1000) else { return };

@@ -4,7 +4,7 @@
 //! no header    px[size] py[size] pz[size] nx[size] ny[size] nz[size]
 //! ```
 
-use super::{BlockFormat, DeltaFormat, Lane, fixed};
+use super::{BlockFormat, Lane, fixed};
 use crate::asset::streams::TRIPLES;
 use crate::pack::POSE_FLOATS;
 use std::ops::Range;
@@ -12,10 +12,6 @@ use std::ops::Range;
 pub(crate) struct BlockFloat32;
 
 impl BlockFormat for BlockFloat32 {
-    fn format(&self) -> DeltaFormat {
-        DeltaFormat::BlockFloat32
-    }
-
     fn steps(&self, _: [f64; TRIPLES], _: [f64; TRIPLES]) -> [f32; TRIPLES] {
         [1.0; TRIPLES]
     }
@@ -28,7 +24,7 @@ impl BlockFormat for BlockFloat32 {
         fixed(entry, size * POSE_FLOATS)
     }
 
-    fn encode(&self, size: usize, _: [f32; TRIPLES], lanes: &[Lane], _: &mut Vec<u32>, deltas: &mut Vec<u32>) {
+    fn encode(&self, size: usize, _: [f32; TRIPLES], lanes: &[Lane], [_, deltas]: [&mut Vec<u32>; 2]) {
         let at = deltas.len();
         deltas.resize(at + size * POSE_FLOATS, 0);
         for (lane, delta) in lanes {

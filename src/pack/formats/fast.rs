@@ -5,14 +5,9 @@
 //!   a = x:15 y:15 ny0:1 nz0:1   b = z:15 nx:9 ny8..1:8   c = nz8..1:8
 //! ```
 
-use super::shifts::{self, field};
-use super::{BlockFormat, DeltaFormat, Lane, fixed};
+use super::shifts::{Shifted, field};
 use crate::asset::streams::TRIPLES;
 use crate::pack::POSE_FLOATS;
-use std::ops::Range;
-
-/// Bits of an integer, by triple.
-const BITS: [u32; TRIPLES] = [15, 9];
 
 pub(crate) struct Fast;
 
@@ -37,52 +32,22 @@ fn unpack_vertex(a: u32, b: u32, c: i8) -> [i32; POSE_FLOATS] {
     ]
 }
 
-impl BlockFormat for Fast {
-    fn format(&self) -> DeltaFormat {
-        DeltaFormat::Fast
+impl Shifted for Fast {
+    const BITS: [u32; TRIPLES] = [15, 9];
+
+    fn entry_words(size: usize) -> usize {
+        size * 9 / 4
     }
 
-    fn header_words(&self, _: usize) -> usize {
-        1
-    }
-
-    fn words(&self, entry: usize, _: &[u32], size: usize) -> Range<usize> {
-        fixed(entry, size * 9 / 4)
-    }
-
-    fn encode(
-        &self,
-        size: usize,
-        steps: [f32; TRIPLES],
-        lanes: &[Lane],
-        headers: &mut Vec<u32>,
-        deltas: &mut Vec<u32>,
-    ) {
-        let (header, integers) = shifts::quantised(BITS, steps, lanes);
-        headers.push(header);
-        let at = deltas.len();
-        deltas.resize(at + size * 9 / 4, 0);
-        for (lane, integers) in integers {
-            let (a, b, c) = pack_vertex(integers);
-            deltas[at + lane] = a;
-            deltas[at + size + lane] = b;
-            deltas[at + 2 * size + lane / 4] |= u32::from(c) << (8 * (lane % 4));
-        }
-    }
-
-    fn check_header(&self, header: &[u32]) -> Result<[u32; TRIPLES], String> {
-        shifts::check(header, BITS)
+    fn put(size: usize, lane: usize, delta: [i32; POSE_FLOATS], deltas: &mut [u32]) {
+        let (a, b, c) = pack_vertex(delta);
+        deltas[lane] = a;
+        deltas[size + lane] = b;
+        deltas[2 * size + lane / 4] |= u32::from(c) << (8 * (lane % 4));
     }
 
     #[inline(always)]
-    fn shifts(&self, header: &[u32]) -> [u32; TRIPLES] {
-        shifts::shifts(header)
-    }
-
-    type Component = i32;
-
-    #[inline(always)]
-    fn decode(&self, size: usize, _: &[u32], deltas: &[u32], mut f: impl FnMut(usize, [i32; POSE_FLOATS])) {
+    fn for_each(size: usize, deltas: &[u32], mut f: impl FnMut(usize, [i32; POSE_FLOATS])) {
         let (a, rest) = deltas.split_at(size);
         let (b, c) = rest.split_at(size);
         let c: &[i8] = bytemuck::cast_slice(c);

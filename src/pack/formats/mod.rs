@@ -38,6 +38,12 @@ macro_rules! declared {
             /// The formats of the paths `blocks` and `cpu`.
             pub const BLOCKS: [Self; [$(Self::$blocks),*].len()] = [$(Self::$blocks),*];
         }
+
+        $(impl Listed for $blocks_file::$blocks {
+            fn format(&self) -> DeltaFormat {
+                DeltaFormat::$blocks
+            }
+        })*
     };
 }
 delta_formats!(declared());
@@ -153,12 +159,15 @@ pub(crate) type Lane = (u32, [f32; POSE_FLOATS]);
 /// Most bits of an integer of the two triples, in any format.
 pub(crate) const INTEGER_BITS: [u32; TRIPLES] = [18, 14];
 
-/// A format in blocks: how the deltas of an entry lie in a header and in words of their own.
-pub(crate) trait BlockFormat: Send + Sync {
-    /// Its name in the list.
+/// A block format is in the list.
+pub(crate) trait Listed {
+    /// Its name there.
     fn format(&self) -> DeltaFormat;
+}
 
-    /// Vertices of a block where nobody names a number.
+/// A format in blocks: how the deltas of an entry lie in a header and in words of their own.
+pub(crate) trait BlockFormat: Listed + Send + Sync {
+    /// Default number of vertices of a block.
     fn default_size(&self) -> u32 {
         64
     }
@@ -170,7 +179,7 @@ pub(crate) trait BlockFormat: Send + Sync {
         std::array::from_fn(|triple| power_of_two_below(wanted[triple].max(2.0 * least[triple])))
     }
 
-    /// Whether finer steps make angles better (where bits are given, they are mostly all in use).
+    /// Whether finer steps reduce the error of angles (not where the number of bits is fixed: mostly all are in use).
     fn refines(&self) -> bool {
         false
     }
@@ -181,8 +190,8 @@ pub(crate) trait BlockFormat: Send + Sync {
     /// The delta words of entry `entry`, counted from the group's first.
     fn words(&self, entry: usize, header: &[u32], size: usize) -> Range<usize>;
 
-    /// Append an entry.
-    fn encode(&self, size: usize, steps: [f32; TRIPLES], lanes: &[Lane], headers: &mut Vec<u32>, deltas: &mut Vec<u32>);
+    /// Append an entry to all headers and to all deltas.
+    fn encode(&self, size: usize, steps: [f32; TRIPLES], lanes: &[Lane], out: [&mut Vec<u32>; 2]);
 
     /// Check the header of an entry that may be hostile: whether integers fit what decodes them, whatever the deltas are.
     /// Bits of the largest, by triple.

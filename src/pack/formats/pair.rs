@@ -5,14 +5,9 @@
 //!   a = x:13 y:13 nz4..0:5 zero:1   b = z:13 nx:8 ny:8 nz7..5:3
 //! ```
 
-use super::shifts::{self, field};
-use super::{BlockFormat, DeltaFormat, Lane, fixed};
+use super::shifts::{Shifted, field};
 use crate::asset::streams::TRIPLES;
 use crate::pack::POSE_FLOATS;
-use std::ops::Range;
-
-/// Bits of an integer, by triple.
-const BITS: [u32; TRIPLES] = [13, 8];
 
 pub(crate) struct Pair;
 
@@ -31,41 +26,18 @@ fn unpack_vertex([a, b]: [u32; 2]) -> [i32; POSE_FLOATS] {
     [field(a, 0, 13), field(a, 13, 13), field(b, 0, 13), field(b, 13, 8), field(b, 21, 8), nz]
 }
 
-impl BlockFormat for Pair {
-    fn format(&self) -> DeltaFormat {
-        DeltaFormat::Pair
+impl Shifted for Pair {
+    const BITS: [u32; TRIPLES] = [13, 8];
+
+    fn entry_words(size: usize) -> usize {
+        size * 2
     }
 
-    fn header_words(&self, _: usize) -> usize {
-        1
+    fn put(_: usize, lane: usize, delta: [i32; POSE_FLOATS], deltas: &mut [u32]) {
+        deltas[2 * lane..][..2].copy_from_slice(&pack_vertex(delta));
     }
 
-    fn words(&self, entry: usize, _: &[u32], size: usize) -> Range<usize> {
-        fixed(entry, size * 2)
-    }
-
-    fn encode(
-        &self,
-        size: usize,
-        steps: [f32; TRIPLES],
-        lanes: &[Lane],
-        headers: &mut Vec<u32>,
-        deltas: &mut Vec<u32>,
-    ) {
-        let (header, integers) = shifts::quantised(BITS, steps, lanes);
-        headers.push(header);
-        let at = deltas.len();
-        deltas.resize(at + size * 2, 0);
-        for (lane, integers) in integers {
-            deltas[at + 2 * lane..][..2].copy_from_slice(&pack_vertex(integers));
-        }
-    }
-
-    fn check_header(&self, header: &[u32]) -> Result<[u32; TRIPLES], String> {
-        shifts::check(header, BITS)
-    }
-
-    fn check_deltas(&self, deltas: &[u32]) -> Result<(), String> {
+    fn check_deltas(deltas: &[u32]) -> Result<(), String> {
         match deltas.iter().step_by(2).position(|a| a >> 31 != 0) {
             Some(vertex) => Err(format!("word {} of the deltas is {:#x}", 2 * vertex, deltas[2 * vertex])),
             None => Ok(()),
@@ -73,14 +45,7 @@ impl BlockFormat for Pair {
     }
 
     #[inline(always)]
-    fn shifts(&self, header: &[u32]) -> [u32; TRIPLES] {
-        shifts::shifts(header)
-    }
-
-    type Component = i32;
-
-    #[inline(always)]
-    fn decode(&self, size: usize, _: &[u32], deltas: &[u32], mut f: impl FnMut(usize, [i32; POSE_FLOATS])) {
+    fn for_each(size: usize, deltas: &[u32], mut f: impl FnMut(usize, [i32; POSE_FLOATS])) {
         for (lane, pair) in deltas.as_chunks::<2>().0[..size].iter().enumerate() {
             f(lane, unpack_vertex(*pair));
         }

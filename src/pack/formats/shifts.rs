@@ -1,48 +1,83 @@
 //! Entries whose integers have a fixed number of bits: the header is one word, which has how far an entry's integers
 //! are shifted, those of the first triple in bits 0..8, those of the second in bits 8..16.
 
-use super::{Lane, quantise};
+use super::{BlockFormat, Lane, Listed, fixed, quantise};
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::pack::POSE_FLOATS;
+use std::ops::Range;
 
-/// By how many bits the integers of an entry are to be shifted, by triple.
-#[inline(always)]
-pub(super) fn shifts(header: &[u32]) -> [u32; TRIPLES] {
-    [header[0] & 0xff, header[0] >> 8 & 0xff]
-}
+/// A format whose integers have a fixed number of bits.
+pub(crate) trait Shifted: Listed + Send + Sync {
+    /// Bits of an integer, by triple.
+    const BITS: [u32; TRIPLES];
 
-/// Bits of the largest integer of an entry once it is shifted, by triple; before, integers have `bits`.
-///
-/// # Errors
-/// What is wrong with the header, which may be hostile.
-pub(super) fn check(header: &[u32], bits: [u32; TRIPLES]) -> Result<[u32; TRIPLES], String> {
-    let shifts = shifts(header);
-    let bits: [u32; TRIPLES] = std::array::from_fn(|triple| bits[triple] + shifts[triple]);
-    // Shifted, a component still fits the 32 bits that it is decoded in.
-    match header[0] >> 16 == 0 && bits.iter().all(|bits| *bits <= 32) {
-        true => Ok(bits),
-        false => Err(format!("shifts of {:#x}", header[0])),
+    /// Delta words of an entry in blocks of `size` vertices.
+    fn entry_words(size: usize) -> usize;
+
+    /// Write the integers of a vertex to the words of an entry, which are zero there.
+    fn put(size: usize, lane: usize, delta: [i32; POSE_FLOATS], deltas: &mut [u32]);
+
+    /// [`BlockFormat::check_deltas`].
+    fn check_deltas(_deltas: &[u32]) -> Result<(), String> {
+        Ok(())
     }
+
+    /// Call `f` with the integers of each vertex of an entry.
+    fn for_each(size: usize, deltas: &[u32], f: impl FnMut(usize, [i32; POSE_FLOATS]));
 }
 
-/// The header of an entry, and its integers by place in the block: shifted as little as lets them fit `bits`.
-pub(super) fn quantised(
-    bits: [u32; TRIPLES],
-    steps: [f32; TRIPLES],
-    lanes: &[Lane],
-) -> (u32, impl Iterator<Item = (usize, [i32; POSE_FLOATS])>) {
-    let step = move |triple: usize, shift: u32| f64::from(steps[triple]) * f64::from(1u32 << shift);
-    let fits = |triple: usize, shift: u32| {
-        let most = f64::from((1 << (bits[triple] - 1)) - 1);
-        let mut components = lanes.iter().flat_map(|(_, d)| &d[TRIPLE * triple..TRIPLE * (triple + 1)]);
-        components.all(|v| (f64::from(*v) / step(triple, shift)).round().abs() <= most)
-    };
-    let shifts = [0, 1].map(|triple| (0..31).find(|&s| fits(triple, s)).unwrap_or(31));
-    let integers = lanes.iter().map(move |(lane, delta)| {
-        let quantised = |i: usize| quantise(delta[i], step(i / TRIPLE, shifts[i / TRIPLE]));
-        (*lane as usize, std::array::from_fn(quantised))
-    });
-    (shifts[0] | shifts[1] << 8, integers)
+impl<F: Shifted> BlockFormat for F {
+    fn header_words(&self, _: usize) -> usize {
+        1
+    }
+
+    fn words(&self, entry: usize, _: &[u32], size: usize) -> Range<usize> {
+        fixed(entry, F::entry_words(size))
+    }
+
+    /// Integers are shifted as little as lets them fit their bits.
+    fn encode(&self, size: usize, steps: [f32; TRIPLES], lanes: &[Lane], [headers, deltas]: [&mut Vec<u32>; 2]) {
+        let step = |triple: usize, shift: u32| f64::from(steps[triple]) * f64::from(1u32 << shift);
+        let fits = |triple: usize, shift: u32| {
+            let most = f64::from((1 << (F::BITS[triple] - 1)) - 1);
+            let mut components = lanes.iter().flat_map(|(_, d)| &d[TRIPLE * triple..TRIPLE * (triple + 1)]);
+            components.all(|v| (f64::from(*v) / step(triple, shift)).round().abs() <= most)
+        };
+        let shifts = [0, 1].map(|triple| (0..31).find(|&s| fits(triple, s)).unwrap_or(31));
+        headers.push(shifts[0] | shifts[1] << 8);
+        let at = deltas.len();
+        deltas.resize(at + F::entry_words(size), 0);
+        for (lane, delta) in lanes {
+            let quantised = |i: usize| quantise(delta[i], step(i / TRIPLE, shifts[i / TRIPLE]));
+            F::put(size, *lane as usize, std::array::from_fn(quantised), &mut deltas[at..]);
+        }
+    }
+
+    fn check_header(&self, header: &[u32]) -> Result<[u32; TRIPLES], String> {
+        let shifts = self.shifts(header);
+        let bits: [u32; TRIPLES] = std::array::from_fn(|triple| F::BITS[triple] + shifts[triple]);
+        // Shifted, a component still fits the 32 bits that it is decoded in.
+        match header[0] >> 16 == 0 && bits.iter().all(|bits| *bits <= 32) {
+            true => Ok(bits),
+            false => Err(format!("shifts of {:#x}", header[0])),
+        }
+    }
+
+    fn check_deltas(&self, deltas: &[u32]) -> Result<(), String> {
+        F::check_deltas(deltas)
+    }
+
+    #[inline(always)]
+    fn shifts(&self, header: &[u32]) -> [u32; TRIPLES] {
+        [header[0] & 0xff, header[0] >> 8 & 0xff]
+    }
+
+    type Component = i32;
+
+    #[inline(always)]
+    fn decode(&self, size: usize, _: &[u32], deltas: &[u32], f: impl FnMut(usize, [i32; POSE_FLOATS])) {
+        F::for_each(size, deltas, f);
+    }
 }
 
 /// The `bits` bits of `word` from bit `at` on as a signed number.

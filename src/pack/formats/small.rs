@@ -6,7 +6,7 @@
 //! ```
 
 use super::bits::{BitWriter, Field, width};
-use super::{BlockFormat, DeltaFormat, INTEGER_BITS, Lane, quantise};
+use super::{BlockFormat, INTEGER_BITS, Lane, quantise};
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::pack::POSE_FLOATS;
 use std::ops::Range;
@@ -24,10 +24,6 @@ fn unpack_widths(word: u32) -> [u32; POSE_FLOATS] {
 }
 
 impl BlockFormat for Small {
-    fn format(&self) -> DeltaFormat {
-        DeltaFormat::Small
-    }
-
     fn default_size(&self) -> u32 {
         32
     }
@@ -47,14 +43,7 @@ impl BlockFormat for Small {
         first..first.saturating_add((record * vertices).div_ceil(32) as usize)
     }
 
-    fn encode(
-        &self,
-        size: usize,
-        steps: [f32; TRIPLES],
-        lanes: &[Lane],
-        headers: &mut Vec<u32>,
-        deltas: &mut Vec<u32>,
-    ) {
+    fn encode(&self, size: usize, steps: [f32; TRIPLES], lanes: &[Lane], [headers, deltas]: [&mut Vec<u32>; 2]) {
         let mut mask = vec![0u32; size / 32];
         let mut widths = [0u32; POSE_FLOATS];
         let mut kept = vec![];

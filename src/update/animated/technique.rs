@@ -40,7 +40,7 @@ pub(crate) struct Animated {
     tables: Buffer,
     table_bytes: u64,
     staging: Option<Buffer>,
-    /// Of the mesh; the first one's sets serve what all have in common.
+    /// Of the mesh. What is done once for all of them uses the descriptor sets of the first.
     pub(super) groups: Vec<Group>,
 }
 

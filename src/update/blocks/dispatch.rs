@@ -1,7 +1,7 @@
 //! How a device carries the work list of a group out: in which dispatches.
 
 use super::list::WorkList;
-use super::tiles::{Tiles, WIDTHS};
+use super::tiles::Tiles;
 use crate::abi::kernels::DeviceTuning;
 use crate::pack::blocks::BlockIndex;
 use crate::plan::UpdateStats;
@@ -127,7 +127,7 @@ impl Dispatches {
             match &self.tiles {
                 None => places.for_each(|item| add(self.accesses_of(list, item))),
                 Some(tiles) => {
-                    let (kernel, width) = (work.kernel as usize, work.kernel as usize % WIDTHS);
+                    let (kernel, width) = (work.kernel as usize, work.kernel as usize % super::tiles::WIDTHS);
                     for tile in &tiles.items[kernel][places] {
                         tile.items[..1 << width].iter().for_each(|&item| add(self.accesses_of(list, item as usize)));
                     }

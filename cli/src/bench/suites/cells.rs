@@ -1,98 +1,99 @@
 //! Every technique against every other: on made-up workloads, and on captured clips.
 
-use super::Lab;
-use super::record::{CellRecord, SuiteRecord};
-use super::subject::{Subject, dense_and_sparse};
-use super::technique::{self, Technique};
+use super::session::{Session, Subject, dense_and_sparse};
+use super::technique;
 use crate::args::InputArgs;
-use crate::bench::race::{Entrant, Tempo};
+use crate::bench::compare::CellRecord;
+use crate::bench::interleave::{Candidate, Common};
 use crate::bench::record::Skipped;
+use crate::bench::run::RunRecord;
 use crate::bench::setting::{Config, Setting};
-use crate::bench::workload::{Clip, Few, Random, Workload};
+use crate::bench::workload::Workload;
 use crate::input::{self, Input};
 use crate::output::Failure;
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::path::PathBuf;
 
-/// Heads, unless told otherwise.
-const HEADS: [u32; 3] = [1, 10, 100];
 /// Configurations are chosen with at most this many heads: with more the choice is the same, and takes longer.
 const CHOICE_HEADS: u32 = 10;
 /// Targets that change where the others are still, and where the others are 0.
 const FEW: usize = 8;
 const ACTIVE: usize = 4;
 
-/// What of a workload names its cells.
-struct Work<'a> {
-    workload: &'a dyn Workload,
-    changed: Option<usize>,
-    /// In words.
-    change: String,
-}
-
-/// All, few, and few active targets × dense and sparse × heads.
-pub fn techniques(lab: &mut Lab<'_>) -> Result<SuiteRecord, Failure> {
-    let mut suite = SuiteRecord { name: "techniques".into(), ..SuiteRecord::default() };
-    let all = technique::all(lab);
-    let heads = lab.args.heads_or(&HEADS);
-    let subjects = dense_and_sparse(lab)?;
-    lab.bar.inc_length((subjects.len() * 3 * heads.len()) as u64);
-    for mut subject in subjects {
-        let (n, seed) = (subject.targets(), lab.args.input.seed);
-        let (few, active) = (FEW.min(n), ACTIVE.min(n));
-        let (every, some) = (Random::new(n, n, seed), Random::new(n, few, seed));
-        let sparse = Few::new(n, active, seed);
-        let works = [
-            Work { workload: &every, changed: Some(n), change: format!("all {n} changed") },
-            Work { workload: &some, changed: Some(few), change: format!("{few} of {n} changed") },
-            Work { workload: &sparse, changed: Some(active), change: format!("{active} non-zero of {n}") },
-        ];
-        for work in &works {
-            suite.cells.extend(compare(lab, &mut subject, work, &heads, &all)?);
-        }
-    }
-    Ok(suite)
-}
-
-pub struct ClipSet {
+/// A mesh, and what changes on it: the workloads, and each in words.
+pub struct Workloads {
     input: Input,
-    clips: Vec<Clip>,
+    works: Vec<(Workload, String)>,
 }
 
-/// Read the clips of INPUT; without INPUT, those of each set under DELTAMORPH_DATA. Before anything is measured: a set
-/// that cannot be used is not to cost what was measured before it.
-pub fn clip_sets(lab: &mut Lab<'_>) -> Result<Vec<ClipSet>, Failure> {
+/// All, few, and few active targets × dense and sparse.
+pub fn made_up(session: &Session<'_>) -> Result<Vec<Workloads>, Failure> {
+    let workloads = |input: Input| {
+        let (n, seed) = (input.kept.targets.len(), session.args.input.seed);
+        let (few, active) = (FEW.min(n), ACTIVE.min(n));
+        let works = vec![
+            (Workload::random(n, n, seed), format!("all {n} changed")),
+            (Workload::random(n, few, seed), format!("{few} of {n} changed")),
+            (Workload::few(n, active, seed), format!("{active} non-zero of {n}")),
+        ];
+        Workloads { input, works }
+    };
+    Ok(dense_and_sparse(session)?.into_iter().map(workloads).collect())
+}
+
+/// The clips of INPUT; without INPUT, those of each set under DELTAMORPH_DATA.
+pub fn captured(session: &mut Session<'_>) -> Result<Vec<Workloads>, Failure> {
     let mut list = vec![];
-    for set in sets(lab)? {
-        let args = InputArgs { input: Some(set), head: Default::default(), ..lab.args.input.clone() };
-        let input = input::load(&args, true, lab.out)?;
-        let read = |path: &PathBuf| input::clip(path, &args, &input.kept).map(Clip::new);
-        let clips = input.clips.iter().map(read).collect::<Result<_, _>>()?;
-        list.push(ClipSet { input, clips });
+    for set in sets(session)? {
+        let args = InputArgs { input: Some(set), head: Default::default(), ..session.args.input.clone() };
+        let input = input::load(&args, true, session.out)?;
+        let read = |path: &PathBuf| {
+            input::clip(path, &args, &input.kept).map(|clip| (Workload::clip(&clip), clip.name.clone()))
+        };
+        let works = input.clips.iter().map(read).collect::<Result<_, _>>()?;
+        list.push(Workloads { input, works });
     }
     Ok(list)
 }
 
-/// Every technique on these clips.
-pub fn clips(lab: &mut Lab<'_>, sets: Vec<ClipSet>) -> Result<SuiteRecord, Failure> {
-    let mut suite = SuiteRecord { name: "clips".into(), ..SuiteRecord::default() };
-    let all = technique::all(lab);
-    let heads = lab.args.heads_or(&[1]);
-    for ClipSet { input, clips } in sets {
-        let mut subject = Subject::new(lab, input);
-        lab.bar.inc_length((clips.len() * heads.len()) as u64);
-        for clip in &clips {
-            let work = Work { workload: clip, changed: None, change: clip.name().into() };
-            suite.cells.extend(compare(lab, &mut subject, &work, &heads, &all)?);
+/// Every technique on each of `list`, for one head and many: a cell each.
+pub fn run(session: &mut Session<'_>, list: Vec<Workloads>, heads: &[u32]) -> Result<(), Failure> {
+    let (all, heads) = (technique::all(session), session.args.heads_or(heads));
+    for Workloads { input, works } in list {
+        let mut subject = Subject::new(session, input);
+        session.bar.inc_length((works.len() * heads.len()) as u64);
+        for (workload, change) in &works {
+            let setting = |heads| Setting { workload, heads, shared: false, drawn: true, brief: true };
+            let schedule = session.schedule(if workload.changed.is_none() { Common::Frames } else { Common::Nothing });
+            let mut choices: HashMap<u32, Vec<(String, Config)>> = HashMap::new();
+            for &heads in &heads {
+                let some = heads.min(CHOICE_HEADS);
+                let chosen = match choices.entry(some) {
+                    Entry::Occupied(known) => known.into_mut(),
+                    Entry::Vacant(place) => {
+                        place.insert(technique::choose(session, &mut subject, &setting(some), &all)?)
+                    }
+                };
+                let setting = setting(heads);
+                let candidates: Vec<Candidate<'_>> =
+                    chosen.iter().map(|(name, config)| Candidate::new(name, config, &setting)).collect();
+                let (mesh, plural) = (subject.input.name.clone(), if heads == 1 { "" } else { "s" });
+                let cell = format!("{mesh}, {change}, {heads} head{plural}");
+                let runs = session.measure(&mut subject, &cell, &candidates, &schedule)?;
+                let runs: Vec<RunRecord> = runs.into_iter().flatten().collect();
+                session.suite.cells.push(CellRecord::of(&cell, [&mesh, change], heads, &runs));
+                session.bar.inc(1);
+            }
         }
     }
-    Ok(suite)
+    Ok(())
 }
 
 /// The folders with clips; where there are none, what was skipped says why.
-fn sets(lab: &mut Lab<'_>) -> Result<Vec<PathBuf>, Failure> {
+fn sets(session: &mut Session<'_>) -> Result<Vec<PathBuf>, Failure> {
     let has_clips = |folder: &PathBuf| folder.join("neutral.obj").is_file() && folder.join("weights").is_dir();
-    let (sets, reason) = match (&lab.args.input.input, std::env::var_os("DELTAMORPH_DATA")) {
+    let (sets, reason) = match (&session.args.input.input, std::env::var_os("DELTAMORPH_DATA")) {
         (Some(input), _) => (vec![input.clone()], format!("{} has no clip in weights/*.csv", input.display())),
         (None, Some(root)) => {
             let root = PathBuf::from(root);
@@ -109,48 +110,7 @@ fn sets(lab: &mut Lab<'_>) -> Result<Vec<PathBuf>, Failure> {
     };
     let sets: Vec<PathBuf> = sets.into_iter().filter(has_clips).collect();
     if sets.is_empty() {
-        lab.skip(Skipped { what: "suite clips".into(), reason });
+        session.skip(Skipped { what: "suite clips".into(), reason });
     }
     Ok(sets)
-}
-
-/// A cell for each number of heads.
-fn compare(
-    lab: &mut Lab<'_>,
-    subject: &mut Subject,
-    work: &Work<'_>,
-    heads: &[u32],
-    techniques: &[Technique],
-) -> Result<Vec<CellRecord>, Failure> {
-    let setting = |heads| Setting {
-        workload: work.workload,
-        changed: work.changed,
-        heads,
-        shared: false,
-        drawn: true,
-        brief: true,
-    };
-    let tempo = if work.changed.is_none() { Tempo::SameFrames } else { Tempo::Own };
-    let mut choices: HashMap<u32, Vec<(String, Config)>> = HashMap::new();
-    let mut cells = vec![];
-    for &heads in heads {
-        let some = heads.min(CHOICE_HEADS);
-        if let std::collections::hash_map::Entry::Vacant(place) = choices.entry(some) {
-            place.insert(technique::choose(lab, subject, &setting(some), techniques)?);
-        }
-        let setting = setting(heads);
-        let entrant = |(name, config): &(String, Config)| Entrant {
-            what: name.clone(),
-            config: config.clone(),
-            setting: &setting,
-        };
-        let entrants: Vec<Entrant<'_>> = choices[&some].iter().map(entrant).collect();
-        let plural = if heads == 1 { "" } else { "s" };
-        let cell = format!("{}, {}, {heads} head{plural}", subject.input.name, work.change);
-        let runs = lab.measure(subject, &cell, &entrants, &lab.pace(tempo))?;
-        let runs: Vec<_> = runs.into_iter().flatten().collect();
-        cells.push(CellRecord::of(&cell, [&subject.input.name, &work.change], heads, &runs));
-        lab.bar.inc(1);
-    }
-    Ok(cells)
 }

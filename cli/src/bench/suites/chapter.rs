@@ -1,16 +1,16 @@
 //! The chapter's figure: what batching gains.
 
-use super::Lab;
-use super::record::{Comparison, SuiteRecord};
-use super::subject::Subject;
+use super::session::{Session, Subject};
 use super::technique::{formats, paths};
 use crate::args::values::{BatchSpec, SUMS};
+use crate::bench::compare::Comparison;
 use crate::bench::configs::{Wanted, configurations};
-use crate::bench::race::{Entrant, Tempo};
-use crate::bench::record::{RunRecord, Skipped};
-use crate::bench::select::{batch_words, fastest};
+use crate::bench::interleave::{Candidate, Common};
+use crate::bench::record::Skipped;
+use crate::bench::run::{RunRecord, batch_words, fastest};
 use crate::bench::setting::{Config, Setting};
-use crate::bench::workload::Random;
+use crate::bench::workload::Workload;
+use crate::input::Input;
 use crate::output::Failure;
 use deltamorph::{BatchSize, UpdateMode};
 
@@ -18,47 +18,43 @@ use deltamorph::{BatchSize, UpdateMode};
 const FEW: usize = 8;
 
 /// Every batch size of every dense path and format.
-pub fn run(lab: &mut Lab<'_>, subject: &mut Subject) -> Result<SuiteRecord, Failure> {
+pub fn run(session: &mut Session<'_>, input: Input) -> Result<(), Failure> {
+    let mut subject = Subject::new(session, input);
     let wanted = Wanted {
-        paths: paths(lab).into_iter().filter(|path| path.default_mode() == UpdateMode::Incremental).collect(),
-        paths_named: false,
-        formats: &formats(lab),
+        paths: paths(session).into_iter().filter(|path| path.default_mode() == UpdateMode::Incremental).collect(),
+        formats: &formats(session),
         sums: &SUMS[..1],
         modes: vec![UpdateMode::Incremental],
         sizes: &[BatchSpec::Range(1, None)],
-        sizes_named: false,
-        error_budget: 0.0,
+        ..Wanted::default()
     };
-    let (configs, skipped) = configurations(&wanted, &lab.args.update, lab.machine.gpu.as_ref());
-    skipped.into_iter().for_each(|s| lab.skip(s));
+    let (configs, skipped) = configurations(&wanted, &session.args.update, session.machine.gpu.as_ref());
+    skipped.into_iter().for_each(|s| session.skip(s));
     // Only those that have batches.
     let configs: Vec<Config> = configs.into_iter().filter(|c| c.batch_max.is_some()).collect();
     if configs.is_empty() {
         let reason = "takes --paths and --formats that have batches: compute, feedback, vertex-store; float32, snorm16";
-        lab.skip(Skipped { what: "suite chapter".into(), reason: reason.into() });
+        session.skip(Skipped { what: "suite chapter".into(), reason: reason.into() });
     }
     let mut changes = vec![FEW.min(subject.targets()), subject.targets()];
     changes.dedup();
     let families = configs.chunk_by(|a, b| (a.desc.path, a.format) == (b.desc.path, b.format));
-    lab.bar.inc_length((changes.len() * families.clone().count()) as u64);
-    let mut suite = SuiteRecord { name: "chapter".into(), ..SuiteRecord::default() };
+    session.bar.inc_length((changes.len() * families.clone().count()) as u64);
     for &changed in &changes {
-        let random = Random::new(subject.targets(), changed, lab.args.input.seed);
-        let heads = lab.args.heads_or(&[1])[0];
-        let setting =
-            Setting { workload: &random, changed: Some(changed), heads, shared: false, drawn: false, brief: true };
+        let random = Workload::random(subject.targets(), changed, session.args.input.seed);
+        let heads = session.args.heads_or(&[1])[0];
+        let setting = Setting { workload: &random, heads, shared: false, drawn: false, brief: true };
         for family in families.clone() {
             let name = format!("{} {}", family[0].desc.path.name(), family[0].format.name());
-            let entrant =
-                |c: &Config| Entrant { what: batch_words(c.desc.batch), config: c.clone(), setting: &setting };
-            let entrants: Vec<Entrant<'_>> = family.iter().map(entrant).collect();
+            let candidates: Vec<Candidate<'_>> =
+                family.iter().map(|c| Candidate::new(&batch_words(c.desc.batch), c, &setting)).collect();
             let cell = format!("{name}, {changed} of {} changed", subject.targets());
-            let runs = lab.measure(subject, &cell, &entrants, &lab.pace(Tempo::Own))?;
-            suite.comparisons.extend(gain(&cell, &runs));
-            lab.bar.inc(1);
+            let runs = session.measure(&mut subject, &cell, &candidates, &session.schedule(Common::Nothing))?;
+            session.suite.comparisons.extend(gain(&cell, &runs));
+            session.bar.inc(1);
         }
     }
-    Ok(suite)
+    Ok(())
 }
 
 /// Batch 1 against the fastest.

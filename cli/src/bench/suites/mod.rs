@@ -1,136 +1,42 @@
 //! `bench --suite`: ready-made comparisons, each with a page of its own.
 //!
-//! Configurations of a suite are measured in turns ([`race`](super::race)), and each frame draws every head once behind
-//! the update where techniques are compared: what they save in one they may pay for in the other.
+//! Configurations of a suite are measured interleaved ([`interleave`](super::interleave)), and each frame draws every
+//! head once after the update where techniques are compared: what they save in one they may pay for in the other.
 
 mod cells;
 mod chapter;
 mod crowd;
-pub mod figures;
-pub mod page;
-pub mod record;
-mod subject;
+mod session;
 mod technique;
-#[cfg(test)]
-mod tests;
-pub mod text;
 
 use super::machine::Machine;
-use super::race::{Entrant, Outcome, Pace, Tempo, contest};
-use super::record::{MeshInfo, Report, RunRecord, Skipped};
-use super::trial::Context;
+use super::record::Report;
 use crate::args::bench::{BenchArgs, SuiteChoice};
 use crate::input;
 use crate::output::{Failure, Output};
 use deltamorph::headless::DeviceChoice;
-use indicatif::ProgressBar;
-use record::SuiteRecord;
-use subject::Subject;
-
-/// Turns that the frames of a configuration are divided into.
-const ROUNDS: usize = 10;
-
-/// What all suites share, and what they have found so far.
-pub struct Lab<'a> {
-    pub args: &'a BenchArgs,
-    pub machine: &'a Machine,
-    pub out: &'a Output,
-    /// Progress: a step for each cell.
-    pub bar: ProgressBar,
-    /// The suite that is running.
-    suite: &'static str,
-    runs: Vec<RunRecord>,
-    skipped: Vec<Skipped>,
-    meshes: Vec<MeshInfo>,
-}
-
-impl Lab<'_> {
-    /// The frames of a configuration, in turns.
-    pub fn pace(&self, tempo: Tempo) -> Pace {
-        let frames = self.args.frames;
-        Pace { frames, rounds: ROUNDS.min(frames), limit: Some(self.args.time_limit()), tempo }
-    }
-
-    /// Measure `entrants` on `subject`, in turns.
-    pub fn contest(
-        &mut self,
-        subject: &mut Subject,
-        entrants: &[Entrant<'_>],
-        pace: &Pace,
-    ) -> Result<Vec<Outcome>, Failure> {
-        let Subject { input, cache, .. } = subject;
-        let context = Context { args: self.args, input, bandwidth: self.machine.bandwidth };
-        contest(context, self.machine.gpu.as_ref(), cache, entrants, pace)
-    }
-
-    /// As [`contest`](Self::contest); what was measured goes into the report under `cell` and the entrants' names.
-    pub fn measure(
-        &mut self,
-        subject: &mut Subject,
-        cell: &str,
-        entrants: &[Entrant<'_>],
-        pace: &Pace,
-    ) -> Result<Vec<Option<RunRecord>>, Failure> {
-        self.bar.set_message(format!("{} {cell}", self.suite));
-        let mut runs = vec![];
-        for (outcome, entrant) in self.contest(subject, entrants, pace)?.into_iter().zip(entrants) {
-            runs.push(match outcome {
-                Ok(mut run) => {
-                    run.raw_error_rel = run.raw_error_rel.filter(|_| !subject.was_packed);
-                    self.keep(cell, &entrant.what, run);
-                    self.runs.last().cloned()
-                }
-                Err(refused) => {
-                    self.skip(Skipped { what: format!("{}: {}", refused.what, cell), ..refused });
-                    None
-                }
-            });
-        }
-        Ok(runs)
-    }
-
-    /// Put a run into the report.
-    pub fn keep(&mut self, cell: &str, technique: &str, run: RunRecord) {
-        self.runs.push(RunRecord { suite: self.suite.into(), cell: cell.into(), technique: technique.into(), ..run });
-    }
-
-    /// Put what could not run into the report, once.
-    pub fn skip(&mut self, skipped: Skipped) {
-        if self.skipped.iter().all(|s| (&s.what, &s.reason) != (&skipped.what, &skipped.reason)) {
-            self.skipped.push(skipped);
-        }
-    }
-}
+use session::Session;
 
 /// Run the suites that `args` ask for.
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<Report, Failure> {
     let input = input::load(&args.input, true, out)?;
     let machine = Machine::open(args, device, &input, out)?;
     let empty = machine.report(&input);
-    let mut lab =
-        Lab { args, machine: &machine, out, bar: out.bar(0), suite: "", runs: vec![], skipped: vec![], meshes: vec![] };
+    let mut session = Session::new(args, &machine, out);
     let asked = |suite| args.suites.contains(&suite) || args.suites.contains(&SuiteChoice::All);
-    let clip_sets = if asked(SuiteChoice::Clips) { cells::clip_sets(&mut lab)? } else { vec![] };
-    let mut suites: Vec<SuiteRecord> = vec![];
+    // Before anything is measured: a set that cannot be used is not to cost what was measured before it.
+    let clips = if asked(SuiteChoice::Clips) { cells::captured(&mut session)? } else { vec![] };
     if asked(SuiteChoice::Chapter) {
-        lab.suite = "chapter";
-        let mut subject = Subject::new(&mut lab, input);
-        suites.push(chapter::run(&mut lab, &mut subject)?);
+        session.suite("chapter", |session| chapter::run(session, input))?;
     }
     if asked(SuiteChoice::Crowd) {
-        lab.suite = "crowd";
-        suites.push(crowd::run(&mut lab)?);
+        session.suite("crowd", crowd::run)?;
     }
     if asked(SuiteChoice::Techniques) {
-        lab.suite = "techniques";
-        suites.push(cells::techniques(&mut lab)?);
+        session.suite("techniques", |session| cells::run(session, cells::made_up(session)?, &[1, 10, 100]))?;
     }
     if asked(SuiteChoice::Clips) {
-        lab.suite = "clips";
-        suites.push(cells::clips(&mut lab, clip_sets)?);
+        session.suite("clips", |session| cells::run(session, clips, &[1]))?;
     }
-    lab.bar.finish_and_clear();
-    let Lab { runs, skipped, meshes, .. } = lab;
-    let input = meshes.first().cloned().unwrap_or_else(|| empty.input.clone());
-    Ok(Report { runs, skipped, suites, meshes, input, ..empty })
+    Ok(session.report(empty))
 }

@@ -1,12 +1,10 @@
 //! The techniques that compete: every update path in its best configuration, and two that rebuild every frame.
 
-use super::Lab;
-use super::subject::Subject;
+use super::session::{Session, Subject};
 use crate::args::values::BatchSpec;
 use crate::bench::configs::{Wanted, configurations};
-use crate::bench::race::{Entrant, Pace, Tempo};
+use crate::bench::interleave::{Candidate, Common, Schedule};
 use crate::bench::record::Skipped;
-use crate::bench::select::median;
 use crate::bench::setting::{Config, Setting};
 use crate::output::Failure;
 use deltamorph::{BatchSize, DeltaFormat, UpdateDesc, UpdateMode, UpdatePath};
@@ -21,83 +19,81 @@ pub struct Technique {
 
 /// Batch sizes to choose from: few are enough, since beyond 8 the gain is small.
 const SIZES: [BatchSpec; 3] = [BatchSpec::Size(8), BatchSpec::Size(16), BatchSpec::All];
-/// Rebuilding every frame is a technique of its own on these paths: in compute passes (Godot, PlayCanvas), and in
-/// vertex passes one target after the other (Godot's compatibility renderer).
-const REBUILDS: [(UpdatePath, bool); 2] = [(UpdatePath::Compute, false), (UpdatePath::Feedback, true)];
-
 /// The paths asked for, or every path that the command line knows.
-pub fn paths(lab: &Lab<'_>) -> Vec<UpdatePath> {
-    lab.args.update.paths_or(&UpdatePath::ALL)
+pub fn paths(session: &Session<'_>) -> Vec<UpdatePath> {
+    session.args.update.paths_or(&UpdatePath::ALL)
 }
 
 /// The formats asked for, or all.
-pub fn formats(lab: &Lab<'_>) -> Vec<DeltaFormat> {
-    let named = &lab.args.update.formats;
+pub fn formats(session: &Session<'_>) -> Vec<DeltaFormat> {
+    let named = &session.args.update.formats;
     if named.is_empty() { DeltaFormat::ALL.to_vec() } else { named.clone() }
 }
 
 /// Every technique that can run; those that cannot become entries of what was skipped.
-pub fn all(lab: &mut Lab<'_>) -> Vec<Technique> {
+pub fn all(session: &mut Session<'_>) -> Vec<Technique> {
     let mut techniques = vec![];
-    for path in paths(lab) {
-        let own = path.default_mode();
-        let incremental = own == UpdateMode::Incremental;
+    for path in paths(session) {
         let sizes = if path.takes_all_targets() { &SIZES[..] } else { &[BatchSpec::Max] };
-        techniques.push(technique(lab, path, own, sizes, path.name().into()));
-        for (_, one_by_one) in REBUILDS.into_iter().filter(|(p, _)| *p == path && incremental) {
-            let (name, sizes) = match one_by_one {
-                true => (format!("{} rebuild at batch 1", path.name()), &[BatchSpec::Size(1)][..]),
-                false => (format!("{} rebuild", path.name()), sizes),
+        let mut modes = vec![(path.default_mode(), sizes, "")];
+        // Rebuilding every frame is a technique of its own on two paths: in compute passes (Godot, PlayCanvas), and in
+        // vertex passes one target after the other (Godot's compatibility renderer).
+        match path {
+            UpdatePath::Compute => modes.push((UpdateMode::Rebuild, sizes, " rebuild")),
+            UpdatePath::Feedback => modes.push((UpdateMode::Rebuild, &[BatchSpec::Size(1)], " rebuild at batch 1")),
+            _ => {}
+        }
+        for (mode, sizes, suffix) in modes {
+            let wanted = Wanted {
+                paths: vec![path],
+                paths_named: !session.args.update.paths.is_empty(),
+                formats: &formats(session),
+                sums: &[UpdateDesc::new(path, BatchSize::All).accumulate],
+                modes: vec![mode],
+                sizes,
+                ..Wanted::default()
             };
-            techniques.push(technique(lab, path, UpdateMode::Rebuild, sizes, name));
+            let name = format!("{}{suffix}", path.name());
+            let (configs, skipped) = configurations(&wanted, &session.args.update, session.machine.gpu.as_ref());
+            skipped.into_iter().for_each(|s| session.skip(Skipped { what: name.clone(), ..s }));
+            if !configs.is_empty() {
+                techniques.push(Technique { name, configs });
+            }
         }
     }
-    techniques.into_iter().filter(|t| !t.configs.is_empty()).collect()
-}
-
-fn technique(lab: &mut Lab<'_>, path: UpdatePath, mode: UpdateMode, sizes: &[BatchSpec], name: String) -> Technique {
-    let wanted = Wanted {
-        paths: vec![path],
-        paths_named: !lab.args.update.paths.is_empty(),
-        formats: &formats(lab),
-        sums: &[UpdateDesc::new(path, BatchSize::All).accumulate],
-        modes: vec![mode],
-        sizes,
-        sizes_named: false,
-        error_budget: 0.0,
-    };
-    let (configs, skipped) = configurations(&wanted, &lab.args.update, lab.machine.gpu.as_ref());
-    skipped.into_iter().for_each(|s| lab.skip(Skipped { what: name.clone(), ..s }));
-    Technique { name, configs }
+    techniques
 }
 
 /// The fastest configuration of each technique in a short run; none where all are refused.
 pub fn choose(
-    lab: &mut Lab<'_>,
+    session: &mut Session<'_>,
     subject: &mut Subject,
     setting: &Setting<'_>,
     techniques: &[Technique],
 ) -> Result<Vec<(String, Config)>, Failure> {
-    let pace = Pace { frames: 6, rounds: 3, limit: Some(lab.args.time_limit() / 20), tempo: Tempo::Own };
+    let schedule =
+        Schedule { frames: 6, rounds: 3, limit: Some(session.args.time_limit() / 20), common: Common::Nothing };
     let mut chosen = vec![];
     for technique in techniques {
-        lab.bar.set_message(format!("choosing the best {}", technique.name));
+        session.bar.set_message(format!("choosing the best {}", technique.name));
         if let [config] = technique.configs.as_slice() {
             chosen.push((technique.name.clone(), config.clone()));
             continue;
         }
-        let entrant = |config: &Config| Entrant { what: technique.name.clone(), config: config.clone(), setting };
-        let entrants: Vec<Entrant<'_>> = technique.configs.iter().map(entrant).collect();
+        let candidates: Vec<Candidate<'_>> =
+            technique.configs.iter().map(|config| Candidate::new(&technique.name, config, setting)).collect();
         let mut best: Option<(f64, &Config)> = None;
-        for (outcome, config) in lab.contest(subject, &entrants, &pace)?.into_iter().zip(&technique.configs) {
+        for (outcome, config) in
+            session.interleave(subject, &candidates, &schedule)?.into_iter().zip(&technique.configs)
+        {
             match outcome {
-                Ok(run) if run.counts() && best.is_none_or(|(ms, _)| median(&run) < ms) => {
-                    best = Some((median(&run), config));
+                Ok(run) if run.counts() && best.is_none_or(|(ms, _)| run.median() < ms) => {
+                    best = Some((run.median(), config));
                 }
                 Ok(run) if run.verified => {}
                 // Wrong: that has to be seen, whatever the others do.
-                Ok(run) => lab.keep("choice", &technique.name, run),
-                Err(refused) => lab.skip(refused),
+                Ok(run) => session.keep("choice", &technique.name, run),
+                Err(refused) => session.skip(refused),
             }
         }
         chosen.extend(best.map(|(_, config)| (technique.name.clone(), config.clone())));

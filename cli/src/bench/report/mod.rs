@@ -1,9 +1,13 @@
 //! The report folder: report.json, runs.csv, the plots and index.html.
 
-use super::html;
-use super::record::{Report, RunRecord};
-use super::select::figures;
-use super::suites;
+mod family;
+mod figures;
+mod page;
+pub mod sentences;
+pub mod tables;
+
+use super::record::Report;
+use super::run::RunRecord;
 use crate::output::{self, Failure, publish, write_file};
 use serde_json::Value;
 use std::path::Path;
@@ -14,21 +18,13 @@ pub fn write(report: &Report, dir: &Path) -> Result<(), Failure> {
         let json = serde_json::to_string_pretty(report).map_err(|e| Failure::failed(&e))?;
         write_file(&dir.join("report.json"), json + "\n")?;
         write_file(&dir.join("runs.csv"), csv(&report.runs)?)?;
-        let mut drawn = Vec::new();
-        // A suite has its figures on a page of its own.
-        for figure in if report.suites.is_empty() { figures(report) } else { vec![] } {
-            let svg = figure.write(dir)?;
-            drawn.push((figure, svg));
+        for suite in report.suites.iter().map(Some).chain([None]) {
+            let figures = figures::figures(report, suite).into_iter();
+            let drawn = figures.map(|figure| figure.write(dir).map(|svg| (figure, svg)));
+            let page = page::page(report, suite, &drawn.collect::<Result<Vec<_>, _>>()?);
+            write_file(&dir.join(page::file_name(suite)), page)?;
         }
-        for suite in &report.suites {
-            let mut drawn = Vec::new();
-            for figure in suites::figures::figures(suite, report) {
-                let svg = figure.write(dir)?;
-                drawn.push((figure, svg));
-            }
-            write_file(&dir.join(suites::page::file_name(suite)), suites::page::page(suite, report, &drawn))?;
-        }
-        write_file(&dir.join("index.html"), html::page(report, &drawn))
+        Ok(())
     })
 }
 
@@ -106,7 +102,7 @@ mod tests {
         let folder = kept.map_or_else(|| dir.path().join("new/report"), Into::into);
         let report = synthetic::report();
         write(&report, &folder).expect("written");
-        for figure in figures(&report) {
+        for figure in figures::figures(&report, None) {
             for extension in ["svg", "png"] {
                 assert!(folder.join(format!("{}.{extension}", figure.slug)).is_file(), "{}", figure.slug);
             }

@@ -1,11 +1,22 @@
 //! The sentences that sum a report up, with numbers from its runs.
 
 use super::family::Family;
-use super::record::{Report, RunRecord};
-use super::select::{batch_words, fastest, median, relative};
-use super::suites;
+use super::figures::relative;
+use crate::bench::compare::{Comparison, SuiteRecord};
+use crate::bench::record::Report;
+use crate::bench::run::{RunRecord, batch_words, fastest};
 use crate::table::{count, percent, sig3, thousands};
 use deltamorph::BatchSize;
+
+pub fn title(suite: &SuiteRecord) -> &str {
+    match suite.name.as_str() {
+        "chapter" => "What batching gains",
+        "crowd" => "One head and many",
+        "techniques" => "Every technique, side by side",
+        "clips" => "Every technique on captured clips",
+        other => other,
+    }
+}
 
 /// The most telling numbers, the first of which is the heading.
 pub fn sentences(report: &Report) -> Vec<String> {
@@ -13,7 +24,7 @@ pub fn sentences(report: &Report) -> Vec<String> {
     let wrong = report.runs.iter().filter(|r| !r.verified).count();
     let mut out: Vec<String> = match report.suites.is_empty() {
         true => [batching(&runs), best(&runs), changed(&runs)].into_iter().flatten().collect(),
-        false => report.suites.iter().map(|suite| suites::text::sentence(suite, report)).collect(),
+        false => report.suites.iter().map(|suite| of_suite(suite, report)).collect(),
     };
     if out.is_empty() {
         out.push(format!("{} configurations, none of them timed", report.runs.len()));
@@ -31,34 +42,58 @@ pub fn sentences(report: &Report) -> Vec<String> {
     out
 }
 
-/// Runs that differ from `run` in the batch size only.
-fn siblings<'a>(runs: &[&'a RunRecord], run: &RunRecord) -> Vec<&'a RunRecord> {
-    let key = |r: &RunRecord| (Family::of(r), r.workload.clone(), r.heads, r.changed.to_bits());
-    runs.iter().filter(|r| key(r) == key(run)).copied().collect()
+/// The most telling numbers of a suite.
+pub fn of_suite(suite: &SuiteRecord, report: &Report) -> String {
+    match suite.name.as_str() {
+        "chapter" => match suite.comparisons.iter().max_by(|a, b| a.ratio.total_cmp(&b.ratio)) {
+            Some(c) => format!("Chapter: {} is {} times as fast as batch 1 ({}).", c.second, sig3(c.ratio), c.name),
+            None => "Chapter: no path with batches could run.".into(),
+        },
+        "crowd" => {
+            let crowds = suite.comparisons.iter().filter(|c| c.second.contains("crowd"));
+            let gain = |c: &Comparison| format!("{} times as fast as {} ({})", sig3(c.ratio), c.first, c.name);
+            let gains: Vec<String> = crowds.map(gain).collect();
+            match gains.is_empty() {
+                true => format!("Crowd: {} runs.", report.runs_of(Some(suite)).count()),
+                false => format!("Crowd: one crowd is {}.", gains.join(", ")),
+            }
+        }
+        _ => {
+            let ratios: Vec<f64> = suite.cells.iter().filter_map(|c| c.blocks_to_best_other).collect();
+            let wins = ratios.iter().filter(|r| **r <= 1.0).count();
+            match ratios.iter().copied().reduce(f64::max) {
+                None => format!("{}: nothing to compare.", title(suite)),
+                Some(worst) => format!(
+                    "{}: blocks is the fastest GPU path in {wins} of {} cells; in the worst it takes {} \
+                     times what the best other takes.",
+                    title(suite),
+                    ratios.len(),
+                    sig3(worst)
+                ),
+            }
+        }
+    }
 }
 
 /// What batching gains where it gains most.
 fn batching(runs: &[&RunRecord]) -> Option<String> {
     let (first, most) = (runs.first()?, runs.iter().map(|r| r.changed).fold(0.0, f64::max));
     // One workload: gains of different ones do not compare.
-    let numbered = runs.iter().filter(|r| {
-        let same = (&r.workload, r.heads, r.changed) == (&first.workload, first.heads, most);
-        same && matches!(r.batch_size, BatchSize::Targets(_))
-    });
-    let gains = numbered.filter_map(|r| {
-        let siblings = siblings(runs, r);
+    let hardest: Vec<&RunRecord> = runs
+        .iter()
+        .copied()
+        .filter(|r| (&r.workload, r.heads, r.changed) == (&first.workload, first.heads, most))
+        .collect();
+    let gains = hardest.iter().filter(|r| matches!(r.batch_size, BatchSize::Targets(_))).filter_map(|run| {
+        let family = Family::of(run);
+        let own: Vec<&RunRecord> = hardest.iter().copied().filter(|r| Family::of(r) == family).collect();
         // As many passes as one at a time: what differs then is noise.
-        let single = siblings.iter().find(|s| s.batch_size == BatchSize::Targets(1))?;
-        let (gain, error) = relative(r, &siblings).filter(|_| r.passes < single.passes)?;
-        (gain - 2.0 * error > 1.0).then_some((gain, *r))
+        let single = own.iter().find(|r| r.batch_size == BatchSize::Targets(1))?;
+        let (gain, error) = relative(run, &own).filter(|_| run.passes < single.passes)?;
+        (gain - 2.0 * error > 1.0).then_some((gain, *run))
     });
     let (gain, run) = gains.max_by(|a, b| a.0.total_cmp(&b.0))?;
-    Some(format!(
-        "{} is {gain:.1}× as fast as batch 1 on {} ({})",
-        capital(&batch_words(run.batch_size)),
-        run.path,
-        run.format
-    ))
+    Some(format!("Batch {} is {gain:.1}× as fast as batch 1 on {} ({})", run.batch_size, run.path, run.format))
 }
 
 /// The fastest configuration of the hardest work.
@@ -79,7 +114,7 @@ fn best(runs: &[&RunRecord]) -> Option<String> {
         run.path,
         run.format,
         batch_words(run.batch_size),
-        sig3(median(run)),
+        sig3(run.median()),
     ))
 }
 
@@ -95,16 +130,11 @@ fn changed(runs: &[&RunRecord]) -> Option<String> {
     (least < most).then(|| {
         format!(
             "Changing {least:.0} of {total} targets takes {} ms, changing {more} {} ms: {:.1} times as long.",
-            sig3(median(few)),
-            sig3(median(all)),
-            median(all) / median(few)
+            sig3(few.median()),
+            sig3(all.median()),
+            all.median() / few.median()
         )
     })
-}
-
-fn capital(text: &str) -> String {
-    let mut chars = text.chars();
-    chars.next().map(|c| c.to_uppercase().chain(chars).collect()).unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -114,16 +144,17 @@ mod tests {
 
     #[test]
     fn numbers_come_from_the_runs() {
-        let report = synthetic::report();
-        let all = sentences(&report);
-        assert!(
-            all[0].starts_with("Batch 16 is 7.7× as fast") && all[0].ends_with("on feedback (snorm16)"),
-            "{}",
-            all[0]
-        );
-        assert!(all[1].contains("72 targets") && all[1].contains("compute snorm16, one pass"), "{}", all[1]);
-        assert!(all[2].starts_with("Changing 4 of 72 targets"), "{}", all[2]);
-        assert!(all[3].starts_with("2 of "), "{}", all[3]);
+        let all = sentences(&synthetic::report());
+        for (sentence, words) in [
+            (0, "Batch 16 is 7.7× as fast as batch 1 on feedback (snorm16)"),
+            (1, "With 72 targets changed per frame the fastest is compute snorm16, one pass: "),
+            (2, "Changing 4 of 72 targets"),
+            (3, "2 of "),
+        ] {
+            assert!(all[sentence].starts_with(words), "{all:?}");
+        }
+        let suite = sentences(&synthetic::suite());
+        assert!(suite[0].contains("fastest GPU path in 1 of 1 cells"), "{suite:?}");
     }
 
     #[test]

@@ -1,0 +1,202 @@
+//! Several configurations side by side: a machine that is faster now than a minute ago is so for all of them.
+
+use super::cache::Cache;
+use super::record::Skipped;
+use super::run::RunRecord;
+use super::setting::{Config, Setting};
+use super::trial::{Context, Trial};
+use crate::output::Failure;
+use crate::runner::{Gpu, Runner};
+use deltamorph::Error;
+use std::time::Duration;
+
+/// How long configurations are timed, and in how many rounds.
+#[derive(Clone, Copy, Debug)]
+pub struct Schedule {
+    /// Frames of each configuration.
+    pub frames: usize,
+    /// Rounds that they are divided into.
+    pub rounds: usize,
+    /// Time for each configuration; three frames are timed however long they take.
+    pub limit: Option<Duration>,
+    /// What configurations have in common besides.
+    pub common: Common,
+}
+
+/// What interleaved configurations have in common.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Common {
+    /// Each runs frame after frame, as many as it can.
+    Nothing,
+    /// The same frames, spread over the workload: where frames differ.
+    Frames,
+    /// The same time for a frame: those that are done before the slowest wait. A machine that waits cools down, its
+    /// caches fill with other things and its cores go to sleep, and a frame after a pause takes longer.
+    FrameRate,
+}
+
+/// Frames that are timed at least.
+const LEAST_FRAMES: usize = 3;
+
+impl Schedule {
+    /// All frames in one go.
+    pub fn whole(frames: usize) -> Self {
+        Self { frames, rounds: 1, limit: None, common: Common::Nothing }
+    }
+
+    fn share(&self) -> Option<Duration> {
+        self.limit.map(|limit| limit / self.rounds as u32)
+    }
+
+    /// Frames of a round where each has to take the same, and the slowest takes `slowest` for one.
+    fn frames_together(&self, slowest: Duration) -> usize {
+        let most = self.frames.div_ceil(self.rounds);
+        match self.share() {
+            Some(share) if !slowest.is_zero() => {
+                ((share.as_secs_f64() / slowest.as_secs_f64()) as usize).clamp(1, most)
+            }
+            _ => most,
+        }
+    }
+}
+
+/// A trial, or why it was refused.
+type Running<'a> = Result<Trial<'a>, String>;
+
+/// Time `running`, interleaved. What is wrong or refused drops out.
+fn run(running: &mut [Running<'_>], schedule: &Schedule) -> deltamorph::Result<()> {
+    let mut slowest = Duration::ZERO;
+    each(running, |trial| {
+        slowest = slowest.max(trial.warm_up(schedule.share())?);
+        Ok(())
+    })?;
+    if schedule.common == Common::FrameRate {
+        running.iter_mut().flatten().for_each(|trial| trial.take_at_least(slowest));
+    }
+    for round in 0..schedule.rounds {
+        each(running, |trial| {
+            let (timed, spent) = trial.timed();
+            if schedule.common == Common::Frames {
+                trial.jump(round, schedule.rounds)?;
+            }
+            if schedule.common != Common::Nothing {
+                trial.round(schedule.frames_together(slowest), None)
+            } else if timed < LEAST_FRAMES || schedule.limit.is_none_or(|limit| spent < limit) {
+                trial.round(schedule.frames.div_ceil(schedule.rounds), schedule.share())
+            } else {
+                Ok(())
+            }
+        })?;
+    }
+    Ok(())
+}
+
+/// Let each trial that is still in do something.
+fn each(
+    running: &mut [Running<'_>],
+    mut act: impl FnMut(&mut Trial<'_>) -> deltamorph::Result<()>,
+) -> deltamorph::Result<()> {
+    for place in running {
+        if let Ok(trial) = place
+            && trial.is_right()
+            && let Err(reason) = refusal(act(trial))?
+        {
+            *place = Err(reason);
+        }
+    }
+    Ok(())
+}
+
+/// Tells what a path refuses (weights that it cannot take, say) from a device that fails.
+fn refusal<T>(result: deltamorph::Result<T>) -> deltamorph::Result<Result<T, String>> {
+    match result {
+        Ok(value) => Ok(Ok(value)),
+        Err(e @ (Error::Invalid { .. } | Error::Unsupported { .. })) => Ok(Err(e.to_string())),
+        Err(e) => Err(e),
+    }
+}
+
+/// A configuration, and what it is measured on.
+pub struct Candidate<'a> {
+    /// Its name, should it be refused.
+    pub what: String,
+    pub config: Config,
+    pub setting: &'a Setting<'a>,
+}
+
+impl<'a> Candidate<'a> {
+    pub fn new(what: &str, config: &Config, setting: &'a Setting<'a>) -> Self {
+        Self { what: what.into(), config: config.clone(), setting }
+    }
+}
+
+pub type Outcome = Result<RunRecord, Skipped>;
+
+/// Measure `candidates` side by side; outcomes are in their order. One that there is no room for beside the others is
+/// measured after them.
+pub fn interleave(
+    context: Context<'_>,
+    gpu: Option<&Gpu>,
+    cache: &mut Cache,
+    candidates: &[Candidate<'_>],
+    schedule: &Schedule,
+) -> Result<Vec<Outcome>, Failure> {
+    let mut running: Vec<Running<'_>> = vec![];
+    for candidate in candidates {
+        running.push(begin(context, gpu, cache, candidate)?);
+    }
+    let begun: Vec<bool> = running.iter().map(Result::is_ok).collect();
+    run(&mut running, schedule)?;
+    let mut outcomes: Vec<Outcome> = vec![];
+    for (trial, candidate) in running.into_iter().zip(candidates) {
+        outcomes.push(match trial {
+            Ok(trial) => Ok(trial.finish(cache)?),
+            Err(reason) => Err(Skipped { what: candidate.what.clone(), reason }),
+        });
+    }
+    // When the others have given their memory back, there may be room for what had none beside them.
+    if begun.contains(&true) {
+        for (place, candidate) in candidates.iter().enumerate().filter(|(place, _)| !begun[*place]) {
+            let outcome = interleave(context, gpu, cache, std::slice::from_ref(candidate), schedule)?.remove(0);
+            outcomes[place] = outcome.map(|record| RunRecord { alone: true, ..record });
+        }
+    }
+    Ok(outcomes)
+}
+
+/// A verified trial, or why there is none.
+fn begin<'a>(
+    context: Context<'a>,
+    gpu: Option<&'a Gpu>,
+    cache: &mut Cache,
+    candidate: &Candidate<'a>,
+) -> Result<Running<'a>, Failure> {
+    let Candidate { config, setting, .. } = candidate;
+    let mesh = cache.mesh(context.input, gpu, config.format, &context.args.update.pack)?;
+    let threads = context.args.update.threads.unwrap_or(0);
+    let runner = match (config.separate, gpu) {
+        (true, Some(gpu)) => Runner::crowds(gpu, &mesh, config.desc, 1, setting.updated() as usize),
+        _ => Runner::new(gpu, &mesh, config.desc, setting.updated(), threads),
+    };
+    let gpu = gpu.filter(|_| setting.drawn);
+    match runner.and_then(|runner| runner.with_upload(gpu, setting.updated())) {
+        Ok(runner) => Ok(refusal(Trial::begin(context, runner, setting, config, &mesh, cache))?),
+        // Too large for the device, say.
+        Err(e) => Ok(Err(e.to_string())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_slowest_sets_the_pace() {
+        let seconds = Duration::from_secs_f64;
+        let schedule = Schedule { frames: 100, rounds: 10, limit: Some(seconds(5.0)), common: Common::Frames };
+        assert_eq!(schedule.share(), Some(seconds(0.5)));
+        let frames = [0.0, 0.001, 0.1, 0.25, 20.0].map(|slowest| schedule.frames_together(seconds(slowest)));
+        assert_eq!(frames, [10, 10, 5, 2, 1]);
+        assert_eq!(Schedule::whole(7).frames_together(seconds(100.0)), 7);
+    }
+}

@@ -1,0 +1,398 @@
+//! From runs to figures: what is compared with what.
+
+use super::family::{Family, by_family, families, partition};
+use crate::bench::compare::SuiteRecord;
+use crate::bench::record::Report;
+use crate::bench::run::{RunRecord, batch_words, fastest, heads_words};
+use crate::bench::stats::Stats;
+use crate::plots::{ALL, Axes, Bar, Chart, Figure, Point, Series, Unit};
+use crate::table::{count, percent, sig3, thousands};
+use deltamorph::BatchSize;
+use std::collections::HashSet;
+
+/// What a line chart shows, whatever the runs are.
+struct Kind {
+    slug: &'static str,
+    title: &'static str,
+    labels: [&'static str; 2],
+    axes: Axes,
+    reference: Option<f64>,
+    caption: &'static str,
+}
+
+const TIME_VS_BATCH: Kind = Kind {
+    slug: "time-vs-batch",
+    title: "Time per frame against batch size",
+    labels: ["targets per pass", "ms per frame"],
+    axes: Axes::Counts,
+    reference: None,
+    caption: "Median time per frame; bars are ±1 standard error. Each pass reads and writes the whole pose, so fewer \
+              passes mean less traffic. The cpu path has no passes and is drawn as a level.",
+};
+const RELATIVE: Kind = Kind {
+    slug: "relative-performance",
+    title: "Relative performance against batch size",
+    labels: ["targets per pass", "times as fast as batch 1"],
+    axes: Axes::CountsFromZero,
+    reference: Some(1.0),
+    caption: "Time at batch 1 divided by time at batch b, each path against itself: what batching alone gains.",
+};
+const TIME_VS_CHANGED: Kind = Kind {
+    slug: "time-vs-changed",
+    title: "Time per frame against changed targets",
+    labels: ["targets changed per frame", "ms per frame"],
+    axes: Axes::CountsFromZero,
+    reference: None,
+    caption: "Each point is the fastest batch size of its path. An incremental update pays for what changed.",
+};
+const TIME_VS_HEADS: Kind = Kind {
+    slug: "time-vs-heads",
+    title: "Time per frame against heads",
+    labels: ["heads", "ms per frame"],
+    caption: "Each point is the fastest batch size of its path. Every head has its own weights; where they are shared, \
+              one head is updated for all.",
+    ..TIME_VS_CHANGED
+};
+const DEVICE_TIME: Kind = Kind {
+    slug: "crowd-gpu",
+    title: "Device time",
+    labels: ["targets kept", "ms per frame"],
+    caption: "Mean time of the update and of a draw for each head on the device; bars are ±1 standard error.",
+    ..TIME_VS_BATCH
+};
+const ROUND_TRIP: Kind = Kind {
+    slug: "crowd-round-trip",
+    title: "Round trip",
+    caption: "Mean time from weights to fence, update and draws included; bars are ±1 standard error. Of the path cpu \
+              the update alone: upload and draw are in the table below.",
+    ..DEVICE_TIME
+};
+
+impl Kind {
+    /// The figure, where there is more than a point to draw; `subtitle` says what is constant.
+    fn figure(&self, suffix: &str, subtitle: [String; 2], series: Vec<Series>) -> Option<Figure> {
+        let Self { labels, axes, reference, .. } = *self;
+        series.iter().any(|line| line.points.len() > 1).then(|| Figure {
+            slug: format!("{}{suffix}", self.slug),
+            caption: self.caption.into(),
+            title: self.title.into(),
+            subtitle,
+            chart: Chart::Lines { labels, axes, reference, series },
+        })
+    }
+}
+
+/// All figures that the runs of `suite`, or of an ordinary run, are enough for.
+pub fn figures(report: &Report, suite: Option<&SuiteRecord>) -> Vec<Figure> {
+    let runs: Vec<&RunRecord> = report.runs_of(suite).filter(|run| run.counts()).collect();
+    let mut figures = match suite {
+        None if report.suites.is_empty() => sweep(report, &runs),
+        // Each suite has its own.
+        None => vec![],
+        Some(suite) if suite.name == "chapter" => chapter(report, &runs),
+        Some(suite) if suite.name == "crowd" => crowd(report, &runs),
+        Some(suite) => suite.cells.iter().filter_map(|cell| ranking(report, suite, &cell.name)).collect(),
+    };
+    // Clips may differ in what file names here do not have.
+    let mut taken = HashSet::new();
+    for figure in &mut figures {
+        let numbered = (2..).map(|n| format!("{}-{n}", figure.slug));
+        let name = std::iter::once(figure.slug.clone()).chain(numbered).find(|name| !taken.contains(name));
+        figure.slug = name.unwrap_or_default();
+        taken.insert(figure.slug.clone());
+    }
+    figures
+}
+
+/// Those of an ordinary run: a set for each workload and number of heads, and for each workload one against heads.
+fn sweep(report: &Report, runs: &[&RunRecord]) -> Vec<Figure> {
+    let workloads = partition(runs, |run| run.workload.clone());
+    let several_heads = partition(runs, |run| run.heads).len() > 1;
+    let mut figures = vec![];
+    for (workload, heads, runs) in workloads.iter().flat_map(|(workload, runs)| {
+        partition(runs, |run| run.heads).into_iter().map(move |(heads, runs)| (workload, heads, runs))
+    }) {
+        let mut suffix = if workloads.len() > 1 { format!("-{}", slug(workload)) } else { String::new() };
+        let hardest = hardest(&runs);
+        let here = |work: String| {
+            let heads = if heads == 1 { String::new() } else { format!(" · {heads} heads") };
+            let clip = if workload == "random" { String::new() } else { format!("clip {workload}: ") };
+            [format!("{clip}{work}{heads}"), mesh(report, &runs)]
+        };
+        if several_heads {
+            suffix += &format!("-{heads}heads");
+        }
+        figures.extend(against_batch(&suffix, &here(change(hardest[0])), &hardest));
+        let best = best_by(&runs, |run| run.changed);
+        let lines = series(&best, |run| run.changed, absolute);
+        figures.extend(TIME_VS_CHANGED.figure(&suffix, here(format!("{} targets", runs[0].targets)), lines));
+        figures.extend(floor(&suffix, here(change(hardest[0])), &hardest));
+    }
+    for (workload, runs) in &workloads {
+        let suffix = if workloads.len() > 1 { format!("-{}", slug(workload)) } else { String::new() };
+        // In each group for itself: heads play a clip from different frames on, so that the mean depends on their number.
+        let hardest: Vec<&RunRecord> =
+            partition(runs, |run| run.heads).iter().flat_map(|(_, runs)| hardest(runs)).collect();
+        let best = best_by(&hardest, |run| run.heads.into());
+        let lines = series(&best, |run| run.heads.into(), absolute);
+        let work = if workload == "random" { change(hardest[0]) } else { format!("clip {workload}") };
+        figures.extend(TIME_VS_HEADS.figure(&suffix, [work, mesh(report, runs)], lines));
+    }
+    figures
+}
+
+fn chapter(report: &Report, runs: &[&RunRecord]) -> Vec<Figure> {
+    let groups = partition(runs, |run| run.changed);
+    let group = |(changed, runs): &(f64, Vec<&RunRecord>)| {
+        let figures = against_batch(&format!("-{changed}-changed"), &[change(runs[0]), mesh(report, runs)], runs);
+        figures.into_iter().map(|figure| Figure { slug: format!("chapter-{}", figure.slug), ..figure })
+    };
+    groups.iter().flat_map(group).collect()
+}
+
+fn against_batch(suffix: &str, subtitle: &[String; 2], runs: &[&RunRecord]) -> Vec<Figure> {
+    let batch = |run: &RunRecord| match run.batch_size {
+        BatchSize::Targets(n) => n.into(),
+        BatchSize::All => ALL,
+    };
+    let mut gains = series(runs, batch, relative);
+    gains.retain(|line| line.points.len() > 1);
+    let time = TIME_VS_BATCH.figure(suffix, subtitle.clone(), series(runs, batch, absolute));
+    time.into_iter().chain(RELATIVE.figure(suffix, subtitle.clone(), gains)).collect()
+}
+
+/// The time of a run that a figure shows.
+type Time = fn(&RunRecord) -> Option<Stats>;
+
+fn crowd(report: &Report, runs: &[&RunRecord]) -> Vec<Figure> {
+    let runs: Vec<&RunRecord> = runs.iter().copied().filter(|run| run.cell.ends_with(" targets")).collect();
+    let mut figures = vec![];
+    for ((heads, shared), runs) in partition(&runs, |run| (run.heads, run.shared)) {
+        let name = heads_words(heads, shared);
+        let subtitle = [format!("{name}; all targets kept change in every frame"), mesh(report, &runs)];
+        let kinds: [(Kind, Time); 2] = [(DEVICE_TIME, |run| run.update_and_draw_ms), (ROUND_TRIP, |run| run.cpu_ms)];
+        for (kind, time) in kinds {
+            let lines =
+                series(&runs, |run| run.targets as f64, |run, _| time(run).map(|time| (time.mean, time.stderr)));
+            figures.extend(kind.figure(&format!("-{}", slug(&name)), subtitle.clone(), lines));
+        }
+    }
+    figures
+}
+
+/// A bar for each technique of a cell, the fastest on top.
+fn ranking(report: &Report, suite: &SuiteRecord, cell: &str) -> Option<Figure> {
+    let all = families(&report.runs_of(Some(suite)).collect::<Vec<_>>());
+    let (mut right, wrong): (Vec<&RunRecord>, Vec<&RunRecord>) =
+        report.runs_of(Some(suite)).filter(|run| run.cell == cell).partition(|run| run.counts());
+    right.sort_by(|a, b| a.median().total_cmp(&b.median()));
+    let bar = |run: &&RunRecord| Bar {
+        label: run.label(),
+        remark: format!("{} · n = {}", remark(run), run.time().map_or(0, |time| time.n)),
+        length: run.median(),
+        color: Family::of(run).style(&all).0,
+    };
+    let wrong = match wrong.len() {
+        0 => String::new(),
+        n => format!(" {n} gave a wrong result and are not drawn."),
+    };
+    (!right.is_empty()).then(|| Figure {
+        slug: format!("{}-{}", suite.name, slug(cell)),
+        caption: format!(
+            "Median time of the update and of one draw for each head, measured interleaved; of the path cpu the update \
+             alone: upload and draw are in the table below.{wrong}"
+        ),
+        title: cell.to_owned(),
+        subtitle: ["ms per frame: the update, and one draw for each head".into(), mesh(report, &right)],
+        chart: Chart::Bars { unit: Unit::Milliseconds, bars: right.iter().map(bar).collect() },
+    })
+}
+
+fn floor(suffix: &str, subtitle: [String; 2], runs: &[&RunRecord]) -> Option<Figure> {
+    let all = families(runs);
+    let bar = |run: &&RunRecord| {
+        let (family, share) = (Family::of(run), run.floor_fraction.filter(|share| share.is_finite())?);
+        let remark = format!("{} · {}", percent(share), remark(run));
+        Some(Bar { label: family.label(&all), remark, length: share, color: family.style(&all).0 })
+    };
+    let mut bars: Vec<Bar> = best_by(runs, |_| 0.0).iter().filter_map(bar).collect();
+    bars.sort_by(|a, b| b.length.total_cmp(&a.length));
+    (!bars.is_empty()).then(|| Figure {
+        slug: format!("floor{suffix}"),
+        caption: "The floor is the time to move each delta of a changed target once, and what is updated of the pose \
+                  in and out, at the best bandwidth of plain reading and copying. What stays in a cache can beat it."
+            .into(),
+        title: "How near the memory-bandwidth floor".into(),
+        subtitle,
+        chart: Chart::Bars { unit: Unit::Share, bars },
+    })
+}
+
+/// The remark at the end of a bar: its time, and its batch where its path has batches.
+fn remark(run: &RunRecord) -> String {
+    let batch = match (run.batch_size, run.batch_max) {
+        (BatchSize::All, None) => String::new(),
+        (batch, _) => format!(" · {}", batch_words(batch)),
+    };
+    format!("{} ms{batch}", sig3(run.median()))
+}
+
+fn change(run: &RunRecord) -> String {
+    format!("{} of {} targets changed per frame", count(run.changed), run.targets)
+}
+
+/// What is constant: the mesh and the device.
+fn mesh(report: &Report, runs: &[&RunRecord]) -> String {
+    let mesh = report.meshes.iter().find(|mesh| mesh.name == runs[0].mesh).unwrap_or(&report.input);
+    format!("{}, {} vertices · {}", mesh.name, thousands(mesh.vertices), report.device.name)
+}
+
+/// `name` as a part of a file name.
+fn slug(name: &str) -> String {
+    name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect()
+}
+
+/// Those where most targets change.
+fn hardest<'a>(runs: &[&'a RunRecord]) -> Vec<&'a RunRecord> {
+    let most = runs.iter().map(|run| run.changed).fold(0.0, f64::max);
+    runs.iter().copied().filter(|run| run.changed == most).collect()
+}
+
+/// For each family and each value of `key`, the fastest run.
+fn best_by<'a>(runs: &[&'a RunRecord], key: impl Fn(&RunRecord) -> f64) -> Vec<&'a RunRecord> {
+    let groups = partition(runs, |run| (Family::of(run), key(run)));
+    groups.into_iter().filter_map(|(_, group)| fastest(group)).collect()
+}
+
+/// A line for each family: `x` and `y` make the points, `y` the value and its error, given the runs of the family.
+fn series(
+    runs: &[&RunRecord],
+    x: impl Fn(&RunRecord) -> f64,
+    y: impl Fn(&RunRecord, &[&RunRecord]) -> Option<(f64, f64)>,
+) -> Vec<Series> {
+    let (all, mut lines) = (families(runs), vec![]);
+    for (family, own) in by_family(runs) {
+        let point = |run: &&RunRecord| y(run, &own).map(|(y, error)| Point { x: x(run), y, error });
+        let mut points: Vec<Point> = own.iter().filter_map(point).collect();
+        points.sort_by(|a, b| a.x.total_cmp(&b.x));
+        let (color, marker) = family.style(&all);
+        if !points.is_empty() {
+            lines.push(Series { label: family.label(&all), color, marker, points });
+        }
+    }
+    lines
+}
+
+fn absolute(run: &RunRecord, _: &[&RunRecord]) -> Option<(f64, f64)> {
+    run.time().map(|time| (time.median, time.stderr))
+}
+
+/// How much faster than batch 1 of the same family.
+pub fn relative(run: &RunRecord, own: &[&RunRecord]) -> Option<(f64, f64)> {
+    let single = BatchSize::Targets(1);
+    if run.batch_size == single {
+        return Some((1.0, 0.0));
+    }
+    let (one, this) = (own.iter().find(|run| run.batch_size == single)?.time()?, run.time()?);
+    let ratio = one.median / this.median;
+    Some((ratio, ratio * (one.stderr / one.median).hypot(this.stderr / this.median)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::synthetic;
+
+    fn drawn(report: &Report) -> Vec<Figure> {
+        figures(report, report.suites.first())
+    }
+
+    fn slugs(report: &Report) -> Vec<String> {
+        drawn(report).into_iter().map(|figure| figure.slug).collect()
+    }
+
+    fn lines(report: &Report, slug: &str) -> Vec<Series> {
+        match drawn(report).into_iter().find(|figure| figure.slug == slug).expect(slug).chart {
+            Chart::Lines { series, .. } => series,
+            Chart::Bars { .. } => panic!("{slug} has bars"),
+        }
+    }
+
+    /// The made-up report, with the runs that `keep` wants, and these once more as `change` makes them.
+    fn report(keep: fn(&RunRecord) -> bool, change: fn(RunRecord) -> RunRecord) -> Report {
+        let mut report = synthetic::report();
+        report.runs.retain(keep);
+        report.runs.extend(report.runs.clone().into_iter().map(change));
+        report
+    }
+
+    #[test]
+    fn one_set_per_workload() {
+        let mut report = synthetic::report();
+        let sets = ["time-vs-batch", "relative-performance", "time-vs-changed", "floor"];
+        let mut expected: Vec<String> = sets.map(|name| format!("{name}-random")).into();
+        expected.extend(["time-vs-batch", "relative-performance", "floor"].map(|name| format!("{name}-speech-30fps")));
+        assert_eq!(slugs(&report), expected);
+        report.runs.retain(|r| r.workload == "random" && r.changed == 4.0);
+        assert_eq!(slugs(&report), ["time-vs-batch", "relative-performance", "floor"]);
+        report.runs.clear();
+        assert!(slugs(&report).is_empty());
+        assert_eq!(slugs(&synthetic::suite()), ["techniques-dense--1---1-head"]);
+        assert!(drawn(&synthetic::suite())[0].caption.contains("1 gave a wrong result"));
+    }
+
+    #[test]
+    fn heads_get_a_figure_of_their_own() {
+        let work = |r: &RunRecord| r.workload == "random" && r.changed == 4.0;
+        let slugs = slugs(&report(work, |run| RunRecord { heads: 16, ..run }));
+        assert!(slugs.contains(&"time-vs-heads".into()) && slugs.contains(&"floor-16heads".into()), "{slugs:?}");
+        // A clip has a point for each number of heads, though the mean of what changes depends on their number.
+        let clip = |r: &RunRecord| r.workload == "speech_30fps" && r.verified;
+        for line in lines(&report(clip, |run| RunRecord { heads: 16, changed: 2.5, ..run }), "time-vs-heads") {
+            assert_eq!(line.points.iter().map(|p| p.x).collect::<Vec<_>>(), [1.0, 16.0]);
+        }
+    }
+
+    #[test]
+    fn relative_performance_starts_at_one() {
+        for line in lines(&synthetic::report(), "relative-performance-random") {
+            assert_eq!((line.points[0].x, line.points[0].y), (1.0, 1.0), "{}", line.label);
+            assert!(line.points.last().is_some_and(|p| p.y > 2.0 && p.error > 0.0));
+        }
+    }
+
+    #[test]
+    fn wrong_runs_are_not_drawn_and_all_comes_last() {
+        let lines = lines(&synthetic::report(), "time-vs-batch-random");
+        let points = |label: &str| &lines.iter().find(|line| line.label == label).expect(label).points;
+        assert_eq!(points("feedback float32").len(), 14);
+        assert_eq!(points("compute snorm16").last().map(|p| p.x), Some(ALL));
+        assert_eq!(points("cpu float32").len(), 1);
+    }
+
+    #[test]
+    fn families_look_different_and_are_named_by_what_varies() {
+        let exact = report(|_| true, |run| RunRecord { accumulate: "exact".into(), ..run });
+        for (report, looks) in [(synthetic::report(), 5), (exact, 10)] {
+            let lines = lines(&report, "time-vs-batch-random");
+            let look = |line: &Series| (line.color.0, line.color.1, line.color.2, format!("{:?}", line.marker));
+            assert_eq!(lines.iter().map(look).collect::<HashSet<_>>().len(), looks);
+            assert_eq!(lines.iter().filter(|line| line.label.ends_with(" exact")).count(), looks - 5);
+        }
+        let rebuild = report(|run| run.workload == "random", |run| RunRecord { mode: "rebuild".into(), ..run });
+        let labels: Vec<_> = lines(&rebuild, "time-vs-batch").into_iter().map(|line| line.label).collect();
+        let expected = ["feedback float32 rebuild", "cpu float32 incremental"];
+        assert!(expected.iter().all(|label| labels.iter().any(|own| own == label)), "{labels:?}");
+    }
+
+    #[test]
+    fn every_figure_becomes_svg_and_png() {
+        let dir = tempfile::tempdir().expect("a folder");
+        for figure in drawn(&synthetic::report()).into_iter().chain(drawn(&synthetic::suite())) {
+            let svg = figure.write(dir.path()).expect("drawn");
+            assert!(svg.contains("<svg") && svg.contains("</svg>") && svg.contains("sans-serif"), "{}", figure.slug);
+            let png = dir.path().join(format!("{}.png", figure.slug));
+            assert_eq!(std::fs::read(png).expect("read")[..4], *b"\x89PNG");
+        }
+    }
+}

@@ -1,0 +1,175 @@
+//! Pages that need nothing but themselves: index.html, and one for each suite.
+
+use super::sentences::{of_suite, sentences, title};
+use super::tables;
+use crate::bench::compare::SuiteRecord;
+use crate::bench::record::Report;
+use crate::bench::run::RunRecord;
+use crate::input::MeshInfo;
+use crate::page::{document, figures, row, table};
+use crate::plots::Figure;
+use crate::table::{Table, percent, sig3, thousands};
+use maud::{Markup, html};
+
+pub fn file_name(suite: Option<&SuiteRecord>) -> String {
+    suite.map_or("index.html".into(), |suite| format!("suite-{}.html", suite.name))
+}
+
+/// The page of `suite`, or of the whole report. Figures come with their SVG.
+pub fn page(report: &Report, suite: Option<&SuiteRecord>, drawn: &[(Figure, String)]) -> String {
+    let day = report.created.split('T').next().unwrap_or_default();
+    let about = suite.map_or(report.input.name.as_str(), title);
+    let lead = match suite {
+        Some(suite) => vec![title(suite).to_owned(), of_suite(suite, report)],
+        None => sentences(report),
+    };
+    let body = html! {
+        header {
+            p.kicker {
+                @if let Some(suite) = suite { a href="index.html" { "deltamorph bench" } " · suite " (suite.name) }
+                @else { "deltamorph bench · " (about) " · " (day) }
+            }
+            h1 { (lead[0].trim_end_matches('.')) }
+            @for sentence in &lead[1..] { p.lead { (sentence) } }
+        }
+        @if report.device.is_software() {
+            p.warning {
+                "This ran on a software driver: the processor played the GPU. Compare the configurations with each \
+                 other; the times say little about any GPU."
+            }
+        }
+        (facts(report))
+        @if suite.is_none() && !report.suites.is_empty() {
+            section {
+                h2 { "Suites" }
+                ul { @for suite in &report.suites { li { a href=(file_name(Some(suite))) { (title(suite)) } } } }
+            }
+        }
+        @for (heading, found) in suite.map_or(vec![], |suite| tables::of_suite(suite, report)) {
+            section { h2 { (heading) } (table(found.headings(), found.rows().iter().cloned().map(row))) }
+        }
+        (figures(drawn))
+        section {
+            h2 { "All configurations" }
+            (all_runs(&report.runs_of(suite).collect::<Vec<_>>()))
+            @if !report.skipped.is_empty() {
+                h3 { "Not run" }
+                ul { @for skipped in &report.skipped { li { b { (skipped.what) } ": " (skipped.reason) } } }
+            }
+        }
+        section {
+            h2 { "Measure it again" }
+            pre { code { (report.command) } }
+            p.note {
+                "All numbers: " a href="report.json" { "report.json" } ", " a href="runs.csv" { "runs.csv" }
+                ". deltamorph " (report.version) ", " (report.created) "."
+            }
+        }
+    };
+    document(&format!("{about} · deltamorph bench"), &body)
+}
+
+/// The facts that the numbers depend on, as cards.
+fn facts(report: &Report) -> Markup {
+    let (d, i, b) = (&report.device, &report.input, &report.bandwidth);
+    let rate = |v: Option<f64>| v.map_or("not measured".to_owned(), |v| format!("{} GB/s", sig3(v)));
+    let driver = [d.driver.as_str(), d.driver_info.as_str()].join(" ");
+    let api = if d.api_version.is_empty() { String::new() } else { format!("Vulkan {}", d.api_version) };
+    let kind = match d.kind.as_str() {
+        "cpu" => "software driver".to_owned(),
+        "none" => "no Vulkan device used".to_owned(),
+        kind => format!("{kind} GPU"),
+    };
+    let cards = [
+        ("Device", d.name.clone(), vec![format!("{} {}", driver.trim(), api), kind]),
+        ("Processor", d.cpu.clone(), vec![format!("{} threads", d.threads)]),
+        (
+            "Mesh",
+            format!("{} vertices × {} targets", thousands(i.vertices), i.targets),
+            match report.meshes.is_empty() {
+                true => vec![
+                    format!("{} triangles, {}", thousands(i.triangles), i.origin),
+                    format!("a target moves {} of the vertices", percent(i.moved_mean)),
+                ],
+                false => report.meshes.iter().map(mesh).collect(),
+            },
+        ),
+        (
+            "Memory bandwidth",
+            format!("{} copy on the device", rate(b.device_copy_gb_s)),
+            vec![
+                format!("device read {}", rate(b.device_read_gb_s)),
+                format!("processor copy {}, read {}", rate(b.cpu_copy_gb_s), rate(b.cpu_read_gb_s)),
+            ],
+        ),
+    ];
+    html! {
+        section.cards {
+            @for (label, value, notes) in &cards {
+                div.card {
+                    h3 { (label) }
+                    p.value { (value) }
+                    @for note in notes { p { (note.trim()) } }
+                }
+            }
+        }
+    }
+}
+
+/// One of the meshes of the suites.
+fn mesh(m: &MeshInfo) -> String {
+    let (vertices, moved) = (thousands(m.vertices), percent(m.moved_mean));
+    format!("{}: {vertices} vertices, {} targets, each moves {moved}", m.name, m.targets)
+}
+
+fn all_runs(runs: &[&RunRecord]) -> Markup {
+    // The fastest of each kind of work is worth finding at a glance.
+    let work = |r: &RunRecord| (r.suite.clone(), r.cell.clone(), r.workload.clone(), r.heads, r.changed.to_bits());
+    let best = |run: &RunRecord| {
+        let rivals = runs.iter().filter(|r| r.counts() && work(r) == work(run));
+        run.counts() && rivals.map(|r| r.median()).fold(f64::INFINITY, f64::min) >= run.median()
+    };
+    let all: Table = tables::runs(runs.iter().copied(), false);
+    let rows = runs.iter().zip(all.rows()).map(|(run, cells)| {
+        let class = if run.verified { best(run).then_some("best") } else { Some("wrong") };
+        html! {
+            tr class=[class] { @for cell in cells { td { (cell) } } }
+            // The reason has a row of its own: in a column it would widen the table beyond the page.
+            @if let Some(problem) = &run.problem { tr.reason { td colspan=(cells.len()) { (problem) } } }
+        }
+    });
+    table(all.headings(), rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::report::figures;
+    use crate::bench::synthetic;
+
+    #[test]
+    fn pages_need_nothing_else() {
+        for (report, wrong, name) in
+            [(synthetic::report(), 2, "Example GPU &lt;1&gt;"), (synthetic::suite(), 1, "dense &lt;1&gt;")]
+        {
+            let suite = report.suites.first();
+            let figures = figures::figures(&report, suite).into_iter();
+            let drawn: Vec<_> = figures.map(|figure| (figure.clone(), figure.svg().expect("drawn"))).collect();
+            let page = page(&report, suite, &drawn);
+            assert_eq!(page.matches("<svg").count(), drawn.len());
+            for outside in ["<script", "<link", "@import", "src=", "url(", "<1>"] {
+                assert!(!page.contains(outside), "{outside}");
+            }
+            assert_eq!(page.matches("<tr class=\"wrong\"").count(), wrong);
+            assert!(page.contains("class=\"best\"") && page.contains("prefers-color-scheme") && page.contains(name));
+            assert!(
+                page.contains(&report.command)
+                    && page.contains(report.runs.iter().find_map(|r| r.problem.as_ref()).expect("one is wrong"))
+            );
+            for tag in ["section", "figure", "table", "tr", "td", "div", "main"] {
+                let opened = page.matches(&format!("<{tag}>")).count() + page.matches(&format!("<{tag} ")).count();
+                assert_eq!(opened, page.matches(&format!("</{tag}>")).count(), "{tag}");
+            }
+        }
+    }
+}

@@ -1,0 +1,162 @@
+//! The tables of a report, for the terminal and for its pages.
+
+use crate::bench::compare::{CellRecord, Comparison, SuiteRecord};
+use crate::bench::record::Report;
+use crate::bench::run::RunRecord;
+use crate::table::{Table, bytes, count, optional, percent, sig3};
+
+/// What tables say where there is nothing to say.
+const NONE: &str = "–";
+
+/// Heading and cell of a column about runs.
+type Column = (&'static str, fn(&RunRecord) -> String);
+
+/// The columns that hold words, then those that hold numbers.
+const WORDS: [Column; 6] = [
+    ("cell", |run| run.cell.clone()),
+    ("technique", |run| run.technique.clone()),
+    ("path", |run| run.path.clone()),
+    ("format", |run| if run.accumulate == "exact" { format!("{} exact", run.format) } else { run.format.clone() }),
+    ("mode", |run| run.mode.clone()),
+    ("workload", |run| run.workload.clone()),
+];
+const NUMBERS: [Column; 16] = [
+    ("heads", |run| run.heads.to_string()),
+    ("changed", |run| count(run.changed)),
+    ("batch", |run| run.batch_size.to_string()),
+    ("passes", |run| count(run.passes)),
+    ("ms/frame", |run| if run.verified { optional(run.time().map(|t| t.median)) } else { "WRONG".into() }),
+    ("mean", |run| optional(run.time().map(|t| t.mean))),
+    ("±", |run| optional(run.time().map(|t| t.stderr))),
+    ("n", |run| run.time().map_or(NONE.into(), |t| t.n.to_string())),
+    ("update ms", |run| optional(run.gpu_ms.map(|t| t.median))),
+    ("draw ms", |run| optional(run.draw_ms)),
+    ("round trip ms", |run| optional(run.cpu_ms.map(|t| t.median))),
+    ("upload ms", |run| optional(run.upload_ms.map(|t| t.median))),
+    ("measured", |run| match (run.suite.is_empty(), run.alone) {
+        (true, _) => String::new(),
+        (false, true) => "alone".into(),
+        (false, false) => "interleaved".into(),
+    }),
+    ("moved", |run| bytes(run.bytes_moved)),
+    ("of floor", |run| run.floor_fraction.map_or(NONE.into(), percent)),
+    ("error / diagonal", |run| optional(run.max_error_rel)),
+];
+/// What is on pages only, which are wider than terminals.
+const PAGES_ONLY: [&str; 6] = ["mean", "n", "update ms", "draw ms", "round trip ms", "upload ms"];
+
+/// A row for each run; without the columns that say nothing of any, and on a terminal without some more.
+pub fn runs<'a>(runs: impl IntoIterator<Item = &'a RunRecord>, terminal: bool) -> Table {
+    let runs: Vec<&RunRecord> = runs.into_iter().collect();
+    let told = |(heading, cell): &&Column| {
+        let empty = |run: &&RunRecord| [String::new(), NONE.into()].contains(&cell(run));
+        !(runs.iter().all(empty) || terminal && PAGES_ONLY.contains(heading))
+    };
+    let words: Vec<&Column> = WORDS.iter().filter(told).collect();
+    let columns: Vec<&Column> = words.iter().copied().chain(NUMBERS.iter().filter(told)).collect();
+    let headings: Vec<&str> = columns.iter().map(|(heading, _)| *heading).collect();
+    let mut table = Table::new(&headings, words.len());
+    runs.iter().for_each(|run| table.row(columns.iter().map(|(_, cell)| cell(run))));
+    table
+}
+
+/// What a suite found, with headings; without what it does not have.
+pub fn of_suite(suite: &SuiteRecord, report: &Report) -> Vec<(&'static str, Table)> {
+    let mut tables = vec![];
+    if !suite.comparisons.is_empty() {
+        tables.push(("Compared", comparisons(&suite.comparisons)));
+    }
+    if !suite.cells.is_empty() {
+        tables.push(("Who is fastest", cells(suite, report)));
+    }
+    tables.extend(matrix(suite, report).map(|times| ("Milliseconds of every technique", times)));
+    tables
+}
+
+fn comparisons(comparisons: &[Comparison]) -> Table {
+    let headings =
+        ["comparison", "first", "its ms", "second", "its ms", "first / second, median of rounds", "should be", "n"];
+    let mut table = Table::new(&headings, 2);
+    for c in comparisons {
+        let [a, b] = c.n;
+        let (first, second) = (sig3(c.first_ms), sig3(c.second_ms));
+        let (ratio, goal) = (sig3(c.ratio), c.goal.clone());
+        table.row([c.name.clone(), c.first.clone(), first, c.second.clone(), second, ratio, goal, format!("{a}, {b}")]);
+    }
+    table
+}
+
+fn cells(suite: &SuiteRecord, report: &Report) -> Table {
+    let headings = "cell|fastest|its ms|blocks|its ms|best other|its ms|blocks / best other|by means|direct / blocks";
+    let mut table = Table::new(&headings.split('|').collect::<Vec<_>>(), 2);
+    for cell in &suite.cells {
+        let of_cell = || report.runs_of(Some(suite)).filter(|run| run.cell == cell.name);
+        let time = |name: &Option<String>| {
+            let time = of_cell().find(|run| Some(run.label()) == *name).and_then(RunRecord::time);
+            time.map_or(NONE.into(), |t| format!("{} (n = {})", sig3(t.median), t.n))
+        };
+        let CellRecord { blocks_to_best_other, blocks_to_best_other_mean, direct_to_blocks, .. } = cell;
+        let who = [&cell.fastest, &cell.blocks, &cell.best_other];
+        let who = who.into_iter().flat_map(|name| [name.clone().unwrap_or(NONE.into()), time(name)]);
+        let ratios = [blocks_to_best_other, blocks_to_best_other_mean, direct_to_blocks];
+        table.row(std::iter::once(cell.name.clone()).chain(who).chain(ratios.map(|ratio| optional(*ratio))));
+    }
+    table
+}
+
+/// Milliseconds of every technique: a row for each of the cells that techniques compete in. In the crowd suite means, as
+/// in the figures that it follows; else medians.
+fn matrix(suite: &SuiteRecord, report: &Report) -> Option<Table> {
+    let competes = |run: &&RunRecord| match suite.cells.is_empty() {
+        true => run.cell.ends_with(" targets"),
+        false => suite.cells.iter().any(|cell| cell.name == run.cell),
+    };
+    let runs: Vec<&RunRecord> = report.runs_of(Some(suite)).filter(competes).collect();
+    let (mut techniques, mut cells): (Vec<&str>, Vec<&str>) = (vec!["ms"], vec![]);
+    for run in &runs {
+        if !techniques.contains(&run.technique.as_str()) {
+            techniques.push(&run.technique);
+        }
+        if !cells.contains(&run.cell.as_str()) {
+            cells.push(&run.cell);
+        }
+    }
+    let time = |cell: &str, technique: &str| {
+        let run = runs.iter().find(|run| (run.cell.as_str(), run.technique.as_str()) == (cell, technique));
+        match run.map(|run| (run, run.time())) {
+            Some((run, _)) if !run.verified => "WRONG".into(),
+            Some((_, Some(time))) => sig3(if suite.cells.is_empty() { time.mean } else { time.median }),
+            _ => NONE.to_owned(),
+        }
+    };
+    let mut table = Table::new(&techniques, 1);
+    for cell in &cells {
+        table.row(std::iter::once((*cell).to_owned()).chain(techniques[1..].iter().map(|of| time(cell, of))));
+    }
+    (!cells.is_empty()).then_some(table)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::synthetic;
+
+    #[test]
+    fn tables_have_a_line_per_run_and_name_what_is_wrong() {
+        let report = synthetic::report();
+        for terminal in [true, false] {
+            let text = runs(&report.runs, terminal).to_string();
+            assert_eq!(text.lines().count(), report.runs.len() + 1);
+            assert_eq!(text.matches("WRONG").count(), 2);
+            assert_eq!((text.contains("round trip ms"), text.contains("technique")), (!terminal, false));
+        }
+        let report = synthetic::suite();
+        let tables = of_suite(&report.suites[0], &report);
+        assert_eq!(
+            tables.iter().map(|(title, _)| *title).collect::<Vec<_>>(),
+            ["Who is fastest", "Milliseconds of every technique"]
+        );
+        let (cells, times) = (tables[0].1.to_string(), tables[1].1.to_string());
+        assert!(cells.contains("45.0") && times.contains("WRONG"), "{cells}\n{times}");
+    }
+}
