@@ -88,8 +88,8 @@ pub struct RunRecord {
     /// What was timed interleaved with others; empty where everything was timed in one go.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rounds: Vec<Round>,
-    /// The time that moving `bytes_floor` takes at the best bandwidth measured, of reading or copying, as a share of the
-    /// time taken: 1 is the best possible, but for what stays in a cache. `None` for paths that evaluate in draws.
+    /// The time that moving `bytes_floor` takes at the best bandwidth measured, of reading or copying, as a share of
+    /// the time taken: 1 is the best possible, but for what stays in a cache. `None` for paths that evaluate in draws.
     pub floor_fraction: Option<f64>,
     /// Largest position error against the float64 reference, in input units.
     pub max_error: Option<f64>,

@@ -59,7 +59,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn averages_lie_within_the_sample_whatever_its_order(values in samples(), seed in any::<prop::sample::Index>()) {
+        fn averages_lie_within_the_sample_in_any_order(values in samples(), seed in any::<prop::sample::Index>()) {
             let s = Stats::of(&values).expect("finite");
             prop_assert!(s.min <= s.median && s.median <= s.max);
             prop_assert!(s.min <= s.mean && s.mean <= s.max);

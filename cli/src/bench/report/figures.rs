@@ -130,7 +130,7 @@ fn sweep(report: &Report, runs: &[&RunRecord]) -> Vec<Figure> {
     }
     for (workload, runs) in &workloads {
         let suffix = if workloads.len() > 1 { format!("-{}", slug(workload)) } else { String::new() };
-        // In each group for itself: heads play a clip from different frames on, so that the mean depends on their number.
+        // In each group: heads play a clip from different frames on, so that the mean depends on their number.
         let hardest: Vec<&RunRecord> =
             partition(runs, |run| run.heads).iter().flat_map(|(_, runs)| hardest(runs)).collect();
         let best = best_by(&hardest, |run| run.heads.into());

@@ -104,8 +104,8 @@ fn cells(suite: &SuiteRecord, report: &Report) -> Table {
     table
 }
 
-/// Milliseconds of every technique: a row for each of the cells that techniques compete in. In the crowd suite means, as
-/// in the figures that it follows; else medians.
+/// Milliseconds of every technique: a row for each of the cells that techniques compete in. In the crowd suite means,
+/// as in the figures that it follows; else medians.
 fn matrix(suite: &SuiteRecord, report: &Report) -> Option<Table> {
     let competes = |run: &&RunRecord| match suite.cells.is_empty() {
         true => run.cell.ends_with(" targets"),
