@@ -1,6 +1,6 @@
 //! From what a file says to what is kept of it: [`MorphSource::to_mesh`].
 
-use super::normals::{Adjacency, Deformer, vertex_normals};
+use super::normals::{Deformer, Surface};
 use super::render::{copies, copy_deltas};
 use super::streams::Measure;
 use super::{MorphMesh, MorphSource, MorphTarget, Semantic, SourceTarget, StreamData, StreamDeltas, Tolerance};
@@ -33,13 +33,9 @@ impl MorphSource {
         if !copies.is_empty() {
             faces.to_mut().corners.iter_mut().for_each(|c| c.position = self.welds[c.position as usize]);
         }
-        let adjacency = Adjacency::new(&faces, self.positions.len());
         // Computed even beside stated normals where a target has none: its delta is between two computed ones.
-        let computed = (self.normals.is_none() || self.targets.iter().any(|t| t.normals.is_none())).then(|| {
-            let mut normals = vertex_normals(&adjacency, &self.positions);
-            copies.iter().for_each(|&(copy, of)| normals[copy as usize] = normals[of as usize]);
-            normals
-        });
+        let incomplete = self.normals.is_none() || self.targets.iter().any(|t| t.normals.is_none());
+        let surface = incomplete.then(|| Surface::new(&faces, &self.positions));
         let diagonal = diagonal(&self.positions);
         if !diagonal.is_finite() {
             return Err(Error::invalid(
@@ -49,19 +45,14 @@ impl MorphSource {
         }
         let shortest = f64::from(tolerance.position) * f64::from(diagonal);
 
-        let keep = |deformer: &mut Deformer<'_>, target: &SourceTarget| {
+        let keep = |deformer: &mut Option<Deformer<'_>>, target: &SourceTarget| {
             let positions: Vec<(u32, Vec3)> =
                 target.positions.iter().copied().filter(|(_, d)| d.as_dvec3().length() > shortest).collect();
-            let normals: Vec<(u32, Vec3)> = match (&target.normals, &computed) {
-                (Some(stated), _) => stated.clone(),
-                (None, Some(base)) => {
-                    let difference = |(v, n): (u32, Option<Vec3>)| (v, n.map_or(Vec3::ZERO, |n| n - base[v as usize]));
-                    let mut normals: Vec<_> = deformer.normals(&positions).into_iter().map(difference).collect();
-                    copy_deltas(&mut normals, &copies);
-                    normals
-                }
-                (None, None) => Vec::new(),
-            };
+            let normals = target.normals.clone().unwrap_or_else(|| {
+                let mut computed = deformer.as_mut().map(|d| d.normal_deltas(&positions)).unwrap_or_default();
+                copy_deltas(&mut computed, &copies);
+                computed
+            });
             let stated = target.streams.iter().map(Some).chain(std::iter::repeat(None));
             let kept = |(data, stated): (&StreamData, Option<&StreamDeltas>)| {
                 stated.map_or_else(StreamDeltas::default, |deltas| keep_stream(data.semantic, deltas, tolerance))
@@ -69,8 +60,12 @@ impl MorphSource {
             let streams = self.streams.iter().zip(stated).map(kept).collect();
             MorphTarget { streams, ..merge(target.name.clone(), &positions, &normals, tolerance.normal) }
         };
-        let targets = map_all(&self.targets, Deformer::new(&adjacency, &self.positions), keep);
-        let normals = self.normals.clone().or(computed).unwrap_or_default();
+        let targets = map_all(&self.targets, surface.as_ref().map(Deformer::new), keep);
+        let normals = self.normals.clone().unwrap_or_else(|| {
+            let mut computed = surface.map(|surface| surface.normals).unwrap_or_default();
+            copies.iter().for_each(|&(copy, of)| computed[copy as usize] = computed[of as usize]);
+            computed
+        });
         Ok(MorphMesh {
             name: self.name.clone(),
             positions: self.positions.clone(),

@@ -2,7 +2,7 @@
 
 use super::ObjFile;
 use super::shading::{Stated, face_areas, stated};
-use crate::asset::normals::{Adjacency, vertex_normals};
+use crate::asset::normals::Surface;
 use crate::asset::{Corner, Faces, MorphSource, SourceTarget};
 use crate::error::{Error, Result};
 use crate::io::{has_extension, list};
@@ -74,12 +74,9 @@ fn neutral_path(folder: &Path) -> Result<PathBuf> {
     if exact.is_file() {
         return Ok(exact);
     }
-    let is_neutral = |p: &PathBuf| {
-        p.is_file() && p.file_name().and_then(|n| n.to_str()).is_some_and(|n| n.eq_ignore_ascii_case("neutral.obj"))
-    };
-    let other = list(folder)?.into_iter().find(is_neutral);
+    let is_neutral = |p: &PathBuf| p.file_name().is_some_and(|n| n.eq_ignore_ascii_case("neutral.obj"));
     // A folder or pipe of that name is refused when it is read.
-    other.or_else(|| exact.exists().then_some(exact)).ok_or_else(|| {
+    list(folder)?.into_iter().filter(is_neutral).min_by_key(|p| (!p.is_file(), *p != exact)).ok_or_else(|| {
         let remedy = "give a folder with neutral.obj and one file per target in targets/";
         Error::input(folder, "", "no file neutral.obj in this folder", remedy)
     })
@@ -131,7 +128,7 @@ fn base_normals(neutral: &ObjFile, areas: &[f64], notes: &mut Vec<String>) -> Op
     let mut units = vec![Vec3::ZERO; lengths.len()];
     if lost > 0 {
         notes.push(format!("{lost} vertices have no normal or a zero one: computed, and constant in all targets"));
-        units = vertex_normals(&Adjacency::new(&neutral.faces, neutral.positions.len()), &neutral.positions);
+        units = Surface::new(&neutral.faces, &neutral.positions).normals;
     }
     let mut scales = vec![0.0; lengths.len()];
     for (v, &length) in lengths.iter().enumerate().filter(|(_, length)| **length > 0.0) {

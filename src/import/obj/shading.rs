@@ -1,7 +1,7 @@
 //! From normals per corner, as OBJ has them, to normals per position, as a morph target needs them.
 
 use super::ObjFile;
-use crate::asset::normals::Adjacency;
+use crate::asset::normals::area_vector;
 use glam::Vec3;
 
 /// The stated normals of a file, one per position.
@@ -15,8 +15,7 @@ pub(super) struct Stated {
 /// The area of every face of the neutral mesh. Both neutral and targets are averaged with these: a mean with
 /// the same weights on both sides makes the delta the mean of the deltas.
 pub(super) fn face_areas(neutral: &ObjFile) -> Vec<f64> {
-    let adjacency = Adjacency::new(&neutral.faces, neutral.positions.len());
-    (0..neutral.faces.sizes.len()).map(|f| adjacency.area_vector(f as u32, &neutral.positions).length()).collect()
+    neutral.faces.iter().map(|face| area_vector(face, &neutral.positions).length()).collect()
 }
 
 /// The normals per position that `file` states; `None` where its faces have none, or not everywhere.
