@@ -1,15 +1,8 @@
 //! The base pose: rows of vertices around a profile curve, and the features of a face pushed out of them.
 
 use super::smoothstep;
-use crate::asset::{Corner, Faces};
+use crate::asset::{Corner, Faces, MorphSource};
 use glam::{Vec2, Vec3};
-
-/// The base pose without targets.
-pub(super) struct Base {
-    pub positions: Vec<Vec3>,
-    pub texcoords: Vec<Vec2>,
-    pub faces: Faces,
-}
 
 /// Cross-sections from the crown to the end of the neck: height, half width, front and back (all cm).
 const SECTIONS: [[f32; 4]; 22] = [
@@ -201,8 +194,8 @@ fn sculpt(p: Vec3, facing: f32, half: f32) -> Vec3 {
     p
 }
 
-/// A head of exactly `vertices` vertices.
-pub(super) fn base(vertices: usize) -> Base {
+/// A head of exactly `vertices` vertices, without targets.
+pub(super) fn base(vertices: usize) -> MorphSource {
     if vertices < 5 {
         return few(vertices);
     }
@@ -250,11 +243,11 @@ pub(super) fn base(vertices: usize) -> Base {
             }
         }
     }
-    Base { positions, texcoords, faces }
+    MorphSource { positions, texcoords, faces, ..Default::default() }
 }
 
 /// One to four vertices: points of the face's outline, with one face where there are three or more.
-fn few(vertices: usize) -> Base {
+fn few(vertices: usize) -> MorphSource {
     let outline =
         [Vec3::new(-5.0, 4.0, 8.0), Vec3::new(0.0, -9.0, 9.0), Vec3::new(5.0, 4.0, 8.0), Vec3::new(0.0, 11.0, 4.0)];
     let positions = outline[..vertices].to_vec();
@@ -264,27 +257,5 @@ fn few(vertices: usize) -> Base {
         faces.sizes.push(vertices as u32);
         faces.corners.extend((0..vertices as u32).map(|i| Corner { position: i, texcoord: Some(i) }));
     }
-    Base { positions, texcoords, faces }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_polynomials_are_sine_and_cosine() {
-        for i in -1000..=1000 {
-            let x = f64::from(i) * std::f64::consts::PI / 1000.0;
-            assert!((sin(x) - x.sin()).abs() < 1e-8 && (cos(x) - x.cos()).abs() < 1e-8, "{x}");
-        }
-    }
-
-    #[test]
-    fn rows_have_exactly_the_vertices_asked_for() {
-        for n in (5..200).chain([2694, 43_788]) {
-            let rows = rows(n);
-            assert_eq!(rows.iter().map(|r| r.1).sum::<usize>() + 2, n);
-            assert!(rows.iter().all(|r| r.1 >= 3), "{n}");
-        }
-    }
+    MorphSource { positions, texcoords, faces, ..Default::default() }
 }
