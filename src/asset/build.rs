@@ -12,13 +12,11 @@ use std::borrow::Cow;
 impl MorphSource {
     /// Check the source, drop deltas within `tolerance`, and compute what normals are missing.
     ///
-    /// A vertex stays in a target when its position delta is longer than `tolerance.position × diagonal`
-    /// or its normal delta longer than `tolerance.normal`. A position delta within the tolerance becomes
-    /// exactly zero even where the vertex stays for its normal. Where the input has no normals, each target's
-    /// normal deltas come from its own surface (base plus kept position deltas), so that dropped noise
-    /// does not come back as noise in the normals. A vertex whose deformed surface has no normal (faces folded
-    /// to nothing) keeps the base normal. Normals are computed of the welded surface, so that shading is smooth across
-    /// doubled vertices.
+    /// A vertex stays in a target when its position delta is longer than `tolerance.position × diagonal` or its normal
+    /// delta longer than `tolerance.normal`. A position delta within the tolerance becomes exactly zero even where the
+    /// vertex stays for its normal. Normals that are missing are computed of the welded surface and of kept position
+    /// deltas, so that they are smooth across doubled vertices and dropped noise does not come back. A vertex whose deformed
+    /// surface has no normal (faces folded to nothing) keeps the base normal.
     ///
     /// # Errors
     /// No vertex or more than 2³², an index out of range, deltas that are not ascending by vertex, a value that
@@ -38,10 +36,8 @@ impl MorphSource {
         let surface = incomplete.then(|| Surface::new(&faces, &self.positions));
         let diagonal = diagonal(&self.positions);
         if !diagonal.is_finite() {
-            return Err(Error::invalid(
-                format!("{}: the bounding box is larger than a single-precision number", self.name),
-                "scale the mesh down",
-            ));
+            let what = format!("{}: the bounding box is larger than a single-precision number", self.name);
+            return Err(Error::invalid(what, "scale the mesh down"));
         }
         let shortest = f64::from(tolerance.position) * f64::from(diagonal);
 
@@ -101,13 +97,10 @@ fn merge(name: String, positions: &[(u32, Vec3)], normals: &[(u32, Vec3)], short
 
 /// The deltas of a further stream that are above the tolerance.
 fn keep_stream(semantic: Semantic, stated: &StreamDeltas, tolerance: Tolerance) -> StreamDeltas {
-    let shortest = f64::from(match semantic.measure() {
-        Measure::Angle => tolerance.normal,
-        Measure::Length | Measure::Absolute => tolerance.position,
-    });
+    let shortest = if semantic.measure() == Measure::Angle { tolerance.normal } else { tolerance.position };
     let mut kept = StreamDeltas::default();
     for (&v, delta) in stated.vertices.iter().zip(stated.deltas.chunks_exact(semantic.morphing_components())) {
-        if delta.iter().map(|d| f64::from(*d).powi(2)).sum::<f64>().sqrt() > shortest {
+        if delta.iter().map(|d| f64::from(*d).powi(2)).sum::<f64>().sqrt() > f64::from(shortest) {
             kept.vertices.push(v);
             kept.deltas.extend_from_slice(delta);
         }

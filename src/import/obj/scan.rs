@@ -159,13 +159,9 @@ impl Checker<'_> {
             [] => Ok(text),
             [w] => {
                 let w = self.number(w)?;
-                match xyz.iter().all(|x| (x / w).is_finite()) {
-                    true => Ok(text),
-                    false => {
-                        Err(self
-                            .error(format!("the weight {w} takes the vertex to infinity"), "remove the fourth number"))
-                    }
-                }
+                let what = || format!("the weight {w} takes the vertex to infinity");
+                let finite = xyz.iter().all(|x| (x / w).is_finite());
+                finite.then_some(text).ok_or_else(|| self.error(what(), "remove the fourth number"))
             }
             [red, _, _] | [red, _, _, _] => Ok(&text[..red.as_ptr() as usize - text.as_ptr() as usize]),
             _ => {
@@ -179,13 +175,10 @@ impl Checker<'_> {
     fn face<'t>(&mut self, text: &'t str) -> Result<&'t str> {
         let before = self.scan.corners;
         text.split_whitespace().try_for_each(|word| self.corner(word))?;
-        match self.scan.corners - before {
-            size @ ..3 => {
-                let what = format!("a face with {size} corners, at least 3 expected");
-                Err(self.error(what, "remove it, or write points and lines as 'p' and 'l'"))
-            }
-            _ => Ok(text),
-        }
+        let size = self.scan.corners - before;
+        let what = || format!("a face with {size} corners, at least 3 expected");
+        let enough = (size >= 3).then_some(text);
+        enough.ok_or_else(|| self.error(what(), "remove it, or write points and lines as 'p' and 'l'"))
     }
 
     fn corner(&mut self, word: &str) -> Result<()> {

@@ -56,13 +56,7 @@ fn density(y: f32) -> f32 {
 /// Sine of an angle in [−π, π], as a polynomial (see the module head).
 fn sin(x: f64) -> f64 {
     use std::f64::consts::{FRAC_PI_2, PI};
-    let x = if x > FRAC_PI_2 {
-        PI - x
-    } else if x < -FRAC_PI_2 {
-        -PI - x
-    } else {
-        x
-    };
+    let x = if x.abs() > FRAC_PI_2 { PI.copysign(x) - x } else { x };
     let q = x * x;
     let series = [1.0 / 6227020800.0, -1.0 / 39916800.0, 1.0 / 362880.0, -1.0 / 5040.0, 1.0 / 120.0, -1.0 / 6.0, 1.0];
     x * series.into_iter().fold(0.0, |sum, c| sum * q + c)
@@ -89,16 +83,13 @@ fn rows(vertices: usize) -> Vec<(f32, usize)> {
     let ideal = (vertices as f32 * total / around).sqrt() as usize;
     let count = ideal.clamp(1, (vertices - 2) / 3);
 
-    let mut places = Vec::with_capacity(count);
-    let mut i = 0;
-    for r in 1..=count {
+    let place = |r: usize| {
         let wanted = total * r as f32 / (count + 1) as f32;
-        while lengths[i + 1] < wanted && i + 1 < SAMPLES {
-            i += 1;
-        }
+        let i = lengths.partition_point(|&length| length < wanted).clamp(1, SAMPLES) - 1;
         let part = (wanted - lengths[i]) / (lengths[i + 1] - lengths[i]);
-        places.push((i as f32 + part.clamp(0.0, 1.0)) * (SECTIONS.len() - 1) as f32 / SAMPLES as f32);
-    }
+        (i as f32 + part.clamp(0.0, 1.0)) * (SECTIONS.len() - 1) as f32 / SAMPLES as f32
+    };
+    let places: Vec<f32> = (1..=count).map(place).collect();
     // Three vertices each; the rest by girth, with running sums so that nothing is lost to rounding.
     let weights: Vec<f64> = places.iter().map(|&t| f64::from(girth(&section(t)))).collect();
     let (sum, rest) = (weights.iter().sum::<f64>(), vertices - 2 - 3 * count);
