@@ -319,7 +319,7 @@ fn a_source_that_makes_no_sense_is_refused() {
     says(&refused(&|s| s.targets[0].positions = vec![(1, Vec3::X), (1, Vec3::X)]), &["vertex 1 comes after vertex 1"]);
     says(&refused(&|s| s.targets[0].positions = vec![(1, Vec3::INFINITY)]), &["position delta of vertex 1"]);
     says(&refused(&|s| s.normals = Some(vec![Vec3::Z])), &["1 normals for 4 vertices"]);
-    says(&refused(&|s| s.normals = Some(vec![Vec3::ZERO; 4])), &["unit length"]);
+    says(&refused(&|s| s.normals = Some(vec![Vec3::ZERO; 4])), &["the normal of vertex 0", "normalise"]);
     says(&refused(&|s| s.faces.sizes[0] = 2), &["corners"]);
     says(&refused(&|s| s.faces.corners[0].position = 9), &["vertex 9, there are 4"]);
     says(&refused(&|s| s.faces.corners[0].texcoord = Some(0)), &["texture coordinate 0, there are 0"]);

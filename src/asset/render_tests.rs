@@ -127,7 +127,7 @@ fn streams_and_welds_that_do_not_fit_are_named() {
     type Case<'a> = (&'a dyn Fn(&mut MorphSource), &'a str);
     let cases: [Case<'_>; 14] = [
         (&|s| s.streams[0].values.truncate(20), "stream 'tangent': 20 numbers for 6 vertices; give 4"),
-        (&|s| s.streams[0].values[9] = f32::NAN, "stream 'tangent': vertex 2 has NaN"),
+        (&|s| s.streams[0].values[9] = f32::NAN, "the tangent of vertex 2 is [0.0, NaN, 0.0, -1.0]; replace"),
         (&|s| s.streams[0].values[9] = 1.1, "the tangent of vertex 2 is [0.0, 1.1, 0.0, -1.0]; normalise"),
         (&|s| s.streams[0].values[3] = 0.5, "the tangent of vertex 0 is"),
         (&|s| s.streams.push(s.streams[0].clone()), "two streams 'tangent'"),
