@@ -60,8 +60,14 @@ fn a_split_mesh_is_the_welded_one_bit_for_bit() {
         target.streams[0] =
             StreamDeltas { vertices: vec![1, 2, 6], deltas: vec![0.5, 0.0, 0.0, 0.0, 0.0, 0.25, 0.5, 0.0, 0.0] };
         assert_ne!(target.normals[at], Vec3::ZERO);
-        assert_eq!((&split.welds, &split.positions, &split.normals), (&expected.welds, &expected.positions, &expected.normals));
-        assert_eq!((&split.streams, &split.targets, &split.texcoords), (&expected.streams, &expected.targets, &source.texcoords));
+        assert_eq!(
+            (&split.welds, &split.positions, &split.normals),
+            (&expected.welds, &expected.positions, &expected.normals)
+        );
+        assert_eq!(
+            (&split.streams, &split.targets, &split.texcoords),
+            (&expected.streams, &expected.targets, &source.texcoords)
+        );
     }
 }
 

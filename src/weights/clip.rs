@@ -172,7 +172,11 @@ mod tests {
     fn what_cannot_be_bound_is_named_with_the_target_that_is_near() {
         let cases: [(&[&str], &[f32], [&str; 2]); 6] = [
             (&["eyeBlinkLeft"], &[0.0], ["column 'eyeBlinkLeft' names no target", "rename the column to 'eyeBlink_L'"]),
-            (&["jaw_open", "x"], &[0.0, 0.0], ["column 'jaw_open'", "nor do 1 other columns); rename the column to 'jawOpen'"]),
+            (
+                &["jaw_open", "x"],
+                &[0.0, 0.0],
+                ["column 'jaw_open'", "nor do 1 other columns); rename the column to 'jawOpen'"],
+            ),
             (&["tongueOut"], &[0.0], ["column 'tongueOut'", "rename the column to a target of the mesh, or remove it"]),
             (&["jawOpen", "jawOpen"], &[], ["clip 'clip': ", "two columns are called 'jawOpen'"]),
             (&["jawOpen", "eyeBlink_L"], &[1.0], ["clip 'clip': ", "1 values in 2 columns"]),

@@ -61,7 +61,10 @@ impl ObjFile {
         let mut corners: Vec<Corner> = mesh.indices[first..]
             .iter()
             .enumerate()
-            .map(|(i, &position)| Corner { position, texcoord: has_texcoords.then(|| mesh.texcoord_indices[first + i]) })
+            .map(|(i, &position)| Corner {
+                position,
+                texcoord: has_texcoords.then(|| mesh.texcoord_indices[first + i]),
+            })
             .collect();
         // For a corner without one, tobj repeats the corner before.
         for &i in &scan.without_texcoord {

@@ -99,10 +99,10 @@ fn rows<const N: usize>(out: &mut impl Write, keyword: &str, rows: impl Iterator
 fn push_nine_digits(text: &mut String, x: f32) {
     use std::fmt::Write;
     // One decimal too many does no harm, so the logarithm need not be exact.
-    let decimals = 8.0 - f64::from(x.abs()).log10().floor().clamp(-45.0, 8.0);
+    let decimals = (8.0 - f64::from(x.abs()).log10().floor().clamp(-45.0, 8.0)) as usize;
     let start = text.len();
     // Writing to a String cannot fail.
-    let _ = write!(text, "{x:.*}", decimals as usize);
+    let _ = write!(text, "{x:.decimals$}");
     if text[start..].contains('.') {
         text.truncate(text.trim_end_matches('0').trim_end_matches('.').len());
     }
