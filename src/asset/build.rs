@@ -41,6 +41,7 @@ impl MorphSource {
         }
         let shortest = f64::from(tolerance.position) * f64::from(diagonal);
 
+        let still = StreamDeltas::default();
         let keep = |deformer: &mut Option<Deformer<'_>>, target: &SourceTarget| {
             let positions: Vec<(u32, Vec3)> =
                 target.positions.iter().copied().filter(|(_, d)| d.as_dvec3().length() > shortest).collect();
@@ -49,10 +50,8 @@ impl MorphSource {
                 copy_deltas(&mut computed, &copies);
                 computed
             });
-            let stated = target.streams.iter().map(Some).chain(std::iter::repeat(None));
-            let kept = |(data, stated): (&StreamData, Option<&StreamDeltas>)| {
-                stated.map_or_else(StreamDeltas::default, |deltas| keep_stream(data.semantic, deltas, tolerance))
-            };
+            let stated = target.streams.iter().chain(std::iter::repeat(&still));
+            let kept = |(data, deltas): (&StreamData, _)| keep_stream(data.semantic, deltas, tolerance);
             let streams = self.streams.iter().zip(stated).map(kept).collect();
             MorphTarget { streams, ..merge(target.name.clone(), &positions, &normals, tolerance.normal) }
         };

@@ -183,16 +183,15 @@ impl Checker<'_> {
 
     fn corner(&mut self, word: &str) -> Result<()> {
         let mut named = [false; 3];
+        let refuse = |what: &str| Err(self.error(format!("'{}' {what}", short(word)), WRITE_CORNERS));
         for (k, part) in word.split('/').enumerate() {
             if k == 3 {
-                return Err(self.error(format!("'{}' has more than three indices", short(word)), WRITE_CORNERS));
+                return refuse("has more than three indices");
             }
             if part.is_empty() {
                 continue;
             }
-            let Ok(index) = part.parse::<i64>() else {
-                return Err(self.error(format!("'{}' is not a corner of a face", short(word)), WRITE_CORNERS));
-            };
+            let Ok(index) = part.parse::<i64>() else { return refuse("is not a corner of a face") };
             // A positive index may look ahead; a negative one counts back from this line.
             let limit = if index < 0 { self.seen[k] } else { self.scan.counts[k] } as u64;
             if index == 0 || index.unsigned_abs() > limit {
@@ -207,7 +206,7 @@ impl Checker<'_> {
             named[k] = true;
         }
         if !named[0] {
-            return Err(self.error(format!("'{}' names no vertex", short(word)), WRITE_CORNERS));
+            return refuse("names no vertex");
         }
         let corner = u32::try_from(self.scan.corners)
             .map_err(|_| self.error("more than 4,294,967,295 face corners", "split the mesh"))?;
