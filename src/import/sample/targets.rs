@@ -97,12 +97,8 @@ const MIRROR: Vec3 = Vec3::new(-1.0, 1.0, 1.0);
 /// The jaw's hinge, between the ears.
 const HINGE: Vec3 = Vec3::new(0.0, -0.5, -0.5);
 
-/// What moves in a target, and the size of its support relative to others.
-struct Expression {
-    name: String,
-    lobes: Vec<Lobe>,
-    support: f32,
-}
+/// Name, what moves, and the size of its support relative to others.
+type Expression = (String, Vec<Lobe>, f32);
 
 /// Apple's blend shapes in Apple's order: the left eye, the right eye, and then each left side before its right.
 fn arkit() -> Vec<Expression> {
@@ -115,7 +111,7 @@ fn arkit() -> Vec<Expression> {
             Each if suffix == "Right" => vec![right],
             Middle | Each => vec![left],
         };
-        Expression { name: format!("{name}{suffix}"), lobes, support }
+        (format!("{name}{suffix}"), lobes, support)
     };
     let suffixes = |row: &Row| if row.1 == Each { &["Left", "Right"][..] } else { &[""] };
     let (eyes, rest) = ARKIT.split_at(EYES);
@@ -128,7 +124,7 @@ fn arkit() -> Vec<Expression> {
 pub(super) fn names(count: usize) -> Vec<String> {
     let arkit = arkit();
     let details = (arkit.len()..count).map(|i| format!("detail_{:03}", i + 1));
-    arkit.iter().map(|e| e.name.clone()).chain(details).take(count).collect()
+    arkit.iter().map(|e| e.0.clone()).chain(details).take(count).collect()
 }
 
 /// A bump at a random vertex, mostly outwards or inwards; and its relative support.
@@ -172,15 +168,15 @@ pub(super) fn targets(desc: &HeadDesc, positions: &[Vec3]) -> Vec<SourceTarget> 
     let part = |(i, name): (usize, String)| {
         // A stream each: a target does not depend on how many others there are.
         let mut rng = Rng::new(desc.seed, i as u64);
-        let (lobes, support) = arkit.next().map_or_else(|| detail(&mut rng, positions), |e| (e.lobes, e.support));
+        let (lobes, support) = arkit.next().map_or_else(|| detail(&mut rng, positions), |e| (e.1, e.2));
         // Heads of different seeds differ a little in the size of every support.
         let support = support * rng.range(0.9, 1.1);
         let support = if name == EMPTY && desc.sparsity < 1.0 { 0.0 } else { support };
         (name, lobes, support)
     };
-    let parts: Vec<(String, Vec<Lobe>, f32)> = names(desc.targets).into_iter().enumerate().map(part).collect();
+    let parts: Vec<Expression> = names(desc.targets).into_iter().enumerate().map(part).collect();
     let factors: Vec<f32> = parts.iter().map(|part| part.2).collect();
-    let target = |((name, lobes, _), fraction): ((String, Vec<Lobe>, f32), f32)| SourceTarget {
+    let target = |((name, lobes, _), fraction): (Expression, f32)| SourceTarget {
         name,
         positions: if fraction > 0.0 { moved(&lobes, fraction, positions) } else { Vec::new() },
         ..SourceTarget::default()
