@@ -112,7 +112,7 @@ fn compile(module: &Module, glsl: &Path) -> Vec<u8> {
     };
     let stage = match module.kernel.stage {
         kernels::Stage::Vertex => ShaderStage::Vertex,
-        kernels::Stage::Compute(_) => ShaderStage::Compute,
+        kernels::Stage::Compute | kernels::Stage::ComputeSized => ShaderStage::Compute,
     };
     let batch = module.batch.map(|b| b.to_string());
     let flags = module.kernel.defines.iter().map(|flag| (*flag, None));

@@ -1,7 +1,7 @@
 //! The SPIR-V modules: checked in and compiled are the same, and declare what the table of kernels and the host's
 //! structures say.
 
-use deltamorph::internals::abi::kernels::{Buffer, Push, Stage, Workgroup};
+use deltamorph::internals::abi::kernels::{Buffer, Push, Stage};
 use deltamorph::internals::abi::modules::{CROWD_TEXELS, MANIFEST, MODULES, Module};
 use deltamorph::internals::abi::numbers::{RECORD_WORDS, WORKGROUP};
 use deltamorph::internals::abi::push::{DenseListEntry, attribute_push_bytes};
@@ -243,9 +243,9 @@ fn modules_declare_what_the_table_says() {
                 let deltas = (deltas > 0).then_some((2, deltas));
                 assert_eq!(inputs(&entry), [(0, 1), (1, 1)].into_iter().chain(deltas).collect::<Vec<_>>(), "{name}");
             }
-            Stage::Compute(Workgroup::Fixed) => assert_eq!(sizes, [[WORKGROUP, 1, 1]], "{name}"),
+            Stage::Compute => assert_eq!(sizes, [[WORKGROUP, 1, 1]], "{name}"),
             // Constant 0 is the size in x, whatever is written there.
-            Stage::Compute(Workgroup::Specialized) => {
+            Stage::ComputeSized => {
                 let (builtin, workgroup_size) = (11, 25);
                 assert!(decorations(&code, builtin).contains(&workgroup_size), "{name}");
                 assert!(sizes.iter().all(|size| size[1..] == [1, 1]), "{name}");

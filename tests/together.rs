@@ -12,8 +12,8 @@ use deltamorph::internals::plan::hazards::{Event, HazardChecker};
 use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    Accumulate, AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DeltaFormat, KeyFormat, PackedMesh, Playback,
-    UpdateDesc, UpdatePath, WeightClip, testing,
+    Accumulate, AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DeltaFormat, PackedMesh, Playback, UpdateDesc,
+    UpdatePath, WeightClip, testing,
 };
 use gpu::{applied, on_every_device, update_descs, weights};
 use picture::Picture;
@@ -114,7 +114,7 @@ fn crowds_of_both_kinds_are_updated_by_one_call() {
         let names = layout.targets.iter().map(|target| target.name.clone()).collect();
         let clip = WeightClip { name: "clip".into(), names, fps: 1.0, values: (0..4).flat_map(weights).collect() };
         let clips = [clip];
-        let animation = AnimationDesc::new(&clips).key_format(KeyFormat::Bits32);
+        let animation = AnimationDesc::new(&clips);
         // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so in all that follows.
         let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
         // SAFETY: as above.

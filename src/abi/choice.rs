@@ -20,7 +20,7 @@ pub struct BlocksCase {
     pub entries: bool,
     /// What suits the device.
     pub device: DeviceTuning,
-    /// Whether it can load meshes as texels and store 64-bit integers.
+    /// Whether tiles are read as texels and stored in 64-bit integers, and single instances taken as tiles.
     pub texels: bool,
 }
 
@@ -36,17 +36,12 @@ pub struct BlocksChoice {
 }
 
 impl BlocksCase {
-    /// Whether tiles are read as texels and stored in 64-bit integers, and single instances taken as tiles.
-    pub fn takes_texels(&self) -> bool {
-        self.device.texels && self.texels && !CROWD_TEXELS.modules(self.format, self.pose).is_empty()
-    }
-
     /// Which kernel runs.
     ///
     /// # Errors
     /// There is none for this format and kind of sums.
     pub fn choose(&self) -> Result<BlocksChoice> {
-        let texels = self.takes_texels() && self.entries;
+        let texels = self.texels && self.entries;
         let tiles = texels || (self.instances > 1 && self.entries);
         let kernel = match (tiles, texels, self.exact) {
             (false, _, false) => &BLOCKS,

@@ -62,7 +62,7 @@ pub(crate) use delta_formats;
 macro_rules! pose_formats {
     ($expanded:ident $arguments:tt) => {
         $expanded! { $arguments
-            /// Six float32, one after the other: 24 bytes per vertex, two vertex attributes of three floats.
+            /// Six float32, one after the other: 24 bytes per vertex, two vertex attributes of three floats at 0 and 12.
             #[default]
             Float32 float32 { stride: 24, attributes: &[(R32G32B32_SFLOAT, 0), (R32G32B32_SFLOAT, 12)] }
         }

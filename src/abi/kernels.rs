@@ -17,17 +17,10 @@ pub const ATTRIBUTES_MAX: u32 = 32;
 pub enum Stage {
     /// A vertex shader.
     Vertex,
-    /// A compute shader with workgroups of this many invocations.
-    Compute(Workgroup),
-}
-
-/// Invocations of a workgroup.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Workgroup {
-    /// [`WORKGROUP`](super::numbers::WORKGROUP).
-    Fixed,
-    /// Specialization constant 0.
-    Specialized,
+    /// A compute shader with workgroups of [`WORKGROUP`](super::numbers::WORKGROUP) invocations.
+    Compute,
+    /// A compute shader with workgroups of as many as specialization constant 0 says.
+    ComputeSized,
 }
 
 /// Which formats there are modules for.
@@ -157,7 +150,7 @@ const VERTEX: KernelRow = KernelRow {
     constants: 0,
     baseline: false,
 };
-const COMPUTE: KernelRow = KernelRow { stage: Stage::Compute(Workgroup::Fixed), ..VERTEX };
+const COMPUTE: KernelRow = KernelRow { stage: Stage::Compute, ..VERTEX };
 /// Tables, state, work list, control: see animation.glsl.
 const ANIMATION: KernelRow =
     KernelRow { bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)], push: Push::Animation, ..COMPUTE };
@@ -177,7 +170,7 @@ const DENSE: KernelRow = KernelRow {
 const BLOCKS: KernelRow = KernelRow {
     name: "blocks",
     source: "blocks.comp",
-    stage: Stage::Compute(Workgroup::Specialized),
+    stage: Stage::ComputeSized,
     takes: Takes::Blocks,
     poses: true,
     bindings: &[(0, WORDS), (1, WORDS), (2, WORDS)],

@@ -44,7 +44,7 @@ struct DirectDraw {
 impl Kernel for Direct {
     type Key = DeltaFormat;
 
-    fn new(device: &Arc<Device>, format: DeltaFormat, _others: &[Arc<Self>]) -> Result<Self> {
+    fn new(device: &Arc<Device>, format: DeltaFormat) -> Result<Self> {
         let capture = Capture::of(device, UpdatePath::Direct).ok();
         let mut objects = Objects::none(device);
         let kernels = match capture {

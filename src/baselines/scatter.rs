@@ -67,7 +67,7 @@ pub(super) struct Scatter {
 impl Kernel for Scatter {
     type Key = ();
 
-    fn new(device: &Arc<Device>, (): (), _others: &[Arc<Self>]) -> Result<Self> {
+    fn new(device: &Arc<Device>, (): ()) -> Result<Self> {
         let mut objects = Objects::none(device);
         objects.add_layout(&[SCATTER.row, RESOLVE.row], 0)?;
         for kernel in [&SCATTER, &RESOLVE] {

@@ -32,7 +32,7 @@ pub(super) type VertexStore = VertexKernel<true>;
 impl<const STORES: bool> Kernel for VertexKernel<STORES> {
     type Key = (DeltaFormat, u32);
 
-    fn new(device: &Arc<Device>, key: Self::Key, _others: &[Arc<Self>]) -> Result<Self> {
+    fn new(device: &Arc<Device>, key: Self::Key) -> Result<Self> {
         let ((format, most), kernel) = (key, if STORES { &VERTEX_STORE } else { &DIRECT_ATTRIBUTES });
         let mut objects = Objects::none(device);
         objects.add_layout(&[kernel.row], attribute_push_bytes(format, most))?;

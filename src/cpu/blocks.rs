@@ -279,9 +279,7 @@ fn add_entry<F: BlockFormat, T: Sum<F::Component>, const S: usize>(
 ) {
     let shifts = format.shifts(header);
     let coefficients: [T; TRIPLES] = std::array::from_fn(|triple| T::coefficient(bits, steps[triple], shifts[triple]));
-    format.decode(S, header, deltas, |lane, delta| {
-        for (c, number) in delta.into_iter().enumerate() {
-            added[c][lane] = added[c][lane].add(coefficients[c / TRIPLE], number);
-        }
+    format.decode(S, header, deltas, |lane, c, number| {
+        added[c][lane] = added[c][lane].add(coefficients[c / TRIPLE], number);
     });
 }

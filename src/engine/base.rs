@@ -280,10 +280,6 @@ impl CrowdBase {
         &self.groups[0].mesh.layout
     }
 
-    pub(crate) fn pose(&self, instance: u32) -> Result<PoseView> {
-        self.group_pose(instance, 0)
-    }
-
     /// The pose of an instance in a group of the mesh.
     pub(crate) fn group_pose(&self, instance: u32, group: usize) -> Result<PoseView> {
         let (slot, _) = self.slots_of(instance)?;
@@ -294,10 +290,6 @@ impl CrowdBase {
             ));
         }
         Ok(self.view(instance, slot, group))
-    }
-
-    pub(crate) fn previous_pose(&self, instance: u32) -> Result<Option<PoseView>> {
-        self.previous_group_pose(instance, 0)
     }
 
     /// The previous pose of an instance in a group of the mesh.

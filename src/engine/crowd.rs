@@ -37,7 +37,8 @@ macro_rules! crowd {
         impl AnyCrowd for $crowd {}
 
         impl $crowd {
-            /// Bytes of device memory that the poses of a crowd take, in all groups of the mesh. On a direct path that is one, to capture into.
+            /// Bytes of device memory that the poses of a crowd take, in all groups of the mesh. On a direct path that is
+            /// one, to capture into.
             pub fn pose_bytes(mesh: &PackedMesh, desc: &CrowdDesc) -> u64 {
                 mesh.groups().iter().map(|group| pose_bytes(group.layout(), desc)).sum()
             }
@@ -109,7 +110,7 @@ macro_rules! crowd {
             /// An instance out of range or removed; no update recorded yet, or its update was discarded; a direct path,
             /// which has no pose buffers.
             pub fn pose(&self, instance: u32) -> Result<PoseView> {
-                self.base.pose(instance)
+                self.base.group_pose(instance, 0)
             }
 
             /// The pose of `instance` before its last update: the pose itself when nothing changed, on its first
@@ -119,7 +120,7 @@ macro_rules! crowd {
             /// # Errors
             /// As [`pose`](Self::pose).
             pub fn previous_pose(&self, instance: u32) -> Result<Option<PoseView>> {
-                self.base.previous_pose(instance)
+                self.base.previous_group_pose(instance, 0)
             }
 
             /// A stream of the [pose](Self::pose) of `instance`: any that the mesh has.

@@ -5,20 +5,18 @@ mod crowd;
 mod record;
 mod upload;
 
-pub use crate::gpu::caps::DeviceCaps;
-pub use crate::gpu::device::DeviceDesc;
-pub use crate::plan::CrowdDesc;
 pub use base::{AnyCrowd, PoseView, StreamView, Ticket, Update};
 pub use crowd::{AnimatedCrowd, Crowd};
 pub use upload::GpuMesh;
 
 use crate::abi::numbers::WORKGROUP;
 use crate::error::{Error, Result};
-use crate::gpu::caps::CAPTURE_STRIDE;
-use crate::gpu::device::Device;
+use crate::gpu::caps::{CAPTURE_STRIDE, DeviceCaps};
+use crate::gpu::device::{Device, DeviceDesc};
 use crate::gpu::kernels::Kernels;
 use crate::pack::blocks::BlockDesc;
 use crate::pack::{DeltaFormat, PackDesc};
+use crate::plan::CrowdDesc;
 use crate::update::animated::{Animated, AnimationDesc, Clips};
 use crate::update::{Runner, technique};
 use ash::vk;

@@ -11,7 +11,7 @@ impl MorphEngine {
     /// Record the update of all instances of `crowd` to the weights asked for.
     ///
     /// This records: nothing when no weight changed; otherwise the passes of the plan with the barriers they
-    /// need. First stages: those of the [consumers](super::CrowdDesc::consumers) (reads of earlier poses) and the
+    /// need. First stages: those of the [consumers](crate::CrowdDesc::consumers) (reads of earlier poses) and the
     /// path's own; last: the consumers', by default VERTEX_INPUT with VERTEX_ATTRIBUTE_READ and VERTEX_SHADER with
     /// SHADER_READ, so that draws recorded next may read [`Crowd::pose`](super::Crowd::pose) and
     /// [`Crowd::previous_pose`](super::Crowd::previous_pose) as vertex attributes or storage buffers.
@@ -24,7 +24,7 @@ impl MorphEngine {
     ///
     /// The caller is responsible for: submitting `cmd` exactly once, after all earlier updates of the crowd,
     /// or calling [`Crowd::discard`](super::Crowd::discard) with the ticket; having at most
-    /// [`CrowdDesc::frames_in_flight`](super::CrowdDesc::frames_in_flight) updates unfinished, this one included;
+    /// [`CrowdDesc::frames_in_flight`](crate::CrowdDesc::frames_in_flight) updates unfinished, this one included;
     /// binding its own state anew; barriers of its own where other stages than those named read or have read poses.
     ///
     /// # Errors
@@ -39,7 +39,7 @@ impl MorphEngine {
     ///   later update is recorded.
     /// - A ticket is discarded only if neither its update nor any later one of the crowd runs: the next update takes
     ///   over the memory of their lists.
-    /// - With this one, at most [`CrowdDesc::frames_in_flight`](super::CrowdDesc::frames_in_flight) updates of the
+    /// - With this one, at most [`CrowdDesc::frames_in_flight`](crate::CrowdDesc::frames_in_flight) updates of the
     ///   crowd are recorded and not yet finished.
     /// - After an error or a panic nothing of the update counts as done; `cmd` may hold some of its commands after a
     ///   panic, and is not run then.

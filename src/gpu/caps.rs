@@ -1,7 +1,5 @@
 //! What a device can do, as far as the update paths care, and what each path asks for.
 
-use crate::abi::choice::BlocksCase;
-use crate::abi::formats::FORMATS;
 use crate::abi::kernels::{DeviceClass, DeviceTuning, batch_max};
 use crate::abi::numbers::{DENSE_BATCH_MAX, WORKGROUP};
 use crate::abi::push::attribute_push_bytes;
@@ -271,31 +269,20 @@ impl DeviceCaps {
         self.int64 &= limits.int64;
     }
 
-    /// Which kernel of the path `blocks` runs for `instances` instances; `entries`: whether any target moves anything.
-    pub(crate) fn blocks_case(
-        &self,
-        (format, pose): (DeltaFormat, PoseFormat),
-        exact: bool,
-        instances: u32,
-        entries: bool,
-    ) -> BlocksCase {
-        // Whatever a storage descriptor covers, a view of four words each covers then.
-        let texels = self.int64 && u64::from(self.max_texels) >= self.max_storage_range / 16;
-        BlocksCase { format, pose, exact, instances, entries, device: self.tuning, texels }
-    }
-
     /// Whether tiles of `format` are read as texels and stored in 64-bit integers, and single instances taken as tiles:
     /// on software drivers, which pay for storage buffers lane by lane, and several times as much under the control
     /// flow that masks take.
     pub fn takes_texels(&self, format: DeltaFormat) -> bool {
-        self.blocks_case((format, PoseFormat::default()), false, 1, true).takes_texels()
+        // Whatever a storage descriptor covers, a view of four words each covers then.
+        let views = u64::from(self.max_texels) >= self.max_storage_range / 16;
+        self.tuning.texels && self.int64 && views && format.row().texels
     }
 
     /// Targets that vertex attributes, bindings and push constants have room for, next to a pose.
     fn attribute_targets_max(&self, format: DeltaFormat) -> u32 {
         let attributes = self.max_vertex_attributes.saturating_sub(2) / format.attributes() as u32;
         let bindings = self.max_vertex_bindings.saturating_sub(1);
-        let most = attributes.min(bindings).min(batch_max(&FORMATS[format as usize]));
+        let most = attributes.min(bindings).min(batch_max(format.row()));
         (0..=most).rev().find(|&b| attribute_push_bytes(format, b) <= self.max_push_constants).unwrap_or(0)
     }
 

@@ -10,11 +10,11 @@ pub(crate) trait Kernel: Any + Send + Sync + Sized {
     /// What tells two of a kind apart.
     type Key: Copy + PartialEq;
 
-    /// Make the pipelines. `others` are the kernels of the kind made so far, which may have some in common.
+    /// Make the pipelines.
     ///
     /// # Errors
     /// Those of Vulkan.
-    fn new(device: &Arc<Device>, key: Self::Key, others: &[Arc<Self>]) -> Result<Self>;
+    fn new(device: &Arc<Device>, key: Self::Key) -> Result<Self>;
 
     /// What they were made for.
     fn key(&self) -> Self::Key;
@@ -37,19 +37,19 @@ impl Kernels {
     /// As [`Kernel::new`].
     pub(crate) fn get<K: Kernel>(&self, key: K::Key) -> Result<Arc<K>> {
         let locked = || self.made.lock().unwrap_or_else(PoisonError::into_inner);
-        let of_kind = |made: &[Arc<dyn Any + Send + Sync>]| -> Vec<Arc<K>> {
-            made.iter().filter_map(|kernel| kernel.clone().downcast().ok()).collect()
+        let find = |made: &[Arc<dyn Any + Send + Sync>]| {
+            let mut of_kind = made.iter().filter_map(|kernel| kernel.clone().downcast::<K>().ok());
+            of_kind.find(|kernel| kernel.key() == key)
         };
-        let find = |others: &[Arc<K>]| others.iter().find(|kernel| kernel.key() == key).cloned();
-        let others = of_kind(&locked());
-        if let Some(kernel) = find(&others) {
+        let found = find(&locked());
+        if let Some(kernel) = found {
             return Ok(kernel);
         }
         // Not locked while the driver compiles: others may make crowds of kernels that are there.
-        let kernel = Arc::new(K::new(&self.device, key, &others)?);
+        let kernel = Arc::new(K::new(&self.device, key)?);
         let mut made = locked();
         // Another thread may have made it meanwhile.
-        Ok(find(&of_kind(&made)).unwrap_or_else(|| {
+        Ok(find(&made).unwrap_or_else(|| {
             made.push(kernel.clone());
             kernel
         }))

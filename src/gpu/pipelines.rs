@@ -207,22 +207,22 @@ impl Drop for Objects {
     }
 }
 
-/// How a draw reads a pose: binding 0, and attributes from location 0 on.
-pub(crate) fn pose_input(
-    format: PoseFormat,
-) -> (vk::VertexInputBindingDescription, Vec<vk::VertexInputAttributeDescription>) {
-    let attribute = |(location, &(format, offset)): (u32, &(u32, u32))| {
-        let format = vk::Format::from_raw(format as i32);
-        vk::VertexInputAttributeDescription { location, binding: 0, format, offset }
-    };
-    let binding = vk::VertexInputBindingDescription::default().stride(format.stride() as u32);
-    (binding, (0..).zip(format.row().attributes).map(attribute).collect())
+impl PoseFormat {
+    /// How a draw reads a pose: binding 0, and attributes from location 0 on.
+    pub fn vertex_input(self) -> (vk::VertexInputBindingDescription, Vec<vk::VertexInputAttributeDescription>) {
+        let attribute = |(location, &(format, offset)): (u32, &(u32, u32))| {
+            let format = vk::Format::from_raw(format as i32);
+            vk::VertexInputAttributeDescription { location, binding: 0, format, offset }
+        };
+        let binding = vk::VertexInputBindingDescription::default().stride(self.stride() as u32);
+        (binding, (0..).zip(self.row().attributes).map(attribute).collect())
+    }
 }
 
 fn stage_of(stage: Stage) -> vk::ShaderStageFlags {
     match stage {
         Stage::Vertex => vk::ShaderStageFlags::VERTEX,
-        Stage::Compute(_) => vk::ShaderStageFlags::COMPUTE,
+        Stage::Compute | Stage::ComputeSized => vk::ShaderStageFlags::COMPUTE,
     }
 }
 

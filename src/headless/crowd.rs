@@ -10,9 +10,10 @@ pub use animated::PlannedGroup;
 use super::Headless;
 use super::draw::PoseDraw;
 use super::readback::Readback;
-use crate::engine::{AnyCrowd, Crowd, CrowdDesc, GpuMesh, MorphEngine, Ticket, Update};
+use crate::engine::{AnyCrowd, Crowd, GpuMesh, MorphEngine, Ticket, Update};
 use crate::error::{Error, Result};
 use crate::pack::PackedMesh;
+use crate::plan::CrowdDesc;
 #[cfg(feature = "baselines")]
 use crate::plan::UpdatePath;
 #[cfg(feature = "internals")]
@@ -334,7 +335,7 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
         }
         let (base, mut poses) = (self.crowd.base(), vec![]);
         for instance in base.shown() {
-            let pose = base.pose(instance)?;
+            let pose = base.group_pose(instance, 0)?;
             poses.extend(std::iter::repeat_n((pose.buffer, pose.offset), copies as usize));
         }
         self.draw.record(cmd, poses.into_iter(), self.mesh.layout().padded_vertices() as u32);

@@ -3,7 +3,7 @@
 use crate::abi::modules::CONSUME;
 use crate::error::Result;
 use crate::gpu::device::Device;
-use crate::gpu::pipelines::{Objects, pose_input};
+use crate::gpu::pipelines::Objects;
 use crate::pack::{DeltaFormat, PoseFormat};
 use ash::vk;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ impl PoseDraw {
         let mut objects = Objects::none(device);
         objects.add_layout(&[CONSUME.row], 0)?;
         objects.add_empty_render_pass()?;
-        let (binding, attributes) = pose_input(pose);
+        let (binding, attributes) = pose.vertex_input();
         // It reads no deltas: the module is the same for each of their formats.
         let module = CONSUME.module(DeltaFormat::Float32, pose, 0)?;
         objects.add_discarding_vertex(module, &[binding], &attributes)?;

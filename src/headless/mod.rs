@@ -15,8 +15,10 @@ pub use crowd::PlannedGroup;
 pub use crowd::{HeadlessCrowd, Recorded, Step};
 pub use upload::{PoseUpload, Uploaded};
 
-use crate::engine::{DeviceCaps, DeviceDesc, GpuMesh, MorphEngine};
+use crate::engine::{GpuMesh, MorphEngine};
 use crate::error::{Error, Result};
+use crate::gpu::caps::DeviceCaps;
+use crate::gpu::device::DeviceDesc;
 use crate::gpu::failed;
 use crate::setters::setters;
 use ash::vk;

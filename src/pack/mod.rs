@@ -76,7 +76,7 @@ impl Default for PackDesc {
 /// *Dense* formats hold every vertex of every target, in the user's vertex order:
 ///
 /// ```text
-/// base    [vertex][px py pz nx ny nz]                      24 bytes a vertex (the layout of a pose, too)
+/// base    [vertex][px py pz nx ny nz]                      24 bytes a vertex (a float32 pose, too)
 /// deltas  [chunk][target][vertex in chunk][words]          24 bytes (float32) or 12 bytes (snorm16)
 /// ```
 ///

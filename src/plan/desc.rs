@@ -1,6 +1,6 @@
 //! How poses are to be updated: path, mode, batch size, sums, slots.
 
-use super::paths::{Sums, UpdatePath};
+use super::paths::UpdatePath;
 use super::steps::Consumers;
 use crate::pack::PoseFormat;
 use crate::setters::setters;
@@ -131,7 +131,7 @@ setters!(UpdateDesc {
 impl UpdateDesc {
     /// Incremental updates in two slots with float sums; rebuilds and exact sums for paths that know nothing else.
     pub const fn new(path: UpdatePath, batch: BatchSize) -> Self {
-        let accumulate = match matches!(path.row().sums, Sums::Exact) {
+        let accumulate = match path.row().exact_only {
             true => Accumulate::Exact,
             false => Accumulate::Float { tolerance: 1e-5 },
         };

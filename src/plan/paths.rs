@@ -6,67 +6,52 @@ use crate::pack::DeltaFormat;
 /// others, which are linked with the feature `baselines` only.
 ///
 /// An item is the documentation of an `UpdatePath`, whose first line the command line shows; its name; the fields of its
-/// [`PathRow`] that are not what [`PathRow::new`] states; and the type of its technique, for `update::make`.
+/// [`PathRow`] that are not what its section states; and the type of its technique, for `update::make`.
 macro_rules! update_paths {
     ($expanded:ident $arguments:tt) => {
         $expanded! { $arguments
-            Ours {
+            ours {
                 /// Vertex passes with transform feedback
                 ///
-                /// And rasterizer discard (Jones, GPU Pro 5). A pass cannot read the buffer it writes: passes alternate
+                /// With rasterizer discard (Jones, GPU Pro 5). A pass cannot read the buffer it writes: passes alternate
                 /// between two slots.
-                Feedback "feedback" { needs: Needs::TransformFeedback, in_place: false, batch: Batch::Attributes }
+                Feedback "feedback" { needs: Needs::TransformFeedback, batch: Batch::Attributes }
                     crate::update::dense::FeedbackTechnique;
-
                 /// Compute passes
                 ///
                 /// The first reads the current slot and writes the next, the rest run in place there.
                 Compute "compute" { batch: Batch::PushConstants } crate::update::dense::ComputeTechnique;
-
                 /// Compute, for the blocks of vertices that a changed target touches, and no others
                 ///
                 /// One workgroup for each. Takes the block formats. The one to use where there is a GPU.
-                Blocks "blocks" { formats: &DeltaFormat::BLOCKS, sums: Sums::Either }
-                    crate::update::blocks::BlocksTechnique;
+                Blocks "blocks" { formats: &DeltaFormat::BLOCKS } crate::update::blocks::BlocksTechnique;
             }
-            Host {
+            host {
                 /// SIMD and threads, without Vulkan
                 ///
                 /// Takes every format.
-                Cpu "cpu" { needs: Needs::Nothing, formats: &DeltaFormat::ALL, sums: Sums::Either };
+                Cpu "cpu" { formats: &DeltaFormat::ALL };
             }
-            Baselines {
+            baselines {
                 /// Baseline: the passes of feedback, stored by the vertex shader
-                VertexStore "vertex-store" { needs: Needs::VertexStores, in_place: false, batch: Batch::Attributes }
+                VertexStore "vertex-store" { needs: Needs::VertexStores, batch: Batch::Attributes }
                     crate::baselines::VertexStoreTechnique;
-
                 /// Baseline: a thread per delta, integer atomics, from base every time (O3DE, Unity)
                 ///
                 /// A last pass makes the pose of the sums.
                 Scatter "scatter" {
-                    formats: &[DeltaFormat::Small],
-                    sums: Sums::Exact,
-                    rebuilds_only: true,
-                    has_own_upload: true,
-                    takes_groups: false
+                    formats: &[DeltaFormat::Small], has_own_upload: true, exact_only: true,
+                    rebuilds_only: true, takes_groups: false
                 } crate::baselines::ScatterTechnique;
-
                 /// Baseline: each draw evaluates all active targets (Costigan et al., Bevy, three.js, Filament)
                 ///
                 /// There is no update: the vertex shader reads the deltas from a storage buffer.
                 Direct "direct" {
-                    needs: Needs::Nothing,
-                    rebuilds_only: true,
-                    evaluates_in_draws: true,
-                    takes_groups: false
+                    needs: Needs::Nothing, evaluates_in_draws: true, rebuilds_only: true, takes_groups: false
                 } crate::baselines::DirectTechnique;
-
                 /// Baseline: as direct, the active targets being vertex attributes (Gerdelan)
                 DirectAttributes "direct-attributes" {
-                    needs: Needs::Nothing,
-                    rebuilds_only: true,
-                    evaluates_in_draws: true,
-                    takes_groups: false,
+                    needs: Needs::Nothing, evaluates_in_draws: true, rebuilds_only: true, takes_groups: false,
                     batch: Batch::Attributes
                 } crate::baselines::AttributesTechnique;
             }
@@ -74,14 +59,6 @@ macro_rules! update_paths {
     };
 }
 pub(crate) use update_paths;
-
-/// Which part of the list a path is in.
-#[derive(Clone, Copy, Debug)]
-enum Section {
-    Ours,
-    Host,
-    Baselines,
-}
 
 /// What a path needs of a device.
 #[derive(Clone, Copy, Debug)]
@@ -107,53 +84,49 @@ pub(crate) enum Batch {
     Attributes,
 }
 
-/// How poses may add up.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Sums {
-    /// In float32, without a bound on drift and without an error budget.
-    Float,
-    /// In integers, without an error budget.
-    Exact,
-    /// In any way that the format of the mesh allows.
-    Either,
-}
-
 /// A path.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathRow {
-    section: Section,
+    baseline: bool,
     name: &'static str,
     summary: &'static str,
     formats: &'static [DeltaFormat],
     pub(crate) needs: Needs,
     pub(crate) batch: Batch,
-    pub(crate) sums: Sums,
+    /// Its sums are integers, and it has no error budget.
+    pub(crate) exact_only: bool,
     /// It updates all groups of a mesh, not only positions and normals.
     pub(crate) takes_groups: bool,
     /// Its meshes are uploaded in words of their own.
     pub(crate) has_own_upload: bool,
-    in_place: bool,
     rebuilds_only: bool,
     evaluates_in_draws: bool,
 }
 
 impl PathRow {
     /// Compute passes over dense deltas.
-    const fn new(section: Section, name: &'static str, summary: &'static str) -> Self {
+    const fn ours(name: &'static str, summary: &'static str) -> Self {
         Self {
-            section,
+            baseline: false,
             name,
             summary: summary.trim_ascii(),
             formats: &DeltaFormat::DENSE,
             needs: Needs::Workgroups,
             batch: Batch::Any,
-            sums: Sums::Float,
+            exact_only: false,
             takes_groups: true,
             has_own_upload: false,
-            in_place: true,
             rebuilds_only: false,
             evaluates_in_draws: false,
         }
+    }
+
+    const fn host(name: &'static str, summary: &'static str) -> Self {
+        Self { needs: Needs::Nothing, ..Self::ours(name, summary) }
+    }
+
+    const fn baselines(name: &'static str, summary: &'static str) -> Self {
+        Self { baseline: true, ..Self::ours(name, summary) }
     }
 }
 
@@ -171,7 +144,7 @@ macro_rules! declared {
 
         /// By path.
         const ROWS: &[PathRow] =
-            &[$($(PathRow { $($fields)*, ..PathRow::new(Section::$section, $name, $summary) }),*),*];
+            &[$($(PathRow { $($fields)*, ..PathRow::$section($name, $summary) }),*),*];
 
         impl UpdatePath {
             /// Every path.
@@ -188,7 +161,7 @@ impl UpdatePath {
 
     /// Whether others published the technique, and it is here to compare with. `bench` runs those that are named.
     pub const fn is_baseline(self) -> bool {
-        matches!(self.row().section, Section::Baselines)
+        self.row().baseline
     }
 
     /// The name used on the command line and in reports.
@@ -201,9 +174,9 @@ impl UpdatePath {
         self.row().summary
     }
 
-    /// Whether a pass may write the slot it reads.
+    /// Whether a pass may write the slot it reads: vertex passes may not.
     pub const fn works_in_place(self) -> bool {
-        self.row().in_place
+        !matches!(self.row().needs, Needs::TransformFeedback | Needs::VertexStores)
     }
 
     /// Whether it has no [`UpdateMode::Incremental`](super::UpdateMode): each pose is evaluated from base.

@@ -4,7 +4,6 @@ use super::blocks::check_tolerance;
 use crate::error::{Error, Result};
 use crate::gpu::caps::DeviceCaps;
 use crate::pack::PackedLayout;
-use crate::plan::paths::Sums;
 use crate::plan::{Accumulate, BatchSize, UpdateDesc, UpdateMode, UpdatePath};
 
 /// Most slots of a crowd that is animated on the GPU, which keeps a bit for each update since a slot was written.
@@ -107,13 +106,12 @@ impl UpdateDesc {
             let remedy = "use the mode 'rebuild': this technique evaluates every pose from the base pose";
             return refuse(format!("incremental updates through '{name}'"), remedy);
         }
-        match path.row().sums {
-            Sums::Exact if self.accumulate != Accumulate::Exact || self.error_budget > 0.0 => {
-                let remedy = "use exact sums and no budget: it adds integers, each pose afresh";
-                return refuse(format!("float sums or an error budget with '{name}'"), remedy);
-            }
-            Sums::Exact | Sums::Either => {}
-            Sums::Float => self.check_dense(name)?,
+        if path.row().exact_only && (self.accumulate != Accumulate::Exact || self.error_budget > 0.0) {
+            let remedy = "use exact sums and no budget: it adds integers, each pose afresh";
+            return refuse(format!("float sums or an error budget with '{name}'"), remedy);
+        }
+        if !path.formats().iter().any(|format| format.is_blocks()) {
+            self.check_dense(name)?;
         }
         match self.batch {
             BatchSize::Targets(0) => refuse("a batch size of 0", "use 1 or more targets per pass"),

@@ -6,9 +6,9 @@ use crate::plan::paths::{UpdatePath, update_paths};
 
 macro_rules! make {
     (($context:ident)
-        Ours { $($(#[$doc:meta])* $path:ident $name:literal $row:tt $technique:ty;)* }
-        Host { $($(#[$host_doc:meta])* $host:ident $host_name:literal $host_row:tt;)* }
-        Baselines { $($(#[$baseline_doc:meta])* $baseline:ident $baseline_name:literal $baseline_row:tt $others:ty;)* }
+        ours { $($(#[$doc:meta])* $path:ident $name:literal $row:tt $technique:ty;)* }
+        host { $($(#[$host_doc:meta])* $host:ident $host_name:literal $host_row:tt;)* }
+        baselines { $($(#[$baseline_doc:meta])* $baseline:ident $baseline_name:literal $baseline_row:tt $others:ty;)* }
     ) => {
         match $context.desc.update.path {
             $(UpdatePath::$path => Ok(Box::new(<$technique>::new($context)?)),)*

@@ -304,13 +304,10 @@ fn pipeline(device: &ash::Device, pass: vk::RenderPass, layout: vk::PipelineLayo
     let modules = [module(ShaderStage::Vertex, VERTEX), module(ShaderStage::Fragment, FRAGMENT)];
     let stage = |stage, module| vk::PipelineShaderStageCreateInfo::default().stage(stage).module(module).name(c"main");
     let stages = [stage(vk::ShaderStageFlags::VERTEX, modules[0]), stage(vk::ShaderStageFlags::FRAGMENT, modules[1])];
-    let binding = |binding, stride| vk::VertexInputBindingDescription::default().binding(binding).stride(stride);
-    let bindings = [binding(0, PoseFormat::Float32.stride() as u32), binding(1, 8)];
-    let (three, two) = (vk::Format::R32G32B32_SFLOAT, vk::Format::R32G32_SFLOAT);
-    let attributes =
-        [(0, 0, three, 0), (1, 0, three, 12), (2, 1, two, 0)].map(|(location, binding, format, offset)| {
-            vk::VertexInputAttributeDescription { location, binding, format, offset }
-        });
+    let (pose, mut attributes) = PoseFormat::Float32.vertex_input();
+    let bindings = [pose, vk::VertexInputBindingDescription::default().binding(1).stride(8)];
+    let format = vk::Format::R32G32_SFLOAT;
+    attributes.push(vk::VertexInputAttributeDescription { location: 2, binding: 1, format, offset: 0 });
     let input = vk::PipelineVertexInputStateCreateInfo::default()
         .vertex_binding_descriptions(&bindings)
         .vertex_attribute_descriptions(&attributes);

@@ -1,10 +1,11 @@
 //! The same of a crowd that is animated on the GPU, and what the GPU has planned.
 
 use super::HeadlessCrowd;
-use crate::engine::{AnimatedCrowd, CrowdDesc};
+use crate::engine::AnimatedCrowd;
 use crate::error::Result;
 use crate::headless::Headless;
 use crate::pack::PackedMesh;
+use crate::plan::CrowdDesc;
 use crate::update::animated::{AnimationDesc, Playback};
 
 /// What the GPU planned for a group of instances, as it lies in memory: see `glsl/plan.comp`.

@@ -22,7 +22,7 @@ impl<C: Kind> HeadlessCrowd<'_, C> {
             let view = self.headless.submitter.run(|cmd| unsafe { engine.record_capture(cmd, crowd, instance) })?;
             return self.read_view(view);
         }
-        let view = self.crowd.base().pose(instance)?;
+        let view = self.crowd.base().group_pose(instance, 0)?;
         self.read_view(view)
     }
 
@@ -31,7 +31,7 @@ impl<C: Kind> HeadlessCrowd<'_, C> {
     /// # Errors
     /// As [`draw`](Self::draw).
     pub fn read_previous_pose(&mut self, instance: u32) -> Result<Option<Vec<f32>>> {
-        let view = self.crowd.base().previous_pose(instance)?;
+        let view = self.crowd.base().previous_group_pose(instance, 0)?;
         view.map(|view| self.read_view(view)).transpose()
     }
 

@@ -312,13 +312,14 @@ impl BlockIndex {
         with_format!(self.parts.format.format(), dense _f => {}, blocks format => {
             let (header, deltas) = self.locate(format, words, entry);
             let shifts = format.shifts(header);
-            format.decode(self.size(), header, &words[deltas], |lane, delta| {
-                let (mut value, mut integer) = ([0.0; POSE_FLOATS], [0; POSE_FLOATS]);
-                for (c, number) in delta.into_iter().enumerate() {
-                    (value[c], integer[c]) = number.value(steps[c / TRIPLE], shifts[c / TRIPLE]);
-                }
-                f(lane, value, integer);
+            let mut lanes = [None; BLOCK_SIZES[2] as usize];
+            format.decode(self.size(), header, &words[deltas], |lane, c, number| {
+                let (value, integer) = lanes[lane].get_or_insert(([0.0; POSE_FLOATS], [0; POSE_FLOATS]));
+                (value[c], integer[c]) = number.value(steps[c / TRIPLE], shifts[c / TRIPLE]);
             });
+            for (lane, (value, integer)) in lanes.into_iter().enumerate().filter_map(|(i, lane)| Some((i, lane?))) {
+                f(lane, value, integer);
+            }
         });
     }
 

@@ -47,11 +47,13 @@ impl BlockFormat for BlockFloat32 {
 
     type Component = f32;
 
+    // Plane by plane, which reads memory in order: vertex by vertex takes 1.4 times as long where few targets change.
     #[inline(always)]
-    fn decode(&self, size: usize, _: &[u32], deltas: &[u32], mut f: impl FnMut(usize, [f32; POSE_FLOATS])) {
-        let planes: [&[u32]; POSE_FLOATS] = std::array::from_fn(|c| &deltas[c * size..][..size]);
-        for lane in 0..size {
-            f(lane, planes.map(|plane| f32::from_bits(plane[lane])));
+    fn decode(&self, size: usize, _: &[u32], deltas: &[u32], mut f: impl FnMut(usize, usize, f32)) {
+        for (c, plane) in deltas.chunks_exact(size).enumerate().take(POSE_FLOATS) {
+            for (lane, word) in plane.iter().enumerate() {
+                f(lane, c, f32::from_bits(*word));
+            }
         }
     }
 }

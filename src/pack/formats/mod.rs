@@ -212,8 +212,8 @@ pub(crate) trait BlockFormat: Listed + Send + Sync {
     where
         Self: Sized;
 
-    /// Call `f` with each vertex of the block that an entry holds a delta for.
-    fn decode(&self, size: usize, header: &[u32], deltas: &[u32], f: impl FnMut(usize, [Self::Component; POSE_FLOATS]))
+    /// Call `f` with each number of each delta of an entry: the vertex's place in the block, the component, the number.
+    fn decode(&self, size: usize, header: &[u32], deltas: &[u32], f: impl FnMut(usize, usize, Self::Component))
     where
         Self: Sized;
 }

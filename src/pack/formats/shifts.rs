@@ -75,8 +75,12 @@ impl<F: Shifted> BlockFormat for F {
     type Component = i32;
 
     #[inline(always)]
-    fn decode(&self, size: usize, _: &[u32], deltas: &[u32], f: impl FnMut(usize, [i32; POSE_FLOATS])) {
-        F::for_each(size, deltas, f);
+    fn decode(&self, size: usize, _: &[u32], deltas: &[u32], mut f: impl FnMut(usize, usize, i32)) {
+        F::for_each(size, deltas, |lane, delta| {
+            for (c, number) in delta.into_iter().enumerate() {
+                f(lane, c, number);
+            }
+        });
     }
 }
 

@@ -75,7 +75,7 @@ impl BlockFormat for Small {
     type Component = i32;
 
     #[inline(always)]
-    fn decode(&self, _: usize, header: &[u32], deltas: &[u32], mut f: impl FnMut(usize, [i32; POSE_FLOATS])) {
+    fn decode(&self, _: usize, header: &[u32], deltas: &[u32], mut f: impl FnMut(usize, usize, i32)) {
         let mut record = 0;
         let fields = unpack_widths(header[1]).map(|width| {
             record += width as usize;
@@ -87,12 +87,9 @@ impl BlockFormat for Small {
             while rest != 0 {
                 let lane = 32 * word + rest.trailing_zeros() as usize;
                 rest &= rest - 1;
-                // A loop: mapped, the array is built by a slower one.
-                let mut delta = [0; POSE_FLOATS];
-                for (number, field) in delta.iter_mut().zip(&fields) {
-                    *number = field.read(deltas, at);
+                for (c, field) in fields.iter().enumerate() {
+                    f(lane, c, field.read(deltas, at));
                 }
-                f(lane, delta);
                 at += record;
             }
         }

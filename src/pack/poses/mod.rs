@@ -9,7 +9,7 @@ macro_rules! declared {
     (() $($(#[$meta:meta])* $name:ident $file:ident $row:tt)*) => {
         $(mod $file;)*
 
-        /// How the six numbers of a vertex are stored in pose buffers.
+        /// How the six numbers of a vertex (of positions and normals: position, then normal) are stored in pose buffers.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
         #[non_exhaustive]
         pub enum PoseFormat {

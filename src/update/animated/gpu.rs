@@ -20,7 +20,7 @@ pub(crate) struct AnimationKernel {
 impl Kernel for AnimationKernel {
     type Key = ();
 
-    fn new(device: &Arc<Device>, (): (), _others: &[Arc<Self>]) -> Result<Self> {
+    fn new(device: &Arc<Device>, (): ()) -> Result<Self> {
         let mut objects = Objects::none(device);
         let kernels = [modules::ANIMATE, modules::BUDGET, modules::COMMIT, modules::PLAN, modules::ARGUMENTS];
         objects.add_layout(&[kernels[0].kernel], 0)?;

@@ -2,7 +2,7 @@
 
 use super::dispatch::Dispatching;
 use super::tiles::WIDTHS;
-use crate::abi::choice::BlocksChoice;
+use crate::abi::choice::{BlocksCase, BlocksChoice};
 use crate::abi::modules::Module;
 use crate::abi::numbers::ROWS;
 use crate::abi::push::BlocksPush;
@@ -44,7 +44,7 @@ struct BlocksKey {
 impl Kernel for BlocksKernel {
     type Key = BlocksKey;
 
-    fn new(device: &Arc<Device>, key: BlocksKey, _others: &[Arc<Self>]) -> Result<Self> {
+    fn new(device: &Arc<Device>, key: BlocksKey) -> Result<Self> {
         let BlocksKey { module, size, lanes, width } = key;
         let mut objects = Objects::none(device);
         objects.add_layout(&[module.kernel], 0)?;
@@ -67,8 +67,9 @@ impl BlocksKernels {
     /// # Errors
     /// There is no kernel for its format and kind of sums; those of Vulkan.
     pub(crate) fn new(context: &Context<'_>, index: &BlockIndex, exact: bool, instances: u32) -> Result<Self> {
-        let formats = (context.layout().format, context.desc.update.pose);
-        let choice = context.caps().blocks_case(formats, exact, instances, index.entry_count() > 0).choose()?;
+        let (format, pose, entries) = (context.layout().format, context.desc.update.pose, index.entry_count() > 0);
+        let (device, texels) = (context.caps().tuning, context.caps().takes_texels(format));
+        let choice = BlocksCase { format, pose, exact, instances, entries, device, texels }.choose()?;
         let (module, size) = (choice.module, index.size() as u32);
         let lanes = size / choice.lane_vertices();
         let kernel = |width| context.kernels.get(BlocksKey { module, size, lanes, width });

@@ -36,7 +36,7 @@ struct Compute {
 impl Kernel for Compute {
     type Key = (DeltaFormat, PoseFormat, BatchSize);
 
-    fn new(device: &Arc<Device>, key: Self::Key, _others: &[Arc<Self>]) -> Result<Self> {
+    fn new(device: &Arc<Device>, key: Self::Key) -> Result<Self> {
         let (format, pose, batch) = key;
         let mut objects = Objects::none(device);
         objects.add_layout(&[DENSE.row, DENSE_LIST.row], 0)?;

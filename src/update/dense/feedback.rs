@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::gpu::caps::CAPTURE_STRIDE;
 use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernel;
-use crate::gpu::pipelines::{Objects, pose_input};
+use crate::gpu::pipelines::Objects;
 use crate::pack::{DeltaFormat, PackedLayout, PoseFormat};
 use crate::plan::BatchSize;
 use crate::plan::steps::{Access, Resource, Stage, Use, Work};
@@ -31,7 +31,7 @@ pub(crate) struct Feedback {
 impl Kernel for Feedback {
     type Key = (DeltaFormat, u32);
 
-    fn new(device: &Arc<Device>, key: Self::Key, _others: &[Arc<Self>]) -> Result<Self> {
+    fn new(device: &Arc<Device>, key: Self::Key) -> Result<Self> {
         let (format, batch) = key;
         let mut objects = Objects::none(device);
         objects.add_layout(&[FEEDBACK.row], attribute_push_bytes(format, batch))?;
@@ -160,8 +160,8 @@ pub(crate) fn vertex_input(format: DeltaFormat, batch: u32) -> VertexInput {
     let attribute =
         |location, binding, format, offset| vk::VertexInputAttributeDescription { location, binding, format, offset };
     let float3 = vk::Format::R32G32B32_SFLOAT;
-    let (pose, attributes) = pose_input(PoseFormat::Float32);
-    let (mut bindings, mut attributes) = (vec![pose], attributes);
+    let (pose, mut attributes) = PoseFormat::Float32.vertex_input();
+    let mut bindings = vec![pose];
     for b in 1..=batch {
         bindings.push(binding(b, format.stride() as u32));
         match format.attributes() {
