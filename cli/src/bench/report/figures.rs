@@ -223,7 +223,7 @@ fn floor(suffix: &str, subtitle: [String; 2], runs: &[&RunRecord]) -> Option<Fig
         caption: "The floor is the time to move each delta of a changed target once, and what is updated of the pose \
                   in and out, at the best bandwidth of plain reading and copying. What stays in a cache can beat it."
             .into(),
-        title: "How near the memory-bandwidth floor".into(),
+        title: "How near the memory-bandwidth floor, in %".into(),
         subtitle,
         // A path can beat a floor measured with a copy: the axis grows with it.
         chart: Chart::Bars { least: 100.0, bars },
