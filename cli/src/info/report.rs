@@ -3,11 +3,10 @@
 use super::Info;
 use super::sweep::{PoseRow, SweepRow};
 use crate::output::{self, Failure, publish, to_json, write_file};
-use crate::page::{self, document, row, table};
-use crate::plots::{Axes, Chart, Figure, Marker, Point, Series};
-use crate::table::{bytes, sig3, thousands};
+use crate::page::{self, document, table};
+use crate::plots::{Axes, Chart, Figure, Look, Point, Series};
+use crate::table::{Column, Table, bytes, sig3, thousands};
 use maud::{Markup, html};
-use plotters::prelude::RGBColor;
 use std::path::Path;
 
 /// Make sure that `dir` is ours to write to: new, empty, or with an earlier report.
@@ -60,8 +59,7 @@ fn figures(info: &Info, rows: &[SweepRow]) -> [Figure; 2] {
         ],
         chart: Chart::Lines {
             labels: ["bytes, as a share of float32 for every vertex and target", y_label],
-            axes: Axes::Log,
-            reference: None,
+            axes: Axes::Values,
             series: series(rows, error),
         },
     };
@@ -70,18 +68,6 @@ fn figures(info: &Info, rows: &[SweepRow]) -> [Figure; 2] {
         chart("normal-error", "Normal error against bytes", "degrees", |r| r.normal_error_deg),
     ]
 }
-
-/// Told apart by people who see few colours, too (Okabe and Ito).
-const LOOKS: [(RGBColor, Marker); 8] = [
-    (RGBColor(0x00, 0x5f, 0x9e), Marker::Circle),
-    (RGBColor(0x56, 0xb4, 0xe9), Marker::Triangle),
-    (RGBColor(0xa9, 0x9f, 0xe0), Marker::Square),
-    (RGBColor(0x4a, 0x4f, 0x59), Marker::Circle),
-    (RGBColor(0xe6, 0x9f, 0x00), Marker::Square),
-    (RGBColor(0xa8, 0x4b, 0x86), Marker::Triangle),
-    (RGBColor(0xc4, 0x4e, 0x00), Marker::Diamond),
-    (RGBColor(0x00, 0x7a, 0x5a), Marker::Diamond),
-];
 
 /// A line for each block size of the sweep, and a point for each format.
 fn series(rows: &[SweepRow], error: Error) -> Vec<Series> {
@@ -94,26 +80,26 @@ fn series(rows: &[SweepRow], error: Error) -> Vec<Series> {
         let (label, point) = (label(row), Point { x: row.share, y: error(row), error: 0.0 });
         match all.iter_mut().find(|s| s.label == label) {
             Some(series) => series.points.push(point),
-            None => {
-                let (color, marker) = LOOKS[all.len() % LOOKS.len()];
-                all.push(Series { label, color, marker, points: vec![point] });
-            }
+            None => all.push(Series { label, look: Look::new(all.len(), all.len()), points: vec![point] }),
         }
     }
     all
 }
 
 fn pose_table(rows: &[PoseRow]) -> Markup {
-    let cells = |r: &PoseRow| {
-        let [normals, usual] = [r.normal_error_deg, r.normal_error_p999_deg].map(|angle| format!("{}°", sig3(angle)));
-        row([r.clip.clone(), r.frames.to_string(), r.format.into(), sig3(r.position_error_rel), normals, usual])
-    };
-    let headings = ["clip", "frames", "format", "position error / diagonal", "normals", "999 of 1000 normals"];
+    let columns: [Column<'_, PoseRow>; 6] = [
+        ("clip", &|r| r.clip.clone()),
+        ("frames", &|r| r.frames.to_string()),
+        ("format", &|r| r.format.into()),
+        ("position error / diagonal", &|r| sig3(r.position_error_rel)),
+        ("normals", &|r| format!("{}°", sig3(r.normal_error_deg))),
+        ("999 of 1000 normals", &|r| format!("{}°", sig3(r.normal_error_p999_deg))),
+    ];
     html! {
         @if rows.is_empty() {
             p.note { "There is no clip to take poses from." }
         } @else {
-            (table(headings, rows.iter().map(cells)))
+            (table(&Table::of(rows, &columns), |_| (None, None)))
             p.note {
                 "Largest errors against the raw files: dropped deltas and packing together, the weights as captured. \
                  Where targets fold a normal to almost nothing, a small error turns it far: the last column leaves out \
