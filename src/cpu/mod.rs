@@ -179,16 +179,16 @@ impl CpuCrowd {
         }
     }
 
-    /// The poses of an instance in a group, and the slots of its pose and of its previous pose; while there is no pose,
-    /// the first slot.
-    fn poses(&self, instance: usize, group: usize) -> Result<(&[Vec<f32>], (u32, Option<u32>))> {
+    /// The pose of an instance in a group (that in the first slot while there is none) and its previous pose.
+    fn poses(&self, instance: usize, group: usize) -> Result<(&[f32], Option<&[f32]>)> {
         let place = self.instances.check(number(instance))?;
         let memory = self.memory.get(group).ok_or_else(|| {
             let (name, groups) = (&self.mesh.layout().name, self.memory.len());
             Error::invalid(format!("group {group} of mesh '{name}', which has {groups}"), "count groups from 0")
         })?;
-        let slots = self.instances.slots_of(place).unwrap_or_default();
-        Ok((&memory.poses[place * memory.slots..][..memory.slots], slots))
+        let (slot, previous) = self.instances.slots_of(place).unwrap_or_default();
+        let pose = |slot: u32| memory.poses[place * memory.slots + slot as usize].as_slice();
+        Ok((pose(slot), previous.map(pose)))
     }
 
     /// The pose of an instance after the last update: six floats a vertex, with padding, in the order of pose buffers
@@ -205,8 +205,7 @@ impl CpuCrowd {
     /// # Errors
     /// An instance out of range or removed; a group out of range.
     pub fn group_pose(&self, instance: usize, group: usize) -> Result<&[f32]> {
-        let (poses, (slot, _)) = self.poses(instance, group)?;
-        Ok(&poses[slot as usize])
+        Ok(self.poses(instance, group)?.0)
     }
 
     /// The pose before the last update, where it is still there; the pose itself when nothing changed.
@@ -222,8 +221,7 @@ impl CpuCrowd {
     /// # Errors
     /// As [`group_pose`](Self::group_pose).
     pub fn previous_group_pose(&self, instance: usize, group: usize) -> Result<Option<&[f32]>> {
-        let (poses, (_, previous)) = self.poses(instance, group)?;
-        Ok(previous.map(|slot| &poses[slot as usize][..]))
+        Ok(self.poses(instance, group)?.1)
     }
 
     /// The integer sums of positions and normals of an instance, in the order of pose buffers; `None` unless it
