@@ -9,6 +9,7 @@ use super::draws::one_pass;
 use crate::abi::modules::{RESOLVE, SCATTER};
 use crate::abi::numbers::WORKGROUP;
 use crate::abi::push::{ResolvePush, ScatterPush};
+use crate::asset::streams::TRIPLE;
 use crate::error::{Error, Result};
 use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
@@ -46,7 +47,9 @@ impl Records {
         for target in 0..mesh.layout().targets.len() {
             for incidence in index.incidence(target) {
                 let block = incidence.block * index.size() as u32;
-                index.for_each_lane(mesh.deltas(), incidence.entry as usize, |lane, _, q| {
+                index.for_each_lane(mesh.deltas(), incidence.entry as usize, |lane, delta| {
+                    let steps = index.steps().map(f64::from);
+                    let q: [i32; POSE_FLOATS] = std::array::from_fn(|c| (delta[c] / steps[c / TRIPLE]) as i32);
                     if q != [0; POSE_FLOATS] {
                         words.push(block + lane as u32);
                         words.extend((0..3).map(|c| (q[c] as u32 & 0x3ffff) | (q[c + 3] as u32) << 18));

@@ -5,15 +5,16 @@ pub(crate) mod blocks;
 mod kernel;
 #[cfg(test)]
 pub(crate) mod tile;
-mod workers;
+pub(crate) mod workers;
 
 use crate::error::{Error, Result};
+use crate::pack::blocks::{BlockIndex, ExactGrid};
 use crate::pack::{POSE_FLOATS, PackedGroup, PackedMesh};
 use crate::plan::instances::{Instances, check_weights};
 use crate::plan::steps::{Source, Steps, Work};
 use crate::plan::{Accumulate, Consumers, UpdateDesc, UpdateStats};
 use crate::update::Runner;
-use crate::update::blocks::{GroupPlan, Planner};
+use crate::update::blocks::{Planner, WorkList};
 use crate::update::dense::{COMPUTE_PASS, DensePlanner};
 use std::sync::Arc;
 use workers::Workers;
@@ -21,7 +22,6 @@ use workers::Workers;
 /// Instances of one mesh whose poses live in main memory.
 pub struct CpuCrowd {
     mesh: Arc<PackedMesh>,
-    slots: usize,
     instances: Instances,
     updates: u64,
     /// Of each group.
@@ -37,11 +37,14 @@ enum Kind {
 }
 
 /// The memory of a group.
-struct Memory {
+#[derive(Clone)]
+pub(crate) struct Memory {
+    /// Slots of an instance.
+    pub slots: usize,
     /// `[instance × slots + slot]`.
-    poses: Vec<Vec<f32>>,
+    pub poses: Vec<Vec<f32>>,
     /// Integer sums of each instance, for exact accumulation.
-    sums: Vec<Vec<i32>>,
+    pub sums: Vec<Vec<i32>>,
 }
 
 /// Refuse poses that there is no memory for: what cannot be reserved in one piece is not there in many, and running out
@@ -84,6 +87,7 @@ impl CpuCrowd {
         };
         let has_sums = desc.accumulate == Accumulate::Exact;
         let memory = |group: &PackedGroup| Memory {
+            slots,
             poses: vec![group.base().to_vec(); instances * slots],
             sums: vec![vec![0; if has_sums { group.base().len() } else { 0 }]; instances],
         };
@@ -91,7 +95,6 @@ impl CpuCrowd {
             instances: Instances::new(instances, targets, desc.slots),
             updates: 0,
             memory: mesh.groups().iter().map(memory).collect(),
-            slots,
             kind,
             mesh,
             workers,
@@ -103,7 +106,7 @@ impl CpuCrowd {
         self.mesh.layout()
     }
 
-    /// Ask for these weights, one per target in the mesh's order, from the next update on.
+    /// Request these weights, one per target in the mesh's order, from the next update on.
     ///
     /// # Errors
     /// An instance out of range; a wrong number of weights; one that is not finite or out of range.
@@ -150,10 +153,10 @@ impl CpuCrowd {
         self.instances.remove(number(instance))
     }
 
-    /// Bring all poses to the weights asked for.
+    /// Bring all poses to the weights requested.
     pub fn update(&mut self) -> UpdateStats {
         self.updates += 1;
-        let Self { mesh, workers, memory, slots, instances, .. } = self;
+        let Self { mesh, workers, memory, instances, .. } = self;
         let groups = mesh.groups();
         match &mut self.kind {
             Kind::Dense { planner, steps } => {
@@ -162,23 +165,30 @@ impl CpuCrowd {
                 planner.fill(groups.len(), COMPUTE_PASS, steps);
                 for work in steps.works() {
                     let group = work.group as usize;
-                    run_dense(&groups[group], workers, planner, work, &mut memory[group].poses, *slots);
+                    memory[group].run_pass(&groups[group], workers, planner, work);
                 }
                 planner.stats(groups.iter().map(PackedGroup::layout))
             }
             Kind::Blocks(planner) => {
                 planner.plan(instances, self.updates);
                 for ((group, planner), memory) in groups.iter().zip(&planner.groups).zip(memory) {
-                    run_blocks(group, workers, planner, memory, *slots);
+                    memory.run_list(group, workers, &planner.index, &planner.list, planner.exact());
                 }
                 planner.stats()
             }
         }
     }
 
-    /// Slots of the pose and of the previous pose; the first slot while there is no pose.
-    fn slots_of(&self, instance: usize) -> (u32, Option<u32>) {
-        self.instances.slots_of(instance).unwrap_or_default()
+    /// The pose of an instance in a group (that in the first slot while there is none) and its previous pose.
+    fn poses(&self, instance: usize, group: usize) -> Result<(&[f32], Option<&[f32]>)> {
+        let place = self.instances.check(number(instance))?;
+        let memory = self.memory.get(group).ok_or_else(|| {
+            let (name, groups) = (&self.mesh.layout().name, self.memory.len());
+            Error::invalid(format!("group {group} of mesh '{name}', which has {groups}"), "count groups from 0")
+        })?;
+        let (slot, previous) = self.instances.slots_of(place).unwrap_or_default();
+        let pose = |slot: u32| memory.poses[place * memory.slots + slot as usize].as_slice();
+        Ok((pose(slot), previous.map(pose)))
     }
 
     /// The pose of an instance after the last update: six floats a vertex, with padding, in the order of pose buffers
@@ -195,15 +205,7 @@ impl CpuCrowd {
     /// # Errors
     /// An instance out of range or removed; a group out of range.
     pub fn group_pose(&self, instance: usize, group: usize) -> Result<&[f32]> {
-        let instance = self.instances.check(number(instance))?;
-        Ok(&self.group(group)?.poses[instance * self.slots + self.slots_of(instance).0 as usize])
-    }
-
-    fn group(&self, group: usize) -> Result<&Memory> {
-        self.memory.get(group).ok_or_else(|| {
-            let (name, groups) = (&self.mesh.layout().name, self.memory.len());
-            Error::invalid(format!("group {group} of mesh '{name}', which has {groups}"), "count groups from 0")
-        })
+        Ok(self.poses(instance, group)?.0)
     }
 
     /// The pose before the last update, where it is still there; the pose itself when nothing changed.
@@ -219,9 +221,7 @@ impl CpuCrowd {
     /// # Errors
     /// As [`group_pose`](Self::group_pose).
     pub fn previous_group_pose(&self, instance: usize, group: usize) -> Result<Option<&[f32]>> {
-        let instance = self.instances.check(number(instance))?;
-        let poses = &self.group(group)?.poses;
-        Ok(self.slots_of(instance).1.map(|slot| poses[instance * self.slots + slot as usize].as_slice()))
+        Ok(self.poses(instance, group)?.1)
     }
 
     /// The integer sums of positions and normals of an instance, in the order of pose buffers; `None` unless it
@@ -235,54 +235,54 @@ impl CpuCrowd {
     }
 }
 
-/// Carry a dense pass out.
-fn run_dense(
-    mesh: &PackedGroup,
-    workers: &Workers,
-    planner: &DensePlanner,
-    work: &Work,
-    poses: &mut [Vec<f32>],
-    slots: usize,
-) {
-    let at = work.instance as usize * slots;
-    let (to, coefficients) = (at + work.destination as usize, planner.coefficients(work));
-    let mut destination = std::mem::take(&mut poses[to]);
-    let source = match work.source {
-        Source::Base => Some(mesh.base()),
-        Source::Slot(slot) if slot == work.destination => None,
-        Source::Slot(slot) => Some(poses[at + slot as usize].as_slice()),
-    };
-    let mut rest = &mut destination[..];
-    for (first, vertices) in mesh.layout().chunks() {
-        let (chunk, tail) = rest.split_at_mut(vertices * POSE_FLOATS);
-        rest = tail;
-        workers.for_each_piece(chunk, |at, out| {
-            let first = first + at / POSE_FLOATS;
-            let source = source.map(|s| &s[first * POSE_FLOATS..][..out.len()]);
-            kernel::dense(mesh, coefficients, first, source, out);
-        });
+impl Memory {
+    /// Carry a dense pass out.
+    fn run_pass(&mut self, mesh: &PackedGroup, workers: &Workers, planner: &DensePlanner, work: &Work) {
+        let at = work.instance as usize * self.slots;
+        let (to, coefficients) = (at + work.destination as usize, planner.coefficients(work));
+        let mut destination = std::mem::take(&mut self.poses[to]);
+        let source = match work.source {
+            Source::Base => Some(mesh.base()),
+            Source::Slot(slot) if slot == work.destination => None,
+            Source::Slot(slot) => Some(self.poses[at + slot as usize].as_slice()),
+        };
+        let mut rest = &mut destination[..];
+        for (first, vertices) in mesh.layout().chunks() {
+            let (chunk, tail) = rest.split_at_mut(vertices * POSE_FLOATS);
+            rest = tail;
+            workers.for_each_piece(chunk, |at, out| {
+                let first = first + at / POSE_FLOATS;
+                let source = source.map(|s| &s[first * POSE_FLOATS..][..out.len()]);
+                kernel::dense(mesh, coefficients, first, source, out);
+            });
+        }
+        self.poses[to] = destination;
     }
-    poses[to] = destination;
-}
 
-/// Carry the work list of a group out.
-fn run_blocks(mesh: &PackedGroup, workers: &Workers, planner: &GroupPlan, memory: &mut Memory, slots: usize) {
-    let (GroupPlan { index, list, .. }, exact) = (planner, planner.exact());
-    let Memory { poses, sums } = memory;
-    let mut first = 0;
-    for run in list.items.chunk_by(|a, b| a.instance == b.instance) {
-        let instance = run[0].instance as usize;
-        let range = first..first + run.len();
-        first = range.end;
-        let (at, to) = (instance * slots, run[0].destination as usize);
-        let mut destination = std::mem::take(&mut poses[at + to]);
-        // Items of one instance read one slot, but for those that start from base.
-        let from = run.iter().find_map(|item| item.source).filter(|&s| s as usize != to);
-        let source = from.map(|slot| poses[at + slot as usize].as_slice());
-        let sums = exact.map(|grid| (sums[instance].as_mut_slice(), grid));
-        let buffers = blocks::Buffers { source, destination: &mut destination, sums };
-        blocks::run(workers, mesh, index, list, range, buffers);
-        poses[at + to] = destination;
+    /// Carry the work list of a group out.
+    pub fn run_list(
+        &mut self,
+        mesh: &PackedGroup,
+        workers: &Workers,
+        index: &BlockIndex,
+        list: &WorkList,
+        exact: Option<ExactGrid>,
+    ) {
+        let mut first = 0;
+        for run in list.items.chunk_by(|a, b| a.instance == b.instance) {
+            let instance = run[0].instance as usize;
+            let range = first..first + run.len();
+            first = range.end;
+            let (at, to) = (instance * self.slots, run[0].destination as usize);
+            let mut destination = std::mem::take(&mut self.poses[at + to]);
+            // Items of one instance read one slot, but for those that start from base.
+            let from = run.iter().find_map(|item| item.source).filter(|&s| s as usize != to);
+            let source = from.map(|slot| self.poses[at + slot as usize].as_slice());
+            let sums = exact.map(|grid| (self.sums[instance].as_mut_slice(), grid));
+            let buffers = blocks::Buffers { source, destination: &mut destination, sums };
+            blocks::run(workers, mesh, index, list, range, buffers);
+            self.poses[at + to] = destination;
+        }
     }
 }
 

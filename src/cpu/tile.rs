@@ -1,19 +1,12 @@
 //! The CPU twin of `glsl/crowd.comp`: tests hold the tiles of a crowd, and the bytes they are said to move, against it.
 //! The path `cpu` itself updates one block at a time, with masks: main memory is read and written by the byte.
 
+use super::Memory;
 use super::blocks::Meter;
 use crate::asset::streams::TRIPLE;
 use crate::pack::blocks::{BlockIndex, ExactGrid};
 use crate::pack::{POSE_FLOATS, PackedGroup};
 use crate::update::blocks::{TileItem, Tiles, WorkList, row_words};
-
-/// The memory of a crowd: `[instance × slots + slot]` poses, `[instance]` sums.
-#[derive(Clone)]
-pub(crate) struct Memory {
-    pub slots: usize,
-    pub poses: Vec<Vec<f32>>,
-    pub sums: Vec<Vec<i32>>,
-}
 
 /// One workgroup's work: a tile of 2^width instances.
 pub(crate) fn run(
@@ -33,14 +26,15 @@ pub(crate) fn run(
     // What is added to each instance's block, in integers or input units.
     let mut whole = vec![vec![0i32; floats]; instances];
     let mut added = vec![vec![0f32; floats]; instances];
+    let steps = index.steps().map(f64::from);
     for row in rows.chunks_exact(row_words(width)) {
         let entry = row[0] as usize;
-        meter.moved(index.costs()[entry].bytes as usize);
-        index.for_each_lane(packed.deltas(), entry, |lane, delta, steps| {
+        meter.moved(index.costs[entry].bytes as usize);
+        index.for_each_lane(packed.deltas(), entry, |lane, delta| {
             for (place, &bits) in row[1..=instances].iter().enumerate() {
                 for c in 0..POSE_FLOATS {
                     let at = lane * POSE_FLOATS + c;
-                    let product = (bits as i32).wrapping_mul(steps[c]);
+                    let product = (bits as i32).wrapping_mul((delta[c] / steps[c / TRIPLE]) as i32);
                     whole[place][at] = whole[place][at].wrapping_add(product);
                     added[place][at] += f32::from_bits(bits) * delta[c] as f32;
                 }

@@ -9,7 +9,7 @@ const PIECES: usize = 8;
 const PIECE_VERTICES: usize = 8 * VERTEX_PADDING;
 
 /// The caller's thread and, with the feature `threads`, others that help it.
-pub(super) struct Workers {
+pub(crate) struct Workers {
     /// All but the caller's.
     #[cfg(feature = "threads")]
     helpers: Option<rayon::ThreadPool>,
@@ -18,7 +18,7 @@ pub(super) struct Workers {
 #[cfg(feature = "threads")]
 impl Workers {
     /// `threads` in all; 0 takes one per core.
-    pub(super) fn new(threads: usize) -> Result<Self> {
+    pub fn new(threads: usize) -> Result<Self> {
         let threads = match threads {
             0 => std::thread::available_parallelism().map_or(1, usize::from),
             n => n,
@@ -33,13 +33,13 @@ impl Workers {
     }
 
     /// Threads that work, the caller's included.
-    pub(super) fn threads(&self) -> usize {
+    pub fn threads(&self) -> usize {
         1 + self.helpers.as_ref().map_or(0, rayon::ThreadPool::current_num_threads)
     }
 
     /// Call `f` with every job. The caller's thread begins at once; the others join as they wake, if there is more
     /// than one job.
-    pub(super) fn for_each<J: Send>(&self, jobs: impl Iterator<Item = J> + Send, f: impl Fn(J) + Sync) {
+    pub fn for_each<J: Send>(&self, jobs: impl Iterator<Item = J> + Send, f: impl Fn(J) + Sync) {
         let mut jobs = jobs.peekable();
         let first = jobs.next();
         let more = jobs.peek().is_some();
@@ -64,24 +64,24 @@ impl Workers {
 #[cfg(not(feature = "threads"))]
 impl Workers {
     /// The caller's thread, whatever `threads` asks for.
-    pub(super) fn new(_threads: usize) -> Result<Self> {
+    pub fn new(_threads: usize) -> Result<Self> {
         Ok(Self {})
     }
 
     /// Threads that work, the caller's included.
-    pub(super) fn threads(&self) -> usize {
+    pub fn threads(&self) -> usize {
         1
     }
 
     /// Call `f` with every job.
-    pub(super) fn for_each<J>(&self, jobs: impl Iterator<Item = J>, f: impl Fn(J)) {
+    pub fn for_each<J>(&self, jobs: impl Iterator<Item = J>, f: impl Fn(J)) {
         jobs.for_each(f);
     }
 }
 
 impl Workers {
     /// Cut `floats` (whole vertices) into pieces and call `f` with each and the index it starts at.
-    pub(super) fn for_each_piece(&self, floats: &mut [f32], f: impl Fn(usize, &mut [f32]) + Sync) {
+    pub fn for_each_piece(&self, floats: &mut [f32], f: impl Fn(usize, &mut [f32]) + Sync) {
         let vertices = floats.len() / POSE_FLOATS;
         let piece = vertices.div_ceil(self.threads() * PIECES).max(PIECE_VERTICES).next_multiple_of(VERTEX_PADDING);
         let size = piece * POSE_FLOATS;

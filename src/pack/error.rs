@@ -41,20 +41,23 @@ impl PoseError {
 
     /// The error of a stream.
     pub fn of(&self, semantic: Semantic) -> f64 {
-        match semantic {
-            Semantic::Position => self.position,
-            Semantic::Normal => self.normal_degrees,
-            Semantic::Tangent => self.tangent_degrees,
-            Semantic::TexCoord(_) | Semantic::Color(_) => self.absolute,
-        }
+        let mut errors = *self;
+        *errors.of_mut(semantic)
     }
 
-    pub(crate) fn set(&mut self, semantic: Semantic, error: f64) {
+    /// No error but that of one stream.
+    pub(crate) fn only(semantic: Semantic, error: f64) -> Self {
+        let mut only = Self::default();
+        *only.of_mut(semantic) = error;
+        only
+    }
+
+    fn of_mut(&mut self, semantic: Semantic) -> &mut f64 {
         match semantic {
-            Semantic::Position => self.position = error,
-            Semantic::Normal => self.normal_degrees = error,
-            Semantic::Tangent => self.tangent_degrees = error,
-            Semantic::TexCoord(_) | Semantic::Color(_) => self.absolute = error,
+            Semantic::Position => &mut self.position,
+            Semantic::Normal => &mut self.normal_degrees,
+            Semantic::Tangent => &mut self.tangent_degrees,
+            Semantic::TexCoord(_) | Semantic::Color(_) => &mut self.absolute,
         }
     }
 }
@@ -70,19 +73,15 @@ pub(crate) fn stream_errors(
     for place in streams {
         let numbers = place.morphing_components();
         let vector = |of: &[f64; POSE_FLOATS]| DVec3::from_slice(&of[numbers.clone()]);
-        let mut error = PoseError::default();
-        error.set(
-            place.semantic,
-            match place.semantic.measure() {
-                Measure::Length => vector(got).distance(vector(want)),
-                Measure::Angle => angle(vector(got), vector(want)),
-                Measure::Absolute => {
-                    let differences = numbers.map(|c| (got[c] - want[c]).abs());
-                    differences.fold(0.0, |worst, d| if d.is_nan() || d > worst { d } else { worst })
-                }
-            },
-        );
-        worst = error.max(worst);
+        let error = match place.semantic.measure() {
+            Measure::Length => vector(got).distance(vector(want)),
+            Measure::Angle => angle(vector(got), vector(want)),
+            Measure::Absolute => {
+                let differences = numbers.map(|c| (got[c] - want[c]).abs());
+                differences.fold(0.0, |worst, d| if d.is_nan() || d > worst { d } else { worst })
+            }
+        };
+        worst = PoseError::only(place.semantic, error).max(worst);
     }
     worst
 }

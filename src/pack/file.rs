@@ -18,8 +18,7 @@
 //!  9  face corners        [corner] the user's vertex u32
 //! 10  corner texcoords    [corner] u32, 0xffffffff where there is none; empty where no corner has one
 //! 11  texcoords           [texcoord][u v] f32
-//! 13  welds               [user's vertex] the first vertex at its place, itself where it is that, u32; empty where none is
-//!                         welded
+//! 13  welds               [user's vertex] the first vertex at its place (or itself) u32; empty where none is welded
 //!
 //! then for each group g of streams, with 256 g added to the id:
 //! 12  group               streams u32   blocks u32   entries u32   words u32   steps of both triples f32 f32
@@ -32,9 +31,9 @@
 //!  7  words               [word] u32: headers and deltas, see blocks
 //! ```
 //!
-//! Version 2, which is read as well, has the sections 1 to 11 once each, in the order of their ids, for position and normal.
-//! Its section 'meta' is longer by what is in 'group' now: after targets blocks, entries and words, before the diagonal the
-//! steps, and at the end the errors.
+//! Version 2, which is read as well, has the sections 1 to 11 once each, in the order of their ids, for position and
+//! normal. Its section 'meta' holds the numbers of 'group' too: blocks, entries and words after targets, the steps
+//! before the diagonal, the errors at the end.
 //!
 //! Checksums are CRC-32 (the one of zlib). Whatever a file says, reading takes a small multiple of its size in memory:
 //! counts are held against the lengths of sections, and those against the file, before anything is made of them. What
@@ -46,14 +45,13 @@ mod read;
 mod table;
 mod write;
 
-use super::{DeltaFormat, POSE_FLOATS, PackDesc, PackedGroup, PackedMesh};
+use super::{POSE_FLOATS, PackDesc, PackedGroup, PackedMesh, PackedTarget};
 use crate::asset::streams::{Semantic, StreamData, StreamDeltas};
 use crate::asset::{Faces, MorphMesh, MorphTarget, Tolerance, check_welds};
 use crate::error::{Error, Result};
 use crate::io::{read_bounded, write_replacing};
 use glam::{Vec2, Vec3};
 use std::io::Write;
-use std::ops::Range;
 use std::path::Path;
 
 /// Larger files are not read.
@@ -80,7 +78,10 @@ impl Asset {
     /// # Errors
     /// A dense format; what [`PackedMesh::pack`] refuses.
     pub fn pack(mesh: &MorphMesh, desc: &PackDesc) -> Result<Self> {
-        refuse_dense(desc.format)?;
+        if !desc.format.is_blocks() {
+            let what = format!("the dense format '{}' in a packed file", desc.format.name());
+            return Err(Error::invalid(what, "pack as 'fast' or 'small'"));
+        }
         Ok(Self {
             mesh: PackedMesh::pack(mesh, desc)?,
             faces: mesh.faces.clone(),
@@ -119,8 +120,8 @@ impl Asset {
     /// What [`write`](Self::write) writes.
     ///
     /// # Errors
-    /// [`Error::Invalid`]: a dense format; a mesh without vertices; faces, texture coordinates, welds, a tolerance or names
-    /// that a mesh may not have; more than a file can hold.
+    /// [`Error::Invalid`]: a dense format; a mesh without vertices; faces, texture coordinates, welds, a tolerance or
+    /// names that a mesh may not have; more than a file can hold.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         self.check().map_err(|what| {
             Error::invalid(
@@ -128,7 +129,6 @@ impl Asset {
                 "write a mesh that to_mesh() has accepted",
             )
         })?;
-        self.refuse_dense()?;
         write::bytes(self)
     }
 
@@ -137,28 +137,21 @@ impl Asset {
     /// # Errors
     /// A dense format.
     pub fn to_mesh(&self) -> Result<MorphMesh> {
-        self.refuse_dense()?;
         let layout = self.mesh.layout();
+        layout.index()?;
+        let target = |target: &PackedTarget| MorphTarget { name: target.name.clone(), ..Default::default() };
         let mut mesh = MorphMesh {
             name: layout.name.clone(),
             texcoords: self.texcoords.clone(),
             faces: self.faces.clone(),
             welds: self.welds.clone(),
-            targets: layout
-                .targets
-                .iter()
-                .map(|t| MorphTarget { name: t.name.clone(), ..Default::default() })
-                .collect(),
+            targets: layout.targets.iter().map(target).collect(),
             diagonal: layout.diagonal,
             tolerance: self.tolerance,
             ..Default::default()
         };
         self.mesh.groups().iter().for_each(|group| unpack(group, &mut mesh));
         Ok(mesh)
-    }
-
-    fn refuse_dense(&self) -> Result<()> {
-        refuse_dense(self.mesh.layout().format)
     }
 
     /// What neither packing nor the layout of a file sees to.
@@ -193,53 +186,38 @@ impl Asset {
 /// Add a group, as it decodes, to `mesh`, whose targets are there.
 fn unpack(group: &PackedGroup, mesh: &mut MorphMesh) {
     let layout = group.layout();
+    let vectors = |numbers: Vec<f32>| bytemuck::cast_slice::<f32, Vec3>(&numbers).to_vec();
     let base = layout.to_user_order(group.base());
-    let vertices = || base.chunks_exact(POSE_FLOATS);
     for place in &layout.streams {
-        let vectors = || vertices().map(|v| Vec3::from_slice(&v[place.components()])).collect();
+        let values = base.chunks_exact(POSE_FLOATS).flat_map(|v| &v[place.components()]).copied().collect();
         match place.semantic {
-            Semantic::Position => mesh.positions = vectors(),
-            Semantic::Normal => mesh.normals = vectors(),
+            Semantic::Position => mesh.positions = vectors(values),
+            Semantic::Normal => mesh.normals = vectors(values),
             semantic @ (Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_)) => {
-                let values = vertices().flat_map(|v| v[place.components()].iter().copied()).collect();
                 mesh.streams.push(StreamData { semantic, values });
             }
         }
     }
     for (at, target) in mesh.targets.iter_mut().enumerate() {
-        let mut deltas = vec![];
-        group.for_each_delta(at, |vertex, delta| deltas.push((vertex as u32, delta.map(|d| d as f32))));
-        deltas.sort_unstable_by_key(|(vertex, _)| *vertex);
-        // Blocks hold zeros where nothing moves. Positions and normals are listed for the same vertices.
-        let moved = |numbers: Range<usize>| {
-            let numbers_of = numbers.clone();
-            deltas.iter().filter(move |(_, d)| d[numbers_of.clone()].iter().any(|d| *d != 0.0))
-        };
+        let mut lanes = vec![];
+        group.for_each_delta(at, |vertex, delta| lanes.push((vertex as u32, delta.map(|d| d as f32))));
+        lanes.sort_unstable_by_key(|(vertex, _)| *vertex);
         for place in &layout.streams {
             let numbers = place.morphing_components();
-            let vectors = || moved(0..POSE_FLOATS).map(|(_, d)| Vec3::from_slice(&d[numbers.clone()])).collect();
+            // Blocks hold zeros where nothing moves. Positions and normals are listed for the same vertices.
+            let surface = matches!(place.semantic, Semantic::Position | Semantic::Normal);
+            let listed = if surface { 0..POSE_FLOATS } else { numbers.clone() };
+            let moved = lanes.iter().filter(|(_, delta)| delta[listed.clone()].iter().any(|d| *d != 0.0));
+            let vertices = moved.clone().map(|(vertex, _)| *vertex).collect();
+            let deltas = moved.flat_map(|(_, delta)| &delta[numbers.clone()]).copied().collect();
             match place.semantic {
-                Semantic::Position => {
-                    target.vertices = moved(0..POSE_FLOATS).map(|(vertex, _)| *vertex).collect();
-                    target.positions = vectors();
+                Semantic::Position => (target.vertices, target.positions) = (vertices, vectors(deltas)),
+                Semantic::Normal => target.normals = vectors(deltas),
+                Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_) => {
+                    target.streams.push(StreamDeltas { vertices, deltas });
                 }
-                Semantic::Normal => target.normals = vectors(),
-                Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_) => target.streams.push(StreamDeltas {
-                    vertices: moved(numbers.clone()).map(|(vertex, _)| *vertex).collect(),
-                    deltas: moved(numbers.clone()).flat_map(|(_, d)| d[numbers.clone()].iter().copied()).collect(),
-                }),
             }
         }
-    }
-}
-
-fn refuse_dense(format: DeltaFormat) -> Result<()> {
-    match format.is_blocks() {
-        true => Ok(()),
-        false => Err(Error::invalid(
-            format!("the dense format '{}' in a packed file", format.name()),
-            "pack as 'fast' or 'small'",
-        )),
     }
 }
 

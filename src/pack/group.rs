@@ -44,7 +44,15 @@ impl PackedGroup {
     pub fn for_each_delta(&self, target: usize, mut f: impl FnMut(usize, [f64; POSE_FLOATS])) {
         let layout = &self.layout;
         if let Some(blocks) = &layout.blocks {
-            return blocks.for_each_delta(&self.words, target, f);
+            for incidence in blocks.incidence(target) {
+                let first = incidence.block as usize * blocks.size();
+                blocks.for_each_lane(&self.words, incidence.entry as usize, |lane, delta| {
+                    if let Some(&user) = blocks.order().get(first + lane) {
+                        f(user as usize, delta);
+                    }
+                });
+            }
+            return;
         }
         let steps = layout.targets[target].steps();
         with_format!(layout.format, dense format => {

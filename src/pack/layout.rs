@@ -13,8 +13,8 @@ use std::sync::Arc;
 pub struct PackedTarget {
     /// Its name.
     pub name: String,
-    /// Input units per integer step of a delta in the first triple of the group (positions); 1 for float32. The same for
-    /// all targets in block formats.
+    /// Input units per integer step of a delta in the first triple of the group (positions); 1 for float32. In block
+    /// formats the same for all targets.
     pub position_step: f32,
     /// The step of the second triple (normals) is `position_step × 2^normal_exponent`; 0 for float32.
     pub normal_exponent: i8,
@@ -138,9 +138,9 @@ impl PackedLayout {
 
     /// The vertices that draw `faces` of this mesh, in the order of pose buffers, and their index buffer.
     ///
-    /// Of a mesh that is [split](crate::asset::MorphSource::split), `pose_vertices` counts up: pose buffers and a buffer of
-    /// `texcoords` are drawn as they are, by one index buffer. Otherwise doubled vertices follow, for hosts that look up
-    /// the pose in the vertex shader.
+    /// Of a mesh that is [split](crate::asset::MorphSource::split), `pose_vertices` counts up: pose buffers and a
+    /// buffer of `texcoords` are drawn as they are, by one index buffer. Otherwise doubled vertices follow, for hosts
+    /// that look up the pose in the vertex shader.
     ///
     /// # Errors
     /// Faces or texture coordinates of another mesh.

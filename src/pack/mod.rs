@@ -88,8 +88,8 @@ impl Default for PackDesc {
 /// A mesh has one chunk unless its deltas exceed the storage-buffer range of the device, or its vertices the
 /// workgroups of a dispatch ([`PackDesc`]); then its vertices are cut into chunks that fit.
 ///
-/// *Block* formats reorder the vertices so that a target covers few runs of consecutive vertices, and hold only those: see
-/// [`BlockIndex`](crate::BlockIndex).
+/// *Block* formats reorder the vertices so that a target covers few runs of consecutive vertices, and hold only those:
+/// see [`BlockIndex`](crate::BlockIndex).
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedMesh {
     /// At least one: the first is position and normal.
@@ -127,11 +127,11 @@ impl PackedMesh {
     /// The mesh of these groups, of which there is one at least. Weights are the mesh's, and so is their grid: the
     /// coarsest grid of its groups.
     fn of_groups(mut groups: Vec<PackedGroup>) -> Self {
-        let grids = groups.iter().filter_map(|group| group.layout.blocks.as_ref()?.exact().ok());
+        let grids = groups.iter().filter_map(|group| group.layout.blocks.as_ref()?.exact);
         let coarsest = grids.min_by_key(|grid| grid.weight_bits);
         for index in groups.iter_mut().filter_map(|group| group.layout.blocks.as_mut()) {
-            if index.exact().ok() != coarsest && index.exact().is_ok() {
-                Arc::make_mut(index).set_exact(coarsest);
+            if index.exact.is_some() && index.exact != coarsest {
+                Arc::make_mut(index).exact = coarsest;
             }
         }
         Self { groups }

@@ -9,10 +9,10 @@ use std::collections::VecDeque;
 
 /// Vertices looked at to choose a split, at most.
 const SAMPLE: usize = 512;
-/// Targets that are compared with each other for a split, at most: those that divide the sample most evenly. Time and memory
-/// go with their square.
+/// Targets that are compared with each other for a split, at most: those that divide the sample most evenly. Time and
+/// memory grow with their square.
 const COMPARED: usize = 512;
-/// Places of welded vertices that are looked at to fill a block.
+/// Places of welded vertices to choose from when a block is filled, at most.
 const AHEAD: usize = 1024;
 /// Sets this small are not split.
 const LEAF: usize = 4;
@@ -28,14 +28,12 @@ pub(super) fn order(vertices: usize, members: &[Vec<u32>]) -> Vec<u32> {
         }
     }
     let of = |v: u32| &sets[v as usize * words..][..words];
-    let (mut moved, still): (Vec<u32>, Vec<u32>) =
-        (0..vertices as u32).partition(|&v| of(v).iter().any(|word| *word != 0));
+    let (moved, still): (Vec<u32>, Vec<u32>) = (0..vertices as u32).partition(|&v| of(v).iter().any(|word| *word != 0));
     let mut order = Vec::with_capacity(vertices);
-    let mut tree = Tree { targets: members.len(), of: &of, scratch: vec![], together: vec![] };
-    // A stack of our own: a mesh may need as many levels as it has targets.
-    let mut stack = vec![(std::mem::take(&mut moved), false)];
+    // A stack instead of recursion: a mesh may need as many levels as it has targets.
+    let mut stack = vec![(moved, false)];
     while let Some((set, mirrored)) = stack.pop() {
-        match tree.split(&set) {
+        match split(&set, members.len(), of) {
             None => order.extend(set),
             Some(target) => {
                 let (first, second): (Vec<u32>, Vec<u32>) =
@@ -49,12 +47,12 @@ pub(super) fn order(vertices: usize, members: &[Vec<u32>]) -> Vec<u32> {
     order
 }
 
-/// `order` in blocks of `size` vertices such that no block ends between welded vertices (each naming the first of its
-/// place; empty: none is welded): what is equal at one place in the base pose and in all targets is decoded and added up
-/// alike then, and stays equal bit for bit in every pose, whatever a block does. Where a place does not fit the rest of a
-/// block, smaller ones from further on fill it; where there are none among the next [`AHEAD`], others of these and of the block
-/// do that fill it exactly. Only where there are none such either, a place is cut: the order has no holes, and nothing but
-/// places of three, say, cannot fill blocks of 32.
+/// `order` in blocks of `size` vertices such that no block ends between welded vertices (each names the first of its
+/// place; empty: none is welded). Vertices of one place that are equal in the base pose and in all targets are decoded
+/// and added up alike then, and stay equal bit for bit in every pose. A block whose rest is too small for the next
+/// place is filled with smaller ones among the next [`AHEAD`], else with a choice among these and its own that fills it
+/// exactly. Where there is none either (places of three never fill a block of 32), a place is cut: the order has no
+/// holes.
 pub(super) fn keep_welded(order: Vec<u32>, welds: &[u32], size: usize) -> Vec<u32> {
     if welds.is_empty() {
         return order;
@@ -156,80 +154,63 @@ fn has(set: &[u64], target: usize) -> bool {
     set[target / 64] >> (target % 64) & 1 != 0
 }
 
-struct Tree<'a, F: Fn(u32) -> &'a [u64]> {
-    targets: usize,
-    of: &'a F,
-    scratch: Vec<u32>,
-    /// `[target][target]`: vertices of the sample in both.
-    together: Vec<u32>,
-}
-
-impl<'a, F: Fn(u32) -> &'a [u64]> Tree<'a, F> {
-    /// The target to split `set` by; `None` when all its vertices are moved by the same targets.
-    fn split(&mut self, set: &[u32]) -> Option<usize> {
-        if set.len() <= LEAF {
-            return None;
-        }
-        let step = set.len().div_ceil(SAMPLE);
-        let sample = || set.iter().copied().step_by(step);
-        let n = sample().count() as u32;
-        self.scratch.clear();
-        self.scratch.resize(self.targets, 0);
-        for v in sample() {
-            for_each(((self.of)(v)).iter().copied(), |t| self.scratch[t] += 1);
-        }
-        // Targets that split the sample, numbered anew.
-        let mut mixed: Vec<usize> = (0..self.targets).filter(|&t| (1..n).contains(&self.scratch[t])).collect();
-        if mixed.len() > COMPARED {
-            mixed.sort_by_key(|&t| Reverse(self.scratch[t].min(n - self.scratch[t])));
-            mixed.truncate(COMPARED);
-            mixed.sort_unstable();
-        }
-        if mixed.is_empty() {
-            // The sample is uniform; the set need not be.
-            let first = (self.of)(set[0]);
-            let odd = set.iter().find(|&&v| (self.of)(v) != first)?;
-            return (0..self.targets).find(|&t| has(first, t) != has((self.of)(*odd), t));
-        }
-        let k = mixed.len();
-        self.together.clear();
-        self.together.resize(k * k, 0);
-        let mut present = vec![];
-        for v in sample() {
-            let set = (self.of)(v);
-            present.clear();
-            present.extend((0..k).filter(|&i| has(set, mixed[i])));
-            for &a in &present {
-                for &b in &present {
-                    self.together[a * k + b] += 1;
-                }
+/// The target to split `set` by, of `targets`; `None` when all its vertices are moved by the same targets, which `of`
+/// gives as bits.
+fn split<'a>(set: &[u32], targets: usize, of: impl Fn(u32) -> &'a [u64]) -> Option<usize> {
+    if set.len() <= LEAF {
+        return None;
+    }
+    let step = set.len().div_ceil(SAMPLE);
+    let sample: Vec<&[u64]> = set.iter().step_by(step).map(|&v| of(v)).collect();
+    let n = sample.len() as u32;
+    let mut counts = vec![0; targets];
+    for set in &sample {
+        for (i, &word) in set.iter().enumerate() {
+            let mut rest = word;
+            while rest != 0 {
+                counts[i * 64 + rest.trailing_zeros() as usize] += 1;
+                rest &= rest - 1;
             }
         }
-        // The split that leaves the least variance of membership, summed over the targets.
-        let variance = |members: f64, of: f64| if of > 0.0 { members * (of - members) / of } else { 0.0 };
-        let remaining = |a: usize| {
-            let inside = f64::from(self.together[a * k + a]);
-            let outside = f64::from(n) - inside;
-            let each = (0..k).map(|b| {
-                let both = f64::from(self.together[a * k + b]);
-                let only = f64::from(self.together[b * k + b]) - both;
-                variance(both, inside) + variance(only, outside)
-            });
-            each.sum::<f64>()
-        };
-        let best = (0..k).map(|a| (a, remaining(a))).min_by(|a, b| a.1.total_cmp(&b.1))?;
-        Some(mixed[best.0])
     }
-}
-
-/// Call `f` with the number of each bit that is set.
-fn for_each(words: impl Iterator<Item = u64>, mut f: impl FnMut(usize)) {
-    for (i, mut word) in words.enumerate() {
-        while word != 0 {
-            f(i * 64 + word.trailing_zeros() as usize);
-            word &= word - 1;
+    // Targets that split the sample, numbered anew.
+    let mut mixed: Vec<usize> = (0..targets).filter(|&t| (1..n).contains(&counts[t])).collect();
+    if mixed.len() > COMPARED {
+        mixed.sort_by_key(|&t| Reverse(counts[t].min(n - counts[t])));
+        mixed.truncate(COMPARED);
+        mixed.sort_unstable();
+    }
+    if mixed.is_empty() {
+        // The sample is uniform; the set need not be.
+        let first = of(set[0]);
+        let odd = set.iter().map(|&v| of(v)).find(|odd| *odd != first)?;
+        return (0..targets).find(|&t| has(first, t) != has(odd, t));
+    }
+    let k = mixed.len();
+    // `[target][target]`: vertices of the sample in both.
+    let mut together = vec![0u32; k * k];
+    let mut present = vec![];
+    for set in sample {
+        present.clear();
+        present.extend((0..k).filter(|&i| has(set, mixed[i])));
+        for &a in &present {
+            present.iter().for_each(|b| together[a * k + b] += 1);
         }
     }
+    // The split that leaves the least variance of membership, summed over the targets.
+    let variance = |members: f64, of: f64| if of > 0.0 { members * (of - members) / of } else { 0.0 };
+    let remaining = |a: usize| {
+        let inside = f64::from(together[a * k + a]);
+        let outside = f64::from(n) - inside;
+        let each = (0..k).map(|b| {
+            let both = f64::from(together[a * k + b]);
+            let only = f64::from(together[b * k + b]) - both;
+            variance(both, inside) + variance(only, outside)
+        });
+        each.sum::<f64>()
+    };
+    let best = (0..k).map(|a| (a, remaining(a))).min_by(|a, b| a.1.total_cmp(&b.1))?;
+    Some(mixed[best.0])
 }
 
 #[cfg(test)]
@@ -248,25 +229,18 @@ mod tests {
     }
 
     #[test]
-    fn the_first_group_has_its_own_order_and_the_next_orders_the_rest() {
-        let first: Vec<Vec<u32>> = (0..4).map(|t| (t..512).step_by(4).collect()).collect();
-        let next: Vec<Vec<u32>> = (0..4).map(|t| (t..1024).step_by(4).collect()).collect();
+    fn interleaved_targets_get_blocks_of_their_own_and_the_next_group_orders_the_rest() {
+        // Target t moves the vertices t modulo 4: in the user's order every block has all targets.
+        let interleaved = |end: u32| -> Vec<Vec<u32>> { (0..4).map(|t| (t..end).step_by(4).collect()).collect() };
+        let targets_of = |block: &[u32]| (0..4).filter(|t| block.iter().any(|v| v % 4 == *t)).count();
+        let blocks = |order: &[u32]| order.chunks(64).map(targets_of).sum::<usize>();
+        assert_eq!(blocks(&order(1024, &interleaved(1024))), 16, "each block has one target");
+        let first = interleaved(512);
         let alone = order(1024, &first);
-        let both = order_groups(1024, &[first.clone(), next]);
+        let both = order_groups(1024, &[first.clone(), interleaved(1024)]);
         assert_eq!((&both[..512], order_groups(1024, std::slice::from_ref(&first))), (&alone[..512], alone.clone()));
         assert_eq!(order_groups(1024, &[first, vec![(0..512).collect()]]), alone);
-        let blocks: usize =
-            both[512..].chunks(64).map(|b| (0..4).filter(|t| b.iter().any(|v| v % 4 == *t)).count()).sum();
-        assert_eq!(blocks, 8, "each block has one target");
-    }
-
-    #[test]
-    fn interleaved_targets_come_apart() {
-        // Target t moves the vertices t modulo 4: in the user's order every block has all targets.
-        let members: Vec<Vec<u32>> = (0..4).map(|t| (t..1024).step_by(4).collect()).collect();
-        let order = order(1024, &members);
-        let blocks: usize = order.chunks(64).map(|b| (0..4).filter(|t| b.iter().any(|v| v % 4 == *t)).count()).sum();
-        assert_eq!(blocks, 16, "each block has one target");
+        assert_eq!(blocks(&both[512..]), 8, "each block has one target");
     }
 
     /// Places that are not in one block.

@@ -10,8 +10,8 @@ use crate::error::{Error, Result};
 pub(crate) struct Source<'a> {
     pub mesh: &'a MorphMesh,
     pub streams: Vec<StreamPlace>,
-    /// For each of `streams` its index in the mesh's; positions and normals are in fields of their own.
-    at: Vec<usize>,
+    /// For each of `streams` its values in the base pose, and the place of its deltas among a target's further streams.
+    values: Vec<(&'a [f32], Option<usize>)>,
 }
 
 impl<'a> Source<'a> {
@@ -29,24 +29,24 @@ impl<'a> Source<'a> {
 
     /// The group of these streams; those that the mesh does not have are zero.
     pub fn new(mesh: &'a MorphMesh, streams: &[StreamPlace]) -> Self {
-        let at = |place: &StreamPlace| mesh.streams.iter().position(|s| s.semantic == place.semantic);
-        let at = streams.iter().map(|place| at(place).unwrap_or(usize::MAX)).collect();
-        Self { mesh, streams: streams.to_vec(), at }
+        let values = |place: &StreamPlace| match place.semantic {
+            Semantic::Position => (bytemuck::cast_slice(&mesh.positions), None),
+            Semantic::Normal => (bytemuck::cast_slice(&mesh.normals), None),
+            semantic @ (Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_)) => {
+                let at = mesh.streams.iter().position(|stream| stream.semantic == semantic);
+                (at.map_or(&[][..], |at| &mesh.streams[at].values[..]), at)
+            }
+        };
+        Self { mesh, streams: streams.to_vec(), values: streams.iter().map(values).collect() }
     }
 
     /// The base pose of a vertex.
     pub fn base(&self, vertex: usize) -> [f32; POSE_FLOATS] {
         let mut out = [0.0; POSE_FLOATS];
-        for (place, &at) in self.streams.iter().zip(&self.at) {
+        for (place, (values, _)) in self.streams.iter().zip(&self.values) {
             let to = &mut out[place.components()];
-            match place.semantic {
-                Semantic::Position => to.copy_from_slice(&self.mesh.positions[vertex].to_array()),
-                Semantic::Normal => to.copy_from_slice(&self.mesh.normals[vertex].to_array()),
-                Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_) => {
-                    if let Some(stream) = self.mesh.streams.get(at) {
-                        to.copy_from_slice(&stream.values[vertex * to.len()..][..to.len()]);
-                    }
-                }
+            if !values.is_empty() {
+                to.copy_from_slice(&values[vertex * to.len()..][..to.len()]);
             }
         }
         out
@@ -55,32 +55,27 @@ impl<'a> Source<'a> {
     /// The deltas of a target, ascending by vertex.
     pub fn deltas(&self, target: &MorphTarget) -> Vec<Lane> {
         let mut out: Vec<Lane> = vec![];
-        let mut surface = false;
-        for (place, &at) in self.streams.iter().zip(&self.at) {
+        for (place, (_, at)) in self.streams.iter().zip(&self.values) {
             let numbers = place.morphing_components();
-            match place.semantic {
-                // Both are of the same vertices.
-                Semantic::Position | Semantic::Normal => {
-                    let deltas = if place.semantic == Semantic::Position { &target.positions } else { &target.normals };
-                    if !surface {
-                        out.extend(target.vertices.iter().map(|&v| (v, [0.0; POSE_FLOATS])));
-                    }
-                    surface = true;
-                    for ((_, lane), delta) in out.iter_mut().zip(deltas) {
+            let (vertices, deltas): (&[u32], &[f32]) = match place.semantic {
+                Semantic::Position => (&target.vertices, bytemuck::cast_slice(&target.positions)),
+                Semantic::Normal => {
+                    // Of the same vertices as positions, which are there.
+                    for ((_, lane), delta) in out.iter_mut().zip(&target.normals) {
                         lane[numbers.clone()].copy_from_slice(&delta.to_array());
                     }
+                    continue;
                 }
                 Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_) => {
-                    if let Some(stream) = target.streams.get(at) {
-                        let deltas = stream.deltas.chunks_exact(numbers.len());
-                        out.extend(stream.vertices.iter().zip(deltas).map(|(&vertex, delta)| {
-                            let mut lane = [0.0; POSE_FLOATS];
-                            lane[numbers.clone()].copy_from_slice(delta);
-                            (vertex, lane)
-                        }));
-                    }
+                    let stream = at.and_then(|at| target.streams.get(at));
+                    stream.map_or((&[][..], &[][..]), |stream| (&stream.vertices[..], &stream.deltas[..]))
                 }
-            }
+            };
+            out.extend(vertices.iter().zip(deltas.chunks_exact(numbers.len())).map(|(&vertex, delta)| {
+                let mut lane = [0.0; POSE_FLOATS];
+                lane[numbers.clone()].copy_from_slice(delta);
+                (vertex, lane)
+            }));
         }
         // Streams of the same vertex come together; each has numbers of its own.
         out.sort_by_key(|(vertex, _)| *vertex);

@@ -27,7 +27,7 @@ impl BlockIndex {
             deltas_at: headers.next_multiple_of(4),
             words: words.len(),
             exact: None,
-            largest_sum: 0,
+            largest_sum: 0.0,
             costs: vec![],
             masks: vec![],
             first_incidence: vec![0; targets + 1],
@@ -44,62 +44,62 @@ impl BlockIndex {
     }
 
     fn check(&self, targets: usize, lengths: &Range<usize>, words: &[u32], base: &[f32]) -> Result<(), String> {
-        let size = self.parts.size as usize;
+        let Parts { format, order, steps, weight_max, first_entry, entry_target, .. } = &self.parts;
+        let (size, entries) = (self.size(), entry_target.len());
         if !BLOCK_SIZES.contains(&self.parts.size) {
             return Err(format!("a block size of {size}"));
         }
         // Powers of two: integers and sums decode without rounding, and a target's step of normals is a shift away.
-        if let Some(step) = self.steps().into_iter().find(|s| !is_power_of_two(*s)) {
+        if let Some(step) = steps.iter().find(|s| !is_power_of_two(**s)) {
             return Err(format!("a step of {step}, which is no power of two"));
         }
-        if !(self.parts.weight_max.is_finite() && self.parts.weight_max > 0.0) {
-            return Err(format!("weights up to {}", self.parts.weight_max));
+        if !(weight_max.is_finite() && *weight_max > 0.0) {
+            return Err(format!("weights up to {weight_max}"));
         }
         // The kernels count words in 32 bits, and bytes on some devices.
         if words.len() as u64 > WORDS_MAX {
             return Err(format!("{} words; the kernels reach {WORDS_MAX}", words.len()));
         }
-        let padded = self.parts.order.len().next_multiple_of(size.max(VERTEX_PADDING));
-        if base.len() != padded * POSE_FLOATS || self.parts.first_entry.len() != padded / size + 1 {
-            return Err(format!(
-                "{} vertices, but {} blocks",
-                self.parts.order.len(),
-                self.parts.first_entry.len() as i64 - 1
-            ));
+        let padded = order.len().next_multiple_of(size.max(VERTEX_PADDING));
+        if base.len() != padded * POSE_FLOATS || first_entry.len() != padded / size + 1 {
+            return Err(format!("{} vertices, but {} blocks", order.len(), first_entry.len() as i64 - 1));
         }
         if let Some(i) = base.iter().position(|b| !b.is_finite()) {
             return Err(format!("the base pose of packed vertex {} is {}", i / POSE_FLOATS, base[i]));
         }
-        let mut seen = vec![false; self.parts.order.len()];
-        for &v in self.parts.order.iter() {
+        let mut seen = vec![false; order.len()];
+        for &v in order.iter() {
             match seen.get_mut(v as usize) {
                 Some(seen) if !*seen => *seen = true,
                 _ => return Err(format!("vertex {v} comes twice in the order, or is not there")),
             }
         }
-        let ends = (self.parts.first_entry.first(), self.parts.first_entry.last());
-        if ends != (Some(&0), Some(&(self.parts.entry_target.len() as u32))) || !self.parts.first_entry.is_sorted() {
+        let ends = (first_entry.first(), first_entry.last());
+        if ends != (Some(&0), Some(&(entries as u32))) || !first_entry.is_sorted() {
             return Err("the entries of blocks overlap or leave gaps".into());
         }
         for block in 0..self.count() {
-            let listed = &self.parts.entry_target[self.entries(block)];
-            if listed.windows(2).any(|w| w[0] >= w[1]) || listed.iter().any(|&t| t as usize >= targets) {
+            let listed = &entry_target[self.entries(block)];
+            if !listed.is_sorted_by(|a, b| a < b) || listed.last().is_some_and(|&t| t as usize >= targets) {
                 return Err(format!("the targets of block {block} are not ascending, or there are fewer"));
             }
         }
         // Before a header is looked at, it has to be there.
         if self.deltas_at > words.len() {
-            return Err(format!(
-                "{} words, fewer than the headers of {} entries",
-                words.len(),
-                self.parts.entry_target.len()
-            ));
+            return Err(format!("{} words, fewer than the headers of {entries} entries", words.len()));
         }
         // Entries lie one after the other: each where the one before ends, the last at the end.
         let mut at = self.deltas_at;
-        for entry in 0..self.parts.entry_target.len() {
-            let (header, deltas) = self.locate(self.parts.format, words, entry);
-            self.check_header(lengths, entry, header)?;
+        for entry in 0..entries {
+            let (header, deltas) = self.locate(*format, words, entry);
+            // Integers fit what decodes them, whatever the deltas are. Lengths are bounded by their sum over a block.
+            let bits = format.check_header(header).map_err(|what| format!("entry {entry} has {what}"))?;
+            for triple in (0..TRIPLES).filter(|triple| !lengths.contains(&(triple * TRIPLE))) {
+                let largest = f64::from(steps[triple]) * f64::from(bits[triple]).exp2();
+                if largest > f64::from(f32::MAX) {
+                    return Err(format!("entry {entry} has numbers up to {largest:e} in triple {triple}"));
+                }
+            }
             if deltas.start != at {
                 return Err(format!("the deltas of entry {entry} are not where they belong"));
             }
@@ -108,39 +108,26 @@ impl BlockIndex {
         if at != words.len() {
             return Err(format!("{} words where the entries take {at}", words.len()));
         }
-        self.parts.format.check_deltas(&words[self.deltas_at..])
-    }
-
-    /// Whether the integers of an entry fit what decodes them, whatever its deltas are.
-    fn check_header(&self, lengths: &Range<usize>, entry: usize, header: &[u32]) -> Result<(), String> {
-        let bits = self.parts.format.check_header(header).map_err(|what| format!("entry {entry} has {what}"))?;
-        // Lengths are bounded by their sum over a block.
-        for triple in (0..TRIPLES).filter(|triple| !lengths.contains(&(triple * TRIPLE))) {
-            let largest = f64::from(self.parts.steps[triple]) * f64::from(bits[triple]).exp2();
-            if largest > f64::from(f32::MAX) {
-                return Err(format!("entry {entry} has numbers up to {largest:e} in triple {triple}"));
-            }
-        }
-        Ok(())
+        format.check_deltas(&words[self.deltas_at..])
     }
 
     /// `lengths`: the components of a group that are positions.
     fn derive(&mut self, lengths: Range<usize>, words: &[u32], base: &[f32]) -> Result<(), String> {
-        let (size, w) = (self.parts.size as usize, self.mask_words());
-        let entries = self.parts.entry_target.len();
+        let (size, w, entries) = (self.size(), self.mask_words(), self.entry_count());
         let mut masks = vec![0u32; entries * POSE_FLOATS * w];
         let mut block_masks = vec![0u32; self.count() * POSE_FLOATS * w];
         let mut costs = Vec::with_capacity(entries);
-        let mut sums = vec![[0u64; POSE_FLOATS]; size];
+        // Of |delta|: multiples of a step that fit 53 bits.
+        let mut sums = vec![[0.0; POSE_FLOATS]; size];
         for block in 0..self.count() {
-            sums.fill([0; POSE_FLOATS]);
+            sums.fill([0.0; POSE_FLOATS]);
             for entry in self.entries(block) {
                 let mask = &mut masks[entry * POSE_FLOATS * w..][..POSE_FLOATS * w];
                 let mut reach = 0.0f64;
-                self.for_each_lane(words, entry, |lane, delta, integers| {
-                    for (c, (value, integer)) in delta.iter().zip(integers).enumerate() {
+                self.for_each_lane(words, entry, |lane, delta| {
+                    for (c, value) in delta.iter().enumerate() {
                         mask[c * w + lane / 32] |= u32::from(*value != 0.0) << (lane % 32);
-                        sums[lane][c] += u64::from(integer.unsigned_abs());
+                        sums[lane][c] += value.abs();
                     }
                     reach = reach.max(delta[lengths.clone()].iter().map(|d| d * d).sum::<f64>());
                 });
@@ -154,7 +141,9 @@ impl BlockIndex {
                 costs.push(EntryCost { bytes, reach });
                 self.block_reach[block] += reach;
             }
-            self.largest_sum = sums.iter().flatten().copied().fold(self.largest_sum, u64::max);
+            for (c, sum) in sums.iter().flat_map(|sums| sums.iter().enumerate()) {
+                self.largest_sum = self.largest_sum.max(sum / f64::from(self.parts.steps[c / TRIPLE]));
+            }
             let vertices = &base[block * size * POSE_FLOATS..][..size * POSE_FLOATS];
             let positions = vertices.chunks_exact(POSE_FLOATS).flat_map(|v| &v[lengths.clone()]);
             self.block_base[block] = positions.fold(0.0, |m: f32, p| m.max(p.abs()));
@@ -196,7 +185,7 @@ impl BlockIndex {
         }
         let fits = |bits: &u32| {
             let weight = (f64::from(self.parts.weight_max) * f64::from(1u32 << bits)).ceil();
-            self.largest_sum as f64 * weight <= f64::from(i32::MAX)
+            self.largest_sum * weight <= f64::from(i32::MAX)
         };
         let weight_bits = (WEIGHT_BITS_MIN..=WEIGHT_BITS_MAX).rev().find(fits)?;
         Some(ExactGrid { weight_bits, weight_max: self.parts.weight_max })

@@ -1,8 +1,8 @@
 //! Block formats: deltas of the blocks that a target touches, and nothing else.
 //!
 //! Vertices are reordered (targets cover few blocks then) and cut into blocks of 32, 64 or 128. An *entry* is a target
-//! that touches a block, with its deltas there. The two triples of a group have one step each for the whole mesh, a power of
-//! two, so that integer sums of all entries of a vertex have one unit ([`Accumulate::Exact`](crate::plan::Accumulate)).
+//! that touches a block, with its deltas there. Each triple of a group has one step for the whole mesh, a power of two:
+//! integer sums of all entries of a vertex have one unit then ([`Accumulate::Exact`](crate::plan::Accumulate)).
 //!
 //! ```text
 //! words   [entry][header words] [entry][delta words]       entries block after block, ascending by target
@@ -15,9 +15,9 @@
 mod derive;
 mod pack;
 
-pub(super) use pack::{pack, target};
+pub(super) use pack::pack;
 
-use super::formats::{BlockFormat, Component, with_format};
+use super::formats::{BlockFormat, with_format};
 use super::order::inverse;
 use super::{POSE_FLOATS, PoseError};
 use crate::asset::streams::{TRIPLE, TRIPLES};
@@ -35,9 +35,9 @@ pub const BLOCK_SIZES: [u32; 3] = [32, 64, 128];
 pub struct BlockDesc {
     /// Vertices of a block: one of [`BLOCK_SIZES`]; `None`: what suits the format (32 for `small`, else 64).
     pub size: Option<u32>,
-    /// Largest error of a position delta (a length), as a fraction of the bounding-box diagonal, above 0. A format whose
-    /// integers have a fixed number of bits may exceed it where a target moves further than they reach;
-    /// [`BlockIndex::error`] has what was measured.
+    /// Largest error of a position delta (a length), as a fraction of the bounding-box diagonal, above 0. Integers of a
+    /// fixed number of bits may exceed it where a target moves further than they reach; [`BlockIndex::error`] has what
+    /// was measured.
     pub position_error: f32,
     /// Largest error of a normal or tangent at weight 1, in degrees, above 0.
     pub normal_error_degrees: f32,
@@ -64,8 +64,8 @@ impl Default for BlockDesc {
 
 /// The grid of weights on which integer sums cannot overflow, whatever the weights up to its largest.
 ///
-/// Rounding to it moves a component by at most ½·[`weight_step`](Self::weight_step)·Σ|delta|, on top of what packing lost
-/// of the deltas ([`BlockIndex::error`], for each target at weight 1).
+/// Rounding to it moves a component by at most ½·[`weight_step`](Self::weight_step)·Σ|delta|, on top of the error of
+/// packing ([`BlockIndex::error`], for each target at weight 1).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExactGrid {
     /// Weights are whole multiples of 2^-bits.
@@ -113,23 +113,26 @@ pub(crate) struct EntryCost {
 /// The blocks of a mesh: which targets touch them, and where their deltas are.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlockIndex {
-    parts: Parts,
+    pub(crate) parts: Parts,
     // Derived from it and the words.
-    deltas_at: usize,
+    /// Index of the first delta word: the headers end there.
+    pub(crate) deltas_at: usize,
     words: usize,
-    exact: Option<ExactGrid>,
+    /// Other groups may need a coarser grid than this one.
+    pub(super) exact: Option<ExactGrid>,
     /// The largest Σ|integer| of any vertex component.
-    largest_sum: u64,
-    costs: Vec<EntryCost>,
+    largest_sum: f64,
+    /// Of each entry.
+    pub(crate) costs: Vec<EntryCost>,
     /// `[entry][component][word]`: which vertices' components its deltas change.
-    masks: Vec<u32>,
+    pub(crate) masks: Vec<u32>,
     first_incidence: Vec<u32>,
     incidence: Vec<Incidence>,
     /// `[block][component][word]`: which components some target changes.
-    block_masks: Vec<u32>,
+    pub(crate) block_masks: Vec<u32>,
     /// Largest base position component of each block, and Σ reach of its entries.
-    block_base: Vec<f32>,
-    block_reach: Vec<f32>,
+    pub(crate) block_base: Vec<f32>,
+    pub(crate) block_reach: Vec<f32>,
 }
 
 /// What a [`BlockIndex`] is made from: what a packed file holds of it.
@@ -157,7 +160,7 @@ impl BlockIndex {
         }
         self.exact.ok_or_else(|| {
             let room = f64::from(i32::MAX) / f64::from(self.parts.weight_max) / f64::from(1u32 << WEIGHT_BITS_MIN);
-            let factor = (self.largest_sum as f64 / room).log2().ceil().exp2();
+            let factor = (self.largest_sum / room).log2().ceil().exp2();
             Error::invalid(
                 format!(
                     "integer sums of this mesh could overflow: a vertex adds up to {} steps, {room:.0} fit weights up \
@@ -172,11 +175,6 @@ impl BlockIndex {
                 ),
             )
         })
-    }
-
-    /// Take a coarser grid, which other groups need.
-    pub(super) fn set_exact(&mut self, grid: Option<ExactGrid>) {
-        self.exact = grid;
     }
 
     /// Vertices of a block.
@@ -234,25 +232,8 @@ impl BlockIndex {
         self.parts.size as usize / 32
     }
 
-    /// Index of the first delta word: the headers end there.
-    pub(crate) fn deltas_at(&self) -> usize {
-        self.deltas_at
-    }
-
     pub(crate) fn format(&self) -> &'static dyn BlockFormat {
         self.parts.format
-    }
-
-    pub(crate) fn weight_max(&self) -> f32 {
-        self.parts.weight_max
-    }
-
-    pub(crate) fn first_entries(&self) -> &[u32] {
-        &self.parts.first_entry
-    }
-
-    pub(crate) fn entry_targets(&self) -> &[u32] {
-        &self.parts.entry_target
     }
 
     pub(crate) fn entries(&self, block: usize) -> Range<usize> {
@@ -263,30 +244,8 @@ impl BlockIndex {
         &self.incidence[self.first_incidence[target] as usize..self.first_incidence[target + 1] as usize]
     }
 
-    pub(crate) fn costs(&self) -> &[EntryCost] {
-        &self.costs
-    }
-
-    pub(crate) fn masks(&self) -> &[u32] {
-        &self.masks
-    }
-
-    pub(crate) fn block_masks(&self) -> &[u32] {
-        &self.block_masks
-    }
-
-    /// Largest base position component of each block.
-    pub(crate) fn block_base(&self) -> &[f32] {
-        &self.block_base
-    }
-
-    /// Σ of the longest deltas of each block's entries.
-    pub(crate) fn block_reach(&self) -> &[f32] {
-        &self.block_reach
-    }
-
-    /// The header of an entry, and where `words` has its deltas: `format` is that of the mesh. Kernels, which look up many
-    /// short entries, pass it as its own type.
+    /// The header of an entry, and where `words` has its deltas: `format` is that of the mesh. Kernels, which look up
+    /// many short entries, pass it as its own type.
     #[inline(always)]
     pub(crate) fn locate<'a>(
         &self,
@@ -300,39 +259,22 @@ impl BlockIndex {
         (header, self.deltas_at.saturating_add(deltas.start)..self.deltas_at.saturating_add(deltas.end))
     }
 
-    /// Call `f` with each vertex of an entry's block that it holds a delta for: its place in the block, the delta in
-    /// input units, and in steps (zero for float32).
-    pub(crate) fn for_each_lane(
-        &self,
-        words: &[u32],
-        entry: usize,
-        mut f: impl FnMut(usize, [f64; POSE_FLOATS], [i32; POSE_FLOATS]),
-    ) {
-        let steps = self.parts.steps.map(f64::from);
+    /// Call `f` with each vertex of an entry's block that it holds a delta for: its index in the block, and the delta
+    /// in input units, in formats of integers an exact multiple of the [steps](Self::steps).
+    pub(crate) fn for_each_lane(&self, words: &[u32], entry: usize, mut f: impl FnMut(usize, [f64; POSE_FLOATS])) {
         with_format!(self.parts.format.format(), dense _f => {}, blocks format => {
             let (header, deltas) = self.locate(format, words, entry);
             let shifts = format.shifts(header);
+            let steps = if self.parts.format.format().has_integers() { self.parts.steps } else { [1.0; TRIPLES] };
+            let units = [0, 1].map(|triple| f64::from(steps[triple]) * f64::from(1u32 << shifts[triple]));
             let mut lanes = [None; BLOCK_SIZES[2] as usize];
             format.decode(self.size(), header, &words[deltas], |lane, c, number| {
-                let (value, integer) = lanes[lane].get_or_insert(([0.0; POSE_FLOATS], [0; POSE_FLOATS]));
-                (value[c], integer[c]) = number.value(steps[c / TRIPLE], shifts[c / TRIPLE]);
+                lanes[lane].get_or_insert([0.0; POSE_FLOATS])[c] = f64::from(number) * units[c / TRIPLE];
             });
-            for (lane, (value, integer)) in lanes.into_iter().enumerate().filter_map(|(i, lane)| Some((i, lane?))) {
-                f(lane, value, integer);
+            for (lane, delta) in lanes.into_iter().enumerate().filter_map(|(lane, delta)| Some((lane, delta?))) {
+                f(lane, delta);
             }
         });
-    }
-
-    /// [`PackedGroup::for_each_delta`](super::PackedGroup::for_each_delta), of deltas in `words`.
-    pub(crate) fn for_each_delta(&self, words: &[u32], target: usize, mut f: impl FnMut(usize, [f64; POSE_FLOATS])) {
-        for incidence in self.incidence(target) {
-            let first = incidence.block as usize * self.parts.size as usize;
-            self.for_each_lane(words, incidence.entry as usize, |lane, delta, _| {
-                if let Some(&user) = self.parts.order.get(first + lane) {
-                    f(user as usize, delta);
-                }
-            });
-        }
     }
 }
 

@@ -2,14 +2,14 @@
 
 use super::derive::WORDS_MAX;
 use super::{BLOCK_SIZES, BlockDesc, BlockIndex, Parts};
-use crate::asset::streams::{Measure, TRIPLE, TRIPLES};
+use crate::asset::streams::{Measure, StreamPlace, TRIPLE, TRIPLES};
 use crate::error::{Error, Result};
 use crate::math::angle_degrees;
 use crate::pack::formats::{BlockFormat, INTEGER_BITS, Lane};
 use crate::pack::group::base_pose;
 use crate::pack::order::{inverse, keep_welded, order_groups};
 use crate::pack::source::largest;
-use crate::pack::{PackDesc, PackedGroup, PackedLayout, PackedTarget, PoseError, Source, VERTEX_PADDING};
+use crate::pack::{POSE_FLOATS, PackDesc, PackedGroup, PackedLayout, PackedTarget, PoseError, Source, VERTEX_PADDING};
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -206,21 +206,12 @@ impl Packing<'_> {
             first_entry,
             entry_target,
         };
-        let index =
-            BlockIndex::new(parts, mesh.targets.len(), &self.source.streams, &words, &base).map_err(|what| {
+        let streams = self.source.streams.clone();
+        let names = mesh.targets.iter().map(|target| target.name.as_str());
+        let mut packed = PackedGroup::in_blocks(&mesh.name, mesh.diagonal, names, streams, parts, base, words)
+            .map_err(|what| {
                 Error::invalid(format!("mesh '{}' cannot be packed: {what}", mesh.name), "report this with the mesh")
             })?;
-        let layout = PackedLayout {
-            name: mesh.name.clone(),
-            format: self.desc.format,
-            streams: self.source.streams.clone(),
-            vertex_count: mesh.vertex_count(),
-            chunk_vertices: padded,
-            diagonal: mesh.diagonal,
-            targets: mesh.targets.iter().map(|t| target(&t.name, steps)).collect(),
-            blocks: Some(Arc::new(index)),
-        };
-        let mut packed = PackedGroup { layout, base, words };
         let error = packed.measure_error(self.source);
         if let Some(index) = packed.layout.blocks.as_mut().map(Arc::make_mut) {
             index.parts.error = error;
@@ -229,9 +220,36 @@ impl Packing<'_> {
     }
 }
 
-/// A target of a group in blocks.
-pub(in crate::pack) fn target(name: &str, steps: [f32; TRIPLES]) -> PackedTarget {
-    // Both are powers of two.
-    let normal_exponent = (steps[1] / steps[0]).log2().clamp(-100.0, 100.0) as i8;
-    PackedTarget { name: name.to_owned(), position_step: steps[0], normal_exponent }
+impl PackedGroup {
+    /// A group in blocks, of a mesh with this name, diagonal and targets.
+    ///
+    /// # Errors
+    /// What does not fit together.
+    pub(in crate::pack) fn in_blocks<'a>(
+        name: &str,
+        diagonal: f32,
+        targets: impl Iterator<Item = &'a str>,
+        streams: Vec<StreamPlace>,
+        parts: Parts,
+        base: Vec<f32>,
+        words: Vec<u32>,
+    ) -> Result<Self, String> {
+        let [position_step, normal_step] = parts.steps;
+        // Both are powers of two.
+        let normal_exponent = (normal_step / position_step).log2().clamp(-100.0, 100.0) as i8;
+        let target = |name: &str| PackedTarget { name: name.to_owned(), position_step, normal_exponent };
+        let targets: Vec<_> = targets.map(target).collect();
+        let index = BlockIndex::new(parts, targets.len(), &streams, &words, &base)?;
+        let layout = PackedLayout {
+            name: name.to_owned(),
+            format: index.format().format(),
+            streams,
+            vertex_count: index.order().len(),
+            chunk_vertices: base.len() / POSE_FLOATS,
+            diagonal,
+            targets,
+            blocks: Some(Arc::new(index)),
+        };
+        Ok(Self { layout, base, words })
+    }
 }

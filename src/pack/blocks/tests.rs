@@ -14,10 +14,11 @@ fn packed(format: DeltaFormat, size: u32) -> (MorphMesh, PackedMesh) {
 }
 
 #[test]
-fn deltas_come_back_within_the_error_allowed_in_every_format() {
+fn deltas_come_back_within_the_error_allowed_and_masks_say_what_changes() {
     for (format, size) in DeltaFormat::BLOCKS.into_iter().flat_map(|f| BLOCK_SIZES.map(|s| (f, s))) {
         let (mesh, packed) = packed(format, size);
-        let error = packed.layout().blocks.as_ref().unwrap().error();
+        let index = packed.layout().index().unwrap();
+        let error = index.error();
         assert_eq!(error, packed.measure_error(&mesh));
         // 13 bits do not reach as far as this mesh moves.
         let most = match format {
@@ -36,6 +37,17 @@ fn deltas_come_back_within_the_error_allowed_in_every_format() {
                 assert!(delta == [0.0; 6] || target.vertices.contains(&(vertex as u32)), "{format:?}");
             });
         }
+        let w = index.mask_words();
+        for (entry, mask) in index.masks.chunks_exact(6 * w).enumerate() {
+            let mut found = vec![0u32; 6 * w];
+            index.for_each_lane(packed.deltas(), entry, |lane, delta| {
+                (0..6).for_each(|c| found[c * w + lane / 32] |= u32::from(delta[c] != 0.0) << (lane % 32));
+            });
+            assert_eq!(mask, found);
+            assert!(mask.iter().any(|m| *m != 0) || format != DeltaFormat::BlockFloat32);
+        }
+        assert_eq!(index.masks.len(), index.entry_count() * 6 * w);
+        assert_eq!((0..9).map(|t| index.incidence(t).len()).sum::<usize>(), index.entry_count());
     }
 }
 
@@ -47,26 +59,6 @@ fn large_deltas_shift_where_bits_are_given() {
         let packed = PackedMesh::pack(&mesh, &PackDesc::new(format)).unwrap();
         let found = packed.measure_error(&mesh).position / f64::from(mesh.diagonal);
         assert!(found > least && found < most, "{format:?}: {found}");
-    }
-}
-
-#[test]
-fn masks_say_what_changes() {
-    for (format, size) in DeltaFormat::BLOCKS.into_iter().flat_map(|f| BLOCK_SIZES.map(|s| (f, s))) {
-        let (_, packed) = packed(format, size);
-        let index = packed.layout().blocks.clone().unwrap();
-        let w = index.mask_words();
-        for entry in 0..index.entry_count() {
-            let mask = &index.masks()[entry * 6 * w..][..6 * w];
-            let mut found = vec![0u32; 6 * w];
-            index.for_each_lane(packed.deltas(), entry, |lane, delta, _| {
-                (0..6).for_each(|c| found[c * w + lane / 32] |= u32::from(delta[c] != 0.0) << (lane % 32));
-            });
-            assert_eq!(mask, found);
-            assert!(mask.iter().any(|m| *m != 0) || format != DeltaFormat::BlockFloat32);
-        }
-        let by_target: usize = (0..9).map(|t| index.incidence(t).len()).sum();
-        assert_eq!(by_target, index.entry_count());
     }
 }
 

@@ -8,7 +8,7 @@ use crate::asset::streams::{Semantic, StreamPlace, TRIPLES, group_streams};
 use crate::error::{Error, Result};
 use crate::pack::blocks::BlockIndex;
 use crate::pack::formats::BlockFormat;
-use crate::pack::{DeltaFormat, PackedGroup, PoseError, TARGETS_MAX};
+use crate::pack::{DeltaFormat, PackedGroup, PackedLayout, PoseError, TARGETS_MAX};
 
 /// The section 'meta'.
 pub(super) struct Meta {
@@ -38,32 +38,16 @@ pub(super) struct GroupMeta {
 pub(super) type Fault = (Section, usize, String);
 
 impl Meta {
-    pub fn of(asset: &Asset) -> Result<Self> {
-        let layout = asset.mesh.layout();
-        let Some(index) = &layout.blocks else { return Err(Error::invalid("a mesh without blocks", "pack it")) };
-        let meta = Self {
-            format: index.format(),
-            size: index.size() as u32,
-            vertices: layout.vertex_count,
-            targets: layout.targets.len(),
-            faces: asset.faces.sizes.len(),
-            corners: asset.faces.corners.len(),
-            texcoords: asset.texcoords.len(),
-            diagonal: layout.diagonal,
-            weight_max: index.weight_max(),
-            tolerance: asset.tolerance,
-        };
-        let counts = [meta.vertices, meta.targets, meta.faces, meta.corners, meta.texcoords];
-        check_counts(&counts, &layout.name).map(|()| meta)
-    }
-
-    pub fn to_bytes(&self) -> Vec<u8> {
-        let counts = [self.vertices, self.targets, self.faces, self.corners, self.texcoords];
-        let mut bytes =
-            write_u32s([self.format.format().row().id, self.size].into_iter().chain(counts.map(|n| n as u32)));
-        let Tolerance { position, normal } = self.tolerance;
-        bytes.extend(write_f32s(&[self.diagonal, self.weight_max, position, normal]));
-        bytes
+    /// The section of `asset`, whose surface has the blocks of `index`.
+    pub fn bytes(asset: &Asset, index: &BlockIndex) -> Result<Vec<u8>> {
+        let (layout, faces) = (asset.mesh.layout(), &asset.faces);
+        let texcoords = asset.texcoords.len();
+        let counts = [layout.vertex_count, layout.targets.len(), faces.sizes.len(), faces.corners.len(), texcoords];
+        let mut bytes = write_u32s([layout.format.row().id, index.size() as u32].into_iter());
+        bytes.extend(write_counts(&counts, &layout.name)?);
+        let Tolerance { position, normal } = asset.tolerance;
+        bytes.extend(write_f32s(&[layout.diagonal, index.parts.weight_max, position, normal]));
+        Ok(bytes)
     }
 
     /// What a file says of the mesh and of each group.
@@ -71,50 +55,21 @@ impl Meta {
         let bytes = sections.get(Section::Meta);
         let meta = |what| (Section::Meta, 0, what);
         if sections.version == OLD_VERSION {
-            let (mesh, group) = Self::read_old(bytes).map_err(meta)?;
-            return Ok((mesh, vec![group]));
+            let [mesh, group] = split_old(bytes).map_err(meta)?;
+            return Ok((Self::parse(&mesh).map_err(meta)?, vec![GroupMeta::parse(&group).map_err(meta)?]));
         }
-        let ([format, size, counts @ ..], [diagonal, weight_max, position, normal]) =
-            numbers::<7, 4>(bytes).map_err(meta)?;
-        let tolerance = Tolerance { position, normal };
-        let mesh = Self::checked(format, size, counts, diagonal, weight_max, tolerance).map_err(meta)?;
-        let group = |i| GroupMeta::read(sections.of(Section::Group, i)).map_err(|what| (Section::Group, i, what));
+        let mesh = Self::parse(bytes).map_err(meta)?;
+        let group = |i| GroupMeta::parse(sections.of(Section::Group, i)).map_err(|what| (Section::Group, i, what));
         let groups: Vec<GroupMeta> = (0..sections.groups()).map(group).collect::<Result<_, _>>()?;
-        let semantics = groups.iter().flat_map(|group| &group.streams).map(|place| place.semantic);
-        let laid_out = group_streams(semantics);
+        let laid_out = group_streams(groups.iter().flat_map(|group| &group.streams).map(|place| place.semantic));
         match (0..groups.len()).find(|&i| laid_out.get(i) != Some(&groups[i].streams)) {
             Some(i) => Err((Section::Group, i, "holds other streams than it should".into())),
             None => Ok((mesh, groups)),
         }
     }
 
-    /// Version 2: one group, whose numbers are among those of the mesh.
-    fn read_old(bytes: &[u8]) -> Result<(Self, GroupMeta), String> {
-        let Some((numbers_of_all, errors)) = bytes.split_at_checked(64).filter(|(_, errors)| errors.len() == 16) else {
-            return Err(format!("has {} bytes, 80 expected", bytes.len()));
-        };
-        let (
-            [format, size, vertices, targets, blocks, entries, words, faces, corners, texcoords],
-            [first, second, diagonal, weight_max, position, normal],
-        ) = numbers::<10, 6>(numbers_of_all)?;
-        let errors: Vec<f64> = errors.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b)).collect();
-        let tolerance = Tolerance { position, normal };
-        let counts = [vertices, targets, faces, corners, texcoords];
-        let mesh = Self::checked(format, size, counts, diagonal, weight_max, tolerance)?;
-        let [blocks, entries, words] = [blocks, entries, words].map(|n| n as usize);
-        let streams = group_streams([]).swap_remove(0);
-        let error = checked_error(&streams, &errors)?;
-        Ok((mesh, GroupMeta { streams, blocks, entries, words, steps: [first, second], error }))
-    }
-
-    fn checked(
-        format: u32,
-        size: u32,
-        counts: [u32; 5],
-        diagonal: f32,
-        weight_max: f32,
-        tolerance: Tolerance,
-    ) -> Result<Self, String> {
+    fn parse(bytes: &[u8]) -> Result<Self, String> {
+        let ([format, size, counts @ ..], [diagonal, weight_max, position, normal]) = numbers::<7, 4>(bytes)?;
         let [vertices, targets, faces, corners, texcoords] = counts.map(|n| n as usize);
         let format = DeltaFormat::from_id(format)
             .and_then(DeltaFormat::block_format)
@@ -122,69 +77,61 @@ impl Meta {
         if targets > TARGETS_MAX {
             return Err(format!("names {targets} targets; the kernels name at most {TARGETS_MAX}"));
         }
+        let tolerance = Tolerance { position, normal };
         Ok(Self { format, size, vertices, targets, faces, corners, texcoords, diagonal, weight_max, tolerance })
     }
 }
 
+/// The section 'meta' of version 2, as the two sections that version 3 has in its place.
+fn split_old(bytes: &[u8]) -> Result<[Vec<u8>; 2], String> {
+    if bytes.len() != 80 {
+        return Err(format!("has {} bytes, 80 expected", bytes.len()));
+    }
+    let words = read_u32s(bytes);
+    let mesh = [&words[..4], &words[7..10], &words[12..16]].concat();
+    let [position, normal] = [Semantic::Position, Semantic::Normal].map(|semantic| [semantic_id(semantic), 0]);
+    let group = [&[2], &words[4..7], &words[10..12], &position, &words[16..18], &normal, &words[18..]].concat();
+    Ok([mesh, group].map(|words| write_u32s(words.into_iter())))
+}
+
 impl GroupMeta {
-    pub fn of(group: &PackedGroup, index: &BlockIndex) -> Result<Self> {
-        let streams = group.layout().streams.clone();
-        let (blocks, entries, words) = (index.count(), index.entry_count(), group.deltas().len());
-        check_counts(&[blocks, entries, words], &group.layout().name)?;
-        Ok(Self { streams, blocks, entries, words, steps: index.steps(), error: index.error() })
-    }
-
-    pub fn to_bytes(&self) -> Vec<u8> {
-        let counts = [self.streams.len(), self.blocks, self.entries, self.words];
-        let mut bytes = write_u32s(counts.into_iter().map(|n| n as u32));
-        bytes.extend(write_f32s(&self.steps));
-        for place in &self.streams {
+    /// The section of `group`, which has the blocks of `index`.
+    pub fn bytes(group: &PackedGroup, index: &BlockIndex) -> Result<Vec<u8>> {
+        let PackedLayout { name, streams, .. } = group.layout();
+        let counts = [streams.len(), index.count(), index.entry_count(), group.deltas().len()];
+        let mut bytes = write_counts(&counts, name)?;
+        bytes.extend(write_f32s(&index.steps()));
+        for place in streams {
             bytes.extend(write_u32s([semantic_id(place.semantic), 0].into_iter()));
-            bytes.extend(self.error.of(place.semantic).to_le_bytes());
+            bytes.extend(index.error().of(place.semantic).to_le_bytes());
         }
-        bytes
+        Ok(bytes)
     }
 
-    fn read(bytes: &[u8]) -> Result<Self, String> {
+    fn parse(bytes: &[u8]) -> Result<Self, String> {
         let (head, rest) = bytes.split_at_checked(24).ok_or_else(|| format!("has {} bytes", bytes.len()))?;
-        let ([streams, blocks, entries, words], steps) = numbers::<4, TRIPLES>(head)?;
+        let ([count, blocks, entries, words], steps) = numbers::<4, TRIPLES>(head)?;
         let (rows, tail) = rest.as_chunks::<16>();
-        if (rows.len(), tail.len()) != (streams as usize, 0) {
-            return Err(format!("has {} bytes, {} expected", bytes.len(), 24 + 16 * u64::from(streams)));
+        if (rows.len(), tail.len()) != (count as usize, 0) {
+            return Err(format!("has {} bytes, {} expected", bytes.len(), 24 + 16 * u64::from(count)));
         }
-        let mut semantics = vec![];
-        let mut errors = vec![];
+        let (mut streams, mut errors, mut first) = (vec![], PoseError::default(), 0);
         for row in rows {
             let (ids, error) = row.split_at(8);
             let id = read_u32s(ids);
             let semantic = semantic(id[0]).filter(|_| id[1] == 0);
-            semantics.push(semantic.ok_or_else(|| format!("names a stream {:#x} that is not known", id[0]))?);
-            errors.extend(error.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b)));
-        }
-        let mut first = 0;
-        let place = |semantic: Semantic| {
+            let semantic = semantic.ok_or_else(|| format!("names a stream {:#x} that is not known", id[0]))?;
+            streams.push(StreamPlace { semantic, first });
             first += semantic.components();
-            StreamPlace { semantic, first: first - semantic.components() }
-        };
-        let streams: Vec<StreamPlace> = semantics.into_iter().map(place).collect();
-        let error = checked_error(&streams, &errors)?;
-        let [blocks, entries, words] = [blocks, entries, words].map(|n| n as usize);
-        Ok(Self { streams, blocks, entries, words, steps, error })
-    }
-}
-
-/// The errors of streams, in their order.
-fn checked_error(streams: &[StreamPlace], errors: &[f64]) -> Result<PoseError, String> {
-    let mut all = PoseError::default();
-    for (place, &error) in streams.iter().zip(errors) {
-        if !(error.is_finite() && error >= 0.0) {
-            return Err(format!("names an error of {error}"));
+            let error = error.first_chunk().map_or(f64::NAN, |bytes| f64::from_le_bytes(*bytes));
+            if !(error.is_finite() && error >= 0.0) {
+                return Err(format!("names an error of {error}"));
+            }
+            errors = errors.max(PoseError::only(semantic, error));
         }
-        let mut one = PoseError::default();
-        one.set(place.semantic, error);
-        all = all.max(one);
+        let [blocks, entries, words] = [blocks, entries, words].map(|n| n as usize);
+        Ok(Self { streams, blocks, entries, words, steps, error: errors })
     }
-    Ok(all)
 }
 
 /// N counts and M floats, and nothing else.
@@ -197,10 +144,10 @@ fn numbers<const N: usize, const M: usize>(bytes: &[u8]) -> Result<([u32; N], [f
     }
 }
 
-fn check_counts(counts: &[usize], name: &str) -> Result<()> {
+fn write_counts(counts: &[usize], name: &str) -> Result<Vec<u8>> {
     match counts.iter().find(|n| u32::try_from(**n).is_err()) {
         Some(n) => Err(Error::invalid(format!("mesh '{name}' has {n} of something"), "split the mesh")),
-        None => Ok(()),
+        None => Ok(write_u32s(counts.iter().map(|n| *n as u32))),
     }
 }
 

@@ -2,13 +2,13 @@
 
 use super::Asset;
 use super::bytes::{read_f32s, read_u32s};
-use super::meta::{Fault, GroupMeta, Meta};
-use super::table::{Section, Sections, complaint, split};
+use super::meta::{Fault, Meta};
+use super::table::{Section, malformed, split};
 use crate::asset::{Corner, Faces};
 use crate::error::Result;
 use crate::io::check_room;
-use crate::pack::blocks::{BlockIndex, Parts, target};
-use crate::pack::{BASE_STRIDE, POSE_FLOATS, PackedGroup, PackedLayout, PackedMesh, VERTEX_PADDING};
+use crate::pack::blocks::Parts;
+use crate::pack::{BASE_STRIDE, POSE_FLOATS, PackedGroup, PackedMesh, VERTEX_PADDING};
 use glam::Vec2;
 use std::path::Path;
 use std::sync::Arc;
@@ -21,19 +21,31 @@ pub(super) fn asset(path: &Path, bytes: &[u8]) -> Result<Asset> {
     // All sections are copied below.
     check_room(path, bytes.len() as u64)?;
     let sections = split(path, bytes)?;
-    let refuse = |(section, group, what): Fault| complaint(path, Some((section, group)), what, INCONSISTENT);
+    let refuse = |(section, group, what): Fault| malformed(path, Some((section, group)), what, INCONSISTENT);
     let (meta, group_metas) = Meta::read(&sections).map_err(refuse)?;
-    check_lengths(&sections, &meta, &group_metas).map_err(refuse)?;
+    // Counts are held against the lengths of sections, before memory is taken by them.
+    let checked = |section, group, count: usize, stride: usize, of: &str| {
+        let bytes = sections.of(section, group);
+        let needed = count as u64 * stride as u64;
+        let what = || format!("has {} bytes; {count} {of} take {needed}", bytes.len());
+        if bytes.len() as u64 == needed { Ok(bytes) } else { Err(refuse((section, group, what()))) }
+    };
+    let optional = |section, count, of| match sections.get(section).is_empty() {
+        true => Ok(&[][..]),
+        false => checked(section, 0, count, 4, of),
+    };
     let names = names(sections.get(Section::Names), meta.targets).map_err(|what| refuse((Section::Names, 0, what)))?;
     let (name, targets) = names.split_first().map_or(("", &[][..]), |(first, rest)| (*first, rest));
-    let order: Arc<[u32]> = read_u32s(sections.get(Section::Order)).into();
-    let padded = meta.padded();
+    let order: Arc<[u32]> = read_u32s(checked(Section::Order, 0, meta.vertices, 4, "vertices")?).into();
+    // Of any block size: whether there are blocks of this size is checked with the blocks.
+    let padded = meta.vertices.next_multiple_of((meta.size as usize).clamp(VERTEX_PADDING, 128));
 
     let mut groups = vec![];
     for (i, group) in group_metas.into_iter().enumerate() {
-        let mut base = read_f32s(sections.of(Section::Base, i));
+        let mut base = read_f32s(checked(Section::Base, i, meta.vertices, BASE_STRIDE, "vertices")?);
         base.resize(padded * POSE_FLOATS, 0.0);
-        let words = read_u32s(sections.of(Section::Words, i));
+        let words = read_u32s(checked(Section::Words, i, group.words, 4, "words")?);
+        let firsts = checked(Section::FirstEntries, i, group.blocks.saturating_add(1), 4, "blocks and one")?;
         let parts = Parts {
             format: meta.format,
             size: meta.size,
@@ -41,72 +53,37 @@ pub(super) fn asset(path: &Path, bytes: &[u8]) -> Result<Asset> {
             steps: group.steps,
             weight_max: meta.weight_max,
             error: group.error,
-            first_entry: read_u32s(sections.of(Section::FirstEntries, i)),
-            entry_target: read_u32s(sections.of(Section::EntryTargets, i)),
+            first_entry: read_u32s(firsts),
+            entry_target: read_u32s(checked(Section::EntryTargets, i, group.entries, 4, "entries")?),
         };
-        let index = BlockIndex::new(parts, meta.targets, &group.streams, &words, &base).map_err(|what| {
+        let targets = targets.iter().copied();
+        let group = PackedGroup::in_blocks(name, meta.diagonal, targets, group.streams, parts, base, words);
+        groups.push(group.map_err(|what| {
             let of = if i == 0 { "its blocks".to_owned() } else { format!("the blocks of group {i}") };
-            complaint(path, None, format!("{of} do not fit together: {what}"), INCONSISTENT)
-        })?;
-        let layout = PackedLayout {
-            name: name.to_owned(),
-            format: meta.format.format(),
-            streams: group.streams,
-            vertex_count: meta.vertices,
-            chunk_vertices: padded,
-            diagonal: meta.diagonal,
-            targets: targets.iter().map(|name| target(name, group.steps)).collect(),
-            blocks: Some(Arc::new(index)),
-        };
-        groups.push(PackedGroup { layout, base, words });
+            malformed(path, None, format!("{of} do not fit together: {what}"), INCONSISTENT)
+        })?);
     }
-    let texcoords = read_f32s(sections.get(Section::Texcoords));
+    let texcoords = read_f32s(checked(Section::Texcoords, 0, meta.texcoords, 8, "texture coordinates")?);
+    let positions = read_u32s(checked(Section::FaceCorners, 0, meta.corners, 4, "corners")?);
+    let corner_texcoords = read_u32s(optional(Section::CornerTexcoords, meta.corners, "corners")?);
+    let corner = |(i, position)| {
+        let texcoord = corner_texcoords.get(i).copied().filter(|t| *t != u32::MAX);
+        Corner { position, texcoord }
+    };
     let asset = Asset {
         mesh: PackedMesh::of_groups(groups),
-        faces: faces(&sections),
+        faces: Faces {
+            sizes: read_u32s(checked(Section::FaceSizes, 0, meta.faces, 4, "faces")?),
+            corners: positions.into_iter().enumerate().map(corner).collect(),
+        },
         texcoords: texcoords.as_chunks().0.iter().copied().map(Vec2::from_array).collect(),
-        welds: read_u32s(sections.get(Section::Welds)),
+        welds: read_u32s(optional(Section::Welds, meta.vertices, "vertices")?),
         tolerance: meta.tolerance,
     };
     match asset.check() {
         Ok(()) => Ok(asset),
-        Err(what) => Err(complaint(path, None, what, INCONSISTENT)),
+        Err(what) => Err(malformed(path, None, what, INCONSISTENT)),
     }
-}
-
-impl Meta {
-    /// Vertices with padding, of any block size: the sizes that there are come later.
-    fn padded(&self) -> usize {
-        self.vertices.next_multiple_of((self.size as usize).clamp(VERTEX_PADDING, 128))
-    }
-}
-
-/// Hold the counts against the lengths of the sections, before memory is taken by them.
-fn check_lengths(sections: &Sections<'_>, meta: &Meta, groups: &[GroupMeta]) -> Result<(), Fault> {
-    let differs = |(section, group, count, stride, of): (Section, usize, usize, usize, &str)| {
-        let (length, needed) = (sections.of(section, group).len() as u64, count as u64 * stride as u64);
-        let what = || format!("has {length} bytes; {count} {of} take {needed}");
-        if length == needed { Ok(()) } else { Err((section, group, what())) }
-    };
-    for (i, group) in groups.iter().enumerate() {
-        differs((Section::Base, i, meta.vertices, BASE_STRIDE, "vertices"))?;
-        differs((Section::FirstEntries, i, group.blocks.saturating_add(1), 4, "blocks and one"))?;
-        differs((Section::EntryTargets, i, group.entries, 4, "entries"))?;
-        differs((Section::Words, i, group.words, 4, "words"))?;
-    }
-    differs((Section::Order, 0, meta.vertices, 4, "vertices"))?;
-    differs((Section::FaceSizes, 0, meta.faces, 4, "faces"))?;
-    differs((Section::FaceCorners, 0, meta.corners, 4, "corners"))?;
-    differs((Section::Texcoords, 0, meta.texcoords, 8, "texture coordinates"))?;
-    // These two may be empty.
-    for (section, count, of) in
-        [(Section::CornerTexcoords, meta.corners, "corners"), (Section::Welds, meta.vertices, "vertices")]
-    {
-        if !sections.get(section).is_empty() {
-            differs((section, 0, count, 4, of))?;
-        }
-    }
-    Ok(())
 }
 
 /// The name of the mesh, then that of each target.
@@ -128,18 +105,5 @@ fn names(mut bytes: &[u8], targets: usize) -> Result<Vec<&str>, String> {
     match bytes.len() {
         0 => Ok(names),
         n => Err(format!("has {n} bytes after the last name")),
-    }
-}
-
-fn faces(sections: &Sections<'_>) -> Faces {
-    let positions = read_u32s(sections.get(Section::FaceCorners));
-    let texcoords = read_u32s(sections.get(Section::CornerTexcoords));
-    let corner = |(i, position)| {
-        let texcoord = texcoords.get(i).copied().filter(|t| *t != u32::MAX);
-        Corner { position, texcoord }
-    };
-    Faces {
-        sizes: read_u32s(sections.get(Section::FaceSizes)),
-        corners: positions.into_iter().enumerate().map(corner).collect(),
     }
 }

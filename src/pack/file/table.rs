@@ -20,7 +20,7 @@ const ALIGNMENT: usize = 8;
 /// What to do about a file that was damaged on its way.
 pub(super) const DAMAGED: &str = "the file is damaged: copy it again, or pack the mesh again";
 
-/// A section; ids count from 1.
+/// A section. Ids count from 1, in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Section {
     Meta,
@@ -38,61 +38,49 @@ pub(super) enum Section {
     Welds,
 }
 
-impl Section {
-    /// Those that a file of version 3 has once, in the order of the file.
-    pub const ONCE: [Self; 8] = [
-        Self::Meta,
-        Self::Names,
-        Self::Order,
-        Self::FaceSizes,
-        Self::FaceCorners,
-        Self::CornerTexcoords,
-        Self::Texcoords,
-        Self::Welds,
-    ];
-    /// Those that it has for each group, after them.
-    pub const EACH: [Self; 5] = [Self::Group, Self::Base, Self::FirstEntries, Self::EntryTargets, Self::Words];
+use Section::*;
 
+/// The sections that a file has once, in its order.
+const ONCE: [Section; 8] = [Meta, Names, Order, FaceSizes, FaceCorners, CornerTexcoords, Texcoords, Welds];
+/// Those that it has for each group, after them.
+const EACH: [Section; 5] = [Group, Base, FirstEntries, EntryTargets, Words];
+/// Those of version 2, each once.
+const OLD: [Section; 11] =
+    [Meta, Names, Base, Order, FirstEntries, EntryTargets, Words, FaceSizes, FaceCorners, CornerTexcoords, Texcoords];
+
+impl Section {
     /// Its name in messages.
-    pub const fn name(self) -> &'static str {
-        SECTIONS[self as usize].1
+    const fn name(self) -> &'static str {
+        match self {
+            Meta => "meta",
+            Names => "names",
+            Base => "base pose",
+            Order => "order",
+            FirstEntries => "first entries",
+            EntryTargets => "entry targets",
+            Words => "words",
+            FaceSizes => "face sizes",
+            FaceCorners => "face corners",
+            CornerTexcoords => "corner texcoords",
+            Texcoords => "texcoords",
+            Group => "group",
+            Welds => "welds",
+        }
     }
 }
-
-/// The sections, in the order of their ids and of a file of version 2, and their names in messages.
-const SECTIONS: [(Section, &str); 13] = [
-    (Section::Meta, "meta"),
-    (Section::Names, "names"),
-    (Section::Base, "base pose"),
-    (Section::Order, "order"),
-    (Section::FirstEntries, "first entries"),
-    (Section::EntryTargets, "entry targets"),
-    (Section::Words, "words"),
-    (Section::FaceSizes, "face sizes"),
-    (Section::FaceCorners, "face corners"),
-    (Section::CornerTexcoords, "corner texcoords"),
-    (Section::Texcoords, "texcoords"),
-    (Section::Group, "group"),
-    (Section::Welds, "welds"),
-];
-/// The number of sections of version 2: the first ones.
-const OLD_SECTIONS: usize = 11;
 
 /// A section, and the number of the group that it is of; 0 for those that there are once.
 pub(super) type Place = (Section, usize);
 
 /// The sections of a file, in its order; `None` where there can be no file of so many.
 pub(super) fn places(version: u32, sections: usize) -> Option<Vec<Place>> {
-    let (once, each) = match version {
-        VERSION => (Section::ONCE.to_vec(), &Section::EACH[..]),
-        _ => (SECTIONS[..OLD_SECTIONS].iter().map(|(section, _)| *section).collect(), &[][..]),
-    };
+    let (once, each) = if version == VERSION { (&ONCE[..], &EACH[..]) } else { (&OLD[..], &[][..]) };
     let rest = sections.checked_sub(once.len())?;
-    let groups = if each.is_empty() { 0 } else { rest / each.len() };
+    let groups = rest.checked_div(each.len()).unwrap_or(0);
     if rest != groups * each.len() || groups > GROUPS_MAX || (groups == 0) != each.is_empty() {
         return None;
     }
-    let once = once.into_iter().map(|section| (section, 0));
+    let once = once.iter().map(|section| (*section, 0));
     Some(once.chain((0..groups).flat_map(|group| each.iter().map(move |section| (*section, group)))).collect())
 }
 
@@ -124,8 +112,8 @@ impl<'a> Sections<'a> {
     }
 }
 
-/// A complaint about a section, or about the file as a whole.
-pub(super) fn complaint(path: &Path, place: Option<Place>, what: impl Into<String>, remedy: &str) -> Error {
+/// What is wrong with a section, or about the file as a whole.
+pub(super) fn malformed(path: &Path, place: Option<Place>, what: impl Into<String>, remedy: &str) -> Error {
     Error::Input {
         path: path.to_path_buf(),
         place: match place {
@@ -165,7 +153,7 @@ pub(super) fn join(contents: &[(Place, Vec<u8>)]) -> Vec<u8> {
 
 /// Split a file into its sections, checking every byte against the table and the checksums.
 pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
-    let refuse = |what: String, remedy: &str| Err(complaint(path, None, what, remedy));
+    let refuse = |what: String, remedy: &str| Err(malformed(path, None, what, remedy));
     let ends = |within: &str| refuse(format!("ends after {} bytes, within {within}", bytes.len()), DAMAGED);
     let magic = bytes.get(..MAGIC.len()).unwrap_or(bytes);
     if !MAGIC.starts_with(magic) || bytes.is_empty() {
@@ -195,7 +183,7 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
         let word = |at: usize| u32_at(bytes, row + at).unwrap_or(0);
         let long = |at: usize| u64::from(word(at)) | u64::from(word(at + 4)) << 32;
         let (has, checksum, offset, length) = (word(0), word(4), long(8), long(16));
-        let refuse = |what: String| Err(complaint(path, Some(place), what, DAMAGED));
+        let refuse = |what: String| Err(malformed(path, Some(place), what, DAMAGED));
         if (has, offset) != (id(place), at as u64) {
             return refuse(format!("lies at {offset} with id {has}; at {at} with id {} expected", id(place)));
         }

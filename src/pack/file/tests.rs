@@ -7,6 +7,7 @@ use super::*;
 use crate::asset::Corner;
 use crate::cpu::CpuCrowd;
 use crate::import::sample::{HeadDesc, head as head_of};
+use crate::pack::DeltaFormat;
 use crate::pack::blocks::{BLOCK_SIZES, BlockDesc};
 use crate::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
 use crate::testing;

@@ -6,12 +6,11 @@ use super::meta::{GroupMeta, Meta};
 use super::table::{GROUPS_MAX, Section, join};
 use crate::error::{Error, Result};
 use crate::pack::POSE_FLOATS;
-use crate::pack::blocks::BlockIndex;
 
 /// The bytes of `asset`, whose groups have blocks.
 pub(super) fn bytes(asset: &Asset) -> Result<Vec<u8>> {
     let (layout, faces) = (asset.mesh.layout(), &asset.faces);
-    let meta = Meta::of(asset)?;
+    let index = layout.index()?;
     let groups = asset.mesh.groups();
     if groups.len() > GROUPS_MAX {
         let what = format!("mesh '{}' has {} groups of streams; a file has {GROUPS_MAX}", layout.name, groups.len());
@@ -28,11 +27,10 @@ pub(super) fn bytes(asset: &Asset) -> Result<Vec<u8>> {
     if faces.corners.iter().any(|c| c.texcoord.is_some()) {
         corner_texcoords = write_u32s(faces.corners.iter().map(|c| c.texcoord.unwrap_or(u32::MAX)));
     }
-    let order = layout.blocks.as_deref().map_or(&[][..], BlockIndex::order);
     let mut contents = vec![
-        ((Section::Meta, 0), meta.to_bytes()),
+        ((Section::Meta, 0), Meta::bytes(asset, index)?),
         ((Section::Names, 0), names),
-        ((Section::Order, 0), write_u32s(order.iter().copied())),
+        ((Section::Order, 0), write_u32s(index.order().iter().copied())),
         ((Section::FaceSizes, 0), write_u32s(faces.sizes.iter().copied())),
         ((Section::FaceCorners, 0), write_u32s(faces.corners.iter().map(|c| c.position))),
         ((Section::CornerTexcoords, 0), corner_texcoords),
@@ -40,12 +38,12 @@ pub(super) fn bytes(asset: &Asset) -> Result<Vec<u8>> {
         ((Section::Welds, 0), write_u32s(asset.welds.iter().copied())),
     ];
     for (i, group) in groups.iter().enumerate() {
-        let Some(index) = group.layout().blocks.as_deref() else { continue };
+        let index = group.layout().index()?;
         contents.extend([
-            ((Section::Group, i), GroupMeta::of(group, index)?.to_bytes()),
+            ((Section::Group, i), GroupMeta::bytes(group, index)?),
             ((Section::Base, i), write_f32s(&group.base()[..layout.vertex_count * POSE_FLOATS])),
-            ((Section::FirstEntries, i), write_u32s(index.first_entries().iter().copied())),
-            ((Section::EntryTargets, i), write_u32s(index.entry_targets().iter().copied())),
+            ((Section::FirstEntries, i), write_u32s(index.parts.first_entry.iter().copied())),
+            ((Section::EntryTargets, i), write_u32s(index.parts.entry_target.iter().copied())),
             ((Section::Words, i), write_u32s(group.deltas().iter().copied())),
         ]);
     }

@@ -40,8 +40,8 @@ impl Field {
         Self { at, mask: values - 1, sign: values >> 1 }
     }
 
-    /// The integer in the record that begins at bit `record` of `words`; zeros after their end. No branch depends on the
-    /// number of bits: those would be mispredicted.
+    /// The integer in the record that begins at bit `record` of `words`; zeros after their end. No branch depends on
+    /// the number of bits: those would be mispredicted.
     #[inline(always)]
     pub fn read(&self, words: &[u32], record: usize) -> i32 {
         let at = record + self.at;

@@ -138,8 +138,8 @@ impl FromStr for DeltaFormat {
 
 /// A dense format: every vertex of every target has as many words.
 pub(crate) trait DenseFormat {
-    /// The steps of a target whose largest numbers, by triple, are these: that of the first triple, and the power of two
-    /// that it is multiplied by for the second.
+    /// The steps of a target whose largest numbers, by triple, are these: that of the first triple, and the power of
+    /// two that it is multiplied by for the second.
     fn steps(&self, largest: [f32; TRIPLES]) -> (f32, i8);
 
     /// Write a delta.
@@ -193,8 +193,8 @@ pub(crate) trait BlockFormat: Listed + Send + Sync {
     /// Append an entry to all headers and to all deltas.
     fn encode(&self, size: usize, steps: [f32; TRIPLES], lanes: &[Lane], out: [&mut Vec<u32>; 2]);
 
-    /// Check the header of an entry that may be hostile: whether integers fit what decodes them, whatever the deltas are.
-    /// Bits of the largest, by triple.
+    /// Check the header of an entry that may be hostile: integers have to fit what decodes them, whatever the deltas
+    /// are. Bits of the largest, by triple.
     fn check_header(&self, header: &[u32]) -> Result<[u32; TRIPLES], String>;
 
     /// Check all delta words, which may be hostile.
@@ -207,8 +207,8 @@ pub(crate) trait BlockFormat: Listed + Send + Sync {
         [0; TRIPLES]
     }
 
-    /// What the numbers of a delta are decoded to.
-    type Component: Component
+    /// What the numbers of a delta are decoded to: integers to be shifted and multiplied by a step, or input units.
+    type Component: Copy
     where
         Self: Sized;
 
@@ -227,29 +227,6 @@ impl PartialEq for dyn BlockFormat {
 impl fmt::Debug for dyn BlockFormat {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.format().fmt(f)
-    }
-}
-
-/// A number of a delta.
-pub(crate) trait Component: Copy {
-    /// In input units, and in steps (0 for what has none).
-    fn value(self, step: f64, shift: u32) -> (f64, i32);
-}
-
-/// Steps.
-impl Component for i32 {
-    #[inline(always)]
-    fn value(self, step: f64, shift: u32) -> (f64, i32) {
-        let steps = self.wrapping_shl(shift);
-        (f64::from(steps) * step, steps)
-    }
-}
-
-/// Input units.
-impl Component for f32 {
-    #[inline(always)]
-    fn value(self, _: f64, _: u32) -> (f64, i32) {
-        (f64::from(self), 0)
     }
 }
 

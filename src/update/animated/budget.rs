@@ -36,7 +36,7 @@ impl Budget {
         let reach = |reach: f32| (f64::from(reach) / step).ceil() as u32;
         Ok(Some(Self {
             most: (f64::from(length) / (step * weight_step)).floor() as u64,
-            reaches: index.costs().iter().map(|cost| reach(cost.reach)).collect(),
+            reaches: index.costs.iter().map(|cost| reach(cost.reach)).collect(),
         }))
     }
 

@@ -47,7 +47,7 @@ impl GroupLayout {
             blocks: blocks as u32,
             entries: entries as u32,
             block_targets_at: tables.add(blocks * u64::from(push.words)),
-            first_entry_at: tables.add(index.first_entries().len() as u64),
+            first_entry_at: tables.add(index.parts.first_entry.len() as u64),
             entries_at: tables.add(2 * entries),
             history_at: state.add(blocks * u64::from(instances)),
             capacity: capacity as u32,
@@ -162,12 +162,12 @@ impl Layout {
             for block in 0..index.count() {
                 let first = words.len();
                 words.resize(first + group.push.words as usize, 0);
-                for &target in &index.entry_targets()[index.entries(block)] {
+                for &target in &index.parts.entry_target[index.entries(block)] {
                     words[first + target as usize / 32] |= 1 << (target % 32);
                 }
             }
-            words.extend_from_slice(index.first_entries());
-            let entries = index.entry_targets().iter().zip(index.costs());
+            words.extend_from_slice(&index.parts.first_entry);
+            let entries = index.parts.entry_target.iter().zip(&index.costs);
             words.extend(entries.flat_map(|(&target, cost)| [target, cost.bytes]));
         }
         words

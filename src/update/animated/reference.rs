@@ -151,7 +151,7 @@ impl Deferred {
         let mut applied = vec![false; weights.len()];
         for block in 0..index.count() {
             let entries = index.entries(block);
-            let targets = &index.entry_targets()[entries.clone()];
+            let targets = &index.parts.entry_target[entries.clone()];
             let pending = |target: usize| u64::from(weights[target].abs_diff(self.committed[target]));
             let reaches = targets.iter().zip(&budget.reaches()[entries]);
             let sum: u64 = reaches.map(|(&target, &reach)| pending(target as usize) * u64::from(reach)).sum();

@@ -25,8 +25,8 @@ pub(super) fn length_unit(layout: &PackedLayout) -> f32 {
 /// Refuse a tolerance that a pose fresh from base exceeds, all weights being 1.
 pub(crate) fn check_tolerance(tolerance: f32, layout: &PackedLayout, index: &BlockIndex) -> Result<()> {
     let fresh = (0..index.count()).map(|b| {
-        let reach = index.block_reach()[b];
-        rounding(index.block_base()[b] + reach, index.entries(b).len() as u32, reach)
+        let reach = index.block_reach[b];
+        rounding(index.block_base[b] + reach, index.entries(b).len() as u32, reach)
     });
     let least = fresh.fold(0.0, f32::max) / length_unit(layout);
     if least <= tolerance {

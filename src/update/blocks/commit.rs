@@ -19,7 +19,7 @@ impl BlockState {
         self.largest_weight = weights.iter().fold(self.largest_weight, |m, w| m.max(w.abs()));
         let GroupPlan { index, scratch, unit, .. } = &mut *group;
         scratch.ends.clear();
-        scratch.ends.extend_from_slice(&index.first_entries()[..index.count()]);
+        scratch.ends.extend_from_slice(&index.parts.first_entry[..index.count()]);
         scratch.next.clear();
         scratch.next.extend(weights.iter().map(|&weight| unit.bits(weight)));
         self.changed = scratch.next.iter().zip(&self.requested).filter(|(next, last)| next != last).count();
@@ -52,7 +52,7 @@ impl BlockState {
             }
             if (old != 0) != (new != 0) {
                 for i in incidence {
-                    self.blocks[i.block as usize].activate(index.costs()[i.entry as usize].bytes, old, new);
+                    self.blocks[i.block as usize].activate(index.costs[i.entry as usize].bytes, old, new);
                 }
             }
         }
@@ -81,19 +81,19 @@ impl BlockState {
         let (mut dirty, mut deferred) = (false, self.deferred && !settle);
         for block in (0..index.count()).filter(|&block| scratch.reached[block]) {
             let (entries, amounts) = (index.entries(block), &mut scratch.amounts);
-            let next = |entry: usize| scratch.next[index.entry_targets()[entry] as usize];
+            let next = |entry: usize| scratch.next[index.parts.entry_target[entry] as usize];
             amounts.clear();
             if settle {
                 amounts.resize(entries.len(), COMMITTED);
             } else {
                 let pending = |entry: usize| unit.size(unit.difference(next(entry), self.committed[entry]));
-                amounts.extend(entries.clone().map(|entry| pending(entry) * index.costs()[entry].reach));
+                amounts.extend(entries.clone().map(|entry| pending(entry) * index.costs[entry].reach));
                 // In float64: what remains of a large sum, when most of it is taken away, is still right.
                 let mut sum: f64 = amounts.iter().copied().map(f64::from).sum();
                 let mut rounded = 0.0;
                 if tolerance.is_finite() {
-                    let reach = self.largest_weight * index.block_reach()[block];
-                    let added = rounding(index.block_base()[block] + reach, entries.len() as u32, reach);
+                    let reach = self.largest_weight * index.block_reach[block];
+                    let added = rounding(index.block_base[block] + reach, entries.len() as u32, reach);
                     rounded = self.blocks[block].bound + added;
                 }
                 let room = f64::from((desc.error_budget - rounded).max(0.0) * SUMMING);
@@ -127,7 +127,7 @@ impl BlockState {
                 let end = &mut scratch.ends[block];
                 list.elements[first + *end as usize] = Element { entry: entry as u32, coefficient };
                 *end += 1;
-                self.blocks[block].activate(index.costs()[entry].bytes, old, new);
+                self.blocks[block].activate(index.costs[entry].bytes, old, new);
                 dirty = true;
             }
         }

@@ -54,9 +54,9 @@ impl BlockState {
         known: bool,
     ) {
         let GroupPlan { index, list, stats, whole_blocks, desc, unit, tolerance, scratch, .. } = group;
-        let (count, costs) = (index.count(), index.costs());
-        let (entry_masks, _) = index.masks().as_chunks::<N>();
-        let (block_masks, _) = index.block_masks().as_chunks::<N>();
+        let (count, costs) = (index.count(), &index.costs);
+        let (entry_masks, _) = index.masks.as_chunks::<N>();
+        let (block_masks, _) = index.block_masks.as_chunks::<N>();
         for (block, all) in block_masks.iter().enumerate() {
             let entries = index.entries(block);
             let first = instance * index.entry_count() + entries.start;
@@ -75,7 +75,7 @@ impl BlockState {
                 changed.iter_mut().zip(&entry_masks[entry]).for_each(|(c, e)| *c |= e);
             }
             let (magnitude, active) =
-                (index.block_base()[block] + self.largest_weight * index.block_reach()[block], self.blocks[block]);
+                (index.block_base[block] + self.largest_weight * index.block_reach[block], self.blocks[block]);
             let bound = active.bound + rounding(magnitude, listed, sum);
             let exceeded = touched && bound > active.limit;
             let rebuilt = !known

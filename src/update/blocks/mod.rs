@@ -19,7 +19,6 @@ mod technique;
 mod tiles;
 
 pub(crate) use bound::check_tolerance;
-pub use group::GroupPlan;
 pub use list::{ELEMENT_BYTES, Element, ITEM_WORDS, Item, WorkList};
 pub use plan::Planner;
 #[cfg(any(test, feature = "internals"))]
@@ -28,6 +27,7 @@ pub(crate) use technique::BlocksTechnique;
 pub use tiles::{ROWS, TILE_WORDS, WIDTHS, row_words};
 #[cfg(any(test, feature = "internals"))]
 pub use {
+    group::GroupPlan,
     list::component_bytes,
     tiles::{ALIGN, TILE, TileItem, Tiles},
 };

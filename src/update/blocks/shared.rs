@@ -56,7 +56,7 @@ pub(crate) fn blocks_push(
     BlocksPush {
         first_item: 0,
         elements_at: 0,
-        deltas_at: index.deltas_at() as u32,
+        deltas_at: index.deltas_at as u32,
         base_at: ((deltas_bytes(layout) - base) / 4) as u32,
         pose_floats: (base / 4) as u32,
         slots,

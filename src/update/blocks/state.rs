@@ -85,11 +85,11 @@ impl BlockState {
     pub(super) fn list_active(&self, index: &BlockIndex, unit: Unit, block: usize, out: &mut [Element]) -> (u32, f32) {
         let (mut count, mut sum) = (0, 0.0);
         for entry in index.entries(block) {
-            let weight = self.committed[if self.per_entry { entry } else { index.entry_targets()[entry] as usize }];
+            let weight = self.committed[if self.per_entry { entry } else { index.parts.entry_target[entry] as usize }];
             if weight != 0 {
                 out[count] = Element { entry: entry as u32, coefficient: weight };
                 count += 1;
-                sum += unit.size(weight) * index.costs()[entry].reach;
+                sum += unit.size(weight) * index.costs[entry].reach;
             }
         }
         (count as u32, sum)

@@ -3,10 +3,10 @@
 use super::dispatch::{Dispatches, Dispatching};
 use super::*;
 use crate::abi::kernels::DeviceClass;
-use crate::cpu::blocks::Block;
-use crate::cpu::tile::Memory;
-use crate::pack::blocks::{BlockDesc, BlockIndex, ExactGrid};
-use crate::pack::{DeltaFormat, POSE_FLOATS, PackDesc, PackedMesh};
+use crate::cpu::Memory;
+use crate::cpu::workers::Workers;
+use crate::pack::blocks::{BlockDesc, BlockIndex};
+use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
 use crate::plan::hazards::Event as Recorded;
 use crate::plan::instances::Instances;
 use crate::plan::steps::Steps;
@@ -17,26 +17,6 @@ use crate::{reference, testing};
 use proptest::prelude::*;
 
 const TARGETS: usize = 9;
-
-/// Carry `list` out block by block.
-pub(super) fn run_items(
-    mesh: &PackedMesh,
-    index: &BlockIndex,
-    list: &WorkList,
-    exact: Option<ExactGrid>,
-    memory: &mut Memory,
-) {
-    let floats = index.size() * POSE_FLOATS;
-    for (i, item) in list.items.iter().enumerate() {
-        let part = item.block as usize * floats..(item.block as usize + 1) * floats;
-        let at = item.instance as usize * memory.slots;
-        let source = item.source.filter(|&s| s != item.destination);
-        let source = source.map(|s| memory.poses[at + s as usize][part.clone()].to_vec());
-        let sums = exact.map(|grid| (&mut memory.sums[item.instance as usize][part.clone()], grid));
-        let destination = &mut memory.poses[at + item.destination as usize][part];
-        Block::new(mesh.surface(), index, list, i, source.as_deref()).run(destination, sums, &mut ());
-    }
-}
 
 /// Memory of which nothing may be read before it is written.
 pub(super) fn memory(mesh: &PackedMesh, instances: usize, slots: usize) -> Memory {
@@ -100,7 +80,7 @@ impl Planned for One {
         self.planner.plan(&mut self.instances, update);
         let GroupPlan { index, list, stats, whole_blocks, .. } = &self.planner.groups[0];
         let exact = self.planner.exact();
-        run_items(&self.mesh, index, list, exact, &mut self.memory);
+        self.memory.run_list(self.mesh.surface(), &Workers::new(1).unwrap(), index, list, exact);
         assert!(!whole_blocks || list.masks.iter().all(|mask| *mask == u32::MAX));
         let weights = self.instances.requested().next().flatten().unwrap();
         let pose = self.pose(self.instances.slots_of(0).unwrap().0);

@@ -179,8 +179,7 @@ impl Tiles {
             // Exact: base in, integers in and out, poses out.
             let pose = if exact { 4 + 12 * instances } else { 8 * instances };
             let rows = &self.rows[tile.first as usize..][..tile.count as usize * stride];
-            let deltas: u64 =
-                rows.chunks_exact(stride).map(|row| u64::from(index.costs()[row[0] as usize].bytes)).sum();
+            let deltas: u64 = rows.chunks_exact(stride).map(|row| u64::from(index.costs[row[0] as usize].bytes)).sum();
             let least = deltas + (index.size() * POSE_FLOATS) as u64 * pose;
             floor += least;
             moved += least + 4 * (4 + instances + rows.len() as u64);

@@ -3,13 +3,14 @@
 use super::*;
 use crate::abi::kernels::{DeviceClass, DeviceTuning};
 use crate::cpu::tile;
+use crate::cpu::workers::Workers;
 use crate::pack::blocks::BlockDesc;
 use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
 use crate::plan::instances::Instances;
 use crate::plan::{Accumulate, UpdateDesc};
 use crate::testing;
 use crate::update::blocks::Planner;
-use crate::update::blocks::tests::{memory, run_items};
+use crate::update::blocks::tests::memory;
 use proptest::prelude::*;
 
 const TARGETS: usize = 9;
@@ -47,7 +48,7 @@ proptest! {
             }
             planner.plan(&mut heads, update as u64 + 1);
             let list = &planner.groups[0].list;
-            run_items(&mesh, &index, list, exact, &mut one);
+            one.run_list(mesh.surface(), &Workers::new(1).unwrap(), &index, list, exact);
             tiles.clear();
             tiles.fill(&index, list, 0..list.items.len());
             let (mut metered, mut seen) = (0u64, vec![]);
