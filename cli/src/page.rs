@@ -1,6 +1,7 @@
 //! Pages that need nothing but themselves: what the reports of `bench` and `info` share.
 
 use crate::plots::Figure;
+use crate::table::Table;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 pub fn document(title: &str, body: &Markup) -> String {
@@ -41,7 +42,7 @@ pub fn figures(drawn: &[(Figure, String)]) -> Markup {
     }
 }
 
-/// A table; `rows` are [`row`]s.
+/// A table; `rows` are `tr` elements.
 pub fn table<'a>(headings: impl IntoIterator<Item = &'a str>, rows: impl IntoIterator<Item = Markup>) -> Markup {
     html! {
         div.scroll {
@@ -53,6 +54,7 @@ pub fn table<'a>(headings: impl IntoIterator<Item = &'a str>, rows: impl IntoIte
     }
 }
 
-pub fn row(cells: impl IntoIterator<Item = String>) -> Markup {
-    html! { tr { @for cell in cells { td { (cell) } } } }
+/// A text table on a page.
+pub fn text_table(text: &Table) -> Markup {
+    table(text.headings(), text.rows().iter().map(|cells| html! { tr { @for cell in cells { td { (cell) } } } }))
 }

@@ -2,12 +2,12 @@
 
 use super::Info;
 use super::sweep::{PoseRow, SweepRow};
+use crate::bench::report::family::{COLORS, MARKERS};
 use crate::output::{self, Failure, publish, to_json, write_file};
-use crate::page::{self, document, row, table};
-use crate::plots::{Axes, Chart, Figure, Marker, Point, Series};
-use crate::table::{bytes, sig3, thousands};
+use crate::page::{self, document, text_table};
+use crate::plots::{Axes, Chart, Figure, Point, Series};
+use crate::table::{Column, Table, bytes, percent, sig3, thousands};
 use maud::{Markup, html};
-use plotters::prelude::RGBColor;
 use std::path::Path;
 
 /// Make sure that `dir` is ours to write to: new, empty, or with an earlier report.
@@ -19,14 +19,15 @@ pub fn claim(dir: &Path) -> Result<(), Failure> {
 
 /// Write everything into `dir`, replacing what an earlier run left there when all is drawn.
 pub fn write(info: &Info, dir: &Path) -> Result<(), Failure> {
-    publish(dir, |_| false, |dir| write_into(info, dir))
+    let write = |dir: &Path| {
+        write_file(&dir.join("info.json"), to_json(info)?)?;
+        let drawn = figures(info).into_iter().map(|figure| figure.write(dir).map(|svg| (figure, svg)));
+        write_file(&dir.join("index.html"), page(info, &drawn.collect::<Result<Vec<_>, _>>()?))
+    };
+    publish(dir, |_| false, write)
 }
 
-fn write_into(info: &Info, dir: &Path) -> Result<(), Failure> {
-    write_file(&dir.join("info.json"), to_json(info)?)?;
-    let rows = info.sweep.as_deref().unwrap_or_default();
-    let drawn = figures(info, rows).map(|figure| figure.write(dir).map(|svg| (figure, svg)));
-    let drawn = drawn.into_iter().collect::<Result<Vec<_>, _>>()?;
+fn page(info: &Info, drawn: &[(Figure, String)]) -> String {
     let dense = info.formats.first().map_or(0, |f| f.cost.dense_f32_bytes);
     let body = html! {
         header {
@@ -37,17 +38,18 @@ fn write_into(info: &Info, dir: &Path) -> Result<(), Failure> {
                 (bytes(dense as f64)) " as six floats for every vertex and target."
             }
         }
-        (page::figures(&drawn))
+        (page::figures(drawn))
         section { h2 { "Whole poses" } (pose_table(info.poses.as_deref().unwrap_or_default())) }
+        section { h2 { "Every point" } (sweep_table(info.sweep.as_deref().unwrap_or_default())) }
         p.note { "All numbers: " a href="info.json" { "info.json" } "." }
     };
-    write_file(&dir.join("index.html"), document(&format!("{} · deltamorph info", info.input.name), &body))
+    document(&format!("{} · deltamorph info", info.input.name), &body)
 }
 
 /// A measured error of a row.
 type Error = fn(&SweepRow) -> f64;
 
-fn figures(info: &Info, rows: &[SweepRow]) -> [Figure; 2] {
+fn figures(info: &Info) -> [Figure; 2] {
     let chart = |slug: &str, title: &str, y_label: &'static str, error: Error| Figure {
         slug: slug.into(),
         caption: "Lines: the format small, for errors allowed from 1e-3 to 1e-6 of the diagonal, that of normals in \
@@ -62,26 +64,14 @@ fn figures(info: &Info, rows: &[SweepRow]) -> [Figure; 2] {
             labels: ["bytes, as a share of float32 for every vertex and target", y_label],
             axes: Axes::Log,
             reference: None,
-            series: series(rows, error),
+            series: series(info.sweep.as_deref().unwrap_or_default(), error),
         },
     };
     [
-        chart("position-error", "Position error against bytes", "of the diagonal", |r| r.position_error_rel),
-        chart("normal-error", "Normal error against bytes", "degrees", |r| r.normal_error_deg),
+        chart("position-error", "Position error against bytes", "of the diagonal", |r| r.cost.position_error_rel),
+        chart("normal-error", "Normal error against bytes", "degrees", |r| r.cost.normal_error_deg),
     ]
 }
-
-/// Told apart by people who see few colours, too (Okabe and Ito).
-const LOOKS: [(RGBColor, Marker); 8] = [
-    (RGBColor(0x00, 0x5f, 0x9e), Marker::Circle),
-    (RGBColor(0x56, 0xb4, 0xe9), Marker::Triangle),
-    (RGBColor(0xa9, 0x9f, 0xe0), Marker::Square),
-    (RGBColor(0x4a, 0x4f, 0x59), Marker::Circle),
-    (RGBColor(0xe6, 0x9f, 0x00), Marker::Square),
-    (RGBColor(0xa8, 0x4b, 0x86), Marker::Triangle),
-    (RGBColor(0xc4, 0x4e, 0x00), Marker::Diamond),
-    (RGBColor(0x00, 0x7a, 0x5a), Marker::Diamond),
-];
 
 /// A line for each block size of the sweep, and a point for each format.
 fn series(rows: &[SweepRow], error: Error) -> Vec<Series> {
@@ -95,7 +85,7 @@ fn series(rows: &[SweepRow], error: Error) -> Vec<Series> {
         match all.iter_mut().find(|s| s.label == label) {
             Some(series) => series.points.push(point),
             None => {
-                let (color, marker) = LOOKS[all.len() % LOOKS.len()];
+                let ([color, _], marker) = (COLORS[all.len() % COLORS.len()], MARKERS[all.len() % MARKERS.len()]);
                 all.push(Series { label, color, marker, points: vec![point] });
             }
         }
@@ -104,16 +94,19 @@ fn series(rows: &[SweepRow], error: Error) -> Vec<Series> {
 }
 
 fn pose_table(rows: &[PoseRow]) -> Markup {
-    let cells = |r: &PoseRow| {
-        let [normals, usual] = [r.normal_error_deg, r.normal_error_p999_deg].map(|angle| format!("{}°", sig3(angle)));
-        row([r.clip.clone(), r.frames.to_string(), r.format.into(), sig3(r.position_error_rel), normals, usual])
-    };
-    let headings = ["clip", "frames", "format", "position error / diagonal", "normals", "999 of 1000 normals"];
+    let columns: &[Column<'_, PoseRow>] = &[
+        ("clip", &|r| r.clip.clone()),
+        ("frames", &|r| r.frames.to_string()),
+        ("format", &|r| r.format.into()),
+        ("position error / diagonal", &|r| sig3(r.position_error_rel)),
+        ("normals", &|r| degrees(r.normal_error_deg)),
+        ("999 of 1000 normals", &|r| degrees(r.normal_error_p999_deg)),
+    ];
     html! {
         @if rows.is_empty() {
             p.note { "There is no clip to take poses from." }
         } @else {
-            (table(headings, rows.iter().map(cells)))
+            (text_table(&Table::of(rows, columns)))
             p.note {
                 "Largest errors against the raw files: dropped deltas and packing together, the weights as captured. \
                  Where targets fold a normal to almost nothing, a small error turns it far: the last column leaves out \
@@ -121,4 +114,23 @@ fn pose_table(rows: &[PoseRow]) -> Markup {
             }
         }
     }
+}
+
+fn sweep_table(rows: &[SweepRow]) -> Markup {
+    let optional = |value: Option<String>| value.unwrap_or_else(|| "–".into());
+    let columns: &[Column<'_, SweepRow>] = &[
+        ("format", &|r| r.format.into()),
+        ("block size", &|r| optional(r.block_size.map(|n| n.to_string()))),
+        ("positions allowed", &|r| optional(r.position_allowed_rel.map(|v| format!("{v:.1e}")))),
+        ("normals allowed", &|r| optional(r.normal_allowed_deg.map(|v| degrees(v.into())))),
+        ("bytes", &|r| bytes(r.bytes as f64)),
+        ("of float32", &|r| percent(r.share)),
+        ("position error / diagonal", &|r| sig3(r.cost.position_error_rel)),
+        ("normals", &|r| degrees(r.cost.normal_error_deg)),
+    ];
+    text_table(&Table::of(rows, columns))
+}
+
+fn degrees(angle: f64) -> String {
+    format!("{}°", sig3(angle))
 }

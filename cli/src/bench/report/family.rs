@@ -60,7 +60,7 @@ impl Family {
 }
 
 /// Dark and light, for the paths in their order: told apart by people who see few colours, too (Okabe and Ito).
-const COLORS: [[RGBColor; 2]; 9] = [
+pub const COLORS: [[RGBColor; 2]; 9] = [
     [RGBColor(0x00, 0x5f, 0x9e), RGBColor(0x56, 0xb4, 0xe9)],
     [RGBColor(0xc4, 0x4e, 0x00), RGBColor(0xe6, 0x9f, 0x00)],
     [RGBColor(0xa8, 0x4b, 0x86), RGBColor(0xdd, 0x9c, 0xc4)],
@@ -71,7 +71,7 @@ const COLORS: [[RGBColor; 2]; 9] = [
     [RGBColor(0x00, 0x7f, 0x86), RGBColor(0x6a, 0xc9, 0xce)],
     [RGBColor(0xa1, 0x2a, 0x2a), RGBColor(0xe2, 0x93, 0x8c)],
 ];
-const MARKERS: [Marker; 4] = [Marker::Circle, Marker::Triangle, Marker::Square, Marker::Diamond];
+pub const MARKERS: [Marker; 4] = [Marker::Circle, Marker::Triangle, Marker::Square, Marker::Diamond];
 
 /// Position of each different value of `key` among those of `families`.
 fn rank<T: Ord>(families: &[Family], key: impl Fn(&Family) -> T, of: &Family) -> usize {

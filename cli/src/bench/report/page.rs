@@ -6,7 +6,7 @@ use crate::bench::compare::SuiteRecord;
 use crate::bench::record::Report;
 use crate::bench::run::RunRecord;
 use crate::input::MeshInfo;
-use crate::page::{document, figures, row, table};
+use crate::page::{document, figures, table, text_table};
 use crate::plots::Figure;
 use crate::table::{Table, percent, sig3, thousands};
 use maud::{Markup, html};
@@ -46,7 +46,7 @@ pub fn page(report: &Report, suite: Option<&SuiteRecord>, drawn: &[(Figure, Stri
             }
         }
         @for (heading, found) in suite.map_or(vec![], |suite| tables::of_suite(suite, report)) {
-            section { h2 { (heading) } (table(found.headings(), found.rows().iter().cloned().map(row))) }
+            section { h2 { (heading) } (text_table(&found)) }
         }
         (figures(drawn))
         section {
