@@ -102,7 +102,7 @@ fn compile(module: &Module, glsl: &Path) -> Vec<u8> {
         }
     }
 
-    let path = glsl.join(module.kernel.source);
+    let path = glsl.join(module.kernel.source());
     let text = fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     let fail = |e: glslang::error::GlslangError| -> ! { panic!("{} (module {}): {e}", path.display(), module.name) };
     let options = CompilerOptions {
@@ -179,7 +179,7 @@ impl Table {
     /// `modules`: first and number for each format of poses and of deltas.
     fn add_kernel(&mut self, row: usize, modules: &[[(usize, usize); FORMATS.len()]]) {
         let kernel = &KERNELS[row];
-        let source = kernel.source;
+        let source = kernel.source();
         let name = [kernel.name, kernel.suffix].join(if kernel.suffix.is_empty() { "" } else { "_" }).to_uppercase();
         match (kernel.takes, kernel.poses, kernel.baseline) {
             (Takes::NoDeltas, false, false) => {

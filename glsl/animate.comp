@@ -1,5 +1,5 @@
 // Samples what each head plays and compares with the weights that its poses hold. An invocation takes 32 targets of a
-// head: a word of the bits that say which weights changed. CPU twin: animation::sample.
+// head: a word of the bits that say which weights changed. CPU twin: update::animated::reference::sample.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "animation.glsl"
@@ -29,10 +29,10 @@ void main() {
     uint flags = state[record + 3u];
     uint phase = state[phases_at + i];
     if ((flags & HIDDEN) != 0u) {
-        state[phases_at + i] = phase == NEW ? NEW : LEFT_OUT;
+        state[phases_at + i] = phase == NEW ? NEW : SKIPPED;
         return;
     }
-    state[phases_at + i] = phase == NEW ? FIRST : (phase == LEFT_OUT ? SHOWN : GOES_ON);
+    state[phases_at + i] = phase == NEW ? FIRST : (phase == SKIPPED ? SHOWN : CONTINUED);
 
     uint clip = state[record];
     bool playing = (flags & PLAYING) != 0u;
@@ -65,7 +65,7 @@ void main() {
 
     uint first = (i % words) * 32u;
     uint count = min(targets - first, 32u);
-    // Without an error budget: changed and active. With one: asked and pending.
+    // Without an error budget: changed and active. With one: requested and pending.
     uint one = 0u, other = 0u;
     for (uint t = 0u; t < count; ++t) {
         uint target = first + t;
@@ -81,6 +81,6 @@ void main() {
         if (weight != int(state[weights_at + at])) other |= bit;
         state[requested_at + at] = uint(weight);
     }
-    state[bits(budget_at == 0u ? CHANGED : ASKED) + i] = one;
+    state[bits(budget_at == 0u ? CHANGED : REQUESTED) + i] = one;
     state[bits(budget_at == 0u ? ACTIVE : PENDING) + i] = other;
 }

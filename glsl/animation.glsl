@@ -1,5 +1,5 @@
 // What the kernels of animation on the GPU share: bindings, push constants, layouts. All words of 32 bits.
-// Numbers: src/abi/numbers.rs. Host: src/gpu/animation.rs. Meaning of times and keys: src/animation/mod.rs.
+// Numbers: src/abi/numbers.rs. Host: src/update/animated/layout.rs. Times and keys: src/update/animated/sample.rs.
 
 #include "abi.glsl"
 
@@ -13,7 +13,7 @@ layout(set = 0, binding = 0, std430) readonly buffer Tables { uint tables[]; };
 // records  [head] RECORD_WORDS words, written by copies
 // phases   [head][word]; the first of a head's is its own
 // weights  [head][target] in steps of the grid;   deltas [head][target]: what the last update changed
-// requested [head][target]: the weights asked for, with an error budget
+// requested [head][target]: the weights requested, with an error budget
 // bits     [CHANGED..][head][word] of 32 targets, a bit each
 // history  [head][block]: in which of the last updates it was touched, the last in bit 0
 layout(set = 0, binding = 1, std430) buffer State { uint state[]; };
@@ -52,7 +52,7 @@ layout(push_constant) uniform Push {
     uint counters;
     uint chunks;           // dispatches of a width
     uint chunk_items;      // workgroups of a dispatch, at most
-    uint budget_at;        // in Tables; 0: no change waits
+    uint budget_at;        // in Tables; 0: no change is deferred
     uint requested_at;     // in State
 };
 
@@ -65,7 +65,7 @@ uint flat_invocation() {
     return gl_GlobalInvocationID.x + gl_GlobalInvocationID.y * gl_NumWorkGroups.x * gl_WorkGroupSize.x;
 }
 
-// From now on poses hold `weight`.
+// Poses hold `weight` from this update on.
 void commit(uint at, int weight, uint bit, inout uint changed, inout uint active_bits) {
     int delta = weight - int(state[weights_at + at]);
     state[weights_at + at] = uint(weight);

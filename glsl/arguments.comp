@@ -1,5 +1,5 @@
 // How many items there are to how many workgroups are dispatched; the counters begin at 0 again.
-// CPU twin: none, it is what src/engine/blocks.rs does in recording.
+// For lists that the CPU writes, src/update/blocks/dispatch.rs does this.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "animation.glsl"

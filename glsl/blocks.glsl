@@ -1,5 +1,5 @@
 // What the two kernels of the path `blocks` share: bindings, push constants, and coefficients.
-// Work lists: src/plan/blocks/{list,tiles}.rs. Entries: src/pack/blocks/mod.rs.
+// Work lists: src/update/blocks/{list,tiles}.rs. Entries: src/pack/blocks/mod.rs.
 
 #extension GL_EXT_control_flow_attributes : require
 

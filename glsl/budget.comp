@@ -1,5 +1,5 @@
-// With an error budget: a block in which the changes that wait could move a vertex further than the budget lets all of
-// its own go. An invocation takes one block of one head. CPU twin: animation::budget::Waiting::commit.
+// With an error budget: where the deferred changes of a block could move a vertex further than the budget, all of them
+// are applied. An invocation takes one block of one head. CPU twin: update::animated::reference::Deferred::commit.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "animation.glsl"
@@ -13,7 +13,7 @@ void main() {
     uint most_low = tables[budget_at];
     uint most_high = tables[budget_at + 1u];
     for (uint head = gl_WorkGroupID.y; head < heads; head += gl_NumWorkGroups.y) {
-        if (state[phases_at + head * words] != GOES_ON) continue;
+        if (state[phases_at + head * words] != CONTINUED) continue;
         uint waits = 0u;
         for (uint w = 0u; w < words; ++w) {
             waits |= state[bits(PENDING) + head * words + w] & tables[block_targets_at + block * words + w];
@@ -31,7 +31,7 @@ void main() {
         if (high < most_high || (high == most_high && low <= most_low)) continue;
         for (uint w = 0u; w < words; ++w) {
             uint go = state[bits(PENDING) + head * words + w] & tables[block_targets_at + block * words + w];
-            if (go != 0u) atomicOr(state[bits(GOES) + head * words + w], go);
+            if (go != 0u) atomicOr(state[bits(APPLIED) + head * words + w], go);
         }
     }
 }

@@ -1,5 +1,5 @@
-// With an error budget: the weights that go become those that poses hold. An invocation takes 32 targets of a head.
-// CPU twin: animation::budget::Waiting::commit.
+// With an error budget: weights whose change is applied become those that poses hold. An invocation takes 32 targets of
+// a head. CPU twin: update::animated::reference::Deferred::commit.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "animation.glsl"
@@ -8,13 +8,13 @@ void main() {
     uint i = flat_invocation();
     if (i >= heads * words) return;
     uint phase = state[phases_at + i];
-    if (phase == NEW || phase == LEFT_OUT) return;
+    if (phase == NEW || phase == SKIPPED) return;
     uint head = i / words;
     uint asked = 0u;
-    for (uint w = 0u; w < words; ++w) asked |= state[bits(ASKED) + head * words + w];
-    // A head is new or shown again, or its face is still: nothing waits.
-    uint goes = phase != GOES_ON || asked == 0u ? 0xffffffffu : state[bits(GOES) + i];
-    state[bits(GOES) + i] = 0u;
+    for (uint w = 0u; w < words; ++w) asked |= state[bits(REQUESTED) + head * words + w];
+    // Nothing is deferred where a head is new or shown again, or its face is still.
+    uint goes = phase != CONTINUED || asked == 0u ? 0xffffffffu : state[bits(APPLIED) + i];
+    state[bits(APPLIED) + i] = 0u;
 
     uint first = (i % words) * 32u;
     uint count = min(targets - first, 32u);

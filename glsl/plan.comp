@@ -1,5 +1,5 @@
 // Decides what an update writes: an invocation looks at one block of up to eight heads, and writes at most one item of
-// the work list for those that need it. CPU twin: plan::blocks::BlockState::plan, for whole blocks and exact sums.
+// the work list for those that need it. CPU twin: update::blocks::BlockState, with whole blocks and exact sums.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "animation.glsl"
@@ -29,7 +29,7 @@ void main() {
     for (uint k = 0u; k < count; ++k) {
         uint head = first + k;
         uint phase = state[phases_at + head * words];
-        if (phase == NEW || phase == LEFT_OUT) continue;
+        if (phase == NEW || phase == SKIPPED) continue;
         uint touches = 0u;
         for (uint w = 0u; w < words; ++w) {
             touches |= state[bits(CHANGED) + head * words + w] & tables[block_targets_at + block * words + w];

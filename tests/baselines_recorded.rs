@@ -44,7 +44,7 @@ fn validation_sees_a_dropped_barrier() {
 }
 
 fn hazards(frames: &[(Vec<Event>, u32)]) -> bool {
-    let mut checker = HazardChecker::new();
+    let mut checker = HazardChecker::default();
     checker.upload(asset_uploaded());
     for (events, slot) in frames {
         checker.update(events);

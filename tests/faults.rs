@@ -35,7 +35,7 @@ fn recorded(
 }
 
 fn hazards(frames: &[(Vec<Event>, u32)]) -> Result<(), Vec<Violation>> {
-    let mut checker = HazardChecker::new();
+    let mut checker = HazardChecker::default();
     checker.upload(asset_uploaded());
     for (events, slot) in frames {
         checker.update(events);

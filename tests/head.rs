@@ -11,18 +11,23 @@ fn desc(vertices: usize, targets: usize, sparsity: f32) -> HeadDesc {
     HeadDesc::default().vertices(vertices).targets(targets).sparsity(sparsity)
 }
 
-/// FNV-1a over the bits of everything.
+/// FNV-1a.
+fn hash(words: impl Iterator<Item = u32>) -> u64 {
+    words.fold(0xcbf2_9ce4_8422_2325, |h, x| (h ^ u64::from(x)).wrapping_mul(0x100_0000_01b3))
+}
+
+/// A hash over the bits of the surface and the targets.
 fn fingerprint(source: &MorphSource) -> u64 {
     let base = source.positions.iter().flat_map(|p| p.to_array()).map(f32::to_bits);
     let faces = source.faces.corners.iter().map(|c| c.position);
     let deltas = source.targets.iter().flat_map(|t| &t.positions);
     let deltas = deltas.flat_map(|(v, d)| [*v, d.x.to_bits(), d.y.to_bits(), d.z.to_bits()]);
-    base.chain(faces).chain(deltas).fold(0xcbf2_9ce4_8422_2325, |h, x| (h ^ u64::from(x)).wrapping_mul(0x100_0000_01b3))
+    hash(base.chain(faces).chain(deltas))
 }
 
 #[test]
 fn the_number_of_vertices_is_exact() {
-    for n in (1..64).chain([100, 1000, 4097, 43_788]) {
+    for n in (1..200).chain([1000, 2694, 4097, 43_788]) {
         let source = head(&desc(n, 3, 0.3));
         assert_eq!(source.positions.len(), n);
         let mesh = source.to_mesh(Tolerance::default()).unwrap();
@@ -60,12 +65,20 @@ fn the_same_description_gives_the_same_bits() {
     let d = desc(3000, 60, 0.12);
     assert_eq!(fingerprint(&head(&d)), fingerprint(&head(&d)));
     assert_eq!(format!("{:016x}", fingerprint(&head(&d))), FINGERPRINT);
+    let source = head(&d);
+    let texcoords = source.texcoords.iter().flat_map(|t| t.to_array()).map(f32::to_bits);
+    let indices = source.faces.corners.iter().map(|c| c.texcoord.unwrap());
+    assert_eq!(format!("{:016x}", hash(texcoords.chain(indices))), TEXCOORDS);
+    let clip = head_clip(&d, 900, 30.0);
+    assert_eq!(format!("{:016x}", hash(clip.values.iter().map(|w| w.to_bits()))), CLIP);
     let other = head(&d.clone().seed(2));
     assert_eq!(other.positions, head(&d).positions);
     assert_ne!(fingerprint(&other), fingerprint(&head(&d)));
 }
 
 const FINGERPRINT: &str = "143f53a497760cc4";
+const TEXCOORDS: &str = "86bcd23c86fc3716";
+const CLIP: &str = "28ec966d77f7a514";
 
 #[test]
 fn the_first_targets_have_the_arkit_names() {

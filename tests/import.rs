@@ -264,7 +264,7 @@ fn what_is_no_obj_is_refused_as_such() {
 
 #[test]
 fn what_is_written_reads_back_bit_for_bit() {
-    let text = "v 0.1 1e-30 -3e8\nv 0.333333343 2 -0\nv 1 1 1\nv 4 5 6\nvt .1 .7\nvt .3 .9\nvt 1 1\n\
+    let text = "v 0.1 1e-30 -3e8\nv 0.333333343 2 -0\nv 100 -0.5 123456.78\nv 4 5 6\nvt .1 .7\nvt .3 .9\nvt 1 1\n\
                 f 1/1 2/2 3/3 4/1\nf 1/3 3/2 2/1\nf 1 2 4\n";
     let mesh = import(text, &[]).to_mesh(Tolerance::ZERO).unwrap();
     let mut out = Vec::new();
@@ -274,7 +274,7 @@ fn what_is_written_reads_back_bit_for_bit() {
     assert_eq!(again.texcoords, mesh.texcoords);
     assert_eq!(again.normals, mesh.normals);
     assert_eq!(again.faces, mesh.faces);
-    says(&String::from_utf8(out).unwrap(), &["v 0.100000001 ", "f 1/1/1 2/2/2 3/3/3 4/1/4\n", "f 1//1 2//2 4//4\n"]);
+    says(&String::from_utf8(out).unwrap(), &["v 0.100000001 ", "v 100 -0.5 123456.781\n", "f 1/1/1 2/2/2 3/3/3 4/1/4\n", "f 1//1 2//2 4//4\n"]);
 
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("pose.obj");
@@ -319,7 +319,7 @@ fn a_source_that_makes_no_sense_is_refused() {
     says(&refused(&|s| s.targets[0].positions = vec![(1, Vec3::X), (1, Vec3::X)]), &["vertex 1 comes after vertex 1"]);
     says(&refused(&|s| s.targets[0].positions = vec![(1, Vec3::INFINITY)]), &["position delta of vertex 1"]);
     says(&refused(&|s| s.normals = Some(vec![Vec3::Z])), &["1 normals for 4 vertices"]);
-    says(&refused(&|s| s.normals = Some(vec![Vec3::ZERO; 4])), &["unit length"]);
+    says(&refused(&|s| s.normals = Some(vec![Vec3::ZERO; 4])), &["the normal of vertex 0", "normalise"]);
     says(&refused(&|s| s.faces.sizes[0] = 2), &["corners"]);
     says(&refused(&|s| s.faces.corners[0].position = 9), &["vertex 9, there are 4"]);
     says(&refused(&|s| s.faces.corners[0].texcoord = Some(0)), &["texture coordinate 0, there are 0"]);

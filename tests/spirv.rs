@@ -210,8 +210,8 @@ fn modules_declare_what_the_table_says() {
                     Some(DeltaFormat::Snorm16) => Bound::Elements(4), // uint
                     _ => Bound::Elements(8),                          // vec2
                 },
-                Buffer::UniformTexels => Bound::Texels { stored: false },
-                Buffer::StorageTexels => Bound::Texels { stored: true },
+                Buffer::UniformTexels(_) => Bound::Texels { stored: false },
+                Buffer::StorageTexels(_) => Bound::Texels { stored: true },
             };
             (*binding, bound)
         });

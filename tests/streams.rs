@@ -183,7 +183,7 @@ fn groups_share_steps_and_barriers() {
             for desc in update_descs(engine, format) {
                 let shape = |mesh: &PackedMesh| {
                     let mut crowd = HeadlessCrowd::new(headless, mesh, &CrowdDesc::new(desc)).expect("a crowd");
-                    let (mut checker, mut shape) = (HazardChecker::new(), vec![]);
+                    let (mut checker, mut shape) = (HazardChecker::default(), vec![]);
                     for frame in 0..4 {
                         let weights = weights(mesh, frame, 5);
                         // SAFETY: nothing is changed.

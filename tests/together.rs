@@ -84,7 +84,7 @@ fn crowds_of_one_call_share_their_barriers() {
             (0..frames[3].0.len()).filter(|&at| matches!(frames[3].0[at], Event::Barrier(_))).collect();
         assert_eq!(barriers.len(), 4, "before, two between three passes, after");
         for dropped in barriers.into_iter().map(Some).chain([None]) {
-            let mut checker = HazardChecker::new();
+            let mut checker = HazardChecker::default();
             checker.upload(asset_uploaded());
             for (frame, (events, slots)) in frames.iter().enumerate() {
                 let mut events = events.clone();

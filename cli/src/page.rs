@@ -42,19 +42,22 @@ pub fn figures(drawn: &[(Figure, String)]) -> Markup {
     }
 }
 
-/// A table; `rows` are `tr` elements.
-pub fn table<'a>(headings: impl IntoIterator<Item = &'a str>, rows: impl IntoIterator<Item = Markup>) -> Markup {
+/// A table; `mark` gives the class of a row by its number, and a remark for a row of its own below it: in a column that
+/// would widen the table beyond the page.
+pub fn table<'a>(table: &Table, mark: impl Fn(usize) -> (Option<&'a str>, Option<&'a str>)) -> Markup {
+    let word = |column: usize| (column < table.left()).then_some("word");
     html! {
         div.scroll {
             table {
-                thead { tr { @for heading in headings { th { (heading) } } } }
-                tbody { @for row in rows { (row) } }
+                thead { tr { @for (i, heading) in table.headings().enumerate() { th class=[word(i)] { (heading) } } } }
+                tbody {
+                    @for (row, cells) in table.rows().iter().enumerate() {
+                        @let (class, remark) = mark(row);
+                        tr class=[class] { @for (i, cell) in cells.iter().enumerate() { td class=[word(i)] { (cell) } } }
+                        @if let Some(remark) = remark { tr.reason { td colspan=(cells.len()) { (remark) } } }
+                    }
+                }
             }
         }
     }
-}
-
-/// A text table on a page.
-pub fn text_table(text: &Table) -> Markup {
-    table(text.headings(), text.rows().iter().map(|cells| html! { tr { @for cell in cells { td { (cell) } } } }))
 }

@@ -20,6 +20,11 @@ impl Table {
         self.rows[0].iter().map(String::as_str)
     }
 
+    /// How many columns, from the first on, hold words.
+    pub fn left(&self) -> usize {
+        self.left
+    }
+
     /// The rows below the headings.
     pub fn rows(&self) -> &[Vec<String>] {
         &self.rows[1..]

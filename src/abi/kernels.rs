@@ -98,10 +98,10 @@ pub enum Buffer {
     Poses,
     /// The deltas of a dense format, at an offset that is given when the set is bound.
     DynamicDeltas,
-    /// A texel buffer that is loaded.
-    UniformTexels,
+    /// A texel buffer that is loaded: texels of this `VkFormat`.
+    UniformTexels(i32),
     /// A texel buffer that is loaded and may be stored to.
-    StorageTexels,
+    StorageTexels(i32),
 }
 
 /// A descriptor of set 0: binding and buffer.
@@ -110,12 +110,11 @@ pub type Binding = (u32, Buffer);
 /// A kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct KernelRow {
-    /// Names of modules are this, the format's `file`, and the suffix, with underscores between.
+    /// Name of its [`source`](Self::source). Names of modules are this, the format's `file`, and the suffix, with
+    /// underscores between.
     pub name: &'static str,
     /// End of the names.
     pub suffix: &'static str,
-    /// File under glsl/.
-    pub source: &'static str,
     /// Where it runs.
     pub stage: Stage,
     /// What is defined; with [`Takes::DenseBatches`] `BATCH`, too.
@@ -136,10 +135,18 @@ pub struct KernelRow {
     pub baseline: bool,
 }
 
+impl KernelRow {
+    /// Its file under glsl/.
+    pub fn source(&self) -> String {
+        let folder = if self.baseline { "baselines/" } else { "" };
+        let ending = if self.stage == Stage::Vertex { "vert" } else { "comp" };
+        format!("{folder}{}.{ending}", self.name)
+    }
+}
+
 const VERTEX: KernelRow = KernelRow {
     name: "",
     suffix: "",
-    source: "",
     stage: Stage::Vertex,
     defines: &[],
     takes: Takes::NoDeltas,
@@ -157,7 +164,6 @@ const ANIMATION: KernelRow =
 /// Source, destination, deltas. The set has a fourth buffer, which is `dense_list`'s.
 const DENSE: KernelRow = KernelRow {
     name: "dense",
-    source: "dense.comp",
     takes: Takes::Dense,
     poses: true,
     bindings: &[(0, Buffer::Poses), (1, Buffer::Poses), (2, Buffer::DynamicDeltas)],
@@ -169,7 +175,6 @@ const DENSE: KernelRow = KernelRow {
 /// Asset, work list, poses. Specialization constants: lanes, vertices of a block.
 const BLOCKS: KernelRow = KernelRow {
     name: "blocks",
-    source: "blocks.comp",
     stage: Stage::ComputeSized,
     takes: Takes::Blocks,
     poses: true,
@@ -189,12 +194,11 @@ const BLOCKS_EXACT: KernelRow = KernelRow {
 };
 /// Two more specialization constants: instances of a tile, rows at a time; and a third, whether they start from the
 /// base pose, where sums are not exact.
-const CROWD: KernelRow = KernelRow { name: "crowd", source: "crowd.comp", constants: 5, ..BLOCKS };
-const CROWD_EXACT: KernelRow = KernelRow { name: "crowd", source: "crowd.comp", constants: 4, ..BLOCKS_EXACT };
+const CROWD: KernelRow = KernelRow { name: "crowd", constants: 5, ..BLOCKS };
+const CROWD_EXACT: KernelRow = KernelRow { name: "crowd", constants: 4, ..BLOCKS_EXACT };
 /// A draw that others' technique `direct` evaluates: deltas, weights.
 const DIRECT: KernelRow = KernelRow {
     name: "direct",
-    source: "baselines/direct.vert",
     takes: Takes::Dense,
     bindings: &[(0, Buffer::DynamicDeltas), (1, Buffer::Dynamic(8))],
     push: Push::Direct,
@@ -205,35 +209,32 @@ const ATTRIBUTES: KernelRow = KernelRow { takes: Takes::DenseBatches, push: Push
 
 const WORDS: Buffer = Buffer::Storage(4);
 const PAIRS: Buffer = Buffer::Storage(8);
+/// R32G32B32A32_UINT, _SINT and _SFLOAT.
+const WORD_TEXELS: Buffer = Buffer::UniformTexels(107);
+const SUM_TEXELS: Buffer = Buffer::StorageTexels(108);
+const POSE_TEXELS: Buffer = Buffer::StorageTexels(109);
 
 /// Every kernel.
 pub const KERNELS: &[KernelRow] = &[
     // What measurements need.
-    KernelRow { name: "consume", source: "consume.vert", poses: true, ..VERTEX },
-    KernelRow {
-        name: "read",
-        source: "read.comp",
-        bindings: &[(0, Buffer::Storage(16)), (1, WORDS)],
-        push: Push::Read,
-        ..COMPUTE
-    },
+    KernelRow { name: "consume", poses: true, ..VERTEX },
+    KernelRow { name: "read", bindings: &[(0, Buffer::Storage(16)), (1, WORDS)], push: Push::Read, ..COMPUTE },
     // Sampling clips and planning updates; a specialization constant of `plan` is the widest tile.
-    KernelRow { name: "animate", source: "animate.comp", ..ANIMATION },
-    KernelRow { name: "budget", source: "budget.comp", ..ANIMATION },
-    KernelRow { name: "commit", source: "commit.comp", ..ANIMATION },
-    KernelRow { name: "plan", source: "plan.comp", constants: 1, ..ANIMATION },
-    KernelRow { name: "arguments", source: "arguments.comp", ..ANIMATION },
+    KernelRow { name: "animate", ..ANIMATION },
+    KernelRow { name: "budget", ..ANIMATION },
+    KernelRow { name: "commit", ..ANIMATION },
+    KernelRow { name: "plan", constants: 1, ..ANIMATION },
+    KernelRow { name: "arguments", ..ANIMATION },
     // Passes over dense deltas.
     DENSE,
     KernelRow {
         name: "dense_list",
-        source: "dense_list.comp",
         bindings: &[(0, Buffer::Poses), (1, Buffer::Poses), (2, Buffer::DynamicDeltas), (3, Buffer::Dynamic(16))],
         push: Push::DenseList,
         constants: 0,
         ..DENSE
     },
-    KernelRow { name: "feedback", source: "feedback.vert", ..ATTRIBUTES },
+    KernelRow { name: "feedback", ..ATTRIBUTES },
     // Blocks of one instance, with masks.
     BLOCKS,
     BLOCKS_EXACT,
@@ -246,7 +247,7 @@ pub const KERNELS: &[KernelRow] = &[
         suffix: "texels",
         defines: &["TEXELS"],
         takes: Takes::Texels,
-        bindings: &[(0, Buffer::UniformTexels), (1, Buffer::UniformTexels), (2, PAIRS), (3, Buffer::StorageTexels)],
+        bindings: &[(0, WORD_TEXELS), (1, WORD_TEXELS), (2, PAIRS), (3, POSE_TEXELS)],
         aliased: &[2, 3],
         ..CROWD
     },
@@ -254,21 +255,13 @@ pub const KERNELS: &[KernelRow] = &[
         suffix: "exact_texels",
         defines: &["EXACT", "TEXELS"],
         takes: Takes::Texels,
-        bindings: &[
-            (0, Buffer::UniformTexels),
-            (1, Buffer::UniformTexels),
-            (2, PAIRS),
-            (3, Buffer::StorageTexels),
-            (4, PAIRS),
-            (5, Buffer::StorageTexels),
-        ],
+        bindings: &[(0, WORD_TEXELS), (1, WORD_TEXELS), (2, PAIRS), (3, POSE_TEXELS), (4, PAIRS), (5, SUM_TEXELS)],
         aliased: &[2, 3, 4, 5],
         ..CROWD_EXACT
     },
     // Techniques of others. The set of `scatter` and `resolve` is records, sums, base pose, destination.
     KernelRow {
         name: "scatter",
-        source: "baselines/scatter.comp",
         bindings: &[(0, Buffer::Storage(16)), (1, WORDS)],
         push: Push::Scatter,
         baseline: true,
@@ -276,20 +269,13 @@ pub const KERNELS: &[KernelRow] = &[
     },
     KernelRow {
         name: "resolve",
-        source: "baselines/resolve.comp",
         bindings: &[(1, WORDS), (2, PAIRS), (3, PAIRS)],
         push: Push::Resolve,
         baseline: true,
         ..COMPUTE
     },
-    KernelRow {
-        name: "vertex_store",
-        source: "baselines/vertex_store.vert",
-        bindings: &[(0, PAIRS)],
-        baseline: true,
-        ..ATTRIBUTES
-    },
-    KernelRow { name: "direct_attributes", source: "baselines/direct_attributes.vert", baseline: true, ..ATTRIBUTES },
+    KernelRow { name: "vertex_store", bindings: &[(0, PAIRS)], baseline: true, ..ATTRIBUTES },
+    KernelRow { name: "direct_attributes", baseline: true, ..ATTRIBUTES },
     DIRECT,
     // The same draw, its result captured in the two ways that devices have.
     KernelRow { suffix: "feedback", defines: &["FEEDBACK"], ..DIRECT },
@@ -324,19 +310,15 @@ pub struct DeviceTuning {
     /// What loading and decoding an entry costs, in additions of it to one instance. Measured on lavapipe: 3 where
     /// deltas are in the cache, 8 where they are not.
     pub load_cost: u32,
-    /// Tiles are read as texels where the format can be, and single instances taken as tiles: software drivers pay for storage
-    /// buffers lane by lane, and several times as much under the control flow that masks take.
+    /// Tiles are read as texels where the format can be, and single instances taken as tiles: software drivers pay for
+    /// storage buffers lane by lane, and several times as much under the control flow that masks take.
     pub texels: bool,
 }
 
 impl DeviceClass {
     /// What suits it.
     pub const fn tuning(self) -> DeviceTuning {
-        match self {
-            Self::Software => DeviceTuning { class: self, widest_tile: 8, load_cost: 4, texels: true },
-            Self::Phone => DeviceTuning { class: self, widest_tile: 8, load_cost: 4, texels: false },
-            Self::Desktop => DeviceTuning { class: self, widest_tile: 8, load_cost: 4, texels: false },
-        }
+        DeviceTuning { class: self, widest_tile: 8, load_cost: 4, texels: matches!(self, Self::Software) }
     }
 
     /// The class of a device that is no software driver, by the vendor's PCI (or Khronos) number.

@@ -2,12 +2,11 @@
 //!
 //! - [`formats`], [`kernels`] and [`numbers`] are plain data that build.rs includes as well: it compiles the modules
 //!   that the table of kernels asks for, and writes the numbers into the shaders' `abi.glsl`.
-//! - [`modules`]: the SPIR-V. [`choice`]: which kernel runs, by format, sums, instances and device.
+//! - [`modules`]: the SPIR-V.
 //! - [`push`] and [`worklist`]: what is pushed and what lies in buffers, word by word.
 //!
 //! `tests/spirv.rs` reflects every module and compares it with what is stated here.
 
-pub mod choice;
 pub mod formats;
 pub mod kernels;
 pub mod modules;

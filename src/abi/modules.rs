@@ -75,7 +75,7 @@ impl Kernel {
     /// There is none.
     pub fn module(&self, format: DeltaFormat, pose: PoseFormat, batch: u32) -> Result<&'static Module> {
         self.modules(format, pose).get(batch as usize).ok_or_else(|| {
-            let (source, deltas, poses) = (self.row.source, format.name(), pose.row().file);
+            let (source, deltas, poses) = (self.row.source(), format.name(), pose.row().file);
             Error::invalid(
                 format!("no kernel {source} for {deltas} deltas, {poses} poses and a batch of {batch}"),
                 match self.row.baseline {

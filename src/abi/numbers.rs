@@ -49,9 +49,9 @@ shared! {
     /// Phase of a head: written again after it was hidden.
     SHOWN = 2;
     /// Phase of a head: written as in the update before.
-    GOES_ON = 3;
+    CONTINUED = 3;
     /// Phase of a head: hidden.
-    LEFT_OUT = 4;
+    SKIPPED = 4;
 
     /// Bits of targets: the last update changed the weight.
     CHANGED = 0;
@@ -59,12 +59,12 @@ shared! {
     ACTIVE = 1;
     /// Kinds of bits without an error budget.
     BIT_KINDS = 2;
-    /// Bits of targets, with an error budget: the weight asked for changed.
-    ASKED = 2;
-    /// Bits of targets, with an error budget: the weight asked for is not the one that poses hold.
+    /// Bits of targets, with an error budget: the weight requested changed.
+    REQUESTED = 2;
+    /// Bits of targets, with an error budget: the weight requested is not the one that poses hold.
     PENDING = 3;
-    /// Bits of targets, with an error budget: the change waits no longer.
-    GOES = 4;
+    /// Bits of targets, with an error budget: the change is applied.
+    APPLIED = 4;
     /// Kinds of bits with an error budget.
     BIT_KINDS_BUDGET = 5;
 }

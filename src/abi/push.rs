@@ -11,12 +11,12 @@ pub const PUSH_BYTES_MIN: u32 = 128;
 
 /// Structures of words, and for each the names and offsets of its members, which tests compare with the shaders'.
 macro_rules! shared {
-    ($($(#[$doc:meta])* pub struct $name:ident { $($(#[$field_doc:meta])* pub $field:ident: $type:ty,)* })*) => {
+    ($($(#[$doc:meta])* pub struct $name:ident { $($(#[$field_doc:meta])* $field:ident: $type:ty,)* })*) => {
         $(
             $(#[$doc])*
             #[repr(C)]
             #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-            pub struct $name { $($(#[$field_doc])* pub $field: $type,)* }
+            pub struct $name { $($(#[$field_doc])* pub(crate) $field: $type,)* }
 
             impl $name {
                 /// Names and offsets of the members.
@@ -30,155 +30,122 @@ shared! {
     /// Push constants of `dense.comp`.
     pub struct DensePush {
         /// Vertices of the chunk: the length of a target's row.
-        pub chunk_vertices: u32,
+        chunk_vertices: u32,
         /// Coefficients of positions, in quantised units.
-        pub coefficients: [f32; DENSE_BATCH_MAX as usize],
+        coefficients: [f32; DENSE_BATCH_MAX as usize],
         /// Targets: two 16-bit indices to a word.
-        pub targets: [u32; DENSE_BATCH_MAX as usize / 2],
+        targets: [u32; DENSE_BATCH_MAX as usize / 2],
         /// Powers of two from position steps to normal steps: four signed bytes to a word.
-        pub normal_exponents: [u32; DENSE_BATCH_MAX as usize / 4],
+        normal_exponents: [u32; DENSE_BATCH_MAX as usize / 4],
     }
 
     /// Push constants of `dense_list.comp`.
     pub struct DenseListPush {
         /// Vertices of the chunk: the length of a target's row.
-        pub chunk_vertices: u32,
-        /// Entries of the list.
-        pub entry_count: u32,
+        chunk_vertices: u32,
+        entry_count: u32,
     }
 
     /// An entry of the coefficient list of `dense_list.comp`.
     pub struct DenseListEntry {
-        /// The target.
-        pub target: u32,
+        target: u32,
         /// Coefficient of positions, in quantised units.
-        pub coefficient: f32,
+        coefficient: f32,
         /// Coefficient of normals, in quantised units.
-        pub normal_coefficient: f32,
-        /// Padding to 16 bytes.
-        pub unused: u32,
+        normal_coefficient: f32,
+        unused: u32,
     }
 
     /// Push constants of `blocks.comp` and `crowd.comp`.
     pub struct BlocksPush {
         /// Index of the first item's first word in the work list.
-        pub first_item: u32,
+        first_item: u32,
         /// Index of the first element's first word in the work list (`blocks.comp`).
-        pub elements_at: u32,
+        elements_at: u32,
         /// Index of the first delta word of the asset.
-        pub deltas_at: u32,
+        deltas_at: u32,
         /// Index of the base pose's first word in the asset.
-        pub base_at: u32,
+        base_at: u32,
         /// Numbers of a pose: six for each vertex, padding included.
-        pub pose_floats: u32,
+        pose_floats: u32,
         /// Poses of an instance.
-        pub slots: u32,
+        slots: u32,
         /// Input units of an integer sum, or of a step for float32 sums: positions.
-        pub position_unit: f32,
+        position_unit: f32,
         /// Input units of an integer sum, or of a step for float32 sums: normals.
-        pub normal_unit: f32,
+        normal_unit: f32,
     }
 
     /// Push constants of `read.comp`.
     pub struct ReadPush {
         /// Vectors of 16 bytes to read.
-        pub count: u32,
+        count: u32,
         /// Invocations.
-        pub stride: u32,
+        stride: u32,
     }
 
-    /// Push constants of the kernels of animation on the GPU; `glsl/animation.glsl` says what is where.
+    /// Push constants of the kernels of animation on the GPU; `glsl/animation.glsl` says what each is.
     pub struct AnimationPush {
-        /// The tick.
-        pub now: u32,
-        /// Heads of the crowd.
-        pub heads: u32,
-        /// Targets.
-        pub targets: u32,
-        /// Words of a bit for each target.
-        pub words: u32,
-        /// Blocks.
-        pub blocks: u32,
-        /// Entries.
-        pub entries: u32,
-        /// Tables: which targets touch each block.
-        pub block_targets_at: u32,
-        /// Tables: the first entry of each block.
-        pub first_entry_at: u32,
-        /// Tables: target and bytes of each entry.
-        pub entries_at: u32,
-        /// State: phases.
-        pub phases_at: u32,
-        /// State: weights.
-        pub weights_at: u32,
-        /// State: what the last update changed of them.
-        pub deltas_at: u32,
-        /// State: bits of targets, one kind after another.
-        pub bits_at: u32,
-        /// State: which updates touched each block.
-        pub history_at: u32,
-        /// Bits of the updates that a slot may have missed.
-        pub history_mask: u32,
-        /// Slots of a head.
-        pub slots: u32,
-        /// The slot of the last update.
-        pub source: u32,
-        /// The slot of this one.
-        pub destination: u32,
-        /// Not 0: touched blocks start from the base pose.
-        pub always_rebuild: u32,
-        /// The group's first head.
-        pub first_head: u32,
-        /// Heads of the group.
-        pub group_heads: u32,
-        /// The group's first counter.
-        pub first_counter: u32,
-        /// Items of a width that there is room for.
-        pub capacity: u32,
-        /// Work list: the first row.
-        pub rows_at: u32,
-        /// Counters of all groups.
-        pub counters: u32,
-        /// Dispatches of a width.
-        pub chunks: u32,
-        /// Workgroups of a dispatch, at most.
-        pub chunk_items: u32,
-        /// Tables: budget and reaches; 0: no change waits.
-        pub budget_at: u32,
-        /// State: the weights asked for, with an error budget.
-        pub requested_at: u32,
+        now: u32,
+        heads: u32,
+        targets: u32,
+        words: u32,
+        blocks: u32,
+        entries: u32,
+        block_targets_at: u32,
+        first_entry_at: u32,
+        entries_at: u32,
+        phases_at: u32,
+        weights_at: u32,
+        deltas_at: u32,
+        bits_at: u32,
+        history_at: u32,
+        history_mask: u32,
+        slots: u32,
+        source: u32,
+        destination: u32,
+        always_rebuild: u32,
+        first_head: u32,
+        group_heads: u32,
+        first_counter: u32,
+        capacity: u32,
+        rows_at: u32,
+        counters: u32,
+        chunks: u32,
+        chunk_items: u32,
+        budget_at: u32,
+        requested_at: u32,
     }
 
     /// Push constants of `baselines/scatter.comp`.
     pub struct ScatterPush {
         /// The target's first record.
-        pub first: u32,
-        /// Records.
-        pub count: u32,
+        first: u32,
+        count: u32,
         /// The weight, on the grid of exact sums.
-        pub weight: i32,
+        weight: i32,
     }
 
     /// Push constants of `baselines/resolve.comp`.
     pub struct ResolvePush {
         /// Vertex of the first invocation.
-        pub first_vertex: u32,
+        first_vertex: u32,
         /// Input units of an integer sum: positions.
-        pub position_unit: f32,
+        position_unit: f32,
         /// Input units of an integer sum: normals.
-        pub normal_unit: f32,
+        normal_unit: f32,
     }
 
     /// Push constants of `baselines/direct.vert`.
     pub struct DirectPush {
         /// Vertices of the chunk: the length of a target's row.
-        pub chunk_vertices: u32,
+        chunk_vertices: u32,
         /// Targets of the mesh.
-        pub target_count: u32,
+        target_count: u32,
         /// Targets whose weight is not zero.
-        pub active_targets: u32,
+        active_targets: u32,
         /// First vertex of the chunk.
-        pub first_vertex: u32,
+        first_vertex: u32,
     }
 }
 

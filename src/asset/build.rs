@@ -1,6 +1,6 @@
 //! From what a file says to what is kept of it: [`MorphSource::to_mesh`].
 
-use super::normals::{Adjacency, Deformer, vertex_normals};
+use super::normals::{Deformer, Surface};
 use super::render::{copies, copy_deltas};
 use super::streams::Measure;
 use super::{MorphMesh, MorphSource, MorphTarget, Semantic, SourceTarget, StreamData, StreamDeltas, Tolerance};
@@ -12,13 +12,11 @@ use std::borrow::Cow;
 impl MorphSource {
     /// Check the source, drop deltas within `tolerance`, and compute what normals are missing.
     ///
-    /// A vertex stays in a target when its position delta is longer than `tolerance.position × diagonal`
-    /// or its normal delta longer than `tolerance.normal`. A position delta within the tolerance becomes
-    /// exactly zero even where the vertex stays for its normal. Where the input has no normals, each target's
-    /// normal deltas come from its own surface (base plus kept position deltas), so that dropped noise
-    /// does not come back as noise in the normals. A vertex whose deformed surface has no normal (faces folded
-    /// to nothing) keeps the base normal. Normals are computed of the welded surface, so that shading is smooth across
-    /// doubled vertices.
+    /// A vertex stays in a target when its position delta is longer than `tolerance.position × diagonal` or its normal
+    /// delta longer than `tolerance.normal`. A position delta within the tolerance becomes exactly zero even where the
+    /// vertex stays for its normal. Normals that are missing are computed of the welded surface and of kept position
+    /// deltas, so that they are smooth across doubled vertices and dropped noise does not come back. A vertex whose deformed
+    /// surface has no normal (faces folded to nothing) keeps the base normal.
     ///
     /// # Errors
     /// No vertex or more than 2³², an index out of range, deltas that are not ascending by vertex, a value that
@@ -33,44 +31,36 @@ impl MorphSource {
         if !copies.is_empty() {
             faces.to_mut().corners.iter_mut().for_each(|c| c.position = self.welds[c.position as usize]);
         }
-        let adjacency = Adjacency::new(&faces, self.positions.len());
         // Computed even beside stated normals where a target has none: its delta is between two computed ones.
-        let computed = (self.normals.is_none() || self.targets.iter().any(|t| t.normals.is_none())).then(|| {
-            let mut normals = vertex_normals(&adjacency, &self.positions);
-            copies.iter().for_each(|&(copy, of)| normals[copy as usize] = normals[of as usize]);
-            normals
-        });
+        let incomplete = self.normals.is_none() || self.targets.iter().any(|t| t.normals.is_none());
+        let surface = incomplete.then(|| Surface::new(&faces, &self.positions));
         let diagonal = diagonal(&self.positions);
         if !diagonal.is_finite() {
-            return Err(Error::invalid(
-                format!("{}: the bounding box is larger than a single-precision number", self.name),
-                "scale the mesh down",
-            ));
+            let what = format!("{}: the bounding box is larger than a single-precision number", self.name);
+            return Err(Error::invalid(what, "scale the mesh down"));
         }
         let shortest = f64::from(tolerance.position) * f64::from(diagonal);
 
-        let keep = |deformer: &mut Deformer<'_>, target: &SourceTarget| {
+        let still = StreamDeltas::default();
+        let keep = |deformer: &mut Option<Deformer<'_>>, target: &SourceTarget| {
             let positions: Vec<(u32, Vec3)> =
                 target.positions.iter().copied().filter(|(_, d)| d.as_dvec3().length() > shortest).collect();
-            let normals: Vec<(u32, Vec3)> = match (&target.normals, &computed) {
-                (Some(stated), _) => stated.clone(),
-                (None, Some(base)) => {
-                    let difference = |(v, n): (u32, Option<Vec3>)| (v, n.map_or(Vec3::ZERO, |n| n - base[v as usize]));
-                    let mut normals: Vec<_> = deformer.normals(&positions).into_iter().map(difference).collect();
-                    copy_deltas(&mut normals, &copies);
-                    normals
-                }
-                (None, None) => Vec::new(),
-            };
-            let stated = target.streams.iter().map(Some).chain(std::iter::repeat(None));
-            let kept = |(data, stated): (&StreamData, Option<&StreamDeltas>)| {
-                stated.map_or_else(StreamDeltas::default, |deltas| keep_stream(data.semantic, deltas, tolerance))
-            };
+            let normals = target.normals.clone().unwrap_or_else(|| {
+                let mut computed = deformer.as_mut().map(|d| d.normal_deltas(&positions)).unwrap_or_default();
+                copy_deltas(&mut computed, &copies);
+                computed
+            });
+            let stated = target.streams.iter().chain(std::iter::repeat(&still));
+            let kept = |(data, deltas): (&StreamData, _)| keep_stream(data.semantic, deltas, tolerance);
             let streams = self.streams.iter().zip(stated).map(kept).collect();
             MorphTarget { streams, ..merge(target.name.clone(), &positions, &normals, tolerance.normal) }
         };
-        let targets = map_all(&self.targets, Deformer::new(&adjacency, &self.positions), keep);
-        let normals = self.normals.clone().or(computed).unwrap_or_default();
+        let targets = map_all(&self.targets, surface.as_ref().map(Deformer::new), keep);
+        let normals = self.normals.clone().unwrap_or_else(|| {
+            let mut computed = surface.map(|surface| surface.normals).unwrap_or_default();
+            copies.iter().for_each(|&(copy, of)| computed[copy as usize] = computed[of as usize]);
+            computed
+        });
         Ok(MorphMesh {
             name: self.name.clone(),
             positions: self.positions.clone(),
@@ -106,13 +96,10 @@ fn merge(name: String, positions: &[(u32, Vec3)], normals: &[(u32, Vec3)], short
 
 /// The deltas of a further stream that are above the tolerance.
 fn keep_stream(semantic: Semantic, stated: &StreamDeltas, tolerance: Tolerance) -> StreamDeltas {
-    let shortest = f64::from(match semantic.measure() {
-        Measure::Angle => tolerance.normal,
-        Measure::Length | Measure::Absolute => tolerance.position,
-    });
+    let shortest = if semantic.measure() == Measure::Angle { tolerance.normal } else { tolerance.position };
     let mut kept = StreamDeltas::default();
     for (&v, delta) in stated.vertices.iter().zip(stated.deltas.chunks_exact(semantic.morphing_components())) {
-        if delta.iter().map(|d| f64::from(*d).powi(2)).sum::<f64>().sqrt() > shortest {
+        if delta.iter().map(|d| f64::from(*d).powi(2)).sum::<f64>().sqrt() > f64::from(shortest) {
             kept.vertices.push(v);
             kept.deltas.extend_from_slice(delta);
         }

@@ -1,6 +1,7 @@
 //! Whether a [`MorphSource`] can be used.
 
 use super::render::{check_welds, copies};
+use super::streams::Measure;
 use super::{MorphSource, Semantic, SourceTarget, StreamData, StreamDeltas, Tolerance};
 use crate::error::{Error, Result};
 use glam::Vec3;
@@ -8,6 +9,7 @@ use std::collections::HashMap;
 use std::fmt::Display;
 
 const NOT_FINITE: &str = "replace values that are not a number or infinite";
+const DIRECTION: &str = "normalise x y z, and give a tangent 1 or -1 as w";
 const WELD: &str = "weld vertices of one place, each to the first of them, or none (MorphSource::weld finds them)";
 
 impl MorphSource {
@@ -26,20 +28,14 @@ impl MorphSource {
         if u32::try_from(count).is_err() || u32::try_from(self.faces.corners.len()).is_err() {
             return self.refuse("more than 4,294,967,295 vertices or face corners", "split the mesh");
         }
-        if let Some(v) = self.positions.iter().position(|p| !p.is_finite()) {
-            return self.refuse(format!("vertex {v} is {}", self.positions[v]), NOT_FINITE);
+        self.check_values(Semantic::Position, self.positions.iter().map(Vec3::to_array))?;
+        let normals = self.normals.as_deref().unwrap_or_default();
+        if self.normals.is_some() && normals.len() != count {
+            return self.refuse(format!("{} normals for {count} vertices", normals.len()), "give one per vertex");
         }
+        self.check_values(Semantic::Normal, normals.iter().map(Vec3::to_array))?;
         if let Some(t) = self.texcoords.iter().position(|t| !t.is_finite()) {
             return self.refuse(format!("texture coordinate {t} is {}", self.texcoords[t]), NOT_FINITE);
-        }
-        if let Some(normals) = &self.normals {
-            if normals.len() != count {
-                return self.refuse(format!("{} normals for {count} vertices", normals.len()), "give one per vertex");
-            }
-            if let Some(v) = normals.iter().position(|n| !is_unit(*n)) {
-                let what = format!("the normal of vertex {v} is {}, unit length expected", normals[v]);
-                return self.refuse(what, "normalise the base normals");
-            }
         }
         self.faces.check(count, self.texcoords.len())?;
         self.check_streams()?;
@@ -78,16 +74,23 @@ impl MorphSource {
                 let what = format!("stream '{semantic}': {} numbers for {count} vertices", values.len());
                 return self.refuse(what, &format!("give {components} numbers per vertex"));
             }
-            if let Some(at) = values.iter().position(|v| !v.is_finite()) {
-                let what = format!("stream '{semantic}': vertex {} has {}", at / components, values[at]);
-                return self.refuse(what, NOT_FINITE);
+            self.check_values(*semantic, values.chunks_exact(components))?;
+        }
+        Ok(())
+    }
+
+    /// Whether the values of a stream are finite, and directions of unit length (within 1%).
+    fn check_values(&self, semantic: Semantic, values: impl Iterator<Item: AsRef<[f32]>>) -> Result<()> {
+        let is_unit = |v: &[f32]| (0.99..=1.01).contains(&Vec3::from_slice(v).length());
+        let is_direction = |v: &[f32]| is_unit(v) && v[3..].iter().all(|handedness| handedness.abs() == 1.0);
+        for (v, value) in values.enumerate() {
+            let value = value.as_ref();
+            let refuse = |remedy| self.refuse(format!("the {semantic} of vertex {v} is {value:?}"), remedy);
+            if value.iter().any(|x| !x.is_finite()) {
+                return refuse(NOT_FINITE);
             }
-            if *semantic == Semantic::Tangent {
-                let fits = |t: &[f32]| is_unit(Vec3::from_slice(t)) && t[3].abs() == 1.0;
-                if let Some(v) = values.chunks_exact(components).position(|t| !fits(t)) {
-                    let what = format!("the tangent of vertex {v} is {:?}", &values[v * components..][..components]);
-                    return self.refuse(what, "normalise x y z, and give 1 or -1 as w");
-                }
+            if semantic.measure() == Measure::Angle && !is_direction(value) {
+                return refuse(DIRECTION);
             }
         }
         Ok(())
@@ -103,19 +106,19 @@ impl MorphSource {
         if let Some((v, d)) = target.positions.iter().find(infinite) {
             return refuse(format!("moves vertex {v} by {d}, to infinity"), NOT_FINITE);
         }
-        if target.streams.len() > self.streams.len() {
-            let what = format!("has deltas of {} streams", target.streams.len());
+        let streams = &target.streams;
+        if streams.len() > self.streams.len() {
+            let what = format!("has deltas of {} streams", streams.len());
             return refuse(what, "give the base pose every stream that a target changes");
         }
-        for (StreamData { semantic, .. }, StreamDeltas { vertices, deltas }) in self.streams.iter().zip(&target.streams)
-        {
+        for (semantic, StreamDeltas { vertices, deltas }) in self.streams.iter().map(|s| s.semantic).zip(streams) {
             let numbers = semantic.morphing_components();
             if deltas.len() != numbers * vertices.len() {
                 let (found, moved) = (deltas.len(), vertices.len());
                 let what = format!("has {found} numbers for {moved} vertices in the deltas of stream '{semantic}'");
                 return refuse(what, &format!("give {numbers} numbers per vertex"));
             }
-            self.check_deltas(target, *semantic, vertices.iter().copied().zip(deltas.chunks_exact(numbers)))?;
+            self.check_deltas(target, semantic, vertices.iter().copied().zip(deltas.chunks_exact(numbers)))?;
         }
         Ok(())
     }
@@ -156,9 +159,4 @@ impl MorphSource {
         self.positions[a as usize] == self.positions[b as usize]
             && self.targets.iter().all(|t| delta(t, a) == delta(t, b))
     }
-}
-
-/// Within 1%. A NaN is refused too.
-fn is_unit(v: Vec3) -> bool {
-    (0.99..=1.01).contains(&v.length())
 }

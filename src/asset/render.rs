@@ -2,8 +2,8 @@
 //! coordinates of its corners differ (a seam).
 //!
 //! A host that draws poses straight from an index buffer takes a source that is [`split`](MorphSource::split). One that
-//! pulls vertices in its shader updates fewer of them: it keeps the source welded, and looks up the pose vertex of each of
-//! the [`RenderVertices`]. Either way normals, tangents and deltas belong to a position, so that no crack opens at a seam.
+//! pulls vertices in its shader keeps the source, updates fewer vertices, and looks up the pose vertex of each of the
+//! [`RenderVertices`]. Either way normals, tangents and deltas belong to a position: no crack opens at a seam.
 
 use super::{Faces, MorphSource, StreamData, StreamDeltas};
 use crate::error::Result;
@@ -66,17 +66,13 @@ impl MorphSource {
     /// The source with render vertices for vertices: a vertex is doubled where its corners have different texture
     /// coordinates, and every corner of a face names the vertex to draw.
     ///
-    /// The vertices of this source come first, in their order; doubled ones follow, welded to them ([`Self::welds`]), with
-    /// the same normals, streams and deltas. So the first vertices of a pose are those of the file, and an OBJ with the
-    /// file's vertices is written from them and from the faces of this source.
-    ///
-    /// A hard edge doubles nothing: a position has one normal (stated, or computed of the welded surface), one tangent and
-    /// one delta per target, so the corners that meet at a hard edge are shaded alike.
+    /// The vertices of this source come first, in their order: the first vertices of a pose are those of the file. Doubled
+    /// ones follow, welded to them ([`Self::welds`]), with the same normals, streams and deltas. A hard edge doubles
+    /// nothing: a position has one normal, one tangent and one delta per target.
     ///
     /// Block formats keep welded vertices in one block, which keeps them equal bit for bit in every pose. Only where no
     /// choice of whole positions fills a block (nothing but positions of three vertices, or of six, in blocks of 32), the
-    /// vertices of one position lie in two blocks, and may then differ by what blocks may lose. Dense formats have no such
-    /// limit.
+    /// vertices of one position lie in two blocks, and may differ by what blocks may lose.
     ///
     /// # Errors
     /// As [`to_mesh`](Self::to_mesh).

@@ -33,8 +33,7 @@ fn a_vertex_is_doubled_where_texture_coordinates_differ_by_value() {
     assert_eq!((render.texcoords[1], render.texcoords[6]), (Vec2::X, Vec2::ZERO));
     let split = source.split().unwrap();
     let again = split.faces.render_vertices(7, &split.texcoords).unwrap();
-    assert_eq!(again.pose_vertices, (0..7).collect::<Vec<u32>>());
-    assert_eq!((again.indices, again.texcoords), (render.indices, render.texcoords));
+    assert_eq!(again, RenderVertices { pose_vertices: (0..7).collect(), ..render });
     assert!(source.faces.render_vertices(5, &source.texcoords).is_err());
 }
 
@@ -46,22 +45,29 @@ fn a_split_mesh_is_the_welded_one_bit_for_bit() {
             source.normals = Some(vec![Vec3::Z; 6]);
             source.targets[0].normals = Some(vec![(1, Vec3::X)]);
         }
-        let welded = source.to_mesh(Tolerance::default()).unwrap();
+        let mut expected = source.to_mesh(Tolerance::default()).unwrap();
         let split = source.split().unwrap().to_mesh(Tolerance::default()).unwrap();
-        assert_eq!(split.welds, [0, 1, 2, 3, 4, 5, 1]);
-        assert_eq!((&split.positions[..6], &split.normals[..6]), (&welded.positions[..], &welded.normals[..]));
-        assert_eq!((split.positions[6], split.normals[6]), (welded.positions[1], welded.normals[1]));
-        assert_eq!(split.streams[0].values[24..], welded.streams[0].values[4..8]);
-        let (all, one) = (&split.targets[0], &welded.targets[0]);
-        let at = |v| one.vertices.iter().position(|x| *x == v).unwrap();
-        let n = one.vertices.len();
-        assert_eq!((&all.vertices[..n], all.vertices[n..].to_vec()), (&one.vertices[..], vec![6]));
-        assert_eq!((all.positions[n], all.normals[n]), (one.positions[at(1)], one.normals[at(1)]));
-        assert_ne!(all.normals[n], Vec3::ZERO);
-        assert_eq!((&all.streams[0].vertices[..], all.streams[0].deltas.len()), (&[1, 2, 6][..], 9));
-        assert_eq!(all.streams[0].deltas[6..], [0.5, 0.0, 0.0]);
-        // The file's vertices, and its texture coordinates as it lists them.
-        assert_eq!(split.texcoords, source.texcoords);
+        // Vertex 6 doubles vertex 1; the texture coordinates are the file's, as it lists them.
+        expected.welds = vec![0, 1, 2, 3, 4, 5, 1];
+        expected.positions.push(expected.positions[1]);
+        expected.normals.push(expected.normals[1]);
+        expected.streams[0].values.extend_from_within(4..8);
+        let target = &mut expected.targets[0];
+        let at = target.vertices.iter().position(|v| *v == 1).unwrap();
+        target.vertices.push(6);
+        target.positions.push(target.positions[at]);
+        target.normals.push(target.normals[at]);
+        target.streams[0] =
+            StreamDeltas { vertices: vec![1, 2, 6], deltas: vec![0.5, 0.0, 0.0, 0.0, 0.0, 0.25, 0.5, 0.0, 0.0] };
+        assert_ne!(target.normals[at], Vec3::ZERO);
+        assert_eq!(
+            (&split.welds, &split.positions, &split.normals),
+            (&expected.welds, &expected.positions, &expected.normals)
+        );
+        assert_eq!(
+            (&split.streams, &split.targets, &split.texcoords),
+            (&expected.streams, &expected.targets, &source.texcoords)
+        );
     }
 }
 
@@ -73,12 +79,8 @@ fn doubled_vertices_of_arrays_are_found_by_where_they_are_and_move() {
     let mut moved = [[0.0; 3]; 8];
     (moved[1], moved[4], moved[3]) = ([0., 0., 1.], [0., 0., 1.], [0., 0., 2.]);
     let targets = [TargetArrays { name: "up", positions: &moved, ..Default::default() }];
-    let arrays = MeshArrays {
-        positions: &positions,
-        indices: &[0, 1, 3, 0, 3, 2, 4, 5, 7, 4, 7, 6],
-        targets: &targets,
-        ..Default::default()
-    };
+    let indices = &[0, 1, 3, 0, 3, 2, 4, 5, 7, 4, 7, 6];
+    let arrays = MeshArrays { positions: &positions, indices, targets: &targets, ..Default::default() };
     let mut source = MorphSource::from_arrays(&arrays).unwrap();
     let cracked = source.to_mesh(Tolerance::default()).unwrap();
     assert_ne!(cracked.normals[1], cracked.normals[4]);
@@ -94,51 +96,44 @@ fn doubled_vertices_of_arrays_are_found_by_where_they_are_and_move() {
 
 #[test]
 fn arrays_may_hold_differences_or_the_target_itself() {
-    let (base, normal, tangent) = ([[1.0, 2.0, 3.0]], [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0, -1.0]]);
-    let deltas = TargetArrays {
+    let base = MeshArrays {
+        positions: &[[1.0, 2.0, 3.0]],
+        normals: &[[0.0, 0.0, 1.0]],
+        tangents: &[[1.0, 0.0, 0.0, -1.0]],
+        ..Default::default()
+    };
+    let (up, z, two) = ([[0.0, 1.0, 0.0]], [[0.0, 0.0, 1.0]], [[0.0; 3]; 2]);
+    let deltas = [TargetArrays {
         name: "",
         positions: &[[0.5, 0.0, -1.0]],
         normals: &[[0.0, 1.0, -1.0]],
         tangents: &[[-1.0, 0.0, 1.0]],
-    };
-    let places =
-        TargetArrays { name: "", positions: &[[1.5, 2.0, 2.0]], normals: &[[0., 1., 0.]], tangents: &[[0., 0., 1.]] };
-    let arrays = |targets, absolute| MeshArrays {
-        positions: &base,
-        normals: &normal,
-        tangents: &tangent,
-        targets,
-        absolute,
-        ..Default::default()
-    };
-    let (deltas, places) = ([deltas], [places]);
-    let a = MorphSource::from_arrays(&arrays(&deltas, false)).unwrap().to_mesh(Tolerance::ZERO).unwrap();
-    let b = MorphSource::from_arrays(&arrays(&places, true)).unwrap().to_mesh(Tolerance::ZERO).unwrap();
+    }];
+    let places = [TargetArrays { name: "", positions: &[[1.5, 2.0, 2.0]], normals: &up, tangents: &z }];
+    let [a, b] = [(&deltas, false), (&places, true)].map(|(targets, absolute)| {
+        MorphSource::from_arrays(&MeshArrays { targets, absolute, ..base }).unwrap().to_mesh(Tolerance::ZERO).unwrap()
+    });
     assert_eq!(a.targets, b.targets);
     assert_eq!(a.targets[0].name, "target 0");
     assert_eq!(a.targets[0].streams[0], StreamDeltas { vertices: vec![0], deltas: vec![-1.0, 0.0, 1.0] });
 
-    let message = |arrays: &MeshArrays<'_>| MorphSource::from_arrays(arrays).unwrap_err().to_string();
-    let two = [[0.0; 3]; 2];
-    let text = message(&MeshArrays { normals: &two, ..arrays(&[], false) });
-    assert!(text.contains("2 normals for 1 vertices"), "{text}");
-    let target = [TargetArrays { name: "jaw", positions: &two, ..Default::default() }];
-    let text = message(&arrays(&target, false));
-    assert!(text.contains("target 'jaw' has 2 positions, the base pose 1"), "{text}");
-    assert!(message(&MeshArrays { indices: &[0], ..arrays(&[], false) }).contains("1 indices"));
+    let jaw = [TargetArrays { name: "jaw", positions: &two, ..Default::default() }];
+    for (arrays, expected) in [
+        (MeshArrays { normals: &two, ..base }, "2 normals for 1 vertices"),
+        (MeshArrays { targets: &jaw, ..base }, "target 'jaw' has 2 positions, the base pose 1"),
+        (MeshArrays { indices: &[0], ..base }, "1 indices"),
+    ] {
+        let text = MorphSource::from_arrays(&arrays).unwrap_err().to_string();
+        assert!(text.contains(expected), "{text}");
+    }
 }
 
 #[test]
 fn streams_and_welds_that_do_not_fit_are_named() {
-    let refused = |change: &dyn Fn(&mut MorphSource)| {
-        let mut source = fold();
-        change(&mut source);
-        source.to_mesh(Tolerance::default()).unwrap_err().to_string()
-    };
     type Case<'a> = (&'a dyn Fn(&mut MorphSource), &'a str);
     let cases: [Case<'_>; 14] = [
         (&|s| s.streams[0].values.truncate(20), "stream 'tangent': 20 numbers for 6 vertices; give 4"),
-        (&|s| s.streams[0].values[9] = f32::NAN, "stream 'tangent': vertex 2 has NaN"),
+        (&|s| s.streams[0].values[9] = f32::NAN, "the tangent of vertex 2 is [0.0, NaN, 0.0, -1.0]; replace"),
         (&|s| s.streams[0].values[9] = 1.1, "the tangent of vertex 2 is [0.0, 1.1, 0.0, -1.0]; normalise"),
         (&|s| s.streams[0].values[3] = 0.5, "the tangent of vertex 0 is"),
         (&|s| s.streams.push(s.streams[0].clone()), "two streams 'tangent'"),
@@ -153,7 +148,9 @@ fn streams_and_welds_that_do_not_fit_are_named() {
         (&|s| s.welds = vec![0; 5], "5 welds for 6 vertices"),
     ];
     for (change, expected) in cases {
-        let message = refused(change);
+        let mut source = fold();
+        change(&mut source);
+        let message = source.to_mesh(Tolerance::default()).unwrap_err().to_string();
         assert!(message.starts_with("fold: ") && message.contains(expected), "{message}");
     }
 }

@@ -7,7 +7,7 @@ use crate::abi::modules::{DIRECT, DIRECT_FEEDBACK, DIRECT_STORE};
 use crate::abi::push::DirectPush;
 use crate::error::Result;
 use crate::gpu::caps::CAPTURE_STRIDE;
-use crate::gpu::descriptors::{Bound, Sets};
+use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernel;
 use crate::gpu::mesh::{MeshBuffers, delta_range};
@@ -92,14 +92,14 @@ impl Draws for DirectDraws {
         let ring = Ring::new(context.device, "deltamorph weights", part, frames, usage)?;
         let kernel = context.kernels.get::<Direct>(mesh.layout.format)?;
         let mut bound = vec![
-            Bound::dynamic(mesh.deltas.raw, delta_range(&mesh.layout)),
-            Bound::dynamic(ring.range(0).buffer, stride),
+            BufferRange::new(mesh.deltas.raw, 0, delta_range(&mesh.layout)),
+            BufferRange::new(ring.range(0).buffer, 0, stride),
         ];
         if kernel.capture == Some(Capture::Store) {
-            bound.push(Bound::new(pose.buffer, 0, pose.bytes));
+            bound.push(BufferRange::new(pose.buffer, 0, pose.bytes));
         }
         Ok(Self {
-            sets: Sets::new(context.device, kernel.objects.set_layout, &[bound])?,
+            sets: kernel.objects.sets(&[bound])?,
             kernel,
             mesh: mesh.clone(),
             ring,

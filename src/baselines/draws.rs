@@ -172,7 +172,7 @@ mod tests {
             let accesses = Accesses { uses: vec![write], ..Accesses::default() };
             let events = trace(&capture.schedule().entries, |_, _| vec![accesses.clone()]);
             for dropped in [None, Some(0), Some(2)] {
-                let mut checker = HazardChecker::new();
+                let mut checker = HazardChecker::default();
                 checker.update(&events);
                 checker.draw(0, 0, 0);
                 let mut second = events.clone();

@@ -10,10 +10,10 @@ use crate::abi::modules::{RESOLVE, SCATTER};
 use crate::abi::numbers::WORKGROUP;
 use crate::abi::push::{ResolvePush, ScatterPush};
 use crate::error::{Error, Result};
-use crate::gpu::descriptors::{Bound, Sets};
+use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernel;
-use crate::gpu::memory::{Buffer, BufferDesc};
+use crate::gpu::memory::Buffer;
 use crate::gpu::mesh::MeshBuffers;
 use crate::gpu::pipelines::Objects;
 use crate::pack::blocks::{BlockIndex, ExactGrid};
@@ -175,31 +175,25 @@ impl ScatterTechnique {
             ));
         };
         let (grid, kernel) = (index.exact()?, context.kernels.get::<Scatter>(())?);
-        let sums = Buffer::new(
-            device,
-            &BufferDesc {
-                name: "deltamorph scattered sums",
-                bytes: poses.bytes.saturating_mul(desc.instances.into()),
-                usage: vk::BufferUsageFlags::STORAGE_BUFFER
-                    | vk::BufferUsageFlags::TRANSFER_DST
-                    | vk::BufferUsageFlags::TRANSFER_SRC,
-                location: MemoryLocation::GpuOnly,
-            },
-        )?;
+        let usage = vk::BufferUsageFlags::STORAGE_BUFFER
+            | vk::BufferUsageFlags::TRANSFER_DST
+            | vk::BufferUsageFlags::TRANSFER_SRC;
+        let bytes = poses.bytes.saturating_mul(desc.instances.into());
+        let sums = Buffer::new(device, "deltamorph scattered sums", bytes, usage, MemoryLocation::GpuOnly)?;
         let records = u64::from(first.last().copied().unwrap_or(0)) * (RECORD_WORDS * 4) as u64;
         let all = (0..desc.instances).flat_map(|instance| (0..poses.slots).map(move |slot| (instance, slot)));
-        let bound: Vec<Vec<Bound>> = all
+        let bound: Vec<[BufferRange; 4]> = all
             .map(|(instance, slot)| {
-                vec![
-                    Bound::new(mesh.deltas.raw, 0, records.max(16)),
-                    Bound::new(sums.raw, u64::from(instance) * poses.bytes, poses.bytes),
-                    Bound::new(mesh.base.raw, 0, poses.bytes),
-                    Bound::new(poses.buffer, poses.offset(instance, slot), poses.bytes),
+                [
+                    BufferRange::new(mesh.deltas.raw, 0, records.max(16)),
+                    BufferRange::new(sums.raw, u64::from(instance) * poses.bytes, poses.bytes),
+                    BufferRange::new(mesh.base.raw, 0, poses.bytes),
+                    BufferRange::new(poses.buffer, poses.offset(instance, slot), poses.bytes),
                 ]
             })
             .collect();
         Ok(Self {
-            sets: Sets::new(device, kernel.objects.set_layout, &bound)?,
+            sets: kernel.objects.sets(&bound)?,
             kernel,
             mesh: mesh.clone(),
             first: first.clone(),

@@ -5,7 +5,7 @@
 use crate::abi::modules::{DIRECT_ATTRIBUTES, VERTEX_STORE};
 use crate::abi::push::attribute_push_bytes;
 use crate::error::Result;
-use crate::gpu::descriptors::{Bound, Sets};
+use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernel;
 use crate::gpu::pipelines::Objects;
@@ -146,16 +146,16 @@ pub(super) struct StoreSets {
 impl StoreSets {
     /// For `count` poses in `poses`.
     pub(super) fn new(kernel: &VertexStore, layout: &PackedLayout, poses: vk::Buffer, count: u32) -> Result<Self> {
-        let bound: Vec<Vec<Bound>> = (0..u64::from(count))
+        let bound: Vec<[BufferRange; 1]> = (0..u64::from(count))
             .flat_map(|pose| {
                 layout.chunks().map(move |(first, vertices)| {
                     let (format, stride) = (PoseFormat::Float32, PoseFormat::Float32.stride());
                     let offset = pose * layout.pose_bytes(format) + (first * stride) as u64;
-                    vec![Bound::new(poses, offset, (vertices * stride) as u64)]
+                    [BufferRange::new(poses, offset, (vertices * stride) as u64)]
                 })
             })
             .collect();
-        let sets = Sets::new(&kernel.objects.device, kernel.objects.set_layout, &bound)?;
+        let sets = kernel.objects.sets(&bound)?;
         Ok(Self { sets, chunks: layout.chunks().count() })
     }
 

@@ -5,7 +5,7 @@ use crate::asset::streams::{Semantic, StreamPlace};
 use crate::error::{Error, Result};
 use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernels;
-use crate::gpu::memory::{Buffer, BufferDesc};
+use crate::gpu::memory::Buffer;
 use crate::gpu::mesh::MeshBuffers;
 use crate::pack::{PackedLayout, PoseFormat};
 use crate::plan::instances::Instances;
@@ -20,7 +20,7 @@ use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Ranges of discarded updates that a crowd keeps apart.
+/// Ranges of discarded updates that a crowd tells apart.
 const DISCARDED_RANGES: usize = 64;
 
 /// Proof of a recorded update, to discard it with.
@@ -125,23 +125,17 @@ impl CrowdBase {
         make: impl FnOnce(Context<'_>) -> Result<Box<dyn Technique>>,
     ) -> Result<Self> {
         static CROWDS: AtomicU64 = AtomicU64::new(0);
-        if desc.instances == 0 || desc.frames_in_flight == 0 {
-            return Err(Error::invalid(
-                format!("a crowd of {} instances with {} frames in flight", desc.instances, desc.frames_in_flight),
-                "use 1 or more of both",
-            ));
+        let (instances, slots, frames) = (desc.instances, desc.update.slots, desc.frames_in_flight);
+        if instances == 0 || frames == 0 {
+            let text = format!("a crowd of {instances} instances with {frames} frames in flight");
+            return Err(Error::invalid(text, "use 1 or more of both"));
         }
         let bytes = mesh.layouts().map(|layout| pose_bytes(layout, desc)).max().unwrap_or(0);
-        if bytes > u64::from(u32::MAX) {
-            return Err(Error::invalid(
-                format!(
-                    "{} instances with {} slots take {bytes} bytes of poses; one crowd holds at most {}",
-                    desc.instances,
-                    desc.update.slots,
-                    u32::MAX
-                ),
-                "make several crowds, or use fewer slots",
-            ));
+        let most = u64::from(u32::MAX);
+        if bytes > most {
+            let poses = format!("{instances} instances with {slots} slots take {bytes} bytes of poses");
+            let text = format!("{poses}; one crowd holds at most {most}");
+            return Err(Error::invalid(text, "make several crowds, or use fewer slots"));
         }
         let mut usage = vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::VERTEX_BUFFER
@@ -151,11 +145,10 @@ impl CrowdBase {
             usage |= vk::BufferUsageFlags::TRANSFORM_FEEDBACK_BUFFER_EXT;
         }
         let buffer = |layout: &PackedLayout| {
-            let (name, bytes, location) = ("deltamorph poses", pose_bytes(layout, desc), MemoryLocation::GpuOnly);
-            Buffer::new(device, &BufferDesc { name, bytes, usage, location })
+            Buffer::new(device, "deltamorph poses", pose_bytes(layout, desc), usage, MemoryLocation::GpuOnly)
         };
         let buffers = mesh.layouts().map(buffer).collect::<Result<Vec<_>>>()?;
-        let (format, slots) = (desc.update.pose, desc.update.slots);
+        let format = desc.update.pose;
         let group = |(mesh, buffer): (&Arc<MeshBuffers>, &Buffer)| PoseGroup {
             mesh: mesh.clone(),
             poses: Poses { buffer: buffer.raw, format, bytes: mesh.layout.pose_bytes(format), slots },
@@ -165,7 +158,7 @@ impl CrowdBase {
         Ok(Self {
             technique: make(Context { device, kernels, mesh, desc, poses, all: &groups })?,
             groups,
-            instances: Instances::new(desc.instances as usize, targets, desc.update.slots),
+            instances: Instances::new(instances as usize, targets, slots),
             steps: Steps::new(desc.consumers),
             schedule: Schedule::default(),
             last: None,
@@ -228,8 +221,8 @@ impl CrowdBase {
         if self.is_discarded(ticket)? {
             return Ok(());
         }
-        // Later ranges are part of this one, the last earlier one may end where it begins, and only so many are kept
-        // apart: a ticket that waited through all of them is taken for one that was discarded before.
+        // Later ranges are part of this one, the last earlier one may end where it begins, and only so many are
+        // kept: a ticket between the two oldest is taken for one that was discarded before.
         let update = ticket.id.update;
         self.discarded.retain(|updates| *updates.start() < update);
         let mut first = update;
@@ -298,18 +291,8 @@ impl CrowdBase {
         Ok(previous.filter(|_| self.technique.has_poses()).map(|slot| self.view(instance, slot, group)))
     }
 
-    pub(super) fn stream(&self, instance: u32, semantic: Semantic) -> Result<StreamView> {
-        let (group, place) = self.place(semantic)?;
-        Ok(stream_view(&self.group_pose(instance, group)?, place))
-    }
-
-    pub(super) fn previous_stream(&self, instance: u32, semantic: Semantic) -> Result<Option<StreamView>> {
-        let (group, place) = self.place(semantic)?;
-        Ok(self.previous_group_pose(instance, group)?.map(|view| stream_view(&view, place)))
-    }
-
     /// The group that has a stream, and where.
-    fn place(&self, semantic: Semantic) -> Result<(usize, StreamPlace)> {
+    pub(super) fn place(&self, semantic: Semantic) -> Result<(usize, StreamPlace)> {
         let streams = |group: &PoseGroup| group.mesh.layout.streams.iter().find(|s| s.semantic == semantic).copied();
         let place = self.groups.iter().map(streams).enumerate().find_map(|(group, place)| Some((group, place?)));
         place.ok_or_else(|| {
@@ -369,10 +352,12 @@ impl CrowdBase {
     }
 }
 
-fn stream_view(view: &PoseView, place: StreamPlace) -> StreamView {
-    let PoseView { buffer, offset, stride, format, slot, .. } = *view;
-    let components = place.semantic.components() as u32;
-    StreamView { buffer, offset: offset + format.offset(place.first) as u64, components, stride, slot }
+impl PoseView {
+    pub(super) fn stream(self, place: StreamPlace) -> StreamView {
+        let Self { buffer, offset, stride, format, slot, .. } = self;
+        let components = place.semantic.components() as u32;
+        StreamView { buffer, offset: offset + format.offset(place.first) as u64, components, stride, slot }
+    }
 }
 
 /// Bytes of device memory that the poses of a crowd take in a group. On a direct path that is one, to capture into.

@@ -128,7 +128,8 @@ macro_rules! crowd {
             /// # Errors
             /// As [`pose`](Self::pose); a stream that the mesh does not have.
             pub fn stream(&self, instance: u32, semantic: Semantic) -> Result<StreamView> {
-                self.base.stream(instance, semantic)
+                let (group, place) = self.base.place(semantic)?;
+                Ok(self.base.group_pose(instance, group)?.stream(place))
             }
 
             /// A stream of the [previous pose](Self::previous_pose) of `instance`.
@@ -136,7 +137,8 @@ macro_rules! crowd {
             /// # Errors
             /// As [`stream`](Self::stream).
             pub fn previous_stream(&self, instance: u32, semantic: Semantic) -> Result<Option<StreamView>> {
-                self.base.previous_stream(instance, semantic)
+                let (group, place) = self.base.place(semantic)?;
+                Ok(self.base.previous_group_pose(instance, group)?.map(|pose| pose.stream(place)))
             }
         }
     };

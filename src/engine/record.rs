@@ -8,7 +8,7 @@ use crate::plan::schedule::{Entry, Schedule};
 use ash::vk;
 
 impl MorphEngine {
-    /// Record the update of all instances of `crowd` to the weights asked for.
+    /// Record the update of all instances of `crowd` to the weights requested.
     ///
     /// This records: nothing when no weight changed; otherwise the passes of the plan with the barriers they
     /// need. First stages: those of the [consumers](crate::CrowdDesc::consumers) (reads of earlier poses) and the

@@ -269,9 +269,7 @@ impl DeviceCaps {
         self.int64 &= limits.int64;
     }
 
-    /// Whether tiles of `format` are read as texels and stored in 64-bit integers, and single instances taken as tiles:
-    /// on software drivers, which pay for storage buffers lane by lane, and several times as much under the control
-    /// flow that masks take.
+    /// Whether tiles of `format` are read as texels and stored in 64-bit integers ([`DeviceTuning::texels`]).
     pub fn takes_texels(&self, format: DeltaFormat) -> bool {
         // Whatever a storage descriptor covers, a view of four words each covers then.
         let views = u64::from(self.max_texels) >= self.max_storage_range / 16;
@@ -310,16 +308,13 @@ impl DeviceCaps {
                     .into(),
                 "use the path 'compute', which needs no feature",
             ),
-            Needs::TransformFeedback => match self.transform_feedback {
+            Needs::TransformFeedback => match self.transform_feedback.map(|caps| caps.max_stride) {
                 None => refuse(
                     "the device has no VK_EXT_transform_feedback, or it was not enabled".into(),
                     "use the path 'compute', which needs no extension",
                 ),
-                Some(caps) if caps.max_stride < CAPTURE_STRIDE as u32 => refuse(
-                    format!(
-                        "captured vertices may be {} bytes apart at most, a pose needs {CAPTURE_STRIDE}",
-                        caps.max_stride
-                    ),
+                Some(most) if most < CAPTURE_STRIDE as u32 => refuse(
+                    format!("captured vertices may be {most} bytes apart at most, a pose needs {CAPTURE_STRIDE}"),
                     "use the path 'compute'",
                 ),
                 Some(_) => Ok(()),

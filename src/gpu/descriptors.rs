@@ -2,7 +2,7 @@
 
 use super::device::Device;
 use super::failed;
-use crate::abi::kernels::Buffer;
+use crate::abi::kernels::{Binding, Buffer};
 use crate::error::Result;
 use ash::vk;
 use std::sync::Arc;
@@ -15,29 +15,9 @@ pub(crate) struct BufferRange {
     pub(crate) size: u64,
 }
 
-/// A buffer in a set.
-#[derive(Clone, Copy)]
-pub(crate) struct Bound {
-    ty: vk::DescriptorType,
-    range: BufferRange,
-    /// Of texel buffers.
-    format: vk::Format,
-}
-
-impl Bound {
+impl BufferRange {
     pub(crate) fn new(buffer: vk::Buffer, offset: u64, size: u64) -> Self {
-        let range = BufferRange { buffer, offset, size };
-        Self { ty: vk::DescriptorType::STORAGE_BUFFER, range, format: vk::Format::UNDEFINED }
-    }
-
-    /// Where it starts is said when the set is bound.
-    pub(crate) fn dynamic(buffer: vk::Buffer, size: u64) -> Self {
-        Self { ty: vk::DescriptorType::STORAGE_BUFFER_DYNAMIC, ..Self::new(buffer, 0, size) }
-    }
-
-    /// Of any type: `format` counts for texel buffers, which the buffer was made for then.
-    pub(crate) fn typed(ty: vk::DescriptorType, range: BufferRange, format: vk::Format) -> Self {
-        Self { ty, range, format }
+        Self { buffer, offset, size }
     }
 }
 
@@ -46,16 +26,10 @@ pub(crate) fn descriptor_type(buffer: Buffer) -> vk::DescriptorType {
     match buffer {
         Buffer::Storage(_) | Buffer::Poses => vk::DescriptorType::STORAGE_BUFFER,
         Buffer::Dynamic(_) | Buffer::DynamicDeltas => vk::DescriptorType::STORAGE_BUFFER_DYNAMIC,
-        Buffer::UniformTexels => vk::DescriptorType::UNIFORM_TEXEL_BUFFER,
-        Buffer::StorageTexels => vk::DescriptorType::STORAGE_TEXEL_BUFFER,
+        Buffer::UniformTexels(_) => vk::DescriptorType::UNIFORM_TEXEL_BUFFER,
+        Buffer::StorageTexels(_) => vk::DescriptorType::STORAGE_TEXEL_BUFFER,
     }
 }
-
-/// Types of buffers in sets.
-const TYPES: [vk::DescriptorType; 4] = {
-    use vk::DescriptorType as T;
-    [T::STORAGE_BUFFER, T::STORAGE_BUFFER_DYNAMIC, T::STORAGE_TEXEL_BUFFER, T::UNIFORM_TEXEL_BUFFER]
-};
 
 /// Descriptor sets of one layout, destroyed together.
 pub(crate) struct Sets {
@@ -66,15 +40,17 @@ pub(crate) struct Sets {
 }
 
 impl Sets {
-    /// A set for each list of buffers, bound at 0, 1, …; all lists have the types of the first.
-    pub(crate) fn new(device: &Arc<Device>, layout: vk::DescriptorSetLayout, bound: &[Vec<Bound>]) -> Result<Self> {
-        let count = |ty| bound.iter().flatten().filter(|b| b.ty == ty).count() as u32;
-        let sizes: Vec<_> = TYPES
-            .into_iter()
-            .map(|ty| vk::DescriptorPoolSize { ty, descriptor_count: count(ty) })
-            .filter(|size| size.descriptor_count > 0)
-            .collect();
-        let info = vk::DescriptorPoolCreateInfo::default().max_sets(bound.len() as u32).pool_sizes(&sizes);
+    /// A set of `layout` for each list of buffers, which are in the order of the layout's `bindings`.
+    pub(super) fn new(
+        device: &Arc<Device>,
+        layout: vk::DescriptorSetLayout,
+        bindings: &[Binding],
+        bound: &[impl AsRef<[BufferRange]>],
+    ) -> Result<Self> {
+        let descriptor_count = bound.len() as u32;
+        let size = |&(_, buffer): &Binding| vk::DescriptorPoolSize { ty: descriptor_type(buffer), descriptor_count };
+        let sizes: Vec<_> = bindings.iter().map(size).collect();
+        let info = vk::DescriptorPoolCreateInfo::default().max_sets(descriptor_count).pool_sizes(&sizes);
         // SAFETY: the device is alive.
         let pool =
             unsafe { device.raw.create_descriptor_pool(&info, None) }.map_err(failed("vkCreateDescriptorPool"))?;
@@ -84,29 +60,31 @@ impl Sets {
         // SAFETY: pool and layout are ours; the pool has room for as many.
         sets.sets =
             unsafe { device.raw.allocate_descriptor_sets(&info) }.map_err(failed("vkAllocateDescriptorSets"))?;
-        for (set, bound) in bound.iter().enumerate() {
-            for (binding, bound) in (0..).zip(bound) {
-                sets.write(sets.sets[set], binding, bound)?;
+        for (set, ranges) in bound.iter().enumerate() {
+            for (binding, range) in bindings.iter().zip(ranges.as_ref()) {
+                sets.write(set, *binding, *range)?;
             }
         }
         Ok(sets)
     }
 
-    fn write(&mut self, set: vk::DescriptorSet, binding: u32, bound: &Bound) -> Result<()> {
-        use vk::DescriptorType as T;
-        let BufferRange { buffer, offset, size } = bound.range;
+    fn write(&mut self, set: usize, (binding, declared): Binding, bound: BufferRange) -> Result<()> {
+        let BufferRange { buffer, offset, size } = bound;
         let info = [vk::DescriptorBufferInfo { buffer, offset, range: size }];
-        let write = vk::WriteDescriptorSet::default().dst_set(set).dst_binding(binding).descriptor_type(bound.ty);
+        let write = vk::WriteDescriptorSet::default().dst_set(self.sets[set]).dst_binding(binding);
+        let write = write.descriptor_type(descriptor_type(declared));
         let view;
-        let write = if matches!(bound.ty, T::STORAGE_TEXEL_BUFFER | T::UNIFORM_TEXEL_BUFFER) {
-            let info =
-                vk::BufferViewCreateInfo::default().buffer(buffer).offset(offset).range(size).format(bound.format);
-            // SAFETY: the buffer was made for such views; every device has these formats for them.
-            view = [unsafe { self.device.raw.create_buffer_view(&info, None) }.map_err(failed("vkCreateBufferView"))?];
-            self.views.extend(view);
-            write.texel_buffer_view(&view)
-        } else {
-            write.buffer_info(&info)
+        let write = match declared {
+            Buffer::UniformTexels(format) | Buffer::StorageTexels(format) => {
+                let format = vk::Format::from_raw(format);
+                let info = vk::BufferViewCreateInfo::default().buffer(buffer).offset(offset).range(size).format(format);
+                // SAFETY: the buffer was made for such views; every device has these formats for them.
+                let made = unsafe { self.device.raw.create_buffer_view(&info, None) };
+                view = [made.map_err(failed("vkCreateBufferView"))?];
+                self.views.extend(view);
+                write.texel_buffer_view(&view)
+            }
+            Buffer::Storage(_) | Buffer::Dynamic(_) | Buffer::Poses | Buffer::DynamicDeltas => write.buffer_info(&info),
         };
         // SAFETY: the set is not in use yet; buffers and ranges are those of whoever owns the sets.
         unsafe { self.device.raw.update_descriptor_sets(&[write], &[]) };

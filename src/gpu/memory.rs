@@ -12,15 +12,6 @@ use std::sync::Arc;
 /// host can write to, which lists that change every frame need more.
 pub(crate) const STAGING: MemoryLocation = MemoryLocation::GpuToCpu;
 
-/// How to make a [`Buffer`].
-pub(crate) struct BufferDesc<'a> {
-    pub(crate) name: &'a str,
-    /// 0 is rounded up: Vulkan has no empty buffers.
-    pub(crate) bytes: u64,
-    pub(crate) usage: vk::BufferUsageFlags,
-    pub(crate) location: MemoryLocation,
-}
-
 /// A buffer and its memory. Dropped only when the device no longer uses it: the obligation of whoever drops
 /// the mesh or crowd that owns it.
 pub(crate) struct Buffer {
@@ -30,22 +21,29 @@ pub(crate) struct Buffer {
 }
 
 impl Buffer {
-    pub(crate) fn new(device: &Arc<Device>, desc: &BufferDesc<'_>) -> Result<Self> {
-        let bytes = desc.bytes.max(16);
+    /// A buffer of `bytes`; 0 is rounded up, since Vulkan has no empty buffers.
+    pub(crate) fn new(
+        device: &Arc<Device>,
+        name: &str,
+        bytes: u64,
+        usage: vk::BufferUsageFlags,
+        location: MemoryLocation,
+    ) -> Result<Self> {
+        let bytes = bytes.max(16);
         let most = device.caps.max_allocation.min(device.caps.max_buffer);
         if bytes > most {
             return Err(Error::invalid(
-                format!("'{}' needs {bytes} bytes, but {} allocates at most {most}", desc.name, device.caps.name),
+                format!("'{name}' needs {bytes} bytes, but {} allocates at most {most}", device.caps.name),
                 "use fewer instances, fewer slots, a smaller mesh or the snorm16 format",
             ));
         }
-        let info = vk::BufferCreateInfo::default().size(bytes).usage(desc.usage);
+        let info = vk::BufferCreateInfo::default().size(bytes).usage(usage);
         // SAFETY: the device is alive (Device::borrow); size and usage are valid, sharing is exclusive.
         let raw = unsafe { device.raw.create_buffer(&info, None) }.map_err(failed("vkCreateBuffer"))?;
         // From here on dropping `buffer` destroys what there is of it.
         let mut buffer = Self { device: device.clone(), raw, allocation: None };
-        let allocation = device.allocate(desc.name, raw, desc.location);
-        let allocation = buffer.allocation.insert(allocation.map_err(|e| allocation_failed(desc.name, bytes, &e))?);
+        let allocation = device.allocate(name, raw, location);
+        let allocation = buffer.allocation.insert(allocation.map_err(|e| allocation_failed(name, bytes, &e))?);
         // SAFETY: the allocation was made for this buffer's requirements and is bound once.
         unsafe { device.raw.bind_buffer_memory(raw, allocation.memory(), allocation.offset()) }
             .map_err(failed("vkBindBufferMemory"))?;

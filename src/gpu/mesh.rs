@@ -2,7 +2,7 @@
 
 use super::barriers;
 use super::device::Device;
-use super::memory::{Buffer, BufferDesc, STAGING};
+use super::memory::{Buffer, STAGING};
 use crate::error::Result;
 use crate::pack::PackedLayout;
 use crate::plan::schedule::asset_uploaded;
@@ -45,20 +45,15 @@ impl MeshBuffers {
             | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
             | vk::BufferUsageFlags::VERTEX_BUFFER
             | vk::BufferUsageFlags::TRANSFER_DST;
-        let buffer = |name, bytes, usage, location| Buffer::new(device, &BufferDesc { name, bytes, usage, location });
         let (base_bytes, delta_bytes) =
             (bytemuck::cast_slice::<f32, u8>(words.base), bytemuck::cast_slice::<u32, u8>(words.deltas));
-        // In blocks the base pose lies behind the deltas, and no buffer of its own is needed.
+        // In blocks the base pose follows the deltas, and no buffer of its own is needed.
         let one_buffer = layout.format.is_blocks() && words.private.is_none();
         let (base_size, base_at) = if one_buffer { (0, delta_bytes.len()) } else { (layout.base_bytes(), 0) };
-        let base = buffer("deltamorph base pose", base_size, usage, MemoryLocation::GpuOnly)?;
-        let deltas = buffer("deltamorph deltas", words.deltas_size, usage, MemoryLocation::GpuOnly)?;
-        let mut staging = buffer(
-            "deltamorph upload",
-            (base_bytes.len() + delta_bytes.len()) as u64,
-            vk::BufferUsageFlags::TRANSFER_SRC,
-            STAGING,
-        )?;
+        let base = Buffer::new(device, "deltamorph base pose", base_size, usage, MemoryLocation::GpuOnly)?;
+        let deltas = Buffer::new(device, "deltamorph deltas", words.deltas_size, usage, MemoryLocation::GpuOnly)?;
+        let (bytes, usage) = ((base_bytes.len() + delta_bytes.len()) as u64, vk::BufferUsageFlags::TRANSFER_SRC);
+        let mut staging = Buffer::new(device, "deltamorph upload", bytes, usage, STAGING)?;
         let mapped = staging.mapped()?;
         mapped[..base_bytes.len()].copy_from_slice(base_bytes);
         mapped[base_bytes.len()..][..delta_bytes.len()].copy_from_slice(delta_bytes);
@@ -78,7 +73,7 @@ impl MeshBuffers {
     }
 }
 
-/// Record the upload of all groups of a mesh, and one barrier behind it.
+/// Record the upload of all groups of a mesh, and one barrier after it.
 ///
 /// # Safety
 /// - `cmd` is in the recording state on `device`, outside a render pass, on a queue with graphics and compute.

@@ -1,9 +1,9 @@
 //! Pipelines and what they are made from, each destroyed with its owner.
 
-use super::descriptors::descriptor_type;
+use super::descriptors::{BufferRange, Sets, descriptor_type};
 use super::device::Device;
 use super::failed;
-use crate::abi::kernels::{KernelRow, Stage};
+use crate::abi::kernels::{Binding, KernelRow, Stage};
 use crate::abi::modules::Module;
 use crate::error::Result;
 use crate::pack::PoseFormat;
@@ -36,7 +36,8 @@ impl Drop for Pipelines {
 /// Objects of one update path; destroyed together. Dropped only when the device no longer uses them.
 pub(crate) struct Objects {
     pub(crate) device: Arc<Device>,
-    pub(crate) set_layout: vk::DescriptorSetLayout,
+    bindings: Vec<Binding>,
+    set_layout: vk::DescriptorSetLayout,
     pub(crate) layout: vk::PipelineLayout,
     pub(crate) render_pass: vk::RenderPass,
     pub(crate) framebuffer: vk::Framebuffer,
@@ -48,6 +49,7 @@ impl Objects {
     pub(crate) fn none(device: &Arc<Device>) -> Self {
         Self {
             device: device.clone(),
+            bindings: vec![],
             set_layout: vk::DescriptorSetLayout::null(),
             layout: vk::PipelineLayout::null(),
             render_pass: vk::RenderPass::null(),
@@ -69,11 +71,12 @@ impl Objects {
                 let layout = vk::DescriptorSetLayoutBinding::default().binding(binding).descriptor_type(ty);
                 layout.descriptor_count(1).stage_flags(stage)
             };
-            let bindings: Vec<_> = bindings.into_iter().map(binding).collect();
-            let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
+            let declared: Vec<_> = bindings.iter().copied().map(binding).collect();
+            let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&declared);
             // SAFETY: the device is alive; the bindings are distinct.
             self.set_layout = unsafe { self.device.raw.create_descriptor_set_layout(&info, None) }
                 .map_err(failed("vkCreateDescriptorSetLayout"))?;
+            self.bindings = bindings;
         }
         let push_bytes =
             kernels.iter().map(|kernel| kernel.push.members().1 as u32).fold(attribute_push_bytes, u32::max);
@@ -90,6 +93,11 @@ impl Objects {
         self.layout =
             unsafe { self.device.raw.create_pipeline_layout(&info, None) }.map_err(failed("vkCreatePipelineLayout"))?;
         Ok(())
+    }
+
+    /// A descriptor set for each list of buffers, which are in the order of the kernels' bindings.
+    pub(crate) fn sets(&self, bound: &[impl AsRef<[BufferRange]>]) -> Result<Sets> {
+        Sets::new(&self.device, self.set_layout, &self.bindings, bound)
     }
 
     /// A render pass without attachments and its framebuffer: rasterizer discard needs no more, and core

@@ -2,13 +2,13 @@
 
 use super::descriptors::BufferRange;
 use super::device::Device;
-use super::memory::{Buffer, BufferDesc};
+use super::memory::Buffer;
 use crate::error::Result;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
 
-/// The parts, one behind the other.
+/// The parts, one after the other.
 pub(crate) struct Ring {
     buffer: Buffer,
     /// Bytes of a part, a multiple of 256.
@@ -30,7 +30,7 @@ impl Ring {
         usage: vk::BufferUsageFlags,
     ) -> Result<Self> {
         let bytes = part.saturating_mul(frames.into());
-        let mut buffer = Buffer::new(device, &BufferDesc { name, bytes, usage, location: MemoryLocation::CpuToGpu })?;
+        let mut buffer = Buffer::new(device, name, bytes, usage, MemoryLocation::CpuToGpu)?;
         buffer.mapped()?;
         Ok(Self { buffer, part })
     }

@@ -6,8 +6,8 @@ use crate::abi::modules::READ;
 use crate::abi::numbers::WORKGROUP;
 use crate::abi::push::ReadPush;
 use crate::error::Result;
-use crate::gpu::descriptors::{Bound, Sets};
-use crate::gpu::memory::{Buffer, BufferDesc};
+use crate::gpu::descriptors::BufferRange;
+use crate::gpu::memory::Buffer;
 use crate::gpu::pipelines::Objects;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
@@ -37,15 +37,14 @@ impl Headless {
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::TRANSFER_SRC
             | vk::BufferUsageFlags::TRANSFER_DST;
-        let buffer =
-            |name, bytes| Buffer::new(device, &BufferDesc { name, bytes, usage, location: MemoryLocation::GpuOnly });
-        let (from, to) = (buffer("bandwidth source", bytes)?, buffer("bandwidth target", bytes)?);
+        let buffer = |name| Buffer::new(device, name, bytes, usage, MemoryLocation::GpuOnly);
+        let (from, to) = (buffer("bandwidth source")?, buffer("bandwidth target")?);
 
         let mut objects = Objects::none(device);
         objects.add_layout(&[READ.kernel], 0)?;
         objects.add_compute(READ, &[&[]])?;
-        let bound = [&from, &to].map(|buffer| Bound::new(buffer.raw, 0, bytes)).to_vec();
-        let sets = Sets::new(device, objects.set_layout, &[bound])?;
+        let bound = [&from, &to].map(|buffer| BufferRange::new(buffer.raw, 0, bytes));
+        let sets = objects.sets(&[bound])?;
         let (device, submitter) = (&objects.device.raw, &self.submitter);
         let push = ReadPush { count: (bytes / 16) as u32, stride: INVOCATIONS };
         let region = [vk::BufferCopy { src_offset: 0, dst_offset: 0, size: bytes }];

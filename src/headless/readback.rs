@@ -3,7 +3,7 @@
 use super::Headless;
 use super::submit::full_barrier;
 use crate::error::Result;
-use crate::gpu::memory::{Buffer, BufferDesc};
+use crate::gpu::memory::Buffer;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 
@@ -17,8 +17,7 @@ impl Readback {
     /// Room for so many bytes at once, a multiple of 4 (≥ 4).
     pub(super) fn new(headless: &Headless, bytes: u64) -> Result<Self> {
         let (usage, location) = (vk::BufferUsageFlags::TRANSFER_DST, MemoryLocation::GpuToCpu);
-        let desc = BufferDesc { name: "readback", bytes, usage, location };
-        Ok(Self { buffer: Buffer::new(headless.engine.device(), &desc)?, bytes })
+        Ok(Self { buffer: Buffer::new(headless.engine.device(), "readback", bytes, usage, location)?, bytes })
     }
 
     /// `size` bytes of `buffer` from `offset` on, which are there and not in use, as words.

@@ -6,7 +6,7 @@ use super::draw::PoseDraw;
 use super::readback::Readback;
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
-use crate::gpu::memory::{Buffer, BufferDesc, STAGING};
+use crate::gpu::memory::{Buffer, STAGING};
 use crate::pack::{PackedLayout, PoseFormat};
 use crate::plan::schedule::asset_uploaded;
 use ash::vk;
@@ -45,7 +45,7 @@ impl<'a> PoseUpload<'a> {
             return Err(Error::invalid("an upload of no pose", "leave it out"));
         }
         let device = headless.engine.device();
-        let buffer = |name, usage, location| Buffer::new(device, &BufferDesc { name, bytes, usage, location });
+        let buffer = |name, usage, location| Buffer::new(device, name, bytes, usage, location);
         let mut staging = buffer("poses to upload", vk::BufferUsageFlags::TRANSFER_SRC, STAGING)?;
         staging.mapped()?;
         let usage = vk::BufferUsageFlags::VERTEX_BUFFER

@@ -56,10 +56,11 @@ fn parse(path: &Path, text: &[u8]) -> Result<(Vec<String>, Vec<f32>)> {
             }
         }
         let line = || line_at(text, record.position().map_or(0, csv::Position::byte));
-        let refuse = |what: String, remedy| Err(Error::input(path, format!(": line {}", line()), what, remedy));
-        let refuse_column = |name: &str, what: String, remedy| {
-            Err(Error::input(path, format!(": column '{name}', line {}", line()), what, remedy))
+        let refuse_at = |column: &str, what: String, remedy| {
+            Err(Error::input(path, format!(": {column}line {}", line()), what, remedy))
         };
+        let refuse = |what, remedy| refuse_at("", what, remedy);
+        let refuse_column = |name: &str, what, remedy| refuse_at(&format!("column '{name}', "), what, remedy);
         if names.is_empty() {
             // A single column: perhaps another character was meant to divide the line.
             let divided = |by: &char| record.len() == 1 && record[0].contains(*by);
@@ -73,11 +74,8 @@ fn parse(path: &Path, text: &[u8]) -> Result<(Vec<String>, Vec<f32>)> {
                     return refuse(what, "name every column after its target");
                 }
                 if !seen.insert(name) {
-                    return refuse_column(
-                        name,
-                        "the second column of this name".into(),
-                        "rename or remove one of them",
-                    );
+                    let what = "the second column of this name".to_owned();
+                    return refuse_column(name, what, "rename or remove one of them");
                 }
             }
             names = record.iter().map(str::to_owned).collect();
@@ -162,29 +160,17 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_accepted_is_whole_and_nothing_panics(text in "([ab\"',;#.0-9eN\\r\\n\\-]|é){0,40}") {
-            if let Ok((names, values)) = parse(Path::new("w.csv"), text.as_bytes()) {
+        fn what_is_accepted_is_whole_and_nothing_panics(
+            text in prop_oneof![
+                "([ab\"',;#.0-9eN\\r\\n\\-]|é){0,40}".prop_map(String::into_bytes),
+                prop::collection::vec(any::<u8>(), 0..200),
+            ],
+        ) {
+            if let Ok((names, values)) = parse(Path::new("w.csv"), &text) {
                 prop_assert!(!names.is_empty() && values.len() % names.len() == 0);
                 prop_assert!(values.iter().all(|w| w.is_finite()));
             }
         }
-
-        #[test]
-        fn random_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
-            let _ = parse(Path::new("w.csv"), &bytes);
-        }
-    }
-
-    fn read_text(text: &str) -> Result<(Vec<String>, Vec<f32>)> {
-        parse(Path::new("w.csv"), text.as_bytes())
-    }
-
-    #[test]
-    fn rows_and_names_are_read() {
-        let (names, values) = read_text(" a ,\"b,c\"\r\n0.5,-2\r\n\r\n 1e-3 ,3.5").unwrap();
-        assert_eq!(names, ["a", "b,c"]);
-        assert_eq!(values, [0.5, -2.0, 0.001, 3.5]);
-        assert_eq!(read_text("a,b\n").unwrap(), (vec!["a".into(), "b".into()], vec![]));
     }
 
     #[test]
@@ -207,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn the_frame_rate_is_read_from_the_name() {
+    fn the_frame_rate_is_given_or_read_from_the_name() {
         let of = |name: &str| fps_of_name(Path::new(name));
         assert_eq!(of("weights/walk_30fps.csv"), Some(30.0));
         assert_eq!(of("a.b_29.97FPS.csv"), Some(29.97));
@@ -215,24 +201,22 @@ mod tests {
         for none in ["walk.csv", "fps.csv", "_fps.csv", "a_0fps.csv", "a_inffps.csv", "a_1.2.3fps.csv", "30/fps.csv"] {
             assert_eq!(of(none), None, "{none}");
         }
-    }
-
-    #[test]
-    fn a_rate_that_is_given_beats_the_name() {
         let dir = tempfile::tempdir().unwrap();
-        let fps = |name: &str, given| {
-            std::fs::write(dir.path().join(name), "a\n").unwrap();
-            read(&dir.path().join(name), given).unwrap().fps
-        };
-        assert_eq!(fps("x_24fps.csv", Some(60.0)), 60.0);
-        assert_eq!(fps("x_24fps.csv", None), 24.0);
-        assert_eq!(fps("x.csv", None), DEFAULT_FPS);
-        let refused = read(&dir.path().join("x_24fps.csv"), Some(f32::NAN)).unwrap_err().to_string();
-        assert!(refused.contains("the frame rate is NaN"), "{refused}");
+        for (name, given, expected) in
+            [("x_24fps.csv", Some(60.0), 60.0), ("x_24fps.csv", None, 24.0), ("x.csv", None, DEFAULT_FPS)]
+        {
+            let path = dir.path().join(name);
+            std::fs::write(&path, "a\n").unwrap();
+            assert_eq!(read(&path, given).unwrap().fps, expected);
+            let refused = read(&path, Some(f32::NAN)).unwrap_err().to_string();
+            assert!(refused.contains("the frame rate is NaN"), "{refused}");
+        }
     }
 
     #[test]
-    fn a_written_clip_reads_back() {
+    fn clips_are_read_however_they_are_written() {
+        let (names, values) = parse(Path::new("w.csv"), b" a ,\"b,c\"\r\n0.5,-2\r\n\r\n 1e-3 ,3.5").unwrap();
+        assert_eq!((names, values), (vec!["a".to_owned(), "b,c".to_owned()], vec![0.5, -2.0, 0.001, 3.5]));
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("talk_24fps.csv");
         let values = vec![0.1, -0.0, 1.0 / 3.0, 1e-20, 2.5, 0.0];
@@ -240,8 +224,9 @@ mod tests {
         write(&path, &clip).unwrap();
         assert_eq!(read(&path, None).unwrap(), clip);
 
-        std::fs::write(&path, b"\xef\xbb\xbfjawOpen\n1\n").unwrap();
-        assert_eq!(read(&path, None).unwrap().names, ["jawOpen"]);
+        std::fs::write(&path, b"\xef\xbb\xbfjawOpen,b\n").unwrap();
+        let empty = read(&path, None).unwrap();
+        assert_eq!((&empty.names[..], empty.frame_count()), (&["jawOpen".to_owned(), "b".to_owned()][..], 0));
         assert!(read(&dir.path().join("none.csv"), None).unwrap_err().to_string().contains("none.csv: cannot read"));
         assert!(write(&path, &WeightClip::default()).is_err());
     }

@@ -97,21 +97,14 @@ pub fn open_clip(path: &Path, fps: Option<f32>) -> Result<WeightClip> {
 
 fn open_folder(path: &Path) -> Result<Imported> {
     let mesh = ImportedMesh::Source(obj::import_folder(path)?);
-    Ok(Imported { mesh, clips: clips_in(&path.join("weights"))? })
+    let weights = path.join("weights");
+    let mut clips = if weights.is_dir() { list(&weights)? } else { vec![] };
+    clips.retain(|path| has_extension(path, "csv") && path.is_file());
+    Ok(Imported { mesh, clips })
 }
 
 fn open_packed(path: &Path) -> Result<Imported> {
     Ok(Imported { mesh: ImportedMesh::Packed(Asset::read(path)?), clips: vec![] })
-}
-
-/// The CSV files in a folder, by name; none where there is no folder.
-fn clips_in(folder: &Path) -> Result<Vec<PathBuf>> {
-    if !folder.is_dir() {
-        return Ok(vec![]);
-    }
-    let mut clips = list(folder)?;
-    clips.retain(|path| has_extension(path, "csv") && path.is_file());
-    Ok(clips)
 }
 
 #[cfg(test)]
@@ -120,53 +113,46 @@ mod tests {
     use crate::asset::Tolerance;
     use crate::pack::{DeltaFormat, PackDesc};
 
-    const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 1\nf 1/1 2/1 3/1\nf 2/2 1/1 3/1\n";
-
-    fn message(path: &Path) -> String {
-        open(path, &ImportDesc::default()).unwrap_err().to_string()
-    }
-
     #[test]
     fn a_folder_comes_with_its_clips_in_order() {
         let dir = tempfile::tempdir().unwrap();
+        let weights = dir.path().join("weights");
+        let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 1\nf 1/1 2/1 3/1\nf 2/2 1/1 3/1\n";
         std::fs::create_dir(dir.path().join("targets")).unwrap();
-        std::fs::write(dir.path().join("neutral.obj"), TRIANGLE).unwrap();
-        let count = |desc: &ImportDesc| match open(dir.path(), desc).unwrap() {
+        std::fs::write(dir.path().join("neutral.obj"), triangle).unwrap();
+        let found = |desc: ImportDesc| match open(dir.path(), &desc).unwrap() {
             Imported { mesh: ImportedMesh::Source(source), clips } => (source.positions.len(), clips),
             Imported { mesh: ImportedMesh::Packed(_), .. } => panic!("nothing is packed"),
         };
-        assert_eq!(count(&ImportDesc::default()), (3, vec![]));
-        assert_eq!(count(&ImportDesc::default().split(true)).0, 4);
-        let weights = dir.path().join("weights");
+        assert_eq!(found(ImportDesc::default()), (3, vec![]));
         std::fs::create_dir(&weights).unwrap();
         for name in ["b.csv", "a.CSV", "notes.txt"] {
             std::fs::write(weights.join(name), "").unwrap();
         }
-        assert_eq!(count(&ImportDesc::default()).1, [weights.join("a.CSV"), weights.join("b.csv")]);
+        let clips = vec![weights.join("a.CSV"), weights.join("b.csv")];
+        assert_eq!(found(ImportDesc::default().split(true)), (4, clips));
     }
 
     #[test]
-    fn a_packed_file_is_known_by_its_name() {
+    fn a_packed_file_is_known_by_its_name_and_the_rest_is_refused_with_a_remedy() {
         let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("a.DMORPH");
-        std::fs::write(&path, "").unwrap();
-        assert!(message(&path).contains("a.DMORPH: does not begin as a packed mesh does"), "{}", message(&path));
-        let mesh = sample::head(&sample::HeadDesc { vertices: 99, ..Default::default() }).to_mesh(Tolerance::ZERO);
+        let path = dir.path().join("head.DMORPH");
+        let mesh = sample::head(&sample::HeadDesc::default().vertices(99)).to_mesh(Tolerance::ZERO);
         let asset = Asset::pack(&mesh.unwrap(), &PackDesc::new(DeltaFormat::Small)).unwrap();
         asset.write(&path).unwrap();
-        match open(&path, &ImportDesc::default()).unwrap().mesh {
-            ImportedMesh::Packed(read) => assert_eq!(read, asset),
-            ImportedMesh::Source(_) => panic!("it is packed"),
-        }
-    }
+        let opened = open(&path, &ImportDesc::default()).unwrap();
+        assert!(matches!(opened.mesh, ImportedMesh::Packed(read) if read == asset));
 
-    #[test]
-    fn what_cannot_be_opened_comes_with_a_remedy() {
-        let dir = tempfile::tempdir().unwrap();
-        std::fs::write(dir.path().join("a.glb"), "").unwrap();
-        for (name, part) in [("a.glb", "a.glb: a file of a kind"), ("none", "none: no such file or folder")] {
-            let text = message(&dir.path().join(name));
-            assert!(text.contains(part) && text.contains("neutral.obj") && text.contains("*.dmorph"), "{text}");
+        for name in ["a.DMORPH", "a.glb"] {
+            std::fs::write(dir.path().join(name), "").unwrap();
+        }
+        for (name, parts) in [
+            ("a.DMORPH", ["a.DMORPH: does not begin as a packed mesh does"; 2]),
+            ("a.glb", ["a.glb: a file of a kind", "neutral.obj and targets/*.obj, or a file"]),
+            ("none", ["none: no such file or folder", "(*.dmorph)"]),
+        ] {
+            let text = open(&dir.path().join(name), &ImportDesc::default()).unwrap_err().to_string();
+            assert!(parts.iter().all(|part| text.contains(part)), "{text}");
         }
     }
 }

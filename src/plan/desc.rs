@@ -6,7 +6,7 @@ use crate::pack::PoseFormat;
 use crate::setters::setters;
 
 impl UpdatePath {
-    /// The mode where none is asked for.
+    /// The mode where none is named.
     pub const fn default_mode(self) -> UpdateMode {
         if self.rebuilds_only() { UpdateMode::Rebuild } else { UpdateMode::Incremental }
     }

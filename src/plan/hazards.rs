@@ -156,11 +156,6 @@ pub struct HazardChecker {
 }
 
 impl HazardChecker {
-    /// Nothing accessed yet.
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// An upload writes the asset, and this barrier follows it.
     pub fn upload(&mut self, barrier: Option<Barrier>) {
         self.copy(0, &[Memory::Base, Memory::Deltas], barrier);

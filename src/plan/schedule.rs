@@ -29,19 +29,14 @@ impl Barrier {
     }
 }
 
-/// What copies of an upload write, and what updates and draws read of it.
-const UPLOADED: [&[Use]; 2] = [
-    &[Use::copy(Resource::Asset)],
-    &[
+/// The barrier after the copies of an upload: every technique may read base pose and deltas.
+pub fn asset_uploaded() -> Option<Barrier> {
+    let used = [
         Use::new(Resource::Asset, Stage::VertexInput, Access::AttributeRead),
         Use::new(Resource::Asset, Stage::VertexShader, Access::ShaderRead),
         Use::read(Resource::Asset),
-    ],
-];
-
-/// The barrier after the copies of an upload: every technique may read base pose and deltas.
-pub fn asset_uploaded() -> Option<Barrier> {
-    Barrier::between(UPLOADED[0], UPLOADED[1])
+    ];
+    Barrier::between(&[Use::copy(Resource::Asset)], &used)
 }
 
 /// What is recorded, one after the other.

@@ -31,7 +31,7 @@ pub(crate) fn scheduled(updates: &[&Steps], accesses: impl FnMut(u32, &[Work]) -
 
 /// A checker that has seen the upload of the mesh, and what making a crowd that is animated on the GPU writes.
 pub(crate) fn checker() -> HazardChecker {
-    let mut checker = HazardChecker::new();
+    let mut checker = HazardChecker::default();
     checker.upload(asset_uploaded());
     let written = [Memory::Clips, Memory::Records, Memory::Weights, Memory::History, Memory::Counters];
     let [copied, used] = crate::update::animated::UPLOADED;
@@ -92,7 +92,7 @@ fn several_crowds_have_common_rounds_and_barriers() {
         .collect();
     assert_eq!(shape, [None, Some(0), Some(1), Some(3), None, Some(1), None, Some(1), None]);
     for dropped in [None, Some(0), Some(4), Some(6), Some(8)] {
-        let mut checker = HazardChecker::new();
+        let mut checker = HazardChecker::default();
         for frame in 0..3 {
             let mut events = events.clone();
             if let (1, Some(at)) = (frame, dropped) {
@@ -135,7 +135,7 @@ fn works_of_a_step_must_not_share_what_they_write() {
     let pose = |instance| Memory::Pose { instance, slot: 0 };
     let work = |instance| Accesses::compute([Memory::Deltas], [pose(instance)]);
     for (other, wrong) in [(work(1), false), (work(0), true), (Accesses::compute([pose(0)], [pose(1)]), true)] {
-        let mut checker = HazardChecker::new();
+        let mut checker = HazardChecker::default();
         checker.update(&[Recorded::Step { crowd: 0, works: vec![work(0), other] }]);
         assert_eq!(checker.finish().is_err(), wrong);
     }

@@ -40,13 +40,11 @@ pub fn check_weights<'a>(weights: &[f32], name: impl Fn(usize) -> Option<&'a str
             "pass one weight for each target, in the order of the mesh",
         ));
     }
-    match weights.iter().position(|w| !(-WEIGHT_MAX..=WEIGHT_MAX).contains(w)) {
-        None => Ok(()),
-        Some(i) => Err(Error::invalid(
-            format!("the weight of target {i} ('{}') is {}", name(i).unwrap_or("?"), weights[i]),
-            format!("weights may be negative or above one, but must be numbers from -{WEIGHT_MAX} to {WEIGHT_MAX}"),
-        )),
-    }
+    let Some(i) = weights.iter().position(|w| !(-WEIGHT_MAX..=WEIGHT_MAX).contains(w)) else { return Ok(()) };
+    Err(Error::invalid(
+        format!("the weight of target {i} ('{}') is {}", name(i).unwrap_or("?"), weights[i]),
+        format!("weights may be negative or above one, but must be numbers from -{WEIGHT_MAX} to {WEIGHT_MAX}"),
+    ))
 }
 
 #[cfg(test)]

@@ -27,18 +27,11 @@ impl Machine {
         let threads = args.update.threads.unwrap_or(0);
         let spinner = out.spinner("measuring memory bandwidth");
         let largest = (input.kept.vertex_count() * input.kept.targets.len() * DeltaFormat::Float32.stride()) as u64;
-        let cpu = bandwidth::measure(largest, threads);
-        let on_device = match &gpu {
-            Some(gpu) => gpu.bandwidth(largest.max(1 << 20))?,
-            None => None,
-        };
+        let (cpu_read_gb_s, cpu_copy_gb_s) = bandwidth::measure(largest, threads).unzip();
+        let on_device = gpu.as_ref().map_or(Ok(None), |gpu| gpu.bandwidth(largest.max(1 << 20)))?;
+        let (device_copy_gb_s, device_read_gb_s) = on_device.map(|b| (b.copy, b.read)).unzip();
         spinner.finish_and_clear();
-        let bandwidth = Bandwidth {
-            cpu_read_gb_s: cpu.map(|b| b.0),
-            cpu_copy_gb_s: cpu.map(|b| b.1),
-            device_copy_gb_s: on_device.map(|b| b.copy),
-            device_read_gb_s: on_device.map(|b| b.read),
-        };
+        let bandwidth = Bandwidth { cpu_read_gb_s, cpu_copy_gb_s, device_copy_gb_s, device_read_gb_s };
         Ok(Self { gpu, bandwidth, threads })
     }
 

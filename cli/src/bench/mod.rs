@@ -10,7 +10,7 @@ mod configs;
 mod interleave;
 mod machine;
 mod record;
-pub mod report;
+mod report;
 mod run;
 mod setting;
 mod stamp;

@@ -106,13 +106,6 @@ pub struct RunRecord {
 }
 
 impl RunRecord {
-    /// What is wrong has no times worth telling.
-    pub fn forget_times(&mut self) {
-        (self.gpu_ms, self.cpu_ms, self.draw_ms, self.update_and_draw_ms) = (None, None, None, None);
-        (self.upload_ms, self.floor_fraction) = (None, None);
-        self.rounds.clear();
-    }
-
     /// What the plots show: time on the device, with its draws where it had any, or for paths without a device the
     /// round trip.
     pub fn time(&self) -> Option<Stats> {
@@ -155,6 +148,12 @@ pub fn heads_words(heads: u32, shared: bool) -> String {
         (1, true) => "1 copy".into(),
         (n, true) => format!("{n} copies, one animation"),
     }
+}
+
+/// `name`, with a number after it where that is `taken`.
+pub fn unused(name: &str, gap: &str, taken: impl Fn(&str) -> bool) -> String {
+    let numbered = (2u32..).map(|n| format!("{name}{gap}{n}"));
+    std::iter::once(name.into()).chain(numbered).find(|name| !taken(name)).unwrap_or_default()
 }
 
 fn one() -> u32 {

@@ -17,7 +17,12 @@ pub struct Setting<'a> {
     pub brief: bool,
 }
 
-impl Setting<'_> {
+impl<'a> Setting<'a> {
+    /// What suites measure: heads each with weights of their own, drawn, checked after a few frames.
+    pub fn of_suite(workload: &'a Workload, heads: u32) -> Self {
+        Self { workload, heads, shared: false, drawn: true, brief: true }
+    }
+
     /// Heads that are updated.
     pub fn updated(&self) -> u32 {
         if self.shared { 1 } else { self.heads }

@@ -5,6 +5,7 @@ use super::configs::{Wanted, configurations};
 use super::interleave::{Candidate, Schedule, interleave};
 use super::machine::Machine;
 use super::record::{Report, Skipped};
+use super::run::unused;
 use super::setting::{Config, Setting};
 use super::trial::Context;
 use super::workload::Workload;
@@ -88,9 +89,7 @@ fn clips(args: &BenchArgs, input: &Input) -> Result<Vec<BoundClip>, Failure> {
         let mut clip = input::clip(path, &args.input, &input.kept)?;
         // Reports tell workloads apart by name.
         let taken = |name: &str| name == "random" || clips.iter().any(|c| c.name == name);
-        let numbered = (2..).map(|n| format!("{} {n}", clip.name));
-        let name: Option<String> = std::iter::once(clip.name.clone()).chain(numbered).find(|name| !taken(name));
-        clip.name = name.unwrap_or_default();
+        clip.name = unused(&clip.name, " ", taken);
         clips.push(clip);
     }
     Ok(clips)

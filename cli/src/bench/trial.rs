@@ -180,7 +180,10 @@ impl<'a> Trial<'a> {
     pub fn finish(mut self, cache: &mut Cache) -> Result<RunRecord> {
         if !self.timed.is_empty() {
             self.verify(cache)?;
-            self.sum_up()?;
+            // What is wrong has no times worth telling.
+            if self.is_right() {
+                self.sum_up()?;
+            }
         }
         let (found, diagonal) = (&self.found, self.promise.scale);
         let mut record = self.record;
@@ -191,7 +194,7 @@ impl<'a> Trial<'a> {
         record.raw_error_rel = self.context.input.packed.is_none().then_some(found.raw.position / diagonal);
         record.verified = self.promise.kept(found);
         if !record.verified {
-            record.forget_times();
+            record.rounds.clear();
             record.problem = Some(self.promise.complaint(found));
         }
         Ok(record)

@@ -2,10 +2,9 @@
 
 use super::Info;
 use super::sweep::{PoseRow, SweepRow};
-use crate::bench::report::family::{COLORS, MARKERS};
 use crate::output::{self, Failure, publish, to_json, write_file};
-use crate::page::{self, document, text_table};
-use crate::plots::{Axes, Chart, Figure, Point, Series};
+use crate::page::{self, document, table};
+use crate::plots::{Axes, Chart, Figure, Look, Point, Series};
 use crate::table::{Column, Table, bytes, percent, sig3, thousands};
 use maud::{Markup, html};
 use std::path::Path;
@@ -62,8 +61,7 @@ fn figures(info: &Info) -> [Figure; 2] {
         ],
         chart: Chart::Lines {
             labels: ["bytes, as a share of float32 for every vertex and target", y_label],
-            axes: Axes::Log,
-            reference: None,
+            axes: Axes::Values,
             series: series(info.sweep.as_deref().unwrap_or_default(), error),
         },
     };
@@ -84,17 +82,14 @@ fn series(rows: &[SweepRow], error: Error) -> Vec<Series> {
         let (label, point) = (label(row), Point { x: row.share, y: error(row), error: 0.0 });
         match all.iter_mut().find(|s| s.label == label) {
             Some(series) => series.points.push(point),
-            None => {
-                let ([color, _], marker) = (COLORS[all.len() % COLORS.len()], MARKERS[all.len() % MARKERS.len()]);
-                all.push(Series { label, color, marker, points: vec![point] });
-            }
+            None => all.push(Series { label, look: Look::new(all.len(), all.len()), points: vec![point] }),
         }
     }
     all
 }
 
 fn pose_table(rows: &[PoseRow]) -> Markup {
-    let columns: &[Column<'_, PoseRow>] = &[
+    let columns: [Column<'_, PoseRow>; 6] = [
         ("clip", &|r| r.clip.clone()),
         ("frames", &|r| r.frames.to_string()),
         ("format", &|r| r.format.into()),
@@ -106,7 +101,7 @@ fn pose_table(rows: &[PoseRow]) -> Markup {
         @if rows.is_empty() {
             p.note { "There is no clip to take poses from." }
         } @else {
-            (text_table(&Table::of(rows, columns)))
+            (table(&Table::of(rows, &columns), |_| (None, None)))
             p.note {
                 "Largest errors against the raw files: dropped deltas and packing together, the weights as captured. \
                  Where targets fold a normal to almost nothing, a small error turns it far: the last column leaves out \
@@ -128,7 +123,7 @@ fn sweep_table(rows: &[SweepRow]) -> Markup {
         ("position error / diagonal", &|r| sig3(r.cost.position_error_rel)),
         ("normals", &|r| degrees(r.cost.normal_error_deg)),
     ];
-    text_table(&Table::of(rows, columns))
+    table(&Table::of(rows, columns), |_| (None, None))
 }
 
 fn degrees(angle: f64) -> String {

@@ -1,7 +1,7 @@
 //! Axes: which values are marked, and where they stand.
 
 use super::figure::ALL;
-use crate::table::{percent, sig3};
+use crate::table::sig3;
 use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
 use plotters::coord::types::RangedCoordf64;
 use std::ops::Range;
@@ -32,39 +32,20 @@ const END: f64 = 0.92;
 const CHARACTER: f64 = 0.016;
 
 impl Axis {
-    /// An axis for lengths of time, ratios and the like: logarithmic when the values span much, else from 0.
+    /// An axis for measures: logarithmic when those above 0 span much, so that 0 stands at the start; else from 0.
     pub fn values(values: impl IntoIterator<Item = f64>) -> Self {
-        let (lo, hi) = span(values);
-        if lo > 0.0 && hi / lo >= LOG_RATIO { Self::log(lo, hi) } else { Self::from_zero(hi) }
+        let (lo, hi) = span(values.into_iter().filter(|v| *v > 0.0));
+        if lo <= 0.0 || hi / lo < LOG_RATIO {
+            return Self::from_zero(hi);
+        }
+        let (lo, hi) = (lo / 1.15, hi * 1.15);
+        Self::new(true, lo, hi, 1.0, &log_ticks(lo, hi))
     }
 
     /// A linear axis from 0.
     pub fn from_zero(hi: f64) -> Self {
         let hi = if hi > 0.0 { 1.05 * hi } else { 1.0 };
-        Self::new(false, 0.0, hi, 1.0, &marks(0.0, hi, MOST_TICKS), label)
-    }
-
-    /// A linear axis for shares.
-    pub fn shares(hi: f64) -> Self {
-        Self::new(false, 0.0, hi, 1.0, &[0.0, 0.25, 0.5, 0.75, 1.0], percent)
-    }
-
-    /// An axis without marks.
-    pub fn none() -> Self {
-        Self::new(false, 0.0, 1.0, 1.0, &[], label)
-    }
-
-    /// A logarithmic axis for the values above 0.
-    pub fn log_of(values: impl IntoIterator<Item = f64>) -> Self {
-        let (lo, hi) = span(values.into_iter().filter(|v| *v > 0.0));
-        // Nothing above 0 leaves a decade of nothing.
-        if lo > 0.0 { Self::log(lo, hi) } else { Self::log(0.1, 1.0) }
-    }
-
-    /// A logarithmic axis that holds `lo` and `hi` with some air.
-    fn log(lo: f64, hi: f64) -> Self {
-        let (lo, hi) = (lo / 1.15, hi * 1.15);
-        Self::new(true, lo, hi, 1.0, &log_ticks(lo, hi), label)
+        Self::new(false, 0.0, hi, 1.0, &marks(0.0, hi, MOST_TICKS))
     }
 
     /// An axis for counts: the own values while they are few, logarithmic when they span much. What is not finite
@@ -85,10 +66,10 @@ impl Axis {
         };
         let air = 0.02 * (hi - lo).max(1.0);
         let (lo, hi) = if log { (lo / 1.1, hi * 1.1) } else { (lo - air, hi + air) };
-        Self::new(log, lo, hi, end, &ticks, label)
+        Self::new(log, lo, hi, end, &ticks)
     }
 
-    fn new(log: bool, lo: f64, hi: f64, end: f64, ticks: &[f64], label: fn(f64) -> String) -> Self {
+    fn new(log: bool, lo: f64, hi: f64, end: f64, ticks: &[f64]) -> Self {
         let mut axis = Self { log, lo, hi, end, ticks: ticks.iter().map(|&tick| (tick, label(tick))).collect() };
         if end < 1.0 {
             axis.ticks.push((ALL, "all".into()));
@@ -119,11 +100,6 @@ impl Axis {
             (value - self.lo) / (self.hi - self.lo)
         };
         self.end * part
-    }
-
-    /// Between the numbers and "all", where there is one.
-    pub fn gap(&self) -> Option<f64> {
-        (self.end < 1.0).then_some(0.75 * self.end + 0.25)
     }
 
     /// The label of a tick; empty where there is no room for one.
@@ -195,24 +171,19 @@ mod tests {
             (Axis::from_zero(0.0), false, "0 0.2 0.4 0.6 0.8 1"),
             (Axis::values([8.0, 12.0]), false, "0 2 4 6 8 10 12"),
             (Axis::values([8.0, 52.0]), true, "7 10 15 20 30 40 50"),
-            (Axis::log_of([0.0, 1e-6, 1e-4]), true, "1e-6 2e-6 3e-6 5e-6 1e-5 2e-5 3e-5 5e-5 1e-4"),
-            (Axis::log_of([]), true, "0.1 0.15 0.2 0.3 0.4 0.5 0.7 1"),
+            (Axis::values([0.0, 1e-6, 1e-4]), true, "1e-6 2e-6 3e-6 5e-6 1e-5 2e-5 3e-5 5e-5 1e-4"),
+            (Axis::values([]), false, "0 0.2 0.4 0.6 0.8 1"),
             (Axis::counts((1..=12).map(f64::from)), false, "1 2 3 4 5 6 7 8 9 10 11 12"),
             (Axis::counts([4.0, 16.0, 36.0, 72.0]), false, "4 16 36 72"),
             (Axis::counts([1.0, 8.0, ALL]), false, "1 8 all"),
             (Axis::counts([1.0, 64.0]), true, "1 64"),
-            (Axis::shares(1.5), false, "0 % 25.0 % 50.0 % 75.0 % 100 %"),
+            // Labels that would touch are left out; the last one stays.
+            (Axis::counts([1.0, 2.0, 4.0, 8.0, 700.0, 720.0]), true, "1 2 4 8  720"),
         ] {
             assert_eq!((axis.log, labels(&axis).as_str()), (log, expected), "{axis:?}");
         }
-        assert_eq!(Axis::log_of([0.0]).at(0.0), 0.0);
+        assert_eq!(Axis::values([0.0, 1.0, 9.0]).at(0.0), 0.0);
         assert_eq!([0.5, 7.0, 1.5, 100.0, 2000.0, 1e-5].map(label), ["0.5", "7", "1.5", "100", "2000", "1e-5"]);
-    }
-
-    #[test]
-    fn labels_that_would_touch_are_left_out() {
-        let axis = Axis::counts([1.0, 2.0, 4.0, 8.0, 700.0, 720.0]);
-        assert_eq!(labels(&Axis { log: false, ..axis }).trim(), "1 2 4 8  720", "the last one stays");
     }
 
     proptest! {

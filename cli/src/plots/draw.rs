@@ -2,9 +2,9 @@
 //! axis, and the markers are drawn here.
 
 use super::axis::Axis;
-use super::figure::{Axes, Bar, Chart, Figure, Marker, Point, Series, Unit};
+use super::figure::{Axes, Bar, Chart, Figure, Look, Point, Series};
 use plotters::coord::Shift;
-use plotters::element::{DashedPathElement, Drawable, PointCollection};
+use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::f64::consts::TAU;
@@ -57,8 +57,8 @@ pub fn figure<DB: DrawingBackend>(
         sheet.text(&line, (MARGIN, y), 12.5, MUTED, HPos::Left)?;
     }
     match &figure.chart {
-        Chart::Lines { labels, axes, reference, series } => sheet.lines(*labels, *axes, *reference, series)?,
-        Chart::Bars { unit, bars } => sheet.bars(*unit, bars)?,
+        Chart::Lines { labels, axes, series } => sheet.lines(*labels, *axes, series)?,
+        Chart::Bars { least, bars } => sheet.bars(*least, bars)?,
     }
     area.present()
 }
@@ -102,18 +102,6 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         self.area.draw_text(text, &style, (self.px(at.0), self.px(at.1 + self.lift * size)))
     }
 
-    fn draw<E>(&self, element: E) -> Result<(), Error<DB>>
-    where
-        E: Drawable<DB>,
-        for<'e> &'e E: PointCollection<'e, (i32, i32)>,
-    {
-        self.area.draw(&element)
-    }
-
-    fn dashed(&self, from: (i32, i32), to: (i32, i32), color: RGBColor, width: f64) -> Result<(), Error<DB>> {
-        self.draw(DashedPathElement::new([from, to], self.px(5.0), self.px(4.0), self.pen(color, width)))
-    }
-
     /// Draw axes with their labels, and a grid across the one that values are read from.
     fn axes(
         &self,
@@ -147,97 +135,67 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         Ok(chart)
     }
 
-    fn lines(
-        &self,
-        labels: [&'static str; 2],
-        axes: Axes,
-        reference: Option<f64>,
-        all: &[Series],
-    ) -> Result<(), Error<DB>> {
+    fn lines(&self, labels: [&'static str; 2], axes: Axes, all: &[Series]) -> Result<(), Error<DB>> {
         let points = || all.iter().flat_map(|series| &series.points);
         // Error bars belong to the data: the axis makes room for them.
-        let values = points().flat_map(|p| [low(p), p.y + p.error]).chain(reference);
+        let values = points().flat_map(|p| [low(p), p.y + p.error]);
         let numbers = points().map(|p| p.x);
         let (x, y) = match axes {
             Axes::Counts => (Axis::counts(numbers), Axis::values(values)),
             Axes::CountsFromZero => (Axis::counts(numbers), Axis::from_zero(values.fold(0.0, f64::max))),
-            Axes::Log => (Axis::log_of(numbers), Axis::log_of(values)),
+            Axes::Values => (Axis::values(numbers), Axis::values(values)),
         };
         let right = MARGIN + 50.0 + widest(all.iter().map(|series| &series.label));
-        let gap = x.gap();
         let chart = self.axes([x, y], labels, MARGIN / 2.0, right)?;
         let place = |x: f64, y: f64| chart.plotting_area().map_coordinate(&(x, y));
-        let (across, up) = chart.plotting_area().get_pixel_range();
-        if let Some(reference) = reference {
-            let (_, y) = place(0.0, reference);
-            self.dashed((across.start, y), (across.end, y), AXIS, 1.0)?;
-        }
-        if let Some(gap) = gap {
-            let x = across.start + (across.len() as f64 * gap) as i32;
-            self.dashed((x, up.start), (x, up.end), AXIS, 1.0)?;
-        }
+        let start = chart.plotting_area().get_pixel_range().0.start;
         for (i, series) in all.iter().enumerate() {
-            let at = |p: &Point| place(p.x, p.y);
+            let (color, at) = (series.look.color(), |p: &Point| place(p.x, p.y));
             let (numbers, beyond): (Vec<Point>, Vec<Point>) = series.points.iter().partition(|p| p.x.is_finite());
-            self.draw(PathElement::new(numbers.iter().map(at).collect::<Vec<_>>(), self.pen(series.color, 2.0)))?;
+            self.area.draw(&PathElement::new(numbers.iter().map(at).collect::<Vec<_>>(), self.pen(color, 2.0)))?;
             if let Some(beyond) = beyond.first() {
                 // A path without batches: a level to compare the others with.
-                let from = numbers.last().map_or((across.start, at(beyond).1), at);
-                self.dashed(from, at(beyond), series.color, 1.5)?;
+                let ends = [numbers.last().map_or((start, at(beyond).1), at), at(beyond)];
+                self.area.draw(&DashedPathElement::new(ends, self.px(5.0), self.px(4.0), self.pen(color, 1.5)))?;
             }
             for p in &series.points {
                 let ends = [low(p), p.y + p.error].map(|value| place(p.x, value));
-                self.draw(PathElement::new(ends, self.pen(series.color, 1.2)))?;
-                self.marker(series, at(p), !p.x.is_finite())?;
+                self.area.draw(&PathElement::new(ends, self.pen(color, 1.2)))?;
+                self.marker(series.look, at(p))?;
             }
             let (left, y) = (WIDTH - right + 12.0, TOP + 8.0 + 22.0 * i as f64);
             let ends = [left, left + 24.0].map(|x| (self.px(x), self.px(y)));
-            self.draw(PathElement::new(ends, self.pen(series.color, 2.0)))?;
-            self.marker(series, (self.px(left + 12.0), self.px(y)), false)?;
+            self.area.draw(&PathElement::new(ends, self.pen(color, 2.0)))?;
+            self.marker(series.look, (self.px(left + 12.0), self.px(y)))?;
             self.text(&series.label, (left + 32.0, y), 12.5, INK, HPos::Left)?;
         }
         Ok(())
     }
 
-    /// A data point; `ring` marks it as a special one.
-    fn marker(&self, series: &Series, (x, y): (i32, i32), ring: bool) -> Result<(), Error<DB>> {
-        let (corners, turn, size) = match series.marker {
-            Marker::Circle => (24, 0.0, 1.0),
-            Marker::Triangle => (3, 0.0, 1.25),
-            Marker::Square => (4, 0.5, 1.25),
-            Marker::Diamond => (4, 0.0, 1.25),
+    fn marker(&self, look: Look, (x, y): (i32, i32)) -> Result<(), Error<DB>> {
+        let (corners, turn) = look.marker();
+        let corner = |i| {
+            let (sin, cos) = (TAU * (i as f64 + turn) / corners as f64).sin_cos();
+            (x + self.px(4.6 * sin), y - self.px(4.6 * cos))
         };
-        let rings = [(6.5, series.color), (4.8, PAPER), (3.4, series.color)];
-        for (radius, color) in rings.into_iter().skip(usize::from(!ring)) {
-            let corner = |i| {
-                let (sin, cos) = (TAU * (f64::from(i) + turn) / f64::from(corners)).sin_cos();
-                (x + self.px(size * radius * sin), y - self.px(size * radius * cos))
-            };
-            self.draw(Polygon::new((0..corners).map(corner).collect::<Vec<_>>(), color))?;
-        }
-        Ok(())
+        self.area.draw(&Polygon::new((0..corners).map(corner).collect::<Vec<_>>(), look.color()))
     }
 
-    fn bars(&self, unit: Unit, bars: &[Bar]) -> Result<(), Error<DB>> {
-        let longest = bars.iter().map(|bar| bar.length).fold(0.0, f64::max);
-        let x = match unit {
-            // A path can beat a floor measured with a copy: the axis grows with it.
-            Unit::Share => Axis::shares(longest.max(1.0)),
-            Unit::Milliseconds => Axis::from_zero(longest),
-        };
+    fn bars(&self, least: f64, bars: &[Bar]) -> Result<(), Error<DB>> {
+        let x = Axis::from_zero(bars.iter().map(|bar| bar.length).fold(least, f64::max));
         let left = MARGIN + widest(bars.iter().map(|bar| &bar.label)) + 10.0;
         let right = MARGIN + widest(bars.iter().map(|bar| &bar.remark));
-        let chart = self.axes([x, Axis::none()], ["", ""], left, right)?;
+        let chart = self.axes([x, Axis::from_zero(1.0)], ["", ""], left, right)?;
         for (i, bar) in bars.iter().enumerate() {
             let y = TOP + ROW * (i as f64 + 0.5);
             self.text(&bar.label, (left - 10.0, y), 12.5, INK, HPos::Right)?;
             let [(start, _), (end, _)] = [0.0, bar.length].map(|x| chart.plotting_area().map_coordinate(&(x, 0.0)));
             let [top, bottom] = [y - 10.0, y + 10.0].map(|y| self.px(y));
-            self.draw(Rectangle::new([(start, top), (end.max(start + 1), bottom)], bar.color.filled()))?;
+            self.area.draw(&Rectangle::new([(start, top), (end.max(start + 1), bottom)], bar.look.color().filled()))?;
             // The remark stands at the end of its bar, on paper, so that the grid does not cross it.
             let at = f64::from(end) / self.scale + 8.0;
             let paper = self.px(at + width(&bar.remark, 12.0));
-            self.draw(Rectangle::new([(end + self.px(4.0), top), (paper, bottom)], PAPER.filled()))?;
+            self.area.draw(&Rectangle::new([(end + self.px(4.0), top), (paper, bottom)], PAPER.filled()))?;
             self.text(&bar.remark, (at, y), 12.0, MUTED, HPos::Left)?;
         }
         Ok(())

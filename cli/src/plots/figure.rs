@@ -20,12 +20,10 @@ pub enum Chart {
         /// What x counts and what y measures.
         labels: [&'static str; 2],
         axes: Axes,
-        /// A value to compare with, drawn across.
-        reference: Option<f64>,
         series: Vec<Series>,
     },
-    /// Horizontal bars from 0.
-    Bars { unit: Unit, bars: Vec<Bar> },
+    /// Horizontal bars from 0; the axis reaches at least to `least`.
+    Bars { least: f64, bars: Vec<Bar> },
 }
 
 /// How the axes of a line chart are laid out.
@@ -35,15 +33,14 @@ pub enum Axes {
     Counts,
     /// Counts along x; y starts at 0, whatever the values span: where proportions matter.
     CountsFromZero,
-    /// Both logarithmic; a value of 0 stands at the start.
-    Log,
+    /// No counts: both are logarithmic when the values span much.
+    Values,
 }
 
 #[derive(Clone, Debug)]
 pub struct Series {
     pub label: String,
-    pub color: RGBColor,
-    pub marker: Marker,
+    pub look: Look,
     /// Ascending in x.
     pub points: Vec<Point>,
 }
@@ -60,28 +57,42 @@ pub struct Point {
 /// The place after all numbers on the x axis: every target in one pass.
 pub const ALL: f64 = f64::INFINITY;
 
-/// Shape of a data point, so that series differ without colour too.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Marker {
-    Circle,
-    Triangle,
-    Square,
-    Diamond,
-}
-
 #[derive(Clone, Debug)]
 pub struct Bar {
     pub label: String,
     /// What is written at its end.
     pub remark: String,
     pub length: f64,
-    pub color: RGBColor,
+    pub look: Look,
 }
 
-/// What the lengths of bars are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Unit {
-    /// Shares: the axis ends at 100 % or later.
-    Share,
-    Milliseconds,
+/// Colour and marker. Series differ in the marker too, so that they can be told apart without colour.
+#[derive(Clone, Copy, Debug)]
+pub struct Look {
+    hue: usize,
+    variant: usize,
+}
+
+/// Hues that people who see few colours can tell apart (after Okabe and Ito).
+const HUES: [u32; 9] = [0x005f9e, 0xc44e00, 0xa84b86, 0x007a5a, 0x5b4bb0, 0x4a4f59, 0x8c6a00, 0x007f86, 0xa12a2a];
+
+impl Look {
+    /// The `variant` of a hue: eight of them differ in shade or marker.
+    pub fn new(hue: usize, variant: usize) -> Self {
+        Self { hue: hue % HUES.len(), variant: variant % 8 }
+    }
+
+    /// Dark, or light for every other variant.
+    pub fn color(self) -> RGBColor {
+        let light = (self.variant + self.variant / 4) % 2 == 1;
+        let [_, r, g, b] = HUES[self.hue].to_be_bytes();
+        let [r, g, b] = [r, g, b].map(|c| if light { 255 - (255 - c) / 2 } else { c });
+        RGBColor(r, g, b)
+    }
+
+    /// Corners of the marker and its turn, in parts of the angle between two corners: a circle, a triangle, a square,
+    /// a diamond.
+    pub fn marker(self) -> (usize, f64) {
+        [(24, 0.0), (3, 0.0), (4, 0.5), (4, 0.0)][self.variant % 4]
+    }
 }

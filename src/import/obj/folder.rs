@@ -2,7 +2,7 @@
 
 use super::ObjFile;
 use super::shading::{Stated, face_areas, stated};
-use crate::asset::normals::{Adjacency, vertex_normals};
+use crate::asset::normals::Surface;
 use crate::asset::{Corner, Faces, MorphSource, SourceTarget};
 use crate::error::{Error, Result};
 use crate::io::{has_extension, list};
@@ -42,11 +42,12 @@ pub fn import_folder(folder: &Path) -> Result<MorphSource> {
     let results = map_all(&paths, (), |(), (name, path)| neutral.target(name, path));
     let targets: Vec<(SourceTarget, Option<&str>)> = results.into_iter().collect::<Result<_>>()?;
     for remark in [COMPUTED, AVERAGED, IGNORED] {
-        let named: Vec<&str> =
-            targets.iter().filter(|(_, r)| *r == Some(remark)).map(|(target, _)| target.name.as_str()).collect();
-        if !named.is_empty() {
-            let more = if named.len() > 3 { ", …" } else { "" };
-            notes.push(format!("{} targets ({}{more}) {remark}", named.len(), named[..named.len().min(3)].join(", ")));
+        let remarked = targets.iter().filter(|(_, r)| *r == Some(remark));
+        let named: Vec<&str> = remarked.map(|(target, _)| target.name.as_str()).collect();
+        match &named[..] {
+            [] => {}
+            [a, b, c, _, ..] => notes.push(format!("{} targets ({a}, {b}, {c}, …) {remark}", named.len())),
+            few => notes.push(format!("{} targets ({}) {remark}", few.len(), few.join(", "))),
         }
     }
 
@@ -74,12 +75,9 @@ fn neutral_path(folder: &Path) -> Result<PathBuf> {
     if exact.is_file() {
         return Ok(exact);
     }
-    let is_neutral = |p: &PathBuf| {
-        p.is_file() && p.file_name().and_then(|n| n.to_str()).is_some_and(|n| n.eq_ignore_ascii_case("neutral.obj"))
-    };
-    let other = list(folder)?.into_iter().find(is_neutral);
+    let is_neutral = |p: &PathBuf| p.file_name().is_some_and(|n| n.eq_ignore_ascii_case("neutral.obj"));
     // A folder or pipe of that name is refused when it is read.
-    other.or_else(|| exact.exists().then_some(exact)).ok_or_else(|| {
+    list(folder)?.into_iter().filter(is_neutral).min_by_key(|p| (!p.is_file(), *p != exact)).ok_or_else(|| {
         let remedy = "give a folder with neutral.obj and one file per target in targets/";
         Error::input(folder, "", "no file neutral.obj in this folder", remedy)
     })
@@ -124,17 +122,15 @@ fn base_normals(neutral: &ObjFile, areas: &[f64], notes: &mut Vec<String>) -> Op
     if stated.hard > 0 {
         notes.push(format!("{} vertices have several normals (hard edges): averaged by face area", stated.hard));
     }
-    // Zero where too short to give a direction: unreferenced, zero in the file, or opposite sides averaged out.
-    let length = |n: &Vec3| Some(n.as_dvec3().length()).filter(|length| *length >= 1e-6).unwrap_or_default();
-    let lengths: Vec<f64> = stated.values.iter().map(length).collect();
-    let lost = lengths.iter().filter(|length| **length == 0.0).count();
-    let mut units = vec![Vec3::ZERO; lengths.len()];
+    let lengths: Vec<f64> = stated.values.iter().map(|normal| normal.as_dvec3().length()).collect();
+    // Too short to give a direction: unreferenced, zero in the file, or opposite sides averaged out.
+    let lost = lengths.iter().filter(|length| **length < 1e-6).count();
+    let (mut units, mut scales) = (vec![Vec3::ZERO; lengths.len()], vec![0.0; lengths.len()]);
     if lost > 0 {
         notes.push(format!("{lost} vertices have no normal or a zero one: computed, and constant in all targets"));
-        units = vertex_normals(&Adjacency::new(&neutral.faces, neutral.positions.len()), &neutral.positions);
+        units = Surface::new(&neutral.faces, &neutral.positions).normals;
     }
-    let mut scales = vec![0.0; lengths.len()];
-    for (v, &length) in lengths.iter().enumerate().filter(|(_, length)| **length > 0.0) {
+    for (v, &length) in lengths.iter().enumerate().filter(|(_, length)| **length >= 1e-6) {
         units[v] = (stated.values[v].as_dvec3() / length).as_vec3();
         scales[v] = (1.0 / length) as f32;
     }
@@ -153,11 +149,9 @@ impl Neutral {
     /// A target, and what there is to remark on it.
     fn target(&self, name: &str, path: &Path) -> Result<(SourceTarget, Option<&'static str>)> {
         let file = ObjFile::read(path)?;
-        let refuse = |what: String| {
-            let remedy =
-                "export every target from the neutral mesh, with the same vertices and faces in the same order";
-            Err(Error::input(path, "", what, remedy))
-        };
+        const REMEDY: &str =
+            "export every target from the neutral mesh, with the same vertices and faces in the same order";
+        let refuse = |what: String| Err(Error::input(path, "", what, REMEDY));
         let (found, expected) = (file.positions.len(), self.file.positions.len());
         if found != expected {
             return refuse(format!("{found} vertices, but {} has {expected}", self.path.display()));

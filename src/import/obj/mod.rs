@@ -14,10 +14,7 @@ pub use folder::import_folder;
 pub use write::{ObjMesh, write_obj, write_obj_to};
 
 use crate::asset::Faces;
-use crate::error::Result;
-use crate::io::read_bounded;
 use glam::{Vec2, Vec3};
-use std::path::Path;
 
 /// One OBJ file, in the file's own order.
 #[derive(Clone, Debug, Default)]
@@ -34,27 +31,4 @@ pub struct ObjFile {
     pub corner_normals: Option<Vec<u32>>,
     /// Whether some corners of the faces name a normal (so that `corner_normals: None` means a mixture).
     pub any_normals: bool,
-}
-
-impl ObjFile {
-    /// Read one OBJ file.
-    ///
-    /// Polygons stay polygons, vertices stay in file order, and vertices without a face are kept. Points and
-    /// lines (`p`, `l`), vertex colours, free-form surfaces, groups and materials are ignored. Lines end in LF or
-    /// CR LF, or all of them in CR.
-    ///
-    /// # Errors
-    /// [`Error::Io`](crate::Error::Io) where the file cannot be read, [`Error::Input`](crate::Error::Input) with the line where its text cannot be
-    /// used, or where it is larger than 1 GiB.
-    pub fn read(path: &Path) -> Result<Self> {
-        parse::parse(path, read_bounded(path, parse::MAX_BYTES, "split the mesh")?)
-    }
-
-    /// The same, from text in memory; `path` is only for messages.
-    ///
-    /// # Errors
-    /// [`Error::Input`](crate::Error::Input), as [`read`](Self::read).
-    pub fn from_bytes(path: &Path, bytes: Vec<u8>) -> Result<Self> {
-        parse::parse(path, bytes)
-    }
 }

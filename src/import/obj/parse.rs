@@ -3,61 +3,83 @@
 use super::{ObjFile, scan};
 use crate::asset::{Corner, Faces};
 use crate::error::{Error, Result};
+use crate::io::read_bounded;
 use glam::{Vec2, Vec3};
 use std::io::Read;
 use std::path::Path;
 
 /// The largest file that is read: an OBJ is held in memory, and its arrays take a few times its size.
-pub(super) const MAX_BYTES: u64 = 1 << 30;
+const MAX_BYTES: u64 = 1 << 30;
 
-/// Parse an OBJ file; `path` is for messages.
-pub(super) fn parse(path: &Path, bytes: Vec<u8>) -> Result<ObjFile> {
-    let scan = scan::scan(path, bytes)?;
-    let head = ordering_face(scan.counts);
-    let first = scan.counts.into_iter().max().unwrap_or(0);
-
-    let mut reader = head.as_bytes().chain(scan.text.as_slice());
-    let loaded = tobj::load_obj_buf(&mut reader, &tobj::LoadOptions::default(), |_| {
-        Ok((Vec::new(), std::collections::HashMap::new()))
-    });
-    drop((head, scan.text));
-    // The scan has refused what tobj refuses; a difference between the two would end up here.
-    let refuse = |what: String| Error::input(path, "", what, "export the file again, with one statement on a line");
-    let (mut models, _) = loaded.map_err(|e| refuse(e.to_string()))?;
-    let mesh = models.pop().map(|model| model.mesh).unwrap_or_default();
-    let complete = models.is_empty()
-        && mesh.positions.len() == 3 * scan.counts[0]
-        && mesh.texcoords.len() == 2 * scan.counts[1]
-        && mesh.normals.len() == 3 * scan.counts[2]
-        && mesh.indices.len() == first + scan.corners;
-    if !complete {
-        return Err(refuse("the parser lost vertices or corners".into()));
+impl ObjFile {
+    /// Read one OBJ file.
+    ///
+    /// Polygons stay polygons, vertices stay in file order, and vertices without a face are kept. Points and
+    /// lines (`p`, `l`), vertex colours, free-form surfaces, groups and materials are ignored. Lines end in LF or
+    /// CR LF, or all of them in CR.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where the file cannot be read, [`Error::Input`] with the line where its text cannot be used, or where
+    /// it is larger than 1 GiB.
+    pub fn read(path: &Path) -> Result<Self> {
+        Self::from_bytes(path, read_bounded(path, MAX_BYTES, "split the mesh")?)
     }
 
-    // tobj leaves the sizes out when all faces, the first one included, are triangles.
-    let sizes = match mesh.face_arities.split_first() {
-        Some((_, sizes)) => sizes.to_vec(),
-        None => vec![3; scan.corners / 3],
-    };
-    let has_texcoords = !mesh.texcoord_indices.is_empty();
-    let mut corners: Vec<Corner> = mesh.indices[first..]
-        .iter()
-        .enumerate()
-        .map(|(i, &position)| Corner { position, texcoord: has_texcoords.then(|| mesh.texcoord_indices[first + i]) })
-        .collect();
-    // For a corner without one, tobj repeats the corner before.
-    for &i in &scan.without_texcoord {
-        corners[i as usize].texcoord = None;
+    /// The same, from text in memory; `path` is only for messages.
+    ///
+    /// # Errors
+    /// [`Error::Input`], as [`read`](Self::read).
+    pub fn from_bytes(path: &Path, bytes: Vec<u8>) -> Result<Self> {
+        let scan = scan::scan(path, bytes)?;
+        let head = ordering_face(scan.counts);
+        let first = scan.counts.into_iter().max().unwrap_or(0);
+
+        let mut reader = head.as_bytes().chain(scan.text.as_slice());
+        let loaded = tobj::load_obj_buf(&mut reader, &tobj::LoadOptions::default(), |_| {
+            Ok((Vec::new(), std::collections::HashMap::new()))
+        });
+        drop((head, scan.text));
+        // The scan has refused what tobj refuses; a difference between the two would end up here.
+        let refuse = |what: String| Error::input(path, "", what, "export the file again, with one statement on a line");
+        let (mut models, _) = loaded.map_err(|e| refuse(e.to_string()))?;
+        let mesh = models.pop().map(|model| model.mesh).unwrap_or_default();
+        let complete = models.is_empty()
+            && mesh.positions.len() == 3 * scan.counts[0]
+            && mesh.texcoords.len() == 2 * scan.counts[1]
+            && mesh.normals.len() == 3 * scan.counts[2]
+            && mesh.indices.len() == first + scan.corners;
+        if !complete {
+            return Err(refuse("the parser lost vertices or corners".into()));
+        }
+
+        // tobj leaves the sizes out when all faces, the first one included, are triangles.
+        let sizes = match mesh.face_arities.split_first() {
+            Some((_, sizes)) => sizes.to_vec(),
+            None => vec![3; scan.corners / 3],
+        };
+        let has_texcoords = !mesh.texcoord_indices.is_empty();
+        let mut corners: Vec<Corner> = mesh.indices[first..]
+            .iter()
+            .enumerate()
+            .map(|(i, &position)| Corner {
+                position,
+                texcoord: has_texcoords.then(|| mesh.texcoord_indices[first + i]),
+            })
+            .collect();
+        // For a corner without one, tobj repeats the corner before.
+        for &i in &scan.without_texcoord {
+            corners[i as usize].texcoord = None;
+        }
+        let named = scan.corners - scan.without_normal;
+        Ok(Self {
+            positions: mesh.positions.chunks_exact(3).map(Vec3::from_slice).collect(),
+            texcoords: mesh.texcoords.chunks_exact(2).map(Vec2::from_slice).collect(),
+            normals: mesh.normals.chunks_exact(3).map(Vec3::from_slice).collect(),
+            corner_normals: (named > 0 && scan.without_normal == 0).then(|| mesh.normal_indices[first..].to_vec()),
+            any_normals: named > 0,
+            faces: Faces { sizes, corners },
+        })
     }
-    let named = scan.corners - scan.without_normal;
-    Ok(ObjFile {
-        positions: mesh.positions.chunks_exact(3).map(Vec3::from_slice).collect(),
-        texcoords: mesh.texcoords.chunks_exact(2).map(Vec2::from_slice).collect(),
-        normals: mesh.normals.chunks_exact(3).map(Vec3::from_slice).collect(),
-        corner_normals: (named > 0 && scan.without_normal == 0).then(|| mesh.normal_indices[first..].to_vec()),
-        any_normals: named > 0,
-        faces: Faces { sizes, corners },
-    })
 }
 
 /// A face whose corners name every vertex, texture coordinate and normal in file order.

@@ -40,10 +40,12 @@ pub(super) fn scan(path: &Path, mut bytes: Vec<u8>) -> Result<Scan> {
     if !bytes.contains(&b'\n') {
         bytes.iter_mut().filter(|b| **b == b'\r').for_each(|b| *b = b'\n');
     }
-    let joins = if bytes.contains(&b'\\') { join_lines(&mut bytes) } else { Vec::new() };
+    if bytes.contains(&b'\\') {
+        bytes = join_lines(&bytes);
+    }
     // Counted first: a face may name a vertex that is listed after it.
     let mut counts = [0; 3];
-    for (_, keyword, _) in statements(&bytes, &joins) {
+    for (keyword, _) in statements(&bytes) {
         KEYWORDS.iter().zip(&mut counts).for_each(|(k, count)| *count += usize::from(*k == keyword));
     }
     if counts[0] == 0 {
@@ -54,49 +56,42 @@ pub(super) fn scan(path: &Path, mut bytes: Vec<u8>) -> Result<Scan> {
     let text = Vec::with_capacity(bytes.len() + 1);
     let scan = Scan { text, counts, corners: 0, without_texcoord: Vec::new(), without_normal: 0 };
     let mut checker = Checker { path, line: 0, seen: [0; 3], scan };
-    for (line, keyword, rest) in statements(&bytes, &joins) {
+    for (line, (keyword, rest)) in (1..).zip(statements(&bytes)) {
         checker.line = line;
         checker.statement(keyword, rest)?;
     }
     Ok(checker.scan)
 }
 
-/// A backslash at the end of a line joins it to the next one: overwrite both characters with spaces, and return
-/// where the line breaks were, for the line numbers.
-fn join_lines(bytes: &mut [u8]) -> Vec<usize> {
-    let mut joins = Vec::new();
-    let mut comment = None;
-    for i in 0..bytes.len() {
-        match bytes[i] {
-            b'\n' => {
-                let end = if i > 0 && bytes[i - 1] == b'\r' { i - 1 } else { i };
-                // A comment ends with its line: a Windows path in one may well end in a backslash.
-                if end > 0 && bytes[end - 1] == b'\\' && comment != Some(true) {
-                    bytes[end - 1..=i].fill(b' ');
-                    joins.push(i);
-                } else {
-                    comment = None;
-                }
+/// A backslash at the end of a line joins it to the next one. The line breaks come after what is joined, so that the lines
+/// that follow keep their numbers.
+fn join_lines(bytes: &[u8]) -> Vec<u8> {
+    let mut joined = Vec::with_capacity(bytes.len());
+    let mut breaks = 0;
+    for line in bytes.split_inclusive(|&b| b == b'\n') {
+        // A comment ends with its line: a Windows path in one may well end in a backslash.
+        let comment = breaks == 0 && line.trim_ascii_start().starts_with(b"#");
+        let end = line.strip_suffix(b"\\\n").or_else(|| line.strip_suffix(b"\\\r\n"));
+        match end.filter(|_| !comment) {
+            Some(part) => {
+                joined.extend_from_slice(part);
+                joined.push(b' ');
+                breaks += 1;
             }
-            b if !b.is_ascii_whitespace() => comment = comment.or(Some(b == b'#')),
-            _ => {}
+            None => {
+                joined.extend_from_slice(line);
+                joined.resize(joined.len() + std::mem::take(&mut breaks), b'\n');
+            }
         }
     }
-    joins
+    joined
 }
 
-/// The statements: the line that each starts on, its keyword and what follows it, without comments.
-fn statements<'a>(bytes: &'a [u8], mut joins: &'a [usize]) -> impl Iterator<Item = (usize, &'a [u8], &'a [u8])> {
-    let (mut end, mut next) = (0, 1);
-    bytes.split(|&b| b == b'\n').map(move |statement| {
-        let line = next;
-        end += statement.len() + 1;
-        let joined = joins.partition_point(|&j| j < end);
-        joins = &joins[joined..];
-        next += 1 + joined;
-        let statement = statement.split(|&b| b == b'#').next().unwrap_or_default().trim_ascii_start();
-        let keyword = statement.iter().position(u8::is_ascii_whitespace).unwrap_or(statement.len());
-        (line, &statement[..keyword], &statement[keyword..])
+/// The statements, one of each line: its keyword and what follows it, without comments.
+fn statements(bytes: &[u8]) -> impl Iterator<Item = (&[u8], &[u8])> {
+    bytes.split(|&b| b == b'\n').map(|line| {
+        let statement = line.split(|&b| b == b'#').next().unwrap_or_default().trim_ascii_start();
+        statement.split_at(statement.iter().position(u8::is_ascii_whitespace).unwrap_or(statement.len()))
     })
 }
 
@@ -164,13 +159,9 @@ impl Checker<'_> {
             [] => Ok(text),
             [w] => {
                 let w = self.number(w)?;
-                match xyz.iter().all(|x| (x / w).is_finite()) {
-                    true => Ok(text),
-                    false => {
-                        Err(self
-                            .error(format!("the weight {w} takes the vertex to infinity"), "remove the fourth number"))
-                    }
-                }
+                let what = || format!("the weight {w} takes the vertex to infinity");
+                let finite = xyz.iter().all(|x| (x / w).is_finite());
+                finite.then_some(text).ok_or_else(|| self.error(what(), "remove the fourth number"))
             }
             [red, _, _] | [red, _, _, _] => Ok(&text[..red.as_ptr() as usize - text.as_ptr() as usize]),
             _ => {
@@ -184,27 +175,23 @@ impl Checker<'_> {
     fn face<'t>(&mut self, text: &'t str) -> Result<&'t str> {
         let before = self.scan.corners;
         text.split_whitespace().try_for_each(|word| self.corner(word))?;
-        match self.scan.corners - before {
-            size @ ..3 => {
-                let what = format!("a face with {size} corners, at least 3 expected");
-                Err(self.error(what, "remove it, or write points and lines as 'p' and 'l'"))
-            }
-            _ => Ok(text),
-        }
+        let size = self.scan.corners - before;
+        let what = || format!("a face with {size} corners, at least 3 expected");
+        let enough = (size >= 3).then_some(text);
+        enough.ok_or_else(|| self.error(what(), "remove it, or write points and lines as 'p' and 'l'"))
     }
 
     fn corner(&mut self, word: &str) -> Result<()> {
         let mut named = [false; 3];
+        let refuse = |what: &str| Err(self.error(format!("'{}' {what}", short(word)), WRITE_CORNERS));
         for (k, part) in word.split('/').enumerate() {
             if k == 3 {
-                return Err(self.error(format!("'{}' has more than three indices", short(word)), WRITE_CORNERS));
+                return refuse("has more than three indices");
             }
             if part.is_empty() {
                 continue;
             }
-            let Ok(index) = part.parse::<i64>() else {
-                return Err(self.error(format!("'{}' is not a corner of a face", short(word)), WRITE_CORNERS));
-            };
+            let Ok(index) = part.parse::<i64>() else { return refuse("is not a corner of a face") };
             // A positive index may look ahead; a negative one counts back from this line.
             let limit = if index < 0 { self.seen[k] } else { self.scan.counts[k] } as u64;
             if index == 0 || index.unsigned_abs() > limit {
@@ -219,7 +206,7 @@ impl Checker<'_> {
             named[k] = true;
         }
         if !named[0] {
-            return Err(self.error(format!("'{}' names no vertex", short(word)), WRITE_CORNERS));
+            return refuse("names no vertex");
         }
         let corner = u32::try_from(self.scan.corners)
             .map_err(|_| self.error("more than 4,294,967,295 face corners", "split the mesh"))?;

@@ -1,8 +1,8 @@
 //! From normals per corner, as OBJ has them, to normals per position, as a morph target needs them.
 
 use super::ObjFile;
-use crate::asset::normals::Adjacency;
-use glam::Vec3;
+use crate::asset::normals::area_vector;
+use glam::{DVec3, Vec3};
 
 /// The stated normals of a file, one per position.
 pub(super) struct Stated {
@@ -15,8 +15,7 @@ pub(super) struct Stated {
 /// The area of every face of the neutral mesh. Both neutral and targets are averaged with these: a mean with
 /// the same weights on both sides makes the delta the mean of the deltas.
 pub(super) fn face_areas(neutral: &ObjFile) -> Vec<f64> {
-    let adjacency = Adjacency::new(&neutral.faces, neutral.positions.len());
-    (0..neutral.faces.sizes.len()).map(|f| adjacency.area_vector(f as u32, &neutral.positions).length()).collect()
+    neutral.faces.iter().map(|face| area_vector(face, &neutral.positions).length()).collect()
 }
 
 /// The normals per position that `file` states; `None` where its faces have none, or not everywhere.
@@ -33,16 +32,17 @@ pub(super) fn stated(file: &ObjFile, areas: &[f64]) -> Option<Stated> {
         None => return None,
     };
 
-    let mut first: Vec<Option<Vec3>> = vec![None; count];
-    let mut hard = vec![false; count];
+    let mut values = if one_each { file.normals.clone() } else { vec![Vec3::ZERO; count] };
+    let (mut named, mut hard) = (vec![false; count], vec![false; count]);
     for (corner, &n) in file.faces.corners.iter().zip(corners) {
-        let normal = file.normals[n as usize];
-        let v = corner.position as usize;
-        hard[v] |= *first[v].get_or_insert(normal) != normal;
+        let (v, normal) = (corner.position as usize, file.normals[n as usize]);
+        match std::mem::replace(&mut named[v], true) {
+            true => hard[v] |= values[v] != normal,
+            false => values[v] = normal,
+        }
     }
-
-    let mut sums = vec![(glam::DVec3::ZERO, 0.0f64); if hard.contains(&true) { count } else { 0 }];
-    if !sums.is_empty() {
+    if hard.contains(&true) {
+        let mut sums = vec![(DVec3::ZERO, 0.0); count];
         let mut normals = corners.iter();
         for (face, &area) in file.faces.iter().zip(areas) {
             for (corner, &n) in face.iter().zip(&mut normals) {
@@ -51,15 +51,10 @@ pub(super) fn stated(file: &ObjFile, areas: &[f64]) -> Option<Stated> {
                 *weight += area;
             }
         }
+        // Faces without area have no say; where all are such, the first normal stands.
+        for (v, (sum, weight)) in sums.into_iter().enumerate().filter(|(v, (_, weight))| hard[*v] && *weight > 0.0) {
+            values[v] = (sum / weight).as_vec3();
+        }
     }
-    let values = (0..count)
-        .map(|v| match first[v] {
-            // Faces without area have no say; where all are such, the first normal stands.
-            Some(_) if hard[v] && sums[v].1 > 0.0 => (sums[v].0 / sums[v].1).as_vec3(),
-            Some(normal) => normal,
-            None if one_each => file.normals[v],
-            None => Vec3::ZERO,
-        })
-        .collect();
     Some(Stated { values, hard: hard.iter().filter(|&&h| h).count() })
 }

@@ -5,7 +5,7 @@ use super::{HeadDesc, smoothstep, targets};
 use crate::weights::WeightClip;
 
 pub(super) fn clip(desc: &HeadDesc, frames: usize, fps: f32) -> WeightClip {
-    let names: Vec<String> = (0..desc.targets).map(targets::name).collect();
+    let names = targets::names(desc.targets);
     let count = names.len();
     let mut values = vec![0.0f32; count * frames];
     // Shared by all columns that they drive, as in a face: both eyes blink, jaw and lips speak together.
@@ -19,13 +19,12 @@ pub(super) fn clip(desc: &HeadDesc, frames: usize, fps: f32) -> WeightClip {
     for (i, name) in names.iter().enumerate() {
         let rng = &mut Rng::new(desc.seed, (1 << 32) + i as u64);
         let column = match name.as_str() {
-            _ if targets::is_empty(i) => continue,
+            targets::EMPTY | "jawForward" | "jawLeft" | "jawRight" => continue,
             "jawOpen" => speak(rng, 0.75),
             "mouthFunnel" | "mouthPucker" | "mouthShrugLower" => speak(rng, 0.4),
             n if n.starts_with("mouthLowerDown") || n.starts_with("mouthUpperUp") => speak(rng, 0.5),
             "mouthClose" => speak(rng, 0.15),
             n if n.starts_with("eyeBlink") => blink.iter().map(|b| b * 0.95).collect(),
-            "jawForward" | "jawLeft" | "jawRight" => continue,
             n if n.starts_with("detail") && rng.unit() < 0.25 => continue,
             _ => {
                 let height = rng.range(0.15, 0.7);

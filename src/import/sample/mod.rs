@@ -48,15 +48,7 @@ impl Default for HeadDesc {
 pub fn head(desc: &HeadDesc) -> MorphSource {
     let desc = desc.clamped();
     let base = shape::base(desc.vertices);
-    let targets = targets::targets(&desc, &base.positions);
-    MorphSource {
-        name: "head".to_owned(),
-        positions: base.positions,
-        texcoords: base.texcoords,
-        faces: base.faces,
-        targets,
-        ..MorphSource::default()
-    }
+    MorphSource { name: "head".to_owned(), targets: targets::targets(&desc, &base.positions), ..base }
 }
 
 /// A capture-like weight clip for the built-in head, with a column for each of its targets.

@@ -1,15 +1,8 @@
 //! The base pose: rows of vertices around a profile curve, and the features of a face pushed out of them.
 
 use super::smoothstep;
-use crate::asset::{Corner, Faces};
+use crate::asset::{Corner, Faces, MorphSource};
 use glam::{Vec2, Vec3};
-
-/// The base pose without targets.
-pub(super) struct Base {
-    pub positions: Vec<Vec3>,
-    pub texcoords: Vec<Vec2>,
-    pub faces: Faces,
-}
 
 /// Cross-sections from the crown to the end of the neck: height, half width, front and back (all cm).
 const SECTIONS: [[f32; 4]; 22] = [
@@ -63,13 +56,7 @@ fn density(y: f32) -> f32 {
 /// Sine of an angle in [−π, π], as a polynomial (see the module head).
 fn sin(x: f64) -> f64 {
     use std::f64::consts::{FRAC_PI_2, PI};
-    let x = if x > FRAC_PI_2 {
-        PI - x
-    } else if x < -FRAC_PI_2 {
-        -PI - x
-    } else {
-        x
-    };
+    let x = if x.abs() > FRAC_PI_2 { PI.copysign(x) - x } else { x };
     let q = x * x;
     let series = [1.0 / 6227020800.0, -1.0 / 39916800.0, 1.0 / 362880.0, -1.0 / 5040.0, 1.0 / 120.0, -1.0 / 6.0, 1.0];
     x * series.into_iter().fold(0.0, |sum, c| sum * q + c)
@@ -96,16 +83,13 @@ fn rows(vertices: usize) -> Vec<(f32, usize)> {
     let ideal = (vertices as f32 * total / around).sqrt() as usize;
     let count = ideal.clamp(1, (vertices - 2) / 3);
 
-    let mut places = Vec::with_capacity(count);
-    let mut i = 0;
-    for r in 1..=count {
+    let place = |r: usize| {
         let wanted = total * r as f32 / (count + 1) as f32;
-        while lengths[i + 1] < wanted && i + 1 < SAMPLES {
-            i += 1;
-        }
+        let i = lengths.partition_point(|&length| length < wanted).clamp(1, SAMPLES) - 1;
         let part = (wanted - lengths[i]) / (lengths[i + 1] - lengths[i]);
-        places.push((i as f32 + part.clamp(0.0, 1.0)) * (SECTIONS.len() - 1) as f32 / SAMPLES as f32);
-    }
+        (i as f32 + part.clamp(0.0, 1.0)) * (SECTIONS.len() - 1) as f32 / SAMPLES as f32
+    };
+    let places: Vec<f32> = (1..=count).map(place).collect();
     // Three vertices each; the rest by girth, with running sums so that nothing is lost to rounding.
     let weights: Vec<f64> = places.iter().map(|&t| f64::from(girth(&section(t)))).collect();
     let (sum, rest) = (weights.iter().sum::<f64>(), vertices - 2 - 3 * count);
@@ -201,8 +185,8 @@ fn sculpt(p: Vec3, facing: f32, half: f32) -> Vec3 {
     p
 }
 
-/// A head of exactly `vertices` vertices.
-pub(super) fn base(vertices: usize) -> Base {
+/// A head of exactly `vertices` vertices, without targets.
+pub(super) fn base(vertices: usize) -> MorphSource {
     if vertices < 5 {
         return few(vertices);
     }
@@ -250,11 +234,11 @@ pub(super) fn base(vertices: usize) -> Base {
             }
         }
     }
-    Base { positions, texcoords, faces }
+    MorphSource { positions, texcoords, faces, ..Default::default() }
 }
 
 /// One to four vertices: points of the face's outline, with one face where there are three or more.
-fn few(vertices: usize) -> Base {
+fn few(vertices: usize) -> MorphSource {
     let outline =
         [Vec3::new(-5.0, 4.0, 8.0), Vec3::new(0.0, -9.0, 9.0), Vec3::new(5.0, 4.0, 8.0), Vec3::new(0.0, 11.0, 4.0)];
     let positions = outline[..vertices].to_vec();
@@ -264,27 +248,5 @@ fn few(vertices: usize) -> Base {
         faces.sizes.push(vertices as u32);
         faces.corners.extend((0..vertices as u32).map(|i| Corner { position: i, texcoord: Some(i) }));
     }
-    Base { positions, texcoords, faces }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_polynomials_are_sine_and_cosine() {
-        for i in -1000..=1000 {
-            let x = f64::from(i) * std::f64::consts::PI / 1000.0;
-            assert!((sin(x) - x.sin()).abs() < 1e-8 && (cos(x) - x.cos()).abs() < 1e-8, "{x}");
-        }
-    }
-
-    #[test]
-    fn rows_have_exactly_the_vertices_asked_for() {
-        for n in (5..200).chain([2694, 43_788]) {
-            let rows = rows(n);
-            assert_eq!(rows.iter().map(|r| r.1).sum::<usize>() + 2, n);
-            assert!(rows.iter().all(|r| r.1 >= 3), "{n}");
-        }
-    }
+    MorphSource { positions, texcoords, faces, ..Default::default() }
 }

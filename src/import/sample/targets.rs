@@ -26,20 +26,21 @@ struct Lobe {
     motion: Motion,
 }
 
-/// What is on one side of the face or on both.
+/// Which sides of the face a row of the table is about.
 #[derive(Clone, Copy, PartialEq)]
 enum Side {
     Middle,
-    Left,
-    Right,
+    /// A target for the left side and one for the right.
+    Each,
+    /// One target that moves both sides.
     Both,
 }
 
 use Motion::{Jaw, Puff, Purse, Shift};
-use Side::{Both, Left, Middle, Right};
+use Side::{Both, Each, Middle};
 
-/// Name, side, centre and radii (of the left side), motion, and the size of its support relative to others.
-type Expression = (&'static str, Side, [f32; 3], [f32; 3], Motion, f32);
+/// Name, sides, centre and radii (of the left side), motion, and the size of its support relative to others.
+type Row = (&'static str, Side, [f32; 3], [f32; 3], Motion, f32);
 
 const EYE: [f32; 3] = [3.15, 1.05, 8.2];
 const LID: [f32; 3] = [3.15, 1.65, 8.3];
@@ -48,22 +49,21 @@ const MOUTH: [f32; 3] = [0.0, -5.1, 9.6];
 const CORNER: [f32; 3] = [2.6, -5.0, 8.4];
 const JAW: [f32; 3] = [0.0, -8.2, 7.2];
 
-/// Apple's blend shape locations, in Apple's order.
-const ARKIT: [Expression; 52] = [
-    ("eyeBlinkLeft", Left, LID, [1.5, 0.7, 1.5], Shift([0.0, -1.0, 0.15]), 0.6),
-    ("eyeLookDownLeft", Left, EYE, [1.1, 0.8, 1.2], Shift([0.0, -0.35, 0.0]), 0.5),
-    ("eyeLookInLeft", Left, EYE, [1.0, 0.7, 1.2], Shift([-0.3, 0.0, 0.0]), 0.4),
-    ("eyeLookOutLeft", Left, EYE, [1.0, 0.7, 1.2], Shift([0.3, 0.0, 0.0]), 0.4),
-    ("eyeLookUpLeft", Left, EYE, [1.1, 0.8, 1.2], Shift([0.0, 0.35, 0.0]), 0.5),
-    ("eyeSquintLeft", Left, LOWER_LID, [1.9, 0.9, 1.5], Shift([0.0, 0.45, 0.1]), 0.8),
-    ("eyeWideLeft", Left, LID, [1.5, 0.8, 1.5], Shift([0.0, 0.4, -0.05]), 0.6),
-    ("eyeBlinkRight", Right, LID, [1.5, 0.7, 1.5], Shift([0.0, -1.0, 0.15]), 0.6),
-    ("eyeLookDownRight", Right, EYE, [1.1, 0.8, 1.2], Shift([0.0, -0.35, 0.0]), 0.5),
-    ("eyeLookInRight", Right, EYE, [1.0, 0.7, 1.2], Shift([-0.3, 0.0, 0.0]), 0.4),
-    ("eyeLookOutRight", Right, EYE, [1.0, 0.7, 1.2], Shift([0.3, 0.0, 0.0]), 0.4),
-    ("eyeLookUpRight", Right, EYE, [1.1, 0.8, 1.2], Shift([0.0, 0.35, 0.0]), 0.5),
-    ("eyeSquintRight", Right, LOWER_LID, [1.9, 0.9, 1.5], Shift([0.0, 0.45, 0.1]), 0.8),
-    ("eyeWideRight", Right, LID, [1.5, 0.8, 1.5], Shift([0.0, 0.4, -0.05]), 0.6),
+/// The target that real heads leave empty.
+pub(super) const EMPTY: &str = "tongueOut";
+
+/// Rows about the eyes.
+const EYES: usize = 7;
+
+/// Apple's blend shape locations; first those of the eyes.
+const ARKIT: [Row; 34] = [
+    ("eyeBlink", Each, LID, [1.5, 0.7, 1.5], Shift([0.0, -1.0, 0.15]), 0.6),
+    ("eyeLookDown", Each, EYE, [1.1, 0.8, 1.2], Shift([0.0, -0.35, 0.0]), 0.5),
+    ("eyeLookIn", Each, EYE, [1.0, 0.7, 1.2], Shift([-0.3, 0.0, 0.0]), 0.4),
+    ("eyeLookOut", Each, EYE, [1.0, 0.7, 1.2], Shift([0.3, 0.0, 0.0]), 0.4),
+    ("eyeLookUp", Each, EYE, [1.1, 0.8, 1.2], Shift([0.0, 0.35, 0.0]), 0.5),
+    ("eyeSquint", Each, LOWER_LID, [1.9, 0.9, 1.5], Shift([0.0, 0.45, 0.1]), 0.8),
+    ("eyeWide", Each, LID, [1.5, 0.8, 1.5], Shift([0.0, 0.4, -0.05]), 0.6),
     ("jawForward", Middle, JAW, [5.0, 3.2, 6.0], Shift([0.0, -0.1, 1.1]), 2.4),
     ("jawLeft", Middle, JAW, [5.0, 3.2, 6.0], Shift([1.1, 0.0, 0.0]), 2.4),
     ("jawRight", Middle, JAW, [5.0, 3.2, 6.0], Shift([-1.1, 0.0, 0.0]), 2.4),
@@ -73,61 +73,61 @@ const ARKIT: [Expression; 52] = [
     ("mouthPucker", Middle, MOUTH, [2.8, 1.7, 2.5], Purse(0.42, 0.6), 1.4),
     ("mouthLeft", Middle, MOUTH, [3.2, 1.8, 2.5], Shift([0.8, 0.0, 0.0]), 1.6),
     ("mouthRight", Middle, MOUTH, [3.2, 1.8, 2.5], Shift([-0.8, 0.0, 0.0]), 1.6),
-    ("mouthSmileLeft", Left, CORNER, [1.8, 1.7, 2.5], Shift([0.6, 0.9, -0.35]), 1.3),
-    ("mouthSmileRight", Right, CORNER, [1.8, 1.7, 2.5], Shift([0.6, 0.9, -0.35]), 1.3),
-    ("mouthFrownLeft", Left, CORNER, [1.6, 1.6, 2.5], Shift([0.2, -0.8, -0.1]), 1.1),
-    ("mouthFrownRight", Right, CORNER, [1.6, 1.6, 2.5], Shift([0.2, -0.8, -0.1]), 1.1),
-    ("mouthDimpleLeft", Left, CORNER, [1.2, 1.2, 2.0], Shift([0.4, 0.1, -0.5]), 0.9),
-    ("mouthDimpleRight", Right, CORNER, [1.2, 1.2, 2.0], Shift([0.4, 0.1, -0.5]), 0.9),
-    ("mouthStretchLeft", Left, CORNER, [1.7, 1.5, 2.5], Shift([0.8, -0.3, -0.4]), 1.2),
-    ("mouthStretchRight", Right, CORNER, [1.7, 1.5, 2.5], Shift([0.8, -0.3, -0.4]), 1.2),
+    ("mouthSmile", Each, CORNER, [1.8, 1.7, 2.5], Shift([0.6, 0.9, -0.35]), 1.3),
+    ("mouthFrown", Each, CORNER, [1.6, 1.6, 2.5], Shift([0.2, -0.8, -0.1]), 1.1),
+    ("mouthDimple", Each, CORNER, [1.2, 1.2, 2.0], Shift([0.4, 0.1, -0.5]), 0.9),
+    ("mouthStretch", Each, CORNER, [1.7, 1.5, 2.5], Shift([0.8, -0.3, -0.4]), 1.2),
     ("mouthRollLower", Middle, [0.0, -5.7, 9.8], [2.4, 0.8, 2.0], Shift([0.0, 0.35, -0.6]), 0.9),
     ("mouthRollUpper", Middle, [0.0, -4.5, 9.8], [2.4, 0.8, 2.0], Shift([0.0, -0.35, -0.6]), 0.9),
     ("mouthShrugLower", Middle, [0.0, -6.2, 9.4], [2.6, 1.3, 2.0], Shift([0.0, 0.6, 0.35]), 1.2),
     ("mouthShrugUpper", Middle, [0.0, -4.4, 9.6], [2.6, 1.0, 2.0], Shift([0.0, 0.5, 0.3]), 1.1),
-    ("mouthPressLeft", Left, [1.3, -5.1, 9.4], [1.6, 0.9, 2.0], Shift([0.0, 0.15, -0.35]), 0.9),
-    ("mouthPressRight", Right, [1.3, -5.1, 9.4], [1.6, 0.9, 2.0], Shift([0.0, 0.15, -0.35]), 0.9),
-    ("mouthLowerDownLeft", Left, [1.2, -5.8, 9.4], [1.5, 1.0, 2.0], Shift([0.1, -0.7, -0.1]), 1.0),
-    ("mouthLowerDownRight", Right, [1.2, -5.8, 9.4], [1.5, 1.0, 2.0], Shift([0.1, -0.7, -0.1]), 1.0),
-    ("mouthUpperUpLeft", Left, [1.2, -4.4, 9.4], [1.5, 1.0, 2.0], Shift([0.1, 0.65, 0.1]), 1.0),
-    ("mouthUpperUpRight", Right, [1.2, -4.4, 9.4], [1.5, 1.0, 2.0], Shift([0.1, 0.65, 0.1]), 1.0),
-    ("browDownLeft", Left, [2.6, 2.9, 8.9], [2.2, 1.2, 2.0], Shift([-0.25, -0.6, 0.1]), 0.9),
-    ("browDownRight", Right, [2.6, 2.9, 8.9], [2.2, 1.2, 2.0], Shift([-0.25, -0.6, 0.1]), 0.9),
+    ("mouthPress", Each, [1.3, -5.1, 9.4], [1.6, 0.9, 2.0], Shift([0.0, 0.15, -0.35]), 0.9),
+    ("mouthLowerDown", Each, [1.2, -5.8, 9.4], [1.5, 1.0, 2.0], Shift([0.1, -0.7, -0.1]), 1.0),
+    ("mouthUpperUp", Each, [1.2, -4.4, 9.4], [1.5, 1.0, 2.0], Shift([0.1, 0.65, 0.1]), 1.0),
+    ("browDown", Each, [2.6, 2.9, 8.9], [2.2, 1.2, 2.0], Shift([-0.25, -0.6, 0.1]), 0.9),
     ("browInnerUp", Both, [1.3, 3.2, 9.1], [1.5, 1.5, 2.0], Shift([0.1, 0.8, 0.05]), 1.3),
-    ("browOuterUpLeft", Left, [4.4, 3.1, 7.9], [1.8, 1.4, 2.0], Shift([0.1, 0.75, 0.0]), 0.9),
-    ("browOuterUpRight", Right, [4.4, 3.1, 7.9], [1.8, 1.4, 2.0], Shift([0.1, 0.75, 0.0]), 0.9),
+    ("browOuterUp", Each, [4.4, 3.1, 7.9], [1.8, 1.4, 2.0], Shift([0.1, 0.75, 0.0]), 0.9),
     ("cheekPuff", Both, [4.3, -4.6, 6.5], [2.2, 2.2, 2.8], Puff(1.1), 2.0),
-    ("cheekSquintLeft", Left, [4.2, -0.7, 7.7], [2.0, 1.4, 2.0], Shift([0.1, 0.55, 0.3]), 1.0),
-    ("cheekSquintRight", Right, [4.2, -0.7, 7.7], [2.0, 1.4, 2.0], Shift([0.1, 0.55, 0.3]), 1.0),
-    ("noseSneerLeft", Left, [1.3, -1.6, 9.7], [1.1, 1.4, 1.5], Shift([0.1, 0.5, 0.1]), 0.8),
-    ("noseSneerRight", Right, [1.3, -1.6, 9.7], [1.1, 1.4, 1.5], Shift([0.1, 0.5, 0.1]), 0.8),
-    ("tongueOut", Middle, [0.0, -5.3, 9.6], [1.6, 0.7, 1.5], Shift([0.0, -0.3, 0.9]), 1.0),
+    ("cheekSquint", Each, [4.2, -0.7, 7.7], [2.0, 1.4, 2.0], Shift([0.1, 0.55, 0.3]), 1.0),
+    ("noseSneer", Each, [1.3, -1.6, 9.7], [1.1, 1.4, 1.5], Shift([0.1, 0.5, 0.1]), 0.8),
+    (EMPTY, Middle, [0.0, -5.3, 9.6], [1.6, 0.7, 1.5], Shift([0.0, -0.3, 0.9]), 1.0),
 ];
-
-/// The name of target `i`.
-pub(super) fn name(i: usize) -> String {
-    ARKIT.get(i).map_or_else(|| format!("detail_{:03}", i + 1), |e| e.0.to_owned())
-}
 
 const MIRROR: Vec3 = Vec3::new(-1.0, 1.0, 1.0);
 /// The jaw's hinge, between the ears.
 const HINGE: Vec3 = Vec3::new(0.0, -0.5, -0.5);
 
-/// The lobes of an expression and its relative support.
-fn expression(e: &Expression) -> (Vec<Lobe>, f32) {
-    let &(_, side, centre, radii, motion, support) = e;
-    let left = Lobe { centre: Vec3::from(centre), radii: Vec3::from(radii), motion };
-    let mirrored = if let Shift([x, y, z]) = motion { Shift([-x, y, z]) } else { motion };
-    let right = Lobe { centre: left.centre * MIRROR, motion: mirrored, ..left };
-    let lobes = match side {
-        Middle | Left => vec![left],
-        Right => vec![right],
-        Both => vec![left, right],
+/// Name, what moves, and the size of its support relative to others.
+type Expression = (String, Vec<Lobe>, f32);
+
+/// Apple's blend shapes in Apple's order: the left eye, the right eye, and then each left side before its right.
+fn arkit() -> Vec<Expression> {
+    let make = |&(name, side, centre, radii, motion, support): &Row, suffix: &str| {
+        let left = Lobe { centre: Vec3::from(centre), radii: Vec3::from(radii), motion };
+        let mirrored = if let Shift([x, y, z]) = motion { Shift([-x, y, z]) } else { motion };
+        let right = Lobe { centre: left.centre * MIRROR, motion: mirrored, ..left };
+        let lobes = match side {
+            Both => vec![left, right],
+            Each if suffix == "Right" => vec![right],
+            Middle | Each => vec![left],
+        };
+        (format!("{name}{suffix}"), lobes, support)
     };
-    (lobes, support)
+    let suffixes = |row: &Row| if row.1 == Each { &["Left", "Right"][..] } else { &[""] };
+    let (eyes, rest) = ARKIT.split_at(EYES);
+    let eyes = ["Left", "Right"].into_iter().flat_map(|suffix| eyes.iter().map(move |row| make(row, suffix)));
+    let rest = rest.iter().flat_map(|row| suffixes(row).iter().map(move |suffix| make(row, suffix)));
+    eyes.chain(rest).collect()
 }
 
-/// A bump at a random vertex, mostly outwards or inwards.
+/// The names of the first `count` targets.
+pub(super) fn names(count: usize) -> Vec<String> {
+    let arkit = arkit();
+    let details = (arkit.len()..count).map(|i| format!("detail_{:03}", i + 1));
+    arkit.iter().map(|e| e.0.clone()).chain(details).take(count).collect()
+}
+
+/// A bump at a random vertex, mostly outwards or inwards; and its relative support.
 fn detail(rng: &mut Rng, positions: &[Vec3]) -> (Vec<Lobe>, f32) {
     let centre = positions[rng.below(positions.len())];
     let radii = Vec3::splat(rng.range(0.8, 2.6));
@@ -164,34 +164,24 @@ impl Lobe {
 
 /// All targets of the head with the base pose `positions`.
 pub(super) fn targets(desc: &HeadDesc, positions: &[Vec3]) -> Vec<SourceTarget> {
-    let full = desc.sparsity >= 1.0;
-    let parts: Vec<(Vec<Lobe>, f32)> = (0..desc.targets)
-        .map(|i| {
-            // A stream each: a target does not depend on how many others there are.
-            let mut rng = Rng::new(desc.seed, i as u64);
-            let (lobes, support) = ARKIT.get(i).map_or_else(|| detail(&mut rng, positions), expression);
-            // Heads of different seeds differ a little in the size of every support.
-            let support = support * rng.range(0.9, 1.1);
-            (lobes, if is_empty(i) && !full { 0.0 } else { support })
-        })
-        .collect();
-    let factors: Vec<f32> = parts.iter().map(|p| p.1).collect();
-    let fractions = fractions(&factors, desc.sparsity);
-    parts
-        .iter()
-        .zip(fractions)
-        .enumerate()
-        .map(|(i, ((lobes, _), fraction))| SourceTarget {
-            name: name(i),
-            positions: if fraction > 0.0 { moved(lobes, fraction, positions) } else { Vec::new() },
-            ..SourceTarget::default()
-        })
-        .collect()
-}
-
-/// Whether target `i` is one that real heads leave empty.
-pub(super) fn is_empty(i: usize) -> bool {
-    ARKIT.get(i).is_some_and(|e| e.0 == "tongueOut")
+    let mut arkit = arkit().into_iter();
+    let part = |(i, name): (usize, String)| {
+        // A stream each: a target does not depend on how many others there are.
+        let mut rng = Rng::new(desc.seed, i as u64);
+        let (lobes, support) = arkit.next().map_or_else(|| detail(&mut rng, positions), |e| (e.1, e.2));
+        // Heads of different seeds differ a little in the size of every support.
+        let support = support * rng.range(0.9, 1.1);
+        let support = if name == EMPTY && desc.sparsity < 1.0 { 0.0 } else { support };
+        (name, lobes, support)
+    };
+    let parts: Vec<Expression> = names(desc.targets).into_iter().enumerate().map(part).collect();
+    let factors: Vec<f32> = parts.iter().map(|part| part.2).collect();
+    let target = |((name, lobes, _), fraction): (Expression, f32)| SourceTarget {
+        name,
+        positions: if fraction > 0.0 { moved(&lobes, fraction, positions) } else { Vec::new() },
+        ..SourceTarget::default()
+    };
+    parts.into_iter().zip(fractions(&factors, desc.sparsity)).map(target).collect()
 }
 
 /// Fractions in the ratio of `factors`, none above 1, with the mean `wanted` (or as near as that allows).

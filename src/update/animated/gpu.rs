@@ -5,7 +5,7 @@ use crate::abi::modules;
 use crate::abi::numbers::WORKGROUP;
 use crate::abi::push::AnimationPush;
 use crate::error::Result;
-use crate::gpu::descriptors::{Bound, BufferRange, Sets};
+use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernel;
 use crate::gpu::pipelines::Objects;
@@ -37,9 +37,7 @@ impl Kernel for AnimationKernel {
 impl AnimationKernel {
     /// A descriptor set for each group of instances, of its buffers in the order of the bindings.
     pub(crate) fn sets(&self, groups: &[[BufferRange; 4]]) -> Result<Sets> {
-        let bound: Vec<Vec<Bound>> =
-            groups.iter().map(|group| group.map(|r| Bound::new(r.buffer, r.offset, r.size)).to_vec()).collect();
-        Sets::new(&self.objects.device, self.objects.set_layout, &bound)
+        self.objects.sets(groups)
     }
 
     /// Dispatch a kernel that samples or plans.

@@ -14,7 +14,7 @@ use crate::error::Result;
 use crate::gpu::barriers;
 use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
-use crate::gpu::memory::{Buffer, BufferDesc, STAGING};
+use crate::gpu::memory::{Buffer, STAGING};
 use crate::plan::UpdateStats;
 use crate::plan::instances::Instances;
 use crate::plan::schedule::Barrier;
@@ -67,7 +67,7 @@ pub(super) struct Group {
 fn on_device(device: &Arc<Device>, name: &'static str, bytes: u64, usage: vk::BufferUsageFlags) -> Result<Buffer> {
     use vk::BufferUsageFlags as U;
     let usage = usage | U::STORAGE_BUFFER | U::TRANSFER_SRC | U::TRANSFER_DST;
-    Buffer::new(device, &BufferDesc { name, bytes, usage, location: MemoryLocation::GpuOnly })
+    Buffer::new(device, name, bytes, usage, MemoryLocation::GpuOnly)
 }
 
 impl Group {
@@ -128,13 +128,8 @@ impl Animated {
         let (table_bytes, none) = (layout.table_bytes, vk::BufferUsageFlags::empty());
         let tables = on_device(device, "deltamorph clips", table_bytes, none)?;
         let state = on_device(device, "deltamorph animated weights", layout.state_bytes, none)?;
-        let upload = BufferDesc {
-            name: "deltamorph clip upload",
-            bytes: table_bytes,
-            usage: vk::BufferUsageFlags::TRANSFER_SRC,
-            location: STAGING,
-        };
-        let mut staging = Buffer::new(device, &upload)?;
+        let usage = vk::BufferUsageFlags::TRANSFER_SRC;
+        let mut staging = Buffer::new(device, "deltamorph clip upload", table_bytes, usage, STAGING)?;
         let indices = context.groups().filter_map(|group| group.layout().blocks.as_deref());
         let words = layout.tables(indices, &clips, budget.as_ref());
         staging.mapped()?[..table_bytes as usize].copy_from_slice(bytemuck::cast_slice(&words));

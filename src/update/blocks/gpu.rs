@@ -2,12 +2,11 @@
 
 use super::dispatch::Dispatching;
 use super::tiles::WIDTHS;
-use crate::abi::choice::{BlocksCase, BlocksChoice};
-use crate::abi::modules::Module;
+use crate::abi::modules::{BLOCKS, BLOCKS_EXACT, CROWD, CROWD_EXACT, CROWD_EXACT_TEXELS, CROWD_TEXELS, Module};
 use crate::abi::numbers::ROWS;
 use crate::abi::push::BlocksPush;
 use crate::error::Result;
-use crate::gpu::descriptors::{Bound, BufferRange, Sets, descriptor_type};
+use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernel;
 use crate::gpu::memory::Buffer;
@@ -21,7 +20,10 @@ use std::sync::Arc;
 
 /// The kernels of a crowd, one for items of single instances, or for each width of tiles one.
 pub(crate) struct BlocksKernels {
-    choice: BlocksChoice,
+    /// Widths of tiles: 1, 2, 4, … instances; 0: the kernel takes items of single instances, with masks.
+    widths: u32,
+    /// Whether asset and list are read as texels.
+    texels: bool,
     kernels: Vec<Arc<BlocksKernel>>,
 }
 
@@ -67,19 +69,32 @@ impl BlocksKernels {
     /// # Errors
     /// There is no kernel for its format and kind of sums; those of Vulkan.
     pub(crate) fn new(context: &Context<'_>, index: &BlockIndex, exact: bool, instances: u32) -> Result<Self> {
-        let (format, pose, entries) = (context.layout().format, context.desc.update.pose, index.entry_count() > 0);
-        let (device, texels) = (context.caps().tuning, context.caps().takes_texels(format));
-        let choice = BlocksCase { format, pose, exact, instances, entries, device, texels }.choose()?;
-        let (module, size) = (choice.module, index.size() as u32);
-        let lanes = size / choice.lane_vertices();
+        let (format, caps) = (context.layout().format, context.caps());
+        // Tiles have a row at least, of some entry.
+        let entries = index.entry_count() > 0;
+        let texels = entries && caps.takes_texels(format);
+        let tiles = texels || (entries && instances > 1);
+        let kernel = match (tiles, texels, exact) {
+            (false, _, false) => &BLOCKS,
+            (false, _, true) => &BLOCKS_EXACT,
+            (true, false, false) => &CROWD,
+            (true, false, true) => &CROWD_EXACT,
+            (true, true, false) => &CROWD_TEXELS,
+            (true, true, true) => &CROWD_EXACT_TEXELS,
+        };
+        let widths = if tiles { instances.clamp(1, caps.tuning.widest_tile).ilog2() + 1 } else { 0 };
+        let (module, size) = (kernel.module(format, context.desc.update.pose, 0)?, index.size() as u32);
+        // With texels, an invocation takes eight vertices.
+        let lanes = if texels { size / 8 } else { size };
         let kernel = |width| context.kernels.get(BlocksKey { module, size, lanes, width });
-        Ok(Self { choice, kernels: (0..choice.widths.max(1)).map(kernel).collect::<Result<_>>()? })
+        Ok(Self { widths, texels, kernels: (0..widths.max(1)).map(kernel).collect::<Result<_>>()? })
     }
 
     /// How they carry work lists out, with descriptor sets that reach `group` instances.
     pub(crate) fn dispatching(&self, group: u32) -> Dispatching {
-        let (choice, most) = (self.choice, self.kernels[0].objects.device.caps.max_workgroups);
-        Dispatching { group, widths: choice.widths, tuning: choice.device, most, texels: choice.texels() }
+        let caps = &self.kernels[0].objects.device.caps;
+        let (widths, texels) = (self.widths, self.texels);
+        Dispatching { group, widths, tuning: caps.tuning, most: caps.max_workgroups, texels }
     }
 
     /// Record a dispatch of kernel number `kernel`: of a width, or from [`WIDTHS`] on, of a width for tiles that start
@@ -121,20 +136,17 @@ impl BlocksKernels {
         sums: Option<&Buffer>,
         lists: &[(BufferRange, u32, u32)],
     ) -> Result<Sets> {
-        use vk::Format as F;
-        let (bindings, objects, poses) = (self.choice.module.kernel.bindings, &self.kernels[0].objects, context.poses);
+        let poses = context.poses;
         let asset = BufferRange { buffer: context.mesh.deltas.raw, offset: 0, size: deltas_bytes(context.layout()) };
         let bound = |&(list, first, count): &(BufferRange, u32, u32)| {
             // As texels, poses and sums are bound twice.
-            let times = if self.choice.texels() { 2 } else { 1 };
-            let lists = [asset, list].map(|range| (range, F::R32G32B32A32_UINT));
-            let floats = (poses.range(first, count), F::R32G32B32A32_SFLOAT);
-            let sums = sums.map(|sums| (poses.sums(sums.raw).range(first, count), F::R32G32B32A32_SINT));
-            let written = [floats].into_iter().chain(sums).flat_map(|range| std::iter::repeat_n(range, times));
-            let typed = |((range, format), (_, buffer))| Bound::typed(descriptor_type(buffer), range, format);
-            lists.into_iter().chain(written).zip(bindings.iter().copied()).map(typed).collect()
+            let times = if self.texels { 2 } else { 1 };
+            let sums = sums.map(|sums| poses.sums(sums.raw).range(first, count));
+            let written = [poses.range(first, count)].into_iter().chain(sums);
+            let written = written.flat_map(|range| std::iter::repeat_n(range, times));
+            [asset, list].into_iter().chain(written).collect::<Vec<_>>()
         };
-        Sets::new(&objects.device, objects.set_layout, &lists.iter().map(bound).collect::<Vec<_>>())
+        self.kernels[0].objects.sets(&lists.iter().map(bound).collect::<Vec<_>>())
     }
 }
 

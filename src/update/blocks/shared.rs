@@ -5,7 +5,7 @@ use crate::abi::push::BlocksPush;
 use crate::abi::worklist::POSES_MAX;
 use crate::error::Result;
 use crate::gpu::device::Device;
-use crate::gpu::memory::{Buffer, BufferDesc};
+use crate::gpu::memory::Buffer;
 use crate::gpu::mesh::deltas_bytes;
 use crate::pack::PackedLayout;
 use crate::pack::blocks::{BlockIndex, ExactGrid};
@@ -25,7 +25,7 @@ pub(crate) fn sums_buffer(device: &Arc<Device>, poses: &Poses, instances: u32) -
         | vk::BufferUsageFlags::STORAGE_TEXEL_BUFFER
         | vk::BufferUsageFlags::TRANSFER_SRC;
     let (name, bytes) = ("deltamorph integer sums", poses.bytes * u64::from(instances));
-    Buffer::new(device, &BufferDesc { name, bytes, usage, location: MemoryLocation::GpuOnly })
+    Buffer::new(device, name, bytes, usage, MemoryLocation::GpuOnly)
 }
 
 /// Instances that one descriptor set reaches, where other limits allow `most`: as far as the storage range and the

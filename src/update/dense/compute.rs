@@ -10,7 +10,7 @@ use crate::abi::modules::{DENSE, DENSE_LIST};
 use crate::abi::numbers::WORKGROUP;
 use crate::abi::push::{DenseListEntry, DenseListPush, DensePush};
 use crate::error::Result;
-use crate::gpu::descriptors::{Bound, Sets};
+use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::kernels::Kernel;
 use crate::gpu::mesh::delta_range;
@@ -189,19 +189,15 @@ impl PassSets {
                 for source in [(mesh.base.raw, 0, BASE_STRIDE), pose(slot), pose(before)] {
                     bound.extend(mesh.layout.chunks().map(|(first, vertices)| {
                         let chunk = |(buffer, from, stride)| {
-                            Bound::new(buffer, from + (first * stride) as u64, (vertices * stride) as u64)
+                            BufferRange::new(buffer, from + (first * stride) as u64, (vertices * stride) as u64)
                         };
-                        vec![
-                            chunk(source),
-                            chunk(pose(slot)),
-                            Bound::dynamic(mesh.deltas.raw, deltas),
-                            Bound::dynamic(lists, stride),
-                        ]
+                        let lists = BufferRange::new(lists, 0, stride);
+                        [chunk(source), chunk(pose(slot)), BufferRange::new(mesh.deltas.raw, 0, deltas), lists]
                     }));
                 }
             }
         }
-        let sets = Sets::new(&kernel.objects.device, kernel.objects.set_layout, &bound)?;
+        let sets = kernel.objects.sets(&bound)?;
         Ok(Self { slots: poses.slots, chunks: mesh.layout.chunks().count(), sets })
     }
 

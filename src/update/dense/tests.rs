@@ -157,7 +157,7 @@ fn a_swapped_ping_pong_slot_is_seen() {
 fn a_vertex_pass_must_not_write_what_it_fetches() {
     for &path in PATHS.iter().filter(|path| !path.works_in_place()) {
         let pass = Work { source: Source::Slot(1), destination: 1, ..Work::default() };
-        let mut checker = HazardChecker::new();
+        let mut checker = HazardChecker::default();
         checker.update(&[Recorded::Step { crowd: 0, works: passes(path).1.of(&[pass]) }]);
         let text = checker.finish().unwrap_err()[0].to_string();
         assert!(text.contains("write after read on Pose"), "{text}");

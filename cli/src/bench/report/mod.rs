@@ -1,6 +1,6 @@
 //! The report folder: report.json, runs.csv, the plots and index.html.
 
-pub mod family;
+mod family;
 mod figures;
 mod page;
 pub mod sentences;
@@ -44,17 +44,13 @@ pub fn claim(dir: &Path) -> Result<(), Failure> {
 
 pub fn read(path: &Path) -> Result<Report, Failure> {
     let text = std::fs::read_to_string(path).map_err(|e| Failure::io(path, "read", e))?;
-    let report: Report = serde_json::from_str(&text).map_err(|e| {
-        Failure::Failed(format!("{}: {e}; give a report.json that `deltamorph bench` wrote", path.display()))
-    })?;
-    if report.schema != 1 {
-        return Err(Failure::Failed(format!(
-            "{}: schema {}, this version reads schema 1; use the version that wrote it",
-            path.display(),
-            report.schema
-        )));
+    let unreadable = |why: String| Failure::Failed(format!("{}: {why}", path.display()));
+    let report: Report = serde_json::from_str(&text)
+        .map_err(|e| unreadable(format!("{e}; give a report.json that `deltamorph bench` wrote")))?;
+    match report.schema {
+        1 => Ok(report),
+        other => Err(unreadable(format!("schema {other}, this version reads schema 1; use the version that wrote it"))),
     }
-    Ok(report)
 }
 
 /// The columns of runs.csv: the fields of a run; `gpu_ms_median` is the field `median` of `gpu_ms`.
@@ -99,16 +95,18 @@ mod tests {
         // DELTAMORPH_REPORT_SAMPLE keeps the folder, to look at.
         let kept = std::env::var_os("DELTAMORPH_REPORT_SAMPLE");
         let folder = kept.map_or_else(|| dir.path().join("new/report"), Into::into);
-        let report = synthetic::report();
-        write(&report, &folder).expect("written");
-        for figure in figures::figures(&report, None) {
-            for extension in ["svg", "png"] {
-                assert!(folder.join(format!("{}.{extension}", figure.slug)).is_file(), "{}", figure.slug);
+        for report in [synthetic::report(), synthetic::suite()] {
+            write(&report, &folder).expect("written");
+            for figure in figures::figures(&report, report.suites.first()) {
+                let file = |extension| folder.join(format!("{}.{extension}", figure.slug));
+                let svg = std::fs::read_to_string(file("svg")).expect("read");
+                assert!(svg.contains("<svg") && svg.contains("</svg>") && svg.contains("sans-serif"), "{svg}");
+                assert_eq!(std::fs::read(file("png")).expect("read")[..4], *b"\x89PNG");
             }
+            assert!(folder.join("index.html").is_file());
+            let again = read(&folder.join("report.json")).expect("read");
+            assert_eq!(again.runs.len(), report.runs.len());
         }
-        assert!(folder.join("index.html").is_file());
-        let again = read(&folder.join("report.json")).expect("read");
-        assert_eq!(again.runs.len(), report.runs.len());
     }
 
     #[test]

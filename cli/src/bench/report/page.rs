@@ -4,11 +4,11 @@ use super::sentences::{of_suite, sentences, title};
 use super::tables;
 use crate::bench::compare::SuiteRecord;
 use crate::bench::record::Report;
-use crate::bench::run::RunRecord;
+use crate::bench::run::{RunRecord, fastest};
 use crate::input::MeshInfo;
-use crate::page::{document, figures, table, text_table};
+use crate::page::{document, figures, table};
 use crate::plots::Figure;
-use crate::table::{Table, percent, sig3, thousands};
+use crate::table::{percent, sig3, thousands};
 use maud::{Markup, html};
 
 pub fn file_name(suite: Option<&SuiteRecord>) -> String {
@@ -20,7 +20,7 @@ pub fn page(report: &Report, suite: Option<&SuiteRecord>, drawn: &[(Figure, Stri
     let day = report.created.split('T').next().unwrap_or_default();
     let about = suite.map_or(report.input.name.as_str(), title);
     let lead = match suite {
-        Some(suite) => vec![title(suite).to_owned(), of_suite(suite, report)],
+        Some(suite) => vec![title(suite).to_owned(), of_suite(suite)],
         None => sentences(report),
     };
     let body = html! {
@@ -46,7 +46,7 @@ pub fn page(report: &Report, suite: Option<&SuiteRecord>, drawn: &[(Figure, Stri
             }
         }
         @for (heading, found) in suite.map_or(vec![], |suite| tables::of_suite(suite, report)) {
-            section { h2 { (heading) } (text_table(&found)) }
+            section { h2 { (heading) } (table(&found, |_| (None, None))) }
         }
         (figures(drawn))
         section {
@@ -73,26 +73,21 @@ pub fn page(report: &Report, suite: Option<&SuiteRecord>, drawn: &[(Figure, Stri
 fn facts(report: &Report) -> Markup {
     let (d, i, b) = (&report.device, &report.input, &report.bandwidth);
     let rate = |v: Option<f64>| v.map_or("not measured".to_owned(), |v| format!("{} GB/s", sig3(v)));
-    let driver = [d.driver.as_str(), d.driver_info.as_str()].join(" ");
     let api = if d.api_version.is_empty() { String::new() } else { format!("Vulkan {}", d.api_version) };
+    let driver = [d.driver.as_str(), &d.driver_info, &api].join(" ");
+    let meshes = if report.meshes.is_empty() { std::slice::from_ref(i) } else { &report.meshes };
     let kind = match d.kind.as_str() {
         "cpu" => "software driver".to_owned(),
         "none" => "no Vulkan device used".to_owned(),
         kind => format!("{kind} GPU"),
     };
     let cards = [
-        ("Device", d.name.clone(), vec![format!("{} {}", driver.trim(), api), kind]),
+        ("Device", d.name.clone(), vec![driver, kind]),
         ("Processor", d.cpu.clone(), vec![format!("{} threads", d.threads)]),
         (
             "Mesh",
             format!("{} vertices × {} targets", thousands(i.vertices), i.targets),
-            match report.meshes.is_empty() {
-                true => vec![
-                    format!("{} triangles, {}", thousands(i.triangles), i.origin),
-                    format!("a target moves {} of the vertices", percent(i.moved_mean)),
-                ],
-                false => report.meshes.iter().map(mesh).collect(),
-            },
+            meshes.iter().map(mesh).collect(),
         ),
         (
             "Memory bandwidth",
@@ -116,29 +111,24 @@ fn facts(report: &Report) -> Markup {
     }
 }
 
-/// One of the meshes of the suites.
 fn mesh(m: &MeshInfo) -> String {
-    let (vertices, moved) = (thousands(m.vertices), percent(m.moved_mean));
-    format!("{}: {vertices} vertices, {} targets, each moves {moved}", m.name, m.targets)
+    let [vertices, triangles] = [m.vertices, m.triangles].map(thousands);
+    let (name, targets, moved, origin) = (&m.name, m.targets, percent(m.moved_mean), &m.origin);
+    format!("{name}: {vertices} vertices, {triangles} triangles, {targets} targets, each moves {moved}; {origin}")
 }
 
 fn all_runs(runs: &[&RunRecord]) -> Markup {
     // The fastest of each kind of work is worth finding at a glance.
     let work = |r: &RunRecord| (r.suite.clone(), r.cell.clone(), r.workload.clone(), r.heads, r.changed.to_bits());
     let best = |run: &RunRecord| {
-        let rivals = runs.iter().filter(|r| r.counts() && work(r) == work(run));
-        run.counts() && rivals.map(|r| r.median()).fold(f64::INFINITY, f64::min) >= run.median()
+        let rivals = runs.iter().copied().filter(|r| r.counts() && work(r) == work(run));
+        run.counts() && fastest(rivals).is_some_and(|best| run.median() <= best.median())
     };
-    let all: Table = tables::runs(runs.iter().copied(), false);
-    let rows = runs.iter().zip(all.rows()).map(|(run, cells)| {
+    table(&tables::runs(runs.iter().copied(), false), |row| {
+        let run = runs[row];
         let class = if run.verified { best(run).then_some("best") } else { Some("wrong") };
-        html! {
-            tr class=[class] { @for cell in cells { td { (cell) } } }
-            // The reason has a row of its own: in a column it would widen the table beyond the page.
-            @if let Some(problem) = &run.problem { tr.reason { td colspan=(cells.len()) { (problem) } } }
-        }
-    });
-    table(all.headings(), rows)
+        (class, run.problem.as_deref())
+    })
 }
 
 #[cfg(test)]

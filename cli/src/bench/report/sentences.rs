@@ -1,8 +1,8 @@
 //! The sentences that sum a report up, with numbers from its runs.
 
-use super::family::Family;
-use super::figures::relative;
-use crate::bench::compare::{Comparison, SuiteRecord};
+use super::family::by_family;
+use super::figures::{hardest, relative};
+use crate::bench::compare::SuiteRecord;
 use crate::bench::record::Report;
 use crate::bench::run::{RunRecord, batch_words, fastest};
 use crate::table::{count, percent, sig3, thousands};
@@ -21,86 +21,71 @@ pub fn title(suite: &SuiteRecord) -> &str {
 /// The most telling numbers, the first of which is the heading.
 pub fn sentences(report: &Report) -> Vec<String> {
     let runs: Vec<&RunRecord> = report.runs.iter().filter(|r| r.counts()).collect();
-    let wrong = report.runs.iter().filter(|r| !r.verified).count();
     let mut out: Vec<String> = match report.suites.is_empty() {
-        true => [batching(&runs), best(&runs), changed(&runs)].into_iter().flatten().collect(),
-        false => report.suites.iter().map(|suite| of_suite(suite, report)).collect(),
+        true => of_runs(&runs),
+        false => report.suites.iter().map(of_suite).collect(),
     };
+    let (all, wrong) = (report.runs.len(), report.runs.iter().filter(|r| !r.verified).count());
     if out.is_empty() {
-        out.push(format!("{} configurations, none of them timed", report.runs.len()));
+        out.push(format!("{all} configurations, none of them timed"));
     }
     if wrong > 0 {
-        out.push(format!("{wrong} of {} configurations gave a wrong result and were not timed.", report.runs.len()));
-    } else if !report.runs.is_empty() {
+        out.push(format!("{wrong} of {all} configurations gave a wrong result and were not timed."));
+    } else if all > 0 {
         let worst = report.runs.iter().filter_map(|r| r.max_error_rel).fold(0.0, f64::max);
         out.push(format!(
             "All {} configurations match the float64 reference; the largest error is {} of the diagonal.",
-            thousands(report.runs.len()),
+            thousands(all),
             sig3(worst)
         ));
     }
     out
 }
 
-/// The most telling numbers of a suite.
-pub fn of_suite(suite: &SuiteRecord, report: &Report) -> String {
-    match suite.name.as_str() {
-        "chapter" => match suite.comparisons.iter().max_by(|a, b| a.ratio.total_cmp(&b.ratio)) {
-            Some(c) => format!("Chapter: {} is {} times as fast as batch 1 ({}).", c.second, sig3(c.ratio), c.name),
-            None => "Chapter: no path with batches could run.".into(),
-        },
-        "crowd" => {
-            let crowds = suite.comparisons.iter().filter(|c| c.second.contains("crowd"));
-            let gain = |c: &Comparison| format!("{} times as fast as {} ({})", sig3(c.ratio), c.first, c.name);
-            let gains: Vec<String> = crowds.map(gain).collect();
-            match gains.is_empty() {
-                true => format!("Crowd: {} runs.", report.runs_of(Some(suite)).count()),
-                false => format!("Crowd: one crowd is {}.", gains.join(", ")),
-            }
-        }
-        _ => {
-            let ratios: Vec<f64> = suite.cells.iter().filter_map(|c| c.blocks_to_best_other).collect();
-            let wins = ratios.iter().filter(|r| **r <= 1.0).count();
-            match ratios.iter().copied().reduce(f64::max) {
-                None => format!("{}: nothing to compare.", title(suite)),
-                Some(worst) => format!(
-                    "{}: blocks is the fastest GPU path in {wins} of {} cells; in the worst it takes {} \
-                     times what the best other takes.",
-                    title(suite),
-                    ratios.len(),
-                    sig3(worst)
-                ),
-            }
-        }
+/// The most telling numbers of a suite: the largest ratio that was found, or how often `blocks` is the fastest.
+pub fn of_suite(suite: &SuiteRecord) -> String {
+    let ratios: Vec<f64> = suite.cells.iter().filter_map(|c| c.blocks_to_best_other).collect();
+    let (title, wins) = (title(suite), ratios.iter().filter(|r| **r <= 1.0).count());
+    if let Some(worst) = ratios.iter().copied().reduce(f64::max) {
+        return format!(
+            "{title}: blocks is the fastest GPU path in {wins} of {} cells; in the worst it takes {} times what the best \
+             other takes.",
+            ratios.len(),
+            sig3(worst)
+        );
+    }
+    match suite.comparisons.iter().max_by(|a, b| a.ratio.total_cmp(&b.ratio)) {
+        Some(c) => format!("{title}: {} is {} times as fast as {} ({}).", c.second, sig3(c.ratio), c.first, c.name),
+        None => format!("{title}: nothing to compare."),
     }
 }
 
+/// Of the first workload: gains of different ones do not compare.
+fn of_runs(runs: &[&RunRecord]) -> Vec<String> {
+    let Some(first) = runs.first() else { return vec![] };
+    let same = |r: &&RunRecord| (&r.workload, r.heads) == (&first.workload, first.heads);
+    let runs: Vec<&RunRecord> = runs.iter().copied().filter(same).collect();
+    let hardest = hardest(&runs);
+    let Some(best) = fastest(hardest.iter().copied()) else { return vec![] };
+    [batching(&hardest), Some(of_best(best)), changed(&runs, best)].into_iter().flatten().collect()
+}
+
 /// What batching gains where it gains most.
-fn batching(runs: &[&RunRecord]) -> Option<String> {
-    let (first, most) = (runs.first()?, runs.iter().map(|r| r.changed).fold(0.0, f64::max));
-    // One workload: gains of different ones do not compare.
-    let hardest: Vec<&RunRecord> = runs
-        .iter()
-        .copied()
-        .filter(|r| (&r.workload, r.heads, r.changed) == (&first.workload, first.heads, most))
-        .collect();
-    let gains = hardest.iter().filter(|r| matches!(r.batch_size, BatchSize::Targets(_))).filter_map(|run| {
-        let family = Family::of(run);
-        let own: Vec<&RunRecord> = hardest.iter().copied().filter(|r| Family::of(r) == family).collect();
+fn batching(hardest: &[&RunRecord]) -> Option<String> {
+    let gains = by_family(hardest).into_iter().flat_map(|(_, own)| {
+        let single = own.iter().find(|r| r.batch_size == BatchSize::Targets(1)).map_or(0.0, |r| r.passes);
         // As many passes as one at a time: what differs then is noise.
-        let single = own.iter().find(|r| r.batch_size == BatchSize::Targets(1))?;
-        let (gain, error) = relative(run, &own).filter(|_| run.passes < single.passes)?;
-        (gain - 2.0 * error > 1.0).then_some((gain, *run))
+        let several = |r: &&RunRecord| r.batch_size != BatchSize::All && r.passes < single;
+        let gain = |run| relative(run, &own).map(|(gain, error)| (gain, error, run));
+        own.iter().copied().filter(several).filter_map(gain).collect::<Vec<_>>()
     });
-    let (gain, run) = gains.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let (gain, _, run) =
+        gains.filter(|(gain, error, _)| gain - 2.0 * error > 1.0).max_by(|a, b| a.0.total_cmp(&b.0))?;
     Some(format!("Batch {} is {gain:.1}× as fast as batch 1 on {} ({})", run.batch_size, run.path, run.format))
 }
 
 /// The fastest configuration of the hardest work.
-fn best(runs: &[&RunRecord]) -> Option<String> {
-    let most = runs.iter().map(|r| r.changed).fold(0.0, f64::max);
-    let one = runs.iter().filter(|r| r.changed == most && r.heads == runs[0].heads && r.workload == runs[0].workload);
-    let run = fastest(one.copied())?;
+fn of_best(run: &RunRecord) -> String {
     let floor = match run.floor_fraction {
         // The floor is measured with a copy in memory; what stays in a cache can beat it.
         Some(share) if share > 1.0 => ", faster than a plain copy of as many bytes".into(),
@@ -108,33 +93,24 @@ fn best(runs: &[&RunRecord]) -> Option<String> {
         None => String::new(),
     };
     let drawn = if run.update_and_draw_ms.is_some() { ", draws included" } else { "" };
-    Some(format!(
-        "With {} targets changed per frame the fastest is {} {}, {}: {} ms per frame{drawn}{floor}.",
-        count(run.changed),
-        run.path,
-        run.format,
-        batch_words(run.batch_size),
-        sig3(run.median()),
-    ))
+    let (changed, ms, batch) = (count(run.changed), sig3(run.median()), batch_words(run.batch_size));
+    let fastest = format!("{} {}, {batch}: {ms} ms per frame{drawn}{floor}", run.path, run.format);
+    format!("With {changed} targets changed per frame the fastest is {fastest}.")
 }
 
-/// What changing fewer targets saves.
-fn changed(runs: &[&RunRecord]) -> Option<String> {
-    let random: Vec<&RunRecord> = runs.iter().filter(|r| r.workload == "random").copied().collect();
-    let (least, most) =
-        random.iter().fold((f64::INFINITY, 0.0f64), |(lo, hi), r| (lo.min(r.changed), hi.max(r.changed)));
-    let at = |n: f64| fastest(random.iter().filter(|r| r.changed == n && r.heads == random[0].heads).copied());
-    let (few, all) = (at(least)?, at(most)?);
-    let total = few.targets.max(most as usize);
-    let more = if most as usize == total { "all".into() } else { format!("{most:.0}") };
-    (least < most).then(|| {
-        format!(
-            "Changing {least:.0} of {total} targets takes {} ms, changing {more} {} ms: {:.1} times as long.",
-            sig3(few.median()),
-            sig3(all.median()),
-            all.median() / few.median()
-        )
-    })
+/// What changing fewer targets saves, where `all` is the fastest with most of them.
+fn changed(runs: &[&RunRecord], all: &RunRecord) -> Option<String> {
+    let least = runs.iter().map(|r| r.changed).reduce(f64::min).filter(|least| *least < all.changed)?;
+    let few = fastest(runs.iter().copied().filter(|r| r.changed == least))?;
+    let (few, most) = (few.median(), all.median());
+    Some(format!(
+        "Changing {least:.0} of {} targets takes {} ms, changing {:.0} takes {} ms: {:.1} times as long.",
+        all.targets,
+        sig3(few),
+        all.changed,
+        sig3(most),
+        most / few
+    ))
 }
 
 #[cfg(test)]

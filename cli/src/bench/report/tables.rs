@@ -1,9 +1,11 @@
 //! The tables of a report, for the terminal and for its pages.
 
+use super::family::partition;
 use crate::bench::compare::{CellRecord, Comparison, SuiteRecord};
 use crate::bench::record::Report;
 use crate::bench::run::RunRecord;
 use crate::table::{Table, bytes, count, optional, percent, sig3};
+use std::iter::once;
 
 /// What tables say where there is nothing to say.
 const NONE: &str = "–";
@@ -99,7 +101,7 @@ fn cells(suite: &SuiteRecord, report: &Report) -> Table {
         let who = [&cell.fastest, &cell.blocks, &cell.best_other];
         let who = who.into_iter().flat_map(|name| [name.clone().unwrap_or(NONE.into()), time(name)]);
         let ratios = [blocks_to_best_other, blocks_to_best_other_mean, direct_to_blocks];
-        table.row(std::iter::once(cell.name.clone()).chain(who).chain(ratios.map(|ratio| optional(*ratio))));
+        table.row(once(cell.name.clone()).chain(who).chain(ratios.map(|ratio| optional(*ratio))));
     }
     table
 }
@@ -112,28 +114,18 @@ fn matrix(suite: &SuiteRecord, report: &Report) -> Option<Table> {
         false => suite.cells.iter().any(|cell| cell.name == run.cell),
     };
     let runs: Vec<&RunRecord> = report.runs_of(Some(suite)).filter(competes).collect();
-    let (mut techniques, mut cells): (Vec<&str>, Vec<&str>) = (vec!["ms"], vec![]);
-    for run in &runs {
-        if !techniques.contains(&run.technique.as_str()) {
-            techniques.push(&run.technique);
-        }
-        if !cells.contains(&run.cell.as_str()) {
-            cells.push(&run.cell);
-        }
-    }
-    let time = |cell: &str, technique: &str| {
-        let run = runs.iter().find(|run| (run.cell.as_str(), run.technique.as_str()) == (cell, technique));
-        match run.map(|run| (run, run.time())) {
+    let techniques = partition(&runs, |run| run.technique.clone());
+    let headings: Vec<&str> = once("ms").chain(techniques.iter().map(|(name, _)| name.as_str())).collect();
+    let mut table = Table::new(&headings, 1);
+    for (cell, runs) in partition(&runs, |run| run.cell.clone()) {
+        let time = |name: &str| match runs.iter().find(|run| run.technique == name).map(|run| (run, run.time())) {
             Some((run, _)) if !run.verified => "WRONG".into(),
             Some((_, Some(time))) => sig3(if suite.cells.is_empty() { time.mean } else { time.median }),
             _ => NONE.to_owned(),
-        }
-    };
-    let mut table = Table::new(&techniques, 1);
-    for cell in &cells {
-        table.row(std::iter::once((*cell).to_owned()).chain(techniques[1..].iter().map(|of| time(cell, of))));
+        };
+        table.row(once(cell).chain(headings[1..].iter().map(|name| time(name))));
     }
-    (!cells.is_empty()).then_some(table)
+    (!runs.is_empty()).then_some(table)
 }
 
 #[cfg(test)]

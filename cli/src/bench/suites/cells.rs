@@ -1,13 +1,13 @@
 //! Every technique against every other: on made-up workloads, and on captured clips.
 
 use super::session::{Session, Subject, dense_and_sparse};
-use super::technique;
+use super::technique::{self, Chosen, candidates};
 use crate::args::InputArgs;
 use crate::bench::compare::CellRecord;
-use crate::bench::interleave::{Candidate, Common};
+use crate::bench::interleave::Common;
 use crate::bench::record::Skipped;
 use crate::bench::run::RunRecord;
-use crate::bench::setting::{Config, Setting};
+use crate::bench::setting::Setting;
 use crate::bench::workload::Workload;
 use crate::input::{self, Input};
 use crate::output::Failure;
@@ -22,10 +22,7 @@ const FEW: usize = 8;
 const ACTIVE: usize = 4;
 
 /// A mesh, and what changes on it: the workloads, and each in words.
-pub struct Workloads {
-    input: Input,
-    works: Vec<(Workload, String)>,
-}
+pub type Workloads = (Input, Vec<(Workload, String)>);
 
 /// All, few, and few active targets × dense and sparse.
 pub fn made_up(session: &Session<'_>) -> Result<Vec<Workloads>, Failure> {
@@ -37,7 +34,7 @@ pub fn made_up(session: &Session<'_>) -> Result<Vec<Workloads>, Failure> {
             (Workload::random(n, few, seed), format!("{few} of {n} changed")),
             (Workload::few(n, active, seed), format!("{active} non-zero of {n}")),
         ];
-        Workloads { input, works }
+        (input, works)
     };
     Ok(dense_and_sparse(session)?.into_iter().map(workloads).collect())
 }
@@ -52,7 +49,7 @@ pub fn captured(session: &mut Session<'_>) -> Result<Vec<Workloads>, Failure> {
             input::clip(path, &args, &input.kept).map(|clip| (Workload::clip(&clip), clip.name.clone()))
         };
         let works = input.clips.iter().map(read).collect::<Result<_, _>>()?;
-        list.push(Workloads { input, works });
+        list.push((input, works));
     }
     Ok(list)
 }
@@ -60,27 +57,27 @@ pub fn captured(session: &mut Session<'_>) -> Result<Vec<Workloads>, Failure> {
 /// Every technique on each of `list`, for one head and many: a cell each.
 pub fn run(session: &mut Session<'_>, list: Vec<Workloads>, heads: &[u32]) -> Result<(), Failure> {
     let (all, heads) = (technique::all(session), session.args.heads_or(heads));
-    for Workloads { input, works } in list {
+    for (input, works) in list {
         let mut subject = Subject::new(session, input);
         session.bar.inc_length((works.len() * heads.len()) as u64);
         for (workload, change) in &works {
-            let setting = |heads| Setting { workload, heads, shared: false, drawn: true, brief: true };
             let schedule = session.schedule(if workload.changed.is_none() { Common::Frames } else { Common::Nothing });
-            let mut choices: HashMap<u32, Vec<(String, Config)>> = HashMap::new();
+            let mut choices: HashMap<u32, Vec<Chosen>> = HashMap::new();
             for &heads in &heads {
                 let some = heads.min(CHOICE_HEADS);
                 let chosen = match choices.entry(some) {
                     Entry::Occupied(known) => known.into_mut(),
-                    Entry::Vacant(place) => {
-                        place.insert(technique::choose(session, &mut subject, &setting(some), &all)?)
-                    }
+                    Entry::Vacant(place) => place.insert(technique::choose(
+                        session,
+                        &mut subject,
+                        &Setting::of_suite(workload, some),
+                        &all,
+                    )?),
                 };
-                let setting = setting(heads);
-                let candidates: Vec<Candidate<'_>> =
-                    chosen.iter().map(|(name, config)| Candidate::new(name, config, &setting)).collect();
                 let (mesh, plural) = (subject.input.name.clone(), if heads == 1 { "" } else { "s" });
                 let cell = format!("{mesh}, {change}, {heads} head{plural}");
-                let runs = session.measure(&mut subject, &cell, &candidates, &schedule)?;
+                let setting = Setting::of_suite(workload, heads);
+                let runs = session.measure(&mut subject, &cell, &candidates(chosen, &setting), &schedule)?;
                 let runs: Vec<RunRecord> = runs.into_iter().flatten().collect();
                 session.suite.cells.push(CellRecord::of(&cell, [&mesh, change], heads, &runs));
                 session.bar.inc(1);

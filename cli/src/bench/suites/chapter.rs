@@ -43,7 +43,7 @@ pub fn run(session: &mut Session<'_>, input: Input) -> Result<(), Failure> {
     for &changed in &changes {
         let random = Workload::random(subject.targets(), changed, session.args.input.seed);
         let heads = session.args.heads_or(&[1])[0];
-        let setting = Setting { workload: &random, heads, shared: false, drawn: false, brief: true };
+        let setting = Setting { drawn: false, ..Setting::of_suite(&random, heads) };
         for family in families.clone() {
             let name = format!("{} {}", family[0].desc.path.name(), family[0].format.name());
             let candidates: Vec<Candidate<'_>> =

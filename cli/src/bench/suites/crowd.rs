@@ -1,8 +1,8 @@
 //! One head and many, after Costigan et al. (MIG 2016), figures 5 and 6.
 
 use super::session::{Session, Subject, dense_and_sparse};
-use super::technique;
-use crate::bench::compare::{Comparison, OURS};
+use super::technique::{self, candidates};
+use crate::bench::compare::OURS;
 use crate::bench::interleave::{Candidate, Common};
 use crate::bench::run::heads_words;
 use crate::bench::setting::{Config, Setting};
@@ -27,10 +27,8 @@ const CROWD_GOAL: &str = "3 or more";
 pub fn run(session: &mut Session<'_>) -> Result<(), Failure> {
     let heads = session.args.heads_or(&HEADS);
     let (one, many) = (heads[0], heads[heads.len() - 1]);
-    let mut subjects: Vec<Subject> = vec![];
-    for input in dense_and_sparse(session)? {
-        subjects.push(Subject::new(session, input));
-    }
+    let inputs = dense_and_sparse(session)?;
+    let mut subjects: Vec<Subject> = inputs.into_iter().map(|input| Subject::new(session, input)).collect();
     let all = technique::all(session);
     let Some(main) = subjects.last_mut() else { return Ok(()) };
     let total = main.targets();
@@ -39,12 +37,12 @@ pub fn run(session: &mut Session<'_>) -> Result<(), Failure> {
     session.bar.inc_length(3 * counts.len() as u64 + SHARED.len() as u64 + 2);
 
     let random = Workload::random(total, total, session.args.input.seed);
-    let chosen = technique::choose(session, main, &drawn(&random, one, false), &all)?;
+    let chosen = technique::choose(session, main, &Setting::of_suite(&random, one), &all)?;
     for &count in &counts {
         let mut kept = main.first_targets(count);
         let random = Workload::random(count, count, session.args.input.seed);
         for (heads, shared) in [(one, false), (many, false), (many, true)] {
-            let setting = drawn(&random, heads, shared);
+            let setting = Setting { shared, ..Setting::of_suite(&random, heads) };
             let cell = format!("{}, {count} targets", heads_words(heads, shared));
             session.measure(&mut kept, &cell, &candidates(&chosen, &setting), &session.schedule(Common::Nothing))?;
             session.bar.inc(1);
@@ -52,52 +50,29 @@ pub fn run(session: &mut Session<'_>) -> Result<(), Failure> {
     }
 
     // In turns, so that the machine's own ups and downs hit both.
-    let (single, copies) = (drawn(&random, 1, false), drawn(&random, many, true));
+    let single = Setting::of_suite(&random, 1);
+    let copies = Setting { shared: true, ..Setting::of_suite(&random, many) };
     for (common, how, goal) in SHARED {
         for (name, config) in &chosen {
-            let names = [heads_words(many, true), heads_words(1, true)];
-            let pair = [Candidate::new(&names[0], config, &copies), Candidate::new(&names[1], config, &single)];
+            let pair = [(many, &copies), (1, &single)]
+                .map(|(heads, setting)| Candidate::new(&heads_words(heads, true), config, setting));
             let cell = format!("update of {name}, shared, {how}");
-            if let [Some(a), Some(b)] = &session.measure(main, &cell, &pair, &session.schedule(common))?[..] {
-                session.suite.comparisons.extend(Comparison::new(&cell, [a, b], names, |round| round.update_ms, goal));
-            }
+            session.compare_updates(main, &cell, pair, &session.schedule(common), goal)?;
         }
         session.bar.inc(1);
     }
 
+    // One crowd against as many crowds of one head each, recorded into one submission.
     let Some((_, config)) = chosen.into_iter().find(|(name, _)| name == OURS) else { return Ok(()) };
-    let cases = [(subjects.len() - 1, FEW.min(total)), (0, total)];
-    for (subject, changed) in cases {
-        let gain = crowd_gain(session, &mut subjects[subject], &config, changed, many)?;
-        session.suite.comparisons.extend(gain);
+    for (subject, changed) in [(subjects.len() - 1, FEW.min(total)), (0, total)] {
+        let subject = &mut subjects[subject];
+        let random = Workload::random(subject.targets(), changed, session.args.input.seed);
+        let setting = Setting { drawn: false, ..Setting::of_suite(&random, many) };
+        let pair = [(true, format!("{many} crowds of 1")), (false, format!("1 crowd of {many}"))]
+            .map(|(separate, name)| Candidate::new(&name, &Config { separate, ..config.clone() }, &setting));
+        let cell = format!("{}: {changed} of {} changed, {many} heads", subject.input.name, subject.targets());
+        session.compare_updates(subject, &cell, pair, &session.schedule(Common::Nothing), CROWD_GOAL)?;
         session.bar.inc(1);
     }
     Ok(())
-}
-
-/// One crowd against as many crowds of one head each, recorded into one submission.
-fn crowd_gain(
-    session: &mut Session<'_>,
-    subject: &mut Subject,
-    config: &Config,
-    changed: usize,
-    heads: u32,
-) -> Result<Option<Comparison>, Failure> {
-    let random = Workload::random(subject.targets(), changed, session.args.input.seed);
-    let setting = Setting { drawn: false, ..drawn(&random, heads, false) };
-    let names = [format!("{heads} crowds of 1"), format!("1 crowd of {heads}")];
-    let pair = [(true, &names[0]), (false, &names[1])]
-        .map(|(separate, name)| Candidate::new(name, &Config { separate, ..config.clone() }, &setting));
-    let cell = format!("{}: {changed} of {} changed, {heads} heads", subject.input.name, subject.targets());
-    let runs = session.measure(subject, &cell, &pair, &session.schedule(Common::Nothing))?;
-    let [Some(singles), Some(crowd)] = &runs[..] else { return Ok(None) };
-    Ok(Comparison::new(&cell, [singles, crowd], names, |round| round.update_ms, CROWD_GOAL))
-}
-
-fn drawn(workload: &Workload, heads: u32, shared: bool) -> Setting<'_> {
-    Setting { workload, heads, shared, drawn: true, brief: true }
-}
-
-fn candidates<'a>(chosen: &[(String, Config)], setting: &'a Setting<'a>) -> Vec<Candidate<'a>> {
-    chosen.iter().map(|(name, config)| Candidate::new(name, config, setting)).collect()
 }

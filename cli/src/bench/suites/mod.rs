@@ -21,8 +21,7 @@ use session::Session;
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<Report, Failure> {
     let input = input::load(&args.input, true, out)?;
     let machine = Machine::open(args, device, &input, out)?;
-    let empty = machine.report(&input);
-    let mut session = Session::new(args, &machine, out);
+    let mut session = Session::new(args, &machine, out, machine.report(&input));
     let asked = |suite| args.suites.contains(&suite) || args.suites.contains(&SuiteChoice::All);
     // Before anything is measured: a set that cannot be used is not to cost what was measured before it.
     let clips = if asked(SuiteChoice::Clips) { cells::captured(&mut session)? } else { vec![] };
@@ -38,5 +37,5 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     if asked(SuiteChoice::Clips) {
         session.suite("clips", |session| cells::run(session, clips, &[1]))?;
     }
-    Ok(session.report(empty))
+    Ok(session.report())
 }

@@ -3,13 +3,13 @@
 use crate::args::InputArgs;
 use crate::args::bench::BenchArgs;
 use crate::bench::cache::Cache;
-use crate::bench::compare::SuiteRecord;
+use crate::bench::compare::{Comparison, SuiteRecord};
 use crate::bench::interleave::{Candidate, Common, Outcome, Schedule, interleave};
 use crate::bench::machine::Machine;
 use crate::bench::record::{Report, Skipped};
 use crate::bench::run::RunRecord;
 use crate::bench::trial::Context;
-use crate::input::{self, Input, MeshInfo};
+use crate::input::{self, Input};
 use crate::output::{Failure, Output};
 use deltamorph::MorphMesh;
 use indicatif::ProgressBar;
@@ -27,42 +27,29 @@ pub struct Session<'a> {
     pub bar: ProgressBar,
     /// What the suite that is running has found.
     pub suite: SuiteRecord,
-    /// Those that have run.
-    suites: Vec<SuiteRecord>,
-    runs: Vec<RunRecord>,
-    skipped: Vec<Skipped>,
-    meshes: Vec<MeshInfo>,
+    /// What was found before it, and every run.
+    report: Report,
 }
 
 impl<'a> Session<'a> {
-    pub fn new(args: &'a BenchArgs, machine: &'a Machine, out: &'a Output) -> Self {
-        Self {
-            args,
-            machine,
-            out,
-            bar: out.bar(0),
-            suite: SuiteRecord::default(),
-            suites: vec![],
-            runs: vec![],
-            skipped: vec![],
-            meshes: vec![],
-        }
+    /// What is found is added to `report`.
+    pub fn new(args: &'a BenchArgs, machine: &'a Machine, out: &'a Output, report: Report) -> Self {
+        Self { args, machine, out, bar: out.bar(0), suite: SuiteRecord::default(), report }
     }
 
     /// Run the suite called `name`.
     pub fn suite(&mut self, name: &str, run: impl FnOnce(&mut Self) -> Result<(), Failure>) -> Result<(), Failure> {
         self.suite.name = name.into();
         run(self)?;
-        self.suites.push(std::mem::take(&mut self.suite));
+        self.report.suites.push(std::mem::take(&mut self.suite));
         Ok(())
     }
 
-    /// `empty`, with all that was found.
-    pub fn report(self, empty: Report) -> Report {
-        let Self { suites, runs, skipped, meshes, bar, .. } = self;
-        bar.finish_and_clear();
-        let input = meshes.first().unwrap_or(&empty.input).clone();
-        Report { runs, skipped, suites, meshes, input, ..empty }
+    /// The report, with all that was found.
+    pub fn report(self) -> Report {
+        self.bar.finish_and_clear();
+        let input = self.report.meshes.first().unwrap_or(&self.report.input).clone();
+        Report { input, ..self.report }
     }
 
     /// The frames of a configuration, in rounds.
@@ -98,7 +85,7 @@ impl<'a> Session<'a> {
                 Ok(mut run) => {
                     run.raw_error_rel = run.raw_error_rel.filter(|_| !subject.was_packed);
                     self.keep(cell, &candidate.what, run);
-                    self.runs.last().cloned()
+                    self.report.runs.last().cloned()
                 }
                 Err(refused) => {
                     self.skip(Skipped { what: format!("{}: {}", refused.what, cell), ..refused });
@@ -109,16 +96,33 @@ impl<'a> Session<'a> {
         Ok(runs)
     }
 
+    /// Measure two candidates, and compare the times of their updates.
+    pub fn compare_updates(
+        &mut self,
+        subject: &mut Subject,
+        cell: &str,
+        pair: [Candidate<'_>; 2],
+        schedule: &Schedule,
+        goal: &str,
+    ) -> Result<(), Failure> {
+        if let [Some(a), Some(b)] = &self.measure(subject, cell, &pair, schedule)?[..] {
+            let names = pair.map(|candidate| candidate.what);
+            self.suite.comparisons.extend(Comparison::new(cell, [a, b], names, |round| round.update_ms, goal));
+        }
+        Ok(())
+    }
+
     /// Put a run into the report.
     pub fn keep(&mut self, cell: &str, technique: &str, run: RunRecord) {
         let suite = self.suite.name.clone();
-        self.runs.push(RunRecord { suite, cell: cell.into(), technique: technique.into(), ..run });
+        self.report.runs.push(RunRecord { suite, cell: cell.into(), technique: technique.into(), ..run });
     }
 
     /// Put what could not run into the report, once.
     pub fn skip(&mut self, skipped: Skipped) {
-        if self.skipped.iter().all(|s| (&s.what, &s.reason) != (&skipped.what, &skipped.reason)) {
-            self.skipped.push(skipped);
+        let known = &mut self.report.skipped;
+        if known.iter().all(|s| (&s.what, &s.reason) != (&skipped.what, &skipped.reason)) {
+            known.push(skipped);
         }
     }
 }
@@ -138,8 +142,9 @@ pub struct Subject {
 impl Subject {
     /// The report will describe it.
     pub fn new(session: &mut Session<'_>, input: Input) -> Self {
-        if session.meshes.iter().all(|mesh| mesh.name != input.name) {
-            session.meshes.push(input.info());
+        let meshes = &mut session.report.meshes;
+        if meshes.iter().all(|mesh| mesh.name != input.name) {
+            meshes.push(input.info());
         }
         let was_packed = input.packed.is_some();
         Self { input, cache: Cache::default(), was_packed }
@@ -152,8 +157,8 @@ impl Subject {
             mesh.targets.truncate(targets);
             Arc::new(mesh)
         };
-        let Input { name, raw, kept, origin, .. } = &self.input;
-        let (raw, kept, name, origin) = (first(raw), first(kept), name.clone(), origin.clone());
+        let (name, origin) = (self.input.name.clone(), self.input.origin.clone());
+        let (raw, kept) = (first(&self.input.raw), first(&self.input.kept));
         let input = Input { name, raw, kept, packed: None, clips: vec![], origin };
         Self { input, cache: Cache::default(), was_packed: self.was_packed }
     }
@@ -170,12 +175,11 @@ pub fn dense_and_sparse(session: &Session<'_>) -> Result<Vec<Input>, Failure> {
         return Ok(vec![input::load(args, true, session.out)?]);
     }
     let sparse = args.head.sparsity.unwrap_or(SPARSE);
-    let mut inputs = vec![];
-    for (name, sparsity) in [("dense".to_owned(), 1.0), (format!("{}% sparse", sparse * 100.0), sparse)] {
-        let mut args: InputArgs = session.args.input.clone();
+    let heads = [("dense".to_owned(), 1.0), (format!("{}% sparse", sparse * 100.0), sparse)];
+    let load = |(name, sparsity)| -> Result<Input, Failure> {
+        let mut args: InputArgs = args.clone();
         args.head.sparsity = Some(sparsity);
-        let input = input::load(&args, true, session.out)?;
-        inputs.push(Input { name, ..input });
-    }
-    Ok(inputs)
+        Ok(Input { name, ..input::load(&args, true, session.out)? })
+    };
+    heads.into_iter().map(load).collect()
 }

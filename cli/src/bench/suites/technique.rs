@@ -12,9 +12,17 @@ use deltamorph::{BatchSize, DeltaFormat, UpdateDesc, UpdateMode, UpdatePath};
 /// A technique, and the configurations that the best one is chosen from.
 pub struct Technique {
     /// The path, and the mode where it is not the path's own.
-    pub name: String,
+    name: String,
     /// At least one.
-    pub configs: Vec<Config>,
+    configs: Vec<Config>,
+}
+
+/// The name of a technique, and its fastest configuration.
+pub type Chosen = (String, Config);
+
+/// All of `chosen` in one setting.
+pub fn candidates<'a>(chosen: &[Chosen], setting: &'a Setting<'a>) -> Vec<Candidate<'a>> {
+    chosen.iter().map(|(name, config)| Candidate::new(name, config, setting)).collect()
 }
 
 /// Batch sizes to choose from: few are enough, since beyond 8 the gain is small.
@@ -70,7 +78,7 @@ pub fn choose(
     subject: &mut Subject,
     setting: &Setting<'_>,
     techniques: &[Technique],
-) -> Result<Vec<(String, Config)>, Failure> {
+) -> Result<Vec<Chosen>, Failure> {
     let schedule =
         Schedule { frames: 6, rounds: 3, limit: Some(session.args.time_limit() / 20), common: Common::Nothing };
     let mut chosen = vec![];
@@ -80,23 +88,20 @@ pub fn choose(
             chosen.push((technique.name.clone(), config.clone()));
             continue;
         }
-        let candidates: Vec<Candidate<'_>> =
-            technique.configs.iter().map(|config| Candidate::new(&technique.name, config, setting)).collect();
-        let mut best: Option<(f64, &Config)> = None;
-        for (outcome, config) in
-            session.interleave(subject, &candidates, &schedule)?.into_iter().zip(&technique.configs)
-        {
+        let rivals: Vec<Chosen> = technique.configs.iter().map(|c| (technique.name.clone(), c.clone())).collect();
+        let outcomes = session.interleave(subject, &candidates(&rivals, setting), &schedule)?;
+        let mut best = f64::INFINITY;
+        let mut fastest = None;
+        for (outcome, rival) in outcomes.into_iter().zip(rivals) {
             match outcome {
-                Ok(run) if run.counts() && best.is_none_or(|(ms, _)| run.median() < ms) => {
-                    best = Some((run.median(), config));
-                }
+                Ok(run) if run.counts() && run.median() < best => (best, fastest) = (run.median(), Some(rival)),
                 Ok(run) if run.verified => {}
                 // Wrong: that has to be seen, whatever the others do.
                 Ok(run) => session.keep("choice", &technique.name, run),
                 Err(refused) => session.skip(refused),
             }
         }
-        chosen.extend(best.map(|(_, config)| (technique.name.clone(), config.clone())));
+        chosen.extend(fastest);
     }
     Ok(chosen)
 }
