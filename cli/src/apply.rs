@@ -42,10 +42,10 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
 
     let stage = Stage::new(single, run, &input, device, out)?;
     let path = stage.desc.path.name();
-    let mut runner = stage.runner()?;
+    let mut runner = stage.runner(stage.desc)?;
     let mut passes = 0;
     for weights in &frames {
-        passes += runner.step(&[weights])?.stats.passes;
+        passes += runner.step(&[weights], 0)?.stats.passes;
     }
     let pose = runner.pose(0)?;
     // There is at least one frame: `frames` sees to it.
@@ -53,7 +53,7 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let promise = Promise::new(&stage.desc, stage.mesh.layout());
     let error = compare(&pose, &evaluate(&stage.mesh, &promise.applied(weights)));
     let diagonal = f64::from(input.kept.diagonal);
-    let relative = error.position / promise.scale();
+    let relative = error.position / promise.scale;
     // Rounding grows with what is added up, on the way as well as at the end.
     let reach = |weights: &Vec<f32>| weights.iter().map(|w| f64::from(w.abs())).sum::<f64>();
     let added = frames.iter().map(reach).fold(1.0, f64::max);
@@ -64,12 +64,10 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     }
     write(output, &input.kept, &pose)?;
     let active = weights.iter().filter(|w| **w != 0.0).count();
+    let (file, targets, setup) = (output.display(), weights.len(), stage.describe());
     out.say(format_args!(
-        "{}: {active} active of {} targets, {passes} passes through {}; {relative:.1e} of the diagonal off the float64 \
-         reference",
-        output.display(),
-        weights.len(),
-        stage.describe(),
+        "{file}: {active} active of {targets} targets, {passes} passes through {setup}; {relative:.1e} of the diagonal \
+         off the float64 reference"
     ));
     out.json(&Applied {
         schema: 1,

@@ -230,7 +230,7 @@ pub fn distinct<T: Copy + PartialEq>(list: &[T]) -> Vec<T> {
 }
 
 impl UpdateArgs {
-    /// The paths asked for, each once, or else `default`.
+    /// The paths named, each once, or else `default`.
     pub fn paths_or(&self, default: &[UpdatePath]) -> Vec<UpdatePath> {
         distinct(if self.paths.is_empty() { default } else { &self.paths })
     }

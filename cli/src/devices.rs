@@ -5,18 +5,19 @@ use crate::table::{Table, bytes};
 use deltamorph::headless::{DeviceChoice, Headless};
 use deltamorph::{DeltaFormat, DeviceCaps, UpdatePath, requirements};
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// A device in the JSON of `devices`. Fields may be added, never renamed.
 #[derive(Serialize)]
-struct Device {
+struct Device<'a> {
     index: usize,
-    name: String,
+    name: &'a str,
     kind: &'static str,
-    driver: String,
-    driver_info: String,
+    driver: &'a str,
+    driver_info: &'a str,
     api_version: String,
     paths: Vec<PathRow>,
-    limits: serde_json::Map<String, serde_json::Value>,
+    limits: BTreeMap<&'static str, u64>,
 }
 
 #[derive(Serialize)]
@@ -47,7 +48,7 @@ pub fn run(device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     out.check(&[], &[], None)?;
     let all = Headless::devices()?;
     let chosen = all.iter().enumerate().filter(|(i, caps)| device.is_none_or(|choice| choice.matches(*i, caps)));
-    let (texts, devices): (Vec<String>, Vec<Device>) = chosen.map(|(i, caps)| describe(i, caps)).unzip();
+    let (texts, devices): (Vec<String>, Vec<_>) = chosen.map(|(i, caps)| describe(i, caps)).unzip();
     if device.is_some() && devices.is_empty() {
         let there: Vec<String> = all.iter().enumerate().map(|(i, caps)| format!("{i}: {}", caps.name)).collect();
         return Err(Failure::Failed(format!("no such Vulkan device; choose one of: {}", there.join("; "))));
@@ -60,7 +61,7 @@ pub fn run(device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
 }
 
 /// A device for people, and for programs.
-fn describe(index: usize, caps: &DeviceCaps) -> (String, Device) {
+fn describe(index: usize, caps: &DeviceCaps) -> (String, Device<'_>) {
     let (major, minor, patch) = caps.api_version;
     let api_version = format!("{major}.{minor}.{patch}");
     let DeviceCaps { name, driver, driver_info, .. } = caps;
@@ -78,17 +79,8 @@ fn describe(index: usize, caps: &DeviceCaps) -> (String, Device) {
     let mut table = Table::new(&LIMITS.map(|(_, heading, ..)| heading), 0);
     table.row(LIMITS.map(|(.., value, show)| show(value(caps))));
     lines.extend(table.to_string().lines().map(|line| format!("   {line}")));
-    let device = Device {
-        index,
-        name: name.clone(),
-        kind,
-        driver: driver.clone(),
-        driver_info: driver_info.clone(),
-        api_version,
-        paths,
-        limits: LIMITS.iter().map(|(name, _, value, _)| ((*name).into(), value(caps).into())).collect(),
-    };
-    (lines.join("\n"), device)
+    let limits = LIMITS.iter().map(|(name, _, value, _)| (*name, value(caps))).collect();
+    (lines.join("\n"), Device { index, name, kind, driver, driver_info, api_version, paths, limits })
 }
 
 fn path_row(caps: &DeviceCaps, path: UpdatePath) -> PathRow {

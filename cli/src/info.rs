@@ -9,13 +9,13 @@ use crate::input::{self, Input, MeshInfo};
 use crate::output::{Failure, Output};
 use crate::table::{Column, Table, bytes, percent, sig3, thousands};
 use deltamorph::{BoundClip, DeltaFormat, MorphMesh, MorphTarget};
-use formats::{Blocks, FormatRow, Measured};
+use formats::{Blocks, Measured};
 use glam::Vec3;
 use serde::Serialize;
 use sweep::{PoseRow, SweepRow};
 
 /// The JSON of `info`. Fields may be added, never renamed.
-#[derive(Debug, Serialize)]
+#[derive(Serialize)]
 struct Info {
     schema: u32,
     input: MeshInfo,
@@ -25,7 +25,7 @@ struct Info {
     /// How tightly they fill the blocks of the format `small`.
     blocks: Blocks,
     /// What each delta format costs.
-    formats: Vec<FormatRow>,
+    formats: Vec<Measured>,
     /// The weight clips that lie beside the mesh.
     clips: Vec<ClipRow>,
     /// With `--report`: bytes against error, of `small` over a range of errors allowed and of the other formats.
@@ -86,15 +86,13 @@ pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
     let input = input::load(&args.input, true, out)?;
     let spinner = out.spinner("packing");
     let formats = formats::measure_all(&input.kept, input.packed.as_ref())?;
-    let mut info = describe(&input, &formats);
-    for path in &input.clips {
-        info.clips.push(clip_row(&input::clip(path, &args.input, &input.kept)?));
-    }
+    let clips = input::clips(None, &args.input, &input)?;
+    // That of the built-in head lies beside no mesh.
+    let mut info = describe(&input, formats, if input.clips.is_empty() { &[] } else { &clips });
     spinner.finish_and_clear();
     if let Some(dir) = &args.report {
-        let clips = input::clips(None, &args.input, &input)?;
-        info.sweep = Some(sweep::sweep(&input.kept, &formats, out)?);
-        info.poses = Some(sweep::poses(&input, &formats, &clips, out));
+        info.sweep = Some(sweep::sweep(&input.kept, &info.formats, out)?);
+        info.poses = Some(sweep::poses(&input, &info.formats, &clips, out));
         report::write(&info, dir)?;
     }
     out.say(text(&info));
@@ -104,8 +102,8 @@ pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
     out.json(&info)
 }
 
-/// Mesh and formats.
-fn describe(input: &Input, formats: &[Measured]) -> Info {
+/// Mesh, formats and clips.
+fn describe(input: &Input, formats: Vec<Measured>, clips: &[BoundClip]) -> Info {
     let (kept, raw) = (&input.kept, &input.raw);
     let vertices = kept.vertex_count();
     let share = |n: usize| n as f64 / vertices.max(1) as f64;
@@ -128,8 +126,8 @@ fn describe(input: &Input, formats: &[Measured]) -> Info {
         blocks: (formats.iter().map(|m| &m.packed).find(|p| p.layout().format == DeltaFormat::Small))
             .map(|small| formats::blocks(small))
             .unwrap_or_default(),
-        formats: formats.iter().map(Measured::row).collect(),
-        clips: Vec::new(),
+        formats,
+        clips: clips.iter().map(clip_row).collect(),
         sweep: None,
         poses: None,
     }
@@ -151,22 +149,19 @@ fn overlap(mesh: &MorphMesh) -> Overlap {
 
 /// How busy a clip is. The first frame has none before it and counts for `active` only.
 fn clip_row(clip: &BoundClip) -> ClipRow {
-    let (mut changed, mut active) = (vec![], 0);
-    let mut before: Option<Vec<f32>> = None;
-    for weights in clip.frames() {
-        active += weights.iter().filter(|w| **w != 0.0).count();
-        changed.extend(before.map(|before| weights.iter().zip(&before).filter(|(a, b)| a != b).count()));
-        before = Some(weights);
-    }
+    let frames: Vec<_> = clip.frames().collect();
+    let active = frames.iter().flatten().filter(|weight| **weight != 0.0).count();
+    let changes = |pair: &[Vec<f32>]| pair[0].iter().zip(&pair[1]).filter(|(a, b)| a != b).count();
+    let changed: Vec<usize> = frames.windows(2).map(changes).collect();
     let mean = |sum: usize, n: usize| sum as f64 / n.max(1) as f64;
     ClipRow {
         name: clip.name.clone(),
-        frames: clip.frame_count(),
+        frames: frames.len(),
         fps: clip.fps,
         columns: clip.column_count(),
         changed_mean: mean(changed.iter().sum(), changed.len()),
         changed_max: changed.iter().copied().max().unwrap_or(0),
-        active_mean: mean(active, clip.frame_count()),
+        active_mean: mean(active, frames.len()),
         still: mean(changed.iter().filter(|&&n| n == 0).count(), changed.len()),
     }
 }
@@ -174,17 +169,12 @@ fn clip_row(clip: &BoundClip) -> ClipRow {
 /// The same for people.
 fn text(info: &Info) -> String {
     let i = &info.input;
+    let MeshInfo { name, origin, targets, .. } = i;
+    let [vertices, triangles] = [i.vertices, i.triangles].map(thousands);
+    let [diagonal, position, normal] = [i.diagonal, i.tolerance, i.tolerance_normal].map(|v| sig3(v.into()));
     let mut parts = vec![format!(
-        "{} ({})\n{} vertices, {} triangles, {} targets, diagonal {}\n\
-         deltas kept: longer than {} of the diagonal (normals: {})",
-        i.name,
-        i.origin,
-        thousands(i.vertices),
-        thousands(i.triangles),
-        i.targets,
-        sig3(i.diagonal.into()),
-        sig3(i.tolerance.into()),
-        sig3(i.tolerance_normal.into()),
+        "{name} ({origin})\n{vertices} vertices, {triangles} triangles, {targets} targets, diagonal {diagonal}\n\
+         deltas kept: longer than {position} of the diagonal (normals: {normal})"
     )];
     let of_diagonal = |length: f32| if i.diagonal > 0.0 { percent((length / i.diagonal).into()) } else { "–".into() };
     let targets: &[Column<'_, TargetRow>] = &[
@@ -196,19 +186,14 @@ fn text(info: &Info) -> String {
         ("of diagonal", &|t| of_diagonal(t.max_delta)),
     ];
     parts.push(Table::of(&info.targets, targets).to_string());
-    let (o, b) = (&info.overlap, &info.blocks);
+    let (Overlap { union, mean, max }, Blocks { size, count, incidence, fill }) = (&info.overlap, &info.blocks);
+    let ([union, fill], mean) = ([union, fill].map(|share| percent(*share)), sig3(*mean));
+    let [count, pairs] = [count, incidence].map(|n| thousands(*n));
     parts.push(format!(
-        "{} of the vertices are moved by some target; each of these by {} targets on average, {} at most\n\
-         {} blocks of {} vertices in the format small: {} block-target pairs, {} full",
-        percent(o.union),
-        sig3(o.mean),
-        o.max,
-        thousands(b.count),
-        b.size,
-        thousands(b.incidence),
-        percent(b.fill),
+        "{union} of the vertices are moved by some target; each of these by {mean} targets on average, {max} at most\n\
+         {count} blocks of {size} vertices in the format small: {pairs} block-target pairs, {fill} full"
     ));
-    let formats: &[Column<'_, FormatRow>] = &[
+    let formats: &[Column<'_, Measured>] = &[
         ("format", &|f| f.name.into()),
         ("deltas", &|f| bytes(f.cost.delta_bytes as f64)),
         ("index", &|f| bytes(f.cost.index_bytes as f64)),

@@ -22,24 +22,14 @@ pub enum Failure {
 }
 
 impl Failure {
-    /// Any failure of the work, with the chain of what caused it.
-    pub fn failed(error: &dyn std::error::Error) -> Self {
-        let mut text = error.to_string();
-        let mut source = error.source();
-        while let Some(cause) = source {
-            let cause_text = cause.to_string();
-            // Many messages quote their cause already.
-            if !text.contains(&cause_text) {
-                text = format!("{text}: {cause_text}");
-            }
-            source = cause.source();
-        }
-        Self::Failed(text)
+    /// Any failure of the work. The errors of the library and of serde quote their causes themselves.
+    pub fn failed(error: impl fmt::Display) -> Self {
+        Self::Failed(error.to_string())
     }
 
     /// A file that could not be read or written.
     pub fn io(path: &Path, action: &'static str, source: std::io::Error) -> Self {
-        Self::failed(&deltamorph::Error::Io { path: path.into(), action, source })
+        Self::failed(deltamorph::Error::Io { path: path.into(), action, source })
     }
 
     pub fn exit_code(&self) -> ExitCode {
@@ -54,14 +44,13 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (Self::Usage(text) | Self::Failed(text)) = self;
         // One line, whatever a file name or a driver put into the message.
-        let words = |line: &str| line.trim().to_owned();
-        f.write_str(&text.lines().map(words).filter(|l| !l.is_empty()).collect::<Vec<_>>().join(" "))
+        f.write_str(&text.lines().map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" "))
     }
 }
 
 impl From<deltamorph::Error> for Failure {
     fn from(error: deltamorph::Error) -> Self {
-        Self::failed(&error)
+        Self::failed(error)
     }
 }
 
@@ -95,7 +84,7 @@ impl Output {
     fn print(&self, text: &str) {
         let mut stdout = io::stdout().lock();
         match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
-            // A reader that has seen enough (`| head`) is no failure of ours.
+            // A reader that has seen enough (`| head`) is not a failure.
             Err(e) if e.kind() != io::ErrorKind::BrokenPipe => drop(self.lost.set(e.kind())),
             _ => {}
         }
@@ -112,7 +101,7 @@ impl Output {
         }
     }
 
-    /// Write the JSON, if it was asked for.
+    /// Write the JSON, if `--json` was given.
     pub fn json(&self, value: &impl Serialize) -> Result<(), Failure> {
         match self.json.as_deref() {
             None => {}
@@ -122,7 +111,7 @@ impl Output {
         Ok(())
     }
 
-    /// Before work begins: whether the JSON, if asked for, can be written, and whether nothing is written over that is
+    /// Before work begins: whether the JSON file of `--json` can be written, and whether nothing is written over that is
     /// `read`, or is another of the outputs: `files`, and what is in `folder`.
     pub fn check(&self, read: &[PathBuf], files: &[&Path], folder: Option<&Path>) -> Result<(), Failure> {
         let json = self.json.as_deref().filter(|_| !self.json_to_stdout());
@@ -175,7 +164,7 @@ impl Output {
 }
 
 pub fn to_json(value: &impl Serialize) -> Result<String, Failure> {
-    let mut text = serde_json::to_string_pretty(value).map_err(|e| Failure::failed(&e))?;
+    let mut text = serde_json::to_string_pretty(value).map_err(Failure::failed)?;
     text.push('\n');
     Ok(text)
 }
@@ -237,20 +226,18 @@ pub fn publish(
     Ok(())
 }
 
-/// The names in `folder`, but for those that are not text: they are not ours.
+/// The names in `folder`. One that is not UTF-8 comes with U+FFFD in it, as none of ours does.
 fn names_in(folder: &Path) -> Result<Vec<String>, Failure> {
     let io = |e| Failure::io(folder, "read the folder", e);
     let entries = std::fs::read_dir(folder).map_err(io)?.collect::<Result<Vec<_>, _>>().map_err(io)?;
-    Ok(entries.into_iter().filter_map(|entry| entry.file_name().into_string().ok()).collect())
+    Ok(entries.iter().map(|entry| entry.file_name().to_string_lossy().into_owned()).collect())
 }
 
 /// Make sure that `folder` is there, and empty or `ours` to write to; `complaint` says what it is instead, and the remedy.
 pub fn claim(folder: &Path, complaint: &str, ours: impl FnOnce() -> bool) -> Result<(), Failure> {
     create_folder(folder)?;
-    let entries = std::fs::read_dir(folder).map_err(|e| Failure::io(folder, "read the folder", e))?;
     // What `publish` may have left behind does not count.
-    let prepared = |entry: std::fs::DirEntry| entry.file_name().to_string_lossy().starts_with(PREPARED);
-    if entries.flatten().all(prepared) || ours() {
+    if names_in(folder)?.iter().all(|name| name.starts_with(PREPARED)) || ours() {
         return Ok(());
     }
     Err(Failure::Usage(format!("{}: the folder {complaint}", folder.display())))

@@ -50,12 +50,9 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     out.check(&input::files_of(&args.input, &[]), &[&args.output], None)?;
     let input = input::load(&args.input, false, out)?;
     if let Some(mesh) = &input.packed {
-        let error = mesh.layout().blocks.as_ref().map_or(0.0, |b| b.error().position);
-        out.note(format_args!(
-            "{} lost {} in length when it was packed; the error below is on top of that",
-            input.origin,
-            sig3(error)
-        ));
+        let lost = sig3(mesh.layout().blocks.as_ref().map_or(0.0, |b| b.error().position));
+        let origin = &input.origin;
+        out.note(format_args!("{origin} lost {lost} in length when it was packed; the error below is on top of that"));
     }
     let spinner = out.spinner("packing");
     let desc = PackDesc::new(format).blocks(args.pack.desc());
@@ -89,32 +86,24 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
 
 /// The same for people.
 fn text(p: &Packed) -> String {
-    let deltas = (p.cost.delta_bytes + p.cost.index_bytes) as f64;
+    let Packed { output, targets, format, block_size, cost, .. } = p;
+    let deltas = cost.delta_bytes + cost.index_bytes;
     let times = match deltas {
-        0.0 => String::new(),
-        deltas => format!(", {} times as much", sig3(p.cost.dense_f32_bytes as f64 / deltas)),
+        0 => String::new(),
+        deltas => format!(", {} times as much", sig3(cost.dense_f32_bytes as f64 / deltas as f64)),
     };
+    let [file, deltas, dense] = [p.file_bytes, deltas, cost.dense_f32_bytes].map(|n| bytes(n as f64));
+    let [vertices, entries, moved, blocks] = [p.vertices, p.entries, p.blocks_moved, p.blocks].map(thousands);
+    let [position, normal] = [cost.position_error_rel, cost.normal_error_deg].map(sig3);
     let exact = match (&p.exact, &p.exact_reason) {
         (Some(grid), _) => format!("weights on a grid of 2^-{}, up to {}", grid.weight_bits, grid.weight_max),
         (None, reason) => format!("no: {}", reason.as_deref().unwrap_or("not in this format")),
     };
     format!(
-        "{}: {} vertices, {} targets as {}, {}\n\
-         deltas: {} in {} entries, {} of {} blocks of {} vertices; as dense float32: {}{times}\n\
-         largest error: {} of the diagonal, normals {}°\n\
-         exact sums: {exact}",
-        p.output,
-        thousands(p.vertices),
-        p.targets,
-        p.format,
-        bytes(p.file_bytes as f64),
-        bytes(deltas),
-        thousands(p.entries),
-        thousands(p.blocks_moved),
-        thousands(p.blocks),
-        p.block_size,
-        bytes(p.cost.dense_f32_bytes as f64),
-        sig3(p.cost.position_error_rel),
-        sig3(p.cost.normal_error_deg),
+        "{output}: {vertices} vertices, {targets} targets as {format}, {file}\n\
+         deltas: {deltas} in {entries} entries, {moved} of {blocks} blocks of {block_size} vertices; \
+         as dense float32: {dense}{times}\n\
+         largest error: {position} of the diagonal, normals {normal}°\n\
+         exact sums: {exact}"
     )
 }

@@ -76,7 +76,7 @@ struct Summary {
     checked: Checked,
     /// Largest angle between normals, in degrees.
     normal_error_deg: f64,
-    /// Against the weights as asked for, as a fraction of the diagonal.
+    /// Against the requested weights, as a fraction of the diagonal.
     request_error_rel: f64,
     /// Against the raw files: dropped deltas, packing, sums and what waits, as a fraction of the diagonal. `None` where
     /// INPUT is a packed file, which does not say what it was packed from.
@@ -94,7 +94,7 @@ pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     let input = input::load(&run.input, true, out)?;
     let clip = input::one_clip(weights.as_deref(), &run.input, &input)?;
     let stage = Stage::new(single, run, &input, device, out)?;
-    // From here on the packed mesh is enough, and the raw files' where errors against them can be told.
+    // From here on the packed mesh is enough, and the raw mesh where errors against it can be measured.
     let Input { raw, packed, origin, .. } = input;
     let mut checks = Checks::new(&stage, packed.is_none().then_some(raw), true);
     let frames = play(args, &stage, &mut checks, &clip, out)?;
@@ -129,7 +129,7 @@ fn play(
         let values = frames().flatten().collect();
         stage.animated(&WeightClip { name: clip.name.clone(), names, fps: clip.fps, values })?
     } else {
-        stage.runner()?
+        stage.runner(stage.desc)?
     };
     let count = clip.frame_count();
     let bar = out.bar(count as u64);
@@ -167,7 +167,7 @@ fn summary(args: &PlayArgs, stage: &Stage, frames: &[FrameRow], checks: &Checks<
     let moved = (!args.animated).then(|| mean(|f| f.bytes_moved.unwrap_or(0) as usize));
     let gpu = Stats::of(&frames.iter().filter_map(|f| f.gpu_ms).collect::<Vec<_>>());
     let cpu = Stats::of(&frames.iter().map(|f| f.cpu_us).collect::<Vec<_>>());
-    let scale = checks.promise.scale();
+    let scale = checks.promise.scale;
     Summary {
         frames: frames.len(),
         setup: stage.setup(),
@@ -183,7 +183,7 @@ fn summary(args: &PlayArgs, stage: &Stage, frames: &[FrameRow], checks: &Checks<
         checked: checks.record(),
         normal_error_deg: checks.found.error.normal_degrees,
         request_error_rel: checks.request / scale,
-        raw_error_rel: checks.raw_error().map(|error| error / scale),
+        raw_error_rel: checks.raw.as_ref().map(|_| checks.found.raw.position / scale),
     }
 }
 
@@ -213,13 +213,11 @@ fn text(clip: &str, stage: &Stage, frames: &[FrameRow], s: &Summary, checks: &Ch
         None => "planned on the device".into(),
     };
     let raw = s.raw_error_rel.map_or(String::new(), |raw| format!("; {} against the raw files", sig3(raw)));
+    let (frames, setup, found) = (thousands(s.frames), stage.describe(), checks.text());
+    let [request, normals] = [s.request_error_rel, s.normal_error_deg].map(sig3);
     format!(
-        "{clip}, {} frames, {}\n\n{table}\n\n{moved}\n{}; {} against the weights asked for{raw}; normals {}°",
-        thousands(s.frames),
-        stage.describe(),
-        checks.text(),
-        sig3(s.request_error_rel),
-        sig3(s.normal_error_deg),
+        "{clip}, {frames} frames, {setup}\n\n{table}\n\n{moved}\n\
+         {found}; {request} against the weights asked for{raw}; normals {normals}°"
     )
 }
 

@@ -12,7 +12,7 @@ use deltamorph::{
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Set up the device chosen on the command line. Without any, and none asked for: `None`, and says so.
+/// Set up the device chosen on the command line. `None`, with a note, where there is none and none was chosen.
 pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, Failure> {
     let desc = HeadlessDesc::default().device(choice.cloned().unwrap_or_default());
     match Gpu::new(&desc) {
@@ -70,7 +70,7 @@ pub struct Frame {
     pub stats: UpdateStats,
     /// Device time of the update in milliseconds, where there is one.
     pub gpu_ms: Option<f64>,
-    /// Device time of the draws behind it, likewise; `None` where there were none.
+    /// Device time of the draws that follow it, in milliseconds; `None` without draws or timestamps.
     pub draw_ms: Option<f64>,
     /// From a result in main memory to the device, in milliseconds: the path `cpu`, where it is drawn.
     pub upload_ms: Option<f64>,
@@ -78,15 +78,8 @@ pub struct Frame {
     pub cpu_ms: f64,
 }
 
-impl Frame {
-    /// What a step on a device took.
-    fn of(Step { update, gpu_ms, draw_ms, cpu_ms }: Step) -> Self {
-        Self { stats: update.stats, gpu_ms, draw_ms, upload_ms: None, cpu_ms }
-    }
-}
-
 impl<'a> Runner<'a> {
-    /// `heads` instances of `mesh`, updated as `desc` says.
+    /// `heads` instances of `mesh`, updated as `desc` says. On the path `cpu`, a `gpu` is where poses are drawn.
     pub fn new(
         gpu: Option<&'a Gpu>,
         mesh: &Arc<PackedMesh>,
@@ -95,8 +88,10 @@ impl<'a> Runner<'a> {
         threads: usize,
     ) -> Result<Self, Failure> {
         match (desc.path, gpu) {
-            (UpdatePath::Cpu, _) => {
-                Ok(Self::Cpu(Box::new(CpuCrowd::new(mesh.clone(), desc, heads as usize, threads)?), None))
+            (UpdatePath::Cpu, gpu) => {
+                let crowd = CpuCrowd::new(mesh.clone(), desc, heads as usize, threads)?;
+                let upload = gpu.map(|gpu| PoseUpload::new(gpu, crowd.layout(), heads)).transpose()?;
+                Ok(Self::Cpu(Box::new(crowd), upload.map(Box::new)))
             }
             (_, Some(gpu)) => Self::crowds(gpu, mesh, desc, heads, 1),
             (path, None) => Err(Failure::Failed(format!(
@@ -125,11 +120,14 @@ impl<'a> Runner<'a> {
 
     /// A head that plays `clip` from its beginning, a frame each step, planned on the device.
     pub fn animated(
-        gpu: &'a Gpu,
+        gpu: Option<&'a Gpu>,
         mesh: &Arc<PackedMesh>,
         update: UpdateDesc,
         clip: &WeightClip,
     ) -> Result<Self, Failure> {
+        let gpu = gpu.filter(|_| update.path == UpdatePath::Blocks).ok_or_else(|| {
+            Failure::Usage("--animated plans on a Vulkan device, on the path blocks, and there is none".into())
+        })?;
         let desc = CrowdDesc::new(update).frames_in_flight(1);
         let clips = AnimationDesc::new(std::slice::from_ref(clip));
         let mut crowd = HeadlessCrowd::animated(gpu, mesh, &desc, &clips)?;
@@ -137,33 +135,17 @@ impl<'a> Runner<'a> {
         Ok(Self::Animated { crowd: Box::new(crowd), fps: clip.fps, frames: 0 })
     }
 
-    /// Where poses lie in main memory, bring those of all `heads` to `gpu` when they are drawn.
-    pub fn with_upload(self, gpu: Option<&'a Gpu>, heads: u32) -> Result<Self, Failure> {
-        match (self, gpu) {
-            (Self::Cpu(crowd, _), Some(gpu)) => {
-                let upload = PoseUpload::new(gpu, crowd.layout(), heads)?;
-                Ok(Self::Cpu(crowd, Some(Box::new(upload))))
-            }
-            (this, _) => Ok(this),
-        }
-    }
-
-    /// Update every head to `weights[head]` and wait.
-    pub fn step(&mut self, weights: &[&[f32]]) -> deltamorph::Result<Frame> {
-        self.step_and_draw(weights, 0)
-    }
-
-    /// As [`step`](Self::step), and on a device draw every head `copies` times.
-    pub fn step_and_draw(&mut self, weights: &[impl AsRef<[f32]>], copies: u32) -> deltamorph::Result<Frame> {
-        match self {
+    /// Update every head to `weights[head]`, draw it `copies` times where there is a device, and wait.
+    pub fn step(&mut self, weights: &[impl AsRef<[f32]>], copies: u32) -> deltamorph::Result<Frame> {
+        let Step { update, gpu_ms, draw_ms, cpu_ms } = match self {
             Self::Gpu(crowds) => {
                 let weights: Vec<&[f32]> = weights.iter().map(AsRef::as_ref).collect();
-                Ok(Frame::of(HeadlessCrowd::step_together(crowds, &weights, copies)?))
+                HeadlessCrowd::step_together(crowds, &weights, copies)?
             }
             Self::Animated { crowd, fps, frames } => {
                 crowd.set_time(f64::from(*frames) / f64::from(*fps))?;
                 *frames += 1;
-                Ok(Frame::of(HeadlessCrowd::step_together(std::slice::from_mut(&mut **crowd), &[], copies)?))
+                HeadlessCrowd::step_together(std::slice::from_mut(&mut **crowd), &[], copies)?
             }
             Self::Cpu(crowd, upload) => {
                 let start = Instant::now();
@@ -174,15 +156,16 @@ impl<'a> Runner<'a> {
                 let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
                 let mut frame = Frame { stats, gpu_ms: None, draw_ms: None, upload_ms: None, cpu_ms };
                 if let Some(upload) = upload.as_mut().filter(|_| copies > 0) {
-                    let poses =
-                        (0..weights.len()).map(|head| crowd.pose(head)).collect::<deltamorph::Result<Vec<_>>>()?;
+                    let poses: Vec<&[f32]> =
+                        (0..weights.len()).map(|head| crowd.pose(head)).collect::<Result<_, _>>()?;
                     frame.upload_ms = Some(upload.upload(&poses)?.cpu_ms);
                     let draws: Vec<Option<f64>> = (0..copies).map(|_| upload.draw()).collect::<Result<_, _>>()?;
                     frame.draw_ms = draws.into_iter().sum();
                 }
-                Ok(frame)
+                return Ok(frame);
             }
-        }
+        };
+        Ok(Frame { stats: update.stats, gpu_ms, draw_ms, upload_ms: None, cpu_ms })
     }
 
     /// The pose of a head, six floats a vertex, in the user's order.

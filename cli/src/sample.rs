@@ -29,21 +29,12 @@ pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
     }
     write_folder(&source, &args.dir, || bar.inc(1))?;
 
-    out.say(format_args!(
-        "{}: {} vertices, {} targets, a weight clip of {} frames",
-        args.dir.display(),
-        thousands(source.positions.len()),
-        source.targets.len(),
-        clip.frame_count()
-    ));
+    let SampleArgs { dir, fps, seed, .. } = args;
+    let (vertices, targets, frames) = (source.positions.len(), source.targets.len(), clip.frame_count());
+    let (folder, count) = (dir.display(), thousands(vertices));
+    out.say(format_args!("{folder}: {count} vertices, {targets} targets, a weight clip of {frames} frames"));
     out.json(&serde_json::json!({
-        "schema": 1,
-        "folder": args.dir,
-        "vertices": source.positions.len(),
-        "targets": source.targets.len(),
-        "frames": clip.frame_count(),
-        "fps": args.fps,
-        "seed": args.seed,
+        "schema": 1, "folder": dir, "vertices": vertices, "targets": targets, "frames": frames, "fps": fps, "seed": seed,
     }))
 }
 

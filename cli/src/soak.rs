@@ -90,7 +90,7 @@ fn soak(
     checks: &mut Checks<'_>,
     out: &Output,
 ) -> Result<Option<Sums>, Failure> {
-    let mut runner = stage.runner()?;
+    let mut runner = stage.runner(stage.desc)?;
     let exact = stage.desc.accumulate == Accumulate::Exact;
     let mut sums = exact.then_some(Sums { right: true, hash: 0 });
     let (every, bar) = (args.every(), out.bar(args.frames as u64));
@@ -117,10 +117,10 @@ impl Sums {
     fn against_fresh(&mut self, runner: &mut Runner<'_>, stage: &Stage, weights: &[f32]) -> Result<(), Failure> {
         if stage.desc.error_budget > 0.0 {
             // What waits is settled when the face is still.
-            runner.step(&[weights])?;
+            runner.step(&[weights], 0)?;
         }
-        let mut fresh = stage.runner_of(stage.desc.error_budget(0.0))?;
-        fresh.step(&[weights])?;
+        let mut fresh = stage.runner(stage.desc.error_budget(0.0))?;
+        fresh.step(&[weights], 0)?;
         let (sums, pose) = (runner.sums()?, runner.pose(0)?);
         let bits = |pose: &[f32]| pose.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
         self.right &= sums.is_some() && sums == fresh.sums()? && bits(&pose) == bits(&fresh.pose(0)?);
@@ -143,7 +143,7 @@ fn verdict(stage: &Stage, checks: &Checks<'_>, bit_exact: Option<bool>) -> Resul
         )));
     }
     checks.verdict(path)?;
-    let bound = checks.found.bound / checks.promise.scale();
+    let bound = checks.found.bound / checks.promise.scale;
     match stage.desc.accumulate {
         Accumulate::Float { tolerance } if bound > f64::from(tolerance) * (1.0 + 1e-6) => {
             Err(Failure::Failed(format!(

@@ -1,7 +1,7 @@
 //! One head, updated as the command line says: what commands that take one path have in common.
 
 use crate::args::run::{RunArgs, Single};
-use crate::args::values::{BatchLimit, BatchSpec, expand_batches};
+use crate::args::values::{BatchSpec, expand_batches};
 use crate::input::Input;
 use crate::output::{Failure, Output};
 use crate::runner::{self, Gpu, Runner, packed};
@@ -34,7 +34,7 @@ pub struct Setup {
 }
 
 impl Stage {
-    /// For a command that was asked for `single`, on the path named, or else the best that there is: `blocks` where
+    /// For a command with the options `single`, on the path named, or else the best that there is: `blocks` where
     /// there is a device, or `cpu`.
     pub fn new(
         single: Single,
@@ -71,11 +71,7 @@ impl Stage {
         Ok(Self { gpu, threads: args.update.threads.unwrap_or(0), mesh, desc })
     }
 
-    pub fn runner(&self) -> Result<Runner<'_>, Failure> {
-        self.runner_of(self.desc)
-    }
-
-    pub fn runner_of(&self, desc: UpdateDesc) -> Result<Runner<'_>, Failure> {
+    pub fn runner(&self, desc: UpdateDesc) -> Result<Runner<'_>, Failure> {
         Runner::new(self.gpu.as_ref(), &self.mesh, desc, 1, self.threads)
     }
 
@@ -85,12 +81,7 @@ impl Stage {
 
     /// A head that plays `clip`, planned on the device.
     pub fn animated(&self, clip: &WeightClip) -> Result<Runner<'_>, Failure> {
-        match &self.gpu {
-            Some(gpu) if self.desc.path == UpdatePath::Blocks => Runner::animated(gpu, &self.mesh, self.desc, clip),
-            _ => {
-                Err(Failure::Usage("--animated plans on a Vulkan device, on the path blocks, and there is none".into()))
-            }
-        }
+        Runner::animated(self.gpu.as_ref(), &self.mesh, self.desc, clip)
     }
 
     pub fn setup(&self) -> Setup {
@@ -115,7 +106,7 @@ impl Stage {
     }
 }
 
-/// The one batch size asked for, or the largest that the path allows.
+/// The requested batch size, or the largest that the path allows.
 fn batch_size(
     spec: Option<BatchSpec>,
     path: UpdatePath,
@@ -126,10 +117,9 @@ fn batch_size(
         gpu.caps().check_path(path)?;
     }
     let max = gpu.and_then(|g| g.caps().batch_max(path, format)).unwrap_or(0);
-    let limit = BatchLimit { max, all: path.takes_all_targets() };
-    let (allowed, _) = expand_batches(&[spec.unwrap_or(BatchSpec::Max)], limit);
+    let (allowed, _) = expand_batches(&[spec.unwrap_or(BatchSpec::Max)], path, max);
     allowed.last().copied().ok_or_else(|| {
-        let all = if limit.all { ", or \"all\"" } else { "" };
+        let all = if path.takes_all_targets() { ", or \"all\"" } else { "" };
         Failure::Usage(format!("--batch-size: path '{}' takes 1 to {max} targets per pass here{all}", path.name()))
     })
 }

@@ -62,19 +62,17 @@ impl std::fmt::Display for Table {
 
 /// `value` with three significant digits, without an exponent where people would not use one.
 pub fn sig3(value: f64) -> String {
-    let magnitude = value.abs();
     if !value.is_finite() {
         "–".into()
-    } else if magnitude == 0.0 {
+    } else if value == 0.0 {
         "0".into()
-    } else if !(1e-3..1e6).contains(&magnitude) {
+    } else if !(1e-3..1e6).contains(&value.abs()) {
         format!("{value:.1e}")
     } else {
-        // Rounding first: 9.996 has its digits where 10 has them.
-        let digits = |v: f64| (2 - v.log10().floor() as i32).max(0) as usize;
-        let decimals = digits(magnitude);
-        let rounded: f64 = format!("{magnitude:.decimals$}").parse().unwrap_or(magnitude);
-        format!("{value:.*}", digits(rounded).min(decimals))
+        // Rounded first: 9.996 has as many decimals as 10.
+        let rounded: f64 = format!("{:.2e}", value.abs()).parse().unwrap_or(value);
+        let decimals = (2 - rounded.log10().floor() as i32).max(0) as usize;
+        format!("{value:.decimals$}")
     }
 }
 
@@ -92,15 +90,10 @@ pub fn percent(fraction: f64) -> String {
 }
 
 pub fn bytes(n: f64) -> String {
-    let units = ["B", "KiB", "MiB", "GiB", "TiB"];
-    let power = if n < 1024.0 { 0 } else { ((n.log2() / 10.0) as usize).min(units.len() - 1) };
-    if power == 0 {
-        return format!("{n:.0} B");
-    }
-    format!("{} {}", sig3(n / 1024f64.powi(power as i32)), units[power])
+    indicatif::HumanBytes(n.round() as u64).to_string()
 }
 
-/// A whole number with its thousands apart.
+/// A whole number with thousands separators.
 pub fn thousands(n: usize) -> String {
     indicatif::HumanCount(n as u64).to_string()
 }

@@ -47,7 +47,8 @@ pub struct Promise {
     tracked: bool,
     grid: Option<ExactGrid>,
     budget: f64,
-    scale: f64,
+    /// The length that errors are stated relative to.
+    pub scale: f64,
 }
 
 impl Promise {
@@ -60,11 +61,6 @@ impl Promise {
             budget: f64::from(desc.error_budget),
             scale: scale(layout.diagonal),
         }
-    }
-
-    /// The length that errors are stated relative to.
-    pub fn scale(&self) -> f64 {
-        self.scale
     }
 
     /// The weights that the result is compared with: exact sums take those of their grid.
@@ -102,12 +98,12 @@ pub struct Checks<'a> {
     mesh: &'a PackedMesh,
     pub promise: Promise,
     /// Compare with these deltas, too.
-    raw: Option<Arc<MorphMesh>>,
-    /// Compare normals, and with the weights asked for, too.
+    pub raw: Option<Arc<MorphMesh>>,
+    /// Compare normals, and also with the requested weights.
     full: bool,
     count: usize,
     pub found: Found,
-    /// Largest position error against the weights asked for.
+    /// Largest position error against the requested weights.
     pub request: f64,
     /// The first frame that breaks the promise, and how.
     wrong: Option<(usize, String)>,
@@ -127,8 +123,8 @@ pub struct Checked {
 }
 
 impl<'a> Checks<'a> {
-    /// Of poses of `stage`; against `raw` as well, where there is such a mesh. `full`: normals, and against the weights
-    /// asked for.
+    /// Of poses of `stage`; against `raw` as well, where it is given. `full`: also normals, and against the requested
+    /// weights.
     pub fn new(stage: &'a Stage, raw: Option<Arc<MorphMesh>>, full: bool) -> Self {
         let promise = Promise::new(&stage.desc, stage.mesh.layout());
         let found = Found::default();
@@ -144,7 +140,7 @@ impl<'a> Checks<'a> {
         due: bool,
     ) -> Result<(Frame, Option<f64>), Failure> {
         let failed = |e| Failure::Failed(format!("frame {frame}: {}", Failure::from(e)));
-        let step = runner.step(&[weights]).map_err(failed)?;
+        let step = runner.step(&[weights], 0).map_err(failed)?;
         let bound = step.stats.bound.into();
         self.found.bound = self.found.bound.max(bound);
         if !due {
@@ -167,11 +163,6 @@ impl<'a> Checks<'a> {
         self.count += 1;
         self.found = self.found.max(found);
         Ok((step, Some(error.position)))
-    }
-
-    /// The largest position error against the raw files, where there are any.
-    pub fn raw_error(&self) -> Option<f64> {
-        self.raw.as_ref().map(|_| self.found.raw.position)
     }
 
     pub fn record(&self) -> Checked {

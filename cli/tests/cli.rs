@@ -305,7 +305,13 @@ fn a_packed_file_is_an_input_everywhere() {
     assert_eq!(std::fs::read_to_string(&a).unwrap(), std::fs::read_to_string(&b).unwrap());
     assert!(std::fs::read_to_string(&a).unwrap().contains("\nf "));
     // Dense paths take what it decodes to.
-    json(&[&["apply", &file, "-o", &a, "--path", "compute", "--device", "llvmpipe"], &weights[..]].concat());
+    let on_compute = ["apply", &file, "-o", &a, "--path", "compute", "--device", "llvmpipe"];
+    assert_eq!(json(&[&on_compute[..], &weights[..]].concat())["format"], "float32");
+    // Another format packs what it decodes to; on the path blocks, float32 is that of blocks.
+    for (format, held) in [("fast", "fast"), ("float32", "block-float32")] {
+        let on_blocks = ["apply", &file, "-o", &a, "--path", "blocks", "--device", "llvmpipe", "--format", format];
+        assert_eq!(json(&[&on_blocks[..], &weights[..]].concat())["format"], held);
+    }
 
     let bench = ["bench", &file, "--paths", "cpu,blocks", "--changed", "4", "--frames", "2", "--no-report"];
     let out = deltamorph(&[&bench[..], &["--json", "-"]].concat());

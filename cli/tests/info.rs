@@ -3,7 +3,7 @@
 #[path = "common/cli.rs"]
 mod cli;
 
-use cli::{HEAD, fails, json, sample};
+use cli::{HEAD, fails, json, ok, sample};
 
 #[test]
 fn the_report_states_error_against_bytes() {
@@ -12,7 +12,22 @@ fn the_report_states_error_against_bytes() {
     let info = |more: &[&str]| json(&[&["info", "--json", "-"], &HEAD[..], more].concat());
     let plain = info(&[]);
     assert!(plain.get("sweep").is_none() && plain.get("poses").is_none());
-    assert_eq!(plain["blocks"]["size"], 32);
+    assert_eq!((&plain["schema"], &plain["blocks"]["size"]), (&1.into(), &32.into()));
+    for (part, fields) in [
+        ("/input", "name origin vertices targets triangles diagonal tolerance tolerance_normal moved_mean"),
+        ("/targets/0", "name moved moved_raw moved_raw_positions max_delta max_normal_delta"),
+        ("/overlap", "union mean max"),
+        ("/blocks", "size count incidence fill"),
+        (
+            "/formats/0",
+            "name delta_bytes index_bytes dense_f32_bytes position_error position_error_rel normal_error_deg",
+        ),
+    ] {
+        let object = plain.pointer(part).expect(part);
+        fields.split(' ').for_each(|f| assert!(object.get(f).is_some(), "{part}/{f}"));
+    }
+    let text = ok(&[&["info"], &HEAD[..]].concat());
+    assert!(text.contains("1,200 vertices") && text.contains("eyeBlinkLeft"), "{text}");
     let names: Vec<&str> = plain["formats"].as_array().unwrap().iter().map(|f| f["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["float32", "snorm16", "block-float32", "fast", "small", "pair"]);
 
@@ -42,6 +57,8 @@ fn the_report_states_error_against_bytes() {
     }
     let page = std::fs::read_to_string(dir.join("index.html")).unwrap();
     assert!(page.matches("<svg").count() == 2 && page.contains("Whole poses") && !page.contains("src="));
+
+    assert_eq!(page.matches("<tr>").count(), 1 + 6 + 1 + sweep.len(), "a table of poses, and one of every point");
 
     // A folder of something else is left alone, whatever its files are called.
     std::fs::write(dir.join("info.json"), "{}").unwrap();

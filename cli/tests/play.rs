@@ -142,7 +142,14 @@ fn bad_arguments_exit_with_2_and_failures_with_1() {
         assert!(words.iter().all(|w| text.contains(w)), "{args:?}: {text}");
     };
     check(&["play", &dir, "--path", "vulkan"], 2, &["vulkan", "blocks"]);
-    check(&["play", &dir, "--path", "cpu,blocks"], 2, &["--path: play takes one"]);
+    for (option, several) in [
+        ("--path", "cpu,blocks"),
+        ("--mode", "incremental,rebuild"),
+        ("--accumulate", "float,exact"),
+        ("--format", "fast,small"),
+    ] {
+        check(&["play", &dir, option, several], 2, &[&format!("{option}: play takes one; name one of them")]);
+    }
     check(&["play", &dir, "--weights", "none.csv", "--path", "cpu"], 1, &["none.csv"]);
     check(&["play", &dir, "--path", "cpu", "--format", "float32", "--accumulate", "exact"], 1, &["exact", "'fast'"]);
     check(&["play", &dir, "--path", "compute", "--format", "small"], 2, &["--format", "float32 or snorm16"]);

@@ -1,6 +1,6 @@
 //! Options of `bench`.
 
-use super::values::{self, BatchSpec, ChangedSpec};
+use super::values::{self, BatchSpec};
 use super::{InputArgs, UpdateArgs, distinct};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -33,7 +33,7 @@ pub struct BenchArgs {
     pub batch_sizes: Vec<BatchSpec>,
     /// Targets changed per frame, drawn afresh for every frame: numbers and "all" [default: 1,4,8,16,32,all]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::changed)]
-    pub changed: Vec<ChangedSpec>,
+    pub changed: Vec<Option<usize>>,
     /// Replay this weight clip as a workload, next to the random one (repeatable)
     #[arg(long, value_name = "CSV")]
     pub weights: Vec<PathBuf>,
@@ -76,7 +76,7 @@ pub struct BenchArgs {
 }
 
 impl BenchArgs {
-    /// The numbers of heads asked for, each once, or else `default`.
+    /// The numbers of heads given, each once, or else `default`.
     pub fn heads_or(&self, default: &[u32]) -> Vec<u32> {
         distinct(if self.heads.is_empty() { default } else { &self.heads })
     }

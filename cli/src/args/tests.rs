@@ -1,7 +1,6 @@
 //! Tests of the command line.
 
 use super::bench::SuiteChoice;
-use super::run::Single;
 use super::values::*;
 use super::*;
 use clap::CommandFactory;
@@ -51,7 +50,7 @@ fn lists_and_aliases() {
     assert_eq!(args.update.paths, [UpdatePath::Feedback, UpdatePath::Cpu]);
     assert_eq!(args.update.formats, [DeltaFormat::Float32, DeltaFormat::Snorm16]);
     assert_eq!(args.batch_sizes, [BatchSpec::Range(1, Some(3)), BatchSpec::Size(7), BatchSpec::Max]);
-    assert_eq!(args.changed, [ChangedSpec::Count(4), ChangedSpec::All]);
+    assert_eq!(args.changed, [Some(4), None]);
     assert_eq!((args.weights.len(), args.heads.as_slice()), (2, &[1, 16][..]));
     let args = args!(Bench, "bench --suite crowd,clips --time-limit 0.2 --heads 1,3 --paths blocks,compute");
     assert_eq!(args.suites, [SuiteChoice::Crowd, SuiteChoice::Clips]);
@@ -68,7 +67,7 @@ fn lists_and_aliases() {
 }
 
 #[test]
-fn bad_values_are_refused_with_exit_code_2() {
+fn bad_values_are_refused_with_exit_code_2_and_what_would_be_right() {
     for (command, options) in [
         (
             "bench",
@@ -91,10 +90,6 @@ fn bad_values_are_refused_with_exit_code_2() {
             assert_eq!(parse(&line).expect_err(&line).exit_code(), 2, "{line}");
         }
     }
-}
-
-#[test]
-fn messages_say_what_would_be_right() {
     for (line, words) in [
         ("bench --vertices 0", "from 1 to"),
         ("bench --batch-sizes 7..1", "write 1..7"),
@@ -106,42 +101,21 @@ fn messages_say_what_would_be_right() {
 }
 
 #[test]
-fn one_of_each_is_taken_or_the_default() {
-    let single = |options: &str| {
-        let update = args!(Play, &format!("play face {options}")).run.update;
-        Single::new("play", &update)
-    };
-    for several in
-        ["--path cpu,blocks", "--accumulate float,exact", "--mode incremental,rebuild", "--format fast,small"]
-    {
-        let message = single(several).expect_err(several);
-        assert!(message.contains(": play takes one; name one of them"), "{message}");
-    }
-    let (small, cpu) = (Some(DeltaFormat::Small), UpdatePath::Cpu);
-    let format = |options: &str, path, held| single(options).expect("one of each").format_on(path, held);
-    assert_eq!((format("", cpu, None), format("", cpu, small)), (Ok(DeltaFormat::Fast), Ok(DeltaFormat::Small)));
-    assert_eq!(format("", UpdatePath::Compute, small), Ok(DeltaFormat::Float32));
-    assert_eq!(format("--format fast", cpu, small), Ok(DeltaFormat::Fast));
-    assert_eq!(format("--format float32", UpdatePath::Blocks, None), Ok(DeltaFormat::BlockFloat32));
-    assert!(format("--format small", UpdatePath::Compute, None).unwrap_err().contains("takes float32 or snorm16"));
-}
-
-#[test]
 fn batches_are_expanded_within_the_limit() {
     use deltamorph::BatchSize::{All, Targets};
     let spec = [BatchSpec::All, BatchSpec::Range(3, None), BatchSpec::Size(1), BatchSpec::Max, BatchSpec::Size(9)];
-    let (kept, refused) = expand_batches(&spec, BatchLimit { max: 5, all: false });
+    let (kept, refused) = expand_batches(&spec, UpdatePath::Feedback, 5);
     assert_eq!(kept, [Targets(1), Targets(3), Targets(4), Targets(5)]);
     assert_eq!(refused, [Targets(9), All]);
-    let (kept, _) = expand_batches(&spec[..1], BatchLimit { max: 5, all: true });
+    let (kept, _) = expand_batches(&spec[..1], UpdatePath::Compute, 5);
     assert_eq!(kept, [All]);
-    assert_eq!(expand_batches(&spec, BatchLimit { max: 0, all: true }), (vec![All], vec![]));
-    assert_eq!(expand_batches(&[BatchSpec::Range(7, None)], BatchLimit { max: 5, all: true }), (vec![], vec![]));
+    assert_eq!(expand_batches(&spec, UpdatePath::Compute, 0), (vec![All], vec![]));
+    assert_eq!(expand_batches(&[BatchSpec::Range(7, None)], UpdatePath::Compute, 5), (vec![], vec![]));
 }
 
 #[test]
 fn changed_counts_are_expanded() {
-    let spec = [ChangedSpec::All, ChangedSpec::Count(3), ChangedSpec::Count(8)];
+    let spec = [None, Some(3), Some(8)];
     assert_eq!(expand_changed(&spec, 8), Ok(vec![3, 8]));
     assert!(expand_changed(&spec, 7).unwrap_err().contains("7 targets"));
 }

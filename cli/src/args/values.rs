@@ -74,15 +74,6 @@ pub enum BatchSpec {
     All,
 }
 
-/// An entry of `--changed`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ChangedSpec {
-    /// This many targets per frame.
-    Count(usize),
-    /// Every target.
-    All,
-}
-
 /// A whole number within bounds, or a sentence that says which.
 pub fn whole<T>(lo: T, hi: T) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync + 'static
 where
@@ -177,10 +168,11 @@ pub fn one_batch(s: &str) -> Result<BatchSpec, String> {
     }
 }
 
-pub fn changed(s: &str) -> Result<ChangedSpec, String> {
+/// Parse an entry of `--changed`: a number of targets; `None` is all of them.
+pub fn changed(s: &str) -> Result<Option<usize>, String> {
     match s.trim() {
-        "all" => Ok(ChangedSpec::All),
-        s => whole(0, MAX_TARGETS)(s).map(ChangedSpec::Count).map_err(|e| format!("{e}, or \"all\"")),
+        "all" => Ok(None),
+        s => whole(0, MAX_TARGETS)(s).map(Some).map_err(|e| format!("{e}, or \"all\"")),
     }
 }
 
@@ -193,47 +185,37 @@ pub fn setting(s: &str) -> Result<(String, f32), String> {
     Ok((name.trim().into(), number("a finite weight after \"=\", as in jawOpen=0.5", |_| true)(weight)?))
 }
 
-/// What an update path can batch on a device.
-#[derive(Clone, Copy, Debug)]
-pub struct BatchLimit {
-    /// Largest number of targets per pass; 0: the path has no batches.
-    pub max: u32,
-    /// Can take every target in one pass.
-    pub all: bool,
-}
-
-/// The batch sizes that `specs` ask for and `limit` allows, ascending, without repeats; and those that it
-/// does not allow. A path without batches runs once, as "all", whatever sizes are asked for.
-pub fn expand_batches(specs: &[BatchSpec], limit: BatchLimit) -> (Vec<BatchSize>, Vec<BatchSize>) {
-    if limit.max == 0 {
+/// The batch sizes that `specs` ask for and `path` allows with at most `max` targets per pass, ascending, without
+/// repeats; and those that it does not allow. A path without batches, where `max` is 0, runs once, as "all".
+pub fn expand_batches(specs: &[BatchSpec], path: UpdatePath, max: u32) -> (Vec<BatchSize>, Vec<BatchSize>) {
+    if max == 0 {
         return (vec![BatchSize::All], Vec::new());
     }
     let ranges = specs.iter().map(|&spec| match spec {
         BatchSpec::Size(n) => n..=n,
-        BatchSpec::Range(lo, hi) => lo..=hi.unwrap_or(limit.max),
-        BatchSpec::Max => limit.max..=limit.max,
+        BatchSpec::Range(lo, hi) => lo..=hi.unwrap_or(max),
+        BatchSpec::Max => max..=max,
         BatchSpec::All => 0..=0,
     });
     let sizes: BTreeSet<_> =
         ranges.flatten().map(|n| if n == 0 { BatchSize::All } else { BatchSize::Targets(n) }).collect();
     sizes.into_iter().partition(|s| match s {
-        BatchSize::Targets(n) => *n <= limit.max,
-        BatchSize::All => limit.all,
+        BatchSize::Targets(n) => *n <= max,
+        BatchSize::All => path.takes_all_targets(),
     })
 }
 
-/// The numbers of changed targets that `specs` ask for on a mesh with `targets`, ascending, without repeats.
-/// No specs: a few sizes that the mesh has, and all.
-pub fn expand_changed(specs: &[ChangedSpec], targets: usize) -> Result<Vec<usize>, String> {
-    if specs.is_empty() {
+/// The numbers of changed targets that entries of `--changed` ask for on a mesh with `targets`, ascending, without
+/// repeats. No entries: a few sizes that the mesh has, and all.
+pub fn expand_changed(entries: &[Option<usize>], targets: usize) -> Result<Vec<usize>, String> {
+    if entries.is_empty() {
         return Ok([1, 4, 8, 16, 32].into_iter().filter(|n| *n < targets).chain([targets]).collect());
     }
-    let counts = specs.iter().map(|spec| match *spec {
-        ChangedSpec::All => Ok(targets),
-        ChangedSpec::Count(n) if n <= targets => Ok(n),
-        ChangedSpec::Count(n) => {
+    let counts: BTreeSet<usize> = entries.iter().map(|entry| entry.unwrap_or(targets)).collect();
+    match counts.last() {
+        Some(n) if *n > targets => {
             Err(format!("--changed {n}: the mesh has {targets} targets; give at most that, or \"all\""))
         }
-    });
-    Ok(counts.collect::<Result<BTreeSet<_>, _>>()?.into_iter().collect())
+        _ => Ok(counts.into_iter().collect()),
+    }
 }

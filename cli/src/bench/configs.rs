@@ -3,7 +3,7 @@
 use super::record::Skipped;
 use super::setting::Config;
 use crate::args::UpdateArgs;
-use crate::args::values::{BatchLimit, BatchSpec, expand_batches, format_on};
+use crate::args::values::{BatchSpec, expand_batches, format_on};
 use crate::runner::Gpu;
 use deltamorph::{Accumulate, BatchSize, DeltaFormat, UpdateDesc, UpdateMode, UpdatePath};
 
@@ -43,11 +43,12 @@ pub fn configurations(wanted: &Wanted<'_>, update: &UpdateArgs, gpu: Option<&Gpu
         }
         let before = (configs.len(), skipped.len());
         for format in wanted.formats.iter().filter_map(|f| format_on(path, *f)) {
-            let batch_max = gpu.and_then(|g| g.caps().batch_max(path, format)).filter(|_| path != UpdatePath::Cpu);
-            let limit = BatchLimit { max: batch_max.unwrap_or(0), all: path.takes_all_targets() };
+            let batch_max = gpu.and_then(|gpu| gpu.caps().batch_max(path, format));
+            let max = batch_max.unwrap_or(0);
             // A draw takes the active targets, whatever their number: there is nothing to sweep.
             let direct = path == UpdatePath::DirectAttributes && !wanted.sizes_named;
-            let (batches, refused) = expand_batches(if direct { &[BatchSpec::Max] } else { wanted.sizes }, limit);
+            let sizes: &[BatchSpec] = if direct { &[BatchSpec::Max] } else { wanted.sizes };
+            let (batches, refused) = expand_batches(sizes, path, max);
             for batch in batches {
                 for (mode, sums) in modes.iter().flat_map(|m| held(wanted.sums, path, format).map(move |s| (*m, s))) {
                     let desc = UpdateDesc::new(path, batch)
@@ -73,7 +74,7 @@ pub fn configurations(wanted: &Wanted<'_>, update: &UpdateArgs, gpu: Option<&Gpu
                 let sizes = if first == last { first.to_string() } else { format!("{first} to {last}") };
                 skipped.push(Skipped {
                     what: format!("{} {} batch {sizes}", path.name(), format.name()),
-                    reason: format!("the device allows at most {} targets per pass", limit.max),
+                    reason: format!("the device allows at most {max} targets per pass"),
                 });
             }
         }

@@ -7,7 +7,7 @@ use super::setting::{Config, Setting};
 use super::trial::{Context, Trial};
 use crate::output::Failure;
 use crate::runner::{Gpu, Runner};
-use deltamorph::Error;
+use deltamorph::{Error, UpdatePath};
 use std::time::Duration;
 
 /// How long configurations are timed, and in how many rounds.
@@ -174,12 +174,13 @@ fn begin<'a>(
     let Candidate { config, setting, .. } = candidate;
     let mesh = cache.mesh(context.input, gpu, config.format, &context.args.update.pack)?;
     let threads = context.args.update.threads.unwrap_or(0);
+    // The path `cpu` has a device for its draws alone.
+    let gpu = gpu.filter(|_| setting.drawn || config.desc.path != UpdatePath::Cpu);
     let runner = match (config.separate, gpu) {
         (true, Some(gpu)) => Runner::crowds(gpu, &mesh, config.desc, 1, setting.updated() as usize),
         _ => Runner::new(gpu, &mesh, config.desc, setting.updated(), threads),
     };
-    let gpu = gpu.filter(|_| setting.drawn);
-    match runner.and_then(|runner| runner.with_upload(gpu, setting.updated())) {
+    match runner {
         Ok(runner) => Ok(refusal(Trial::begin(context, runner, setting, config, &mesh, cache))?),
         // Too large for the device, say.
         Err(e) => Ok(Err(e.to_string())),

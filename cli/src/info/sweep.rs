@@ -1,6 +1,6 @@
 //! Error against bytes, and the errors of whole poses: what `--report` measures.
 
-use super::formats::{Measured, measure};
+use super::formats::{Cost, Measured, measure};
 use crate::input::Input;
 use crate::output::{Failure, Output};
 use crate::verify::scale;
@@ -23,10 +23,8 @@ pub struct SweepRow {
     pub bytes: u64,
     /// The same as a share of all vertices' deltas as six floats.
     pub share: f64,
-    /// Largest error of a position delta, as a fraction of the diagonal.
-    pub position_error_rel: f64,
-    /// Largest error of a normal at weight 1, in degrees.
-    pub normal_error_deg: f64,
+    #[serde(flatten)]
+    pub cost: Cost,
 }
 
 /// The largest errors of whole poses of a clip against the raw files: dropped deltas and packing together.
@@ -72,17 +70,16 @@ pub fn sweep(mesh: &MorphMesh, formats: &[Measured], out: &Output) -> Result<Vec
 }
 
 fn row(measured: &Measured, desc: Option<BlockDesc>) -> SweepRow {
-    let (layout, cost) = (measured.packed.layout(), measured.cost());
+    let cost = measured.cost;
     let bytes = cost.delta_bytes + cost.index_bytes;
     SweepRow {
-        format: layout.format.name(),
-        block_size: layout.blocks.as_ref().map(|b| b.size()),
+        format: measured.name,
+        block_size: measured.packed.layout().blocks.as_ref().map(|b| b.size()),
         position_allowed_rel: desc.map(|d| d.position_error),
         normal_allowed_deg: desc.map(|d| d.normal_error_degrees),
         bytes,
         share: bytes as f64 / cost.dense_f32_bytes.max(1) as f64,
-        position_error_rel: cost.position_error_rel,
-        normal_error_deg: cost.normal_error_deg,
+        cost,
     }
 }
 
@@ -105,7 +102,7 @@ pub fn poses(input: &Input, formats: &[Measured], clips: &[BoundClip], out: &Out
         rows.extend(formats.iter().zip(errors).map(|(format, error)| PoseRow {
             clip: clip.name.clone(),
             frames: frames.len(),
-            format: format.packed.layout().format.name(),
+            format: format.name,
             position_error_rel: error.largest.position / scale(input.kept.diagonal),
             normal_error_deg: error.largest.normal_degrees,
             normal_error_p999_deg: error.usual_angle().into(),

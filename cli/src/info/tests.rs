@@ -48,26 +48,8 @@ fn clips_are_summed_up() {
 }
 
 #[test]
-fn the_json_keeps_its_contract() {
-    let kept = Arc::new(mesh());
-    let input =
-        Input { name: kept.name.clone(), raw: kept.clone(), kept, packed: None, clips: vec![], origin: "test".into() };
-    let info = describe(&input, &formats::measure_all(&input.kept, None).expect("packed"));
-    let json = serde_json::to_value(&info).expect("serialised");
-    assert_eq!((&json["schema"], &json["input"]["triangles"]), (&1.into(), &3.into()), "a quad is two triangles");
-    assert!(json.get("sweep").is_none() && json.get("poses").is_none(), "with --report only");
-    for (part, fields) in [
-        ("/input", "vertices targets triangles diagonal"),
-        ("/targets/0", "name moved max_delta moved_raw"),
-        ("/blocks", "size count incidence fill"),
-        (
-            "/formats/0",
-            "name delta_bytes index_bytes dense_f32_bytes position_error position_error_rel normal_error_deg",
-        ),
-    ] {
-        let object = json.pointer(part).expect(part);
-        fields.split(' ').for_each(|f| assert!(object.get(f).is_some(), "{part}/{f}"));
-    }
-    let text = text(&info);
-    assert!(text.contains("whole") && text.contains("130 vertices"), "{text}");
+fn a_quad_is_two_triangles() {
+    let (kept, raw) = (Arc::new(mesh()), Arc::new(mesh()));
+    let input = Input { name: String::new(), raw, kept, packed: None, clips: vec![], origin: String::new() };
+    assert_eq!(input.info().triangles, 3);
 }

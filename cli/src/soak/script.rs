@@ -1,4 +1,4 @@
-//! What a soak runs: stretches of random frames and of captured ones, in turn.
+//! What a soak runs: alternating stretches of random and of captured frames.
 
 use deltamorph::BoundClip;
 use deltamorph::internals::Rng;

@@ -15,8 +15,7 @@ use std::path::Path;
 /// Write everything into `dir`, replacing what an earlier run left there when all is drawn.
 pub fn write(report: &Report, dir: &Path) -> Result<(), Failure> {
     publish(dir, is_drawn, |dir| {
-        let json = serde_json::to_string_pretty(report).map_err(|e| Failure::failed(&e))?;
-        write_file(&dir.join("report.json"), json + "\n")?;
+        write_file(&dir.join("report.json"), output::to_json(report)?)?;
         write_file(&dir.join("runs.csv"), csv(&report.runs)?)?;
         for suite in report.suites.iter().map(Some).chain([None]) {
             let figures = figures::figures(report, suite).into_iter();
