@@ -3,8 +3,6 @@
 
 pub(crate) mod blocks;
 mod kernel;
-#[cfg(test)]
-pub(crate) mod tile;
 mod workers;
 
 use crate::error::{Error, Result};
@@ -16,7 +14,7 @@ use crate::update::Runner;
 use crate::update::blocks::{GroupPlan, Planner};
 use crate::update::dense::{COMPUTE_PASS, DensePlanner};
 use std::sync::Arc;
-use workers::Workers;
+pub(crate) use workers::Workers;
 
 /// Instances of one mesh whose poses live in main memory.
 pub struct CpuCrowd {
@@ -37,11 +35,12 @@ enum Kind {
 }
 
 /// The memory of a group.
-struct Memory {
+#[derive(Clone)]
+pub(crate) struct Memory {
     /// `[instance × slots + slot]`.
-    poses: Vec<Vec<f32>>,
+    pub poses: Vec<Vec<f32>>,
     /// Integer sums of each instance, for exact accumulation.
-    sums: Vec<Vec<i32>>,
+    pub sums: Vec<Vec<i32>>,
 }
 
 /// Refuse poses that there is no memory for: what cannot be reserved in one piece is not there in many, and running out
@@ -266,7 +265,13 @@ fn run_dense(
 }
 
 /// Carry the work list of a group out.
-fn run_blocks(mesh: &PackedGroup, workers: &Workers, planner: &GroupPlan, memory: &mut Memory, slots: usize) {
+pub(crate) fn run_blocks(
+    mesh: &PackedGroup,
+    workers: &Workers,
+    planner: &GroupPlan,
+    memory: &mut Memory,
+    slots: usize,
+) {
     let (GroupPlan { index, list, .. }, exact) = (planner, planner.exact());
     let Memory { poses, sums } = memory;
     let mut first = 0;

@@ -9,7 +9,7 @@ const PIECES: usize = 8;
 const PIECE_VERTICES: usize = 8 * VERTEX_PADDING;
 
 /// The caller's thread and, with the feature `threads`, others that help it.
-pub(super) struct Workers {
+pub(crate) struct Workers {
     /// All but the caller's.
     #[cfg(feature = "threads")]
     helpers: Option<rayon::ThreadPool>,
@@ -18,7 +18,7 @@ pub(super) struct Workers {
 #[cfg(feature = "threads")]
 impl Workers {
     /// `threads` in all; 0 takes one per core.
-    pub(super) fn new(threads: usize) -> Result<Self> {
+    pub(crate) fn new(threads: usize) -> Result<Self> {
         let threads = match threads {
             0 => std::thread::available_parallelism().map_or(1, usize::from),
             n => n,
@@ -64,7 +64,7 @@ impl Workers {
 #[cfg(not(feature = "threads"))]
 impl Workers {
     /// The caller's thread, whatever `threads` asks for.
-    pub(super) fn new(_threads: usize) -> Result<Self> {
+    pub(crate) fn new(_threads: usize) -> Result<Self> {
         Ok(Self {})
     }
 
