@@ -54,7 +54,7 @@ impl Module {
 }
 
 /// A kernel's modules: for each pair of formats that it takes one, or one for each number of targets.
-#[derive(Debug)]
+#[derive(Debug, PartialEq)]
 pub struct Kernel {
     /// What they declare.
     pub row: &'static KernelRow,

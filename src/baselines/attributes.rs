@@ -2,13 +2,15 @@
 //! base pose, and their weights as push constants. As many targets can be active as the device has attributes for.
 
 use super::draws::{Capture, Draws};
-use super::vertex_store::{StoreSets, VertexKernel, VertexStore};
+use super::vertex_store::store_sets;
+use crate::abi::modules::{DIRECT_ATTRIBUTES, FEEDBACK, VERTEX_STORE};
 use crate::error::{Error, Result};
+use crate::gpu::kernels::Pipelines;
 use crate::gpu::mesh::MeshBuffers;
 use crate::plan::UpdatePath;
 use crate::update::dense::DensePlanner;
-use crate::update::dense::feedback::{Feedback, vertex_batch};
-use crate::update::dense::technique::DensePass;
+use crate::update::dense::feedback::VertexPasses;
+use crate::update::dense::technique::{ChunkSets, DensePass};
 use crate::update::technique::Context;
 use crate::weights::delta::{Coefficient, active_targets};
 use ash::vk;
@@ -17,16 +19,12 @@ use std::sync::Arc;
 /// Instances of a crowd that keeps no poses: each takes memory of the host and draws of its own.
 const INSTANCES_MAX: u32 = 1 << 20;
 
-/// How a pose is captured: by a pass from the base pose of a path that evaluates the same (`attributes.glsl`).
-enum Capturer {
-    Feedback(Arc<Feedback>),
-    Store(Arc<VertexStore>, StoreSets),
-}
-
 /// The draws of a crowd on the path `direct-attributes`: the active targets of each instance.
 pub(crate) struct AttributeDraws {
-    kernel: Arc<VertexKernel<false>>,
-    capturer: Option<Capturer>,
+    kernel: Arc<Pipelines<VertexPasses>>,
+    /// How a pose is captured: by a pass from the base pose of a path that evaluates the same (`attributes.glsl`), and
+    /// the sets of one that stores.
+    capturer: Option<(Arc<Pipelines<VertexPasses>>, Option<ChunkSets>)>,
     mesh: Arc<MeshBuffers>,
     active: Vec<Vec<Coefficient>>,
     /// One pose to capture into.
@@ -55,17 +53,17 @@ impl Draws for AttributeDraws {
                 format!("make several crowds of at most {INSTANCES_MAX}"),
             ));
         }
-        let key = (layout.format, vertex_batch(&context));
         let capturer = match Capture::of(context.device, UpdatePath::DirectAttributes) {
-            Ok(Capture::Feedback) => Some(Capturer::Feedback(context.kernels.get(key)?)),
+            Ok(Capture::Feedback) => Some((VertexPasses::of(&context, &FEEDBACK)?, None)),
             Ok(Capture::Store) => {
-                let store = context.kernels.get::<VertexStore>(key)?;
-                let sets = StoreSets::new(&store, layout, pose, 1)?;
-                Some(Capturer::Store(store, sets))
+                let store = VertexPasses::of(&context, &VERTEX_STORE)?;
+                let sets = store_sets(&store.objects, layout, pose, 1)?;
+                Some((store, Some(sets)))
             }
             Err(_) => None,
         };
-        let (kernel, active) = (context.kernels.get(key)?, vec![vec![]; instances as usize]);
+        let kernel = VertexPasses::of(&context, &DIRECT_ATTRIBUTES)?;
+        let active = vec![vec![]; instances as usize];
         Ok(Self { kernel, capturer, mesh: context.mesh.clone(), active, pose })
     }
 
@@ -79,7 +77,7 @@ impl Draws for AttributeDraws {
 
     /// Refuse more active targets than a draw has attributes for.
     fn check_weights(&self, weights: &[f32]) -> Result<()> {
-        let (active, most) = (weights.iter().filter(|w| **w != 0.0).count(), self.kernel.most());
+        let (active, most) = (weights.iter().filter(|w| **w != 0.0).count(), self.kernel.key.most);
         if active <= most as usize {
             return Ok(());
         }
@@ -91,17 +89,13 @@ impl Draws for AttributeDraws {
 
     unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>, captured: bool) {
         let passes = instances.map(|instance| self.pass(instance));
-        match &self.capturer {
-            Some(Capturer::Feedback(feedback)) if captured => passes.for_each(|pass| {
-                // SAFETY: the caller's obligations; the base pose is another buffer than the one written.
-                unsafe { feedback.record(cmd, &pass) };
-            }),
-            // SAFETY: as above.
-            Some(Capturer::Store(store, sets)) if captured => unsafe {
-                store.record(cmd, passes.map(|pass| (pass, sets.of(0))));
-            },
-            // SAFETY: as above; nothing is stored, and `check_weights` has seen to the length of each list.
-            Some(_) | None => unsafe { self.kernel.record(cmd, passes.map(|pass| (pass, &[][..]))) },
-        }
+        let (pipelines, stores) = match &self.capturer {
+            Some((capturer, stores)) if captured => (capturer, stores.as_ref()),
+            Some(_) | None => (&self.kernel, None),
+        };
+        let stores = stores.map_or(&[][..], |stores| stores.get(0));
+        // SAFETY: the caller's obligations; the base pose is another buffer than the one written, and `check_weights` has
+        // seen to the length of each list.
+        unsafe { pipelines.record(cmd, passes, stores) };
     }
 }

@@ -6,10 +6,8 @@ use super::draws::{Capture, Draws};
 use crate::abi::modules::{DIRECT, DIRECT_FEEDBACK, DIRECT_STORE};
 use crate::abi::push::DirectPush;
 use crate::error::Result;
-use crate::gpu::caps::CAPTURE_STRIDE;
 use crate::gpu::descriptors::{BufferRange, Sets};
-use crate::gpu::device::Device;
-use crate::gpu::kernels::Kernel;
+use crate::gpu::kernels::{PipelineKey, Pipelines};
 use crate::gpu::mesh::{MeshBuffers, delta_range};
 use crate::gpu::pipelines::Objects;
 use crate::gpu::ring::Ring;
@@ -26,8 +24,8 @@ use std::sync::Arc;
 const WEIGHT_BYTES: usize = 8;
 
 /// The draw's pipeline, then, where the device can, the one that captures.
+#[derive(Clone, Copy, PartialEq)]
 struct Direct {
-    objects: Objects,
     format: DeltaFormat,
     capture: Option<Capture>,
 }
@@ -41,12 +39,9 @@ struct DirectDraw {
     active: u32,
 }
 
-impl Kernel for Direct {
-    type Key = DeltaFormat;
-
-    fn new(device: &Arc<Device>, format: DeltaFormat) -> Result<Self> {
-        let capture = Capture::of(device, UpdatePath::Direct).ok();
-        let mut objects = Objects::none(device);
+impl PipelineKey for Direct {
+    fn make(self, objects: &mut Objects) -> Result<()> {
+        let Self { format, capture } = self;
         let kernels = match capture {
             None => &[&DIRECT][..],
             Some(Capture::Feedback) => &[&DIRECT, &DIRECT_FEEDBACK],
@@ -59,17 +54,13 @@ impl Kernel for Direct {
         for kernel in kernels {
             objects.add_discarding_vertex(kernel.module(format, PoseFormat::Float32, 0)?, &bindings, &attributes)?;
         }
-        Ok(Self { objects, format, capture })
-    }
-
-    fn key(&self) -> DeltaFormat {
-        self.format
+        Ok(())
     }
 }
 
 /// The draws of a crowd on the path `direct`, which read weights from a ring of host-visible memory.
 pub(crate) struct DirectDraws {
-    kernel: Arc<Direct>,
+    kernel: Arc<Pipelines<Direct>>,
     mesh: Arc<MeshBuffers>,
     ring: Ring,
     /// Bytes of one instance's weights.
@@ -90,12 +81,13 @@ impl Draws for DirectDraws {
         context.check_offsets("weights", bytes, "make several crowds, or use fewer frames in flight")?;
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER;
         let ring = Ring::new(context.device, "deltamorph weights", part, frames, usage)?;
-        let kernel = context.kernels.get::<Direct>(mesh.layout.format)?;
+        let capture = Capture::of(context.device, UpdatePath::Direct).ok();
+        let kernel = context.kernels.get(Direct { format: mesh.layout.format, capture })?;
         let mut bound = vec![
             BufferRange::new(mesh.deltas.raw, 0, delta_range(&mesh.layout)),
             BufferRange::new(ring.range(0).buffer, 0, stride),
         ];
-        if kernel.capture == Some(Capture::Store) {
+        if capture == Some(Capture::Store) {
             bound.push(BufferRange::new(pose.buffer, 0, pose.bytes));
         }
         Ok(Self {
@@ -132,10 +124,10 @@ impl Draws for DirectDraws {
     }
 
     unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>, captured: bool) {
-        let Direct { objects, capture, .. } = &*self.kernel;
+        let (objects, capture) = (&self.kernel.objects, self.kernel.key.capture.filter(|_| captured));
         let (device, mesh) = (&objects.device.raw, &self.mesh.layout);
         let (point, layout) = (vk::PipelineBindPoint::GRAPHICS, objects.layout);
-        let pipeline = usize::from(captured && capture.is_some());
+        let pipeline = usize::from(capture.is_some());
         // SAFETY: the caller's obligations; pipeline and render pass are ours.
         unsafe {
             objects.begin_render_pass(cmd);
@@ -152,29 +144,13 @@ impl Draws for DirectDraws {
                 first_vertex: first as u32,
             };
             // SAFETY: as above; vertices and rows are within their buffers, dynamic offsets are multiples of 64 × 12
-            // bytes and of a list's 256; the push constants fill the layout's range.
+            // bytes and of a list's 256; the push constants fill the layout's range; as much is captured as the pose has
+            // room for.
             unsafe {
                 device.cmd_bind_vertex_buffers(cmd, 0, &[self.mesh.base.raw], &[at]);
                 device.cmd_bind_descriptor_sets(cmd, point, layout, 0, &[self.sets.get(0)], &[row, draw.weights]);
                 device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::VERTEX, 0, bytes_of(&push));
-            }
-            let record = || {
-                // SAFETY: as above.
-                unsafe { device.cmd_draw(cmd, vertices as u32, 1, 0, 0) };
-            };
-            match &objects.device.feedback {
-                Some(feedback) if captured && *capture == Some(Capture::Feedback) => {
-                    let (feedback, size) = (feedback.fp(), (vertices * CAPTURE_STRIDE) as u64);
-                    // SAFETY: as above; as much is captured as the pose has room for. ash 0.38 has no wrappers for
-                    // these commands.
-                    unsafe {
-                        (feedback.cmd_bind_transform_feedback_buffers_ext)(cmd, 0, 1, &self.pose, &at, &size);
-                        (feedback.cmd_begin_transform_feedback_ext)(cmd, 0, 0, std::ptr::null(), std::ptr::null());
-                        record();
-                        (feedback.cmd_end_transform_feedback_ext)(cmd, 0, 0, std::ptr::null(), std::ptr::null());
-                    }
-                }
-                Some(_) | None => record(),
+                objects.draw(cmd, vertices, (capture == Some(Capture::Feedback)).then_some((self.pose, at)));
             }
         }
         // SAFETY: begun above.

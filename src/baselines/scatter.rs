@@ -12,8 +12,7 @@ use crate::abi::push::{ResolvePush, ScatterPush};
 use crate::asset::streams::TRIPLE;
 use crate::error::{Error, Result};
 use crate::gpu::descriptors::{BufferRange, Sets};
-use crate::gpu::device::Device;
-use crate::gpu::kernels::Kernel;
+use crate::gpu::kernels::{PipelineKey, Pipelines};
 use crate::gpu::memory::Buffer;
 use crate::gpu::mesh::MeshBuffers;
 use crate::gpu::pipelines::Objects;
@@ -63,26 +62,20 @@ impl Records {
 }
 
 /// The pipelines: scatter, then resolve.
-pub(super) struct Scatter {
-    objects: Objects,
-}
+#[derive(Clone, Copy, PartialEq)]
+struct Scatter;
 
-impl Kernel for Scatter {
-    type Key = ();
-
-    fn new(device: &Arc<Device>, (): ()) -> Result<Self> {
-        let mut objects = Objects::none(device);
+impl PipelineKey for Scatter {
+    fn make(self, objects: &mut Objects) -> Result<()> {
         objects.add_layout(&[SCATTER.row, RESOLVE.row], 0)?;
         for kernel in [&SCATTER, &RESOLVE] {
             objects.add_compute(kernel.module(DeltaFormat::Small, PoseFormat::Float32, 0)?, &[&[]])?;
         }
-        Ok(Self { objects })
+        Ok(())
     }
-
-    fn key(&self) {}
 }
 
-impl Scatter {
+impl Pipelines<Scatter> {
     /// Bind the pipeline that adds, or the one that resolves, and what it reads and writes.
     ///
     /// # Safety
@@ -153,7 +146,7 @@ fn fill(planner: &DensePlanner, steps: &mut Steps) {
 
 /// A crowd with integer sums for each instance, cleared, added to and resolved in each update.
 pub(crate) struct ScatterTechnique {
-    kernel: Arc<Scatter>,
+    kernel: Arc<Pipelines<Scatter>>,
     mesh: Arc<MeshBuffers>,
     /// First record of each target, and the number of all.
     first: Vec<u32>,
@@ -177,7 +170,7 @@ impl ScatterTechnique {
                 "upload it with MorphEngine::upload_scatter",
             ));
         };
-        let (grid, kernel) = (index.exact()?, context.kernels.get::<Scatter>(())?);
+        let (grid, kernel) = (index.exact()?, context.kernels.get(Scatter)?);
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::TRANSFER_DST
             | vk::BufferUsageFlags::TRANSFER_SRC;

@@ -3,9 +3,7 @@
 
 pub(crate) mod blocks;
 mod kernel;
-#[cfg(test)]
-pub(crate) mod tile;
-pub(crate) mod workers;
+mod workers;
 
 use crate::error::{Error, Result};
 use crate::pack::blocks::{BlockIndex, ExactGrid};
@@ -17,7 +15,7 @@ use crate::update::Runner;
 use crate::update::blocks::{Planner, WorkList};
 use crate::update::dense::{COMPUTE_PASS, DensePlanner};
 use std::sync::Arc;
-use workers::Workers;
+pub(crate) use workers::Workers;
 
 /// Instances of one mesh whose poses live in main memory.
 pub struct CpuCrowd {

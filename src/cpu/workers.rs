@@ -18,7 +18,7 @@ pub(crate) struct Workers {
 #[cfg(feature = "threads")]
 impl Workers {
     /// `threads` in all; 0 takes one per core.
-    pub fn new(threads: usize) -> Result<Self> {
+    pub(crate) fn new(threads: usize) -> Result<Self> {
         let threads = match threads {
             0 => std::thread::available_parallelism().map_or(1, usize::from),
             n => n,
@@ -64,7 +64,7 @@ impl Workers {
 #[cfg(not(feature = "threads"))]
 impl Workers {
     /// The caller's thread, whatever `threads` asks for.
-    pub fn new(_threads: usize) -> Result<Self> {
+    pub(crate) fn new(_threads: usize) -> Result<Self> {
         Ok(Self {})
     }
 

@@ -1,26 +1,28 @@
 //! Pipelines that were made once are shared by all crowds that take the same ones.
 
 use super::device::Device;
+use super::pipelines::Objects;
 use crate::error::Result;
 use std::any::Any;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Pipelines and what belongs to them, made for a key.
-pub(crate) trait Kernel: Any + Send + Sync + Sized {
-    /// What tells two of a kind apart.
-    type Key: Copy + PartialEq;
-
-    /// Make the pipelines.
+/// What pipelines are made for.
+pub(crate) trait PipelineKey: Any + Copy + PartialEq + Send + Sync {
+    /// Make the pipelines, and what belongs to them.
     ///
     /// # Errors
     /// Those of Vulkan.
-    fn new(device: &Arc<Device>, key: Self::Key) -> Result<Self>;
-
-    /// What they were made for.
-    fn key(&self) -> Self::Key;
+    fn make(self, objects: &mut Objects) -> Result<()>;
 }
 
-/// The kernels made so far.
+/// Pipelines and what belongs to them.
+pub(crate) struct Pipelines<K> {
+    pub(crate) objects: Objects,
+    /// What they were made for.
+    pub(crate) key: K,
+}
+
+/// The pipelines made so far.
 pub(crate) struct Kernels {
     device: Arc<Device>,
     made: Mutex<Vec<Arc<dyn Any + Send + Sync>>>,
@@ -31,27 +33,29 @@ impl Kernels {
         Self { device: device.clone(), made: Mutex::default() }
     }
 
-    /// The kernel of `key`: the one there is, or a new one.
+    /// The pipelines of `key`: those there are, or new ones.
     ///
     /// # Errors
-    /// As [`Kernel::new`].
-    pub(crate) fn get<K: Kernel>(&self, key: K::Key) -> Result<Arc<K>> {
+    /// As [`PipelineKey::make`].
+    pub(crate) fn get<K: PipelineKey>(&self, key: K) -> Result<Arc<Pipelines<K>>> {
         let locked = || self.made.lock().unwrap_or_else(PoisonError::into_inner);
         let find = |made: &[Arc<dyn Any + Send + Sync>]| {
-            let mut of_kind = made.iter().filter_map(|kernel| kernel.clone().downcast::<K>().ok());
-            of_kind.find(|kernel| kernel.key() == key)
+            let mut of_kind = made.iter().filter_map(|pipelines| pipelines.clone().downcast::<Pipelines<K>>().ok());
+            of_kind.find(|pipelines| pipelines.key == key)
         };
         let found = find(&locked());
-        if let Some(kernel) = found {
-            return Ok(kernel);
+        if let Some(pipelines) = found {
+            return Ok(pipelines);
         }
-        // Not locked while the driver compiles: others may make crowds of kernels that are there.
-        let kernel = Arc::new(K::new(&self.device, key)?);
+        // Not locked while the driver compiles: others may make crowds of pipelines that are there.
+        let mut objects = Objects::none(&self.device);
+        key.make(&mut objects)?;
+        let pipelines = Arc::new(Pipelines { objects, key });
         let mut made = locked();
-        // Another thread may have made it meanwhile.
+        // Another thread may have made them meanwhile.
         Ok(find(&made).unwrap_or_else(|| {
-            made.push(kernel.clone());
-            kernel
+            made.push(pipelines.clone());
+            pipelines
         }))
     }
 }

@@ -1,5 +1,6 @@
 //! Pipelines and what they are made from, each destroyed with its owner.
 
+use super::caps::CAPTURE_STRIDE;
 use super::descriptors::{BufferRange, Sets, descriptor_type};
 use super::device::Device;
 use super::failed;
@@ -8,30 +9,7 @@ use crate::abi::modules::Module;
 use crate::error::Result;
 use crate::pack::PoseFormat;
 use ash::vk;
-use std::ops::Index;
 use std::sync::Arc;
-
-/// Pipelines, destroyed together. Dropped only when the device no longer uses them.
-pub(crate) struct Pipelines {
-    device: Arc<Device>,
-    raw: Vec<vk::Pipeline>,
-}
-
-impl Index<usize> for Pipelines {
-    type Output = vk::Pipeline;
-
-    fn index(&self, pipeline: usize) -> &vk::Pipeline {
-        &self.raw[pipeline]
-    }
-}
-
-impl Drop for Pipelines {
-    fn drop(&mut self) {
-        // SAFETY: created on this device, destroyed once, no longer used (see the type); destroying a null handle does
-        // nothing.
-        unsafe { self.raw.iter().for_each(|&pipeline| self.device.raw.destroy_pipeline(pipeline, None)) };
-    }
-}
 
 /// Objects of one update path; destroyed together. Dropped only when the device no longer uses them.
 pub(crate) struct Objects {
@@ -41,7 +19,7 @@ pub(crate) struct Objects {
     pub(crate) layout: vk::PipelineLayout,
     pub(crate) render_pass: vk::RenderPass,
     pub(crate) framebuffer: vk::Framebuffer,
-    pub(crate) pipelines: Pipelines,
+    pub(crate) pipelines: Vec<vk::Pipeline>,
 }
 
 impl Objects {
@@ -54,7 +32,7 @@ impl Objects {
             layout: vk::PipelineLayout::null(),
             render_pass: vk::RenderPass::null(),
             framebuffer: vk::Framebuffer::null(),
-            pipelines: Pipelines { device: device.clone(), raw: vec![] },
+            pipelines: vec![],
         }
     }
 
@@ -117,13 +95,6 @@ impl Objects {
 
     /// A compute pipeline of a module for each list of specialization constants 0, 1, …
     pub(crate) fn add_compute(&mut self, module: &Module, constants: &[&[u32]]) -> Result<()> {
-        let mut made = self.compute_pipelines(module, constants)?;
-        self.pipelines.raw.append(&mut made.raw);
-        Ok(())
-    }
-
-    /// Compute pipelines as of [`add_compute`](Self::add_compute), with an owner of their own.
-    pub(crate) fn compute_pipelines(&self, module: &Module, constants: &[&[u32]]) -> Result<Pipelines> {
         let module = ShaderModule::new(&self.device, module)?;
         let most = constants.iter().map(|constants| constants.len()).max().unwrap_or(0) as u32;
         let entries: Vec<_> =
@@ -148,9 +119,9 @@ impl Objects {
         // against the layout.
         let made = unsafe { device.raw.create_compute_pipelines(device.pipeline_cache, &infos, None) };
         // Where one fails, others may have been made.
-        let (raw, error) = made.map_or_else(|(raw, error)| (raw, Some(error)), |raw| (raw, None));
-        let made = Pipelines { device: device.clone(), raw };
-        error.map_or(Ok(made), |error| Err(failed("vkCreateComputePipelines")(error)))
+        let (made, error) = made.map_or_else(|(made, error)| (made, Some(error)), |made| (made, None));
+        self.pipelines.extend(made);
+        error.map_or(Ok(()), |error| Err(failed("vkCreateComputePipelines")(error)))
     }
 
     /// A pipeline of a vertex module with rasterizer discard, drawing lines.
@@ -183,7 +154,7 @@ impl Objects {
         // SAFETY: module, layout and render pass are ours and alive; with rasterizer discard no further state
         // is read; the attributes are within the device's limits (checked by caps) and match the module (tests).
         let made = unsafe { self.device.raw.create_graphics_pipelines(self.device.pipeline_cache, &[info], None) };
-        self.pipelines.raw.extend(made.map_err(|(_, e)| failed("vkCreateGraphicsPipelines")(e))?);
+        self.pipelines.extend(made.map_err(|(_, e)| failed("vkCreateGraphicsPipelines")(e))?);
         Ok(())
     }
 
@@ -199,6 +170,65 @@ impl Objects {
         // SAFETY: the caller's obligation; both objects are ours and alive.
         unsafe { self.device.raw.cmd_begin_render_pass(cmd, &info, vk::SubpassContents::INLINE) };
     }
+
+    /// Draw the vertices bound, into the buffer at the offset of `capture` where transform feedback is to capture them.
+    ///
+    /// # Safety
+    /// - `cmd` is in the empty render pass, with everything bound that its pipeline reads.
+    /// - What is captured lies within the buffer; the offset is a multiple of 4.
+    pub(crate) unsafe fn draw(&self, cmd: vk::CommandBuffer, vertices: usize, capture: Option<(vk::Buffer, u64)>) {
+        let device = &self.device.raw;
+        let (Some((buffer, offset)), Some(feedback)) = (capture, &self.device.feedback) else {
+            // SAFETY: the caller's obligations.
+            return unsafe { device.cmd_draw(cmd, vertices as u32, 1, 0, 0) };
+        };
+        let (feedback, size) = (feedback.fp(), (vertices * CAPTURE_STRIDE) as u64);
+        // SAFETY: the caller's obligations; transform feedback is enabled since `device.feedback` is there. ash 0.38 has
+        // no wrappers for these commands.
+        unsafe {
+            (feedback.cmd_bind_transform_feedback_buffers_ext)(cmd, 0, 1, &buffer, &offset, &size);
+            (feedback.cmd_begin_transform_feedback_ext)(cmd, 0, 0, std::ptr::null(), std::ptr::null());
+            device.cmd_draw(cmd, vertices as u32, 1, 0, 0);
+            (feedback.cmd_end_transform_feedback_ext)(cmd, 0, 0, std::ptr::null(), std::ptr::null());
+        }
+    }
+
+    /// Dispatch a compute pipeline.
+    ///
+    /// # Safety
+    /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
+    /// - `set` was made for this layout and lives until the dispatch has run; its buffers hold what `push` says from then
+    ///   on, there is a dynamic offset for each binding that takes one, and `push` fits the layout's range.
+    /// - There are no more workgroups than the device allows; arguments lie within their buffer.
+    pub(crate) unsafe fn dispatch(
+        &self,
+        cmd: vk::CommandBuffer,
+        pipeline: usize,
+        (set, dynamic_offsets): (vk::DescriptorSet, &[u32]),
+        push: &[u8],
+        workgroups: Workgroups,
+    ) {
+        let (device, point) = (&self.device.raw, vk::PipelineBindPoint::COMPUTE);
+        // SAFETY: the caller's obligations; pipelines and layout are ours.
+        unsafe {
+            device.cmd_bind_pipeline(cmd, point, self.pipelines[pipeline]);
+            device.cmd_bind_descriptor_sets(cmd, point, self.layout, 0, &[set], dynamic_offsets);
+            device.cmd_push_constants(cmd, self.layout, vk::ShaderStageFlags::COMPUTE, 0, push);
+            match workgroups {
+                Workgroups::Of([x, y]) => device.cmd_dispatch(cmd, x, y, 1),
+                Workgroups::At(arguments, offset) => device.cmd_dispatch_indirect(cmd, arguments, offset),
+            }
+        }
+    }
+}
+
+/// Workgroups of a dispatch.
+#[derive(Clone, Copy)]
+pub(crate) enum Workgroups {
+    /// So many, in two dimensions.
+    Of([u32; 2]),
+    /// As many as the arguments at this offset say when it runs.
+    At(vk::Buffer, u64),
 }
 
 impl Drop for Objects {
@@ -207,6 +237,7 @@ impl Drop for Objects {
         // SAFETY: all were created on this device, are destroyed once, and are no longer used (see the type);
         // destroying a null handle does nothing.
         unsafe {
+            self.pipelines.iter().for_each(|&pipeline| device.destroy_pipeline(pipeline, None));
             device.destroy_framebuffer(self.framebuffer, None);
             device.destroy_render_pass(self.render_pass, None);
             device.destroy_pipeline_layout(self.layout, None);

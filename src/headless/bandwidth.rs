@@ -8,7 +8,7 @@ use crate::abi::push::ReadPush;
 use crate::error::Result;
 use crate::gpu::descriptors::BufferRange;
 use crate::gpu::memory::Buffer;
-use crate::gpu::pipelines::Objects;
+use crate::gpu::pipelines::{Objects, Workgroups};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 
@@ -63,11 +63,8 @@ impl Headless {
                 unsafe {
                     device.cmd_copy_buffer(cmd, from.raw, to.raw, &region);
                     next_part();
-                    let (point, stage) = (vk::PipelineBindPoint::COMPUTE, vk::ShaderStageFlags::COMPUTE);
-                    device.cmd_bind_pipeline(cmd, point, objects.pipelines[0]);
-                    device.cmd_bind_descriptor_sets(cmd, point, objects.layout, 0, &[sets.get(0)], &[]);
-                    device.cmd_push_constants(cmd, objects.layout, stage, 0, bytemuck::bytes_of(&push));
-                    device.cmd_dispatch(cmd, INVOCATIONS / WORKGROUP, 1, 1);
+                    let workgroups = Workgroups::Of([INVOCATIONS / WORKGROUP, 1]);
+                    objects.dispatch(cmd, 0, (sets.get(0), &[]), bytemuck::bytes_of(&push), workgroups);
                 }
                 Ok(())
             })?;

@@ -4,9 +4,6 @@ mod animated;
 mod kinds;
 mod read;
 
-#[doc(hidden)]
-pub use animated::PlannedGroup;
-
 use super::Headless;
 use super::draw::PoseDraw;
 use super::readback::Readback;

@@ -9,9 +9,9 @@ mod submit;
 mod turn;
 mod upload;
 
-pub use bandwidth::Bandwidth;
 #[doc(hidden)]
-pub use crowd::PlannedGroup;
+pub use crate::update::animated::PlannedGroup;
+pub use bandwidth::Bandwidth;
 pub use crowd::{HeadlessCrowd, Recorded, Step};
 pub use upload::{PoseUpload, Uploaded};
 

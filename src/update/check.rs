@@ -51,38 +51,36 @@ impl UpdateDesc {
     pub(crate) fn check_all(&self, layout: Option<&PackedLayout>, runner: Runner<'_>) -> Result<()> {
         self.check_alone()?;
         let path = self.path.name();
-        let (caps, animated) = match runner {
-            Runner::Unknown => (None, false),
-            Runner::Cpu if self.path != UpdatePath::Cpu => {
-                let remedy = "use UpdatePath::Cpu here, or MorphEngine for the GPU paths";
-                return refuse(format!("update path '{path}' for a CpuCrowd"), remedy);
-            }
-            Runner::Cpu => {
-                if let Some(layout) = layout.filter(|layout| layout.blocks.is_none()) {
-                    self.check_dense(layout.format.name())?;
-                }
-                (None, false)
-            }
-            Runner::Device(caps) => (Some(caps), false),
-            Runner::Animated(caps) => (caps, true),
+        let (caps, animated, on_cpu) = match runner {
+            Runner::Unknown => (None, false, false),
+            Runner::Cpu => (None, false, true),
+            Runner::Device(caps) => (Some(caps), false, false),
+            Runner::Animated(caps) => (caps, true, false),
         };
+        if on_cpu && self.path != UpdatePath::Cpu {
+            let remedy = "use UpdatePath::Cpu here, or MorphEngine for the GPU paths";
+            return refuse(format!("update path '{path}' for a CpuCrowd"), remedy);
+        }
         caps.map_or(Ok(()), |caps| caps.check_path(self.path))?;
         let Some(layout) = layout else { return Ok(()) };
         caps.map_or(Ok(()), |caps| self.check_format(layout, caps))?;
+        if on_cpu && layout.blocks.is_none() {
+            self.check_dense(layout.format.name())?;
+        }
         if let Some(index) = &layout.blocks {
             match self.accumulate {
                 Accumulate::Exact => index.exact().map(drop),
                 Accumulate::Float { tolerance } => check_tolerance(tolerance, layout, index),
             }?;
         }
-        match (self.batch, caps.and_then(|caps| Some((caps, caps.batch_max(self.path, layout.format)?)))) {
-            (BatchSize::Targets(batch), Some((caps, most))) if batch > most => {
-                let all = if self.path.takes_all_targets() { ", or 'all'" } else { "" };
-                let (format, device) = (layout.format.name(), &caps.name);
-                let what = format!("batch size {batch} for update path '{path}' with {format} deltas on {device}");
-                refuse(what, format!("use 1 to {most}{all}"))?;
-            }
-            (BatchSize::Targets(_) | BatchSize::All, _) => {}
+        let most = caps.and_then(|caps| Some((caps, caps.batch_max(self.path, layout.format)?)));
+        if let (BatchSize::Targets(batch), Some((caps, most))) = (self.batch, most)
+            && batch > most
+        {
+            let all = if self.path.takes_all_targets() { ", or 'all'" } else { "" };
+            let (format, device) = (layout.format.name(), &caps.name);
+            let what = format!("batch size {batch} for update path '{path}' with {format} deltas on {device}");
+            refuse(what, format!("use 1 to {most}{all}"))?;
         }
         if animated { self.check_animated(layout) } else { Ok(()) }
     }

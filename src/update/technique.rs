@@ -17,11 +17,8 @@ use ash::vk;
 use std::any::Any;
 use std::sync::Arc;
 
-/// A way to update the poses of a crowd, with what it keeps for that.
-///
-/// In the order of an update: [`plan`](Self::plan) decides everything and writes the lists of the host,
-/// [`record`](Self::record) replays the works of the steps. Which slots hold poses is in [`Instances`], with what was
-/// discarded: a technique is told what happens to instances only for state of its own.
+/// A way to update the poses of a crowd, with what it keeps for that. Which slots hold poses is in [`Instances`], with
+/// what was discarded: a technique is told what happens to instances only for state of its own.
 pub trait Technique: Any + Send + Sync {
     /// Plan an update to what is requested into `steps`, which are empty, write its lists, and take it as done: advance
     /// the history of what it writes. Steps without works are for updates that write lists only.

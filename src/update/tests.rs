@@ -1,71 +1,83 @@
 //! What tests of plans have in common: any history of updates, cuts and discarded updates of one instance.
 
+use crate::plan::UpdateDesc;
 use crate::plan::instances::Instances;
 use crate::plan::tests::{DrawnUpdate, Event, assert_barriers_needed, checker};
 use std::fmt::Debug;
 
-/// One instance whose updates are planned, and carried out in memory.
-pub(crate) trait Planned {
+/// What plans the updates of one instance.
+pub(crate) trait Planned: Sized {
     /// The memory that updates work on.
     type Memory: Clone;
     /// What a slot holds.
     type Pose: PartialEq + Debug;
 
-    fn parts(&mut self) -> (&mut Instances, &mut Self::Memory);
+    /// Plan the next update, carry it out, and check the pose. What a device records.
+    fn update(one: &mut One<Self>) -> Vec<crate::plan::hazards::Event>;
 
-    /// Plan the update numbered `update`, carry it out, and check the pose. What a device records.
-    fn update(&mut self, update: u64) -> Vec<crate::plan::hazards::Event>;
+    fn pose(one: &One<Self>, slot: u32) -> Self::Pose;
+}
 
-    fn pose(&self, slot: u32) -> Self::Pose;
+/// A crowd of one instance.
+pub(crate) struct One<P: Planned> {
+    pub(crate) desc: UpdateDesc,
+    pub(crate) planner: P,
+    pub(crate) instances: Instances,
+    pub(crate) memory: P::Memory,
+    /// The number of the last update.
+    pub(crate) update: u64,
+}
 
-    /// Whether an update may overwrite the pose that it reads.
-    fn overwrites(&self) -> bool;
+impl<P: Planned> One<P> {
+    pub(crate) fn new(desc: UpdateDesc, targets: usize, planner: P, memory: P::Memory) -> Self {
+        Self { desc, planner, instances: Instances::new(1, targets, desc.slots), memory, update: 0 }
+    }
 
     /// Update to these weights: what is recorded, and the slots of pose and previous pose.
-    fn update_to(&mut self, update: u64, weights: &[f32]) -> DrawnUpdate {
-        self.parts().0.set_weights(0, weights).unwrap();
-        let recorded = self.update(update);
-        let (pose, previous) = self.parts().0.slots_of(0).unwrap();
+    pub(crate) fn update_to(&mut self, weights: &[f32]) -> DrawnUpdate {
+        self.instances.set_weights(0, weights).unwrap();
+        self.update += 1;
+        let recorded = P::update(self);
+        let (pose, previous) = self.instances.slots_of(0).unwrap();
         (recorded, [Some(pose), previous])
     }
 
     /// The pose there is.
-    fn current(&mut self) -> Option<Self::Pose> {
-        self.parts().0.slots_of(0).map(|(slot, _)| self.pose(slot))
+    fn current(&self) -> Option<P::Pose> {
+        self.instances.slots_of(0).map(|(slot, _)| P::pose(self, slot))
     }
 }
 
 /// Any sequence of updates, cuts and discarded updates: the previous slot holds the pose before, and no access is
 /// unordered.
-pub(crate) fn follow<P: Planned>(one: &mut P, events: Vec<Event>) {
+pub(crate) fn follow<P: Planned>(mut one: One<P>, events: Vec<Event>) {
     // The updates that ran, each with what memory was before it.
     let mut ran: Vec<(u64, DrawnUpdate, P::Memory)> = vec![];
-    let (mut number, mut cut) = (0, false);
+    let (mut cut, in_place) = (false, one.desc.path.works_in_place());
     for event in events {
         match event {
             Event::Cut => {
-                one.parts().0.cut(0).unwrap();
+                one.instances.cut(0).unwrap();
                 cut = true;
             }
             Event::DiscardLast(n) => {
                 // They never ran: memory is what it was before the first of them.
                 for (number, _, before) in ran.drain(ran.len().saturating_sub(n as usize)..).rev() {
-                    let (instances, memory) = one.parts();
-                    instances.discard_from(number);
-                    *memory = before;
+                    one.instances.discard_from(number);
+                    one.memory = before;
                 }
             }
             Event::Update(weights) => {
-                let (last, before) = (one.current(), one.parts().1.clone());
-                number += 1;
-                let (recorded, drawn) = one.update_to(number, &weights);
+                let (last, before) = (one.current(), one.memory.clone());
+                let (recorded, drawn) = one.update_to(&weights);
                 let pose = one.current();
                 assert!(!recorded.is_empty() || last == pose, "without commands the pose stays");
                 match drawn[1] {
-                    Some(previous) => assert_eq!(Some(one.pose(previous)), last.filter(|_| !cut).or(pose)),
-                    None => assert!(one.overwrites()),
+                    Some(previous) => assert_eq!(Some(P::pose(&one, previous)), last.filter(|_| !cut).or(pose)),
+                    // The update had to overwrite the pose that it read.
+                    None => assert!(one.desc.slots == 1 || one.desc.slots == 2 && !in_place),
                 }
-                ran.push((number, (recorded, drawn), before));
+                ran.push((one.update, (recorded, drawn), before));
                 cut = false;
             }
         }
@@ -79,11 +91,11 @@ pub(crate) fn follow<P: Planned>(one: &mut P, events: Vec<Event>) {
 }
 
 /// Take any one of the `count` barriers of an update of a running animation out, and the checker says so.
-pub(crate) fn every_barrier_is_needed(one: &mut impl Planned, targets: usize, count: usize, what: &str) {
+pub(crate) fn every_barrier_is_needed<P: Planned>(mut one: One<P>, targets: usize, count: usize, what: &str) {
     // Three frames to bring the slots round, then the one that is tampered with, then one more.
     let frame = |frame: usize| {
         let weight = |t: usize| if t % 3 == frame % 3 { 2.0 + frame as f32 / 4.0 } else { 1.0 };
-        one.update_to(frame as u64 + 1, &(0..targets).map(weight).collect::<Vec<f32>>())
+        one.update_to(&(0..targets).map(weight).collect::<Vec<f32>>())
     };
     assert_barriers_needed(&(0..5).map(frame).collect::<Vec<_>>(), count, what);
 }

@@ -6,21 +6,7 @@ use crate::error::Result;
 use crate::headless::Headless;
 use crate::pack::PackedMesh;
 use crate::plan::CrowdDesc;
-use crate::update::animated::{AnimationDesc, Playback};
-
-/// What the GPU planned for a group of instances, as it lies in memory: see `glsl/plan.comp`.
-#[doc(hidden)]
-#[derive(Clone, Debug)]
-pub struct PlannedGroup {
-    /// First instance of the group, and how many it has.
-    pub instances: (u32, u32),
-    /// Items of each width: 1, 2, 4, 8 instances.
-    pub counts: [u32; 4],
-    /// Items of a width that there is room for: where the next width's begin.
-    pub capacity: usize,
-    /// The work list: items of all widths, then rows.
-    pub words: Vec<u32>,
-}
+use crate::update::animated::{AnimationDesc, PlannedGroup, Playback};
 
 impl<'a> HeadlessCrowd<'a, AnimatedCrowd> {
     /// Upload `mesh` and make a crowd that is animated on the GPU. Each [`step`](Self::step), of no weights, goes to the
@@ -61,18 +47,8 @@ impl<'a> HeadlessCrowd<'a, AnimatedCrowd> {
     /// A device that fails; a crowd that is planned on the CPU.
     #[doc(hidden)]
     pub fn read_plan(&mut self) -> Result<Vec<PlannedGroup>> {
-        let (work, control, groups) = self.crowd.animated().plan_buffers();
-        let mut planned = vec![];
-        for group in groups {
-            let mut counts = [0; 4];
-            for (count, (offset, chunks)) in counts.iter_mut().zip(group.arguments) {
-                let arguments: Vec<u32> = self.read((control, offset, 12 * u64::from(chunks)))?;
-                *count = arguments.chunks_exact(3).map(|xyz| xyz[0]).sum();
-            }
-            let words = self.read((work, group.list.0, group.list.1))?;
-            planned.push(PlannedGroup { instances: group.instances, counts, capacity: group.capacity, words });
-        }
-        Ok(planned)
+        let Self { crowd, readback, headless, .. } = self;
+        crowd.animated().read_plan(|range| readback.read(headless, range))
     }
 
     /// The weights of an instance on the GPU, in steps of the grid.

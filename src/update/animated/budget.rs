@@ -8,9 +8,8 @@
 //! ```
 //!
 //! with the reach of a target in a block (its longest position delta there) in steps, rounded up: integers of 64 bits,
-//! so that GPU and CPU decide alike. Where a block exceeds the budget, all that is deferred in it is applied. An instance
-//! whose requested weights stay the same from one update to the next has all of them applied. Planners on the CPU defer
-//! changes entry by entry, which saves more and takes more memory.
+//! so that GPU and CPU decide alike. Where a block exceeds the budget, all that is deferred in it is applied; so is all
+//! of an instance whose requested weights stay the same from one update to the next.
 
 use crate::error::Result;
 use crate::pack::blocks::BlockIndex;
@@ -18,8 +17,10 @@ use crate::pack::blocks::BlockIndex;
 /// The budget in integers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Budget {
-    most: u64,
-    reaches: Vec<u32>,
+    /// The budget, in steps of a weight times steps of a delta.
+    pub most: u64,
+    /// The reach of each entry, in steps of a delta.
+    pub reaches: Vec<u32>,
 }
 
 impl Budget {
@@ -38,15 +39,5 @@ impl Budget {
             most: (f64::from(length) / (step * weight_step)).floor() as u64,
             reaches: index.costs.iter().map(|cost| reach(cost.reach)).collect(),
         }))
-    }
-
-    /// The budget, in steps of a weight times steps of a delta.
-    pub fn most(&self) -> u64 {
-        self.most
-    }
-
-    /// The reach of each entry, in steps of a delta.
-    pub fn reaches(&self) -> &[u32] {
-        &self.reaches
     }
 }

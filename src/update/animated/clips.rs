@@ -85,10 +85,8 @@ impl Clips {
         let mut all = Self { words, clips: vec![], targets: names.len(), format: desc.key_format };
         desc.clips.iter().try_for_each(|clip| all.push(clip, &names, grid))?;
         if u32::try_from(all.words.len()).is_err() {
-            return Err(Error::invalid(
-                format!("clips of {} words", all.words.len()),
-                "make several crowds, or use 16-bit keys",
-            ));
+            let what = format!("clips of {} words", all.words.len());
+            return Err(Error::invalid(what, "make several crowds, or use 16-bit keys"));
         }
         Ok(all)
     }
@@ -137,10 +135,9 @@ impl Clips {
                 let fits = |shift: &u32| keys.iter().all(|&key| i16::try_from(shortened(key, *shift, most)).is_ok());
                 // 15 always does: keys have 31 bits and a sign.
                 let shift = (0..16).find(fits).unwrap_or(16);
-                let short = |key: &i32| shortened(*key, shift, most);
-                let half = |key: &i32| short(key) as u32 & 0xffff;
+                let half = |key: &i32| shortened(*key, shift, most) as u32 & 0xffff;
                 self.words.extend(keys.chunks(2).map(|pair| half(&pair[0]) | pair.get(1).map_or(0, half) << 16));
-                let lost = keys.iter().map(|key| (key - (short(key) << shift)).unsigned_abs()).max();
+                let lost = keys.iter().map(|&key| key.abs_diff(shortened(key, shift, most) << shift)).max();
                 (shift, 16, lost.unwrap_or(0))
             }
         };

@@ -7,7 +7,7 @@ use crate::abi::push::AnimationPush;
 use crate::error::Result;
 use crate::pack::blocks::BlockIndex;
 use crate::plan::UpdateMode;
-use crate::update::blocks::shared::group_size;
+use crate::update::blocks::gpu::set_size;
 use crate::update::blocks::{ROWS, TILE_WORDS, WIDTHS, row_words};
 use crate::update::technique::Context;
 
@@ -35,7 +35,7 @@ impl GroupLayout {
         // The list of a group is rounded up to whole 256 bytes, and still has to be within reach.
         let tiles = (caps.max_storage_range / 256 * 256 / list).min(caps.max_workgroups.into());
         let widest = u64::from(caps.tuning.widest_tile);
-        let size = group_size(context, tiles.max(1) * widest)?;
+        let size = set_size(context, tiles.max(1) * widest)?;
         context.check_range("the work lists of eight instances", list.next_multiple_of(256), "split the mesh")?;
         let planning = blocks.div_ceil(WORKGROUP.into());
         let what = format!("planning mesh '{}' takes", context.layout().name);
@@ -118,7 +118,7 @@ impl Layout {
             heads: context.desc.instances,
             targets: targets as u32,
             words: words as u32,
-            budget_at: budget.map_or(0, |budget| tables.add(2 + budget.reaches().len() as u64)),
+            budget_at: budget.map_or(0, |budget| tables.add(2 + budget.reaches.len() as u64)),
             phases_at: state.add(words * instances),
             weights_at: state.add(targets * instances),
             deltas_at: state.add(targets * instances),
@@ -155,8 +155,8 @@ impl Layout {
         words.extend_from_slice(clips.words());
         words.resize(words.len().max(1), 0);
         if let Some(budget) = budget {
-            words.extend([budget.most() as u32, (budget.most() >> 32) as u32]);
-            words.extend_from_slice(budget.reaches());
+            words.extend([budget.most as u32, (budget.most >> 32) as u32]);
+            words.extend_from_slice(&budget.reaches);
         }
         for (index, group) in indices.zip(&self.groups) {
             for block in 0..index.count() {

@@ -3,11 +3,10 @@
 //!
 //! `sample` has time, keys and interpolation, `clips` what is uploaded once, `playback` what each instance plays,
 //! `budget` which changes are deferred; `reference` does on the CPU what the kernels do. `steps` and `layout` are an
-//! update as data and where everything lies, `technique` and `gpu` carry it out.
+//! update as data and where everything lies, `technique` carries it out.
 
 mod budget;
 mod clips;
-mod gpu;
 mod layout;
 mod playback;
 #[cfg(feature = "headless")]
@@ -19,6 +18,8 @@ mod steps;
 mod technique;
 
 pub use clips::{AnimationDesc, Clips, KeyFormat};
+#[cfg(feature = "headless")]
+pub use readback::PlannedGroup;
 pub use sample::{Playback, Repeat};
 #[cfg(test)]
 pub(crate) use steps::UPLOADED;

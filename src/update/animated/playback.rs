@@ -67,8 +67,8 @@ impl Playbacks {
     /// No number, or one too large; more than 4.5 hours before some instance's start.
     pub fn set_time(&mut self, seconds: f64) -> Result<()> {
         let now = ticks(seconds)?;
-        let mut playing = self.starts.iter().zip(&self.records).filter(|(_, record)| record.has(HeadRecord::PLAYING));
-        if playing.any(|(start, _)| start - now > REBASE_TICKS) {
+        let mut heads = self.starts.iter().zip(&self.records);
+        if heads.any(|(start, record)| record.has(HeadRecord::PLAYING) && start - now > REBASE_TICKS) {
             return Err(Error::invalid(
                 format!("second {seconds}, more than 4.5 hours before a head starts"),
                 "play its clip again at the new time first",
@@ -109,13 +109,11 @@ impl Playbacks {
             ));
         }
         let record = &mut self.records[head as usize];
-        let mut flags = HeadRecord::PLAYING | record.flags & HeadRecord::HIDDEN;
-        if repeat == Repeat::Loop {
-            flags |= HeadRecord::LOOP;
-        }
-        if speed < 0.0 {
-            flags |= HeadRecord::REVERSED;
-        }
+        let set = |flag, set| if set { flag } else { 0 };
+        let flags = HeadRecord::PLAYING
+            | record.flags & HeadRecord::HIDDEN
+            | set(HeadRecord::LOOP, repeat == Repeat::Loop)
+            | set(HeadRecord::REVERSED, speed < 0.0);
         *record = HeadRecord { clip, start: start_tick as u32, rate: rate as u32, flags, ..HeadRecord::default() };
         self.starts[head as usize] = start_tick;
         self.touch(head).stale = true;
@@ -194,7 +192,7 @@ impl Playbacks {
             let start = self.now - REBASE_MARGIN;
             self.starts[head] = start;
             if record.has(HeadRecord::PLAYING) {
-                let position = position(record, clips, elapsed - REBASE_MARGIN);
+                let position = record.position(clips.frames(record.clip as usize), elapsed - REBASE_MARGIN);
                 (record.frame, record.fraction) = ((position >> 32) as u32, position as u32);
                 record.start = start as u32;
                 self.touch(head as u32).stale = true;
@@ -243,14 +241,16 @@ impl Playbacks {
     }
 }
 
-/// As [`HeadRecord::position`], any number of ticks after the start, and within the clip.
-fn position(record: &HeadRecord, clips: &Clips, elapsed: i64) -> u64 {
-    let start = u64::from(record.frame) << 32 | u64::from(record.fraction);
-    let position = u128::from(start) + elapsed as u128 * u128::from(record.rate);
-    let frames = u128::from(clips.frames(record.clip as usize)) << 32;
-    match record.has(HeadRecord::LOOP) {
-        true => (position % frames) as u64,
-        false => position.min(frames - (1 << 32)) as u64,
+impl HeadRecord {
+    /// Where in a clip of `frames` it is, in steps of 2⁻³² frames, so many ticks (≥ 0) after its start.
+    pub(super) fn position(&self, frames: u32, elapsed: i64) -> u64 {
+        let start = u64::from(self.frame) << 32 | u64::from(self.fraction);
+        let position = u128::from(start) + elapsed as u128 * u128::from(self.rate);
+        let frames = u128::from(frames) << 32;
+        match self.has(HeadRecord::LOOP) {
+            true => (position % frames) as u64,
+            false => position.min(frames - (1 << 32)) as u64,
+        }
     }
 }
 

@@ -1,20 +1,42 @@
-//! Where weights and plans are, for `headless` to read back.
+//! Weights and plans of the GPU, read back by `headless`.
 
 use super::technique::{Animated, Group};
+use crate::error::Result;
 use crate::update::blocks::WIDTHS;
 use ash::vk;
 
+/// What the GPU planned for a group of instances, as it lies in memory: see `glsl/plan.comp`.
+#[doc(hidden)]
+#[derive(Clone, Debug)]
+pub struct PlannedGroup {
+    /// First instance of the group, and how many it has.
+    pub instances: (u32, u32),
+    /// Items of each width: 1, 2, 4, 8 instances.
+    pub counts: [u32; WIDTHS],
+    /// Items of a width that there is room for: where the next width's begin.
+    pub capacity: usize,
+    /// The work list: items of all widths, then rows.
+    pub words: Vec<u32>,
+}
+
 impl Animated {
-    /// Work lists, arguments, and where those of each group of instances are: of the first group of the mesh.
-    pub(crate) fn plan_buffers(&self) -> (vk::Buffer, vk::Buffer, Vec<PlanPlace>) {
+    /// What the last update planned for the first group of the mesh, by `read`, which takes buffer, offset and size.
+    pub(crate) fn read_plan(
+        &self,
+        mut read: impl FnMut((vk::Buffer, u64, u64)) -> Result<Vec<u32>>,
+    ) -> Result<Vec<PlannedGroup>> {
         let Group { layout, work, control, .. } = &self.groups[0];
-        let place = |group| PlanPlace {
-            instances: layout.get(group),
-            capacity: layout.push.capacity as usize,
-            list: (u64::from(group) * layout.stride, layout.stride),
-            arguments: std::array::from_fn(|width| (layout.arguments(group, width, 0), layout.push.chunks)),
+        let plan = |group: u32| {
+            let mut counts = [0; WIDTHS];
+            for (width, count) in counts.iter_mut().enumerate() {
+                let bytes = 12 * u64::from(layout.push.chunks);
+                let arguments = read((control.raw, layout.arguments(group, width, 0), bytes))?;
+                *count = arguments.chunks_exact(3).map(|xyz| xyz[0]).sum();
+            }
+            let words = read((work.raw, u64::from(group) * layout.stride, layout.stride))?;
+            Ok(PlannedGroup { instances: layout.get(group), counts, capacity: layout.push.capacity as usize, words })
         };
-        (work.raw, control.raw, (0..layout.count()).map(place).collect())
+        (0..layout.count()).map(plan).collect()
     }
 
     /// The weights of an instance: buffer, offset, size.
@@ -23,14 +45,4 @@ impl Animated {
         let (first, bytes) = (4 * u64::from(push.weights_at), 4 * u64::from(push.targets));
         (self.state.raw, first + u64::from(instance) * bytes, bytes)
     }
-}
-
-/// Where a group's plan is.
-pub(crate) struct PlanPlace {
-    pub(crate) instances: (u32, u32),
-    pub(crate) capacity: usize,
-    /// Offset and bytes.
-    pub(crate) list: (u64, u64),
-    /// Of each width: the offset of the first dispatch's arguments, and how many dispatches there are.
-    pub(crate) arguments: [(u64, u32); WIDTHS],
 }

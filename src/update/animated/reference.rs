@@ -15,15 +15,19 @@ use crate::update::blocks::{BlockState, GroupPlan, WorkList};
 /// What the GPU samples and plans, worked out on the CPU.
 pub struct AnimatedReference {
     group: GroupPlan,
-    states: Vec<BlockState>,
-    slots: u32,
-    /// Instances that some update wrote.
-    known: Vec<bool>,
-    /// Instances left out of the last update.
-    hidden: Vec<bool>,
-    /// Of each instance, in steps of the grid.
-    weights: Vec<Deferred>,
     budget: Option<Budget>,
+    slots: u32,
+    instances: Vec<Instance>,
+}
+
+#[derive(Clone)]
+struct Instance {
+    state: BlockState,
+    weights: Deferred,
+    /// Some update wrote it.
+    known: bool,
+    /// It was left out of the last update.
+    hidden: bool,
 }
 
 impl AnimatedReference {
@@ -36,40 +40,33 @@ impl AnimatedReference {
         let Some(index) = &layout.blocks else { unreachable!("checked") };
         let budget = Budget::new(desc.error_budget, index)?;
         // What is deferred is decided before, target by target: the planner gets the weights to apply.
-        let heads = heads as usize;
-        let mut group = GroupPlan::new(UpdateDesc { error_budget: 0.0, ..desc }, layout, heads)?;
+        let mut group = GroupPlan::new(UpdateDesc { error_budget: 0.0, ..desc }, layout, heads as usize)?;
         group.whole_blocks = true;
-        Ok(Self {
-            states: vec![BlockState::new(&group); heads],
-            group,
-            slots: desc.slots,
-            known: vec![false; heads],
-            hidden: vec![false; heads],
-            weights: vec![Deferred::new(layout.targets.len()); heads],
-            budget,
-        })
+        let (state, weights) = (BlockState::new(&group), Deferred::new(layout.targets.len()));
+        let instances = vec![Instance { state, weights, known: false, hidden: false }; heads as usize];
+        Ok(Self { group, budget, slots: desc.slots, instances })
     }
 
     /// Sample and plan the update numbered `update`, which [`Playbacks::update`] returned last.
     pub fn update(&mut self, clips: &Clips, heads: &Playbacks, update: u64) -> &WorkList {
         self.group.clear();
         let slots = [update + u64::from(self.slots) - 1, update].map(|update| (update % u64::from(self.slots)) as u32);
-        for (i, (state, record)) in self.states.iter_mut().zip(heads.records()).enumerate() {
-            let hidden = record.has(HeadRecord::HIDDEN);
-            let was_hidden = std::mem::replace(&mut self.hidden[i], hidden);
-            if hidden {
+        for (i, (instance, record)) in self.instances.iter_mut().zip(heads.records()).enumerate() {
+            let Instance { state, weights, known, hidden } = instance;
+            let was_hidden = std::mem::replace(hidden, record.has(HeadRecord::HIDDEN));
+            if *hidden {
                 continue;
             }
-            let known = std::mem::replace(&mut self.known[i], true);
+            let known = std::mem::replace(known, true);
             if was_hidden {
                 state.forget_slots();
             }
             // Nothing is deferred of an instance that is new or shown again.
             let budget = self.budget.as_ref().filter(|_| known && !was_hidden);
-            self.weights[i].commit(&sample(clips, record, heads.now()), budget, &self.group.index);
+            weights.commit(&sample(clips, record, heads.now()), budget, &self.group.index);
             let step = self.group.exact().map_or(0.0, |grid| grid.weight_step());
             // Steps have fewer bits than a float32's, and the step is a power of two: exact.
-            let weights: Vec<f32> = self.weights[i].committed.iter().map(|&steps| steps as f32 * step).collect();
+            let weights: Vec<f32> = weights.committed.iter().map(|&steps| steps as f32 * step).collect();
             state.commit(&mut self.group, i, &weights, known);
             // Slots rotate in every update, also where nothing changed.
             state.emit(&mut self.group, i, slots, known);
@@ -79,35 +76,21 @@ impl AnimatedReference {
 
     /// The weights that the poses of an instance hold, in steps of the grid.
     pub fn weights(&self, head: usize) -> &[i32] {
-        &self.weights[head].committed
+        &self.instances[head].weights.committed
     }
 
     /// The weights that were requested.
     pub fn requested(&self, head: usize) -> &[i32] {
-        &self.weights[head].requested
+        &self.instances[head].weights.requested
     }
 }
 
-impl HeadRecord {
-    /// Where the clip is at `now`, in steps of 2⁻³² frames; looping clips are not wrapped yet.
-    pub(super) fn position(&self, now: u32) -> u64 {
-        let elapsed = (now.wrapping_sub(self.start) as i32).max(0) as u64;
-        (u64::from(self.frame) << 32 | u64::from(self.fraction)) + elapsed * u64::from(self.rate)
-    }
-}
-
-/// Between which frames a clip of `frames` is at `position`, and how far: `(frame, next, f)` with f in 2⁻¹⁶.
-pub(super) fn between(record: &HeadRecord, frames: u32, position: u64) -> (u32, u32, u32) {
-    let (whole, fraction) = ((position >> 32) as u32, (position >> 16) as u32 & 0xffff);
-    let last = frames - 1;
-    let (frame, next, f) = if record.has(HeadRecord::LOOP) {
-        let frame = whole % frames;
-        (frame, if frame == last { 0 } else { frame + 1 }, fraction)
-    } else if whole >= last {
-        (last, last, 0)
-    } else {
-        (whole, whole + 1, fraction)
-    };
+/// Between which frames a clip of `frames` is at tick `now`, and how far: `(frame, next, f)` with f in 2⁻¹⁶.
+pub(super) fn between(record: &HeadRecord, frames: u32, now: u32) -> (u32, u32, u32) {
+    let position = record.position(frames, (now.wrapping_sub(record.start) as i32).max(0).into());
+    let (frame, f, last) = ((position >> 32) as u32, (position >> 16) as u32 & 0xffff, frames - 1);
+    let at_end = if record.has(HeadRecord::LOOP) { 0 } else { last };
+    let next = if frame < last { frame + 1 } else { at_end };
     if record.has(HeadRecord::REVERSED) { (last - frame, last - next, f) } else { (frame, next, f) }
 }
 
@@ -123,7 +106,7 @@ pub(super) fn sample(clips: &Clips, record: &HeadRecord, now: u32) -> Vec<i32> {
         return vec![0; clips.targets()];
     }
     let clip = record.clip as usize;
-    let (frame, next, f) = between(record, clips.frames(clip), record.position(now));
+    let (frame, next, f) = between(record, clips.frames(clip), now);
     let key = |frame, target| clips.key(clip, frame, target);
     (0..clips.targets()).map(|target| interpolate(key(frame, target), key(next, target), f)).collect()
 }
@@ -153,9 +136,9 @@ impl Deferred {
             let entries = index.entries(block);
             let targets = &index.parts.entry_target[entries.clone()];
             let pending = |target: usize| u64::from(weights[target].abs_diff(self.committed[target]));
-            let reaches = targets.iter().zip(&budget.reaches()[entries]);
+            let reaches = targets.iter().zip(&budget.reaches[entries]);
             let sum: u64 = reaches.map(|(&target, &reach)| pending(target as usize) * u64::from(reach)).sum();
-            if sum > budget.most() {
+            if sum > budget.most {
                 targets.iter().for_each(|&target| applied[target as usize] = true);
             }
         }

@@ -1,33 +1,21 @@
-//! Clips on the grid of exact sums, and what an instance shows of them at a time: in integers, so that GPU and CPU agree bit
-//! for bit.
+//! What an instance shows of a clip at a time: in integers, so that GPU and CPU agree bit for bit.
 //!
-//! # Keys
-//! A weight of a clip is kept as a whole number of steps of the mesh's
-//! [`ExactGrid`](crate::pack::blocks::ExactGrid): 32 bits, or 16 bits of the number
-//! shifted to the right ([`KeyFormat`]). [`Clips`] has the layout.
-//!
-//! # Time
-//! The host sets its clock in seconds, and it is kept in ticks of 2⁻¹⁶ s. An instance's [`HeadRecord`] has the low 32 bits of the
-//! tick at which it started, its rate in 2⁻¹⁶ frames a second, and the position in the clip where it started:
+//! The clock is kept in ticks of 2⁻¹⁶ s. An instance's [`HeadRecord`] has the low 32 bits of the tick at which it started,
+//! its rate in 2⁻¹⁶ frames a second, and the position in the clip where it started:
 //!
 //! ```text
 //! elapsed  = max(now − start, 0)                      as a signed 32-bit number
 //! position = frame · 2³² + fraction + elapsed · rate  64 bits: whole frames, and the fraction of a frame
 //! ```
 //!
-//! A tick times a rate is 2⁻³² frames, so the product needs no scaling. Looping clips take whole frames modulo their
-//! number, and the frame after the last is the first; others hold their last frame. A clip played backwards counts its
-//! frames from the end. [`Playbacks`](super::Playbacks) starts records anew, exactly where they are, long before
-//! `elapsed` runs out of bits.
-//!
-//! # Weights
-//! With k₀ and k₁ the keys of this frame and the next, and f the upper 16 bits of the fraction,
+//! Looping clips take whole frames modulo their number, and the frame after the last is the first; others hold their last
+//! frame. A clip played backwards counts its frames from the end. [`Playbacks`](super::Playbacks) starts records anew,
+//! exactly where they are, long before `elapsed` runs out of bits. With k₀ and k₁ the keys of this frame and the next, in
+//! steps of the mesh's [`ExactGrid`](crate::pack::blocks::ExactGrid), and f the upper 16 bits of the fraction,
 //!
 //! ```text
 //! weight = k₀ + ⌊((k₁ − k₀) · f + 2¹⁵) / 2¹⁶⌋          in steps
 //! ```
-//!
-//! which [`AnimatedReference`](super::AnimatedReference) and `glsl/animate.comp` compute alike.
 
 use crate::abi::numbers;
 use crate::setters::setters;

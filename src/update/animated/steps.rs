@@ -3,11 +3,12 @@
 #[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::{Accesses, Memory};
 use crate::plan::steps::{Access, Resource as R, Source, Stage, Steps, Use, Work};
+use AnimatedKernel as K;
 use std::ops::Range;
 
 /// What a work does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum AnimatedKernel {
+pub(super) enum AnimatedKernel {
     /// What instances play is sampled.
     Sample,
     /// With an error budget: which changes are applied is decided.
@@ -26,17 +27,16 @@ pub enum AnimatedKernel {
 
 impl AnimatedKernel {
     /// All of them, in the order of [`Work::kernel`].
-    pub const ALL: [Self; 7] =
-        [Self::Sample, Self::Budget, Self::Commit, Self::Plan, Self::Arguments, Self::Records, Self::Blocks];
+    pub(super) const ALL: [Self; 7] = [K::Sample, K::Budget, K::Commit, K::Plan, K::Arguments, K::Records, K::Blocks];
 
     /// Whether it works for all groups of the mesh at once, and what it uses.
     const fn uses(self) -> (bool, &'static [Use]) {
         match self {
-            Self::Sample | Self::Budget | Self::Commit => (true, SAMPLE),
-            Self::Plan => (false, PLAN),
-            Self::Arguments => (false, const { &[Use::read(R::Control), Use::write(R::Control)] }),
-            Self::Records => (true, const { &[Use::copy(R::State)] }),
-            Self::Blocks => (false, BLOCKS),
+            K::Sample | K::Budget | K::Commit => (true, SAMPLE),
+            K::Plan => (false, PLAN),
+            K::Arguments => (false, const { &[Use::read(R::Control), Use::write(R::Control)] }),
+            K::Records => (true, const { &[Use::copy(R::State)] }),
+            K::Blocks => (false, BLOCKS),
         }
     }
 }
@@ -88,7 +88,6 @@ pub struct AnimatedUpdate {
 impl AnimatedUpdate {
     /// Append its steps.
     pub fn fill(&self, steps: &mut Steps) {
-        use AnimatedKernel as K;
         let Self { records, budget, groups, dispatches, texels, .. } = *self;
         let mut add = |kernel: K, items: Range<u32>| {
             let (common, uses) = kernel.uses();
@@ -114,23 +113,19 @@ impl AnimatedUpdate {
 pub(crate) fn accesses(works: &[Work], instances: u32) -> Vec<Accesses> {
     use Memory as M;
     let of = |work: &Work| match AnimatedKernel::ALL[work.kernel as usize] {
-        AnimatedKernel::Records => Accesses { uses: vec![Use::copy(M::Records)], ..Accesses::default() },
-        AnimatedKernel::Sample => Accesses::compute([M::Clips, M::Records, M::Weights], [M::Weights]),
-        AnimatedKernel::Budget | AnimatedKernel::Commit => Accesses::compute([M::Clips, M::Weights], [M::Weights]),
+        K::Records => Accesses { uses: vec![Use::copy(M::Records)], ..Accesses::default() },
+        K::Sample => Accesses::compute([M::Clips, M::Records, M::Weights], [M::Weights]),
+        K::Budget | K::Commit => Accesses::compute([M::Clips, M::Weights], [M::Weights]),
         // Counters are atomic.
-        AnimatedKernel::Plan => {
+        K::Plan => {
             Accesses::compute([M::Clips, M::Weights, M::History, M::Counters], [M::History, M::WorkList, M::Counters])
         }
-        AnimatedKernel::Arguments => Accesses::compute([M::Counters], [M::Counters, M::Arguments]),
-        AnimatedKernel::Blocks => {
+        K::Arguments => Accesses::compute([M::Counters], [M::Counters, M::Arguments]),
+        K::Blocks => {
             let sums = (0..instances).map(|instance| M::Sums { instance });
             let pose = |slot| (0..instances).map(move |instance| M::Pose { instance, slot });
-            let sources = match work.source {
-                Source::Base => None,
-                Source::Slot(slot) => Some(pose(slot)),
-            };
-            let reads = [M::WorkList, M::Deltas, M::Base].into_iter().chain(sums.clone());
-            let reads = reads.chain(sources.into_iter().flatten());
+            let Source::Slot(source) = work.source else { unreachable!("blocks are read from a slot") };
+            let reads = [M::WorkList, M::Deltas, M::Base].into_iter().chain(sums.clone()).chain(pose(source));
             let mut all = Accesses::compute(reads, sums.chain(pose(work.destination)));
             all.uses.push(Use::new(M::Arguments, Stage::Indirect, Access::IndirectRead));
             all

@@ -3,37 +3,54 @@
 
 use super::budget::Budget;
 use super::clips::Clips;
-use super::gpu::AnimationKernel;
 use super::layout::{GroupLayout, Layout};
 use super::playback::Playbacks;
 use super::sample::HeadRecord;
 use super::steps::{AnimatedKernel, AnimatedUpdate, UPLOADED};
+use crate::abi::modules;
 use crate::abi::numbers::WORKGROUP;
-use crate::abi::push::{AnimationPush, BlocksPush};
+use crate::abi::push::AnimationPush;
 use crate::error::Result;
 use crate::gpu::barriers;
 use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
+use crate::gpu::kernels::{PipelineKey, Pipelines};
 use crate::gpu::memory::{Buffer, STAGING};
+use crate::gpu::pipelines::{Objects, Workgroups};
 use crate::plan::UpdateStats;
 use crate::plan::instances::Instances;
 use crate::plan::schedule::Barrier;
 use crate::plan::steps::{Steps, Work};
-use crate::update::blocks::gpu::{BlocksKernels, Workgroups};
-use crate::update::blocks::shared::{LIST_USAGE, blocks_push, sums_buffer};
+use crate::update::blocks::gpu::{BlocksKernels, GroupBlocks, LIST_USAGE};
 use crate::update::blocks::{TILE_WORDS, WIDTHS};
 use crate::update::technique::{Context, Technique, UpdateId};
 use ash::vk;
+use bytemuck::bytes_of;
 use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
 
 /// Records that one command writes: 65,536 bytes.
 const RECORDS_MAX: usize = 2048;
 
+/// The pipelines that sample and plan, in the order of [`AnimatedKernel`]; one of each, whatever mesh and crowd are.
+#[derive(Clone, Copy, PartialEq)]
+struct Planning;
+
+impl PipelineKey for Planning {
+    fn make(self, objects: &mut Objects) -> Result<()> {
+        let kernels = [modules::ANIMATE, modules::BUDGET, modules::COMMIT, modules::PLAN, modules::ARGUMENTS];
+        objects.add_layout(&[kernels[0].kernel], 0)?;
+        let widest = [objects.device.caps.tuning.widest_tile];
+        kernels
+            .into_iter()
+            .try_for_each(|module| objects.add_compute(module, &[&widest[..module.kernel.constants as usize]]))
+    }
+}
+
 /// What an animated crowd keeps.
 pub(crate) struct Animated {
     device: Arc<Device>,
-    kernel: Arc<AnimationKernel>,
+    planning: Arc<Pipelines<Planning>>,
     pub(crate) clips: Clips,
     pub(crate) playbacks: Playbacks,
     pub(super) state: Buffer,
@@ -47,21 +64,15 @@ pub(crate) struct Animated {
 /// What a group of the mesh takes.
 pub(super) struct Group {
     pub(super) layout: GroupLayout,
-    blocks: BlocksKernels,
+    blocks: GroupBlocks,
     #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
     pub(super) work: Buffer,
     pub(super) control: Buffer,
-    #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
-    sums: Buffer,
+    /// Of what [`Planning`] reads and writes, for each group of instances.
     sets: Sets,
-    block_sets: Sets,
-    block_push: BlocksPush,
     /// Widths of tiles, and whether each dispatch is a step of its own.
     widths: u32,
     texels: bool,
-    /// Bytes of an instance's sums.
-    #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
-    pose_bytes: u64,
 }
 
 fn on_device(device: &Arc<Device>, name: &'static str, bytes: u64, usage: vk::BufferUsageFlags) -> Result<Buffer> {
@@ -72,42 +83,32 @@ fn on_device(device: &Arc<Device>, name: &'static str, bytes: u64, usage: vk::Bu
 
 impl Group {
     /// Buffers and sets of a group; `common` are tables and state.
-    fn new(
-        context: Context<'_>,
-        kernel: &AnimationKernel,
-        layout: GroupLayout,
-        common: [BufferRange; 2],
-    ) -> Result<Self> {
-        let (device, desc, poses, index) = (context.device, context.desc, context.poses, context.layout().index()?);
+    fn new(context: Context<'_>, planning: &Objects, layout: GroupLayout, common: &[BufferRange; 2]) -> Result<Self> {
+        let device = context.device;
         // Tiles are filled up to the next width, so that there has to be one.
-        let instances = desc.instances.max(2).next_power_of_two();
-        let blocks = BlocksKernels::new(&context, index, true, instances)?;
-        let how = blocks.dispatching(0);
+        let instances = context.desc.instances.max(2).next_power_of_two();
+        let kernels = BlocksKernels::new(&context, instances)?;
+        let how = kernels.dispatching(0);
         let list_bytes = layout.stride * u64::from(layout.count());
         let work = on_device(device, "deltamorph planned work", list_bytes, LIST_USAGE)?;
         let arguments = vk::BufferUsageFlags::INDIRECT_BUFFER;
         let control = on_device(device, "deltamorph dispatches", layout.control_bytes(), arguments)?;
-        let sums = sums_buffer(device, &poses, desc.instances)?;
-        let range = |buffer: &Buffer, offset, size| BufferRange { buffer: buffer.raw, offset, size };
-        let (mut plan, mut lists) = (vec![], vec![]);
+        let (mut bound, mut lists) = (vec![], vec![]);
         for set in 0..layout.count() {
             let (first, count) = layout.get(set);
-            let list = range(&work, u64::from(set) * layout.stride, layout.stride);
-            plan.push([common[0], common[1], list, range(&control, 0, layout.control_bytes())]);
+            let list = BufferRange { buffer: work.raw, offset: u64::from(set) * layout.stride, size: layout.stride };
+            let control = BufferRange::new(control.raw, 0, layout.control_bytes());
+            bound.push([common[0], common[1], list, control]);
             lists.push((list, first, count));
         }
         Ok(Self {
-            sets: kernel.sets(&plan)?,
-            block_sets: blocks.sets(&context, Some(&sums), &lists)?,
-            block_push: blocks_push(context.layout(), index, poses.slots, Some(index.exact()?)),
+            sets: planning.sets(&bound)?,
+            blocks: GroupBlocks::new(&context, kernels, &lists, 0)?,
             widths: how.widths,
             texels: how.texels,
-            pose_bytes: poses.bytes,
             layout,
-            blocks,
             work,
             control,
-            sums,
         })
     }
 
@@ -123,7 +124,7 @@ impl Animated {
         let (device, desc) = (context.device, context.desc);
         let budget = Budget::new(desc.update.error_budget, context.layout().index()?)?;
         let layout = Layout::new(&context, &clips, budget.as_ref())?;
-        let kernel = context.kernels.get::<AnimationKernel>(())?;
+        let planning = context.kernels.get(Planning)?;
 
         let (table_bytes, none) = (layout.table_bytes, vk::BufferUsageFlags::empty());
         let tables = on_device(device, "deltamorph clips", table_bytes, none)?;
@@ -134,10 +135,9 @@ impl Animated {
         let words = layout.tables(indices, &clips, budget.as_ref());
         staging.mapped()?[..table_bytes as usize].copy_from_slice(bytemuck::cast_slice(&words));
 
-        let common = [(&tables, table_bytes), (&state, layout.state_bytes)];
-        let common = common.map(|(buffer, size)| BufferRange { buffer: buffer.raw, offset: 0, size });
+        let common = [BufferRange::new(tables.raw, 0, table_bytes), BufferRange::new(state.raw, 0, layout.state_bytes)];
         let groups = context.groups().zip(layout.groups);
-        let groups = groups.map(|(context, layout)| Group::new(context, &kernel, layout, common));
+        let groups = groups.map(|(context, layout)| Group::new(context, &planning.objects, layout, &common));
         Ok(Self {
             groups: groups.collect::<Result<_>>()?,
             device: device.clone(),
@@ -145,7 +145,7 @@ impl Animated {
             staging: Some(staging),
             tables,
             table_bytes,
-            kernel,
+            planning,
             clips,
             state,
         })
@@ -202,13 +202,9 @@ impl Animated {
             let (chunk, rest) = (dispatch % chunks, dispatch / chunks);
             let (width, set) = (rest % group.widths, rest / group.widths);
             let item = (width * capacity + chunk * chunk_items) * TILE_WORDS as u32;
-            let push = BlocksPush { first_item: item, ..group.block_push };
-            let arguments = group.layout.arguments(set, width as usize, chunk);
-            let arguments = Workgroups::At(group.control.raw, arguments);
-            let set = group.block_sets.get(set as usize);
-            // SAFETY: the caller's obligations; the set was written for this mesh and crowd; the arguments lie within
-            // the buffer, which is one of arguments.
-            unsafe { group.blocks.dispatch(cmd, set, width, &push, arguments) };
+            let arguments = Workgroups::At(group.control.raw, group.layout.arguments(set, width as usize, chunk));
+            // SAFETY: the caller's obligations; the arguments lie within the buffer, which is one of arguments.
+            unsafe { group.blocks.dispatch(cmd, set as usize, width, item, arguments) };
         }
     }
 
@@ -247,8 +243,12 @@ impl Technique for Animated {
         for set in 0..if what == AnimatedKernel::Plan { layout.count() } else { 1 } {
             let (first_head, group_heads) = layout.get(set);
             let workgroups = match what {
+                // In two dimensions where one does not hold them.
                 AnimatedKernel::Sample | AnimatedKernel::Commit => {
-                    self.kernel.groups(u64::from(push.heads) * u64::from(push.words))
+                    let words = u64::from(push.heads) * u64::from(push.words);
+                    let groups = words.div_ceil(WORKGROUP.into()).max(1);
+                    let x = groups.min(caps.max_workgroups.into());
+                    [x as u32, groups.div_ceil(x) as u32]
                 }
                 AnimatedKernel::Budget => [blocks, push.heads.min(caps.max_workgroups)],
                 AnimatedKernel::Plan => [blocks, group_heads.div_ceil(caps.tuning.widest_tile)],
@@ -259,9 +259,10 @@ impl Technique for Animated {
                 AnimatedKernel::Blocks => return unsafe { self.record_blocks(cmd, work) },
             };
             let push = AnimationPush { first_head, group_heads, first_counter: set * WIDTHS as u32, ..*push };
+            let (set, workgroups) = (group.sets.get(set as usize), Workgroups::Of(workgroups));
             // SAFETY: the caller's obligations; sets and push constants were made for these buffers, and workgroups
             // are no more than the device allows.
-            unsafe { self.kernel.dispatch(cmd, what, group.sets.get(set as usize), &push, workgroups) };
+            unsafe { self.planning.objects.dispatch(cmd, what as usize, (set, &[]), bytes_of(&push), workgroups) };
         }
     }
 
@@ -289,8 +290,7 @@ impl Technique for Animated {
     }
 
     fn sums(&self, instance: u32) -> Option<(vk::Buffer, u64)> {
-        let group = &self.groups[0];
-        Some((group.sums.raw, u64::from(instance) * group.pose_bytes))
+        self.groups[0].blocks.sums(instance)
     }
 
     #[cfg(any(test, feature = "internals"))]

@@ -2,6 +2,8 @@
 
 use super::list::WorkList;
 use super::tiles::Tiles;
+#[cfg(any(test, feature = "internals"))]
+use super::tiles::{TileItem, WIDTHS};
 use crate::abi::kernels::DeviceTuning;
 use crate::pack::blocks::BlockIndex;
 use crate::plan::UpdateStats;
@@ -27,11 +29,8 @@ pub(crate) struct Dispatching {
     pub texels: bool,
 }
 
-/// What dispatches of blocks use.
-pub(crate) const FLOAT_BLOCKS: &[Use] =
-    &[Use::read(Resource::Asset), Use::read(Resource::Poses), Use::write(Resource::Poses)];
-/// The same with exact sums.
-pub(crate) const EXACT_BLOCKS: &[Use] = &[
+/// What dispatches of blocks use, with exact sums all of it, else the first three.
+const USES: &[Use] = &[
     Use::read(Resource::Asset),
     Use::read(Resource::Poses),
     Use::write(Resource::Poses),
@@ -99,7 +98,7 @@ impl Dispatches {
         let most = groups.clone().map(|group| group.works.len()).max().unwrap_or(0);
         for round in 0..if one_by_one { most } else { most.min(1) } {
             let exact = groups.clone().any(|group| group.exact);
-            steps.step(if exact { EXACT_BLOCKS } else { FLOAT_BLOCKS });
+            steps.step(if exact { USES } else { &USES[..3] });
             for group in groups.clone() {
                 let last = if one_by_one { round + 1 } else { most };
                 let works = group.works.iter().take(last).skip(round);
@@ -118,32 +117,24 @@ impl Dispatches {
     /// one.
     #[cfg(any(test, feature = "internals"))]
     pub fn accesses(&self, list: &WorkList, works: &[Work]) -> Accesses {
-        let mut all = Accesses { group: self.group, in_place: true, ..Accesses::default() };
-        let mut known = std::collections::HashSet::new();
-        let mut add =
-            |accesses: Accesses| all.uses.extend(accesses.uses.into_iter().filter(|used| known.insert(*used)));
+        let mut uses = std::collections::HashSet::new();
         for work in works {
-            let places = work.items.start as usize..work.items.end as usize;
-            match &self.tiles {
-                None => places.for_each(|item| add(self.accesses_of(list, item))),
+            let (places, kernel) = (work.items.start as usize..work.items.end as usize, work.kernel as usize);
+            let items: Vec<u32> = match &self.tiles {
+                None => work.items.clone().collect(),
                 Some(tiles) => {
-                    let (kernel, width) = (work.kernel as usize, work.kernel as usize % super::tiles::WIDTHS);
-                    for tile in &tiles.items[kernel][places] {
-                        tile.items[..1 << width].iter().for_each(|&item| add(self.accesses_of(list, item as usize)));
-                    }
+                    let members = |tile: &TileItem| tile.items.into_iter().take(1 << (kernel % WIDTHS));
+                    tiles.items[kernel][places].iter().flat_map(members).collect()
                 }
+            };
+            for item in items.into_iter().map(|i| &list.items[i as usize]) {
+                let (instance, pose) = (item.instance, |slot| Memory::Pose { instance: item.instance, slot });
+                let base = (self.exact || item.source.is_none()).then_some(Memory::Base);
+                let sums = self.exact.then_some(Memory::Sums { instance });
+                let reads = [Memory::Deltas].into_iter().chain(base).chain(item.source.map(pose)).chain(sums);
+                uses.extend(Accesses::compute(reads, [pose(item.destination)].into_iter().chain(sums)).uses);
             }
         }
-        all
-    }
-
-    #[cfg(any(test, feature = "internals"))]
-    fn accesses_of(&self, list: &WorkList, item: usize) -> Accesses {
-        let item = &list.items[item];
-        let (instance, pose) = (item.instance, |slot| Memory::Pose { instance: item.instance, slot });
-        let base = (self.exact || item.source.is_none()).then_some(Memory::Base);
-        let sums = self.exact.then_some(Memory::Sums { instance });
-        let reads = [Memory::Deltas].into_iter().chain(base).chain(item.source.map(pose)).chain(sums);
-        Accesses::compute(reads, [pose(item.destination)].into_iter().chain(sums))
+        Accesses { group: self.group, in_place: true, uses: uses.into_iter().collect() }
     }
 }

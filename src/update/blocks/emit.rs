@@ -1,15 +1,9 @@
 //! The second phase of an update: which blocks are written, from what, and with which entries.
 //!
-//! An update reads the current slot and writes the next. A block is written when a changed target touches it, or when
-//! it is stale in the next slot (it is copied then, together with what changes now: each change is computed once,
-//! however many slots there are). Within a block only the components that changed are loaded and stored: the work list
-//! names them, a bit per vertex and component.
-//!
-//! Each block of each head makes its own choice: apply the changed targets to the pose there is, or rebuild from the
-//! base pose with the active ones, whichever moves fewer bytes of deltas and poses ([`UpdateMode::Incremental`]), and
-//! from the base pose where it is the same: rounding ends there, and heads have that pose in common. A block whose
-//! [bound](super::bound) on accumulated rounding would exceed the tolerance is rebuilt in any case. The first time the
-//! blocks' limits are spread out, so that they do not all come due in one frame.
+//! A block is written when a changed target touches it, or when it is stale in the next slot: it is copied then, together
+//! with what changes now. Within a block only the components that changed are loaded and stored. Each block of each head
+//! makes its own choice between the pose there is and the base pose: whichever moves fewer bytes, and the base pose where
+//! it is the same, or where the [bound](super::bound) on accumulated rounding would exceed the tolerance.
 
 use super::bound::rounding;
 use super::group::GroupPlan;

@@ -2,8 +2,8 @@
 //!
 //! `state` is what the poses of an instance hold; `commit` decides which weights an update applies, and `emit` which
 //! blocks it writes, into the list of a `group`. `plan` does that for a crowd; `tiles` puts several instances together;
-//! `dispatch` cuts lists into dispatches; `technique` and `gpu` carry them out on a device. `shared` is what crowds that
-//! are planned on the GPU take over.
+//! `dispatch` cuts lists into dispatches; `technique` and `gpu` carry them out on a device, `gpu` also those of crowds that
+//! are planned there.
 
 mod bound;
 mod commit;
@@ -13,7 +13,6 @@ pub(crate) mod gpu;
 mod group;
 mod list;
 mod plan;
-pub(crate) mod shared;
 mod state;
 mod technique;
 mod tiles;
@@ -28,8 +27,7 @@ pub use tiles::{ROWS, TILE_WORDS, WIDTHS, row_words};
 #[cfg(any(test, feature = "internals"))]
 pub use {
     group::GroupPlan,
-    list::component_bytes,
-    tiles::{ALIGN, TILE, TileItem, Tiles},
+    tiles::{ALIGN, TILE, Tiles},
 };
 
 #[cfg(test)]

@@ -1,51 +1,43 @@
 //! A crowd on the path `blocks`, planned on the CPU: work lists, integer sums, and what each block holds.
 
 use super::dispatch::Dispatches;
-use super::gpu::{BlocksKernels, Workgroups};
+use super::gpu::{BlocksKernels, GroupBlocks, LIST_USAGE, set_size};
 use super::group::GroupPlan;
 use super::list::{ELEMENT_BYTES, ITEM_WORDS, Item, WorkList};
 use super::plan::Planner;
-use super::shared::{LIST_USAGE, blocks_push, group_size, sums_buffer};
 use super::tiles::{TILE_WORDS, Tiles};
-use crate::abi::push::BlocksPush;
 use crate::abi::worklist;
 use crate::error::Result;
-use crate::gpu::descriptors::Sets;
-use crate::gpu::memory::Buffer;
+use crate::gpu::pipelines::Workgroups;
 use crate::gpu::ring::Ring;
 use crate::pack::POSE_FLOATS;
 use crate::pack::blocks::ExactGrid;
 use crate::plan::UpdateStats;
 use crate::plan::instances::Instances;
 use crate::plan::steps::{Steps, Work};
-use crate::update::technique::{Context, Poses, Technique, UpdateId};
+use crate::update::technique::{Context, Technique, UpdateId};
 use ash::vk;
 
 /// A crowd whose changed blocks are updated.
 pub(crate) struct BlocksTechnique {
     planner: Planner,
-    groups: Vec<GroupBlocks>,
+    groups: Vec<Group>,
 }
 
 /// What the blocks of a group take.
-struct GroupBlocks {
-    kernels: BlocksKernels,
-    poses: Poses,
+struct Group {
+    blocks: GroupBlocks,
     dispatches: Dispatches,
-    /// Work lists: items, then elements; or tiles, then rows.
+    /// Work lists: items, then elements; or tiles, then rows. For each frame in flight, `blocks` has a descriptor set for
+    /// each `reach` instances.
     ring: Ring,
+    reach: u32,
+    sets_of_frame: u32,
+    slots: u32,
     /// Words of an item or tile.
     item_words: usize,
     /// Index of the first element's or row's first word.
     elements_at: usize,
-    #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
-    sums: Option<Buffer>,
-    /// For each frame in flight, one for each set of instances.
-    sets: Sets,
-    sets_of_frame: u32,
-    /// Instances that a set reaches.
-    reach: u32,
-    push: BlocksPush,
 }
 
 impl BlocksTechnique {
@@ -53,18 +45,16 @@ impl BlocksTechnique {
         let (desc, layouts) = (context.desc, context.groups().map(|group| group.layout()));
         let mut planner = Planner::new(desc.update, layouts, desc.instances as usize)?;
         let groups = (0..).zip(context.groups()).zip(&mut planner.groups);
-        let groups = groups.map(|((number, group), planner)| GroupBlocks::new(group, number, planner));
+        let groups = groups.map(|((number, group), planner)| Group::new(group, number, planner));
         Ok(Self { groups: groups.collect::<Result<_>>()?, planner })
     }
 }
 
-impl GroupBlocks {
+impl Group {
     fn new(context: Context<'_>, number: u32, planner: &mut GroupPlan) -> Result<Self> {
-        let (device, desc, layout, poses) = (context.device, context.desc, context.layout(), context.poses);
-        let (index, grid, instances) = (&planner.index, planner.exact(), desc.instances as usize);
-        let exact = grid.is_some();
-        let kernels = BlocksKernels::new(&context, index, exact, desc.instances)?;
-        let reach = group_size(&context, u64::MAX)?;
+        let (desc, index, instances) = (context.desc, &planner.index, context.desc.instances as usize);
+        let kernels = BlocksKernels::new(&context, desc.instances)?;
+        let reach = set_size(&context, u64::MAX)?;
         let how = kernels.dispatching(reach);
         planner.whole_blocks = how.widths > 0;
         let (item_words, element_words) = match planner.whole_blocks {
@@ -76,28 +66,20 @@ impl GroupBlocks {
         let elements_at = instances * index.count() * item_words;
         let part = Ring::part_bytes(4 * (elements_at + element_words) as u64);
         context.check_range(&format!("the work lists of {instances} instances"), part, "make several crowds")?;
-        let ring = Ring::new(device, "deltamorph work lists", part, desc.frames_in_flight, LIST_USAGE)?;
-        let sums = grid.map(|_| sums_buffer(device, &poses, desc.instances)).transpose()?;
-        let lists = (0..desc.frames_in_flight).flat_map(|frame| {
-            let list = ring.range(frame.into());
-            (0..desc.instances)
-                .step_by(reach as usize)
-                .map(move |first| (list, first, reach.min(desc.instances - first)))
-        });
-        let sets = kernels.sets(&context, sums.as_ref(), &lists.collect::<Vec<_>>())?;
-        let push = BlocksPush { elements_at: elements_at as u32, ..blocks_push(layout, index, poses.slots, grid) };
+        let ring = Ring::new(context.device, "deltamorph work lists", part, desc.frames_in_flight, LIST_USAGE)?;
+        let first = (0..desc.frames_in_flight)
+            .flat_map(|frame| (0..desc.instances).step_by(reach as usize).map(move |first| (frame, first)));
+        let list = |(frame, first): (u32, u32)| (ring.range(frame.into()), first, reach.min(desc.instances - first));
+        let lists: Vec<_> = first.map(list).collect();
         Ok(Self {
-            dispatches: Dispatches::new(how, number, index, instances, exact),
-            kernels,
-            poses,
+            dispatches: Dispatches::new(how, number, index, instances, planner.exact().is_some()),
+            blocks: GroupBlocks::new(&context, kernels, &lists, elements_at)?,
             ring,
+            reach,
+            sets_of_frame: desc.instances.div_ceil(reach),
+            slots: context.poses.slots,
             item_words,
             elements_at,
-            sums,
-            sets,
-            sets_of_frame: desc.instances.div_ceil(reach),
-            reach,
-            push,
         })
     }
 
@@ -106,7 +88,7 @@ impl GroupBlocks {
         let (items, rest) = self.ring.words(frame)?.split_at_mut(self.elements_at);
         let items = items.chunks_exact_mut(self.item_words);
         // Source and destination of an item, as numbers of poses in a set of instances.
-        let (reach, slots) = (self.reach, self.poses.slots);
+        let (reach, slots) = (self.reach, self.slots);
         let pose = |item: &Item, slot: u32| item.instance % reach * slots + slot;
         let poses = |item: &Item| {
             worklist::poses(pose(item, item.source.unwrap_or(item.destination)), pose(item, item.destination))
@@ -148,11 +130,10 @@ impl Technique for BlocksTechnique {
     unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work) {
         let group = &self.groups[work.group as usize];
         let first_item = (group.dispatches.place(work) * group.item_words) as u32;
-        let push = BlocksPush { first_item, ..group.push };
-        let set = group.sets.get((frame * u64::from(group.sets_of_frame)) as usize + work.instance as usize);
-        let workgroups = Workgroups::Of(work.items.end - work.items.start);
-        // SAFETY: the caller's obligations; set and list were written for this mesh and crowd.
-        unsafe { group.kernels.dispatch(cmd, set, work.kernel, &push, workgroups) };
+        let list = (frame * u64::from(group.sets_of_frame)) as usize + work.instance as usize;
+        let workgroups = Workgroups::Of([work.items.end - work.items.start, 1]);
+        // SAFETY: the caller's obligations; the list was written for this mesh and crowd.
+        unsafe { group.blocks.dispatch(cmd, list, work.kernel, first_item, workgroups) };
     }
 
     fn exact(&self) -> Option<ExactGrid> {
@@ -160,8 +141,7 @@ impl Technique for BlocksTechnique {
     }
 
     fn sums(&self, instance: u32) -> Option<(vk::Buffer, u64)> {
-        let GroupBlocks { sums, poses, .. } = &self.groups[0];
-        sums.as_ref().map(|sums| (sums.raw, poses.sums(sums.raw).offset(instance, 0)))
+        self.groups[0].blocks.sums(instance)
     }
 
     #[cfg(any(test, feature = "internals"))]

@@ -1,32 +1,21 @@
-//! Plans in blocks, carried out by the CPU twin: any history ends in the pose asked for.
+//! Plans in blocks, carried out on the CPU: any history ends in the pose asked for, and tiles say what the list says.
 
 use super::dispatch::{Dispatches, Dispatching};
 use super::*;
-use crate::abi::kernels::DeviceClass;
-use crate::cpu::Memory;
-use crate::cpu::workers::Workers;
+use crate::abi::kernels::{DeviceClass, DeviceTuning};
+use crate::cpu::{Memory, Workers};
 use crate::pack::blocks::{BlockDesc, BlockIndex};
-use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
+use crate::pack::{DeltaFormat, POSE_FLOATS, PackDesc, PackedMesh};
 use crate::plan::hazards::Event as Recorded;
 use crate::plan::instances::Instances;
 use crate::plan::steps::Steps;
 use crate::plan::tests::{events, scheduled};
 use crate::plan::{Accumulate, Consumers, UpdateDesc, UpdateMode, UpdateStats};
-use crate::update::tests::{Planned, every_barrier_is_needed, follow};
+use crate::update::tests::{One, Planned, every_barrier_is_needed, follow};
 use crate::{reference, testing};
 use proptest::prelude::*;
 
 const TARGETS: usize = 9;
-
-/// Memory of which nothing may be read before it is written.
-pub(super) fn memory(mesh: &PackedMesh, instances: usize, slots: usize) -> Memory {
-    let floats = mesh.base().len();
-    Memory {
-        slots,
-        poses: vec![vec![f32::NAN; floats]; instances * slots],
-        sums: vec![vec![i32::MAX; floats]; instances],
-    }
-}
 
 /// What a device records of a list of one instance: items, or tiles.
 fn recorded(index: &BlockIndex, list: &WorkList, exact: bool, tiles: bool) -> Vec<Recorded> {
@@ -44,62 +33,52 @@ fn packed(format: DeltaFormat, size: u32) -> PackedMesh {
     PackedMesh::pack(&testing::mesh(300, TARGETS), &PackDesc { blocks, ..PackDesc::new(format) }).unwrap()
 }
 
-/// A crowd of one instance.
-struct One {
+/// What plans a mesh.
+struct Blocks {
     mesh: PackedMesh,
-    desc: UpdateDesc,
     planner: Planner,
-    instances: Instances,
-    memory: Memory,
-    update: u64,
 }
 
-impl One {
-    fn new(mesh: PackedMesh, desc: UpdateDesc) -> Self {
-        let planner = Planner::new(desc, [mesh.layout()], 1).unwrap();
-        let instances = Instances::new(1, TARGETS, desc.slots);
-        Self { memory: memory(&mesh, 1, desc.slots as usize), planner, instances, desc, mesh, update: 0 }
-    }
+fn one(mesh: PackedMesh, desc: UpdateDesc) -> One<Blocks> {
+    let planner = Planner::new(desc, [mesh.layout()], 1).unwrap();
+    // Nothing may be read before it is written.
+    let (floats, slots) = (mesh.base().len(), desc.slots as usize);
+    let memory = Memory { slots, poses: vec![vec![f32::NAN; floats]; slots], sums: vec![vec![i32::MAX; floats]] };
+    One::new(desc, TARGETS, Blocks { mesh, planner }, memory)
+}
 
+impl One<Blocks> {
     /// The slots of pose and previous pose after an update, and what it did.
     fn step(&mut self, weights: &[f32]) -> ([Option<u32>; 2], UpdateStats) {
-        self.update += 1;
-        (self.update_to(self.update, weights).1, self.planner.groups[0].stats)
+        (self.update_to(weights).1, self.planner.planner.groups[0].stats)
     }
 }
 
-impl Planned for One {
+impl Planned for Blocks {
     type Memory = Memory;
     type Pose = Vec<f32>;
 
-    fn parts(&mut self) -> (&mut Instances, &mut Memory) {
-        (&mut self.instances, &mut self.memory)
-    }
-
-    fn update(&mut self, update: u64) -> Vec<Recorded> {
-        self.planner.plan(&mut self.instances, update);
-        let GroupPlan { index, list, stats, whole_blocks, .. } = &self.planner.groups[0];
-        let exact = self.planner.exact();
-        self.memory.run_list(self.mesh.surface(), &Workers::new(1).unwrap(), index, list, exact);
+    fn update(one: &mut One<Self>) -> Vec<Recorded> {
+        let Blocks { mesh, planner } = &mut one.planner;
+        planner.plan(&mut one.instances, one.update);
+        let group = &planner.groups[0];
+        let (GroupPlan { index, list, stats, whole_blocks, .. }, exact) = (group, group.exact());
+        one.memory.run_list(mesh.surface(), &Workers::new(1).unwrap(), index, list, exact);
         assert!(!whole_blocks || list.masks.iter().all(|mask| *mask == u32::MAX));
-        let weights = self.instances.requested().next().flatten().unwrap();
-        let pose = self.pose(self.instances.slots_of(0).unwrap().0);
+        let weights = one.instances.requested().next().flatten().unwrap();
+        let pose = mesh.layout().to_user_order(&one.memory.poses[one.instances.slots_of(0).unwrap().0 as usize]);
         // Weights are multiples of 1/4: on any grid.
-        let error = reference::compare(&pose, &reference::evaluate(&self.mesh, weights));
-        let bound = self.desc.error_budget.max(stats.bound);
-        let most = f64::from(bound).max(1e-6 * f64::from(self.mesh.layout().diagonal));
+        let error = reference::compare(&pose, &reference::evaluate(mesh, weights));
+        let bound = one.desc.error_budget.max(stats.bound);
+        let most = f64::from(bound).max(1e-6 * f64::from(mesh.layout().diagonal));
         assert!(error.position <= most, "{error:?} of {stats:?}");
         let commands = recorded(index, list, exact.is_some(), *whole_blocks);
         assert_eq!(commands.is_empty(), list.items.is_empty());
         commands
     }
 
-    fn pose(&self, slot: u32) -> Vec<f32> {
-        self.mesh.layout().to_user_order(&self.memory.poses[slot as usize])
-    }
-
-    fn overwrites(&self) -> bool {
-        self.desc.slots == 1
+    fn pose(one: &One<Self>, slot: u32) -> Vec<f32> {
+        one.planner.mesh.layout().to_user_order(&one.memory.poses[slot as usize])
     }
 }
 
@@ -114,9 +93,9 @@ proptest! {
         let mode = if rebuild { UpdateMode::Rebuild } else { UpdateMode::Incremental };
         let error_budget = if budget { 0.5 } else { 0.0 };
         let desc = UpdateDesc { mode, slots, accumulate, error_budget, ..UpdateDesc::blocks() };
-        let mut one = One::new(packed(DeltaFormat::BLOCKS[format], size), desc);
-        one.planner.groups[0].whole_blocks = whole;
-        follow(&mut one, events);
+        let mut one = one(packed(DeltaFormat::BLOCKS[format], size), desc);
+        one.planner.planner.groups[0].whole_blocks = whole;
+        follow(one, events);
     }
 }
 
@@ -127,14 +106,14 @@ fn float(tolerance: f32) -> UpdateDesc {
 #[test]
 fn every_barrier_of_blocks_is_needed() {
     for (slots, accumulate) in [(1, Accumulate::Exact), (2, Accumulate::Exact), (2, Accumulate::default())] {
-        let mut one = One::new(packed(DeltaFormat::Small, 32), UpdateDesc { slots, accumulate, ..float(1e-4) });
-        every_barrier_is_needed(&mut one, TARGETS, 2, &format!("{slots} slots"));
+        let one = one(packed(DeltaFormat::Small, 32), UpdateDesc { slots, accumulate, ..float(1e-4) });
+        every_barrier_is_needed(one, TARGETS, 2, &format!("{slots} slots"));
     }
 }
 
 #[test]
 fn a_still_face_is_no_work_and_a_change_touches_its_blocks_only() {
-    let mut one = One::new(packed(DeltaFormat::Fast, 32), float(1e-4));
+    let mut one = one(packed(DeltaFormat::Fast, 32), float(1e-4));
     let mut weights = [0.25; TARGETS];
     let ([first, previous], stats) = one.step(&weights);
     assert_eq!((previous, stats.dirty_blocks), (first, 10));
@@ -142,7 +121,7 @@ fn a_still_face_is_no_work_and_a_change_touches_its_blocks_only() {
     weights[1] = 0.5;
     assert_eq!(one.step(&weights).1.dirty_blocks, 10);
     weights[1] = 0.75;
-    let index = one.mesh.layout().blocks.clone().unwrap();
+    let index = one.planner.mesh.layout().blocks.clone().unwrap();
     let ([moved, previous], stats) = one.step(&weights);
     assert_eq!(stats.dirty_blocks, index.incidence(1).len());
     assert_ne!(previous, moved);
@@ -156,7 +135,7 @@ fn a_still_face_is_no_work_and_a_change_touches_its_blocks_only() {
 
 #[test]
 fn a_cut_to_neutral_is_cheaper_from_base() {
-    let mut one = One::new(packed(DeltaFormat::Fast, 32), float(1e-4));
+    let mut one = one(packed(DeltaFormat::Fast, 32), float(1e-4));
     for frame in 0..3 {
         one.step(&[0.5 + frame as f32 / 8.0; TARGETS]);
     }
@@ -173,8 +152,8 @@ fn a_cut_to_neutral_is_cheaper_from_base() {
 #[test]
 fn blocks_are_refreshed_before_their_bound_passes_the_tolerance_and_not_all_at_once() {
     let tolerance = 2e-5;
-    let mut one = One::new(packed(DeltaFormat::Fast, 32), float(tolerance));
-    let length = tolerance * one.mesh.layout().diagonal;
+    let mut one = one(packed(DeltaFormat::Fast, 32), float(tolerance));
+    let length = tolerance * one.planner.mesh.layout().diagonal;
     let (mut rebuilt, mut most) = (0, 0);
     let mut weights = [0.5; TARGETS];
     for frame in 0..1200u32 {
@@ -193,7 +172,7 @@ fn blocks_are_refreshed_before_their_bound_passes_the_tolerance_and_not_all_at_o
 #[test]
 fn small_changes_wait_and_settle() {
     let budget = 0.05;
-    let mut one = One::new(packed(DeltaFormat::Small, 32), UpdateDesc { error_budget: budget, ..float(1e-4) });
+    let mut one = one(packed(DeltaFormat::Small, 32), UpdateDesc { error_budget: budget, ..float(1e-4) });
     one.step(&[0.5; TARGETS]);
     one.step(&[0.75; TARGETS]);
     let mut weights = [0.75; TARGETS];
@@ -207,7 +186,7 @@ fn small_changes_wait_and_settle() {
 
 #[test]
 fn a_cut_is_spent_on_a_still_frame_too() {
-    let mut one = One::new(packed(DeltaFormat::Fast, 32), float(1e-4));
+    let mut one = one(packed(DeltaFormat::Fast, 32), float(1e-4));
     one.step(&[0.25; TARGETS]);
     let ([still, _], _) = one.step(&[0.5; TARGETS]);
     one.instances.cut(0).unwrap();
@@ -217,4 +196,98 @@ fn a_cut_is_spent_on_a_still_frame_too() {
     one.instances.cut(0).unwrap();
     let ([moved, previous], _) = one.step(&[1.0; TARGETS]);
     assert_eq!(previous, moved);
+}
+
+proptest! {
+    #[test]
+    fn tiles_do_what_the_list_says(
+        format in 0..DeltaFormat::BLOCKS.len(), size in prop::sample::select(vec![32u32, 64]), exact in any::<bool>(),
+        slots in 1u32..4, instances in 1usize..21, widest in 0usize..WIDTHS,
+        frames in prop::collection::vec(prop::collection::vec(prop::option::weighted(0.4, -2i8..5), 20 * TARGETS), 1..6),
+    ) {
+        let mesh = packed(DeltaFormat::BLOCKS[format], size);
+        let index = mesh.layout().blocks.clone().unwrap();
+        let accumulate = if exact && format > 0 { Accumulate::Exact } else { Accumulate::default() };
+        let desc = UpdateDesc { slots, accumulate, ..UpdateDesc::blocks() };
+        let mut planner = Planner::new(desc, [mesh.layout()], instances).unwrap();
+        planner.groups[0].whole_blocks = true;
+        let exact = planner.exact().is_some();
+        let tuning = DeviceTuning { widest_tile: 1 << widest, ..DeviceClass::Desktop.tuning() };
+        let mut tiles = Tiles::new(&index, instances, !exact, tuning);
+        let mut heads = Instances::new(instances, TARGETS, slots);
+        let mut weights = vec![[0.0; TARGETS]; instances];
+        for (update, changes) in frames.iter().enumerate() {
+            for (weight, change) in weights.iter_mut().flatten().zip(changes) {
+                *weight = change.map_or(*weight, |w| f32::from(w) * 0.25);
+            }
+            for (i, weights) in weights.iter().enumerate() {
+                heads.set_weights(i as u32, weights).unwrap();
+            }
+            planner.plan(&mut heads, update as u64 + 1);
+            let list = &planner.groups[0].list;
+            tiles.clear();
+            tiles.fill(&index, list, 0..list.items.len());
+            let (mut seen, mut bytes) = (vec![], 0);
+            for (width, tile) in tiles.iter() {
+                let (stride, members) = (row_words(width), &tile.items[..1 << width]);
+                let rows = &tiles.rows[tile.first as usize..][..tile.count as usize * stride];
+                prop_assert!(width <= widest && (tile.first as usize).is_multiple_of(ALIGN) && stride > members.len());
+                // Its head, its items and its rows, an entry each, the base pose, and integers and poses of each instance.
+                let entries = rows.chunks_exact(stride).map(|row| row[0] as usize);
+                let vertex = if exact { 4 + 12 * members.len() } else { 8 * members.len() };
+                bytes += 4 * (4 + members.len() + rows.len()) + index.size() * POSE_FLOATS * vertex;
+                bytes += entries.map(|entry| index.costs[entry].bytes as usize).sum::<usize>();
+                for (place, &i) in members.iter().enumerate() {
+                    let item = &list.items[i as usize];
+                    prop_assert_eq!((item.block, item.source.is_none()), (tile.block, tile.rebuilt >> place & 1 != 0));
+                    // Coefficients of 0, of rows that others need or that fill tiles up, change nothing.
+                    let added = rows.chunks_exact(stride).map(|row| (row[0], row[1 + place])).filter(|row| row.1 != 0);
+                    let listed = list.elements_of(item).iter().map(|e| (e.entry, e.coefficient)).filter(|e| e.1 != 0);
+                    prop_assert!(added.eq(listed));
+                }
+                seen.extend_from_slice(members);
+            }
+            seen.sort_unstable();
+            prop_assert!(seen.iter().copied().eq(0..list.items.len() as u32), "every item is in one tile");
+            prop_assert_eq!(tiles.bytes(&index, exact)[0], bytes as u64);
+            prop_assert!(tiles.rows.len() <= Tiles::words_max(&index, instances));
+        }
+    }
+}
+
+/// Widths of the tiles of eight heads, of which head h has these targets changed.
+fn widths_of(tuning: DeviceTuning, changed: impl Fn(usize, usize) -> bool) -> [usize; WIDTHS] {
+    let mesh = packed(DeltaFormat::Fast, 64);
+    let index = mesh.layout().blocks.clone().unwrap();
+    let desc = UpdateDesc::blocks();
+    let mut planner = Planner::new(desc, [mesh.layout()], TILE).unwrap();
+    planner.groups[0].whole_blocks = true;
+    let mut tiles = Tiles::new(&index, TILE, true, tuning);
+    let mut heads = Instances::new(TILE, TARGETS, desc.slots);
+    for update in 1..4 {
+        for head in 0..TILE {
+            let weight = |t| if changed(head, t) { 0.25 * update as f32 } else { 0.25 };
+            heads.set_weights(head as u32, &std::array::from_fn::<f32, TARGETS, _>(weight)).unwrap();
+        }
+        planner.plan(&mut heads, update);
+    }
+    let list = &planner.groups[0].list;
+    tiles.fill(&index, list, 0..list.items.len());
+    std::array::from_fn(|width| tiles.iter().filter(|(w, _)| *w == width).count())
+}
+
+#[test]
+fn heads_share_a_tile_where_they_share_entries() {
+    let desktop = DeviceClass::Desktop.tuning();
+    let widths = |changed: &dyn Fn(usize, usize) -> bool| widths_of(desktop, changed);
+    let blocks = widths(&|_, _| true)[3];
+    assert!(blocks > 1);
+    assert_eq!(widths(&|_, _| true), [0, 0, 0, blocks], "all change: one tile of eight a block");
+    assert_eq!(widths(&|head, t| t == head)[2..], [0, 0], "heads that have nothing in common share no tile");
+    let half = widths(&|head, t| (head + t) % 2 == 0);
+    assert!(half[3] > 0 && half[0] == 0, "heads that have half in common do not: {half:?}");
+    let most = |head: usize, t: usize| t % 5 != head / 4;
+    let cheap = DeviceTuning { load_cost: 0, ..desktop };
+    let (shared, alone) = (widths_of(desktop, most)[3], widths_of(cheap, most)[3]);
+    assert!(alone < shared, "where loading costs nothing, tiles are halved for less: {alone} of {shared} are whole");
 }

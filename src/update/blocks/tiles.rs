@@ -1,8 +1,7 @@
 //! Work lists for several instances at once: items of one block together, so that a kernel loads its deltas once.
 //!
-//! A tile is a block of up to [`TILE`] instances. Its rows are the entries that any of them needs, each with a
-//! coefficient for every instance. There are 1, 2, 4 or 8 instances in a tile: kernels have a pipeline for each width,
-//! without control flow for places that are not in use. Tiles and their rows begin at multiples of [`ALIGN`], so that
+//! A tile is a block of 1, 2, 4 or 8 instances: kernels have a pipeline for each width. Its rows are the entries that any
+//! of them needs, each with a coefficient for every instance. Rows of a tile begin at multiples of [`ALIGN`], so that
 //! kernels can load several words at once.
 
 use super::list::{Item, WorkList};
@@ -187,7 +186,3 @@ impl Tiles {
         [moved, floor]
     }
 }
-
-#[cfg(test)]
-#[path = "tiles_tests.rs"]
-mod tests;

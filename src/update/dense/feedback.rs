@@ -1,18 +1,15 @@
-//! The `feedback` path: vertex passes whose output is captured by transform feedback.
+//! Vertex passes: targets as vertex attributes. Those of the path `feedback` capture poses by transform feedback.
 //!
 //! James L. Jones, "Efficient Morph Target Animation Using OpenGL ES 3.0", GPU Pro 5: batches of targets bound
 //! as vertex attributes, rasterizer discard, ping-pong. One pipeline per batch size; each pass is a draw in a
 //! render pass of its own, because a barrier inside a subpass cannot order captures before vertex fetch.
 
-#[cfg(any(test, feature = "internals"))]
-use super::plan::PassAccess;
 use super::technique::{DensePass, Passes};
-use crate::abi::modules::FEEDBACK;
+use crate::abi::modules::{FEEDBACK, Kernel};
 use crate::abi::push::attribute_push_bytes;
 use crate::error::Result;
 use crate::gpu::caps::CAPTURE_STRIDE;
-use crate::gpu::device::Device;
-use crate::gpu::kernels::Kernel;
+use crate::gpu::kernels::{PipelineKey, Pipelines};
 use crate::gpu::pipelines::Objects;
 use crate::pack::{DeltaFormat, PackedLayout, PoseFormat};
 use crate::plan::BatchSize;
@@ -20,115 +17,120 @@ use crate::plan::steps::{Access, Resource, Stage, Use, Work};
 use crate::update::technique::Context;
 use crate::weights::delta::Coefficient;
 use ash::vk;
+use std::borrow::Borrow;
 use std::sync::Arc;
 
-/// Pipelines for batches 0 (a copy) to the batch size.
-pub(crate) struct Feedback {
-    objects: Objects,
-    key: (DeltaFormat, u32),
+/// Pipelines of a vertex shader that takes targets as attributes, for none (a copy) to the most.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) struct VertexPasses {
+    kernel: &'static Kernel,
+    format: DeltaFormat,
+    /// Targets of a pass, at most.
+    pub(crate) most: u32,
 }
 
-impl Kernel for Feedback {
-    type Key = (DeltaFormat, u32);
+impl VertexPasses {
+    /// Those that a crowd takes of `kernel`.
+    pub(crate) fn of(context: &Context<'_>, kernel: &'static Kernel) -> Result<Arc<Pipelines<Self>>> {
+        let most = match context.desc.update.batch {
+            BatchSize::Targets(batch) => batch,
+            // Refused by the check of the description.
+            BatchSize::All => 0,
+        };
+        context.kernels.get(Self { kernel, format: context.layout().format, most })
+    }
+}
 
-    fn new(device: &Arc<Device>, key: Self::Key) -> Result<Self> {
-        let (format, batch) = key;
-        let mut objects = Objects::none(device);
-        objects.add_layout(&[FEEDBACK.row], attribute_push_bytes(format, batch))?;
+impl PipelineKey for VertexPasses {
+    fn make(self, objects: &mut Objects) -> Result<()> {
+        let Self { kernel, format, most } = self;
+        objects.add_layout(&[kernel.row], attribute_push_bytes(format, most))?;
         objects.add_empty_render_pass()?;
-        for b in 0..=batch {
-            let (bindings, attributes) = vertex_input(format, b);
-            objects.add_discarding_vertex(FEEDBACK.module(format, PoseFormat::Float32, b)?, &bindings, &attributes)?;
+        for batch in 0..=most {
+            let (bindings, attributes) = vertex_input(format, batch);
+            objects.add_discarding_vertex(
+                kernel.module(format, PoseFormat::Float32, batch)?,
+                &bindings,
+                &attributes,
+            )?;
         }
-        Ok(Self { objects, key })
-    }
-
-    fn key(&self) -> Self::Key {
-        self.key
+        Ok(())
     }
 }
 
-impl Feedback {
-    /// Record one pass.
+impl Pipelines<VertexPasses> {
+    /// Record passes in one render pass. A shader that stores poses takes the sets of the destination, one for each
+    /// chunk.
     ///
     /// # Safety
     /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with graphics.
-    /// - The buffers of `pass` are alive until it has run, hold what `pass.layout` says, and source and
-    ///   destination do not overlap.
-    pub(crate) unsafe fn record(&self, cmd: vk::CommandBuffer, pass: &DensePass<'_>) {
-        let device = &self.objects.device;
-        let Some(feedback) = &device.feedback else { return };
-        let feedback = feedback.fp();
-        let batch = pass.coefficients.len();
-        let push = push_constants(pass.layout, pass.coefficients);
-        // SAFETY: the caller's obligations; pipeline, layout and render pass are ours; the push constants are
-        // within the layout's range (no more coefficients than the largest batch); offsets are multiples of the 4 bytes
-        // of a component.
-        unsafe {
-            self.objects.begin_render_pass(cmd);
-            device.raw.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.objects.pipelines[batch]);
-            if !push.is_empty() {
-                let bytes = bytemuck::cast_slice(&push);
-                device.raw.cmd_push_constants(cmd, self.objects.layout, vk::ShaderStageFlags::VERTEX, 0, bytes);
-            }
-        }
-        for (first, vertices) in pass.layout.chunks() {
-            let pose_offset = (first * CAPTURE_STRIDE) as u64;
-            let (buffers, offsets) =
-                vertex_buffers(pass.layout, (first, vertices), pass.source, pass.deltas, pass.coefficients);
-            let (to, size) = (pass.destination.1 + pose_offset, (vertices * CAPTURE_STRIDE) as u64);
-            // SAFETY: as above; each binding reads `vertices` elements within its buffer, and as many are
-            // captured; transform feedback is enabled since `device.feedback` is there. ash 0.38 has no
-            // wrappers for these commands.
+    /// - The buffers hold what the layout of a pass says at the offsets given, and live until it has run; its source and
+    ///   destination do not overlap, and neither is written by another pass.
+    /// - No pass has more coefficients than the pipelines were made for.
+    pub(crate) unsafe fn record<'a, P: Borrow<DensePass<'a>>>(
+        &self,
+        cmd: vk::CommandBuffer,
+        passes: impl IntoIterator<Item = P>,
+        stores: &[vk::DescriptorSet],
+    ) {
+        let (objects, device, captures) = (&self.objects, &self.objects.device.raw, *self.key.kernel == FEEDBACK);
+        let (point, layout) = (vk::PipelineBindPoint::GRAPHICS, objects.layout);
+        // SAFETY: the caller's obligations; the render pass is ours.
+        unsafe { objects.begin_render_pass(cmd) };
+        for pass in passes {
+            let pass = pass.borrow();
+            let push = push_constants(pass.layout, pass.coefficients);
+            // SAFETY: as above; pipeline and layout are ours, and the push constants within the layout's range.
             unsafe {
-                device.raw.cmd_bind_vertex_buffers(cmd, 0, &buffers, &offsets);
-                (feedback.cmd_bind_transform_feedback_buffers_ext)(cmd, 0, 1, &pass.destination.0, &to, &size);
-                (feedback.cmd_begin_transform_feedback_ext)(cmd, 0, 0, std::ptr::null(), std::ptr::null());
-                device.raw.cmd_draw(cmd, vertices as u32, 1, 0, 0);
-                (feedback.cmd_end_transform_feedback_ext)(cmd, 0, 0, std::ptr::null(), std::ptr::null());
+                device.cmd_bind_pipeline(cmd, point, objects.pipelines[pass.coefficients.len()]);
+                if !push.is_empty() {
+                    let bytes = bytemuck::cast_slice(&push);
+                    device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::VERTEX, 0, bytes);
+                }
+            }
+            for (i, (first, vertices)) in pass.layout.chunks().enumerate() {
+                let (buffers, offsets) = vertex_buffers(pass, first, vertices);
+                let (buffer, offset) = pass.destination;
+                let capture = captures.then_some((buffer, offset + (first * CAPTURE_STRIDE) as u64));
+                // SAFETY: as above; each binding reads the chunk's vertices within its buffer, and as many are captured
+                // or stored; offsets are multiples of the 4 bytes of a component.
+                unsafe {
+                    device.cmd_bind_vertex_buffers(cmd, 0, &buffers, &offsets);
+                    if let Some(set) = stores.get(i) {
+                        device.cmd_bind_descriptor_sets(cmd, point, layout, 0, &[*set], &[]);
+                    }
+                    objects.draw(cmd, vertices, capture);
+                }
             }
         }
         // SAFETY: begun above.
-        unsafe { device.raw.cmd_end_render_pass(cmd) };
+        unsafe { device.cmd_end_render_pass(cmd) };
     }
 }
 
-impl Passes for Arc<Feedback> {
+/// The passes of the path `feedback`.
+pub(crate) struct FeedbackPasses(Arc<Pipelines<VertexPasses>>);
+
+impl Passes for FeedbackPasses {
     const USES: &'static [Use] = &[
         Use::new(Resource::Asset, Stage::VertexInput, Access::AttributeRead),
         Use::new(Resource::Poses, Stage::VertexInput, Access::AttributeRead),
         Use::new(Resource::Poses, Stage::TransformFeedback, Access::FeedbackWrite),
     ];
 
-    #[cfg(any(test, feature = "internals"))]
-    const ACCESS: PassAccess = PassAccess {
-        reads: (Stage::VertexInput, Access::AttributeRead),
-        writes: (Stage::TransformFeedback, Access::FeedbackWrite),
-        in_place: false,
-    };
-
     fn new(context: Context<'_>) -> Result<Self> {
-        context.kernels.get((context.layout().format, vertex_batch(&context)))
+        VertexPasses::of(&context, &FEEDBACK).map(Self)
     }
 
     unsafe fn record(&self, cmd: vk::CommandBuffer, _frame: u64, _work: &Work, pass: &DensePass<'_>) {
         // SAFETY: the caller's obligations; source and destination are different slots: the plan alternates (tests hold
         // every plan to that).
-        unsafe { Feedback::record(self, cmd, pass) };
-    }
-}
-
-/// Targets of a vertex pass, at most.
-pub(crate) fn vertex_batch(context: &Context<'_>) -> u32 {
-    match context.desc.update.batch {
-        BatchSize::Targets(batch) => batch,
-        // Refused by the check of the description.
-        BatchSize::All => 0,
+        unsafe { self.0.record(cmd, [pass], &[]) };
     }
 }
 
 /// Coefficients, and for snorm16 the exponents of normals, as `attributes.glsl` declares them.
-pub(crate) fn push_constants(layout: &PackedLayout, coefficients: &[Coefficient]) -> Vec<u32> {
+fn push_constants(layout: &PackedLayout, coefficients: &[Coefficient]) -> Vec<u32> {
     let mut words: Vec<u32> =
         coefficients.iter().map(|c| (c.value * layout.targets[c.target as usize].position_step).to_bits()).collect();
     if layout.format == DeltaFormat::Snorm16 {
@@ -140,16 +142,12 @@ pub(crate) fn push_constants(layout: &PackedLayout, coefficients: &[Coefficient]
     words
 }
 
-/// What a pass or draw binds for `vertices` from `first` on: the pose `source`, then a row of `deltas` for each target.
-pub(crate) fn vertex_buffers(
-    layout: &PackedLayout,
-    (first, vertices): (usize, usize),
-    source: (vk::Buffer, u64),
-    deltas: vk::Buffer,
-    coefficients: &[Coefficient],
-) -> (Vec<vk::Buffer>, Vec<u64>) {
-    let row = |c: &Coefficient| (deltas, (layout.row_start(c.target as usize, first, vertices) * 4) as u64);
-    std::iter::once((source.0, source.1 + (first * CAPTURE_STRIDE) as u64)).chain(coefficients.iter().map(row)).unzip()
+/// What a pass binds for `vertices` from `first` on: the source pose, then a row of deltas for each target.
+fn vertex_buffers(pass: &DensePass<'_>, first: usize, vertices: usize) -> (Vec<vk::Buffer>, Vec<u64>) {
+    let (buffer, offset) = pass.source;
+    let row = |c: &Coefficient| (pass.deltas, (pass.layout.row_start(c.target as usize, first, vertices) * 4) as u64);
+    let source = (buffer, offset + (first * CAPTURE_STRIDE) as u64);
+    std::iter::once(source).chain(pass.coefficients.iter().map(row)).unzip()
 }
 
 type VertexInput = (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>);

@@ -6,10 +6,8 @@ mod plan;
 pub(crate) mod technique;
 
 pub(crate) type ComputeTechnique = technique::DenseTechnique<compute::ComputePasses>;
-pub(crate) type FeedbackTechnique = technique::DenseTechnique<std::sync::Arc<feedback::Feedback>>;
+pub(crate) type FeedbackTechnique = technique::DenseTechnique<feedback::FeedbackPasses>;
 
-#[cfg(all(feature = "baselines", any(test, feature = "internals")))]
-pub(crate) use plan::PassAccess;
 #[cfg(any(test, feature = "internals"))]
 pub use plan::Plan;
 pub use plan::{COMPUTE_PASS, DensePlanner};

@@ -9,6 +9,8 @@
 use crate::error::Result;
 use crate::pack::PackedLayout;
 #[cfg(any(test, feature = "internals"))]
+use crate::plan::UpdatePath;
+#[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::{Accesses, Memory};
 use crate::plan::history::History;
 use crate::plan::instances::Instances;
@@ -90,7 +92,7 @@ pub const COMPUTE_PASS: &[Use] = &[Use::read(Resource::Asset), Use::read(Resourc
 /// The instances of a crowd, planned together.
 #[derive(Clone, Debug)]
 pub struct DensePlanner {
-    desc: UpdateDesc,
+    pub(super) desc: UpdateDesc,
     plans: Vec<Plan>,
 }
 
@@ -173,32 +175,27 @@ impl DensePlanner {
     }
 }
 
-/// How passes access memory, for the hazard checker: stage and kind of reads and of the write, and whether a pass may
-/// write the pose that it reads.
+/// What works on a path of dense passes read and write, for the hazard checker.
 #[cfg(any(test, feature = "internals"))]
-#[derive(Clone, Copy)]
-pub(crate) struct PassAccess {
-    pub(crate) reads: (Stage, Access),
-    pub(crate) writes: (Stage, Access),
-    pub(crate) in_place: bool,
-}
-
-#[cfg(any(test, feature = "internals"))]
-impl PassAccess {
-    /// What works read and write.
-    pub(crate) fn of(self, works: &[Work]) -> Vec<Accesses> {
-        let of = |work: &Work| {
-            let (instance, group) = (work.instance, work.group);
-            let read = |memory| Use::new(memory, self.reads.0, self.reads.1);
-            let source = match work.source {
-                Source::Base => Memory::Base,
-                Source::Slot(slot) => Memory::Pose { instance, slot },
-            };
-            let deltas = (!work.items.is_empty()).then_some(Memory::Deltas);
-            let write = Use::new(Memory::Pose { instance, slot: work.destination }, self.writes.0, self.writes.1);
-            let uses = deltas.into_iter().chain([source]).map(read).chain([write]).collect();
-            Accesses { group, uses, in_place: self.in_place }
+pub(crate) fn accesses(path: UpdatePath, works: &[Work]) -> Vec<Accesses> {
+    let in_place = path.works_in_place();
+    let (read, write) = match (in_place, path == UpdatePath::Feedback) {
+        (true, _) => ((Stage::Compute, Access::ShaderRead), (Stage::Compute, Access::ShaderWrite)),
+        (false, true) => {
+            ((Stage::VertexInput, Access::AttributeRead), (Stage::TransformFeedback, Access::FeedbackWrite))
+        }
+        (false, false) => ((Stage::VertexInput, Access::AttributeRead), (Stage::VertexShader, Access::ShaderWrite)),
+    };
+    let of = |work: &Work| {
+        let (instance, group) = (work.instance, work.group);
+        let source = match work.source {
+            Source::Base => Memory::Base,
+            Source::Slot(slot) => Memory::Pose { instance, slot },
         };
-        works.iter().map(of).collect()
-    }
+        let deltas = (!work.items.is_empty()).then_some(Memory::Deltas);
+        let reads = deltas.into_iter().chain([source]).map(|memory| Use::new(memory, read.0, read.1));
+        let destination = Memory::Pose { instance, slot: work.destination };
+        Accesses { group, uses: reads.chain([Use::new(destination, write.0, write.1)]).collect(), in_place }
+    };
+    works.iter().map(of).collect()
 }

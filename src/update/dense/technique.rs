@@ -1,10 +1,10 @@
 //! A crowd that is updated in dense passes, whoever carries a pass out.
 
 use super::plan::DensePlanner;
-#[cfg(any(test, feature = "internals"))]
-use super::plan::PassAccess;
 use crate::error::Result;
+use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::mesh::MeshBuffers;
+use crate::gpu::pipelines::Objects;
 use crate::pack::PackedLayout;
 use crate::plan::UpdateStats;
 use crate::plan::instances::Instances;
@@ -38,14 +38,39 @@ impl<'a> DensePass<'a> {
     }
 }
 
+/// Descriptor sets of passes, by number, one for each chunk of the mesh. Poses are bound where they are, and not by
+/// dynamic offset: synchronization validation does not see dynamic offsets and would take the poses of two instances for
+/// one piece of memory.
+pub(crate) struct ChunkSets {
+    sets: Sets,
+    chunks: usize,
+}
+
+impl ChunkSets {
+    /// `bound`: for each number, what is bound of a chunk, from its first vertex and its vertices.
+    pub(crate) fn new<F: Fn(usize, usize) -> Vec<BufferRange>>(
+        objects: &Objects,
+        layout: &PackedLayout,
+        bound: impl Iterator<Item = F>,
+    ) -> Result<Self> {
+        let chunks: Vec<_> = layout.chunks().collect();
+        let bound =
+            bound.flat_map(|bound| chunks.iter().map(|&(first, vertices)| bound(first, vertices)).collect::<Vec<_>>());
+        let sets = objects.sets(&bound.collect::<Vec<_>>())?;
+        Ok(Self { sets, chunks: chunks.len() })
+    }
+
+    /// The sets of a number, chunk by chunk.
+    pub(crate) fn get(&self, number: u32) -> &[vk::DescriptorSet] {
+        let first = number as usize * self.chunks;
+        self.sets.range(first..first + self.chunks)
+    }
+}
+
 /// Who carries the passes of a group out, with what it keeps for a crowd.
 pub(crate) trait Passes: Send + Sync + Sized + 'static {
     /// What the passes of a step use.
     const USES: &'static [Use];
-
-    /// How they access what they use.
-    #[cfg(any(test, feature = "internals"))]
-    const ACCESS: PassAccess;
 
     /// What a crowd's passes take.
     fn new(context: Context<'_>) -> Result<Self>;
@@ -105,6 +130,6 @@ impl<P: Passes> Technique for DenseTechnique<P> {
 
     #[cfg(any(test, feature = "internals"))]
     fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        P::ACCESS.of(works)
+        super::plan::accesses(self.planner.desc.path, works)
     }
 }

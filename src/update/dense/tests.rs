@@ -1,8 +1,8 @@
 //! Plans of dense passes reach the weights requested, and what they record has no hazard.
 
 use super::compute::ComputePasses;
-use super::feedback::Feedback;
-use super::plan::PassAccess;
+use super::feedback::FeedbackPasses;
+use super::plan::accesses;
 use super::technique::Passes;
 use super::*;
 use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
@@ -11,21 +11,17 @@ use crate::plan::instances::Instances;
 use crate::plan::steps::{Source, Steps, Use, Work};
 use crate::plan::tests::{events, scheduled};
 use crate::plan::{BatchSize, Consumers, UpdateDesc, UpdateMode, UpdatePath};
-use crate::update::tests::{Planned, every_barrier_is_needed, follow};
+use crate::update::tests::{One, Planned, every_barrier_is_needed, follow};
 use crate::weights::delta::Coefficient;
 use proptest::prelude::*;
-use std::sync::Arc;
 
-/// What passes of a path use, coarsely and in detail.
-fn passes(path: UpdatePath) -> (&'static [Use], PassAccess) {
-    fn of<P: Passes>() -> (&'static [Use], PassAccess) {
-        (P::USES, P::ACCESS)
-    }
+/// What passes of a path use.
+fn uses(path: UpdatePath) -> &'static [Use] {
     match path {
-        UpdatePath::Feedback => of::<Arc<Feedback>>(),
+        UpdatePath::Feedback => FeedbackPasses::USES,
         #[cfg(feature = "baselines")]
-        UpdatePath::VertexStore => of::<crate::baselines::StorePasses>(),
-        _ => of::<ComputePasses>(),
+        UpdatePath::VertexStore => crate::baselines::StorePasses::USES,
+        _ => ComputePasses::USES,
     }
 }
 
@@ -39,56 +35,36 @@ const PATHS: &[UpdatePath] = &[
 
 /// What an update records.
 fn recorded(planner: &DensePlanner, path: UpdatePath) -> Vec<Recorded> {
-    let (uses, accesses) = passes(path);
     let mut steps = Steps::new(Consumers::default());
-    planner.fill(1, uses, &mut steps);
-    scheduled(&[&steps], |_, works| accesses.of(works))
+    planner.fill(1, uses(path), &mut steps);
+    scheduled(&[&steps], |_, works| accesses(path, works))
 }
 
 /// What a slot holds, told by following the passes alone: base, plus these weights.
 type Held = Option<Vec<f64>>;
 
-/// A crowd of one instance.
-struct One {
-    desc: UpdateDesc,
-    planner: DensePlanner,
-    instances: Instances,
-    slots: Vec<Held>,
+fn one(desc: UpdateDesc, targets: usize) -> Option<One<DensePlanner>> {
+    let planner = DensePlanner::new(desc, 1).ok()?;
+    Some(One::new(desc, targets, planner, vec![None; desc.slots as usize]))
 }
 
-impl One {
-    fn new(desc: UpdateDesc, targets: usize) -> Option<Self> {
-        let planner = DensePlanner::new(desc, 1).ok()?;
-        let instances = Instances::new(1, targets, desc.slots);
-        Some(Self { desc, planner, instances, slots: vec![None; desc.slots as usize] })
-    }
-}
-
-impl Planned for One {
+impl Planned for DensePlanner {
     type Memory = Vec<Held>;
     type Pose = Held;
 
-    fn parts(&mut self) -> (&mut Instances, &mut Vec<Held>) {
-        (&mut self.instances, &mut self.slots)
-    }
-
-    fn update(&mut self, update: u64) -> Vec<Recorded> {
-        self.planner.plan(&mut self.instances, update);
-        let (plan, weights) = (&self.planner.plans()[0], self.instances.requested().next().flatten().unwrap());
-        follow_passes(plan, &mut self.slots, weights.len());
-        let (result, _) = self.instances.slots_of(0).unwrap();
-        assert_eq!(self.slots[result as usize], Some(weights.iter().map(|&w| f64::from(w)).collect()));
+    fn update(one: &mut One<Self>) -> Vec<Recorded> {
+        one.planner.plan(&mut one.instances, one.update);
+        let (plan, weights) = (&one.planner.plans()[0], one.instances.requested().next().flatten().unwrap());
+        follow_passes(plan, &mut one.memory, weights.len());
+        let (result, _) = one.instances.slots_of(0).unwrap();
+        assert_eq!(one.memory[result as usize], Some(weights.iter().map(|&w| f64::from(w)).collect()));
         assert_eq!(plan.applied, weights);
-        assert!(plan.passes.is_empty() || plan.passes.len() == self.desc.batch.passes(plan.coefficients.len()));
-        recorded(&self.planner, self.desc.path)
+        assert!(plan.passes.is_empty() || plan.passes.len() == one.desc.batch.passes(plan.coefficients.len()));
+        recorded(&one.planner, one.desc.path)
     }
 
-    fn pose(&self, slot: u32) -> Held {
-        self.slots[slot as usize].clone()
-    }
-
-    fn overwrites(&self) -> bool {
-        self.desc.slots == 1 || (!self.desc.path.works_in_place() && self.desc.slots == 2)
+    fn pose(one: &One<Self>, slot: u32) -> Held {
+        one.memory[slot as usize].clone()
     }
 }
 
@@ -120,7 +96,7 @@ fn descs() -> impl Strategy<Value = UpdateDesc> {
 proptest! {
     #[test]
     fn plans_reach_the_weights_without_hazards(desc in descs(), events in events(9)) {
-        follow(&mut One::new(desc, 9).unwrap(), events);
+        follow(one(desc, 9).unwrap(), events);
     }
 }
 
@@ -129,8 +105,8 @@ fn every_barrier_of_passes_is_needed() {
     for &path in PATHS {
         for (batch, slots) in [(1, 2), (2, 2), (4, 2), (9, 2), (1, 1), (9, 1)] {
             let desc = UpdateDesc { slots, ..UpdateDesc::new(path, BatchSize::Targets(batch)) };
-            let Some(mut one) = One::new(desc, 9) else { continue };
-            every_barrier_is_needed(&mut one, 9, 6usize.div_ceil(batch as usize) + 1, &format!("{desc:?}"));
+            let Some(one) = one(desc, 9) else { continue };
+            every_barrier_is_needed(one, 9, 6usize.div_ceil(batch as usize) + 1, &format!("{desc:?}"));
         }
     }
 }
@@ -139,10 +115,10 @@ fn every_barrier_of_passes_is_needed() {
 fn a_swapped_ping_pong_slot_is_seen() {
     for path in [UpdatePath::Feedback, UpdatePath::Compute] {
         let desc = UpdateDesc::new(path, BatchSize::Targets(1));
-        let mut one = One::new(desc, 3).unwrap();
-        one.update_to(1, &[1.0, 1.0, 1.0]);
-        let mut slots = one.slots.clone();
-        one.update_to(2, &[1.0, 0.5, 1.0]);
+        let mut one = one(desc, 3).unwrap();
+        one.update_to(&[1.0, 1.0, 1.0]);
+        let mut slots = one.memory.clone();
+        one.update_to(&[1.0, 0.5, 1.0]);
         let mut plan = one.planner.plans()[0].clone();
         assert_eq!(plan.passes.len(), 1);
         let Source::Slot(source) = plan.passes[0].source else { panic!("{plan:?}") };
@@ -158,7 +134,7 @@ fn a_vertex_pass_must_not_write_what_it_fetches() {
     for &path in PATHS.iter().filter(|path| !path.works_in_place()) {
         let pass = Work { source: Source::Slot(1), destination: 1, ..Work::default() };
         let mut checker = HazardChecker::default();
-        checker.update(&[Recorded::Step { crowd: 0, works: passes(path).1.of(&[pass]) }]);
+        checker.update(&[Recorded::Step { crowd: 0, works: accesses(path, &[pass]) }]);
         let text = checker.finish().unwrap_err()[0].to_string();
         assert!(text.contains("write after read on Pose"), "{text}");
     }
@@ -172,16 +148,16 @@ fn one_weight_among_57_active_is_one_pass_and_none_is_none() {
         (UpdatePath::Compute, BatchSize::Targets(16)),
         (UpdatePath::Compute, BatchSize::All),
     ] {
-        let mut one = One::new(UpdateDesc::new(path, batch), 57).unwrap();
+        let mut one = one(UpdateDesc::new(path, batch), 57).unwrap();
         let mut weights = vec![0.5; 57];
-        one.update_to(1, &weights);
+        one.update_to(&weights);
         assert_eq!(one.planner.plans()[0].passes.len(), batch.passes(57));
         weights[33] = -0.25;
-        one.update_to(2, &weights);
+        one.update_to(&weights);
         let plan = &one.planner.plans()[0];
         assert_eq!((plan.passes.len(), plan.coefficients.len(), plan.rebuilt), (1, 1, false));
         assert_eq!(plan.coefficients[0], Coefficient { target: 33, value: -0.75 });
-        let (recorded, [pose, previous]) = one.update_to(3, &weights);
+        let (recorded, [pose, previous]) = one.update_to(&weights);
         assert!(recorded.is_empty() && previous == pose);
     }
 }
