@@ -274,7 +274,10 @@ fn what_is_written_reads_back_bit_for_bit() {
     assert_eq!(again.texcoords, mesh.texcoords);
     assert_eq!(again.normals, mesh.normals);
     assert_eq!(again.faces, mesh.faces);
-    says(&String::from_utf8(out).unwrap(), &["v 0.100000001 ", "v 100 -0.5 123456.781\n", "f 1/1/1 2/2/2 3/3/3 4/1/4\n", "f 1//1 2//2 4//4\n"]);
+    says(
+        &String::from_utf8(out).unwrap(),
+        &["v 0.100000001 ", "v 100 -0.5 123456.781\n", "f 1/1/1 2/2/2 3/3/3 4/1/4\n", "f 1//1 2//2 4//4\n"],
+    );
 
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("pose.obj");
