@@ -143,8 +143,8 @@ impl MorphEngine {
     /// changes.
     ///
     /// Sums are exact: they do not drift, and there is no bound to keep. With an error budget, changes are deferred
-    /// target by target ([`Budget`](crate::update::animated::Budget)). Slots always rotate. Instances that have played
-    /// nothing yet show the base pose. What an update wrote only the GPU knows:
+    /// target by target ([`error_budget`](field@crate::plan::UpdateDesc::error_budget)). Slots always rotate. Instances
+    /// that have played nothing yet show the base pose. What an update wrote only the GPU knows:
     /// [`UpdateStats`](crate::plan::UpdateStats) count a pass, and nothing else. There is no ring of lists either: any
     /// number of updates may be in flight.
     ///

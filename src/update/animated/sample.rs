@@ -41,8 +41,8 @@ pub enum Repeat {
 pub struct Playback {
     /// Which clip.
     pub clip: u32,
-    /// When it starts, in seconds of the clock that [`Playbacks::set_time`](super::Playbacks::set_time) sets. Before,
-    /// the first frame is shown.
+    /// When it starts, in seconds of the clock that [`AnimatedCrowd::set_time`](crate::AnimatedCrowd::set_time) sets.
+    /// Before, the first frame is shown.
     pub start: f64,
     /// 1 is the clip's own speed; backwards below 0.
     pub speed: f64,
