@@ -5,11 +5,11 @@ mod gpu;
 
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use deltamorph::internals::plan::Source;
-use deltamorph::internals::plan::hazards::{Event, HazardChecker, Violation};
-use deltamorph::internals::plan::schedule::{Entry, asset_uploaded};
+use deltamorph::internals::plan::hazards::Event;
+use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{BatchSize, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing};
-use gpu::{on_every_device, single, update_descs, weights};
+use gpu::{hazards, on_every_device, single, update_descs, weights};
 use std::slice::from_mut;
 
 fn packed(engine: &MorphEngine, format: DeltaFormat) -> PackedMesh {
@@ -32,18 +32,6 @@ fn recorded(
         (step.expect("a step").1, crowd.crowd().pose(0).expect("a pose").slot)
     };
     (0..frames).map(step).collect()
-}
-
-fn hazards(frames: &[(Vec<Event>, u32)]) -> Result<(), Vec<Violation>> {
-    let mut checker = HazardChecker::default();
-    checker.upload(asset_uploaded());
-    for (events, slot) in frames {
-        checker.update(events);
-        if !events.is_empty() {
-            checker.draw(0, 0, *slot);
-        }
-    }
-    checker.finish()
 }
 
 #[test]

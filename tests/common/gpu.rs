@@ -2,6 +2,8 @@
 #![allow(dead_code)] // each test file uses some of this
 
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
+use deltamorph::internals::plan::hazards::{Event, HazardChecker, Violation};
+use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::{
     Accumulate, BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, MorphMesh, PackDesc, PackedMesh, PoseError,
     UpdateDesc, UpdatePath,
@@ -154,4 +156,18 @@ pub fn weights(mesh: &PackedMesh, frame: u32, seed: u32) -> Vec<f32> {
             if x.is_multiple_of(4) { 0.0 } else { (x % 4096) as f32 / 1500.0 - 0.9 }
         })
         .collect()
+}
+
+/// What the hazard checker says of updates of one instance after an upload: each as it was recorded, and the slot that is
+/// drawn after it, where it changed something.
+pub fn hazards(frames: &[(Vec<Event>, u32)]) -> Result<(), Vec<Violation>> {
+    let mut checker = HazardChecker::default();
+    checker.upload(asset_uploaded());
+    for (events, slot) in frames {
+        checker.update(events);
+        if !events.is_empty() {
+            checker.draw(0, 0, *slot);
+        }
+    }
+    checker.finish()
 }
