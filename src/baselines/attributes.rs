@@ -70,7 +70,7 @@ impl Draws for AttributeDraws {
     fn write(&mut self, planner: &DensePlanner, _frame: u64) -> Result<()> {
         for (i, active) in self.active.iter_mut().enumerate() {
             active.clear();
-            active_targets(planner.applied(i), active);
+            active_targets(&planner.plans()[i].applied, active);
         }
         Ok(())
     }

@@ -106,7 +106,7 @@ impl Draws for DirectDraws {
         let (stride, targets) = (self.stride as usize / 4, &self.mesh.layout.targets);
         let first = frame as usize * words.len() * 4;
         for (i, out) in words.chunks_exact_mut(stride).enumerate() {
-            let weights = planner.applied(i);
+            let weights = &planner.plans()[i].applied;
             for ((weight, target), out) in weights.iter().zip(targets).zip(out.chunks_exact_mut(WEIGHT_BYTES / 4)) {
                 let coefficient = weight * target.position_step;
                 out.copy_from_slice(&[coefficient, coefficient * target.normal_ratio()].map(f32::to_bits));

@@ -40,7 +40,7 @@ impl Passes for StorePasses {
         let sets = self.stores.get(work.instance * self.slots + work.destination);
         // SAFETY: the caller's obligations; source and destination are different slots: the plan alternates; the sets
         // were written for this mesh and crowd.
-        unsafe { self.kernel.record(cmd, [pass], sets) };
+        unsafe { self.kernel.record(cmd, [*pass], sets) };
     }
 }
 

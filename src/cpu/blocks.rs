@@ -1,87 +1,54 @@
 //! The CPU twin of `glsl/blocks.comp`: one block at a time, the same loads and stores.
 //!
-//! Which loads and stores those are is counted by a [`Meter`]; a test holds the planner's count against it.
+//! Which loads and stores those are is told to a meter, by the number of bytes; a test holds the planner's count against
+//! it.
 
 use super::workers::Workers;
+use crate::abi::worklist::{ELEMENT_BYTES, Element, ITEM_WORDS};
 use crate::asset::streams::{TRIPLE, TRIPLES};
-use crate::pack::blocks::{BlockIndex, ExactGrid};
 use crate::pack::formats::{BlockFormat, with_format};
 use crate::pack::{POSE_FLOATS, PackedGroup};
-use crate::update::blocks::{ELEMENT_BYTES, Element, ITEM_WORDS, Item, WorkList};
-
-/// Sees every load and store of the kernel.
-pub(crate) trait Meter {
-    /// This many bytes are loaded or stored.
-    fn moved(&mut self, bytes: usize);
-}
-
-/// Counts nothing, at no cost.
-impl Meter for () {
-    #[inline(always)]
-    fn moved(&mut self, _: usize) {}
-}
-
-#[cfg(test)]
-impl Meter for u64 {
-    fn moved(&mut self, bytes: usize) {
-        *self += bytes as u64;
-    }
-}
+use crate::update::blocks::{GroupPlan, Item};
+use std::ops::Range;
 
 /// Fewer blocks than this are not worth waking another thread for.
 const PIECE_BLOCKS: usize = 12;
 
-/// The pose buffers that an update of one instance touches, and its integer sums where there are any.
+/// The pose buffers that an update of one instance touches.
 pub(super) struct Buffers<'a> {
     /// The slot that is read; `None`: the one that is written.
     pub source: Option<&'a [f32]>,
     pub destination: &'a mut [f32],
-    pub sums: Option<(&'a mut [i32], ExactGrid)>,
+    /// For exact sums; else empty.
+    pub sums: &'a mut [i32],
 }
 
 /// Carry out the items of one instance.
 pub(super) fn run(
     workers: &Workers,
     packed: &PackedGroup,
-    index: &BlockIndex,
-    list: &WorkList,
-    items: std::ops::Range<usize>,
-    buffers: Buffers<'_>,
+    plan: &GroupPlan,
+    mut items: Range<usize>,
+    Buffers { source, mut destination, mut sums }: Buffers<'_>,
 ) {
-    let floats = index.size() * POSE_FLOATS;
-    let Buffers { source, destination, sums } = buffers;
-    let (mut sums, grid) = sums.map_or((&mut [][..], None), |(sums, grid)| (sums, Some(grid)));
-    let (mut destination, mut at) = (destination, 0);
+    let (list, floats) = (&plan.list, plan.index.size() * POSE_FLOATS);
     let piece = items.len().div_ceil(workers.threads() * 4).max(PIECE_BLOCKS);
-    let mut rest = items;
+    let mut end = 0;
     // Pieces of the list, each with the part of the buffers that it writes.
     let pieces = std::iter::from_fn(|| {
-        let taken = rest.start..rest.end.min(rest.start + piece);
-        rest.start = taken.end;
-        let last = list.items[taken.clone()].last()?;
-        let end = (last.block as usize + 1) * floats;
-        let (mine, tail) = std::mem::take(&mut destination).split_at_mut(end - at);
-        destination = tail;
-        let my_sums = match grid {
-            Some(_) => {
-                let (mine, tail) = std::mem::take(&mut sums).split_at_mut(end - at);
-                sums = tail;
-                mine
-            }
-            None => &mut [][..],
-        };
-        let start = at;
-        at = end;
-        Some((taken, start, mine, my_sums))
+        let taken = items.start..items.end.min(items.start + piece);
+        let (start, last) = (end, list.items[taken.clone()].last()?);
+        (items.start, end) = (taken.end, (last.block as usize + 1) * floats);
+        let part = ..end - start;
+        Some((taken, start, destination.split_off_mut(part)?, sums.split_off_mut(part).unwrap_or_default()))
     });
     workers.for_each(pieces, |(items, start, destination, sums)| {
         for i in items {
-            let item = &list.items[i];
-            let from = item.block as usize * floats;
-            let block = Block::new(packed, index, list, i, source.map(|s| &s[from..from + floats]));
-            let destination = &mut destination[from - start..][..floats];
-            let sums = grid.map(|grid| (&mut sums[from - start..][..floats], grid));
-            block.run(destination, sums, &mut ());
+            let from = list.items[i].block as usize * floats;
+            let block = Block::new(packed, plan, i, source.map(|s| &s[from..from + floats]));
+            let place = from - start..from - start + floats;
+            let sums = sums.get_mut(place.clone()).unwrap_or_default();
+            block.run(&mut destination[place], sums, &mut |_| {});
         }
     });
 }
@@ -89,7 +56,7 @@ pub(super) fn run(
 /// One workgroup's work.
 pub(crate) struct Block<'a> {
     packed: &'a PackedGroup,
-    index: &'a BlockIndex,
+    plan: &'a GroupPlan,
     item: &'a Item,
     elements: &'a [Element],
     masks: &'a [u32],
@@ -153,19 +120,14 @@ impl Sum<f32> for i32 {
 type Added<T, const S: usize> = [[T; S]; POSE_FLOATS];
 
 impl<'a> Block<'a> {
-    /// Item `i` of `list`; `source` is its block in the slot that is read, `None`: in the one that is written.
-    pub fn new(
-        packed: &'a PackedGroup,
-        index: &'a BlockIndex,
-        list: &'a WorkList,
-        i: usize,
-        source: Option<&'a [f32]>,
-    ) -> Self {
+    /// Item `i` of the list; `source` is its block in the slot that is read, `None`: in the one that is written.
+    pub fn new(packed: &'a PackedGroup, plan: &'a GroupPlan, i: usize, source: Option<&'a [f32]>) -> Self {
+        let GroupPlan { index, list, .. } = plan;
         let (floats, words) = (index.size() * POSE_FLOATS, POSE_FLOATS * index.mask_words());
         let item = &list.items[i];
         Self {
             packed,
-            index,
+            plan,
             item,
             elements: list.elements_of(item),
             masks: &list.masks[i * words..][..words],
@@ -175,23 +137,18 @@ impl<'a> Block<'a> {
     }
 
     /// Update the block: `destination` is its part of the slot that is written, `sums` of the integers.
-    pub fn run(&self, destination: &mut [f32], sums: Option<(&mut [i32], ExactGrid)>, meter: &mut impl Meter) {
-        match self.index.size() {
+    pub fn run(&self, destination: &mut [f32], sums: &mut [i32], meter: &mut impl FnMut(usize)) {
+        match self.plan.index.size() {
             32 => self.run_sized::<32>(destination, sums, meter),
             64 => self.run_sized::<64>(destination, sums, meter),
             _ => self.run_sized::<128>(destination, sums, meter),
         }
     }
 
-    fn run_sized<const S: usize>(
-        &self,
-        destination: &mut [f32],
-        sums: Option<(&mut [i32], ExactGrid)>,
-        meter: &mut impl Meter,
-    ) {
-        meter.moved(4 * (ITEM_WORDS + self.masks.len()) + ELEMENT_BYTES * self.elements.len());
+    fn run_sized<const S: usize>(&self, destination: &mut [f32], sums: &mut [i32], meter: &mut impl FnMut(usize)) {
+        meter(4 * (ITEM_WORDS + self.masks.len()) + ELEMENT_BYTES * self.elements.len());
         let rebuilt = self.item.source.is_none();
-        match sums {
+        match self.plan.exact() {
             None => {
                 let mut added: Added<f32, S> = [[0.0; S]; POSE_FLOATS];
                 self.add_up(&mut added, meter);
@@ -202,7 +159,7 @@ impl<'a> Block<'a> {
                     None => self.apply::<S>(destination, meter, |lane, c, old| old + added[c][lane]),
                 }
             }
-            Some((sums, grid)) => {
+            Some(grid) => {
                 if let (false, true, Some(source)) = (rebuilt, self.elements.is_empty(), self.source) {
                     // It only catches up.
                     self.apply::<S>(destination, meter, |lane, c, _| source[lane * POSE_FLOATS + c]);
@@ -210,7 +167,7 @@ impl<'a> Block<'a> {
                 }
                 let mut added: Added<i32, S> = [[0; S]; POSE_FLOATS];
                 self.add_up(&mut added, meter);
-                let units = self.index.steps().map(|step| step * grid.weight_step());
+                let units = self.plan.index.steps().map(|step| step * grid.weight_step());
                 let before = if rebuilt { 0 } else { -1 };
                 self.apply::<S>(destination, meter, |lane, c, _| {
                     let at = lane * POSE_FLOATS + c;
@@ -220,18 +177,18 @@ impl<'a> Block<'a> {
                     self.base[at] + sum as f32 * units[c / TRIPLE]
                 });
                 let components: u32 = self.masks.iter().map(|m| m.count_ones()).sum();
-                meter.moved(components as usize * if rebuilt { 4 } else { 8 });
+                meter(components as usize * if rebuilt { 4 } else { 8 });
             }
         }
     }
 
     /// Σ coefficient · delta of each component of each vertex.
-    fn add_up<T: Sum<i32> + Sum<f32>, const S: usize>(&self, added: &mut Added<T, S>, meter: &mut impl Meter) {
-        let (index, words) = (self.index, self.packed.deltas());
+    fn add_up<T: Sum<i32> + Sum<f32>, const S: usize>(&self, added: &mut Added<T, S>, meter: &mut impl FnMut(usize)) {
+        let (index, words) = (&self.plan.index, self.packed.deltas());
         for element in self.elements {
             with_format!(index.format().format(), dense _f => {}, blocks format => {
                 let (header, deltas) = index.locate(format, words, element.entry as usize);
-                meter.moved(4 * (header.len() + deltas.len()));
+                meter(4 * (header.len() + deltas.len()));
                 add_entry(format, element.coefficient, index.steps(), header, &words[deltas], added);
             });
         }
@@ -242,13 +199,13 @@ impl<'a> Block<'a> {
     fn apply<const S: usize>(
         &self,
         destination: &mut [f32],
-        meter: &mut impl Meter,
+        meter: &mut impl FnMut(usize),
         mut value: impl FnMut(usize, usize, f32) -> f32,
     ) {
         let (vertices, words) = (&mut destination.as_chunks_mut::<POSE_FLOATS>().0[..S], S / 32);
         for word in 0..words {
             let masks: [u32; POSE_FLOATS] = std::array::from_fn(|c| self.masks[c * words + word]);
-            meter.moved(8 * masks.iter().map(|m| m.count_ones() as usize).sum::<usize>());
+            meter(8 * masks.iter().map(|m| m.count_ones() as usize).sum::<usize>());
             let (whole, some) = (masks.iter().fold(u32::MAX, |a, m| a & m), masks.iter().fold(0, |a, m| a | m));
             if some == 0 {
                 continue;

@@ -6,14 +6,13 @@ mod kernel;
 mod workers;
 
 use crate::error::{Error, Result};
-use crate::pack::blocks::{BlockIndex, ExactGrid};
 use crate::pack::{POSE_FLOATS, PackedGroup, PackedMesh};
 use crate::plan::instances::{Instances, check_weights};
-use crate::plan::steps::{Source, Steps, Work};
-use crate::plan::{Accumulate, Consumers, UpdateDesc, UpdateStats};
+use crate::plan::steps::{Source, Work};
+use crate::plan::{Accumulate, UpdateDesc, UpdateStats};
 use crate::update::Runner;
-use crate::update::blocks::{Planner, WorkList};
-use crate::update::dense::{COMPUTE_PASS, DensePlanner};
+use crate::update::blocks::{GroupPlan, Planner};
+use crate::update::dense::{DensePlanner, Plan};
 use std::sync::Arc;
 pub(crate) use workers::Workers;
 
@@ -30,7 +29,7 @@ pub struct CpuCrowd {
 
 /// What depends on the format.
 enum Kind {
-    Dense { planner: DensePlanner, steps: Steps },
+    Dense(DensePlanner),
     Blocks(Planner),
 }
 
@@ -78,9 +77,7 @@ impl CpuCrowd {
         let workers = Workers::new(threads)?;
         let targets = layout.targets.len();
         let kind = match &layout.blocks {
-            None => {
-                Kind::Dense { planner: DensePlanner::new(desc, instances)?, steps: Steps::new(Consumers::default()) }
-            }
+            None => Kind::Dense(DensePlanner::new(desc, instances)?),
             Some(_) => Kind::Blocks(Planner::new(desc, mesh.groups().iter().map(PackedGroup::layout), instances)?),
         };
         let has_sums = desc.accumulate == Accumulate::Exact;
@@ -110,7 +107,7 @@ impl CpuCrowd {
     /// An instance out of range; a wrong number of weights; one that is not finite or out of range.
     pub fn set_weights(&mut self, instance: usize, weights: &[f32]) -> Result<()> {
         let exact = match &self.kind {
-            Kind::Dense { .. } => None,
+            Kind::Dense(_) => None,
             Kind::Blocks(planner) => planner.exact(),
         };
         check_weights(weights, self.mesh.layout(), exact)?;
@@ -157,20 +154,19 @@ impl CpuCrowd {
         let Self { mesh, workers, memory, instances, .. } = self;
         let groups = mesh.groups();
         match &mut self.kind {
-            Kind::Dense { planner, steps } => {
+            Kind::Dense(planner) => {
                 planner.plan(instances, self.updates);
-                steps.clear();
-                planner.fill(groups.len(), COMPUTE_PASS, steps);
-                for work in steps.works() {
-                    let group = work.group as usize;
-                    memory[group].run_pass(&groups[group], workers, planner, work);
+                for (instance, plan) in planner.plans().iter().enumerate() {
+                    for (group, memory) in groups.iter().zip(&mut *memory) {
+                        plan.passes.iter().for_each(|pass| memory.run_pass(group, workers, instance, plan, pass));
+                    }
                 }
                 planner.stats(groups.iter().map(PackedGroup::layout))
             }
             Kind::Blocks(planner) => {
                 planner.plan(instances, self.updates);
                 for ((group, planner), memory) in groups.iter().zip(&planner.groups).zip(memory) {
-                    memory.run_list(group, workers, &planner.index, &planner.list, planner.exact());
+                    memory.run_list(group, workers, planner);
                 }
                 planner.stats()
             }
@@ -234,20 +230,18 @@ impl CpuCrowd {
 }
 
 impl Memory {
-    /// Carry a dense pass out.
-    fn run_pass(&mut self, mesh: &PackedGroup, workers: &Workers, planner: &DensePlanner, work: &Work) {
-        let at = work.instance as usize * self.slots;
-        let (to, coefficients) = (at + work.destination as usize, planner.coefficients(work));
+    /// Carry a dense pass of an instance out.
+    fn run_pass(&mut self, mesh: &PackedGroup, workers: &Workers, instance: usize, plan: &Plan, work: &Work) {
+        let at = instance * self.slots;
+        let (to, coefficients) = (at + work.destination as usize, plan.coefficients_of(work));
         let mut destination = std::mem::take(&mut self.poses[to]);
         let source = match work.source {
             Source::Base => Some(mesh.base()),
             Source::Slot(slot) if slot == work.destination => None,
             Source::Slot(slot) => Some(self.poses[at + slot as usize].as_slice()),
         };
-        let mut rest = &mut destination[..];
         for (first, vertices) in mesh.layout().chunks() {
-            let (chunk, tail) = rest.split_at_mut(vertices * POSE_FLOATS);
-            rest = tail;
+            let chunk = &mut destination[first * POSE_FLOATS..][..vertices * POSE_FLOATS];
             workers.for_each_piece(chunk, |at, out| {
                 let first = first + at / POSE_FLOATS;
                 let source = source.map(|s| &s[first * POSE_FLOATS..][..out.len()]);
@@ -258,27 +252,19 @@ impl Memory {
     }
 
     /// Carry the work list of a group out.
-    pub fn run_list(
-        &mut self,
-        mesh: &PackedGroup,
-        workers: &Workers,
-        index: &BlockIndex,
-        list: &WorkList,
-        exact: Option<ExactGrid>,
-    ) {
+    pub fn run_list(&mut self, mesh: &PackedGroup, workers: &Workers, plan: &GroupPlan) {
         let mut first = 0;
-        for run in list.items.chunk_by(|a, b| a.instance == b.instance) {
+        for run in plan.list.items.chunk_by(|a, b| a.instance == b.instance) {
             let instance = run[0].instance as usize;
-            let range = first..first + run.len();
-            first = range.end;
+            let items = first..first + run.len();
+            first = items.end;
             let (at, to) = (instance * self.slots, run[0].destination as usize);
             let mut destination = std::mem::take(&mut self.poses[at + to]);
             // Items of one instance read one slot, but for those that start from base.
             let from = run.iter().find_map(|item| item.source).filter(|&s| s as usize != to);
             let source = from.map(|slot| self.poses[at + slot as usize].as_slice());
-            let sums = exact.map(|grid| (self.sums[instance].as_mut_slice(), grid));
-            let buffers = blocks::Buffers { source, destination: &mut destination, sums };
-            blocks::run(workers, mesh, index, list, range, buffers);
+            let sums = &mut self.sums[instance];
+            blocks::run(workers, mesh, plan, items, blocks::Buffers { source, destination: &mut destination, sums });
             self.poses[at + to] = destination;
         }
     }

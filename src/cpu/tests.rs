@@ -2,22 +2,19 @@ use super::*;
 use crate::pack::blocks::{BLOCK_SIZES, BlockDesc};
 use crate::pack::{DeltaFormat, PackDesc};
 use crate::plan::{Accumulate, BatchSize, UpdateMode, UpdatePath};
-use crate::update::blocks::GroupPlan;
 use crate::{reference, testing};
 use proptest::prelude::*;
 
 /// What the kernel loads and stores for the work list as it stands.
 fn metered(mesh: &PackedMesh, planner: &GroupPlan) -> u64 {
-    let (index, list) = (&planner.index, &planner.list);
-    let floats = index.size() * POSE_FLOATS;
+    let floats = planner.index.size() * POSE_FLOATS;
     let mut moved = 0u64;
-    for (i, item) in list.items.iter().enumerate() {
+    for (i, item) in planner.list.items.iter().enumerate() {
         let (mut destination, mut sums) = (vec![0.0; floats], vec![0; floats]);
         let source = vec![0.0; floats];
         let separate = item.source.is_some() && item.source != Some(item.destination);
-        let block = super::blocks::Block::new(mesh.surface(), index, list, i, separate.then_some(&source[..]));
-        let grid = planner.exact();
-        block.run(&mut destination, grid.map(|grid| (&mut sums[..], grid)), &mut moved);
+        let block = super::blocks::Block::new(mesh.surface(), planner, i, separate.then_some(&source[..]));
+        block.run(&mut destination, &mut sums, &mut |bytes| moved += bytes as u64);
     }
     moved
 }

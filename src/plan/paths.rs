@@ -6,7 +6,7 @@ use crate::pack::DeltaFormat;
 /// others, which are linked with the feature `baselines` only.
 ///
 /// An item is the documentation of an `UpdatePath`, whose first line the command line shows; its name; the fields of its
-/// [`PathRow`] that are not what its section states; and the type of its technique, for `update::make`.
+/// [`PathRow`] that are not what its section states; and the type of its technique, for `update::technique`.
 macro_rules! update_paths {
     ($expanded:ident $arguments:tt) => {
         $expanded! { $arguments

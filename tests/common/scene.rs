@@ -3,9 +3,11 @@
 
 use deltamorph::headless::{Headless, HeadlessCrowd, PlannedGroup};
 use deltamorph::import::sample::{HeadDesc, head, head_clip};
+use deltamorph::internals::abi::numbers::ROWS;
+use deltamorph::internals::abi::worklist::{TILE, TILE_WORDS, row_words};
 use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::internals::update::animated::{AnimatedReference, Playbacks};
-use deltamorph::internals::update::blocks::{ROWS, TILE, TILE_WORDS, WorkList, row_words};
+use deltamorph::internals::update::blocks::WorkList;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     Accumulate, AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh,

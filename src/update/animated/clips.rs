@@ -1,8 +1,8 @@
-//! Clips as integers: what is uploaded once.
+//! Clips and error budgets as integers: what is uploaded once.
 
 use crate::error::{Error, Result};
 use crate::pack::PackedLayout;
-use crate::pack::blocks::ExactGrid;
+use crate::pack::blocks::{BlockIndex, ExactGrid};
 use crate::setters::setters;
 use crate::weights::WeightClip;
 
@@ -70,16 +70,10 @@ impl Clips {
     /// Put the clips of `desc` on the grid of a mesh.
     ///
     /// # Errors
-    /// As [`BlockIndex::exact`](crate::pack::blocks::BlockIndex::exact) and [`WeightClip::bind`]; a clip without
-    /// frames or with a frame rate that is none; a weight beyond the grid: the message names frame and target.
+    /// A dense format; as [`BlockIndex::exact`] and [`WeightClip::bind`]; a clip without frames or with a frame rate that
+    /// is none; a weight beyond the grid: the message names frame and target.
     pub fn new(desc: &AnimationDesc<'_>, layout: &PackedLayout) -> Result<Self> {
-        let Some(index) = &layout.blocks else {
-            return Err(Error::invalid(
-                format!("animation on the GPU with {} deltas", layout.format.name()),
-                "pack the mesh as 'fast' or 'small'",
-            ));
-        };
-        let grid = index.exact()?;
+        let grid = layout.index()?.exact()?;
         let names: Vec<&str> = layout.targets.iter().map(|t| t.name.as_str()).collect();
         let words = vec![0; TABLE_WORDS * desc.clips.len()];
         let mut all = Self { words, clips: vec![], targets: names.len(), format: desc.key_format };
@@ -214,5 +208,44 @@ fn shortened(key: i32, shift: u32, most: i32) -> i32 {
     match (i64::from(short) << shift).abs() > i64::from(most) {
         true => short - short.signum(),
         false => short,
+    }
+}
+
+/// The error budget of a crowd: changes too small to matter are deferred, target by target.
+///
+/// An instance has requested weights, and those that its poses hold. A change between the two is deferred while in every
+/// block
+///
+/// ```text
+/// Σ |requested − held| · reach ≤ budget        over the targets that touch the block
+/// ```
+///
+/// with the reach of a target in a block (its longest position delta there) in steps, rounded up: integers of 64 bits,
+/// so that GPU and CPU decide alike. Where a block exceeds the budget, all that is deferred in it is applied; so is all
+/// of an instance whose requested weights stay the same from one update to the next.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Budget {
+    /// The budget, in steps of a weight times steps of a delta.
+    pub most: u64,
+    /// The reach of each entry, in steps of a delta.
+    pub reaches: Vec<u32>,
+}
+
+impl Budget {
+    /// `length` in input units; `None` for 0, with which no change is deferred.
+    ///
+    /// # Errors
+    /// As [`BlockIndex::exact`].
+    pub fn new(length: f32, index: &BlockIndex) -> Result<Option<Self>> {
+        if length <= 0.0 {
+            return Ok(None);
+        }
+        let (step, weight_step) = (f64::from(index.steps()[0]), f64::from(index.exact()?.weight_step()));
+        // Steps are powers of two: nothing rounds but what is meant to.
+        let reach = |reach: f32| (f64::from(reach) / step).ceil() as u32;
+        Ok(Some(Self {
+            most: (f64::from(length) / (step * weight_step)).floor() as u64,
+            reaches: index.costs.iter().map(|cost| reach(cost.reach)).collect(),
+        }))
     }
 }

@@ -1,14 +1,13 @@
 //! Where everything is in the buffers of an animated crowd: groups of instances, their work lists, tables, state.
 
-use super::budget::Budget;
-use super::clips::Clips;
-use crate::abi::numbers::{BIT_KINDS, BIT_KINDS_BUDGET, RECORD_WORDS, WORKGROUP};
+use super::clips::{Budget, Clips};
+use crate::abi::numbers::{BIT_KINDS, BIT_KINDS_BUDGET, RECORD_WORDS, ROWS, WORKGROUP};
 use crate::abi::push::AnimationPush;
+use crate::abi::worklist::{TILE_WORDS, WIDTHS, row_words};
 use crate::error::Result;
 use crate::pack::blocks::BlockIndex;
 use crate::plan::UpdateMode;
 use crate::update::blocks::gpu::set_size;
-use crate::update::blocks::{ROWS, TILE_WORDS, WIDTHS, row_words};
 use crate::update::technique::Context;
 
 /// A group of the mesh: its instances are split into groups that one descriptor set reaches, each with a work list.

@@ -1,16 +1,13 @@
 //! Animation on the GPU: clips are sampled, planned and applied there, and the CPU records the same steps whatever
 //! moves.
 //!
-//! `sample` has time, keys and interpolation, `clips` what is uploaded once, `playback` what each instance plays,
-//! `budget` which changes are deferred; `reference` does on the CPU what the kernels do. `steps` and `layout` are an
-//! update as data and where everything lies, `technique` carries it out.
+//! `sample` has time, keys and interpolation, `clips` what is uploaded once and which changes an error budget defers,
+//! `playback` what each instance plays; `reference` does on the CPU what the kernels do. `steps` and `layout` are an update
+//! as data and where everything lies, `technique` carries it out.
 
-mod budget;
 mod clips;
 mod layout;
 mod playback;
-#[cfg(feature = "headless")]
-mod readback;
 #[cfg(any(test, feature = "internals"))]
 mod reference;
 mod sample;
@@ -18,16 +15,14 @@ mod steps;
 mod technique;
 
 pub use clips::{AnimationDesc, Clips, KeyFormat};
-#[cfg(feature = "headless")]
-pub use readback::PlannedGroup;
 pub use sample::{Playback, Repeat};
 #[cfg(test)]
 pub(crate) use steps::UPLOADED;
 pub(crate) use technique::Animated;
+#[cfg(feature = "headless")]
+pub use technique::PlannedGroup;
 #[cfg(any(test, feature = "internals"))]
-pub use {
-    budget::Budget, playback::Playbacks, reference::AnimatedReference, sample::HeadRecord, steps::AnimatedUpdate,
-};
+pub use {clips::Budget, playback::Playbacks, reference::AnimatedReference, sample::HeadRecord, steps::AnimatedUpdate};
 
 #[cfg(test)]
 mod tests;

@@ -69,10 +69,8 @@ impl Playbacks {
         let now = ticks(seconds)?;
         let mut heads = self.starts.iter().zip(&self.records);
         if heads.any(|(start, record)| record.has(HeadRecord::PLAYING) && start - now > REBASE_TICKS) {
-            return Err(Error::invalid(
-                format!("second {seconds}, more than 4.5 hours before a head starts"),
-                "play its clip again at the new time first",
-            ));
+            let what = format!("second {seconds}, more than 4.5 hours before a head starts");
+            return Err(Error::invalid(what, "play its clip again at the new time first"));
         }
         self.now = now;
         Ok(())
@@ -92,21 +90,18 @@ impl Playbacks {
         if clip as usize >= clips.count() {
             return Err(Error::invalid(format!("clip {clip} of {}", clips.count()), "count clips from 0"));
         }
-        let rate = (speed.abs() * f64::from(clips.fps(clip as usize)) * 65_536.0).round();
+        let fps = clips.fps(clip as usize);
+        let rate = (speed.abs() * f64::from(fps) * 65_536.0).round();
         // Not a number fails, too.
         if !(0.0..=f64::from(u32::MAX)).contains(&rate) {
-            return Err(Error::invalid(
-                format!("a speed of {speed} for a clip of {} frames a second", clips.fps(clip as usize)),
-                "use a speed that makes at most 65535 frames a second",
-            ));
+            let what = format!("a speed of {speed} for a clip of {fps} frames a second");
+            return Err(Error::invalid(what, "use a speed that makes at most 65535 frames a second"));
         }
         let start_tick = ticks(start)?;
         if start_tick - self.now > REBASE_TICKS {
             let ahead = start - self.now as f64 / TICKS_PER_SECOND;
-            return Err(Error::invalid(
-                format!("a clip that starts at second {start}, {ahead} seconds ahead"),
-                "use a start at most 4.5 hours ahead of the time set",
-            ));
+            let what = format!("a clip that starts at second {start}, {ahead} seconds ahead");
+            return Err(Error::invalid(what, "use a start at most 4.5 hours ahead of the time set"));
         }
         let record = &mut self.records[head as usize];
         let set = |flag, set| if set { flag } else { 0 };
@@ -258,8 +253,6 @@ fn ticks(seconds: f64) -> Result<i64> {
     if seconds.abs() <= SECONDS_MAX {
         return Ok((seconds * TICKS_PER_SECOND).round() as i64);
     }
-    Err(Error::invalid(
-        format!("second {seconds} of the clock"),
-        format!("use numbers from -{SECONDS_MAX} to {SECONDS_MAX}"),
-    ))
+    let remedy = format!("use numbers from -{SECONDS_MAX} to {SECONDS_MAX}");
+    Err(Error::invalid(format!("second {seconds} of the clock"), remedy))
 }

@@ -1,8 +1,7 @@
 //! The CPU reference of the kernels that sample and plan, `glsl/animate.comp` to `glsl/plan.comp`: the planner of the
 //! block formats, with a few choices made.
 
-use super::budget::Budget;
-use super::clips::Clips;
+use super::clips::{Budget, Clips};
 use super::playback::Playbacks;
 use super::sample::HeadRecord;
 use crate::error::Result;
@@ -37,8 +36,7 @@ impl AnimatedReference {
     /// As [`GroupPlan::new`] and [`Clips::new`].
     pub fn new(desc: UpdateDesc, layout: &PackedLayout, heads: u32) -> Result<Self> {
         desc.check_all(Some(layout), Runner::Animated(None))?;
-        let Some(index) = &layout.blocks else { unreachable!("checked") };
-        let budget = Budget::new(desc.error_budget, index)?;
+        let budget = Budget::new(desc.error_budget, layout.index()?)?;
         // What is deferred is decided before, target by target: the planner gets the weights to apply.
         let mut group = GroupPlan::new(UpdateDesc { error_budget: 0.0, ..desc }, layout, heads as usize)?;
         group.whole_blocks = true;

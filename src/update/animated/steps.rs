@@ -133,37 +133,3 @@ pub(crate) fn accesses(works: &[Work], instances: u32) -> Vec<Accesses> {
     };
     works.iter().map(|work| Accesses { group: work.group, ..of(work) }).collect()
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::plan::Consumers;
-    use crate::plan::tests::{assert_barriers_needed, scheduled};
-
-    /// Take any one barrier of a running animation out, and the checker says so.
-    #[test]
-    fn every_barrier_is_needed() {
-        for (slots, records, budget, texels) in [
-            (1, false, false, false),
-            (2, false, true, false),
-            (2, true, false, false),
-            (3, true, true, false),
-            (2, false, false, true),
-        ] {
-            let frames: Vec<_> = (0..6u32)
-                .map(|frame| {
-                    let (source, destination) = ((frame + slots - 1) % slots, frame % slots);
-                    let (groups, dispatches) = (2, 3);
-                    let update = AnimatedUpdate { records, budget, source, destination, groups, dispatches, texels };
-                    let mut steps = Steps::new(Consumers::default());
-                    update.fill(&mut steps);
-                    let events = scheduled(&[&steps], |_, works| accesses(works, 1));
-                    (events, [Some(destination), (slots > 1 && frame > 0).then_some(source)])
-                })
-                .collect();
-            // None before sampling: the barriers of the update before order it.
-            let barriers = 4 + 2 * usize::from(records) + 2 * usize::from(budget) + 2 * usize::from(texels);
-            assert_barriers_needed(&frames, barriers, &format!("{slots} slots, records {records}, budget {budget}"));
-        }
-    }
-}

@@ -1,8 +1,7 @@
 //! A crowd that is animated on the GPU: clips, what each instance plays, and the lists that the GPU writes. The CPU
 //! records the same commands every time.
 
-use super::budget::Budget;
-use super::clips::Clips;
+use super::clips::{Budget, Clips};
 use super::layout::{GroupLayout, Layout};
 use super::playback::Playbacks;
 use super::sample::HeadRecord;
@@ -10,6 +9,7 @@ use super::steps::{AnimatedKernel, AnimatedUpdate, UPLOADED};
 use crate::abi::modules;
 use crate::abi::numbers::WORKGROUP;
 use crate::abi::push::AnimationPush;
+use crate::abi::worklist::{TILE_WORDS, WIDTHS};
 use crate::error::Result;
 use crate::gpu::barriers;
 use crate::gpu::descriptors::{BufferRange, Sets};
@@ -22,7 +22,6 @@ use crate::plan::instances::Instances;
 use crate::plan::schedule::Barrier;
 use crate::plan::steps::{Steps, Work};
 use crate::update::blocks::gpu::{BlocksKernels, GroupBlocks, LIST_USAGE};
-use crate::update::blocks::{TILE_WORDS, WIDTHS};
 use crate::update::technique::{Context, Technique, UpdateId};
 use ash::vk;
 use bytemuck::bytes_of;
@@ -53,26 +52,23 @@ pub(crate) struct Animated {
     planning: Arc<Pipelines<Planning>>,
     pub(crate) clips: Clips,
     pub(crate) playbacks: Playbacks,
-    pub(super) state: Buffer,
+    state: Buffer,
     tables: Buffer,
     table_bytes: u64,
     staging: Option<Buffer>,
     /// Of the mesh. What is done once for all of them uses the descriptor sets of the first.
-    pub(super) groups: Vec<Group>,
+    groups: Vec<Group>,
 }
 
 /// What a group of the mesh takes.
-pub(super) struct Group {
-    pub(super) layout: GroupLayout,
+struct Group {
+    layout: GroupLayout,
     blocks: GroupBlocks,
     #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
-    pub(super) work: Buffer,
-    pub(super) control: Buffer,
+    work: Buffer,
+    control: Buffer,
     /// Of what [`Planning`] reads and writes, for each group of instances.
     sets: Sets,
-    /// Widths of tiles, and whether each dispatch is a step of its own.
-    widths: u32,
-    texels: bool,
 }
 
 fn on_device(device: &Arc<Device>, name: &'static str, bytes: u64, usage: vk::BufferUsageFlags) -> Result<Buffer> {
@@ -87,8 +83,7 @@ impl Group {
         let device = context.device;
         // Tiles are filled up to the next width, so that there has to be one.
         let instances = context.desc.instances.max(2).next_power_of_two();
-        let kernels = BlocksKernels::new(&context, instances)?;
-        let how = kernels.dispatching(0);
+        let kernels = BlocksKernels::new(&context, instances, 0)?;
         let list_bytes = layout.stride * u64::from(layout.count());
         let work = on_device(device, "deltamorph planned work", list_bytes, LIST_USAGE)?;
         let arguments = vk::BufferUsageFlags::INDIRECT_BUFFER;
@@ -104,8 +99,6 @@ impl Group {
         Ok(Self {
             sets: planning.sets(&bound)?,
             blocks: GroupBlocks::new(&context, kernels, &lists, 0)?,
-            widths: how.widths,
-            texels: how.texels,
             layout,
             work,
             control,
@@ -114,7 +107,7 @@ impl Group {
 
     /// Dispatches of blocks, `[group of instances][width][chunk]`.
     fn dispatches(&self) -> u32 {
-        self.layout.count() * self.widths * self.layout.push.chunks
+        self.layout.count() * self.blocks.how.widths * self.layout.push.chunks
     }
 }
 
@@ -200,7 +193,7 @@ impl Animated {
         // Other groups may have more of them.
         for dispatch in work.items.start..work.items.end.min(group.dispatches()) {
             let (chunk, rest) = (dispatch % chunks, dispatch / chunks);
-            let (width, set) = (rest % group.widths, rest / group.widths);
+            let (width, set) = (rest % group.blocks.how.widths, rest / group.blocks.how.widths);
             let item = (width * capacity + chunk * chunk_items) * TILE_WORDS as u32;
             let arguments = Workgroups::At(group.control.raw, group.layout.arguments(set, width as usize, chunk));
             // SAFETY: the caller's obligations; the arguments lie within the buffer, which is one of arguments.
@@ -229,7 +222,7 @@ impl Technique for Animated {
             destination,
             groups: self.groups.len() as u32,
             dispatches: self.groups.iter().map(Group::dispatches).max().unwrap_or(0),
-            texels: self.groups.iter().any(|group| group.texels),
+            texels: self.groups.iter().any(|group| group.blocks.how.texels),
         };
         update.fill(steps);
         Ok(UpdateStats { passes: 1, ..UpdateStats::default() })
@@ -296,5 +289,49 @@ impl Technique for Animated {
     #[cfg(any(test, feature = "internals"))]
     fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
         super::steps::accesses(works, self.groups[0].layout.push.heads)
+    }
+}
+
+/// What the GPU planned for a group of instances, as it lies in memory: see `glsl/plan.comp`.
+#[cfg(feature = "headless")]
+#[doc(hidden)]
+#[derive(Clone, Debug)]
+pub struct PlannedGroup {
+    /// First instance of the group, and how many it has.
+    pub instances: (u32, u32),
+    /// Items of each width: 1, 2, 4, 8 instances.
+    pub counts: [u32; WIDTHS],
+    /// Items of a width that there is room for: where the next width's begin.
+    pub capacity: usize,
+    /// The work list: items of all widths, then rows.
+    pub words: Vec<u32>,
+}
+
+#[cfg(feature = "headless")]
+impl Animated {
+    /// What the last update planned for the first group of the mesh, by `read`, which takes buffer, offset and size.
+    pub(crate) fn read_plan(
+        &self,
+        mut read: impl FnMut((vk::Buffer, u64, u64)) -> Result<Vec<u32>>,
+    ) -> Result<Vec<PlannedGroup>> {
+        let Group { layout, work, control, .. } = &self.groups[0];
+        let plan = |group: u32| {
+            let mut counts = [0; WIDTHS];
+            for (width, count) in counts.iter_mut().enumerate() {
+                let bytes = 12 * u64::from(layout.push.chunks);
+                let arguments = read((control.raw, layout.arguments(group, width, 0), bytes))?;
+                *count = arguments.chunks_exact(3).map(|xyz| xyz[0]).sum();
+            }
+            let words = read((work.raw, u64::from(group) * layout.stride, layout.stride))?;
+            Ok(PlannedGroup { instances: layout.get(group), counts, capacity: layout.push.capacity as usize, words })
+        };
+        (0..layout.count()).map(plan).collect()
+    }
+
+    /// The weights of an instance: buffer, offset, size.
+    pub(crate) fn weights_of(&self, instance: u32) -> (vk::Buffer, u64, u64) {
+        let push = &self.groups[0].layout.push;
+        let (first, bytes) = (4 * u64::from(push.weights_at), 4 * u64::from(push.targets));
+        (self.state.raw, first + u64::from(instance) * bytes, bytes)
     }
 }

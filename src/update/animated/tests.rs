@@ -1,8 +1,11 @@
 use super::reference::{Deferred, between, interpolate, sample};
 use super::sample::TICKS_PER_SECOND;
+use super::steps::accesses;
 use super::*;
 use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
-use crate::plan::{Accumulate, UpdateDesc, UpdatePath};
+use crate::plan::steps::Steps;
+use crate::plan::tests::{assert_barriers_needed, scheduled};
+use crate::plan::{Accumulate, Consumers, UpdateDesc, UpdatePath};
 use crate::weights::WeightClip;
 use crate::{reference, testing};
 use proptest::prelude::*;
@@ -229,7 +232,7 @@ fn what_cannot_be_played_is_refused() {
     refuse(WeightClip { names: vec!["jaw".into()], values: vec![0.0], ..clip(1, 30.0, |_, _| 0.0) }, "'jaw'");
     let dense = PackedMesh::pack(&testing::mesh(10, 2), &PackDesc::new(DeltaFormat::Float32)).unwrap();
     let desc = AnimationDesc { clips: &[], key_format: KeyFormat::Bits32 };
-    assert!(Clips::new(&desc, dense.layout()).unwrap_err().to_string().contains("pack the mesh as 'fast'"));
+    assert!(Clips::new(&desc, dense.layout()).unwrap_err().to_string().contains("such as 'fast'"));
 
     let clips = clips(&[clip(2, 30.0, |_, _| 0.0)], KeyFormat::Bits16);
     let mut heads = Playbacks::new(1);
@@ -254,19 +257,16 @@ fn what_cannot_be_played_is_refused() {
 #[test]
 fn what_is_not_animated_on_the_gpu_is_refused() {
     let exact = UpdateDesc { accumulate: Accumulate::Exact, ..UpdateDesc::blocks() };
-    let mesh = mesh();
-    AnimatedReference::new(exact, mesh.layout(), 1).unwrap();
-    for (desc, words) in [
-        (UpdateDesc::blocks(), "integer sums do not drift"),
-        (UpdateDesc { slots: 33, ..exact }, "use at most 32"),
-        (UpdateDesc { path: UpdatePath::Cpu, ..exact }, "use the path 'blocks'"),
+    let still = PackedMesh::pack(&testing::mesh(10, 0), &PackDesc::new(DeltaFormat::Small)).unwrap();
+    for (desc, mesh, words) in [
+        (UpdateDesc::blocks(), mesh(), "integer sums do not drift"),
+        (UpdateDesc { slots: 33, ..exact }, mesh(), "use at most 32"),
+        (UpdateDesc { path: UpdatePath::Cpu, ..exact }, mesh(), "use the path 'blocks'"),
+        (exact, still, "move nothing"),
     ] {
         let text = AnimatedReference::new(desc, mesh.layout(), 1).err().expect("refused").to_string();
         assert!(text.contains(words), "{text}");
     }
-    let still = PackedMesh::pack(&testing::mesh(10, 0), &PackDesc::new(DeltaFormat::Small)).unwrap();
-    let text = AnimatedReference::new(exact, still.layout(), 1).err().expect("refused").to_string();
-    assert!(text.contains("move nothing"), "{text}");
 }
 
 /// Small changes are deferred as long as no vertex is further off than the budget says; a large one is applied, and all
@@ -302,4 +302,31 @@ fn small_changes_are_deferred_within_the_budget() {
     assert_eq!(commit(&weights, Some(&budget)), weights, "nothing is deferred when the weights stay the same");
     weights[0] += 100_000;
     assert_eq!(commit(&weights, Some(&budget))[0], weights[0], "a large change is applied");
+}
+
+/// Take any one barrier of a running animation out, and the checker says so.
+#[test]
+fn every_barrier_is_needed() {
+    for (slots, records, budget, texels) in [
+        (1, false, false, false),
+        (2, false, true, false),
+        (2, true, false, false),
+        (3, true, true, false),
+        (2, false, false, true),
+    ] {
+        let frames: Vec<_> = (0..6u32)
+            .map(|frame| {
+                let (source, destination) = ((frame + slots - 1) % slots, frame % slots);
+                let (groups, dispatches) = (2, 3);
+                let update = AnimatedUpdate { records, budget, source, destination, groups, dispatches, texels };
+                let mut steps = Steps::new(Consumers::default());
+                update.fill(&mut steps);
+                let events = scheduled(&[&steps], |_, works| accesses(works, 1));
+                (events, [Some(destination), (slots > 1 && frame > 0).then_some(source)])
+            })
+            .collect();
+        // None before sampling: the barriers of the update before order it.
+        let barriers = 4 + 2 * usize::from(records) + 2 * usize::from(budget) + 2 * usize::from(texels);
+        assert_barriers_needed(&frames, barriers, &format!("{slots} slots, records {records}, budget {budget}"));
+    }
 }

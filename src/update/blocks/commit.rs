@@ -1,10 +1,9 @@
 //! The first phase of an update: from the weights requested to those that poses hold, all at once, or with an error
 //! budget when they matter. Entries whose weight changes are listed.
 
-use super::bound::rounding;
-use super::group::GroupPlan;
-use super::list::Element;
-use super::state::BlockState;
+use super::group::{GroupPlan, rounding};
+use super::plan::BlockState;
+use crate::abi::worklist::Element;
 
 /// The amount of an entry that is committed.
 const COMMITTED: f32 = -1.0;

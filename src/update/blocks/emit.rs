@@ -3,12 +3,12 @@
 //! A block is written when a changed target touches it, or when it is stale in the next slot: it is copied then, together
 //! with what changes now. Within a block only the components that changed are loaded and stored. Each block of each head
 //! makes its own choice between the pose there is and the base pose: whichever moves fewer bytes, and the base pose where
-//! it is the same, or where the [bound](super::bound) on accumulated rounding would exceed the tolerance.
+//! it is the same, or where the bound on accumulated [`rounding`] would exceed the tolerance.
 
-use super::bound::rounding;
-use super::group::GroupPlan;
-use super::list::{ELEMENT_BYTES, ITEM_WORDS, Item, component_bytes};
-use super::state::BlockState;
+use super::group::{GroupPlan, Item, rounding};
+use super::plan::BlockState;
+use crate::abi::worklist::{ELEMENT_BYTES, ITEM_WORDS};
+use crate::pack::POSE_FLOATS;
 use crate::plan::UpdateMode;
 
 impl BlockState {
@@ -27,11 +27,17 @@ impl BlockState {
         let components = |masks: &[u32]| u64::from(masks.iter().map(|mask| mask.count_ones()).sum::<u32>());
         let (items, masks) = (&group.list.items[first_item..], &group.list.masks[first_mask..]);
         let poses = match group.exact() {
-            // In one loop over all items: it becomes SIMD.
-            None => components(masks) * component_bytes(false, false, true),
+            // The pose in and out. In one loop over all items: it becomes SIMD.
+            None => components(masks) * 8,
+            // The integer in (not in a rebuild) and out, the base pose in, the pose out; a block that only catches up
+            // copies the pose.
             Some(_) => {
-                let masks = masks.chunks_exact(6 * group.index.mask_words());
-                let bytes = |item: &Item| component_bytes(true, item.source.is_none(), item.count > 0);
+                let masks = masks.chunks_exact(POSE_FLOATS * group.index.mask_words());
+                let bytes = |item: &Item| match (item.source, item.count) {
+                    (None, _) => 12,
+                    (Some(_), 0) => 8,
+                    (Some(_), 1..) => 16,
+                };
                 items.iter().zip(masks).map(|(item, masks)| components(masks) * bytes(item)).sum()
             }
         };

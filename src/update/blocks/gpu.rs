@@ -2,11 +2,10 @@
 //! each tile, integer sums, descriptor sets and push constants.
 
 use super::dispatch::Dispatching;
-use super::tiles::{TILE, WIDTHS};
 use crate::abi::modules::{BLOCKS, BLOCKS_EXACT, CROWD, CROWD_EXACT, CROWD_EXACT_TEXELS, CROWD_TEXELS, Module};
 use crate::abi::numbers::ROWS;
 use crate::abi::push::BlocksPush;
-use crate::abi::worklist::POSES_MAX;
+use crate::abi::worklist::{POSES_MAX, TILE, WIDTHS};
 use crate::error::Result;
 use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::kernels::{PipelineKey, Pipelines};
@@ -67,21 +66,18 @@ impl PipelineKey for BlocksKey {
 
 /// The kernels of a crowd, one for items of single instances, or for each width of tiles one.
 pub(crate) struct BlocksKernels {
-    /// Widths of tiles: 1, 2, 4, … instances; 0: the kernel takes items of single instances, with masks.
-    widths: u32,
-    /// Whether asset and list are read as texels.
-    texels: bool,
+    pub(super) how: Dispatching,
     /// Of exact sums.
     grid: Option<ExactGrid>,
     kernels: Vec<Arc<Pipelines<BlocksKey>>>,
 }
 
 impl BlocksKernels {
-    /// Of crowds of `instances` of a mesh.
+    /// Of crowds of `instances` of a mesh, of which a descriptor set reaches `group`.
     ///
     /// # Errors
     /// There is no kernel for its format and kind of sums; those of Vulkan.
-    pub(crate) fn new(context: &Context<'_>, instances: u32) -> Result<Self> {
+    pub(crate) fn new(context: &Context<'_>, instances: u32, group: u32) -> Result<Self> {
         let (index, update) = (context.layout().index()?, context.desc.update);
         let exact = update.accumulate == Accumulate::Exact;
         let grid = if exact { Some(index.exact()?) } else { None };
@@ -103,20 +99,16 @@ impl BlocksKernels {
         // With texels, an invocation takes eight vertices.
         let lanes = if texels { size / 8 } else { size };
         let kernel = |width| context.kernels.get(BlocksKey { module, size, lanes, width });
-        Ok(Self { widths, texels, grid, kernels: (0..widths.max(1)).map(kernel).collect::<Result<_>>()? })
-    }
-
-    /// How they carry work lists out, with descriptor sets that reach `group` instances.
-    pub(crate) fn dispatching(&self, group: u32) -> Dispatching {
-        let (widths, texels, caps) = (self.widths, self.texels, &self.kernels[0].objects.device.caps);
-        Dispatching { group, widths, tuning: caps.tuning, most: caps.max_workgroups, texels }
+        let how = Dispatching { group, widths, tuning: caps.tuning, most: caps.max_workgroups, texels };
+        Ok(Self { how, grid, kernels: (0..widths.max(1)).map(kernel).collect::<Result<_>>()? })
     }
 }
 
 /// The blocks of a group.
 pub(crate) struct GroupBlocks {
+    pub(crate) how: Dispatching,
     kernels: Vec<Arc<Pipelines<BlocksKey>>>,
-    poses: Poses,
+    pub(super) poses: Poses,
     /// One set of sums for all poses of an instance: stored as a storage buffer, loaded as one or as texels.
     sums: Option<Buffer>,
     /// One for each work list.
@@ -129,7 +121,7 @@ impl GroupBlocks {
     /// in them, in words.
     pub(crate) fn new(
         context: &Context<'_>,
-        BlocksKernels { texels, grid, kernels, .. }: BlocksKernels,
+        BlocksKernels { how, grid, kernels }: BlocksKernels,
         lists: &[(BufferRange, u32, u32)],
         elements_at: usize,
     ) -> Result<Self> {
@@ -154,7 +146,7 @@ impl GroupBlocks {
         let asset = BufferRange { buffer: context.mesh.deltas.raw, offset: 0, size: deltas_bytes(layout) };
         let bound = |&(list, first, count): &(BufferRange, u32, u32)| {
             // As texels, poses and sums are bound twice.
-            let times = if texels { 2 } else { 1 };
+            let times = if how.texels { 2 } else { 1 };
             let sums = sums.as_ref().map(|sums| poses.sums(sums.raw).range(first, count));
             let written = [poses.range(first, count)].into_iter().chain(sums);
             let written = written.flat_map(|range| std::iter::repeat_n(range, times));
@@ -162,7 +154,7 @@ impl GroupBlocks {
         };
         let bound: Vec<_> = lists.iter().map(bound).collect();
         let sets = kernels[0].objects.sets(&bound)?;
-        Ok(Self { kernels, poses, sums, sets, push })
+        Ok(Self { how, kernels, poses, sums, sets, push })
     }
 
     /// Record a dispatch of kernel number `kernel` (a width, or from [`WIDTHS`] on, a width for tiles that start from the

@@ -1,12 +1,57 @@
-//! What the instances of a crowd have in common in a group of the mesh, and what one update lists of all of them.
+//! What the instances of a crowd have in common in a group of the mesh, and what one update lists of all of them: which
+//! blocks it writes, with which entries, and which components of them.
 
-use super::bound::length_unit;
-use super::list::WorkList;
-use crate::error::Result;
-use crate::pack::PackedLayout;
+use crate::abi::worklist::Element;
+use crate::error::{Error, Result};
 use crate::pack::blocks::{BlockIndex, ExactGrid};
+use crate::pack::{POSE_FLOATS, PackedLayout};
 use crate::plan::{Accumulate, UpdateDesc, UpdateStats};
 use std::sync::Arc;
+
+/// A block of an instance that is written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Item {
+    /// The instance.
+    pub instance: u32,
+    /// The block.
+    pub block: u32,
+    /// The slot that is read; `None`: the base pose.
+    pub source: Option<u32>,
+    /// The slot that is written.
+    pub destination: u32,
+    /// Its elements: the first in [`WorkList::elements`], and how many.
+    pub first: u32,
+    /// Number of elements.
+    pub count: u32,
+}
+
+/// What one update does: carried out by the GPU or the CPU as it is.
+#[derive(Clone, Debug, Default)]
+pub struct WorkList {
+    /// Blocks to write, ascending by instance, then block.
+    pub items: Vec<Item>,
+    /// `[item][component][word]`: which vertices' components are loaded and stored.
+    pub masks: Vec<u32>,
+    /// `[instance][entry]`: the elements of a block lie where its entries do, the first ones being in use.
+    pub elements: Vec<Element>,
+}
+
+impl WorkList {
+    /// Empty, with room for every block of `instances`: filling it never allocates.
+    pub fn new(index: &BlockIndex, instances: usize) -> Self {
+        let blocks = index.count() * instances;
+        Self {
+            items: Vec::with_capacity(blocks),
+            masks: Vec::with_capacity(blocks * POSE_FLOATS * index.mask_words()),
+            elements: vec![Element::default(); index.entry_count() * instances],
+        }
+    }
+
+    /// The elements of an item.
+    pub fn elements_of(&self, item: &Item) -> &[Element] {
+        &self.elements[item.first as usize..][..item.count as usize]
+    }
+}
 
 /// The plan of a group.
 #[derive(Clone, Debug)]
@@ -62,7 +107,8 @@ impl GroupPlan {
 
     /// Forget the last update.
     pub fn clear(&mut self) {
-        self.list.clear();
+        self.list.items.clear();
+        self.list.masks.clear();
         self.stats = UpdateStats::default();
     }
 }
@@ -113,4 +159,40 @@ pub(super) struct Scratch {
     /// With an error budget: how far each entry of a block is from what was requested, as a length; negative once it is
     /// to be committed.
     pub(super) amounts: Vec<f32>,
+}
+
+const ULP: f32 = f32::EPSILON;
+const SQRT_3: f32 = 1.732_050_8;
+
+/// What one update may add to the bound on what accumulation in float32 has done to the positions of a block, a length:
+/// √3 · (M·ε + (n + 4)·S·ε), with M the largest coordinate that the block can reach, S = Σ|coefficient| · longest delta
+/// over the n entries of the update, and ε = 2⁻²³ (a whole unit in the last place, since Vulkan fixes no rounding mode):
+/// one rounding at pose magnitude, one for each coefficient, product, partial sum and scale. A rebuild sets the bound to
+/// that of its own entries.
+pub(super) fn rounding(magnitude: f32, entries: u32, sum: f32) -> f32 {
+    SQRT_3 * ULP * (magnitude + (entries + 4) as f32 * sum)
+}
+
+/// What tolerances are fractions of: the diagonal, where there is one.
+pub(super) fn length_unit(layout: &PackedLayout) -> f32 {
+    if layout.diagonal > 0.0 { layout.diagonal } else { 1.0 }
+}
+
+/// Refuse a tolerance that a pose fresh from base exceeds, all weights being 1.
+pub(crate) fn check_tolerance(tolerance: f32, layout: &PackedLayout, index: &BlockIndex) -> Result<()> {
+    let fresh = (0..index.count()).map(|b| {
+        let reach = index.block_reach[b];
+        rounding(index.block_base[b] + reach, index.entries(b).len() as u32, reach)
+    });
+    let least = fresh.fold(0.0, f32::max) / length_unit(layout);
+    if least <= tolerance {
+        return Ok(());
+    }
+    Err(Error::invalid(
+        format!(
+            "a drift of at most {tolerance:.1e} of the diagonal: rounding alone may move a vertex by {least:.1e} when all \
+             weights are 1"
+        ),
+        "allow more drift, or use exact sums (Accumulate::Exact)",
+    ))
 }

@@ -1,10 +1,11 @@
-//! The instances of a crowd, planned together: what GPU and CPU carry out.
+//! The instances of a crowd, planned together, and what the poses of each hold, block by block: what GPU and CPU carry
+//! out. `commit` and `emit` are the two phases of an update.
 
-use super::group::GroupPlan;
-use super::state::BlockState;
+use super::group::{GroupPlan, Unit};
+use crate::abi::worklist::Element;
 use crate::error::Result;
-use crate::pack::PackedLayout;
-use crate::pack::blocks::ExactGrid;
+use crate::pack::blocks::{BlockIndex, ExactGrid};
+use crate::pack::{POSE_FLOATS, PackedLayout};
 use crate::plan::instances::Instances;
 use crate::plan::{UpdateDesc, UpdateStats};
 
@@ -64,5 +65,97 @@ impl Planner {
     /// The grid of exact sums of the first group; that of others may have other steps, and the same largest weight.
     pub fn exact(&self) -> Option<ExactGrid> {
         self.groups.first().and_then(GroupPlan::exact)
+    }
+}
+
+/// What the poses of one instance hold in a group.
+#[derive(Clone, Debug)]
+pub(crate) struct BlockState {
+    /// What was requested last, per target.
+    pub(super) requested: Vec<u32>,
+    /// What poses hold, per target or per entry.
+    pub(super) committed: Vec<u32>,
+    /// With an error budget.
+    pub(super) per_entry: bool,
+    /// Some change is deferred.
+    pub(super) deferred: bool,
+    /// Targets requested that differ from the update before.
+    pub(super) changed: usize,
+    pub(super) largest_weight: f32,
+    pub(super) blocks: Vec<BlockSum>,
+    /// `[slot][block]`: whether there is anything in `stale`.
+    pub(super) is_stale: Vec<bool>,
+    /// `[slot][block][component][word]`: what changed since the slot was written, a bit for each vertex.
+    pub(super) stale: Vec<u32>,
+}
+
+/// What a block of the pose is the sum of.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BlockSum {
+    /// Bound on the position error that accumulation caused.
+    pub(super) bound: f32,
+    /// The bound beyond which the block is rebuilt.
+    pub(super) limit: f32,
+    /// Bytes of the active entries.
+    pub(super) active_bytes: u32,
+}
+
+impl BlockSum {
+    /// The weight of an entry of so many bytes changes.
+    pub(super) fn activate(&mut self, bytes: u32, old: u32, new: u32) {
+        match (old != 0, new != 0) {
+            (false, true) => self.active_bytes += bytes,
+            (true, false) => self.active_bytes -= bytes,
+            (false, false) | (true, true) => {}
+        }
+    }
+}
+
+impl BlockState {
+    /// All weights are 0, and no slot holds anything.
+    pub(crate) fn new(group: &GroupPlan) -> Self {
+        let (index, targets) = (&group.index, group.targets);
+        // The golden ratio spreads any number of blocks evenly.
+        let limit = |b: usize| group.tolerance * (0.25 + 0.75 * (b as f32 * 0.618_034).fract());
+        let (slots, per_entry) = (group.desc.slots as usize, group.desc.error_budget > 0.0);
+        Self {
+            requested: vec![0; targets],
+            committed: vec![0; if per_entry { index.entry_count() } else { targets }],
+            per_entry,
+            deferred: false,
+            changed: 0,
+            largest_weight: 1.0,
+            blocks: (0..index.count()).map(|b| BlockSum { bound: 0.0, limit: limit(b), active_bytes: 0 }).collect(),
+            is_stale: vec![true; slots * index.count()],
+            stale: vec![u32::MAX; slots * index.count() * POSE_FLOATS * index.mask_words()],
+        }
+    }
+
+    /// What the slots hold is not known: the instance has no pose, or was left out of some updates.
+    pub(crate) fn forget_slots(&mut self) {
+        self.is_stale.fill(true);
+        self.stale.fill(u32::MAX);
+    }
+
+    /// Count an update.
+    pub(super) fn count(&self, group: &mut GroupPlan) {
+        group.stats.coefficients += self.changed;
+        if group.exact().is_none() {
+            group.stats.bound = self.blocks.iter().map(|block| block.bound).fold(group.stats.bound, f32::max);
+        }
+    }
+
+    /// List the active entries of a block; how many there are, and Σ |weight| · reach.
+    pub(super) fn list_active(&self, index: &BlockIndex, unit: Unit, block: usize, out: &mut [Element]) -> (u32, f32) {
+        let (mut count, mut sum) = (0, 0.0);
+        for entry in index.entries(block) {
+            let weight = self.committed[if self.per_entry { entry } else { index.parts.entry_target[entry] as usize }];
+            if weight != 0 {
+                out[count] = Element { entry: entry as u32, coefficient: weight };
+                count += 1;
+                sum += unit.size(weight) * index.costs[entry].reach;
+            }
+        }
+        (count as u32, sum)
     }
 }

@@ -1,12 +1,10 @@
 //! A crowd on the path `blocks`, planned on the CPU: work lists, integer sums, and what each block holds.
 
-use super::dispatch::Dispatches;
+use super::dispatch::{Dispatches, Tiles};
 use super::gpu::{BlocksKernels, GroupBlocks, LIST_USAGE, set_size};
-use super::group::GroupPlan;
-use super::list::{ELEMENT_BYTES, ITEM_WORDS, Item, WorkList};
+use super::group::{GroupPlan, Item, WorkList};
 use super::plan::Planner;
-use super::tiles::{TILE_WORDS, Tiles};
-use crate::abi::worklist;
+use crate::abi::worklist::{self, ELEMENT_BYTES, ITEM_WORDS, TILE_WORDS};
 use crate::error::Result;
 use crate::gpu::pipelines::Workgroups;
 use crate::gpu::ring::Ring;
@@ -28,12 +26,9 @@ pub(crate) struct BlocksTechnique {
 struct Group {
     blocks: GroupBlocks,
     dispatches: Dispatches,
-    /// Work lists: items, then elements; or tiles, then rows. For each frame in flight, `blocks` has a descriptor set for
-    /// each `reach` instances.
+    /// Work lists: items, then elements; or tiles, then rows. `blocks` has the descriptor sets of a frame side by side.
     ring: Ring,
-    reach: u32,
     sets_of_frame: u32,
-    slots: u32,
     /// Words of an item or tile.
     item_words: usize,
     /// Index of the first element's or row's first word.
@@ -53,10 +48,9 @@ impl BlocksTechnique {
 impl Group {
     fn new(context: Context<'_>, number: u32, planner: &mut GroupPlan) -> Result<Self> {
         let (desc, index, instances) = (context.desc, &planner.index, context.desc.instances as usize);
-        let kernels = BlocksKernels::new(&context, desc.instances)?;
         let reach = set_size(&context, u64::MAX)?;
-        let how = kernels.dispatching(reach);
-        planner.whole_blocks = how.widths > 0;
+        let kernels = BlocksKernels::new(&context, desc.instances, reach)?;
+        planner.whole_blocks = kernels.how.widths > 0;
         let (item_words, element_words) = match planner.whole_blocks {
             true => (TILE_WORDS, Tiles::words_max(index, instances)),
             false => {
@@ -72,12 +66,10 @@ impl Group {
         let list = |(frame, first): (u32, u32)| (ring.range(frame.into()), first, reach.min(desc.instances - first));
         let lists: Vec<_> = first.map(list).collect();
         Ok(Self {
-            dispatches: Dispatches::new(how, number, index, instances, planner.exact().is_some()),
+            dispatches: Dispatches::new(kernels.how, number, planner, instances),
             blocks: GroupBlocks::new(&context, kernels, &lists, elements_at)?,
             ring,
-            reach,
             sets_of_frame: desc.instances.div_ceil(reach),
-            slots: context.poses.slots,
             item_words,
             elements_at,
         })
@@ -88,7 +80,7 @@ impl Group {
         let (items, rest) = self.ring.words(frame)?.split_at_mut(self.elements_at);
         let items = items.chunks_exact_mut(self.item_words);
         // Source and destination of an item, as numbers of poses in a set of instances.
-        let (reach, slots) = (self.reach, self.slots);
+        let (reach, slots) = (self.blocks.how.group, self.blocks.poses.slots);
         let pose = |item: &Item, slot: u32| item.instance % reach * slots + slot;
         let poses = |item: &Item| {
             worklist::poses(pose(item, item.source.unwrap_or(item.destination)), pose(item, item.destination))
@@ -119,7 +111,7 @@ impl Technique for BlocksTechnique {
     fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         self.planner.plan(instances, id.update);
         for (group, planner) in self.groups.iter_mut().zip(&mut self.planner.groups) {
-            if group.dispatches.fill(&planner.index, &planner.list, &mut planner.stats) {
+            if group.dispatches.fill(planner) {
                 group.write(&planner.list, id.frame)?;
             }
         }

@@ -1,10 +1,11 @@
 //! Plans in blocks, carried out on the CPU: any history ends in the pose asked for, and tiles say what the list says.
 
-use super::dispatch::{Dispatches, Dispatching};
+use super::dispatch::{Dispatches, Dispatching, Tiles};
 use super::*;
 use crate::abi::kernels::{DeviceClass, DeviceTuning};
+use crate::abi::worklist::{ALIGN, TILE, WIDTHS, row_words};
 use crate::cpu::{Memory, Workers};
-use crate::pack::blocks::{BlockDesc, BlockIndex};
+use crate::pack::blocks::BlockDesc;
 use crate::pack::{DeltaFormat, POSE_FLOATS, PackDesc, PackedMesh};
 use crate::plan::hazards::Event as Recorded;
 use crate::plan::instances::Instances;
@@ -17,15 +18,14 @@ use proptest::prelude::*;
 
 const TARGETS: usize = 9;
 
-/// What a device records of a list of one instance: items, or tiles.
-fn recorded(index: &BlockIndex, list: &WorkList, exact: bool, tiles: bool) -> Vec<Recorded> {
-    let how =
-        Dispatching { group: 1, widths: tiles.into(), tuning: DeviceClass::Desktop.tuning(), most: 3, texels: false };
-    let mut dispatches = Dispatches::new(how, 0, index, 1, exact);
-    let (mut steps, mut stats) = (Steps::new(Consumers::default()), UpdateStats::default());
-    dispatches.fill(index, list, &mut stats);
+/// What a device records of the list of one instance: items, or tiles.
+fn recorded(mut plan: GroupPlan) -> Vec<Recorded> {
+    let (widths, tuning) = (plan.whole_blocks.into(), DeviceClass::Desktop.tuning());
+    let how = Dispatching { group: 1, widths, tuning, most: 3, texels: false };
+    let (mut dispatches, mut steps) = (Dispatches::new(how, 0, &plan, 1), Steps::new(Consumers::default()));
+    dispatches.fill(&mut plan);
     Dispatches::append(std::iter::once(&dispatches), &mut steps);
-    scheduled(&[&steps], |_, works| vec![dispatches.accesses(list, works)])
+    scheduled(&[&steps], |_, works| vec![dispatches.accesses(&plan.list, works)])
 }
 
 fn packed(format: DeltaFormat, size: u32) -> PackedMesh {
@@ -62,8 +62,8 @@ impl Planned for Blocks {
         let Blocks { mesh, planner } = &mut one.planner;
         planner.plan(&mut one.instances, one.update);
         let group = &planner.groups[0];
-        let (GroupPlan { index, list, stats, whole_blocks, .. }, exact) = (group, group.exact());
-        one.memory.run_list(mesh.surface(), &Workers::new(1).unwrap(), index, list, exact);
+        let GroupPlan { list, stats, whole_blocks, .. } = group;
+        one.memory.run_list(mesh.surface(), &Workers::new(1).unwrap(), group);
         assert!(!whole_blocks || list.masks.iter().all(|mask| *mask == u32::MAX));
         let weights = one.instances.requested().next().flatten().unwrap();
         let pose = mesh.layout().to_user_order(&one.memory.poses[one.instances.slots_of(0).unwrap().0 as usize]);
@@ -72,7 +72,7 @@ impl Planned for Blocks {
         let bound = one.desc.error_budget.max(stats.bound);
         let most = f64::from(bound).max(1e-6 * f64::from(mesh.layout().diagonal));
         assert!(error.position <= most, "{error:?} of {stats:?}");
-        let commands = recorded(index, list, exact.is_some(), *whole_blocks);
+        let commands = recorded(group.clone());
         assert_eq!(commands.is_empty(), list.items.is_empty());
         commands
     }

@@ -2,7 +2,6 @@
 //! buffer ("all in one pass"). The first pass of an update reads the current slot and writes the next, the rest run in
 //! place there.
 
-use super::plan::COMPUTE_PASS;
 use super::technique::{ChunkSets, DensePass, Passes};
 use crate::abi::modules::{DENSE, DENSE_LIST};
 use crate::abi::numbers::WORKGROUP;
@@ -15,7 +14,7 @@ use crate::gpu::pipelines::{Objects, Workgroups};
 use crate::gpu::ring::Ring;
 use crate::pack::{BASE_STRIDE, DeltaFormat, PackedLayout, PoseFormat};
 use crate::plan::BatchSize;
-use crate::plan::steps::{Source, Use, Work};
+use crate::plan::steps::{Resource, Source, Use, Work};
 use crate::update::technique::Context;
 use crate::weights::delta::Coefficient;
 use ash::vk;
@@ -59,7 +58,7 @@ pub(crate) struct ComputePasses {
 }
 
 impl Passes for ComputePasses {
-    const USES: &'static [Use] = COMPUTE_PASS;
+    const USES: &'static [Use] = &[Use::read(Resource::Asset), Use::read(Resource::Poses), Use::write(Resource::Poses)];
 
     fn new(context: Context<'_>) -> Result<Self> {
         let (layout, desc, mesh, poses) = (context.layout(), context.desc, context.mesh, context.poses);
@@ -99,8 +98,11 @@ impl Passes for ComputePasses {
         if self.kernel.key.batch == BatchSize::All {
             let words = &mut self.ring.words(frame)?[work.instance as usize * self.stride as usize / 4..];
             let entries: &mut [DenseListEntry] = bytemuck::cast_slice_mut(&mut words[..self.stride as usize / 4]);
-            for (entry, coefficient) in entries.iter_mut().zip(pass.coefficients) {
-                *entry = list_entry(pass.layout, coefficient);
+            for (entry, c) in entries.iter_mut().zip(pass.coefficients) {
+                let target = &pass.layout.targets[c.target as usize];
+                let coefficient = c.value * target.position_step;
+                let normal_coefficient = coefficient * target.normal_ratio();
+                *entry = DenseListEntry { target: c.target, coefficient, normal_coefficient, unused: 0 };
             }
         }
         Ok(())
@@ -151,12 +153,4 @@ fn dense_push(layout: &PackedLayout, coefficients: &[Coefficient]) -> DensePush 
         push.normal_exponents[i / 4] |= u32::from(target.normal_exponent as u8) << (8 * (i % 4));
     }
     push
-}
-
-/// An entry of the coefficient list of `dense_list.comp`.
-fn list_entry(layout: &PackedLayout, c: &Coefficient) -> DenseListEntry {
-    let target = &layout.targets[c.target as usize];
-    let coefficient = c.value * target.position_step;
-    let normal_coefficient = coefficient * target.normal_ratio();
-    DenseListEntry { target: c.target, coefficient, normal_coefficient, unused: 0 }
 }

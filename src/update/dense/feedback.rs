@@ -17,7 +17,6 @@ use crate::plan::steps::{Access, Resource, Stage, Use, Work};
 use crate::update::technique::Context;
 use crate::weights::delta::Coefficient;
 use ash::vk;
-use std::borrow::Borrow;
 use std::sync::Arc;
 
 /// Pipelines of a vertex shader that takes targets as attributes, for none (a copy) to the most.
@@ -67,10 +66,10 @@ impl Pipelines<VertexPasses> {
     /// - The buffers hold what the layout of a pass says at the offsets given, and live until it has run; its source and
     ///   destination do not overlap, and neither is written by another pass.
     /// - No pass has more coefficients than the pipelines were made for.
-    pub(crate) unsafe fn record<'a, P: Borrow<DensePass<'a>>>(
+    pub(crate) unsafe fn record<'a>(
         &self,
         cmd: vk::CommandBuffer,
-        passes: impl IntoIterator<Item = P>,
+        passes: impl IntoIterator<Item = DensePass<'a>>,
         stores: &[vk::DescriptorSet],
     ) {
         let (objects, device, captures) = (&self.objects, &self.objects.device.raw, *self.key.kernel == FEEDBACK);
@@ -78,7 +77,6 @@ impl Pipelines<VertexPasses> {
         // SAFETY: the caller's obligations; the render pass is ours.
         unsafe { objects.begin_render_pass(cmd) };
         for pass in passes {
-            let pass = pass.borrow();
             let push = push_constants(pass.layout, pass.coefficients);
             // SAFETY: as above; pipeline and layout are ours, and the push constants within the layout's range.
             unsafe {
@@ -89,7 +87,7 @@ impl Pipelines<VertexPasses> {
                 }
             }
             for (i, (first, vertices)) in pass.layout.chunks().enumerate() {
-                let (buffers, offsets) = vertex_buffers(pass, first, vertices);
+                let (buffers, offsets) = vertex_buffers(&pass, first, vertices);
                 let (buffer, offset) = pass.destination;
                 let capture = captures.then_some((buffer, offset + (first * CAPTURE_STRIDE) as u64));
                 // SAFETY: as above; each binding reads the chunk's vertices within its buffer, and as many are captured
@@ -125,7 +123,7 @@ impl Passes for FeedbackPasses {
     unsafe fn record(&self, cmd: vk::CommandBuffer, _frame: u64, _work: &Work, pass: &DensePass<'_>) {
         // SAFETY: the caller's obligations; source and destination are different slots: the plan alternates (tests hold
         // every plan to that).
-        unsafe { self.0.record(cmd, [pass], &[]) };
+        unsafe { self.0.record(cmd, [*pass], &[]) };
     }
 }
 

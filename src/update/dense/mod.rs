@@ -8,9 +8,7 @@ pub(crate) mod technique;
 pub(crate) type ComputeTechnique = technique::DenseTechnique<compute::ComputePasses>;
 pub(crate) type FeedbackTechnique = technique::DenseTechnique<feedback::FeedbackPasses>;
 
-#[cfg(any(test, feature = "internals"))]
-pub use plan::Plan;
-pub use plan::{COMPUTE_PASS, DensePlanner};
+pub use plan::{DensePlanner, Plan};
 
 #[cfg(test)]
 mod tests;

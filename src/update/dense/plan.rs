@@ -8,15 +8,9 @@
 
 use crate::error::Result;
 use crate::pack::PackedLayout;
-#[cfg(any(test, feature = "internals"))]
-use crate::plan::UpdatePath;
-#[cfg(any(test, feature = "internals"))]
-use crate::plan::hazards::{Accesses, Memory};
 use crate::plan::history::History;
 use crate::plan::instances::Instances;
-#[cfg(any(test, feature = "internals"))]
-use crate::plan::steps::{Access, Stage};
-use crate::plan::steps::{Resource, Source, Steps, Use, Work};
+use crate::plan::steps::{Source, Steps, Use, Work};
 use crate::plan::{BatchSize, UpdateDesc, UpdateMode, UpdateStats};
 use crate::weights::delta::{Coefficient, active_targets, changed_targets};
 
@@ -34,6 +28,11 @@ pub struct Plan {
 }
 
 impl Plan {
+    /// The coefficients of a pass.
+    pub(crate) fn coefficients_of(&self, pass: &Work) -> &[Coefficient] {
+        &self.coefficients[pass.items.start as usize..pass.items.end as usize]
+    }
+
     /// Forget the passes of the last update.
     fn clear(&mut self) {
         self.coefficients.clear();
@@ -86,13 +85,10 @@ impl Plan {
     }
 }
 
-/// What a compute pass uses.
-pub const COMPUTE_PASS: &[Use] = &[Use::read(Resource::Asset), Use::read(Resource::Poses), Use::write(Resource::Poses)];
-
 /// The instances of a crowd, planned together.
 #[derive(Clone, Debug)]
 pub struct DensePlanner {
-    pub(super) desc: UpdateDesc,
+    desc: UpdateDesc,
     plans: Vec<Plan>,
 }
 
@@ -130,17 +126,16 @@ impl DensePlanner {
 
     /// The coefficients of a work.
     pub fn coefficients(&self, work: &Work) -> &[Coefficient] {
-        &self.plans[work.instance as usize].coefficients[work.items.start as usize..work.items.end as usize]
+        self.plans[work.instance as usize].coefficients_of(work)
     }
 
-    /// The plans of the last update.
-    #[cfg(any(test, feature = "baselines"))]
+    /// The plans of the last update, by instance.
     pub fn plans(&self) -> &[Plan] {
         &self.plans
     }
 
     /// Whether the last update changes some pose.
-    #[cfg(any(test, feature = "baselines"))]
+    #[cfg(feature = "baselines")]
     pub(crate) fn has_changed(&self) -> bool {
         self.plans.iter().any(|plan| !plan.passes.is_empty())
     }
@@ -168,34 +163,31 @@ impl DensePlanner {
         }
     }
 
-    /// The weights that the pose of an instance holds; none before its first update.
-    #[cfg(feature = "baselines")]
-    pub(crate) fn applied(&self, instance: usize) -> &[f32] {
-        &self.plans[instance].applied
-    }
-}
-
-/// What works on a path of dense passes read and write, for the hazard checker.
-#[cfg(any(test, feature = "internals"))]
-pub(crate) fn accesses(path: UpdatePath, works: &[Work]) -> Vec<Accesses> {
-    let in_place = path.works_in_place();
-    let (read, write) = match (in_place, path == UpdatePath::Feedback) {
-        (true, _) => ((Stage::Compute, Access::ShaderRead), (Stage::Compute, Access::ShaderWrite)),
-        (false, true) => {
-            ((Stage::VertexInput, Access::AttributeRead), (Stage::TransformFeedback, Access::FeedbackWrite))
-        }
-        (false, false) => ((Stage::VertexInput, Access::AttributeRead), (Stage::VertexShader, Access::ShaderWrite)),
-    };
-    let of = |work: &Work| {
-        let (instance, group) = (work.instance, work.group);
-        let source = match work.source {
-            Source::Base => Memory::Base,
-            Source::Slot(slot) => Memory::Pose { instance, slot },
+    /// What works read and write, for the hazard checker.
+    #[cfg(any(test, feature = "internals"))]
+    pub(crate) fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
+        use crate::plan::UpdatePath;
+        use crate::plan::hazards::{Accesses, Memory};
+        use crate::plan::steps::{Access, Stage};
+        let (in_place, captures) = (self.desc.path.works_in_place(), self.desc.path == UpdatePath::Feedback);
+        let (read, write) = match (in_place, captures) {
+            (true, _) => ((Stage::Compute, Access::ShaderRead), (Stage::Compute, Access::ShaderWrite)),
+            (false, true) => {
+                ((Stage::VertexInput, Access::AttributeRead), (Stage::TransformFeedback, Access::FeedbackWrite))
+            }
+            (false, false) => ((Stage::VertexInput, Access::AttributeRead), (Stage::VertexShader, Access::ShaderWrite)),
         };
-        let deltas = (!work.items.is_empty()).then_some(Memory::Deltas);
-        let reads = deltas.into_iter().chain([source]).map(|memory| Use::new(memory, read.0, read.1));
-        let destination = Memory::Pose { instance, slot: work.destination };
-        Accesses { group, uses: reads.chain([Use::new(destination, write.0, write.1)]).collect(), in_place }
-    };
-    works.iter().map(of).collect()
+        let of = |work: &Work| {
+            let (instance, group) = (work.instance, work.group);
+            let source = match work.source {
+                Source::Base => Memory::Base,
+                Source::Slot(slot) => Memory::Pose { instance, slot },
+            };
+            let deltas = (!work.items.is_empty()).then_some(Memory::Deltas);
+            let reads = deltas.into_iter().chain([source]).map(|memory| Use::new(memory, read.0, read.1));
+            let destination = Memory::Pose { instance, slot: work.destination };
+            Accesses { group, uses: reads.chain([Use::new(destination, write.0, write.1)]).collect(), in_place }
+        };
+        works.iter().map(of).collect()
+    }
 }

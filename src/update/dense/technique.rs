@@ -3,18 +3,17 @@
 use super::plan::DensePlanner;
 use crate::error::Result;
 use crate::gpu::descriptors::{BufferRange, Sets};
-use crate::gpu::mesh::MeshBuffers;
 use crate::gpu::pipelines::Objects;
 use crate::pack::PackedLayout;
 use crate::plan::UpdateStats;
 use crate::plan::instances::Instances;
 use crate::plan::steps::{Source, Steps, Use, Work};
-use crate::update::technique::{Context, Poses, Technique, UpdateId};
+use crate::update::technique::{Context, PoseGroup, Technique, UpdateId};
 use crate::weights::delta::Coefficient;
 use ash::vk;
-use std::sync::Arc;
 
 /// A pass, with the buffers that it takes.
+#[derive(Clone, Copy)]
 pub(crate) struct DensePass<'a> {
     pub(crate) layout: &'a PackedLayout,
     pub(crate) deltas: vk::Buffer,
@@ -27,7 +26,7 @@ pub(crate) struct DensePass<'a> {
 
 impl<'a> DensePass<'a> {
     /// The pass of a work.
-    fn new(mesh: &'a MeshBuffers, poses: &Poses, work: &Work, coefficients: &'a [Coefficient]) -> Self {
+    fn new(PoseGroup { mesh, poses }: &'a PoseGroup, work: &Work, coefficients: &'a [Coefficient]) -> Self {
         let pose = |slot| (poses.buffer, poses.offset(work.instance, slot));
         let source = match work.source {
             Source::Base => (mesh.base.raw, 0),
@@ -90,21 +89,13 @@ pub(crate) trait Passes: Send + Sync + Sized + 'static {
 /// A crowd that is updated by `P`.
 pub(crate) struct DenseTechnique<P> {
     planner: DensePlanner,
-    groups: Vec<Group<P>>,
-}
-
-struct Group<P> {
-    mesh: Arc<MeshBuffers>,
-    poses: Poses,
-    passes: P,
+    groups: Vec<(PoseGroup, P)>,
 }
 
 impl<P: Passes> DenseTechnique<P> {
     pub(crate) fn new(context: Context<'_>) -> Result<Self> {
         let planner = DensePlanner::new(context.desc.update, context.desc.instances as usize)?;
-        let group = |context: Context<'_>| {
-            Ok(Group { mesh: context.mesh.clone(), poses: context.poses, passes: P::new(context)? })
-        };
+        let group = |of: Context<'_>| Ok((PoseGroup { mesh: of.mesh.clone(), poses: of.poses }, P::new(of)?));
         Ok(Self { planner, groups: context.groups().map(group).collect::<Result<_>>()? })
     }
 }
@@ -115,21 +106,21 @@ impl<P: Passes> Technique for DenseTechnique<P> {
         planner.plan(instances, id.update);
         planner.fill(groups.len(), P::USES, steps);
         for work in steps.works() {
-            let Group { mesh, poses, passes } = &mut groups[work.group as usize];
-            passes.write_list(id.frame, work, &DensePass::new(mesh, poses, work, planner.coefficients(work)))?;
+            let (group, passes) = &mut groups[work.group as usize];
+            passes.write_list(id.frame, work, &DensePass::new(group, work, planner.coefficients(work)))?;
         }
-        Ok(planner.stats(groups.iter().map(|group| &group.mesh.layout)))
+        Ok(planner.stats(groups.iter().map(|(group, _)| &group.mesh.layout)))
     }
 
     unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work) {
-        let Group { mesh, poses, passes } = &self.groups[work.group as usize];
-        let pass = DensePass::new(mesh, poses, work, self.planner.coefficients(work));
+        let (group, passes) = &self.groups[work.group as usize];
+        let pass = DensePass::new(group, work, self.planner.coefficients(work));
         // SAFETY: the caller's obligations.
         unsafe { passes.record(cmd, frame, work, &pass) };
     }
 
     #[cfg(any(test, feature = "internals"))]
     fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        super::plan::accesses(self.planner.desc.path, works)
+        self.planner.accesses(works)
     }
 }

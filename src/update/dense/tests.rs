@@ -2,7 +2,6 @@
 
 use super::compute::ComputePasses;
 use super::feedback::FeedbackPasses;
-use super::plan::accesses;
 use super::technique::Passes;
 use super::*;
 use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
@@ -37,7 +36,7 @@ const PATHS: &[UpdatePath] = &[
 fn recorded(planner: &DensePlanner, path: UpdatePath) -> Vec<Recorded> {
     let mut steps = Steps::new(Consumers::default());
     planner.fill(1, uses(path), &mut steps);
-    scheduled(&[&steps], |_, works| accesses(path, works))
+    scheduled(&[&steps], |_, works| planner.accesses(works))
 }
 
 /// What a slot holds, told by following the passes alone: base, plus these weights.
@@ -76,7 +75,7 @@ fn follow_passes(plan: &Plan, slots: &mut [Held], targets: usize) {
             Source::Slot(s) => slots[s as usize].clone(),
         };
         if let Some(weights) = &mut pose {
-            for c in &plan.coefficients[pass.items.start as usize..pass.items.end as usize] {
+            for c in plan.coefficients_of(pass) {
                 weights[c.target as usize] += f64::from(c.value);
             }
         }
@@ -132,9 +131,10 @@ fn a_swapped_ping_pong_slot_is_seen() {
 #[test]
 fn a_vertex_pass_must_not_write_what_it_fetches() {
     for &path in PATHS.iter().filter(|path| !path.works_in_place()) {
+        let planner = DensePlanner::new(UpdateDesc::new(path, BatchSize::Targets(1)), 1).unwrap();
         let pass = Work { source: Source::Slot(1), destination: 1, ..Work::default() };
         let mut checker = HazardChecker::default();
-        checker.update(&[Recorded::Step { crowd: 0, works: accesses(path, &[pass]) }]);
+        checker.update(&[Recorded::Step { crowd: 0, works: planner.accesses(&[pass]) }]);
         let text = checker.finish().unwrap_err()[0].to_string();
         assert!(text.contains("write after read on Pose"), "{text}");
     }
