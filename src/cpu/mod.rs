@@ -71,7 +71,7 @@ impl CpuCrowd {
     /// cannot be started; more poses than there is memory. Exact sums or an error budget for a dense format; for block
     /// formats, exact sums that could overflow, or a tolerance that rounding alone exceeds.
     pub fn new(mesh: Arc<PackedMesh>, desc: UpdateDesc, instances: usize, threads: usize) -> Result<Self> {
-        desc.check_all(Some(mesh.layout()), Runner::Cpu)?;
+        desc.check_all(mesh.layout(), Runner::Cpu)?;
         let (layout, slots) = (mesh.layout(), desc.slots as usize);
         check_memory(&mesh, instances, slots)?;
         let workers = Workers::new(threads)?;

@@ -127,7 +127,7 @@ impl MorphEngine {
                 "upload it with the engine that makes the crowd",
             ));
         }
-        mesh.layouts().try_for_each(|layout| desc.update.check_all(Some(layout), runner))?;
+        mesh.layouts().try_for_each(|layout| desc.update.check_all(layout, runner))?;
         desc.update.path.check_groups(mesh.groups.len(), mesh.layout())?;
         if mesh.groups[0].private.is_some() != desc.update.path.row().has_own_upload {
             return Err(Error::invalid(

@@ -30,62 +30,6 @@ impl UpdateDesc {
     /// sums or a budget on a dense path; incremental updates of a path that only rebuilds; `scatter` with anything but
     /// exact sums.
     pub fn check(&self) -> Result<()> {
-        self.check_all(None, Runner::Unknown)
-    }
-
-    /// Check the description for a mesh packed like this.
-    ///
-    /// # Errors
-    /// As [`check`](Self::check); in block formats, as [`BlockIndex::exact`](crate::pack::blocks::BlockIndex::exact)
-    /// where sums are exact, else a tolerance that rounding exceeds in a pose fresh from base, all weights being 1.
-    pub fn check_for(&self, layout: &PackedLayout) -> Result<()> {
-        self.check_all(Some(layout), Runner::Unknown)
-    }
-
-    /// Check the description for a mesh and for who is to carry it out.
-    ///
-    /// # Errors
-    /// As [`check_for`](Self::check_for); a path that the runner does not have, or that the device cannot run; a batch
-    /// size beyond [`DeviceCaps::batch_max`]; a format that the path does not take; blocks larger than a workgroup;
-    /// what cannot be animated on the GPU.
-    pub(crate) fn check_all(&self, layout: Option<&PackedLayout>, runner: Runner<'_>) -> Result<()> {
-        self.check_alone()?;
-        let path = self.path.name();
-        let (caps, animated, on_cpu) = match runner {
-            Runner::Unknown => (None, false, false),
-            Runner::Cpu => (None, false, true),
-            Runner::Device(caps) => (Some(caps), false, false),
-            Runner::Animated(caps) => (caps, true, false),
-        };
-        if on_cpu && self.path != UpdatePath::Cpu {
-            let remedy = "use UpdatePath::Cpu here, or MorphEngine for the GPU paths";
-            return refuse(format!("update path '{path}' for a CpuCrowd"), remedy);
-        }
-        caps.map_or(Ok(()), |caps| caps.check_path(self.path))?;
-        let Some(layout) = layout else { return Ok(()) };
-        caps.map_or(Ok(()), |caps| self.check_format(layout, caps))?;
-        if on_cpu && layout.blocks.is_none() {
-            self.check_dense(layout.format.name())?;
-        }
-        if let Some(index) = &layout.blocks {
-            match self.accumulate {
-                Accumulate::Exact => index.exact().map(drop),
-                Accumulate::Float { tolerance } => check_tolerance(tolerance, layout, index),
-            }?;
-        }
-        let most = caps.and_then(|caps| Some((caps, caps.batch_max(self.path, layout.format)?)));
-        if let (BatchSize::Targets(batch), Some((caps, most))) = (self.batch, most)
-            && batch > most
-        {
-            let all = if self.path.takes_all_targets() { ", or 'all'" } else { "" };
-            let (format, device) = (layout.format.name(), &caps.name);
-            let what = format!("batch size {batch} for update path '{path}' with {format} deltas on {device}");
-            refuse(what, format!("use 1 to {most}{all}"))?;
-        }
-        if animated { self.check_animated(layout) } else { Ok(()) }
-    }
-
-    fn check_alone(&self) -> Result<()> {
         let (path, name) = (self.path, self.path.name());
         let least = if path.works_in_place() { 1 } else { 2 };
         if self.slots < least || self.slots > 64 {
@@ -121,6 +65,41 @@ impl UpdateDesc {
         }
     }
 
+    /// Check the description for a mesh packed like this.
+    ///
+    /// # Errors
+    /// As [`check`](Self::check); in block formats, as [`BlockIndex::exact`](crate::pack::blocks::BlockIndex::exact)
+    /// where sums are exact, else a tolerance that rounding exceeds in a pose fresh from base, all weights being 1.
+    pub fn check_for(&self, layout: &PackedLayout) -> Result<()> {
+        self.check_all(layout, Runner::Unknown)
+    }
+
+    /// Check the description for a mesh and for who is to carry it out.
+    ///
+    /// # Errors
+    /// As [`check_for`](Self::check_for); a path that the runner does not have, or that the device cannot run; a batch
+    /// size beyond [`DeviceCaps::batch_max`]; a format that the path does not take; blocks larger than a workgroup;
+    /// what cannot be animated on the GPU.
+    pub(crate) fn check_all(&self, layout: &PackedLayout, runner: Runner<'_>) -> Result<()> {
+        self.check()?;
+        match runner {
+            Runner::Cpu if self.path != UpdatePath::Cpu => {
+                let remedy = "use UpdatePath::Cpu here, or MorphEngine for the GPU paths";
+                return refuse(format!("update path '{}' for a CpuCrowd", self.path.name()), remedy);
+            }
+            Runner::Cpu if layout.blocks.is_none() => self.check_dense(layout.format.name())?,
+            Runner::Device(caps) | Runner::Animated(Some(caps)) => self.check_on_device(layout, caps)?,
+            Runner::Unknown | Runner::Cpu | Runner::Animated(None) => {}
+        }
+        if let Some(index) = &layout.blocks {
+            match self.accumulate {
+                Accumulate::Exact => index.exact().map(drop),
+                Accumulate::Float { tolerance } => check_tolerance(tolerance, layout, index),
+            }?;
+        }
+        if let Runner::Animated(_) = runner { self.check_animated(layout) } else { Ok(()) }
+    }
+
     /// Refuse what only block formats have; `name` is the path's or the format's.
     fn check_dense(&self, name: &str) -> Result<()> {
         let what = match self.accumulate {
@@ -132,19 +111,27 @@ impl UpdateDesc {
         refuse(format!("{what} with '{name}'"), remedy)
     }
 
-    fn check_format(&self, layout: &PackedLayout, caps: &DeviceCaps) -> Result<()> {
-        let (path, format) = (self.path, layout.format.name());
+    /// Refuse a path that the device cannot run, a format that it does not take, and blocks or a batch too large.
+    fn check_on_device(&self, layout: &PackedLayout, caps: &DeviceCaps) -> Result<()> {
+        caps.check_path(self.path)?;
+        let (path, device) = (self.path, &caps.name);
+        let what = format!("update path '{}' with {} deltas", path.name(), layout.format.name());
         if !path.formats().contains(&layout.format) {
             let names: Vec<&str> = path.formats().iter().map(|format| format.name()).collect();
-            let what = format!("update path '{}' with {format} deltas", path.name());
             return refuse(what, format!("pack the mesh as {}", names.join(" or ")));
         }
         let (size, most) = (layout.blocks.as_ref().map_or(0, |blocks| blocks.size()), caps.max_workgroup_invocations);
-        if path != UpdatePath::Blocks || size <= most as usize {
-            return Ok(());
+        if path == UpdatePath::Blocks && size > most as usize {
+            let remedy = format!("pack with blocks of at most {most} vertices");
+            return refuse(format!("blocks of {size} vertices on {device}"), remedy);
         }
-        let remedy = format!("pack with blocks of at most {most} vertices");
-        refuse(format!("blocks of {size} vertices on {}", caps.name), remedy)
+        match (self.batch, caps.batch_max(path, layout.format)) {
+            (BatchSize::Targets(batch), Some(most)) if batch > most => {
+                let all = if path.takes_all_targets() { ", or 'all'" } else { "" };
+                refuse(format!("batch size {batch} for {what} on {device}"), format!("use 1 to {most}{all}"))
+            }
+            (BatchSize::Targets(_) | BatchSize::All, _) => Ok(()),
+        }
     }
 
     /// Refuse what is not animated on the GPU: sums that drift, since nobody there keeps a bound on it.

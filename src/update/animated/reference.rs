@@ -35,7 +35,7 @@ impl AnimatedReference {
     /// # Errors
     /// As [`GroupPlan::new`] and [`Clips::new`].
     pub fn new(desc: UpdateDesc, layout: &PackedLayout, heads: u32) -> Result<Self> {
-        desc.check_all(Some(layout), Runner::Animated(None))?;
+        desc.check_all(layout, Runner::Animated(None))?;
         let budget = Budget::new(desc.error_budget, layout.index()?)?;
         // What is deferred is decided before, target by target: the planner gets the weights to apply.
         let mut group = GroupPlan::new(UpdateDesc { error_budget: 0.0, ..desc }, layout, heads as usize)?;
