@@ -9,7 +9,8 @@ use proptest::prelude::*;
 /// A frame: weights from a small grid (so that some stay as they are), and what happens around it.
 #[derive(Clone, Debug)]
 pub(crate) enum Event {
-    Update(Vec<f32>),
+    /// `None`: to the weights of the update before.
+    Update(Option<Vec<f32>>),
     DiscardLast(u64),
     Cut,
 }
@@ -17,7 +18,7 @@ pub(crate) enum Event {
 pub(crate) fn events(targets: usize) -> impl Strategy<Value = Vec<Event>> {
     let weights = proptest::collection::vec((-2i8..5).prop_map(|w| f32::from(w) * 0.25), targets);
     let event = prop_oneof![
-        6 => weights.prop_map(Event::Update), 1 => (0u64..4).prop_map(Event::DiscardLast), 1 => Just(Event::Cut)
+        8 => proptest::option::weighted(0.75, weights).prop_map(Event::Update), 1 => (0u64..4).prop_map(Event::DiscardLast), 1 => Just(Event::Cut)
     ];
     proptest::collection::vec(event, 1..30)
 }

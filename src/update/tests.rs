@@ -68,6 +68,7 @@ pub(crate) fn follow<P: Planned>(mut one: One<P>, events: Vec<Event>) {
                 }
             }
             Event::Update(weights) => {
+                let weights = weights.unwrap_or_else(|| one.instances.requested().next().flatten().unwrap().to_vec());
                 let (last, before) = (one.current(), one.memory.clone());
                 let (recorded, drawn) = one.update_to(&weights);
                 let pose = one.current();

@@ -11,7 +11,6 @@ use crate::plan::steps::{Source, Steps, Use, Work};
 use crate::plan::tests::{events, scheduled};
 use crate::plan::{BatchSize, Consumers, UpdateDesc, UpdateMode, UpdatePath};
 use crate::update::tests::{One, Planned, every_barrier_is_needed, follow};
-use crate::weights::delta::Coefficient;
 use proptest::prelude::*;
 
 /// What passes of a path use.
@@ -111,24 +110,6 @@ fn every_barrier_of_passes_is_needed() {
 }
 
 #[test]
-fn a_swapped_ping_pong_slot_is_seen() {
-    for path in [UpdatePath::Feedback, UpdatePath::Compute] {
-        let desc = UpdateDesc::new(path, BatchSize::Targets(1));
-        let mut one = one(desc, 3).unwrap();
-        one.update_to(&[1.0, 1.0, 1.0]);
-        let mut slots = one.memory.clone();
-        one.update_to(&[1.0, 0.5, 1.0]);
-        let mut plan = one.planner.plans()[0].clone();
-        assert_eq!(plan.passes.len(), 1);
-        let Source::Slot(source) = plan.passes[0].source else { panic!("{plan:?}") };
-        let pass = &mut plan.passes[0];
-        (pass.source, pass.destination) = (Source::Slot(pass.destination), source);
-        follow_passes(&plan, &mut slots, 3);
-        assert_ne!(slots[one.instances.slots_of(0).unwrap().0 as usize], Some(vec![1.0, 0.5, 1.0]), "{path:?}");
-    }
-}
-
-#[test]
 fn a_vertex_pass_must_not_write_what_it_fetches() {
     for &path in PATHS.iter().filter(|path| !path.works_in_place()) {
         let planner = DensePlanner::new(UpdateDesc::new(path, BatchSize::Targets(1)), 1).unwrap();
@@ -137,28 +118,6 @@ fn a_vertex_pass_must_not_write_what_it_fetches() {
         checker.update(&[Recorded::Step { crowd: 0, works: planner.accesses(&[pass]) }]);
         let text = checker.finish().unwrap_err()[0].to_string();
         assert!(text.contains("write after read on Pose"), "{text}");
-    }
-}
-
-#[test]
-fn one_weight_among_57_active_is_one_pass_and_none_is_none() {
-    for (path, batch) in [
-        (UpdatePath::Feedback, BatchSize::Targets(1)),
-        (UpdatePath::Feedback, BatchSize::Targets(7)),
-        (UpdatePath::Compute, BatchSize::Targets(16)),
-        (UpdatePath::Compute, BatchSize::All),
-    ] {
-        let mut one = one(UpdateDesc::new(path, batch), 57).unwrap();
-        let mut weights = vec![0.5; 57];
-        one.update_to(&weights);
-        assert_eq!(one.planner.plans()[0].passes.len(), batch.passes(57));
-        weights[33] = -0.25;
-        one.update_to(&weights);
-        let plan = &one.planner.plans()[0];
-        assert_eq!((plan.passes.len(), plan.coefficients.len(), plan.rebuilt), (1, 1, false));
-        assert_eq!(plan.coefficients[0], Coefficient { target: 33, value: -0.75 });
-        let (recorded, [pose, previous]) = one.update_to(&weights);
-        assert!(recorded.is_empty() && previous == pose);
     }
 }
 
