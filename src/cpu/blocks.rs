@@ -1,7 +1,6 @@
 //! The CPU twin of `glsl/blocks.comp`: one block at a time, the same loads and stores.
 //!
-//! Which loads and stores those are is told to a meter, by the number of bytes; a test holds the planner's count against
-//! it.
+//! A meter gets the bytes of each load and store; a test holds the planner's count against them.
 
 use super::workers::Workers;
 use crate::abi::worklist::{ELEMENT_BYTES, Element, ITEM_WORDS};
@@ -184,7 +183,7 @@ impl<'a> Block<'a> {
 
     /// Σ coefficient · delta of each component of each vertex.
     fn add_up<T: Sum<i32> + Sum<f32>, const S: usize>(&self, added: &mut Added<T, S>, meter: &mut impl FnMut(usize)) {
-        let (index, words) = (&self.plan.index, self.packed.deltas());
+        let (index, words) = (&*self.plan.index, self.packed.deltas());
         for element in self.elements {
             with_format!(index.format().format(), dense _f => {}, blocks format => {
                 let (header, deltas) = index.locate(format, words, element.entry as usize);
