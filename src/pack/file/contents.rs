@@ -93,18 +93,18 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
         true => Ok(vec![]),
         false => checked((section, 0), count, 4, of),
     };
-    let all = |place| checked(place, sections.get(place).len() / 4, 4, "words");
 
     // Version 2 states in 'meta' what version 3 states in 'group'.
     let (old, at_meta) = (sections.version == OLD_VERSION, (META, 0));
     let at_head = |group| if old { at_meta } else { (GROUP, group) };
-    let mut meta = all(at_meta)?;
-    let mut heads = (0..sections.groups()).map(|group| all(at_head(group))).collect::<Result<Vec<_>>>()?;
+    let mut meta = sections.get(at_meta).to_vec();
+    let mut heads: Vec<_> = (0..sections.groups()).map(|group| sections.get(at_head(group)).to_vec()).collect();
     if old {
         [meta, heads[0]] = split_old(&meta).map_err(|what| refuse(at_meta, what))?;
     }
-    let [format, size, counts @ .., diagonal, weight_max, position, normal]: [u32; 11] =
-        meta[..].try_into().map_err(|_| refuse(at_meta, format!("has {} bytes, 44 expected", 4 * meta.len())))?;
+    let words: Option<[u32; 11]> = words_of(&meta).try_into().ok().filter(|_| meta.len().is_multiple_of(4));
+    let [format, size, counts @ .., diagonal, weight_max, position, normal] =
+        words.ok_or_else(|| refuse(at_meta, format!("has {} bytes, 44 expected", meta.len())))?;
     let [vertices, target_count, face_count, corners, texcoords] = counts.map(|n| n as usize);
     let [diagonal, weight_max, position, normal] = [diagonal, weight_max, position, normal].map(f32::from_bits);
     let format = DeltaFormat::from_id(format)
@@ -113,7 +113,7 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
         let what = format!("names {target_count} targets; the kernels name at most {TARGETS_MAX}");
         return Err(refuse(at_meta, what));
     }
-    let head = |(i, words): (usize, &Vec<u32>)| Head::parse(words).map_err(|what| refuse(at_head(i), what));
+    let head = |(i, bytes): (usize, &Vec<u8>)| Head::parse(bytes).map_err(|what| refuse(at_head(i), what));
     let heads = heads.iter().enumerate().map(head).collect::<Result<Vec<_>>>()?;
     let laid_out = group_streams(heads.iter().flat_map(|head| &head.semantics).copied());
 
@@ -184,16 +184,16 @@ struct Head {
 }
 
 impl Head {
-    fn parse(words: &[u32]) -> Result<Self, String> {
-        let bytes = 4 * words.len();
+    fn parse(bytes: &[u8]) -> Result<Self, String> {
+        let (words, length) = (words_of(bytes), bytes.len() as u64);
         let (&[count, blocks, entries, words, first, second], rest) =
-            words.split_first_chunk::<6>().ok_or_else(|| format!("has {bytes} bytes"))?;
-        let (rows, tail) = rest.as_chunks::<4>();
-        if (rows.len(), tail.len()) != (count as usize, 0) {
-            return Err(format!("has {bytes} bytes, {} expected", 24 + 16 * u64::from(count)));
+            words.split_first_chunk::<6>().ok_or_else(|| format!("has {length} bytes"))?;
+        let expected = 24 + 16 * u64::from(count);
+        if length != expected {
+            return Err(format!("has {length} bytes, {expected} expected"));
         }
         let (mut semantics, mut error) = (vec![], PoseError::default());
-        for &[id, zero, low, high] in rows {
+        for &[id, zero, low, high] in rest.as_chunks().0 {
             let known = semantic(id).filter(|_| zero == 0);
             let semantic = known.ok_or_else(|| format!("names a stream {id:#x} that is not known"))?;
             let stated = f64::from_bits(u64::from(low) | u64::from(high) << 32);
@@ -209,14 +209,15 @@ impl Head {
 }
 
 /// The section 'meta' of version 2, as the two sections that version 3 has in its place.
-fn split_old(words: &[u32]) -> Result<[Vec<u32>; 2], String> {
-    if words.len() != 20 {
-        return Err(format!("has {} bytes, 80 expected", 4 * words.len()));
+fn split_old(bytes: &[u8]) -> Result<[Vec<u8>; 2], String> {
+    if bytes.len() != 80 {
+        return Err(format!("has {} bytes, 80 expected", bytes.len()));
     }
+    let words = words_of(bytes);
     let mesh = [&words[..4], &words[7..10], &words[12..16]].concat();
     let [position, normal] = [Semantic::Position, Semantic::Normal].map(|semantic| [semantic_id(semantic), 0]);
     let group = [&[2], &words[4..7], &words[10..12], &position, &words[16..18], &normal, &words[18..]].concat();
-    Ok([mesh, group])
+    Ok([mesh, group].map(bytes_of))
 }
 
 /// The name of the mesh, then that of each target.

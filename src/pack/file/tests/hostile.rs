@@ -127,6 +127,7 @@ fn the_frame_is_checked_under_valid_checksums() {
         (change(12, &[7]), ["7 sections", "version 3"]),
         (change(row(WORDS) + 8, &(words as u64 - 8).to_le_bytes()), ["'words'", "expected"]),
         (change(row(WORDS) + 8, &u64::MAX.to_le_bytes()), ["'words'", "expected"]),
+        (change(row(META) + 16, &[45]), ["'meta'", "has 45 bytes, 44 expected"]),
         (change(row(ORDER), &[9]), ["'order'", "with id 9"]),
         (change(row(ORDER) + 16, &[0xff; 8]), ["'order'", "18446744073709551615 bytes"]),
         (change(row(ORDER) + 16, &(length as u64 - 8).to_le_bytes()), ["'face sizes'", "lies at"]),
