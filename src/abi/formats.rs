@@ -16,13 +16,13 @@ macro_rules! delta_formats {
                 /// Dense, six float32: 24 bytes per vertex and target.
                 ///
                 /// Exact. Two vertex attributes a target.
-                Float32 float32 { attributes: 2 }
+                Float32 float32 { words: 6, attributes: 2 }
 
                 /// Dense, six signed 16-bit integers: 12 bytes per vertex and target.
                 ///
                 /// In three words, one vertex attribute a target. Value = integer × step, a step for the first triple
                 /// per target, and a power of two times that step for the second.
-                Snorm16 snorm16 { attributes: 1, exponents: true }
+                Snorm16 snorm16 { words: 3, attributes: 1, exponents: true }
             }
             blocks {
                 /// In blocks, six float32: 24 bytes per vertex and entry.
@@ -107,6 +107,8 @@ pub struct FormatRow {
     pub blocks: bool,
     /// Deltas are integers on a grid of one step per triple, so that sums can be exact.
     pub integers: bool,
+    /// 32-bit words of a delta (dense formats).
+    pub words: u32,
     /// Vertex attributes of one target in a vertex pass (dense formats).
     pub attributes: u32,
     /// A vertex pass is given a signed byte for each target: the power of two between its two steps.
@@ -124,6 +126,7 @@ impl FormatRow {
             id: 0,
             blocks: false,
             integers: false,
+            words: 0,
             attributes: 0,
             exponents: false,
             texels: false,

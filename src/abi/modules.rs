@@ -11,7 +11,7 @@ include!(concat!(env!("OUT_DIR"), "/modules.rs"));
 pub const MANIFEST: &str = include_str!(concat!(env!("OUT_DIR"), "/manifest.txt"));
 
 /// A module.
-#[derive(Debug)]
+#[derive(Debug, PartialEq)]
 pub struct Module {
     /// Its name under spirv/.
     pub name: &'static str,
@@ -22,13 +22,7 @@ pub struct Module {
     /// Targets that are vertex attributes.
     pub batch: u32,
     /// SPIR-V words, each in as few bytes as it needs: seven bits to a byte, the lowest first.
-    code: &'static [u8],
-}
-
-impl PartialEq for Module {
-    fn eq(&self, other: &Self) -> bool {
-        self.name == other.name
-    }
+    pub code: &'static [u8],
 }
 
 impl Module {
@@ -45,11 +39,6 @@ impl Module {
             }
         }
         words
-    }
-
-    /// Bytes that it takes in the library.
-    pub fn embedded_bytes(&self) -> usize {
-        self.code.len()
     }
 }
 

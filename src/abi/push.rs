@@ -6,9 +6,6 @@ use crate::pack::DeltaFormat;
 use bytemuck::{Pod, Zeroable};
 use std::mem::offset_of;
 
-/// Bytes of push constants that every device has: what Vulkan promises.
-pub const PUSH_BYTES_MIN: u32 = 128;
-
 /// Structures of words, and for each the names and offsets of its members, which tests compare with the shaders'.
 macro_rules! shared {
     ($($(#[$doc:meta])* pub struct $name:ident { $($(#[$field_doc:meta])* $field:ident: $type:ty,)* })*) => {

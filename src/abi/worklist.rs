@@ -1,17 +1,10 @@
 //! Work lists word by word: items with masks and elements (blocks.comp), tiles with rows (crowd.comp, plan.comp).
 
-use super::numbers;
+use super::numbers::REBUILT;
+pub use super::numbers::{ALIGN, ITEM_WORDS, TILE, TILE_WORDS};
 
-/// Words of an item before its masks.
-pub const ITEM_WORDS: usize = numbers::ITEM_WORDS as usize;
 /// Bytes of an element.
 pub const ELEMENT_BYTES: usize = size_of::<Element>();
-/// Instances of a tile, at most.
-pub const TILE: usize = numbers::TILE as usize;
-/// Words of a tile.
-pub const TILE_WORDS: usize = numbers::TILE_WORDS as usize;
-/// Words that tiles and their first rows begin at a multiple of.
-pub const ALIGN: usize = numbers::ALIGN as usize;
 /// Widths of tiles: 2 to the power of 0, 1, 2, 3.
 pub const WIDTHS: usize = TILE.ilog2() as usize + 1;
 /// Poses that a list can name: 16 bits each for source and destination.
@@ -40,7 +33,7 @@ pub const fn poses(source: u32, destination: u32) -> u32 {
 
 /// An item: a block of one instance, and its first element and their number.
 pub const fn item(block: u32, from_base: bool, poses: u32, first: u32, count: u32) -> [u32; ITEM_WORDS] {
-    [if from_base { block | numbers::REBUILT } else { block }, poses, first, count]
+    [if from_base { block | REBUILT } else { block }, poses, first, count]
 }
 
 /// Write a tile: a block of several instances, index of the first row's first word, number of rows, a bit for each

@@ -185,7 +185,7 @@ impl<'a> Block<'a> {
     fn add_up<T: Sum<i32> + Sum<f32>, const S: usize>(&self, added: &mut Added<T, S>, meter: &mut impl FnMut(usize)) {
         let (index, words) = (&*self.plan.index, self.packed.deltas());
         for element in self.elements {
-            with_format!(index.format().format(), dense _f => {}, blocks format => {
+            with_format!(index.parts.format, dense _f => {}, blocks format => {
                 let (header, deltas) = index.locate(format, words, element.entry as usize);
                 meter(4 * (header.len() + deltas.len()));
                 add_entry(format, element.coefficient, index.steps(), header, &words[deltas], added);

@@ -1,7 +1,6 @@
 //! The dense formats: target after target, every vertex.
 
 use super::formats::{DenseFormat, Lane};
-use super::group::base_pose;
 use super::source::largest;
 use super::{PackDesc, PackedGroup, PackedLayout, PackedTarget, Source, VERTEX_PADDING};
 use crate::error::{Error, Result};
@@ -29,7 +28,7 @@ pub(super) fn pack(source: &Source<'_>, desc: &PackDesc, format: &impl DenseForm
     let groups = groups.min(desc.max_chunk_vertices / VERTEX_PADDING as u64).max(1);
     let chunk_vertices = groups.saturating_mul(VERTEX_PADDING as u64).min(padded as u64) as usize;
 
-    let base = base_pose(source, padded, None);
+    let base = source.base_pose(padded, None);
     let describe = |name: &str, deltas: &[Lane]| {
         let (position_step, normal_exponent) = format.steps(largest(deltas));
         PackedTarget { name: name.to_owned(), position_step, normal_exponent }

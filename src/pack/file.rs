@@ -39,11 +39,8 @@
 //! counts are held against the lengths of sections, and those against the file, before anything is made of them. What
 //! planning needs besides ([`BlockIndex`](super::blocks::BlockIndex)) is derived, and its rules are checked on the way.
 
-mod bytes;
-mod meta;
-mod read;
+mod contents;
 mod table;
-mod write;
 
 use super::{POSE_FLOATS, PackDesc, PackedGroup, PackedMesh, PackedTarget};
 use crate::asset::streams::{Semantic, StreamData, StreamDeltas};
@@ -97,7 +94,7 @@ impl Asset {
     /// [`Error::Io`] where the file cannot be read, [`Error::Input`] with the section where what it says cannot be
     /// used, or where it is larger than 4 GiB.
     pub fn read(path: &Path) -> Result<Self> {
-        read::asset(path, &read_bounded(path, MAX_BYTES, "split the mesh")?)
+        contents::read(path, &read_bounded(path, MAX_BYTES, "split the mesh")?)
     }
 
     /// The same, from bytes in memory; `path` is only for messages.
@@ -105,7 +102,7 @@ impl Asset {
     /// # Errors
     /// [`Error::Input`], as [`read`](Self::read).
     pub fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Self> {
-        read::asset(path, bytes)
+        contents::read(path, bytes)
     }
 
     /// Write the file `path`, in place of what is there once all is written.
@@ -129,7 +126,7 @@ impl Asset {
                 "write a mesh that to_mesh() has accepted",
             )
         })?;
-        write::bytes(self)
+        contents::write(self)
     }
 
     /// The mesh as it decodes, in the user's order of vertices: for dense formats, and for the reference.

@@ -1,9 +1,14 @@
 //! A group of a packed mesh: six numbers a vertex, their deltas, and where all of it is.
 
+use super::blocks::BlockIndex;
 use super::formats::{DenseFormat, with_format};
-use super::{POSE_FLOATS, PackedLayout, PoseError, Source, stream_errors};
-use crate::asset::streams::Measure;
+use super::{BASE_STRIDE, DeltaFormat, POSE_FLOATS, PoseError, PoseFormat, Source, VERTEX_PADDING, stream_errors};
+use crate::asset::streams::{Measure, StreamPlace, TRIPLES};
+use crate::asset::{Faces, RenderVertices};
+use crate::error::{Error, Result};
 use crate::math::angle_degrees;
+use glam::Vec2;
+use std::sync::Arc;
 
 /// A group of streams, laid out for upload. [`PackedMesh`](super::PackedMesh) has the layouts.
 #[derive(Clone, Debug, PartialEq)]
@@ -87,11 +92,185 @@ impl PackedGroup {
     }
 }
 
-/// The base pose as pose buffers hold it, `padded` vertices, in `order` (packed → user) where there is one.
-pub(super) fn base_pose(source: &Source<'_>, padded: usize, order: Option<&[u32]>) -> Vec<f32> {
-    let mut base = vec![0.0; padded * POSE_FLOATS];
-    for (packed, out) in base.chunks_exact_mut(POSE_FLOATS).take(source.mesh.vertex_count()).enumerate() {
-        out.copy_from_slice(&source.base(order.map_or(packed, |o| o[packed] as usize)));
+/// A target of a [`PackedGroup`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct PackedTarget {
+    /// Its name.
+    pub name: String,
+    /// Input units per integer step of a delta in the first triple of the group (positions); 1 for float32. In block
+    /// formats the same for all targets.
+    pub position_step: f32,
+    /// The step of the second triple (normals) is `position_step × 2^normal_exponent`; 0 for float32.
+    pub normal_exponent: i8,
+}
+
+impl PackedTarget {
+    /// Factor from the coefficient of the first triple to that of the second: `2^normal_exponent`.
+    pub fn normal_ratio(&self) -> f32 {
+        f32::from_bits(((i32::from(self.normal_exponent) + 127) as u32) << 23)
     }
-    base
+
+    /// Input units per integer step of a delta in the second triple.
+    pub fn normal_step(&self) -> f32 {
+        self.position_step * self.normal_ratio()
+    }
+
+    /// The steps of both triples.
+    pub(crate) fn steps(&self) -> [f32; TRIPLES] {
+        [self.position_step, self.normal_step()]
+    }
+}
+
+/// Where everything is in a [`PackedGroup`]; what the GPU side keeps of it after upload.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PackedLayout {
+    /// Name of the mesh.
+    pub name: String,
+    /// Storage of the deltas.
+    pub format: DeltaFormat,
+    /// The streams of the group.
+    pub streams: Vec<StreamPlace>,
+    /// Number of vertices, without padding.
+    pub vertex_count: usize,
+    /// Dense formats: vertices of every chunk but the last, which has the rest. A multiple of 64.
+    pub chunk_vertices: usize,
+    /// Length of the base pose's bounding-box diagonal, in input units.
+    pub diagonal: f32,
+    /// The targets.
+    pub targets: Vec<PackedTarget>,
+    /// Block formats: the blocks.
+    pub blocks: Option<Arc<BlockIndex>>,
+}
+
+impl PackedLayout {
+    /// Number of vertices with padding: a multiple of 64, or of the block size.
+    pub fn padded_vertices(&self) -> usize {
+        let padding = self.blocks.as_ref().map_or(VERTEX_PADDING, |b| b.size().max(VERTEX_PADDING));
+        self.vertex_count.next_multiple_of(padding)
+    }
+
+    /// The blocks.
+    ///
+    /// # Errors
+    /// A dense format.
+    pub(crate) fn index(&self) -> Result<&Arc<BlockIndex>> {
+        self.blocks.as_ref().ok_or_else(|| {
+            let text = format!("mesh '{}' has no blocks", self.name);
+            Error::invalid(text, "pack it in a block format, such as 'fast' or 'small'")
+        })
+    }
+
+    /// Whether errors of some stream are lengths: what error budgets and bounds on drift speak of.
+    pub(crate) fn has_lengths(&self) -> bool {
+        self.streams.iter().any(|stream| stream.semantic.measure() == Measure::Length)
+    }
+
+    /// The chunks of a dense format: `(first vertex, vertices)`.
+    pub fn chunks(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let (all, step) = (self.padded_vertices(), self.chunk_vertices.max(1));
+        (0..all).step_by(step).map(move |first| (first, step.min(all - first)))
+    }
+
+    /// Bytes of one pose, padding included.
+    pub fn pose_bytes(&self, format: PoseFormat) -> u64 {
+        (self.padded_vertices() * format.stride()) as u64
+    }
+
+    /// Bytes of the base pose, padding included; as many as the integer sums of an instance take.
+    pub fn base_bytes(&self) -> u64 {
+        (self.padded_vertices() * BASE_STRIDE) as u64
+    }
+
+    /// Bytes of all deltas, padding included; without what says which vertices they belong to.
+    pub fn delta_bytes(&self) -> u64 {
+        match &self.blocks {
+            Some(blocks) => blocks.delta_bytes(),
+            None => (self.padded_vertices() * self.targets.len() * self.format.stride()) as u64,
+        }
+    }
+
+    /// Bytes on the device that say which vertices the deltas belong to and how they are stored; 0 in dense formats.
+    pub fn index_bytes(&self) -> u64 {
+        self.blocks.as_ref().map_or(0, |b| b.index_bytes())
+    }
+
+    /// The user's vertex that is at `packed` in pose buffers: the same number in dense formats. `None` for padding.
+    pub fn user_vertex(&self, packed: usize) -> Option<usize> {
+        match &self.blocks {
+            Some(blocks) => blocks.order().get(packed).map(|&v| v as usize),
+            None => Some(packed).filter(|&v| v < self.vertex_count),
+        }
+    }
+
+    /// Turn the user's vertex indices (an index buffer) into those of pose buffers. Nothing changes in dense formats.
+    ///
+    /// # Errors
+    /// An index that the mesh does not have.
+    pub fn remap_indices(&self, indices: &mut [u32]) -> Result<()> {
+        if let Some(bad) = indices.iter().find(|&&i| i as usize >= self.vertex_count) {
+            return Err(Error::invalid(
+                format!("index {bad} for mesh '{}' of {} vertices", self.name, self.vertex_count),
+                "hand in the index buffer of this mesh",
+            ));
+        }
+        if let Some(blocks) = &self.blocks {
+            let packed = blocks.packed_vertices();
+            indices.iter_mut().for_each(|i| *i = packed[*i as usize]);
+        }
+        Ok(())
+    }
+
+    /// The vertices that draw `faces` of this mesh, in the order of pose buffers, and their index buffer.
+    ///
+    /// Of a mesh that is [split](crate::asset::MorphSource::split), `pose_vertices` counts up: pose buffers and a
+    /// buffer of `texcoords` are drawn as they are, by one index buffer. Otherwise doubled vertices follow, for hosts
+    /// that look up the pose in the vertex shader.
+    ///
+    /// # Errors
+    /// Faces or texture coordinates of another mesh.
+    pub fn render_vertices(&self, faces: &Faces, texcoords: &[Vec2]) -> Result<RenderVertices> {
+        let mut render = faces.render_vertices(self.vertex_count, texcoords)?;
+        self.remap_indices(&mut render.pose_vertices)?;
+        let packed = render.pose_vertices[..self.vertex_count].to_vec();
+        let by_user = render.texcoords[..self.vertex_count].to_vec();
+        for (user, &at) in packed.iter().enumerate() {
+            render.texcoords[at as usize] = by_user[user];
+            render.pose_vertices[user] = user as u32;
+        }
+        for index in render.indices.iter_mut().filter(|index| (**index as usize) < self.vertex_count) {
+            *index = packed[*index as usize];
+        }
+        Ok(render)
+    }
+
+    /// A pose as pose buffers hold it (padding and all), in the user's vertex order and without padding.
+    ///
+    /// # Panics
+    /// When the pose has fewer vertices than the mesh.
+    pub fn to_user_order(&self, pose: &[f32]) -> Vec<f32> {
+        match &self.blocks {
+            None => pose[..self.vertex_count * POSE_FLOATS].to_vec(),
+            Some(blocks) => {
+                let mut out = vec![0.0; self.vertex_count * POSE_FLOATS];
+                for (vertex, from) in blocks.order().iter().zip(pose.chunks_exact(POSE_FLOATS)) {
+                    out[*vertex as usize * POSE_FLOATS..][..POSE_FLOATS].copy_from_slice(from);
+                }
+                out
+            }
+        }
+    }
+
+    /// Index of the first word of the deltas of target `target` in the chunk that starts at vertex `first` and
+    /// has `vertices` (dense formats).
+    pub fn row_start(&self, target: usize, first: usize, vertices: usize) -> usize {
+        (first * self.targets.len() + target * vertices) * self.format.words()
+    }
+
+    /// Index of the first word of the delta of `vertex` in target `target` (dense formats).
+    pub(super) fn word_index(&self, target: usize, vertex: usize) -> usize {
+        let within = vertex % self.chunk_vertices;
+        let first = vertex - within;
+        let rows = self.chunk_vertices.min(self.padded_vertices() - first);
+        self.row_start(target, first, rows) + within * self.format.words()
+    }
 }

@@ -10,8 +10,6 @@ use crate::error::{Error, Result};
 pub(crate) struct Source<'a> {
     pub mesh: &'a MorphMesh,
     pub streams: Vec<StreamPlace>,
-    /// For each of `streams` its values in the base pose, and the place of its deltas among a target's further streams.
-    values: Vec<(&'a [f32], Option<usize>)>,
 }
 
 impl<'a> Source<'a> {
@@ -29,21 +27,20 @@ impl<'a> Source<'a> {
 
     /// The group of these streams; those that the mesh does not have are zero.
     pub fn new(mesh: &'a MorphMesh, streams: &[StreamPlace]) -> Self {
-        let values = |place: &StreamPlace| match place.semantic {
-            Semantic::Position => (bytemuck::cast_slice(&mesh.positions), None),
-            Semantic::Normal => (bytemuck::cast_slice(&mesh.normals), None),
-            semantic @ (Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_)) => {
-                let at = mesh.streams.iter().position(|stream| stream.semantic == semantic);
-                (at.map_or(&[][..], |at| &mesh.streams[at].values[..]), at)
-            }
-        };
-        Self { mesh, streams: streams.to_vec(), values: streams.iter().map(values).collect() }
+        Self { mesh, streams: streams.to_vec() }
     }
 
     /// The base pose of a vertex.
     pub fn base(&self, vertex: usize) -> [f32; POSE_FLOATS] {
         let mut out = [0.0; POSE_FLOATS];
-        for (place, (values, _)) in self.streams.iter().zip(&self.values) {
+        for place in &self.streams {
+            let values: &[f32] = match place.semantic {
+                Semantic::Position => bytemuck::cast_slice(&self.mesh.positions),
+                Semantic::Normal => bytemuck::cast_slice(&self.mesh.normals),
+                semantic @ (Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_)) => {
+                    self.further(semantic).map_or(&[], |at| &self.mesh.streams[at].values)
+                }
+            };
             let to = &mut out[place.components()];
             if !values.is_empty() {
                 to.copy_from_slice(&values[vertex * to.len()..][..to.len()]);
@@ -52,41 +49,43 @@ impl<'a> Source<'a> {
         out
     }
 
+    /// The base pose as pose buffers hold it, `padded` vertices, in `order` (packed → user) where there is one.
+    pub fn base_pose(&self, padded: usize, order: Option<&[u32]>) -> Vec<f32> {
+        let packed = (0..self.mesh.vertex_count()).map(|packed| order.map_or(packed, |order| order[packed] as usize));
+        let mut base: Vec<f32> = packed.flat_map(|vertex| self.base(vertex)).collect();
+        base.resize(padded * POSE_FLOATS, 0.0);
+        base
+    }
+
     /// The deltas of a target, ascending by vertex.
     pub fn deltas(&self, target: &MorphTarget) -> Vec<Lane> {
         let mut out: Vec<Lane> = vec![];
-        for (place, (_, at)) in self.streams.iter().zip(&self.values) {
+        let mut lane_of = vec![None; self.mesh.vertex_count()];
+        for place in &self.streams {
             let numbers = place.morphing_components();
             let (vertices, deltas): (&[u32], &[f32]) = match place.semantic {
                 Semantic::Position => (&target.vertices, bytemuck::cast_slice(&target.positions)),
-                Semantic::Normal => {
-                    // Of the same vertices as positions, which are there.
-                    for ((_, lane), delta) in out.iter_mut().zip(&target.normals) {
-                        lane[numbers.clone()].copy_from_slice(&delta.to_array());
-                    }
-                    continue;
-                }
-                Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_) => {
-                    let stream = at.and_then(|at| target.streams.get(at));
-                    stream.map_or((&[][..], &[][..]), |stream| (&stream.vertices[..], &stream.deltas[..]))
+                Semantic::Normal => (&target.vertices, bytemuck::cast_slice(&target.normals)),
+                semantic @ (Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_)) => {
+                    let stream = self.further(semantic).and_then(|at| target.streams.get(at));
+                    stream.map_or((&[], &[]), |stream| (&stream.vertices, &stream.deltas))
                 }
             };
-            out.extend(vertices.iter().zip(deltas.chunks_exact(numbers.len())).map(|(&vertex, delta)| {
-                let mut lane = [0.0; POSE_FLOATS];
-                lane[numbers.clone()].copy_from_slice(delta);
-                (vertex, lane)
-            }));
-        }
-        // Streams of the same vertex come together; each has numbers of its own.
-        out.sort_by_key(|(vertex, _)| *vertex);
-        out.dedup_by(|later, kept| {
-            let same = later.0 == kept.0;
-            if same {
-                kept.1.iter_mut().zip(later.1).filter(|(_, d)| *d != 0.0).for_each(|(k, d)| *k = d);
+            for (&vertex, delta) in vertices.iter().zip(deltas.chunks_exact(numbers.len())) {
+                let at = *lane_of[vertex as usize].get_or_insert_with(|| {
+                    out.push((vertex, [0.0; POSE_FLOATS]));
+                    out.len() - 1
+                });
+                out[at].1[numbers.clone()].copy_from_slice(delta);
             }
-            same
-        });
+        }
+        out.sort_by_key(|(vertex, _)| *vertex);
         out
+    }
+
+    /// The place of a stream among those beside positions and normals.
+    fn further(&self, semantic: Semantic) -> Option<usize> {
+        self.mesh.streams.iter().position(|stream| stream.semantic == semantic)
     }
 }
 

@@ -3,8 +3,8 @@
 use super::{BLOCK_SIZES, BlockIndex, EntryCost, ExactGrid, Incidence, Parts, WEIGHT_BITS_MIN};
 use crate::asset::streams::{Measure, StreamPlace, TRIPLE, TRIPLES};
 use crate::math::is_power_of_two;
+use crate::pack::formats::BlockFormat;
 use crate::pack::{POSE_FLOATS, VERTEX_PADDING};
-use std::ops::Range;
 
 /// Most words of a mesh: its bytes have to be counted in 32 bits.
 pub(super) const WORDS_MAX: u64 = u32::MAX as u64 / 4;
@@ -21,30 +21,31 @@ impl BlockIndex {
         base: &[f32],
     ) -> Result<Self, String> {
         let (entries, blocks) = (parts.entry_target.len(), parts.first_entry.len().saturating_sub(1));
-        let headers = entries.saturating_mul(parts.format.header_words(parts.size as usize));
+        let format = parts.format.block_format().ok_or("a dense format")?;
+        let headers = entries.saturating_mul(format.header_words(parts.size as usize));
+        let lengths = streams.iter().find(|s| s.semantic.measure() == Measure::Length);
         let mut index = Self {
             parts,
             deltas_at: headers.next_multiple_of(4),
             words: words.len(),
+            lengths: lengths.map_or(0..0, StreamPlace::components),
             exact: None,
             largest_sum: 0.0,
             costs: vec![],
             masks: vec![],
-            first_incidence: vec![0; targets + 1],
-            incidence: vec![Incidence { block: 0, entry: 0 }; entries],
+            first_incidence: vec![],
+            incidence: vec![],
             block_masks: vec![],
             block_base: vec![0.0; blocks],
             block_reach: vec![0.0; blocks],
         };
-        let lengths = streams.iter().find(|s| s.semantic.measure() == Measure::Length);
-        let lengths = lengths.map_or(0..0, StreamPlace::components);
-        index.check(targets, &lengths, words, base)?;
-        index.derive(lengths, words, base)?;
+        index.check(format, targets, words, base)?;
+        index.derive(format, targets, words, base)?;
         Ok(index)
     }
 
-    fn check(&self, targets: usize, lengths: &Range<usize>, words: &[u32], base: &[f32]) -> Result<(), String> {
-        let Parts { format, order, steps, weight_max, first_entry, entry_target, .. } = &self.parts;
+    fn check(&self, format: &dyn BlockFormat, targets: usize, words: &[u32], base: &[f32]) -> Result<(), String> {
+        let Parts { order, steps, weight_max, first_entry, entry_target, .. } = &self.parts;
         let (size, entries) = (self.size(), entry_target.len());
         if !BLOCK_SIZES.contains(&self.parts.size) {
             return Err(format!("a block size of {size}"));
@@ -91,10 +92,10 @@ impl BlockIndex {
         // Entries lie one after the other: each where the one before ends, the last at the end.
         let mut at = self.deltas_at;
         for entry in 0..entries {
-            let (header, deltas) = self.locate(*format, words, entry);
+            let (header, deltas) = self.locate(format, words, entry);
             // Integers fit what decodes them, whatever the deltas are. Lengths are bounded by their sum over a block.
             let bits = format.check_header(header).map_err(|what| format!("entry {entry} has {what}"))?;
-            for triple in (0..TRIPLES).filter(|triple| !lengths.contains(&(triple * TRIPLE))) {
+            for triple in (0..TRIPLES).filter(|triple| !self.lengths.contains(&(triple * TRIPLE))) {
                 let largest = f64::from(steps[triple]) * f64::from(bits[triple]).exp2();
                 if largest > f64::from(f32::MAX) {
                     return Err(format!("entry {entry} has numbers up to {largest:e} in triple {triple}"));
@@ -111,8 +112,8 @@ impl BlockIndex {
         format.check_deltas(&words[self.deltas_at..])
     }
 
-    /// `lengths`: the components of a group that are positions.
-    fn derive(&mut self, lengths: Range<usize>, words: &[u32], base: &[f32]) -> Result<(), String> {
+    fn derive(&mut self, format: &dyn BlockFormat, targets: usize, words: &[u32], base: &[f32]) -> Result<(), String> {
+        let lengths = self.lengths.clone();
         let (size, w, entries) = (self.size(), self.mask_words(), self.entry_count());
         let mut masks = vec![0u32; entries * POSE_FLOATS * w];
         let mut block_masks = vec![0u32; self.count() * POSE_FLOATS * w];
@@ -136,7 +137,7 @@ impl BlockIndex {
                 }
                 // Rounded up: bounds are computed from it.
                 let reach = if lengths.is_empty() { 0.0 } else { (reach.sqrt() as f32).next_up() };
-                let (header, deltas) = self.locate(self.parts.format, words, entry);
+                let (header, deltas) = self.locate(format, words, entry);
                 let bytes = 4 * (header.len() + deltas.len()) as u32;
                 costs.push(EntryCost { bytes, reach });
                 self.block_reach[block] += reach;
@@ -159,28 +160,21 @@ impl BlockIndex {
             }
         }
         (self.masks, self.block_masks, self.costs) = (masks, block_masks, costs);
-        // By target: a counting sort, which leaves blocks ascending.
-        for &t in &self.parts.entry_target {
-            self.first_incidence[t as usize + 1] += 1;
-        }
-        for t in 1..self.first_incidence.len() {
-            self.first_incidence[t] += self.first_incidence[t - 1];
-        }
-        let mut next = self.first_incidence.clone();
-        for block in 0..self.count() {
-            for entry in self.entries(block) {
-                let at = &mut next[self.parts.entry_target[entry] as usize];
-                self.incidence[*at as usize] = Incidence { block: block as u32, entry: entry as u32 };
-                *at += 1;
-            }
-        }
+        // By target. Entries are listed block after block: blocks stay ascending.
+        let target_of = |incidence: &Incidence| self.parts.entry_target[incidence.entry as usize];
+        let in_block = |block| self.entries(block).map(move |e| Incidence { block: block as u32, entry: e as u32 });
+        let mut incidence: Vec<Incidence> = (0..self.count()).flat_map(in_block).collect();
+        incidence.sort_by_key(target_of);
+        let first = |target| incidence.partition_point(|one| (target_of(one) as usize) < target) as u32;
+        self.first_incidence = (0..=targets).map(first).collect();
+        self.incidence = incidence;
         self.exact = self.exact_grid();
         Ok(())
     }
 
     /// The finest grid of weights on which Σ|integer| × weight cannot leave 31 bits.
     fn exact_grid(&self) -> Option<ExactGrid> {
-        if !self.parts.format.format().has_integers() {
+        if !self.parts.format.has_integers() {
             return None;
         }
         let fits = |bits: &u32| {

@@ -19,7 +19,7 @@ pub(super) use pack::pack;
 
 use super::formats::{BlockFormat, with_format};
 use super::order::inverse;
-use super::{POSE_FLOATS, PoseError};
+use super::{DeltaFormat, POSE_FLOATS, PoseError};
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::error::{Error, Result};
 use crate::setters::setters;
@@ -118,6 +118,8 @@ pub struct BlockIndex {
     /// Index of the first delta word: the headers end there.
     pub(crate) deltas_at: usize,
     words: usize,
+    /// The components that are positions.
+    lengths: Range<usize>,
     /// Other groups may need a coarser grid than this one.
     pub(super) exact: Option<ExactGrid>,
     /// The largest Σ|integer| of any vertex component.
@@ -138,7 +140,7 @@ pub struct BlockIndex {
 /// What a [`BlockIndex`] is made from: what a packed file holds of it.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Parts {
-    pub format: &'static dyn BlockFormat,
+    pub format: DeltaFormat,
     pub size: u32,
     pub order: Arc<[u32]>,
     pub steps: [f32; TRIPLES],
@@ -155,7 +157,7 @@ impl BlockIndex {
     /// `block-float32` has no integers; deltas so large against their step that sums could overflow: the message
     /// names a position error that would do.
     pub fn exact(&self) -> Result<ExactGrid> {
-        if !self.parts.format.format().has_integers() {
+        if !self.parts.format.has_integers() {
             return Err(Error::invalid("exact accumulation of float32 deltas", "pack as 'fast' or 'small'"));
         }
         self.exact.ok_or_else(|| {
@@ -232,10 +234,6 @@ impl BlockIndex {
         self.parts.size as usize / 32
     }
 
-    pub(crate) fn format(&self) -> &'static dyn BlockFormat {
-        self.parts.format
-    }
-
     pub(crate) fn entries(&self, block: usize) -> Range<usize> {
         self.parts.first_entry[block] as usize..self.parts.first_entry[block + 1] as usize
     }
@@ -262,10 +260,10 @@ impl BlockIndex {
     /// Call `f` with each vertex of an entry's block that it holds a delta for: its index in the block, and the delta
     /// in input units, in formats of integers an exact multiple of the [steps](Self::steps).
     pub(crate) fn for_each_lane(&self, words: &[u32], entry: usize, mut f: impl FnMut(usize, [f64; POSE_FLOATS])) {
-        with_format!(self.parts.format.format(), dense _f => {}, blocks format => {
+        with_format!(self.parts.format, dense _f => {}, blocks format => {
             let (header, deltas) = self.locate(format, words, entry);
             let shifts = format.shifts(header);
-            let steps = if self.parts.format.format().has_integers() { self.parts.steps } else { [1.0; TRIPLES] };
+            let steps = if self.parts.format.has_integers() { self.parts.steps } else { [1.0; TRIPLES] };
             let units = [0, 1].map(|triple| f64::from(steps[triple]) * f64::from(1u32 << shifts[triple]));
             let mut lanes = [None; BLOCK_SIZES[2] as usize];
             format.decode(self.size(), header, &words[deltas], |lane, c, number| {

@@ -6,7 +6,6 @@ use crate::asset::streams::{Measure, StreamPlace, TRIPLE, TRIPLES};
 use crate::error::{Error, Result};
 use crate::math::angle_degrees;
 use crate::pack::formats::{BlockFormat, INTEGER_BITS, Lane};
-use crate::pack::group::base_pose;
 use crate::pack::order::{inverse, keep_welded, order_groups};
 use crate::pack::source::largest;
 use crate::pack::{POSE_FLOATS, PackDesc, PackedGroup, PackedLayout, PackedTarget, PoseError, Source, VERTEX_PADDING};
@@ -111,7 +110,7 @@ fn check(desc: &BlockDesc) -> Result<()> {
 pub(in crate::pack) fn pack(
     sources: &[Source<'_>],
     desc: &PackDesc,
-    format: &'static dyn BlockFormat,
+    format: &dyn BlockFormat,
 ) -> Result<Vec<PackedGroup>> {
     check(&desc.blocks)?;
     let size = desc.blocks.size.unwrap_or(format.default_size());
@@ -134,7 +133,7 @@ struct Packing<'a> {
     source: &'a Source<'a>,
     kept: &'a Kept,
     desc: &'a PackDesc,
-    format: &'static dyn BlockFormat,
+    format: &'a dyn BlockFormat,
     size: u32,
     /// Packed → user, and the reverse.
     order: &'a Arc<[u32]>,
@@ -166,45 +165,40 @@ impl Packing<'_> {
     fn with(&self, steps: [f32; TRIPLES]) -> Result<PackedGroup> {
         let (mesh, size) = (self.source.mesh, self.size);
         let padded = self.order.len().next_multiple_of((size as usize).max(VERTEX_PADDING));
-        // Entries: by block, then target; a cell of the table lists the deltas of one entry.
-        let mut by_block: Vec<Vec<(u32, Vec<Lane>)>> = vec![vec![]; padded / size as usize];
+        let blocks = padded as u32 / size;
+        // Block, target and deltas of each entry. Sorting them by block keeps them ascending by target.
+        let mut entries: Vec<(u32, u32, Vec<Lane>)> = vec![];
         for (t, deltas) in self.kept.targets.iter().enumerate() {
             let mut deltas: Vec<Lane> = deltas.iter().map(|(v, d)| (self.packed[*v as usize], *d)).collect();
             deltas.sort_unstable_by_key(|(at, _)| *at);
             for run in deltas.chunk_by(|a, b| a.0 / size == b.0 / size) {
-                let lanes = run.iter().map(|(at, d)| (at % size, *d)).collect();
-                by_block[(run[0].0 / size) as usize].push((t as u32, lanes));
+                entries.push((run[0].0 / size, t as u32, run.iter().map(|(at, d)| (at % size, *d)).collect()));
             }
         }
-        let (mut first_entry, mut entry_target) = (vec![0u32], vec![]);
-        let (mut headers, mut deltas) = (vec![], vec![]);
-        for block in &by_block {
-            for (target, lanes) in block {
-                entry_target.push(*target);
-                self.format.encode(size as usize, steps, lanes, [&mut headers, &mut deltas]);
-            }
-            first_entry.push(entry_target.len() as u32);
+        entries.sort_by_key(|(block, ..)| *block);
+        let (mut words, mut deltas) = (vec![], vec![]);
+        for (.., lanes) in &entries {
+            self.format.encode(size as usize, steps, lanes, [&mut words, &mut deltas]);
         }
-        headers.resize(headers.len().next_multiple_of(4), 0);
-        let count = headers.len() as u64 + deltas.len() as u64;
+        words.resize(words.len().next_multiple_of(4), 0);
+        let count = words.len() as u64 + deltas.len() as u64;
         if count > WORDS_MAX {
             return Err(Error::invalid(
                 format!("mesh '{}': its deltas take {} bytes", mesh.name, count * 4),
                 "split the mesh, or use a smaller format",
             ));
         }
-        headers.append(&mut deltas);
-        let words = headers;
-        let base = base_pose(self.source, padded, Some(self.order));
+        words.append(&mut deltas);
+        let base = self.source.base_pose(padded, Some(self.order));
         let parts = Parts {
-            format: self.format,
+            format: self.desc.format,
             size,
             order: self.order.clone(),
             steps,
             weight_max: self.desc.blocks.weight_max,
             error: PoseError::default(),
-            first_entry,
-            entry_target,
+            first_entry: (0..=blocks).map(|b| entries.partition_point(|(block, ..)| *block < b) as u32).collect(),
+            entry_target: entries.iter().map(|(_, target, _)| *target).collect(),
         };
         let streams = self.source.streams.clone();
         let names = mesh.targets.iter().map(|target| target.name.as_str());
@@ -242,7 +236,7 @@ impl PackedGroup {
         let index = BlockIndex::new(parts, targets.len(), &streams, &words, &base)?;
         let layout = PackedLayout {
             name: name.to_owned(),
-            format: index.format().format(),
+            format: index.parts.format,
             streams,
             vertex_count: index.order().len(),
             chunk_vertices: base.len() / POSE_FLOATS,

@@ -18,56 +18,33 @@ const TAIL: usize = 8;
 const ALIGNMENT: usize = 8;
 
 /// What to do about a file that was damaged on its way.
-pub(super) const DAMAGED: &str = "the file is damaged: copy it again, or pack the mesh again";
+const DAMAGED: &str = "the file is damaged: copy it again, or pack the mesh again";
 
-/// A section. Ids count from 1, in this order.
+/// A section: its id in the table, and its name in messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Section {
-    Meta,
-    Names,
-    Base,
-    Order,
-    FirstEntries,
-    EntryTargets,
-    Words,
-    FaceSizes,
-    FaceCorners,
-    CornerTexcoords,
-    Texcoords,
-    Group,
-    Welds,
-}
+pub(super) struct Section(u32, &'static str);
 
-use Section::*;
+pub(super) const META: Section = Section(1, "meta");
+pub(super) const NAMES: Section = Section(2, "names");
+pub(super) const BASE: Section = Section(3, "base pose");
+pub(super) const ORDER: Section = Section(4, "order");
+pub(super) const FIRST_ENTRIES: Section = Section(5, "first entries");
+pub(super) const ENTRY_TARGETS: Section = Section(6, "entry targets");
+pub(super) const WORDS: Section = Section(7, "words");
+pub(super) const FACES: Section = Section(8, "face sizes");
+pub(super) const CORNERS: Section = Section(9, "face corners");
+pub(super) const CORNER_TEXCOORDS: Section = Section(10, "corner texcoords");
+pub(super) const TEXCOORDS: Section = Section(11, "texcoords");
+pub(super) const GROUP: Section = Section(12, "group");
+pub(super) const WELDS: Section = Section(13, "welds");
 
 /// The sections that a file has once, in its order.
-const ONCE: [Section; 8] = [Meta, Names, Order, FaceSizes, FaceCorners, CornerTexcoords, Texcoords, Welds];
+const ONCE: [Section; 8] = [META, NAMES, ORDER, FACES, CORNERS, CORNER_TEXCOORDS, TEXCOORDS, WELDS];
 /// Those that it has for each group, after them.
-const EACH: [Section; 5] = [Group, Base, FirstEntries, EntryTargets, Words];
+const EACH: [Section; 5] = [GROUP, BASE, FIRST_ENTRIES, ENTRY_TARGETS, WORDS];
 /// Those of version 2, each once.
 const OLD: [Section; 11] =
-    [Meta, Names, Base, Order, FirstEntries, EntryTargets, Words, FaceSizes, FaceCorners, CornerTexcoords, Texcoords];
-
-impl Section {
-    /// Its name in messages.
-    const fn name(self) -> &'static str {
-        match self {
-            Meta => "meta",
-            Names => "names",
-            Base => "base pose",
-            Order => "order",
-            FirstEntries => "first entries",
-            EntryTargets => "entry targets",
-            Words => "words",
-            FaceSizes => "face sizes",
-            FaceCorners => "face corners",
-            CornerTexcoords => "corner texcoords",
-            Texcoords => "texcoords",
-            Group => "group",
-            Welds => "welds",
-        }
-    }
-}
+    [META, NAMES, BASE, ORDER, FIRST_ENTRIES, ENTRY_TARGETS, WORDS, FACES, CORNERS, CORNER_TEXCOORDS, TEXCOORDS];
 
 /// A section, and the number of the group that it is of; 0 for those that there are once.
 pub(super) type Place = (Section, usize);
@@ -86,7 +63,7 @@ pub(super) fn places(version: u32, sections: usize) -> Option<Vec<Place>> {
 
 /// A section's id in the table.
 fn id((section, group): Place) -> u32 {
-    section as u32 + 1 + ((group as u32) << 8)
+    section.0 + ((group as u32) << 8)
 }
 
 /// The contents of each section of a file.
@@ -96,14 +73,8 @@ pub(super) struct Sections<'a> {
 }
 
 impl<'a> Sections<'a> {
-    /// The contents of a section that there is once.
-    pub fn get(&self, section: Section) -> &'a [u8] {
-        self.of(section, 0)
-    }
-
-    /// The contents of a section of a group.
-    pub fn of(&self, section: Section, group: usize) -> &'a [u8] {
-        self.contents.iter().find(|(place, _)| *place == (section, group)).map_or(&[], |(_, bytes)| bytes)
+    pub fn get(&self, place: Place) -> &'a [u8] {
+        self.contents.iter().find(|(at, _)| *at == place).map_or(&[], |(_, bytes)| bytes)
     }
 
     /// The number of groups.
@@ -118,8 +89,8 @@ pub(super) fn malformed(path: &Path, place: Option<Place>, what: impl Into<Strin
         path: path.to_path_buf(),
         place: match place {
             None => String::new(),
-            Some((section, 0)) => format!(": section '{}'", section.name()),
-            Some((section, group)) => format!(": section '{}' of group {group}", section.name()),
+            Some((Section(_, name), 0)) => format!(": section '{name}'"),
+            Some((Section(_, name), group)) => format!(": section '{name}' of group {group}"),
         },
         what: what.into(),
         remedy: remedy.into(),
@@ -211,7 +182,7 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
 }
 
 /// The number at byte `at`.
-fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
+pub(super) fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
     bytes.get(at..)?.first_chunk().map(|b| u32::from_le_bytes(*b))
 }
 

@@ -6,12 +6,6 @@ use crate::pack::POSE_FLOATS;
 
 pub(crate) struct Float32;
 
-impl Float32 {
-    pub const fn words(&self) -> usize {
-        POSE_FLOATS
-    }
-}
-
 impl DenseFormat for Float32 {
     fn steps(&self, _: [f32; TRIPLES]) -> (f32, i8) {
         (1.0, 0)

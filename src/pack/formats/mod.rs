@@ -1,15 +1,13 @@
 //! How deltas are stored: a file for each format, here and under `glsl/formats/`, and one list of them,
 //! `src/abi/formats.rs`.
 
-pub(crate) mod bits;
-pub(crate) mod shifts;
+mod shifts;
 
 use super::POSE_FLOATS;
 use crate::abi::formats::{FORMATS, FormatRow, delta_formats};
 use crate::asset::streams::TRIPLES;
 use crate::error::{Error, Result};
 use crate::math::power_of_two_below;
-use std::fmt;
 use std::ops::Range;
 use std::str::FromStr;
 
@@ -38,12 +36,6 @@ macro_rules! declared {
             /// The formats of the paths `blocks` and `cpu`.
             pub const BLOCKS: [Self; [$(Self::$blocks),*].len()] = [$(Self::$blocks),*];
         }
-
-        $(impl Listed for $blocks_file::$blocks {
-            fn format(&self) -> DeltaFormat {
-                DeltaFormat::$blocks
-            }
-        })*
     };
 }
 delta_formats!(declared());
@@ -89,7 +81,7 @@ impl DeltaFormat {
 
     /// 32-bit words of one delta in a dense format; 0 for block formats, where they differ from entry to entry.
     pub const fn words(self) -> usize {
-        with_format!(self, dense f => f.words(), blocks _f => 0)
+        self.row().words as usize
     }
 
     /// Bytes of one delta in a dense format; 0 for block formats.
@@ -159,14 +151,8 @@ pub(crate) type Lane = (u32, [f32; POSE_FLOATS]);
 /// Most bits of an integer of the two triples, in any format.
 pub(crate) const INTEGER_BITS: [u32; TRIPLES] = [18, 14];
 
-/// A block format is in the list.
-pub(crate) trait Listed {
-    /// Its name there.
-    fn format(&self) -> DeltaFormat;
-}
-
 /// A format in blocks: how the deltas of an entry lie in a header and in words of their own.
-pub(crate) trait BlockFormat: Listed + Send + Sync {
+pub(crate) trait BlockFormat {
     /// Default number of vertices of a block.
     fn default_size(&self) -> u32 {
         64
@@ -218,18 +204,6 @@ pub(crate) trait BlockFormat: Listed + Send + Sync {
         Self: Sized;
 }
 
-impl PartialEq for dyn BlockFormat {
-    fn eq(&self, other: &Self) -> bool {
-        self.format() == other.format()
-    }
-}
-
-impl fmt::Debug for dyn BlockFormat {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.format().fmt(f)
-    }
-}
-
 /// The words of an entry where each has `length`.
 #[inline(always)]
 fn fixed(entry: usize, length: usize) -> Range<usize> {
@@ -249,8 +223,7 @@ mod tests {
     fn every_format_is_in_the_list_under_a_name_and_a_number_of_its_own() {
         for (format, row) in DeltaFormat::ALL.into_iter().zip(FORMATS) {
             assert_eq!((format.row(), format.name().parse::<DeltaFormat>().unwrap()), (row, format));
-            assert_eq!(with_format!(format, dense _f => false, blocks _f => true), row.blocks);
-            assert_eq!(format.block_format().map(|f| f.format()), row.blocks.then_some(format));
+            assert_eq!(format.block_format().is_some(), row.blocks);
             assert_eq!(DeltaFormat::from_id(row.id), row.blocks.then_some(format));
             assert!(row.summary.starts_with(if row.blocks { "In blocks, " } else { "Dense, " }), "{}", row.summary);
         }

@@ -1,13 +1,13 @@
 //! Entries whose integers have a fixed number of bits: the header is one word, which has how far an entry's integers
 //! are shifted, those of the first triple in bits 0..8, those of the second in bits 8..16.
 
-use super::{BlockFormat, Lane, Listed, fixed, quantise};
+use super::{BlockFormat, Lane, fixed, quantise};
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::pack::POSE_FLOATS;
 use std::ops::Range;
 
 /// A format whose integers have a fixed number of bits.
-pub(crate) trait Shifted: Listed + Send + Sync {
+pub(crate) trait Shifted {
     /// Bits of an integer, by triple.
     const BITS: [u32; TRIPLES];
 
@@ -88,4 +88,29 @@ impl<F: Shifted> BlockFormat for F {
 #[inline(always)]
 pub(super) fn field(word: u32, at: u32, bits: u32) -> i32 {
     ((word << (32 - at - bits)) as i32) >> (32 - bits)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pack::formats::{fast::Fast, pair::Pair};
+    use proptest::prelude::*;
+
+    /// A block of 32 vertices, their integers cut to the bits that the format has.
+    fn comes_back<F: Shifted>(block: &[[i32; POSE_FLOATS]]) {
+        let cut = |delta: &[i32; POSE_FLOATS]| std::array::from_fn(|i| delta[i] >> (32 - F::BITS[i / TRIPLE]));
+        let expected: Vec<_> = block.iter().map(cut).enumerate().collect();
+        let (mut words, mut found) = (vec![0; F::entry_words(32)], vec![]);
+        expected.iter().for_each(|(lane, delta)| F::put(32, *lane, *delta, &mut words));
+        F::for_each(32, &words, |lane, delta| found.push((lane, delta)));
+        assert_eq!((found, F::check_deltas(&words)), (expected, Ok(())));
+    }
+
+    proptest! {
+        #[test]
+        fn deltas_come_back(block in prop::collection::vec(any::<[i32; POSE_FLOATS]>(), 32)) {
+            comes_back::<Fast>(&block);
+            comes_back::<Pair>(&block);
+        }
+    }
 }

@@ -11,12 +11,6 @@ const PAIR: usize = 2 * POSE_FLOATS;
 
 pub(crate) struct Snorm16;
 
-impl Snorm16 {
-    pub const fn words(&self) -> usize {
-        POSE_FLOATS / 2
-    }
-}
-
 impl DenseFormat for Snorm16 {
     /// The smallest steps that let the largest numbers fit.
     fn steps(&self, [first, second]: [f32; TRIPLES]) -> (f32, i8) {

@@ -1,0 +1,272 @@
+//! The sections of a packed file: written from an asset, and read. Nothing in a file is taken for granted.
+
+use super::Asset;
+use super::table::*;
+use crate::asset::streams::{Semantic, TRIPLES, group_streams};
+use crate::asset::{Corner, Faces, Tolerance};
+use crate::error::{Error, Result};
+use crate::io::check_room;
+use crate::pack::blocks::Parts;
+use crate::pack::{
+    BASE_STRIDE, DeltaFormat, POSE_FLOATS, PackedGroup, PackedMesh, PoseError, TARGETS_MAX, VERTEX_PADDING,
+};
+use glam::Vec2;
+use std::path::Path;
+use std::sync::Arc;
+
+/// What to do about a file whose checksums are right and whose contents are not.
+const INCONSISTENT: &str = "whatever wrote it is at fault: pack the mesh again";
+
+/// The bytes of `asset`, whose groups have blocks.
+pub(super) fn write(asset: &Asset) -> Result<Vec<u8>> {
+    let (layout, faces) = (asset.mesh.layout(), &asset.faces);
+    let (index, groups) = (layout.index()?, asset.mesh.groups());
+    if groups.len() > GROUPS_MAX {
+        let what = format!("mesh '{}' has {} groups of streams; a file has {GROUPS_MAX}", layout.name, groups.len());
+        return Err(Error::invalid(what, "leave streams out"));
+    }
+    let counts = |counts: &[usize]| -> Result<Vec<u32>> {
+        let refuse = |n| Error::invalid(format!("mesh '{}' has {n} of something", layout.name), "split the mesh");
+        counts.iter().map(|&n| u32::try_from(n).map_err(|_| refuse(n))).collect()
+    };
+    let (corners, texcoords) = (faces.corners.len(), asset.texcoords.len());
+    let Tolerance { position, normal } = asset.tolerance;
+    let meta = [
+        &[layout.format.row().id, index.parts.size][..],
+        &counts(&[layout.vertex_count, layout.targets.len(), faces.sizes.len(), corners, texcoords])?,
+        &[layout.diagonal, index.parts.weight_max, position, normal].map(f32::to_bits),
+    ]
+    .concat();
+    let mut names = vec![];
+    for name in std::iter::once(&layout.name).chain(layout.targets.iter().map(|t| &t.name)) {
+        let length = u32::try_from(name.len())
+            .map_err(|_| Error::invalid(format!("a name of {} bytes", name.len()), "shorten it"))?;
+        names.extend(length.to_le_bytes());
+        names.extend(name.as_bytes());
+    }
+    let textured = faces.corners.iter().any(|c| c.texcoord.is_some());
+    let corner_texcoords = faces.corners.iter().filter(|_| textured).map(|c| c.texcoord.unwrap_or(u32::MAX));
+    let mut contents = vec![
+        ((META, 0), bytes_of(meta)),
+        ((NAMES, 0), names),
+        ((ORDER, 0), bytes_of(index.order().iter().copied())),
+        ((FACES, 0), bytes_of(faces.sizes.iter().copied())),
+        ((CORNERS, 0), bytes_of(faces.corners.iter().map(|c| c.position))),
+        ((CORNER_TEXCOORDS, 0), bytes_of(corner_texcoords)),
+        ((TEXCOORDS, 0), bytes_of(asset.texcoords.iter().flat_map(|t| t.to_array().map(f32::to_bits)))),
+        ((WELDS, 0), bytes_of(asset.welds.iter().copied())),
+    ];
+    for (i, group) in groups.iter().enumerate() {
+        let (streams, index) = (&group.layout().streams, group.layout().index()?);
+        let mut head = counts(&[streams.len(), index.count(), index.entry_count(), group.deltas().len()])?;
+        head.extend(index.steps().map(f32::to_bits));
+        for semantic in streams.iter().map(|place| place.semantic) {
+            let error = index.error().of(semantic).to_bits();
+            head.extend([semantic_id(semantic), 0, error as u32, (error >> 32) as u32]);
+        }
+        let base = &group.base()[..layout.vertex_count * POSE_FLOATS];
+        contents.extend([
+            ((GROUP, i), bytes_of(head)),
+            ((BASE, i), bytes_of(base.iter().map(|number| number.to_bits()))),
+            ((FIRST_ENTRIES, i), bytes_of(index.parts.first_entry.iter().copied())),
+            ((ENTRY_TARGETS, i), bytes_of(index.parts.entry_target.iter().copied())),
+            ((WORDS, i), bytes_of(group.deltas().iter().copied())),
+        ]);
+    }
+    Ok(join(&contents))
+}
+
+/// The asset that `bytes` are the file of.
+pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
+    // All sections are copied below.
+    check_room(path, bytes.len() as u64)?;
+    let sections = split(path, bytes)?;
+    let refuse = |place: Place, what: String| malformed(path, Some(place), what, INCONSISTENT);
+    // Counts are held against the lengths of sections, before memory is taken by them.
+    let checked = |place: Place, count: usize, stride: usize, of: &str| {
+        let bytes = sections.get(place);
+        let needed = count as u64 * stride as u64;
+        let what = || format!("has {} bytes; {count} {of} take {needed}", bytes.len());
+        if bytes.len() as u64 == needed { Ok(words_of(bytes)) } else { Err(refuse(place, what())) }
+    };
+    let optional = |section, count, of| match sections.get((section, 0)).is_empty() {
+        true => Ok(vec![]),
+        false => checked((section, 0), count, 4, of),
+    };
+
+    // Version 2 states in 'meta' what version 3 states in 'group'.
+    let (old, at_meta) = (sections.version == OLD_VERSION, (META, 0));
+    let at_head = |group| if old { at_meta } else { (GROUP, group) };
+    let mut meta = sections.get(at_meta).to_vec();
+    let mut heads: Vec<_> = (0..sections.groups()).map(|group| sections.get(at_head(group)).to_vec()).collect();
+    if old {
+        [meta, heads[0]] = split_old(&meta).map_err(|what| refuse(at_meta, what))?;
+    }
+    let words: Option<[u32; 11]> = words_of(&meta).try_into().ok().filter(|_| meta.len().is_multiple_of(4));
+    let [format, size, counts @ .., diagonal, weight_max, position, normal] =
+        words.ok_or_else(|| refuse(at_meta, format!("has {} bytes, 44 expected", meta.len())))?;
+    let [vertices, target_count, face_count, corners, texcoords] = counts.map(|n| n as usize);
+    let [diagonal, weight_max, position, normal] = [diagonal, weight_max, position, normal].map(f32::from_bits);
+    let format = DeltaFormat::from_id(format)
+        .ok_or_else(|| refuse(at_meta, format!("names a format {format} that is not known")))?;
+    if target_count > TARGETS_MAX {
+        let what = format!("names {target_count} targets; the kernels name at most {TARGETS_MAX}");
+        return Err(refuse(at_meta, what));
+    }
+    let head = |(i, bytes): (usize, &Vec<u8>)| Head::parse(bytes).map_err(|what| refuse(at_head(i), what));
+    let heads = heads.iter().enumerate().map(head).collect::<Result<Vec<_>>>()?;
+    let laid_out = group_streams(heads.iter().flat_map(|head| &head.semantics).copied());
+
+    let names = names(sections.get((NAMES, 0)), target_count);
+    let names = names.map_err(|what| refuse((NAMES, 0), what))?;
+    let (name, targets) = names.split_first().map_or(("", &[][..]), |(first, rest)| (*first, rest));
+    let order: Arc<[u32]> = checked((ORDER, 0), vertices, 4, "vertices")?.into();
+    // Of any block size: whether there are blocks of this size is checked with the blocks.
+    let padded = vertices.next_multiple_of((size as usize).clamp(VERTEX_PADDING, 128));
+
+    let mut groups = vec![];
+    for (i, head) in heads.into_iter().enumerate() {
+        let streams = laid_out.get(i).filter(|places| places.iter().map(|p| p.semantic).eq(head.semantics));
+        let Some(streams) = streams else {
+            return Err(refuse((GROUP, i), "holds other streams than it should".into()));
+        };
+        let mut base = floats_of(checked((BASE, i), vertices, BASE_STRIDE, "vertices")?);
+        base.resize(padded * POSE_FLOATS, 0.0);
+        let words = checked((WORDS, i), head.words, 4, "words")?;
+        let parts = Parts {
+            format,
+            size,
+            order: order.clone(),
+            steps: head.steps,
+            weight_max,
+            error: head.error,
+            first_entry: checked((FIRST_ENTRIES, i), head.blocks.saturating_add(1), 4, "blocks and one")?,
+            entry_target: checked((ENTRY_TARGETS, i), head.entries, 4, "entries")?,
+        };
+        let targets = targets.iter().copied();
+        let group = PackedGroup::in_blocks(name, diagonal, targets, streams.clone(), parts, base, words);
+        groups.push(group.map_err(|what| {
+            let of = if i == 0 { "its blocks".to_owned() } else { format!("the blocks of group {i}") };
+            malformed(path, None, format!("{of} do not fit together: {what}"), INCONSISTENT)
+        })?);
+    }
+    let texcoords = floats_of(checked((TEXCOORDS, 0), texcoords, 8, "texture coordinates")?);
+    let positions = checked((CORNERS, 0), corners, 4, "corners")?;
+    let corner_texcoords = optional(CORNER_TEXCOORDS, corners, "corners")?;
+    let corner = |(i, position)| {
+        let texcoord = corner_texcoords.get(i).copied().filter(|t| *t != u32::MAX);
+        Corner { position, texcoord }
+    };
+    let asset = Asset {
+        mesh: PackedMesh::of_groups(groups),
+        faces: Faces {
+            sizes: checked((FACES, 0), face_count, 4, "faces")?,
+            corners: positions.into_iter().enumerate().map(corner).collect(),
+        },
+        texcoords: texcoords.as_chunks().0.iter().copied().map(Vec2::from_array).collect(),
+        welds: optional(WELDS, vertices, "vertices")?,
+        tolerance: Tolerance { position, normal },
+    };
+    match asset.check() {
+        Ok(()) => Ok(asset),
+        Err(what) => Err(malformed(path, None, what, INCONSISTENT)),
+    }
+}
+
+/// A section 'group'.
+struct Head {
+    semantics: Vec<Semantic>,
+    blocks: usize,
+    entries: usize,
+    words: usize,
+    steps: [f32; TRIPLES],
+    error: PoseError,
+}
+
+impl Head {
+    fn parse(bytes: &[u8]) -> Result<Self, String> {
+        let (words, length) = (words_of(bytes), bytes.len() as u64);
+        let (&[count, blocks, entries, words, first, second], rest) =
+            words.split_first_chunk::<6>().ok_or_else(|| format!("has {length} bytes"))?;
+        let expected = 24 + 16 * u64::from(count);
+        if length != expected {
+            return Err(format!("has {length} bytes, {expected} expected"));
+        }
+        let (mut semantics, mut error) = (vec![], PoseError::default());
+        for &[id, zero, low, high] in rest.as_chunks().0 {
+            let known = semantic(id).filter(|_| zero == 0);
+            let semantic = known.ok_or_else(|| format!("names a stream {id:#x} that is not known"))?;
+            let stated = f64::from_bits(u64::from(low) | u64::from(high) << 32);
+            if !(stated.is_finite() && stated >= 0.0) {
+                return Err(format!("names an error of {stated}"));
+            }
+            semantics.push(semantic);
+            error = error.max(PoseError::only(semantic, stated));
+        }
+        let [blocks, entries, words] = [blocks, entries, words].map(|n| n as usize);
+        Ok(Self { semantics, blocks, entries, words, steps: [first, second].map(f32::from_bits), error })
+    }
+}
+
+/// The section 'meta' of version 2, as the two sections that version 3 has in its place.
+fn split_old(bytes: &[u8]) -> Result<[Vec<u8>; 2], String> {
+    if bytes.len() != 80 {
+        return Err(format!("has {} bytes, 80 expected", bytes.len()));
+    }
+    let words = words_of(bytes);
+    let mesh = [&words[..4], &words[7..10], &words[12..16]].concat();
+    let [position, normal] = [Semantic::Position, Semantic::Normal].map(|semantic| [semantic_id(semantic), 0]);
+    let group = [&[2], &words[4..7], &words[10..12], &position, &words[16..18], &normal, &words[18..]].concat();
+    Ok([mesh, group].map(bytes_of))
+}
+
+/// The name of the mesh, then that of each target.
+fn names(mut bytes: &[u8], targets: usize) -> Result<Vec<&str>, String> {
+    // As many as there is room for, whatever the count says.
+    let mut names = Vec::with_capacity((targets + 1).min(bytes.len() / 4));
+    for i in 0..=targets {
+        let of = || if i == 0 { "the mesh".to_owned() } else { format!("target {}", i - 1) };
+        let Some((length, rest)) = bytes.split_first_chunk() else {
+            return Err(format!("ends before the name of {}", of()));
+        };
+        let length = u32::from_le_bytes(*length) as usize;
+        let Some((name, rest)) = rest.split_at_checked(length) else {
+            return Err(format!("ends within the name of {}, which has {length} bytes", of()));
+        };
+        names.push(std::str::from_utf8(name).map_err(|_| format!("the name of {} is not UTF-8", of()))?);
+        bytes = rest;
+    }
+    match bytes.len() {
+        0 => Ok(names),
+        n => Err(format!("has {n} bytes after the last name")),
+    }
+}
+
+/// The number of a stream in a file: what it is, and which set of it.
+fn semantic_id(semantic: Semantic) -> u32 {
+    match semantic {
+        Semantic::Position => 1,
+        Semantic::Normal => 2,
+        Semantic::Tangent => 3,
+        Semantic::TexCoord(set) => 4 | u32::from(set) << 8,
+        Semantic::Color(set) => 5 | u32::from(set) << 8,
+    }
+}
+
+fn semantic(id: u32) -> Option<Semantic> {
+    let set = u8::try_from(id >> 8).ok()?;
+    let all = [Semantic::Position, Semantic::Normal, Semantic::Tangent, Semantic::TexCoord(set), Semantic::Color(set)];
+    all.into_iter().find(|semantic| semantic_id(*semantic) == id)
+}
+
+fn words_of(bytes: &[u8]) -> Vec<u32> {
+    bytes.as_chunks().0.iter().map(|b| u32::from_le_bytes(*b)).collect()
+}
+
+fn floats_of(words: Vec<u32>) -> Vec<f32> {
+    words.into_iter().map(f32::from_bits).collect()
+}
+
+fn bytes_of(words: impl IntoIterator<Item = u32>) -> Vec<u8> {
+    words.into_iter().flat_map(u32::to_le_bytes).collect()
+}
