@@ -175,10 +175,8 @@ impl HazardChecker {
     /// A draw of the host reads a pose, as vertex attributes and in the vertex shader.
     pub fn draw_group(&mut self, crowd: u32, group: u32, instance: u32, slot: u32) {
         let memory = Memory::Pose { instance, slot };
-        for (stage, access) in [(Stage::VertexInput, Access::AttributeRead), (Stage::VertexShader, Access::ShaderRead)]
-        {
-            self.read(place(crowd, group, memory), Use::new(memory, stage, access));
-        }
+        self.read(place(crowd, group, memory), Use::new(memory, Stage::VertexInput, Access::AttributeRead));
+        self.read(place(crowd, group, memory), Use::new(memory, Stage::VertexShader, Access::ShaderRead));
     }
 
     /// A recorded update.

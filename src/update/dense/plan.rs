@@ -12,8 +12,7 @@ use crate::pack::PackedLayout;
 use crate::plan::UpdatePath;
 #[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::{Accesses, Memory};
-use crate::plan::history::History;
-use crate::plan::instances::Instances;
+use crate::plan::instances::{History, Instances};
 #[cfg(any(test, feature = "internals"))]
 use crate::plan::steps::{Access, Stage};
 use crate::plan::steps::{Resource, Source, Steps, Use, Work};
