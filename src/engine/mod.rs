@@ -13,7 +13,7 @@ use crate::abi::numbers::WORKGROUP;
 use crate::error::{Error, Result};
 use crate::gpu::caps::{CAPTURE_STRIDE, DeviceCaps};
 use crate::gpu::device::{Device, DeviceDesc};
-use crate::gpu::kernels::Kernels;
+use crate::gpu::pipelines::Kernels;
 use crate::pack::blocks::BlockDesc;
 use crate::pack::{DeltaFormat, PackDesc};
 use crate::plan::CrowdDesc;
@@ -82,12 +82,6 @@ impl MorphEngine {
     /// Limits and features that the engine keeps to.
     pub fn caps(&self) -> &DeviceCaps {
         &self.device.caps
-    }
-
-    /// The device, for `headless`.
-    #[cfg(feature = "headless")]
-    pub(crate) fn device(&self) -> &Arc<Device> {
-        &self.device
     }
 
     /// How to pack a mesh for this device.

@@ -22,16 +22,6 @@ pub(crate) struct MeshBuffers {
     pub(crate) private: Option<Box<dyn Any + Send + Sync>>,
 }
 
-/// What is copied to a mesh's buffers.
-pub(crate) struct MeshWords<'a> {
-    pub(crate) base: &'a [f32],
-    pub(crate) deltas: &'a [u32],
-    /// Bytes of the buffer of deltas.
-    pub(crate) deltas_size: u64,
-    /// See [`MeshBuffers::private`].
-    pub(crate) private: Option<Box<dyn Any + Send + Sync>>,
-}
-
 /// Staging memory, and what is copied from it.
 pub(crate) struct Upload {
     staging: Buffer,
@@ -40,28 +30,33 @@ pub(crate) struct Upload {
 
 impl MeshBuffers {
     /// Buffers of a base pose and of deltas, and what fills them.
-    pub(crate) fn new(device: &Arc<Device>, layout: PackedLayout, words: MeshWords<'_>) -> Result<(Self, Upload)> {
+    pub(crate) fn new(
+        device: &Arc<Device>,
+        layout: PackedLayout,
+        base: &[f32],
+        deltas: &[u32],
+        private: Option<Box<dyn Any + Send + Sync>>,
+    ) -> Result<(Self, Upload)> {
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
             | vk::BufferUsageFlags::VERTEX_BUFFER
             | vk::BufferUsageFlags::TRANSFER_DST;
-        let (base_bytes, delta_bytes) =
-            (bytemuck::cast_slice::<f32, u8>(words.base), bytemuck::cast_slice::<u32, u8>(words.deltas));
+        let (base_bytes, delta_bytes): (&[u8], &[u8]) = (bytemuck::cast_slice(base), bytemuck::cast_slice(deltas));
         // In blocks the base pose follows the deltas, and no buffer of its own is needed.
-        let one_buffer = layout.format.is_blocks() && words.private.is_none();
+        let one_buffer = layout.format.is_blocks() && private.is_none();
         let (base_size, base_at) = if one_buffer { (0, delta_bytes.len()) } else { (layout.base_bytes(), 0) };
+        let deltas_size = if private.is_some() { delta_bytes.len() as u64 } else { deltas_bytes(&layout) };
         let base = Buffer::new(device, "deltamorph base pose", base_size, usage, MemoryLocation::GpuOnly)?;
-        let deltas = Buffer::new(device, "deltamorph deltas", words.deltas_size, usage, MemoryLocation::GpuOnly)?;
+        let deltas = Buffer::new(device, "deltamorph deltas", deltas_size, usage, MemoryLocation::GpuOnly)?;
         let (bytes, usage) = ((base_bytes.len() + delta_bytes.len()) as u64, vk::BufferUsageFlags::TRANSFER_SRC);
         let mut staging = Buffer::new(device, "deltamorph upload", bytes, usage, STAGING)?;
         let mapped = staging.mapped()?;
         mapped[..base_bytes.len()].copy_from_slice(base_bytes);
         mapped[base_bytes.len()..][..delta_bytes.len()].copy_from_slice(delta_bytes);
 
-        let region = |src_offset: usize, dst_offset: usize, size: usize| vk::BufferCopy {
-            src_offset: src_offset as u64,
-            dst_offset: dst_offset as u64,
-            size: size as u64,
+        let region = |src_offset: usize, dst_offset: usize, size: usize| {
+            let [src_offset, dst_offset, size] = [src_offset, dst_offset, size].map(|bytes| bytes as u64);
+            vk::BufferCopy { src_offset, dst_offset, size }
         };
         let base_buffer = if one_buffer { &deltas } else { &base };
         let mut copies = vec![
@@ -69,7 +64,7 @@ impl MeshBuffers {
             (deltas.raw, region(base_bytes.len(), 0, delta_bytes.len())),
         ];
         copies.retain(|(_, region)| region.size > 0);
-        Ok((Self { layout, base, deltas, private: words.private }, Upload { staging, copies }))
+        Ok((Self { layout, base, deltas, private }, Upload { staging, copies }))
     }
 }
 
