@@ -40,7 +40,7 @@ impl MorphEngine {
             let (what, range) = (format!("mesh '{}': {what}", layout.name), self.device.caps.max_storage_range);
             self.device.caps.check_limit(&what, (bytes, "bytes", range), "use fewer targets, or split the mesh")?;
         }
-        let buffers = MeshBuffers::new(&self.device, layout, mesh.base(), &words, Some(Box::new(first)))?;
+        let buffers = MeshBuffers::new(&self.device, layout, mesh.base(), &words, first)?;
         // SAFETY: the caller's obligations.
         Ok(unsafe { self.upload_groups(cmd, vec![buffers]) })
     }

@@ -10,7 +10,7 @@ use crate::abi::modules::{RESOLVE, SCATTER};
 use crate::abi::numbers::WORKGROUP;
 use crate::abi::push::{ResolvePush, ScatterPush};
 use crate::asset::streams::TRIPLE;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::memory::Buffer;
 use crate::gpu::mesh::MeshBuffers;
@@ -122,9 +122,8 @@ const PARTS: [(Part, &[Use]); 3] = [
 /// A crowd with integer sums for each instance, cleared, added to and resolved in each update.
 pub(crate) struct ScatterTechnique {
     kernel: Arc<Pipelines<Scatter>>,
+    /// With the first record of each target, and the number of all, in its private words.
     mesh: Arc<MeshBuffers>,
-    /// First record of each target, and the number of all.
-    first: Vec<u32>,
     poses: Poses,
     grid: ExactGrid,
     /// Input units of a sum: positions, normals.
@@ -138,36 +137,27 @@ pub(crate) struct ScatterTechnique {
 impl ScatterTechnique {
     pub(crate) fn new(context: Context<'_>) -> Result<Self> {
         let (device, desc, mesh, poses) = (context.device, context.desc, context.mesh, context.poses);
-        let first = mesh.private.as_ref().and_then(|private| private.downcast_ref::<Vec<u32>>());
-        let (Some(index), Some(first)) = (&mesh.layout.blocks, first) else {
-            return Err(Error::invalid(
-                format!("mesh '{}' has no records for 'scatter'", mesh.layout.name),
-                "upload it with MorphEngine::upload_scatter",
-            ));
-        };
-        let (grid, kernel) = (index.exact()?, context.kernels.get(Scatter)?);
+        let (index, kernel) = (mesh.layout.index()?, context.kernels.get(Scatter)?);
+        let grid = index.exact()?;
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::TRANSFER_DST
             | vk::BufferUsageFlags::TRANSFER_SRC;
         let bytes = poses.bytes.saturating_mul(desc.instances.into());
         let sums = Buffer::new(device, "deltamorph scattered sums", bytes, usage, MemoryLocation::GpuOnly)?;
-        let records = u64::from(first.last().copied().unwrap_or(0)) * (RECORD_WORDS * 4) as u64;
+        let records = u64::from(mesh.private.last().copied().unwrap_or(0)) * (RECORD_WORDS * 4) as u64;
         let all = (0..desc.instances).flat_map(|instance| (0..poses.slots).map(move |slot| (instance, slot)));
-        let bound: Vec<[BufferRange; 4]> = all
-            .map(|(instance, slot)| {
-                [
-                    BufferRange::new(mesh.deltas.raw, 0, records.max(16)),
-                    BufferRange::new(sums.raw, u64::from(instance) * poses.bytes, poses.bytes),
-                    BufferRange::new(mesh.base.raw, 0, poses.bytes),
-                    BufferRange::new(poses.buffer, poses.offset(instance, slot), poses.bytes),
-                ]
-            })
-            .collect();
+        let bound = |(instance, slot): (u32, u32)| {
+            [
+                BufferRange::new(mesh.deltas.raw, 0, records.max(16)),
+                BufferRange::new(sums.raw, u64::from(instance) * poses.bytes, poses.bytes),
+                BufferRange::new(mesh.base.raw, 0, poses.bytes),
+                BufferRange::new(poses.buffer, poses.offset(instance, slot), poses.bytes),
+            ]
+        };
         Ok(Self {
-            sets: kernel.objects.sets(&bound)?,
+            sets: kernel.objects.sets(&all.map(bound).collect::<Vec<_>>())?,
             kernel,
             mesh: mesh.clone(),
-            first: first.clone(),
             poses,
             grid,
             units: index.steps().map(|step| step * grid.weight_step()),
@@ -177,7 +167,7 @@ impl ScatterTechnique {
     }
 
     fn records_of(&self, target: u32) -> Range<u32> {
-        self.first[target as usize]..self.first[target as usize + 1]
+        self.mesh.private[target as usize]..self.mesh.private[target as usize + 1]
     }
 
     /// Bytes moved: sums cleared; each record loaded, and its six sums loaded and stored by atomics; sums and base pose

@@ -123,7 +123,7 @@ impl MorphEngine {
         }
         mesh.layouts().try_for_each(|layout| desc.update.check_all(Some(layout), runner))?;
         desc.update.path.check_groups(mesh.groups.len(), mesh.layout())?;
-        if mesh.groups[0].private.is_some() != desc.update.path.row().has_own_upload {
+        if mesh.groups[0].private.is_empty() == desc.update.path.row().has_own_upload {
             return Err(Error::invalid(
                 format!("mesh '{}' for the path '{}'", mesh.layout().name, desc.update.path.name()),
                 "upload it with MorphEngine::upload_scatter for 'scatter', with MorphEngine::upload for other paths",

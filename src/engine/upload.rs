@@ -72,7 +72,7 @@ impl MorphEngine {
     pub unsafe fn upload(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
         let group = |group: &PackedGroup| {
             self.check_mesh(group.layout())?;
-            MeshBuffers::new(&self.device, group.layout().clone(), group.base(), group.deltas(), None)
+            MeshBuffers::new(&self.device, group.layout().clone(), group.base(), group.deltas(), vec![])
         };
         let groups = mesh.groups().iter().map(group).collect::<Result<_>>()?;
         // SAFETY: the caller's obligations.

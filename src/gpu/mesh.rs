@@ -8,7 +8,6 @@ use crate::pack::PackedLayout;
 use crate::plan::schedule::asset_uploaded;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use std::any::Any;
 use std::sync::Arc;
 
 /// The device-local part of a group of a mesh.
@@ -18,8 +17,8 @@ pub(crate) struct MeshBuffers {
     pub(crate) base: Buffer,
     /// Dense formats: the deltas. Block formats: headers, deltas and base pose, the whole asset.
     pub(crate) deltas: Buffer,
-    /// Uploaded for one technique, in words of its own: what that has to know of them.
-    pub(crate) private: Option<Box<dyn Any + Send + Sync>>,
+    /// Uploaded for one technique, in words of its own: what that has to know of them on the host. Else empty.
+    pub(crate) private: Vec<u32>,
 }
 
 /// Staging memory, and what is copied from it.
@@ -35,7 +34,7 @@ impl MeshBuffers {
         layout: PackedLayout,
         base: &[f32],
         deltas: &[u32],
-        private: Option<Box<dyn Any + Send + Sync>>,
+        private: Vec<u32>,
     ) -> Result<(Self, Upload)> {
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
@@ -43,9 +42,9 @@ impl MeshBuffers {
             | vk::BufferUsageFlags::TRANSFER_DST;
         let (base_bytes, delta_bytes): (&[u8], &[u8]) = (bytemuck::cast_slice(base), bytemuck::cast_slice(deltas));
         // In blocks the base pose follows the deltas, and no buffer of its own is needed.
-        let one_buffer = layout.format.is_blocks() && private.is_none();
+        let one_buffer = layout.format.is_blocks() && private.is_empty();
         let (base_size, base_at) = if one_buffer { (0, delta_bytes.len()) } else { (layout.base_bytes(), 0) };
-        let deltas_size = if private.is_some() { delta_bytes.len() as u64 } else { deltas_bytes(&layout) };
+        let deltas_size = if private.is_empty() { deltas_bytes(&layout) } else { delta_bytes.len() as u64 };
         let base = Buffer::new(device, "deltamorph base pose", base_size, usage, MemoryLocation::GpuOnly)?;
         let deltas = Buffer::new(device, "deltamorph deltas", deltas_size, usage, MemoryLocation::GpuOnly)?;
         let (bytes, usage) = ((base_bytes.len() + delta_bytes.len()) as u64, vk::BufferUsageFlags::TRANSFER_SRC);
