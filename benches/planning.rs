@@ -5,8 +5,7 @@
 use criterion::{BatchSize as Setup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::import::{csv, obj};
-use deltamorph::internals::plan::history::History;
-use deltamorph::internals::plan::instances::Instances;
+use deltamorph::internals::plan::instances::{History, Instances};
 use deltamorph::internals::update::blocks::Planner;
 use deltamorph::internals::update::dense::Plan;
 use deltamorph::{

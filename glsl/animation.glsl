@@ -39,7 +39,7 @@ layout(push_constant) uniform Push {
     uint deltas_at;
     uint bits_at;
     uint history_at;
-    uint history_mask;     // bits of the updates that a slot may have missed
+    uint history_mask;     // bits of the updates that a slot may lack
     uint slots;
     uint source;           // slots
     uint destination;

@@ -6,7 +6,7 @@ POSE_ATTRIBUTES(source_position, source_normal)
 #include "dense_formats.glsl"
 
 void evaluate(out vec3 pose_position, out vec3 pose_normal) {
-    // Summed apart and added once: one rounding at pose magnitude per pass.
+    // Summed separately and added once: one rounding at pose magnitude per pass.
     vec3 position = vec3(0.0);
     vec3 normal = vec3(0.0);
 #if BATCH > 0

@@ -14,11 +14,11 @@ void main() {
     uint most_high = tables[budget_at + 1u];
     for (uint head = gl_WorkGroupID.y; head < heads; head += gl_NumWorkGroups.y) {
         if (state[phases_at + head * words] != CONTINUED) continue;
-        uint waits = 0u;
+        uint deferred = 0u;
         for (uint w = 0u; w < words; ++w) {
-            waits |= state[bits(PENDING) + head * words + w] & tables[block_targets_at + block * words + w];
+            deferred |= state[bits(PENDING) + head * words + w] & tables[block_targets_at + block * words + w];
         }
-        if (waits == 0u) continue;
+        if (deferred == 0u) continue;
         uint low = 0u, high = 0u;
         for (uint e = from; e < to; ++e) {
             uint at = head * targets + tables[entries_at + 2u * e];
@@ -30,8 +30,8 @@ void main() {
         }
         if (high < most_high || (high == most_high && low <= most_low)) continue;
         for (uint w = 0u; w < words; ++w) {
-            uint go = state[bits(PENDING) + head * words + w] & tables[block_targets_at + block * words + w];
-            if (go != 0u) atomicOr(state[bits(APPLIED) + head * words + w], go);
+            uint applied = state[bits(PENDING) + head * words + w] & tables[block_targets_at + block * words + w];
+            if (applied != 0u) atomicOr(state[bits(APPLIED) + head * words + w], applied);
         }
     }
 }

@@ -10,10 +10,10 @@ void main() {
     uint phase = state[phases_at + i];
     if (phase == NEW || phase == SKIPPED) return;
     uint head = i / words;
-    uint asked = 0u;
-    for (uint w = 0u; w < words; ++w) asked |= state[bits(REQUESTED) + head * words + w];
+    uint requested = 0u;
+    for (uint w = 0u; w < words; ++w) requested |= state[bits(REQUESTED) + head * words + w];
     // Nothing is deferred where a head is new or shown again, or its face is still.
-    uint goes = phase != CONTINUED || asked == 0u ? 0xffffffffu : state[bits(APPLIED) + i];
+    uint applied = phase != CONTINUED || requested == 0u ? 0xffffffffu : state[bits(APPLIED) + i];
     state[bits(APPLIED) + i] = 0u;
 
     uint first = (i % words) * 32u;
@@ -21,7 +21,7 @@ void main() {
     uint changed = 0u, active_bits = 0u;
     for (uint t = 0u; t < count; ++t) {
         uint at = head * targets + first + t;
-        int weight = int((goes >> t & 1u) != 0u ? state[requested_at + at] : state[weights_at + at]);
+        int weight = int((applied >> t & 1u) != 0u ? state[requested_at + at] : state[weights_at + at]);
         commit(at, weight, 1u << t, changed, active_bits);
     }
     state[bits(CHANGED) + i] = changed;

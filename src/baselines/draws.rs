@@ -111,10 +111,7 @@ pub(super) enum Capture {
 }
 
 impl Capture {
-    /// The way that a device has to capture a pose that only the draws of `path` evaluate.
-    ///
-    /// # Errors
-    /// It has none.
+    /// The way that a device has, if any, to capture a pose that only the draws of `path` evaluate.
     pub(super) fn of(device: &Device, path: UpdatePath) -> Result<Self> {
         match device.caps.check_path(UpdatePath::Feedback) {
             Ok(()) => Ok(Self::Feedback),
@@ -122,10 +119,9 @@ impl Capture {
             Err(_) => Err(Error::Unsupported {
                 path: path.name(),
                 device: device.caps.name.clone(),
-                reason:
-                    "its draws evaluate the pose, and to capture it the device needs VK_EXT_transform_feedback or the \
-                         feature vertexPipelineStoresAndAtomics, enabled"
-                        .into(),
+                reason: "its draws evaluate the pose, and to capture it the device needs VK_EXT_transform_feedback or \
+                         the feature vertexPipelineStoresAndAtomics, enabled"
+                    .into(),
                 remedy: "draw it, or use a path with pose buffers, such as 'compute'".into(),
             }),
         }
@@ -158,10 +154,11 @@ pub(super) fn one_pass(desc: &CrowdDesc) -> Result<DensePlanner> {
 #[cfg(test)]
 mod tests {
     use super::Capture;
-    use crate::plan::hazards::{Accesses, Event, HazardChecker, Memory, trace};
+    use crate::plan::hazards::{Accesses, Memory, trace};
     use crate::plan::steps::{Access, Stage, Use};
+    use crate::plan::tests::assert_barriers_needed;
 
-    /// Two captures with a draw between them: each barrier is needed.
+    /// Captures with draws between them: each barrier is needed.
     #[test]
     fn captures_are_ordered() {
         for (capture, stage, access) in [
@@ -171,18 +168,7 @@ mod tests {
             let write = Use::new(Memory::Pose { instance: 0, slot: 0 }, stage, access);
             let accesses = Accesses { uses: vec![write], ..Accesses::default() };
             let events = trace(&capture.schedule().entries, |_, _| vec![accesses.clone()]);
-            for dropped in [None, Some(0), Some(2)] {
-                let mut checker = HazardChecker::default();
-                checker.update(&events);
-                checker.draw(0, 0, 0);
-                let mut second = events.clone();
-                if let Some(at) = dropped {
-                    assert!(matches!(second.remove(at), Event::Barrier(_)));
-                }
-                checker.update(&second);
-                checker.draw(0, 0, 0);
-                assert_eq!(checker.finish().is_err(), dropped.is_some(), "{capture:?}, {dropped:?}");
-            }
+            assert_barriers_needed(&vec![(events, [Some(0), None]); 5], 2, &format!("{capture:?}"));
         }
     }
 }

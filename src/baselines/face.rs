@@ -1,12 +1,12 @@
 //! The public face of the baselines: an upload of their own, and draws that evaluate.
 
 use super::draws::{Capture, Draws};
-use super::scatter::Records;
+use super::scatter::records;
 use super::{AttributesTechnique, DirectTechnique};
 use crate::engine::{Crowd, GpuMesh, MorphEngine, PoseView};
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
-use crate::gpu::mesh::{MeshBuffers, MeshWords};
+use crate::gpu::mesh::MeshBuffers;
 use crate::pack::PackedMesh;
 use crate::plan::UpdatePath;
 use crate::plan::schedule::Entry;
@@ -33,16 +33,14 @@ impl MorphEngine {
             ));
         };
         index.exact()?;
-        let Records { words, first } = Records::new(mesh, &index);
-        let bytes = (size_of_val(words.as_slice()) as u64).max(16);
+        let (words, first) = records(mesh, &index);
+        let bytes = size_of_val(words.as_slice()) as u64;
         self.check_not_empty(&layout)?;
         for (what, bytes) in [("a pose takes", layout.base_bytes()), ("the records of 'scatter' take", bytes)] {
             let (what, range) = (format!("mesh '{}': {what}", layout.name), self.device.caps.max_storage_range);
             self.device.caps.check_limit(&what, (bytes, "bytes", range), "use fewer targets, or split the mesh")?;
         }
-        let private: Option<Box<dyn std::any::Any + Send + Sync>> = Some(Box::new(first));
-        let words = MeshWords { base: mesh.base(), deltas: &words, deltas_size: bytes, private };
-        let buffers = MeshBuffers::new(&self.device, layout, words)?;
+        let buffers = MeshBuffers::new(&self.device, layout, mesh.base(), &words, first)?;
         // SAFETY: the caller's obligations.
         Ok(unsafe { self.upload_groups(cmd, vec![buffers]) })
     }
@@ -94,12 +92,7 @@ impl MorphEngine {
     }
 
     fn draws<'a>(&self, crowd: &'a Crowd) -> Result<&'a dyn Draws> {
-        if !crowd.base.is_on(&self.device) {
-            return Err(Error::invalid(
-                "the crowd belongs to another MorphEngine",
-                "record it with the engine that created it",
-            ));
-        }
+        crowd.base.check_device(&self.device)?;
         let direct = crowd.base.technique::<DirectTechnique>().map(|direct| &direct.draws as &dyn Draws);
         let attributes = || crowd.base.technique::<AttributesTechnique>().map(|attributes| &attributes.draws as _);
         direct.or_else(attributes).ok_or_else(|| {

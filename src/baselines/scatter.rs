@@ -10,12 +10,11 @@ use crate::abi::modules::{RESOLVE, SCATTER};
 use crate::abi::numbers::WORKGROUP;
 use crate::abi::push::{ResolvePush, ScatterPush};
 use crate::asset::streams::TRIPLE;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::descriptors::{BufferRange, Sets};
-use crate::gpu::kernels::{PipelineKey, Pipelines};
 use crate::gpu::memory::Buffer;
 use crate::gpu::mesh::MeshBuffers;
-use crate::gpu::pipelines::Objects;
+use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines};
 use crate::pack::blocks::{BlockIndex, ExactGrid};
 use crate::pack::{DeltaFormat, POSE_FLOATS, PackedMesh, PoseFormat};
 use crate::plan::UpdateStats;
@@ -30,35 +29,27 @@ use std::ops::Range;
 use std::sync::Arc;
 
 /// Words of a record: the vertex, then three words of a position component (18 bits) and a normal component (14 bits).
-pub(super) const RECORD_WORDS: usize = 4;
+const RECORD_WORDS: usize = 4;
 
-/// Deltas as `scatter.comp` reads them, target after target.
-pub(super) struct Records {
-    pub(super) words: Vec<u32>,
-    /// First record of each target, and the number of all.
-    pub(super) first: Vec<u32>,
-}
-
-impl Records {
-    /// The deltas of `mesh`, packed as `small`: its components fit the bits of a record.
-    pub(super) fn new(mesh: &PackedMesh, index: &BlockIndex) -> Self {
-        let (mut words, mut first) = (vec![], vec![0]);
-        for target in 0..mesh.layout().targets.len() {
-            for incidence in index.incidence(target) {
-                let block = incidence.block * index.size() as u32;
-                index.for_each_lane(mesh.deltas(), incidence.entry as usize, |lane, delta| {
-                    let steps = index.steps().map(f64::from);
-                    let q: [i32; POSE_FLOATS] = std::array::from_fn(|c| (delta[c] / steps[c / TRIPLE]) as i32);
-                    if q != [0; POSE_FLOATS] {
-                        words.push(block + lane as u32);
-                        words.extend((0..3).map(|c| (q[c] as u32 & 0x3ffff) | (q[c + 3] as u32) << 18));
-                    }
-                });
-            }
-            first.push((words.len() / RECORD_WORDS) as u32);
+/// Deltas as `scatter.comp` reads them, target after target; and the first record of each target, with the number of all.
+/// The mesh is packed as `small`: its components fit the bits of a record.
+pub(super) fn records(mesh: &PackedMesh, index: &BlockIndex) -> (Vec<u32>, Vec<u32>) {
+    let (mut words, mut first) = (vec![], vec![0]);
+    for target in 0..mesh.layout().targets.len() {
+        for incidence in index.incidence(target) {
+            let block = incidence.block * index.size() as u32;
+            index.for_each_lane(mesh.deltas(), incidence.entry as usize, |lane, delta| {
+                let steps = index.steps().map(f64::from);
+                let q: [i32; POSE_FLOATS] = std::array::from_fn(|c| (delta[c] / steps[c / TRIPLE]) as i32);
+                if q != [0; POSE_FLOATS] {
+                    words.push(block + lane as u32);
+                    words.extend((0..3).map(|c| (q[c] as u32 & 0x3ffff) | (q[c + 3] as u32) << 18));
+                }
+            });
         }
-        Self { words, first }
+        first.push((words.len() / RECORD_WORDS) as u32);
     }
+    (words, first)
 }
 
 /// The pipelines: scatter, then resolve.
@@ -76,36 +67,36 @@ impl PipelineKey for Scatter {
 }
 
 impl Pipelines<Scatter> {
-    /// Bind the pipeline that adds, or the one that resolves, and what it reads and writes.
+    /// Bind the pipeline that adds, or the one that resolves; then, for each of `runs`, an invocation for each of so many,
+    /// in as many dispatches as the device's workgroup count requires. A run makes the push constants of a dispatch from
+    /// its first invocation and their number.
     ///
     /// # Safety
     /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
-    /// - `set` was made for buffers that live until the commands have run.
-    unsafe fn bind(&self, cmd: vk::CommandBuffer, pipeline: usize, set: vk::DescriptorSet) {
-        let (device, point) = (&self.objects.device.raw, vk::PipelineBindPoint::COMPUTE);
+    /// - `set` was made for buffers that live until the commands have run, and the invocations stay within them.
+    unsafe fn dispatch<P: bytemuck::Pod>(
+        &self,
+        cmd: vk::CommandBuffer,
+        pipeline: usize,
+        set: vk::DescriptorSet,
+        runs: impl IntoIterator<Item = (u32, impl Fn(u32, u32) -> P)>,
+    ) {
+        let (Objects { layout, pipelines, device, .. }, point) = (&self.objects, vk::PipelineBindPoint::COMPUTE);
         // SAFETY: the caller's obligations; pipelines and layout are ours.
         unsafe {
-            device.cmd_bind_pipeline(cmd, point, self.objects.pipelines[pipeline]);
-            device.cmd_bind_descriptor_sets(cmd, point, self.objects.layout, 0, &[set], &[]);
+            device.raw.cmd_bind_pipeline(cmd, point, pipelines[pipeline]);
+            device.raw.cmd_bind_descriptor_sets(cmd, point, *layout, 0, &[set], &[]);
         }
-    }
-
-    /// An invocation for each of `count`, in as many dispatches as the device's workgroup count asks for. `push`: the
-    /// push constants of a dispatch, of its first invocation and their number.
-    ///
-    /// # Safety
-    /// As [`bind`](Self::bind), which has happened; the invocations stay within the buffers.
-    unsafe fn dispatch<P: bytemuck::Pod>(&self, cmd: vk::CommandBuffer, count: u32, push: impl Fn(u32, u32) -> P) {
-        let device = &self.objects.device;
         let most = device.caps.max_workgroups.min(u32::MAX / WORKGROUP) * WORKGROUP;
-        for first in (0..count).step_by(most as usize) {
-            let here = most.min(count - first);
-            let push = push(first, here);
-            // SAFETY: the caller's obligations; the push constants are within the layout's range.
-            unsafe {
-                let stage = vk::ShaderStageFlags::COMPUTE;
-                device.raw.cmd_push_constants(cmd, self.objects.layout, stage, 0, bytes_of(&push));
-                device.raw.cmd_dispatch(cmd, here.div_ceil(WORKGROUP), 1, 1);
+        for (count, push) in runs {
+            for first in (0..count).step_by(most as usize) {
+                let here = most.min(count - first);
+                // SAFETY: the caller's obligations; the push constants are within the layout's range.
+                unsafe {
+                    let (stage, push) = (vk::ShaderStageFlags::COMPUTE, push(first, here));
+                    device.raw.cmd_push_constants(cmd, *layout, stage, 0, bytes_of(&push));
+                    device.raw.cmd_dispatch(cmd, here.div_ceil(WORKGROUP), 1, 1);
+                }
             }
         }
     }
@@ -128,28 +119,11 @@ const PARTS: [(Part, &[Use]); 3] = [
     (Part::Resolve, &[Use::read(Resource::Asset), Use::read(Resource::Sums), Use::write(Resource::Poses)]),
 ];
 
-/// Append the planned passes to `steps`: each part of all instances, which do not depend on each other.
-fn fill(planner: &DensePlanner, steps: &mut Steps) {
-    if !planner.has_changed() {
-        return;
-    }
-    for (part, uses) in PARTS {
-        steps.step(uses);
-        for instance in 0..planner.plans().len() {
-            let plan = &planner.plans()[instance];
-            let [pass] = &plan.passes[..] else { continue };
-            let items = if part == Part::Add { pass.items.clone() } else { 0..0 };
-            steps.push(Work { kernel: part as u32, instance: instance as u32, items, ..pass.clone() });
-        }
-    }
-}
-
 /// A crowd with integer sums for each instance, cleared, added to and resolved in each update.
 pub(crate) struct ScatterTechnique {
     kernel: Arc<Pipelines<Scatter>>,
+    /// With the first record of each target, and the number of all, in its private words.
     mesh: Arc<MeshBuffers>,
-    /// First record of each target, and the number of all.
-    first: Vec<u32>,
     poses: Poses,
     grid: ExactGrid,
     /// Input units of a sum: positions, normals.
@@ -163,36 +137,27 @@ pub(crate) struct ScatterTechnique {
 impl ScatterTechnique {
     pub(crate) fn new(context: Context<'_>) -> Result<Self> {
         let (device, desc, mesh, poses) = (context.device, context.desc, context.mesh, context.poses);
-        let first = mesh.private.as_ref().and_then(|private| private.downcast_ref::<Vec<u32>>());
-        let (Some(index), Some(first)) = (&mesh.layout.blocks, first) else {
-            return Err(Error::invalid(
-                format!("mesh '{}' has no records for 'scatter'", mesh.layout.name),
-                "upload it with MorphEngine::upload_scatter",
-            ));
-        };
-        let (grid, kernel) = (index.exact()?, context.kernels.get(Scatter)?);
+        let (index, kernel) = (mesh.layout.index()?, context.kernels.get(Scatter)?);
+        let grid = index.exact()?;
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::TRANSFER_DST
             | vk::BufferUsageFlags::TRANSFER_SRC;
         let bytes = poses.bytes.saturating_mul(desc.instances.into());
         let sums = Buffer::new(device, "deltamorph scattered sums", bytes, usage, MemoryLocation::GpuOnly)?;
-        let records = u64::from(first.last().copied().unwrap_or(0)) * (RECORD_WORDS * 4) as u64;
+        let records = u64::from(mesh.private.last().copied().unwrap_or(0)) * (RECORD_WORDS * 4) as u64;
         let all = (0..desc.instances).flat_map(|instance| (0..poses.slots).map(move |slot| (instance, slot)));
-        let bound: Vec<[BufferRange; 4]> = all
-            .map(|(instance, slot)| {
-                [
-                    BufferRange::new(mesh.deltas.raw, 0, records.max(16)),
-                    BufferRange::new(sums.raw, u64::from(instance) * poses.bytes, poses.bytes),
-                    BufferRange::new(mesh.base.raw, 0, poses.bytes),
-                    BufferRange::new(poses.buffer, poses.offset(instance, slot), poses.bytes),
-                ]
-            })
-            .collect();
+        let bound = |(instance, slot): (u32, u32)| {
+            [
+                BufferRange::new(mesh.deltas.raw, 0, records.max(16)),
+                BufferRange::new(sums.raw, u64::from(instance) * poses.bytes, poses.bytes),
+                BufferRange::new(mesh.base.raw, 0, poses.bytes),
+                BufferRange::new(poses.buffer, poses.offset(instance, slot), poses.bytes),
+            ]
+        };
         Ok(Self {
-            sets: kernel.objects.sets(&bound)?,
+            sets: kernel.objects.sets(&all.map(bound).collect::<Vec<_>>())?,
             kernel,
             mesh: mesh.clone(),
-            first: first.clone(),
             poses,
             grid,
             units: index.steps().map(|step| step * grid.weight_step()),
@@ -202,7 +167,7 @@ impl ScatterTechnique {
     }
 
     fn records_of(&self, target: u32) -> Range<u32> {
-        self.first[target as usize]..self.first[target as usize + 1]
+        self.mesh.private[target as usize]..self.mesh.private[target as usize + 1]
     }
 
     /// Bytes moved: sums cleared; each record loaded, and its six sums loaded and stored by atomics; sums and base pose
@@ -228,7 +193,15 @@ impl ScatterTechnique {
 impl Technique for ScatterTechnique {
     fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         self.planner.plan(instances, id.update);
-        fill(&self.planner, steps);
+        let parts = if self.planner.has_changed() { &PARTS[..] } else { &[] };
+        for &(part, uses) in parts {
+            steps.step(uses);
+            for (instance, plan) in (0..).zip(self.planner.plans()) {
+                let [pass] = &plan.passes[..] else { continue };
+                let items = if part == Part::Add { pass.items.clone() } else { 0..0 };
+                steps.push(Work { kernel: part as u32, instance, items, ..pass.clone() });
+            }
+        }
         Ok(self.stats())
     }
 
@@ -241,26 +214,19 @@ impl Technique for ScatterTechnique {
                 unsafe { device.cmd_fill_buffer(cmd, self.sums.raw, at, self.poses.bytes, 0) };
             }
             Part::Add => {
+                let runs = self.planner.coefficients(work).iter().filter_map(|c| {
+                    let (Range { start, end }, weight) = (self.records_of(c.target), self.grid.steps(c.value));
+                    let push = move |first, count| ScatterPush { first: start + first, count, weight };
+                    (weight != 0).then_some((end - start, push))
+                });
                 // SAFETY: the caller's obligations; the records are the mesh's.
-                unsafe { self.kernel.bind(cmd, 0, set) };
-                for c in self.planner.coefficients(work) {
-                    let (records, weight) = (self.records_of(c.target), self.grid.steps(c.value));
-                    if weight == 0 {
-                        continue;
-                    }
-                    let push = |first, count| ScatterPush { first: records.start + first, count, weight };
-                    // SAFETY: as above.
-                    unsafe { self.kernel.dispatch(cmd, records.len() as u32, push) };
-                }
+                unsafe { self.kernel.dispatch(cmd, 0, set, runs) };
             }
             Part::Resolve => {
                 let ([position_unit, normal_unit], count) = (self.units, self.mesh.layout.padded_vertices() as u32);
                 let push = |first_vertex, _| ResolvePush { first_vertex, position_unit, normal_unit };
                 // SAFETY: the caller's obligations; `count` is a multiple of the workgroup size.
-                unsafe {
-                    self.kernel.bind(cmd, 1, set);
-                    self.kernel.dispatch(cmd, count, push);
-                }
+                unsafe { self.kernel.dispatch(cmd, 1, set, [(count, push)]) };
             }
         }
     }
@@ -273,56 +239,19 @@ impl Technique for ScatterTechnique {
         Some((self.sums.raw, u64::from(instance) * self.poses.bytes))
     }
 
+    /// Atomics commute: those of a work do not have to be ordered among themselves.
     #[cfg(any(test, feature = "internals"))]
     fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        accesses(works)
-    }
-}
-
-/// What works read and write. Atomics commute: those of a work do not have to be ordered among themselves.
-#[cfg(any(test, feature = "internals"))]
-fn accesses(works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-    use crate::plan::hazards::{Accesses, Memory};
-    let of = |work: &Work| {
-        let (instance, slot) = (work.instance, work.destination);
-        let sums = Memory::Sums { instance };
-        match PARTS[work.kernel as usize].0 {
-            Part::Clear => Accesses { uses: vec![Use::copy(sums)], ..Accesses::default() },
-            Part::Add => Accesses::compute([Memory::Deltas, sums], [sums]),
-            Part::Resolve => Accesses::compute([Memory::Base, sums], [Memory::Pose { instance, slot }]),
-        }
-    };
-    works.iter().map(of).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::plan::tests::{assert_barriers_needed, scheduled};
-    use crate::plan::{BatchSize, Consumers, CrowdDesc, UpdateDesc, UpdatePath};
-
-    /// The four barriers: before the sums are cleared, and after each part.
-    #[test]
-    fn every_barrier_is_needed() {
-        for slots in 1..4 {
-            let update = UpdateDesc { slots, ..UpdateDesc::new(UpdatePath::Scatter, BatchSize::All) };
-            let mut planner = one_pass(&CrowdDesc { instances: 2, ..CrowdDesc::new(update) }).unwrap();
-            let (mut instances, mut frames, mut counts) = (Instances::new(2, 2, slots), vec![], vec![]);
-            for frame in 0..5u8 {
-                // The second instance is still every other frame.
-                for (instance, weight) in (0..).zip([frame, frame / 2]) {
-                    instances.set_weights(instance, &[f32::from(weight), 1.0]).unwrap();
-                }
-                planner.plan(&mut instances, u64::from(frame) + 1);
-                let mut steps = Steps::new(Consumers::default());
-                fill(&planner, &mut steps);
-                let added: usize = steps.works().iter().map(|work| planner.coefficients(work).len()).sum();
-                counts.push((steps.works().len(), added));
-                let (pose, previous) = instances.slots_of(0).unwrap();
-                frames.push((scheduled(&[&steps], |_, works| accesses(works)), [Some(pose), previous]));
+        use crate::plan::hazards::{Accesses, Memory};
+        let of = |work: &Work| {
+            let (instance, slot) = (work.instance, work.destination);
+            let sums = Memory::Sums { instance };
+            match PARTS[work.kernel as usize].0 {
+                Part::Clear => Accesses { uses: vec![Use::copy(sums)], ..Accesses::default() },
+                Part::Add => Accesses::compute([Memory::Deltas, sums], [sums]),
+                Part::Resolve => Accesses::compute([Memory::Base, sums], [Memory::Pose { instance, slot }]),
             }
-            assert_barriers_needed(&frames, 4, &format!("{update:?}"));
-            assert_eq!((counts[2], counts[3].0), ((6, 4), 3), "a still instance is left out");
-        }
+        };
+        works.iter().map(of).collect()
     }
 }

@@ -5,8 +5,7 @@
 use crate::abi::modules::VERTEX_STORE;
 use crate::error::Result;
 use crate::gpu::descriptors::BufferRange;
-use crate::gpu::kernels::Pipelines;
-use crate::gpu::pipelines::Objects;
+use crate::gpu::pipelines::{Objects, Pipelines};
 use crate::pack::{PackedLayout, PoseFormat};
 use crate::plan::steps::{Access, Resource, Stage, Use, Work};
 use crate::update::dense::feedback::VertexPasses;

@@ -4,9 +4,9 @@ use super::upload::GpuMesh;
 use crate::asset::streams::{Semantic, StreamPlace};
 use crate::error::{Error, Result};
 use crate::gpu::device::Device;
-use crate::gpu::kernels::Kernels;
 use crate::gpu::memory::Buffer;
 use crate::gpu::mesh::MeshBuffers;
+use crate::gpu::pipelines::Kernels;
 use crate::pack::{PackedLayout, PoseFormat};
 use crate::plan::instances::Instances;
 use crate::plan::schedule::Schedule;
@@ -20,7 +20,7 @@ use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Ranges of discarded updates that a crowd tells apart.
+/// Ranges of discarded updates that a crowd remembers.
 const DISCARDED_RANGES: usize = 64;
 
 /// Proof of a recorded update, to discard it with.
@@ -79,7 +79,7 @@ pub struct StreamView {
 /// The part that all kinds of crowds share.
 pub struct CrowdBase {
     // Before the buffers that its descriptor sets name.
-    pub(super) technique: Box<dyn Technique>,
+    pub(crate) technique: Box<dyn Technique>,
     /// At least one.
     groups: Vec<PoseGroup>,
     pub(super) instances: Instances,
@@ -88,10 +88,10 @@ pub struct CrowdBase {
     pub(super) schedule: Schedule,
     /// The update planned last.
     last: Option<UpdateId>,
-    desc: CrowdDesc,
+    pub(crate) desc: CrowdDesc,
     device: Arc<Device>,
     _pose_buffers: Vec<Buffer>,
-    /// Tells crowds apart.
+    /// Its number, which no other crowd has.
     crowd: u64,
     /// Updates planned.
     updates: u64,
@@ -107,9 +107,7 @@ pub trait AnyCrowd: sealed::Sealed {}
 pub(crate) mod sealed {
     /// Keeps other types out.
     pub trait Sealed {
-        /// What all crowds share.
         fn base(&self) -> &super::CrowdBase;
-        /// What all crowds share.
         fn base_mut(&mut self) -> &mut super::CrowdBase;
     }
 }
@@ -172,12 +170,15 @@ impl CrowdBase {
         })
     }
 
-    pub(crate) fn desc(&self) -> &CrowdDesc {
-        &self.desc
-    }
-
-    pub(crate) fn is_on(&self, device: &Arc<Device>) -> bool {
-        Arc::ptr_eq(&self.device, device)
+    /// Refuse to record a crowd that was made on another device.
+    pub(crate) fn check_device(&self, device: &Arc<Device>) -> Result<()> {
+        match Arc::ptr_eq(&self.device, device) {
+            true => Ok(()),
+            false => Err(Error::invalid(
+                "the crowd belongs to another MorphEngine",
+                "record it with the engine that created it",
+            )),
+        }
     }
 
     /// The technique, if it is a `T`.
@@ -186,7 +187,6 @@ impl CrowdBase {
         any.downcast_ref()
     }
 
-    /// The technique, if it is a `T`.
     pub(super) fn technique_mut<T: Technique>(&mut self) -> Option<&mut T> {
         let any: &mut dyn Any = &mut *self.technique;
         any.downcast_mut()
@@ -240,10 +240,7 @@ impl CrowdBase {
         Ok(())
     }
 
-    /// Whether the update of a ticket was discarded.
-    ///
-    /// # Errors
-    /// A ticket of another crowd.
+    /// Whether the update of a ticket was discarded. A ticket of another crowd is refused.
     pub(crate) fn is_discarded(&self, ticket: Ticket) -> Result<bool> {
         if ticket.crowd != self.crowd {
             return Err(Error::invalid("the ticket is of another crowd", "discard it in the crowd that was updated"));
@@ -273,7 +270,6 @@ impl CrowdBase {
         &self.groups[0].mesh.layout
     }
 
-    /// The pose of an instance in a group of the mesh.
     pub(crate) fn group_pose(&self, instance: u32, group: usize) -> Result<PoseView> {
         let (slot, _) = self.slots_of(instance)?;
         if !self.technique.has_poses() {
@@ -285,7 +281,6 @@ impl CrowdBase {
         Ok(self.view(instance, slot, group))
     }
 
-    /// The previous pose of an instance in a group of the mesh.
     pub(crate) fn previous_group_pose(&self, instance: u32, group: usize) -> Result<Option<PoseView>> {
         let (_, previous) = self.slots_of(instance)?;
         Ok(previous.filter(|_| self.technique.has_poses()).map(|slot| self.view(instance, slot, group)))
@@ -308,12 +303,6 @@ impl CrowdBase {
         let place = self.instances.check(instance)?;
         let none = || Error::invalid(format!("instance {instance} has no pose yet"), "record an update first");
         self.technique.slots_of(&self.instances, place).ok_or_else(none)
-    }
-
-    /// The integer sums of an instance: buffer and offset.
-    #[cfg(feature = "headless")]
-    pub(crate) fn sums(&self, instance: u32) -> Option<(vk::Buffer, u64)> {
-        self.technique.sums(instance)
     }
 
     pub(crate) fn view(&self, instance: u32, slot: u32, group: usize) -> PoseView {

@@ -45,7 +45,7 @@ macro_rules! crowd {
 
             /// How the crowd was made.
             pub fn desc(&self) -> &CrowdDesc {
-                self.base.desc()
+                &self.base.desc
             }
 
             /// The next pose of `instance` has no predecessor (it was hidden, or teleported): its previous pose will be

@@ -13,7 +13,7 @@ use crate::abi::numbers::WORKGROUP;
 use crate::error::{Error, Result};
 use crate::gpu::caps::{CAPTURE_STRIDE, DeviceCaps};
 use crate::gpu::device::{Device, DeviceDesc};
-use crate::gpu::kernels::Kernels;
+use crate::gpu::pipelines::Kernels;
 use crate::pack::blocks::BlockDesc;
 use crate::pack::{DeltaFormat, PackDesc};
 use crate::plan::CrowdDesc;
@@ -84,12 +84,6 @@ impl MorphEngine {
         &self.device.caps
     }
 
-    /// The device, for `headless`.
-    #[cfg(feature = "headless")]
-    pub(crate) fn device(&self) -> &Arc<Device> {
-        &self.device
-    }
-
     /// How to pack a mesh for this device.
     pub fn pack_desc(&self, format: DeltaFormat) -> PackDesc {
         let caps = &self.device.caps;
@@ -129,7 +123,7 @@ impl MorphEngine {
         }
         mesh.layouts().try_for_each(|layout| desc.update.check_all(layout, runner))?;
         desc.update.path.check_groups(mesh.groups.len(), mesh.layout())?;
-        if mesh.groups[0].private.is_some() != desc.update.path.row().has_own_upload {
+        if mesh.groups[0].private.is_empty() == desc.update.path.row().has_own_upload {
             return Err(Error::invalid(
                 format!("mesh '{}' for the path '{}'", mesh.layout().name, desc.update.path.name()),
                 "upload it with MorphEngine::upload_scatter for 'scatter', with MorphEngine::upload for other paths",

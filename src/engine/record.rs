@@ -108,12 +108,7 @@ impl MorphEngine {
         crowds: &'a mut [&'b mut CrowdBase],
         mut update: impl FnMut(Update),
     ) -> Result<Planned<'a, 'b>> {
-        if crowds.iter().any(|crowd| !crowd.is_on(&self.device)) {
-            return Err(Error::invalid(
-                "the crowd belongs to another MorphEngine",
-                "record it with the engine that created it",
-            ));
-        }
+        crowds.iter().try_for_each(|crowd| crowd.check_device(&self.device))?;
         // Scratch space is kept from update to update.
         let schedule = crowds.first_mut().map(|crowd| std::mem::take(&mut crowd.schedule)).unwrap_or_default();
         let mut planned = Planned { crowds, begun: 0, schedule };

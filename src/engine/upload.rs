@@ -4,7 +4,7 @@ use super::MorphEngine;
 use crate::abi::numbers::WORKGROUP;
 use crate::error::{Error, Result};
 use crate::gpu::caps::CAPTURE_STRIDE;
-use crate::gpu::mesh::{MeshBuffers, MeshWords, Upload, chunk_bytes, deltas_bytes, record_uploads};
+use crate::gpu::mesh::{MeshBuffers, Upload, chunk_bytes, deltas_bytes, record_uploads};
 use crate::pack::{PackedGroup, PackedLayout, PackedMesh};
 use ash::vk;
 use std::sync::Arc;
@@ -71,10 +71,8 @@ impl MorphEngine {
     /// - The value returned is dropped only when the device no longer uses it.
     pub unsafe fn upload(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
         let group = |group: &PackedGroup| {
-            let layout = group.layout().clone();
-            self.check_mesh(&layout)?;
-            let (deltas_size, base, deltas) = (deltas_bytes(&layout), group.base(), group.deltas());
-            MeshBuffers::new(&self.device, layout, MeshWords { base, deltas, deltas_size, private: None })
+            self.check_mesh(group.layout())?;
+            MeshBuffers::new(&self.device, group.layout().clone(), group.base(), group.deltas(), vec![])
         };
         let groups = mesh.groups().iter().map(group).collect::<Result<_>>()?;
         // SAFETY: the caller's obligations.

@@ -126,11 +126,6 @@ pub fn requirements(path: UpdatePath) -> &'static [Requirement] {
     }
 }
 
-fn text(raw: &[std::ffi::c_char]) -> String {
-    let bytes: Vec<u8> = raw.iter().take_while(|c| **c != 0).map(|c| *c as u8).collect();
-    String::from_utf8_lossy(&bytes).into_owned()
-}
-
 impl DeviceCaps {
     /// Whether the device is software running on the CPU: there the path `cpu` is the faster one.
     pub fn is_software(&self) -> bool {
@@ -152,7 +147,7 @@ impl DeviceCaps {
         };
         let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
         let version = |v| (vk::api_version_major(v), vk::api_version_minor(v), vk::api_version_patch(v));
-        let api_version = version(core.api_version);
+        let text = |raw: Result<&CStr, _>| raw.unwrap_or_default().to_string_lossy().into_owned();
         let with_feedback = has(ash::ext::transform_feedback::NAME);
         // By extension only: what is core of 1.2 and 1.3 may not be chained where the instance is of 1.1.
         let with_driver = has(ash::khr::driver_properties::NAME);
@@ -183,9 +178,9 @@ impl DeviceCaps {
 
         let (limits, core_features) = (core.limits, features.features);
         Self {
-            name: text(&core.device_name),
-            driver: text(&driver.driver_name),
-            driver_info: text(&driver.driver_info),
+            name: text(core.device_name_as_c_str()),
+            driver: text(driver.driver_name_as_c_str()),
+            driver_info: text(driver.driver_info_as_c_str()),
             kind: match core.device_type {
                 vk::PhysicalDeviceType::DISCRETE_GPU => DeviceKind::Discrete,
                 vk::PhysicalDeviceType::INTEGRATED_GPU => DeviceKind::Integrated,
@@ -197,7 +192,7 @@ impl DeviceCaps {
                 vk::PhysicalDeviceType::CPU => DeviceClass::Software.tuning(),
                 _ => DeviceClass::of_vendor(core.vendor_id).tuning(),
             },
-            api_version,
+            api_version: version(core.api_version),
             max_storage_range: limits.max_storage_buffer_range.into(),
             max_texels: limits.max_texel_buffer_elements,
             max_allocation: maintenance.max_memory_allocation_size,
@@ -276,19 +271,17 @@ impl DeviceCaps {
         self.tuning.texels && self.int64 && views && format.row().texels
     }
 
-    /// Targets that vertex attributes, bindings and push constants have room for, next to a pose.
-    fn attribute_targets_max(&self, format: DeltaFormat) -> u32 {
-        let attributes = self.max_vertex_attributes.saturating_sub(2) / format.attributes() as u32;
-        let bindings = self.max_vertex_bindings.saturating_sub(1);
-        let most = attributes.min(bindings).min(batch_max(format.row()));
-        (0..=most).rev().find(|&b| attribute_push_bytes(format, b) <= self.max_push_constants).unwrap_or(0)
-    }
-
     /// The largest batch of `path` with coefficients in push constants; `None`: any. For vertex passes: vertex attributes
     /// − 2 for the pose, 2 a target (float32) or 1 (snorm16), as far as vertex bindings and push constants reach.
     pub fn batch_max(&self, path: UpdatePath, format: DeltaFormat) -> Option<u32> {
         match path.row().batch {
-            Batch::Attributes => Some(self.attribute_targets_max(format)),
+            Batch::Attributes => {
+                let attributes = self.max_vertex_attributes.saturating_sub(2) / format.attributes() as u32;
+                let bindings = self.max_vertex_bindings.saturating_sub(1);
+                let most = attributes.min(bindings).min(batch_max(format.row()));
+                let fits = |batch: &u32| attribute_push_bytes(format, *batch) <= self.max_push_constants;
+                Some((0..=most).rev().find(fits).unwrap_or(0))
+            }
             Batch::PushConstants => Some(DENSE_BATCH_MAX),
             Batch::Any => None,
         }
@@ -328,9 +321,6 @@ impl DeviceCaps {
     }
 
     /// Refuse more of something than the device has: `(amount, unit, most)`.
-    ///
-    /// # Errors
-    /// `what` with the numbers.
     pub(crate) fn check_limit(&self, what: &str, (amount, unit, most): (u64, &str, u64), remedy: &str) -> Result<()> {
         if amount <= most {
             return Ok(());

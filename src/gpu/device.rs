@@ -85,15 +85,11 @@ pub(crate) struct Device {
 
 impl Device {
     /// # Safety
-    /// - The handles of `desc` are alive, belong together (the pipeline cache may be null), and outlive the value
-    ///   returned and all made from it, or live as long as `owner`.
-    /// - `desc.caps` does not exceed what the device has.
-    /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled, and
-    ///   `desc.enabled_features` has no other features than those that were.
+    /// As [`MorphEngine::new`](crate::MorphEngine::new); the handles live as long as `owner`, where there is one.
     pub(crate) unsafe fn borrow(desc: &DeviceDesc<'_>, owner: Option<Arc<dyn Any + Send + Sync>>) -> Result<Self> {
         let mut caps = match &desc.caps {
             Some(caps) => caps.clone(),
-            // SAFETY: physical device and instance belong together and are alive: the caller's first obligation.
+            // SAFETY: physical device and instance belong together and are alive: the caller's obligation.
             None => unsafe { DeviceCaps::query(desc.instance, desc.physical_device) },
         };
         if !desc.transform_feedback_enabled {
@@ -101,10 +97,8 @@ impl Device {
         }
         caps.vertex_stores &= desc.enabled_features.vertex_pipeline_stores_and_atomics == vk::TRUE;
         caps.int64 &= desc.enabled_features.shader_int64 == vk::TRUE;
-        let feedback = caps
-            .transform_feedback
-            .is_some()
-            .then(|| ash::ext::transform_feedback::Device::new(desc.instance, desc.device));
+        let extension = |_| ash::ext::transform_feedback::Device::new(desc.instance, desc.device);
+        let feedback = caps.transform_feedback.map(extension);
         let dedicated_most = if desc.allocator.is_none() { DEDICATED_MOST } else { 0 };
         let allocator = match &desc.allocator {
             Some(allocator) => allocator.clone(),
@@ -159,7 +153,6 @@ impl Device {
         Ok(allocation)
     }
 
-    /// Give memory back.
     pub(crate) fn free(&self, allocation: Allocation) {
         if allocation.is_dedicated() {
             self.dedicated.fetch_sub(1, Ordering::Relaxed);
@@ -174,7 +167,6 @@ impl Device {
     }
 }
 
-/// An error for an allocation that failed.
 pub(crate) fn allocation_failed(name: &str, bytes: u64, error: &AllocationError) -> Error {
     let what = format!("no memory for '{name}' ({bytes} bytes): {error}");
     if matches!(error, AllocationError::OutOfMemory | AllocationError::FailedToMap(_)) {

@@ -8,7 +8,6 @@ use crate::pack::PackedLayout;
 use crate::plan::schedule::asset_uploaded;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use std::any::Any;
 use std::sync::Arc;
 
 /// The device-local part of a group of a mesh.
@@ -18,18 +17,8 @@ pub(crate) struct MeshBuffers {
     pub(crate) base: Buffer,
     /// Dense formats: the deltas. Block formats: headers, deltas and base pose, the whole asset.
     pub(crate) deltas: Buffer,
-    /// Uploaded for one technique, in words of its own: what that has to know of them.
-    pub(crate) private: Option<Box<dyn Any + Send + Sync>>,
-}
-
-/// What is copied to a mesh's buffers.
-pub(crate) struct MeshWords<'a> {
-    pub(crate) base: &'a [f32],
-    pub(crate) deltas: &'a [u32],
-    /// Bytes of the buffer of deltas.
-    pub(crate) deltas_size: u64,
-    /// See [`MeshBuffers::private`].
-    pub(crate) private: Option<Box<dyn Any + Send + Sync>>,
+    /// Uploaded for one technique, in words of its own: what that has to know of them on the host. Else empty.
+    pub(crate) private: Vec<u32>,
 }
 
 /// Staging memory, and what is copied from it.
@@ -40,28 +29,33 @@ pub(crate) struct Upload {
 
 impl MeshBuffers {
     /// Buffers of a base pose and of deltas, and what fills them.
-    pub(crate) fn new(device: &Arc<Device>, layout: PackedLayout, words: MeshWords<'_>) -> Result<(Self, Upload)> {
+    pub(crate) fn new(
+        device: &Arc<Device>,
+        layout: PackedLayout,
+        base: &[f32],
+        deltas: &[u32],
+        private: Vec<u32>,
+    ) -> Result<(Self, Upload)> {
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
             | vk::BufferUsageFlags::VERTEX_BUFFER
             | vk::BufferUsageFlags::TRANSFER_DST;
-        let (base_bytes, delta_bytes) =
-            (bytemuck::cast_slice::<f32, u8>(words.base), bytemuck::cast_slice::<u32, u8>(words.deltas));
+        let (base_bytes, delta_bytes): (&[u8], &[u8]) = (bytemuck::cast_slice(base), bytemuck::cast_slice(deltas));
         // In blocks the base pose follows the deltas, and no buffer of its own is needed.
-        let one_buffer = layout.format.is_blocks() && words.private.is_none();
+        let one_buffer = layout.format.is_blocks() && private.is_empty();
         let (base_size, base_at) = if one_buffer { (0, delta_bytes.len()) } else { (layout.base_bytes(), 0) };
+        let deltas_size = if private.is_empty() { deltas_bytes(&layout) } else { delta_bytes.len() as u64 };
         let base = Buffer::new(device, "deltamorph base pose", base_size, usage, MemoryLocation::GpuOnly)?;
-        let deltas = Buffer::new(device, "deltamorph deltas", words.deltas_size, usage, MemoryLocation::GpuOnly)?;
+        let deltas = Buffer::new(device, "deltamorph deltas", deltas_size, usage, MemoryLocation::GpuOnly)?;
         let (bytes, usage) = ((base_bytes.len() + delta_bytes.len()) as u64, vk::BufferUsageFlags::TRANSFER_SRC);
         let mut staging = Buffer::new(device, "deltamorph upload", bytes, usage, STAGING)?;
         let mapped = staging.mapped()?;
         mapped[..base_bytes.len()].copy_from_slice(base_bytes);
         mapped[base_bytes.len()..][..delta_bytes.len()].copy_from_slice(delta_bytes);
 
-        let region = |src_offset: usize, dst_offset: usize, size: usize| vk::BufferCopy {
-            src_offset: src_offset as u64,
-            dst_offset: dst_offset as u64,
-            size: size as u64,
+        let region = |src_offset: usize, dst_offset: usize, size: usize| {
+            let [src_offset, dst_offset, size] = [src_offset, dst_offset, size].map(|bytes| bytes as u64);
+            vk::BufferCopy { src_offset, dst_offset, size }
         };
         let base_buffer = if one_buffer { &deltas } else { &base };
         let mut copies = vec![
@@ -69,7 +63,7 @@ impl MeshBuffers {
             (deltas.raw, region(base_bytes.len(), 0, delta_bytes.len())),
         ];
         copies.retain(|(_, region)| region.size > 0);
-        Ok((Self { layout, base, deltas, private: words.private }, Upload { staging, copies }))
+        Ok((Self { layout, base, deltas, private }, Upload { staging, copies }))
     }
 }
 

@@ -1,18 +1,15 @@
 //! Below the gpu line: everything that calls Vulkan.
 //!
-//! Files by Vulkan concern: [`caps`] (what a device can do), [`device`] (the host's device, borrowed),
-//! `memory`, `ring` (lists that the host writes), `mesh` (an uploaded mesh), `descriptors`, `pipelines`, `kernels`
-//! (those made so far), `barriers`. No file here knows a technique.
+//! Files by Vulkan concern: [`caps`] (what a device can do), [`device`] (the host's device, borrowed), `memory` (buffers,
+//! rings of lists), `mesh` (an uploaded mesh), `descriptors`, `pipelines`, `barriers`. No file here knows a technique.
 
 pub(crate) mod barriers;
 pub mod caps;
 pub(crate) mod descriptors;
 pub mod device;
-pub(crate) mod kernels;
 pub(crate) mod memory;
 pub(crate) mod mesh;
 pub(crate) mod pipelines;
-pub(crate) mod ring;
 
 use crate::error::Error;
 use ash::vk;

@@ -1,4 +1,4 @@
-//! Pipelines and what they are made from, each destroyed with its owner.
+//! Pipelines and what they are made from, each destroyed with its owner. Crowds that take the same ones share them.
 
 use super::caps::CAPTURE_STRIDE;
 use super::descriptors::{BufferRange, Sets, descriptor_type};
@@ -9,7 +9,8 @@ use crate::abi::modules::Module;
 use crate::error::Result;
 use crate::pack::PoseFormat;
 use ash::vk;
-use std::sync::Arc;
+use std::any::Any;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Objects of one update path; destroyed together. Dropped only when the device no longer uses them.
 pub(crate) struct Objects {
@@ -39,34 +40,27 @@ impl Objects {
     /// Set layout and pipeline layout of what kernels declare, all in one stage. `attribute_push_bytes`: push constants
     /// of those whose number of coefficients is the batch size.
     pub(crate) fn add_layout(&mut self, kernels: &[&KernelRow], attribute_push_bytes: u32) -> Result<()> {
-        let stage = stage_of(kernels.first().map_or(Stage::Vertex, |kernel| kernel.stage));
-        let mut bindings: Vec<_> = kernels.iter().flat_map(|kernel| kernel.bindings).copied().collect();
-        bindings.sort_unstable_by_key(|(binding, _)| *binding);
-        bindings.dedup_by_key(|(binding, _)| *binding);
-        if !bindings.is_empty() {
-            let binding = |(binding, buffer)| {
-                let ty = descriptor_type(buffer);
-                let layout = vk::DescriptorSetLayoutBinding::default().binding(binding).descriptor_type(ty);
-                layout.descriptor_count(1).stage_flags(stage)
-            };
-            let declared: Vec<_> = bindings.iter().copied().map(binding).collect();
-            let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&declared);
-            // SAFETY: the device is alive; the bindings are distinct.
-            self.set_layout = unsafe { self.device.raw.create_descriptor_set_layout(&info, None) }
-                .map_err(failed("vkCreateDescriptorSetLayout"))?;
-            self.bindings = bindings;
-        }
+        let stage = match kernels.first().map_or(Stage::Vertex, |kernel| kernel.stage) {
+            Stage::Vertex => vk::ShaderStageFlags::VERTEX,
+            Stage::Compute | Stage::ComputeSized => vk::ShaderStageFlags::COMPUTE,
+        };
+        self.bindings = kernels.iter().flat_map(|kernel| kernel.bindings).copied().collect();
+        self.bindings.sort_unstable_by_key(|(binding, _)| *binding);
+        self.bindings.dedup_by_key(|(binding, _)| *binding);
+        let binding = |&(binding, buffer): &Binding| {
+            let layout = vk::DescriptorSetLayoutBinding::default().binding(binding).descriptor_count(1);
+            layout.descriptor_type(descriptor_type(buffer)).stage_flags(stage)
+        };
+        let declared: Vec<_> = self.bindings.iter().map(binding).collect();
+        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&declared);
+        // SAFETY: the device is alive; the bindings are distinct.
+        self.set_layout = unsafe { self.device.raw.create_descriptor_set_layout(&info, None) }
+            .map_err(failed("vkCreateDescriptorSetLayout"))?;
         let push_bytes =
             kernels.iter().map(|kernel| kernel.push.members().1 as u32).fold(attribute_push_bytes, u32::max);
         let push = [vk::PushConstantRange::default().stage_flags(stage).size(push_bytes)];
-        let sets = [self.set_layout];
-        let mut info = vk::PipelineLayoutCreateInfo::default();
-        if push_bytes > 0 {
-            info = info.push_constant_ranges(&push);
-        }
-        if self.set_layout != vk::DescriptorSetLayout::null() {
-            info = info.set_layouts(&sets);
-        }
+        let (sets, push) = ([self.set_layout], &push[..usize::from(push_bytes > 0)]);
+        let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(push);
         // SAFETY: the set layout is ours and alive; the push range is within the device's limit (checked by caps).
         self.layout =
             unsafe { self.device.raw.create_pipeline_layout(&info, None) }.map_err(failed("vkCreatePipelineLayout"))?;
@@ -95,7 +89,6 @@ impl Objects {
 
     /// A compute pipeline of a module for each list of specialization constants 0, 1, …
     pub(crate) fn add_compute(&mut self, module: &Module, constants: &[&[u32]]) -> Result<()> {
-        let module = ShaderModule::new(&self.device, module)?;
         let most = constants.iter().map(|constants| constants.len()).max().unwrap_or(0) as u32;
         let entries: Vec<_> =
             (0..most).map(|id| vk::SpecializationMapEntry { constant_id: id, offset: 4 * id, size: 4 }).collect();
@@ -105,55 +98,51 @@ impl Objects {
             ..vk::SpecializationInfo::default().map_entries(&entries[..constants.len()])
         };
         let specializations: Vec<_> = constants.iter().map(specialize).collect();
-        let info = |specialization| {
-            let stage = vk::PipelineShaderStageCreateInfo::default()
-                .stage(vk::ShaderStageFlags::COMPUTE)
-                .module(module.raw)
-                .name(c"main")
-                .specialization_info(specialization);
-            vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout)
-        };
-        let infos: Vec<_> = specializations.iter().map(info).collect();
         let device = &self.device;
-        // SAFETY: module and layout are ours and alive, and so is what `infos` points to; tests reflect the module
-        // against the layout.
-        let made = unsafe { device.raw.create_compute_pipelines(device.pipeline_cache, &infos, None) };
+        let made = with_stage(device, module, vk::ShaderStageFlags::COMPUTE, |stage| {
+            let info = |specialization| {
+                let stage = stage.specialization_info(specialization);
+                vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout)
+            };
+            let infos: Vec<_> = specializations.iter().map(info).collect();
+            // SAFETY: module and layout are ours and alive, and so is what `infos` points to; tests reflect the module
+            // against the layout.
+            unsafe { device.raw.create_compute_pipelines(device.pipeline_cache, &infos, None) }
+        })?;
         // Where one fails, others may have been made.
         let (made, error) = made.map_or_else(|(made, error)| (made, Some(error)), |made| (made, None));
         self.pipelines.extend(made);
         error.map_or(Ok(()), |error| Err(failed("vkCreateComputePipelines")(error)))
     }
 
-    /// A pipeline of a vertex module with rasterizer discard, drawing lines.
-    ///
-    /// Lines, since points without gl_PointSize are not valid and with it are slow on software devices.
+    /// A pipeline of a vertex module with rasterizer discard. It draws lines, since points without gl_PointSize are not
+    /// valid and with it are slow on software devices.
     pub(crate) fn add_discarding_vertex(
         &mut self,
         module: &Module,
         bindings: &[vk::VertexInputBindingDescription],
         attributes: &[vk::VertexInputAttributeDescription],
     ) -> Result<()> {
-        let module = ShaderModule::new(&self.device, module)?;
-        let stages = [vk::PipelineShaderStageCreateInfo::default()
-            .stage(vk::ShaderStageFlags::VERTEX)
-            .module(module.raw)
-            .name(c"main")];
         let input = vk::PipelineVertexInputStateCreateInfo::default()
             .vertex_binding_descriptions(bindings)
             .vertex_attribute_descriptions(attributes);
         let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(vk::PrimitiveTopology::LINE_LIST);
         let raster =
             vk::PipelineRasterizationStateCreateInfo::default().rasterizer_discard_enable(true).line_width(1.0);
-        let info = vk::GraphicsPipelineCreateInfo::default()
-            .stages(&stages)
-            .vertex_input_state(&input)
-            .input_assembly_state(&assembly)
-            .rasterization_state(&raster)
-            .layout(self.layout)
-            .render_pass(self.render_pass);
-        // SAFETY: module, layout and render pass are ours and alive; with rasterizer discard no further state
-        // is read; the attributes are within the device's limits (checked by caps) and match the module (tests).
-        let made = unsafe { self.device.raw.create_graphics_pipelines(self.device.pipeline_cache, &[info], None) };
+        let device = &self.device;
+        let made = with_stage(device, module, vk::ShaderStageFlags::VERTEX, |stage| {
+            let stages = [stage];
+            let info = vk::GraphicsPipelineCreateInfo::default()
+                .stages(&stages)
+                .vertex_input_state(&input)
+                .input_assembly_state(&assembly)
+                .rasterization_state(&raster)
+                .layout(self.layout)
+                .render_pass(self.render_pass);
+            // SAFETY: module, layout and render pass are ours and alive; with rasterizer discard no further state is
+            // read; the attributes are within the device's limits (checked by caps) and match the module (tests).
+            unsafe { device.raw.create_graphics_pipelines(device.pipeline_cache, &[info], None) }
+        })?;
         self.pipelines.extend(made.map_err(|(_, e)| failed("vkCreateGraphicsPipelines")(e))?);
         Ok(())
     }
@@ -258,32 +247,67 @@ impl PoseFormat {
     }
 }
 
-fn stage_of(stage: Stage) -> vk::ShaderStageFlags {
-    match stage {
-        Stage::Vertex => vk::ShaderStageFlags::VERTEX,
-        Stage::Compute | Stage::ComputeSized => vk::ShaderStageFlags::COMPUTE,
+/// What `make` makes of a stage that runs `module`, which may go once its pipelines are made.
+fn with_stage<R>(
+    device: &Device,
+    module: &Module,
+    stage: vk::ShaderStageFlags,
+    make: impl FnOnce(vk::PipelineShaderStageCreateInfo<'_>) -> R,
+) -> Result<R> {
+    let words = module.words();
+    let info = vk::ShaderModuleCreateInfo::default().code(&words);
+    // SAFETY: the words are SPIR-V made by glslang for Vulkan 1.1.
+    let raw = unsafe { device.raw.create_shader_module(&info, None) }.map_err(failed("vkCreateShaderModule"))?;
+    let made = make(vk::PipelineShaderStageCreateInfo::default().stage(stage).module(raw).name(c"main"));
+    // SAFETY: created above; its pipelines are made.
+    unsafe { device.raw.destroy_shader_module(raw, None) };
+    Ok(made)
+}
+
+/// What pipelines are made for.
+pub(crate) trait PipelineKey: Any + Copy + PartialEq + Send + Sync {
+    /// Make the pipelines, and what belongs to them.
+    fn make(self, objects: &mut Objects) -> Result<()>;
+}
+
+/// Pipelines and what belongs to them.
+pub(crate) struct Pipelines<K> {
+    pub(crate) objects: Objects,
+    /// What they were made for.
+    pub(crate) key: K,
+}
+
+/// The pipelines made so far.
+pub(crate) struct Kernels {
+    device: Arc<Device>,
+    made: Mutex<Vec<Arc<dyn Any + Send + Sync>>>,
+}
+
+impl Kernels {
+    pub(crate) fn new(device: &Arc<Device>) -> Self {
+        Self { device: device.clone(), made: Mutex::default() }
     }
-}
 
-/// A shader module for the time it takes to make a pipeline of it.
-struct ShaderModule<'a> {
-    device: &'a Device,
-    raw: vk::ShaderModule,
-}
-
-impl<'a> ShaderModule<'a> {
-    fn new(device: &'a Device, module: &Module) -> Result<Self> {
-        let words = module.words();
-        let info = vk::ShaderModuleCreateInfo::default().code(&words);
-        // SAFETY: the words are SPIR-V made by glslang for Vulkan 1.1.
-        let raw = unsafe { device.raw.create_shader_module(&info, None) }.map_err(failed("vkCreateShaderModule"))?;
-        Ok(Self { device, raw })
-    }
-}
-
-impl Drop for ShaderModule<'_> {
-    fn drop(&mut self) {
-        // SAFETY: created in `new`; a module may go once its pipelines are made.
-        unsafe { self.device.raw.destroy_shader_module(self.raw, None) };
+    /// The pipelines of `key`: those there are, or new ones.
+    pub(crate) fn get<K: PipelineKey>(&self, key: K) -> Result<Arc<Pipelines<K>>> {
+        let locked = || self.made.lock().unwrap_or_else(PoisonError::into_inner);
+        let find = |made: &[Arc<dyn Any + Send + Sync>]| {
+            let mut of_kind = made.iter().filter_map(|pipelines| pipelines.clone().downcast::<Pipelines<K>>().ok());
+            of_kind.find(|pipelines| pipelines.key == key)
+        };
+        let found = find(&locked());
+        if let Some(pipelines) = found {
+            return Ok(pipelines);
+        }
+        // Not locked while the driver compiles: others may make crowds of pipelines that are there.
+        let mut objects = Objects::none(&self.device);
+        key.make(&mut objects)?;
+        let pipelines = Arc::new(Pipelines { objects, key });
+        let mut made = locked();
+        // Another thread may have made them meanwhile.
+        Ok(find(&made).unwrap_or_else(|| {
+            made.push(pipelines.clone());
+            pipelines
+        }))
     }
 }

@@ -31,7 +31,7 @@ impl Headless {
     /// # Errors
     /// No memory; a device that fails.
     pub fn bandwidth(&self, bytes: u64) -> Result<Option<Bandwidth>> {
-        let device = self.engine.device();
+        let device = &self.engine.device;
         let most = self.caps().max_storage_range.min(self.caps().max_allocation);
         let bytes = bytes.clamp(16, most) & !15;
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER

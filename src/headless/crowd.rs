@@ -93,7 +93,7 @@ impl<'a> HeadlessCrowd<'a> {
 
 impl<'a, C: Kind> HeadlessCrowd<'a, C> {
     fn with(headless: &'a Headless, mesh: GpuMesh, crowd: C) -> Result<Self> {
-        let draw = PoseDraw::new(headless.engine.device(), crowd.base().desc().update.pose)?;
+        let draw = PoseDraw::new(&headless.engine.device, crowd.base().desc.update.pose)?;
         let readback = Readback::new(headless, mesh.layout().base_bytes())?;
         Ok(Self { headless, mesh, crowd, draw, readback, waiting: VecDeque::new() })
     }
@@ -207,7 +207,7 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
         let start = Instant::now();
         let mut rest = weights.iter();
         for Self { crowd, .. } in &mut *crowds {
-            for (instance, weights) in (0..crowd.base().desc().instances).zip(&mut rest) {
+            for (instance, weights) in (0..crowd.base().desc.instances).zip(&mut rest) {
                 crowd.set(instance, weights)?;
             }
         }
@@ -245,7 +245,7 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
     /// As [`step`](Self::step); more updates that wait than [`CrowdDesc::frames_in_flight`].
     pub fn record(&mut self, weights: &[&[f32]]) -> Result<(Recorded, Update)> {
         let base = self.crowd.base();
-        let most = u64::from(base.desc().frames_in_flight);
+        let most = u64::from(base.desc.frames_in_flight);
         // Crowds that are animated on the GPU have no lists to overwrite.
         let has_lists = self.crowd.weighted().is_some();
         if has_lists && self.waiting.front().is_some_and(|first| base.recorded_since(*first) >= most) {

@@ -17,7 +17,7 @@ impl Readback {
     /// Room for so many bytes at once, a multiple of 4 (≥ 4).
     pub(super) fn new(headless: &Headless, bytes: u64) -> Result<Self> {
         let (usage, location) = (vk::BufferUsageFlags::TRANSFER_DST, MemoryLocation::GpuToCpu);
-        Ok(Self { buffer: Buffer::new(headless.engine.device(), "readback", bytes, usage, location)?, bytes })
+        Ok(Self { buffer: Buffer::new(&headless.engine.device, "readback", bytes, usage, location)?, bytes })
     }
 
     /// `size` bytes of `buffer` from `offset` on, which are there and not in use, as words.

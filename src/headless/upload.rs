@@ -44,7 +44,7 @@ impl<'a> PoseUpload<'a> {
         if instances == 0 || bytes == 0 {
             return Err(Error::invalid("an upload of no pose", "leave it out"));
         }
-        let device = headless.engine.device();
+        let device = &headless.engine.device;
         let buffer = |name, usage, location| Buffer::new(device, name, bytes, usage, location);
         let mut staging = buffer("poses to upload", vk::BufferUsageFlags::TRANSFER_SRC, STAGING)?;
         staging.mapped()?;

@@ -86,17 +86,15 @@ pub enum Event {
 
 /// `entries` as events; `accesses` says what the works of a crowd's step do.
 pub fn trace(entries: &[Entry], mut accesses: impl FnMut(u32, &[Work]) -> Vec<Accesses>) -> Vec<Event> {
-    fn of_step(entry: &Entry) -> Option<((u32, u32), &Work)> {
-        match entry {
-            Entry::Barrier(_) => None,
-            Entry::Work { crowd, step, work } => Some(((*crowd, *step), work)),
-        }
-    }
+    let of_step = |entry: &Entry| match entry {
+        Entry::Barrier(_) => None,
+        Entry::Work { crowd, step, work } => Some(((*crowd, *step), work.clone())),
+    };
     let same = |a: &Entry, b: &Entry| of_step(a).zip(of_step(b)).is_some_and(|((a, _), (b, _))| a == b);
     let event = |run: &[Entry]| match &run[0] {
         Entry::Barrier(barrier) => Event::Barrier(*barrier),
         Entry::Work { crowd, .. } => {
-            let works: Vec<Work> = run.iter().filter_map(of_step).map(|(_, work)| work.clone()).collect();
+            let (_, works): (Vec<_>, Vec<Work>) = run.iter().filter_map(of_step).unzip();
             Event::Step { crowd: *crowd, works: accesses(*crowd, &works) }
         }
     };
@@ -175,10 +173,8 @@ impl HazardChecker {
     /// A draw of the host reads a pose, as vertex attributes and in the vertex shader.
     pub fn draw_group(&mut self, crowd: u32, group: u32, instance: u32, slot: u32) {
         let memory = Memory::Pose { instance, slot };
-        for (stage, access) in [(Stage::VertexInput, Access::AttributeRead), (Stage::VertexShader, Access::ShaderRead)]
-        {
-            self.read(place(crowd, group, memory), Use::new(memory, stage, access));
-        }
+        self.read(place(crowd, group, memory), Use::new(memory, Stage::VertexInput, Access::AttributeRead));
+        self.read(place(crowd, group, memory), Use::new(memory, Stage::VertexShader, Access::ShaderRead));
     }
 
     /// A recorded update.

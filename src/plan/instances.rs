@@ -1,6 +1,5 @@
 //! The instances of a crowd: which there are, which are shown, the weights requested of them, and where their poses are.
 
-use super::history::History;
 use crate::error::{Error, Result};
 use crate::pack::PackedLayout;
 use crate::pack::blocks::ExactGrid;
@@ -22,7 +21,7 @@ struct Place {
     history: History,
 }
 
-/// Places for instances.
+/// Places for instances. An instance that is out of range, or that was removed, is refused by whatever takes its number.
 #[derive(Clone, Debug)]
 pub struct Instances {
     places: Vec<Place>,
@@ -41,9 +40,6 @@ impl Instances {
     }
 
     /// The place of `instance`.
-    ///
-    /// # Errors
-    /// An instance out of range, or one that was removed.
     pub fn check(&self, instance: u32) -> Result<usize> {
         match self.places.get(instance as usize).map(|place| place.presence) {
             Some(Presence::Shown | Presence::Hidden) => Ok(instance as usize),
@@ -58,27 +54,18 @@ impl Instances {
     }
 
     /// Request `weights` of `instance`, which were checked.
-    ///
-    /// # Errors
-    /// As [`check`](Self::check).
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
         self.place(instance)?.weights.copy_from_slice(weights);
         Ok(())
     }
 
     /// The next pose of `instance` has no predecessor.
-    ///
-    /// # Errors
-    /// As [`check`](Self::check).
     pub fn cut(&mut self, instance: u32) -> Result<()> {
         self.place(instance)?.history.cut();
         Ok(())
     }
 
     /// Show or hide: the next pose has no predecessor. Tells whether that changed.
-    ///
-    /// # Errors
-    /// As [`check`](Self::check).
     pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<bool> {
         let place = self.place(instance)?;
         let new = if hidden { Presence::Hidden } else { Presence::Shown };
@@ -89,10 +76,7 @@ impl Instances {
         Ok(changed)
     }
 
-    /// Take the first free place: shown, all weights 0, without a pose.
-    ///
-    /// # Errors
-    /// No free place.
+    /// Take the first free place, if there is one: shown, all weights 0, without a pose.
     pub fn add(&mut self) -> Result<u32> {
         let Some(i) = self.places.iter().position(|place| place.presence == Presence::Free) else {
             let text = format!("the crowd has places for {} heads, all taken", self.places.len());
@@ -106,9 +90,6 @@ impl Instances {
     }
 
     /// Free the place of `instance`.
-    ///
-    /// # Errors
-    /// As [`check`](Self::check).
     pub fn remove(&mut self, instance: u32) -> Result<()> {
         self.place(instance)?.presence = Presence::Free;
         Ok(())
@@ -133,6 +114,74 @@ impl Instances {
     pub fn shown(&mut self) -> impl Iterator<Item = (usize, &[f32], &mut History)> {
         let shown = self.places.iter_mut().enumerate().filter(|(_, place)| place.presence == Presence::Shown);
         shown.map(|(i, place)| (i, &place.weights[..], &mut place.history))
+    }
+}
+
+/// Which slots hold the poses of an instance, for all techniques whose updates rotate slots: an update reads the current
+/// one and writes the next.
+#[derive(Clone, Copy, Debug)]
+pub struct History {
+    slots: u32,
+    /// The slot written last, whether its pose is known or not.
+    current: u32,
+    previous: Option<u32>,
+    /// The update that wrote the current slot, counted from 1; 0: its pose is not known.
+    written_by: u64,
+    cut: bool,
+}
+
+impl History {
+    /// No slot is written yet.
+    pub fn new(slots: u32) -> Self {
+        Self { slots, current: slots - 1, previous: None, written_by: 0, cut: false }
+    }
+
+    /// The slot of the pose; `None` before the first update, and after one that was discarded.
+    pub fn current(&self) -> Option<u32> {
+        (self.written_by > 0).then_some(self.current)
+    }
+
+    /// The slot so many places after the one that was written last.
+    pub fn after(&self, places: u32) -> u32 {
+        (self.current + places) % self.slots
+    }
+
+    /// Slots of the pose and of the previous pose; `None` while there is no pose. The previous pose is the pose itself
+    /// where nothing changed, where it is the first, and after a cut; `None` where the update overwrote it.
+    pub fn slots(&self) -> Option<(u32, Option<u32>)> {
+        self.current().map(|current| (current, self.previous))
+    }
+
+    /// An update changes nothing.
+    pub fn stay(&mut self) {
+        (self.previous, self.cut) = (Some(self.current), false);
+    }
+
+    /// The update numbered `update` (ascending, from 1) writes these slots, the pose into the last of them.
+    pub fn advance(&mut self, update: u64, written: impl IntoIterator<Item = u32>) {
+        let (known, cut) = (self.current(), std::mem::take(&mut self.cut));
+        let mut overwritten = false;
+        for slot in written {
+            overwritten |= known == Some(slot);
+            self.current = slot;
+        }
+        self.written_by = update;
+        self.previous = match known {
+            Some(before) if !cut => (!overwritten).then_some(before),
+            Some(_) | None => Some(self.current),
+        };
+    }
+
+    /// The next pose has no predecessor (the instance was hidden, or teleported): its previous pose is itself.
+    pub fn cut(&mut self) {
+        self.cut = true;
+    }
+
+    /// The update numbered `first` and all later ones will never run: what they wrote is not known.
+    pub fn discard_from(&mut self, first: u64) {
+        if self.written_by >= first {
+            self.written_by = 0;
+        }
     }
 }
 

@@ -5,10 +5,7 @@
 
 use super::steps::{Access, Resource, Scope, Stage, Steps, Use, Work};
 
-/// Number of stages.
 const STAGES: usize = Stage::Indirect.index() + 1;
-
-/// Number of resources.
 const RESOURCES: usize = Resource::Control as usize + 1;
 
 /// A global memory barrier.

@@ -4,8 +4,8 @@ use crate::error::{Error, Result};
 use crate::gpu::caps::DeviceCaps;
 use crate::gpu::descriptors::BufferRange;
 use crate::gpu::device::Device;
-use crate::gpu::kernels::Kernels;
 use crate::gpu::mesh::MeshBuffers;
+use crate::gpu::pipelines::Kernels;
 use crate::pack::blocks::ExactGrid;
 use crate::pack::{PackedLayout, PoseFormat};
 #[cfg(any(test, feature = "internals"))]

@@ -8,8 +8,7 @@
 
 use crate::error::Result;
 use crate::pack::PackedLayout;
-use crate::plan::history::History;
-use crate::plan::instances::Instances;
+use crate::plan::instances::{History, Instances};
 use crate::plan::steps::{Source, Steps, Use, Work};
 use crate::plan::{BatchSize, UpdateDesc, UpdateMode, UpdateStats};
 use crate::weights::delta::{Coefficient, active_targets, changed_targets};
