@@ -141,8 +141,7 @@ impl<'a> Runner<'a> {
                     let poses: Vec<&[f32]> =
                         (0..weights.len()).map(|head| crowd.pose(head)).collect::<Result<_, _>>()?;
                     frame.upload_ms = Some(upload.upload(&poses)?.cpu_ms);
-                    let draws: Vec<Option<f64>> = (0..copies).map(|_| upload.draw()).collect::<Result<_, _>>()?;
-                    frame.draw_ms = draws.into_iter().sum();
+                    frame.draw_ms = (0..copies).map(|_| upload.draw()).sum::<Result<_, _>>()?;
                 }
                 return Ok(frame);
             }
@@ -190,10 +189,7 @@ impl<'a> Runner<'a> {
     /// Device time of `copies` draws of every head; `None` without a device.
     pub fn draw_ms(&mut self, copies: u32) -> deltamorph::Result<Option<f64>> {
         match self {
-            Self::Gpu(crowds) => {
-                let each: Vec<Option<f64>> = crowds.iter().map(|crowd| crowd.draw(copies)).collect::<Result<_, _>>()?;
-                Ok(each.into_iter().sum())
-            }
+            Self::Gpu(crowds) => crowds.iter().map(|crowd| crowd.draw(copies)).sum(),
             Self::Animated { crowd, .. } => crowd.draw(copies),
             Self::Cpu(..) => Ok(None),
         }

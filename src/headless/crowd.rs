@@ -67,11 +67,7 @@ impl<'a> HeadlessCrowd<'a> {
             // SAFETY: as above.
             unsafe { engine.upload(cmd, mesh) }
         })?;
-        Self::of(headless, mesh, desc)
-    }
-
-    fn of(headless: &'a Headless, mesh: GpuMesh, desc: &CrowdDesc) -> Result<Self> {
-        let crowd = headless.engine.create_crowd(&mesh, desc)?;
+        let crowd = engine.create_crowd(&mesh, desc)?;
         Self::with(headless, mesh, crowd)
     }
 
@@ -80,8 +76,8 @@ impl<'a> HeadlessCrowd<'a> {
     /// # Errors
     /// As [`create_crowd`](crate::MorphEngine::create_crowd).
     pub fn another(&self, desc: &CrowdDesc) -> Result<Self> {
-        let mesh = self.mesh.shared();
-        Self::of(self.headless, mesh, desc)
+        let crowd = self.headless.engine.create_crowd(&self.mesh, desc)?;
+        Self::with(self.headless, self.mesh.shared(), crowd)
     }
 }
 
