@@ -161,7 +161,10 @@ fn misuse_is_an_error_that_says_what_to_do() {
         // A second engine, on a device of its own.
         let other = Headless::new(&HeadlessDesc::default().device(DeviceChoice::Name(headless.caps().name.clone())));
         let other = other.expect("a second device");
-        let error = crowd.record_with(other.engine()).unwrap_err().to_string();
+        let mut own = headless.engine().create_crowd(crowd.mesh(), &single(desc)).expect("a crowd");
+        // SAFETY: nothing is recorded, as the crowd is another engine's.
+        let recorded = headless.run(|cmd| unsafe { other.engine().record_update(cmd, &mut own) });
+        let error = recorded.unwrap_err().to_string();
         assert!(error.contains("another MorphEngine"), "{error}");
         let error = other.engine().create_crowd(crowd.mesh(), &single(desc)).err().expect("refused").to_string();
         assert!(error.contains("another MorphEngine"), "{error}");

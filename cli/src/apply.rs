@@ -1,37 +1,21 @@
 //! `apply`: one pose, through the path named, written as OBJ in the input's vertex order.
 
-use crate::args::run::{ApplyArgs, Single};
+use crate::args::ApplyArgs;
 use crate::input;
-use crate::output::{Failure, Output};
-use crate::stage::{Setup, Stage};
+use crate::output::{Failure, Output, With};
+use crate::runner::Stage;
 use crate::verify::{Promise, REMEDY};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::import::obj::{ObjMesh, write_obj};
 use deltamorph::reference::{SHORTEST_NORMAL, compare, evaluate};
 use deltamorph::{MorphMesh, POSE_FLOATS};
 use glam::Vec3;
-use serde::Serialize;
+use serde_json::json;
 use std::path::Path;
-
-#[derive(Serialize)]
-struct Applied {
-    schema: u32,
-    device: String,
-    #[serde(flatten)]
-    setup: Setup,
-    batch_size: String,
-    frames: usize,
-    passes: usize,
-    active: usize,
-    /// Against the float64 reference, in input units, and as a fraction of the diagonal.
-    max_error: f64,
-    max_error_rel: f64,
-    output: String,
-}
 
 pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     let ApplyArgs { run, weights, output, .. } = args;
-    let single = Single::new("apply", &run.update).map_err(Failure::Usage)?;
+    run.update.check_single("apply").map_err(Failure::Usage)?;
     if weights.is_none() && args.set.is_empty() {
         let text = "nothing to apply; give --weights CSV --frame N, or --set NAME=WEIGHT";
         return Err(Failure::Usage(text.into()));
@@ -40,7 +24,7 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let input = input::load(&run.input, false, out)?;
     let frames = frames(args, &input.kept)?;
 
-    let stage = Stage::new(single, run, &input, device, out)?;
+    let stage = Stage::new(run, &input, device, out)?;
     let path = stage.desc.path.name();
     let mut runner = stage.runner(stage.desc)?;
     let mut passes = 0;
@@ -69,18 +53,12 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
         "{file}: {active} active of {targets} targets, {passes} passes through {setup}; {relative:.1e} of the diagonal \
          off the float64 reference"
     ));
-    out.json(&Applied {
-        schema: 1,
-        device: stage.device(),
-        setup: stage.setup(),
-        batch_size: stage.desc.batch.to_string(),
-        frames: frames.len(),
-        passes,
-        active,
-        max_error: error.position,
-        max_error_rel: relative,
-        output: output.display().to_string(),
-    })
+    let more = json!({
+        "schema": 1, "device": stage.device(), "batch_size": stage.desc.batch.to_string(), "frames": frames.len(),
+        "passes": passes, "active": active, "max_error": error.position, "max_error_rel": relative,
+        "output": output.display().to_string(),
+    });
+    out.json(&With { fields: stage.setup(), more })
 }
 
 /// The weights to step through, one or more frames, `--set` on top of each.

@@ -1,7 +1,6 @@
 //! The command line, as clap sees it.
 
 pub mod bench;
-pub mod run;
 pub mod values;
 
 use bench::BenchArgs;
@@ -9,9 +8,8 @@ use clap::{Args, Parser, Subcommand};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::import::sample::HeadDesc;
 use deltamorph::{Accumulate, BlockDesc, DeltaFormat, Tolerance, UpdateMode, UpdatePath};
-use run::{ApplyArgs, PlayArgs, SoakArgs};
 use std::path::PathBuf;
-use values::BudgetSpec;
+use values::{BatchSpec, BudgetSpec};
 
 /// Morph targets (blend shapes) on the GPU: applies only the weights that changed.
 #[derive(Debug, Parser)]
@@ -80,7 +78,8 @@ pub struct PackFileArgs {
     #[command(flatten)]
     pub input: InputArgs,
     /// Storage of the deltas: a format in blocks
-    #[arg(long, value_name = "FORMAT", value_parser = values::format(), default_value = "small")]
+    #[arg(long, value_name = "FORMAT", default_value = "small")]
+    #[arg(value_parser = values::named(&DeltaFormat::ALL, DeltaFormat::name, DeltaFormat::summary))]
     pub format: DeltaFormat,
     #[command(flatten)]
     pub pack: PackArgs,
@@ -96,6 +95,80 @@ pub struct InfoArgs {
     /// Write index.html and plots there: error against bytes, and the errors of whole poses (takes seconds)
     #[arg(long, value_name = "DIR")]
     pub report: Option<PathBuf>,
+}
+
+/// What `play`, `soak` and `apply` have in common: they update one head.
+#[derive(Args, Clone, Debug)]
+pub struct RunArgs {
+    #[command(flatten)]
+    pub input: InputArgs,
+    #[command(flatten)]
+    pub update: UpdateArgs,
+    /// Targets per pass: a number, "max" (the largest that the path allows) or "all"
+    #[arg(long, value_name = "N", value_parser = values::one_batch, default_value = "max")]
+    pub batch_size: BatchSpec,
+}
+
+#[derive(Args, Clone, Debug)]
+pub struct PlayArgs {
+    #[command(flatten)]
+    pub run: RunArgs,
+    /// Weight clip to play [default: the one in INPUT/weights, where there is just one]
+    #[arg(long, value_name = "CSV")]
+    pub weights: Option<PathBuf>,
+    /// Compare every Nth pose with the float64 reference, and the last one
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = values::whole(1usize, 1_000_000))]
+    pub every: usize,
+    /// Animate and plan on the device: it samples the clip, finds what changed and makes its own work list. Takes the
+    /// path blocks and exact sums, and says nothing of what it planned
+    #[arg(long)]
+    pub animated: bool,
+    /// Add noise up to ±AMOUNT to every weight in every frame, as a tracker does that is never quite still
+    #[arg(long, value_name = "AMOUNT", value_parser = values::positive)]
+    pub noise: Option<f32>,
+}
+
+#[derive(Args, Clone, Debug)]
+pub struct SoakArgs {
+    #[command(flatten)]
+    pub run: RunArgs,
+    /// Number of frames
+    #[arg(long, value_name = "N", value_parser = values::whole(1usize, 1_000_000_000))]
+    pub frames: usize,
+    /// Weight clip to take captured frames from [default: all in INPUT/weights]
+    #[arg(long, value_name = "CSV")]
+    pub weights: Option<PathBuf>,
+    /// Compare every Nth pose with the float64 reference, and the last one [default: a 64th of the frames]
+    #[arg(long, value_name = "N", value_parser = values::whole(1usize, 1_000_000_000))]
+    pub every: Option<usize>,
+}
+
+impl SoakArgs {
+    /// Frames from one comparison to the next.
+    pub fn every(&self) -> usize {
+        self.every.unwrap_or(self.frames / 64).max(1)
+    }
+}
+
+#[derive(Args, Clone, Debug)]
+pub struct ApplyArgs {
+    #[command(flatten)]
+    pub run: RunArgs,
+    /// Weight clip to take the weights from
+    #[arg(long, value_name = "CSV", requires = "frame")]
+    pub weights: Option<PathBuf>,
+    /// Frame of the weight clip, counted from 0
+    #[arg(long, value_name = "N", requires = "weights")]
+    pub frame: Option<usize>,
+    /// Step incrementally from this frame of the weight clip to --frame
+    #[arg(long, value_name = "M", requires = "weights")]
+    pub from_frame: Option<usize>,
+    /// Weights by name, on top of the clip's (repeatable)
+    #[arg(long, value_name = "NAME=WEIGHT,…", value_delimiter = ',', value_parser = values::setting)]
+    pub set: Vec<(String, f32)>,
+    /// OBJ file to write
+    #[arg(short, long, value_name = "OUT.obj")]
+    pub output: PathBuf,
 }
 
 /// Which mesh, and how much of it is kept.
@@ -122,10 +195,7 @@ pub struct InputArgs {
 impl InputArgs {
     /// The tolerance to keep deltas by. A tolerance of 0 keeps every delta, those of the normals too.
     pub fn tolerance(&self) -> Tolerance {
-        if self.tolerance == 0.0 {
-            return Tolerance::ZERO;
-        }
-        Tolerance::default().position(self.tolerance)
+        if self.tolerance == 0.0 { Tolerance::ZERO } else { Tolerance::default().position(self.tolerance) }
     }
 }
 
@@ -162,7 +232,7 @@ pub struct UpdateArgs {
     /// Update paths, separated by commas [default: bench: all that the device can run, without the baselines; others:
     /// blocks, or cpu where there is no GPU]
     #[arg(long = "paths", visible_alias = "path", value_name = "PATH,…", value_delimiter = ',')]
-    #[arg(value_parser = values::path())]
+    #[arg(value_parser = values::named(&UpdatePath::ALL, UpdatePath::name, UpdatePath::summary))]
     pub paths: Vec<UpdatePath>,
     /// Add what changed to the last pose, or rebuild from the base pose every frame [default: incremental; rebuild for
     /// scatter and the direct paths, which know nothing else]
@@ -174,7 +244,7 @@ pub struct UpdateArgs {
     pub slots: u32,
     /// Delta formats, separated by commas [default: bench: all; others: fast, or what a .dmorph file holds]
     #[arg(long = "formats", visible_alias = "format", value_name = "FORMAT,…", value_delimiter = ',')]
-    #[arg(value_parser = values::format())]
+    #[arg(value_parser = values::named(&DeltaFormat::ALL, DeltaFormat::name, DeltaFormat::summary))]
     pub formats: Vec<DeltaFormat>,
     /// How poses add up in block formats [default: bench: both; others: float, but exact for scatter]
     #[arg(long, value_name = "SUMS,…", value_delimiter = ',', value_parser = values::sums())]
@@ -224,15 +294,28 @@ impl PackArgs {
     }
 }
 
-/// Each of `list` once, in the order of their first places.
-pub fn distinct<T: Copy + PartialEq>(list: &[T]) -> Vec<T> {
+/// What was given, or else `default`: each once, in the order of their first places.
+pub fn distinct_or<T: Copy + PartialEq>(given: &[T], default: &[T]) -> Vec<T> {
+    let list = if given.is_empty() { default } else { given };
     list.iter().enumerate().filter(|(i, one)| !list[..*i].contains(one)).map(|(_, one)| *one).collect()
 }
 
 impl UpdateArgs {
     /// The paths named, each once, or else `default`.
     pub fn paths_or(&self, default: &[UpdatePath]) -> Vec<UpdatePath> {
-        distinct(if self.paths.is_empty() { default } else { &self.paths })
+        distinct_or(&self.paths, default)
+    }
+
+    /// For the command called `command`, which takes one path, mode, kind of sums and format: refuses several.
+    pub fn check_single(&self, command: &str) -> Result<(), String> {
+        let given = [
+            ("--path", self.paths.len()),
+            ("--mode", self.modes.len()),
+            ("--accumulate", self.accumulate.len()),
+            ("--format", self.formats.len()),
+        ];
+        let several = given.iter().find(|(_, count)| *count > 1);
+        several.map_or(Ok(()), |(option, _)| Err(format!("{option}: {command} takes one; name one of them")))
     }
 
     /// Sums of this kind, float sums with the drift allowed.

@@ -5,21 +5,9 @@ use crate::table::{Table, bytes};
 use deltamorph::headless::{DeviceChoice, Headless};
 use deltamorph::{DeltaFormat, DeviceCaps, UpdatePath, requirements};
 use serde::Serialize;
-use std::collections::BTreeMap;
+use serde_json::{Map, Value, json};
 
-/// A device in the JSON of `devices`. Fields may be added, never renamed.
-#[derive(Serialize)]
-struct Device<'a> {
-    index: usize,
-    name: &'a str,
-    kind: &'static str,
-    driver: &'a str,
-    driver_info: &'a str,
-    api_version: String,
-    paths: Vec<PathRow>,
-    limits: BTreeMap<&'static str, u64>,
-}
-
+/// A path of a device, in the JSON of `devices`. Fields may be added, never renamed.
 #[derive(Serialize)]
 struct PathRow {
     path: &'static str,
@@ -57,17 +45,16 @@ pub fn run(device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
         [] => out.say("no Vulkan 1.1 device; the path 'cpu' works without one (./with-vulkan installs lavapipe)"),
         _ => out.say(texts.join("\n")),
     }
-    out.json(&serde_json::json!({ "schema": 1, "devices": devices }))
+    out.json(&json!({ "schema": 1, "devices": devices }))
 }
 
 /// A device for people, and for programs.
-fn describe(index: usize, caps: &DeviceCaps) -> (String, Device<'_>) {
-    let (major, minor, patch) = caps.api_version;
-    let api_version = format!("{major}.{minor}.{patch}");
-    let DeviceCaps { name, driver, driver_info, .. } = caps;
+fn describe(index: usize, caps: &DeviceCaps) -> (String, Value) {
+    let DeviceCaps { name, driver, driver_info, api_version: (major, minor, patch), .. } = caps;
+    let version = format!("{major}.{minor}.{patch}");
     let kind = caps.kind.name();
     let paths: Vec<PathRow> = UpdatePath::ALL.into_iter().map(|path| path_row(caps, path)).collect();
-    let mut lines = vec![format!("{index}: {name} ({kind}), {driver} {driver_info}, Vulkan {api_version}")];
+    let mut lines = vec![format!("{index}: {name} ({kind}), {driver} {driver_info}, Vulkan {version}")];
     for PathRow { path, reason, batch_max, .. } in &paths {
         let sizes: Vec<String> = batch_max.iter().map(|(format, n)| format!("{n} {format}")).collect();
         lines.push(match reason {
@@ -79,8 +66,12 @@ fn describe(index: usize, caps: &DeviceCaps) -> (String, Device<'_>) {
     let mut table = Table::new(&LIMITS.map(|(_, heading, ..)| heading), 0);
     table.row(LIMITS.map(|(.., value, show)| show(value(caps))));
     lines.extend(table.to_string().lines().map(|line| format!("   {line}")));
-    let limits = LIMITS.iter().map(|(name, _, value, _)| (*name, value(caps))).collect();
-    (lines.join("\n"), Device { index, name, kind, driver, driver_info, api_version, paths, limits })
+    let limits: Map<_, _> = LIMITS.iter().map(|(name, _, value, _)| ((*name).into(), value(caps).into())).collect();
+    let device = json!({
+        "index": index, "name": name, "kind": kind, "driver": driver, "driver_info": driver_info,
+        "api_version": version, "paths": paths, "limits": limits,
+    });
+    (lines.join("\n"), device)
 }
 
 fn path_row(caps: &DeviceCaps, path: UpdatePath) -> PathRow {

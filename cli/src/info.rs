@@ -1,18 +1,16 @@
 //! `info`: what a mesh is made of, and what each format makes of it.
 
-pub mod formats;
+pub mod measure;
 mod report;
-mod sweep;
 
 use crate::args::InfoArgs;
 use crate::input::{self, Input, MeshInfo};
 use crate::output::{Failure, Output};
 use crate::table::{Column, Table, bytes, percent, sig3, thousands};
 use deltamorph::{BoundClip, DeltaFormat, MorphMesh, MorphTarget};
-use formats::{Blocks, Measured};
 use glam::Vec3;
+use measure::{Blocks, Measured, PoseRow, SweepRow};
 use serde::Serialize;
-use sweep::{PoseRow, SweepRow};
 
 /// The JSON of `info`. Fields may be added, never renamed.
 #[derive(Serialize)]
@@ -24,7 +22,6 @@ struct Info {
     overlap: Overlap,
     /// How tightly they fill the blocks of the format `small`.
     blocks: Blocks,
-    /// What each delta format costs.
     formats: Vec<Measured>,
     /// The weight clips that lie beside the mesh.
     clips: Vec<ClipRow>,
@@ -85,14 +82,14 @@ pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
     }
     let input = input::load(&args.input, true, out)?;
     let spinner = out.spinner("packing");
-    let formats = formats::measure_all(&input.kept, input.packed.as_ref())?;
+    let formats = measure::measure_all(&input.kept, input.packed.as_ref())?;
     let clips = input::clips(None, &args.input, &input)?;
     // That of the built-in head lies beside no mesh.
     let mut info = describe(&input, formats, if input.clips.is_empty() { &[] } else { &clips });
     spinner.finish_and_clear();
     if let Some(dir) = &args.report {
-        info.sweep = Some(sweep::sweep(&input.kept, &info.formats, out)?);
-        info.poses = Some(sweep::poses(&input, &info.formats, &clips, out));
+        info.sweep = Some(measure::sweep(&input.kept, &info.formats, out)?);
+        info.poses = Some(measure::poses(&input, &info.formats, &clips, out));
         report::write(&info, dir)?;
     }
     out.say(text(&info));
@@ -102,7 +99,6 @@ pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
     out.json(&info)
 }
 
-/// Mesh, formats and clips.
 fn describe(input: &Input, formats: Vec<Measured>, clips: &[BoundClip]) -> Info {
     let (kept, raw) = (&input.kept, &input.raw);
     let vertices = kept.vertex_count();
@@ -124,7 +120,7 @@ fn describe(input: &Input, formats: Vec<Measured>, clips: &[BoundClip]) -> Info 
             .collect(),
         overlap: overlap(kept),
         blocks: (formats.iter().map(|m| &m.packed).find(|p| p.layout().format == DeltaFormat::Small))
-            .map(|small| formats::blocks(small))
+            .map(|small| measure::blocks(small))
             .unwrap_or_default(),
         formats,
         clips: clips.iter().map(clip_row).collect(),

@@ -14,7 +14,6 @@ const HEAD_FRAMES: usize = 300;
 /// A mesh: what its files state, and what the tolerance keeps of it.
 #[derive(Debug)]
 pub struct Input {
-    /// Its name in reports.
     pub name: String,
     /// Every delta that is not exactly zero: what errors "against the raw files" are measured with.
     pub raw: Arc<MorphMesh>,
@@ -122,13 +121,9 @@ pub fn clip(path: &Path, args: &InputArgs, mesh: &MorphMesh) -> Result<BoundClip
 /// The clip at `named`, or the only one that `input` has.
 pub fn one_clip(named: Option<&Path>, args: &InputArgs, input: &Input) -> Result<BoundClip, Failure> {
     if named.is_none() && input.clips.len() > 1 {
-        let list: Vec<String> = input.clips.iter().map(|c| c.display().to_string()).collect();
-        return Err(Failure::Usage(format!(
-            "{} has {} clips; name one with --weights: {}",
-            input.origin,
-            list.len(),
-            list.join(", ")
-        )));
+        let list = input.clips.iter().map(|c| c.display().to_string()).collect::<Vec<_>>().join(", ");
+        let (origin, count) = (&input.origin, input.clips.len());
+        return Err(Failure::Usage(format!("{origin} has {count} clips; name one with --weights: {list}")));
     }
     clips(named, args, input)?.pop().ok_or_else(|| {
         Failure::Usage(format!("{} has no clip in weights/*.csv; name one with --weights CSV", input.origin))

@@ -14,7 +14,6 @@ mod plots;
 mod runner;
 mod sample;
 mod soak;
-mod stage;
 mod table;
 mod verify;
 
@@ -30,7 +29,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             eprintln!("error: {failure}");
-            failure.exit_code()
+            ExitCode::from(if matches!(failure, Failure::Usage(_)) { 2 } else { 1 })
         }
     }
 }

@@ -2,13 +2,12 @@
 
 use crate::args::GlobalArgs;
 use deltamorph::internals::write_replacing;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use std::collections::HashSet;
 use std::fmt;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::sync::OnceLock;
 use std::time::Duration;
 
@@ -30,13 +29,6 @@ impl Failure {
     /// A file that could not be read or written.
     pub fn io(path: &Path, action: &'static str, source: std::io::Error) -> Self {
         Self::failed(deltamorph::Error::Io { path: path.into(), action, source })
-    }
-
-    pub fn exit_code(&self) -> ExitCode {
-        ExitCode::from(match self {
-            Self::Usage(_) => 2,
-            Self::Failed(_) => 1,
-        })
     }
 }
 
@@ -64,7 +56,6 @@ pub struct Output {
 }
 
 impl Output {
-    /// As the global options ask for.
     pub fn new(global: &GlobalArgs) -> Self {
         Self { quiet: global.quiet, json: global.json.clone(), lost: OnceLock::new() }
     }
@@ -117,9 +108,6 @@ impl Output {
         let json = self.json.as_deref().filter(|_| !self.json_to_stdout());
         let outputs: Vec<(&Path, PathBuf)> = json.iter().chain(files).map(|path| (*path, place_of(path))).collect();
         let read: HashSet<PathBuf> = read.iter().filter_map(|path| path.canonicalize().ok()).collect();
-        let refuse = |path: &Path, why: String| {
-            Err(Failure::Usage(format!("{}: {why}, and would be written over; name another file", path.display())))
-        };
         for (i, (path, place)) in outputs.iter().enumerate() {
             if *path == Path::new("-") {
                 return Err(Failure::Usage("-: only --json goes to stdout; name a file".into()));
@@ -128,22 +116,25 @@ impl Output {
             if path.metadata().is_ok_and(|m| !m.is_file() && !m.is_dir()) {
                 continue;
             }
-            if read.contains(place) {
-                return refuse(path, "is part of what is read".into());
-            }
-            if outputs[..i].iter().any(|(_, other)| other == place) {
-                return refuse(path, "is named for two outputs".into());
-            }
-            if let Some(folder) = folder.filter(|folder| place.starts_with(place_of(folder))) {
-                return refuse(path, format!("lies in {}, which is written too", folder.display()));
-            }
+            let why = if read.contains(place) {
+                "is part of what is read".into()
+            } else if outputs[..i].iter().any(|(_, other)| other == place) {
+                "is named for two outputs".into()
+            } else if let Some(folder) = folder.filter(|folder| place.starts_with(place_of(folder))) {
+                format!("lies in {}, which is written too", folder.display())
+            } else {
+                continue;
+            };
+            let text = format!("{}: {why}, and would be written over; name another file", path.display());
+            return Err(Failure::Usage(text));
         }
         json.map_or(Ok(()), can_write)
     }
 
-    /// A spinner for work of unknown length.
+    /// A spinner for work of unknown length. As a bar hidden where stderr is no terminal, and gone when it is dropped.
     pub fn spinner(&self, message: impl Into<String>) -> ProgressBar {
-        let bar = self.progress(None).with_message(message.into());
+        let bar = if self.quiet { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
+        let bar = bar.with_message(message.into());
         if !bar.is_hidden() {
             bar.enable_steady_tick(Duration::from_millis(100));
         }
@@ -153,14 +144,18 @@ impl Output {
     /// A bar for `steps` of work.
     pub fn bar(&self, steps: u64) -> ProgressBar {
         let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {eta:>5} left  {wide_msg}");
-        self.progress(Some(steps)).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+        let bar = if self.quiet { ProgressBar::hidden() } else { ProgressBar::new(steps) };
+        bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
     }
+}
 
-    /// Hidden by itself where stderr is no terminal; gone when it is dropped.
-    fn progress(&self, steps: Option<u64>) -> ProgressBar {
-        let target = if self.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
-        ProgressBar::with_draw_target(steps, target)
-    }
+/// JSON of both, in one object.
+#[derive(Serialize)]
+pub struct With<T> {
+    #[serde(flatten)]
+    pub fields: T,
+    #[serde(flatten)]
+    pub more: serde_json::Value,
 }
 
 pub fn to_json(value: &impl Serialize) -> Result<String, Failure> {

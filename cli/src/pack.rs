@@ -1,7 +1,7 @@
 //! `pack`: a mesh as a file that loads without packing again.
 
 use crate::args::PackFileArgs;
-use crate::info::formats::Cost;
+use crate::info::measure::Cost;
 use crate::input;
 use crate::output::{Failure, Output};
 use crate::table::{bytes, sig3, thousands};

@@ -1,10 +1,10 @@
 //! `play`: a whole clip, one update per frame: what each moved, what it took, and how far the pose is off.
 
-use crate::args::run::{PlayArgs, Single};
+use crate::args::{PlayArgs, distinct_or};
 use crate::bench::stats::Stats;
-use crate::input::{self, Input};
+use crate::input;
 use crate::output::{Failure, Output};
-use crate::stage::{Setup, Stage};
+use crate::runner::Stage;
 use crate::table::{Table, bytes, percent, sig3, thousands};
 use crate::verify::{Checked, Checks};
 use deltamorph::headless::DeviceChoice;
@@ -28,7 +28,6 @@ struct Played {
 /// What a frame took.
 #[derive(Debug, Serialize)]
 struct FrameRow {
-    /// Its number, from 0.
     frame: usize,
     /// Targets whose weight differs from the frame before; in the first one, from 0.
     changed: usize,
@@ -52,8 +51,6 @@ struct FrameRow {
 #[derive(Debug, Serialize)]
 struct Summary {
     frames: usize,
-    #[serde(flatten)]
-    setup: Setup,
     /// Animated and planned on the device.
     animated: bool,
     /// Amplitude of the noise that was added to the weights.
@@ -67,7 +64,6 @@ struct Summary {
     dense_bytes_mean: f64,
     /// `bytes_moved_mean` as a share of `dense_bytes_mean`; `None` where nothing moved.
     bytes_share: Option<f64>,
-    /// Median of the time on the device.
     gpu_ms_median: Option<f64>,
     gpu_ms_mean: Option<f64>,
     /// Median of the round trips, in microseconds.
@@ -84,25 +80,26 @@ struct Summary {
 }
 
 pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
-    let PlayArgs { run, weights, .. } = args;
-    let mut single = Single::new("play", &run.update).map_err(Failure::Usage)?;
+    let PlayArgs { mut run, weights, .. } = args.clone();
+    run.update.check_single("play").map_err(Failure::Usage)?;
     if args.animated {
-        single.path.get_or_insert(UpdatePath::Blocks);
-        single.sums.get_or_insert(Accumulate::Exact);
+        run.update.paths = distinct_or(&run.update.paths, &[UpdatePath::Blocks]);
+        run.update.accumulate = distinct_or(&run.update.accumulate, &[Accumulate::Exact]);
     }
     out.check(&input::files_of(&run.input, weights.as_slice()), &[], None)?;
     let input = input::load(&run.input, true, out)?;
     let clip = input::one_clip(weights.as_deref(), &run.input, &input)?;
-    let stage = Stage::new(single, run, &input, device, out)?;
+    let stage = Stage::new(&run, &input, device, out)?;
+    let (raw, origin) = (input.packed.is_none().then(|| input.raw.clone()), input.origin.clone());
     // From here on the packed mesh is enough, and the raw mesh where errors against it can be measured.
-    let Input { raw, packed, origin, .. } = input;
-    let mut checks = Checks::new(&stage, packed.is_none().then_some(raw), true);
-    let frames = play(args, &stage, &mut checks, &clip, out)?;
-    let summary = summary(args, &stage, &frames, &checks);
-    out.say(text(&clip.name, &stage, &frames, &summary, &checks));
+    drop(input);
+    let mut checks = Checks::new(&stage, raw, true);
+    let frames = play(args, &mut checks, &clip, out)?;
+    let summary = summary(args, &frames, &checks);
+    out.say(text(&clip.name, &frames, &summary, &checks));
     out.json(&Played { schema: 1, device: stage.device(), input: origin, clip: clip.name, frames, summary })?;
     // Everything is written first.
-    checks.verdict(stage.desc.path.name())
+    checks.verdict()
 }
 
 /// The frames of a clip, with noise added to every weight where there is any.
@@ -116,13 +113,8 @@ fn shaken(frames: impl Iterator<Item = Vec<f32>>, amount: Option<f32>, seed: u64
     })
 }
 
-fn play(
-    args: &PlayArgs,
-    stage: &Stage,
-    checks: &mut Checks<'_>,
-    clip: &BoundClip,
-    out: &Output,
-) -> Result<Vec<FrameRow>, Failure> {
+fn play(args: &PlayArgs, checks: &mut Checks<'_>, clip: &BoundClip, out: &Output) -> Result<Vec<FrameRow>, Failure> {
+    let stage = checks.stage;
     let frames = || shaken(clip.frames(), args.noise, args.run.input.seed);
     let mut runner = if args.animated {
         let names = stage.mesh.layout().targets.iter().map(|t| t.name.clone()).collect();
@@ -158,11 +150,11 @@ fn play(
     Ok(rows)
 }
 
-fn summary(args: &PlayArgs, stage: &Stage, frames: &[FrameRow], checks: &Checks<'_>) -> Summary {
+fn summary(args: &PlayArgs, frames: &[FrameRow], checks: &Checks<'_>) -> Summary {
     let mean = |value: fn(&FrameRow) -> usize| {
         frames.iter().map(|f| value(f) as f64).sum::<f64>() / frames.len().max(1) as f64
     };
-    let pose_bytes = stage.mesh.layout().vertex_count * PoseFormat::Float32.stride();
+    let pose_bytes = checks.stage.mesh.layout().vertex_count * PoseFormat::Float32.stride();
     let dense = mean(|f| if f.changed > 0 { f.changed + 2 } else { 0 }) * pose_bytes as f64;
     let moved = (!args.animated).then(|| mean(|f| f.bytes_moved.unwrap_or(0) as usize));
     let gpu = Stats::of(&frames.iter().filter_map(|f| f.gpu_ms).collect::<Vec<_>>());
@@ -170,7 +162,6 @@ fn summary(args: &PlayArgs, stage: &Stage, frames: &[FrameRow], checks: &Checks<
     let scale = checks.promise.scale;
     Summary {
         frames: frames.len(),
-        setup: stage.setup(),
         animated: args.animated,
         noise: args.noise.unwrap_or(0.0),
         changed_mean: mean(|f| f.changed),
@@ -188,7 +179,7 @@ fn summary(args: &PlayArgs, stage: &Stage, frames: &[FrameRow], checks: &Checks<
 }
 
 /// The same for people: what frames took on average and at most, and the errors.
-fn text(clip: &str, stage: &Stage, frames: &[FrameRow], s: &Summary, checks: &Checks<'_>) -> String {
+fn text(clip: &str, frames: &[FrameRow], s: &Summary, checks: &Checks<'_>) -> String {
     let mut table = Table::new(&["per frame", "mean", "least", "median", "most"], 1);
     let mut row = |name: &str, value: &dyn Fn(&FrameRow) -> Option<f64>, show: &dyn Fn(f64) -> String| {
         if let Some(s) = Stats::of(&frames.iter().filter_map(value).collect::<Vec<_>>()) {
@@ -197,7 +188,7 @@ fn text(clip: &str, stage: &Stage, frames: &[FrameRow], s: &Summary, checks: &Ch
     };
     row("targets changed", &|f| Some(f.changed as f64), &sig3);
     row("targets active", &|f| Some(f.active as f64), &sig3);
-    if stage.mesh.layout().format.is_blocks() {
+    if checks.stage.mesh.layout().format.is_blocks() {
         row("blocks written", &|f| f.dirty_blocks.map(|n| n as f64), &sig3);
         row("of these from base", &|f| f.rebuilt_blocks.map(|n| n as f64), &sig3);
     }
@@ -213,7 +204,7 @@ fn text(clip: &str, stage: &Stage, frames: &[FrameRow], s: &Summary, checks: &Ch
         None => "planned on the device".into(),
     };
     let raw = s.raw_error_rel.map_or(String::new(), |raw| format!("; {} against the raw files", sig3(raw)));
-    let (frames, setup, found) = (thousands(s.frames), stage.describe(), checks.text());
+    let (frames, setup, found) = (thousands(s.frames), checks.stage.describe(), checks.text());
     let [request, normals] = [s.request_error_rel, s.normal_error_deg].map(sig3);
     format!(
         "{clip}, {frames} frames, {setup}\n\n{table}\n\n{moved}\n\

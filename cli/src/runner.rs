@@ -1,34 +1,36 @@
-//! One interface to the GPU paths and the cpu path, for every command that updates poses.
+//! One interface to the GPU paths and the cpu path, for every command that updates poses; and the set-up of those that
+//! update one head.
 
-use crate::args::PackArgs;
+use crate::args::values::{BatchSpec, expand_batches, format_on};
+use crate::args::{PackArgs, RunArgs};
 use crate::input::Input;
 use crate::output::{Failure, Output};
 pub use deltamorph::headless::Headless as Gpu;
 use deltamorph::headless::{DeviceChoice, HeadlessCrowd, HeadlessDesc, PoseUpload, Step};
 use deltamorph::{
-    AnimatedCrowd, AnimationDesc, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, DeviceCaps, PackDesc, PackedMesh,
-    Playback, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
+    Accumulate, AnimatedCrowd, AnimationDesc, BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc,
+    PackedMesh, Playback, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
 };
+use serde::Serialize;
+use std::slice::from_ref;
 use std::sync::Arc;
 use std::time::Instant;
 
 /// Set up the device chosen on the command line. `None`, with a note, where there is none and none was chosen.
 pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, Failure> {
     let desc = HeadlessDesc::default().device(choice.cloned().unwrap_or_default());
-    match Gpu::new(&desc) {
-        Ok(gpu) => {
-            let DeviceCaps { name, .. } = gpu.caps();
-            if gpu.caps().is_software() {
-                out.note(format_args!("{name} is a software driver: without a GPU the path 'cpu' is the one to use"));
-            }
-            Ok(Some(gpu))
-        }
+    let gpu = match Gpu::new(&desc) {
         Err(error) if choice.is_none() => {
             out.note(error);
-            Ok(None)
+            return Ok(None);
         }
-        Err(error) => Err(error.into()),
+        gpu => gpu?,
+    };
+    if gpu.caps().is_software() {
+        let name = &gpu.caps().name;
+        out.note(format_args!("{name} is a software driver: without a GPU the path 'cpu' is the one to use"));
     }
+    Ok(Some(gpu))
 }
 
 /// The mesh of `input` in `format`: as a packed file has it where it is the file's, else packed now.
@@ -38,27 +40,25 @@ pub fn packed(
     format: DeltaFormat,
     args: &PackArgs,
 ) -> Result<Arc<PackedMesh>, Failure> {
-    match &input.packed {
-        Some(mesh) if mesh.layout().format == format => match args.desc() == BlockDesc::default() {
-            true => Ok(mesh.clone()),
-            false => Err(Failure::Usage(format!(
-                "--block-size, --position-error, --normal-error and --weight-max say how to pack, but {} is packed \
-                 already; leave them out, or give the folder that it was packed from",
-                input.origin
-            ))),
-        },
-        _ => {
-            let desc = gpu.map_or(PackDesc::new(format), |gpu| gpu.engine().pack_desc(format));
-            Ok(Arc::new(PackedMesh::pack(&input.kept, &desc.blocks(args.desc()))?))
-        }
+    let Some(held) = input.packed.as_ref().filter(|mesh| mesh.layout().format == format) else {
+        let desc = gpu.map_or(PackDesc::new(format), |gpu| gpu.engine().pack_desc(format));
+        return Ok(Arc::new(PackedMesh::pack(&input.kept, &desc.blocks(args.desc()))?));
+    };
+    if args.desc() == BlockDesc::default() {
+        return Ok(held.clone());
     }
+    Err(Failure::Usage(format!(
+        "--block-size, --position-error, --normal-error and --weight-max say how to pack, but {} is packed already; \
+         leave them out, or give the folder that it was packed from",
+        input.origin
+    )))
 }
 
 /// Heads that are updated by one path.
 pub enum Runner<'a> {
     /// On a device: a crowd, or one for each head.
     Gpu(Vec<HeadlessCrowd<'a>>),
-    /// On a device, which plays a clip.
+    /// On a device, which plays a clip: a frame each step.
     Animated { crowd: Box<HeadlessCrowd<'a, AnimatedCrowd>>, fps: f32, frames: u32 },
     /// On the processor; with a way to the device, where poses are to be drawn there.
     Cpu(Box<CpuCrowd>, Option<Box<PoseUpload<'a>>>),
@@ -66,7 +66,6 @@ pub enum Runner<'a> {
 
 /// What a frame took.
 pub struct Frame {
-    /// Coefficients, passes, bytes.
     pub stats: UpdateStats,
     /// Device time of the update in milliseconds, where there is one.
     pub gpu_ms: Option<f64>,
@@ -118,23 +117,6 @@ impl<'a> Runner<'a> {
         Ok(Self::Gpu(crowds))
     }
 
-    /// A head that plays `clip` from its beginning, a frame each step, planned on the device.
-    pub fn animated(
-        gpu: Option<&'a Gpu>,
-        mesh: &Arc<PackedMesh>,
-        update: UpdateDesc,
-        clip: &WeightClip,
-    ) -> Result<Self, Failure> {
-        let gpu = gpu.filter(|_| update.path == UpdatePath::Blocks).ok_or_else(|| {
-            Failure::Usage("--animated plans on a Vulkan device, on the path blocks, and there is none".into())
-        })?;
-        let desc = CrowdDesc::new(update).frames_in_flight(1);
-        let clips = AnimationDesc::new(std::slice::from_ref(clip));
-        let mut crowd = HeadlessCrowd::animated(gpu, mesh, &desc, &clips)?;
-        crowd.play(0, &Playback::new(0).repeat(Repeat::Once))?;
-        Ok(Self::Animated { crowd: Box::new(crowd), fps: clip.fps, frames: 0 })
-    }
-
     /// Update every head to `weights[head]`, draw it `copies` times where there is a device, and wait.
     pub fn step(&mut self, weights: &[impl AsRef<[f32]>], copies: u32) -> deltamorph::Result<Frame> {
         let Step { update, gpu_ms, draw_ms, cpu_ms } = match self {
@@ -159,8 +141,7 @@ impl<'a> Runner<'a> {
                     let poses: Vec<&[f32]> =
                         (0..weights.len()).map(|head| crowd.pose(head)).collect::<Result<_, _>>()?;
                     frame.upload_ms = Some(upload.upload(&poses)?.cpu_ms);
-                    let draws: Vec<Option<f64>> = (0..copies).map(|_| upload.draw()).collect::<Result<_, _>>()?;
-                    frame.draw_ms = draws.into_iter().sum();
+                    frame.draw_ms = (0..copies).map(|_| upload.draw()).sum::<Result<_, _>>()?;
                 }
                 return Ok(frame);
             }
@@ -208,12 +189,124 @@ impl<'a> Runner<'a> {
     /// Device time of `copies` draws of every head; `None` without a device.
     pub fn draw_ms(&mut self, copies: u32) -> deltamorph::Result<Option<f64>> {
         match self {
-            Self::Gpu(crowds) => {
-                let each: Vec<Option<f64>> = crowds.iter().map(|crowd| crowd.draw(copies)).collect::<Result<_, _>>()?;
-                Ok(each.into_iter().sum())
-            }
+            Self::Gpu(crowds) => crowds.iter().map(|crowd| crowd.draw(copies)).sum(),
             Self::Animated { crowd, .. } => crowd.draw(copies),
             Self::Cpu(..) => Ok(None),
         }
     }
+}
+
+/// The packed mesh, how it is updated, and where.
+pub struct Stage {
+    gpu: Option<Gpu>,
+    threads: usize,
+    pub mesh: Arc<PackedMesh>,
+    pub desc: UpdateDesc,
+}
+
+/// How poses were updated, in the JSON of each command. Fields may be added, never renamed.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Setup {
+    path: &'static str,
+    format: &'static str,
+    /// "incremental" or "rebuild".
+    mode: &'static str,
+    /// "float" or "exact".
+    accumulate: &'static str,
+    slots: u32,
+    /// In input units; 0 where nothing waits.
+    error_budget: f32,
+}
+
+impl Stage {
+    /// On the path named, or else the best that there is: `blocks` where there is a device, or `cpu`. The format is the
+    /// one named, or that of the packed file that is read, or the default of the path.
+    pub fn new(args: &RunArgs, input: &Input, device: Option<&DeviceChoice>, out: &Output) -> Result<Self, Failure> {
+        let update = &args.update;
+        let (named, sums) = (update.paths.first().copied(), update.accumulate.first().copied());
+        let gpu = match named {
+            Some(UpdatePath::Cpu) => None,
+            Some(_) => open(device, out)?,
+            None => open(device, out)?.filter(|gpu| gpu.caps().check_path(UpdatePath::Blocks).is_ok()),
+        };
+        let path = named.unwrap_or(if gpu.is_some() { UpdatePath::Blocks } else { UpdatePath::Cpu });
+        let (fits, held) = (|format| format_on(path, format), input.packed.as_ref().map(|mesh| mesh.layout().format));
+        let mut defaults = held.into_iter().chain([DeltaFormat::Fast, DeltaFormat::Float32, DeltaFormat::Small]);
+        let format = update.formats.first().map_or_else(|| defaults.find_map(fits), |format| fits(*format));
+        let format = format.ok_or_else(|| {
+            let names: Vec<&str> = path.formats().iter().map(|format| format.name()).collect();
+            Failure::Usage(format!("--format: the path '{}' takes {}", path.name(), names.join(" or ")))
+        })?;
+        let default = UpdateDesc::new(path, batch_size(args.batch_size, path, gpu.as_ref(), format)?);
+        let desc = default
+            .mode(update.modes.first().copied().unwrap_or(default.mode))
+            .slots(update.slots)
+            .accumulate(update.sums(sums.unwrap_or(default.accumulate)))
+            .error_budget(update.budget(input.kept.diagonal).map_err(Failure::Usage)?);
+        desc.check().map_err(|e| Failure::Usage(e.to_string()))?;
+        let mesh = packed(input, gpu.as_ref(), format, &update.pack)?;
+        let exact = desc.accumulate(Accumulate::Exact);
+        let desc = match desc.check_for(mesh.layout()) {
+            Ok(()) => desc,
+            Err(e) if sums.is_none() && exact.check_for(mesh.layout()).is_ok() => {
+                out.note(format_args!("{e}; taking exact sums (--drift and --accumulate choose)"));
+                exact
+            }
+            Err(e) => return Err(Failure::Usage(format!("{e}; see --drift, --accumulate and --weight-max"))),
+        };
+        Ok(Self { gpu, threads: update.threads.unwrap_or(0), mesh, desc })
+    }
+
+    pub fn runner(&self, desc: UpdateDesc) -> Result<Runner<'_>, Failure> {
+        Runner::new(self.gpu.as_ref(), &self.mesh, desc, 1, self.threads)
+    }
+
+    pub fn device(&self) -> String {
+        self.gpu.as_ref().map_or("none".into(), |gpu| gpu.caps().name.clone())
+    }
+
+    /// A head that plays `clip` from its beginning, planned on the device.
+    pub fn animated(&self, clip: &WeightClip) -> Result<Runner<'_>, Failure> {
+        let gpu = self.gpu.as_ref().filter(|_| self.desc.path == UpdatePath::Blocks).ok_or_else(|| {
+            Failure::Usage("--animated plans on a Vulkan device, on the path blocks, and there is none".into())
+        })?;
+        let (desc, clips) = (CrowdDesc::new(self.desc).frames_in_flight(1), AnimationDesc::new(from_ref(clip)));
+        let mut crowd = HeadlessCrowd::animated(gpu, &self.mesh, &desc, &clips)?;
+        crowd.play(0, &Playback::new(0).repeat(Repeat::Once))?;
+        Ok(Runner::Animated { crowd: Box::new(crowd), fps: clip.fps, frames: 0 })
+    }
+
+    pub fn setup(&self) -> Setup {
+        Setup {
+            path: self.desc.path.name(),
+            format: self.mesh.layout().format.name(),
+            mode: self.desc.mode.name(),
+            accumulate: self.desc.accumulate.name(),
+            slots: self.desc.slots,
+            error_budget: self.desc.error_budget,
+        }
+    }
+
+    /// "blocks fast exact, 2 slots, on llvmpipe": for people.
+    pub fn describe(&self) -> String {
+        let UpdateDesc { path, accumulate, slots, .. } = self.desc;
+        let device = if path == UpdatePath::Cpu { "the processor".to_owned() } else { self.device() };
+        let format = self.mesh.layout().format.name();
+        // Draws that evaluate have no pose buffers.
+        let slots = if path.evaluates_in_draws() { String::new() } else { format!(", {slots} slots") };
+        format!("{} {format} {}{slots}, on {device}", path.name(), accumulate.name())
+    }
+}
+
+/// The batch size that `spec` means on `path`.
+fn batch_size(spec: BatchSpec, path: UpdatePath, gpu: Option<&Gpu>, format: DeltaFormat) -> Result<BatchSize, Failure> {
+    if let Some(gpu) = gpu {
+        gpu.caps().check_path(path)?;
+    }
+    let max = gpu.and_then(|g| g.caps().batch_max(path, format)).unwrap_or(0);
+    let (allowed, _) = expand_batches(&[spec], path, max);
+    allowed.last().copied().ok_or_else(|| {
+        let all = if path.takes_all_targets() { ", or \"all\"" } else { "" };
+        Failure::Usage(format!("--batch-size: path '{}' takes 1 to {max} targets per pass here{all}", path.name()))
+    })
 }

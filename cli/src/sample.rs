@@ -19,7 +19,7 @@ pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
     let mut clip = head::head_clip(&desc, args.frames, args.fps);
     spinner.finish_and_clear();
 
-    let bar = out.bar(source.targets.len() as u64 + 2);
+    let bar = out.bar(source.targets.len() as u64 + 1);
     // The rate is in the name: the file itself has no place for it, and readers look there.
     clip.name = format!("{}_{}fps", if clip.name.is_empty() { "clip" } else { &clip.name }, args.fps);
     // Without a target there is no column, and so no clip.

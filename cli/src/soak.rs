@@ -1,78 +1,48 @@
 //! `soak`: any number of frames, random and captured, and how far poses drift from the reference.
 
-mod script;
-
-use crate::args::run::{Single, SoakArgs};
+use crate::args::SoakArgs;
 use crate::input;
-use crate::output::{Failure, Output};
-use crate::runner::Runner;
-use crate::stage::{Setup, Stage};
+use crate::output::{Failure, Output, With};
+use crate::runner::{Runner, Stage};
 use crate::table::{sig3, thousands};
-use crate::verify::{Checked, Checks, REMEDY};
-use deltamorph::Accumulate;
+use crate::verify::{Checks, REMEDY};
 use deltamorph::headless::DeviceChoice;
-use script::Script;
-use serde::Serialize;
+use deltamorph::internals::Rng;
+use deltamorph::{Accumulate, BoundClip};
+use serde_json::json;
 use std::time::Instant;
-
-/// The JSON of `soak`. Fields may be added, never renamed.
-#[derive(Debug, Serialize)]
-struct Soaked {
-    schema: u32,
-    frames: usize,
-    /// Every sum and pose checked was that of a full evaluation, bit for bit; `None` for float sums.
-    bit_exact: Option<bool>,
-    #[serde(flatten)]
-    checked: Checked,
-    /// FNV-1a of the final integer sums: the same on every driver; `None` for float sums.
-    sums_hash: Option<String>,
-    device: String,
-    input: String,
-    clips: Vec<String>,
-    #[serde(flatten)]
-    setup: Setup,
-    seed: u64,
-    /// Updates and comparisons together.
-    seconds: f64,
-}
 
 pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     let SoakArgs { run, weights, .. } = args;
-    let single = Single::new("soak", &run.update).map_err(Failure::Usage)?;
+    run.update.check_single("soak").map_err(Failure::Usage)?;
     out.check(&input::files_of(&run.input, weights.as_slice()), &[], None)?;
     let input = input::load(&run.input, false, out)?;
     let clips = input::clips(weights.as_deref(), &run.input, &input)?;
-    let stage = Stage::new(single, run, &input, device, out)?;
-    let (origin, targets) = (input.origin.clone(), input.kept.targets.len());
+    let stage = Stage::new(run, &input, device, out)?;
+    let origin = input.origin.clone();
     // From here on the packed mesh is enough.
     drop(input);
     let start = Instant::now();
-    let mut script = Script::new(targets, &clips, run.input.seed);
     // Random weights fold normals to nothing here and there, where an angle says little: positions only.
     let mut checks = Checks::new(&stage, None, false);
-    let sums = soak(args, &stage, &mut script, &mut checks, out)?;
-    let result = Soaked {
-        schema: 1,
-        frames: args.frames,
-        bit_exact: sums.as_ref().map(|sums| sums.right),
-        checked: checks.record(),
-        sums_hash: sums.map(|sums| format!("{:016x}", sums.hash)),
-        device: stage.device(),
-        input: origin,
-        clips: clips.iter().map(|c| c.name.clone()).collect(),
-        setup: stage.setup(),
-        seed: run.input.seed,
-        seconds: start.elapsed().as_secs_f64(),
-    };
-    let exact = match (result.bit_exact, &result.sums_hash) {
+    let sums = soak(args, &clips, &mut checks, out)?;
+    let (seconds, bit_exact) = (start.elapsed().as_secs_f64(), sums.as_ref().map(|sums| sums.right));
+    let hash = sums.map(|sums| format!("{:016x}", sums.hash));
+    let exact = match (bit_exact, &hash) {
         (Some(true), Some(hash)) => format!("\nsums and poses equal full evaluations bit for bit; hash {hash}"),
         (Some(_), _) => "\nsums or poses are NOT those of full evaluations".to_owned(),
         (None, _) => String::new(),
     };
-    let (frames, seconds) = (thousands(result.frames), sig3(result.seconds));
-    out.say(format_args!("{frames} frames, {}, {seconds} s\n{}{exact}", stage.describe(), checks.text()));
-    out.json(&result)?;
-    verdict(&stage, &checks, result.bit_exact)
+    let (frames, setup, found) = (thousands(args.frames), stage.describe(), checks.text());
+    out.say(format_args!("{frames} frames, {setup}, {} s\n{found}{exact}", sig3(seconds)));
+    let clips: Vec<&str> = clips.iter().map(|clip| clip.name.as_str()).collect();
+    // Both `None` for float sums. The hash is the same on every driver; the seconds are of updates and comparisons.
+    let more = json!({
+        "schema": 1, "frames": args.frames, "bit_exact": bit_exact, "sums_hash": hash, "device": stage.device(),
+        "input": origin, "clips": clips, "seed": run.input.seed, "seconds": seconds,
+    });
+    out.json(&With { fields: checks.record(), more })?;
+    verdict(&checks, bit_exact)
 }
 
 /// The integer sums, where there are any.
@@ -83,18 +53,13 @@ struct Sums {
     hash: u64,
 }
 
-fn soak(
-    args: &SoakArgs,
-    stage: &Stage,
-    script: &mut Script<'_>,
-    checks: &mut Checks<'_>,
-    out: &Output,
-) -> Result<Option<Sums>, Failure> {
+fn soak(args: &SoakArgs, clips: &[BoundClip], checks: &mut Checks<'_>, out: &Output) -> Result<Option<Sums>, Failure> {
+    let stage = checks.stage;
+    let mut script = Script::new(stage.mesh.layout().targets.len(), clips, args.run.input.seed);
     let mut runner = stage.runner(stage.desc)?;
     let exact = stage.desc.accumulate == Accumulate::Exact;
     let mut sums = exact.then_some(Sums { right: true, hash: 0 });
     let (every, bar) = (args.every(), out.bar(args.frames as u64));
-    let step = (args.frames / 1000).max(1);
     for frame in 0..args.frames {
         let (weights, cut) = script.next();
         if cut {
@@ -105,9 +70,7 @@ fn soak(
         if let Some(sums) = sums.as_mut().filter(|_| due) {
             sums.against_fresh(&mut runner, stage, weights)?;
         }
-        if frame % step == 0 {
-            bar.set_position(frame as u64);
-        }
+        bar.inc(1);
     }
     Ok(sums)
 }
@@ -135,32 +98,144 @@ fn fnv(sums: &[i32]) -> u64 {
     bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
-fn verdict(stage: &Stage, checks: &Checks<'_>, bit_exact: Option<bool>) -> Result<(), Failure> {
-    let path = stage.desc.path.name();
+fn verdict(checks: &Checks<'_>, bit_exact: Option<bool>) -> Result<(), Failure> {
+    let (path, accumulate) = (checks.stage.desc.path.name(), checks.stage.desc.accumulate);
     if bit_exact == Some(false) {
         return Err(Failure::Failed(format!(
             "the integer sums or poses through '{path}' are not those of a full evaluation; {REMEDY}"
         )));
     }
-    checks.verdict(path)?;
+    checks.verdict()?;
     let bound = checks.found.bound / checks.promise.scale;
-    match stage.desc.accumulate {
-        Accumulate::Float { tolerance } if bound > f64::from(tolerance) * (1.0 + 1e-6) => {
-            Err(Failure::Failed(format!(
-                "the bound kept through '{path}' came to {bound:.3e} of the diagonal, {tolerance:.1e} are tolerated; {REMEDY}"
-            )))
+    if let Accumulate::Float { tolerance } = accumulate
+        && bound > f64::from(tolerance) * (1.0 + 1e-6)
+    {
+        return Err(Failure::Failed(format!(
+            "the bound kept through '{path}' came to {bound:.3e} of the diagonal, {tolerance:.1e} are tolerated; {REMEDY}"
+        )));
+    }
+    Ok(())
+}
+
+/// Frames of a stretch, at least and at most.
+const STRETCH: [usize; 2] = [32, 256];
+/// Of a hundred random frames, this many …
+const NEUTRAL: usize = 4;
+const CUTS: usize = 3;
+const STILL: usize = 10;
+/// Random weights, as people exaggerate and as trackers overshoot.
+const WEIGHTS: [f32; 2] = [-0.5, 1.5];
+
+/// Frames without end, the same for a seed.
+struct Script<'a> {
+    rng: Rng,
+    clips: &'a [BoundClip],
+    now: Vec<f32>,
+    /// Frames left of this stretch.
+    left: usize,
+    /// Clip and next frame; `None` in a random stretch.
+    place: Option<(usize, usize)>,
+}
+
+impl<'a> Script<'a> {
+    fn new(targets: usize, clips: &'a [BoundClip], seed: u64) -> Self {
+        // An empty random stretch: captured frames come first, where there are any.
+        Self { rng: Rng::new(seed, 0x736f_616b), clips, now: vec![0.0; targets], left: 0, place: None }
+    }
+
+    /// The weights of the next frame, and whether it is a cut.
+    fn next(&mut self) -> (&[f32], bool) {
+        if self.left == 0 {
+            self.left = STRETCH[0] + self.rng.below(STRETCH[1] - STRETCH[0]);
+            self.place = match self.place {
+                None if !self.clips.is_empty() => {
+                    let clip = self.rng.below(self.clips.len());
+                    Some((clip, self.rng.below(self.clips[clip].frame_count())))
+                }
+                _ => None,
+            };
         }
-        Accumulate::Float { .. } | Accumulate::Exact => Ok(()),
+        self.left -= 1;
+        let cut = match &mut self.place {
+            Some((clip, frame)) => {
+                let clip = &self.clips[*clip];
+                self.now = clip.frame(*frame);
+                // Round and round: the seam is a jump, as between takes.
+                *frame = (*frame + 1) % clip.frame_count();
+                false
+            }
+            None => self.random(),
+        };
+        (&self.now, cut)
+    }
+
+    fn random(&mut self) -> bool {
+        let targets = self.now.len();
+        let dice = self.rng.below(100);
+        if dice < NEUTRAL {
+            self.now.fill(0.0);
+        } else if dice < NEUTRAL + CUTS {
+            (0..targets).for_each(|t| self.draw(t));
+            return true;
+        } else if dice >= NEUTRAL + CUTS + STILL && targets > 0 {
+            // Often a few, seldom all: as many as the smaller of two numbers.
+            let count = 1 + self.rng.below(targets).min(self.rng.below(targets));
+            for _ in 0..count {
+                let target = self.rng.below(targets);
+                self.draw(target);
+            }
+        }
+        false
+    }
+
+    /// A new weight; every third one comes to rest.
+    fn draw(&mut self, target: usize) {
+        let rest = self.rng.below(3) == 0;
+        self.now[target] = if rest { 0.0 } else { self.rng.range(WEIGHTS[0], WEIGHTS[1]) };
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use deltamorph::WeightClip;
 
     #[test]
     fn the_hash_is_fnv_1a() {
         assert_eq!(fnv(&[]), 0xcbf2_9ce4_8422_2325);
         assert_eq!(fnv(&[i32::from_le_bytes(*b"foob")]), 0xdd12_0e79_0c25_12af);
+    }
+
+    #[test]
+    fn there_is_some_of_everything() {
+        let names: Vec<String> = (0..12).map(|t| t.to_string()).collect();
+        let values = [[9.0f32; 12], [8.0; 12]].concat();
+        let clip = WeightClip { names: names.clone(), values, ..Default::default() };
+        let clips = [clip.bind(&names.iter().map(String::as_str).collect::<Vec<_>>()).expect("columns of targets")];
+        let mut script = Script::new(12, &clips, 1);
+        let (mut captured, mut neutral, mut still, mut cuts) = (0, 0, 0, 0);
+        let mut before = vec![0.0; 12];
+        for _ in 0..5000 {
+            let (weights, cut) = script.next();
+            captured += usize::from(weights[0] >= 8.0);
+            neutral += usize::from(weights == [0.0; 12]);
+            still += usize::from(weights == before);
+            cuts += usize::from(cut);
+            assert!(weights.iter().all(|w| *w >= 8.0 || (-0.5..1.5).contains(w)));
+            before = weights.to_vec();
+        }
+        assert!((1500..3500).contains(&captured), "{captured}");
+        assert!(neutral > 50 && still > 100 && cuts > 30, "{neutral} {still} {cuts}");
+    }
+
+    #[test]
+    fn a_seed_is_a_script() {
+        let run = |seed| {
+            let mut script = Script::new(5, &[], seed);
+            (0..300).map(|_| script.next().0.to_vec()).collect::<Vec<_>>()
+        };
+        assert_eq!(run(3), run(3));
+        assert_ne!(run(3), run(4));
+        assert!(Script::new(0, &[], 1).next().0.is_empty());
     }
 }

@@ -1,11 +1,10 @@
 //! What an update path promises, and whether a pose keeps it: one rule for `bench`, `play` and `soak`.
 
 use crate::output::Failure;
-use crate::runner::{Frame, Runner};
-use crate::stage::Stage;
+use crate::runner::{Frame, Runner, Setup, Stage};
 use crate::table::{sig3, thousands};
 use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
-use deltamorph::{Accumulate, ExactGrid, MorphMesh, PackedLayout, PackedMesh, PoseError, UpdateDesc};
+use deltamorph::{Accumulate, ExactGrid, MorphMesh, PackedLayout, PoseError, UpdateDesc};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -29,7 +28,6 @@ pub struct Found {
 }
 
 impl Found {
-    /// The larger of both, each.
     pub fn max(self, other: Self) -> Self {
         Self { error: self.error.max(other.error), raw: self.raw.max(other.raw), bound: self.bound.max(other.bound) }
     }
@@ -52,7 +50,6 @@ pub struct Promise {
 }
 
 impl Promise {
-    /// What `desc` promises on a mesh packed as `layout`.
     pub fn new(desc: &UpdateDesc, layout: &PackedLayout) -> Self {
         let exact = desc.accumulate == Accumulate::Exact;
         Self {
@@ -95,7 +92,7 @@ impl Promise {
 
 /// Poses of one head, each compared with the float64 reference.
 pub struct Checks<'a> {
-    mesh: &'a PackedMesh,
+    pub stage: &'a Stage,
     pub promise: Promise,
     /// Compare with these deltas, too.
     pub raw: Option<Arc<MorphMesh>>,
@@ -109,9 +106,11 @@ pub struct Checks<'a> {
     wrong: Option<(usize, String)>,
 }
 
-/// What comparisons found, in the JSON of `play` and `soak`.
+/// How poses were updated, and what comparisons found, in the JSON of `play` and `soak`.
 #[derive(Debug, Serialize)]
 pub struct Checked {
+    #[serde(flatten)]
+    setup: Setup,
     /// Frames that were compared with the reference.
     checks: usize,
     /// Largest position error against the float64 reference, in input units, and as a fraction of the diagonal. Exact
@@ -127,8 +126,7 @@ impl<'a> Checks<'a> {
     /// weights.
     pub fn new(stage: &'a Stage, raw: Option<Arc<MorphMesh>>, full: bool) -> Self {
         let promise = Promise::new(&stage.desc, stage.mesh.layout());
-        let found = Found::default();
-        Self { mesh: &stage.mesh, promise, raw, full, count: 0, found, request: 0.0, wrong: None }
+        Self { stage, promise, raw, full, count: 0, found: Found::default(), request: 0.0, wrong: None }
     }
 
     /// Update the head of `runner`, and compare its pose where that is `due`. Returns the position error, too.
@@ -146,12 +144,12 @@ impl<'a> Checks<'a> {
         if !due {
             return Ok((step, None));
         }
-        let pose = &runner.pose(0)?;
-        let applied = runner.played(self.mesh)?.unwrap_or_else(|| self.promise.applied(weights));
-        let mut error = compare(pose, &evaluate(self.mesh, &applied));
+        let (pose, mesh) = (&runner.pose(0)?, &self.stage.mesh);
+        let applied = runner.played(mesh)?.unwrap_or_else(|| self.promise.applied(weights));
+        let mut error = compare(pose, &evaluate(mesh, &applied));
         let raw = self.raw.as_ref().map(|raw| compare(pose, &evaluate_unpacked(raw, weights))).unwrap_or_default();
         if self.full {
-            let request = if applied == weights { error } else { compare(pose, &evaluate(self.mesh, weights)) };
+            let request = if applied == weights { error } else { compare(pose, &evaluate(mesh, weights)) };
             self.request = self.request.max(request.position);
         } else {
             error = PoseError { position: error.position, ..PoseError::default() };
@@ -167,6 +165,7 @@ impl<'a> Checks<'a> {
 
     pub fn record(&self) -> Checked {
         Checked {
+            setup: self.stage.setup(),
             checks: self.count,
             max_error: self.found.error.position,
             max_error_rel: self.found.error.position / self.promise.scale,
@@ -186,7 +185,8 @@ impl<'a> Checks<'a> {
     }
 
     /// A failure where a frame broke the promise.
-    pub fn verdict(&self, path: &str) -> Result<(), Failure> {
+    pub fn verdict(&self) -> Result<(), Failure> {
+        let path = self.stage.desc.path.name();
         self.wrong.as_ref().map_or(Ok(()), |(frame, complaint)| {
             Err(Failure::Failed(format!("frame {frame} is wrong through '{path}': {complaint}; {REMEDY}")))
         })

@@ -52,7 +52,7 @@ impl Headless {
         submitter.run(|cmd| {
             // SAFETY: recording; the fill covers the buffer.
             unsafe { device.cmd_fill_buffer(cmd, from.raw, 0, bytes, 0x3f7f_1234) };
-            full_barrier(device, cmd);
+            full_barrier(device, cmd, vk::PipelineStageFlags::ALL_COMMANDS);
             Ok(())
         })?;
         let mut best = [f64::INFINITY; 2];

@@ -1,13 +1,11 @@
 //! A crowd that is updated, timed, drawn and read back one step at a time.
 
-mod animated;
-mod kinds;
 mod read;
 
 use super::Headless;
 use super::draw::PoseDraw;
-use super::readback::Readback;
-use crate::engine::{AnyCrowd, Crowd, GpuMesh, MorphEngine, Ticket, Update};
+use super::submit::Readback;
+use crate::engine::{AnimatedCrowd, AnyCrowd, Crowd, GpuMesh, Ticket, Update};
 use crate::error::{Error, Result};
 use crate::pack::PackedMesh;
 use crate::plan::CrowdDesc;
@@ -17,8 +15,9 @@ use crate::plan::UpdatePath;
 use crate::plan::hazards::Event;
 #[cfg(feature = "internals")]
 use crate::plan::schedule::Entry;
+use crate::update::animated::{AnimationDesc, Playback};
 use ash::vk;
-use kinds::Kind;
+use std::any::Any;
 use std::collections::VecDeque;
 use std::time::Instant;
 
@@ -56,7 +55,7 @@ impl<'a> HeadlessCrowd<'a> {
     /// Upload `mesh` and make a crowd.
     ///
     /// # Errors
-    /// As [`MorphEngine::upload`] and [`MorphEngine::create_crowd`].
+    /// As [`upload`](crate::MorphEngine::upload) and [`create_crowd`](crate::MorphEngine::create_crowd).
     pub fn new(headless: &'a Headless, mesh: &PackedMesh, desc: &CrowdDesc) -> Result<Self> {
         let engine = &headless.engine;
         let mesh = headless.upload(|cmd| {
@@ -68,33 +67,59 @@ impl<'a> HeadlessCrowd<'a> {
             // SAFETY: as above.
             unsafe { engine.upload(cmd, mesh) }
         })?;
-        Self::of(headless, mesh, desc)
-    }
-
-    fn of(headless: &'a Headless, mesh: GpuMesh, desc: &CrowdDesc) -> Result<Self> {
-        let crowd = headless.engine.create_crowd(&mesh, desc)?;
+        let crowd = engine.create_crowd(&mesh, desc)?;
         Self::with(headless, mesh, crowd)
     }
 
     /// Another crowd of the same mesh, which is not uploaded again.
     ///
     /// # Errors
-    /// As [`MorphEngine::create_crowd`].
+    /// As [`create_crowd`](crate::MorphEngine::create_crowd).
     pub fn another(&self, desc: &CrowdDesc) -> Result<Self> {
-        let mesh = self.mesh.shared();
-        Self::of(self.headless, mesh, desc)
-    }
-
-    /// See [`Crowd::set_weights`].
-    pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
-        self.crowd.set_weights(instance, weights)
+        let crowd = self.headless.engine.create_crowd(&self.mesh, desc)?;
+        Self::with(self.headless, self.mesh.shared(), crowd)
     }
 }
 
-impl<'a, C: Kind> HeadlessCrowd<'a, C> {
+impl<'a> HeadlessCrowd<'a, AnimatedCrowd> {
+    /// Upload `mesh` and make a crowd that is animated on the GPU. Each [`step`](Self::step), of no weights, goes to the
+    /// time last set.
+    ///
+    /// # Errors
+    /// As [`upload`](crate::MorphEngine::upload) and
+    /// [`create_animated_crowd`](crate::MorphEngine::create_animated_crowd).
+    pub fn animated(
+        headless: &'a Headless,
+        mesh: &PackedMesh,
+        desc: &CrowdDesc,
+        animation: &AnimationDesc<'_>,
+    ) -> Result<Self> {
+        let (engine, submitter) = (&headless.engine, &headless.submitter);
+        // SAFETY: the submitter hands out a recording buffer of the engine's device; it waits for the device.
+        let mesh = headless.upload(|cmd| unsafe { engine.upload(cmd, mesh) })?;
+        // SAFETY: as above.
+        let mut crowd = submitter.run(|cmd| unsafe { engine.create_animated_crowd(cmd, &mesh, desc, animation) })?;
+        // SAFETY: as above.
+        unsafe { crowd.release_staging() };
+        Self::with(headless, mesh, crowd)
+    }
+
+    /// See [`AnimatedCrowd::play`].
+    pub fn play(&mut self, instance: u32, playback: &Playback) -> Result<()> {
+        self.crowd.play(instance, playback)
+    }
+
+    /// See [`AnimatedCrowd::set_time`].
+    pub fn set_time(&mut self, seconds: f64) -> Result<()> {
+        self.crowd.set_time(seconds)
+    }
+}
+
+impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
     fn with(headless: &'a Headless, mesh: GpuMesh, crowd: C) -> Result<Self> {
-        let draw = PoseDraw::new(&headless.engine.device, crowd.base().desc.update.pose)?;
-        let readback = Readback::new(headless, mesh.layout().base_bytes())?;
+        let device = &headless.engine.device;
+        let draw = PoseDraw::new(device, crowd.base().desc.update.pose)?;
+        let readback = Readback::new(device, mesh.layout().base_bytes())?;
         Ok(Self { headless, mesh, crowd, draw, readback, waiting: VecDeque::new() })
     }
 
@@ -106,6 +131,22 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
     /// The mesh.
     pub fn mesh(&self) -> &GpuMesh {
         &self.mesh
+    }
+
+    /// The crowd, if its weights are set.
+    fn weighted(&self) -> Option<&Crowd> {
+        let any: &dyn Any = &self.crowd;
+        any.downcast_ref()
+    }
+
+    /// See [`Crowd::set_weights`]; refused by a crowd that is animated on the GPU.
+    pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
+        let any: &mut dyn Any = &mut self.crowd;
+        let Some(crowd) = any.downcast_mut::<Crowd>() else {
+            let what = format!("weights of instance {instance}, which is animated on the GPU");
+            return Err(Error::invalid(what, "play a clip, or make the crowd with create_crowd"));
+        };
+        crowd.set_weights(instance, weights)
     }
 
     /// See [`Crowd::cut`].
@@ -160,12 +201,11 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
     /// # Errors
     /// As [`step`](Self::step); no crowd, crowds on several devices, or more weights than instances.
     pub fn step_together(crowds: &mut [Self], weights: &[&[f32]], copies: u32) -> Result<Step> {
-        Ok(Self::step_all(crowds, weights, copies, |headless, crowds, cmd| {
+        Self::step_all(crowds, weights, copies, |headless, crowds, cmd| {
             // SAFETY: the buffer is recording on the engine's device, on a queue with graphics and compute; it is
             // submitted once, and waited for, before anything else happens.
-            Ok((unsafe { headless.engine.record_updates(cmd, crowds) }?, ()))
-        })?
-        .0)
+            unsafe { headless.engine.record_updates(cmd, crowds) }
+        })
     }
 
     /// As [`step_together`](Self::step_together), with what is recorded changed before: lets tests plant faults. Returns
@@ -181,20 +221,24 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
     pub unsafe fn step_tampered(
         crowds: &mut [Self],
         weights: &[&[f32]],
-        mut tamper: impl FnMut(&mut Vec<Entry>),
+        tamper: impl FnOnce(&mut Vec<Entry>),
     ) -> Result<(Step, Vec<Event>)> {
-        Self::step_all(crowds, weights, 0, |headless, crowds, cmd| {
+        let mut events = vec![];
+        let step = Self::step_all(crowds, weights, 0, |headless, crowds, cmd| {
             // SAFETY: as in `step_together`; tampering is the caller's to answer for.
-            unsafe { headless.engine.record_tampered(cmd, crowds, &mut tamper) }
-        })
+            let (updates, recorded) = unsafe { headless.engine.record_tampered(cmd, crowds, tamper) }?;
+            events = recorded;
+            Ok(updates)
+        })?;
+        Ok((step, events))
     }
 
-    fn step_all<R>(
+    fn step_all(
         crowds: &mut [Self],
         weights: &[&[f32]],
         copies: u32,
-        record: impl FnOnce(&Headless, &mut [&mut dyn AnyCrowd], vk::CommandBuffer) -> Result<(Vec<Update>, R)>,
-    ) -> Result<(Step, R)> {
+        record: impl FnOnce(&Headless, &mut [&mut dyn AnyCrowd], vk::CommandBuffer) -> Result<Vec<Update>>,
+    ) -> Result<Step> {
         let Some(headless) = crowds.first().map(|crowd| crowd.headless) else {
             return Err(Error::invalid("a step of no crowd", "name one or more"));
         };
@@ -206,9 +250,9 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
         }
         let start = Instant::now();
         let mut rest = weights.iter();
-        for Self { crowd, .. } in &mut *crowds {
-            for (instance, weights) in (0..crowd.base().desc.instances).zip(&mut rest) {
-                crowd.set(instance, weights)?;
+        for this in &mut *crowds {
+            for (instance, weights) in (0..this.crowd.base().desc.instances).zip(&mut rest) {
+                this.set_weights(instance, weights)?;
             }
         }
         if rest.len() > 0 {
@@ -221,21 +265,21 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
         let ran = headless.submitter.run_timed(|cmd, next_part| {
             crowds.iter_mut().for_each(|this| this.waiting.clear());
             let mut all: Vec<_> = crowds.iter_mut().map(|this| &mut this.crowd as &mut dyn AnyCrowd).collect();
-            let (updates, recorded) = record(headless, &mut all, cmd)?;
+            let updates = record(headless, &mut all, cmd)?;
             tickets.extend(updates.iter().map(|update| update.ticket));
             let mut sum = updates[0];
             updates[1..].iter().for_each(|update| sum.stats += update.stats);
             next_part();
             crowds.iter().try_for_each(|crowd| crowd.record_draws(cmd, copies))?;
-            Ok((sum, recorded))
+            Ok(sum)
         });
         if ran.is_err() {
             // Nothing ran, whatever crowds had recorded by then.
             crowds.iter_mut().zip(tickets).try_for_each(|(this, ticket)| this.crowd.base_mut().discard(ticket))?;
         }
-        let ((update, recorded), [gpu_ms, draw_ms]) = ran?;
+        let (update, [gpu_ms, draw_ms]) = ran?;
         let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
-        Ok((Step { update, gpu_ms, draw_ms: draw_ms.filter(|_| copies > 0), cpu_ms }, recorded))
+        Ok(Step { update, gpu_ms, draw_ms: draw_ms.filter(|_| copies > 0), cpu_ms })
     }
 
     /// Record an update now and leave it to the caller when to run it: see [`submit`](Self::submit). Makes
@@ -247,7 +291,7 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
         let base = self.crowd.base();
         let most = u64::from(base.desc.frames_in_flight);
         // Crowds that are animated on the GPU have no lists to overwrite.
-        let has_lists = self.crowd.weighted().is_some();
+        let has_lists = self.weighted().is_some();
         if has_lists && self.waiting.front().is_some_and(|first| base.recorded_since(*first) >= most) {
             return Err(Error::invalid(
                 format!("{most} updates wait to be submitted, as many as frames may be in flight"),
@@ -255,7 +299,7 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
             ));
         }
         for (instance, weights) in weights.iter().enumerate() {
-            self.crowd.set(instance as u32, weights)?;
+            self.set_weights(instance as u32, weights)?;
         }
         let (engine, submitter, crowd) = (&self.headless.engine, &self.headless.submitter, &mut self.crowd);
         let cmd = submitter.allocate()?;
@@ -273,17 +317,6 @@ impl<'a, C: Kind> HeadlessCrowd<'a, C> {
         let update = recorded?;
         self.waiting.push_back(update.ticket);
         Ok((Recorded { cmd, ticket: update.ticket }, update))
-    }
-
-    /// Record an update with `engine`, which ought to be the crowd's own: lets tests misuse it.
-    ///
-    /// # Errors
-    /// As [`MorphEngine::record_update`].
-    #[doc(hidden)]
-    pub fn record_with(&mut self, engine: &MorphEngine) -> Result<Update> {
-        let crowd = &mut self.crowd;
-        // SAFETY: as in `step_together`.
-        self.headless.submitter.run(|cmd| unsafe { engine.record_update(cmd, crowd) })
     }
 
     /// Run recorded updates of this crowd, the oldest that wait, in the order in which they were recorded, and wait.

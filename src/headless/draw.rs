@@ -1,13 +1,21 @@
-//! A draw that reads a pose as vertex attributes and discards every primitive: what reading a pose costs.
+//! Draws that read poses: those of a crowd, and those of the path `cpu`, which come from main memory.
 
+use super::Headless;
+use super::submit::Readback;
 use crate::abi::modules::CONSUME;
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::gpu::barriers;
 use crate::gpu::device::Device;
+use crate::gpu::memory::{Buffer, STAGING};
 use crate::gpu::pipelines::Objects;
-use crate::pack::{DeltaFormat, PoseFormat};
+use crate::pack::{DeltaFormat, PackedLayout, PoseFormat};
+use crate::plan::schedule::asset_uploaded;
 use ash::vk;
+use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
+use std::time::Instant;
 
+/// A draw that reads poses as vertex attributes and discards every primitive: what reading them costs.
 pub(super) struct PoseDraw {
     objects: Objects,
 }
@@ -38,5 +46,106 @@ impl PoseDraw {
             }
             device.cmd_end_render_pass(cmd);
         }
+    }
+}
+
+/// What an upload took.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Uploaded {
+    /// Device time of the copy in milliseconds, where the device has timestamps.
+    pub gpu_ms: Option<f64>,
+    /// From poses in main memory to fence, in milliseconds: the write to staging memory, the copy, the wait.
+    pub cpu_ms: f64,
+    /// Bytes loaded and stored: read and written to staging memory, and copied from there.
+    pub bytes_moved: u64,
+}
+
+/// Poses of [`CpuCrowd`](crate::cpu::CpuCrowd) on their way to a device-local vertex buffer, through staging memory.
+pub struct PoseUpload<'a> {
+    headless: &'a Headless,
+    staging: Buffer,
+    poses: Buffer,
+    draw: PoseDraw,
+    pose_bytes: u64,
+    vertices: u32,
+    instances: u32,
+}
+
+impl<'a> PoseUpload<'a> {
+    /// Buffers for the poses of `instances` heads of a mesh packed as `layout`.
+    ///
+    /// # Errors
+    /// No instance, or no memory.
+    pub fn new(headless: &'a Headless, layout: &PackedLayout, instances: u32) -> Result<Self> {
+        let (pose_bytes, vertices) = (layout.pose_bytes(PoseFormat::Float32), layout.padded_vertices() as u32);
+        let bytes = pose_bytes.saturating_mul(instances.into());
+        if instances == 0 || bytes == 0 {
+            return Err(Error::invalid("an upload of no pose", "leave it out"));
+        }
+        let device = headless.engine.device();
+        let buffer = |name, usage, location| Buffer::new(device, name, bytes, usage, location);
+        let mut staging = buffer("poses to upload", vk::BufferUsageFlags::TRANSFER_SRC, STAGING)?;
+        staging.mapped()?;
+        let usage = vk::BufferUsageFlags::VERTEX_BUFFER
+            | vk::BufferUsageFlags::TRANSFER_DST
+            | vk::BufferUsageFlags::TRANSFER_SRC;
+        let poses = buffer("uploaded poses", usage, MemoryLocation::GpuOnly)?;
+        let draw = PoseDraw::new(device, PoseFormat::Float32)?;
+        Ok(Self { headless, staging, poses, draw, pose_bytes, vertices, instances })
+    }
+
+    /// Bring the pose of each instance, as [`CpuCrowd::pose`](crate::cpu::CpuCrowd::pose) has it, to the device, ready
+    /// for vertex-attribute reads, and wait.
+    ///
+    /// # Errors
+    /// Too few or too many poses, or one of another size; a device that fails.
+    pub fn upload(&mut self, poses: &[&[f32]]) -> Result<Uploaded> {
+        let (pose_bytes, start) = (self.pose_bytes as usize, Instant::now());
+        if poses.len() != self.instances as usize || poses.iter().any(|pose| size_of_val(*pose) != pose_bytes) {
+            return Err(Error::invalid(
+                format!("{} poses for an upload of {} with {pose_bytes} bytes each", poses.len(), self.instances),
+                "hand in the pose of every instance as CpuCrowd::pose returns it, of the same mesh",
+            ));
+        }
+        for (pose, staged) in poses.iter().zip(self.staging.mapped()?.chunks_exact_mut(pose_bytes)) {
+            staged.copy_from_slice(bytemuck::cast_slice(pose));
+        }
+        let size = (pose_bytes * poses.len()) as u64;
+        let (submitter, region) = (&self.headless.submitter, [vk::BufferCopy { src_offset: 0, dst_offset: 0, size }]);
+        let ((), [gpu_ms, _]) = submitter.run_timed(|cmd, _| {
+            // SAFETY: the buffer is recording on this device outside a render pass; the region lies within both
+            // buffers, which are alive; nothing is running: each submission is waited for.
+            unsafe {
+                submitter.device.cmd_copy_buffer(cmd, self.staging.raw, self.poses.raw, &region);
+                if let Some(barrier) = asset_uploaded() {
+                    barriers::record(&submitter.device, cmd, &barrier);
+                }
+            }
+            Ok(())
+        })?;
+        let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
+        Ok(Uploaded { gpu_ms, cpu_ms, bytes_moved: 4 * size })
+    }
+
+    /// Draw every pose uploaded once, discarding all primitives; device time in milliseconds.
+    ///
+    /// # Errors
+    /// A device that fails.
+    pub fn draw(&self) -> Result<Option<f64>> {
+        let poses = (0..self.instances).map(|i| (self.poses.raw, u64::from(i) * self.pose_bytes));
+        let ((), [ms, _]) = self.headless.submitter.run_timed(|cmd, _| {
+            self.draw.record(cmd, poses, self.vertices);
+            Ok(())
+        })?;
+        Ok(ms)
+    }
+
+    /// Read what was uploaded last back: the poses of all instances, one after the other, as they were handed in.
+    ///
+    /// # Errors
+    /// A device that fails.
+    pub fn read(&mut self) -> Result<Vec<f32>> {
+        let (size, Headless { engine, submitter, .. }) = (self.pose_bytes * u64::from(self.instances), self.headless);
+        Readback::new(engine.device(), size)?.read(submitter, (self.poses.raw, 0, size))
     }
 }

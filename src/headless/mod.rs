@@ -4,16 +4,14 @@
 mod bandwidth;
 mod crowd;
 mod draw;
-mod readback;
 mod submit;
 mod turn;
-mod upload;
 
 #[doc(hidden)]
 pub use crate::update::animated::PlannedGroup;
 pub use bandwidth::Bandwidth;
 pub use crowd::{HeadlessCrowd, Recorded, Step};
-pub use upload::{PoseUpload, Uploaded};
+pub use draw::{PoseUpload, Uploaded};
 
 use crate::engine::{GpuMesh, MorphEngine};
 use crate::error::{Error, Result};

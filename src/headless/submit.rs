@@ -1,10 +1,14 @@
-//! Record, submit, wait: one command buffer, one fence, three timestamps.
+//! Record, submit, wait: one command buffer, one fence, three timestamps; and buffers read back.
 
 use crate::error::Result;
+use crate::gpu::device::Device;
 use crate::gpu::failed;
+use crate::gpu::memory::Buffer;
 use ash::vk;
+use gpu_allocator::MemoryLocation;
 use std::cell::Cell;
 use std::marker::PhantomData;
+use std::sync::Arc;
 
 /// Runs command buffers on a queue and waits for them.
 pub(super) struct Submitter {
@@ -131,7 +135,7 @@ impl Submitter {
         // SAFETY: the buffer is recording; the query pool is ours and was reset in it.
         unsafe { self.device.cmd_write_timestamp(cmd, vk::PipelineStageFlags::BOTTOM_OF_PIPE, queries, query) };
         // Without a barrier here Mesa 22.3.6 (lavapipe) leaves the first feedback pass out of the time.
-        full_barrier(&self.device, cmd);
+        full_barrier(&self.device, cmd, vk::PipelineStageFlags::ALL_COMMANDS);
     }
 }
 
@@ -150,12 +154,50 @@ impl Drop for Submitter {
     }
 }
 
-/// Everything before, then everything after, all memory.
-pub(super) fn full_barrier(device: &ash::Device, cmd: vk::CommandBuffer) {
+/// Host memory that buffers of the device are copied to.
+pub(super) struct Readback {
+    buffer: Buffer,
+    bytes: u64,
+}
+
+impl Readback {
+    /// Room for so many bytes at once, a multiple of 4 (≥ 4).
+    pub(super) fn new(device: &Arc<Device>, bytes: u64) -> Result<Self> {
+        let (usage, location) = (vk::BufferUsageFlags::TRANSFER_DST, MemoryLocation::GpuToCpu);
+        Ok(Self { buffer: Buffer::new(device, "readback", bytes, usage, location)?, bytes })
+    }
+
+    /// `size` bytes of `buffer` from `offset` on, which are there and not in use, as words.
+    pub(super) fn read<T: bytemuck::Pod>(
+        &mut self,
+        submitter: &Submitter,
+        (buffer, offset, size): (vk::Buffer, u64, u64),
+    ) -> Result<Vec<T>> {
+        let (device, mut words) = (&submitter.device, vec![]);
+        for at in (0..size).step_by(self.bytes as usize) {
+            let here = self.bytes.min(size - at);
+            let region = [vk::BufferCopy { src_offset: offset + at, dst_offset: 0, size: here }];
+            submitter.run(|cmd| {
+                full_barrier(device, cmd, vk::PipelineStageFlags::TRANSFER);
+                // SAFETY: the buffer is recording; the region lies within both buffers, which are alive.
+                unsafe { device.cmd_copy_buffer(cmd, buffer, self.buffer.raw, &region) };
+                // A fence makes nothing visible to the host.
+                full_barrier(device, cmd, vk::PipelineStageFlags::HOST);
+                Ok(())
+            })?;
+            let bytes = &self.buffer.mapped()?[..here as usize];
+            words.extend(bytes.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned::<T>));
+        }
+        Ok(words)
+    }
+}
+
+/// Everything before, then the stages `next`, all memory.
+pub(super) fn full_barrier(device: &ash::Device, cmd: vk::CommandBuffer, next: vk::PipelineStageFlags) {
     let memory = [vk::MemoryBarrier::default()
         .src_access_mask(vk::AccessFlags::MEMORY_WRITE)
         .dst_access_mask(vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE)];
-    let all = vk::PipelineStageFlags::ALL_COMMANDS;
+    let (all, none) = (vk::PipelineStageFlags::ALL_COMMANDS, vk::DependencyFlags::empty());
     // SAFETY: the callers, all in this module's folder, pass a buffer that is recording outside a render pass.
-    unsafe { device.cmd_pipeline_barrier(cmd, all, all, vk::DependencyFlags::empty(), &memory, &[], &[]) };
+    unsafe { device.cmd_pipeline_barrier(cmd, all, next, none, &memory, &[], &[]) };
 }

@@ -1,7 +1,7 @@
 //! Options of `bench`.
 
 use super::values::{self, BatchSpec};
-use super::{InputArgs, UpdateArgs, distinct};
+use super::{InputArgs, UpdateArgs, distinct_or};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -78,7 +78,7 @@ pub struct BenchArgs {
 impl BenchArgs {
     /// The numbers of heads given, each once, or else `default`.
     pub fn heads_or(&self, default: &[u32]) -> Vec<u32> {
-        distinct(if self.heads.is_empty() { default } else { &self.heads })
+        distinct_or(&self.heads, default)
     }
 
     /// How long suites time a configuration.

@@ -12,7 +12,7 @@ pub const MAX_TARGETS: usize = 65_536;
 pub const SUMS: [Accumulate; 2] = [Accumulate::Float { tolerance: 0.0 }, Accumulate::Exact];
 
 /// A choice of what the library has, spelled as the library spells it, each with a line of help.
-fn named<T: Copy + Send + Sync + 'static>(
+pub fn named<T: Copy + Send + Sync + 'static>(
     all: &'static [T],
     name: fn(T) -> &'static str,
     help: fn(T) -> &'static str,
@@ -21,19 +21,11 @@ fn named<T: Copy + Send + Sync + 'static>(
         .try_map(move |given| all.iter().copied().find(|one| name(*one) == given).ok_or("no such value"))
 }
 
-pub fn path() -> impl TypedValueParser<Value = UpdatePath> {
-    named(&UpdatePath::ALL, UpdatePath::name, UpdatePath::summary)
-}
-
 pub fn mode() -> impl TypedValueParser<Value = UpdateMode> {
     named(&[UpdateMode::Incremental, UpdateMode::Rebuild], UpdateMode::name, |mode| match mode {
         UpdateMode::Incremental => "From the pose in the buffer, applying the changed targets",
         UpdateMode::Rebuild => "From the base pose, applying all active targets",
     })
-}
-
-pub fn format() -> impl TypedValueParser<Value = DeltaFormat> {
-    named(&DeltaFormat::ALL, DeltaFormat::name, DeltaFormat::summary)
 }
 
 pub fn sums() -> impl TypedValueParser<Value = Accumulate> {
@@ -96,7 +88,6 @@ pub fn number(
     }
 }
 
-/// A number above 0.
 pub fn positive(s: &str) -> Result<f32, String> {
     number("a number above 0", |v| v > 0.0)(s)
 }

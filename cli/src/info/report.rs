@@ -1,7 +1,7 @@
 //! The report folder of `info`: index.html, the plots, and the numbers as info.json.
 
 use super::Info;
-use super::sweep::{PoseRow, SweepRow};
+use super::measure::{PoseRow, SweepRow};
 use crate::output::{self, Failure, publish, to_json, write_file};
 use crate::page::{self, document, table};
 use crate::plots::{Axes, Chart, Figure, Look, Point, Series};
@@ -45,7 +45,6 @@ fn page(info: &Info, drawn: &[(Figure, String)]) -> String {
     document(&format!("{} · deltamorph info", info.input.name), &body)
 }
 
-/// A measured error of a row.
 type Error = fn(&SweepRow) -> f64;
 
 fn figures(info: &Info) -> [Figure; 2] {

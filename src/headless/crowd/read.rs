@@ -1,14 +1,14 @@
-//! Poses and sums, read back from the device.
+//! Poses, sums and what the GPU planned, read back from the device.
 
 use super::HeadlessCrowd;
-use super::kinds::Kind;
 #[cfg(feature = "baselines")]
 use crate::engine::Crowd;
-use crate::engine::PoseView;
+use crate::engine::{AnimatedCrowd, AnyCrowd, PoseView};
 use crate::error::Result;
+use crate::update::animated::PlannedGroup;
 use ash::vk;
 
-impl<C: Kind> HeadlessCrowd<'_, C> {
+impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     /// Read the pose of an instance back: six floats a vertex, in the user's order of vertices, without padding. On a
     /// direct path it is captured from a draw.
     ///
@@ -62,7 +62,7 @@ impl<C: Kind> HeadlessCrowd<'_, C> {
     /// The crowd, if its draws evaluate poses.
     #[cfg(feature = "baselines")]
     pub(super) fn direct(&self) -> Option<&Crowd> {
-        self.crowd.weighted().filter(|crowd| crowd.desc().update.path.evaluates_in_draws())
+        self.weighted().filter(|crowd| crowd.desc().update.path.evaluates_in_draws())
     }
 
     /// The pose of a view in the user's order of vertices.
@@ -72,7 +72,29 @@ impl<C: Kind> HeadlessCrowd<'_, C> {
     }
 
     /// A buffer, an offset and a size, read back.
-    pub(super) fn read<T: bytemuck::Pod>(&mut self, range: (vk::Buffer, u64, u64)) -> Result<Vec<T>> {
-        self.readback.read(self.headless, range)
+    fn read<T: bytemuck::Pod>(&mut self, range: (vk::Buffer, u64, u64)) -> Result<Vec<T>> {
+        self.readback.read(&self.headless.submitter, range)
+    }
+}
+
+impl HeadlessCrowd<'_, AnimatedCrowd> {
+    /// What the GPU planned for the last update.
+    ///
+    /// # Errors
+    /// A device that fails; a crowd that is planned on the CPU.
+    #[doc(hidden)]
+    pub fn read_plan(&mut self) -> Result<Vec<PlannedGroup>> {
+        let Self { crowd, readback, headless, .. } = self;
+        crowd.animated().read_plan(|range| readback.read(&headless.submitter, range))
+    }
+
+    /// The weights of an instance on the GPU, in steps of the grid.
+    ///
+    /// # Errors
+    /// As [`read_plan`](Self::read_plan).
+    #[doc(hidden)]
+    pub fn read_weights(&mut self, instance: u32) -> Result<Vec<i32>> {
+        let range = self.crowd.animated().weights_of(instance);
+        self.read(range)
     }
 }

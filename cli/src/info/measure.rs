@@ -1,13 +1,106 @@
-//! Error against bytes, and the errors of whole poses: what `--report` measures.
+//! What formats cost: bytes, errors of deltas, and errors of whole poses.
 
-use super::formats::{Cost, Measured, measure};
 use crate::input::Input;
 use crate::output::{Failure, Output};
 use crate::verify::scale;
 use deltamorph::reference::{SHORTEST_NORMAL, angle_degrees, compare, evaluate, evaluate_unpacked};
-use deltamorph::{BLOCK_SIZES, BlockDesc, BoundClip, DeltaFormat, MorphMesh, POSE_FLOATS, PoseError};
+use deltamorph::{
+    BLOCK_SIZES, BlockDesc, BoundClip, DeltaFormat, MorphMesh, POSE_FLOATS, PackDesc, PackedLayout, PackedMesh,
+    PoseError,
+};
 use glam::DVec3;
 use serde::Serialize;
+use std::sync::Arc;
+
+/// The blocks of the format `small`, in the order in which packing lays the vertices out.
+#[derive(Debug, Default, PartialEq, Serialize)]
+pub struct Blocks {
+    pub size: usize,
+    pub count: usize,
+    /// Pairs of a block and a target that moves some of its vertices.
+    pub incidence: usize,
+    /// Deltas per vertex of these pairs: 1 when a target moves all of each block that it touches.
+    pub fill: f64,
+}
+
+/// Bytes and errors of a packed mesh, in the JSON of `info` and `pack`.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Cost {
+    pub delta_bytes: u64,
+    /// Bytes that say which vertices they belong to (dense formats have none).
+    pub index_bytes: u64,
+    /// Bytes of all vertices' deltas as six floats.
+    pub dense_f32_bytes: u64,
+    /// Largest error of a position delta, in input units, and as a fraction of the diagonal.
+    pub position_error: f64,
+    pub position_error_rel: f64,
+    /// Largest angle between the exact and the decoded normal at weight 1, in degrees.
+    pub normal_error_deg: f64,
+}
+
+impl Cost {
+    pub fn of(layout: &PackedLayout, error: PoseError) -> Self {
+        Self {
+            delta_bytes: layout.delta_bytes(),
+            index_bytes: layout.index_bytes(),
+            dense_f32_bytes: (layout.vertex_count * layout.targets.len() * DeltaFormat::Float32.stride()) as u64,
+            position_error: error.position,
+            position_error_rel: error.position / scale(layout.diagonal),
+            normal_error_deg: error.normal_degrees,
+        }
+    }
+}
+
+/// A packed mesh, and what it costs: in the JSON of `info`, the row of its format.
+#[derive(Serialize)]
+pub struct Measured {
+    pub name: &'static str,
+    #[serde(flatten)]
+    pub cost: Cost,
+    #[serde(skip)]
+    pub packed: Arc<PackedMesh>,
+}
+
+impl Measured {
+    fn new(packed: Arc<PackedMesh>, error: PoseError) -> Self {
+        let layout = packed.layout();
+        Self { name: layout.format.name(), cost: Cost::of(layout, error), packed }
+    }
+}
+
+/// `mesh` in every format; `held`, where it comes from a packed file, as the file has it, with the error that was
+/// measured when it was packed. The others pack what the file holds, and their errors are against that.
+pub fn measure_all(mesh: &MorphMesh, held: Option<&Arc<PackedMesh>>) -> Result<Vec<Measured>, Failure> {
+    let one = |format| match held.map(|held| (held, &held.layout().blocks)) {
+        Some((held, Some(blocks))) if held.layout().format == format => Ok(Measured::new(held.clone(), blocks.error())),
+        _ => measure(mesh, format, BlockDesc::default()),
+    };
+    DeltaFormat::ALL.into_iter().map(one).collect()
+}
+
+pub fn measure(mesh: &MorphMesh, format: DeltaFormat, blocks: BlockDesc) -> Result<Measured, Failure> {
+    // One chunk, whatever a device would bind: chunks change neither bytes nor values.
+    let desc = PackDesc::new(format).max_chunk_bytes(u64::MAX).max_chunk_vertices(u64::MAX).blocks(blocks);
+    let packed = Arc::new(PackedMesh::pack(mesh, &desc)?);
+    let error = packed.measure_error(mesh);
+    Ok(Measured::new(packed, error))
+}
+
+/// How tightly the targets fill the blocks of `packed`; nothing for a dense format.
+pub fn blocks(packed: &PackedMesh) -> Blocks {
+    let Some(index) = &packed.layout().blocks else { return Blocks::default() };
+    let mut deltas = 0usize;
+    for target in 0..packed.layout().targets.len() {
+        packed.for_each_delta(target, |_, delta| deltas += usize::from(delta != [0.0; 6]));
+    }
+    let incidence = index.entry_count();
+    Blocks {
+        size: index.size(),
+        count: index.count(),
+        incidence,
+        fill: deltas as f64 / (incidence * index.size()).max(1) as f64,
+    }
+}
 
 /// A way to pack, and what it costs.
 #[derive(Debug, Serialize)]
@@ -31,7 +124,6 @@ pub struct SweepRow {
 #[derive(Debug, Serialize)]
 pub struct PoseRow {
     pub clip: String,
-    /// Frames that were looked at.
     pub frames: usize,
     pub format: &'static str,
     /// Largest position error, as a fraction of the diagonal.
@@ -145,6 +237,38 @@ fn spread(count: usize) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::info::tests::mesh;
+
+    #[test]
+    fn every_format_has_a_row_with_its_bytes_and_errors() {
+        let rows = measure_all(&mesh(), None).expect("packed");
+        let cost = |name: &str| &rows.iter().find(|r| r.name == name).expect("a row for each format").cost;
+        let (float32, snorm16) = (cost("float32"), cost("snorm16"));
+        assert_eq!((float32.position_error, float32.normal_error_deg), (0.0, 0.0));
+        assert_eq!(snorm16.delta_bytes * 2, float32.delta_bytes);
+        assert!(snorm16.position_error > 0.0 && snorm16.position_error_rel < 1e-5, "{snorm16:?}");
+        assert!(snorm16.normal_error_deg < 0.01, "{snorm16:?}");
+        for (name, allowed) in [("block-float32", 0.0), ("fast", 1e-5), ("small", 1e-5), ("pair", 1e-4)] {
+            let cost = cost(name);
+            assert!(cost.delta_bytes > 0 && cost.position_error_rel <= allowed, "{cost:?}");
+            assert!(cost.index_bytes > 0 || name == "block-float32", "{cost:?}");
+        }
+    }
+
+    #[test]
+    fn blocks_count_what_is_touched() {
+        let mut mesh = mesh();
+        let found =
+            |mesh: &MorphMesh, format| blocks(&measure(mesh, format, BlockDesc::default()).expect("packed").packed);
+        let small = found(&mesh, DeltaFormat::Small);
+        // Vertices that move together lie together: 64 of one target take two blocks, three of another at most three.
+        assert_eq!((small.size, small.count), (32, 6));
+        assert!((3..=5).contains(&small.incidence), "{small:?}");
+        assert_eq!(small.fill, 67.0 / (small.incidence * 32) as f64);
+        mesh.targets.clear();
+        assert_eq!(found(&mesh, DeltaFormat::Small), Blocks { size: 32, count: 6, incidence: 0, fill: 0.0 });
+        assert_eq!(found(&mesh, DeltaFormat::Float32), Blocks::default());
+    }
 
     #[test]
     fn one_normal_of_many_is_not_usual() {
