@@ -84,9 +84,8 @@ pub use {ash, gpu_allocator};
 #[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod internals {
-    pub use crate::import::sample::rng::Rng;
     pub use crate::io::write_replacing;
-    pub use crate::math::{angle_degrees, diagonal};
+    pub use crate::math::{Rng, angle_degrees, diagonal};
 
     /// Words shared with GLSL, and the table of kernels.
     pub mod abi {
