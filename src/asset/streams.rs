@@ -158,21 +158,20 @@ mod tests {
     use super::Semantic::*;
     use super::*;
 
-    fn layout(further: &[Semantic]) -> Vec<Vec<(Semantic, usize)>> {
-        let groups = group_streams(further.iter().copied());
-        groups.into_iter().map(|group| group.into_iter().map(|p| (p.semantic, p.first)).collect()).collect()
-    }
-
     #[test]
     fn streams_take_the_first_group_with_room() {
-        let surface = vec![(Position, 0), (Normal, 3)];
-        assert_eq!(layout(&[]), std::slice::from_ref(&surface));
-        assert_eq!(layout(&[Normal, Position]), std::slice::from_ref(&surface));
-        assert_eq!(layout(&[TexCoord(0), Tangent]), [surface.clone(), vec![(Tangent, 0), (TexCoord(0), 4)]]);
-        assert_eq!(
-            layout(&[Color(0), TexCoord(1), TexCoord(0), Tangent, Color(1), TexCoord(1)]),
-            [surface, vec![(Tangent, 0), (TexCoord(0), 4)], vec![(TexCoord(1), 0), (Color(0), 2)], vec![(Color(1), 0)],]
-        );
+        let groups = [
+            vec![(Position, 0), (Normal, 3)],
+            vec![(Tangent, 0), (TexCoord(0), 4)],
+            vec![(TexCoord(1), 0), (Color(0), 2)],
+            vec![(Color(1), 0)],
+        ];
+        let all = [Color(0), TexCoord(1), TexCoord(0), Tangent, Color(1), TexCoord(1)];
+        for (further, count) in [(&[][..], 1), (&[Normal, Position], 1), (&[TexCoord(0), Tangent], 2), (&all, 4)] {
+            let places = |group: &Vec<StreamPlace>| group.iter().map(|p| (p.semantic, p.first)).collect();
+            let found: Vec<Vec<_>> = group_streams(further.iter().copied()).iter().map(places).collect();
+            assert_eq!(found, groups[..count]);
+        }
     }
 
     #[test]
