@@ -20,7 +20,7 @@ pub(crate) fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<
     let size = file.metadata().map_err(&io)?.len();
     let mut bytes = Vec::new();
     if size <= limit {
-        reserve(path, &mut bytes, size.saturating_add(2))?;
+        bytes = room(path, size.saturating_add(2))?;
         // The size is only a hint: a file may grow while it is read.
         file.take(limit + 1).read_to_end(&mut bytes).map_err(&io)?;
     }
@@ -31,18 +31,14 @@ pub(crate) fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<
     Ok(bytes)
 }
 
-/// Reserve `size` bytes for a file. An allocation that fails is an error, and does not end the process.
-fn reserve(path: &Path, bytes: &mut Vec<u8>, size: u64) -> Result<()> {
+/// Room for `size` bytes of a file, or of copies of it. An allocation that fails is an error, and does not end the process.
+pub(crate) fn room(path: &Path, size: u64) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
     if usize::try_from(size).is_ok_and(|size| bytes.try_reserve_exact(size).is_ok()) {
-        return Ok(());
+        return Ok(bytes);
     }
     let what = format!("{}: {} MiB, for which there is no memory", path.display(), size.div_ceil(1 << 20));
     Err(Error::out_of_memory(what, "free memory, or use a smaller file"))
-}
-
-/// Refuse where there is no memory for copies of `size` bytes of a file.
-pub(crate) fn check_room(path: &Path, size: u64) -> Result<()> {
-    reserve(path, &mut Vec::new(), size)
 }
 
 /// What is in a folder, by name.
@@ -125,7 +121,7 @@ mod tests {
 
     #[test]
     fn what_there_is_no_memory_for_is_an_error() {
-        let error = check_room(Path::new("a/huge.dmorph"), u64::MAX).unwrap_err();
+        let error = room(Path::new("a/huge.dmorph"), u64::MAX).unwrap_err();
         assert_eq!(error.kind(), crate::ErrorKind::OutOfMemory);
         assert!(error.to_string().starts_with("a/huge.dmorph: "), "{error}");
     }

@@ -6,7 +6,7 @@ use super::meta::{Fault, Meta};
 use super::table::{Section, malformed, split};
 use crate::asset::{Corner, Faces};
 use crate::error::Result;
-use crate::io::check_room;
+use crate::io::room;
 use crate::pack::blocks::Parts;
 use crate::pack::{BASE_STRIDE, POSE_FLOATS, PackedGroup, PackedMesh, VERTEX_PADDING};
 use glam::Vec2;
@@ -19,7 +19,7 @@ const INCONSISTENT: &str = "whatever wrote it is at fault: pack the mesh again";
 /// The asset that `bytes` are the file of.
 pub(super) fn asset(path: &Path, bytes: &[u8]) -> Result<Asset> {
     // All sections are copied below.
-    check_room(path, bytes.len() as u64)?;
+    room(path, bytes.len() as u64)?;
     let sections = split(path, bytes)?;
     let refuse = |(section, group, what): Fault| malformed(path, Some((section, group)), what, INCONSISTENT);
     let (meta, group_metas) = Meta::read(&sections).map_err(refuse)?;
