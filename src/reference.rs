@@ -68,12 +68,9 @@ pub fn compare_group(streams: &[StreamPlace], pose: &[f32], reference: &[f64]) -
         true => got.distance(want), // no direction to compare: a short vector must come out as the same short vector
         false => angle_degrees(got, want),
     };
-    let mut error = PoseError::default();
-    for (got, want) in pose.as_chunks().0.iter().zip(reference.as_chunks().0) {
-        let got: &[f32; POSE_FLOATS] = got;
-        error = stream_errors(streams, &got.map(f64::from), want, angle).max(error);
-    }
-    error
+    let vertices = pose.as_chunks::<POSE_FLOATS>().0.iter().zip(reference.as_chunks().0);
+    let errors = vertices.map(|(got, want)| stream_errors(streams, &got.map(f64::from), want, angle));
+    errors.fold(PoseError::default(), |worst, error| error.max(worst))
 }
 
 #[cfg(test)]

@@ -107,7 +107,21 @@ impl MorphSource {
             return self.refuse(format!("texture coordinate {t} is {}", self.texcoords[t]), NOT_FINITE);
         }
         self.faces.check(count, self.texcoords.len())?;
-        self.check_streams()?;
+        for (i, StreamData { semantic, values }) in self.streams.iter().enumerate() {
+            if matches!(semantic, Semantic::Position | Semantic::Normal) {
+                return self
+                    .refuse(format!("a further stream '{semantic}'"), "use the fields `positions` and `normals`");
+            }
+            if self.streams[..i].iter().any(|other| other.semantic == *semantic) {
+                return self.refuse(format!("two streams '{semantic}'"), "number them, or remove one");
+            }
+            let components = semantic.components();
+            if values.len() != components * count {
+                let what = format!("stream '{semantic}': {} numbers for {count} vertices", values.len());
+                return self.refuse(what, &format!("give {components} numbers per vertex"));
+            }
+            self.check_values(None, *semantic, (0..).zip(values.chunks_exact(components)))?;
+        }
         let mut names = HashMap::new();
         for (i, target) in self.targets.iter().enumerate() {
             if let Some(first) = names.insert(target.name.as_str(), i) {
@@ -125,27 +139,6 @@ impl MorphSource {
 
     fn refuse(&self, what: impl Display, remedy: &str) -> Result<()> {
         Err(Error::invalid(format!("{}: {what}", self.name), remedy))
-    }
-
-    /// Whether the streams beside positions and normals fit the vertices of the base pose.
-    fn check_streams(&self) -> Result<()> {
-        let count = self.positions.len();
-        for (i, StreamData { semantic, values }) in self.streams.iter().enumerate() {
-            if matches!(semantic, Semantic::Position | Semantic::Normal) {
-                return self
-                    .refuse(format!("a further stream '{semantic}'"), "use the fields `positions` and `normals`");
-            }
-            if self.streams[..i].iter().any(|other| other.semantic == *semantic) {
-                return self.refuse(format!("two streams '{semantic}'"), "number them, or remove one");
-            }
-            let components = semantic.components();
-            if values.len() != components * count {
-                let what = format!("stream '{semantic}': {} numbers for {count} vertices", values.len());
-                return self.refuse(what, &format!("give {components} numbers per vertex"));
-            }
-            self.check_values(None, *semantic, (0..).zip(values.chunks_exact(components)))?;
-        }
-        Ok(())
     }
 
     fn check_target(&self, target: &SourceTarget) -> Result<()> {

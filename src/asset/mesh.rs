@@ -27,11 +27,7 @@ impl Faces {
     /// The faces, each as its corners.
     pub fn iter(&self) -> impl Iterator<Item = &[Corner]> {
         let mut rest = self.corners.as_slice();
-        self.sizes.iter().map(move |&n| {
-            let (face, tail) = rest.split_at(n as usize);
-            rest = tail;
-            face
-        })
+        self.sizes.iter().map(move |&n| rest.split_off(..n as usize).unwrap_or_default())
     }
 
     /// Position indices of the faces cut into triangle fans.

@@ -98,12 +98,8 @@ fn arrays_may_hold_differences_or_the_target_itself() {
         ..Default::default()
     };
     let (up, z, two) = ([[0.0, 1.0, 0.0]], [[0.0, 0.0, 1.0]], [[0.0; 3]; 2]);
-    let deltas = [TargetArrays {
-        name: "",
-        positions: &[[0.5, 0.0, -1.0]],
-        normals: &[[0.0, 1.0, -1.0]],
-        tangents: &[[-1.0, 0.0, 1.0]],
-    }];
+    let [by, turn, twist] = [[[0.5, 0.0, -1.0]], [[0.0, 1.0, -1.0]], [[-1.0, 0.0, 1.0]]];
+    let deltas = [TargetArrays { name: "", positions: &by, normals: &turn, tangents: &twist }];
     let places = [TargetArrays { name: "", positions: &[[1.5, 2.0, 2.0]], normals: &up, tangents: &z }];
     let [a, b] = [(&deltas, false), (&places, true)].map(|(targets, absolute)| {
         MorphSource::from_arrays(&MeshArrays { targets, absolute, ..base }).unwrap().to_mesh(Tolerance::ZERO).unwrap()

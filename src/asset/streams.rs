@@ -11,6 +11,7 @@
 //!
 //! Components that no stream fills are zero, and no target moves them.
 
+use std::collections::BTreeSet;
 use std::fmt;
 
 /// Numbers of a vertex in a group.
@@ -134,21 +135,15 @@ impl StreamPlace {
 ///
 /// The first group is always position and normal. A semantic that comes twice takes one place.
 pub fn group_streams(further: impl IntoIterator<Item = Semantic>) -> Vec<Vec<StreamPlace>> {
-    let mut semantics = vec![Semantic::Position, Semantic::Normal];
-    semantics.extend(further);
-    semantics.sort_unstable();
-    semantics.dedup();
+    let semantics = BTreeSet::from_iter([Semantic::Position, Semantic::Normal].into_iter().chain(further));
     let mut groups: Vec<Vec<StreamPlace>> = vec![];
     let used = |group: &[StreamPlace]| group.last().map_or(0, |place| place.components().end);
     for semantic in semantics {
-        let fits = groups.iter_mut().find(|group| used(group) + semantic.components() <= GROUP_COMPONENTS);
-        match fits {
-            Some(group) => {
-                let first = used(group);
-                group.push(StreamPlace { semantic, first });
-            }
-            None => groups.push(vec![StreamPlace { semantic, first: 0 }]),
-        }
+        let fits = groups.iter().position(|group| used(group) + semantic.components() <= GROUP_COMPONENTS);
+        let at = fits.unwrap_or(groups.len());
+        groups.resize(groups.len().max(at + 1), vec![]);
+        let first = used(&groups[at]);
+        groups[at].push(StreamPlace { semantic, first });
     }
     groups
 }
