@@ -91,10 +91,6 @@ const ARKIT: [Row; 32] = [
     (EMPTY, Middle, [0.0, -5.3, 9.6], [1.6, 0.7, 1.5], Shift([0.0, -0.3, 0.9]), 1.0),
 ];
 
-const MIRROR: Vec3 = Vec3::new(-1.0, 1.0, 1.0);
-/// The jaw's hinge, between the ears.
-const HINGE: Vec3 = Vec3::new(0.0, -0.5, -0.5);
-
 /// Name, what moves, and the size of its support relative to others.
 type Expression = (String, Vec<Lobe>, f32);
 
@@ -103,7 +99,7 @@ fn arkit() -> Vec<Expression> {
     let make = |&(name, side, centre, radii, motion, support): &Row, suffix: &str| {
         let left = Lobe { centre: Vec3::from(centre), radii: Vec3::from(radii), motion };
         let mirrored = if let Shift([x, y, z]) = motion { Shift([-x, y, z]) } else { motion };
-        let right = Lobe { centre: left.centre * MIRROR, motion: mirrored, ..left };
+        let right = Lobe { centre: left.centre * Vec3::new(-1.0, 1.0, 1.0), motion: mirrored, ..left };
         let lobes = match side {
             Both => vec![left, right],
             Each if suffix == "Right" => vec![right],
@@ -147,7 +143,7 @@ impl Lobe {
             Jaw(angle) => {
                 // The upper jaw stays: only what is below the line between the lips turns.
                 let below = 0.03 + 0.97 * smoothstep(-4.9, -5.4, p.y);
-                let arm = p - HINGE;
+                let arm = p - Vec3::new(0.0, -0.5, -0.5); // from the hinge between the ears
                 angle * below * Vec3::new(0.0, -arm.z - 0.5, arm.y)
             }
             Puff(length) => length * (p - Vec3::new(p.x * 0.3, p.y, 3.0)).normalize_or(Vec3::Z),
