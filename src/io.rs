@@ -6,6 +6,9 @@ use std::io::{self, BufWriter, Read};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
+/// The largest text that is read: it is held in memory, and the arrays made of it take a few times its size.
+pub(crate) const TEXT_MAX: u64 = 1 << 30;
+
 /// The bytes of a regular file of at most `limit` bytes; `remedy` is for one that is larger.
 pub(crate) fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<u8>> {
     let io = Error::io(path, "read");
@@ -91,10 +94,8 @@ pub fn write_replacing(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> 
 fn part_of(path: &Path) -> PathBuf {
     static COUNT: AtomicU32 = AtomicU32::new(0);
     let (count, process) = (COUNT.fetch_add(1, Ordering::Relaxed), std::process::id());
-    let mut name = std::ffi::OsString::from(".");
-    name.push(path.file_name().unwrap_or_default());
-    name.push(format!(".{process}-{count}.part"));
-    path.with_file_name(name)
+    let name = path.file_name().unwrap_or_default().display();
+    path.with_file_name(format!(".{name}.{process}-{count}.part"))
 }
 
 #[cfg(test)]

@@ -3,14 +3,11 @@
 //! No time column: the frame rate is given by the caller, or part of the file's name (`walk_30fps.csv`).
 
 use crate::error::{Error, Result};
-use crate::io::{read_bounded, write_replacing};
+use crate::io::{TEXT_MAX, read_bounded, write_replacing};
 use crate::weights::WeightClip;
 use csv::{Position, ReaderBuilder, StringRecord, Trim};
 use std::collections::HashSet;
 use std::path::Path;
-
-/// The largest file that is read.
-const MAX_BYTES: u64 = 1 << 30;
 
 /// Frames per second of a clip where nothing states them.
 pub const DEFAULT_FPS: f32 = 30.0;
@@ -25,7 +22,7 @@ pub const DEFAULT_FPS: f32 = 30.0;
 /// [`Error::Io`] where the file cannot be read, [`Error::Input`] with line and column where it is no such CSV,
 /// [`Error::Invalid`] where `fps` is not a positive number.
 pub fn read(path: &Path, fps: Option<f32>) -> Result<WeightClip> {
-    let bytes = read_bounded(path, MAX_BYTES, "split the clip")?;
+    let bytes = read_bounded(path, TEXT_MAX, "split the clip")?;
     let name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let fps = fps.or_else(|| fps_of_name(path)).unwrap_or(DEFAULT_FPS);
     if !(fps > 0.0 && fps.is_finite()) {

@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_go_to_their_targets_and_the_rest_is_zero() {
+    fn columns_are_put_at_their_targets_and_the_rest_is_zero() {
         let bound = clip(&["b", "a"], &[1.0, 2.0, -3.0, 4.5]).bind(&["a", "x", "b"]).unwrap();
         assert_eq!(bound.frames().collect::<Vec<_>>(), [[2.0, 0.0, 1.0], [4.5, 0.0, -3.0]]);
         assert_eq!((bound.name.as_str(), bound.fps, bound.target_count()), ("clip", 30.0, 3));
@@ -172,11 +172,7 @@ mod tests {
     fn what_cannot_be_bound_is_named_with_the_target_that_is_near() {
         let cases: [(&[&str], &[f32], [&str; 2]); 6] = [
             (&["eyeBlinkLeft"], &[0.0], ["column 'eyeBlinkLeft' names no target", "rename the column to 'eyeBlink_L'"]),
-            (
-                &["jaw_open", "x"],
-                &[0.0, 0.0],
-                ["column 'jaw_open'", "nor do 1 other columns); rename the column to 'jawOpen'"],
-            ),
+            (&["jaw_open", "x"], &[0.0, 0.0], ["'jaw_open'", "do 1 other columns); rename the column to 'jawOpen'"]),
             (&["tongueOut"], &[0.0], ["column 'tongueOut'", "rename the column to a target of the mesh, or remove it"]),
             (&["jawOpen", "jawOpen"], &[], ["clip 'clip': ", "two columns are called 'jawOpen'"]),
             (&["jawOpen", "eyeBlink_L"], &[1.0], ["clip 'clip': ", "1 values in 2 columns"]),

@@ -7,13 +7,10 @@
 
 use crate::asset::{Corner, Faces};
 use crate::error::{Error, Result};
-use crate::io::read_bounded;
+use crate::io::{TEXT_MAX, read_bounded};
 use glam::{Vec2, Vec3};
 use std::io::Write;
 use std::path::Path;
-
-/// The largest file that is read: an OBJ is held in memory, and its arrays take a few times its size.
-const MAX_BYTES: u64 = 1 << 30;
 
 /// The statements that list values.
 const KEYWORDS: [&str; 3] = ["v", "vt", "vn"];
@@ -51,7 +48,7 @@ impl ObjFile {
     /// [`Error::Io`] where the file cannot be read, [`Error::Input`] with the line where its text cannot be used, or where
     /// it is larger than 1 GiB.
     pub fn read(path: &Path) -> Result<Self> {
-        Self::from_bytes(path, read_bounded(path, MAX_BYTES, "split the mesh")?)
+        Self::from_bytes(path, read_bounded(path, TEXT_MAX, "split the mesh")?)
     }
 
     /// The same, from text in memory; `path` is only for messages.
@@ -220,10 +217,11 @@ impl<'a> Scan<'a> {
     fn face<'t>(&mut self, text: &'t str) -> Result<&'t str> {
         let before = self.corners;
         text.split_whitespace().try_for_each(|word| self.corner(word))?;
-        let size = self.corners - before;
-        let what = || format!("a face with {size} corners, at least 3 expected");
-        let enough = (size >= 3).then_some(text);
-        enough.ok_or_else(|| self.error(what(), "remove it, or write points and lines as 'p' and 'l'"))
+        let what = |size| format!("a face with {size} corners, at least 3 expected");
+        match self.corners - before {
+            3.. => Ok(text),
+            size => Err(self.error(what(size), "remove it, or write points and lines as 'p' and 'l'")),
+        }
     }
 
     fn corner(&mut self, word: &str) -> Result<()> {
