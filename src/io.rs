@@ -6,6 +6,9 @@ use std::io::{self, BufWriter, Read};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
+/// The largest text that is read: it is held in memory, and the arrays made of it take a few times its size.
+pub(crate) const TEXT_MAX: u64 = 1 << 30;
+
 /// The bytes of a regular file of at most `limit` bytes; `remedy` is for one that is larger.
 pub(crate) fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<u8>> {
     let io = Error::io(path, "read");
@@ -20,7 +23,7 @@ pub(crate) fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<
     let size = file.metadata().map_err(&io)?.len();
     let mut bytes = Vec::new();
     if size <= limit {
-        reserve(path, &mut bytes, size.saturating_add(2))?;
+        bytes = room(path, size.saturating_add(2))?;
         // The size is only a hint: a file may grow while it is read.
         file.take(limit + 1).read_to_end(&mut bytes).map_err(&io)?;
     }
@@ -31,18 +34,14 @@ pub(crate) fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<
     Ok(bytes)
 }
 
-/// Reserve `size` bytes for a file. An allocation that fails is an error, and does not end the process.
-fn reserve(path: &Path, bytes: &mut Vec<u8>, size: u64) -> Result<()> {
+/// Room for `size` bytes of a file, or of copies of it. An allocation that fails is an error, and does not end the process.
+pub(crate) fn room(path: &Path, size: u64) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
     if usize::try_from(size).is_ok_and(|size| bytes.try_reserve_exact(size).is_ok()) {
-        return Ok(());
+        return Ok(bytes);
     }
     let what = format!("{}: {} MiB, for which there is no memory", path.display(), size.div_ceil(1 << 20));
     Err(Error::out_of_memory(what, "free memory, or use a smaller file"))
-}
-
-/// Refuse where there is no memory for copies of `size` bytes of a file.
-pub(crate) fn check_room(path: &Path, size: u64) -> Result<()> {
-    reserve(path, &mut Vec::new(), size)
 }
 
 /// What is in a folder, by name.
@@ -95,10 +94,8 @@ pub fn write_replacing(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> 
 fn part_of(path: &Path) -> PathBuf {
     static COUNT: AtomicU32 = AtomicU32::new(0);
     let (count, process) = (COUNT.fetch_add(1, Ordering::Relaxed), std::process::id());
-    let mut name = std::ffi::OsString::from(".");
-    name.push(path.file_name().unwrap_or_default());
-    name.push(format!(".{process}-{count}.part"));
-    path.with_file_name(name)
+    let name = path.file_name().unwrap_or_default().display();
+    path.with_file_name(format!(".{name}.{process}-{count}.part"))
 }
 
 #[cfg(test)]
@@ -125,7 +122,7 @@ mod tests {
 
     #[test]
     fn what_there_is_no_memory_for_is_an_error() {
-        let error = check_room(Path::new("a/huge.dmorph"), u64::MAX).unwrap_err();
+        let error = room(Path::new("a/huge.dmorph"), u64::MAX).unwrap_err();
         assert_eq!(error.kind(), crate::ErrorKind::OutOfMemory);
         assert!(error.to_string().starts_with("a/huge.dmorph: "), "{error}");
     }

@@ -60,10 +60,9 @@ mod update;
 mod weights;
 
 pub use abi::kernels::{DeviceClass, DeviceTuning};
-pub use asset::streams::{Measure, StreamPlace};
 pub use asset::{
-    Corner, Faces, MeshArrays, MorphMesh, MorphSource, MorphTarget, RenderVertices, Semantic, SourceTarget, StreamData,
-    StreamDeltas, TargetArrays, Tolerance,
+    Corner, Faces, Measure, MeshArrays, MorphMesh, MorphSource, MorphTarget, RenderVertices, Semantic, SourceTarget,
+    StreamData, StreamDeltas, StreamPlace, TargetArrays, Tolerance,
 };
 pub use cpu::CpuCrowd;
 pub use engine::{AnimatedCrowd, AnyCrowd, Crowd, GpuMesh, MorphEngine, PoseView, StreamView, Ticket, Update};
@@ -84,19 +83,15 @@ pub use {ash, gpu_allocator};
 #[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod internals {
-    pub use crate::import::sample::rng::Rng;
     pub use crate::io::write_replacing;
-    pub use crate::math::{angle_degrees, diagonal};
+    pub use crate::math::{Rng, angle_degrees, diagonal};
 
-    /// Words shared with GLSL, and the table of kernels.
     pub mod abi {
         pub use crate::abi::*;
     }
-    /// Steps, barriers, and the hazard checker.
     pub mod plan {
         pub use crate::plan::*;
     }
-    /// Techniques.
     pub mod update {
         pub use crate::update::*;
     }

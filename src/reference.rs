@@ -10,15 +10,14 @@ use glam::DVec3;
 /// Below this length a morphed normal has no direction worth the name; consumers fall back to the base normal.
 pub const SHORTEST_NORMAL: f64 = 1e-3;
 
-/// `base + Σ weight · delta` over all targets, on the deltas that the kernels see (kept after import, packed).
-/// Six values per vertex, in the user's order and without padding: position, then the unnormalised normal.
-/// Targets without a weight have the weight 0.
+/// [`evaluate_group`] of the first group: position, then the unnormalised normal.
 pub fn evaluate(mesh: &PackedMesh, weights: &[f32]) -> Vec<f64> {
     evaluate_group(mesh.surface(), weights)
 }
 
-/// `base + Σ weight · delta` of any [group](PackedMesh::groups): six values per vertex, in the user's order and without
-/// padding. Targets without a weight have the weight 0.
+/// `base + Σ weight · delta` over all targets of a [group](PackedMesh::groups), on the deltas that the kernels see (kept
+/// after import, packed). Six values per vertex, in the user's order and without padding. Targets without a weight have
+/// the weight 0.
 pub fn evaluate_group(group: &PackedGroup, weights: &[f32]) -> Vec<f64> {
     let layout = group.layout();
     let mut pose: Vec<f64> = layout.to_user_order(group.base()).into_iter().map(f64::from).collect();
@@ -28,14 +27,12 @@ pub fn evaluate_group(group: &PackedGroup, weights: &[f32]) -> Vec<f64> {
     pose
 }
 
-/// `base + Σ weight · delta` on the deltas of `mesh` itself: with a mesh made at tolerance zero, what the files say.
-/// Position and normal. Targets without a weight have the weight 0.
+/// [`evaluate_unpacked_group`] of position and normal.
 pub fn evaluate_unpacked(mesh: &MorphMesh, weights: &[f32]) -> Vec<f64> {
     evaluate_unpacked_group(mesh, &group_streams([])[0], weights)
 }
 
-/// `base + Σ weight · delta` of any group's streams on the deltas of `mesh` itself. Targets without a weight have the
-/// weight 0.
+/// As [`evaluate_group`], on the deltas of `mesh` itself: with a mesh made at tolerance zero, what the files say.
 ///
 /// # Panics
 /// A stream does not fit the vertices.
@@ -56,14 +53,13 @@ fn add(pose: &mut [f64], vertex: usize, weight: f32, delta: [f64; POSE_FLOATS]) 
     }
 }
 
-/// Compare a pose (six floats a vertex, in the user's order, padding at the end ignored) with the reference. Where the pose
-/// has fewer vertices the errors are NaN, which is within no bound.
+/// [`compare_group`] of position and normal.
 pub fn compare(pose: &[f32], reference: &[f64]) -> PoseError {
     compare_group(&group_streams([])[0], pose, reference)
 }
 
-/// Compare a pose of the group of these streams with the reference. Where the pose has fewer vertices the errors are NaN,
-/// which is within no bound.
+/// Compare a pose of the group of these streams (six floats a vertex, in the user's order, padding at the end ignored) with
+/// the reference. Where the pose has fewer vertices the errors are NaN, which is within no bound.
 pub fn compare_group(streams: &[StreamPlace], pose: &[f32], reference: &[f64]) -> PoseError {
     if pose.len() < reference.len() {
         return PoseError::NAN;
@@ -72,12 +68,9 @@ pub fn compare_group(streams: &[StreamPlace], pose: &[f32], reference: &[f64]) -
         true => got.distance(want), // no direction to compare: a short vector must come out as the same short vector
         false => angle_degrees(got, want),
     };
-    let mut error = PoseError::default();
-    for (got, want) in pose.as_chunks().0.iter().zip(reference.as_chunks().0) {
-        let got: &[f32; POSE_FLOATS] = got;
-        error = stream_errors(streams, &got.map(f64::from), want, angle).max(error);
-    }
-    error
+    let vertices = pose.as_chunks::<POSE_FLOATS>().0.iter().zip(reference.as_chunks().0);
+    let errors = vertices.map(|(got, want)| stream_errors(streams, &got.map(f64::from), want, angle));
+    errors.fold(PoseError::default(), |worst, error| error.max(worst))
 }
 
 #[cfg(test)]

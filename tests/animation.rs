@@ -1,4 +1,4 @@
-//! Animation on the GPU: weights, plans, sums and poses against the CPU twin, bit for bit.
+//! Animation on the GPU: weights, plans, sums and poses against the CPU reference, bit for bit.
 
 #[path = "common/data.rs"]
 mod data;
@@ -110,9 +110,9 @@ fn every_stream_is_animated() {
     });
 }
 
-/// With an error budget, small changes wait on the GPU as they do in the twin, and no vertex is further off than it says.
+/// With an error budget, the GPU defers the changes that the CPU defers, and no vertex is further off than the budget.
 #[test]
-fn small_changes_wait_as_on_the_cpu() {
+fn small_changes_are_deferred_as_on_the_cpu() {
     gpu::on_every_device(|headless, _| {
         for (format, size, slots) in [(DeltaFormat::Fast, 64, 2), (DeltaFormat::Small, 32, 1)] {
             let mesh = packed(format, size);
@@ -161,7 +161,7 @@ fn captured_clips_are_planned_alike() {
     captured("ict_facekit", "facegood_2_01_mapped_30fps.csv", DeltaFormat::Small, KeyFormat::Bits32);
 }
 
-/// Groups and dispatches are split where the device's limits ask for it.
+/// Groups and dispatches are split where the device's limits require it.
 #[test]
 fn small_limits_split_the_crowd() {
     let mesh = packed(DeltaFormat::Fast, 32);

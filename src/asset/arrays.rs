@@ -105,16 +105,14 @@ impl MorphSource {
             });
         }
         let corner = |&position: &u32| Corner { position, texcoord: (!texcoords.is_empty()).then_some(position) };
+        let corners = arrays.indices.iter().map(corner).collect();
         let tangents = StreamData { semantic: Semantic::Tangent, values: tangents.concat() };
         Ok(Self {
             name: arrays.name.to_owned(),
             positions: arrays.positions.iter().copied().map(Vec3::from).collect(),
             normals: (!normals.is_empty()).then(|| normals.iter().copied().map(Vec3::from).collect()),
             texcoords: texcoords.iter().copied().map(Into::into).collect(),
-            faces: Faces {
-                sizes: vec![3; arrays.indices.len() / 3],
-                corners: arrays.indices.iter().map(corner).collect(),
-            },
+            faces: Faces { sizes: vec![3; arrays.indices.len() / 3], corners },
             streams: if tangents.values.is_empty() { vec![] } else { vec![tangents] },
             targets,
             ..Self::default()

@@ -1,8 +1,100 @@
-//! A mesh ready to pack: what is kept of a source.
+//! A mesh as its files state it, and what is kept of it to be packed.
 
-use super::{Faces, StreamData, StreamDeltas};
+use super::{StreamData, StreamDeltas};
+use crate::error::{Error, Result};
 use crate::setters::setters;
 use glam::{Vec2, Vec3};
+
+/// One corner of a face: indices into positions and texture coordinates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Corner {
+    /// Index into the positions.
+    pub position: u32,
+    /// Index into the texture coordinates, where the face has them.
+    pub texcoord: Option<u32>,
+}
+
+/// The face list: polygons of any size, as the file has them.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Faces {
+    /// Number of corners of each face (≥ 3).
+    pub sizes: Vec<u32>,
+    /// The corners of all faces, one after the other.
+    pub corners: Vec<Corner>,
+}
+
+impl Faces {
+    /// The faces, each as its corners.
+    pub fn iter(&self) -> impl Iterator<Item = &[Corner]> {
+        let mut rest = self.corners.as_slice();
+        self.sizes.iter().map(move |&n| rest.split_off(..n as usize).unwrap_or_default())
+    }
+
+    /// Position indices of the faces cut into triangle fans.
+    pub fn triangles(&self) -> Vec<[u32; 3]> {
+        self.iter().flat_map(|f| f.windows(2).skip(1).map(|w| [f[0].position, w[0].position, w[1].position])).collect()
+    }
+
+    /// Whether every face has three corners or more, and every index is within `positions` and `texcoords`.
+    pub(crate) fn check(&self, positions: usize, texcoords: usize) -> Result<()> {
+        let refuse = |what: String| Err(Error::invalid(what, "repair the face list"));
+        let total: u64 = self.sizes.iter().map(|&n| u64::from(n)).sum();
+        if total != self.corners.len() as u64 {
+            return refuse(format!("the faces have {total} corners, the corner list has {}", self.corners.len()));
+        }
+        if let Some(i) = self.sizes.iter().position(|&n| n < 3) {
+            return refuse(format!("face {i} has {} corners, at least 3 expected", self.sizes[i]));
+        }
+        for c in &self.corners {
+            if c.position as usize >= positions {
+                return refuse(format!("a face names vertex {}, there are {positions}", c.position));
+            }
+            if let Some(t) = c.texcoord.filter(|&t| t as usize >= texcoords) {
+                return refuse(format!("a face names texture coordinate {t}, there are {texcoords}"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A morph target as a file states it.
+#[derive(Clone, Debug, Default)]
+pub struct SourceTarget {
+    /// Name, unique within the source.
+    pub name: String,
+    /// `(vertex, target − base)` for every vertex whose position differs at all, ascending by vertex.
+    pub positions: Vec<(u32, Vec3)>,
+    /// `target normal − base normal` per vertex where the file has normals (as stated there, not
+    /// re-normalised): `(vertex, difference)`, ascending. `None`: computed from the deformed surface.
+    pub normals: Option<Vec<(u32, Vec3)>>,
+    /// Deltas of the source's [`streams`](MorphSource::streams), in their order; streams beyond the last do not change.
+    pub streams: Vec<StreamDeltas>,
+}
+
+/// A base pose and its targets exactly as the input states them: no tolerance applied, no normal computed.
+#[derive(Clone, Debug, Default)]
+pub struct MorphSource {
+    /// Name for messages and reports (a folder's or file's stem).
+    pub name: String,
+    /// Base positions, in the user's vertex order.
+    pub positions: Vec<Vec3>,
+    /// Base normals per position, unit length; `None` when the input has none.
+    pub normals: Option<Vec<Vec3>>,
+    /// Texture coordinates, indexed by [`Corner::texcoord`](super::Corner::texcoord).
+    pub texcoords: Vec<Vec2>,
+    /// The face list.
+    pub faces: Faces,
+    /// Other vertex attributes: tangents, colours, texture coordinates that morph.
+    pub streams: Vec<StreamData>,
+    /// For each vertex the first one at its position, which may be itself; empty where no vertices are doubled. Welded
+    /// vertices share the computed normal, and what they share stays equal bit for bit in every pose. See
+    /// [`split`](Self::split) and [`weld`](Self::weld).
+    pub welds: Vec<u32>,
+    /// The targets; an empty target keeps its index.
+    pub targets: Vec<SourceTarget>,
+    /// Remarks of the importer that a person should see (e.g. hard edges averaged).
+    pub notes: Vec<String>,
+}
 
 /// Below which size a delta is rounding noise and is dropped.
 ///

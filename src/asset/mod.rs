@@ -2,18 +2,13 @@
 
 mod arrays;
 mod build;
-mod check;
-mod faces;
 mod mesh;
 pub(crate) mod normals;
 mod render;
-mod source;
 pub mod streams;
 
 pub use arrays::{MeshArrays, TargetArrays};
-pub use faces::{Corner, Faces};
-pub use mesh::{MorphMesh, MorphTarget, Tolerance};
+pub use mesh::{Corner, Faces, MorphMesh, MorphSource, MorphTarget, SourceTarget, Tolerance};
 pub use render::RenderVertices;
 pub(crate) use render::check_welds;
-pub use source::{MorphSource, SourceTarget};
-pub use streams::{Semantic, StreamData, StreamDeltas};
+pub use streams::{Measure, Semantic, StreamData, StreamDeltas, StreamPlace};

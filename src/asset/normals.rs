@@ -1,9 +1,8 @@
 //! Area-weighted vertex normals, of a whole surface and of the part that a target moves.
 //!
 //! A normal belongs to a position: a seam in the texture coordinates splits nothing. The normal of a vertex is
-//! the sum of the area vectors of its faces, in the order of the face list, normalised. The area vector of a face
-//! is computed once, however many corners ask for it. Every normal is gathered on its own from its faces, in double
-//! precision, so that computing a few of them gives the same bits as computing all.
+//! the sum of the area vectors of its faces, in the order of the face list, normalised. Every normal is gathered on its
+//! own, in double precision, so that computing a few of them gives the same bits as computing all.
 
 use super::{Corner, Faces};
 use glam::{DVec3, Vec3};

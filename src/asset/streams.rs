@@ -11,6 +11,7 @@
 //!
 //! Components that no stream fills are zero, and no target moves them.
 
+use std::collections::BTreeSet;
 use std::fmt;
 
 /// Numbers of a vertex in a group.
@@ -134,21 +135,15 @@ impl StreamPlace {
 ///
 /// The first group is always position and normal. A semantic that comes twice takes one place.
 pub fn group_streams(further: impl IntoIterator<Item = Semantic>) -> Vec<Vec<StreamPlace>> {
-    let mut semantics = vec![Semantic::Position, Semantic::Normal];
-    semantics.extend(further);
-    semantics.sort_unstable();
-    semantics.dedup();
+    let semantics = BTreeSet::from_iter([Semantic::Position, Semantic::Normal].into_iter().chain(further));
     let mut groups: Vec<Vec<StreamPlace>> = vec![];
     let used = |group: &[StreamPlace]| group.last().map_or(0, |place| place.components().end);
     for semantic in semantics {
-        let fits = groups.iter_mut().find(|group| used(group) + semantic.components() <= GROUP_COMPONENTS);
-        match fits {
-            Some(group) => {
-                let first = used(group);
-                group.push(StreamPlace { semantic, first });
-            }
-            None => groups.push(vec![StreamPlace { semantic, first: 0 }]),
-        }
+        let fits = groups.iter().position(|group| used(group) + semantic.components() <= GROUP_COMPONENTS);
+        let at = fits.unwrap_or(groups.len());
+        groups.resize(groups.len().max(at + 1), vec![]);
+        let first = used(&groups[at]);
+        groups[at].push(StreamPlace { semantic, first });
     }
     groups
 }
@@ -158,21 +153,20 @@ mod tests {
     use super::Semantic::*;
     use super::*;
 
-    fn layout(further: &[Semantic]) -> Vec<Vec<(Semantic, usize)>> {
-        let groups = group_streams(further.iter().copied());
-        groups.into_iter().map(|group| group.into_iter().map(|p| (p.semantic, p.first)).collect()).collect()
-    }
-
     #[test]
     fn streams_take_the_first_group_with_room() {
-        let surface = vec![(Position, 0), (Normal, 3)];
-        assert_eq!(layout(&[]), std::slice::from_ref(&surface));
-        assert_eq!(layout(&[Normal, Position]), std::slice::from_ref(&surface));
-        assert_eq!(layout(&[TexCoord(0), Tangent]), [surface.clone(), vec![(Tangent, 0), (TexCoord(0), 4)]]);
-        assert_eq!(
-            layout(&[Color(0), TexCoord(1), TexCoord(0), Tangent, Color(1), TexCoord(1)]),
-            [surface, vec![(Tangent, 0), (TexCoord(0), 4)], vec![(TexCoord(1), 0), (Color(0), 2)], vec![(Color(1), 0)],]
-        );
+        let groups = [
+            vec![(Position, 0), (Normal, 3)],
+            vec![(Tangent, 0), (TexCoord(0), 4)],
+            vec![(TexCoord(1), 0), (Color(0), 2)],
+            vec![(Color(1), 0)],
+        ];
+        let all = [Color(0), TexCoord(1), TexCoord(0), Tangent, Color(1), TexCoord(1)];
+        for (further, count) in [(&[][..], 1), (&[Normal, Position], 1), (&[TexCoord(0), Tangent], 2), (&all, 4)] {
+            let places = |group: &Vec<StreamPlace>| group.iter().map(|p| (p.semantic, p.first)).collect();
+            let found: Vec<Vec<_>> = group_streams(further.iter().copied()).iter().map(places).collect();
+            assert_eq!(found, groups[..count]);
+        }
     }
 
     #[test]

@@ -3,15 +3,11 @@
 //! No time column: the frame rate is given by the caller, or part of the file's name (`walk_30fps.csv`).
 
 use crate::error::{Error, Result};
-use crate::io::{read_bounded, write_replacing};
+use crate::io::{TEXT_MAX, read_bounded, write_replacing};
 use crate::weights::WeightClip;
-use csv::{ReaderBuilder, StringRecord, Trim};
+use csv::{Position, ReaderBuilder, StringRecord, Trim};
 use std::collections::HashSet;
-use std::io::Write;
 use std::path::Path;
-
-/// The largest file that is read.
-const MAX_BYTES: u64 = 1 << 30;
 
 /// Frames per second of a clip where nothing states them.
 pub const DEFAULT_FPS: f32 = 30.0;
@@ -26,14 +22,13 @@ pub const DEFAULT_FPS: f32 = 30.0;
 /// [`Error::Io`] where the file cannot be read, [`Error::Input`] with line and column where it is no such CSV,
 /// [`Error::Invalid`] where `fps` is not a positive number.
 pub fn read(path: &Path, fps: Option<f32>) -> Result<WeightClip> {
-    let bytes = read_bounded(path, MAX_BYTES, "split the clip")?;
+    let bytes = read_bounded(path, TEXT_MAX, "split the clip")?;
     let name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let fps = fps.or_else(|| fps_of_name(path)).unwrap_or(DEFAULT_FPS);
     if !(fps > 0.0 && fps.is_finite()) {
         return Err(Error::invalid(format!("the frame rate is {fps}"), "give a positive number of frames per second"));
     }
-    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
-    let (names, values) = parse(path, text)?;
+    let (names, values) = parse(path, bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes))?;
     Ok(WeightClip { name, names, fps, values })
 }
 
@@ -42,40 +37,29 @@ fn parse(path: &Path, text: &[u8]) -> Result<(Vec<String>, Vec<f32>)> {
     // Flexible, since a ragged row is refused here, with its line.
     let mut reader = ReaderBuilder::new().has_headers(false).flexible(true).trim(Trim::All).from_reader(text);
     let mut record = StringRecord::new();
-    let mut names: Vec<String> = Vec::new();
-    let mut values = Vec::new();
-    loop {
-        match reader.read_record(&mut record) {
-            Ok(true) => {}
-            Ok(false) => break,
-            Err(e) => {
-                let line = line_at(text, e.position().map_or_else(|| reader.position().byte(), csv::Position::byte));
-                let utf8 = matches!(e.kind(), csv::ErrorKind::Utf8 { .. });
-                let what = if utf8 { "bytes that are not UTF-8 text".to_owned() } else { e.to_string() };
-                return Err(Error::input(path, format!(": line {line}"), what, "save the file as CSV in UTF-8"));
-            }
-        }
-        let line = || line_at(text, record.position().map_or(0, csv::Position::byte));
-        let refuse_at = |column: &str, what: String, remedy| {
-            Err(Error::input(path, format!(": {column}line {}", line()), what, remedy))
-        };
-        let refuse = |what, remedy| refuse_at("", what, remedy);
-        let refuse_column = |name: &str, what, remedy| refuse_at(&format!("column '{name}', "), what, remedy);
+    let (mut names, mut values) = (Vec::<String>::new(), vec![]);
+    let refuse_at = |at: Option<&Position>, column: &str, what: &str, remedy: &str| {
+        let column = if column.is_empty() { String::new() } else { format!("column '{column}', ") };
+        Error::input(path, format!(": {column}line {}", line_at(text, at)), what, remedy)
+    };
+    // Of text in memory, with rows of any length, nothing else can go wrong.
+    let undecoded =
+        |e: csv::Error| refuse_at(e.position(), "", "bytes that are not UTF-8 text", "save the file as CSV in UTF-8");
+    while reader.read_record(&mut record).map_err(undecoded)? {
+        let refuse = |column: &str, what: &str, remedy| Err(refuse_at(record.position(), column, what, remedy));
         if names.is_empty() {
             // A single column: perhaps another character was meant to divide the line.
-            let divided = |by: &char| record.len() == 1 && record[0].contains(*by);
-            if let Some(by) = [';', '\t'].iter().find(|by| divided(by)) {
-                return refuse(format!("one column, whose name has {by:?} in it"), "divide columns by commas");
+            if let Some(by) = [';', '\t'].into_iter().find(|by| record.len() == 1 && record[0].contains(*by)) {
+                return refuse("", &format!("one column, whose name has {by:?} in it"), "divide columns by commas");
             }
             let mut seen = HashSet::new();
             for (i, name) in record.iter().enumerate() {
                 if name.is_empty() {
                     let what = format!("column {} of the header has no name", i + 1);
-                    return refuse(what, "name every column after its target");
+                    return refuse("", &what, "name every column after its target");
                 }
                 if !seen.insert(name) {
-                    let what = "the second column of this name".to_owned();
-                    return refuse_column(name, what, "rename or remove one of them");
+                    return refuse(name, "the second column of this name", "rename or remove one of them");
                 }
             }
             names = record.iter().map(str::to_owned).collect();
@@ -83,24 +67,23 @@ fn parse(path: &Path, text: &[u8]) -> Result<(Vec<String>, Vec<f32>)> {
         }
         if record.len() != names.len() {
             let what = format!("{} values, but the header has {} columns", record.len(), names.len());
-            return refuse(what, "give one value per column in every row");
+            return refuse("", &what, "give one value per column in every row");
         }
         if values.try_reserve(names.len()).is_err() {
-            let what = format!("{}: line {}: there is no memory for more rows", path.display(), line());
+            let line = line_at(text, record.position());
+            let what = format!("{}: line {line}: there is no memory for more rows", path.display());
             return Err(Error::out_of_memory(what, "split the clip"));
         }
         for (name, value) in names.iter().zip(&record) {
-            match value.parse::<f32>() {
-                Ok(w) if w.is_finite() => values.push(w),
-                Ok(_) => {
-                    let what = format!("the weight '{value}' is not a finite number");
-                    return refuse_column(name, what, "replace it with a finite number");
-                }
-                Err(_) => {
-                    let what = format!("'{}' is not a number", value.chars().take(40).collect::<String>());
-                    return refuse_column(name, what, "write weights as decimal numbers with a point");
-                }
+            let Ok(weight) = value.parse::<f32>() else {
+                let what = format!("'{}' is not a number", value.chars().take(40).collect::<String>());
+                return refuse(name, &what, "write weights as decimal numbers with a point");
+            };
+            if !weight.is_finite() {
+                let what = format!("the weight '{value}' is not a finite number");
+                return refuse(name, &what, "replace it with a finite number");
             }
+            values.push(weight);
         }
     }
     if names.is_empty() {
@@ -109,8 +92,9 @@ fn parse(path: &Path, text: &[u8]) -> Result<(Vec<String>, Vec<f32>)> {
     Ok((names, values))
 }
 
-/// The line of the record at `byte`. The csv crate's own line count lags behind after CR LF and empty lines.
-fn line_at(text: &[u8], byte: u64) -> usize {
+/// The line of a record. The csv crate's own line count lags behind after CR LF and empty lines.
+fn line_at(text: &[u8], position: Option<&Position>) -> usize {
+    let byte = position.map_or(0, Position::byte);
     let at = usize::try_from(byte).unwrap_or(text.len()).min(text.len());
     let breaks = text[at..].iter().take_while(|b| matches!(b, b'\r' | b'\n')).count();
     1 + text[..at + breaks].iter().filter(|&&b| b == b'\n').count()
@@ -141,16 +125,14 @@ pub fn write(path: &Path, clip: &WeightClip) -> Result<()> {
         let what = format!("clip '{}': the column name '{name}' is empty or has spaces around it", clip.name);
         return Err(Error::invalid(what, "rename the column"));
     }
-    let text = || -> csv::Result<Vec<u8>> {
-        let mut out = csv::Writer::from_writer(Vec::new());
+    write_replacing(path, |out| {
+        let mut out = csv::Writer::from_writer(out);
         out.write_record(&clip.names)?;
         for row in clip.values.chunks_exact(clip.names.len()) {
             out.write_record(row.iter().map(f32::to_string))?;
         }
-        out.into_inner().map_err(|e| e.into_error().into())
-    };
-    let text = text().map_err(|e| Error::io(path, "write")(e.into()))?;
-    write_replacing(path, |out| out.write_all(&text))
+        out.flush()
+    })
 }
 
 #[cfg(test)]

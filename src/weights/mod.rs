@@ -1,6 +1,186 @@
-//! Weights: clips, applied weights, delta weights.
+//! Weight clips: columns of weights by the names of targets, and bound to the targets of a mesh. Delta weights.
 
-mod clip;
 pub mod delta;
 
-pub use clip::{BoundClip, WeightClip};
+use crate::error::{Error, Result};
+use std::collections::{HashMap, HashSet};
+
+/// A weight clip: one row of weights per frame, columns by target name.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct WeightClip {
+    /// Name for messages and reports (the file's stem).
+    pub name: String,
+    /// Column names.
+    pub names: Vec<String>,
+    /// Frames per second.
+    pub fps: f32,
+    /// `names.len()` weights per frame, frame after frame.
+    pub values: Vec<f32>,
+}
+
+impl WeightClip {
+    /// Number of frames.
+    pub fn frame_count(&self) -> usize {
+        self.values.len().checked_div(self.names.len()).unwrap_or(0)
+    }
+
+    /// The clip for a mesh with the targets `targets`, in their order; targets without a column get 0.
+    ///
+    /// Takes as much memory as the clip has values, however many targets there are.
+    ///
+    /// # Errors
+    /// A column that names no target, two columns of one name, a weight that is not finite, or a number of values
+    /// that is not a multiple of the number of columns.
+    pub fn bind(&self, targets: &[&str]) -> Result<BoundClip> {
+        self.check()?;
+        // Reversed: of several targets of one name, the first is kept.
+        let indices: HashMap<&str, usize> = targets.iter().enumerate().rev().map(|(i, target)| (*target, i)).collect();
+        let mut unknown = self.names.iter().filter(|name| !indices.contains_key(name.as_str()));
+        if let Some(name) = unknown.next() {
+            let more = match unknown.count() {
+                0 => String::new(),
+                n => format!(" (nor do {n} other columns)"),
+            };
+            let what = format!("clip '{}': column '{name}' names no target of the mesh{more}", self.name);
+            let remedy = match closest(name, targets) {
+                Some(target) => format!("rename the column to '{target}' if that is meant, or remove it"),
+                None if targets.is_empty() => "the mesh has no targets: give one that has".to_owned(),
+                None => "rename the column to a target of the mesh, or remove it".to_owned(),
+            };
+            return Err(Error::invalid(what, remedy));
+        }
+        Ok(BoundClip {
+            name: self.name.clone(),
+            fps: self.fps,
+            targets: targets.len(),
+            // `check` has made the names distinct, so no two columns have one target.
+            columns: self.names.iter().map(|name| indices[name.as_str()]).collect(),
+            values: self.values.clone(),
+        })
+    }
+
+    /// Distinct names, whole rows, finite values.
+    pub(crate) fn check(&self) -> Result<()> {
+        let refuse = |what: String, remedy: &str| Err(Error::invalid(format!("clip '{}': {what}", self.name), remedy));
+        let columns = self.names.len();
+        let mut seen = HashSet::with_capacity(columns);
+        if let Some(name) = self.names.iter().find(|name| !seen.insert(name.as_str())) {
+            return refuse(format!("two columns are called '{name}'"), "rename or remove one of them");
+        }
+        if self.values.len() != self.frame_count() * columns {
+            let what = format!("{} values in {columns} columns are no whole number of frames", self.values.len());
+            return refuse(what, "give one value per column and frame");
+        }
+        if let Some(i) = self.values.iter().position(|w| !w.is_finite()) {
+            let (name, frame) = (&self.names[i % columns], i / columns);
+            let what = format!("column '{name}', frame {frame}: the weight is {}", self.values[i]);
+            return refuse(what, "replace it with a finite number");
+        }
+        Ok(())
+    }
+}
+
+/// A weight clip whose columns are those of a mesh: what [`WeightClip::bind`] returns.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BoundClip {
+    /// Name of the clip.
+    pub name: String,
+    /// Frames per second.
+    pub fps: f32,
+    targets: usize,
+    /// The target of each column.
+    columns: Vec<usize>,
+    values: Vec<f32>,
+}
+
+impl BoundClip {
+    /// Number of frames.
+    pub fn frame_count(&self) -> usize {
+        self.values.len().checked_div(self.columns.len()).unwrap_or(0)
+    }
+
+    /// Number of columns: targets whose weights the clip states.
+    pub fn column_count(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// Number of targets: weights of a frame.
+    pub fn target_count(&self) -> usize {
+        self.targets
+    }
+
+    /// One weight per target.
+    ///
+    /// # Panics
+    /// When there are not as many frames.
+    pub fn frame(&self, frame: usize) -> Vec<f32> {
+        let mut weights = vec![0.0; self.targets];
+        let row = &self.values[frame * self.columns.len()..][..self.columns.len()];
+        self.columns.iter().zip(row).for_each(|(&target, &weight)| weights[target] = weight);
+        weights
+    }
+
+    /// The weights of every frame, from the first on.
+    pub fn frames(&self) -> impl ExactSizeIterator<Item = Vec<f32>> {
+        (0..self.frame_count()).map(|frame| self.frame(frame))
+    }
+}
+
+/// The target that `name` was probably meant to be: the nearest by edit distance, when it is near at all.
+fn closest<'a>(name: &str, targets: &[&'a str]) -> Option<&'a str> {
+    // Case and separators are where naming schemes differ.
+    let plain = |s: &str| s.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect::<Vec<_>>();
+    let wanted = plain(name);
+    let (distance, target) = targets.iter().map(|t| (distance(&wanted, &plain(t)), *t)).min_by_key(|(d, _)| *d)?;
+    (distance <= (wanted.len() / 3).max(2) && distance < wanted.len().max(1)).then_some(target)
+}
+
+/// Levenshtein distance.
+fn distance(a: &[char], b: &[char]) -> usize {
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.iter().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, y) in b.iter().enumerate() {
+            let substituted = diagonal + usize::from(x != y);
+            diagonal = row[j + 1];
+            row[j + 1] = substituted.min(diagonal + 1).min(row[j] + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn clip(names: &[&str], values: &[f32]) -> WeightClip {
+        let names = names.iter().map(|&n| n.to_owned()).collect();
+        WeightClip { name: "clip".into(), names, fps: 30.0, values: values.to_vec() }
+    }
+
+    #[test]
+    fn columns_are_put_at_their_targets_and_the_rest_is_zero() {
+        let bound = clip(&["b", "a"], &[1.0, 2.0, -3.0, 4.5]).bind(&["a", "x", "b"]).unwrap();
+        assert_eq!(bound.frames().collect::<Vec<_>>(), [[2.0, 0.0, 1.0], [4.5, 0.0, -3.0]]);
+        assert_eq!((bound.name.as_str(), bound.fps, bound.target_count()), ("clip", 30.0, 3));
+        assert_eq!(clip(&["b", "a"], &[]).bind(&["a", "b"]).unwrap().frame_count(), 0);
+        assert_eq!(WeightClip::default().bind(&[]).unwrap().frame_count(), 0);
+    }
+
+    #[test]
+    fn what_cannot_be_bound_is_named_with_the_target_that_is_near() {
+        let cases: [(&[&str], &[f32], [&str; 2]); 6] = [
+            (&["eyeBlinkLeft"], &[0.0], ["column 'eyeBlinkLeft' names no target", "rename the column to 'eyeBlink_L'"]),
+            (&["jaw_open", "x"], &[0.0, 0.0], ["'jaw_open'", "do 1 other columns); rename the column to 'jawOpen'"]),
+            (&["tongueOut"], &[0.0], ["column 'tongueOut'", "rename the column to a target of the mesh, or remove it"]),
+            (&["jawOpen", "jawOpen"], &[], ["clip 'clip': ", "two columns are called 'jawOpen'"]),
+            (&["jawOpen", "eyeBlink_L"], &[1.0], ["clip 'clip': ", "1 values in 2 columns"]),
+            (&["jawOpen", "eyeBlink_L"], &[1.0, f32::NAN], ["column 'eyeBlink_L', frame 0", "the weight is NaN"]),
+        ];
+        for (names, values, parts) in cases {
+            let message = clip(names, values).bind(&["jawOpen", "eyeBlink_L"]).unwrap_err().to_string();
+            assert!(parts.iter().all(|part| message.contains(part)), "{message}");
+        }
+    }
+}

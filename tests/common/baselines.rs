@@ -3,9 +3,15 @@
 
 use crate::gpu;
 use deltamorph::headless::Headless;
-use deltamorph::{BatchSize, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph::{BatchSize, DeltaFormat, MorphEngine, MorphMesh, PackedMesh, UpdateDesc, UpdateMode, UpdatePath};
 
-pub const FORMATS: [DeltaFormat; 3] = [DeltaFormat::Float32, DeltaFormat::Snorm16, DeltaFormat::Small];
+/// Pack `mesh` in each format that baselines take, and run `test` with every description that the device can run.
+pub fn for_every_desc(engine: &MorphEngine, mesh: &MorphMesh, mut test: impl FnMut(&PackedMesh, UpdateDesc)) {
+    for format in [DeltaFormat::Float32, DeltaFormat::Snorm16, DeltaFormat::Small] {
+        let mesh = gpu::packed(engine, mesh, format);
+        descs(engine, format).into_iter().for_each(|desc| test(&mesh, desc));
+    }
+}
 
 /// Every baseline that the device can run in `format`, with a spread of batch sizes, modes and slots.
 pub fn descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc> {
@@ -50,10 +56,13 @@ pub fn history(mesh: &PackedMesh, desc: &UpdateDesc, seed: u32) -> Vec<Vec<f32>>
     one.iter_mut().rev().take(1).for_each(|w| *w = -0.75);
     let exaggerated = b.iter().map(|w| w * 1.9 - 0.3).collect();
     let mut frames = vec![vec![0.0; targets], a, nudged.clone(), nudged, b, exaggerated, one, vec![0.0; targets]];
-    if let (UpdatePath::DirectAttributes, BatchSize::Targets(most)) = (desc.path, desc.batch) {
-        for weights in &mut frames {
-            weights.iter_mut().filter(|w| **w != 0.0).skip(most as usize).for_each(|w| *w = 0.0);
-        }
-    }
+    frames.iter_mut().for_each(|weights| keep_supported(weights, desc));
     frames
+}
+
+/// Clear the weights beyond those that the path takes at a time.
+pub fn keep_supported(weights: &mut [f32], desc: &UpdateDesc) {
+    if let (UpdatePath::DirectAttributes, BatchSize::Targets(most)) = (desc.path, desc.batch) {
+        weights.iter_mut().filter(|w| **w != 0.0).skip(most as usize).for_each(|w| *w = 0.0);
+    }
 }

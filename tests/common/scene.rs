@@ -1,4 +1,4 @@
-//! A crowd that is animated on the GPU next to its CPU reference: told the same, held against each other.
+//! A crowd that is animated on the GPU and its CPU reference: both get the same calls, and what they plan is compared.
 #![allow(dead_code)] // each test file uses some of this
 
 use deltamorph::headless::{Headless, HeadlessCrowd, PlannedGroup};
@@ -72,7 +72,7 @@ pub struct Scene<'a> {
     desc: CrowdDesc,
     heads: Playbacks,
     clips: Clips,
-    twin: AnimatedReference,
+    reference: AnimatedReference,
     /// Full evaluations, one at a time.
     fresh: CpuCrowd,
     hidden: Vec<bool>,
@@ -86,7 +86,7 @@ impl<'a> Scene<'a> {
             crowd: HeadlessCrowd::animated(headless, mesh, &desc, animation).expect("a crowd"),
             heads: Playbacks::new(desc.instances),
             clips: Clips::new(animation, mesh.layout()).expect("clips"),
-            twin: AnimatedReference::new(desc.update, mesh.layout(), desc.instances).expect("a twin"),
+            reference: AnimatedReference::new(desc.update, mesh.layout(), desc.instances).expect("a reference"),
             fresh: CpuCrowd::new(mesh.clone(), rebuilt, 1, 1).expect("a crowd"),
             hidden: vec![false; desc.instances as usize],
             mesh: mesh.clone(),
@@ -118,7 +118,7 @@ impl<'a> Scene<'a> {
         instance
     }
 
-    /// Update at `seconds`, on both sides; the GPU's plan is the twin's, and so are the weights.
+    /// Update both at `seconds`, and compare plan and weights.
     pub fn step(&mut self, seconds: f64) -> (Plan, Vec<Entry>) {
         self.crowd.set_time(seconds).expect("a time");
         self.heads.set_time(seconds).expect("a time");
@@ -129,26 +129,26 @@ impl<'a> Scene<'a> {
         }
         .expect("a step");
         let update = self.heads.update(&self.clips);
-        let expected = of_list(self.twin.update(&self.clips, &self.heads, update));
+        let expected = of_list(self.reference.update(&self.clips, &self.heads, update));
         // A few of many.
         let some = (0..self.desc.instances).step_by(1 + self.desc.instances as usize / 50);
         for instance in some.filter(|&i| !self.hidden[i as usize]) {
             let weights = self.crowd.read_weights(instance).expect("weights");
-            assert_eq!(weights, self.twin.weights(instance as usize), "weights of head {instance} at {seconds}");
+            assert_eq!(weights, self.reference.weights(instance as usize), "weights of head {instance} at {seconds}");
         }
         let plan = of_groups(&self.crowd.read_plan().expect("a plan"), self.desc.update.slots, self.widest, &self.mesh);
         assert_eq!(plan, expected, "{:?} at {seconds}", self.desc);
         (plan, commands.expect("a list"))
     }
 
-    /// Record an update at `seconds` that never runs. The twin hears nothing of it.
+    /// Record an update at `seconds` that never runs. The reference is not updated.
     pub fn drop_one(&mut self, seconds: f64) {
         self.crowd.set_time(seconds).expect("a time");
         let (_, update) = self.crowd.record(&[]).expect("a recording");
         self.crowd.discard(update.ticket).expect("a ticket of this crowd");
     }
 
-    /// Record updates at these times, then run them all at once; the twin follows, and the last plan is compared.
+    /// Record updates at these times, then run them all at once; the last plan is compared with the one of the reference.
     pub fn step_together(&mut self, seconds: &[f64]) {
         let (mut recorded, mut expected) = (vec![], Plan::new());
         for &seconds in seconds {
@@ -156,7 +156,7 @@ impl<'a> Scene<'a> {
             self.heads.set_time(seconds).expect("a time");
             recorded.push(self.crowd.record(&[]).expect("a recording").0);
             let update = self.heads.update(&self.clips);
-            expected = of_list(self.twin.update(&self.clips, &self.heads, update));
+            expected = of_list(self.reference.update(&self.clips, &self.heads, update));
         }
         self.crowd.submit(recorded).expect("a submission");
         let plan = of_groups(&self.crowd.read_plan().expect("a plan"), self.desc.update.slots, self.widest, &self.mesh);
@@ -166,7 +166,7 @@ impl<'a> Scene<'a> {
     /// Sums and pose of an instance are those of a full evaluation, bit for bit.
     pub fn assert_fresh(&mut self, instance: u32) {
         let grid = self.mesh.layout().blocks.as_ref().expect("blocks").exact().expect("a grid");
-        let steps = self.twin.weights(instance as usize);
+        let steps = self.reference.weights(instance as usize);
         let to_weights = |steps: &[i32]| steps.iter().map(|&s| s as f32 * grid.weight_step()).collect::<Vec<_>>();
         let weights = to_weights(steps);
         self.fresh.set_weights(0, &weights).expect("weights");
@@ -183,8 +183,8 @@ impl<'a> Scene<'a> {
             assert!(pose == expected, "pose of head {instance}, group {group}, {:?}", self.desc);
         }
         let pose = self.crowd.read_pose(instance).expect("a pose");
-        // What was asked for is no further off than the budget.
-        let error = compare(&pose, &evaluate(&self.mesh, &to_weights(self.twin.requested(instance as usize))));
+        // The pose of the weights requested is no further off than the budget.
+        let error = compare(&pose, &evaluate(&self.mesh, &to_weights(self.reference.requested(instance as usize))));
         let most = f64::from(self.desc.update.error_budget) + 1e-6 * f64::from(self.mesh.layout().diagonal);
         assert!(error.position <= most, "head {instance} is {error:?} off, {:?}", self.desc);
     }
@@ -210,7 +210,7 @@ fn of_list(list: &WorkList) -> Plan {
     plan
 }
 
-/// The GPU's lists, taken apart; what is asked of their form is checked on the way.
+/// The plan that the GPU's lists hold; their form is checked on the way.
 fn of_groups(groups: &[PlannedGroup], slots: u32, widest: u32, mesh: &PackedMesh) -> Plan {
     let (mut plan, mut tiles) = (Plan::new(), BTreeSet::new());
     let blocks = blocks(mesh) as u32;

@@ -1,13 +1,12 @@
 //! Import of a folder: `neutral.obj` and `targets/*.obj`.
 
 use super::ObjFile;
-use super::shading::{Stated, face_areas, stated};
-use crate::asset::normals::Surface;
+use crate::asset::normals::{Surface, area_vector};
 use crate::asset::{Corner, Faces, MorphSource, SourceTarget};
 use crate::error::{Error, Result};
 use crate::io::{has_extension, list};
 use crate::math::map_all;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use std::path::{Path, PathBuf};
 
 /// Import a folder: `neutral.obj` and one file per target in `targets/*.obj`, in the order of their names.
@@ -35,7 +34,8 @@ pub fn import_folder(folder: &Path) -> Result<MorphSource> {
         notes.push("the folder 'targets' has no .obj file: a base pose without targets".to_owned());
     }
 
-    let areas = face_areas(&neutral);
+    // Targets are averaged with these areas, too: with the same weights the delta is the mean of the deltas.
+    let areas: Vec<f64> = neutral.faces.iter().map(|face| area_vector(face, &neutral.positions).length()).collect();
     let base = base_normals(&neutral, &areas, &mut notes);
     let neutral = Neutral { path: neutral_path, file: neutral, areas, base };
     // All results first: whichever thread is faster, the first bad target by name is the one reported.
@@ -104,25 +104,67 @@ fn target_paths(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
     Ok(paths)
 }
 
+/// The normals per position that `file` states, and how many positions are at hard edges; `None` where its faces have no
+/// normals, or not everywhere.
+///
+/// Where all corners of a position agree, it is their normal as stated; at a hard edge, their area-weighted mean. A position
+/// that no face names has the `vn` line of its own number where there are as many `vn` as `v` lines, otherwise zero.
+fn stated_normals(file: &ObjFile, areas: &[f64]) -> Option<(Vec<Vec3>, usize)> {
+    let count = file.positions.len();
+    let one_each = file.normals.len() == count;
+    // A point cloud has normals when it has one for each of its points.
+    let corners = match &file.corner_normals {
+        Some(corners) => corners.as_slice(),
+        None if file.faces.sizes.is_empty() && one_each => &[],
+        None => return None,
+    };
+
+    let mut values = if one_each { file.normals.clone() } else { vec![Vec3::ZERO; count] };
+    let (mut named, mut hard) = (vec![false; count], vec![false; count]);
+    for (corner, &n) in file.faces.corners.iter().zip(corners) {
+        let (v, normal) = (corner.position as usize, file.normals[n as usize]);
+        match std::mem::replace(&mut named[v], true) {
+            true => hard[v] |= values[v] != normal,
+            false => values[v] = normal,
+        }
+    }
+    if hard.contains(&true) {
+        let mut sums = vec![(DVec3::ZERO, 0.0); count];
+        let areas = file.faces.sizes.iter().zip(areas).flat_map(|(&n, &area)| std::iter::repeat_n(area, n as usize));
+        for ((corner, &n), area) in file.faces.corners.iter().zip(corners).zip(areas) {
+            let (sum, weight) = &mut sums[corner.position as usize];
+            *sum += file.normals[n as usize].as_dvec3() * area;
+            *weight += area;
+        }
+        // Faces without area have no say; where all are such, the first normal stands.
+        for (v, (sum, weight)) in sums.into_iter().enumerate().filter(|(v, (_, weight))| hard[*v] && *weight > 0.0) {
+            values[v] = (sum / weight).as_vec3();
+        }
+    }
+    Some((values, hard.into_iter().filter(|hard| *hard).count()))
+}
+
 /// The neutral's normals: as stated, and of unit length.
 struct Base {
-    stated: Stated,
+    stated: Vec<Vec3>,
+    /// Number of positions at hard edges.
+    hard: usize,
     /// By what a stated normal is multiplied; its delta as well.
     scales: Vec<f32>,
     units: Vec<Vec3>,
 }
 
 fn base_normals(neutral: &ObjFile, areas: &[f64], notes: &mut Vec<String>) -> Option<Base> {
-    let Some(stated) = stated(neutral, areas) else {
+    let Some((stated, hard)) = stated_normals(neutral, areas) else {
         if neutral.any_normals {
             notes.push("neutral.obj has normals at some corners only: computed for all".to_owned());
         }
         return None;
     };
-    if stated.hard > 0 {
-        notes.push(format!("{} vertices have several normals (hard edges): averaged by face area", stated.hard));
+    if hard > 0 {
+        notes.push(format!("{hard} vertices have several normals (hard edges): averaged by face area"));
     }
-    let lengths: Vec<f64> = stated.values.iter().map(|normal| normal.as_dvec3().length()).collect();
+    let lengths: Vec<f64> = stated.iter().map(|normal| normal.as_dvec3().length()).collect();
     // Too short to give a direction: unreferenced, zero in the file, or opposite sides averaged out.
     let lost = lengths.iter().filter(|length| **length < 1e-6).count();
     let (mut units, mut scales) = (vec![Vec3::ZERO; lengths.len()], vec![0.0; lengths.len()]);
@@ -131,10 +173,10 @@ fn base_normals(neutral: &ObjFile, areas: &[f64], notes: &mut Vec<String>) -> Op
         units = Surface::new(&neutral.faces, &neutral.positions).normals;
     }
     for (v, &length) in lengths.iter().enumerate().filter(|(_, length)| **length >= 1e-6) {
-        units[v] = (stated.values[v].as_dvec3() / length).as_vec3();
+        units[v] = (stated[v].as_dvec3() / length).as_vec3();
         scales[v] = (1.0 / length) as f32;
     }
-    Some(Base { stated, scales, units })
+    Some(Base { stated, hard, scales, units })
 }
 
 /// The neutral mesh, as the targets need it.
@@ -163,15 +205,15 @@ impl Neutral {
         if let Some((v, _)) = positions.iter().find(|(_, d)| !d.is_finite()) {
             return refuse(format!("vertex {} is too far from its place in the neutral mesh", u64::from(*v) + 1));
         }
-        let stated = stated(&file, &self.areas);
+        let stated = stated_normals(&file, &self.areas);
         let remark = match (&self.base, &stated) {
             (Some(_), None) => Some(COMPUTED),
-            (Some(base), Some(target)) => (target.hard > base.stated.hard).then_some(AVERAGED),
+            (Some(base), Some((_, hard))) => (*hard > base.hard).then_some(AVERAGED),
             (None, Some(_)) => Some(IGNORED),
             (None, None) => None,
         };
-        let normals = self.base.as_ref().zip(stated).map(|(base, target)| {
-            differences(&base.stated.values, &target.values)
+        let normals = self.base.as_ref().zip(stated).map(|(base, (stated, _))| {
+            differences(&base.stated, &stated)
                 .map(|(v, delta)| (v, delta * base.scales[v as usize]))
                 .filter(|(_, delta)| *delta != Vec3::ZERO)
                 .collect()

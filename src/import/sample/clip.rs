@@ -1,10 +1,16 @@
 //! A weight clip like those captured from a performer.
 
-use super::rng::Rng;
 use super::{HeadDesc, smoothstep, targets};
+use crate::math::Rng;
 use crate::weights::WeightClip;
 
-pub(super) fn clip(desc: &HeadDesc, frames: usize, fps: f32) -> WeightClip {
+/// A capture-like weight clip for the built-in head, with a column for each of its targets.
+///
+/// Weights are in [0, 1] in steps of 1/255. There are blinks, bursts of speech on jaw and mouth, slow noise with
+/// pauses on the rest, and columns that stay 0; about a third of the weights change from a frame to the next (at
+/// 30 frames per second). An `fps` that is not a positive number counts as 30.
+pub fn head_clip(desc: &HeadDesc, frames: usize, fps: f32) -> WeightClip {
+    let fps = if fps > 0.0 && fps.is_finite() { fps } else { 30.0 };
     let names = targets::names(desc.targets);
     let count = names.len();
     let mut values = vec![0.0f32; count * frames];

@@ -6,13 +6,12 @@
 //! the same description gives the same bits on every machine.
 
 mod clip;
-pub(crate) mod rng;
 mod shape;
 mod targets;
 
 use crate::asset::MorphSource;
 use crate::setters::setters;
-use crate::weights::WeightClip;
+pub use clip::head_clip;
 
 /// What the built-in head is made from. Same description, same head, on every machine.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,28 +45,11 @@ impl Default for HeadDesc {
 /// is no tongue), unless `sparsity` is 1. Values of `desc` outside their range are clamped into it (a `sparsity`
 /// that is not a number counts as the default's).
 pub fn head(desc: &HeadDesc) -> MorphSource {
-    let desc = desc.clamped();
-    let base = shape::base(desc.vertices);
+    // Vertex numbers and face corners (about six per vertex) are 32-bit.
+    let base = shape::base(desc.vertices.clamp(1, 1 << 28));
+    let sparsity = if desc.sparsity.is_nan() { HeadDesc::default().sparsity } else { desc.sparsity };
+    let desc = desc.clone().sparsity(sparsity.clamp(f32::MIN_POSITIVE, 1.0));
     MorphSource { name: "head".to_owned(), targets: targets::targets(&desc, &base.positions), ..base }
-}
-
-/// A capture-like weight clip for the built-in head, with a column for each of its targets.
-///
-/// Weights are in [0, 1] in steps of 1/255. There are blinks, bursts of speech on jaw and mouth, slow noise with
-/// pauses on the rest, and columns that stay 0; about a third of the weights change from a frame to the next (at
-/// 30 frames per second). An `fps` that is not a positive number counts as 30.
-pub fn head_clip(desc: &HeadDesc, frames: usize, fps: f32) -> WeightClip {
-    let fps = if fps > 0.0 && fps.is_finite() { fps } else { 30.0 };
-    clip::clip(&desc.clamped(), frames, fps)
-}
-
-impl HeadDesc {
-    fn clamped(&self) -> Self {
-        let sparsity = if self.sparsity.is_nan() { Self::default().sparsity } else { self.sparsity };
-        // Vertex numbers and face corners (about six per vertex) are 32-bit.
-        let vertices = self.vertices.clamp(1, 1 << 28);
-        Self { vertices, sparsity: sparsity.clamp(f32::MIN_POSITIVE, 1.0), ..self.clone() }
-    }
 }
 
 /// 3x² − 2x³ between `low` and `high`, 0 below and 1 above (the other way round where `low > high`).

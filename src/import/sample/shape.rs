@@ -211,11 +211,7 @@ pub(super) fn base(vertices: usize) -> MorphSource {
         }
     }
 
-    let mut faces = Faces { sizes: Vec::with_capacity(2 * vertices), corners: Vec::with_capacity(6 * vertices) };
-    let mut triangle = |corners: [Corner; 3]| {
-        faces.sizes.push(3);
-        faces.corners.extend(corners);
-    };
+    let mut corners = Vec::with_capacity(6 * vertices);
     let on = |row: usize, i: usize| {
         let ((v, vt), n) = (starts[row], rows[row].1);
         Corner { position: v + (i % n.max(1)) as u32, texcoord: Some(vt + i as u32) }
@@ -226,14 +222,15 @@ pub(super) fn base(vertices: usize) -> MorphSource {
         let (mut i, mut j) = (0, 0);
         while i < above || j < below {
             if j == below || (i < above && (i + 1) * below <= (j + 1) * above) {
-                triangle([on(r - 1, i), on(r, j), on(r - 1, i + 1)]);
+                corners.extend([on(r - 1, i), on(r, j), on(r - 1, i + 1)]);
                 i += 1;
             } else {
-                triangle([on(r - 1, i), on(r, j), on(r, j + 1)]);
+                corners.extend([on(r - 1, i), on(r, j), on(r, j + 1)]);
                 j += 1;
             }
         }
     }
+    let faces = Faces { sizes: vec![3; corners.len() / 3], corners };
     MorphSource { positions, texcoords, faces, ..Default::default() }
 }
 
@@ -243,10 +240,7 @@ fn few(vertices: usize) -> MorphSource {
         [Vec3::new(-5.0, 4.0, 8.0), Vec3::new(0.0, -9.0, 9.0), Vec3::new(5.0, 4.0, 8.0), Vec3::new(0.0, 11.0, 4.0)];
     let positions = outline[..vertices].to_vec();
     let texcoords = positions.iter().map(|p| Vec2::new(0.5 + p.x / 20.0, (p.y + 16.6) / 28.6)).collect();
-    let mut faces = Faces::default();
-    if vertices >= 3 {
-        faces.sizes.push(vertices as u32);
-        faces.corners.extend((0..vertices as u32).map(|i| Corner { position: i, texcoord: Some(i) }));
-    }
-    MorphSource { positions, texcoords, faces, ..Default::default() }
+    let sizes = if vertices < 3 { vec![] } else { vec![vertices as u32] };
+    let corners = sizes.iter().flat_map(|&n| 0..n).map(|i| Corner { position: i, texcoord: Some(i) }).collect();
+    MorphSource { positions, texcoords, faces: Faces { sizes, corners }, ..Default::default() }
 }

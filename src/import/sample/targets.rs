@@ -1,8 +1,8 @@
 //! The targets: the 52 ARKit expressions, then bumps at random places.
 
-use super::rng::Rng;
 use super::{HeadDesc, smoothstep};
 use crate::asset::SourceTarget;
+use crate::math::Rng;
 use glam::Vec3;
 
 /// How a lobe of a target moves the surface; lengths in cm at weight 1.
@@ -56,7 +56,7 @@ pub(super) const EMPTY: &str = "tongueOut";
 const EYES: usize = 7;
 
 /// Apple's blend shape locations; first those of the eyes.
-const ARKIT: [Row; 34] = [
+const ARKIT: [Row; 32] = [
     ("eyeBlink", Each, LID, [1.5, 0.7, 1.5], Shift([0.0, -1.0, 0.15]), 0.6),
     ("eyeLookDown", Each, EYE, [1.1, 0.8, 1.2], Shift([0.0, -0.35, 0.0]), 0.5),
     ("eyeLookIn", Each, EYE, [1.0, 0.7, 1.2], Shift([-0.3, 0.0, 0.0]), 0.4),
@@ -65,14 +65,12 @@ const ARKIT: [Row; 34] = [
     ("eyeSquint", Each, LOWER_LID, [1.9, 0.9, 1.5], Shift([0.0, 0.45, 0.1]), 0.8),
     ("eyeWide", Each, LID, [1.5, 0.8, 1.5], Shift([0.0, 0.4, -0.05]), 0.6),
     ("jawForward", Middle, JAW, [5.0, 3.2, 6.0], Shift([0.0, -0.1, 1.1]), 2.4),
-    ("jawLeft", Middle, JAW, [5.0, 3.2, 6.0], Shift([1.1, 0.0, 0.0]), 2.4),
-    ("jawRight", Middle, JAW, [5.0, 3.2, 6.0], Shift([-1.1, 0.0, 0.0]), 2.4),
+    ("jaw", Each, JAW, [5.0, 3.2, 6.0], Shift([1.1, 0.0, 0.0]), 2.4),
     ("jawOpen", Middle, JAW, [5.5, 3.6, 6.5], Jaw(0.34), 3.0),
     ("mouthClose", Middle, MOUTH, [2.6, 1.3, 2.0], Shift([0.0, 0.7, 0.0]), 1.2),
     ("mouthFunnel", Middle, MOUTH, [2.6, 1.9, 2.5], Purse(0.25, 0.8), 1.4),
     ("mouthPucker", Middle, MOUTH, [2.8, 1.7, 2.5], Purse(0.42, 0.6), 1.4),
-    ("mouthLeft", Middle, MOUTH, [3.2, 1.8, 2.5], Shift([0.8, 0.0, 0.0]), 1.6),
-    ("mouthRight", Middle, MOUTH, [3.2, 1.8, 2.5], Shift([-0.8, 0.0, 0.0]), 1.6),
+    ("mouth", Each, MOUTH, [3.2, 1.8, 2.5], Shift([0.8, 0.0, 0.0]), 1.6),
     ("mouthSmile", Each, CORNER, [1.8, 1.7, 2.5], Shift([0.6, 0.9, -0.35]), 1.3),
     ("mouthFrown", Each, CORNER, [1.6, 1.6, 2.5], Shift([0.2, -0.8, -0.1]), 1.1),
     ("mouthDimple", Each, CORNER, [1.2, 1.2, 2.0], Shift([0.4, 0.1, -0.5]), 0.9),
@@ -93,10 +91,6 @@ const ARKIT: [Row; 34] = [
     (EMPTY, Middle, [0.0, -5.3, 9.6], [1.6, 0.7, 1.5], Shift([0.0, -0.3, 0.9]), 1.0),
 ];
 
-const MIRROR: Vec3 = Vec3::new(-1.0, 1.0, 1.0);
-/// The jaw's hinge, between the ears.
-const HINGE: Vec3 = Vec3::new(0.0, -0.5, -0.5);
-
 /// Name, what moves, and the size of its support relative to others.
 type Expression = (String, Vec<Lobe>, f32);
 
@@ -105,7 +99,7 @@ fn arkit() -> Vec<Expression> {
     let make = |&(name, side, centre, radii, motion, support): &Row, suffix: &str| {
         let left = Lobe { centre: Vec3::from(centre), radii: Vec3::from(radii), motion };
         let mirrored = if let Shift([x, y, z]) = motion { Shift([-x, y, z]) } else { motion };
-        let right = Lobe { centre: left.centre * MIRROR, motion: mirrored, ..left };
+        let right = Lobe { centre: left.centre * Vec3::new(-1.0, 1.0, 1.0), motion: mirrored, ..left };
         let lobes = match side {
             Both => vec![left, right],
             Each if suffix == "Right" => vec![right],
@@ -149,16 +143,12 @@ impl Lobe {
             Jaw(angle) => {
                 // The upper jaw stays: only what is below the line between the lips turns.
                 let below = 0.03 + 0.97 * smoothstep(-4.9, -5.4, p.y);
-                let arm = p - HINGE;
+                let arm = p - Vec3::new(0.0, -0.5, -0.5); // from the hinge between the ears
                 angle * below * Vec3::new(0.0, -arm.z - 0.5, arm.y)
             }
             Puff(length) => length * (p - Vec3::new(p.x * 0.3, p.y, 3.0)).normalize_or(Vec3::Z),
             Purse(narrow, forward) => Vec3::new(-narrow * p.x, -0.5 * narrow * (p.y - self.centre.y), forward),
         }
-    }
-
-    fn distance_squared(&self, p: Vec3) -> f32 {
-        (p - self.centre).length_squared()
     }
 }
 
@@ -193,14 +183,11 @@ fn fractions(factors: &[f32], wanted: f32) -> Vec<f32> {
     let mut scale = goal / factors.iter().sum::<f32>().max(f32::MIN_POSITIVE);
     // The others share what exceeds a full target.
     for _ in 0..64 {
-        let (full, rest) = factors
-            .iter()
-            .fold((0.0, 0.0), |(full, rest), &f| if f * scale >= 1.0 { (full + 1.0, rest) } else { (full, rest + f) });
-        let next = if rest > 0.0 { ((goal - full) / rest).max(scale) } else { scale };
-        if next <= scale {
-            break;
+        let (full, rest): (Vec<f32>, Vec<f32>) = factors.iter().copied().partition(|f| f * scale >= 1.0);
+        let rest: f32 = rest.iter().sum();
+        if rest > 0.0 {
+            scale = ((goal - full.len() as f32) / rest).max(scale);
         }
-        scale = next;
     }
     factors.iter().map(|f| (f * scale).min(1.0)).collect()
 }
@@ -209,11 +196,8 @@ fn fractions(factors: &[f32], wanted: f32) -> Vec<f32> {
 fn moved(lobes: &[Lobe], fraction: f32, positions: &[Vec3]) -> Vec<(u32, Vec3)> {
     let count = positions.len();
     let wanted = ((f64::from(fraction) * count as f64).ceil() as usize).clamp(1, count);
-    let mut nearest: Vec<(f32, u32)> = positions
-        .iter()
-        .enumerate()
-        .map(|(v, &p)| (lobes.iter().map(|l| l.distance_squared(p)).fold(f32::INFINITY, f32::min), v as u32))
-        .collect();
+    let distance = |p: &Vec3| lobes.iter().map(|l| (*p - l.centre).length_squared()).fold(f32::INFINITY, f32::min);
+    let mut nearest: Vec<(f32, u32)> = positions.iter().map(distance).zip(0..).collect();
     // The index breaks ties, so that the choice is the same everywhere.
     let by_distance = |a: &(f32, u32), b: &(f32, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
     // The support ends where the first vertex outside lies; with none outside, well beyond the last one inside.
@@ -244,14 +228,6 @@ fn moved(lobes: &[Lobe], fraction: f32, positions: &[Vec3]) -> Vec<(u32, Vec3)> 
 /// `delta` as it comes back from a file that states `base + delta`: a head that was written out and imported is
 /// the built-in one, bit for bit.
 fn snapped(base: Vec3, delta: Vec3) -> Vec3 {
-    let mut delta = (base + delta) - base;
-    // The difference is rounded too; where that moves the sum, once more.
-    for _ in 0..4 {
-        let again = (base + delta) - base;
-        if again == delta {
-            break;
-        }
-        delta = again;
-    }
-    delta
+    // The difference is rounded too; where that moves the sum, it is taken once more.
+    (0..5).fold(delta, |delta, _| (base + delta) - base)
 }
