@@ -42,16 +42,15 @@ pub fn figures(drawn: &[(Figure, String)]) -> Markup {
     }
 }
 
-/// A table; `mark` gives the class of a row by its number, and a remark for a row of its own below it: in a column that
-/// would widen the table beyond the page.
+/// A table; `mark` gives the class of a row by its number, and a remark below it, which is too wide for a column.
 pub fn table<'a>(table: &Table, mark: impl Fn(usize) -> (Option<&'a str>, Option<&'a str>)) -> Markup {
-    let word = |column: usize| (column < table.left()).then_some("word");
+    let word = |column: usize| (column < table.left).then_some("word");
     html! {
         div.scroll {
             table {
-                thead { tr { @for (i, heading) in table.headings().enumerate() { th class=[word(i)] { (heading) } } } }
+                thead { tr { @for (i, heading) in table.headings.iter().enumerate() { th class=[word(i)] { (heading) } } } }
                 tbody {
-                    @for (row, cells) in table.rows().iter().enumerate() {
+                    @for (row, cells) in table.rows.iter().enumerate() {
                         @let (class, remark) = mark(row);
                         tr class=[class] { @for (i, cell) in cells.iter().enumerate() { td class=[word(i)] { (cell) } } }
                         @if let Some(remark) = remark { tr.reason { td colspan=(cells.len()) { (remark) } } }

@@ -1,10 +1,12 @@
 //! Text tables, and numbers as people read them.
 
-/// A table: columns as wide as their widest cell, the first aligned left, the others right.
+/// A table, whose columns are as wide as their widest cell.
 #[derive(Debug)]
 pub struct Table {
-    rows: Vec<Vec<String>>,
-    left: usize,
+    pub headings: Vec<String>,
+    pub rows: Vec<Vec<String>>,
+    /// How many columns, from the first on, hold words, which are aligned left.
+    pub left: usize,
 }
 
 /// Its heading, and what a row has in it.
@@ -13,21 +15,7 @@ pub type Column<'a, R> = (&'a str, &'a dyn Fn(&R) -> String);
 impl Table {
     /// A table with these headings, the first `left` columns of which hold words.
     pub fn new(headings: &[&str], left: usize) -> Self {
-        Self { rows: vec![headings.iter().map(|h| (*h).to_owned()).collect()], left }
-    }
-
-    pub fn headings(&self) -> impl Iterator<Item = &str> {
-        self.rows[0].iter().map(String::as_str)
-    }
-
-    /// How many columns, from the first on, hold words.
-    pub fn left(&self) -> usize {
-        self.left
-    }
-
-    /// The rows below the headings.
-    pub fn rows(&self) -> &[Vec<String>] {
-        &self.rows[1..]
+        Self { headings: headings.iter().map(|h| (*h).to_owned()).collect(), rows: vec![], left }
     }
 
     /// A row for each of `rows`; the first column holds words.
@@ -44,10 +32,10 @@ impl Table {
 
 impl std::fmt::Display for Table {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
-        let width = |c: usize| self.rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max().unwrap_or(0);
-        let widths: Vec<usize> = (0..columns).map(width).collect();
-        for (i, row) in self.rows.iter().enumerate() {
+        let lines: Vec<&Vec<String>> = std::iter::once(&self.headings).chain(&self.rows).collect();
+        let width = |c: usize| lines.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max().unwrap_or(0);
+        let widths: Vec<usize> = (0..self.headings.len()).map(width).collect();
+        for (i, row) in lines.into_iter().enumerate() {
             let cells = row
                 .iter()
                 .zip(&widths)
@@ -104,20 +92,12 @@ mod tests {
 
     #[test]
     fn numbers() {
-        assert_eq!(
-            ["0", "1.00", "9.99", "10.0", "52.3", "523", "52345", "0.0123"].map(String::from),
-            [sig3(0.0), sig3(1.0), sig3(9.994), sig3(9.996), sig3(52.34), sig3(523.4), sig3(52345.2), sig3(0.012_34)]
-        );
-        assert_eq!((sig3(1.5e-7), sig3(-0.5), sig3(f64::NAN)), ("1.5e-7".into(), "-0.500".into(), "–".into()));
+        let usual = [0.0, 1.0, 9.994, 9.996, 52.34, 523.4, 52345.2, 0.012_34].map(sig3);
+        assert_eq!(usual, ["0", "1.00", "9.99", "10.0", "52.3", "523", "52345", "0.0123"]);
+        assert_eq!([1.5e-7, -0.5, f64::NAN].map(sig3), ["1.5e-7", "-0.500", "–"]);
         assert_eq!(percent(0.123), "12.3 %");
-        assert_eq!(
-            (bytes(12.0), bytes(1536.0), bytes(3.0 * 1048576.0)),
-            ("12 B".into(), "1.50 KiB".into(), "3.00 MiB".into())
-        );
-        assert_eq!(
-            (thousands(7), thousands(43_788), thousands(1_000_000)),
-            ("7".into(), "43,788".into(), "1,000,000".into())
-        );
+        assert_eq!([12.0, 1536.0, 3.0 * 1048576.0].map(bytes), ["12 B", "1.50 KiB", "3.00 MiB"]);
+        assert_eq!([7, 43_788, 1_000_000].map(thousands), ["7", "43,788", "1,000,000"]);
     }
 
     #[test]

@@ -1,69 +1,14 @@
-//! What suites add to the JSON. Fields may be added, never renamed.
+//! What suites find out: who is the fastest in a cell, and how two configurations compare.
 
-use super::run::{Round, RunRecord, fastest};
+use super::record::{CellRecord, Comparison, Round, RunRecord, fastest};
 use super::stats::Stats;
-use serde::{Deserialize, Serialize};
-
-/// What a suite found out, next to its runs.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct SuiteRecord {
-    /// "chapter", "crowd", "techniques" or "clips".
-    pub name: String,
-    /// What techniques compete in, in the order measured.
-    pub cells: Vec<CellRecord>,
-    /// Two configurations each, measured interleaved.
-    pub comparisons: Vec<Comparison>,
-}
-
-/// Who won where.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct CellRecord {
-    /// Its name; runs give it.
-    pub name: String,
-    pub mesh: String,
-    /// What changes: in words, or the clip.
-    pub change: String,
-    pub heads: u32,
-    /// The fastest technique with a device.
-    pub fastest: Option<String>,
-    /// The path `blocks`, with the format that did best.
-    pub blocks: Option<String>,
-    /// The fastest of the others.
-    pub best_other: Option<String>,
-    /// Time of `blocks` over that of the best other: below 1, `blocks` is the faster one.
-    pub blocks_to_best_other: Option<f64>,
-    /// The same with means: where many frames of a clip change nothing, their median is that of a draw.
-    #[serde(default)]
-    pub blocks_to_best_other_mean: Option<f64>,
-    /// Time of `direct` over that of `blocks`: above 1, `blocks` is the faster one.
-    pub direct_to_blocks: Option<f64>,
-}
-
-/// Two configurations of the same work.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Comparison {
-    pub name: String,
-    pub first: String,
-    pub second: String,
-    /// Median of the first, in ms.
-    pub first_ms: f64,
-    /// Median of the second, in ms.
-    pub second_ms: f64,
-    /// First over second: the median of the rounds' ratios.
-    pub ratio: f64,
-    /// Frames of the first and of the second.
-    pub n: [usize; 2],
-    /// What the ratio should be; empty where it is a finding.
-    pub goal: String,
-}
 
 /// The technique that the others are compared with.
 pub const OURS: &str = "blocks";
 /// The technique that evaluates all targets in every draw.
 const DIRECT: &str = "direct";
 
-/// `a` over `b`: the median of the ratios of the rounds that both took part in, or where they were not measured in
-/// turns, the ratio of medians.
+/// `a` over `b`: the median of the ratios of the rounds of both; where not measured interleaved, the ratio of medians.
 fn ratio(a: &RunRecord, b: &RunRecord, of: fn(&Round) -> f64) -> Option<f64> {
     let ratios: Vec<f64> = match a.alone || b.alone || a.rounds.is_empty() || b.rounds.is_empty() {
         true => vec![a.median() / b.median()],
@@ -96,17 +41,12 @@ impl CellRecord {
 }
 
 impl Comparison {
-    /// Of two runs that were measured interleaved, by what `of` says of their rounds; `None` unless both were right.
-    pub fn new(
-        name: &str,
-        runs: [&RunRecord; 2],
-        [first, second]: [String; 2],
-        of: fn(&Round) -> f64,
-        goal: &str,
-    ) -> Option<Self> {
+    /// Of the updates of two runs that were measured interleaved; `None` unless both were right.
+    pub fn new(name: &str, runs: [&RunRecord; 2], [first, second]: [String; 2], goal: &str) -> Option<Self> {
         if !runs.iter().all(|r| r.counts()) {
             return None;
         }
+        let of = |round: &Round| round.update_ms;
         let median = |run: &RunRecord| Stats::of(&run.rounds.iter().map(of).collect::<Vec<_>>()).map(|s| s.median);
         let [first_ms, second_ms] = runs.map(|run| median(run).unwrap_or(run.median()));
         Some(Self {
@@ -153,9 +93,9 @@ mod tests {
     fn a_comparison_is_of_two_right_runs() {
         let (a, b) = (run("blocks", &[8.0, 6.0]), run("blocks", &[2.0, 2.0]));
         let names = || ["a".to_owned(), "b".to_owned()];
-        let found = Comparison::new("c", [&a, &b], names(), |r| r.update_ms, "3 or more").expect("both are right");
+        let found = Comparison::new("c", [&a, &b], names(), "3 or more").expect("both are right");
         assert_eq!((found.first_ms, found.second_ms, found.ratio, found.n), (3.5, 1.0, 3.5, [2, 2]));
         let wrong = RunRecord { verified: false, ..b };
-        assert!(Comparison::new("c", [&a, &wrong], names(), |r| r.update_ms, "").is_none());
+        assert!(Comparison::new("c", [&a, &wrong], names(), "").is_none());
     }
 }

@@ -1,12 +1,11 @@
 //! Several configurations side by side: a machine that is faster now than a minute ago is so for all of them.
 
-use super::cache::Cache;
-use super::record::Skipped;
-use super::run::RunRecord;
-use super::setting::{Config, Setting};
-use super::trial::{Context, Trial};
+use super::machine::Machine;
+use super::record::{RunRecord, Skipped};
+use super::subject::Subject;
+use super::trial::{Candidate, Trial};
 use crate::output::Failure;
-use crate::runner::{Gpu, Runner};
+use crate::runner::Runner;
 use deltamorph::{Error, UpdatePath};
 use std::time::Duration;
 
@@ -39,11 +38,6 @@ pub enum Common {
 const LEAST_FRAMES: usize = 3;
 
 impl Schedule {
-    /// All frames in one go.
-    pub fn whole(frames: usize) -> Self {
-        Self { frames, rounds: 1, limit: None, common: Common::Nothing }
-    }
-
     fn share(&self) -> Option<Duration> {
         self.limit.map(|limit| limit / self.rounds as u32)
     }
@@ -51,12 +45,8 @@ impl Schedule {
     /// Frames of a round where each has to take the same, and the slowest takes `slowest` for one.
     fn frames_together(&self, slowest: Duration) -> usize {
         let most = self.frames.div_ceil(self.rounds);
-        match self.share() {
-            Some(share) if !slowest.is_zero() => {
-                ((share.as_secs_f64() / slowest.as_secs_f64()) as usize).clamp(1, most)
-            }
-            _ => most,
-        }
+        let fit = |share: Duration| (share.as_secs_f64() / slowest.as_secs_f64()) as usize;
+        self.share().map_or(most, |share| fit(share).clamp(1, most))
     }
 }
 
@@ -70,9 +60,7 @@ fn run(running: &mut [Running<'_>], schedule: &Schedule) -> deltamorph::Result<(
         slowest = slowest.max(trial.warm_up(schedule.share())?);
         Ok(())
     })?;
-    if schedule.common == Common::FrameRate {
-        running.iter_mut().flatten().for_each(|trial| trial.take_at_least(slowest));
-    }
+    let least = if schedule.common == Common::FrameRate { slowest } else { Duration::ZERO };
     for round in 0..schedule.rounds {
         each(running, |trial| {
             let (timed, spent) = trial.timed();
@@ -80,9 +68,9 @@ fn run(running: &mut [Running<'_>], schedule: &Schedule) -> deltamorph::Result<(
                 trial.jump(round, schedule.rounds)?;
             }
             if schedule.common != Common::Nothing {
-                trial.round(schedule.frames_together(slowest), None)
+                trial.round(schedule.frames_together(slowest), None, least)
             } else if timed < LEAST_FRAMES || schedule.limit.is_none_or(|limit| spent < limit) {
-                trial.round(schedule.frames.div_ceil(schedule.rounds), schedule.share())
+                trial.round(schedule.frames.div_ceil(schedule.rounds), schedule.share(), least)
             } else {
                 Ok(())
             }
@@ -116,48 +104,32 @@ fn refusal<T>(result: deltamorph::Result<T>) -> deltamorph::Result<Result<T, Str
     }
 }
 
-/// A configuration, and what it is measured on.
-pub struct Candidate<'a> {
-    /// Its name, should it be refused.
-    pub what: String,
-    pub config: Config,
-    pub setting: &'a Setting<'a>,
-}
-
-impl<'a> Candidate<'a> {
-    pub fn new(what: &str, config: &Config, setting: &'a Setting<'a>) -> Self {
-        Self { what: what.into(), config: config.clone(), setting }
-    }
-}
-
 pub type Outcome = Result<RunRecord, Skipped>;
 
-/// Measure `candidates` side by side; outcomes are in their order. One that there is no room for beside the others is
-/// measured after them.
+/// Measure `candidates` side by side, and those that there is no room for then after the others; in their order.
 pub fn interleave(
-    context: Context<'_>,
-    gpu: Option<&Gpu>,
-    cache: &mut Cache,
+    machine: &Machine<'_>,
+    subject: &mut Subject,
     candidates: &[Candidate<'_>],
     schedule: &Schedule,
 ) -> Result<Vec<Outcome>, Failure> {
     let mut running: Vec<Running<'_>> = vec![];
     for candidate in candidates {
-        running.push(begin(context, gpu, cache, candidate)?);
+        running.push(begin(machine, subject, candidate)?);
     }
     let begun: Vec<bool> = running.iter().map(Result::is_ok).collect();
     run(&mut running, schedule)?;
     let mut outcomes: Vec<Outcome> = vec![];
     for (trial, candidate) in running.into_iter().zip(candidates) {
         outcomes.push(match trial {
-            Ok(trial) => Ok(trial.finish(cache)?),
+            Ok(trial) => Ok(trial.finish(subject)?),
             Err(reason) => Err(Skipped { what: candidate.what.clone(), reason }),
         });
     }
     // When the others have given their memory back, there may be room for what had none beside them.
     if begun.contains(&true) {
         for (place, candidate) in candidates.iter().enumerate().filter(|(place, _)| !begun[*place]) {
-            let outcome = interleave(context, gpu, cache, std::slice::from_ref(candidate), schedule)?.remove(0);
+            let outcome = interleave(machine, subject, std::slice::from_ref(candidate), schedule)?.remove(0);
             outcomes[place] = outcome.map(|record| RunRecord { alone: true, ..record });
         }
     }
@@ -166,22 +138,20 @@ pub fn interleave(
 
 /// A verified trial, or why there is none.
 fn begin<'a>(
-    context: Context<'a>,
-    gpu: Option<&'a Gpu>,
-    cache: &mut Cache,
-    candidate: &Candidate<'a>,
+    machine: &'a Machine<'_>,
+    subject: &mut Subject,
+    candidate: &'a Candidate<'_>,
 ) -> Result<Running<'a>, Failure> {
     let Candidate { config, setting, .. } = candidate;
-    let mesh = cache.mesh(context.input, gpu, config.format, &context.args.update.pack)?;
-    let threads = context.args.update.threads.unwrap_or(0);
+    let mesh = subject.mesh(machine, config.format)?;
     // The path `cpu` has a device for its draws alone.
-    let gpu = gpu.filter(|_| setting.drawn || config.desc.path != UpdatePath::Cpu);
+    let gpu = machine.gpu.as_ref().filter(|_| setting.drawn || config.desc.path != UpdatePath::Cpu);
     let runner = match (config.separate, gpu) {
         (true, Some(gpu)) => Runner::crowds(gpu, &mesh, config.desc, 1, setting.updated() as usize),
-        _ => Runner::new(gpu, &mesh, config.desc, setting.updated(), threads),
+        _ => Runner::new(gpu, &mesh, config.desc, setting.updated(), machine.args.update.threads.unwrap_or(0)),
     };
     match runner {
-        Ok(runner) => Ok(refusal(Trial::begin(context, runner, setting, config, &mesh, cache))?),
+        Ok(runner) => Ok(refusal(Trial::begin(machine, candidate, subject, mesh, runner))?),
         // Too large for the device, say.
         Err(e) => Ok(Err(e.to_string())),
     }
@@ -198,6 +168,6 @@ mod tests {
         assert_eq!(schedule.share(), Some(seconds(0.5)));
         let frames = [0.0, 0.001, 0.1, 0.25, 20.0].map(|slowest| schedule.frames_together(seconds(slowest)));
         assert_eq!(frames, [10, 10, 5, 2, 1]);
-        assert_eq!(Schedule::whole(7).frames_together(seconds(100.0)), 7);
+        assert_eq!(Schedule { limit: None, ..schedule }.frames_together(seconds(100.0)), 10);
     }
 }

@@ -1,20 +1,14 @@
 //! `bench`: the time per frame of the update paths, verified, with a report.
-//!
-//! The sweep that runs configurations makes a [`Report`]; [`finish`] prints it, writes it and decides whether
-//! the command succeeded. Everything here works without a GPU.
 
-mod bandwidth;
-mod cache;
 mod compare;
 mod configs;
 mod interleave;
 mod machine;
 mod record;
 mod report;
-mod run;
-mod setting;
-mod stamp;
+mod session;
 pub mod stats;
+mod subject;
 mod suites;
 mod sweep;
 #[cfg(test)]
@@ -29,7 +23,6 @@ use crate::table::count;
 use deltamorph::headless::DeviceChoice;
 use record::Report;
 use report::{sentences, tables};
-use run::RunRecord;
 
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     // Before minutes are spent on what then cannot be written.
@@ -44,7 +37,7 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
 }
 
 /// Print the result, write the JSON and the report folder.
-pub fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Failure> {
+fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Failure> {
     if report.suites.is_empty() {
         out.say(tables::runs(&report.runs, true));
     }
@@ -62,7 +55,7 @@ pub fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Fai
         if out.json_to_stdout() {
             out.json(report)?;
         }
-        return Err(nothing_ran(report));
+        return verdict(report);
     }
     out.say(format_args!("\n{}", sentences::sentences(report).join("\n")));
     let json = out.json(report);
@@ -74,39 +67,35 @@ pub fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Fai
         out.say(format_args!("report: {}", args.report.join("index.html").display()));
     }
     json?;
-    verdict(&report.runs)?;
-    match report.unplayed.first() {
-        None => Ok(()),
-        Some(clip) => {
-            let why = report.skipped.iter().find(|s| s.what.contains(clip)).map_or("no reason given", |s| &s.reason);
-            Err(Failure::Failed(format!("clip '{clip}': no configuration could play it: {why}")))
-        }
-    }
+    verdict(report)
 }
 
-fn nothing_ran(report: &Report) -> Failure {
-    let why: Vec<String> = report.skipped.iter().map(|s| format!("{}: {}", s.what, s.reason)).collect();
-    Failure::Failed(match why.is_empty() {
-        true => "no configuration could run; `deltamorph devices` says what each device can do".into(),
-        false => format!("no configuration could run; {}", why.join("; ")),
-    })
-}
-
-fn verdict(runs: &[RunRecord]) -> Result<(), Failure> {
-    let wrong: Vec<&RunRecord> = runs.iter().filter(|r| !r.verified).collect();
-    match wrong.first() {
-        None => Ok(()),
-        Some(first) => Err(Failure::Failed(format!(
+/// A failure where runs were wrong, where there were none, or where a clip that was asked for could not be played.
+fn verdict(report: &Report) -> Result<(), Failure> {
+    let (runs, skipped) = (&report.runs, &report.skipped);
+    let wrong = || runs.iter().filter(|r| !r.verified);
+    Err(Failure::Failed(if let Some(first) = wrong().next() {
+        format!(
             "{} of {} configurations are wrong, the first: {} {} batch {}, {} changed: {}; the report marks them",
-            wrong.len(),
+            wrong().count(),
             runs.len(),
             first.path,
             first.format,
             first.batch_size,
             count(first.changed),
             first.problem.as_deref().unwrap_or("no reason given")
-        ))),
-    }
+        )
+    } else if runs.is_empty() && skipped.is_empty() {
+        "no configuration could run; `deltamorph devices` says what each device can do".into()
+    } else if runs.is_empty() {
+        let why: Vec<String> = skipped.iter().map(|s| format!("{}: {}", s.what, s.reason)).collect();
+        format!("no configuration could run; {}", why.join("; "))
+    } else if let Some(clip) = report.unplayed.first() {
+        let why = skipped.iter().find(|s| s.what.contains(clip)).map_or("no reason given", |s| &s.reason);
+        format!("clip '{clip}': no configuration could play it: {why}")
+    } else {
+        return Ok(());
+    }))
 }
 
 #[cfg(test)]
@@ -116,10 +105,13 @@ mod tests {
     #[test]
     fn wrong_runs_fail_the_command() {
         let mut report = synthetic::report();
-        let message = verdict(&report.runs).expect_err("two are wrong").to_string();
+        let message = verdict(&report).expect_err("two are wrong").to_string();
         assert!(message.starts_with("2 of ") && message.contains("feedback float32 batch 8"), "{message}");
         report.runs.retain(|r| r.verified);
-        assert!(verdict(&report.runs).is_ok());
-        assert!(nothing_ran(&report).to_string().contains("no configuration could run; "));
+        assert!(verdict(&report).is_ok());
+        report.unplayed.push("speech".into());
+        assert!(verdict(&report).is_err_and(|e| e.to_string().starts_with("clip 'speech': no configuration could")));
+        report.runs.clear();
+        assert!(verdict(&report).is_err_and(|e| e.to_string().starts_with("no configuration could run; feedback")));
     }
 }

@@ -1,9 +1,9 @@
 //! The JSON of `bench`. Fields may be added, never renamed.
 
-use super::compare::SuiteRecord;
-use super::run::RunRecord;
+use super::stats::Stats;
 use crate::input::MeshInfo;
-use serde::{Deserialize, Serialize};
+use deltamorph::BatchSize;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// What one call of `bench` measured.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -58,13 +58,6 @@ pub struct DeviceInfo {
     pub threads: usize,
 }
 
-impl DeviceInfo {
-    /// A software driver: its times say little about any GPU.
-    pub fn is_software(&self) -> bool {
-        self.kind == "cpu"
-    }
-}
-
 /// Measured memory bandwidth, in 10⁹ bytes per second, reads and writes counted.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Bandwidth {
@@ -76,11 +69,249 @@ pub struct Bandwidth {
 }
 
 /// What was asked for and could not run.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Skipped {
     /// The update path, with what else was special about it.
     pub what: String,
     pub reason: String,
+}
+
+/// What a suite found out, next to its runs.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct SuiteRecord {
+    /// "chapter", "crowd", "techniques" or "clips".
+    pub name: String,
+    /// What techniques compete in, in the order measured.
+    pub cells: Vec<CellRecord>,
+    /// Two configurations each, measured interleaved.
+    pub comparisons: Vec<Comparison>,
+}
+
+/// Who won where.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct CellRecord {
+    /// Its name; runs give it.
+    pub name: String,
+    pub mesh: String,
+    /// What changes: in words, or the clip.
+    pub change: String,
+    pub heads: u32,
+    /// The fastest technique with a device.
+    pub fastest: Option<String>,
+    /// The path `blocks`, with the format that did best.
+    pub blocks: Option<String>,
+    /// The fastest of the others.
+    pub best_other: Option<String>,
+    /// Time of `blocks` over that of the best other: below 1, `blocks` is the faster one.
+    pub blocks_to_best_other: Option<f64>,
+    /// The same with means: where many frames of a clip change nothing, their median is that of a draw.
+    #[serde(default)]
+    pub blocks_to_best_other_mean: Option<f64>,
+    /// Time of `direct` over that of `blocks`: above 1, `blocks` is the faster one.
+    pub direct_to_blocks: Option<f64>,
+}
+
+/// Two configurations of the same work.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Comparison {
+    pub name: String,
+    pub first: String,
+    pub second: String,
+    /// Median of the first, in ms.
+    pub first_ms: f64,
+    /// Median of the second, in ms.
+    pub second_ms: f64,
+    /// First over second: the median of the rounds' ratios.
+    pub ratio: f64,
+    /// Frames of the first and of the second.
+    pub n: [usize; 2],
+    /// What the ratio should be; empty where it is a finding.
+    pub goal: String,
+}
+
+/// One configuration and what it took.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct RunRecord {
+    /// The suite that it belongs to; empty in an ordinary run.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub suite: String,
+    /// What it competes in there.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub cell: String,
+    /// Its name there.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub technique: String,
+    #[serde(default)]
+    pub mesh: String,
+    #[serde(default)]
+    pub targets: usize,
+    pub path: String,
+    /// "incremental" or "rebuild".
+    pub mode: String,
+    /// Targets per pass: a number, or "all".
+    #[serde(serialize_with = "write_batch", deserialize_with = "read_batch")]
+    pub batch_size: BatchSize,
+    /// The largest batch that this path and format allow on this device.
+    pub batch_max: Option<u32>,
+    /// "random", or the clip that was replayed.
+    pub workload: String,
+    /// Targets whose weight changed, per frame and head: counted (a mean, for clips).
+    #[serde(serialize_with = "whole")]
+    pub changed: f64,
+    /// Coefficients applied per frame and head: with two slots, the union of two frames' changes.
+    #[serde(serialize_with = "whole")]
+    pub coefficients: f64,
+    /// Targets with a weight other than 0, per frame and head.
+    #[serde(serialize_with = "whole")]
+    pub active: f64,
+    pub heads: u32,
+    /// One animation, drawn many times.
+    pub shared: bool,
+    /// Crowds that the heads are divided into; all are updated in one submission.
+    #[serde(default = "one")]
+    pub crowds: u32,
+    /// It was measured after the others, for lack of room beside them: its ratios are of medians, not of rounds.
+    #[serde(default)]
+    pub alone: bool,
+    /// "float" or "exact".
+    pub accumulate: String,
+    /// Changes too small to move a vertex this far waited; in input units, 0 where none did.
+    #[serde(default)]
+    pub error_budget: f32,
+    /// Blocks written per frame and head (block formats).
+    #[serde(default, serialize_with = "whole")]
+    pub dirty_blocks: f64,
+    /// Of these, the ones that started from the base pose.
+    #[serde(default, serialize_with = "whole")]
+    pub rebuilt_blocks: f64,
+    pub format: String,
+    /// Pose buffers per head.
+    pub slots: u32,
+    /// Passes per frame and head: `coefficients` over `batch_size`, rounded up in each frame.
+    #[serde(serialize_with = "whole")]
+    pub passes: f64,
+    /// Bytes that the kernels load and store per frame, of all heads.
+    #[serde(serialize_with = "whole")]
+    pub bytes_moved: f64,
+    /// Bytes that any method has to move, for all heads: each delta of a changed target, the pose in and out, once.
+    #[serde(serialize_with = "whole")]
+    pub bytes_floor: f64,
+    /// Time of the update on the device; `None` for paths without one, or when it was not timed.
+    pub gpu_ms: Option<Stats>,
+    /// Round trip from weights to fence.
+    pub cpu_ms: Option<Stats>,
+    /// One draw that reads the pose and rasterizes nothing.
+    pub draw_ms: Option<f64>,
+    /// Time of the update and of one draw for each head, on the device; `None` where frames had no draws.
+    #[serde(default)]
+    pub update_and_draw_ms: Option<Stats>,
+    /// From poses in main memory to the device, waited for: the path `cpu`, where it is drawn. In no other time.
+    #[serde(default)]
+    pub upload_ms: Option<Stats>,
+    /// What was timed interleaved with others; empty where everything was timed in one go.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rounds: Vec<Round>,
+    /// The time that moving `bytes_floor` takes at the best bandwidth measured, as a share of the time taken: 1 is the
+    /// best possible, but for what stays in a cache. `None` for paths that evaluate in draws.
+    pub floor_fraction: Option<f64>,
+    /// Largest position error against the float64 reference, in input units.
+    pub max_error: Option<f64>,
+    pub max_error_rel: Option<f64>,
+    /// Largest angle between normals, in degrees.
+    pub normal_error_deg: Option<f64>,
+    /// Largest position error against the raw files, dropped deltas included, as a fraction of the diagonal.
+    pub raw_error_rel: Option<f64>,
+    /// The result stayed within the path's bound, before and after timing.
+    pub verified: bool,
+    /// What was wrong, when it did not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub problem: Option<String>,
+}
+
+impl RunRecord {
+    /// What the plots show: time on the device, with draws where it had any; without a device the round trip.
+    pub fn time(&self) -> Option<Stats> {
+        self.update_and_draw_ms.or(self.gpu_ms).or(self.cpu_ms)
+    }
+
+    /// The time that a run is judged by, in ms.
+    pub fn median(&self) -> f64 {
+        self.time().map_or(f64::INFINITY, |t| t.median)
+    }
+
+    /// It was right, and timed.
+    pub fn counts(&self) -> bool {
+        self.verified && self.time().is_some_and(|t| t.median > 0.0)
+    }
+
+    /// Its technique and the format that it ran with: "blocks fast".
+    pub fn label(&self) -> String {
+        format!("{} {}", self.technique, self.format)
+    }
+}
+
+pub fn fastest<'a>(runs: impl IntoIterator<Item = &'a RunRecord>) -> Option<&'a RunRecord> {
+    runs.into_iter().min_by(|a, b| a.median().total_cmp(&b.median()))
+}
+
+/// "batch 7", or "one pass".
+pub fn batch_words(batch: BatchSize) -> String {
+    match batch {
+        BatchSize::Targets(n) => format!("batch {n}"),
+        BatchSize::All => "one pass".into(),
+    }
+}
+
+/// "1 head", "100 heads, each its own", "100 copies, one animation".
+pub fn heads_words(heads: u32, shared: bool) -> String {
+    match (heads, shared) {
+        (1, false) => "1 head".into(),
+        (n, false) => format!("{n} heads, each its own"),
+        (1, true) => "1 copy".into(),
+        (n, true) => format!("{n} copies, one animation"),
+    }
+}
+
+/// `name`, with a number after it where that is `taken`.
+pub fn unused(name: &str, gap: &str, taken: impl Fn(&str) -> bool) -> String {
+    let numbered = (2u32..).map(|n| format!("{name}{gap}{n}"));
+    std::iter::once(name.into()).chain(numbered).find(|name| !taken(name)).unwrap_or_default()
+}
+
+fn one() -> u32 {
+    1
+}
+
+/// Medians of a few frames that were timed interleaved with those of other configurations, in ms.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct Round {
+    /// What [`RunRecord::time`] is about.
+    pub ms: f64,
+    /// The update alone.
+    pub update_ms: f64,
+}
+
+/// Counts are whole numbers in JSON, means have decimals.
+fn whole<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
+    let exact = value.fract() == 0.0 && (0.0..9e15).contains(value);
+    if exact { to.serialize_u64(*value as u64) } else { to.serialize_f64(*value) }
+}
+
+fn write_batch<S: Serializer>(batch: &BatchSize, to: S) -> Result<S::Ok, S::Error> {
+    match batch {
+        BatchSize::Targets(n) => to.serialize_u32(*n),
+        BatchSize::All => to.serialize_str("all"),
+    }
+}
+
+fn read_batch<'de, D: Deserializer<'de>>(from: D) -> Result<BatchSize, D::Error> {
+    let value = serde_json::Value::deserialize(from)?;
+    let number = value.as_u64().and_then(|n| u32::try_from(n).ok()).filter(|n| *n > 0);
+    match (number, value.as_str()) {
+        (Some(n), _) => Ok(BatchSize::Targets(n)),
+        (_, Some("all")) => Ok(BatchSize::All),
+        _ => Err(serde::de::Error::custom("batch_size: expected a number above 0 or \"all\"")),
+    }
 }
 
 #[cfg(test)]
@@ -92,35 +323,29 @@ mod tests {
     fn the_json_keeps_its_contract() {
         let json = serde_json::to_value(synthetic::report()).expect("serialised");
         assert_eq!(json["schema"], 1);
-        for field in ["cpu_read_gb_s", "cpu_copy_gb_s", "device_copy_gb_s", "device_read_gb_s"] {
-            assert!(json["bandwidth"].get(field).is_some(), "{field}");
+        for (place, fields) in [
+            ("/bandwidth", "cpu_read_gb_s cpu_copy_gb_s device_copy_gb_s device_read_gb_s"),
+            ("/input", "vertices targets triangles diagonal"),
+            ("/runs/0/gpu_ms", "median mean stderr min max n"),
+            (
+                "/runs/0",
+                "path mode batch_size changed coefficients active heads shared accumulate format passes bytes_moved \
+                 bytes_floor gpu_ms cpu_ms draw_ms max_error verified workload max_error_rel normal_error_deg \
+                 raw_error_rel floor_fraction slots batch_max",
+            ),
+        ] {
+            let object = json.pointer(place).expect(place);
+            fields.split(' ').for_each(|field| assert!(object.get(field).is_some(), "{place}/{field}"));
         }
-        for field in ["vertices", "targets", "triangles", "diagonal"] {
-            assert!(json["input"].get(field).is_some(), "{field}");
-        }
-        let run = &json["runs"][0];
-        for field in
-            "path mode batch_size changed coefficients active heads shared accumulate format passes bytes_moved \
-                      bytes_floor gpu_ms cpu_ms draw_ms max_error verified workload max_error_rel normal_error_deg \
-                      raw_error_rel floor_fraction slots batch_max"
-                .split_whitespace()
-        {
-            assert!(run.get(field).is_some(), "{field}");
-        }
-        for field in ["median", "mean", "stderr", "min", "max", "n"] {
-            assert!(run["gpu_ms"][field].is_number(), "{field}");
-        }
-        assert_eq!((&run["batch_size"], &run["changed"]), (&1.into(), &72.into()));
+        assert_eq!((&json["runs"][0]["batch_size"], &json["runs"][0]["changed"]), (&1.into(), &72.into()));
         let runs = json["runs"].as_array().expect("a list");
         assert!(runs.iter().any(|r| r["batch_size"] == "all" && r["gpu_ms"].is_null()));
-    }
 
-    #[test]
-    fn what_was_written_reads_back() {
-        let text = serde_json::to_string(&synthetic::report()).expect("serialised");
+        let text = json.to_string();
         let again: Report = serde_json::from_str(&text).expect("read");
-        assert_eq!(serde_json::to_string(&again).expect("serialised"), text, "a field was lost");
-        assert!(serde_json::from_str::<Report>(&text.replace("\"all\"", "\"most\"")).is_err());
-        assert!(serde_json::from_str::<Report>(&text.replace("\"batch_size\":1,", "\"batch_size\":0,")).is_err());
+        assert_eq!(serde_json::to_value(&again).expect("serialised"), json, "a field was lost");
+        for (right, wrong) in [("\"all\"", "\"most\""), ("\"batch_size\":1,", "\"batch_size\":0,")] {
+            assert!(text.contains(right) && serde_json::from_str::<Report>(&text.replace(right, wrong)).is_err());
+        }
     }
 }

@@ -1,19 +1,16 @@
 //! The ordinary run: every configuration that was asked for, one after the other.
 
-use super::cache::Cache;
-use super::configs::{Wanted, configurations};
-use super::interleave::{Candidate, Schedule, interleave};
-use super::machine::Machine;
-use super::record::{Report, Skipped};
-use super::run::unused;
-use super::setting::{Config, Setting};
-use super::trial::Context;
-use super::workload::Workload;
+use super::configs::{Config, Wanted, configurations};
+use super::interleave::{Common, Schedule, interleave};
+use super::record::{Report, Skipped, unused};
+use super::session::Session;
+use super::subject::Subject;
+use super::trial::Candidate;
+use super::workload::{Setting, Workload};
 use crate::args::bench::BenchArgs;
 use crate::args::values::{BatchSpec, SUMS, expand_changed};
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
-use crate::runner::Gpu;
 use deltamorph::headless::DeviceChoice;
 use deltamorph::{Accumulate, BoundClip, DeltaFormat, UpdatePath};
 
@@ -31,30 +28,27 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let counts = expand_changed(&args.changed, input.kept.targets.len()).map_err(Failure::Usage)?;
     let clips = clips(args, &input)?;
     let budget = args.update.budget(input.kept.diagonal).map_err(Failure::Usage)?;
-    let machine = Machine::open(args, device, &input, out)?;
-    let gpu = machine.gpu.as_ref();
-    let (full, mut skipped) = wanted(args, gpu, budget, &FULL_SWEEP);
-    let (brief, _) = wanted(args, gpu, budget, &BRIEF_SWEEP);
+    let mut session = Session::open(args, device, &input, out)?;
+    let (full, skipped) = wanted(&session, budget, &FULL_SWEEP);
+    let (brief, _) = wanted(&session, budget, &BRIEF_SWEEP);
+    skipped.into_iter().for_each(|skipped| session.skip(skipped));
 
     let random = |&n: &usize| Workload::random(input.kept.targets.len(), n, args.input.seed);
     let workloads: Vec<Workload> = counts.iter().map(random).chain(clips.iter().map(Workload::clip)).collect();
-    let mut settings = vec![];
     // Where a path evaluates in draws, draws are what has to be compared.
     let drawn = full.iter().any(|config| config.desc.path.evaluates_in_draws());
-    for heads in args.heads_or(&[1]) {
-        let plain = |workload| Setting { workload, heads, shared: args.shared, drawn, brief: false };
-        settings.extend(workloads.iter().map(plain));
-    }
+    let setting = |heads, workload| Setting { workload, heads, shared: args.shared, drawn, brief: false };
+    let heads = args.heads_or(&[1]).into_iter();
+    let settings: Vec<_> = heads.flat_map(|n| workloads.iter().map(move |workload| setting(n, workload))).collect();
 
     // Every batch size where most changes; elsewhere a few, for the plot against changed targets.
     let configs = |setting: &Setting<'_>| match setting.workload.changed {
         Some(n) if Some(&n) != counts.last() => &brief,
         _ => &full,
     };
-    let bar = out.bar(settings.iter().map(|s| configs(s).len() as u64).sum());
-    let context = Context { args, input: &input, bandwidth: machine.bandwidth };
-    let mut cache = Cache::default();
-    let mut runs = vec![];
+    session.bar.inc_length(settings.iter().map(|s| configs(s).len() as u64).sum());
+    let mut subject = Subject::new(input);
+    let whole = Schedule { frames: args.frames, rounds: 1, limit: None, common: Common::Nothing };
     for setting in &settings {
         for config in configs(setting) {
             let (path, format, batch) = (config.desc.path.name(), config.format.name(), config.desc.batch);
@@ -63,22 +57,22 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
             let changed = workload.changed.map_or("its".into(), |n| n.to_string());
             let work = format!("{}, {changed} changed, {heads} heads", workload.name);
             let what = format!("{path} {format}{sums} batch {batch}, {work}");
-            bar.set_message(what.clone());
-            let one = [Candidate { what, config: config.clone(), setting }];
-            for outcome in interleave(context, gpu, &mut cache, &one, &Schedule::whole(args.frames))? {
+            session.bar.set_message(what.clone());
+            let one = [Candidate::new(&what, config, setting)];
+            for outcome in interleave(&session.machine, &mut subject, &one, &whole)? {
                 match outcome {
-                    Ok(run) => runs.push(run),
+                    Ok(run) => drop(session.keep("", "", run)),
                     // The others are measured all the same.
-                    Err(refused) => skipped.push(refused),
+                    Err(refused) => session.skip(refused),
                 }
             }
-            bar.inc(1);
+            session.bar.inc(1);
         }
     }
-    bar.finish_and_clear();
+    let report = session.report();
     let named = clips.iter().filter(|_| !args.weights.is_empty()).map(|clip| clip.name.clone());
-    let unplayed = named.filter(|name| runs.iter().all(|run| run.workload != *name)).collect();
-    Ok(Report { runs, skipped, unplayed, ..machine.report(&input) })
+    let unplayed = named.filter(|name| report.runs.iter().all(|run| run.workload != *name)).collect();
+    Ok(Report { unplayed, ..report })
 }
 
 /// The clips given with `--weights`; without any, those of the input.
@@ -96,17 +90,15 @@ fn clips(args: &BenchArgs, input: &Input) -> Result<Vec<BoundClip>, Failure> {
 }
 
 /// What can run, and what was asked for and cannot, with the reason.
-fn wanted(args: &BenchArgs, gpu: Option<&Gpu>, budget: f32, sweep: &[BatchSpec]) -> (Vec<Config>, Vec<Skipped>) {
-    let update = &args.update;
+fn wanted(session: &Session<'_>, error_budget: f32, sweep: &[BatchSpec]) -> (Vec<Config>, Vec<Skipped>) {
+    let (args, update) = (session.args, &session.args.update);
     let wanted = Wanted {
-        paths: update.paths_or(&PATHS),
-        paths_named: !update.paths.is_empty(),
+        paths: &update.paths_or(&PATHS),
         formats: if update.formats.is_empty() { &FORMATS } else { &update.formats },
         sums: if update.accumulate.is_empty() { &SUMS } else { &update.accumulate },
-        modes: update.modes.clone(),
+        modes: &update.modes,
         sizes: if args.batch_sizes.is_empty() { sweep } else { &args.batch_sizes },
-        sizes_named: !args.batch_sizes.is_empty(),
-        error_budget: budget,
+        error_budget,
     };
-    configurations(&wanted, update, gpu)
+    configurations(&wanted, args, session.machine.gpu.as_ref())
 }

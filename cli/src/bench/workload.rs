@@ -1,4 +1,4 @@
-//! What moves while a configuration is verified and timed: random changes, or a captured clip.
+//! What moves while a configuration is verified and timed: random changes or a captured clip, on how many heads.
 
 use deltamorph::BoundClip;
 
@@ -64,8 +64,7 @@ impl Workload {
         Self { name: "random".into(), changed: Some(changed), checkpoints, frames, ahead: 37, turned: 0 }
     }
 
-    /// `active` of `targets`, from `seed`, get a new weight in every frame, while all others are 0. Each head has its
-    /// own few.
+    /// `active` of `targets`, others for each head, get a new weight in every frame, while the rest are 0.
     pub fn few(targets: usize, active: usize, seed: u64) -> Self {
         let active = active.min(targets);
         let mut state = seed ^ 0xA076_1D64_78BD_642F;
@@ -87,14 +86,8 @@ impl Workload {
         let last = clip.frame_count() - 1;
         let mut checkpoints: Vec<usize> = (1..=CLIP_CHECKS).map(|i| last * i / CLIP_CHECKS).collect();
         checkpoints.dedup();
-        Self {
-            name: clip.name.clone(),
-            changed: None,
-            checkpoints,
-            frames: clip.frames().collect(),
-            ahead: 7,
-            turned: 0,
-        }
+        let (name, frames) = (clip.name.clone(), clip.frames().collect());
+        Self { name, changed: None, checkpoints, frames, ahead: 7, turned: 0 }
     }
 
     /// The weights of `head` in `frame`.
@@ -116,6 +109,42 @@ fn next(state: &mut u64) -> u64 {
     *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
     let x = *state ^ (*state >> 33);
     x.wrapping_mul(0xff51_afd7_ed55_8ccd) >> 20
+}
+
+/// What is measured, but for how it is updated.
+#[derive(Clone, Copy)]
+pub struct Setting<'a> {
+    pub workload: &'a Workload,
+    /// Heads: each with weights of its own, unless `shared`.
+    pub heads: u32,
+    /// One animation: one head is updated, and its pose drawn for each.
+    pub shared: bool,
+    /// Every frame draws each head once, without rasterizing, after the update.
+    pub drawn: bool,
+    /// Compare with the reference after a few frames, not at all checkpoints of the workload: where frames take long.
+    pub brief: bool,
+}
+
+impl<'a> Setting<'a> {
+    /// What suites measure: heads each with weights of their own, drawn, checked after a few frames.
+    pub fn of_suite(workload: &'a Workload, heads: u32) -> Self {
+        Self { workload, heads, shared: false, drawn: true, brief: true }
+    }
+
+    /// Heads that are updated.
+    pub fn updated(&self) -> u32 {
+        if self.shared { 1 } else { self.heads }
+    }
+
+    /// Draws of each head that is updated.
+    pub fn copies(&self) -> u32 {
+        if self.shared { self.heads } else { 1 }
+    }
+
+    /// The weights of each head that is updated.
+    pub fn weights(&self, frame: usize) -> Vec<Vec<f32>> {
+        (0..self.updated()).map(|h| self.workload.weights(h, frame)).collect()
+    }
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Axes: which values are marked, and where they stand.
 
-use super::figure::ALL;
+use super::ALL;
 use crate::table::sig3;
 use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
 use plotters::coord::types::RangedCoordf64;
@@ -48,8 +48,7 @@ impl Axis {
         Self::new(false, 0.0, hi, 1.0, &marks(0.0, hi, MOST_TICKS))
     }
 
-    /// An axis for counts: the own values while they are few, logarithmic when they span much. What is not finite
-    /// stands at "all".
+    /// An axis for counts: marks few values themselves, logarithmic when they span much; [`ALL`] stands at "all".
     pub fn counts(values: impl IntoIterator<Item = f64>) -> Self {
         let (mut own, beyond): (Vec<f64>, Vec<f64>) = values.into_iter().partition(|v| v.is_finite());
         own.sort_by(f64::total_cmp);
@@ -70,10 +69,9 @@ impl Axis {
     }
 
     fn new(log: bool, lo: f64, hi: f64, end: f64, ticks: &[f64]) -> Self {
-        let mut axis = Self { log, lo, hi, end, ticks: ticks.iter().map(|&tick| (tick, label(tick))).collect() };
-        if end < 1.0 {
-            axis.ticks.push((ALL, "all".into()));
-        }
+        let all = (end < 1.0).then(|| (ALL, "all".into()));
+        let ticks = ticks.iter().map(|&tick| (tick, label(tick))).chain(all).collect();
+        let mut axis = Self { log, lo, hi, end, ticks };
         // The last label stays, and before it those that leave a gap.
         let mut start = f64::INFINITY;
         let places: Vec<f64> = axis.ticks.iter().map(|(tick, _)| axis.at(*tick)).collect();

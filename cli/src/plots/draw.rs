@@ -1,16 +1,18 @@
-//! Drawing figures with plotters: its axes, labels and grids; the legend outside the data, the "all" at the end of an
-//! axis, and the markers are drawn here.
+//! Drawing figures with plotters, as SVG and PNG: its axes, labels and grids; the legend outside the data, the "all" at
+//! the end of an axis, and the markers are drawn here.
 
 use super::axis::Axis;
-use super::figure::{Axes, Bar, Chart, Figure, Look, Point, Series};
+use super::{Axes, Bar, Chart, Figure, Look, Point, Series};
+use crate::output::{Failure, write_file};
 use plotters::coord::Shift;
 use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::f64::consts::TAU;
+use std::path::Path;
 
 /// The family that text is set in: the browser's own in SVG, the built-in font in PNG.
-pub const FONT: &str = "sans-serif";
+const FONT: &str = "sans-serif";
 const WIDTH: f64 = 720.0;
 /// Height of a line chart.
 const HEIGHT: f64 = 440.0;
@@ -32,35 +34,50 @@ const PAPER: RGBColor = WHITE;
 
 type Error<DB> = DrawingAreaErrorKind<<DB as DrawingBackend>::ErrorType>;
 
-/// Width and height of a figure, in points.
-pub fn size(chart: &Chart) -> (f64, f64) {
-    match chart {
-        Chart::Lines { .. } => (WIDTH, HEIGHT),
-        Chart::Bars { bars, .. } => (WIDTH, TOP + ROW * bars.len() as f64 + 42.0),
+/// Pixels per point in the files: sharp on dense screens.
+const SCALE: f64 = 2.0;
+/// PNGs are drawn this much larger and averaged: the bitmaps of plotters have no smooth polygons.
+const SUPERSAMPLE: u32 = 2;
+/// plotters centres text in bitmaps by a height that leaves the descenders out.
+const BITMAP_LIFT: f64 = 0.2;
+
+impl Figure {
+    /// Write the figure into `dir`, as SVG and as PNG; returns the SVG.
+    pub fn write(&self, dir: &Path) -> Result<String, Failure> {
+        // The font comes along, so that no machine needs fonts of its own.
+        let registered = plotters::style::register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT);
+        registered.map_err(|_| failed("the built-in font is damaged"))?;
+        let (size, mut svg) = (size(&self.chart, SCALE), String::new());
+        let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
+        Sheet { area: &area, scale: SCALE, lift: 0.0 }.draw(self).map_err(failed)?;
+        drop(area);
+        write_file(&dir.join(format!("{}.svg", self.slug)), &svg)?;
+
+        let large = (size.0 * SUPERSAMPLE, size.1 * SUPERSAMPLE);
+        let mut pixels = vec![0u8; large.0 as usize * large.1 as usize * 3];
+        let area = BitMapBackend::with_buffer(&mut pixels, large).into_drawing_area();
+        let scale = SCALE * f64::from(SUPERSAMPLE);
+        Sheet { area: &area, scale, lift: BITMAP_LIFT }.draw(self).map_err(failed)?;
+        drop(area);
+        let image = image::RgbImage::from_raw(large.0, large.1, pixels);
+        let image = image.ok_or_else(|| failed("the picture is too large"))?;
+        let png = dir.join(format!("{}.png", self.slug));
+        image::imageops::thumbnail(&image, size.0, size.1).save(png).map_err(failed)?;
+        Ok(svg)
     }
 }
 
-/// Draw on `area` with `scale` pixels per point; `lift`: how far it sets text too high, as a part of its size.
-pub fn figure<DB: DrawingBackend>(
-    figure: &Figure,
-    area: &DrawingArea<DB, Shift>,
-    scale: f64,
-    lift: f64,
-) -> Result<(), Error<DB>> {
-    let sheet = Sheet { area, scale, lift };
-    area.fill(&PAPER)?;
-    sheet.text(&figure.title, (MARGIN, 26.0), 19.0, INK, HPos::Left)?;
-    for (line, y) in figure.subtitle.iter().zip([48.0, 65.0]) {
-        let most = ((WIDTH - 2.0 * MARGIN) / width("x", 12.5)) as usize;
-        let cut: String = line.chars().take(most).collect();
-        let line = if cut.len() < line.len() { cut + "…" } else { cut };
-        sheet.text(&line, (MARGIN, y), 12.5, MUTED, HPos::Left)?;
-    }
-    match &figure.chart {
-        Chart::Lines { labels, axes, series } => sheet.lines(*labels, *axes, series)?,
-        Chart::Bars { least, bars } => sheet.bars(*least, bars)?,
-    }
-    area.present()
+fn failed(error: impl std::fmt::Display) -> Failure {
+    Failure::Failed(format!("cannot draw the plot: {error}; do without the report (bench: --no-report)"))
+}
+
+/// Width and height of a figure with `scale` pixels per point.
+fn size(chart: &Chart, scale: f64) -> (u32, u32) {
+    let height = match chart {
+        Chart::Lines { .. } => HEIGHT,
+        Chart::Bars { bars, .. } => TOP + ROW * bars.len() as f64 + 42.0,
+    };
+    ((WIDTH * scale) as u32, (height * scale) as u32)
 }
 
 /// About how wide a text is: browsers set SVG in fonts of theirs.
@@ -83,6 +100,22 @@ struct Sheet<'a, DB: DrawingBackend> {
 }
 
 impl<DB: DrawingBackend> Sheet<'_, DB> {
+    fn draw(&self, figure: &Figure) -> Result<(), Error<DB>> {
+        self.area.fill(&PAPER)?;
+        self.text(&figure.title, (MARGIN, 26.0), 19.0, INK, HPos::Left)?;
+        for (line, y) in figure.subtitle.iter().zip([48.0, 65.0]) {
+            let most = ((WIDTH - 2.0 * MARGIN) / width("x", 12.5)) as usize;
+            let cut: String = line.chars().take(most).collect();
+            let line = if cut.len() < line.len() { cut + "…" } else { cut };
+            self.text(&line, (MARGIN, y), 12.5, MUTED, HPos::Left)?;
+        }
+        match &figure.chart {
+            Chart::Lines { labels, axes, series } => self.lines(*labels, *axes, series)?,
+            Chart::Bars { least, bars } => self.bars(*least, bars)?,
+        }
+        self.area.present()
+    }
+
     fn px(&self, points: f64) -> i32 {
         (points * self.scale).round() as i32
     }
@@ -189,7 +222,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         for (i, bar) in bars.iter().enumerate() {
             let y = TOP + ROW * (i as f64 + 0.5);
             self.text(&bar.label, (left - 10.0, y), 12.5, INK, HPos::Right)?;
-            let [(start, _), (end, _)] = [0.0, bar.length].map(|x| chart.plotting_area().map_coordinate(&(x, 0.0)));
+            let [start, end] = [0.0, bar.length].map(|x| chart.plotting_area().map_coordinate(&(x, 0.0)).0);
             let [top, bottom] = [y - 10.0, y + 10.0].map(|y| self.px(y));
             self.area.draw(&Rectangle::new([(start, top), (end.max(start + 1), bottom)], bar.look.color().filled()))?;
             // The remark stands at the end of its bar, on paper, so that the grid does not cross it.

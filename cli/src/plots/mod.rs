@@ -1,62 +1,100 @@
-//! The figures of a report, and how they become SVG and PNG.
+//! The figures of a report: what they show.
 
 mod axis;
 mod draw;
-mod figure;
 
-pub use figure::*;
+use plotters::prelude::RGBColor;
 
-use crate::output::{Failure, write_file};
-use plotters::prelude::*;
-use std::path::Path;
-
-/// Pixels per point in the files: sharp on dense screens.
-const SCALE: f64 = 2.0;
-/// PNGs are drawn this much larger and averaged: the bitmaps of plotters have no smooth polygons.
-const SUPERSAMPLE: u32 = 2;
-/// plotters centres text in bitmaps by a height that leaves the descenders out.
-const BITMAP_LIFT: f64 = 0.2;
-
-impl Figure {
-    pub fn svg(&self) -> Result<String, Failure> {
-        register_font()?;
-        let mut svg = String::new();
-        let area = SVGBackend::with_string(&mut svg, self.size()).into_drawing_area();
-        draw::figure(self, &area, SCALE, 0.0).map_err(failed)?;
-        drop(area);
-        Ok(svg)
-    }
-
-    /// Write the figure into `dir`, as SVG and as PNG; returns the SVG.
-    pub fn write(&self, dir: &Path) -> Result<String, Failure> {
-        let svg = self.svg()?;
-        write_file(&dir.join(format!("{}.svg", self.slug)), &svg)?;
-        let (width, height) = self.size();
-        let large = (width * SUPERSAMPLE, height * SUPERSAMPLE);
-        let mut pixels = vec![0u8; large.0 as usize * large.1 as usize * 3];
-        let area = BitMapBackend::with_buffer(&mut pixels, large).into_drawing_area();
-        draw::figure(self, &area, SCALE * f64::from(SUPERSAMPLE), BITMAP_LIFT).map_err(failed)?;
-        drop(area);
-        let image = image::RgbImage::from_raw(large.0, large.1, pixels);
-        let image = image.ok_or_else(|| failed("the picture is too large"))?;
-        let png = dir.join(format!("{}.png", self.slug));
-        image::imageops::thumbnail(&image, width, height).save(png).map_err(failed)?;
-        Ok(svg)
-    }
-
-    /// In pixels.
-    fn size(&self) -> (u32, u32) {
-        let (width, height) = draw::size(&self.chart);
-        ((width * SCALE) as u32, (height * SCALE) as u32)
-    }
+#[derive(Clone, Debug)]
+pub struct Figure {
+    /// File name without extension.
+    pub slug: String,
+    /// What a reader should know.
+    pub caption: String,
+    pub title: String,
+    /// What is constant.
+    pub subtitle: [String; 2],
+    pub chart: Chart,
 }
 
-/// Make the built-in font known to plotters, so that no machine needs fonts of its own.
-fn register_font() -> Result<(), Failure> {
-    let registered = plotters::style::register_font(draw::FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT);
-    registered.map_err(|_| failed("the built-in font is damaged"))
+#[derive(Clone, Debug)]
+pub enum Chart {
+    Lines {
+        /// What x counts and what y measures.
+        labels: [&'static str; 2],
+        axes: Axes,
+        series: Vec<Series>,
+    },
+    /// Horizontal bars from 0; the axis reaches at least to `least`.
+    Bars { least: f64, bars: Vec<Bar> },
 }
 
-fn failed(error: impl std::fmt::Display) -> Failure {
-    Failure::Failed(format!("cannot draw the plot: {error}; do without the report (bench: --no-report)"))
+/// How the axes of a line chart are laid out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axes {
+    /// Counts along x; y logarithmic when the values span much.
+    Counts,
+    /// Counts along x; y starts at 0, whatever the values span: where proportions matter.
+    CountsFromZero,
+    /// No counts: both are logarithmic when the values span much.
+    Values,
+}
+
+#[derive(Clone, Debug)]
+pub struct Series {
+    pub label: String,
+    pub look: Look,
+    /// Ascending in x.
+    pub points: Vec<Point>,
+}
+
+/// A point with its standard error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// A number, or [`ALL`].
+    pub x: f64,
+    pub y: f64,
+    pub error: f64,
+}
+
+/// The place after all numbers on the x axis: every target in one pass.
+pub const ALL: f64 = f64::INFINITY;
+
+#[derive(Clone, Debug)]
+pub struct Bar {
+    pub label: String,
+    /// What is written at its end.
+    pub remark: String,
+    pub length: f64,
+    pub look: Look,
+}
+
+/// Colour and marker. Series differ in the marker too, so that they can be told apart without colour.
+#[derive(Clone, Copy, Debug)]
+pub struct Look {
+    hue: usize,
+    variant: usize,
+}
+
+/// Hues that people who see few colours can tell apart (after Okabe and Ito).
+const HUES: [u32; 9] = [0x005f9e, 0xc44e00, 0xa84b86, 0x007a5a, 0x5b4bb0, 0x4a4f59, 0x8c6a00, 0x007f86, 0xa12a2a];
+
+impl Look {
+    /// The `variant` of a hue: eight of them differ in shade or marker.
+    pub fn new(hue: usize, variant: usize) -> Self {
+        Self { hue: hue % HUES.len(), variant: variant % 8 }
+    }
+
+    /// Dark, or light for every other variant.
+    pub fn color(self) -> RGBColor {
+        let light = (self.variant + self.variant / 4) % 2 == 1;
+        let [_, r, g, b] = HUES[self.hue].to_be_bytes();
+        let [r, g, b] = [r, g, b].map(|c| if light { 255 - (255 - c) / 2 } else { c });
+        RGBColor(r, g, b)
+    }
+
+    /// Corners of the marker, and its turn in parts of the angle between two: circle, triangle, square, diamond.
+    pub fn marker(self) -> (usize, f64) {
+        [(24, 0.0), (3, 0.0), (4, 0.5), (4, 0.0)][self.variant % 4]
+    }
 }

@@ -1,13 +1,10 @@
 //! From runs to figures: what is compared with what.
 
-use super::family::{Family, by_family, families, partition};
-use crate::bench::compare::SuiteRecord;
-use crate::bench::record::Report;
-use crate::bench::run::{RunRecord, batch_words, fastest, heads_words, unused};
+use crate::bench::record::{Report, RunRecord, SuiteRecord, batch_words, fastest, heads_words, unused};
 use crate::bench::stats::Stats;
-use crate::plots::{ALL, Axes, Bar, Chart, Figure, Point, Series};
+use crate::plots::{ALL, Axes, Bar, Chart, Figure, Look, Point, Series};
 use crate::table::{count, percent, sig3, thousands};
-use deltamorph::BatchSize;
+use deltamorph::{BatchSize, UpdatePath};
 
 /// A value and its standard error.
 type Value = (f64, f64);
@@ -65,7 +62,7 @@ const TIME_VS_HEADS: Kind = Kind {
     ..TIME_VS_CHANGED
 };
 const DEVICE_TIME: Kind = Kind {
-    slug: "crowd-gpu",
+    slug: "gpu",
     title: "Device time",
     labels: ["targets kept", "ms per frame"],
     caption: "Mean time of the update and of a draw for each head on the device; bars are ±1 standard error.",
@@ -74,7 +71,7 @@ const DEVICE_TIME: Kind = Kind {
     ..TIME_VS_BATCH
 };
 const ROUND_TRIP: Kind = Kind {
-    slug: "crowd-round-trip",
+    slug: "round-trip",
     title: "Round trip",
     caption: "Mean time from weights to fence, update and draws included; bars are ±1 standard error. Of the path cpu \
               the update alone: upload and draw are in the table below.",
@@ -117,10 +114,11 @@ pub fn figures(report: &Report, suite: Option<&SuiteRecord>) -> Vec<Figure> {
         Some(suite) if suite.name == "crowd" => crowd(report, &runs),
         Some(suite) => suite.cells.iter().filter_map(|cell| ranking(report, suite, &cell.name)).collect(),
     };
+    let of_suite = suite.map_or(String::new(), |suite| format!("{}-", suite.name));
     // Clips may differ in what file names here do not have.
     let mut taken: Vec<String> = vec![];
     for figure in &mut figures {
-        figure.slug = unused(&figure.slug, "-", |name| taken.iter().any(|other| other == name));
+        figure.slug = unused(&(of_suite.clone() + &figure.slug), "-", |name| taken.iter().any(|other| other == name));
         taken.push(figure.slug.clone());
     }
     figures
@@ -135,16 +133,14 @@ fn sweep(report: &Report, runs: &[&RunRecord]) -> Vec<Figure> {
         let clip = if workload == "random" { String::new() } else { format!("clip {workload}: ") };
         let (groups, mut every) = (partition(runs, |run| run.heads), vec![]);
         for (heads, runs) in &groups {
-            let mut suffix = of_workload.clone();
-            if groups.len() > 1 {
-                suffix += &format!("-{heads}heads");
-            }
+            let of_heads = if groups.len() > 1 { format!("-{heads}heads") } else { String::new() };
+            let suffix = of_workload.clone() + &of_heads;
             let heads = if *heads == 1 { String::new() } else { format!(" · {heads} heads") };
             let here = |work: String| [format!("{clip}{work}{heads}"), mesh(report, runs)];
             let hardest = hardest(runs);
             let most = here(change(hardest[0]));
-            figures.extend(TIME_VS_BATCH.figure(&suffix, &most, &hardest));
-            figures.extend(RELATIVE.figure(&suffix, &most, &hardest));
+            let figure = |kind: Kind| kind.figure(&suffix, &most, &hardest);
+            figures.extend([TIME_VS_BATCH, RELATIVE].into_iter().filter_map(figure));
             figures.extend(TIME_VS_CHANGED.figure(&suffix, &here(format!("{} targets", runs[0].targets)), runs));
             figures.extend(floor(&suffix, most, &hardest));
             every.extend(hardest);
@@ -160,10 +156,8 @@ fn chapter(report: &Report, runs: &[&RunRecord]) -> Vec<Figure> {
     let mut figures = vec![];
     for (changed, runs) in partition(runs, |run| run.changed) {
         let subtitle = [change(runs[0]), mesh(report, &runs)];
-        for kind in [TIME_VS_BATCH, RELATIVE] {
-            let figure = kind.figure(&format!("-{changed}-changed"), &subtitle, &runs);
-            figures.extend(figure.map(|figure| Figure { slug: format!("chapter-{}", figure.slug), ..figure }));
-        }
+        let figure = |kind: Kind| kind.figure(&format!("-{changed}-changed"), &subtitle, &runs);
+        figures.extend([TIME_VS_BATCH, RELATIVE].into_iter().filter_map(figure));
     }
     figures
 }
@@ -197,7 +191,7 @@ fn ranking(report: &Report, suite: &SuiteRecord, cell: &str) -> Option<Figure> {
         n => format!(" {n} gave a wrong result and are not drawn."),
     };
     (!right.is_empty()).then(|| Figure {
-        slug: format!("{}-{}", suite.name, slug(cell)),
+        slug: slug(cell),
         caption: format!(
             "Median time of the update and of one draw for each head, measured interleaved; of the path cpu the update \
              alone: upload and draw are in the table below.{wrong}"
@@ -275,91 +269,54 @@ fn mean(time: Stats) -> Value {
     (time.mean, time.stderr)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::bench::synthetic;
-    use std::collections::HashSet;
+/// A family of configurations, which differ in what an axis shows alone: path, format, mode, sums, slots, and whether
+/// heads share an animation, each as names say it.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Family([String; 6]);
 
-    fn drawn(report: &Report) -> Vec<Figure> {
-        figures(report, report.suites.first())
+impl Family {
+    fn of(run: &RunRecord) -> Self {
+        // Float sums go without saying.
+        let sums = if run.accumulate == "float" { String::new() } else { format!(" {}", run.accumulate) };
+        let (format, mode, slots) = (&run.format, &run.mode, run.slots);
+        let [format, mode, slots] = [format!(" {format}"), format!(" {mode}"), format!(" {slots} slots")];
+        Self([run.path.clone(), format, mode, sums, slots, if run.shared { " shared".into() } else { String::new() }])
     }
 
-    fn slugs(report: &Report) -> Vec<String> {
-        drawn(report).into_iter().map(|figure| figure.slug).collect()
+    /// Its name; with mode, sums and slots where they differ among `all`.
+    fn label(&self, all: &[Family]) -> String {
+        let told = |i: &usize| !(2..5).contains(i) || all.iter().any(|other| other.0[*i] != self.0[*i]);
+        (0..6).filter(told).map(|i| self.0[i].as_str()).collect()
     }
 
-    fn lines(report: &Report, slug: &str) -> Vec<Series> {
-        match drawn(report).into_iter().find(|figure| figure.slug == slug).expect(slug).chart {
-            Chart::Lines { series, .. } => series,
-            Chart::Bars { .. } => panic!("{slug} has bars"),
+    /// A hue for each path; among those of its path in `all`, a variant for each family.
+    fn look(&self, all: &[Family]) -> Look {
+        let path = UpdatePath::ALL.iter().position(|path| path.name() == self.0[0]).unwrap_or(UpdatePath::ALL.len());
+        Look::new(path, all.iter().filter(|other| other.0[0] == self.0[0] && *other < self).count())
+    }
+}
+
+/// Runs that have the same `key` together, in the order of their first.
+pub fn partition<'a, K: PartialEq>(
+    runs: &[&'a RunRecord],
+    key: impl Fn(&RunRecord) -> K,
+) -> Vec<(K, Vec<&'a RunRecord>)> {
+    let mut groups: Vec<(K, Vec<&RunRecord>)> = vec![];
+    for &run in runs {
+        let key = key(run);
+        match groups.iter_mut().find(|(other, _)| *other == key) {
+            Some((_, group)) => group.push(run),
+            None => groups.push((key, vec![run])),
         }
     }
+    groups
+}
 
-    /// The made-up report, with the runs that `keep` wants, and these once more as `change` makes them.
-    fn report(keep: fn(&RunRecord) -> bool, change: fn(RunRecord) -> RunRecord) -> Report {
-        let mut report = synthetic::report();
-        report.runs.retain(keep);
-        report.runs.extend(report.runs.clone().into_iter().map(change));
-        report
-    }
+/// The families of runs: those of one path together, otherwise in the order they ran.
+pub fn by_family<'a>(runs: &[&'a RunRecord]) -> Vec<(Family, Vec<&'a RunRecord>)> {
+    partition(runs, |run| run.path.clone()).iter().flat_map(|(_, own)| partition(own, Family::of)).collect()
+}
 
-    #[test]
-    fn one_set_per_workload() {
-        let mut report = synthetic::report();
-        let sets = ["time-vs-batch", "relative-performance", "time-vs-changed", "floor"];
-        let mut expected: Vec<String> = sets.map(|name| format!("{name}-random")).into();
-        expected.extend(["time-vs-batch", "relative-performance", "floor"].map(|name| format!("{name}-speech-30fps")));
-        assert_eq!(slugs(&report), expected);
-        report.runs.retain(|r| r.workload == "random" && r.changed == 4.0);
-        assert_eq!(slugs(&report), ["time-vs-batch", "relative-performance", "floor"]);
-        report.runs.clear();
-        assert!(slugs(&report).is_empty());
-        assert_eq!(slugs(&synthetic::suite()), ["techniques-dense--1---1-head"]);
-        assert!(drawn(&synthetic::suite())[0].caption.contains("1 gave a wrong result"));
-    }
-
-    #[test]
-    fn heads_get_a_figure_of_their_own() {
-        let work = |r: &RunRecord| r.workload == "random" && r.changed == 4.0;
-        let slugs = slugs(&report(work, |run| RunRecord { heads: 16, ..run }));
-        assert!(slugs.contains(&"time-vs-heads".into()) && slugs.contains(&"floor-16heads".into()), "{slugs:?}");
-        // A clip has a point for each number of heads, though the mean of what changes depends on their number.
-        let clip = |r: &RunRecord| r.workload == "speech_30fps" && r.verified;
-        for line in lines(&report(clip, |run| RunRecord { heads: 16, changed: 2.5, ..run }), "time-vs-heads") {
-            assert_eq!(line.points.iter().map(|p| p.x).collect::<Vec<_>>(), [1.0, 16.0]);
-        }
-    }
-
-    #[test]
-    fn relative_performance_starts_at_one() {
-        for line in lines(&synthetic::report(), "relative-performance-random") {
-            assert_eq!((line.points[0].x, line.points[0].y), (1.0, 1.0), "{}", line.label);
-            assert!(line.points.last().is_some_and(|p| p.y > 2.0 && p.error > 0.0));
-        }
-    }
-
-    #[test]
-    fn wrong_runs_are_not_drawn_and_all_comes_last() {
-        let lines = lines(&synthetic::report(), "time-vs-batch-random");
-        let points = |label: &str| &lines.iter().find(|line| line.label == label).expect(label).points;
-        assert_eq!(points("feedback float32").len(), 14);
-        assert_eq!(points("compute snorm16").last().map(|p| p.x), Some(ALL));
-        assert_eq!(points("cpu float32").len(), 1);
-    }
-
-    #[test]
-    fn families_look_different_and_are_named_by_what_varies() {
-        let exact = report(|_| true, |run| RunRecord { accumulate: "exact".into(), ..run });
-        for (report, looks) in [(synthetic::report(), 5), (exact, 10)] {
-            let lines = lines(&report, "time-vs-batch-random");
-            let look = |line: &Series| format!("{:?}", (line.look.color(), line.look.marker()));
-            assert_eq!(lines.iter().map(look).collect::<HashSet<_>>().len(), looks);
-            assert_eq!(lines.iter().filter(|line| line.label.ends_with(" exact")).count(), looks - 5);
-        }
-        let rebuild = report(|run| run.workload == "random", |run| RunRecord { mode: "rebuild".into(), ..run });
-        let labels: Vec<_> = lines(&rebuild, "time-vs-batch").into_iter().map(|line| line.label).collect();
-        let expected = ["feedback float32 rebuild", "cpu float32 incremental"];
-        assert!(expected.iter().all(|label| labels.iter().any(|own| own == label)), "{labels:?}");
-    }
+fn families(runs: &[&RunRecord]) -> Vec<Family> {
+    by_family(runs).into_iter().map(|(family, _)| family).collect()
 }

@@ -1,13 +1,11 @@
 //! The report folder: report.json, runs.csv, the plots and index.html.
 
-mod family;
 mod figures;
 mod page;
 pub mod sentences;
 pub mod tables;
 
-use super::record::Report;
-use super::run::RunRecord;
+use super::record::{Report, RunRecord};
 use crate::output::{self, Failure, publish, write_file};
 use serde_json::Value;
 use std::path::Path;
@@ -85,50 +83,4 @@ fn cell(run: &Value, column: &str) -> String {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::bench::synthetic;
-
-    #[test]
-    fn the_folder_is_complete() {
-        let dir = tempfile::tempdir().expect("a folder");
-        // DELTAMORPH_REPORT_SAMPLE keeps the folder, to look at.
-        let kept = std::env::var_os("DELTAMORPH_REPORT_SAMPLE");
-        let folder = kept.map_or_else(|| dir.path().join("new/report"), Into::into);
-        for report in [synthetic::report(), synthetic::suite()] {
-            write(&report, &folder).expect("written");
-            for figure in figures::figures(&report, report.suites.first()) {
-                let file = |extension| folder.join(format!("{}.{extension}", figure.slug));
-                let svg = std::fs::read_to_string(file("svg")).expect("read");
-                assert!(svg.contains("<svg") && svg.contains("</svg>") && svg.contains("sans-serif"), "{svg}");
-                assert_eq!(std::fs::read(file("png")).expect("read")[..4], *b"\x89PNG");
-            }
-            assert!(folder.join("index.html").is_file());
-            let again = read(&folder.join("report.json")).expect("read");
-            assert_eq!(again.runs.len(), report.runs.len());
-        }
-    }
-
-    #[test]
-    fn the_csv_has_a_cell_for_every_column() {
-        let report = synthetic::report();
-        let bytes = csv(&report.runs).expect("written");
-        let mut reader = csv::Reader::from_reader(bytes.as_slice());
-        let rows: Vec<csv::StringRecord> = reader.records().collect::<Result<_, _>>().expect("even rows");
-        assert_eq!(rows.len(), report.runs.len());
-        assert_eq!((&rows[0][5], &rows[0][10], rows[0].len()), ("feedback", "1", 54));
-    }
-
-    #[test]
-    fn other_files_are_refused() {
-        let dir = tempfile::tempdir().expect("a folder");
-        let path = dir.path().join("report.json");
-        assert!(read(&path).is_err());
-        std::fs::write(&path, "{}").expect("written");
-        assert!(read(&path).unwrap_err().to_string().contains("deltamorph bench"));
-        let mut report = synthetic::report();
-        report.schema = 2;
-        std::fs::write(&path, serde_json::to_string(&report).expect("serialised")).expect("written");
-        assert!(read(&path).unwrap_err().to_string().contains("schema 2"));
-    }
-}
+mod tests;

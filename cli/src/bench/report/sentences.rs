@@ -1,10 +1,7 @@
 //! The sentences that sum a report up, with numbers from its runs.
 
-use super::family::by_family;
-use super::figures::{hardest, relative};
-use crate::bench::compare::SuiteRecord;
-use crate::bench::record::Report;
-use crate::bench::run::{RunRecord, batch_words, fastest};
+use super::figures::{by_family, hardest, relative};
+use crate::bench::record::{Report, RunRecord, SuiteRecord, batch_words, fastest};
 use crate::table::{count, percent, sig3, thousands};
 use deltamorph::BatchSize;
 
@@ -102,44 +99,10 @@ fn of_best(run: &RunRecord) -> String {
 fn changed(runs: &[&RunRecord], all: &RunRecord) -> Option<String> {
     let least = runs.iter().map(|r| r.changed).reduce(f64::min).filter(|least| *least < all.changed)?;
     let few = fastest(runs.iter().copied().filter(|r| r.changed == least))?;
-    let (few, most) = (few.median(), all.median());
+    let (few_ms, most_ms, times) = (sig3(few.median()), sig3(all.median()), all.median() / few.median());
+    let (most, targets) = (all.changed, all.targets);
     Some(format!(
-        "Changing {least:.0} of {} targets takes {} ms, changing {:.0} takes {} ms: {:.1} times as long.",
-        all.targets,
-        sig3(few),
-        all.changed,
-        sig3(most),
-        most / few
+        "Changing {least:.0} of {targets} targets takes {few_ms} ms, changing {most:.0} takes {most_ms} ms: {times:.1} \
+         times as long."
     ))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::bench::synthetic;
-
-    #[test]
-    fn numbers_come_from_the_runs() {
-        let all = sentences(&synthetic::report());
-        for (sentence, words) in [
-            (0, "Batch 16 is 7.7× as fast as batch 1 on feedback (snorm16)"),
-            (1, "With 72 targets changed per frame the fastest is compute snorm16, one pass: "),
-            (2, "Changing 4 of 72 targets"),
-            (3, "2 of "),
-        ] {
-            assert!(all[sentence].starts_with(words), "{all:?}");
-        }
-        let suite = sentences(&synthetic::suite());
-        assert!(suite[0].contains("fastest GPU path in 1 of 1 cells"), "{suite:?}");
-    }
-
-    #[test]
-    fn little_data_makes_few_sentences() {
-        let mut report = synthetic::report();
-        report.runs.retain(|r| r.path == "cpu" && r.changed == 72.0);
-        let all = sentences(&report);
-        assert!(all[0].contains("the fastest is cpu") && all[1].contains("match the float64 reference"), "{all:?}");
-        report.runs.clear();
-        assert_eq!(sentences(&report), ["0 configurations, none of them timed"]);
-    }
 }

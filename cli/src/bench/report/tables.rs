@@ -1,9 +1,7 @@
 //! The tables of a report, for the terminal and for its pages.
 
-use super::family::partition;
-use crate::bench::compare::{CellRecord, Comparison, SuiteRecord};
-use crate::bench::record::Report;
-use crate::bench::run::RunRecord;
+use super::figures::partition;
+use crate::bench::record::{CellRecord, Comparison, Report, RunRecord, SuiteRecord};
 use crate::table::{Table, bytes, count, optional, percent, sig3};
 use std::iter::once;
 
@@ -76,14 +74,12 @@ pub fn of_suite(suite: &SuiteRecord, report: &Report) -> Vec<(&'static str, Tabl
 }
 
 fn comparisons(comparisons: &[Comparison]) -> Table {
-    let headings =
-        ["comparison", "first", "its ms", "second", "its ms", "first / second, median of rounds", "should be", "n"];
-    let mut table = Table::new(&headings, 2);
-    for c in comparisons {
-        let [a, b] = c.n;
-        let (first, second) = (sig3(c.first_ms), sig3(c.second_ms));
-        let (ratio, goal) = (sig3(c.ratio), c.goal.clone());
-        table.row([c.name.clone(), c.first.clone(), first, c.second.clone(), second, ratio, goal, format!("{a}, {b}")]);
+    let headings = "comparison|first|its ms|second|its ms|first / second, median of rounds|should be|n";
+    let mut table = Table::new(&headings.split('|').collect::<Vec<_>>(), 2);
+    for Comparison { name, first, second, first_ms, second_ms, ratio, n: [a, b], goal } in comparisons {
+        let [first_ms, second_ms, ratio] = [first_ms, second_ms, ratio].map(|value| sig3(*value));
+        let [name, first, second, goal] = [name, first, second, goal].map(String::clone);
+        table.row([name, first, first_ms, second, second_ms, ratio, goal, format!("{a}, {b}")]);
     }
     table
 }
@@ -106,8 +102,7 @@ fn cells(suite: &SuiteRecord, report: &Report) -> Table {
     table
 }
 
-/// Milliseconds of every technique: a row for each of the cells that techniques compete in. In the crowd suite means,
-/// as in the figures that it follows; else medians.
+/// Milliseconds of every technique, a row for each cell: medians, but in the suite crowd means, as in its figures.
 fn matrix(suite: &SuiteRecord, report: &Report) -> Option<Table> {
     let competes = |run: &&RunRecord| match suite.cells.is_empty() {
         true => run.cell.ends_with(" targets"),
@@ -126,29 +121,4 @@ fn matrix(suite: &SuiteRecord, report: &Report) -> Option<Table> {
         table.row(once(cell).chain(headings[1..].iter().map(|name| time(name))));
     }
     (!runs.is_empty()).then_some(table)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::bench::synthetic;
-
-    #[test]
-    fn tables_have_a_line_per_run_and_name_what_is_wrong() {
-        let report = synthetic::report();
-        for terminal in [true, false] {
-            let text = runs(&report.runs, terminal).to_string();
-            assert_eq!(text.lines().count(), report.runs.len() + 1);
-            assert_eq!(text.matches("WRONG").count(), 2);
-            assert_eq!((text.contains("round trip ms"), text.contains("technique")), (!terminal, false));
-        }
-        let report = synthetic::suite();
-        let tables = of_suite(&report.suites[0], &report);
-        assert_eq!(
-            tables.iter().map(|(title, _)| *title).collect::<Vec<_>>(),
-            ["Who is fastest", "Milliseconds of every technique"]
-        );
-        let (cells, times) = (tables[0].1.to_string(), tables[1].1.to_string());
-        assert!(cells.contains("45.0") && times.contains("WRONG"), "{cells}\n{times}");
-    }
 }

@@ -1,34 +1,31 @@
 //! The chapter's figure: what batching gains.
 
-use super::session::{Session, Subject};
-use super::technique::{formats, paths};
 use crate::args::values::{BatchSpec, SUMS};
-use crate::bench::compare::Comparison;
-use crate::bench::configs::{Wanted, configurations};
-use crate::bench::interleave::{Candidate, Common};
-use crate::bench::record::Skipped;
-use crate::bench::run::{RunRecord, batch_words, fastest};
-use crate::bench::setting::{Config, Setting};
-use crate::bench::workload::Workload;
+use crate::bench::configs::{Config, Wanted, configurations};
+use crate::bench::interleave::Common;
+use crate::bench::record::{Comparison, RunRecord, Skipped, batch_words, fastest};
+use crate::bench::session::Session;
+use crate::bench::trial::Candidate;
+use crate::bench::workload::{Setting, Workload};
 use crate::input::Input;
 use crate::output::Failure;
-use deltamorph::{BatchSize, UpdateMode};
+use deltamorph::{BatchSize, UpdateMode, UpdatePath};
 
 /// Targets changed per frame, next to all of them.
 const FEW: usize = 8;
 
 /// Every batch size of every dense path and format.
 pub fn run(session: &mut Session<'_>, input: Input) -> Result<(), Failure> {
-    let mut subject = Subject::new(session, input);
+    let mut subject = session.subject(input);
+    let incremental = |path: &UpdatePath| path.default_mode() == UpdateMode::Incremental;
     let wanted = Wanted {
-        paths: paths(session).into_iter().filter(|path| path.default_mode() == UpdateMode::Incremental).collect(),
-        formats: &formats(session),
+        paths: &session.args.update.paths_or(&UpdatePath::ALL).into_iter().filter(incremental).collect::<Vec<_>>(),
+        formats: &session.args.update.formats,
         sums: &SUMS[..1],
-        modes: vec![UpdateMode::Incremental],
         sizes: &[BatchSpec::Range(1, None)],
         ..Wanted::default()
     };
-    let (configs, skipped) = configurations(&wanted, &session.args.update, session.machine.gpu.as_ref());
+    let (configs, skipped) = configurations(&wanted, session.args, session.machine.gpu.as_ref());
     skipped.into_iter().for_each(|s| session.skip(s));
     // Only those that have batches.
     let configs: Vec<Config> = configs.into_iter().filter(|c| c.batch_max.is_some()).collect();
@@ -63,5 +60,5 @@ fn gain(cell: &str, runs: &[Option<RunRecord>]) -> Option<Comparison> {
     let one = right().find(|r| r.batch_size == BatchSize::Targets(1))?;
     let best = fastest(right())?;
     let names = [one, best].map(|run| batch_words(run.batch_size));
-    Comparison::new(cell, [one, best], names, |round| round.ms, "")
+    Comparison::new(cell, [one, best], names, "")
 }

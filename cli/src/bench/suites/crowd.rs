@@ -1,12 +1,14 @@
 //! One head and many, after Costigan et al. (MIG 2016), figures 5 and 6.
 
-use super::session::{Session, Subject, dense_and_sparse};
-use super::technique::{self, candidates};
+use super::techniques::{self, candidates, dense_and_sparse};
 use crate::bench::compare::OURS;
-use crate::bench::interleave::{Candidate, Common};
-use crate::bench::run::heads_words;
-use crate::bench::setting::{Config, Setting};
-use crate::bench::workload::Workload;
+use crate::bench::configs::Config;
+use crate::bench::interleave::Common;
+use crate::bench::record::heads_words;
+use crate::bench::session::Session;
+use crate::bench::subject::Subject;
+use crate::bench::trial::Candidate;
+use crate::bench::workload::{Setting, Workload};
 use crate::output::Failure;
 
 /// Points along the axis of targets.
@@ -28,8 +30,8 @@ pub fn run(session: &mut Session<'_>) -> Result<(), Failure> {
     let heads = session.args.heads_or(&HEADS);
     let (one, many) = (heads[0], heads[heads.len() - 1]);
     let inputs = dense_and_sparse(session)?;
-    let mut subjects: Vec<Subject> = inputs.into_iter().map(|input| Subject::new(session, input)).collect();
-    let all = technique::all(session);
+    let mut subjects: Vec<Subject> = inputs.into_iter().map(|input| session.subject(input)).collect();
+    let all = techniques::all(session);
     let Some(main) = subjects.last_mut() else { return Ok(()) };
     let total = main.targets();
     let mut counts: Vec<usize> = (1..=POINTS).map(|i| (total * i / POINTS).max(1.min(total))).collect();
@@ -37,7 +39,7 @@ pub fn run(session: &mut Session<'_>) -> Result<(), Failure> {
     session.bar.inc_length(3 * counts.len() as u64 + SHARED.len() as u64 + 2);
 
     let random = Workload::random(total, total, session.args.input.seed);
-    let chosen = technique::choose(session, main, &Setting::of_suite(&random, one), &all)?;
+    let chosen = techniques::choose(session, main, &Setting::of_suite(&random, one), &all)?;
     for &count in &counts {
         let mut kept = main.first_targets(count);
         let random = Workload::random(count, count, session.args.input.seed);
@@ -49,7 +51,7 @@ pub fn run(session: &mut Session<'_>) -> Result<(), Failure> {
         }
     }
 
-    // In turns, so that the machine's own ups and downs hit both.
+    // Interleaved, so that the machine's own ups and downs hit both.
     let single = Setting::of_suite(&random, 1);
     let copies = Setting { shared: true, ..Setting::of_suite(&random, many) };
     for (common, how, goal) in SHARED {

@@ -1,0 +1,123 @@
+//! What the ordinary run and the suites share: the machine, and the record of what was found.
+
+use super::interleave::{Common, Schedule, interleave};
+use super::machine::Machine;
+use super::record::{Comparison, Report, RunRecord, Skipped, SuiteRecord};
+use super::subject::Subject;
+use super::trial::Candidate;
+use crate::args::bench::BenchArgs;
+use crate::input::Input;
+use crate::output::{Failure, Output};
+use deltamorph::headless::DeviceChoice;
+use indicatif::ProgressBar;
+
+/// Rounds that the frames of a configuration are divided into.
+const ROUNDS: usize = 10;
+
+/// The machine, and what was found on it so far.
+pub struct Session<'a> {
+    pub args: &'a BenchArgs,
+    pub machine: Machine<'a>,
+    pub out: &'a Output,
+    /// Progress: a step for each cell.
+    pub bar: ProgressBar,
+    /// What the suite that is running has found.
+    pub suite: SuiteRecord,
+    /// What was found before it, and every run.
+    report: Report,
+}
+
+impl<'a> Session<'a> {
+    /// Set up the machine for `input`, with nothing measured yet.
+    pub fn open(
+        args: &'a BenchArgs,
+        device: Option<&DeviceChoice>,
+        input: &Input,
+        out: &'a Output,
+    ) -> Result<Self, Failure> {
+        let machine = Machine::open(args, device, input, out)?;
+        let report = machine.report(input);
+        Ok(Self { args, machine, out, bar: out.bar(0), suite: SuiteRecord::default(), report })
+    }
+
+    /// Run the suite called `name`.
+    pub fn suite(&mut self, name: &str, run: impl FnOnce(&mut Self) -> Result<(), Failure>) -> Result<(), Failure> {
+        self.suite.name = name.into();
+        run(self)?;
+        self.report.suites.push(std::mem::take(&mut self.suite));
+        Ok(())
+    }
+
+    /// The mesh of a suite; the report will describe it.
+    pub fn subject(&mut self, input: Input) -> Subject {
+        let meshes = &mut self.report.meshes;
+        if meshes.iter().all(|mesh| mesh.name != input.name) {
+            meshes.push(input.info());
+        }
+        Subject::new(input)
+    }
+
+    /// The report, with all that was found.
+    pub fn report(self) -> Report {
+        self.bar.finish_and_clear();
+        let input = self.report.meshes.first().unwrap_or(&self.report.input).clone();
+        Report { input, ..self.report }
+    }
+
+    /// The frames of a configuration, in rounds.
+    pub fn schedule(&self, common: Common) -> Schedule {
+        let frames = self.args.frames;
+        Schedule { frames, rounds: ROUNDS.min(frames), limit: Some(self.args.time_limit()), common }
+    }
+
+    /// Measure `candidates` on `subject`, interleaved, and put the runs into the report under `cell` and their names.
+    pub fn measure(
+        &mut self,
+        subject: &mut Subject,
+        cell: &str,
+        candidates: &[Candidate<'_>],
+        schedule: &Schedule,
+    ) -> Result<Vec<Option<RunRecord>>, Failure> {
+        self.bar.set_message(format!("{} {cell}", self.suite.name));
+        let outcomes = interleave(&self.machine, subject, candidates, schedule)?;
+        let runs = outcomes.into_iter().zip(candidates).map(|(outcome, candidate)| match outcome {
+            Ok(run) => Some(self.keep(cell, &candidate.what, run)),
+            Err(refused) => {
+                self.skip(Skipped { what: format!("{}: {cell}", refused.what), ..refused });
+                None
+            }
+        });
+        Ok(runs.collect())
+    }
+
+    /// Measure two candidates, and compare the times of their updates.
+    pub fn compare_updates(
+        &mut self,
+        subject: &mut Subject,
+        cell: &str,
+        pair: [Candidate<'_>; 2],
+        schedule: &Schedule,
+        goal: &str,
+    ) -> Result<(), Failure> {
+        if let [Some(a), Some(b)] = &self.measure(subject, cell, &pair, schedule)?[..] {
+            let names = pair.map(|candidate| candidate.what);
+            self.suite.comparisons.extend(Comparison::new(cell, [a, b], names, goal));
+        }
+        Ok(())
+    }
+
+    /// Put a run into the report.
+    pub fn keep(&mut self, cell: &str, technique: &str, run: RunRecord) -> RunRecord {
+        let suite = self.suite.name.clone();
+        let run = RunRecord { suite, cell: cell.into(), technique: technique.into(), ..run };
+        self.report.runs.push(run.clone());
+        run
+    }
+
+    /// Put what could not run into the report, once.
+    pub fn skip(&mut self, skipped: Skipped) {
+        if !self.report.skipped.contains(&skipped) {
+            self.report.skipped.push(skipped);
+        }
+    }
+}

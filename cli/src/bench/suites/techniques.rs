@@ -1,0 +1,206 @@
+//! The techniques that compete: every update path in its best configuration, and two that rebuild every frame; and each
+//! against every other, on made-up workloads and on captured clips.
+
+use crate::args::InputArgs;
+use crate::args::values::BatchSpec;
+use crate::bench::configs::{Config, Wanted, configurations};
+use crate::bench::interleave::{Common, Schedule, interleave};
+use crate::bench::record::{CellRecord, RunRecord, Skipped};
+use crate::bench::session::Session;
+use crate::bench::subject::Subject;
+use crate::bench::trial::Candidate;
+use crate::bench::workload::{Setting, Workload};
+use crate::input::{self, Input};
+use crate::output::Failure;
+use deltamorph::{BatchSize, UpdateDesc, UpdateMode, UpdatePath};
+use std::path::PathBuf;
+
+/// The name of a technique, which is the path and a mode that is not the path's own; and what the best is chosen from.
+pub type Technique = (String, Vec<Config>);
+/// The name of a technique, and its fastest configuration.
+pub type Chosen = (String, Config);
+
+/// All of `chosen` in one setting.
+pub fn candidates<'a>(chosen: &[Chosen], setting: &'a Setting<'a>) -> Vec<Candidate<'a>> {
+    chosen.iter().map(|(name, config)| Candidate::new(name, config, setting)).collect()
+}
+
+/// Batch sizes to choose from: few are enough, since beyond 8 the gain is small.
+const SIZES: [BatchSpec; 3] = [BatchSpec::Size(8), BatchSpec::Size(16), BatchSpec::All];
+
+/// Every technique that can run; those that cannot become entries of what was skipped.
+pub fn all(session: &mut Session<'_>) -> Vec<Technique> {
+    let mut techniques = vec![];
+    for path in session.args.update.paths_or(&UpdatePath::ALL) {
+        let sizes = if path.takes_all_targets() { &SIZES[..] } else { &[BatchSpec::Max] };
+        let mut modes = vec![(path.default_mode(), sizes, "")];
+        // Rebuilding every frame is a technique of its own on two paths: in compute passes (Godot, PlayCanvas), and in
+        // vertex passes one target after the other (Godot's compatibility renderer).
+        match path {
+            UpdatePath::Compute => modes.push((UpdateMode::Rebuild, sizes, " rebuild")),
+            UpdatePath::Feedback => modes.push((UpdateMode::Rebuild, &[BatchSpec::Size(1)], " rebuild at batch 1")),
+            _ => {}
+        }
+        for (mode, sizes, suffix) in modes {
+            let wanted = Wanted {
+                paths: &[path],
+                formats: &session.args.update.formats,
+                sums: &[UpdateDesc::new(path, BatchSize::All).accumulate],
+                modes: &[mode],
+                sizes,
+                ..Wanted::default()
+            };
+            let name = format!("{}{suffix}", path.name());
+            let (configs, skipped) = configurations(&wanted, session.args, session.machine.gpu.as_ref());
+            skipped.into_iter().for_each(|s| session.skip(Skipped { what: name.clone(), ..s }));
+            if !configs.is_empty() {
+                techniques.push((name, configs));
+            }
+        }
+    }
+    techniques
+}
+
+/// The fastest configuration of each technique in a short run; none where all are refused.
+pub fn choose(
+    session: &mut Session<'_>,
+    subject: &mut Subject,
+    setting: &Setting<'_>,
+    techniques: &[Technique],
+) -> Result<Vec<Chosen>, Failure> {
+    let schedule =
+        Schedule { frames: 6, rounds: 3, limit: Some(session.args.time_limit() / 20), common: Common::Nothing };
+    let mut chosen = vec![];
+    for (name, configs) in techniques {
+        session.bar.set_message(format!("choosing the best {name}"));
+        let rivals: Vec<Chosen> = configs.iter().map(|config| (name.clone(), config.clone())).collect();
+        if rivals.len() == 1 {
+            chosen.extend(rivals);
+            continue;
+        }
+        let outcomes = interleave(&session.machine, subject, &candidates(&rivals, setting), &schedule)?;
+        let mut best = f64::INFINITY;
+        let mut fastest = None;
+        for (outcome, rival) in outcomes.into_iter().zip(rivals) {
+            match outcome {
+                Ok(run) if run.counts() && run.median() < best => (best, fastest) = (run.median(), Some(rival)),
+                Ok(run) if run.verified => {}
+                // Wrong: that has to be seen, whatever the others do.
+                Ok(run) => drop(session.keep("choice", name, run)),
+                Err(refused) => session.skip(refused),
+            }
+        }
+        chosen.extend(fastest);
+    }
+    Ok(chosen)
+}
+
+/// Mean fraction of the vertices that a target of the sparse head moves, where none is given.
+const SPARSE: f32 = 0.08;
+
+/// The built-in head, dense and sparse; or INPUT alone.
+pub fn dense_and_sparse(session: &Session<'_>) -> Result<Vec<Input>, Failure> {
+    let args = &session.args.input;
+    if args.input.is_some() {
+        return Ok(vec![input::load(args, true, session.out)?]);
+    }
+    let sparse = args.head.sparsity.unwrap_or(SPARSE);
+    let heads = [("dense".to_owned(), 1.0), (format!("{}% sparse", sparse * 100.0), sparse)];
+    let load = |(name, sparsity)| -> Result<Input, Failure> {
+        let mut args: InputArgs = args.clone();
+        args.head.sparsity = Some(sparsity);
+        Ok(Input { name, ..input::load(&args, true, session.out)? })
+    };
+    heads.into_iter().map(load).collect()
+}
+
+/// Configurations are chosen with at most this many heads: with more the choice is the same, and takes longer.
+const CHOICE_HEADS: u32 = 10;
+/// Targets that change where the others are still, and where the others are 0.
+const FEW: usize = 8;
+const ACTIVE: usize = 4;
+
+/// A mesh, and what changes on it: the workloads, and each in words.
+pub type Workloads = (Input, Vec<(Workload, String)>);
+
+/// All, few, and few active targets × dense and sparse.
+pub fn made_up(session: &Session<'_>) -> Result<Vec<Workloads>, Failure> {
+    let workloads = |input: Input| {
+        let (n, seed) = (input.kept.targets.len(), session.args.input.seed);
+        let (few, active) = (FEW.min(n), ACTIVE.min(n));
+        let works = vec![
+            (Workload::random(n, n, seed), format!("all {n} changed")),
+            (Workload::random(n, few, seed), format!("{few} of {n} changed")),
+            (Workload::few(n, active, seed), format!("{active} non-zero of {n}")),
+        ];
+        (input, works)
+    };
+    Ok(dense_and_sparse(session)?.into_iter().map(workloads).collect())
+}
+
+/// The clips of INPUT; without INPUT, those of each set under DELTAMORPH_DATA.
+pub fn captured(session: &mut Session<'_>) -> Result<Vec<Workloads>, Failure> {
+    let mut list = vec![];
+    for set in sets(session)? {
+        let args = InputArgs { input: Some(set), head: Default::default(), ..session.args.input.clone() };
+        let input = input::load(&args, true, session.out)?;
+        let read = |path: &PathBuf| {
+            input::clip(path, &args, &input.kept).map(|clip| (Workload::clip(&clip), clip.name.clone()))
+        };
+        let works = input.clips.iter().map(read).collect::<Result<_, _>>()?;
+        list.push((input, works));
+    }
+    Ok(list)
+}
+
+/// Every technique on each of `list`, for one head and many: a cell each.
+pub fn run(session: &mut Session<'_>, list: Vec<Workloads>, heads: &[u32]) -> Result<(), Failure> {
+    let (all, heads) = (all(session), session.args.heads_or(heads));
+    for (input, works) in list {
+        let mut subject = session.subject(input);
+        session.bar.inc_length((works.len() * heads.len()) as u64);
+        for (workload, change) in &works {
+            let schedule = session.schedule(if workload.changed.is_none() { Common::Frames } else { Common::Nothing });
+            let (mut chosen_with, mut chosen) = (0, vec![]);
+            for &heads in &heads {
+                let some = heads.min(CHOICE_HEADS);
+                if some != chosen_with {
+                    let setting = Setting::of_suite(workload, some);
+                    (chosen_with, chosen) = (some, choose(session, &mut subject, &setting, &all)?);
+                }
+                let (mesh, plural) = (subject.input.name.clone(), if heads == 1 { "" } else { "s" });
+                let cell = format!("{mesh}, {change}, {heads} head{plural}");
+                let setting = Setting::of_suite(workload, heads);
+                let runs = session.measure(&mut subject, &cell, &candidates(&chosen, &setting), &schedule)?;
+                let runs: Vec<RunRecord> = runs.into_iter().flatten().collect();
+                session.suite.cells.push(CellRecord::of(&cell, [&mesh, change], heads, &runs));
+                session.bar.inc(1);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The folders with clips; where there are none, what was skipped says why.
+fn sets(session: &mut Session<'_>) -> Result<Vec<PathBuf>, Failure> {
+    let has_clips = |folder: &PathBuf| folder.join("neutral.obj").is_file() && folder.join("weights").is_dir();
+    let (sets, reason) = match (&session.args.input.input, std::env::var_os("DELTAMORPH_DATA")) {
+        (Some(input), _) => (vec![input.clone()], format!("{} has no clip in weights/*.csv", input.display())),
+        (None, Some(root)) => {
+            let root = PathBuf::from(root);
+            let entries = std::fs::read_dir(&root).and_then(|entries| entries.map(|e| Ok(e?.path())).collect());
+            let mut sets: Vec<PathBuf> = entries.map_err(|e| {
+                let root = root.display();
+                Failure::Failed(format!("DELTAMORPH_DATA: {root}: cannot read the folder: {e}; name the unpacked sets"))
+            })?;
+            sets.sort();
+            (sets, format!("no folder of DELTAMORPH_DATA ({}) has neutral.obj and weights/*.csv", root.display()))
+        }
+        (None, None) => (vec![], "give INPUT with weights/*.csv, or set DELTAMORPH_DATA to a folder of such".into()),
+    };
+    let sets: Vec<PathBuf> = sets.into_iter().filter(has_clips).collect();
+    if sets.is_empty() {
+        session.skip(Skipped { what: "suite clips".into(), reason });
+    }
+    Ok(sets)
+}
