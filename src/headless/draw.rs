@@ -82,7 +82,7 @@ impl<'a> PoseUpload<'a> {
         if instances == 0 || bytes == 0 {
             return Err(Error::invalid("an upload of no pose", "leave it out"));
         }
-        let device = headless.engine.device();
+        let device = &headless.engine.device;
         let buffer = |name, usage, location| Buffer::new(device, name, bytes, usage, location);
         let mut staging = buffer("poses to upload", vk::BufferUsageFlags::TRANSFER_SRC, STAGING)?;
         staging.mapped()?;
@@ -146,6 +146,6 @@ impl<'a> PoseUpload<'a> {
     /// A device that fails.
     pub fn read(&mut self) -> Result<Vec<f32>> {
         let (size, Headless { engine, submitter, .. }) = (self.pose_bytes * u64::from(self.instances), self.headless);
-        Readback::new(engine.device(), size)?.read(submitter, (self.poses.raw, 0, size))
+        Readback::new(&engine.device, size)?.read(submitter, (self.poses.raw, 0, size))
     }
 }

@@ -5,7 +5,7 @@ use super::table::*;
 use crate::asset::streams::{Semantic, TRIPLES, group_streams};
 use crate::asset::{Corner, Faces, Tolerance};
 use crate::error::{Error, Result};
-use crate::io::check_room;
+use crate::io::room;
 use crate::pack::blocks::Parts;
 use crate::pack::{
     BASE_STRIDE, DeltaFormat, POSE_FLOATS, PackedGroup, PackedMesh, PoseError, TARGETS_MAX, VERTEX_PADDING,
@@ -79,7 +79,7 @@ pub(super) fn write(asset: &Asset) -> Result<Vec<u8>> {
 /// The asset that `bytes` are the file of.
 pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
     // All sections are copied below.
-    check_room(path, bytes.len() as u64)?;
+    room(path, bytes.len() as u64)?;
     let sections = split(path, bytes)?;
     let refuse = |place: Place, what: String| malformed(path, Some(place), what, INCONSISTENT);
     // Counts are held against the lengths of sections, before memory is taken by them.

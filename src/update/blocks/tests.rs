@@ -169,6 +169,21 @@ fn blocks_are_refreshed_before_their_bound_passes_the_tolerance_and_not_all_at_o
     assert!(rebuilt > 10 && most < 10, "{rebuilt} rebuilds, {most} at once");
 }
 
+#[test]
+fn small_changes_are_deferred_and_settle() {
+    let budget = 0.05;
+    let mut one = one(packed(DeltaFormat::Small, 32), UpdateDesc { error_budget: budget, ..float(1e-4) });
+    one.step(&[0.5; TARGETS]);
+    one.step(&[0.75; TARGETS]);
+    let mut weights = [0.75; TARGETS];
+    weights[0] += 0.01;
+    assert_eq!(one.step(&weights).1.dirty_blocks, 0, "it is deferred");
+    assert!(one.step(&weights).1.dirty_blocks > 0, "a still face settles");
+    assert_eq!(one.step(&weights).1.dirty_blocks, 0);
+    weights[0] += 0.5;
+    assert!(one.step(&weights).1.dirty_blocks > 0, "a large change is not deferred");
+}
+
 proptest! {
     #[test]
     fn tiles_do_what_the_list_says(
