@@ -1,6 +1,6 @@
 // One workgroup updates one block of up to HEADS instances, all of its vertices: pose = source + Σ coefficient · delta.
 // The deltas of an entry are loaded and decoded once for all of them; rows of the work list have a coefficient for each.
-// CPU twin: cpu::tile::run.
+// CPU twin: cpu::blocks, an instance at a time.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "abi.glsl"

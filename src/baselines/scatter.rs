@@ -1,7 +1,7 @@
 //! The `scatter` path (O3DE Atom, Unity): a thread for each delta adds to the sums of its vertex by integer atomics,
 //! then a pass makes the pose of the sums.
 //!
-//! Weights and deltas are integers on the grid of exact sums ([`ExactGrid`](crate::pack::blocks::ExactGrid)):
+//! Weights and deltas are integers on the grid of exact sums ([`ExactGrid`]):
 //! nothing overflows, and the sums are those of `blocks` with exact sums, bit for bit. So is the error: that of
 //! packing, and at most ½ · weight step · Σ |delta| for weights that are not on the grid.
 
