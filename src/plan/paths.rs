@@ -2,64 +2,6 @@
 
 use crate::pack::DeltaFormat;
 
-/// Expand a macro with arguments and the list: paths whose technique is ours, those that take no device, and those of
-/// others, which are linked with the feature `baselines` only.
-///
-/// An item is the documentation of an `UpdatePath`, whose first line the command line shows; its name; the fields of its
-/// [`PathRow`] that are not what its section states; and the type of its technique, for `update::technique`.
-macro_rules! update_paths {
-    ($expanded:ident $arguments:tt) => {
-        $expanded! { $arguments
-            ours {
-                /// Vertex passes with transform feedback
-                ///
-                /// With rasterizer discard (Jones, GPU Pro 5). A pass cannot read the buffer it writes: passes alternate
-                /// between two slots.
-                Feedback "feedback" { needs: Needs::TransformFeedback, batch: Batch::Attributes }
-                    crate::update::dense::FeedbackTechnique;
-                /// Compute passes
-                ///
-                /// The first reads the current slot and writes the next, the rest run in place there.
-                Compute "compute" { batch: Batch::PushConstants } crate::update::dense::ComputeTechnique;
-                /// Compute, for the blocks of vertices that a changed target touches, and no others
-                ///
-                /// One workgroup for each. Takes the block formats. The one to use where there is a GPU.
-                Blocks "blocks" { formats: &DeltaFormat::BLOCKS } crate::update::blocks::BlocksTechnique;
-            }
-            host {
-                /// SIMD and threads, without Vulkan
-                ///
-                /// Takes every format.
-                Cpu "cpu" { formats: &DeltaFormat::ALL };
-            }
-            baselines {
-                /// Baseline: the passes of feedback, stored by the vertex shader
-                VertexStore "vertex-store" { needs: Needs::VertexStores, batch: Batch::Attributes }
-                    crate::baselines::VertexStoreTechnique;
-                /// Baseline: a thread per delta, integer atomics, from base every time (O3DE, Unity)
-                ///
-                /// A last pass makes the pose of the sums.
-                Scatter "scatter" {
-                    formats: &[DeltaFormat::Small], has_own_upload: true, exact_only: true,
-                    rebuilds_only: true, takes_groups: false
-                } crate::baselines::ScatterTechnique;
-                /// Baseline: each draw evaluates all active targets (Costigan et al., Bevy, three.js, Filament)
-                ///
-                /// There is no update: the vertex shader reads the deltas from a storage buffer.
-                Direct "direct" {
-                    needs: Needs::Nothing, evaluates_in_draws: true, rebuilds_only: true, takes_groups: false
-                } crate::baselines::DirectTechnique;
-                /// Baseline: as direct, the active targets being vertex attributes (Gerdelan)
-                DirectAttributes "direct-attributes" {
-                    needs: Needs::Nothing, evaluates_in_draws: true, rebuilds_only: true, takes_groups: false,
-                    batch: Batch::Attributes
-                } crate::baselines::AttributesTechnique;
-            }
-        }
-    };
-}
-pub(crate) use update_paths;
-
 /// What a path needs of a device.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Needs {
@@ -130,10 +72,10 @@ impl PathRow {
     }
 }
 
-macro_rules! declared {
-    (() $($section:ident { $(
+macro_rules! update_paths {
+    ($($section:ident { $(
         #[doc = $summary:literal] $(#[doc = $more:literal])*
-        $path:ident $name:literal { $($fields:tt)* } $($technique:ty)?;
+        $path:ident $name:literal { $($fields:tt)* };
     )* })*) => {
         /// Who carries the passes out.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -152,7 +94,55 @@ macro_rules! declared {
         }
     };
 }
-update_paths!(declared());
+
+// Paths whose technique is ours, those that take no device, and those of others, which are linked with the feature
+// `baselines` only. An item is the documentation of an `UpdatePath`, whose first line the command line shows; its name;
+// and the fields of its `PathRow` that are not what its section states. `update::technique` makes the technique.
+update_paths! {
+    ours {
+        /// Vertex passes with transform feedback
+        ///
+        /// With rasterizer discard (Jones, GPU Pro 5). A pass cannot read the buffer it writes: passes alternate
+        /// between two slots.
+        Feedback "feedback" { needs: Needs::TransformFeedback, batch: Batch::Attributes };
+        /// Compute passes
+        ///
+        /// The first reads the current slot and writes the next, the rest run in place there.
+        Compute "compute" { batch: Batch::PushConstants };
+        /// Compute, for the blocks of vertices that a changed target touches, and no others
+        ///
+        /// One workgroup for each. Takes the block formats. The one to use where there is a GPU.
+        Blocks "blocks" { formats: &DeltaFormat::BLOCKS };
+    }
+    host {
+        /// SIMD and threads, without Vulkan
+        ///
+        /// Takes every format.
+        Cpu "cpu" { formats: &DeltaFormat::ALL };
+    }
+    baselines {
+        /// Baseline: the passes of feedback, stored by the vertex shader
+        VertexStore "vertex-store" { needs: Needs::VertexStores, batch: Batch::Attributes };
+        /// Baseline: a thread per delta, integer atomics, from base every time (O3DE, Unity)
+        ///
+        /// A last pass makes the pose of the sums.
+        Scatter "scatter" {
+            formats: &[DeltaFormat::Small], has_own_upload: true, exact_only: true,
+            rebuilds_only: true, takes_groups: false
+        };
+        /// Baseline: each draw evaluates all active targets (Costigan et al., Bevy, three.js, Filament)
+        ///
+        /// There is no update: the vertex shader reads the deltas from a storage buffer.
+        Direct "direct" {
+            needs: Needs::Nothing, evaluates_in_draws: true, rebuilds_only: true, takes_groups: false
+        };
+        /// Baseline: as direct, the active targets being vertex attributes (Gerdelan)
+        DirectAttributes "direct-attributes" {
+            needs: Needs::Nothing, evaluates_in_draws: true, rebuilds_only: true, takes_groups: false,
+            batch: Batch::Attributes
+        };
+    }
+}
 
 impl UpdatePath {
     pub(crate) const fn row(self) -> &'static PathRow {

@@ -9,37 +9,12 @@ mod check;
 pub mod dense;
 pub(crate) mod technique;
 
+#[cfg(feature = "baselines")]
+use crate::baselines;
 use crate::error::{Error, Result};
-use crate::plan::paths::{UpdatePath, update_paths};
+use crate::plan::UpdatePath;
 pub(crate) use check::Runner;
 use technique::{Context, Technique};
-
-macro_rules! make {
-    (($context:ident)
-        ours { $($(#[$doc:meta])* $path:ident $name:literal $row:tt $technique:ty;)* }
-        host { $($(#[$host_doc:meta])* $host:ident $host_name:literal $host_row:tt;)* }
-        baselines { $($(#[$baseline_doc:meta])* $baseline:ident $baseline_name:literal $baseline_row:tt $others:ty;)* }
-    ) => {
-        match $context.desc.update.path {
-            $(UpdatePath::$path => Ok(Box::new(<$technique>::new($context)?)),)*
-            $(UpdatePath::$host => Err(Error::invalid(
-                concat!("update path '", $host_name, "' on a device"),
-                concat!("use CpuCrowd for the path '", $host_name, "'"),
-            )),)*
-            $(
-                #[cfg(feature = "baselines")]
-                UpdatePath::$baseline => Ok(Box::new(<$others>::new($context)?)),
-            )*
-            #[cfg(not(feature = "baselines"))]
-            path @ ($(UpdatePath::$baseline)|*) => Err(Error::Unsupported {
-                path: path.name(),
-                device: $context.caps().name.clone(),
-                reason: "this build has no baselines".into(),
-                remedy: "build with the feature 'baselines', or use the path 'blocks' or 'compute'".into(),
-            }),
-        }
-    };
-}
 
 /// Make the technique of `context.desc`, which was checked.
 ///
@@ -47,7 +22,32 @@ macro_rules! make {
 /// No memory; sizes beyond the device's limits; a mesh that was not uploaded for the path; the path `cpu`, which no
 /// device carries out; a baseline in a build without them.
 pub(crate) fn technique(context: Context<'_>) -> Result<Box<dyn Technique>> {
-    update_paths!(make(context))
+    Ok(match context.desc.update.path {
+        UpdatePath::Feedback => Box::new(dense::FeedbackTechnique::new(context)?),
+        UpdatePath::Compute => Box::new(dense::ComputeTechnique::new(context)?),
+        UpdatePath::Blocks => Box::new(blocks::BlocksTechnique::new(context)?),
+        path @ UpdatePath::Cpu => {
+            let text = format!("update path '{}' on a device", path.name());
+            return Err(Error::invalid(text, "use CpuCrowd for it"));
+        }
+        #[cfg(feature = "baselines")]
+        UpdatePath::VertexStore => Box::new(baselines::VertexStoreTechnique::new(context)?),
+        #[cfg(feature = "baselines")]
+        UpdatePath::Scatter => Box::new(baselines::ScatterTechnique::new(context)?),
+        #[cfg(feature = "baselines")]
+        UpdatePath::Direct => Box::new(baselines::DirectTechnique::new(context)?),
+        #[cfg(feature = "baselines")]
+        UpdatePath::DirectAttributes => Box::new(baselines::AttributesTechnique::new(context)?),
+        #[cfg(not(feature = "baselines"))]
+        path @ (UpdatePath::VertexStore | UpdatePath::Scatter | UpdatePath::Direct | UpdatePath::DirectAttributes) => {
+            return Err(Error::Unsupported {
+                path: path.name(),
+                device: context.caps().name.clone(),
+                reason: "this build has no baselines".into(),
+                remedy: "build with the feature 'baselines', or use the path 'blocks' or 'compute'".into(),
+            });
+        }
+    })
 }
 
 #[cfg(test)]
