@@ -233,17 +233,14 @@ fn main() {
             (first, modules.len())
         };
         let linked = !kernel.baseline || cfg!(feature = "baselines");
-        let poses = if linked { if kernel.poses { POSE_FORMATS } else { &POSE_FORMATS[..1] } } else { &[] };
         let mut places = vec![[(0, 0); FORMATS.len()]; POSE_FORMATS.len()];
-        for (pose, places) in poses.iter().zip(&mut places) {
-            match kernel.takes {
-                // The same module for each.
-                Takes::NoDeltas => places.fill(add(None, pose)),
-                takes => FORMATS
-                    .iter()
-                    .zip(places)
-                    .filter(|(format, _)| takes.takes(format))
-                    .for_each(|(format, place)| *place = add(Some(format), pose)),
+        for (pose, places) in POSE_FORMATS.iter().zip(&mut places).filter(|_| linked) {
+            // A kernel that reads no deltas has the same module for each format.
+            if kernel.takes(None, pose) {
+                places.fill(add(None, pose));
+            }
+            for (format, place) in FORMATS.iter().zip(places).filter(|(format, _)| kernel.takes(Some(format), pose)) {
+                *place = add(Some(format), pose);
             }
         }
         table.add_kernel(row, &places);

@@ -6,7 +6,7 @@
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
 use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::{
-    Accumulate, AnimatedCrowd, AnimationDesc, CrowdDesc, DeltaFormat, PackedMesh, Playback, Tolerance, UpdateDesc,
+    AnimatedCrowd, AnimationDesc, CrowdDesc, DeltaFormat, PackedMesh, Playback, PoseFormat, Tolerance, UpdateDesc,
     WeightClip,
 };
 use std::time::Instant;
@@ -94,7 +94,7 @@ fn crowd<'a>(
     slots: u32,
     clip: u32,
 ) -> HeadlessCrowd<'a, AnimatedCrowd> {
-    let update = UpdateDesc::blocks().accumulate(Accumulate::Exact).slots(slots);
+    let update = UpdateDesc::blocks().pose(PoseFormat::Fixed16).slots(slots);
     let clips = clips(mesh);
     let animation = AnimationDesc::new(&clips);
     let mut crowd = HeadlessCrowd::animated(headless, mesh, &desc(heads, update), &animation).expect("a crowd");
@@ -116,7 +116,7 @@ fn play(crowd: &mut HeadlessCrowd<'_, AnimatedCrowd>, frames: u32) -> Vec<Step> 
 
 fn planned_on_the_gpu(headless: &Headless) {
     let mesh = packed(headless, &HeadDesc::default().vertices(2_700).targets(52).sparsity(0.17));
-    println!("animated on the GPU, 2,700 vertices, 52 targets, 17% sparse, exact sums:");
+    println!("animated on the GPU, 2,700 vertices, 52 targets, 17% sparse, fixed16 poses:");
     for (clip, what) in ["no weight changes", "a third change", "all change"].into_iter().enumerate() {
         let mut crowd = crowd(headless, &mesh, 1000, 2, clip as u32);
         let gpu = median(play(&mut crowd, 15).iter().filter_map(|s| s.gpu_ms).collect());

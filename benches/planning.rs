@@ -9,7 +9,7 @@ use deltamorph::internals::plan::instances::{History, Instances};
 use deltamorph::internals::update::blocks::Planner;
 use deltamorph::internals::update::dense::Plan;
 use deltamorph::{
-    Accumulate, BatchSize, DeltaFormat, MorphMesh, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdatePath,
+    BatchSize, DeltaFormat, MorphMesh, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
 };
 use std::hint::black_box;
 
@@ -70,13 +70,14 @@ fn planning(c: &mut Criterion) {
 /// Plan frame after frame of `frames` in blocks; a figure is the mean over the whole clip.
 fn plan_blocks(c: &mut Criterion, name: &str, mesh: &MorphMesh, frames: &[Vec<f32>]) {
     let mut group = c.benchmark_group("plan_blocks");
-    for (format, accumulate) in [
-        (DeltaFormat::Fast, Accumulate::default()),
-        (DeltaFormat::Fast, Accumulate::Exact),
-        (DeltaFormat::Small, Accumulate::default()),
+    for (format, pose) in [
+        (DeltaFormat::Fast, PoseFormat::Float32),
+        (DeltaFormat::Fast, PoseFormat::Fixed32),
+        (DeltaFormat::Fast, PoseFormat::Fixed16),
+        (DeltaFormat::Small, PoseFormat::Float32),
     ] {
         let packed = PackedMesh::pack(mesh, &PackDesc::new(format)).expect("a mesh that packs");
-        let desc = UpdateDesc::blocks().accumulate(accumulate);
+        let desc = UpdateDesc::blocks().pose(pose);
         let mut planner = Planner::new(desc, [packed.layout()], 1).expect("a description that is right");
         let mut instances = Instances::new(1, mesh.targets.len(), desc.slots);
         let mut number = 0;
@@ -88,7 +89,7 @@ fn plan_blocks(c: &mut Criterion, name: &str, mesh: &MorphMesh, frames: &[Vec<f3
         };
         assert!(frames.iter().map(|w| frame(w)).sum::<usize>() > 0);
         group.throughput(Throughput::Elements(frames.len() as u64));
-        group.bench_function(BenchmarkId::new(format!("{} {}", format.name(), accumulate.name()), name), |b| {
+        group.bench_function(BenchmarkId::new(format!("{} {}", format.name(), pose.name()), name), |b| {
             b.iter(|| frames.iter().map(|w| frame(black_box(w))).sum::<usize>());
         });
     }

@@ -54,6 +54,7 @@ layout(push_constant) uniform Push {
     uint chunk_items;      // workgroups of a dispatch, at most
     uint budget_at;        // in Tables; 0: no change is deferred
     uint requested_at;     // in State
+    uint pairs;            // rows have the weight that a pose holds beside the new one, 16 bits each
 };
 
 uint bits(uint kind) {

@@ -15,34 +15,16 @@ struct Place {
     uint destination;
     uint base;
     bool rebuilt;
-#ifdef EXACT
-    uint sums;
-    bool copied;
-#endif
 };
 
-#ifdef EXACT
-void store(Place place, uint k, int added, float unit) {
-    if (place.copied) {
-        STORE_COMPONENT(place.destination + k, LOAD_COMPONENT(place.source + k));
-        return;
-    }
-    int sum = (place.rebuilt ? 0 : sums[place.sums + k]) + added;
-    sums[place.sums + k] = sum;
-    // The product is exact, the unit being a power of two; sums above 24 bits are rounded before.
-    precise float value = uintBitsToFloat(asset[place.base + k]) + float(sum) * unit;
-    STORE_COMPONENT(place.destination + k, value);
-}
-#else
-void store(Place place, uint k, float added, float unit) {
+void store(Place place, uint k, float added) {
     float before = place.rebuilt ? uintBitsToFloat(asset[place.base + k]) : LOAD_COMPONENT(place.source + k);
     STORE_COMPONENT(place.destination + k, before + added);
 }
-#endif
 
 // Component `c` of the lane's vertex, where the mask says that it changes.
 #define COMPONENT(c, sum) \
-    if ((work[masks + c * MASK_WORDS] >> bit & 1u) != 0u) store(place, c, sum, c < 3u ? position_unit : normal_unit);
+    if ((work[masks + c * MASK_WORDS] >> bit & 1u) != 0u) store(place, c, sum);
 
 void main() {
     uint item = first_item + gl_WorkGroupID.x * MASKED_WORDS;
@@ -52,15 +34,15 @@ void main() {
     uint count = work[item + 3u];
     uint lane = gl_LocalInvocationID.x;
 
-    ADDEND position = ADDEND(0);
-    ADDEND normal = ADDEND(0);
+    vec3 position = vec3(0.0);
+    vec3 normal = vec3(0.0);
     for (uint i = 0u; i < count; ++i) {
         DELTA dp[1], dn[1];
         uvec2 shifts;
         load_entry(work[element + 2u * i], lane, dp, dn, shifts);
         uint coefficient = work[element + 2u * i + 1u];
-        position += COEFFICIENT(coefficient, position_unit, shifts.x) * ADDEND(dp[0]);
-        normal += COEFFICIENT(coefficient, normal_unit, shifts.y) * ADDEND(dn[0]);
+        position += FACTOR_OF(coefficient, position_unit, shifts.x) * vec3(dp[0]);
+        normal += FACTOR_OF(coefficient, normal_unit, shifts.y) * vec3(dn[0]);
     }
 
     uint at = (block * BLOCK_SIZE + lane) * 6u;
@@ -72,10 +54,6 @@ void main() {
     place.destination = (slots_word >> 16) * pose_floats + at;
     place.base = base_at + at;
     place.rebuilt = rebuilt;
-#ifdef EXACT
-    place.sums = (slots_word >> 16) / slots * pose_floats + at;
-    place.copied = count == 0u && !rebuilt;
-#endif
     COMPONENT(0u, position.x)
     COMPONENT(1u, position.y)
     COMPONENT(2u, position.z)

@@ -27,13 +27,7 @@ layout(set = 0, binding = 1, std430) readonly buffer Work { uint work[]; };
 // loads before it stores.
 #define POSES_BINDING 2
 #include "pose.glsl"
-#ifdef EXACT
-#ifdef TEXELS
-ALIASED layout(set = 0, binding = 4, std430) buffer Sums { uint64_t sums[]; };
-ALIASED layout(set = 0, binding = 5, rgba32i) uniform iimageBuffer sum_texels;
-#else
-layout(set = 0, binding = 3, std430) buffer Sums { int sums[]; };
-#endif
+#ifdef INTEGER_POSES
 #define ADDEND ivec3
 #else
 #define ADDEND vec3
@@ -42,12 +36,15 @@ layout(set = 0, binding = 3, std430) buffer Sums { int sums[]; };
 layout(push_constant) uniform Push {
     uint first_item;    // index of the first item's first word
     uint elements_at;   // index of the first element's first word (blocks.comp)
-    uint deltas_at;     // index of the first delta word of the asset
-    uint base_at;       // index of the base pose's first word
+    // Where headers, deltas and base pose would begin in the asset if the part that is bound had those of all blocks.
+    uint headers_at;
+    uint deltas_at;
+    uint base_at;
     uint pose_floats;   // floats of a pose
-    uint slots;         // poses of an instance
-    float position_unit; // exact: input units of a sum; float: of a step
+    float position_unit; // of an integer delta, for float32 sums
     float normal_unit;
+    uint position_dropped; // lowest bits of products that rounding drops (ROUNDED_PRODUCTS)
+    uint normal_dropped;
 };
 
 // The entries of the format: build.rs resolves `format.glsl` to the module's file under formats/. It defines DELTA, INTEGERS
@@ -56,12 +53,26 @@ layout(push_constant) uniform Push {
 // what an entry adds to a lane's vertices at weight 1, in steps or input units, and by how many bits to shift both.
 #include "format.glsl"
 
-// A coefficient as the work list has it, in the unit of an entry.
-#ifdef EXACT
-#define COEFFICIENT(bits, unit, shift) (int(bits) << (shift))
+// What an entry is multiplied by, from the coefficient in the work list; and the product with a delta.
+#ifdef ROUNDED_PRODUCTS
+// The weight that the pose is to hold, and the one that it holds, 16 bits each. What a target adds is rounded as a
+// function of its weight, so that sums do not depend on the history. No product leaves 31 bits.
+#define FACTOR ivec2
+#define FACTOR_OF(bits, unit, shift) (ivec2(bitfieldExtract(int(bits), 0, 16), int(bits) >> 16) << (shift))
+#define TIMES(factor, delta, dropped) times(factor, delta, dropped)
+ivec3 times(ivec2 factor, ivec3 delta, uint dropped) {
+    int half_a_step = 1 << dropped >> 1;
+    return (factor.x * delta + half_a_step >> dropped) - (factor.y * delta + half_a_step >> dropped);
+}
+#else
+#define FACTOR ADDEND
+#ifdef INTEGER_POSES
+#define FACTOR_OF(bits, unit, shift) ADDEND(int(bits) << (shift))
 #elif defined(INTEGERS)
 // Unit and shift are powers of two: these products are exact.
-#define COEFFICIENT(bits, unit, shift) (uintBitsToFloat(bits) * ((unit) * float(1u << (shift))))
+#define FACTOR_OF(bits, unit, shift) ADDEND(uintBitsToFloat(bits) * ((unit) * float(1u << (shift))))
 #else
-#define COEFFICIENT(bits, unit, shift) uintBitsToFloat(bits)
+#define FACTOR_OF(bits, unit, shift) ADDEND(uintBitsToFloat(bits))
+#endif
+#define TIMES(factor, delta, dropped) ((factor) * ADDEND(delta))
 #endif

@@ -10,57 +10,21 @@
 layout(constant_id = 2) const uint HEADS = 1;
 // Rows at a time: 1, or ROWS, which the planner makes their number a multiple of.
 layout(constant_id = 3) const uint AT_ONCE = 1;
-#ifndef EXACT
-// Instances that start from the base pose are in items of their own, which load it once.
+// All instances of all items start from the base pose, which is loaded once, or nothing where poses are displacements.
 layout(constant_id = 4) const bool REBUILT_ITEMS = false;
-#endif
 
 // Numbers of a lane's vertices.
 const uint NUMBERS = 6u * VERTICES;
 
-#ifdef EXACT
-#define NUMBER int
-#else
-#define NUMBER float
-#endif
-
-// What is loaded and stored: numbers and words that lie one after the other, from a texel on. LOAD_POSE and
-// STORE_POSE_NUMBERS are the pose format's (pose.glsl).
+// Words that lie one after the other. LOAD_POSE and STORE_POSE_NUMBERS are the pose format's (pose.glsl).
 #ifdef TEXELS
-#define LOAD(type, value, count, texel) \
+#define LOAD_WORDS(value, count, buffer, at) \
     [[unroll]] for (uint i = 0u; i < (count); i += 4u) { \
-        type four = texel; \
-        value[i] = four.x; value[i + 1u] = four.y; value[i + 2u] = four.z; value[i + 3u] = four.w; \
+        uvec4 four = texelFetch(buffer, int(((at) + i) / 4u)); \
+        [[unroll]] for (uint j = 0u; j < 4u; ++j) value[i + j] = four[j]; \
     }
-#define TEXEL(at) int(((at) + i) / 4u)
-#define LOAD_WORDS(value, count, at) LOAD(uvec4, value, count, texelFetch(work, TEXEL(at)))
-#define LOAD_BASE(value, at) LOAD(vec4, value, NUMBERS, uintBitsToFloat(texelFetch(asset, TEXEL(base_at + (at)))))
-#define LOAD_SUMS(value, at) LOAD(ivec4, value, NUMBERS, imageLoad(sum_texels, TEXEL(at)))
-#define STORE(pairs, at, value) \
-    [[unroll]] for (uint i = 0u; i < NUMBERS; i += 2u) { \
-        pairs[((at) + i) / 2u] = packUint2x32(uvec2(BITS(value(i)), BITS(value(i + 1u)))); \
-    }
-uint BITS(float value) { return floatBitsToUint(value); }
-uint BITS(int value) { return uint(value); }
 #else
-#define LOAD(value, count, loaded) [[unroll]] for (uint i = 0u; i < (count); ++i) value[i] = loaded;
-#define LOAD_WORDS(value, count, at) LOAD(value, count, work[(at) + i])
-#define LOAD_BASE(value, at) LOAD(value, NUMBERS, uintBitsToFloat(asset[base_at + (at) + i]))
-#define LOAD_SUMS(value, at) LOAD(value, NUMBERS, sums[(at) + i])
-#define STORE(numbers, at, value) [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) numbers[(at) + i] = value(i);
-#endif
-
-// What is stored of the instance h.
-#define SUM(i) added[h][i]
-#ifdef EXACT
-// The product is exact, the unit being a power of two; sums above 24 bits are rounded before.
-#define POSE(i) decode(base[i], added[h][i], (i) % 6u < 3u ? position_unit : normal_unit)
-float decode(float base, int sum, float unit) {
-    precise float decoded = base + float(sum) * unit;
-    return decoded;
-}
-#else
-#define POSE(i) added[h][i]
+#define LOAD_WORDS(value, count, buffer, at) [[unroll]] for (uint i = 0u; i < (count); ++i) value[i] = buffer[(at) + i];
 #endif
 
 // An entry, then its coefficients.
@@ -74,12 +38,12 @@ void load_row(uint at, out uint row[ROW_WORDS(TILE)]) {
         return;
     }
 #endif
-    LOAD_WORDS(row, ROW_WORDS(HEADS), at)
+    LOAD_WORDS(row, ROW_WORDS(HEADS), work, at)
 }
 
 void main() {
     uint item[TILE_WORDS];
-    LOAD_WORDS(item, 4u + HEADS, first_item + gl_WorkGroupID.x * TILE_WORDS)
+    LOAD_WORDS(item, 4u + HEADS, work, first_item + gl_WorkGroupID.x * TILE_WORDS)
     uint next = item[1], end = next + item[2] * ROW_WORDS(HEADS);
     uint lane = gl_LocalInvocationID.x;
     uint at = (item[0] * BLOCK_SIZE + lane * VERTICES) * 6u;
@@ -101,16 +65,17 @@ void main() {
             load_entry(row[r][0], lane, dp[r], dn[r], shifts[r]);
         }
         [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
-            ADDEND p[AT_ONCE], n[AT_ONCE];
+            FACTOR p[AT_ONCE], n[AT_ONCE];
             [[unroll]] for (uint r = 0u; r < AT_ONCE; ++r) {
-                p[r] = ADDEND(COEFFICIENT(row[r][1u + h], position_unit, shifts[r].x));
-                n[r] = ADDEND(COEFFICIENT(row[r][1u + h], normal_unit, shifts[r].y));
+                p[r] = FACTOR_OF(row[r][1u + h], position_unit, shifts[r].x);
+                n[r] = FACTOR_OF(row[r][1u + h], normal_unit, shifts[r].y);
             }
             [[unroll]] for (uint v = 0u; v < VERTICES; ++v) {
-                ADDEND position = p[0] * ADDEND(dp[0][v]), normal = n[0] * ADDEND(dn[0][v]);
+                ADDEND position = TIMES(p[0], dp[0][v], position_dropped);
+                ADDEND normal = TIMES(n[0], dn[0][v], normal_dropped);
                 [[unroll]] for (uint r = 1u; r < AT_ONCE; ++r) {
-                    position += p[r] * ADDEND(dp[r][v]);
-                    normal += n[r] * ADDEND(dn[r][v]);
+                    position += TIMES(p[r], dp[r][v], position_dropped);
+                    normal += TIMES(n[r], dn[r][v], normal_dropped);
                 }
                 [[unroll]] for (uint c = 0u; c < 3u; ++c) {
                     added[h][6u * v + c] += position[c];
@@ -123,31 +88,32 @@ void main() {
 
     // Sources are loaded after the loop, where they are not in the way of what is added; and all of them before the first
     // is stored, since a tile may have an instance several times (plan.comp fills tiles up).
-#ifdef EXACT
-    [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
-        int sum[NUMBERS];
-        LOAD_SUMS(sum, (item[4u + h] >> 16) / slots * pose_floats + at)
-        int keep = int(item[3] >> h & 1u) - 1;
-        [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) added[h][i] += sum[i] & keep;
+#ifdef INTEGER_POSES
+    if (REBUILT_ITEMS) {
+        // A displacement of nothing.
+    } else {
+        [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
+            NUMBER source[NUMBERS];
+            LOAD_POSE(source, (item[4u + h] & 0xffffu) * pose_floats + at)
+            // Tiles that plan.comp fills have instances of both kinds.
+            int keep = int(item[3] >> h & 1u) - 1;
+            [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) added[h][i] += source[i] & keep;
+        }
     }
-    float base[NUMBERS];
-    LOAD_BASE(base, at)
 #else
-    float base[NUMBERS];
-    if (REBUILT_ITEMS) { LOAD_BASE(base, at) }
+    NUMBER base[NUMBERS];
+    if (REBUILT_ITEMS) {
+        uint words[NUMBERS];
+        LOAD_WORDS(words, NUMBERS, asset, base_at + at)
+        [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) base[i] = uintBitsToFloat(words[i]);
+    }
     [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
-        float source[NUMBERS];
+        NUMBER source[NUMBERS];
         if (REBUILT_ITEMS) source = base;
         else { LOAD_POSE(source, (item[4u + h] & 0xffffu) * pose_floats + at) }
         [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) added[h][i] += source[i];
     }
 #endif
 
-    [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
-        uint pose = item[4u + h] >> 16;
-#ifdef EXACT
-        STORE(sums, pose / slots * pose_floats + at, SUM)
-#endif
-        STORE_POSE_NUMBERS(pose * pose_floats + at, POSE)
-    }
+    [[unroll]] for (uint h = 0u; h < HEADS; ++h) STORE_POSE_NUMBERS((item[4u + h] >> 16) * pose_floats + at, added[h])
 }

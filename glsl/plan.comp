@@ -1,5 +1,5 @@
 // Decides what an update writes: an invocation looks at one block of up to eight heads, and writes at most one item of
-// the work list for those that need it. CPU twin: update::blocks::BlockState, with whole blocks and exact sums.
+// the work list for those that need it. CPU twin: update::blocks::BlockState, with poses of integers.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "animation.glsl"
@@ -10,6 +10,13 @@ layout(constant_id = 0) const uint WIDEST = TILE;
 
 bool bit_of(uint kind, uint head, uint target) {
     return (state[bits(kind) + head * words + (target >> 5)] >> (target & 31u) & 1u) != 0u;
+}
+
+// What brings a head's weight to a pose.
+uint coefficient(uint at, bool from_base) {
+    uint weight = state[weights_at + at];
+    uint change = from_base ? weight : state[deltas_at + at];
+    return pairs == 0u ? change : bitfieldInsert(weight, weight - change, 16, 16);
 }
 
 // The k of the head at `place` of an item.
@@ -97,8 +104,8 @@ void main() {
         for (uint place = 0u; place < width; ++place) {
             uint k = head_at(places, place);
             bool from_base = (rebuilt >> k & 1u) != 0u;
-            uint at = (from_base ? weights_at : deltas_at) + (first + k) * targets + target;
-            work[row + 1u + place] = (needed >> place & 1u) != 0u ? state[at] : 0u;
+            uint at = (first + k) * targets + target;
+            work[row + 1u + place] = (needed >> place & 1u) != 0u ? coefficient(at, from_base) : 0u;
         }
         row += row_words;
     }

@@ -69,12 +69,12 @@ pub use engine::{AnimatedCrowd, AnyCrowd, Crowd, GpuMesh, MorphEngine, PoseView,
 pub use error::{Error, ErrorKind, Result};
 pub use gpu::caps::{DeviceCaps, DeviceKind, Requirement, TransformFeedbackCaps, requirements};
 pub use gpu::device::{DeviceDesc, SharedAllocator};
-pub use pack::blocks::{BLOCK_SIZES, BlockDesc, BlockIndex, ExactGrid};
+pub use pack::blocks::{BLOCK_SIZES, BlockDesc, BlockIndex, PoseGrid};
 pub use pack::file::Asset;
 pub use pack::{
     DeltaFormat, POSE_FLOATS, PackDesc, PackedGroup, PackedLayout, PackedMesh, PackedTarget, PoseError, PoseFormat,
 };
-pub use plan::{Accumulate, BatchSize, Consumers, CrowdDesc, UpdateDesc, UpdateMode, UpdatePath, UpdateStats};
+pub use plan::{BatchSize, Consumers, CrowdDesc, UpdateDesc, UpdateMode, UpdatePath, UpdateStats};
 pub use update::animated::{AnimationDesc, Clips, KeyFormat, Playback, Repeat};
 pub use weights::{BoundClip, WeightClip};
 pub use {ash, gpu_allocator};

@@ -6,7 +6,7 @@ use deltamorph::internals::plan::steps::Steps;
 use deltamorph::internals::update::animated::{AnimatedUpdate, Playbacks};
 use deltamorph::internals::update::blocks::Planner;
 use deltamorph::{
-    Accumulate, AnimationDesc, Clips, Consumers, DeltaFormat, PackDesc, PackedMesh, Playback, UpdateDesc, WeightClip,
+    AnimationDesc, Clips, Consumers, DeltaFormat, PackDesc, PackedMesh, Playback, PoseFormat, UpdateDesc, WeightClip,
     testing,
 };
 
@@ -15,11 +15,11 @@ fn planning_in_blocks_allocates_nothing_after_the_first_frames() {
     let mesh = testing::mesh(5000, 40);
     for format in DeltaFormat::BLOCKS {
         let packed = PackedMesh::pack(&mesh, &PackDesc::new(format)).unwrap();
-        for accumulate in [Accumulate::Float { tolerance: 1e-3 }, Accumulate::Exact] {
+        for pose in PoseFormat::ALL {
             for error_budget in [0.0, 0.1] {
-                let desc = UpdateDesc::blocks().accumulate(accumulate).error_budget(error_budget);
+                let desc = UpdateDesc::blocks().pose(pose).tolerance(1e-3).error_budget(error_budget);
                 let Ok(mut planner) = Planner::new(desc, [packed.layout()], 1) else {
-                    assert_eq!((format, accumulate), (DeltaFormat::BlockFloat32, Accumulate::Exact));
+                    assert!(format == DeltaFormat::BlockFloat32 && pose.has_integers());
                     continue;
                 };
                 let mut instances = Instances::new(1, 40, desc.slots);
@@ -54,7 +54,9 @@ fn an_update_that_the_gpu_plans_allocates_nothing_after_the_first() {
     let names: Vec<String> = (0..4).map(|t| format!("target_{t}")).collect();
     let clip = WeightClip { name: "clip".into(), names, fps: 30.0, values: vec![0.5; 40] };
     let clips = [clip];
-    let (clips, mut heads) = (Clips::new(&AnimationDesc::new(&clips), packed.layout()).unwrap(), Playbacks::new(100));
+    let grid = packed.layout().blocks.as_ref().unwrap().grid(PoseFormat::Fixed16, None).unwrap();
+    let clips = Clips::new(&AnimationDesc::new(&clips), packed.layout(), grid).unwrap();
+    let mut heads = Playbacks::new(100);
     let (mut steps, mut schedule) = (Steps::new(Consumers::default()), Schedule::default());
     let mut sent = 0;
     let mut frame = |number: u32| {

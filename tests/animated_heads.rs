@@ -8,8 +8,10 @@ mod scene;
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::internals::plan::steps::{Access, Scope};
-use deltamorph::{AnimationDesc, BatchSize, DeltaFormat, PackedMesh, Playback, Repeat, UpdateDesc, UpdatePath};
-use scene::{Scene, clips, crowd, exact, head_desc, packed};
+use deltamorph::{
+    AnimationDesc, BatchSize, DeltaFormat, PackedMesh, Playback, PoseFormat, Repeat, UpdateDesc, UpdatePath,
+};
+use scene::{FIXED, Scene, clips, crowd, fixed, head_desc, packed};
 use std::slice::from_mut;
 use std::sync::Arc;
 
@@ -20,7 +22,7 @@ fn the_clock_may_run_for_days() {
     gpu::on_device("llvmpipe", false, |headless, _| {
         let clips = clips();
         let animation = AnimationDesc::new(&clips);
-        let mut scene = Scene::new(headless, &mesh, crowd(3, exact(2)), &animation);
+        let mut scene = Scene::new(headless, &mesh, crowd(3, fixed(PoseFormat::Fixed16, 2)), &animation);
         scene.play(0, Playback::new(0));
         scene.play(1, Playback::new(1).speed(-1.7));
         scene.play(2, Playback::new(0).repeat(Repeat::Once).start(16_000.0).speed(0.01));
@@ -34,10 +36,10 @@ fn the_clock_may_run_for_days() {
 }
 
 /// Two heads that play the clip in which all weights change.
-fn two_heads<'a>(headless: &'a Headless, mesh: &Arc<PackedMesh>, slots: u32) -> Scene<'a> {
+fn two_heads<'a>(headless: &'a Headless, mesh: &Arc<PackedMesh>, update: UpdateDesc) -> Scene<'a> {
     let clips = clips();
     let animation = AnimationDesc::new(&clips);
-    let mut scene = Scene::new(headless, mesh, crowd(2, exact(slots)), &animation);
+    let mut scene = Scene::new(headless, mesh, crowd(2, update), &animation);
     (0..2).for_each(|i| scene.play(i, Playback::new(1)));
     scene
 }
@@ -46,8 +48,8 @@ fn two_heads<'a>(headless: &'a Headless, mesh: &Arc<PackedMesh>, slots: u32) -> 
 fn poses_and_previous_poses_follow_the_slots() {
     let mesh = packed(DeltaFormat::Fast, 64);
     gpu::on_every_device(|headless, _| {
-        for slots in [1, 2, 3] {
-            let mut scene = two_heads(headless, &mesh, slots);
+        for (slots, pose) in (1..4).flat_map(|slots| FIXED.map(|pose| (slots, pose))) {
+            let mut scene = two_heads(headless, &mesh, fixed(pose, slots));
             let text = scene.crowd.crowd().pose(0).unwrap_err().to_string();
             assert!(text.contains("record an update first"), "{text}");
             let mut before: Option<Vec<f32>> = None;
@@ -95,8 +97,8 @@ fn poses_and_previous_poses_follow_the_slots() {
 fn a_discarded_update_takes_no_pose_away() {
     let mesh = packed(DeltaFormat::Small, 64);
     gpu::on_every_device(|headless, _| {
-        for slots in [1, 2, 3] {
-            let mut scene = two_heads(headless, &mesh, slots);
+        for (slots, pose) in (1..4).flat_map(|slots| FIXED.map(|pose| (slots, pose))) {
+            let mut scene = two_heads(headless, &mesh, fixed(pose, slots));
             scene.step(0.0);
             scene.step(0.1);
             let pose = scene.crowd.read_pose(1).expect("a pose");
@@ -122,7 +124,7 @@ fn heads_come_and_go() {
     gpu::on_every_device(|headless, _| {
         let clips = clips();
         let animation = AnimationDesc::new(&clips);
-        let mut scene = Scene::new(headless, &mesh, crowd(10, exact(3)), &animation);
+        let mut scene = Scene::new(headless, &mesh, crowd(10, fixed(PoseFormat::Fixed16, 3)), &animation);
         scene.instances().for_each(|i| scene.play(i, Playback::new(0).speed(1.0 + f64::from(i) / 9.0)));
         (0..3).for_each(|frame| drop(scene.step(f64::from(frame) / 10.0)));
         scene.remove(4);
@@ -162,10 +164,12 @@ fn misuse_is_an_error_that_says_what_to_do() {
             let text = HeadlessCrowd::animated(headless, &mesh, &crowd(2, update), &animation).err().expect("refused");
             assert!(text.to_string().contains(words), "{text}");
         };
-        refuse(UpdateDesc::blocks(), "use Accumulate::Exact");
-        refuse(exact(40), "at most 32");
+        refuse(UpdateDesc::blocks(), "use PoseFormat::Fixed16 or Fixed32");
+        refuse(fixed(PoseFormat::Fixed16, 40), "at most 32");
         refuse(UpdateDesc::new(UpdatePath::Compute, BatchSize::All), "pack the mesh as");
-        let mut animated = HeadlessCrowd::animated(headless, &mesh, &crowd(2, exact(2)), &animation).expect("a crowd");
+        let mut animated =
+            HeadlessCrowd::animated(headless, &mesh, &crowd(2, fixed(PoseFormat::Fixed16, 2)), &animation)
+                .expect("a crowd");
         let weights = vec![0.0; head_desc().targets];
         for (result, words) in [
             (animated.step(&[&weights]).map(drop), "play a clip"),
@@ -198,7 +202,7 @@ fn validation_sees_a_dropped_barrier() {
         let device = DeviceChoice::Name("llvmpipe".into());
         let headless = Headless::new(&HeadlessDesc::default().device(device).validation(true))
             .expect("lavapipe; run the tests as ./with-vulkan cargo test");
-        let update = exact(2).error_budget(1e-3);
+        let update = fixed(PoseFormat::Fixed16, 2).error_budget(1e-3);
         let mut crowd = HeadlessCrowd::animated(&headless, &mesh, &crowd(2, update), &animation).expect("a crowd");
         for _ in 0..2 {
             crowd.play(0, &Playback::new(0)).expect("a clip");

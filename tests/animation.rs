@@ -1,4 +1,4 @@
-//! Animation on the GPU: weights, plans, sums and poses against the CPU reference, bit for bit.
+//! Animation on the GPU: weights, plans and poses against the CPU reference, bit for bit.
 
 #[path = "common/data.rs"]
 mod data;
@@ -10,9 +10,10 @@ mod scene;
 use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::import::{csv, obj};
 use deltamorph::{
-    AnimationDesc, CrowdDesc, DeltaFormat, KeyFormat, PackDesc, PackedMesh, Playback, Repeat, Tolerance, UpdateMode,
+    AnimationDesc, CrowdDesc, DeltaFormat, KeyFormat, PackDesc, PackedMesh, Playback, PoseFormat, Repeat, Tolerance,
+    UpdateMode,
 };
-use scene::{Scene, blocks, clips, crowd, exact, packed, packed_streams};
+use scene::{FIXED, Scene, blocks, clips, crowd, fixed, packed, packed_streams};
 use std::sync::Arc;
 
 /// Numbers below `n`, the same everywhere.
@@ -77,11 +78,11 @@ fn the_gpu_plans_as_the_cpu_does() {
         for (i, instances) in [1, 7, 8, 9, 33].into_iter().enumerate() {
             let (format, size) = formats[i % 4];
             let mesh = packed(format, size);
-            for slots in [1, 2, 3] {
+            for (slots, pose) in (1..4).flat_map(|slots| FIXED.map(|pose| (slots, pose))) {
                 let mode =
                     if (i as u32 + slots).is_multiple_of(4) { UpdateMode::Rebuild } else { UpdateMode::Incremental };
                 let keys = if slots == 2 { KeyFormat::Bits16 } else { KeyFormat::Bits32 };
-                let desc = crowd(instances, exact(slots).mode(mode));
+                let desc = crowd(instances, fixed(pose, slots).mode(mode));
                 let [rebuilt, added, caught_up] = play_around(headless, &mesh, desc, keys, 16);
                 assert!(rebuilt > 0 && (mode == UpdateMode::Rebuild || instances < 7 || added > 0), "{desc:?}");
                 assert!(slots == 1 || caught_up > 0, "{desc:?}");
@@ -98,11 +99,11 @@ fn every_stream_is_animated() {
             [(DeltaFormat::Fast, 64, 2, 0.0), (DeltaFormat::Small, 32, 3, 0.0), (DeltaFormat::Small, 64, 1, 1e-3)]
         {
             let mesh = packed_streams(format, size);
-            let grids = mesh.groups().iter().map(|group| group.layout().blocks.as_ref().expect("blocks").exact());
-            let grids: Vec<_> = grids.map(|grid| grid.expect("a grid")).collect();
-            assert!(grids.iter().all(|grid| *grid == grids[0]), "weights have one grid: {grids:?}");
-            for instances in [1, 9, 20] {
-                let update = exact(slots).error_budget(budget * mesh.layout().diagonal);
+            for (instances, pose) in [1, 9, 20].into_iter().flat_map(|instances| FIXED.map(|pose| (instances, pose))) {
+                let update = fixed(pose, slots).error_budget(budget * mesh.layout().diagonal);
+                let steps = mesh.groups().iter().map(|group| update.grid(group.layout()).expect("a grid"));
+                let steps: Vec<f32> = steps.map(|grid| grid.expect("integers").weight_step()).collect();
+                assert!(steps.iter().all(|step| *step == steps[0]), "weights have one grid: {steps:?}");
                 let [rebuilt, ..] = play_around(headless, &mesh, crowd(instances, update), KeyFormat::Bits32, 16);
                 assert!(rebuilt > 0, "{update:?}");
             }
@@ -117,26 +118,27 @@ fn small_changes_are_deferred_as_on_the_cpu() {
         for (format, size, slots) in [(DeltaFormat::Fast, 64, 2), (DeltaFormat::Small, 32, 1)] {
             let mesh = packed(format, size);
             let diagonal = mesh.layout().diagonal;
-            let mut written = vec![];
-            for budget in [0.0, 1e-3, 2e-2] {
-                let update = exact(slots).error_budget(budget * diagonal);
-                let [rebuilt, added, _] = play_around(headless, &mesh, crowd(9, update), KeyFormat::Bits32, 24);
-                written.push(rebuilt + added);
+            for pose in FIXED {
+                let written = [0.0, 1e-3, 2e-2].map(|budget| {
+                    let update = fixed(pose, slots).error_budget(budget * diagonal);
+                    let [rebuilt, added, _] = play_around(headless, &mesh, crowd(9, update), KeyFormat::Bits32, 24);
+                    rebuilt + added
+                });
+                assert!(written[0] > written[1] && written[1] > written[2], "{written:?}");
             }
-            assert!(written[0] > written[1] && written[1] > written[2], "{written:?}");
         }
     });
 }
 
 /// Nine heads play a captured clip, each at a place and a speed of its own.
-fn captured(set: &str, clip: &str, format: DeltaFormat, keys: KeyFormat) {
+fn captured(set: &str, clip: &str, format: DeltaFormat, pose: PoseFormat, keys: KeyFormat) {
     let Some(folder) = data::set(set) else { return };
     let mesh = obj::import_folder(&folder).expect("a folder").to_mesh(Tolerance::default()).expect("a mesh");
     let mesh = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format)).expect("a mesh that packs"));
     let clips = [csv::read(&folder.join("weights").join(clip), None).expect("a clip")];
     gpu::on_device("llvmpipe", false, |headless, _| {
         let animation = AnimationDesc::new(&clips).key_format(keys);
-        let mut scene = Scene::new(headless, &mesh, crowd(9, exact(2)), &animation);
+        let mut scene = Scene::new(headless, &mesh, crowd(9, fixed(pose, 2)), &animation);
         for i in 0..9 {
             let (start, speed) = (-f64::from(i) * 1.7, if i < 3 { 1.0 } else { 0.4 + f64::from(i) / 6.0 });
             scene.play(i, Playback::new(0).start(start).speed(speed));
@@ -156,9 +158,15 @@ fn captured(set: &str, clip: &str, format: DeltaFormat, keys: KeyFormat) {
 
 #[test]
 fn captured_clips_are_planned_alike() {
-    captured("facecap_head_glb", "facecap_30fps.csv", DeltaFormat::Small, KeyFormat::Bits32);
-    captured("ict_facekit", "facecap_30fps.csv", DeltaFormat::Fast, KeyFormat::Bits16);
-    captured("ict_facekit", "facegood_2_01_mapped_30fps.csv", DeltaFormat::Small, KeyFormat::Bits32);
+    captured("facecap_head_glb", "facecap_30fps.csv", DeltaFormat::Small, PoseFormat::Fixed32, KeyFormat::Bits32);
+    captured("ict_facekit", "facecap_30fps.csv", DeltaFormat::Fast, PoseFormat::Fixed16, KeyFormat::Bits16);
+    captured(
+        "ict_facekit",
+        "facegood_2_01_mapped_30fps.csv",
+        DeltaFormat::Small,
+        PoseFormat::Fixed16,
+        KeyFormat::Bits32,
+    );
 }
 
 /// Groups and dispatches are split where the device's limits require it.
@@ -172,14 +180,16 @@ fn small_limits_split_the_crowd() {
         let texels = limits.int64 && driver == "llvmpipe";
         gpu::on_device_within(&driver, Some(limits), |headless, _| {
             assert_eq!(headless.caps().takes_texels(DeltaFormat::Fast), texels, "{driver}");
-            play_around(headless, &mesh, crowd(45, exact(2)), KeyFormat::Bits32, 10);
+            for pose in FIXED {
+                play_around(headless, &mesh, crowd(45, fixed(pose, 2)), KeyFormat::Bits32, 10);
+            }
         });
     }
     let small = gpu::limited(limits, |caps| caps.max_storage_range = 20_000);
     gpu::on_device_within("llvmpipe", Some(small), |headless, _| {
         let clips = clips();
         let animation = AnimationDesc::new(&clips);
-        let refused = HeadlessCrowd::animated(headless, &mesh, &crowd(9, exact(2)), &animation);
+        let refused = HeadlessCrowd::animated(headless, &mesh, &crowd(9, fixed(PoseFormat::Fixed16, 2)), &animation);
         let text = refused.err().expect("refused").to_string();
         assert!(text.contains("bytes") && text.contains("allows 20000"), "{text}");
     });
@@ -193,7 +203,9 @@ fn narrow_tiles_give_the_same_poses() {
         let limits = gpu::baseline(|caps| caps.tuning.widest_tile = widest_tile);
         gpu::on_device_within("llvmpipe", Some(limits), |headless, _| {
             assert_eq!(headless.caps().tuning.widest_tile, widest_tile);
-            play_around(headless, &mesh, crowd(21, exact(2)), KeyFormat::Bits32, 6);
+            for pose in FIXED {
+                play_around(headless, &mesh, crowd(21, fixed(pose, 2)), KeyFormat::Bits32, 6);
+            }
         });
     }
 }
@@ -206,7 +218,7 @@ fn thousands_of_heads_start_at_once() {
     gpu::on_device_within("llvmpipe", Some(limits), |headless, _| {
         let clips = clips();
         let animation = AnimationDesc::new(&clips).key_format(KeyFormat::Bits16);
-        let mut scene = Scene::new(headless, &mesh, crowd(2100, exact(1)), &animation);
+        let mut scene = Scene::new(headless, &mesh, crowd(2100, fixed(PoseFormat::Fixed16, 1)), &animation);
         let mut state = 5;
         for instance in scene.instances() {
             scene.play(instance, some_playback(&mut state, 0.0));
@@ -224,7 +236,7 @@ fn the_same_is_recorded_whatever_changes_and_an_idle_crowd_is_no_work() {
     gpu::on_every_device(|headless, _| {
         let clips = clips();
         let animation = AnimationDesc::new(&clips);
-        let mut scene = Scene::new(headless, &mesh, crowd(9, exact(2)), &animation);
+        let mut scene = Scene::new(headless, &mesh, crowd(9, fixed(PoseFormat::Fixed16, 2)), &animation);
         let (first, still) = scene.step(0.0);
         let (second, _) = scene.step(0.0);
         assert_eq!((first.len(), second.len()), (9 * blocks(&mesh), 9 * blocks(&mesh)), "both slots are filled");

@@ -12,9 +12,9 @@ use deltamorph::headless::{Headless, HeadlessCrowd, PoseUpload};
 use deltamorph::import::{csv, obj};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    Accumulate, BatchSize, CpuCrowd, DeltaFormat, MorphEngine, PackedMesh, Tolerance, UpdateDesc, UpdatePath, testing,
+    BatchSize, CpuCrowd, DeltaFormat, MorphEngine, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath, testing,
 };
-use gpu::{NORMAL, POSITION, applied, in_eight_chunks, on_every_device, packed, single};
+use gpu::{NORMAL, POSITION, in_eight_chunks, on_every_device, packed, single};
 use std::sync::Arc;
 
 /// Play a history and compare every pose and previous pose with the reference.
@@ -30,7 +30,7 @@ fn check(headless: &Headless, mesh: &PackedMesh, desc: UpdateDesc, seed: u32) {
             assert!(text.contains("vertexPipelineStoresAndAtomics") && text.contains("transform_feedback"), "{text}");
             continue;
         }
-        let reference = evaluate(mesh, &applied(mesh, &desc, weights));
+        let reference = gpu::reference(mesh, &desc, weights);
         let error = compare(&crowd.read_pose(0).expect("a pose"), &reference);
         let context =
             || format!("{} {desc:?} {:?} frame {frame}: {error:?}", headless.caps().name, mesh.layout().format);
@@ -120,7 +120,7 @@ fn crowds() {
                 crowd.step(&weights).expect("a step");
                 crowd.draw(1).expect("a draw");
                 for (i, weights) in weights.iter().enumerate().filter(|_| can_read(headless, &update)) {
-                    let reference = evaluate(mesh, &applied(mesh, &update, weights));
+                    let reference = gpu::reference(mesh, &update, weights);
                     let error = compare(&crowd.read_pose(i as u32).expect("a pose"), &reference);
                     assert!(error.within(POSITION * 40.0, NORMAL), "{update:?} head {i} frame {frame}: {error:?}");
                 }
@@ -151,7 +151,7 @@ fn hidden_heads_come_back_with_the_weights_set_meanwhile() {
                 crowd.step(&weights.map(|w| &w[..])).expect("a step");
                 crowd.draw(1).expect("a draw");
                 for (instance, weights) in (0..).zip(weights) {
-                    let reference = evaluate(&mesh, &applied(&mesh, &desc.update, weights));
+                    let reference = gpu::reference(&mesh, &desc.update, weights);
                     let error = compare(&crowd.read_pose(instance).expect("a pose"), &reference);
                     assert!(error.within(bound, NORMAL), "{} {desc:?} {instance}: {error:?}", headless.caps().name);
                 }
@@ -162,17 +162,17 @@ fn hidden_heads_come_back_with_the_weights_set_meanwhile() {
     });
 }
 
-/// The sums that atomics add up in any order are those of exact sums in blocks, and rounding weights to the grid moves
+/// The sums that atomics add up in any order are the integers of fixed32 poses, and rounding weights to the grid moves
 /// no component further than half a weight step times Σ |delta|.
 #[test]
-fn scattered_sums_are_exact_sums() {
+fn scattered_sums_are_those_of_fixed32_poses() {
     on_every_device(|headless, engine| {
         let mesh = Arc::new(packed(engine, &testing::mesh(700, 23), DeltaFormat::Small));
         let update = UpdateDesc::new(UpdatePath::Scatter, BatchSize::All);
         let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(update)).expect("a crowd");
-        let exact = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).accumulate(Accumulate::Exact);
+        let exact = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).pose(PoseFormat::Fixed32);
         let mut reference = CpuCrowd::new(mesh.clone(), exact, 1, 1).expect("a crowd");
-        let grid = mesh.layout().blocks.as_ref().expect("blocks").exact().expect("a grid");
+        let grid = exact.grid(mesh.layout()).expect("a grid").expect("integers");
         let mut reach = vec![0.0f64; mesh.layout().vertex_count * 6];
         for target in 0..23 {
             mesh.for_each_delta(target, |vertex, delta| {
@@ -184,7 +184,7 @@ fn scattered_sums_are_exact_sums() {
             reference.set_weights(0, &weights).expect("weights");
             reference.update();
             let sums = crowd.read_sums(0).expect("a device that works").expect("sums");
-            assert_eq!(Some(sums.as_slice()), reference.sums(0).expect("an instance"));
+            assert_eq!(sums, PoseFormat::Fixed32.integers(reference.stored_pose(0, 0).expect("an instance")));
             let (pose, unrounded) = (crowd.read_pose(0).expect("a pose"), evaluate(&mesh, &weights));
             for ((got, want), reach) in pose.iter().zip(&unrounded).zip(&reach) {
                 let rounding = 4.0 * f64::from(f32::EPSILON) * (want.abs() + reach);
@@ -261,13 +261,14 @@ fn poses_of_the_cpu_path_are_uploaded_as_they_are() {
             }
             crowd.update();
             let poses = [0, 1].map(|i| crowd.pose(i).expect("an instance"));
+            let poses = poses.each_ref().map(|pose| &**pose);
             let took = upload.upload(&poses).expect("an upload");
             assert_eq!(took.bytes_moved, 2 * 4 * mesh.layout().base_bytes());
             upload.draw().expect("a draw");
             assert_eq!(upload.read().expect("poses"), poses.concat());
         }
         assert!(
-            upload.upload(&[crowd.pose(0).expect("an instance")]).is_err()
+            upload.upload(&[&crowd.pose(0).expect("an instance")]).is_err()
                 && PoseUpload::new(headless, mesh.layout(), 0).is_err()
         );
     });
@@ -297,7 +298,7 @@ fn real_sets() {
                     let mut weights = weights.clone();
                     keep_supported(&mut weights, &desc);
                     crowd.step(&[&weights]).expect("a step");
-                    let reference = evaluate(mesh, &applied(mesh, &desc, &weights));
+                    let reference = gpu::reference(mesh, &desc, &weights);
                     let error = compare(&crowd.read_pose(0).expect("a pose"), &reference);
                     let bound = POSITION * f64::from(kept.diagonal);
                     assert!(error.within(bound, NORMAL), "{set} {desc:?} {:?}: {error:?}", mesh.layout().format);

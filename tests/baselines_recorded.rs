@@ -11,8 +11,8 @@ use deltamorph::internals::plan::Source;
 use deltamorph::internals::plan::hazards::Event;
 use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::{Accumulate, BatchSize, DeltaFormat, PackedMesh, UpdateDesc, UpdateMode, UpdatePath, testing};
-use gpu::{NORMAL, POSITION, applied, hazards, on_every_device, packed, single};
+use deltamorph::{BatchSize, DeltaFormat, PackedMesh, PoseFormat, UpdateDesc, UpdateMode, UpdatePath, testing};
+use gpu::{NORMAL, POSITION, hazards, on_every_device, packed, single};
 use std::slice::from_mut;
 
 /// Synchronization validation sees the same fault in the real command buffer; but not, in 1.3.239, between atomics and
@@ -90,7 +90,7 @@ fn a_discarded_update_is_rebuilt_and_recorded_ones_run_later() {
             let (second, _) = crowd.record(&[&frames[4]]).expect("a recording");
             crowd.submit(vec![first, second]).expect("a submission");
             if can_read(headless, &desc) {
-                let reference = evaluate(mesh, &applied(mesh, &desc, &frames[4]));
+                let reference = gpu::reference(mesh, &desc, &frames[4]);
                 let error = compare(&crowd.read_pose(0).expect("a pose"), &reference);
                 assert!(error.within(POSITION * f64::from(mesh.layout().diagonal), NORMAL), "{desc:?}: {error:?}");
             }
@@ -140,8 +140,9 @@ fn what_a_baseline_cannot_do_is_refused_by_name() {
         let text = incremental.check().expect_err("refused").to_string();
         assert!(text.contains(words) && text.contains("'rebuild'"), "{text}");
     }
-    let float = UpdateDesc::new(UpdatePath::Scatter, BatchSize::All).accumulate(Accumulate::default());
-    assert!(float.check().expect_err("refused").to_string().contains("exact sums"));
+    let fixed = UpdateDesc::new(UpdatePath::Scatter, BatchSize::All).pose(PoseFormat::Fixed16);
+    let text = fixed.check().expect_err("refused").to_string();
+    assert!(text.contains("fixed16 poses with 'scatter'") && text.contains("use float32 poses here"), "{text}");
     let one_slot = UpdateDesc::new(UpdatePath::VertexStore, BatchSize::Targets(1)).slots(1);
     assert!(one_slot.check().expect_err("refused").to_string().contains("2 to 64 slots"));
 

@@ -9,7 +9,7 @@ use deltamorph::headless::HeadlessCrowd;
 use deltamorph::import::{csv, obj};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    Accumulate, BatchSize, CpuCrowd, DeltaFormat, MorphMesh, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdatePath,
+    BatchSize, CpuCrowd, DeltaFormat, MorphMesh, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
     UpdateStats,
 };
 use std::path::Path;
@@ -32,17 +32,17 @@ fn pack(mesh: &MorphMesh, format: DeltaFormat) -> Arc<PackedMesh> {
     Arc::new(PackedMesh::pack(mesh, &PackDesc::new(format)).expect("a mesh that packs"))
 }
 
-/// The tolerance that is the default.
-const FLOAT: Accumulate = Accumulate::Float { tolerance: 1e-5 };
-/// Every format and kind of sums that go together, with a number of slots each: whole clips of all 21 take minutes (`.ci/deep`
-/// plays them); proptests in src/cpu and tests/gpu_paths.rs go through the rest.
-const VARIANTS: [(DeltaFormat, Accumulate, u32); 6] = [
-    (DeltaFormat::BlockFloat32, FLOAT, 1),
-    (DeltaFormat::Fast, FLOAT, 2),
-    (DeltaFormat::Fast, Accumulate::Exact, 3),
-    (DeltaFormat::Small, FLOAT, 2),
-    (DeltaFormat::Small, Accumulate::Exact, 1),
-    (DeltaFormat::Pair, Accumulate::Exact, 2),
+/// Formats of deltas and of poses that go together, with a number of slots each: whole clips of all 30 take minutes
+/// (`.ci/deep` plays them); proptests in src/cpu, tests/gpu_paths.rs and tests/integers.rs go through the rest.
+const VARIANTS: [(DeltaFormat, PoseFormat, u32); 8] = [
+    (DeltaFormat::BlockFloat32, PoseFormat::Float32, 1),
+    (DeltaFormat::Fast, PoseFormat::Float32, 2),
+    (DeltaFormat::Fast, PoseFormat::Fixed32, 3),
+    (DeltaFormat::Fast, PoseFormat::Fixed16, 2),
+    (DeltaFormat::Small, PoseFormat::Float32, 2),
+    (DeltaFormat::Small, PoseFormat::Fixed32, 1),
+    (DeltaFormat::Small, PoseFormat::Fixed16, 2),
+    (DeltaFormat::Pair, PoseFormat::Fixed32, 2),
 ];
 
 /// Play a whole clip on lavapipe and on the CPU: every 20th frame and the last within what the path promises.
@@ -50,9 +50,9 @@ fn whole_clip(set: &str, clip: &str) {
     let Some((mesh, frames)) = load(set, clip) else { return };
     let diagonal = f64::from(mesh.diagonal);
     gpu::on_device("llvmpipe", false, |headless, _| {
-        for (format, accumulate, slots) in VARIANTS {
+        for (format, pose, slots) in VARIANTS {
             let packed = pack(&mesh, format);
-            let desc = UpdateDesc::blocks().accumulate(accumulate).slots(slots);
+            let desc = UpdateDesc::blocks().pose(pose).slots(slots);
             let on_cpu = desc.path(UpdatePath::Cpu);
             let mut crowd = HeadlessCrowd::new(headless, &packed, &gpu::single(desc)).expect("a crowd");
             let mut cpu = CpuCrowd::new(packed.clone(), on_cpu, 1, 2).expect("a crowd");
@@ -64,41 +64,31 @@ fn whole_clip(set: &str, clip: &str) {
                 let written = |s: UpdateStats| (s.coefficients, s.dirty_blocks, s.passes);
                 let planned = |s: UpdateStats| (s.rebuilt_blocks, s.bound, s.bytes_moved);
                 let on_cpu = cpu.update();
-                let what = format!("{format:?} {accumulate:?} frame {i}: the same plan on both");
+                let what = format!("{format:?} {desc:?} frame {i}: the same plan on both");
                 assert_eq!(written(on_cpu), written(stats), "{what}");
                 assert!(tiled || planned(on_cpu) == planned(stats), "{what}");
                 if i % 20 != 0 && i + 1 != frames.len() {
                     continue;
                 }
-                let reference = evaluate(&packed, &gpu::applied(&packed, &desc, weights));
-                let bound = |stats: UpdateStats| match accumulate {
-                    Accumulate::Exact => 1e-7 * diagonal,
-                    Accumulate::Float { tolerance } => {
-                        assert!(stats.bound <= tolerance * mesh.diagonal);
-                        f64::from(stats.bound)
+                let reference = gpu::reference(&packed, &desc, weights);
+                let bound = |stats: UpdateStats| {
+                    if desc.pose.has_integers() {
+                        return 1e-7 * diagonal;
                     }
+                    assert!(stats.bound <= desc.tolerance * mesh.diagonal);
+                    f64::from(stats.bound)
                 };
                 let pose = crowd.read_pose(0).expect("a pose");
-                for (pose, stats) in
-                    [(&pose, stats), (&packed.layout().to_user_order(cpu.pose(0).expect("an instance")), on_cpu)]
-                {
+                let by_cpu = packed.layout().to_user_order(&cpu.pose(0).expect("an instance"));
+                for (pose, stats) in [(&pose, stats), (&by_cpu, on_cpu)] {
                     let error = compare(pose, &reference);
-                    assert!(
-                        error.within(bound(stats), gpu::NORMAL),
-                        "{set}/{clip} {format:?} {accumulate:?} frame {i}: {error:?}"
-                    );
+                    let what = format!("{set}/{clip} {format:?} {desc:?} frame {i}: {error:?}");
+                    assert!(error.within(bound(stats), gpu::NORMAL), "{what}");
                 }
-                if accumulate == Accumulate::Exact {
-                    assert_eq!(
-                        crowd.read_sums(0).expect("sums").as_deref(),
-                        cpu.sums(0).expect("an instance"),
-                        "frame {i}"
-                    );
-                    assert_eq!(
-                        pose,
-                        packed.layout().to_user_order(cpu.pose(0).expect("an instance")),
-                        "frame {i}: decoded poses"
-                    );
+                if desc.pose.has_integers() {
+                    let stored = crowd.read_stored(0, 0).expect("a pose");
+                    assert!(stored == cpu.stored_pose(0, 0).expect("an instance"), "{desc:?} frame {i}");
+                    assert!(pose == by_cpu, "{desc:?} frame {i}: decoded poses");
                 }
             }
         }
@@ -197,7 +187,7 @@ fn an_error_budget_saves_bytes_under_sensor_noise_and_holds() {
             crowd.set_weights(0, &weights).expect("weights that fit");
             sum += crowd.update().bytes_moved;
             if error_budget > 0.0 && i % 50 == 0 {
-                let pose = packed.layout().to_user_order(crowd.pose(0).expect("an instance"));
+                let pose = packed.layout().to_user_order(&crowd.pose(0).expect("an instance"));
                 let error = compare(&pose, &evaluate(&packed, &weights));
                 assert!(error.position <= f64::from(budget), "frame {i}: {error:?}");
             }

@@ -4,10 +4,8 @@
 mod gpu;
 
 use deltamorph::headless::{Headless, HeadlessCrowd};
-use deltamorph::reference::{compare, evaluate};
-use deltamorph::{
-    Accumulate, BatchSize, CrowdDesc, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing,
-};
+use deltamorph::reference::compare;
+use deltamorph::{BatchSize, CrowdDesc, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing};
 use gpu::on_every_device;
 use std::slice::from_mut;
 
@@ -16,16 +14,19 @@ const TARGETS: usize = 12;
 /// A description for each kernel there is.
 fn kernels(engine: &MorphEngine) -> Vec<(DeltaFormat, UpdateDesc)> {
     let blocks = UpdateDesc::blocks();
-    let exact = blocks.accumulate(Accumulate::Exact);
+    let [fixed32, fixed16] = gpu::fixed();
     let mut list = vec![
         (DeltaFormat::Float32, UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(8))),
         (DeltaFormat::BlockFloat32, blocks),
         (DeltaFormat::Fast, blocks),
-        (DeltaFormat::Fast, exact),
+        (DeltaFormat::Fast, fixed32),
+        (DeltaFormat::Fast, fixed16),
         (DeltaFormat::Small, blocks.slots(3)),
-        (DeltaFormat::Small, exact.slots(1)),
+        (DeltaFormat::Small, fixed32.slots(1)),
+        (DeltaFormat::Small, fixed16.slots(3)),
         (DeltaFormat::Pair, blocks.slots(1)),
-        (DeltaFormat::Pair, exact.slots(3)),
+        (DeltaFormat::Pair, fixed32.slots(3)),
+        (DeltaFormat::Pair, fixed16.slots(1)),
     ];
     if engine.caps().transform_feedback.is_some() {
         list.push((DeltaFormat::Snorm16, UpdateDesc::new(UpdatePath::Feedback, BatchSize::Targets(4))));
@@ -45,7 +46,7 @@ fn weights(head: u32, frame: u32) -> Vec<f32> {
 
 /// Whether the pose of `instance` is that of `weights`.
 fn assert_pose(crowd: &mut HeadlessCrowd<'_>, mesh: &PackedMesh, desc: &UpdateDesc, instance: u32, weights: &[f32]) {
-    let reference = evaluate(mesh, &gpu::applied(mesh, desc, weights));
+    let reference = gpu::reference(mesh, desc, weights);
     let error = compare(&crowd.read_pose(instance).expect("a pose"), &reference);
     let bound = 1e-5 * f64::from(mesh.layout().diagonal);
     assert!(error.within(bound, 0.02), "{desc:?}, instance {instance}: {error:?}");

@@ -5,9 +5,9 @@ mod gpu;
 
 use deltamorph::ash::{self, vk};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
-use deltamorph::reference::{compare, evaluate};
+use deltamorph::reference::compare;
 use deltamorph::{CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, PackedMesh, PoseError, UpdateDesc, testing};
-use gpu::{applied, on_every_device, single, update_descs, weights};
+use gpu::{on_every_device, single, update_descs, weights};
 use std::sync::Mutex;
 
 /// Run `test` for every path and batch size of every device, on a fresh crowd that has shown two frames.
@@ -28,7 +28,7 @@ fn with_crowds(test: impl Fn(&mut HeadlessCrowd<'_>, &PackedMesh, UpdateDesc)) {
 
 fn error(crowd: &mut HeadlessCrowd<'_>, mesh: &PackedMesh, weights: &[f32]) -> PoseError {
     let update = crowd.crowd().desc().update;
-    compare(&crowd.read_pose(0).expect("a pose"), &evaluate(mesh, &applied(mesh, &update, weights)))
+    compare(&crowd.read_pose(0).expect("a pose"), &gpu::reference(mesh, &update, weights))
 }
 
 fn assert_right(crowd: &mut HeadlessCrowd<'_>, mesh: &PackedMesh, weights: &[f32], desc: UpdateDesc) {

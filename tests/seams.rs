@@ -11,8 +11,8 @@ use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::reference::{evaluate, evaluate_group};
 use deltamorph::{
-    Accumulate, BLOCK_SIZES, BatchSize, BlockDesc, Corner, CpuCrowd, DeltaFormat, MorphMesh, MorphSource, POSE_FLOATS,
-    PackDesc, PackedMesh, Semantic, StreamData, StreamDeltas, Tolerance, UpdateDesc, UpdatePath,
+    BLOCK_SIZES, BatchSize, BlockDesc, Corner, CpuCrowd, DeltaFormat, MorphMesh, MorphSource, POSE_FLOATS, PackDesc,
+    PackedMesh, PoseFormat, Semantic, StreamData, StreamDeltas, Tolerance, UpdateDesc, UpdatePath,
 };
 use glam::{Mat4, Quat, Vec2, Vec3};
 use picture::{EDGE, Picture, Triangles};
@@ -93,19 +93,14 @@ fn doubled_vertices_are_equal_bit_for_bit_in_every_pose() {
         let pairs = doubled(&mesh);
         for packed in pack(&mesh) {
             let what = (packed.layout().format, packed.layout().blocks.as_ref().map(|b| b.size()));
-            for (accumulate, error_budget) in [
-                (Accumulate::Float { tolerance: 1e-5 }, 0.0),
-                (Accumulate::Float { tolerance: 1e-4 }, 0.02),
-                (Accumulate::Exact, 0.0),
-                (Accumulate::Exact, 0.02),
-            ] {
-                let desc =
-                    UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).accumulate(accumulate).error_budget(error_budget);
+            for (pose, error_budget) in PoseFormat::ALL.into_iter().flat_map(|pose| [(pose, 0.0), (pose, 0.02)]) {
+                let tolerance = if error_budget > 0.0 { 1e-4 } else { 1e-5 };
+                let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).pose(pose).tolerance(tolerance);
+                let desc = desc.error_budget(error_budget);
                 let Ok(mut crowd) = CpuCrowd::new(packed.clone(), desc, 1, 1) else {
-                    // Dense formats have neither integer sums nor budgets, float32 deltas no integers.
-                    let exact = accumulate == Accumulate::Exact;
-                    let dense = what.1.is_none() && (exact || error_budget > 0.0);
-                    assert!(dense || exact && what.0 == DeltaFormat::BlockFloat32, "{what:?} {desc:?}");
+                    // Dense formats have neither poses of integers nor budgets, float32 deltas no integers.
+                    let dense = what.1.is_none() && (pose.has_integers() || error_budget > 0.0);
+                    assert!(dense || pose.has_integers() && what.0 == DeltaFormat::BlockFloat32, "{what:?} {desc:?}");
                     continue;
                 };
                 let mut weights = vec![0.0f32; mesh.targets.len()];
@@ -119,7 +114,7 @@ fn doubled_vertices_are_equal_bit_for_bit_in_every_pose() {
                     }
                     crowd.set_weights(0, &weights).unwrap();
                     crowd.update();
-                    let pose = packed.layout().to_user_order(crowd.pose(0).unwrap());
+                    let pose = packed.layout().to_user_order(&crowd.pose(0).unwrap());
                     if let Some((v, of)) = parted(&pose, &pairs) {
                         panic!("{what:?} {desc:?}: vertices {v} and {of} part in frame {frame}");
                     }
@@ -178,7 +173,7 @@ fn doubled_vertices_are_equal_bit_for_bit_in_every_pose_of_the_gpu() {
     }
 }
 
-/// The paths of a device, block formats with float and with exact sums, and with blocks that may lag behind.
+/// The paths of a device, block formats with poses of each kind, and with blocks that may lag behind.
 fn updates(headless: &Headless, format: DeltaFormat) -> Vec<UpdateDesc> {
     if format.is_blocks() {
         let updates = gpu::update_descs(headless.engine(), format);
@@ -238,6 +233,7 @@ fn compare_pictures(
     let (texcoords, indices) = drawn(&packed, mesh);
     let (count, indices) = (indices.len() as u32, Some(picture.filled(&indices)));
     let texcoords = picture.filled(&texcoords);
+    let base = update.pose.has_integers().then(|| picture.filled(packed.base()));
     let readback = picture.shared(packed.layout().base_bytes() as usize, vk::BufferUsageFlags::TRANSFER_DST);
     let corners = corners(source);
     let stated: Vec<Vec2> = corners.iter().map(|c| source.texcoords[c.texcoord.unwrap() as usize]).collect();
@@ -250,23 +246,24 @@ fn compare_pictures(
         let turn = Mat4::from_quat(Quat::from_rotation_x(0.4) * Quat::from_rotation_y(frame as f32));
         let view = Mat4::from_translation(Vec3::Z * 0.5) * scale * turn * Mat4::from_translation(-(low + high) / 2.0);
         crowd.set_weights(0, &gpu::weights(&packed, frame, 3)).unwrap();
-        headless
+        let view_of_pose = headless
             .run(|cmd| {
                 // SAFETY: as above.
                 unsafe { engine.record_update(cmd, &mut crowd) }?;
                 let pose = crowd.pose(0)?;
-                assert_eq!(pose.stride as usize, pose.format.stride());
-                let triangles = Triangles { pose: (pose.buffer, pose.offset), texcoords, indices, count };
-                picture.record(cmd, &triangles, &view);
+                assert_eq!((pose.stride as usize, pose.format), (update.pose.stride(), update.pose));
+                let (base, pose_of) = (base.map(|base| (base, pose.units)), (pose.buffer, pose.offset, pose.format));
+                picture.record(cmd, &Triangles { pose: pose_of, base, texcoords, indices, count }, &view);
                 picture.record_pose_copy(cmd, &pose, &readback);
-                Ok(())
+                Ok(pose)
             })
             .unwrap();
         let from_indices = picture.pixels();
-        let pose = packed.layout().to_user_order(&picture.contents::<f32>(&readback));
+        let pose = packed.layout().to_user_order(&picture.pose(&readback, &view_of_pose, packed.base()));
         let of = |c: &Corner| pose[c.position as usize * POSE_FLOATS..][..POSE_FLOATS].to_vec();
         let pose = picture.filled(&corners.iter().flat_map(of).collect::<Vec<f32>>());
-        let triangles = Triangles { pose: (pose, 0), texcoords: stated, indices: None, count: corners.len() as u32 };
+        let (pose, count) = ((pose, 0, PoseFormat::Float32), corners.len() as u32);
+        let triangles = Triangles { pose, base: None, texcoords: stated, indices: None, count };
         headless
             .run(|cmd| {
                 picture.record(cmd, &triangles, &view);
@@ -283,8 +280,8 @@ fn compare_pictures(
 
 #[test]
 fn one_index_buffer_draws_what_the_corners_of_the_file_draw() {
-    let exact = UpdateDesc::blocks().accumulate(Accumulate::Exact);
-    let float = UpdateDesc::blocks().accumulate(Accumulate::Float { tolerance: 1e-2 });
+    let [fixed32, fixed16] = gpu::fixed();
+    let float = UpdateDesc::blocks().tolerance(1e-2);
     let compute = UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(3));
     let plain = head(&HeadDesc::default().vertices(3000).targets(40));
     let charts = charts();
@@ -301,7 +298,8 @@ fn one_index_buffer_draws_what_the_corners_of_the_file_draw() {
     for driver in gpu::drivers() {
         gpu::on_device(&driver, false, |headless, _| {
             for (update, format) in [
-                (exact, DeltaFormat::Fast),
+                (fixed32, DeltaFormat::Fast),
+                (fixed16, DeltaFormat::Small),
                 (float, DeltaFormat::Small),
                 (float, DeltaFormat::BlockFloat32),
                 (compute, DeltaFormat::Float32),
@@ -315,7 +313,7 @@ fn one_index_buffer_draws_what_the_corners_of_the_file_draw() {
             // The pictures tell faults: one texture coordinate per position, and doubles that stay behind.
             let unsplit = |source: &MorphSource| source.to_mesh(Tolerance::default()).unwrap();
             for (source, mesh) in [(&charts, unsplit(&charts)), (&plain, unsplit(&plain)), (&charts, torn.clone())] {
-                let differ = compare_pictures(headless, source, &mesh, exact, DeltaFormat::Fast);
+                let differ = compare_pictures(headless, source, &mesh, fixed16, DeltaFormat::Fast);
                 assert!(differ > 100, "{driver}: {differ} pixels differ");
             }
         });

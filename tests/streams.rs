@@ -6,10 +6,10 @@ mod gpu;
 
 use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::internals::plan::hazards::{Event, HazardChecker};
-use deltamorph::reference::{compare_group, evaluate_group};
+use deltamorph::reference::compare_group;
 use deltamorph::{
-    Accumulate, BatchSize, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, MorphEngine, MorphSource, PackDesc, PackedGroup,
-    PackedMesh, Semantic, SourceTarget, Tolerance, UpdateDesc, UpdatePath, testing,
+    BatchSize, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, MorphEngine, MorphSource, PackDesc, PackedGroup, PackedMesh,
+    Semantic, SourceTarget, Tolerance, UpdateDesc, UpdatePath, testing,
 };
 use gpu::{NORMAL, POSITION, on_every_device, update_descs, weights};
 use std::slice::from_mut;
@@ -48,20 +48,9 @@ fn packed(desc: &PackDesc) -> PackedMesh {
     packed
 }
 
-/// Weights as a group applies them.
-fn applied(group: &PackedGroup, desc: &UpdateDesc, weights: &[f32]) -> Vec<f32> {
-    match (&group.layout().blocks, desc.accumulate) {
-        (Some(blocks), Accumulate::Exact) => {
-            let grid = blocks.exact().expect("an exact grid");
-            weights.iter().map(|&w| grid.round(w)).collect()
-        }
-        _ => weights.to_vec(),
-    }
-}
-
 /// Hold a pose of a group against the reference, within what the project promises.
 fn assert_pose(group: &PackedGroup, desc: &UpdateDesc, pose: &[f32], weights: &[f32], what: &str) {
-    let (layout, reference) = (group.layout(), evaluate_group(group, &applied(group, desc, weights)));
+    let (layout, reference) = (group.layout(), gpu::reference_group(group, desc, weights));
     let error = compare_group(&layout.streams, pose, &reference);
     let length = POSITION * f64::from(layout.diagonal) + f64::from(desc.error_budget);
     // The budget is one of positions; normals wait with them.
@@ -129,7 +118,7 @@ fn check(headless: &Headless, mesh: &PackedMesh, desc: UpdateDesc, frames: u32) 
             before[head] = Some(poses);
         }
     }
-    if desc.accumulate == Accumulate::Exact && desc.error_budget == 0.0 {
+    if desc.pose.has_integers() && desc.error_budget == 0.0 {
         // After any history: bit for bit a full evaluation.
         let mut fresh = crowd.another(&crowd_desc).expect("a crowd");
         let asked: Vec<&[f32]> = shown.iter().map(Vec::as_slice).collect();
@@ -165,9 +154,8 @@ fn an_error_budget_holds_back_positions_and_nothing_else() {
     on_every_device(|headless, engine| {
         for format in [DeltaFormat::Fast, DeltaFormat::Small] {
             let mesh = packed(&engine.pack_desc(format));
-            for accumulate in [Accumulate::Exact, Accumulate::Float { tolerance: 1e-2 }] {
-                let error_budget = 0.3 * mesh.layout().diagonal;
-                check(headless, &mesh, UpdateDesc::blocks().accumulate(accumulate).error_budget(error_budget), 8);
+            for desc in update_descs(engine, format) {
+                check(headless, &mesh, desc.error_budget(0.3 * mesh.layout().diagonal), 8);
             }
         }
     });
@@ -240,10 +228,9 @@ fn views_say_where_streams_are() {
 fn the_cpu_updates_every_stream() {
     for format in DeltaFormat::ALL {
         let mesh = Arc::new(packed(&PackDesc::new(format)));
-        let exact = format.is_blocks() && format != DeltaFormat::BlockFloat32;
-        for (slots, exact) in (1..4).flat_map(|slots| [(slots, false), (slots, true)]).filter(|(_, e)| !e || exact) {
-            let accumulate = if exact { Accumulate::Exact } else { Accumulate::Float { tolerance: 1e-2 } };
-            let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).slots(slots).accumulate(accumulate);
+        let float = UpdateDesc::blocks().tolerance(1e-2);
+        let descs = [float].into_iter().chain(gpu::fixed()).filter(|d| format.has_integers() || !d.pose.has_integers());
+        for desc in descs.flat_map(|desc| (1..4).map(move |slots| desc.path(UpdatePath::Cpu).slots(slots))) {
             let mut crowd = CpuCrowd::new(mesh.clone(), desc, HEADS, 2).expect("a crowd");
             let mut before: Vec<Option<Vec<Vec<f32>>>> = vec![None; HEADS];
             let mut shown = vec![vec![]; HEADS];
@@ -262,24 +249,24 @@ fn the_cpu_updates_every_stream() {
                     for (number, group) in mesh.groups().iter().enumerate() {
                         let what = format!("{desc:?} {format:?} frame {frame} head {head} group {number}");
                         let pose = crowd.group_pose(head, number).expect("a pose");
-                        assert_pose(group, &desc, &mesh.layout().to_user_order(pose), &shown[head], &what);
+                        assert_pose(group, &desc, &mesh.layout().to_user_order(&pose), &shown[head], &what);
                         let previous = crowd.previous_group_pose(head, number).expect("an instance");
                         if let (Some(previous), Some(before), false) =
                             (previous, &before[head], head == 1 && (2..5).contains(&frame))
                         {
-                            assert_eq!(bits(previous), bits(&before[number]), "{what}: the previous pose");
+                            assert_eq!(bits(&previous), bits(&before[number]), "{what}: the previous pose");
                         }
                         poses.push(pose.to_vec());
                     }
                     before[head] = Some(poses);
                 }
             }
-            if exact {
+            if desc.pose.has_integers() {
                 let mut fresh = CpuCrowd::new(mesh.clone(), desc, HEADS, 1).expect("a crowd");
                 shown.iter().enumerate().for_each(|(head, w)| fresh.set_weights(head, w).expect("weights"));
                 fresh.update();
                 for (head, number) in (0..HEADS).flat_map(|head| (0..3).map(move |number| (head, number))) {
-                    let pose = |crowd: &CpuCrowd| bits(crowd.group_pose(head, number).expect("a pose"));
+                    let pose = |crowd: &CpuCrowd| bits(&crowd.group_pose(head, number).expect("a pose"));
                     assert_eq!(pose(&fresh), pose(&crowd), "{desc:?} head {head} group {number}");
                 }
             }
@@ -302,10 +289,9 @@ fn what_does_not_update_streams_refuses_them() {
             if engine.caps().check_path(path).is_err() {
                 continue;
             }
-            let accumulate = if path == UpdatePath::Scatter { Accumulate::Exact } else { Accumulate::default() };
             let batch = if path == UpdatePath::DirectAttributes { BatchSize::Targets(1) } else { BatchSize::All };
             let mode = deltamorph::UpdateMode::Rebuild;
-            let desc = CrowdDesc::new(UpdateDesc::new(path, batch).accumulate(accumulate).mode(mode));
+            let desc = CrowdDesc::new(UpdateDesc::new(path, batch).mode(mode));
             let made = HeadlessCrowd::new(headless, &packed(&engine.pack_desc(format)), &desc);
             let text = made.err().expect("a refusal").to_string();
             assert!(text.contains(path.name()) && text.contains("'blocks'"), "{text}");

@@ -10,12 +10,12 @@ use deltamorph::ash::vk::BufferUsageFlags;
 use deltamorph::headless::{HeadlessCrowd, Step};
 use deltamorph::internals::plan::hazards::{Event, HazardChecker};
 use deltamorph::internals::plan::schedule::asset_uploaded;
-use deltamorph::reference::{compare, evaluate};
+use deltamorph::reference::compare;
 use deltamorph::{
-    Accumulate, AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DeltaFormat, PackedMesh, Playback, UpdateDesc,
-    UpdatePath, WeightClip, testing,
+    AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DeltaFormat, PackedMesh, Playback, UpdateDesc, UpdatePath,
+    WeightClip, testing,
 };
-use gpu::{applied, on_every_device, update_descs, weights};
+use gpu::{on_every_device, update_descs, weights};
 use picture::Picture;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -44,7 +44,7 @@ fn crowds_side_by_side_do_what_one_crowd_does() {
                             whole.read_pose(i).expect("a pose"),
                             halves[i as usize / 2].read_pose(i % 2).expect("a pose"),
                         ];
-                        let reference = evaluate(&mesh, &applied(&mesh, &update, heads[i as usize]));
+                        let reference = gpu::reference(&mesh, &update, heads[i as usize]);
                         for pose in poses {
                             let error = compare(&pose, &reference);
                             assert!(error.within(1.2e-4, 0.01), "{update:?} head {i} frame {frame}: {error:?}");
@@ -108,7 +108,7 @@ fn crowds_of_both_kinds_are_updated_by_one_call() {
     on_every_device(|headless, engine| {
         let mesh = PackedMesh::pack(&testing::mesh(200, 5), &engine.pack_desc(DeltaFormat::Small)).expect("packed");
         let layout = mesh.layout();
-        let desc = CrowdDesc::new(UpdateDesc::blocks().accumulate(Accumulate::Exact));
+        let desc = CrowdDesc::new(gpu::fixed()[1]);
         // On the grid of weights: a frame a second.
         let weights = |frame: usize| (0..5).map(|t| (frame * t + 1) as f32 / 8.0).collect::<Vec<f32>>();
         let names = layout.targets.iter().map(|target| target.name.clone()).collect();
@@ -143,16 +143,17 @@ fn crowds_of_both_kinds_are_updated_by_one_call() {
             let stats = headless.run(|cmd| {
                 // SAFETY: as above.
                 let updates = unsafe { engine.record_updates(cmd, &mut [&mut weighted, &mut animated]) }?;
-                for (pose, readback) in [weighted.pose(0)?, animated.pose(0)?].iter().zip(&readbacks) {
+                let poses = [weighted.pose(0)?, animated.pose(0)?];
+                for (pose, readback) in poses.iter().zip(&readbacks) {
                     picture.record_pose_copy(cmd, pose, readback);
                 }
-                Ok([updates[0].stats, updates[1].stats])
+                Ok((updates[0].stats, poses))
             });
-            let [stats, _] = stats.expect("an update");
+            let (stats, poses) = stats.expect("an update");
             assert!(frame != 2 || stats.rebuilt_blocks == stats.dirty_blocks, "{stats:?}");
-            let reference = evaluate(&mesh, &weights(frame));
-            for readback in &readbacks {
-                let pose = layout.to_user_order(&picture.contents(readback));
+            let reference = gpu::reference(&mesh, &desc.update, &weights(frame));
+            for (readback, pose) in readbacks.iter().zip(&poses) {
+                let pose = layout.to_user_order(&picture.pose(readback, pose, mesh.base()));
                 let error = compare(&pose, &reference);
                 assert!(error.within(1e-5, 0.01), "frame {frame}: {error:?}");
             }

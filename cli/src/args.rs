@@ -1,13 +1,15 @@
 //! The command line, as clap sees it.
 
 pub mod bench;
+pub mod poses;
 pub mod values;
 
 use bench::BenchArgs;
 use clap::{Args, Parser, Subcommand};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::import::sample::HeadDesc;
-use deltamorph::{Accumulate, BlockDesc, DeltaFormat, Tolerance, UpdateMode, UpdatePath};
+use deltamorph::{BlockDesc, DeltaFormat, PoseFormat, Tolerance, UpdateMode, UpdatePath};
+use poses::Sums;
 use std::path::PathBuf;
 use values::{BatchSpec, BudgetSpec};
 
@@ -120,7 +122,7 @@ pub struct PlayArgs {
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = values::whole(1usize, 1_000_000))]
     pub every: usize,
     /// Animate and plan on the device: it samples the clip, finds what changed and makes its own work list. Takes the
-    /// path blocks and exact sums, and says nothing of what it planned
+    /// path blocks and poses of integers, and says nothing of what it planned
     #[arg(long)]
     pub animated: bool,
     /// Add noise up to ±AMOUNT to every weight in every frame, as a tracker does that is never quite still
@@ -246,10 +248,15 @@ pub struct UpdateArgs {
     #[arg(long = "formats", visible_alias = "format", value_name = "FORMAT,…", value_delimiter = ',')]
     #[arg(value_parser = values::named(&DeltaFormat::ALL, DeltaFormat::name, DeltaFormat::summary))]
     pub formats: Vec<DeltaFormat>,
-    /// How poses add up in block formats [default: bench: both; others: float, but exact for scatter]
-    #[arg(long, value_name = "SUMS,…", value_delimiter = ',', value_parser = values::sums())]
-    pub accumulate: Vec<Accumulate>,
-    /// How far rounding may move a vertex under float sums, as a fraction of the diagonal
+    /// How poses are stored, separated by commas [default: bench: float32 and fixed32; others: float32]
+    #[arg(long = "poses", visible_alias = "pose", value_name = "FORMAT,…", value_delimiter = ',')]
+    #[arg(value_parser = values::named(&PoseFormat::ALL, PoseFormat::name, PoseFormat::summary))]
+    pub poses: Vec<PoseFormat>,
+    /// How poses add up: another way to name float32 or fixed32 poses; scatter, whose poses are float32, is exact
+    #[arg(long, value_name = "SUMS,…", value_delimiter = ',')]
+    #[arg(value_parser = values::named(&Sums::ALL, Sums::name, Sums::summary))]
+    pub accumulate: Vec<Sums>,
+    /// How far rounding may move a vertex of a float32 pose, as a fraction of the diagonal
     #[arg(long, value_name = "FRACTION", default_value_t = 1e-5, value_parser = values::positive)]
     pub drift: f32,
     /// Changes too small to move a vertex this far wait (block formats): a length in input units, "1e-4d" of the
@@ -278,19 +285,21 @@ pub struct PackArgs {
     /// Error allowed to a packed normal at weight 1, in degrees
     #[arg(long, value_name = "DEGREES", default_value_t = 0.5, value_parser = values::positive)]
     pub normal_error: f32,
-    /// The largest weight that exact sums have to stand
-    #[arg(long, value_name = "WEIGHT", default_value_t = 4.0, value_parser = values::positive)]
-    pub weight_max: f32,
+    /// The largest weight, either sign, that poses of integers have to hold; the smaller, the finer their unit
+    /// [default: 1 in fixed16; in fixed32 4, or what a .dmorph file was packed with]
+    #[arg(long, value_name = "WEIGHT", value_parser = values::positive)]
+    pub weight_max: Option<f32>,
 }
 
 impl PackArgs {
     /// What the library calls it.
     pub fn desc(&self) -> BlockDesc {
-        BlockDesc::default()
+        let default = BlockDesc::default();
+        default
             .size(self.block_size)
             .position_error(self.position_error)
             .normal_error_degrees(self.normal_error)
-            .weight_max(self.weight_max)
+            .weight_max(self.weight_max.unwrap_or(default.weight_max))
     }
 }
 
@@ -306,24 +315,17 @@ impl UpdateArgs {
         distinct_or(&self.paths, default)
     }
 
-    /// For the command called `command`, which takes one path, mode, kind of sums and format: refuses several.
+    /// For the command called `command`, which takes one path, mode, format, and kind of poses: refuses several.
     pub fn check_single(&self, command: &str) -> Result<(), String> {
         let given = [
             ("--path", self.paths.len()),
             ("--mode", self.modes.len()),
+            ("--pose", self.poses.len()),
             ("--accumulate", self.accumulate.len()),
             ("--format", self.formats.len()),
         ];
         let several = given.iter().find(|(_, count)| *count > 1);
         several.map_or(Ok(()), |(option, _)| Err(format!("{option}: {command} takes one; name one of them")))
-    }
-
-    /// Sums of this kind, float sums with the drift allowed.
-    pub fn sums(&self, kind: Accumulate) -> Accumulate {
-        match kind {
-            Accumulate::Float { .. } => Accumulate::Float { tolerance: self.drift },
-            Accumulate::Exact => Accumulate::Exact,
-        }
     }
 
     /// The error budget as a length.

@@ -1,6 +1,7 @@
 //! `info`: what a mesh is made of, and what each format makes of it.
 
 pub mod measure;
+pub mod pose_formats;
 mod report;
 
 use crate::args::InfoArgs;
@@ -10,6 +11,7 @@ use crate::table::{Column, Table, bytes, percent, sig3, thousands};
 use deltamorph::{BoundClip, DeltaFormat, MorphMesh, MorphTarget};
 use glam::Vec3;
 use measure::{Blocks, Measured, PoseRow, SweepRow};
+use pose_formats::{PoseCost, pose_costs, pose_table};
 use serde::Serialize;
 
 /// The JSON of `info`. Fields may be added, never renamed.
@@ -23,6 +25,10 @@ struct Info {
     /// How tightly they fill the blocks of the format `small`.
     blocks: Blocks,
     formats: Vec<Measured>,
+    /// What each pose format costs and loses, with deltas as the packed file has them, else in the format `small`.
+    pose_formats: Vec<PoseCost>,
+    /// The format that these deltas are in.
+    pose_deltas: &'static str,
     /// The weight clips that lie beside the mesh.
     clips: Vec<ClipRow>,
     /// With `--report`: bytes against error, of `small` over a range of errors allowed and of the other formats.
@@ -105,6 +111,8 @@ fn describe(input: &Input, formats: Vec<Measured>, clips: &[BoundClip]) -> Info 
     let share = |n: usize| n as f64 / vertices.max(1) as f64;
     let length = |deltas: &[Vec3]| deltas.iter().map(|d| d.length()).fold(0.0, f32::max);
     let differs = |target: &MorphTarget| target.positions.iter().filter(|d| **d != Vec3::ZERO).count();
+    let of = |format: DeltaFormat| formats.iter().map(|m| &m.packed).find(move |p| p.layout().format == format);
+    let held = input.packed.as_ref().map_or(DeltaFormat::Small, |packed| packed.layout().format);
     Info {
         schema: 1,
         input: input.info(),
@@ -119,9 +127,9 @@ fn describe(input: &Input, formats: Vec<Measured>, clips: &[BoundClip]) -> Info 
             })
             .collect(),
         overlap: overlap(kept),
-        blocks: (formats.iter().map(|m| &m.packed).find(|p| p.layout().format == DeltaFormat::Small))
-            .map(|small| measure::blocks(small))
-            .unwrap_or_default(),
+        blocks: of(DeltaFormat::Small).map(|small| measure::blocks(small)).unwrap_or_default(),
+        pose_deltas: held.name(),
+        pose_formats: of(held).map(|packed| pose_costs(packed.layout())).unwrap_or_default(),
         formats,
         clips: clips.iter().map(clip_row).collect(),
         sweep: None,
@@ -198,6 +206,12 @@ fn text(info: &Info) -> String {
         ("normal error", &|f| format!("{}°", sig3(f.cost.normal_error_deg))),
     ];
     parts.push(Table::of(&info.formats, formats).to_string());
+    let held = info.formats.iter().find(|f| f.name == info.pose_deltas);
+    parts.push(format!(
+        "deltas in {}:\n{}",
+        info.pose_deltas,
+        pose_table(&info.pose_formats, held.map_or(0.0, |f| f.cost.position_error_rel))
+    ));
     let clips: &[Column<'_, ClipRow>] = &[
         ("clip", &|c| c.name.clone()),
         ("frames", &|c| c.frames.to_string()),

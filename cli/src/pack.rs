@@ -2,10 +2,11 @@
 
 use crate::args::PackFileArgs;
 use crate::info::measure::Cost;
+use crate::info::pose_formats::{PoseCost, pose_costs, pose_table};
 use crate::input;
 use crate::output::{Failure, Output};
 use crate::table::{bytes, sig3, thousands};
-use deltamorph::{Asset, DeltaFormat, PackDesc};
+use deltamorph::{Asset, DeltaFormat, PackDesc, PoseFormat};
 use serde::Serialize;
 
 /// The JSON of `pack`. Fields may be added, never renamed.
@@ -26,13 +27,15 @@ struct Packed {
     file_bytes: u64,
     #[serde(flatten)]
     cost: Cost,
-    /// The grid of weights for exact sums, or why there is none.
-    exact: Option<Grid>,
+    /// The grid of weights for exact sums, fixed32 poses, or why there is none.
+    exact: Option<Exact>,
     exact_reason: Option<String>,
+    /// What each pose format costs and loses.
+    pose_formats: Vec<PoseCost>,
 }
 
 #[derive(Serialize)]
-struct Grid {
+struct Exact {
     /// Weights are whole multiples of 2^-bits.
     weight_bits: u32,
     weight_max: f32,
@@ -63,7 +66,8 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     let file_bytes = args.output.metadata().map_err(|e| Failure::io(&args.output, "read", e))?.len();
     let layout = asset.mesh.layout();
     let Some(index) = &layout.blocks else { return Ok(()) }; // `Asset::pack` takes no other format
-    let exact = index.exact();
+    let pose_formats = pose_costs(layout);
+    let exact = pose_formats.iter().find(|cost| cost.name == PoseFormat::Fixed32.name());
     let packed = Packed {
         schema: 1,
         origin: input.origin,
@@ -77,8 +81,9 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
         entries: index.entry_count(),
         file_bytes,
         cost: Cost::of(layout, index.error()),
-        exact_reason: exact.as_ref().err().map(ToString::to_string),
-        exact: exact.ok().map(|g| Grid { weight_bits: g.weight_bits, weight_max: g.weight_max }),
+        exact_reason: exact.and_then(|cost| cost.refused.clone()),
+        exact: exact.and_then(|cost| cost.grid).map(|g| Exact { weight_bits: g.weight_bits, weight_max: g.weight_max }),
+        pose_formats,
     };
     out.say(text(&packed));
     out.json(&packed)
@@ -95,15 +100,12 @@ fn text(p: &Packed) -> String {
     let [file, deltas, dense] = [p.file_bytes, deltas, cost.dense_f32_bytes].map(|n| bytes(n as f64));
     let [vertices, entries, moved, blocks] = [p.vertices, p.entries, p.blocks_moved, p.blocks].map(thousands);
     let [position, normal] = [cost.position_error_rel, cost.normal_error_deg].map(sig3);
-    let exact = match (&p.exact, &p.exact_reason) {
-        (Some(grid), _) => format!("weights on a grid of 2^-{}, up to {}", grid.weight_bits, grid.weight_max),
-        (None, reason) => format!("no: {}", reason.as_deref().unwrap_or("not in this format")),
-    };
+    let poses = pose_table(&p.pose_formats, cost.position_error_rel);
     format!(
         "{output}: {vertices} vertices, {targets} targets as {format}, {file}\n\
          deltas: {deltas} in {entries} entries, {moved} of {blocks} blocks of {block_size} vertices; \
          as dense float32: {dense}{times}\n\
          largest error: {position} of the diagonal, normals {normal}°\n\
-         exact sums: {exact}"
+         \n{poses}"
     )
 }

@@ -9,7 +9,7 @@ use crate::table::{Table, bytes, percent, sig3, thousands};
 use crate::verify::{Checked, Checks};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::internals::Rng;
-use deltamorph::{Accumulate, BoundClip, PoseFormat, UpdatePath, WeightClip};
+use deltamorph::{BoundClip, PoseFormat, UpdatePath, WeightClip};
 use serde::Serialize;
 
 /// The JSON of `play`. Fields may be added, never renamed.
@@ -84,7 +84,8 @@ pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     run.update.check_single("play").map_err(Failure::Usage)?;
     if args.animated {
         run.update.paths = distinct_or(&run.update.paths, &[UpdatePath::Blocks]);
-        run.update.accumulate = distinct_or(&run.update.accumulate, &[Accumulate::Exact]);
+        let named = run.update.named_poses().map_err(Failure::Usage)?;
+        run.update.poses = distinct_or(&named, &[PoseFormat::Fixed32]);
     }
     out.check(&input::files_of(&run.input, weights.as_slice()), &[], None)?;
     let input = input::load(&run.input, true, out)?;

@@ -1,6 +1,7 @@
 //! One interface to the GPU paths and the cpu path, for every command that updates poses; and the set-up of those that
 //! update one head.
 
+use crate::args::poses::Sums;
 use crate::args::values::{BatchSpec, expand_batches, format_on};
 use crate::args::{PackArgs, RunArgs};
 use crate::input::Input;
@@ -8,8 +9,8 @@ use crate::output::{Failure, Output};
 pub use deltamorph::headless::Headless as Gpu;
 use deltamorph::headless::{DeviceChoice, HeadlessCrowd, HeadlessDesc, PoseUpload, Step};
 use deltamorph::{
-    Accumulate, AnimatedCrowd, AnimationDesc, BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc,
-    PackedMesh, Playback, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
+    AnimatedCrowd, AnimationDesc, BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh,
+    Playback, PoseFormat, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
 };
 use serde::Serialize;
 use std::slice::from_ref;
@@ -44,12 +45,13 @@ pub fn packed(
         let desc = gpu.map_or(PackDesc::new(format), |gpu| gpu.engine().pack_desc(format));
         return Ok(Arc::new(PackedMesh::pack(&input.kept, &desc.blocks(args.desc()))?));
     };
-    if args.desc() == BlockDesc::default() {
+    // The largest weight is for poses to hold, however the mesh was packed.
+    if (PackArgs { weight_max: None, ..args.clone() }).desc() == BlockDesc::default() {
         return Ok(held.clone());
     }
     Err(Failure::Usage(format!(
-        "--block-size, --position-error, --normal-error and --weight-max say how to pack, but {} is packed already; \
-         leave them out, or give the folder that it was packed from",
+        "--block-size, --position-error and --normal-error say how to pack, but {} is packed already; leave them out, \
+         or give the folder that it was packed from",
         input.origin
     )))
 }
@@ -138,9 +140,8 @@ impl<'a> Runner<'a> {
                 let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
                 let mut frame = Frame { stats, gpu_ms: None, draw_ms: None, upload_ms: None, cpu_ms };
                 if let Some(upload) = upload.as_mut().filter(|_| copies > 0) {
-                    let poses: Vec<&[f32]> =
-                        (0..weights.len()).map(|head| crowd.pose(head)).collect::<Result<_, _>>()?;
-                    frame.upload_ms = Some(upload.upload(&poses)?.cpu_ms);
+                    let poses: Vec<_> = (0..weights.len()).map(|head| crowd.pose(head)).collect::<Result<_, _>>()?;
+                    frame.upload_ms = Some(upload.upload(&poses.iter().map(AsRef::as_ref).collect::<Vec<_>>())?.cpu_ms);
                     frame.draw_ms = (0..copies).map(|_| upload.draw()).sum::<Result<_, _>>()?;
                 }
                 return Ok(frame);
@@ -157,15 +158,13 @@ impl<'a> Runner<'a> {
                 crowds[(head / instances) as usize].read_pose(head % instances)
             }
             Self::Animated { crowd, .. } => crowd.read_pose(head),
-            Self::Cpu(crowd, _) => Ok(crowd.layout().to_user_order(crowd.pose(head as usize)?)),
+            Self::Cpu(crowd, _) => Ok(crowd.layout().to_user_order(&crowd.pose(head as usize)?)),
         }
     }
 
-    /// The weights that a device has chosen for the first head, where it animates.
-    pub fn played(&mut self, mesh: &PackedMesh) -> Result<Option<Vec<f32>>, Failure> {
-        let (Self::Animated { crowd, .. }, Some(blocks)) = (self, &mesh.layout().blocks) else { return Ok(None) };
-        let step = blocks.exact()?.weight_step();
-        Ok(Some(crowd.read_weights(0)?.into_iter().map(|steps| steps as f32 * step).collect()))
+    /// The weights that a device has chosen for the first head, where it animates, in steps of the grid.
+    pub fn played(&mut self) -> deltamorph::Result<Option<Vec<i32>>> {
+        if let Self::Animated { crowd, .. } = self { crowd.read_weights(0).map(Some) } else { Ok(None) }
     }
 
     /// The next pose of the first head has no predecessor.
@@ -177,13 +176,17 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// The integer sums of the first head; `None` unless it accumulates exactly.
-    pub fn sums(&mut self) -> deltamorph::Result<Option<Vec<i32>>> {
-        match self {
-            Self::Gpu(crowds) => crowds[0].read_sums(0),
-            Self::Animated { crowd, .. } => crowd.read_sums(0),
-            Self::Cpu(crowd, _) => Ok(crowd.sums(0)?.map(<[i32]>::to_vec)),
-        }
+    /// The integers of the first head: those of its pose, which is stored as `format` says, or else the sums that its
+    /// path has instead; `None` where all is float32.
+    pub fn integers(&mut self, format: PoseFormat) -> deltamorph::Result<Option<Vec<i32>>> {
+        let stored = match self {
+            Self::Gpu(crowds) if !format.has_integers() => return crowds[0].read_sums(0),
+            _ if !format.has_integers() => return Ok(None),
+            Self::Gpu(crowds) => crowds[0].read_stored(0, 0)?,
+            Self::Animated { crowd, .. } => crowd.read_stored(0, 0)?,
+            Self::Cpu(crowd, _) => crowd.stored_pose(0, 0)?.to_vec(),
+        };
+        Ok(Some(format.integers(&stored)))
     }
 
     /// Device time of `copies` draws of every head; `None` without a device.
@@ -213,6 +216,7 @@ pub struct Setup {
     mode: &'static str,
     /// "float" or "exact".
     accumulate: &'static str,
+    pose: &'static str,
     slots: u32,
     /// In input units; 0 where nothing waits.
     error_budget: f32,
@@ -223,7 +227,8 @@ impl Stage {
     /// one named, or that of the packed file that is read, or the default of the path.
     pub fn new(args: &RunArgs, input: &Input, device: Option<&DeviceChoice>, out: &Output) -> Result<Self, Failure> {
         let update = &args.update;
-        let (named, sums) = (update.paths.first().copied(), update.accumulate.first().copied());
+        let poses = update.named_poses().map_err(Failure::Usage)?;
+        let (named, pose) = (update.paths.first().copied(), poses.first().copied());
         let gpu = match named {
             Some(UpdatePath::Cpu) => None,
             Some(_) => open(device, out)?,
@@ -241,18 +246,20 @@ impl Stage {
         let desc = default
             .mode(update.modes.first().copied().unwrap_or(default.mode))
             .slots(update.slots)
-            .accumulate(update.sums(sums.unwrap_or(default.accumulate)))
+            .pose(update.pose_on(path, pose.unwrap_or(default.pose)).map_err(Failure::Usage)?)
+            .tolerance(update.drift)
+            .weight_max(update.pack.weight_max)
             .error_budget(update.budget(input.kept.diagonal).map_err(Failure::Usage)?);
         desc.check().map_err(|e| Failure::Usage(e.to_string()))?;
         let mesh = packed(input, gpu.as_ref(), format, &update.pack)?;
-        let exact = desc.accumulate(Accumulate::Exact);
+        let exact = desc.pose(PoseFormat::Fixed32);
         let desc = match desc.check_for(mesh.layout()) {
             Ok(()) => desc,
-            Err(e) if sums.is_none() && exact.check_for(mesh.layout()).is_ok() => {
-                out.note(format_args!("{e}; taking exact sums (--drift and --accumulate choose)"));
+            Err(e) if pose.is_none() && exact.check_for(mesh.layout()).is_ok() => {
+                out.note(format_args!("{e}; taking exact sums in fixed32 poses (--drift and --pose choose)"));
                 exact
             }
-            Err(e) => return Err(Failure::Usage(format!("{e}; see --drift, --accumulate and --weight-max"))),
+            Err(e) => return Err(Failure::Usage(format!("{e}; see --drift, --pose and --weight-max"))),
         };
         Ok(Self { gpu, threads: update.threads.unwrap_or(0), mesh, desc })
     }
@@ -281,20 +288,22 @@ impl Stage {
             path: self.desc.path.name(),
             format: self.mesh.layout().format.name(),
             mode: self.desc.mode.name(),
-            accumulate: self.desc.accumulate.name(),
+            accumulate: Sums::of(&self.desc).name(),
+            pose: self.desc.pose.name(),
             slots: self.desc.slots,
             error_budget: self.desc.error_budget,
         }
     }
 
-    /// "blocks fast exact, 2 slots, on llvmpipe": for people.
+    /// "blocks fast exact fixed32, 2 slots, on llvmpipe": for people.
     pub fn describe(&self) -> String {
-        let UpdateDesc { path, accumulate, slots, .. } = self.desc;
+        let UpdateDesc { path, pose, slots, .. } = self.desc;
         let device = if path == UpdatePath::Cpu { "the processor".to_owned() } else { self.device() };
         let format = self.mesh.layout().format.name();
         // Draws that evaluate have no pose buffers.
         let slots = if path.evaluates_in_draws() { String::new() } else { format!(", {slots} slots") };
-        format!("{} {format} {}{slots}, on {device}", path.name(), accumulate.name())
+        let pose = if pose.has_integers() { format!(" {}", pose.name()) } else { String::new() };
+        format!("{} {format} {}{pose}{slots}, on {device}", path.name(), Sums::of(&self.desc).name())
     }
 }
 

@@ -6,9 +6,9 @@ use crate::output::{Failure, Output, With};
 use crate::runner::{Runner, Stage};
 use crate::table::{sig3, thousands};
 use crate::verify::{Checks, REMEDY};
+use deltamorph::BoundClip;
 use deltamorph::headless::DeviceChoice;
 use deltamorph::internals::Rng;
-use deltamorph::{Accumulate, BoundClip};
 use serde_json::json;
 use std::time::Instant;
 
@@ -45,7 +45,7 @@ pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     verdict(&checks, bit_exact)
 }
 
-/// The integer sums, where there are any.
+/// The sums of integers, where there are any: poses, or what `scatter` has instead.
 struct Sums {
     /// They and the poses were those of full evaluations whenever they were compared.
     right: bool,
@@ -55,10 +55,11 @@ struct Sums {
 
 fn soak(args: &SoakArgs, clips: &[BoundClip], checks: &mut Checks<'_>, out: &Output) -> Result<Option<Sums>, Failure> {
     let stage = checks.stage;
-    let mut script = Script::new(stage.mesh.layout().targets.len(), clips, args.run.input.seed);
+    let grid = checks.promise.grid;
+    let most = grid.map_or(f32::INFINITY, |grid| grid.weight_max);
+    let mut script = Script::new(stage.mesh.layout().targets.len(), clips, most, args.run.input.seed);
     let mut runner = stage.runner(stage.desc)?;
-    let exact = stage.desc.accumulate == Accumulate::Exact;
-    let mut sums = exact.then_some(Sums { right: true, hash: 0 });
+    let mut sums = grid.map(|_| Sums { right: true, hash: 0 });
     let (every, bar) = (args.every(), out.bar(args.frames as u64));
     for frame in 0..args.frames {
         let (weights, cut) = script.next();
@@ -76,7 +77,7 @@ fn soak(args: &SoakArgs, clips: &[BoundClip], checks: &mut Checks<'_>, out: &Out
 }
 
 impl Sums {
-    /// Hold sums and pose to those of a head that never had other weights.
+    /// Hold integers and pose to those of a head that never had other weights.
     fn against_fresh(&mut self, runner: &mut Runner<'_>, stage: &Stage, weights: &[f32]) -> Result<(), Failure> {
         if stage.desc.error_budget > 0.0 {
             // What waits is settled when the face is still.
@@ -84,9 +85,10 @@ impl Sums {
         }
         let mut fresh = stage.runner(stage.desc.error_budget(0.0))?;
         fresh.step(&[weights], 0)?;
-        let (sums, pose) = (runner.sums()?, runner.pose(0)?);
+        let format = stage.desc.pose;
+        let (sums, pose) = (runner.integers(format)?, runner.pose(0)?);
         let bits = |pose: &[f32]| pose.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
-        self.right &= sums.is_some() && sums == fresh.sums()? && bits(&pose) == bits(&fresh.pose(0)?);
+        self.right &= sums.is_some() && sums == fresh.integers(format)? && bits(&pose) == bits(&fresh.pose(0)?);
         self.hash = sums.as_deref().map_or(0, fnv);
         Ok(())
     }
@@ -99,7 +101,7 @@ fn fnv(sums: &[i32]) -> u64 {
 }
 
 fn verdict(checks: &Checks<'_>, bit_exact: Option<bool>) -> Result<(), Failure> {
-    let (path, accumulate) = (checks.stage.desc.path.name(), checks.stage.desc.accumulate);
+    let (path, tolerance) = (checks.stage.desc.path.name(), checks.stage.desc.tolerance);
     if bit_exact == Some(false) {
         return Err(Failure::Failed(format!(
             "the integer sums or poses through '{path}' are not those of a full evaluation; {REMEDY}"
@@ -107,9 +109,7 @@ fn verdict(checks: &Checks<'_>, bit_exact: Option<bool>) -> Result<(), Failure> 
     }
     checks.verdict()?;
     let bound = checks.found.bound / checks.promise.scale;
-    if let Accumulate::Float { tolerance } = accumulate
-        && bound > f64::from(tolerance) * (1.0 + 1e-6)
-    {
+    if checks.promise.grid.is_none() && bound > f64::from(tolerance) * (1.0 + 1e-6) {
         return Err(Failure::Failed(format!(
             "the bound kept through '{path}' came to {bound:.3e} of the diagonal, {tolerance:.1e} are tolerated; {REMEDY}"
         )));
@@ -130,6 +130,8 @@ const WEIGHTS: [f32; 2] = [-0.5, 1.5];
 struct Script<'a> {
     rng: Rng,
     clips: &'a [BoundClip],
+    /// Between which random weights lie.
+    range: [f32; 2],
     now: Vec<f32>,
     /// Frames left of this stretch.
     left: usize,
@@ -138,9 +140,11 @@ struct Script<'a> {
 }
 
 impl<'a> Script<'a> {
-    fn new(targets: usize, clips: &'a [BoundClip], seed: u64) -> Self {
+    /// No random weight is larger than `most`, either sign.
+    fn new(targets: usize, clips: &'a [BoundClip], most: f32, seed: u64) -> Self {
+        let (rng, range) = (Rng::new(seed, 0x736f_616b), WEIGHTS.map(|weight| weight.clamp(-most, most)));
         // An empty random stretch: captured frames come first, where there are any.
-        Self { rng: Rng::new(seed, 0x736f_616b), clips, now: vec![0.0; targets], left: 0, place: None }
+        Self { rng, clips, range, now: vec![0.0; targets], left: 0, place: None }
     }
 
     /// The weights of the next frame, and whether it is a cut.
@@ -191,7 +195,8 @@ impl<'a> Script<'a> {
     /// A new weight; every third one comes to rest.
     fn draw(&mut self, target: usize) {
         let rest = self.rng.below(3) == 0;
-        self.now[target] = if rest { 0.0 } else { self.rng.range(WEIGHTS[0], WEIGHTS[1]) };
+        self.now[target] =
+            if rest { 0.0 } else { self.rng.range(self.range[0], self.range[1]).clamp(self.range[0], self.range[1]) };
     }
 }
 
@@ -212,7 +217,7 @@ mod tests {
         let values = [[9.0f32; 12], [8.0; 12]].concat();
         let clip = WeightClip { names: names.clone(), values, ..Default::default() };
         let clips = [clip.bind(&names.iter().map(String::as_str).collect::<Vec<_>>()).expect("columns of targets")];
-        let mut script = Script::new(12, &clips, 1);
+        let mut script = Script::new(12, &clips, f32::INFINITY, 1);
         let (mut captured, mut neutral, mut still, mut cuts) = (0, 0, 0, 0);
         let mut before = vec![0.0; 12];
         for _ in 0..5000 {
@@ -231,11 +236,13 @@ mod tests {
     #[test]
     fn a_seed_is_a_script() {
         let run = |seed| {
-            let mut script = Script::new(5, &[], seed);
+            let mut script = Script::new(5, &[], 1.0, seed);
             (0..300).map(|_| script.next().0.to_vec()).collect::<Vec<_>>()
         };
         assert_eq!(run(3), run(3));
         assert_ne!(run(3), run(4));
-        assert!(Script::new(0, &[], 1).next().0.is_empty());
+        assert!(Script::new(0, &[], 1.0, 1).next().0.is_empty());
+        let weights: Vec<f32> = run(3).concat();
+        assert!(weights.iter().all(|w| (-0.5..=1.0).contains(w)) && weights.iter().any(|w| *w > 0.9));
     }
 }

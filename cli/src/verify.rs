@@ -3,8 +3,9 @@
 use crate::output::Failure;
 use crate::runner::{Frame, Runner, Setup, Stage};
 use crate::table::{sig3, thousands};
-use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
-use deltamorph::{Accumulate, ExactGrid, MorphMesh, PackedLayout, PoseError, UpdateDesc};
+use deltamorph::reference::{SHORTEST_NORMAL, angle_degrees, compare, evaluate, evaluate_unpacked};
+use deltamorph::{MorphMesh, POSE_FLOATS, PackedLayout, PoseError, PoseGrid, UpdateDesc};
+use glam::DVec3;
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -23,14 +24,22 @@ pub struct Found {
     pub error: PoseError,
     /// Against the raw files.
     pub raw: PoseError,
-    /// The path's own bound on positions, in input units.
+    /// Largest angle between normals beyond what rounding to the unit of poses may turn them by, in degrees.
+    pub turned: f64,
+    /// The bound on positions that the path states, in input units: on drift, or on rounding to the unit of poses.
     pub bound: f64,
 }
 
 impl Found {
     pub fn max(self, other: Self) -> Self {
-        Self { error: self.error.max(other.error), raw: self.raw.max(other.raw), bound: self.bound.max(other.bound) }
+        let (error, raw) = (self.error.max(other.error), self.raw.max(other.raw));
+        Self { error, raw, turned: worse(self.turned, other.turned), bound: self.bound.max(other.bound) }
     }
+}
+
+/// The larger one; NaN, where one is.
+fn worse(a: f64, b: f64) -> f64 {
+    if a.is_nan() || a > b { a } else { b }
 }
 
 /// What errors are stated relative to: the diagonal. A single point has none; its errors stay absolute.
@@ -43,7 +52,7 @@ pub fn scale(diagonal: f32) -> f64 {
 pub struct Promise {
     /// Poses carry a bound on what accumulation may have done.
     tracked: bool,
-    grid: Option<ExactGrid>,
+    pub grid: Option<PoseGrid>,
     budget: f64,
     /// The length that errors are stated relative to.
     pub scale: f64,
@@ -51,43 +60,80 @@ pub struct Promise {
 
 impl Promise {
     pub fn new(desc: &UpdateDesc, layout: &PackedLayout) -> Self {
-        let exact = desc.accumulate == Accumulate::Exact;
+        // Of a mesh that has none, a runner could not be made.
+        let grid = desc.grid(layout).ok().flatten();
         Self {
-            tracked: layout.blocks.is_some() && !exact,
-            grid: layout.blocks.as_ref().filter(|_| exact).and_then(|blocks| blocks.exact().ok()),
+            tracked: layout.blocks.is_some() && grid.is_none(),
+            grid,
             budget: f64::from(desc.error_budget),
             scale: scale(layout.diagonal),
         }
     }
 
-    /// The weights that the result is compared with: exact sums take those of their grid.
+    /// The weights that the result is compared with: sums of integers take those of their grid.
     pub fn applied(&self, weights: &[f32]) -> Vec<f32> {
         weights.iter().map(|&w| self.grid.map_or(w, |grid| grid.round(w))).collect()
+    }
+
+    /// What rounding to the unit of poses may move positions by in a pose of `weights`, and normals, both as lengths.
+    pub fn rounding(&self, weights: &[f32]) -> [f64; 2] {
+        // What waits may be a weight where none is asked for.
+        let active = weights.iter().filter(|w| **w != 0.0 || self.budget > 0.0).count();
+        self.grid.map_or([0.0; 2], |grid| [grid.position_error(active), grid.normal_error(active)].map(f64::from))
+    }
+
+    /// How far `pose` is from `reference`, the pose of `weights` on the packed deltas.
+    pub fn find(&self, pose: &[f32], reference: &[f64], weights: &[f32]) -> Found {
+        let error = compare(pose, reference);
+        let turned = match self.rounding(weights)[1] {
+            0.0 => error.normal_degrees,
+            length => turned(pose, reference, length),
+        };
+        Found { error, turned, ..Found::default() }
     }
 
     /// The position error allowed. A tracked bound comes off the budget before a change may wait; elsewhere the budget
     /// comes on top.
     pub fn allowed(&self, found: &Found) -> f64 {
-        if self.tracked { found.bound.max(self.budget) } else { POSITION_BOUND * self.scale + self.budget }
+        match self.tracked {
+            true => found.bound.max(self.budget),
+            false => POSITION_BOUND * self.scale + self.budget + found.bound,
+        }
     }
 
     /// Whether the promise is kept.
     pub fn kept(&self, found: &Found) -> bool {
         // A budget bounds positions; what waits turns normals as well.
         let normals = if self.budget > 0.0 { 180.0 } else { NORMAL_BOUND_DEGREES };
-        found.error.within(self.allowed(found), normals)
+        found.error.position <= self.allowed(found) && found.turned <= normals
     }
 
     /// What is wrong, where the promise is not kept.
     pub fn complaint(&self, found: &Found) -> String {
         format!(
             "positions are off by {:.3e} of the diagonal ({:.1e} allowed), normals by {:.4}° \
-             ({NORMAL_BOUND_DEGREES}° allowed)",
+             ({NORMAL_BOUND_DEGREES}° allowed, beside rounding to the unit of poses)",
             found.error.position / self.scale,
             self.allowed(found) / self.scale,
-            found.error.normal_degrees
+            found.turned
         )
     }
+}
+
+/// The largest angle between normals, in degrees, beyond the one that a difference of `length` makes.
+fn turned(pose: &[f32], reference: &[f64], length: f64) -> f64 {
+    let vertices = pose.as_chunks::<POSE_FLOATS>().0.iter().zip(reference.as_chunks::<POSE_FLOATS>().0);
+    let angles = vertices.map(|(got, want)| {
+        let (got, want) = (DVec3::from_slice(&got.map(f64::from)[3..]), DVec3::from_slice(&want[3..]));
+        // Without a direction that means something, `compare` takes lengths instead of angles.
+        match want.length() {
+            long if long >= SHORTEST_NORMAL && long > length => {
+                angle_degrees(got, want) - (length / long).asin().to_degrees()
+            }
+            _ => got.distance(want) - length,
+        }
+    });
+    angles.fold(0.0, |worst, angle| worse(angle, worst))
 }
 
 /// Poses of one head, each compared with the float64 reference.
@@ -113,12 +159,15 @@ pub struct Checked {
     setup: Setup,
     /// Frames that were compared with the reference.
     checks: usize,
-    /// Largest position error against the float64 reference, in input units, and as a fraction of the diagonal. Exact
-    /// sums are held to the weights as their grid rounds them.
+    /// Largest position error against the float64 reference, in input units, and as a fraction of the diagonal. Sums of
+    /// integers are held to the weights as their grid rounds them.
     max_error: f64,
     max_error_rel: f64,
-    /// The largest bound that the path kept, in input units; 0 where it keeps none.
+    /// The largest bound that the path stated, in input units, on drift or on rounding to the unit of poses; 0 where
+    /// neither happens.
     bound: f64,
+    /// The same as a fraction of the diagonal.
+    bound_rel: f64,
 }
 
 impl<'a> Checks<'a> {
@@ -139,28 +188,32 @@ impl<'a> Checks<'a> {
     ) -> Result<(Frame, Option<f64>), Failure> {
         let failed = |e| Failure::Failed(format!("frame {frame}: {}", Failure::from(e)));
         let step = runner.step(&[weights], 0).map_err(failed)?;
-        let bound = step.stats.bound.into();
-        self.found.bound = self.found.bound.max(bound);
+        self.found.bound = self.found.bound.max(step.stats.bound.into());
         if !due {
             return Ok((step, None));
         }
         let (pose, mesh) = (&runner.pose(0)?, &self.stage.mesh);
-        let applied = runner.played(mesh)?.unwrap_or_else(|| self.promise.applied(weights));
-        let mut error = compare(pose, &evaluate(mesh, &applied));
-        let raw = self.raw.as_ref().map(|raw| compare(pose, &evaluate_unpacked(raw, weights))).unwrap_or_default();
+        let step_of_weights = self.promise.grid.map_or(1.0, |grid| grid.weight_step());
+        let played = runner.played()?.map(|steps| steps.into_iter().map(|n| n as f32 * step_of_weights).collect());
+        // Where a device plans, nobody has counted what is active in each block.
+        let bound =
+            played.as_ref().map_or(step.stats.bound.into(), |weights: &Vec<f32>| self.promise.rounding(weights)[0]);
+        let applied = played.unwrap_or_else(|| self.promise.applied(weights));
+        let mut found = Found { bound, ..self.promise.find(pose, &evaluate(mesh, &applied), &applied) };
+        found.raw = self.raw.as_ref().map(|raw| compare(pose, &evaluate_unpacked(raw, weights))).unwrap_or_default();
         if self.full {
-            let request = if applied == weights { error } else { compare(pose, &evaluate(mesh, weights)) };
+            let request = if applied == weights { found.error } else { compare(pose, &evaluate(mesh, weights)) };
             self.request = self.request.max(request.position);
         } else {
-            error = PoseError { position: error.position, ..PoseError::default() };
+            found.error = PoseError { position: found.error.position, ..PoseError::default() };
+            found.turned = 0.0;
         }
-        let found = Found { error, raw, bound };
         if !self.promise.kept(&found) && self.wrong.is_none() {
             self.wrong = Some((frame, self.promise.complaint(&found)));
         }
         self.count += 1;
         self.found = self.found.max(found);
-        Ok((step, Some(error.position)))
+        Ok((step, Some(found.error.position)))
     }
 
     pub fn record(&self) -> Checked {
@@ -170,6 +223,7 @@ impl<'a> Checks<'a> {
             max_error: self.found.error.position,
             max_error_rel: self.found.error.position / self.promise.scale,
             bound: self.found.bound,
+            bound_rel: self.found.bound / self.promise.scale,
         }
     }
 
@@ -178,7 +232,9 @@ impl<'a> Checks<'a> {
         let relative = |length: f64| sig3(length / self.promise.scale);
         let bound = match self.found.bound {
             0.0 => String::new(),
-            bound => format!(", at most {} by the bound kept", relative(bound)),
+            bound if self.promise.tracked => format!(", at most {} by the bound kept", relative(bound)),
+            bound if self.promise.budget > 0.0 => format!(", at most {} of it by rounding poses", relative(bound)),
+            bound => format!(", at most {} by rounding poses", relative(bound)),
         };
         let (count, error) = (thousands(self.count), relative(self.found.error.position));
         format!("largest error in {count} frames, of the diagonal: {error} against the float64 reference{bound}")
@@ -196,25 +252,34 @@ impl<'a> Checks<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use deltamorph::{BatchSize, DeltaFormat, PackDesc, PackedMesh, UpdatePath};
+    use deltamorph::{BatchSize, DeltaFormat, PackDesc, PackedMesh, PoseFormat, UpdatePath};
 
     #[test]
-    fn every_kind_of_sums_has_its_own_promise() {
+    fn every_kind_of_poses_has_its_own_promise() {
         let mesh = crate::info::tests::mesh();
         let layout = |format| PackedMesh::pack(&mesh, &PackDesc::new(format)).expect("packed").layout().clone();
         let (dense, blocks) = (layout(DeltaFormat::Float32), layout(DeltaFormat::Fast));
         let float = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
-        let exact = float.accumulate(Accumulate::Exact);
+        let [exact, narrow] = [PoseFormat::Fixed32, PoseFormat::Fixed16].map(|pose| float.pose(pose));
         let patient = |desc: UpdateDesc| desc.error_budget(0.5);
         let found = Found { bound: 0.25, ..Found::default() };
         let allowed = |desc: UpdateDesc, layout: &PackedLayout| Promise::new(&desc, layout).allowed(&found);
         let own = 3e-6 * f64::from(mesh.diagonal);
-        assert_eq!(allowed(float, &dense), own);
+        let unbounded = [(float, &dense), (exact, &blocks), (patient(exact), &blocks)];
+        let unbounded = unbounded.map(|(desc, layout)| Promise::new(&desc, layout).allowed(&Found::default()));
+        assert_eq!(unbounded, [own, own, own + 0.5]);
         assert_eq!((allowed(float, &blocks), allowed(patient(float), &blocks)), (0.25, 0.5));
-        assert_eq!((allowed(exact, &blocks), allowed(patient(exact), &blocks)), (own, own + 0.5));
+        // What rounding to a unit may do is in the bound; budgets come on top.
+        assert_eq!((allowed(narrow, &blocks), allowed(patient(narrow), &blocks)), (own + 0.25, own + 0.5 + 0.25));
+        let rounding = |desc: UpdateDesc, weights: &[f32]| Promise::new(&desc, &blocks).rounding(weights);
+        assert_eq!((rounding(exact, &[1.0, 1.0]), rounding(float, &[1.0, 1.0])), ([0.0; 2], [0.0; 2]));
+        let [one, two] = [[0.5, 0.0], [0.5, 1.0]].map(|weights| rounding(narrow, &weights));
+        assert!(one[0] > 0.0 && one[1] > 0.0 && two == one.map(|length| 2.0 * length), "{one:?} {two:?}");
+        assert_eq!(rounding(patient(narrow), &[0.5, 0.0]), two, "what waits may be a weight");
 
         let error = |position, normal_degrees| Found {
             error: PoseError { position, normal_degrees, ..PoseError::default() },
+            turned: normal_degrees,
             ..found
         };
         let promise = Promise::new(&float, &blocks);
@@ -225,5 +290,18 @@ mod tests {
         assert_eq!(promise.applied(&[0.3]), [0.3]);
         let rounded = Promise::new(&exact, &blocks).applied(&[0.3])[0];
         assert!(rounded != 0.3 && (rounded - 0.3).abs() < 0.01, "{rounded}");
+    }
+
+    #[test]
+    fn normals_may_turn_as_far_as_their_rounding_reaches() {
+        let vertex = |x: f64, z: f64| [0.0, 0.0, 0.0, x, 0.0, z];
+        let found = |got: [f64; 6], want: [f64; 6], length| turned(&got.map(|v| v as f32), &want, length);
+        // A right angle, and one of 45 degrees; what reaches beyond the normal itself turns it anywhere.
+        assert!((found(vertex(1.0, 0.0), vertex(0.0, 1.0), 0.5) - 60.0).abs() < 1e-4);
+        assert!(found(vertex(0.5, 0.5), vertex(0.0, 1.0), 0.8) <= 0.0);
+        assert!(found(vertex(0.1, 0.0), vertex(0.0, 0.1), 0.2) <= 0.0);
+        assert!(found(vertex(0.5, 0.0), vertex(0.0, 0.1), 0.2) > 0.3, "longer than rounding makes it");
+        assert!(found(vertex(0.02, 0.0), vertex(0.0, 1e-5), 0.005) > 0.014, "no direction, but a length");
+        assert!(found(vertex(f64::NAN, 0.0), vertex(0.0, 1.0), 0.5).is_nan());
     }
 }

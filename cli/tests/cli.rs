@@ -221,6 +221,33 @@ fn apply_writes_the_same_pose_through_every_path() {
     }
 }
 
+/// Poses are a dimension of the sweep, as formats are.
+#[test]
+fn bench_compares_pose_formats() {
+    let base = ["bench", "--frames", "2", "--changed", "4", "--paths", "blocks,cpu", "--formats", "small,float32"];
+    let folder = tempfile::tempdir().unwrap();
+    let report = folder.path().join("report");
+    let out = |more: &[&str]| {
+        let out = json(&[&base[..], &HEAD, &["--json", "-", "--report", report.to_str().unwrap()], more].concat());
+        let runs = out["runs"].as_array().unwrap().clone();
+        assert!(runs.iter().all(|run| run["verified"] == true), "{out}");
+        let name = |run: &Value| ["path", "format", "pose", "accumulate"].map(|f| run[f].as_str().unwrap().to_owned());
+        runs.iter().map(|run| name(run).join(" ")).collect::<Vec<_>>()
+    };
+    let narrow = ["blocks small fixed16 exact", "blocks small float32 float", "blocks block-float32 float32 float"];
+    let cpu = ["cpu small fixed16 exact", "cpu small float32 float", "cpu float32 float32 float"];
+    assert_eq!(out(&["--poses", "fixed16,float32"]), [&narrow[..], &cpu].concat());
+    let csv = std::fs::read_to_string(report.join("runs.csv")).unwrap();
+    assert!(csv.lines().next().unwrap().ends_with(",pose") && csv.contains(",fixed16\n"), "{csv}");
+    let page = std::fs::read_to_string(report.join("index.html")).unwrap();
+    assert!(page.contains("small fixed16"), "tables and lines tell them apart");
+    // What is left out names what ran so far: float32, and fixed32 for exact sums.
+    let default = out(&[]);
+    assert_eq!(default.iter().filter(|name| name.ends_with("fixed32 exact")).count(), 2, "{default:?}");
+    assert_eq!(default, out(&["--accumulate", "float,exact"]));
+    assert_eq!(out(&["--accumulate", "exact"]), out(&["--poses", "fixed32"]));
+}
+
 #[test]
 fn heads_that_do_not_fit_leave_the_rest_standing() {
     let heads = ["bench", "--vertices", "2000", "--targets", "3", "--frames", "2", "--changed", "all"];
@@ -253,6 +280,8 @@ fn bad_arguments_exit_with_2_and_failures_with_1() {
             "direct: takes --formats float32,",
         ),
         (&["bench", &dir, "--no-report", "--suite", "chapter", "--paths", "blocks"], 1, "that have batches: compute,"),
+        (&["bench", &dir, "--no-report", "--paths", "compute", "--poses", "fixed16"], 1, "and --poses float32"),
+        (&["bench", &dir, "--no-report", "--accumulate", "exact", "--poses", "fixed16,float32"], 2, "contradict"),
         (&["bench", "--device", "GeForce", "--vertices", "50"], 1, "no Vulkan device called 'GeForce'"),
         (
             &["apply", &dir, "-o", out, "--set", "eyeBlinkLeft=1", "--path", "feedback", "--device", "SwiftShader"],
@@ -287,6 +316,18 @@ fn a_packed_file_is_an_input_everywhere() {
     let error = packed["position_error_rel"].as_f64().unwrap();
     assert!(error > 0.0 && error <= 1e-5, "{packed}");
     assert!(!Path::new(&path("head.dmorph.part")).exists());
+    // What pose formats cost and lose: poses of half the size, rounded.
+    let poses = packed["pose_formats"].as_array().unwrap();
+    assert_eq!(poses.iter().map(|p| &p["name"]).collect::<Vec<_>>(), ["float32", "fixed32", "fixed16"]);
+    assert_eq!(poses.iter().map(|p| &p["vertex_bytes"]).collect::<Vec<_>>(), [24, 24, 12]);
+    let (fixed32, fixed16) = (&poses[1]["grid"], &poses[2]["grid"]);
+    assert!(poses[0]["grid"].is_null() && poses[0]["refused"].is_null(), "{packed}");
+    assert_eq!((fixed32["weight_max"].as_f64(), fixed16["weight_max"].as_f64()), (Some(4.0), Some(1.0)));
+    assert_eq!((&fixed32["weight_bits"], &fixed32["rounding_error"]), (&packed["exact"]["weight_bits"], &0.0.into()));
+    let number = |field: &str| fixed16[field].as_f64().unwrap();
+    let most = number("targets_most") * 0.75f64.sqrt() * number("position_unit_rel");
+    assert!((number("rounding_error_rel") / most - 1.0).abs() < 1e-6 && most < 1e-4, "{packed}");
+    assert!(number("position_unit_rel") > fixed32["position_unit_rel"].as_f64().unwrap(), "{packed}");
 
     // `info` shows the error that was measured against the files.
     let info = json(&["info", &file, "--json", "-"]);
@@ -294,6 +335,12 @@ fn a_packed_file_is_an_input_everywhere() {
     assert_eq!(small["position_error_rel"], packed["position_error_rel"]);
     assert_eq!(small["delta_bytes"], packed["delta_bytes"]);
     assert_eq!(info["input"]["vertices"], 1200);
+    assert_eq!((&info["pose_formats"], &info["pose_deltas"]), (&packed["pose_formats"], &"small".into()));
+    // The largest weight is for poses to hold, whatever the file was packed for.
+    let soak =
+        |more: &[&str]| json(&[&["soak", &file, "--frames", "9", "--path", "cpu", "--json", "-"], more].concat());
+    assert_eq!(soak(&["--pose", "fixed16", "--weight-max", "2"])["bit_exact"], true);
+    assert_eq!(soak(&["--accumulate", "exact", "--weight-max", "9"])["bit_exact"], true);
 
     // The same pose as from the folder in the same format, and the same faces.
     let clip = std::fs::read_dir(Path::new(&dir).join("weights")).unwrap().next().unwrap().unwrap().path();
@@ -347,6 +394,7 @@ fn a_packed_file_is_an_input_everywhere() {
     // A packed file may be packed again, in another format.
     let again = path("again.dmorph");
     let text = ok(&["pack", &file, "-o", &again, "--format", "fast", "--block-size", "128"]);
-    assert!(text.contains("again.dmorph: 1,200 vertices") && text.contains("exact sums: weights on a grid"), "{text}");
-    assert!(ok(&["pack", &dir, "-o", &again, "--format", "block-float32"]).contains("exact sums: no: "));
+    assert!(text.contains("again.dmorph: 1,200 vertices") && text.contains("4 in steps of 2^-"), "{text}");
+    let text = ok(&["pack", &dir, "-o", &again, "--format", "block-float32"]);
+    assert!(text.contains("\nfixed32: ") && text.contains("\nfixed16: ") && text.contains("pack as 'fast'"), "{text}");
 }

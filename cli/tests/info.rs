@@ -18,6 +18,12 @@ fn the_report_states_error_against_bytes() {
         ("/targets/0", "name moved moved_raw moved_raw_positions max_delta max_normal_delta"),
         ("/overlap", "union mean max"),
         ("/blocks", "size count incidence fill"),
+        ("/pose_formats/0", "name vertex_bytes grid refused"),
+        (
+            "/pose_formats/2/grid",
+            "weight_bits weight_max position_unit position_unit_rel normal_unit targets_most rounding_error \
+             rounding_error_rel",
+        ),
         (
             "/formats/0",
             "name delta_bytes index_bytes dense_f32_bytes position_error position_error_rel normal_error_deg",
@@ -28,6 +34,10 @@ fn the_report_states_error_against_bytes() {
     }
     let text = ok(&[&["info"], &HEAD[..]].concat());
     assert!(text.contains("1,200 vertices") && text.contains("eyeBlinkLeft"), "{text}");
+    assert!(
+        text.contains("deltas in small:") && text.contains("fixed16") && text.contains("1 in steps of 2^-"),
+        "{text}"
+    );
     let names: Vec<&str> = plain["formats"].as_array().unwrap().iter().map(|f| f["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["float32", "snorm16", "block-float32", "fast", "small", "pair"]);
 

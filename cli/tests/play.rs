@@ -22,6 +22,9 @@ fn play_keeps_its_contract_on_every_path() {
         &["--device", "llvmpipe", "--accumulate", "exact", "--slots", "3", "--format", "small"],
         &["--device", "SwiftShader", "--accumulate", "exact", "--error-budget", "1e-4d"],
         &["--device", "llvmpipe", "--path", "compute", "--batch-size", "4"],
+        &["--path", "cpu", "--format", "small", "--pose", "fixed16"],
+        &["--device", "llvmpipe", "--pose", "fixed16", "--error-budget", "1e-4d"],
+        &["--device", "SwiftShader", "--pose", "fixed32"],
     ] {
         let out = json(&[&["play", &dir, "--every", "5", "--json", "-"], how].concat());
         has(&out, "schema device input frames summary");
@@ -41,7 +44,7 @@ fn play_keeps_its_contract_on_every_path() {
         }
         let summary = &out["summary"];
         has(summary, "frames changed_mean bytes_moved_mean gpu_ms_median max_error max_error_rel");
-        has(summary, "path format accumulate slots error_budget bound gpu_ms_mean cpu_us_median dense_bytes_mean");
+        has(summary, "path format accumulate pose slots error_budget bound gpu_ms_mean cpu_us_median dense_bytes_mean");
         has(summary, "bytes_share normal_error_deg raw_error_rel request_error_rel");
         let sum: u64 = frames.iter().map(|f| f["bytes_moved"].as_u64().unwrap()).sum();
         assert!((summary["bytes_moved_mean"].as_f64().unwrap() - sum as f64 / 24.0).abs() < 1.0);
@@ -51,6 +54,52 @@ fn play_keeps_its_contract_on_every_path() {
         moved.push(summary["bytes_share"].as_f64().unwrap());
     }
     assert!(moved[0] < 0.5 * moved[1], "blocks move less than whole poses: {moved:?}");
+    assert!(moved[6] < 0.85 * moved[0], "poses of half the size move less: {moved:?}");
+}
+
+/// Each pose format says what it loses: float32 by drift, fixed16 by rounding to its unit, fixed32 nothing.
+#[test]
+fn poses_are_within_the_bound_that_is_stated_beside_their_error() {
+    for (device, more) in [("llvmpipe", &[][..]), ("SwiftShader", &[]), ("llvmpipe", &["--animated"])] {
+        for (pose, accumulate) in [("float32", "float"), ("fixed32", "exact"), ("fixed16", "exact")] {
+            if pose == "float32" && !more.is_empty() {
+                continue;
+            }
+            let how = ["play", "--device", device, "--every", "5", "--pose", pose, "--format", "small", "--json", "-"];
+            let summary = json(&[&how[..], &HEAD, more].concat())["summary"].clone();
+            let [error, bound] = ["max_error_rel", "bound_rel"].map(|field| summary[field].as_f64().unwrap());
+            assert_eq!((&summary["pose"], &summary["accumulate"]), (&pose.into(), &accumulate.into()));
+            match pose {
+                "fixed16" => assert!(1e-7 < error && error <= bound + 3e-6 && bound < 1e-4, "{summary}"),
+                "fixed32" => assert!(error <= 3e-6 && bound == 0.0, "{summary}"),
+                _ => assert!(error <= bound, "{summary}"),
+            }
+        }
+    }
+    let text = ok(&[&["play", "--path", "cpu", "--pose", "fixed16"], &HEAD[..]].concat());
+    assert!(text.contains("cpu fast exact fixed16, 2 slots") && text.contains("by rounding poses"), "{text}");
+}
+
+/// Integers have a largest weight: random ones stay within it, and what is asked for beyond it is refused.
+#[test]
+fn weights_are_held_up_to_the_largest() {
+    let run = |command: &[&'static str], more: &[&'static str]| {
+        [command, &HEAD[..], &["--path", "cpu", "--pose", "fixed16", "--weight-max"], more].concat()
+    };
+    let error = |most: &'static str| {
+        let soaked = json(&run(&["soak", "--frames", "200"], &[most, "--json", "-"]));
+        assert_eq!(soaked["bit_exact"], true, "{soaked}");
+        [soaked["max_error_rel"].as_f64().unwrap(), soaked["bound_rel"].as_f64().unwrap()]
+    };
+    let [narrow, wide] = ["1", "8"].map(error);
+    assert!(narrow[1] < wide[1] && narrow[0] < wide[0], "the smaller the weights, the finer: {narrow:?} {wide:?}");
+    // The clip reaches beyond.
+    let (code, text) = fails(&run(&["play"], &["0.125"]));
+    assert!(code == 1 && text.contains("use a larger weight_max"), "{text}");
+    for most in ["300", "1e30"] {
+        let (code, text) = fails(&run(&["soak", "--frames", "2"], &[most]));
+        assert!(code == 2 && text.contains("for fixed16 poses") && text.contains("fixed32"), "{text}");
+    }
 }
 
 #[test]
@@ -120,6 +169,30 @@ fn soak_keeps_its_contract_and_its_promises() {
         hashes.push(exact["sums_hash"].as_str().unwrap().to_owned());
     }
     assert!(hashes.iter().all(|h| *h == hashes[0] && h.len() == 16), "the same sums on every driver: {hashes:?}");
+    // Poses of 16 bits do not depend on the driver or the history either.
+    let mut narrow = vec![];
+    for how in [
+        &["--path", "cpu", "--slots", "1"][..],
+        &["--path", "cpu", "--format", "fast", "--error-budget", "1e-3d"],
+        &["--device", "llvmpipe"],
+        &["--device", "SwiftShader", "--slots", "3"],
+    ] {
+        let how = if how.contains(&"fast") { how.to_vec() } else { [how, &["--format", "small"]].concat() };
+        let soaked = soak(&[&["--pose", "fixed16"][..], &how].concat());
+        assert_eq!((&soaked["bit_exact"], &soaked["accumulate"]), (&true.into(), &"exact".into()), "{soaked}");
+        assert!(soaked["bound"].as_f64() > Some(0.0) && soaked["pose"] == "fixed16", "{soaked}");
+        narrow.push(soaked["sums_hash"].as_str().unwrap().to_owned());
+    }
+    assert!(narrow.iter().all(|h| *h == narrow[0]) && narrow[0] != hashes[0], "{narrow:?}");
+}
+
+/// The integers of a long soak, as every version so far has summed them.
+#[test]
+fn exact_sums_are_those_of_earlier_versions() {
+    let long = ["soak", "--vertices", "4000", "--targets", "16", "--frames", "20000", "--path", "cpu", "--json", "-"];
+    let hash = |more: [&str; 2]| json(&[&long[..], &more].concat())["sums_hash"].clone();
+    assert_eq!(hash(["--accumulate", "exact"]), "866570bd094822f7");
+    assert_eq!(hash(["--pose", "fixed32"]), "866570bd094822f7");
 }
 
 #[test]
@@ -146,6 +219,7 @@ fn bad_arguments_exit_with_2_and_failures_with_1() {
         ("--path", "cpu,blocks"),
         ("--mode", "incremental,rebuild"),
         ("--accumulate", "float,exact"),
+        ("--pose", "fixed16,fixed32"),
         ("--format", "fast,small"),
     ] {
         check(&["play", &dir, option, several], 2, &[&format!("{option}: play takes one; name one of them")]);
@@ -153,6 +227,13 @@ fn bad_arguments_exit_with_2_and_failures_with_1() {
     check(&["play", &dir, "--weights", "none.csv", "--path", "cpu"], 1, &["none.csv"]);
     check(&["play", &dir, "--path", "cpu", "--format", "float32", "--accumulate", "exact"], 1, &["exact", "'fast'"]);
     check(&["play", &dir, "--path", "compute", "--format", "small"], 2, &["--format", "float32 or snorm16"]);
+    check(&["play", &dir, "--accumulate", "float", "--pose", "fixed16"], 2, &["contradict each other", "fixed16"]);
+    check(&["soak", &dir, "--frames", "2", "--accumulate", "exact", "--pose", "float32"], 2, &["contradict"]);
+    check(&["play", &dir, "--path", "compute", "--pose", "fixed16"], 2, &["'compute' takes float32", "'blocks'"]);
+    check(&["play", &dir, "--path", "scatter", "--pose", "fixed32"], 2, &["'scatter' takes float32"]);
+    check(&["play", &dir, "--path", "scatter", "--accumulate", "float"], 2, &["'scatter' adds integers"]);
+    check(&["play", &dir, "--animated", "--pose", "float32"], 1, &["float32 poses", "Fixed16"]);
+    check(&["play", &dir, "--path", "cpu", "--format", "block-float32", "--pose", "fixed16"], 2, &["'fast'"]);
     check(&["play", &dir, "--path", "cpu", "--json", "/nonexistent/x.json"], 1, &["/nonexistent/x.json"]);
     check(&["soak", &dir], 2, &["--frames"]);
     let narrow = ["soak", &dir, "--frames", "9", "--path", "cpu", "--drift", "1e-9", "--accumulate", "float"];

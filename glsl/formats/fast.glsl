@@ -12,7 +12,8 @@ void load_entry(uint entry, uint lane, out DELTA position[VERTICES], out DELTA n
     shifts = uvec2(0u);
     uint at = deltas_at + entry * (BLOCK_SIZE / 4u * 9u);
 #ifdef TEXELS
-    uint header = texelFetch(asset, int(entry / 4u))[entry & 3u];
+    uint header_at = headers_at + entry;
+    uint header = texelFetch(asset, int(header_at / 4u))[header_at & 3u];
     // Two words of bytes for eight vertices, so that lanes share texels.
     uvec4 bytes = texelFetch(asset, int((at + 2u * BLOCK_SIZE) / 4u + lane / 2u));
     uvec2 c = (lane & 1u) == 0u ? bytes.xy : bytes.zw;
@@ -25,7 +26,7 @@ void load_entry(uint entry, uint lane, out DELTA position[VERTICES], out DELTA n
         }
     }
 #else
-    uint header = asset[entry];
+    uint header = asset[headers_at + entry];
     int c = bitfieldExtract(int(asset[at + 2u * BLOCK_SIZE + (lane >> 2)]), int(8u * (lane & 3u)), 8);
     decode_fast(asset[at + lane], asset[at + BLOCK_SIZE + lane], c, position[0], normal[0]);
 #endif

@@ -18,7 +18,7 @@ void load_entry(uint entry, uint lane, out DELTA position[VERTICES], out DELTA n
     shifts = uvec2(0u);
     position[0] = ivec3(0);
     normal[0] = ivec3(0);
-    uint header = entry * (2u + BLOCK_SIZE / 32u);
+    uint header = headers_at + entry * (2u + BLOCK_SIZE / 32u);
     uint word = lane >> 5;
     uint mask = asset[header + 2u + word];
     uint bit = lane & 31u;

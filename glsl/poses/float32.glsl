@@ -24,18 +24,27 @@
     destination[3u * vertex + 2u] = normal.yz;
 
 // All poses of a group of instances, where POSES_BINDING says and, with TEXELS, the binding after it; the number
-// `at` of a pose is that of a component. LOAD and STORE are crowd.comp's.
+// `at` of a pose is that of a component.
+#define NUMBER float
 #ifdef POSES_BINDING
 #ifdef TEXELS
 // What is loaded as texels is stored as integers.
 ALIASED layout(set = 0, binding = POSES_BINDING, std430) buffer Poses { uint64_t poses[]; };
-ALIASED layout(set = 0, binding = POSES_BINDING + 1, rgba32f) uniform imageBuffer pose_texels;
-#define LOAD_POSE(value, at) LOAD(vec4, value, NUMBERS, imageLoad(pose_texels, TEXEL(at)))
+ALIASED layout(set = 0, binding = POSES_BINDING + 1, rgba32ui) uniform uimageBuffer pose_texels;
+#define LOAD_POSE(value, at) \
+    [[unroll]] for (uint i = 0u; i < NUMBERS; i += 4u) { \
+        vec4 four = uintBitsToFloat(imageLoad(pose_texels, int(((at) + i) / 4u))); \
+        [[unroll]] for (uint j = 0u; j < 4u; ++j) value[i + j] = four[j]; \
+    }
+#define STORE_POSE_NUMBERS(at, value) \
+    [[unroll]] for (uint i = 0u; i < NUMBERS; i += 2u) { \
+        poses[((at) + i) / 2u] = packUint2x32(floatBitsToUint(vec2(value[i], value[i + 1u]))); \
+    }
 #else
 layout(set = 0, binding = POSES_BINDING, std430) buffer Poses { float poses[]; };
-#define LOAD_POSE(value, at) LOAD(value, NUMBERS, poses[(at) + i])
+#define LOAD_POSE(value, at) [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) value[i] = poses[(at) + i];
+#define STORE_POSE_NUMBERS(at, value) [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) poses[(at) + i] = value[i];
 #endif
-#define STORE_POSE_NUMBERS(at, value) STORE(poses, at, value)
 #define LOAD_COMPONENT(at) poses[at]
 #define STORE_COMPONENT(at, value) poses[at] = value
 #endif

@@ -27,7 +27,7 @@ macro_rules! delta_formats {
             blocks {
                 /// In blocks, six float32: 24 bytes per vertex and entry.
                 ///
-                /// Exact, but not for [`Accumulate::Exact`](crate::plan::Accumulate).
+                /// Exact, but not for poses of integers.
                 BlockFloat32 block_float32 { id: 1, name: "block-float32" }
 
                 /// In blocks, 9 bytes per vertex and entry.
@@ -58,19 +58,37 @@ pub(crate) use delta_formats;
 
 /// Expand a macro with arguments and the list of pose formats.
 ///
-/// An item is the documentation of a `PoseFormat`; its name; its files' name; and the fields of its [`PoseRow`].
+/// An item is the documentation of a `PoseFormat`, whose first line the command line shows; its name; its files' name,
+/// which is its name on the command line; and the fields of its [`PoseRow`] that are not float32's.
 macro_rules! pose_formats {
     ($expanded:ident $arguments:tt) => {
         $expanded! { $arguments
-            /// Six float32, one after the other: 24 bytes per vertex, two vertex attributes of three floats at 0 and 12.
+            /// Six float32: 24 bytes per vertex, the pose itself.
+            ///
+            /// Two vertex attributes of three floats, at 0 and 12. Accumulation rounds.
             #[default]
-            Float32 float32 { stride: 24, attributes: &[(R32G32B32_SFLOAT, 0), (R32G32B32_SFLOAT, 12)] }
+            Float32 float32 { attributes: &[(R32G32B32_SFLOAT, 0), (R32G32B32_SFLOAT, 12)] }
+
+            /// Six signed 32-bit integers: 24 bytes per vertex, the exact displacement from the base pose in steps.
+            ///
+            /// Two vertex attributes of three integers, at 0 and 12. For deltas that are integers, in blocks.
+            Fixed32 fixed32 { bits: 32, attributes: &[(R32G32B32_SINT, 0), (R32G32B32_SINT, 12)] }
+
+            /// Six signed 16-bit integers: 12 bytes per vertex, the displacement from the base pose in steps.
+            ///
+            /// What each target adds is rounded to the step, as a function of its weight alone: sums are exact, and
+            /// do not depend on the history. A vertex attribute of four integers at 0 (position, first number of the
+            /// normal) and one of two at 8. For deltas that are integers, in blocks.
+            Fixed16 fixed16 { stride: 12, bits: 16, attributes: &[(R16G16B16A16_SINT, 0), (R16G16_SINT, 8)] }
         }
     };
 }
 pub(crate) use pose_formats;
 
-/// The number of the `VkFormat` of three floats.
+// Numbers of `VkFormat`.
+const R16G16_SINT: u32 = 82;
+const R16G16B16A16_SINT: u32 = 96;
+const R32G32B32_SINT: u32 = 105;
 const R32G32B32_SFLOAT: u32 = 106;
 
 /// A pose format.
@@ -78,16 +96,30 @@ const R32G32B32_SFLOAT: u32 = 106;
 pub struct PoseRow {
     /// Name of its files, without the ending; the first format's is no part of the names of SPIR-V modules.
     pub file: &'static str,
+    /// What it is, in a line.
+    pub summary: &'static str,
     /// Bytes of a vertex.
     pub stride: u32,
+    /// Bits of a number that is an integer: sums of integers, for deltas that are integers. 0: numbers are float32.
+    pub bits: u32,
     /// Vertex attributes, from location 0 on, that a draw reads the six numbers from: `VkFormat` and offset.
     pub attributes: &'static [(u32, u32)],
 }
 
+impl PoseRow {
+    const fn float32(file: &'static str, summary: &'static str) -> Self {
+        Self { file, summary: summary.trim_ascii(), stride: 24, bits: 0, attributes: &[] }
+    }
+}
+
 macro_rules! pose_rows {
-    (() $($(#[$meta:meta])* $name:ident $file:ident { $($fields:tt)* })*) => {
+    (() $(
+        #[doc = $summary:literal] $(#[doc = $more:literal])* $(#[default])?
+        $name:ident $file:ident { $($fields:tt)* }
+    )*) => {
         /// Every pose format, in the order of `PoseFormat::ALL`.
-        pub const POSE_FORMATS: &[PoseRow] = &[$(PoseRow { file: stringify!($file), $($fields)* }),*];
+        pub const POSE_FORMATS: &[PoseRow] =
+            &[$(PoseRow { $($fields)*, ..PoseRow::float32(stringify!($file), $summary) }),*];
     };
 }
 pose_formats!(pose_rows());

@@ -7,7 +7,7 @@
 //!
 //! Plain data without dependencies but [`formats`](super::formats), since build.rs includes this file.
 
-use super::formats::FormatRow;
+use super::formats::{FormatRow, PoseRow};
 
 /// Vertex attributes that modules are made for at most; two are the pose.
 pub const ATTRIBUTES_MAX: u32 = 32;
@@ -35,20 +35,17 @@ pub enum Takes {
     DenseBatches,
     /// A module for each format in blocks.
     Blocks,
-    /// A module for each format in blocks whose deltas are integers.
-    Integers,
     /// A module for each format whose entries are loaded as texels, too.
     Texels,
 }
 
 impl Takes {
-    /// Whether there are modules for a format.
+    /// Whether there are modules for deltas in a format.
     pub fn takes(self, format: &FormatRow) -> bool {
         match self {
             Self::NoDeltas => false,
             Self::Dense | Self::DenseBatches => !format.blocks,
             Self::Blocks => format.blocks,
-            Self::Integers => format.blocks && format.integers,
             Self::Texels => format.texels,
         }
     }
@@ -121,7 +118,8 @@ pub struct KernelRow {
     pub defines: &'static [&'static str],
     /// The delta formats.
     pub takes: Takes,
-    /// There are modules for each pose format, too; otherwise for the first, or the kernel reads and writes no poses.
+    /// There are modules for each pose format that goes with the deltas, too; otherwise for the first, or the kernel
+    /// reads and writes no poses.
     pub poses: bool,
     /// Set 0.
     pub bindings: &'static [Binding],
@@ -136,6 +134,12 @@ pub struct KernelRow {
 }
 
 impl KernelRow {
+    /// Whether there are modules for deltas and poses in a pair of formats; `None`: for a kernel that reads no deltas.
+    pub fn takes(&self, format: Option<&FormatRow>, pose: &PoseRow) -> bool {
+        let poses = pose.bits == 0 || self.poses && format.is_none_or(|format| format.integers);
+        poses && format.map_or(self.takes == Takes::NoDeltas, |format| self.takes.takes(format))
+    }
+
     /// Its file under glsl/.
     pub fn source(&self) -> String {
         let folder = if self.baseline { "baselines/" } else { "" };
@@ -165,7 +169,6 @@ const ANIMATION: KernelRow =
 const DENSE: KernelRow = KernelRow {
     name: "dense",
     takes: Takes::Dense,
-    poses: true,
     bindings: &[(0, Buffer::Poses), (1, Buffer::Poses), (2, Buffer::DynamicDeltas)],
     aliased: &[0, 1],
     push: Push::Dense,
@@ -177,25 +180,13 @@ const BLOCKS: KernelRow = KernelRow {
     name: "blocks",
     stage: Stage::ComputeSized,
     takes: Takes::Blocks,
-    poses: true,
     bindings: &[(0, WORDS), (1, WORDS), (2, WORDS)],
     push: Push::Blocks,
     constants: 2,
     ..COMPUTE
 };
-/// With integer sums beside the poses, which are float32.
-const BLOCKS_EXACT: KernelRow = KernelRow {
-    suffix: "exact",
-    defines: &["EXACT"],
-    takes: Takes::Integers,
-    poses: false,
-    bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)],
-    ..BLOCKS
-};
-/// Two more specialization constants: instances of a tile, rows at a time; and a third, whether they start from the
-/// base pose, where sums are not exact.
-const CROWD: KernelRow = KernelRow { name: "crowd", constants: 5, ..BLOCKS };
-const CROWD_EXACT: KernelRow = KernelRow { name: "crowd", constants: 4, ..BLOCKS_EXACT };
+/// Three more specialization constants: instances of a tile, rows at a time, and whether all start from the base pose.
+const CROWD: KernelRow = KernelRow { name: "crowd", poses: true, constants: 5, ..BLOCKS };
 /// A draw that others' technique `direct` evaluates: deltas, weights.
 const DIRECT: KernelRow = KernelRow {
     name: "direct",
@@ -209,10 +200,9 @@ const ATTRIBUTES: KernelRow = KernelRow { takes: Takes::DenseBatches, push: Push
 
 const WORDS: Buffer = Buffer::Storage(4);
 const PAIRS: Buffer = Buffer::Storage(8);
-/// R32G32B32A32_UINT, _SINT and _SFLOAT.
+/// R32G32B32A32_UINT.
 const WORD_TEXELS: Buffer = Buffer::UniformTexels(107);
-const SUM_TEXELS: Buffer = Buffer::StorageTexels(108);
-const POSE_TEXELS: Buffer = Buffer::StorageTexels(109);
+const POSE_TEXELS: Buffer = Buffer::StorageTexels(107);
 
 /// Every kernel.
 pub const KERNELS: &[KernelRow] = &[
@@ -235,14 +225,11 @@ pub const KERNELS: &[KernelRow] = &[
         ..DENSE
     },
     KernelRow { name: "feedback", ..ATTRIBUTES },
-    // Blocks of one instance, with masks.
+    // Blocks of one instance, with masks of what changes.
     BLOCKS,
-    BLOCKS_EXACT,
-    // Whole blocks of several instances.
+    // Whole blocks, of several instances at once.
     CROWD,
-    CROWD_EXACT,
-    // The same for software drivers. Poses and sums are bound as pairs of words to be stored, and as texels to be
-    // loaded.
+    // The same for software drivers. Poses are bound as pairs of words to be stored, and as texels to be loaded.
     KernelRow {
         suffix: "texels",
         defines: &["TEXELS"],
@@ -250,14 +237,6 @@ pub const KERNELS: &[KernelRow] = &[
         bindings: &[(0, WORD_TEXELS), (1, WORD_TEXELS), (2, PAIRS), (3, POSE_TEXELS)],
         aliased: &[2, 3],
         ..CROWD
-    },
-    KernelRow {
-        suffix: "exact_texels",
-        defines: &["EXACT", "TEXELS"],
-        takes: Takes::Texels,
-        bindings: &[(0, WORD_TEXELS), (1, WORD_TEXELS), (2, PAIRS), (3, POSE_TEXELS), (4, PAIRS), (5, SUM_TEXELS)],
-        aliased: &[2, 3, 4, 5],
-        ..CROWD_EXACT
     },
     // Techniques of others. The set of `scatter` and `resolve` is records, sums, base pose, destination.
     KernelRow {

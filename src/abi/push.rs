@@ -59,18 +59,22 @@ shared! {
         first_item: u32,
         /// Index of the first element's first word in the work list (`blocks.comp`).
         elements_at: u32,
-        /// Index of the first delta word of the asset.
+        /// Where headers would begin in the asset, in words, if the part that is bound had those of all blocks.
+        headers_at: u32,
+        /// Where deltas would begin, likewise.
         deltas_at: u32,
-        /// Index of the base pose's first word in the asset.
+        /// Where the base pose would begin, likewise.
         base_at: u32,
         /// Numbers of a pose: six for each vertex, padding included.
         pose_floats: u32,
-        /// Poses of an instance.
-        slots: u32,
-        /// Input units of an integer sum, or of a step for float32 sums: positions.
+        /// Input units of an integer delta, for float32 sums: positions.
         position_unit: f32,
-        /// Input units of an integer sum, or of a step for float32 sums: normals.
+        /// Input units of an integer delta, for float32 sums: normals.
         normal_unit: f32,
+        /// Lowest bits of products that rounding drops, for poses of few bits: positions.
+        position_dropped: u32,
+        /// Lowest bits of products that rounding drops, for poses of few bits: normals.
+        normal_dropped: u32,
     }
 
     /// Push constants of `read.comp`.
@@ -112,6 +116,8 @@ shared! {
         chunk_items: u32,
         budget_at: u32,
         requested_at: u32,
+        /// Rows have the weight that a pose holds beside the new one, 16 bits each.
+        pairs: u32,
     }
 
     /// Push constants of `baselines/scatter.comp`.

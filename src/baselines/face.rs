@@ -32,7 +32,6 @@ impl MorphEngine {
                 "pack the mesh as small",
             ));
         };
-        index.exact()?;
         let (words, first) = records(mesh, &index);
         let bytes = size_of_val(words.as_slice()) as u64;
         self.check_not_empty(&layout)?;

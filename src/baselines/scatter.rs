@@ -1,7 +1,7 @@
 //! The `scatter` path (O3DE Atom, Unity): a thread for each delta adds to the sums of its vertex by integer atomics,
 //! then a pass makes the pose of the sums.
 //!
-//! Weights and deltas are integers on the grid of exact sums ([`ExactGrid`]):
+//! Weights and deltas are integers on the grid of exact sums ([`PoseGrid`]):
 //! nothing overflows, and the sums are those of `blocks` with exact sums, bit for bit. So is the error: that of
 //! packing, and at most ½ · weight step · Σ |delta| for weights that are not on the grid.
 
@@ -15,7 +15,7 @@ use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::memory::Buffer;
 use crate::gpu::mesh::MeshBuffers;
 use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines};
-use crate::pack::blocks::{BlockIndex, ExactGrid};
+use crate::pack::blocks::{BlockIndex, PoseGrid};
 use crate::pack::{DeltaFormat, POSE_FLOATS, PackedMesh, PoseFormat};
 use crate::plan::UpdateStats;
 use crate::plan::instances::Instances;
@@ -125,7 +125,7 @@ pub(crate) struct ScatterTechnique {
     /// With the first record of each target, and the number of all, in its private words.
     mesh: Arc<MeshBuffers>,
     poses: Poses,
-    grid: ExactGrid,
+    grid: PoseGrid,
     /// Input units of a sum: positions, normals.
     units: [f32; 2],
     planner: DensePlanner,
@@ -137,8 +137,8 @@ pub(crate) struct ScatterTechnique {
 impl ScatterTechnique {
     pub(crate) fn new(context: Context<'_>) -> Result<Self> {
         let (device, desc, mesh, poses) = (context.device, context.desc, context.mesh, context.poses);
-        let (index, kernel) = (mesh.layout.index()?, context.kernels.get(Scatter)?);
-        let grid = index.exact()?;
+        let kernel = context.kernels.get(Scatter)?;
+        let grid = mesh.layout.index()?.grid(PoseFormat::Fixed32, desc.update.weight_max)?;
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::TRANSFER_DST
             | vk::BufferUsageFlags::TRANSFER_SRC;
@@ -160,7 +160,7 @@ impl ScatterTechnique {
             mesh: mesh.clone(),
             poses,
             grid,
-            units: index.steps().map(|step| step * grid.weight_step()),
+            units: grid.units,
             planner: one_pass(desc)?,
             sums,
         })
@@ -231,7 +231,7 @@ impl Technique for ScatterTechnique {
         }
     }
 
-    fn exact(&self) -> Option<ExactGrid> {
+    fn grid(&self) -> Option<PoseGrid> {
         Some(self.grid)
     }
 

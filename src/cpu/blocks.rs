@@ -1,4 +1,5 @@
-//! The CPU twin of `glsl/blocks.comp`: one block at a time, the same loads and stores.
+//! The CPU twin of `glsl/blocks.comp`, and of `glsl/crowd.comp` for a single instance where poses are integers: one block
+//! at a time, the same loads and stores.
 //!
 //! A meter gets the bytes of each load and store; a test holds the planner's count against them.
 
@@ -6,48 +7,38 @@ use super::workers::Workers;
 use crate::abi::worklist::{ELEMENT_BYTES, Element, ITEM_WORDS};
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::pack::formats::{BlockFormat, with_format};
-use crate::pack::{POSE_FLOATS, PackedGroup};
+use crate::pack::{POSE_FLOATS, PackedGroup, PoseFormat};
 use crate::update::blocks::{GroupPlan, Item};
+use bytemuck::{AnyBitPattern, NoUninit, cast_slice};
 use std::ops::Range;
 
 /// Fewer blocks than this are not worth waking another thread for.
 const PIECE_BLOCKS: usize = 12;
 
-/// The pose buffers that an update of one instance touches.
-pub(super) struct Buffers<'a> {
-    /// The slot that is read; `None`: the one that is written.
-    pub source: Option<&'a [f32]>,
-    pub destination: &'a mut [f32],
-    /// For exact sums; else empty.
-    pub sums: &'a mut [i32],
-}
-
-/// Carry out the items of one instance.
+/// Carry out the items of one instance. `source` is the slot that is read, `None`: the one that is written.
 pub(super) fn run(
     workers: &Workers,
     packed: &PackedGroup,
     plan: &GroupPlan,
     mut items: Range<usize>,
-    Buffers { source, mut destination, mut sums }: Buffers<'_>,
+    source: Option<&[u32]>,
+    mut destination: &mut [u32],
 ) {
-    let (list, floats) = (&plan.list, plan.index.size() * POSE_FLOATS);
+    let (list, words) = (&plan.list, plan.index.size() * plan.pose().stride() / size_of::<u32>());
     let piece = items.len().div_ceil(workers.threads() * 4).max(PIECE_BLOCKS);
     let mut end = 0;
-    // Pieces of the list, each with the part of the buffers that it writes.
+    // Pieces of the list, each with the part of the pose that it writes.
     let pieces = std::iter::from_fn(|| {
         let taken = items.start..items.end.min(items.start + piece);
         let (start, last) = (end, list.items[taken.clone()].last()?);
-        (items.start, end) = (taken.end, (last.block as usize + 1) * floats);
-        let part = ..end - start;
-        Some((taken, start, destination.split_off_mut(part)?, sums.split_off_mut(part).unwrap_or_default()))
+        (items.start, end) = (taken.end, (last.block as usize + 1) * words);
+        Some((taken, start, destination.split_off_mut(..end - start)?))
     });
-    workers.for_each(pieces, |(items, start, destination, sums)| {
+    workers.for_each(pieces, |(items, start, destination)| {
         for i in items {
-            let from = list.items[i].block as usize * floats;
-            let block = Block::new(packed, plan, i, source.map(|s| &s[from..from + floats]));
-            let place = from - start..from - start + floats;
-            let sums = sums.get_mut(place.clone()).unwrap_or_default();
-            block.run(&mut destination[place], sums, &mut |_| {});
+            let from = list.items[i].block as usize * words;
+            let block = Block::new(packed, plan, i, source.map(|s| &s[from..from + words]));
+            block.run(&mut destination[from - start..][..words], &mut |_| {});
         }
     });
 }
@@ -60,57 +51,100 @@ pub(crate) struct Block<'a> {
     elements: &'a [Element],
     masks: &'a [u32],
     /// The block in the slot that is read; `None`: in the one that is written.
-    source: Option<&'a [f32]>,
+    source: Option<&'a [u32]>,
     base: &'a [f32],
 }
 
 /// What a kernel adds up in (float32, or integers that wrap) of deltas whose numbers are `C`.
 trait Sum<C>: Copy + Default {
-    /// A coefficient as the work list has it, times the unit of an entry: its step, or 2^shift.
-    fn coefficient(bits: u32, step: f32, shift: u32) -> Self;
-    fn add(self, coefficient: Self, delta: C) -> Self;
+    /// What an entry is multiplied by.
+    type Factor: Copy;
+
+    /// It, from the coefficient as the work list has it. `unit`: the step of the entry's triple, and the bits of products
+    /// that are dropped; deltas are to be shifted by `shift`.
+    fn factor(bits: u32, unit: (f32, u32), shift: u32) -> Self::Factor;
+
+    fn add(self, factor: Self::Factor, delta: C) -> Self;
 }
 
 impl Sum<i32> for f32 {
+    type Factor = f32;
+
     #[inline(always)]
-    fn coefficient(bits: u32, step: f32, shift: u32) -> Self {
+    fn factor(bits: u32, (step, _): (f32, u32), shift: u32) -> f32 {
         // Both factors are powers of two.
         f32::from_bits(bits) * (step * (1u32 << shift) as f32)
     }
+
     #[inline(always)]
-    fn add(self, coefficient: Self, delta: i32) -> Self {
-        self + coefficient * delta as f32
+    fn add(self, factor: f32, delta: i32) -> Self {
+        self + factor * delta as f32
     }
 }
 
 impl Sum<f32> for f32 {
+    type Factor = f32;
+
     #[inline(always)]
-    fn coefficient(bits: u32, _: f32, _: u32) -> Self {
+    fn factor(bits: u32, _: (f32, u32), _: u32) -> f32 {
         f32::from_bits(bits)
     }
+
     #[inline(always)]
-    fn add(self, coefficient: Self, delta: f32) -> Self {
-        self + coefficient * delta
+    fn add(self, factor: f32, delta: f32) -> Self {
+        self + factor * delta
     }
 }
 
 impl Sum<i32> for i32 {
+    type Factor = i32;
+
     #[inline(always)]
-    fn coefficient(bits: u32, _: f32, shift: u32) -> Self {
+    fn factor(bits: u32, _: (f32, u32), shift: u32) -> i32 {
         (bits as i32).wrapping_shl(shift)
     }
+
     #[inline(always)]
-    fn add(self, coefficient: Self, delta: i32) -> Self {
-        self.wrapping_add(coefficient.wrapping_mul(delta))
+    fn add(self, factor: i32, delta: i32) -> Self {
+        self.wrapping_add(factor.wrapping_mul(delta))
     }
 }
 
-/// Never called: float32 deltas have no exact grid.
-impl Sum<f32> for i32 {
-    fn coefficient(_: u32, _: f32, _: u32) -> Self {
-        0
+/// A sum of products that are rounded, each as a function of a weight.
+#[derive(Clone, Copy, Default)]
+struct Rounded(i32);
+
+impl Sum<i32> for Rounded {
+    /// The new weight, the one that the pose holds, and the bits that are dropped.
+    type Factor = (i32, i32, u32);
+
+    #[inline(always)]
+    fn factor(bits: u32, (_, dropped): (f32, u32), shift: u32) -> Self::Factor {
+        (i32::from(bits as i16) << shift, (bits as i32 >> 16) << shift, dropped)
     }
-    fn add(self, _: Self, _: f32) -> Self {
+
+    #[inline(always)]
+    fn add(self, (new, old, dropped): Self::Factor, delta: i32) -> Self {
+        let half = 1i32 << dropped >> 1;
+        let rounded = |weight: i32| weight.wrapping_mul(delta).wrapping_add(half) >> dropped;
+        Self(self.0.wrapping_add(rounded(new)).wrapping_sub(rounded(old)))
+    }
+}
+
+/// Never called: float32 deltas have no grid.
+impl Sum<f32> for i32 {
+    type Factor = ();
+    fn factor(_: u32, _: (f32, u32), _: u32) {}
+    fn add(self, (): (), _: f32) -> Self {
+        self
+    }
+}
+
+/// Never called: float32 deltas have no grid.
+impl Sum<f32> for Rounded {
+    type Factor = ();
+    fn factor(_: u32, _: (f32, u32), _: u32) {}
+    fn add(self, (): (), _: f32) -> Self {
         self
     }
 }
@@ -120,7 +154,7 @@ type Added<T, const S: usize> = [[T; S]; POSE_FLOATS];
 
 impl<'a> Block<'a> {
     /// Item `i` of the list; `source` is its block in the slot that is read, `None`: in the one that is written.
-    pub fn new(packed: &'a PackedGroup, plan: &'a GroupPlan, i: usize, source: Option<&'a [f32]>) -> Self {
+    pub fn new(packed: &'a PackedGroup, plan: &'a GroupPlan, i: usize, source: Option<&'a [u32]>) -> Self {
         let GroupPlan { index, list, .. } = plan;
         let (floats, words) = (index.size() * POSE_FLOATS, POSE_FLOATS * index.mask_words());
         let item = &list.items[i];
@@ -135,60 +169,75 @@ impl<'a> Block<'a> {
         }
     }
 
-    /// Update the block: `destination` is its part of the slot that is written, `sums` of the integers.
-    pub fn run(&self, destination: &mut [f32], sums: &mut [i32], meter: &mut impl FnMut(usize)) {
+    /// Update the block: `destination` is its part of the slot that is written.
+    pub fn run(&self, destination: &mut [u32], meter: &mut impl FnMut(usize)) {
         match self.plan.index.size() {
-            32 => self.run_sized::<32>(destination, sums, meter),
-            64 => self.run_sized::<64>(destination, sums, meter),
-            _ => self.run_sized::<128>(destination, sums, meter),
+            32 => self.run_sized::<32>(destination, meter),
+            64 => self.run_sized::<64>(destination, meter),
+            _ => self.run_sized::<128>(destination, meter),
         }
     }
 
-    fn run_sized<const S: usize>(&self, destination: &mut [f32], sums: &mut [i32], meter: &mut impl FnMut(usize)) {
+    fn run_sized<const S: usize>(&self, destination: &mut [u32], meter: &mut impl FnMut(usize)) {
         meter(4 * (ITEM_WORDS + self.masks.len()) + ELEMENT_BYTES * self.elements.len());
-        let rebuilt = self.item.source.is_none();
-        match self.plan.exact() {
-            None => {
+        match self.plan.pose() {
+            PoseFormat::Float32 => {
                 let mut added: Added<f32, S> = [[0.0; S]; POSE_FLOATS];
                 self.add_up(&mut added, meter);
-                match if rebuilt { Some(self.base) } else { self.source } {
+                let from = if self.item.source.is_none() { Some(self.base) } else { self.source.map(cast_slice) };
+                let destination = bytemuck::cast_slice_mut(destination);
+                match from {
                     Some(from) => {
                         self.apply::<S>(destination, meter, |lane, c, _| from[lane * POSE_FLOATS + c] + added[c][lane]);
                     }
                     None => self.apply::<S>(destination, meter, |lane, c, old| old + added[c][lane]),
                 }
             }
-            Some(grid) => {
-                if let (false, true, Some(source)) = (rebuilt, self.elements.is_empty(), self.source) {
-                    // It only catches up.
-                    self.apply::<S>(destination, meter, |lane, c, _| source[lane * POSE_FLOATS + c]);
-                    return;
-                }
+            PoseFormat::Fixed32 => {
                 let mut added: Added<i32, S> = [[0; S]; POSE_FLOATS];
                 self.add_up(&mut added, meter);
-                let units = self.plan.index.steps().map(|step| step * grid.weight_step());
-                let before = if rebuilt { 0 } else { -1 };
-                self.apply::<S>(destination, meter, |lane, c, _| {
-                    let at = lane * POSE_FLOATS + c;
-                    let sum = (sums[at] & before).wrapping_add(added[c][lane]);
-                    sums[at] = sum;
-                    // The product is exact, the unit being a power of two; sums above 24 bits are rounded before.
-                    self.base[at] + sum as f32 * units[c / TRIPLE]
-                });
-                let components: u32 = self.masks.iter().map(|m| m.count_ones()).sum();
-                meter(components as usize * if rebuilt { 4 } else { 8 });
+                self.store(destination, meter, |old: i32, lane, c| old.wrapping_add(added[c][lane]));
+            }
+            PoseFormat::Fixed16 => {
+                let mut added: Added<Rounded, S> = [[Rounded(0); S]; POSE_FLOATS];
+                self.add_up(&mut added, meter);
+                self.store(destination, meter, |old: i16, lane, c| old.wrapping_add(added[c][lane].0 as i16));
             }
         }
+    }
+
+    /// Store all integers of the block: what `value` makes of those of the source, 0 where there is none.
+    #[inline(always)]
+    fn store<T: AnyBitPattern + NoUninit + Default>(
+        &self,
+        destination: &mut [u32],
+        meter: &mut impl FnMut(usize),
+        value: impl Fn(T, usize, usize) -> T,
+    ) {
+        let bytes = size_of_val(destination);
+        let (destination, _) = bytemuck::cast_slice_mut::<u32, T>(destination).as_chunks_mut::<POSE_FLOATS>();
+        let vertices = destination.iter_mut().enumerate();
+        match (self.item.source, self.source) {
+            (None, _) => vertices.for_each(|(lane, v)| *v = std::array::from_fn(|c| value(T::default(), lane, c))),
+            (Some(_), None) => vertices.for_each(|(lane, v)| *v = std::array::from_fn(|c| value(v[c], lane, c))),
+            (Some(_), Some(source)) => {
+                let (source, _) = cast_slice::<u32, T>(source).as_chunks::<POSE_FLOATS>();
+                vertices.zip(source).for_each(|((i, v), s)| *v = std::array::from_fn(|c| value(s[c], i, c)));
+            }
+        }
+        meter(bytes * if self.item.source.is_some() { 2 } else { 1 });
     }
 
     /// Σ coefficient · delta of each component of each vertex.
     fn add_up<T: Sum<i32> + Sum<f32>, const S: usize>(&self, added: &mut Added<T, S>, meter: &mut impl FnMut(usize)) {
         let (index, words) = (&*self.plan.index, self.packed.deltas());
+        let dropped = self.plan.grid().map_or([0; TRIPLES], |grid| grid.dropped);
+        let units = std::array::from_fn(|triple| (index.steps()[triple], dropped[triple]));
         for element in self.elements {
             with_format!(index.parts.format, dense _f => {}, blocks format => {
                 let (header, deltas) = index.locate(format, words, element.entry as usize);
                 meter(4 * (header.len() + deltas.len()));
-                add_entry(format, element.coefficient, index.steps(), header, &words[deltas], added);
+                add_entry(format, element.coefficient, units, header, &words[deltas], added);
             });
         }
     }
@@ -228,14 +277,14 @@ impl<'a> Block<'a> {
 fn add_entry<F: BlockFormat, T: Sum<F::Component>, const S: usize>(
     format: &F,
     bits: u32,
-    steps: [f32; TRIPLES],
+    units: [(f32, u32); TRIPLES],
     header: &[u32],
     deltas: &[u32],
     added: &mut Added<T, S>,
 ) {
     let shifts = format.shifts(header);
-    let coefficients: [T; TRIPLES] = std::array::from_fn(|triple| T::coefficient(bits, steps[triple], shifts[triple]));
+    let factors: [T::Factor; TRIPLES] = std::array::from_fn(|triple| T::factor(bits, units[triple], shifts[triple]));
     format.decode(S, header, deltas, |lane, c, number| {
-        added[c][lane] = added[c][lane].add(coefficients[c / TRIPLE], number);
+        added[c][lane] = added[c][lane].add(factors[c / TRIPLE], number);
     });
 }

@@ -5,14 +5,16 @@ pub(crate) mod blocks;
 mod kernel;
 mod workers;
 
+use crate::asset::streams::TRIPLES;
 use crate::error::{Error, Result};
-use crate::pack::{POSE_FLOATS, PackedGroup, PackedMesh};
+use crate::pack::{POSE_FLOATS, PackedGroup, PackedMesh, PoseFormat};
 use crate::plan::instances::{Instances, check_weights};
 use crate::plan::steps::{Source, Work};
-use crate::plan::{Accumulate, UpdateDesc, UpdateStats};
+use crate::plan::{UpdateDesc, UpdateStats};
 use crate::update::Runner;
 use crate::update::blocks::{GroupPlan, Planner};
 use crate::update::dense::{DensePlanner, Plan};
+use std::borrow::Cow;
 use std::sync::Arc;
 pub(crate) use workers::Workers;
 
@@ -38,17 +40,19 @@ enum Kind {
 pub(crate) struct Memory {
     /// Slots of an instance.
     pub slots: usize,
-    /// `[instance × slots + slot]`.
-    pub poses: Vec<Vec<f32>>,
-    /// Integer sums of each instance, for exact accumulation.
-    pub sums: Vec<Vec<i32>>,
+    /// `[instance × slots + slot]`: the words of a pose, as its format says.
+    pub poses: Vec<Vec<u32>>,
+    /// How they are stored.
+    format: PoseFormat,
+    /// Input units of integers.
+    units: [f32; TRIPLES],
 }
 
 /// Refuse poses that there is no memory for: what cannot be reserved in one piece is not there in many, and running out
 /// of it would end the process.
-fn check_memory(mesh: &PackedMesh, instances: usize, slots: usize) -> Result<()> {
+fn check_memory(mesh: &PackedMesh, pose: PoseFormat, instances: usize, slots: usize) -> Result<()> {
     let layout = mesh.layout();
-    let each = mesh.groups().iter().map(|group| group.layout().base_bytes()).sum::<u64>();
+    let each = mesh.groups().iter().map(|group| group.layout().pose_bytes(pose)).sum::<u64>();
     let bytes = each.saturating_mul(slots as u64).saturating_mul(instances as u64);
     let reserved = usize::try_from(bytes).ok().map(|bytes| Vec::<u8>::new().try_reserve_exact(bytes));
     reserved.and_then(Result::ok).ok_or_else(|| {
@@ -68,32 +72,21 @@ impl CpuCrowd {
     ///
     /// # Errors
     /// As [`UpdateDesc::check`]; a path that isn't [`UpdatePath::Cpu`](crate::plan::UpdatePath::Cpu); threads that
-    /// cannot be started; more poses than there is memory. Exact sums or an error budget for a dense format; for block
-    /// formats, exact sums that could overflow, or a tolerance that rounding alone exceeds.
+    /// cannot be started; more poses than there is memory. Poses of integers or an error budget for a dense format; for
+    /// block formats, poses of integers that could overflow, or a tolerance that rounding alone exceeds.
     pub fn new(mesh: Arc<PackedMesh>, desc: UpdateDesc, instances: usize, threads: usize) -> Result<Self> {
         desc.check_all(mesh.layout(), Runner::Cpu)?;
         let (layout, slots) = (mesh.layout(), desc.slots as usize);
-        check_memory(&mesh, instances, slots)?;
+        check_memory(&mesh, desc.pose, instances, slots)?;
         let workers = Workers::new(threads)?;
         let targets = layout.targets.len();
         let kind = match &layout.blocks {
             None => Kind::Dense(DensePlanner::new(desc, instances)?),
             Some(_) => Kind::Blocks(Planner::new(desc, mesh.groups().iter().map(PackedGroup::layout), instances)?),
         };
-        let has_sums = desc.accumulate == Accumulate::Exact;
-        let memory = |group: &PackedGroup| Memory {
-            slots,
-            poses: vec![group.base().to_vec(); instances * slots],
-            sums: vec![vec![0; if has_sums { group.base().len() } else { 0 }]; instances],
-        };
-        Ok(Self {
-            instances: Instances::new(instances, targets, desc.slots),
-            updates: 0,
-            memory: mesh.groups().iter().map(memory).collect(),
-            kind,
-            mesh,
-            workers,
-        })
+        let memory = mesh.groups().iter().map(|group| Memory::new(group, desc, instances));
+        let memory = memory.collect::<Result<_>>()?;
+        Ok(Self { instances: Instances::new(instances, targets, desc.slots), updates: 0, memory, kind, mesh, workers })
     }
 
     /// Names, steps and sizes of the mesh.
@@ -106,11 +99,11 @@ impl CpuCrowd {
     /// # Errors
     /// An instance out of range; a wrong number of weights; one that is not finite or out of range.
     pub fn set_weights(&mut self, instance: usize, weights: &[f32]) -> Result<()> {
-        let exact = match &self.kind {
+        let grid = match &self.kind {
             Kind::Dense(_) => None,
-            Kind::Blocks(planner) => planner.exact(),
+            Kind::Blocks(planner) => planner.grid(),
         };
-        check_weights(weights, self.mesh.layout(), exact)?;
+        check_weights(weights, self.mesh.layout(), grid)?;
         self.instances.set_weights(number(instance), weights)
     }
 
@@ -173,24 +166,25 @@ impl CpuCrowd {
         }
     }
 
-    /// The pose of an instance in a group (that in the first slot while there is none) and its previous pose.
-    fn poses(&self, instance: usize, group: usize) -> Result<(&[f32], Option<&[f32]>)> {
+    /// The memory and mesh of a group, and which poses in it are that of an instance (that in the first slot while there
+    /// is none) and its previous pose.
+    fn poses(&self, instance: usize, group: usize) -> Result<(&Memory, &PackedGroup, usize, Option<usize>)> {
         let place = self.instances.check(number(instance))?;
-        let memory = self.memory.get(group).ok_or_else(|| {
-            let (name, groups) = (&self.mesh.layout().name, self.memory.len());
-            Error::invalid(format!("group {group} of mesh '{name}', which has {groups}"), "count groups from 0")
-        })?;
+        let (Some(memory), Some(mesh)) = (self.memory.get(group), self.mesh.groups().get(group)) else {
+            let text = format!("group {group} of mesh '{}', which has {}", self.mesh.layout().name, self.memory.len());
+            return Err(Error::invalid(text, "count groups from 0"));
+        };
         let (slot, previous) = self.instances.slots_of(place).unwrap_or_default();
-        let pose = |slot: u32| memory.poses[place * memory.slots + slot as usize].as_slice();
-        Ok((pose(slot), previous.map(pose)))
+        let pose = |slot: u32| place * memory.slots + slot as usize;
+        Ok((memory, mesh, pose(slot), previous.map(pose)))
     }
 
     /// The pose of an instance after the last update: six floats a vertex, with padding, in the order of pose buffers
-    /// ([`PackedLayout::to_user_order`](crate::pack::PackedLayout::to_user_order)).
+    /// ([`PackedLayout::to_user_order`](crate::pack::PackedLayout::to_user_order)). Integers are decoded.
     ///
     /// # Errors
     /// An instance out of range or removed.
-    pub fn pose(&self, instance: usize) -> Result<&[f32]> {
+    pub fn pose(&self, instance: usize) -> Result<Cow<'_, [f32]>> {
         self.group_pose(instance, 0)
     }
 
@@ -198,15 +192,16 @@ impl CpuCrowd {
     ///
     /// # Errors
     /// An instance out of range or removed; a group out of range.
-    pub fn group_pose(&self, instance: usize, group: usize) -> Result<&[f32]> {
-        Ok(self.poses(instance, group)?.0)
+    pub fn group_pose(&self, instance: usize, group: usize) -> Result<Cow<'_, [f32]>> {
+        let (memory, mesh, pose, _) = self.poses(instance, group)?;
+        Ok(memory.decode(mesh, pose))
     }
 
     /// The pose before the last update, where it is still there; the pose itself when nothing changed.
     ///
     /// # Errors
     /// An instance out of range or removed.
-    pub fn previous_pose(&self, instance: usize) -> Result<Option<&[f32]>> {
+    pub fn previous_pose(&self, instance: usize) -> Result<Option<Cow<'_, [f32]>>> {
         self.previous_group_pose(instance, 0)
     }
 
@@ -214,22 +209,42 @@ impl CpuCrowd {
     ///
     /// # Errors
     /// As [`group_pose`](Self::group_pose).
-    pub fn previous_group_pose(&self, instance: usize, group: usize) -> Result<Option<&[f32]>> {
-        Ok(self.poses(instance, group)?.1)
+    pub fn previous_group_pose(&self, instance: usize, group: usize) -> Result<Option<Cow<'_, [f32]>>> {
+        let (memory, mesh, _, previous) = self.poses(instance, group)?;
+        Ok(previous.map(|pose| memory.decode(mesh, pose)))
     }
 
-    /// The integer sums of positions and normals of an instance, in the order of pose buffers; `None` unless it
-    /// accumulates exactly.
+    /// The pose of an instance in a group of the mesh, as its [format](PoseFormat) stores it.
     ///
     /// # Errors
-    /// An instance out of range or removed.
-    pub fn sums(&self, instance: usize) -> Result<Option<&[i32]>> {
-        let instance = self.instances.check(number(instance))?;
-        Ok(Some(self.memory[0].sums[instance].as_slice()).filter(|sums| !sums.is_empty()))
+    /// As [`group_pose`](Self::group_pose).
+    pub fn stored_pose(&self, instance: usize, group: usize) -> Result<&[u8]> {
+        let (memory, _, pose, _) = self.poses(instance, group)?;
+        Ok(bytemuck::cast_slice(&memory.poses[pose]))
     }
 }
 
 impl Memory {
+    /// The base pose in every slot.
+    pub(crate) fn new(mesh: &PackedGroup, desc: UpdateDesc, instances: usize) -> Result<Self> {
+        let (grid, slots) = (desc.grid(mesh.layout())?, desc.slots as usize);
+        let pose = match grid {
+            Some(_) => vec![0; mesh.layout().pose_bytes(desc.pose) as usize / size_of::<u32>()],
+            None => bytemuck::cast_slice(mesh.base()).to_vec(),
+        };
+        let units = grid.map_or([1.0; TRIPLES], |grid| grid.units);
+        Ok(Self { slots, poses: vec![pose; instances * slots], format: desc.pose, units })
+    }
+
+    /// A pose as floats.
+    pub(crate) fn decode(&self, mesh: &PackedGroup, pose: usize) -> Cow<'_, [f32]> {
+        let words = &self.poses[pose];
+        match self.format.has_integers() {
+            false => Cow::Borrowed(bytemuck::cast_slice(words)),
+            true => Cow::Owned(self.format.decode(bytemuck::cast_slice(words), mesh.base(), self.units)),
+        }
+    }
+
     /// Carry a dense pass of an instance out.
     fn run_pass(&mut self, mesh: &PackedGroup, workers: &Workers, instance: usize, plan: &Plan, work: &Work) {
         let at = instance * self.slots;
@@ -238,10 +253,11 @@ impl Memory {
         let source = match work.source {
             Source::Base => Some(mesh.base()),
             Source::Slot(slot) if slot == work.destination => None,
-            Source::Slot(slot) => Some(self.poses[at + slot as usize].as_slice()),
+            Source::Slot(slot) => Some(bytemuck::cast_slice(&self.poses[at + slot as usize])),
         };
         for (first, vertices) in mesh.layout().chunks() {
-            let chunk = &mut destination[first * POSE_FLOATS..][..vertices * POSE_FLOATS];
+            let chunk =
+                &mut bytemuck::cast_slice_mut(&mut destination)[first * POSE_FLOATS..][..vertices * POSE_FLOATS];
             workers.for_each_piece(chunk, |at, out| {
                 let first = first + at / POSE_FLOATS;
                 let source = source.map(|s| &s[first * POSE_FLOATS..][..out.len()]);
@@ -263,8 +279,7 @@ impl Memory {
             // Items of one instance read one slot, but for those that start from base.
             let from = run.iter().find_map(|item| item.source).filter(|&s| s as usize != to);
             let source = from.map(|slot| self.poses[at + slot as usize].as_slice());
-            let sums = &mut self.sums[instance];
-            blocks::run(workers, mesh, plan, items, blocks::Buffers { source, destination: &mut destination, sums });
+            blocks::run(workers, mesh, plan, items, source, &mut destination);
             self.poses[at + to] = destination;
         }
     }

@@ -1,7 +1,7 @@
 //! What every crowd has: poses, instances, slots, tickets, and a technique that updates them.
 
 use super::upload::GpuMesh;
-use crate::asset::streams::{Semantic, StreamPlace};
+use crate::asset::streams::{Semantic, StreamPlace, TRIPLES};
 use crate::error::{Error, Result};
 use crate::gpu::device::Device;
 use crate::gpu::memory::Buffer;
@@ -44,7 +44,7 @@ pub struct Update {
 }
 
 /// Where a pose is: from `offset` on, each vertex as its [`PoseFormat`] says. Normals are not normalised.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PoseView {
     /// The buffer; usable as vertex, storage and transfer-source buffer.
@@ -57,6 +57,9 @@ pub struct PoseView {
     pub stride: u32,
     /// How vertices are stored.
     pub format: PoseFormat,
+    /// Input units of integers, of each triple of a vertex (of positions and of normals): a number is that of the base
+    /// pose plus integer × unit. 1 where numbers are float32.
+    pub units: [f32; 2],
     /// Which slot of the instance it is.
     pub slot: u32,
 }
@@ -147,11 +150,16 @@ impl CrowdBase {
         };
         let buffers = mesh.layouts().map(buffer).collect::<Result<Vec<_>>>()?;
         let format = desc.update.pose;
-        let group = |(mesh, buffer): (&Arc<MeshBuffers>, &Buffer)| PoseGroup {
-            mesh: mesh.clone(),
-            poses: Poses { buffer: buffer.raw, format, bytes: mesh.layout.pose_bytes(format), slots },
+        let group = |(mesh, buffer): (&Arc<MeshBuffers>, &Buffer)| {
+            let (layout, buffer) = (&mesh.layout, buffer.raw);
+            let units = match format.has_integers() {
+                true => desc.update.grid(layout)?.map_or([1.0; TRIPLES], |grid| grid.units),
+                false => [1.0; TRIPLES],
+            };
+            let poses = Poses { buffer, format, bytes: layout.pose_bytes(format), slots, units };
+            Ok(PoseGroup { mesh: mesh.clone(), poses })
         };
-        let groups: Vec<PoseGroup> = mesh.groups.iter().zip(&buffers).map(group).collect();
+        let groups: Vec<PoseGroup> = mesh.groups.iter().zip(&buffers).map(group).collect::<Result<_>>()?;
         let (mesh, poses) = (&groups[0].mesh, groups[0].poses);
         Ok(Self {
             technique: make(Context { device, kernels, mesh, desc, poses, all: &groups })?,
@@ -308,6 +316,7 @@ impl CrowdBase {
     pub(crate) fn view(&self, instance: u32, slot: u32, group: usize) -> PoseView {
         let poses = self.groups[group].poses;
         PoseView {
+            units: poses.units,
             buffer: poses.buffer,
             offset: poses.offset(instance, slot),
             size: poses.bytes,

@@ -155,7 +155,7 @@ impl Crowd {
     /// active targets than a draw of `direct-attributes` takes. Nothing changes then.
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
         let CrowdBase { technique, .. } = &self.base;
-        check_weights(weights, self.base.layout(), technique.exact())?;
+        check_weights(weights, self.base.layout(), technique.grid())?;
         technique.check_weights(weights)?;
         self.base.instances.set_weights(instance, weights)
     }

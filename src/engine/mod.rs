@@ -136,7 +136,7 @@ impl MorphEngine {
     /// every instance at the time set, plans, and carries the plan out; the CPU records the same commands whatever
     /// changes.
     ///
-    /// Sums are exact: they do not drift, and there is no bound to keep. With an error budget, changes are deferred
+    /// Poses are integers: they do not drift, and there is no bound to keep. With an error budget, changes are deferred
     /// target by target ([`error_budget`](field@crate::plan::UpdateDesc::error_budget)). Slots always rotate. Instances
     /// that have played nothing yet show the base pose. What an update wrote only the GPU knows:
     /// [`UpdateStats`](crate::plan::UpdateStats) count a pass, and nothing else. There is no ring of lists either: any
@@ -153,7 +153,7 @@ impl MorphEngine {
     /// [`AnimatedCrowd::release_staging`] once it has run.
     ///
     /// # Errors
-    /// As [`create_crowd`](Self::create_crowd) and [`Clips::new`]; float sums, more than 32 slots; more
+    /// As [`create_crowd`](Self::create_crowd) and [`Clips::new`]; float32 poses, more than 32 slots; more
     /// instances, clips or entries than the device's storage range holds, with the numbers. Nothing is recorded then.
     ///
     /// # Safety
@@ -169,7 +169,8 @@ impl MorphEngine {
         animation: &AnimationDesc<'_>,
     ) -> Result<AnimatedCrowd> {
         self.check_crowd(mesh, desc, Runner::Animated(Some(&self.device.caps)))?;
-        let clips = Clips::new(animation, mesh.layout())?;
+        let grid = desc.update.grid(mesh.layout())?.ok_or_else(|| Error::invalid("float32 poses", "use fixed16"))?;
+        let clips = Clips::new(animation, mesh.layout(), grid)?;
         // Weights are the GPU's: none are set.
         let base = CrowdBase::new(&self.device, &self.kernels, mesh, desc, 0, |context| {
             Ok(Box::new(Animated::new(context, clips)?))

@@ -1,8 +1,10 @@
 //! A mesh in device memory.
 
 use super::barriers;
+use super::descriptors::BufferRange;
 use super::device::Device;
 use super::memory::{Buffer, STAGING};
+use super::parts::AssetPart;
 use crate::error::Result;
 use crate::pack::PackedLayout;
 use crate::plan::schedule::asset_uploaded;
@@ -17,6 +19,8 @@ pub(crate) struct MeshBuffers {
     pub(crate) base: Buffer,
     /// Dense formats: the deltas. Block formats: headers, deltas and base pose, the whole asset.
     pub(crate) deltas: Buffer,
+    /// Block formats: the parts of the asset that descriptors cover.
+    pub(crate) parts: Vec<AssetPart>,
     /// Uploaded for one technique, in words of its own: what that has to know of them on the host. Else empty.
     pub(crate) private: Vec<u32>,
 }
@@ -39,12 +43,21 @@ impl MeshBuffers {
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
             | vk::BufferUsageFlags::VERTEX_BUFFER
+            | vk::BufferUsageFlags::TRANSFER_SRC
             | vk::BufferUsageFlags::TRANSFER_DST;
         let (base_bytes, delta_bytes): (&[u8], &[u8]) = (bytemuck::cast_slice(base), bytemuck::cast_slice(deltas));
-        // In blocks the base pose follows the deltas, and no buffer of its own is needed.
-        let one_buffer = layout.format.is_blocks() && private.is_empty();
-        let (base_size, base_at) = if one_buffer { (0, delta_bytes.len()) } else { (layout.base_bytes(), 0) };
-        let deltas_size = if private.is_empty() { deltas_bytes(&layout) } else { delta_bytes.len() as u64 };
+        let parts = match layout.format.is_blocks() && private.is_empty() {
+            true => AssetPart::cut(&layout, deltas, device.caps.max_storage_range)?,
+            false => vec![],
+        };
+        // In blocks the base pose follows the deltas. Draws and decoding want it in one piece: where the asset is cut, it
+        // has a buffer of its own besides.
+        let base_size = if parts.len() == 1 { 0 } else { layout.base_bytes() };
+        let deltas_size = match parts.last() {
+            Some(last) => last.end(),
+            None if private.is_empty() => deltas_bytes(&layout),
+            None => delta_bytes.len() as u64,
+        };
         let base = Buffer::new(device, "deltamorph base pose", base_size, usage, MemoryLocation::GpuOnly)?;
         let deltas = Buffer::new(device, "deltamorph deltas", deltas_size, usage, MemoryLocation::GpuOnly)?;
         let (bytes, usage) = ((base_bytes.len() + delta_bytes.len()) as u64, vk::BufferUsageFlags::TRANSFER_SRC);
@@ -53,17 +66,27 @@ impl MeshBuffers {
         mapped[..base_bytes.len()].copy_from_slice(base_bytes);
         mapped[base_bytes.len()..][..delta_bytes.len()].copy_from_slice(delta_bytes);
 
-        let region = |src_offset: usize, dst_offset: usize, size: usize| {
-            let [src_offset, dst_offset, size] = [src_offset, dst_offset, size].map(|bytes| bytes as u64);
-            vk::BufferCopy { src_offset, dst_offset, size }
-        };
-        let base_buffer = if one_buffer { &deltas } else { &base };
-        let mut copies = vec![
-            (base_buffer.raw, region(0, base_at, base_bytes.len())),
-            (deltas.raw, region(base_bytes.len(), 0, delta_bytes.len())),
-        ];
+        let region =
+            |from: usize, bytes: &[u8]| vk::BufferCopy::default().src_offset(from as u64).size(bytes.len() as u64);
+        let mut copies: Vec<_> =
+            parts.iter().flat_map(|part| part.copies(&layout)).map(|copy| (deltas.raw, copy)).collect();
+        if parts.len() != 1 {
+            copies.push((base.raw, region(0, base_bytes)));
+        }
+        if parts.is_empty() {
+            copies.push((deltas.raw, region(base_bytes.len(), delta_bytes)));
+        }
         copies.retain(|(_, region)| region.size > 0);
-        Ok((Self { layout, base, deltas, private }, Upload { staging, copies }))
+        Ok((Self { layout, base, deltas, parts, private }, Upload { staging, copies }))
+    }
+
+    /// Where the base pose is.
+    pub(crate) fn base_pose(&self) -> BufferRange {
+        let size = self.layout.base_bytes();
+        match &self.parts[..] {
+            [whole] => BufferRange::new(self.deltas.raw, whole.end() - size, size),
+            _ => BufferRange::new(self.base.raw, 0, size),
+        }
     }
 }
 

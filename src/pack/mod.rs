@@ -122,14 +122,14 @@ impl PackedMesh {
         Ok(Self::of_groups(groups))
     }
 
-    /// The mesh of these groups, of which there is one at least. Weights are the mesh's, and so is their grid: the
-    /// coarsest grid of its groups.
+    /// The mesh of these groups, of which there is one at least. Weights are the mesh's, and so is their grid, on which
+    /// sums of no group may overflow.
     fn of_groups(mut groups: Vec<PackedGroup>) -> Self {
-        let grids = groups.iter().filter_map(|group| group.layout.blocks.as_ref()?.exact);
-        let coarsest = grids.min_by_key(|grid| grid.weight_bits);
+        let sums = groups.iter().filter_map(|group| Some(group.layout.blocks.as_ref()?.largest_sum));
+        let largest = sums.fold(0.0, f64::max);
         for index in groups.iter_mut().filter_map(|group| group.layout.blocks.as_mut()) {
-            if index.exact.is_some() && index.exact != coarsest {
-                Arc::make_mut(index).exact = coarsest;
+            if index.largest_sum != largest {
+                Arc::make_mut(index).largest_sum = largest;
             }
         }
         Self { groups }

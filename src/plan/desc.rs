@@ -1,8 +1,10 @@
-//! How poses are to be updated: path, mode, batch size, sums, slots.
+//! How poses are to be updated: path, mode, batch size, format, slots.
 
 use super::paths::UpdatePath;
 use super::steps::Consumers;
-use crate::pack::PoseFormat;
+use crate::error::Result;
+use crate::pack::blocks::PoseGrid;
+use crate::pack::{PackedLayout, PoseFormat};
 use crate::setters::setters;
 
 impl UpdatePath {
@@ -61,38 +63,6 @@ impl std::fmt::Display for BatchSize {
     }
 }
 
-/// How poses add up (block formats; dense ones are always `Float`, without the bound).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Accumulate {
-    /// float32 sums. A bound on what rounding may have done to a block's positions is kept, and a block whose bound
-    /// would exceed `tolerance` (a fraction of the diagonal) starts from the base pose again. Streams beside positions
-    /// and normals have no such bound: in long runs, use [`Exact`](Self::Exact).
-    Float {
-        /// Largest position error that accumulation may cause, as a fraction of the bounding-box diagonal.
-        tolerance: f32,
-    },
-    /// Integer sums on a grid of weights and deltas ([`ExactGrid`](crate::pack::blocks::ExactGrid)): after any
-    /// number of updates, in any order and on any driver, bit for bit what a full evaluation gives.
-    Exact,
-}
-
-impl Default for Accumulate {
-    /// float32 with a tolerance of 1e-5 of the diagonal.
-    fn default() -> Self {
-        Self::Float { tolerance: 1e-5 }
-    }
-}
-
-impl Accumulate {
-    /// The name used on the command line and in reports.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Float { .. } => "float",
-            Self::Exact => "exact",
-        }
-    }
-}
-
 /// How poses are to be updated. The same for all instances of a crowd, for its life.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
@@ -107,13 +77,20 @@ pub struct UpdateDesc {
     /// previous pose under `feedback` and `vertex-store`, too, whose passes alternate between the other two. The direct
     /// paths have no pose buffers, and this says nothing there.
     pub slots: u32,
-    /// How poses add up (block formats).
-    pub accumulate: Accumulate,
-    /// How poses are stored.
+    /// How poses are stored, and so how they add up: float32 accumulates rounding; integers are exact sums on a grid of
+    /// weights and deltas ([`PoseGrid`](crate::pack::blocks::PoseGrid)), bit for bit what a full evaluation gives, after
+    /// any number of updates, in any order and on any driver (block formats).
     pub pose: PoseFormat,
+    /// Largest position error that accumulation in float32 may cause, as a fraction of the bounding-box diagonal (block
+    /// formats). A bound on it is kept, and a block whose bound would exceed this starts from the base pose again. Streams
+    /// beside positions and normals have no such bound: in long runs, use poses of integers.
+    pub tolerance: f32,
+    /// Largest weight, either sign, that poses of integers have to hold; `None`: 1 in 16 bits, in 32 what the mesh was
+    /// packed with. The smaller, the finer their unit ([`BlockIndex::grid`](crate::pack::blocks::BlockIndex::grid)).
+    pub weight_max: Option<f32>,
     /// How far a vertex may be from where the requested weights would put it, as a length in input units (block
     /// formats). Smaller changes are deferred until they add up to more, or until the same weights are requested again;
-    /// 0 defers none. Errors of packing, and rounding by [`Accumulate::Exact`], are not part of it. It bounds positions;
+    /// 0 defers none. Errors of packing, and of rounding to a grid, are not part of it. It bounds positions;
     /// normals are deferred with them, other streams only in crowds that are animated on the GPU.
     pub error_budget: f32,
 }
@@ -123,20 +100,35 @@ setters!(UpdateDesc {
     batch: BatchSize,
     mode: UpdateMode,
     slots: u32,
-    accumulate: Accumulate,
-    error_budget: f32,
     pose: PoseFormat,
+    tolerance: f32,
+    weight_max: Option<f32>,
+    error_budget: f32,
 });
 
 impl UpdateDesc {
-    /// Incremental updates in two slots with float sums; rebuilds and exact sums for paths that know nothing else.
+    /// Incremental updates of float32 poses in two slots, with a tolerance of 1e-5; rebuilds for paths that know nothing
+    /// else.
     pub const fn new(path: UpdatePath, batch: BatchSize) -> Self {
-        let accumulate = match path.row().exact_only {
-            true => Accumulate::Exact,
-            false => Accumulate::Float { tolerance: 1e-5 },
-        };
         let (mode, pose) = (path.default_mode(), PoseFormat::Float32);
-        Self { path, batch, mode, slots: 2, accumulate, pose, error_budget: 0.0 }
+        Self { path, batch, mode, slots: 2, pose, tolerance: 1e-5, weight_max: None, error_budget: 0.0 }
+    }
+
+    /// The grid of weights and poses for a mesh packed like this; `None`: weights and poses are float32.
+    ///
+    /// # Errors
+    /// As [`BlockIndex::grid`](crate::pack::blocks::BlockIndex::grid); a dense format, which has none.
+    pub fn grid(&self, layout: &PackedLayout) -> Result<Option<PoseGrid>> {
+        self.integers().map(|pose| layout.index()?.grid(pose, self.weight_max)).transpose()
+    }
+
+    /// What sums are of, where they are exact: poses of integers, or the integers that a path has instead of them.
+    pub(crate) const fn integers(&self) -> Option<PoseFormat> {
+        match self.path.row().sums_integers {
+            true => Some(PoseFormat::Fixed32),
+            false if self.pose.has_integers() => Some(self.pose),
+            false => None,
+        }
     }
 
     /// The path `blocks`: incremental updates in two slots.

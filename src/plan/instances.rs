@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::pack::PackedLayout;
-use crate::pack::blocks::ExactGrid;
+use crate::pack::blocks::PoseGrid;
 use crate::weights::delta;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -185,19 +185,19 @@ impl History {
     }
 }
 
-/// Check weights for a mesh: as [`delta::check_weights`], and within the grid of exact sums.
+/// Check weights for a mesh: as [`delta::check_weights`], and within the grid of poses of integers.
 ///
 /// # Errors
 /// A wrong number of weights, or one that is out of range; the message names it.
-pub(crate) fn check_weights(weights: &[f32], layout: &PackedLayout, exact: Option<ExactGrid>) -> Result<()> {
+pub(crate) fn check_weights(weights: &[f32], layout: &PackedLayout, grid: Option<PoseGrid>) -> Result<()> {
     let name = |i: usize| layout.targets.get(i).map(|t| t.name.as_str());
     delta::check_weights(weights, name, layout.targets.len())?;
-    let most = exact.map_or(delta::WEIGHT_MAX, |grid| grid.weight_max);
+    let most = grid.map_or(delta::WEIGHT_MAX, |grid| grid.weight_max);
     match weights.iter().position(|w| w.abs() > most) {
         None => Ok(()),
         Some(i) => Err(Error::invalid(
             format!("the weight of target {i} ('{}') is {}", name(i).unwrap_or("?"), weights[i]),
-            format!("exact sums of this mesh stand weights from -{most} to {most}: pack with a larger weight_max"),
+            format!("poses of integers hold weights from -{most} to {most} here: use a larger weight_max"),
         )),
     }
 }

@@ -1,6 +1,6 @@
 //! The update paths: the one list of them.
 
-use crate::pack::DeltaFormat;
+use crate::pack::{DeltaFormat, PoseFormat};
 
 /// What a path needs of a device.
 #[derive(Clone, Copy, Debug)]
@@ -33,10 +33,12 @@ pub(crate) struct PathRow {
     name: &'static str,
     summary: &'static str,
     formats: &'static [DeltaFormat],
+    /// The pose formats that it takes.
+    poses: &'static [PoseFormat],
     pub(crate) needs: Needs,
     pub(crate) batch: Batch,
-    /// Its sums are integers, and it has no error budget.
-    pub(crate) exact_only: bool,
+    /// It sums integers, which a last pass makes float32 poses of, and has no error budget.
+    pub(crate) sums_integers: bool,
     /// It updates all groups of a mesh, not only positions and normals.
     pub(crate) takes_groups: bool,
     /// Its meshes are uploaded in words of their own.
@@ -53,9 +55,10 @@ impl PathRow {
             name,
             summary: summary.trim_ascii(),
             formats: &DeltaFormat::DENSE,
+            poses: &[PoseFormat::Float32],
             needs: Needs::Workgroups,
             batch: Batch::Any,
-            exact_only: false,
+            sums_integers: false,
             takes_groups: true,
             has_own_upload: false,
             rebuilds_only: false,
@@ -112,13 +115,13 @@ update_paths! {
         /// Compute, for the blocks of vertices that a changed target touches, and no others
         ///
         /// One workgroup for each. Takes the block formats. The one to use where there is a GPU.
-        Blocks "blocks" { formats: &DeltaFormat::BLOCKS };
+        Blocks "blocks" { formats: &DeltaFormat::BLOCKS, poses: &PoseFormat::ALL };
     }
     host {
         /// SIMD and threads, without Vulkan
         ///
         /// Takes every format.
-        Cpu "cpu" { formats: &DeltaFormat::ALL };
+        Cpu "cpu" { formats: &DeltaFormat::ALL, poses: &PoseFormat::ALL };
     }
     baselines {
         /// Baseline: the passes of feedback, stored by the vertex shader
@@ -127,7 +130,7 @@ update_paths! {
         ///
         /// A last pass makes the pose of the sums.
         Scatter "scatter" {
-            formats: &[DeltaFormat::Small], has_own_upload: true, exact_only: true,
+            formats: &[DeltaFormat::Small], has_own_upload: true, sums_integers: true,
             rebuilds_only: true, takes_groups: false
         };
         /// Baseline: each draw evaluates all active targets (Costigan et al., Bevy, three.js, Filament)
@@ -184,8 +187,13 @@ impl UpdatePath {
         !matches!(self.row().batch, Batch::Attributes)
     }
 
-    /// The formats it takes.
+    /// The delta formats it takes.
     pub const fn formats(self) -> &'static [DeltaFormat] {
         self.row().formats
+    }
+
+    /// The pose formats it takes: integers with deltas that are integers, in blocks.
+    pub const fn poses(self) -> &'static [PoseFormat] {
+        self.row().poses
     }
 }

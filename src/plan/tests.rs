@@ -132,7 +132,7 @@ fn bad_descriptions_are_refused() {
         (UpdateDesc { slots: 0, ..UpdateDesc::new(UpdatePath::Compute, BatchSize::All) }, "1 to 64 slots"),
         (UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(0)), "batch size of 0"),
         (UpdateDesc::new(UpdatePath::Feedback, BatchSize::All), "vertex attributes"),
-        (UpdateDesc { accumulate: Accumulate::Float { tolerance: 0.0 }, ..UpdateDesc::blocks() }, "a tolerance of 0"),
+        (UpdateDesc { tolerance: 0.0, ..UpdateDesc::blocks() }, "a tolerance of 0"),
         (UpdateDesc { error_budget: -1.0, ..UpdateDesc::blocks() }, "an error budget of -1"),
         (UpdateDesc { error_budget: 1.0, ..UpdateDesc::new(UpdatePath::Compute, BatchSize::All) }, "with 'compute'"),
     ] {

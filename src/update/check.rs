@@ -4,7 +4,7 @@ use super::blocks::check_tolerance;
 use crate::error::{Error, Result};
 use crate::gpu::caps::DeviceCaps;
 use crate::pack::PackedLayout;
-use crate::plan::{Accumulate, BatchSize, UpdateDesc, UpdateMode, UpdatePath};
+use crate::plan::{BatchSize, UpdateDesc, UpdateMode, UpdatePath};
 
 /// Most slots of a crowd that is animated on the GPU, which keeps a bit for each update since a slot was written.
 const ANIMATED_SLOTS_MAX: u32 = 32;
@@ -26,9 +26,8 @@ impl UpdateDesc {
     /// Check the description.
     ///
     /// # Errors
-    /// A batch size of 0; no slot, or too few slots for the path; a tolerance or budget that is no length, or exact
-    /// sums or a budget on a dense path; incremental updates of a path that only rebuilds; `scatter` with anything but
-    /// exact sums.
+    /// A batch size of 0; no slot, or too few slots for the path; a tolerance or budget that is no length; a pose format
+    /// that the path does not take; a budget on a path that has none; incremental updates of a path that only rebuilds.
     pub fn check(&self) -> Result<()> {
         let (path, name) = (self.path, self.path.name());
         let least = if path.works_in_place() { 1 } else { 2 };
@@ -36,21 +35,23 @@ impl UpdateDesc {
             let remedy = format!("use {least} to 64 slots (2 is ping-pong)");
             return refuse(format!("{} slots for update path '{name}'", self.slots), remedy);
         }
-        let tolerance = match self.accumulate {
-            Accumulate::Float { tolerance } => tolerance,
-            Accumulate::Exact => 1.0,
-        };
+        let tolerance = self.tolerance;
         if !(tolerance > 0.0 && self.error_budget >= 0.0 && self.error_budget.is_finite()) {
             let what = format!("a tolerance of {tolerance} and an error budget of {}", self.error_budget);
             return refuse(what, "use a tolerance above 0 and a budget of 0 or more");
+        }
+        if !path.poses().contains(&self.pose) {
+            let names: Vec<&str> = path.poses().iter().map(|pose| pose.name()).collect();
+            let remedy = format!("use {} poses here, or the path 'blocks' or 'cpu'", names.join(" or "));
+            return refuse(format!("{} poses with '{name}'", self.pose.name()), remedy);
         }
         if path.rebuilds_only() && self.mode == UpdateMode::Incremental {
             let remedy = "use the mode 'rebuild': this technique evaluates every pose from the base pose";
             return refuse(format!("incremental updates through '{name}'"), remedy);
         }
-        if path.row().exact_only && (self.accumulate != Accumulate::Exact || self.error_budget > 0.0) {
-            let remedy = "use exact sums and no budget: it adds integers, each pose afresh";
-            return refuse(format!("float sums or an error budget with '{name}'"), remedy);
+        if path.row().sums_integers && self.error_budget > 0.0 {
+            let remedy = "use no budget: it adds integers, each pose afresh";
+            return refuse(format!("an error budget with '{name}'"), remedy);
         }
         if !path.formats().iter().any(|format| format.is_blocks()) {
             self.check_dense(name)?;
@@ -68,8 +69,8 @@ impl UpdateDesc {
     /// Check the description for a mesh packed like this.
     ///
     /// # Errors
-    /// As [`check`](Self::check); in block formats, as [`BlockIndex::exact`](crate::pack::blocks::BlockIndex::exact)
-    /// where sums are exact, else a tolerance that rounding exceeds in a pose fresh from base, all weights being 1.
+    /// As [`check`](Self::check); in block formats, as [`BlockIndex::grid`](crate::pack::blocks::BlockIndex::grid) where
+    /// poses are integers, else a tolerance that rounding exceeds in a pose fresh from base, all weights being 1.
     pub fn check_for(&self, layout: &PackedLayout) -> Result<()> {
         self.check_all(layout, Runner::Unknown)
     }
@@ -92,20 +93,19 @@ impl UpdateDesc {
             Runner::Unknown | Runner::Cpu | Runner::Animated(None) => {}
         }
         if let Some(index) = &layout.blocks {
-            match self.accumulate {
-                Accumulate::Exact => index.exact().map(drop),
-                Accumulate::Float { tolerance } => check_tolerance(tolerance, layout, index),
-            }?;
+            if self.grid(layout)?.is_none() {
+                check_tolerance(self.tolerance, layout, index)?;
+            }
         }
         if let Runner::Animated(_) = runner { self.check_animated(layout) } else { Ok(()) }
     }
 
     /// Refuse what only block formats have; `name` is the path's or the format's.
     fn check_dense(&self, name: &str) -> Result<()> {
-        let what = match self.accumulate {
-            Accumulate::Exact => "exact accumulation",
-            Accumulate::Float { .. } if self.error_budget > 0.0 => "an error budget",
-            Accumulate::Float { .. } => return Ok(()),
+        let what = match self.pose.has_integers() {
+            true => format!("{} poses", self.pose.name()),
+            false if self.error_budget > 0.0 => "an error budget".into(),
+            false => return Ok(()),
         };
         let remedy = "use the path 'blocks', or 'cpu' with a block format ('fast', 'small')";
         refuse(format!("{what} with '{name}'"), remedy)
@@ -146,8 +146,9 @@ impl UpdateDesc {
             let what = format!("mesh '{}', whose targets move nothing of {},", layout.name, streams.join(" and "));
             return refuse(what, "draw these streams as they are in the mesh, and leave them out here");
         }
-        if self.accumulate != Accumulate::Exact {
-            return refuse("float sums".into(), "use Accumulate::Exact: integer sums do not drift");
+        if !self.pose.has_integers() {
+            let what = format!("{} poses", self.pose.name());
+            return refuse(what, "use PoseFormat::Fixed16 or Fixed32: sums of integers do not drift");
         }
         if self.slots > ANIMATED_SLOTS_MAX {
             return refuse(format!("{} slots", self.slots), "use at most 32");

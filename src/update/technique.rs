@@ -1,12 +1,13 @@
 //! What a crowd needs of a way to update its poses.
 
+use crate::asset::streams::TRIPLES;
 use crate::error::{Error, Result};
 use crate::gpu::caps::DeviceCaps;
 use crate::gpu::descriptors::BufferRange;
 use crate::gpu::device::Device;
 use crate::gpu::mesh::MeshBuffers;
 use crate::gpu::pipelines::Kernels;
-use crate::pack::blocks::ExactGrid;
+use crate::pack::blocks::PoseGrid;
 use crate::pack::{PackedLayout, PoseFormat};
 #[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::Accesses;
@@ -54,8 +55,8 @@ pub trait Technique: Any + Send + Sync {
     /// This update and all later ones will never run.
     fn discard_from(&mut self, _id: UpdateId) {}
 
-    /// The grid of the weights, for sums that are exact.
-    fn exact(&self) -> Option<ExactGrid> {
+    /// The grid of the weights, for sums of integers.
+    fn grid(&self) -> Option<PoseGrid> {
         None
     }
 
@@ -72,7 +73,7 @@ pub trait Technique: Any + Send + Sync {
         true
     }
 
-    /// The integer sums of an instance in the first group: buffer and offset.
+    /// Sums of integers beside the poses of an instance: buffer and offset.
     #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
     fn sums(&self, _instance: u32) -> Option<(vk::Buffer, u64)> {
         None
@@ -105,17 +106,14 @@ pub struct Poses {
     pub bytes: u64,
     /// Poses of an instance.
     pub slots: u32,
+    /// Input units of integers, by triple.
+    pub units: [f32; TRIPLES],
 }
 
 impl Poses {
     /// Where a pose begins.
     pub fn offset(&self, instance: u32, slot: u32) -> u64 {
         (u64::from(instance) * u64::from(self.slots) + u64::from(slot)) * self.bytes
-    }
-
-    /// Integer sums in a buffer of their own: of each instance as many as a pose has components.
-    pub(crate) fn sums(&self, buffer: vk::Buffer) -> Self {
-        Self { buffer, slots: 1, ..*self }
     }
 
     /// All poses of `count` instances.

@@ -4,9 +4,10 @@
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
 use deltamorph::internals::plan::hazards::{Event, HazardChecker, Violation};
 use deltamorph::internals::plan::schedule::asset_uploaded;
+use deltamorph::reference::evaluate_group;
 use deltamorph::{
-    Accumulate, BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, MorphMesh, PackDesc, PackedMesh, PoseError,
-    UpdateDesc, UpdatePath,
+    BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, MorphMesh, POSE_FLOATS, PackDesc, PackedGroup,
+    PackedMesh, PoseError, PoseFormat, PoseGrid, UpdateDesc, UpdatePath,
 };
 
 /// What the project promises after whole clips: positions within this share of the diagonal…
@@ -96,11 +97,8 @@ pub fn complaints(headless: &Headless) -> Vec<String> {
 pub fn update_descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc> {
     let mut descs = vec![];
     if format.is_blocks() {
-        let blocks = UpdateDesc::blocks().accumulate(Accumulate::Float { tolerance: 1e-2 });
-        descs.push(blocks);
-        if format != DeltaFormat::BlockFloat32 {
-            descs.push(blocks.accumulate(Accumulate::Exact));
-        }
+        descs.push(UpdateDesc::blocks().tolerance(1e-2));
+        descs.extend(fixed().into_iter().filter(|_| format.has_integers()));
         return descs;
     }
     for path in [UpdatePath::Feedback, UpdatePath::Compute, UpdatePath::VertexStore] {
@@ -120,15 +118,52 @@ pub fn update_descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc
     descs
 }
 
-/// What the poses of `desc` are compared with: `weights`, on the grid of exact sums where it has one.
-pub fn applied(mesh: &PackedMesh, desc: &UpdateDesc, weights: &[f32]) -> Vec<f32> {
-    match (&mesh.layout().blocks, desc.accumulate) {
-        (Some(blocks), Accumulate::Exact) => {
-            let grid = blocks.exact().expect("an exact grid");
-            weights.iter().map(|&w| grid.round(w)).collect()
-        }
-        _ => weights.to_vec(),
+/// Poses of integers, in 32 and in 16 bits, with room for what [`weights`] gives.
+pub fn fixed() -> [UpdateDesc; 2] {
+    let desc = UpdateDesc::blocks().weight_max(Some(4.0));
+    [PoseFormat::Fixed32, PoseFormat::Fixed16].map(|pose| desc.pose(pose))
+}
+
+/// The integers that poses on `grid` hold for `weights`, in the user's order: products in float64, which has them
+/// exactly, each rounded to the unit.
+pub fn integers(group: &PackedGroup, grid: &PoseGrid, weights: &[f32]) -> Vec<f64> {
+    let mut sums = vec![0.0; group.layout().vertex_count * POSE_FLOATS];
+    for (target, &weight) in weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
+        let weight = f64::from(grid.round(weight));
+        group.for_each_delta(target, |vertex, delta| {
+            for (c, delta) in delta.into_iter().enumerate() {
+                sums[vertex * POSE_FLOATS + c] += (weight * delta / f64::from(grid.units[c / 3]) + 0.5).floor();
+            }
+        });
     }
+    sums
+}
+
+/// Whether a pose as it is stored has the [`integers`] of `weights`, vertex by vertex.
+pub fn assert_integers(group: &PackedGroup, desc: &UpdateDesc, stored: &[u8], weights: &[f32]) {
+    let grid = desc.grid(group.layout()).expect("a grid").expect("poses of integers");
+    let (sums, numbers) = (integers(group, &grid, weights), desc.pose.integers(stored));
+    let order = group.layout().blocks.as_ref().expect("blocks").order();
+    for (vertex, numbers) in order.iter().zip(numbers.as_chunks::<POSE_FLOATS>().0) {
+        let expected = &sums[*vertex as usize * POSE_FLOATS..][..POSE_FLOATS];
+        let (numbers, same) = (numbers.map(f64::from), |(a, b): (&f64, &f64)| a == b);
+        assert!(numbers.iter().zip(expected).all(same), "{desc:?}, vertex {vertex}: {numbers:?}, not {expected:?}");
+    }
+}
+
+/// What the poses of `desc` are compared with: full evaluation in float64, on the grid of integers where it has one.
+pub fn reference(mesh: &PackedMesh, desc: &UpdateDesc, weights: &[f32]) -> Vec<f64> {
+    reference_group(&mesh.groups()[0], desc, weights)
+}
+
+/// [`reference`] of a group.
+pub fn reference_group(group: &PackedGroup, desc: &UpdateDesc, weights: &[f32]) -> Vec<f64> {
+    let Some(grid) = desc.grid(group.layout()).expect("a grid for this mesh") else {
+        return evaluate_group(group, weights);
+    };
+    let base = group.layout().to_user_order(group.base()).into_iter().map(f64::from);
+    let moved = integers(group, &grid, weights).into_iter().enumerate();
+    base.zip(moved).map(|(base, (i, number))| base + number * f64::from(grid.units[i % POSE_FLOATS / 3])).collect()
 }
 
 /// One instance, two frames in flight.

@@ -15,13 +15,20 @@ pub const EDGE: u32 = 256;
 /// A pixel: u, v, light, and 1 where anything is drawn; the bits of float32.
 pub type Pixel = [u32; 4];
 
-const VERTEX: &str = "#version 450
-    layout(location = 0) in vec3 position;
-    layout(location = 1) in vec3 normal;
+/// Behind what declares the attributes of a pose format.
+const VERTEX: &str = "
+    POSE_ATTRIBUTES(posed, turned)
     layout(location = 2) in vec2 texcoord;
+    layout(location = 3) in vec3 base_position;
+    layout(location = 4) in vec3 base_normal;
     layout(location = 0) out vec3 shown;
-    layout(push_constant) uniform View { mat4 view; };
+    layout(push_constant) uniform View { mat4 view; vec2 units; };
     void main() {
+    #ifdef INTEGER_POSES
+        vec3 position = base_position + units.x * vec3(posed), normal = base_normal + units.y * vec3(turned);
+    #else
+        vec3 position = posed, normal = turned;
+    #endif
         gl_Position = view * vec4(position, 1);
         shown = vec3(texcoord, dot(normalize(normal), vec3(0.36, 0.48, 0.8)));
     }";
@@ -33,14 +40,19 @@ const FORMATS: [vk::Format; 2] = [vk::Format::R32G32B32A32_SFLOAT, vk::Format::D
 
 /// What is drawn: triangles, of an index buffer or one vertex after the other.
 pub struct Triangles {
-    /// Positions and normals, as poses have them.
-    pub pose: (vk::Buffer, u64),
+    /// Positions and normals, as poses of this format have them.
+    pub pose: (vk::Buffer, u64, PoseFormat),
+    /// Positions and normals of the base pose, and the units of integers; float32 poses need neither.
+    pub base: Option<(vk::Buffer, [f32; 2])>,
     /// Texture coordinates of the vertices.
     pub texcoords: vk::Buffer,
     pub indices: Option<vk::Buffer>,
     /// Corners of all triangles.
     pub count: u32,
 }
+
+/// The push constants of [`VERTEX`].
+const VIEW_BYTES: usize = size_of::<Mat4>() + size_of::<[f32; 2]>();
 
 type Scope = (vk::PipelineStageFlags, vk::AccessFlags);
 
@@ -57,7 +69,8 @@ pub struct Picture<'a> {
     device: &'a ash::Device,
     pass: vk::RenderPass,
     layout: vk::PipelineLayout,
-    pipeline: vk::Pipeline,
+    /// One for each pose format.
+    pipelines: [vk::Pipeline; 3],
     framebuffer: vk::Framebuffer,
     images: Vec<(vk::Image, vk::ImageView)>,
     pixels: Option<Shared>,
@@ -104,14 +117,14 @@ impl<'a> Picture<'a> {
             .subpasses(&subpass)
             .dependencies(&dependencies);
         let range =
-            [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::VERTEX).size(size_of::<Mat4>() as u32)];
+            [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::VERTEX).size(VIEW_BYTES as u32)];
         let layout = vk::PipelineLayoutCreateInfo::default().push_constant_ranges(&range);
         // SAFETY: the device is alive, and all that is created on it here is destroyed in `drop`.
         let (pass, layout) = unsafe {
             (device.create_render_pass(&pass, None).unwrap(), device.create_pipeline_layout(&layout, None).unwrap())
         };
         let mut this = Self {
-            pipeline: pipeline(device, pass, layout),
+            pipelines: PoseFormat::ALL.map(|format| pipeline(device, pass, layout, format)),
             framebuffer: vk::Framebuffer::null(),
             images: vec![],
             pixels: None,
@@ -198,6 +211,11 @@ impl<'a> Picture<'a> {
         out
     }
 
+    /// A pose that [`record_pose_copy`](Self::record_pose_copy) has copied, decoded.
+    pub fn pose(&self, shared: &Shared, view: &PoseView, base: &[f32]) -> Vec<f32> {
+        view.format.decode(&self.contents(shared)[..view.size as usize], base, view.units)
+    }
+
     /// Draw with nothing behind. `cmd` is recording outside a render pass, and the pose is ready for vertex attributes.
     pub fn record(&self, cmd: vk::CommandBuffer, triangles: &Triangles, view: &Mat4) {
         let clear = [
@@ -207,7 +225,10 @@ impl<'a> Picture<'a> {
         let area = vk::Rect2D { extent: vk::Extent2D { width: EDGE, height: EDGE }, ..Default::default() };
         let begin = vk::RenderPassBeginInfo::default().render_pass(self.pass).framebuffer(self.framebuffer);
         let begin = begin.render_area(area).clear_values(&clear);
-        let Triangles { pose: (pose, offset), texcoords, indices, count } = *triangles;
+        let Triangles { pose: (pose, offset, format), base, texcoords, indices, count } = *triangles;
+        // What is not read is bound all the same.
+        let (base, units) = base.unwrap_or((pose, [1.0; 2]));
+        assert_eq!(base != pose, format.has_integers());
         let layer = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
         let extent = vk::Extent3D { width: EDGE, height: EDGE, depth: 1 };
         let region = [vk::BufferImageCopy::default().image_subresource(layer).image_extent(extent)];
@@ -216,10 +237,10 @@ impl<'a> Picture<'a> {
         // SAFETY: `cmd` is recording (see above), and all else is ours or the caller's, alive, and large enough.
         unsafe {
             device.cmd_begin_render_pass(cmd, &begin, vk::SubpassContents::INLINE);
-            device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.pipeline);
-            let view = view.to_cols_array();
-            device.cmd_push_constants(cmd, self.layout, vk::ShaderStageFlags::VERTEX, 0, bytemuck::bytes_of(&view));
-            device.cmd_bind_vertex_buffers(cmd, 0, &[pose, texcoords], &[offset, 0]);
+            device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.pipelines[format as usize]);
+            let view = [&view.to_cols_array()[..], &units].concat();
+            device.cmd_push_constants(cmd, self.layout, vk::ShaderStageFlags::VERTEX, 0, bytemuck::cast_slice(&view));
+            device.cmd_bind_vertex_buffers(cmd, 0, &[pose, texcoords, base], &[offset, 0, 0]);
             match indices {
                 Some(indices) => {
                     device.cmd_bind_index_buffer(cmd, indices, 0, vk::IndexType::UINT32);
@@ -276,7 +297,7 @@ impl Drop for Picture<'_> {
             }
             self.buffers.take().into_iter().for_each(|buffer| self.device.destroy_buffer(buffer, None));
             self.memory.take().into_iter().for_each(|memory| self.device.free_memory(memory, None));
-            self.device.destroy_pipeline(self.pipeline, None);
+            self.pipelines.iter().for_each(|pipeline| self.device.destroy_pipeline(*pipeline, None));
             self.device.destroy_pipeline_layout(self.layout, None);
             self.device.destroy_render_pass(self.pass, None);
         }
@@ -294,20 +315,45 @@ fn spirv(stage: ShaderStage, text: &str) -> Vec<u32> {
     Compiler::acquire().expect("a compiler").create_shader(input).unwrap().compile().unwrap()
 }
 
-fn pipeline(device: &ash::Device, pass: vk::RenderPass, layout: vk::PipelineLayout) -> vk::Pipeline {
+fn pipeline(
+    device: &ash::Device,
+    pass: vk::RenderPass,
+    layout: vk::PipelineLayout,
+    format: PoseFormat,
+) -> vk::Pipeline {
+    let attributes = match format {
+        PoseFormat::Fixed32 => include_str!("../../glsl/poses/fixed32.glsl"),
+        PoseFormat::Fixed16 => include_str!("../../glsl/poses/fixed16.glsl"),
+        _ => include_str!("../../glsl/poses/float32.glsl"),
+    };
+    let vertex = format!("#version 450\n{attributes}{VERTEX}");
     let module = |stage, text| {
         let words = spirv(stage, text);
         let info = vk::ShaderModuleCreateInfo::default().code(&words);
         // SAFETY: the device is alive; the module is destroyed below.
         unsafe { device.create_shader_module(&info, None) }.unwrap()
     };
-    let modules = [module(ShaderStage::Vertex, VERTEX), module(ShaderStage::Fragment, FRAGMENT)];
+    let modules = [module(ShaderStage::Vertex, &vertex), module(ShaderStage::Fragment, FRAGMENT)];
     let stage = |stage, module| vk::PipelineShaderStageCreateInfo::default().stage(stage).module(module).name(c"main");
     let stages = [stage(vk::ShaderStageFlags::VERTEX, modules[0]), stage(vk::ShaderStageFlags::FRAGMENT, modules[1])];
-    let (pose, mut attributes) = PoseFormat::Float32.vertex_input();
-    let bindings = [pose, vk::VertexInputBindingDescription::default().binding(1).stride(8)];
-    let format = vk::Format::R32G32_SFLOAT;
-    attributes.push(vk::VertexInputAttributeDescription { location: 2, binding: 1, format, offset: 0 });
+    let (pose, mut attributes) = format.vertex_input();
+    let binding = |binding, stride| vk::VertexInputBindingDescription::default().binding(binding).stride(stride);
+    let bindings = [pose, binding(1, 8), binding(2, 24)];
+    attributes.extend([
+        vk::VertexInputAttributeDescription { location: 2, binding: 1, format: vk::Format::R32G32_SFLOAT, offset: 0 },
+        vk::VertexInputAttributeDescription {
+            location: 3,
+            binding: 2,
+            format: vk::Format::R32G32B32_SFLOAT,
+            offset: 0,
+        },
+        vk::VertexInputAttributeDescription {
+            location: 4,
+            binding: 2,
+            format: vk::Format::R32G32B32_SFLOAT,
+            offset: 12,
+        },
+    ]);
     let input = vk::PipelineVertexInputStateCreateInfo::default()
         .vertex_binding_descriptions(&bindings)
         .vertex_attribute_descriptions(&attributes);

@@ -10,8 +10,8 @@ use deltamorph::internals::update::animated::{AnimatedReference, Playbacks};
 use deltamorph::internals::update::blocks::WorkList;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    Accumulate, AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh,
-    Playback, Tolerance, UpdateDesc, UpdateMode, UpdatePath, WeightClip, testing,
+    AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Playback,
+    PoseFormat, PoseGrid, Tolerance, UpdateDesc, UpdateMode, UpdatePath, WeightClip, testing,
 };
 use std::collections::{BTreeMap, BTreeSet};
 use std::slice::from_mut;
@@ -54,9 +54,16 @@ pub fn blocks(mesh: &PackedMesh) -> usize {
     mesh.layout().blocks.as_ref().expect("blocks").count()
 }
 
-/// Exact sums on the path `blocks`.
-pub fn exact(slots: u32) -> UpdateDesc {
-    UpdateDesc::blocks().accumulate(Accumulate::Exact).slots(slots)
+/// The poses that can be animated.
+pub const FIXED: [PoseFormat; 2] = [PoseFormat::Fixed32, PoseFormat::Fixed16];
+
+pub fn fixed(pose: PoseFormat, slots: u32) -> UpdateDesc {
+    UpdateDesc::blocks().pose(pose).slots(slots)
+}
+
+/// The grid of what `desc` animates.
+pub fn grid(mesh: &PackedMesh, desc: &UpdateDesc) -> PoseGrid {
+    desc.grid(mesh.layout()).expect("a grid").expect("poses of integers")
 }
 
 /// What is done with a block of an instance: whether it starts from the base pose, slots, entries and coefficients.
@@ -80,12 +87,12 @@ pub struct Scene<'a> {
 
 impl<'a> Scene<'a> {
     pub fn new(headless: &'a Headless, mesh: &Arc<PackedMesh>, desc: CrowdDesc, animation: &AnimationDesc<'_>) -> Self {
-        let rebuilt = exact(1).path(UpdatePath::Cpu).mode(UpdateMode::Rebuild);
+        let rebuilt = fixed(desc.update.pose, 1).path(UpdatePath::Cpu).mode(UpdateMode::Rebuild);
         Self {
             widest: headless.caps().tuning.widest_tile,
             crowd: HeadlessCrowd::animated(headless, mesh, &desc, animation).expect("a crowd"),
             heads: Playbacks::new(desc.instances),
-            clips: Clips::new(animation, mesh.layout()).expect("clips"),
+            clips: Clips::new(animation, mesh.layout(), grid(mesh, &desc.update)).expect("clips"),
             reference: AnimatedReference::new(desc.update, mesh.layout(), desc.instances).expect("a reference"),
             fresh: CpuCrowd::new(mesh.clone(), rebuilt, 1, 1).expect("a crowd"),
             hidden: vec![false; desc.instances as usize],
@@ -163,29 +170,28 @@ impl<'a> Scene<'a> {
         assert_eq!(plan, expected, "{:?} at {seconds:?}", self.desc);
     }
 
-    /// Sums and pose of an instance are those of a full evaluation, bit for bit.
+    /// The poses of an instance are those of a full evaluation, bit for bit, as they are stored and decoded.
     pub fn assert_fresh(&mut self, instance: u32) {
-        let grid = self.mesh.layout().blocks.as_ref().expect("blocks").exact().expect("a grid");
+        let grid = grid(&self.mesh, &self.desc.update);
         let steps = self.reference.weights(instance as usize);
         let to_weights = |steps: &[i32]| steps.iter().map(|&s| s as f32 * grid.weight_step()).collect::<Vec<_>>();
         let weights = to_weights(steps);
         self.fresh.set_weights(0, &weights).expect("weights");
         self.fresh.update();
-        let sums = self.crowd.read_sums(instance).expect("sums");
-        assert!(
-            sums.as_deref() == self.fresh.sums(0).expect("an instance"),
-            "sums of head {instance}, {:?}",
-            self.desc
-        );
         for group in 0..self.mesh.groups().len() {
+            let what = format!("pose of head {instance}, group {group}, {:?}", self.desc);
+            let stored = self.crowd.read_stored(instance, group).expect("a pose");
+            assert!(stored == self.fresh.stored_pose(0, group).expect("an instance"), "stored {what}");
             let (pose, _) = self.crowd.read_group(instance, group).expect("a pose");
-            let expected = self.mesh.layout().to_user_order(self.fresh.group_pose(0, group).expect("an instance"));
-            assert!(pose == expected, "pose of head {instance}, group {group}, {:?}", self.desc);
+            let expected = self.mesh.layout().to_user_order(&self.fresh.group_pose(0, group).expect("an instance"));
+            assert!(pose == expected, "{what}");
         }
         let pose = self.crowd.read_pose(instance).expect("a pose");
-        // The pose of the weights requested is no further off than the budget.
+        // The pose of the weights requested is no further off than the budget, and what rounding may add.
         let error = compare(&pose, &evaluate(&self.mesh, &to_weights(self.reference.requested(instance as usize))));
-        let most = f64::from(self.desc.update.error_budget) + 1e-6 * f64::from(self.mesh.layout().diagonal);
+        let rounding = grid.position_error(weights.iter().filter(|w| **w != 0.0).count());
+        let float = 1e-6 * f64::from(self.mesh.layout().diagonal);
+        let most = f64::from(self.desc.update.error_budget) + f64::from(rounding) + float;
         assert!(error.position <= most, "head {instance} is {error:?} off, {:?}", self.desc);
     }
 

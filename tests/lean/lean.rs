@@ -35,7 +35,7 @@ fn a_mesh_is_packed_and_played_on_the_cpu() {
         crowd.set_weights(0, &weights).expect("weights that fit");
         assert_eq!(crowd.update().coefficients, 5);
         let error =
-            compare(&packed.layout().to_user_order(crowd.pose(0).expect("an instance")), &evaluate(&packed, &weights));
+            compare(&packed.layout().to_user_order(&crowd.pose(0).expect("an instance")), &evaluate(&packed, &weights));
         assert!(error.within(1e-5 * f64::from(mesh.diagonal), 0.01), "{format:?}: {error:?}");
     }
 }

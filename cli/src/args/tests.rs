@@ -1,9 +1,12 @@
 //! Tests of the command line.
 
 use super::bench::SuiteChoice;
+use super::poses::Sums;
 use super::values::*;
 use super::*;
 use clap::CommandFactory;
+use deltamorph::UpdateDesc;
+use proptest::prelude::*;
 
 fn parse(line: &str) -> Result<Cli, clap::Error> {
     Cli::try_parse_from(format!("deltamorph {line}").split_whitespace())
@@ -76,11 +79,11 @@ fn bad_values_are_refused_with_exit_code_2_and_what_would_be_right() {
         ("bench", "--tolerance -1e-6|--tolerance inf|--batch-sizes 0|--batch-sizes 7..1|--batch-sizes 1..|--heads 0"),
         ("bench", "--paths vulkan|--formats half|--mode both|--report a --no-report|face --redraw report.json"),
         ("bench", "--suite x|--time-limit 1|face --vertices 3|face --sparsity 0.5"),
-        ("bench --suite all", "--changed 3|--shared|--mode rebuild"),
+        ("bench --suite all", "--changed 3|--shared|--mode rebuild|--poses fixed16|--accumulate exact"),
         ("apply", "--set jawOpen -o a.obj|--set =1 -o a.obj|--set jawOpen=nan -o a.obj|face --set a=1"),
         ("apply face -o a.obj", "--weights a.csv|--frame 3|--batch-size 1..3 --set a=1"),
         ("play", "face --noise 0|face --noise nan|face --every 0|--path gpu|--batch-size 1..3"),
-        ("play", "--block-size 33|--projection 30,1000"),
+        ("play", "--block-size 33|--projection 30,1000|--pose fixed8|--accumulate int|--weight-max 0|--weight-max -1"),
         ("soak", "|--frames 0|--frames 5 --every 0"),
         ("sample", ""),
         ("lod", "face"),
@@ -97,6 +100,72 @@ fn bad_values_are_refused_with_exit_code_2_and_what_would_be_right() {
     ] {
         let message = parse(line).expect_err(line).to_string();
         assert!(message.contains(words), "{message}");
+    }
+}
+
+/// The update options of a line of `bench`.
+fn update(options: &str) -> UpdateArgs {
+    args!(Bench, &format!("bench {options}")).update
+}
+
+#[test]
+fn sums_name_poses_too() {
+    use PoseFormat::{Fixed16, Fixed32, Float32};
+    for (options, poses) in [
+        ("", &[][..]),
+        ("--accumulate exact", &[Fixed32]),
+        ("--accumulate exact,float,exact", &[Fixed32, Float32]),
+        ("--pose fixed16", &[Fixed16]),
+        ("--poses fixed16,float32,fixed16", &[Fixed16, Float32]),
+        ("--pose fixed16,fixed32 --accumulate exact", &[Fixed16, Fixed32]),
+    ] {
+        assert_eq!(update(options).named_poses().as_deref(), Ok(poses), "{options}");
+    }
+    let message = update("--accumulate float --pose fixed16").named_poses().expect_err("they contradict");
+    assert!(message.contains("--accumulate float and --pose fixed16 contradict each other"), "{message}");
+
+    let on = |options: &str, path, pose| update(options).pose_on(path, pose);
+    for path in UpdatePath::ALL {
+        for pose in PoseFormat::ALL {
+            let taken = on("", path, pose);
+            let own_sums = path == UpdatePath::Scatter && pose == Fixed32;
+            assert_eq!(taken.is_ok(), path.poses().contains(&pose) || own_sums, "{path:?} {pose:?}");
+            assert!(taken.is_ok_and(|taken| taken == if own_sums { Float32 } else { pose }) || pose != Float32);
+        }
+    }
+    // The sums of scatter are integers and its poses float32: it is what --accumulate says, not what --pose says.
+    let scatter = |options: &str, pose| on(options, UpdatePath::Scatter, pose).ok();
+    assert_eq!(scatter("--accumulate exact", Fixed32), Some(Float32));
+    assert_eq!((scatter("--pose float32", Float32), scatter("--pose fixed32", Fixed32)), (Some(Float32), None));
+    assert_eq!(scatter("--accumulate float", Float32), None);
+    assert_eq!(Sums::of(&UpdateDesc::new(UpdatePath::Scatter, Default::default())), Sums::Exact);
+}
+
+proptest! {
+    /// Whatever is named: each pose format once, in its first place, and a contradiction where a kind of sums is named
+    /// that no pose format has, or left out although one has it.
+    #[test]
+    fn poses_and_sums_agree_or_are_refused(
+        poses in prop::collection::vec(prop::sample::select(&PoseFormat::ALL[..]), 0..4),
+        sums in prop::collection::vec(prop::sample::select(&Sums::ALL[..]), 0..4),
+    ) {
+        let list = |option: &str, names: Vec<&str>| match names.is_empty() {
+            true => String::new(),
+            false => format!(" --{option} {}", names.join(",")),
+        };
+        let named = list("poses", poses.iter().map(|pose| pose.name()).collect());
+        let kinds = list("accumulate", sums.iter().map(|sums| sums.name()).collect());
+        let found = update(&format!("{named}{kinds}")).named_poses();
+        let agrees = |exact: bool| {
+            let kind = if exact { Sums::Exact } else { Sums::Float };
+            poses.iter().any(|pose| pose.has_integers() == exact) == sums.contains(&kind)
+        };
+        let right = poses.is_empty() || sums.is_empty() || agrees(true) && agrees(false);
+        prop_assert_eq!(found.is_ok(), right);
+        let Ok(found) = found else { return Ok(()) };
+        prop_assert!((1..found.len()).all(|i| !found[..i].contains(&found[i])));
+        prop_assert!(poses.iter().all(|pose| found.contains(pose)));
+        prop_assert_eq!(found.is_empty(), poses.is_empty() && sums.is_empty());
     }
 }
 

@@ -2,14 +2,11 @@
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use deltamorph::headless::DeviceChoice;
-use deltamorph::{Accumulate, BatchSize, DeltaFormat, UpdateMode, UpdatePath};
+use deltamorph::{BatchSize, DeltaFormat, UpdateMode, UpdatePath};
 use std::collections::BTreeSet;
 
 /// Largest number of targets of the built-in head.
 pub const MAX_TARGETS: usize = 65_536;
-
-/// Float and exact, as `--accumulate` lists them.
-pub const SUMS: [Accumulate; 2] = [Accumulate::Float { tolerance: 0.0 }, Accumulate::Exact];
 
 /// A choice of what the library has, spelled as the library spells it, each with a line of help.
 pub fn named<T: Copy + Send + Sync + 'static>(
@@ -25,13 +22,6 @@ pub fn mode() -> impl TypedValueParser<Value = UpdateMode> {
     named(&[UpdateMode::Incremental, UpdateMode::Rebuild], UpdateMode::name, |mode| match mode {
         UpdateMode::Incremental => "From the pose in the buffer, applying the changed targets",
         UpdateMode::Rebuild => "From the base pose, applying all active targets",
-    })
-}
-
-pub fn sums() -> impl TypedValueParser<Value = Accumulate> {
-    named(&SUMS, Accumulate::name, |sums| match sums {
-        Accumulate::Float { .. } => "float32 sums, with a bound that is kept",
-        Accumulate::Exact => "Integer sums, equal to a full evaluation bit for bit (formats fast and small)",
     })
 }
 

@@ -21,7 +21,8 @@ impl CellRecord {
     /// Sum up the runs of a cell. Only those with a device compete.
     pub fn of(name: &str, [mesh, change]: [&str; 2], heads: u32, runs: &[RunRecord]) -> Self {
         let on_device = || runs.iter().filter(|r| r.counts() && r.gpu_ms.is_some());
-        let others = || on_device().filter(|r| r.technique != OURS);
+        // Not those of ours in other pose formats.
+        let others = || on_device().filter(|r| r.path != OURS);
         let named = |technique: &str| on_device().find(|r| r.technique == technique);
         let (ours, other) = (named(OURS), fastest(others()));
         let mean = |run: &RunRecord| run.time().map_or(f64::INFINITY, |t| t.mean);

@@ -1,10 +1,10 @@
-//! Which configurations there are: paths, formats, modes, sums and batch sizes that go together.
+//! Which configurations there are: paths, formats, modes, poses and batch sizes that go together.
 
 use super::record::Skipped;
 use crate::args::bench::BenchArgs;
 use crate::args::values::{BatchSpec, expand_batches, format_on};
 use crate::runner::Gpu;
-use deltamorph::{Accumulate, BatchSize, DeltaFormat, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph::{BatchSize, DeltaFormat, PoseFormat, UpdateDesc, UpdateMode, UpdatePath};
 
 /// How to update, and in which format.
 #[derive(Clone, Debug)]
@@ -18,13 +18,13 @@ pub struct Config {
     pub separate: bool,
 }
 
-/// What to combine; each path takes the formats, and each format the sums, that it can.
+/// What to combine; each path takes the formats, and both take the pose formats, that they can.
 #[derive(Clone, Copy, Default)]
 pub struct Wanted<'a> {
     pub paths: &'a [UpdatePath],
     /// None: all.
     pub formats: &'a [DeltaFormat],
-    pub sums: &'a [Accumulate],
+    pub poses: &'a [PoseFormat],
     /// None: that of each path.
     pub modes: &'a [UpdateMode],
     /// Targets per pass.
@@ -58,16 +58,17 @@ pub fn configurations(wanted: &Wanted<'_>, args: &BenchArgs, gpu: Option<&Gpu>) 
             let direct = path == UpdatePath::DirectAttributes && !sizes_named;
             let (batches, refused) = expand_batches(if direct { &[BatchSpec::Max] } else { wanted.sizes }, path, max);
             // What only blocks have is no news where everything was asked for.
-            let held = |sums: &&Accumulate| match sums {
-                Accumulate::Float { .. } => path != UpdatePath::Scatter,
-                Accumulate::Exact => format.has_integers(),
-            };
+            let held = |pose: &&PoseFormat| !pose.has_integers() || format.has_integers();
+            let on_path = |pose: &PoseFormat| update.pose_on(path, *pose).ok();
+            let poses: Vec<PoseFormat> = wanted.poses.iter().filter(held).filter_map(on_path).collect();
             for batch in batches {
-                for (&mode, &sums) in modes.iter().flat_map(|m| wanted.sums.iter().filter(held).map(move |s| (m, s))) {
+                for (&mode, &pose) in modes.iter().flat_map(|mode| poses.iter().map(move |pose| (mode, pose))) {
                     let desc = UpdateDesc::new(path, batch)
                         .mode(mode)
                         .slots(update.slots)
-                        .accumulate(update.sums(sums))
+                        .pose(pose)
+                        .tolerance(update.drift)
+                        .weight_max(update.pack.weight_max)
                         .error_budget(if format.is_blocks() { wanted.error_budget } else { 0.0 });
                     match desc.check() {
                         // Two names for one format are one configuration.
@@ -93,12 +94,14 @@ pub fn configurations(wanted: &Wanted<'_>, args: &BenchArgs, gpu: Option<&Gpu>) 
         }
         if !update.paths.is_empty() && before == (configs.len(), skipped.len()) {
             let formats: Vec<&str> = path.formats().iter().map(|format| format.name()).collect();
-            let sums = match path {
-                UpdatePath::Scatter => "exact",
-                UpdatePath::Blocks | UpdatePath::Cpu => "float (or exact, as fast and small)",
-                _ => "float",
+            let poses = match path {
+                UpdatePath::Scatter => "--accumulate exact",
+                UpdatePath::Blocks | UpdatePath::Cpu => {
+                    "--poses float32 (fast, small and pair also fixed32 and fixed16)"
+                }
+                _ => "--poses float32",
             };
-            let reason = format!("takes --formats {} and --accumulate {sums}", formats.join(","));
+            let reason = format!("takes --formats {} and {poses}", formats.join(","));
             skipped.push(Skipped { what: path.name().into(), reason });
         }
     }

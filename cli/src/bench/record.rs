@@ -175,6 +175,9 @@ pub struct RunRecord {
     pub alone: bool,
     /// "float" or "exact".
     pub accumulate: String,
+    /// How poses are stored; empty in reports of versions that stored float32 alone.
+    #[serde(default)]
+    pub pose: String,
     /// Changes too small to move a vertex this far waited; in input units, 0 where none did.
     #[serde(default)]
     pub error_budget: f32,
@@ -242,6 +245,15 @@ impl RunRecord {
     /// It was right, and timed.
     pub fn counts(&self) -> bool {
         self.verified && self.time().is_some_and(|t| t.median > 0.0)
+    }
+
+    /// What is special about its sums: the pose format where that is not float32, else "exact" where they are.
+    pub fn sums(&self) -> &str {
+        match (self.pose.as_str(), self.accumulate.as_str()) {
+            ("" | "float32", "float") => "",
+            ("" | "float32", sums) => sums,
+            (pose, _) => pose,
+        }
     }
 
     /// Its technique and the format that it ran with: "blocks fast".
@@ -329,7 +341,7 @@ mod tests {
             ("/runs/0/gpu_ms", "median mean stderr min max n"),
             (
                 "/runs/0",
-                "path mode batch_size changed coefficients active heads shared accumulate format passes bytes_moved \
+                "path mode batch_size changed coefficients active heads shared accumulate pose format passes bytes_moved \
                  bytes_floor gpu_ms cpu_ms draw_ms max_error verified workload max_error_rel normal_error_deg \
                  raw_error_rel floor_fraction slots batch_max",
             ),

@@ -8,11 +8,12 @@ use super::subject::Subject;
 use super::trial::Candidate;
 use super::workload::{Setting, Workload};
 use crate::args::bench::BenchArgs;
-use crate::args::values::{BatchSpec, SUMS, expand_changed};
+use crate::args::distinct_or;
+use crate::args::values::{BatchSpec, expand_changed};
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
 use deltamorph::headless::DeviceChoice;
-use deltamorph::{Accumulate, BoundClip, DeltaFormat, UpdatePath};
+use deltamorph::{BoundClip, DeltaFormat, PoseFormat, UpdatePath};
 
 /// Batch sizes where none are given.
 const FULL_SWEEP: [BatchSpec; 2] = [BatchSpec::Range(1, None), BatchSpec::All];
@@ -21,6 +22,8 @@ const BRIEF_SWEEP: [BatchSpec; 3] = [BatchSpec::Size(8), BatchSpec::Max, BatchSp
 const PATHS: [UpdatePath; 4] = [UpdatePath::Feedback, UpdatePath::Compute, UpdatePath::Blocks, UpdatePath::Cpu];
 /// Formats where none are given. The float32 of `cpu` is the dense one; in blocks it is there for the asking.
 const FORMATS: [DeltaFormat; 4] = [DeltaFormat::Float32, DeltaFormat::Snorm16, DeltaFormat::Fast, DeltaFormat::Small];
+/// Pose formats where none are given.
+const POSES: [PoseFormat; 2] = [PoseFormat::Float32, PoseFormat::Fixed32];
 
 /// Run everything that `args` ask for.
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<Report, Failure> {
@@ -28,9 +31,10 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let counts = expand_changed(&args.changed, input.kept.targets.len()).map_err(Failure::Usage)?;
     let clips = clips(args, &input)?;
     let budget = args.update.budget(input.kept.diagonal).map_err(Failure::Usage)?;
+    let poses = distinct_or(&args.update.named_poses().map_err(Failure::Usage)?, &POSES);
     let mut session = Session::open(args, device, &input, out)?;
-    let (full, skipped) = wanted(&session, budget, &FULL_SWEEP);
-    let (brief, _) = wanted(&session, budget, &BRIEF_SWEEP);
+    let (full, skipped) = wanted(&session, &poses, budget, &FULL_SWEEP);
+    let (brief, _) = wanted(&session, &poses, budget, &BRIEF_SWEEP);
     skipped.into_iter().for_each(|skipped| session.skip(skipped));
 
     let random = |&n: &usize| Workload::random(input.kept.targets.len(), n, args.input.seed);
@@ -52,11 +56,11 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     for setting in &settings {
         for config in configs(setting) {
             let (path, format, batch) = (config.desc.path.name(), config.format.name(), config.desc.batch);
-            let sums = if config.desc.accumulate == Accumulate::Exact { " exact" } else { "" };
+            let pose = if config.desc.pose.has_integers() { config.desc.pose.name() } else { "" };
             let (workload, heads) = (setting.workload, setting.heads);
             let changed = workload.changed.map_or("its".into(), |n| n.to_string());
             let work = format!("{}, {changed} changed, {heads} heads", workload.name);
-            let what = format!("{path} {format}{sums} batch {batch}, {work}");
+            let what = format!("{path} {format} {pose} batch {batch}, {work}").replace("  ", " ");
             session.bar.set_message(what.clone());
             let one = [Candidate::new(&what, config, setting)];
             for outcome in interleave(&session.machine, &mut subject, &one, &whole)? {
@@ -90,12 +94,17 @@ fn clips(args: &BenchArgs, input: &Input) -> Result<Vec<BoundClip>, Failure> {
 }
 
 /// What can run, and what was asked for and cannot, with the reason.
-fn wanted(session: &Session<'_>, error_budget: f32, sweep: &[BatchSpec]) -> (Vec<Config>, Vec<Skipped>) {
+fn wanted(
+    session: &Session<'_>,
+    poses: &[PoseFormat],
+    error_budget: f32,
+    sweep: &[BatchSpec],
+) -> (Vec<Config>, Vec<Skipped>) {
     let (args, update) = (session.args, &session.args.update);
     let wanted = Wanted {
         paths: &update.paths_or(&PATHS),
         formats: if update.formats.is_empty() { &FORMATS } else { &update.formats },
-        sums: if update.accumulate.is_empty() { &SUMS } else { &update.accumulate },
+        poses,
         modes: &update.modes,
         sizes: if args.batch_sizes.is_empty() { sweep } else { &args.batch_sizes },
         error_budget,

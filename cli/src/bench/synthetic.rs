@@ -30,6 +30,7 @@ fn run(path: &str, format: &str, batch: BatchSize, changed: f64, [coefficient, p
         heads: 1,
         crowds: 1,
         accumulate: "float".into(),
+        pose: "float32".into(),
         format: format.into(),
         slots: 2,
         passes,

@@ -6,6 +6,7 @@ use super::record::{Round, RunRecord};
 use super::stats::Stats;
 use super::subject::Subject;
 use super::workload::Setting;
+use crate::args::poses::Sums;
 use crate::input::Input;
 use crate::runner::{Frame, Runner};
 use crate::verify::{Found, Promise};
@@ -47,7 +48,8 @@ impl<'a> Candidate<'a> {
             heads: setting.heads,
             shared: setting.shared,
             crowds: if *separate { setting.updated() } else { 1 },
-            accumulate: desc.accumulate.name().into(),
+            accumulate: Sums::of(desc).name().into(),
+            pose: desc.pose.name().into(),
             error_budget: desc.error_budget,
             format: format.name().into(),
             slots: desc.slots,
@@ -177,8 +179,8 @@ impl<'a> Trial<'a> {
             let pose = self.runner.pose(head)?;
             let weights = self.promise.applied(&setting.workload.weights(head, self.frame));
             let reference = subject.reference(&self.mesh, &weights);
-            self.found.error = self.found.error.max(compare(&pose, &reference.packed));
-            self.found.raw = self.found.raw.max(compare(&pose, &reference.raw));
+            let found = self.promise.find(&pose, &reference.packed, &weights);
+            self.found = self.found.max(Found { raw: compare(&pose, &reference.raw), ..found });
         }
         Ok(())
     }

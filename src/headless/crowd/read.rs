@@ -5,6 +5,7 @@ use super::HeadlessCrowd;
 use crate::engine::Crowd;
 use crate::engine::{AnimatedCrowd, AnyCrowd, PoseView};
 use crate::error::Result;
+use crate::gpu::descriptors::BufferRange;
 use crate::update::animated::PlannedGroup;
 use ash::vk;
 
@@ -20,10 +21,10 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
             let engine = &self.headless.engine;
             // SAFETY: as in `step_together`.
             let view = self.headless.submitter.run(|cmd| unsafe { engine.record_capture(cmd, crowd, instance) })?;
-            return self.read_view(view);
+            return self.read_view(view, 0);
         }
         let view = self.crowd.base().group_pose(instance, 0)?;
-        self.read_view(view)
+        self.read_view(view, 0)
     }
 
     /// Read the previous pose of an instance back; `None` where the update had to overwrite it.
@@ -32,7 +33,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     /// As [`draw`](Self::draw).
     pub fn read_previous_pose(&mut self, instance: u32) -> Result<Option<Vec<f32>>> {
         let view = self.crowd.base().previous_group_pose(instance, 0)?;
-        view.map(|view| self.read_view(view)).transpose()
+        view.map(|view| self.read_view(view, 0)).transpose()
     }
 
     /// Read the pose and the previous pose of an instance in a [group](crate::PackedMesh::groups) of the mesh back, as
@@ -46,11 +47,23 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     pub fn read_group(&mut self, instance: u32, group: usize) -> Result<(Vec<f32>, Option<Vec<f32>>)> {
         let base = self.crowd.base();
         let (pose, previous) = (base.group_pose(instance, group)?, base.previous_group_pose(instance, group)?);
-        Ok((self.read_view(pose)?, previous.map(|view| self.read_view(view)).transpose()?))
+        Ok((self.read_view(pose, group)?, previous.map(|view| self.read_view(view, group)).transpose()?))
     }
 
-    /// Read the integer sums of an instance back, as [`CpuCrowd::sums`](crate::cpu::CpuCrowd::sums) has them; `None`
-    /// unless it accumulates exactly.
+    /// Read the pose of an instance in a group back as it is stored, in the order and with the padding of pose buffers.
+    ///
+    /// # Errors
+    /// As [`draw`](Self::draw); a path without pose buffers.
+    ///
+    /// # Panics
+    /// When the mesh has no such group.
+    pub fn read_stored(&mut self, instance: u32, group: usize) -> Result<Vec<u8>> {
+        let view = self.crowd.base().group_pose(instance, group)?;
+        self.read((view.buffer, view.offset, view.size))
+    }
+
+    /// Read the sums of integers that the path `scatter` keeps beside the poses of an instance back, in the order of pose
+    /// buffers; `None` of other paths.
     ///
     /// # Errors
     /// A device that fails.
@@ -65,10 +78,17 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
         self.weighted().filter(|crowd| crowd.desc().update.path.evaluates_in_draws())
     }
 
-    /// The pose of a view in the user's order of vertices.
-    fn read_view(&mut self, view: PoseView) -> Result<Vec<f32>> {
-        let bytes: Vec<u8> = self.read((view.buffer, view.offset, view.size))?;
-        Ok(self.mesh.layout().to_user_order(&view.format.decode(&bytes)))
+    /// The pose of a view in a group, decoded, in the user's order of vertices.
+    fn read_view(&mut self, view: PoseView, group: usize) -> Result<Vec<f32>> {
+        let base = match view.format.has_integers() {
+            true => {
+                let BufferRange { buffer, offset, size } = self.mesh.groups[group].base_pose();
+                self.read((buffer, offset, size))?
+            }
+            false => vec![],
+        };
+        let pose: Vec<u8> = self.read((view.buffer, view.offset, view.size))?;
+        Ok(self.mesh.layout().to_user_order(&view.format.decode(&pose, &base, view.units)))
     }
 
     /// A buffer, an offset and a size, read back.

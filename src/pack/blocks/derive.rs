@@ -1,6 +1,6 @@
 //! A [`BlockIndex`] from what a file or the packer states: checked, and with what planning needs.
 
-use super::{BLOCK_SIZES, BlockIndex, EntryCost, ExactGrid, Incidence, Parts, WEIGHT_BITS_MIN};
+use super::{BLOCK_SIZES, BlockIndex, EntryCost, Incidence, Parts};
 use crate::asset::streams::{Measure, StreamPlace, TRIPLE, TRIPLES};
 use crate::math::is_power_of_two;
 use crate::pack::formats::BlockFormat;
@@ -8,8 +8,6 @@ use crate::pack::{POSE_FLOATS, VERTEX_PADDING};
 
 /// Most words of a mesh: its bytes have to be counted in 32 bits.
 pub(super) const WORDS_MAX: u64 = u32::MAX as u64 / 4;
-/// Steps finer than 2^-16 make no visible difference.
-const WEIGHT_BITS_MAX: u32 = 16;
 
 impl BlockIndex {
     /// Check `parts` against the words and the base pose, and derive what planning needs.
@@ -29,7 +27,7 @@ impl BlockIndex {
             deltas_at: headers.next_multiple_of(4),
             words: words.len(),
             lengths: lengths.map_or(0..0, StreamPlace::components),
-            exact: None,
+            largest_sums: [0.0; TRIPLES],
             largest_sum: 0.0,
             costs: vec![],
             masks: vec![],
@@ -143,7 +141,8 @@ impl BlockIndex {
                 self.block_reach[block] += reach;
             }
             for (c, sum) in sums.iter().flat_map(|sums| sums.iter().enumerate()) {
-                self.largest_sum = self.largest_sum.max(sum / f64::from(self.parts.steps[c / TRIPLE]));
+                let (largest, step) = (&mut self.largest_sums[c / TRIPLE], self.parts.steps[c / TRIPLE]);
+                *largest = largest.max(sum / f64::from(step));
             }
             let vertices = &base[block * size * POSE_FLOATS..][..size * POSE_FLOATS];
             let positions = vertices.chunks_exact(POSE_FLOATS).flat_map(|v| &v[lengths.clone()]);
@@ -168,20 +167,7 @@ impl BlockIndex {
         let first = |target| incidence.partition_point(|one| (target_of(one) as usize) < target) as u32;
         self.first_incidence = (0..=targets).map(first).collect();
         self.incidence = incidence;
-        self.exact = self.exact_grid();
+        self.largest_sum = self.largest_sums[0].max(self.largest_sums[1]);
         Ok(())
-    }
-
-    /// The finest grid of weights on which Σ|integer| × weight cannot leave 31 bits.
-    fn exact_grid(&self) -> Option<ExactGrid> {
-        if !self.parts.format.has_integers() {
-            return None;
-        }
-        let fits = |bits: &u32| {
-            let weight = (f64::from(self.parts.weight_max) * f64::from(1u32 << bits)).ceil();
-            self.largest_sum * weight <= f64::from(i32::MAX)
-        };
-        let weight_bits = (WEIGHT_BITS_MIN..=WEIGHT_BITS_MAX).rev().find(fits)?;
-        Some(ExactGrid { weight_bits, weight_max: self.parts.weight_max })
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Vertices are reordered (targets cover few blocks then) and cut into blocks of 32, 64 or 128. An *entry* is a target
 //! that touches a block, with its deltas there. Each triple of a group has one step for the whole mesh, a power of two:
-//! integer sums of all entries of a vertex have one unit then ([`Accumulate::Exact`](crate::plan::Accumulate)).
+//! integer sums of all entries of a vertex have one unit then ([`PoseGrid`]).
 //!
 //! ```text
 //! words   [entry][header words] [entry][delta words]       entries block after block, ascending by target
@@ -13,15 +13,16 @@
 //! dropped, for each stream on its own.
 
 mod derive;
+mod grid;
 mod pack;
 
+pub use grid::PoseGrid;
 pub(super) use pack::pack;
 
 use super::formats::{BlockFormat, with_format};
 use super::order::inverse;
 use super::{DeltaFormat, POSE_FLOATS, PoseError};
 use crate::asset::streams::{TRIPLE, TRIPLES};
-use crate::error::{Error, Result};
 use crate::setters::setters;
 use std::ops::Range;
 use std::sync::Arc;
@@ -43,7 +44,8 @@ pub struct BlockDesc {
     pub normal_error_degrees: f32,
     /// Largest error of the numbers of other streams (texture coordinates, colours) at weight 1, above 0.
     pub absolute_error: f32,
-    /// The largest weight, either sign, that [`Accumulate::Exact`](crate::plan::Accumulate) accepts.
+    /// The largest weight, either sign, that poses of 32-bit integers
+    /// ([`PoseFormat::Fixed32`](crate::pack::PoseFormat::Fixed32)) accept, unless a crowd names another one.
     pub weight_max: f32,
 }
 
@@ -61,38 +63,6 @@ impl Default for BlockDesc {
         Self { size: None, position_error: 1e-5, normal_error_degrees: 0.5, absolute_error: 1e-4, weight_max: 4.0 }
     }
 }
-
-/// The grid of weights on which integer sums cannot overflow, whatever the weights up to its largest.
-///
-/// Rounding to it moves a component by at most ½·[`weight_step`](Self::weight_step)·Σ|delta|, on top of the error of
-/// packing ([`BlockIndex::error`], for each target at weight 1).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ExactGrid {
-    /// Weights are whole multiples of 2^-bits.
-    pub weight_bits: u32,
-    /// The largest weight, either sign.
-    pub weight_max: f32,
-}
-
-impl ExactGrid {
-    /// The step of weights.
-    pub fn weight_step(&self) -> f32 {
-        1.0 / (1u32 << self.weight_bits) as f32
-    }
-
-    /// The multiple of the step that is nearest to `weight`: what exact sums take for it.
-    pub fn round(&self, weight: f32) -> f32 {
-        self.steps(weight) as f32 * self.weight_step()
-    }
-
-    /// `weight` in steps. Both factors of the product fit 24 bits, and a power of two changes none: one rounding.
-    pub(crate) fn steps(&self, weight: f32) -> i32 {
-        (weight * (1u32 << self.weight_bits) as f32).round() as i32
-    }
-}
-
-/// Fewer bits than this are no grid to animate on.
-const WEIGHT_BITS_MIN: u32 = 7;
 
 /// An entry as seen from its target.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -120,10 +90,10 @@ pub struct BlockIndex {
     words: usize,
     /// The components that are positions.
     lengths: Range<usize>,
-    /// Other groups may need a coarser grid than this one.
-    pub(super) exact: Option<ExactGrid>,
-    /// The largest Σ|integer| of any vertex component.
-    largest_sum: f64,
+    /// The largest Σ|integer| of any vertex component, by triple.
+    largest_sums: [f64; TRIPLES],
+    /// The largest of the mesh: of any of its groups.
+    pub(super) largest_sum: f64,
     /// Of each entry.
     pub(crate) costs: Vec<EntryCost>,
     /// `[entry][component][word]`: which vertices' components its deltas change.
@@ -151,34 +121,6 @@ pub(crate) struct Parts {
 }
 
 impl BlockIndex {
-    /// The grid for [`Accumulate::Exact`](crate::plan::Accumulate).
-    ///
-    /// # Errors
-    /// `block-float32` has no integers; deltas so large against their step that sums could overflow: the message
-    /// names a position error that would do.
-    pub fn exact(&self) -> Result<ExactGrid> {
-        if !self.parts.format.has_integers() {
-            return Err(Error::invalid("exact accumulation of float32 deltas", "pack as 'fast' or 'small'"));
-        }
-        self.exact.ok_or_else(|| {
-            let room = f64::from(i32::MAX) / f64::from(self.parts.weight_max) / f64::from(1u32 << WEIGHT_BITS_MIN);
-            let factor = (self.largest_sum / room).log2().ceil().exp2();
-            Error::invalid(
-                format!(
-                    "integer sums of this mesh could overflow: a vertex adds up to {} steps, {room:.0} fit weights up \
-                     to {}",
-                    self.largest_sum, self.parts.weight_max
-                ),
-                format!(
-                    "pack with errors {factor} times as large (now {:.1e} in length and {:.2}° at most), or with a \
-                     smaller largest weight",
-                    f64::from(self.parts.steps[0]) * 0.75f64.sqrt(),
-                    (f64::from(self.parts.steps[1]) * 0.75f64.sqrt()).to_degrees()
-                ),
-            )
-        })
-    }
-
     /// Vertices of a block.
     pub fn size(&self) -> usize {
         self.parts.size as usize
@@ -197,6 +139,11 @@ impl BlockIndex {
     /// Blocks that some target touches.
     pub fn touched(&self) -> usize {
         (0..self.count()).filter(|&b| !self.entries(b).is_empty()).count()
+    }
+
+    /// The most targets that touch a block.
+    pub fn most_entries(&self) -> usize {
+        (0..self.count()).map(|block| self.entries(block).len()).max().unwrap_or(0)
     }
 
     /// Packed → user vertex order.

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::asset::MorphMesh;
-use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
+use crate::pack::{DeltaFormat, PackDesc, PackedMesh, PoseFormat};
 use crate::testing;
 use glam::Vec3;
 
@@ -63,21 +63,62 @@ fn large_deltas_shift_where_bits_are_given() {
 }
 
 #[test]
-fn an_exact_grid_is_refused_where_sums_could_overflow() {
+fn a_grid_is_refused_where_sums_could_overflow() {
     let mesh = testing::mesh(100, 3);
     let pack = |position_error| {
         let blocks = BlockDesc { position_error, weight_max: 1e5, ..BlockDesc::default() };
         PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(DeltaFormat::Small) }).unwrap()
     };
     let index = pack(1e-5).layout().blocks.clone().unwrap();
-    let text = index.exact().unwrap_err().to_string();
+    let text = index.grid(PoseFormat::Fixed32, None).unwrap_err().to_string();
     let factor: f32 = text.split("errors ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
     assert!(text.contains("could overflow"), "{text}");
     // The remedy works.
-    let grid = pack(1e-5 * factor).layout().blocks.clone().unwrap().exact().unwrap();
-    assert!(grid.weight_bits >= WEIGHT_BITS_MIN && grid.weight_max == 1e5);
+    let grid = pack(1e-5 * factor).layout().blocks.clone().unwrap().grid(PoseFormat::Fixed32, None).unwrap();
+    assert!(grid.weight_bits >= 7 && grid.weight_max == 1e5 && grid.position_error(3) == 0.0);
+    let grid = |pose, weight_max| index.grid(pose, weight_max);
+    for (pose, weight_max) in [
+        (PoseFormat::Fixed32, Some(0.0)),
+        (PoseFormat::Fixed32, Some(f32::NAN)),
+        (PoseFormat::Fixed16, Some(256.0)),
+        (PoseFormat::Float32, None),
+    ] {
+        assert!(grid(pose, weight_max).is_err(), "{pose:?} {weight_max:?}");
+    }
     let (_, floats) = packed(DeltaFormat::BlockFloat32, 64);
-    assert!(floats.layout().blocks.clone().unwrap().exact().is_err());
+    assert!(floats.layout().blocks.clone().unwrap().grid(PoseFormat::Fixed32, None).is_err());
+}
+
+/// Weights at their largest, with the signs of the deltas of one component: the largest sum that there may be.
+#[test]
+fn the_largest_sums_fit_the_integers_of_a_pose_and_half_of_them_would_not_be_needed() {
+    let (mesh, packed) = packed(DeltaFormat::Small, 64);
+    let index = packed.layout().blocks.clone().unwrap();
+    for (pose, most) in [(PoseFormat::Fixed16, f64::from(i16::MAX)), (PoseFormat::Fixed32, f64::from(i32::MAX))] {
+        for weight_max in [0.3, 1.0, 1.5, 4.0] {
+            let grid = index.grid(pose, Some(weight_max)).unwrap();
+            let steps = f64::from(grid.steps(weight_max));
+            let mut largest = [0f64; 2];
+            for vertex in 0..mesh.vertex_count() {
+                let mut sums = [0f64; POSE_FLOATS];
+                for target in 0..mesh.targets.len() {
+                    packed.for_each_delta(target, |v, delta| {
+                        for c in (0..POSE_FLOATS).filter(|_| v == vertex) {
+                            let product = steps * delta[c].abs() / f64::from(index.steps()[c / 3]);
+                            let unit = f64::from(1u32 << grid.dropped[c / 3]);
+                            sums[c] += (product / unit + 0.5).floor();
+                            assert!(product <= f64::from(i32::MAX) - 65536.0);
+                        }
+                    });
+                }
+                (0..POSE_FLOATS).for_each(|c| largest[c / 3] = largest[c / 3].max(sums[c]));
+            }
+            assert!(largest.iter().all(|sum| *sum <= most), "{pose:?} {weight_max}: {largest:?} of {most}");
+            // One bit fewer, and the larger of the two would not fit.
+            let fine = largest.iter().zip(grid.dropped).all(|(sum, dropped)| dropped == 0 || *sum > most / 2.0 - 16.0);
+            assert!(fine, "{pose:?} {weight_max}: {largest:?} of {most}");
+        }
+    }
 }
 
 #[test]

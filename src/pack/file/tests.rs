@@ -7,9 +7,9 @@ use super::*;
 use crate::asset::Corner;
 use crate::cpu::CpuCrowd;
 use crate::import::sample::{HeadDesc, head as head_of};
-use crate::pack::DeltaFormat;
 use crate::pack::blocks::{BLOCK_SIZES, BlockDesc};
-use crate::plan::{Accumulate, BatchSize, UpdateDesc, UpdatePath};
+use crate::pack::{DeltaFormat, PoseFormat};
+use crate::plan::{BatchSize, UpdateDesc, UpdatePath};
 use crate::testing;
 use std::sync::Arc;
 
@@ -57,14 +57,12 @@ fn exercise(asset: &Asset) {
     assert!(decoded.targets.iter().all(|t| t.vertices.is_sorted_by(|a, b| a < b)));
     assert_eq!(&read(&asset.to_bytes().unwrap()).unwrap(), asset);
     let mesh = Arc::new(asset.mesh.clone());
-    let exact = mesh.layout().blocks.as_ref().is_some_and(|b| b.exact().is_ok());
-    let sums = [Accumulate::Float { tolerance: 1e-5 }, Accumulate::Exact];
-    for accumulate in sums.into_iter().filter(|s| exact || *s != Accumulate::Exact) {
-        let desc = UpdateDesc { accumulate, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
-        // Rounding alone may be more than the tolerance where deltas are large: that is said, too.
+    for pose in PoseFormat::ALL {
+        let desc = UpdateDesc { pose, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
+        // Rounding alone may be more than the tolerance where deltas are large, and sums could overflow: that is said, too.
         let Ok(mut crowd) = CpuCrowd::new(mesh.clone(), desc, 1, 1) else { continue };
         for weight in [1.0, -0.5] {
-            // A weight beyond the largest is refused, by exact sums.
+            // A weight beyond the largest of integers is refused.
             if crowd.set_weights(0, &vec![weight; decoded.targets.len()]).is_ok() {
                 crowd.update();
             }

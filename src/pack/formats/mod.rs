@@ -74,7 +74,7 @@ impl DeltaFormat {
         self.row().blocks
     }
 
-    /// Whether deltas are integers, which [`Accumulate::Exact`](crate::plan::Accumulate) adds up without rounding.
+    /// Whether deltas are integers, which poses of integers are sums of.
     pub const fn has_integers(self) -> bool {
         self.row().integers
     }

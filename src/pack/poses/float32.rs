@@ -7,8 +7,8 @@ use crate::pack::POSE_FLOATS;
 pub(super) struct Float32;
 
 impl PoseStorage for Float32 {
-    fn decode(&self, vertex: &[u8]) -> [f32; POSE_FLOATS] {
-        bytemuck::pod_read_unaligned(vertex)
+    fn integers(&self, _: &[u8]) -> Option<[i32; POSE_FLOATS]> {
+        None
     }
 
     fn offset(&self, component: usize) -> usize {

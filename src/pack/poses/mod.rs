@@ -3,6 +3,7 @@
 
 use super::POSE_FLOATS;
 use crate::abi::formats::{POSE_FORMATS, PoseRow, pose_formats};
+use crate::asset::streams::{TRIPLE, TRIPLES};
 
 /// The files of the formats, and their names.
 macro_rules! declared {
@@ -32,8 +33,8 @@ pose_formats!(declared());
 
 /// What the file of a format has.
 trait PoseStorage {
-    /// The numbers of a vertex, from its bytes.
-    fn decode(&self, vertex: &[u8]) -> [f32; POSE_FLOATS];
+    /// The integers of a vertex, from its bytes; `None`: they are float32.
+    fn integers(&self, vertex: &[u8]) -> Option<[i32; POSE_FLOATS]>;
 
     /// Bytes before a component of a vertex.
     fn offset(&self, component: usize) -> usize;
@@ -45,9 +46,29 @@ impl PoseFormat {
         &POSE_FORMATS[self as usize]
     }
 
+    /// The name used on the command line and in reports.
+    pub const fn name(self) -> &'static str {
+        self.row().file
+    }
+
+    /// What it is, in a line: what the command line's help says of it.
+    pub const fn summary(self) -> &'static str {
+        self.row().summary
+    }
+
     /// Bytes of a vertex.
     pub const fn stride(self) -> usize {
         self.row().stride as usize
+    }
+
+    /// Whether its numbers are integers: displacements from the base pose, which do not depend on the history.
+    pub const fn has_integers(self) -> bool {
+        self.row().bits > 0
+    }
+
+    /// Whether what a target adds is rounded to the unit: lists have the weight that is held beside the new one.
+    pub(crate) const fn rounds_products(self) -> bool {
+        self.has_integers() && self.row().bits < i32::BITS
     }
 
     /// Bytes from the beginning of a vertex to a component.
@@ -55,9 +76,21 @@ impl PoseFormat {
         self.storage().offset(component)
     }
 
-    /// The numbers of a pose that was read back: [`POSE_FLOATS`] for each vertex.
-    pub fn decode(self, pose: &[u8]) -> Vec<f32> {
-        pose.chunks_exact(self.stride()).flat_map(|vertex| self.storage().decode(vertex)).collect()
+    /// The integers of a pose: [`POSE_FLOATS`] for each vertex; none where numbers are float32.
+    pub fn integers(self, pose: &[u8]) -> Vec<i32> {
+        pose.chunks_exact(self.stride()).filter_map(|vertex| self.storage().integers(vertex)).flatten().collect()
+    }
+
+    /// The numbers of a pose: [`POSE_FLOATS`] for each vertex. Integers are multiples of `units` (input units, of each
+    /// triple of a vertex; [`PoseGrid::units`](super::blocks::PoseGrid::units)), added to `base`, which is as long; float32
+    /// needs neither.
+    pub fn decode(self, pose: &[u8], base: &[f32], units: [f32; TRIPLES]) -> Vec<f32> {
+        if !self.has_integers() {
+            return pose.as_chunks().0.iter().map(|bytes| f32::from_ne_bytes(*bytes)).collect();
+        }
+        let numbers = self.integers(pose).into_iter().zip(base).enumerate();
+        // The unit is a power of two: integers below 2^24 are multiplied without rounding.
+        numbers.map(|(i, (number, base))| base + number as f32 * units[i % POSE_FLOATS / TRIPLE]).collect()
     }
 }
 
@@ -77,9 +110,16 @@ mod tests {
     }
 
     #[test]
-    fn float32_is_six_floats() {
+    fn numbers_are_floats_or_multiples_of_a_unit_on_top_of_the_base_pose() {
         let pose: Vec<f32> = (0..12).map(|i| i as f32 - 0.5).collect();
-        assert_eq!(PoseFormat::Float32.decode(bytemuck::cast_slice(&pose)), pose);
-        assert_eq!(PoseFormat::Float32.offset(3), 12);
+        assert_eq!(PoseFormat::Float32.decode(bytemuck::cast_slice(&pose), &[], [0.0; 2]), pose);
+        let (base, units) = (vec![10.0; 12], [0.5, 0.25]);
+        let decoded: Vec<f32> = (0..12).map(|i| 10.0 + (i - 6) as f32 * units[i as usize % 6 / 3]).collect();
+        let integers: Vec<i32> = (-6..6).collect();
+        let halves: Vec<i16> = (-6..6).collect();
+        assert_eq!(PoseFormat::Fixed32.decode(bytemuck::cast_slice(&integers), &base, units), decoded);
+        assert_eq!(PoseFormat::Fixed16.decode(bytemuck::cast_slice(&halves), &base, units), decoded);
+        assert_eq!(PoseFormat::Fixed16.integers(bytemuck::cast_slice(&halves)), integers);
+        assert_eq!(PoseFormat::ALL.map(|format| format.offset(3)), [12, 12, 6]);
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::pack::PackedLayout;
-use crate::pack::blocks::{BlockIndex, ExactGrid};
+use crate::pack::blocks::{BlockIndex, PoseGrid};
 use crate::setters::setters;
 use crate::weights::WeightClip;
 
@@ -10,7 +10,7 @@ use crate::weights::WeightClip;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum KeyFormat {
-    /// 32 bits: the resolution of the grid of exact sums.
+    /// 32 bits: the resolution of the grid.
     #[default]
     Bits32,
     /// 16 bits, two to a word: the integer shifted to the right until all of a clip fit, to nearest.
@@ -47,7 +47,7 @@ struct Clip {
     rounding: f32,
 }
 
-/// Clips on the grid of exact sums, as words.
+/// Clips on the grid of poses of integers, as words.
 ///
 /// ```text
 /// table   [clip][first word, frames, shift, bits of a key]
@@ -67,13 +67,12 @@ pub struct Clips {
 const TABLE_WORDS: usize = 4;
 
 impl Clips {
-    /// Put the clips of `desc` on the grid of a mesh.
+    /// Put the clips of `desc` on a grid, for a mesh.
     ///
     /// # Errors
-    /// A dense format; as [`BlockIndex::exact`] and [`WeightClip::bind`]; a clip without frames or with a frame rate that
+    /// As [`WeightClip::bind`]; a clip without frames or with a frame rate that
     /// is none; a weight beyond the grid: the message names frame and target.
-    pub fn new(desc: &AnimationDesc<'_>, layout: &PackedLayout) -> Result<Self> {
-        let grid = layout.index()?.exact()?;
+    pub fn new(desc: &AnimationDesc<'_>, layout: &PackedLayout, grid: PoseGrid) -> Result<Self> {
         let names: Vec<&str> = layout.targets.iter().map(|t| t.name.as_str()).collect();
         let words = vec![0; TABLE_WORDS * desc.clips.len()];
         let mut all = Self { words, clips: vec![], targets: names.len(), format: desc.key_format };
@@ -86,7 +85,7 @@ impl Clips {
     }
 
     /// Append a clip.
-    fn push(&mut self, clip: &WeightClip, names: &[&str], grid: ExactGrid) -> Result<()> {
+    fn push(&mut self, clip: &WeightClip, names: &[&str], grid: PoseGrid) -> Result<()> {
         let refuse = |what: String, remedy: &str| Err(Error::invalid(format!("clip '{}': {what}", clip.name), remedy));
         let bound = clip.bind(names)?;
         let frames = bound.frame_count();
@@ -109,10 +108,10 @@ impl Clips {
                 let key = grid.steps(weight);
                 if weight.abs() > grid.weight_max || !(-KEY_MAX..=KEY_MAX).contains(&key) {
                     let most = grid.weight_max.min(KEY_MAX as f32 * grid.weight_step());
-                    let stand = format!("exact sums of this mesh stand weights from -{most} to {most}");
+                    let stand = format!("poses of integers hold weights from -{most} to {most} here");
                     return refuse(
                         format!("frame {frame}, target '{name}': the weight is {weight}"),
-                        &format!("{stand}: pack with a larger weight_max"),
+                        &format!("{stand}: use a larger weight_max"),
                     );
                 }
                 keys.push(key);
@@ -178,7 +177,7 @@ impl Clips {
     }
 
     /// What 16-bit keys lost of a clip: the largest change of a weight. 0 for 32-bit keys. The grid's own rounding,
-    /// half a [`weight_step`](ExactGrid::weight_step), comes on top.
+    /// half a [`weight_step`](PoseGrid::weight_step), comes on top.
     ///
     /// # Panics
     /// When there is no such clip.
@@ -233,19 +232,16 @@ pub struct Budget {
 
 impl Budget {
     /// `length` in input units; `None` for 0, with which no change is deferred.
-    ///
-    /// # Errors
-    /// As [`BlockIndex::exact`].
-    pub fn new(length: f32, index: &BlockIndex) -> Result<Option<Self>> {
+    pub fn new(length: f32, index: &BlockIndex, grid: PoseGrid) -> Option<Self> {
         if length <= 0.0 {
-            return Ok(None);
+            return None;
         }
-        let (step, weight_step) = (f64::from(index.steps()[0]), f64::from(index.exact()?.weight_step()));
+        let (step, weight_step) = (f64::from(index.steps()[0]), f64::from(grid.weight_step()));
         // Steps are powers of two: nothing rounds but what is meant to.
         let reach = |reach: f32| (f64::from(reach) / step).ceil() as u32;
-        Ok(Some(Self {
+        Some(Self {
             most: (f64::from(length) / (step * weight_step)).floor() as u64,
             reaches: index.costs.iter().map(|cost| reach(cost.reach)).collect(),
-        }))
+        })
     }
 }

@@ -125,6 +125,7 @@ impl Layout {
             requested_at: state.add(budget.map_or(0, |_| targets * instances)),
             history_mask: ((1u64 << (context.poses.slots - 1)) - 1) as u32,
             slots: context.poses.slots,
+            pairs: context.poses.format.rounds_products().into(),
             always_rebuild: (context.desc.update.mode == UpdateMode::Rebuild).into(),
             chunk_items: context.caps().max_workgroups,
             ..AnimationPush::default()

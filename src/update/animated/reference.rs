@@ -33,13 +33,14 @@ impl AnimatedReference {
     /// `heads` instances of a mesh, updated as `desc` says.
     ///
     /// # Errors
-    /// As [`GroupPlan::new`] and [`Clips::new`].
+    /// As [`GroupPlan::new`]; what is not animated on the GPU.
     pub fn new(desc: UpdateDesc, layout: &PackedLayout, heads: u32) -> Result<Self> {
         desc.check_all(layout, Runner::Animated(None))?;
-        let budget = Budget::new(desc.error_budget, layout.index()?)?;
         // What is deferred is decided before, target by target: the planner gets the weights to apply.
         let mut group = GroupPlan::new(UpdateDesc { error_budget: 0.0, ..desc }, layout, heads as usize)?;
-        group.whole_blocks = true;
+        // Tiles have instances of both kinds.
+        group.source_bytes = 0;
+        let budget = group.grid().and_then(|grid| Budget::new(desc.error_budget, &group.index, grid));
         let (state, weights) = (BlockState::new(&group), Deferred::new(layout.targets.len()));
         let instances = vec![Instance { state, weights, known: false, hidden: false }; heads as usize];
         Ok(Self { group, budget, slots: desc.slots, instances })
@@ -62,7 +63,7 @@ impl AnimatedReference {
             // Nothing is deferred of an instance that is new or shown again.
             let budget = self.budget.as_ref().filter(|_| known && !was_hidden);
             weights.commit(&sample(clips, record, heads.now()), budget, &self.group.index);
-            let step = self.group.exact().map_or(0.0, |grid| grid.weight_step());
+            let step = self.group.grid().map_or(0.0, |grid| grid.weight_step());
             // Steps have fewer bits than a float32's, and the step is a power of two: exact.
             let weights: Vec<f32> = weights.committed.iter().map(|&steps| steps as f32 * step).collect();
             state.commit(&mut self.group, i, &weights, known);

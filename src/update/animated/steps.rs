@@ -56,8 +56,6 @@ const BLOCKS: &[Use] = &[
     Use::read(R::Asset),
     Use::read(R::Poses),
     Use::write(R::Poses),
-    Use::read(R::Sums),
-    Use::write(R::Sums),
 ];
 
 /// What making a crowd copies and fills, and what updates do with it.
@@ -122,11 +120,10 @@ pub(crate) fn accesses(works: &[Work], instances: u32) -> Vec<Accesses> {
         }
         K::Arguments => Accesses::compute([M::Counters], [M::Counters, M::Arguments]),
         K::Blocks => {
-            let sums = (0..instances).map(|instance| M::Sums { instance });
             let pose = |slot| (0..instances).map(move |instance| M::Pose { instance, slot });
             let Source::Slot(source) = work.source else { unreachable!("blocks are read from a slot") };
-            let reads = [M::WorkList, M::Deltas, M::Base].into_iter().chain(sums.clone()).chain(pose(source));
-            let mut all = Accesses::compute(reads, sums.chain(pose(work.destination)));
+            let reads = [M::WorkList, M::Deltas].into_iter().chain(pose(source));
+            let mut all = Accesses::compute(reads, pose(work.destination));
             all.uses.push(Use::new(M::Arguments, Stage::Indirect, Access::IndirectRead));
             all
         }

@@ -10,7 +10,7 @@ use crate::abi::modules;
 use crate::abi::numbers::WORKGROUP;
 use crate::abi::push::AnimationPush;
 use crate::abi::worklist::{TILE_WORDS, WIDTHS};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::barriers;
 use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
@@ -80,6 +80,11 @@ impl Group {
     /// Buffers and sets of a group; `common` are tables and state.
     fn new(context: Context<'_>, planning: &Objects, layout: GroupLayout, common: &[BufferRange; 2]) -> Result<Self> {
         let device = context.device;
+        if context.mesh.parts.len() > 1 {
+            let what = format!("mesh '{}', which exceeds the storage range,", context.layout().name);
+            let remedy = "pack in a smaller format, split the mesh, or set weights on the CPU (create_crowd)";
+            return Err(Error::invalid(format!("{what} in a crowd animated on the GPU"), remedy));
+        }
         // Tiles are filled up to the next width, so that there has to be one.
         let instances = context.desc.instances.max(2).next_power_of_two();
         let kernels = BlocksKernels::new(&context, instances, 0)?;
@@ -97,7 +102,7 @@ impl Group {
         }
         Ok(Self {
             sets: planning.sets(&bound)?,
-            blocks: GroupBlocks::new(&context, kernels, &lists, 0)?,
+            blocks: GroupBlocks::new(&context, kernels, context.desc.update.grid(context.layout())?, &lists, 0)?,
             layout,
             work,
             control,
@@ -114,7 +119,8 @@ impl Animated {
     /// Make buffers and sets; [`upload`](Self::upload) fills them.
     pub(crate) fn new(context: Context<'_>, clips: Clips) -> Result<Self> {
         let (device, desc) = (context.device, context.desc);
-        let budget = Budget::new(desc.update.error_budget, context.layout().index()?)?;
+        let (index, grid) = (context.layout().index()?, desc.update.grid(context.layout())?);
+        let budget = grid.and_then(|grid| Budget::new(desc.update.error_budget, index, grid));
         let layout = Layout::new(&context, &clips, budget.as_ref())?;
         let planning = context.kernels.get(Planning)?;
 
@@ -279,10 +285,6 @@ impl Technique for Animated {
     /// The GPU has changed nothing: only the CPU's count of updates goes back.
     fn discard_from(&mut self, id: UpdateId) {
         self.playbacks.discard_from(id.recorded);
-    }
-
-    fn sums(&self, instance: u32) -> Option<(vk::Buffer, u64)> {
-        self.groups[0].blocks.sums(instance)
     }
 
     #[cfg(any(test, feature = "internals"))]

@@ -2,10 +2,11 @@ use super::reference::{Deferred, between, interpolate, sample};
 use super::sample::TICKS_PER_SECOND;
 use super::steps::accesses;
 use super::*;
-use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
+use crate::pack::blocks::PoseGrid;
+use crate::pack::{DeltaFormat, PackDesc, PackedMesh, PoseFormat};
 use crate::plan::steps::Steps;
 use crate::plan::tests::{assert_barriers_needed, scheduled};
-use crate::plan::{Accumulate, Consumers, UpdateDesc, UpdatePath};
+use crate::plan::{Consumers, UpdateDesc, UpdatePath};
 use crate::weights::WeightClip;
 use crate::{reference, testing};
 use proptest::prelude::*;
@@ -16,6 +17,10 @@ fn mesh() -> PackedMesh {
     PackedMesh::pack(&testing::mesh(100, TARGETS), &PackDesc::new(DeltaFormat::Small)).unwrap()
 }
 
+fn grid() -> PoseGrid {
+    mesh().layout().index().unwrap().grid(PoseFormat::Fixed32, None).unwrap()
+}
+
 fn clip(frames: usize, fps: f32, value: impl Fn(usize, usize) -> f32) -> WeightClip {
     let names = (0..TARGETS).map(|t| format!("target_{t}")).collect();
     let values = (0..frames * TARGETS).map(|i| value(i / TARGETS, i % TARGETS)).collect();
@@ -23,7 +28,7 @@ fn clip(frames: usize, fps: f32, value: impl Fn(usize, usize) -> f32) -> WeightC
 }
 
 fn clips(list: &[WeightClip], key_format: KeyFormat) -> Clips {
-    Clips::new(&AnimationDesc { clips: list, key_format }, mesh().layout()).unwrap()
+    Clips::new(&AnimationDesc { clips: list, key_format }, mesh().layout(), grid()).unwrap()
 }
 
 /// The weights at `seconds`, in double precision.
@@ -55,7 +60,7 @@ proptest! {
         let clip = clip(frames, 30.0, value);
         let format = if short { KeyFormat::Bits16 } else { KeyFormat::Bits32 };
         let clips = clips(std::slice::from_ref(&clip), format);
-        let grid = mesh().layout().blocks.clone().unwrap().exact().unwrap();
+        let grid = grid();
         let playback = Playback { clip: 0, start, speed, repeat: if once { Repeat::Once } else { Repeat::Loop } };
         let mut heads = Playbacks::new(1);
         heads.play(0, &playback, &clips).unwrap();
@@ -111,7 +116,7 @@ proptest! {
         };
         let list = [clip(9, 24.0, value), clip(2, 24.0, |_, _| 4.0), clip(2, 24.0, |_, t| t as f32 * 1e-3)];
         let (long, short) = (clips(&list, KeyFormat::Bits32), clips(&list, KeyFormat::Bits16));
-        let grid = mesh().layout().blocks.clone().unwrap().exact().unwrap();
+        let grid = grid();
         for clip in 0..3 {
             prop_assert_eq!(long.rounding(clip), 0.0);
             for (frame, t) in (0..long.frames(clip)).flat_map(|f| (0..TARGETS).map(move |t| (f, t))) {
@@ -222,7 +227,7 @@ fn what_cannot_be_played_is_refused() {
     let mesh = mesh();
     let refuse = |clip: WeightClip, words: &str| {
         let desc = AnimationDesc { clips: &[clip], key_format: KeyFormat::Bits32 };
-        let text = Clips::new(&desc, mesh.layout()).unwrap_err().to_string();
+        let text = Clips::new(&desc, mesh.layout(), grid()).unwrap_err().to_string();
         assert!(text.contains(words), "{text}");
     };
     let large = |f, t| if (f, t) == (1, 3) { 4.5 } else { 0.0 };
@@ -230,9 +235,6 @@ fn what_cannot_be_played_is_refused() {
     refuse(clip(0, 30.0, |_, _| 0.0), "0 frames");
     refuse(clip(1, 0.0, |_, _| 0.0), "0 frames a second");
     refuse(WeightClip { names: vec!["jaw".into()], values: vec![0.0], ..clip(1, 30.0, |_, _| 0.0) }, "'jaw'");
-    let dense = PackedMesh::pack(&testing::mesh(10, 2), &PackDesc::new(DeltaFormat::Float32)).unwrap();
-    let desc = AnimationDesc { clips: &[], key_format: KeyFormat::Bits32 };
-    assert!(Clips::new(&desc, dense.layout()).unwrap_err().to_string().contains("such as 'fast'"));
 
     let clips = clips(&[clip(2, 30.0, |_, _| 0.0)], KeyFormat::Bits16);
     let mut heads = Playbacks::new(1);
@@ -256,13 +258,13 @@ fn what_cannot_be_played_is_refused() {
 
 #[test]
 fn what_is_not_animated_on_the_gpu_is_refused() {
-    let exact = UpdateDesc { accumulate: Accumulate::Exact, ..UpdateDesc::blocks() };
+    let fixed = UpdateDesc { pose: PoseFormat::Fixed32, ..UpdateDesc::blocks() };
     let still = PackedMesh::pack(&testing::mesh(10, 0), &PackDesc::new(DeltaFormat::Small)).unwrap();
     for (desc, mesh, words) in [
-        (UpdateDesc::blocks(), mesh(), "integer sums do not drift"),
-        (UpdateDesc { slots: 33, ..exact }, mesh(), "use at most 32"),
-        (UpdateDesc { path: UpdatePath::Cpu, ..exact }, mesh(), "use the path 'blocks'"),
-        (exact, still, "move nothing"),
+        (UpdateDesc::blocks(), mesh(), "sums of integers do not drift"),
+        (UpdateDesc { slots: 33, ..fixed }, mesh(), "use at most 32"),
+        (UpdateDesc { path: UpdatePath::Cpu, ..fixed }, mesh(), "use the path 'blocks'"),
+        (fixed, still, "move nothing"),
     ] {
         let text = AnimatedReference::new(desc, mesh.layout(), 1).err().expect("refused").to_string();
         assert!(text.contains(words), "{text}");
@@ -275,9 +277,9 @@ fn what_is_not_animated_on_the_gpu_is_refused() {
 fn small_changes_are_deferred_within_the_budget() {
     let mesh = mesh();
     let index = mesh.layout().blocks.clone().unwrap();
-    assert_eq!(Budget::new(0.0, &index).unwrap(), None);
-    let (length, step) = (0.05, index.exact().unwrap().weight_step());
-    let budget = Budget::new(length, &index).unwrap().unwrap();
+    assert_eq!(Budget::new(0.0, &index, grid()), None);
+    let (length, step) = (0.05, grid().weight_step());
+    let budget = Budget::new(length, &index, grid()).unwrap();
     let mut deferred = Deferred::new(TARGETS);
     let mut commit = |weights: &[i32], budget| {
         deferred.commit(weights, budget, &index);

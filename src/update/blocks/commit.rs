@@ -43,7 +43,7 @@ impl BlockState {
             let (old, incidence) = (std::mem::replace(committed, new), index.incidence(target));
             // A target that moves nothing changes no pose.
             dirty |= !incidence.is_empty();
-            let coefficient = unit.difference(new, old);
+            let coefficient = unit.coefficient(new, old);
             for i in incidence {
                 let end = &mut ends[i.block as usize];
                 elements[*end as usize] = Element { entry: i.entry, coefficient };
@@ -85,7 +85,7 @@ impl BlockState {
             if settle {
                 amounts.resize(entries.len(), COMMITTED);
             } else {
-                let pending = |entry: usize| unit.size(unit.difference(next(entry), self.committed[entry]));
+                let pending = |entry: usize| unit.size(unit.coefficient(next(entry), self.committed[entry]));
                 amounts.extend(entries.clone().map(|entry| pending(entry) * index.costs[entry].reach));
                 // In float64: what remains of a large sum, when most of it is taken away, is still right.
                 let mut sum: f64 = amounts.iter().copied().map(f64::from).sum();
@@ -118,13 +118,13 @@ impl BlockState {
             }
             for (entry, amount) in entries.zip(amounts) {
                 let (old, new) = (self.committed[entry], next(entry));
-                let coefficient = unit.difference(new, old);
-                if *amount != COMMITTED || coefficient == 0 {
+                if *amount != COMMITTED || new == old {
                     continue;
                 }
                 self.committed[entry] = new;
                 let end = &mut scratch.ends[block];
-                list.elements[first + *end as usize] = Element { entry: entry as u32, coefficient };
+                list.elements[first + *end as usize] =
+                    Element { entry: entry as u32, coefficient: unit.coefficient(new, old) };
                 *end += 1;
                 self.blocks[block].activate(index.costs[entry].bytes, old, new);
                 dirty = true;

@@ -9,7 +9,7 @@ use super::group::{GroupPlan, Item, WorkList};
 use crate::abi::kernels::DeviceTuning;
 use crate::abi::numbers::ROWS;
 use crate::abi::worklist::{ALIGN, TILE, WIDTHS, row_words};
-use crate::pack::POSE_FLOATS;
+use crate::pack::PoseFormat;
 use crate::pack::blocks::BlockIndex;
 #[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::{Accesses, Memory};
@@ -33,14 +33,14 @@ pub(crate) struct Dispatching {
     pub texels: bool,
 }
 
-/// What dispatches of blocks use, with exact sums all of it, else the first three.
-const USES: &[Use] = &[
-    Use::read(Resource::Asset),
-    Use::read(Resource::Poses),
-    Use::write(Resource::Poses),
-    Use::read(Resource::Sums),
-    Use::write(Resource::Sums),
-];
+/// What dispatches of blocks use.
+const USES: &[Use] = &[Use::read(Resource::Asset), Use::read(Resource::Poses), Use::write(Resource::Poses)];
+
+/// Blocks and entries of a part of the asset that a descriptor covers.
+pub(crate) type BlockPart = (Range<usize>, Range<usize>);
+
+/// Kernels of tiles: widths, and whether instances start from the base pose.
+const KERNELS: usize = 2 * WIDTHS;
 
 /// The dispatches of an update of a group.
 pub(crate) struct Dispatches {
@@ -48,23 +48,23 @@ pub(crate) struct Dispatches {
     /// The number of the group.
     group: u32,
     works: Vec<Work>,
-    exact: bool,
+    /// Of the asset: a dispatch is for the blocks of one.
+    parts: Vec<BlockPart>,
     /// For kernels that take several instances at once.
     pub tiles: Option<Tiles>,
 }
 
 impl Dispatches {
-    /// Of so many instances; `group` is the number of the group that `plan` is for.
-    pub fn new(how: Dispatching, group: u32, plan: &GroupPlan, instances: usize) -> Self {
-        let exact = plan.exact().is_some();
-        // Where rebuilt instances have pipelines of their own.
-        let tiles = (how.widths > 0).then(|| Tiles::new(&plan.index, instances, !exact, how.tuning));
-        Self { how, group, works: vec![], exact, tiles }
+    /// Of so many instances; `group` is the number of the group that `plan` is for, `parts` those of its asset.
+    pub fn new(how: Dispatching, group: u32, plan: &GroupPlan, instances: usize, parts: Vec<BlockPart>) -> Self {
+        let tiles = (how.widths > 0).then(|| Tiles::new(&plan.index, instances, how.tuning));
+        Self { how, group, works: vec![], parts, tiles }
     }
 
     /// Make the dispatches of a planned work list, and count what tiles load and store, which instances share. Tells
     /// whether there are any.
     pub fn fill(&mut self, plan: &mut GroupPlan) -> bool {
+        let pose = plan.pose();
         let GroupPlan { index, list, stats, .. } = plan;
         self.works.clear();
         if let Some(tiles) = &mut self.tiles {
@@ -74,20 +74,33 @@ impl Dispatches {
         for run in list.items.chunk_by(|a, b| a.instance / size == b.instance / size) {
             let (group, items) = (run[0].instance / size, first..first + run.len());
             first = items.end;
-            let Some(tiles) = &mut self.tiles else {
-                self.dispatch(0, group, items);
-                continue;
-            };
-            let before = tiles.counts();
-            tiles.fill(index, list, items);
-            for (kernel, (before, after)) in before.into_iter().zip(tiles.counts()).enumerate() {
-                self.dispatch(kernel, group, before..after);
+            match &mut self.tiles {
+                Some(tiles) => tiles.sort(index, list, items),
+                None => self.singles(run, items.start),
+            }
+            for part in 0..self.parts.len() {
+                let Some(tiles) = &mut self.tiles else { break };
+                let before = tiles.counts();
+                tiles.fill(index, list, &self.parts[part]);
+                for (kernel, (before, after)) in before.into_iter().zip(tiles.counts()).enumerate() {
+                    self.dispatch(part * KERNELS + kernel, group, before..after);
+                }
             }
         }
         if let Some(tiles) = &self.tiles {
-            [stats.bytes_moved, stats.bytes_floor] = tiles.bytes(index, self.exact);
+            [stats.bytes_moved, stats.bytes_floor] = tiles.bytes(index, pose);
         }
         !self.works.is_empty()
+    }
+
+    /// Dispatch single items of a group of instances, of which the first is number `first` of the list.
+    fn singles(&mut self, mut run: &[Item], mut first: usize) {
+        while let Some(item) = run.first() {
+            let part = self.parts.partition_point(|(blocks, _)| blocks.end <= item.block as usize);
+            let count = run.iter().take_while(|item| self.parts[part].0.contains(&(item.block as usize))).count();
+            self.dispatch(part * KERNELS, item.instance / self.how.group, first..first + count);
+            (run, first) = (&run[count..], first + count);
+        }
     }
 
     fn dispatch(&mut self, kernel: usize, instance: u32, items: Range<usize>) {
@@ -103,9 +116,8 @@ impl Dispatches {
         // Groups share no memory: their k-th dispatches are one step in any case.
         let most = groups.clone().map(|group| group.works.len()).max().unwrap_or(0);
         let size = if groups.clone().any(|group| group.how.texels) { 1 } else { most.max(1) };
-        let exact = groups.clone().any(|group| group.exact);
         for first in (0..most).step_by(size) {
-            steps.step(if exact { USES } else { &USES[..3] });
+            steps.step(USES);
             for group in groups.clone() {
                 group.works.iter().skip(first).take(size).for_each(|work| steps.push(work.clone()));
             }
@@ -114,7 +126,8 @@ impl Dispatches {
 
     /// The place in the list of a work's first item.
     pub fn place(&self, work: &Work) -> usize {
-        let before = self.tiles.iter().flat_map(|tiles| &tiles.items[..work.kernel as usize]).map(Vec::len);
+        let kernel = work.kernel as usize % KERNELS;
+        let before = self.tiles.iter().flat_map(|tiles| &tiles.items[..kernel]).map(Vec::len);
         before.sum::<usize>() + work.items.start as usize
     }
 
@@ -124,7 +137,7 @@ impl Dispatches {
     pub fn accesses(&self, list: &WorkList, works: &[Work]) -> Accesses {
         let mut uses = std::collections::HashSet::new();
         for work in works {
-            let (places, kernel) = (work.items.start as usize..work.items.end as usize, work.kernel as usize);
+            let (places, kernel) = (work.items.start as usize..work.items.end as usize, work.kernel as usize % KERNELS);
             let items: Vec<u32> = match &self.tiles {
                 None => work.items.clone().collect(),
                 Some(tiles) => {
@@ -133,11 +146,9 @@ impl Dispatches {
                 }
             };
             for item in items.into_iter().map(|i| &list.items[i as usize]) {
-                let (instance, pose) = (item.instance, |slot| Memory::Pose { instance: item.instance, slot });
-                let base = (self.exact || item.source.is_none()).then_some(Memory::Base);
-                let sums = self.exact.then_some(Memory::Sums { instance });
-                let reads = [Memory::Deltas].into_iter().chain(base).chain(item.source.map(pose)).chain(sums);
-                uses.extend(Accesses::compute(reads, [pose(item.destination)].into_iter().chain(sums)).uses);
+                let pose = |slot| Memory::Pose { instance: item.instance, slot };
+                let source = item.source.map_or(Memory::Base, pose);
+                uses.extend(Accesses::compute([Memory::Deltas, source], [pose(item.destination)]).uses);
             }
         }
         Accesses { group: self.group, in_place: true, uses: uses.into_iter().collect() }
@@ -162,14 +173,12 @@ pub struct TileItem {
 /// What [`WorkList`] says, tile by tile.
 #[derive(Clone, Debug)]
 pub struct Tiles {
-    /// `[kernel]`: tiles of 2^width instances for kernel number `width`. Those of rebuilt instances, where they are in
-    /// tiles of their own, are for number [`WIDTHS`] + width.
+    /// `[kernel]`: tiles of 2^width instances for kernel number `width`. Those of rebuilt instances are in tiles of their
+    /// own, for number [`WIDTHS`] + width.
     pub items: [Vec<TileItem>; 2 * WIDTHS],
     /// `[row]`: entry, then a coefficient for each instance of the tile, 0 for one that does not need the entry; see
     /// [`row_words`].
     pub rows: Vec<u32>,
-    /// Rebuilt instances are in tiles of their own.
-    separate: bool,
     /// How wide tiles are.
     device: DeviceTuning,
     /// Per block and part: items of the list, one after the other.
@@ -180,14 +189,12 @@ pub struct Tiles {
 }
 
 impl Tiles {
-    /// No tiles yet, with room for every block of `instances`. `separate`: instances that start from the base pose are
-    /// in tiles of their own.
-    pub fn new(index: &BlockIndex, instances: usize, separate: bool, device: DeviceTuning) -> Self {
+    /// No tiles yet, with room for every block of `instances`.
+    pub fn new(index: &BlockIndex, instances: usize, device: DeviceTuning) -> Self {
         let blocks = index.count() * instances;
         Self {
             items: std::array::from_fn(|kernel| Vec::with_capacity(blocks >> (kernel % WIDTHS))),
             rows: Vec::with_capacity(Self::words_max(index, instances)),
-            separate,
             device,
             ends: vec![],
             sorted: Vec::with_capacity(blocks),
@@ -218,39 +225,53 @@ impl Tiles {
         kernels.flat_map(|(kernel, tiles)| tiles.iter().map(move |tile| (kernel % WIDTHS, tile)))
     }
 
-    /// Append tiles of these items of `list`, which are ascending by instance, then block.
-    pub fn fill(&mut self, index: &BlockIndex, list: &WorkList, items: Range<usize>) {
-        let part = |item: &Item| 2 * item.block as usize + usize::from(self.separate && item.source.is_none());
-        // A counting sort by block: for each part, first its size, then where it begins, in the end where it ends.
+    /// Take these items of `list`, which are ascending by instance, then block, as those that [`fill`](Self::fill) makes
+    /// tiles of.
+    pub fn sort(&mut self, index: &BlockIndex, list: &WorkList, items: Range<usize>) {
+        let half = |item: &Item| 2 * item.block as usize + usize::from(item.source.is_none());
+        // A counting sort by block and half: for each, first its size, then where it begins, in the end where it ends.
         self.ends.clear();
         self.ends.resize(2 * index.count() + 1, 0);
-        list.items[items.clone()].iter().for_each(|item| self.ends[part(item) + 1] += 1);
+        list.items[items.clone()].iter().for_each(|item| self.ends[half(item) + 1] += 1);
         for i in 1..self.ends.len() {
             self.ends[i] += self.ends[i - 1];
         }
         self.sorted.clear();
         self.sorted.resize(items.len(), 0);
         for i in items {
-            let end = &mut self.ends[part(&list.items[i])];
+            let end = &mut self.ends[half(&list.items[i])];
             self.sorted[*end as usize] = i as u32;
             *end += 1;
         }
-        let mut first = 0;
-        for part in 0..2 * index.count() {
-            let end = self.ends[part] as usize;
+    }
+
+    /// Append tiles of the items of some blocks.
+    pub fn fill(&mut self, index: &BlockIndex, list: &WorkList, (blocks, entries): &BlockPart) {
+        let halves = 2 * blocks.start..2 * blocks.end;
+        let mut first = if halves.start == 0 { 0 } else { self.ends[halves.start - 1] as usize };
+        for half in halves {
+            let end = self.ends[half] as usize;
             while first < end {
                 let width = (end - first).min(self.device.widest_tile as usize).ilog2() as usize;
                 let instances = 1 << width;
-                self.push(index, list, part, first..first + instances, width);
+                self.push(index, list, half, first..first + instances, (width, entries));
                 first += instances;
             }
         }
     }
 
-    /// Append items `sorted` of a part: as one tile, or where that takes less, as two.
-    fn push(&mut self, index: &BlockIndex, list: &WorkList, part: usize, sorted: Range<usize>, width: usize) {
+    /// Append items `sorted` of a half of a block's: as one tile, or where that takes less, as two. Rows that fill a tile
+    /// up are of one of `all_entries`.
+    fn push(
+        &mut self,
+        index: &BlockIndex,
+        list: &WorkList,
+        half: usize,
+        sorted: Range<usize>,
+        (width, all_entries): (usize, &Range<usize>),
+    ) {
         let members = &self.sorted[sorted.clone()];
-        let block = part / 2;
+        let block = half / 2;
         let entries = index.entries(block);
         let mut tile = TileItem { block: block as u32, first: self.rows.len() as u32, ..TileItem::default() };
         if let [only] = members {
@@ -267,15 +288,15 @@ impl Tiles {
                     (row[place], *needed) = (element.coefficient, *needed | 1 << place);
                 }
             }
-            let half = members.len() / 2;
-            let first = (1 << half) - 1;
+            let narrow = members.len() / 2;
+            let first = (1 << narrow) - 1;
             let rows = |places: u32| self.table.iter().filter(|(_, needed)| needed & places != 0).count();
             let [all, one, other] = [u32::MAX, first, !first].map(rows);
             let load = self.device.load_cost as usize;
-            if (one + other) * (load + half) < all * (load + 2 * half) {
-                let middle = sorted.start + half;
-                self.push(index, list, part, sorted.start..middle, width - 1);
-                self.push(index, list, part, middle..sorted.end, width - 1);
+            if (one + other) * (load + narrow) < all * (load + 2 * narrow) {
+                let middle = sorted.start + narrow;
+                self.push(index, list, half, sorted.start..middle, (width - 1, all_entries));
+                self.push(index, list, half, middle..sorted.end, (width - 1, all_entries));
                 return;
             }
             tile.count = all as u32;
@@ -288,9 +309,9 @@ impl Tiles {
         }
         let multiple = if members.len() > 1 { ROWS } else { 1 };
         while tile.count == 0 || !tile.count.is_multiple_of(multiple) {
-            // Of a block that no target touches: any entry.
+            // Of a block that no target touches: any entry there is.
             let end = self.rows.len() + row_words(width);
-            self.rows.push(entries.start.min(index.entry_count().saturating_sub(1)) as u32);
+            self.rows.push(entries.start.clamp(all_entries.start, all_entries.end.saturating_sub(1)) as u32);
             self.rows.resize(end, 0);
             tile.count += 1;
         }
@@ -299,19 +320,21 @@ impl Tiles {
             tile.items[place] = i;
             tile.rebuilt |= u32::from(list.items[i as usize].source.is_none()) << place;
         }
-        self.items[part % 2 * WIDTHS + width].push(tile);
+        self.items[half % 2 * WIDTHS + width].push(tile);
     }
 
     /// Bytes that kernels load and store for these tiles, and those that are not of lists.
-    pub fn bytes(&self, index: &BlockIndex, exact: bool) -> [u64; 2] {
+    pub fn bytes(&self, index: &BlockIndex, pose: PoseFormat) -> [u64; 2] {
         let (mut moved, mut floor) = (0, 0);
         for (width, tile) in self.iter() {
             let (instances, stride) = (1u64 << width, row_words(width));
-            // Exact: base in, integers in and out, poses out.
-            let pose = if exact { 4 + 12 * instances } else { 8 * instances };
+            // What tiles start from, each instance's own or the base pose, which integers do without.
+            let sources = if pose.has_integers() && tile.rebuilt != 0 { 0 } else { instances };
             let rows = &self.rows[tile.first as usize..][..tile.count as usize * stride];
-            let deltas: u64 = rows.chunks_exact(stride).map(|row| u64::from(index.costs[row[0] as usize].bytes)).sum();
-            let least = deltas + (index.size() * POSE_FLOATS) as u64 * pose;
+            // Without entries there is a row of none.
+            let costs = rows.chunks_exact(stride).filter_map(|row| index.costs.get(row[0] as usize));
+            let deltas: u64 = costs.map(|cost| u64::from(cost.bytes)).sum();
+            let least = deltas + (index.size() * pose.stride()) as u64 * (sources + instances);
             floor += least;
             moved += least + 4 * (4 + instances + rows.len() as u64);
         }

@@ -8,7 +8,6 @@
 use super::group::{GroupPlan, Item, rounding};
 use super::plan::BlockState;
 use crate::abi::worklist::{ELEMENT_BYTES, ITEM_WORDS};
-use crate::pack::POSE_FLOATS;
 use crate::plan::UpdateMode;
 
 impl BlockState {
@@ -24,21 +23,14 @@ impl BlockState {
             2 => self.emit_blocks::<12>(group, instance, slots, known),
             _ => self.emit_blocks::<24>(group, instance, slots, known),
         }
-        let components = |masks: &[u32]| u64::from(masks.iter().map(|mask| mask.count_ones()).sum::<u32>());
         let (items, masks) = (&group.list.items[first_item..], &group.list.masks[first_mask..]);
-        let poses = match group.exact() {
-            // The pose in and out. In one loop over all items: it becomes SIMD.
-            None => components(masks) * 8,
-            // The integer in (not in a rebuild) and out, the base pose in, the pose out; a block that only catches up
-            // copies the pose.
+        let poses = match group.grid() {
+            // The pose in and out.
+            None => masks.iter().map(|mask| u64::from(mask.count_ones())).sum::<u64>() * 8,
+            // The same of whole blocks; nothing in, where the base pose is what is displaced.
             Some(_) => {
-                let masks = masks.chunks_exact(POSE_FLOATS * group.index.mask_words());
-                let bytes = |item: &Item| match (item.source, item.count) {
-                    (None, _) => 12,
-                    (Some(_), 0) => 8,
-                    (Some(_), 1..) => 16,
-                };
-                items.iter().zip(masks).map(|(item, masks)| components(masks) * bytes(item)).sum()
+                let times: u64 = items.iter().map(|item| 1 + u64::from(item.source.is_some())).sum();
+                times * (group.index.size() * group.pose().stride()) as u64
             }
         };
         group.stats.bytes_moved += poses;
@@ -53,7 +45,7 @@ impl BlockState {
         [current, destination]: [u32; 2],
         known: bool,
     ) {
-        let GroupPlan { index, list, stats, whole_blocks, desc, unit, tolerance, scratch, .. } = group;
+        let GroupPlan { index, list, stats, whole_blocks, source_bytes, desc, unit, tolerance, scratch, .. } = group;
         let (count, costs) = (index.count(), &index.costs);
         let (entry_masks, _) = index.masks.as_chunks::<N>();
         let (block_masks, _) = index.block_masks.as_chunks::<N>();
@@ -83,8 +75,8 @@ impl BlockState {
                     && (exceeded
                         || desc.mode == UpdateMode::Rebuild
                         || match *whole_blocks {
-                            // All components either way.
-                            true => active.active_bytes <= deltas,
+                            // All components either way; integers need no base pose.
+                            true => active.active_bytes <= deltas + *source_bytes,
                             false => no_more_bytes_from_base(active.active_bytes, deltas, all, &changed),
                         });
             if rebuilt {

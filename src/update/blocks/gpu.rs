@@ -1,18 +1,19 @@
 //! The blocks of a group on a device, whoever plans them: kernels with a workgroup for each item of the work list or for
-//! each tile, integer sums, descriptor sets and push constants.
+//! each tile, descriptor sets and push constants.
 
 use super::dispatch::Dispatching;
-use crate::abi::modules::{BLOCKS, BLOCKS_EXACT, CROWD, CROWD_EXACT, CROWD_EXACT_TEXELS, CROWD_TEXELS, Module};
+use crate::abi::modules::{BLOCKS, CROWD, CROWD_TEXELS, Module};
 use crate::abi::numbers::ROWS;
 use crate::abi::push::BlocksPush;
 use crate::abi::worklist::{POSES_MAX, TILE, WIDTHS};
-use crate::error::Result;
+use crate::asset::streams::TRIPLES;
+use crate::error::{Error, Result};
 use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::memory::Buffer;
-use crate::gpu::mesh::deltas_bytes;
+use crate::gpu::parts::AssetPart;
 use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
-use crate::pack::blocks::ExactGrid;
-use crate::plan::Accumulate;
+use crate::pack::POSE_FLOATS;
+use crate::pack::blocks::PoseGrid;
 use crate::update::technique::{Context, Poses};
 use ash::vk;
 use bytemuck::bytes_of;
@@ -57,7 +58,7 @@ impl PipelineKey for BlocksKey {
         objects.add_layout(&[module.kernel], 0)?;
         let constants = [0, 1].map(|rebuilt| [lanes, size, 1 << width, if width > 0 { ROWS } else { 1 }, rebuilt]);
         let constants = constants.each_ref().map(|constants| &constants[..module.kernel.constants as usize]);
-        // Where nothing tells the two apart, they are one.
+        // Items with masks say which they are.
         let count = if constants[0] == constants[1] { 1 } else { 2 };
         objects.add_compute(module, &constants[..count])
     }
@@ -66,8 +67,6 @@ impl PipelineKey for BlocksKey {
 /// The kernels of a crowd, one for items of single instances, or for each width of tiles one.
 pub(crate) struct BlocksKernels {
     pub(super) how: Dispatching,
-    /// Of exact sums.
-    grid: Option<ExactGrid>,
     kernels: Vec<Arc<Pipelines<BlocksKey>>>,
 }
 
@@ -75,23 +74,18 @@ impl BlocksKernels {
     /// Of crowds of `instances` of a mesh, of which a descriptor set reaches `group`.
     ///
     /// # Errors
-    /// There is no kernel for its format and kind of sums; those of Vulkan.
+    /// There is no kernel for its formats; those of Vulkan.
     pub(crate) fn new(context: &Context<'_>, instances: u32, group: u32) -> Result<Self> {
         let (index, update) = (context.layout().index()?, context.desc.update);
-        let exact = update.accumulate == Accumulate::Exact;
-        let grid = if exact { Some(index.exact()?) } else { None };
         let (format, caps) = (context.layout().format, context.caps());
-        // Tiles have a row at least, of some entry.
+        // Tiles have a row at least, of some entry; masks are for poses of float32 alone.
         let entries = index.entry_count() > 0;
         let texels = entries && caps.takes_texels(format);
-        let tiles = texels || (entries && instances > 1);
-        let kernel = match (tiles, texels, exact) {
-            (false, _, false) => &BLOCKS,
-            (false, _, true) => &BLOCKS_EXACT,
-            (true, false, false) => &CROWD,
-            (true, false, true) => &CROWD_EXACT,
-            (true, true, false) => &CROWD_TEXELS,
-            (true, true, true) => &CROWD_EXACT_TEXELS,
+        let tiles = entries && (texels || instances > 1) || update.pose.has_integers();
+        let kernel = match (tiles, texels) {
+            (false, _) => &BLOCKS,
+            (true, false) => &CROWD,
+            (true, true) => &CROWD_TEXELS,
         };
         let widths = if tiles { instances.clamp(1, caps.tuning.widest_tile).ilog2() + 1 } else { 0 };
         let (module, size) = (kernel.module(format, update.pose, 0)?, index.size() as u32);
@@ -99,7 +93,7 @@ impl BlocksKernels {
         let lanes = if texels { size / 8 } else { size };
         let kernel = |width| context.kernels.get(BlocksKey { module, size, lanes, width });
         let how = Dispatching { group, widths, tuning: caps.tuning, most: caps.max_workgroups, texels };
-        Ok(Self { how, grid, kernels: (0..widths.max(1)).map(kernel).collect::<Result<_>>()? })
+        Ok(Self { how, kernels: (0..widths.max(1)).map(kernel).collect::<Result<_>>()? })
     }
 }
 
@@ -108,11 +102,12 @@ pub(crate) struct GroupBlocks {
     pub(crate) how: Dispatching,
     kernels: Vec<Arc<Pipelines<BlocksKey>>>,
     pub(super) poses: Poses,
-    /// One set of sums for all poses of an instance: stored as a storage buffer, loaded as one or as texels.
-    sums: Option<Buffer>,
-    /// One for each work list.
+    /// Of a mesh without entries: an entry that moves nothing, for the row that tiles have at least.
+    _no_entry: Option<Buffer>,
+    /// For each work list one for each part of the asset.
     sets: Sets,
-    push: BlocksPush,
+    /// For each part of the asset.
+    pushes: Vec<BlocksPush>,
 }
 
 impl GroupBlocks {
@@ -120,44 +115,56 @@ impl GroupBlocks {
     /// in them, in words.
     pub(crate) fn new(
         context: &Context<'_>,
-        BlocksKernels { how, grid, kernels }: BlocksKernels,
+        BlocksKernels { how, kernels }: BlocksKernels,
+        grid: Option<PoseGrid>,
         lists: &[(BufferRange, u32, u32)],
         elements_at: usize,
     ) -> Result<Self> {
-        use vk::BufferUsageFlags as U;
         let (layout, poses, index) = (context.layout(), context.poses, context.layout().index()?);
-        let usage = U::STORAGE_BUFFER | U::STORAGE_TEXEL_BUFFER | U::TRANSFER_SRC;
-        let (name, bytes) = ("deltamorph integer sums", poses.bytes * u64::from(context.desc.instances));
-        let sums =
-            grid.map(|_| Buffer::new(context.device, name, bytes, usage, MemoryLocation::GpuOnly)).transpose()?;
-        let step = grid.map_or(1.0, |grid| grid.weight_step());
-        let ([position, normal], base) = (index.steps(), layout.base_bytes());
-        let push = BlocksPush {
-            first_item: 0,
-            elements_at: elements_at as u32,
-            deltas_at: index.deltas_at as u32,
-            base_at: ((deltas_bytes(layout) - base) / 4) as u32,
-            pose_floats: (base / 4) as u32,
-            slots: poses.slots,
-            position_unit: position * step,
-            normal_unit: normal * step,
+        let [position, normal] = index.steps();
+        let [position_dropped, normal_dropped] = grid.map_or([0; TRIPLES], |grid| grid.dropped);
+        let push = |part: &AssetPart| {
+            let [headers_at, deltas_at, base_at] = part.origins();
+            BlocksPush {
+                first_item: 0,
+                elements_at: elements_at as u32,
+                headers_at,
+                deltas_at,
+                base_at,
+                pose_floats: (layout.base_bytes() / 4) as u32,
+                position_unit: position,
+                normal_unit: normal,
+                position_dropped,
+                normal_dropped,
+            }
         };
-        let asset = BufferRange { buffer: context.mesh.deltas.raw, offset: 0, size: deltas_bytes(layout) };
+        // Zeros, as many as there are words in the largest entry.
+        let no_entry = || {
+            let (bytes, usage) = (index.size() * POSE_FLOATS * size_of::<f32>(), vk::BufferUsageFlags::STORAGE_BUFFER);
+            let location = MemoryLocation::CpuToGpu;
+            let mut buffer = Buffer::new(context.device, "deltamorph no entry", bytes as u64, usage, location)?;
+            buffer.mapped()?.fill(0);
+            Ok::<_, Error>(buffer)
+        };
+        let no_entry = (how.widths > 0 && index.entry_count() == 0).then(no_entry).transpose()?;
+        let parts = &context.mesh.parts;
         let bound = |&(list, first, count): &(BufferRange, u32, u32)| {
-            // As texels, poses and sums are bound twice.
-            let times = if how.texels { 2 } else { 1 };
-            let sums = sums.as_ref().map(|sums| poses.sums(sums.raw).range(first, count));
-            let written = [poses.range(first, count)].into_iter().chain(sums);
-            let written = written.flat_map(|range| std::iter::repeat_n(range, times));
-            [asset, list].into_iter().chain(written).collect::<Vec<_>>()
+            // To be loaded as texels, poses are bound once more.
+            let poses = std::iter::repeat_n(poses.range(first, count), if how.texels { 2 } else { 1 });
+            let asset = |part: &AssetPart| match &no_entry {
+                Some(entry) => BufferRange::new(entry.raw, 0, vk::WHOLE_SIZE),
+                None => part.range(context.mesh.deltas.raw),
+            };
+            let set = |part| [asset(part), list].into_iter().chain(poses.clone()).collect::<Vec<_>>();
+            parts.iter().map(set).collect::<Vec<_>>()
         };
-        let bound: Vec<_> = lists.iter().map(bound).collect();
-        let sets = kernels[0].objects.sets(&bound)?;
-        Ok(Self { how, kernels, poses, sums, sets, push })
+        let bound: Vec<_> = lists.iter().flat_map(bound).collect();
+        let (sets, pushes) = (kernels[0].objects.sets(&bound)?, parts.iter().map(push).collect());
+        Ok(Self { how, kernels, poses, _no_entry: no_entry, sets, pushes })
     }
 
     /// Record a dispatch of kernel number `kernel` (a width, or from [`WIDTHS`] on, a width for tiles that start from the
-    /// base pose) for the work list of this number, from the word `first_item` on.
+    /// base pose; as many for each part of the asset) for the work list of this number, from the word `first_item` on.
     ///
     /// # Safety
     /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
@@ -172,16 +179,12 @@ impl GroupBlocks {
         first_item: u32,
         workgroups: Workgroups,
     ) {
-        let (kernel, rebuilt) = (kernel as usize % WIDTHS, kernel as usize / WIDTHS);
-        let (push, set) = (BlocksPush { first_item, ..self.push }, self.sets.get(list));
+        let (part, rebuilt) = (kernel as usize / WIDTHS / 2, kernel as usize / WIDTHS % 2);
+        let kernel = kernel as usize % WIDTHS;
+        let push = BlocksPush { first_item, ..self.pushes[part] };
+        let set = self.sets.get(list * self.pushes.len() + part);
         // SAFETY: the caller's obligations; the layout of the set is the same for all kernels of a module, and the push
         // constants fill its range.
         unsafe { self.kernels[kernel].objects.dispatch(cmd, rebuilt, (set, &[]), bytes_of(&push), workgroups) };
-    }
-
-    /// Buffer and offset of the sums of an instance.
-    #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
-    pub(crate) fn sums(&self, instance: u32) -> Option<(vk::Buffer, u64)> {
-        self.sums.as_ref().map(|sums| (sums.raw, self.poses.sums(sums.raw).offset(instance, 0)))
     }
 }

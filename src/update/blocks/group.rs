@@ -3,9 +3,9 @@
 
 use crate::abi::worklist::Element;
 use crate::error::{Error, Result};
-use crate::pack::blocks::{BlockIndex, ExactGrid};
-use crate::pack::{POSE_FLOATS, PackedLayout};
-use crate::plan::{Accumulate, UpdateDesc, UpdateStats};
+use crate::pack::blocks::{BlockIndex, PoseGrid};
+use crate::pack::{POSE_FLOATS, PackedLayout, PoseFormat};
+use crate::plan::{UpdateDesc, UpdateStats};
 use std::sync::Arc;
 
 /// A block of an instance that is written.
@@ -63,12 +63,16 @@ pub struct GroupPlan {
     /// Of the last update.
     pub stats: UpdateStats,
     /// Load and store all of a block that is written, not only the components that change: for kernels that cannot do
-    /// less.
+    /// less, and poses of integers.
     pub whole_blocks: bool,
+    /// Bytes that a whole block saves to load where it starts from the base pose.
+    pub source_bytes: u32,
     pub(super) desc: UpdateDesc,
     pub(super) targets: usize,
     pub(super) unit: Unit,
-    /// The largest bound on drift that a block may have, as a length; infinite for exact sums.
+    /// Some stream is measured as a length.
+    pub(super) has_lengths: bool,
+    /// The largest bound on drift that a block may have, as a length; infinite for poses of integers.
     pub(super) tolerance: f32,
     pub(super) scratch: Scratch,
 }
@@ -81,28 +85,34 @@ impl GroupPlan {
     pub fn new(desc: UpdateDesc, layout: &PackedLayout, instances: usize) -> Result<Self> {
         desc.check_for(layout)?;
         let index = layout.index()?;
-        let (grid, tolerance) = match desc.accumulate {
-            Accumulate::Exact => (Some(index.exact()?), f32::INFINITY),
-            Accumulate::Float { tolerance } => (None, tolerance * length_unit(layout)),
-        };
+        let grid = desc.grid(layout)?;
+        let tolerance = if grid.is_some() { f32::INFINITY } else { desc.tolerance * length_unit(layout) };
         // Without lengths there is nothing to measure a budget against: all is committed at once.
-        let error_budget = if layout.has_lengths() { desc.error_budget } else { 0.0 };
+        let has_lengths = layout.has_lengths();
+        let error_budget = if has_lengths { desc.error_budget } else { 0.0 };
         Ok(Self {
             index: index.clone(),
             list: WorkList::new(index, instances),
             stats: UpdateStats::default(),
-            whole_blocks: false,
+            whole_blocks: grid.is_some(),
+            source_bytes: if grid.is_some() { (index.size() * desc.pose.stride()) as u32 } else { 0 },
             desc: UpdateDesc { error_budget, ..desc },
             targets: layout.targets.len(),
-            unit: Unit { grid, step: grid.map_or(1.0, |grid| grid.weight_step()) },
+            unit: Unit::new(grid, desc.pose),
+            has_lengths,
             tolerance,
             scratch: Scratch::default(),
         })
     }
 
-    /// The grid of exact sums.
-    pub fn exact(&self) -> Option<ExactGrid> {
+    /// The grid of poses of integers.
+    pub fn grid(&self) -> Option<PoseGrid> {
         self.unit.grid
+    }
+
+    /// How poses are stored.
+    pub fn pose(&self) -> PoseFormat {
+        self.desc.pose
     }
 
     /// Forget the last update.
@@ -113,14 +123,21 @@ impl GroupPlan {
     }
 }
 
-/// How weights are summed: as float32, or as integers in steps of a grid. Both take 32 bits, and 0 is no weight.
+/// How weights are listed: as float32, or as integers in steps of a grid. Both take 32 bits, and 0 is no weight.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Unit {
-    grid: Option<ExactGrid>,
+    grid: Option<PoseGrid>,
     step: f32,
+    /// Coefficients are the weight that poses are to hold, and above it the one that they hold, 16 bits each: what a
+    /// target adds is rounded. Otherwise they are the difference.
+    pairs: bool,
 }
 
 impl Unit {
+    fn new(grid: Option<PoseGrid>, pose: PoseFormat) -> Self {
+        Self { grid, step: grid.map_or(1.0, |grid| grid.weight_step()), pairs: pose.rounds_products() }
+    }
+
     pub(super) fn bits(self, weight: f32) -> u32 {
         match self.grid {
             // The sum makes 0 of -0.
@@ -129,18 +146,22 @@ impl Unit {
         }
     }
 
-    pub(super) fn difference(self, new: u32, old: u32) -> u32 {
+    /// What changes a weight, for the list.
+    pub(super) fn coefficient(self, new: u32, old: u32) -> u32 {
         match self.grid {
             None => (f32::from_bits(new) - f32::from_bits(old)).to_bits(),
+            Some(_) if self.pairs => new & 0xffff | old << 16,
             Some(_) => new.wrapping_sub(old),
         }
     }
 
-    /// The absolute value, as a weight.
-    pub(super) fn size(self, bits: u32) -> f32 {
+    /// By how much a coefficient changes a weight, either way.
+    pub(super) fn size(self, coefficient: u32) -> f32 {
+        let steps = |change: i32| change.unsigned_abs() as f32 * self.step;
         match self.grid {
-            None => f32::from_bits(bits).abs(),
-            Some(_) => (bits as i32).unsigned_abs() as f32 * self.step,
+            None => f32::from_bits(coefficient).abs(),
+            Some(_) if self.pairs => steps(i32::from(coefficient as i16) - (coefficient as i32 >> 16)),
+            Some(_) => steps(coefficient as i32),
         }
     }
 }
@@ -193,6 +214,6 @@ pub(crate) fn check_tolerance(tolerance: f32, layout: &PackedLayout, index: &Blo
             "a drift of at most {tolerance:.1e} of the diagonal: rounding alone may move a vertex by {least:.1e} when all \
              weights are 1"
         ),
-        "allow more drift, or use exact sums (Accumulate::Exact)",
+        "allow more drift, or use poses of integers (PoseFormat::Fixed32)",
     ))
 }

@@ -4,7 +4,7 @@
 use super::group::{GroupPlan, Unit};
 use crate::abi::worklist::Element;
 use crate::error::Result;
-use crate::pack::blocks::{BlockIndex, ExactGrid};
+use crate::pack::blocks::{BlockIndex, PoseGrid};
 use crate::pack::{POSE_FLOATS, PackedLayout};
 use crate::plan::instances::Instances;
 use crate::plan::{UpdateDesc, UpdateStats};
@@ -62,9 +62,9 @@ impl Planner {
         UpdateStats { coefficients: self.groups.first().map_or(0, |group| group.stats.coefficients), ..sum }
     }
 
-    /// The grid of exact sums of the first group; that of others may have other steps, and the same largest weight.
-    pub fn exact(&self) -> Option<ExactGrid> {
-        self.groups.first().and_then(GroupPlan::exact)
+    /// The grid of the first group; that of others may have other units, and the same weights.
+    pub fn grid(&self) -> Option<PoseGrid> {
+        self.groups.first().and_then(GroupPlan::grid)
     }
 }
 
@@ -96,7 +96,8 @@ pub(super) struct BlockSum {
     pub(super) bound: f32,
     /// The bound beyond which the block is rebuilt.
     pub(super) limit: f32,
-    /// Bytes of the active entries.
+    /// The active entries, and their bytes.
+    pub(super) active: u32,
     pub(super) active_bytes: u32,
 }
 
@@ -104,8 +105,8 @@ impl BlockSum {
     /// The weight of an entry of so many bytes changes.
     pub(super) fn activate(&mut self, bytes: u32, old: u32, new: u32) {
         match (old != 0, new != 0) {
-            (false, true) => self.active_bytes += bytes,
-            (true, false) => self.active_bytes -= bytes,
+            (false, true) => (self.active, self.active_bytes) = (self.active + 1, self.active_bytes + bytes),
+            (true, false) => (self.active, self.active_bytes) = (self.active - 1, self.active_bytes - bytes),
             (false, false) | (true, true) => {}
         }
     }
@@ -125,7 +126,9 @@ impl BlockState {
             deferred: false,
             changed: 0,
             largest_weight: 1.0,
-            blocks: (0..index.count()).map(|b| BlockSum { bound: 0.0, limit: limit(b), active_bytes: 0 }).collect(),
+            blocks: (0..index.count())
+                .map(|b| BlockSum { bound: 0.0, limit: limit(b), active: 0, active_bytes: 0 })
+                .collect(),
             is_stale: vec![true; slots * index.count()],
             stale: vec![u32::MAX; slots * index.count() * POSE_FLOATS * index.mask_words()],
         }
@@ -140,9 +143,14 @@ impl BlockState {
     /// Count an update.
     pub(super) fn count(&self, group: &mut GroupPlan) {
         group.stats.coefficients += self.changed;
-        if group.exact().is_none() {
-            group.stats.bound = self.blocks.iter().map(|block| block.bound).fold(group.stats.bound, f32::max);
-        }
+        let bound = match group.grid() {
+            None => self.blocks.iter().map(|block| block.bound).fold(0.0, f32::max),
+            Some(grid) if group.has_lengths => {
+                grid.position_error(self.blocks.iter().map(|block| block.active).max().unwrap_or(0) as usize)
+            }
+            Some(_) => 0.0,
+        };
+        group.stats.bound = group.stats.bound.max(bound);
     }
 
     /// List the active entries of a block; how many there are, and Σ |weight| · reach.
@@ -151,9 +159,9 @@ impl BlockState {
         for entry in index.entries(block) {
             let weight = self.committed[if self.per_entry { entry } else { index.parts.entry_target[entry] as usize }];
             if weight != 0 {
-                out[count] = Element { entry: entry as u32, coefficient: weight };
+                out[count] = Element { entry: entry as u32, coefficient: unit.coefficient(weight, 0) };
                 count += 1;
-                sum += unit.size(weight) * index.costs[entry].reach;
+                sum += unit.size(out[count - 1].coefficient) * index.costs[entry].reach;
             }
         }
         (count as u32, sum)

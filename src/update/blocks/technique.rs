@@ -1,4 +1,4 @@
-//! A crowd on the path `blocks`, planned on the CPU: work lists, integer sums, and what each block holds.
+//! A crowd on the path `blocks`, planned on the CPU: work lists, and what each block holds.
 
 use super::dispatch::{Dispatches, Tiles};
 use super::gpu::{BlocksKernels, GroupBlocks, LIST_USAGE, set_size};
@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::gpu::memory::Ring;
 use crate::gpu::pipelines::Workgroups;
 use crate::pack::POSE_FLOATS;
-use crate::pack::blocks::ExactGrid;
+use crate::pack::blocks::PoseGrid;
 use crate::plan::UpdateStats;
 use crate::plan::instances::Instances;
 use crate::plan::steps::{Steps, Work};
@@ -49,8 +49,9 @@ impl Group {
     fn new(context: Context<'_>, number: u32, planner: &mut GroupPlan) -> Result<Self> {
         let (desc, index, instances) = (context.desc, &planner.index, context.desc.instances as usize);
         let reach = set_size(&context, u64::MAX)?;
+        let parts = context.mesh.parts.iter().map(|part| (part.blocks.clone(), part.entries.clone())).collect();
         let kernels = BlocksKernels::new(&context, desc.instances, reach)?;
-        planner.whole_blocks = kernels.how.widths > 0;
+        planner.whole_blocks |= kernels.how.widths > 0;
         let (item_words, element_words) = match planner.whole_blocks {
             true => (TILE_WORDS, Tiles::words_max(index, instances)),
             false => {
@@ -66,8 +67,8 @@ impl Group {
         let list = |(frame, first): (u32, u32)| (ring.range(frame.into()), first, reach.min(desc.instances - first));
         let lists: Vec<_> = first.map(list).collect();
         Ok(Self {
-            dispatches: Dispatches::new(kernels.how, number, planner, instances),
-            blocks: GroupBlocks::new(&context, kernels, &lists, elements_at)?,
+            dispatches: Dispatches::new(kernels.how, number, planner, instances, parts),
+            blocks: GroupBlocks::new(&context, kernels, planner.grid(), &lists, elements_at)?,
             ring,
             sets_of_frame: desc.instances.div_ceil(reach),
             item_words,
@@ -128,12 +129,8 @@ impl Technique for BlocksTechnique {
         unsafe { group.blocks.dispatch(cmd, list, work.kernel, first_item, workgroups) };
     }
 
-    fn exact(&self) -> Option<ExactGrid> {
-        self.planner.exact()
-    }
-
-    fn sums(&self, instance: u32) -> Option<(vk::Buffer, u64)> {
-        self.groups[0].blocks.sums(instance)
+    fn grid(&self) -> Option<PoseGrid> {
+        self.planner.grid()
     }
 
     #[cfg(any(test, feature = "internals"))]

@@ -1,28 +1,34 @@
 //! Plans in blocks, carried out on the CPU: any history ends in the pose asked for, and tiles say what the list says.
 
-use super::dispatch::{Dispatches, Dispatching, Tiles};
+use super::dispatch::{BlockPart, Dispatches, Dispatching, Tiles};
 use super::*;
 use crate::abi::kernels::{DeviceClass, DeviceTuning};
 use crate::abi::worklist::{ALIGN, TILE, WIDTHS, row_words};
 use crate::cpu::{Memory, Workers};
-use crate::pack::blocks::BlockDesc;
-use crate::pack::{DeltaFormat, POSE_FLOATS, PackDesc, PackedMesh};
+use crate::pack::blocks::{BlockDesc, BlockIndex};
+use crate::pack::{DeltaFormat, PackDesc, PackedMesh, PoseFormat};
 use crate::plan::hazards::Event as Recorded;
 use crate::plan::instances::Instances;
 use crate::plan::steps::Steps;
 use crate::plan::tests::{events, scheduled};
-use crate::plan::{Accumulate, Consumers, UpdateDesc, UpdateMode, UpdateStats};
+use crate::plan::{Consumers, UpdateDesc, UpdateMode, UpdateStats};
 use crate::update::tests::{One, Planned, every_barrier_is_needed, follow};
 use crate::{reference, testing};
 use proptest::prelude::*;
 
 const TARGETS: usize = 9;
 
+/// An asset that a descriptor covers.
+fn whole(index: &BlockIndex) -> BlockPart {
+    (0..index.count(), 0..index.entry_count())
+}
+
 /// What a device records of the list of one instance: items, or tiles.
 fn recorded(mut plan: GroupPlan) -> Vec<Recorded> {
     let (widths, tuning) = (plan.whole_blocks.into(), DeviceClass::Desktop.tuning());
     let how = Dispatching { group: 1, widths, tuning, most: 3, texels: false };
-    let (mut dispatches, mut steps) = (Dispatches::new(how, 0, &plan, 1), Steps::new(Consumers::default()));
+    let (mut dispatches, mut steps) =
+        (Dispatches::new(how, 0, &plan, 1, vec![whole(&plan.index)]), Steps::new(Consumers::default()));
     dispatches.fill(&mut plan);
     Dispatches::append(std::iter::once(&dispatches), &mut steps);
     scheduled(&[&steps], |_, works| vec![dispatches.accesses(&plan.list, works)])
@@ -42,8 +48,8 @@ struct Blocks {
 fn one(mesh: PackedMesh, desc: UpdateDesc) -> One<Blocks> {
     let planner = Planner::new(desc, [mesh.layout()], 1).unwrap();
     // Nothing may be read before it is written.
-    let (floats, slots) = (mesh.base().len(), desc.slots as usize);
-    let memory = Memory { slots, poses: vec![vec![f32::NAN; floats]; slots], sums: vec![vec![i32::MAX; floats]] };
+    let mut memory = Memory::new(mesh.surface(), desc, 1).unwrap();
+    memory.poses.iter_mut().for_each(|pose| pose.fill(f32::NAN.to_bits()));
     One::new(desc, TARGETS, Blocks { mesh, planner }, memory)
 }
 
@@ -66,7 +72,8 @@ impl Planned for Blocks {
         one.memory.run_list(mesh.surface(), &Workers::new(1).unwrap(), group);
         assert!(!whole_blocks || list.masks.iter().all(|mask| *mask == u32::MAX));
         let weights = one.instances.requested().next().flatten().unwrap();
-        let pose = mesh.layout().to_user_order(&one.memory.poses[one.instances.slots_of(0).unwrap().0 as usize]);
+        let pose = one.memory.decode(mesh.surface(), one.instances.slots_of(0).unwrap().0 as usize);
+        let pose = mesh.layout().to_user_order(&pose);
         // Weights are multiples of 1/4: on any grid.
         let error = reference::compare(&pose, &reference::evaluate(mesh, weights));
         let bound = one.desc.error_budget.max(stats.bound);
@@ -78,35 +85,39 @@ impl Planned for Blocks {
     }
 
     fn pose(one: &One<Self>, slot: u32) -> Vec<f32> {
-        one.planner.mesh.layout().to_user_order(&one.memory.poses[slot as usize])
+        let mesh = &one.planner.mesh;
+        mesh.layout().to_user_order(&one.memory.decode(mesh.surface(), slot as usize))
     }
 }
 
 proptest! {
     #[test]
     fn plans_reach_the_weights_without_hazards(
-        format in 0..DeltaFormat::BLOCKS.len(), size in prop::sample::select(vec![32u32, 64]), exact in any::<bool>(),
+        format in 0..DeltaFormat::BLOCKS.len(), size in prop::sample::select(vec![32u32, 64]), pose in poses(),
         rebuild in any::<bool>(), slots in 1u32..5, budget in any::<bool>(), whole in any::<bool>(), events in events(TARGETS),
     ) {
-        let exact = exact && format > 0;
-        let accumulate = if exact { Accumulate::Exact } else { Accumulate::Float { tolerance: 1e-4 } };
+        let pose = if DeltaFormat::BLOCKS[format].has_integers() { pose } else { PoseFormat::Float32 };
         let mode = if rebuild { UpdateMode::Rebuild } else { UpdateMode::Incremental };
         let error_budget = if budget { 0.5 } else { 0.0 };
-        let desc = UpdateDesc { mode, slots, accumulate, error_budget, ..UpdateDesc::blocks() };
+        let desc = UpdateDesc { mode, slots, pose, error_budget, ..float(1e-4) };
         let mut one = one(packed(DeltaFormat::BLOCKS[format], size), desc);
-        one.planner.planner.groups[0].whole_blocks = whole;
+        one.planner.planner.groups[0].whole_blocks |= whole;
         follow(one, events);
     }
 }
 
 fn float(tolerance: f32) -> UpdateDesc {
-    UpdateDesc { accumulate: Accumulate::Float { tolerance }, ..UpdateDesc::blocks() }
+    UpdateDesc { tolerance, weight_max: Some(4.0), ..UpdateDesc::blocks() }
+}
+
+fn poses() -> impl Strategy<Value = PoseFormat> {
+    prop::sample::select(&PoseFormat::ALL)
 }
 
 #[test]
 fn every_barrier_of_blocks_is_needed() {
-    for (slots, accumulate) in [(1, Accumulate::Exact), (2, Accumulate::Exact), (2, Accumulate::default())] {
-        let one = one(packed(DeltaFormat::Small, 32), UpdateDesc { slots, accumulate, ..float(1e-4) });
+    for (slots, pose) in [(1, PoseFormat::Fixed16), (2, PoseFormat::Fixed32), (2, PoseFormat::Float32)] {
+        let one = one(packed(DeltaFormat::Small, 32), UpdateDesc { slots, pose, ..float(1e-4) });
         every_barrier_is_needed(one, TARGETS, 2, &format!("{slots} slots"));
     }
 }
@@ -187,19 +198,18 @@ fn small_changes_are_deferred_and_settle() {
 proptest! {
     #[test]
     fn tiles_do_what_the_list_says(
-        format in 0..DeltaFormat::BLOCKS.len(), size in prop::sample::select(vec![32u32, 64]), exact in any::<bool>(),
+        format in 0..DeltaFormat::BLOCKS.len(), size in prop::sample::select(vec![32u32, 64]), pose in poses(),
         slots in 1u32..4, instances in 1usize..21, widest in 0usize..WIDTHS,
         frames in prop::collection::vec(prop::collection::vec(prop::option::weighted(0.4, -2i8..5), 20 * TARGETS), 1..6),
     ) {
         let mesh = packed(DeltaFormat::BLOCKS[format], size);
         let index = mesh.layout().blocks.clone().unwrap();
-        let accumulate = if exact && format > 0 { Accumulate::Exact } else { Accumulate::default() };
-        let desc = UpdateDesc { slots, accumulate, ..UpdateDesc::blocks() };
+        let pose = if DeltaFormat::BLOCKS[format].has_integers() { pose } else { PoseFormat::Float32 };
+        let desc = UpdateDesc { slots, pose, ..float(1e-5) };
         let mut planner = Planner::new(desc, [mesh.layout()], instances).unwrap();
         planner.groups[0].whole_blocks = true;
-        let exact = planner.exact().is_some();
         let tuning = DeviceTuning { widest_tile: 1 << widest, ..DeviceClass::Desktop.tuning() };
-        let mut tiles = Tiles::new(&index, instances, !exact, tuning);
+        let mut tiles = Tiles::new(&index, instances, tuning);
         let mut heads = Instances::new(instances, TARGETS, slots);
         let mut weights = vec![[0.0; TARGETS]; instances];
         for (update, changes) in frames.iter().enumerate() {
@@ -212,16 +222,17 @@ proptest! {
             planner.plan(&mut heads, update as u64 + 1);
             let list = &planner.groups[0].list;
             tiles.clear();
-            tiles.fill(&index, list, 0..list.items.len());
+            tiles.sort(&index, list, 0..list.items.len());
+            tiles.fill(&index, list, &whole(&index));
             let (mut seen, mut bytes) = (vec![], 0);
             for (width, tile) in tiles.iter() {
                 let (stride, members) = (row_words(width), &tile.items[..1 << width]);
                 let rows = &tiles.rows[tile.first as usize..][..tile.count as usize * stride];
                 prop_assert!(width <= widest && (tile.first as usize).is_multiple_of(ALIGN) && stride > members.len());
-                // Its head, its items and its rows, an entry each, the base pose, and integers and poses of each instance.
+                // Its head, its items and its rows, an entry each, and the poses of each instance, in and out.
                 let entries = rows.chunks_exact(stride).map(|row| row[0] as usize);
-                let vertex = if exact { 4 + 12 * members.len() } else { 8 * members.len() };
-                bytes += 4 * (4 + members.len() + rows.len()) + index.size() * POSE_FLOATS * vertex;
+                let times = if tile.rebuilt != 0 && pose.has_integers() { 1 } else { 2 };
+                bytes += 4 * (4 + members.len() + rows.len()) + index.size() * pose.stride() * members.len() * times;
                 bytes += entries.map(|entry| index.costs[entry].bytes as usize).sum::<usize>();
                 for (place, &i) in members.iter().enumerate() {
                     let item = &list.items[i as usize];
@@ -235,7 +246,7 @@ proptest! {
             }
             seen.sort_unstable();
             prop_assert!(seen.iter().copied().eq(0..list.items.len() as u32), "every item is in one tile");
-            prop_assert_eq!(tiles.bytes(&index, exact)[0], bytes as u64);
+            prop_assert_eq!(tiles.bytes(&index, pose)[0], bytes as u64);
             prop_assert!(tiles.rows.len() <= Tiles::words_max(&index, instances));
         }
     }
@@ -248,7 +259,7 @@ fn widths_of(tuning: DeviceTuning, changed: impl Fn(usize, usize) -> bool) -> [u
     let desc = UpdateDesc::blocks();
     let mut planner = Planner::new(desc, [mesh.layout()], TILE).unwrap();
     planner.groups[0].whole_blocks = true;
-    let mut tiles = Tiles::new(&index, TILE, true, tuning);
+    let mut tiles = Tiles::new(&index, TILE, tuning);
     let mut heads = Instances::new(TILE, TARGETS, desc.slots);
     for update in 1..4 {
         for head in 0..TILE {
@@ -258,7 +269,8 @@ fn widths_of(tuning: DeviceTuning, changed: impl Fn(usize, usize) -> bool) -> [u
         planner.plan(&mut heads, update);
     }
     let list = &planner.groups[0].list;
-    tiles.fill(&index, list, 0..list.items.len());
+    tiles.sort(&index, list, 0..list.items.len());
+    tiles.fill(&index, list, &whole(&index));
     std::array::from_fn(|width| tiles.iter().filter(|(w, _)| *w == width).count())
 }
 

@@ -269,21 +269,21 @@ fn mean(time: Stats) -> Value {
     (time.mean, time.stderr)
 }
 
-/// A family of configurations, which differ in what an axis shows alone: path, format, mode, sums, slots, and whether
+/// A family of configurations, which differ in what an axis shows alone: path, format, mode, poses, slots, and whether
 /// heads share an animation, each as names say it.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Family([String; 6]);
 
 impl Family {
     fn of(run: &RunRecord) -> Self {
-        // Float sums go without saying.
-        let sums = if run.accumulate == "float" { String::new() } else { format!(" {}", run.accumulate) };
+        // Float32 poses go without saying.
+        let sums = if run.sums().is_empty() { String::new() } else { format!(" {}", run.sums()) };
         let (format, mode, slots) = (&run.format, &run.mode, run.slots);
         let [format, mode, slots] = [format!(" {format}"), format!(" {mode}"), format!(" {slots} slots")];
         Self([run.path.clone(), format, mode, sums, slots, if run.shared { " shared".into() } else { String::new() }])
     }
 
-    /// Its name; with mode, sums and slots where they differ among `all`.
+    /// Its name; with mode, poses and slots where they differ among `all`.
     fn label(&self, all: &[Family]) -> String {
         let told = |i: &usize| !(2..5).contains(i) || all.iter().any(|other| other.0[*i] != self.0[*i]);
         (0..6).filter(told).map(|i| self.0[i].as_str()).collect()

@@ -142,7 +142,7 @@ fn the_folder_is_complete_and_its_pages_need_nothing_else() {
         assert_eq!(read(&folder.join("report.json")).expect("read").runs.len(), n);
         let mut csv = csv::Reader::from_path(folder.join("runs.csv")).expect("read");
         let rows: Vec<csv::StringRecord> = csv.records().collect::<Result<_, _>>().expect("a cell for every column");
-        assert_eq!((rows.len(), rows[0].len()), (n, 54));
+        assert_eq!((rows.len(), rows[0].len()), (n, 55));
         assert_eq!((&rows[0][5], &rows[0][10]), (first.path.as_str(), first.batch_size.to_string().as_str()));
 
         let page = std::fs::read_to_string(folder.join(file_name(report.suites.first()))).expect("read");

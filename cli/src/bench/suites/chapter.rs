@@ -1,6 +1,6 @@
 //! The chapter's figure: what batching gains.
 
-use crate::args::values::{BatchSpec, SUMS};
+use crate::args::values::BatchSpec;
 use crate::bench::configs::{Config, Wanted, configurations};
 use crate::bench::interleave::Common;
 use crate::bench::record::{Comparison, RunRecord, Skipped, batch_words, fastest};
@@ -9,7 +9,7 @@ use crate::bench::trial::Candidate;
 use crate::bench::workload::{Setting, Workload};
 use crate::input::Input;
 use crate::output::Failure;
-use deltamorph::{BatchSize, UpdateMode, UpdatePath};
+use deltamorph::{BatchSize, PoseFormat, UpdateMode, UpdatePath};
 
 /// Targets changed per frame, next to all of them.
 const FEW: usize = 8;
@@ -21,7 +21,7 @@ pub fn run(session: &mut Session<'_>, input: Input) -> Result<(), Failure> {
     let wanted = Wanted {
         paths: &session.args.update.paths_or(&UpdatePath::ALL).into_iter().filter(incremental).collect::<Vec<_>>(),
         formats: &session.args.update.formats,
-        sums: &SUMS[..1],
+        poses: &[PoseFormat::Float32],
         sizes: &[BatchSpec::Range(1, None)],
         ..Wanted::default()
     };

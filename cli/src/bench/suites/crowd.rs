@@ -10,6 +10,7 @@ use crate::bench::subject::Subject;
 use crate::bench::trial::Candidate;
 use crate::bench::workload::{Setting, Workload};
 use crate::output::Failure;
+use deltamorph::PoseFormat;
 
 /// Points along the axis of targets.
 const POINTS: usize = 6;
@@ -31,7 +32,7 @@ pub fn run(session: &mut Session<'_>) -> Result<(), Failure> {
     let (one, many) = (heads[0], heads[heads.len() - 1]);
     let inputs = dense_and_sparse(session)?;
     let mut subjects: Vec<Subject> = inputs.into_iter().map(|input| session.subject(input)).collect();
-    let all = techniques::all(session);
+    let all = techniques::all(session, &[PoseFormat::Float32]);
     let Some(main) = subjects.last_mut() else { return Ok(()) };
     let total = main.targets();
     let mut counts: Vec<usize> = (1..=POINTS).map(|i| (total * i / POINTS).max(1.min(total))).collect();

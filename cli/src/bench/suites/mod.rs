@@ -11,6 +11,7 @@ use super::session::Session;
 use crate::args::bench::{BenchArgs, SuiteChoice};
 use crate::input;
 use crate::output::{Failure, Output};
+use deltamorph::PoseFormat;
 use deltamorph::headless::DeviceChoice;
 
 /// Run the suites that `args` ask for.
@@ -28,10 +29,12 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     }
     if asked(SuiteChoice::Techniques) {
         let made_up = techniques::made_up(&session)?;
-        session.suite("techniques", |session| techniques::run(session, made_up, &[1, 10, 100]))?;
+        session
+            .suite("techniques", |session| techniques::run(session, made_up, &[1, 10, 100], &[PoseFormat::Float32]))?;
     }
     if asked(SuiteChoice::Clips) {
-        session.suite("clips", |session| techniques::run(session, clips, &[1]))?;
+        let poses = [PoseFormat::Float32, PoseFormat::Fixed16];
+        session.suite("clips", |session| techniques::run(session, clips, &[1], &poses))?;
     }
     Ok(session.report())
 }

@@ -12,10 +12,11 @@ use crate::bench::trial::Candidate;
 use crate::bench::workload::{Setting, Workload};
 use crate::input::{self, Input};
 use crate::output::Failure;
-use deltamorph::{BatchSize, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph::{PoseFormat, UpdateMode, UpdatePath};
 use std::path::PathBuf;
 
-/// The name of a technique, which is the path and a mode that is not the path's own; and what the best is chosen from.
+/// The name of a technique, which is the path, and a mode that is not the path's own or a pose format that is not
+/// float32; and what the best is chosen from.
 pub type Technique = (String, Vec<Config>);
 /// The name of a technique, and its fastest configuration.
 pub type Chosen = (String, Config);
@@ -28,24 +29,31 @@ pub fn candidates<'a>(chosen: &[Chosen], setting: &'a Setting<'a>) -> Vec<Candid
 /// Batch sizes to choose from: few are enough, since beyond 8 the gain is small.
 const SIZES: [BatchSpec; 3] = [BatchSpec::Size(8), BatchSpec::Size(16), BatchSpec::All];
 
-/// Every technique that can run; those that cannot become entries of what was skipped.
-pub fn all(session: &mut Session<'_>) -> Vec<Technique> {
-    let mut techniques = vec![];
+/// Every technique that can run, on each of `poses` that its path takes; those that cannot run become entries of what was
+/// skipped.
+pub fn all(session: &mut Session<'_>, poses: &[PoseFormat]) -> Vec<Technique> {
+    let (mut techniques, float) = (vec![], PoseFormat::Float32);
     for path in session.args.update.paths_or(&UpdatePath::ALL) {
         let sizes = if path.takes_all_targets() { &SIZES[..] } else { &[BatchSpec::Max] };
-        let mut modes = vec![(path.default_mode(), sizes, "")];
+        let own = poses.iter().filter(|pose| path.poses().contains(pose)).map(|&pose| match pose.has_integers() {
+            true => (path.default_mode(), sizes, pose, format!(" {}", pose.name())),
+            false => (path.default_mode(), sizes, pose, String::new()),
+        });
+        let mut ways: Vec<_> = own.collect();
         // Rebuilding every frame is a technique of its own on two paths: in compute passes (Godot, PlayCanvas), and in
         // vertex passes one target after the other (Godot's compatibility renderer).
         match path {
-            UpdatePath::Compute => modes.push((UpdateMode::Rebuild, sizes, " rebuild")),
-            UpdatePath::Feedback => modes.push((UpdateMode::Rebuild, &[BatchSpec::Size(1)], " rebuild at batch 1")),
+            UpdatePath::Compute => ways.push((UpdateMode::Rebuild, sizes, float, " rebuild".into())),
+            UpdatePath::Feedback => {
+                ways.push((UpdateMode::Rebuild, &[BatchSpec::Size(1)], float, " rebuild at batch 1".into()));
+            }
             _ => {}
         }
-        for (mode, sizes, suffix) in modes {
+        for (mode, sizes, pose, suffix) in ways {
             let wanted = Wanted {
                 paths: &[path],
                 formats: &session.args.update.formats,
-                sums: &[UpdateDesc::new(path, BatchSize::All).accumulate],
+                poses: &[pose],
                 modes: &[mode],
                 sizes,
                 ..Wanted::default()
@@ -153,9 +161,14 @@ pub fn captured(session: &mut Session<'_>) -> Result<Vec<Workloads>, Failure> {
     Ok(list)
 }
 
-/// Every technique on each of `list`, for one head and many: a cell each.
-pub fn run(session: &mut Session<'_>, list: Vec<Workloads>, heads: &[u32]) -> Result<(), Failure> {
-    let (all, heads) = (all(session), session.args.heads_or(heads));
+/// Every technique, with `poses`, on each of `list`, for one head and many: a cell each.
+pub fn run(
+    session: &mut Session<'_>,
+    list: Vec<Workloads>,
+    heads: &[u32],
+    poses: &[PoseFormat],
+) -> Result<(), Failure> {
+    let (all, heads) = (all(session, poses), session.args.heads_or(heads));
     for (input, works) in list {
         let mut subject = session.subject(input);
         session.bar.inc_length((works.len() * heads.len()) as u64);

@@ -1,0 +1,87 @@
+//! Which pose formats are asked for: `--pose` names them, `--accumulate` the kind of sums that they are.
+
+use super::{UpdateArgs, distinct_or};
+use deltamorph::{PoseFormat, UpdateDesc, UpdatePath};
+
+/// How poses add up, as `--accumulate` and reports call it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sums {
+    Float,
+    Exact,
+}
+
+impl Sums {
+    pub const ALL: [Self; 2] = [Self::Float, Self::Exact];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Float => "float",
+            Self::Exact => "exact",
+        }
+    }
+
+    pub fn summary(self) -> &'static str {
+        match self {
+            Self::Float => "--pose float32: float32 sums, with a bound that is kept",
+            Self::Exact => {
+                "--pose fixed32: integer sums, equal to a full evaluation bit for bit (formats fast, small and pair)"
+            }
+        }
+    }
+
+    /// What updates as `desc` says add.
+    pub fn of(desc: &UpdateDesc) -> Self {
+        if desc.path == UpdatePath::Scatter { Self::Exact } else { Self::of_pose(desc.pose) }
+    }
+
+    fn of_pose(pose: PoseFormat) -> Self {
+        if pose.has_integers() { Self::Exact } else { Self::Float }
+    }
+
+    /// The pose format that it means.
+    fn pose(self) -> PoseFormat {
+        match self {
+            Self::Float => PoseFormat::Float32,
+            Self::Exact => PoseFormat::Fixed32,
+        }
+    }
+}
+
+impl UpdateArgs {
+    /// The pose formats asked for, each once; none where `--pose` and `--accumulate` are left out.
+    pub fn named_poses(&self) -> Result<Vec<PoseFormat>, String> {
+        if self.poses.is_empty() {
+            let meant: Vec<PoseFormat> = self.accumulate.iter().map(|sums| sums.pose()).collect();
+            return Ok(distinct_or(&meant, &[]));
+        }
+        let has = |sums: Sums| self.poses.iter().any(|pose| Sums::of_pose(*pose) == sums);
+        if !self.accumulate.is_empty() && Sums::ALL.iter().any(|sums| has(*sums) != self.accumulate.contains(sums)) {
+            let list = |names: &mut dyn Iterator<Item = &'static str>| names.collect::<Vec<_>>().join(",");
+            return Err(format!(
+                "--accumulate {} and --pose {} contradict each other: float32 poses are float sums, the others exact \
+                 ones; leave --accumulate out",
+                list(&mut self.accumulate.iter().map(|sums| sums.name())),
+                list(&mut self.poses.iter().map(|pose| pose.name())),
+            ));
+        }
+        Ok(distinct_or(&self.poses, &[]))
+    }
+
+    /// The pose format to update `path` with where `pose` is asked for, or why there is none. The sums of `scatter` are
+    /// the integers of fixed32, and its poses float32.
+    pub fn pose_on(&self, path: UpdatePath, pose: PoseFormat) -> Result<PoseFormat, String> {
+        let name = path.name();
+        if path == UpdatePath::Scatter && self.poses.is_empty() && pose == PoseFormat::Fixed32 {
+            return Ok(PoseFormat::Float32);
+        }
+        if path == UpdatePath::Scatter && self.accumulate == [Sums::Float] {
+            return Err(format!("--accumulate float: the path '{name}' adds integers; leave --accumulate out"));
+        }
+        if path.poses().contains(&pose) {
+            return Ok(pose);
+        }
+        let takes = path.poses().iter().map(|pose| pose.name()).collect::<Vec<_>>().join(", ");
+        let asked = pose.name();
+        Err(format!("--pose {asked}: the path '{name}' takes {takes}; use the path 'blocks' or 'cpu'"))
+    }
+}

@@ -1,0 +1,91 @@
+//! What pose formats cost and lose on a packed mesh, in `info` and `pack`.
+
+use crate::table::{Table, sig3};
+use crate::verify::scale;
+use deltamorph::{BatchSize, PackedLayout, PoseFormat, UpdateDesc, UpdatePath};
+use serde::Serialize;
+
+/// A pose format on a packed mesh, in the JSON of `info` and `pack`. Fields may be added, never renamed.
+#[derive(Clone, Debug, Serialize)]
+pub struct PoseCost {
+    pub name: &'static str,
+    /// Bytes of a vertex in each pose buffer.
+    pub vertex_bytes: usize,
+    /// Where poses are integers, what these are multiples of; else `None`.
+    pub grid: Option<Grid>,
+    /// Why the mesh cannot be updated in it; else `None`.
+    pub refused: Option<String>,
+}
+
+/// The grid of weights and poses, with the largest weight where none is named.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Grid {
+    /// Weights are whole multiples of 2^-bits.
+    pub weight_bits: u32,
+    /// The largest weight, either sign.
+    pub weight_max: f32,
+    /// What the integers of positions are multiples of, in input units and as a fraction of the diagonal.
+    pub position_unit: f32,
+    pub position_unit_rel: f64,
+    /// What the integers of normals are multiples of.
+    pub normal_unit: f32,
+    /// Most targets that touch a block.
+    pub targets_most: usize,
+    /// How far rounding may move a vertex when all of them are active, in input units and as a fraction of the diagonal;
+    /// 0 where poses are not rounded. Packing and the rounding of weights come on top.
+    pub rounding_error: f32,
+    pub rounding_error_rel: f64,
+}
+
+/// A row for each pose format; none for dense deltas, which take float32 alone.
+pub fn pose_costs(layout: &PackedLayout) -> Vec<PoseCost> {
+    let Some(index) = &layout.blocks else { return vec![] };
+    let (targets_most, scale) = (index.most_entries(), scale(layout.diagonal));
+    let relative = |length: f32| f64::from(length) / scale;
+    let cost = |format: PoseFormat| {
+        let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).pose(format);
+        let (grid, refused) = match desc.grid(layout) {
+            Ok(grid) => (grid, None),
+            Err(e) => (None, Some(e.to_string())),
+        };
+        let grid = grid.map(|grid| Grid {
+            weight_bits: grid.weight_bits,
+            weight_max: grid.weight_max,
+            position_unit: grid.units[0],
+            position_unit_rel: relative(grid.units[0]),
+            normal_unit: grid.units[1],
+            targets_most,
+            rounding_error: grid.position_error(targets_most),
+            rounding_error_rel: relative(grid.position_error(targets_most)),
+        });
+        PoseCost { name: format.name(), vertex_bytes: format.stride(), grid, refused }
+    };
+    PoseFormat::ALL.into_iter().map(cost).collect()
+}
+
+/// The same for people, beside the error of packing.
+pub fn pose_table(costs: &[PoseCost], packing_rel: f64) -> String {
+    let headings = ["poses", "bytes/vertex", "unit", "rounding at most", "packing", "normals' unit", "weights up to"];
+    let (mut table, mut refused) = (Table::new(&headings, 1), String::new());
+    for cost in costs {
+        let of_grid = |show: &dyn Fn(&Grid) -> String| cost.grid.as_ref().map_or("–".into(), show);
+        table.row([
+            cost.name.to_owned(),
+            cost.vertex_bytes.to_string(),
+            of_grid(&|grid| sig3(grid.position_unit_rel)),
+            of_grid(&|grid| sig3(grid.rounding_error_rel)),
+            sig3(packing_rel),
+            of_grid(&|grid| sig3(grid.normal_unit.into())),
+            of_grid(&|grid| format!("{} in steps of 2^-{}", grid.weight_max, grid.weight_bits)),
+        ]);
+        refused.extend(cost.refused.as_ref().map(|why| format!("\n{}: {why}", cost.name)));
+    }
+    let most = costs.iter().find_map(|cost| cost.grid.as_ref()).map_or(String::new(), |grid| {
+        let most = grid.targets_most;
+        format!(
+            "\nunit and errors of positions as fractions of the diagonal; rounding with {most} targets active at once, \
+                 as many as touch a block; packing of each target at weight 1"
+        )
+    });
+    format!("{table}{most}{refused}")
+}

@@ -1,0 +1,48 @@
+// fixed16: six integers of 16 bits, the displacement from the base pose in steps, two to a word, the first in the lower
+// half. CPU: src/pack/poses/fixed16.rs.
+
+// Inputs of a vertex shader, from the vertex attributes of a pose.
+#define POSE_ATTRIBUTES(position, normal) \
+    layout(location = 0) in ivec4 position_and_normal_x; \
+    layout(location = 1) in ivec2 normal_yz; \
+    ivec3 position = position_and_normal_x.xyz; \
+    ivec3 normal = ivec3(position_and_normal_x.w, normal_yz);
+
+// All poses of a group of instances, where POSES_BINDING says and, with TEXELS, the binding after it; the number
+// `at` of a pose is that of a component.
+#define INTEGER_POSES
+// Coefficients are pairs: what a target adds is rounded, as a function of its weight.
+#define ROUNDED_PRODUCTS
+#define NUMBER int
+#ifdef POSES_BINDING
+#define LOW(word) bitfieldExtract(int(word), 0, 16)
+#define HIGH(word) (int(word) >> 16)
+#define WORD(low, high) (uint(low) & 0xffffu | uint(high) << 16)
+#ifdef TEXELS
+ALIASED layout(set = 0, binding = POSES_BINDING, std430) buffer Poses { uint64_t poses[]; };
+ALIASED layout(set = 0, binding = POSES_BINDING + 1, rgba32ui) uniform uimageBuffer pose_texels;
+#define LOAD_POSE(value, at) \
+    [[unroll]] for (uint i = 0u; i < NUMBERS; i += 8u) { \
+        uvec4 eight = imageLoad(pose_texels, int(((at) + i) / 8u)); \
+        [[unroll]] for (uint j = 0u; j < 4u; ++j) { \
+            value[i + 2u * j] = LOW(eight[j]); \
+            value[i + 2u * j + 1u] = HIGH(eight[j]); \
+        } \
+    }
+#define STORE_POSE_NUMBERS(at, value) \
+    [[unroll]] for (uint i = 0u; i < NUMBERS; i += 4u) { \
+        uvec2 four = uvec2(WORD(value[i], value[i + 1u]), WORD(value[i + 2u], value[i + 3u])); \
+        poses[((at) + i) / 4u] = packUint2x32(four); \
+    }
+#else
+layout(set = 0, binding = POSES_BINDING, std430) buffer Poses { uint poses[]; };
+#define LOAD_POSE(value, at) \
+    [[unroll]] for (uint i = 0u; i < NUMBERS; i += 2u) { \
+        uint two = poses[((at) + i) / 2u]; \
+        value[i] = LOW(two); \
+        value[i + 1u] = HIGH(two); \
+    }
+#define STORE_POSE_NUMBERS(at, value) \
+    [[unroll]] for (uint i = 0u; i < NUMBERS; i += 2u) poses[((at) + i) / 2u] = WORD(value[i], value[i + 1u]);
+#endif
+#endif

@@ -1,0 +1,108 @@
+//! The parts of an asset in blocks that descriptors cover: all of it, or as many blocks as fit the storage range.
+
+use super::descriptors::BufferRange;
+use crate::error::{Error, Result};
+use crate::pack::PackedLayout;
+use crate::pack::formats::{BlockFormat, with_format};
+use ash::vk;
+use std::ops::Range;
+
+/// A part of an asset: headers and deltas of the entries of some blocks, and their base pose.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct AssetPart {
+    /// Parts have one block after the other.
+    pub(crate) blocks: Range<usize>,
+    /// Theirs; one of another block where they have none.
+    pub(crate) entries: Range<usize>,
+    /// Bytes from the beginning of the buffer, a multiple of 256.
+    offset: u64,
+    /// What it has of the headers, the deltas and the base pose of the mesh, in words.
+    sources: [Range<usize>; 3],
+}
+
+impl AssetPart {
+    fn new(layout: &PackedLayout, words: &[u32], blocks: Range<usize>, offset: u64) -> Result<Self> {
+        let index = layout.index()?;
+        let mut entries = index.entries(blocks.start).start..index.entries(blocks.end - 1).end;
+        if entries.is_empty() && index.entry_count() > 0 {
+            // Tiles have a row at least, of some entry.
+            let last = entries.start.min(index.entry_count() - 1);
+            entries = last..last + 1;
+        }
+        let (header, delta) = with_format!(index.parts.format, dense _f => (0, [0, 0]), blocks format => {
+            let start = |entry: usize| match entry < index.entry_count() {
+                true => index.locate(format, words, entry).1.start - index.deltas_at,
+                false => words.len() - index.deltas_at,
+            };
+            (format.header_words(index.size()), [start(entries.start), start(entries.end)])
+        });
+        let base = layout.base_bytes() as usize / 4 / index.count();
+        let sources =
+            [entries.start * header..entries.end * header, delta[0]..delta[1], blocks.start * base..blocks.end * base];
+        Ok(Self { blocks, entries, offset, sources })
+    }
+
+    /// Cut an asset of these words into parts of at most `most` bytes: one, where it fits.
+    ///
+    /// # Errors
+    /// A block that takes more.
+    pub(crate) fn cut(layout: &PackedLayout, words: &[u32], most: u64) -> Result<Vec<Self>> {
+        let mut parts: Vec<Self> = vec![];
+        for block in 0..layout.index()?.count() {
+            if let Some(last) = parts.last_mut() {
+                let longer = Self::new(layout, words, last.blocks.start..block + 1, last.offset)?;
+                if longer.size() <= most {
+                    *last = longer;
+                    continue;
+                }
+            }
+            let offset = parts.last().map_or(0, Self::end).next_multiple_of(256);
+            let part = Self::new(layout, words, block..block + 1, offset)?;
+            if part.size() > most {
+                let text =
+                    format!("mesh '{}': a block takes {} bytes; the device allows {most}", layout.name, part.size());
+                return Err(Error::invalid(text, "pack into smaller blocks, or in a smaller format"));
+            }
+            parts.push(part);
+        }
+        Ok(parts)
+    }
+
+    /// Where headers, deltas and base pose begin in the part, in words, and where they end.
+    fn places(&self) -> [usize; 4] {
+        let [headers, deltas, base] = self.sources.each_ref().map(Range::len);
+        let deltas_at = headers.next_multiple_of(4);
+        [0, deltas_at, deltas_at + deltas, deltas_at + deltas + base]
+    }
+
+    fn size(&self) -> u64 {
+        4 * self.places()[3] as u64
+    }
+
+    /// Bytes from the beginning of the buffer to the end of the part.
+    pub(crate) fn end(&self) -> u64 {
+        self.offset + self.size()
+    }
+
+    /// Where headers, deltas and base pose would begin, in words, if the part had those of all blocks: kernels know
+    /// entries and blocks by their numbers in the mesh. Below 0 where the first are in other parts: words wrap.
+    pub(crate) fn origins(&self) -> [u32; 3] {
+        let places = self.places();
+        std::array::from_fn(|i| (places[i] as u32).wrapping_sub(self.sources[i].start as u32))
+    }
+
+    pub(crate) fn range(&self, asset: vk::Buffer) -> BufferRange {
+        BufferRange::new(asset, self.offset, self.size())
+    }
+
+    /// What fills the part, from memory that holds the base pose and behind it the words of the mesh.
+    pub(crate) fn copies(&self, layout: &PackedLayout) -> [vk::BufferCopy; 3] {
+        let (base_bytes, places) = (layout.base_bytes(), self.places());
+        let sections = [base_bytes, base_bytes + layout.index_bytes(), 0];
+        std::array::from_fn(|i| vk::BufferCopy {
+            src_offset: sections[i] + 4 * self.sources[i].start as u64,
+            dst_offset: self.offset + 4 * places[i] as u64,
+            size: 4 * self.sources[i].len() as u64,
+        })
+    }
+}
