@@ -1,11 +1,11 @@
-//! `bench --suite`: every cell is there, verified, in the JSON and on its page.
+//! `bench`: every cell of a suite and every configuration of a sweep is there, verified, in the JSON and on its page.
 
 #[path = "common/cli.rs"]
 mod cli;
 #[path = "../../tests/common/data.rs"]
 mod data;
 
-use cli::{fails, json, ok, sample};
+use cli::{HEAD, fails, json, ok, sample};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -263,6 +263,33 @@ fn the_ordinary_run_shares_an_animation_too() {
     let (one, own, shared) = (bytes(&[]), bytes(&["--heads", "4"]), bytes(&["--heads", "4", "--shared"]));
     assert_eq!(shared, one);
     assert_eq!(own, one.iter().map(|b| 4 * b).collect::<Vec<_>>());
+}
+
+/// Poses are a dimension of the sweep, as formats are.
+#[test]
+fn bench_compares_pose_formats() {
+    let base = ["bench", "--frames", "2", "--changed", "4", "--paths", "blocks,cpu", "--formats", "small,float32"];
+    let folder = tempfile::tempdir().unwrap();
+    let report = folder.path().join("report");
+    let out = |more: &[&str]| {
+        let out = json(&[&base[..], &HEAD, &["--json", "-", "--report", report.to_str().unwrap()], more].concat());
+        let runs = out["runs"].as_array().unwrap().clone();
+        assert!(runs.iter().all(|run| run["verified"] == true), "{out}");
+        let name = |run: &Value| ["path", "format", "pose", "accumulate"].map(|f| run[f].as_str().unwrap().to_owned());
+        runs.iter().map(|run| name(run).join(" ")).collect::<Vec<_>>()
+    };
+    let narrow = ["blocks small fixed16 exact", "blocks small float32 float", "blocks block-float32 float32 float"];
+    let cpu = ["cpu small fixed16 exact", "cpu small float32 float", "cpu float32 float32 float"];
+    assert_eq!(out(&["--poses", "fixed16,float32"]), [&narrow[..], &cpu].concat());
+    let csv = std::fs::read_to_string(report.join("runs.csv")).unwrap();
+    assert!(csv.lines().next().unwrap().ends_with(",pose") && csv.contains(",fixed16\n"), "{csv}");
+    let page = std::fs::read_to_string(report.join("index.html")).unwrap();
+    assert!(page.contains("small fixed16"), "tables and lines tell them apart");
+    // What is left out names what ran so far: float32, and fixed32 for exact sums.
+    let default = out(&[]);
+    assert_eq!(default.iter().filter(|name| name.ends_with("fixed32 exact")).count(), 2, "{default:?}");
+    assert_eq!(default, out(&["--accumulate", "float,exact"]));
+    assert_eq!(out(&["--accumulate", "exact"]), out(&["--poses", "fixed32"]));
 }
 
 #[test]

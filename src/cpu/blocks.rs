@@ -1,207 +1,249 @@
-//! The CPU twin of `glsl/blocks.comp`, and of `glsl/crowd.comp` for a single instance where poses are integers: one block
-//! at a time, the same loads and stores.
+//! The CPU twin of `glsl/blocks.comp`, and of `glsl/crowd.comp` where poses are integers: one block after the other, with
+//! the loads and stores of a workgroup for each instance that writes it. Instances share decoded deltas.
 //!
-//! A meter gets the bytes of each load and store; a test holds the planner's count against them.
+//! A meter gets the bytes of each load and store of a workgroup for a single instance; a test holds the planner's count
+//! against them.
 
+use super::simd::widest;
+use super::sums::{self, Added, BATCH, Planes, Rounded, Sum};
 use super::workers::Workers;
 use crate::abi::worklist::{ELEMENT_BYTES, Element, ITEM_WORDS};
-use crate::asset::streams::{TRIPLE, TRIPLES};
+use crate::asset::streams::TRIPLES;
 use crate::pack::formats::{BlockFormat, with_format};
 use crate::pack::{POSE_FLOATS, PackedGroup, PoseFormat};
 use crate::update::blocks::{GroupPlan, Item};
-use bytemuck::{AnyBitPattern, NoUninit, cast_slice};
+use bytemuck::{AnyBitPattern, NoUninit, cast_slice, cast_slice_mut};
 use std::ops::Range;
 
-/// Fewer blocks than this are not worth waking another thread for.
-const PIECE_BLOCKS: usize = 12;
+/// Pieces per thread.
+const PIECES: usize = 4;
+/// Fewer items than this are not worth waking another thread for.
+const PIECE_ITEMS: usize = 12;
+/// Instances that share decoded deltas, at most: their sums take 48 KiB in blocks of 64, and stay in the second-level cache.
+const TILE: usize = 32;
 
-/// Carry out the items of one instance. `source` is the slot that is read, `None`: the one that is written.
-pub(super) fn run(
-    workers: &Workers,
-    packed: &PackedGroup,
-    plan: &GroupPlan,
-    mut items: Range<usize>,
-    source: Option<&[u32]>,
-    mut destination: &mut [u32],
-) {
-    let (list, words) = (&plan.list, plan.index.size() * plan.pose().stride() / size_of::<u32>());
-    let piece = items.len().div_ceil(workers.threads() * 4).max(PIECE_BLOCKS);
-    let mut end = 0;
-    // Pieces of the list, each with the part of the pose that it writes.
-    let pieces = std::iter::from_fn(|| {
-        let taken = items.start..items.end.min(items.start + piece);
-        let (start, last) = (end, list.items[taken.clone()].last()?);
-        (items.start, end) = (taken.end, (last.block as usize + 1) * words);
-        Some((taken, start, destination.split_off_mut(..end - start)?))
-    });
-    workers.for_each(pieces, |(items, start, destination)| {
-        for i in items {
-            let from = list.items[i].block as usize * words;
-            let block = Block::new(packed, plan, i, source.map(|s| &s[from..from + words]));
-            block.run(&mut destination[from - start..][..words], &mut |_| {});
-        }
-    });
+/// The items of one instance, and its pose.
+pub(crate) struct Run<'a> {
+    /// In the work list.
+    pub items: Range<usize>,
+    /// The slot that is read; `None`: the one that is written.
+    pub source: Option<&'a [u32]>,
+    /// The slot that is written, from the first block on that is to be looked at.
+    pub destination: &'a mut [u32],
 }
 
-/// One workgroup's work.
-pub(crate) struct Block<'a> {
-    packed: &'a PackedGroup,
-    plan: &'a GroupPlan,
-    item: &'a Item,
+impl<'a> Run<'a> {
+    /// Split off the items of the blocks before `block`, with so many words of the pose.
+    fn split_off(&mut self, items: &[Item], block: usize, words: usize) -> Self {
+        let start = self.items.start;
+        self.items.start += items[self.items.clone()].partition_point(|item| (item.block as usize) < block);
+        let destination = self.destination.split_off_mut(..words).unwrap_or_default();
+        Self { items: start..self.items.start, source: self.source, destination }
+    }
+}
+
+/// Carry the work list out: `runs` has the items of each instance.
+pub(super) fn run(workers: &Workers, packed: &PackedGroup, plan: &GroupPlan, mut runs: Vec<Run<'_>>) {
+    let (items, words) = (&plan.list.items, block_words(plan));
+    let mut counts = vec![0; plan.index.count()];
+    items.iter().for_each(|item| counts[item.block as usize] += 1);
+    let piece = items.len().div_ceil(workers.threads() * PIECES).max(PIECE_ITEMS);
+    let mut end = 0;
+    // Pieces of the mesh, each with its items and the parts of the poses that they write.
+    let pieces = std::iter::from_fn(|| {
+        let (start, mut count) = (end, 0);
+        while count < piece && end < counts.len() {
+            count += counts[end];
+            end += 1;
+        }
+        let mut part = || runs.iter_mut().map(|run| run.split_off(items, end, (end - start) * words)).collect();
+        (count > 0).then(|| (start..end, part()))
+    });
+    workers.for_each(pieces, |(blocks, runs)| run_piece(packed, plan, blocks, runs, &mut |_| {}));
+}
+
+/// Words of a block in a pose.
+fn block_words(plan: &GroupPlan) -> usize {
+    plan.index.size() * plan.pose().stride() / size_of::<u32>()
+}
+
+/// Carry the items of these blocks out; `runs` begin with the first.
+pub(crate) fn run_piece(
+    packed: &PackedGroup,
+    plan: &GroupPlan,
+    blocks: Range<usize>,
+    runs: Vec<Run<'_>>,
+    meter: &mut impl FnMut(usize),
+) {
+    match plan.pose() {
+        PoseFormat::Float32 => run_sums::<f32>(packed, plan, blocks, runs, meter),
+        PoseFormat::Fixed32 => run_sums::<i32>(packed, plan, blocks, runs, meter),
+        PoseFormat::Fixed16 => run_sums::<Rounded>(packed, plan, blocks, runs, meter),
+    }
+}
+
+fn run_sums<T: Write>(
+    packed: &PackedGroup,
+    plan: &GroupPlan,
+    blocks: Range<usize>,
+    runs: Vec<Run<'_>>,
+    meter: &mut impl FnMut(usize),
+) {
+    match plan.index.size() {
+        32 => run_blocks::<T, 32>(packed, plan, blocks, runs, meter),
+        64 => run_blocks::<T, 64>(packed, plan, blocks, runs, meter),
+        _ => run_blocks::<T, 128>(packed, plan, blocks, runs, meter),
+    }
+}
+
+/// A block of an instance while it is updated.
+struct Head<'a, T: Sum, const S: usize> {
+    block: Block<'a>,
+    destination: &'a mut [u32],
+    /// Elements that are to be added.
     elements: &'a [Element],
+    /// Those that are decoded.
+    batch: [Added<T>; BATCH],
+    count: usize,
+    sums: Planes<T, S>,
+}
+
+fn run_blocks<T: Write, const S: usize>(
+    packed: &PackedGroup,
+    plan: &GroupPlan,
+    blocks: Range<usize>,
+    mut runs: Vec<Run<'_>>,
+    meter: &mut impl FnMut(usize),
+) {
+    let (items, words) = (&plan.list.items, block_words(plan));
+    let mut decoded = [[[T::Delta::default(); S]; POSE_FLOATS]; BATCH];
+    let mut tile: Vec<Head<'_, T, S>> = Vec::with_capacity(runs.len().min(TILE));
+    for block in blocks {
+        let mut runs = runs.iter_mut();
+        loop {
+            tile.clear();
+            for run in runs.by_ref() {
+                let destination = run.destination.split_off_mut(..words).unwrap_or_default();
+                let i = run.items.start;
+                if !run.items.is_empty() && items[i].block as usize == block {
+                    run.items.start += 1;
+                    let block = Block::new(packed, plan, i, run.source.map(|source| &source[block * words..][..words]));
+                    let elements = plan.list.elements_of(block.item);
+                    meter(4 * (ITEM_WORDS + block.masks.len()) + ELEMENT_BYTES * elements.len() + block.moved());
+                    let batch = [Added::<T>::default(); BATCH];
+                    let sums = [[T::default(); S]; POSE_FLOATS];
+                    tile.push(Head { block, destination, elements, batch, count: 0, sums });
+                }
+                if tile.len() == TILE {
+                    break;
+                }
+            }
+            if tile.is_empty() {
+                break;
+            }
+            while add_batch(packed, plan, &mut tile, &mut decoded, meter) {}
+            for Head { block, sums, destination, .. } in &mut tile {
+                widest(
+                    #[inline(always)]
+                    || T::write(sums, block, destination),
+                );
+            }
+        }
+    }
+}
+
+/// Decode entries that some head is to add next, once, and add them to each that does. Whether there were any.
+fn add_batch<T: Sum, const S: usize>(
+    packed: &PackedGroup,
+    plan: &GroupPlan,
+    tile: &mut [Head<'_, T, S>],
+    decoded: &mut [Planes<T::Delta, S>; BATCH],
+    meter: &mut impl FnMut(usize),
+) -> bool {
+    let (index, words) = (&*plan.index, packed.deltas());
+    let dropped = plan.grid().map_or([0; TRIPLES], |grid| grid.dropped);
+    let units: [_; TRIPLES] = std::array::from_fn(|triple| (index.steps()[triple], dropped[triple]));
+    for (place, decoded) in decoded.iter_mut().enumerate() {
+        let next = tile.iter().filter_map(|head| Some(head.elements.first()?.entry)).min();
+        let Some(entry) = next else { break };
+        let (bytes, shifts) = with_format!(index.parts.format, dense _f => (0, [0; TRIPLES]), blocks format => {
+            let (header, deltas) = index.locate(format, words, entry as usize);
+            sums::decode::<T, _, S>(format, header, &words[deltas.clone()], decoded);
+            (4 * (header.len() + deltas.len()), format.shifts(header))
+        });
+        for head in &mut *tile {
+            let Some((element, rest)) = head.elements.split_first().filter(|(next, _)| next.entry == entry) else {
+                continue;
+            };
+            let factor = |triple: usize| T::factor(element.coefficient, units[triple], shifts[triple]);
+            head.elements = rest;
+            head.batch[head.count] = (place, std::array::from_fn(factor));
+            head.count += 1;
+            meter(bytes);
+        }
+    }
+    for head in &mut *tile {
+        sums::add(&mut head.sums, &head.batch[..std::mem::take(&mut head.count)], decoded);
+    }
+    tile.iter().any(|head| !head.elements.is_empty())
+}
+
+/// A pose that sums are added to.
+trait Write: Sum {
+    /// Add `sums` to a block.
+    fn write<const S: usize>(sums: &Planes<Self, S>, block: &Block<'_>, destination: &mut [u32]);
+}
+
+impl Write for f32 {
+    #[inline(always)]
+    fn write<const S: usize>(sums: &Planes<f32, S>, block: &Block<'_>, destination: &mut [u32]) {
+        let from = if block.item.source.is_none() { Some(block.base) } else { block.source.map(cast_slice) };
+        let destination = cast_slice_mut(destination);
+        match from {
+            Some(from) => block.apply::<S>(destination, |lane, c, _| from[lane * POSE_FLOATS + c] + sums[c][lane]),
+            None => block.apply::<S>(destination, |lane, c, old| old + sums[c][lane]),
+        }
+    }
+}
+
+impl Write for i32 {
+    #[inline(always)]
+    fn write<const S: usize>(sums: &Planes<i32, S>, block: &Block<'_>, destination: &mut [u32]) {
+        block.store(destination, |old: i32, lane, c| old.wrapping_add(sums[c][lane]));
+    }
+}
+
+impl Write for Rounded {
+    #[inline(always)]
+    fn write<const S: usize>(sums: &Planes<Rounded, S>, block: &Block<'_>, destination: &mut [u32]) {
+        block.store(destination, |old: i16, lane, c| old.wrapping_add(sums[c][lane].0 as i16));
+    }
+}
+
+/// What one workgroup writes.
+struct Block<'a> {
+    item: &'a Item,
     masks: &'a [u32],
     /// The block in the slot that is read; `None`: in the one that is written.
     source: Option<&'a [u32]>,
     base: &'a [f32],
+    plan: &'a GroupPlan,
 }
-
-/// What a kernel adds up in (float32, or integers that wrap) of deltas whose numbers are `C`.
-trait Sum<C>: Copy + Default {
-    /// What an entry is multiplied by.
-    type Factor: Copy;
-
-    /// It, from the coefficient as the work list has it. `unit`: the step of the entry's triple, and the bits of products
-    /// that are dropped; deltas are to be shifted by `shift`.
-    fn factor(bits: u32, unit: (f32, u32), shift: u32) -> Self::Factor;
-
-    fn add(self, factor: Self::Factor, delta: C) -> Self;
-}
-
-impl Sum<i32> for f32 {
-    type Factor = f32;
-
-    #[inline(always)]
-    fn factor(bits: u32, (step, _): (f32, u32), shift: u32) -> f32 {
-        // Both factors are powers of two.
-        f32::from_bits(bits) * (step * (1u32 << shift) as f32)
-    }
-
-    #[inline(always)]
-    fn add(self, factor: f32, delta: i32) -> Self {
-        self + factor * delta as f32
-    }
-}
-
-impl Sum<f32> for f32 {
-    type Factor = f32;
-
-    #[inline(always)]
-    fn factor(bits: u32, _: (f32, u32), _: u32) -> f32 {
-        f32::from_bits(bits)
-    }
-
-    #[inline(always)]
-    fn add(self, factor: f32, delta: f32) -> Self {
-        self + factor * delta
-    }
-}
-
-impl Sum<i32> for i32 {
-    type Factor = i32;
-
-    #[inline(always)]
-    fn factor(bits: u32, _: (f32, u32), shift: u32) -> i32 {
-        (bits as i32).wrapping_shl(shift)
-    }
-
-    #[inline(always)]
-    fn add(self, factor: i32, delta: i32) -> Self {
-        self.wrapping_add(factor.wrapping_mul(delta))
-    }
-}
-
-/// A sum of products that are rounded, each as a function of a weight.
-#[derive(Clone, Copy, Default)]
-struct Rounded(i32);
-
-impl Sum<i32> for Rounded {
-    /// The new weight, the one that the pose holds, and the bits that are dropped.
-    type Factor = (i32, i32, u32);
-
-    #[inline(always)]
-    fn factor(bits: u32, (_, dropped): (f32, u32), shift: u32) -> Self::Factor {
-        (i32::from(bits as i16) << shift, (bits as i32 >> 16) << shift, dropped)
-    }
-
-    #[inline(always)]
-    fn add(self, (new, old, dropped): Self::Factor, delta: i32) -> Self {
-        let half = 1i32 << dropped >> 1;
-        let rounded = |weight: i32| weight.wrapping_mul(delta).wrapping_add(half) >> dropped;
-        Self(self.0.wrapping_add(rounded(new)).wrapping_sub(rounded(old)))
-    }
-}
-
-/// Never called: float32 deltas have no grid.
-impl Sum<f32> for i32 {
-    type Factor = ();
-    fn factor(_: u32, _: (f32, u32), _: u32) {}
-    fn add(self, (): (), _: f32) -> Self {
-        self
-    }
-}
-
-/// Never called: float32 deltas have no grid.
-impl Sum<f32> for Rounded {
-    type Factor = ();
-    fn factor(_: u32, _: (f32, u32), _: u32) {}
-    fn add(self, (): (), _: f32) -> Self {
-        self
-    }
-}
-
-/// What is added to a block, component after component: the loops over vertices become SIMD.
-type Added<T, const S: usize> = [[T; S]; POSE_FLOATS];
 
 impl<'a> Block<'a> {
     /// Item `i` of the list; `source` is its block in the slot that is read, `None`: in the one that is written.
-    pub fn new(packed: &'a PackedGroup, plan: &'a GroupPlan, i: usize, source: Option<&'a [u32]>) -> Self {
-        let GroupPlan { index, list, .. } = plan;
-        let (floats, words) = (index.size() * POSE_FLOATS, POSE_FLOATS * index.mask_words());
-        let item = &list.items[i];
-        Self {
-            packed,
-            plan,
-            item,
-            elements: list.elements_of(item),
-            masks: &list.masks[i * words..][..words],
-            source,
-            base: &packed.base()[item.block as usize * floats..][..floats],
-        }
+    fn new(packed: &'a PackedGroup, plan: &'a GroupPlan, i: usize, source: Option<&'a [u32]>) -> Self {
+        let (floats, words) = (plan.index.size() * POSE_FLOATS, POSE_FLOATS * plan.index.mask_words());
+        let (item, masks) = (&plan.list.items[i], &plan.list.masks[i * words..][..words]);
+        Self { item, masks, source, base: &packed.base()[item.block as usize * floats..][..floats], plan }
     }
 
-    /// Update the block: `destination` is its part of the slot that is written.
-    pub fn run(&self, destination: &mut [u32], meter: &mut impl FnMut(usize)) {
-        match self.plan.index.size() {
-            32 => self.run_sized::<32>(destination, meter),
-            64 => self.run_sized::<64>(destination, meter),
-            _ => self.run_sized::<128>(destination, meter),
-        }
-    }
-
-    fn run_sized<const S: usize>(&self, destination: &mut [u32], meter: &mut impl FnMut(usize)) {
-        meter(4 * (ITEM_WORDS + self.masks.len()) + ELEMENT_BYTES * self.elements.len());
+    /// Bytes of the pose that are loaded and stored.
+    fn moved(&self) -> usize {
         match self.plan.pose() {
-            PoseFormat::Float32 => {
-                let mut added: Added<f32, S> = [[0.0; S]; POSE_FLOATS];
-                self.add_up(&mut added, meter);
-                let from = if self.item.source.is_none() { Some(self.base) } else { self.source.map(cast_slice) };
-                let destination = bytemuck::cast_slice_mut(destination);
-                match from {
-                    Some(from) => {
-                        self.apply::<S>(destination, meter, |lane, c, _| from[lane * POSE_FLOATS + c] + added[c][lane]);
-                    }
-                    None => self.apply::<S>(destination, meter, |lane, c, old| old + added[c][lane]),
-                }
-            }
-            PoseFormat::Fixed32 => {
-                let mut added: Added<i32, S> = [[0; S]; POSE_FLOATS];
-                self.add_up(&mut added, meter);
-                self.store(destination, meter, |old: i32, lane, c| old.wrapping_add(added[c][lane]));
-            }
-            PoseFormat::Fixed16 => {
-                let mut added: Added<Rounded, S> = [[Rounded(0); S]; POSE_FLOATS];
-                self.add_up(&mut added, meter);
-                self.store(destination, meter, |old: i16, lane, c| old.wrapping_add(added[c][lane].0 as i16));
+            PoseFormat::Float32 => 8 * self.masks.iter().map(|mask| mask.count_ones() as usize).sum::<usize>(),
+            PoseFormat::Fixed32 | PoseFormat::Fixed16 => {
+                4 * block_words(self.plan) * if self.item.source.is_some() { 2 } else { 1 }
             }
         }
     }
@@ -211,11 +253,9 @@ impl<'a> Block<'a> {
     fn store<T: AnyBitPattern + NoUninit + Default>(
         &self,
         destination: &mut [u32],
-        meter: &mut impl FnMut(usize),
         value: impl Fn(T, usize, usize) -> T,
     ) {
-        let bytes = size_of_val(destination);
-        let (destination, _) = bytemuck::cast_slice_mut::<u32, T>(destination).as_chunks_mut::<POSE_FLOATS>();
+        let (destination, _) = cast_slice_mut::<u32, T>(destination).as_chunks_mut::<POSE_FLOATS>();
         let vertices = destination.iter_mut().enumerate();
         match (self.item.source, self.source) {
             (None, _) => vertices.for_each(|(lane, v)| *v = std::array::from_fn(|c| value(T::default(), lane, c))),
@@ -225,35 +265,14 @@ impl<'a> Block<'a> {
                 vertices.zip(source).for_each(|((i, v), s)| *v = std::array::from_fn(|c| value(s[c], i, c)));
             }
         }
-        meter(bytes * if self.item.source.is_some() { 2 } else { 1 });
-    }
-
-    /// Σ coefficient · delta of each component of each vertex.
-    fn add_up<T: Sum<i32> + Sum<f32>, const S: usize>(&self, added: &mut Added<T, S>, meter: &mut impl FnMut(usize)) {
-        let (index, words) = (&*self.plan.index, self.packed.deltas());
-        let dropped = self.plan.grid().map_or([0; TRIPLES], |grid| grid.dropped);
-        let units = std::array::from_fn(|triple| (index.steps()[triple], dropped[triple]));
-        for element in self.elements {
-            with_format!(index.parts.format, dense _f => {}, blocks format => {
-                let (header, deltas) = index.locate(format, words, element.entry as usize);
-                meter(4 * (header.len() + deltas.len()));
-                add_entry(format, element.coefficient, units, header, &words[deltas], added);
-            });
-        }
     }
 
     /// Store `value(lane, component, float there)` wherever the masks say so.
     #[inline(always)]
-    fn apply<const S: usize>(
-        &self,
-        destination: &mut [f32],
-        meter: &mut impl FnMut(usize),
-        mut value: impl FnMut(usize, usize, f32) -> f32,
-    ) {
+    fn apply<const S: usize>(&self, destination: &mut [f32], mut value: impl FnMut(usize, usize, f32) -> f32) {
         let (vertices, words) = (&mut destination.as_chunks_mut::<POSE_FLOATS>().0[..S], S / 32);
         for word in 0..words {
             let masks: [u32; POSE_FLOATS] = std::array::from_fn(|c| self.masks[c * words + word]);
-            meter(8 * masks.iter().map(|m| m.count_ones() as usize).sum::<usize>());
             let (whole, some) = (masks.iter().fold(u32::MAX, |a, m| a & m), masks.iter().fold(0, |a, m| a | m));
             if some == 0 {
                 continue;
@@ -270,21 +289,4 @@ impl<'a> Block<'a> {
             }
         }
     }
-}
-
-/// Add an entry times the coefficient of these bits.
-#[inline(always)]
-fn add_entry<F: BlockFormat, T: Sum<F::Component>, const S: usize>(
-    format: &F,
-    bits: u32,
-    units: [(f32, u32); TRIPLES],
-    header: &[u32],
-    deltas: &[u32],
-    added: &mut Added<T, S>,
-) {
-    let shifts = format.shifts(header);
-    let factors: [T::Factor; TRIPLES] = std::array::from_fn(|triple| T::factor(bits, units[triple], shifts[triple]));
-    format.decode(S, header, deltas, |lane, c, number| {
-        added[c][lane] = added[c][lane].add(factors[c / TRIPLE], number);
-    });
 }

@@ -4,6 +4,7 @@
 //! A run is cut into pieces whose sum stays in the first-level cache. Deltas are read once, as streams of
 //! several targets at a time, so that the piece is loaded and stored once for all of them.
 
+use super::simd::widest;
 use crate::pack::formats::{DenseFormat, with_format};
 use crate::pack::{POSE_FLOATS, PackedGroup};
 use crate::weights::delta::Coefficient;
@@ -16,6 +17,20 @@ const STREAMS: usize = 8;
 /// `destination = source + Σ coefficient · delta` over the vertices of one chunk that start at `first`
 /// (counted in the mesh, all within one chunk); `source` = `None` works in place.
 pub fn dense(
+    packed: &PackedGroup,
+    coefficients: &[Coefficient],
+    first: usize,
+    source: Option<&[f32]>,
+    destination: &mut [f32],
+) {
+    widest(
+        #[inline(always)]
+        || run(packed, coefficients, first, source, destination),
+    );
+}
+
+#[inline(always)]
+fn run(
     packed: &PackedGroup,
     coefficients: &[Coefficient],
     first: usize,
@@ -47,6 +62,7 @@ pub fn dense(
     }
 }
 
+#[inline(always)]
 fn add<const N: usize>(packed: &PackedGroup, group: &[Coefficient], vertex: usize, sums: &mut [f32]) {
     let vertices = sums.len() / POSE_FLOATS;
     let rows: [&[u32]; N] = std::array::from_fn(|i| packed.rows(group[i].target as usize, vertex, vertices));

@@ -1,8 +1,11 @@
 //! The `cpu` path: the same plans, carried out by threads. Runs without Vulkan. With a mesh in a block format, the
 //! fastest path where there is no GPU.
 
-pub(crate) mod blocks;
+mod blocks;
 mod kernel;
+#[allow(unsafe_code)]
+mod simd;
+mod sums;
 mod workers;
 
 use crate::asset::streams::TRIPLES;
@@ -12,7 +15,7 @@ use crate::plan::instances::{Instances, check_weights};
 use crate::plan::steps::{Source, Work};
 use crate::plan::{UpdateDesc, UpdateStats};
 use crate::update::Runner;
-use crate::update::blocks::{GroupPlan, Planner};
+use crate::update::blocks::{GroupPlan, Item, Planner};
 use crate::update::dense::{DensePlanner, Plan};
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -149,10 +152,8 @@ impl CpuCrowd {
         match &mut self.kind {
             Kind::Dense(planner) => {
                 planner.plan(instances, self.updates);
-                for (instance, plan) in planner.plans().iter().enumerate() {
-                    for (group, memory) in groups.iter().zip(&mut *memory) {
-                        plan.passes.iter().for_each(|pass| memory.run_pass(group, workers, instance, plan, pass));
-                    }
+                for (group, memory) in groups.iter().zip(memory) {
+                    memory.run_passes(group, workers, planner.plans());
                 }
                 planner.stats(groups.iter().map(PackedGroup::layout))
             }
@@ -245,43 +246,58 @@ impl Memory {
         }
     }
 
-    /// Carry a dense pass of an instance out.
-    fn run_pass(&mut self, mesh: &PackedGroup, workers: &Workers, instance: usize, plan: &Plan, work: &Work) {
-        let at = instance * self.slots;
-        let (to, coefficients) = (at + work.destination as usize, plan.coefficients_of(work));
-        let mut destination = std::mem::take(&mut self.poses[to]);
-        let source = match work.source {
+    /// Carry the dense passes of all instances out, a piece of the mesh after the other: its deltas are in the cache for
+    /// the second instance on.
+    fn run_passes(&mut self, mesh: &PackedGroup, workers: &Workers, plans: &[Plan]) {
+        let changed =
+            || (0..).step_by(self.slots).zip(plans).filter_map(|(at, plan)| Some((at, plan, plan.passes.first()?)));
+        let places: Vec<_> = changed().map(|(at, _, pass)| at + pass.destination as usize).collect();
+        let mut poses: Vec<_> = places.iter().map(|&place| std::mem::take(&mut self.poses[place])).collect();
+        let source = |at: usize, pass: &Work| match pass.source {
             Source::Base => Some(mesh.base()),
-            Source::Slot(slot) if slot == work.destination => None,
+            Source::Slot(slot) if slot == pass.destination => None,
             Source::Slot(slot) => Some(bytemuck::cast_slice(&self.poses[at + slot as usize])),
         };
-        for (first, vertices) in mesh.layout().chunks() {
-            let chunk =
-                &mut bytemuck::cast_slice_mut(&mut destination)[first * POSE_FLOATS..][..vertices * POSE_FLOATS];
-            workers.for_each_piece(chunk, |at, out| {
-                let first = first + at / POSE_FLOATS;
-                let source = source.map(|s| &s[first * POSE_FLOATS..][..out.len()]);
-                kernel::dense(mesh, coefficients, first, source, out);
-            });
-        }
-        self.poses[to] = destination;
+        let updates: Vec<_> = changed().map(|(at, plan, pass)| (plan, source(at, pass))).collect();
+        let piece = workers.piece_vertices(mesh.layout().padded_vertices(), updates.len());
+        let mut pieces = mesh.layout().chunks().flat_map(|(first, vertices)| {
+            (0..vertices).step_by(piece).map(move |at| (first + at, piece.min(vertices - at)))
+        });
+        let mut rest: Vec<&mut [f32]> = poses.iter_mut().map(|pose| bytemuck::cast_slice_mut(pose)).collect();
+        let jobs = std::iter::from_fn(|| {
+            let (first, vertices) = pieces.next()?;
+            let words = ..vertices * POSE_FLOATS;
+            Some((first, rest.iter_mut().filter_map(|pose| pose.split_off_mut(words)).collect::<Vec<_>>()))
+        });
+        workers.for_each(jobs, |(first, parts)| {
+            for (&(plan, source), out) in updates.iter().zip(parts) {
+                // Later passes run in place.
+                let mut source = source.map(|s| &s[first * POSE_FLOATS..][..out.len()]);
+                for pass in &plan.passes {
+                    kernel::dense(mesh, plan.coefficients_of(pass), first, source.take(), out);
+                }
+            }
+        });
+        places.into_iter().zip(poses).for_each(|(place, pose)| self.poses[place] = pose);
     }
 
     /// Carry the work list of a group out.
     pub fn run_list(&mut self, mesh: &PackedGroup, workers: &Workers, plan: &GroupPlan) {
-        let mut first = 0;
-        for run in plan.list.items.chunk_by(|a, b| a.instance == b.instance) {
-            let instance = run[0].instance as usize;
-            let items = first..first + run.len();
-            first = items.end;
-            let (at, to) = (instance * self.slots, run[0].destination as usize);
-            let mut destination = std::mem::take(&mut self.poses[at + to]);
+        let instances = || plan.list.items.chunk_by(|a, b| a.instance == b.instance);
+        let first = |items: &[Item]| items[0].instance as usize * self.slots;
+        let places: Vec<_> = instances().map(|items| first(items) + items[0].destination as usize).collect();
+        let mut poses: Vec<_> = places.iter().map(|&place| std::mem::take(&mut self.poses[place])).collect();
+        let mut end = 0;
+        let runs = instances().zip(&mut poses).map(|(items, destination)| {
             // Items of one instance read one slot, but for those that start from base.
-            let from = run.iter().find_map(|item| item.source).filter(|&s| s as usize != to);
-            let source = from.map(|slot| self.poses[at + slot as usize].as_slice());
-            blocks::run(workers, mesh, plan, items, source, &mut destination);
-            self.poses[at + to] = destination;
-        }
+            let from = items.iter().find_map(|item| item.source).filter(|&slot| slot != items[0].destination);
+            let source = from.map(|slot| self.poses[first(items) + slot as usize].as_slice());
+            let start = end;
+            end += items.len();
+            blocks::Run { items: start..end, source, destination }
+        });
+        blocks::run(workers, mesh, plan, runs.collect());
+        places.into_iter().zip(poses).for_each(|(place, pose)| self.poses[place] = pose);
     }
 }
 

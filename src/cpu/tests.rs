@@ -5,15 +5,17 @@ use crate::plan::{BatchSize, UpdateMode, UpdatePath};
 use crate::{reference, testing};
 use proptest::prelude::*;
 
-/// What the kernel loads and stores for the work list as it stands.
+/// What the kernel loads and stores for the work list as it stands, item after item.
 fn metered(mesh: &PackedMesh, planner: &GroupPlan) -> u64 {
     let words = planner.index.size() * planner.pose().stride() / 4;
     let mut moved = 0u64;
     for (i, item) in planner.list.items.iter().enumerate() {
-        let (mut destination, source) = (vec![0; words], vec![0; words]);
+        let (mut destination, source) = (vec![0; words], vec![0; words * planner.index.count()]);
         let separate = item.source.is_some() && item.source != Some(item.destination);
-        let block = super::blocks::Block::new(mesh.surface(), planner, i, separate.then_some(&source[..]));
-        block.run(&mut destination, &mut |bytes| moved += bytes as u64);
+        let source = separate.then_some(&source[..]);
+        let run = blocks::Run { items: i..i + 1, source, destination: &mut destination };
+        let block = item.block as usize;
+        blocks::run_piece(mesh.surface(), planner, block..block + 1, vec![run], &mut |bytes| moved += bytes as u64);
     }
     moved
 }

@@ -19,6 +19,7 @@ impl DenseFormat for Float32 {
         std::array::from_fn(|i| f64::from(f32::from_bits(words[i])))
     }
 
+    #[inline(always)]
     fn add<const N: usize>(&self, factors: [[f32; TRIPLES]; N], rows: [&[u32]; N], sums: &mut [f32]) {
         let rows: [&[f32]; N] = rows.map(|row| &bytemuck::cast_slice(row)[..sums.len()]);
         for (i, sum) in sums.iter_mut().enumerate() {

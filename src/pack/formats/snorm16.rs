@@ -37,6 +37,7 @@ impl DenseFormat for Snorm16 {
         std::array::from_fn(|i| f64::from(integers[i]) * f64::from(steps[i / TRIPLE]))
     }
 
+    #[inline(always)]
     fn add<const N: usize>(&self, factors: [[f32; TRIPLES]; N], rows: [&[u32]; N], sums: &mut [f32]) {
         let patterns = factors.map(|f| std::array::from_fn::<f32, PAIR, _>(|i| f[i / TRIPLE % TRIPLES]));
         let rows: [&[[i16; PAIR]]; N] =
