@@ -115,7 +115,9 @@ fn compile(module: &Module, glsl: &Path) -> Vec<u8> {
         kernels::Stage::Compute | kernels::Stage::ComputeSized => ShaderStage::Compute,
     };
     let batch = module.batch.map(|b| b.to_string());
-    let flags = module.kernel.defines.iter().map(|flag| (*flag, None));
+    // What host/pose.glsl asks for.
+    let pose = format!("POSE_{}", module.pose.file.to_uppercase());
+    let flags = module.kernel.defines.iter().copied().chain([pose.as_str()]).map(|flag| (flag, None));
     let defines: Vec<(&str, Option<&str>)> = flags.chain(batch.as_deref().map(|b| ("BATCH", Some(b)))).collect();
     let mut includes = Includes(glsl, module);
     let source = ShaderSource::from(text);

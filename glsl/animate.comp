@@ -29,10 +29,10 @@ void main() {
     uint flags = state[record + 3u];
     uint phase = state[phases_at + i];
     if ((flags & HIDDEN) != 0u) {
-        state[phases_at + i] = phase == NEW ? NEW : SKIPPED;
+        state[phases_at + i] = NEW;
         return;
     }
-    state[phases_at + i] = phase == NEW ? FIRST : (phase == SKIPPED ? SHOWN : CONTINUED);
+    state[phases_at + i] = phase == NEW ? FIRST : CONTINUED;
 
     uint clip = state[record];
     bool playing = (flags & PLAYING) != 0u;

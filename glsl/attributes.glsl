@@ -1,9 +1,10 @@
 // A vertex stage over BATCH targets bound as vertex attributes: source + Σ coefficient · delta. CPU twin:
 // cpu::kernel::dense.
 #include "pose.glsl"
-POSE_ATTRIBUTES(source_position, source_normal)
-
 #include "dense_formats.glsl"
+
+layout(location = 0) in vec3 source_position;
+layout(location = 1) in vec3 source_normal;
 
 void evaluate(out vec3 pose_position, out vec3 pose_normal) {
     // Summed separately and added once: one rounding at pose magnitude per pass.

@@ -8,7 +8,7 @@ void main() {
     uint i = flat_invocation();
     if (i >= heads * words) return;
     uint phase = state[phases_at + i];
-    if (phase == NEW || phase == SKIPPED) return;
+    if (phase == NEW) return;
     uint head = i / words;
     uint requested = 0u;
     for (uint w = 0u; w < words; ++w) requested |= state[bits(REQUESTED) + head * words + w];

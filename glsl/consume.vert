@@ -1,10 +1,12 @@
 // A draw that only reads a pose, as the host's would (rasterizer discard): what `draw_ms` measures.
 #version 450
 #extension GL_GOOGLE_include_directive : require
-#include "pose.glsl"
+#include "host/pose.glsl"
 
-POSE_ATTRIBUTES(position, normal)
+layout(push_constant) uniform Push {
+    vec2 units;
+};
 
 void main() {
-    gl_Position = vec4(position + normal, 1.0);
+    gl_Position = vec4(pose_position(units) + pose_normal(units), 1.0);
 }

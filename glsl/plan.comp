@@ -36,21 +36,21 @@ void main() {
     for (uint k = 0u; k < count; ++k) {
         uint head = first + k;
         uint phase = state[phases_at + head * words];
-        if (phase == NEW || phase == SKIPPED) continue;
+        if (phase == NEW) continue;
         uint touches = 0u;
         for (uint w = 0u; w < words; ++w) {
             touches |= state[bits(CHANGED) + head * words + w] & tables[block_targets_at + block * words + w];
         }
         uint at = history_at + head * blocks + block;
         uint history = state[at];
-        bool whole = phase == FIRST || phase == SHOWN;
+        bool whole = phase == FIRST;
         bool touching = touches != 0u;
         uint next = (history << 1 | uint(touching || whole)) & history_mask;
         if (next != history) state[at] = next;
         uint bit = 1u << k;
         if (touching || whole || history != 0u) written |= bit;
         if (touching) touched |= bit;
-        if (phase == FIRST) rebuilt |= bit;
+        if (whole) rebuilt |= bit;
     }
     if (written == 0u) return;
 

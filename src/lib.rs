@@ -65,7 +65,9 @@ pub use asset::{
     StreamData, StreamDeltas, StreamPlace, TargetArrays, Tolerance,
 };
 pub use cpu::CpuCrowd;
-pub use engine::{AnimatedCrowd, AnyCrowd, Crowd, GpuMesh, MorphEngine, PoseView, StreamView, Ticket, Update};
+pub use engine::{
+    AnimatedCrowd, AnyCrowd, Crowd, DecodeTarget, GpuMesh, MorphEngine, PoseView, StreamView, Ticket, Update,
+};
 pub use error::{Error, ErrorKind, Result};
 pub use gpu::caps::{DeviceCaps, DeviceKind, Requirement, TransformFeedbackCaps, requirements};
 pub use gpu::device::{DeviceDesc, SharedAllocator};

@@ -59,14 +59,18 @@ fn whole_clip(set: &str, clip: &str) {
             for (i, weights) in frames.iter().enumerate() {
                 let stats = crowd.step(&[weights]).expect("a step").update.stats;
                 cpu.set_weights(0, weights).expect("weights that fit");
-                // On a software driver `fast` goes in tiles, of whole blocks: other bytes, and so other blocks rebuilt.
-                let tiled = format == DeltaFormat::Fast;
+                // Tiles count other bytes than items with masks. On a software driver `fast` goes in tiles whatever
+                // poses are, of whole blocks, and so other blocks are rebuilt; poses of integers are whole blocks
+                // anyway.
+                let masks = format != DeltaFormat::Fast && !desc.pose.has_integers();
+                let alike = masks || desc.pose.has_integers();
                 let written = |s: UpdateStats| (s.coefficients, s.dirty_blocks, s.passes);
-                let planned = |s: UpdateStats| (s.rebuilt_blocks, s.bound, s.bytes_moved);
+                let planned = |s: UpdateStats| (s.rebuilt_blocks, s.bound);
                 let on_cpu = cpu.update();
                 let what = format!("{format:?} {desc:?} frame {i}: the same plan on both");
                 assert_eq!(written(on_cpu), written(stats), "{what}");
-                assert!(tiled || planned(on_cpu) == planned(stats), "{what}");
+                assert!(!alike || planned(on_cpu) == planned(stats), "{what}");
+                assert!(!masks || on_cpu.bytes_moved == stats.bytes_moved, "{what}");
                 if i % 20 != 0 && i + 1 != frames.len() {
                     continue;
                 }

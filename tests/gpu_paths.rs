@@ -350,7 +350,8 @@ fn any_sequence_of_weights_equals_the_reference() {
     });
 }
 
-/// Poses of integers, as they are stored and decoded: the same bits on every driver, on the CPU, and after a fresh rebuild.
+/// Poses of integers, as they are stored and decoded: the same bits on every driver, on the CPU, and after a fresh
+/// rebuild.
 #[test]
 fn poses_of_integers_are_the_same_bits_everywhere() {
     let formats = DeltaFormat::BLOCKS.into_iter().filter(|format| format.has_integers());

@@ -1,5 +1,5 @@
-//! Poses of integers do not depend on their history: whatever came before, a pose has the bits of a fresh full evaluation
-//! of its weights, on every driver and on the CPU, and the previous pose those of the pose before.
+//! Poses of integers do not depend on their history: whatever came before, a pose has the bits of a fresh full
+//! evaluation of its weights, on every driver and on the CPU, and the previous pose those of the pose before.
 
 #[path = "common/data.rs"]
 mod data;
@@ -262,8 +262,8 @@ fn any_history_leaves_the_bits_of_a_full_evaluation() {
     for_all(5, |headless, mesh, desc, heads, frames| play(headless, mesh, desc, heads, &frames));
 }
 
-/// With an error budget: the same bits on devices and the CPU, no vertex further off than allowed, and, once the same is
-/// asked again, the bits of a full evaluation.
+/// With an error budget: the same bits on devices and the CPU, no vertex further off than allowed, and, once the same
+/// is asked again, the bits of a full evaluation.
 #[test]
 fn what_is_deferred_settles_to_the_bits_of_a_full_evaluation() {
     for_all(3, |headless, mesh, desc, heads, frames| {
@@ -310,8 +310,8 @@ fn what_is_deferred_settles_to_the_bits_of_a_full_evaluation() {
     });
 }
 
-/// So many frames on the CPU, in each of which a few random weights change, or are what they were; now and then it is cut,
-/// or hidden for a frame. Each of `checked` is compared with a full evaluation.
+/// So many frames on the CPU, in each of which a few random weights change, or are what they were; now and then it is
+/// cut, or hidden for a frame. Each of `checked` is compared with a full evaluation.
 fn long_run(mesh: &Arc<PackedMesh>, desc: UpdateDesc, frames: usize, checked: usize) {
     let targets = mesh.layout().targets.len();
     let mut crowd = CpuCrowd::new(mesh.clone(), desc.path(UpdatePath::Cpu), 1, 2).expect("a crowd");

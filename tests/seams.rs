@@ -229,15 +229,15 @@ fn compare_pictures(
     // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
     let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &packed) }).unwrap();
     let mut crowd = engine.create_crowd(&uploaded, &gpu::single(update)).unwrap();
-    let picture = Picture::new(headless);
+    let (picture, decoded) = (Picture::new(headless, update.pose), Picture::new(headless, PoseFormat::Float32));
     let (texcoords, indices) = drawn(&packed, mesh);
-    let (count, indices) = (indices.len() as u32, Some(picture.filled(&indices)));
-    let texcoords = picture.filled(&texcoords);
-    let base = update.pose.has_integers().then(|| picture.filled(packed.base()));
-    let readback = picture.shared(packed.layout().base_bytes() as usize, vk::BufferUsageFlags::TRANSFER_DST);
+    let (count, indices) = (indices.len() as u32, Some(picture.filled(&indices).unwrap()));
+    let texcoords = picture.filled(&texcoords).unwrap();
+    let pose_bytes = packed.layout().pose_bytes(update.pose) as usize;
+    let readback = picture.shared(pose_bytes, vk::BufferUsageFlags::TRANSFER_DST).unwrap();
     let corners = corners(source);
     let stated: Vec<Vec2> = corners.iter().map(|c| source.texcoords[c.texcoord.unwrap() as usize]).collect();
-    let stated = picture.filled(&stated);
+    let stated = picture.filled(&stated).unwrap();
     let (low, high) = source.positions.iter().fold((Vec3::MAX, Vec3::MIN), |(a, b), p| (a.min(*p), b.max(*p)));
     let mut most = 0;
     for frame in 0..6 {
@@ -250,10 +250,12 @@ fn compare_pictures(
             .run(|cmd| {
                 // SAFETY: as above.
                 unsafe { engine.record_update(cmd, &mut crowd) }?;
-                let pose = crowd.pose(0)?;
-                assert_eq!((pose.stride as usize, pose.format), (update.pose.stride(), update.pose));
-                let (base, pose_of) = (base.map(|base| (base, pose.units)), (pose.buffer, pose.offset, pose.format));
-                picture.record(cmd, &Triangles { pose: pose_of, base, texcoords, indices, count }, &view);
+                let (pose, base) = (crowd.pose(0)?, uploaded.base_pose());
+                assert_eq!((pose.format, pose.stride as usize), (update.pose, update.pose.stride()));
+                let poses = &[(pose.buffer, pose.offset), (base.buffer, base.offset)];
+                let poses = &poses[..if pose.format.has_integers() { 2 } else { 1 }];
+                let triangles = Triangles { poses, units: pose.units, texcoords, indices, count };
+                picture.draw(cmd, &triangles, &view);
                 picture.record_pose_copy(cmd, &pose, &readback);
                 Ok(pose)
             })
@@ -261,16 +263,16 @@ fn compare_pictures(
         let from_indices = picture.pixels();
         let pose = packed.layout().to_user_order(&picture.pose(&readback, &view_of_pose, packed.base()));
         let of = |c: &Corner| pose[c.position as usize * POSE_FLOATS..][..POSE_FLOATS].to_vec();
-        let pose = picture.filled(&corners.iter().flat_map(of).collect::<Vec<f32>>());
-        let (pose, count) = ((pose, 0, PoseFormat::Float32), corners.len() as u32);
-        let triangles = Triangles { pose, base: None, texcoords: stated, indices: None, count };
+        let poses = &[(picture.filled(&corners.iter().flat_map(of).collect::<Vec<f32>>()).unwrap(), 0)];
+        let count = corners.len() as u32;
+        let triangles = Triangles { poses, units: [1.0; 2], texcoords: stated, indices: None, count };
         headless
             .run(|cmd| {
-                picture.record(cmd, &triangles, &view);
+                decoded.draw(cmd, &triangles, &view);
                 Ok(())
             })
             .unwrap();
-        let from_corners = picture.pixels();
+        let from_corners = decoded.pixels();
         let shown = from_corners.iter().filter(|pixel| pixel[3] != 0).count();
         assert!((0.1..0.9).contains(&(shown as f32 / (EDGE * EDGE) as f32)), "{shown} pixels show the head");
         most = from_indices.iter().zip(&from_corners).filter(|(a, b)| a != b).count().max(most);

@@ -240,8 +240,11 @@ fn modules_declare_what_the_table_says() {
             Stage::Vertex => {
                 assert!(sizes.is_empty(), "{name}");
                 let deltas = module.batch as usize * format.map_or(0, DeltaFormat::attributes);
-                let deltas = (deltas > 0).then_some((2, deltas));
-                assert_eq!(inputs(&entry), [(0, 1), (1, 1)].into_iter().chain(deltas).collect::<Vec<_>>(), "{name}");
+                // Behind the pose: the base pose of integers, or deltas.
+                let displaced = kernel.poses && name != kernel.name;
+                let base = displaced.then_some([(2, 1), (3, 1)]).into_iter().flatten();
+                let behind = (deltas > 0).then_some((2, deltas)).into_iter().chain(base);
+                assert_eq!(inputs(&entry), [(0, 1), (1, 1)].into_iter().chain(behind).collect::<Vec<_>>(), "{name}");
             }
             Stage::Compute => assert_eq!(sizes, [[WORKGROUP, 1, 1]], "{name}"),
             // Constant 0 is the size in x, whatever is written there.

@@ -122,8 +122,9 @@ fn crowds_of_both_kinds_are_updated_by_one_call() {
         let mut animated = headless.run(animated).expect("a crowd");
         let mut weighted = engine.create_crowd(&uploaded, &desc).expect("a crowd");
         animated.play(0, &Playback::new(0)).expect("a clip");
-        let picture = Picture::new(headless);
-        let readbacks = [0, 1].map(|_| picture.shared(layout.base_bytes() as usize, BufferUsageFlags::TRANSFER_DST));
+        let picture = Picture::new(headless, desc.update.pose);
+        let bytes = layout.pose_bytes(desc.update.pose) as usize;
+        let readbacks = [0, 1].map(|_| picture.shared(bytes, BufferUsageFlags::TRANSFER_DST).expect("a buffer"));
         for frame in 0..4 {
             weighted.set_weights(0, &weights(frame)).expect("weights");
             animated.set_time(frame as f64).expect("a time");

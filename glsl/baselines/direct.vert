@@ -7,7 +7,8 @@
 #include "dense_formats.glsl"
 #include "pose.glsl"
 
-POSE_ATTRIBUTES(base_position, base_normal)
+layout(location = 0) in vec3 base_position;
+layout(location = 1) in vec3 base_normal;
 
 // For each target the coefficients of positions and normals, in quantised units.
 layout(set = 0, binding = 1, std430) readonly buffer Weights { vec2 weights[]; };

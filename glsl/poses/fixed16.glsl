@@ -1,13 +1,6 @@
 // fixed16: six integers of 16 bits, the displacement from the base pose in steps, two to a word, the first in the lower
 // half. CPU: src/pack/poses/fixed16.rs.
 
-// Inputs of a vertex shader, from the vertex attributes of a pose.
-#define POSE_ATTRIBUTES(position, normal) \
-    layout(location = 0) in ivec4 position_and_normal_x; \
-    layout(location = 1) in ivec2 normal_yz; \
-    ivec3 position = position_and_normal_x.xyz; \
-    ivec3 normal = ivec3(position_and_normal_x.w, normal_yz);
-
 // All poses of a group of instances, where POSES_BINDING says and, with TEXELS, the binding after it; the number
 // `at` of a pose is that of a component.
 #define INTEGER_POSES

@@ -1,10 +1,5 @@
 // fixed32: six integers, the displacement from the base pose in steps. CPU: src/pack/poses/fixed32.rs.
 
-// Inputs of a vertex shader, from the vertex attributes of a pose.
-#define POSE_ATTRIBUTES(position, normal) \
-    layout(location = 0) in ivec3 position; \
-    layout(location = 1) in ivec3 normal;
-
 // All poses of a group of instances, where POSES_BINDING says and, with TEXELS, the binding after it; the number
 // `at` of a pose is that of a component.
 #define INTEGER_POSES

@@ -1,10 +1,5 @@
 // float32: the six numbers of a vertex, one after the other. CPU: src/pack/poses/float32.rs.
 
-// Inputs of a vertex shader, from the vertex attributes of a pose.
-#define POSE_ATTRIBUTES(position, normal) \
-    layout(location = 0) in vec3 position; \
-    layout(location = 1) in vec3 normal;
-
 // Outputs of a vertex shader, as transform feedback captures them.
 #define POSE_CAPTURE(position, normal) \
     layout(location = 0, xfb_buffer = 0, xfb_stride = 24, xfb_offset = 0) out vec3 position; \

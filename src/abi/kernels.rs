@@ -64,6 +64,10 @@ pub const fn batch_max(format: &FormatRow) -> u32 {
 pub enum Push {
     /// None.
     None,
+    /// `ConsumePush`
+    Consume,
+    /// `DecodePush`
+    Decode,
     /// `ReadPush`
     Read,
     /// `AnimationPush`
@@ -207,7 +211,7 @@ const POSE_TEXELS: Buffer = Buffer::StorageTexels(107);
 /// Every kernel.
 pub const KERNELS: &[KernelRow] = &[
     // What measurements need.
-    KernelRow { name: "consume", poses: true, ..VERTEX },
+    KernelRow { name: "consume", poses: true, push: Push::Consume, ..VERTEX },
     KernelRow { name: "read", bindings: &[(0, Buffer::Storage(16)), (1, WORDS)], push: Push::Read, ..COMPUTE },
     // Sampling clips and planning updates; a specialization constant of `plan` is the widest tile.
     KernelRow { name: "animate", ..ANIMATION },
@@ -237,6 +241,14 @@ pub const KERNELS: &[KernelRow] = &[
         bindings: &[(0, WORD_TEXELS), (1, WORD_TEXELS), (2, PAIRS), (3, POSE_TEXELS)],
         aliased: &[2, 3],
         ..CROWD
+    },
+    // Poses as float32, into buffers of hosts. Poses of an instance, base pose, pieces, destination.
+    KernelRow {
+        name: "decode",
+        poses: true,
+        bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)],
+        push: Push::Decode,
+        ..COMPUTE
     },
     // Techniques of others. The set of `scatter` and `resolve` is records, sums, base pose, destination.
     KernelRow {

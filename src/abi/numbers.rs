@@ -17,6 +17,9 @@ shared! {
     /// Targets of a dense compute pass with coefficients in push constants, at most.
     DENSE_BATCH_MAX: u32 = 16;
 
+    /// Vertices of a piece of the list of the decode step: as many as the smallest block has.
+    PIECE: u32 = 32;
+
     /// Words of an item of a work list, before its masks.
     ITEM_WORDS: usize = 4;
     /// Set in the first word of an item that starts from the base pose.
@@ -42,16 +45,12 @@ shared! {
     /// Flag of a record: the head is not updated.
     HIDDEN: u32 = 8;
 
-    /// Phase of a head: not written yet.
+    /// Phase of a head: not written, since it is hidden, or not yet.
     NEW: u32 = 0;
-    /// Phase of a head: written for the first time.
+    /// Phase of a head: written for the first time, or again after it was hidden. No slot that updates read holds its pose.
     FIRST: u32 = 1;
-    /// Phase of a head: written again after it was hidden.
-    SHOWN: u32 = 2;
     /// Phase of a head: written as in the update before.
-    CONTINUED: u32 = 3;
-    /// Phase of a head: hidden.
-    SKIPPED: u32 = 4;
+    CONTINUED: u32 = 2;
 
     /// Bits of targets: the last update changed the weight.
     CHANGED: u32 = 0;

@@ -2,6 +2,7 @@
 
 use super::kernels::Push;
 use super::numbers::DENSE_BATCH_MAX;
+use crate::asset::streams::TRIPLES;
 use crate::pack::DeltaFormat;
 use bytemuck::{Pod, Zeroable};
 use std::mem::offset_of;
@@ -77,6 +78,25 @@ shared! {
         normal_dropped: u32,
     }
 
+    /// Push constants of `consume.vert`.
+    pub struct ConsumePush {
+        /// Input units of integers, of each triple of a vertex.
+        units: [f32; TRIPLES],
+    }
+
+    /// Push constants of `decode.comp`, which says what each is.
+    pub struct DecodePush {
+        pose_at: u32,
+        base_at: u32,
+        decoded_at: u32,
+        stride: u32,
+        normal_at: u32,
+        vertices: u32,
+        count: u32,
+        listed: u32,
+        units: [f32; TRIPLES],
+    }
+
     /// Push constants of `read.comp`.
     pub struct ReadPush {
         /// Vectors of 16 bytes to read.
@@ -125,7 +145,7 @@ shared! {
         /// The target's first record.
         first: u32,
         count: u32,
-        /// The weight, on the grid of exact sums.
+        /// The weight, on the grid of poses of 32-bit integers.
         weight: i32,
     }
 
@@ -158,6 +178,8 @@ impl Push {
     pub const fn members(self) -> (&'static [(&'static str, usize)], usize) {
         match self {
             Self::None | Self::Attributes => (&[], 0),
+            Self::Consume => (ConsumePush::MEMBERS, size_of::<ConsumePush>()),
+            Self::Decode => (DecodePush::MEMBERS, size_of::<DecodePush>()),
             Self::Read => (ReadPush::MEMBERS, size_of::<ReadPush>()),
             Self::Animation => (AnimationPush::MEMBERS, size_of::<AnimationPush>()),
             Self::Dense => (DensePush::MEMBERS, size_of::<DensePush>()),

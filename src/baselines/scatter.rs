@@ -1,8 +1,8 @@
 //! The `scatter` path (O3DE Atom, Unity): a thread for each delta adds to the sums of its vertex by integer atomics,
 //! then a pass makes the pose of the sums.
 //!
-//! Weights and deltas are integers on the grid of exact sums ([`PoseGrid`]):
-//! nothing overflows, and the sums are those of `blocks` with exact sums, bit for bit. So is the error: that of
+//! Weights and deltas are integers on the grid of poses of 32-bit integers ([`PoseGrid`]):
+//! nothing overflows, and the sums are such poses of `blocks`, bit for bit. So is the error: that of
 //! packing, and at most ½ · weight step · Σ |delta| for weights that are not on the grid.
 
 use super::draws::one_pass;

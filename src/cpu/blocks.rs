@@ -97,7 +97,7 @@ fn run_sums<T: Write>(
 }
 
 /// A block of an instance while it is updated.
-struct Head<'a, T: Sum, const S: usize> {
+struct Head<'a, T: Sum> {
     block: Block<'a>,
     destination: &'a mut [u32],
     /// Elements that are to be added.
@@ -105,7 +105,6 @@ struct Head<'a, T: Sum, const S: usize> {
     /// Those that are decoded.
     batch: [Added<T>; BATCH],
     count: usize,
-    sums: Planes<T, S>,
 }
 
 fn run_blocks<T: Write, const S: usize>(
@@ -117,7 +116,9 @@ fn run_blocks<T: Write, const S: usize>(
 ) {
     let (items, words) = (&plan.list.items, block_words(plan));
     let mut decoded = [[[T::Delta::default(); S]; POSE_FLOATS]; BATCH];
-    let mut tile: Vec<Head<'_, T, S>> = Vec::with_capacity(runs.len().min(TILE));
+    let mut tile: Vec<Head<'_, T>> = Vec::with_capacity(runs.len().min(TILE));
+    let zero = [[T::default(); S]; POSE_FLOATS];
+    let mut sums = vec![zero; runs.len().min(TILE)];
     for block in blocks {
         let mut runs = runs.iter_mut();
         loop {
@@ -131,8 +132,7 @@ fn run_blocks<T: Write, const S: usize>(
                     let elements = plan.list.elements_of(block.item);
                     meter(4 * (ITEM_WORDS + block.masks.len()) + ELEMENT_BYTES * elements.len() + block.moved());
                     let batch = [Added::<T>::default(); BATCH];
-                    let sums = [[T::default(); S]; POSE_FLOATS];
-                    tile.push(Head { block, destination, elements, batch, count: 0, sums });
+                    tile.push(Head { block, destination, elements, batch, count: 0 });
                 }
                 if tile.len() == TILE {
                     break;
@@ -141,28 +141,59 @@ fn run_blocks<T: Write, const S: usize>(
             if tile.is_empty() {
                 break;
             }
-            while add_batch(packed, plan, &mut tile, &mut decoded, meter) {}
-            for Head { block, sums, destination, .. } in &mut tile {
-                widest(
-                    #[inline(always)]
-                    || T::write(sums, block, destination),
-                );
+            sums[..tile.len()].fill(zero);
+            // A single head adds what it decodes: storing that would only take time.
+            match &*tile {
+                [head] => add_alone(packed, plan, head.elements, &mut sums[0], meter),
+                _ => while add_batch(packed, plan, &mut tile, &mut sums, &mut decoded, meter) {},
+            }
+            for (Head { block, destination, .. }, sums) in tile.iter_mut().zip(&sums) {
+                T::write(sums, block, destination);
             }
         }
     }
 }
 
-/// Decode entries that some head is to add next, once, and add them to each that does. Whether there were any.
+/// Add the elements of a single head.
+fn add_alone<T: Sum, const S: usize>(
+    packed: &PackedGroup,
+    plan: &GroupPlan,
+    elements: &[Element],
+    sums: &mut Planes<T, S>,
+    meter: &mut impl FnMut(usize),
+) {
+    let (index, words, units) = (&*plan.index, packed.deltas(), units(plan));
+    with_format!(index.parts.format, dense _f => {}, blocks format => {
+        for element in elements {
+            let (header, deltas) = index.locate(format, words, element.entry as usize);
+            meter(4 * (header.len() + deltas.len()));
+            let factors = factors::<T>(element, units, format.shifts(header));
+            sums::add_decoded(format, header, &words[deltas], factors, sums);
+        }
+    });
+}
+
+/// The step of each triple, and how many bits of products are dropped.
+fn units(plan: &GroupPlan) -> [(f32, u32); TRIPLES] {
+    let dropped = plan.grid().map_or([0; TRIPLES], |grid| grid.dropped);
+    std::array::from_fn(|triple| (plan.index.steps()[triple], dropped[triple]))
+}
+
+/// What the triples of an entry are multiplied by.
+fn factors<T: Sum>(element: &Element, units: [(f32, u32); TRIPLES], shifts: [u32; TRIPLES]) -> [T::Factor; TRIPLES] {
+    std::array::from_fn(|triple| T::factor(element.coefficient, units[triple], shifts[triple]))
+}
+
+/// Decode entries that some head is to add next, once, and add them to each that does. Whether there are more.
 fn add_batch<T: Sum, const S: usize>(
     packed: &PackedGroup,
     plan: &GroupPlan,
-    tile: &mut [Head<'_, T, S>],
+    tile: &mut [Head<'_, T>],
+    sums: &mut [Planes<T, S>],
     decoded: &mut [Planes<T::Delta, S>; BATCH],
     meter: &mut impl FnMut(usize),
 ) -> bool {
-    let (index, words) = (&*plan.index, packed.deltas());
-    let dropped = plan.grid().map_or([0; TRIPLES], |grid| grid.dropped);
-    let units: [_; TRIPLES] = std::array::from_fn(|triple| (index.steps()[triple], dropped[triple]));
+    let (index, words, units) = (&*plan.index, packed.deltas(), units(plan));
     for (place, decoded) in decoded.iter_mut().enumerate() {
         let next = tile.iter().filter_map(|head| Some(head.elements.first()?.entry)).min();
         let Some(entry) = next else { break };
@@ -175,15 +206,14 @@ fn add_batch<T: Sum, const S: usize>(
             let Some((element, rest)) = head.elements.split_first().filter(|(next, _)| next.entry == entry) else {
                 continue;
             };
-            let factor = |triple: usize| T::factor(element.coefficient, units[triple], shifts[triple]);
             head.elements = rest;
-            head.batch[head.count] = (place, std::array::from_fn(factor));
+            head.batch[head.count] = (place, factors::<T>(element, units, shifts));
             head.count += 1;
             meter(bytes);
         }
     }
-    for head in &mut *tile {
-        sums::add(&mut head.sums, &head.batch[..std::mem::take(&mut head.count)], decoded);
+    for (head, sums) in tile.iter_mut().zip(sums) {
+        sums::add(sums, &head.batch[..std::mem::take(&mut head.count)], decoded);
     }
     tile.iter().any(|head| !head.elements.is_empty())
 }
@@ -195,11 +225,13 @@ trait Write: Sum {
 }
 
 impl Write for f32 {
-    #[inline(always)]
     fn write<const S: usize>(sums: &Planes<f32, S>, block: &Block<'_>, destination: &mut [u32]) {
-        let from = if block.item.source.is_none() { Some(block.base) } else { block.source.map(cast_slice) };
+        let from = if block.item.source.is_none() { Some(cast_slice(block.base)) } else { block.source };
+        if block.masks.iter().all(|mask| *mask == u32::MAX) {
+            return store(destination, from, |old: f32, lane, c| old + sums[c][lane]);
+        }
         let destination = cast_slice_mut(destination);
-        match from {
+        match from.map(cast_slice::<u32, f32>) {
             Some(from) => block.apply::<S>(destination, |lane, c, _| from[lane * POSE_FLOATS + c] + sums[c][lane]),
             None => block.apply::<S>(destination, |lane, c, old| old + sums[c][lane]),
         }
@@ -207,17 +239,43 @@ impl Write for f32 {
 }
 
 impl Write for i32 {
-    #[inline(always)]
     fn write<const S: usize>(sums: &Planes<i32, S>, block: &Block<'_>, destination: &mut [u32]) {
-        block.store(destination, |old: i32, lane, c| old.wrapping_add(sums[c][lane]));
+        match block.item.source {
+            Some(_) => store(destination, block.source, |old: i32, lane, c| old.wrapping_add(sums[c][lane])),
+            None => store(destination, None, |_: i32, lane, c| sums[c][lane]),
+        }
     }
 }
 
 impl Write for Rounded {
-    #[inline(always)]
     fn write<const S: usize>(sums: &Planes<Rounded, S>, block: &Block<'_>, destination: &mut [u32]) {
-        block.store(destination, |old: i16, lane, c| old.wrapping_add(sums[c][lane].0 as i16));
+        match block.item.source {
+            Some(_) => store(destination, block.source, |old: i16, lane, c| old.wrapping_add(sums[c][lane].0 as i16)),
+            None => store(destination, None, |_: i16, lane, c| sums[c][lane].0 as i16),
+        }
     }
+}
+
+/// Store all of a block: `value(number there, vertex, component)`, where `from` is what is there, or `destination`.
+fn store<T: AnyBitPattern + NoUninit>(
+    destination: &mut [u32],
+    from: Option<&[u32]>,
+    value: impl Fn(T, usize, usize) -> T,
+) {
+    widest(
+        #[inline(always)]
+        || {
+            let (destination, _) = cast_slice_mut::<u32, T>(destination).as_chunks_mut::<POSE_FLOATS>();
+            let vertices = destination.iter_mut().enumerate();
+            match from {
+                None => vertices.for_each(|(lane, v)| *v = std::array::from_fn(|c| value(v[c], lane, c))),
+                Some(from) => {
+                    let (from, _) = cast_slice::<u32, T>(from).as_chunks::<POSE_FLOATS>();
+                    vertices.zip(from).for_each(|((i, v), s)| *v = std::array::from_fn(|c| value(s[c], i, c)));
+                }
+            }
+        },
+    );
 }
 
 /// What one workgroup writes.
@@ -244,25 +302,6 @@ impl<'a> Block<'a> {
             PoseFormat::Float32 => 8 * self.masks.iter().map(|mask| mask.count_ones() as usize).sum::<usize>(),
             PoseFormat::Fixed32 | PoseFormat::Fixed16 => {
                 4 * block_words(self.plan) * if self.item.source.is_some() { 2 } else { 1 }
-            }
-        }
-    }
-
-    /// Store all integers of the block: what `value` makes of those of the source, 0 where there is none.
-    #[inline(always)]
-    fn store<T: AnyBitPattern + NoUninit + Default>(
-        &self,
-        destination: &mut [u32],
-        value: impl Fn(T, usize, usize) -> T,
-    ) {
-        let (destination, _) = cast_slice_mut::<u32, T>(destination).as_chunks_mut::<POSE_FLOATS>();
-        let vertices = destination.iter_mut().enumerate();
-        match (self.item.source, self.source) {
-            (None, _) => vertices.for_each(|(lane, v)| *v = std::array::from_fn(|c| value(T::default(), lane, c))),
-            (Some(_), None) => vertices.for_each(|(lane, v)| *v = std::array::from_fn(|c| value(v[c], lane, c))),
-            (Some(_), Some(source)) => {
-                let (source, _) = cast_slice::<u32, T>(source).as_chunks::<POSE_FLOATS>();
-                vertices.zip(source).for_each(|((i, v), s)| *v = std::array::from_fn(|c| value(s[c], i, c)));
             }
         }
     }

@@ -144,7 +144,9 @@ pub(super) fn decode<T: Sum, F: BlockFormat<Component: Number>, const S: usize>(
     widest(
         #[inline(always)]
         || {
-            *out = [[T::Delta::default(); S]; POSE_FLOATS];
+            if format.is_sparse() {
+                *out = [[T::Delta::default(); S]; POSE_FLOATS];
+            }
             format.decode(
                 S,
                 header,
@@ -153,6 +155,41 @@ pub(super) fn decode<T: Sum, F: BlockFormat<Component: Number>, const S: usize>(
                 |lane, c, number| out[c][lane] = T::delta(number),
             );
         },
+    );
+}
+
+/// Add an entry to `sums` while it is decoded.
+pub(super) fn add_decoded<T: Sum, F: BlockFormat<Component: Number>, const S: usize>(
+    format: &F,
+    header: &[u32],
+    deltas: &[u32],
+    factors: [T::Factor; TRIPLES],
+    sums: &mut Planes<T, S>,
+) {
+    match format.is_sparse() {
+        // Vertex after vertex: nothing becomes SIMD.
+        true => add_numbers(format, header, deltas, factors, sums),
+        false => widest(
+            #[inline(always)]
+            || add_numbers(format, header, deltas, factors, sums),
+        ),
+    }
+}
+
+#[inline(always)]
+fn add_numbers<T: Sum, F: BlockFormat<Component: Number>, const S: usize>(
+    format: &F,
+    header: &[u32],
+    deltas: &[u32],
+    factors: [T::Factor; TRIPLES],
+    sums: &mut Planes<T, S>,
+) {
+    format.decode(
+        S,
+        header,
+        deltas,
+        #[inline(always)]
+        |lane, c, number| sums[c][lane] = sums[c][lane].add(factors[c / TRIPLE], T::delta(number)),
     );
 }
 

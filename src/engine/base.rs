@@ -1,16 +1,18 @@
 //! What every crowd has: poses, instances, slots, tickets, and a technique that updates them.
 
+use super::decode::{DecodeTarget, Decoder};
 use super::upload::GpuMesh;
+use super::views::{self, PoseView};
 use crate::asset::streams::{Semantic, StreamPlace, TRIPLES};
 use crate::error::{Error, Result};
 use crate::gpu::device::Device;
 use crate::gpu::memory::Buffer;
 use crate::gpu::mesh::MeshBuffers;
 use crate::gpu::pipelines::Kernels;
-use crate::pack::{PackedLayout, PoseFormat};
+use crate::pack::PackedLayout;
 use crate::plan::instances::Instances;
 use crate::plan::schedule::Schedule;
-use crate::plan::steps::{Steps, Work};
+use crate::plan::steps::{Steps, Use, Work};
 use crate::plan::{CrowdDesc, UpdateStats};
 use crate::update::technique::{Context, PoseGroup, Poses, Technique, UpdateId};
 use ash::vk;
@@ -43,50 +45,18 @@ pub struct Update {
     pub stats: UpdateStats,
 }
 
-/// Where a pose is: from `offset` on, each vertex as its [`PoseFormat`] says. Normals are not normalised.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct PoseView {
-    /// The buffer; usable as vertex, storage and transfer-source buffer.
-    pub buffer: vk::Buffer,
-    /// Offset of the first vertex, a multiple of 256.
-    pub offset: u64,
-    /// Bytes, padding included.
-    pub size: u64,
-    /// Bytes from vertex to vertex.
-    pub stride: u32,
-    /// How vertices are stored.
-    pub format: PoseFormat,
-    /// Input units of integers, of each triple of a vertex (of positions and of normals): a number is that of the base
-    /// pose plus integer × unit. 1 where numbers are float32.
-    pub units: [f32; 2],
-    /// Which slot of the instance it is.
-    pub slot: u32,
-}
-
-/// Where a stream of a pose is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct StreamView {
-    /// The buffer; usable as vertex, storage and transfer-source buffer.
-    pub buffer: vk::Buffer,
-    /// Offset of the first vertex's first component.
-    pub offset: u64,
-    /// Components: float32 each, one after the other.
-    pub components: u32,
-    /// Bytes from vertex to vertex.
-    pub stride: u32,
-    /// Which slot of the instance it is.
-    pub slot: u32,
-}
-
 /// The part that all kinds of crowds share.
 pub struct CrowdBase {
     // Before the buffers that its descriptor sets name.
     pub(crate) technique: Box<dyn Technique>,
+    /// Where instances are decoded.
+    decoder: Option<Decoder>,
     /// At least one.
     groups: Vec<PoseGroup>,
     pub(super) instances: Instances,
     pub(super) steps: Steps,
+    /// What the steps used of the update that wrote poses last.
+    wrote: Vec<&'static [Use]>,
     /// Scratch space of recording.
     pub(super) schedule: Schedule,
     /// The update planned last.
@@ -163,9 +133,11 @@ impl CrowdBase {
         let (mesh, poses) = (&groups[0].mesh, groups[0].poses);
         Ok(Self {
             technique: make(Context { device, kernels, mesh, desc, poses, all: &groups })?,
+            decoder: None,
             groups,
             instances: Instances::new(instances as usize, targets, slots),
             steps: Steps::new(desc.consumers),
+            wrote: vec![],
             schedule: Schedule::default(),
             last: None,
             desc: *desc,
@@ -209,6 +181,7 @@ impl CrowdBase {
     pub(crate) fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<()> {
         if self.instances.set_hidden(instance, hidden)? {
             self.technique.set_hidden(instance, hidden);
+            self.decoder.iter_mut().for_each(|decoder| decoder.renew(instance));
         }
         Ok(())
     }
@@ -222,6 +195,7 @@ impl CrowdBase {
     pub(crate) fn remove(&mut self, instance: u32) -> Result<()> {
         self.instances.remove(instance)?;
         self.technique.set_hidden(instance, true);
+        self.decoder.iter_mut().for_each(|decoder| decoder.remove(instance));
         Ok(())
     }
 
@@ -244,6 +218,7 @@ impl CrowdBase {
         self.discarded.push(first..=self.updates);
         self.instances.discard_from(update);
         self.technique.discard_from(ticket.id);
+        self.decoder.iter_mut().for_each(|decoder| decoder.discard_from(update));
         self.recorded = self.recorded.min(ticket.id.recorded);
         Ok(())
     }
@@ -280,13 +255,18 @@ impl CrowdBase {
 
     pub(crate) fn group_pose(&self, instance: u32, group: usize) -> Result<PoseView> {
         let (slot, _) = self.slots_of(instance)?;
-        if !self.technique.has_poses() {
-            return Err(Error::invalid(
-                format!("the path '{}' has no pose buffers", self.desc.update.path.name()),
-                "draw with MorphEngine::record_draws, or write the pose with MorphEngine::record_capture",
-            ));
-        }
+        self.check_has_poses()?;
         Ok(self.view(instance, slot, group))
+    }
+
+    fn check_has_poses(&self) -> Result<()> {
+        if self.technique.has_poses() {
+            return Ok(());
+        }
+        Err(Error::invalid(
+            format!("the path '{}' has no pose buffers", self.desc.update.path.name()),
+            "draw with MorphEngine::record_draws, or write the pose with MorphEngine::record_capture",
+        ))
     }
 
     pub(crate) fn previous_group_pose(&self, instance: u32, group: usize) -> Result<Option<PoseView>> {
@@ -296,14 +276,7 @@ impl CrowdBase {
 
     /// The group that has a stream, and where.
     pub(super) fn place(&self, semantic: Semantic) -> Result<(usize, StreamPlace)> {
-        let streams = |group: &PoseGroup| group.mesh.layout.streams.iter().find(|s| s.semantic == semantic).copied();
-        let place = self.groups.iter().map(streams).enumerate().find_map(|(group, place)| Some((group, place?)));
-        place.ok_or_else(|| {
-            let streams = self.groups.iter().flat_map(|group| &group.mesh.layout.streams);
-            let names: Vec<String> = streams.map(|stream| stream.semantic.to_string()).collect();
-            let text = format!("stream '{semantic}' of mesh '{}'", self.layout().name);
-            Error::invalid(text, format!("it has {}", names.join(", ")))
-        })
+        views::place(self.groups.iter().map(|group| &group.mesh.layout), semantic)
     }
 
     /// Slots of the pose and of the previous pose.
@@ -326,14 +299,46 @@ impl CrowdBase {
         }
     }
 
+    /// See [`MorphEngine::set_decode_target`](super::MorphEngine::set_decode_target).
+    pub(super) fn set_decode_target(
+        &mut self,
+        kernels: &Kernels,
+        instance: u32,
+        target: Option<&DecodeTarget>,
+    ) -> Result<()> {
+        self.instances.check(instance)?;
+        let Some(target) = target else {
+            self.decoder.iter_mut().for_each(|decoder| decoder.unset(instance));
+            return Ok(());
+        };
+        self.check_has_poses()?;
+        let decoder = match &mut self.decoder {
+            Some(decoder) => decoder,
+            none => none.insert(Decoder::new(kernels, self.desc.update.pose)?),
+        };
+        decoder.set(&self.device, &self.groups[0], self.desc.frames_in_flight, instance, target)?;
+        self.steps.decoded_for(self.desc.consumers);
+        Ok(())
+    }
+
     /// Record a work of the update planned last.
     ///
     /// # Safety
     /// As [`Technique::record`].
     pub(super) unsafe fn record(&self, cmd: vk::CommandBuffer, work: &Work) {
         let frame = self.last.map_or(0, |id| id.frame);
-        // SAFETY: the caller's obligations.
-        unsafe { self.technique.record(cmd, frame, work) };
+        match &self.decoder {
+            // SAFETY: the caller's obligations.
+            Some(decoder) if Decoder::is_of(work) => unsafe { decoder.record(cmd, frame, work) },
+            // SAFETY: as above.
+            Some(_) | None => unsafe { self.technique.record(cmd, frame, work) },
+        }
+    }
+
+    /// What works of a step read and write, for the hazard checker.
+    #[cfg(feature = "internals")]
+    pub(super) fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
+        if Decoder::is_of(&works[0]) { Decoder::accesses(works) } else { self.technique.accesses(works) }
     }
 
     /// Plan an update, and take it as done. Where this fails, [`discard_last`](Self::discard_last) has to follow.
@@ -345,16 +350,15 @@ impl CrowdBase {
         let id = UpdateId { update: self.updates, recorded: self.recorded, frame };
         self.last = Some(id);
         let stats = self.technique.plan(&mut self.instances, id, &mut self.steps)?;
+        if !self.steps.is_empty() {
+            self.wrote.clear();
+            self.wrote.extend(self.steps.uses());
+        }
+        if let Some(decoder) = &mut self.decoder {
+            decoder.plan(&*self.technique, &self.instances, id, &self.wrote, &mut self.steps)?;
+        }
         self.recorded += u64::from(!self.steps.is_empty());
         Ok(Update { ticket: Ticket { crowd: self.crowd, id }, stats })
-    }
-}
-
-impl PoseView {
-    pub(super) fn stream(self, place: StreamPlace) -> StreamView {
-        let Self { buffer, offset, stride, format, slot, .. } = self;
-        let components = place.semantic.components() as u32;
-        StreamView { buffer, offset: offset + format.offset(place.first) as u64, components, stride, slot }
     }
 }
 

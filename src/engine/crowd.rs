@@ -1,7 +1,8 @@
 //! Crowds: instances of one mesh whose weights are set, or that play clips on the GPU.
 
 use super::base::sealed::Sealed;
-use super::base::{AnyCrowd, CrowdBase, PoseView, StreamView, Ticket, pose_bytes};
+use super::base::{AnyCrowd, CrowdBase, Ticket, pose_bytes};
+use super::views::{PoseView, StreamView};
 use crate::asset::streams::Semantic;
 use crate::error::Result;
 use crate::pack::PackedMesh;

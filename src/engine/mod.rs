@@ -2,12 +2,16 @@
 
 mod base;
 mod crowd;
+mod decode;
 mod record;
 mod upload;
+mod views;
 
-pub use base::{AnyCrowd, PoseView, StreamView, Ticket, Update};
+pub use base::{AnyCrowd, Ticket, Update};
 pub use crowd::{AnimatedCrowd, Crowd};
+pub use decode::DecodeTarget;
 pub use upload::GpuMesh;
+pub use views::{PoseView, StreamView};
 
 use crate::abi::numbers::WORKGROUP;
 use crate::error::{Error, Result};

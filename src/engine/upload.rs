@@ -1,11 +1,14 @@
 //! Meshes on their way to the device.
 
 use super::MorphEngine;
+use super::views::{PoseView, StreamView, place};
 use crate::abi::numbers::WORKGROUP;
+use crate::asset::streams::{Semantic, TRIPLES};
 use crate::error::{Error, Result};
 use crate::gpu::caps::CAPTURE_STRIDE;
+use crate::gpu::descriptors::BufferRange;
 use crate::gpu::mesh::{MeshBuffers, Upload, chunk_bytes, deltas_bytes, record_uploads};
-use crate::pack::{PackedGroup, PackedLayout, PackedMesh};
+use crate::pack::{PackedGroup, PackedLayout, PackedMesh, PoseFormat};
 use ash::vk;
 use std::sync::Arc;
 
@@ -31,13 +34,34 @@ impl GpuMesh {
         Self { groups: self.groups.clone(), staging: vec![] }
     }
 
+    /// Where the base pose is, once the upload has run: what poses of integers are displacements from, as the second
+    /// vertex buffer of a draw ([`PoseFormat::vertex_input`]). Float32, in the order of poses.
+    pub fn base_pose(&self) -> PoseView {
+        self.base_pose_of(0)
+    }
+
+    /// A stream of the [base pose](Self::base_pose): any that the mesh has.
+    ///
+    /// # Errors
+    /// A stream that the mesh does not have.
+    pub fn base_stream(&self, semantic: Semantic) -> Result<StreamView> {
+        let (group, place) = place(self.layouts(), semantic)?;
+        Ok(self.base_pose_of(group).stream(place))
+    }
+
+    fn base_pose_of(&self, group: usize) -> PoseView {
+        let BufferRange { buffer, offset, size } = self.groups[group].base_pose();
+        let format = PoseFormat::Float32;
+        PoseView { buffer, offset, size, stride: format.stride() as u32, format, units: [1.0; TRIPLES], slot: 0 }
+    }
+
     /// Names, steps and sizes of what was uploaded: of positions and normals.
     pub fn layout(&self) -> &PackedLayout {
         &self.groups[0].layout
     }
 
     /// The layouts of all [groups](PackedMesh::groups).
-    pub fn layouts(&self) -> impl Iterator<Item = &PackedLayout> {
+    pub fn layouts(&self) -> impl Iterator<Item = &PackedLayout> + Clone {
         self.groups.iter().map(|group| &group.layout)
     }
 }

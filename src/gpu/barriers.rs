@@ -26,6 +26,7 @@ fn stages(scope: Scope) -> vk::PipelineStageFlags {
         (Stage::TransformFeedback, Flags::TRANSFORM_FEEDBACK_EXT),
         (Stage::Compute, Flags::COMPUTE_SHADER),
         (Stage::Indirect, Flags::DRAW_INDIRECT),
+        (Stage::AccelerationStructureBuild, Flags::ACCELERATION_STRUCTURE_BUILD_KHR),
     ];
     flags.iter().filter(|(stage, _)| scope.has_stage(*stage)).fold(Flags::empty(), |all, (_, flag)| all | *flag)
 }

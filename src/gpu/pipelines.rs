@@ -236,14 +236,28 @@ impl Drop for Objects {
 }
 
 impl PoseFormat {
-    /// How a draw reads a pose: binding 0, and attributes from location 0 on.
-    pub fn vertex_input(self) -> (vk::VertexInputBindingDescription, Vec<vk::VertexInputAttributeDescription>) {
-        let attribute = |(location, &(format, offset)): (u32, &(u32, u32))| {
-            let format = vk::Format::from_raw(format as i32);
-            vk::VertexInputAttributeDescription { location, binding: 0, format, offset }
-        };
-        let binding = vk::VertexInputBindingDescription::default().stride(self.stride() as u32);
-        (binding, (0..).zip(self.row().attributes).map(attribute).collect())
+    /// How a draw reads a pose, and for motion vectors the previous pose, too: what `glsl/host/pose.glsl` declares.
+    ///
+    /// Binding 0 is the pose ([`PoseView`](crate::PoseView)); poses of integers have binding 1, the base pose
+    /// ([`GpuMesh::base_pose`](crate::GpuMesh::base_pose)); the next is the previous pose. Locations are from 0 on, two for
+    /// each. Vulkan guarantees these formats for vertex buffers. A host that has attributes of its own moves bindings and
+    /// locations behind or before them.
+    pub fn vertex_input(
+        self,
+        previous: bool,
+    ) -> (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>) {
+        let base = self.has_integers().then_some(Self::default());
+        let read = [Some(self), base, previous.then_some(self)].into_iter().flatten();
+        let (mut bindings, mut attributes) = (vec![], vec![]);
+        for (binding, pose) in (0..).zip(read) {
+            let stride = pose.stride() as u32;
+            bindings.push(vk::VertexInputBindingDescription::default().binding(binding).stride(stride));
+            for (location, &(format, offset)) in (2 * binding..).zip(pose.row().attributes) {
+                let format = vk::Format::from_raw(format as i32);
+                attributes.push(vk::VertexInputAttributeDescription { location, binding, format, offset });
+            }
+        }
+        (bindings, attributes)
     }
 }
 

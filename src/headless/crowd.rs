@@ -5,7 +5,7 @@ mod read;
 use super::Headless;
 use super::draw::PoseDraw;
 use super::submit::Readback;
-use crate::engine::{AnimatedCrowd, AnyCrowd, Crowd, GpuMesh, Ticket, Update};
+use crate::engine::{AnimatedCrowd, AnyCrowd, Crowd, DecodeTarget, GpuMesh, Ticket, Update};
 use crate::error::{Error, Result};
 use crate::pack::PackedMesh;
 use crate::plan::CrowdDesc;
@@ -118,7 +118,8 @@ impl<'a> HeadlessCrowd<'a, AnimatedCrowd> {
 impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
     fn with(headless: &'a Headless, mesh: GpuMesh, crowd: C) -> Result<Self> {
         let device = &headless.engine.device;
-        let draw = PoseDraw::new(device, crowd.base().desc.update.pose)?;
+        let pose = crowd.base().view(0, 0, 0);
+        let draw = PoseDraw::new(device, pose.format, pose.units, Some(mesh.groups[0].base_pose()))?;
         let readback = Readback::new(device, mesh.layout().base_bytes())?;
         Ok(Self { headless, mesh, crowd, draw, readback, waiting: VecDeque::new() })
     }
@@ -167,6 +168,15 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
     /// See [`Crowd::remove`].
     pub fn remove(&mut self, instance: u32) -> Result<()> {
         self.crowd.base_mut().remove(instance)
+    }
+
+    /// See [`MorphEngine::set_decode_target`](crate::MorphEngine::set_decode_target).
+    ///
+    /// # Safety
+    /// As there. Updates that were stepped or submitted have finished.
+    pub unsafe fn set_decode_target(&mut self, instance: u32, target: Option<&DecodeTarget>) -> Result<()> {
+        // SAFETY: the caller's obligations.
+        unsafe { self.headless.engine.set_decode_target(&mut self.crowd, instance, target) }
     }
 
     /// The update of `ticket` and all recorded after it never run: see [`Crowd::discard`]. [`submit`](Self::submit)

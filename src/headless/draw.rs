@@ -3,14 +3,18 @@
 use super::Headless;
 use super::submit::Readback;
 use crate::abi::modules::CONSUME;
+use crate::abi::push::ConsumePush;
+use crate::asset::streams::TRIPLES;
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
+use crate::gpu::descriptors::BufferRange;
 use crate::gpu::device::Device;
 use crate::gpu::memory::{Buffer, STAGING};
 use crate::gpu::pipelines::Objects;
 use crate::pack::{DeltaFormat, PackedLayout, PoseFormat};
 use crate::plan::schedule::asset_uploaded;
 use ash::vk;
+use bytemuck::bytes_of;
 use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
 use std::time::Instant;
@@ -18,28 +22,42 @@ use std::time::Instant;
 /// A draw that reads poses as vertex attributes and discards every primitive: what reading them costs.
 pub(super) struct PoseDraw {
     objects: Objects,
+    /// The base pose, which integers are displacements from.
+    base: Option<BufferRange>,
+    push: ConsumePush,
 }
 
 impl PoseDraw {
-    pub(super) fn new(device: &Arc<Device>, pose: PoseFormat) -> Result<Self> {
+    /// Of poses with these units; the base pose may be left out where they are float32.
+    pub(super) fn new(
+        device: &Arc<Device>,
+        pose: PoseFormat,
+        units: [f32; TRIPLES],
+        base: Option<BufferRange>,
+    ) -> Result<Self> {
         let mut objects = Objects::none(device);
         objects.add_layout(&[CONSUME.row], 0)?;
         objects.add_empty_render_pass()?;
-        let (binding, attributes) = pose.vertex_input();
+        let (bindings, attributes) = pose.vertex_input(false);
         // It reads no deltas: the module is the same for each of their formats.
         let module = CONSUME.module(DeltaFormat::Float32, pose, 0)?;
-        objects.add_discarding_vertex(module, &[binding], &attributes)?;
-        Ok(Self { objects })
+        objects.add_discarding_vertex(module, &bindings, &attributes)?;
+        Ok(Self { objects, base: base.filter(|_| pose.has_integers()), push: ConsumePush { units } })
     }
 
     /// Draw `vertices` of each pose, by its buffer and offset. `cmd` is recording outside a render pass, and the poses
     /// are ready for vertex-attribute reads.
     pub(super) fn record(&self, cmd: vk::CommandBuffer, poses: impl Iterator<Item = (vk::Buffer, u64)>, vertices: u32) {
-        let device = &self.objects.device.raw;
-        // SAFETY: `cmd` is recording (see above); pipeline and render pass are ours; each pose has `vertices`.
+        let (device, layout) = (&self.objects.device.raw, self.objects.layout);
+        // SAFETY: `cmd` is recording (see above); pipeline and render pass are ours; each pose and the base pose have
+        // `vertices`.
         unsafe {
             self.objects.begin_render_pass(cmd);
             device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.objects.pipelines[0]);
+            device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::VERTEX, 0, bytes_of(&self.push));
+            if let Some(base) = self.base {
+                device.cmd_bind_vertex_buffers(cmd, 1, &[base.buffer], &[base.offset]);
+            }
             for (buffer, offset) in poses {
                 device.cmd_bind_vertex_buffers(cmd, 0, &[buffer], &[offset]);
                 device.cmd_draw(cmd, vertices, 1, 0, 0);
@@ -90,7 +108,7 @@ impl<'a> PoseUpload<'a> {
             | vk::BufferUsageFlags::TRANSFER_DST
             | vk::BufferUsageFlags::TRANSFER_SRC;
         let poses = buffer("uploaded poses", usage, MemoryLocation::GpuOnly)?;
-        let draw = PoseDraw::new(device, PoseFormat::Float32)?;
+        let draw = PoseDraw::new(device, PoseFormat::Float32, [1.0; TRIPLES], None)?;
         Ok(Self { headless, staging, poses, draw, pose_bytes, vertices, instances })
     }
 

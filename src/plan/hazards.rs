@@ -44,6 +44,11 @@ pub enum Memory {
     Counters,
     /// The same as arguments of dispatches.
     Arguments,
+    /// What is decoded of the poses of an instance.
+    Decoded {
+        /// The instance.
+        instance: u32,
+    },
 }
 
 /// What works that are carried out as one read and write.
@@ -142,7 +147,8 @@ const fn place(crowd: u32, group: u32, memory: Memory) -> Place {
         | Memory::History
         | Memory::WorkList
         | Memory::Counters
-        | Memory::Arguments => (crowd, group, memory),
+        | Memory::Arguments
+        | Memory::Decoded { .. } => (crowd, group, memory),
     }
 }
 
@@ -175,6 +181,12 @@ impl HazardChecker {
         let memory = Memory::Pose { instance, slot };
         self.read(place(crowd, group, memory), Use::new(memory, Stage::VertexInput, Access::AttributeRead));
         self.read(place(crowd, group, memory), Use::new(memory, Stage::VertexShader, Access::ShaderRead));
+    }
+
+    /// The host reads what was decoded for an instance, as vertex attributes.
+    pub fn read_decoded(&mut self, crowd: u32, instance: u32) {
+        let memory = Memory::Decoded { instance };
+        self.read(place(crowd, 0, memory), Use::new(memory, Stage::VertexInput, Access::AttributeRead));
     }
 
     /// A recorded update.

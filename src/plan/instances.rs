@@ -105,6 +105,16 @@ impl Instances {
         self.places[place].history.slots()
     }
 
+    /// Whether what is at a place is shown.
+    pub fn is_shown(&self, place: usize) -> bool {
+        self.places[place].presence == Presence::Shown
+    }
+
+    /// The update that wrote the pose of a place; 0: it has none.
+    pub fn written_by(&self, place: usize) -> u64 {
+        self.places[place].history.written_by
+    }
+
     /// For each place, the weights requested; `None` where nothing is to be updated.
     pub fn requested(&self) -> impl Iterator<Item = Option<&[f32]>> {
         self.places.iter().map(|place| (place.presence == Presence::Shown).then_some(&place.weights[..]))

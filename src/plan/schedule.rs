@@ -5,8 +5,8 @@
 
 use super::steps::{Access, Resource, Scope, Stage, Steps, Use, Work};
 
-const STAGES: usize = Stage::Indirect.index() + 1;
-const RESOURCES: usize = Resource::Control as usize + 1;
+const STAGES: usize = Stage::AccelerationStructureBuild.index() + 1;
+const RESOURCES: usize = Resource::Decoded as usize + 1;
 
 /// A global memory barrier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -25,6 +25,8 @@ pub enum Stage {
     Compute = 16,
     /// Arguments of indirect dispatches.
     Indirect = 32,
+    /// Builds of acceleration structures.
+    AccelerationStructureBuild = 64,
 }
 
 impl Stage {
@@ -112,6 +114,8 @@ pub enum Resource {
     WorkList,
     /// How many items they have, and the arguments of the dispatches that carry them out: one buffer as well.
     Control,
+    /// Positions that are decoded for the host, of all instances.
+    Decoded,
 }
 
 /// One way in which memory is used: a [`Resource`] by a step, or what the hazard checker knows of it by a work.
@@ -151,7 +155,7 @@ impl<M> Use<M> {
     }
 }
 
-/// Who reads poses between updates: the barriers of an update wait for these readers, and make the new poses visible to
+/// Who reads poses, and what is [decoded](crate::DecodeTarget) of them, between updates: the barriers of an update wait for these readers, and make the new poses visible to
 /// them. Combined with `|`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Consumers(u8);
@@ -165,18 +169,22 @@ impl Consumers {
     pub const COMPUTE_SHADERS: Self = Self(4);
     /// Copies.
     pub const COPIES: Self = Self(8);
+    /// Builds of acceleration structures, from decoded positions. The device has to have them enabled
+    /// (VK_KHR_acceleration_structure).
+    pub const ACCELERATION_STRUCTURES: Self = Self(16);
 
-    /// What they do with poses.
-    pub fn uses(self) -> impl Iterator<Item = Use> {
+    /// What they do with memory of this kind.
+    pub fn uses(self, memory: Resource) -> impl Iterator<Item = Use> {
         [
             (Self::VERTEX_ATTRIBUTES, Stage::VertexInput, Access::AttributeRead),
             (Self::VERTEX_SHADERS, Stage::VertexShader, Access::ShaderRead),
             (Self::COMPUTE_SHADERS, Stage::Compute, Access::ShaderRead),
             (Self::COPIES, Stage::Transfer, Access::TransferRead),
+            (Self::ACCELERATION_STRUCTURES, Stage::AccelerationStructureBuild, Access::ShaderRead),
         ]
         .into_iter()
         .filter(move |(consumer, ..)| self.0 & consumer.0 != 0)
-        .map(|(_, stage, access)| Use::new(Resource::Poses, stage, access))
+        .map(move |(_, stage, access)| Use::new(memory, stage, access))
     }
 }
 
@@ -242,7 +250,18 @@ pub struct Steps {
 impl Steps {
     /// No steps yet; poses are read by `consumers` when the update is done.
     pub fn new(consumers: Consumers) -> Self {
-        Self { steps: vec![], works: vec![], after: consumers.uses().collect() }
+        Self { steps: vec![], works: vec![], after: consumers.uses(Resource::Poses).collect() }
+    }
+
+    /// What is decoded is read by `consumers`, too.
+    pub fn decoded_for(&mut self, consumers: Consumers) {
+        self.after.retain(|used| used.memory != Resource::Decoded);
+        self.after.extend(consumers.uses(Resource::Decoded));
+    }
+
+    /// What each step uses.
+    pub fn uses(&self) -> impl Iterator<Item = &'static [Use]> {
+        self.steps.iter().map(|step| step.uses)
     }
 
     /// Forget the last update.

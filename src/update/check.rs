@@ -92,10 +92,9 @@ impl UpdateDesc {
             Runner::Device(caps) | Runner::Animated(Some(caps)) => self.check_on_device(layout, caps)?,
             Runner::Unknown | Runner::Cpu | Runner::Animated(None) => {}
         }
-        if let Some(index) = &layout.blocks {
-            if self.grid(layout)?.is_none() {
-                check_tolerance(self.tolerance, layout, index)?;
-            }
+        let has_grid = self.grid(layout)?.is_some();
+        if let Some(index) = layout.blocks.as_ref().filter(|_| !has_grid) {
+            check_tolerance(self.tolerance, layout, index)?;
         }
         if let Runner::Animated(_) = runner { self.check_animated(layout) } else { Ok(()) }
     }

@@ -16,6 +16,7 @@ use crate::plan::steps::{Steps, Work};
 use crate::plan::{CrowdDesc, UpdateStats};
 use ash::vk;
 use std::any::Any;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// A way to update the poses of a crowd, with what it keeps for that. Which slots hold poses is in [`Instances`], with
@@ -41,6 +42,14 @@ pub trait Technique: Any + Send + Sync {
     /// Slots of the pose and of the previous pose of an instance; `None` while it has none.
     fn slots_of(&self, instances: &Instances, instance: usize) -> Option<(u32, Option<u32>)> {
         instances.slots_of(instance)
+    }
+
+    /// Vertices of the first group that the update planned last changed in the pose of an instance that is shown:
+    /// ascending ranges, which may go on behind the last vertex.
+    fn changed(&self, instances: &Instances, id: UpdateId, instance: u32, out: &mut Vec<Range<u32>>) {
+        if instances.written_by(instance as usize) == id.update {
+            out.push(0..u32::MAX);
+        }
     }
 
     /// The next pose of an instance has no predecessor.

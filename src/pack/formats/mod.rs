@@ -170,6 +170,11 @@ pub(crate) trait BlockFormat {
         false
     }
 
+    /// Whether an entry may have deltas of some of its block's vertices only.
+    fn is_sparse(&self) -> bool {
+        false
+    }
+
     /// Words of an entry's header, in blocks of `size` vertices.
     fn header_words(&self, size: usize) -> usize;
 

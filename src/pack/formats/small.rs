@@ -31,6 +31,10 @@ impl BlockFormat for Small {
         true
     }
 
+    fn is_sparse(&self) -> bool {
+        true
+    }
+
     fn header_words(&self, size: usize) -> usize {
         2 + size / 32
     }

@@ -23,10 +23,8 @@ pub struct AnimatedReference {
 struct Instance {
     state: BlockState,
     weights: Deferred,
-    /// Some update wrote it.
+    /// The last update wrote it.
     known: bool,
-    /// It was left out of the last update.
-    hidden: bool,
 }
 
 impl AnimatedReference {
@@ -42,7 +40,7 @@ impl AnimatedReference {
         group.source_bytes = 0;
         let budget = group.grid().and_then(|grid| Budget::new(desc.error_budget, &group.index, grid));
         let (state, weights) = (BlockState::new(&group), Deferred::new(layout.targets.len()));
-        let instances = vec![Instance { state, weights, known: false, hidden: false }; heads as usize];
+        let instances = vec![Instance { state, weights, known: false }; heads as usize];
         Ok(Self { group, budget, slots: desc.slots, instances })
     }
 
@@ -51,17 +49,15 @@ impl AnimatedReference {
         self.group.clear();
         let slots = [update + u64::from(self.slots) - 1, update].map(|update| (update % u64::from(self.slots)) as u32);
         for (i, (instance, record)) in self.instances.iter_mut().zip(heads.records()).enumerate() {
-            let Instance { state, weights, known, hidden } = instance;
-            let was_hidden = std::mem::replace(hidden, record.has(HeadRecord::HIDDEN));
-            if *hidden {
+            let Instance { state, weights, known } = instance;
+            // Slots rotate while it is hidden: none that is read then holds its pose.
+            if record.has(HeadRecord::HIDDEN) {
+                *known = false;
                 continue;
             }
             let known = std::mem::replace(known, true);
-            if was_hidden {
-                state.forget_slots();
-            }
             // Nothing is deferred of an instance that is new or shown again.
-            let budget = self.budget.as_ref().filter(|_| known && !was_hidden);
+            let budget = self.budget.as_ref().filter(|_| known);
             weights.commit(&sample(clips, record, heads.now()), budget, &self.group.index);
             let step = self.group.grid().map_or(0.0, |grid| grid.weight_step());
             // Steps have fewer bits than a float32's, and the step is a power of two: exact.

@@ -25,6 +25,7 @@ use crate::update::technique::{Context, Technique, UpdateId};
 use ash::vk;
 use bytemuck::bytes_of;
 use gpu_allocator::MemoryLocation;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Records that one command writes: 65,536 bytes.
@@ -268,6 +269,11 @@ impl Technique for Animated {
         let (update, has_past) = self.playbacks.written(instance as u32)?;
         let (before, slot) = self.slots(update);
         Some((slot, if !has_past { Some(slot) } else { (before != slot).then_some(before) }))
+    }
+
+    fn changed(&self, _instances: &Instances, _id: UpdateId, _instance: u32, out: &mut Vec<Range<u32>>) {
+        // Which blocks, only the GPU knows.
+        out.push(0..u32::MAX);
     }
 
     fn cut(&mut self, instance: u32) {

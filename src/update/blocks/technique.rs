@@ -15,6 +15,7 @@ use crate::plan::instances::Instances;
 use crate::plan::steps::{Steps, Work};
 use crate::update::technique::{Context, Technique, UpdateId};
 use ash::vk;
+use std::ops::Range;
 
 /// A crowd whose changed blocks are updated.
 pub(crate) struct BlocksTechnique {
@@ -127,6 +128,16 @@ impl Technique for BlocksTechnique {
         let workgroups = Workgroups::Of([work.items.end - work.items.start, 1]);
         // SAFETY: the caller's obligations; the list was written for this mesh and crowd.
         unsafe { group.blocks.dispatch(cmd, list, work.kernel, first_item, workgroups) };
+    }
+
+    fn changed(&self, _instances: &Instances, _id: UpdateId, instance: u32, out: &mut Vec<Range<u32>>) {
+        let GroupPlan { index, list, .. } = &self.planner.groups[0];
+        let first = list.items.partition_point(|item| item.instance < instance);
+        let items = list.items[first..].iter().take_while(|item| item.instance == instance);
+        // What has a source and no elements is copied, from the pose there was.
+        let changed = items.filter(|item| item.count > 0 || item.source.is_none());
+        let size = index.size() as u32;
+        out.extend(changed.map(|item| item.block * size..(item.block + 1) * size));
     }
 
     fn grid(&self) -> Option<PoseGrid> {

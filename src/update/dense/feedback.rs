@@ -155,8 +155,7 @@ pub(crate) fn vertex_input(format: DeltaFormat, batch: u32) -> VertexInput {
     let attribute =
         |location, binding, format, offset| vk::VertexInputAttributeDescription { location, binding, format, offset };
     let float3 = vk::Format::R32G32B32_SFLOAT;
-    let (pose, mut attributes) = PoseFormat::Float32.vertex_input();
-    let mut bindings = vec![pose];
+    let (mut bindings, mut attributes) = PoseFormat::Float32.vertex_input(false);
     for b in 1..=batch {
         bindings.push(binding(b, format.stride() as u32));
         match format.attributes() {

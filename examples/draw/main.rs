@@ -1,0 +1,105 @@
+//! What a host does to draw a head from poses of 16-bit integers: vertex attributes, `glsl/host/pose.glsl`, no more.
+//!
+//!     cargo run --example draw [PART OF A DEVICE'S NAME]
+//!
+//! Such poses take half the bytes of float32 ones: a draw binds the base pose as a second vertex buffer, and decodes in its
+//! vertex shader. Here an expression is drawn into `head.ppm`; `tests/draw.rs` compares pictures with those of float32
+//! poses. The device is the library's own (feature `headless`); `examples/minimal.rs` is a host that brings one.
+
+pub(crate) mod offscreen;
+
+use deltamorph::ash::vk;
+use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
+use deltamorph::import::sample as head;
+use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, PoseFormat, Tolerance, UpdateDesc};
+use glam::{Mat4, Vec3};
+use offscreen::{Offscreen, Result};
+
+/// Red, green, blue, opacity.
+pub type Pixel = [u8; 4];
+
+/// The shader is the same for all formats of poses.
+const VERTEX: &str = "
+    layout(push_constant) uniform Push { mat4 view; vec2 units; };
+    layout(location = 0) out vec3 normal;
+    void main() {
+        gl_Position = view * vec4(pose_position(units), 1.0);
+        normal = pose_normal(units);
+    }";
+const FRAGMENT: &str = "#version 450
+    layout(location = 0) in vec3 normal;
+    layout(location = 0) out vec4 pixel;
+    void main() {
+        float light = 0.5 + 0.5 * dot(normalize(normal), vec3(0.36, 0.48, 0.8));
+        pixel = vec4(vec3(0.9, 0.7, 0.6) * light, 1.0);
+    }";
+const BACKGROUND: [f32; 4] = [0.5, 0.39, 0.33, 1.0];
+
+/// Draw the built-in head from poses in a format, once for each list of weights, into `edge` × `edge` pixels.
+pub fn pictures(headless: &Headless, format: PoseFormat, frames: &[Vec<f32>], edge: u32) -> Result<Vec<Vec<Pixel>>> {
+    let (engine, source) = (headless.engine(), head::head(&head::HeadDesc::default()));
+    let mesh = PackedMesh::pack(&source.to_mesh(Tolerance::default())?, &engine.pack_desc(DeltaFormat::Fast))?;
+    // SAFETY: `run` hands out a recording buffer, and waits for it.
+    let mut uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) })?;
+    // SAFETY: the upload has run.
+    unsafe { uploaded.release_staging() };
+    let mut crowd = engine.create_crowd(&uploaded, &CrowdDesc::new(UpdateDesc::blocks().pose(format)))?;
+
+    let host = Offscreen::new(headless, edge, vk::Format::R8G8B8A8_UNORM)?;
+    let pixels = host.shared((edge * edge) as usize * size_of::<Pixel>(), vk::BufferUsageFlags::TRANSFER_DST)?;
+    let mut triangles = source.faces.triangles().concat();
+    mesh.layout().remap_indices(&mut triangles)?; // packing reorders the vertices that draws name
+    let indices = host.filled(&triangles)?;
+    // What `pose.glsl` declares for the format, and the bindings and attributes that go with it.
+    let version = format!("#version 450\n#define POSE_{}\n", format.name().to_uppercase());
+    let vertex = version + include_str!("../../glsl/host/pose.glsl") + VERTEX;
+    let input = format.vertex_input(false);
+    let (pipeline, layout) = host.pipeline([&vertex, FRAGMENT], &input, 72)?;
+    let view = view(&source.positions).to_cols_array();
+
+    let drawn = frames.iter().map(|weights| {
+        crowd.set_weights(0, weights)?;
+        headless.run(|cmd| {
+            // SAFETY: `cmd` is recording on the engine's device, outside a render pass, and runs once, here and now.
+            unsafe { engine.record_update(cmd, &mut crowd) }?;
+            // Binding 0: the pose. Binding 1: the base pose, which float32 poses do without.
+            let bound = &[crowd.pose(0)?, uploaded.base_pose()][..input.0.len()];
+            let (buffers, offsets): (Vec<_>, Vec<_>) = bound.iter().map(|view| (view.buffer, view.offset)).unzip();
+            let push: Vec<u8> = view.into_iter().chain(bound[0].units).flat_map(f32::to_ne_bytes).collect();
+            // SAFETY: `cmd` is in a render pass; all that is bound is alive, and what the pipeline was made for. The update
+            // has made the pose ready for vertex attributes.
+            host.record(cmd, BACKGROUND, &pixels, || unsafe {
+                host.device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, pipeline);
+                host.device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::VERTEX, 0, &push);
+                host.device.cmd_bind_vertex_buffers(cmd, 0, &buffers, &offsets);
+                host.device.cmd_bind_index_buffer(cmd, indices, 0, vk::IndexType::UINT32);
+                host.device.cmd_draw_indexed(cmd, triangles.len() as u32, 1, 0, 0, 0);
+            });
+            Ok(())
+        })?;
+        Ok(host.contents(&pixels))
+    });
+    drawn.collect()
+}
+
+/// All of these positions, from the front and a little from above.
+fn view(positions: &[Vec3]) -> Mat4 {
+    let (low, high) = positions.iter().fold((Vec3::MAX, Vec3::MIN), |(low, high), p| (low.min(*p), high.max(*p)));
+    let scale = Mat4::from_scale(Vec3::new(1.8, -1.8, -0.5) / (high - low).max_element());
+    let turn = Mat4::from_rotation_x(0.2) * Mat4::from_translation(-(low + high) / 2.0);
+    Mat4::from_translation(Vec3::Z * 0.5) * scale * turn
+}
+
+fn main() -> Result<()> {
+    let choice = std::env::args().nth(1).map_or(DeviceChoice::Best, DeviceChoice::Name);
+    let headless = Headless::new(&HeadlessDesc::default().device(choice))?;
+    let clip = head::head_clip(&head::HeadDesc::default(), 60, 30.0);
+    let weights = clip.values[42 * clip.names.len()..][..clip.names.len()].to_vec();
+    let (edge, format) = (512, PoseFormat::Fixed16);
+    let picture = pictures(&headless, format, &[weights], edge)?.concat();
+    let rgb = picture.iter().flat_map(|[r, g, b, _]| [*r, *g, *b]);
+    let file: Vec<u8> = format!("P6 {edge} {edge} 255\n").into_bytes().into_iter().chain(rgb).collect();
+    std::fs::write("head.ppm", file)?;
+    println!("{}: head.ppm, drawn from {} bytes a vertex", headless.caps().name, format.stride());
+    Ok(())
+}

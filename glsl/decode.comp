@@ -1,0 +1,63 @@
+// Writes a pose as float32 into a buffer of the host's own: positions and, where it has a place for them, normals. A lane
+// takes a vertex, PIECE lanes a piece of the list. CPU twin: PoseFormat::decode.
+#version 450
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
+#include "abi.glsl"
+#define POSE_WITHOUT_INPUTS
+#include "host/pose.glsl"
+
+layout(local_size_x = WORKGROUP) in;
+
+const uint NUMBERS = 6u;
+#define POSES_BINDING 0
+#include "pose.glsl"
+layout(set = 0, binding = 1, std430) readonly buffer Base { float base[]; };
+layout(set = 0, binding = 2, std430) readonly buffer Pieces { uint pieces[]; };
+layout(set = 0, binding = 3, std430) writeonly buffer Decoded { float decoded[]; };
+
+layout(push_constant) uniform Push {
+    uint pose_at;     // index of the pose's first number
+    uint base_at;     // index of the base pose's first number
+    uint decoded_at;  // index of the first position
+    uint stride;      // words from vertex to vertex
+    uint normal_at;   // words from a position to its normal; 0: there is none
+    uint vertices;
+    uint count;       // pieces to write
+    uint listed;      // 1: those of the list; 0: the first ones
+    vec2 units;       // input units of integers: positions, normals
+};
+
+#ifdef INTEGER_POSES
+#define TRIPLE ivec3
+#else
+#define TRIPLE vec3
+#endif
+
+vec3 base_of(uint at) {
+    return vec3(base[base_at + at], base[base_at + at + 1u], base[base_at + at + 2u]);
+}
+
+void store(uint at, vec3 value) {
+    [[unroll]] for (uint c = 0u; c < 3u; ++c) decoded[at + c] = value[c];
+}
+
+void main() {
+    uint place = gl_GlobalInvocationID.x / PIECE;
+    if (place >= count) {
+        return;
+    }
+    uint piece = listed != 0u ? pieces[place] : place;
+    uint vertex = piece * PIECE + gl_GlobalInvocationID.x % PIECE;
+    if (vertex >= vertices) {
+        return;
+    }
+    uint at = NUMBERS * vertex;
+    NUMBER pose[NUMBERS];
+    LOAD_POSE(pose, pose_at + at)
+    uint to = decoded_at + stride * vertex;
+    store(to, POSE_DECODED(TRIPLE(pose[0], pose[1], pose[2]), base_of(at), units.x));
+    if (normal_at != 0u) {
+        store(to + normal_at, POSE_DECODED(TRIPLE(pose[3], pose[4], pose[5]), base_of(at + 3u), units.y));
+    }
+}
