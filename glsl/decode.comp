@@ -2,7 +2,6 @@
 // takes a vertex, PIECE lanes a piece of the list. CPU twin: PoseFormat::decode.
 #version 450
 #extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_control_flow_attributes : require
 #include "abi.glsl"
 #define POSE_WITHOUT_INPUTS
 #include "host/pose.glsl"
@@ -29,17 +28,24 @@ layout(push_constant) uniform Push {
 };
 
 #ifdef INTEGER_POSES
-#define TRIPLE ivec3
+#define ADDEND ivec3
 #else
-#define TRIPLE vec3
+#define ADDEND vec3
 #endif
+// Of a pose, as it is stored.
+struct Vertex {
+    ADDEND position;
+    ADDEND normal;
+};
 
 vec3 base_of(uint at) {
     return vec3(base[base_at + at], base[base_at + at + 1u], base[base_at + at + 2u]);
 }
 
 void store(uint at, vec3 value) {
-    [[unroll]] for (uint c = 0u; c < 3u; ++c) decoded[at + c] = value[c];
+    decoded[at] = value.x;
+    decoded[at + 1u] = value.y;
+    decoded[at + 2u] = value.z;
 }
 
 void main() {
@@ -53,11 +59,11 @@ void main() {
         return;
     }
     uint at = NUMBERS * vertex;
-    NUMBER pose[NUMBERS];
+    Vertex pose;
     LOAD_POSE(pose, pose_at + at)
     uint to = decoded_at + stride * vertex;
-    store(to, POSE_DECODED(TRIPLE(pose[0], pose[1], pose[2]), base_of(at), units.x));
+    store(to, POSE_DECODED(pose.position, base_of(at), units.x));
     if (normal_at != 0u) {
-        store(to + normal_at, POSE_DECODED(TRIPLE(pose[3], pose[4], pose[5]), base_of(at + 3u), units.y));
+        store(to + normal_at, POSE_DECODED(pose.normal, base_of(at + 3u), units.y));
     }
 }

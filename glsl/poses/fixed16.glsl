@@ -14,28 +14,34 @@
 #ifdef TEXELS
 ALIASED layout(set = 0, binding = POSES_BINDING, std430) buffer Poses { uint64_t poses[]; };
 ALIASED layout(set = 0, binding = POSES_BINDING + 1, rgba32ui) uniform uimageBuffer pose_texels;
-#define LOAD_POSE(value, at) \
+#define LOAD_POSE(head, at) \
+    NUMBER value[NUMBERS]; \
     [[unroll]] for (uint i = 0u; i < NUMBERS; i += 8u) { \
         uvec4 eight = imageLoad(pose_texels, int(((at) + i) / 8u)); \
         [[unroll]] for (uint j = 0u; j < 4u; ++j) { \
             value[i + 2u * j] = LOW(eight[j]); \
             value[i + 2u * j + 1u] = HIGH(eight[j]); \
         } \
-    }
-#define STORE_POSE_NUMBERS(at, value) \
+    } \
+    FROM_NUMBERS(head, value)
+#define STORE_POSE_NUMBERS(at, head) \
+    NUMBER value[NUMBERS]; \
+    TO_NUMBERS(value, head) \
     [[unroll]] for (uint i = 0u; i < NUMBERS; i += 4u) { \
         uvec2 four = uvec2(WORD(value[i], value[i + 1u]), WORD(value[i + 2u], value[i + 3u])); \
         poses[((at) + i) / 4u] = packUint2x32(four); \
     }
 #else
 layout(set = 0, binding = POSES_BINDING, std430) buffer Poses { uint poses[]; };
-#define LOAD_POSE(value, at) \
-    [[unroll]] for (uint i = 0u; i < NUMBERS; i += 2u) { \
-        uint two = poses[((at) + i) / 2u]; \
-        value[i] = LOW(two); \
-        value[i + 1u] = HIGH(two); \
-    }
-#define STORE_POSE_NUMBERS(at, value) \
-    [[unroll]] for (uint i = 0u; i < NUMBERS; i += 2u) poses[((at) + i) / 2u] = WORD(value[i], value[i + 1u]);
+#define LOAD_POSE(head, at) \
+    uint first = (at) / 2u; \
+    uint a = poses[first], b = poses[first + 1u], c = poses[first + 2u]; \
+    head.position = ivec3(LOW(a), HIGH(a), LOW(b)); \
+    head.normal = ivec3(HIGH(b), LOW(c), HIGH(c));
+#define STORE_POSE_NUMBERS(at, head) \
+    uint first = (at) / 2u; \
+    poses[first] = WORD(head.position.x, head.position.y); \
+    poses[first + 1u] = WORD(head.position.z, head.normal.x); \
+    poses[first + 2u] = WORD(head.normal.y, head.normal.z);
 #endif
 #endif

@@ -309,7 +309,8 @@ pub struct DeviceTuning {
 impl DeviceClass {
     /// What suits it.
     pub const fn tuning(self) -> DeviceTuning {
-        DeviceTuning { class: self, widest_tile: 8, load_cost: 4, texels: matches!(self, Self::Software) }
+        let software = matches!(self, Self::Software);
+        DeviceTuning { class: self, widest_tile: if software { 8 } else { 4 }, load_cost: 4, texels: software }
     }
 
     /// The class of a device that is no software driver, by the vendor's PCI (or Khronos) number.

@@ -1,0 +1,206 @@
+//! Has the driver of a GPU compile pipelines, and prints what it says of them: in a process of its own, whose
+//! environment shows that driver alone. There is no such GPU: nothing is bound, recorded or run.
+//!
+//! All goes to standard error, in lines: some drivers print statistics there while they compile, and so the order tells
+//! which pipeline they belong to. `statistics.rs` reads them.
+
+use crate::engine::Pipeline;
+use deltamorph::ash::khr::pipeline_executable_properties::Device as Executables;
+use deltamorph::ash::{self, vk};
+use deltamorph::internals::abi::kernels::{Buffer, KernelRow};
+use deltamorph::internals::abi::modules::MODULES;
+use std::ffi::CStr;
+use std::io::{BufRead, Write};
+use std::process::{Command, Output, Stdio};
+
+/// Starts the lines that are ours.
+pub const MARK: &str = "budgets: ";
+
+/// The vendor whose listings alone tell of arrays in memory.
+const ARM: u32 = 0x13b5;
+
+/// Run [`compile`] by way of `launcher`, a command that is given this program and its arguments: what it prints.
+pub fn compile_apart(mut launcher: Command, pipelines: &[Pipeline]) -> Output {
+    launcher.args(["--exact", "compiles_what_it_is_told", "--ignored", "--nocapture"]);
+    // Of ./with-vulkan: the launcher's choice of a driver stands alone.
+    launcher.env_remove("VK_ADD_DRIVER_FILES").env_remove("VK_INSTANCE_LAYERS");
+    launcher.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = launcher.spawn().unwrap_or_else(|e| panic!("{launcher:?}: {e}"));
+    let mut input = child.stdin.take().expect("piped");
+    let lines = pipelines.iter().map(|(module, constants)| {
+        let words = constants.iter().map(|constant| format!(" {constant}"));
+        format!("{module}{}\n", words.collect::<String>())
+    });
+    // Where it ends early, its output tells why.
+    let _ = input.write_all(lines.collect::<String>().as_bytes());
+    drop(input);
+    child.wait_with_output().expect("its output")
+}
+
+/// Compile the pipelines that standard input lists: a module and its specialization constants in a line.
+pub fn compile() {
+    let app = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_1);
+    // SAFETY: a device of our own, which goes with the process: v3dv crashes where it is destroyed.
+    unsafe {
+        let entry = ash::Entry::load().expect("the Vulkan loader");
+        let info = vk::InstanceCreateInfo::default().application_info(&app);
+        let instance = entry.create_instance(&info, None).expect("an instance");
+        let devices = instance.enumerate_physical_devices().expect("devices");
+        let physical = *devices.first().expect("the device that the environment is to show");
+        let properties = instance.get_physical_device_properties(physical);
+        let queues = [vk::DeviceQueueCreateInfo::default().queue_priorities(&[1.0])];
+        let extensions = [ash::khr::pipeline_executable_properties::NAME.as_ptr()];
+        let mut feature =
+            vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default().pipeline_executable_info(true);
+        let info = vk::DeviceCreateInfo::default()
+            .queue_create_infos(&queues)
+            .enabled_extension_names(&extensions)
+            .push_next(&mut feature);
+        let device = instance.create_device(physical, &info, None).expect("a device with statistics of pipelines");
+        let version = properties.driver_version;
+        let [major, minor, patch] =
+            [vk::api_version_major(version), vk::api_version_minor(version), vk::api_version_patch(version)];
+        eprintln!("{MARK}driver {major}.{minor}.{patch}");
+        let executables = Executables::new(&instance, &device);
+        for line in std::io::stdin().lock().lines() {
+            let line = line.expect("text");
+            let mut words = line.split(' ');
+            let module = words.next().expect("a module");
+            let constants: Vec<u32> = words.map(|word| word.parse().expect("a number")).collect();
+            eprintln!("{MARK}pipeline {line}");
+            compile_one(&device, &executables, module, &constants, properties.vendor_id == ARM);
+        }
+    }
+    eprintln!("{MARK}done");
+}
+
+/// # Safety
+/// The device is alive, with statistics of pipelines enabled.
+unsafe fn compile_one(
+    device: &ash::Device,
+    executables: &Executables,
+    module: &str,
+    constants: &[u32],
+    listings: bool,
+) {
+    let module = MODULES.iter().find(|known| known.name == module).expect("a module of the table");
+    let entry = |id| vk::SpecializationMapEntry { constant_id: id, offset: 4 * id, size: 4 };
+    let (words, entries): (_, Vec<_>) = (module.words(), (0..constants.len() as u32).map(entry).collect());
+    let data: Vec<u8> = constants.iter().flat_map(|constant| constant.to_ne_bytes()).collect();
+    let constants = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
+    let mut flags = vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR;
+    if listings {
+        flags |= vk::PipelineCreateFlags::CAPTURE_INTERNAL_REPRESENTATIONS_KHR;
+    }
+    // SAFETY: the caller's obligation; the layout is what the table of kernels says of the module, and tests/spirv.rs
+    // compares them. All is destroyed once.
+    unsafe {
+        let (set_layout, layout) = layouts(device, module.kernel);
+        let info = vk::ShaderModuleCreateInfo::default().code(&words);
+        let raw = device.create_shader_module(&info, None).expect("a module");
+        let stage = vk::PipelineShaderStageCreateInfo::default().stage(vk::ShaderStageFlags::COMPUTE).module(raw);
+        let stage = stage.name(c"main").specialization_info(&constants);
+        let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout).flags(flags);
+        let pipeline =
+            device.create_compute_pipelines(vk::PipelineCache::null(), &[info], None).expect("a pipeline")[0];
+        print_statistics(device, executables, pipeline, listings);
+        device.destroy_pipeline(pipeline, None);
+        device.destroy_shader_module(raw, None);
+        device.destroy_pipeline_layout(layout, None);
+        device.destroy_descriptor_set_layout(set_layout, None);
+    }
+}
+
+/// # Safety
+/// The device is alive.
+unsafe fn layouts(device: &ash::Device, kernel: &KernelRow) -> (vk::DescriptorSetLayout, vk::PipelineLayout) {
+    let binding = |&(binding, buffer): &(u32, Buffer)| {
+        let kind = match buffer {
+            Buffer::Storage(_) | Buffer::Poses => vk::DescriptorType::STORAGE_BUFFER,
+            Buffer::Dynamic(_) | Buffer::DynamicDeltas => vk::DescriptorType::STORAGE_BUFFER_DYNAMIC,
+            Buffer::UniformTexels(_) => vk::DescriptorType::UNIFORM_TEXEL_BUFFER,
+            Buffer::StorageTexels(_) => vk::DescriptorType::STORAGE_TEXEL_BUFFER,
+        };
+        let layout = vk::DescriptorSetLayoutBinding::default().binding(binding).descriptor_type(kind);
+        layout.descriptor_count(1).stage_flags(vk::ShaderStageFlags::COMPUTE)
+    };
+    let bindings: Vec<_> = kernel.bindings.iter().map(binding).collect();
+    let (_, bytes) = kernel.push.members();
+    let push = [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(bytes as u32)];
+    // SAFETY: the caller's obligation.
+    unsafe {
+        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
+        let set = device.create_descriptor_set_layout(&info, None).expect("a layout of a set");
+        let sets = [set];
+        let info = vk::PipelineLayoutCreateInfo::default()
+            .set_layouts(&sets)
+            .push_constant_ranges(&push[..usize::from(bytes > 0)]);
+        (set, device.create_pipeline_layout(&info, None).expect("a layout"))
+    }
+}
+
+/// # Safety
+/// Device and pipeline are alive; it was made with `CAPTURE_STATISTICS`, and for listings with
+/// `CAPTURE_INTERNAL_REPRESENTATIONS`.
+unsafe fn print_statistics(device: &ash::Device, executables: &Executables, pipeline: vk::Pipeline, listings: bool) {
+    let info = vk::PipelineInfoKHR::default().pipeline(pipeline);
+    // SAFETY: the caller's obligation.
+    let found = unsafe { executables.get_pipeline_executable_properties(&info) }.expect("properties");
+    for (i, executable) in (0..).zip(&found) {
+        eprintln!("{MARK}Subgroup size = {}", executable.subgroup_size);
+        let info = vk::PipelineExecutableInfoKHR::default().pipeline(pipeline).executable_index(i);
+        // SAFETY: as above; there is an executable of this index.
+        let statistics = unsafe { executables.get_pipeline_executable_statistics(&info) }.expect("statistics");
+        for statistic in &statistics {
+            use vk::PipelineExecutableStatisticFormatKHR as Format;
+            let name = statistic.name_as_c_str().expect("a name").to_string_lossy();
+            // SAFETY: the format says which it is.
+            let value = unsafe {
+                match statistic.format {
+                    Format::UINT64 => statistic.value.u64 as f64,
+                    Format::INT64 => statistic.value.i64 as f64,
+                    Format::FLOAT64 => statistic.value.f64,
+                    _ => f64::from(statistic.value.b32),
+                }
+            };
+            eprintln!("{MARK}{name} = {value}");
+        }
+        if listings {
+            // SAFETY: as above.
+            let text = unsafe { assembly(device, executables, &info) };
+            // Memory of a thread, as Valhall and Bifrost call it.
+            let bifrost = |word: &&str| word.ends_with(".tl") || word.contains(".tl.");
+            let accesses =
+                text.matches("thread_local_pointer").count() + text.split_ascii_whitespace().filter(bifrost).count();
+            eprintln!("{MARK}Scratch accesses = {accesses}");
+        }
+    }
+}
+
+/// # Safety
+/// Device and executable are alive, and its pipeline was made with `CAPTURE_INTERNAL_REPRESENTATIONS`.
+unsafe fn assembly(
+    device: &ash::Device,
+    executables: &Executables,
+    info: &vk::PipelineExecutableInfoKHR<'_>,
+) -> String {
+    let get = executables.fp().get_pipeline_executable_internal_representations_khr;
+    let (mut count, mut texts) = (0, vec![]);
+    // SAFETY: the caller's obligation; their number is asked for, then their sizes, then their bytes. ash's own
+    // function does not hand out the bytes.
+    let listings = unsafe {
+        let _ = get(device.handle(), info, &mut count, std::ptr::null_mut());
+        let mut all = vec![vk::PipelineExecutableInternalRepresentationKHR::default(); count as usize];
+        let _ = get(device.handle(), info, &mut count, all.as_mut_ptr());
+        for listing in &mut all {
+            let mut text = vec![0u8; listing.data_size];
+            listing.p_data = text.as_mut_ptr().cast();
+            texts.push(text);
+        }
+        let _ = get(device.handle(), info, &mut count, all.as_mut_ptr());
+        all
+    };
+    let is_assembly = |name: Result<&CStr, _>| name.is_ok_and(|name| name.to_string_lossy().contains("Assembly"));
+    let assembly = listings.iter().zip(&texts).filter(|(listing, _)| is_assembly(listing.name_as_c_str()));
+    assembly.map(|(_, text)| String::from_utf8_lossy(text)).collect()
+}

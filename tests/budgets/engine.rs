@@ -1,0 +1,187 @@
+//! Which compute pipelines the engine makes, with which specialization constants.
+//!
+//! It is handed a device whose functions for shader modules and compute pipelines are ours: they write down what is
+//! made, and call the driver's. So modules and constants are those of crowds as a host makes them, and nobody lists
+//! them a second time. The driver is lavapipe; what suits a class of devices is set by its tuning. Nothing is
+//! submitted.
+
+use deltamorph::ash::{self, vk};
+use deltamorph::import::sample::{HeadDesc, head, head_clip};
+use deltamorph::internals::abi::modules::MODULES;
+use deltamorph::internals::abi::worklist::TILE;
+use deltamorph::{
+    AnimationDesc, BatchSize, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCaps, DeviceClass, DeviceDesc, MorphEngine,
+    PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
+};
+use std::sync::Mutex;
+
+/// A pipeline: its module's name under spirv/, and specialization constants 0, 1, …
+pub type Pipeline = (String, Vec<u32>);
+
+/// What our functions call: the functions of the device that there is now. The next may be elsewhere in memory.
+static DRIVER: Mutex<Option<ash::DeviceFnV1_0>> = Mutex::new(None);
+/// The module made last, which the engine makes pipelines of next; and the pipelines.
+static MADE: Mutex<(String, Vec<Pipeline>)> = Mutex::new((String::new(), vec![]));
+
+fn driver() -> ash::DeviceFnV1_0 {
+    DRIVER.lock().expect("no panic before").clone().expect("set before the engine is made")
+}
+
+/// vkCreateShaderModule.
+unsafe extern "system" fn create_shader_module(
+    device: vk::Device,
+    info: *const vk::ShaderModuleCreateInfo<'_>,
+    allocator: *const vk::AllocationCallbacks<'_>,
+    module: *mut vk::ShaderModule,
+) -> vk::Result {
+    // SAFETY: the engine's call is valid, and is passed on as it is.
+    unsafe {
+        let words = std::slice::from_raw_parts((*info).p_code, (*info).code_size / 4);
+        let known = MODULES.iter().find(|module| module.words() == words).expect("a module of the table");
+        MADE.lock().expect("no panic before").0 = known.name.to_owned();
+        (driver().create_shader_module)(device, info, allocator, module)
+    }
+}
+
+/// vkCreateComputePipelines.
+unsafe extern "system" fn create_compute_pipelines(
+    device: vk::Device,
+    cache: vk::PipelineCache,
+    count: u32,
+    infos: *const vk::ComputePipelineCreateInfo<'_>,
+    allocator: *const vk::AllocationCallbacks<'_>,
+    pipelines: *mut vk::Pipeline,
+) -> vk::Result {
+    // SAFETY: the engine's call is valid, and is passed on as it is.
+    unsafe {
+        let (module, made) = &mut *MADE.lock().expect("no panic before");
+        for info in std::slice::from_raw_parts(infos, count as usize) {
+            made.push((module.clone(), constants(&info.stage)));
+        }
+        (driver().create_compute_pipelines)(device, cache, count, infos, allocator, pipelines)
+    }
+}
+
+/// The specialization constants of a stage, which are numbered from 0.
+///
+/// # Safety
+/// The stage's specialization is valid, or null.
+unsafe fn constants(stage: &vk::PipelineShaderStageCreateInfo<'_>) -> Vec<u32> {
+    // SAFETY: the caller's obligation.
+    unsafe {
+        let Some(info) = stage.p_specialization_info.as_ref().filter(|info| info.map_entry_count > 0) else {
+            return vec![];
+        };
+        let entries = std::slice::from_raw_parts(info.p_map_entries, info.map_entry_count as usize);
+        let numbered = (0..).zip(entries).all(|(i, entry)| entry.constant_id == i && entry.size == 4);
+        assert!(numbered, "32-bit constants in the order of their numbers");
+        let value = |entry: &vk::SpecializationMapEntry| info.p_data.byte_add(entry.offset as usize).cast::<u32>();
+        entries.iter().map(|entry| value(entry).read_unaligned()).collect()
+    }
+}
+
+/// The pipelines that crowds take on devices of a class, each once.
+pub fn pipelines(class: DeviceClass) -> Vec<Pipeline> {
+    static KNOWN: Mutex<Vec<(DeviceClass, Vec<Pipeline>)>> = Mutex::new(vec![]);
+    // Tests run at the same time, and our functions do not know whose call it is: held until all is made.
+    let mut known = KNOWN.lock().expect("no panic before");
+    if let Some((_, pipelines)) = known.iter().find(|(of, _)| *of == class) {
+        return pipelines.clone();
+    }
+    make(class);
+    let mut made = std::mem::take(&mut MADE.lock().expect("no panic before").1);
+    made.sort_unstable();
+    made.dedup();
+    known.push((class, made.clone()));
+    made
+}
+
+/// Make crowds on a device of lavapipe's that takes itself for one of this class.
+fn make(class: DeviceClass) {
+    let app = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_1);
+    // SAFETY: a device of our own; all is destroyed once, after what was made from it.
+    unsafe {
+        let entry = ash::Entry::load().expect("the Vulkan loader; run the tests as ./with-vulkan cargo test");
+        let info = vk::InstanceCreateInfo::default().application_info(&app);
+        let instance = entry.create_instance(&info, None).expect("an instance");
+        let devices = instance.enumerate_physical_devices().expect("devices").into_iter();
+        let found = devices
+            .filter(|d| instance.get_physical_device_properties(*d).api_version >= vk::API_VERSION_1_1)
+            .map(|d| (d, DeviceCaps::query(&instance, d)))
+            .find(|(_, caps)| caps.name.contains("llvmpipe"));
+        let (physical, mut caps) = found.expect("lavapipe; run the tests as ./with-vulkan cargo test");
+        caps.tuning = class.tuning();
+        let queues = [vk::DeviceQueueCreateInfo::default().queue_priorities(&[1.0])];
+        let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues);
+        let device = instance.create_device(physical, &info, None).expect("a device");
+        let mut core = device.fp_v1_0().clone();
+        *DRIVER.lock().expect("no panic before") = Some(core.clone());
+        core.create_shader_module = create_shader_module;
+        core.create_compute_pipelines = create_compute_pipelines;
+        let (core1, core2, core3) = (device.fp_v1_1().clone(), device.fp_v1_2().clone(), device.fp_v1_3().clone());
+        let watched = ash::Device::from_parts_1_3(device.handle(), core, core1, core2, core3);
+        let pool = device.create_command_pool(&vk::CommandPoolCreateInfo::default(), None).expect("a pool");
+        let commands = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
+        let cmd = device.allocate_command_buffers(&commands).expect("a command buffer")[0];
+        device.begin_command_buffer(cmd, &vk::CommandBufferBeginInfo::default()).expect("recording");
+        let buffer = vk::BufferCreateInfo::default().size(1 << 16).usage(vk::BufferUsageFlags::STORAGE_BUFFER);
+        let decoded = device.create_buffer(&buffer, None).expect("a buffer");
+        let engine = MorphEngine::new(&DeviceDesc::new(&instance, physical, &watched).caps(Some(caps)));
+        make_crowds(&engine.expect("an engine"), cmd, decoded);
+        device.destroy_buffer(decoded, None);
+        device.destroy_command_pool(pool, None);
+        device.destroy_device(None);
+        instance.destroy_instance(None);
+    }
+}
+
+/// Crowds of one instance and of the widest tile, of every format, path and kind of poses that go together.
+///
+/// # Safety
+/// `cmd` is recording, and is never submitted; `decoded` is a storage buffer of the engine's device.
+unsafe fn make_crowds(engine: &MorphEngine, cmd: vk::CommandBuffer, decoded: vk::Buffer) {
+    let head_desc = HeadDesc::default().vertices(300).targets(4);
+    let mesh = head(&head_desc).to_mesh(Tolerance::default()).expect("a mesh");
+    let clips = [head_clip(&head_desc, 2, 30.0)];
+    let animation = AnimationDesc::new(&clips);
+    for format in DeltaFormat::ALL {
+        let packed = PackedMesh::pack(&mesh, &engine.pack_desc(format)).expect("a mesh that fits");
+        for update in updates(engine, format) {
+            let upload = match update.path == UpdatePath::Scatter {
+                true => MorphEngine::upload_scatter,
+                false => MorphEngine::upload,
+            };
+            // SAFETY: the caller's obligations.
+            let uploaded = unsafe { upload(engine, cmd, &packed) }.expect("an upload");
+            for instances in [1, TILE as u32] {
+                let desc = CrowdDesc::new(update).instances(instances);
+                // What does not go together is refused; main.rs sees that every module has a pipeline in the end.
+                if let Ok(mut crowd) = engine.create_crowd(&uploaded, &desc) {
+                    // SAFETY: as above.
+                    let _ = unsafe { engine.set_decode_target(&mut crowd, 0, Some(&DecodeTarget::new(decoded))) };
+                }
+                // SAFETY: as above.
+                let _ = unsafe { engine.create_animated_crowd(cmd, &uploaded, &desc, &animation) };
+            }
+        }
+    }
+}
+
+/// How poses may be updated from a format by compute shaders. Paths whose passes are draws need extensions or features
+/// that the device was not created with.
+fn updates(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc> {
+    let mut updates = vec![];
+    for path in UpdatePath::ALL {
+        let takes = path.formats().contains(&format) && !path.evaluates_in_draws() && path != UpdatePath::Cpu;
+        if !takes || engine.caps().check_path(path).is_err() {
+            continue;
+        }
+        // Batches up to four stand for all sixteen.
+        for batch in [BatchSize::All, BatchSize::Targets(4)] {
+            for pose in PoseFormat::ALL {
+                updates.push(UpdateDesc::new(path, batch).pose(pose));
+            }
+        }
+    }
+    updates
+}

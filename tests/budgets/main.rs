@@ -1,0 +1,195 @@
+//! Budgets of kernels: what compilers of GPUs make of every compute pipeline that the engine makes; no GPU is needed.
+//!
+//! tests/budgets/GPU.csv has instructions, registers, occupancy, spills, memory of a lane and cycles. A change that
+//! loses occupancy, spills or keeps more in memory fails until it is mended, or the table says why; what changed
+//! otherwise is written down anew by UPDATE_BUDGETS=1. AMD's compiler is in the package mesa-vulkan-drivers, and these
+//! tests ask it. The others are built by a tool that `.ci/budgets` gets.
+
+mod compiler;
+mod engine;
+mod statistics;
+mod summary;
+mod table;
+
+use deltamorph::DeviceClass;
+use deltamorph::internals::abi::kernels::Stage;
+use deltamorph::internals::abi::modules::{MODULES, Module};
+use engine::Pipeline;
+use spirq::prelude::*;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::{Mutex, PoisonError};
+use table::{Row, Table};
+
+/// AMD's, whose driver pretends to have any by its name there; Mesa 25 has another one for the last.
+const AMD: [&[&str]; 4] = [&["polaris10"], &["raven"], &["navi21"], &["gfx1100", "navi31"]];
+
+/// Held while files are read or written: tests run at the same time.
+static FILES: Mutex<()> = Mutex::new(());
+
+/// The class of a GPU, by its name in the table.
+fn class(gpu: &str) -> DeviceClass {
+    match gpu.split('-').next().unwrap_or_default() {
+        "adreno" | "mali" | "v3d" => DeviceClass::Phone,
+        _ => DeviceClass::Desktop,
+    }
+}
+
+/// Specialization constants by the names that the shader has for them.
+fn named(module: &str, constants: &[u32]) -> String {
+    let file = Path::new(env!("OUT_DIR")).join(format!("{module}.spv"));
+    let code = std::fs::read(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
+    let words: Vec<u32> = code.chunks_exact(4).map(|w| u32::from_le_bytes(w.try_into().unwrap())).collect();
+    let reflected = ReflectConfig::new().spv(words).ref_all_rscs(true).reflect().expect("a module");
+    let name = |id: u32| {
+        let mut names = reflected[0].vars.iter().filter_map(|variable| match variable {
+            Variable::SpecConstant { spec_id, name, .. } if *spec_id == id => name.clone(),
+            _ => None,
+        });
+        // The size of a workgroup has none.
+        names.next().unwrap_or_else(|| if id == 0 { "LANES".into() } else { id.to_string() })
+    };
+    let words = (0..).zip(constants).map(|(id, value)| format!("{} {value}", name(id)));
+    words.collect::<Vec<_>>().join(" ")
+}
+
+/// What the driver that one of `launchers` shows says of the pipelines of its class: the first that works.
+fn collected(gpu: &str, launchers: impl IntoIterator<Item = Command>) -> Result<Table, String> {
+    let pipelines: Vec<Pipeline> = engine::pipelines(class(gpu));
+    let parsed = launchers.into_iter().map(|launcher| {
+        let output = compiler::compile_apart(launcher, &pipelines);
+        statistics::parse(gpu, &String::from_utf8_lossy(&output.stderr))
+    });
+    let (driver, found) = parsed.reduce(|first, second| first.or(second)).expect("a launcher")?;
+    let row = |((module, constants), figures): (Pipeline, _)| Row {
+        constants: named(&module, &constants),
+        kernel: module,
+        figures,
+        why: String::new(),
+    };
+    Ok(Table { gpu: gpu.to_owned(), driver, rows: found.into_iter().map(row).collect() })
+}
+
+fn is_update() -> bool {
+    std::env::var_os("UPDATE_BUDGETS").is_some()
+}
+
+/// Hold what was collected against the table, or write it down where UPDATE_BUDGETS is set.
+fn check(tables: Vec<Table>, command: &str) {
+    let _files = FILES.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut breaches = vec![];
+    for now in tables {
+        let budget = Table::read(&now.gpu);
+        if is_update() {
+            now.with_reasons(&budget).write();
+        } else {
+            breaches.extend(now.breaches(&budget));
+        }
+    }
+    if is_update() {
+        summary::write();
+    }
+    assert!(
+        breaches.is_empty(),
+        "{}\nMend the kernel. Or take the figures over by UPDATE_BUDGETS=1 {command}; where they are worse, say why in \
+         the last column of tests/budgets/GPU.csv.",
+        breaches.join("\n")
+    );
+}
+
+/// RADV, which pretends to have this GPU.
+fn radv(family: &str) -> Command {
+    let folders =
+        ["/etc", "/usr/local/etc", "/usr/local/share", "/usr/share"].map(|f| PathBuf::from(f).join("vulkan/icd.d"));
+    let names = [format!("radeon_icd.{}.json", std::env::consts::ARCH), "radeon_icd.json".to_owned()];
+    let manifests = folders.iter().flat_map(|folder| names.iter().map(|name| folder.join(name)));
+    let manifest = manifests.into_iter().find(|manifest| manifest.exists());
+    let manifest = manifest.unwrap_or_else(|| {
+        panic!(
+            "AMD's driver RADV is missing: no {} in {folders:?}; install mesa-vulkan-drivers (Debian, Fedora) or \
+             vulkan-radeon (Arch)",
+            names.join(" or ")
+        )
+    });
+    let mut command = Command::new(std::env::current_exe().expect("a path to this test"));
+    // Loaders before 1.3.207 know the second name only.
+    command.env("VK_DRIVER_FILES", &manifest).env("VK_ICD_FILENAMES", &manifest);
+    command.env("RADV_FORCE_FAMILY", family).env("MESA_SHADER_CACHE_DISABLE", "1");
+    command
+}
+
+#[test]
+fn kernels_keep_their_budgets_on_amd() {
+    let collect = |names: &'static [&'static str]| {
+        collected(&format!("amd-{}", names[0]), names.iter().map(|name| radv(name))).unwrap_or_else(|e| {
+            panic!(
+                "{e}\nRADV of Mesa 20 to 25 pretends to have a GPU where RADV_FORCE_FAMILY says so; is this another? \
+                 Then leave this test out by its name: cargo test -- --skip kernels_keep_their_budgets_on_amd"
+            )
+        })
+    };
+    let tables = std::thread::scope(|scope| {
+        AMD.map(|names| scope.spawn(move || collect(names))).map(|thread| thread.join().expect("its panic was printed"))
+    });
+    check(tables.into(), "./with-vulkan cargo test --test budgets");
+}
+
+/// Of the tool that `.ci/budgets` gets: its path and the folder that it built in, in the environment.
+#[test]
+#[ignore = "needs compilers that .ci/budgets gets and tells of"]
+fn kernels_keep_their_budgets_on_every_gpu() {
+    let variable = |name| std::env::var_os(name).unwrap_or_else(|| panic!("{name} is not set: run bash .ci/budgets"));
+    let (tool, folder) = (variable("DELTAMORPH_SHADER_STATS"), variable("DELTAMORPH_SHADER_STATS_DIR"));
+    let gpus = Command::new(&tool).arg("gpus").arg(&folder).output().expect("the tool starts");
+    let gpus = String::from_utf8(gpus.stdout).expect("text");
+    let launcher = |gpu| {
+        let mut command = Command::new(&tool);
+        command.arg("run").arg(&folder).arg(gpu).arg(std::env::current_exe().expect("a path to this test"));
+        command
+    };
+    let tables = gpus.lines().map(|gpu| collected(gpu, [launcher(gpu)]).unwrap_or_else(|e| panic!("{e}")));
+    check(tables.collect(), "bash .ci/budgets");
+}
+
+#[test]
+#[ignore = "what the others start, for one driver"]
+fn compiles_what_it_is_told() {
+    compiler::compile();
+}
+
+#[test]
+fn every_kernel_that_gpus_run_has_a_pipeline() {
+    let mut made: BTreeSet<String> = BTreeSet::new();
+    for class in [DeviceClass::Phone, DeviceClass::Desktop] {
+        made.extend(engine::pipelines(class).into_iter().map(|(module, _)| module));
+    }
+    // Texels are for software drivers; `read` measures bandwidth.
+    let ours = |module: &&Module| {
+        let kernel = module.kernel;
+        kernel.stage != Stage::Vertex && !kernel.suffix.ends_with("texels") && kernel.name != "read"
+    };
+    let all: BTreeSet<String> = MODULES.iter().filter(ours).map(|module| module.name.to_owned()).collect();
+    assert_eq!(made, all, "engine.rs makes crowds of every kind; is there a new one?");
+}
+
+#[test]
+fn the_table_says_why_kernels_fall_short() {
+    let _files = FILES.lock().unwrap_or_else(PoisonError::into_inner);
+    let unexplained: Vec<String> = summary::tables().iter().flat_map(Table::unexplained).collect();
+    assert!(
+        unexplained.is_empty(),
+        "{}\nMend the kernel, or say why in the last column of tests/budgets/GPU.csv.",
+        unexplained.join("\n")
+    );
+}
+
+#[test]
+fn the_summary_is_of_the_table() {
+    let _files = FILES.lock().unwrap_or_else(PoisonError::into_inner);
+    if is_update() {
+        summary::write();
+    }
+    let how = "UPDATE_BUDGETS=1 ./with-vulkan cargo test --test budgets";
+    assert!(summary::is_up_to_date(), "docs/results/kernels.md is not what tests/budgets/*.csv come to: {how}");
+}

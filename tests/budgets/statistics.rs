@@ -1,0 +1,162 @@
+//! What drivers say of pipelines, as the figures of the table.
+
+use crate::compiler::MARK;
+use crate::engine::Pipeline;
+use crate::table::Figures;
+use std::collections::HashMap;
+
+/// By name.
+type Statistics = HashMap<String, f64>;
+
+/// The driver's version, and figures of each pipeline, of what a run of `compiler::compile` printed on `gpu`.
+///
+/// # Errors
+/// It ended early, or something is missing: with its last lines.
+pub fn parse(gpu: &str, output: &str) -> Result<(String, Vec<(Pipeline, Figures)>), String> {
+    let failed = |why: &str| {
+        let lines: Vec<&str> = output.lines().collect();
+        format!("{gpu}: {why}; the last lines are\n{}", lines[lines.len().saturating_sub(12)..].join("\n"))
+    };
+    let (mut driver, mut done, mut found) = (None, false, Vec::<(Pipeline, Statistics)>::new());
+    for line in output.lines() {
+        let ours = line.strip_prefix(MARK);
+        if let Some(version) = ours.and_then(|text| text.strip_prefix("driver ")) {
+            driver = Some(version.to_owned());
+        } else if let Some(pipeline) = ours.and_then(|text| text.strip_prefix("pipeline ")) {
+            let mut words = pipeline.split(' ').map(str::to_owned);
+            let module = words.next().unwrap_or_default();
+            let constants = words.map(|word| word.parse().expect("a number, as we printed it")).collect();
+            found.push(((module, constants), Statistics::new()));
+        } else if let Some((_, statistics)) = found.last_mut() {
+            match ours.and_then(|text| text.split_once(" = ")) {
+                Some((name, value)) => _ = statistics.insert(name.to_owned(), value.parse().expect("a number")),
+                // Mali and VideoCore: the last of such lines is of what the driver chose.
+                None if line.contains("SHADER-DB") => statistics.extend(shader_db(line)),
+                None => done |= ours == Some("done"),
+            }
+        }
+    }
+    let driver = driver.ok_or_else(|| failed("no device"))?;
+    if !done {
+        return Err(failed("it ended early"));
+    }
+    let figures = found.into_iter().map(|(pipeline, statistics)| {
+        let figures = figures(gpu, &statistics).map_err(|name| failed(&format!("no statistic '{name}'")))?;
+        Ok((pipeline, figures))
+    });
+    Ok((driver, figures.collect::<Result<_, String>>()?))
+}
+
+/// `… shader: 100 inst, 30.000000 ls, 2 threads, 0:0 spills:fills`: numbers, then names.
+fn shader_db(line: &str) -> Statistics {
+    let (_, text) = line.rsplit_once("shader: ").unwrap_or_default();
+    let mut statistics = Statistics::new();
+    for part in text.split(',') {
+        let Some((values, names)) = part.trim().split_once(' ') else { continue };
+        for (value, name) in values.split(':').zip(names.split(':')) {
+            if let Ok(value) = value.parse() {
+                statistics.insert(name.to_owned(), value);
+            }
+        }
+    }
+    statistics
+}
+
+/// What figures count, by vendor.
+pub const UNITS: [(&str, &str); 5] = [
+    (
+        "amd",
+        "Registers are VGPRs of a lane; occupancy is \"subgroups per SIMD\"; cycles are the inverse throughput that\n\
+         ACO estimates, with loops weighted.",
+    ),
+    (
+        "intel",
+        "Occupancy is lanes of a subgroup: a kernel that needs many registers is compiled for 8. Cycles are the\n\
+         scheduler's estimate for one subgroup, with loops weighted.",
+    ),
+    (
+        "adreno",
+        "Registers are vec4s of a lane; occupancy is waves of a core. Memory counts the instructions that store and\n\
+         load a lane's own, spills among them.",
+    ),
+    (
+        "mali",
+        "Occupancy 2 is full, with at most 32 registers; 1 is half of it. Cycles are those of the unit that takes\n\
+         longest, which is load and store. Memory counts the instructions that store and load a thread's own, spills\n\
+         among them.",
+    ),
+    ("v3d", "Occupancy is threads of a QPU, registers are the most that live at once. Memory is words of a lane."),
+];
+
+/// The occupancy that a kernel of one head should have, in what [`figures`] counts.
+pub fn full_occupancy(gpu: &str) -> f64 {
+    match gpu.split_once('-').unwrap_or_default() {
+        // 48 registers a lane: the 8 that leave full occupancy on the next larger ones leave 6 waves.
+        ("adreno", "610") => 6.0,
+        ("adreno" | "intel", _) => 16.0,
+        // It has 64 registers a thread in any case.
+        ("mali", "g72") => 1.0,
+        ("mali", _) => 2.0,
+        ("v3d", _) => 4.0,
+        (_, "polaris10") => 8.0,
+        (_, "raven") => 10.0,
+        _ => 32.0,
+    }
+}
+
+/// Each vendor has names of its own. `Err`: one that is missing.
+fn figures(gpu: &str, statistics: &Statistics) -> Result<Figures, &'static str> {
+    let get = |name: &'static str| statistics.get(name).copied().ok_or(name);
+    let sum = |names: [&'static str; 2]| Ok(get(names[0])? + get(names[1])?);
+    Ok(match gpu.split('-').next().unwrap_or_default() {
+        "amd" => Figures {
+            instructions: get("Instructions")?,
+            registers: Some(get("VGPRs")?),
+            occupancy: get("Subgroups per SIMD")?,
+            spills: sum(["Spilled SGPRs", "Spilled VGPRs"])?,
+            scratch: get("Scratch size")?,
+            cycles: Some(get("Inverse Throughput")?),
+            latency: Some(get("Latency")?),
+        },
+        "intel" => Figures {
+            instructions: get("Instruction Count")?,
+            registers: None,
+            occupancy: get("Subgroup size")?,
+            spills: sum(["Spill Count", "Fill Count"])?,
+            scratch: get("Scratch Memory Size")?,
+            cycles: Some(get("Cycle Count")?),
+            latency: None,
+        },
+        // Private memory has no other name for spills. The latency is what it stalls.
+        "adreno" => Figures {
+            instructions: get("Instruction Count")?,
+            registers: Some(get("Registers used")?),
+            occupancy: get("Max Waves Per Core")?,
+            spills: 0.0,
+            scratch: sum(["STP Count", "LDP Count"])?,
+            cycles: None,
+            latency: Some(sum(["Estimated cycles stalled on SS", "Estimated cycles stalled on SY"])?),
+        },
+        // Arrays in memory are not among the spills, but the listing has their loads and stores.
+        "mali" => Figures {
+            instructions: get("inst")?,
+            registers: None,
+            occupancy: get("threads")?,
+            spills: sum(["spills", "fills"])?,
+            scratch: get("Scratch accesses")?,
+            cycles: Some(get("cycles")?),
+            latency: None,
+        },
+        // "TMU Spills" is the size of spills and arrays, not their number: 4 bytes for each of 16 lanes.
+        "v3d" => Figures {
+            instructions: get("inst")?,
+            registers: Some(get("max-temps")?),
+            occupancy: get("threads")?,
+            spills: sum(["spills", "fills"])?,
+            scratch: get("TMU Spills")? / 64.0,
+            cycles: None,
+            latency: None,
+        },
+        _ => return Err("of a vendor that statistics.rs does not know"),
+    })
+}
