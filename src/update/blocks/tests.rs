@@ -276,8 +276,8 @@ fn widths_of(tuning: DeviceTuning, changed: impl Fn(usize, usize) -> bool) -> [u
 
 #[test]
 fn heads_share_a_tile_where_they_share_entries() {
-    let desktop = DeviceClass::Desktop.tuning();
-    let widths = |changed: &dyn Fn(usize, usize) -> bool| widths_of(desktop, changed);
+    let wide = DeviceTuning { widest_tile: TILE as u32, ..DeviceClass::Desktop.tuning() };
+    let widths = |changed: &dyn Fn(usize, usize) -> bool| widths_of(wide, changed);
     let blocks = widths(&|_, _| true)[3];
     assert!(blocks > 1);
     assert_eq!(widths(&|_, _| true), [0, 0, 0, blocks], "all change: one tile of eight a block");
@@ -285,7 +285,7 @@ fn heads_share_a_tile_where_they_share_entries() {
     let half = widths(&|head, t| (head + t) % 2 == 0);
     assert!(half[3] > 0 && half[0] == 0, "heads that have half in common do not: {half:?}");
     let most = |head: usize, t: usize| t % 5 != head / 4;
-    let cheap = DeviceTuning { load_cost: 0, ..desktop };
-    let (shared, alone) = (widths_of(desktop, most)[3], widths_of(cheap, most)[3]);
+    let cheap = DeviceTuning { load_cost: 0, ..wide };
+    let (shared, alone) = (widths_of(wide, most)[3], widths_of(cheap, most)[3]);
     assert!(alone < shared, "where loading costs nothing, tiles are halved for less: {alone} of {shared} are whole");
 }
