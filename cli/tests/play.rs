@@ -225,7 +225,7 @@ fn bad_arguments_exit_with_2_and_failures_with_1() {
         check(&["play", &dir, option, several], 2, &[&format!("{option}: play takes one; name one of them")]);
     }
     check(&["play", &dir, "--weights", "none.csv", "--path", "cpu"], 1, &["none.csv"]);
-    check(&["play", &dir, "--path", "cpu", "--format", "float32", "--accumulate", "exact"], 1, &["fixed32", "'fast'"]);
+    check(&["play", &dir, "--path", "cpu", "--format", "float32", "--accumulate", "exact"], 2, &["fixed32", "'fast'"]);
     check(&["play", &dir, "--path", "compute", "--format", "small"], 2, &["--format", "float32 or snorm16"]);
     check(&["play", &dir, "--accumulate", "float", "--pose", "fixed16"], 2, &["contradict each other", "fixed16"]);
     check(&["soak", &dir, "--frames", "2", "--accumulate", "exact", "--pose", "float32"], 2, &["contradict"]);

@@ -88,9 +88,11 @@ impl UpdateDesc {
                 let remedy = "use UpdatePath::Cpu here, or MorphEngine for the GPU paths";
                 return refuse(format!("update path '{}' for a CpuCrowd", self.path.name()), remedy);
             }
-            Runner::Cpu if layout.blocks.is_none() => self.check_dense(layout.format.name())?,
             Runner::Device(caps) | Runner::Animated(Some(caps)) => self.check_on_device(layout, caps)?,
             Runner::Unknown | Runner::Cpu | Runner::Animated(None) => {}
+        }
+        if layout.blocks.is_none() {
+            self.check_dense(layout.format.name())?;
         }
         let has_grid = self.grid(layout)?.is_some();
         if let Some(index) = layout.blocks.as_ref().filter(|_| !has_grid) {
