@@ -18,7 +18,7 @@ layout(set = 0, binding = 0, std430) readonly buffer Tables { uint tables[]; };
 // history  [head][block]: in which of the last updates it was touched, the last in bit 0
 layout(set = 0, binding = 1, std430) buffer State { uint state[]; };
 
-// items    [width][item] TILE_WORDS words;   rows [tile][entry, and ROWS for each block]     (tiles.glsl)
+// items    [width][item] TILE_WORDS words;   rows [tile][entry, and one for each block]     (tiles.glsl)
 layout(set = 0, binding = 2, std430) buffer Work { uint work[]; };
 
 // counters [group][width], then arguments [group][width][chunk] x y z of a dispatch

@@ -18,8 +18,8 @@ struct Place {
 };
 
 void store(Place place, uint k, float added) {
-    float before = place.rebuilt ? uintBitsToFloat(asset[place.base + k]) : LOAD_COMPONENT(place.source + k);
-    STORE_COMPONENT(place.destination + k, before + added);
+    float before = place.rebuilt ? uintBitsToFloat(asset[place.base + k]) : poses[place.source + k];
+    poses[place.destination + k] = before + added;
 }
 
 // Component `c` of the lane's vertex, where the mask says that it changes.

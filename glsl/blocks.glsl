@@ -1,16 +1,16 @@
-// What the two kernels of the path `blocks` share: bindings, push constants, and coefficients.
+// What the kernels of the path `blocks` share: bindings, push constants, and coefficients.
 // Work lists: src/update/blocks/{list,tiles}.rs. Entries: src/pack/blocks/mod.rs.
 
 #extension GL_EXT_control_flow_attributes : require
 
-// For software drivers, which pay for each access and lane, and for each subgroup of a workgroup: a lane has eight vertices
-// (a block is one subgroup then), loads four words at once from texel buffers and stores two at once as a 64-bit integer.
+// Vertices of a lane.
 #ifdef TEXELS
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #define VERTICES 8
 #else
 #define VERTICES 1
 #endif
+const uint NUMBERS = 6u * VERTICES;
 
 layout(local_size_x_id = 0) in;   // BLOCK_SIZE / VERTICES
 layout(constant_id = 1) const uint BLOCK_SIZE = 64;
@@ -27,11 +27,6 @@ layout(set = 0, binding = 1, std430) readonly buffer Work { uint work[]; };
 // loads before it stores.
 #define POSES_BINDING 2
 #include "pose.glsl"
-#ifdef INTEGER_POSES
-#define ADDEND ivec3
-#else
-#define ADDEND vec3
-#endif
 
 layout(push_constant) uniform Push {
     uint first_item;    // index of the first item's first word

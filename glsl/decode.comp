@@ -27,17 +27,6 @@ layout(push_constant) uniform Push {
     vec2 units;       // input units of integers: positions, normals
 };
 
-#ifdef INTEGER_POSES
-#define ADDEND ivec3
-#else
-#define ADDEND vec3
-#endif
-// Of a pose, as it is stored.
-struct Vertex {
-    ADDEND position;
-    ADDEND normal;
-};
-
 vec3 base_of(uint at) {
     return vec3(base[base_at + at], base[base_at + at + 1u], base[base_at + at + 2u]);
 }
@@ -59,11 +48,11 @@ void main() {
         return;
     }
     uint at = NUMBERS * vertex;
-    Vertex pose;
-    LOAD_POSE(pose, pose_at + at)
+    ADDEND position, normal;
+    load_vertex(pose_at + at, position, normal);
     uint to = decoded_at + stride * vertex;
-    store(to, POSE_DECODED(pose.position, base_of(at), units.x));
+    store(to, POSE_DECODED(position, base_of(at), units.x));
     if (normal_at != 0u) {
-        store(to + normal_at, POSE_DECODED(pose.normal, base_of(at + 3u), units.y));
+        store(to + normal_at, POSE_DECODED(normal, base_of(at + 3u), units.y));
     }
 }

@@ -87,9 +87,9 @@ void main() {
     uint last = head_at(places, used - 1u);
     for (uint place = used; place < TILE; ++place) places |= last << (4u * place);
 
-    // A place for each entry, and some for what fills rows up.
+    // A place for each entry, and one for a row of none.
     uint row_words = ROW_WORDS(width);
-    uint rows = rows_at + (tile * (entries + ROWS * blocks) + from + ROWS * block) * ROW_WORDS(TILE);
+    uint rows = rows_at + (tile * (entries + blocks) + from + block) * ROW_WORDS(TILE);
     uint row = rows;
     for (uint e = from; e < to; ++e) {
         uint target = tables[entries_at + 2u * e];
@@ -110,14 +110,12 @@ void main() {
         row += row_words;
     }
 
-    // There is a row at least, and an even number where there are several heads: of any entry, and no coefficient.
-    uint multiple = width > 1u ? ROWS : 1u;
+    // There is a row at least: of any entry, and no coefficient.
     uint listed = (row - rows) / row_words;
-    uint filled = max((listed + multiple - 1u) / multiple, 1u) * multiple;
-    for (; listed < filled; ++listed) {
-        work[row] = min(from, entries - 1u);
-        for (uint place = 0u; place < width; ++place) work[row + 1u + place] = 0u;
-        row += row_words;
+    if (listed == 0u) {
+        listed = 1u;
+        work[rows] = min(from, entries - 1u);
+        for (uint place = 0u; place < TILE; ++place) work[rows + 1u + place] = 0u;
     }
 
     uint index = atomicAdd(control[first_counter + size], 1u);
@@ -131,6 +129,6 @@ void main() {
     }
     work[item] = block;
     work[item + 1u] = rows;
-    work[item + 2u] = filled;
+    work[item + 2u] = listed;
     work[item + 3u] = rebuilt_places;
 }

@@ -7,6 +7,7 @@
 // Coefficients are pairs: what a target adds is rounded, as a function of its weight.
 #define ROUNDED_PRODUCTS
 #define NUMBER int
+#define ADDEND ivec3
 #ifdef POSES_BINDING
 #define LOW(word) bitfieldExtract(int(word), 0, 16)
 #define HIGH(word) (int(word) >> 16)
@@ -14,34 +15,38 @@
 #ifdef TEXELS
 ALIASED layout(set = 0, binding = POSES_BINDING, std430) buffer Poses { uint64_t poses[]; };
 ALIASED layout(set = 0, binding = POSES_BINDING + 1, rgba32ui) uniform uimageBuffer pose_texels;
-#define LOAD_POSE(head, at) \
-    NUMBER value[NUMBERS]; \
-    [[unroll]] for (uint i = 0u; i < NUMBERS; i += 8u) { \
-        uvec4 eight = imageLoad(pose_texels, int(((at) + i) / 8u)); \
-        [[unroll]] for (uint j = 0u; j < 4u; ++j) { \
-            value[i + 2u * j] = LOW(eight[j]); \
-            value[i + 2u * j + 1u] = HIGH(eight[j]); \
-        } \
-    } \
-    FROM_NUMBERS(head, value)
-#define STORE_POSE_NUMBERS(at, head) \
-    NUMBER value[NUMBERS]; \
-    TO_NUMBERS(value, head) \
-    [[unroll]] for (uint i = 0u; i < NUMBERS; i += 4u) { \
-        uvec2 four = uvec2(WORD(value[i], value[i + 1u]), WORD(value[i + 2u], value[i + 3u])); \
-        poses[((at) + i) / 4u] = packUint2x32(four); \
+
+void load_vertices(uint at, out int numbers[NUMBERS]) {
+    [[unroll]] for (uint i = 0u; i < NUMBERS; i += 8u) {
+        uvec4 eight = imageLoad(pose_texels, int((at + i) / 8u));
+        [[unroll]] for (uint j = 0u; j < 4u; ++j) {
+            numbers[i + 2u * j] = LOW(eight[j]);
+            numbers[i + 2u * j + 1u] = HIGH(eight[j]);
+        }
     }
+}
+
+void store_vertices(uint at, int numbers[NUMBERS]) {
+    [[unroll]] for (uint i = 0u; i < NUMBERS; i += 4u) {
+        uvec2 four = uvec2(WORD(numbers[i], numbers[i + 1u]), WORD(numbers[i + 2u], numbers[i + 3u]));
+        poses[(at + i) / 4u] = packUint2x32(four);
+    }
+}
 #else
 layout(set = 0, binding = POSES_BINDING, std430) buffer Poses { uint poses[]; };
-#define LOAD_POSE(head, at) \
-    uint first = (at) / 2u; \
-    uint a = poses[first], b = poses[first + 1u], c = poses[first + 2u]; \
-    head.position = ivec3(LOW(a), HIGH(a), LOW(b)); \
-    head.normal = ivec3(HIGH(b), LOW(c), HIGH(c));
-#define STORE_POSE_NUMBERS(at, head) \
-    uint first = (at) / 2u; \
-    poses[first] = WORD(head.position.x, head.position.y); \
-    poses[first + 1u] = WORD(head.position.z, head.normal.x); \
-    poses[first + 2u] = WORD(head.normal.y, head.normal.z);
+
+void load_vertex(uint at, out ivec3 position, out ivec3 normal) {
+    uint first = at / 2u;
+    uint a = poses[first], b = poses[first + 1u], c = poses[first + 2u];
+    position = ivec3(LOW(a), HIGH(a), LOW(b));
+    normal = ivec3(HIGH(b), LOW(c), HIGH(c));
+}
+
+void store_vertex(uint at, ivec3 position, ivec3 normal) {
+    uint first = at / 2u;
+    poses[first] = WORD(position.x, position.y);
+    poses[first + 1u] = WORD(position.z, normal.x);
+    poses[first + 2u] = WORD(normal.y, normal.z);
+}
 #endif
 #endif

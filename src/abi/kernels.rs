@@ -189,8 +189,8 @@ const BLOCKS: KernelRow = KernelRow {
     constants: 2,
     ..COMPUTE
 };
-/// Three more specialization constants: instances of a tile, rows at a time, and whether all start from the base pose.
-const CROWD: KernelRow = KernelRow { name: "crowd", poses: true, constants: 5, ..BLOCKS };
+/// Two more specialization constants: instances of a tile, and whether all start from the base pose.
+const CROWD: KernelRow = KernelRow { name: "crowd", poses: true, constants: 4, ..BLOCKS };
 /// A draw that others' technique `direct` evaluates: deltas, weights.
 const DIRECT: KernelRow = KernelRow {
     name: "direct",
@@ -235,8 +235,7 @@ pub const KERNELS: &[KernelRow] = &[
     CROWD,
     // The same for software drivers. Poses are bound as pairs of words to be stored, and as texels to be loaded.
     KernelRow {
-        suffix: "texels",
-        defines: &["TEXELS"],
+        name: "crowd_texels",
         takes: Takes::Texels,
         bindings: &[(0, WORD_TEXELS), (1, WORD_TEXELS), (2, PAIRS), (3, POSE_TEXELS)],
         aliased: &[2, 3],

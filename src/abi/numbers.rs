@@ -29,8 +29,6 @@ shared! {
     /// Words of a tile: block, first row word, rows, which instances start from the base pose, and a word for each
     /// instance.
     TILE_WORDS: usize = 4 + TILE;
-    /// What the number of rows of a tile is a multiple of, where it has several instances.
-    ROWS: u32 = 2;
     /// Words that tiles and their first rows begin at a multiple of: a texel.
     ALIGN: usize = 4;
 

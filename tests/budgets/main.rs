@@ -167,7 +167,7 @@ fn every_kernel_that_gpus_run_has_a_pipeline() {
     // Texels are for software drivers; `read` measures bandwidth.
     let ours = |module: &&Module| {
         let kernel = module.kernel;
-        kernel.stage != Stage::Vertex && !kernel.suffix.ends_with("texels") && kernel.name != "read"
+        kernel.stage != Stage::Vertex && !kernel.name.ends_with("texels") && kernel.name != "read"
     };
     let all: BTreeSet<String> = MODULES.iter().filter(ours).map(|module| module.name.to_owned()).collect();
     assert_eq!(made, all, "engine.rs makes crowds of every kind; is there a new one?");

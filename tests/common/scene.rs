@@ -3,7 +3,6 @@
 
 use deltamorph::headless::{Headless, HeadlessCrowd, PlannedGroup};
 use deltamorph::import::sample::{HeadDesc, head, head_clip};
-use deltamorph::internals::abi::numbers::ROWS;
 use deltamorph::internals::abi::worklist::{TILE, TILE_WORDS, row_words};
 use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::internals::update::animated::{AnimatedReference, Playbacks};
@@ -230,11 +229,10 @@ fn of_groups(groups: &[PlannedGroup], slots: u32, widest: u32, mesh: &PackedMesh
                 let stride = row_words(width.ilog2() as usize);
                 let rows = group.words[first..][..rows * stride].chunks_exact(stride);
                 let rows: Vec<&[u32]> = rows.map(|row| &row[..=width]).collect();
-                // Rows are filled up at the end: one at least, two at a time where there are several instances.
-                let idle = rows.iter().rev().take_while(|row| row[1..].iter().all(|c| *c == 0)).count();
-                let (filled, multiple) = (rows.len(), if width > 1 { ROWS as usize } else { 1 });
-                let rows = &rows[..filled - idle];
-                assert_eq!(filled, rows.len().max(1).next_multiple_of(multiple));
+                // There is one at least.
+                let idle = rows.len() == 1 && rows[0][1..].iter().all(|c| *c == 0);
+                let rows = &rows[usize::from(idle)..];
+                assert!(idle || !rows.is_empty());
                 assert!(block < blocks && rows.windows(2).all(|w| w[0][0] < w[1][0]), "entries ascend");
                 assert!(rows.iter().all(|row| row[1..].iter().any(|c| *c != 0)), "no row is idle");
                 let mut used = width;

@@ -1,7 +1,7 @@
 //! Where everything is in the buffers of an animated crowd: groups of instances, their work lists, tables, state.
 
 use super::clips::{Budget, Clips};
-use crate::abi::numbers::{BIT_KINDS, BIT_KINDS_BUDGET, RECORD_WORDS, ROWS, WORKGROUP};
+use crate::abi::numbers::{BIT_KINDS, BIT_KINDS_BUDGET, RECORD_WORDS, WORKGROUP};
 use crate::abi::push::AnimationPush;
 use crate::abi::worklist::{TILE_WORDS, WIDTHS, row_words};
 use crate::error::Result;
@@ -27,9 +27,9 @@ impl GroupLayout {
     fn new(context: &Context<'_>, push: AnimationPush, tables: &mut Words, state: &mut Words) -> Result<Self> {
         let (caps, instances, index) = (context.caps(), context.desc.instances, context.layout().index()?);
         let (blocks, entries) = (index.count() as u64, index.entry_count() as u64);
-        // Of a tile: an item of each width for each block, a row for each entry, and what fills rows up.
+        // Of a tile: an item of each width for each block, a row for each entry, and one for a block without any.
         let items = (WIDTHS * TILE_WORDS) as u64 * blocks;
-        let rows = row_words(WIDTHS - 1) as u64 * (entries + u64::from(ROWS) * blocks);
+        let rows = row_words(WIDTHS - 1) as u64 * (entries + blocks);
         let list = 4 * (items + rows);
         // The list of a group is rounded up to whole 256 bytes, and still has to be within reach.
         let tiles = (caps.max_storage_range / 256 * 256 / list).min(caps.max_workgroups.into());

@@ -7,7 +7,6 @@
 
 use super::group::{GroupPlan, Item, WorkList};
 use crate::abi::kernels::DeviceTuning;
-use crate::abi::numbers::ROWS;
 use crate::abi::worklist::{ALIGN, TILE, WIDTHS, row_words};
 use crate::pack::PoseFormat;
 use crate::pack::blocks::BlockIndex;
@@ -307,13 +306,12 @@ impl Tiles {
                 self.rows.resize(end, 0);
             }
         }
-        let multiple = if members.len() > 1 { ROWS } else { 1 };
-        while tile.count == 0 || !tile.count.is_multiple_of(multiple) {
+        if tile.count == 0 {
             // Of a block that no target touches: any entry there is.
             let end = self.rows.len() + row_words(width);
             self.rows.push(entries.start.clamp(all_entries.start, all_entries.end.saturating_sub(1)) as u32);
             self.rows.resize(end, 0);
-            tile.count += 1;
+            tile.count = 1;
         }
         self.rows.resize(self.rows.len().next_multiple_of(ALIGN), 0);
         for (place, &i) in members.iter().enumerate() {

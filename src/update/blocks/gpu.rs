@@ -3,7 +3,6 @@
 
 use super::dispatch::Dispatching;
 use crate::abi::modules::{BLOCKS, CROWD, CROWD_TEXELS, Module};
-use crate::abi::numbers::ROWS;
 use crate::abi::push::BlocksPush;
 use crate::abi::worklist::{POSES_MAX, TILE, WIDTHS};
 use crate::asset::streams::TRIPLES;
@@ -56,7 +55,7 @@ impl PipelineKey for BlocksKey {
     fn make(self, objects: &mut Objects) -> Result<()> {
         let Self { module, size, lanes, width } = self;
         objects.add_layout(&[module.kernel], 0)?;
-        let constants = [0, 1].map(|rebuilt| [lanes, size, 1 << width, if width > 0 { ROWS } else { 1 }, rebuilt]);
+        let constants = [0, 1].map(|rebuilt| [lanes, size, 1 << width, rebuilt]);
         let constants = constants.each_ref().map(|constants| &constants[..module.kernel.constants as usize]);
         // Items with masks say which they are.
         let count = if constants[0] == constants[1] { 1 } else { 2 };

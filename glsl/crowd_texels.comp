@@ -1,0 +1,108 @@
+// crowd.comp for software drivers, which pay for each access and lane, and for each subgroup of a workgroup: a lane has
+// eight vertices (a block is one subgroup then), loads four words at once from texel buffers and stores two at once as a
+// 64-bit integer. Loops over arrays are unrolled: what a variable indexes would live in memory.
+#version 450
+#extension GL_GOOGLE_include_directive : require
+#define TEXELS
+#include "abi.glsl"
+#include "blocks.glsl"
+#include "tiles.glsl"
+
+layout(constant_id = 2) const uint HEADS = 1;
+// All instances of all items start from the base pose, which is loaded once, or nothing where poses are displacements.
+layout(constant_id = 3) const bool REBUILT_ITEMS = false;
+
+// Rows at a time. Where there are several heads, what is added to them lives in memory: it is loaded and stored half as
+// often.
+#define AT_ONCE min(HEADS, 2u)
+
+#define LOAD_WORDS(words, count, buffer, at) \
+    [[unroll]] for (uint i = 0u; i < (count); i += 4u) { \
+        uvec4 four = texelFetch(buffer, int(((at) + i) / 4u)); \
+        [[unroll]] for (uint j = 0u; j < 4u; ++j) words[i + j] = four[j]; \
+    }
+
+// An entry, then its coefficients.
+void load_row(uint at, out uint row[ROW_WORDS(TILE)]) {
+    if (HEADS == 1u) {
+        uvec4 two = texelFetch(work, int(at / 4u));
+        uvec2 one = (at & 2u) == 0u ? two.xy : two.zw;
+        row[0] = one.x;
+        row[1] = one.y;
+        return;
+    }
+    LOAD_WORDS(row, ROW_WORDS(HEADS), work, at)
+}
+
+void main() {
+    uint item[TILE_WORDS];
+    LOAD_WORDS(item, 4u + HEADS, work, first_item + gl_WorkGroupID.x * TILE_WORDS)
+    uint next = item[1], end = next + item[2] * ROW_WORDS(HEADS);
+    uint lane = gl_LocalInvocationID.x;
+    uint at = (item[0] * BLOCK_SIZE + lane * VERTICES) * 6u;
+
+    NUMBER added[HEADS][NUMBERS];
+    [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
+        [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) added[h][i] = NUMBER(0);
+    }
+
+    // There is a row at least: a loop that asks first would run its body once more, for no lane.
+    do {
+        uint row[2][ROW_WORDS(TILE)];
+        DELTA dp[2][VERTICES], dn[2][VERTICES];
+        uvec2 shifts[2];
+        [[unroll]] for (uint r = 0u; r < AT_ONCE; ++r) {
+            // The last row may be alone: then it is loaded twice, and counts once.
+            bool again = r == 1u && next == end;
+            load_row(again ? next - ROW_WORDS(HEADS) : next, row[r]);
+            if (r == 1u) {
+                [[unroll]] for (uint h = 0u; h < HEADS; ++h) row[r][1u + h] = again ? 0u : row[r][1u + h];
+            }
+            load_entry(row[r][0], lane, dp[r], dn[r], shifts[r]);
+            next += again ? 0u : ROW_WORDS(HEADS);
+        }
+        [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
+            FACTOR p[2], n[2];
+            [[unroll]] for (uint r = 0u; r < AT_ONCE; ++r) {
+                p[r] = FACTOR_OF(row[r][1u + h], position_unit, shifts[r].x);
+                n[r] = FACTOR_OF(row[r][1u + h], normal_unit, shifts[r].y);
+            }
+            [[unroll]] for (uint v = 0u; v < VERTICES; ++v) {
+                ADDEND position = TIMES(p[0], dp[0][v], position_dropped);
+                ADDEND normal = TIMES(n[0], dn[0][v], normal_dropped);
+                [[unroll]] for (uint r = 1u; r < AT_ONCE; ++r) {
+                    position += TIMES(p[r], dp[r][v], position_dropped);
+                    normal += TIMES(n[r], dn[r][v], normal_dropped);
+                }
+                [[unroll]] for (uint c = 0u; c < 3u; ++c) {
+                    added[h][6u * v + c] += position[c];
+                    added[h][6u * v + 3u + c] += normal[c];
+                }
+            }
+        }
+    } while (next < end);
+
+    // Sources are loaded after the loop, where they are not in the way of what is added; and all of them before the first
+    // is stored, since a tile may have an instance several times (plan.comp fills tiles up).
+    if (REBUILT_ITEMS) {
+#ifndef INTEGER_POSES
+        uint base[NUMBERS];
+        LOAD_WORDS(base, NUMBERS, asset, base_at + at)
+        [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
+            [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) added[h][i] += uintBitsToFloat(base[i]);
+        }
+#endif
+    } else {
+        [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
+            NUMBER source[NUMBERS];
+            load_vertices((item[4u + h] & 0xffffu) * pose_floats + at, source);
+#ifdef INTEGER_POSES
+            // Tiles that plan.comp fills have instances of both kinds.
+            int keep = int(item[3] >> h & 1u) - 1;
+            [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) source[i] &= keep;
+#endif
+            [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) added[h][i] += source[i];
+        }
+    }
+    [[unroll]] for (uint h = 0u; h < HEADS; ++h) store_vertices((item[4u + h] >> 16) * pose_floats + at, added[h]);
+}
