@@ -126,8 +126,6 @@ pub(crate) struct ScatterTechnique {
     mesh: Arc<MeshBuffers>,
     poses: Poses,
     grid: PoseGrid,
-    /// Input units of a sum: positions, normals.
-    units: [f32; 2],
     planner: DensePlanner,
     sums: Buffer,
     /// `[instance][slot]`.
@@ -138,7 +136,6 @@ impl ScatterTechnique {
     pub(crate) fn new(context: Context<'_>) -> Result<Self> {
         let (device, desc, mesh, poses) = (context.device, context.desc, context.mesh, context.poses);
         let kernel = context.kernels.get(Scatter)?;
-        let grid = mesh.layout.index()?.grid(PoseFormat::Fixed32, desc.update.weight_max)?;
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::TRANSFER_DST
             | vk::BufferUsageFlags::TRANSFER_SRC;
@@ -159,8 +156,7 @@ impl ScatterTechnique {
             kernel,
             mesh: mesh.clone(),
             poses,
-            grid,
-            units: grid.units,
+            grid: context.grid(),
             planner: one_pass(desc)?,
             sums,
         })
@@ -223,16 +219,13 @@ impl Technique for ScatterTechnique {
                 unsafe { self.kernel.dispatch(cmd, 0, set, runs) };
             }
             Part::Resolve => {
-                let ([position_unit, normal_unit], count) = (self.units, self.mesh.layout.padded_vertices() as u32);
+                let ([position_unit, normal_unit], count) =
+                    (self.grid.units, self.mesh.layout.padded_vertices() as u32);
                 let push = |first_vertex, _| ResolvePush { first_vertex, position_unit, normal_unit };
                 // SAFETY: the caller's obligations; `count` is a multiple of the workgroup size.
                 unsafe { self.kernel.dispatch(cmd, 1, set, [(count, push)]) };
             }
         }
-    }
-
-    fn grid(&self) -> Option<PoseGrid> {
-        Some(self.grid)
     }
 
     fn sums(&self, instance: u32) -> Option<(vk::Buffer, u64)> {

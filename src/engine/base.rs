@@ -3,13 +3,14 @@
 use super::decode::{DecodeTarget, Decoder};
 use super::upload::GpuMesh;
 use super::views::{self, PoseView};
-use crate::asset::streams::{Semantic, StreamPlace, TRIPLES};
+use crate::asset::streams::{Semantic, StreamPlace};
 use crate::error::{Error, Result};
 use crate::gpu::device::Device;
 use crate::gpu::memory::Buffer;
 use crate::gpu::mesh::MeshBuffers;
 use crate::gpu::pipelines::Kernels;
 use crate::pack::PackedLayout;
+use crate::pack::blocks::PoseGrid;
 use crate::plan::instances::Instances;
 use crate::plan::schedule::Schedule;
 use crate::plan::steps::{Steps, Use, Work};
@@ -122,11 +123,8 @@ impl CrowdBase {
         let format = desc.update.pose;
         let group = |(mesh, buffer): (&Arc<MeshBuffers>, &Buffer)| {
             let (layout, buffer) = (&mesh.layout, buffer.raw);
-            let units = match format.has_integers() {
-                true => desc.update.grid(layout)?.map_or([1.0; TRIPLES], |grid| grid.units),
-                false => [1.0; TRIPLES],
-            };
-            let poses = Poses { buffer, format, bytes: layout.pose_bytes(format), slots, units };
+            let grid = desc.update.grid(layout)?;
+            let poses = Poses { buffer, format, bytes: layout.pose_bytes(format), slots, grid };
             Ok(PoseGroup { mesh: mesh.clone(), poses })
         };
         let groups: Vec<PoseGroup> = mesh.groups.iter().zip(&buffers).map(group).collect::<Result<_>>()?;
@@ -253,6 +251,11 @@ impl CrowdBase {
         &self.groups[0].mesh.layout
     }
 
+    /// The grid of the first group; that of others may have other units, and the same weights.
+    pub(super) fn grid(&self) -> Option<PoseGrid> {
+        self.groups[0].poses.grid
+    }
+
     pub(crate) fn group_pose(&self, instance: u32, group: usize) -> Result<PoseView> {
         let (slot, _) = self.slots_of(instance)?;
         self.check_has_poses()?;
@@ -289,7 +292,7 @@ impl CrowdBase {
     pub(crate) fn view(&self, instance: u32, slot: u32, group: usize) -> PoseView {
         let poses = self.groups[group].poses;
         PoseView {
-            units: poses.units,
+            units: poses.units(),
             buffer: poses.buffer,
             offset: poses.offset(instance, slot),
             size: poses.bytes,

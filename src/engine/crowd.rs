@@ -155,9 +155,8 @@ impl Crowd {
     /// An instance out of range or removed; a wrong number of weights; one that is not finite or out of range; more
     /// active targets than a draw of `direct-attributes` takes. Nothing changes then.
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
-        let CrowdBase { technique, .. } = &self.base;
-        check_weights(weights, self.base.layout(), technique.grid())?;
-        technique.check_weights(weights)?;
+        check_weights(weights, self.base.layout(), self.base.grid())?;
+        self.base.technique.check_weights(weights)?;
         self.base.instances.set_weights(instance, weights)
     }
 }

@@ -164,7 +164,7 @@ impl Decoder {
             vertices: layout.vertex_count as u32,
             count: 0,
             listed: 0,
-            units: group.poses.units,
+            units: group.poses.units(),
         };
         let pose_numbers = (layout.base_bytes() / 4) as u32;
         self.unset(instance);

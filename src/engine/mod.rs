@@ -173,11 +173,9 @@ impl MorphEngine {
         animation: &AnimationDesc<'_>,
     ) -> Result<AnimatedCrowd> {
         self.check_crowd(mesh, desc, Runner::Animated(Some(&self.device.caps)))?;
-        let grid = desc.update.grid(mesh.layout())?.ok_or_else(|| Error::invalid("float32 poses", "use fixed16"))?;
-        let clips = Clips::new(animation, mesh.layout(), grid)?;
         // Weights are the GPU's: none are set.
         let base = CrowdBase::new(&self.device, &self.kernels, mesh, desc, 0, |context| {
-            Ok(Box::new(Animated::new(context, clips)?))
+            Ok(Box::new(Animated::new(context, Clips::new(animation, context.layout(), context.grid())?)?))
         })?;
         let crowd = AnimatedCrowd { base };
         // SAFETY: the caller's obligations.

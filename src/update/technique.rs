@@ -64,11 +64,6 @@ pub trait Technique: Any + Send + Sync {
     /// This update and all later ones will never run.
     fn discard_from(&mut self, _id: UpdateId) {}
 
-    /// The grid of the weights, for sums of integers.
-    fn grid(&self) -> Option<PoseGrid> {
-        None
-    }
-
     /// Refuse weights that it cannot apply.
     ///
     /// # Errors
@@ -115,11 +110,16 @@ pub struct Poses {
     pub bytes: u64,
     /// Poses of an instance.
     pub slots: u32,
-    /// Input units of integers, by triple.
-    pub units: [f32; TRIPLES],
+    /// The grid of weights and poses, where sums are of integers.
+    pub grid: Option<PoseGrid>,
 }
 
 impl Poses {
+    /// Input units of integers, by triple.
+    pub fn units(&self) -> [f32; TRIPLES] {
+        self.grid.filter(|_| self.format.has_integers()).map_or([1.0; TRIPLES], |grid| grid.units)
+    }
+
     /// Where a pose begins.
     pub fn offset(&self, instance: u32, slot: u32) -> u64 {
         (u64::from(instance) * u64::from(self.slots) + u64::from(slot)) * self.bytes
@@ -162,6 +162,12 @@ impl<'a> Context<'a> {
 
     pub(crate) fn layout(&self) -> &'a PackedLayout {
         &self.mesh.layout
+    }
+
+    /// The grid of weights and poses, for techniques that know no other sums than those of integers.
+    pub(crate) fn grid(&self) -> PoseGrid {
+        let Some(grid) = self.poses.grid else { unreachable!("`UpdateDesc::check_all` refuses sums without a grid") };
+        grid
     }
 
     /// Refuse `what`, which takes more bytes than a descriptor covers.

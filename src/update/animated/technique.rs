@@ -103,7 +103,7 @@ impl Group {
         }
         Ok(Self {
             sets: planning.sets(&bound)?,
-            blocks: GroupBlocks::new(&context, kernels, context.desc.update.grid(context.layout())?, &lists, 0)?,
+            blocks: GroupBlocks::new(&context, kernels, &lists, 0)?,
             layout,
             work,
             control,
@@ -120,8 +120,7 @@ impl Animated {
     /// Make buffers and sets; [`upload`](Self::upload) fills them.
     pub(crate) fn new(context: Context<'_>, clips: Clips) -> Result<Self> {
         let (device, desc) = (context.device, context.desc);
-        let (index, grid) = (context.layout().index()?, desc.update.grid(context.layout())?);
-        let budget = grid.and_then(|grid| Budget::new(desc.update.error_budget, index, grid));
+        let budget = Budget::new(desc.update.error_budget, context.layout().index()?, context.grid());
         let layout = Layout::new(&context, &clips, budget.as_ref())?;
         let planning = context.kernels.get(Planning)?;
 

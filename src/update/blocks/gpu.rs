@@ -12,7 +12,6 @@ use crate::gpu::memory::Buffer;
 use crate::gpu::parts::AssetPart;
 use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
 use crate::pack::POSE_FLOATS;
-use crate::pack::blocks::PoseGrid;
 use crate::update::technique::{Context, Poses};
 use ash::vk;
 use bytemuck::bytes_of;
@@ -115,13 +114,12 @@ impl GroupBlocks {
     pub(crate) fn new(
         context: &Context<'_>,
         BlocksKernels { how, kernels }: BlocksKernels,
-        grid: Option<PoseGrid>,
         lists: &[(BufferRange, u32, u32)],
         elements_at: usize,
     ) -> Result<Self> {
         let (layout, poses, index) = (context.layout(), context.poses, context.layout().index()?);
         let [position, normal] = index.steps();
-        let [position_dropped, normal_dropped] = grid.map_or([0; TRIPLES], |grid| grid.dropped);
+        let [position_dropped, normal_dropped] = poses.grid.map_or([0; TRIPLES], |grid| grid.dropped);
         let push = |part: &AssetPart| {
             let [headers_at, deltas_at, base_at] = part.origins();
             BlocksPush {

@@ -9,7 +9,6 @@ use crate::error::Result;
 use crate::gpu::memory::Ring;
 use crate::gpu::pipelines::Workgroups;
 use crate::pack::POSE_FLOATS;
-use crate::pack::blocks::PoseGrid;
 use crate::plan::UpdateStats;
 use crate::plan::instances::Instances;
 use crate::plan::steps::{Steps, Work};
@@ -69,7 +68,7 @@ impl Group {
         let lists: Vec<_> = first.map(list).collect();
         Ok(Self {
             dispatches: Dispatches::new(kernels.how, number, planner, instances, parts),
-            blocks: GroupBlocks::new(&context, kernels, planner.grid(), &lists, elements_at)?,
+            blocks: GroupBlocks::new(&context, kernels, &lists, elements_at)?,
             ring,
             sets_of_frame: desc.instances.div_ceil(reach),
             item_words,
@@ -138,10 +137,6 @@ impl Technique for BlocksTechnique {
         let changed = items.filter(|item| item.count > 0 || item.source.is_none());
         let size = index.size() as u32;
         out.extend(changed.map(|item| item.block * size..(item.block + 1) * size));
-    }
-
-    fn grid(&self) -> Option<PoseGrid> {
-        self.planner.grid()
     }
 
     #[cfg(any(test, feature = "internals"))]
