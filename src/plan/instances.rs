@@ -138,12 +138,14 @@ pub struct History {
     /// The update that wrote the current slot, counted from 1; 0: its pose is not known.
     written_by: u64,
     cut: bool,
+    /// The last update after a cut that changed nothing; 0: there was none.
+    stayed_after_cut: u64,
 }
 
 impl History {
     /// No slot is written yet.
     pub fn new(slots: u32) -> Self {
-        Self { slots, current: slots - 1, previous: None, written_by: 0, cut: false }
+        Self { slots, current: slots - 1, previous: None, written_by: 0, cut: false, stayed_after_cut: 0 }
     }
 
     /// The slot of the pose; `None` before the first update, and after one that was discarded.
@@ -162,12 +164,15 @@ impl History {
         self.current().map(|current| (current, self.previous))
     }
 
-    /// An update changes nothing.
-    pub fn stay(&mut self) {
-        (self.previous, self.cut) = (Some(self.current), false);
+    /// The update numbered `update` (ascending, from 1) changes nothing.
+    pub fn stay(&mut self, update: u64) {
+        if std::mem::take(&mut self.cut) {
+            self.stayed_after_cut = update;
+        }
+        self.previous = Some(self.current);
     }
 
-    /// The update numbered `update` (ascending, from 1) writes these slots, the pose into the last of them.
+    /// The update numbered `update` writes these slots, the pose into the last of them.
     pub fn advance(&mut self, update: u64, written: impl IntoIterator<Item = u32>) {
         let (known, cut) = (self.current(), std::mem::take(&mut self.cut));
         let mut overwritten = false;
@@ -187,10 +192,14 @@ impl History {
         self.cut = true;
     }
 
-    /// The update numbered `first` and all later ones will never run: what they wrote is not known.
+    /// The update numbered `first` and all later ones will never run: what they wrote is not known, and the next pose
+    /// is the one after a cut that they came after. (A pose that is not known is no predecessor in any case.)
     pub fn discard_from(&mut self, first: u64) {
         if self.written_by >= first {
             self.written_by = 0;
+        }
+        if self.stayed_after_cut >= first {
+            (self.cut, self.stayed_after_cut) = (true, 0);
         }
     }
 }

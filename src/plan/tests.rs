@@ -140,3 +140,18 @@ fn bad_descriptions_are_refused() {
         assert!(text.contains(words), "{text}");
     }
 }
+
+/// The update after a cut has no previous pose. When it changes nothing and never runs, the next one is the update after
+/// the cut.
+#[test]
+fn a_discarded_update_gives_its_cut_back() {
+    for (stays, discarded, is_cut) in [(0, 0, true), (1, 1, true), (2, 1, false), (2, 2, true)] {
+        let mut history = instances::History::new(2);
+        history.advance(1, [0]);
+        history.cut();
+        (2..2 + stays).for_each(|update| history.stay(update));
+        history.discard_from(2 + stays - discarded);
+        history.advance(4, [1]);
+        assert_eq!(history.slots(), Some((1, Some(if is_cut { 1 } else { 0 }))), "{discarded} of {stays} discarded");
+    }
+}

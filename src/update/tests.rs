@@ -51,8 +51,8 @@ impl<P: Planned> One<P> {
 /// Any sequence of updates, cuts and discarded updates: the previous slot holds the pose before, and no access is
 /// unordered.
 pub(crate) fn follow<P: Planned>(mut one: One<P>, events: Vec<Event>) {
-    // The updates that ran, each with what memory was before it.
-    let mut ran: Vec<(u64, DrawnUpdate, P::Memory)> = vec![];
+    // The updates that ran, each with what memory was before it, and whether it was the one after a cut.
+    let mut ran: Vec<(u64, DrawnUpdate, P::Memory, bool)> = vec![];
     let (mut cut, in_place) = (false, one.desc.path.works_in_place());
     for event in events {
         match event {
@@ -62,9 +62,9 @@ pub(crate) fn follow<P: Planned>(mut one: One<P>, events: Vec<Event>) {
             }
             Event::DiscardLast(n) => {
                 // They never ran: memory is what it was before the first of them.
-                for (number, _, before) in ran.drain(ran.len().saturating_sub(n as usize)..).rev() {
+                for (number, _, before, was_cut) in ran.drain(ran.len().saturating_sub(n as usize)..).rev() {
                     one.instances.discard_from(number);
-                    one.memory = before;
+                    (one.memory, cut) = (before, cut | was_cut);
                 }
             }
             Event::Update(weights) => {
@@ -78,13 +78,12 @@ pub(crate) fn follow<P: Planned>(mut one: One<P>, events: Vec<Event>) {
                     // The update had to overwrite the pose that it read.
                     None => assert!(one.desc.slots == 1 || one.desc.slots == 2 && !in_place),
                 }
-                ran.push((one.update, (recorded, drawn), before));
-                cut = false;
+                ran.push((one.update, (recorded, drawn), before, std::mem::take(&mut cut)));
             }
         }
     }
     let mut checker = checker();
-    for (_, (recorded, drawn), _) in &ran {
+    for (_, (recorded, drawn), ..) in &ran {
         checker.update(recorded);
         drawn.iter().flatten().for_each(|&slot| checker.draw(0, 0, slot));
     }

@@ -48,7 +48,7 @@ impl Planner {
                     false => states[i].count(group),
                 }
             }
-            if changed { history.advance(update, [slots[1]]) } else { history.stay() }
+            if changed { history.advance(update, [slots[1]]) } else { history.stay(update) }
         }
     }
 

@@ -43,7 +43,7 @@ impl Plan {
     pub fn fill(&mut self, desc: &UpdateDesc, weights: &[f32], history: &mut History, update: u64) {
         self.clear();
         if history.current().is_some() && self.applied == weights {
-            history.stay();
+            history.stay(update);
             return;
         }
         let current = history.current().filter(|_| desc.mode == UpdateMode::Incremental);
