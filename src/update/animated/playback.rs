@@ -161,7 +161,8 @@ impl Playbacks {
             head.listed = false;
             let shown = !self.records[number as usize].has(HeadRecord::HIDDEN);
             let was_shown = head.changes[0].is_some_and(|(_, shown)| shown);
-            if std::mem::take(&mut head.cut) && shown || shown != was_shown {
+            // A hidden head keeps its cut: it may be shown again before an update that hides it has run.
+            if shown && std::mem::take(&mut head.cut) || shown != was_shown {
                 head.changes.rotate_right(1);
                 head.changes[0] = Some((update, shown));
             }

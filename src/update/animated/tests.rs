@@ -212,6 +212,20 @@ fn discarded_updates_change_nothing() {
 }
 
 #[test]
+fn a_cut_survives_a_discarded_update_that_hides_its_head() {
+    let clips = clips(&[], KeyFormat::Bits32);
+    let mut heads = Playbacks::new(1);
+    (0..2).for_each(|update| assert_eq!(heads.update(&clips), update));
+    heads.cut(0);
+    heads.set_hidden(0, true);
+    assert_eq!(heads.update(&clips), 2);
+    heads.discard_from(2);
+    heads.set_hidden(0, false);
+    assert_eq!((heads.update(&clips), heads.written(0)), (2, Some((2, false))));
+    assert_eq!((heads.update(&clips), heads.written(0)), (3, Some((3, true))));
+}
+
+#[test]
 fn a_hidden_head_keeps_its_pose_and_a_shown_one_has_no_past() {
     let clips = clips(&[], KeyFormat::Bits32);
     let mut heads = Playbacks::new(1);
