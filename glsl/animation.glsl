@@ -19,9 +19,10 @@ layout(set = 0, binding = 0, std430) readonly buffer Tables { uint tables[]; };
 layout(set = 0, binding = 1, std430) buffer State { uint state[]; };
 
 // items    [width][item] TILE_WORDS words;   rows [tile][entry, and one for each block]     (tiles.glsl)
+// A set of heads and a run of blocks have one of their own.
 layout(set = 0, binding = 2, std430) buffer Work { uint work[]; };
 
-// counters [group][width], then arguments [group][width][chunk] x y z of a dispatch
+// counters [set][run][width], then arguments [set][run][width][chunk] x y z of a dispatch
 layout(set = 0, binding = 3, std430) buffer Control { uint control[]; };
 
 layout(push_constant) uniform Push {
@@ -30,7 +31,6 @@ layout(push_constant) uniform Push {
     uint targets;
     uint words;            // of a bit for each target
     uint blocks;
-    uint entries;
     uint block_targets_at; // in Tables
     uint first_entry_at;
     uint entries_at;
@@ -44,11 +44,13 @@ layout(push_constant) uniform Push {
     uint source;           // slots
     uint destination;
     uint always_rebuild;   // touched blocks start from the base pose
-    uint first_head;       // of the group
+    uint first_head;       // of the set that is planned for
     uint group_heads;
+    uint first_block;      // of the run that is planned for
+    uint run_blocks;
+    uint run_entries;
+    uint any_entry;        // one that lies where the run's do, for rows that add nothing
     uint first_counter;
-    uint capacity;         // items of a width
-    uint rows_at;          // in Work
     uint counters;
     uint chunks;           // dispatches of a width
     uint chunk_items;      // workgroups of a dispatch, at most

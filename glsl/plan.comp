@@ -25,8 +25,9 @@ uint head_at(uint places, uint place) {
 }
 
 void main() {
-    uint block = gl_GlobalInvocationID.x;
-    if (block >= blocks) return;
+    uint run_block = gl_GlobalInvocationID.x;
+    if (run_block >= run_blocks) return;
+    uint block = first_block + run_block;
     uint tile = gl_GlobalInvocationID.y;
     uint first = first_head + tile * WIDEST;
     uint count = min(group_heads - tile * WIDEST, WIDEST);
@@ -89,7 +90,9 @@ void main() {
 
     // A place for each entry, and one for a row of none.
     uint row_words = ROW_WORDS(width);
-    uint rows = rows_at + (tile * (entries + blocks) + from + block) * ROW_WORDS(TILE);
+    uint place_of_rows = tile * (run_entries + run_blocks) + from - tables[first_entry_at + first_block] + run_block;
+    uint capacity = gl_NumWorkGroups.y * run_blocks;
+    uint rows = WIDTHS * TILE_WORDS * capacity + place_of_rows * ROW_WORDS(TILE);
     uint row = rows;
     for (uint e = from; e < to; ++e) {
         uint target = tables[entries_at + 2u * e];
@@ -114,7 +117,7 @@ void main() {
     uint listed = (row - rows) / row_words;
     if (listed == 0u) {
         listed = 1u;
-        work[rows] = min(from, entries - 1u);
+        work[rows] = from < to ? from : any_entry;
         for (uint place = 0u; place < TILE; ++place) work[rows + 1u + place] = 0u;
     }
 

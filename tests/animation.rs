@@ -11,7 +11,7 @@ use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::import::{csv, obj};
 use deltamorph::{
     AnimationDesc, CrowdDesc, DeltaFormat, KeyFormat, PackDesc, PackedMesh, Playback, PoseFormat, Repeat, Tolerance,
-    UpdateMode,
+    UpdateMode, WeightClip, testing,
 };
 use scene::{FIXED, Scene, blocks, clips, crowd, fixed, packed, packed_streams};
 use std::sync::Arc;
@@ -226,6 +226,38 @@ fn thousands_of_heads_start_at_once() {
         scene.step(0.0);
         scene.step(0.7);
         [0, 2047, 2048, 2099].into_iter().for_each(|instance| scene.assert_fresh(instance));
+    });
+}
+
+/// The least there is: a mesh of one block, no head that is shown, no head at all.
+#[test]
+fn one_block_and_no_head_that_is_shown() {
+    let mesh = PackedMesh::pack(&testing::mesh(7, 4), &PackDesc::new(DeltaFormat::Fast)).expect("a mesh");
+    assert_eq!(blocks(&mesh), 1);
+    let (mesh, names) = (Arc::new(mesh), (0..4).map(|t| format!("target_{t}")).collect());
+    let values = (0..12).map(|i| i as f32 / 12.0).collect();
+    let clips = [WeightClip { name: "clip".into(), names, fps: 10.0, values }];
+    gpu::on_every_device(|headless, _| {
+        for instances in [1, 3] {
+            let desc = crowd(instances, fixed(PoseFormat::Fixed16, 2));
+            let mut scene = Scene::new(headless, &mesh, desc, &AnimationDesc::new(&clips));
+            let set_hidden = |scene: &mut Scene, hidden| scene.instances().for_each(|i| scene.hide(i, hidden));
+            set_hidden(&mut scene, true);
+            assert!(scene.step(0.0).0.is_empty() && scene.crowd.read_pose(0).is_err());
+            set_hidden(&mut scene, false);
+            scene.instances().for_each(|i| scene.play(i, Playback::new(0)));
+            assert_eq!(scene.step(0.05).0.len(), instances as usize);
+            scene.instances().for_each(|i| scene.assert_fresh(i));
+            let pose = scene.crowd.read_stored(0, 0).expect("a pose");
+            set_hidden(&mut scene, true);
+            assert!(scene.step(0.15).0.is_empty() && scene.step(0.16).0.is_empty());
+            assert!(pose == scene.crowd.read_stored(0, 0).expect("a pose"), "a hidden head keeps its pose");
+            scene.instances().for_each(|i| scene.remove(i));
+            assert!(scene.step(0.2).0.is_empty());
+            let added = scene.add();
+            assert_eq!(scene.step(0.25).0.len(), 1);
+            scene.assert_fresh(added);
+        }
     });
 }
 

@@ -3,14 +3,19 @@
 
 #[path = "common/gpu.rs"]
 mod gpu;
+#[path = "common/scene.rs"]
+mod scene;
 
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    AnimationDesc, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, MorphMesh, PackDesc, PackedMesh, PoseFormat,
-    UpdateDesc, WeightClip, testing,
+    AnimationDesc, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, MorphMesh, PackDesc, PackedMesh, Playback,
+    PoseFormat, UpdateDesc, UpdateMode, WeightClip, testing,
 };
 use gpu::{complaints, drivers};
+use scene::{Scene, crowd, fixed};
+use std::collections::BTreeSet;
+use std::sync::Arc;
 
 /// What the devices here offer, with at most so many bytes to a descriptor.
 fn headless(driver: &str, texels: bool, range: u64) -> Headless {
@@ -42,21 +47,20 @@ fn mesh() -> MorphMesh {
     mesh
 }
 
+/// Whether a driver's kernels for a format are not those of another driver or format.
+fn is_tried(driver: &str, texels: bool, format: DeltaFormat) -> bool {
+    match texels {
+        true => format == DeltaFormat::Fast,
+        false => driver == drivers()[0] || format == DeltaFormat::Small,
+    }
+}
+
 #[test]
 fn an_asset_beyond_the_storage_range_runs_in_parts() {
     let mesh = mesh();
     for (driver, texels) in drivers().into_iter().flat_map(|driver| [(driver.clone(), false), (driver, true)]) {
-        for format in DeltaFormat::BLOCKS {
+        for format in DeltaFormat::BLOCKS.into_iter().filter(|format| is_tried(&driver, texels, *format)) {
             let packed = PackedMesh::pack(&mesh, &PackDesc::new(format)).expect("a mesh");
-            // Each kernel once.
-            let once = if texels {
-                format == DeltaFormat::Fast
-            } else {
-                driver == drivers()[0] || format == DeltaFormat::Small
-            };
-            if !once {
-                continue;
-            }
             let all = [
                 (PoseFormat::Float32, 1),
                 (PoseFormat::Float32, 5),
@@ -94,19 +98,82 @@ fn an_asset_beyond_the_storage_range_runs_in_parts() {
     }
 }
 
+/// Heads of a crowd that is animated on the GPU play, are hidden and shown; updates are lost, or run together. Plans and
+/// poses are compared with the CPU's on the way. The poses at the end, and of which entries each work list is.
+fn animated(headless: &Headless, packed: &Arc<PackedMesh>, desc: CrowdDesc) -> (Vec<Vec<u8>>, Vec<usize>) {
+    let names = packed.layout().targets.iter().map(|target| target.name.clone()).collect();
+    let values = (0..5).flat_map(|f| frame(packed.layout().targets.len(), f, 0)).collect();
+    let clips = [WeightClip { name: "clip".into(), names, fps: 24.0, values }];
+    let mut scene = Scene::new(headless, packed, desc, &AnimationDesc::new(&clips));
+    for i in scene.instances().filter(|i| i % 4 != 3) {
+        scene.play(i, Playback::new(0).start(-0.07 * f64::from(i)));
+    }
+    for f in 0..6 {
+        let now = f64::from(f) / 30.0;
+        if f % 3 == 2 {
+            scene.hide(desc.instances - 1, !scene.is_hidden(desc.instances - 1));
+            scene.drop_one(now + 0.3);
+        }
+        if f == 4 {
+            scene.step_together(&[now - 0.01, now]);
+        } else {
+            scene.step(now);
+        }
+    }
+    scene.instances().step_by(5).for_each(|i| scene.assert_fresh(i));
+    let lists = scene.crowd.read_plan().expect("a plan").iter().map(|list| list.entries.start).collect();
+    (scene.instances().map(|i| scene.crowd.read_stored(i, 0).expect("a pose")).collect(), lists)
+}
+
+#[test]
+fn crowds_animated_on_the_gpu_run_in_parts() {
+    let mesh = mesh();
+    for (driver, texels) in drivers().into_iter().flat_map(|driver| [(driver.clone(), false), (driver, true)]) {
+        let formats = DeltaFormat::BLOCKS.into_iter().filter(|format| format.has_integers());
+        for format in formats.filter(|format| is_tried(&driver, texels, *format)) {
+            let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format)).expect("a mesh"));
+            let all = [
+                (PoseFormat::Fixed16, 12, UpdateMode::Incremental),
+                (PoseFormat::Fixed32, 3, UpdateMode::Incremental),
+                (PoseFormat::Fixed16, 1, UpdateMode::Rebuild),
+            ];
+            let some = match (format, texels) {
+                (DeltaFormat::Small, _) => &all[..],
+                (_, false) => &all[..1],
+                (_, true) => &all[1..2],
+            };
+            for &(pose, instances, mode) in some {
+                let desc = crowd(instances, fixed(pose, 2).mode(mode));
+                let [cut, whole] = [1 << 20, u64::MAX].map(|range| {
+                    let headless = headless(&driver, texels, range);
+                    let (poses, lists) = animated(&headless, &packed, desc);
+                    let messages = complaints(&headless);
+                    assert!(messages.is_empty(), "{driver} says:\n{}", messages.join("\n"));
+                    let parts: BTreeSet<usize> = lists.iter().copied().collect();
+                    assert_eq!(parts.len() > 1, range != u64::MAX, "{format:?}");
+                    poses
+                });
+                assert!(cut == whole, "{driver} {format:?} {desc:?}");
+            }
+        }
+    }
+}
+
 #[test]
 fn what_cannot_be_cut_is_refused() {
-    let packed = PackedMesh::pack(&mesh(), &PackDesc::new(DeltaFormat::Fast)).expect("a mesh");
-    let driver = &drivers()[0];
-    let device = headless(driver, false, 1 << 20);
-    let clip = WeightClip { name: "clip".into(), names: vec!["target_0".into()], fps: 30.0, values: vec![0.0, 1.0] };
-    let desc = CrowdDesc::new(UpdateDesc::blocks().pose(PoseFormat::Fixed16));
-    let error = HeadlessCrowd::animated(&device, &packed, &desc, &AnimationDesc::new(&[clip])).err().expect("refused");
-    assert!(error.to_string().contains("exceeds the storage range"), "{error}");
-    drop(device);
     let pose = 6016 * 24;
-    let device = headless(driver, false, pose);
+    let device = headless(&drivers()[0], false, pose);
     let large = PackedMesh::pack(&testing::mesh(64, 200), &PackDesc::new(DeltaFormat::BlockFloat32)).expect("a mesh");
     let error = HeadlessCrowd::new(&device, &large, &CrowdDesc::new(UpdateDesc::blocks())).err().expect("refused");
     assert!(error.to_string().contains("a block takes"), "{error}");
+    // The poses of one head have to be within reach of a descriptor.
+    let packed = PackedMesh::pack(&mesh(), &PackDesc::new(DeltaFormat::Small)).expect("a mesh");
+    let desc = |slots| crowd(2, fixed(PoseFormat::Fixed32, slots));
+    let (clips, words) = ([], ["the slots of one instance", "288768 bytes", "use fewer slots, or split the mesh"]);
+    let animated = HeadlessCrowd::animated(&device, &packed, &desc(2), &AnimationDesc::new(&clips));
+    for error in [animated.err(), HeadlessCrowd::new(&device, &packed, &desc(2)).err()] {
+        let text = error.expect("refused").to_string();
+        assert!(words.iter().all(|words| text.contains(words)), "{text}");
+    }
+    HeadlessCrowd::animated(&device, &packed, &desc(1), &AnimationDesc::new(&clips)).expect("a crowd in one slot");
 }

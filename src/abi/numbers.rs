@@ -26,6 +26,8 @@ shared! {
     REBUILT: u32 = 1 << 31;
     /// Instances of a tile, at most.
     TILE: usize = 8;
+    /// Widths of tiles: 2 to the power of 0, 1, 2, 3.
+    WIDTHS: usize = TILE.ilog2() as usize + 1;
     /// Words of a tile: block, first row word, rows, which instances start from the base pose, and a word for each
     /// instance.
     TILE_WORDS: usize = 4 + TILE;

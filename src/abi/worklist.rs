@@ -1,12 +1,10 @@
 //! Work lists word by word: items with masks and elements (blocks.comp), tiles with rows (crowd.comp, plan.comp).
 
 use super::numbers::REBUILT;
-pub use super::numbers::{ALIGN, ITEM_WORDS, TILE, TILE_WORDS};
+pub use super::numbers::{ALIGN, ITEM_WORDS, TILE, TILE_WORDS, WIDTHS};
 
 /// Bytes of an element.
 pub const ELEMENT_BYTES: usize = size_of::<Element>();
-/// Widths of tiles: 2 to the power of 0, 1, 2, 3.
-pub const WIDTHS: usize = TILE.ilog2() as usize + 1;
 /// Poses that a list can name: 16 bits each for source and destination.
 pub const POSES_MAX: u64 = 1 << 16;
 

@@ -218,7 +218,11 @@ fn of_list(list: &WorkList) -> Plan {
 /// The plan that the GPU's lists hold; their form is checked on the way.
 fn of_groups(groups: &[PlannedGroup], slots: u32, widest: u32, mesh: &PackedMesh) -> Plan {
     let (mut plan, mut tiles) = (Plan::new(), BTreeSet::new());
-    let blocks = blocks(mesh) as u32;
+    // Lists are of all blocks, and of each once.
+    let mut planned: Vec<_> = groups.iter().filter(|group| group.instances.0 == 0).map(|group| &group.blocks).collect();
+    planned.sort_by_key(|blocks| blocks.start);
+    assert!(planned.windows(2).all(|two| two[0].end == two[1].start) && planned[0].start == 0);
+    assert_eq!(planned.last().map(|last| last.end), Some(blocks(mesh)));
     for group in groups {
         for (size, &count) in group.counts.iter().enumerate() {
             let width = 1usize << size;
@@ -229,11 +233,13 @@ fn of_groups(groups: &[PlannedGroup], slots: u32, widest: u32, mesh: &PackedMesh
                 let stride = row_words(width.ilog2() as usize);
                 let rows = group.words[first..][..rows * stride].chunks_exact(stride);
                 let rows: Vec<&[u32]> = rows.map(|row| &row[..=width]).collect();
+                assert!(rows.iter().all(|row| group.entries.contains(&(row[0] as usize))), "entries that are bound");
                 // There is one at least.
                 let idle = rows.len() == 1 && rows[0][1..].iter().all(|c| *c == 0);
                 let rows = &rows[usize::from(idle)..];
                 assert!(idle || !rows.is_empty());
-                assert!(block < blocks && rows.windows(2).all(|w| w[0][0] < w[1][0]), "entries ascend");
+                let is_planned = group.blocks.contains(&(block as usize));
+                assert!(is_planned && rows.windows(2).all(|w| w[0][0] < w[1][0]), "entries ascend");
                 assert!(rows.iter().all(|row| row[1..].iter().any(|c| *c != 0)), "no row is idle");
                 let mut used = width;
                 while used > 1 && poses[used - 1] == poses[used - 2] {

@@ -1,23 +1,71 @@
-//! Where everything is in the buffers of an animated crowd: groups of instances, their work lists, tables, state.
+//! Where everything is in the buffers of an animated crowd: tables, state, and the work lists that are planned.
 
 use super::clips::{Budget, Clips};
 use crate::abi::numbers::{BIT_KINDS, BIT_KINDS_BUDGET, RECORD_WORDS, WORKGROUP};
 use crate::abi::push::AnimationPush;
 use crate::abi::worklist::{TILE_WORDS, WIDTHS, row_words};
 use crate::error::Result;
+use crate::gpu::parts::AssetPart;
 use crate::pack::blocks::BlockIndex;
 use crate::plan::UpdateMode;
 use crate::update::blocks::gpu::set_size;
 use crate::update::technique::Context;
+use std::ops::Range;
 
-/// A group of the mesh: its instances are split into groups that one descriptor set reaches, each with a work list.
+/// Blocks that are planned and dispatched together: of one part of the asset, and as many as a descriptor covers the work
+/// list of.
+pub(super) struct Run {
+    /// The part.
+    pub(super) part: usize,
+    pub(super) blocks: Range<usize>,
+    /// Their entries.
+    entries: usize,
+    /// The entries that lie in the part.
+    pub(super) bound: Range<usize>,
+    /// Where its work list begins among those of a set, in bytes.
+    offset: u64,
+}
+
+impl Run {
+    /// The runs of a mesh of which descriptors cover `most` bytes.
+    fn cut(index: &BlockIndex, parts: &[AssetPart], most: u64) -> Vec<Self> {
+        let mut runs: Vec<Self> = vec![];
+        for (part, asset) in parts.iter().enumerate() {
+            for block in asset.blocks.clone() {
+                let run = |first: usize| {
+                    let entries = index.entries(block).end - index.entries(first).start;
+                    Self { part, blocks: first..block + 1, entries, bound: asset.entries.clone(), offset: 0 }
+                };
+                match runs.last_mut().map(|last| (run(last.blocks.start), last)) {
+                    Some((longer, last)) if last.part == part && longer.list_bytes(1) <= most => *last = longer,
+                    Some(_) | None => runs.push(run(block)),
+                }
+            }
+        }
+        runs
+    }
+
+    /// Bytes of a work list of so many tiles: an item of each width for each block, a row for each entry, and one for a
+    /// block without any.
+    fn list_bytes(&self, tiles: u32) -> u64 {
+        let items = WIDTHS * TILE_WORDS * self.blocks.len();
+        let rows = row_words(WIDTHS - 1) * (self.entries + self.blocks.len());
+        (4 * u64::from(tiles) * (items + rows) as u64).next_multiple_of(256)
+    }
+}
+
+/// A group of the mesh. Its instances are split into sets that one descriptor reaches, its blocks into runs; each run of
+/// each set is planned into a work list of its own, and has dispatches of its own.
 pub(super) struct GroupLayout {
     instances: u32,
-    /// Instances of a group; the last may have fewer.
+    /// Instances of a set; the last may have fewer.
     size: u32,
-    /// Bytes of a group's work list.
-    pub(super) stride: u64,
-    /// Push constants, but for the group of instances; clock and slots are those of the last update.
+    /// Instances of a tile.
+    widest: u32,
+    runs: Vec<Run>,
+    /// Bytes of the work lists of a set.
+    stride: u64,
+    /// Push constants, but for what one of the dispatches that plan is for; clock and slots are those of the last update.
     pub(super) push: AnimationPush,
 }
 
@@ -27,58 +75,107 @@ impl GroupLayout {
     fn new(context: &Context<'_>, push: AnimationPush, tables: &mut Words, state: &mut Words) -> Result<Self> {
         let (caps, instances, index) = (context.caps(), context.desc.instances, context.layout().index()?);
         let (blocks, entries) = (index.count() as u64, index.entry_count() as u64);
-        // Of a tile: an item of each width for each block, a row for each entry, and one for a block without any.
-        let items = (WIDTHS * TILE_WORDS) as u64 * blocks;
-        let rows = row_words(WIDTHS - 1) as u64 * (entries + blocks);
-        let list = 4 * (items + rows);
-        // The list of a group is rounded up to whole 256 bytes, and still has to be within reach.
-        let tiles = (caps.max_storage_range / 256 * 256 / list).min(caps.max_workgroups.into());
-        let widest = u64::from(caps.tuning.widest_tile);
-        let size = set_size(context, tiles.max(1) * widest)?;
-        context.check_range("the work lists of eight instances", list.next_multiple_of(256), "split the mesh")?;
+        let mut runs = Run::cut(index, &context.mesh.parts, caps.max_storage_range);
+        let list = runs.iter().map(|run| run.list_bytes(1)).max().unwrap_or(0);
+        context.check_range("the work lists of eight instances", list, "split the mesh")?;
         let planning = blocks.div_ceil(WORKGROUP.into());
         let what = format!("planning mesh '{}' takes", context.layout().name);
         caps.check_limit(&what, (planning, "workgroups", caps.max_workgroups.into()), "split the mesh")?;
-        let tiles = u64::from(size).div_ceil(widest);
-        let capacity = tiles * blocks;
+        let (tiles, widest) =
+            ((caps.max_storage_range / list).min(caps.max_workgroups.into()), caps.tuning.widest_tile);
+        let size = set_size(context, tiles * u64::from(widest))?;
+        let (tiles, sets) = (size.div_ceil(widest), instances.div_ceil(size));
+        let mut stride = 0;
+        for run in &mut runs {
+            run.offset = stride;
+            stride += run.list_bytes(tiles);
+        }
+        let items = runs.iter().map(|run| tiles * run.blocks.len() as u32).max().unwrap_or(0);
         // `Layout::new` refuses offsets beyond 32 bits.
         let push = AnimationPush {
             blocks: blocks as u32,
-            entries: entries as u32,
             block_targets_at: tables.add(blocks * u64::from(push.words)),
             first_entry_at: tables.add(index.parts.first_entry.len() as u64),
             entries_at: tables.add(2 * entries),
             history_at: state.add(blocks * u64::from(instances)),
-            capacity: capacity as u32,
-            rows_at: ((WIDTHS * TILE_WORDS) as u64 * capacity) as u32,
-            counters: instances.div_ceil(size) * WIDTHS as u32,
-            chunks: capacity.div_ceil(caps.max_workgroups.into()).max(1) as u32,
+            counters: sets * (runs.len() * WIDTHS) as u32,
+            chunks: items.div_ceil(caps.max_workgroups).max(1),
             ..push
         };
-        Ok(Self { instances, size, stride: (tiles * list).max(16).next_multiple_of(256), push })
+        Ok(Self { instances, size, widest, runs, stride, push })
     }
 
-    /// Groups of instances.
-    pub(super) fn count(&self) -> u32 {
+    /// Sets of instances.
+    fn sets(&self) -> u32 {
         self.instances.div_ceil(self.size)
     }
 
-    /// First instance of a group, and how many it has.
-    pub(super) fn get(&self, group: u32) -> (u32, u32) {
-        let first = group * self.size;
+    /// Work lists: `[set][run]`.
+    pub(super) fn lists(&self) -> u32 {
+        self.sets() * self.runs.len() as u32
+    }
+
+    /// The set of instances and the run of blocks that a work list is for.
+    pub(super) fn get(&self, list: u32) -> (u32, &Run) {
+        let runs = self.runs.len() as u32;
+        (list / runs, &self.runs[(list % runs) as usize])
+    }
+
+    /// First instance of a set, and how many it has.
+    pub(super) fn instances(&self, set: u32) -> (u32, u32) {
+        let first = set * self.size;
         (first, self.size.min(self.instances - first))
     }
 
-    /// Where the arguments of a dispatch are in the control buffer, in bytes.
-    pub(super) fn arguments(&self, group: u32, width: usize, chunk: u32) -> u64 {
+    /// Tiles of instances of a set.
+    fn tiles(&self, set: u32) -> u32 {
+        self.instances(set).1.div_ceil(self.widest)
+    }
+
+    /// Tiles of a width that a work list has room for.
+    pub(super) fn capacity(&self, list: u32) -> u32 {
+        let (set, run) = self.get(list);
+        self.tiles(set) * run.blocks.len() as u32
+    }
+
+    /// Where a work list is, in bytes, and how many it has.
+    pub(super) fn place(&self, list: u32) -> (u64, u64) {
+        let (set, run) = self.get(list);
+        (u64::from(set) * self.stride + run.offset, run.list_bytes(self.tiles(0)))
+    }
+
+    /// Bytes of all work lists.
+    pub(super) fn list_bytes(&self) -> u64 {
+        u64::from(self.sets()) * self.stride
+    }
+
+    /// Push constants and workgroups that plan a work list.
+    pub(super) fn plan(&self, list: u32) -> (AnimationPush, [u32; 2]) {
+        let (set, run) = self.get(list);
+        let (first_head, group_heads) = self.instances(set);
+        let push = AnimationPush {
+            first_head,
+            group_heads,
+            first_block: run.blocks.start as u32,
+            run_blocks: run.blocks.len() as u32,
+            run_entries: run.entries as u32,
+            any_entry: run.bound.start as u32,
+            first_counter: list * WIDTHS as u32,
+            ..self.push
+        };
+        (push, [push.run_blocks.div_ceil(WORKGROUP), self.tiles(set)])
+    }
+
+    /// Where the arguments of a dispatch for a work list are in the control buffer, in bytes.
+    pub(super) fn arguments(&self, list: u32, width: u32, chunk: u32) -> u64 {
         let AnimationPush { counters, chunks, .. } = self.push;
-        let dispatch = u64::from(group * WIDTHS as u32 + width as u32) * u64::from(chunks) + u64::from(chunk);
+        let dispatch = u64::from(list * WIDTHS as u32 + width) * u64::from(chunks) + u64::from(chunk);
         4 * (u64::from(counters) + 3 * dispatch)
     }
 
     /// Bytes of counters and arguments.
     pub(super) fn control_bytes(&self) -> u64 {
-        self.arguments(self.count(), 0, 0)
+        self.arguments(self.lists(), 0, 0)
     }
 }
 
@@ -171,5 +268,36 @@ impl Layout {
             words.extend(entries.flat_map(|(&target, cost)| [target, cost.bytes]));
         }
         words
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
+    use crate::testing;
+
+    /// Work lists may take more than the parts of the asset, where entries are small: runs are cut to what fits.
+    #[test]
+    fn runs_are_cut_at_parts_and_where_their_lists_exceed_the_range() {
+        let mesh = PackedMesh::pack(&testing::mesh(3000, 20), &PackDesc::new(DeltaFormat::Small)).unwrap();
+        let (layout, group) = (mesh.layout(), &mesh.groups()[0]);
+        let index = layout.index().unwrap();
+        let parts = AssetPart::cut(layout, group.deltas(), 60_000).unwrap();
+        assert!(parts.len() > 2);
+        let whole = Run::cut(index, &parts, u64::MAX);
+        assert!(whole.iter().map(|run| run.part).eq(0..parts.len()), "a run for each part");
+        let most = whole[0].list_bytes(1) / 3;
+        let runs = Run::cut(index, &parts, most);
+        assert!(runs.len() > 2 * parts.len());
+        let mut next = 0;
+        for run in &runs {
+            let part = &parts[run.part];
+            assert!(run.blocks.start == next && part.blocks.start <= next && run.blocks.end <= part.blocks.end);
+            assert!(run.list_bytes(1) <= most && run.bound == part.entries);
+            assert_eq!(run.entries, run.blocks.clone().map(|block| index.entries(block).len()).sum());
+            next = run.blocks.end;
+        }
+        assert_eq!(next, index.count());
     }
 }

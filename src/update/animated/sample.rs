@@ -11,7 +11,7 @@
 //! Looping clips take whole frames modulo their number, and the frame after the last is the first; others hold their last
 //! frame. A clip played backwards counts its frames from the end. [`Playbacks`](super::Playbacks) starts records anew,
 //! exactly where they are, long before `elapsed` runs out of bits. With k₀ and k₁ the keys of this frame and the next, in
-//! steps of the mesh's [`ExactGrid`](crate::pack::blocks::ExactGrid), and f the upper 16 bits of the fraction,
+//! steps of the mesh's [`PoseGrid`](crate::pack::blocks::PoseGrid), and f the upper 16 bits of the fraction,
 //!
 //! ```text
 //! weight = k₀ + ⌊((k₁ − k₀) · f + 2¹⁵) / 2¹⁶⌋          in steps

@@ -9,8 +9,10 @@ use super::steps::{AnimatedKernel, AnimatedUpdate, UPLOADED};
 use crate::abi::modules;
 use crate::abi::numbers::WORKGROUP;
 use crate::abi::push::AnimationPush;
-use crate::abi::worklist::{TILE_WORDS, WIDTHS};
-use crate::error::{Error, Result};
+use crate::abi::worklist::TILE_WORDS;
+#[cfg(feature = "headless")]
+use crate::abi::worklist::WIDTHS;
+use crate::error::Result;
 use crate::gpu::barriers;
 use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
@@ -20,7 +22,7 @@ use crate::plan::UpdateStats;
 use crate::plan::instances::Instances;
 use crate::plan::schedule::Barrier;
 use crate::plan::steps::{Steps, Work};
-use crate::update::blocks::gpu::{BlocksKernels, GroupBlocks, LIST_USAGE};
+use crate::update::blocks::gpu::{BlocksKernels, Bound, GroupBlocks, LIST_USAGE};
 use crate::update::technique::{Context, Technique, UpdateId};
 use ash::vk;
 use bytemuck::bytes_of;
@@ -67,7 +69,7 @@ struct Group {
     #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
     work: Buffer,
     control: Buffer,
-    /// Of what [`Planning`] reads and writes, for each group of instances.
+    /// Of what [`Planning`] reads and writes, for each work list.
     sets: Sets,
 }
 
@@ -81,38 +83,36 @@ impl Group {
     /// Buffers and sets of a group; `common` are tables and state.
     fn new(context: Context<'_>, planning: &Objects, layout: GroupLayout, common: &[BufferRange; 2]) -> Result<Self> {
         let device = context.device;
-        if context.mesh.parts.len() > 1 {
-            let what = format!("mesh '{}', which exceeds the storage range,", context.layout().name);
-            let remedy = "pack in a smaller format, split the mesh, or set weights on the CPU (create_crowd)";
-            return Err(Error::invalid(format!("{what} in a crowd animated on the GPU"), remedy));
-        }
         // Tiles are filled up to the next width, so that there has to be one.
         let instances = context.desc.instances.max(2).next_power_of_two();
         let kernels = BlocksKernels::new(&context, instances, 0)?;
-        let list_bytes = layout.stride * u64::from(layout.count());
-        let work = on_device(device, "deltamorph planned work", list_bytes, LIST_USAGE)?;
+        let work = on_device(device, "deltamorph planned work", layout.list_bytes(), LIST_USAGE)?;
         let arguments = vk::BufferUsageFlags::INDIRECT_BUFFER;
         let control = on_device(device, "deltamorph dispatches", layout.control_bytes(), arguments)?;
-        let (mut bound, mut lists) = (vec![], vec![]);
-        for set in 0..layout.count() {
-            let (first, count) = layout.get(set);
-            let list = BufferRange { buffer: work.raw, offset: u64::from(set) * layout.stride, size: layout.stride };
-            let control = BufferRange::new(control.raw, 0, layout.control_bytes());
-            bound.push([common[0], common[1], list, control]);
-            lists.push((list, first, count));
+        let (mut planned, mut bound) = (vec![], vec![]);
+        for list in 0..layout.lists() {
+            let ((set, run), (offset, size)) = (layout.get(list), layout.place(list));
+            let list = BufferRange::new(work.raw, offset, size);
+            planned.push([common[0], common[1], list, BufferRange::new(control.raw, 0, layout.control_bytes())]);
+            bound.push(Bound { part: run.part, list, instances: layout.instances(set) });
         }
         Ok(Self {
-            sets: planning.sets(&bound)?,
-            blocks: GroupBlocks::new(&context, kernels, &lists, 0)?,
+            sets: planning.sets(&planned)?,
+            blocks: GroupBlocks::new(&context, kernels, &bound, 0)?,
             layout,
             work,
             control,
         })
     }
 
-    /// Dispatches of blocks, `[group of instances][width][chunk]`.
+    /// Dispatches of the blocks of a work list, `[width][chunk]`.
+    fn dispatches_of_list(&self) -> u32 {
+        self.blocks.how.widths * self.layout.push.chunks
+    }
+
+    /// Dispatches of blocks, `[work list][width][chunk]`.
     fn dispatches(&self) -> u32 {
-        self.layout.count() * self.blocks.how.widths * self.layout.push.chunks
+        self.layout.lists() * self.dispatches_of_list()
     }
 }
 
@@ -194,15 +194,15 @@ impl Animated {
     /// As [`Technique::record`].
     unsafe fn record_blocks(&self, cmd: vk::CommandBuffer, work: &Work) {
         let group = &self.groups[work.group as usize];
-        let AnimationPush { chunks, chunk_items, capacity, .. } = group.layout.push;
+        let (layout, AnimationPush { chunks, chunk_items, .. }) = (&group.layout, group.layout.push);
         // Other groups may have more of them.
         for dispatch in work.items.start..work.items.end.min(group.dispatches()) {
             let (chunk, rest) = (dispatch % chunks, dispatch / chunks);
-            let (width, set) = (rest % group.blocks.how.widths, rest / group.blocks.how.widths);
-            let item = (width * capacity + chunk * chunk_items) * TILE_WORDS as u32;
-            let arguments = Workgroups::At(group.control.raw, group.layout.arguments(set, width as usize, chunk));
+            let (width, list) = (rest % group.blocks.how.widths, rest / group.blocks.how.widths);
+            let item = (width * layout.capacity(list) + chunk * chunk_items) * TILE_WORDS as u32;
+            let arguments = Workgroups::At(group.control.raw, layout.arguments(list, width, chunk));
             // SAFETY: the caller's obligations; the arguments lie within the buffer, which is one of arguments.
-            unsafe { group.blocks.dispatch(cmd, set as usize, width, item, arguments) };
+            unsafe { group.blocks.dispatch(cmd, list as usize, width as usize, item, arguments) };
         }
     }
 
@@ -236,28 +236,27 @@ impl Technique for Animated {
     unsafe fn record(&self, cmd: vk::CommandBuffer, _frame: u64, work: &Work) {
         let (group, what) = (&self.groups[work.group as usize], AnimatedKernel::ALL[work.kernel as usize]);
         let (layout, push, caps) = (&group.layout, &group.layout.push, &self.device.caps);
-        let blocks = push.blocks.div_ceil(WORKGROUP);
-        // Planning is for the instances of one set at a time, the rest for all of them.
-        for set in 0..if what == AnimatedKernel::Plan { layout.count() } else { 1 } {
-            let (first_head, group_heads) = layout.get(set);
-            let workgroups = match what {
+        // Planning is for one work list at a time, the rest for all of them.
+        for list in 0..if what == AnimatedKernel::Plan { layout.lists() } else { 1 } {
+            let (push, workgroups) = match what {
                 // In two dimensions where one does not hold them.
                 AnimatedKernel::Sample | AnimatedKernel::Commit => {
                     let words = u64::from(push.heads) * u64::from(push.words);
                     let groups = words.div_ceil(WORKGROUP.into()).max(1);
                     let x = groups.min(caps.max_workgroups.into());
-                    [x as u32, groups.div_ceil(x) as u32]
+                    (*push, [x as u32, groups.div_ceil(x) as u32])
                 }
-                AnimatedKernel::Budget => [blocks, push.heads.min(caps.max_workgroups)],
-                AnimatedKernel::Plan => [blocks, group_heads.div_ceil(caps.tuning.widest_tile)],
-                AnimatedKernel::Arguments => [1, 1],
+                AnimatedKernel::Budget => {
+                    (*push, [push.blocks.div_ceil(WORKGROUP), push.heads.min(caps.max_workgroups)])
+                }
+                AnimatedKernel::Plan => layout.plan(list),
+                AnimatedKernel::Arguments => (*push, [1, 1]),
                 // SAFETY: the caller's obligations.
                 AnimatedKernel::Records => return unsafe { self.record_records(cmd) },
                 // SAFETY: the caller's obligations.
                 AnimatedKernel::Blocks => return unsafe { self.record_blocks(cmd, work) },
             };
-            let push = AnimationPush { first_head, group_heads, first_counter: set * WIDTHS as u32, ..*push };
-            let (set, workgroups) = (group.sets.get(set as usize), Workgroups::Of(workgroups));
+            let (set, workgroups) = (group.sets.get(list as usize), Workgroups::Of(workgroups));
             // SAFETY: the caller's obligations; sets and push constants were made for these buffers, and workgroups
             // are no more than the device allows.
             unsafe { self.planning.objects.dispatch(cmd, what as usize, (set, &[]), bytes_of(&push), workgroups) };
@@ -298,13 +297,17 @@ impl Technique for Animated {
     }
 }
 
-/// What the GPU planned for a group of instances, as it lies in memory: see `glsl/plan.comp`.
+/// What the GPU planned for a set of instances and a run of blocks, as it lies in memory: see `glsl/plan.comp`.
 #[cfg(feature = "headless")]
 #[doc(hidden)]
 #[derive(Clone, Debug)]
 pub struct PlannedGroup {
-    /// First instance of the group, and how many it has.
+    /// First instance of the set, and how many it has.
     pub instances: (u32, u32),
+    /// The blocks.
+    pub blocks: Range<usize>,
+    /// The entries that rows may name: those of the part of the asset that is bound.
+    pub entries: Range<usize>,
     /// Items of each width: 1, 2, 4, 8 instances.
     pub counts: [u32; WIDTHS],
     /// Items of a width that there is room for: where the next width's begin.
@@ -321,17 +324,19 @@ impl Animated {
         mut read: impl FnMut((vk::Buffer, u64, u64)) -> Result<Vec<u32>>,
     ) -> Result<Vec<PlannedGroup>> {
         let Group { layout, work, control, .. } = &self.groups[0];
-        let plan = |group: u32| {
+        let plan = |list: u32| {
             let mut counts = [0; WIDTHS];
-            for (width, count) in counts.iter_mut().enumerate() {
+            for (width, count) in (0..).zip(&mut counts) {
                 let bytes = 12 * u64::from(layout.push.chunks);
-                let arguments = read((control.raw, layout.arguments(group, width, 0), bytes))?;
+                let arguments = read((control.raw, layout.arguments(list, width, 0), bytes))?;
                 *count = arguments.chunks_exact(3).map(|xyz| xyz[0]).sum();
             }
-            let words = read((work.raw, u64::from(group) * layout.stride, layout.stride))?;
-            Ok(PlannedGroup { instances: layout.get(group), counts, capacity: layout.push.capacity as usize, words })
+            let ((set, run), (offset, bytes)) = (layout.get(list), layout.place(list));
+            let (words, capacity) = (read((work.raw, offset, bytes))?, layout.capacity(list) as usize);
+            let (instances, blocks, entries) = (layout.instances(set), run.blocks.clone(), run.bound.clone());
+            Ok(PlannedGroup { instances, blocks, entries, counts, capacity, words })
         };
-        (0..layout.count()).map(plan).collect()
+        (0..layout.lists()).map(plan).collect()
     }
 
     /// The weights of an instance: buffer, offset, size.

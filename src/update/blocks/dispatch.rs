@@ -39,7 +39,7 @@ const USES: &[Use] = &[Use::read(Resource::Asset), Use::read(Resource::Poses), U
 pub(crate) type BlockPart = (Range<usize>, Range<usize>);
 
 /// Kernels of tiles: widths, and whether instances start from the base pose.
-const KERNELS: usize = 2 * WIDTHS;
+pub(super) const KERNELS: usize = 2 * WIDTHS;
 
 /// The dispatches of an update of a group.
 pub(crate) struct Dispatches {
@@ -48,7 +48,7 @@ pub(crate) struct Dispatches {
     group: u32,
     works: Vec<Work>,
     /// Of the asset: a dispatch is for the blocks of one.
-    parts: Vec<BlockPart>,
+    pub parts: Vec<BlockPart>,
     /// For kernels that take several instances at once.
     pub tiles: Option<Tiles>,
 }

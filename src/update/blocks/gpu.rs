@@ -95,6 +95,16 @@ impl BlocksKernels {
     }
 }
 
+/// What a descriptor set of blocks names.
+pub(crate) struct Bound {
+    /// A part of the asset.
+    pub(crate) part: usize,
+    /// A work list.
+    pub(crate) list: BufferRange,
+    /// The first of its instances, and how many it has.
+    pub(crate) instances: (u32, u32),
+}
+
 /// The blocks of a group.
 pub(crate) struct GroupBlocks {
     pub(crate) how: Dispatching,
@@ -102,19 +112,17 @@ pub(crate) struct GroupBlocks {
     pub(super) poses: Poses,
     /// Of a mesh without entries: an entry that moves nothing, for the row that tiles have at least.
     _no_entry: Option<Buffer>,
-    /// For each work list one for each part of the asset.
     sets: Sets,
-    /// For each part of the asset.
+    /// One for each set.
     pushes: Vec<BlocksPush>,
 }
 
 impl GroupBlocks {
-    /// `lists`: the work lists, each of so many instances from the first on. `elements_at`: where elements or rows begin
-    /// in them, in words.
+    /// `elements_at`: where elements or rows begin in work lists, in words.
     pub(crate) fn new(
         context: &Context<'_>,
         BlocksKernels { how, kernels }: BlocksKernels,
-        lists: &[(BufferRange, u32, u32)],
+        bound: &[Bound],
         elements_at: usize,
     ) -> Result<Self> {
         let (layout, poses, index) = (context.layout(), context.poses, context.layout().index()?);
@@ -145,43 +153,40 @@ impl GroupBlocks {
         };
         let no_entry = (how.widths > 0 && index.entry_count() == 0).then(no_entry).transpose()?;
         let parts = &context.mesh.parts;
-        let bound = |&(list, first, count): &(BufferRange, u32, u32)| {
+        let ranges = |&Bound { part, list, instances: (first, count) }: &Bound| {
+            let asset = match &no_entry {
+                Some(entry) => BufferRange::new(entry.raw, 0, vk::WHOLE_SIZE),
+                None => parts[part].range(context.mesh.deltas.raw),
+            };
             // To be loaded as texels, poses are bound once more.
             let poses = std::iter::repeat_n(poses.range(first, count), if how.texels { 2 } else { 1 });
-            let asset = |part: &AssetPart| match &no_entry {
-                Some(entry) => BufferRange::new(entry.raw, 0, vk::WHOLE_SIZE),
-                None => part.range(context.mesh.deltas.raw),
-            };
-            let set = |part| [asset(part), list].into_iter().chain(poses.clone()).collect::<Vec<_>>();
-            parts.iter().map(set).collect::<Vec<_>>()
+            [asset, list].into_iter().chain(poses).collect::<Vec<_>>()
         };
-        let bound: Vec<_> = lists.iter().flat_map(bound).collect();
-        let (sets, pushes) = (kernels[0].objects.sets(&bound)?, parts.iter().map(push).collect());
+        let sets = kernels[0].objects.sets(&bound.iter().map(ranges).collect::<Vec<_>>())?;
+        let pushes = bound.iter().map(|bound| push(&parts[bound.part])).collect();
         Ok(Self { how, kernels, poses, _no_entry: no_entry, sets, pushes })
     }
 
     /// Record a dispatch of kernel number `kernel` (a width, or from [`WIDTHS`] on, a width for tiles that start from the
-    /// base pose; as many for each part of the asset) for the work list of this number, from the word `first_item` on.
+    /// base pose) with set number `set`, for its work list from the word `first_item` on.
     ///
     /// # Safety
     /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
     /// - The group, its mesh and its poses live until the dispatch has run; the list is complete by then, and names
-    ///   blocks, entries and slots that there are.
+    ///   slots that there are, and blocks and entries of the part.
     /// - There are no more workgroups than the device allows.
     pub(crate) unsafe fn dispatch(
         &self,
         cmd: vk::CommandBuffer,
-        list: usize,
-        kernel: u32,
+        set: usize,
+        kernel: usize,
         first_item: u32,
         workgroups: Workgroups,
     ) {
-        let (part, rebuilt) = (kernel as usize / WIDTHS / 2, kernel as usize / WIDTHS % 2);
-        let kernel = kernel as usize % WIDTHS;
-        let push = BlocksPush { first_item, ..self.pushes[part] };
-        let set = self.sets.get(list * self.pushes.len() + part);
+        let (width, rebuilt) = (kernel % WIDTHS, kernel / WIDTHS);
+        let (set, push) = (self.sets.get(set), BlocksPush { first_item, ..self.pushes[set] });
         // SAFETY: the caller's obligations; the layout of the set is the same for all kernels of a module, and the push
         // constants fill its range.
-        unsafe { self.kernels[kernel].objects.dispatch(cmd, rebuilt, (set, &[]), bytes_of(&push), workgroups) };
+        unsafe { self.kernels[width].objects.dispatch(cmd, rebuilt, (set, &[]), bytes_of(&push), workgroups) };
     }
 }

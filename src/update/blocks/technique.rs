@@ -1,7 +1,7 @@
 //! A crowd on the path `blocks`, planned on the CPU: work lists, and what each block holds.
 
-use super::dispatch::{Dispatches, Tiles};
-use super::gpu::{BlocksKernels, GroupBlocks, LIST_USAGE, set_size};
+use super::dispatch::{BlockPart, Dispatches, KERNELS, Tiles};
+use super::gpu::{BlocksKernels, Bound, GroupBlocks, LIST_USAGE, set_size};
 use super::group::{GroupPlan, Item, WorkList};
 use super::plan::Planner;
 use crate::abi::worklist::{self, ELEMENT_BYTES, ITEM_WORDS, TILE_WORDS};
@@ -26,7 +26,7 @@ pub(crate) struct BlocksTechnique {
 struct Group {
     blocks: GroupBlocks,
     dispatches: Dispatches,
-    /// Work lists: items, then elements; or tiles, then rows. `blocks` has the descriptor sets of a frame side by side.
+    /// Work lists: items, then elements; or tiles, then rows. `blocks` has descriptor sets `[frame][instances][part]`.
     ring: Ring,
     sets_of_frame: u32,
     /// Words of an item or tile.
@@ -49,7 +49,8 @@ impl Group {
     fn new(context: Context<'_>, number: u32, planner: &mut GroupPlan) -> Result<Self> {
         let (desc, index, instances) = (context.desc, &planner.index, context.desc.instances as usize);
         let reach = set_size(&context, u64::MAX)?;
-        let parts = context.mesh.parts.iter().map(|part| (part.blocks.clone(), part.entries.clone())).collect();
+        let parts = context.mesh.parts.iter().map(|part| (part.blocks.clone(), part.entries.clone()));
+        let parts: Vec<BlockPart> = parts.collect();
         let kernels = BlocksKernels::new(&context, desc.instances, reach)?;
         planner.whole_blocks |= kernels.how.widths > 0;
         let (item_words, element_words) = match planner.whole_blocks {
@@ -62,13 +63,16 @@ impl Group {
         let part = Ring::part_bytes(4 * (elements_at + element_words) as u64);
         context.check_range(&format!("the work lists of {instances} instances"), part, "make several crowds")?;
         let ring = Ring::new(context.device, "deltamorph work lists", part, desc.frames_in_flight, LIST_USAGE)?;
-        let first = (0..desc.frames_in_flight)
-            .flat_map(|frame| (0..desc.instances).step_by(reach as usize).map(move |first| (frame, first)));
-        let list = |(frame, first): (u32, u32)| (ring.range(frame.into()), first, reach.min(desc.instances - first));
-        let lists: Vec<_> = first.map(list).collect();
+        let mut bound = vec![];
+        for frame in 0..desc.frames_in_flight {
+            for first in (0..desc.instances).step_by(reach as usize) {
+                let (list, instances) = (ring.range(frame.into()), (first, reach.min(desc.instances - first)));
+                bound.extend((0..parts.len()).map(|part| Bound { part, list, instances }));
+            }
+        }
         Ok(Self {
             dispatches: Dispatches::new(kernels.how, number, planner, instances, parts),
-            blocks: GroupBlocks::new(&context, kernels, &lists, elements_at)?,
+            blocks: GroupBlocks::new(&context, kernels, &bound, elements_at)?,
             ring,
             sets_of_frame: desc.instances.div_ceil(reach),
             item_words,
@@ -123,10 +127,13 @@ impl Technique for BlocksTechnique {
     unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work) {
         let group = &self.groups[work.group as usize];
         let first_item = (group.dispatches.place(work) * group.item_words) as u32;
+        let (part, kernel) = (work.kernel as usize / KERNELS, work.kernel as usize % KERNELS);
         let list = (frame * u64::from(group.sets_of_frame)) as usize + work.instance as usize;
         let workgroups = Workgroups::Of([work.items.end - work.items.start, 1]);
         // SAFETY: the caller's obligations; the list was written for this mesh and crowd.
-        unsafe { group.blocks.dispatch(cmd, list, work.kernel, first_item, workgroups) };
+        unsafe {
+            group.blocks.dispatch(cmd, list * group.dispatches.parts.len() + part, kernel, first_item, workgroups)
+        };
     }
 
     fn changed(&self, _instances: &Instances, _id: UpdateId, instance: u32, out: &mut Vec<Range<u32>>) {
