@@ -3,7 +3,6 @@
 
 mod blocks;
 mod kernel;
-#[allow(unsafe_code)]
 mod simd;
 mod sums;
 mod workers;
