@@ -162,26 +162,25 @@ fn add_alone<T: Sum, const S: usize>(
     sums: &mut Planes<T, S>,
     meter: &mut impl FnMut(usize),
 ) {
-    let (index, words, units) = (&*plan.index, packed.deltas(), units(plan));
+    let (index, words, dropped) = (&*plan.index, packed.deltas(), dropped(plan));
     with_format!(index.parts.format, dense _f => {}, blocks format => {
         for element in elements {
             let (header, deltas) = index.locate(format, words, element.entry as usize);
             meter(4 * (header.len() + deltas.len()));
-            let factors = factors::<T>(element, units, format.shifts(header));
-            sums::add_decoded(format, header, &words[deltas], factors, sums);
+            let factors = factors::<T>(element, index.steps(), format.shifts(header));
+            sums::add_decoded(format, header, &words[deltas], factors, dropped, sums);
         }
     });
 }
 
-/// The step of each triple, and how many bits of products are dropped.
-fn units(plan: &GroupPlan) -> [(f32, u32); TRIPLES] {
-    let dropped = plan.grid().map_or([0; TRIPLES], |grid| grid.dropped);
-    std::array::from_fn(|triple| (plan.index.steps()[triple], dropped[triple]))
+/// How many bits of products are dropped, by triple.
+fn dropped(plan: &GroupPlan) -> [u32; TRIPLES] {
+    plan.grid().map_or([0; TRIPLES], |grid| grid.dropped)
 }
 
 /// What the triples of an entry are multiplied by.
-fn factors<T: Sum>(element: &Element, units: [(f32, u32); TRIPLES], shifts: [u32; TRIPLES]) -> [T::Factor; TRIPLES] {
-    std::array::from_fn(|triple| T::factor(element.coefficient, units[triple], shifts[triple]))
+fn factors<T: Sum>(element: &Element, steps: [f32; TRIPLES], shifts: [u32; TRIPLES]) -> [T::Factor; TRIPLES] {
+    std::array::from_fn(|triple| T::factor(element.coefficient, steps[triple], shifts[triple]))
 }
 
 /// Decode entries that some head is to add next, once, and add them to each that does. Whether there are more.
@@ -193,7 +192,7 @@ fn add_batch<T: Sum, const S: usize>(
     decoded: &mut [Planes<T::Delta, S>; BATCH],
     meter: &mut impl FnMut(usize),
 ) -> bool {
-    let (index, words, units) = (&*plan.index, packed.deltas(), units(plan));
+    let (index, words, dropped) = (&*plan.index, packed.deltas(), dropped(plan));
     for (place, decoded) in decoded.iter_mut().enumerate() {
         let next = tile.iter().filter_map(|head| Some(head.elements.first()?.entry)).min();
         let Some(entry) = next else { break };
@@ -207,13 +206,13 @@ fn add_batch<T: Sum, const S: usize>(
                 continue;
             };
             head.elements = rest;
-            head.batch[head.count] = (place, factors::<T>(element, units, shifts));
+            head.batch[head.count] = (place, factors::<T>(element, index.steps(), shifts));
             head.count += 1;
             meter(bytes);
         }
     }
     for (head, sums) in tile.iter_mut().zip(sums) {
-        sums::add(sums, &head.batch[..std::mem::take(&mut head.count)], decoded);
+        sums::add(sums, &head.batch[..std::mem::take(&mut head.count)], decoded, dropped);
     }
     tile.iter().any(|head| !head.elements.is_empty())
 }

@@ -56,11 +56,15 @@ pub(super) trait Sum: Copy + Default + Send {
 
     fn delta(number: impl Number) -> Self::Delta;
 
-    /// From the coefficient as the work list has it. `unit`: the step of the entry's triple, and the bits of products that
-    /// are dropped; deltas are to be shifted by `shift`.
-    fn factor(bits: u32, unit: (f32, u32), shift: u32) -> Self::Factor;
+    /// From the coefficient as the work list has it, of an entry's triple that has this `step`; deltas are to be shifted by
+    /// `shift`.
+    fn factor(bits: u32, step: f32, shift: u32) -> Self::Factor;
 
-    fn add(self, factor: Self::Factor, delta: Self::Delta) -> Self;
+    /// Whether the pose holds nothing of an entry with these factors, where that saves work.
+    fn is_new(factors: &[Self::Factor; TRIPLES]) -> bool;
+
+    /// Add a product; where products are rounded, without its lowest bits, so many. `NEW`: the factor is new.
+    fn add<const NEW: bool>(self, factor: Self::Factor, delta: Self::Delta, dropped: u32) -> Self;
 }
 
 impl Sum for f32 {
@@ -73,13 +77,18 @@ impl Sum for f32 {
     }
 
     #[inline(always)]
-    fn factor(bits: u32, (step, _): (f32, u32), shift: u32) -> f32 {
+    fn factor(bits: u32, step: f32, shift: u32) -> f32 {
         // Both factors are powers of two.
         f32::from_bits(bits) * (step * (1u32 << shift) as f32)
     }
 
     #[inline(always)]
-    fn add(self, factor: f32, delta: f32) -> Self {
+    fn is_new(_: &[f32; TRIPLES]) -> bool {
+        false
+    }
+
+    #[inline(always)]
+    fn add<const NEW: bool>(self, factor: f32, delta: f32, _: u32) -> Self {
         self + factor * delta
     }
 }
@@ -94,12 +103,17 @@ impl Sum for i32 {
     }
 
     #[inline(always)]
-    fn factor(bits: u32, _: (f32, u32), shift: u32) -> i32 {
+    fn factor(bits: u32, _: f32, shift: u32) -> i32 {
         (bits as i32).wrapping_shl(shift)
     }
 
     #[inline(always)]
-    fn add(self, factor: i32, delta: i32) -> Self {
+    fn is_new(_: &[i32; TRIPLES]) -> bool {
+        false
+    }
+
+    #[inline(always)]
+    fn add<const NEW: bool>(self, factor: i32, delta: i32, _: u32) -> Self {
         self.wrapping_add(factor.wrapping_mul(delta))
     }
 }
@@ -110,8 +124,8 @@ pub(super) struct Rounded(pub i32);
 
 impl Sum for Rounded {
     type Delta = i32;
-    /// The new weight, the one that the pose holds, and the bits that are dropped.
-    type Factor = (i32, i32, u32);
+    /// The new weight, and the one that the pose holds.
+    type Factor = [i32; 2];
 
     #[inline(always)]
     fn delta(number: impl Number) -> i32 {
@@ -119,16 +133,26 @@ impl Sum for Rounded {
     }
 
     #[inline(always)]
-    fn factor(bits: u32, (_, dropped): (f32, u32), shift: u32) -> Self::Factor {
-        (i32::from(bits as i16) << shift, (bits as i32 >> 16) << shift, dropped)
+    fn factor(bits: u32, _: f32, shift: u32) -> Self::Factor {
+        [i32::from(bits as i16) << shift, (bits as i32 >> 16) << shift]
     }
 
     #[inline(always)]
-    fn add(self, (new, old, dropped): Self::Factor, delta: i32) -> Self {
-        let half = 1i32 << dropped >> 1;
-        let rounded = |weight: i32| weight.wrapping_mul(delta).wrapping_add(half) >> dropped;
-        Self(self.0.wrapping_add(rounded(new)).wrapping_sub(rounded(old)))
+    fn is_new(factors: &[Self::Factor; TRIPLES]) -> bool {
+        factors.iter().all(|[_, old]| *old == 0)
     }
+
+    #[inline(always)]
+    fn add<const NEW: bool>(self, [new, old]: Self::Factor, delta: i32, dropped: u32) -> Self {
+        let sum = self.0.wrapping_add(rounded(new, delta, dropped));
+        Self(if NEW { sum } else { sum.wrapping_sub(rounded(old, delta, dropped)) })
+    }
+}
+
+/// What a target contributes that has this weight.
+#[inline(always)]
+fn rounded(weight: i32, delta: i32, dropped: u32) -> i32 {
+    weight.wrapping_mul(delta).wrapping_add(1i32 << dropped >> 1) >> dropped
 }
 
 /// An entry that is added: where it is decoded, and what it is multiplied by.
@@ -164,24 +188,30 @@ pub(super) fn add_decoded<T: Sum, F: BlockFormat<Component: Number>, const S: us
     header: &[u32],
     deltas: &[u32],
     factors: [T::Factor; TRIPLES],
+    dropped: [u32; TRIPLES],
     sums: &mut Planes<T, S>,
 ) {
-    match format.is_sparse() {
+    let entry = (header, deltas, factors);
+    match (format.is_sparse(), T::is_new(&factors)) {
         // Vertex after vertex: nothing becomes SIMD.
-        true => add_numbers(format, header, deltas, factors, sums),
-        false => widest(
+        (true, true) => add_numbers::<T, F, S, true>(format, entry, dropped, sums),
+        (true, false) => add_numbers::<T, F, S, false>(format, entry, dropped, sums),
+        (false, true) => widest(
             #[inline(always)]
-            || add_numbers(format, header, deltas, factors, sums),
+            || add_numbers::<T, F, S, true>(format, entry, dropped, sums),
+        ),
+        (false, false) => widest(
+            #[inline(always)]
+            || add_numbers::<T, F, S, false>(format, entry, dropped, sums),
         ),
     }
 }
 
 #[inline(always)]
-fn add_numbers<T: Sum, F: BlockFormat<Component: Number>, const S: usize>(
+fn add_numbers<T: Sum, F: BlockFormat<Component: Number>, const S: usize, const NEW: bool>(
     format: &F,
-    header: &[u32],
-    deltas: &[u32],
-    factors: [T::Factor; TRIPLES],
+    (header, deltas, factors): (&[u32], &[u32], [T::Factor; TRIPLES]),
+    dropped: [u32; TRIPLES],
     sums: &mut Planes<T, S>,
 ) {
     format.decode(
@@ -189,7 +219,10 @@ fn add_numbers<T: Sum, F: BlockFormat<Component: Number>, const S: usize>(
         header,
         deltas,
         #[inline(always)]
-        |lane, c, number| sums[c][lane] = sums[c][lane].add(factors[c / TRIPLE], T::delta(number)),
+        |lane, c, number| {
+            let triple = c / TRIPLE;
+            sums[c][lane] = sums[c][lane].add::<NEW>(factors[triple], T::delta(number), dropped[triple]);
+        },
     );
 }
 
@@ -198,22 +231,38 @@ pub(super) fn add<T: Sum, const S: usize>(
     sums: &mut Planes<T, S>,
     entries: &[Added<T>],
     decoded: &[Planes<T::Delta, S>; BATCH],
+    dropped: [u32; TRIPLES],
 ) {
-    widest(
-        #[inline(always)]
-        || {
-            for (c, plane) in sums.iter_mut().enumerate() {
-                for (at, lanes) in plane.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
-                    let mut sums = *lanes;
-                    for (place, factors) in entries {
-                        let deltas = &decoded[*place][c].as_chunks::<LANES>().0[at];
-                        for (sum, delta) in sums.iter_mut().zip(deltas) {
-                            *sum = sum.add(factors[c / TRIPLE], *delta);
-                        }
-                    }
-                    *lanes = sums;
+    match entries.iter().all(|(_, factors)| T::is_new(factors)) {
+        true => widest(
+            #[inline(always)]
+            || add_planes::<T, S, true>(sums, entries, decoded, dropped),
+        ),
+        false => widest(
+            #[inline(always)]
+            || add_planes::<T, S, false>(sums, entries, decoded, dropped),
+        ),
+    }
+}
+
+#[inline(always)]
+fn add_planes<T: Sum, const S: usize, const NEW: bool>(
+    sums: &mut Planes<T, S>,
+    entries: &[Added<T>],
+    decoded: &[Planes<T::Delta, S>; BATCH],
+    dropped: [u32; TRIPLES],
+) {
+    for (c, plane) in sums.iter_mut().enumerate() {
+        let (triple, dropped) = (c / TRIPLE, dropped[c / TRIPLE]);
+        for (at, lanes) in plane.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
+            let mut sums = *lanes;
+            for (place, factors) in entries {
+                let deltas = &decoded[*place][c].as_chunks::<LANES>().0[at];
+                for (sum, delta) in sums.iter_mut().zip(deltas) {
+                    *sum = sum.add::<NEW>(factors[triple], *delta, dropped);
                 }
             }
-        },
-    );
+            *lanes = sums;
+        }
+    }
 }
