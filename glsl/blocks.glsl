@@ -50,15 +50,10 @@ layout(push_constant) uniform Push {
 
 // What an entry is multiplied by, from the coefficient in the work list; and the product with a delta.
 #ifdef ROUNDED_PRODUCTS
-// The weight that the pose is to hold, and the one that it holds, 16 bits each. What a target adds is rounded as a
-// function of its weight, so that sums do not depend on the history. No product leaves 31 bits.
+#include "rounded.glsl"
 #define FACTOR ivec2
-#define FACTOR_OF(bits, unit, shift) (ivec2(bitfieldExtract(int(bits), 0, 16), int(bits) >> 16) << (shift))
-#define TIMES(factor, delta, dropped) times(factor, delta, dropped)
-ivec3 times(ivec2 factor, ivec3 delta, uint dropped) {
-    int half_a_step = 1 << dropped >> 1;
-    return (factor.x * delta + half_a_step >> dropped) - (factor.y * delta + half_a_step >> dropped);
-}
+#define FACTOR_OF(bits, unit, shift) (two_weights(bits) << (shift))
+#define TIMES(factor, delta, dropped) rounded_product(factor, delta, dropped)
 #else
 #define FACTOR ADDEND
 #ifdef INTEGER_POSES

@@ -23,5 +23,6 @@ void main() {
         float ratio = normal_ratio(normal_exponents[i >> 2], i);
         add_delta(target * chunk_vertices + vertex, coefficients[i], coefficients[i] * ratio, position, normal);
     }
-    store_pose(vertex, position, normal);
+    ADD_POSE(source_pose, vertex, position, normal)
+    STORE_POSE(destination_pose, vertex, position, normal)
 }

@@ -13,8 +13,3 @@ ALIASED layout(set = 0, binding = 0, std430) readonly buffer SourcePose { POSE_E
 ALIASED layout(set = 0, binding = 1, std430) writeonly buffer DestinationPose { POSE_ELEMENT destination_pose[]; };
 #define DELTAS_BINDING 2
 #include "dense_formats.glsl"
-
-// destination = source + sum.
-void store_pose(uint vertex, vec3 position, vec3 normal) {
-    ADD_TO_POSE(destination_pose, source_pose, vertex, position, normal)
-}

@@ -1,7 +1,9 @@
 // Deltas of a dense format: `format.glsl` is the file of the module's format under formats/, as build.rs resolves it.
 // With DELTAS_BINDING they are in a storage buffer, row by row:
 //     add_delta(row, coefficient, normal_coefficient, position, normal)
-// adds one target's times its coefficients. Otherwise those of BATCH targets are vertex attributes:
+// adds one target's times its coefficients; in formats of integers, for poses of integers,
+//     add_rounded(row, weights, dropped, position, normal)
+// adds the rounded products (rounded.glsl). Otherwise those of BATCH targets are vertex attributes:
 //     ADD_ATTRIBUTES(i, position, normal)
 // adds target i's times its coefficient in the push constants.
 

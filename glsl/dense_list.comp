@@ -5,25 +5,39 @@
 
 struct Entry {
     uint target;
-    float coefficient;
-    float normal_coefficient;
-    uint unused;
+    uint coefficient;        // a float32; for poses of integers the weight to hold
+    uint normal_coefficient; // a float32; for poses of integers the weight that the source holds
+    uint dropped;            // lowest bits of products: of positions, and in bits 8..16 of normals
 };
 layout(set = 0, binding = 3, std430) readonly buffer Entries { Entry entries[]; };
 
 layout(push_constant) uniform Push {
     uint chunk_vertices;   // vertices of the chunk: the length of a target's row
+    uint first_entry;
     uint entry_count;
+    uint from_base;        // poses of integers start from the base pose: from 0
 };
 
 void main() {
     // Vertices are padded to whole workgroups: no invocation is idle.
     uint vertex = gl_GlobalInvocationID.x;
-    vec3 position = vec3(0.0);
-    vec3 normal = vec3(0.0);
+    ADDEND position = ADDEND(0);
+    ADDEND normal = ADDEND(0);
     for (uint i = 0u; i < entry_count; ++i) {
-        Entry entry = entries[i];
-        add_delta(entry.target * chunk_vertices + vertex, entry.coefficient, entry.normal_coefficient, position, normal);
+        Entry entry = entries[first_entry + i];
+        uint row = entry.target * chunk_vertices + vertex;
+#ifdef INTEGER_POSES
+        ivec2 weights = ivec2(entry.coefficient, entry.normal_coefficient);
+        add_rounded(row, weights, uvec2(entry.dropped & 0xffu, entry.dropped >> 8), position, normal);
+#else
+        add_delta(row, uintBitsToFloat(entry.coefficient), uintBitsToFloat(entry.normal_coefficient), position, normal);
+#endif
     }
-    store_pose(vertex, position, normal);
+#ifdef INTEGER_POSES
+    if (from_base == 0u)
+#endif
+    {
+        ADD_POSE(source_pose, vertex, position, normal)
+    }
+    STORE_POSE(destination_pose, vertex, position, normal)
 }

@@ -13,6 +13,11 @@ pub(crate) fn power_of_two_below(value: f64) -> f32 {
     value.log2().floor().clamp(-100.0, 100.0).exp2() as f32
 }
 
+/// The smallest power of two that is not below `value`, likewise.
+pub(crate) fn power_of_two_above(value: f64) -> f32 {
+    value.log2().ceil().clamp(-100.0, 100.0).exp2() as f32
+}
+
 /// Whether `value` is 2^n for some n, and not denormal.
 pub(crate) fn is_power_of_two(value: f32) -> bool {
     value.is_normal() && value > 0.0 && value.to_bits().trailing_zeros() >= 23

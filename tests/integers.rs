@@ -12,8 +12,8 @@ use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::internals::Rng;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdateMode, UpdatePath,
-    testing,
+    BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdateMode,
+    UpdatePath, testing,
 };
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
@@ -22,13 +22,16 @@ use std::sync::Arc;
 const TARGETS: usize = 9;
 const HEADS: usize = 9;
 
-/// A head of which every target moves a part, with blocks that nothing moves; with and without further streams.
+/// A head of which every target moves a part, with blocks that nothing moves; with and without further streams. Blocks
+/// have so many vertices, or chunks of a dense format.
 fn packed(format: DeltaFormat, size: u32, streams: bool) -> Arc<PackedMesh> {
     let source = head(&HeadDesc::default().vertices(700).targets(TARGETS).sparsity(0.15).seed(5));
     let plain = source.to_mesh(Tolerance::default()).expect("a mesh");
     let mesh = if streams { testing::with_streams(plain) } else { plain };
     let blocks = BlockDesc::default().size(Some(size));
-    Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format).blocks(blocks)).expect("a mesh that packs"))
+    let chunk = u64::from(size) * TARGETS as u64 * format.stride() as u64;
+    let desc = PackDesc::new(format).blocks(blocks).max_chunk_bytes(chunk);
+    Arc::new(PackedMesh::pack(&mesh, &desc).expect("a mesh that packs"))
 }
 
 /// What happens to a head between two updates.
@@ -232,24 +235,34 @@ fn play(headless: &Headless, mesh: &Arc<PackedMesh>, desc: UpdateDesc, heads: us
     }
 }
 
-const MESHES: [(DeltaFormat, u32, bool); 4] = [
+const MESHES: [(DeltaFormat, u32, bool); 6] = [
     (DeltaFormat::Fast, 64, true),
     (DeltaFormat::Small, 32, false),
     (DeltaFormat::Pair, 128, false),
     (DeltaFormat::Small, 64, true),
+    (DeltaFormat::Snorm16, 1024, false),
+    (DeltaFormat::Snorm16, 128, true),
 ];
 
-/// Run `test` on every device with every mesh and pose format.
-fn for_all(cases: u32, test: impl Fn(&Headless, &Arc<PackedMesh>, UpdateDesc, usize, Frames)) {
-    let meshes = MESHES.map(|(format, size, streams)| packed(format, size, streams));
+/// Run `test` on every device with every mesh of these and every pose format.
+fn for_all(
+    meshes: &[(DeltaFormat, u32, bool)],
+    cases: u32,
+    test: impl Fn(&Headless, &Arc<PackedMesh>, UpdateDesc, usize, Frames),
+) {
+    let meshes: Vec<_> = meshes.iter().map(|&(format, size, streams)| packed(format, size, streams)).collect();
     gpu::on_every_device(|headless, _| {
         for (mesh, desc) in meshes.iter().flat_map(|mesh| gpu::fixed().map(|desc| (mesh, desc))) {
-            let strategy = (1u32..=4, 1..=HEADS, any::<bool>(), frames());
+            let desc = desc.path(gpu::path_of(mesh.layout().format));
+            // Of blocks, all.
+            let batch = prop_oneof![Just(BatchSize::All), (1..=TARGETS as u32).prop_map(BatchSize::Targets)];
+            let strategy = (1u32..=4, batch, 1..=HEADS, any::<bool>(), frames());
             let config = Config { cases, failure_persistence: None, ..Config::default() };
-            let run = TestRunner::new(config).run(&strategy, |(slots, heads, default, frames)| {
+            let run = TestRunner::new(config).run(&strategy, |(slots, batch, heads, default, frames)| {
                 // 1 in 16 bits, 4 in 32; or 4.
                 let weight_max = desc.weight_max.filter(|_| !default);
-                test(headless, mesh, desc.slots(slots).weight_max(weight_max), heads, frames);
+                let desc = desc.slots(slots).batch(batch).weight_max(weight_max);
+                test(headless, mesh, desc, heads, frames);
                 Ok(())
             });
             run.unwrap_or_else(|e| panic!("{}: {e}", headless.caps().name));
@@ -259,14 +272,14 @@ fn for_all(cases: u32, test: impl Fn(&Headless, &Arc<PackedMesh>, UpdateDesc, us
 
 #[test]
 fn any_history_leaves_the_bits_of_a_full_evaluation() {
-    for_all(5, |headless, mesh, desc, heads, frames| play(headless, mesh, desc, heads, &frames));
+    for_all(&MESHES, 5, |headless, mesh, desc, heads, frames| play(headless, mesh, desc, heads, &frames));
 }
 
-/// With an error budget: the same bits on devices and the CPU, no vertex further off than allowed, and, once the same
+/// With an error budget, which blocks have: the same bits on devices and the CPU, no vertex further off than allowed, and, once the same
 /// is asked again, the bits of a full evaluation.
 #[test]
 fn what_is_deferred_settles_to_the_bits_of_a_full_evaluation() {
-    for_all(3, |headless, mesh, desc, heads, frames| {
+    for_all(&MESHES[..4], 3, |headless, mesh, desc, heads, frames| {
         let budget = 0.02 * mesh.layout().diagonal;
         let desc = desc.error_budget(budget);
         let grid = desc.grid(mesh.layout()).expect("a grid").expect("integers");
@@ -339,7 +352,9 @@ fn long_run(mesh: &Arc<PackedMesh>, desc: UpdateDesc, frames: usize, checked: us
 
 #[test]
 fn a_hundred_thousand_frames_leave_the_bits_of_a_full_evaluation() {
-    for (format, size, streams) in [(DeltaFormat::Fast, 64, false), (DeltaFormat::Small, 32, true)] {
+    for (format, size, streams) in
+        [(DeltaFormat::Fast, 64, false), (DeltaFormat::Small, 32, true), (DeltaFormat::Snorm16, 128, true)]
+    {
         let mesh = packed(format, size, streams);
         gpu::fixed().into_iter().for_each(|desc| long_run(&mesh, desc, 100_000, 1_000));
     }

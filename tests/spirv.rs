@@ -205,7 +205,8 @@ fn modules_declare_what_the_table_says() {
         let expected = kernel.bindings.iter().map(|(binding, buffer)| {
             let bound = match buffer {
                 Buffer::Storage(bytes) | Buffer::Dynamic(bytes) => Bound::Elements(*bytes as usize),
-                Buffer::Poses => Bound::Elements(8), // vec2
+                Buffer::Poses if name.contains("fixed") => Bound::Elements(4), // int, uint
+                Buffer::Poses => Bound::Elements(8),                           // vec2
                 Buffer::DynamicDeltas => match format {
                     Some(DeltaFormat::Snorm16) => Bound::Elements(4), // uint
                     _ => Bound::Elements(8),                          // vec2
@@ -299,7 +300,8 @@ fn structures_in_buffers_are_the_hosts() {
         assert_eq!(members(element.as_struct().unwrap()), expected, "{}", module.name);
         seen += 1;
     }
-    assert_eq!(seen, DeltaFormat::DENSE.len());
+    // Float32 poses of both dense formats, poses of integers of snorm16.
+    assert_eq!(seen, DeltaFormat::DENSE.len() + 2);
     assert_eq!(size_of::<HeadRecord>(), 4 * RECORD_WORDS as usize);
 }
 

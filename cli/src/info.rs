@@ -11,7 +11,7 @@ use crate::table::{Column, Table, bytes, percent, sig3, thousands};
 use deltamorph::{BoundClip, DeltaFormat, MorphMesh, MorphTarget};
 use glam::Vec3;
 use measure::{Blocks, Measured, PoseRow, SweepRow};
-use pose_formats::{PoseCost, pose_costs, pose_table};
+use pose_formats::{PoseCost, pose_table};
 use serde::Serialize;
 
 /// The JSON of `info`. Fields may be added, never renamed.
@@ -113,6 +113,7 @@ fn describe(input: &Input, formats: Vec<Measured>, clips: &[BoundClip]) -> Info 
     let differs = |target: &MorphTarget| target.positions.iter().filter(|d| **d != Vec3::ZERO).count();
     let of = |format: DeltaFormat| formats.iter().map(|m| &m.packed).find(move |p| p.layout().format == format);
     let held = input.packed.as_ref().map_or(DeltaFormat::Small, |packed| packed.layout().format);
+    let held_formats = formats.iter().find(|m| m.name == held.name()).map(|m| m.pose_formats.clone());
     Info {
         schema: 1,
         input: input.info(),
@@ -129,7 +130,7 @@ fn describe(input: &Input, formats: Vec<Measured>, clips: &[BoundClip]) -> Info 
         overlap: overlap(kept),
         blocks: of(DeltaFormat::Small).map(|small| measure::blocks(small)).unwrap_or_default(),
         pose_deltas: held.name(),
-        pose_formats: of(held).map(|packed| pose_costs(packed.layout())).unwrap_or_default(),
+        pose_formats: held_formats.unwrap_or_default(),
         formats,
         clips: clips.iter().map(clip_row).collect(),
         sweep: None,
@@ -207,11 +208,11 @@ fn text(info: &Info) -> String {
     ];
     parts.push(Table::of(&info.formats, formats).to_string());
     let held = info.formats.iter().find(|f| f.name == info.pose_deltas);
-    parts.push(format!(
-        "deltas in {}:\n{}",
-        info.pose_deltas,
-        pose_table(&info.pose_formats, held.map_or(0.0, |f| f.cost.position_error_rel))
-    ));
+    // Of `blocks`, and of `compute`.
+    for f in held.into_iter().chain(info.formats.iter().find(|f| f.name == DeltaFormat::Snorm16.name())) {
+        let table = pose_table(&f.pose_formats, f.cost.position_error_rel);
+        parts.push(format!("deltas in {}:\n{table}", f.name));
+    }
     let clips: &[Column<'_, ClipRow>] = &[
         ("clip", &|c| c.name.clone()),
         ("frames", &|c| c.frames.to_string()),

@@ -236,7 +236,10 @@ impl Stage {
         };
         let path = named.unwrap_or(if gpu.is_some() { UpdatePath::Blocks } else { UpdatePath::Cpu });
         let (fits, held) = (|format| format_on(path, format), input.packed.as_ref().map(|mesh| mesh.layout().format));
-        let mut defaults = held.into_iter().chain([DeltaFormat::Fast, DeltaFormat::Float32, DeltaFormat::Small]);
+        // Poses of integers are sums of integers.
+        let holds = |format: &DeltaFormat| !pose.is_some_and(PoseFormat::has_integers) || format.has_integers();
+        let defaults = [DeltaFormat::Fast, DeltaFormat::Float32, DeltaFormat::Small, DeltaFormat::Snorm16];
+        let mut defaults = held.into_iter().chain(defaults.into_iter().filter(holds));
         let format = update.formats.first().map_or_else(|| defaults.find_map(fits), |format| fits(*format));
         let format = format.ok_or_else(|| {
             let names: Vec<&str> = path.formats().iter().map(|format| format.name()).collect();

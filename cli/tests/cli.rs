@@ -43,9 +43,9 @@ fn bench_verifies_measures_and_draws() {
         assert!(runs.iter().all(|r| paths.contains(&r["path"].as_str().unwrap())), "baselines are named, or left out");
         assert_eq!(of("feedback", 1.into()), if device == "llvmpipe" { 2 } else { 0 });
         assert_eq!(of("compute", 16.into()), 2 * 2, "two formats, two counts of changed targets");
-        assert_eq!(of("compute", "all".into()), 4);
-        // Beside the floats (and snorm16 on cpu) the formats fast and small, with float and exact sums each.
-        assert_eq!((of("blocks", "all".into()), of("cpu", "all".into())), (10, 12));
+        // Beside float32 deltas, those of integers with float32 and fixed32 poses.
+        assert_eq!(of("compute", "all".into()), 2 * 3);
+        assert_eq!((of("blocks", "all".into()), of("cpu", "all".into())), (10, 14));
         for run in runs {
             let (coefficients, passes) = (run["coefficients"].as_f64().unwrap(), run["passes"].as_f64().unwrap());
             let batch = run["batch_size"].as_f64().unwrap_or(coefficients);
@@ -225,7 +225,7 @@ fn apply_writes_the_same_pose_through_every_path() {
 fn heads_that_do_not_fit_leave_the_rest_standing() {
     let heads = ["bench", "--vertices", "2000", "--targets", "3", "--frames", "2", "--changed", "all"];
     let more = ["--paths", "compute", "--batch-sizes", "2", "--heads", "1,1000000", "--no-report", "--json", "-"];
-    let out = json(&[&heads[..], &more].concat());
+    let out = json(&[&heads[..], &more, &["--poses", "float32"]].concat());
     assert_eq!(out["runs"].as_array().unwrap().len(), 2, "{out}");
     assert!(out["skipped"].as_array().unwrap().iter().any(|s| s["what"].as_str().unwrap().contains("1000000 heads")));
 }
@@ -245,7 +245,11 @@ fn bad_arguments_exit_with_2_and_failures_with_1() {
         (&["devices", "--device", "GeForce"], 1, "no such Vulkan device; choose one of: 0: "),
         (&["apply", &dir, "-o", "-", "--set", "eyeBlinkLeft=1"], 2, "name a file"),
         (&["apply", &dir, "-o", out, "--set", "eyeBlinkLeft=1,eyeBlinkLeft=0"], 2, "set twice"),
-        (&["play", &dir, "--format", "block-float32", "--accumulate", "exact"], 2, "pack as 'fast' or 'small'"),
+        (
+            &["play", &dir, "--format", "block-float32", "--accumulate", "exact"],
+            2,
+            "pack as 'fast', 'small' or, dense, 'snorm16'",
+        ),
         (&["soak", &dir, "--frames", "3", "--drift", "1e-9", "--accumulate", "float"], 2, "allow more drift"),
         (
             &["bench", &dir, "--no-report", "--paths", "direct", "--formats", "fast"],
@@ -253,7 +257,7 @@ fn bad_arguments_exit_with_2_and_failures_with_1() {
             "direct: takes --formats float32,",
         ),
         (&["bench", &dir, "--no-report", "--suite", "chapter", "--paths", "blocks"], 1, "that have batches: compute,"),
-        (&["bench", &dir, "--no-report", "--paths", "compute", "--poses", "fixed16"], 1, "and --poses float32"),
+        (&["bench", &dir, "--no-report", "--paths", "feedback", "--poses", "fixed16"], 1, "and --poses float32"),
         (&["bench", &dir, "--no-report", "--accumulate", "exact", "--poses", "fixed16,float32"], 2, "contradict"),
         (&["bench", "--device", "GeForce", "--vertices", "50"], 1, "no Vulkan device called 'GeForce'"),
         (

@@ -25,6 +25,7 @@ fn play_keeps_its_contract_on_every_path() {
         &["--path", "cpu", "--format", "small", "--pose", "fixed16"],
         &["--device", "llvmpipe", "--pose", "fixed16", "--error-budget", "1e-4d"],
         &["--device", "SwiftShader", "--pose", "fixed32"],
+        &["--device", "llvmpipe", "--path", "compute", "--pose", "fixed16"],
     ] {
         let out = json(&[&["play", &dir, "--every", "5", "--json", "-"], how].concat());
         has(&out, "schema device input frames summary");
@@ -57,21 +58,30 @@ fn play_keeps_its_contract_on_every_path() {
     assert!(moved[6] < 0.85 * moved[0], "poses of half the size move less: {moved:?}");
 }
 
-/// Each pose format says what it loses: float32 by drift, fixed16 by rounding to its unit, fixed32 nothing.
+/// Each pose format says what it loses: float32 by drift, fixed16 by rounding to its unit, fixed32 nothing, or next to
+/// nothing where targets have steps of their own.
 #[test]
 fn poses_are_within_the_bound_that_is_stated_beside_their_error() {
-    for (device, more) in [("llvmpipe", &[][..]), ("SwiftShader", &[]), ("llvmpipe", &["--animated"])] {
+    for (device, format, more) in [
+        ("llvmpipe", "small", &[][..]),
+        ("SwiftShader", "small", &[]),
+        ("llvmpipe", "small", &["--animated"]),
+        ("llvmpipe", "snorm16", &["--path", "compute"]),
+        ("SwiftShader", "snorm16", &["--path", "compute", "--batch-size", "3"]),
+    ] {
         for (pose, accumulate) in [("float32", "float"), ("fixed32", "exact"), ("fixed16", "exact")] {
             if pose == "float32" && !more.is_empty() {
                 continue;
             }
-            let how = ["play", "--device", device, "--every", "5", "--pose", pose, "--format", "small", "--json", "-"];
+            let how = ["play", "--device", device, "--every", "5", "--pose", pose, "--format", format, "--json", "-"];
             let summary = json(&[&how[..], &HEAD, more].concat())["summary"].clone();
             let [error, bound] = ["max_error_rel", "bound_rel"].map(|field| summary[field].as_f64().unwrap());
             assert_eq!((&summary["pose"], &summary["accumulate"]), (&pose.into(), &accumulate.into()));
             match pose {
                 "fixed16" => assert!(1e-7 < error && error <= bound + 3e-6 && bound < 1e-4, "{summary}"),
-                "fixed32" => assert!(error <= 3e-6 && bound == 0.0, "{summary}"),
+                "fixed32" => {
+                    assert!(error <= 3e-6 && if format == "small" { bound == 0.0 } else { bound < 1e-7 }, "{summary}")
+                }
                 _ => assert!(error <= bound, "{summary}"),
             }
         }
@@ -184,6 +194,17 @@ fn soak_keeps_its_contract_and_its_promises() {
         narrow.push(soaked["sums_hash"].as_str().unwrap().to_owned());
     }
     assert!(narrow.iter().all(|h| *h == narrow[0]) && narrow[0] != hashes[0], "{narrow:?}");
+    // Nor do those of dense deltas.
+    for pose in ["fixed32", "fixed16"] {
+        let dense = [
+            &["--path", "cpu", "--slots", "1"][..],
+            &["--path", "compute", "--device", "llvmpipe", "--batch-size", "2"],
+            &["--path", "compute", "--device", "SwiftShader", "--slots", "3"],
+        ];
+        let dense = dense.map(|how| soak(&[&["--pose", pose, "--format", "snorm16"], how].concat()));
+        assert!(dense.iter().all(|soaked| soaked["bit_exact"] == true), "{dense:?}");
+        assert!(dense.iter().all(|soaked| soaked["sums_hash"] == dense[0]["sums_hash"]), "{dense:?}");
+    }
 }
 
 /// The integers of a long soak, as every version so far has summed them.
@@ -229,7 +250,9 @@ fn bad_arguments_exit_with_2_and_failures_with_1() {
     check(&["play", &dir, "--path", "compute", "--format", "small"], 2, &["--format", "float32 or snorm16"]);
     check(&["play", &dir, "--accumulate", "float", "--pose", "fixed16"], 2, &["contradict each other", "fixed16"]);
     check(&["soak", &dir, "--frames", "2", "--accumulate", "exact", "--pose", "float32"], 2, &["contradict"]);
-    check(&["play", &dir, "--path", "compute", "--pose", "fixed16"], 2, &["'compute' takes float32", "'blocks'"]);
+    check(&["play", &dir, "--path", "feedback", "--pose", "fixed16"], 2, &["'feedback' takes float32", "'compute'"]);
+    let dense = ["play", &dir, "--path", "compute", "--format", "float32", "--pose", "fixed16"];
+    check(&dense, 2, &["of float32 deltas", "'snorm16'"]);
     check(&["play", &dir, "--path", "scatter", "--pose", "fixed32"], 2, &["'scatter' takes float32"]);
     check(&["play", &dir, "--path", "scatter", "--accumulate", "float"], 2, &["'scatter' adds integers"]);
     check(&["play", &dir, "--animated", "--pose", "float32"], 1, &["float32 poses", "Fixed16"]);

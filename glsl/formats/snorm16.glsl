@@ -1,21 +1,35 @@
 // snorm16, dense: two signed 16-bit integers to a word, in steps. CPU: src/pack/formats/snorm16.rs.
 
-void decode_snorm16(uvec3 words, out vec3 position, out vec3 normal) {
+void decode_snorm16(uvec3 words, out ivec3 position, out ivec3 normal) {
     ivec3 low = bitfieldExtract(ivec3(words), 0, 16);
     ivec3 high = bitfieldExtract(ivec3(words), 16, 16);
-    position = vec3(low.x, high.x, low.y);
-    normal = vec3(high.y, low.z, high.z);
+    position = ivec3(low.x, high.x, low.y);
+    normal = ivec3(high.y, low.z, high.z);
 }
 
 #ifdef DELTAS_BINDING
 layout(set = 0, binding = DELTAS_BINDING, std430) readonly buffer Deltas { uint deltas[]; };
 
-void add_delta(uint row, float coefficient, float normal_coefficient, inout vec3 position, inout vec3 normal) {
-    vec3 p, n;
-    decode_snorm16(uvec3(deltas[3u * row], deltas[3u * row + 1u], deltas[3u * row + 2u]), p, n);
-    position += coefficient * p;
-    normal += normal_coefficient * n;
+void load_delta(uint row, out ivec3 position, out ivec3 normal) {
+    decode_snorm16(uvec3(deltas[3u * row], deltas[3u * row + 1u], deltas[3u * row + 2u]), position, normal);
 }
+
+void add_delta(uint row, float coefficient, float normal_coefficient, inout vec3 position, inout vec3 normal) {
+    ivec3 p, n;
+    load_delta(row, p, n);
+    position += coefficient * vec3(p);
+    normal += normal_coefficient * vec3(n);
+}
+
+#ifdef INTEGER_POSES
+#include "rounded.glsl"
+void add_rounded(uint row, ivec2 weights, uvec2 dropped, inout ivec3 position, inout ivec3 normal) {
+    ivec3 p, n;
+    load_delta(row, p, n);
+    position += rounded_product(weights, p, dropped.x);
+    normal += rounded_product(weights, n, dropped.y);
+}
+#endif
 #elif BATCH > 0
 layout(location = 2) in uvec3 deltas[BATCH];
 
@@ -25,8 +39,8 @@ layout(push_constant) uniform Push {
 };
 
 #define ADD_ATTRIBUTES(i, position, normal) \
-    vec3 delta_position, delta_normal; \
+    ivec3 delta_position, delta_normal; \
     decode_snorm16(deltas[i], delta_position, delta_normal); \
-    position += coefficients[i] * delta_position; \
-    normal += coefficients[i] * normal_ratio(normal_exponents[i >> 2], i) * delta_normal;
+    position += coefficients[i] * vec3(delta_position); \
+    normal += coefficients[i] * normal_ratio(normal_exponents[i >> 2], i) * vec3(delta_normal);
 #endif

@@ -8,10 +8,22 @@
 #define ROUNDED_PRODUCTS
 #define NUMBER int
 #define ADDEND ivec3
-#ifdef POSES_BINDING
 #define LOW(word) bitfieldExtract(int(word), 0, 16)
 #define HIGH(word) (int(word) >> 16)
 #define WORD(low, high) (uint(low) & 0xffffu | uint(high) << 16)
+
+// Elements of a storage buffer that is loaded and stored vertex by vertex: three of a vertex. Sums wrap.
+#define POSE_ELEMENT uint
+#define ADD_POSE(source, vertex, position, normal) \
+    uint a = source[3u * vertex], b = source[3u * vertex + 1u], c = source[3u * vertex + 2u]; \
+    position += ivec3(LOW(a), HIGH(a), LOW(b)); \
+    normal += ivec3(HIGH(b), LOW(c), HIGH(c));
+#define STORE_POSE(destination, vertex, position, normal) \
+    destination[3u * vertex] = WORD(position.x, position.y); \
+    destination[3u * vertex + 1u] = WORD(position.z, normal.x); \
+    destination[3u * vertex + 2u] = WORD(normal.y, normal.z);
+
+#ifdef POSES_BINDING
 #ifdef TEXELS
 ALIASED layout(set = 0, binding = POSES_BINDING, std430) buffer Poses { uint64_t poses[]; };
 ALIASED layout(set = 0, binding = POSES_BINDING + 1, rgba32ui) uniform uimageBuffer pose_texels;

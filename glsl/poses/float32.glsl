@@ -7,12 +7,11 @@
 
 // Elements of a storage buffer that is loaded and stored vertex by vertex: three of a vertex.
 #define POSE_ELEMENT vec2
-// A vertex of `destination`: that of `source`, and what is added. One rounding at pose magnitude.
-#define ADD_TO_POSE(destination, source, vertex, position, normal) \
+// Add a vertex of `source`. One rounding at pose magnitude.
+#define ADD_POSE(source, vertex, position, normal) \
     vec2 a = source[3u * vertex], b = source[3u * vertex + 1u], c = source[3u * vertex + 2u]; \
-    destination[3u * vertex] = a + position.xy; \
-    destination[3u * vertex + 1u] = b + vec2(position.z, normal.x); \
-    destination[3u * vertex + 2u] = c + normal.yz;
+    position += vec3(a, b.x); \
+    normal += vec3(b.y, c);
 #define STORE_POSE(destination, vertex, position, normal) \
     destination[3u * vertex] = position.xy; \
     destination[3u * vertex + 1u] = vec2(position.z, normal.x); \

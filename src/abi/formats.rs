@@ -20,9 +20,9 @@ macro_rules! delta_formats {
 
                 /// Dense, six signed 16-bit integers: 12 bytes per vertex and target.
                 ///
-                /// In three words, one vertex attribute a target. Value = integer × step, a step for the first triple
-                /// per target, and a power of two times that step for the second.
-                Snorm16 snorm16 { words: 3, attributes: 1, exponents: true }
+                /// In three words, one vertex attribute a target. Value = integer × step, a step for each triple per target:
+                /// the smallest power of two that lets its largest component fit.
+                Snorm16 snorm16 { words: 3, attributes: 1, exponents: true, integers: true }
             }
             blocks {
                 /// In blocks, six float32: 24 bytes per vertex and entry.
@@ -71,14 +71,15 @@ macro_rules! pose_formats {
 
             /// Six signed 32-bit integers: 24 bytes per vertex, the exact displacement from the base pose in steps.
             ///
-            /// Two vertex attributes of three integers, at 0 and 12. For deltas that are integers, in blocks.
+            /// Two vertex attributes of three integers, at 0 and 12. For deltas that are integers; those of `snorm16`,
+            /// whose targets have steps of their own, are rounded to the finest step that fits, as in 16 bits.
             Fixed32 fixed32 { bits: 32, attributes: &[(R32G32B32_SINT, 0), (R32G32B32_SINT, 12)] }
 
             /// Six signed 16-bit integers: 12 bytes per vertex, the displacement from the base pose in steps.
             ///
             /// What each target adds is rounded to the step, as a function of its weight alone: sums are exact, and
             /// do not depend on the history. A vertex attribute of four integers at 0 (position, first number of the
-            /// normal) and one of two at 8. For deltas that are integers, in blocks.
+            /// normal) and one of two at 8. For deltas that are integers.
             Fixed16 fixed16 { stride: 12, bits: 16, attributes: &[(R16G16B16A16_SINT, 0), (R16G16_SINT, 8)] }
         }
     };
@@ -137,7 +138,8 @@ pub struct FormatRow {
     pub id: u32,
     /// Deltas lie in blocks; otherwise they are dense.
     pub blocks: bool,
-    /// Deltas are integers on a grid of one step per triple, so that sums can be exact.
+    /// Deltas are integers in steps that are powers of two, of the mesh (in blocks) or of a target, so that sums can be
+    /// exact.
     pub integers: bool,
     /// 32-bit words of a delta (dense formats).
     pub words: u32,

@@ -225,6 +225,7 @@ pub const KERNELS: &[KernelRow] = &[
         name: "dense_list",
         bindings: &[(0, Buffer::Poses), (1, Buffer::Poses), (2, Buffer::DynamicDeltas), (3, Buffer::Dynamic(16))],
         push: Push::DenseList,
+        poses: true,
         constants: 0,
         ..DENSE
     },

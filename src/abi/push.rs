@@ -41,17 +41,23 @@ shared! {
     pub struct DenseListPush {
         /// Vertices of the chunk: the length of a target's row.
         chunk_vertices: u32,
+        first_entry: u32,
         entry_count: u32,
+        /// Of poses of integers: whether the pass starts from the base pose, from which nothing is displaced.
+        from_base: u32,
     }
 
     /// An entry of the coefficient list of `dense_list.comp`.
     pub struct DenseListEntry {
         target: u32,
-        /// Coefficient of positions, in quantised units.
-        coefficient: f32,
-        /// Coefficient of normals, in quantised units.
-        normal_coefficient: f32,
-        unused: u32,
+        /// The coefficient of positions, a float32 in quantised units; of poses of integers the weight that they are to
+        /// hold, in steps of their grid.
+        coefficient: u32,
+        /// The same of normals; of poses of integers the weight that the source holds.
+        normal_coefficient: u32,
+        /// Of poses of integers: lowest bits of products that rounding drops, of positions in bits 0..8, of normals in
+        /// bits 8..16.
+        dropped: u32,
     }
 
     /// Push constants of `blocks.comp` and `crowd.comp`.

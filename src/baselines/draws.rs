@@ -148,7 +148,7 @@ pub(super) fn one_pass(desc: &CrowdDesc) -> Result<DensePlanner> {
         true => BatchSize::All,
         false => BatchSize::Targets(u32::MAX),
     };
-    DensePlanner::new(UpdateDesc { batch, ..desc.update }, desc.instances as usize)
+    DensePlanner::new(UpdateDesc { batch, ..desc.update }, None, desc.instances as usize)
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 //! several targets at a time, so that the piece is loaded and stored once for all of them.
 
 use super::simd::widest;
+use crate::pack::blocks::PoseGrid;
 use crate::pack::formats::{DenseFormat, with_format};
 use crate::pack::{POSE_FLOATS, PackedGroup};
 use crate::weights::delta::Coefficient;
@@ -60,6 +61,56 @@ fn run(
             }
         }
     }
+}
+
+/// A number of a pose of integers.
+pub(super) trait Integer: Copy {
+    /// Add a sum; the result wraps.
+    fn plus(self, sum: i32) -> Self;
+}
+
+impl Integer for i32 {
+    fn plus(self, sum: i32) -> Self {
+        self.wrapping_add(sum)
+    }
+}
+
+impl Integer for i16 {
+    fn plus(self, sum: i32) -> Self {
+        self.wrapping_add(sum as i16)
+    }
+}
+
+/// The same of poses of integers on `grid`, whose terms are rounded.
+pub(super) fn rounded<T: Integer>(
+    packed: &PackedGroup,
+    coefficients: &[Coefficient],
+    grid: PoseGrid,
+    first: usize,
+    source: Option<&[T]>,
+    destination: &mut [T],
+) {
+    widest(
+        #[inline(always)]
+        || {
+            let mut sums = [0; PIECE * POSE_FLOATS];
+            for (piece, out) in destination.chunks_mut(PIECE * POSE_FLOATS).enumerate() {
+                let sums = &mut sums[..out.len()];
+                sums.fill(0);
+                for c in coefficients {
+                    let (target, vertices) = (c.target as usize, out.len() / POSE_FLOATS);
+                    let terms = grid.terms(c.held, c.held + c.value, packed.layout().targets[target].steps());
+                    let row = packed.rows(target, first + piece * PIECE, vertices);
+                    let format = packed.layout().format;
+                    with_format!(format, dense format => format.add_terms(terms, row, sums), blocks _f => {});
+                }
+                if let Some(source) = source {
+                    out.copy_from_slice(&source[piece * PIECE * POSE_FLOATS..][..out.len()]);
+                }
+                out.iter_mut().zip(&*sums).for_each(|(o, s)| *o = o.plus(*s));
+            }
+        },
+    );
 }
 
 #[inline(always)]

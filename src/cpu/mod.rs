@@ -7,8 +7,8 @@ mod simd;
 mod sums;
 mod workers;
 
-use crate::asset::streams::TRIPLES;
 use crate::error::{Error, Result};
+use crate::pack::blocks::PoseGrid;
 use crate::pack::{POSE_FLOATS, PackedGroup, PackedMesh, PoseFormat};
 use crate::plan::instances::{Instances, check_weights};
 use crate::plan::steps::{Source, Work};
@@ -16,6 +16,9 @@ use crate::plan::{UpdateDesc, UpdateStats};
 use crate::update::Runner;
 use crate::update::blocks::{GroupPlan, Item, Planner};
 use crate::update::dense::{DensePlanner, Plan};
+use crate::weights::delta::Coefficient;
+use bytemuck::Pod;
+use kernel::Integer;
 use std::borrow::Cow;
 use std::sync::Arc;
 pub(crate) use workers::Workers;
@@ -46,8 +49,8 @@ pub(crate) struct Memory {
     pub poses: Vec<Vec<u32>>,
     /// How they are stored.
     format: PoseFormat,
-    /// Input units of integers.
-    units: [f32; TRIPLES],
+    /// The grid of integers.
+    grid: Option<PoseGrid>,
 }
 
 /// Refuse poses that there is no memory for: what cannot be reserved in one piece is not there in many, and running out
@@ -83,7 +86,7 @@ impl CpuCrowd {
         let workers = Workers::new(threads)?;
         let targets = layout.targets.len();
         let kind = match &layout.blocks {
-            None => Kind::Dense(DensePlanner::new(desc, instances)?),
+            None => Kind::Dense(DensePlanner::new(desc, desc.grid(layout)?, instances)?),
             Some(_) => Kind::Blocks(Planner::new(desc, mesh.groups().iter().map(PackedGroup::layout), instances)?),
         };
         let memory = mesh.groups().iter().map(|group| Memory::new(group, desc, instances));
@@ -102,7 +105,7 @@ impl CpuCrowd {
     /// An instance out of range; a wrong number of weights; one that is not finite or out of range.
     pub fn set_weights(&mut self, instance: usize, weights: &[f32]) -> Result<()> {
         let grid = match &self.kind {
-            Kind::Dense(_) => None,
+            Kind::Dense(planner) => planner.grid(),
             Kind::Blocks(planner) => planner.grid(),
         };
         check_weights(weights, self.mesh.layout(), grid)?;
@@ -232,28 +235,60 @@ impl Memory {
             Some(_) => vec![0; mesh.layout().pose_bytes(desc.pose) as usize / size_of::<u32>()],
             None => bytemuck::cast_slice(mesh.base()).to_vec(),
         };
-        let units = grid.map_or([1.0; TRIPLES], |grid| grid.units);
-        Ok(Self { slots, poses: vec![pose; instances * slots], format: desc.pose, units })
+        Ok(Self { slots, poses: vec![pose; instances * slots], format: desc.pose, grid })
     }
 
     /// A pose as floats.
     pub(crate) fn decode(&self, mesh: &PackedGroup, pose: usize) -> Cow<'_, [f32]> {
         let words = &self.poses[pose];
-        match self.format.has_integers() {
-            false => Cow::Borrowed(bytemuck::cast_slice(words)),
-            true => Cow::Owned(self.format.decode(bytemuck::cast_slice(words), mesh.base(), self.units)),
+        match self.grid {
+            None => Cow::Borrowed(bytemuck::cast_slice(words)),
+            Some(grid) => Cow::Owned(self.format.decode(bytemuck::cast_slice(words), mesh.base(), grid.units)),
         }
     }
 
-    /// Carry the dense passes of all instances out, a piece of the mesh after the other: its deltas are in the cache for
-    /// the second instance on.
+    /// Carry the dense passes of all instances out.
     fn run_passes(&mut self, mesh: &PackedGroup, workers: &Workers, plans: &[Plan]) {
+        match (self.format, self.grid) {
+            (PoseFormat::Fixed32, Some(grid)) => self.run_integers::<i32>(mesh, workers, plans, grid),
+            (PoseFormat::Fixed16, Some(grid)) => self.run_integers::<i16>(mesh, workers, plans, grid),
+            (PoseFormat::Float32 | PoseFormat::Fixed32 | PoseFormat::Fixed16, _) => {
+                self.run_numbers(mesh, workers, plans, Some(mesh.base()), |coefficients, first, source, out| {
+                    kernel::dense(mesh, coefficients, first, source, out);
+                });
+            }
+        }
+    }
+
+    fn run_integers<T: Integer + Pod + Send + Sync>(
+        &mut self,
+        mesh: &PackedGroup,
+        workers: &Workers,
+        plans: &[Plan],
+        grid: PoseGrid,
+    ) {
+        // Nothing is displaced from the base pose.
+        self.run_numbers(mesh, workers, plans, None, |coefficients, first, source, out: &mut [T]| {
+            kernel::rounded(mesh, coefficients, grid, first, source, out);
+        });
+    }
+
+    /// Carry the passes out, by `run`, a piece of the mesh after the other: its deltas are in the cache for the second
+    /// instance on. `None` as base pose: zeros.
+    fn run_numbers<T: Pod + Send + Sync>(
+        &mut self,
+        mesh: &PackedGroup,
+        workers: &Workers,
+        plans: &[Plan],
+        base: Option<&[T]>,
+        run: impl Fn(&[Coefficient], usize, Option<&[T]>, &mut [T]) + Sync,
+    ) {
         let changed =
             || (0..).step_by(self.slots).zip(plans).filter_map(|(at, plan)| Some((at, plan, plan.passes.first()?)));
         let places: Vec<_> = changed().map(|(at, _, pass)| at + pass.destination as usize).collect();
         let mut poses: Vec<_> = places.iter().map(|&place| std::mem::take(&mut self.poses[place])).collect();
         let source = |at: usize, pass: &Work| match pass.source {
-            Source::Base => Some(mesh.base()),
+            Source::Base => base,
             Source::Slot(slot) if slot == pass.destination => None,
             Source::Slot(slot) => Some(bytemuck::cast_slice(&self.poses[at + slot as usize])),
         };
@@ -262,7 +297,7 @@ impl Memory {
         let mut pieces = mesh.layout().chunks().flat_map(|(first, vertices)| {
             (0..vertices).step_by(piece).map(move |at| (first + at, piece.min(vertices - at)))
         });
-        let mut rest: Vec<&mut [f32]> = poses.iter_mut().map(|pose| bytemuck::cast_slice_mut(pose)).collect();
+        let mut rest: Vec<&mut [T]> = poses.iter_mut().map(|pose| bytemuck::cast_slice_mut(pose)).collect();
         let jobs = std::iter::from_fn(|| {
             let (first, vertices) = pieces.next()?;
             let words = ..vertices * POSE_FLOATS;
@@ -271,9 +306,12 @@ impl Memory {
         workers.for_each(jobs, |(first, parts)| {
             for (&(plan, source), out) in updates.iter().zip(parts) {
                 // Later passes run in place.
+                if plan.rebuilt && base.is_none() {
+                    out.fill(T::zeroed());
+                }
                 let mut source = source.map(|s| &s[first * POSE_FLOATS..][..out.len()]);
                 for pass in &plan.passes {
-                    kernel::dense(mesh, plan.coefficients_of(pass), first, source.take(), out);
+                    run(plan.coefficients_of(pass), first, source.take(), out);
                 }
             }
         });

@@ -43,7 +43,7 @@ proptest! {
         let desc = UpdateDesc {
             mode: if rebuild { UpdateMode::Rebuild } else { UpdateMode::Incremental },
             slots,
-            pose: if format.has_integers() && format.is_blocks() { pose } else { PoseFormat::Float32 },
+            pose: if format.has_integers() { pose } else { PoseFormat::Float32 },
             tolerance: 1e-4,
             weight_max: Some(1.5),
             error_budget: if budget && format.is_blocks() { 0.02 * scale as f32 } else { 0.0 },
@@ -84,10 +84,10 @@ proptest! {
                 // A still face has settled.
                 let waiting = if frame % 4 > 1 { 0.0 } else { f64::from(desc.error_budget) };
                 let most = match (format.is_blocks(), grid) {
-                    (false, _) => 3e-6 * scale.max(1.0),
+                    (false, None) => 3e-6 * scale.max(1.0),
                     (true, None) => waiting + f64::from(stats.bound),
                     // Terms are rounded, then two roundings to float32, of the displacement and of the pose, in three components.
-                    (true, Some(_)) => waiting + f64::from(stats.bound) + 3f64.sqrt() * f64::from(f32::EPSILON) / 2.0 * (2.0 * far(&reference) + base),
+                    (_, Some(_)) => waiting + f64::from(stats.bound) + 3f64.sqrt() * f64::from(f32::EPSILON) / 2.0 * (2.0 * far(&reference) + base),
                 };
                 // The budget is one of positions. Integers round normals by half a unit for each target that has a weight.
                 let active = weights.iter().filter(|weight| **weight != 0.0).count() as f64;
@@ -149,7 +149,7 @@ proptest! {
         let blocks = BlockDesc { size: Some(BLOCK_SIZES[size]), ..BlockDesc::default() };
         let mesh = testing::mesh(650, targets);
         let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(format) }).unwrap());
-        let pose = if format.has_integers() && format.is_blocks() { pose } else { PoseFormat::Float32 };
+        let pose = if format.has_integers() { pose } else { PoseFormat::Float32 };
         let desc = UpdateDesc { slots, pose, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
         let mut crowd = CpuCrowd::new(packed.clone(), desc, heads, threads).unwrap();
         let mut alone: Vec<_> = (0..heads).map(|_| CpuCrowd::new(packed.clone(), desc, 1, 1).unwrap()).collect();
@@ -187,7 +187,7 @@ fn misuse_is_an_error_that_says_what_to_do() {
     let tight = UpdateDesc { tolerance: 1e-9, ..cpu };
     let set = |desc, instance, weights| crowd(DeltaFormat::Small, desc, 1).unwrap().set_weights(instance, weights);
     for (result, words) in [
-        (make(DeltaFormat::Float32, exact), &["fixed32 poses with 'float32'", "'fast'"][..]),
+        (make(DeltaFormat::Float32, exact), &["fixed32 poses of float32 deltas", "'snorm16'"][..]),
         (make(DeltaFormat::BlockFloat32, exact), &["pack as"]),
         (make(DeltaFormat::Fast, tight), &["rounding alone"]),
         (make(DeltaFormat::Float32, UpdateDesc { path: UpdatePath::Compute, ..cpu }), &["'compute' for a CpuCrowd"]),

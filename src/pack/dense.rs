@@ -1,8 +1,10 @@
 //! The dense formats: target after target, every vertex.
 
 use super::formats::{DenseFormat, Lane};
+use super::grid::Sums;
 use super::source::largest;
-use super::{PackDesc, PackedGroup, PackedLayout, PackedTarget, Source, VERTEX_PADDING};
+use super::{POSE_FLOATS, PackDesc, PackedGroup, PackedLayout, PackedTarget, Source, VERTEX_PADDING};
+use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::error::{Error, Result};
 
 /// Lay out a group densely.
@@ -34,7 +36,7 @@ pub(super) fn pack(source: &Source<'_>, desc: &PackDesc, format: &impl DenseForm
         PackedTarget { name: name.to_owned(), position_step, normal_exponent }
     };
     let targets = mesh.targets.iter().map(|target| describe(&target.name, &source.deltas(target))).collect();
-    let layout = PackedLayout {
+    let mut layout = PackedLayout {
         name: mesh.name.clone(),
         format: desc.format,
         streams: source.streams.clone(),
@@ -43,14 +45,64 @@ pub(super) fn pack(source: &Source<'_>, desc: &PackDesc, format: &impl DenseForm
         diagonal: mesh.diagonal,
         targets,
         blocks: None,
+        sums: None,
     };
+    let mut reached = desc.format.has_integers().then(|| Reached::new(padded));
     let mut words_of_all = vec![0; padded * target_count * words];
     for (t, target) in mesh.targets.iter().enumerate() {
         let steps = layout.targets[t].steps();
         for (vertex, delta) in source.deltas(target) {
             let at = layout.word_index(t, vertex as usize);
             format.encode(delta, steps, &mut words_of_all[at..at + words]);
+            let moved = reached.as_mut().map(|reached| (reached, format.decode(&words_of_all[at..at + words], steps)));
+            moved.into_iter().for_each(|(reached, delta)| reached.add(vertex as usize, delta, steps));
         }
     }
+    layout.sums = reached.map(|reached| reached.sums(desc));
     Ok(PackedGroup { layout, base, words: words_of_all })
+}
+
+/// How far the targets move each vertex.
+struct Reached {
+    /// Σ|delta|, and the targets that move it.
+    vertices: Vec<([f64; POSE_FLOATS], usize)>,
+    /// The finest and the coarsest step of the targets that move a triple.
+    steps: [(f32, f32); TRIPLES],
+}
+
+impl Reached {
+    fn new(vertices: usize) -> Self {
+        Self { vertices: vec![([0.0; POSE_FLOATS], 0); vertices], steps: [(f32::INFINITY, 0.0); TRIPLES] }
+    }
+
+    /// Add the delta of another target, as it is stored.
+    fn add(&mut self, vertex: usize, delta: [f64; POSE_FLOATS], steps: [f32; TRIPLES]) {
+        let (sums, targets) = &mut self.vertices[vertex];
+        *targets += usize::from(delta != [0.0; POSE_FLOATS]);
+        for (c, number) in delta.into_iter().enumerate().filter(|(_, number)| *number != 0.0) {
+            let (finest, coarsest) = &mut self.steps[c / TRIPLE];
+            (*finest, *coarsest) = (finest.min(steps[c / TRIPLE]), coarsest.max(steps[c / TRIPLE]));
+            sums[c] += number.abs();
+        }
+    }
+
+    fn sums(self, desc: &PackDesc) -> Sums {
+        // What nothing moves has any step. The quotient of two may be more than single precision holds.
+        let found = self.steps.map(|(finest, coarsest)| if coarsest > 0.0 { (finest, coarsest) } else { (1.0, 1.0) });
+        let steps = found.map(|(finest, _)| finest);
+        let range = found.map(|(finest, coarsest)| (f64::from(coarsest) / f64::from(finest)).log2() as u32);
+        let mut largest = [0f64; TRIPLES];
+        for (c, sum) in self.vertices.iter().flat_map(|(sums, _)| sums.iter().enumerate()) {
+            largest[c / TRIPLE] = largest[c / TRIPLE].max(sum / f64::from(steps[c / TRIPLE]));
+        }
+        Sums {
+            format: desc.format,
+            coarsest: Some(range),
+            steps,
+            largest_of_mesh: largest[0].max(largest[1]),
+            largest,
+            targets: self.vertices.iter().map(|(_, targets)| *targets).max().unwrap_or(0),
+            weight_max: desc.blocks.weight_max,
+        }
+    }
 }

@@ -1,7 +1,8 @@
 //! A group of a packed mesh: six numbers a vertex, their deltas, and where all of it is.
 
-use super::blocks::BlockIndex;
+use super::blocks::{BlockIndex, PoseGrid};
 use super::formats::{DenseFormat, with_format};
+use super::grid::{Sums, refused};
 use super::{BASE_STRIDE, DeltaFormat, POSE_FLOATS, PoseError, PoseFormat, Source, VERTEX_PADDING, stream_errors};
 use crate::asset::streams::{Measure, StreamPlace, TRIPLES};
 use crate::asset::{Faces, RenderVertices};
@@ -140,6 +141,8 @@ pub struct PackedLayout {
     pub targets: Vec<PackedTarget>,
     /// Block formats: the blocks.
     pub blocks: Option<Arc<BlockIndex>>,
+    /// Dense formats of integers: how large sums may become.
+    pub(crate) sums: Option<Sums>,
 }
 
 impl PackedLayout {
@@ -158,6 +161,27 @@ impl PackedLayout {
             let text = format!("mesh '{}' has no blocks", self.name);
             Error::invalid(text, "pack it in a block format, such as 'fast' or 'small'")
         })
+    }
+
+    /// The grid for poses of integers and weights up to `weight_max`, either sign; `None`: up to 1 in 16 bits, up to what
+    /// the mesh was packed with ([`BlockDesc::weight_max`](super::blocks::BlockDesc::weight_max)) in 32.
+    ///
+    /// # Errors
+    /// Deltas that are no integers, float32 poses; a largest weight that is not above 0, or too large; in blocks as
+    /// [`BlockIndex::grid`].
+    pub fn grid(&self, pose: PoseFormat, weight_max: Option<f32>) -> Result<PoseGrid> {
+        match (&self.blocks, &self.sums) {
+            (Some(index), _) => index.grid(pose, weight_max),
+            (None, Some(sums)) => sums.grid(pose, weight_max),
+            (None, None) => Err(refused(self.format, pose)),
+        }
+    }
+
+    /// Most targets that any vertex may be moved by: those of its block, or of the mesh's vertex that most targets move
+    /// (`snorm16`). 0 in formats without integers.
+    pub fn most_targets(&self) -> usize {
+        let sums = self.blocks.as_ref().map(|index| &index.sums).or(self.sums.as_ref());
+        sums.map_or(0, |sums| sums.targets)
     }
 
     /// Whether errors of some stream are lengths: what error budgets and bounds on drift speak of.

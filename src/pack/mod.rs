@@ -5,6 +5,7 @@ mod dense;
 mod error;
 pub mod file;
 pub(crate) mod formats;
+pub(crate) mod grid;
 mod group;
 mod order;
 pub(crate) mod poses;
@@ -125,11 +126,11 @@ impl PackedMesh {
     /// The mesh of these groups, of which there is one at least. Weights are the mesh's, and so is their grid, on which
     /// sums of no group may overflow.
     fn of_groups(mut groups: Vec<PackedGroup>) -> Self {
-        let sums = groups.iter().filter_map(|group| Some(group.layout.blocks.as_ref()?.largest_sum));
+        let sums = groups.iter().filter_map(|group| Some(group.layout.blocks.as_ref()?.sums.largest_of_mesh));
         let largest = sums.fold(0.0, f64::max);
         for index in groups.iter_mut().filter_map(|group| group.layout.blocks.as_mut()) {
-            if index.largest_sum != largest {
-                Arc::make_mut(index).largest_sum = largest;
+            if index.sums.largest_of_mesh != largest {
+                Arc::make_mut(index).sums.largest_of_mesh = largest;
             }
         }
         Self { groups }

@@ -1,6 +1,7 @@
 use super::source::largest;
 use super::*;
 use crate::asset::streams::{Semantic, TRIPLE};
+use crate::math::is_power_of_two;
 use crate::reference::{compare_group, evaluate_group, evaluate_unpacked_group};
 use crate::testing;
 
@@ -100,5 +101,65 @@ fn streams_that_do_not_fit_are_refused() {
         (change(&|m| m.targets[1].streams[0].vertices[3] = 50), "stream 'tangent' in target 'target_1'"),
     ] {
         assert!(text.contains(part), "{text}");
+    }
+}
+
+/// Weights at their largest, with the signs of the deltas of one component: the largest sums that there may be, and terms
+/// that fit 32 bits, also where targets differ by many powers of two.
+#[test]
+fn dense_sums_fit_the_integers_of_a_pose() {
+    let mut mesh = testing::mesh(100, 9);
+    for (target, scale) in mesh.targets.iter_mut().zip([1.0, 1e-3, 1.0, 1e-12, 1e-20, 3.0, 0.3, 1e-6, 1.0]) {
+        target.positions.iter_mut().for_each(|delta| *delta *= scale);
+        target.normals.iter_mut().for_each(|delta| *delta *= scale * scale);
+    }
+    let largest_of = |packed: &PackedMesh, pose: PoseFormat, weight_max: Option<f32>| {
+        let layout = packed.layout();
+        let grid = layout.grid(pose, weight_max).unwrap();
+        let steps = grid.steps(grid.weight_max);
+        assert!((16384..=32768).contains(&steps) || grid.weight_bits == 16, "{grid:?}");
+        let mut sums = vec![[0i64; POSE_FLOATS]; 100];
+        for (t, target) in layout.targets.iter().enumerate() {
+            let terms = grid.terms(0.0, grid.weight_max, target.steps());
+            packed.for_each_delta(t, |vertex, delta| {
+                for (c, sum) in sums[vertex].iter_mut().enumerate() {
+                    let grid::Term { new, old, dropped } = terms[c / 3];
+                    let integer = (delta[c].abs() / f64::from(target.steps()[c / 3])) as i32;
+                    let term = |weight: i32| weight.checked_mul(integer)?.checked_add(1 << dropped >> 1);
+                    let [new, old] = [new, old].map(|weight| term(weight).unwrap() >> dropped);
+                    // The definition, in float64.
+                    let unit = f64::from(grid.units[c / 3]);
+                    let exact = f64::from(grid.weight_max) * delta[c].abs() / unit;
+                    assert_eq!(f64::from(new - old), (exact + 0.5).floor(), "{target:?} {grid:?}");
+                    *sum += i64::from(new - old);
+                }
+            });
+        }
+        sums.into_iter().flatten().max().unwrap()
+    };
+    let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Snorm16)).unwrap();
+    assert!(packed.layout().targets.iter().all(|target| target.steps().into_iter().all(is_power_of_two)));
+    for (pose, most) in [(PoseFormat::Fixed16, i64::from(i16::MAX)), (PoseFormat::Fixed32, i64::from(i32::MAX))] {
+        for weight_max in [None, Some(0.25), Some(2.0), Some(255.0)] {
+            let largest = largest_of(&packed, pose, weight_max);
+            // One bit fewer, and they might not fit; of 32 bits targets may have none to spare.
+            let fine = largest > most / 2 - 16 || pose == PoseFormat::Fixed32;
+            assert!(largest <= most && fine, "{pose:?} {weight_max:?}: {largest} of {most}");
+        }
+    }
+    for (format, pose, weight_max, part) in [
+        (DeltaFormat::Float32, PoseFormat::Fixed16, None, "'snorm16'"),
+        (DeltaFormat::Snorm16, PoseFormat::Float32, None, "use fixed32 or fixed16"),
+        (DeltaFormat::Snorm16, PoseFormat::Fixed32, Some(300.0), "deltas in blocks"),
+        (DeltaFormat::Snorm16, PoseFormat::Fixed16, Some(f32::NAN), "above 0"),
+    ] {
+        let packed = PackedMesh::pack(&mesh, &PackDesc::new(format)).unwrap();
+        let text = packed.layout().grid(pose, weight_max).unwrap_err().to_string();
+        assert!(text.contains(part), "{text}");
+    }
+    // Meshes of next to nothing have a grid.
+    for mesh in testing::degenerate() {
+        let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Snorm16)).unwrap();
+        assert!(packed.layout().grid(PoseFormat::Fixed16, None).is_ok(), "{}", mesh.name);
     }
 }

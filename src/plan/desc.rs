@@ -79,14 +79,14 @@ pub struct UpdateDesc {
     pub slots: u32,
     /// How poses are stored, and so how they add up: float32 accumulates rounding; integers are exact sums on a grid of
     /// weights and deltas ([`PoseGrid`](crate::pack::blocks::PoseGrid)), bit for bit what a full evaluation gives, after
-    /// any number of updates, in any order and on any driver (block formats).
+    /// any number of updates, in any order and on any driver (`blocks`, `compute` and `cpu`; deltas that are integers).
     pub pose: PoseFormat,
     /// Largest position error that accumulation in float32 may cause, as a fraction of the bounding-box diagonal (block
     /// formats). A bound on it is kept, and a block whose bound would exceed this starts from the base pose again. Streams
     /// beside positions and normals have no such bound: in long runs, use poses of integers.
     pub tolerance: f32,
     /// Largest weight, either sign, that poses of integers have to hold; `None`: 1 in 16 bits, in 32 what the mesh was
-    /// packed with. The smaller, the finer their unit ([`BlockIndex::grid`](crate::pack::blocks::BlockIndex::grid)).
+    /// packed with. The smaller, the finer their unit ([`PackedLayout::grid`]).
     pub weight_max: Option<f32>,
     /// How far a vertex may be from where the requested weights would put it, as a length in input units (block
     /// formats). Smaller changes are deferred until they add up to more, or until the same weights are requested again;
@@ -117,9 +117,9 @@ impl UpdateDesc {
     /// The grid of weights and poses for a mesh packed like this; `None`: weights and poses are float32.
     ///
     /// # Errors
-    /// As [`BlockIndex::grid`](crate::pack::blocks::BlockIndex::grid); a dense format, which has none.
+    /// As [`PackedLayout::grid`].
     pub fn grid(&self, layout: &PackedLayout) -> Result<Option<PoseGrid>> {
-        self.integers().map(|pose| layout.index()?.grid(pose, self.weight_max)).transpose()
+        self.integers().map(|pose| layout.grid(pose, self.weight_max)).transpose()
     }
 
     /// What sums are of, where they are exact: poses of integers, or the integers that a path has instead of them.

@@ -111,7 +111,7 @@ update_paths! {
         /// Compute passes
         ///
         /// The first reads the current slot and writes the next, the rest run in place there.
-        Compute "compute" { batch: Batch::PushConstants };
+        Compute "compute" { batch: Batch::PushConstants, poses: &PoseFormat::ALL };
         /// Compute, for the blocks of vertices that a changed target touches, and no others
         ///
         /// One workgroup for each. Takes the block formats. The one to use where there is a GPU.
@@ -192,7 +192,7 @@ impl UpdatePath {
         self.row().formats
     }
 
-    /// The pose formats it takes: integers with deltas that are integers, in blocks.
+    /// The pose formats it takes: integers with deltas that are integers.
     pub const fn poses(self) -> &'static [PoseFormat] {
         self.row().poses
     }

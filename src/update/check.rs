@@ -42,7 +42,7 @@ impl UpdateDesc {
         }
         if !path.poses().contains(&self.pose) {
             let names: Vec<&str> = path.poses().iter().map(|pose| pose.name()).collect();
-            let remedy = format!("use {} poses here, or the path 'blocks' or 'cpu'", names.join(" or "));
+            let remedy = format!("use {} poses here, or the path 'blocks', 'compute' or 'cpu'", names.join(" or "));
             return refuse(format!("{} poses with '{name}'", self.pose.name()), remedy);
         }
         if path.rebuilds_only() && self.mode == UpdateMode::Incremental {
@@ -69,8 +69,8 @@ impl UpdateDesc {
     /// Check the description for a mesh packed like this.
     ///
     /// # Errors
-    /// As [`check`](Self::check); in block formats, as [`BlockIndex::grid`](crate::pack::blocks::BlockIndex::grid) where
-    /// poses are integers, else a tolerance that rounding exceeds in a pose fresh from base, all weights being 1.
+    /// As [`check`](Self::check), and as [`PackedLayout::grid`] where poses are integers; else, in block formats, a
+    /// tolerance that rounding exceeds in a pose fresh from base, all weights being 1.
     pub fn check_for(&self, layout: &PackedLayout) -> Result<()> {
         self.check_all(layout, Runner::Unknown)
     }
@@ -103,13 +103,11 @@ impl UpdateDesc {
 
     /// Refuse what only block formats have; `name` is the path's or the format's.
     fn check_dense(&self, name: &str) -> Result<()> {
-        let what = match self.pose.has_integers() {
-            true => format!("{} poses", self.pose.name()),
-            false if self.error_budget > 0.0 => "an error budget".into(),
-            false => return Ok(()),
-        };
+        if self.error_budget == 0.0 {
+            return Ok(());
+        }
         let remedy = "use the path 'blocks', or 'cpu' with a block format ('fast', 'small')";
-        refuse(format!("{what} with '{name}'"), remedy)
+        refuse(format!("an error budget with '{name}'"), remedy)
     }
 
     /// Refuse a path that the device cannot run, a format that it does not take, and blocks or a batch too large.

@@ -113,9 +113,17 @@ pub fn update_descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc
         descs.extend(sizes.into_iter().map(|b| UpdateDesc::new(path, BatchSize::Targets(b))));
         if path == UpdatePath::Compute {
             descs.push(UpdateDesc::new(path, BatchSize::All));
+            let passes = [BatchSize::All, BatchSize::Targets(1), BatchSize::Targets(3)];
+            let poses = passes.into_iter().flat_map(|batch| fixed().map(|desc| desc.path(path).batch(batch)));
+            descs.extend(poses.filter(|_| format.has_integers()));
         }
     }
     descs
+}
+
+/// The path on a device that takes meshes in a format, with poses of integers.
+pub fn path_of(format: DeltaFormat) -> UpdatePath {
+    if format.is_blocks() { UpdatePath::Blocks } else { UpdatePath::Compute }
 }
 
 /// Poses of integers, in 32 and in 16 bits, with room for what [`weights`] gives.
@@ -143,9 +151,9 @@ pub fn integers(group: &PackedGroup, grid: &PoseGrid, weights: &[f32]) -> Vec<f6
 pub fn assert_integers(group: &PackedGroup, desc: &UpdateDesc, stored: &[u8], weights: &[f32]) {
     let grid = desc.grid(group.layout()).expect("a grid").expect("poses of integers");
     let (sums, numbers) = (integers(group, &grid, weights), desc.pose.integers(stored));
-    let order = group.layout().blocks.as_ref().expect("blocks").order();
-    for (vertex, numbers) in order.iter().zip(numbers.as_chunks::<POSE_FLOATS>().0) {
-        let expected = &sums[*vertex as usize * POSE_FLOATS..][..POSE_FLOATS];
+    for (packed, numbers) in numbers.as_chunks::<POSE_FLOATS>().0.iter().enumerate() {
+        let Some(vertex) = group.layout().user_vertex(packed) else { continue };
+        let expected = &sums[vertex * POSE_FLOATS..][..POSE_FLOATS];
         let (numbers, same) = (numbers.map(f64::from), |(a, b): (&f64, &f64)| a == b);
         assert!(numbers.iter().zip(expected).all(same), "{desc:?}, vertex {vertex}: {numbers:?}, not {expected:?}");
     }

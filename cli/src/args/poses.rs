@@ -24,7 +24,7 @@ impl Sums {
         match self {
             Self::Float => "--pose float32: float32 sums, with a bound that is kept",
             Self::Exact => {
-                "--pose fixed32: integer sums, equal to a full evaluation bit for bit (formats fast, small and pair)"
+                "--pose fixed32: integer sums, equal to a full evaluation bit for bit (deltas of integers: not float32)"
             }
         }
     }
@@ -82,6 +82,6 @@ impl UpdateArgs {
         }
         let takes = path.poses().iter().map(|pose| pose.name()).collect::<Vec<_>>().join(", ");
         let asked = pose.name();
-        Err(format!("--pose {asked}: the path '{name}' takes {takes}; use the path 'blocks' or 'cpu'"))
+        Err(format!("--pose {asked}: the path '{name}' takes {takes}; use the path 'blocks', 'compute' or 'cpu'"))
     }
 }

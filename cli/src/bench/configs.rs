@@ -62,7 +62,10 @@ pub fn configurations(wanted: &Wanted<'_>, args: &BenchArgs, gpu: Option<&Gpu>) 
             let on_path = |pose: &PoseFormat| update.pose_on(path, *pose).ok();
             let poses: Vec<PoseFormat> = wanted.poses.iter().filter(held).filter_map(on_path).collect();
             for batch in batches {
-                for (&mode, &pose) in modes.iter().flat_map(|mode| poses.iter().map(move |pose| (mode, pose))) {
+                // Passes over lists take the longer the more of them there are: of poses of integers, one tells it.
+                let all = path != UpdatePath::Compute || batch == BatchSize::All || sizes_named;
+                let poses = || poses.iter().filter(move |pose| all || !pose.has_integers());
+                for (&mode, &pose) in modes.iter().flat_map(|mode| poses().map(move |pose| (mode, pose))) {
                     let desc = UpdateDesc::new(path, batch)
                         .mode(mode)
                         .slots(update.slots)
@@ -96,8 +99,8 @@ pub fn configurations(wanted: &Wanted<'_>, args: &BenchArgs, gpu: Option<&Gpu>) 
             let formats: Vec<&str> = path.formats().iter().map(|format| format.name()).collect();
             let poses = match path {
                 UpdatePath::Scatter => "--accumulate exact",
-                UpdatePath::Blocks | UpdatePath::Cpu => {
-                    "--poses float32 (fast, small and pair also fixed32 and fixed16)"
+                UpdatePath::Blocks | UpdatePath::Cpu | UpdatePath::Compute => {
+                    "--poses float32 (snorm16, fast, small and pair also fixed32 and fixed16)"
                 }
                 _ => "--poses float32",
             };

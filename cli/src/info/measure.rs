@@ -1,5 +1,6 @@
 //! What formats cost: bytes, errors of deltas, and errors of whole poses.
 
+use super::pose_formats::{PoseCost, pose_costs};
 use crate::input::Input;
 use crate::output::{Failure, Output};
 use crate::verify::scale;
@@ -57,6 +58,8 @@ pub struct Measured {
     pub name: &'static str,
     #[serde(flatten)]
     pub cost: Cost,
+    /// What each pose format costs and loses with these deltas.
+    pub pose_formats: Vec<PoseCost>,
     #[serde(skip)]
     pub packed: Arc<PackedMesh>,
 }
@@ -64,7 +67,7 @@ pub struct Measured {
 impl Measured {
     fn new(packed: Arc<PackedMesh>, error: PoseError) -> Self {
         let layout = packed.layout();
-        Self { name: layout.format.name(), cost: Cost::of(layout, error), packed }
+        Self { name: layout.format.name(), cost: Cost::of(layout, error), pose_formats: pose_costs(layout), packed }
     }
 }
 

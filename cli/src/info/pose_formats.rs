@@ -29,7 +29,7 @@ pub struct Grid {
     pub position_unit_rel: f64,
     /// What the integers of normals are multiples of.
     pub normal_unit: f32,
-    /// Most targets that touch a block.
+    /// Most targets that touch a block, or, of dense deltas, move a vertex.
     pub targets_most: usize,
     /// How far rounding may move a vertex when all of them are active, in input units and as a fraction of the diagonal;
     /// 0 where poses are not rounded. Packing and the rounding of weights come on top.
@@ -37,10 +37,9 @@ pub struct Grid {
     pub rounding_error_rel: f64,
 }
 
-/// A row for each pose format; none for dense deltas, which take float32 alone.
+/// A row for each pose format.
 pub fn pose_costs(layout: &PackedLayout) -> Vec<PoseCost> {
-    let Some(index) = &layout.blocks else { return vec![] };
-    let (targets_most, scale) = (index.most_entries(), scale(layout.diagonal));
+    let (targets_most, scale) = (layout.most_targets(), scale(layout.diagonal));
     let relative = |length: f32| f64::from(length) / scale;
     let cost = |format: PoseFormat| {
         let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).pose(format);
@@ -84,7 +83,7 @@ pub fn pose_table(costs: &[PoseCost], packing_rel: f64) -> String {
         let most = grid.targets_most;
         format!(
             "\nunit and errors of positions as fractions of the diagonal; rounding with {most} targets active at once, \
-                 as many as touch a block; packing of each target at weight 1"
+                 as many as any vertex has; packing of each target at weight 1"
         )
     });
     format!("{table}{most}{refused}")

@@ -4,6 +4,7 @@ use super::{BLOCK_SIZES, BlockIndex, EntryCost, Incidence, Parts};
 use crate::asset::streams::{Measure, StreamPlace, TRIPLE, TRIPLES};
 use crate::math::is_power_of_two;
 use crate::pack::formats::BlockFormat;
+use crate::pack::grid::Sums;
 use crate::pack::{POSE_FLOATS, VERTEX_PADDING};
 
 /// Most words of a mesh: its bytes have to be counted in 32 bits.
@@ -21,14 +22,22 @@ impl BlockIndex {
         let (entries, blocks) = (parts.entry_target.len(), parts.first_entry.len().saturating_sub(1));
         let format = parts.format.block_format().ok_or("a dense format")?;
         let headers = entries.saturating_mul(format.header_words(parts.size as usize));
+        let sums = Sums {
+            format: parts.format,
+            steps: parts.steps,
+            coarsest: None,
+            largest: [0.0; TRIPLES],
+            largest_of_mesh: 0.0,
+            targets: 0,
+            weight_max: parts.weight_max,
+        };
         let lengths = streams.iter().find(|s| s.semantic.measure() == Measure::Length);
         let mut index = Self {
             parts,
             deltas_at: headers.next_multiple_of(4),
             words: words.len(),
             lengths: lengths.map_or(0..0, StreamPlace::components),
-            largest_sums: [0.0; TRIPLES],
-            largest_sum: 0.0,
+            sums,
             costs: vec![],
             masks: vec![],
             first_incidence: vec![],
@@ -141,7 +150,7 @@ impl BlockIndex {
                 self.block_reach[block] += reach;
             }
             for (c, sum) in sums.iter().flat_map(|sums| sums.iter().enumerate()) {
-                let (largest, step) = (&mut self.largest_sums[c / TRIPLE], self.parts.steps[c / TRIPLE]);
+                let (largest, step) = (&mut self.sums.largest[c / TRIPLE], self.parts.steps[c / TRIPLE]);
                 *largest = largest.max(sum / f64::from(step));
             }
             let vertices = &base[block * size * POSE_FLOATS..][..size * POSE_FLOATS];
@@ -167,7 +176,8 @@ impl BlockIndex {
         let first = |target| incidence.partition_point(|one| (target_of(one) as usize) < target) as u32;
         self.first_incidence = (0..=targets).map(first).collect();
         self.incidence = incidence;
-        self.largest_sum = self.largest_sums[0].max(self.largest_sums[1]);
+        self.sums.largest_of_mesh = self.sums.largest[0].max(self.sums.largest[1]);
+        self.sums.targets = self.most_entries();
         Ok(())
     }
 }

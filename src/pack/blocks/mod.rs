@@ -13,16 +13,17 @@
 //! dropped, for each stream on its own.
 
 mod derive;
-mod grid;
 mod pack;
 
-pub use grid::PoseGrid;
+pub use super::grid::PoseGrid;
 pub(super) use pack::pack;
 
 use super::formats::{BlockFormat, with_format};
+use super::grid::Sums;
 use super::order::inverse;
-use super::{DeltaFormat, POSE_FLOATS, PoseError};
+use super::{DeltaFormat, POSE_FLOATS, PoseError, PoseFormat};
 use crate::asset::streams::{TRIPLE, TRIPLES};
+use crate::error::Result;
 use crate::setters::setters;
 use std::ops::Range;
 use std::sync::Arc;
@@ -90,10 +91,7 @@ pub struct BlockIndex {
     words: usize,
     /// The components that are positions.
     lengths: Range<usize>,
-    /// The largest Σ|integer| of any vertex component, by triple.
-    largest_sums: [f64; TRIPLES],
-    /// The largest of the mesh: of any of its groups.
-    pub(super) largest_sum: f64,
+    pub(super) sums: Sums,
     /// Of each entry.
     pub(crate) costs: Vec<EntryCost>,
     /// `[entry][component][word]`: which vertices' components its deltas change.
@@ -144,6 +142,16 @@ impl BlockIndex {
     /// The most targets that touch a block.
     pub fn most_entries(&self) -> usize {
         (0..self.count()).map(|block| self.entries(block).len()).max().unwrap_or(0)
+    }
+
+    /// The grid for poses of integers and weights up to `weight_max`, either sign; `None`: up to 1 in 16 bits, up to what
+    /// the mesh was packed with ([`BlockDesc::weight_max`]) in 32.
+    ///
+    /// # Errors
+    /// `block-float32` has no integers, float32 poses neither; a largest weight that is not above 0, or so large, or
+    /// deltas so large against their step, that sums could overflow: the message names a position error that would do.
+    pub fn grid(&self, pose: PoseFormat, weight_max: Option<f32>) -> Result<PoseGrid> {
+        self.sums.grid(pose, weight_max)
     }
 
     /// Packed → user vertex order.

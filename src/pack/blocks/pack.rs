@@ -243,6 +243,7 @@ impl PackedGroup {
             diagonal,
             targets,
             blocks: Some(Arc::new(index)),
+            sums: None,
         };
         Ok(Self { layout, base, words })
     }

@@ -3,6 +3,7 @@
 use super::DenseFormat;
 use crate::asset::streams::TRIPLES;
 use crate::pack::POSE_FLOATS;
+use crate::pack::grid::Term;
 
 pub(crate) struct Float32;
 
@@ -30,4 +31,6 @@ impl DenseFormat for Float32 {
             *sum = s;
         }
     }
+
+    fn add_terms(&self, _: [Term; TRIPLES], _: &[u32], _: &mut [i32]) {}
 }

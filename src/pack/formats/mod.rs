@@ -4,6 +4,7 @@
 mod shifts;
 
 use super::POSE_FLOATS;
+use super::grid::Term;
 use crate::abi::formats::{FORMATS, FormatRow, delta_formats};
 use crate::asset::streams::TRIPLES;
 use crate::error::{Error, Result};
@@ -143,6 +144,9 @@ pub(crate) trait DenseFormat {
     /// Add N targets' deltas of consecutive vertices to `sums`, each target times its factors (by triple; they hold the
     /// steps).
     fn add<const N: usize>(&self, factors: [[f32; TRIPLES]; N], rows: [&[u32]; N], sums: &mut [f32]);
+
+    /// Add what a target adds to poses of integers, by triple; never called for float32 deltas, which have no grid.
+    fn add_terms(&self, terms: [Term; TRIPLES], row: &[u32], sums: &mut [i32]);
 }
 
 /// A delta of a vertex in an entry: its place in the block, and its numbers.

@@ -2,9 +2,11 @@
 
 use super::DenseFormat;
 use crate::asset::streams::{TRIPLE, TRIPLES};
+use crate::math::power_of_two_above;
 use crate::pack::POSE_FLOATS;
+use crate::pack::grid::Term;
 
-const MAX: f32 = 32767.0;
+const MAX: f64 = 32767.0;
 
 /// Two vertices at a time: twelve values are three vectors of four.
 const PAIR: usize = 2 * POSE_FLOATS;
@@ -12,23 +14,21 @@ const PAIR: usize = 2 * POSE_FLOATS;
 pub(crate) struct Snorm16;
 
 impl DenseFormat for Snorm16 {
-    /// The smallest steps that let the largest numbers fit.
+    /// The smallest powers of two that let the largest numbers fit. Deltas of all targets are multiples of the finest
+    /// step then, and so are sums of integers.
     fn steps(&self, [first, second]: [f32; TRIPLES]) -> (f32, i8) {
-        // A target that only moves the second triple still needs a step of its own for the first.
-        let largest = if first > 0.0 { first } else { second };
         // Not below what a float32 coefficient can carry: a target smaller than that is no target.
-        let step = (largest / MAX).max(1e-30);
-        if second == 0.0 {
-            return (step, 0);
-        }
-        let exponent = (second / (MAX * step)).log2().ceil().clamp(-100.0, 100.0);
-        (step, exponent as i8)
+        let step = |largest: f32| power_of_two_above(f64::from(largest) / MAX);
+        // A target that only moves the second triple still needs a step of its own for the first.
+        let first = step(if first > 0.0 { first } else { second });
+        let ratio = if second > 0.0 { step(second) / first } else { 1.0 };
+        (first, ratio.log2().clamp(-100.0, 100.0) as i8)
     }
 
     fn encode(&self, delta: [f32; POSE_FLOATS], steps: [f32; TRIPLES], out: &mut [u32]) {
         let out: &mut [i16] = bytemuck::cast_slice_mut(out);
         for (i, (out, value)) in out.iter_mut().zip(delta).enumerate() {
-            *out = (f64::from(value) / f64::from(steps[i / TRIPLE])).round().clamp(-32767.0, 32767.0) as i16;
+            *out = (f64::from(value) / f64::from(steps[i / TRIPLE])).round().clamp(-MAX, MAX) as i16;
         }
     }
 
@@ -51,6 +51,18 @@ impl DenseFormat for Snorm16 {
                 }
             }
             *sum = s;
+        }
+    }
+
+    #[inline(always)]
+    fn add_terms(&self, terms: [Term; TRIPLES], row: &[u32], sums: &mut [i32]) {
+        let pattern = std::array::from_fn::<Term, PAIR, _>(|i| terms[i / TRIPLE % TRIPLES]);
+        let row = bytemuck::cast_slice::<_, i16>(row)[..sums.len()].as_chunks::<PAIR>().0;
+        for (sums, deltas) in sums.as_chunks_mut::<PAIR>().0.iter_mut().zip(row) {
+            for ((sum, delta), Term { new, old, dropped }) in sums.iter_mut().zip(deltas).zip(pattern) {
+                let term = |weight: i32| (weight * i32::from(*delta) + (1 << dropped >> 1)) >> dropped;
+                *sum = sum.wrapping_add(term(new) - term(old));
+            }
         }
     }
 }

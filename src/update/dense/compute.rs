@@ -1,6 +1,6 @@
 //! The `compute` path: dense passes, with coefficients in push constants (batch sizes 1 to 16) or listed in a
-//! buffer ("all in one pass"). The first pass of an update reads the current slot and writes the next, the rest run in
-//! place there.
+//! buffer ("all in one pass", and poses of integers). The first pass of an update reads the current slot and writes the
+//! next, the rest run in place there.
 
 use super::technique::{ChunkSets, DensePass, Passes};
 use crate::abi::modules::{DENSE, DENSE_LIST};
@@ -11,7 +11,9 @@ use crate::gpu::descriptors::BufferRange;
 use crate::gpu::memory::Ring;
 use crate::gpu::mesh::delta_range;
 use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
-use crate::pack::{BASE_STRIDE, DeltaFormat, PackedLayout, PoseFormat};
+use crate::pack::blocks::PoseGrid;
+use crate::pack::grid::Term;
+use crate::pack::{BASE_STRIDE, DeltaFormat, PackedLayout, PackedTarget, PoseFormat};
 use crate::plan::BatchSize;
 use crate::plan::steps::{Resource, Source, Use, Work};
 use crate::update::technique::Context;
@@ -30,15 +32,26 @@ struct Compute {
 
 impl PipelineKey for Compute {
     fn make(self, objects: &mut Objects) -> Result<()> {
-        let Self { format, pose, batch } = self;
+        let Self { format, pose, .. } = self;
         objects.add_layout(&[DENSE.row, DENSE_LIST.row], 0)?;
-        match batch {
-            BatchSize::All => objects.add_compute(DENSE_LIST.module(format, pose, 0)?, &[&[]]),
-            BatchSize::Targets(most) => {
+        match self.pushed() {
+            None => objects.add_compute(DENSE_LIST.module(format, pose, 0)?, &[&[]]),
+            Some(most) => {
                 let batches: Vec<[u32; 1]> = (0..=most).map(|batch| [batch]).collect();
                 let constants: Vec<&[u32]> = batches.iter().map(<[u32; 1]>::as_slice).collect();
                 objects.add_compute(DENSE.module(format, pose, 0)?, &constants)
             }
+        }
+    }
+}
+
+impl Compute {
+    /// Most targets of a pass whose coefficients are push constants; `None`: coefficients are listed, which of poses of
+    /// integers are three words.
+    fn pushed(self) -> Option<u32> {
+        match self.batch {
+            BatchSize::Targets(most) if !self.pose.has_integers() => Some(most),
+            BatchSize::Targets(_) | BatchSize::All => None,
         }
     }
 }
@@ -48,6 +61,8 @@ pub(crate) struct ComputePasses {
     kernel: Arc<Pipelines<Compute>>,
     instances: u32,
     slots: u32,
+    /// Of poses of integers.
+    grid: Option<PoseGrid>,
     /// Coefficient lists of all instances.
     ring: Ring,
     /// Bytes of one instance's list.
@@ -63,10 +78,10 @@ impl Passes for ComputePasses {
         let (layout, desc, mesh, poses) = (context.layout(), context.desc, context.mesh, context.poses);
         let (batch, slots) = (desc.update.batch, poses.slots);
         let kernel = context.kernels.get(Compute { format: layout.format, pose: desc.update.pose, batch })?;
-        // Only `All` reads lists; the kernels that do not still have one bound.
-        let (entries, instances, frames) = match batch {
-            BatchSize::All => (layout.targets.len(), desc.instances, desc.frames_in_flight),
-            BatchSize::Targets(_) => (0, 1, 1),
+        // The kernels that read no lists still have one bound.
+        let (entries, instances, frames) = match kernel.key.pushed() {
+            None => (layout.targets.len(), desc.instances, desc.frames_in_flight),
+            Some(_) => (0, 1, 1),
         };
         let stride = Ring::part_bytes((entries * size_of::<DenseListEntry>()) as u64);
         let part = stride.saturating_mul(instances.into());
@@ -90,28 +105,26 @@ impl Passes for ComputePasses {
             })
         });
         let sets = ChunkSets::new(&kernel.objects, layout, bound)?;
-        Ok(Self { kernel, instances, slots, ring, stride, sets })
+        Ok(Self { kernel, instances, slots, grid: poses.grid, ring, stride, sets })
     }
 
     fn write_list(&mut self, frame: u64, work: &Work, pass: &DensePass<'_>) -> Result<()> {
-        if self.kernel.key.batch == BatchSize::All {
+        if self.kernel.key.pushed().is_none() {
             let words = &mut self.ring.words(frame)?[work.instance as usize * self.stride as usize / 4..];
             let entries: &mut [DenseListEntry] = bytemuck::cast_slice_mut(&mut words[..self.stride as usize / 4]);
-            for (entry, c) in entries.iter_mut().zip(pass.coefficients) {
+            for (entry, c) in entries[work.items.start as usize..].iter_mut().zip(pass.coefficients) {
                 let target = &pass.layout.targets[c.target as usize];
-                let coefficient = c.value * target.position_step;
-                let normal_coefficient = coefficient * target.normal_ratio();
-                *entry = DenseListEntry { target: c.target, coefficient, normal_coefficient, unused: 0 };
+                *entry = self.grid.map_or_else(|| listed(c, target), |grid| rounded(c, target, grid));
             }
         }
         Ok(())
     }
 
     unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work, pass: &DensePass<'_>) {
-        let (batch, count) = (self.kernel.key.batch, pass.coefficients.len());
-        let (pipeline, list) = match batch {
-            BatchSize::All => (0, (frame * u64::from(self.instances) + u64::from(work.instance)) * self.stride),
-            BatchSize::Targets(_) => (count, 0),
+        let (pushed, count) = (self.kernel.key.pushed().is_some(), pass.coefficients.len());
+        let (pipeline, list) = match pushed {
+            false => (0, (frame * u64::from(self.instances) + u64::from(work.instance)) * self.stride),
+            true => (count, 0),
         };
         let dense = dense_push(pass.layout, pass.coefficients);
         let source = match work.source {
@@ -125,12 +138,11 @@ impl Passes for ComputePasses {
             // Fits 32 bits: checked in `new`, and of deltas at upload.
             let offsets = [(pass.layout.row_start(0, first, vertices) * 4) as u32, list as u32];
             let chunk_vertices = vertices as u32;
-            let list = DenseListPush { chunk_vertices, entry_count: count as u32 };
+            let from_base = (work.source == Source::Base).into();
+            let list =
+                DenseListPush { chunk_vertices, first_entry: work.items.start, entry_count: count as u32, from_base };
             let dense = DensePush { chunk_vertices, ..dense };
-            let push = match batch {
-                BatchSize::All => bytes_of(&list),
-                BatchSize::Targets(_) => bytes_of(&dense),
-            };
+            let push = if pushed { bytes_of(&dense) } else { bytes_of(&list) };
             let workgroups = Workgroups::Of([chunk_vertices / WORKGROUP, 1]);
             // SAFETY: the caller's obligations; the sets were written for this mesh and crowd, and this frame's lists
             // are complete; offsets are multiples of 64 vertices × 12 bytes or of the list's stride, which satisfy the
@@ -139,6 +151,20 @@ impl Passes for ComputePasses {
             unsafe { self.kernel.objects.dispatch(cmd, pipeline, (*set, &offsets), push, workgroups) };
         }
     }
+}
+
+/// A coefficient for float32 poses.
+fn listed(c: &Coefficient, target: &PackedTarget) -> DenseListEntry {
+    let coefficient = c.value * target.position_step;
+    let normal_coefficient = (coefficient * target.normal_ratio()).to_bits();
+    DenseListEntry { target: c.target, coefficient: coefficient.to_bits(), normal_coefficient, dropped: 0 }
+}
+
+/// A coefficient for poses of integers.
+fn rounded(c: &Coefficient, target: &PackedTarget, grid: PoseGrid) -> DenseListEntry {
+    let [Term { new, old, dropped }, normal] = grid.terms(c.held, c.held + c.value, target.steps());
+    let (coefficient, normal_coefficient) = (new as u32, old as u32);
+    DenseListEntry { target: c.target, coefficient, normal_coefficient, dropped: dropped | normal.dropped << 8 }
 }
 
 /// Coefficients and targets as `dense.comp` declares them.

@@ -8,6 +8,7 @@
 
 use crate::error::Result;
 use crate::pack::PackedLayout;
+use crate::pack::blocks::PoseGrid;
 use crate::plan::instances::{History, Instances};
 use crate::plan::steps::{Source, Steps, Use, Work};
 use crate::plan::{BatchSize, UpdateDesc, UpdateMode, UpdateStats};
@@ -88,23 +89,40 @@ impl Plan {
 #[derive(Clone, Debug)]
 pub struct DensePlanner {
     desc: UpdateDesc,
+    /// That of the first group, for poses of integers. That of weights is the same in all groups.
+    grid: Option<PoseGrid>,
     plans: Vec<Plan>,
+    /// Weights on the grid.
+    rounded: Vec<f32>,
 }
 
 impl DensePlanner {
-    /// For so many instances.
+    /// For so many instances, whose poses are on `grid` where they are integers ([`UpdateDesc::grid`]).
     ///
     /// # Errors
     /// As [`UpdateDesc::check`].
-    pub fn new(desc: UpdateDesc, instances: usize) -> Result<Self> {
+    pub fn new(desc: UpdateDesc, grid: Option<PoseGrid>, instances: usize) -> Result<Self> {
         desc.check()?;
-        Ok(Self { desc, plans: vec![Plan::default(); instances] })
+        Ok(Self { desc, grid, plans: vec![Plan::default(); instances], rounded: vec![] })
+    }
+
+    /// The grid of poses of integers.
+    pub fn grid(&self) -> Option<PoseGrid> {
+        self.grid
     }
 
     /// Plan the update numbered `update` of every instance that is shown.
     pub fn plan(&mut self, instances: &mut Instances, update: u64) {
         self.plans.iter_mut().for_each(Plan::clear);
         for (place, weights, history) in instances.shown() {
+            let weights = match self.grid {
+                None => weights,
+                Some(grid) => {
+                    self.rounded.clear();
+                    self.rounded.extend(weights.iter().map(|&weight| grid.round(weight)));
+                    &self.rounded
+                }
+            };
             self.plans[place].fill(&self.desc, weights, history, update);
         }
     }
@@ -141,23 +159,31 @@ impl DensePlanner {
 
     /// Count the last update: each pass reads its source and its targets' deltas, and writes its destination. The least
     /// that any order of the same dense work could move is each instance's pose read and written once, each
-    /// coefficient's deltas read once. Bytes are those of all groups.
+    /// coefficient's deltas read once. Of integers nothing is read where a pass starts from the base pose. Bytes are those
+    /// of all groups.
     pub fn stats<'a>(&self, groups: impl Iterator<Item = &'a PackedLayout> + Clone) -> UpdateStats {
         let coefficients = self.plans.iter().map(|plan| plan.coefficients.len()).sum();
         let passes = self.plans.iter().map(|plan| plan.passes.len()).sum();
         let changed = self.plans.iter().filter(|plan| !plan.passes.is_empty());
+        let rebuilt = changed.clone().filter(|plan| plan.rebuilt).count();
+        let unread = if self.grid.is_some() { rebuilt } else { 0 };
         let bytes = |poses: usize| {
             let of = |layout: &PackedLayout| {
-                layout.padded_vertices() * (2 * self.desc.pose.stride() * poses + coefficients * layout.format.stride())
+                let poses = self.desc.pose.stride() * (2 * poses - unread);
+                layout.padded_vertices() * (poses + coefficients * layout.format.stride())
             };
             groups.clone().map(of).sum::<usize>() as u64
         };
+        // What rounding may have done to the poses that there are.
+        let active = |plan: &Plan| plan.applied.iter().filter(|weight| **weight != 0.0).count();
+        let active = self.plans.iter().map(active).max().unwrap_or(0);
         UpdateStats {
             coefficients,
             passes,
-            rebuilt: changed.clone().filter(|plan| plan.rebuilt).count(),
+            rebuilt,
             bytes_moved: bytes(passes),
             bytes_floor: bytes(changed.count()),
+            bound: self.grid.map_or(0.0, |grid| grid.position_error(active)),
             ..UpdateStats::default()
         }
     }

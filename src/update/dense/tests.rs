@@ -42,7 +42,7 @@ fn recorded(planner: &DensePlanner, path: UpdatePath) -> Vec<Recorded> {
 type Held = Option<Vec<f64>>;
 
 fn one(desc: UpdateDesc, targets: usize) -> Option<One<DensePlanner>> {
-    let planner = DensePlanner::new(desc, 1).ok()?;
+    let planner = DensePlanner::new(desc, None, 1).ok()?;
     Some(One::new(desc, targets, planner, vec![None; desc.slots as usize]))
 }
 
@@ -112,7 +112,7 @@ fn every_barrier_of_passes_is_needed() {
 #[test]
 fn a_vertex_pass_must_not_write_what_it_fetches() {
     for &path in PATHS.iter().filter(|path| !path.works_in_place()) {
-        let planner = DensePlanner::new(UpdateDesc::new(path, BatchSize::Targets(1)), 1).unwrap();
+        let planner = DensePlanner::new(UpdateDesc::new(path, BatchSize::Targets(1)), None, 1).unwrap();
         let pass = Work { source: Source::Slot(1), destination: 1, ..Work::default() };
         let mut checker = HazardChecker::default();
         checker.update(&[Recorded::Step { crowd: 0, works: planner.accesses(&[pass]) }]);
@@ -124,7 +124,7 @@ fn a_vertex_pass_must_not_write_what_it_fetches() {
 #[test]
 fn rounds_of_a_crowd_share_their_barriers() {
     let desc = UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(2));
-    let (mut planner, mut instances) = (DensePlanner::new(desc, 3).unwrap(), Instances::new(3, 3, desc.slots));
+    let (mut planner, mut instances) = (DensePlanner::new(desc, None, 3).unwrap(), Instances::new(3, 3, desc.slots));
     for (instance, weights) in (0..).zip([[1.0, 1.0, 1.0], [1.0, 0.0, 0.0], [0.0; 3]]) {
         instances.set_weights(instance, &weights).unwrap();
     }

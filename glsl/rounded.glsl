@@ -1,0 +1,13 @@
+// What a target adds to a pose of integers, rounded to its unit as a function of the target's weight alone, so that sums do
+// not depend on the history.
+
+// The weight that the pose is to hold, and the one that it holds, 16 bits each.
+ivec2 two_weights(uint bits) {
+    return ivec2(bitfieldExtract(int(bits), 0, 16), int(bits) >> 16);
+}
+
+// The difference of what both add: 31 bits at most are dropped, and no product with a half leaves 32.
+ivec3 rounded_product(ivec2 weights, ivec3 delta, uint dropped) {
+    int half_a_unit = 1 << dropped >> 1;
+    return (weights.x * delta + half_a_unit >> dropped) - (weights.y * delta + half_a_unit >> dropped);
+}
