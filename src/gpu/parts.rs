@@ -34,7 +34,7 @@ impl AssetPart {
                 true => index.locate(format, words, entry).1.start - index.deltas_at,
                 false => words.len() - index.deltas_at,
             };
-            (format.header_words(index.size()), [start(entries.start), start(entries.end)])
+            (format.header_words(), [start(entries.start), start(entries.end)])
         });
         let base = layout.base_bytes() as usize / 4 / index.count();
         let sources =

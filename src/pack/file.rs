@@ -4,7 +4,7 @@
 //! padded with zeros to a multiple of 8 bytes; nothing lies between them or after the last.
 //!
 //! ```text
-//! header    magic "DMORPH\r\n"   version u32 = 3   sections u32
+//! header    magic "DMORPH\r\n"   version u32 = 4   sections u32
 //! table     [section][id u32, checksum u32, offset u64, length u64]
 //!           checksum of header and table u32   zero u32
 //!
@@ -31,9 +31,10 @@
 //!  7  words               [word] u32: headers and deltas, see blocks
 //! ```
 //!
-//! Version 2, which is read as well, has the sections 1 to 11 once each, in the order of their ids, for position and
-//! normal. Its section 'meta' holds the numbers of 'group' too: blocks, entries and words after targets, the steps
-//! before the diagonal, the errors at the end.
+//! Versions 2 and 3 are read as well, but for meshes in the format `small`, which has other words since. Version 2 has
+//! the sections 1 to 11 once each, in the order of their ids, for position and normal. Its section 'meta' holds the
+//! numbers of 'group' too: blocks, entries and words after targets, the steps before the diagonal, the errors at the
+//! end.
 //!
 //! Checksums are CRC-32 (the one of zlib). Whatever a file says, reading takes a small multiple of its size in memory:
 //! counts are held against the lengths of sections, and those against the file, before anything is made of them. What

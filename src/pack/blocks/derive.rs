@@ -21,7 +21,7 @@ impl BlockIndex {
     ) -> Result<Self, String> {
         let (entries, blocks) = (parts.entry_target.len(), parts.first_entry.len().saturating_sub(1));
         let format = parts.format.block_format().ok_or("a dense format")?;
-        let headers = entries.saturating_mul(format.header_words(parts.size as usize));
+        let headers = entries.saturating_mul(format.header_words());
         let sums = Sums {
             format: parts.format,
             steps: parts.steps,

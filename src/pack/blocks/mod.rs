@@ -206,9 +206,9 @@ impl BlockIndex {
         words: &'a [u32],
         entry: usize,
     ) -> (&'a [u32], Range<usize>) {
-        let length = format.header_words(self.size());
+        let length = format.header_words();
         let header = &words[entry * length..][..length];
-        let deltas = format.words(entry, header, self.size());
+        let deltas = format.words(entry, header, &words[self.deltas_at..], self.size());
         (header, self.deltas_at.saturating_add(deltas.start)..self.deltas_at.saturating_add(deltas.end))
     }
 

@@ -94,8 +94,8 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
         false => checked((section, 0), count, 4, of),
     };
 
-    // Version 2 states in 'meta' what version 3 states in 'group'.
-    let (old, at_meta) = (sections.version == OLD_VERSION, (META, 0));
+    // Version 2 states in 'meta' what later ones state in 'group'.
+    let (old, at_meta) = (sections.version == OLDEST_VERSION, (META, 0));
     let at_head = |group| if old { at_meta } else { (GROUP, group) };
     let mut meta = sections.get(at_meta).to_vec();
     let mut heads: Vec<_> = (0..sections.groups()).map(|group| sections.get(at_head(group)).to_vec()).collect();
@@ -109,6 +109,10 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
     let [diagonal, weight_max, position, normal] = [diagonal, weight_max, position, normal].map(f32::from_bits);
     let format = DeltaFormat::from_id(format)
         .ok_or_else(|| refuse(at_meta, format!("names a format {format} that is not known")))?;
+    if format == DeltaFormat::Small && sections.version < VERSION {
+        let what = format!("has 'small' deltas as version {} has them; later ones have others", sections.version);
+        return Err(malformed(path, Some(at_meta), what, OUTDATED));
+    }
     if target_count > TARGETS_MAX {
         let what = format!("names {target_count} targets; the kernels name at most {TARGETS_MAX}");
         return Err(refuse(at_meta, what));
@@ -208,7 +212,7 @@ impl Head {
     }
 }
 
-/// The section 'meta' of version 2, as the two sections that version 3 has in its place.
+/// The section 'meta' of version 2, as the two sections that later versions have in its place.
 fn split_old(bytes: &[u8]) -> Result<[Vec<u8>; 2], String> {
     if bytes.len() != 80 {
         return Err(format!("has {} bytes, 80 expected", bytes.len()));

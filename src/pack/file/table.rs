@@ -5,9 +5,9 @@ use std::path::Path;
 
 /// What a packed file begins with. A transfer that takes it for text changes the line end, and shows.
 const MAGIC: [u8; 8] = *b"DMORPH\r\n";
-/// The version that is written, and an older one that is still read.
-pub(super) const VERSION: u32 = 3;
-pub(super) const OLD_VERSION: u32 = 2;
+/// The version that is written, and the oldest that is still read.
+pub(super) const VERSION: u32 = 4;
+pub(super) const OLDEST_VERSION: u32 = 2;
 /// More groups than this no file has: what is kept of a mesh for each of its targets is kept for each group.
 pub(super) const GROUPS_MAX: usize = 16;
 /// Bytes of header, of a row of the table, and of the checksum after it.
@@ -19,6 +19,9 @@ const ALIGNMENT: usize = 8;
 
 /// What to do about a file that was damaged on its way.
 const DAMAGED: &str = "the file is damaged: copy it again, or pack the mesh again";
+
+/// What to do about a file that another version of this program wrote.
+pub(super) const OUTDATED: &str = "pack the mesh again with this program, or read it with the one that wrote it";
 
 /// A section: its id in the table, and its name in messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,7 +54,7 @@ pub(super) type Place = (Section, usize);
 
 /// The sections of a file, in its order; `None` where there can be no file of so many.
 pub(super) fn places(version: u32, sections: usize) -> Option<Vec<Place>> {
-    let (once, each) = if version == VERSION { (&ONCE[..], &EACH[..]) } else { (&OLD[..], &[][..]) };
+    let (once, each) = if version > OLDEST_VERSION { (&ONCE[..], &EACH[..]) } else { (&OLD[..], &[][..]) };
     let rest = sections.checked_sub(once.len())?;
     let groups = rest.checked_div(each.len()).unwrap_or(0);
     if rest != groups * each.len() || groups > GROUPS_MAX || (groups == 0) != each.is_empty() {
@@ -131,10 +134,10 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
         return refuse("does not begin as a packed mesh does".into(), "give a file written by `deltamorph pack`");
     }
     let (Some(version), Some(count)) = (u32_at(bytes, 8), u32_at(bytes, 12)) else { return ends("the header") };
-    if ![VERSION, OLD_VERSION].contains(&version) {
+    if !(OLDEST_VERSION..=VERSION).contains(&version) {
         return refuse(
-            format!("has version {version} of the format; this program reads versions {OLD_VERSION} and {VERSION}"),
-            "pack the mesh again with this program, or read it with the one that wrote it",
+            format!("has version {version} of the format; this program reads versions {OLDEST_VERSION} to {VERSION}"),
+            OUTDATED,
         );
     }
     let Some(places) = places(version, count as usize) else {

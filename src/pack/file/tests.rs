@@ -2,7 +2,7 @@
 
 mod hostile;
 
-use super::table::{OLD_VERSION, repair};
+use super::table::{OLDEST_VERSION, repair};
 use super::*;
 use crate::asset::Corner;
 use crate::cpu::CpuCrowd;
@@ -100,16 +100,28 @@ fn what_was_packed_comes_back() {
 }
 
 #[test]
-fn files_of_version_2_are_read_as_they_were_packed() {
+fn files_of_older_versions_are_read_as_they_were_packed() {
     let head = HeadDesc { vertices: 100, targets: 6, sparsity: 0.12, seed: 1 };
     let kept = head_of(&head).to_mesh(Tolerance::default()).unwrap();
     // The formats that there were.
     for format in [1, 2, 3].map(|id| DeltaFormat::from_id(id).unwrap()) {
         let path = format!("tests/packed/version2-{}.dmorph", format.name());
         let bytes = std::fs::read(&path).unwrap();
-        assert_eq!(bytes[8..12], OLD_VERSION.to_le_bytes());
-        let asset = read(&bytes).unwrap();
-        assert_eq!(asset, Asset::pack(&kept, &PackDesc::new(format)).unwrap(), "{path}");
+        assert_eq!(bytes[8..12], OLDEST_VERSION.to_le_bytes());
+        let asset = Asset::pack(&kept, &PackDesc::new(format)).unwrap();
+        // Version 3 has the sections that there are now.
+        let mut bytes_3 = asset.to_bytes().unwrap();
+        bytes_3[8] = 3;
+        repair(&mut bytes_3);
+        for (version, bytes) in [(2, &bytes), (3, &bytes_3)] {
+            if format == DeltaFormat::Small {
+                let text = message(bytes);
+                let part = format!("'small' deltas as version {version} has them");
+                assert!(text.contains(&part) && text.contains("pack the mesh again"), "{text}");
+            } else {
+                assert_eq!(read(bytes).unwrap(), asset, "{path}");
+            }
+        }
         // Nothing in it may be anything, either.
         for at in 0..bytes.len() {
             message(&bytes[..at]);

@@ -16,11 +16,11 @@ impl BlockFormat for BlockFloat32 {
         [1.0; TRIPLES]
     }
 
-    fn header_words(&self, _: usize) -> usize {
+    fn header_words(&self) -> usize {
         0
     }
 
-    fn words(&self, entry: usize, _: &[u32], size: usize) -> Range<usize> {
+    fn words(&self, entry: usize, _: &[u32], _: &[u32], size: usize) -> Range<usize> {
         fixed(entry, size * POSE_FLOATS)
     }
 

@@ -179,11 +179,12 @@ pub(crate) trait BlockFormat {
         false
     }
 
-    /// Words of an entry's header, in blocks of `size` vertices.
-    fn header_words(&self, size: usize) -> usize;
+    /// Words of an entry's header.
+    fn header_words(&self) -> usize;
 
-    /// The delta words of entry `entry`, counted from the group's first.
-    fn words(&self, entry: usize, header: &[u32], size: usize) -> Range<usize>;
+    /// Which of all `deltas` are those of entry `entry`, in blocks of `size` vertices. May lie behind the last where
+    /// nothing was checked yet.
+    fn words(&self, entry: usize, header: &[u32], deltas: &[u32], size: usize) -> Range<usize>;
 
     /// Append an entry to all headers and to all deltas.
     fn encode(&self, size: usize, steps: [f32; TRIPLES], lanes: &[Lane], out: [&mut Vec<u32>; 2]);

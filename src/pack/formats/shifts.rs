@@ -27,11 +27,11 @@ pub(crate) trait Shifted {
 }
 
 impl<F: Shifted> BlockFormat for F {
-    fn header_words(&self, _: usize) -> usize {
+    fn header_words(&self) -> usize {
         1
     }
 
-    fn words(&self, entry: usize, _: &[u32], size: usize) -> Range<usize> {
+    fn words(&self, entry: usize, _: &[u32], _: &[u32], size: usize) -> Range<usize> {
         fixed(entry, F::entry_words(size))
     }
 

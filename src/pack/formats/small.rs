@@ -1,9 +1,15 @@
 //! In blocks, as few bits as an entry needs. The same in `glsl/formats/small.glsl`.
 //!
 //! ```text
-//! header [first word][widths][mask × size/32]   records of the vertices in the mask, bit after bit
-//!   widths = 5 bits for each component; a record = six signed integers, 96 bits at most
+//! header [first word][a word for each triple]   deltas [mask × size/32, where it is in use][records, bit after bit]
+//!   a word = 5 bits of width for each component, then 5 bits of offset for each; that of the first triple has in its
+//!   highest bit whether there is a mask: of the vertices that have a record, where not all have
+//!   a record = six unsigned integers, 96 bits at most
+//! component = (offset · 2^width) / 8, rounded down, + integer
 //! ```
+//!
+//! A target moves the vertices of a block much alike, mostly: what they have in common need not be in each record.
+//! Offsets in eighths of what an integer reaches cost no more than the exact least value would in bits of integers.
 
 use super::{BlockFormat, INTEGER_BITS, Lane, quantise};
 use crate::asset::streams::{TRIPLE, TRIPLES};
@@ -12,14 +18,87 @@ use std::ops::Range;
 
 pub(crate) struct Small;
 
-/// Bit widths of the components of a record, in one word.
-fn pack_widths(widths: [u32; POSE_FLOATS]) -> u32 {
-    widths.iter().enumerate().fold(0, |word, (i, w)| word | w << (5 * i))
+/// In the word of the first triple: only vertices in the mask have a record.
+const MASKED: u32 = 1 << 31;
+
+/// Bits of a width, and of an offset.
+const BITS: u32 = 5;
+
+/// The integers of a component in an entry.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Field {
+    width: u32,
+    /// The component where the integer is 0.
+    least: i32,
 }
 
-/// The reverse of [`pack_widths`].
-fn unpack_widths(word: u32) -> [u32; POSE_FLOATS] {
-    std::array::from_fn(|i| word >> (5 * i) & 31)
+impl Field {
+    fn new(width: u32, offset: i32) -> Self {
+        Self { width, least: offset << width >> 3 }
+    }
+
+    /// That of a component in its triple's word.
+    #[inline(always)]
+    fn of(word: u32, component: usize) -> Self {
+        let at = BITS * component as u32;
+        let offset = (word << (32 - 4 * BITS - at)) as i32 >> (32 - BITS);
+        Self::new(word >> at & ((1 << BITS) - 1), offset)
+    }
+
+    /// The fewest bits in which every component from `low` to `high` fits, and the offset.
+    fn fitting(low: i32, high: i32) -> (u32, i32) {
+        let most = (1 << (BITS - 1)) - 1;
+        let fits = |width: u32| {
+            // The largest that is not above `low`.
+            let offset = ((((low + 1) << 3) - 1) >> width).min(most);
+            let reached = Self::new(width, offset).least + (1 << width);
+            (offset >= -most - 1 && high < reached).then_some((width, offset))
+        };
+        // As wide as integers may be, everything that they may be fits.
+        (0..INTEGER_BITS[0]).find_map(fits).unwrap_or((INTEGER_BITS[0], low >> (INTEGER_BITS[0] - 3)))
+    }
+}
+
+/// Where the integers of a record are.
+struct Record {
+    /// Of each component: the first bit in its triple, what masks it there, and what it is added to.
+    fields: [(u32, u64, i32); POSE_FLOATS],
+    /// Bits of the first triple, and of both.
+    bits: [u32; TRIPLES],
+}
+
+impl Record {
+    #[inline(always)]
+    fn new(header: &[u32]) -> Self {
+        let mut bits = [0; TRIPLES];
+        let fields = std::array::from_fn(|c| {
+            let triple = c / TRIPLE;
+            let Field { width, least } = Field::of(header[1 + triple], c % TRIPLE);
+            bits[triple] += width;
+            (bits[triple] - width, (1 << width) - 1, least)
+        });
+        Self { fields, bits: [bits[0], bits[0] + bits[1]] }
+    }
+
+    /// The components of the record that begins at bit `at` of `words`. No branch depends on the number of bits: those
+    /// would be mispredicted.
+    #[inline(always)]
+    fn read(&self, words: &[u32], at: usize) -> [i32; POSE_FLOATS] {
+        let (word, shift) = (at / 32, at % 32);
+        let four = match words.get(word..word + 4) {
+            Some(&[a, b, c, d]) => [a, b, c, d],
+            _ => std::array::from_fn(|i| words.get(word + i).copied().unwrap_or(0)),
+        };
+        let [low, high] = [0, 2].map(|i| u64::from(four[i]) | u64::from(four[i + 1]) << 32);
+        // Two shifts: one by 64 would overflow. A triple has 54 bits at most.
+        let first = low >> shift | high << 1 << (63 - shift);
+        let half = self.bits[0];
+        let triples = [first, first >> half | high >> shift << 1 << (63 - half)];
+        std::array::from_fn(|c| {
+            let (at, mask, least) = self.fields[c];
+            least + (triples[c / TRIPLE] >> at & mask) as i32
+        })
+    }
 }
 
 impl BlockFormat for Small {
@@ -35,73 +114,90 @@ impl BlockFormat for Small {
         true
     }
 
-    fn header_words(&self, size: usize) -> usize {
-        2 + size / 32
+    fn header_words(&self) -> usize {
+        1 + TRIPLES
     }
 
-    fn words(&self, _: usize, header: &[u32], _: usize) -> Range<usize> {
-        let record: u32 = unpack_widths(header[1]).iter().sum();
-        let vertices: u32 = header[2..].iter().map(|m| m.count_ones()).sum();
+    fn words(&self, _: usize, header: &[u32], deltas: &[u32], size: usize) -> Range<usize> {
         let first = header[0] as usize;
-        first..first.saturating_add((record * vertices).div_ceil(32) as usize)
+        let (masks, vertices) = if header[1] & MASKED == 0 {
+            (0, size)
+        } else {
+            let mask = deltas.iter().skip(first).take(size / 32);
+            (size / 32, mask.map(|m| m.count_ones() as usize).sum())
+        };
+        let bits = Record::new(header).bits[1] as usize * vertices;
+        first..first.saturating_add(masks + bits.div_ceil(32))
     }
 
     fn encode(&self, size: usize, steps: [f32; TRIPLES], lanes: &[Lane], [headers, deltas]: [&mut Vec<u32>; 2]) {
         let mut mask = vec![0u32; size / 32];
-        let mut widths = [0u32; POSE_FLOATS];
-        let mut kept = vec![];
+        let mut kept: Vec<[i32; POSE_FLOATS]> = vec![];
         for (lane, delta) in lanes {
-            let q: [i32; POSE_FLOATS] = std::array::from_fn(|i| quantise(delta[i], f64::from(steps[i / TRIPLE])));
+            let q = std::array::from_fn(|i| quantise(delta[i], f64::from(steps[i / TRIPLE])));
             if q != [0; POSE_FLOATS] {
                 mask[*lane as usize / 32] |= 1 << (lane % 32);
-                widths = std::array::from_fn(|i| widths[i].max(width(q[i])));
                 kept.push(q);
             }
         }
-        headers.extend([deltas.len() as u32, pack_widths(widths)]);
-        headers.append(&mut mask);
+        let mut words = [0; TRIPLES];
+        let fields: [Field; POSE_FLOATS] = std::array::from_fn(|c| {
+            let components = || kept.iter().map(|q| q[c]);
+            let (width, offset) = Field::fitting(components().min().unwrap_or(0), components().max().unwrap_or(0));
+            let code = offset as u32 & ((1 << BITS) - 1);
+            words[c / TRIPLE] |= (width | code << (TRIPLE as u32 * BITS)) << (BITS * (c % TRIPLE) as u32);
+            Field::new(width, offset)
+        });
+        if kept.len() < size {
+            words[0] |= MASKED;
+        }
+        headers.extend([&[deltas.len() as u32][..], &words].concat());
+        if kept.len() < size {
+            deltas.append(&mut mask);
+        }
         let mut bits = BitWriter::default();
         for q in kept {
-            q.iter().zip(widths).for_each(|(v, w)| bits.put(*v, w));
+            q.iter().zip(fields).for_each(|(v, field)| bits.put((v - field.least) as u32, field.width));
         }
         deltas.append(&mut bits.words);
     }
 
     fn check_header(&self, header: &[u32]) -> Result<[u32; TRIPLES], String> {
-        let widths = unpack_widths(header[1]);
-        if header[1] >> 30 != 0 || widths.iter().enumerate().any(|(i, w)| *w > INTEGER_BITS[i / TRIPLE]) {
+        let fields: [Field; POSE_FLOATS] = std::array::from_fn(|c| Field::of(header[1 + c / TRIPLE], c % TRIPLE));
+        let widths = fields.map(|field| field.width);
+        let spare = (header[1] & !MASKED | header[2]) >> (2 * TRIPLE as u32 * BITS);
+        if spare != 0 || widths.iter().enumerate().any(|(c, w)| *w > INTEGER_BITS[c / TRIPLE]) {
             return Err(format!("components of {widths:?} bits"));
         }
-        Ok(INTEGER_BITS)
+        let largest =
+            |field: &Field| field.least.unsigned_abs().max((field.least + (1 << field.width) - 1).unsigned_abs());
+        let bits = |triple: &[Field]| triple.iter().map(|field| 32 - largest(field).leading_zeros()).max();
+        Ok(std::array::from_fn(|triple| bits(&fields[TRIPLE * triple..][..TRIPLE]).unwrap_or(0)))
     }
 
     type Component = i32;
 
     #[inline(always)]
-    fn decode(&self, _: usize, header: &[u32], deltas: &[u32], mut f: impl FnMut(usize, usize, i32)) {
-        let mut record = 0;
-        let fields = unpack_widths(header[1]).map(|width| {
-            record += width as usize;
-            Field::new(record - width as usize, width)
-        });
+    fn decode(&self, size: usize, header: &[u32], deltas: &[u32], mut f: impl FnMut(usize, usize, i32)) {
+        let record = Record::new(header);
+        let bits = record.bits[1] as usize;
+        let mut put = |lane: usize, components: [i32; POSE_FLOATS]| {
+            components.into_iter().enumerate().for_each(|(c, component)| f(lane, c, component));
+        };
+        if header[1] & MASKED == 0 {
+            return (0..size).for_each(|lane| put(lane, record.read(deltas, lane * bits)));
+        }
+        let (masks, records) = deltas.split_at(size / 32);
         let mut at = 0;
-        for (word, &mask) in header[2..].iter().enumerate() {
+        for (word, &mask) in masks.iter().enumerate() {
             let mut rest = mask;
             while rest != 0 {
-                let lane = 32 * word + rest.trailing_zeros() as usize;
+                put(32 * word + rest.trailing_zeros() as usize, record.read(records, at));
                 rest &= rest - 1;
-                for (c, field) in fields.iter().enumerate() {
-                    f(lane, c, field.read(deltas, at));
-                }
-                at += record;
+                at += bits;
             }
         }
     }
-}
-
-/// Bits that `value` takes as a two's complement number; 0 for 0.
-fn width(value: i32) -> u32 {
-    if value == 0 { 0 } else { 33 - (if value < 0 { !value } else { value }).leading_zeros() }
 }
 
 /// Append fields bit after bit, low bits first.
@@ -113,44 +209,15 @@ struct BitWriter {
 
 impl BitWriter {
     /// Append the low `bits` bits of `value`.
-    fn put(&mut self, value: i32, bits: u32) {
+    fn put(&mut self, value: u32, bits: u32) {
         for i in 0..bits {
             if self.used.is_multiple_of(32) {
                 self.words.push(0);
             }
             let last = self.words.len() - 1;
-            self.words[last] |= ((value as u32 >> i) & 1) << (self.used % 32);
+            self.words[last] |= ((value >> i) & 1) << (self.used % 32);
             self.used += 1;
         }
-    }
-}
-
-/// A signed integer of a record: which of its bits.
-struct Field {
-    at: usize,
-    mask: u32,
-    sign: u32,
-}
-
-impl Field {
-    /// `bits` (≤ 31) bits from bit `at` of a record on.
-    fn new(at: usize, bits: u32) -> Self {
-        let values = 1u32 << bits;
-        Self { at, mask: values - 1, sign: values >> 1 }
-    }
-
-    /// The integer in the record that begins at bit `record` of `words`; zeros after their end. No branch depends on
-    /// the number of bits: those would be mispredicted.
-    #[inline(always)]
-    fn read(&self, words: &[u32], record: usize) -> i32 {
-        let at = record + self.at;
-        let word = at / 32;
-        let two = match words.get(word..word + 2) {
-            Some(&[low, high]) => u64::from(low) | u64::from(high) << 32,
-            _ => words.get(word).map_or(0, |last| u64::from(*last)),
-        };
-        let bits = (two >> (at % 32)) as u32 & self.mask;
-        (bits ^ self.sign).wrapping_sub(self.sign) as i32
     }
 }
 
@@ -159,23 +226,57 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    /// Bounds of components: few bits or many, of either sign.
+    fn bounds(bits: u32) -> impl Strategy<Value = (i32, i32)> {
+        (0..bits, any::<i32>(), any::<i32>()).prop_map(move |(shift, a, b)| {
+            let [a, b] = [a, b].map(|v| v >> (32 - bits));
+            (a.min(b) >> shift, a.min(b).max(a.max(b) >> shift) >> shift)
+        })
+    }
+
     proptest! {
         #[test]
-        fn bits_come_back(values in prop::collection::vec(-100_000i32..100_000, 0..50)) {
-            let mut writer = BitWriter::default();
-            values.iter().for_each(|v| writer.put(*v, width(*v)));
-            let mut at = 0;
-            for v in &values {
-                prop_assert_eq!(Field::new(7, width(*v)).read(&[&[0][..], &writer.words].concat(), at + 25), *v);
-                at += width(*v) as usize;
-            }
+        fn deltas_come_back(
+            size in prop::sample::select(vec![32usize, 64, 128]),
+            bounds in [bounds(18), bounds(18), bounds(18), bounds(14), bounds(14), bounds(14)],
+            all in any::<bool>(),
+            picks in prop::collection::vec((any::<bool>(), any::<[u32; POSE_FLOATS]>()), 128),
+        ) {
+            let pick = |c: usize, pick: u32| {
+                let (low, high) = bounds[c];
+                (i64::from(low) + i64::from(pick) % (i64::from(high) - i64::from(low) + 1)) as f32
+            };
+            let lanes: Vec<Lane> = picks[..size].iter().enumerate().filter(|(_, (some, _))| all || *some)
+                .map(|(lane, (_, picks))| (lane as u32, std::array::from_fn(|c| pick(c, picks[c]))))
+                .filter(|(_, delta)| *delta != [0.0; POSE_FLOATS]).collect();
+            // Behind another entry's words, and before others.
+            let (mut headers, mut deltas) = (vec![], vec![7; 3]);
+            Small.encode(size, [1.0; TRIPLES], &lanes, [&mut headers, &mut deltas]);
+            let end = deltas.len();
+            deltas.extend([u32::MAX; 2]);
+            prop_assert_eq!(headers.len(), Small.header_words());
+            prop_assert_eq!(headers[1] & MASKED == 0, lanes.len() == size);
+            let range = Small.words(0, &headers, &deltas, size);
+            prop_assert_eq!(range.clone(), 3..end);
+            let bits = Small.check_header(&headers).unwrap();
+            let mut found = vec![];
+            Small.decode(size, &headers, &deltas[range], |lane, c, component| {
+                assert!(component.unsigned_abs() < 1 << bits[c / TRIPLE]);
+                found.push((lane, c, component));
+            });
+            let all = lanes.iter().flat_map(|(lane, delta)| delta.iter().enumerate().map(move |(c, n)| (lane, c, n)));
+            let expected: Vec<_> = all.map(|(lane, c, number)| (*lane as usize, c, *number as i32)).collect();
+            prop_assert_eq!(found, expected);
         }
     }
 
     #[test]
-    fn widths() {
-        assert_eq!([0, 1, -1, 2, -2, -3, 127, -128].map(width), [0, 2, 1, 3, 2, 3, 8, 8]);
-        let widths = [0, 18, 3, 14, 1, 31];
-        assert_eq!(unpack_widths(pack_widths(widths)), widths);
+    fn integers_have_as_few_bits_as_offsets_leave() {
+        // What all have in common takes none; a sign takes none where all have the same.
+        let widths = |ranges: &[(i32, i32)]| ranges.iter().map(|(a, b)| Field::fitting(*a, *b).0).collect::<Vec<_>>();
+        assert_eq!(widths(&[(0, 0), (1, 1), (-2, -2), (5, 5), (-9, -9)]), [0, 0, 0, 2, 3]);
+        assert_eq!(widths(&[(0, 1), (-1, 0), (0, 7), (8, 15), (-8, -1), (-1, 6), (1000, 1100)]), [1, 1, 3, 3, 3, 3, 9]);
+        assert_eq!(widths(&[(-(1 << 17), (1 << 17) - 1), (-(1 << 17) + 1, (1 << 17) - 1)]), [18, 18]);
+        assert_eq!(widths(&[(-(1 << 13), (1 << 13) - 1), (1 - (1 << 13), (1 << 13) - 1)]), [14, 14]);
     }
 }

@@ -121,10 +121,10 @@ fn the_frame_is_checked_under_valid_checksums() {
     for (text, parts) in [
         (change(0, b"PK"), ["does not begin", "deltamorph pack"]),
         (change(6, b"\n"), ["does not begin", "deltamorph pack"]),
-        (change(8, &[1]), ["version 1", "reads versions 2 and 3"]),
+        (change(8, &[1]), ["version 1", "reads versions 2 to 4"]),
         (change(8, &[2]), ["13 sections", "version 2"]),
-        (change(12, &[12]), ["12 sections", "version 3"]),
-        (change(12, &[7]), ["7 sections", "version 3"]),
+        (change(12, &[12]), ["12 sections", "version 4"]),
+        (change(12, &[7]), ["7 sections", "version 4"]),
         (change(row(WORDS) + 8, &(words as u64 - 8).to_le_bytes()), ["'words'", "expected"]),
         (change(row(WORDS) + 8, &u64::MAX.to_le_bytes()), ["'words'", "expected"]),
         (change(row(META) + 16, &[45]), ["'meta'", "has 45 bytes, 44 expected"]),
@@ -152,7 +152,7 @@ fn contents_are_checked_under_valid_checksums() {
     let (nan, inf) = (f32::NAN.to_bits(), f32::INFINITY.to_bits());
     let giant = u32::MAX;
     let entries = small.mesh.layout().blocks.as_ref().unwrap().entry_count();
-    let deltas = entries * 3; // words of small headers with blocks of 32
+    let headers = entries * 3; // words of small headers
     for (asset, section, word, value, part) in [
         (&small, META, 0, 7, "'meta': names a format 7 that"),
         (&small, META, 1, 48, "a block size of 48"),
@@ -176,7 +176,7 @@ fn contents_are_checked_under_valid_checksums() {
         (&small, GROUP, 4, nan, "a step of NaN"),
         (&small, GROUP, 5, 3f32.to_bits(), "a step of 3"),
         (&small, GROUP, 5, f32::MIN_POSITIVE.to_bits() >> 1, "no power of two"),
-        (&small, GROUP, 5, 2f32.powi(120).to_bits(), "entry 0 has numbers up to"),
+        (&small, GROUP, 5, 2f32.powi(127).to_bits(), "entry 0 has numbers up to"),
         (&small, GROUP, 4, 2f32.powi(120).to_bits(), "too large for single precision"),
         (&small, GROUP, 6, 6, "'group': names a stream 0x6"),
         (&small, GROUP, 6, 0x101, "'group': names a stream 0x101"),
@@ -198,7 +198,9 @@ fn contents_are_checked_under_valid_checksums() {
         (&small, WORDS, 3, 0, "the deltas of entry 1"),
         (&small, WORDS, 1, giant, "entry 0 has components of [31"),
         (&small, WORDS, 1, 1 << 30, "entry 0 has components of [0"),
-        (&small, WORDS, deltas - 1, giant, "words where the entries take"),
+        (&small, WORDS, 2, 1 << 31, "entry 0 has components of ["),
+        (&small, WORDS, 2, 15 | 15 << 10, "entry 0 has components of ["),
+        (&small, WORDS, headers - 2, 0, "words where the entries take"),
         (&fast, WORDS, 0, 18, "entry 0 has shifts of 0x12"),
         (&fast, WORDS, 0, 24 << 8, "entry 0 has shifts of 0x1800"),
         (&fast, WORDS, 0, 1 << 16, "entry 0 has shifts of 0x10000"),
@@ -217,6 +219,14 @@ fn contents_are_checked_under_valid_checksums() {
     ] {
         let text = message(&with_word(asset, (section, 0), word, value));
         assert!(text.contains(part), "{section:?} {word} {value:#x}: {text}");
+    }
+    // A mask with more vertices than there are records, or fewer.
+    let words = small.mesh.deltas();
+    let masked = (0..entries - 1).find(|entry| words[3 * entry + 1] >> 31 == 1).expect("an entry with a mask");
+    let mask = headers.next_multiple_of(4) + words[3 * masked] as usize;
+    for value in [0, giant] {
+        let text = message(&with_word(&small, (WORDS, 0), mask, value));
+        assert!(text.contains(&format!("the deltas of entry {} are not where they belong", masked + 1)), "{text}");
     }
     // Deltas of vertices that are not there: the second block of 64 has 6.
     let last_entry = span(&floats.to_bytes().unwrap(), WORDS).1 / 4 - 6 * 64;
