@@ -304,13 +304,22 @@ pub struct DeviceTuning {
     /// Tiles are read as texels where the format can be, and single instances taken as tiles: software drivers pay for
     /// storage buffers lane by lane, and several times as much under the control flow that masks take.
     pub texels: bool,
+    /// Of single heads in float32 poses, otherwise, only the components that change are loaded and stored, as masks say.
+    /// Compilers for GPUs make two to three times as many instructions of that as of whole blocks.
+    pub masks: bool,
 }
 
 impl DeviceClass {
     /// What suits it.
     pub const fn tuning(self) -> DeviceTuning {
         let software = matches!(self, Self::Software);
-        DeviceTuning { class: self, widest_tile: if software { 8 } else { 4 }, load_cost: 4, texels: software }
+        DeviceTuning {
+            class: self,
+            widest_tile: if software { 8 } else { 4 },
+            load_cost: 4,
+            texels: software,
+            masks: software,
+        }
     }
 
     /// The class of a device that is no software driver, by the vendor's PCI (or Khronos) number.

@@ -241,10 +241,11 @@ impl DeviceCaps {
         }
     }
 
-    /// Keep to the smaller of these limits and `limits`; nothing is raised. Names, tuning, versions and timestamps
-    /// stay.
+    /// Keep to the smaller of these limits and `limits`; nothing is raised. Names, versions and timestamps stay, and of
+    /// the tuning all but the width of tiles and masks.
     pub fn clamp_to(&mut self, limits: &Self) {
         self.tuning.widest_tile = self.tuning.widest_tile.min(limits.tuning.widest_tile);
+        self.tuning.masks &= limits.tuning.masks;
         self.max_storage_range = self.max_storage_range.min(limits.max_storage_range);
         self.max_texels = self.max_texels.min(limits.max_texels);
         self.max_allocation = self.max_allocation.min(limits.max_allocation);

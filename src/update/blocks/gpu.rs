@@ -79,7 +79,7 @@ impl BlocksKernels {
         // Tiles have a row at least, of some entry; masks are for poses of float32 alone.
         let entries = index.entry_count() > 0;
         let texels = entries && caps.takes_texels(format);
-        let tiles = entries && (texels || instances > 1) || update.pose.has_integers();
+        let tiles = entries && (texels || instances > 1 || !caps.tuning.masks) || update.pose.has_integers();
         let kernel = match (tiles, texels) {
             (false, _) => &BLOCKS,
             (true, false) => &CROWD,
