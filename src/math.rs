@@ -13,7 +13,7 @@ pub(crate) fn power_of_two_below(value: f64) -> f32 {
     value.log2().floor().clamp(-100.0, 100.0).exp2() as f32
 }
 
-/// The smallest power of two that is not below `value`, likewise.
+/// The smallest power of two that is not below `value`, from 2^-100 to 2^100.
 pub(crate) fn power_of_two_above(value: f64) -> f32 {
     value.log2().ceil().clamp(-100.0, 100.0).exp2() as f32
 }

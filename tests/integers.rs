@@ -275,8 +275,8 @@ fn any_history_leaves_the_bits_of_a_full_evaluation() {
     for_all(&MESHES, 5, |headless, mesh, desc, heads, frames| play(headless, mesh, desc, heads, &frames));
 }
 
-/// With an error budget, which blocks have: the same bits on devices and the CPU, no vertex further off than allowed, and, once the same
-/// is asked again, the bits of a full evaluation.
+/// With an error budget, which blocks have: the same bits on devices and the CPU, no vertex further off than allowed,
+/// and, once the same is asked again, the bits of a full evaluation.
 #[test]
 fn what_is_deferred_settles_to_the_bits_of_a_full_evaluation() {
     for_all(&MESHES[..4], 3, |headless, mesh, desc, heads, frames| {

@@ -53,7 +53,7 @@ shared! {
         /// The coefficient of positions, a float32 in quantised units; of poses of integers the weight that they are to
         /// hold, in steps of their grid.
         coefficient: u32,
-        /// The same of normals; of poses of integers the weight that the source holds.
+        /// That of normals; of poses of integers the weight that the source holds.
         normal_coefficient: u32,
         /// Of poses of integers: lowest bits of products that rounding drops, of positions in bits 0..8, of normals in
         /// bits 8..16.

@@ -81,7 +81,8 @@ impl Integer for i16 {
     }
 }
 
-/// The same of poses of integers on `grid`, whose terms are rounded.
+/// A dense pass over poses of integers on `grid`: the rounded terms of `coefficients` are added to `source`, or to what
+/// `destination` holds.
 pub(super) fn rounded<T: Integer>(
     packed: &PackedGroup,
     coefficients: &[Coefficient],
@@ -90,6 +91,12 @@ pub(super) fn rounded<T: Integer>(
     source: Option<&[T]>,
     destination: &mut [T],
 ) {
+    let layout = packed.layout();
+    let terms = |c: &Coefficient| {
+        let target = c.target as usize;
+        (target, grid.terms(c.held, c.held + c.value, layout.targets[target].steps()))
+    };
+    let terms: Vec<_> = coefficients.iter().map(terms).collect();
     widest(
         #[inline(always)]
         || {
@@ -97,12 +104,9 @@ pub(super) fn rounded<T: Integer>(
             for (piece, out) in destination.chunks_mut(PIECE * POSE_FLOATS).enumerate() {
                 let sums = &mut sums[..out.len()];
                 sums.fill(0);
-                for c in coefficients {
-                    let (target, vertices) = (c.target as usize, out.len() / POSE_FLOATS);
-                    let terms = grid.terms(c.held, c.held + c.value, packed.layout().targets[target].steps());
-                    let row = packed.rows(target, first + piece * PIECE, vertices);
-                    let format = packed.layout().format;
-                    with_format!(format, dense format => format.add_terms(terms, row, sums), blocks _f => {});
+                for &(target, terms) in &terms {
+                    let row = packed.rows(target, first + piece * PIECE, out.len() / POSE_FLOATS);
+                    with_format!(layout.format, dense format => format.add_terms(terms, row, sums), blocks _f => {});
                 }
                 if let Some(source) = source {
                     out.copy_from_slice(&source[piece * PIECE * POSE_FLOATS..][..out.len()]);

@@ -62,7 +62,7 @@ pub fn configurations(wanted: &Wanted<'_>, args: &BenchArgs, gpu: Option<&Gpu>) 
             let on_path = |pose: &PoseFormat| update.pose_on(path, *pose).ok();
             let poses: Vec<PoseFormat> = wanted.poses.iter().filter(held).filter_map(on_path).collect();
             for batch in batches {
-                // Passes over lists take the longer the more of them there are: of poses of integers, one tells it.
+                // Coefficients of poses of integers lie in lists: smaller batches only add passes, and one size is enough.
                 let all = path != UpdatePath::Compute || batch == BatchSize::All || sizes_named;
                 let poses = || poses.iter().filter(move |pose| all || !pose.has_integers());
                 for (&mode, &pose) in modes.iter().flat_map(|mode| poses().map(move |pose| (mode, pose))) {

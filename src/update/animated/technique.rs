@@ -105,14 +105,9 @@ impl Group {
         })
     }
 
-    /// Dispatches of the blocks of a work list, `[width][chunk]`.
-    fn dispatches_of_list(&self) -> u32 {
-        self.blocks.how.widths * self.layout.push.chunks
-    }
-
     /// Dispatches of blocks, `[work list][width][chunk]`.
     fn dispatches(&self) -> u32 {
-        self.layout.lists() * self.dispatches_of_list()
+        self.layout.lists() * self.blocks.how.widths * self.layout.push.chunks
     }
 }
 
