@@ -1,6 +1,6 @@
 // One workgroup updates one block of one instance: pose = source + Σ coefficient · delta, over the entries that the
 // work list names, for the components that its masks name. No atomics: nobody else writes the block.
-// CPU twin: cpu::blocks::Block::run.
+// For software drivers: GPUs take whole blocks, crowd.comp. CPU twin: cpu::blocks.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "abi.glsl"

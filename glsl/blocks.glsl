@@ -1,5 +1,5 @@
 // What the kernels of the path `blocks` share: bindings, push constants, and coefficients.
-// Work lists: src/update/blocks/{list,tiles}.rs. Entries: src/pack/blocks/mod.rs.
+// Work lists: src/abi/worklist.rs. Entries: src/pack/blocks/mod.rs.
 
 #extension GL_EXT_control_flow_attributes : require
 

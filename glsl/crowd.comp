@@ -34,7 +34,7 @@ Head plus_entry(Head head, uint coefficient, DELTA position, DELTA normal, uvec2
 // Added to the pose that the head starts from.
 Head plus_source(Head head, uint slots, uint at, uint rebuilt) {
     ADDEND position, normal;
-    load_vertex((slots & 0xffffu) * pose_floats + at, position, normal);
+    LOAD_VERTEX(poses, (slots & 0xffffu) * pose_floats + at, position, normal)
 #ifdef INTEGER_POSES
     // Tiles that plan.comp fills have instances of both kinds.
     int keep = int(rebuilt & 1u) - 1;
@@ -82,6 +82,6 @@ void main() {
 #define SOURCE(h) heads[h] = plus_source(heads[h], slots[h], at, rebuilt >> h);
         EACH_HEAD(SOURCE)
     }
-#define STORE(h) store_vertex((slots[h] >> 16) * pose_floats + at, heads[h].position, heads[h].normal);
+#define STORE(h) STORE_VERTEX(poses, (slots[h] >> 16) * pose_floats + at, heads[h].position, heads[h].normal)
     EACH_HEAD(STORE)
 }

@@ -49,7 +49,7 @@ void main() {
     }
     uint at = NUMBERS * vertex;
     ADDEND position, normal;
-    load_vertex(pose_at + at, position, normal);
+    LOAD_VERTEX(poses, pose_at + at, position, normal)
     uint to = decoded_at + stride * vertex;
     store(to, POSE_DECODED(position, base_of(at), units.x));
     if (normal_at != 0u) {

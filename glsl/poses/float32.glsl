@@ -17,12 +17,8 @@
     destination[3u * vertex + 1u] = vec2(position.z, normal.x); \
     destination[3u * vertex + 2u] = normal.yz;
 
-// All poses of a group of instances, where POSES_BINDING says and, with TEXELS, the binding after it; the number
-// `at` of a pose is that of a component.
 #define NUMBER float
 #define ADDEND vec3
-#ifdef POSES_BINDING
 #define NUMBER_OF(word) uintBitsToFloat(word)
 #define WORD_OF(number) floatBitsToUint(number)
 #include "poses/six_words.glsl"
-#endif

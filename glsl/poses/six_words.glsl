@@ -3,37 +3,27 @@
 //     NUMBER_OF(word)            the number that has these bits, and the reverse
 //     WORD_OF(number)
 
-#ifdef TEXELS
-// What is loaded as texels is stored as integers.
-ALIASED layout(set = 0, binding = POSES_BINDING, std430) buffer Poses { uint64_t poses[]; };
-ALIASED layout(set = 0, binding = POSES_BINDING + 1, rgba32ui) uniform uimageBuffer pose_texels;
-
-void load_vertices(uint at, out NUMBER numbers[NUMBERS]) {
-    [[unroll]] for (uint i = 0u; i < NUMBERS; i += 4u) {
-        uvec4 four = imageLoad(pose_texels, int((at + i) / 4u));
-        [[unroll]] for (uint j = 0u; j < 4u; ++j) numbers[i + j] = NUMBER_OF(four[j]);
-    }
+// A vertex of a storage buffer of numbers, the first of which is number `at`.
+#define LOAD_VERTEX(buffer, at, position, normal) { \
+    uint first = at; \
+    position = ADDEND(buffer[first], buffer[first + 1u], buffer[first + 2u]); \
+    normal = ADDEND(buffer[first + 3u], buffer[first + 4u], buffer[first + 5u]); \
+}
+#define STORE_VERTEX(buffer, at, position, normal) { \
+    uint first = at; \
+    buffer[first] = position.x; \
+    buffer[first + 1u] = position.y; \
+    buffer[first + 2u] = position.z; \
+    buffer[first + 3u] = normal.x; \
+    buffer[first + 4u] = normal.y; \
+    buffer[first + 5u] = normal.z; \
 }
 
-void store_vertices(uint at, NUMBER numbers[NUMBERS]) {
-    [[unroll]] for (uint i = 0u; i < NUMBERS; i += 2u) {
-        poses[(at + i) / 2u] = packUint2x32(uvec2(WORD_OF(numbers[i]), WORD_OF(numbers[i + 1u])));
-    }
-}
-#else
+#if defined(POSES_BINDING) && defined(TEXELS)
+#define NUMBERS_OF_WORD 1u
+#define UNPACK(numbers, i, word) numbers[i] = NUMBER_OF(word);
+#define PACK(numbers, i) WORD_OF(numbers[i])
+#include "poses/texels.glsl"
+#elif defined(POSES_BINDING)
 layout(set = 0, binding = POSES_BINDING, std430) buffer Poses { NUMBER poses[]; };
-
-void load_vertex(uint at, out ADDEND position, out ADDEND normal) {
-    position = ADDEND(poses[at], poses[at + 1u], poses[at + 2u]);
-    normal = ADDEND(poses[at + 3u], poses[at + 4u], poses[at + 5u]);
-}
-
-void store_vertex(uint at, ADDEND position, ADDEND normal) {
-    poses[at] = position.x;
-    poses[at + 1u] = position.y;
-    poses[at + 2u] = position.z;
-    poses[at + 3u] = normal.x;
-    poses[at + 4u] = normal.y;
-    poses[at + 5u] = normal.z;
-}
 #endif
