@@ -53,7 +53,9 @@ layout(push_constant) uniform Push {
 #include "rounded.glsl"
 #define FACTOR ivec2
 #define FACTOR_OF(bits, unit, shift) (two_weights(bits) << (shift))
-#define TIMES(factor, delta, dropped) rounded_product(factor, delta, dropped)
+// What starts from the base pose holds no weight: one product is enough.
+#define TIMES(factor, delta, dropped) \
+    (REBUILT_ITEMS ? rounded_term((factor).x, delta, dropped) : rounded_product(factor, delta, dropped))
 #else
 #define FACTOR ADDEND
 #ifdef INTEGER_POSES

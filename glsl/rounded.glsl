@@ -6,8 +6,12 @@ ivec2 two_weights(uint bits) {
     return ivec2(bitfieldExtract(int(bits), 0, 16), int(bits) >> 16);
 }
 
+ivec3 rounded_term(int weight, ivec3 delta, uint dropped) {
+    int half_a_unit = 1 << dropped >> 1;
+    return weight * delta + half_a_unit >> dropped;
+}
+
 // The difference of what both add: 31 bits at most are dropped, and no product with a half leaves 32.
 ivec3 rounded_product(ivec2 weights, ivec3 delta, uint dropped) {
-    int half_a_unit = 1 << dropped >> 1;
-    return (weights.x * delta + half_a_unit >> dropped) - (weights.y * delta + half_a_unit >> dropped);
+    return rounded_term(weights.x, delta, dropped) - rounded_term(weights.y, delta, dropped);
 }
