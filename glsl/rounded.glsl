@@ -7,7 +7,7 @@ ivec2 two_weights(uint bits) {
 }
 
 ivec3 rounded_term(int weight, ivec3 delta, uint dropped) {
-    int half_a_unit = 1 << dropped >> 1;
+    int half_a_unit = int(1u << dropped >> 1);
     return weight * delta + half_a_unit >> dropped;
 }
 

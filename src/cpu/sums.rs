@@ -152,7 +152,7 @@ impl Sum for Rounded {
 /// What a target contributes that has this weight.
 #[inline(always)]
 fn rounded(weight: i32, delta: i32, dropped: u32) -> i32 {
-    weight.wrapping_mul(delta).wrapping_add(1i32 << dropped >> 1) >> dropped
+    weight.wrapping_mul(delta).wrapping_add((1u32 << dropped >> 1) as i32) >> dropped
 }
 
 /// An entry that is added: where it is decoded, and what it is multiplied by.

@@ -125,7 +125,7 @@ fn dense_sums_fit_the_integers_of_a_pose() {
                 for (c, sum) in sums[vertex].iter_mut().enumerate() {
                     let grid::Term { new, old, dropped } = terms[c / 3];
                     let integer = (delta[c].abs() / f64::from(target.steps()[c / 3])) as i32;
-                    let term = |weight: i32| weight.checked_mul(integer)?.checked_add(1 << dropped >> 1);
+                    let term = |weight: i32| weight.checked_mul(integer)?.checked_add((1u32 << dropped >> 1) as i32);
                     let [new, old] = [new, old].map(|weight| term(weight).unwrap() >> dropped);
                     // The definition, in float64.
                     let unit = f64::from(grid.units[c / 3]);

@@ -56,13 +56,28 @@ impl DenseFormat for Snorm16 {
 
     #[inline(always)]
     fn add_terms(&self, terms: [Term; TRIPLES], row: &[u32], sums: &mut [i32]) {
-        let pattern = std::array::from_fn::<Term, PAIR, _>(|i| terms[i / TRIPLE % TRIPLES]);
-        let row = bytemuck::cast_slice::<_, i16>(row)[..sums.len()].as_chunks::<PAIR>().0;
-        for (sums, deltas) in sums.as_chunks_mut::<PAIR>().0.iter_mut().zip(row) {
-            for ((sum, delta), Term { new, old, dropped }) in sums.iter_mut().zip(deltas).zip(pattern) {
-                let term = |weight: i32| (weight * i32::from(*delta) + (1 << dropped >> 1)) >> dropped;
-                *sum = sum.wrapping_add(term(new) - term(old));
-            }
+        // What starts from the base pose holds no weight: one product is enough.
+        match terms.iter().all(|term| term.old == 0) {
+            true => add_rounded(terms, row, sums, |Term { new, dropped, .. }, delta| rounded(new, delta, dropped)),
+            false => add_rounded(terms, row, sums, |Term { new, old, dropped }, delta| {
+                rounded(new, delta, dropped) - rounded(old, delta, dropped)
+            }),
+        }
+    }
+}
+
+#[inline(always)]
+fn rounded(weight: i32, delta: i32, dropped: u32) -> i32 {
+    (weight * delta + (1u32 << dropped >> 1) as i32) >> dropped
+}
+
+#[inline(always)]
+fn add_rounded(terms: [Term; TRIPLES], row: &[u32], sums: &mut [i32], rounded: impl Fn(Term, i32) -> i32) {
+    let pattern = std::array::from_fn::<Term, PAIR, _>(|i| terms[i / TRIPLE % TRIPLES]);
+    let row = bytemuck::cast_slice::<_, i16>(row)[..sums.len()].as_chunks::<PAIR>().0;
+    for (sums, deltas) in sums.as_chunks_mut::<PAIR>().0.iter_mut().zip(row) {
+        for ((sum, delta), term) in sums.iter_mut().zip(deltas).zip(pattern) {
+            *sum = sum.wrapping_add(rounded(term, i32::from(*delta)));
         }
     }
 }
