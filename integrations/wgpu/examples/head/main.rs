@@ -1,0 +1,37 @@
+//! A head that wgpu draws and deltamorph morphs, without a window.
+//!
+//!     cargo run --example head [PART OF AN ADAPTER'S NAME]
+//!
+//! Part of a clip is played, with poses of each format. The last one is compared with the float64 reference, and its
+//! picture with one drawn from vertices that the reference computed; `head.png` is the picture of `fixed16`, the format of
+//! half the bytes. What it takes is in `play.rs`; `scene.rs` is what a host has anyway.
+
+mod play;
+mod scene;
+
+use deltamorph::PoseFormat;
+use play::{Played, difference, play};
+use scene::{EDGE, Host, Result};
+
+fn main() -> Result<()> {
+    let wanted = std::env::args().nth(1).unwrap_or_default();
+    let adapters = Host::adapters(&wanted, wgpu::InstanceFlags::default());
+    let adapter = adapters.first().ok_or("no such Vulkan adapter")?;
+    let (host, name) = (Host::new(adapter)?, adapter.get_info().name);
+    for format in PoseFormat::ALL {
+        let Played { error, picture, reference } = play(&host, format, 43_788, 30..43)?;
+        println!(
+            "{name}, {}: the pose is within {:.1e} of the diagonal and {:.3}°; {:.4}% of the pixels differ by more than 2 of 255",
+            format.name(),
+            error.position,
+            error.normal_degrees,
+            100.0 * difference(&picture, &reference),
+        );
+        if format == PoseFormat::Fixed16 {
+            let mut png = png::Encoder::new(std::fs::File::create("head.png")?, EDGE, EDGE);
+            png.set_color(png::ColorType::Rgba);
+            png.write_header()?.write_image_data(&picture)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,89 @@
+//! The built-in head, played and drawn, and what came out of it.
+
+use crate::scene::{EDGE, Host, Result, Scene, framed};
+use deltamorph::import::sample as head;
+use deltamorph::reference::{compare, evaluate};
+use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, PoseError, PoseFormat, PoseView, Tolerance, UpdateDesc};
+use deltamorph_wgpu::Morph;
+
+/// What came out, for poses of one format.
+pub struct Played {
+    /// Of the last pose, against the reference; positions as fractions of the diagonal.
+    pub error: PoseError,
+    pub picture: Vec<u8>,
+    /// The same head, drawn from the vertices of the reference.
+    pub reference: Vec<u8>,
+}
+
+/// Play frames of the built-in head's clip with poses of a format, and draw them.
+pub fn play(host: &Host, format: PoseFormat, vertices: usize, frames: std::ops::Range<usize>) -> Result<Played> {
+    let head_desc = head::HeadDesc::default().vertices(vertices);
+    let source = head::head(&head_desc);
+    let morph = Morph::new(&host.device, &host.queue)?;
+    let mesh = PackedMesh::pack(&source.to_mesh(Tolerance::default())?, &morph.pack_desc(DeltaFormat::Fast))?;
+    let names: Vec<&str> = mesh.layout().targets.iter().map(|target| target.name.as_str()).collect();
+    let clip: Vec<Vec<f32>> = head::head_clip(&head_desc, frames.end, 30.0).bind(&names)?.frames().collect();
+    let triangles = source.faces.triangles().concat();
+    let indices = |indices: &[u32]| {
+        let bytes: Vec<u8> = indices.iter().flat_map(|index| index.to_ne_bytes()).collect();
+        host.filled(&bytes, wgpu::BufferUsages::INDEX)
+    };
+
+    let uploaded = morph.upload(&mesh)?;
+    let mut crowd = morph.create_crowd(&uploaded, &CrowdDesc::new(UpdateDesc::blocks().pose(format)))?;
+    let mut packed = triangles.clone();
+    mesh.layout().remap_indices(&mut packed)?; // packing reorders the vertices that draws name
+    let (packed, frame) = (indices(&packed), framed(source.positions.iter().map(|p| p.to_array())));
+    let (mut scene, mut last) = (None, None);
+    for weights in &clip[frames] {
+        crowd.set_weights(0, weights)?;
+        let update = morph.update([&mut crowd])?;
+        let pose = crowd.pose(0)?;
+        let scene = match &mut scene {
+            Some(scene) => scene,
+            none => none.insert(Scene::new(host, format, pose.view.units, frame)?),
+        };
+        let mut encoder = host.device.create_command_encoder(&Default::default());
+        // Formats of integers take the base pose as a second vertex buffer.
+        let bound = [pose.slice(), uploaded.base_pose().slice()];
+        scene.draw(&mut encoder, &bound[..1 + usize::from(format.has_integers())], &packed);
+        let copy = host.readback(pose.view.size);
+        encoder.copy_buffer_to_buffer(pose.buffer, pose.view.offset, &copy, 0, pose.view.size);
+        last = Some((copy, scene.copy(&mut encoder), pose.view, weights));
+        host.queue.submit(update.into_iter().chain([encoder.finish()]));
+    }
+    let (pose, picture, view, weights) = last.ok_or("no frame was played")?;
+    let (pose, picture) = (host.read(&pose)?, host.read(&picture)?);
+    let expected = evaluate(&mesh, weights);
+    let mut error = compare(&mesh.layout().to_user_order(&decoded(&pose, &view, mesh.base())), &expected);
+    error.position /= f64::from(mesh.layout().diagonal);
+
+    // The same picture from the vertices of the reference, which are in the order of the source.
+    let vertices: Vec<u8> = expected.iter().flat_map(|&number| (number as f32).to_ne_bytes()).collect();
+    let vertices = host.filled(&vertices, wgpu::BufferUsages::VERTEX);
+    let scene = Scene::new(host, PoseFormat::Float32, [1.0; 2], frame)?;
+    let mut encoder = host.device.create_command_encoder(&Default::default());
+    scene.draw(&mut encoder, &[vertices.slice(..)], &indices(&triangles));
+    let reference = scene.copy(&mut encoder);
+    host.queue.submit([encoder.finish()]);
+    Ok(Played { error, picture, reference: host.read(&reference)? })
+}
+
+/// The numbers of a pose: what `POSE_WGSL` does, on the CPU.
+pub fn decoded(pose: &[u8], view: &PoseView, base: &[f32]) -> Vec<f32> {
+    let floats = pose.as_chunks().0.iter().map(|word| f32::from_ne_bytes(*word));
+    let integers: Vec<f32> = match (view.format.has_integers(), view.stride) {
+        (false, _) => return floats.collect(),
+        (true, 12) => pose.as_chunks().0.iter().map(|half| i16::from_ne_bytes(*half).into()).collect(),
+        (true, _) => pose.as_chunks().0.iter().map(|word| i32::from_ne_bytes(*word) as f32).collect(),
+    };
+    let displaced = |(i, (base, integer)): (usize, (&f32, f32))| base + integer * view.units[i % 6 / 3];
+    base.iter().zip(integers).enumerate().map(displaced).collect()
+}
+
+/// Of two pictures: the fraction of pixels that differ by more than 2 of 255 in a channel.
+pub fn difference(a: &[u8], b: &[u8]) -> f64 {
+    let pixels = a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0);
+    let differ = pixels.filter(|(a, b)| a.iter().zip(*b).any(|(a, b)| a.abs_diff(*b) > 2)).count();
+    differ as f64 / f64::from(EDGE * EDGE)
+}

@@ -1,0 +1,198 @@
+//! What any host of wgpu has, without a window: a device, a pipeline, a picture.
+
+use deltamorph::PoseFormat;
+use deltamorph_wgpu::VertexInput;
+use std::task::{Context, Poll, Waker};
+use wgpu::util::DeviceExt as _;
+
+pub type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
+
+/// Pixels of a picture from side to side, and from top to bottom.
+pub const EDGE: u32 = 512;
+
+/// A device and its queue.
+pub struct Host {
+    pub device: wgpu::Device,
+    pub queue: wgpu::Queue,
+}
+
+/// What a future of wgpu gives that is ready at once: all are, but those of browsers.
+pub fn now<F: Future>(future: F) -> F::Output {
+    match std::pin::pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
+        Poll::Ready(output) => output,
+        Poll::Pending => unreachable!("wgpu does it all in the call on native platforms"),
+    }
+}
+
+impl Host {
+    /// The Vulkan adapters whose name contains `wanted`.
+    pub fn adapters(wanted: &str, flags: wgpu::InstanceFlags) -> Vec<wgpu::Adapter> {
+        let desc = wgpu::InstanceDescriptor::new_without_display_handle();
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor { flags, ..desc });
+        let adapters = now(instance.enumerate_adapters(wgpu::Backends::VULKAN));
+        adapters.into_iter().filter(|adapter| adapter.get_info().name.contains(wanted)).collect()
+    }
+
+    pub fn new(adapter: &wgpu::Adapter) -> Result<Self> {
+        // Nothing that deltamorph could not do without; software drivers are faster with it.
+        let required_features = adapter.features() & wgpu::Features::SHADER_INT64;
+        let desc = wgpu::DeviceDescriptor { required_features, ..Default::default() };
+        let (device, queue) = now(adapter.request_device(&desc))?;
+        Ok(Self { device, queue })
+    }
+
+    /// A buffer with contents.
+    pub fn filled(&self, contents: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: None, contents, usage })
+    }
+
+    /// A buffer that is copied to, and read.
+    pub fn readback(&self, size: u64) -> wgpu::Buffer {
+        let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;
+        self.device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
+    }
+
+    /// What is in such a buffer, once all that was submitted has finished.
+    pub fn read(&self, buffer: &wgpu::Buffer) -> Result<Vec<u8>> {
+        let (sender, receiver) = std::sync::mpsc::channel();
+        buffer.map_async(wgpu::MapMode::Read, .., move |mapped| drop(sender.send(mapped)));
+        self.device.poll(wgpu::PollType::wait_indefinitely())?;
+        receiver.recv()??;
+        let bytes = buffer.get_mapped_range(..)?.to_vec();
+        buffer.unmap();
+        Ok(bytes)
+    }
+}
+
+/// Draws a head in poses of one format.
+pub struct Scene<'a> {
+    host: &'a Host,
+    pipeline: wgpu::RenderPipeline,
+    bindings: wgpu::BindGroup,
+    pixels: wgpu::Texture,
+    depth: wgpu::TextureView,
+}
+
+/// The box around the positions: its middle, and its longest side.
+pub fn framed(positions: impl Iterator<Item = [f32; 3]>) -> ([f32; 3], f32) {
+    let (mut low, mut high) = ([f32::MAX; 3], [f32::MIN; 3]);
+    for position in positions {
+        (0..3).for_each(|i| (low[i], high[i]) = (low[i].min(position[i]), high[i].max(position[i])));
+    }
+    ([0, 1, 2].map(|i| (low[i] + high[i]) / 2.0), (0..3).map(|i| high[i] - low[i]).fold(0.0, f32::max))
+}
+
+const SHADER: &str = "
+    struct View { center: vec3f, size: f32, units: vec2f }
+    @group(0) @binding(0) var<uniform> view: View;
+
+    struct Drawn { @builtin(position) clip: vec4f, @location(0) normal: vec3f }
+
+    @vertex fn vertex(in: PoseInput) -> Drawn {
+        let pose = pose_input(in, view.units);
+        let p = (pose.position - view.center) * 1.8 / view.size;
+        // From the front, and a little from above.
+        let turned = vec3f(p.x, 0.98 * p.y - 0.199 * p.z, 0.199 * p.y + 0.98 * p.z);
+        return Drawn(vec4f(turned.xy, 0.5 - 0.25 * turned.z, 1.0), pose.normal);
+    }
+
+    @fragment fn fragment(in: Drawn) -> @location(0) vec4f {
+        let light = 0.5 + 0.5 * dot(normalize(in.normal), vec3f(0.36, 0.48, 0.8));
+        return vec4f(vec3f(0.9, 0.7, 0.6) * light, 1.0);
+    }";
+
+impl<'a> Scene<'a> {
+    /// For poses with these units, of a mesh that is [`framed`] like this.
+    pub fn new(host: &'a Host, format: PoseFormat, units: [f32; 2], framed: ([f32; 3], f32)) -> Result<Self> {
+        let device = &host.device;
+        let input = VertexInput::new(format, 0, false)?;
+        let source = wgpu::ShaderSource::Wgsl((input.wgsl() + SHADER).into());
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
+        let target = wgpu::ColorTargetState::from(wgpu::TextureFormat::Rgba8Unorm);
+        let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: None,
+            layout: None,
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: None,
+                compilation_options: Default::default(),
+                buffers: &input.layouts(),
+            },
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil: Some(wgpu::DepthStencilState {
+                format: wgpu::TextureFormat::Depth32Float,
+                depth_write_enabled: Some(true),
+                depth_compare: Some(wgpu::CompareFunction::Less),
+                stencil: Default::default(),
+                bias: Default::default(),
+            }),
+            multisample: Default::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module,
+                entry_point: None,
+                compilation_options: Default::default(),
+                targets: &[Some(target)],
+            }),
+            multiview_mask: None,
+            cache: None,
+        });
+        let ([x, y, z], size) = framed;
+        let view = [x, y, z, size, units[0], units[1], 0.0, 0.0].map(f32::to_ne_bytes).concat();
+        let view = host.filled(&view, wgpu::BufferUsages::UNIFORM);
+        let bindings = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &pipeline.get_bind_group_layout(0),
+            entries: &[wgpu::BindGroupEntry { binding: 0, resource: view.as_entire_binding() }],
+        });
+        let texture = |format, usage| {
+            device.create_texture(&wgpu::TextureDescriptor {
+                label: None,
+                size: wgpu::Extent3d { width: EDGE, height: EDGE, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                usage,
+                view_formats: &[],
+            })
+        };
+        let drawn = wgpu::TextureUsages::RENDER_ATTACHMENT;
+        let pixels = texture(wgpu::TextureFormat::Rgba8Unorm, drawn | wgpu::TextureUsages::COPY_SRC);
+        let depth = texture(wgpu::TextureFormat::Depth32Float, drawn).create_view(&Default::default());
+        Ok(Self { host, pipeline, bindings, pixels, depth })
+    }
+
+    /// Draw indexed triangles from vertex buffers that the format asks for.
+    pub fn draw(&self, encoder: &mut wgpu::CommandEncoder, vertices: &[wgpu::BufferSlice<'_>], indices: &wgpu::Buffer) {
+        let background = wgpu::Color { r: 0.5, g: 0.39, b: 0.33, a: 1.0 };
+        let view = self.pixels.create_view(&Default::default());
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: &view,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(background), store: wgpu::StoreOp::Store },
+            })],
+            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                view: &self.depth,
+                depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(1.0), store: wgpu::StoreOp::Discard }),
+                stencil_ops: None,
+            }),
+            ..Default::default()
+        });
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &self.bindings, &[]);
+        (0..).zip(vertices).for_each(|(slot, slice)| pass.set_vertex_buffer(slot, *slice));
+        pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
+        pass.draw_indexed(0..indices.size() as u32 / 4, 0, 0..1);
+    }
+
+    /// Copy the picture; [`Host::read`] has its rows then, four bytes a pixel.
+    pub fn copy(&self, encoder: &mut wgpu::CommandEncoder) -> wgpu::Buffer {
+        let buffer = self.host.readback(u64::from(EDGE * EDGE * 4));
+        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(EDGE * 4), rows_per_image: None };
+        let to = wgpu::TexelCopyBufferInfo { buffer: &buffer, layout };
+        encoder.copy_texture_to_buffer(self.pixels.as_image_copy(), to, self.pixels.size());
+        buffer
+    }
+}

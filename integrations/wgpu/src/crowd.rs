@@ -1,0 +1,232 @@
+//! Crowds: weights in, poses out.
+
+use super::submission::{Fate, Submission, first_astray};
+use super::{import, invalid, lock};
+use deltamorph::ash::vk;
+use deltamorph::{CrowdDesc, PackedLayout, PoseView, Result, Semantic, StreamView, Ticket};
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+/// Instances of one mesh, each with weights and poses of its own: see [`deltamorph::Crowd`].
+pub struct Crowd {
+    /// Those of the poses, once there are any.
+    buffers: Vec<(vk::Buffer, wgpu::Buffer)>,
+    /// A stream of each buffer, and its bytes.
+    groups: Vec<(Semantic, u64)>,
+    /// Updates that have not finished yet, the oldest first.
+    pending: VecDeque<(Ticket, Arc<Submission>)>,
+    shared: Arc<Mutex<deltamorph::Crowd>>,
+    desc: CrowdDesc,
+    device: wgpu::Device,
+}
+
+/// Where a pose is: `view` says how it is stored in `buffer`, which is a vertex, storage and copy-source buffer.
+#[derive(Clone, Copy, Debug)]
+pub struct Pose<'a> {
+    /// The buffer of all poses of the crowd.
+    pub buffer: &'a wgpu::Buffer,
+    /// Offset, bytes, format, and units of integers.
+    pub view: PoseView,
+}
+
+/// Where a stream of a pose is.
+#[derive(Clone, Copy, Debug)]
+pub struct Stream<'a> {
+    /// The buffer: as of a [`Pose`].
+    pub buffer: &'a wgpu::Buffer,
+    /// Offset of its first component, stride, format, and units of integers.
+    pub view: StreamView,
+}
+
+impl<'a> Pose<'a> {
+    /// All vertices, for `set_vertex_buffer`.
+    pub fn slice(&self) -> wgpu::BufferSlice<'a> {
+        self.buffer.slice(self.view.offset..self.view.offset + self.view.size)
+    }
+
+    /// All vertices, for a bind group: read-only storage. Offsets of poses are multiples of 256; that of a
+    /// [base pose](crate::Mesh::base_pose) need not be one.
+    pub fn binding(&self) -> wgpu::BindingResource<'a> {
+        let size = std::num::NonZero::new(self.view.size);
+        wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer: self.buffer, offset: self.view.offset, size })
+    }
+}
+
+impl Crowd {
+    pub(crate) fn new<'a>(
+        crowd: deltamorph::Crowd,
+        layouts: impl Iterator<Item = &'a PackedLayout>,
+        device: &wgpu::Device,
+    ) -> Self {
+        let desc = *crowd.desc();
+        let poses = u64::from(desc.instances) * u64::from(desc.update.slots);
+        let group = |layout: &PackedLayout| {
+            Some((layout.streams.first()?.semantic, poses * layout.pose_bytes(desc.update.pose)))
+        };
+        let groups = layouts.filter_map(group).collect();
+        let shared = Arc::new(Mutex::new(crowd));
+        Self { buffers: vec![], groups, pending: VecDeque::new(), shared, desc, device: device.clone() }
+    }
+
+    /// How the crowd was made.
+    pub fn desc(&self) -> &CrowdDesc {
+        &self.desc
+    }
+
+    /// Request these weights: see [`deltamorph::Crowd::set_weights`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
+        lock(&self.shared).set_weights(instance, weights)
+    }
+
+    /// The next pose has no predecessor: see [`deltamorph::Crowd::cut`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn cut(&mut self, instance: u32) -> Result<()> {
+        lock(&self.shared).cut(instance)
+    }
+
+    /// Hide an instance, or show it again: see [`deltamorph::Crowd::set_hidden`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<()> {
+        lock(&self.shared).set_hidden(instance, hidden)
+    }
+
+    /// Add an instance in a free place: see [`deltamorph::Crowd::add`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn add(&mut self) -> Result<u32> {
+        lock(&self.shared).add()
+    }
+
+    /// Take an instance out of the crowd: see [`deltamorph::Crowd::remove`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn remove(&mut self, instance: u32) -> Result<()> {
+        lock(&self.shared).remove(instance)
+    }
+
+    /// The pose of `instance` once the updates made so far have run.
+    ///
+    /// # Errors
+    /// As of [`deltamorph::Crowd::pose`].
+    pub fn pose(&self, instance: u32) -> Result<Pose<'_>> {
+        let view = lock(&self.shared).pose(instance)?;
+        Ok(Pose { buffer: self.buffer(view.buffer)?, view })
+    }
+
+    /// The pose of `instance` before its last update, for motion vectors: see [`deltamorph::Crowd::previous_pose`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn previous_pose(&self, instance: u32) -> Result<Option<Pose<'_>>> {
+        let view = lock(&self.shared).previous_pose(instance)?;
+        view.map(|view| Ok(Pose { buffer: self.buffer(view.buffer)?, view })).transpose()
+    }
+
+    /// A stream of the pose of `instance`, such as its tangents: see [`deltamorph::Crowd::stream`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn stream(&self, instance: u32, semantic: Semantic) -> Result<Stream<'_>> {
+        let view = lock(&self.shared).stream(instance, semantic)?;
+        Ok(Stream { buffer: self.buffer(view.buffer)?, view })
+    }
+
+    /// A stream of the previous pose: see [`deltamorph::Crowd::previous_stream`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn previous_stream(&self, instance: u32, semantic: Semantic) -> Result<Option<Stream<'_>>> {
+        let view = lock(&self.shared).previous_stream(instance, semantic)?;
+        view.map(|view| Ok(Stream { buffer: self.buffer(view.buffer)?, view })).transpose()
+    }
+
+    fn buffer(&self, raw: vk::Buffer) -> Result<&wgpu::Buffer> {
+        let found = self.buffers.iter().find(|(handle, _)| *handle == raw);
+        found.map(|(_, buffer)| buffer).ok_or_else(|| invalid("the crowd has no poses yet", "update it first"))
+    }
+
+    pub(crate) fn shared(&self) -> &Arc<Mutex<deltamorph::Crowd>> {
+        &self.shared
+    }
+
+    /// An update was recorded into the command buffer of a submission.
+    pub(crate) fn updated(&mut self, ticket: Ticket, submission: Arc<Submission>) -> Result<()> {
+        self.pending.push_back((ticket, submission));
+        if self.buffers.is_empty() {
+            self.buffers = self.import()?;
+        }
+        Ok(())
+    }
+
+    /// The buffers of the poses: there are some once an update has made a pose.
+    fn import(&self) -> Result<Vec<(vk::Buffer, wgpu::Buffer)>> {
+        let crowd = lock(&self.shared);
+        let Some(shown) = crowd.shown().next() else { return Ok(vec![]) };
+        let usage = wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+        let group = |(semantic, size): &(Semantic, u64)| {
+            let raw = crowd.stream(shown, *semantic)?.buffer;
+            // SAFETY: the buffer is the crowd's, and lives as long; its usages are those that `StreamView::buffer` names,
+            // and it has room for all poses. Updates write a pose before its place is known.
+            Ok((raw, unsafe { import(&self.device, raw, *size, usage, self.shared.clone()) }))
+        };
+        self.groups.iter().map(group).collect()
+    }
+
+    /// Wait until another update may be recorded, and discard what has to be.
+    pub(crate) fn make_room(&mut self) -> Result<()> {
+        /// How long a queue has nothing to do before what is not on it counts as not submitted: another thread may have
+        /// fetched the callbacks, and not called them yet.
+        const IDLE: Duration = Duration::from_millis(100);
+        /// How long the GPU may take for as many updates as may be unfinished.
+        const STUCK: Duration = Duration::from_secs(60);
+        let begin = Instant::now();
+        let mut busy = begin;
+        while !self.settle()? {
+            let idle = self.device.poll(wgpu::PollType::Poll).is_ok_and(|status| status.is_queue_empty());
+            let now = Instant::now();
+            if !idle {
+                busy = now;
+            }
+            let text = |why| format!("{} updates of a crowd are unfinished, and {why}", self.pending.len());
+            if now - busy > IDLE {
+                let text = text("the queue is empty: one was not submitted");
+                return Err(invalid(text, "submit or drop its command buffer first"));
+            }
+            if now - begin > STUCK {
+                return Err(invalid(text("have been for a minute"), "submit all command buffers, or drop them"));
+            }
+            sleep(Duration::from_micros(50));
+        }
+        Ok(())
+    }
+
+    /// Take note of what has become of earlier updates. Whether another may be recorded.
+    fn settle(&mut self) -> Result<bool> {
+        // The newest first: what was submitted in order is over in order, and so not before those that are asked later.
+        let mut fates: Vec<Fate> = self.pending.iter().rev().map(|(_, submission)| submission.fate()).collect();
+        fates.reverse();
+        if let Some(astray) = first_astray(&fates) {
+            // Lists of updates that are discarded are written anew: none may be in use.
+            if fates[astray..].contains(&Fate::Waiting) {
+                return Ok(false);
+            }
+            lock(&self.shared).discard(self.pending[astray].0)?;
+            self.pending.truncate(astray);
+            fates.truncate(astray);
+        }
+        let ran = fates.iter().take_while(|fate| matches!(fate, Fate::Ran(_))).count();
+        self.pending.drain(..ran);
+        Ok(self.pending.len() < self.desc.frames_in_flight as usize)
+    }
+}

@@ -1,0 +1,285 @@
+//! Morph targets of [`deltamorph`] in wgpu, on its Vulkan backend: a device goes in, vertex buffers come out.
+//!
+//! ```no_run
+//! # use deltamorph::{CrowdDesc, PackedMesh, UpdateDesc};
+//! # use deltamorph_wgpu::{Morph, Result};
+//! # fn draw_a_frame(_: &deltamorph_wgpu::Crowd) -> wgpu::CommandBuffer { todo!() }
+//! # fn host(device: wgpu::Device, queue: wgpu::Queue, packed: PackedMesh, weights: Vec<f32>) -> Result<()> {
+//! let morph = Morph::new(&device, &queue)?;
+//! let mesh = morph.upload(&packed)?;
+//! let mut crowd = morph.create_crowd(&mesh, &CrowdDesc::new(UpdateDesc::blocks()))?;
+//! // Each frame:
+//! crowd.set_weights(0, &weights)?;
+//! let update = morph.update([&mut crowd])?; // None where nothing changed
+//! let draws = draw_a_frame(&crowd); // pass.set_vertex_buffer(0, crowd.pose(0)?.slice());
+//! queue.submit(update.into_iter().chain([draws]));
+//! # Ok(()) }
+//! ```
+//!
+//! A pipeline takes poses as [`VertexInput`] says, with WGSL that decodes those of integers. `examples/head` is a complete
+//! host. No feature or extension of the device is needed. Where it has [`SHADER_INT64`](wgpu::Features::SHADER_INT64),
+//! software drivers take half as long.
+//!
+//! # What the caller does
+//! - Submit what [`Morph::update`] returned before the draws that read the new poses, in the same submit or an earlier one,
+//!   and updates of a crowd in the order they were made. Or drop it: the next update writes all poses anew then. It does so,
+//!   too, where an earlier one was submitted out of order, or in a submit that failed, once that is known: when the GPU has
+//!   finished what was submitted before. Poses that are drawn until then are wrong.
+//! - Nothing else. What an update needs lives until the GPU has finished with it, whatever is dropped before. Where
+//!   [`frames_in_flight`](deltamorph::CrowdDesc::frames_in_flight) updates of a crowd are unfinished, the next one waits for
+//!   the oldest of them; with one more than the frames that the surface keeps in flight there is nothing to wait for.
+//!
+//! # Synchronization
+//! wgpu knows nothing of the commands of an update, and takes pose buffers for ones that nobody ever writes. Barriers are
+//! the update's own, on both sides, for draws (vertex attributes, and storage buffers in vertex shaders), compute passes and
+//! copies. Nothing else may read poses: no fragment shader; nobody but updates writes them.
+
+mod crowd;
+mod input;
+mod submission;
+
+pub use crowd::{Crowd, Pose, Stream};
+pub use deltamorph::{self, Error, Result};
+pub use input::{POSE_WGSL, VertexInput};
+
+use deltamorph::ash::vk;
+use deltamorph::{
+    AnyCrowd, Consumers, CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, PackDesc, PackedLayout, PackedMesh, Update,
+};
+use std::any::Any;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use submission::{Flight, Submission};
+use wgpu::hal::api::Vulkan;
+
+/// Morphing on a device of wgpu.
+pub struct Morph {
+    engine: MorphEngine,
+    queue: wgpu::Queue,
+    // The last, as everywhere here: the rest is destroyed on it.
+    device: wgpu::Device,
+}
+
+/// A mesh on the device. Crowds keep what they need of it alive.
+pub struct Mesh {
+    base: wgpu::Buffer,
+    gpu: Arc<Mutex<deltamorph::GpuMesh>>,
+    layout: PackedLayout,
+    _device: wgpu::Device,
+}
+
+impl Morph {
+    /// Morphing on `device`; updates are submitted to `queue`, which is the device's.
+    ///
+    /// # Errors
+    /// A device of another backend than Vulkan, or of less than Vulkan 1.1; one whose queue cannot compute.
+    pub fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Self> {
+        // SAFETY: what is taken of it is destroyed by wgpu.
+        let Some(hal) = (unsafe { device.as_hal::<Vulkan>() }) else {
+            return Err(invalid("the device is not on Vulkan", "ask for wgpu::Backends::VULKAN"));
+        };
+        let (shared, physical) = (hal.shared_instance(), hal.raw_physical_device());
+        let instance = shared.raw_instance();
+        // SAFETY: the instance is alive, and the physical device is one of its.
+        let (properties, families) = unsafe {
+            (
+                instance.get_physical_device_properties(physical),
+                instance.get_physical_device_queue_family_properties(physical),
+            )
+        };
+        if shared.instance_api_version().min(properties.api_version) < vk::API_VERSION_1_1 {
+            return Err(invalid("the device is of Vulkan 1.0", "use one of Vulkan 1.1 or later"));
+        }
+        let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
+        if !families.get(hal.queue_family_index() as usize).is_some_and(|family| family.queue_flags.contains(wanted)) {
+            return Err(invalid("the queue has no graphics, or no compute", "use a device whose first queue has both"));
+        }
+        let int64 = vk::Bool32::from(device.features().contains(wgpu::Features::SHADER_INT64));
+        let features = vk::PhysicalDeviceFeatures::default().shader_int64(int64 == vk::TRUE);
+        let desc = DeviceDesc::new(instance, physical, hal.raw_device()).enabled_features(features);
+        // SAFETY: the handles are those of one device of wgpu, which a clone keeps alive for as long as the engine, and
+        // for each that it makes. No more features are named than are enabled.
+        let engine = unsafe { MorphEngine::new(&desc) }?;
+        Ok(Self { engine, queue: queue.clone(), device: device.clone() })
+    }
+
+    /// How to pack a mesh for this device.
+    pub fn pack_desc(&self, format: DeltaFormat) -> PackDesc {
+        self.engine.pack_desc(format)
+    }
+
+    /// Upload a mesh: submits the copies to the queue, so that whatever is submitted next finds it there.
+    ///
+    /// # Errors
+    /// As [`MorphEngine::upload`].
+    pub fn upload(&self, mesh: &PackedMesh) -> Result<Mesh> {
+        let (encoder, cmd) = self.encoder("deltamorph upload")?;
+        // SAFETY: the command buffer is recording, and is submitted once, here and now; the mesh is dropped when that has
+        // finished.
+        let uploaded = unsafe { self.engine.upload(cmd, mesh) }?;
+        let base = uploaded.base_pose();
+        let gpu = Arc::new(Mutex::new(uploaded));
+        let commands = encoder.finish();
+        commands.on_submitted_work_done({
+            let (gpu, device) = (gpu.clone(), self.device.clone());
+            move || {
+                // SAFETY: the copies have run.
+                unsafe { lock(&gpu).release_staging() };
+                drop((gpu, device));
+            }
+        });
+        self.queue.submit([commands]);
+        let usage = wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::STORAGE;
+        // SAFETY: the buffer is the mesh's, which goes with it, and at least as long; its usages are among those that
+        // `PoseView::buffer` names, and the copies fill it.
+        let base = unsafe { import(&self.device, base.buffer, base.offset + base.size, usage, gpu.clone()) };
+        Ok(Mesh { base, gpu, layout: mesh.layout().clone(), _device: self.device.clone() })
+    }
+
+    /// Make pose buffers and pipelines for the instances of a mesh, all weights 0: see [`MorphEngine::create_crowd`].
+    /// Draws, compute passes and copies are consumers, whatever the description says.
+    ///
+    /// # Errors
+    /// As [`MorphEngine::create_crowd`].
+    pub fn create_crowd(&self, mesh: &Mesh, desc: &CrowdDesc) -> Result<Crowd> {
+        let desc = desc.consumers(desc.consumers | consumers());
+        let gpu = lock(&mesh.gpu);
+        let crowd = self.engine.create_crowd(&gpu, &desc)?;
+        Ok(Crowd::new(crowd, gpu.layouts(), &self.device))
+    }
+
+    /// Record an update of these crowds to the weights requested, with common barriers: all that are updated in a frame
+    /// belong in one call. `None`: nothing changed, and there is nothing to submit.
+    ///
+    /// [What the caller does](crate#what-the-caller-does) says when to submit it. Poses are those of after the update from
+    /// now on ([`Crowd::pose`]).
+    ///
+    /// The device is polled, which runs callbacks that are due. It is waited for, if as many updates of a crowd are
+    /// unfinished as [`frames_in_flight`](deltamorph::CrowdDesc::frames_in_flight) allows.
+    ///
+    /// # Errors
+    /// A crowd of another `Morph`; an earlier update that was neither submitted nor dropped, and has to go first; no memory.
+    pub fn update<'a>(&self, crowds: impl IntoIterator<Item = &'a mut Crowd>) -> Result<Option<wgpu::CommandBuffer>> {
+        let record = |cmd, crowds: &mut [&mut dyn AnyCrowd]| {
+            // SAFETY: the command buffer is recording, on a queue with graphics and compute, with nothing else in it. Where
+            // it never runs, or not in order, `Crowd::make_room` discards the update before another is recorded, and it
+            // waits for as many as it has to. What it uses is kept alive by its `Flight`.
+            unsafe { self.engine.record_updates(cmd, crowds) }
+        };
+        // SAFETY: `record` does what it has to.
+        unsafe { self.update_by(crowds, record) }
+    }
+
+    /// As [`update`](Self::update), with what is recorded changed by `tamper`: lets tests plant faults.
+    ///
+    /// # Errors
+    /// As [`update`](Self::update).
+    ///
+    /// # Safety
+    /// What `tamper` breaks is broken.
+    #[cfg(feature = "internals")]
+    #[doc(hidden)]
+    pub unsafe fn update_tampered<'a>(
+        &self,
+        crowds: impl IntoIterator<Item = &'a mut Crowd>,
+        tamper: impl FnOnce(&mut Vec<deltamorph::internals::plan::schedule::Entry>),
+    ) -> Result<Option<wgpu::CommandBuffer>> {
+        let record = |cmd, crowds: &mut [&mut dyn AnyCrowd]| {
+            // SAFETY: the caller's obligations.
+            unsafe { self.engine.record_tampered(cmd, crowds, tamper) }.map(|(updates, _)| updates)
+        };
+        // SAFETY: the caller's obligations.
+        unsafe { self.update_by(crowds, record) }
+    }
+
+    /// An update that `record` records.
+    ///
+    /// # Safety
+    /// `record` is [`MorphEngine::record_updates`], or one whose caller knows better.
+    unsafe fn update_by<'a>(
+        &self,
+        crowds: impl IntoIterator<Item = &'a mut Crowd>,
+        record: impl FnOnce(vk::CommandBuffer, &mut [&mut dyn AnyCrowd]) -> Result<Vec<Update>>,
+    ) -> Result<Option<wgpu::CommandBuffer>> {
+        let mut crowds: Vec<&mut Crowd> = crowds.into_iter().collect();
+        // What has finished is learned from callbacks, which this runs. There is nothing to learn from what it returns.
+        let _ = self.device.poll(wgpu::PollType::Poll);
+        crowds.iter_mut().try_for_each(|crowd| crowd.make_room())?;
+        let (encoder, cmd) = self.encoder("deltamorph update")?;
+        let submission = Submission::new(&self.device)?;
+        let updates = {
+            let shared: Vec<_> = crowds.iter().map(|crowd| crowd.shared().clone()).collect();
+            let mut locked: Vec<_> = shared.iter().map(|crowd| lock(crowd)).collect();
+            let mut borrowed: Vec<_> = locked.iter_mut().map(|crowd| &mut **crowd as &mut dyn AnyCrowd).collect();
+            record(cmd, &mut borrowed)?
+        };
+        if updates.iter().all(|update| update.stats.passes == 0) {
+            return Ok(None);
+        }
+        // SAFETY: the command buffer is recording, outside a render pass, and in a flight.
+        unsafe { submission.record(cmd) };
+        let commands = encoder.finish();
+        let flight = Flight::new(&submission, crowds.iter().map(|crowd| crowd.shared().clone()).collect());
+        commands.on_submitted_work_done(move || drop(flight));
+        for (crowd, update) in crowds.iter_mut().zip(updates) {
+            crowd.updated(update.ticket, submission.clone())?;
+        }
+        Ok(Some(commands))
+    }
+
+    /// A command encoder for commands of ours alone, and its command buffer, which is recording.
+    fn encoder(&self, label: &str) -> Result<(wgpu::CommandEncoder, vk::CommandBuffer)> {
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) });
+        // SAFETY: it is not ended, and nothing is done with the encoder but to finish it once we have recorded.
+        let cmd = unsafe { encoder.as_hal_mut::<Vulkan, _, _>(|hal| hal.map(|hal| hal.raw_handle())) };
+        let cmd = cmd.ok_or_else(|| invalid("wgpu gave no command buffer", "see whether the device was lost"))?;
+        Ok((encoder, cmd))
+    }
+}
+
+impl Mesh {
+    /// The base pose, for draws from [poses of integers](VertexInput). Vertex and storage buffer.
+    pub fn base_pose(&self) -> Pose<'_> {
+        Pose { buffer: &self.base, view: lock(&self.gpu).base_pose() }
+    }
+
+    /// Names, steps and sizes of what was uploaded. [`PackedLayout::remap_indices`] turns an index buffer into the order of
+    /// poses.
+    pub fn layout(&self) -> &PackedLayout {
+        &self.layout
+    }
+}
+
+/// All that wgpu can do with a pose, fragment shaders apart.
+fn consumers() -> Consumers {
+    let draws = Consumers::VERTEX_ATTRIBUTES | Consumers::VERTEX_SHADERS;
+    draws | Consumers::COMPUTE_SHADERS | Consumers::COPIES
+}
+
+/// A buffer of ours as one of wgpu's. `keep` is dropped when wgpu and the GPU have finished with it.
+///
+/// # Safety
+/// The buffer was made on this device, with these usages and at least `size` bytes, more than 0; it lives as long as `keep`.
+/// Nothing in `keep` is wgpu's: it is dropped under its locks.
+unsafe fn import(
+    device: &wgpu::Device,
+    buffer: vk::Buffer,
+    size: u64,
+    usage: wgpu::BufferUsages,
+    keep: Arc<dyn Any + Send + Sync>,
+) -> wgpu::Buffer {
+    let desc = wgpu::BufferDescriptor { label: Some("deltamorph"), size, usage, mapped_at_creation: false };
+    // SAFETY: the caller's obligations; usages without MAP_READ and MAP_WRITE are never mapped.
+    unsafe {
+        let hal = wgpu::hal::vulkan::Buffer::from_raw_externally_owned(buffer, Box::new(move || drop(keep)));
+        device.create_buffer_from_hal::<Vulkan>(hal, &desc)
+    }
+}
+
+fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
+    // An update that panics takes back what it planned.
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn invalid(what: impl Into<String>, remedy: impl Into<String>) -> Error {
+    Error::Invalid { what: what.into(), remedy: remedy.into() }
+}

@@ -1,0 +1,118 @@
+//! What becomes of the command buffers of updates once they are the caller's.
+
+use super::invalid;
+use deltamorph::ash::{self, vk};
+use deltamorph::{Error, Result};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use wgpu::hal::api::Vulkan;
+
+/// A command buffer of updates.
+///
+/// wgpu tells nobody whether one was submitted: it calls back when the work has finished, but also where the submit failed.
+/// So the last command sets an event, which only the GPU can have done.
+pub(crate) struct Submission {
+    raw: ash::Device,
+    event: vk::Event,
+    /// When wgpu was done with it, counted by [`OVER`]; 0: it is not yet.
+    over: AtomicU64,
+    _device: wgpu::Device,
+}
+
+/// Command buffers that are over.
+static OVER: AtomicU64 = AtomicU64::new(0);
+
+/// What has become of a command buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Fate {
+    /// It is with the caller, or on the GPU.
+    Waiting,
+    /// It ran, as the n-th of all.
+    Ran(u64),
+    /// It did not, and never will.
+    Lost,
+}
+
+impl Submission {
+    pub(crate) fn new(device: &wgpu::Device) -> Result<Arc<Self>> {
+        // SAFETY: the clone of `device` keeps it alive.
+        let raw = unsafe { device.as_hal::<Vulkan>() }.map(|hal| hal.raw_device().clone());
+        let raw = raw.ok_or_else(|| invalid("the device is not on Vulkan", "ask for wgpu::Backends::VULKAN"))?;
+        // SAFETY: the device is alive.
+        let event = unsafe { raw.create_event(&vk::EventCreateInfo::default(), None) };
+        let failed =
+            |result| Error::Vulkan { call: "vkCreateEvent", result, remedy: "free memory, or create the device anew" };
+        Ok(Arc::new(Self { event: event.map_err(failed)?, raw, over: AtomicU64::new(0), _device: device.clone() }))
+    }
+
+    /// Have the event set, at the end.
+    ///
+    /// # Safety
+    /// `cmd` is recording on the device, outside a render pass. It is in a [`Flight`] of this submission.
+    pub(crate) unsafe fn record(&self, cmd: vk::CommandBuffer) {
+        // SAFETY: the caller's obligations.
+        unsafe { self.raw.cmd_set_event(cmd, self.event, vk::PipelineStageFlags::COMPUTE_SHADER) };
+    }
+
+    pub(crate) fn fate(&self) -> Fate {
+        match self.over.load(Ordering::Acquire) {
+            0 => Fate::Waiting,
+            // SAFETY: the event is alive. Where the device is lost there is nothing to be had of it.
+            nth => match unsafe { self.raw.get_event_status(self.event) } {
+                Ok(true) => Fate::Ran(nth),
+                Ok(false) | Err(_) => Fate::Lost,
+            },
+        }
+    }
+}
+
+impl Drop for Submission {
+    fn drop(&mut self) {
+        // SAFETY: created in `new`, and destroyed once. The GPU has finished with it: `Flight` holds it until then.
+        unsafe { self.raw.destroy_event(self.event, None) };
+    }
+}
+
+/// What a command buffer uses. In the callback that wgpu calls when the work has finished, or drops with a command buffer
+/// that is dropped.
+pub(crate) struct Flight {
+    _crowds: Vec<Arc<Mutex<deltamorph::Crowd>>>,
+    submission: Arc<Submission>,
+}
+
+impl Flight {
+    pub(crate) fn new(submission: &Arc<Submission>, crowds: Vec<Arc<Mutex<deltamorph::Crowd>>>) -> Self {
+        Self { _crowds: crowds, submission: submission.clone() }
+    }
+}
+
+impl Drop for Flight {
+    fn drop(&mut self) {
+        self.submission.over.store(OVER.fetch_add(1, Ordering::Relaxed) + 1, Ordering::Release);
+    }
+}
+
+/// The first of these command buffers, of the oldest first, that did not run before all later ones.
+pub(crate) fn first_astray(fates: &[Fate]) -> Option<usize> {
+    (0..fates.len()).find(|&i| match fates[i] {
+        Fate::Lost => true,
+        Fate::Waiting => fates[i..].iter().any(|later| matches!(later, Fate::Ran(_))),
+        Fate::Ran(nth) => fates[i..].iter().any(|later| matches!(later, Fate::Ran(before) if *before < nth)),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Fate::{Lost, Ran, Waiting};
+    use super::first_astray;
+
+    #[test]
+    fn updates_are_astray_where_they_are_lost_or_a_later_one_runs_before() {
+        assert_eq!(first_astray(&[]), None);
+        assert_eq!(first_astray(&[Ran(3), Ran(5), Waiting, Waiting]), None);
+        assert_eq!(first_astray(&[Ran(3), Lost, Waiting]), Some(1));
+        assert_eq!(first_astray(&[Waiting, Ran(5)]), Some(0));
+        assert_eq!(first_astray(&[Ran(1), Ran(5), Ran(4)]), Some(1));
+        assert_eq!(first_astray(&[Waiting, Lost, Ran(7)]), Some(0));
+    }
+}

@@ -1,0 +1,336 @@
+//! Adapters under the validation layers, random weights, and readers of every kind.
+
+use crate::scene::{Host, now};
+use deltamorph::ash::{self, vk};
+use deltamorph::reference::{compare, evaluate};
+use deltamorph::{DeltaFormat, PackedMesh, PoseFormat, PoseView, testing};
+use deltamorph_wgpu::{Crowd, Morph, POSE_WGSL, Pose};
+use std::sync::{Mutex, MutexGuard, Once, PoisonError};
+
+/// What the layers have said.
+static MESSAGES: Mutex<Vec<String>> = Mutex::new(vec![]);
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// wgpu logs the messages of the layers, each at least in one line.
+struct Listener;
+
+impl log::Log for Listener {
+    fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
+        metadata.level() <= log::Level::Warn && metadata.target().starts_with("wgpu_hal::vulkan::instance")
+    }
+
+    fn log(&self, record: &log::Record<'_>) {
+        if self.enabled(record.metadata()) {
+            locked(&MESSAGES).push(record.args().to_string());
+        }
+    }
+
+    fn flush(&self) {}
+}
+
+/// What the validation layers said since the last call, without what is known to be wrong.
+pub fn messages() -> Vec<String> {
+    let mut messages = std::mem::take(&mut *locked(&MESSAGES));
+    messages.retain(|message| {
+        // Lines that follow a message name labels and objects; general messages are those of drivers and of the loader.
+        let of_layers = !message.starts_with('\t') && !message.starts_with("GENERAL");
+        // Layers of 1.4.363 report two dispatches that write different places of a buffer: `complaints` in
+        // tests/common/gpu.rs of deltamorph says more.
+        let disjoint = message.contains("SYNC-HAZARD-WRITE-AFTER-WRITE")
+            && message.contains("previously written by another vkCmdDispatch");
+        // Those of 1.3.239 do not know that SPIR-V may be compiled from WGSL, and find hazards where wgpu moves its own
+        // attachments from one layout to another in the next command buffer; later ones do not.
+        let wgsl = message.contains("Invalid source language operand: 10");
+        let attachment = message.contains("recorded_usage: SYNC_IMAGE_LAYOUT_TRANSITION");
+        of_layers && !disjoint && !wgsl && !attachment
+    });
+    messages
+}
+
+/// Whether the validation layers are those of 1.4 or later. That they are there at all is seen by what they see.
+pub fn layers_are_new() -> bool {
+    // SAFETY: the loader is the one that wgpu loads.
+    let layers = unsafe { ash::Entry::load() }.map(|entry| {
+        // SAFETY: as above.
+        unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default()
+    });
+    let is_new = |layer: &vk::LayerProperties| {
+        layer.layer_name_as_c_str() == Ok(c"VK_LAYER_KHRONOS_validation")
+            && layer.spec_version >= vk::make_api_version(0, 1, 4, 0)
+    };
+    layers.is_ok_and(|layers| layers.iter().any(is_new))
+}
+
+/// Run `test` on each driver, one test at a time. A missing driver fails, and so does every message of the layers.
+pub fn on_every_adapter(test: impl Fn(Host)) {
+    static TURN: Mutex<()> = Mutex::new(());
+    static LISTEN: Once = Once::new();
+    let _turn = locked(&TURN);
+    LISTEN.call_once(|| {
+        // Updates and draws are in command buffers of their own. New layers compare these at a submit without being asked.
+        if !layers_are_new() {
+            let enable = "VALIDATION_CHECK_ENABLE_SYNCHRONIZATION_VALIDATION_QUEUE_SUBMIT";
+            // SAFETY: no other thread looks at the environment: other tests wait for their turn.
+            unsafe { std::env::set_var("VK_LAYER_ENABLES", enable) };
+        }
+        log::set_logger(&Listener).expect("no other logger");
+        log::set_max_level(log::LevelFilter::Warn);
+    });
+    drop(messages());
+    let drivers = std::env::var("DELTAMORPH_TEST_DRIVERS").unwrap_or_else(|_| "llvmpipe,SwiftShader".into());
+    for driver in drivers.split(',') {
+        let flags = wgpu::InstanceFlags::VALIDATION | wgpu::InstanceFlags::DEBUG;
+        let adapters = Host::adapters(driver, flags);
+        let adapter = adapters.first().unwrap_or_else(|| panic!("{driver} is missing: use ./with-vulkan cargo test"));
+        test(Host::new(adapter).expect("a device"));
+        drop(adapters);
+        let messages = messages();
+        assert!(messages.is_empty(), "{driver}: the layers say:\n{}", messages.join("\n"));
+    }
+}
+
+/// Random numbers, the same in each run.
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn below(&mut self, n: u64) -> u64 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 33) % n
+    }
+
+    /// Weights of which one in three changes.
+    pub fn change(&mut self, weights: &mut [f32]) {
+        for weight in weights {
+            if self.below(3) == 0 {
+                *weight = self.below(65) as f32 / 64.0;
+            }
+        }
+    }
+}
+
+/// A small mesh, and weights for it that are all 0.
+pub fn packed(morph: &Morph, format: DeltaFormat) -> (PackedMesh, Vec<f32>) {
+    let mesh = PackedMesh::pack(&testing::mesh(300, 23), &morph.pack_desc(format)).expect("a mesh that fits");
+    let weights = vec![0.0; mesh.layout().targets.len()];
+    (mesh, weights)
+}
+
+/// The pose that these float32 numbers are is that of the weights.
+pub fn assert_right(pose: &[f32], mesh: &PackedMesh, weights: &[f32], format: PoseFormat, what: &str) {
+    let error = compare(&mesh.layout().to_user_order(pose), &evaluate(mesh, weights));
+    let relative = if format == PoseFormat::Fixed16 { 2e-4 } else { 3e-6 };
+    let degrees = if format == PoseFormat::Fixed16 { 0.2 } else { 0.01 };
+    assert!(error.within(relative * f64::from(mesh.layout().diagonal), degrees), "{what}: {error:?}");
+}
+
+/// Copy a pose in `encoder`; [`Host::read`] has it then.
+pub fn copy(host: &Host, encoder: &mut wgpu::CommandEncoder, pose: &Pose<'_>) -> wgpu::Buffer {
+    let copy = host.readback(pose.view.size);
+    encoder.copy_buffer_to_buffer(pose.buffer, pose.view.offset, &copy, 0, pose.view.size);
+    copy
+}
+
+/// Submit an update, and read the pose that it makes.
+pub fn submit_and_read(host: &Host, update: Option<wgpu::CommandBuffer>, crowd: &Crowd) -> Vec<u8> {
+    let mut encoder = host.device.create_command_encoder(&Default::default());
+    let copy = copy(host, &mut encoder, &crowd.pose(0).expect("a pose"));
+    host.queue.submit(update.into_iter().chain([encoder.finish()]));
+    host.read(&copy).expect("a copy")
+}
+
+/// Wait until all that was submitted has finished.
+pub fn wait(host: &Host) {
+    host.device.poll(wgpu::PollType::wait_indefinitely()).expect("a device that is not lost");
+}
+
+/// A submit that fails, with `commands` in it.
+pub fn submit_in_vain(host: &Host, commands: Option<wgpu::CommandBuffer>) {
+    let [from, to] = [0, 1].map(|_| host.filled(&[0; 4], wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST));
+    let mut encoder = host.device.create_command_encoder(&Default::default());
+    encoder.copy_buffer_to_buffer(&from, 0, &to, 0, 4);
+    let spoilt = encoder.finish();
+    from.destroy();
+    let scope = host.device.push_error_scope(wgpu::ErrorFilter::Validation);
+    host.queue.submit(commands.into_iter().chain([spoilt]));
+    now(scope.pop()).expect("an error: the buffer was destroyed");
+}
+
+/// Reads poses from a storage buffer in a compute shader, and decodes them.
+pub struct ComputeReader {
+    pipeline: wgpu::ComputePipeline,
+    base: wgpu::Buffer,
+    units: wgpu::Buffer,
+    decoded: wgpu::Buffer,
+}
+
+impl ComputeReader {
+    pub fn new(host: &Host, view: &PoseView, base: &[f32]) -> Self {
+        let decode = match (view.format.has_integers(), view.stride) {
+            (false, _) => "pose_words_float32(three(6u * i), three(6u * i + 3u))",
+            (true, 12) => "pose_words_fixed16(three(3u * i), base_of(i), units)",
+            (true, _) => "pose_words_fixed32(three(6u * i), three(6u * i + 3u), base_of(i), units)",
+        };
+        let source = format!(
+            "{POSE_WGSL}
+            @group(0) @binding(0) var<storage, read> words: array<u32>;
+            @group(0) @binding(1) var<storage, read> base: array<f32>;
+            @group(0) @binding(2) var<storage, read_write> decoded: array<f32>;
+            @group(0) @binding(3) var<uniform> units: vec2f;
+
+            fn three(at: u32) -> vec3u {{
+                return vec3u(words[at], words[at + 1u], words[at + 2u]);
+            }}
+
+            fn base_of(i: u32) -> PoseVertex {{
+                let at = 6u * i;
+                return PoseVertex(vec3f(base[at], base[at + 1u], base[at + 2u]),
+                    vec3f(base[at + 3u], base[at + 4u], base[at + 5u]));
+            }}
+
+            @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) {{
+                let i = id.x;
+                if 6u * i >= arrayLength(&decoded) {{ return; }}
+                // Named, so that all of them are bound in every format.
+                let all = base_of(i).position.x + units.x;
+                let pose = {decode};
+                for (var k = 0u; k < 3u; k++) {{
+                    decoded[6u * i + k] = select(all, pose.position[k], true);
+                    decoded[6u * i + 3u + k] = pose.normal[k];
+                }}
+            }}"
+        );
+        let source = wgpu::ShaderSource::Wgsl(source.into());
+        let module = host.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
+        let pipeline = host.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: None,
+            layout: None,
+            module: &module,
+            entry_point: None,
+            compilation_options: Default::default(),
+            cache: None,
+        });
+        let bytes: Vec<u8> = base.iter().flat_map(|number| number.to_ne_bytes()).collect();
+        let storage = wgpu::BufferUsages::STORAGE;
+        Self {
+            pipeline,
+            base: host.filled(&bytes, storage),
+            units: host.filled(&view.units.map(f32::to_ne_bytes).concat(), wgpu::BufferUsages::UNIFORM),
+            decoded: host.filled(&vec![0; bytes.len()], storage | wgpu::BufferUsages::COPY_SRC),
+        }
+    }
+
+    /// Decode a pose; [`Host::read`] has it then, in float32.
+    pub fn record(&self, host: &Host, encoder: &mut wgpu::CommandEncoder, pose: &Pose<'_>) -> wgpu::Buffer {
+        let entries = [
+            pose.binding(),
+            self.base.as_entire_binding(),
+            self.decoded.as_entire_binding(),
+            self.units.as_entire_binding(),
+        ];
+        let entry = |(binding, resource)| wgpu::BindGroupEntry { binding, resource };
+        let bindings = host.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &self.pipeline.get_bind_group_layout(0),
+            entries: &(0..).zip(entries).map(entry).collect::<Vec<_>>(),
+        });
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &bindings, &[]);
+        pass.dispatch_workgroups((self.decoded.size() / 24).div_ceil(64) as u32, 1, 1);
+        drop(pass);
+        let copy = host.readback(self.decoded.size());
+        encoder.copy_buffer_to_buffer(&self.decoded, 0, &copy, 0, copy.size());
+        copy
+    }
+}
+
+/// Draws from vertex attributes, or from a storage buffer in the vertex shader, into a picture that nobody looks at.
+pub struct DrawReader {
+    pipeline: wgpu::RenderPipeline,
+    target: wgpu::TextureView,
+}
+
+impl DrawReader {
+    /// `input`: the body of `fn vertex`, its inputs, and bindings; `buffers`: what its attributes are fetched from.
+    pub fn new(host: &Host, vertex: &str, buffers: &[Option<wgpu::VertexBufferLayout<'_>>]) -> Self {
+        let source = format!("{vertex}\n@fragment fn fragment() -> @location(0) vec4f {{ return vec4f(1.0); }}");
+        let source = wgpu::ShaderSource::Wgsl(source.into());
+        let module = host.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
+        let format = wgpu::TextureFormat::Rgba8Unorm;
+        let pipeline = host.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: None,
+            layout: None,
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: None,
+                compilation_options: Default::default(),
+                buffers,
+            },
+            primitive: Default::default(),
+            depth_stencil: None,
+            multisample: Default::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module,
+                entry_point: None,
+                compilation_options: Default::default(),
+                targets: &[Some(format.into())],
+            }),
+            multiview_mask: None,
+            cache: None,
+        });
+        let target = host.device.create_texture(&wgpu::TextureDescriptor {
+            label: None,
+            size: wgpu::Extent3d { width: 16, height: 16, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
+            view_formats: &[],
+        });
+        Self { pipeline, target: target.create_view(&Default::default()) }
+    }
+
+    /// One that reads words of poses in the vertex shader.
+    pub fn of_storage(host: &Host) -> Self {
+        let vertex = "
+            @group(0) @binding(0) var<storage, read> words: array<u32>;
+            @vertex fn vertex(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {
+                let three = vec3u(words[3u * i], words[3u * i + 1u], words[3u * i + 2u]);
+                return vec4f(vec3f(three & vec3u(255u)) / 255.0, 1.0);
+            }";
+        Self::new(host, vertex, &[])
+    }
+
+    /// Draw all vertices, as far as they are triangles; `storage` is bound where the shader has a binding.
+    pub fn record(
+        &self,
+        host: &Host,
+        encoder: &mut wgpu::CommandEncoder,
+        vertices: u32,
+        buffers: &[Pose<'_>],
+        storage: Option<&Pose<'_>>,
+    ) {
+        let bindings = storage.map(|pose| {
+            host.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: None,
+                layout: &self.pipeline.get_bind_group_layout(0),
+                entries: &[wgpu::BindGroupEntry { binding: 0, resource: pose.binding() }],
+            })
+        });
+        let ops = wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store: wgpu::StoreOp::Store };
+        let (view, depth_slice, resolve_target) = (&self.target, None, None);
+        let color = wgpu::RenderPassColorAttachment { view, depth_slice, resolve_target, ops };
+        let desc = wgpu::RenderPassDescriptor { color_attachments: &[Some(color)], ..Default::default() };
+        let mut pass = encoder.begin_render_pass(&desc);
+        pass.set_pipeline(&self.pipeline);
+        if let Some(bindings) = &bindings {
+            pass.set_bind_group(0, bindings, &[]);
+        }
+        (0..).zip(buffers).for_each(|(slot, pose)| pass.set_vertex_buffer(slot, pose.slice()));
+        pass.draw(0..vertices, 0..1);
+    }
+}

@@ -1,0 +1,91 @@
+//! Whatever is dropped first: nothing is destroyed that is in use, and nothing is left over.
+
+use crate::common::{Random, assert_right, copy, on_every_adapter, packed, wait};
+use crate::play::decoded;
+use crate::scene::Host;
+use deltamorph::import::sample;
+use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, Tolerance, UpdateDesc};
+use deltamorph_wgpu::{Morph, Pose};
+use std::any::Any;
+
+#[test]
+fn everything_may_be_dropped_in_any_order_while_the_gpu_works() {
+    for round in 0..12 {
+        on_every_adapter(|host| {
+            let mut things = in_use(&host);
+            let Host { device, queue, .. } = host;
+            things.extend([Box::new(device) as Box<dyn Any>, Box::new(queue)]);
+            let mut random = Random(round);
+            while !things.is_empty() {
+                drop(things.swap_remove(random.below(things.len() as u64) as usize));
+            }
+        });
+    }
+}
+
+#[test]
+fn an_update_keeps_what_it_uses_until_the_gpu_has_finished() {
+    on_every_adapter(|host| {
+        let morph = Morph::new(&host.device, &host.queue).expect("a device with compute");
+        // Enough that it takes the GPU longer than what follows the submit takes us.
+        let source = sample::head(&sample::HeadDesc::default().vertices(20_000));
+        let mesh = source.to_mesh(Tolerance::default()).expect("a mesh");
+        let mesh = PackedMesh::pack(&mesh, &morph.pack_desc(DeltaFormat::Fast)).expect("a mesh that fits");
+        let uploaded = morph.upload(&mesh).expect("an upload");
+        let desc = CrowdDesc::new(UpdateDesc::blocks()).instances(16);
+        let mut crowd = morph.create_crowd(&uploaded, &desc).expect("a crowd");
+        let weights = vec![0.5; mesh.layout().targets.len()];
+        (0..16).for_each(|i| crowd.set_weights(i, &weights).expect("weights"));
+        host.queue.submit(morph.update([&mut crowd]).expect("an update"));
+        drop((crowd, uploaded, morph));
+    });
+}
+
+#[test]
+fn a_buffer_keeps_its_poses() {
+    on_every_adapter(|host| {
+        let morph = Morph::new(&host.device, &host.queue).expect("a device with compute");
+        let (mesh, mut weights) = packed(&morph, DeltaFormat::Fast);
+        let uploaded = morph.upload(&mesh).expect("an upload");
+        let mut crowd = morph.create_crowd(&uploaded, &CrowdDesc::new(UpdateDesc::blocks())).expect("a crowd");
+        Random(1).change(&mut weights);
+        crowd.set_weights(0, &weights).expect("weights");
+        host.queue.submit(morph.update([&mut crowd]).expect("an update"));
+        let (pose, base) = (crowd.pose(0).expect("a pose"), uploaded.base_pose());
+        let (buffer, view, base) = (pose.buffer.clone(), pose.view, base.buffer.clone());
+        wait(&host);
+        drop((crowd, uploaded, morph));
+        let mut encoder = host.device.create_command_encoder(&Default::default());
+        let copy = copy(&host, &mut encoder, &Pose { buffer: &buffer, view });
+        host.queue.submit([encoder.finish()]);
+        let pose = decoded(&host.read(&copy).expect("a copy"), &view, mesh.base());
+        assert_right(&pose, &mesh, &weights, view.format, "after the crowd");
+        drop((buffer, base));
+    });
+}
+
+/// One of each, with updates and draws that were submitted and ones that were not.
+fn in_use(host: &Host) -> Vec<Box<dyn Any>> {
+    let morph = Morph::new(&host.device, &host.queue).expect("a device with compute");
+    let (mesh, mut weights) = packed(&morph, DeltaFormat::Fast);
+    let uploaded = morph.upload(&mesh).expect("an upload");
+    let mut crowd = morph.create_crowd(&uploaded, &CrowdDesc::new(UpdateDesc::blocks())).expect("a crowd");
+    let fresh = morph.create_crowd(&uploaded, crowd.desc()).expect("a crowd");
+    let mut things: Vec<Box<dyn Any>> = vec![Box::new(fresh)];
+    for submitted in [true, false] {
+        Random(1).change(&mut weights);
+        weights[0] += 0.25;
+        crowd.set_weights(0, &weights).expect("weights");
+        let update = morph.update([&mut crowd]).expect("an update").expect("a change");
+        let mut encoder = host.device.create_command_encoder(&Default::default());
+        things.push(Box::new(copy(host, &mut encoder, &crowd.pose(0).expect("a pose"))));
+        match submitted {
+            true => drop(host.queue.submit([update, encoder.finish()])),
+            false => things.extend([Box::new(update) as Box<dyn Any>, Box::new(encoder.finish())]),
+        }
+    }
+    things.push(Box::new(crowd.pose(0).expect("a pose").buffer.clone()));
+    things.push(Box::new(uploaded.base_pose().buffer.clone()));
+    things.extend([Box::new(crowd) as Box<dyn Any>, Box::new(uploaded), Box::new(morph)]);
+    things
+}

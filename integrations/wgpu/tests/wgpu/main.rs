@@ -1,0 +1,10 @@
+//! Poses in wgpu's hands, under the validation layers: `../../with-vulkan cargo test`.
+
+mod common;
+mod fates;
+mod lifetimes;
+#[path = "../../examples/head/play.rs"]
+mod play;
+mod poses;
+#[path = "../../examples/head/scene.rs"]
+mod scene;
