@@ -5,8 +5,16 @@ use crate::play::decoded;
 use crate::scene::Host;
 use deltamorph::import::sample;
 use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, Tolerance, UpdateDesc};
-use deltamorph_wgpu::{Morph, Pose};
+use deltamorph_wgpu::{Crowd, Mesh, Morph, Pose};
 use std::any::Any;
+
+#[test]
+fn everything_may_be_shared_between_threads() {
+    fn shared<T: Send + Sync>() {}
+    shared::<Morph>();
+    shared::<Mesh>();
+    shared::<Crowd>();
+}
 
 #[test]
 fn everything_may_be_dropped_in_any_order_while_the_gpu_works() {
