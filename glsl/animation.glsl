@@ -53,10 +53,11 @@ layout(push_constant) uniform Push {
     uint first_counter;
     uint counters;
     uint chunks;           // dispatches of a width
-    uint chunk_items;      // workgroups of a dispatch, at most
+    uint chunk_workgroups; // of a dispatch, at most
     uint budget_at;        // in Tables; 0: no change is deferred
     uint requested_at;     // in State
     uint pairs;            // rows have the weight that a pose holds beside the new one, 16 bits each
+    uint workgroup_items;  // items that a workgroup takes
 };
 
 uint bits(uint kind) {

@@ -1,19 +1,28 @@
-// How many items there are to how many workgroups are dispatched; the counters begin at 0 again.
-// For lists that the CPU writes, src/update/blocks/dispatch.rs does this.
+// How many items of a work list there are to how many workgroups are dispatched; the counters begin at 0 again. What is
+// missing in the last workgroup are items without rows. For lists that the CPU writes, src/update/blocks/dispatch.rs does
+// this.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "animation.glsl"
+#include "tiles.glsl"
+
+// Heads of a tile at most, as in plan.comp.
+layout(constant_id = 0) const uint WIDEST = TILE;
 
 void main() {
-    for (uint i = gl_LocalInvocationID.x; i < counters; i += gl_WorkGroupSize.x) {
-        uint count = control[i];
-        control[i] = 0u;
-        for (uint chunk = 0u; chunk < chunks; ++chunk) {
-            uint at = counters + 3u * (i * chunks + chunk);
-            control[at] = min(count, chunk_items);
-            control[at + 1u] = 1u;
-            control[at + 2u] = 1u;
-            count -= min(count, chunk_items);
-        }
+    uint size = gl_LocalInvocationID.x;
+    if (size >= WIDTHS) return;
+    uint counter = first_counter + size;
+    uint count = control[counter];
+    control[counter] = 0u;
+    uint workgroups = (count + workgroup_items - 1u) / workgroup_items;
+    uint first = size * ITEM_CAPACITY((group_heads + WIDEST - 1u) / WIDEST * run_blocks);
+    for (uint i = count; i < workgroups * workgroup_items; ++i) work[(first + i) * TILE_WORDS + 2u] = 0u;
+    for (uint chunk = 0u; chunk < chunks; ++chunk) {
+        uint at = counters + 3u * (counter * chunks + chunk);
+        control[at] = min(workgroups, chunk_workgroups);
+        control[at + 1u] = 1u;
+        control[at + 2u] = 1u;
+        workgroups -= min(workgroups, chunk_workgroups);
     }
 }

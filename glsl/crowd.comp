@@ -1,15 +1,20 @@
-// One workgroup updates one block of up to HEADS instances, all of its vertices: pose = source + Σ coefficient · delta.
+// An item of the work list is a block of up to HEADS instances, all of its vertices: pose = source + Σ coefficient · delta.
 // The deltas of an entry are loaded and decoded once for all of them; rows of the work list have a coefficient for each.
+// A workgroup takes an item, or two, where subgroups would have more lanes than a block has vertices.
 // Software drivers have a form of their own, crowd_texels.comp. CPU twin: cpu::blocks.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "abi.glsl"
-#include "blocks.glsl"
-#include "tiles.glsl"
 
 layout(constant_id = 2) const uint HEADS = 1;
 // All instances of all items start from the base pose, which is loaded once, or nothing where poses are displacements.
 layout(constant_id = 3) const bool REBUILT_ITEMS = false;
+// Decoding an entry is to take few registers, at the price of some instructions.
+layout(constant_id = 4) const bool FEW_REGISTERS = false;
+#define HAS_FEW_REGISTERS
+
+#include "blocks.glsl"
+#include "tiles.glsl"
 
 // What is added to the lane's vertex, of one instance; then, what is stored.
 struct Head {
@@ -45,9 +50,18 @@ Head plus_source(Head head, uint slots, uint at, uint rebuilt) {
 }
 
 void main() {
-    uint item = first_item + gl_WorkGroupID.x * TILE_WORDS;
-    uint next = work[item + 1u], end = next + work[item + 2u] * ROW_WORDS(HEADS);
-    uint lane = gl_LocalInvocationID.x;
+    uint lane = gl_LocalInvocationID.x, number = gl_WorkGroupID.x;
+    uvec3 lanes = gl_WorkGroupSize;
+    bool is_shared = lanes.x != BLOCK_SIZE;
+    if (is_shared) {
+        number = number * (lanes.x / BLOCK_SIZE) + lane / BLOCK_SIZE;
+        lane %= BLOCK_SIZE;
+    }
+    uint item = first_item + number * TILE_WORDS;
+    uint rows = work[item + 2u];
+    // What fills up the last workgroup of a list has no rows, all other items have.
+    if (is_shared && rows == 0u) return;
+    uint next = work[item + 1u], end = next + rows * ROW_WORDS(HEADS);
     uint at = (work[item] * BLOCK_SIZE + lane) * 6u;
 
     Head heads[TILE];

@@ -91,7 +91,7 @@ void main() {
     // A place for each entry, and one for a row of none.
     uint row_words = ROW_WORDS(width);
     uint place_of_rows = tile * (run_entries + run_blocks) + from - tables[first_entry_at + first_block] + run_block;
-    uint capacity = gl_NumWorkGroups.y * run_blocks;
+    uint capacity = ITEM_CAPACITY(gl_NumWorkGroups.y * run_blocks);
     uint rows = WIDTHS * TILE_WORDS * capacity + place_of_rows * ROW_WORDS(TILE);
     uint row = rows;
     for (uint e = from; e < to; ++e) {

@@ -7,6 +7,7 @@ use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::reference::compare;
 use deltamorph::{BatchSize, CrowdDesc, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing};
 use gpu::on_every_device;
+use std::cell::RefCell;
 use std::slice::from_mut;
 
 const TARGETS: usize = 12;
@@ -125,6 +126,46 @@ fn an_idle_crowd_is_no_work() {
             assert_eq!((stats.bytes_moved, stats.dirty_blocks, stats.passes), (0, 0, 0), "{desc:?}");
         }
     });
+}
+
+/// Two small blocks a workgroup, and one: the same bits, for odd and even numbers of blocks, in dispatches of three
+/// workgroups. In place, a block done twice would be off.
+#[test]
+fn small_blocks_share_workgroups() {
+    for driver in gpu::drivers() {
+        let [shared, alone] = [64, 1].map(|lanes| {
+            let limits = gpu::baseline(|caps| (caps.tuning.lanes, caps.max_workgroups) = (lanes, 3));
+            let (poses, odd) = (RefCell::new(vec![]), RefCell::new([false; 2]));
+            gpu::on_device_within(&driver, Some(limits), |headless, engine| {
+                assert_eq!(headless.caps().tuning.lanes, lanes);
+                let mesh = packed(engine, DeltaFormat::Small);
+                let descs = [UpdateDesc::blocks(), gpu::fixed()[0], gpu::fixed()[1]];
+                for (desc, instances) in descs.into_iter().flat_map(|desc| [1, 3].map(|n| (desc.slots(1), n))) {
+                    let mut crowd = crowd(headless, &mesh, desc, instances);
+                    let mut asked = vec![vec![0.0; TARGETS]; instances as usize];
+                    for frame in 0..6 {
+                        // A target of each head: other blocks, and other numbers of them, in each frame.
+                        for (head, asked) in (0..instances).zip(&mut asked) {
+                            let target = ((frame + head) % TARGETS as u32) as usize;
+                            asked[target] = weights(head, frame)[target];
+                            crowd.set_weights(head, asked).expect("weights that fit");
+                        }
+                        let stats = crowd.step(&[]).expect("a step").update.stats;
+                        odd.borrow_mut()[stats.dirty_blocks % 2] = true;
+                        for head in 0..instances {
+                            poses.borrow_mut().push(crowd.read_stored(head, 0).expect("a pose"));
+                        }
+                    }
+                    for (head, asked) in (0..instances).zip(&asked) {
+                        assert_pose(&mut crowd, &mesh, &desc, head, asked);
+                    }
+                }
+            });
+            assert_eq!(odd.into_inner(), [true; 2], "{driver}");
+            poses.into_inner()
+        });
+        assert!(shared == alone, "{driver}");
+    }
 }
 
 /// Descriptors that reach only a few heads: tiles stay within them.

@@ -2,6 +2,9 @@
 
 #define INTEGERS
 #define DELTA ivec3
+#ifndef HAS_FEW_REGISTERS
+const bool FEW_REGISTERS = false;
+#endif
 
 // The next component of a record, whose width and offset are the lowest of `word`.
 int next_component(inout uvec3 record, uint word) {
@@ -38,11 +41,16 @@ void load_entry(uint entry, uint lane, out DELTA position[VERTICES], out DELTA n
     uint shift = from & 31u;
     uvec4 four = uvec4(asset[at], asset[at + 1u], asset[at + 2u], asset[at + 3u]);
     uvec3 record = (four.xyz >> shift) | ((four.yzw << 1) << (shift ^ 31u));
+    // While the record is on its way compilers work out widths and offsets of all components, which takes two registers
+    // each. A zero that they do not know for one, a bit that headers do not use, makes those of the first triple wait for
+    // the record, those of the second for the first.
+    uint late = FEW_REGISTERS ? words.y >> 31 : 0u;
+    words.x |= four.w & late;
     // One after the other: compilers that see all six at once take more registers.
     for (uint c = 0u; c < 6u; ++c) {
         if (c == 3u) {
             position[0] = normal[0];
-            words.x = words.y;
+            words.x = words.y | (record.x & late);
         }
         normal[0] = ivec3(normal[0].yz, next_component(record, words.x) & moves);
         words.x >>= 5;

@@ -189,8 +189,9 @@ const BLOCKS: KernelRow = KernelRow {
     constants: 2,
     ..COMPUTE
 };
-/// Two more specialization constants: instances of a tile, and whether all start from the base pose.
-const CROWD: KernelRow = KernelRow { name: "crowd", poses: true, constants: 4, ..BLOCKS };
+/// Three more specialization constants: instances of a tile, whether all start from the base pose, and whether decoding is
+/// to take few registers.
+const CROWD: KernelRow = KernelRow { name: "crowd", poses: true, constants: 5, ..BLOCKS };
 /// A draw that others' technique `direct` evaluates: deltas, weights.
 const DIRECT: KernelRow = KernelRow {
     name: "direct",
@@ -213,12 +214,13 @@ pub const KERNELS: &[KernelRow] = &[
     // What measurements need.
     KernelRow { name: "consume", poses: true, push: Push::Consume, ..VERTEX },
     KernelRow { name: "read", bindings: &[(0, Buffer::Storage(16)), (1, WORDS)], push: Push::Read, ..COMPUTE },
-    // Sampling clips and planning updates; a specialization constant of `plan` is the widest tile.
+    // Sampling clips and planning updates; a specialization constant of `plan` and
+    // `arguments` is the widest tile.
     KernelRow { name: "animate", ..ANIMATION },
     KernelRow { name: "budget", ..ANIMATION },
     KernelRow { name: "commit", ..ANIMATION },
     KernelRow { name: "plan", constants: 1, ..ANIMATION },
-    KernelRow { name: "arguments", ..ANIMATION },
+    KernelRow { name: "arguments", constants: 1, ..ANIMATION },
     // Passes over dense deltas.
     DENSE,
     KernelRow {
@@ -240,6 +242,7 @@ pub const KERNELS: &[KernelRow] = &[
         takes: Takes::Texels,
         bindings: &[(0, WORD_TEXELS), (1, WORD_TEXELS), (2, PAIRS), (3, POSE_TEXELS)],
         aliased: &[2, 3],
+        constants: 4,
         ..CROWD
     },
     // Poses as float32, into buffers of hosts. Poses of an instance, base pose, pieces, destination.
@@ -307,7 +310,26 @@ pub struct DeviceTuning {
     /// Of single heads in float32 poses, otherwise, only the components that change are loaded and stored, as masks say.
     /// Compilers for GPUs make two to three times as many instructions of that as of whole blocks.
     pub masks: bool,
+    /// Invocations of a workgroup of tiles, at least: blocks of fewer vertices share one, two at most.
+    pub lanes: u32,
+    /// Deltas are decoded in few registers, at the price of some instructions.
+    pub few_registers: bool,
 }
+
+impl DeviceTuning {
+    /// For a GPU of this vendor whose subgroups have `narrowest` invocations or more. Where all of them are wider than the
+    /// smallest block, a workgroup with one such block would leave the rest idle. It takes two then, and what was the same
+    /// for a subgroup lies in registers of each lane: fewer have to do for decoding. VideoCore has few in any case, and
+    /// runs half as many threads where a kernel takes more than 32.
+    #[must_use]
+    pub const fn for_gpu(self, vendor: u32, narrowest: u32) -> Self {
+        const SHARED: u32 = 64;
+        let wide = narrowest >= SHARED;
+        Self { lanes: if wide { SHARED } else { self.lanes }, few_registers: wide || vendor == BROADCOM, ..self }
+    }
+}
+
+const BROADCOM: u32 = 0x14e4;
 
 impl DeviceClass {
     /// What suits it.
@@ -319,14 +341,16 @@ impl DeviceClass {
             load_cost: 4,
             texels: software,
             masks: software,
+            lanes: 1,
+            few_registers: false,
         }
     }
 
     /// The class of a device that is no software driver, by the vendor's PCI (or Khronos) number.
     pub const fn of_vendor(vendor: u32) -> Self {
         match vendor {
-            // Broadcom, Arm, Imagination, Samsung, Qualcomm, Huawei.
-            0x14e4 | 0x13b5 | 0x1010 | 0x144d | 0x5143 | 0x19e5 => Self::Phone,
+            // Arm, Imagination, Samsung, Qualcomm, Huawei.
+            BROADCOM | 0x13b5 | 0x1010 | 0x144d | 0x5143 | 0x19e5 => Self::Phone,
             _ => Self::Desktop,
         }
     }

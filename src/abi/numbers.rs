@@ -31,6 +31,8 @@ shared! {
     /// Words of a tile: block, first row word, rows, which instances start from the base pose, and a word for each
     /// instance.
     TILE_WORDS: usize = 4 + TILE;
+    /// Items of a work list that a workgroup takes, at most.
+    ITEMS_MAX: u32 = 2;
     /// Words that tiles and their first rows begin at a multiple of: a texel.
     ALIGN: usize = 4;
 

@@ -140,11 +140,13 @@ shared! {
         first_counter: u32,
         counters: u32,
         chunks: u32,
-        chunk_items: u32,
+        chunk_workgroups: u32,
         budget_at: u32,
         requested_at: u32,
         /// Rows have the weight that a pose holds beside the new one, 16 bits each.
         pairs: u32,
+        /// Items that a workgroup takes.
+        workgroup_items: u32,
     }
 
     /// Push constants of `baselines/scatter.comp`.

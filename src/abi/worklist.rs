@@ -1,7 +1,7 @@
 //! Work lists word by word: items with masks and elements (blocks.comp), tiles with rows (crowd.comp, plan.comp).
 
 use super::numbers::REBUILT;
-pub use super::numbers::{ALIGN, ITEM_WORDS, TILE, TILE_WORDS, WIDTHS};
+pub use super::numbers::{ALIGN, ITEM_WORDS, ITEMS_MAX, TILE, TILE_WORDS, WIDTHS};
 
 /// Bytes of an element.
 pub const ELEMENT_BYTES: usize = size_of::<Element>();

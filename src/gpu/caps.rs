@@ -152,19 +152,26 @@ impl DeviceCaps {
         // By extension only: what is core of 1.2 and 1.3 may not be chained where the instance is of 1.1.
         let with_driver = has(ash::khr::driver_properties::NAME);
         let with_buffer_size = has(ash::khr::maintenance4::NAME);
+        let with_subgroup_sizes = has(ash::ext::subgroup_size_control::NAME);
 
         let mut maintenance = vk::PhysicalDeviceMaintenance3Properties::default();
+        let mut subgroups = vk::PhysicalDeviceSubgroupProperties::default();
+        let mut subgroup_sizes = vk::PhysicalDeviceSubgroupSizeControlProperties::default();
         let mut driver = vk::PhysicalDeviceDriverProperties::default();
         let mut maintenance4 = vk::PhysicalDeviceMaintenance4Properties::default().max_buffer_size(u64::MAX);
         let mut feedback = vk::PhysicalDeviceTransformFeedbackPropertiesEXT::default();
         let mut feedback_features = vk::PhysicalDeviceTransformFeedbackFeaturesEXT::default();
-        let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut maintenance);
+        let mut properties =
+            vk::PhysicalDeviceProperties2::default().push_next(&mut maintenance).push_next(&mut subgroups);
         let mut features = vk::PhysicalDeviceFeatures2::default();
         if with_driver {
             properties = properties.push_next(&mut driver);
         }
         if with_buffer_size {
             properties = properties.push_next(&mut maintenance4);
+        }
+        if with_subgroup_sizes {
+            properties = properties.push_next(&mut subgroup_sizes);
         }
         if with_feedback {
             properties = properties.push_next(&mut feedback);
@@ -177,6 +184,7 @@ impl DeviceCaps {
         }
 
         let (limits, core_features) = (core.limits, features.features);
+        let narrowest = if with_subgroup_sizes { subgroup_sizes.min_subgroup_size } else { subgroups.subgroup_size };
         Self {
             name: text(core.device_name_as_c_str()),
             driver: text(driver.driver_name_as_c_str()),
@@ -190,7 +198,7 @@ impl DeviceCaps {
             },
             tuning: match core.device_type {
                 vk::PhysicalDeviceType::CPU => DeviceClass::Software.tuning(),
-                _ => DeviceClass::of_vendor(core.vendor_id).tuning(),
+                _ => DeviceClass::of_vendor(core.vendor_id).tuning().for_gpu(core.vendor_id, narrowest),
             },
             api_version: version(core.api_version),
             max_storage_range: limits.max_storage_buffer_range.into(),
@@ -222,7 +230,8 @@ impl DeviceCaps {
             driver: String::new(),
             driver_info: String::new(),
             kind: DeviceKind::Other,
-            tuning: DeviceClass::Phone.tuning(),
+            // Small blocks share workgroups, as on an Adreno.
+            tuning: DeviceClass::Phone.tuning().for_gpu(0x5143, 64),
             api_version: (1, 1, 0),
             max_storage_range: 1 << 27,
             max_texels: 1 << 16,
@@ -242,10 +251,12 @@ impl DeviceCaps {
     }
 
     /// Keep to the smaller of these limits and `limits`; nothing is raised. Names, versions and timestamps stay, and of
-    /// the tuning all but the width of tiles and masks.
+    /// the tuning all but the width of tiles, masks, and how small blocks are taken.
     pub fn clamp_to(&mut self, limits: &Self) {
         self.tuning.widest_tile = self.tuning.widest_tile.min(limits.tuning.widest_tile);
         self.tuning.masks &= limits.tuning.masks;
+        self.tuning.lanes = self.tuning.lanes.max(limits.tuning.lanes);
+        self.tuning.few_registers |= limits.tuning.few_registers;
         self.max_storage_range = self.max_storage_range.min(limits.max_storage_range);
         self.max_texels = self.max_texels.min(limits.max_texels);
         self.max_allocation = self.max_allocation.min(limits.max_allocation);

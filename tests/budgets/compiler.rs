@@ -5,6 +5,7 @@
 //! which pipeline they belong to. `statistics.rs` reads them.
 
 use crate::engine::Pipeline;
+use deltamorph::DeviceCaps;
 use deltamorph::ash::khr::pipeline_executable_properties::Device as Executables;
 use deltamorph::ash::{self, vk};
 use deltamorph::internals::abi::kernels::{Buffer, KernelRow};
@@ -61,6 +62,7 @@ pub fn compile() {
         let [major, minor, patch] =
             [vk::api_version_major(version), vk::api_version_minor(version), vk::api_version_patch(version)];
         eprintln!("{MARK}driver {major}.{minor}.{patch}");
+        eprintln!("{MARK}tuning {:?}", DeviceCaps::query(&instance, physical).tuning);
         let executables = Executables::new(&instance, &device);
         for line in std::io::stdin().lock().lines() {
             let line = line.expect("text");

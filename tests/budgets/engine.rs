@@ -2,7 +2,7 @@
 //!
 //! It is handed a device whose functions for shader modules and compute pipelines are ours: they write down what is
 //! made, and call the driver's. So modules and constants are those of crowds as a host makes them, and nobody lists
-//! them a second time. The driver is lavapipe; what suits a class of devices is set by its tuning. Nothing is
+//! them a second time. The driver is lavapipe; its tuning is that of the GPU. Nothing is
 //! submitted.
 
 use deltamorph::ash::{self, vk};
@@ -10,7 +10,7 @@ use deltamorph::import::sample::{HeadDesc, head, head_clip};
 use deltamorph::internals::abi::modules::MODULES;
 use deltamorph::internals::abi::worklist::TILE;
 use deltamorph::{
-    AnimationDesc, BatchSize, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCaps, DeviceClass, DeviceDesc, MorphEngine,
+    AnimationDesc, BatchSize, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCaps, DeviceDesc, DeviceTuning, MorphEngine,
     PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
 };
 use std::sync::Mutex;
@@ -80,24 +80,24 @@ unsafe fn constants(stage: &vk::PipelineShaderStageCreateInfo<'_>) -> Vec<u32> {
     }
 }
 
-/// The pipelines that crowds take on devices of a class, each once.
-pub fn pipelines(class: DeviceClass) -> Vec<Pipeline> {
-    static KNOWN: Mutex<Vec<(DeviceClass, Vec<Pipeline>)>> = Mutex::new(vec![]);
+/// The pipelines that crowds take on devices that a tuning suits, each once.
+pub fn pipelines(tuning: DeviceTuning) -> Vec<Pipeline> {
+    static KNOWN: Mutex<Vec<(DeviceTuning, Vec<Pipeline>)>> = Mutex::new(vec![]);
     // Tests run at the same time, and our functions do not know whose call it is: held until all is made.
     let mut known = KNOWN.lock().expect("no panic before");
-    if let Some((_, pipelines)) = known.iter().find(|(of, _)| *of == class) {
+    if let Some((_, pipelines)) = known.iter().find(|(of, _)| *of == tuning) {
         return pipelines.clone();
     }
-    make(class);
+    make(tuning);
     let mut made = std::mem::take(&mut MADE.lock().expect("no panic before").1);
     made.sort_unstable();
     made.dedup();
-    known.push((class, made.clone()));
+    known.push((tuning, made.clone()));
     made
 }
 
-/// Make crowds on a device of lavapipe's that takes itself for one of this class.
-fn make(class: DeviceClass) {
+/// Make crowds on a device of lavapipe's that takes itself for one that this suits.
+fn make(tuning: DeviceTuning) {
     let app = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_1);
     // SAFETY: a device of our own; all is destroyed once, after what was made from it.
     unsafe {
@@ -110,7 +110,7 @@ fn make(class: DeviceClass) {
             .map(|d| (d, DeviceCaps::query(&instance, d)))
             .find(|(_, caps)| caps.name.contains("llvmpipe"));
         let (physical, mut caps) = found.expect("lavapipe; run the tests as ./with-vulkan cargo test");
-        caps.tuning = class.tuning();
+        caps.tuning = tuning;
         let queues = [vk::DeviceQueueCreateInfo::default().queue_priorities(&[1.0])];
         let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues);
         let device = instance.create_device(physical, &info, None).expect("a device");

@@ -11,11 +11,12 @@ mod statistics;
 mod summary;
 mod table;
 
-use deltamorph::DeviceClass;
 use deltamorph::internals::abi::kernels::Stage;
 use deltamorph::internals::abi::modules::{MODULES, Module};
+use deltamorph::{DeviceClass, DeviceTuning};
 use engine::Pipeline;
 use spirq::prelude::*;
+use statistics::Said;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -28,12 +29,17 @@ const AMD: [&[&str]; 4] = [&["polaris10"], &["raven"], &["navi21"], &["gfx1100",
 /// Held while files are read or written: tests run at the same time.
 static FILES: Mutex<()> = Mutex::new(());
 
-/// The class of a GPU, by its name in the table.
-fn class(gpu: &str) -> DeviceClass {
-    match gpu.split('-').next().unwrap_or_default() {
-        "adreno" | "mali" | "v3d" => DeviceClass::Phone,
-        _ => DeviceClass::Desktop,
-    }
+/// What suits a GPU, by its name in the table. Vendor, and the fewest invocations of a subgroup; the driver is asked, too.
+fn tuning(gpu: &str) -> DeviceTuning {
+    let (vendor, narrowest) = match gpu.split_once('-').unwrap_or_default() {
+        ("adreno", _) => (0x5143, 64),
+        ("mali", _) => (0x13b5, 4),
+        ("v3d", _) => (0x14e4, 16),
+        ("intel", _) => (0x8086, 8),
+        (_, "polaris10" | "raven") => (0x1002, 64),
+        _ => (0x1002, 32),
+    };
+    DeviceClass::of_vendor(vendor).tuning().for_gpu(vendor, narrowest)
 }
 
 /// Specialization constants by the names that the shader has for them.
@@ -54,21 +60,23 @@ fn named(module: &str, constants: &[u32]) -> String {
     words.collect::<Vec<_>>().join(" ")
 }
 
-/// What the driver that one of `launchers` shows says of the pipelines of its class: the first that works.
+/// What the driver that one of `launchers` shows says of the pipelines that suit it: the first that works.
 fn collected(gpu: &str, launchers: impl IntoIterator<Item = Command>) -> Result<Table, String> {
-    let pipelines: Vec<Pipeline> = engine::pipelines(class(gpu));
+    let pipelines: Vec<Pipeline> = engine::pipelines(tuning(gpu));
     let parsed = launchers.into_iter().map(|launcher| {
         let output = compiler::compile_apart(launcher, &pipelines);
         statistics::parse(gpu, &String::from_utf8_lossy(&output.stderr))
     });
-    let (driver, found) = parsed.reduce(|first, second| first.or(second)).expect("a launcher")?;
+    let Said { driver, tuning: asked, figures } =
+        parsed.reduce(|first, second| first.or(second)).expect("a launcher")?;
+    assert_eq!(asked, format!("{:?}", tuning(gpu)), "{gpu}: main.rs, and what the engine makes of the driver");
     let row = |((module, constants), figures): (Pipeline, _)| Row {
         constants: named(&module, &constants),
         kernel: module,
         figures,
         why: String::new(),
     };
-    Ok(Table { gpu: gpu.to_owned(), driver, rows: found.into_iter().map(row).collect() })
+    Ok(Table { gpu: gpu.to_owned(), driver, rows: figures.into_iter().map(row).collect() })
 }
 
 fn is_update() -> bool {
@@ -161,8 +169,8 @@ fn compiles_what_it_is_told() {
 #[test]
 fn every_kernel_that_gpus_run_has_a_pipeline() {
     let mut made: BTreeSet<String> = BTreeSet::new();
-    for class in [DeviceClass::Phone, DeviceClass::Desktop] {
-        made.extend(engine::pipelines(class).into_iter().map(|(module, _)| module));
+    for gpu in ["adreno-610", "intel-skl"] {
+        made.extend(engine::pipelines(tuning(gpu)).into_iter().map(|(module, _)| module));
     }
     // Texels and masks are for software drivers; `read` measures bandwidth.
     let others = ["crowd_texels", "blocks", "read"];

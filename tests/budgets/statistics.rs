@@ -8,20 +8,31 @@ use std::collections::HashMap;
 /// By name.
 type Statistics = HashMap<String, f64>;
 
-/// The driver's version, and figures of each pipeline, of what a run of `compiler::compile` printed on `gpu`.
+/// What a driver says.
+pub struct Said {
+    /// Its version.
+    pub driver: String,
+    /// What the engine makes of its device.
+    pub tuning: String,
+    pub figures: Vec<(Pipeline, Figures)>,
+}
+
+/// What the driver of `gpu` says, of what a run of `compiler::compile` printed.
 ///
 /// # Errors
 /// It ended early, or something is missing: with its last lines.
-pub fn parse(gpu: &str, output: &str) -> Result<(String, Vec<(Pipeline, Figures)>), String> {
+pub fn parse(gpu: &str, output: &str) -> Result<Said, String> {
     let failed = |why: &str| {
         let lines: Vec<&str> = output.lines().collect();
         format!("{gpu}: {why}; the last lines are\n{}", lines[lines.len().saturating_sub(12)..].join("\n"))
     };
-    let (mut driver, mut done, mut found) = (None, false, Vec::<(Pipeline, Statistics)>::new());
+    let (mut driver, mut tuning, mut done, mut found) = (None, None, false, Vec::<(Pipeline, Statistics)>::new());
     for line in output.lines() {
         let ours = line.strip_prefix(MARK);
         if let Some(version) = ours.and_then(|text| text.strip_prefix("driver ")) {
             driver = Some(version.to_owned());
+        } else if let Some(text) = ours.and_then(|text| text.strip_prefix("tuning ")) {
+            tuning = Some(text.to_owned());
         } else if let Some(pipeline) = ours.and_then(|text| text.strip_prefix("pipeline ")) {
             let mut words = pipeline.split(' ').map(str::to_owned);
             let module = words.next().unwrap_or_default();
@@ -36,7 +47,7 @@ pub fn parse(gpu: &str, output: &str) -> Result<(String, Vec<(Pipeline, Figures)
             }
         }
     }
-    let driver = driver.ok_or_else(|| failed("no device"))?;
+    let (driver, tuning) = driver.zip(tuning).ok_or_else(|| failed("no device"))?;
     if !done {
         return Err(failed("it ended early"));
     }
@@ -44,7 +55,7 @@ pub fn parse(gpu: &str, output: &str) -> Result<(String, Vec<(Pipeline, Figures)
         let figures = figures(gpu, &statistics).map_err(|name| failed(&format!("no statistic '{name}'")))?;
         Ok((pipeline, figures))
     });
-    Ok((driver, figures.collect::<Result<_, String>>()?))
+    Ok(Said { driver, tuning, figures: figures.collect::<Result<_, String>>()? })
 }
 
 /// `… shader: 100 inst, 30.000000 ls, 2 threads, 0:0 spills:fills`: numbers, then names.

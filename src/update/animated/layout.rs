@@ -3,12 +3,12 @@
 use super::clips::{Budget, Clips};
 use crate::abi::numbers::{BIT_KINDS, BIT_KINDS_BUDGET, RECORD_WORDS, WORKGROUP};
 use crate::abi::push::AnimationPush;
-use crate::abi::worklist::{TILE_WORDS, WIDTHS, row_words};
+use crate::abi::worklist::{ITEMS_MAX, TILE_WORDS, WIDTHS, row_words};
 use crate::error::Result;
 use crate::gpu::parts::AssetPart;
 use crate::pack::blocks::BlockIndex;
 use crate::plan::UpdateMode;
-use crate::update::blocks::gpu::set_size;
+use crate::update::blocks::gpu::{set_size, workgroup};
 use crate::update::technique::Context;
 use std::ops::Range;
 
@@ -45,12 +45,18 @@ impl Run {
         runs
     }
 
-    /// Bytes of a work list of so many tiles: an item of each width for each block, a row for each entry, and one for a
+    /// Items of a width that a work list of so many tiles has room for: one for each block, and what fills up the last
+    /// workgroup.
+    fn capacity(&self, tiles: u32) -> u32 {
+        (tiles * self.blocks.len() as u32).next_multiple_of(ITEMS_MAX)
+    }
+
+    /// Bytes of a work list of so many tiles: items of each width, a row for each entry, and one for a
     /// block without any.
     fn list_bytes(&self, tiles: u32) -> u64 {
-        let items = WIDTHS * TILE_WORDS * self.blocks.len();
+        let items = WIDTHS * TILE_WORDS * self.capacity(tiles) as usize;
         let rows = row_words(WIDTHS - 1) * (self.entries + self.blocks.len());
-        (4 * u64::from(tiles) * (items + rows) as u64).next_multiple_of(256)
+        (4 * (items as u64 + u64::from(tiles) * rows as u64)).next_multiple_of(256)
     }
 }
 
@@ -90,7 +96,8 @@ impl GroupLayout {
             run.offset = stride;
             stride += run.list_bytes(tiles);
         }
-        let items = runs.iter().map(|run| tiles * run.blocks.len() as u32).max().unwrap_or(0);
+        let items = runs.iter().map(|run| run.capacity(tiles)).max().unwrap_or(0);
+        let workgroup = workgroup(context, instances)?;
         // `Layout::new` refuses offsets beyond 32 bits.
         let push = AnimationPush {
             blocks: blocks as u32,
@@ -99,7 +106,8 @@ impl GroupLayout {
             entries_at: tables.add(2 * entries),
             history_at: state.add(blocks * u64::from(instances)),
             counters: sets * (runs.len() * WIDTHS) as u32,
-            chunks: items.div_ceil(caps.max_workgroups).max(1),
+            workgroup_items: workgroup.items,
+            chunks: items.div_ceil(workgroup.items).div_ceil(caps.max_workgroups).max(1),
             ..push
         };
         Ok(Self { instances, size, widest, runs, stride, push })
@@ -135,7 +143,7 @@ impl GroupLayout {
     /// Tiles of a width that a work list has room for.
     pub(super) fn capacity(&self, list: u32) -> u32 {
         let (set, run) = self.get(list);
-        self.tiles(set) * run.blocks.len() as u32
+        run.capacity(self.tiles(set))
     }
 
     /// Where a work list is, in bytes, and how many it has.
@@ -224,7 +232,7 @@ impl Layout {
             slots: context.poses.slots,
             pairs: context.poses.format.rounds_products().into(),
             always_rebuild: (context.desc.update.mode == UpdateMode::Rebuild).into(),
-            chunk_items: context.caps().max_workgroups,
+            chunk_workgroups: context.caps().max_workgroups,
             ..AnimationPush::default()
         };
         let groups = context.groups().map(|group| GroupLayout::new(&group, common, &mut tables, &mut state));

@@ -34,7 +34,9 @@ impl AnimatedKernel {
         match self {
             K::Sample | K::Budget | K::Commit => (true, SAMPLE),
             K::Plan => (false, PLAN),
-            K::Arguments => (false, const { &[Use::read(R::Control), Use::write(R::Control)] }),
+            K::Arguments => {
+                (false, const { &[Use::read(R::Control), Use::write(R::Control), Use::write(R::WorkList)] })
+            }
             K::Records => (true, const { &[Use::copy(R::State)] }),
             K::Blocks => (false, BLOCKS),
         }
@@ -118,7 +120,7 @@ pub(crate) fn accesses(works: &[Work], instances: u32) -> Vec<Accesses> {
         K::Plan => {
             Accesses::compute([M::Clips, M::Weights, M::History, M::Counters], [M::History, M::WorkList, M::Counters])
         }
-        K::Arguments => Accesses::compute([M::Counters], [M::Counters, M::Arguments]),
+        K::Arguments => Accesses::compute([M::Counters], [M::Counters, M::Arguments, M::WorkList]),
         K::Blocks => {
             let pose = |slot| (0..instances).map(move |instance| M::Pose { instance, slot });
             let Source::Slot(source) = work.source else { unreachable!("blocks are read from a slot") };

@@ -189,12 +189,13 @@ impl Animated {
     /// As [`Technique::record`].
     unsafe fn record_blocks(&self, cmd: vk::CommandBuffer, work: &Work) {
         let group = &self.groups[work.group as usize];
-        let (layout, AnimationPush { chunks, chunk_items, .. }) = (&group.layout, group.layout.push);
+        let (layout, AnimationPush { chunks, chunk_workgroups, workgroup_items, .. }) =
+            (&group.layout, group.layout.push);
         // Other groups may have more of them.
         for dispatch in work.items.start..work.items.end.min(group.dispatches()) {
             let (chunk, rest) = (dispatch % chunks, dispatch / chunks);
             let (width, list) = (rest % group.blocks.how.widths, rest / group.blocks.how.widths);
-            let item = (width * layout.capacity(list) + chunk * chunk_items) * TILE_WORDS as u32;
+            let item = (width * layout.capacity(list) + chunk * chunk_workgroups * workgroup_items) * TILE_WORDS as u32;
             let arguments = Workgroups::At(group.control.raw, layout.arguments(list, width, chunk));
             // SAFETY: the caller's obligations; the arguments lie within the buffer, which is one of arguments.
             unsafe { group.blocks.dispatch(cmd, list as usize, width as usize, item, arguments) };
@@ -231,8 +232,9 @@ impl Technique for Animated {
     unsafe fn record(&self, cmd: vk::CommandBuffer, _frame: u64, work: &Work) {
         let (group, what) = (&self.groups[work.group as usize], AnimatedKernel::ALL[work.kernel as usize]);
         let (layout, push, caps) = (&group.layout, &group.layout.push, &self.device.caps);
-        // Planning is for one work list at a time, the rest for all of them.
-        for list in 0..if what == AnimatedKernel::Plan { layout.lists() } else { 1 } {
+        // Work lists are planned one at a time, the rest is for all of them.
+        let listed = matches!(what, AnimatedKernel::Plan | AnimatedKernel::Arguments);
+        for list in 0..if listed { layout.lists() } else { 1 } {
             let (push, workgroups) = match what {
                 // In two dimensions where one does not hold them.
                 AnimatedKernel::Sample | AnimatedKernel::Commit => {
@@ -245,7 +247,7 @@ impl Technique for Animated {
                     (*push, [push.blocks.div_ceil(WORKGROUP), push.heads.min(caps.max_workgroups)])
                 }
                 AnimatedKernel::Plan => layout.plan(list),
-                AnimatedKernel::Arguments => (*push, [1, 1]),
+                AnimatedKernel::Arguments => (layout.plan(list).0, [1, 1]),
                 // SAFETY: the caller's obligations.
                 AnimatedKernel::Records => return unsafe { self.record_records(cmd) },
                 // SAFETY: the caller's obligations.
@@ -320,14 +322,18 @@ impl Animated {
     ) -> Result<Vec<PlannedGroup>> {
         let Group { layout, work, control, .. } = &self.groups[0];
         let plan = |list: u32| {
+            let ((set, run), (offset, bytes)) = (layout.get(list), layout.place(list));
+            let (words, capacity) = (read((work.raw, offset, bytes))?, layout.capacity(list) as usize);
             let mut counts = [0; WIDTHS];
             for (width, count) in (0..).zip(&mut counts) {
                 let bytes = 12 * u64::from(layout.push.chunks);
                 let arguments = read((control.raw, layout.arguments(list, width, 0), bytes))?;
-                *count = arguments.chunks_exact(3).map(|xyz| xyz[0]).sum();
+                let workgroups: u32 = arguments.chunks_exact(3).map(|xyz| xyz[0]).sum();
+                // What fills up the last workgroup has no rows.
+                let rows = |item: u32| words[(width as usize * capacity + item as usize) * TILE_WORDS + 2];
+                let items = 0..workgroups * layout.push.workgroup_items;
+                *count = items.end - items.rev().take_while(|item| rows(*item) == 0).count() as u32;
             }
-            let ((set, run), (offset, bytes)) = (layout.get(list), layout.place(list));
-            let (words, capacity) = (read((work.raw, offset, bytes))?, layout.capacity(list) as usize);
             let (instances, blocks, entries) = (layout.instances(set), run.blocks.clone(), run.bound.clone());
             Ok(PlannedGroup { instances, blocks, entries, counts, capacity, words })
         };

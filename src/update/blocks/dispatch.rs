@@ -26,10 +26,24 @@ pub(crate) struct Dispatching {
     pub tuning: DeviceTuning,
     /// Workgroups of a dispatch, at most.
     pub most: u32,
+    /// Items or tiles of a workgroup.
+    pub items: u32,
     /// Each dispatch is a step. They write different blocks, and a storage buffer in common tells synchronization
     /// validation as much; as texels, poses are loaded through one descriptor and stored through another, for which it
     /// asks for a barrier. Software drivers, the only ones, run one dispatch after the other anyway.
     pub texels: bool,
+}
+
+impl Dispatching {
+    /// Workgroups that take so many items.
+    pub fn workgroups(&self, items: &Range<u32>) -> u32 {
+        items.len() as u32 / self.items
+    }
+
+    /// Tiles of a kernel, at most, that fill up workgroups: of `instances`, and so many parts of the asset.
+    pub fn padding(&self, instances: usize, parts: usize) -> usize {
+        (self.items as usize - 1) * instances.div_ceil(self.group as usize) * parts
+    }
 }
 
 /// What dispatches of blocks use.
@@ -56,7 +70,8 @@ pub(crate) struct Dispatches {
 impl Dispatches {
     /// Of so many instances; `group` is the number of the group that `plan` is for, `parts` those of its asset.
     pub fn new(how: Dispatching, group: u32, plan: &GroupPlan, instances: usize, parts: Vec<BlockPart>) -> Self {
-        let tiles = (how.widths > 0).then(|| Tiles::new(&plan.index, instances, how.tuning));
+        let padding = how.padding(instances, parts.len());
+        let tiles = (how.widths > 0).then(|| Tiles::new(&plan.index, instances, how.tuning, padding));
         Self { how, group, works: vec![], parts, tiles }
     }
 
@@ -81,6 +96,7 @@ impl Dispatches {
                 let Some(tiles) = &mut self.tiles else { break };
                 let before = tiles.counts();
                 tiles.fill(index, list, &self.parts[part]);
+                tiles.fill_workgroups(before, self.how.items as usize);
                 for (kernel, (before, after)) in before.into_iter().zip(tiles.counts()).enumerate() {
                     self.dispatch(part * KERNELS + kernel, group, before..after);
                 }
@@ -103,7 +119,7 @@ impl Dispatches {
     }
 
     fn dispatch(&mut self, kernel: usize, instance: u32, items: Range<usize>) {
-        let (most, end, group) = (self.how.most as usize, items.end, self.group);
+        let (most, end, group) = (self.how.most as usize * self.how.items as usize, items.end, self.group);
         for first in items.step_by(most) {
             let items = first as u32..end.min(first + most) as u32;
             self.works.push(Work { kernel: kernel as u32, group, instance, items, ..Work::default() });
@@ -140,7 +156,7 @@ impl Dispatches {
             let items: Vec<u32> = match &self.tiles {
                 None => work.items.clone().collect(),
                 Some(tiles) => {
-                    let members = |tile: &TileItem| tile.items.into_iter().take(1 << (kernel % WIDTHS));
+                    let members = |tile: &TileItem| tile.members(kernel % WIDTHS).to_vec();
                     tiles.items[kernel][places].iter().flat_map(members).collect()
                 }
             };
@@ -161,12 +177,19 @@ pub struct TileItem {
     pub block: u32,
     /// Index of its first row's first word in [`Tiles::rows`].
     pub first: u32,
-    /// Its rows.
+    /// Its rows; 0: it is nothing, and fills up a workgroup.
     pub count: u32,
     /// A bit for each instance that starts from the base pose.
     pub rebuilt: u32,
     /// Which items of the list they are.
     pub items: [u32; TILE],
+}
+
+impl TileItem {
+    /// The items of the list in a tile of 2^width instances.
+    pub fn members(&self, width: usize) -> &[u32] {
+        &self.items[..if self.count == 0 { 0 } else { 1 << width }]
+    }
 }
 
 /// What [`WorkList`] says, tile by tile.
@@ -188,11 +211,11 @@ pub struct Tiles {
 }
 
 impl Tiles {
-    /// No tiles yet, with room for every block of `instances`.
-    pub fn new(index: &BlockIndex, instances: usize, device: DeviceTuning) -> Self {
+    /// No tiles yet, with room for every block of `instances`, and `padding` tiles more for each kernel.
+    pub fn new(index: &BlockIndex, instances: usize, device: DeviceTuning, padding: usize) -> Self {
         let blocks = index.count() * instances;
         Self {
-            items: std::array::from_fn(|kernel| Vec::with_capacity(blocks >> (kernel % WIDTHS))),
+            items: std::array::from_fn(|kernel| Vec::with_capacity((blocks >> (kernel % WIDTHS)) + padding)),
             rows: Vec::with_capacity(Self::words_max(index, instances)),
             device,
             ends: vec![],
@@ -256,6 +279,14 @@ impl Tiles {
                 self.push(index, list, half, first..first + instances, (width, entries));
                 first += instances;
             }
+        }
+    }
+
+    /// Append tiles without rows to those made since there were `before` for each kernel, so that they fill workgroups of
+    /// `items`.
+    pub fn fill_workgroups(&mut self, before: [usize; KERNELS], items: usize) {
+        for (tiles, before) in self.items.iter_mut().zip(before) {
+            tiles.resize(before + (tiles.len() - before).next_multiple_of(items), TileItem::default());
         }
     }
 
@@ -324,7 +355,7 @@ impl Tiles {
     /// Bytes that kernels load and store for these tiles, and those that are not of lists.
     pub fn bytes(&self, index: &BlockIndex, pose: PoseFormat) -> [u64; 2] {
         let (mut moved, mut floor) = (0, 0);
-        for (width, tile) in self.iter() {
+        for (width, tile) in self.iter().filter(|(_, tile)| tile.count > 0) {
             let (instances, stride) = (1u64 << width, row_words(width));
             // What tiles start from, each instance's own or the base pose, which integers do without.
             let sources = if pose.has_integers() && tile.rebuilt != 0 { 0 } else { instances };

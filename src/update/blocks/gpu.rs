@@ -1,10 +1,10 @@
-//! The blocks of a group on a device, whoever plans them: kernels with a workgroup for each item of the work list or for
-//! each tile, descriptor sets and push constants.
+//! The blocks of a group on a device, whoever plans them: kernels with workgroups for the items of a work list or its
+//! tiles, descriptor sets and push constants.
 
 use super::dispatch::Dispatching;
 use crate::abi::modules::{BLOCKS, CROWD, CROWD_TEXELS, Module};
 use crate::abi::push::BlocksPush;
-use crate::abi::worklist::{POSES_MAX, TILE, WIDTHS};
+use crate::abi::worklist::{ITEMS_MAX, POSES_MAX, TILE, WIDTHS};
 use crate::asset::streams::TRIPLES;
 use crate::error::{Error, Result};
 use crate::gpu::descriptors::{BufferRange, Sets};
@@ -39,6 +39,34 @@ pub(crate) fn set_size(context: &Context<'_>, most: u64) -> Result<u32> {
     })
 }
 
+/// A workgroup of the kernels of a crowd.
+pub(crate) struct Workgroup {
+    /// Instances come in tiles.
+    tiles: bool,
+    /// Asset and work list are loaded as texels.
+    texels: bool,
+    /// Invocations.
+    lanes: u32,
+    /// Items of the work list.
+    pub(crate) items: u32,
+}
+
+/// The workgroup of the kernels of a crowd of `instances`.
+///
+/// # Errors
+/// The mesh is not in blocks.
+pub(crate) fn workgroup(context: &Context<'_>, instances: u32) -> Result<Workgroup> {
+    let (index, caps) = (context.layout().index()?, context.caps());
+    // Tiles have a row at least, of some entry; masks are for poses of float32 alone.
+    let (entries, size) = (index.entry_count() > 0, index.size() as u32);
+    let texels = entries && caps.takes_texels(context.layout().format);
+    let integers = context.desc.update.pose.has_integers();
+    let tiles = entries && (texels || instances > 1 || !caps.tuning.masks) || integers;
+    let items = if tiles && !texels { (caps.tuning.lanes / size).clamp(1, ITEMS_MAX) } else { 1 };
+    // With texels, an invocation takes eight vertices.
+    Ok(Workgroup { tiles, texels, lanes: if texels { size / 8 } else { size * items }, items })
+}
+
 /// The pipeline of a module for blocks of one size, or two where tiles that start from the base pose have their own.
 #[derive(Clone, Copy, PartialEq)]
 struct BlocksKey {
@@ -48,13 +76,14 @@ struct BlocksKey {
     /// Invocations of a workgroup.
     lanes: u32,
     width: u32,
+    few_registers: bool,
 }
 
 impl PipelineKey for BlocksKey {
     fn make(self, objects: &mut Objects) -> Result<()> {
-        let Self { module, size, lanes, width } = self;
+        let Self { module, size, lanes, width, few_registers } = self;
         objects.add_layout(&[module.kernel], 0)?;
-        let constants = [0, 1].map(|rebuilt| [lanes, size, 1 << width, rebuilt]);
+        let constants = [0, 1].map(|rebuilt| [lanes, size, 1 << width, rebuilt, few_registers.into()]);
         let constants = constants.each_ref().map(|constants| &constants[..module.kernel.constants as usize]);
         // Items with masks say which they are.
         let count = if constants[0] == constants[1] { 1 } else { 2 };
@@ -74,23 +103,18 @@ impl BlocksKernels {
     /// # Errors
     /// There is no kernel for its formats; those of Vulkan.
     pub(crate) fn new(context: &Context<'_>, instances: u32, group: u32) -> Result<Self> {
-        let (index, update) = (context.layout().index()?, context.desc.update);
-        let (format, caps) = (context.layout().format, context.caps());
-        // Tiles have a row at least, of some entry; masks are for poses of float32 alone.
-        let entries = index.entry_count() > 0;
-        let texels = entries && caps.takes_texels(format);
-        let tiles = entries && (texels || instances > 1 || !caps.tuning.masks) || update.pose.has_integers();
+        let (format, pose, tuning) = (context.layout().format, context.desc.update.pose, context.caps().tuning);
+        let Workgroup { tiles, texels, lanes, items } = workgroup(context, instances)?;
         let kernel = match (tiles, texels) {
             (false, _) => &BLOCKS,
             (true, false) => &CROWD,
             (true, true) => &CROWD_TEXELS,
         };
-        let widths = if tiles { instances.clamp(1, caps.tuning.widest_tile).ilog2() + 1 } else { 0 };
-        let (module, size) = (kernel.module(format, update.pose, 0)?, index.size() as u32);
-        // With texels, an invocation takes eight vertices.
-        let lanes = if texels { size / 8 } else { size };
-        let kernel = |width| context.kernels.get(BlocksKey { module, size, lanes, width });
-        let how = Dispatching { group, widths, tuning: caps.tuning, most: caps.max_workgroups, texels };
+        let widths = if tiles { instances.clamp(1, tuning.widest_tile).ilog2() + 1 } else { 0 };
+        let (module, size) = (kernel.module(format, pose, 0)?, context.layout().index()?.size() as u32);
+        let few_registers = tuning.few_registers;
+        let kernel = |width| context.kernels.get(BlocksKey { module, size, lanes, width, few_registers });
+        let how = Dispatching { group, widths, tuning, most: context.caps().max_workgroups, items, texels };
         Ok(Self { how, kernels: (0..widths.max(1)).map(kernel).collect::<Result<_>>()? })
     }
 }

@@ -59,7 +59,8 @@ impl Group {
                 (ITEM_WORDS + POSE_FLOATS * index.mask_words(), instances * index.entry_count() * ELEMENT_BYTES / 4)
             }
         };
-        let elements_at = instances * index.count() * item_words;
+        let padding = KERNELS * kernels.how.padding(instances, parts.len());
+        let elements_at = (instances * index.count() + padding) * item_words;
         let part = Ring::part_bytes(4 * (elements_at + element_words) as u64);
         context.check_range(&format!("the work lists of {instances} instances"), part, "make several crowds")?;
         let ring = Ring::new(context.device, "deltamorph work lists", part, desc.frames_in_flight, LIST_USAGE)?;
@@ -94,7 +95,7 @@ impl Group {
             rest[..tiles.rows.len()].copy_from_slice(&tiles.rows);
             for ((width, tile), out) in tiles.iter().zip(items) {
                 let head = [tile.block, self.elements_at as u32 + tile.first, tile.count, tile.rebuilt];
-                let items = tile.items.iter().take(1 << width).map(|&i| &list.items[i as usize]);
+                let items = tile.members(width).iter().map(|&i| &list.items[i as usize]);
                 worklist::write_tile(out, head, items.map(poses));
             }
             return Ok(());
@@ -129,7 +130,7 @@ impl Technique for BlocksTechnique {
         let first_item = (group.dispatches.place(work) * group.item_words) as u32;
         let (part, kernel) = (work.kernel as usize / KERNELS, work.kernel as usize % KERNELS);
         let list = (frame * u64::from(group.sets_of_frame)) as usize + work.instance as usize;
-        let workgroups = Workgroups::Of([work.items.end - work.items.start, 1]);
+        let workgroups = Workgroups::Of([group.blocks.how.workgroups(&work.items), 1]);
         // SAFETY: the caller's obligations; the list was written for this mesh and crowd.
         unsafe {
             group.blocks.dispatch(cmd, list * group.dispatches.parts.len() + part, kernel, first_item, workgroups)

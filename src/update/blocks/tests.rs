@@ -1,6 +1,6 @@
 //! Plans in blocks, carried out on the CPU: any history ends in the pose asked for, and tiles say what the list says.
 
-use super::dispatch::{BlockPart, Dispatches, Dispatching, Tiles};
+use super::dispatch::{BlockPart, Dispatches, Dispatching, KERNELS, Tiles};
 use super::*;
 use crate::abi::kernels::{DeviceClass, DeviceTuning};
 use crate::abi::worklist::{ALIGN, TILE, WIDTHS, row_words};
@@ -25,8 +25,8 @@ fn whole(index: &BlockIndex) -> BlockPart {
 
 /// What a device records of the list of one instance: items, or tiles.
 fn recorded(mut plan: GroupPlan) -> Vec<Recorded> {
-    let (widths, tuning) = (plan.whole_blocks.into(), DeviceClass::Desktop.tuning());
-    let how = Dispatching { group: 1, widths, tuning, most: 3, texels: false };
+    let (widths, tuning) = (u32::from(plan.whole_blocks), DeviceClass::Desktop.tuning());
+    let how = Dispatching { group: 1, widths, tuning, most: 3, items: 1 + widths, texels: false };
     let (mut dispatches, mut steps) =
         (Dispatches::new(how, 0, &plan, 1, vec![whole(&plan.index)]), Steps::new(Consumers::default()));
     dispatches.fill(&mut plan);
@@ -199,7 +199,7 @@ proptest! {
     #[test]
     fn tiles_do_what_the_list_says(
         format in 0..DeltaFormat::BLOCKS.len(), size in prop::sample::select(vec![32u32, 64]), pose in poses(),
-        slots in 1u32..4, instances in 1usize..21, widest in 0usize..WIDTHS,
+        slots in 1u32..4, instances in 1usize..21, widest in 0usize..WIDTHS, shared in 1usize..3,
         frames in prop::collection::vec(prop::collection::vec(prop::option::weighted(0.4, -2i8..5), 20 * TARGETS), 1..6),
     ) {
         let mesh = packed(DeltaFormat::BLOCKS[format], size);
@@ -209,7 +209,7 @@ proptest! {
         let mut planner = Planner::new(desc, [mesh.layout()], instances).unwrap();
         planner.groups[0].whole_blocks = true;
         let tuning = DeviceTuning { widest_tile: 1 << widest, ..DeviceClass::Desktop.tuning() };
-        let mut tiles = Tiles::new(&index, instances, tuning);
+        let mut tiles = Tiles::new(&index, instances, tuning, 0);
         let mut heads = Instances::new(instances, TARGETS, slots);
         let mut weights = vec![[0.0; TARGETS]; instances];
         for (update, changes) in frames.iter().enumerate() {
@@ -224,9 +224,15 @@ proptest! {
             tiles.clear();
             tiles.sort(&index, list, 0..list.items.len());
             tiles.fill(&index, list, &whole(&index));
+            let made = tiles.counts();
+            tiles.fill_workgroups([0; KERNELS], shared);
+            for (tiles, made) in tiles.items.iter().zip(made) {
+                prop_assert!(tiles.len().is_multiple_of(shared) && tiles.len() < made + shared);
+                prop_assert!((0..).zip(tiles).all(|(i, tile)| (tile.count > 0) == (i < made)), "rows, or a filler");
+            }
             let (mut seen, mut bytes) = (vec![], 0);
-            for (width, tile) in tiles.iter() {
-                let (stride, members) = (row_words(width), &tile.items[..1 << width]);
+            for (width, tile) in tiles.iter().filter(|(_, tile)| tile.count > 0) {
+                let (stride, members) = (row_words(width), tile.members(width));
                 let rows = &tiles.rows[tile.first as usize..][..tile.count as usize * stride];
                 prop_assert!(width <= widest && (tile.first as usize).is_multiple_of(ALIGN) && stride > members.len());
                 // Its head, its items and its rows, an entry each, and the poses of each instance, in and out.
@@ -259,7 +265,7 @@ fn widths_of(tuning: DeviceTuning, changed: impl Fn(usize, usize) -> bool) -> [u
     let desc = UpdateDesc::blocks();
     let mut planner = Planner::new(desc, [mesh.layout()], TILE).unwrap();
     planner.groups[0].whole_blocks = true;
-    let mut tiles = Tiles::new(&index, TILE, tuning);
+    let mut tiles = Tiles::new(&index, TILE, tuning, 0);
     let mut heads = Instances::new(TILE, TARGETS, desc.slots);
     for update in 1..4 {
         for head in 0..TILE {
