@@ -17,6 +17,7 @@
 //! None is on by default.
 //! - `headless`: instance, device and queue of our own (`deltamorph::headless`), for the command line and tests.
 //! - `csv`: weight clips from CSV files.
+//! - `gltf`: meshes, weight animations and skins from glTF files.
 //! - `threads`: the path `cpu` and the importer on several threads.
 //! - `baselines`: the techniques of others, to compare with.
 //! - `compile-shaders`: compile `glsl/` at build time, which needs a C++ compiler; without it the modules checked in

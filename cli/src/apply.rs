@@ -6,10 +6,11 @@ use crate::output::{Failure, Output, With};
 use crate::runner::Stage;
 use crate::verify::{Found, Promise, REMEDY};
 use deltamorph::headless::DeviceChoice;
+use deltamorph::import::is_gltf;
 use deltamorph::import::obj::{ObjMesh, write_obj};
 use deltamorph::reference::{SHORTEST_NORMAL, evaluate};
 use deltamorph::{MorphMesh, POSE_FLOATS};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use serde_json::json;
 use std::path::Path;
 
@@ -48,7 +49,7 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
             "the pose through '{path}' is off by {relative:.3e} of the diagonal; nothing was written; {REMEDY}"
         )));
     }
-    write(output, &input.kept, &pose)?;
+    write(output, &input.kept, run.input.input.as_deref().is_some_and(is_gltf), &pose)?;
     let active = weights.iter().filter(|w| **w != 0.0).count();
     let (file, targets, setup) = (output.display(), weights.len(), stage.describe());
     out.say(format_args!(
@@ -99,8 +100,9 @@ fn frames(args: &ApplyArgs, mesh: &MorphMesh) -> Result<Vec<Vec<f32>>, Failure> 
     Ok(frames)
 }
 
-/// Write the pose: nine digits, the input's vertex order, normals normalised.
-fn write(path: &Path, mesh: &MorphMesh, pose: &[f32]) -> Result<(), Failure> {
+/// Write the pose: nine digits, the input's vertex order, normals normalised; texture coordinates from the bottom up, as OBJ
+/// has them (`down`: those of the mesh go down).
+fn write(path: &Path, mesh: &MorphMesh, down: bool, pose: &[f32]) -> Result<(), Failure> {
     let vertices = pose.chunks_exact(POSE_FLOATS).take(mesh.vertex_count());
     let positions: Vec<Vec3> = vertices.clone().map(|v| Vec3::from_slice(&v[..3])).collect();
     let normals: Vec<Vec3> = vertices
@@ -110,6 +112,8 @@ fn write(path: &Path, mesh: &MorphMesh, pose: &[f32]) -> Result<(), Failure> {
             if f64::from(normal.length()) < SHORTEST_NORMAL { *base } else { normal.normalize() }
         })
         .collect();
-    let shape = ObjMesh { positions: &positions, normals: &normals, texcoords: &mesh.texcoords, faces: &mesh.faces };
+    let up = |t: &Vec2| if down { Vec2::new(t.x, 1.0 - t.y) } else { *t };
+    let texcoords: Vec<Vec2> = mesh.texcoords.iter().map(up).collect();
+    let shape = ObjMesh { positions: &positions, normals: &normals, texcoords: &texcoords, faces: &mesh.faces };
     Ok(write_obj(path, shape)?)
 }

@@ -115,7 +115,8 @@ pub struct RunArgs {
 pub struct PlayArgs {
     #[command(flatten)]
     pub run: RunArgs,
-    /// Weight clip to play [default: the one in INPUT/weights, where there is just one]
+    /// Weight clip to play: a CSV file, an animation of a glTF file as FILE#NAME, or of INPUT by its name [default: the one in
+    /// INPUT/weights or INPUT, where there is just one]
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
     /// Compare every Nth pose with the float64 reference, and the last one
@@ -137,7 +138,8 @@ pub struct SoakArgs {
     /// Number of frames
     #[arg(long, value_name = "N", value_parser = values::whole(1usize, 1_000_000_000))]
     pub frames: usize,
-    /// Weight clip to take captured frames from [default: all in INPUT/weights]
+    /// Weight clip to take captured frames from: a CSV file, an animation of a glTF file as FILE#NAME, or of INPUT by its name
+    /// [default: all in INPUT/weights or INPUT]
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
     /// Compare every Nth pose with the float64 reference, and the last one [default: a 64th of the frames]
@@ -156,7 +158,7 @@ impl SoakArgs {
 pub struct ApplyArgs {
     #[command(flatten)]
     pub run: RunArgs,
-    /// Weight clip to take the weights from
+    /// Weight clip to take the weights from: a CSV file, an animation of a glTF file as FILE#NAME, or of INPUT by its name
     #[arg(long, value_name = "CSV", requires = "frame")]
     pub weights: Option<PathBuf>,
     /// Frame of the weight clip, counted from 0
@@ -176,8 +178,8 @@ pub struct ApplyArgs {
 /// Which mesh, and how much of it is kept.
 #[derive(Args, Clone, Debug)]
 pub struct InputArgs {
-    /// Folder with neutral.obj, targets/*.obj and, if any, weights/*.csv, or a packed file (*.dmorph); without it, the
-    /// built-in head
+    /// Folder with neutral.obj, targets/*.obj and, if any, weights/*.csv, a glTF file (*.glb, *.gltf), or a packed file
+    /// (*.dmorph); without it, the built-in head
     #[arg(value_name = "INPUT", conflicts_with_all = ["vertices", "targets", "sparsity"])]
     pub input: Option<PathBuf>,
     #[command(flatten)]
@@ -186,7 +188,8 @@ pub struct InputArgs {
     #[arg(long, value_name = "FRACTION", default_value_t = 1e-6)]
     #[arg(value_parser = values::number("a fraction of the diagonal, 0 or more (0 keeps every delta)", |v| v >= 0.0))]
     pub tolerance: f32,
-    /// Frames per second of weight clips [default: what the file name says ("…_24fps.csv"), else 30]
+    /// Frames per second of weight clips [default: what the file name ("…_24fps.csv") or the keys of the animation say, else
+    /// 30]
     #[arg(long, value_name = "F", value_parser = values::fps)]
     pub fps: Option<f32>,
     /// Seed of everything that is random

@@ -1,4 +1,4 @@
-//! Reading INPUT: a folder, a packed file, or the built-in head; and the weight clips that a command runs.
+//! Reading INPUT: a folder, a glTF file, a packed file, or the built-in head; and the weight clips that a command runs.
 
 use crate::args::InputArgs;
 use crate::output::{Failure, Output};
@@ -21,7 +21,7 @@ pub struct Input {
     pub kept: Arc<MorphMesh>,
     /// The mesh of a packed file, as the file has it. The two above are then what it decodes to.
     pub packed: Option<Arc<PackedMesh>>,
-    /// The weight clips in INPUT/weights, by name.
+    /// The weight clips in INPUT/weights, by name; of a glTF file its animations of weights, as FILE#NAME.
     pub clips: Vec<PathBuf>,
     /// The folder, or "built-in head": for reports.
     pub origin: String,
@@ -108,8 +108,12 @@ fn names(mesh: &MorphMesh) -> Vec<&str> {
     mesh.targets.iter().map(|t| t.name.as_str()).collect()
 }
 
-/// The weight clip at `path`, for the targets of `mesh`; at least one frame.
+/// The weight clip at `path`, for the targets of `mesh`; at least one frame. Where INPUT is a glTF file and there is no file
+/// at `path`, it may be the name of an animation.
 pub fn clip(path: &Path, args: &InputArgs, mesh: &MorphMesh) -> Result<BoundClip, Failure> {
+    let of_input = args.input.as_ref().map(|input| PathBuf::from(format!("{}#{}", input.display(), path.display())));
+    let of_input = of_input.filter(|_| !path.exists() && import::animation_of(path).is_none());
+    let path = of_input.as_deref().filter(|named| import::animation_of(named).is_some()).unwrap_or(path);
     let clip = import::open_clip(path, args.fps)?;
     let clip = clip.bind(&names(mesh)).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))?;
     if clip.frame_count() == 0 {
@@ -126,7 +130,8 @@ pub fn one_clip(named: Option<&Path>, args: &InputArgs, input: &Input) -> Result
         return Err(Failure::Usage(format!("{origin} has {count} clips; name one with --weights: {list}")));
     }
     clips(named, args, input)?.pop().ok_or_else(|| {
-        Failure::Usage(format!("{} has no clip in weights/*.csv; name one with --weights CSV", input.origin))
+        let what = format!("{} has no clip (weights/*.csv, or an animation of weights in a glTF file)", input.origin);
+        Failure::Usage(format!("{what}; name one with --weights CSV"))
     })
 }
 
@@ -143,12 +148,19 @@ pub fn clips(named: Option<&Path>, args: &InputArgs, input: &Input) -> Result<Ve
 
 /// The files that `args` and `others` may have read: none of them is to be written over.
 pub fn files_of(args: &InputArgs, others: &[PathBuf]) -> Vec<PathBuf> {
-    let mut read = others.to_vec();
+    let file_of = |path: &PathBuf| import::animation_of(path).map_or_else(|| path.clone(), |(file, _)| file);
+    let mut read: Vec<PathBuf> = others.iter().map(file_of).collect();
     if let Some(input) = &args.input {
         for folder in [input.clone(), input.join("targets"), input.join("weights")] {
             // A folder that cannot be listed is for the importer to complain about.
             read.extend(std::fs::read_dir(&folder).into_iter().flatten().flatten().map(|entry| entry.path()));
         }
+        // Buffers of a glTF file lie beside it.
+        let beside = import::is_gltf(input).then(|| input.parent()).flatten().into_iter().flat_map(|folder| {
+            let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+            std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path())
+        });
+        read.extend(beside.filter(|path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("bin"))));
         read.push(input.clone());
     }
     read

@@ -63,6 +63,21 @@ impl<'a> Surface<'a> {
     }
 }
 
+/// Normals as a file states them, brought to unit length; by what each was multiplied, its deltas as well; and how many are
+/// too short to give a direction (unreferenced, zero in the file, opposite sides averaged out): those are computed, and
+/// multiplied by 0.
+pub fn unit_normals(stated: &[Vec3], faces: &Faces, positions: &[Vec3]) -> (Vec<Vec3>, Vec<f32>, usize) {
+    let lengths: Vec<f64> = stated.iter().map(|normal| normal.as_dvec3().length()).collect();
+    let lost = lengths.iter().filter(|length| **length < 1e-6).count();
+    let mut units = if lost > 0 { Surface::new(faces, positions).normals } else { vec![Vec3::ZERO; lengths.len()] };
+    let mut scales = vec![0.0; lengths.len()];
+    for (v, &length) in lengths.iter().enumerate().filter(|(_, length)| **length >= 1e-6) {
+        units[v] = (stated[v].as_dvec3() / length).as_vec3();
+        scales[v] = (1.0 / length) as f32;
+    }
+    (units, scales, lost)
+}
+
 /// Twice the area of a face along its normal (of a polygon: the sum over its triangle fan).
 pub fn area_vector(face: &[Corner], positions: &[Vec3]) -> DVec3 {
     let at = |corner: &Corner| positions[corner.position as usize].as_dvec3();

@@ -2,15 +2,13 @@
 //!
 //! No time column: the frame rate is given by the caller, or part of the file's name (`walk_30fps.csv`).
 
+pub use super::DEFAULT_FPS;
 use crate::error::{Error, Result};
 use crate::io::{TEXT_MAX, read_bounded, write_replacing};
 use crate::weights::WeightClip;
 use csv::{Position, ReaderBuilder, StringRecord, Trim};
 use std::collections::HashSet;
 use std::path::Path;
-
-/// Frames per second of a clip where nothing states them.
-pub const DEFAULT_FPS: f32 = 30.0;
 
 /// Read a weights CSV: header of target names, one row per frame.
 ///

@@ -4,6 +4,8 @@
 
 #[cfg(feature = "csv")]
 pub mod csv;
+#[cfg(feature = "gltf")]
+pub mod gltf;
 pub mod obj;
 pub mod sample;
 
@@ -14,6 +16,9 @@ use crate::pack::file::Asset;
 use crate::setters::setters;
 use crate::weights::WeightClip;
 use std::path::{Path, PathBuf};
+
+/// Frames per second of a clip where nothing states them.
+pub const DEFAULT_FPS: f32 = 30.0;
 
 /// How to import.
 #[derive(Clone, Debug, Default)]
@@ -31,7 +36,8 @@ setters!(ImportDesc { split: bool });
 pub struct Imported {
     /// The mesh.
     pub mesh: ImportedMesh,
-    /// Weight clips that belong to it, by name: read them with [`open_clip`].
+    /// Weight clips that belong to it: read them with [`open_clip`]. Of a glTF file, `FILE#NAME` for each animation of
+    /// weights, in the order of the file; of a folder, files by name.
     pub clips: Vec<PathBuf>,
 }
 
@@ -44,15 +50,17 @@ pub enum ImportedMesh {
     Packed(Asset),
 }
 
-/// Open a mesh and what belongs to it: a folder with `neutral.obj`, `targets/*.obj` and `weights/*.csv`, or a packed file
-/// (`*.dmorph`).
+/// Open a mesh and what belongs to it: a folder with `neutral.obj`, `targets/*.obj` and `weights/*.csv`, a glTF file
+/// (`*.glb`, `*.gltf`; feature `gltf`), or a packed file (`*.dmorph`).
+///
+/// Of a glTF file with several meshes one is made, as `gltf::Gltf::into_source` says.
 ///
 /// # Errors
 /// There is nothing at `path`, or nothing that can be used; the message names the file, the place and the remedy.
 pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
     let refuse = |what: &str| {
-        let remedy =
-            "give a folder with neutral.obj and targets/*.obj, or a file written by `deltamorph pack` (*.dmorph)";
+        let remedy = "give a folder with neutral.obj and targets/*.obj, a glTF file (*.glb, *.gltf), or a file written by \
+                      `deltamorph pack` (*.dmorph)";
         Err(Error::input(path, "", what, remedy))
     };
     let mut imported = if path.is_dir() {
@@ -61,6 +69,8 @@ pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
         return refuse("no such file or folder");
     } else if has_extension(path, "dmorph") {
         Imported { mesh: ImportedMesh::Packed(Asset::read(path)?), clips: vec![] }
+    } else if is_gltf(path) {
+        open_gltf(path)?
     } else {
         return refuse("a file of a kind that is not read");
     };
@@ -70,15 +80,70 @@ pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
     Ok(imported)
 }
 
-/// Read a weight clip. `fps` is its frame rate; `None` takes the one that the file states, or its name, or else 30.
+/// Read a weight clip: a CSV file (feature `csv`), or `FILE#NAME`, the animation NAME of a glTF file (feature `gltf`). `fps`
+/// is its frame rate; `None` takes the one that the file states, or its name, or else [`DEFAULT_FPS`].
 ///
 /// # Errors
-/// The file cannot be used, or the library was built without the feature that reads it.
+/// The file cannot be used, has no such animation, or the library was built without the feature that reads it.
 pub fn open_clip(path: &Path, fps: Option<f32>) -> Result<WeightClip> {
+    if let Some((file, name)) = animation_of(path) {
+        return gltf_clip(&file, &name, fps);
+    }
     #[cfg(feature = "csv")]
     return csv::read(path, fps);
     #[cfg(not(feature = "csv"))]
     Err(Error::input(path, "", format!("no weight clips are read (fps {fps:?})"), "build with the feature 'csv'"))
+}
+
+/// Whether a file is glTF, by its name. Its texture coordinates begin at the top left, those of OBJ at the bottom left.
+pub fn is_gltf(path: &Path) -> bool {
+    has_extension(path, "glb") || has_extension(path, "gltf")
+}
+
+/// The file and the name in `FILE#NAME`, where FILE is glTF. A `#` may be part of either: the file's name ends at the first
+/// one before which there is a glTF file.
+pub fn animation_of(path: &Path) -> Option<(PathBuf, String)> {
+    let text = path.to_str()?;
+    let mut parts = text.match_indices('#').map(|(at, _)| (Path::new(&text[..at]), &text[at + 1..]));
+    parts.find(|(file, _)| is_gltf(file)).map(|(file, name)| (file.to_path_buf(), name.to_owned()))
+}
+
+#[cfg(feature = "gltf")]
+fn open_gltf(path: &Path) -> Result<Imported> {
+    let gltf = gltf::read(path)?;
+    let clip = |name: &str| {
+        let mut clip = path.as_os_str().to_owned();
+        clip.push("#");
+        clip.push(name);
+        clip.into()
+    };
+    let clips = gltf.weight_animations().map(|animation| clip(&animation.name)).collect();
+    Ok(Imported { mesh: ImportedMesh::Source(gltf.into_source()?), clips })
+}
+
+#[cfg(feature = "gltf")]
+fn gltf_clip(path: &Path, name: &str, fps: Option<f32>) -> Result<WeightClip> {
+    let gltf = gltf::read(path)?;
+    let Some(animation) = gltf.weight_animations().find(|animation| animation.name == name) else {
+        let names: Vec<&str> = gltf.weight_animations().map(|animation| animation.name.as_str()).collect();
+        let remedy = match &names[..] {
+            [] => "it has none: give a CSV file".to_owned(),
+            names => format!("name one of: {}", names.join(", ")),
+        };
+        return Err(Error::input(path, "", format!("no animation of weights is called '{name}'"), &remedy));
+    };
+    gltf.clip(animation, fps)
+}
+
+#[cfg(not(feature = "gltf"))]
+fn open_gltf(path: &Path) -> Result<Imported> {
+    Err(Error::input(path, "", "glTF files are not read", "build with the feature 'gltf'"))
+}
+
+#[cfg(not(feature = "gltf"))]
+fn gltf_clip(path: &Path, name: &str, _: Option<f32>) -> Result<WeightClip> {
+    let what = format!("the animation '{name}' is not read");
+    Err(Error::input(path, "", what, "build with the feature 'gltf'"))
 }
 
 fn open_folder(path: &Path) -> Result<Imported> {
@@ -116,12 +181,16 @@ mod tests {
     #[test]
     fn what_cannot_be_read_is_refused_with_a_remedy() {
         let dir = tempfile::tempdir().unwrap();
-        for name in ["a.DMORPH", "a.glb"] {
+        for name in ["a.DMORPH", "a.txt", "a.glb"] {
             std::fs::write(dir.path().join(name), "").unwrap();
         }
         for (name, parts) in [
             ("a.DMORPH", ["a.DMORPH: does not begin as a packed mesh does"; 2]),
-            ("a.glb", ["a.glb: a file of a kind", "neutral.obj and targets/*.obj, or a file"]),
+            (
+                "a.txt",
+                ["a.txt: a file of a kind", "neutral.obj and targets/*.obj, a glTF file (*.glb, *.gltf), or a file"],
+            ),
+            ("a.glb", ["a.glb: line 1 column 0 of its JSON: EOF", "export the file again"]),
             ("none", ["none: no such file or folder", "(*.dmorph)"]),
         ] {
             let text = open(&dir.path().join(name), &ImportDesc::default()).unwrap_err().to_string();

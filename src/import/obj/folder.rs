@@ -1,7 +1,7 @@
 //! Import of a folder: `neutral.obj` and `targets/*.obj`.
 
 use super::ObjFile;
-use crate::asset::normals::{Surface, area_vector};
+use crate::asset::normals::{area_vector, unit_normals};
 use crate::asset::{Corner, Faces, MorphSource, SourceTarget};
 use crate::error::{Error, Result};
 use crate::io::{has_extension, list};
@@ -164,17 +164,9 @@ fn base_normals(neutral: &ObjFile, areas: &[f64], notes: &mut Vec<String>) -> Op
     if hard > 0 {
         notes.push(format!("{hard} vertices have several normals (hard edges): averaged by face area"));
     }
-    let lengths: Vec<f64> = stated.iter().map(|normal| normal.as_dvec3().length()).collect();
-    // Too short to give a direction: unreferenced, zero in the file, or opposite sides averaged out.
-    let lost = lengths.iter().filter(|length| **length < 1e-6).count();
-    let (mut units, mut scales) = (vec![Vec3::ZERO; lengths.len()], vec![0.0; lengths.len()]);
+    let (units, scales, lost) = unit_normals(&stated, &neutral.faces, &neutral.positions);
     if lost > 0 {
         notes.push(format!("{lost} vertices have no normal or a zero one: computed, and constant in all targets"));
-        units = Surface::new(&neutral.faces, &neutral.positions).normals;
-    }
-    for (v, &length) in lengths.iter().enumerate().filter(|(_, length)| **length >= 1e-6) {
-        units[v] = (stated[v].as_dvec3() / length).as_vec3();
-        scales[v] = (1.0 / length) as f32;
     }
     Some(Base { stated, hard, scales, units })
 }

@@ -303,7 +303,7 @@ mod tests {
             let part = &parts[run.part];
             assert!(run.blocks.start == next && part.blocks.start <= next && run.blocks.end <= part.blocks.end);
             assert!(run.list_bytes(1) <= most && run.bound == part.entries);
-            assert_eq!(run.entries, run.blocks.clone().map(|block| index.entries(block).len()).sum());
+            assert_eq!(run.entries, run.blocks.clone().map(|block| index.entries(block).len()).sum::<usize>());
             next = run.blocks.end;
         }
         assert_eq!(next, index.count());

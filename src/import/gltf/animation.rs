@@ -1,0 +1,191 @@
+//! Animations: keys of weights and of nodes, and what they say at a time. Evaluated in double precision.
+
+use super::container::Container;
+use super::json::At;
+use crate::error::Result;
+use glam::DQuat;
+
+/// An animation: channels that play together.
+#[derive(Clone, Debug, Default)]
+#[non_exhaustive]
+pub struct Animation {
+    /// Its name, unique in the file: a number stands for one that has none, or follows one that comes twice.
+    pub name: String,
+    /// What it animates. Channels without a node, or of another property than the four of glTF 2.0, are left out.
+    pub channels: Vec<Channel>,
+}
+
+/// What a channel animates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Property {
+    /// The node's translation: 3 numbers.
+    Translation,
+    /// The node's rotation: a quaternion x y z w.
+    Rotation,
+    /// The node's scale: 3 numbers.
+    Scale,
+    /// A weight for each target of the node's mesh.
+    Weights,
+}
+
+/// What is between two keys.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Interpolation {
+    /// The value of the earlier key.
+    Step,
+    /// A straight line; of rotations, the shorter arc at constant speed.
+    Linear,
+    /// A cubic Hermite spline (glTF 2.0, appendix C.5). A key has three values: tangent in, value, tangent out.
+    CubicSpline,
+}
+
+/// Keys of one property of one node.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Channel {
+    /// Index of the node.
+    pub node: usize,
+    /// What it animates.
+    pub property: Property,
+    /// What is between keys.
+    pub interpolation: Interpolation,
+    /// The times of the keys in seconds, ascending; at least one.
+    pub times: Vec<f32>,
+    /// [`width`](Self::width) numbers for each key, three times as many for [`Interpolation::CubicSpline`].
+    pub values: Vec<f32>,
+}
+
+impl Channel {
+    /// Numbers of a value.
+    pub fn width(&self) -> usize {
+        self.values.len() / self.times.len() / self.values_per_key()
+    }
+
+    fn values_per_key(&self) -> usize {
+        if self.interpolation == Interpolation::CubicSpline { 3 } else { 1 }
+    }
+
+    /// Time of the first and the last key, in seconds. Before and after, the value is theirs.
+    pub fn span(&self) -> [f64; 2] {
+        [self.times.first(), self.times.last()].map(|time| time.copied().unwrap_or(0.0).into())
+    }
+
+    /// The values at `time`, in seconds. A rotation need not have unit length.
+    pub fn sample(&self, time: f64) -> Vec<f64> {
+        let (width, values_per_key) = (self.width(), self.values_per_key());
+        // Of a key: 0, or of splines the tangent in (0), the value (1) and the tangent out (2).
+        let value = |key: usize, which: usize| {
+            let start = (key * values_per_key + which) * width;
+            self.values[start..start + width].iter().map(|v| f64::from(*v))
+        };
+        let own = values_per_key / 2;
+        let after = self.times.partition_point(|t| f64::from(*t) <= time);
+        if after == 0 || after == self.times.len() || self.interpolation == Interpolation::Step {
+            return value(after.saturating_sub(1), own).collect();
+        }
+        let (before, [start, end]) = (after - 1, [after - 1, after].map(|key| f64::from(self.times[key])));
+        let (length, t) = (end - start, (time - start) / (end - start));
+        let (from, to) = (value(before, own), value(after, own));
+        match self.interpolation {
+            Interpolation::CubicSpline => {
+                let (t2, t3) = (t * t, t * t * t);
+                let tangents = value(before, 2).zip(value(after, 0));
+                let spline = |((p0, p1), (out, into))| {
+                    (2.0 * t3 - 3.0 * t2 + 1.0) * p0
+                        + length * (t3 - 2.0 * t2 + t) * out
+                        + (3.0 * t2 - 2.0 * t3) * p1
+                        + length * (t3 - t2) * into
+                };
+                from.zip(to).zip(tangents).map(spline).collect()
+            }
+            Interpolation::Linear if self.property == Property::Rotation => {
+                let [from, to] = [from.collect::<Vec<_>>(), to.collect()].map(|q| DQuat::from_slice(&q));
+                let unit = |q: DQuat| if q.length_squared() > 0.0 { q.normalize() } else { DQuat::IDENTITY };
+                unit(from).slerp(unit(to), t).to_array().to_vec()
+            }
+            Interpolation::Linear | Interpolation::Step => from.zip(to).map(|(a, b)| a + (b - a) * t).collect(),
+        }
+    }
+
+    /// `time`, or the time of a key that is no further from it than `distance`: steps are taken at the frame they belong to.
+    pub fn near_key(&self, time: f64, distance: f64) -> f64 {
+        let after = self.times.partition_point(|t| f64::from(*t) < time - distance);
+        self.times.get(after).map(|t| f64::from(*t)).filter(|key| (key - time).abs() <= distance).unwrap_or(time)
+    }
+}
+
+/// Read an animation. `targets` are the morph targets of the mesh of each node. Remarks go to `notes`.
+pub fn animation(
+    file: &Container,
+    at: &At<'_>,
+    name: String,
+    targets: &[Option<usize>],
+    notes: &mut Vec<String>,
+) -> Result<Animation> {
+    let mut found = Animation { name, channels: vec![] };
+    let mut left_out = 0;
+    for stated in at.items("channels")? {
+        let target = stated.need("target")?;
+        let path = target.text_or_empty("path");
+        let property = match path {
+            "translation" => Some((Property::Translation, 3)),
+            "rotation" => Some((Property::Rotation, 4)),
+            "scale" => Some((Property::Scale, 3)),
+            "weights" => Some((Property::Weights, 0)),
+            _ => None,
+        };
+        let (Some((property, width)), Some(node)) = (property, target.get("node")) else {
+            left_out += 1;
+            continue;
+        };
+        file.root().item("nodes", &node)?;
+        let node = node.whole()?;
+        let width = match (property, targets[node]) {
+            (Property::Weights, Some(0) | None) => {
+                left_out += 1;
+                continue;
+            }
+            (Property::Weights, Some(targets)) => targets,
+            (Property::Translation | Property::Rotation | Property::Scale, _) => width,
+        };
+        found.channels.push(channel(file, at, &stated, node, property, width)?);
+    }
+    if left_out > 0 {
+        notes.push(format!("animation '{}': {left_out} channels of no morph target or node are left out", found.name));
+    }
+    Ok(found)
+}
+
+fn channel(
+    file: &Container,
+    at: &At<'_>,
+    stated: &At<'_>,
+    node: usize,
+    property: Property,
+    width: usize,
+) -> Result<Channel> {
+    let sampler = at.item("samplers", &stated.need("sampler")?)?;
+    let interpolation = match sampler.text_or_empty("interpolation") {
+        "" | "LINEAR" => Interpolation::Linear,
+        "STEP" => Interpolation::Step,
+        "CUBICSPLINE" => Interpolation::CubicSpline,
+        other => return Err(sampler.refuse(format!("interpolation '{other}'"), "use STEP, LINEAR or CUBICSPLINE")),
+    };
+    let input = file.accessor(&sampler.need("input")?)?;
+    let times = input.floats::<1>()?.into_flattened();
+    if let Some(i) = times.windows(2).position(|t| t[0] > t[1]) {
+        let what = format!("key {} at {} s comes after key {i} at {} s", i + 1, times[i + 1], times[i]);
+        return Err(input.refuse(what, "list keys in the order of their times"));
+    }
+    let output = file.accessor(&sampler.need("output")?)?;
+    let values_per_key = if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
+    // Weights are scalars, one after the other; the rest are vectors.
+    let scalars = if property == Property::Weights { width } else { 1 };
+    let output = output.of_count(times.len() * values_per_key * scalars, "values for all keys")?;
+    let values = match property {
+        Property::Weights => output.floats::<1>()?.into_flattened(),
+        Property::Translation | Property::Scale => output.floats::<3>()?.into_flattened(),
+        Property::Rotation => output.floats::<4>()?.into_flattened(),
+    };
+    Ok(Channel { node, property, interpolation, times, values })
+}

@@ -1,0 +1,138 @@
+//! Values of the JSON, each with its place, so that what is refused is named: `a.glb: accessors[3].count: …`.
+
+use crate::error::{Error, Result};
+use serde_json::Value;
+use std::fmt::Display;
+use std::path::Path;
+
+/// Memory that parsing may take, as estimated before: hostile text is mostly brackets and commas.
+const MEMORY_MAX: usize = 1 << 30;
+const OBJECT_BYTES: usize = 700;
+const ELEMENT_BYTES: usize = 80;
+
+/// Parse the JSON of a file.
+pub fn parse(path: &Path, text: &[u8]) -> Result<Value> {
+    let count = |byte: u8| text.iter().filter(|b| **b == byte).count();
+    let memory = (count(b'{') * OBJECT_BYTES).saturating_add((count(b',') + count(b'[')) * ELEMENT_BYTES);
+    if memory > MEMORY_MAX {
+        let what = format!("its JSON has so many values that they would take {} MiB", memory >> 20);
+        return Err(Error::input(path, "", what, "split the file, or keep arrays in buffers"));
+    }
+    serde_json::from_slice(text).map_err(|e| {
+        let place = format!(": line {} column {} of its JSON", e.line(), e.column());
+        Error::input(path, place, e.to_string(), "export the file again: its JSON is damaged")
+    })
+}
+
+/// A value, and where it is.
+#[derive(Clone, Debug)]
+pub struct At<'a> {
+    pub path: &'a Path,
+    pub value: &'a Value,
+    /// As `meshes[0].primitives[1]`; empty for the whole.
+    pub place: String,
+}
+
+impl<'a> At<'a> {
+    /// An error about this value.
+    pub fn refuse(&self, what: impl Display, remedy: &str) -> Error {
+        let place = if self.place.is_empty() { String::new() } else { format!(": {}", self.place) };
+        Error::input(self.path, place, what.to_string(), remedy)
+    }
+
+    fn child(&self, value: &'a Value, step: impl Display) -> Self {
+        let dot = if self.place.is_empty() { "" } else { "." };
+        At { path: self.path, value, place: format!("{}{dot}{step}", self.place) }
+    }
+
+    /// The property `key`, where there is one.
+    pub fn get(&self, key: &str) -> Option<Self> {
+        self.value.get(key).map(|value| self.child(value, key))
+    }
+
+    /// The property `key`.
+    pub fn need(&self, key: &str) -> Result<Self> {
+        self.get(key).ok_or_else(|| self.refuse(format!("no property '{key}'"), "export the file again"))
+    }
+
+    /// The elements of the array `key`; none where there is no such property.
+    pub fn items(&self, key: &str) -> Result<Vec<Self>> {
+        let Some(list) = self.get(key) else { return Ok(vec![]) };
+        list.elements()
+    }
+
+    /// The elements of this array.
+    pub fn elements(&self) -> Result<Vec<Self>> {
+        let values = self.value.as_array().ok_or_else(|| self.refuse("no array", "export the file again"))?;
+        let element = |(i, value)| At { path: self.path, value, place: format!("{}[{i}]", self.place) };
+        Ok(values.iter().enumerate().map(element).collect())
+    }
+
+    /// The element of the array `key` that `index`, a value of the same file, names.
+    pub fn item(&self, key: &str, index: &At<'_>) -> Result<Self> {
+        let i = index.whole()?;
+        let list = self.value.get(key).and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
+        let value = list.get(i).ok_or_else(|| {
+            let what = format!("{i}, but there are {} {key}, counted from 0", list.len());
+            index.refuse(what, "export the file again: it names what it does not have")
+        })?;
+        Ok(self.child(value, format!("{key}[{i}]")))
+    }
+
+    /// A whole number, 0 or more.
+    pub fn whole(&self) -> Result<usize> {
+        // Exporters write 3.0 as well.
+        let float = || self.value.as_f64().filter(|x| x.fract() == 0.0 && (0.0..9e15).contains(x)).map(|x| x as u64);
+        let number = self.value.as_u64().or_else(float).and_then(|n| usize::try_from(n).ok());
+        number.ok_or_else(|| self.refuse(format!("{} is no whole number, 0 or more", self.short()), REPAIR))
+    }
+
+    /// The property `key` as a whole number, or `default` where there is none.
+    pub fn whole_or(&self, key: &str, default: usize) -> Result<usize> {
+        self.get(key).map_or(Ok(default), |value| value.whole())
+    }
+
+    /// The property `key` as an index, where there is one.
+    pub fn index(&self, key: &str) -> Result<Option<usize>> {
+        self.get(key).map(|value| value.whole()).transpose()
+    }
+
+    /// `N` finite numbers; `default` where there is no property `key`.
+    pub fn numbers<const N: usize>(&self, key: &str, default: [f32; N]) -> Result<[f32; N]> {
+        let Some(list) = self.get(key) else { return Ok(default) };
+        let numbers = list.floats()?;
+        let count = numbers.len();
+        numbers.try_into().map_err(|_| list.refuse(format!("{count} numbers, {N} expected"), REPAIR))
+    }
+
+    /// An array of finite numbers.
+    pub fn floats(&self) -> Result<Vec<f32>> {
+        let number = |at: &At<'_>| {
+            let found = at.value.as_f64().map(|x| x as f32).filter(|x| x.is_finite());
+            found.ok_or_else(|| at.refuse(format!("{} is no number that single precision holds", at.short()), REPAIR))
+        };
+        self.elements()?.iter().map(number).collect()
+    }
+
+    /// Text.
+    pub fn text(&self) -> Result<&'a str> {
+        self.value.as_str().ok_or_else(|| self.refuse(format!("{} is no text", self.short()), REPAIR))
+    }
+
+    /// The property `key` as text, or nothing where there is none.
+    pub fn text_or_empty(&self, key: &str) -> &'a str {
+        self.value.get(key).and_then(Value::as_str).unwrap_or_default()
+    }
+
+    /// The value for a message.
+    fn short(&self) -> String {
+        let text = match self.value {
+            Value::Array(_) => "an array".to_owned(),
+            Value::Object(_) => "an object".to_owned(),
+            Value::Null | Value::Bool(_) | Value::Number(_) | Value::String(_) => self.value.to_string(),
+        };
+        text.chars().take(40).collect()
+    }
+}
+
+const REPAIR: &str = "export the file again, or repair this value";

@@ -1,0 +1,338 @@
+//! Meshes: primitives with their streams, targets, joints and weights.
+
+use super::assemble::merge;
+use super::container::Container;
+use super::json::At;
+use crate::asset::normals::unit_normals;
+use crate::asset::{Corner, Faces, MorphSource, Semantic, SourceTarget, StreamData, StreamDeltas};
+use crate::error::{Error, Result};
+use glam::{Vec2, Vec3};
+use std::collections::HashSet;
+use std::ops::Range;
+
+/// A mesh of the file, in its own space: nodes place it.
+#[derive(Clone, Debug, Default)]
+#[non_exhaustive]
+pub struct Mesh {
+    /// Vertices of all primitives, one after the other, as the file has them: one texture coordinate each, and indices that
+    /// draw them ([`Faces::triangles`]). Doubled vertices are welded. Streams are those that some target changes. Without
+    /// vertices where the file has no triangles.
+    pub source: MorphSource,
+    /// A weight for each target, for nodes that state none.
+    pub weights: Vec<f32>,
+    /// Which vertices and triangles are of which primitive.
+    pub primitives: Vec<Primitive>,
+    /// Streams that no target changes (but for the first texture coordinates, which are `source.texcoords`), and so need no
+    /// pose. A primitive that lacks one has tangents along x, texture coordinates 0, white.
+    pub constants: Vec<StreamData>,
+    /// What binds vertices to joints.
+    pub influences: Option<Influences>,
+}
+
+/// A primitive of a [`Mesh`]: what is drawn with one material.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Primitive {
+    /// Its index in the file's mesh. Primitives without triangles are left out.
+    pub index: usize,
+    /// Its vertices.
+    pub vertices: Range<usize>,
+    /// Its faces, all of them triangles.
+    pub triangles: Range<usize>,
+    /// Index of the file's material.
+    pub material: Option<usize>,
+}
+
+/// Joints and weights of each vertex, for linear-blend or dual-quaternion skinning.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct Influences {
+    /// 4 or 8.
+    pub per_vertex: usize,
+    /// `per_vertex` numbers for each vertex: which of [`Skin::joints`](super::Skin::joints).
+    pub joints: Vec<u16>,
+    /// `per_vertex` weights for each vertex, 0 or more. Their sum is 1; 0 where the vertex has none (another primitive's).
+    pub weights: Vec<f32>,
+}
+
+const AGAIN: &str = "export the file again";
+
+/// Read a mesh; `name` is for reports.
+pub fn mesh(file: &Container, at: &At<'_>, name: String) -> Result<Mesh> {
+    let primitives = at.items("primitives")?;
+    let names = target_names(at, &primitives)?;
+    let stated = at.get("weights").map(|w| w.floats()).transpose()?.unwrap_or_default();
+    let mut mesh = Mesh { weights: fitted(stated, names.len()), ..Mesh::default() };
+    let (mut parts, mut influences) = (vec![], vec![]);
+    let (mut vertices, mut triangles) = (0, 0);
+    for (index, primitive) in primitives.iter().enumerate() {
+        let mode = primitive.whole_or("mode", 4)?;
+        if !(4..=6).contains(&mode) {
+            let place = &primitive.place;
+            mesh.source.notes.push(format!("{place} is points or lines, and left out"));
+            continue;
+        }
+        let (source, bound) = part(file, primitive, mode, &names)?;
+        let (vertex_end, triangle_end) = (vertices + source.positions.len(), triangles + source.faces.sizes.len());
+        let (vertices_of, triangles_of) = (vertices..vertex_end, triangles..triangle_end);
+        let material = primitive.index("material")?;
+        mesh.primitives.push(Primitive { index, vertices: vertices_of, triangles: triangles_of, material });
+        (vertices, triangles) = (vertex_end, triangle_end);
+        parts.push(source);
+        influences.push(bound);
+    }
+    let notes = std::mem::take(&mut mesh.source.notes);
+    mesh.influences = joined(&parts, influences);
+    mesh.source = merge(name, parts);
+    mesh.source.notes.splice(0..0, notes);
+    let moves = |i: usize| mesh.source.targets.iter().any(|t| !t.streams[i].vertices.is_empty());
+    let moving: Vec<bool> = (0..mesh.source.streams.len()).map(moves).collect();
+    // Later ones first: those before keep their places.
+    for i in (0..moving.len()).rev().filter(|i| !moving[*i]) {
+        let stream = mesh.source.streams.remove(i);
+        mesh.source.targets.iter_mut().for_each(|target| _ = target.streams.remove(i));
+        if stream.semantic != Semantic::TexCoord(0) {
+            mesh.constants.insert(0, stream);
+        }
+    }
+    if !mesh.source.positions.is_empty() {
+        mesh.source.weld().map_err(|e| {
+            let Error::Invalid { what, remedy } = e else { return e };
+            at.refuse(what, &remedy)
+        })?;
+    }
+    Ok(mesh)
+}
+
+/// As many weights as there are targets.
+pub fn fitted(mut weights: Vec<f32>, targets: usize) -> Vec<f32> {
+    weights.resize(targets, 0.0);
+    weights
+}
+
+/// The targets' names: extras.targetNames of the mesh, or of its first primitive (UniVRM), or else numbers. A name that
+/// comes twice gets a number.
+fn target_names(at: &At<'_>, primitives: &[At<'_>]) -> Result<Vec<String>> {
+    let mut count = None;
+    for primitive in primitives {
+        let found = primitive.items("targets")?.len();
+        if *count.get_or_insert(found) != found {
+            let what = format!("{found} targets, but the first primitive has {}", count.unwrap_or_default());
+            return Err(primitive.refuse(what, "give all primitives of a mesh the same targets"));
+        }
+    }
+    let listed = |at: &At<'_>| Some(at.value.get("extras")?.get("targetNames")?.as_array()?.clone());
+    let listed = listed(at).or_else(|| primitives.first().and_then(listed)).unwrap_or_default();
+    let mut taken = HashSet::new();
+    let name = |i: usize| {
+        let stated = listed.get(i).and_then(|name| name.as_str()).filter(|name| !name.is_empty());
+        let name = stated.map_or_else(|| format!("target {i}"), str::to_owned);
+        let numbered = std::iter::once(name.clone()).chain((2..).map(|n| format!("{name} {n}")));
+        numbered.into_iter().find(|name| taken.insert(name.clone())).unwrap_or_default()
+    };
+    Ok((0..count.unwrap_or(0)).map(name).collect())
+}
+
+/// What the attribute `key` is, where it is a stream.
+fn semantic(key: &str) -> Option<Semantic> {
+    Some(match key.split_once('_') {
+        None if key == "POSITION" => Semantic::Position,
+        None if key == "NORMAL" => Semantic::Normal,
+        None if key == "TANGENT" => Semantic::Tangent,
+        Some(("TEXCOORD", set)) => Semantic::TexCoord(set.parse().ok()?),
+        Some(("COLOR", set)) => Semantic::Color(set.parse().ok()?),
+        _ => return None,
+    })
+}
+
+/// The streams that an object of attributes names, in their order.
+fn streams<'a>(at: &At<'a>) -> Vec<(Semantic, At<'a>)> {
+    let keys = at.value.as_object().into_iter().flat_map(|object| object.keys());
+    let mut found: Vec<_> = keys.filter_map(|key| Some((semantic(key)?, at.get(key)?))).collect();
+    found.sort_by_key(|(semantic, _)| *semantic);
+    found
+}
+
+/// A primitive as a mesh of its own, and what binds it to joints.
+fn part(file: &Container, at: &At<'_>, mode: usize, names: &[String]) -> Result<(MorphSource, Option<Influences>)> {
+    if at.get("extensions").is_some_and(|e| e.get("KHR_draco_mesh_compression").is_some()) {
+        let remedy = "decompress the file (gltf-transform copy does), or compress it by EXT_meshopt_compression";
+        return Err(at.refuse("compressed by Draco, which is not read", remedy));
+    }
+    let attributes = at.need("attributes")?;
+    let positions = file.accessor(&attributes.need("POSITION")?)?.floats::<3>()?;
+    let count = positions.len();
+    let read = |index: &At<'_>| file.accessor(index)?.of_count(count, "vertices (POSITION)");
+    let mut source = MorphSource { faces: faces(file, at, mode, count)?, ..MorphSource::default() };
+    source.positions = positions.into_iter().map(Vec3::from).collect();
+    // What normals and tangents are multiplied by to have unit length; their deltas as well.
+    let (mut normal_scales, mut tangent_scales) = (vec![], vec![]);
+    for (semantic, index) in streams(&attributes) {
+        let values = match semantic {
+            Semantic::Position => continue,
+            Semantic::Normal => {
+                let stated: Vec<Vec3> = read(&index)?.floats::<3>()?.into_iter().map(Vec3::from).collect();
+                let (units, scales, lost) = unit_normals(&stated, &source.faces, &source.positions);
+                if lost > 0 {
+                    let place = &index.place;
+                    source.notes.push(format!("{place}: {lost} normals are zero: computed, constant in all targets"));
+                }
+                (source.normals, normal_scales) = (Some(units), scales);
+                continue;
+            }
+            Semantic::Tangent => {
+                let stated = read(&index)?.floats::<4>()?;
+                let lengths = stated.iter().map(|&[x, y, z, _]| Vec3::new(x, y, z).as_dvec3().length());
+                tangent_scales = lengths.map(|n| if n < 1e-6 { 0.0 } else { (1.0 / n) as f32 }).collect();
+                let unit = |(&[x, y, z, w], &scale): (&[f32; 4], &f32)| match scale {
+                    0.0 => [1.0, 0.0, 0.0, 1.0f32.copysign(w)],
+                    scale => [x * scale, y * scale, z * scale, 1.0f32.copysign(w)],
+                };
+                stated.iter().zip(&tangent_scales).flat_map(unit).collect()
+            }
+            Semantic::TexCoord(set) => {
+                let values = read(&index)?.floats::<2>()?;
+                if set == 0 {
+                    source.texcoords = values.iter().copied().map(Vec2::from).collect();
+                    source.faces.corners.iter_mut().for_each(|c| c.texcoord = Some(c.position));
+                }
+                values.into_flattened()
+            }
+            Semantic::Color(_) => match read(&index)? {
+                rgb if rgb.components == 3 => rgb.floats::<3>()?.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0]).collect(),
+                rgba => rgba.floats::<4>()?.into_flattened(),
+            },
+        };
+        source.streams.push(StreamData { semantic, values });
+    }
+    let mut without = 0;
+    let targets = at.items("targets")?;
+    for (target, name) in targets.iter().zip(names) {
+        let mut made = SourceTarget { name: name.clone(), ..SourceTarget::default() };
+        made.streams = vec![StreamDeltas::default(); source.streams.len()];
+        for (semantic, index) in streams(target) {
+            let accessor = read(&index)?;
+            let stated = source.streams.iter().position(|s| s.semantic == semantic);
+            match (semantic, stated.map(|i| &mut made.streams[i])) {
+                (Semantic::Position, _) => made.positions = vectors(accessor.deltas::<3>()?, None),
+                // Without base normals all are computed.
+                (Semantic::Normal, _) if source.normals.is_none() => {}
+                (Semantic::Normal, _) => made.normals = Some(vectors(accessor.deltas::<3>()?, Some(&normal_scales))),
+                (Semantic::Tangent, Some(own)) => {
+                    let deltas = vectors(accessor.deltas::<3>()?, Some(&tangent_scales));
+                    *own = stream(deltas.into_iter().map(|(v, d)| (v, d.to_array())));
+                }
+                (Semantic::TexCoord(_), Some(own)) => *own = stream(accessor.deltas::<2>()?),
+                (Semantic::Color(_), Some(own)) => {
+                    let opaque = |(v, [r, g, b]): (u32, [f32; 3])| (v, [r, g, b, 0.0]);
+                    *own = match accessor.components {
+                        3 => stream(accessor.deltas::<3>()?.into_iter().map(opaque)),
+                        _ => stream(accessor.deltas::<4>()?),
+                    };
+                }
+                (Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_), None) => {
+                    return Err(index.refuse(format!("the base pose has no {semantic} to add to"), AGAIN));
+                }
+            }
+        }
+        if source.normals.is_some() && made.normals.is_none() {
+            match made.positions.is_empty() {
+                true => made.normals = Some(vec![]),
+                false => without += 1,
+            }
+        }
+        source.targets.push(made);
+    }
+    if without > 0 {
+        let place = &at.place;
+        source.notes.push(format!("{place}: {without} targets without normals: computed from the deformed surface"));
+    }
+    let influences = influences(file, &attributes, count)?;
+    Ok((source, influences))
+}
+
+fn vectors(deltas: Vec<(u32, [f32; 3])>, scales: Option<&[f32]>) -> Vec<(u32, Vec3)> {
+    let scaled = |(v, d): (u32, [f32; 3])| (v, Vec3::from(d) * scales.map_or(1.0, |scales| scales[v as usize]));
+    deltas.into_iter().map(scaled).collect()
+}
+
+fn stream<const N: usize>(deltas: impl IntoIterator<Item = (u32, [f32; N])>) -> StreamDeltas {
+    let (vertices, deltas): (_, Vec<[f32; N]>) = deltas.into_iter().unzip();
+    StreamDeltas { vertices, deltas: deltas.into_flattened() }
+}
+
+/// Triangles of `count` vertices: a list (mode 4), strip (5) or fan (6).
+fn faces(file: &Container, at: &At<'_>, mode: usize, count: usize) -> Result<Faces> {
+    let indices: Vec<u32> = match at.get("indices") {
+        None => (0..count as u32).collect(),
+        Some(index) => {
+            let accessor = file.accessor(&index)?;
+            let indices = accessor.integers::<1>()?.into_flattened();
+            if let Some(i) = indices.iter().position(|v| *v as usize >= count) {
+                let what = format!("index {i} names vertex {}, but there are {count}", indices[i]);
+                return Err(accessor.refuse(what, AGAIN));
+            }
+            indices
+        }
+    };
+    let of = |i: usize| match mode {
+        5 => [indices[i], indices[i + 1 + i % 2], indices[i + 2 - i % 2]],
+        _ => [indices[i + 1], indices[i + 2], indices[0]],
+    };
+    let triangles: Vec<[u32; 3]> = match mode {
+        4 if !indices.len().is_multiple_of(3) => {
+            return Err(at.refuse(format!("{} indices for triangles", indices.len()), "give three per triangle"));
+        }
+        4 => indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
+        // Strips turn back by triangles that have no area.
+        _ => (0..indices.len().saturating_sub(2)).map(of).filter(|[a, b, c]| a != b && b != c && c != a).collect(),
+    };
+    let corner = |position| Corner { position, texcoord: None };
+    Ok(Faces { sizes: vec![3; triangles.len()], corners: triangles.into_iter().flatten().map(corner).collect() })
+}
+
+/// Joints and weights, of the sets 0 and 1.
+fn influences(file: &Container, attributes: &At<'_>, count: usize) -> Result<Option<Influences>> {
+    let of = |key: String| file.accessor(&attributes.need(&key)?)?.of_count(count, "vertices (POSITION)");
+    let mut sets = vec![];
+    for set in (0..2).take_while(|set| attributes.get(&format!("JOINTS_{set}")).is_some()) {
+        let (joints, weights) = (of(format!("JOINTS_{set}"))?.integers::<4>()?, of(format!("WEIGHTS_{set}"))?);
+        let floats = weights.floats::<4>()?;
+        if let Some(v) = floats.iter().position(|w| w.iter().any(|w| *w < 0.0)) {
+            return Err(weights.refuse(format!("element {v} has a weight below 0"), "give weights of 0 or more"));
+        }
+        sets.push((joints, floats));
+    }
+    if sets.is_empty() {
+        return Ok(None);
+    }
+    let mut found = Influences { per_vertex: 4 * sets.len(), ..Influences::default() };
+    for v in 0..count {
+        let weights = sets.iter().flat_map(|(_, weights)| weights[v]);
+        let sum: f64 = weights.clone().map(f64::from).sum();
+        // Quantised weights miss 1 by a little; where all are 0, the vertex follows its first joint.
+        let scaled =
+            weights.enumerate().map(|(i, w)| if sum > 0.0 { (f64::from(w) / sum) as f32 } else { f32::from(i == 0) });
+        found.weights.extend(scaled);
+        // Joints are 16-bit numbers at most, as are the types that glTF has for them.
+        found.joints.extend(sets.iter().flat_map(|(joints, _)| joints[v]).map(|j| j.min(u16::MAX.into()) as u16));
+    }
+    Ok(Some(found))
+}
+
+/// The influences of all parts, with as many for each vertex.
+fn joined(parts: &[MorphSource], influences: Vec<Option<Influences>>) -> Option<Influences> {
+    let per_vertex = influences.iter().flatten().map(|i| i.per_vertex).max()?;
+    let mut all = Influences { per_vertex, ..Influences::default() };
+    for (part, found) in parts.iter().zip(influences) {
+        let Influences { per_vertex: n, joints, weights } = found.unwrap_or_default();
+        for v in 0..part.positions.len() {
+            let end = all.joints.len() + per_vertex;
+            all.joints.extend(joints.iter().skip(v * n).take(n));
+            all.weights.extend(weights.iter().skip(v * n).take(n));
+            all.joints.resize(end, 0);
+            all.weights.resize(end, 0.0);
+        }
+    }
+    Some(all)
+}

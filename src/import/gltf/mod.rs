@@ -1,0 +1,276 @@
+//! glTF 2.0: meshes with morph targets, their weight animations, skins and nodes (`*.glb`, `*.gltf`).
+//!
+//! [`read`] yields everything as plain arrays, in the order of the file: for an engine that has a scene of its own.
+//! [`import::open`](super::open) makes one mesh of the file: [`Gltf::into_source`] says how.
+//!
+//! - Streams: positions, normals, tangents, texture coordinates and colours, each of which targets may change. Accessors
+//!   are dense, sparse or all zero, of any component type (KHR_mesh_quantization), compressed or not
+//!   (EXT_meshopt_compression). Buffers are in the file, in data URIs, or in files beside or below it.
+//! - Values are in the file's space and units: texture coordinates begin at the top left, and a quantised mesh has positions
+//!   of integers, which the transform of its node scales.
+//! - Vertices are the file's. Those at one place are welded ([`MorphSource::weld`]), so normals that are not stated are
+//!   smooth across seams (glTF itself wants flat ones), and no crack opens. Where a target moves positions and states no
+//!   normals, theirs are computed from the deformed surface; glTF itself keeps those of the base pose, as does a target
+//!   whose [`normals`](crate::SourceTarget::normals) are `Some(vec![])`.
+//! - Tangents are the file's; none are computed.
+//! - Draco, points and lines, materials, textures and cameras are not read.
+//!
+//! Files may be hostile: nothing is read outside their folder, and memory is bounded by a multiple of their size.
+
+mod accessor;
+mod animation;
+mod assemble;
+mod container;
+mod json;
+mod mesh;
+mod meshopt;
+mod scene;
+#[cfg(test)]
+mod tests;
+
+pub use animation::{Animation, Channel, Interpolation, Property};
+pub use mesh::{Influences, Mesh, Primitive};
+pub use scene::{Node, Skin, Transform};
+
+use crate::asset::MorphSource;
+use crate::error::{Error, Result};
+use crate::weights::WeightClip;
+use container::Container;
+use glam::DMat4;
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+/// What a file has, in its order: indices are the file's.
+#[derive(Clone, Debug, Default)]
+#[non_exhaustive]
+pub struct Gltf {
+    /// The file's stem.
+    pub name: String,
+    /// The meshes.
+    pub meshes: Vec<Mesh>,
+    /// The nodes, of all scenes.
+    pub nodes: Vec<Node>,
+    /// The skins.
+    pub skins: Vec<Skin>,
+    /// The animations.
+    pub animations: Vec<Animation>,
+    /// Remarks that a person should see; those on a mesh are in its source.
+    pub notes: Vec<String>,
+    path: PathBuf,
+    /// Nodes, parents before their children.
+    order: Vec<usize>,
+}
+
+/// Read a file and the buffers beside it.
+///
+/// # Errors
+/// [`Error::Io`] where a file cannot be read, [`Error::Input`] with the place in the JSON where it is no glTF 2.0, needs an
+/// extension that is not read, or names what it does not have.
+pub fn read(path: &Path) -> Result<Gltf> {
+    gltf(&Container::read(path)?)
+}
+
+/// From the bytes of the file at `path`.
+#[cfg(test)]
+fn from_bytes(path: &Path, bytes: Vec<u8>) -> Result<Gltf> {
+    gltf(&Container::from_bytes(path, bytes)?)
+}
+
+fn gltf(file: &Container) -> Result<Gltf> {
+    let root = file.root();
+    let name = file.path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let (nodes, order) = scene::nodes(file)?;
+    let skins = root.items("skins")?.iter().map(|at| scene::skin(file, at)).collect::<Result<Vec<Skin>>>()?;
+    let mut gltf = Gltf { name, nodes, order, skins, path: file.path.clone(), ..Gltf::default() };
+    let listed = root.items("meshes")?;
+    for (i, at) in listed.iter().enumerate() {
+        let mesh = mesh::mesh(file, at, mesh_name(&gltf.nodes, i, at.text_or_empty("name")))?;
+        gltf.meshes.push(mesh);
+    }
+    for (i, node) in gltf.nodes.iter_mut().enumerate() {
+        let Some((index, mesh)) = node.mesh.map(|mesh| (mesh, &gltf.meshes[mesh])) else { continue };
+        if !node.weights.is_empty() {
+            node.weights = mesh::fitted(std::mem::take(&mut node.weights), mesh.weights.len());
+        }
+        let joints = node.skin.map(|skin| gltf.skins[skin].joints.len());
+        let named = mesh.influences.iter().flat_map(|i| i.joints.iter().zip(&i.weights).filter(|(_, w)| **w > 0.0));
+        if let Some((joint, joints)) = named.map(|(joint, _)| *joint).max().zip(joints)
+            && usize::from(joint) >= joints
+        {
+            let what = format!("a vertex names joint {joint}, but the skin of node {i} has {joints}");
+            return Err(listed[index].refuse(what, "export the file again"));
+        }
+    }
+    let targets = |node: &Node| node.mesh.map(|mesh| gltf.meshes[mesh].source.targets.len());
+    let targets: Vec<_> = gltf.nodes.iter().map(targets).collect();
+    let mut taken = HashSet::new();
+    for (i, at) in root.items("animations")?.iter().enumerate() {
+        let stated = at.text_or_empty("name");
+        let first = if stated.is_empty() { format!("animation {i}") } else { stated.to_owned() };
+        let mut name = first.clone();
+        let mut number = 1;
+        while !taken.insert(name.clone()) {
+            number += 1;
+            name = format!("{first} {number}");
+        }
+        let animation = animation::animation(file, at, name, &targets, &mut gltf.notes)?;
+        gltf.animations.push(animation);
+    }
+    Ok(gltf)
+}
+
+/// The mesh's own name, or that of the first node that draws it, or of the nearest node above that has one.
+fn mesh_name(nodes: &[Node], mesh: usize, stated: &str) -> String {
+    let drawn = nodes.iter().position(|node| node.mesh == Some(mesh));
+    let above = std::iter::successors(drawn, |node| nodes[*node].parent).map(|node| nodes[node].name.as_str());
+    let named = std::iter::once(stated).chain(above).find(|name| !name.is_empty());
+    named.map_or_else(|| format!("mesh {mesh}"), str::to_owned)
+}
+
+impl Gltf {
+    /// The matrix of each node, from its own space to the scene's: at rest, or at a time of an animation, in seconds.
+    #[must_use]
+    pub fn world_matrices(&self, playing: Option<(&Animation, f64)>) -> Vec<DMat4> {
+        scene::world_matrices(&self.nodes, &self.order, playing)
+    }
+
+    /// The matrices that skinning takes, one for each joint of `skin`: from the space of the mesh, as it was bound, to the
+    /// scene's. `worlds` is what [`world_matrices`](Self::world_matrices) returned.
+    ///
+    /// ```
+    /// # use deltamorph::import::gltf::Gltf;
+    /// fn matrices_for_the_gpu(gltf: &Gltf, seconds: f64) -> Vec<[f32; 16]> {
+    ///     let worlds = gltf.world_matrices(gltf.animations.first().map(|animation| (animation, seconds)));
+    ///     let matrices = gltf.joint_matrices(&gltf.skins[0], &worlds);
+    ///     matrices.iter().map(|matrix| matrix.as_mat4().to_cols_array()).collect()
+    /// }
+    /// ```
+    ///
+    /// # Panics
+    /// Where `worlds` has fewer matrices than the file nodes.
+    #[must_use]
+    pub fn joint_matrices(&self, skin: &Skin, worlds: &[DMat4]) -> Vec<DMat4> {
+        skin.joints.iter().zip(&skin.inverse_bind).map(|(&joint, bind)| worlds[joint] * bind.as_dmat4()).collect()
+    }
+
+    /// The animations that have weights, for [`clip`](Self::clip).
+    pub fn weight_animations(&self) -> impl Iterator<Item = &Animation> {
+        self.animations.iter().filter(|animation| weight_channels(animation).next().is_some())
+    }
+
+    /// The weights of an animation, sampled from its first to its last key, with a column for each target that it moves; of
+    /// meshes with targets of one name, the first that is animated says. `fps` is the frame rate; `None` takes that of keys
+    /// that are evenly spaced, whose frames are then the keys, or else 30.
+    ///
+    /// # Errors
+    /// There are no weights in it, or too many frames: more than 2²⁴ weights.
+    pub fn clip(&self, animation: &Animation, fps: Option<f32>) -> Result<WeightClip> {
+        let refuse = |what: &str, remedy| {
+            let place = format!(": animation '{}'", animation.name);
+            Err(Error::input(&self.path, place, what, remedy))
+        };
+        let channels: Vec<&Channel> = weight_channels(animation).collect();
+        let Some(longest) = channels.iter().max_by_key(|channel| channel.times.len()) else {
+            return refuse("no weights of morph targets", "name another animation");
+        };
+        let fps = fps.unwrap_or_else(|| frame_rate(&longest.times));
+        if !(fps > 0.0 && fps.is_finite()) {
+            return Err(Error::invalid(
+                format!("the frame rate is {fps}"),
+                "give a positive number of frames per second",
+            ));
+        }
+        let mut columns: Vec<(&str, usize, usize)> = vec![];
+        let mut seen = HashSet::new();
+        for (number, channel) in channels.iter().enumerate() {
+            let targets = self.nodes[channel.node].mesh.map_or(&[][..], |mesh| &self.meshes[mesh].source.targets);
+            let named = targets.iter().enumerate().map(|(i, target)| (target.name.as_str(), number, i));
+            columns.extend(named.filter(|(name, _, _)| seen.insert(*name)));
+        }
+        let spans = channels.iter().map(|channel| channel.span());
+        let [start, end] = spans.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or_default();
+        let frames = ((end - start) * f64::from(fps) - NEAR).ceil().max(0.0) + 1.0;
+        if frames * columns.len() as f64 > f64::from(1 << 24) {
+            return refuse("more than 2^24 weights", "sample it with fewer frames per second, or split it");
+        }
+        let mut values = Vec::with_capacity(frames as usize * columns.len());
+        for frame in 0..frames as usize {
+            let time = (start + frame as f64 / f64::from(fps)).min(end);
+            let sample = |channel: &&Channel| channel.sample(channel.near_key(time, NEAR / f64::from(fps)));
+            let sampled: Vec<Vec<f64>> = channels.iter().map(sample).collect();
+            values.extend(columns.iter().map(|&(_, channel, i)| sampled[channel][i] as f32));
+        }
+        let names = columns.into_iter().map(|(name, _, _)| name.to_owned()).collect();
+        Ok(WeightClip { name: animation.name.clone(), names, fps, values })
+    }
+
+    /// One mesh of the file: all that have targets, or all there are where none has, as they stand in the scene at rest,
+    /// each where the first node that draws it has it. Targets of one name move together. A mesh with a skin is as it was
+    /// bound. What is left out, and what was merged, is in the notes.
+    ///
+    /// # Errors
+    /// No mesh has triangles, or a node flattens its mesh.
+    pub fn into_source(mut self) -> Result<MorphSource> {
+        let worlds = self.world_matrices(None);
+        let with_targets = self.meshes.iter().any(|mesh| !mesh.source.targets.is_empty());
+        let (mut parts, mut others) = (vec![], vec![]);
+        for (i, mesh) in self.meshes.iter_mut().enumerate().filter(|(_, mesh)| !mesh.source.positions.is_empty()) {
+            let mut source = std::mem::take(&mut mesh.source);
+            if with_targets && source.targets.is_empty() {
+                others.push(source.name);
+                continue;
+            }
+            let nodes = || self.nodes.iter().enumerate().filter(|(_, node)| node.mesh == Some(i));
+            if nodes().count() > 1 {
+                let note = format!("mesh '{}' is drawn by {} nodes: taken once", source.name, nodes().count());
+                source.notes.push(note);
+            }
+            match nodes().next() {
+                Some((_, node)) if node.skin.is_some() => {
+                    source.notes.push(format!("mesh '{}' has a skin: as it was bound", source.name));
+                }
+                Some((number, node)) if !assemble::transform(&mut source, &worlds[number]) => {
+                    let what = format!("the transform of node {number} '{}' flattens its mesh", node.name);
+                    return Err(Error::input(&self.path, "", what, "give the node a scale other than 0"));
+                }
+                Some(_) | None => {}
+            }
+            parts.push(source);
+        }
+        if parts.is_empty() {
+            let remedy = "give a file with a mesh of triangles";
+            return Err(Error::input(&self.path, "", "no mesh has triangles", remedy));
+        }
+        let names = |sources: &[String]| format!("'{}'", sources.join("', '"));
+        if !others.is_empty() {
+            self.notes.push(format!("without targets, and left out: {}", names(&others)));
+        }
+        if parts.len() > 1 {
+            let merged: Vec<String> = parts.iter().map(|part| part.name.clone()).collect();
+            self.notes.push(format!("merged, targets of one name moved together: {}", names(&merged)));
+        }
+        let mut source = assemble::merge(self.name, parts);
+        self.notes.append(&mut source.notes);
+        Ok(MorphSource { notes: self.notes, ..source })
+    }
+}
+
+/// Two times that are nearer than this part of a frame are one.
+const NEAR: f64 = 1e-3;
+
+fn weight_channels(animation: &Animation) -> impl Iterator<Item = &Channel> {
+    animation.channels.iter().filter(|channel| channel.property == Property::Weights)
+}
+
+/// Frames per second of keys that are evenly spaced, within 2% of a frame; else 30.
+fn frame_rate(times: &[f32]) -> f32 {
+    let (Some(&first), Some(&last)) = (times.first(), times.last()) else { return super::DEFAULT_FPS };
+    let (first, frames) = (f64::from(first), times.len() as f64 - 1.0);
+    let fps = frames / (f64::from(last) - first);
+    let even = |(i, t): (usize, &f32)| ((f64::from(*t) - first) * fps - i as f64).abs() < 0.02;
+    if !(fps.is_finite() && fps > 0.0 && times.iter().enumerate().all(even)) {
+        return super::DEFAULT_FPS;
+    }
+    // 29.999998 is 30 that single precision has rounded.
+    if (fps - fps.round()).abs() < 1e-3 * fps { fps.round() as f32 } else { fps as f32 }
+}

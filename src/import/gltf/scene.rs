@@ -1,0 +1,166 @@
+//! Nodes and skins: where joints are, at rest or at a time of an animation. Evaluated in double precision.
+
+use super::animation::{Animation, Property};
+use super::container::Container;
+use super::json::At;
+use crate::error::Result;
+use glam::{DMat4, DQuat, DVec3, Mat4, Quat, Vec3};
+
+/// A node: where it is relative to its parent, and what it draws.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Node {
+    /// Its name, which may be empty.
+    pub name: String,
+    /// Index of the parent; `None` for a root.
+    pub parent: Option<usize>,
+    /// Its transform relative to the parent, while nothing animates it.
+    pub local: Transform,
+    /// Index of the mesh that it draws.
+    pub mesh: Option<usize>,
+    /// Index of the skin that deforms the mesh. The node's own transform does not apply then: joints say where it is.
+    pub skin: Option<usize>,
+    /// Weights in place of the mesh's; empty where the node states none.
+    pub weights: Vec<f32>,
+}
+
+/// A transform as a file states it. Only parts are animated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Transform {
+    /// Translation · rotation · scale.
+    Parts {
+        /// By how much it is moved.
+        translation: Vec3,
+        /// How it is turned.
+        rotation: Quat,
+        /// By how much it is scaled, along its own axes.
+        scale: Vec3,
+    },
+    /// A matrix, column by column.
+    Matrix(Mat4),
+}
+
+/// Joints that deform a mesh.
+#[derive(Clone, Debug, Default)]
+#[non_exhaustive]
+pub struct Skin {
+    /// Its name, which may be empty.
+    pub name: String,
+    /// The nodes that are its joints; [`Influences::joints`](super::Influences::joints) counts them.
+    pub joints: Vec<usize>,
+    /// For each joint the matrix from the space of the mesh to that of the joint, as it was bound.
+    pub inverse_bind: Vec<Mat4>,
+}
+
+/// Read all nodes, in the order of the file, and an order in which parents come before their children.
+pub fn nodes(file: &Container) -> Result<(Vec<Node>, Vec<usize>)> {
+    let root = file.root();
+    let list = root.items("nodes")?;
+    let mut nodes = list.iter().map(|at| node(&root, at)).collect::<Result<Vec<Node>>>()?;
+    let mut children = vec![vec![]; nodes.len()];
+    for (parent, at) in list.iter().enumerate() {
+        for child in at.items("children")? {
+            root.item("nodes", &child)?;
+            let index = child.whole()?;
+            if let Some(other) = nodes[index].parent.replace(parent) {
+                let what = format!("node {index} is a child of node {other}, too");
+                return Err(child.refuse(what, "give each node one parent"));
+            }
+            children[parent].push(index);
+        }
+    }
+    let mut order: Vec<usize> = (0..nodes.len()).filter(|i| nodes[*i].parent.is_none()).collect();
+    let mut done = 0;
+    while let Some(&node) = order.get(done) {
+        order.extend(&children[node]);
+        done += 1;
+    }
+    if order.len() < nodes.len() {
+        // Every node has one parent at most, so what no root reaches goes round in circles.
+        let mut reached = vec![false; nodes.len()];
+        order.iter().for_each(|node| reached[*node] = true);
+        let at = &list[reached.iter().position(|reached| !reached).unwrap_or_default()];
+        return Err(at.refuse("a node below itself", "remove the cycle among the children"));
+    }
+    Ok((nodes, order))
+}
+
+fn node(root: &At<'_>, at: &At<'_>) -> Result<Node> {
+    let existing = |key: &str, list: &str| -> Result<Option<usize>> {
+        let Some(index) = at.get(key) else { return Ok(None) };
+        root.item(list, &index)?;
+        index.whole().map(Some)
+    };
+    let local = if at.get("matrix").is_some() {
+        Transform::Matrix(Mat4::from_cols_array(&at.numbers("matrix", [0.0; 16])?))
+    } else {
+        Transform::Parts {
+            translation: at.numbers("translation", [0.0; 3])?.into(),
+            rotation: Quat::from_array(at.numbers("rotation", [0.0, 0.0, 0.0, 1.0])?),
+            scale: at.numbers("scale", [1.0; 3])?.into(),
+        }
+    };
+    let weights = at.get("weights").map(|w| w.floats()).transpose()?.unwrap_or_default();
+    let (mesh, skin) = (existing("mesh", "meshes")?, existing("skin", "skins")?);
+    Ok(Node { name: at.text_or_empty("name").to_owned(), parent: None, local, mesh, skin, weights })
+}
+
+/// Read a skin.
+pub fn skin(file: &Container, at: &At<'_>) -> Result<Skin> {
+    let mut joints = vec![];
+    for joint in at.need("joints")?.elements()? {
+        file.root().item("nodes", &joint)?;
+        joints.push(joint.whole()?);
+    }
+    let inverse_bind = match at.get("inverseBindMatrices") {
+        None => vec![Mat4::IDENTITY; joints.len()],
+        Some(index) => {
+            let accessor = file.accessor(&index)?;
+            if accessor.count < joints.len() {
+                let what = format!("{} matrices for {} joints", accessor.count, joints.len());
+                return Err(accessor.refuse(what, "export the file again: a skin has a matrix for each joint"));
+            }
+            accessor.floats::<16>()?.iter().take(joints.len()).map(Mat4::from_cols_array).collect()
+        }
+    };
+    Ok(Skin { name: at.text_or_empty("name").to_owned(), joints, inverse_bind })
+}
+
+impl Transform {
+    /// As a matrix, with what an animation says in place of its own parts.
+    fn matrix(&self, playing: &[(Property, Vec<f64>)]) -> DMat4 {
+        let Self::Parts { translation, rotation, scale } = *self else {
+            let Self::Matrix(matrix) = *self else { return DMat4::IDENTITY };
+            return matrix.as_dmat4();
+        };
+        let (mut translation, mut rotation, mut scale) =
+            (translation.as_dvec3(), rotation.as_dquat(), scale.as_dvec3());
+        for (property, value) in playing {
+            match property {
+                Property::Translation => translation = DVec3::from_slice(value),
+                Property::Rotation => rotation = DQuat::from_slice(value),
+                Property::Scale => scale = DVec3::from_slice(value),
+                Property::Weights => {}
+            }
+        }
+        let length = rotation.length();
+        let rotation = if length > 0.0 && length.is_finite() { rotation / length } else { DQuat::IDENTITY };
+        DMat4::from_scale_rotation_translation(scale, rotation, translation)
+    }
+}
+
+/// The matrix of each node, from its own space to the scene's.
+pub fn world_matrices(nodes: &[Node], order: &[usize], playing: Option<(&Animation, f64)>) -> Vec<DMat4> {
+    let mut parts: Vec<Vec<(Property, Vec<f64>)>> = vec![vec![]; nodes.len()];
+    for (channel, time) in
+        playing.iter().flat_map(|(animation, time)| animation.channels.iter().map(move |c| (c, *time)))
+    {
+        parts[channel.node].push((channel.property, channel.sample(time)));
+    }
+    let mut worlds = vec![DMat4::IDENTITY; nodes.len()];
+    for &node in order {
+        let parent = nodes[node].parent.map_or(DMat4::IDENTITY, |parent| worlds[parent]);
+        worlds[node] = parent * nodes[node].local.matrix(&parts[node]);
+    }
+    worlds
+}

@@ -1,0 +1,288 @@
+//! Files that are damaged or made to do harm: each is refused by name, place and remedy, in memory bounded by its size, or
+//! used without a panic.
+
+use super::super::{Gltf, Result, from_bytes};
+use super::written::{U8, U16, Written, base64, bytes};
+use crate::asset::Tolerance;
+use proptest::prelude::*;
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// A small file with a bit of everything.
+fn small() -> Written {
+    let mut file = Written::default();
+    let position = file.floats(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]]);
+    let normal = file.floats(&[[0.0, 0.0, 1.0]; 4]);
+    let uv = file.floats(&[[0.0, 0.0]; 4]);
+    let indices = file.accessor(U16, "SCALAR", 6, &bytes(&[0u16, 1, 2, 1, 3, 2]));
+    let (joints, weights) = (file.accessor(U8, "VEC4", 4, &[0; 16]), file.floats(&[[1.0, 0.0, 0.0, 0.0]; 4]));
+    let sparse = file.floats(&[[0.0; 3]; 4]);
+    let (which, values) = (file.view(&[1, 3]), file.view(&bytes(&[1.0f32, 0.0, 0.0, 0.0, 0.0, 1.0])));
+    file.json["accessors"][sparse]["sparse"] =
+        json!({"count": 2, "indices": {"bufferView": which, "componentType": U8}, "values": {"bufferView": values}});
+    let attributes =
+        json!({"POSITION": position, "NORMAL": normal, "TEXCOORD_0": uv, "JOINTS_0": joints, "WEIGHTS_0": weights});
+    let targets = json!([{"POSITION": sparse, "NORMAL": sparse}, {"POSITION": sparse}]);
+    file.json["meshes"] = json!([{"primitives": [{"attributes": attributes, "indices": indices, "targets": targets}]}]);
+    file.json["nodes"] = json!([{"mesh": 0, "skin": 0}, {"children": [2]}, {"translation": [0, 1, 0]}]);
+    let bind = file.floats(&[glam::Mat4::IDENTITY.to_cols_array()]);
+    file.json["skins"] = json!([{"joints": [2], "inverseBindMatrices": bind}]);
+    let (times, values) =
+        (file.floats(&[[0.0], [0.5], [1.0]]), file.floats(&[[0.0], [1.0], [1.0], [0.0], [0.5], [0.5]]));
+    let moves = file.floats(&[[0.0f32, 1.0, 2.0]; 3]);
+    file.json["animations"] = json!([{"name": "wave",
+        "channels": [{"sampler": 0, "target": {"node": 0, "path": "weights"}}, {"sampler": 1, "target": {"node": 1, "path": "translation"}}],
+        "samplers": [{"input": times, "output": values}, {"input": times, "output": moves, "interpolation": "STEP"}]}]);
+    file
+}
+
+/// Read, in a multiple of the file's size.
+fn read(bytes: &[u8]) -> Result<Gltf> {
+    let mut result = None;
+    let memory = allocation_counter::measure(|| result = Some(from_bytes(Path::new("a.glb"), bytes.to_vec())));
+    let most = 2 * (1 << 20) + 600 * bytes.len() as u64;
+    assert!(memory.bytes_max <= most, "{} bytes for a file of {}", memory.bytes_max, bytes.len());
+    result.expect("measured")
+}
+
+fn message(bytes: &[u8]) -> String {
+    let text = read(bytes).map(|_| ()).expect_err("refused").to_string();
+    assert!(text.starts_with("a.glb") && text.contains("; "), "{text}");
+    text
+}
+
+/// Use a file that was accepted in every way that a host may.
+fn exercise(gltf: &Gltf) {
+    for mesh in &gltf.meshes {
+        let count = mesh.source.positions.len();
+        assert!(
+            mesh.influences.iter().all(|i| i.joints.len() == i.per_vertex * count && i.weights.len() == i.joints.len())
+        );
+        if count > 0 {
+            let _ = mesh.source.to_mesh(Tolerance::default());
+        }
+    }
+    for animation in &gltf.animations {
+        let worlds = gltf.world_matrices(Some((animation, 0.3)));
+        gltf.skins.iter().for_each(|skin| assert_eq!(gltf.joint_matrices(skin, &worlds).len(), skin.joints.len()));
+        if let Ok(clip) = gltf.clip(animation, None) {
+            assert!(clip.values.iter().all(|w| w.is_finite()), "{clip:?}");
+        }
+    }
+    let _ = gltf.clone().into_source();
+}
+
+#[test]
+fn a_file_that_is_cut_off_anywhere_is_refused() {
+    let file = small();
+    let (glb, gltf) = (file.glb(), file.gltf());
+    exercise(&read(&glb).unwrap());
+    exercise(&read(&gltf).unwrap());
+    (0..glb.len()).for_each(|n| _ = message(&glb[..n]));
+    (0..gltf.len()).for_each(|n| _ = message(&gltf[..n]));
+    // Lengths that agree with what is left: the buffer is too short, or the views of it are.
+    for n in 0..file.bytes.len() {
+        let mut cut = Written { json: file.json.clone(), bytes: file.bytes[..n].to_vec() };
+        // GLB pads the buffer to four bytes.
+        if n + 4 <= file.bytes.len() {
+            assert!(message(&cut.glb()).starts_with("a.glb: buffers[0]: "));
+        }
+        cut.json["buffers"][0]["byteLength"] = json!(n);
+        let text = message(&cut.glb());
+        assert!(text.contains(&format!("but the buffer has {n}; ")), "{text}");
+    }
+}
+
+#[test]
+fn what_is_wrong_is_named_with_its_place() {
+    let all = u32::MAX;
+    let cases: &[(&str, Value, &str)] = &[
+        ("/asset/version", json!("1.0"), "asset.version: version \"1.0\", only 2 is read"),
+        (
+            "/extensionsRequired",
+            json!(["KHR_draco_mesh_compression"]),
+            "extensionsRequired[0]: the extension KHR_draco",
+        ),
+        ("/accessors/0/count", json!(0), "accessors[0].count: 0 elements"),
+        ("/accessors/0/count", json!(all), "accessors[0]: 4294967295 elements of 12 bytes every 12 bytes"),
+        ("/accessors/0/count", json!(u64::MAX), "accessors[0].count: 18446744073709551615 elements"),
+        ("/accessors/0/count", json!(-3), "accessors[0].count: -3 is no whole number"),
+        ("/accessors/0/byteOffset", json!(u64::MAX), "accessors[0]: 4 elements of 12 bytes"),
+        ("/accessors/0/componentType", json!(5124), "accessors[0].componentType: 5124 is no component type"),
+        ("/accessors/0/type", json!("MAT2"), "accessors[0].type: type 'MAT2'"),
+        ("/accessors/0/type", json!("VEC2"), "accessors[0]: elements of 2 numbers, 3 expected"),
+        ("/accessors/0/bufferView", json!(99), "accessors[0].bufferView: 99, but there are 13 bufferViews"),
+        ("/accessors/1/count", json!(3), "accessors[1]: 3 elements, but there are 4 vertices"),
+        ("/bufferViews/0/byteStride", json!(0), "elements of 12 bytes every 0 bytes"),
+        ("/bufferViews/0/byteStride", json!(u64::MAX), "elements of 12 bytes every 18446744073709551615 bytes"),
+        ("/bufferViews/0/byteLength", json!(all), "bufferViews[0]: 4294967295 bytes from byte 0 on"),
+        ("/bufferViews/0/buffer", json!(7), "bufferViews[0].buffer: 7, but there are 1 buffers"),
+        ("/buffers/0/byteLength", json!(all), "buffers[0]: 4294967295 bytes, but there are "),
+        ("/buffers/0/uri", json!("data:;base64,A"), "buffers[0].uri: a data URI that is not base64"),
+        ("/buffers/0/uri", json!("../a.bin"), "buffers[0].uri: '../a.bin' names no file beside"),
+        ("/buffers/0/uri", json!("/etc/passwd"), "buffers[0].uri: '/etc/passwd' names no file beside"),
+        ("/buffers/0/uri", json!("%2e%2e/a"), "buffers[0].uri: '%2e%2e/a' names no file beside"),
+        ("/buffers/0/uri", json!("file:a.bin"), "buffers[0].uri: 'file:a.bin' names no file beside"),
+        ("/accessors/6/sparse/count", json!(0), "sparse.count: 0 of 4 elements"),
+        ("/accessors/6/sparse/count", json!(5), "sparse.count: 5 of 4 elements"),
+        ("/accessors/6/sparse/indices/byteOffset", json!(1), "sparse.indices: 2 elements of 1 bytes"),
+        ("/meshes/0/primitives/0/indices", json!(0), "accessors[0]: elements of 3 numbers, 1 expected"),
+        ("/meshes/0/primitives/0/attributes/POSITION", json!("x"), "attributes.POSITION: \"x\" is no whole number"),
+        (
+            "/meshes/0/primitives/0/extensions",
+            json!({"KHR_draco_mesh_compression": {}}),
+            "primitives[0]: compressed by Draco",
+        ),
+        ("/meshes/0/primitives/0/targets/1", json!({"TANGENT": 0}), "targets[1].TANGENT: the base pose has no tangent"),
+        ("/nodes/2/children", json!([1]), "nodes[1]: a node below itself"),
+        ("/nodes/0/children", json!([0]), "nodes[0]: a node below itself"),
+        ("/nodes/0/children", json!([2]), "nodes[1].children[0]: node 2 is a child of node 0, too"),
+        ("/nodes/0/children", json!([3]), "nodes[0].children[0]: 3, but there are 3 nodes"),
+        ("/nodes/0/mesh", json!(1), "nodes[0].mesh: 1, but there are 1 meshes"),
+        ("/nodes/2/translation", json!([0, 1]), "nodes[2].translation: 2 numbers, 3 expected"),
+        ("/nodes/2/translation", json!([0, 1, 1e300]), "nodes[2].translation[2]: 1e"),
+        ("/skins/0/joints", json!([9]), "skins[0].joints[0]: 9, but there are 3 nodes"),
+        ("/skins/0/joints", json!([1, 2]), "1 matrices for 2 joints"),
+        ("/skins/0/joints", json!([]), "a vertex names joint 0, but the skin of node 0 has 0"),
+        ("/animations/0/samplers/0/interpolation", json!("BEZIER"), "samplers[0]: interpolation 'BEZIER'"),
+        (
+            "/animations/0/samplers/0/interpolation",
+            json!("CUBICSPLINE"),
+            "6 elements, but there are 18 values for all keys",
+        ),
+        ("/animations/0/channels/0/sampler", json!(2), "channels[0].sampler: 2, but there are 2 samplers"),
+    ];
+    let mut missed = vec![];
+    for (at, value, expected) in cases {
+        let mut file = small();
+        match file.json.pointer_mut(at) {
+            Some(place) => *place = value.clone(),
+            None => {
+                let (parent, key) = at.rsplit_once('/').unwrap();
+                file.json.pointer_mut(parent).unwrap()[key] = value.clone();
+            }
+        }
+        let text = message(&file.glb());
+        if !text.contains(expected) {
+            missed.push(format!("{at} = {value}: {text}"));
+        }
+    }
+    assert!(missed.is_empty(), "{missed:#?}");
+    // What lies in the buffer.
+    for (accessor, bytes, expected) in [
+        (0, f32::NAN.to_le_bytes().to_vec(), "accessors[0]: element 0 is [NaN, 0.0, 0.0]; replace values"),
+        (3, vec![9, 0], "accessors[3]: index 0 names vertex 9, but there are 4"),
+        (5, (-1f32).to_le_bytes().to_vec(), "accessors[5]: element 0 has a weight below 0"),
+        (8, 2f32.to_le_bytes().to_vec(), "accessors[8]: key 1 at 0.5 s comes after key 0 at 2 s"),
+    ] {
+        let mut file = small();
+        let view = file.json["accessors"][accessor]["bufferView"].as_u64().unwrap() as usize;
+        let offset = file.json["bufferViews"][view]["byteOffset"].as_u64().unwrap() as usize;
+        file.bytes[offset..offset + bytes.len()].copy_from_slice(&bytes);
+        let text = message(&file.glb());
+        assert!(text.contains(expected), "{text}");
+    }
+    for (which, expected) in
+        [([3, 1], "index 1 is 1, after 3, of 4 elements"), ([1, 1], "index 1 is 1"), ([1, 4], "index 1 is 4")]
+    {
+        let mut file = small();
+        let view = file.json["accessors"][6]["sparse"]["indices"]["bufferView"].as_u64().unwrap() as usize;
+        let offset = file.json["bufferViews"][view]["byteOffset"].as_u64().unwrap() as usize;
+        file.bytes[offset..offset + 2].copy_from_slice(&which);
+        let text = message(&file.glb());
+        assert!(text.contains(expected) && text.contains("accessors[6].sparse.indices: "), "{text}");
+    }
+}
+
+#[test]
+fn counts_without_bytes_and_bytes_used_many_times_take_bounded_memory() {
+    // Values that no buffer holds.
+    let mut file = small();
+    file.json["accessors"][0] = json!({"componentType": 5126, "type": "VEC3", "count": 1_000_000_000});
+    let text = message(&file.glb());
+    assert!(
+        text.contains("accessors[0]: 1000000000 values of 12 bytes, which is more than a file of this size"),
+        "{text}"
+    );
+    // Ten thousand targets of the same vertices, all of which move.
+    let mut file = Written::default();
+    let positions = vec![[1.0f32, 2.0, 3.0]; 21_000];
+    let position = file.floats(&positions);
+    let targets = vec![json!({"POSITION": position}); 10_000];
+    file.json["meshes"] = json!([{"primitives": [{"attributes": {"POSITION": position}, "targets": targets}]}]);
+    assert!(message(&file.glb()).contains("which is more than a file of this size"));
+    // JSON that is all brackets, or deep.
+    let brackets = "{\"a\":{}},".repeat(1 << 20);
+    let text = format!("{{\"asset\":{{\"version\":\"2.0\"}},\"nodes\":[{}]}}", brackets.trim_end_matches(','));
+    assert!(message(text.as_bytes()).contains("so many values that they would take"));
+    assert!(message("[".repeat(100_000).as_bytes()).contains("recursion limit"));
+    // A view that decompresses to more than its bytes can hold.
+    let mut file = small();
+    let packed = json!({"buffer": 0, "byteLength": 48, "byteStride": 12, "count": 1_000_000_000, "mode": "ATTRIBUTES"});
+    file.json["bufferViews"][0]["extensions"] = json!({"EXT_meshopt_compression": packed});
+    let text = message(&file.glb());
+    assert!(
+        text.contains("EXT_meshopt_compression: 1000000000 elements of 12 bytes, more than 48 compressed"),
+        "{text}"
+    );
+}
+
+#[test]
+fn base64_and_files_beside_are_read() {
+    for n in 0..20u8 {
+        let bytes: Vec<u8> = (0..n).map(|i| i.wrapping_mul(57) ^ n).collect();
+        let text = base64(&bytes);
+        assert_eq!(super::super::container::base64(&text).as_ref(), Some(&bytes));
+        assert_eq!(super::super::container::base64(text.trim_end_matches('=')), Some(bytes));
+    }
+    assert_eq!(super::super::container::base64("AA A"), None);
+    let dir = tempfile::tempdir().unwrap();
+    let mut file = small();
+    file.json["buffers"][0]["uri"] = json!("my%20buffers/a.bin");
+    std::fs::create_dir(dir.path().join("my buffers")).unwrap();
+    std::fs::write(dir.path().join("my buffers/a.bin"), &file.bytes).unwrap();
+    std::fs::write(dir.path().join("a.gltf"), file.json.to_string()).unwrap();
+    let gltf = super::super::read(&dir.path().join("a.gltf")).unwrap();
+    assert_eq!((gltf.name.as_str(), gltf.meshes[0].source.positions.len()), ("a", 4));
+    std::fs::remove_file(dir.path().join("my buffers/a.bin")).unwrap();
+    let text = super::super::read(&dir.path().join("a.gltf")).unwrap_err().to_string();
+    assert!(text.contains("a.bin: cannot read"), "{text}");
+}
+
+/// The `n`th value below `value`, counting all of them.
+fn nth<'a>(value: &'a mut Value, n: &mut usize) -> Option<&'a mut Value> {
+    if *n == 0 {
+        return Some(value);
+    }
+    *n -= 1;
+    match value {
+        Value::Array(list) => list.iter_mut().find_map(|value| nth(value, n)),
+        Value::Object(map) => map.values_mut().find_map(|value| nth(value, n)),
+        Value::Null | Value::Bool(_) | Value::Number(_) | Value::String(_) => None,
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+    #[test]
+    fn damage_anywhere_is_refused_or_harmless(
+        values in prop::collection::vec((1usize..260, 0usize..14), 0..3), damage in prop::collection::vec((0usize..800, any::<u8>()), 0..6),
+    ) {
+        let mut file = small();
+        for (mut at, what) in values {
+            let nasty = [json!(0), json!(1), json!(2), json!(5), json!(-1), json!(4_000_000_000u64), json!(u64::MAX), json!(1e300), json!(0.5),
+                json!(null), json!(""), json!([]), json!({}), json!(5126)];
+            if let Some(value) = nth(&mut file.json, &mut at) {
+                *value = nasty[what].clone();
+            }
+        }
+        for (at, byte) in damage {
+            let at = at % file.bytes.len();
+            file.bytes[at] = byte;
+        }
+        match read(&file.glb()) {
+            Ok(gltf) => exercise(&gltf),
+            Err(e) => prop_assert!(e.to_string().starts_with("a.glb") && e.to_string().contains("; "), "{}", e),
+        }
+    }
+}

@@ -1,0 +1,171 @@
+//! The decoders of EXT_meshopt_compression against the encoders of meshoptimizer.
+
+use super::super::meshopt::decode;
+use super::written::{I16, U16, Written, bytes};
+use proptest::prelude::*;
+use serde_json::json;
+
+/// Elements of `size` bytes that change little from one to the next, or a lot.
+fn elements(size: usize) -> impl Strategy<Value = Vec<u8>> {
+    let steps = prop_oneof![3 => Just(0u8), 3 => 0..3u8, 2 => 250..=255u8, 1 => 0..16u8, 1 => any::<u8>()];
+    prop::collection::vec(steps, size..size * 700).prop_map(move |mut bytes| {
+        bytes.truncate(bytes.len() / size * size);
+        (size..bytes.len()).for_each(|i| bytes[i] = bytes[i].wrapping_add(bytes[i - size]));
+        bytes
+    })
+}
+
+fn encoded<const N: usize>(bytes: &[u8]) -> Vec<u8>
+where
+    [u8; N]: bytemuck::Pod,
+{
+    let elements: &[[u8; N]] = bytemuck::cast_slice(bytes);
+    ::meshopt::encode_vertex_buffer_level(elements, 2, Some(0)).unwrap()
+}
+
+/// A grid's triangles, some of them left out.
+fn grid(edge: u32, skip: usize) -> Vec<u32> {
+    let quads = (0..edge * edge).map(|q| q / edge * (edge + 1) + q % edge);
+    let triangles = quads.flat_map(|v| [[v, v + 1, v + edge + 1], [v + edge + 1, v + 1, v + edge + 2]]);
+    triangles.enumerate().filter(|(i, _)| i % skip != 0).flat_map(|(_, t)| t).collect()
+}
+
+fn sorted(triangles: &[u32]) -> Vec<[u32; 3]> {
+    // The encoder turns triangles, and keeps their order and orientation.
+    let turned = |t: &[u32]| [[t[0], t[1], t[2]], [t[1], t[2], t[0]], [t[2], t[0], t[1]]].into_iter().min().unwrap();
+    triangles.chunks_exact(3).map(turned).collect()
+}
+
+proptest! {
+    #[test]
+    fn attributes_are_what_was_encoded(four in elements(4), eight in elements(8), twelve in elements(12), large in elements(64)) {
+        for (size, bytes, data) in [
+            (4, &four, encoded::<4>(&four)),
+            (8, &eight, encoded::<8>(&eight)),
+            (12, &twelve, encoded::<12>(&twelve)),
+            (64, &large, encoded::<64>(&large)),
+        ] {
+            let count = bytes.len() / size;
+            prop_assert_eq!(&decode(&data, count, size, "ATTRIBUTES", "").unwrap(), bytes);
+            // Cut off anywhere, or with another header.
+            let step = data.len() / 50 + 1;
+            prop_assert!((0..data.len()).step_by(step).all(|n| decode(&data[..n], count, size, "ATTRIBUTES", "").is_err()));
+            prop_assert!(decode(&[&[0xa1], &data[1..]].concat(), count, size, "ATTRIBUTES", "").is_err());
+        }
+    }
+
+    #[test]
+    fn indices_are_what_was_encoded(
+        edge in 1u32..20, skip in 2usize..9, any in prop::collection::vec(0u32..60_000, 3..300), near in prop::collection::vec(0u32..40, 3..600),
+    ) {
+        for list in [grid(edge, skip), any, near] {
+            let list = &list[..list.len() / 3 * 3];
+            let vertices = list.iter().max().map_or(0, |v| *v as usize + 1);
+            let (triangles, sequence) =
+                (::meshopt::encode_index_buffer(list, vertices).unwrap(), ::meshopt::encode_index_sequence(list, vertices).unwrap());
+            for (data, mode) in [(&triangles, "TRIANGLES"), (&sequence, "INDICES")] {
+                let narrow = decode(data, list.len(), 2, mode, "NONE").unwrap();
+                let wide = decode(data, list.len(), 4, mode, "").unwrap();
+                let wide: Vec<u32> = wide.chunks_exact(4).map(|b| u32::from_le_bytes(b.try_into().unwrap())).collect();
+                let narrow: Vec<u32> = narrow.chunks_exact(2).map(|b| u16::from_le_bytes(b.try_into().unwrap()).into()).collect();
+                prop_assert_eq!(&wide, &narrow);
+                match mode {
+                    "INDICES" => prop_assert_eq!(&wide, list),
+                    _ => prop_assert_eq!(sorted(&wide), sorted(list)),
+                }
+                let cut = (0..data.len()).step_by(data.len() / 50 + 1);
+                prop_assert!(cut.into_iter().all(|n| decode(&data[..n], list.len(), 4, mode, "").is_err()));
+            }
+        }
+    }
+
+    /// Whatever the bytes are: an answer, and no panic.
+    #[test]
+    fn noise_is_decoded_or_refused(data in prop::collection::vec(any::<u8>(), 0..400), count in 0usize..2000, which in 0usize..3, size in 0usize..40) {
+        let (mode, header) = [("ATTRIBUTES", 0xa0), ("TRIANGLES", 0xe1), ("INDICES", 0xd1)][which];
+        let data: Vec<u8> = std::iter::once(header).chain(data).collect();
+        for filter in ["", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "OTHER"] {
+            for size in [size, 2, 4, 8, 12] {
+                if let Ok(bytes) = decode(&data, count, size, mode, filter) {
+                    prop_assert_eq!(bytes.len(), count * size);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn filters_give_back_directions_rotations_and_floats(
+        vectors in prop::collection::vec(prop::array::uniform4(-1.0f32..1.0), 1..50),
+    ) {
+        let unit = |v: &[f32; 4]| {
+            let length = v.iter().map(|x| x * x).sum::<f32>().sqrt().max(1e-3);
+            v.map(|x| x / length)
+        };
+        let short = |b: &[u8]| f32::from(i16::from_le_bytes([b[0], b[1]])) / 32767.0;
+        let quaternions: Vec<[f32; 4]> = vectors.iter().map(unit).collect();
+        let packed = bytes(::meshopt::encode_filter_quat(&quaternions, 16).as_flattened());
+        let decoded = decode(&encoded::<8>(&packed), vectors.len(), 8, "ATTRIBUTES", "QUATERNION").unwrap();
+        for (found, expected) in decoded.chunks_exact(8).zip(&quaternions) {
+            let dot: f32 = found.chunks_exact(2).zip(expected).map(|(a, b)| short(a) * b).sum();
+            prop_assert!((dot.abs() - expected.iter().map(|x| x * x).sum::<f32>()).abs() < 1e-3, "{:?} {:?}", found, expected);
+        }
+        let directions: Vec<[f32; 4]> = vectors.iter().map(|&[x, y, z, _]| unit(&[x, y, z.abs().max(0.01).copysign(z), 0.0])).collect();
+        let packed = bytes(::meshopt::encode_filter_oct::<i16>(&directions, 16).as_flattened());
+        let wide = decode(&encoded::<8>(&packed), vectors.len(), 8, "ATTRIBUTES", "OCTAHEDRAL").unwrap();
+        let packed = bytes(::meshopt::encode_filter_oct::<i8>(&directions, 8).as_flattened());
+        let narrow = decode(&encoded::<4>(&packed), vectors.len(), 4, "ATTRIBUTES", "OCTAHEDRAL").unwrap();
+        for ((wide, narrow), expected) in wide.chunks_exact(8).zip(narrow.chunks_exact(4)).zip(&directions) {
+            for c in 0..3 {
+                prop_assert!((short(&wide[2 * c..]) - expected[c]).abs() < 2e-4, "{:?}", expected);
+                prop_assert!((f32::from(narrow[c] as i8) / 127.0 - expected[c]).abs() < 0.03, "{:?}", expected);
+            }
+        }
+        let floats: Vec<[f32; 1]> = vectors.iter().flatten().map(|x| [x * 100.0]).collect();
+        let packed = bytes(::meshopt::encode_filter_exp(&floats, 24, ::meshopt::EncodeExpMode::Separate).as_flattened());
+        let decoded = decode(&encoded::<4>(&packed), floats.len(), 4, "ATTRIBUTES", "EXPONENTIAL").unwrap();
+        for (found, [expected]) in decoded.chunks_exact(4).zip(&floats) {
+            prop_assert!((f32::from_le_bytes(found.try_into().unwrap()) - expected).abs() <= 2e-7 * expected.abs());
+        }
+    }
+}
+
+#[test]
+fn a_compressed_view_is_read_like_any_other() {
+    let (mut plain, mut packed) = (Written::default(), Written::default());
+    let positions: Vec<[u16; 4]> = (0..300u16).map(|i| [i * 7, i % 13 * 100, i / 9, 0]).collect();
+    let deltas: Vec<[i16; 4]> = (0..300i16).map(|i| [i % 3, 0, -i / 2, 0]).collect();
+    let indices: Vec<u32> = (0..298).flat_map(|i| [i, i + 1, i + 2]).collect();
+    let shorts: Vec<u16> = indices.iter().map(|i| *i as u16).collect();
+    for (file, compressed) in [(&mut plain, false), (&mut packed, true)] {
+        let mut add = |component, kind: &str, count, size: usize, bytes: &[u8], data: &[u8], mode: &str| {
+            let accessor = file.accessor(component, kind, count, if compressed { data } else { bytes });
+            let view = &mut file.json["bufferViews"][accessor];
+            if compressed {
+                let mut packed = view.clone();
+                (packed["mode"], packed["count"], packed["byteStride"]) = (json!(mode), json!(count), json!(size));
+                *view =
+                    json!({"buffer": 1, "byteLength": bytes.len(), "extensions": {"EXT_meshopt_compression": packed}});
+            }
+            if mode == "ATTRIBUTES" {
+                view["byteStride"] = json!(size);
+            }
+            accessor
+        };
+        let (p, d) = (bytes(positions.as_flattened()), bytes(deltas.as_flattened()));
+        let p = add(U16, "VEC3", 300, 8, &p, &encoded::<8>(&p), "ATTRIBUTES");
+        let d = add(I16, "VEC3", 300, 8, &d, &encoded::<8>(&d), "ATTRIBUTES");
+        let data = ::meshopt::encode_index_buffer(&indices, 300).unwrap();
+        let i = add(U16, "SCALAR", indices.len(), 2, &bytes(&shorts), &data, "TRIANGLES");
+        file.json["meshes"] =
+            json!([{"primitives": [{"attributes": {"POSITION": p}, "indices": i, "targets": [{"POSITION": d}]}]}]);
+        if compressed {
+            let fallback = json!({"byteLength": 10_000, "extensions": {"EXT_meshopt_compression": {"fallback": true}}});
+            file.json["buffers"].as_array_mut().unwrap().push(fallback);
+            file.json["extensionsRequired"] = json!(["KHR_mesh_quantization", "EXT_meshopt_compression"]);
+        }
+    }
+    let [plain, packed] = [&plain, &packed].map(|file| file.read().unwrap().meshes.remove(0).source);
+    assert_eq!((&plain.positions, &plain.targets[0].positions), (&packed.positions, &packed.targets[0].positions));
+    let triangles = |source: &crate::MorphSource| sorted(source.faces.triangles().as_flattened());
+    assert_eq!(triangles(&plain), triangles(&packed));
+}

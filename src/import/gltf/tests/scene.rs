@@ -1,0 +1,233 @@
+//! Nodes, skins and animations.
+
+use super::super::assemble::transform;
+use super::super::*;
+use super::written::{I16, U8, Written, bytes};
+use crate::asset::{MorphSource, Tolerance};
+use crate::import::sample::{HeadDesc, head};
+use glam::{DMat4, DQuat, DVec3, Mat4, Quat, Vec3};
+use proptest::prelude::*;
+use serde_json::json;
+
+fn channel(property: Property, interpolation: Interpolation, times: &[f32], values: &[f32]) -> Channel {
+    Channel { node: 0, property, interpolation, times: times.to_vec(), values: values.to_vec() }
+}
+
+#[test]
+fn steps_lines_and_arcs() {
+    let step = channel(
+        Property::Weights,
+        Interpolation::Step,
+        &[1.0, 2.0, 2.0, 3.0],
+        &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0],
+    );
+    let line = Channel { interpolation: Interpolation::Linear, ..step.clone() };
+    for (time, stepped, straight) in [
+        (-1.0, [0.0, 1.0], [0.0, 1.0]),
+        (1.0, [0.0, 1.0], [0.0, 1.0]),
+        (1.75, [0.0, 1.0], [1.5, 2.5]),
+        // Of two keys at one time, the later one.
+        (2.0, [4.0, 5.0], [4.0, 5.0]),
+        (2.5, [4.0, 5.0], [5.0, 6.0]),
+        (9.0, [6.0, 7.0], [6.0, 7.0]),
+        (f64::NAN, [0.0, 1.0], [0.0, 1.0]),
+    ] {
+        assert_eq!((step.sample(time), line.sample(time)), (stepped.to_vec(), straight.to_vec()), "{time}");
+    }
+    // A turn of 60° about z, the second key with the sign that means the same rotation.
+    let end = Quat::from_rotation_z(60f32.to_radians()).to_array();
+    let keys = [[0.0, 0.0, 0.0, 1.0], end.map(|x| -x)].concat();
+    let arc = channel(Property::Rotation, Interpolation::Linear, &[0.0, 1.0], &keys);
+    for t in [0.0, 0.1, 0.5, 0.9, 1.0f64] {
+        let expected = DQuat::from_rotation_z(t * 60f64.to_radians());
+        assert!(DQuat::from_slice(&arc.sample(t)).dot(expected).abs() > 1.0 - 1e-6, "{t}");
+    }
+}
+
+proptest! {
+    /// A spline whose tangents are those of a cubic is that cubic.
+    #[test]
+    fn splines_are_the_cubic_of_their_tangents(
+        c in prop::array::uniform4(-2.0f64..2.0), steps in prop::collection::vec(0.1f32..2.0, 1..6), at in 0.0f64..1.0,
+    ) {
+        let times: Vec<f32> = std::iter::once(0.0).chain(steps.iter().scan(0.0, |t, step| { *t += step; Some(*t) })).collect();
+        let value = |t: f64| c[0] + t * (c[1] + t * (c[2] + t * c[3]));
+        let slope = |t: f64| c[1] + t * (2.0 * c[2] + t * 3.0 * c[3]);
+        let key = |t: &f32| [slope(f64::from(*t)), value(f64::from(*t)), slope(f64::from(*t))].map(|x| x as f32);
+        let values: Vec<f32> = times.iter().flat_map(key).collect();
+        let spline = channel(Property::Weights, Interpolation::CubicSpline, &times, &values);
+        prop_assert_eq!(spline.width(), 1);
+        let time = at * spline.span()[1];
+        let scale = 1.0 + value(time).abs() + time * slope(time).abs();
+        prop_assert!((spline.sample(time)[0] - value(time)).abs() < 1e-4 * scale.max(50.0), "{} {}", spline.sample(time)[0], value(time));
+    }
+
+    /// What a node does to a mesh: the normals are those of the surface where it then is, however the node mirrors and
+    /// stretches.
+    #[test]
+    fn a_transformed_mesh_is_the_mesh_of_transformed_poses(
+        scale in prop::array::uniform3(prop_oneof![-3.0f64..-0.3, 0.3f64..3.0]), turn in prop::array::uniform3(-3.0f64..3.0), weight in 0.0f32..1.0,
+    ) {
+        let source = head(&HeadDesc::default().vertices(300).targets(2));
+        let triangles = source.faces.triangles();
+        // As a file states it: triangles, and normals with their deltas.
+        let built = source.to_mesh(Tolerance::ZERO).unwrap();
+        let mut moved = MorphSource { normals: Some(built.normals.clone()), texcoords: vec![], ..source };
+        let corner = |position| crate::Corner { position, texcoord: None };
+        moved.faces = crate::Faces { sizes: vec![3; triangles.len()], corners: triangles.into_iter().flatten().map(corner).collect() };
+        for (target, built) in moved.targets.iter_mut().zip(&built.targets) {
+            target.normals = Some(built.vertices.iter().copied().zip(built.normals.iter().copied()).collect());
+        }
+        let original = moved.clone();
+        let rotation = DQuat::from_euler(glam::EulerRot::XYZ, turn[0], turn[1], turn[2]);
+        let matrix = DMat4::from_scale_rotation_translation(DVec3::from(scale), rotation, DVec3::new(1.0, -2.0, 3.0));
+        prop_assert!(transform(&mut moved, &matrix));
+        let pose = |source: &MorphSource| crate::reference::evaluate_unpacked(&source.to_mesh(Tolerance::ZERO).unwrap(), &[weight, 0.5]);
+        let vector = |v: &[f64]| DVec3::from_slice(v);
+        let inverse = glam::DMat3::from_mat4(matrix).inverse().transpose();
+        for (a, b) in pose(&original).chunks_exact(6).zip(pose(&moved).chunks_exact(6)) {
+            prop_assert!((matrix.transform_point3(vector(&a[..3])) - vector(&b[..3])).length() < 1e-4);
+            prop_assert!((inverse * vector(&a[3..])).normalize().dot(vector(&b[3..]).normalize()) > 1.0 - 1e-5);
+        }
+        // Triangles still face the way normals do.
+        let computed = MorphSource { normals: None, ..moved.clone() }.to_mesh(Tolerance::ZERO).unwrap();
+        let agree = computed.normals.iter().zip(moved.normals.as_ref().unwrap()).filter(|(a, b)| a.dot(**b) > 0.0).count();
+        prop_assert!(agree * 10 > computed.normals.len() * 9, "{} of {}", agree, computed.normals.len());
+    }
+}
+
+#[test]
+fn a_flattened_mesh_is_refused() {
+    let mut source = head(&HeadDesc::default().vertices(300).targets(0));
+    assert!(!transform(&mut source, &DMat4::from_scale(DVec3::new(1.0, 0.0, 1.0))));
+    assert!(!transform(&mut source, &DMat4::from_scale(DVec3::splat(f64::NAN))));
+}
+
+/// Two joints, the second bends; a mesh with two targets that animates.
+fn arm() -> Written {
+    let mut file = Written::default();
+    let position = file.floats(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 1.0, 0.0]]);
+    let (joints, weights) = (
+        file.accessor(U8, "VEC4", 3, &[0, 0, 0, 0, 0, 1, 0, 0, 1, 0, 0, 0]),
+        file.floats(&[[1.0, 0.0, 0.0, 0.0], [0.5, 0.5, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]]),
+    );
+    let delta = file.floats(&[[0.0, 0.0, 1.0]; 3]);
+    file.json["meshes"] = json!([{"primitives": [{"attributes": {"POSITION": position, "JOINTS_0": joints, "WEIGHTS_0": weights},
+        "targets": [{"POSITION": delta}, {"POSITION": delta}]}], "extras": {"targetNames": ["a", "b"]}}]);
+    let bind = [Mat4::from_translation(-Vec3::Y), Mat4::from_translation(Vec3::new(-1.0, -1.0, 0.0))];
+    let bind = file.floats(&bind.map(|m| m.to_cols_array()));
+    file.json["skins"] = json!([{"joints": [1, 2], "inverseBindMatrices": bind}]);
+    file.json["nodes"] = json!([
+        {"name": "mesh", "mesh": 0, "skin": 0, "weights": [0.25, 0.5], "translation": [9, 9, 9]},
+        {"name": "shoulder", "translation": [0, 1, 0], "children": [2]},
+        {"name": "elbow", "matrix": Mat4::from_translation(Vec3::X).to_cols_array()},
+    ]);
+    let (times, values) = (file.floats(&[[0.5], [1.5]]), file.floats(&[[0.0], [1.0], [1.0], [0.0]]));
+    let half = (0.5f64.sqrt() * 32767.0).round() as i16;
+    let turns = file.accessor(I16, "VEC4", 2, &bytes(&[0i16, 0, 0, 32767, 0, 0, half, half]));
+    file.json["accessors"][turns]["normalized"] = json!(true);
+    file.json["animations"] = json!([
+        {"channels": [
+            {"sampler": 0, "target": {"node": 0, "path": "weights"}}, {"sampler": 1, "target": {"node": 1, "path": "rotation"}},
+            {"sampler": 0, "target": {"path": "weights"}}, {"sampler": 0, "target": {"node": 0, "path": "pointer"}}],
+         "samplers": [{"input": times, "output": values}, {"input": times, "output": turns, "interpolation": "LINEAR"}]},
+    ]);
+    file
+}
+
+#[test]
+fn joints_move_as_the_hierarchy_says() {
+    let gltf = arm().read().unwrap();
+    let skin = &gltf.skins[0];
+    // At rest, a mesh is where it was bound.
+    for matrix in gltf.joint_matrices(skin, &gltf.world_matrices(None)) {
+        assert!((matrix - DMat4::IDENTITY).to_cols_array().iter().all(|x| x.abs() < 1e-12), "{matrix}");
+    }
+    let animation = &gltf.animations[0];
+    for (time, degrees) in [(0.0, 0.0f64), (0.5, 0.0), (1.0, 45.0), (1.5, 90.0), (7.0, 90.0)] {
+        let matrices = gltf.joint_matrices(skin, &gltf.world_matrices(Some((animation, time))));
+        // The shoulder at (0, 1, 0) turns all there is.
+        let turn = DMat4::from_translation(DVec3::Y)
+            * DMat4::from_rotation_z(degrees.to_radians())
+            * DMat4::from_translation(-DVec3::Y);
+        for (joint, point) in [(0, DVec3::new(0.5, 1.0, 2.0)), (1, DVec3::new(2.0, 1.0, 0.0))] {
+            let found = matrices[joint].transform_point3(point);
+            assert!((found - turn.transform_point3(point)).length() < 1e-4, "{time} {joint}: {found}");
+        }
+    }
+    assert_eq!((&gltf.nodes[0].weights[..], gltf.nodes[2].parent), (&[0.25, 0.5][..], Some(1)));
+    assert_eq!((animation.name.as_str(), animation.channels.len()), ("animation 0", 2));
+    assert!(gltf.notes[0].contains("2 channels of no morph target or node are left out"), "{:?}", gltf.notes);
+    let source = gltf.into_source().unwrap();
+    assert_eq!(source.positions[2], Vec3::new(2.0, 1.0, 0.0), "as it was bound, without the node's own transform");
+    assert!(source.notes.iter().any(|note| note.contains("has a skin")), "{:?}", source.notes);
+}
+
+#[test]
+fn clips_are_sampled_at_a_frame_rate_or_at_their_keys() {
+    let file = arm();
+    let gltf = file.read().unwrap();
+    let clip = |fps| gltf.clip(&gltf.animations[0], fps).unwrap();
+    // Two keys, a second apart.
+    let keys = clip(None);
+    assert_eq!(
+        (keys.fps, &keys.names[..], &keys.values[..]),
+        (1.0, &["a".to_owned(), "b".to_owned()][..], &[0.0, 1.0, 1.0, 0.0][..])
+    );
+    assert_eq!(clip(Some(4.0)).values, [0.0, 1.0, 0.25, 0.75, 0.5, 0.5, 0.75, 0.25, 1.0, 0.0]);
+    // The last key is there, also between two frames.
+    assert_eq!(clip(Some(1.5)).values[4..], [1.0, 0.0]);
+    for fps in [0.0, f32::NAN, -1.0] {
+        assert!(gltf.clip(&gltf.animations[0], Some(fps)).unwrap_err().to_string().contains("frame rate"));
+    }
+    let refused = gltf.clip(&gltf.animations[0], Some(1e9)).unwrap_err().to_string();
+    assert!(refused.starts_with("a.glb: animation 'animation 0': more than 2^24 weights; "), "{refused}");
+    assert!(gltf.clip(&Animation::default(), None).unwrap_err().to_string().contains("no weights of morph targets"));
+
+    // Steps at 30 frames per second, in single precision: each frame has its own key.
+    let times: Vec<f32> = (0..200).map(|i| 0.0475 + i as f32 / 30.0).collect();
+    let values: Vec<f32> = (0..400).map(|i| (i / 2) as f32).collect();
+    let mut steps = gltf.clone();
+    steps.animations[0].channels = vec![channel(Property::Weights, Interpolation::Step, &times, &values)];
+    let clip = steps.clip(&steps.animations[0], None).unwrap();
+    assert_eq!((clip.fps, &clip.values), (30.0, &values));
+    let uneven = channel(Property::Weights, Interpolation::Step, &[0.0, 0.1, 0.5], &values[..6]);
+    steps.animations[0].channels = vec![uneven];
+    assert_eq!(steps.clip(&steps.animations[0], None).unwrap().fps, crate::import::DEFAULT_FPS);
+}
+
+#[test]
+fn meshes_with_targets_are_merged_where_they_stand() {
+    let mut file = Written::default();
+    let corners = file.floats(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    let delta = file.floats(&[[0.0, 0.0, 1.0]; 3]);
+    let mesh = |name: &str, targets: &[&str]| {
+        let morphs = vec![json!({"POSITION": delta}); targets.len()];
+        json!({"name": name, "extras": {"targetNames": targets}, "primitives": [{"attributes": {"POSITION": corners}, "targets": morphs}]})
+    };
+    file.json["meshes"] = json!([mesh("head", &["jaw", "blink"]), mesh("eye", &[]), mesh("teeth", &["jaw"])]);
+    file.json["nodes"] =
+        json!([{"mesh": 0, "scale": [2, 2, 2]}, {"mesh": 1}, {"mesh": 2, "translation": [0, 0, 5]}, {"mesh": 2}]);
+    let source = file.read().unwrap().into_source().unwrap();
+    assert_eq!((source.positions[1], source.positions[3]), (Vec3::X * 2.0, Vec3::Z * 5.0));
+    assert_eq!(
+        source.targets.iter().map(|t| (t.name.as_str(), t.positions.len())).collect::<Vec<_>>(),
+        [("jaw", 6), ("blink", 3)]
+    );
+    assert_eq!((source.targets[0].positions[0].1, source.targets[0].positions[3]), (Vec3::Z * 2.0, (3, Vec3::Z)));
+    for note in [
+        "left out: 'eye'",
+        "merged, targets of one name moved together: 'head', 'teeth'",
+        "'teeth' is drawn by 2 nodes",
+    ] {
+        assert!(source.notes.iter().any(|n| n.contains(note)), "{note}: {:?}", source.notes);
+    }
+    assert_eq!(source.welds, [0, 1, 2, 3, 4, 5]);
+    source.to_mesh(Tolerance::default()).unwrap();
+    file.json["nodes"][0]["scale"] = json!([1, 0, 1]);
+    let refused = file.read().unwrap().into_source().unwrap_err().to_string();
+    assert!(refused.contains("the transform of node 0 '' flattens its mesh; "), "{refused}");
+    file.json["meshes"] = json!([mesh("eye", &[])]);
+    file.json["nodes"] = json!([]);
+    assert_eq!(file.read().unwrap().into_source().unwrap().positions.len(), 3);
+}
