@@ -25,7 +25,6 @@ use crate::update::animated::{Animated, AnimationDesc, Clips};
 use crate::update::{Runner, technique};
 use ash::vk;
 use base::CrowdBase;
-use std::any::Any;
 use std::sync::Arc;
 
 /// The engine: the host's device and the pipelines made so far.
@@ -48,8 +47,9 @@ use std::sync::Arc;
 ///   newer of the crowd is submitted.
 /// - At most [`CrowdDesc::frames_in_flight`] updates of a crowd are recorded and not yet finished. Updates that
 ///   recorded nothing and discarded ones do not count.
-/// - Engine, meshes and crowds are dropped only when the device has finished with them, and before the device
-///   is destroyed. An allocator that the host shares is not locked by the host meanwhile.
+/// - Engine, meshes and crowds are dropped only when the device has finished with them, in any order, and before the
+///   device is destroyed: an [`owner`](field@DeviceDesc::owner) that they keep alive sees to that. An allocator that the host
+///   shares is not locked by the host meanwhile.
 pub struct MorphEngine {
     pub(crate) device: Arc<Device>,
     kernels: Kernels,
@@ -63,23 +63,14 @@ impl MorphEngine {
     ///
     /// # Safety
     /// - The handles of `desc` are alive, belong together (the pipeline cache may be null), are of Vulkan 1.1 or later,
-    ///   and outlive the engine and all it creates. An allocator that is handed in was made on the same device, without
-    ///   `buffer_device_address` unless the device has that feature enabled.
+    ///   and outlive the engine and all it creates, or live as long as the clones of `desc.owner`. An allocator that is
+    ///   handed in was made on the same device, without `buffer_device_address` unless the device has that feature enabled.
     /// - `desc.caps` does not exceed what the device has.
     /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled on the device, and
     ///   `desc.enabled_features` has no other features than those that were.
     pub unsafe fn new(desc: &DeviceDesc<'_>) -> Result<Self> {
-        // SAFETY: the caller's obligations.
-        unsafe { Self::on(desc, None) }
-    }
-
-    /// An engine that keeps `owner` alive, and so does all that it makes.
-    ///
-    /// # Safety
-    /// As [`new`](Self::new); what lives as long as `owner` lives long enough.
-    pub(crate) unsafe fn on(desc: &DeviceDesc<'_>, owner: Option<Arc<dyn Any + Send + Sync>>) -> Result<Self> {
         // SAFETY: the caller's obligations are those of `borrow`.
-        let device = Arc::new(unsafe { Device::borrow(desc, owner) }?);
+        let device = Arc::new(unsafe { Device::borrow(desc) }?);
         Ok(Self { kernels: Kernels::new(&device), device })
     }
 

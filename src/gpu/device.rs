@@ -11,8 +11,31 @@ use std::any::Any;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// A gpu-allocator that host and engine may share.
-pub type SharedAllocator = Arc<Mutex<Allocator>>;
+/// What keeps handles of the host's alive: dropped when the last of ours that needs them is.
+pub(crate) type Owner = Arc<dyn Any + Send + Sync>;
+
+/// A gpu-allocator that host and engine share. Clones are of the same allocator, and each keeps what owns its device
+/// alive: the last of them frees the memory before that goes, in whatever order clones are dropped.
+#[derive(Clone)]
+pub struct SharedAllocator {
+    allocator: Arc<Mutex<Allocator>>,
+    // Drops after the allocator.
+    _owner: Option<Owner>,
+}
+
+impl SharedAllocator {
+    /// An allocator and what owns its device: a value that destroys the device when it is dropped. With `None`, and with
+    /// clones of the `Arc` that the host keeps beside this, the host sees to it that the allocator goes before its device.
+    pub fn new(allocator: Arc<Mutex<Allocator>>, owner: Option<Arc<dyn Any + Send + Sync>>) -> Self {
+        Self { allocator, _owner: owner }
+    }
+
+    /// The allocator, locked: not to be held while the engine makes or drops anything. A panic elsewhere while it was
+    /// locked does not spoil it.
+    pub fn lock(&self) -> MutexGuard<'_, Allocator> {
+        self.allocator.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
 
 /// What the host hands in: made by [`new`](Self::new), then changed field by field.
 #[non_exhaustive]
@@ -39,6 +62,10 @@ pub struct DeviceDesc<'a> {
     /// MiB, of which one is kept for each type of memory. A host with many meshes, or near the device's limit of
     /// allocations (`maxMemoryAllocationCount`), hands in its own.
     pub allocator: Option<SharedAllocator>,
+    /// What owns the handles, such as an `Arc` of the host's that destroys the device when it is dropped. The engine and
+    /// all that it makes keep it alive, so that they and the host's own clones may be dropped in any order. `None`: the
+    /// host destroys the device after the last of them.
+    pub owner: Option<Arc<dyn Any + Send + Sync>>,
 }
 
 setters!(DeviceDesc<'a> {
@@ -47,6 +74,7 @@ setters!(DeviceDesc<'a> {
     enabled_features: vk::PhysicalDeviceFeatures,
     pipeline_cache: vk::PipelineCache,
     allocator: Option<SharedAllocator>,
+    owner: Option<Arc<dyn Any + Send + Sync>>,
 });
 
 impl<'a> DeviceDesc<'a> {
@@ -61,6 +89,7 @@ impl<'a> DeviceDesc<'a> {
             enabled_features: vk::PhysicalDeviceFeatures::default(),
             pipeline_cache: vk::PipelineCache::null(),
             allocator: None,
+            owner: None,
         }
     }
 }
@@ -79,14 +108,14 @@ pub(crate) struct Device {
     /// Buffers with memory of their own, and how many may have: none from a host's allocator.
     dedicated: AtomicU32,
     dedicated_most: u32,
-    /// What owns the handles, where that is not the host. Drops last.
-    _owner: Option<Arc<dyn Any + Send + Sync>>,
+    /// What owns the handles. Drops last.
+    _owner: Option<Owner>,
 }
 
 impl Device {
     /// # Safety
-    /// As [`MorphEngine::new`](crate::MorphEngine::new); the handles live as long as `owner`, where there is one.
-    pub(crate) unsafe fn borrow(desc: &DeviceDesc<'_>, owner: Option<Arc<dyn Any + Send + Sync>>) -> Result<Self> {
+    /// As [`MorphEngine::new`](crate::MorphEngine::new).
+    pub(crate) unsafe fn borrow(desc: &DeviceDesc<'_>) -> Result<Self> {
         let mut caps = match &desc.caps {
             Some(caps) => caps.clone(),
             // SAFETY: physical device and instance belong together and are alive: the caller's obligation.
@@ -102,8 +131,8 @@ impl Device {
         let dedicated_most = if desc.allocator.is_none() { DEDICATED_MOST } else { 0 };
         let allocator = match &desc.allocator {
             Some(allocator) => allocator.clone(),
-            None => Arc::new(Mutex::new(
-                Allocator::new(&AllocatorCreateDesc {
+            None => {
+                let allocator = Allocator::new(&AllocatorCreateDesc {
                     instance: desc.instance.clone(),
                     device: desc.device.clone(),
                     physical_device: desc.physical_device,
@@ -113,8 +142,9 @@ impl Device {
                         .with_max_device_memblock_size(64 << 20)
                         .with_max_host_memblock_size(64 << 20),
                 })
-                .map_err(|e| allocation_failed("the allocator", 0, &e))?,
-            )),
+                .map_err(|e| allocation_failed("the allocator", 0, &e))?;
+                SharedAllocator::new(Arc::new(Mutex::new(allocator)), desc.owner.clone())
+            }
         };
         Ok(Self {
             raw: desc.device.clone(),
@@ -124,7 +154,7 @@ impl Device {
             allocator,
             dedicated: AtomicU32::new(0),
             dedicated_most,
-            _owner: owner,
+            _owner: desc.owner.clone(),
         })
     }
 
@@ -161,9 +191,8 @@ impl Device {
         let _ = self.allocator().free(allocation);
     }
 
-    /// The allocator; a panic elsewhere while it was locked does not spoil it for us.
     pub(crate) fn allocator(&self) -> MutexGuard<'_, Allocator> {
-        self.allocator.lock().unwrap_or_else(PoisonError::into_inner)
+        self.allocator.lock()
     }
 }
 

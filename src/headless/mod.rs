@@ -269,10 +269,11 @@ impl Headless {
         let engine_desc = DeviceDesc::new(&owned.instance.raw, physical, &owned.device)
             .caps(Some(caps))
             .transform_feedback_enabled(feedback_enabled)
-            .enabled_features(features);
+            .enabled_features(features)
+            .owner(Some(owned.clone()));
         // SAFETY: the handles belong together, and the engine and all it makes keep them alive; the limits are the
         // device's or lower.
-        let engine = unsafe { MorphEngine::on(&engine_desc, Some(owned.clone())) }?;
+        let engine = unsafe { MorphEngine::new(&engine_desc) }?;
         let submitter = Submitter::new(&owned.device, family, timestamp_bits, nanoseconds)?;
         Ok(Self { submitter, engine, owned })
     }
