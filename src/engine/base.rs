@@ -13,7 +13,7 @@ use crate::pack::PackedLayout;
 use crate::pack::blocks::PoseGrid;
 use crate::plan::instances::Instances;
 use crate::plan::schedule::Schedule;
-use crate::plan::steps::{Steps, Use, Work};
+use crate::plan::steps::{Resource, Steps, Use, Work};
 use crate::plan::{CrowdDesc, UpdateStats};
 use crate::update::technique::{Context, PoseGroup, Poses, Technique, UpdateId};
 use ash::vk;
@@ -245,6 +245,17 @@ impl CrowdBase {
 
     pub(crate) fn shown(&self) -> impl Iterator<Item = u32> {
         self.instances.requested().zip(0..).filter_map(|(requested, i)| requested.map(|_| i))
+    }
+
+    /// The groups of the mesh, and the poses in them.
+    pub(crate) fn groups(&self) -> &[PoseGroup] {
+        &self.groups
+    }
+
+    /// What the steps of the update that wrote poses last did to them.
+    pub(super) fn writes_of_poses(&self) -> impl Iterator<Item = &'static Use> {
+        let uses = self.wrote.iter().flat_map(|uses| uses.iter());
+        uses.filter(|used| used.memory == Resource::Poses && used.access.writes())
     }
 
     pub(super) fn layout(&self) -> &PackedLayout {

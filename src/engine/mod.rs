@@ -3,6 +3,7 @@
 mod base;
 mod crowd;
 mod decode;
+mod readback;
 mod record;
 mod upload;
 mod views;
@@ -10,6 +11,7 @@ mod views;
 pub use base::{AnyCrowd, Ticket, Update};
 pub use crowd::{AnimatedCrowd, Crowd};
 pub use decode::DecodeTarget;
+pub use readback::{PoseReadback, ReadPose};
 pub use upload::GpuMesh;
 pub use views::{PoseView, StreamView};
 

@@ -17,6 +17,20 @@ pub(crate) unsafe fn record(device: &ash::Device, cmd: vk::CommandBuffer, barrie
     unsafe { device.cmd_pipeline_barrier(cmd, stages(before), stages(after), flags, &[memory], &[], &[]) };
 }
 
+/// Record the barrier after copies to host memory: the host sees them, and stages of `writers` wait before they write what
+/// was copied.
+///
+/// # Safety
+/// As [`record`].
+pub(crate) unsafe fn record_read_back(device: &ash::Device, cmd: vk::CommandBuffer, writers: Scope) {
+    use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
+    let memory =
+        vk::MemoryBarrier::default().src_access_mask(Access::TRANSFER_WRITE).dst_access_mask(Access::HOST_READ);
+    let (none, after) = (vk::DependencyFlags::empty(), Stage::HOST | stages(writers));
+    // SAFETY: the caller's obligations.
+    unsafe { device.cmd_pipeline_barrier(cmd, Stage::TRANSFER, after, none, &[memory], &[], &[]) };
+}
+
 fn stages(scope: Scope) -> vk::PipelineStageFlags {
     use vk::PipelineStageFlags as Flags;
     let flags = [

@@ -5,7 +5,7 @@ mod read;
 use super::Headless;
 use super::draw::PoseDraw;
 use super::submit::Readback;
-use crate::engine::{AnimatedCrowd, AnyCrowd, Crowd, DecodeTarget, GpuMesh, Ticket, Update};
+use crate::engine::{AnimatedCrowd, AnyCrowd, Crowd, DecodeTarget, GpuMesh, PoseReadback, Ticket, Update};
 use crate::error::{Error, Result};
 use crate::pack::PackedMesh;
 use crate::plan::CrowdDesc;
@@ -47,6 +47,7 @@ pub struct HeadlessCrowd<'a, C = Crowd> {
     crowd: C,
     draw: PoseDraw,
     readback: Readback,
+    poses: PoseReadback,
     /// Recorded and not yet submitted, in order. The lists of others may have been overwritten.
     waiting: VecDeque<Ticket>,
 }
@@ -121,7 +122,8 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         let pose = crowd.base().view(0, 0, 0);
         let draw = PoseDraw::new(device, pose.format, pose.units, Some(mesh.groups[0].base_pose()))?;
         let readback = Readback::new(device, mesh.layout().base_bytes())?;
-        Ok(Self { headless, mesh, crowd, draw, readback, waiting: VecDeque::new() })
+        let poses = headless.engine.readback();
+        Ok(Self { headless, mesh, crowd, draw, readback, poses, waiting: VecDeque::new() })
     }
 
     /// The crowd. There is no way to change it but the methods here: a crowd of another device must not take its place.

@@ -150,7 +150,8 @@ impl<M> Use<M> {
         Self::new(memory, Stage::Transfer, Access::TransferWrite)
     }
 
-    pub(super) const fn scope(&self) -> Scope {
+    /// Its side of a barrier.
+    pub(crate) const fn scope(&self) -> Scope {
         Scope { stages: self.stage as u8, accesses: self.access as u8 }
     }
 }

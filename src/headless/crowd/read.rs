@@ -5,7 +5,7 @@ use super::HeadlessCrowd;
 use crate::engine::Crowd;
 use crate::engine::{AnimatedCrowd, AnyCrowd, PoseView};
 use crate::error::Result;
-use crate::gpu::descriptors::BufferRange;
+use crate::headless::submit::full_barrier;
 use crate::update::animated::PlannedGroup;
 use ash::vk;
 
@@ -23,8 +23,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
             let view = self.headless.submitter.run(|cmd| unsafe { engine.record_capture(cmd, crowd, instance) })?;
             return self.read_view(view, 0);
         }
-        let view = self.crowd.base().group_pose(instance, 0)?;
-        self.read_view(view, 0)
+        self.read_view(self.crowd.base().group_pose(instance, 0)?, 0)
     }
 
     /// Read the previous pose of an instance back; `None` where the update had to overwrite it.
@@ -80,15 +79,16 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
 
     /// The pose of a view in a group, decoded, in the user's order of vertices.
     fn read_view(&mut self, view: PoseView, group: usize) -> Result<Vec<f32>> {
-        let base = match view.format.has_integers() {
-            true => {
-                let BufferRange { buffer, offset, size } = self.mesh.groups[group].base_pose();
-                self.read((buffer, offset, size))?
-            }
-            false => vec![],
-        };
-        let pose: Vec<u8> = self.read((view.buffer, view.offset, view.size))?;
-        Ok(self.mesh.layout().to_user_order(&view.format.decode(&pose, &base, view.units)))
+        let Self { headless, crowd, poses, .. } = self;
+        headless.submitter.run(|cmd| {
+            // Also after what an update did with a barrier taken out, and after captures.
+            full_barrier(&headless.submitter.device, cmd, vk::PipelineStageFlags::ALL_COMMANDS);
+            // SAFETY: the buffer is recording on the engine's device; `run` waits.
+            unsafe { poses.record_views(cmd, crowd.base(), &[(0, group, view)]) }
+        })?;
+        // SAFETY: as above.
+        let mut read = unsafe { poses.decoded() }?;
+        Ok(read.pop().unwrap_or_default())
     }
 
     /// A buffer, an offset and a size, read back.

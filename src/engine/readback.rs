@@ -1,0 +1,186 @@
+//! Poses copied to host memory, and decoded there.
+
+use super::MorphEngine;
+use super::base::{AnyCrowd, CrowdBase};
+use super::views::PoseView;
+use crate::asset::streams::{Semantic, StreamPlace};
+use crate::error::Result;
+use crate::gpu::barriers;
+use crate::gpu::device::Device;
+use crate::gpu::memory::Buffer;
+use crate::gpu::mesh::MeshBuffers;
+use crate::pack::POSE_FLOATS;
+use crate::plan::schedule::Barrier;
+use crate::plan::steps::{Access, Resource, Stage, Use};
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use std::sync::Arc;
+
+/// Host memory that poses are copied to: for tools, picking, collision, export, tests. It may be used again once the copies
+/// recorded with it have finished.
+pub struct PoseReadback {
+    device: Arc<Device>,
+    buffer: Option<Buffer>,
+    /// Bytes that it has room for.
+    bytes: u64,
+    copies: Vec<CopiedPose>,
+}
+
+/// A pose of a group in the buffer.
+struct CopiedPose {
+    instance: u32,
+    group: usize,
+    mesh: Arc<MeshBuffers>,
+    view: PoseView,
+    at: u64,
+    /// Where the base pose is, which integers are displacements from.
+    base_at: u64,
+}
+
+/// A pose that was read back, in the order of the mesh that was packed, without padding.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct ReadPose {
+    /// The instance.
+    pub instance: u32,
+    /// Six numbers a vertex: position in input units, and normal, not normalised.
+    pub vertices: Vec<f32>,
+    /// The other streams of the mesh: their [components](Semantic::components), vertex after vertex.
+    pub streams: Vec<(Semantic, Vec<f32>)>,
+}
+
+impl MorphEngine {
+    /// Memory for reading poses back: none yet, as much as they take when they are [recorded](PoseReadback::record).
+    pub fn readback(&self) -> PoseReadback {
+        PoseReadback { device: self.device.clone(), buffer: None, bytes: 0, copies: vec![] }
+    }
+}
+
+impl PoseReadback {
+    /// Record copies of the poses of `instances`, in the place of what was recorded before. It comes after the update that
+    /// writes them, in the same command buffer or a later one.
+    ///
+    /// This records: a barrier from the stages that write poses to copies (TRANSFER with TRANSFER_READ), whatever the
+    /// [consumers](crate::CrowdDesc::consumers) of the crowd are; the copies, of the base pose besides where poses are
+    /// integers; and a barrier that makes them visible to the host (HOST with HOST_READ), and that later updates wait for.
+    ///
+    /// # Errors
+    /// A crowd that another engine made; as [`Crowd::pose`](super::Crowd::pose), for each instance; no memory. Nothing is
+    /// recorded then.
+    ///
+    /// # Safety
+    /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and without
+    ///   active conditional rendering, on the queue that updates of the crowd run on. It runs after the updates of the crowd
+    ///   that were recorded so far, and before later ones.
+    /// - What was recorded with this value before has finished, or never runs.
+    /// - This value and the crowd live until the device has finished.
+    pub unsafe fn record(&mut self, cmd: vk::CommandBuffer, crowd: &impl AnyCrowd, instances: &[u32]) -> Result<()> {
+        let base = crowd.base();
+        base.check_device(&self.device)?;
+        let groups = 0..base.groups().len();
+        let each = instances.iter().flat_map(|&instance| groups.clone().map(move |group| (instance, group)));
+        let views = each.map(|(instance, group)| Ok((instance, group, base.group_pose(instance, group)?)));
+        let views = views.collect::<Result<Vec<_>>>()?;
+        // SAFETY: the caller's obligations.
+        unsafe { self.record_views(cmd, base, &views) }
+    }
+
+    /// Record copies of views of a crowd's poses: instance, group and view.
+    ///
+    /// # Safety
+    /// As [`record`](Self::record).
+    pub(crate) unsafe fn record_views(
+        &mut self,
+        cmd: vk::CommandBuffer,
+        crowd: &CrowdBase,
+        views: &[(u32, usize, PoseView)],
+    ) -> Result<()> {
+        let (mut bytes, mut regions) = (0, vec![]);
+        let mut place = |buffer: vk::Buffer, offset, size| {
+            regions.push((buffer, vk::BufferCopy { src_offset: offset, dst_offset: bytes, size }));
+            bytes += size;
+            bytes - size
+        };
+        let bases: Vec<u64> = crowd
+            .groups()
+            .iter()
+            .map(|group| {
+                let base = group.mesh.base_pose();
+                if group.poses.format.has_integers() { place(base.buffer, base.offset, base.size) } else { 0 }
+            })
+            .collect();
+        self.copies.clear();
+        for &(instance, group, view) in views {
+            let at = place(view.buffer, view.offset, view.size);
+            let mesh = crowd.groups()[group].mesh.clone();
+            self.copies.push(CopiedPose { instance, group, mesh, view, at, base_at: bases[group] });
+        }
+        if bytes > self.bytes || self.buffer.is_none() {
+            // What is there goes first.
+            (self.buffer, self.bytes) = (None, bytes);
+            let usage = vk::BufferUsageFlags::TRANSFER_DST;
+            let buffer = Buffer::new(&self.device, "deltamorph read-back", bytes, usage, MemoryLocation::GpuToCpu)?;
+            self.buffer = Some(buffer);
+        }
+        let Some(buffer) = &self.buffer else { return Ok(()) };
+        let written: Vec<Use> = crowd.writes_of_poses().copied().chain([Use::copy(Resource::Asset)]).collect();
+        let read = [Resource::Poses, Resource::Asset].map(|all| Use::new(all, Stage::Transfer, Access::TransferRead));
+        let before = Barrier::between(&written, &read);
+        let (device, writers) =
+            (&self.device.raw, written.iter().map(Use::scope).reduce(|a, b| a | b).unwrap_or_default());
+        // SAFETY: the caller's obligations; regions lie within their buffers, and the copies before have finished.
+        unsafe {
+            before.iter().for_each(|barrier| barriers::record(device, cmd, barrier));
+            for (from, region) in regions {
+                device.cmd_copy_buffer(cmd, from, buffer.raw, &[region]);
+            }
+            barriers::record_read_back(device, cmd, writers);
+        }
+        Ok(())
+    }
+
+    /// The poses that were recorded last, in that order, decoded.
+    ///
+    /// # Errors
+    /// Memory that is not mapped.
+    ///
+    /// # Safety
+    /// The command buffer that they were recorded into has finished: the host has waited for its fence.
+    pub unsafe fn poses(&mut self) -> Result<Vec<ReadPose>> {
+        // SAFETY: the caller's obligation.
+        let decoded = unsafe { self.decoded() }?;
+        let mut poses: Vec<ReadPose> = vec![];
+        for (CopiedPose { instance, group, mesh, .. }, vertices) in self.copies.iter().zip(decoded) {
+            if *group == 0 {
+                poses.push(ReadPose { instance: *instance, vertices, streams: vec![] });
+                continue;
+            }
+            let vertices = || vertices.as_chunks::<POSE_FLOATS>().0.iter();
+            let stream = |place: &StreamPlace| {
+                (place.semantic, vertices().flat_map(|vertex| &vertex[place.components()]).copied().collect())
+            };
+            poses.last_mut().into_iter().for_each(|pose| pose.streams.extend(mesh.layout.streams.iter().map(stream)));
+        }
+        Ok(poses)
+    }
+
+    /// As [`poses`](Self::poses), by view: six numbers a vertex.
+    ///
+    /// # Safety
+    /// As there.
+    pub(crate) unsafe fn decoded(&mut self) -> Result<Vec<Vec<f32>>> {
+        let Some(buffer) = &mut self.buffer else { return Ok(vec![]) };
+        let bytes: &[u8] = buffer.mapped()?;
+        let decode = |CopiedPose { mesh, view, at, base_at, .. }: &CopiedPose| {
+            let pose = &bytes[*at as usize..][..view.size as usize];
+            let base = match view.format.has_integers() {
+                true => &bytes[*base_at as usize..][..mesh.layout.base_bytes() as usize],
+                false => &[],
+            };
+            // Base poses may be at any multiple of four bytes.
+            let base: Vec<f32> = base.as_chunks().0.iter().map(|bytes| f32::from_ne_bytes(*bytes)).collect();
+            mesh.layout.to_user_order(&view.format.decode(pose, &base, view.units))
+        };
+        Ok(self.copies.iter().map(decode).collect())
+    }
+}
