@@ -67,8 +67,8 @@ pub use asset::{
 };
 pub use cpu::CpuCrowd;
 pub use engine::{
-    AnimatedCrowd, AnyCrowd, Crowd, DecodeTarget, GpuMesh, MorphEngine, PoseReadback, PoseView,
-    ReadPose, StreamView, Ticket, Update,
+    AnimatedCrowd, AnyCrowd, Crowd, CrowdSet, DecodeTarget, GpuMesh, MorphEngine, PoseReadback, PoseView, ReadPose,
+    StreamView, Ticket, Update,
 };
 pub use error::{Error, ErrorKind, Result};
 pub use gpu::caps::{DeviceCaps, DeviceKind, Requirement, TransformFeedbackCaps, requirements};

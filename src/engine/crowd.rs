@@ -5,10 +5,11 @@ use super::base::{AnyCrowd, CrowdBase, Ticket, pose_bytes};
 use super::views::{PoseView, StreamView};
 use crate::asset::streams::Semantic;
 use crate::error::Result;
-use crate::pack::PackedMesh;
+use crate::pack::{PackedLayout, PackedMesh};
 use crate::plan::CrowdDesc;
-use crate::plan::instances::check_weights;
+use crate::plan::instances::{check_weight, check_weights};
 use crate::update::animated::{Animated, Clips, Playback};
+use crate::weights::names::unknown;
 
 /// Instances of one mesh on the device, whose weights are set. [`MorphEngine`](crate::MorphEngine)
 /// says what the caller is responsible for.
@@ -155,9 +156,59 @@ impl Crowd {
     /// An instance out of range or removed; a wrong number of weights; one that is not finite or out of range; more
     /// active targets than a draw of `direct-attributes` takes. Nothing changes then.
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
-        check_weights(weights, self.base.layout(), self.base.grid())?;
-        self.base.technique.check_weights(weights)?;
+        self.check_weights(instance, weights)?;
         self.base.instances.set_weights(instance, weights)
+    }
+
+    pub(super) fn check_weights(&self, instance: u32, weights: &[f32]) -> Result<()> {
+        self.base.instances.check(instance)?;
+        check_weights(weights, self.base.layout(), self.base.grid())?;
+        self.base.technique.check_weights(weights)
+    }
+
+    /// Request the weight of one target, from the next recorded update on; the others stay as requested. `target` counts
+    /// in the mesh's order, as [`PackedLayout::target_index`](crate::PackedLayout::target_index) does.
+    ///
+    /// # Errors
+    /// A target out of range; else as [`set_weights`](Self::set_weights). Nothing changes then.
+    pub fn set_weight(&mut self, instance: u32, target: usize, weight: f32) -> Result<()> {
+        let base = &mut self.base;
+        base.instances.check(instance)?;
+        check_weight(target, weight, base.layout(), base.grid())?;
+        let before = base.instances.set_weight(instance, target, weight)?;
+        let checked = base.technique.check_weights(base.instances.weights(instance)?);
+        if checked.is_err() {
+            base.instances.set_weight(instance, target, before)?;
+        }
+        checked
+    }
+
+    /// Request the weight of the target called `name`, of several the first: as [`set_weight`](Self::set_weight), after a
+    /// search through the names.
+    ///
+    /// # Errors
+    /// No such target, with the one that was probably meant; else as [`set_weights`](Self::set_weights).
+    pub fn set_weight_by_name(&mut self, instance: u32, name: &str, weight: f32) -> Result<()> {
+        let layout = self.base.layout();
+        let target = layout.target_index(name).ok_or_else(|| {
+            let names: Vec<&str> = layout.targets.iter().map(|target| &*target.name).collect();
+            unknown(format!("mesh '{}' has no target '{name}'", layout.name), name, &names)
+        })?;
+        self.set_weight(instance, target, weight)
+    }
+
+    /// The weights requested of `instance`, one per target in the mesh's order, as they were set: poses of integers round
+    /// them to their grid, and an error budget may hold some back.
+    ///
+    /// # Errors
+    /// An instance out of range or removed.
+    pub fn weights(&self, instance: u32) -> Result<&[f32]> {
+        self.base.instances.weights(instance)
+    }
+
+    /// Names, steps and sizes of the mesh: of positions and normals.
+    pub fn layout(&self) -> &PackedLayout {
+        self.base.layout()
     }
 }
 

@@ -5,6 +5,7 @@ mod crowd;
 mod decode;
 mod readback;
 mod record;
+mod set;
 mod upload;
 mod views;
 
@@ -12,6 +13,7 @@ pub use base::{AnyCrowd, Ticket, Update};
 pub use crowd::{AnimatedCrowd, Crowd};
 pub use decode::DecodeTarget;
 pub use readback::{PoseReadback, ReadPose};
+pub use set::CrowdSet;
 pub use upload::GpuMesh;
 pub use views::{PoseView, StreamView};
 

@@ -267,6 +267,12 @@ impl PackedLayout {
         Ok(render)
     }
 
+    /// The index of the target called `name`, of several the first. This looks through the names: where weights are set every
+    /// frame, look it up once.
+    pub fn target_index(&self, name: &str) -> Option<usize> {
+        self.targets.iter().position(|target| target.name == name)
+    }
+
     /// A pose as pose buffers hold it (padding and all), in the user's vertex order and without padding.
     ///
     /// # Panics

@@ -59,6 +59,16 @@ impl Instances {
         Ok(())
     }
 
+    /// The weights requested of `instance`.
+    pub fn weights(&self, instance: u32) -> Result<&[f32]> {
+        Ok(&self.places[self.check(instance)?].weights)
+    }
+
+    /// Request one weight of `instance`, which was checked, and return the one before.
+    pub fn set_weight(&mut self, instance: u32, target: usize, weight: f32) -> Result<f32> {
+        Ok(std::mem::replace(&mut self.place(instance)?.weights[target], weight))
+    }
+
     /// The next pose of `instance` has no predecessor.
     pub fn cut(&mut self, instance: u32) -> Result<()> {
         self.place(instance)?.history.cut();
@@ -209,14 +219,34 @@ impl History {
 /// # Errors
 /// A wrong number of weights, or one that is out of range; the message names it.
 pub(crate) fn check_weights(weights: &[f32], layout: &PackedLayout, grid: Option<PoseGrid>) -> Result<()> {
-    let name = |i: usize| layout.targets.get(i).map(|t| t.name.as_str());
-    delta::check_weights(weights, name, layout.targets.len())?;
-    let most = grid.map_or(delta::WEIGHT_MAX, |grid| grid.weight_max);
-    match weights.iter().position(|w| w.abs() > most) {
-        None => Ok(()),
-        Some(i) => Err(Error::invalid(
-            format!("the weight of target {i} ('{}') is {}", name(i).unwrap_or("?"), weights[i]),
-            format!("poses of integers hold weights from -{most} to {most} here: use a larger weight_max"),
-        )),
+    delta::check_weights(weights, |i| name(layout, i), layout.targets.len())?;
+    weights.iter().enumerate().try_for_each(|(target, &weight)| check_grid(target, weight, layout, grid))
+}
+
+/// Check the weight of a target, as [`check_weights`] does.
+///
+/// # Errors
+/// No such target; a weight that is out of range.
+pub(crate) fn check_weight(target: usize, weight: f32, layout: &PackedLayout, grid: Option<PoseGrid>) -> Result<()> {
+    if target >= layout.targets.len() {
+        let text = format!("target {target} of mesh '{}', which has {}", layout.name, layout.targets.len());
+        return Err(Error::invalid(text, "count targets from 0"));
     }
+    delta::check_weight(target, weight, |i| name(layout, i))?;
+    check_grid(target, weight, layout, grid)
+}
+
+fn name(layout: &PackedLayout, target: usize) -> Option<&str> {
+    layout.targets.get(target).map(|target| target.name.as_str())
+}
+
+fn check_grid(target: usize, weight: f32, layout: &PackedLayout, grid: Option<PoseGrid>) -> Result<()> {
+    let most = grid.map_or(delta::WEIGHT_MAX, |grid| grid.weight_max);
+    if weight.abs() <= most {
+        return Ok(());
+    }
+    Err(Error::invalid(
+        format!("the weight of target {target} ('{}') is {weight}", name(layout, target).unwrap_or("?")),
+        format!("poses of integers hold weights from -{most} to {most} here: use a larger weight_max"),
+    ))
 }

@@ -42,9 +42,19 @@ pub fn check_weights<'a>(weights: &[f32], name: impl Fn(usize) -> Option<&'a str
             "pass one weight for each target, in the order of the mesh",
         ));
     }
-    let Some(i) = weights.iter().position(|w| !(-WEIGHT_MAX..=WEIGHT_MAX).contains(w)) else { return Ok(()) };
+    weights.iter().enumerate().try_for_each(|(target, &weight)| check_weight(target, weight, &name))
+}
+
+/// Check the weight of a target: finite, and not beyond [`WEIGHT_MAX`].
+///
+/// # Errors
+/// It is out of range; the message names the target.
+pub fn check_weight<'a>(target: usize, weight: f32, name: impl Fn(usize) -> Option<&'a str>) -> Result<()> {
+    if (-WEIGHT_MAX..=WEIGHT_MAX).contains(&weight) {
+        return Ok(());
+    }
     Err(Error::invalid(
-        format!("the weight of target {i} ('{}') is {}", name(i).unwrap_or("?"), weights[i]),
+        format!("the weight of target {target} ('{}') is {weight}", name(target).unwrap_or("?")),
         format!("weights may be negative or above one, but must be numbers from -{WEIGHT_MAX} to {WEIGHT_MAX}"),
     ))
 }

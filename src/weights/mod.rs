@@ -1,8 +1,11 @@
-//! Weight clips: columns of weights by the names of targets, and bound to the targets of a mesh. Delta weights.
+//! Weight clips: columns of weights by the names of targets, and bound to the targets of a mesh. Delta
+//! weights.
 
 pub mod delta;
+pub(crate) mod names;
 
 use crate::error::{Error, Result};
+use names::closest;
 use std::collections::{HashMap, HashSet};
 
 /// A weight clip: one row of weights per frame, columns by target name.
@@ -115,39 +118,19 @@ impl BoundClip {
     /// When there are not as many frames.
     pub fn frame(&self, frame: usize) -> Vec<f32> {
         let mut weights = vec![0.0; self.targets];
-        let row = &self.values[frame * self.columns.len()..][..self.columns.len()];
-        self.columns.iter().zip(row).for_each(|(&target, &weight)| weights[target] = weight);
+        self.columns.iter().zip(self.row(frame)).for_each(|(&target, &weight)| weights[target] = weight);
         weights
+    }
+
+    /// What a frame has in the columns.
+    fn row(&self, frame: usize) -> &[f32] {
+        &self.values[frame * self.columns.len()..][..self.columns.len()]
     }
 
     /// The weights of every frame, from the first on.
     pub fn frames(&self) -> impl ExactSizeIterator<Item = Vec<f32>> {
         (0..self.frame_count()).map(|frame| self.frame(frame))
     }
-}
-
-/// The target that `name` was probably meant to be: the nearest by edit distance, when it is near at all.
-fn closest<'a>(name: &str, targets: &[&'a str]) -> Option<&'a str> {
-    // Case and separators are where naming schemes differ.
-    let plain = |s: &str| s.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect::<Vec<_>>();
-    let wanted = plain(name);
-    let (distance, target) = targets.iter().map(|t| (distance(&wanted, &plain(t)), *t)).min_by_key(|(d, _)| *d)?;
-    (distance <= (wanted.len() / 3).max(2) && distance < wanted.len().max(1)).then_some(target)
-}
-
-/// Levenshtein distance.
-fn distance(a: &[char], b: &[char]) -> usize {
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.iter().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, y) in b.iter().enumerate() {
-            let substituted = diagonal + usize::from(x != y);
-            diagonal = row[j + 1];
-            row[j + 1] = substituted.min(diagonal + 1).min(row[j] + 1);
-        }
-    }
-    row[b.len()]
 }
 
 #[cfg(test)]

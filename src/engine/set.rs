@@ -1,0 +1,162 @@
+//! Crowds of several meshes that take one weight vector.
+
+use super::base::{AnyCrowd, Ticket, Update};
+use super::crowd::Crowd;
+use crate::error::{Error, Result};
+use crate::weights::names::unknown;
+
+/// Crowds of several meshes (head, teeth, lashes, tongue) whose instances take one weight vector: by their names, a weight
+/// goes to the targets of every mesh. Instance i of the set is instance i of each crowd.
+///
+/// One call records the updates of all, with shared barriers:
+/// [`record_updates`](super::MorphEngine::record_updates) of [`crowds_mut`](Self::crowds_mut). Poses are those of the
+/// [`crowds`](Self::crowds).
+pub struct CrowdSet {
+    crowds: Vec<Crowd>,
+    names: Vec<String>,
+    /// Of each crowd: which weight goes to which target.
+    driven: Vec<Vec<(usize, usize)>>,
+    /// Scratch space: the weights of an instance in each crowd.
+    weights: Vec<Vec<f32>>,
+}
+
+impl CrowdSet {
+    /// A set of these crowds. Its weights are, to begin with, those of all their targets: each name once, in the order in
+    /// which crowds and their targets name them.
+    ///
+    /// # Errors
+    /// No crowd; crowds whose instances are not the same.
+    pub fn new(crowds: Vec<Crowd>) -> Result<Self> {
+        let instances = |crowd: &Crowd| {
+            let present = |instance: &u32| crowd.base.instances.check(*instance).is_ok();
+            (crowd.desc().instances, (0..crowd.desc().instances).filter(present).collect::<Vec<_>>())
+        };
+        let Some(first) = crowds.first().map(instances) else {
+            return Err(Error::invalid("a set of no crowd", "name one or more"));
+        };
+        if let Some(other) = crowds.iter().map(instances).find(|other| *other != first) {
+            let text =
+                format!("a set of crowds of {} and {} instances, {:?} and {:?}", first.0, other.0, first.1, other.1);
+            return Err(Error::invalid(text, "make all with the same number of instances, and remove none before"));
+        }
+        let mut names: Vec<String> = vec![];
+        for target in crowds.iter().flat_map(|crowd| &crowd.layout().targets) {
+            if !names.contains(&target.name) {
+                names.push(target.name.clone());
+            }
+        }
+        let weights = vec![vec![]; crowds.len()];
+        let mut set = Self { crowds, names: vec![], driven: vec![], weights };
+        set.bind(&names)?;
+        Ok(set)
+    }
+
+    /// From now on weights are of these names, in this order: those of a clip or of a tracker. Targets that are not among
+    /// them keep the weights that were requested last.
+    ///
+    /// # Errors
+    /// A name that no mesh has, with the one that was probably meant; a name that comes twice. Nothing changes then.
+    pub fn bind(&mut self, names: &[impl AsRef<str>]) -> Result<()> {
+        let names: Vec<String> = names.iter().map(|name| name.as_ref().to_owned()).collect();
+        if let Some(name) = names.iter().enumerate().find_map(|(i, name)| names[..i].contains(name).then_some(name)) {
+            return Err(Error::invalid(format!("two weights are called '{name}'"), "name each once"));
+        }
+        let layouts = || self.crowds.iter().map(Crowd::layout);
+        let targets: Vec<&str> = layouts().flat_map(|layout| &layout.targets).map(|target| &*target.name).collect();
+        if let Some(name) = names.iter().find(|name| !targets.contains(&name.as_str())) {
+            return Err(unknown(format!("no mesh of the set has a target '{name}'"), name, &targets));
+        }
+        let weight_of = |target: &str| names.iter().position(|name| name == target);
+        let of_crowd = |layout: &crate::pack::PackedLayout| {
+            let targets = layout.targets.iter().enumerate();
+            targets.filter_map(|(i, target)| Some((weight_of(&target.name)?, i))).collect()
+        };
+        self.driven = layouts().map(of_crowd).collect();
+        self.names = names;
+        Ok(())
+    }
+
+    /// What the weights are called, in their order.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// The crowds, in the order in which they were handed in.
+    pub fn crowds(&self) -> &[Crowd] {
+        &self.crowds
+    }
+
+    /// The crowds, to record their updates by one call of [`record_updates`](super::MorphEngine::record_updates), alone or
+    /// among others.
+    pub fn crowds_mut(&mut self) -> Vec<&mut dyn AnyCrowd> {
+        self.crowds.iter_mut().map(|crowd| crowd as &mut dyn AnyCrowd).collect()
+    }
+
+    /// Request these weights of an instance in all crowds, one for each of the [`names`](Self::names), from the next
+    /// recorded updates on.
+    ///
+    /// # Errors
+    /// A wrong number of weights; else as [`Crowd::set_weights`]. Nothing changes then, in no crowd.
+    pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
+        if weights.len() != self.names.len() {
+            let text = format!("{} weights given, but the set has {} names", weights.len(), self.names.len());
+            return Err(Error::invalid(text, "pass one weight for each name, in their order"));
+        }
+        for ((crowd, driven), out) in self.crowds.iter().zip(&self.driven).zip(&mut self.weights) {
+            out.clear();
+            out.extend_from_slice(crowd.weights(instance)?);
+            driven.iter().for_each(|&(weight, target)| out[target] = weights[weight]);
+            crowd.check_weights(instance, out)?;
+        }
+        self.crowds.iter_mut().zip(&self.weights).try_for_each(|(crowd, weights)| crowd.set_weights(instance, weights))
+    }
+
+    /// See [`Crowd::cut`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn cut(&mut self, instance: u32) -> Result<()> {
+        self.crowds.iter_mut().try_for_each(|crowd| crowd.cut(instance))
+    }
+
+    /// See [`Crowd::set_hidden`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<()> {
+        self.crowds.iter_mut().try_for_each(|crowd| crowd.set_hidden(instance, hidden))
+    }
+
+    /// See [`Crowd::add`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn add(&mut self) -> Result<u32> {
+        // They have the same places: what one has, all have.
+        self.crowds.iter_mut().map(Crowd::add).try_fold(0, |_, added| added)
+    }
+
+    /// See [`Crowd::remove`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn remove(&mut self, instance: u32) -> Result<()> {
+        self.crowds.iter_mut().try_for_each(|crowd| crowd.remove(instance))
+    }
+
+    /// These updates, which one call recorded of [`crowds_mut`](Self::crowds_mut), in that order, and all later ones will
+    /// never run: see [`Crowd::discard`].
+    ///
+    /// # Errors
+    /// Updates of other crowds. Nothing is discarded then.
+    pub fn discard(&mut self, updates: &[Update]) -> Result<()> {
+        let tickets: Vec<Ticket> = updates.iter().map(|update| update.ticket).collect();
+        if tickets.len() != self.crowds.len() {
+            let text = format!("{} updates of a set of {} crowds", tickets.len(), self.crowds.len());
+            return Err(Error::invalid(text, "hand in what record_updates returned for the set"));
+        }
+        let mut of = self.crowds.iter().zip(&tickets);
+        of.try_for_each(|(crowd, ticket)| crowd.base.is_discarded(*ticket).map(drop))?;
+        self.crowds.iter_mut().zip(tickets).try_for_each(|(crowd, ticket)| crowd.discard(ticket))
+    }
+}

@@ -1,0 +1,38 @@
+//! Targets by their names.
+
+use crate::error::Error;
+
+/// That `name` is none of the targets.
+pub(crate) fn unknown(what: String, name: &str, targets: &[&str]) -> Error {
+    Error::invalid(
+        what,
+        match closest(name, targets) {
+            Some(target) => format!("use '{target}' if that is meant"),
+            None => "use a target of the mesh".to_owned(),
+        },
+    )
+}
+
+/// The target that `name` was probably meant to be: the nearest by edit distance, when it is near at all.
+pub(super) fn closest<'a>(name: &str, targets: &[&'a str]) -> Option<&'a str> {
+    // Case and separators are where naming schemes differ.
+    let plain = |s: &str| s.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect::<Vec<_>>();
+    let wanted = plain(name);
+    let (distance, target) = targets.iter().map(|t| (distance(&wanted, &plain(t)), *t)).min_by_key(|(d, _)| *d)?;
+    (distance <= (wanted.len() / 3).max(2) && distance < wanted.len().max(1)).then_some(target)
+}
+
+/// Levenshtein distance.
+fn distance(a: &[char], b: &[char]) -> usize {
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.iter().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, y) in b.iter().enumerate() {
+            let substituted = diagonal + usize::from(x != y);
+            diagonal = row[j + 1];
+            row[j + 1] = substituted.min(diagonal + 1).min(row[j] + 1);
+        }
+    }
+    row[b.len()]
+}
