@@ -67,8 +67,8 @@ pub use asset::{
 };
 pub use cpu::CpuCrowd;
 pub use engine::{
-    AnimatedCrowd, AnyCrowd, Crowd, CrowdSet, DecodeTarget, GpuMesh, MorphEngine, PoseReadback, PoseView, ReadPose,
-    StreamView, Ticket, Update,
+    AnimatedCrowd, AnyCrowd, Crowd, CrowdSet, DecodeTarget, GpuMesh, MorphEngine, PoseReadback, PoseView,
+    ReadPose, StreamView, Ticket, Update,
 };
 pub use error::{Error, ErrorKind, Result};
 pub use gpu::caps::{DeviceCaps, DeviceKind, Requirement, TransformFeedbackCaps, requirements};
@@ -79,8 +79,8 @@ pub use pack::{
     DeltaFormat, POSE_FLOATS, PackDesc, PackedGroup, PackedLayout, PackedMesh, PackedTarget, PoseError, PoseFormat,
 };
 pub use plan::{BatchSize, Consumers, CrowdDesc, UpdateDesc, UpdateMode, UpdatePath, UpdateStats};
-pub use update::animated::{AnimationDesc, Clips, KeyFormat, Playback, Repeat};
-pub use weights::{BoundClip, WeightClip};
+pub use update::animated::{AnimationDesc, Clips, KeyFormat, Playback};
+pub use weights::{BoundClip, ClipLayer, LayerBlend, Repeat, WeightClip, target_mask};
 pub use {ash, gpu_allocator};
 
 /// What tests and the command line look into; no part of the API.

@@ -1,10 +1,12 @@
-//! Weight clips: columns of weights by the names of targets, and bound to the targets of a mesh. Delta
+//! Weight clips: columns of weights by the names of targets, and bound to the targets of a mesh. Layers of them. Delta
 //! weights.
 
 pub mod delta;
+mod layers;
 pub(crate) mod names;
 
 use crate::error::{Error, Result};
+pub use layers::{ClipLayer, LayerBlend, Repeat, target_mask};
 use names::closest;
 use std::collections::{HashMap, HashSet};
 

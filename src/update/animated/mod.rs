@@ -15,7 +15,7 @@ mod steps;
 mod technique;
 
 pub use clips::{AnimationDesc, Clips, KeyFormat};
-pub use sample::{Playback, Repeat};
+pub use sample::Playback;
 #[cfg(test)]
 pub(crate) use steps::UPLOADED;
 pub(crate) use technique::Animated;

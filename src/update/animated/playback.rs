@@ -2,8 +2,9 @@
 //! wrote its poses.
 
 use super::clips::Clips;
-use super::sample::{HeadRecord, Playback, Repeat, TICKS_PER_SECOND};
+use super::sample::{HeadRecord, Playback, TICKS_PER_SECOND};
 use crate::error::{Error, Result};
+use crate::weights::Repeat;
 use std::ops::Range;
 
 /// Elapsed ticks at which a record is started anew (4.5 hours): half of what is exact. Starts may be as far ahead.

@@ -19,21 +19,11 @@
 
 use crate::abi::numbers;
 use crate::setters::setters;
+use crate::weights::Repeat;
 use bytemuck::{Pod, Zeroable};
 
 /// Ticks of the clock in a second.
 pub const TICKS_PER_SECOND: f64 = 65_536.0;
-
-/// What happens when a clip ends.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum Repeat {
-    /// It starts again: from its last frame to its first as from any frame to the next.
-    #[default]
-    Loop,
-    /// Its last frame stays.
-    Once,
-}
 
 /// How an instance plays a clip.
 #[derive(Clone, Copy, Debug, PartialEq)]
