@@ -67,7 +67,7 @@ pub use asset::{
 };
 pub use cpu::CpuCrowd;
 pub use engine::{
-    AnimatedCrowd, AnyCrowd, Crowd, CrowdSet, DecodeTarget, GpuMesh, MorphEngine, PoseReadback, PoseView,
+    AnimatedCrowd, AnyCrowd, Crowd, CrowdSet, DecodeTarget, GpuMesh, MorphEngine, Outgrown, PoseReadback, PoseView,
     ReadPose, StreamView, Ticket, Update,
 };
 pub use error::{Error, ErrorKind, Result};

@@ -51,7 +51,7 @@ pub struct CrowdBase {
     // Before the buffers that its descriptor sets name.
     pub(crate) technique: Box<dyn Technique>,
     /// Where instances are decoded.
-    decoder: Option<Decoder>,
+    pub(super) decoder: Option<Decoder>,
     /// At least one.
     groups: Vec<PoseGroup>,
     pub(super) instances: Instances,
@@ -66,13 +66,13 @@ pub struct CrowdBase {
     device: Arc<Device>,
     _pose_buffers: Vec<Buffer>,
     /// Its number, which no other crowd has.
-    crowd: u64,
+    pub(super) crowd: u64,
     /// Updates planned.
-    updates: u64,
+    pub(super) updates: u64,
     /// Updates that recorded something, less discarded ones: the rings of lists turn with them.
-    recorded: u64,
+    pub(super) recorded: u64,
     /// Updates that were discarded, ascending: a ticket is good for one discard.
-    discarded: Vec<RangeInclusive<u64>>,
+    pub(super) discarded: Vec<RangeInclusive<u64>>,
 }
 
 /// A crowd of any kind: see [`MorphEngine::record_updates`](super::MorphEngine::record_updates).
@@ -270,6 +270,10 @@ impl CrowdBase {
     pub(crate) fn group_pose(&self, instance: u32, group: usize) -> Result<PoseView> {
         let (slot, _) = self.slots_of(instance)?;
         self.check_has_poses()?;
+        if group >= self.groups.len() {
+            let text = format!("group {group} of mesh '{}', which has {}", self.layout().name, self.groups.len());
+            return Err(Error::invalid(text, "count groups from 0"));
+        }
         Ok(self.view(instance, slot, group))
     }
 

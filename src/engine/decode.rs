@@ -173,6 +173,11 @@ impl Decoder {
         Ok(())
     }
 
+    /// Whether nothing is decoded.
+    pub(super) fn is_empty(&self) -> bool {
+        self.targets.iter().all(|target| target.is_removed)
+    }
+
     /// An instance is no longer decoded.
     pub(super) fn unset(&mut self, instance: u32) {
         self.targets.retain(|target| target.instance != instance);

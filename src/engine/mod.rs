@@ -3,6 +3,7 @@
 mod base;
 mod crowd;
 mod decode;
+mod grow;
 mod readback;
 mod record;
 mod set;
@@ -12,6 +13,7 @@ mod views;
 pub use base::{AnyCrowd, Ticket, Update};
 pub use crowd::{AnimatedCrowd, Crowd};
 pub use decode::DecodeTarget;
+pub use grow::Outgrown;
 pub use readback::{PoseReadback, ReadPose};
 pub use set::CrowdSet;
 pub use upload::GpuMesh;
@@ -71,7 +73,8 @@ impl MorphEngine {
     ///   handed in was made on the same device, without `buffer_device_address` unless the device has that feature enabled.
     /// - `desc.caps` does not exceed what the device has.
     /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled on the device, and
-    ///   `desc.enabled_features` has no other features than those that were.
+    ///   `desc.enabled_features` has no other features than those that were; `desc.debug_names` is true only if
+    ///   VK_EXT_debug_utils was enabled on the instance.
     pub unsafe fn new(desc: &DeviceDesc<'_>) -> Result<Self> {
         // SAFETY: the caller's obligations are those of `borrow`.
         let device = Arc::new(unsafe { Device::borrow(desc) }?);

@@ -28,10 +28,15 @@ impl GpuMesh {
         self.staging.clear();
     }
 
+    /// A mesh of groups that were uploaded.
+    pub(super) fn of(groups: Vec<Arc<MeshBuffers>>) -> Self {
+        Self { groups, staging: vec![] }
+    }
+
     /// The same mesh, for `headless`.
     #[cfg(feature = "headless")]
     pub(crate) fn shared(&self) -> Self {
-        Self { groups: self.groups.clone(), staging: vec![] }
+        Self::of(self.groups.clone())
     }
 
     /// Where the base pose is, once the upload has run: what poses of integers are displacements from, as the second

@@ -34,6 +34,19 @@ impl Instances {
         Self { places: vec![place; places] }
     }
 
+    /// The same instances without poses, in more places, with so many slots: the new places are free.
+    pub fn grown(&self, places: usize, slots: u32) -> Self {
+        let before = self.places.iter().map(|place| Place { history: History::new(slots), ..place.clone() });
+        let targets = self.places.first().map_or(0, |place| place.weights.len());
+        let free = Place { presence: Presence::Free, weights: vec![0.0; targets], history: History::new(slots) };
+        Self { places: before.chain(std::iter::repeat(free)).take(places).collect() }
+    }
+
+    /// The weights requested of each instance, hidden or not.
+    pub fn present(&self) -> impl Iterator<Item = &[f32]> {
+        self.places.iter().filter(|place| place.presence != Presence::Free).map(|place| &place.weights[..])
+    }
+
     fn place(&mut self, instance: u32) -> Result<&mut Place> {
         let i = self.check(instance)?;
         Ok(&mut self.places[i])

@@ -1,0 +1,154 @@
+//! Crowds that get more places between two updates of one submission.
+
+#[path = "common/gpu.rs"]
+mod gpu;
+
+use deltamorph::ash::vk;
+use deltamorph::reference::compare;
+use deltamorph::{
+    Crowd, CrowdDesc, CrowdSet, DecodeTarget, DeltaFormat, PackedMesh, PoseReadback, UpdateDesc, testing,
+};
+use gpu::{NORMAL, fixed, is_kept, on_every_device, update_descs, weights};
+
+fn assert_poses(readback: &mut PoseReadback, mesh: &PackedMesh, update: &UpdateDesc, asked: &[Vec<f32>], what: &str) {
+    // SAFETY: the callers have waited.
+    for pose in unsafe { readback.poses() }.expect("poses") {
+        let error = compare(&pose.vertices, &gpu::reference(mesh, update, &asked[pose.instance as usize]));
+        let kept = is_kept(&error, mesh.layout().diagonal) || error.within(f64::from(update.tolerance), NORMAL);
+        assert!(kept, "{what}, {update:?}, instance {}: {error:?}", pose.instance);
+    }
+}
+
+#[test]
+fn a_crowd_grows_while_its_updates_are_in_flight() {
+    on_every_device(|headless, engine| {
+        for format in [DeltaFormat::Snorm16, DeltaFormat::Fast] {
+            let mesh = gpu::packed(engine, &testing::mesh(300, 11), format);
+            // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
+            let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+            for update in update_descs(engine, format) {
+                let desc = CrowdDesc::new(update).instances(3);
+                let mut crowd = engine.create_crowd(&uploaded, &desc).expect("a crowd");
+                let asked = |frame| (0..6).map(|i| weights(&mesh, frame, i)).collect::<Vec<_>>();
+                let set = |crowd: &mut Crowd, frame: u32, instances: &[u32]| {
+                    let asked = asked(frame);
+                    instances.iter().for_each(|&i| crowd.set_weights(i, &asked[i as usize]).expect("weights"));
+                };
+                set(&mut crowd, 0, &[0, 1, 2]);
+                crowd.remove(1).expect("an instance");
+                let mut readbacks = [0, 1].map(|_| engine.readback());
+                let outgrown = headless.run(|cmd| {
+                    // SAFETY: as above; what is outgrown is dropped after the wait.
+                    unsafe {
+                        engine.record_update(cmd, &mut crowd)?;
+                        readbacks[0].record(cmd, &crowd, &[0, 2])?;
+                        crowd.set_hidden(2, true)?;
+                        let outgrown = engine.grow_crowd(&mut crowd, &desc.instances(6))?;
+                        assert!(crowd.pose(0).is_err(), "there is none until the next update");
+                        assert_eq!(crowd.desc().instances, 6);
+                        assert_eq!([crowd.add()?, crowd.add()?], [1, 3], "the place that was free, and a new one");
+                        assert!(crowd.set_weight(4, 0, 0.5).is_err(), "the others are free");
+                        assert_eq!(crowd.weights(0)?, &asked(0)[0][..]);
+                        set(&mut crowd, 1, &[1, 3]);
+                        engine.record_update(cmd, &mut crowd)?;
+                        assert!(crowd.shown().eq([0, 1, 3]) && crowd.pose(2).is_err());
+                        let (pose, previous) = (crowd.pose(0)?, crowd.previous_pose(0)?);
+                        assert_eq!(previous, Some(pose), "the pose after a cut");
+                        readbacks[1].record(cmd, &crowd, &[0, 1, 3])?;
+                        Ok(outgrown)
+                    }
+                });
+                drop(outgrown.expect("updates"));
+                assert_poses(&mut readbacks[0], &mesh, &update, &asked(0), "before");
+                let now = |i: usize| if i == 0 { asked(0)[0].clone() } else { asked(1)[i].clone() };
+                let now: Vec<_> = (0..6).map(now).collect();
+                assert_poses(&mut readbacks[1], &mesh, &update, &now, "grown");
+                // And on, from the poses that are there; the hidden one catches up with what was asked before.
+                crowd.set_hidden(2, false).expect("an instance");
+                set(&mut crowd, 2, &[0, 1, 3]);
+                let on = headless.run(|cmd| {
+                    // SAFETY: as above.
+                    unsafe {
+                        engine.record_update(cmd, &mut crowd)?;
+                        readbacks[0].record(cmd, &crowd, &[0, 1, 2, 3])
+                    }
+                });
+                on.expect("an update");
+                let mut now = asked(2);
+                now[2] = asked(0)[2].clone();
+                assert_poses(&mut readbacks[0], &mesh, &update, &now, "on");
+            }
+        }
+    });
+}
+
+#[test]
+fn tickets_stay_good_and_sets_grow_together() {
+    on_every_device(|headless, engine| {
+        let mesh = gpu::packed(engine, &testing::mesh(200, 5), DeltaFormat::Fast);
+        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
+        let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+        let desc = CrowdDesc::new(fixed()[0]);
+        let crowd = || engine.create_crowd(&uploaded, &desc).expect("a crowd");
+        let mut set = CrowdSet::new(vec![crowd(), crowd()]).expect("a set");
+        // SAFETY: as above; the buffer runs, and its updates are taken for lost all the same: the poses are unknown then.
+        let lost = headless.run(|cmd| unsafe { engine.record_updates(cmd, &mut set.crowds_mut()) }).expect("updates");
+        drop(engine.grow_set(&mut set, 3).expect("a larger set"));
+        assert_eq!(set.add().expect("a place"), 1);
+        let asked = vec![weights(&mesh, 1, 1), weights(&mesh, 2, 2)];
+        (0..2).for_each(|i| set.set_weights(i, &asked[i as usize]).expect("weights"));
+        // SAFETY: as above.
+        headless.run(|cmd| unsafe { engine.record_updates(cmd, &mut set.crowds_mut()) }).expect("updates");
+        set.discard(&lost).expect("tickets of these crowds");
+        assert!(set.crowds().iter().all(|crowd| crowd.pose(0).is_err()), "the later update, too");
+        // SAFETY: as above.
+        headless.run(|cmd| unsafe { engine.record_updates(cmd, &mut set.crowds_mut()) }).expect("updates");
+        for crowd in set.crowds() {
+            let mut readback = engine.readback();
+            // SAFETY: as above.
+            headless.run(|cmd| unsafe { readback.record(cmd, crowd, &[0, 1]) }).expect("a read-back");
+            assert_poses(&mut readback, &mesh, &desc.update, &asked, "a set");
+        }
+    });
+}
+
+#[test]
+fn what_cannot_grow_stays_as_it_is() {
+    on_every_device(|headless, engine| {
+        let mesh = gpu::packed(engine, &testing::mesh(200, 5), DeltaFormat::Fast);
+        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
+        let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+        let desc = CrowdDesc::new(fixed()[0]).instances(2);
+        let mut crowd = engine.create_crowd(&uploaded, &desc).expect("a crowd");
+        crowd.set_weights(0, &[0.0, 3.0, 0.0, 0.0, 0.0]).expect("weights");
+        // SAFETY: as above.
+        headless.run(|cmd| unsafe { engine.record_update(cmd, &mut crowd) }).expect("an update");
+        let refused = |crowd: &mut Crowd, desc: &CrowdDesc, words: &str| {
+            let text = engine.grow_crowd(crowd, desc).err().expect("refused").to_string();
+            assert!(text.contains(words), "{text}");
+            assert!(crowd.pose(0).is_ok() && crowd.desc().instances == 2);
+        };
+        refused(&mut crowd, &desc.instances(1), "a crowd of 2 instances that is to have 1");
+        refused(&mut crowd, &desc.instances(u32::MAX), "bytes");
+        refused(&mut crowd, &desc.update(fixed()[0].weight_max(Some(1.0))), "the weight of target 1");
+        let (_, _, device) = headless.handles();
+        let info = vk::BufferCreateInfo::default().size(12 * 200).usage(vk::BufferUsageFlags::STORAGE_BUFFER);
+        // SAFETY: made, and destroyed when the crowd has no target any more.
+        unsafe {
+            let buffer = device.create_buffer(&info, None).expect("a buffer");
+            let needs = device.get_buffer_memory_requirements(buffer);
+            let memory = device.allocate_memory(&vk::MemoryAllocateInfo::default().allocation_size(needs.size), None);
+            let memory = memory.expect("memory");
+            device.bind_buffer_memory(buffer, memory, 0).expect("bound");
+            engine.set_decode_target(&mut crowd, 0, Some(&DecodeTarget::new(buffer))).expect("a target");
+            refused(&mut crowd, &desc.instances(4), "take them away with set_decode_target");
+            engine.set_decode_target(&mut crowd, 0, None).expect("no target");
+            device.destroy_buffer(buffer, None);
+            device.free_memory(memory, None);
+        }
+        drop(engine.grow_crowd(&mut crowd, &desc.instances(4)).expect("grown"));
+        // Anything else may change, too.
+        drop(engine.grow_crowd(&mut crowd, &desc.instances(4).update(UpdateDesc::blocks())).expect("made anew"));
+        assert_eq!(crowd.weights(0).unwrap()[1], 3.0);
+    });
+}
