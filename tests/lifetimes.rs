@@ -6,7 +6,7 @@ mod gpu;
 use deltamorph::ash::{self, vk};
 use deltamorph::gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use deltamorph::gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
-use deltamorph::headless::Headless;
+use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
 use deltamorph::{
     BatchSize, CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, SharedAllocator, UpdateDesc, UpdatePath, testing,
 };
@@ -114,4 +114,42 @@ fn engine_mesh_crowds_allocator_and_device_are_dropped_in_any_order() {
         }
     };
     drivers().iter().for_each(|driver| on_device(driver, false, test));
+}
+
+/// What is left when the device goes, the layers list by its name: all of a crowd and its mesh, but for what the names of
+/// others have in them.
+#[test]
+fn what_the_engine_makes_has_names_where_the_host_wants_them() {
+    for driver in drivers() {
+        let choice = HeadlessDesc::default().device(DeviceChoice::Name(driver)).validation(true);
+        for named in [true, false] {
+            let headless = Headless::new(&choice).expect("a device; run the tests as ./with-vulkan cargo test");
+            let host = Host::new(&headless);
+            let (instance, physical, _) = headless.handles();
+            let device = DeviceDesc::new(instance, physical, &host.0).debug_names(named);
+            // SAFETY: the handles belong together; nothing is used or dropped after the device.
+            let engine = unsafe { MorphEngine::new(&device) }.expect("an engine");
+            let mesh = packed(&engine, &testing::mesh(64, 3), DeltaFormat::Small);
+            // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
+            let uploaded = host.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+            let crowd = engine.create_crowd(&uploaded, &CrowdDesc::new(UpdateDesc::blocks())).expect("a crowd");
+            std::mem::forget((engine, uploaded, crowd));
+            drop(host);
+            let messages = headless.messages().join("\n");
+            let mesh = mesh.layout().name.clone();
+            for kind in [
+                format!("VkBuffer|deltamorph deltas of mesh '{mesh}'"),
+                format!("VkBuffer|deltamorph upload of mesh '{mesh}'"),
+                "VkBuffer|deltamorph poses".into(),
+                "VkBuffer|deltamorph work lists".into(),
+                "VkPipeline|deltamorph crowd_small".into(),
+                "VkDescriptorSet|deltamorph crowd, set 0".into(),
+            ] {
+                let (kind, name) = kind.split_once('|').expect("a kind and a name");
+                let found = messages.lines().any(|line| line.contains(kind) && line.contains(name));
+                assert_eq!(found, named, "{kind} '{name}' in\n{messages}");
+            }
+            assert!(messages.contains("has not been destroyed"), "{messages}");
+        }
+    }
 }

@@ -40,11 +40,12 @@ pub(crate) struct Sets {
 }
 
 impl Sets {
-    /// A set of `layout` for each list of buffers, which are in the order of the layout's `bindings`.
+    /// A set of `layout`, which is a kernel's, for each list of buffers, which are in the order of the layout's `bindings`.
     pub(super) fn new(
         device: &Arc<Device>,
         layout: vk::DescriptorSetLayout,
         bindings: &[Binding],
+        kernel: &str,
         bound: &[impl AsRef<[BufferRange]>],
     ) -> Result<Self> {
         let descriptor_count = bound.len() as u32;
@@ -60,6 +61,9 @@ impl Sets {
         // SAFETY: pool and layout are ours; the pool has room for as many.
         sets.sets =
             unsafe { device.raw.allocate_descriptor_sets(&info) }.map_err(failed("vkAllocateDescriptorSets"))?;
+        for (number, set) in sets.sets.iter().enumerate() {
+            device.name(*set, || format!("deltamorph {kernel}, set {number}"));
+        }
         for (set, ranges) in bound.iter().enumerate() {
             for (binding, range) in bindings.iter().zip(ranges.as_ref()) {
                 sets.write(set, *binding, *range)?;

@@ -8,6 +8,7 @@ use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationError, AllocationSizes};
 use std::any::Any;
+use std::ffi::CString;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -62,6 +63,9 @@ pub struct DeviceDesc<'a> {
     /// MiB, of which one is kept for each type of memory. A host with many meshes, or near the device's limit of
     /// allocations (`maxMemoryAllocationCount`), hands in its own.
     pub allocator: Option<SharedAllocator>,
+    /// Whether the instance was created with VK_EXT_debug_utils: buffers, pipelines and descriptor sets get names then, which
+    /// layers and debuggers show.
+    pub debug_names: bool,
     /// What owns the handles, such as an `Arc` of the host's that destroys the device when it is dropped. The engine and
     /// all that it makes keep it alive, so that they and the host's own clones may be dropped in any order. `None`: the
     /// host destroys the device after the last of them.
@@ -74,6 +78,7 @@ setters!(DeviceDesc<'a> {
     enabled_features: vk::PhysicalDeviceFeatures,
     pipeline_cache: vk::PipelineCache,
     allocator: Option<SharedAllocator>,
+    debug_names: bool,
     owner: Option<Arc<dyn Any + Send + Sync>>,
 });
 
@@ -89,6 +94,7 @@ impl<'a> DeviceDesc<'a> {
             enabled_features: vk::PhysicalDeviceFeatures::default(),
             pipeline_cache: vk::PipelineCache::null(),
             allocator: None,
+            debug_names: false,
             owner: None,
         }
     }
@@ -104,6 +110,7 @@ pub(crate) struct Device {
     pub(crate) feedback: Option<ash::ext::transform_feedback::Device>,
     pub(crate) caps: DeviceCaps,
     pub(crate) pipeline_cache: vk::PipelineCache,
+    names: Option<ash::ext::debug_utils::Device>,
     allocator: SharedAllocator,
     /// Buffers with memory of their own, and how many may have: none from a host's allocator.
     dedicated: AtomicU32,
@@ -151,11 +158,23 @@ impl Device {
             feedback,
             caps,
             pipeline_cache: desc.pipeline_cache,
+            names: desc.debug_names.then(|| ash::ext::debug_utils::Device::new(desc.instance, desc.device)),
             allocator,
             dedicated: AtomicU32::new(0),
             dedicated_most,
             _owner: desc.owner.clone(),
         })
+    }
+
+    /// Give an object of this device, that was made just now, a name where the host wants names.
+    pub(crate) fn name(&self, object: impl vk::Handle, name: impl FnOnce() -> String) {
+        let Some(functions) = &self.names else { return };
+        // Names of meshes may have anything in them.
+        let Ok(name) = CString::new(name().replace('\0', " ")) else { return };
+        let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&name);
+        // SAFETY: the host says that the extension is enabled; the object is of this device, and no other thread has it yet.
+        // Who cannot be told the name does without.
+        let _ = unsafe { functions.set_debug_utils_object_name(&info) };
     }
 
     /// Memory for a buffer.

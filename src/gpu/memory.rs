@@ -41,6 +41,7 @@ impl Buffer {
         let info = vk::BufferCreateInfo::default().size(bytes).usage(usage);
         // SAFETY: the device is alive (Device::borrow); size and usage are valid, sharing is exclusive.
         let raw = unsafe { device.raw.create_buffer(&info, None) }.map_err(failed("vkCreateBuffer"))?;
+        device.name(raw, || name.to_owned());
         // From here on dropping `buffer` destroys what there is of it.
         let mut buffer = Self { device: device.clone(), raw, allocation: None };
         let allocation = device.allocate(name, raw, location);

@@ -58,10 +58,11 @@ impl MeshBuffers {
             None if private.is_empty() => deltas_bytes(&layout),
             None => delta_bytes.len() as u64,
         };
-        let base = Buffer::new(device, "deltamorph base pose", base_size, usage, MemoryLocation::GpuOnly)?;
-        let deltas = Buffer::new(device, "deltamorph deltas", deltas_size, usage, MemoryLocation::GpuOnly)?;
+        let name = |what: &str| format!("deltamorph {what} of mesh '{}'", layout.name);
+        let base = Buffer::new(device, &name("base pose"), base_size, usage, MemoryLocation::GpuOnly)?;
+        let deltas = Buffer::new(device, &name("deltas"), deltas_size, usage, MemoryLocation::GpuOnly)?;
         let (bytes, usage) = ((base_bytes.len() + delta_bytes.len()) as u64, vk::BufferUsageFlags::TRANSFER_SRC);
-        let mut staging = Buffer::new(device, "deltamorph upload", bytes, usage, STAGING)?;
+        let mut staging = Buffer::new(device, &name("upload"), bytes, usage, STAGING)?;
         let mapped = staging.mapped()?;
         mapped[..base_bytes.len()].copy_from_slice(base_bytes);
         mapped[base_bytes.len()..][..delta_bytes.len()].copy_from_slice(delta_bytes);

@@ -8,7 +8,7 @@ use crate::abi::kernels::{Binding, KernelRow, Stage};
 use crate::abi::modules::Module;
 use crate::error::Result;
 use crate::pack::PoseFormat;
-use ash::vk;
+use ash::vk::{self, Handle};
 use std::any::Any;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -16,6 +16,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub(crate) struct Objects {
     pub(crate) device: Arc<Device>,
     bindings: Vec<Binding>,
+    /// The kernel, or the first of several.
+    kernel: &'static str,
     set_layout: vk::DescriptorSetLayout,
     pub(crate) layout: vk::PipelineLayout,
     pub(crate) render_pass: vk::RenderPass,
@@ -29,6 +31,7 @@ impl Objects {
         Self {
             device: device.clone(),
             bindings: vec![],
+            kernel: "",
             set_layout: vk::DescriptorSetLayout::null(),
             layout: vk::PipelineLayout::null(),
             render_pass: vk::RenderPass::null(),
@@ -44,6 +47,7 @@ impl Objects {
             Stage::Vertex => vk::ShaderStageFlags::VERTEX,
             Stage::Compute | Stage::ComputeSized => vk::ShaderStageFlags::COMPUTE,
         };
+        self.kernel = kernels.first().map_or("", |kernel| kernel.name);
         self.bindings = kernels.iter().flat_map(|kernel| kernel.bindings).copied().collect();
         self.bindings.sort_unstable_by_key(|(binding, _)| *binding);
         self.bindings.dedup_by_key(|(binding, _)| *binding);
@@ -69,7 +73,7 @@ impl Objects {
 
     /// A descriptor set for each list of buffers, which are in the order of the kernels' bindings.
     pub(crate) fn sets(&self, bound: &[impl AsRef<[BufferRange]>]) -> Result<Sets> {
-        Sets::new(&self.device, self.set_layout, &self.bindings, bound)
+        Sets::new(&self.device, self.set_layout, &self.bindings, self.kernel, bound)
     }
 
     /// A render pass without attachments and its framebuffer: rasterizer discard needs no more, and core
@@ -111,6 +115,9 @@ impl Objects {
         })?;
         // Where one fails, others may have been made.
         let (made, error) = made.map_or_else(|(made, error)| (made, Some(error)), |made| (made, None));
+        for (pipeline, constants) in made.iter().zip(constants).filter(|(pipeline, _)| !pipeline.is_null()) {
+            self.device.name(*pipeline, || format!("deltamorph {} {constants:?}", module.name));
+        }
         self.pipelines.extend(made);
         error.map_or(Ok(()), |error| Err(failed("vkCreateComputePipelines")(error)))
     }
@@ -143,7 +150,9 @@ impl Objects {
             // read; the attributes are within the device's limits (checked by caps) and match the module (tests).
             unsafe { device.raw.create_graphics_pipelines(device.pipeline_cache, &[info], None) }
         })?;
-        self.pipelines.extend(made.map_err(|(_, e)| failed("vkCreateGraphicsPipelines")(e))?);
+        let made = made.map_err(|(_, e)| failed("vkCreateGraphicsPipelines")(e))?;
+        made.iter().for_each(|pipeline| self.device.name(*pipeline, || format!("deltamorph {}", module.name)));
+        self.pipelines.extend(made);
         Ok(())
     }
 

@@ -270,6 +270,7 @@ impl Headless {
             .caps(Some(caps))
             .transform_feedback_enabled(feedback_enabled)
             .enabled_features(features)
+            .debug_names(desc.validation)
             .owner(Some(owned.clone()));
         // SAFETY: the handles belong together, and the engine and all it makes keep them alive; the limits are the
         // device's or lower.
