@@ -32,11 +32,12 @@ pub fn evaluate_unpacked(mesh: &MorphMesh, weights: &[f32]) -> Vec<f64> {
     evaluate_unpacked_group(mesh, &group_streams([])[0], weights)
 }
 
-/// As [`evaluate_group`], on the deltas of `mesh` itself: with a mesh made at tolerance zero, what the files say.
-///
-/// # Panics
-/// A stream does not fit the vertices.
+/// As [`evaluate_group`], on the deltas of `mesh` itself: with a mesh made at tolerance zero, what the files say. NaN where
+/// the streams or targets of `mesh` do not fit its vertices.
 pub fn evaluate_unpacked_group(mesh: &MorphMesh, streams: &[StreamPlace], weights: &[f32]) -> Vec<f64> {
+    if Source::groups(mesh).is_err() {
+        return vec![f64::NAN; mesh.vertex_count() * POSE_FLOATS];
+    }
     let source = Source::new(mesh, streams);
     let mut pose: Vec<f64> = (0..mesh.vertex_count()).flat_map(|v| source.base(v).map(f64::from)).collect();
     for (target, &weight) in mesh.targets.iter().zip(weights).filter(|(_, w)| **w != 0.0) {

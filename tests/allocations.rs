@@ -89,5 +89,5 @@ fn a_bound_clip_takes_the_memory_of_its_values_however_many_targets_there_are() 
     let mut bound = Default::default();
     let took = allocation_counter::measure(|| bound = clip.bind(&names).unwrap());
     assert!(took.bytes_max < 5 << 20, "{} bytes for 4 MiB of weights", took.bytes_max);
-    assert_eq!(bound.frame(1 << 19).iter().sum::<f32>(), 0.5);
+    assert_eq!(bound.frame(1 << 19).expect("a frame").iter().sum::<f32>(), 0.5);
 }

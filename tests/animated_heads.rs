@@ -181,7 +181,8 @@ fn misuse_is_an_error_that_says_what_to_do() {
             assert!(text.contains(words), "{text}");
         }
         let clips = animated.crowd().clips();
-        assert_eq!((clips.count(), clips.frames(1)), (3, 5));
+        assert_eq!((clips.count(), clips.frames(1)), (3, Some(5)));
+        assert_eq!((clips.frames(3), clips.fps(3), clips.rounding(3)), (None, None, None));
     });
 }
 

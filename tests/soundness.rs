@@ -4,7 +4,7 @@
 mod gpu;
 
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
-use deltamorph::reference::{compare, evaluate};
+use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
 use deltamorph::{
     BatchSize, BlockDesc, CpuCrowd, Crowd, DeltaFormat, ErrorKind, GpuMesh, MorphEngine, MorphSource, PackDesc,
     PackedMesh, PoseFormat, SourceTarget, Tolerance, UpdateDesc, UpdatePath, testing,
@@ -297,4 +297,37 @@ fn an_instance_that_is_not_there_is_an_error() {
         assert!(crowd.pose(0).is_ok());
         assert_eq!(evaluate(&mesh, &[]), evaluate(&mesh, &[0.0; 4]), "targets without a weight");
     }
+}
+
+#[test]
+fn what_does_not_fit_is_refused_or_comes_out_as_nan() {
+    let mesh = testing::mesh(100, 4);
+    let refused = |change: &dyn Fn(&mut deltamorph::MorphMesh), words: &str| {
+        let mut bad = mesh.clone();
+        change(&mut bad);
+        let text = PackedMesh::pack(&bad, &PackDesc::new(DeltaFormat::Fast)).expect_err("refused").to_string();
+        assert!(text.contains(words), "{text}");
+        assert!(evaluate_unpacked(&bad, &[1.0; 4]).iter().all(|number| number.is_nan()), "{words}");
+    };
+    refused(&|mesh| drop(mesh.normals.pop()), "99 normals for 100 vertices");
+    refused(&|mesh| drop(mesh.targets[1].positions.pop()), "do not fit");
+    refused(&|mesh| drop(mesh.targets[1].normals.pop()), "do not fit");
+    refused(&|mesh| mesh.targets[1].vertices[0] = 100, "do not fit");
+    for format in [DeltaFormat::Snorm16, DeltaFormat::Fast] {
+        let packed = PackedMesh::pack(&mesh, &PackDesc::new(format)).expect("a mesh");
+        let kept = packed.layout().to_user_order(&packed.base()[..6 * 10]);
+        assert_eq!(kept.iter().filter(|number| number.is_nan()).count(), 6 * 90, "{format:?}");
+        packed.for_each_delta(4, |_, _| panic!("there is no such target"));
+        assert!(packed.measure_error(&mesh).within(1.0, 180.0));
+        for other in [testing::mesh(99, 4), testing::mesh(100, 3)] {
+            assert!(!packed.measure_error(&other).within(f64::INFINITY, f64::INFINITY));
+        }
+    }
+    let headless = HeadlessDesc::default().device(DeviceChoice::Name(drivers()[0].clone()));
+    let headless = Headless::new(&headless).expect("a device");
+    let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Fast)).expect("a mesh");
+    let mut crowd = HeadlessCrowd::new(&headless, &packed, &single(UpdateDesc::blocks())).expect("a crowd");
+    crowd.step(&[&[0.5; 4]]).expect("a step");
+    let text = crowd.read_group(0, 1).expect_err("refused").to_string();
+    assert!(text.contains("which has 1; count groups from 0") && crowd.read_stored(0, 1).is_err(), "{text}");
 }

@@ -79,7 +79,8 @@ fn frames(args: &ApplyArgs, mesh: &MorphMesh) -> Result<Vec<Vec<f32>>, Failure> 
                 )));
             }
             // Backwards is fine, too: a delta weight may be negative.
-            let mut frames: Vec<_> = (first.min(last)..=first.max(last)).map(|f| all.frame(f)).collect();
+            let frames = (first.min(last)..=first.max(last)).map(|f| all.frame(f));
+            let mut frames = frames.collect::<deltamorph::Result<Vec<_>>>()?;
             if first > last {
                 frames.reverse();
             }

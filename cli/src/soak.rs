@@ -163,7 +163,9 @@ impl<'a> Script<'a> {
         let cut = match &mut self.place {
             Some((clip, frame)) => {
                 let clip = &self.clips[*clip];
-                self.now = clip.frame(*frame);
+                if let Ok(weights) = clip.frame(*frame) {
+                    self.now = weights;
+                }
                 // Round and round: the seam is a jump, as between takes.
                 *frame = (*frame + 1) % clip.frame_count();
                 false

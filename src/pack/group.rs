@@ -44,11 +44,11 @@ impl PackedGroup {
     /// Call `f` with every vertex that target `target` holds a delta for, in the user's order of vertices, and the
     /// delta that the kernels see, decoded in double precision. Vertices come in no particular order; some deltas may
     /// be zero.
-    ///
-    /// # Panics
-    /// When `target` is out of range.
     pub fn for_each_delta(&self, target: usize, mut f: impl FnMut(usize, [f64; POSE_FLOATS])) {
         let layout = &self.layout;
+        if target >= layout.targets.len() {
+            return;
+        }
         if let Some(blocks) = &layout.blocks {
             for incidence in blocks.incidence(target) {
                 let first = incidence.block as usize * blocks.size();
@@ -273,15 +273,17 @@ impl PackedLayout {
         self.targets.iter().position(|target| target.name == name)
     }
 
-    /// A pose as pose buffers hold it (padding and all), in the user's vertex order and without padding.
-    ///
-    /// # Panics
-    /// When the pose has fewer vertices than the mesh.
+    /// A pose as pose buffers hold it (padding and all), in the user's vertex order and without padding. Vertices that it
+    /// lacks come out as NaN.
     pub fn to_user_order(&self, pose: &[f32]) -> Vec<f32> {
+        let numbers = self.vertex_count * POSE_FLOATS;
         match &self.blocks {
-            None => pose[..self.vertex_count * POSE_FLOATS].to_vec(),
+            None => match pose.get(..numbers) {
+                Some(pose) => pose.to_vec(),
+                None => pose.iter().copied().chain(std::iter::repeat(f32::NAN)).take(numbers).collect(),
+            },
             Some(blocks) => {
-                let mut out = vec![0.0; self.vertex_count * POSE_FLOATS];
+                let mut out = vec![f32::NAN; numbers];
                 for (vertex, from) in blocks.order().iter().zip(pose.chunks_exact(POSE_FLOATS)) {
                     out[*vertex as usize * POSE_FLOATS..][..POSE_FLOATS].copy_from_slice(from);
                 }

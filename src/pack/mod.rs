@@ -162,18 +162,17 @@ impl PackedMesh {
     }
 
     /// [`PackedGroup::for_each_delta`] of positions and normals.
-    ///
-    /// # Panics
-    /// When `target` is out of range.
     pub fn for_each_delta(&self, target: usize, f: impl FnMut(usize, [f64; POSE_FLOATS])) {
         self.surface().for_each_delta(target, f);
     }
 
-    /// What packing lost of `mesh`, which this was packed from.
-    ///
-    /// # Panics
-    /// When `mesh` has other targets, vertices or streams.
+    /// What packing lost of `mesh`, which this was packed from; NaN, which is within no bound, where that has other targets
+    /// or vertices, or is not right in itself.
     pub fn measure_error(&self, mesh: &MorphMesh) -> PoseError {
+        let (vertices, targets) = (self.layout().vertex_count, self.layout().targets.len());
+        if mesh.vertex_count() != vertices || mesh.targets.len() != targets || Source::groups(mesh).is_err() {
+            return PoseError::NAN;
+        }
         let each = self.groups.iter().map(|group| group.measure_error(&Source::new(mesh, &group.layout().streams)));
         each.fold(PoseError::default(), PoseError::max)
     }

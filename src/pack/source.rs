@@ -100,10 +100,20 @@ pub(crate) fn largest(deltas: &[Lane]) -> [f32; TRIPLES] {
     largest
 }
 
-/// Whether streams have as many numbers as they should, and welds are of this mesh, so that nothing is out of range.
+/// Whether normals, targets and streams have as many numbers as they should, and welds are of this mesh, so that nothing is out of range.
 fn check(mesh: &MorphMesh) -> Result<(), String> {
     let vertices = mesh.vertex_count();
     check_welds(&mesh.welds, vertices)?;
+    if mesh.normals.len() != vertices {
+        return Err(format!("{} normals for {vertices} vertices", mesh.normals.len()));
+    }
+    for target in &mesh.targets {
+        let moved = target.vertices.len();
+        let fits = target.positions.len() == moved && target.normals.len() == moved;
+        if !fits || target.vertices.iter().any(|&v| v as usize >= vertices) {
+            return Err(format!("the deltas of target '{}' do not fit", target.name));
+        }
+    }
     for (i, stream) in mesh.streams.iter().enumerate() {
         let semantic = stream.semantic;
         let own = matches!(semantic, Semantic::Position | Semantic::Normal);

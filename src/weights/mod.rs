@@ -116,9 +116,17 @@ impl BoundClip {
 
     /// One weight per target.
     ///
-    /// # Panics
-    /// When there are not as many frames.
-    pub fn frame(&self, frame: usize) -> Vec<f32> {
+    /// # Errors
+    /// There are not as many frames.
+    pub fn frame(&self, frame: usize) -> Result<Vec<f32>> {
+        if frame < self.frame_count() {
+            return Ok(self.weights(frame));
+        }
+        let text = format!("frame {frame} of clip '{}', which has {}", self.name, self.frame_count());
+        Err(Error::invalid(text, "count frames from 0"))
+    }
+
+    fn weights(&self, frame: usize) -> Vec<f32> {
         let mut weights = vec![0.0; self.targets];
         self.columns.iter().zip(self.row(frame)).for_each(|(&target, &weight)| weights[target] = weight);
         weights
@@ -131,7 +139,7 @@ impl BoundClip {
 
     /// The weights of every frame, from the first on.
     pub fn frames(&self) -> impl ExactSizeIterator<Item = Vec<f32>> {
-        (0..self.frame_count()).map(|frame| self.frame(frame))
+        (0..self.frame_count()).map(|frame| self.weights(frame))
     }
 }
 
@@ -148,6 +156,7 @@ mod tests {
     fn columns_are_put_at_their_targets_and_the_rest_is_zero() {
         let bound = clip(&["b", "a"], &[1.0, 2.0, -3.0, 4.5]).bind(&["a", "x", "b"]).unwrap();
         assert_eq!(bound.frames().collect::<Vec<_>>(), [[2.0, 0.0, 1.0], [4.5, 0.0, -3.0]]);
+        assert!(bound.frame(2).unwrap_err().to_string().contains("frame 2 of clip 'clip', which has 2"));
         assert_eq!((bound.name.as_str(), bound.fps, bound.target_count()), ("clip", 30.0, 3));
         assert_eq!(clip(&["b", "a"], &[]).bind(&["a", "b"]).unwrap().frame_count(), 0);
         assert_eq!(WeightClip::default().bind(&[]).unwrap().frame_count(), 0);

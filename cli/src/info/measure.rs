@@ -187,7 +187,7 @@ pub fn poses(input: &Input, formats: &[Measured], clips: &[BoundClip], out: &Out
         let mut errors = vec![Errors::default(); formats.len()];
         bar.set_message(format!("poses of {}", clip.name));
         for &frame in &frames {
-            let weights = &clip.frame(frame);
+            let Ok(weights) = &clip.frame(frame) else { continue };
             let truth = evaluate_unpacked(&input.raw, weights);
             for (format, error) in formats.iter().zip(&mut errors) {
                 error.add(&evaluate(&format.packed, weights), &truth);

@@ -39,10 +39,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     /// [`read_pose`](Self::read_pose) does for the first.
     ///
     /// # Errors
-    /// As [`draw`](Self::draw); a path without pose buffers.
-    ///
-    /// # Panics
-    /// When the mesh has no such group.
+    /// As [`draw`](Self::draw); a path without pose buffers; a group out of range.
     pub fn read_group(&mut self, instance: u32, group: usize) -> Result<(Vec<f32>, Option<Vec<f32>>)> {
         let base = self.crowd.base();
         let (pose, previous) = (base.group_pose(instance, group)?, base.previous_group_pose(instance, group)?);
@@ -52,10 +49,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     /// Read the pose of an instance in a group back as it is stored, in the order and with the padding of pose buffers.
     ///
     /// # Errors
-    /// As [`draw`](Self::draw); a path without pose buffers.
-    ///
-    /// # Panics
-    /// When the mesh has no such group.
+    /// As [`draw`](Self::draw); a path without pose buffers; a group out of range.
     pub fn read_stored(&mut self, instance: u32, group: usize) -> Result<Vec<u8>> {
         let view = self.crowd.base().group_pose(instance, group)?;
         self.read((view.buffer, view.offset, view.size))

@@ -160,36 +160,29 @@ impl Clips {
         self.targets
     }
 
-    /// Frames of a clip.
-    ///
-    /// # Panics
-    /// When there is no such clip.
-    pub fn frames(&self, clip: usize) -> u32 {
+    /// Frames of a clip; `None`: there is no such clip.
+    pub fn frames(&self, clip: usize) -> Option<u32> {
+        (clip < self.count()).then(|| self.frame_count(clip))
+    }
+
+    /// Frames of a clip that there is.
+    pub(crate) fn frame_count(&self, clip: usize) -> u32 {
         self.entry(clip)[1]
     }
 
-    /// Frames a second of a clip.
-    ///
-    /// # Panics
-    /// When there is no such clip.
-    pub fn fps(&self, clip: usize) -> f32 {
-        self.clips[clip].fps
+    /// Frames a second of a clip; `None`: there is no such clip.
+    pub fn fps(&self, clip: usize) -> Option<f32> {
+        self.clips.get(clip).map(|clip| clip.fps)
     }
 
     /// What 16-bit keys lost of a clip: the largest change of a weight. 0 for 32-bit keys. The grid's own rounding,
-    /// half a [`weight_step`](PoseGrid::weight_step), comes on top.
-    ///
-    /// # Panics
-    /// When there is no such clip.
-    pub fn rounding(&self, clip: usize) -> f32 {
-        self.clips[clip].rounding
+    /// half a [`weight_step`](PoseGrid::weight_step), comes on top. `None`: there is no such clip.
+    pub fn rounding(&self, clip: usize) -> Option<f32> {
+        self.clips.get(clip).map(|clip| clip.rounding)
     }
 
-    /// A key in steps of the grid.
-    ///
-    /// # Panics
-    /// When there is no such clip or frame.
-    pub fn key(&self, clip: usize, frame: u32, target: usize) -> i32 {
+    /// A key in steps of the grid, of a clip and frame that there are.
+    pub(crate) fn key(&self, clip: usize, frame: u32, target: usize) -> i32 {
         let ([first, _, shift, _], at) = (self.entry(clip), frame as usize * self.targets + target);
         match self.format {
             KeyFormat::Bits32 => self.words[first as usize + at] as i32,

@@ -88,10 +88,9 @@ impl Playbacks {
     /// A clip that there is not; a speed or start that is no number or too large; a start more than 4.5 hours ahead.
     pub fn play(&mut self, head: u32, playback: &Playback, clips: &Clips) -> Result<()> {
         let Playback { clip, start, speed, repeat } = *playback;
-        if clip as usize >= clips.count() {
+        let Some(fps) = clips.fps(clip as usize) else {
             return Err(Error::invalid(format!("clip {clip} of {}", clips.count()), "count clips from 0"));
-        }
-        let fps = clips.fps(clip as usize);
+        };
         let rate = (speed.abs() * f64::from(fps) * 65_536.0).round();
         // Not a number fails, too.
         if !(0.0..=f64::from(u32::MAX)).contains(&rate) {
@@ -189,7 +188,7 @@ impl Playbacks {
             let start = self.now - REBASE_MARGIN;
             self.starts[head] = start;
             if record.has(HeadRecord::PLAYING) {
-                let position = record.position(clips.frames(record.clip as usize), elapsed - REBASE_MARGIN);
+                let position = record.position(clips.frame_count(record.clip as usize), elapsed - REBASE_MARGIN);
                 (record.frame, record.fraction) = ((position >> 32) as u32, position as u32);
                 record.start = start as u32;
                 self.touch(head as u32).stale = true;

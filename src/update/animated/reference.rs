@@ -101,7 +101,7 @@ pub(super) fn sample(clips: &Clips, record: &HeadRecord, now: u32) -> Vec<i32> {
         return vec![0; clips.targets()];
     }
     let clip = record.clip as usize;
-    let (frame, next, f) = between(record, clips.frames(clip), now);
+    let (frame, next, f) = between(record, clips.frame_count(clip), now);
     let key = |frame, target| clips.key(clip, frame, target);
     (0..clips.targets()).map(|target| interpolate(key(frame, target), key(next, target), f)).collect()
 }
