@@ -8,7 +8,8 @@
 //! 2. Device: [`requirements`] before you create it, [`MorphEngine::new`] after.
 //! 3. [`MorphEngine::upload`] the mesh, [`MorphEngine::create_crowd`].
 //! 4. Each frame: [`Crowd::set_weights`], [`MorphEngine::record_update`], and draw from [`Crowd::pose`]; motion vectors
-//!    take [`Crowd::previous_pose`].
+//!    take [`Crowd::previous_pose`]. [`ClipLayer::mix`] makes weights of clips; [`CrowdSet`] gives them to several meshes;
+//!    [`MorphEngine::readback`] reads poses back.
 //!
 //! [`MorphEngine`] says what the caller is responsible for; `examples/minimal.rs` is a complete host. Without
 //! Vulkan, [`CpuCrowd`] takes the same descriptions. [`mod@reference`] tells how far a pose is from the truth.

@@ -182,6 +182,7 @@ impl Clips {
     }
 
     /// A key in steps of the grid, of a clip and frame that there are.
+    #[cfg(any(test, feature = "internals"))]
     pub(crate) fn key(&self, clip: usize, frame: u32, target: usize) -> i32 {
         let ([first, _, shift, _], at) = (self.entry(clip), frame as usize * self.targets + target);
         match self.format {
