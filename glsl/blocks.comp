@@ -4,12 +4,14 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "abi.glsl"
+#define PLACES_ID 2
+#include "places.glsl"
 #include "blocks.glsl"
 
 const uint MASK_WORDS = BLOCK_SIZE / 32u;
 const uint MASKED_WORDS = ITEM_WORDS + 6u * MASK_WORDS;
 
-// Where a lane's vertex is, as indices of its first component.
+// Where a lane's vertex begins, as indices of numbers.
 struct Place {
     uint source;
     uint destination;
@@ -17,14 +19,15 @@ struct Place {
     bool rebuilt;
 };
 
-void store(Place place, uint k, float added) {
-    float before = place.rebuilt ? uintBitsToFloat(asset[place.base + k]) : poses[place.source + k];
+// Number `c`, which is number `k` of the pose's vertex.
+void store(Place place, uint c, uint k, float added) {
+    float before = place.rebuilt ? uintBitsToFloat(asset[place.base + c]) : poses[place.source + k];
     poses[place.destination + k] = before + added;
 }
 
 // Component `c` of the lane's vertex, where the mask says that it changes.
-#define COMPONENT(c, sum) \
-    if ((work[masks + c * MASK_WORDS] >> bit & 1u) != 0u) store(place, c, sum);
+#define COMPONENT(c, k, sum) \
+    if (STORES(c) && (work[masks + c * MASK_WORDS] >> bit & 1u) != 0u) store(place, c, k, sum);
 
 void main() {
     uint item = first_item + gl_WorkGroupID.x * MASKED_WORDS;
@@ -45,19 +48,20 @@ void main() {
         normal += FACTOR_OF(coefficient, normal_unit, shifts.y) * vec3(dn[0]);
     }
 
-    uint at = (block * BLOCK_SIZE + lane) * 6u;
+    uint vertex = block * BLOCK_SIZE + lane;
+    uint at = vertex * VERTEX_NUMBERS;
     bool rebuilt = (work[item] & REBUILT) != 0u;
     uint bit = lane & 31u;
     uint masks = item + ITEM_WORDS + (lane >> 5);
     Place place;
     place.source = (slots_word & 0xffffu) * pose_floats + at;
     place.destination = (slots_word >> 16) * pose_floats + at;
-    place.base = base_at + at;
+    place.base = base_at + vertex * 6u;
     place.rebuilt = rebuilt;
-    COMPONENT(0u, position.x)
-    COMPONENT(1u, position.y)
-    COMPONENT(2u, position.z)
-    COMPONENT(3u, normal.x)
-    COMPONENT(4u, normal.y)
-    COMPONENT(5u, normal.z)
+    COMPONENT(0u, PLACE_0, position.x)
+    COMPONENT(1u, PLACE_1, position.y)
+    COMPONENT(2u, PLACE_2, position.z)
+    COMPONENT(3u, PLACE_3, normal.x)
+    COMPONENT(4u, PLACE_4, normal.y)
+    COMPONENT(5u, PLACE_5, normal.z)
 }

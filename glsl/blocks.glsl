@@ -35,7 +35,7 @@ layout(push_constant) uniform Push {
     uint headers_at;
     uint deltas_at;
     uint base_at;
-    uint pose_floats;   // floats of a pose
+    uint pose_floats;   // numbers from pose to pose
     float position_unit; // of an integer delta, for float32 sums
     float normal_unit;
     uint position_dropped; // lowest bits of products that rounding drops (ROUNDED_PRODUCTS)

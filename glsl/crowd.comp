@@ -13,6 +13,8 @@ layout(constant_id = 3) const bool REBUILT_ITEMS = false;
 layout(constant_id = 4) const bool FEW_REGISTERS = false;
 #define HAS_FEW_REGISTERS
 
+#define PLACES_ID 5
+#include "places.glsl"
 #include "blocks.glsl"
 #include "tiles.glsl"
 
@@ -49,6 +51,10 @@ Head plus_source(Head head, uint slots, uint at, uint rebuilt) {
     return Head(head.position + position, head.normal + normal);
 }
 
+void store(uint slots, uint at, Head head) {
+    STORE_VERTEX(poses, (slots >> 16) * pose_floats + at, head.position, head.normal)
+}
+
 void main() {
     uint lane = gl_LocalInvocationID.x, number = gl_WorkGroupID.x;
     uvec3 lanes = gl_WorkGroupSize;
@@ -62,7 +68,8 @@ void main() {
     // What fills up the last workgroup of a list has no rows, all other items have.
     if (is_shared && rows == 0u) return;
     uint next = work[item + 1u], end = next + rows * ROW_WORDS(HEADS);
-    uint at = (work[item] * BLOCK_SIZE + lane) * 6u;
+    uint vertex = work[item] * BLOCK_SIZE + lane;
+    uint at = vertex * VERTEX_NUMBERS;
 
     Head heads[TILE];
 #define START(h) heads[h] = Head(ADDEND(0), ADDEND(0));
@@ -85,7 +92,7 @@ void main() {
     EACH_HEAD(SLOTS)
     if (REBUILT_ITEMS) {
 #ifndef INTEGER_POSES
-        uint from = base_at + at;
+        uint from = base_at + vertex * 6u;
         vec3 position = uintBitsToFloat(uvec3(asset[from], asset[from + 1u], asset[from + 2u]));
         vec3 normal = uintBitsToFloat(uvec3(asset[from + 3u], asset[from + 4u], asset[from + 5u]));
 #define BASE(h) heads[h] = Head(heads[h].position + position, heads[h].normal + normal);
@@ -96,6 +103,6 @@ void main() {
 #define SOURCE(h) heads[h] = plus_source(heads[h], slots[h], at, rebuilt >> h);
         EACH_HEAD(SOURCE)
     }
-#define STORE(h) STORE_VERTEX(poses, (slots[h] >> 16) * pose_floats + at, heads[h].position, heads[h].normal)
+#define STORE(h) store(slots[h], at, heads[h]);
     EACH_HEAD(STORE)
 }

@@ -9,6 +9,8 @@
 layout(local_size_x = WORKGROUP) in;
 
 const uint NUMBERS = 6u;
+#define PLACES_ID 0
+#include "places.glsl"
 #define POSES_BINDING 0
 #include "pose.glsl"
 layout(set = 0, binding = 1, std430) readonly buffer Base { float base[]; };
@@ -49,7 +51,7 @@ void main() {
     }
     uint at = NUMBERS * vertex;
     ADDEND position, normal;
-    LOAD_VERTEX(poses, pose_at + at, position, normal)
+    LOAD_VERTEX(poses, pose_at + VERTEX_NUMBERS * vertex, position, normal)
     uint to = decoded_at + stride * vertex;
     store(to, POSE_DECODED(position, base_of(at), units.x));
     if (normal_at != 0u) {

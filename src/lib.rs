@@ -68,8 +68,8 @@ pub use asset::{
 };
 pub use cpu::CpuCrowd;
 pub use engine::{
-    AnimatedCrowd, AnyCrowd, Crowd, CrowdSet, DecodeTarget, GpuMesh, MorphEngine, Outgrown, PoseReadback, PoseView,
-    ReadPose, StreamView, Ticket, Update,
+    AnimatedCrowd, AnyCrowd, Crowd, CrowdSet, DecodeTarget, GpuMesh, MorphEngine, Outgrown, PoseBuffer, PoseReadback,
+    PoseView, ReadPose, StreamView, Ticket, Update,
 };
 pub use error::{Error, ErrorKind, Result};
 pub use gpu::caps::{DeviceCaps, DeviceKind, Requirement, TransformFeedbackCaps, requirements};
@@ -78,9 +78,11 @@ pub use pack::blocks::{BLOCK_SIZES, BlockDesc, BlockIndex, PoseGrid};
 pub use pack::file::Asset;
 pub use pack::{
     DeltaFormat, POSE_FLOATS, PackDesc, PackedGroup, PackedLayout, PackedMesh, PackedTarget, PoseError, PoseFormat,
+    VertexLayout,
 };
-pub use plan::{BatchSize, Consumers, CrowdDesc, UpdateDesc, UpdateMode, UpdatePath, UpdateStats};
+pub use plan::{BatchSize, Consumers, UpdateDesc, UpdateMode, UpdatePath, UpdateStats};
 pub use update::animated::{AnimationDesc, Clips, KeyFormat, Playback};
+pub use update::crowd::{CrowdDesc, HostPoses};
 pub use weights::{BoundClip, ClipLayer, LayerBlend, Repeat, WeightClip, target_mask};
 pub use {ash, gpu_allocator};
 

@@ -9,15 +9,21 @@
 #define HIGH(word) (int(word) >> 16)
 #define WORD(low, high) (uint(low) & 0xffffu | uint(high) << 16)
 
-// A vertex of a storage buffer of words, the first number of which is number `at`.
+// Halves of words cannot be stored apart: the numbers are one after the other, wherever the first is.
+#ifndef HAS_PLACES
+#define PLACE_0 0u
+#define STORES(number) true
+#endif
+
+// A vertex of a storage buffer of words, which begins at number `at`.
 #define LOAD_VERTEX(buffer, at, position, normal) { \
-    uint first = (at) / 2u; \
+    uint first = ((at) + PLACE_0) / 2u; \
     uint a = buffer[first], b = buffer[first + 1u], c = buffer[first + 2u]; \
     position = ivec3(LOW(a), HIGH(a), LOW(b)); \
     normal = ivec3(HIGH(b), LOW(c), HIGH(c)); \
 }
-#define STORE_VERTEX(buffer, at, position, normal) { \
-    uint first = (at) / 2u; \
+#define STORE_VERTEX(buffer, at, position, normal) if (STORES(0u)) { \
+    uint first = ((at) + PLACE_0) / 2u; \
     buffer[first] = WORD(position.x, position.y); \
     buffer[first + 1u] = WORD(position.z, normal.x); \
     buffer[first + 2u] = WORD(normal.y, normal.z); \

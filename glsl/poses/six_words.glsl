@@ -3,20 +3,31 @@
 //     NUMBER_OF(word)            the number that has these bits, and the reverse
 //     WORD_OF(number)
 
-// A vertex of a storage buffer of numbers, the first of which is number `at`.
+// One after the other, but where places.glsl says where they are.
+#ifndef HAS_PLACES
+#define PLACE_0 0u
+#define PLACE_1 1u
+#define PLACE_2 2u
+#define PLACE_3 3u
+#define PLACE_4 4u
+#define PLACE_5 5u
+#define STORES(number) true
+#endif
+
+// A vertex of a storage buffer of numbers, which begins at number `at`.
 #define LOAD_VERTEX(buffer, at, position, normal) { \
     uint first = at; \
-    position = ADDEND(buffer[first], buffer[first + 1u], buffer[first + 2u]); \
-    normal = ADDEND(buffer[first + 3u], buffer[first + 4u], buffer[first + 5u]); \
+    position = ADDEND(buffer[first + PLACE_0], buffer[first + PLACE_1], buffer[first + PLACE_2]); \
+    normal = ADDEND(buffer[first + PLACE_3], buffer[first + PLACE_4], buffer[first + PLACE_5]); \
 }
 #define STORE_VERTEX(buffer, at, position, normal) { \
     uint first = at; \
-    buffer[first] = position.x; \
-    buffer[first + 1u] = position.y; \
-    buffer[first + 2u] = position.z; \
-    buffer[first + 3u] = normal.x; \
-    buffer[first + 4u] = normal.y; \
-    buffer[first + 5u] = normal.z; \
+    if (STORES(0u)) buffer[first + PLACE_0] = position.x; \
+    if (STORES(1u)) buffer[first + PLACE_1] = position.y; \
+    if (STORES(2u)) buffer[first + PLACE_2] = position.z; \
+    if (STORES(3u)) buffer[first + PLACE_3] = normal.x; \
+    if (STORES(4u)) buffer[first + PLACE_4] = normal.y; \
+    if (STORES(5u)) buffer[first + PLACE_5] = normal.z; \
 }
 
 #if defined(POSES_BINDING) && defined(TEXELS)

@@ -12,6 +12,10 @@ use super::formats::{FormatRow, PoseRow};
 /// Vertex attributes that modules are made for at most; two are the pose.
 pub const ATTRIBUTES_MAX: u32 = 32;
 
+/// Specialization constants that say where the numbers of a vertex are in a pose: the last ones of kernels that take
+/// vertices of hosts (`glsl/places.glsl`). Their defaults are poses of ours.
+pub const PLACES: usize = 8;
+
 /// Where a kernel runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
@@ -179,19 +183,19 @@ const DENSE: KernelRow = KernelRow {
     constants: 1,
     ..COMPUTE
 };
-/// Asset, work list, poses. Specialization constants: lanes, vertices of a block.
+/// Asset, work list, poses. Specialization constants: lanes, vertices of a block, and places.
 const BLOCKS: KernelRow = KernelRow {
     name: "blocks",
     stage: Stage::ComputeSized,
     takes: Takes::Blocks,
     bindings: &[(0, WORDS), (1, WORDS), (2, WORDS)],
     push: Push::Blocks,
-    constants: 2,
+    constants: 2 + PLACES as u32,
     ..COMPUTE
 };
-/// Three more specialization constants: instances of a tile, whether all start from the base pose, and whether decoding is
-/// to take few registers.
-const CROWD: KernelRow = KernelRow { name: "crowd", poses: true, constants: 5, ..BLOCKS };
+/// Three more specialization constants before the places: instances of a tile, whether all start from the base pose, and
+/// whether decoding is to take few registers.
+const CROWD: KernelRow = KernelRow { name: "crowd", poses: true, constants: 5 + PLACES as u32, ..BLOCKS };
 /// A draw that others' technique `direct` evaluates: deltas, weights.
 const DIRECT: KernelRow = KernelRow {
     name: "direct",
@@ -251,6 +255,7 @@ pub const KERNELS: &[KernelRow] = &[
         poses: true,
         bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)],
         push: Push::Decode,
+        constants: PLACES as u32,
         ..COMPUTE
     },
     // Techniques of others. The set of `scatter` and `resolve` is records, sums, base pose, destination.

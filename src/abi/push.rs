@@ -72,7 +72,7 @@ shared! {
         deltas_at: u32,
         /// Where the base pose would begin, likewise.
         base_at: u32,
-        /// Numbers of a pose: six for each vertex, padding included.
+        /// Numbers from pose to pose: of poses of ours six for each vertex, padding included.
         pose_floats: u32,
         /// Input units of an integer delta, for float32 sums: positions.
         position_unit: f32,

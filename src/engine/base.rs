@@ -1,23 +1,23 @@
 //! What every crowd has: poses, instances, slots, tickets, and a technique that updates them.
 
 use super::decode::{DecodeTarget, Decoder};
+use super::poses;
 use super::upload::GpuMesh;
-use super::views::{self, PoseView};
+use super::views::{self, PoseBuffer, PoseView};
 use crate::asset::streams::{Semantic, StreamPlace};
 use crate::error::{Error, Result};
 use crate::gpu::device::Device;
 use crate::gpu::memory::Buffer;
-use crate::gpu::mesh::MeshBuffers;
 use crate::gpu::pipelines::Kernels;
 use crate::pack::PackedLayout;
 use crate::pack::blocks::PoseGrid;
+use crate::plan::UpdateStats;
 use crate::plan::instances::Instances;
 use crate::plan::schedule::Schedule;
 use crate::plan::steps::{Resource, Steps, Use, Work};
-use crate::plan::{CrowdDesc, UpdateStats};
-use crate::update::technique::{Context, PoseGroup, Poses, Technique, UpdateId};
+use crate::update::crowd::CrowdDesc;
+use crate::update::technique::{Context, PoseGroup, Technique, UpdateId};
 use ash::vk;
-use gpu_allocator::MemoryLocation;
 use std::any::Any;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -102,32 +102,7 @@ impl CrowdBase {
             let text = format!("a crowd of {instances} instances with {frames} frames in flight");
             return Err(Error::invalid(text, "use 1 or more of both"));
         }
-        let bytes = mesh.layouts().map(|layout| pose_bytes(layout, desc)).max().unwrap_or(0);
-        let most = u64::from(u32::MAX);
-        if bytes > most {
-            let poses = format!("{instances} instances with {slots} slots take {bytes} bytes of poses");
-            let text = format!("{poses}; one crowd holds at most {most}");
-            return Err(Error::invalid(text, "make several crowds, or use fewer slots"));
-        }
-        let mut usage = vk::BufferUsageFlags::STORAGE_BUFFER
-            | vk::BufferUsageFlags::VERTEX_BUFFER
-            | vk::BufferUsageFlags::STORAGE_TEXEL_BUFFER
-            | vk::BufferUsageFlags::TRANSFER_SRC;
-        if device.feedback.is_some() {
-            usage |= vk::BufferUsageFlags::TRANSFORM_FEEDBACK_BUFFER_EXT;
-        }
-        let buffer = |layout: &PackedLayout| {
-            Buffer::new(device, "deltamorph poses", pose_bytes(layout, desc), usage, MemoryLocation::GpuOnly)
-        };
-        let buffers = mesh.layouts().map(buffer).collect::<Result<Vec<_>>>()?;
-        let format = desc.update.pose;
-        let group = |(mesh, buffer): (&Arc<MeshBuffers>, &Buffer)| {
-            let (layout, buffer) = (&mesh.layout, buffer.raw);
-            let grid = desc.update.grid(layout)?;
-            let poses = Poses { buffer, format, bytes: layout.pose_bytes(format), slots, grid };
-            Ok(PoseGroup { mesh: mesh.clone(), poses })
-        };
-        let groups: Vec<PoseGroup> = mesh.groups.iter().zip(&buffers).map(group).collect::<Result<_>>()?;
+        let (groups, buffers) = poses::make(device, mesh, desc)?;
         let (mesh, poses) = (&groups[0].mesh, groups[0].poses);
         Ok(Self {
             technique: make(Context { device, kernels, mesh, desc, poses, all: &groups })?,
@@ -305,16 +280,14 @@ impl CrowdBase {
     }
 
     pub(crate) fn view(&self, instance: u32, slot: u32, group: usize) -> PoseView {
-        let poses = self.groups[group].poses;
-        PoseView {
-            units: poses.units(),
-            buffer: poses.buffer,
-            offset: poses.offset(instance, slot),
-            size: poses.bytes,
-            stride: poses.format.stride() as u32,
-            format: poses.format,
-            slot,
-        }
+        PoseView::new(&self.groups[group].poses, instance, slot)
+    }
+
+    /// See [`Crowd::pose_buffer`](super::Crowd::pose_buffer).
+    pub(super) fn pose_buffer(&self, semantic: Semantic) -> Result<PoseBuffer> {
+        self.check_has_poses()?;
+        let (group, place) = self.place(semantic)?;
+        PoseBuffer::new(&self.groups[group].poses, place)
     }
 
     /// See [`MorphEngine::set_decode_target`](super::MorphEngine::set_decode_target).
@@ -332,7 +305,7 @@ impl CrowdBase {
         self.check_has_poses()?;
         let decoder = match &mut self.decoder {
             Some(decoder) => decoder,
-            none => none.insert(Decoder::new(kernels, self.desc.update.pose)?),
+            none => none.insert(Decoder::new(kernels, &self.groups[0].poses)?),
         };
         decoder.set(&self.device, &self.groups[0], self.desc.frames_in_flight, instance, target)?;
         self.steps.decoded_for(self.desc.consumers);
@@ -378,13 +351,4 @@ impl CrowdBase {
         self.recorded += u64::from(!self.steps.is_empty());
         Ok(Update { ticket: Ticket { crowd: self.crowd, id }, stats })
     }
-}
-
-/// Bytes of device memory that the poses of a crowd take in a group. On a direct path that is one, to capture into.
-pub(super) fn pose_bytes(layout: &PackedLayout, desc: &CrowdDesc) -> u64 {
-    let pose = layout.pose_bytes(desc.update.pose);
-    if desc.update.path.evaluates_in_draws() {
-        return pose;
-    }
-    pose.saturating_mul(u64::from(desc.instances) * u64::from(desc.update.slots))
 }

@@ -1,14 +1,15 @@
 //! Crowds: instances of one mesh whose weights are set, or that play clips on the GPU.
 
 use super::base::sealed::Sealed;
-use super::base::{AnyCrowd, CrowdBase, Ticket, pose_bytes};
-use super::views::{PoseView, StreamView};
+use super::base::{AnyCrowd, CrowdBase, Ticket};
+use super::poses;
+use super::views::{PoseBuffer, PoseView, StreamView};
 use crate::asset::streams::Semantic;
 use crate::error::Result;
 use crate::pack::{PackedLayout, PackedMesh};
-use crate::plan::CrowdDesc;
 use crate::plan::instances::{check_weight, check_weights};
 use crate::update::animated::{Animated, Clips, Playback};
+use crate::update::crowd::CrowdDesc;
 use crate::weights::names::unknown;
 
 /// Instances of one mesh on the device, whose weights are set. [`MorphEngine`](crate::MorphEngine)
@@ -39,10 +40,21 @@ macro_rules! crowd {
         impl AnyCrowd for $crowd {}
 
         impl $crowd {
-            /// Bytes of device memory that the poses of a crowd take, in all groups of the mesh. On a direct path that is
-            /// one, to capture into.
+            /// Bytes of device memory that the poses of a crowd take, in all groups of the mesh: of buffers of ours, or of
+            /// the host's ([`CrowdDesc::poses`]). On a direct path that is one, to capture into.
             pub fn pose_bytes(mesh: &PackedMesh, desc: &CrowdDesc) -> u64 {
-                mesh.groups().iter().map(|group| pose_bytes(group.layout(), desc)).sum()
+                poses::bytes(mesh.groups().iter().map(|group| group.layout()), desc)
+            }
+
+            /// The buffer that a stream of all poses is in, where each pose is, and how it is stored: known before the first
+            /// update, and the same for the life of the crowd. Which slot an instance's pose is in,
+            /// [`pose`](Self::pose) says.
+            ///
+            /// # Errors
+            /// A direct path, which has no pose buffers; a stream that the mesh does not have, or that is not stored in the
+            /// host's own vertices.
+            pub fn pose_buffer(&self, semantic: Semantic) -> Result<PoseBuffer> {
+                self.base.pose_buffer(semantic)
             }
 
             /// How the crowd was made.
@@ -128,10 +140,11 @@ macro_rules! crowd {
             /// A stream of the [pose](Self::pose) of `instance`: any that the mesh has.
             ///
             /// # Errors
-            /// As [`pose`](Self::pose); a stream that the mesh does not have.
+            /// As [`pose`](Self::pose); a stream that the mesh does not have, or that is not stored in the host's own
+            /// vertices.
             pub fn stream(&self, instance: u32, semantic: Semantic) -> Result<StreamView> {
                 let (group, place) = self.base.place(semantic)?;
-                Ok(self.base.group_pose(instance, group)?.stream(place))
+                self.base.group_pose(instance, group)?.stream(place)
             }
 
             /// A stream of the [previous pose](Self::previous_pose) of `instance`.
@@ -140,7 +153,7 @@ macro_rules! crowd {
             /// As [`stream`](Self::stream).
             pub fn previous_stream(&self, instance: u32, semantic: Semantic) -> Result<Option<StreamView>> {
                 let (group, place) = self.base.place(semantic)?;
-                Ok(self.base.previous_group_pose(instance, group)?.map(|pose| pose.stream(place)))
+                self.base.previous_group_pose(instance, group)?.map(|pose| pose.stream(place)).transpose()
             }
         }
     };

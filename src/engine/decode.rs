@@ -4,19 +4,21 @@
 use crate::abi::modules::DECODE;
 use crate::abi::numbers::{PIECE, WORKGROUP};
 use crate::abi::push::DecodePush;
+use crate::asset::streams::TRIPLE;
 use crate::error::{Error, Result};
 use crate::gpu::caps::DeviceCaps;
 use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::memory::Ring;
 use crate::gpu::pipelines::{Kernels, Objects, PipelineKey, Pipelines, Workgroups};
+use crate::pack::vertex::PlaceConstants;
 use crate::pack::{DeltaFormat, PackedLayout, PoseFormat};
 #[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::{Accesses, Memory};
 use crate::plan::instances::Instances;
 use crate::plan::steps::{Resource, Source, Steps, Use, Work};
 use crate::setters::setters;
-use crate::update::technique::{PoseGroup, Technique, UpdateId};
+use crate::update::technique::{PoseGroup, Poses, Technique, UpdateId};
 use ash::vk;
 use bytemuck::bytes_of;
 use std::ops::Range;
@@ -84,15 +86,16 @@ impl DecodeTarget {
     }
 }
 
-/// The pipeline for a format of poses.
+/// The pipeline for a format of poses, and where numbers are in the host's own vertices.
 #[derive(Clone, Copy, PartialEq)]
-struct Decode(PoseFormat);
+struct Decode(PoseFormat, Option<PlaceConstants>);
 
 impl PipelineKey for Decode {
     fn make(self, objects: &mut Objects) -> Result<()> {
         objects.add_layout(&[DECODE.row], 0)?;
         // It reads no deltas: the module is the same for each of their formats.
-        objects.add_compute(DECODE.module(DeltaFormat::Float32, self.0, 0)?, &[&[]])
+        let places = self.1.as_ref().map_or(&[][..], |places| places);
+        objects.add_compute(DECODE.module(DeltaFormat::Float32, self.0, 0)?, &[places])
     }
 }
 
@@ -104,7 +107,7 @@ struct Target {
     /// One for each list.
     sets: Sets,
     push: DecodePush,
-    /// Numbers of a pose, padding included.
+    /// Numbers from pose to pose.
     pose_numbers: u32,
     /// What the buffer holds is not known, or not all of it.
     is_stale: bool,
@@ -128,8 +131,8 @@ fn pieces(layout: &PackedLayout) -> u32 {
 }
 
 impl Decoder {
-    pub(super) fn new(kernels: &Kernels, format: PoseFormat) -> Result<Self> {
-        let kernel = kernels.get(Decode(format))?;
+    pub(super) fn new(kernels: &Kernels, poses: &Poses) -> Result<Self> {
+        let kernel = kernels.get(Decode(poses.format, poses.place_constants()))?;
         Ok(Self { kernel, targets: vec![], changed: vec![] })
     }
 
@@ -146,6 +149,11 @@ impl Decoder {
         target: &DecodeTarget,
     ) -> Result<()> {
         let (layout, poses) = (&group.mesh.layout, group.poses.range(instance, 1));
+        if target.normals.is_some() && group.poses.places.bytes(group.poses.format)[TRIPLE].is_none() {
+            let text =
+                format!("normals of mesh '{}' in a decode target, which the host's vertices do not have", layout.name);
+            return Err(Error::invalid(text, "name Semantic::Normal in the VertexLayout, or decode positions alone"));
+        }
         target.check(layout, poses.size, &device.caps)?;
         let list_bytes = Ring::part_bytes(4 * u64::from(pieces(layout)));
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER;
@@ -166,7 +174,7 @@ impl Decoder {
             listed: 0,
             units: group.poses.units(),
         };
-        let pose_numbers = (layout.base_bytes() / 4) as u32;
+        let pose_numbers = group.poses.numbers();
         self.unset(instance);
         let (is_stale, written_by, is_removed) = (true, 0, false);
         self.targets.push(Target { instance, lists, sets, push, pose_numbers, is_stale, written_by, is_removed });

@@ -6,8 +6,8 @@ use super::crowd::Crowd;
 use super::set::CrowdSet;
 use super::upload::GpuMesh;
 use crate::error::{Error, Result};
-use crate::plan::CrowdDesc;
 use crate::plan::instances::check_weights;
+use crate::update::crowd::CrowdDesc;
 use crate::update::{Runner, technique};
 
 /// What crowds had before they grew: pose buffers, lists, descriptor sets. To be dropped when the device has finished with the
@@ -30,8 +30,8 @@ impl MorphEngine {
     /// Nothing is recorded. The host calls it between two updates, whether the earlier ones have finished or not.
     ///
     /// # Errors
-    /// A crowd that another engine made; fewer places than there are; decode targets, which are of the poses there are; else
-    /// as [`create_crowd`](Self::create_crowd), and weights that what `desc` says cannot hold. Nothing changes then.
+    /// A crowd that another engine made; fewer places than there are; decode targets, which are of the poses there are; poses
+    /// in the vertices of the host's that the crowd has now; else as [`create_crowd`](Self::create_crowd), and weights that what `desc` says cannot hold. Nothing changes then.
     pub fn grow_crowd(&self, crowd: &mut Crowd, desc: &CrowdDesc) -> Result<Outgrown> {
         let grown = self.grown(crowd, desc)?;
         Ok(Outgrown { _before: vec![std::mem::replace(&mut crowd.base, grown)] })
@@ -58,6 +58,10 @@ impl MorphEngine {
         if before.has_decode_targets() {
             let text = "a crowd with decode targets that is to grow";
             return Err(Error::invalid(text, "take them away with set_decode_target, grow, and set them again"));
+        }
+        if desc.poses.is_some() && desc.poses == before.desc.poses {
+            let text = "a crowd that is to grow in the vertices of the host's that it has";
+            return Err(Error::invalid(text, "name other ones in CrowdDesc::poses: draws may still read these"));
         }
         let mesh = GpuMesh::of(before.groups().iter().map(|group| group.mesh.clone()).collect());
         self.check_crowd(&mesh, desc, Runner::Device(&self.device.caps))?;

@@ -4,6 +4,7 @@ mod base;
 mod crowd;
 mod decode;
 mod grow;
+mod poses;
 mod readback;
 mod record;
 mod set;
@@ -17,7 +18,7 @@ pub use grow::Outgrown;
 pub use readback::{PoseReadback, ReadPose};
 pub use set::CrowdSet;
 pub use upload::GpuMesh;
-pub use views::{PoseView, StreamView};
+pub use views::{PoseBuffer, PoseView, StreamView};
 
 use crate::abi::numbers::WORKGROUP;
 use crate::error::{Error, Result};
@@ -26,8 +27,8 @@ use crate::gpu::device::{Device, DeviceDesc};
 use crate::gpu::pipelines::Kernels;
 use crate::pack::blocks::BlockDesc;
 use crate::pack::{DeltaFormat, PackDesc};
-use crate::plan::CrowdDesc;
 use crate::update::animated::{Animated, AnimationDesc, Clips};
+use crate::update::crowd::CrowdDesc;
 use crate::update::{Runner, technique};
 use ash::vk;
 use base::CrowdBase;
@@ -70,7 +71,8 @@ impl MorphEngine {
     /// # Safety
     /// - The handles of `desc` are alive, belong together (the pipeline cache may be null), are of Vulkan 1.1 or later,
     ///   and outlive the engine and all it creates, or live as long as the clones of `desc.owner`. An allocator that is
-    ///   handed in was made on the same device, without `buffer_device_address` unless the device has that feature enabled.
+    ///   handed in was made on the same device, without `buffer_device_address` unless the device has that feature enabled;
+    ///   `desc.buffer_device_address` is true only if the device has it, and so has that allocator.
     /// - `desc.caps` does not exceed what the device has.
     /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled on the device, and
     ///   `desc.enabled_features` has no other features than those that were; `desc.debug_names` is true only if
@@ -108,7 +110,8 @@ impl MorphEngine {
     ///
     /// # Errors
     /// A mesh that another engine uploaded; a path or batch size that the device cannot run, with what to use
-    /// instead; no memory.
+    /// instead; vertices of the host's ([`CrowdDesc::poses`]) that do not suit the mesh or the path; usages
+    /// ([`CrowdDesc::pose_usage`]) that the device was not said to allow; no memory.
     pub fn create_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<Crowd> {
         self.check_crowd(mesh, desc, Runner::Device(&self.device.caps))?;
         let targets = mesh.layout().targets.len();
@@ -125,6 +128,7 @@ impl MorphEngine {
         }
         mesh.layouts().try_for_each(|layout| desc.update.check_all(layout, runner))?;
         desc.update.path.check_groups(mesh.groups.len(), mesh.layout())?;
+        desc.check_poses(mesh.layouts(), &self.device)?;
         if mesh.groups[0].private.is_empty() == desc.update.path.row().has_own_upload {
             return Err(Error::invalid(
                 format!("mesh '{}' for the path '{}'", mesh.layout().name, desc.update.path.name()),

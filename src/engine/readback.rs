@@ -74,6 +74,7 @@ impl PoseReadback {
     ///   that were recorded so far, and before later ones.
     /// - What was recorded with this value before has finished, or never runs.
     /// - This value and the crowd live until the device has finished.
+    /// - Vertices of the host's own that poses are in were made as source of copies, too.
     pub unsafe fn record(&mut self, cmd: vk::CommandBuffer, crowd: &impl AnyCrowd, instances: &[u32]) -> Result<()> {
         let base = crowd.base();
         base.check_device(&self.device)?;
@@ -179,7 +180,7 @@ impl PoseReadback {
             };
             // Base poses may be at any multiple of four bytes.
             let base: Vec<f32> = base.as_chunks().0.iter().map(|bytes| f32::from_ne_bytes(*bytes)).collect();
-            mesh.layout.to_user_order(&view.format.decode(pose, &base, view.units))
+            mesh.layout.to_user_order(&view.format.decode(&view.tight(pose), &base, view.units))
         };
         Ok(self.copies.iter().map(decode).collect())
     }

@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::gpu::caps::CAPTURE_STRIDE;
 use crate::gpu::descriptors::BufferRange;
 use crate::gpu::mesh::{MeshBuffers, Upload, chunk_bytes, deltas_bytes, record_uploads};
+use crate::pack::vertex::Places;
 use crate::pack::{PackedGroup, PackedLayout, PackedMesh, PoseFormat};
 use ash::vk;
 use std::sync::Arc;
@@ -51,13 +52,14 @@ impl GpuMesh {
     /// A stream that the mesh does not have.
     pub fn base_stream(&self, semantic: Semantic) -> Result<StreamView> {
         let (group, place) = place(self.layouts(), semantic)?;
-        Ok(self.base_pose_of(group).stream(place))
+        self.base_pose_of(group).stream(place)
     }
 
     fn base_pose_of(&self, group: usize) -> PoseView {
         let BufferRange { buffer, offset, size } = self.groups[group].base_pose();
-        let format = PoseFormat::Float32;
-        PoseView { buffer, offset, size, stride: format.stride() as u32, format, units: [1.0; TRIPLES], slot: 0 }
+        let (format, places) = (PoseFormat::Float32, Places::TIGHT);
+        let (stride, components) = (places.stride(format), places.bytes(format));
+        PoseView { buffer, offset, size, stride, format, components, units: [1.0; TRIPLES], slot: 0 }
     }
 
     /// Names, steps and sizes of what was uploaded: of positions and normals.

@@ -63,6 +63,9 @@ pub struct DeviceDesc<'a> {
     /// MiB, of which one is kept for each type of memory. A host with many meshes, or near the device's limit of
     /// allocations (`maxMemoryAllocationCount`), hands in its own.
     pub allocator: Option<SharedAllocator>,
+    /// Whether `device` was created with the feature `bufferDeviceAddress`, and an allocator that is handed in was made for
+    /// it: pose buffers can have addresses then ([`CrowdDesc::pose_usage`](field@crate::CrowdDesc::pose_usage)).
+    pub buffer_device_address: bool,
     /// Whether the instance was created with VK_EXT_debug_utils: buffers, pipelines and descriptor sets get names then, which
     /// layers and debuggers show.
     pub debug_names: bool,
@@ -78,6 +81,7 @@ setters!(DeviceDesc<'a> {
     enabled_features: vk::PhysicalDeviceFeatures,
     pipeline_cache: vk::PipelineCache,
     allocator: Option<SharedAllocator>,
+    buffer_device_address: bool,
     debug_names: bool,
     owner: Option<Arc<dyn Any + Send + Sync>>,
 });
@@ -94,6 +98,7 @@ impl<'a> DeviceDesc<'a> {
             enabled_features: vk::PhysicalDeviceFeatures::default(),
             pipeline_cache: vk::PipelineCache::null(),
             allocator: None,
+            buffer_device_address: false,
             debug_names: false,
             owner: None,
         }
@@ -110,6 +115,8 @@ pub(crate) struct Device {
     pub(crate) feedback: Option<ash::ext::transform_feedback::Device>,
     pub(crate) caps: DeviceCaps,
     pub(crate) pipeline_cache: vk::PipelineCache,
+    /// Buffers can have addresses.
+    pub(crate) device_address: bool,
     names: Option<ash::ext::debug_utils::Device>,
     allocator: SharedAllocator,
     /// Buffers with memory of their own, and how many may have: none from a host's allocator.
@@ -144,7 +151,7 @@ impl Device {
                     device: desc.device.clone(),
                     physical_device: desc.physical_device,
                     debug_settings: gpu_allocator::AllocatorDebugSettings::default(),
-                    buffer_device_address: false,
+                    buffer_device_address: desc.buffer_device_address,
                     allocation_sizes: AllocationSizes::new(4 << 20, 4 << 20)
                         .with_max_device_memblock_size(64 << 20)
                         .with_max_host_memblock_size(64 << 20),
@@ -158,6 +165,7 @@ impl Device {
             feedback,
             caps,
             pipeline_cache: desc.pipeline_cache,
+            device_address: desc.buffer_device_address,
             names: desc.debug_names.then(|| ash::ext::debug_utils::Device::new(desc.instance, desc.device)),
             allocator,
             dedicated: AtomicU32::new(0),

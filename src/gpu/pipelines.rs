@@ -7,7 +7,7 @@ use super::failed;
 use crate::abi::kernels::{Binding, KernelRow, Stage};
 use crate::abi::modules::Module;
 use crate::error::Result;
-use crate::pack::PoseFormat;
+use crate::pack::{POSE_FLOATS, PoseFormat};
 use ash::vk::{self, Handle};
 use std::any::Any;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -255,14 +255,28 @@ impl PoseFormat {
         self,
         previous: bool,
     ) -> (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>) {
-        let base = self.has_integers().then_some(Self::default());
-        let read = [Some(self), base, previous.then_some(self)].into_iter().flatten();
+        let places = std::array::from_fn(|component| Some(self.offset(component) as u32));
+        self.vertex_input_at(self.stride() as u32, places, previous)
+    }
+
+    /// The same of vertices of `stride` bytes with their numbers at `places`.
+    pub(crate) fn vertex_input_at(
+        self,
+        stride: u32,
+        places: [Option<u32>; POSE_FLOATS],
+        previous: bool,
+    ) -> (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>) {
+        let base = Self::default();
+        let base_places = std::array::from_fn(|component| Some(base.offset(component) as u32));
+        let (pose, base) = ((self, stride, places), (base, base.stride() as u32, base_places));
+        let read = [Some(pose), self.has_integers().then_some(base), previous.then_some(pose)].into_iter().flatten();
         let (mut bindings, mut attributes) = (vec![], vec![]);
-        for (binding, pose) in (0..).zip(read) {
-            let stride = pose.stride() as u32;
+        for (binding, (pose, stride, places)) in (0..).zip(read) {
             bindings.push(vk::VertexInputBindingDescription::default().binding(binding).stride(stride));
-            for (location, &(format, offset)) in (2 * binding..).zip(pose.row().attributes) {
+            for (location, &(format, at)) in (2 * binding..).zip(pose.row().attributes) {
                 let format = vk::Format::from_raw(format as i32);
+                // Of what is not stored there is no attribute.
+                let Some(offset) = places[at as usize / pose.number_bytes()] else { continue };
                 attributes.push(vk::VertexInputAttributeDescription { location, binding, format, offset });
             }
         }

@@ -8,7 +8,6 @@ use super::submit::Readback;
 use crate::engine::{AnimatedCrowd, AnyCrowd, Crowd, DecodeTarget, GpuMesh, PoseReadback, Ticket, Update};
 use crate::error::{Error, Result};
 use crate::pack::PackedMesh;
-use crate::plan::CrowdDesc;
 #[cfg(feature = "baselines")]
 use crate::plan::UpdatePath;
 #[cfg(feature = "internals")]
@@ -16,6 +15,7 @@ use crate::plan::hazards::Event;
 #[cfg(feature = "internals")]
 use crate::plan::schedule::Entry;
 use crate::update::animated::{AnimationDesc, Playback};
+use crate::update::crowd::CrowdDesc;
 use ash::vk;
 use std::any::Any;
 use std::collections::VecDeque;
@@ -376,6 +376,10 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
             return (0..copies).try_for_each(|_| unsafe { engine.record_draws(cmd, crowd) });
         }
         let (base, mut poses) = (self.crowd.base(), vec![]);
+        if base.desc.poses.is_some() {
+            let text = "draws of poses in vertices of the host's own, of a layout that is the host's";
+            return Err(Error::invalid(text, "draw them as the host does"));
+        }
         for instance in base.shown() {
             let pose = base.group_pose(instance, 0)?;
             poses.extend(std::iter::repeat_n((pose.buffer, pose.offset), copies as usize));

@@ -10,6 +10,7 @@ mod group;
 mod order;
 pub(crate) mod poses;
 mod source;
+pub(crate) mod vertex;
 
 use crate::asset::MorphMesh;
 use crate::asset::streams::GROUP_COMPONENTS;
@@ -24,6 +25,7 @@ pub use group::{PackedGroup, PackedLayout, PackedTarget};
 pub use poses::PoseFormat;
 pub(crate) use source::Source;
 use std::sync::Arc;
+pub use vertex::VertexLayout;
 
 /// Dense formats pad vertices to a multiple of this: the workgroup size of every dense kernel, an even number (the
 /// feedback passes draw lines), and a multiple of every device's buffer-offset alignment (64 × 12 bytes).

@@ -1,7 +1,6 @@
 //! How poses are to be updated: path, mode, batch size, format, slots.
 
 use super::paths::UpdatePath;
-use super::steps::Consumers;
 use crate::error::Result;
 use crate::pack::blocks::PoseGrid;
 use crate::pack::{PackedLayout, PoseFormat};
@@ -134,29 +133,5 @@ impl UpdateDesc {
     /// The path `blocks`: incremental updates in two slots.
     pub const fn blocks() -> Self {
         Self::new(UpdatePath::Blocks, BatchSize::All)
-    }
-}
-
-/// How to make a crowd.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct CrowdDesc {
-    /// Instances, each with weights and poses of its own (≥ 1).
-    pub instances: u32,
-    /// How poses are updated.
-    pub update: UpdateDesc,
-    /// Updates that may be recorded and not yet finished (≥ 1): how many coefficient or work lists are kept. Updates
-    /// that recorded nothing and discarded ones do not count.
-    pub frames_in_flight: u32,
-    /// Who reads poses between updates: updates wait for these readers, and make new poses visible to them.
-    pub consumers: Consumers,
-}
-
-setters!(CrowdDesc { instances: u32, update: UpdateDesc, frames_in_flight: u32, consumers: Consumers });
-
-impl CrowdDesc {
-    /// One instance, two frames in flight, drawn from vertex attributes or by vertex shaders.
-    pub fn new(update: UpdateDesc) -> Self {
-        Self { instances: 1, update, frames_in_flight: 2, consumers: Consumers::default() }
     }
 }

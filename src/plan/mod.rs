@@ -11,7 +11,7 @@ pub(crate) mod paths;
 pub mod schedule;
 pub mod steps;
 
-pub use desc::{BatchSize, CrowdDesc, UpdateDesc, UpdateMode};
+pub use desc::{BatchSize, UpdateDesc, UpdateMode};
 pub use paths::UpdatePath;
 pub use steps::Consumers;
 #[cfg(any(test, feature = "internals"))]

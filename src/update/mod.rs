@@ -6,6 +6,7 @@
 pub mod animated;
 pub mod blocks;
 mod check;
+pub(crate) mod crowd;
 pub mod dense;
 pub(crate) mod technique;
 

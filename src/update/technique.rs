@@ -8,12 +8,14 @@ use crate::gpu::device::Device;
 use crate::gpu::mesh::MeshBuffers;
 use crate::gpu::pipelines::Kernels;
 use crate::pack::blocks::PoseGrid;
+use crate::pack::vertex::{PlaceConstants, Places};
 use crate::pack::{PackedLayout, PoseFormat};
+use crate::plan::UpdateStats;
 #[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::Accesses;
 use crate::plan::instances::Instances;
 use crate::plan::steps::{Steps, Work};
-use crate::plan::{CrowdDesc, UpdateStats};
+use crate::update::crowd::CrowdDesc;
 use ash::vk;
 use std::any::Any;
 use std::ops::Range;
@@ -99,15 +101,25 @@ pub struct UpdateId {
     pub frame: u64,
 }
 
-/// The poses of a crowd, `[instance][slot]`.
+/// The poses of a crowd in a group, `[instance][slot]`.
 #[derive(Clone, Copy, Debug)]
 pub struct Poses {
     /// The buffer that holds them all.
     pub buffer: vk::Buffer,
-    /// How they are stored.
+    /// What it was made for; nothing that we know of, where it is the host's.
+    pub usage: vk::BufferUsageFlags,
+    /// Where a descriptor of the first pose begins, a multiple of 256.
+    pub begin: u64,
+    /// Bytes from there to the first vertex; 0 in buffers of ours.
+    pub lead: u64,
+    /// How numbers are stored.
     pub format: PoseFormat,
+    /// Where they are in a vertex.
+    pub(crate) places: Places,
     /// Bytes of one.
     pub bytes: u64,
+    /// Instances of the crowd.
+    pub instances: u32,
     /// Poses of an instance.
     pub slots: u32,
     /// The grid of weights and poses, where sums are of integers.
@@ -120,15 +132,31 @@ impl Poses {
         self.grid.filter(|_| self.format.has_integers()).map_or([1.0; TRIPLES], |grid| grid.units)
     }
 
-    /// Where a pose begins.
+    /// Where a pose begins: its first vertex.
     pub fn offset(&self, instance: u32, slot: u32) -> u64 {
-        (u64::from(instance) * u64::from(self.slots) + u64::from(slot)) * self.bytes
+        let number = u64::from(instance) * u64::from(self.slots) + u64::from(slot);
+        self.begin + self.lead + number * self.bytes
+    }
+
+    /// Bytes that a descriptor of all poses of `count` instances covers.
+    pub(crate) fn range_bytes(&self, count: u32) -> u64 {
+        self.lead + u64::from(count) * u64::from(self.slots) * self.bytes
     }
 
     /// All poses of `count` instances.
     pub(crate) fn range(&self, first: u32, count: u32) -> BufferRange {
-        let size = self.offset(count, 0);
-        BufferRange { buffer: self.buffer, offset: self.offset(first, 0), size }
+        let (offset, size) = (self.offset(first, 0) - self.lead, self.range_bytes(count));
+        BufferRange { buffer: self.buffer, offset, size }
+    }
+
+    /// Numbers from pose to pose.
+    pub(crate) fn numbers(&self) -> u32 {
+        (self.bytes / self.format.number_bytes() as u64) as u32
+    }
+
+    /// What the places of kernels are specialized with, which count from the beginning of a [`range`](Self::range).
+    pub(crate) fn place_constants(&self) -> Option<PlaceConstants> {
+        self.places.behind((self.lead / self.format.number_bytes() as u64) as u32).constants()
     }
 }
 

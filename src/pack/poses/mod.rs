@@ -71,6 +71,16 @@ impl PoseFormat {
         self.has_integers() && self.row().bits < i32::BITS
     }
 
+    /// Bytes of a number.
+    pub(crate) const fn number_bytes(self) -> usize {
+        self.stride() / POSE_FLOATS
+    }
+
+    /// Whether numbers share words, which kernels store whole: the numbers of a vertex have to stay together.
+    pub(crate) const fn shares_words(self) -> bool {
+        self.number_bytes() < size_of::<u32>()
+    }
+
     /// Bytes from the beginning of a vertex to a component.
     pub(crate) fn offset(self, component: usize) -> usize {
         self.storage().offset(component)

@@ -12,6 +12,7 @@ use crate::gpu::memory::Buffer;
 use crate::gpu::parts::AssetPart;
 use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
 use crate::pack::POSE_FLOATS;
+use crate::pack::vertex::PlaceConstants;
 use crate::update::technique::{Context, Poses};
 use ash::vk;
 use bytemuck::bytes_of;
@@ -30,13 +31,17 @@ pub(crate) const LIST_USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_r
 /// Not even one.
 pub(crate) fn set_size(context: &Context<'_>, most: u64) -> Result<u32> {
     let (poses, range) = (context.poses, context.caps().max_storage_range);
-    let each = poses.offset(1, 0);
-    context.check_range("the slots of one instance", each, "use fewer slots, or split the mesh")?;
+    let each = poses.range_bytes(1) - poses.lead;
+    context.check_range("the slots of one instance", poses.range_bytes(1), "use fewer slots, or split the mesh")?;
     let instances = context.desc.instances;
-    Ok(match (range / each).min(POSES_MAX / u64::from(poses.slots)).min(most).min(instances.into()) as u32 {
-        size if size < instances && size > TILE as u32 => size - size % TILE as u32,
-        size => size,
-    })
+    Ok(
+        match ((range - poses.lead) / each).min(POSES_MAX / u64::from(poses.slots)).min(most).min(instances.into())
+            as u32
+        {
+            size if size < instances && size > TILE as u32 => size - size % TILE as u32,
+            size => size,
+        },
+    )
 }
 
 /// A workgroup of the kernels of a crowd.
@@ -59,7 +64,9 @@ pub(crate) fn workgroup(context: &Context<'_>, instances: u32) -> Result<Workgro
     let (index, caps) = (context.layout().index()?, context.caps());
     // Tiles have a row at least, of some entry; masks are for poses of float32 alone.
     let (entries, size) = (index.entry_count() > 0, index.size() as u32);
-    let texels = entries && caps.takes_texels(context.layout().format);
+    // Those have poses of ours, as texels; a host may not have made its buffer for that.
+    let bound_as_texels = context.poses.usage.contains(vk::BufferUsageFlags::STORAGE_TEXEL_BUFFER);
+    let texels = entries && bound_as_texels && caps.takes_texels(context.layout().format);
     let integers = context.desc.update.pose.has_integers();
     let tiles = entries && (texels || instances > 1 || !caps.tuning.masks) || integers;
     let items = if tiles && !texels { (caps.tuning.lanes / size).clamp(1, ITEMS_MAX) } else { 1 };
@@ -77,17 +84,24 @@ struct BlocksKey {
     lanes: u32,
     width: u32,
     few_registers: bool,
+    /// Where numbers are in the host's own vertices.
+    places: Option<PlaceConstants>,
 }
 
 impl PipelineKey for BlocksKey {
     fn make(self, objects: &mut Objects) -> Result<()> {
-        let Self { module, size, lanes, width, few_registers } = self;
+        let Self { module, size, lanes, width, few_registers, places } = self;
         objects.add_layout(&[module.kernel], 0)?;
-        let constants = [0, 1].map(|rebuilt| [lanes, size, 1 << width, rebuilt, few_registers.into()]);
-        let constants = constants.each_ref().map(|constants| &constants[..module.kernel.constants as usize]);
-        // Items with masks say which they are.
-        let count = if constants[0] == constants[1] { 1 } else { 2 };
-        objects.add_compute(module, &constants[..count])
+        let own = [0, 1].map(|rebuilt| [lanes, size, 1 << width, rebuilt, few_registers.into()]);
+        // Items with masks say which they are, and have no width.
+        let (own, count) = match module.kernel.name {
+            name if name == BLOCKS.row.name => (&own[..1], 2),
+            name if name == CROWD.row.name => (&own[..], 5),
+            _ => (&own[..], 4),
+        };
+        let places = places.as_ref().map_or(&[][..], |places| places);
+        let constants: Vec<Vec<u32>> = own.iter().map(|own| [&own[..count], places].concat()).collect();
+        objects.add_compute(module, &constants.iter().map(Vec::as_slice).collect::<Vec<_>>())
     }
 }
 
@@ -112,8 +126,8 @@ impl BlocksKernels {
         };
         let widths = if tiles { instances.clamp(1, tuning.widest_tile).ilog2() + 1 } else { 0 };
         let (module, size) = (kernel.module(format, pose, 0)?, context.layout().index()?.size() as u32);
-        let few_registers = tuning.few_registers;
-        let kernel = |width| context.kernels.get(BlocksKey { module, size, lanes, width, few_registers });
+        let (few_registers, places) = (tuning.few_registers, context.poses.place_constants());
+        let kernel = |width| context.kernels.get(BlocksKey { module, size, lanes, width, few_registers, places });
         let how = Dispatching { group, widths, tuning, most: context.caps().max_workgroups, items, texels };
         Ok(Self { how, kernels: (0..widths.max(1)).map(kernel).collect::<Result<_>>()? })
     }
@@ -149,7 +163,7 @@ impl GroupBlocks {
         bound: &[Bound],
         elements_at: usize,
     ) -> Result<Self> {
-        let (layout, poses, index) = (context.layout(), context.poses, context.layout().index()?);
+        let (poses, index) = (context.poses, context.layout().index()?);
         let [position, normal] = index.steps();
         let [position_dropped, normal_dropped] = poses.grid.map_or([0; TRIPLES], |grid| grid.dropped);
         let push = |part: &AssetPart| {
@@ -160,7 +174,7 @@ impl GroupBlocks {
                 headers_at,
                 deltas_at,
                 base_at,
-                pose_floats: (layout.base_bytes() / 4) as u32,
+                pose_floats: poses.numbers(),
                 position_unit: position,
                 normal_unit: normal,
                 position_dropped,
