@@ -1,0 +1,177 @@
+//! Clips of weights, and clips bound to the targets of a mesh.
+
+use crate::handles::{DmBoundClip, DmClip, DmMesh, Handle};
+use crate::memory::{Place, Versioned, check_place, fill, read, read_or_default, slice, text, text_or_empty};
+use crate::mesh::head_desc;
+use crate::result::{DmResult, Failure, Result, enter};
+use crate::structs::{DmClipArrays, DmClipInfo, DmSampleDesc};
+use deltamorph::WeightClip;
+use deltamorph::import::open_clip;
+use deltamorph::import::sample::head_clip;
+use std::ffi::c_char;
+use std::path::Path;
+
+/// What a `DmClip` names.
+pub struct Clip {
+    pub(crate) clip: WeightClip,
+}
+
+/// What a `DmBoundClip` names.
+pub struct BoundClip {
+    clip: deltamorph::BoundClip,
+}
+
+/// Read a clip of weights (.csv). `fps` is its frame rate; 0: the one that the file states, or its name, or else 30.
+///
+/// Errors: DM_ERROR_IO, DM_ERROR_INPUT with file, place and remedy, also where the library was built without the feature
+/// `csv`.
+///
+/// # Safety
+/// `path` is a UTF-8 string; `clip` can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_clip_open(path: *const c_char, fps: f32, clip: *mut DmClip) -> DmResult {
+    enter("dm_clip_open", || {
+        check_place(clip, "clip")?;
+        // SAFETY: the caller's obligations; `clip` was checked.
+        unsafe {
+            let path = Path::new(text(path, "path")?);
+            clip.write(DmClip::insert(Clip { clip: open_clip(path, (fps != 0.0).then_some(fps))? })?);
+        }
+        Ok(())
+    })
+}
+
+/// Make a clip from arrays. Weights are checked by what takes the clip.
+///
+/// Errors: DM_ERROR_INVALID for null names or values, a frame rate that is not above 0.
+///
+/// # Safety
+/// `arrays` is a structure whose arrays have the elements that it says; `clip` can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_clip_from_arrays(arrays: *const DmClipArrays, clip: *mut DmClip) -> DmResult {
+    enter("dm_clip_from_arrays", || {
+        check_place(clip, "clip")?;
+        // SAFETY: the caller's obligations; `clip` was checked.
+        unsafe {
+            let arrays = read(arrays)?;
+            if !(arrays.fps.is_finite() && arrays.fps > 0.0) {
+                return Err(Failure::invalid(format!("{} frames per second; use a number above 0", arrays.fps)));
+            }
+            let columns = arrays.column_count as usize;
+            let names = slice(arrays.names, columns, "names")?;
+            let names = names.iter().map(|name| Ok(text(*name, "name of a column")?.to_owned()));
+            let count = columns.saturating_mul(arrays.frame_count as usize);
+            let made = WeightClip {
+                name: text_or_empty(arrays.name, "name")?.to_owned(),
+                names: names.collect::<Result<_>>()?,
+                fps: arrays.fps,
+                values: slice(arrays.values, count, "values")?.to_vec(),
+            };
+            clip.write(DmClip::insert(Clip { clip: made })?);
+        }
+        Ok(())
+    })
+}
+
+/// Make the clip of the built-in head that `sample` describes (null: the defaults).
+///
+/// # Safety
+/// `sample` is null (the defaults) or a structure; `clip` can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_clip_sample_head(
+    sample: *const DmSampleDesc,
+    frame_count: u32,
+    fps: f32,
+    clip: *mut DmClip,
+) -> DmResult {
+    enter("dm_clip_sample_head", || {
+        check_place(clip, "clip")?;
+        // SAFETY: the caller's obligations; `clip` was checked.
+        unsafe {
+            let made = head_clip(&head_desc(&read_or_default(sample)?), frame_count as usize, fps);
+            clip.write(DmClip::insert(Clip { clip: made })?);
+        }
+        Ok(())
+    })
+}
+
+/// What a clip is.
+///
+/// # Safety
+/// `info` is a structure that can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_clip_info(clip: DmClip, info: *mut DmClipInfo) -> DmResult {
+    enter("dm_clip_info", || {
+        // SAFETY: the caller's obligation.
+        let place = unsafe { Place::new(info) }?;
+        let Clip { clip } = &*clip.get()?;
+        let (frame_count, column_count) = (clip.frame_count() as u32, clip.names.len() as u32);
+        place.write(DmClipInfo { frame_count, column_count, fps: clip.fps, ..DmClipInfo::zeroed() });
+        Ok(())
+    })
+}
+
+/// Destroy a clip. What was made from it stays.
+#[unsafe(no_mangle)]
+pub extern "C" fn dm_clip_destroy(clip: DmClip) -> DmResult {
+    enter("dm_clip_destroy", || clip.destroy(|_| Ok(())))
+}
+
+/// Bind the columns of a clip to the targets of a mesh, by name. Targets without a column have the weight 0.
+///
+/// Errors: DM_ERROR_INVALID for a column that names no target, with the one that is near; two columns of one name; a
+/// weight that is not finite.
+///
+/// # Safety
+/// `bound` can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_clip_bind(clip: DmClip, mesh: DmMesh, bound: *mut DmBoundClip) -> DmResult {
+    enter("dm_clip_bind", || {
+        check_place(bound, "bound")?;
+        let (clip, mesh) = (clip.get()?, mesh.get()?);
+        let names: Vec<&str> = mesh.layout().targets.iter().map(|target| target.name.as_str()).collect();
+        let made = BoundClip { clip: clip.clip.bind(&names)? };
+        // SAFETY: the caller's obligation; it was checked.
+        unsafe { bound.write(DmBoundClip::insert(made)?) };
+        Ok(())
+    })
+}
+
+/// The weights of a bound clip at `frame`, one for each target of the mesh, for `dm_crowd_set_weights`: between two
+/// frames in a straight line, before the first and after the last as these.
+///
+/// Errors: DM_ERROR_INVALID for a clip without frames, a frame that is no number, too little room.
+///
+/// # Safety
+/// There is room for `count` weights.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_bound_clip_sample(
+    clip: DmBoundClip,
+    frame: f64,
+    weights: *mut f32,
+    count: u32,
+) -> DmResult {
+    enter("dm_bound_clip_sample", || {
+        let BoundClip { clip } = &*clip.get()?;
+        let Some(last) = clip.frame_count().checked_sub(1) else {
+            return Err(Failure::invalid(format!("clip '{}' has no frames; bind one that has", clip.name)));
+        };
+        if frame.is_nan() {
+            return Err(Failure::invalid("a frame that is no number; count frames from 0"));
+        }
+        let at = frame.clamp(0.0, last as f64);
+        let (from, part) = (at as usize, at.fract() as f32);
+        let mut sampled = clip.frame(from)?;
+        if part > 0.0 {
+            sampled.iter_mut().zip(clip.frame(from + 1)?).for_each(|(a, b)| *a += part * (b - *a));
+        }
+        // SAFETY: the caller's obligation.
+        unsafe { fill(weights, count as usize, &sampled, "weights") }
+    })
+}
+
+/// Destroy a bound clip.
+#[unsafe(no_mangle)]
+pub extern "C" fn dm_bound_clip_destroy(clip: DmBoundClip) -> DmResult {
+    enter("dm_bound_clip_destroy", || clip.destroy(|_| Ok(())))
+}

@@ -1,0 +1,125 @@
+//! The engine on a device of the host's.
+
+use crate::handles::{DmEngine, Handle};
+use crate::memory::{Place, Versioned, check_place, read};
+use crate::mesh::check_reserved;
+use crate::result::{DmResult, Failure, Result, enter};
+use crate::structs::{DmEngineDesc, DmEngineInfo};
+use deltamorph::ash::vk::{self, Handle as _};
+use deltamorph::{DeviceCaps, DeviceDesc, MorphEngine, ash};
+use std::ffi::{CStr, c_void};
+use std::sync::Arc;
+
+/// What a `DmEngine` names. Meshes and crowds on the device refer to it.
+pub struct Engine {
+    pub(crate) morph: MorphEngine,
+}
+
+/// Make an engine on a device of the host's. It never submits, waits, or makes a queue or a thread.
+///
+/// Errors: DM_ERROR_INVALID for null handles, or an instance or device of Vulkan 1.0; DM_ERROR_OUT_OF_MEMORY.
+///
+/// # Safety
+/// `desc` is a structure that keeps what its documentation says; `engine` can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_engine_create(desc: *const DmEngineDesc, engine: *mut DmEngine) -> DmResult {
+    enter("dm_engine_create", || {
+        check_place(engine, "engine")?;
+        // SAFETY: the caller's obligations.
+        unsafe {
+            let morph = morph_engine(&read(desc)?)?;
+            engine.write(DmEngine::insert(Engine { morph })?);
+        }
+        Ok(())
+    })
+}
+
+/// # Safety
+/// As [`dm_engine_create`].
+unsafe fn morph_engine(desc: &DmEngineDesc) -> Result<MorphEngine> {
+    check_reserved("DmEngineDesc", desc.reserved)?;
+    let null = |what: &str| Failure::invalid(format!("'{what}' is null; hand in the host's own"));
+    let get = desc.get_instance_proc_addr.0.ok_or_else(|| null("get_instance_proc_addr"))?;
+    let handles = [
+        ("instance", desc.instance.is_null()),
+        ("physical_device", desc.physical_device.is_null()),
+        ("device", desc.device.is_null()),
+    ];
+    if let Some((what, _)) = handles.into_iter().find(|(_, is_null)| *is_null) {
+        return Err(null(what));
+    }
+    // SAFETY: the handles are alive and belong together, and the functions are theirs: the caller's obligations.
+    unsafe {
+        let load = |name: &CStr| get(desc.instance, name.as_ptr());
+        // Before anything is called that Vulkan 1.0 does not have.
+        let needed = c"vkGetPhysicalDeviceProperties2";
+        let pointer = |function: vk::PFN_vkVoidFunction| function.map_or(std::ptr::null(), |f| f as *const c_void);
+        let instance = ash::Instance::load_with(|name| pointer(load(name)), desc.instance);
+        let version = || instance.get_physical_device_properties(desc.physical_device).api_version;
+        let version = load(needed).map_or(0, |_| version());
+        if version < vk::API_VERSION_1_1 {
+            let remedy = "create the instance with apiVersion 1.1 or later, on a device that has it";
+            return Err(Failure::invalid(format!("instance or device are of Vulkan 1.0; {remedy}")));
+        }
+        let device = match desc.get_device_proc_addr.0 {
+            None => ash::Device::load(instance.fp_v1_0(), desc.device),
+            Some(get) => ash::Device::load_with(|name| pointer(get(desc.device, name.as_ptr())), desc.device),
+        };
+        let features = match desc.enabled_features.is_null() {
+            true => vk::PhysicalDeviceFeatures::default(),
+            false => desc.enabled_features.read_unaligned(),
+        };
+        let device_desc = DeviceDesc::new(&instance, desc.physical_device, &device)
+            .transform_feedback_enabled(desc.transform_feedback != 0)
+            .enabled_features(features)
+            .pipeline_cache(desc.pipeline_cache);
+        let mut caps = DeviceCaps::query(&instance, desc.physical_device);
+        if desc.clamp_to_android_baseline != 0 {
+            caps.clamp_to(&DeviceCaps::android_baseline());
+        }
+        Ok(MorphEngine::new(&device_desc.caps(Some(caps)))?)
+    }
+}
+
+/// What an engine runs on.
+///
+/// # Safety
+/// `info` is a structure that can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_engine_info(engine: DmEngine, info: *mut DmEngineInfo) -> DmResult {
+    enter("dm_engine_info", || {
+        // SAFETY: the caller's obligation.
+        let place = unsafe { Place::new(info) }?;
+        let engine = engine.get()?;
+        let caps = engine.morph.caps();
+        let mut info = DmEngineInfo {
+            is_software: caps.is_software().into(),
+            max_storage_range: caps.max_storage_range,
+            allocated_bytes: engine.morph.allocated_bytes(),
+            ..DmEngineInfo::zeroed()
+        };
+        let room = info.device_name.len() - 1;
+        for (to, from) in info.device_name[..room].iter_mut().zip(caps.name.bytes()) {
+            *to = from.cast_signed() as _;
+        }
+        place.write(info);
+        Ok(())
+    })
+}
+
+/// Destroy an engine. Meshes and crowds that were made with it have to be destroyed first; while one is alive, this is
+/// refused. The device may be destroyed afterwards.
+///
+/// Errors: DM_ERROR_INVALID while a mesh or crowd is alive; nothing changes then.
+#[unsafe(no_mangle)]
+pub extern "C" fn dm_engine_destroy(engine: DmEngine) -> DmResult {
+    enter("dm_engine_destroy", || {
+        engine.destroy(|engine| match Arc::strong_count(engine) {
+            1 => Ok(()),
+            n => Err(Failure::invalid(format!(
+                "{} meshes and crowds of the engine are alive, or in use on other threads; destroy them first",
+                n - 1
+            ))),
+        })
+    })
+}

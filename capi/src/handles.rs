@@ -1,0 +1,294 @@
+//! Handles: 64 bits that name an object by kind, generation and index. Null, foreign and destroyed ones are refused.
+
+use crate::clip::{BoundClip, Clip};
+use crate::cpu::CpuCrowd;
+use crate::crowd::Crowd;
+use crate::engine::Engine;
+use crate::mesh::Mesh;
+use crate::result::{Failure, Result};
+use crate::upload::GpuMesh;
+use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+
+/// A mesh in memory, packed. All zero: none.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DmMesh {
+    /// Kind, generation and index.
+    pub bits: u64,
+}
+
+/// The engine on a device of the host's. All zero: none.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DmEngine {
+    /// Kind, generation and index.
+    pub bits: u64,
+}
+
+/// A mesh on the device. All zero: none.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DmGpuMesh {
+    /// Kind, generation and index.
+    pub bits: u64,
+}
+
+/// Instances of a mesh on the device, whose weights are set, or that play clips. All zero: none.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DmCrowd {
+    /// Kind, generation and index.
+    pub bits: u64,
+}
+
+/// A clip of weights, by the names of targets. All zero: none.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DmClip {
+    /// Kind, generation and index.
+    pub bits: u64,
+}
+
+/// A clip whose columns are targets of a mesh. All zero: none.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DmBoundClip {
+    /// Kind, generation and index.
+    pub bits: u64,
+}
+
+/// Instances of a mesh that are updated on the CPU, without Vulkan. All zero: none.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DmCpuCrowd {
+    /// Kind, generation and index.
+    pub bits: u64,
+}
+
+/// What each kind of handle names, by number.
+const KINDS: [&str; 8] =
+    ["", "a mesh", "an engine", "a mesh on the device", "a crowd", "a clip", "a bound clip", "a CPU crowd"];
+
+/// A handle as functions take it.
+pub trait Handle: Copy {
+    /// What it names.
+    type Object: 'static;
+
+    /// All objects of the kind.
+    fn registry() -> &'static Registry<Self::Object>;
+
+    /// The handle with these bits.
+    fn of(bits: u64) -> Self;
+
+    /// Its bits.
+    fn bits(self) -> u64;
+
+    /// A handle for `object`.
+    fn insert(object: Self::Object) -> Result<Self> {
+        Self::registry().insert(object).map(Self::of)
+    }
+
+    /// The object, which lives at least until the reference goes, whoever destroys it meanwhile.
+    fn get(self) -> Result<Arc<Self::Object>> {
+        Self::registry().get(self.bits())
+    }
+
+    /// The handle names nothing any longer. Refused where `check` refuses, which sees the only reference to the object
+    /// but for those of calls on other threads, and of what was made from it.
+    fn destroy(self, check: impl FnOnce(&Arc<Self::Object>) -> Result<()>) -> Result<()> {
+        // Dropped here, when others may use the registry again.
+        Self::registry().remove(self.bits(), check).map(drop)
+    }
+}
+
+macro_rules! handles {
+    ($($handle:ident $number:literal $object:ty;)*) => {$(
+        impl Handle for $handle {
+            type Object = $object;
+
+            fn registry() -> &'static Registry<$object> {
+                static REGISTRY: Registry<$object> = Registry::new($number);
+                &REGISTRY
+            }
+
+            fn of(bits: u64) -> Self {
+                Self { bits }
+            }
+
+            fn bits(self) -> u64 {
+                self.bits
+            }
+        }
+    )*};
+}
+
+handles! {
+    DmMesh 1 Mesh;
+    DmEngine 2 Engine;
+    DmGpuMesh 3 GpuMesh;
+    DmCrowd 4 Crowd;
+    DmClip 5 Clip;
+    DmBoundClip 6 BoundClip;
+    DmCpuCrowd 7 CpuCrowd;
+}
+
+/// Where the kind is in a handle, and the generation; the index is below.
+const KIND_SHIFT: u32 = 56;
+const GENERATION_SHIFT: u32 = 32;
+const GENERATION_MAX: u32 = (1 << (KIND_SHIFT - GENERATION_SHIFT)) - 1;
+
+/// The objects of one kind. A place is used again with another generation, so that a handle of what was there before
+/// is known as such; a place whose generations are used up stays empty.
+pub struct Registry<T> {
+    kind: u8,
+    places: RwLock<Places<T>>,
+}
+
+struct Places<T> {
+    all: Vec<Place<T>>,
+    free: Vec<u32>,
+}
+
+struct Place<T> {
+    generation: u32,
+    object: Option<Arc<T>>,
+}
+
+impl<T> Registry<T> {
+    const fn new(kind: u8) -> Self {
+        Self { kind, places: RwLock::new(Places { all: vec![], free: vec![] }) }
+    }
+
+    // Nothing panics halfway through a change of the places, so a poisoned lock is as good as any.
+    fn read(&self) -> RwLockReadGuard<'_, Places<T>> {
+        self.places.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn write(&self) -> RwLockWriteGuard<'_, Places<T>> {
+        self.places.write().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn insert(&self, object: T) -> Result<u64> {
+        let object = Some(Arc::new(object));
+        let mut places = self.write();
+        let index = match places.free.pop() {
+            Some(index) => index,
+            None => {
+                let index = u32::try_from(places.all.len()).map_err(|_| Failure::handle("no handle is left"))?;
+                places.all.push(Place { generation: 0, object: None });
+                index
+            }
+        };
+        let place = &mut places.all[index as usize];
+        place.generation += 1;
+        place.object = object;
+        let generation = u64::from(place.generation) << GENERATION_SHIFT;
+        Ok(u64::from(self.kind) << KIND_SHIFT | generation | u64::from(index))
+    }
+
+    /// The index that `bits` name, where they are of this kind.
+    fn index(&self, bits: u64) -> Result<usize> {
+        let (kind, wanted) = ((bits >> KIND_SHIFT) as usize, KINDS[usize::from(self.kind)]);
+        if kind == usize::from(self.kind) {
+            return Ok(bits as u32 as usize);
+        }
+        Err(Failure::handle(match KINDS.get(kind) {
+            _ if bits == 0 => format!("a null handle in place of {wanted}; create one, and check what that returned"),
+            Some(found) if kind > 0 => format!("the handle of {found} in place of {wanted}; hand in {wanted}"),
+            Some(_) | None => format!("{bits:#x} is no handle; hand in {wanted} that this library created"),
+        }))
+    }
+
+    fn refused(&self, bits: u64) -> Failure {
+        let wanted = KINDS[usize::from(self.kind)];
+        Failure::handle(format!("{wanted} {bits:#x} that was destroyed, or never created; use one that is alive"))
+    }
+
+    fn get(&self, bits: u64) -> Result<Arc<T>> {
+        let index = self.index(bits)?;
+        let places = self.read();
+        let place = places.all.get(index).filter(|place| place.is(bits));
+        place.and_then(|place| place.object.clone()).ok_or_else(|| self.refused(bits))
+    }
+
+    fn remove(&self, bits: u64, check: impl FnOnce(&Arc<T>) -> Result<()>) -> Result<Arc<T>> {
+        let index = self.index(bits)?;
+        let mut places = self.write();
+        let place = places.all.get_mut(index).filter(|place| place.is(bits)).ok_or_else(|| self.refused(bits))?;
+        check(place.object.as_ref().ok_or_else(|| self.refused(bits))?)?;
+        let object = place.object.take().ok_or_else(|| self.refused(bits))?;
+        if place.generation < GENERATION_MAX {
+            places.free.push(index as u32);
+        }
+        Ok(object)
+    }
+}
+
+impl<T> Place<T> {
+    fn is(&self, bits: u64) -> bool {
+        (bits >> GENERATION_SHIFT) as u32 & GENERATION_MAX == self.generation
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::result::DM_ERROR_HANDLE;
+
+    fn refused<T>(result: Result<T>) -> String {
+        let Err(failure) = result else { panic!("it was taken") };
+        assert_eq!(failure.code, DM_ERROR_HANDLE);
+        failure.message
+    }
+
+    #[test]
+    fn null_foreign_and_destroyed_handles_are_refused() {
+        let (meshes, crowds) = (Registry::new(1), Registry::new(4));
+        let mesh = meshes.insert("a").unwrap();
+        let crowd = crowds.insert("b").unwrap();
+        assert_eq!((*meshes.get(mesh).unwrap(), *crowds.get(crowd).unwrap()), ("a", "b"));
+        assert!(refused(meshes.get(0)).contains("a null handle in place of a mesh"));
+        assert!(refused(meshes.get(crowd)).contains("the handle of a crowd in place of a mesh"));
+        assert!(refused(meshes.get(0xdead_beef)).contains("0xdeadbeef is no handle"));
+        assert!(refused(meshes.get(u64::MAX)).contains("is no handle"));
+        for bits in [mesh + 1, mesh + (1 << GENERATION_SHIFT)] {
+            assert!(refused(meshes.get(bits)).contains("never created"));
+        }
+        meshes.remove(mesh, |_| Ok(())).unwrap();
+        assert!(refused(meshes.get(mesh)).contains("was destroyed"));
+        assert!(refused(meshes.remove(mesh, |_| Ok(()))).contains("was destroyed"));
+        let next = meshes.insert("c").unwrap();
+        assert_eq!((next as u32, next != mesh), (mesh as u32, true), "the place is used again, by another handle");
+        assert!(refused(meshes.get(mesh)).contains("was destroyed"));
+        assert_eq!(*meshes.get(next).unwrap(), "c");
+    }
+
+    #[test]
+    fn what_is_refused_stays_and_a_place_without_generations_is_left() {
+        let registry = Registry::new(1);
+        let first = registry.insert(1).unwrap();
+        refused(registry.remove(first, |_| Err(Failure::handle("in use"))));
+        assert_eq!(*registry.get(first).unwrap(), 1);
+        registry.write().all[0].generation = GENERATION_MAX;
+        let generations = u64::from(GENERATION_MAX) << GENERATION_SHIFT;
+        let last = first | generations;
+        registry.remove(last, |_| Ok(())).unwrap();
+        assert_eq!(registry.insert(2).unwrap() as u32, 1);
+    }
+
+    #[test]
+    fn objects_outlive_a_destruction_on_another_thread() {
+        let registry = Registry::new(1);
+        let bits = registry.insert(vec![7; 1000]).unwrap();
+        std::thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(|| {
+                    while let Ok(object) = registry.get(bits) {
+                        assert!(object.iter().all(|v| *v == 7))
+                    }
+                });
+            }
+            scope.spawn(|| registry.remove(bits, |_| Ok(())).map(drop).unwrap());
+        });
+    }
+}

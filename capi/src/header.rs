@@ -1,0 +1,217 @@
+//! `include/deltamorph.h`: generated from this crate, checked in, and taken by C and C++ compilers.
+//! `UPDATE_HEADER=1 cargo test -p deltamorph-c header` writes it anew.
+
+use crate::structs as dm;
+use cbindgen::{Builder, Config, DocumentationStyle, ExportConfig, Language, Style};
+use std::collections::HashMap;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const CRATE: &str = env!("CARGO_MANIFEST_DIR");
+const UPDATE: &str = "UPDATE_HEADER=1 cargo test -p deltamorph-c header";
+
+fn root() -> PathBuf {
+    Path::new(CRATE).parent().expect("the repository").to_path_buf()
+}
+
+/// A structure as Rust lays it out.
+struct Layout {
+    name: &'static str,
+    size: usize,
+    /// Name, offset and size.
+    fields: Vec<(&'static str, usize, usize)>,
+}
+
+fn size_of_field<S, F>(_: impl Fn(&S) -> &F) -> usize {
+    size_of::<F>()
+}
+
+macro_rules! layouts {
+    ($($name:ident { $($field:ident)* })*) => {
+        vec![$(Layout {
+            name: stringify!($name),
+            size: size_of::<dm::$name>(),
+            fields: vec![$((
+                stringify!($field),
+                std::mem::offset_of!(dm::$name, $field),
+                size_of_field(|s: &dm::$name| &s.$field),
+            )),*],
+        }),*]
+    };
+}
+
+fn layouts() -> Vec<Layout> {
+    layouts! {
+        DmEngineDesc {
+            struct_size transform_feedback instance physical_device device get_instance_proc_addr get_device_proc_addr
+            enabled_features pipeline_cache clamp_to_android_baseline reserved
+        }
+        DmEngineInfo { struct_size is_software max_storage_range allocated_bytes device_name }
+        DmRequirement { extension feature reason }
+        DmMeshDesc {
+            struct_size flags engine position_tolerance normal_tolerance delta_format block_size position_error
+            normal_error_degrees absolute_error weight_max
+        }
+        DmMeshArrays {
+            struct_size vertex_count name positions normals tangents texcoords indices targets index_count target_count
+            absolute reserved
+        }
+        DmTargetArrays { struct_size reserved name positions normals tangents }
+        DmSampleDesc { struct_size vertices targets sparsity seed }
+        DmMeshInfo {
+            struct_size vertex_count padded_vertex_count target_count index_count delta_format diagonal reserved
+            pose_bytes device_bytes
+        }
+        DmRenderVertices { struct_size vertex_count index_count reserved pose_vertices texcoords indices }
+        DmCrowdDesc {
+            struct_size instances path batch mode slots pose_format frames_in_flight consumers tolerance weight_max
+            error_budget
+        }
+        DmAnimationDesc { struct_size clip_count clips key_bits reserved }
+        DmPlayback { struct_size clip start speed once reserved }
+        DmTicket { crowd number }
+        DmUpdate {
+            struct_size bound ticket coefficients passes rebuilt dirty_blocks rebuilt_blocks bytes_moved bytes_floor
+        }
+        DmPoseView { struct_size stride buffer offset size format slot units }
+        DmStreamView { struct_size stride buffer offset components format units slot reserved }
+        DmDecodeTarget { struct_size stride buffer offset normals reserved }
+        DmClipInfo { struct_size frame_count column_count fps }
+        DmClipArrays { struct_size frame_count column_count fps name names values }
+    }
+}
+
+/// What holds the C compiler to Rust's layout. Pointers of 32 bits give other numbers.
+fn assertions() -> String {
+    let mut text = String::from("/* The layout of structures in the library. */\n#if UINTPTR_MAX == UINT64_MAX\n");
+    for Layout { name, size, fields } in layouts() {
+        writeln!(text, "typedef char {name}_sizeof[sizeof({name}) == {size} ? 1 : -1];").unwrap();
+        for (field, offset, _) in fields {
+            writeln!(text, "typedef char {name}_{field}[offsetof({name}, {field}) == {offset} ? 1 : -1];").unwrap();
+        }
+    }
+    text + "#endif\n\n#endif /* DELTAMORPH_H */"
+}
+
+fn generate() -> String {
+    let names = [
+        ("Instance", "VkInstance"),
+        ("PhysicalDevice", "VkPhysicalDevice"),
+        ("Device", "VkDevice"),
+        ("CommandBuffer", "VkCommandBuffer"),
+        ("Buffer", "VkBuffer"),
+        ("PipelineCache", "VkPipelineCache"),
+        ("PhysicalDeviceFeatures", "VkPhysicalDeviceFeatures"),
+        ("VertexInputBindingDescription", "VkVertexInputBindingDescription"),
+        ("VertexInputAttributeDescription", "VkVertexInputAttributeDescription"),
+        ("GetInstanceProcAddr", "PFN_vkGetInstanceProcAddr"),
+        ("GetDeviceProcAddr", "PFN_vkGetDeviceProcAddr"),
+    ];
+    let rename: HashMap<String, String> = names.map(|(from, to)| (from.to_owned(), to.to_owned())).into();
+    let head = std::fs::read_to_string(Path::new(CRATE).join("header.txt")).expect("capi/header.txt");
+    let config = Config {
+        language: Language::C,
+        style: Style::Both,
+        trailer: Some(assertions()),
+        // cbindgen's would end before the trailer.
+        header: Some(format!("{}\n\n#ifndef DELTAMORPH_H\n#define DELTAMORPH_H", head.trim_end())),
+        sys_includes: ["stddef.h", "stdint.h", "vulkan/vulkan_core.h"].map(Into::into).into(),
+        no_includes: true,
+        cpp_compat: true,
+        line_length: 120,
+        tab_width: 4,
+        documentation_style: DocumentationStyle::Cxx,
+        usize_is_size_t: true,
+        export: ExportConfig { rename, ..Default::default() },
+        ..Default::default()
+    };
+    let mut builder = Builder::new().with_config(config);
+    let files = [
+        "result",
+        "numbers",
+        "handles",
+        "structs/device",
+        "structs/mesh",
+        "structs/crowd",
+        "queries",
+        "mesh",
+        "clip",
+        "engine",
+        "upload",
+        "crowd",
+        "record",
+        "views",
+        "cpu",
+    ];
+    for file in files {
+        builder = builder.with_src(Path::new(CRATE).join(format!("src/{file}.rs")));
+    }
+    let mut text = Vec::new();
+    builder.generate().expect("a header").write(&mut text);
+    // Some compilers take files for what their locale says.
+    let text = String::from_utf8(text)
+        .expect("UTF-8")
+        .replace('…', "...")
+        .replace('×', "x")
+        .replace("/// # Safety\n", "/// Safety:\n");
+    assert!(text.is_ascii(), "{:?}", text.lines().find(|line| !line.is_ascii()));
+    text
+}
+
+#[test]
+fn the_header_is_what_the_crate_says() {
+    let (path, fresh) = (root().join("include/deltamorph.h"), generate());
+    if std::env::var_os("UPDATE_HEADER").is_some() {
+        std::fs::write(&path, &fresh).expect("the header");
+    }
+    let there = std::fs::read_to_string(&path).unwrap_or_default();
+    let stale = there.lines().zip(fresh.lines()).position(|(a, b)| a != b).map_or(0, |at| at + 1);
+    assert!(there == fresh, "{} is out of date from line {stale} on: {UPDATE}", path.display());
+}
+
+/// Fields that a C compiler would not see to, or that Rust would copy as uninitialised bytes.
+#[test]
+fn structures_have_no_padding_and_every_field_is_asserted() {
+    let text = generate();
+    for Layout { name, size, fields } in layouts() {
+        assert_eq!(fields.iter().map(|(_, _, bytes)| bytes).sum::<usize>(), size, "{name} has padding");
+        let body = text.split(&format!("typedef struct {name} {{")).nth(1).expect(name).split('}').next().expect(name);
+        let declared = body.lines().filter(|line| line.trim_end().ends_with(';')).count();
+        assert_eq!(declared, fields.len(), "{name}: fields that are not asserted");
+    }
+    let structures = text.matches("typedef struct ").count();
+    assert_eq!(structures, layouts().len() + 7, "structures that are not asserted, but for seven handles");
+}
+
+#[test]
+fn compilers_take_the_header_by_itself() {
+    let dir = tempfile::tempdir().expect("a folder");
+    std::fs::write(dir.path().join("deltamorph.h"), generate()).expect("the header");
+    for (compiler, file, flags) in [
+        ("cc", "header.c", &["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror"][..]),
+        ("cc", "header.c", &["-std=c11", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]),
+        ("c++", "header.cpp", &["-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]),
+    ] {
+        let source = dir.path().join(file);
+        std::fs::write(&source, "#include <deltamorph.h>\n#include <deltamorph.h>\nint main(void) { return 0; }\n")
+            .unwrap();
+        let mut run = Command::new(compiler);
+        run.args(flags).arg("-I").arg(dir.path()).arg("-c").arg(&source);
+        let output = run.arg("-o").arg(dir.path().join("header.o")).output().expect(compiler);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{compiler} {flags:?} (the Vulkan headers are libvulkan-dev):\n{said}");
+    }
+}
+
+/// A compiler that takes everything would prove nothing.
+#[test]
+fn a_layout_that_differs_is_refused() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let header = generate().replace("offsetof(DmCrowdDesc, slots) == ", "offsetof(DmCrowdDesc, slots) == 1 + ");
+    std::fs::write(dir.path().join("header.h"), header).unwrap();
+    let run =
+        Command::new("cc").args(["-std=c99", "-fsyntax-only"]).arg(dir.path().join("header.h")).output().expect("cc");
+    let said = String::from_utf8_lossy(&run.stderr);
+    assert!(!run.status.success() && said.contains("DmCrowdDesc_slots"), "{said}");
+}

@@ -1,0 +1,23 @@
+//! The C API of deltamorph. `include/deltamorph.h` is generated from this crate by the tests in `header.rs`; what a C
+//! caller has to know is in the documentation of the functions, which the header repeats.
+//!
+//! All of it goes through the public API of the Rust library. What C cannot state is checked here: handles
+//! ([`handles`]), pointers and sizes of structures ([`memory`]), numbers of enumerations ([`numbers`]); every entry
+//! turns errors and panics into a code and a message ([`result`]).
+
+pub mod clip;
+pub mod cpu;
+pub mod crowd;
+pub mod engine;
+pub mod handles;
+#[cfg(test)]
+mod header;
+pub mod memory;
+pub mod mesh;
+pub mod numbers;
+pub mod queries;
+pub mod record;
+pub mod result;
+pub mod structs;
+pub mod upload;
+pub mod views;

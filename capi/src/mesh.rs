@@ -1,0 +1,291 @@
+//! Meshes in memory: imported, and packed as the device takes them.
+
+use crate::handles::{DmMesh, Handle};
+use crate::memory::{check_place, read, read_or_default, slice, text, text_or_empty};
+use crate::numbers::{DM_MESH_KEEP_ALL, DM_MESH_SPLIT, DM_MESH_WELD, delta_format};
+use crate::result::{DmResult, Failure, Result, enter};
+use crate::structs::{DmMeshArrays, DmMeshDesc, DmSampleDesc, DmTargetArrays};
+use deltamorph::import::sample::{HeadDesc, head};
+use deltamorph::import::{ImportDesc, Imported, ImportedMesh, open};
+use deltamorph::{
+    Asset, BlockDesc, MeshArrays, MorphMesh, MorphSource, PackDesc, PackedLayout, PackedMesh, TargetArrays, Tolerance,
+};
+use std::ffi::{CString, c_char, c_void};
+use std::path::Path;
+
+/// What a `DmMesh` names.
+pub struct Mesh {
+    pub(crate) asset: Asset,
+    /// Names of its targets, for as long as it lives.
+    pub(crate) names: Vec<CString>,
+}
+
+/// A value, or the default where it is 0.
+pub(crate) fn or<T: Default + PartialEq>(value: T, default: T) -> T {
+    if value == T::default() { default } else { value }
+}
+
+/// Fields that have no meaning yet have to be zero, so that they can get one.
+pub(crate) fn check_reserved(structure: &str, reserved: u32) -> Result<()> {
+    match reserved {
+        0 => Ok(()),
+        _ => Err(Failure::invalid(format!("{structure}: 'reserved' is {reserved}; set it to 0"))),
+    }
+}
+
+impl DmMeshDesc {
+    const FLAGS: u32 = DM_MESH_SPLIT | DM_MESH_WELD | DM_MESH_KEEP_ALL;
+
+    fn has(&self, flag: u32) -> Result<bool> {
+        match self.flags & !Self::FLAGS {
+            0 => Ok(self.flags & flag != 0),
+            unknown => Err(Failure::invalid(format!("flag {unknown:#x} is unknown; combine DM_MESH_ constants"))),
+        }
+    }
+
+    fn tolerance(&self) -> Result<Tolerance> {
+        let default = if self.has(DM_MESH_KEEP_ALL)? { Tolerance::ZERO } else { Tolerance::default() };
+        let position = or(self.position_tolerance, default.position);
+        Ok(default.position(position).normal(or(self.normal_tolerance, default.normal)))
+    }
+
+    /// Nothing says how to pack: what is packed already may stay as it is.
+    fn packs_by_default(&self) -> bool {
+        let errors = [self.position_error, self.normal_error_degrees, self.absolute_error, self.weight_max];
+        self.delta_format == 0 && self.block_size == 0 && errors == [0.0; 4]
+    }
+
+    fn pack_desc(&self) -> Result<PackDesc> {
+        let format = delta_format(self.delta_format)?;
+        let desc = match self.engine.bits() {
+            0 => PackDesc::new(format),
+            _ => self.engine.get()?.morph.pack_desc(format),
+        };
+        let default = BlockDesc::default();
+        let blocks = default
+            .size((self.block_size != 0).then_some(self.block_size))
+            .position_error(or(self.position_error, default.position_error))
+            .normal_error_degrees(or(self.normal_error_degrees, default.normal_error_degrees))
+            .absolute_error(or(self.absolute_error, default.absolute_error))
+            .weight_max(or(self.weight_max, default.weight_max));
+        Ok(desc.blocks(blocks))
+    }
+}
+
+impl Mesh {
+    fn of_source(mut source: MorphSource, desc: &DmMeshDesc) -> Result<Self> {
+        if desc.has(DM_MESH_SPLIT)? {
+            source = source.split()?;
+        }
+        if desc.has(DM_MESH_WELD)? {
+            source.weld()?;
+        }
+        Self::pack(source.to_mesh(desc.tolerance()?)?, desc)
+    }
+
+    fn pack(mesh: MorphMesh, desc: &DmMeshDesc) -> Result<Self> {
+        let packed = PackedMesh::pack(&mesh, &desc.pack_desc()?)?;
+        let MorphMesh { faces, texcoords, welds, tolerance, .. } = mesh;
+        Ok(Self::of_asset(Asset { mesh: packed, faces, texcoords, welds, tolerance }))
+    }
+
+    /// A packed file, packed anew where `desc` says how.
+    fn of_packed(asset: Asset, desc: &DmMeshDesc) -> Result<Self> {
+        match desc.packs_by_default() {
+            true => Ok(Self::of_asset(asset)),
+            false => Self::pack(asset.to_mesh()?, desc),
+        }
+    }
+
+    fn of_asset(asset: Asset) -> Self {
+        let name = |name: &str| CString::new(name.replace('\0', "\u{fffd}")).unwrap_or_default();
+        let names = asset.mesh.layout().targets.iter().map(|target| name(&target.name)).collect();
+        Self { asset, names }
+    }
+
+    pub(crate) fn layout(&self) -> &PackedLayout {
+        self.asset.mesh.layout()
+    }
+}
+
+/// The built-in head.
+pub(crate) fn head_desc(sample: &DmSampleDesc) -> HeadDesc {
+    let default = HeadDesc::default();
+    let (vertices, targets) = (default.vertices, default.targets);
+    let (sparsity, seed) = (or(sample.sparsity, default.sparsity), or(sample.seed, default.seed));
+    let desc = default.vertices(or(sample.vertices as usize, vertices)).targets(or(sample.targets as usize, targets));
+    desc.sparsity(sparsity).seed(seed)
+}
+
+/// What an entry that makes a mesh has in common with the others.
+///
+/// # Safety
+/// As [`read_or_default`]; `out` is null or can be written.
+unsafe fn create(
+    function: &str,
+    desc: *const DmMeshDesc,
+    out: *mut DmMesh,
+    make: impl FnOnce(&DmMeshDesc) -> Result<Mesh>,
+) -> DmResult {
+    enter(function, || {
+        check_place(out, "mesh")?;
+        // SAFETY: the caller's obligations; `out` was checked.
+        unsafe {
+            let desc = read_or_default(desc)?;
+            out.write(DmMesh::insert(make(&desc)?)?);
+        }
+        Ok(())
+    })
+}
+
+/// Read a mesh: a folder with neutral.obj and a folder `targets` of OBJ files, or a packed file (.dmorph), which stays
+/// as it is packed unless `desc` says how to pack.
+///
+/// Errors: DM_ERROR_IO, DM_ERROR_INPUT with file, place and remedy; DM_ERROR_INVALID for what `desc` may not say.
+///
+/// # Safety
+/// `path` is a UTF-8 string; `desc` is null (the defaults) or a structure; `mesh` can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_mesh_open(path: *const c_char, desc: *const DmMeshDesc, mesh: *mut DmMesh) -> DmResult {
+    let make = |desc: &DmMeshDesc| {
+        // SAFETY: the caller's obligation.
+        let path = Path::new(unsafe { text(path, "path") }?);
+        let Imported { mesh, .. } = open(path, &ImportDesc::default())?;
+        match mesh {
+            ImportedMesh::Source(source) => Mesh::of_source(source, desc),
+            ImportedMesh::Packed(asset) => Mesh::of_packed(asset, desc),
+        }
+    };
+    // SAFETY: the caller's obligations.
+    unsafe { create("dm_mesh_open", desc, mesh, make) }
+}
+
+/// Read a mesh from the bytes of a packed file (.dmorph) in memory. `name` is for messages, and may be null.
+///
+/// Errors: DM_ERROR_INPUT with the place in the file; as `dm_mesh_open`.
+///
+/// # Safety
+/// There are `size` bytes at `bytes`; `name` is null or a UTF-8 string; `desc` is null (the defaults) or a structure;
+/// `mesh` can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_mesh_from_bytes(
+    bytes: *const c_void,
+    size: usize,
+    name: *const c_char,
+    desc: *const DmMeshDesc,
+    mesh: *mut DmMesh,
+) -> DmResult {
+    let make = |desc: &DmMeshDesc| {
+        // SAFETY: the caller's obligations.
+        let (bytes, name) = unsafe { (slice(bytes.cast::<u8>(), size, "bytes")?, text_or_empty(name, "name")?) };
+        let name = if name.is_empty() { "bytes in memory" } else { name };
+        Mesh::of_packed(Asset::from_bytes(Path::new(name), bytes)?, desc)
+    };
+    // SAFETY: the caller's obligations.
+    unsafe { create("dm_mesh_from_bytes", desc, mesh, make) }
+}
+
+/// Make a mesh from arrays with one element per vertex. Where vertices are doubled at seams, name `DM_MESH_WELD` in
+/// `desc`: no crack opens in any pose then, and normals that are computed are smooth across the seam.
+///
+/// Errors: DM_ERROR_INVALID for numbers that are not finite, indices out of range, targets of one name.
+///
+/// # Safety
+/// `arrays` is a structure whose arrays have the elements that it says; `desc` is null (the defaults) or a structure;
+/// `mesh` can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_mesh_from_arrays(
+    arrays: *const DmMeshArrays,
+    desc: *const DmMeshDesc,
+    mesh: *mut DmMesh,
+) -> DmResult {
+    // SAFETY: the caller's obligations.
+    let make = |desc: &DmMeshDesc| Mesh::of_source(unsafe { source_of_arrays(arrays) }?, desc);
+    // SAFETY: the caller's obligations.
+    unsafe { create("dm_mesh_from_arrays", desc, mesh, make) }
+}
+
+/// # Safety
+/// As [`dm_mesh_from_arrays`].
+unsafe fn source_of_arrays(arrays: *const DmMeshArrays) -> Result<MorphSource> {
+    // SAFETY: the caller's obligations, of this array and of each of its targets below.
+    let arrays = unsafe { read(arrays) }?;
+    check_reserved("DmMeshArrays", arrays.reserved)?;
+    let count = arrays.vertex_count as usize;
+    let mut targets = Vec::new();
+    let mut next = arrays.targets;
+    for _ in 0..arrays.target_count {
+        // SAFETY: as above; targets lie one behind the other.
+        unsafe {
+            let target: DmTargetArrays = read(next)?;
+            check_reserved("DmTargetArrays", target.reserved)?;
+            next = next.byte_add(target.struct_size as usize);
+            targets.push(TargetArrays {
+                name: text_or_empty(target.name, "name of a target")?,
+                positions: optional(target.positions.cast(), count, "positions of a target")?,
+                normals: optional(target.normals.cast(), count, "normals of a target")?,
+                tangents: optional(target.tangents.cast(), count, "tangents of a target")?,
+            });
+        }
+    }
+    // SAFETY: as above.
+    let arrays = unsafe {
+        MeshArrays {
+            name: text_or_empty(arrays.name, "name")?,
+            positions: slice(arrays.positions.cast(), count, "positions")?,
+            normals: optional(arrays.normals.cast(), count, "normals")?,
+            tangents: optional(arrays.tangents.cast(), count, "tangents")?,
+            texcoords: optional(arrays.texcoords.cast(), count, "texcoords")?,
+            indices: slice(arrays.indices, arrays.index_count as usize, "indices")?,
+            targets: &targets,
+            absolute: arrays.absolute != 0,
+        }
+    };
+    Ok(MorphSource::from_arrays(&arrays)?)
+}
+
+/// # Safety
+/// As [`slice`].
+unsafe fn optional<'a, T>(pointer: *const T, count: usize, what: &str) -> Result<&'a [T]> {
+    // SAFETY: the caller's obligation.
+    if pointer.is_null() { Ok(&[]) } else { unsafe { slice(pointer, count, what) } }
+}
+
+/// Make the built-in head, as `sample` describes it (null: the defaults).
+///
+/// Errors: DM_ERROR_INVALID for what `desc` may not say.
+///
+/// # Safety
+/// `sample` and `desc` are null (the defaults) or structures; `mesh` can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_mesh_sample_head(
+    sample: *const DmSampleDesc,
+    desc: *const DmMeshDesc,
+    mesh: *mut DmMesh,
+) -> DmResult {
+    // SAFETY: the caller's obligations.
+    let make = |desc: &DmMeshDesc| Mesh::of_source(head(&head_desc(&unsafe { read_or_default(sample) }?)), desc);
+    // SAFETY: the caller's obligations.
+    unsafe { create("dm_mesh_sample_head", desc, mesh, make) }
+}
+
+/// Write a mesh as a packed file (.dmorph), in place of what is there once all is written.
+///
+/// Errors: DM_ERROR_IO; DM_ERROR_INVALID for a dense format.
+///
+/// # Safety
+/// `path` is a UTF-8 string.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_mesh_write(mesh: DmMesh, path: *const c_char) -> DmResult {
+    enter("dm_mesh_write", || {
+        // SAFETY: the caller's obligation.
+        let path = Path::new(unsafe { text(path, "path") }?);
+        Ok(mesh.get()?.asset.write(path)?)
+    })
+}
+
+/// Destroy a mesh. What was made from it stays; names of its targets are gone.
+#[unsafe(no_mangle)]
+pub extern "C" fn dm_mesh_destroy(mesh: DmMesh) -> DmResult {
+    enter("dm_mesh_destroy", || mesh.destroy(|_| Ok(())))
+}

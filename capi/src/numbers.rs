@@ -1,0 +1,211 @@
+//! Numbers of enumerations: stable, never reused; 0 is the default of each.
+
+use crate::result::{Failure, Result};
+use deltamorph::{Consumers, DeltaFormat, PoseFormat, Semantic, UpdateMode, UpdatePath};
+
+/// Vertices are doubled at seams, so that one index buffer draws poses as they are.
+pub const DM_MESH_SPLIT: u32 = 1;
+/// Vertices at one place in the base pose and all targets are held together: for meshes that come doubled at seams.
+pub const DM_MESH_WELD: u32 = 2;
+/// No delta is dropped, but those that are zero.
+pub const DM_MESH_KEEP_ALL: u32 = 4;
+
+/// Dense, six float32.
+pub const DM_DELTAS_FLOAT32: u32 = 1;
+/// Dense, six integers of 16 bits.
+pub const DM_DELTAS_SNORM16: u32 = 2;
+/// In blocks, six float32.
+pub const DM_DELTAS_BLOCK_FLOAT32: u32 = 3;
+/// In blocks, 9 bytes a vertex: the default.
+pub const DM_DELTAS_FAST: u32 = 4;
+/// In blocks, as few bits as the error allows.
+pub const DM_DELTAS_SMALL: u32 = 5;
+/// In blocks, 8 bytes a vertex.
+pub const DM_DELTAS_PAIR: u32 = 6;
+
+/// Six float32.
+pub const DM_POSE_FLOAT32: u32 = 1;
+/// Six integers of 32 bits: displacements from the base pose, without drift.
+pub const DM_POSE_FIXED32: u32 = 2;
+/// Six integers of 16 bits: displacements from the base pose, without drift.
+pub const DM_POSE_FIXED16: u32 = 3;
+
+/// Compute, for the blocks of vertices that changed targets move, and no others (block formats).
+pub const DM_PATH_BLOCKS: u32 = 1;
+/// Compute passes over whole poses (dense formats).
+pub const DM_PATH_COMPUTE: u32 = 2;
+/// Vertex passes with transform feedback (dense formats).
+pub const DM_PATH_FEEDBACK: u32 = 3;
+/// The CPU, for CPU crowds alone.
+pub const DM_PATH_CPU: u32 = 4;
+
+/// Changed targets are added to the pose that is there.
+pub const DM_MODE_INCREMENTAL: u32 = 1;
+/// All active targets are added to the base pose.
+pub const DM_MODE_REBUILD: u32 = 2;
+
+/// Draws that fetch poses as vertex attributes.
+pub const DM_READ_BY_VERTEX_ATTRIBUTES: u32 = 1;
+/// Vertex shaders that read poses from storage buffers.
+pub const DM_READ_BY_VERTEX_SHADERS: u32 = 2;
+/// Compute shaders.
+pub const DM_READ_BY_COMPUTE_SHADERS: u32 = 4;
+/// Copies.
+pub const DM_READ_BY_COPIES: u32 = 8;
+/// Builds of acceleration structures, from decoded positions.
+pub const DM_READ_BY_ACCELERATION_STRUCTURES: u32 = 16;
+
+/// Where the vertex is: three components.
+pub const DM_STREAM_POSITION: u32 = 1;
+/// Which way the surface faces: three components.
+pub const DM_STREAM_NORMAL: u32 = 2;
+/// Direction of the texture's u axis, and handedness: four components.
+pub const DM_STREAM_TANGENT: u32 = 3;
+/// A set of texture coordinates: two components. Sets are counted from 0; add 256 × set.
+pub const DM_STREAM_TEXCOORD: u32 = 4;
+/// A set of colours with opacity: four components. Sets are counted from 0; add 256 × set.
+pub const DM_STREAM_COLOR: u32 = 5;
+
+const DELTAS: &[(u32, DeltaFormat)] = &[
+    (DM_DELTAS_FLOAT32, DeltaFormat::Float32),
+    (DM_DELTAS_SNORM16, DeltaFormat::Snorm16),
+    (DM_DELTAS_BLOCK_FLOAT32, DeltaFormat::BlockFloat32),
+    (DM_DELTAS_FAST, DeltaFormat::Fast),
+    (DM_DELTAS_SMALL, DeltaFormat::Small),
+    (DM_DELTAS_PAIR, DeltaFormat::Pair),
+];
+
+const POSES: &[(u32, PoseFormat)] = &[
+    (DM_POSE_FLOAT32, PoseFormat::Float32),
+    (DM_POSE_FIXED32, PoseFormat::Fixed32),
+    (DM_POSE_FIXED16, PoseFormat::Fixed16),
+];
+
+const PATHS: &[(u32, UpdatePath)] = &[
+    (DM_PATH_BLOCKS, UpdatePath::Blocks),
+    (DM_PATH_COMPUTE, UpdatePath::Compute),
+    (DM_PATH_FEEDBACK, UpdatePath::Feedback),
+    (DM_PATH_CPU, UpdatePath::Cpu),
+];
+
+const MODES: &[(u32, UpdateMode)] =
+    &[(DM_MODE_INCREMENTAL, UpdateMode::Incremental), (DM_MODE_REBUILD, UpdateMode::Rebuild)];
+
+const CONSUMERS: &[(u32, Consumers)] = &[
+    (DM_READ_BY_VERTEX_ATTRIBUTES, Consumers::VERTEX_ATTRIBUTES),
+    (DM_READ_BY_VERTEX_SHADERS, Consumers::VERTEX_SHADERS),
+    (DM_READ_BY_COMPUTE_SHADERS, Consumers::COMPUTE_SHADERS),
+    (DM_READ_BY_COPIES, Consumers::COPIES),
+    (DM_READ_BY_ACCELERATION_STRUCTURES, Consumers::ACCELERATION_STRUCTURES),
+];
+
+/// What `number` means; `default` for 0.
+fn find<T: Copy>(table: &[(u32, T)], number: u32, what: &str, default: T) -> Result<T> {
+    match table.iter().find(|(n, _)| *n == number) {
+        _ if number == 0 => Ok(default),
+        Some((_, value)) => Ok(*value),
+        None => Err(Failure::invalid(format!("{number} is no {what}; use a constant of the header"))),
+    }
+}
+
+/// The number of `value`; 0 where this version of the header has none.
+fn number<T: PartialEq>(table: &[(u32, T)], value: T) -> u32 {
+    table.iter().find(|(_, v)| *v == value).map_or(0, |(n, _)| *n)
+}
+
+/// `DM_DELTAS_…`.
+pub fn delta_format(number: u32) -> Result<DeltaFormat> {
+    find(DELTAS, number, "format of deltas (DM_DELTAS_)", DeltaFormat::Fast)
+}
+
+/// `DM_DELTAS_…`.
+pub fn delta_number(format: DeltaFormat) -> u32 {
+    number(DELTAS, format)
+}
+
+/// `DM_POSE_…`.
+pub fn pose_format(number: u32, default: PoseFormat) -> Result<PoseFormat> {
+    find(POSES, number, "format of poses (DM_POSE_)", default)
+}
+
+/// `DM_POSE_…`.
+pub fn pose_number(format: PoseFormat) -> u32 {
+    number(POSES, format)
+}
+
+/// `DM_PATH_…`.
+pub fn path(number: u32, default: UpdatePath) -> Result<UpdatePath> {
+    find(PATHS, number, "update path (DM_PATH_)", default)
+}
+
+/// `DM_MODE_…`.
+pub fn mode(number: u32, default: UpdateMode) -> Result<UpdateMode> {
+    find(MODES, number, "mode (DM_MODE_)", default)
+}
+
+/// `DM_READ_BY_…`, combined.
+pub fn consumers(bits: u32) -> Result<Consumers> {
+    let known = CONSUMERS.iter().fold(0, |all, (bit, _)| all | bit);
+    if bits & !known != 0 {
+        let text = format!("{:#x} of the consumers is unknown; combine DM_READ_BY_ constants", bits & !known);
+        return Err(Failure::invalid(text));
+    }
+    let named = CONSUMERS.iter().filter(|(bit, _)| bits & bit != 0).map(|(_, consumer)| *consumer);
+    Ok(named.reduce(|all, consumer| all | consumer).unwrap_or_default())
+}
+
+/// `DM_STREAM_…`, with the set.
+pub fn semantic(number: u32) -> Result<Semantic> {
+    let (kind, set) = (number & 0xff, u8::try_from(number >> 8).ok());
+    match (kind, set) {
+        (DM_STREAM_POSITION, Some(0)) => Ok(Semantic::Position),
+        (DM_STREAM_NORMAL, Some(0)) => Ok(Semantic::Normal),
+        (DM_STREAM_TANGENT, Some(0)) => Ok(Semantic::Tangent),
+        (DM_STREAM_TEXCOORD, Some(set)) => Ok(Semantic::TexCoord(set)),
+        (DM_STREAM_COLOR, Some(set)) => Ok(Semantic::Color(set)),
+        (_, _) => {
+            Err(Failure::invalid(format!("{number} is no stream; use a DM_STREAM_ constant, or one plus 256 × set")))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_format_and_path_has_a_number_and_zero_is_the_default() {
+        for format in DeltaFormat::ALL {
+            assert_eq!(delta_format(delta_number(format)).unwrap(), format);
+        }
+        for format in PoseFormat::ALL {
+            assert_eq!(pose_format(pose_number(format), PoseFormat::Fixed32).unwrap(), format);
+        }
+        for ours in UpdatePath::ALL.into_iter().filter(|path| !path.is_baseline()) {
+            assert_eq!(path(number(PATHS, ours), UpdatePath::Feedback).unwrap(), ours);
+        }
+        assert_eq!(delta_format(0).unwrap(), DeltaFormat::Fast);
+        assert_eq!(mode(0, UpdateMode::Rebuild).unwrap(), UpdateMode::Rebuild);
+        assert_eq!(consumers(0).unwrap(), Consumers::default());
+        assert_eq!(consumers(9).unwrap(), Consumers::VERTEX_ATTRIBUTES | Consumers::COPIES);
+        assert_eq!(semantic(4 + 256 * 3).unwrap(), Semantic::TexCoord(3));
+    }
+
+    #[test]
+    fn unknown_numbers_are_refused() {
+        let refused = [
+            delta_format(7).map(drop),
+            pose_format(4, PoseFormat::Float32).map(drop),
+            path(5, UpdatePath::Cpu).map(drop),
+            mode(3, UpdateMode::Rebuild).map(drop),
+            consumers(1 << 30).map(drop),
+            semantic(0).map(drop),
+            semantic(6).map(drop),
+            semantic(256 + 1).map(drop),
+            semantic(65_536 + 4).map(drop),
+        ];
+        for (at, result) in refused.into_iter().enumerate() {
+            assert!(result.unwrap_err().message.contains("DM_"), "{at}");
+        }
+    }
+}

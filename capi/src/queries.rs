@@ -1,0 +1,282 @@
+//! What a mesh in memory tells: sizes, names, indices, the reference.
+
+use crate::handles::{DmMesh, Handle};
+use crate::memory::{Place, Versioned, check_place, fill, list, read, slice, text};
+use crate::numbers::{delta_number, pose_format};
+use crate::result::{DmResult, Failure, Result, enter};
+use crate::structs::{DmMeshInfo, DmRenderVertices, DmRequirement};
+use deltamorph::ash::vk;
+use deltamorph::reference::evaluate;
+use deltamorph::{MorphEngine, PoseFormat, UpdatePath, requirements};
+use std::ffi::{CString, c_char};
+use std::sync::LazyLock;
+
+/// Major version of the API that this header is of.
+pub const DM_VERSION_MAJOR: u32 = 0;
+/// Minor version of the API that this header is of.
+pub const DM_VERSION_MINOR: u32 = 1;
+/// Patch version of the API that this header is of.
+pub const DM_VERSION_PATCH: u32 = 0;
+
+/// The version of the library that is linked: major × 2^22 + minor × 2^12 + patch, as VK_MAKE_API_VERSION has them.
+#[unsafe(no_mangle)]
+pub extern "C" fn dm_version() -> u32 {
+    vk::make_api_version(0, DM_VERSION_MAJOR, DM_VERSION_MINOR, DM_VERSION_PATCH)
+}
+
+/// The requirements of a path, as C strings.
+struct Requirements(Vec<[Option<CString>; 3]>);
+
+impl Requirements {
+    fn of(path: UpdatePath) -> Self {
+        let string = |text: &str| CString::new(text).unwrap_or_default();
+        let each = requirements(path).iter();
+        Self(each.map(|r| [r.extension.map(Into::into), r.feature.map(string), Some(string(r.reason))]).collect())
+    }
+
+    fn items(&self) -> Vec<DmRequirement> {
+        let pointer = |text: &Option<CString>| text.as_ref().map_or(std::ptr::null(), |text| text.as_ptr());
+        let item = |[extension, feature, reason]: &[Option<CString>; 3]| DmRequirement {
+            extension: pointer(extension),
+            feature: pointer(feature),
+            reason: pointer(reason),
+        };
+        self.0.iter().map(item).collect()
+    }
+}
+
+/// What to enable when creating a device for a path (`DM_PATH_…`; 0: blocks). Beyond this, Vulkan 1.1 and one queue
+/// with graphics and compute suffice.
+///
+/// With `items` null, `count` becomes their number. Otherwise `count` says how many there is room for.
+///
+/// Errors: DM_ERROR_INVALID for an unknown path, or too little room.
+///
+/// # Safety
+/// `count` can be read and written; `items` is null or has room for that many.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_requirements(path: u32, count: *mut u32, items: *mut DmRequirement) -> DmResult {
+    static ALL: LazyLock<Vec<(UpdatePath, Requirements)>> =
+        LazyLock::new(|| UpdatePath::ALL.map(|path| (path, Requirements::of(path))).into());
+    enter("dm_requirements", || {
+        let path = crate::numbers::path(path, UpdatePath::Blocks)?;
+        let found = ALL.iter().find(|(of, _)| *of == path).map(|(_, requirements)| requirements.items());
+        // SAFETY: the caller's obligations.
+        unsafe { list(count, items, &found.unwrap_or_default(), "items") }
+    })
+}
+
+/// How a draw reads poses of a format (`DM_POSE_…`; 0: float32): binding 0 is the pose, with position and normal at
+/// locations 0 and 1; integers have the base pose as a second binding at locations 2 and 3; with `previous` not 0, the
+/// previous pose follows. There are at most 3 bindings and 6 attributes.
+///
+/// Errors: DM_ERROR_INVALID for an unknown format.
+///
+/// # Safety
+/// `binding_count` and `attribute_count` can be written; `bindings` has room for 3, `attributes` for 6.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_pose_vertex_input(
+    format: u32,
+    previous: u32,
+    binding_count: *mut u32,
+    bindings: *mut vk::VertexInputBindingDescription,
+    attribute_count: *mut u32,
+    attributes: *mut vk::VertexInputAttributeDescription,
+) -> DmResult {
+    enter("dm_pose_vertex_input", || {
+        check_place(binding_count, "binding_count")?;
+        check_place(attribute_count, "attribute_count")?;
+        let (found, places) = pose_format(format, PoseFormat::Float32)?.vertex_input(previous != 0);
+        // SAFETY: the caller's obligations; counts were checked.
+        unsafe {
+            fill(bindings, 3, &found, "bindings")?;
+            fill(attributes, 6, &places, "attributes")?;
+            *binding_count = found.len() as u32;
+            *attribute_count = places.len() as u32;
+        }
+        Ok(())
+    })
+}
+
+/// What a mesh is.
+///
+/// # Safety
+/// `info` is a structure that can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_mesh_info(mesh: DmMesh, info: *mut DmMeshInfo) -> DmResult {
+    enter("dm_mesh_info", || {
+        // SAFETY: the caller's obligation.
+        let place = unsafe { Place::new(info) }?;
+        let mesh = mesh.get()?;
+        let layout = mesh.layout();
+        place.write(DmMeshInfo {
+            vertex_count: layout.vertex_count as u32,
+            padded_vertex_count: layout.padded_vertices() as u32,
+            target_count: layout.targets.len() as u32,
+            index_count: 3 * mesh.asset.faces.triangles().len() as u32,
+            delta_format: delta_number(layout.format),
+            diagonal: layout.diagonal,
+            pose_bytes: layout.base_bytes(),
+            device_bytes: MorphEngine::mesh_bytes(&mesh.asset.mesh),
+            ..DmMeshInfo::zeroed()
+        });
+        Ok(())
+    })
+}
+
+/// The name of a target, UTF-8. It is valid until the mesh is destroyed.
+///
+/// Errors: DM_ERROR_INVALID for a target out of range.
+///
+/// # Safety
+/// `name` can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_mesh_target_name(mesh: DmMesh, target: u32, name: *mut *const c_char) -> DmResult {
+    enter("dm_mesh_target_name", || {
+        check_place(name, "name")?;
+        let mesh = mesh.get()?;
+        let found = mesh.names.get(target as usize).ok_or_else(|| {
+            let targets = mesh.names.len();
+            Failure::invalid(format!("target {target} of a mesh with {targets}; count targets from 0"))
+        })?;
+        // SAFETY: the caller's obligation; it was checked.
+        unsafe { name.write(found.as_ptr()) };
+        Ok(())
+    })
+}
+
+/// The target that is called `name`.
+///
+/// Errors: DM_ERROR_INVALID where there is none.
+///
+/// # Safety
+/// `name` is a UTF-8 string; `target` can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_mesh_find_target(mesh: DmMesh, name: *const c_char, target: *mut u32) -> DmResult {
+    enter("dm_mesh_find_target", || {
+        check_place(target, "target")?;
+        // SAFETY: the caller's obligation.
+        let name = unsafe { text(name, "name") }?;
+        let mesh = mesh.get()?;
+        let found = mesh.layout().targets.iter().position(|target| target.name == name).ok_or_else(|| {
+            let text = format!("mesh '{}' has no target '{name}'", mesh.layout().name);
+            Failure::invalid(format!("{text}; dm_mesh_target_name tells the names"))
+        })?;
+        // SAFETY: the caller's obligation; it was checked.
+        unsafe { target.write(found as u32) };
+        Ok(())
+    })
+}
+
+/// Turn vertex numbers of the mesh as it was imported (an index buffer) into those of pose buffers, in place.
+///
+/// Errors: DM_ERROR_INVALID for an index out of range; nothing is changed then.
+///
+/// # Safety
+/// There are `count` numbers at `indices` that can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_mesh_remap_indices(mesh: DmMesh, indices: *mut u32, count: usize) -> DmResult {
+    enter("dm_mesh_remap_indices", || {
+        let mesh = mesh.get()?;
+        // SAFETY: the caller's obligations.
+        let mut numbers = unsafe { slice(indices, count, "indices") }?.to_vec();
+        mesh.layout().remap_indices(&mut numbers)?;
+        // SAFETY: as above.
+        unsafe { fill(indices, count, &numbers, "indices") }
+    })
+}
+
+/// The triangles of the mesh, as an index buffer for pose buffers: DmMeshInfo::index_count numbers.
+///
+/// With `indices` null, `count` becomes their number. Otherwise `count` says how many there is room for.
+///
+/// Errors: DM_ERROR_INVALID for too little room.
+///
+/// # Safety
+/// `count` can be read and written; `indices` is null or has room for that many.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_mesh_indices(mesh: DmMesh, count: *mut u32, indices: *mut u32) -> DmResult {
+    enter("dm_mesh_indices", || {
+        let mesh = mesh.get()?;
+        let mut found = mesh.asset.faces.triangles().into_flattened();
+        mesh.layout().remap_indices(&mut found)?;
+        // SAFETY: the caller's obligations.
+        unsafe { list(count, indices, &found, "indices") }
+    })
+}
+
+/// Vertices as they are drawn, for hosts that look up the pose in the vertex shader: texture coordinates are doubled at
+/// seams, poses are not. Call it with null arrays for the counts first. A mesh imported with `DM_MESH_SPLIT` needs this
+/// for its texture coordinates alone: its pose buffers are drawn as they are.
+///
+/// Errors: DM_ERROR_INVALID for too little room.
+///
+/// # Safety
+/// `vertices` is a structure that can be written; its arrays are null or have the room that it says.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_mesh_render_vertices(mesh: DmMesh, vertices: *mut DmRenderVertices) -> DmResult {
+    enter("dm_mesh_render_vertices", || {
+        // SAFETY: the caller's obligation.
+        let (mut asked, place) = unsafe { (read(vertices)?, Place::new(vertices)?) };
+        let mesh = mesh.get()?;
+        let found = mesh.layout().render_vertices(&mesh.asset.faces, &mesh.asset.texcoords)?;
+        let texcoords: Vec<f32> = found.texcoords.iter().flat_map(|t| t.to_array()).collect();
+        let (room, indices) = (asked.vertex_count as usize, asked.index_count as usize);
+        // SAFETY: as above.
+        unsafe {
+            fill_unless_null(asked.pose_vertices, room, &found.pose_vertices, "pose_vertices")?;
+            fill_unless_null(asked.texcoords, room.saturating_mul(2), &texcoords, "texcoords")?;
+            fill_unless_null(asked.indices, indices, &found.indices, "indices")?;
+        }
+        (asked.vertex_count, asked.index_count) = (found.pose_vertices.len() as u32, found.indices.len() as u32);
+        place.write(asked);
+        Ok(())
+    })
+}
+
+/// # Safety
+/// As [`fill`].
+unsafe fn fill_unless_null<T: Copy>(pointer: *mut T, room: usize, values: &[T], what: &str) -> Result<()> {
+    // SAFETY: the caller's obligation.
+    if pointer.is_null() { Ok(()) } else { unsafe { fill(pointer, room, values, what) } }
+}
+
+/// The reference: the pose of these weights, evaluated in full and in double precision from the deltas as they are
+/// packed. Six numbers for each vertex, position and normal (a sum, not normalised), in the order of vertices as the
+/// mesh was imported, without padding. `dm_mesh_remap_indices` tells where a vertex is in pose buffers.
+///
+/// Errors: DM_ERROR_INVALID for more weights than targets (fewer: the rest is 0), or too little room.
+///
+/// # Safety
+/// There are `weight_count` weights, and room for `count` numbers at `pose`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_mesh_evaluate(
+    mesh: DmMesh,
+    weights: *const f32,
+    weight_count: u32,
+    pose: *mut f64,
+    count: usize,
+) -> DmResult {
+    enter("dm_mesh_evaluate", || {
+        let mesh = mesh.get()?;
+        // SAFETY: the caller's obligations.
+        let weights = unsafe { slice(weights, weight_count as usize, "weights") }?;
+        let targets = mesh.layout().targets.len();
+        if weights.len() > targets {
+            return Err(Failure::invalid(format!("{weight_count} weights for {targets} targets; give one per target")));
+        }
+        // SAFETY: as above.
+        unsafe { fill(pose, count, &evaluate(&mesh.asset.mesh, weights), "pose") }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_version_is_that_of_the_package() {
+        let text = format!("{DM_VERSION_MAJOR}.{DM_VERSION_MINOR}.{DM_VERSION_PATCH}");
+        assert_eq!(text, env!("CARGO_PKG_VERSION"));
+    }
+}

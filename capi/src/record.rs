@@ -1,0 +1,214 @@
+//! Updates into the host's command buffer, and their tickets.
+
+use crate::crowd::Crowd;
+use crate::handles::{DmCrowd, Handle};
+use crate::memory::{Place, Versioned, slice};
+use crate::result::{DmResult, Failure, Result, enter, lock};
+use crate::structs::{DmTicket, DmUpdate};
+use deltamorph::ash::vk::{self, Handle as _};
+use deltamorph::{AnyCrowd, Ticket, Update};
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// Updates of a crowd that can still be discarded: more than a host has in flight.
+const KEPT: usize = 1024;
+
+/// Tickets of the updates that were recorded last, by number.
+#[derive(Default)]
+pub struct Tickets {
+    recorded: u64,
+    kept: VecDeque<Ticket>,
+}
+
+impl Tickets {
+    /// Keep the ticket of the next update, and number it.
+    fn push(&mut self, ticket: Ticket) -> u64 {
+        self.recorded += 1;
+        self.kept.push_back(ticket);
+        if self.kept.len() > KEPT {
+            self.kept.pop_front();
+        }
+        self.recorded
+    }
+
+    fn find(&self, number: u64) -> Result<Ticket> {
+        let age = self.recorded.checked_sub(number).filter(|_| number > 0).ok_or_else(|| {
+            Failure::invalid(format!("update {number} of {}; hand in the ticket of an update", self.recorded))
+        })?;
+        let at = usize::try_from(age).ok().and_then(|age| self.kept.len().checked_sub(age + 1));
+        at.and_then(|at| self.kept.get(at).copied()).ok_or_else(|| {
+            let text = format!("update {number} of {} is older than the last {KEPT}", self.recorded);
+            Failure::invalid(format!("{text}; discard updates before as many are recorded"))
+        })
+    }
+}
+
+pub(crate) fn check_command_buffer(cmd: vk::CommandBuffer) -> Result<()> {
+    match cmd.is_null() {
+        true => Err(Failure::invalid("'cmd' is null; hand in a command buffer that is being recorded")),
+        false => Ok(()),
+    }
+}
+
+/// What C is told of an update.
+fn told(crowd: DmCrowd, number: u64, update: &Update) -> DmUpdate {
+    let stats = &update.stats;
+    DmUpdate {
+        bound: stats.bound,
+        ticket: DmTicket { crowd: crowd.bits(), number },
+        coefficients: stats.coefficients as u64,
+        passes: stats.passes as u64,
+        rebuilt: stats.rebuilt as u64,
+        dirty_blocks: stats.dirty_blocks as u64,
+        rebuilt_blocks: stats.rebuilt_blocks as u64,
+        bytes_moved: stats.bytes_moved,
+        bytes_floor: stats.bytes_floor,
+        ..DmUpdate::zeroed()
+    }
+}
+
+/// Record the update of all instances of a crowd to the weights requested, or to the time set.
+///
+/// This records: nothing when no weight changed; otherwise the passes of the plan with the barriers they need. First
+/// stages: those of the crowd's consumers (reads of earlier poses) and the path's own; last: the consumers', by default
+/// VERTEX_INPUT with VERTEX_ATTRIBUTE_READ and VERTEX_SHADER with SHADER_READ. It binds over the compute pipeline, its
+/// set 0 and push constants; on `DM_PATH_FEEDBACK` the graphics pipeline, vertex bindings from 0 on, push constants and
+/// transform-feedback binding 0.
+///
+/// Errors: after an error nothing is recorded.
+///
+/// # Safety
+/// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and without
+///   active conditional rendering, on a queue with graphics and compute. No other thread uses it meanwhile.
+/// - It runs exactly once, after the upload of the mesh and all earlier updates of the crowd, and before later ones; or
+///   it never runs, and `dm_crowd_discard` is called with the ticket before any later update is recorded.
+/// - With this one, at most DmCrowdDesc::frames_in_flight updates of the crowd are recorded and not yet finished.
+/// - After `DM_ERROR_PANIC` the command buffer does not run.
+/// - `update` is null or a structure that can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_record_update(cmd: vk::CommandBuffer, crowd: DmCrowd, update: *mut DmUpdate) -> DmResult {
+    enter("dm_record_update", || {
+        check_command_buffer(cmd)?;
+        // SAFETY: the caller's obligation.
+        let place = unsafe { Place::new_or_null(update) }?;
+        let object = crowd.get()?;
+        let mut state = lock(&object.state)?;
+        // SAFETY: the caller's obligations.
+        let recorded = unsafe { state.record(&object.engine.morph, cmd) }?;
+        let number = state.tickets.push(recorded.ticket);
+        if let Some(place) = place {
+            place.write(told(crowd, number, &recorded));
+        }
+        Ok(())
+    })
+}
+
+/// Record the updates of several crowds of one engine, as `dm_record_update` does for one. They share their barriers.
+///
+/// Errors: DM_ERROR_INVALID for no crowd, a crowd that is named twice, crowds of several engines. Nothing is recorded
+/// then.
+///
+/// # Safety
+/// - As `dm_record_update`, for each crowd.
+/// - There are `count` crowds; `updates` is null or an array of as many structures that can be written, each with its
+///   size.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_record_updates(
+    cmd: vk::CommandBuffer,
+    count: u32,
+    crowds: *const DmCrowd,
+    updates: *mut DmUpdate,
+) -> DmResult {
+    enter("dm_record_updates", || {
+        check_command_buffer(cmd)?;
+        // SAFETY: the caller's obligations.
+        let (handles, mut places) = unsafe { (slice(crowds, count as usize, "crowds")?, places(updates, count)?) };
+        let objects = handles.iter().map(|crowd| crowd.get()).collect::<Result<Vec<Arc<Crowd>>>>()?;
+        let Some(first) = objects.first() else {
+            return Err(Failure::invalid("an update of no crowd; name one or more"));
+        };
+        if objects.iter().any(|object| !Arc::ptr_eq(&object.engine, &first.engine)) {
+            return Err(Failure::invalid("crowds of several engines; record the updates of each engine by themselves"));
+        }
+        // Locked in one order by all threads, so that none waits for another that waits for it.
+        let mut order: Vec<usize> = (0..handles.len()).collect();
+        order.sort_unstable_by_key(|&at| handles[at].bits());
+        if order.windows(2).any(|pair| handles[pair[0]] == handles[pair[1]]) {
+            return Err(Failure::invalid("a crowd is named twice; name each once"));
+        }
+        let mut states = order.iter().map(|&at| Ok((at, lock(&objects[at].state)?))).collect::<Result<Vec<_>>>()?;
+        states.sort_unstable_by_key(|(at, _)| *at);
+        let mut any: Vec<&mut dyn AnyCrowd> = states.iter_mut().map(|(_, state)| state.any()).collect();
+        // SAFETY: the caller's obligations.
+        let recorded = unsafe { first.engine.morph.record_updates(cmd, &mut any) }?;
+        places.resize_with(recorded.len(), || None);
+        for ((recorded, place), (at, state)) in recorded.iter().zip(places).zip(&mut states) {
+            let number = state.tickets.push(recorded.ticket);
+            if let Some(place) = place {
+                place.write(told(handles[*at], number, recorded));
+            }
+        }
+        Ok(())
+    })
+}
+
+/// The places of `count` updates; none where `updates` is null.
+///
+/// # Safety
+/// As [`dm_record_updates`].
+unsafe fn places(updates: *mut DmUpdate, count: u32) -> Result<Vec<Option<Place<DmUpdate>>>> {
+    let (mut all, mut next) = (vec![], updates);
+    while !updates.is_null() && all.len() < count as usize {
+        // SAFETY: the caller's obligation; there is a structure at `next`, and its size is right once `Place` took it.
+        unsafe {
+            let place = Place::new(next)?;
+            next = place.next();
+            all.push(Some(place));
+        }
+    }
+    Ok(all)
+}
+
+/// The update of a ticket and all later ones of the crowd will never run: what they would have written is unknown, and
+/// the next update does it again. An update that was discarded before stays so.
+///
+/// Errors: DM_ERROR_INVALID for a ticket of another crowd, or of an update before the last 1024.
+///
+/// # Safety
+/// Neither the update nor any later one of the crowd runs.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_crowd_discard(crowd: DmCrowd, ticket: DmTicket) -> DmResult {
+    enter("dm_crowd_discard", || {
+        if ticket.crowd != crowd.bits() {
+            return Err(Failure::invalid("the ticket of another crowd; hand in the crowd that was updated"));
+        }
+        let object = crowd.get()?;
+        let mut state = lock(&object.state)?;
+        let ticket = state.tickets.find(ticket.number)?;
+        state.discard(ticket)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use deltamorph::{CrowdDesc, UpdateDesc};
+
+    #[test]
+    fn tickets_that_never_were_and_old_ones_are_refused() {
+        let none = Tickets::default();
+        for number in [0, 1, u64::MAX] {
+            assert!(none.find(number).unwrap_err().message.contains("hand in the ticket of an update"));
+        }
+        let old = Tickets { recorded: 5000, kept: VecDeque::new() };
+        assert!(old.find(5000).unwrap_err().message.contains("older than the last 1024"));
+    }
+
+    #[test]
+    fn zeros_describe_the_crowd_that_rust_has_by_default() {
+        use crate::structs::DmCrowdDesc;
+        use deltamorph::{PoseFormat, UpdatePath};
+        let desc = DmCrowdDesc::zeroed().crowd(UpdatePath::Blocks, PoseFormat::Float32).unwrap();
+        assert_eq!(desc, CrowdDesc::new(UpdateDesc::blocks()));
+    }
+}

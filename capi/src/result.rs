@@ -1,0 +1,151 @@
+//! Codes and messages: what an entry returns, and what it leaves for `dm_last_error`.
+
+use std::cell::RefCell;
+use std::ffi::{CString, c_char};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Mutex, MutexGuard};
+
+/// What a function returns: `DM_OK`, or a code that says what kind of thing went wrong. Codes are never reused; later
+/// versions may return further ones. `dm_last_error` has the message.
+pub type DmResult = u32;
+
+/// It is done.
+pub const DM_OK: DmResult = 0;
+/// A file or folder could not be read or written.
+pub const DM_ERROR_IO: DmResult = 1;
+/// The content of a file cannot be used.
+pub const DM_ERROR_INPUT: DmResult = 2;
+/// An argument cannot be used: a value out of range, a null pointer, a structure of an unknown size.
+pub const DM_ERROR_INVALID: DmResult = 3;
+/// The device lacks what an update path needs.
+pub const DM_ERROR_UNSUPPORTED: DmResult = 4;
+/// The host or the device is out of memory. Less may still fit.
+pub const DM_ERROR_OUT_OF_MEMORY: DmResult = 5;
+/// The device is lost, and has to be created anew.
+pub const DM_ERROR_DEVICE_LOST: DmResult = 6;
+/// Another Vulkan call failed.
+pub const DM_ERROR_VULKAN: DmResult = 7;
+/// A handle is null, of another kind, or of an object that was destroyed.
+pub const DM_ERROR_HANDLE: DmResult = 1000;
+/// A defect of the library stopped the call. Objects that it was changing can only be destroyed. A library that was
+/// built to end the process instead (the profile `small`) never returns it.
+pub const DM_ERROR_PANIC: DmResult = 1001;
+
+/// Why a call failed.
+#[derive(Debug)]
+pub struct Failure {
+    /// The code.
+    pub code: DmResult,
+    /// What, and what to do about it.
+    pub message: String,
+}
+
+impl Failure {
+    /// An argument that cannot be used.
+    pub fn invalid(message: impl Into<String>) -> Self {
+        Self { code: DM_ERROR_INVALID, message: message.into() }
+    }
+
+    /// A handle that names no object.
+    pub fn handle(message: impl Into<String>) -> Self {
+        Self { code: DM_ERROR_HANDLE, message: message.into() }
+    }
+
+    fn panic(message: impl Into<String>) -> Self {
+        Self { code: DM_ERROR_PANIC, message: message.into() }
+    }
+}
+
+impl From<deltamorph::Error> for Failure {
+    fn from(error: deltamorph::Error) -> Self {
+        Self { code: error.kind().number(), message: error.to_string() }
+    }
+}
+
+/// `Result` with a [`Failure`].
+pub type Result<T> = std::result::Result<T, Failure>;
+
+thread_local! {
+    static LAST: RefCell<CString> = RefCell::new(CString::default());
+}
+
+/// Run the body of the entry `function`: failures and panics become a code, and leave a message.
+pub fn enter(function: &str, body: impl FnOnce() -> Result<()>) -> DmResult {
+    // What a panic leaves behind is seen by nobody: objects are behind locks, which are poisoned then (`lock`).
+    let failure = match catch_unwind(AssertUnwindSafe(body)) {
+        Ok(Ok(())) => return DM_OK,
+        Ok(Err(failure)) => failure,
+        Err(payload) => {
+            let text = payload.downcast_ref::<&str>().map(|text| (*text).to_owned());
+            let text = text.or_else(|| payload.downcast_ref::<String>().cloned()).unwrap_or_default();
+            // Dropping what was thrown could throw again.
+            std::mem::forget(payload);
+            Failure::panic(format!("a defect of the library: {text}; destroy what was handed in, and report this"))
+        }
+    };
+    let message = format!("{function}: {}", failure.message).replace('\0', "\u{fffd}");
+    // Without the storage of a thread that is ending there is no message.
+    let _ = LAST.try_with(|last| *last.borrow_mut() = CString::new(message).unwrap_or_default());
+    failure.code
+}
+
+/// Lock what an object keeps, which a call that panicked may have left half changed.
+pub fn lock<T>(mutex: &Mutex<T>) -> Result<MutexGuard<'_, T>> {
+    mutex.lock().map_err(|_| Failure::panic("an earlier call with this object ran into a defect; destroy the object"))
+}
+
+/// The message of the last function that failed on this thread: UTF-8, ended by a zero; empty where none has failed.
+/// It says what was refused, and what to do. Valid until the next function fails on this thread, or the thread ends.
+#[unsafe(no_mangle)]
+pub extern "C" fn dm_last_error() -> *const c_char {
+    LAST.try_with(|last| last.borrow().as_ptr()).unwrap_or(c"".as_ptr())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use deltamorph::ErrorKind;
+    use std::ffi::CStr;
+
+    fn last() -> String {
+        // SAFETY: a string that is valid until the next failure on this thread.
+        unsafe { CStr::from_ptr(dm_last_error()) }.to_str().unwrap().to_owned()
+    }
+
+    #[test]
+    fn panics_and_errors_become_codes_with_a_message_of_this_thread() {
+        assert_eq!((enter("dm_a", || Ok(())), last()), (DM_OK, String::new()));
+        assert_eq!(enter("dm_b", || Err(Failure::invalid("x\0y; z"))), DM_ERROR_INVALID);
+        assert_eq!(last(), "dm_b: x\u{fffd}y; z");
+        std::thread::spawn(|| assert_eq!(last(), "")).join().unwrap();
+        for (body, text) in [((|| panic!("a {}", 1)) as fn() -> Result<()>, "a 1"), (|| panic!("b"), "b")] {
+            assert_eq!(enter("dm_c", body), DM_ERROR_PANIC);
+            assert!(last().starts_with("dm_c: a defect of the library: ") && last().contains(text), "{}", last());
+        }
+        assert_eq!(enter("dm_d", || std::panic::panic_any(7)), DM_ERROR_PANIC);
+        // A call that works leaves the message alone.
+        assert_eq!((enter("dm_e", || Ok(())), last().starts_with("dm_d: ")), (DM_OK, true));
+    }
+
+    #[test]
+    fn what_a_panic_left_half_changed_is_refused() {
+        let mutex = Mutex::new(0);
+        assert_eq!(enter("dm_a", || lock(&mutex).map(|_guard| panic!("half"))), DM_ERROR_PANIC);
+        assert_eq!(enter("dm_b", || lock(&mutex).map(drop)), DM_ERROR_PANIC);
+        assert!(last().contains("destroy the object"), "{}", last());
+    }
+
+    #[test]
+    fn codes_are_the_numbers_of_kinds() {
+        let kinds = [
+            (ErrorKind::Io, DM_ERROR_IO),
+            (ErrorKind::Input, DM_ERROR_INPUT),
+            (ErrorKind::Invalid, DM_ERROR_INVALID),
+            (ErrorKind::Unsupported, DM_ERROR_UNSUPPORTED),
+            (ErrorKind::OutOfMemory, DM_ERROR_OUT_OF_MEMORY),
+            (ErrorKind::DeviceLost, DM_ERROR_DEVICE_LOST),
+            (ErrorKind::Vulkan, DM_ERROR_VULKAN),
+        ];
+        assert!(kinds.into_iter().all(|(kind, code)| kind.number() == code));
+    }
+}

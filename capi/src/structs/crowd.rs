@@ -1,0 +1,169 @@
+//! Of crowds.
+
+use crate::handles::DmClip;
+use deltamorph::ash::vk;
+
+/// How to make a crowd. Zeros are the defaults.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmCrowdDesc {
+    /// sizeof(DmCrowdDesc).
+    pub struct_size: u32,
+    /// Instances, each with weights and poses of its own; 0: 1.
+    pub instances: u32,
+    /// `DM_PATH_…`; 0: blocks, for CPU crowds the CPU.
+    pub path: u32,
+    /// Targets per pass (dense formats); 0: all at once.
+    pub batch: u32,
+    /// `DM_MODE_…`; 0: incremental, where the path can.
+    pub mode: u32,
+    /// Pose buffers of an instance: 1 has no previous pose; 0: 2.
+    pub slots: u32,
+    /// `DM_POSE_…`, how poses are stored; 0: float32, for animated crowds integers of 32 bits.
+    pub pose_format: u32,
+    /// Updates that may be recorded and not yet finished; 0: 2.
+    pub frames_in_flight: u32,
+    /// `DM_READ_BY_…`, combined: who reads poses between updates; 0: vertex attributes and vertex shaders.
+    pub consumers: u32,
+    /// Largest position error that accumulation in float32 may cause, as a fraction of the diagonal; 0: 1e-5.
+    pub tolerance: f32,
+    /// Largest weight, either sign, that poses of integers have to hold; 0: 1 in 16 bits, in 32 what the mesh was
+    /// packed with.
+    pub weight_max: f32,
+    /// How far a vertex may be from where the weights would put it, as a length in input units; 0: nothing is deferred.
+    pub error_budget: f32,
+}
+
+/// Clips for a crowd that is animated on the GPU.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmAnimationDesc {
+    /// sizeof(DmAnimationDesc).
+    pub struct_size: u32,
+    /// Clips.
+    pub clip_count: u32,
+    /// The clips; they may be destroyed after the call.
+    pub clips: *const DmClip,
+    /// Bits of a key: 32 or 16; 0: 32.
+    pub key_bits: u32,
+    /// Zero.
+    pub reserved: u32,
+}
+
+/// How an instance plays a clip.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmPlayback {
+    /// sizeof(DmPlayback).
+    pub struct_size: u32,
+    /// Which clip, counted from 0.
+    pub clip: u32,
+    /// When it starts, in seconds of the clock that `dm_crowd_set_time` sets.
+    pub start: f64,
+    /// 1 is the clip's own speed, backwards below 0; 0: 1.
+    pub speed: f64,
+    /// Not 0: the last frame stays; 0: it starts again.
+    pub once: u32,
+    /// Zero.
+    pub reserved: u32,
+}
+
+/// Names an update, to discard it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DmTicket {
+    /// Bits of the crowd's handle.
+    pub crowd: u64,
+    /// Number of the update, from 1 on.
+    pub number: u64,
+}
+
+/// What an update recorded. All counts are zero when no weight changed.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmUpdate {
+    /// sizeof(DmUpdate).
+    pub struct_size: u32,
+    /// Bound on the position error that accumulation or rounding may have caused so far, in input units.
+    pub bound: f32,
+    /// For `dm_crowd_discard`, should the command buffer never run.
+    pub ticket: DmTicket,
+    /// Targets applied (dense formats), or whose weight changed (block formats).
+    pub coefficients: u64,
+    /// Passes.
+    pub passes: u64,
+    /// Instances that started from the base pose (dense formats).
+    pub rebuilt: u64,
+    /// Blocks written (block formats).
+    pub dirty_blocks: u64,
+    /// Of these, the ones that started from the base pose.
+    pub rebuilt_blocks: u64,
+    /// Bytes loaded and stored.
+    pub bytes_moved: u64,
+    /// The least that could be moved.
+    pub bytes_floor: u64,
+}
+
+/// Where a pose is. Normals are not normalised.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmPoseView {
+    /// sizeof(DmPoseView).
+    pub struct_size: u32,
+    /// Bytes from vertex to vertex.
+    pub stride: u32,
+    /// The buffer: usable as vertex, storage and transfer-source buffer. Null: there is no such pose.
+    pub buffer: vk::Buffer,
+    /// Offset of the first vertex.
+    pub offset: u64,
+    /// Bytes, padding included.
+    pub size: u64,
+    /// `DM_POSE_…`, how vertices are stored.
+    pub format: u32,
+    /// Which slot of the instance it is.
+    pub slot: u32,
+    /// Input units of integers, of positions and of normals: a number is that of the base pose plus integer × unit.
+    pub units: [f32; 2],
+}
+
+/// Where a stream of a pose is.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmStreamView {
+    /// sizeof(DmStreamView).
+    pub struct_size: u32,
+    /// Bytes from vertex to vertex.
+    pub stride: u32,
+    /// The buffer, as that of a pose. Null: there is no such pose.
+    pub buffer: vk::Buffer,
+    /// Offset of the first vertex's first component.
+    pub offset: u64,
+    /// Components, one after the other.
+    pub components: u32,
+    /// `DM_POSE_…`, what a component is.
+    pub format: u32,
+    /// Input units of integers, component by component.
+    pub units: [f32; 4],
+    /// Which slot of the instance it is.
+    pub slot: u32,
+    /// Zero.
+    pub reserved: u32,
+}
+
+/// Where float32 positions of an instance are written, in the order of poses and without padding.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmDecodeTarget {
+    /// sizeof(DmDecodeTarget).
+    pub struct_size: u32,
+    /// Bytes from vertex to vertex, a multiple of 4; 0: 12.
+    pub stride: u32,
+    /// The buffer, usable as storage buffer.
+    pub buffer: vk::Buffer,
+    /// Offset of the first vertex's position, a multiple of 4.
+    pub offset: u64,
+    /// Bytes from a position to its normal, a multiple of 4 from 12 on; 0: no normals.
+    pub normals: u32,
+    /// Zero.
+    pub reserved: u32,
+}

@@ -1,0 +1,70 @@
+//! Of the device.
+
+use deltamorph::ash::vk;
+use std::ffi::c_char;
+
+/// cbindgen:ignore
+#[repr(transparent)]
+#[derive(Clone, Copy)]
+pub struct GetInstanceProcAddr(pub Option<vk::PFN_vkGetInstanceProcAddr>);
+
+/// cbindgen:ignore
+#[repr(transparent)]
+#[derive(Clone, Copy)]
+pub struct GetDeviceProcAddr(pub Option<vk::PFN_vkGetDeviceProcAddr>);
+
+/// made with it. The device has the extensions and features of `dm_requirements` enabled for the paths to be used.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmEngineDesc {
+    /// sizeof(DmEngineDesc).
+    pub struct_size: u32,
+    /// Not 0: `device` was created with VK_EXT_transform_feedback and its feature `transformFeedback`.
+    pub transform_feedback: u32,
+    /// The instance.
+    pub instance: vk::Instance,
+    /// The physical device.
+    pub physical_device: vk::PhysicalDevice,
+    /// The device.
+    pub device: vk::Device,
+    /// The loader's function: all others are asked of it.
+    pub get_instance_proc_addr: GetInstanceProcAddr,
+    /// The device's function; null: the instance's.
+    pub get_device_proc_addr: GetDeviceProcAddr,
+    /// The features that `device` was created with; null: none. Read during the call only.
+    pub enabled_features: *const vk::PhysicalDeviceFeatures,
+    /// The host's cache of pipelines; null: none.
+    pub pipeline_cache: vk::PipelineCache,
+    /// Not 0: keep to the limits of Khronos' VP_ANDROID_baseline_2022, where the device's are larger.
+    pub clamp_to_android_baseline: u32,
+    /// Zero.
+    pub reserved: u32,
+}
+
+/// What an engine runs on.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmEngineInfo {
+    /// sizeof(DmEngineInfo).
+    pub struct_size: u32,
+    /// Not 0: a software driver, where the CPU crowd is the faster way.
+    pub is_software: u32,
+    /// Bytes that a storage-buffer descriptor may cover.
+    pub max_storage_range: u64,
+    /// Bytes of device and staging memory that the engine has from the driver.
+    pub allocated_bytes: u64,
+    /// The device's name, ended by a zero.
+    pub device_name: [c_char; 256],
+}
+
+/// An extension or feature that a path needs. Strings live as long as the library is loaded.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmRequirement {
+    /// The device extension to enable; null: none.
+    pub extension: *const c_char,
+    /// The feature to enable; null: none.
+    pub feature: *const c_char,
+    /// What for.
+    pub reason: *const c_char,
+}

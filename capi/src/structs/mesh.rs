@@ -1,0 +1,178 @@
+//! Of meshes in memory, and of clips.
+
+use crate::handles::DmEngine;
+use std::ffi::c_char;
+
+/// How to import and pack a mesh. Zeros are the defaults.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmMeshDesc {
+    /// sizeof(DmMeshDesc).
+    pub struct_size: u32,
+    /// `DM_MESH_…`, combined.
+    pub flags: u32,
+    /// The engine whose limits dense formats are cut for; zero: those of any phone.
+    pub engine: DmEngine,
+    /// Shorter position deltas are dropped, as a fraction of the bounding-box diagonal; 0: 1e-6.
+    pub position_tolerance: f32,
+    /// Shorter normal deltas are dropped; 0: 1e-3, about 0.06 degrees.
+    pub normal_tolerance: f32,
+    /// `DM_DELTAS_…`, storage of the deltas; 0: `DM_DELTAS_FAST`.
+    pub delta_format: u32,
+    /// Vertices of a block: 32, 64 or 128; 0: what suits the format (block formats).
+    pub block_size: u32,
+    /// Largest error of a position delta, as a fraction of the bounding-box diagonal; 0: 1e-5 (block formats).
+    pub position_error: f32,
+    /// Largest error of a normal or tangent at weight 1, in degrees; 0: 0.5 (block formats).
+    pub normal_error_degrees: f32,
+    /// Largest error of other streams' numbers at weight 1; 0: 1e-4 (block formats).
+    pub absolute_error: f32,
+    /// The largest weight, either sign, that poses of 32-bit integers accept; 0: 4 (block formats).
+    pub weight_max: f32,
+}
+
+/// A base pose and its targets: arrays with one element per vertex, or null where there is no such thing.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmMeshArrays {
+    /// sizeof(DmMeshArrays).
+    pub struct_size: u32,
+    /// Vertices.
+    pub vertex_count: u32,
+    /// Name for messages; null: none.
+    pub name: *const c_char,
+    /// Positions, three floats each.
+    pub positions: *const f32,
+    /// Normals of unit length, three floats each; null: computed.
+    pub normals: *const f32,
+    /// Tangents of unit length with the handedness (1 or -1) in w, four floats each; null: none.
+    pub tangents: *const f32,
+    /// Texture coordinates, two floats each; null: none.
+    pub texcoords: *const f32,
+    /// Triangles, three vertices each.
+    pub indices: *const u32,
+    /// The targets.
+    pub targets: *const DmTargetArrays,
+    /// Indices: three for each triangle.
+    pub index_count: u32,
+    /// Targets.
+    pub target_count: u32,
+    /// Not 0: targets state where a vertex is; 0: by how much it differs from the base pose.
+    pub absolute: u32,
+    /// Zero.
+    pub reserved: u32,
+}
+
+/// A target of `DmMeshArrays`; a null array changes nothing.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmTargetArrays {
+    /// sizeof(DmTargetArrays), the same for all targets.
+    pub struct_size: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// Name; null: "target" and its number.
+    pub name: *const c_char,
+    /// Positions, or their deltas, three floats for each vertex.
+    pub positions: *const f32,
+    /// Normals, or their deltas, three floats for each vertex; null: computed from the deformed surface.
+    pub normals: *const f32,
+    /// The tangents' x y z, or their deltas, three floats for each vertex.
+    pub tangents: *const f32,
+}
+
+/// The built-in head: the same description gives the same head on every machine.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmSampleDesc {
+    /// sizeof(DmSampleDesc).
+    pub struct_size: u32,
+    /// Vertices; 0: 43,788.
+    pub vertices: u32,
+    /// Targets, of which the first are named as ARKit's; 0: 72.
+    pub targets: u32,
+    /// Mean fraction of the vertices that a target moves, in (0, 1]; 0: 0.12.
+    pub sparsity: f32,
+    /// Seed; 0: 1.
+    pub seed: u64,
+}
+
+/// What a mesh is.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmMeshInfo {
+    /// sizeof(DmMeshInfo).
+    pub struct_size: u32,
+    /// Vertices.
+    pub vertex_count: u32,
+    /// Vertices of a pose buffer, padding included.
+    pub padded_vertex_count: u32,
+    /// Targets.
+    pub target_count: u32,
+    /// Indices that `dm_mesh_indices` writes.
+    pub index_count: u32,
+    /// `DM_DELTAS_…`, storage of the deltas.
+    pub delta_format: u32,
+    /// Length of the base pose's bounding-box diagonal, in input units.
+    pub diagonal: f32,
+    /// Zero.
+    pub reserved: u32,
+    /// Bytes of a float32 pose, padding included.
+    pub pose_bytes: u64,
+    /// Bytes of device memory that the mesh takes, and as many of staging memory until they are given back.
+    pub device_bytes: u64,
+}
+
+/// coordinates. Arrays that are null are not written.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmRenderVertices {
+    /// sizeof(DmRenderVertices).
+    pub struct_size: u32,
+    /// Render vertices: in, what there is room for; out, how many there are.
+    pub vertex_count: u32,
+    /// Indices: in, what there is room for; out, how many there are.
+    pub index_count: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// For each render vertex, the vertex of pose buffers that it takes position and normal from.
+    pub pose_vertices: *mut u32,
+    /// For each render vertex, two texture coordinates.
+    pub texcoords: *mut f32,
+    /// Triangles, three render vertices each.
+    pub indices: *mut u32,
+}
+
+/// What a clip is.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmClipInfo {
+    /// sizeof(DmClipInfo).
+    pub struct_size: u32,
+    /// Frames.
+    pub frame_count: u32,
+    /// Targets whose weights it states.
+    pub column_count: u32,
+    /// Frames per second.
+    pub fps: f32,
+}
+
+/// A clip of weights.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmClipArrays {
+    /// sizeof(DmClipArrays).
+    pub struct_size: u32,
+    /// Frames.
+    pub frame_count: u32,
+    /// Targets whose weights it states.
+    pub column_count: u32,
+    /// Frames per second, above 0.
+    pub fps: f32,
+    /// Name for messages; null: none.
+    pub name: *const c_char,
+    /// A target's name for each column.
+    pub names: *const *const c_char,
+    /// A weight for each column, frame after frame.
+    pub values: *const f32,
+}

@@ -1,0 +1,108 @@
+//! Meshes on the device.
+
+use crate::engine::Engine;
+use crate::handles::{DmEngine, DmGpuMesh, DmMesh, Handle};
+use crate::memory::{Place, check_place};
+use crate::numbers::semantic;
+use crate::result::{DmResult, enter, lock};
+use crate::structs::{DmPoseView, DmStreamView};
+use crate::views::{pose_view, stream_view};
+use deltamorph::ash::vk;
+use std::sync::{Arc, Mutex};
+
+/// What a `DmGpuMesh` names.
+pub struct GpuMesh {
+    pub(crate) mesh: Mutex<deltamorph::GpuMesh>,
+    pub(crate) engine: Arc<Engine>,
+}
+
+/// Make the buffers of a mesh on the device, and record their upload. `mesh` may be destroyed afterwards.
+///
+/// This records: copies from staging memory, and a barrier that makes them visible to every update path (first stage
+/// TRANSFER with TRANSFER_WRITE; last stages VERTEX_INPUT, VERTEX_SHADER, COMPUTE_SHADER).
+///
+/// Errors: DM_ERROR_INVALID for a mesh that exceeds the device's limits, with the numbers; DM_ERROR_OUT_OF_MEMORY.
+/// Nothing is recorded then.
+///
+/// # Safety
+/// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and without
+///   active conditional rendering, on a queue with graphics and compute. No other thread uses it meanwhile.
+/// - It runs exactly once, before any update of the mesh; where it never does, no crowd of the mesh is updated.
+/// - `gpu_mesh` can be written. The mesh on the device is destroyed only when the device no longer uses it.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_mesh_upload(
+    engine: DmEngine,
+    cmd: vk::CommandBuffer,
+    mesh: DmMesh,
+    gpu_mesh: *mut DmGpuMesh,
+) -> DmResult {
+    enter("dm_mesh_upload", || {
+        check_place(gpu_mesh, "gpu_mesh")?;
+        crate::record::check_command_buffer(cmd)?;
+        let (engine, mesh) = (engine.get()?, mesh.get()?);
+        // SAFETY: the caller's obligations; `gpu_mesh` was checked.
+        unsafe {
+            let mesh = Mutex::new(engine.morph.upload(cmd, &mesh.asset.mesh)?);
+            gpu_mesh.write(DmGpuMesh::insert(GpuMesh { mesh, engine })?);
+        }
+        Ok(())
+    })
+}
+
+/// Give the staging memory of an upload back.
+///
+/// # Safety
+/// The upload has run, or never will.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_gpu_mesh_release_staging(mesh: DmGpuMesh) -> DmResult {
+    enter("dm_gpu_mesh_release_staging", || {
+        let mesh = mesh.get()?;
+        // SAFETY: the caller's obligation.
+        unsafe { lock(&mesh.mesh)?.release_staging() };
+        Ok(())
+    })
+}
+
+/// Where the base pose is, once the upload has run: float32, in the order of poses. Poses of integers are displacements
+/// from it.
+///
+/// # Safety
+/// `view` is a structure that can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_gpu_mesh_base_pose(mesh: DmGpuMesh, view: *mut DmPoseView) -> DmResult {
+    enter("dm_gpu_mesh_base_pose", || {
+        // SAFETY: the caller's obligation.
+        let place = unsafe { Place::new(view) }?;
+        let mesh = mesh.get()?;
+        let base = lock(&mesh.mesh)?.base_pose();
+        place.write(pose_view(Some(base)));
+        Ok(())
+    })
+}
+
+/// Where a stream (`DM_STREAM_…`) of the base pose is.
+///
+/// Errors: DM_ERROR_INVALID for a stream that the mesh does not have.
+///
+/// # Safety
+/// `view` is a structure that can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_gpu_mesh_base_stream(mesh: DmGpuMesh, stream: u32, view: *mut DmStreamView) -> DmResult {
+    enter("dm_gpu_mesh_base_stream", || {
+        // SAFETY: the caller's obligation.
+        let place = unsafe { Place::new(view) }?;
+        let mesh = mesh.get()?;
+        let base = lock(&mesh.mesh)?.base_stream(semantic(stream)?)?;
+        place.write(stream_view(Some(base)));
+        Ok(())
+    })
+}
+
+/// Destroy a mesh on the device. Crowds keep what they need of it.
+///
+/// # Safety
+/// The device no longer uses the mesh but for its crowds: its upload has run, or never will.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_gpu_mesh_destroy(mesh: DmGpuMesh) -> DmResult {
+    enter("dm_gpu_mesh_destroy", || mesh.destroy(|_| Ok(())))
+}

@@ -1,0 +1,119 @@
+//! Where poses and their streams are.
+
+use crate::crowd::{Kind, either, with};
+use crate::handles::DmCrowd;
+use crate::memory::{Place, Versioned};
+use crate::numbers::{pose_number, semantic};
+use crate::result::{DmResult, enter};
+use crate::structs::{DmPoseView, DmStreamView};
+use deltamorph::{PoseView, StreamView};
+
+/// A pose; `None`: a null buffer.
+pub(crate) fn pose_view(view: Option<PoseView>) -> DmPoseView {
+    let none = DmPoseView::zeroed();
+    view.map_or(none, |view| DmPoseView {
+        stride: view.stride,
+        buffer: view.buffer,
+        offset: view.offset,
+        size: view.size,
+        format: pose_number(view.format),
+        slot: view.slot,
+        units: view.units,
+        ..none
+    })
+}
+
+/// A stream; `None`: a null buffer.
+pub(crate) fn stream_view(view: Option<StreamView>) -> DmStreamView {
+    let none = DmStreamView::zeroed();
+    view.map_or(none, |view| DmStreamView {
+        stride: view.stride,
+        buffer: view.buffer,
+        offset: view.offset,
+        components: view.components,
+        format: pose_number(view.format),
+        units: view.units,
+        slot: view.slot,
+        ..none
+    })
+}
+
+/// Where the pose of an instance is, once the updates recorded so far have run.
+///
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed; where no update was recorded yet, or its update
+/// was discarded.
+///
+/// # Safety
+/// `view` is a structure that can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_crowd_pose(crowd: DmCrowd, instance: u32, view: *mut DmPoseView) -> DmResult {
+    enter("dm_crowd_pose", || {
+        // SAFETY: the caller's obligation.
+        let place = unsafe { Place::new(view) }?;
+        let found = with(crowd, |state| Ok(either!(state, crowd => crowd.pose(instance))?))?;
+        place.write(pose_view(Some(found)));
+        Ok(())
+    })
+}
+
+/// Where the pose of an instance was before its last update: the pose itself when nothing changed, on its first update,
+/// and after `dm_crowd_cut`. The buffer is null where the update had to overwrite it.
+///
+/// Errors: as `dm_crowd_pose`.
+///
+/// # Safety
+/// `view` is a structure that can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_crowd_previous_pose(crowd: DmCrowd, instance: u32, view: *mut DmPoseView) -> DmResult {
+    enter("dm_crowd_previous_pose", || {
+        // SAFETY: the caller's obligation.
+        let place = unsafe { Place::new(view) }?;
+        let found = with(crowd, |state| Ok(either!(state, crowd => crowd.previous_pose(instance))?))?;
+        place.write(pose_view(found));
+        Ok(())
+    })
+}
+
+/// Where a stream (`DM_STREAM_…`) of the pose of an instance is: any that the mesh has.
+///
+/// Errors: as `dm_crowd_pose`; DM_ERROR_INVALID for a stream that the mesh does not have.
+///
+/// # Safety
+/// `view` is a structure that can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_crowd_stream(
+    crowd: DmCrowd,
+    instance: u32,
+    stream: u32,
+    view: *mut DmStreamView,
+) -> DmResult {
+    enter("dm_crowd_stream", || {
+        // SAFETY: the caller's obligation.
+        let (place, stream) = (unsafe { Place::new(view) }?, semantic(stream)?);
+        let found = with(crowd, |state| Ok(either!(state, crowd => crowd.stream(instance, stream))?))?;
+        place.write(stream_view(Some(found)));
+        Ok(())
+    })
+}
+
+/// Where a stream (`DM_STREAM_…`) of the previous pose of an instance is; see `dm_crowd_previous_pose`.
+///
+/// Errors: as `dm_crowd_stream`.
+///
+/// # Safety
+/// `view` is a structure that can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_crowd_previous_stream(
+    crowd: DmCrowd,
+    instance: u32,
+    stream: u32,
+    view: *mut DmStreamView,
+) -> DmResult {
+    enter("dm_crowd_previous_stream", || {
+        // SAFETY: the caller's obligation.
+        let (place, stream) = (unsafe { Place::new(view) }?, semantic(stream)?);
+        let found = with(crowd, |state| Ok(either!(state, crowd => crowd.previous_stream(instance, stream))?))?;
+        place.write(stream_view(found));
+        Ok(())
+    })
+}

@@ -1,0 +1,251 @@
+//! The programs in C and C++, built against the library as a host builds them, and run as processes: under the
+//! validation layer from outside, and under valgrind.
+
+use deltamorph::import::sample::{HeadDesc, head};
+use deltamorph::{Asset, DeltaFormat, PackDesc, Tolerance};
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+use tempfile::TempDir;
+
+const LAYER: &str = "VK_LAYER_KHRONOS_validation";
+const STRICT: [&str; 5] = ["-Wall", "-Wextra", "-Wpedantic", "-Werror", "-g"];
+const DRIVERS: [&str; 2] = ["llvmpipe", "SwiftShader"];
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the repository").to_path_buf()
+}
+
+/// Where the libraries are: built here, since cargo builds a library that Rust cannot link for no test. No cargo holds
+/// the target folder while tests run.
+fn libraries() -> &'static Path {
+    static FOLDER: OnceLock<PathBuf> = OnceLock::new();
+    FOLDER.get_or_init(|| {
+        let test = std::env::current_exe().expect("a path to this test");
+        let folder = test.ancestors().nth(2).expect("target/PROFILE").to_path_buf();
+        let profile = match folder.file_name().and_then(OsStr::to_str).expect("a profile") {
+            "debug" => "dev",
+            other => other,
+        };
+        let mut cargo = Command::new(env!("CARGO"));
+        cargo.args([
+            "build",
+            "--package",
+            env!("CARGO_PKG_NAME"),
+            "--features",
+            "cpu,csv,gltf",
+            "--profile",
+            profile,
+            "--target-dir",
+        ]);
+        ran(cargo.arg(folder.parent().expect("target")).current_dir(root()));
+        assert!(folder.join("libdeltamorph_c.so").is_file(), "{}: no libdeltamorph_c.so", folder.display());
+        folder
+    })
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn ran(command: &mut Command) -> Output {
+    let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
+    assert!(output.status.success(), "{command:?}: {}{}", text(&output.stdout), text(&output.stderr));
+    output
+}
+
+/// A program, and the folder that it goes with.
+struct Program(TempDir, PathBuf);
+
+/// Compile `source` (a path from the root of the repository) as a host does; its text changed by `change`.
+fn build(source: &str, change: impl FnOnce(String) -> String) -> Program {
+    let dir = tempfile::tempdir().expect("a folder");
+    let (from, program) = (root().join(source), dir.path().join("program"));
+    let copy = dir.path().join(from.file_name().expect("a file"));
+    std::fs::write(&copy, change(std::fs::read_to_string(&from).expect("the source"))).expect("a copy");
+    let (compiler, standard) = if source.ends_with(".cpp") { ("c++", "-std=c++17") } else { ("cc", "-std=c99") };
+    let quoted = format!("-iquote{}", from.parent().expect("a folder").display());
+    let mut command = Command::new(compiler);
+    command.arg(standard).args(STRICT).arg("-pthread").arg(quoted).arg("-I").arg(root().join("include")).arg(&copy);
+    command.arg("-L").arg(libraries()).args(["-ldeltamorph_c", "-lvulkan", "-lm", "-o"]).arg(&program);
+    ran(&mut command);
+    Program(dir, program)
+}
+
+fn unchanged(text: String) -> String {
+    text
+}
+
+fn replaced(from: &'static str, to: &'static str) -> impl FnOnce(String) -> String {
+    move |text| {
+        assert_eq!(text.matches(from).count(), 1, "{from}");
+        text.replace(from, to)
+    }
+}
+
+impl Program {
+    fn command(&self) -> Command {
+        let mut command = Command::new(&self.1);
+        command.env("LD_LIBRARY_PATH", libraries());
+        command
+    }
+
+    /// Run it with the layer switched on from outside, which prints to stdout then. 1.3.239 knows synchronization
+    /// validation by its old name only, of which 1.4.363 warns.
+    fn validated(&self, args: &[&OsStr]) -> Output {
+        let settings = "khronos_validation.debug_action = VK_DBG_LAYER_ACTION_LOG_MSG\n\
+                        khronos_validation.report_flags = error,warn,perf\n\
+                        khronos_validation.enables = VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION_EXT\n\
+                        khronos_validation.message_id_filter = VALIDATION-SETTINGS\n";
+        std::fs::write(self.0.path().join("vk_layer_settings.txt"), settings).expect("a file");
+        let mut command = self.command();
+        command.args(args).env("VK_INSTANCE_LAYERS", LAYER).env("VK_LAYER_SETTINGS_PATH", self.0.path());
+        command.env("VK_LOADER_DEBUG", "layer").output().expect("the program starts")
+    }
+
+    /// Run it under valgrind, which ends with 9 where it found something.
+    fn under_valgrind(&self, args: &[&str]) -> Output {
+        let suppressions = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/valgrind.supp");
+        let mut command = Command::new("valgrind");
+        command.env("LD_LIBRARY_PATH", libraries()).args(["-q", "--error-exitcode=9", "--leak-check=full"]);
+        command.args(["--errors-for-leak-kinds=definite,indirect,possible", "--fair-sched=yes"]);
+        command.arg(format!("--suppressions={}", suppressions.display())).arg(&self.1).args(args);
+        command.output().expect("valgrind (the package valgrind) starts")
+    }
+}
+
+/// What the layer has said.
+fn messages(output: &Output) -> Vec<String> {
+    let marks = ["Validation", "VUID", "SYNC-HAZARD", "UNASSIGNED", "ERROR", "WARNING"];
+    let said = text(&output.stdout);
+    said.lines().filter(|line| marks.iter().any(|mark| line.contains(mark))).map(str::to_owned).collect()
+}
+
+/// Its silence counts only if the layer was there; the loader says on stderr what it inserts.
+fn assert_silent(output: &Output) {
+    assert_eq!(messages(output), [""; 0]);
+    for level in ["instance", "device"] {
+        let (layer, stderr) = (format!("{level} layer \"{LAYER}\""), text(&output.stderr));
+        let inserted = stderr.lines().any(|line| line.contains("Insert") && line.contains(&layer));
+        assert!(inserted, "the loader did not insert the {layer}:\n{stderr}");
+    }
+}
+
+#[test]
+fn the_c_program_is_right_and_valid_on_every_driver() {
+    let program = build("examples/c/minimal.c", unchanged);
+    let lines = std::fs::read_to_string(root().join("examples/c/minimal.c")).expect("the source").lines().count();
+    assert!(lines < 200, "{lines} lines, for hosts to copy from");
+    let mesh = head(&HeadDesc::default().vertices(900).targets(7)).to_mesh(Tolerance::default()).expect("a mesh");
+    let asset = Asset::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).expect("a mesh that packs");
+    let packed = program.0.path().join("head.dmorph");
+    asset.write(&packed).expect("a file");
+    for driver in DRIVERS {
+        for (mesh, what) in [(Path::new("-"), "5000 vertices and 52 targets"), (&packed, "900 vertices and 7 targets")]
+        {
+            let output = program.validated(&[mesh.as_os_str(), driver.as_ref()]);
+            let said = text(&output.stdout);
+            assert!(output.status.success(), "{driver}: {said}{}", text(&output.stderr));
+            assert_silent(&output);
+            assert!(said.starts_with(driver) && said.contains(what) && said.lines().count() == 1, "{said}");
+        }
+    }
+    let refused = program.command().arg("/no/such/mesh").output().expect("the program starts");
+    assert!(!refused.status.success() && text(&refused.stderr).contains("no such file or folder"));
+}
+
+#[test]
+fn the_c_program_finds_a_wrong_pose_and_the_layer_a_missing_barrier() {
+    let wrong =
+        build("examples/c/minimal.c", replaced("DM(dm_mesh_evaluate(", "weights[0] += 0.25f; DM(dm_mesh_evaluate("));
+    let output = wrong.validated(&["-".as_ref(), DRIVERS[0].as_ref()]);
+    assert!(!output.status.success() && text(&output.stderr).contains("poses: differ from the reference"));
+    let barrier = build("examples/c/minimal.c", replaced(" | DM_READ_BY_COPIES", ""));
+    let output = barrier.validated(&["-".as_ref(), DRIVERS[0].as_ref()]);
+    assert!(messages(&output).iter().any(|line| line.contains("SYNC-HAZARD")), "{}", text(&output.stdout));
+}
+
+#[test]
+fn invalid_use_is_refused_and_leaves_nothing_invalid_behind() {
+    let program = build("capi/tests/misuse.c", unchanged);
+    ran(program.command().arg("cpu"));
+    for driver in DRIVERS {
+        let output = program.validated(&["device".as_ref(), driver.as_ref()]);
+        assert!(output.status.success(), "{driver}: {}{}", text(&output.stdout), text(&output.stderr));
+        assert_silent(&output);
+    }
+}
+
+#[test]
+fn valgrind_finds_nothing_without_a_device() {
+    let output = build("capi/tests/misuse.c", unchanged).under_valgrind(&["cpu"]);
+    assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
+}
+
+#[test]
+fn valgrind_finds_nothing_on_a_device() {
+    let output = build("capi/tests/misuse.c", unchanged).under_valgrind(&["device", DRIVERS[0]]);
+    assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
+}
+
+/// Room that is not there: the only thing that the library cannot check, and what valgrind is here for.
+#[test]
+fn valgrind_finds_what_is_written_behind_the_end() {
+    let overrun =
+        "WORKS(dm_mesh_evaluate(mesh, NULL, 0, room_for(1198, sizeof(double)), 1200)); WORKS(dm_mesh_destroy(mesh));";
+    let program = build("capi/tests/misuse.c", |source| {
+        // In the first function of the program, where it destroys its mesh.
+        source.replacen("WORKS(dm_mesh_destroy(mesh));", overrun, 1)
+    });
+    let output = program.under_valgrind(&["cpu"]);
+    assert_eq!(output.status.code(), Some(9), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("Invalid write"), "{}", text(&output.stderr));
+}
+
+#[test]
+fn cpp_owners_are_right_and_lose_nothing() {
+    let program = build("examples/c/raii.cpp", unchanged);
+    assert!(text(&ran(&mut program.command()).stdout).starts_with("59 poses within"));
+    let output = program.under_valgrind(&[]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+}
+
+/// As README.md of this package installs it; pkg-config and CMake then find it.
+#[test]
+fn an_installed_library_is_found_and_linked_in_both_forms() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let (prefix, source) = (dir.path().join("prefix"), root().join("examples/c/raii.cpp"));
+    ran(Command::new(root().join("capi/install")).arg(&prefix).arg(libraries()));
+    let config = prefix.join("lib/pkgconfig");
+    for (form, environment) in [("shared", true), ("static", false)] {
+        let mut ask = Command::new("pkg-config");
+        ask.args(["--cflags", "--libs", "deltamorph = 0.1.0"]).env("PKG_CONFIG_PATH", &config);
+        let flags = text(&ran(ask.args((form == "static").then_some("--static"))).stdout);
+        let program = dir.path().join(form);
+        // The linker takes the shared one of two.
+        let flags = if form == "static" { flags.replace("-ldeltamorph_c", "-l:libdeltamorph_c.a") } else { flags };
+        ran(Command::new("c++").arg("-std=c++17").arg(&source).args(flags.split_whitespace()).arg("-o").arg(&program));
+        let mut run = Command::new(&program);
+        ran(run.env("LD_LIBRARY_PATH", if environment { prefix.join("lib") } else { PathBuf::new() }));
+    }
+    if Command::new("cmake").arg("--version").output().is_err() {
+        eprintln!("LEFT OUT: the CMake package, since there is no cmake");
+        return;
+    }
+    let project = "cmake_minimum_required(VERSION 3.13)\nproject(host CXX)\nset(CMAKE_CXX_STANDARD 17)\n\
+                   find_package(deltamorph 0.1 REQUIRED)\n\
+                   add_executable(a raii.cpp)\ntarget_link_libraries(a deltamorph::deltamorph)\n\
+                   add_executable(b raii.cpp)\ntarget_link_libraries(b deltamorph::static)\n";
+    std::fs::write(dir.path().join("CMakeLists.txt"), project).expect("a file");
+    for file in ["raii.cpp", "raii.hpp"] {
+        std::fs::copy(source.with_file_name(file), dir.path().join(file)).expect("a copy");
+    }
+    let build = dir.path().join("build");
+    let prefix = format!("-DCMAKE_PREFIX_PATH={}", prefix.display());
+    ran(Command::new("cmake").arg("-S").arg(dir.path()).arg("-B").arg(&build).arg(prefix));
+    ran(Command::new("cmake").arg("--build").arg(&build));
+    for program in ["a", "b"] {
+        ran(&mut Command::new(build.join(program)));
+    }
+}
