@@ -28,6 +28,8 @@ layout(push_constant) uniform Push {
     uint listed;      // 1: those of the list; 0: the first ones
     vec2 units;       // input units of integers: positions, normals
 };
+#define PIECE_AT(i) pieces[i]
+#include "after.glsl"
 
 vec3 base_of(uint at) {
     return vec3(base[base_at + at], base[base_at + at + 1u], base[base_at + at + 2u]);
@@ -40,12 +42,7 @@ void store(uint at, vec3 value) {
 }
 
 void main() {
-    uint place = gl_GlobalInvocationID.x / PIECE;
-    if (place >= count) {
-        return;
-    }
-    uint piece = listed != 0u ? pieces[place] : place;
-    uint vertex = piece * PIECE + gl_GlobalInvocationID.x % PIECE;
+    uint vertex = vertex_of_lane();
     if (vertex >= vertices) {
         return;
     }

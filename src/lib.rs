@@ -8,7 +8,8 @@
 //! 2. Device: [`requirements`] before you create it, [`MorphEngine::new`] after.
 //! 3. [`MorphEngine::upload`] the mesh, [`MorphEngine::create_crowd`].
 //! 4. Each frame: [`Crowd::set_weights`], [`MorphEngine::record_update`], and draw from [`Crowd::pose`]; motion vectors
-//!    take [`Crowd::previous_pose`]. [`ClipLayer::mix`] makes weights of clips; [`CrowdSet`] gives them to several meshes;
+//!    take [`Crowd::previous_pose`]. What may follow (skinning, normals of the surface, bounds, float32 of any pose) is in
+//!    [`after`]. [`ClipLayer::mix`] makes weights of clips; [`CrowdSet`] gives them to several meshes;
 //!    [`MorphEngine::readback`] reads poses back.
 //!
 //! [`MorphEngine`] says what the caller is responsible for; `examples/minimal.rs` is a complete host. Without
@@ -34,6 +35,8 @@
     allow(dead_code, reason = "the tests hold all of it against the shaders; the library needs less")
 )]
 mod abi;
+#[allow(unsafe_code)]
+pub mod after;
 mod asset;
 #[cfg(feature = "baselines")]
 #[allow(unsafe_code)]
@@ -62,14 +65,15 @@ mod update;
 mod weights;
 
 pub use abi::kernels::{DeviceClass, DeviceTuning};
+pub use after::DecodeTarget;
 pub use asset::{
     Corner, Faces, Measure, MeshArrays, MorphMesh, MorphSource, MorphTarget, RenderVertices, Semantic, SourceTarget,
     StreamData, StreamDeltas, StreamPlace, TargetArrays, Tolerance,
 };
 pub use cpu::CpuCrowd;
 pub use engine::{
-    AnimatedCrowd, AnyCrowd, Crowd, CrowdSet, DecodeTarget, GpuMesh, MorphEngine, Outgrown, PoseBuffer, PoseReadback,
-    PoseView, ReadPose, StreamView, Ticket, Update,
+    AnimatedCrowd, AnyCrowd, Crowd, CrowdSet, GpuMesh, MorphEngine, Outgrown, PoseBuffer, PoseReadback, PoseView,
+    ReadPose, StreamView, Ticket, Update,
 };
 pub use error::{Error, ErrorKind, Result};
 pub use gpu::caps::{DeviceCaps, DeviceKind, Requirement, TransformFeedbackCaps, requirements};

@@ -1,5 +1,7 @@
 //! The oracle: full evaluation from base in float64, and how far a pose is from it.
 
+pub use crate::after::normals::normals;
+pub use crate::after::skin::skin;
 use crate::asset::MorphMesh;
 use crate::asset::streams::{StreamPlace, group_streams};
 pub use crate::math::angle_degrees;

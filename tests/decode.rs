@@ -6,22 +6,22 @@ mod gpu;
 #[allow(dead_code, reason = "buffers are all that is needed of it")]
 #[path = "../examples/draw/offscreen.rs"]
 mod offscreen;
+#[path = "common/written.rs"]
+mod written;
 
 use deltamorph::ash::vk;
 use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::import::sample::{HeadDesc, head, head_clip};
-use deltamorph::internals::plan::hazards::{Event, HazardChecker, Violation};
+use deltamorph::internals::plan::hazards::{Event, HazardChecker, Memory, Violation};
 use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::{
     AnimationDesc, BatchSize, Consumers, CpuCrowd, CrowdDesc, DecodeTarget, DeltaFormat, PackedMesh, Playback,
     PoseFormat, Tolerance, UpdateDesc, UpdatePath,
 };
-use offscreen::{Offscreen, Shared};
+use offscreen::Offscreen;
 use std::slice::from_mut;
 use std::sync::Arc;
-
-/// What is in a buffer where nothing was written: no number of a pose.
-const POISON: u32 = 0xffff_ffff;
+use written::{Written, barriers_needed};
 
 fn head_desc() -> HeadDesc {
     HeadDesc::default().vertices(900).targets(37).sparsity(0.15).seed(3)
@@ -50,73 +50,27 @@ fn updates(headless: &Headless) -> Vec<(DeltaFormat, UpdateDesc)> {
 
 /// A target, and its buffer.
 struct Decoded<'a> {
-    host: &'a Offscreen<'a>,
     target: DecodeTarget,
-    words: Shared,
-    vertices: usize,
+    written: Written<'a>,
 }
 
 impl<'a> Decoded<'a> {
     fn new(headless: &Headless, host: &'a Offscreen<'a>, vertices: usize, place: (u64, u32, Option<u32>)) -> Self {
         let (offset, stride, normals) = place;
-        let bytes = offset as usize + (vertices - 1) * stride as usize + 12 + normals.unwrap_or(0) as usize;
-        let usage = vk::BufferUsageFlags::STORAGE_BUFFER
-            | vk::BufferUsageFlags::TRANSFER_DST
-            | vk::BufferUsageFlags::TRANSFER_SRC;
-        let words = host.shared(bytes, usage).expect("a buffer");
-        let target = DecodeTarget::new(words.buffer).offset(offset).stride(stride).normals(normals);
-        let this = Self { host, target, words, vertices };
-        this.poison(headless);
-        this
+        let written = Written::new(headless, host, vertices, place);
+        let target = DecodeTarget::new(written.buffer).offset(offset).stride(stride).normals(normals);
+        Self { target, written }
     }
 
-    fn poison(&self, headless: &Headless) {
-        use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
-        let all = (Stage::ALL_COMMANDS, Access::MEMORY_READ | Access::MEMORY_WRITE);
-        let poison = headless.run(|cmd| {
-            self.host.barrier(cmd, all, (Stage::TRANSFER, Access::TRANSFER_WRITE));
-            // SAFETY: `cmd` is recording; the buffer is alive.
-            unsafe { self.host.device.cmd_fill_buffer(cmd, self.words.buffer, 0, vk::WHOLE_SIZE, POISON) };
-            self.host.barrier(cmd, (Stage::TRANSFER, Access::TRANSFER_WRITE), all);
-            Ok(())
-        });
-        poison.expect("a fill");
-    }
-
-    /// What is there, vertex by vertex, as positions and normals: `None` where nothing was written since the last time.
-    /// Nothing between is written.
     fn take(&self, headless: &Headless) -> Vec<Option<Vec<u32>>> {
-        use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
-        let all = (Stage::ALL_COMMANDS, Access::MEMORY_READ | Access::MEMORY_WRITE);
-        let written = headless.run(|cmd| {
-            self.host.barrier(cmd, all, (Stage::HOST, Access::HOST_READ));
-            Ok(())
-        });
-        written.expect("a barrier");
-        let mut words = self.host.contents::<u32>(&self.words);
-        self.poison(headless);
-        let mut take =
-            |at: u64| (at as usize / 4..).take(3).map(|i| std::mem::replace(&mut words[i], POISON)).collect();
-        let DecodeTarget { offset, stride, normals, .. } = self.target;
-        let taken = (0..self.vertices as u64).map(|v| {
-            let at = offset + v * u64::from(stride);
-            let triples: Vec<Vec<u32>> =
-                [Some(0), normals].into_iter().flatten().map(|n| take(at + u64::from(n))).collect();
-            let vertex = triples.concat();
-            let unwritten = vertex.iter().filter(|word| **word == POISON).count();
-            assert!(unwritten == 0 || unwritten == vertex.len(), "a vertex is written, or not");
-            (unwritten == 0).then_some(vertex)
-        });
-        let taken = taken.collect();
-        assert!(words.iter().all(|word| *word == POISON), "what lies between vertices is the host's");
-        taken
+        self.written.take(headless)
     }
 
     /// The same of a pose.
     fn expected(&self, pose: &[f32]) -> Vec<Vec<u32>> {
         let numbers = if self.target.normals.is_some() { 6 } else { 3 };
         let vertex = |vertex: &[f32]| vertex[..numbers].iter().map(|x| x.to_bits()).collect();
-        pose.chunks(6).take(self.vertices).map(vertex).collect()
+        pose.chunks(6).take(self.written.vertices).map(vertex).collect()
     }
 }
 
@@ -257,7 +211,7 @@ fn hazards(frames: &[(Vec<Event>, u32)]) -> Result<(), Vec<Violation>> {
     for (events, slot) in frames {
         checker.update(events);
         checker.draw(0, 0, *slot);
-        checker.read_decoded(0, 0);
+        checker.read_after(0, Memory::Decoded { instance: 0 });
     }
     checker.finish()
 }
@@ -284,22 +238,12 @@ fn a_missing_barrier_around_the_decode_step_is_found() {
             let steps = |events: &[Event]| events.iter().filter(|event| matches!(event, Event::Step { .. })).count();
             assert_eq!(steps(&lists[1].0), 1);
             assert_eq!(hazards(&lists), Ok(()), "{update:?}");
-            // Barriers with nothing between count as one: those of an update that does nothing but decode.
-            let same = |a: &Event, b: &Event| matches!((a, b), (Event::Barrier(_), Event::Barrier(_)));
-            let mut found = 0;
-            for frame in 1..lists.len() {
-                let mut runs: Vec<&[Event]> = lists[frame].0.chunk_by(same).collect();
-                for at in 0..runs.len() {
-                    let dropped = std::mem::take(&mut runs[at]);
-                    if matches!(dropped[0], Event::Barrier(_)) {
-                        let mut faulty = lists.clone();
-                        faulty[frame].0 = runs.concat();
-                        assert!(hazards(&faulty).is_err(), "{update:?}, frame {frame}: dropped {dropped:?}");
-                        found += 1;
-                    }
-                    runs[at] = dropped;
-                }
-            }
+            let events: Vec<Vec<Event>> = lists.iter().map(|(events, _)| events.clone()).collect();
+            let is_right = |events: &[Vec<Event>]| {
+                let frames = events.iter().cloned().zip(lists.iter().map(|(_, slot)| *slot));
+                hazards(&frames.collect::<Vec<_>>()).is_ok()
+            };
+            let found = barriers_needed(&events, 1..events.len(), is_right);
             assert!(found >= 10, "{update:?}: {found} barriers");
         }
     });

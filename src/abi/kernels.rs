@@ -72,6 +72,14 @@ pub enum Push {
     Consume,
     /// `DecodePush`
     Decode,
+    /// `SkinPush`
+    Skin,
+    /// `NormalsPush`
+    Normals,
+    /// `BoundsPush`
+    Bounds,
+    /// `BoundsTotalPush`
+    BoundsTotal,
     /// `ReadPush`
     Read,
     /// `AnimationPush`
@@ -207,10 +215,23 @@ const DIRECT: KernelRow = KernelRow {
 };
 const ATTRIBUTES: KernelRow = KernelRow { takes: Takes::DenseBatches, push: Push::Attributes, ..VERTEX };
 
+/// Poses of an instance, base pose and influences, joints, destination, pieces. Specialization constants: influences of a
+/// vertex, and places.
+const SKIN: KernelRow = KernelRow {
+    name: "skin",
+    poses: true,
+    bindings: &[(0, WORDS), (1, WORDS), (2, Buffer::Storage(16)), (3, WORDS), (4, WORD_LIST)],
+    push: Push::Skin,
+    constants: 1 + PLACES as u32,
+    ..COMPUTE
+};
+
 const WORDS: Buffer = Buffer::Storage(4);
 const PAIRS: Buffer = Buffer::Storage(8);
 /// R32G32B32A32_UINT.
 const WORD_TEXELS: Buffer = Buffer::UniformTexels(107);
+/// R32_UINT.
+const WORD_LIST: Buffer = Buffer::UniformTexels(98);
 const POSE_TEXELS: Buffer = Buffer::StorageTexels(107);
 
 /// Every kernel.
@@ -258,6 +279,29 @@ pub const KERNELS: &[KernelRow] = &[
         constants: PLACES as u32,
         ..COMPUTE
     },
+    // Skinning, by matrices and by dual quaternions. There is no storage buffer left for the pieces, which are texels.
+    SKIN,
+    KernelRow { suffix: "dual", defines: &["DUAL"], ..SKIN },
+    // Normals of the morphed surface. Poses of an instance, base pose and fans, pieces, destination.
+    KernelRow {
+        name: "normals",
+        poses: true,
+        bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)],
+        push: Push::Normals,
+        constants: PLACES as u32,
+        ..COMPUTE
+    },
+    // Bounds of poses: those of parts of 256 vertices, and what these have in common. Poses of an instance, base pose,
+    // pieces, parts; parts, destination.
+    KernelRow {
+        name: "bounds",
+        poses: true,
+        bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)],
+        push: Push::Bounds,
+        constants: PLACES as u32,
+        ..COMPUTE
+    },
+    KernelRow { name: "bounds_total", bindings: &[(0, WORDS), (1, WORDS)], push: Push::BoundsTotal, ..COMPUTE },
     // Techniques of others. The set of `scatter` and `resolve` is records, sums, base pose, destination.
     KernelRow {
         name: "scatter",

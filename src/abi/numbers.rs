@@ -19,6 +19,8 @@ shared! {
 
     /// Vertices of a piece of the list of the decode step: as many as the smallest block has.
     PIECE: u32 = 32;
+    /// Vertices that have bounds of their own, on their way to those of a pose: four for each lane.
+    BOUNDS_PART: u32 = 256;
 
     /// Words of an item of a work list, before its masks.
     ITEM_WORDS: usize = 4;

@@ -103,6 +103,51 @@ shared! {
         units: [f32; TRIPLES],
     }
 
+    /// Push constants of `skin.comp`, which says what each is.
+    pub struct SkinPush {
+        pose_at: u32,
+        skin_at: u32,
+        joints_at: u32,
+        skinned_at: u32,
+        stride: u32,
+        normal_at: u32,
+        vertices: u32,
+        count: u32,
+        listed: u32,
+        /// Vectors of two begin at a multiple of 8 bytes.
+        padding: u32,
+        units: [f32; TRIPLES],
+    }
+
+    /// Push constants of `normals.comp`, which says what each is.
+    pub struct NormalsPush {
+        pose_at: u32,
+        fans_at: u32,
+        normals_at: u32,
+        stride: u32,
+        vertices: u32,
+        count: u32,
+        listed: u32,
+        /// Vectors of two begin at a multiple of 8 bytes.
+        padding: u32,
+        units: [f32; TRIPLES],
+    }
+
+    /// Push constants of `bounds.comp`, which says what each is.
+    pub struct BoundsPush {
+        pose_at: u32,
+        base_at: u32,
+        vertices: u32,
+        listed: u32,
+        units: [f32; TRIPLES],
+    }
+
+    /// Push constants of `bounds_total.comp`, which says what each is.
+    pub struct BoundsTotalPush {
+        count: u32,
+        bounds_at: u32,
+    }
+
     /// Push constants of `read.comp`.
     pub struct ReadPush {
         /// Vectors of 16 bytes to read.
@@ -189,6 +234,10 @@ impl Push {
             Self::None | Self::Attributes => (&[], 0),
             Self::Consume => (ConsumePush::MEMBERS, size_of::<ConsumePush>()),
             Self::Decode => (DecodePush::MEMBERS, size_of::<DecodePush>()),
+            Self::Skin => (SkinPush::MEMBERS, size_of::<SkinPush>()),
+            Self::Normals => (NormalsPush::MEMBERS, size_of::<NormalsPush>()),
+            Self::Bounds => (BoundsPush::MEMBERS, size_of::<BoundsPush>()),
+            Self::BoundsTotal => (BoundsTotalPush::MEMBERS, size_of::<BoundsTotalPush>()),
             Self::Read => (ReadPush::MEMBERS, size_of::<ReadPush>()),
             Self::Animation => (AnimationPush::MEMBERS, size_of::<AnimationPush>()),
             Self::Dense => (DensePush::MEMBERS, size_of::<DensePush>()),

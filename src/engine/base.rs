@@ -1,9 +1,9 @@
 //! What every crowd has: poses, instances, slots, tickets, and a technique that updates them.
 
-use super::decode::{DecodeTarget, Decoder};
 use super::poses;
 use super::upload::GpuMesh;
 use super::views::{self, PoseBuffer, PoseView};
+use crate::after::{After, Place};
 use crate::asset::streams::{Semantic, StreamPlace};
 use crate::error::{Error, Result};
 use crate::gpu::device::Device;
@@ -50,8 +50,8 @@ pub struct Update {
 pub struct CrowdBase {
     // Before the buffers that its descriptor sets name.
     pub(crate) technique: Box<dyn Technique>,
-    /// Where instances are decoded.
-    pub(super) decoder: Option<Decoder>,
+    /// What follows the steps of the technique.
+    pub(crate) after: After,
     /// At least one.
     groups: Vec<PoseGroup>,
     pub(super) instances: Instances,
@@ -106,7 +106,7 @@ impl CrowdBase {
         let (mesh, poses) = (&groups[0].mesh, groups[0].poses);
         Ok(Self {
             technique: make(Context { device, kernels, mesh, desc, poses, all: &groups })?,
-            decoder: None,
+            after: After::default(),
             groups,
             instances: Instances::new(instances as usize, targets, slots),
             steps: Steps::new(desc.consumers),
@@ -148,13 +148,14 @@ impl CrowdBase {
     pub(crate) fn cut(&mut self, instance: u32) -> Result<()> {
         self.instances.cut(instance)?;
         self.technique.cut(instance);
+        self.after.cut(instance);
         Ok(())
     }
 
     pub(crate) fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<()> {
         if self.instances.set_hidden(instance, hidden)? {
             self.technique.set_hidden(instance, hidden);
-            self.decoder.iter_mut().for_each(|decoder| decoder.renew(instance));
+            self.after.renew(instance);
         }
         Ok(())
     }
@@ -168,7 +169,7 @@ impl CrowdBase {
     pub(crate) fn remove(&mut self, instance: u32) -> Result<()> {
         self.instances.remove(instance)?;
         self.technique.set_hidden(instance, true);
-        self.decoder.iter_mut().for_each(|decoder| decoder.remove(instance));
+        self.after.remove(instance);
         Ok(())
     }
 
@@ -191,7 +192,7 @@ impl CrowdBase {
         self.discarded.push(first..=self.updates);
         self.instances.discard_from(update);
         self.technique.discard_from(ticket.id);
-        self.decoder.iter_mut().for_each(|decoder| decoder.discard_from(update));
+        self.after.discard_from(update);
         self.recorded = self.recorded.min(ticket.id.recorded);
         Ok(())
     }
@@ -290,25 +291,18 @@ impl CrowdBase {
         PoseBuffer::new(&self.groups[group].poses, place)
     }
 
-    /// See [`MorphEngine::set_decode_target`](super::MorphEngine::set_decode_target).
-    pub(super) fn set_decode_target(
+    /// Change what follows the pose of an instance, by what `set` does.
+    pub(super) fn set_after(
         &mut self,
         kernels: &Kernels,
         instance: u32,
-        target: Option<&DecodeTarget>,
+        set: impl FnOnce(&mut After, &Place<'_>) -> Result<()>,
     ) -> Result<()> {
         self.instances.check(instance)?;
-        let Some(target) = target else {
-            self.decoder.iter_mut().for_each(|decoder| decoder.unset(instance));
-            return Ok(());
-        };
         self.check_has_poses()?;
-        let decoder = match &mut self.decoder {
-            Some(decoder) => decoder,
-            none => none.insert(Decoder::new(kernels, &self.groups[0].poses)?),
-        };
-        decoder.set(&self.device, &self.groups[0], self.desc.frames_in_flight, instance, target)?;
-        self.steps.decoded_for(self.desc.consumers);
+        let (group, frames) = (&self.groups[0], self.desc.frames_in_flight);
+        set(&mut self.after, &Place { device: &self.device, kernels, group, frames, instance })?;
+        self.steps.read_by(self.desc.consumers, self.after.outputs());
         Ok(())
     }
 
@@ -318,18 +312,18 @@ impl CrowdBase {
     /// As [`Technique::record`].
     pub(super) unsafe fn record(&self, cmd: vk::CommandBuffer, work: &Work) {
         let frame = self.last.map_or(0, |id| id.frame);
-        match &self.decoder {
+        match After::has(work) {
             // SAFETY: the caller's obligations.
-            Some(decoder) if Decoder::is_of(work) => unsafe { decoder.record(cmd, frame, work) },
+            true => unsafe { self.after.record(cmd, frame, work) },
             // SAFETY: as above.
-            Some(_) | None => unsafe { self.technique.record(cmd, frame, work) },
+            false => unsafe { self.technique.record(cmd, frame, work) },
         }
     }
 
     /// What works of a step read and write, for the hazard checker.
     #[cfg(feature = "internals")]
     pub(super) fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        if Decoder::is_of(&works[0]) { Decoder::accesses(works) } else { self.technique.accesses(works) }
+        if After::has(&works[0]) { self.after.accesses(works) } else { self.technique.accesses(works) }
     }
 
     /// Plan an update, and take it as done. Where this fails, [`discard_last`](Self::discard_last) has to follow.
@@ -345,9 +339,7 @@ impl CrowdBase {
             self.wrote.clear();
             self.wrote.extend(self.steps.uses());
         }
-        if let Some(decoder) = &mut self.decoder {
-            decoder.plan(&*self.technique, &self.instances, id, &self.wrote, &mut self.steps)?;
-        }
+        self.after.plan(&*self.technique, &self.instances, id, &self.wrote, &mut self.steps)?;
         self.recorded += u64::from(!self.steps.is_empty());
         Ok(Update { ticket: Ticket { crowd: self.crowd, id }, stats })
     }

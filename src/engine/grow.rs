@@ -30,7 +30,7 @@ impl MorphEngine {
     /// Nothing is recorded. The host calls it between two updates, whether the earlier ones have finished or not.
     ///
     /// # Errors
-    /// A crowd that another engine made; fewer places than there are; decode targets, which are of the poses there are; poses
+    /// A crowd that another engine made; fewer places than there are; targets of steps [after](crate::after) the pose, which are of the poses there are; poses
     /// in the vertices of the host's that the crowd has now; else as [`create_crowd`](Self::create_crowd), and weights that what `desc` says cannot hold. Nothing changes then.
     pub fn grow_crowd(&self, crowd: &mut Crowd, desc: &CrowdDesc) -> Result<Outgrown> {
         let grown = self.grown(crowd, desc)?;
@@ -55,9 +55,12 @@ impl MorphEngine {
             let text = format!("a crowd of {} instances that is to have {}", before.desc.instances, desc.instances);
             return Err(Error::invalid(text, "grow it, or make another crowd"));
         }
-        if before.has_decode_targets() {
-            let text = "a crowd with decode targets that is to grow";
-            return Err(Error::invalid(text, "take them away with set_decode_target, grow, and set them again"));
+        if !before.after.is_empty() {
+            let text = "a crowd with targets of steps after the pose that is to grow";
+            return Err(Error::invalid(
+                text,
+                "take them away with set_decode_target or what else set them, grow, and set them again",
+            ));
         }
         if desc.poses.is_some() && desc.poses == before.desc.poses {
             let text = "a crowd that is to grow in the vertices of the host's that it has";
@@ -86,9 +89,5 @@ impl CrowdBase {
         let Self { crowd, updates, recorded, discarded, .. } = before;
         (self.crowd, self.updates, self.recorded, self.discarded) = (*crowd, *updates, *recorded, discarded.clone());
         Ok(())
-    }
-
-    fn has_decode_targets(&self) -> bool {
-        self.decoder.as_ref().is_some_and(|decoder| !decoder.is_empty())
     }
 }

@@ -1,8 +1,8 @@
 //! Upload a mesh, make a crowd, record updates into the host's command buffer. Knows no technique and no format.
 
+mod after;
 mod base;
 mod crowd;
-mod decode;
 mod grow;
 mod poses;
 mod readback;
@@ -13,7 +13,6 @@ mod views;
 
 pub use base::{AnyCrowd, Ticket, Update};
 pub use crowd::{AnimatedCrowd, Crowd};
-pub use decode::DecodeTarget;
 pub use grow::Outgrown;
 pub use readback::{PoseReadback, ReadPose};
 pub use set::CrowdSet;

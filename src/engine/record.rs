@@ -2,7 +2,6 @@
 
 use super::MorphEngine;
 use super::base::{AnyCrowd, CrowdBase, Update};
-use super::decode::DecodeTarget;
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
 use crate::plan::schedule::{Entry, Schedule};
@@ -17,9 +16,9 @@ impl MorphEngine {
     /// SHADER_READ, so that draws recorded next may read [`Crowd::pose`](super::Crowd::pose) and
     /// [`Crowd::previous_pose`](super::Crowd::previous_pose) as vertex attributes or storage buffers.
     ///
-    /// It binds over: the compute pipeline, its set 0 and push constants (`compute`, `blocks`, `scatter`); the graphics
-    /// pipeline, vertex bindings from 0 on, push constants and transform-feedback binding 0 (`feedback`), or set 0
-    /// (`vertex-store`).
+    /// It binds over: the compute pipeline, its set 0 and push constants (`compute`, `blocks`, `scatter`, and
+    /// [what follows the pose](crate::after)); the graphics pipeline, vertex bindings from 0 on, push constants and
+    /// transform-feedback binding 0 (`feedback`), or set 0 (`vertex-store`).
     ///
     /// The direct paths record nothing: their update is a list of weights for `record_draws` (feature `baselines`).
     ///
@@ -101,38 +100,6 @@ impl MorphEngine {
         // SAFETY: the caller's obligations.
         unsafe { planned.record(&self.device.raw, cmd) };
         Ok((updates, events))
-    }
-
-    /// Have positions of an instance written as float32 into a buffer of the host's own, from the next recorded update on:
-    /// for ray tracing, picking, or a shader that cannot decode poses. `None`: no longer. An instance has one target.
-    ///
-    /// The step follows those of the update, and is recorded with them: it writes the blocks that the update changed (dense
-    /// paths and animated crowds: all of a pose that changed, or may have), and nothing where none did. Everything is written
-    /// first, and after the instance was hidden, or an update that wrote the target was discarded. What is written is ready
-    /// for the [consumers](crate::CrowdDesc::consumers) of the crowd, and waits for their reads, as with poses; for builds of
-    /// acceleration structures name [`ACCELERATION_STRUCTURES`](crate::Consumers::ACCELERATION_STRUCTURES). An instance that
-    /// is removed loses its target.
-    ///
-    /// The caller is responsible for: barriers of its own, where it writes the buffer itself, or stages read it that the
-    /// consumers do not name.
-    ///
-    /// # Errors
-    /// An instance out of range or removed; a crowd that another engine made; a direct path, which has no poses; an offset or
-    /// stride that does not fit; more than the device's storage range. Nothing changes then.
-    ///
-    /// # Safety
-    /// - The buffer is one of the engine's device, made for use as storage buffer. It is large enough for all that is
-    ///   written, and lives until the crowd has another target, or none, and the updates recorded before have finished.
-    /// - No update of the crowd that was recorded with an earlier target of the instance is unfinished.
-    pub unsafe fn set_decode_target(
-        &self,
-        crowd: &mut impl AnyCrowd,
-        instance: u32,
-        target: Option<&DecodeTarget>,
-    ) -> Result<()> {
-        let crowd = crowd.base_mut();
-        crowd.check_device(&self.device)?;
-        crowd.set_decode_target(&self.kernels, instance, target)
     }
 
     /// Plan an update of every crowd, and in which order all are recorded.

@@ -91,7 +91,26 @@ impl MeshBuffers {
     }
 }
 
-/// Record the upload of all groups of a mesh, and one barrier after it.
+impl Upload {
+    /// A storage buffer of these lists, one behind the other, and what fills it.
+    pub(crate) fn of(device: &Arc<Device>, name: &str, lists: &[&[u8]]) -> Result<(Buffer, Self)> {
+        let bytes = lists.iter().map(|list| list.len() as u64).sum();
+        let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;
+        let buffer = Buffer::new(device, name, bytes, usage, MemoryLocation::GpuOnly)?;
+        let usage = vk::BufferUsageFlags::TRANSFER_SRC;
+        let mut staging = Buffer::new(device, "deltamorph upload", bytes, usage, STAGING)?;
+        let mut mapped = staging.mapped()?;
+        for list in lists {
+            let (here, rest) = mapped.split_at_mut(list.len());
+            here.copy_from_slice(list);
+            mapped = rest;
+        }
+        let copies = vec![(buffer.raw, vk::BufferCopy::default().size(bytes))];
+        Ok((buffer, Self { staging, copies }))
+    }
+}
+
+/// Record the upload of all groups of a mesh, or of what goes with it, and one barrier after it.
 ///
 /// # Safety
 /// - `cmd` is in the recording state on `device`, outside a render pass, on a queue with graphics and compute.

@@ -1,11 +1,12 @@
 //! A crowd that is updated, timed, drawn and read back one step at a time.
 
+mod after;
 mod read;
 
 use super::Headless;
 use super::draw::PoseDraw;
 use super::submit::Readback;
-use crate::engine::{AnimatedCrowd, AnyCrowd, Crowd, DecodeTarget, GpuMesh, PoseReadback, Ticket, Update};
+use crate::engine::{AnimatedCrowd, AnyCrowd, Crowd, GpuMesh, PoseReadback, Ticket, Update};
 use crate::error::{Error, Result};
 use crate::pack::PackedMesh;
 #[cfg(feature = "baselines")]
@@ -170,15 +171,6 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
     /// See [`Crowd::remove`].
     pub fn remove(&mut self, instance: u32) -> Result<()> {
         self.crowd.base_mut().remove(instance)
-    }
-
-    /// See [`MorphEngine::set_decode_target`](crate::MorphEngine::set_decode_target).
-    ///
-    /// # Safety
-    /// As there. Updates that were stepped or submitted have finished.
-    pub unsafe fn set_decode_target(&mut self, instance: u32, target: Option<&DecodeTarget>) -> Result<()> {
-        // SAFETY: the caller's obligations.
-        unsafe { self.headless.engine.set_decode_target(&mut self.crowd, instance, target) }
     }
 
     /// The update of `ticket` and all recorded after it never run: see [`Crowd::discard`]. [`submit`](Self::submit)

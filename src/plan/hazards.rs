@@ -49,6 +49,28 @@ pub enum Memory {
         /// The instance.
         instance: u32,
     },
+    /// The skinned pose of an instance.
+    Skinned {
+        /// The instance.
+        instance: u32,
+        /// Which of the places that are written in turn.
+        output: u32,
+    },
+    /// Recomputed normals of an instance.
+    Normals {
+        /// The instance.
+        instance: u32,
+    },
+    /// The bounds of parts of the pose of an instance.
+    BoundsOfParts {
+        /// The instance.
+        instance: u32,
+    },
+    /// The bounds of the pose of an instance.
+    Bounds {
+        /// The instance.
+        instance: u32,
+    },
 }
 
 /// What works that are carried out as one read and write.
@@ -148,7 +170,11 @@ const fn place(crowd: u32, group: u32, memory: Memory) -> Place {
         | Memory::WorkList
         | Memory::Counters
         | Memory::Arguments
-        | Memory::Decoded { .. } => (crowd, group, memory),
+        | Memory::Decoded { .. }
+        | Memory::Skinned { .. }
+        | Memory::Normals { .. }
+        | Memory::BoundsOfParts { .. }
+        | Memory::Bounds { .. } => (crowd, group, memory),
     }
 }
 
@@ -183,9 +209,8 @@ impl HazardChecker {
         self.read(place(crowd, group, memory), Use::new(memory, Stage::VertexShader, Access::ShaderRead));
     }
 
-    /// The host reads what was decoded for an instance, as vertex attributes.
-    pub fn read_decoded(&mut self, crowd: u32, instance: u32) {
-        let memory = Memory::Decoded { instance };
+    /// The host reads what a step after the pose wrote, as vertex attributes.
+    pub fn read_after(&mut self, crowd: u32, memory: Memory) {
         self.read(place(crowd, 0, memory), Use::new(memory, Stage::VertexInput, Access::AttributeRead));
     }
 

@@ -6,7 +6,7 @@
 use super::steps::{Access, Resource, Scope, Stage, Steps, Use, Work};
 
 const STAGES: usize = Stage::AccelerationStructureBuild.index() + 1;
-const RESOURCES: usize = Resource::Decoded as usize + 1;
+const RESOURCES: usize = Resource::Bounds as usize + 1;
 
 /// A global memory barrier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -116,6 +116,14 @@ pub enum Resource {
     Control,
     /// Positions that are decoded for the host, of all instances.
     Decoded,
+    /// Poses that are skinned for the host, of all instances.
+    Skinned,
+    /// Normals that are recomputed for the host, of all instances.
+    Normals,
+    /// The bounds of parts of poses, of all instances.
+    BoundsOfParts,
+    /// The bounds of poses, for the host, of all instances.
+    Bounds,
 }
 
 /// One way in which memory is used: a [`Resource`] by a step, or what the hazard checker knows of it by a work.
@@ -156,8 +164,8 @@ impl<M> Use<M> {
     }
 }
 
-/// Who reads poses, and what is [decoded](crate::DecodeTarget) of them, between updates: the barriers of an update wait for these readers, and make the new poses visible to
-/// them. Combined with `|`.
+/// Who reads poses, and what is [decoded](crate::DecodeTarget) of them, between updates: the barriers of an update wait
+/// for these readers, and make the new poses visible to them. Combined with `|`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Consumers(u8);
 
@@ -254,10 +262,10 @@ impl Steps {
         Self { steps: vec![], works: vec![], after: consumers.uses(Resource::Poses).collect() }
     }
 
-    /// What is decoded is read by `consumers`, too.
-    pub fn decoded_for(&mut self, consumers: Consumers) {
-        self.after.retain(|used| used.memory != Resource::Decoded);
-        self.after.extend(consumers.uses(Resource::Decoded));
+    /// What further steps write is read by `consumers`, as poses are.
+    pub fn read_by(&mut self, consumers: Consumers, written: impl Iterator<Item = Resource>) {
+        self.after.retain(|used| used.memory == Resource::Poses);
+        self.after.extend(written.flat_map(|memory| consumers.uses(memory)));
     }
 
     /// What each step uses.

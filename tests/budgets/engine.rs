@@ -5,13 +5,14 @@
 //! them a second time. The driver is lavapipe; its tuning is that of the GPU. Nothing is
 //! submitted.
 
+use deltamorph::after::{BoundsTarget, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::{self, vk};
 use deltamorph::import::sample::{HeadDesc, head, head_clip};
 use deltamorph::internals::abi::modules::MODULES;
 use deltamorph::internals::abi::worklist::TILE;
 use deltamorph::{
-    AnimationDesc, BatchSize, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCaps, DeviceDesc, DeviceTuning, MorphEngine,
-    PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
+    AnimationDesc, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCaps, DeviceDesc, DeviceTuning,
+    MorphEngine, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
 };
 use std::sync::Mutex;
 
@@ -125,10 +126,10 @@ fn make(tuning: DeviceTuning) {
         let cmd = device.allocate_command_buffers(&commands).expect("a command buffer")[0];
         device.begin_command_buffer(cmd, &vk::CommandBufferBeginInfo::default()).expect("recording");
         let buffer = vk::BufferCreateInfo::default().size(1 << 16).usage(vk::BufferUsageFlags::STORAGE_BUFFER);
-        let decoded = device.create_buffer(&buffer, None).expect("a buffer");
+        let output = device.create_buffer(&buffer, None).expect("a buffer");
         let engine = MorphEngine::new(&DeviceDesc::new(&instance, physical, &watched).caps(Some(caps)));
-        make_crowds(&engine.expect("an engine"), cmd, decoded);
-        device.destroy_buffer(decoded, None);
+        make_crowds(&engine.expect("an engine"), cmd, output);
+        device.destroy_buffer(output, None);
         device.destroy_command_pool(pool, None);
         device.destroy_device(None);
         instance.destroy_instance(None);
@@ -138,8 +139,8 @@ fn make(tuning: DeviceTuning) {
 /// Crowds of one instance and of the widest tile, of every format, path and kind of poses that go together.
 ///
 /// # Safety
-/// `cmd` is recording, and is never submitted; `decoded` is a storage buffer of the engine's device.
-unsafe fn make_crowds(engine: &MorphEngine, cmd: vk::CommandBuffer, decoded: vk::Buffer) {
+/// `cmd` is recording, and is never submitted; `output` is a storage buffer of the engine's device.
+unsafe fn make_crowds(engine: &MorphEngine, cmd: vk::CommandBuffer, output: vk::Buffer) {
     let head_desc = HeadDesc::default().vertices(300).targets(4);
     let mesh = head(&head_desc).to_mesh(Tolerance::default()).expect("a mesh");
     let clips = [head_clip(&head_desc, 2, 30.0)];
@@ -158,11 +159,44 @@ unsafe fn make_crowds(engine: &MorphEngine, cmd: vk::CommandBuffer, decoded: vk:
                 // What does not go together is refused; main.rs sees that every module has a pipeline in the end.
                 if let Ok(mut crowd) = engine.create_crowd(&uploaded, &desc) {
                     // SAFETY: as above.
-                    let _ = unsafe { engine.set_decode_target(&mut crowd, 0, Some(&DecodeTarget::new(decoded))) };
+                    unsafe { follow(engine, cmd, &packed, &mut crowd, output) };
                 }
                 // SAFETY: as above.
                 let _ = unsafe { engine.create_animated_crowd(cmd, &uploaded, &desc, &animation) };
             }
+        }
+    }
+}
+
+/// Every step after the pose, of every kind.
+///
+/// # Safety
+/// As [`make_crowds`].
+unsafe fn follow(
+    engine: &MorphEngine,
+    cmd: vk::CommandBuffer,
+    packed: &PackedMesh,
+    crowd: &mut Crowd,
+    output: vk::Buffer,
+) {
+    // SAFETY: the caller's obligations.
+    let _ = unsafe { engine.set_decode_target(crowd, 0, Some(&DecodeTarget::new(output))) };
+    // SAFETY: as above.
+    let _ = unsafe { engine.set_bounds_target(crowd, 0, Some(&BoundsTarget::new(output))) };
+    // SAFETY: as above.
+    let surface = unsafe { engine.upload_normals(cmd, packed, &NormalsDesc::new(&[0, 1, 2])) }.expect("a surface");
+    // SAFETY: as above.
+    let _ = unsafe { engine.set_normals_target(crowd, 0, Some((&surface, &NormalsTarget::new(output)))) };
+    for influences in [4, 8] {
+        let count = packed.layout().vertex_count * influences as usize;
+        let (joints, weights) = (vec![0; count], vec![1.0; count]);
+        let desc = SkinDesc::new(influences, 1, &joints, &weights);
+        // SAFETY: as above.
+        let skin = unsafe { engine.upload_skin(cmd, packed, &desc) }.expect("a skin");
+        for method in [SkinMethod::Linear, SkinMethod::DualQuaternion] {
+            let target = SkinTarget::new(output, output, 48).method(method);
+            // SAFETY: as above.
+            let _ = unsafe { engine.set_skin_target(crowd, 0, Some((&skin, &target))) };
         }
     }
 }

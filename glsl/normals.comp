@@ -1,0 +1,70 @@
+// Normals of the morphed surface, into a buffer of the host's own: of each vertex the sum of the area vectors of its
+// triangles, as on import, with unit length. A lane takes a vertex, PIECE lanes a piece of the list. Float64:
+// src/after/normals/mod.rs.
+#version 450
+#extension GL_GOOGLE_include_directive : require
+#include "abi.glsl"
+#define POSE_WITHOUT_INPUTS
+#include "host/pose.glsl"
+
+layout(local_size_x = WORKGROUP) in;
+
+#define PLACES_ID 0
+#include "places.glsl"
+#define POSES_BINDING 0
+#include "pose.glsl"
+// Of each vertex: the base pose, six numbers; and from fans_at on where its fan is. A fan: triangles, their common vertex,
+// and of each triangle the other two, in order.
+layout(set = 0, binding = 1, std430) readonly buffer Asset { uint asset[]; };
+layout(set = 0, binding = 2, std430) readonly buffer Pieces { uint pieces[]; };
+layout(set = 0, binding = 3, std430) writeonly buffer Normals { float normals[]; };
+
+layout(push_constant) uniform Push {
+    uint pose_at;     // index of the pose's first number
+    uint fans_at;     // word that says where the first vertex's fan is
+    uint normals_at;  // index of the first normal
+    uint stride;      // words from vertex to vertex
+    uint vertices;
+    uint count;       // pieces to write
+    uint listed;      // 1: those of the list; 0: the first ones
+    uint padding;     // vectors of two begin at a multiple of 8 bytes
+    vec2 units;       // input units of integers: positions, normals
+};
+#define PIECE_AT(i) pieces[i]
+#include "after.glsl"
+
+vec3 base_of(uint at) {
+    return uintBitsToFloat(uvec3(asset[at], asset[at + 1u], asset[at + 2u]));
+}
+
+vec3 position_of(uint vertex) {
+    uint at = 6u * vertex;
+    ADDEND position, normal;
+    LOAD_VERTEX(poses, pose_at + VERTEX_NUMBERS * vertex, position, normal)
+    return POSE_DECODED(position, base_of(at), units.x);
+}
+
+void main() {
+    uint vertex = vertex_of_lane();
+    if (vertex >= vertices) {
+        return;
+    }
+    uint fan = asset[fans_at + vertex];
+    uint end = fan + 2u + 2u * asset[fan];
+    vec3 from = position_of(asset[fan + 1u]);
+    vec3 sum = vec3(0.0);
+    for (uint at = fan + 2u; at < end; at += 2u) {
+        sum += cross(position_of(asset[at]) - from, position_of(asset[at + 1u]) - from);
+    }
+    // Areas of small meshes have no squares in single precision.
+    float most = max(max(abs(sum.x), abs(sum.y)), abs(sum.z));
+    if (most > 0.0) {
+        sum = normalize(sum / most);
+    } else {
+        sum = base_of(6u * vertex + 3u);
+    }
+    uint to = normals_at + stride * vertex;
+    normals[to] = sum.x;
+    normals[to + 1u] = sum.y;
+    normals[to + 2u] = sum.z;
+}

@@ -1,0 +1,136 @@
+// Skins a pose into a buffer of the host's own: positions and, where it has a place for them, normals of unit length. A
+// lane takes a vertex, PIECE lanes a piece of the list. Float64: src/after/skin/reference.rs.
+#version 450
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
+#include "abi.glsl"
+#define POSE_WITHOUT_INPUTS
+#include "host/pose.glsl"
+
+layout(local_size_x = WORKGROUP) in;
+layout(constant_id = 0) const uint INFLUENCES = 4u;
+
+#define PLACES_ID 1
+#include "places.glsl"
+#define POSES_BINDING 0
+#include "pose.glsl"
+// Of each vertex: the base pose, six numbers; and from skin_at on its joints, two to a word, and their weights, the
+// largest first.
+layout(set = 0, binding = 1, std430) readonly buffer Asset { uint asset[]; };
+// A matrix has three rows, a dual quaternion a real and a dual part: (x, y, z, w).
+layout(set = 0, binding = 2, std430) readonly buffer Joints { vec4 joints[]; };
+layout(set = 0, binding = 3, std430) writeonly buffer Skinned { float skinned[]; };
+layout(set = 0, binding = 4) uniform utextureBuffer pieces;
+
+layout(push_constant) uniform Push {
+    uint pose_at;     // index of the pose's first number
+    uint skin_at;     // word of the first vertex's joints
+    uint joints_at;   // index of the first joint's first vector
+    uint skinned_at;  // index of the first position
+    uint stride;      // words from vertex to vertex
+    uint normal_at;   // words from a position to its normal; 0: there is none
+    uint vertices;
+    uint count;       // pieces to write
+    uint listed;      // 1: those of the list; 0: the first ones
+    uint padding;     // vectors of two begin at a multiple of 8 bytes
+    vec2 units;       // input units of integers: positions, normals
+};
+#define PIECE_AT(i) texelFetch(pieces, int(i)).x
+#include "after.glsl"
+
+#ifdef DUAL
+const uint JOINT = 2u;
+#else
+const uint JOINT = 3u;
+#endif
+
+vec3 base_of(uint at) {
+    return uintBitsToFloat(uvec3(asset[at], asset[at + 1u], asset[at + 2u]));
+}
+
+void store(uint at, vec3 value) {
+    skinned[at] = value.x;
+    skinned[at + 1u] = value.y;
+    skinned[at + 2u] = value.z;
+}
+
+// Index of the first vector of an influence's joint.
+uint joint_at(uint skin, uint i) {
+    return joints_at + JOINT * bitfieldExtract(asset[skin + i / 2u], int(i % 2u) * 16, 16);
+}
+
+float weight_of(uint skin, uint i) {
+    return uintBitsToFloat(asset[skin + INFLUENCES / 2u + i]);
+}
+
+// Of unit length; nothing has no direction.
+vec3 direction(vec3 normal) {
+    float length2 = dot(normal, normal);
+    return length2 > 0.0 ? normal * inversesqrt(length2) : normal;
+}
+
+void main() {
+    uint vertex = vertex_of_lane();
+    if (vertex >= vertices) {
+        return;
+    }
+    uint skin = skin_at + (INFLUENCES + INFLUENCES / 2u) * vertex;
+#ifdef DUAL
+    // Kavan et al., "Geometric Skinning with Approximate Dual Quaternion Blending" (2008), algorithm 1. A quaternion and
+    // its negative are one rotation: all are taken on the side of the first, which weighs most.
+    uint first = joint_at(skin, 0u);
+    vec4 pivot = joints[first];
+    vec4 real = weight_of(skin, 0u) * pivot;
+    vec4 dual = weight_of(skin, 0u) * joints[first + 1u];
+    [[dont_unroll]] for (uint i = 1u; i < INFLUENCES; ++i) {
+        float weight = weight_of(skin, i);
+        if (weight == 0.0) {
+            break;
+        }
+        uint joint = joint_at(skin, i);
+        vec4 rotation = joints[joint];
+        weight = dot(rotation, pivot) < 0.0 ? -weight : weight;
+        real += weight * rotation;
+        dual += weight * joints[joint + 1u];
+    }
+    float scale = inversesqrt(dot(real, real));
+    real *= scale;
+    dual *= scale;
+#else
+    vec4 x = vec4(0.0), y = vec4(0.0), z = vec4(0.0);
+    // Not unrolled: compilers would load all joints first, and have fewer lanes in flight for the registers that takes.
+    [[dont_unroll]] for (uint i = 0u; i < INFLUENCES; ++i) {
+        float weight = weight_of(skin, i);
+        if (weight == 0.0) {
+            break;
+        }
+        uint joint = joint_at(skin, i);
+        x += weight * joints[joint];
+        y += weight * joints[joint + 1u];
+        z += weight * joints[joint + 2u];
+    }
+#endif
+    // Not before: the loop needs the registers.
+    uint at = 6u * vertex;
+    ADDEND moved_position, moved_normal;
+    LOAD_VERTEX(poses, pose_at + VERTEX_NUMBERS * vertex, moved_position, moved_normal)
+    vec3 position = POSE_DECODED(moved_position, base_of(at), units.x);
+    vec3 normal = POSE_DECODED(moved_normal, base_of(at + 3u), units.y);
+#ifdef DUAL
+    position += 2.0 * cross(real.xyz, cross(real.xyz, position) + real.w * position);
+    position += 2.0 * (real.w * dual.xyz - dual.w * real.xyz + cross(real.xyz, dual.xyz));
+    normal += 2.0 * cross(real.xyz, cross(real.xyz, normal) + real.w * normal);
+#else
+    vec4 from = vec4(position, 1.0);
+    position = vec3(dot(x, from), dot(y, from), dot(z, from));
+    // The inverse transpose, times the determinant, whose sign a mirrored joint turns.
+    vec3 yz = cross(y.xyz, z.xyz);
+    float mirrored = dot(x.xyz, yz) < 0.0 ? -1.0 : 1.0;
+    normal = mirrored * vec3(dot(yz, normal), dot(cross(z.xyz, x.xyz), normal), dot(cross(x.xyz, y.xyz), normal));
+#endif
+    uint to = skinned_at + stride * vertex;
+    store(to, position);
+    if (normal_at != 0u) {
+        store(to + normal_at, direction(normal));
+    }
+}

@@ -1,0 +1,68 @@
+//! What a step needs of a mesh besides its poses, in one buffer: the base pose, and behind it words of the step's own.
+
+use crate::error::{Error, Result};
+use crate::gpu::descriptors::BufferRange;
+use crate::gpu::device::Device;
+use crate::gpu::memory::Buffer;
+use crate::gpu::mesh::{Upload, record_uploads};
+use crate::pack::{PackedLayout, PackedMesh};
+use ash::vk;
+use std::sync::Arc;
+
+/// The buffer, and the mesh that it goes with.
+pub(super) struct Attached {
+    buffer: Buffer,
+    bytes: u64,
+    layout: PackedLayout,
+}
+
+impl Attached {
+    /// Record the upload of the base pose of `mesh` and of `words`, `what` for short.
+    ///
+    /// # Errors
+    /// A mesh without vertices; more than a descriptor covers; no memory. Nothing is recorded then.
+    ///
+    /// # Safety
+    /// As [`record_uploads`].
+    pub(super) unsafe fn upload(
+        device: &Arc<Device>,
+        cmd: vk::CommandBuffer,
+        mesh: &PackedMesh,
+        (what, words): (&str, &[u32]),
+    ) -> Result<(Arc<Self>, Upload)> {
+        let layout = mesh.layout().clone();
+        if layout.vertex_count == 0 {
+            return Err(Error::invalid(format!("mesh '{}' has no vertices", layout.name), "leave it out"));
+        }
+        let (base, words): (&[u8], &[u8]) = (bytemuck::cast_slice(mesh.base()), bytemuck::cast_slice(words));
+        let bytes = (base.len() + words.len()) as u64;
+        let text = format!("{what} of mesh '{}' takes", layout.name);
+        device.caps.check_limit(&text, (bytes, "bytes", device.caps.max_storage_range), "split the mesh")?;
+        let (buffer, upload) = Upload::of(device, &format!("deltamorph {what}"), &[base, words])?;
+        let uploads = [upload];
+        // SAFETY: the caller's obligations.
+        unsafe { record_uploads(device, cmd, &uploads) };
+        let [upload] = uploads;
+        Ok((Arc::new(Self { buffer, bytes, layout }), upload))
+    }
+
+    /// Where the words begin, in words.
+    pub(super) fn words_at(&self) -> u32 {
+        (self.layout.base_bytes() / 4) as u32
+    }
+
+    pub(super) fn range(&self) -> BufferRange {
+        BufferRange::new(self.buffer.raw, 0, self.bytes)
+    }
+
+    /// Refuse a crowd of another device, or of a mesh whose vertices are others, or lie in another order.
+    pub(super) fn check(&self, what: &str, device: &Arc<Device>, layout: &PackedLayout) -> Result<()> {
+        let order = |layout: &PackedLayout| layout.blocks.as_ref().map(|index| index.order().to_vec());
+        let same = self.layout.vertex_count == layout.vertex_count && order(&self.layout) == order(layout);
+        if self.buffer.is_on(device) && same {
+            return Ok(());
+        }
+        let text = format!("{what} of mesh '{}' for a crowd of mesh '{}'", self.layout.name, layout.name);
+        Err(Error::invalid(text, "upload it with the crowd's engine, for the packed mesh that the crowd was made of"))
+    }
+}

@@ -1,0 +1,8 @@
+//! Bounds of poses: `weights` knows some that hold, without a GPU; `step` finds the least there are, on the device.
+
+mod step;
+mod weights;
+
+pub use step::BoundsTarget;
+pub(crate) use step::TightBounds;
+pub use weights::{Bounds, WeightBounds};

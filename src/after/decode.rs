@@ -1,0 +1,126 @@
+//! The decode step: float32 positions of a pose, in a buffer of the host's own, for whoever cannot decode poses: ray
+//! tracing, picking, a shader that cannot be changed. It follows the steps of the update, and writes what those changed.
+
+use super::follower::{Follower, Job, Kind, Place, Pose};
+use super::output::Output;
+use super::steps::After;
+use crate::abi::modules::DECODE;
+use crate::abi::numbers::{PIECE, WORKGROUP};
+use crate::abi::push::DecodePush;
+use crate::error::Result;
+use crate::gpu::descriptors::Sets;
+use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
+use crate::pack::DeltaFormat;
+#[cfg(any(test, feature = "internals"))]
+use crate::plan::hazards::{Accesses, Memory};
+use crate::setters::setters;
+use ash::vk;
+use bytemuck::bytes_of;
+use std::sync::Arc;
+
+/// Where float32 positions of an instance are written: see
+/// [`MorphEngine::set_decode_target`](crate::MorphEngine::set_decode_target).
+///
+/// Vertices are those of poses, in their order, without padding: as many as
+/// [`PackedLayout::vertex_count`](crate::PackedLayout::vertex_count).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct DecodeTarget {
+    /// The buffer, usable as storage buffer.
+    pub buffer: vk::Buffer,
+    /// Offset of the first vertex's position, a multiple of 4.
+    pub offset: u64,
+    /// Bytes from vertex to vertex, a multiple of 4: 12 where nothing else is between positions.
+    pub stride: u32,
+    /// Bytes from a position to its normal, a multiple of 4 from 12 on; `None`: no normals. They are not normalised.
+    pub normals: Option<u32>,
+}
+
+setters!(DecodeTarget { offset: u64, stride: u32, normals: Option<u32> });
+
+impl DecodeTarget {
+    /// Positions one after the other, from the beginning of the buffer.
+    pub fn new(buffer: vk::Buffer) -> Self {
+        Self { buffer, offset: 0, stride: 12, normals: None }
+    }
+
+    fn output(&self) -> Output {
+        Output { buffer: self.buffer, offset: self.offset, stride: self.stride, second: self.normals }
+    }
+}
+
+/// The pipeline for a format of poses.
+#[derive(Clone, Copy, PartialEq)]
+struct Key(Pose);
+
+impl PipelineKey for Key {
+    fn make(self, objects: &mut Objects) -> Result<()> {
+        objects.add_layout(&[DECODE.row], 0)?;
+        // It reads no deltas: the module is the same for each of their formats.
+        objects.add_compute(DECODE.module(DeltaFormat::Float32, self.0.format, 0)?, &[self.0.constants()])
+    }
+}
+
+/// Decodes an instance.
+pub(crate) struct Decode {
+    kernel: Arc<Pipelines<Key>>,
+    /// One for each list.
+    sets: Sets,
+    push: DecodePush,
+    /// Numbers of a pose, padding included.
+    pose_numbers: u32,
+}
+
+impl Decode {
+    /// Decode an instance into `target` from now on; `None`: no longer.
+    ///
+    /// # Errors
+    /// A target that is refused; no memory. Nothing changes then.
+    pub(crate) fn set(after: &mut After, place: &Place<'_>, target: Option<&DecodeTarget>) -> Result<()> {
+        let Some(target) = target else {
+            after.unset(Kind::Decode, place.instance);
+            return Ok(());
+        };
+        let (layout, output) = (&place.group.mesh.layout, target.output());
+        output.check("a decode target", layout, &place.device.caps)?;
+        if target.normals.is_some() {
+            place.check_normals("a decode target")?;
+        }
+        place.check("decoding", PIECE)?;
+        after.set(place, Kind::Decode, (PIECE, 1), vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
+            let kernel = place.kernels.get(Key(place.pose()))?;
+            let (base, base_before) = place.base_pose();
+            let (decoded, decoded_at) = output.range(layout);
+            let bound = |frame| [place.poses(), base, lists.range(u64::from(frame)), decoded];
+            let sets = kernel.objects.sets(&(0..place.frames).map(bound).collect::<Vec<_>>())?;
+            let push = DecodePush {
+                pose_at: 0,
+                base_at: base_before,
+                decoded_at,
+                stride: target.stride / 4,
+                normal_at: target.normals.unwrap_or(0) / 4,
+                vertices: layout.vertex_count as u32,
+                count: 0,
+                listed: 0,
+                units: place.group.poses.units(),
+            };
+            Ok(Self { kernel, sets, push, pose_numbers: place.pose_numbers() })
+        })
+    }
+}
+
+impl Follower for Decode {
+    unsafe fn record(&self, cmd: vk::CommandBuffer, job: &Job) {
+        let (count, pose_at) = (job.count, job.slot * self.pose_numbers);
+        let push = DecodePush { pose_at, count, listed: job.is_listed.into(), ..self.push };
+        let workgroups = Workgroups::Of([count.div_ceil(WORKGROUP / PIECE), 1]);
+        let set = (self.sets.get(job.frame as usize), &[][..]);
+        // SAFETY: the caller's obligations; the set was made for this layout, and the list for this frame.
+        unsafe { self.kernel.objects.dispatch(cmd, 0, set, bytes_of(&push), workgroups) };
+    }
+
+    #[cfg(any(test, feature = "internals"))]
+    fn accesses(&self, _job: &Job, pose: Memory, instance: u32) -> Accesses {
+        Accesses::compute([Memory::Base, pose], [Memory::Decoded { instance }])
+    }
+}

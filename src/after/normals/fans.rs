@@ -1,0 +1,106 @@
+//! The triangles around each vertex, in the order of poses.
+
+use super::NormalsDesc;
+use crate::abi::numbers::PIECE;
+use crate::after::pieces::Pieces;
+use crate::asset::check_welds;
+use crate::error::{Error, Result};
+use crate::pack::PackedLayout;
+
+/// The first vertex at the place of each of `vertices` vertices.
+///
+/// # Errors
+/// Faces or welds of other vertices.
+pub(super) fn first_of<'a>(desc: &NormalsDesc<'a>, vertices: usize) -> Result<impl Fn(u32) -> u32 + Copy + use<'a>> {
+    let remedy = "hand in faces of three corners or more, and welds, of this mesh";
+    let refused = |text: String| Error::invalid(format!("a surface of {vertices} vertices: {text}"), remedy);
+    if let Some(bad) = desc.corners.iter().find(|vertex| **vertex as usize >= vertices) {
+        return Err(refused(format!("a face names vertex {bad}")));
+    }
+    let corners = desc.corners.len() as u64;
+    let fits = match desc.sizes {
+        [] => corners.is_multiple_of(3),
+        sizes => {
+            sizes.iter().map(|size| u64::from(*size)).sum::<u64>() == corners && sizes.iter().all(|size| *size >= 3)
+        }
+    };
+    if !fits {
+        return Err(refused(format!("{corners} corners of {} polygons, or of triangles", desc.sizes.len())));
+    }
+    check_welds(desc.welds, vertices).map_err(refused)?;
+    let welds = desc.welds;
+    Ok(move |v: u32| welds.get(v as usize).copied().unwrap_or(v))
+}
+
+/// What `normals.comp` reads behind the base pose, and which pieces depend on which.
+pub(super) struct Fans {
+    /// For each vertex, padding included, the word where its fan is, the base pose included; then the fans.
+    pub(super) words: Vec<u32>,
+    pub(super) spread: Spread,
+}
+
+/// By piece: the pieces whose normals change with its positions, one list behind the other.
+#[derive(Clone, Debug)]
+pub(super) struct Spread {
+    ends: Vec<u32>,
+    pieces: Vec<u32>,
+}
+
+impl Fans {
+    /// Of a mesh packed like this.
+    pub(super) fn new(desc: &NormalsDesc<'_>, layout: &PackedLayout) -> Result<Self> {
+        let of = first_of(desc, layout.vertex_count)?;
+        // Numbers of vertices in poses.
+        let mut packed: Vec<u32> = (0..layout.vertex_count as u32).collect();
+        layout.remap_indices(&mut packed)?;
+        let mut around: Vec<Vec<[u32; 2]>> = vec![vec![]; layout.vertex_count];
+        for face in desc.faces() {
+            // Welded vertices are where the first of them is. The area of a polygon is that of the fan from any corner.
+            let corner = |i: usize| of(face[i % face.len()]) as usize;
+            for at in 0..face.len() {
+                let fan = (at + 1..at + face.len() - 1).map(|i| [packed[corner(i)], packed[corner(i + 1)]]);
+                around[corner(at)].extend(fan);
+            }
+        }
+        let fans_at = layout.base_bytes() as usize / 4;
+        let mut words = vec![0; layout.padded_vertices()];
+        let mut places = vec![0; layout.vertex_count];
+        for (first, fan) in around.iter().enumerate().filter(|(v, _)| of(*v as u32) as usize == *v) {
+            places[first] = (fans_at + words.len()) as u32;
+            words.extend([fan.len() as u32, packed[first]]);
+            words.extend(fan.as_flattened());
+        }
+        let pieces = layout.vertex_count.div_ceil(PIECE as usize);
+        let mut dependents: Vec<Vec<u32>> = vec![vec![]; pieces];
+        for (user, &at) in packed.iter().enumerate() {
+            let first = of(user as u32) as usize;
+            words[at as usize] = places[first];
+            let reads = around[first].as_flattened().iter().chain([&packed[first]]);
+            for read in reads {
+                let (reader, of_read) = (at / PIECE, &mut dependents[(read / PIECE) as usize]);
+                if of_read.last() != Some(&reader) {
+                    of_read.push(reader);
+                }
+            }
+        }
+        let mut spread = Spread { ends: vec![], pieces: vec![] };
+        for of_piece in &mut dependents {
+            of_piece.sort_unstable();
+            of_piece.dedup();
+            spread.pieces.append(of_piece);
+            spread.ends.push(spread.pieces.len() as u32);
+        }
+        Ok(Self { words, spread })
+    }
+}
+
+impl Spread {
+    /// Pieces whose normals change where these move.
+    pub(super) fn of(&self, moved: &Pieces, normals: &mut Pieces) {
+        for piece in moved.iter() {
+            let first = piece.checked_sub(1).map_or(0, |before| self.ends[before as usize]);
+            let list = &self.pieces[first as usize..self.ends[piece as usize] as usize];
+            list.iter().for_each(|piece| normals.add(*piece..piece + 1));
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! The step that recomputes normals, on the device.
+
+use super::NormalsDesc;
+use super::fans::{Fans, Spread};
+use crate::abi::modules::NORMALS;
+use crate::abi::numbers::{PIECE, WORKGROUP};
+use crate::abi::push::NormalsPush;
+use crate::after::attached::Attached;
+use crate::after::follower::{Follower, Job, Kind, Place, Pose};
+use crate::after::output::Output;
+use crate::after::pieces::Pieces;
+use crate::after::steps::After;
+use crate::error::Result;
+use crate::gpu::descriptors::Sets;
+use crate::gpu::device::Device;
+use crate::gpu::mesh::Upload;
+use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
+use crate::pack::{DeltaFormat, PackedMesh};
+#[cfg(any(test, feature = "internals"))]
+use crate::plan::hazards::{Accesses, Memory};
+use crate::setters::setters;
+use ash::vk;
+use bytemuck::bytes_of;
+use std::sync::Arc;
+
+/// The surface of a mesh on the device: see [`MorphEngine::upload_normals`](crate::MorphEngine::upload_normals). Targets
+/// keep what they need of it alive.
+pub struct GpuNormals {
+    surface: Arc<Surface>,
+    staging: Option<Upload>,
+}
+
+/// What targets share.
+struct Surface {
+    attached: Arc<Attached>,
+    spread: Spread,
+}
+
+impl GpuNormals {
+    /// Record the upload.
+    ///
+    /// # Safety
+    /// As [`MorphEngine::upload_normals`](crate::MorphEngine::upload_normals).
+    pub(crate) unsafe fn upload(
+        device: &Arc<Device>,
+        cmd: vk::CommandBuffer,
+        mesh: &PackedMesh,
+        desc: &NormalsDesc<'_>,
+    ) -> Result<Self> {
+        let Fans { words, spread } = Fans::new(desc, mesh.layout())?;
+        // SAFETY: the caller's obligations.
+        let (attached, upload) = unsafe { Attached::upload(device, cmd, mesh, ("surface", &words)) }?;
+        Ok(Self { surface: Arc::new(Surface { attached, spread }), staging: Some(upload) })
+    }
+
+    /// Give the staging memory back.
+    ///
+    /// # Safety
+    /// The upload that was recorded with this has run, or never will: its copies read the memory.
+    pub unsafe fn release_staging(&mut self) {
+        self.staging = None;
+    }
+}
+
+/// Where recomputed normals of an instance are written: see
+/// [`MorphEngine::set_normals_target`](crate::MorphEngine::set_normals_target).
+///
+/// Vertices are those of poses, in their order, without padding. The place may lie between positions that are decoded into
+/// the same buffer ([`DecodeTarget`](crate::after::DecodeTarget) without normals).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct NormalsTarget {
+    /// The buffer, usable as storage buffer.
+    pub buffer: vk::Buffer,
+    /// Offset of the first vertex's normal, in bytes, a multiple of 4.
+    pub offset: u64,
+    /// Bytes from vertex to vertex, a multiple of 4 from 12 on.
+    pub stride: u32,
+}
+
+setters!(NormalsTarget { offset: u64, stride: u32 });
+
+impl NormalsTarget {
+    /// Normals one after the other, 12 bytes each, from the beginning of the buffer.
+    pub fn new(buffer: vk::Buffer) -> Self {
+        Self { buffer, offset: 0, stride: 12 }
+    }
+}
+
+/// The pipeline for a format of poses.
+#[derive(Clone, Copy, PartialEq)]
+struct Key(Pose);
+
+impl PipelineKey for Key {
+    fn make(self, objects: &mut Objects) -> Result<()> {
+        objects.add_layout(&[NORMALS.row], 0)?;
+        objects.add_compute(NORMALS.module(DeltaFormat::Float32, self.0.format, 0)?, &[self.0.constants()])
+    }
+}
+
+/// Recomputes the normals of an instance.
+pub(crate) struct Recomputed {
+    kernel: Arc<Pipelines<Key>>,
+    /// One for each list.
+    sets: Sets,
+    push: NormalsPush,
+    pose_numbers: u32,
+    surface: Arc<Surface>,
+}
+
+impl Recomputed {
+    /// Recompute the normals of an instance from now on; `None`: no longer.
+    ///
+    /// # Errors
+    /// A target or a surface that is refused; no memory. Nothing changes then.
+    pub(crate) fn set(
+        after: &mut After,
+        place: &Place<'_>,
+        target: Option<(&GpuNormals, &NormalsTarget)>,
+    ) -> Result<()> {
+        let Some((GpuNormals { surface, .. }, &NormalsTarget { buffer, offset, stride })) = target else {
+            after.unset(Kind::Normals, place.instance);
+            return Ok(());
+        };
+        let layout = &place.group.mesh.layout;
+        surface.attached.check("a surface", place.device, layout)?;
+        let output = Output { buffer, offset, stride, second: None };
+        output.check("a normals target", layout, &place.device.caps)?;
+        place.check("normals of", PIECE)?;
+        after.set(place, Kind::Normals, (PIECE, 1), vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
+            let kernel = place.kernels.get(Key(place.pose()))?;
+            let (range, normals_at) = output.range(layout);
+            let bound = |frame| [place.poses(), surface.attached.range(), lists.range(u64::from(frame)), range];
+            let sets = kernel.objects.sets(&(0..place.frames).map(bound).collect::<Vec<_>>())?;
+            let push = NormalsPush {
+                pose_at: 0,
+                fans_at: surface.attached.words_at(),
+                normals_at,
+                stride: stride / 4,
+                vertices: layout.vertex_count as u32,
+                count: 0,
+                listed: 0,
+                padding: 0,
+                units: place.group.poses.units(),
+            };
+            Ok(Self { kernel, sets, push, pose_numbers: place.pose_numbers(), surface: surface.clone() })
+        })
+    }
+}
+
+impl Follower for Recomputed {
+    fn spread(&self, changed: &Pieces, written: &mut Pieces) {
+        self.surface.spread.of(changed, written);
+    }
+
+    unsafe fn record(&self, cmd: vk::CommandBuffer, job: &Job) {
+        let (count, pose_at) = (job.count, job.slot * self.pose_numbers);
+        let push = NormalsPush { pose_at, count, listed: job.is_listed.into(), ..self.push };
+        let workgroups = Workgroups::Of([count.div_ceil(WORKGROUP / PIECE), 1]);
+        let set = (self.sets.get(job.frame as usize), &[][..]);
+        // SAFETY: the caller's obligations; the set was made for this layout, and the list for this frame.
+        unsafe { self.kernel.objects.dispatch(cmd, 0, set, bytes_of(&push), workgroups) };
+    }
+
+    #[cfg(any(test, feature = "internals"))]
+    fn accesses(&self, _job: &Job, pose: Memory, instance: u32) -> Accesses {
+        Accesses::compute([pose], [Memory::Normals { instance }])
+    }
+}

@@ -1,0 +1,285 @@
+//! The skinning step on the device.
+
+use super::{SkinDesc, SkinMethod};
+use crate::abi::modules::{SKIN, SKIN_DUAL};
+use crate::abi::numbers::{PIECE, WORKGROUP};
+use crate::abi::push::SkinPush;
+use crate::after::attached::Attached;
+use crate::after::follower::{Follower, Job, Kind, Place, Pose};
+use crate::after::output::Output;
+use crate::after::steps::After;
+use crate::error::{Error, Result};
+use crate::gpu::descriptors::{BufferRange, Sets};
+use crate::gpu::device::Device;
+use crate::gpu::mesh::Upload;
+use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
+use crate::pack::{DeltaFormat, PackedMesh};
+#[cfg(any(test, feature = "internals"))]
+use crate::plan::hazards::{Accesses, Memory};
+use crate::setters::setters;
+use ash::vk;
+use bytemuck::bytes_of;
+use std::sync::Arc;
+
+/// Joints and weights of a mesh on the device: see [`MorphEngine::upload_skin`](crate::MorphEngine::upload_skin). Targets
+/// keep what they need of it alive.
+pub struct GpuSkin {
+    attached: Arc<Attached>,
+    influences: u32,
+    joint_count: u32,
+    staging: Option<Upload>,
+}
+
+impl GpuSkin {
+    /// Record the upload.
+    ///
+    /// # Safety
+    /// As [`MorphEngine::upload_skin`](crate::MorphEngine::upload_skin).
+    pub(crate) unsafe fn upload(
+        device: &Arc<Device>,
+        cmd: vk::CommandBuffer,
+        mesh: &PackedMesh,
+        desc: &SkinDesc<'_>,
+    ) -> Result<Self> {
+        let words = desc.pack(mesh.layout())?;
+        // SAFETY: the caller's obligations.
+        let (attached, upload) = unsafe { Attached::upload(device, cmd, mesh, ("skin", &words)) }?;
+        let SkinDesc { influences, joint_count, .. } = *desc;
+        Ok(Self { attached, influences, joint_count, staging: Some(upload) })
+    }
+
+    /// Give the staging memory back.
+    ///
+    /// # Safety
+    /// The upload that was recorded with this skin has run, or never will: its copies read the memory.
+    pub unsafe fn release_staging(&mut self) {
+        self.staging = None;
+    }
+}
+
+/// Where an instance is skinned to, and by which joints: see
+/// [`MorphEngine::set_skin_target`](crate::MorphEngine::set_skin_target).
+///
+/// Vertices are those of poses, in their order, without padding: as many as
+/// [`PackedLayout::vertex_count`](crate::PackedLayout::vertex_count).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct SkinTarget {
+    /// The buffer, usable as storage buffer.
+    pub buffer: vk::Buffer,
+    /// Offset of the first vertex's position, in bytes, a multiple of 4.
+    pub offset: u64,
+    /// Bytes from vertex to vertex, a multiple of 4.
+    pub stride: u32,
+    /// Bytes from a position to its normal, a multiple of 4 from 12 on; `None`: no normals. They have unit length.
+    pub normals: Option<u32>,
+    /// A second place of the same stride: updates write one and then the other, and the one they leave alone is the
+    /// [previous](SkinnedView::previous) skinned pose, for motion vectors. That takes as much memory as a copy would, and no
+    /// copy.
+    pub second: Option<(vk::Buffer, u64)>,
+    /// The buffer of the joints, usable as storage buffer.
+    pub joints: vk::Buffer,
+    /// Bytes from the beginning of that buffer that joints may lie in.
+    pub joints_bytes: u64,
+    /// Offset of the instance's first joint, in bytes, a multiple of 16, until
+    /// [`Crowd::set_joints`](crate::Crowd::set_joints) names another.
+    pub joints_offset: u64,
+    /// How joints are blended, and so what they are.
+    pub method: SkinMethod,
+}
+
+setters!(SkinTarget {
+    offset: u64,
+    stride: u32,
+    normals: Option<u32>,
+    second: Option<(vk::Buffer, u64)>,
+    joints_offset: u64,
+    method: SkinMethod,
+});
+
+impl SkinTarget {
+    /// Positions and normals one after the other, 24 bytes a vertex, from the beginning of `buffer`; matrices from the
+    /// beginning of `joints`, of which `joints_bytes` may be read.
+    pub fn new(buffer: vk::Buffer, joints: vk::Buffer, joints_bytes: u64) -> Self {
+        let (offset, joints_offset, method) = (0, 0, SkinMethod::Linear);
+        Self {
+            buffer,
+            offset,
+            stride: 24,
+            normals: Some(12),
+            second: None,
+            joints,
+            joints_bytes,
+            joints_offset,
+            method,
+        }
+    }
+
+    /// The places that are written, in turn.
+    fn outputs(&self) -> impl Iterator<Item = Output> {
+        let Self { stride, normals: second, .. } = *self;
+        let places = [Some((self.buffer, self.offset)), self.second].into_iter().flatten();
+        places.map(move |(buffer, offset)| Output { buffer, offset, stride, second })
+    }
+}
+
+/// Where the skinned pose of an instance is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct SkinnedView {
+    /// Buffer, and offset of the first position.
+    pub current: (vk::Buffer, u64),
+    /// Where it is as it was before the last update: the same place where nothing changed, on the first update and after a
+    /// cut; `None` where the update overwrote it.
+    pub previous: Option<(vk::Buffer, u64)>,
+}
+
+/// Pipelines for a format of poses, a method, and so many influences.
+#[derive(Clone, Copy, PartialEq)]
+struct Key(Pose, SkinMethod, u32);
+
+impl PipelineKey for Key {
+    fn make(self, objects: &mut Objects) -> Result<()> {
+        let Self(pose, method, influences) = self;
+        let kernel = match method {
+            SkinMethod::Linear => &SKIN,
+            SkinMethod::DualQuaternion => &SKIN_DUAL,
+        };
+        objects.add_layout(&[kernel.row], 0)?;
+        objects.add_compute(
+            kernel.module(DeltaFormat::Float32, pose.format, 0)?,
+            &[&[&[influences][..], pose.constants()].concat()],
+        )
+    }
+}
+
+/// Skins an instance.
+pub(crate) struct Skin {
+    kernel: Arc<Pipelines<Key>>,
+    /// One for each list and place.
+    sets: Sets,
+    places: Vec<(Output, u32)>,
+    push: SkinPush,
+    pose_numbers: u32,
+    joints_bytes: u64,
+    joint_count: u32,
+    /// Joints moved since the last update.
+    is_changed: bool,
+    /// Bound by the sets.
+    _attached: Arc<Attached>,
+}
+
+impl Skin {
+    /// Skin an instance into `target` from now on; `None`: no longer.
+    ///
+    /// # Errors
+    /// A target or a skin that is refused; no memory. Nothing changes then.
+    pub(crate) fn set(after: &mut After, place: &Place<'_>, target: Option<(&GpuSkin, &SkinTarget)>) -> Result<()> {
+        let Some((skin, target)) = target else {
+            after.unset(Kind::Skin, place.instance);
+            return Ok(());
+        };
+        let (layout, caps) = (&place.group.mesh.layout, &place.device.caps);
+        skin.attached.check("a skin", place.device, layout)?;
+        target.outputs().try_for_each(|output| output.check("a skin target", layout, caps))?;
+        if target.normals.is_some() {
+            place.check_normals("a skin target")?;
+        }
+        place.check("skinning", PIECE)?;
+        let pieces = (layout.vertex_count as u64).div_ceil(PIECE.into());
+        let list = (pieces, "texels", caps.max_texels.into());
+        caps.check_limit(
+            &format!("the list of a skin target for mesh '{}' takes", layout.name),
+            list,
+            "split the mesh",
+        )?;
+        let joints = (target.joints_bytes, "bytes", caps.max_storage_range);
+        caps.check_limit("the joints of a skin target take", joints, "split the buffer of joints")?;
+        check_joints(target.joints_offset, target.method, skin.joint_count, target.joints_bytes)?;
+        let outputs = target.outputs().count();
+        after.set(place, Kind::Skin, (PIECE, outputs), vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER, |lists| {
+            let kernel = place.kernels.get(Key(place.pose(), target.method, skin.influences))?;
+            let joints = BufferRange::new(target.joints, 0, target.joints_bytes);
+            let (poses, asset) = (place.poses(), skin.attached.range());
+            let bound = |frame| {
+                let list = BufferRange { size: 4 * pieces, ..lists.range(frame) };
+                target.outputs().map(move |output| [poses, asset, joints, output.range(layout).0, list])
+            };
+            let sets = kernel.objects.sets(&(0..place.frames.into()).flat_map(bound).collect::<Vec<_>>())?;
+            let push = SkinPush {
+                pose_at: 0,
+                skin_at: skin.attached.words_at(),
+                joints_at: (target.joints_offset / 16) as u32,
+                skinned_at: 0,
+                stride: target.stride / 4,
+                normal_at: target.normals.unwrap_or(0) / 4,
+                vertices: layout.vertex_count as u32,
+                count: 0,
+                listed: 0,
+                padding: 0,
+                units: place.group.poses.units(),
+            };
+            let places = target.outputs().map(|output| (output, output.range(layout).1)).collect();
+            let (pose_numbers, joints_bytes) = (place.pose_numbers(), target.joints_bytes);
+            let (joint_count, is_changed, _attached) = (skin.joint_count, false, skin.attached.clone());
+            Ok(Self { kernel, sets, places, push, pose_numbers, joints_bytes, joint_count, is_changed, _attached })
+        })
+    }
+
+    /// The joints of an instance moved, and are at `offset` of their buffer now.
+    ///
+    /// # Errors
+    /// An instance that is not skinned; an offset that is refused.
+    pub(crate) fn set_joints(after: &mut After, instance: u32, offset: u64) -> Result<()> {
+        let none = || Error::invalid(format!("instance {instance} is not skinned"), "set a skin target first");
+        let skin: &mut Self = after.get_mut(Kind::Skin, instance).ok_or_else(none)?;
+        check_joints(offset, skin.kernel.key.1, skin.joint_count, skin.joints_bytes)?;
+        (skin.push.joints_at, skin.is_changed) = ((offset / 16) as u32, true);
+        Ok(())
+    }
+
+    /// Where the skinned pose of an instance is.
+    ///
+    /// # Errors
+    /// An instance that is not skinned, or not yet.
+    pub(crate) fn view(after: &After, instance: u32) -> Result<SkinnedView> {
+        let none = || {
+            let text = format!("instance {instance} has no skinned pose");
+            Error::invalid(text, "set a skin target, and record an update")
+        };
+        let (skin, current, previous) = after.written::<Self>(Kind::Skin, instance).ok_or_else(none)?;
+        let place = |output: usize| (skin.places[output].0.buffer, skin.places[output].0.offset);
+        Ok(SkinnedView { current: place(current), previous: previous.map(place) })
+    }
+}
+
+/// Refuse joints that are not within their buffer.
+fn check_joints(offset: u64, method: SkinMethod, count: u32, bytes: u64) -> Result<()> {
+    let size = method.joint_bytes() * u64::from(count);
+    if offset.is_multiple_of(16) && offset.checked_add(size).is_some_and(|end| end <= bytes) {
+        return Ok(());
+    }
+    let text = format!("{count} joints of {size} bytes at offset {offset} of a buffer with {bytes} bytes of joints");
+    Err(Error::invalid(text, "use a multiple of 16, and a buffer with room for all joints behind it"))
+}
+
+impl Follower for Skin {
+    fn take_changed(&mut self) -> bool {
+        std::mem::take(&mut self.is_changed)
+    }
+
+    unsafe fn record(&self, cmd: vk::CommandBuffer, job: &Job) {
+        let (count, listed) = (job.count, job.is_listed.into());
+        let (pose_at, skinned_at) = (job.slot * self.pose_numbers, self.places[job.output].1);
+        let push = SkinPush { pose_at, skinned_at, count, listed, ..self.push };
+        let workgroups = Workgroups::Of([count.div_ceil(WORKGROUP / PIECE), 1]);
+        let set = (self.sets.get(job.frame as usize * self.places.len() + job.output), &[][..]);
+        // SAFETY: the caller's obligations; the set was made for this layout, and the list for this frame.
+        unsafe { self.kernel.objects.dispatch(cmd, 0, set, bytes_of(&push), workgroups) };
+    }
+
+    #[cfg(any(test, feature = "internals"))]
+    fn accesses(&self, job: &Job, pose: Memory, instance: u32) -> Accesses {
+        Accesses::compute([pose], [Memory::Skinned { instance, output: job.output as u32 }])
+    }
+}

@@ -1,0 +1,281 @@
+//! The steps after the pose of a crowd: which targets there are, and what each has still to be told of the poses.
+
+use super::follower::{Follower, Job, Kind, Place};
+use super::pieces::Pieces;
+use crate::error::Result;
+use crate::gpu::memory::Ring;
+#[cfg(any(test, feature = "internals"))]
+use crate::plan::hazards::{Accesses, Memory};
+use crate::plan::instances::Instances;
+use crate::plan::steps::{Resource, Source, Steps, Use, Work};
+use crate::update::technique::{Technique, UpdateId};
+use ash::vk;
+use std::any::Any;
+use std::ops::Range;
+
+/// What a step writes for an instance.
+struct Target {
+    kind: Kind,
+    instance: u32,
+    follower: Box<dyn Follower>,
+    /// Vertices of a piece.
+    piece: u32,
+    /// Pieces that changed, as the kernels read them.
+    lists: Ring,
+    /// Pieces of the pose that changed, and those that are written for it.
+    moved: Pieces,
+    changed: Pieces,
+    /// Where two places are written in turn: pieces in which the one whose turn is next is behind the other.
+    behind: Option<Pieces>,
+    /// The place written last.
+    output: usize,
+    /// The place that has what was there before the update planned last.
+    previous: Option<usize>,
+    /// The next update has no predecessor; and the update that took notice of it last.
+    is_cut: bool,
+    cut_by: u64,
+    /// There is an output.
+    is_written: bool,
+    /// What the buffer holds is not known, or not all of it.
+    is_stale: bool,
+    /// The update that wrote the buffer last.
+    written_by: u64,
+    /// The instance was removed: nothing is written any longer.
+    is_removed: bool,
+    /// What the update planned last does: the slot it reads, and how many pieces.
+    planned: Option<(u32, u32)>,
+    is_listed: bool,
+}
+
+/// The targets of a crowd.
+#[derive(Default)]
+pub(crate) struct After {
+    targets: Vec<Target>,
+    /// Scratch space.
+    changed: Vec<Range<u32>>,
+}
+
+impl After {
+    /// From now on do for an instance what `make` makes, in pieces of `piece` vertices, whose lists are in a ring of this
+    /// usage; into so many places in turn, one or two.
+    ///
+    /// # Errors
+    /// Those of `make`; no memory. Nothing changes then.
+    pub(super) fn set<F: Follower>(
+        &mut self,
+        place: &Place<'_>,
+        kind: Kind,
+        (piece, outputs): (u32, usize),
+        usage: vk::BufferUsageFlags,
+        make: impl FnOnce(&Ring) -> Result<F>,
+    ) -> Result<()> {
+        let Place { instance, .. } = *place;
+        let changed = Pieces::none((place.group.mesh.layout.vertex_count as u32).div_ceil(piece));
+        let list_bytes = Ring::part_bytes(4 * u64::from(changed.count()));
+        let lists = Ring::new(place.device, "deltamorph changed pieces", list_bytes, place.frames, usage)?;
+        let follower = Box::new(make(&lists)?);
+        self.unset(kind, instance);
+        self.targets.push(Target {
+            kind,
+            instance,
+            follower,
+            piece,
+            lists,
+            behind: (outputs == 2).then(|| changed.clone()),
+            moved: changed.clone(),
+            changed,
+            output: 0,
+            previous: None,
+            is_cut: false,
+            cut_by: 0,
+            is_written: false,
+            is_stale: true,
+            written_by: 0,
+            is_removed: false,
+            planned: None,
+            is_listed: false,
+        });
+        Ok(())
+    }
+
+    /// No longer.
+    pub(crate) fn unset(&mut self, kind: Kind, instance: u32) {
+        self.targets.retain(|target| (target.kind, target.instance) != (kind, instance));
+    }
+
+    /// There is no target.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.targets.is_empty()
+    }
+
+    /// What is written for the host.
+    pub(crate) fn outputs(&self) -> impl Iterator<Item = Resource> {
+        Kind::ALL.into_iter().filter(|kind| self.targets.iter().any(|target| target.kind == *kind)).map(Kind::output)
+    }
+
+    fn of(&mut self, instance: u32) -> impl Iterator<Item = &mut Target> {
+        self.targets.iter_mut().filter(move |target| target.instance == instance)
+    }
+
+    /// What a target of a step was made of.
+    pub(super) fn get_mut<F: Follower>(&mut self, kind: Kind, instance: u32) -> Option<&mut F> {
+        let target = self.of(instance).find(|target| target.kind == kind && !target.is_removed)?;
+        let any: &mut dyn Any = &mut *target.follower;
+        any.downcast_mut()
+    }
+
+    /// The same, with the place written last and the one that has what was there before the last update.
+    pub(super) fn written<F: Follower>(&self, kind: Kind, instance: u32) -> Option<(&F, usize, Option<usize>)> {
+        let target = self.targets.iter().find(|target| (target.kind, target.instance) == (kind, instance))?;
+        let any: &dyn Any = &*target.follower;
+        Some((any.downcast_ref()?, target.output, target.previous)).filter(|_| target.is_written && !target.is_removed)
+    }
+
+    /// The next pose of an instance has no predecessor.
+    pub(crate) fn cut(&mut self, instance: u32) {
+        self.of(instance).for_each(|target| target.is_cut = true);
+    }
+
+    /// An instance is removed. What earlier updates use of its targets stays.
+    pub(crate) fn remove(&mut self, instance: u32) {
+        self.of(instance).for_each(|target| target.is_removed = true);
+    }
+
+    /// An instance is shown again: its buffers may have been used for something else meanwhile.
+    pub(crate) fn renew(&mut self, instance: u32) {
+        self.of(instance).for_each(|target| target.is_stale = true);
+    }
+
+    /// The update numbered `first` and all later ones will never run.
+    pub(crate) fn discard_from(&mut self, first: u64) {
+        for target in &mut self.targets {
+            let is_lost = target.written_by >= first;
+            target.is_stale |= is_lost;
+            target.is_written &= !is_lost;
+            target.is_cut |= target.cut_by >= first;
+        }
+    }
+
+    /// Append what brings the targets to the update that `technique` planned: nothing where nothing changed. `wrote`: what
+    /// the steps used of the update that wrote poses last, this one or an earlier one.
+    ///
+    /// # Errors
+    /// Lists that are not mapped.
+    pub(crate) fn plan(
+        &mut self,
+        technique: &dyn Technique,
+        instances: &Instances,
+        id: UpdateId,
+        wrote: &[&'static [Use]],
+        steps: &mut Steps,
+    ) -> Result<()> {
+        let Self { targets, changed, .. } = self;
+        for target in targets.iter_mut() {
+            (target.planned, target.previous) = (None, Some(target.output));
+            let instance = target.instance as usize;
+            if target.is_removed || !instances.is_shown(instance) {
+                continue;
+            }
+            let Some((slot, _)) = technique.slots_of(instances, instance) else { continue };
+            changed.clear();
+            technique.changed(instances, id, target.instance, changed);
+            target.plan(changed, slot, id)?;
+        }
+        // Where no pose changes: barriers after what an earlier update wrote.
+        let mut earlier = if steps.is_empty() { wrote } else { &[] };
+        for kind in Kind::ALL {
+            let of_kind = targets.iter().filter(|t| t.kind == kind);
+            let planned = || of_kind.clone().filter_map(|target| Some((target, target.planned?)));
+            if planned().next().is_none() {
+                continue;
+            }
+            std::mem::take(&mut earlier).iter().for_each(|uses| steps.step(uses));
+            for (dispatch, uses) in kind.dispatches().iter().enumerate() {
+                steps.step(uses);
+                for (&Target { instance, output, .. }, (slot, count)) in planned() {
+                    let (kernel, source, destination) = (kind.kernel(dispatch), Source::Slot(slot), output as u32);
+                    let items = 0..count;
+                    steps.push(Work { kernel, instance, source, destination, items, ..Work::default() });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether a work is of a step after the pose.
+    pub(crate) fn has(work: &Work) -> bool {
+        Kind::has(work)
+    }
+
+    /// Whose a work is, and what it does.
+    fn job(&self, frame: u64, work: &Work) -> Option<(&Target, Job)> {
+        let (kind, dispatch) = Kind::of(work);
+        let target = self.targets.iter().find(|t| t.kind as u32 == kind && t.instance == work.instance)?;
+        let Source::Slot(slot) = work.source else { return None };
+        let (output, count, is_listed) = (work.destination as usize, work.items.end, target.is_listed);
+        Some((target, Job { dispatch, frame, slot, output, count, is_listed }))
+    }
+
+    /// Record a work.
+    ///
+    /// # Safety
+    /// As [`Follower::record`].
+    pub(crate) unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work) {
+        if let Some((target, job)) = self.job(frame, work) {
+            // SAFETY: the caller's obligations.
+            unsafe { target.follower.record(cmd, &job) };
+        }
+    }
+
+    /// What works read and write.
+    #[cfg(any(test, feature = "internals"))]
+    pub(crate) fn accesses(&self, works: &[Work]) -> Vec<Accesses> {
+        let of = |work: &Work| {
+            let Some((target, job)) = self.job(0, work) else { return Accesses::default() };
+            let pose = Memory::Pose { instance: work.instance, slot: job.slot };
+            target.follower.accesses(&job, pose, work.instance)
+        };
+        works.iter().map(of).collect()
+    }
+}
+
+impl Target {
+    /// List the pieces of these vertices, or take all that there are.
+    fn plan(&mut self, changed: &[Range<u32>], slot: u32, id: UpdateId) -> Result<()> {
+        let (piece, all) = (self.piece, self.changed.count());
+        self.moved.clear();
+        self.changed.clear();
+        changed.iter().for_each(|range| self.moved.add(range.start / piece..range.end.div_ceil(piece)));
+        self.follower.spread(&self.moved, &mut self.changed);
+        if self.follower.take_changed() || self.is_stale {
+            self.changed.add(0..all);
+        }
+        let is_cut = std::mem::take(&mut self.is_cut);
+        if is_cut {
+            self.cut_by = id.update;
+        }
+        if self.changed.len() == 0 {
+            return Ok(());
+        }
+        let before = self.output;
+        if let Some(behind) = &mut self.behind {
+            self.output = 1 - self.output;
+            // What is behind from now on is what changes now.
+            std::mem::swap(behind, &mut self.changed);
+            self.changed.add_all(behind);
+        }
+        self.previous = match (is_cut || self.is_stale, before != self.output) {
+            (true, _) => Some(self.output),
+            (false, is_kept) => is_kept.then_some(before),
+        };
+        let count = self.changed.len();
+        (self.is_stale, self.is_written, self.written_by) = (false, true, id.update);
+        self.is_listed = count < all;
+        if self.is_listed {
+            let list = self.lists.words(id.frame)?;
+            self.changed.iter().zip(list).for_each(|(piece, word)| *word = piece);
+        }
+        self.planned = Some((slot, count));
+        Ok(())
+    }
+}

@@ -1,0 +1,54 @@
+//! What comes after the pose.
+
+use super::HeadlessCrowd;
+use crate::after::skin::Skin;
+use crate::after::{BoundsTarget, DecodeTarget, GpuNormals, GpuSkin, NormalsTarget, SkinTarget};
+use crate::engine::AnyCrowd;
+use crate::error::Result;
+
+impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
+    /// See [`MorphEngine::set_decode_target`](crate::MorphEngine::set_decode_target).
+    ///
+    /// # Safety
+    /// As there. Updates that were stepped or submitted have finished.
+    pub unsafe fn set_decode_target(&mut self, instance: u32, target: Option<&DecodeTarget>) -> Result<()> {
+        // SAFETY: the caller's obligations.
+        unsafe { self.headless.engine.set_decode_target(&mut self.crowd, instance, target) }
+    }
+
+    /// See [`MorphEngine::set_skin_target`](crate::MorphEngine::set_skin_target).
+    ///
+    /// # Safety
+    /// As there. Updates that were stepped or submitted have finished.
+    pub unsafe fn set_skin_target(&mut self, instance: u32, target: Option<(&GpuSkin, &SkinTarget)>) -> Result<()> {
+        // SAFETY: the caller's obligations.
+        unsafe { self.headless.engine.set_skin_target(&mut self.crowd, instance, target) }
+    }
+
+    /// See [`MorphEngine::set_bounds_target`](crate::MorphEngine::set_bounds_target).
+    ///
+    /// # Safety
+    /// As there. Updates that were stepped or submitted have finished.
+    pub unsafe fn set_bounds_target(&mut self, instance: u32, target: Option<&BoundsTarget>) -> Result<()> {
+        // SAFETY: the caller's obligations.
+        unsafe { self.headless.engine.set_bounds_target(&mut self.crowd, instance, target) }
+    }
+
+    /// See [`MorphEngine::set_normals_target`](crate::MorphEngine::set_normals_target).
+    ///
+    /// # Safety
+    /// As there. Updates that were stepped or submitted have finished.
+    pub unsafe fn set_normals_target(
+        &mut self,
+        instance: u32,
+        target: Option<(&GpuNormals, &NormalsTarget)>,
+    ) -> Result<()> {
+        // SAFETY: the caller's obligations.
+        unsafe { self.headless.engine.set_normals_target(&mut self.crowd, instance, target) }
+    }
+
+    /// See [`Crowd::set_joints`](crate::Crowd::set_joints).
+    pub fn set_joints(&mut self, instance: u32, offset: u64) -> Result<()> {
+        Skin::set_joints(&mut self.crowd.base_mut().after, instance, offset)
+    }
+}

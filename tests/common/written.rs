@@ -1,0 +1,100 @@
+//! What a step after the pose wrote of each vertex, in a buffer of the host's.
+
+use crate::offscreen::{Offscreen, Shared};
+use deltamorph::ash::vk;
+use deltamorph::headless::Headless;
+use deltamorph::internals::plan::hazards::Event;
+
+/// What is in a buffer where nothing was written: no number of a pose.
+const POISON: u32 = 0xffff_ffff;
+
+/// A buffer, and where vertices are in it: offset, stride, and bytes from a position to its normal.
+pub struct Written<'a> {
+    host: &'a Offscreen<'a>,
+    pub buffer: vk::Buffer,
+    pub place: (u64, u32, Option<u32>),
+    words: Shared,
+    pub vertices: usize,
+}
+
+impl<'a> Written<'a> {
+    pub fn new(headless: &Headless, host: &'a Offscreen<'a>, vertices: usize, place: (u64, u32, Option<u32>)) -> Self {
+        let (offset, stride, normals) = place;
+        let bytes = offset as usize + (vertices - 1) * stride as usize + 12 + normals.unwrap_or(0) as usize;
+        let usage = vk::BufferUsageFlags::STORAGE_BUFFER
+            | vk::BufferUsageFlags::TRANSFER_DST
+            | vk::BufferUsageFlags::TRANSFER_SRC;
+        let words = host.shared(bytes, usage).expect("a buffer");
+        let this = Self { host, buffer: words.buffer, place, words, vertices };
+        this.poison(headless);
+        this
+    }
+
+    fn poison(&self, headless: &Headless) {
+        use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
+        let all = (Stage::ALL_COMMANDS, Access::MEMORY_READ | Access::MEMORY_WRITE);
+        let poison = headless.run(|cmd| {
+            self.host.barrier(cmd, all, (Stage::TRANSFER, Access::TRANSFER_WRITE));
+            // SAFETY: `cmd` is recording; the buffer is alive.
+            unsafe { self.host.device.cmd_fill_buffer(cmd, self.words.buffer, 0, vk::WHOLE_SIZE, POISON) };
+            self.host.barrier(cmd, (Stage::TRANSFER, Access::TRANSFER_WRITE), all);
+            Ok(())
+        });
+        poison.expect("a fill");
+    }
+
+    /// What is there, vertex by vertex, as positions and normals: `None` where nothing was written since the last time.
+    /// Nothing between is written.
+    pub fn take(&self, headless: &Headless) -> Vec<Option<Vec<u32>>> {
+        use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
+        let all = (Stage::ALL_COMMANDS, Access::MEMORY_READ | Access::MEMORY_WRITE);
+        let written = headless.run(|cmd| {
+            self.host.barrier(cmd, all, (Stage::HOST, Access::HOST_READ));
+            Ok(())
+        });
+        written.expect("a barrier");
+        let mut words = self.host.contents::<u32>(&self.words);
+        self.poison(headless);
+        let mut take =
+            |at: u64| (at as usize / 4..).take(3).map(|i| std::mem::replace(&mut words[i], POISON)).collect();
+        let (offset, stride, normals) = self.place;
+        let taken = (0..self.vertices as u64).map(|v| {
+            let at = offset + v * u64::from(stride);
+            let triples: Vec<Vec<u32>> =
+                [Some(0), normals].into_iter().flatten().map(|n| take(at + u64::from(n))).collect();
+            let vertex = triples.concat();
+            let unwritten = vertex.iter().filter(|word| **word == POISON).count();
+            assert!(unwritten == 0 || unwritten == vertex.len(), "a vertex is written, or not");
+            (unwritten == 0).then_some(vertex)
+        });
+        let taken = taken.collect();
+        assert!(words.iter().all(|word| *word == POISON), "what lies between vertices is the host's");
+        taken
+    }
+}
+
+/// How many barriers these updates have, each of which is missed when it is dropped: `is_right` says of updates whether
+/// they have no hazard. Barriers with nothing between count as one: those of an update that has no works of a technique.
+pub fn barriers_needed(
+    updates: &[Vec<Event>],
+    of: impl IntoIterator<Item = usize>,
+    is_right: impl Fn(&[Vec<Event>]) -> bool,
+) -> usize {
+    assert!(is_right(updates));
+    let same = |a: &Event, b: &Event| matches!((a, b), (Event::Barrier(_), Event::Barrier(_)));
+    let mut found = 0;
+    for update in of {
+        let mut runs: Vec<&[Event]> = updates[update].chunk_by(same).collect();
+        for at in 0..runs.len() {
+            let dropped = std::mem::take(&mut runs[at]);
+            if matches!(dropped[0], Event::Barrier(_)) {
+                let mut faulty = updates.to_vec();
+                faulty[update] = runs.concat();
+                assert!(!is_right(&faulty), "update {update}: dropped {dropped:?}");
+                found += 1;
+            }
+            runs[at] = dropped;
+        }
+    }
+    found
+}
