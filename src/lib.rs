@@ -88,7 +88,7 @@ pub use plan::{BatchSize, Consumers, UpdateDesc, UpdateMode, UpdatePath, UpdateS
 pub use update::animated::{AnimationDesc, Clips, KeyFormat, Playback};
 pub use update::crowd::{CrowdDesc, HostPoses};
 pub use weights::{BoundClip, ClipLayer, LayerBlend, Repeat, WeightClip, target_mask};
-pub use {ash, gpu_allocator};
+pub use {ash, glam, gpu_allocator};
 
 /// What tests and the command line look into; no part of the API.
 #[cfg(feature = "internals")]

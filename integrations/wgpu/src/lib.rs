@@ -139,8 +139,12 @@ impl Morph {
     /// Draws, compute passes and copies are consumers, whatever the description says.
     ///
     /// # Errors
-    /// As [`MorphEngine::create_crowd`].
+    /// As [`MorphEngine::create_crowd`]; poses in vertices of the host's own, which wgpu does not know.
     pub fn create_crowd(&self, mesh: &Mesh, desc: &CrowdDesc) -> Result<Crowd> {
+        if desc.poses.is_some() {
+            let text = "poses in vertices of the host's own, through wgpu";
+            return Err(invalid(text, "leave CrowdDesc::poses out, and read Crowd::pose"));
+        }
         let desc = desc.consumers(desc.consumers | consumers());
         let gpu = lock(&mesh.gpu);
         let crowd = self.engine.create_crowd(&gpu, &desc)?;
