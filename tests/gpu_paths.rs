@@ -159,7 +159,10 @@ fn limits_are_kept_or_refused_with_the_numbers() {
     compute(|caps| caps.max_storage_range = 10_000, &["a pose takes 24576 bytes", "allows 10000"]);
     compute(|caps| caps.max_storage_range = 50_000, &["a chunk of deltas takes 122880 bytes", "pack_desc"]);
     compute(|caps| caps.max_workgroups = 15, &["a chunk takes 16 workgroups", "allows 15", "pack_desc"]);
-    compute(|caps| caps.max_allocation = 100_000, &["'deltamorph deltas' needs 122880 bytes", "100000"]);
+    compute(
+        |caps| caps.max_allocation = 100_000,
+        &["deltamorph deltas of mesh 'test_1000x5' needs 122880 bytes", "100000"],
+    );
     compute(|caps| caps.max_workgroup_invocations = 32, &["32 invocations per workgroup", "'cpu'"]);
     refuse(
         UpdatePath::Feedback,

@@ -34,7 +34,7 @@ impl Buffer {
         let most = device.caps.max_allocation.min(device.caps.max_buffer);
         if bytes > most {
             return Err(Error::invalid(
-                format!("'{name}' needs {bytes} bytes, but {} allocates at most {most}", device.caps.name),
+                format!("{name} needs {bytes} bytes, but {} allocates at most {most}", device.caps.name),
                 "use fewer instances, fewer slots, a smaller mesh or the snorm16 format",
             ));
         }
