@@ -9,6 +9,7 @@
 use formats::{FORMATS, FormatRow, POSE_FORMATS, PoseRow};
 use kernels::{KERNELS, KernelRow, Takes, batch_max};
 use std::fmt::Write as _;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
@@ -129,8 +130,8 @@ fn compile(module: &Module, glsl: &Path) -> Vec<u8> {
     words.iter().flat_map(|w| w.to_le_bytes()).collect()
 }
 
-/// A module as it is embedded: without names and other debug instructions, each word in as few bytes as it needs, seven
-/// bits to a byte, the lowest first (LEB128; most words are small numbers). src/abi/modules.rs decodes it.
+/// A module as it is embedded, before compression: without names and other debug instructions, each word in as few bytes as
+/// it needs, seven bits to a byte, the lowest first (LEB128; most words are small numbers). src/abi/modules.rs decodes it.
 fn embedded(spirv: &[u8]) -> Vec<u8> {
     /// OpSourceContinued to OpLine, OpNoLine, OpModuleProcessed.
     const DEBUG: [u32; 9] = [2, 3, 4, 5, 6, 7, 8, 317, 330];
@@ -164,12 +165,13 @@ struct Table {
 }
 
 impl Table {
-    fn add_module(&mut self, row: usize, module: &Module, file: &Path) {
+    /// `file` has the modules of the kernel, compressed; this one is `bytes` of what they were.
+    fn add_module(&mut self, row: usize, module: &Module, file: &Path, bytes: Range<usize>) {
         let place = |format| FORMATS.iter().position(|f| f == format).expect("a row of the table");
         let format = module.format.map(|format| format!("Some(&FORMATS[{}])", place(format)));
         writeln!(
             self.modules,
-            "    Module {{ name: {:?}, kernel: &KERNELS[{row}], format: {}, batch: {}, code: include_bytes!({file:?}) }},",
+            "    Module {{ name: {:?}, kernel: &KERNELS[{row}], format: {}, batch: {}, modules: include_bytes!({file:?}), bytes: {bytes:?} }},",
             module.name,
             format.as_deref().unwrap_or("None"),
             module.batch.unwrap_or(0),
@@ -209,6 +211,8 @@ fn main() {
     let mut manifest = source_manifest(&glsl);
     let mut table = Table::default();
     for (row, kernel) in KERNELS.iter().enumerate() {
+        // Modules of a kernel are alike: compressed together, they take less than half of what they are.
+        let (mut embedded_modules, compressed) = (vec![], out.join([kernel.name, kernel.suffix].join("_")));
         let mut add = |format, pose| {
             let (first, modules) = (table.count, modules(kernel, format, pose));
             for module in &modules {
@@ -228,9 +232,9 @@ fn main() {
                     panic!("spirv/{file}: {e}; restore the folder spirv/, or build with the feature 'compile-shaders'")
                 });
                 fs::write(out.join(&file), &bytes).expect("OUT_DIR can be written");
-                let path = out.join(&module.name);
-                fs::write(&path, embedded(&bytes)).expect("OUT_DIR can be written");
-                table.add_module(row, module, &path);
+                let begin = embedded_modules.len();
+                embedded_modules.extend(embedded(&bytes));
+                table.add_module(row, module, &compressed, begin..embedded_modules.len());
             }
             (first, modules.len())
         };
@@ -246,6 +250,8 @@ fn main() {
             }
         }
         table.add_kernel(row, &places);
+        let bytes = lz4_flex::block::compress_prepend_size(&embedded_modules);
+        fs::write(&compressed, bytes).expect("OUT_DIR can be written");
     }
 
     if cfg!(not(feature = "compile-shaders")) {

@@ -14,7 +14,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Bytes that the modules may take in a library without baselines.
-const EMBEDDED_MAX: usize = 310_000;
+const EMBEDDED_MAX: usize = 200_000;
 
 fn words(bytes: &[u8]) -> Vec<u32> {
     bytes.chunks_exact(4).map(|w| u32::from_le_bytes(w.try_into().unwrap())).collect()
@@ -192,7 +192,8 @@ fn what_is_embedded_is_what_was_compiled_without_debug_names() {
         assert_eq!(instructions(&embedded), expected, "{}", module.name);
     }
     let ours = MODULES.iter().filter(|module| !module.kernel.baseline);
-    let bytes: usize = ours.map(|module| module.code.len()).sum();
+    let compressed: BTreeMap<_, _> = ours.map(|module| (module.modules.as_ptr(), module.modules.len())).collect();
+    let bytes: usize = compressed.into_values().sum();
     println!("{bytes} bytes of SPIR-V without baselines");
     assert!(bytes <= EMBEDDED_MAX, "{bytes} bytes of SPIR-V without baselines, {EMBEDDED_MAX} allowed");
 }

@@ -4,6 +4,7 @@ use super::formats::{FORMATS, FormatRow, POSE_FORMATS};
 use super::kernels::{KERNELS, KernelRow};
 use crate::error::{Error, Result};
 use crate::pack::{DeltaFormat, PoseFormat};
+use std::ops::Range;
 
 include!(concat!(env!("OUT_DIR"), "/modules.rs"));
 
@@ -21,16 +22,22 @@ pub struct Module {
     pub format: Option<&'static FormatRow>,
     /// Targets that are vertex attributes.
     pub batch: u32,
-    /// SPIR-V words, each in as few bytes as it needs: seven bits to a byte, the lowest first.
-    pub code: &'static [u8],
+    /// The modules of the kernel, compressed (LZ4): SPIR-V words, each in as few bytes as it needs, seven bits to a byte, the
+    /// lowest first.
+    pub modules: &'static [u8],
+    /// Those of this one, when it is decompressed.
+    pub bytes: Range<usize>,
 }
 
 impl Module {
     /// The SPIR-V.
     pub fn words(&self) -> Vec<u32> {
-        let mut words = Vec::with_capacity(self.code.len());
+        // What build.rs compressed decompresses, which tests/spirv.rs shows of every module.
+        let modules = lz4_flex::block::decompress_size_prepended(self.modules).unwrap_or_default();
+        let code = modules.get(self.bytes.clone()).unwrap_or_default();
+        let mut words = Vec::with_capacity(code.len());
         let (mut word, mut shift) = (0, 0);
-        for byte in self.code {
+        for byte in code {
             word |= u32::from(byte & 0x7f) << shift;
             shift += 7;
             if byte & 0x80 == 0 {
