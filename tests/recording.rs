@@ -138,7 +138,7 @@ fn misuse_is_an_error_that_says_what_to_do() {
         };
         refuse(single(desc).instances(0), "0 instances");
         refuse(single(desc).frames_in_flight(0), "0 frames in flight");
-        refuse(single(desc).instances(1 << 24), "make several crowds");
+        refuse(single(desc).instances(1 << 24), "use fewer instances");
         let batch = deltamorph::BatchSize::Targets(99);
         refuse(single(desc.batch(batch)), "batch size 99");
         let path = deltamorph::UpdatePath::Cpu;
