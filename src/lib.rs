@@ -35,7 +35,6 @@
     allow(dead_code, reason = "the tests hold all of it against the shaders; the library needs less")
 )]
 mod abi;
-#[allow(unsafe_code)]
 pub mod after;
 mod asset;
 #[cfg(feature = "baselines")]
@@ -60,11 +59,9 @@ mod setters;
 #[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod testing;
-#[allow(unsafe_code)]
 mod update;
 mod weights;
 
-pub use abi::kernels::{DeviceClass, DeviceTuning};
 pub use after::DecodeTarget;
 pub use asset::{
     Corner, Faces, Measure, MeshArrays, MorphMesh, MorphSource, MorphTarget, RenderVertices, Semantic, SourceTarget,
@@ -78,6 +75,7 @@ pub use engine::{
 pub use error::{Error, ErrorKind, Result};
 pub use gpu::caps::{DeviceCaps, DeviceKind, Requirement, TransformFeedbackCaps, requirements};
 pub use gpu::device::{DeviceDesc, SharedAllocator};
+pub use gpu::tuning::{DeviceClass, DeviceTuning};
 pub use pack::blocks::{BLOCK_SIZES, BlockDesc, BlockIndex, PoseGrid};
 pub use pack::file::Asset;
 pub use pack::{

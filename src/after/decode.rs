@@ -1,7 +1,7 @@
 //! The decode step: float32 positions of a pose, in a buffer of the host's own, for whoever cannot decode poses: ray
 //! tracing, picking, a shader that cannot be changed. It follows the steps of the update, and writes what those changed.
 
-use super::follower::{Follower, Job, Kind, Place, Pose};
+use super::follower::{Follower, Job, Kind, Place, PoseKernel};
 use super::output::Output;
 use super::steps::After;
 use crate::abi::modules::DECODE;
@@ -9,8 +9,7 @@ use crate::abi::numbers::{PIECE, WORKGROUP};
 use crate::abi::push::DecodePush;
 use crate::error::Result;
 use crate::gpu::descriptors::Sets;
-use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
-use crate::pack::DeltaFormat;
+use crate::gpu::pipelines::{Pipelines, Workgroups};
 #[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::{Accesses, Memory};
 use crate::setters::setters;
@@ -49,21 +48,9 @@ impl DecodeTarget {
     }
 }
 
-/// The pipeline for a format of poses.
-#[derive(Clone, Copy, PartialEq)]
-struct Key(Pose);
-
-impl PipelineKey for Key {
-    fn make(self, objects: &mut Objects) -> Result<()> {
-        objects.add_layout(&[DECODE.row], 0)?;
-        // It reads no deltas: the module is the same for each of their formats.
-        objects.add_compute(DECODE.module(DeltaFormat::Float32, self.0.format, 0)?, &[self.0.constants()])
-    }
-}
-
 /// Decodes an instance.
 pub(crate) struct Decode {
-    kernel: Arc<Pipelines<Key>>,
+    kernel: Arc<Pipelines<PoseKernel>>,
     /// One for each list.
     sets: Sets,
     push: DecodePush,
@@ -88,7 +75,7 @@ impl Decode {
         }
         place.check("decoding", PIECE)?;
         after.set(place, Kind::Decode, (PIECE, 1), vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
-            let kernel = place.kernels.get(Key(place.pose()))?;
+            let kernel = place.kernels.get(PoseKernel(&DECODE, place.pose()))?;
             let (base, base_before) = place.base_pose();
             let (decoded, decoded_at) = output.range(layout);
             let bound = |frame| [place.poses(), base, lists.range(u64::from(frame)), decoded];

@@ -2,14 +2,15 @@
 
 use super::output::aligned;
 use super::pieces::Pieces;
+use crate::abi::modules::Kernel;
 use crate::abi::numbers::WORKGROUP;
 use crate::asset::streams::TRIPLE;
 use crate::error::{Error, Result};
 use crate::gpu::descriptors::BufferRange;
 use crate::gpu::device::Device;
-use crate::gpu::pipelines::Kernels;
-use crate::pack::PoseFormat;
+use crate::gpu::pipelines::{Kernels, Objects, PipelineKey};
 use crate::pack::vertex::PlaceConstants;
+use crate::pack::{DeltaFormat, PoseFormat};
 #[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::{Accesses, Memory};
 use crate::plan::steps::{Resource, Use, Work};
@@ -137,6 +138,19 @@ impl Pose {
     /// The last specialization constants.
     pub(super) fn constants(&self) -> &[u32] {
         self.places.as_ref().map_or(&[], |places| places)
+    }
+}
+
+/// The pipeline of a step's kernel, for a format of poses.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) struct PoseKernel(pub(super) &'static Kernel, pub(super) Pose);
+
+impl PipelineKey for PoseKernel {
+    fn make(self, objects: &mut Objects) -> Result<()> {
+        let Self(kernel, pose) = self;
+        objects.add_layout(&[kernel.row], 0)?;
+        // Steps read no deltas: the module is the same for each of their formats.
+        objects.add_compute(kernel.module(DeltaFormat::Float32, pose.format, 0)?, &[pose.constants()])
     }
 }
 

@@ -9,14 +9,18 @@
 //! A step writes what the update changed, and nothing where nothing did. What it wrote is ready for the
 //! [consumers](crate::Consumers) of the crowd, and waits for their reads, as poses do.
 
+#[allow(unsafe_code)]
 mod attached;
 pub(crate) mod bounds;
+#[allow(unsafe_code)]
 mod decode;
+#[allow(unsafe_code)]
 mod follower;
 pub(crate) mod normals;
 mod output;
 mod pieces;
 pub(crate) mod skin;
+#[allow(unsafe_code)]
 mod steps;
 
 pub use bounds::{Bounds, BoundsTarget, WeightBounds};

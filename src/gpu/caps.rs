@@ -1,6 +1,7 @@
 //! What a device can do, as far as the update paths care, and what each path asks for.
 
-use crate::abi::kernels::{DeviceClass, DeviceTuning, batch_max};
+use super::tuning::{DeviceClass, DeviceTuning};
+use crate::abi::kernels::batch_max;
 use crate::abi::numbers::{DENSE_BATCH_MAX, WORKGROUP};
 use crate::abi::push::attribute_push_bytes;
 use crate::error::{Error, Result};

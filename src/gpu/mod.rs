@@ -1,8 +1,8 @@
 //! Below the gpu line: everything that calls Vulkan.
 //!
-//! Files by Vulkan concern: [`caps`] (what a device can do), [`device`] (the host's device, borrowed), `memory` (buffers,
-//! rings of lists), `mesh` (an uploaded mesh), `parts` (of
-//! an asset that is too large for a descriptor), `descriptors`, `pipelines`, `barriers`. No file here knows a technique.
+//! Files by Vulkan concern: [`caps`] (what a device can do), `tuning` (what suits it), [`device`] (the host's device,
+//! borrowed), `memory` (buffers, rings of lists), `mesh` (an uploaded mesh), `parts` (of an asset that is too large for a
+//! descriptor), `descriptors`, `pipelines`, `barriers`. No file here knows a technique.
 
 pub(crate) mod barriers;
 pub mod caps;
@@ -12,6 +12,7 @@ pub(crate) mod memory;
 pub(crate) mod mesh;
 pub(crate) mod parts;
 pub(crate) mod pipelines;
+pub(crate) mod tuning;
 
 use crate::error::Error;
 use ash::vk;

@@ -6,8 +6,10 @@
 pub mod animated;
 pub mod blocks;
 mod check;
+#[allow(unsafe_code)]
 pub(crate) mod crowd;
 pub mod dense;
+#[allow(unsafe_code)]
 pub(crate) mod technique;
 
 #[cfg(feature = "baselines")]

@@ -1,14 +1,4 @@
 //! Layers of clips: several at their own times and weights, mixed to one weight vector.
-//!
-//! With the weight w of a layer, its mask m of a target and s what its clip says of it at the layer's time, the weight v of
-//! the target becomes, layer after layer, the first one lowest,
-//!
-//! ```text
-//! override   v · (1 − w · m) + w · m · s      towards the clip: 1 replaces what is below, 0 leaves it
-//! additive   v + w · m · s                    on top of what is below
-//! ```
-//!
-//! A layer leaves alone what its clip has no column for.
 
 use super::BoundClip;
 use super::names::unknown;
@@ -40,8 +30,14 @@ pub enum LayerBlend {
 /// A clip at a time, in a stack of layers that [`mix`](Self::mix) mixes.
 ///
 /// With the weight w of a layer, its mask m of a target and s what its clip says of it at the layer's time, the weight v of
-/// the target becomes v · (1 − w · m) + w · m · s by an [override](LayerBlend::Override), and v + w · m · s by an
-/// [additive](LayerBlend::Additive) layer, layer after layer. A layer leaves alone what its clip has no column for.
+/// the target becomes, layer after layer, the first one lowest,
+///
+/// ```text
+/// override   v · (1 − w · m) + w · m · s      towards the clip: 1 replaces what is below, 0 leaves it
+/// additive   v + w · m · s                    on top of what is below
+/// ```
+///
+/// A layer leaves alone what its clip has no column for.
 ///
 /// A cross-fade is a layer of weight 1, and above it one whose weight goes from 0 to 1; speech over an expression is an
 /// override with a mask of the mouth.

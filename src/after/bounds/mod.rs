@@ -1,5 +1,6 @@
 //! Bounds of poses: `weights` knows some that hold, without a GPU; `step` finds the least there are, on the device.
 
+#[allow(unsafe_code)]
 mod step;
 mod weights;
 

@@ -3,14 +3,13 @@
 use crate::abi::modules::{BOUNDS, BOUNDS_TOTAL};
 use crate::abi::numbers::BOUNDS_PART;
 use crate::abi::push::{BoundsPush, BoundsTotalPush};
-use crate::after::follower::{Follower, Job, Kind, Place, Pose};
+use crate::after::follower::{Follower, Job, Kind, Place, PoseKernel};
 use crate::after::output::aligned;
 use crate::after::steps::After;
 use crate::error::{Error, Result};
 use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::memory::Buffer;
 use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
-use crate::pack::DeltaFormat;
 #[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::{Accesses, Memory};
 use crate::setters::setters;
@@ -44,17 +43,6 @@ impl BoundsTarget {
     }
 }
 
-/// The pipeline for parts of poses in a format.
-#[derive(Clone, Copy, PartialEq)]
-struct PartsKey(Pose);
-
-impl PipelineKey for PartsKey {
-    fn make(self, objects: &mut Objects) -> Result<()> {
-        objects.add_layout(&[BOUNDS.row], 0)?;
-        objects.add_compute(BOUNDS.module(DeltaFormat::Float32, self.0.format, 0)?, &[self.0.constants()])
-    }
-}
-
 /// The pipeline for what parts have in common.
 #[derive(Clone, Copy, PartialEq)]
 struct TotalKey;
@@ -68,7 +56,7 @@ impl PipelineKey for TotalKey {
 
 /// Finds the bounds of an instance: of the parts that changed, and from those of all parts its own.
 pub(crate) struct TightBounds {
-    parts: (Arc<Pipelines<PartsKey>>, Sets, BoundsPush),
+    parts: (Arc<Pipelines<PoseKernel>>, Sets, BoundsPush),
     total: (Arc<Pipelines<TotalKey>>, Sets, BoundsTotalPush),
     pose_numbers: u32,
     /// Bound by the sets.
@@ -98,7 +86,7 @@ impl TightBounds {
                 Buffer::new(place.device, "deltamorph bounds of parts", bytes, usage, MemoryLocation::GpuOnly)?;
             let (base, base_at) = place.base_pose();
             let parts_range = BufferRange::new(of_parts.raw, 0, bytes);
-            let kernel = place.kernels.get(PartsKey(place.pose()))?;
+            let kernel = place.kernels.get(PoseKernel(&BOUNDS, place.pose()))?;
             let bound = |frame| [place.poses(), base, lists.range(u64::from(frame)), parts_range];
             let sets = kernel.objects.sets(&(0..place.frames).map(bound).collect::<Vec<_>>())?;
             let units = place.group.poses.units();

@@ -2,6 +2,7 @@
 //! target by itself, and approximate for several at once.
 
 mod fans;
+#[allow(unsafe_code)]
 mod step;
 
 use crate::error::Result;

@@ -6,7 +6,7 @@ use crate::abi::modules::NORMALS;
 use crate::abi::numbers::{PIECE, WORKGROUP};
 use crate::abi::push::NormalsPush;
 use crate::after::attached::Attached;
-use crate::after::follower::{Follower, Job, Kind, Place, Pose};
+use crate::after::follower::{Follower, Job, Kind, Place, PoseKernel};
 use crate::after::output::Output;
 use crate::after::pieces::Pieces;
 use crate::after::steps::After;
@@ -14,8 +14,8 @@ use crate::error::Result;
 use crate::gpu::descriptors::Sets;
 use crate::gpu::device::Device;
 use crate::gpu::mesh::Upload;
-use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
-use crate::pack::{DeltaFormat, PackedMesh};
+use crate::gpu::pipelines::{Pipelines, Workgroups};
+use crate::pack::PackedMesh;
 #[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::{Accesses, Memory};
 use crate::setters::setters;
@@ -87,20 +87,9 @@ impl NormalsTarget {
     }
 }
 
-/// The pipeline for a format of poses.
-#[derive(Clone, Copy, PartialEq)]
-struct Key(Pose);
-
-impl PipelineKey for Key {
-    fn make(self, objects: &mut Objects) -> Result<()> {
-        objects.add_layout(&[NORMALS.row], 0)?;
-        objects.add_compute(NORMALS.module(DeltaFormat::Float32, self.0.format, 0)?, &[self.0.constants()])
-    }
-}
-
 /// Recomputes the normals of an instance.
 pub(crate) struct Recomputed {
-    kernel: Arc<Pipelines<Key>>,
+    kernel: Arc<Pipelines<PoseKernel>>,
     /// One for each list.
     sets: Sets,
     push: NormalsPush,
@@ -128,7 +117,7 @@ impl Recomputed {
         output.check("a normals target", layout, &place.device.caps)?;
         place.check("normals of", PIECE)?;
         after.set(place, Kind::Normals, (PIECE, 1), vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
-            let kernel = place.kernels.get(Key(place.pose()))?;
+            let kernel = place.kernels.get(PoseKernel(&NORMALS, place.pose()))?;
             let (range, normals_at) = output.range(layout);
             let bound = |frame| [place.poses(), surface.attached.range(), lists.range(u64::from(frame)), range];
             let sets = kernel.objects.sets(&(0..place.frames).map(bound).collect::<Vec<_>>())?;

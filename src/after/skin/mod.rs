@@ -3,6 +3,7 @@
 //! `weights` packs what a mesh says, once; `step` follows the pose on the device; `reference` does the same in float64.
 
 mod reference;
+#[allow(unsafe_code)]
 mod step;
 mod weights;
 

@@ -12,6 +12,7 @@ mod playback;
 mod reference;
 mod sample;
 mod steps;
+#[allow(unsafe_code)]
 mod technique;
 
 pub use clips::{AnimationDesc, Clips, KeyFormat};

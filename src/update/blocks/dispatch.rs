@@ -6,8 +6,8 @@
 //! multiples of [`ALIGN`], so that kernels can load several words at once.
 
 use super::group::{GroupPlan, Item, WorkList};
-use crate::abi::kernels::DeviceTuning;
 use crate::abi::worklist::{ALIGN, TILE, WIDTHS, row_words};
+use crate::gpu::tuning::DeviceTuning;
 use crate::pack::PoseFormat;
 use crate::pack::blocks::BlockIndex;
 #[cfg(any(test, feature = "internals"))]

@@ -7,9 +7,11 @@
 mod commit;
 mod dispatch;
 mod emit;
+#[allow(unsafe_code)]
 pub(crate) mod gpu;
 mod group;
 mod plan;
+#[allow(unsafe_code)]
 mod technique;
 
 #[cfg(any(test, feature = "internals"))]

@@ -2,9 +2,9 @@
 
 use super::dispatch::{BlockPart, Dispatches, Dispatching, KERNELS, Tiles};
 use super::*;
-use crate::abi::kernels::{DeviceClass, DeviceTuning};
 use crate::abi::worklist::{ALIGN, TILE, WIDTHS, row_words};
 use crate::cpu::{Memory, Workers};
+use crate::gpu::tuning::{DeviceClass, DeviceTuning};
 use crate::pack::blocks::{BlockDesc, BlockIndex};
 use crate::pack::{DeltaFormat, PackDesc, PackedMesh, PoseFormat};
 use crate::plan::hazards::Event as Recorded;

@@ -1,8 +1,11 @@
 //! Dense passes: whole poses, cut into passes of at most a batch of targets, as the chapter does.
 
+#[allow(unsafe_code)]
 pub(crate) mod compute;
+#[allow(unsafe_code)]
 pub(crate) mod feedback;
 mod plan;
+#[allow(unsafe_code)]
 pub(crate) mod technique;
 
 pub(crate) type ComputeTechnique = technique::DenseTechnique<compute::ComputePasses>;

@@ -1,0 +1,76 @@
+//! What suits a kind of devices: how work is cut, and which variants of kernels are taken.
+
+/// Kinds of devices, as far as kernels differ.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum DeviceClass {
+    /// A driver that runs on the CPU.
+    Software,
+    /// A GPU of a phone, a tablet or a small board.
+    Phone,
+    /// Any other GPU.
+    Desktop,
+}
+
+/// What suits a class of devices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct DeviceTuning {
+    /// The class.
+    pub class: DeviceClass,
+    /// Instances of a tile at most: 1, 2, 4 or 8.
+    pub widest_tile: u32,
+    /// What loading and decoding an entry costs, in additions of it to one instance. Measured on lavapipe: 3 where
+    /// deltas are in the cache, 8 where they are not.
+    pub load_cost: u32,
+    /// Tiles are read as texels where the format can be, and single instances taken as tiles: software drivers pay for
+    /// storage buffers lane by lane, and several times as much under the control flow that masks take.
+    pub texels: bool,
+    /// Of single heads in float32 poses, otherwise, only the components that change are loaded and stored, as masks say.
+    /// Compilers for GPUs make two to three times as many instructions of that as of whole blocks.
+    pub masks: bool,
+    /// Invocations of a workgroup of tiles, at least: blocks of fewer vertices share one, two at most.
+    pub lanes: u32,
+    /// Deltas are decoded in few registers, at the price of some instructions.
+    pub few_registers: bool,
+}
+
+impl DeviceTuning {
+    /// For a GPU of this vendor whose subgroups have `narrowest` invocations or more. Where all of them are wider than the
+    /// smallest block, a workgroup with one such block would leave the rest idle. It takes two then, and what was the same
+    /// for a subgroup lies in registers of each lane: fewer have to do for decoding. VideoCore has few in any case, and
+    /// runs half as many threads where a kernel takes more than 32.
+    #[must_use]
+    pub const fn for_gpu(self, vendor: u32, narrowest: u32) -> Self {
+        const SHARED: u32 = 64;
+        let wide = narrowest >= SHARED;
+        Self { lanes: if wide { SHARED } else { self.lanes }, few_registers: wide || vendor == BROADCOM, ..self }
+    }
+}
+
+const BROADCOM: u32 = 0x14e4;
+
+impl DeviceClass {
+    /// What suits it.
+    pub const fn tuning(self) -> DeviceTuning {
+        let software = matches!(self, Self::Software);
+        DeviceTuning {
+            class: self,
+            widest_tile: if software { 8 } else { 4 },
+            load_cost: 4,
+            texels: software,
+            masks: software,
+            lanes: 1,
+            few_registers: false,
+        }
+    }
+
+    /// The class of a device that is no software driver, by the vendor's PCI (or Khronos) number.
+    pub const fn of_vendor(vendor: u32) -> Self {
+        match vendor {
+            // Arm, Imagination, Samsung, Qualcomm, Huawei.
+            BROADCOM | 0x13b5 | 0x1010 | 0x144d | 0x5143 | 0x19e5 => Self::Phone,
+            _ => Self::Desktop,
+        }
+    }
+}
