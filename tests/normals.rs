@@ -8,6 +8,8 @@ mod gpu;
 #[allow(dead_code, reason = "buffers are all that is needed of it")]
 #[path = "../examples/draw/offscreen.rs"]
 mod offscreen;
+#[path = "common/step.rs"]
+mod step;
 #[path = "common/written.rs"]
 mod written;
 
@@ -16,16 +18,15 @@ use deltamorph::ash::vk;
 use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::import::{csv, obj};
-use deltamorph::internals::plan::hazards::{Event, HazardChecker, Memory};
-use deltamorph::internals::plan::schedule::asset_uploaded;
+use deltamorph::internals::plan::hazards::Memory;
 use deltamorph::reference::{angle_degrees, evaluate_unpacked, normals};
 use deltamorph::{
     BatchSize, Consumers, CrowdDesc, DeltaFormat, MorphMesh, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
 };
 use glam::DVec3;
 use offscreen::Offscreen;
-use std::slice::from_mut;
-use written::{Written, barriers_needed};
+use step::barriers_around_step;
+use written::Written;
 
 /// What recomputed normals may be off by, in degrees.
 const NORMAL: f64 = 0.5;
@@ -131,29 +132,11 @@ fn a_missing_barrier_around_normals_is_found() {
         let written = Written::new(headless, &host, packed.layout().vertex_count, (0, 12, None));
         let target = NormalsTarget::new(written.buffer);
         let mut crowd = HeadlessCrowd::new(headless, &packed, &CrowdDesc::new(UpdateDesc::blocks())).expect("a crowd");
-        let (mut updates, mut slots) = (vec![], vec![]);
-        for frame in [0, 0, 1, 2, 3] {
-            if updates.len() == 1 {
-                // SAFETY: the buffer is large enough, and lives as long as the crowd; nothing is running.
-                unsafe { crowd.set_normals_target(0, Some((&surface, &target))) }.expect("a target");
-            }
-            let weights = gpu::weights(&packed, frame, 1);
-            // SAFETY: nothing is changed.
-            let step = unsafe { HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[&weights], |_| {}) };
-            updates.push(step.expect("a step").1);
-            slots.push(crowd.crowd().pose(0).expect("a pose").slot);
-        }
-        let is_right = |updates: &[Vec<Event>]| {
-            let mut checker = HazardChecker::default();
-            checker.upload(asset_uploaded());
-            for (events, slot) in updates.iter().zip(&slots) {
-                checker.update(events);
-                checker.draw(0, 0, *slot);
-                checker.read_after(0, Memory::Normals { instance: 0 });
-            }
-            checker.finish().is_ok()
+        let set = |crowd: &mut HeadlessCrowd<'_>| {
+            // SAFETY: the buffer is large enough, and lives as long as the crowd; nothing is running.
+            unsafe { crowd.set_normals_target(0, Some((&surface, &target))) }.expect("a target");
         };
-        let found = barriers_needed(&updates, 1..updates.len(), is_right);
+        let found = barriers_around_step(&mut crowd, &packed, set, Memory::Normals { instance: 0 });
         assert!(found >= 10, "{found} barriers");
     });
 }
