@@ -1,6 +1,6 @@
 //! Clips of weights, and clips bound to the targets of a mesh.
 
-use crate::handles::{DmBoundClip, DmClip, DmMesh, Handle};
+use crate::handles::{DmBoundClip, DmClip, DmMesh, Handle, handle};
 use crate::memory::{Place, Versioned, check_place, fill, read, read_or_default, slice, text, text_or_empty};
 use crate::mesh::head_desc;
 use crate::result::{DmResult, Failure, Result, enter};
@@ -20,6 +20,9 @@ pub struct Clip {
 pub struct BoundClip {
     clip: deltamorph::BoundClip,
 }
+
+handle!(DmClip, 5, Clip);
+handle!(DmBoundClip, 6, BoundClip);
 
 /// Read a clip of weights (.csv). `fps` is its frame rate; 0: the one that the file states, or its name, or else 30.
 ///

@@ -1,13 +1,13 @@
 //! Crowds on the device: made, changed, and where their poses are.
 
+use crate::arguments::{check_command_buffer, check_reserved, or};
 use crate::engine::Engine;
-use crate::handles::{DmCrowd, DmGpuMesh, Handle};
+use crate::handles::{DmCrowd, DmGpuMesh, Handle, handle};
 use crate::memory::{check_place, read, read_or_default, slice};
-use crate::mesh::{check_reserved, or};
 use crate::numbers::{consumers, mode, path, pose_format};
-use crate::record::{Tickets, check_command_buffer};
 use crate::result::{DmResult, Failure, Result, enter, lock};
 use crate::structs::{DmAnimationDesc, DmCrowdDesc, DmDecodeTarget, DmPlayback};
+use crate::tickets::Tickets;
 use deltamorph::ash::vk::{self, Handle as _};
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, AnyCrowd, BatchSize, CrowdDesc, DecodeTarget, KeyFormat, MorphEngine, Playback,
@@ -20,6 +20,8 @@ pub struct Crowd {
     pub(crate) state: Mutex<State>,
     pub(crate) engine: Arc<Engine>,
 }
+
+handle!(DmCrowd, 4, Crowd);
 
 /// What its calls change.
 pub(crate) struct State {

@@ -1,8 +1,8 @@
 //! The engine on a device of the host's.
 
-use crate::handles::{DmEngine, Handle};
+use crate::arguments::check_reserved;
+use crate::handles::{DmEngine, Handle, handle};
 use crate::memory::{Place, Versioned, check_place, read};
-use crate::mesh::check_reserved;
 use crate::result::{DmResult, Failure, Result, enter};
 use crate::structs::{DmEngineDesc, DmEngineInfo};
 use deltamorph::ash::vk::{self, Handle as _};
@@ -14,6 +14,8 @@ use std::sync::Arc;
 pub struct Engine {
     pub(crate) morph: MorphEngine,
 }
+
+handle!(DmEngine, 2, Engine);
 
 /// Make an engine on a device of the host's. It never submits, waits, or makes a queue or a thread.
 ///

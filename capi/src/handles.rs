@@ -1,12 +1,6 @@
 //! Handles: 64 bits that name an object by kind, generation and index. Null, foreign and destroyed ones are refused.
 
-use crate::clip::{BoundClip, Clip};
-use crate::cpu::CpuCrowd;
-use crate::crowd::Crowd;
-use crate::engine::Engine;
-use crate::mesh::Mesh;
 use crate::result::{Failure, Result};
-use crate::upload::GpuMesh;
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 /// A mesh in memory, packed. All zero: none.
@@ -101,13 +95,14 @@ pub trait Handle: Copy {
     }
 }
 
-macro_rules! handles {
-    ($($handle:ident $number:literal $object:ty;)*) => {$(
-        impl Handle for $handle {
+/// `handle!(DmX, number, X)`: a `DmX` names an `X`, and is of the kind `number` in `KINDS`.
+macro_rules! handle {
+    ($handle:ident, $number:literal, $object:ty) => {
+        impl crate::handles::Handle for $handle {
             type Object = $object;
 
-            fn registry() -> &'static Registry<$object> {
-                static REGISTRY: Registry<$object> = Registry::new($number);
+            fn registry() -> &'static crate::handles::Registry<$object> {
+                static REGISTRY: crate::handles::Registry<$object> = crate::handles::Registry::new($number);
                 &REGISTRY
             }
 
@@ -119,18 +114,10 @@ macro_rules! handles {
                 self.bits
             }
         }
-    )*};
+    };
 }
 
-handles! {
-    DmMesh 1 Mesh;
-    DmEngine 2 Engine;
-    DmGpuMesh 3 GpuMesh;
-    DmCrowd 4 Crowd;
-    DmClip 5 Clip;
-    DmBoundClip 6 BoundClip;
-    DmCpuCrowd 7 CpuCrowd;
-}
+pub(crate) use handle;
 
 /// Where the kind is in a handle, and the generation; the index is below.
 const KIND_SHIFT: u32 = 56;
@@ -155,7 +142,8 @@ struct Place<T> {
 }
 
 impl<T> Registry<T> {
-    const fn new(kind: u8) -> Self {
+    /// No objects, of the kind with this number.
+    pub const fn new(kind: u8) -> Self {
         Self { kind, places: RwLock::new(Places { all: vec![], free: vec![] }) }
     }
 

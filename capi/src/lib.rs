@@ -2,9 +2,10 @@
 //! caller has to know is in the documentation of the functions, which the header repeats.
 //!
 //! All of it goes through the public API of the Rust library. What C cannot state is checked here: handles
-//! ([`handles`]), pointers and sizes of structures ([`memory`]), numbers of enumerations ([`numbers`]); every entry
-//! turns errors and panics into a code and a message ([`result`]).
+//! ([`handles`]), pointers and sizes of structures ([`memory`]), reserved fields ([`arguments`]), numbers of enumerations
+//! ([`numbers`]); every entry turns errors and panics into a code and a message ([`result`]).
 
+pub mod arguments;
 pub mod clip;
 pub mod cpu;
 pub mod crowd;
@@ -19,5 +20,6 @@ pub mod queries;
 pub mod record;
 pub mod result;
 pub mod structs;
+pub mod tickets;
 pub mod upload;
 pub mod views;

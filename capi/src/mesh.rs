@@ -1,6 +1,7 @@
 //! Meshes in memory: imported, and packed as the device takes them.
 
-use crate::handles::{DmMesh, Handle};
+use crate::arguments::{check_reserved, or};
+use crate::handles::{DmMesh, Handle, handle};
 use crate::memory::{check_place, read, read_or_default, slice, text, text_or_empty};
 use crate::numbers::{DM_MESH_KEEP_ALL, DM_MESH_SPLIT, DM_MESH_WELD, delta_format};
 use crate::result::{DmResult, Failure, Result, enter};
@@ -20,18 +21,7 @@ pub struct Mesh {
     pub(crate) names: Vec<CString>,
 }
 
-/// A value, or the default where it is 0.
-pub(crate) fn or<T: Default + PartialEq>(value: T, default: T) -> T {
-    if value == T::default() { default } else { value }
-}
-
-/// Fields that have no meaning yet have to be zero, so that they can get one.
-pub(crate) fn check_reserved(structure: &str, reserved: u32) -> Result<()> {
-    match reserved {
-        0 => Ok(()),
-        _ => Err(Failure::invalid(format!("{structure}: 'reserved' is {reserved}; set it to 0"))),
-    }
-}
+handle!(DmMesh, 1, Mesh);
 
 impl DmMeshDesc {
     const FLAGS: u32 = DM_MESH_SPLIT | DM_MESH_WELD | DM_MESH_KEEP_ALL;

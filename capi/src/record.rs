@@ -1,54 +1,14 @@
 //! Updates into the host's command buffer, and their tickets.
 
+use crate::arguments::check_command_buffer;
 use crate::crowd::Crowd;
 use crate::handles::{DmCrowd, Handle};
 use crate::memory::{Place, Versioned, slice};
 use crate::result::{DmResult, Failure, Result, enter, lock};
 use crate::structs::{DmTicket, DmUpdate};
-use deltamorph::ash::vk::{self, Handle as _};
-use deltamorph::{AnyCrowd, Ticket, Update};
-use std::collections::VecDeque;
+use deltamorph::ash::vk;
+use deltamorph::{AnyCrowd, Update};
 use std::sync::Arc;
-
-/// Updates of a crowd that can still be discarded: more than a host has in flight.
-const KEPT: usize = 1024;
-
-/// Tickets of the updates that were recorded last, by number.
-#[derive(Default)]
-pub struct Tickets {
-    recorded: u64,
-    kept: VecDeque<Ticket>,
-}
-
-impl Tickets {
-    /// Keep the ticket of the next update, and number it.
-    fn push(&mut self, ticket: Ticket) -> u64 {
-        self.recorded += 1;
-        self.kept.push_back(ticket);
-        if self.kept.len() > KEPT {
-            self.kept.pop_front();
-        }
-        self.recorded
-    }
-
-    fn find(&self, number: u64) -> Result<Ticket> {
-        let age = self.recorded.checked_sub(number).filter(|_| number > 0).ok_or_else(|| {
-            Failure::invalid(format!("update {number} of {}; hand in the ticket of an update", self.recorded))
-        })?;
-        let at = usize::try_from(age).ok().and_then(|age| self.kept.len().checked_sub(age + 1));
-        at.and_then(|at| self.kept.get(at).copied()).ok_or_else(|| {
-            let text = format!("update {number} of {} is older than the last {KEPT}", self.recorded);
-            Failure::invalid(format!("{text}; discard updates before as many are recorded"))
-        })
-    }
-}
-
-pub(crate) fn check_command_buffer(cmd: vk::CommandBuffer) -> Result<()> {
-    match cmd.is_null() {
-        true => Err(Failure::invalid("'cmd' is null; hand in a command buffer that is being recorded")),
-        false => Ok(()),
-    }
-}
 
 /// What C is told of an update.
 fn told(crowd: DmCrowd, number: u64, update: &Update) -> DmUpdate {
@@ -193,16 +153,6 @@ pub unsafe extern "C" fn dm_crowd_discard(crowd: DmCrowd, ticket: DmTicket) -> D
 mod tests {
     use super::*;
     use deltamorph::{CrowdDesc, UpdateDesc};
-
-    #[test]
-    fn tickets_that_never_were_and_old_ones_are_refused() {
-        let none = Tickets::default();
-        for number in [0, 1, u64::MAX] {
-            assert!(none.find(number).unwrap_err().message.contains("hand in the ticket of an update"));
-        }
-        let old = Tickets { recorded: 5000, kept: VecDeque::new() };
-        assert!(old.find(5000).unwrap_err().message.contains("older than the last 1024"));
-    }
 
     #[test]
     fn zeros_describe_the_crowd_that_rust_has_by_default() {

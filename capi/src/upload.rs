@@ -1,7 +1,8 @@
 //! Meshes on the device.
 
+use crate::arguments::check_command_buffer;
 use crate::engine::Engine;
-use crate::handles::{DmEngine, DmGpuMesh, DmMesh, Handle};
+use crate::handles::{DmEngine, DmGpuMesh, DmMesh, Handle, handle};
 use crate::memory::{Place, check_place};
 use crate::numbers::semantic;
 use crate::result::{DmResult, enter, lock};
@@ -15,6 +16,8 @@ pub struct GpuMesh {
     pub(crate) mesh: Mutex<deltamorph::GpuMesh>,
     pub(crate) engine: Arc<Engine>,
 }
+
+handle!(DmGpuMesh, 3, GpuMesh);
 
 /// Make the buffers of a mesh on the device, and record their upload. `mesh` may be destroyed afterwards.
 ///
@@ -38,7 +41,7 @@ pub unsafe extern "C" fn dm_mesh_upload(
 ) -> DmResult {
     enter("dm_mesh_upload", || {
         check_place(gpu_mesh, "gpu_mesh")?;
-        crate::record::check_command_buffer(cmd)?;
+        check_command_buffer(cmd)?;
         let (engine, mesh) = (engine.get()?, mesh.get()?);
         // SAFETY: the caller's obligations; `gpu_mesh` was checked.
         unsafe {

@@ -1,0 +1,54 @@
+//! Tickets of updates: numbers in C, values in Rust.
+
+use crate::result::{Failure, Result};
+use deltamorph::Ticket;
+use std::collections::VecDeque;
+
+/// Updates of a crowd that can still be discarded: more than a host has in flight.
+const KEPT: usize = 1024;
+
+/// Tickets of the updates that were recorded last, by number.
+#[derive(Default)]
+pub struct Tickets {
+    recorded: u64,
+    kept: VecDeque<Ticket>,
+}
+
+impl Tickets {
+    /// Keep the ticket of the next update, and number it.
+    pub fn push(&mut self, ticket: Ticket) -> u64 {
+        self.recorded += 1;
+        self.kept.push_back(ticket);
+        if self.kept.len() > KEPT {
+            self.kept.pop_front();
+        }
+        self.recorded
+    }
+
+    /// The ticket that was kept as `number`.
+    pub fn find(&self, number: u64) -> Result<Ticket> {
+        let age = self.recorded.checked_sub(number).filter(|_| number > 0).ok_or_else(|| {
+            Failure::invalid(format!("update {number} of {}; hand in the ticket of an update", self.recorded))
+        })?;
+        let at = usize::try_from(age).ok().and_then(|age| self.kept.len().checked_sub(age + 1));
+        at.and_then(|at| self.kept.get(at).copied()).ok_or_else(|| {
+            let text = format!("update {number} of {} is older than the last {KEPT}", self.recorded);
+            Failure::invalid(format!("{text}; discard updates before as many are recorded"))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tickets_that_never_were_and_old_ones_are_refused() {
+        let none = Tickets::default();
+        for number in [0, 1, u64::MAX] {
+            assert!(none.find(number).unwrap_err().message.contains("hand in the ticket of an update"));
+        }
+        let old = Tickets { recorded: 5000, kept: VecDeque::new() };
+        assert!(old.find(5000).unwrap_err().message.contains("older than the last 1024"));
+    }
+}
