@@ -124,6 +124,27 @@ const KIND_SHIFT: u32 = 56;
 const GENERATION_SHIFT: u32 = 32;
 const GENERATION_MAX: u32 = (1 << (KIND_SHIFT - GENERATION_SHIFT)) - 1;
 
+/// The index that `bits` name, where they are of this kind.
+#[inline(never)]
+fn index(wanted_kind: u8, bits: u64) -> Result<usize> {
+    let (kind, wanted) = ((bits >> KIND_SHIFT) as usize, KINDS[usize::from(wanted_kind)]);
+    if kind == usize::from(wanted_kind) {
+        return Ok(bits as u32 as usize);
+    }
+    Err(Failure::handle(match KINDS.get(kind) {
+        _ if bits == 0 => format!("a null handle in place of {wanted}; create one, and check what that returned"),
+        Some(found) if kind > 0 => format!("the handle of {found} in place of {wanted}; hand in {wanted}"),
+        Some(_) | None => format!("{bits:#x} is no handle; hand in {wanted} that this library created"),
+    }))
+}
+
+#[cold]
+#[inline(never)]
+fn refused(kind: u8, bits: u64) -> Failure {
+    let wanted = KINDS[usize::from(kind)];
+    Failure::handle(format!("{wanted} {bits:#x} that was destroyed, or never created; use one that is alive"))
+}
+
 /// The objects of one kind. A place is used again with another generation, so that a handle of what was there before
 /// is known as such; a place whose generations are used up stays empty.
 pub struct Registry<T> {
@@ -174,37 +195,19 @@ impl<T> Registry<T> {
         Ok(u64::from(self.kind) << KIND_SHIFT | generation | u64::from(index))
     }
 
-    /// The index that `bits` name, where they are of this kind.
-    fn index(&self, bits: u64) -> Result<usize> {
-        let (kind, wanted) = ((bits >> KIND_SHIFT) as usize, KINDS[usize::from(self.kind)]);
-        if kind == usize::from(self.kind) {
-            return Ok(bits as u32 as usize);
-        }
-        Err(Failure::handle(match KINDS.get(kind) {
-            _ if bits == 0 => format!("a null handle in place of {wanted}; create one, and check what that returned"),
-            Some(found) if kind > 0 => format!("the handle of {found} in place of {wanted}; hand in {wanted}"),
-            Some(_) | None => format!("{bits:#x} is no handle; hand in {wanted} that this library created"),
-        }))
-    }
-
-    fn refused(&self, bits: u64) -> Failure {
-        let wanted = KINDS[usize::from(self.kind)];
-        Failure::handle(format!("{wanted} {bits:#x} that was destroyed, or never created; use one that is alive"))
-    }
-
     fn get(&self, bits: u64) -> Result<Arc<T>> {
-        let index = self.index(bits)?;
+        let index = index(self.kind, bits)?;
         let places = self.read();
         let place = places.all.get(index).filter(|place| place.is(bits));
-        place.and_then(|place| place.object.clone()).ok_or_else(|| self.refused(bits))
+        place.and_then(|place| place.object.clone()).ok_or_else(|| refused(self.kind, bits))
     }
 
     fn remove(&self, bits: u64, check: impl FnOnce(&Arc<T>) -> Result<()>) -> Result<Arc<T>> {
-        let index = self.index(bits)?;
+        let (index, refused) = (index(self.kind, bits)?, || refused(self.kind, bits));
         let mut places = self.write();
-        let place = places.all.get_mut(index).filter(|place| place.is(bits)).ok_or_else(|| self.refused(bits))?;
-        check(place.object.as_ref().ok_or_else(|| self.refused(bits))?)?;
-        let object = place.object.take().ok_or_else(|| self.refused(bits))?;
+        let place = places.all.get_mut(index).filter(|place| place.is(bits)).ok_or_else(refused)?;
+        check(place.object.as_ref().ok_or_else(refused)?)?;
+        let object = place.object.take().ok_or_else(refused)?;
         if place.generation < GENERATION_MAX {
             places.free.push(index as u32);
         }

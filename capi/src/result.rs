@@ -1,5 +1,6 @@
 //! Codes and messages: what an entry returns, and what it leaves for `dm_last_error`.
 
+use std::any::Any;
 use std::cell::RefCell;
 use std::ffi::{CString, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -72,17 +73,25 @@ thread_local! {
 /// Run the body of the entry `function`: failures and panics become a code, and leave a message.
 pub fn enter(function: &str, body: impl FnOnce() -> Result<()>) -> DmResult {
     // What a panic leaves behind is seen by nobody: objects are behind locks, which are poisoned then (`lock`).
-    let failure = match catch_unwind(AssertUnwindSafe(body)) {
-        Ok(Ok(())) => return DM_OK,
-        Ok(Err(failure)) => failure,
-        Err(payload) => {
-            let text = payload.downcast_ref::<&str>().map(|text| (*text).to_owned());
-            let text = text.or_else(|| payload.downcast_ref::<String>().cloned()).unwrap_or_default();
-            // Dropping what was thrown could throw again.
-            std::mem::forget(payload);
-            Failure::panic(format!("a defect of the library: {text}; destroy what was handed in, and report this"))
-        }
-    };
+    match catch_unwind(AssertUnwindSafe(body)) {
+        Ok(Ok(())) => DM_OK,
+        Ok(Err(failure)) => failed(function, failure),
+        Err(payload) => failed(function, panicked(payload)),
+    }
+}
+
+fn panicked(payload: Box<dyn Any + Send>) -> Failure {
+    let text = payload.downcast_ref::<&str>().map(|text| (*text).to_owned());
+    let text = text.or_else(|| payload.downcast_ref::<String>().cloned()).unwrap_or_default();
+    // Dropping what was thrown could throw again.
+    std::mem::forget(payload);
+    Failure::panic(format!("a defect of the library: {text}; destroy what was handed in, and report this"))
+}
+
+/// Leave the message. Not a part of each entry: it would be a fifth of all of them.
+#[cold]
+#[inline(never)]
+fn failed(function: &str, failure: Failure) -> DmResult {
     let message = format!("{function}: {}", failure.message).replace('\0', "\u{fffd}");
     // Without the storage of a thread that is ending there is no message.
     let _ = LAST.try_with(|last| *last.borrow_mut() = CString::new(message).unwrap_or_default());
