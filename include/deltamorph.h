@@ -106,6 +106,13 @@
 /// Builds of acceleration structures, from decoded positions.
 #define DM_READ_BY_ACCELERATION_STRUCTURES 16
 
+/// Linear blend: a joint is twelve float32, the first three rows of its matrix (joint to model x inverse bind matrix).
+#define DM_SKIN_LINEAR 1
+
+/// Dual quaternions: a joint is eight float32, a unit quaternion (x, y, z, w) and the dual part, half of translation x
+/// rotation.
+#define DM_SKIN_DUAL_QUATERNION 2
+
 /// Where the vertex is: three components.
 #define DM_STREAM_POSITION 1
 
@@ -326,7 +333,9 @@ typedef struct DmBoundClip {
     uint64_t bits;
 } DmBoundClip;
 
-/// made with it. The device has the extensions and features of `dm_requirements` enabled for the paths to be used.
+/// The device that an engine is made on. All handles are alive, belong together, and live until the engine is destroyed,
+/// with what was made with it. The device has the extensions and features of `dm_requirements` enabled for the paths to
+/// be used.
 typedef struct DmEngineDesc {
     /// sizeof(DmEngineDesc).
     uint32_t struct_size;
@@ -350,6 +359,11 @@ typedef struct DmEngineDesc {
     uint32_t clamp_to_android_baseline;
     /// Zero.
     uint32_t reserved;
+    /// Not 0: `instance` was created with VK_EXT_debug_utils; buffers, pipelines and descriptor sets get names then.
+    uint32_t debug_names;
+    /// Not 0: `device` was created with the feature `bufferDeviceAddress`; DmCrowdDesc::pose_usage may ask for
+    /// addresses.
+    uint32_t buffer_device_address;
 } DmEngineDesc;
 
 /// What an engine runs on.
@@ -414,6 +428,39 @@ typedef struct DmStreamView {
     uint32_t reserved;
 } DmStreamView;
 
+/// Where a stream is in a vertex.
+typedef struct DmStreamPlace {
+    /// `DM_STREAM_...`.
+    uint32_t stream;
+    /// Bytes from the beginning of a vertex to its first component: a multiple of 4, of 2 in poses of 16-bit integers,
+    /// where a stream brings the six numbers of its pair (position and normal, for example), which stay together.
+    uint32_t offset;
+} DmStreamPlace;
+
+/// Vertices of a host's own that a crowd keeps its poses in, interleaved with what else the host has there, which is
+/// left alone. From `offset` on there is a pose for each slot of each instance, `[instance][slot]`, of `stride` x
+/// DmMeshInfo::padded_vertex_count bytes each, in the order of pose buffers.
+///
+/// The buffer is of the engine's device, usable as storage buffer, and large enough for all of that. It lives until the
+/// crowd is destroyed. While an update runs, nobody else reads or writes what the crowd writes there, but for the
+/// crowd's consumers.
+typedef struct DmHostPoses {
+    /// sizeof(DmHostPoses).
+    uint32_t struct_size;
+    /// Bytes from vertex to vertex, a multiple of 4.
+    uint32_t stride;
+    /// The buffer.
+    VkBuffer buffer;
+    /// Bytes from its beginning to the first vertex, a multiple of 4.
+    uint64_t offset;
+    /// The streams that are written, 16 at most; positions are among them.
+    const struct DmStreamPlace *streams;
+    /// Streams.
+    uint32_t stream_count;
+    /// Zero.
+    uint32_t reserved;
+} DmHostPoses;
+
 /// How to make a crowd. Zeros are the defaults.
 typedef struct DmCrowdDesc {
     /// sizeof(DmCrowdDesc).
@@ -441,6 +488,12 @@ typedef struct DmCrowdDesc {
     float weight_max;
     /// How far a vertex may be from where the weights would put it, as a length in input units; 0: nothing is deferred.
     float error_budget;
+    /// VkBufferUsageFlags that pose buffers have beside vertex, storage and storage texel buffer, and source of copies.
+    uint32_t pose_usage;
+    /// Zero.
+    uint32_t reserved;
+    /// Vertices of the host's that poses are written into (path blocks); null: buffers of the library's.
+    const struct DmHostPoses *poses;
 } DmCrowdDesc;
 
 /// Instances of a mesh on the device, whose weights are set, or that play clips. All zero: none.
@@ -479,21 +532,11 @@ typedef struct DmPlayback {
     uint32_t reserved;
 } DmPlayback;
 
-/// Where float32 positions of an instance are written, in the order of poses and without padding.
-typedef struct DmDecodeTarget {
-    /// sizeof(DmDecodeTarget).
-    uint32_t struct_size;
-    /// Bytes from vertex to vertex, a multiple of 4; 0: 12.
-    uint32_t stride;
-    /// The buffer, usable as storage buffer.
-    VkBuffer buffer;
-    /// Offset of the first vertex's position, a multiple of 4.
-    uint64_t offset;
-    /// Bytes from a position to its normal, a multiple of 4 from 12 on; 0: no normals.
-    uint32_t normals;
-    /// Zero.
-    uint32_t reserved;
-} DmDecodeTarget;
+/// Crowds of several meshes (head, teeth, lashes) whose instances take one weight vector. All zero: none.
+typedef struct DmCrowds {
+    /// Kind, generation and index.
+    uint64_t bits;
+} DmCrowds;
 
 /// Names an update, to discard it.
 typedef struct DmTicket {
@@ -526,6 +569,125 @@ typedef struct DmUpdate {
     /// The least that could be moved.
     uint64_t bytes_floor;
 } DmUpdate;
+
+/// Host memory that poses are copied to, and decoded from. All zero: none.
+typedef struct DmReadback {
+    /// Kind, generation and index.
+    uint64_t bits;
+} DmReadback;
+
+/// Where float32 positions of an instance are written, in the order of poses and without padding.
+typedef struct DmDecodeTarget {
+    /// sizeof(DmDecodeTarget).
+    uint32_t struct_size;
+    /// Bytes from vertex to vertex, a multiple of 4; 0: 12.
+    uint32_t stride;
+    /// The buffer, usable as storage buffer.
+    VkBuffer buffer;
+    /// Offset of the first vertex's position, a multiple of 4.
+    uint64_t offset;
+    /// Bytes from a position to its normal, a multiple of 4 from 12 on; 0: no normals.
+    uint32_t normals;
+    /// Zero.
+    uint32_t reserved;
+} DmDecodeTarget;
+
+/// Where the bounds of an instance's pose are written: six float32, the least x, y and z of any vertex, and the
+/// greatest.
+typedef struct DmBoundsTarget {
+    /// sizeof(DmBoundsTarget).
+    uint32_t struct_size;
+    /// Zero.
+    uint32_t reserved;
+    /// The buffer, usable as storage buffer.
+    VkBuffer buffer;
+    /// Offset, a multiple of 4.
+    uint64_t offset;
+} DmBoundsTarget;
+
+/// The triangles around each vertex of a mesh, on the device: for normals of the morphed surface. All zero: none.
+typedef struct DmSurface {
+    /// Kind, generation and index.
+    uint64_t bits;
+} DmSurface;
+
+/// Where normals of an instance's morphed surface are written, in the order of poses and without padding.
+typedef struct DmNormalsTarget {
+    /// sizeof(DmNormalsTarget).
+    uint32_t struct_size;
+    /// Bytes from vertex to vertex, a multiple of 4 from 12 on; 0: 12.
+    uint32_t stride;
+    /// The buffer, usable as storage buffer.
+    VkBuffer buffer;
+    /// Offset of the first vertex's normal, a multiple of 4.
+    uint64_t offset;
+} DmNormalsTarget;
+
+/// Which joints move the vertices of a mesh.
+typedef struct DmSkinDesc {
+    /// sizeof(DmSkinDesc).
+    uint32_t struct_size;
+    /// Joints that a vertex names: 4 or 8; 0: 4.
+    uint32_t influences;
+    /// For each of the DmMeshInfo::vertex_count vertices, in the order of the mesh as it was imported, `influences` joints.
+    /// Those whose weight is 0 are not used.
+    const uint16_t *joints;
+    /// The weights of these joints: not negative, of any sum above 0, by which they are divided.
+    const float *weights;
+    /// Joints there are: 1 to 65,536.
+    uint32_t joint_count;
+    /// Zero.
+    uint32_t reserved;
+} DmSkinDesc;
+
+/// Joints and weights of a mesh's vertices, on the device. All zero: none.
+typedef struct DmSkin {
+    /// Kind, generation and index.
+    uint64_t bits;
+} DmSkin;
+
+/// Where an instance is skinned to, in the order of poses and without padding, and by which joints.
+typedef struct DmSkinTarget {
+    /// sizeof(DmSkinTarget).
+    uint32_t struct_size;
+    /// Bytes from vertex to vertex, a multiple of 4; 0: 12, or `normals` and 12.
+    uint32_t stride;
+    /// The buffer, usable as storage buffer.
+    VkBuffer buffer;
+    /// Offset of the first vertex's position, a multiple of 4.
+    uint64_t offset;
+    /// Second place of the same stride, so that the previous skinned pose stays when the next is written; null: none.
+    VkBuffer second_buffer;
+    /// Offset there.
+    uint64_t second_offset;
+    /// The buffer of the joints, usable as storage buffer.
+    VkBuffer joints;
+    /// Bytes from the beginning of that buffer that joints may lie in.
+    uint64_t joints_bytes;
+    /// Offset of the instance's first joint, a multiple of 16, until `dm_crowd_set_joints` names another.
+    uint64_t joints_offset;
+    /// Bytes from a position to its normal, of unit length, a multiple of 4 from 12 on; 0: no normals.
+    uint32_t normals;
+    /// `DM_SKIN_...`, how joints are blended, and so what they are; 0: linear.
+    uint32_t method;
+} DmSkinTarget;
+
+/// Where a skinned pose is.
+typedef struct DmSkinnedView {
+    /// sizeof(DmSkinnedView).
+    uint32_t struct_size;
+    /// Zero.
+    uint32_t reserved;
+    /// The buffer.
+    VkBuffer buffer;
+    /// Offset of the first position.
+    uint64_t offset;
+    /// Where it is as it was before the last update: the same place where nothing changed, on the first update and
+    /// after a cut. Null: the update overwrote it.
+    VkBuffer previous_buffer;
+    /// Offset there.
+    uint64_t previous_offset;
+} DmSkinnedView;
 
 /// Instances of a mesh that are updated on the CPU, without Vulkan. All zero: none.
 typedef struct DmCpuCrowd {
@@ -714,14 +876,12 @@ DmResult dm_mesh_destroy(struct DmMesh mesh);
 
 /// Read a clip of weights (.csv). `fps` is its frame rate; 0: the one that the file states, or its name, or else 30.
 ///
-/// Errors: DM_ERROR_IO, DM_ERROR_INPUT with file, place and remedy, also where the library was built without the feature
-/// `csv`.
+/// Errors: DM_ERROR_IO, DM_ERROR_INPUT with file, place and remedy, also where the library was built without the
+/// feature `csv`.
 ///
 /// Safety:
 /// `path` is a UTF-8 string; `clip` can be written.
-DmResult dm_clip_open(const char *path,
-                      float fps,
-                      struct DmClip *clip);
+DmResult dm_clip_open(const char *path, float fps, struct DmClip *clip);
 
 /// Make a clip from arrays. Weights are checked by what takes the clip.
 ///
@@ -781,10 +941,10 @@ DmResult dm_engine_create(const struct DmEngineDesc *desc, struct DmEngine *engi
 /// `info` is a structure that can be written.
 DmResult dm_engine_info(struct DmEngine engine, struct DmEngineInfo *info);
 
-/// Destroy an engine. Meshes and crowds that were made with it have to be destroyed first; while one is alive, this is
-/// refused. The device may be destroyed afterwards.
+/// Destroy an engine. What was made with it (meshes on the device, crowds, skins, surfaces, read-backs) has to be
+/// destroyed first; while something is alive, this is refused. The device may be destroyed afterwards.
 ///
-/// Errors: DM_ERROR_INVALID while a mesh or crowd is alive; nothing changes then.
+/// Errors: DM_ERROR_INVALID while something is alive; nothing changes then.
 DmResult dm_engine_destroy(struct DmEngine engine);
 
 /// Make the buffers of a mesh on the device, and record their upload. `mesh` may be destroyed afterwards.
@@ -835,7 +995,8 @@ DmResult dm_gpu_mesh_destroy(struct DmGpuMesh mesh);
 /// DM_ERROR_OUT_OF_MEMORY.
 ///
 /// Safety:
-/// `desc` is null (the defaults) or a structure; `crowd` can be written.
+/// `desc` is null (the defaults) or a structure, and so is DmCrowdDesc::poses, which keeps what its documentation says;
+/// `crowd` can be written.
 DmResult dm_crowd_create(struct DmGpuMesh mesh, const struct DmCrowdDesc *desc, struct DmCrowd *crowd);
 
 /// Make a crowd whose instances play clips on the GPU, and record the upload of the clips. Instances that have played
@@ -848,7 +1009,7 @@ DmResult dm_crowd_create(struct DmGpuMesh mesh, const struct DmCrowdDesc *desc, 
 ///
 /// Safety:
 /// - `cmd` as in `dm_mesh_upload`. It runs exactly once, before any update of the crowd.
-/// - `desc` is null (the defaults) or a structure; `animation` is a structure with as many clips as it says.
+/// - `desc` as in `dm_crowd_create`; `animation` is a structure with as many clips as it says.
 /// - `crowd` can be written. It is destroyed only when the device no longer uses it.
 DmResult dm_crowd_create_animated(struct DmGpuMesh mesh,
                                   VkCommandBuffer cmd,
@@ -869,15 +1030,6 @@ DmResult dm_crowd_release_staging(struct DmCrowd crowd);
 /// Safety:
 /// The device no longer uses them.
 DmResult dm_crowd_destroy(struct DmCrowd crowd);
-
-/// Request these weights for an instance, one per target in the mesh's order, from the next recorded update on.
-///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed, a wrong number of weights, one that is not finite
-/// or out of range, a crowd that plays clips. Nothing changes then.
-///
-/// Safety:
-/// There are `count` weights.
-DmResult dm_crowd_set_weights(struct DmCrowd crowd, uint32_t instance, const float *weights, uint32_t count);
 
 /// The next pose of an instance has no predecessor: its previous pose will be the pose itself.
 ///
@@ -916,18 +1068,83 @@ DmResult dm_crowd_play(struct DmCrowd crowd, uint32_t instance, const struct DmP
 /// Errors: DM_ERROR_INVALID for no number, or one too large; for a crowd that plays no clips.
 DmResult dm_crowd_set_time(struct DmCrowd crowd, double seconds);
 
-/// Have positions of an instance written as float32 into a buffer of the host's, from the next recorded update on;
-/// null: no longer. What is written is ready for the crowd's consumers.
+/// Request these weights for an instance, one per target in the mesh's order, from the next recorded update on.
 ///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed, an offset or stride that does not fit. Nothing
-/// changes then.
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, a wrong number of weights, one that is not finite
+/// or out of range, a crowd that plays clips. Nothing changes then.
 ///
 /// Safety:
-/// - `target` is null or a structure. Its buffer is one of the engine's device, made for use as storage buffer; it is
-///   large enough for all that is written, and lives until the instance has another target, or none, and the updates
-///   recorded before have finished.
-/// - No update of the crowd that was recorded with an earlier target of the instance is unfinished.
-DmResult dm_crowd_set_decode_target(struct DmCrowd crowd, uint32_t instance, const struct DmDecodeTarget *target);
+/// There are `count` weights.
+DmResult dm_crowd_set_weights(struct DmCrowd crowd, uint32_t instance, const float *weights, uint32_t count);
+
+/// Request the weight of one target, counted from 0 in the mesh's order, from the next recorded update on; the others
+/// stay as requested.
+///
+/// Errors: DM_ERROR_INVALID for a target out of range; as `dm_crowd_set_weights`. Nothing changes then.
+DmResult dm_crowd_set_weight(struct DmCrowd crowd, uint32_t instance, uint32_t target, float weight);
+
+/// Request the weight of the target called `name`, of several the first, after a search through the names: as
+/// `dm_crowd_set_weight`.
+///
+/// Errors: DM_ERROR_INVALID for a name that the mesh does not have, with the one that was probably meant; as
+/// `dm_crowd_set_weights`. Nothing changes then.
+///
+/// Safety:
+/// `name` is a UTF-8 string.
+DmResult dm_crowd_set_weight_by_name(struct DmCrowd crowd, uint32_t instance, const char *name, float weight);
+
+/// The weights requested of an instance, one per target in the mesh's order, as they were set.
+///
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, too little room, a crowd that plays clips.
+///
+/// Safety:
+/// There is room for `count` weights.
+DmResult dm_crowd_weights(struct DmCrowd crowd, uint32_t instance, float *weights, uint32_t count);
+
+/// Make a set of `count` crowds whose weights are set by one vector: by their names, a weight goes to the targets of
+/// every mesh. Instance i of the set is instance i of each crowd. The weights are, to begin with, those of all their
+/// targets: each name once, in the order in which crowds and their targets name them.
+///
+/// The crowds stay the caller's: `dm_record_updates` records their updates with shared barriers, and each is cut,
+/// hidden, skinned and destroyed by its own handle. Where one was destroyed, the set can only be destroyed.
+///
+/// Errors: DM_ERROR_INVALID for no crowd, one that is named twice, or that plays clips.
+///
+/// Safety:
+/// There are `count` crowds; `set` can be written.
+DmResult dm_crowds_create(const struct DmCrowd *crowds, uint32_t count, struct DmCrowds *set);
+
+/// From now on weights are of these names, in this order: those of a clip or of a tracker. Targets that are not among
+/// them keep the weights that were requested last.
+///
+/// Errors: DM_ERROR_INVALID for a name that no mesh has, or that comes twice; DM_ERROR_HANDLE where a crowd was
+/// destroyed. Nothing changes then.
+///
+/// Safety:
+/// There are `count` names, UTF-8 strings.
+DmResult dm_crowds_bind(struct DmCrowds set, const char *const *names, uint32_t count);
+
+/// What the weights of a set are called, in their order: UTF-8, valid until the set is bound anew, or destroyed.
+///
+/// With `names` null, `count` becomes their number. Otherwise `count` says how many there is room for.
+///
+/// Errors: DM_ERROR_INVALID for too little room.
+///
+/// Safety:
+/// `count` can be read and written; `names` is null or has room for that many.
+DmResult dm_crowds_names(struct DmCrowds set, uint32_t *count, const char **names);
+
+/// Request these weights of an instance in all crowds, one for each name of the set, from the next recorded updates on.
+///
+/// Errors: DM_ERROR_INVALID for a wrong number of weights; as `dm_crowd_set_weights`; DM_ERROR_HANDLE where a crowd was
+/// destroyed. Nothing changes then, in no crowd.
+///
+/// Safety:
+/// There are `count` weights.
+DmResult dm_crowds_set_weights(struct DmCrowds set, uint32_t instance, const float *weights, uint32_t count);
+
+/// Destroy a set. Its crowds stay.
+DmResult dm_crowds_destroy(struct DmCrowds set);
 
 /// Record the update of all instances of a crowd to the weights requested, or to the time set.
 ///
@@ -1003,10 +1220,182 @@ DmResult dm_crowd_stream(struct DmCrowd crowd, uint32_t instance, uint32_t strea
 /// `view` is a structure that can be written.
 DmResult dm_crowd_previous_stream(struct DmCrowd crowd, uint32_t instance, uint32_t stream, struct DmStreamView *view);
 
+/// Make memory for reading poses back: none yet, as much as they take when they are recorded.
+///
+/// Safety:
+/// `readback` can be written.
+DmResult dm_readback_create(struct DmEngine engine, struct DmReadback *readback);
+
+/// Record copies of the poses of `count` instances of a crowd, in the place of what was recorded before. It comes after
+/// the update that writes them, in the same command buffer or a later one.
+///
+/// This records: a barrier from the stages that write poses to copies, whatever the consumers of the crowd are; the
+/// copies; and a barrier that makes them visible to the host, and that later updates wait for.
+///
+/// Errors: DM_ERROR_INVALID for a crowd of another engine; as `dm_crowd_pose`, for each instance;
+/// DM_ERROR_OUT_OF_MEMORY. Nothing is recorded then.
+///
+/// Safety:
+/// - `cmd` as in `dm_record_update`, on the queue that updates of the crowd run on. It runs after the updates of the
+///   crowd that were recorded so far, and before later ones.
+/// - What was recorded with this read-back before has finished, or never runs. It and the crowd live until the device
+///   has finished.
+/// - There are `count` instances. Vertices of the host's own that poses are in were made as source of copies, too.
+DmResult dm_readback_record(struct DmReadback readback,
+                            VkCommandBuffer cmd,
+                            struct DmCrowd crowd,
+                            const uint32_t *instances,
+                            uint32_t count);
+
+/// A pose that was recorded last, decoded, of the `at`-th instance named there: in the order of the mesh as it was
+/// imported, without padding. `stream` 0: six floats a vertex, the position in input units and the normal, not
+/// normalised; another stream of the mesh (`DM_STREAM_...`): its components, vertex after vertex.
+///
+/// Errors: DM_ERROR_INVALID for more than were recorded, a stream that the mesh does not have, too little room.
+///
+/// Safety:
+/// The command buffer that it was recorded into has finished: the host has waited for its fence. There is room for
+/// `count` floats.
+DmResult dm_readback_pose(struct DmReadback readback, uint32_t at, uint32_t stream, float *values, size_t count);
+
+/// Destroy a read-back.
+///
+/// Safety:
+/// What was recorded with it has finished, or never runs.
+DmResult dm_readback_destroy(struct DmReadback readback);
+
+/// Have positions of an instance written as float32 into a buffer of the host's, from the next recorded update on;
+/// null: no longer. What is written is ready for the crowd's consumers.
+///
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, an offset or stride that does not fit. Nothing
+/// changes then.
+///
+/// Safety:
+/// - `target` is null or a structure. Its buffer is one of the engine's device, made for use as storage buffer; it is
+///   large enough for all that is written, and lives until the instance has another target, or none, and the updates
+///   recorded before have finished.
+/// - No update of the crowd that was recorded with an earlier target of the instance is unfinished.
+DmResult dm_crowd_set_decode_target(struct DmCrowd crowd, uint32_t instance, const struct DmDecodeTarget *target);
+
+/// Have the bounds of an instance's pose written into a buffer of the host's, from the next recorded update on; null:
+/// no longer. They are exactly those of the pose as it is decoded, and ready for the crowd's consumers. A skinned pose
+/// has others.
+///
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, an offset that is no multiple of 4. Nothing
+/// changes then.
+///
+/// Safety:
+/// As `dm_crowd_set_decode_target`.
+DmResult dm_crowd_set_bounds_target(struct DmCrowd crowd, uint32_t instance, const struct DmBoundsTarget *target);
+
+/// Make a buffer of the triangles around each vertex of a mesh, and record its upload: once for each mesh, whatever the
+/// number of crowds and instances. Vertices that the mesh holds together at seams (`DM_MESH_SPLIT`, `DM_MESH_WELD`) get
+/// the same normal.
+///
+/// This records: a copy from staging memory, and a barrier that makes it visible to updates.
+///
+/// Errors: DM_ERROR_INVALID for a mesh that exceeds the device's limits; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded
+/// then.
+///
+/// Safety:
+/// `cmd` as in `dm_mesh_upload`. It runs exactly once, before any update that computes normals by the value; `surface`
+/// can be written.
+DmResult dm_surface_upload(struct DmEngine engine, VkCommandBuffer cmd, struct DmMesh mesh, struct DmSurface *surface);
+
+/// Give the staging memory of a surface back.
+///
+/// Safety:
+/// The upload has run, or never will.
+DmResult dm_surface_release_staging(struct DmSurface surface);
+
+/// Destroy a surface. Instances whose normals are computed keep what they need.
+///
+/// Safety:
+/// Its upload has run, or never will.
+DmResult dm_surface_destroy(struct DmSurface surface);
+
+/// Have the normals of an instance's pose computed from its morphed surface, into a buffer of the host's, from the next
+/// recorded update on: area-weighted, of unit length, ready for the crowd's consumers. `target` null: no longer, and
+/// `surface` is not looked at.
+///
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, a surface of another engine or mesh, an offset or
+/// stride that does not fit. Nothing changes then.
+///
+/// Safety:
+/// As `dm_crowd_set_decode_target`.
+DmResult dm_crowd_set_normals_target(struct DmCrowd crowd,
+                                     uint32_t instance,
+                                     struct DmSurface surface,
+                                     const struct DmNormalsTarget *target);
+
+/// Make a buffer of the joints and weights of a mesh's vertices, and record its upload: once for each mesh, whatever
+/// the number of crowds and instances.
+///
+/// This records: a copy from staging memory, and a barrier that makes it visible to updates.
+///
+/// Errors: DM_ERROR_INVALID for other than 4 or 8 influences, or 1 to 65,536 joints; a weight that is negative or no
+/// number; weights of a vertex that sum to 0; a joint that there is not; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded
+/// then.
+///
+/// Safety:
+/// - `cmd` as in `dm_mesh_upload`. It runs exactly once, before any update that skins by the value.
+/// - `desc` is a structure whose arrays have the elements that it says, for each vertex of the mesh; `skin` can be
+///   written.
+DmResult dm_skin_upload(struct DmEngine engine,
+                        VkCommandBuffer cmd,
+                        struct DmMesh mesh,
+                        const struct DmSkinDesc *desc,
+                        struct DmSkin *skin);
+
+/// Give the staging memory of a skin back.
+///
+/// Safety:
+/// The upload has run, or never will.
+DmResult dm_skin_release_staging(struct DmSkin skin);
+
+/// Destroy a skin. Instances that are skinned by it keep what they need.
+///
+/// Safety:
+/// Its upload has run, or never will.
+DmResult dm_skin_destroy(struct DmSkin skin);
+
+/// Have an instance skinned into a buffer of the host's, from the next recorded update on; `target` null: no longer,
+/// and `skin` is not looked at. Where joints moved (`dm_crowd_set_joints`), all vertices are written; where only
+/// weights changed, what the update changed. What is written is ready for the crowd's consumers.
+///
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, a skin of another engine or mesh, an offset or
+/// stride that does not fit, joints that reach beyond their buffer. Nothing changes then.
+///
+/// Safety:
+/// - As `dm_crowd_set_decode_target`, of all buffers.
+/// - Joints are written, and visible to compute shaders, when an update runs that skins. They stay as they are from the
+///   update that they were set for until others are set, and the updates recorded before have finished.
+DmResult dm_crowd_set_skin_target(struct DmCrowd crowd,
+                                  uint32_t instance,
+                                  struct DmSkin skin,
+                                  const struct DmSkinTarget *target);
+
+/// The joints of a skinned instance moved: from the next recorded update on they are those at `offset` of their buffer,
+/// in bytes, a multiple of 16. It may be the same place, where the host's barriers see to that; with several frames in
+/// flight and joints that the host writes it has to be one of several in turn.
+///
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, or not skinned; joints that reach beyond their
+/// buffer. Nothing changes then.
+DmResult dm_crowd_set_joints(struct DmCrowd crowd, uint32_t instance, uint64_t offset);
+
+/// Where the skinned pose of an instance is, once the updates recorded so far have run.
+///
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, or not skinned; as `dm_crowd_pose`.
+///
+/// Safety:
+/// `view` is a structure that can be written.
+DmResult dm_crowd_skinned(struct DmCrowd crowd, uint32_t instance, struct DmSkinnedView *view);
+
 /// Make instances of a mesh that are updated on the CPU, all weights 0. They keep a copy of the mesh. `threads` 0: one
 /// for each core, where the library was built with the feature `threads`.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `cpu`; DM_ERROR_INVALID for another path than the CPU's, or what it cannot do; DM_ERROR_OUT_OF_MEMORY.
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `cpu`; DM_ERROR_INVALID for another
+/// path than the CPU's, or what it cannot do; DM_ERROR_OUT_OF_MEMORY.
 ///
 /// Safety:
 /// `desc` is null (the defaults) or a structure; `crowd` can be written.
@@ -1045,7 +1434,7 @@ DmResult dm_cpu_crowd_destroy(struct DmCpuCrowd crowd);
 
 /* The layout of structures in the library. */
 #if UINTPTR_MAX == UINT64_MAX
-typedef char DmEngineDesc_sizeof[sizeof(DmEngineDesc) == 72 ? 1 : -1];
+typedef char DmEngineDesc_sizeof[sizeof(DmEngineDesc) == 80 ? 1 : -1];
 typedef char DmEngineDesc_struct_size[offsetof(DmEngineDesc, struct_size) == 0 ? 1 : -1];
 typedef char DmEngineDesc_transform_feedback[offsetof(DmEngineDesc, transform_feedback) == 4 ? 1 : -1];
 typedef char DmEngineDesc_instance[offsetof(DmEngineDesc, instance) == 8 ? 1 : -1];
@@ -1057,6 +1446,8 @@ typedef char DmEngineDesc_enabled_features[offsetof(DmEngineDesc, enabled_featur
 typedef char DmEngineDesc_pipeline_cache[offsetof(DmEngineDesc, pipeline_cache) == 56 ? 1 : -1];
 typedef char DmEngineDesc_clamp_to_android_baseline[offsetof(DmEngineDesc, clamp_to_android_baseline) == 64 ? 1 : -1];
 typedef char DmEngineDesc_reserved[offsetof(DmEngineDesc, reserved) == 68 ? 1 : -1];
+typedef char DmEngineDesc_debug_names[offsetof(DmEngineDesc, debug_names) == 72 ? 1 : -1];
+typedef char DmEngineDesc_buffer_device_address[offsetof(DmEngineDesc, buffer_device_address) == 76 ? 1 : -1];
 typedef char DmEngineInfo_sizeof[sizeof(DmEngineInfo) == 280 ? 1 : -1];
 typedef char DmEngineInfo_struct_size[offsetof(DmEngineInfo, struct_size) == 0 ? 1 : -1];
 typedef char DmEngineInfo_is_software[offsetof(DmEngineInfo, is_software) == 4 ? 1 : -1];
@@ -1125,7 +1516,7 @@ typedef char DmRenderVertices_reserved[offsetof(DmRenderVertices, reserved) == 1
 typedef char DmRenderVertices_pose_vertices[offsetof(DmRenderVertices, pose_vertices) == 16 ? 1 : -1];
 typedef char DmRenderVertices_texcoords[offsetof(DmRenderVertices, texcoords) == 24 ? 1 : -1];
 typedef char DmRenderVertices_indices[offsetof(DmRenderVertices, indices) == 32 ? 1 : -1];
-typedef char DmCrowdDesc_sizeof[sizeof(DmCrowdDesc) == 48 ? 1 : -1];
+typedef char DmCrowdDesc_sizeof[sizeof(DmCrowdDesc) == 64 ? 1 : -1];
 typedef char DmCrowdDesc_struct_size[offsetof(DmCrowdDesc, struct_size) == 0 ? 1 : -1];
 typedef char DmCrowdDesc_instances[offsetof(DmCrowdDesc, instances) == 4 ? 1 : -1];
 typedef char DmCrowdDesc_path[offsetof(DmCrowdDesc, path) == 8 ? 1 : -1];
@@ -1138,6 +1529,20 @@ typedef char DmCrowdDesc_consumers[offsetof(DmCrowdDesc, consumers) == 32 ? 1 : 
 typedef char DmCrowdDesc_tolerance[offsetof(DmCrowdDesc, tolerance) == 36 ? 1 : -1];
 typedef char DmCrowdDesc_weight_max[offsetof(DmCrowdDesc, weight_max) == 40 ? 1 : -1];
 typedef char DmCrowdDesc_error_budget[offsetof(DmCrowdDesc, error_budget) == 44 ? 1 : -1];
+typedef char DmCrowdDesc_pose_usage[offsetof(DmCrowdDesc, pose_usage) == 48 ? 1 : -1];
+typedef char DmCrowdDesc_reserved[offsetof(DmCrowdDesc, reserved) == 52 ? 1 : -1];
+typedef char DmCrowdDesc_poses[offsetof(DmCrowdDesc, poses) == 56 ? 1 : -1];
+typedef char DmHostPoses_sizeof[sizeof(DmHostPoses) == 40 ? 1 : -1];
+typedef char DmHostPoses_struct_size[offsetof(DmHostPoses, struct_size) == 0 ? 1 : -1];
+typedef char DmHostPoses_stride[offsetof(DmHostPoses, stride) == 4 ? 1 : -1];
+typedef char DmHostPoses_buffer[offsetof(DmHostPoses, buffer) == 8 ? 1 : -1];
+typedef char DmHostPoses_offset[offsetof(DmHostPoses, offset) == 16 ? 1 : -1];
+typedef char DmHostPoses_streams[offsetof(DmHostPoses, streams) == 24 ? 1 : -1];
+typedef char DmHostPoses_stream_count[offsetof(DmHostPoses, stream_count) == 32 ? 1 : -1];
+typedef char DmHostPoses_reserved[offsetof(DmHostPoses, reserved) == 36 ? 1 : -1];
+typedef char DmStreamPlace_sizeof[sizeof(DmStreamPlace) == 8 ? 1 : -1];
+typedef char DmStreamPlace_stream[offsetof(DmStreamPlace, stream) == 0 ? 1 : -1];
+typedef char DmStreamPlace_offset[offsetof(DmStreamPlace, offset) == 4 ? 1 : -1];
 typedef char DmAnimationDesc_sizeof[sizeof(DmAnimationDesc) == 24 ? 1 : -1];
 typedef char DmAnimationDesc_struct_size[offsetof(DmAnimationDesc, struct_size) == 0 ? 1 : -1];
 typedef char DmAnimationDesc_clip_count[offsetof(DmAnimationDesc, clip_count) == 4 ? 1 : -1];
@@ -1191,6 +1596,42 @@ typedef char DmDecodeTarget_buffer[offsetof(DmDecodeTarget, buffer) == 8 ? 1 : -
 typedef char DmDecodeTarget_offset[offsetof(DmDecodeTarget, offset) == 16 ? 1 : -1];
 typedef char DmDecodeTarget_normals[offsetof(DmDecodeTarget, normals) == 24 ? 1 : -1];
 typedef char DmDecodeTarget_reserved[offsetof(DmDecodeTarget, reserved) == 28 ? 1 : -1];
+typedef char DmBoundsTarget_sizeof[sizeof(DmBoundsTarget) == 24 ? 1 : -1];
+typedef char DmBoundsTarget_struct_size[offsetof(DmBoundsTarget, struct_size) == 0 ? 1 : -1];
+typedef char DmBoundsTarget_reserved[offsetof(DmBoundsTarget, reserved) == 4 ? 1 : -1];
+typedef char DmBoundsTarget_buffer[offsetof(DmBoundsTarget, buffer) == 8 ? 1 : -1];
+typedef char DmBoundsTarget_offset[offsetof(DmBoundsTarget, offset) == 16 ? 1 : -1];
+typedef char DmNormalsTarget_sizeof[sizeof(DmNormalsTarget) == 24 ? 1 : -1];
+typedef char DmNormalsTarget_struct_size[offsetof(DmNormalsTarget, struct_size) == 0 ? 1 : -1];
+typedef char DmNormalsTarget_stride[offsetof(DmNormalsTarget, stride) == 4 ? 1 : -1];
+typedef char DmNormalsTarget_buffer[offsetof(DmNormalsTarget, buffer) == 8 ? 1 : -1];
+typedef char DmNormalsTarget_offset[offsetof(DmNormalsTarget, offset) == 16 ? 1 : -1];
+typedef char DmSkinDesc_sizeof[sizeof(DmSkinDesc) == 32 ? 1 : -1];
+typedef char DmSkinDesc_struct_size[offsetof(DmSkinDesc, struct_size) == 0 ? 1 : -1];
+typedef char DmSkinDesc_influences[offsetof(DmSkinDesc, influences) == 4 ? 1 : -1];
+typedef char DmSkinDesc_joints[offsetof(DmSkinDesc, joints) == 8 ? 1 : -1];
+typedef char DmSkinDesc_weights[offsetof(DmSkinDesc, weights) == 16 ? 1 : -1];
+typedef char DmSkinDesc_joint_count[offsetof(DmSkinDesc, joint_count) == 24 ? 1 : -1];
+typedef char DmSkinDesc_reserved[offsetof(DmSkinDesc, reserved) == 28 ? 1 : -1];
+typedef char DmSkinTarget_sizeof[sizeof(DmSkinTarget) == 72 ? 1 : -1];
+typedef char DmSkinTarget_struct_size[offsetof(DmSkinTarget, struct_size) == 0 ? 1 : -1];
+typedef char DmSkinTarget_stride[offsetof(DmSkinTarget, stride) == 4 ? 1 : -1];
+typedef char DmSkinTarget_buffer[offsetof(DmSkinTarget, buffer) == 8 ? 1 : -1];
+typedef char DmSkinTarget_offset[offsetof(DmSkinTarget, offset) == 16 ? 1 : -1];
+typedef char DmSkinTarget_second_buffer[offsetof(DmSkinTarget, second_buffer) == 24 ? 1 : -1];
+typedef char DmSkinTarget_second_offset[offsetof(DmSkinTarget, second_offset) == 32 ? 1 : -1];
+typedef char DmSkinTarget_joints[offsetof(DmSkinTarget, joints) == 40 ? 1 : -1];
+typedef char DmSkinTarget_joints_bytes[offsetof(DmSkinTarget, joints_bytes) == 48 ? 1 : -1];
+typedef char DmSkinTarget_joints_offset[offsetof(DmSkinTarget, joints_offset) == 56 ? 1 : -1];
+typedef char DmSkinTarget_normals[offsetof(DmSkinTarget, normals) == 64 ? 1 : -1];
+typedef char DmSkinTarget_method[offsetof(DmSkinTarget, method) == 68 ? 1 : -1];
+typedef char DmSkinnedView_sizeof[sizeof(DmSkinnedView) == 40 ? 1 : -1];
+typedef char DmSkinnedView_struct_size[offsetof(DmSkinnedView, struct_size) == 0 ? 1 : -1];
+typedef char DmSkinnedView_reserved[offsetof(DmSkinnedView, reserved) == 4 ? 1 : -1];
+typedef char DmSkinnedView_buffer[offsetof(DmSkinnedView, buffer) == 8 ? 1 : -1];
+typedef char DmSkinnedView_offset[offsetof(DmSkinnedView, offset) == 16 ? 1 : -1];
+typedef char DmSkinnedView_previous_buffer[offsetof(DmSkinnedView, previous_buffer) == 24 ? 1 : -1];
+typedef char DmSkinnedView_previous_offset[offsetof(DmSkinnedView, previous_offset) == 32 ? 1 : -1];
 typedef char DmClipInfo_sizeof[sizeof(DmClipInfo) == 16 ? 1 : -1];
 typedef char DmClipInfo_struct_size[offsetof(DmClipInfo, struct_size) == 0 ? 1 : -1];
 typedef char DmClipInfo_frame_count[offsetof(DmClipInfo, frame_count) == 4 ? 1 : -1];

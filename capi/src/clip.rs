@@ -26,8 +26,8 @@ handle!(DmBoundClip, 6, BoundClip);
 
 /// Read a clip of weights (.csv). `fps` is its frame rate; 0: the one that the file states, or its name, or else 30.
 ///
-/// Errors: DM_ERROR_IO, DM_ERROR_INPUT with file, place and remedy, also where the library was built without the feature
-/// `csv`.
+/// Errors: DM_ERROR_IO, DM_ERROR_INPUT with file, place and remedy, also where the library was built without the
+/// feature `csv`.
 ///
 /// # Safety
 /// `path` is a UTF-8 string; `clip` can be written.

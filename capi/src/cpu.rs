@@ -3,8 +3,8 @@
 use crate::handles::{DmCpuCrowd, DmMesh, Handle, handle};
 use crate::memory::{check_place, fill, read_or_default, slice};
 #[cfg(not(feature = "cpu"))]
-use crate::result::{DM_ERROR_UNSUPPORTED, Failure};
-use crate::result::{DmResult, Result, enter, lock};
+use crate::result::DM_ERROR_UNSUPPORTED;
+use crate::result::{DmResult, Failure, Result, enter, lock};
 use crate::structs::DmCrowdDesc;
 use deltamorph::{POSE_FLOATS, PoseFormat, UpdatePath};
 #[cfg(not(feature = "cpu"))]
@@ -52,7 +52,8 @@ handle!(DmCpuCrowd, 7, CpuCrowd);
 /// Make instances of a mesh that are updated on the CPU, all weights 0. They keep a copy of the mesh. `threads` 0: one
 /// for each core, where the library was built with the feature `threads`.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `cpu`; DM_ERROR_INVALID for another path than the CPU's, or what it cannot do; DM_ERROR_OUT_OF_MEMORY.
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `cpu`; DM_ERROR_INVALID for another
+/// path than the CPU's, or what it cannot do; DM_ERROR_OUT_OF_MEMORY.
 ///
 /// # Safety
 /// `desc` is null (the defaults) or a structure; `crowd` can be written.
@@ -66,7 +67,11 @@ pub unsafe extern "C" fn dm_cpu_crowd_create(
     enter("dm_cpu_crowd_create", || {
         check_place(crowd, "crowd")?;
         // SAFETY: the caller's obligation.
-        let desc = unsafe { read_or_default(desc) }?.crowd(UpdatePath::Cpu, PoseFormat::Float32)?;
+        let desc = unsafe { read_or_default(desc) }?;
+        if !desc.poses.is_null() || desc.pose_usage != 0 {
+            return Err(Failure::invalid("buffers of a crowd on the CPU; leave 'poses' and 'pose_usage' zero"));
+        }
+        let desc = desc.crowd(UpdatePath::Cpu, PoseFormat::Float32)?;
         let mesh = Arc::new(mesh.get()?.asset.mesh.clone());
         let made = Inner::new(mesh, desc.update, desc.instances as usize, threads as usize)?;
         // SAFETY: the caller's obligation; it was checked.

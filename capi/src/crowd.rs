@@ -4,16 +4,16 @@ use crate::arguments::{check_command_buffer, check_reserved, or};
 use crate::engine::Engine;
 use crate::handles::{DmCrowd, DmGpuMesh, Handle, handle};
 use crate::memory::{check_place, read, read_or_default, slice};
-use crate::numbers::{consumers, mode, path, pose_format};
+use crate::numbers::{consumers, mode, path, pose_format, semantic};
 use crate::result::{DmResult, Failure, Result, enter, lock};
-use crate::structs::{DmAnimationDesc, DmCrowdDesc, DmDecodeTarget, DmPlayback};
+use crate::structs::{DmAnimationDesc, DmCrowdDesc, DmPlayback};
 use crate::tickets::Tickets;
 use deltamorph::ash::vk::{self, Handle as _};
 use deltamorph::{
-    AnimatedCrowd, AnimationDesc, AnyCrowd, BatchSize, CrowdDesc, DecodeTarget, KeyFormat, MorphEngine, Playback,
-    PoseFormat, Repeat, Update, UpdateDesc, UpdatePath, WeightClip,
+    AnimatedCrowd, AnimationDesc, AnyCrowd, BatchSize, CrowdDesc, HostPoses, KeyFormat, MorphEngine, Playback,
+    PoseFormat, Repeat, Update, UpdateDesc, UpdatePath, VertexLayout, WeightClip,
 };
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 /// What a `DmCrowd` names.
 pub struct Crowd {
@@ -39,8 +39,8 @@ pub(crate) enum Kind {
 macro_rules! either {
     ($state:expr, $crowd:ident => $body:expr) => {
         match $state.kind {
-            Kind::Weighted(ref mut $crowd) => $body,
-            Kind::Animated(ref mut $crowd) => $body,
+            crate::crowd::Kind::Weighted(ref mut $crowd) => $body,
+            crate::crowd::Kind::Animated(ref mut $crowd) => $body,
         }
     };
 }
@@ -63,6 +63,15 @@ impl State {
         Ok(either!(self, crowd => crowd.discard(ticket))?)
     }
 
+    pub(crate) fn weighted(&mut self) -> Result<&mut deltamorph::Crowd> {
+        match &mut self.kind {
+            Kind::Weighted(crowd) => Ok(crowd),
+            Kind::Animated(_) => {
+                Err(Failure::invalid("the crowd plays clips; use dm_crowd_play and dm_crowd_set_time"))
+            }
+        }
+    }
+
     fn animated(&mut self) -> Result<&mut AnimatedCrowd> {
         match &mut self.kind {
             Kind::Animated(crowd) => Ok(crowd),
@@ -74,8 +83,10 @@ impl State {
 }
 
 impl DmCrowdDesc {
-    /// The description, where the path `default_path` and the poses `default_pose` are what zeros mean.
+    /// The description but for the vertices of the host's, where the path `default_path` and the poses `default_pose`
+    /// are what zeros mean.
     pub(crate) fn crowd(&self, default_path: UpdatePath, default_pose: PoseFormat) -> Result<CrowdDesc> {
+        check_reserved("DmCrowdDesc", self.reserved)?;
         let path = path(self.path, default_path)?;
         let batch = if self.batch == 0 { BatchSize::All } else { BatchSize::Targets(self.batch) };
         let default = UpdateDesc::new(path, batch);
@@ -90,8 +101,36 @@ impl DmCrowdDesc {
         Ok(desc
             .instances(or(self.instances, desc.instances))
             .frames_in_flight(or(self.frames_in_flight, desc.frames_in_flight))
-            .consumers(consumers(self.consumers)?))
+            .consumers(consumers(self.consumers)?)
+            .pose_usage(vk::BufferUsageFlags::from_raw(self.pose_usage)))
     }
+}
+
+/// How to make a crowd on the device.
+///
+/// # Safety
+/// `desc` is null (the defaults) or a structure, and so is DmCrowdDesc::poses, which keeps what its documentation says.
+unsafe fn crowd_desc(desc: *const DmCrowdDesc, default_pose: PoseFormat) -> Result<CrowdDesc> {
+    // SAFETY: the caller's obligation.
+    let asked = unsafe { read_or_default(desc) }?;
+    let desc = asked.crowd(UpdatePath::Blocks, default_pose)?;
+    if asked.poses.is_null() {
+        return Ok(desc);
+    }
+    // SAFETY: as above.
+    let host = unsafe { read(asked.poses) }?;
+    check_reserved("DmHostPoses", host.reserved)?;
+    if host.buffer.is_null() {
+        return Err(Failure::invalid("DmHostPoses: 'buffer' is null; hand in a buffer, or no DmHostPoses"));
+    }
+    // SAFETY: as above.
+    let streams = unsafe { slice(host.streams, host.stream_count as usize, "streams") }?;
+    let mut vertex = VertexLayout::new(host.stride);
+    for at in streams {
+        vertex = vertex.stream(semantic(at.stream)?, at.offset);
+    }
+    // SAFETY: as above.
+    Ok(desc.poses(Some(unsafe { HostPoses::new(host.buffer, host.offset, vertex) })))
 }
 
 fn insert(kind: Kind, engine: Arc<Engine>) -> Result<DmCrowd> {
@@ -105,19 +144,33 @@ pub(crate) fn with<R>(crowd: DmCrowd, body: impl FnOnce(&mut State) -> Result<R>
     body(&mut state)
 }
 
+/// Lock crowds, each named once, and return them in the order of `handles`, whose `objects` they are.
+pub(crate) fn lock_all<'a>(handles: &[DmCrowd], objects: &'a [Arc<Crowd>]) -> Result<Vec<MutexGuard<'a, State>>> {
+    // In one order by all threads, so that none waits for another that waits for it.
+    let mut order: Vec<usize> = (0..handles.len()).collect();
+    order.sort_unstable_by_key(|&at| handles[at].bits());
+    if order.windows(2).any(|pair| handles[pair[0]] == handles[pair[1]]) {
+        return Err(Failure::invalid("a crowd is named twice; name each once"));
+    }
+    let mut states = order.iter().map(|&at| Ok((at, lock(&objects[at].state)?))).collect::<Result<Vec<_>>>()?;
+    states.sort_unstable_by_key(|(at, _)| *at);
+    Ok(states.into_iter().map(|(_, state)| state).collect())
+}
+
 /// Make pose buffers and pipelines for instances of a mesh, all weights 0. The first update writes their base poses.
 ///
 /// Errors: DM_ERROR_INVALID, DM_ERROR_UNSUPPORTED for what mesh or device cannot do, with what to use instead;
 /// DM_ERROR_OUT_OF_MEMORY.
 ///
 /// # Safety
-/// `desc` is null (the defaults) or a structure; `crowd` can be written.
+/// `desc` is null (the defaults) or a structure, and so is DmCrowdDesc::poses, which keeps what its documentation says;
+/// `crowd` can be written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_crowd_create(mesh: DmGpuMesh, desc: *const DmCrowdDesc, crowd: *mut DmCrowd) -> DmResult {
     enter("dm_crowd_create", || {
         check_place(crowd, "crowd")?;
         // SAFETY: the caller's obligation.
-        let desc = unsafe { read_or_default(desc) }?.crowd(UpdatePath::Blocks, PoseFormat::Float32)?;
+        let desc = unsafe { crowd_desc(desc, PoseFormat::Float32) }?;
         let mesh = mesh.get()?;
         let made = mesh.engine.morph.create_crowd(&*lock(&mesh.mesh)?, &desc)?;
         // SAFETY: the caller's obligation; it was checked.
@@ -136,7 +189,7 @@ pub unsafe extern "C" fn dm_crowd_create(mesh: DmGpuMesh, desc: *const DmCrowdDe
 ///
 /// # Safety
 /// - `cmd` as in `dm_mesh_upload`. It runs exactly once, before any update of the crowd.
-/// - `desc` is null (the defaults) or a structure; `animation` is a structure with as many clips as it says.
+/// - `desc` as in `dm_crowd_create`; `animation` is a structure with as many clips as it says.
 /// - `crowd` can be written. It is destroyed only when the device no longer uses it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_crowd_create_animated(
@@ -150,7 +203,7 @@ pub unsafe extern "C" fn dm_crowd_create_animated(
         check_place(crowd, "crowd")?;
         check_command_buffer(cmd)?;
         // SAFETY: the caller's obligations.
-        let (desc, animation) = unsafe { (read_or_default(desc)?, read(animation)?) };
+        let (desc, animation) = unsafe { (crowd_desc(desc, PoseFormat::Fixed32)?, read(animation)?) };
         check_reserved("DmAnimationDesc", animation.reserved)?;
         // SAFETY: as above.
         let clips = unsafe { slice(animation.clips, animation.clip_count as usize, "clips") }?;
@@ -160,7 +213,6 @@ pub unsafe extern "C" fn dm_crowd_create_animated(
             16 => KeyFormat::Bits16,
             bits => return Err(Failure::invalid(format!("keys of {bits} bits; use 32 or 16"))),
         };
-        let desc = desc.crowd(UpdatePath::Blocks, PoseFormat::Fixed32)?;
         let mesh = mesh.get()?;
         let animation = AnimationDesc::new(&clips).key_format(keys);
         // SAFETY: the caller's obligations; `crowd` was checked.
@@ -196,32 +248,6 @@ pub unsafe extern "C" fn dm_crowd_release_staging(crowd: DmCrowd) -> DmResult {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_crowd_destroy(crowd: DmCrowd) -> DmResult {
     enter("dm_crowd_destroy", || crowd.destroy(|_| Ok(())))
-}
-
-/// Request these weights for an instance, one per target in the mesh's order, from the next recorded update on.
-///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed, a wrong number of weights, one that is not finite
-/// or out of range, a crowd that plays clips. Nothing changes then.
-///
-/// # Safety
-/// There are `count` weights.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dm_crowd_set_weights(
-    crowd: DmCrowd,
-    instance: u32,
-    weights: *const f32,
-    count: u32,
-) -> DmResult {
-    enter("dm_crowd_set_weights", || {
-        // SAFETY: the caller's obligation.
-        let weights = unsafe { slice(weights, count as usize, "weights") }?;
-        with(crowd, |state| match &mut state.kind {
-            Kind::Weighted(crowd) => Ok(crowd.set_weights(instance, weights)?),
-            Kind::Animated(_) => {
-                Err(Failure::invalid("the crowd plays clips; use dm_crowd_play and dm_crowd_set_time"))
-            }
-        })
-    })
 }
 
 /// The next pose of an instance has no predecessor: its previous pose will be the pose itself.
@@ -291,44 +317,4 @@ pub unsafe extern "C" fn dm_crowd_play(crowd: DmCrowd, instance: u32, playback: 
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_crowd_set_time(crowd: DmCrowd, seconds: f64) -> DmResult {
     enter("dm_crowd_set_time", || with(crowd, |state| Ok(state.animated()?.set_time(seconds)?)))
-}
-
-/// Have positions of an instance written as float32 into a buffer of the host's, from the next recorded update on;
-/// null: no longer. What is written is ready for the crowd's consumers.
-///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed, an offset or stride that does not fit. Nothing
-/// changes then.
-///
-/// # Safety
-/// - `target` is null or a structure. Its buffer is one of the engine's device, made for use as storage buffer; it is
-///   large enough for all that is written, and lives until the instance has another target, or none, and the updates
-///   recorded before have finished.
-/// - No update of the crowd that was recorded with an earlier target of the instance is unfinished.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dm_crowd_set_decode_target(
-    crowd: DmCrowd,
-    instance: u32,
-    target: *const DmDecodeTarget,
-) -> DmResult {
-    enter("dm_crowd_set_decode_target", || {
-        let target = match target.is_null() {
-            true => None,
-            // SAFETY: the caller's obligation.
-            false => Some(decode_target(&unsafe { read(target) }?)?),
-        };
-        let crowd = crowd.get()?;
-        let (mut state, engine) = (lock(&crowd.state)?, &crowd.engine.morph);
-        // SAFETY: the caller's obligations.
-        Ok(either!(state, crowd => unsafe { engine.set_decode_target(crowd, instance, target.as_ref()) })?)
-    })
-}
-
-fn decode_target(asked: &DmDecodeTarget) -> Result<DecodeTarget> {
-    check_reserved("DmDecodeTarget", asked.reserved)?;
-    if asked.buffer.is_null() {
-        return Err(Failure::invalid("'buffer' is null; hand in a buffer, or a null pointer for no target"));
-    }
-    let target = DecodeTarget::new(asked.buffer).offset(asked.offset);
-    let normals = (asked.normals != 0).then_some(asked.normals);
-    Ok(target.stride(or(asked.stride, target.stride)).normals(normals))
 }

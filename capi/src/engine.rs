@@ -10,7 +10,7 @@ use deltamorph::{DeviceCaps, DeviceDesc, MorphEngine, ash};
 use std::ffi::{CStr, c_void};
 use std::sync::Arc;
 
-/// What a `DmEngine` names. Meshes and crowds on the device refer to it.
+/// What a `DmEngine` names. What is made with it refers to it.
 pub struct Engine {
     pub(crate) morph: MorphEngine,
 }
@@ -74,7 +74,9 @@ unsafe fn morph_engine(desc: &DmEngineDesc) -> Result<MorphEngine> {
         let device_desc = DeviceDesc::new(&instance, desc.physical_device, &device)
             .transform_feedback_enabled(desc.transform_feedback != 0)
             .enabled_features(features)
-            .pipeline_cache(desc.pipeline_cache);
+            .pipeline_cache(desc.pipeline_cache)
+            .debug_names(desc.debug_names != 0)
+            .buffer_device_address(desc.buffer_device_address != 0);
         let mut caps = DeviceCaps::query(&instance, desc.physical_device);
         if desc.clamp_to_android_baseline != 0 {
             caps.clamp_to(&DeviceCaps::android_baseline());
@@ -109,17 +111,18 @@ pub unsafe extern "C" fn dm_engine_info(engine: DmEngine, info: *mut DmEngineInf
     })
 }
 
-/// Destroy an engine. Meshes and crowds that were made with it have to be destroyed first; while one is alive, this is
-/// refused. The device may be destroyed afterwards.
+/// Destroy an engine. What was made with it (meshes on the device, crowds, skins, surfaces, read-backs) has to be
+/// destroyed first; while something is alive, this is refused. The device may be destroyed afterwards.
 ///
-/// Errors: DM_ERROR_INVALID while a mesh or crowd is alive; nothing changes then.
+/// Errors: DM_ERROR_INVALID while something is alive; nothing changes then.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_engine_destroy(engine: DmEngine) -> DmResult {
     enter("dm_engine_destroy", || {
         engine.destroy(|engine| match Arc::strong_count(engine) {
             1 => Ok(()),
             n => Err(Failure::invalid(format!(
-                "{} meshes and crowds of the engine are alive, or in use on other threads; destroy them first",
+                "{} objects of the engine (meshes, crowds, skins, surfaces, read-backs) are alive, or in use on other \
+                 threads; destroy them first",
                 n - 1
             ))),
         })

@@ -59,9 +59,53 @@ pub struct DmCpuCrowd {
     pub bits: u64,
 }
 
+/// Crowds of several meshes (head, teeth, lashes) whose instances take one weight vector. All zero: none.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DmCrowds {
+    /// Kind, generation and index.
+    pub bits: u64,
+}
+
+/// Host memory that poses are copied to, and decoded from. All zero: none.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DmReadback {
+    /// Kind, generation and index.
+    pub bits: u64,
+}
+
+/// Joints and weights of a mesh's vertices, on the device. All zero: none.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DmSkin {
+    /// Kind, generation and index.
+    pub bits: u64,
+}
+
+/// The triangles around each vertex of a mesh, on the device: for normals of the morphed surface. All zero: none.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DmSurface {
+    /// Kind, generation and index.
+    pub bits: u64,
+}
+
 /// What each kind of handle names, by number.
-const KINDS: [&str; 8] =
-    ["", "a mesh", "an engine", "a mesh on the device", "a crowd", "a clip", "a bound clip", "a CPU crowd"];
+const KINDS: [&str; 12] = [
+    "",
+    "a mesh",
+    "an engine",
+    "a mesh on the device",
+    "a crowd",
+    "a clip",
+    "a bound clip",
+    "a CPU crowd",
+    "a set of crowds",
+    "a read-back",
+    "a skin",
+    "a surface",
+];
 
 /// A handle as functions take it.
 pub trait Handle: Copy {

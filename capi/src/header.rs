@@ -45,7 +45,7 @@ fn layouts() -> Vec<Layout> {
     layouts! {
         DmEngineDesc {
             struct_size transform_feedback instance physical_device device get_instance_proc_addr get_device_proc_addr
-            enabled_features pipeline_cache clamp_to_android_baseline reserved
+            enabled_features pipeline_cache clamp_to_android_baseline reserved debug_names buffer_device_address
         }
         DmEngineInfo { struct_size is_software max_storage_range allocated_bytes device_name }
         DmRequirement { extension feature reason }
@@ -66,8 +66,10 @@ fn layouts() -> Vec<Layout> {
         DmRenderVertices { struct_size vertex_count index_count reserved pose_vertices texcoords indices }
         DmCrowdDesc {
             struct_size instances path batch mode slots pose_format frames_in_flight consumers tolerance weight_max
-            error_budget
+            error_budget pose_usage reserved poses
         }
+        DmHostPoses { struct_size stride buffer offset streams stream_count reserved }
+        DmStreamPlace { stream offset }
         DmAnimationDesc { struct_size clip_count clips key_bits reserved }
         DmPlayback { struct_size clip start speed once reserved }
         DmTicket { crowd number }
@@ -77,6 +79,14 @@ fn layouts() -> Vec<Layout> {
         DmPoseView { struct_size stride buffer offset size format slot units }
         DmStreamView { struct_size stride buffer offset components format units slot reserved }
         DmDecodeTarget { struct_size stride buffer offset normals reserved }
+        DmBoundsTarget { struct_size reserved buffer offset }
+        DmNormalsTarget { struct_size stride buffer offset }
+        DmSkinDesc { struct_size influences joints weights joint_count reserved }
+        DmSkinTarget {
+            struct_size stride buffer offset second_buffer second_offset joints joints_bytes joints_offset normals
+            method
+        }
+        DmSkinnedView { struct_size reserved buffer offset previous_buffer previous_offset }
         DmClipInfo { struct_size frame_count column_count fps }
         DmClipArrays { struct_size frame_count column_count fps name names values }
     }
@@ -134,14 +144,20 @@ fn generate() -> String {
         "structs/device",
         "structs/mesh",
         "structs/crowd",
+        "structs/after",
         "queries",
         "mesh",
         "clip",
         "engine",
         "upload",
         "crowd",
+        "weights",
+        "crowds",
         "record",
         "views",
+        "readback",
+        "after",
+        "skin",
         "cpu",
     ];
     for file in files {
@@ -181,7 +197,7 @@ fn structures_have_no_padding_and_every_field_is_asserted() {
         assert_eq!(declared, fields.len(), "{name}: fields that are not asserted");
     }
     let structures = text.matches("typedef struct ").count();
-    assert_eq!(structures, layouts().len() + 7, "structures that are not asserted, but for seven handles");
+    assert_eq!(structures, layouts().len() + 11, "structures that are not asserted, but for handles");
 }
 
 #[test]
@@ -202,6 +218,22 @@ fn compilers_take_the_header_by_itself() {
         let said = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "{compiler} {flags:?} (the Vulkan headers are libvulkan-dev):\n{said}");
     }
+}
+
+/// Not that it is right, but that nobody forgot it.
+#[test]
+fn every_function_is_used_wrongly_by_a_test() {
+    let read = |file: &str| std::fs::read_to_string(Path::new(CRATE).join("tests").join(file)).expect(file);
+    let (text, misuse) = (generate(), read("misuse.c") + &read("misuse_steps.c"));
+    let declared = text.lines().filter_map(|line| line.strip_prefix("DmResult ")?.split('(').next());
+    let functions: Vec<&str> = declared.collect();
+    assert!(functions.len() > 70, "{functions:?}");
+    let is_refused = |name: &str| {
+        let uses = misuse.split(&format!("{name}(")).count() - 1;
+        uses > misuse.split(&format!("WORKS({name}(")).count() - 1
+    };
+    let missing: Vec<&&str> = functions.iter().filter(|name| !is_refused(name)).collect();
+    assert!(missing.is_empty(), "{missing:?}");
 }
 
 /// A compiler that takes everything would prove nothing.

@@ -2,13 +2,15 @@
 //! caller has to know is in the documentation of the functions, which the header repeats.
 //!
 //! All of it goes through the public API of the Rust library. What C cannot state is checked here: handles
-//! ([`handles`]), pointers and sizes of structures ([`memory`]), reserved fields ([`arguments`]), numbers of enumerations
-//! ([`numbers`]); every entry turns errors and panics into a code and a message ([`result`]).
+//! ([`handles`]), pointers and sizes of structures ([`memory`]), reserved fields ([`arguments`]), numbers of
+//! enumerations ([`numbers`]); every entry turns errors and panics into a code and a message ([`result`]).
 
+pub mod after;
 pub mod arguments;
 pub mod clip;
 pub mod cpu;
 pub mod crowd;
+pub mod crowds;
 pub mod engine;
 pub mod handles;
 #[cfg(test)]
@@ -17,9 +19,12 @@ pub mod memory;
 pub mod mesh;
 pub mod numbers;
 pub mod queries;
+pub mod readback;
 pub mod record;
 pub mod result;
+pub mod skin;
 pub mod structs;
 pub mod tickets;
 pub mod upload;
 pub mod views;
+pub mod weights;

@@ -1,6 +1,7 @@
 //! Numbers of enumerations: stable, never reused; 0 is the default of each.
 
 use crate::result::{Failure, Result};
+use deltamorph::after::SkinMethod;
 use deltamorph::{Consumers, DeltaFormat, PoseFormat, Semantic, UpdateMode, UpdatePath};
 
 /// Vertices are doubled at seams, so that one index buffer draws poses as they are.
@@ -55,6 +56,12 @@ pub const DM_READ_BY_COPIES: u32 = 8;
 /// Builds of acceleration structures, from decoded positions.
 pub const DM_READ_BY_ACCELERATION_STRUCTURES: u32 = 16;
 
+/// Linear blend: a joint is twelve float32, the first three rows of its matrix (joint to model x inverse bind matrix).
+pub const DM_SKIN_LINEAR: u32 = 1;
+/// Dual quaternions: a joint is eight float32, a unit quaternion (x, y, z, w) and the dual part, half of translation x
+/// rotation.
+pub const DM_SKIN_DUAL_QUATERNION: u32 = 2;
+
 /// Where the vertex is: three components.
 pub const DM_STREAM_POSITION: u32 = 1;
 /// Which way the surface faces: three components.
@@ -98,6 +105,9 @@ const CONSUMERS: &[(u32, Consumers)] = &[
     (DM_READ_BY_COPIES, Consumers::COPIES),
     (DM_READ_BY_ACCELERATION_STRUCTURES, Consumers::ACCELERATION_STRUCTURES),
 ];
+
+const SKINS: &[(u32, SkinMethod)] =
+    &[(DM_SKIN_LINEAR, SkinMethod::Linear), (DM_SKIN_DUAL_QUATERNION, SkinMethod::DualQuaternion)];
 
 /// What `number` means; `default` for 0.
 fn find<T: Copy>(table: &[(u32, T)], number: u32, what: &str, default: T) -> Result<T> {
@@ -143,6 +153,11 @@ pub fn mode(number: u32, default: UpdateMode) -> Result<UpdateMode> {
     find(MODES, number, "mode (DM_MODE_)", default)
 }
 
+/// `DM_SKIN_…`.
+pub fn skin_method(number: u32) -> Result<SkinMethod> {
+    find(SKINS, number, "method of skinning (DM_SKIN_)", SkinMethod::Linear)
+}
+
 /// `DM_READ_BY_…`, combined.
 pub fn consumers(bits: u32) -> Result<Consumers> {
     let known = CONSUMERS.iter().fold(0, |all, (bit, _)| all | bit);
@@ -186,6 +201,8 @@ mod tests {
         }
         assert_eq!(delta_format(0).unwrap(), DeltaFormat::Fast);
         assert_eq!(mode(0, UpdateMode::Rebuild).unwrap(), UpdateMode::Rebuild);
+        assert_eq!(skin_method(0).unwrap(), SkinMethod::Linear);
+        assert_eq!(skin_method(DM_SKIN_DUAL_QUATERNION).unwrap(), SkinMethod::DualQuaternion);
         assert_eq!(consumers(0).unwrap(), Consumers::default());
         assert_eq!(consumers(9).unwrap(), Consumers::VERTEX_ATTRIBUTES | Consumers::COPIES);
         assert_eq!(semantic(4 + 256 * 3).unwrap(), Semantic::TexCoord(3));
@@ -198,6 +215,7 @@ mod tests {
             pose_format(4, PoseFormat::Float32).map(drop),
             path(5, UpdatePath::Cpu).map(drop),
             mode(3, UpdateMode::Rebuild).map(drop),
+            skin_method(3).map(drop),
             consumers(1 << 30).map(drop),
             semantic(0).map(drop),
             semantic(6).map(drop),

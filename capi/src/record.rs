@@ -1,7 +1,7 @@
 //! Updates into the host's command buffer, and their tickets.
 
 use crate::arguments::check_command_buffer;
-use crate::crowd::Crowd;
+use crate::crowd::{Crowd, lock_all};
 use crate::handles::{DmCrowd, Handle};
 use crate::memory::{Place, Versioned, slice};
 use crate::result::{DmResult, Failure, Result, enter, lock};
@@ -90,22 +90,15 @@ pub unsafe extern "C" fn dm_record_updates(
         if objects.iter().any(|object| !Arc::ptr_eq(&object.engine, &first.engine)) {
             return Err(Failure::invalid("crowds of several engines; record the updates of each engine by themselves"));
         }
-        // Locked in one order by all threads, so that none waits for another that waits for it.
-        let mut order: Vec<usize> = (0..handles.len()).collect();
-        order.sort_unstable_by_key(|&at| handles[at].bits());
-        if order.windows(2).any(|pair| handles[pair[0]] == handles[pair[1]]) {
-            return Err(Failure::invalid("a crowd is named twice; name each once"));
-        }
-        let mut states = order.iter().map(|&at| Ok((at, lock(&objects[at].state)?))).collect::<Result<Vec<_>>>()?;
-        states.sort_unstable_by_key(|(at, _)| *at);
-        let mut any: Vec<&mut dyn AnyCrowd> = states.iter_mut().map(|(_, state)| state.any()).collect();
+        let mut states = lock_all(handles, &objects)?;
+        let mut any: Vec<&mut dyn AnyCrowd> = states.iter_mut().map(|state| state.any()).collect();
         // SAFETY: the caller's obligations.
         let recorded = unsafe { first.engine.morph.record_updates(cmd, &mut any) }?;
         places.resize_with(recorded.len(), || None);
-        for ((recorded, place), (at, state)) in recorded.iter().zip(places).zip(&mut states) {
+        for (((recorded, place), state), handle) in recorded.iter().zip(places).zip(&mut states).zip(handles) {
             let number = state.tickets.push(recorded.ticket);
             if let Some(place) = place {
-                place.write(told(handles[*at], number, recorded));
+                place.write(told(*handle, number, recorded));
             }
         }
         Ok(())

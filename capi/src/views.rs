@@ -1,6 +1,6 @@
 //! Where poses and their streams are.
 
-use crate::crowd::{Kind, either, with};
+use crate::crowd::{either, with};
 use crate::handles::DmCrowd;
 use crate::memory::{Place, Versioned};
 use crate::numbers::{pose_number, semantic};

@@ -26,6 +26,8 @@ static void expect(int line, const char *call, DmResult got, DmResult wanted, co
 static const DmMesh no_mesh = {0};
 static const DmCrowd no_crowd = {0};
 
+#include "misuse_steps.c"
+
 static DmMesh sample(uint32_t format) {
     DmSampleDesc head = {.struct_size = sizeof head, .vertices = 200, .targets = 3};
     DmMeshDesc desc = {.struct_size = sizeof desc, .delta_format = format};
@@ -180,6 +182,8 @@ static void cpu_crowds(void) {
     INVALID("cpu", dm_cpu_crowd_create(mesh, &desc, 1, &crowd));
     desc.path = 0, desc.consumers = 1u << 30;
     INVALID("combine DM_READ_BY_ constants", dm_cpu_crowd_create(mesh, &desc, 1, &crowd));
+    desc.consumers = 0, desc.pose_usage = VK_BUFFER_USAGE_INDEX_BUFFER_BIT;
+    INVALID("buffers of a crowd on the CPU", dm_cpu_crowd_create(mesh, &desc, 1, &crowd));
     WORKS(dm_cpu_crowd_create(mesh, NULL, 1, &crowd));
     WORKS(dm_mesh_destroy(mesh));
     INVALID("NaN", dm_cpu_crowd_set_weights(crowd, 0, weights, 3));
@@ -258,14 +262,13 @@ static void crowds(const Host *host, DmEngine engine, DmEngine other) {
     WORKS(dm_mesh_upload(other, host->cmd, dense, &elsewhere));
     host_submit_and_wait(host);
     WORKS(dm_gpu_mesh_release_staging(uploaded));
-    WORKS(dm_mesh_destroy(mesh));
     DmPoseView pose = {.struct_size = sizeof pose};
     DmStreamView stream = {.struct_size = sizeof stream};
     WORKS(dm_gpu_mesh_base_pose(uploaded, &pose));
     HOLDS(pose.buffer && pose.stride == 24 && pose.format == DM_POSE_FLOAT32);
     INVALID("stream", dm_gpu_mesh_base_stream(uploaded, DM_STREAM_COLOR, &stream));
     INVALID("6 is no stream", dm_gpu_mesh_base_stream(uploaded, 6, &stream));
-    INVALID("meshes and crowds of the engine are alive", dm_engine_destroy(engine));
+    INVALID("objects of the engine", dm_engine_destroy(engine));
 
     DmCrowd crowd = {0}, second = {0}, far = {0};
     DmCrowdDesc desc = {.struct_size = sizeof desc, .path = DM_PATH_COMPUTE};
@@ -349,10 +352,12 @@ static void crowds(const Host *host, DmEngine engine, DmEngine other) {
     WORKS(dm_record_update(host->cmd, animated, NULL));
     host_submit_and_wait(host);
     WORKS(dm_crowd_release_staging(animated));
+    steps(host, engine, other, mesh, dense, uploaded, crowd, animated, far);
 
+    WORKS(dm_mesh_destroy(mesh));
     WORKS(dm_gpu_mesh_destroy(uploaded));
     WORKS(dm_crowd_pose(crowd, 0, &pose)); /* crowds keep what they need */
-    INVALID("3 meshes and crowds", dm_engine_destroy(engine));
+    INVALID("3 objects of the engine", dm_engine_destroy(engine));
     WORKS(dm_crowd_destroy(crowd));
     WORKS(dm_crowd_destroy(second));
     WORKS(dm_crowd_destroy(animated));
@@ -369,7 +374,7 @@ static void crowds(const Host *host, DmEngine engine, DmEngine other) {
 int main(int argc, char **argv) {
     if (argc < 2) fail("usage", "misuse cpu|device [PART OF A DEVICE'S NAME]");
     if (strcmp(argv[1], "cpu") == 0) {
-        handles(), pointers_and_sizes(), meshes_and_clips(), cpu_crowds(), threads();
+        handles(), null_handles(), pointers_and_sizes(), meshes_and_clips(), cpu_crowds(), threads();
     } else {
         const Host host = host_create(argc > 2 ? argv[2] : "");
         DmEngine engine = {0}, other = {0};

@@ -34,7 +34,7 @@ fn libraries() -> &'static Path {
             "--package",
             env!("CARGO_PKG_NAME"),
             "--features",
-            "cpu,csv,gltf",
+            "after,cpu,csv,gltf",
             "--profile",
             profile,
             "--target-dir",
@@ -141,9 +141,14 @@ fn the_c_program_is_right_and_valid_on_every_driver() {
     let asset = Asset::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).expect("a mesh that packs");
     let packed = program.0.path().join("head.dmorph");
     asset.write(&packed).expect("a file");
+    let gltf = program.0.path().join("face.glb");
+    ran(build("capi/tests/scene.c", unchanged).command().arg(DRIVERS[0]).arg(&gltf));
     for driver in DRIVERS {
-        for (mesh, what) in [(Path::new("-"), "5000 vertices and 52 targets"), (&packed, "900 vertices and 7 targets")]
-        {
+        for (mesh, what) in [
+            (Path::new("-"), "5000 vertices and 52 targets"),
+            (&packed, "900 vertices and 7 targets"),
+            (&gltf, "576 vertices and 6 targets"),
+        ] {
             let output = program.validated(&[mesh.as_os_str(), driver.as_ref()]);
             let said = text(&output.stdout);
             assert!(output.status.success(), "{driver}: {said}{}", text(&output.stderr));
@@ -164,6 +169,47 @@ fn the_c_program_finds_a_wrong_pose_and_the_layer_a_missing_barrier() {
     let barrier = build("examples/c/minimal.c", replaced(" | DM_READ_BY_COPIES", ""));
     let output = barrier.validated(&["-".as_ref(), DRIVERS[0].as_ref()]);
     assert!(messages(&output).iter().any(|line| line.contains("SYNC-HAZARD")), "{}", text(&output.stdout));
+}
+
+/// A set, the host's own vertices, and all that follows the pose; the face from arrays, and from a .glb.
+#[test]
+fn a_scene_is_what_c_computes_in_double_precision() {
+    let program = build("capi/tests/scene.c", unchanged);
+    let gltf = program.0.path().join("face.glb");
+    for driver in DRIVERS {
+        for file in [None, Some(gltf.as_os_str())] {
+            let args: Vec<&OsStr> = [OsStr::new(driver)].into_iter().chain(file).collect();
+            let output = program.validated(&args);
+            let said = text(&output.stdout);
+            assert!(output.status.success(), "{driver}: {said}{}", text(&output.stderr));
+            assert_silent(&output);
+            assert!(said.starts_with("morphed: within") && said.lines().count() == 8, "{said}");
+        }
+    }
+    let output = program.under_valgrind(&[DRIVERS[0]]);
+    assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
+}
+
+#[test]
+fn a_scene_that_is_wrong_is_found() {
+    let differs = "the scene: differs from what it should be";
+    for (from, to, says) in [
+        // The joints of the first frame in all frames; a weight that the set never saw; no normals, no bounds.
+        ("DM(dm_crowd_set_joints(crowds[0], 0, frame * 192));", "", differs),
+        (
+            "patch_evaluate(&face, weights, exact);",
+            "weights[1] += 0.125f; patch_evaluate(&face, weights, exact);",
+            differs,
+        ),
+        ("DM(dm_crowd_set_normals_target(crowds[0], 0, surface, &normals_target));", "", differs),
+        ("DM(dm_crowd_set_bounds_target(crowds[0], 0, &bounds_target));", "", differs),
+        ("{DM_STREAM_NORMAL, 12}", "{DM_STREAM_NORMAL, 24}", "the host's bytes: were written"),
+        ("DM(dm_crowd_set_weight(crowds[1], 0, 0, 0.875f));", "", "single weights: are others"),
+    ] {
+        let output =
+            build("capi/tests/scene.c", replaced(from, to)).command().arg(DRIVERS[0]).output().expect("it starts");
+        assert!(!output.status.success() && text(&output.stderr).contains(says), "{to}: {}", text(&output.stderr));
+    }
 }
 
 #[test]

@@ -95,13 +95,13 @@ static void host_submit_and_wait(const Host *host) {
 typedef struct {
     VkBuffer buffer;
     VkDeviceMemory memory;
-    const float *mapped;
+    float *mapped;
 } Readback;
 
-static Readback readback_create(const Host *host, uint64_t bytes) {
+static Readback readback_create(const Host *host, uint64_t bytes, VkBufferUsageFlags usage) {
     Readback readback = {0};
     VkBufferCreateInfo info = {.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO, .size = bytes,
-                               .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT};
+                               .usage = usage};
     VK(vkCreateBuffer(host->device, &info, NULL, &readback.buffer));
     VkMemoryRequirements needs;
     vkGetBufferMemoryRequirements(host->device, readback.buffer, &needs);
@@ -138,7 +138,7 @@ static double morph(const Host *host, DmEngine engine, DmMesh mesh, const DmMesh
     DmCrowd crowd;
     DM(dm_crowd_create(uploaded, &desc, &crowd));
 
-    Readback readback = readback_create(host, info->pose_bytes);
+    Readback readback = readback_create(host, info->pose_bytes, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
     float *weights = room_for(info->target_count, sizeof *weights);
     double *reference = room_for((size_t)info->vertex_count * FLOATS, sizeof *reference), worst = 0;
     uint32_t *packed = room_for(info->vertex_count, sizeof *packed);

@@ -32,6 +32,49 @@ pub struct DmCrowdDesc {
     pub weight_max: f32,
     /// How far a vertex may be from where the weights would put it, as a length in input units; 0: nothing is deferred.
     pub error_budget: f32,
+    /// VkBufferUsageFlags that pose buffers have beside vertex, storage and storage texel buffer, and source of copies.
+    pub pose_usage: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// Vertices of the host's that poses are written into (path blocks); null: buffers of the library's.
+    pub poses: *const DmHostPoses,
+}
+
+/// Vertices of a host's own that a crowd keeps its poses in, interleaved with what else the host has there, which is
+/// left alone. From `offset` on there is a pose for each slot of each instance, `[instance][slot]`, of `stride` x
+/// DmMeshInfo::padded_vertex_count bytes each, in the order of pose buffers.
+///
+/// The buffer is of the engine's device, usable as storage buffer, and large enough for all of that. It lives until the
+/// crowd is destroyed. While an update runs, nobody else reads or writes what the crowd writes there, but for the
+/// crowd's consumers.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmHostPoses {
+    /// sizeof(DmHostPoses).
+    pub struct_size: u32,
+    /// Bytes from vertex to vertex, a multiple of 4.
+    pub stride: u32,
+    /// The buffer.
+    pub buffer: vk::Buffer,
+    /// Bytes from its beginning to the first vertex, a multiple of 4.
+    pub offset: u64,
+    /// The streams that are written, 16 at most; positions are among them.
+    pub streams: *const DmStreamPlace,
+    /// Streams.
+    pub stream_count: u32,
+    /// Zero.
+    pub reserved: u32,
+}
+
+/// Where a stream is in a vertex.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmStreamPlace {
+    /// `DM_STREAM_…`.
+    pub stream: u32,
+    /// Bytes from the beginning of a vertex to its first component: a multiple of 4, of 2 in poses of 16-bit integers,
+    /// where a stream brings the six numbers of its pair (position and normal, for example), which stay together.
+    pub offset: u32,
 }
 
 /// Clips for a crowd that is animated on the GPU.
@@ -146,24 +189,6 @@ pub struct DmStreamView {
     pub units: [f32; 4],
     /// Which slot of the instance it is.
     pub slot: u32,
-    /// Zero.
-    pub reserved: u32,
-}
-
-/// Where float32 positions of an instance are written, in the order of poses and without padding.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct DmDecodeTarget {
-    /// sizeof(DmDecodeTarget).
-    pub struct_size: u32,
-    /// Bytes from vertex to vertex, a multiple of 4; 0: 12.
-    pub stride: u32,
-    /// The buffer, usable as storage buffer.
-    pub buffer: vk::Buffer,
-    /// Offset of the first vertex's position, a multiple of 4.
-    pub offset: u64,
-    /// Bytes from a position to its normal, a multiple of 4 from 12 on; 0: no normals.
-    pub normals: u32,
     /// Zero.
     pub reserved: u32,
 }

@@ -13,7 +13,9 @@ pub struct GetInstanceProcAddr(pub Option<vk::PFN_vkGetInstanceProcAddr>);
 #[derive(Clone, Copy)]
 pub struct GetDeviceProcAddr(pub Option<vk::PFN_vkGetDeviceProcAddr>);
 
-/// made with it. The device has the extensions and features of `dm_requirements` enabled for the paths to be used.
+/// The device that an engine is made on. All handles are alive, belong together, and live until the engine is destroyed,
+/// with what was made with it. The device has the extensions and features of `dm_requirements` enabled for the paths to
+/// be used.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmEngineDesc {
@@ -39,6 +41,11 @@ pub struct DmEngineDesc {
     pub clamp_to_android_baseline: u32,
     /// Zero.
     pub reserved: u32,
+    /// Not 0: `instance` was created with VK_EXT_debug_utils; buffers, pipelines and descriptor sets get names then.
+    pub debug_names: u32,
+    /// Not 0: `device` was created with the feature `bufferDeviceAddress`; DmCrowdDesc::pose_usage may ask for
+    /// addresses.
+    pub buffer_device_address: u32,
 }
 
 /// What an engine runs on.

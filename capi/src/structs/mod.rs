@@ -1,9 +1,11 @@
 //! The structures that cross the boundary. Fields are ordered so that there is no padding.
 
+mod after;
 mod crowd;
 mod device;
 mod mesh;
 
+pub use after::*;
 pub use crowd::*;
 pub use device::*;
 pub use mesh::*;
@@ -11,16 +13,39 @@ pub use mesh::*;
 use crate::memory::Versioned;
 
 macro_rules! versioned {
-    ($($name:ident)*) => {$(
+    ($($name:ident $($first:literal)?;)*) => {$(
         // SAFETY: `repr(C)` without padding (header.rs adds up the sizes of fields), a `u32` first, and numbers,
         // pointers and nullable functions after it.
         unsafe impl Versioned for $name {
             const NAME: &'static str = stringify!($name);
+            $(const FIRST_SIZE: usize = $first;)?
         }
     )*};
 }
 
+// With the bytes of the first version, where fields came since.
 versioned! {
-    DmEngineDesc DmEngineInfo DmMeshDesc DmMeshArrays DmTargetArrays DmSampleDesc DmMeshInfo DmRenderVertices
-    DmCrowdDesc DmAnimationDesc DmPlayback DmUpdate DmPoseView DmStreamView DmDecodeTarget DmClipInfo DmClipArrays
+    DmEngineDesc 72;
+    DmEngineInfo;
+    DmMeshDesc;
+    DmMeshArrays;
+    DmTargetArrays;
+    DmSampleDesc;
+    DmMeshInfo;
+    DmRenderVertices;
+    DmCrowdDesc 48;
+    DmHostPoses;
+    DmAnimationDesc;
+    DmPlayback;
+    DmUpdate;
+    DmPoseView;
+    DmStreamView;
+    DmDecodeTarget;
+    DmBoundsTarget;
+    DmNormalsTarget;
+    DmSkinDesc;
+    DmSkinTarget;
+    DmSkinnedView;
+    DmClipInfo;
+    DmClipArrays;
 }

@@ -1,0 +1,180 @@
+//! Crowds of several meshes that take one weight vector. A set names crowds, which stay the caller's: they are
+//! recorded, drawn and skinned by their own handles.
+
+use crate::crowd::{Crowd, lock_all};
+use crate::handles::{DmCrowd, DmCrowds, Handle, handle};
+use crate::memory::{check_place, list, slice, text};
+use crate::result::{DmResult, Failure, Result, enter, lock};
+use std::ffi::{CString, c_char};
+use std::sync::{Arc, Mutex};
+
+/// What a `DmCrowds` names.
+pub struct Crowds {
+    members: Vec<DmCrowd>,
+    bound: Mutex<Bound>,
+}
+
+handle!(DmCrowds, 8, Crowds);
+
+/// What the weights of a set are called.
+struct Bound {
+    names: Vec<CString>,
+    /// Of each crowd: which weight goes to which target.
+    driven: Vec<Vec<(usize, usize)>>,
+}
+
+fn objects(members: &[DmCrowd]) -> Result<Vec<Arc<Crowd>>> {
+    members.iter().map(|crowd| crowd.get()).collect()
+}
+
+/// The names of the targets of each crowd.
+fn target_names(members: &[DmCrowd]) -> Result<Vec<Vec<String>>> {
+    let objects = objects(members)?;
+    let mut states = lock_all(members, &objects)?;
+    let names = |crowd: &deltamorph::Crowd| crowd.layout().targets.iter().map(|target| target.name.clone()).collect();
+    states.iter_mut().map(|state| Ok(names(state.weighted()?))).collect()
+}
+
+impl Bound {
+    /// Weights called `names`, in their order, for crowds whose targets are called `targets`.
+    fn new(names: Vec<String>, targets: &[Vec<String>]) -> Result<Self> {
+        if let Some(name) = names.iter().enumerate().find_map(|(i, name)| names[..i].contains(name).then_some(name)) {
+            return Err(Failure::invalid(format!("two weights are called '{name}'; name each once")));
+        }
+        if let Some(name) = names.iter().find(|name| !targets.iter().any(|targets| targets.contains(name))) {
+            let text = format!("no mesh of the set has a target '{name}'");
+            return Err(Failure::invalid(format!("{text}; dm_mesh_target_name tells the names")));
+        }
+        let driven = |targets: &Vec<String>| {
+            let weight_of = |target: &String| names.iter().position(|name| name == target);
+            targets.iter().enumerate().filter_map(|(i, target)| Some((weight_of(target)?, i))).collect()
+        };
+        let driven = targets.iter().map(driven).collect();
+        let names = names.iter().map(|name| CString::new(name.replace('\0', "\u{fffd}")).unwrap_or_default()).collect();
+        Ok(Self { names, driven })
+    }
+}
+
+/// Make a set of `count` crowds whose weights are set by one vector: by their names, a weight goes to the targets of
+/// every mesh. Instance i of the set is instance i of each crowd. The weights are, to begin with, those of all their
+/// targets: each name once, in the order in which crowds and their targets name them.
+///
+/// The crowds stay the caller's: `dm_record_updates` records their updates with shared barriers, and each is cut,
+/// hidden, skinned and destroyed by its own handle. Where one was destroyed, the set can only be destroyed.
+///
+/// Errors: DM_ERROR_INVALID for no crowd, one that is named twice, or that plays clips.
+///
+/// # Safety
+/// There are `count` crowds; `set` can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_crowds_create(crowds: *const DmCrowd, count: u32, set: *mut DmCrowds) -> DmResult {
+    enter("dm_crowds_create", || {
+        check_place(set, "set")?;
+        // SAFETY: the caller's obligation.
+        let members = unsafe { slice(crowds, count as usize, "crowds") }?.to_vec();
+        if members.is_empty() {
+            return Err(Failure::invalid("a set of no crowd; name one or more"));
+        }
+        let targets = target_names(&members)?;
+        let mut names: Vec<String> = vec![];
+        for name in targets.iter().flatten() {
+            if !names.contains(name) {
+                names.push(name.clone());
+            }
+        }
+        let bound = Mutex::new(Bound::new(names, &targets)?);
+        // SAFETY: the caller's obligation; it was checked.
+        unsafe { set.write(DmCrowds::insert(Crowds { members, bound })?) };
+        Ok(())
+    })
+}
+
+/// From now on weights are of these names, in this order: those of a clip or of a tracker. Targets that are not among
+/// them keep the weights that were requested last.
+///
+/// Errors: DM_ERROR_INVALID for a name that no mesh has, or that comes twice; DM_ERROR_HANDLE where a crowd was
+/// destroyed. Nothing changes then.
+///
+/// # Safety
+/// There are `count` names, UTF-8 strings.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_crowds_bind(set: DmCrowds, names: *const *const c_char, count: u32) -> DmResult {
+    enter("dm_crowds_bind", || {
+        // SAFETY: the caller's obligations.
+        let names = unsafe { slice(names, count as usize, "names") }?.iter();
+        // SAFETY: as above.
+        let names = names.map(|name| Ok(unsafe { text(*name, "name of a weight") }?.to_owned()));
+        let (names, set) = (names.collect::<Result<_>>()?, set.get()?);
+        let bound = Bound::new(names, &target_names(&set.members)?)?;
+        *lock(&set.bound)? = bound;
+        Ok(())
+    })
+}
+
+/// What the weights of a set are called, in their order: UTF-8, valid until the set is bound anew, or destroyed.
+///
+/// With `names` null, `count` becomes their number. Otherwise `count` says how many there is room for.
+///
+/// Errors: DM_ERROR_INVALID for too little room.
+///
+/// # Safety
+/// `count` can be read and written; `names` is null or has room for that many.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_crowds_names(set: DmCrowds, count: *mut u32, names: *mut *const c_char) -> DmResult {
+    enter("dm_crowds_names", || {
+        let set = set.get()?;
+        let found: Vec<*const c_char> = lock(&set.bound)?.names.iter().map(|name| name.as_ptr()).collect();
+        // SAFETY: the caller's obligations.
+        unsafe { list(count, names, &found, "names") }
+    })
+}
+
+/// Request these weights of an instance in all crowds, one for each name of the set, from the next recorded updates on.
+///
+/// Errors: DM_ERROR_INVALID for a wrong number of weights; as `dm_crowd_set_weights`; DM_ERROR_HANDLE where a crowd was
+/// destroyed. Nothing changes then, in no crowd.
+///
+/// # Safety
+/// There are `count` weights.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_crowds_set_weights(
+    set: DmCrowds,
+    instance: u32,
+    weights: *const f32,
+    count: u32,
+) -> DmResult {
+    enter("dm_crowds_set_weights", || {
+        // SAFETY: the caller's obligation.
+        let weights = unsafe { slice(weights, count as usize, "weights") }?;
+        let set = set.get()?;
+        let bound = lock(&set.bound)?;
+        if weights.len() != bound.names.len() {
+            let text = format!("{count} weights for a set of {} names", bound.names.len());
+            return Err(Failure::invalid(format!("{text}; give one for each name, in their order")));
+        }
+        let objects = objects(&set.members)?;
+        let mut states = lock_all(&set.members, &objects)?;
+        let mut crowds = states.iter_mut().map(|state| state.weighted()).collect::<Result<Vec<_>>>()?;
+        let before = crowds.iter().map(|crowd| Ok(crowd.weights(instance)?.to_vec())).collect::<Result<Vec<_>>>()?;
+        for (at, (driven, before_this)) in bound.driven.iter().zip(&before).enumerate() {
+            let mut wanted = before_this.clone();
+            driven.iter().for_each(|&(weight, target)| wanted[target] = weights[weight]);
+            if let Err(error) = crowds[at].set_weights(instance, &wanted) {
+                // They had them, so they take them.
+                crowds
+                    .iter_mut()
+                    .zip(&before)
+                    .take(at)
+                    .try_for_each(|(crowd, was)| crowd.set_weights(instance, was))?;
+                return Err(error.into());
+            }
+        }
+        Ok(())
+    })
+}
+
+/// Destroy a set. Its crowds stay.
+#[unsafe(no_mangle)]
+pub extern "C" fn dm_crowds_destroy(set: DmCrowds) -> DmResult {
+    enter("dm_crowds_destroy", || set.destroy(|_| Ok(())))
+}

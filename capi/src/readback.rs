@@ -1,0 +1,130 @@
+//! Poses read back to host memory, decoded.
+
+use crate::arguments::check_command_buffer;
+use crate::crowd::either;
+use crate::engine::Engine;
+use crate::handles::{DmCrowd, DmEngine, DmReadback, Handle, handle};
+use crate::memory::{check_place, fill, slice};
+use crate::numbers::semantic;
+use crate::result::{DmResult, Failure, enter, lock};
+use deltamorph::ash::vk;
+use deltamorph::{PoseReadback, ReadPose};
+use std::sync::{Arc, Mutex};
+
+/// What a `DmReadback` names.
+pub struct Readback {
+    state: Mutex<State>,
+    _engine: Arc<Engine>,
+}
+
+handle!(DmReadback, 9, Readback);
+
+struct State {
+    readback: PoseReadback,
+    /// What was recorded last, once somebody asked for it.
+    poses: Option<Vec<ReadPose>>,
+}
+
+/// Make memory for reading poses back: none yet, as much as they take when they are recorded.
+///
+/// # Safety
+/// `readback` can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_readback_create(engine: DmEngine, readback: *mut DmReadback) -> DmResult {
+    enter("dm_readback_create", || {
+        check_place(readback, "readback")?;
+        let engine = engine.get()?;
+        let state = Mutex::new(State { readback: engine.morph.readback(), poses: None });
+        // SAFETY: the caller's obligation; it was checked.
+        unsafe { readback.write(DmReadback::insert(Readback { state, _engine: engine })?) };
+        Ok(())
+    })
+}
+
+/// Record copies of the poses of `count` instances of a crowd, in the place of what was recorded before. It comes after
+/// the update that writes them, in the same command buffer or a later one.
+///
+/// This records: a barrier from the stages that write poses to copies, whatever the consumers of the crowd are; the
+/// copies; and a barrier that makes them visible to the host, and that later updates wait for.
+///
+/// Errors: DM_ERROR_INVALID for a crowd of another engine; as `dm_crowd_pose`, for each instance;
+/// DM_ERROR_OUT_OF_MEMORY. Nothing is recorded then.
+///
+/// # Safety
+/// - `cmd` as in `dm_record_update`, on the queue that updates of the crowd run on. It runs after the updates of the
+///   crowd that were recorded so far, and before later ones.
+/// - What was recorded with this read-back before has finished, or never runs. It and the crowd live until the device
+///   has finished.
+/// - There are `count` instances. Vertices of the host's own that poses are in were made as source of copies, too.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_readback_record(
+    readback: DmReadback,
+    cmd: vk::CommandBuffer,
+    crowd: DmCrowd,
+    instances: *const u32,
+    count: u32,
+) -> DmResult {
+    enter("dm_readback_record", || {
+        check_command_buffer(cmd)?;
+        // SAFETY: the caller's obligation.
+        let instances = unsafe { slice(instances, count as usize, "instances") }?;
+        let (readback, crowd) = (readback.get()?, crowd.get()?);
+        let (mut locked, mut state) = (lock(&readback.state)?, lock(&crowd.state)?);
+        locked.poses = None;
+        // SAFETY: the caller's obligations.
+        Ok(either!(state, crowd => unsafe { locked.readback.record(cmd, crowd, instances) })?)
+    })
+}
+
+/// A pose that was recorded last, decoded, of the `at`-th instance named there: in the order of the mesh as it was
+/// imported, without padding. `stream` 0: six floats a vertex, the position in input units and the normal, not
+/// normalised; another stream of the mesh (`DM_STREAM_…`): its components, vertex after vertex.
+///
+/// Errors: DM_ERROR_INVALID for more than were recorded, a stream that the mesh does not have, too little room.
+///
+/// # Safety
+/// The command buffer that it was recorded into has finished: the host has waited for its fence. There is room for
+/// `count` floats.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_readback_pose(
+    readback: DmReadback,
+    at: u32,
+    stream: u32,
+    values: *mut f32,
+    count: usize,
+) -> DmResult {
+    enter("dm_readback_pose", || {
+        let readback = readback.get()?;
+        let State { readback, poses } = &mut *lock(&readback.state)?;
+        let poses = match poses {
+            Some(poses) => poses,
+            // SAFETY: the caller's obligation.
+            None => poses.insert(unsafe { readback.poses() }?),
+        };
+        let pose = poses.get(at as usize).ok_or_else(|| {
+            let text = format!("pose {at} of {} that were read back", poses.len());
+            Failure::invalid(format!("{text}; dm_readback_record names the instances, counted from 0"))
+        })?;
+        let found = match stream {
+            0 => &pose.vertices,
+            _ => {
+                let wanted = semantic(stream)?;
+                let found = pose.streams.iter().find(|(semantic, _)| *semantic == wanted);
+                let text =
+                    "a stream that was not read back; use 0 for positions and normals, or another that the mesh has";
+                &found.ok_or_else(|| Failure::invalid(text))?.1
+            }
+        };
+        // SAFETY: the caller's obligation.
+        unsafe { fill(values, count, found, "values") }
+    })
+}
+
+/// Destroy a read-back.
+///
+/// # Safety
+/// What was recorded with it has finished, or never runs.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_readback_destroy(readback: DmReadback) -> DmResult {
+    enter("dm_readback_destroy", || readback.destroy(|_| Ok(())))
+}

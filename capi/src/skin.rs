@@ -1,0 +1,175 @@
+//! Skinned poses.
+
+use crate::after::{self, check_buffer};
+use crate::arguments::{check_command_buffer, check_reserved, or};
+use crate::crowd::{either, with};
+use crate::engine::Engine;
+use crate::handles::{DmCrowd, DmEngine, DmMesh, DmSkin, Handle, handle};
+use crate::memory::{Place, Versioned, check_place, read, slice};
+use crate::numbers::skin_method;
+use crate::result::{DmResult, Result, enter, lock};
+use crate::structs::{DmSkinDesc, DmSkinTarget, DmSkinnedView};
+use deltamorph::after::{GpuSkin, SkinDesc, SkinTarget};
+use deltamorph::ash::vk::{self, Handle as _};
+use std::sync::{Arc, Mutex};
+
+/// What a `DmSkin` names.
+pub struct Skin {
+    skin: Mutex<GpuSkin>,
+    _engine: Arc<Engine>,
+}
+
+handle!(DmSkin, 10, Skin);
+
+/// Make a buffer of the joints and weights of a mesh's vertices, and record its upload: once for each mesh, whatever
+/// the number of crowds and instances.
+///
+/// This records: a copy from staging memory, and a barrier that makes it visible to updates.
+///
+/// Errors: DM_ERROR_INVALID for other than 4 or 8 influences, or 1 to 65,536 joints; a weight that is negative or no
+/// number; weights of a vertex that sum to 0; a joint that there is not; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded
+/// then.
+///
+/// # Safety
+/// - `cmd` as in `dm_mesh_upload`. It runs exactly once, before any update that skins by the value.
+/// - `desc` is a structure whose arrays have the elements that it says, for each vertex of the mesh; `skin` can be
+///   written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_skin_upload(
+    engine: DmEngine,
+    cmd: vk::CommandBuffer,
+    mesh: DmMesh,
+    desc: *const DmSkinDesc,
+    skin: *mut DmSkin,
+) -> DmResult {
+    enter("dm_skin_upload", || {
+        if !after::BUILT {
+            return Err(after::not_built());
+        }
+        check_place(skin, "skin")?;
+        check_command_buffer(cmd)?;
+        let (engine, mesh) = (engine.get()?, mesh.get()?);
+        // SAFETY: the caller's obligations; `skin` was checked.
+        unsafe {
+            let asked = read(desc)?;
+            check_reserved("DmSkinDesc", asked.reserved)?;
+            let influences = or(asked.influences, 4);
+            let count = mesh.layout().vertex_count.saturating_mul(influences as usize);
+            let (joints, weights) = (slice(asked.joints, count, "joints")?, slice(asked.weights, count, "weights")?);
+            let desc = SkinDesc::new(influences, asked.joint_count, joints, weights);
+            let made = Mutex::new(engine.morph.upload_skin(cmd, &mesh.asset.mesh, &desc)?);
+            skin.write(DmSkin::insert(Skin { skin: made, _engine: engine })?);
+        }
+        Ok(())
+    })
+}
+
+/// Give the staging memory of a skin back.
+///
+/// # Safety
+/// The upload has run, or never will.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_skin_release_staging(skin: DmSkin) -> DmResult {
+    enter("dm_skin_release_staging", || {
+        let skin = skin.get()?;
+        // SAFETY: the caller's obligation.
+        unsafe { lock(&skin.skin)?.release_staging() };
+        Ok(())
+    })
+}
+
+/// Destroy a skin. Instances that are skinned by it keep what they need.
+///
+/// # Safety
+/// Its upload has run, or never will.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_skin_destroy(skin: DmSkin) -> DmResult {
+    enter("dm_skin_destroy", || skin.destroy(|_| Ok(())))
+}
+
+/// Have an instance skinned into a buffer of the host's, from the next recorded update on; `target` null: no longer,
+/// and `skin` is not looked at. Where joints moved (`dm_crowd_set_joints`), all vertices are written; where only
+/// weights changed, what the update changed. What is written is ready for the crowd's consumers.
+///
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, a skin of another engine or mesh, an offset or
+/// stride that does not fit, joints that reach beyond their buffer. Nothing changes then.
+///
+/// # Safety
+/// - As `dm_crowd_set_decode_target`, of all buffers.
+/// - Joints are written, and visible to compute shaders, when an update runs that skins. They stay as they are from the
+///   update that they were set for until others are set, and the updates recorded before have finished.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_crowd_set_skin_target(
+    crowd: DmCrowd,
+    instance: u32,
+    skin: DmSkin,
+    target: *const DmSkinTarget,
+) -> DmResult {
+    enter("dm_crowd_set_skin_target", || {
+        if !after::BUILT {
+            return Err(after::not_built());
+        }
+        // SAFETY: the caller's obligation.
+        let target = unsafe { after::target(target, skin_target) }?;
+        let skin = target.map(|_| skin.get()).transpose()?;
+        let skin = skin.as_ref().map(|skin| lock(&skin.skin)).transpose()?;
+        let crowd = crowd.get()?;
+        let (mut state, engine) = (lock(&crowd.state)?, &crowd.engine.morph);
+        let target = skin.as_deref().zip(target.as_ref());
+        // SAFETY: the caller's obligations.
+        Ok(either!(state, crowd => unsafe { engine.set_skin_target(crowd, instance, target) })?)
+    })
+}
+
+fn skin_target(asked: &DmSkinTarget) -> Result<SkinTarget> {
+    check_buffer(asked.buffer, "buffer")?;
+    check_buffer(asked.joints, "joints")?;
+    let normals = (asked.normals != 0).then_some(asked.normals);
+    let second = (!asked.second_buffer.is_null()).then_some((asked.second_buffer, asked.second_offset));
+    Ok(SkinTarget::new(asked.buffer, asked.joints, asked.joints_bytes)
+        .offset(asked.offset)
+        .stride(or(asked.stride, asked.normals.saturating_add(12)))
+        .normals(normals)
+        .second(second)
+        .joints_offset(asked.joints_offset)
+        .method(skin_method(asked.method)?))
+}
+
+/// The joints of a skinned instance moved: from the next recorded update on they are those at `offset` of their buffer,
+/// in bytes, a multiple of 16. It may be the same place, where the host's barriers see to that; with several frames in
+/// flight and joints that the host writes it has to be one of several in turn.
+///
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, or not skinned; joints that reach beyond their
+/// buffer. Nothing changes then.
+#[unsafe(no_mangle)]
+pub extern "C" fn dm_crowd_set_joints(crowd: DmCrowd, instance: u32, offset: u64) -> DmResult {
+    enter("dm_crowd_set_joints", || {
+        if !after::BUILT {
+            return Err(after::not_built());
+        }
+        with(crowd, |state| Ok(either!(state, crowd => crowd.set_joints(instance, offset))?))
+    })
+}
+
+/// Where the skinned pose of an instance is, once the updates recorded so far have run.
+///
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, or not skinned; as `dm_crowd_pose`.
+///
+/// # Safety
+/// `view` is a structure that can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_crowd_skinned(crowd: DmCrowd, instance: u32, view: *mut DmSkinnedView) -> DmResult {
+    enter("dm_crowd_skinned", || {
+        if !after::BUILT {
+            return Err(after::not_built());
+        }
+        // SAFETY: the caller's obligation.
+        let place = unsafe { Place::new(view) }?;
+        let found = with(crowd, |state| Ok(either!(state, crowd => crowd.skinned(instance))?))?;
+        let (previous_buffer, previous_offset) = found.previous.unwrap_or_default();
+        let (buffer, offset) = found.current;
+        let none = DmSkinnedView::zeroed();
+        place.write(DmSkinnedView { buffer, offset, previous_buffer, previous_offset, ..none });
+        Ok(())
+    })
+}

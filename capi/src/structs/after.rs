@@ -1,0 +1,116 @@
+//! Of what follows the pose.
+
+use deltamorph::ash::vk;
+
+/// Where float32 positions of an instance are written, in the order of poses and without padding.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmDecodeTarget {
+    /// sizeof(DmDecodeTarget).
+    pub struct_size: u32,
+    /// Bytes from vertex to vertex, a multiple of 4; 0: 12.
+    pub stride: u32,
+    /// The buffer, usable as storage buffer.
+    pub buffer: vk::Buffer,
+    /// Offset of the first vertex's position, a multiple of 4.
+    pub offset: u64,
+    /// Bytes from a position to its normal, a multiple of 4 from 12 on; 0: no normals.
+    pub normals: u32,
+    /// Zero.
+    pub reserved: u32,
+}
+
+/// Where the bounds of an instance's pose are written: six float32, the least x, y and z of any vertex, and the
+/// greatest.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmBoundsTarget {
+    /// sizeof(DmBoundsTarget).
+    pub struct_size: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// The buffer, usable as storage buffer.
+    pub buffer: vk::Buffer,
+    /// Offset, a multiple of 4.
+    pub offset: u64,
+}
+
+/// Where normals of an instance's morphed surface are written, in the order of poses and without padding.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmNormalsTarget {
+    /// sizeof(DmNormalsTarget).
+    pub struct_size: u32,
+    /// Bytes from vertex to vertex, a multiple of 4 from 12 on; 0: 12.
+    pub stride: u32,
+    /// The buffer, usable as storage buffer.
+    pub buffer: vk::Buffer,
+    /// Offset of the first vertex's normal, a multiple of 4.
+    pub offset: u64,
+}
+
+/// Which joints move the vertices of a mesh.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmSkinDesc {
+    /// sizeof(DmSkinDesc).
+    pub struct_size: u32,
+    /// Joints that a vertex names: 4 or 8; 0: 4.
+    pub influences: u32,
+    /// For each of the DmMeshInfo::vertex_count vertices, in the order of the mesh as it was imported, `influences` joints.
+    /// Those whose weight is 0 are not used.
+    pub joints: *const u16,
+    /// The weights of these joints: not negative, of any sum above 0, by which they are divided.
+    pub weights: *const f32,
+    /// Joints there are: 1 to 65,536.
+    pub joint_count: u32,
+    /// Zero.
+    pub reserved: u32,
+}
+
+/// Where an instance is skinned to, in the order of poses and without padding, and by which joints.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmSkinTarget {
+    /// sizeof(DmSkinTarget).
+    pub struct_size: u32,
+    /// Bytes from vertex to vertex, a multiple of 4; 0: 12, or `normals` and 12.
+    pub stride: u32,
+    /// The buffer, usable as storage buffer.
+    pub buffer: vk::Buffer,
+    /// Offset of the first vertex's position, a multiple of 4.
+    pub offset: u64,
+    /// Second place of the same stride, so that the previous skinned pose stays when the next is written; null: none.
+    pub second_buffer: vk::Buffer,
+    /// Offset there.
+    pub second_offset: u64,
+    /// The buffer of the joints, usable as storage buffer.
+    pub joints: vk::Buffer,
+    /// Bytes from the beginning of that buffer that joints may lie in.
+    pub joints_bytes: u64,
+    /// Offset of the instance's first joint, a multiple of 16, until `dm_crowd_set_joints` names another.
+    pub joints_offset: u64,
+    /// Bytes from a position to its normal, of unit length, a multiple of 4 from 12 on; 0: no normals.
+    pub normals: u32,
+    /// `DM_SKIN_…`, how joints are blended, and so what they are; 0: linear.
+    pub method: u32,
+}
+
+/// Where a skinned pose is.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmSkinnedView {
+    /// sizeof(DmSkinnedView).
+    pub struct_size: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// The buffer.
+    pub buffer: vk::Buffer,
+    /// Offset of the first position.
+    pub offset: u64,
+    /// Where it is as it was before the last update: the same place where nothing changed, on the first update and
+    /// after a cut. Null: the update overwrote it.
+    pub previous_buffer: vk::Buffer,
+    /// Offset there.
+    pub previous_offset: u64,
+}

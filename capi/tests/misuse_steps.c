@@ -1,0 +1,280 @@
+/*
+ * Invalid use of what updates do beside the pose: weights one by one, sets, vertices of the host's, read-backs, steps
+ * after the pose; and handles that are null. Included by misuse.c, which says what it expects.
+ */
+
+static void null_handles(void) {
+    DmPoseView pose = {.struct_size = sizeof pose};
+    DmStreamView stream = {.struct_size = sizeof stream};
+    DmEngineInfo info = {.struct_size = sizeof info};
+    DmRenderVertices vertices = {.struct_size = sizeof vertices};
+    HANDLE("null handle in place of a mesh", dm_mesh_render_vertices(no_mesh, &vertices));
+    HANDLE("null handle in place of an engine", dm_engine_info((DmEngine){0}, &info));
+    HANDLE("null handle in place of a mesh on the device", dm_gpu_mesh_release_staging((DmGpuMesh){0}));
+    HANDLE("null handle in place of a mesh on the device", dm_gpu_mesh_base_pose((DmGpuMesh){0}, &pose));
+    HANDLE("null handle in place of a mesh on the device", dm_gpu_mesh_destroy((DmGpuMesh){0}));
+    HANDLE("null handle in place of a crowd", dm_crowd_previous_pose(no_crowd, 0, &pose));
+    HANDLE("null handle in place of a crowd", dm_crowd_previous_stream(no_crowd, 0, DM_STREAM_NORMAL, &stream));
+    HANDLE("null handle in place of a crowd", dm_crowd_destroy(no_crowd));
+    HANDLE("null handle in place of a CPU crowd", dm_cpu_crowd_destroy((DmCpuCrowd){0}));
+    HANDLE("null handle in place of a skin", dm_skin_destroy((DmSkin){0}));
+    HANDLE("null handle in place of a clip", dm_clip_destroy((DmClip){0}));
+    HANDLE("null handle in place of a bound clip", dm_bound_clip_destroy((DmBoundClip){0}));
+    INVALID("'clip' is a null pointer", dm_clip_sample_head(NULL, 3, 30, NULL));
+}
+
+static VkBuffer storage_create(const Host *host, uint64_t bytes, VkDeviceMemory *memory) {
+    const Readback made = readback_create(host, bytes, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+    *memory = made.memory;
+    return made.buffer;
+}
+
+static void single_weights(DmCrowd crowd, DmCrowd animated, const char *name) {
+    float weights[3] = {0};
+    INVALID("target 3", dm_crowd_set_weight(crowd, 0, 3, 1));
+    INVALID("instance 9", dm_crowd_set_weight(crowd, 9, 0, 1));
+    INVALID("NaN", dm_crowd_set_weight(crowd, 0, 0, NAN));
+    INVALID("the crowd plays clips", dm_crowd_set_weight(animated, 0, 0, 1));
+    HANDLE("null handle in place of a crowd", dm_crowd_set_weight(no_crowd, 0, 0, 1));
+    INVALID("no target 'none'", dm_crowd_set_weight_by_name(crowd, 0, "none", 1));
+    INVALID("'name' is a null pointer", dm_crowd_set_weight_by_name(crowd, 0, NULL, 1));
+    INVALID("room for 2 elements, and 3", dm_crowd_weights(crowd, 0, weights, 2));
+    INVALID("'weights' is a null pointer", dm_crowd_weights(crowd, 0, NULL, 3));
+    INVALID("the crowd plays clips", dm_crowd_weights(animated, 0, weights, 3));
+    WORKS(dm_crowd_set_weight(crowd, 0, 0, 0.25f));
+    WORKS(dm_crowd_set_weight_by_name(crowd, 0, name, 0.75f));
+    WORKS(dm_crowd_weights(crowd, 0, weights, 3));
+    HOLDS(weights[0] == 0.25f && weights[1] == 0.5f && weights[2] == 0.75f);
+}
+
+static void sets(DmGpuMesh mesh, DmCrowd crowd, DmCrowd animated) {
+    DmCrowd members[2] = {crowd, {0}};
+    DmCrowds set = {0};
+    uint32_t count = 1;
+    const char *names[3] = {NULL}, *twice[2];
+    float weights[3] = {0.5f, 0.25f, NAN}, held[3];
+    WORKS(dm_crowd_create(mesh, NULL, &members[1]));
+    INVALID("a set of no crowd", dm_crowds_create(members, 0, &set));
+    INVALID("'crowds' is a null pointer", dm_crowds_create(NULL, 2, &set));
+    INVALID("'set' is a null pointer", dm_crowds_create(members, 2, NULL));
+    INVALID("named twice", dm_crowds_create((DmCrowd[]){crowd, crowd}, 2, &set));
+    INVALID("the crowd plays clips", dm_crowds_create((DmCrowd[]){crowd, animated}, 2, &set));
+    HANDLE("null handle in place of a crowd", dm_crowds_create(&no_crowd, 1, &set));
+    HANDLE("null handle in place of a set of crowds", dm_crowds_destroy(set));
+    WORKS(dm_crowds_create(members, 2, &set));
+    INVALID("room for 1 elements, and 3", dm_crowds_names(set, &count, names));
+    INVALID("'count' is a null pointer", dm_crowds_names(set, NULL, names));
+    count = 3;
+    WORKS(dm_crowds_names(set, &count, names));
+    HOLDS(count == 3 && names[2] && strlen(names[2]) > 0);
+    WORKS(dm_crowd_weights(crowd, 0, held, 3));
+    const float before = held[0];
+    INVALID("NaN", dm_crowds_set_weights(set, 0, weights, 3));
+    INVALID("2 weights for a set of 3 names", dm_crowds_set_weights(set, 0, weights, 2));
+    INVALID("instance 1", dm_crowds_set_weights(set, 1, weights, 3));
+    WORKS(dm_crowd_remove(members[1], 0));
+    weights[2] = 1;
+    INVALID("instance 0", dm_crowds_set_weights(set, 0, weights, 3)); /* of the second: the first stays as it was */
+    WORKS(dm_crowd_weights(crowd, 0, held, 3));
+    HOLDS(held[0] == before);
+    twice[0] = twice[1] = names[0];
+    INVALID("two weights are called", dm_crowds_bind(set, twice, 2));
+    INVALID("no mesh of the set has a target 'none'", dm_crowds_bind(set, (const char *[]){"none"}, 1));
+    INVALID("'names' is a null pointer", dm_crowds_bind(set, NULL, 1));
+    INVALID("'name of a weight' is a null pointer", dm_crowds_bind(set, (const char *[]){NULL}, 1));
+    WORKS(dm_crowds_bind(set, &names[2], 1));
+    WORKS(dm_crowd_destroy(members[1]));
+    HANDLE("was destroyed", dm_crowds_set_weights(set, 0, weights, 1));
+    HANDLE("was destroyed", dm_crowds_bind(set, &names[0], 0));
+    WORKS(dm_crowds_destroy(set));
+    HANDLE("was destroyed", dm_crowds_names(set, &count, NULL));
+}
+
+static void host_vertices(DmGpuMesh mesh, VkBuffer buffer) {
+    DmStreamPlace streams[2] = {{DM_STREAM_POSITION, 0}, {DM_STREAM_NORMAL, 12}};
+    DmHostPoses poses = {.struct_size = sizeof poses, .stride = 48, .buffer = buffer, .streams = streams,
+                         .stream_count = 2};
+    DmCrowdDesc desc = {.struct_size = sizeof desc, .poses = &poses};
+    DmCrowd crowd = {0};
+    poses.buffer = VK_NULL_HANDLE;
+    INVALID("DmHostPoses: 'buffer' is null", dm_crowd_create(mesh, &desc, &crowd));
+    poses.buffer = buffer, poses.stream_count = 0;
+    INVALID("position", dm_crowd_create(mesh, &desc, &crowd));
+    poses.stream_count = 2, poses.streams = NULL;
+    INVALID("'streams' is a null pointer", dm_crowd_create(mesh, &desc, &crowd));
+    poses.streams = streams, poses.stride = 20;
+    INVALID("stride", dm_crowd_create(mesh, &desc, &crowd));
+    poses.stride = 48, poses.offset = 2;
+    INVALID("multiple of 4", dm_crowd_create(mesh, &desc, &crowd));
+    poses.offset = 0, poses.reserved = 1;
+    INVALID("DmHostPoses: 'reserved' is 1", dm_crowd_create(mesh, &desc, &crowd));
+    poses.reserved = 0, poses.struct_size = 8;
+    INVALID("DmHostPoses with a struct_size of 8", dm_crowd_create(mesh, &desc, &crowd));
+    poses.struct_size = sizeof poses, streams[1].stream = 77;
+    INVALID("77 is no stream", dm_crowd_create(mesh, &desc, &crowd));
+    streams[1].stream = DM_STREAM_TANGENT;
+    INVALID("tangent", dm_crowd_create(mesh, &desc, &crowd));
+    streams[1].stream = DM_STREAM_NORMAL, desc.pose_usage = VK_BUFFER_USAGE_INDEX_BUFFER_BIT;
+    INVALID("pose_usage", dm_crowd_create(mesh, &desc, &crowd));
+    desc.poses = NULL, desc.pose_usage = 1u << 30;
+    INVALID("pose buffers for", dm_crowd_create(mesh, &desc, &crowd));
+    desc.pose_usage = 0, desc.reserved = 4;
+    INVALID("DmCrowdDesc: 'reserved' is 4", dm_crowd_create(mesh, &desc, &crowd));
+    HOLDS(crowd.bits == 0);
+    /* A program of the first version, whose structure ends before what came since. */
+    desc.struct_size = offsetof(DmCrowdDesc, pose_usage);
+    WORKS(dm_crowd_create(mesh, &desc, &crowd));
+    WORKS(dm_crowd_destroy(crowd));
+}
+
+/* The crowd has a pose. */
+static void readbacks(const Host *host, DmEngine engine, DmCrowd crowd, DmCrowd elsewhere) {
+    DmReadback readback = {0};
+    const uint32_t instances[2] = {0, 5};
+    float *vertices = room_for(1200, sizeof *vertices);
+    INVALID("'readback' is a null pointer", dm_readback_create(engine, NULL));
+    HANDLE("null handle in place of an engine", dm_readback_create((DmEngine){0}, &readback));
+    HANDLE("null handle in place of a read-back", dm_readback_pose(readback, 0, 0, vertices, 1200));
+    WORKS(dm_readback_create(engine, &readback));
+    INVALID("pose 0 of 0", dm_readback_pose(readback, 0, 0, vertices, 1200));
+    INVALID("'cmd' is null", dm_readback_record(readback, NULL, crowd, instances, 1));
+    host_begin(host);
+    INVALID("instance 5", dm_readback_record(readback, host->cmd, crowd, instances, 2));
+    INVALID("'instances' is a null pointer", dm_readback_record(readback, host->cmd, crowd, NULL, 2));
+    INVALID("another MorphEngine", dm_readback_record(readback, host->cmd, elsewhere, instances, 1));
+    HANDLE("null handle in place of a crowd", dm_readback_record(readback, host->cmd, no_crowd, instances, 1));
+    WORKS(dm_readback_record(readback, host->cmd, crowd, instances, 1));
+    host_submit_and_wait(host);
+    INVALID("pose 1 of 1", dm_readback_pose(readback, 1, 0, vertices, 1200));
+    INVALID("room for 1199 elements, and 1200", dm_readback_pose(readback, 0, 0, vertices, 1199));
+    INVALID("'values' is a null pointer", dm_readback_pose(readback, 0, 0, NULL, 1200));
+    INVALID("a stream that was not read back", dm_readback_pose(readback, 0, DM_STREAM_COLOR, vertices, 1200));
+    INVALID("77 is no stream", dm_readback_pose(readback, 0, 77, vertices, 1200));
+    WORKS(dm_readback_pose(readback, 0, 0, vertices, 1200));
+    HOLDS(isfinite(vertices[0]) && isfinite(vertices[1199]));
+    WORKS(dm_readback_destroy(readback));
+    HANDLE("was destroyed", dm_readback_destroy(readback));
+    free(vertices);
+}
+
+static void skins(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh, DmMesh another, DmCrowd crowd,
+                  VkBuffer buffer) {
+    uint16_t *joints = room_for(800, sizeof *joints);
+    float *weights = room_for(800, sizeof *weights);
+    for (int i = 0; i < 800; i++) joints[i] = (uint16_t)(i % 2), weights[i] = 0.25f;
+    DmSkinDesc desc = {.struct_size = sizeof desc, .joints = joints, .weights = weights, .joint_count = 2}, bad = desc;
+    DmSkin skin = {0}, foreign = {0}, different = {0};
+    INVALID("'cmd' is null", dm_skin_upload(engine, NULL, mesh, &desc, &skin));
+    host_begin(host);
+    INVALID("'skin' is a null pointer", dm_skin_upload(engine, host->cmd, mesh, &desc, NULL));
+    INVALID("a null pointer to DmSkinDesc", dm_skin_upload(engine, host->cmd, mesh, NULL, &skin));
+    HANDLE("null handle in place of a mesh", dm_skin_upload(engine, host->cmd, no_mesh, &desc, &skin));
+    bad.influences = 5;
+    INVALID("'joints' is", dm_skin_upload(engine, host->cmd, mesh, (bad.joints = NULL, &bad), &skin));
+    bad = desc, bad.influences = 2;
+    INVALID("use 4 or 8 influences", dm_skin_upload(engine, host->cmd, mesh, &bad, &skin));
+    bad = desc, bad.joint_count = 0;
+    INVALID("1 to 65536 joints", dm_skin_upload(engine, host->cmd, mesh, &bad, &skin));
+    bad = desc, bad.joint_count = 1;
+    INVALID("names joint", dm_skin_upload(engine, host->cmd, mesh, &bad, &skin));
+    bad = desc, bad.reserved = 2;
+    INVALID("DmSkinDesc: 'reserved' is 2", dm_skin_upload(engine, host->cmd, mesh, &bad, &skin));
+    weights[5] = -1;
+    INVALID("weight -1", dm_skin_upload(engine, host->cmd, mesh, &desc, &skin));
+    weights[5] = 0.25f;
+    HOLDS(skin.bits == 0);
+    WORKS(dm_skin_upload(engine, host->cmd, mesh, &desc, &skin));
+    WORKS(dm_skin_upload(other, host->cmd, mesh, &desc, &foreign));
+    WORKS(dm_skin_upload(engine, host->cmd, another, &desc, &different));
+    host_submit_and_wait(host);
+    HANDLE("null handle in place of a skin", dm_skin_release_staging((DmSkin){0}));
+    WORKS(dm_skin_release_staging(skin));
+    DmSkinTarget target = {.struct_size = sizeof target, .buffer = buffer, .normals = 12, .joints = buffer,
+                           .joints_bytes = 96}, wrong = target;
+    DmSkinnedView view = {.struct_size = sizeof view};
+    INVALID("not skinned", dm_crowd_set_joints(crowd, 0, 0));
+    INVALID("no skinned pose", dm_crowd_skinned(crowd, 0, &view));
+    INVALID("a null pointer to DmSkinnedView", dm_crowd_skinned(crowd, 0, NULL));
+    HANDLE("null handle in place of a skin", dm_crowd_set_skin_target(crowd, 0, (DmSkin){0}, &target));
+    INVALID("upload it with the crowd's engine", dm_crowd_set_skin_target(crowd, 0, foreign, &target));
+    INVALID("a skin of mesh", dm_crowd_set_skin_target(crowd, 0, different, &target));
+    INVALID("instance 7", dm_crowd_set_skin_target(crowd, 7, skin, &target));
+    wrong.joints = VK_NULL_HANDLE;
+    INVALID("'joints' is null", dm_crowd_set_skin_target(crowd, 0, skin, &wrong));
+    wrong = target, wrong.buffer = VK_NULL_HANDLE;
+    INVALID("'buffer' is null", dm_crowd_set_skin_target(crowd, 0, skin, &wrong));
+    wrong = target, wrong.stride = 20;
+    INVALID("multiples of 4", dm_crowd_set_skin_target(crowd, 0, skin, &wrong));
+    wrong = target, wrong.normals = 0xffffffff;
+    INVALID("multiples of 4", dm_crowd_set_skin_target(crowd, 0, skin, &wrong));
+    wrong = target, wrong.joints_bytes = 95;
+    INVALID("room for all joints", dm_crowd_set_skin_target(crowd, 0, skin, &wrong));
+    wrong = target, wrong.method = 3;
+    INVALID("method of skinning (DM_SKIN_)", dm_crowd_set_skin_target(crowd, 0, skin, &wrong));
+    WORKS(dm_crowd_set_skin_target(crowd, 0, skin, &target));
+    INVALID("room for all joints", dm_crowd_set_joints(crowd, 0, 16));
+    INVALID("multiple of 16", dm_crowd_set_joints(crowd, 0, 8));
+    WORKS(dm_crowd_set_skin_target(crowd, 0, (DmSkin){0}, NULL));
+    INVALID("not skinned", dm_crowd_set_joints(crowd, 0, 0));
+    WORKS(dm_skin_destroy(skin));
+    WORKS(dm_skin_destroy(foreign));
+    WORKS(dm_skin_destroy(different));
+    HANDLE("was destroyed", dm_crowd_set_skin_target(crowd, 0, skin, &target));
+    free(joints), free(weights);
+}
+
+static void surfaces_and_bounds(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh, DmCrowd crowd,
+                                VkBuffer buffer) {
+    DmSurface surface = {0}, foreign = {0};
+    DmNormalsTarget normals = {.struct_size = sizeof normals, .buffer = buffer};
+    DmBoundsTarget bounds = {.struct_size = sizeof bounds, .buffer = buffer};
+    INVALID("'cmd' is null", dm_surface_upload(engine, NULL, mesh, &surface));
+    host_begin(host);
+    INVALID("'surface' is a null pointer", dm_surface_upload(engine, host->cmd, mesh, NULL));
+    HANDLE("null handle in place of a mesh", dm_surface_upload(engine, host->cmd, no_mesh, &surface));
+    WORKS(dm_surface_upload(engine, host->cmd, mesh, &surface));
+    WORKS(dm_surface_upload(other, host->cmd, mesh, &foreign));
+    host_submit_and_wait(host);
+    WORKS(dm_surface_release_staging(surface));
+    HANDLE("null handle in place of a surface", dm_surface_release_staging((DmSurface){0}));
+    HANDLE("null handle in place of a surface", dm_crowd_set_normals_target(crowd, 0, (DmSurface){0}, &normals));
+    INVALID("upload it with the crowd's engine", dm_crowd_set_normals_target(crowd, 0, foreign, &normals));
+    INVALID("instance 7", dm_crowd_set_normals_target(crowd, 7, surface, &normals));
+    normals.stride = 8;
+    INVALID("multiples of 4", dm_crowd_set_normals_target(crowd, 0, surface, &normals));
+    normals.stride = 0, normals.buffer = VK_NULL_HANDLE;
+    INVALID("'buffer' is null", dm_crowd_set_normals_target(crowd, 0, surface, &normals));
+    normals.struct_size = 0;
+    INVALID("struct_size of 0", dm_crowd_set_normals_target(crowd, 0, surface, &normals));
+    WORKS(dm_crowd_set_normals_target(crowd, 0, (DmSurface){0}, NULL));
+    bounds.offset = 2;
+    INVALID("multiple of 4", dm_crowd_set_bounds_target(crowd, 0, &bounds));
+    bounds.offset = 0, bounds.buffer = VK_NULL_HANDLE;
+    INVALID("'buffer' is null", dm_crowd_set_bounds_target(crowd, 0, &bounds));
+    bounds.buffer = buffer, bounds.reserved = 1;
+    INVALID("DmBoundsTarget: 'reserved' is 1", dm_crowd_set_bounds_target(crowd, 0, &bounds));
+    bounds.reserved = 0;
+    INVALID("instance 7", dm_crowd_set_bounds_target(crowd, 7, &bounds));
+    HANDLE("null handle in place of a crowd", dm_crowd_set_bounds_target(no_crowd, 0, &bounds));
+    WORKS(dm_crowd_set_bounds_target(crowd, 0, NULL));
+    INVALID("objects of the engine (meshes, crowds, skins, surfaces, read-backs) are alive", dm_engine_destroy(engine));
+    WORKS(dm_surface_destroy(surface));
+    WORKS(dm_surface_destroy(foreign));
+    HANDLE("was destroyed", dm_surface_destroy(surface));
+}
+
+/* The crowd and the animated one are of `mesh`, 200 vertices and 3 targets, as `uploaded`; `elsewhere` of another engine. */
+static void steps(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh, DmMesh another, DmGpuMesh uploaded,
+                  DmCrowd crowd, DmCrowd animated, DmCrowd elsewhere) {
+    VkDeviceMemory memory;
+    const VkBuffer buffer = storage_create(host, 1 << 16, &memory);
+    const char *name = NULL;
+    WORKS(dm_mesh_target_name(mesh, 2, &name));
+    single_weights(crowd, animated, name);
+    sets(uploaded, crowd, animated);
+    host_vertices(uploaded, buffer);
+    readbacks(host, engine, crowd, elsewhere);
+    skins(host, engine, other, mesh, another, crowd, buffer);
+    surfaces_and_bounds(host, engine, other, mesh, crowd, buffer);
+    vkDestroyBuffer(host->device, buffer, NULL), vkFreeMemory(host->device, memory, NULL);
+}
