@@ -24,10 +24,11 @@ pub struct BoundClip {
 handle!(DmClip, 5, Clip);
 handle!(DmBoundClip, 6, BoundClip);
 
-/// Read a clip of weights (.csv). `fps` is its frame rate; 0: the one that the file states, or its name, or else 30.
+/// Read a clip of weights: a CSV file (.csv; feature `csv`), or `FILE#NAME`, the animation NAME of a glTF file (feature
+/// `gltf`). `fps` is its frame rate; 0: the one that the file states, or its name, or else 30.
 ///
 /// Errors: DM_ERROR_IO, DM_ERROR_INPUT with file, place and remedy, also where the library was built without the
-/// feature `csv`.
+/// feature that reads it.
 ///
 /// # Safety
 /// `path` is a UTF-8 string; `clip` can be written.
