@@ -1284,8 +1284,8 @@ DmResult dm_crowd_set_decode_target(struct DmCrowd crowd, uint32_t instance, con
 /// no longer. They are exactly those of the pose as it is decoded, and ready for the crowd's consumers. A skinned pose
 /// has others.
 ///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed, an offset that is no multiple of 4. Nothing
-/// changes then.
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for an
+/// instance out of range or removed, an offset that is no multiple of 4. Nothing changes then.
 ///
 /// Safety:
 /// As `dm_crowd_set_decode_target`.
@@ -1297,8 +1297,8 @@ DmResult dm_crowd_set_bounds_target(struct DmCrowd crowd, uint32_t instance, con
 ///
 /// This records: a copy from staging memory, and a barrier that makes it visible to updates.
 ///
-/// Errors: DM_ERROR_INVALID for a mesh that exceeds the device's limits; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded
-/// then.
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for a mesh
+/// that exceeds the device's limits; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded then.
 ///
 /// Safety:
 /// `cmd` as in `dm_mesh_upload`. It runs exactly once, before any update that computes normals by the value; `surface`
@@ -1314,15 +1314,16 @@ DmResult dm_surface_release_staging(struct DmSurface surface);
 /// Destroy a surface. Instances whose normals are computed keep what they need.
 ///
 /// Safety:
-/// Its upload has run, or never will.
+/// The device no longer uses it but for its crowds: its upload has run, or never will.
 DmResult dm_surface_destroy(struct DmSurface surface);
 
 /// Have the normals of an instance's pose computed from its morphed surface, into a buffer of the host's, from the next
 /// recorded update on: area-weighted, of unit length, ready for the crowd's consumers. `target` null: no longer, and
 /// `surface` is not looked at.
 ///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed, a surface of another engine or mesh, an offset or
-/// stride that does not fit. Nothing changes then.
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for an
+/// instance out of range or removed, a surface of another engine or mesh, an offset or stride that does not fit.
+/// Nothing changes then.
 ///
 /// Safety:
 /// As `dm_crowd_set_decode_target`.
@@ -1336,9 +1337,9 @@ DmResult dm_crowd_set_normals_target(struct DmCrowd crowd,
 ///
 /// This records: a copy from staging memory, and a barrier that makes it visible to updates.
 ///
-/// Errors: DM_ERROR_INVALID for other than 4 or 8 influences, or 1 to 65,536 joints; a weight that is negative or no
-/// number; weights of a vertex that sum to 0; a joint that there is not; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded
-/// then.
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for other
+/// than 4 or 8 influences, or 1 to 65,536 joints; a weight that is negative or no number; weights of a vertex that sum
+/// to 0; a joint that there is not; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded then.
 ///
 /// Safety:
 /// - `cmd` as in `dm_mesh_upload`. It runs exactly once, before any update that skins by the value.
@@ -1359,15 +1360,16 @@ DmResult dm_skin_release_staging(struct DmSkin skin);
 /// Destroy a skin. Instances that are skinned by it keep what they need.
 ///
 /// Safety:
-/// Its upload has run, or never will.
+/// The device no longer uses it but for its crowds: its upload has run, or never will.
 DmResult dm_skin_destroy(struct DmSkin skin);
 
 /// Have an instance skinned into a buffer of the host's, from the next recorded update on; `target` null: no longer,
 /// and `skin` is not looked at. Where joints moved (`dm_crowd_set_joints`), all vertices are written; where only
 /// weights changed, what the update changed. What is written is ready for the crowd's consumers.
 ///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed, a skin of another engine or mesh, an offset or
-/// stride that does not fit, joints that reach beyond their buffer. Nothing changes then.
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for an
+/// instance out of range or removed, a skin of another engine or mesh, an offset or stride that does not fit, joints
+/// that reach beyond their buffer. Nothing changes then.
 ///
 /// Safety:
 /// - As `dm_crowd_set_decode_target`, of all buffers.
@@ -1382,13 +1384,14 @@ DmResult dm_crowd_set_skin_target(struct DmCrowd crowd,
 /// in bytes, a multiple of 16. It may be the same place, where the host's barriers see to that; with several frames in
 /// flight and joints that the host writes it has to be one of several in turn.
 ///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed, or not skinned; joints that reach beyond their
-/// buffer. Nothing changes then.
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for an
+/// instance out of range or removed, or not skinned; joints that reach beyond their buffer. Nothing changes then.
 DmResult dm_crowd_set_joints(struct DmCrowd crowd, uint32_t instance, uint64_t offset);
 
 /// Where the skinned pose of an instance is, once the updates recorded so far have run.
 ///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed, or not skinned; as `dm_crowd_pose`.
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for an
+/// instance out of range or removed, or not skinned; as `dm_crowd_pose`.
 ///
 /// Safety:
 /// `view` is a structure that can be written.

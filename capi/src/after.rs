@@ -88,8 +88,8 @@ fn decode_target(asked: &DmDecodeTarget) -> Result<DecodeTarget> {
 /// no longer. They are exactly those of the pose as it is decoded, and ready for the crowd's consumers. A skinned pose
 /// has others.
 ///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed, an offset that is no multiple of 4. Nothing
-/// changes then.
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for an
+/// instance out of range or removed, an offset that is no multiple of 4. Nothing changes then.
 ///
 /// # Safety
 /// As `dm_crowd_set_decode_target`.
@@ -123,8 +123,8 @@ pub unsafe extern "C" fn dm_crowd_set_bounds_target(
 ///
 /// This records: a copy from staging memory, and a barrier that makes it visible to updates.
 ///
-/// Errors: DM_ERROR_INVALID for a mesh that exceeds the device's limits; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded
-/// then.
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for a mesh
+/// that exceeds the device's limits; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded then.
 ///
 /// # Safety
 /// `cmd` as in `dm_mesh_upload`. It runs exactly once, before any update that computes normals by the value; `surface`
@@ -172,7 +172,7 @@ pub unsafe extern "C" fn dm_surface_release_staging(surface: DmSurface) -> DmRes
 /// Destroy a surface. Instances whose normals are computed keep what they need.
 ///
 /// # Safety
-/// Its upload has run, or never will.
+/// The device no longer uses it but for its crowds: its upload has run, or never will.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_surface_destroy(surface: DmSurface) -> DmResult {
     enter("dm_surface_destroy", || surface.destroy(|_| Ok(())))
@@ -182,8 +182,9 @@ pub unsafe extern "C" fn dm_surface_destroy(surface: DmSurface) -> DmResult {
 /// recorded update on: area-weighted, of unit length, ready for the crowd's consumers. `target` null: no longer, and
 /// `surface` is not looked at.
 ///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed, a surface of another engine or mesh, an offset or
-/// stride that does not fit. Nothing changes then.
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for an
+/// instance out of range or removed, a surface of another engine or mesh, an offset or stride that does not fit.
+/// Nothing changes then.
 ///
 /// # Safety
 /// As `dm_crowd_set_decode_target`.

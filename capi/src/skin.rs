@@ -26,9 +26,9 @@ handle!(DmSkin, 10, Skin);
 ///
 /// This records: a copy from staging memory, and a barrier that makes it visible to updates.
 ///
-/// Errors: DM_ERROR_INVALID for other than 4 or 8 influences, or 1 to 65,536 joints; a weight that is negative or no
-/// number; weights of a vertex that sum to 0; a joint that there is not; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded
-/// then.
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for other
+/// than 4 or 8 influences, or 1 to 65,536 joints; a weight that is negative or no number; weights of a vertex that sum
+/// to 0; a joint that there is not; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded then.
 ///
 /// # Safety
 /// - `cmd` as in `dm_mesh_upload`. It runs exactly once, before any update that skins by the value.
@@ -81,7 +81,7 @@ pub unsafe extern "C" fn dm_skin_release_staging(skin: DmSkin) -> DmResult {
 /// Destroy a skin. Instances that are skinned by it keep what they need.
 ///
 /// # Safety
-/// Its upload has run, or never will.
+/// The device no longer uses it but for its crowds: its upload has run, or never will.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_skin_destroy(skin: DmSkin) -> DmResult {
     enter("dm_skin_destroy", || skin.destroy(|_| Ok(())))
@@ -91,8 +91,9 @@ pub unsafe extern "C" fn dm_skin_destroy(skin: DmSkin) -> DmResult {
 /// and `skin` is not looked at. Where joints moved (`dm_crowd_set_joints`), all vertices are written; where only
 /// weights changed, what the update changed. What is written is ready for the crowd's consumers.
 ///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed, a skin of another engine or mesh, an offset or
-/// stride that does not fit, joints that reach beyond their buffer. Nothing changes then.
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for an
+/// instance out of range or removed, a skin of another engine or mesh, an offset or stride that does not fit, joints
+/// that reach beyond their buffer. Nothing changes then.
 ///
 /// # Safety
 /// - As `dm_crowd_set_decode_target`, of all buffers.
@@ -139,8 +140,8 @@ fn skin_target(asked: &DmSkinTarget) -> Result<SkinTarget> {
 /// in bytes, a multiple of 16. It may be the same place, where the host's barriers see to that; with several frames in
 /// flight and joints that the host writes it has to be one of several in turn.
 ///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed, or not skinned; joints that reach beyond their
-/// buffer. Nothing changes then.
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for an
+/// instance out of range or removed, or not skinned; joints that reach beyond their buffer. Nothing changes then.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_crowd_set_joints(crowd: DmCrowd, instance: u32, offset: u64) -> DmResult {
     enter("dm_crowd_set_joints", || {
@@ -153,7 +154,8 @@ pub extern "C" fn dm_crowd_set_joints(crowd: DmCrowd, instance: u32, offset: u64
 
 /// Where the skinned pose of an instance is, once the updates recorded so far have run.
 ///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed, or not skinned; as `dm_crowd_pose`.
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for an
+/// instance out of range or removed, or not skinned; as `dm_crowd_pose`.
 ///
 /// # Safety
 /// `view` is a structure that can be written.
