@@ -1,7 +1,7 @@
 //! Pages that need nothing but themselves: what the reports of `bench` and `info` share.
 
-use crate::plots::Figure;
-use crate::table::Table;
+use crate::plots::Drawn;
+use crate::table::{Table, amount};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 pub fn document(title: &str, body: &Markup) -> String {
@@ -15,21 +15,37 @@ pub fn document(title: &str, body: &Markup) -> String {
                 title { (title) }
                 style { (PreEscaped(include_str!("page.css"))) }
             }
-            body { main { (body) } }
+            body {
+                main { (body) }
+                script { (PreEscaped(include_str!("page.js"))) }
+            }
         }
     };
     page.into_string()
 }
 
-/// Figures with their SVG, their captions, and links to the files beside the page.
-pub fn figures(drawn: &[(Figure, String)]) -> Markup {
+/// What a page is about, and the facts that go with it, with their headings.
+pub fn about(sentence: &str, facts: &[(&str, Vec<String>)]) -> Markup {
+    html! {
+        p.about { (sentence) }
+        dl.facts {
+            @for (heading, facts) in facts { dt { (heading) } dd { @for fact in facts { p { (fact) } } } }
+        }
+    }
+}
+
+/// Figures with their captions, and links to the files beside the page. Each is there twice, and shown once: for pages that
+/// are wide, and for phones.
+pub fn figures(drawn: &[Drawn]) -> Markup {
     html! {
         section.figures {
-            @for (figure, svg) in drawn {
+            @for Drawn { figure, wide, narrow } in drawn {
                 figure id=(figure.slug) {
-                    div.plot role="img" aria-label=(figure.title) {
-                        // Without its XML declaration.
-                        (PreEscaped(&svg[svg.find("<svg").unwrap_or(0)..]))
+                    @for (class, svg) in [("plot wide", wide), ("plot narrow", narrow)] {
+                        div class=(class) role="img" aria-label=(figure.title) {
+                            // Without its XML declaration.
+                            (PreEscaped(&svg[svg.find("<svg").unwrap_or(0)..]))
+                        }
                     }
                     figcaption {
                         (figure.caption) " "
@@ -42,17 +58,31 @@ pub fn figures(drawn: &[(Figure, String)]) -> Markup {
     }
 }
 
-/// A table; `mark` gives the class of a row by its number, and a remark below it, which is too wide for a column.
-pub fn table<'a>(table: &Table, mark: impl Fn(usize) -> (Option<&'a str>, Option<&'a str>)) -> Markup {
+/// A table called `label`, which the page's script sorts by a column; `mark` gives the class of a row by its number, and a
+/// remark below it, which is too wide for a column. Cells that are no plain number say what they amount to.
+pub fn table<'a>(label: &str, table: &Table, mark: impl Fn(usize) -> (Option<&'a str>, Option<&'a str>)) -> Markup {
     let word = |column: usize| (column < table.left).then_some("word");
+    // As JavaScript reads it.
+    let number = |n: f64| if n.is_infinite() { "Infinity".to_owned() } else { n.to_string() };
     html! {
-        div.scroll {
-            table {
-                thead { tr { @for (i, heading) in table.headings.iter().enumerate() { th class=[word(i)] { (heading) } } } }
+        // Boxes that scroll take the focus, so that arrow keys scroll them.
+        div.scroll tabindex="0" role="region" aria-label=(label) {
+            table.sortable {
+                thead {
+                    tr {
+                        @for (i, heading) in table.headings.iter().enumerate() {
+                            th scope="col" class=[word(i)] { (heading) }
+                        }
+                    }
+                }
                 tbody {
                     @for (row, cells) in table.rows.iter().enumerate() {
                         @let (class, remark) = mark(row);
-                        tr class=[class] { @for (i, cell) in cells.iter().enumerate() { td class=[word(i)] { (cell) } } }
+                        tr class=[class] {
+                            @for (i, cell) in cells.iter().enumerate() {
+                                td class=[word(i)] data-n=[amount(cell).map(number)] { (cell) }
+                            }
+                        }
                         @if let Some(remark) = remark { tr.reason { td colspan=(cells.len()) { (remark) } } }
                     }
                 }

@@ -3,7 +3,7 @@
 #[path = "common/cli.rs"]
 mod cli;
 
-use cli::{HEAD, fails, json, ok, sample};
+use cli::{HEAD, fails, json, links_hold, ok, sample};
 
 #[test]
 fn the_report_states_error_against_bytes() {
@@ -66,9 +66,11 @@ fn the_report_states_error_against_bytes() {
         assert!(dir.join(file).metadata().unwrap().len() > 500, "{file}");
     }
     let page = std::fs::read_to_string(dir.join("index.html")).unwrap();
-    assert!(page.matches("<svg").count() == 2 && page.contains("Whole poses") && !page.contains("src="));
+    assert!(page.matches("<svg").count() == 2 * 2 && page.contains("Whole poses") && !page.contains("src="));
 
     assert_eq!(page.matches("<tr>").count(), 1 + 6 + 1 + sweep.len(), "a table of poses, and one of every point");
+
+    links_hold(&dir);
 
     // A folder of something else is left alone, whatever its files are called.
     std::fs::write(dir.join("info.json"), "{}").unwrap();

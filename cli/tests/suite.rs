@@ -5,7 +5,7 @@ mod cli;
 #[path = "../../tests/common/data.rs"]
 mod data;
 
-use cli::{HEAD, fails, json, ok, sample};
+use cli::{HEAD, fails, json, links_hold, ok, sample};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -58,9 +58,11 @@ fn suite(name: &str, args: &[&str], folder: &Path) -> Value {
         assert_eq!(opened, page.matches(&format!("</{tag}>")).count(), "{tag}");
     }
     assert!(!page.contains("src=") && page.contains("software driver"));
+    links_hold(folder);
     let index = std::fs::read_to_string(folder.join("index.html")).unwrap();
     assert!(index.contains(&format!("href=\"suite-{name}.html\"")));
-    let figures = page.matches("<svg").count();
+    let figures = page.matches("<figure").count();
+    assert_eq!(page.matches("<svg").count(), 2 * figures, "wide and narrow");
     let files = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
     let kinds: Vec<_> = files.filter_map(|p| Some(p.extension()?.to_str()?.to_owned())).collect();
     let count = |kind: &str| kinds.iter().filter(|k| *k == kind).count();
@@ -102,7 +104,11 @@ fn chapter_runs_every_batch_size_of_the_dense_paths() {
         assert!(c["first"] == "batch 1" && c["ratio"].as_f64().unwrap() > 0.0, "{c}");
     }
     let page = std::fs::read_to_string(folder.path().join("suite-chapter.html")).unwrap();
-    assert_eq!(page.matches("Relative performance against batch size").count(), 2 * 2, "a title and a label each");
+    assert_eq!(
+        page.matches("Relative performance against batch size").count(),
+        2 * 4,
+        "a title and a label, wide and narrow"
+    );
 }
 
 #[test]

@@ -5,6 +5,9 @@ use crate::input::MeshInfo;
 use deltamorph::BatchSize;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+/// Rounds that the frames of a configuration are divided into.
+pub const ROUNDS: usize = 10;
+
 /// What one call of `bench` measured.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Report {
@@ -211,7 +214,8 @@ pub struct RunRecord {
     /// From poses in main memory to the device, waited for: the path `cpu`, where it is drawn. In no other time.
     #[serde(default)]
     pub upload_ms: Option<Stats>,
-    /// What was timed interleaved with others; empty where everything was timed in one go.
+    /// The timed frames in up to ten parts, in the order they ran: rounds that took turns with those of others in suites,
+    /// else stretches of one go. Empty where there were too few frames, and in reports of versions that had none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rounds: Vec<Round>,
     /// The time that moving `bytes_floor` takes at the best bandwidth measured, as a share of the time taken: 1 is the
@@ -256,6 +260,11 @@ impl RunRecord {
         }
     }
 
+    /// Its rounds took turns with those of others.
+    pub fn interleaved(&self) -> bool {
+        !self.suite.is_empty() && !self.alone
+    }
+
     /// Its technique and the format that it ran with: "blocks fast".
     pub fn label(&self) -> String {
         format!("{} {}", self.technique, self.format)
@@ -294,7 +303,7 @@ fn one() -> u32 {
     1
 }
 
-/// Medians of a few frames that were timed interleaved with those of other configurations, in ms.
+/// Medians of a few frames that were timed one after the other, in ms.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Round {
     /// What [`RunRecord::time`] is about.

@@ -2,7 +2,7 @@
 
 use super::interleave::{Common, Schedule, interleave};
 use super::machine::Machine;
-use super::record::{Comparison, Report, RunRecord, Skipped, SuiteRecord};
+use super::record::{Comparison, ROUNDS, Report, RunRecord, Skipped, SuiteRecord};
 use super::subject::Subject;
 use super::trial::Candidate;
 use crate::args::bench::BenchArgs;
@@ -10,9 +10,6 @@ use crate::input::Input;
 use crate::output::{Failure, Output};
 use deltamorph::headless::DeviceChoice;
 use indicatif::ProgressBar;
-
-/// Rounds that the frames of a configuration are divided into.
-const ROUNDS: usize = 10;
 
 /// The machine, and what was found on it so far.
 pub struct Session<'a> {

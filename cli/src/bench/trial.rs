@@ -2,7 +2,7 @@
 
 use super::configs::Config;
 use super::machine::Machine;
-use super::record::{Round, RunRecord};
+use super::record::{ROUNDS, Round, RunRecord};
 use super::stats::Stats;
 use super::subject::Subject;
 use super::workload::Setting;
@@ -136,9 +136,7 @@ impl<'a> Trial<'a> {
         let begun = Instant::now();
         let (timed, _) = self.run(frames, limit, least)?;
         self.spent += begun.elapsed();
-        let update = |frame: &Frame| frame.gpu_ms.or(Some(frame.cpu_ms));
-        let rounds = times(&timed, |frame| both(frame).or(update(frame))).zip(times(&timed, update));
-        self.record.rounds.extend(rounds.map(|(a, b)| Round { ms: a.median, update_ms: b.median }));
+        self.record.rounds.extend(summary(&timed));
         self.timed.extend(timed);
         Ok(())
     }
@@ -239,8 +237,13 @@ impl<'a> Trial<'a> {
             }
         }
         .map(|s| s.median);
+        // One go, in parts: how much these differ says more than frames do, each of which is much like the one before.
         if record.rounds.len() == 1 {
-            record.rounds.clear();
+            let part = timed.len().div_ceil(ROUNDS);
+            record.rounds = timed.chunks(part).filter_map(summary).collect();
+            if record.rounds.len() == 1 {
+                record.rounds.clear();
+            }
         }
         let b = self.machine.bandwidth;
         let rates = match record.gpu_ms {
@@ -254,6 +257,13 @@ impl<'a> Trial<'a> {
         record.floor_fraction = update.map(|(gb_s, s)| record.bytes_floor / (gb_s * 1e9) / s);
         Ok(())
     }
+}
+
+/// The medians of frames that ran one after the other.
+fn summary(timed: &[Timed]) -> Option<Round> {
+    let update = |frame: &Frame| frame.gpu_ms.or(Some(frame.cpu_ms));
+    let medians = times(timed, |frame| both(frame).or(update(frame))).zip(times(timed, update));
+    medians.map(|(a, b)| Round { ms: a.median, update_ms: b.median })
 }
 
 /// Update and draws, on the device.

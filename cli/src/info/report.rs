@@ -4,7 +4,7 @@ use super::Info;
 use super::measure::{PoseRow, SweepRow};
 use crate::output::{self, Failure, publish, to_json, write_file};
 use crate::page::{self, document, table};
-use crate::plots::{Axes, Chart, Figure, Look, Point, Series};
+use crate::plots::{Axes, Chart, Drawn, Figure, Look, Point, Series};
 use crate::table::{Column, Table, bytes, percent, sig3, thousands};
 use maud::{Markup, html};
 use std::path::Path;
@@ -20,21 +20,26 @@ pub fn claim(dir: &Path) -> Result<(), Failure> {
 pub fn write(info: &Info, dir: &Path) -> Result<(), Failure> {
     let write = |dir: &Path| {
         write_file(&dir.join("info.json"), to_json(info)?)?;
-        let drawn = figures(info).into_iter().map(|figure| figure.write(dir).map(|svg| (figure, svg)));
+        let drawn = figures(info).into_iter().map(|figure| figure.write(dir));
         write_file(&dir.join("index.html"), page(info, &drawn.collect::<Result<Vec<_>, _>>()?))
     };
     publish(dir, |_| false, write)
 }
 
-fn page(info: &Info, drawn: &[(Figure, String)]) -> String {
+fn page(info: &Info, drawn: &[Drawn]) -> String {
     let dense = info.formats.first().map_or(0, |f| f.cost.dense_f32_bytes);
     let body = html! {
         header {
             p.kicker { "deltamorph info · " (info.input.name) }
             h1 { "Error against bytes" }
-            p.lead {
-                (thousands(info.input.vertices)) " vertices × " (info.input.targets) " targets, "
-                (bytes(dense as f64)) " as six floats for every vertex and target."
+            p.about {
+                "How much memory do the expressions of a face take, and what is lost where they take less? The mesh “"
+                (info.input.name) "” has " (thousands(info.input.vertices)) " points (vertices) and "
+                (info.input.targets) " morph targets; a target says how far each point moves in one expression. As six \
+                 floats for every vertex and target that is " (bytes(dense as f64)) ". Each storage format was packed and \
+                 unpacked, no device taking part; its error is the largest distance of a position, and the largest angle \
+                 of a normal, from those of the input: for each target alone at its full weight, and for "
+                (whole_poses(info.poses.as_deref().unwrap_or_default())) "."
             }
         }
         (page::figures(drawn))
@@ -43,6 +48,19 @@ fn page(info: &Info, drawn: &[(Figure, String)]) -> String {
         p.note { "All numbers: " a href="info.json" { "info.json" } "." }
     };
     document(&format!("{} · deltamorph info", info.input.name), &body)
+}
+
+/// The poses that were compared.
+fn whole_poses(rows: &[PoseRow]) -> String {
+    let mut clips: Vec<(&str, usize)> = rows.iter().map(|row| (row.clip.as_str(), row.frames)).collect();
+    clips.dedup();
+    match &clips[..] {
+        [] => "no whole poses, since there is no clip to take them from".into(),
+        [(clip, frames)] => format!("whole poses from {frames} frames of the clip “{clip}”"),
+        some => {
+            format!("whole poses from {} frames of {} clips", some.iter().map(|(_, n)| n).sum::<usize>(), some.len())
+        }
+    }
 }
 
 type Error = fn(&SweepRow) -> f64;
@@ -78,7 +96,7 @@ fn series(rows: &[SweepRow], error: Error) -> Vec<Series> {
     };
     let mut all: Vec<Series> = vec![];
     for row in rows {
-        let (label, point) = (label(row), Point { x: row.share, y: error(row), error: 0.0 });
+        let (label, point) = (label(row), Point::new(row.share, error(row), 0.0));
         match all.iter_mut().find(|s| s.label == label) {
             Some(series) => series.points.push(point),
             None => all.push(Series { label, look: Look::new(all.len(), all.len()), points: vec![point] }),
@@ -100,7 +118,7 @@ fn pose_table(rows: &[PoseRow]) -> Markup {
         @if rows.is_empty() {
             p.note { "There is no clip to take poses from." }
         } @else {
-            (table(&Table::of(rows, &columns), |_| (None, None)))
+            (table("Whole poses", &Table::of(rows, &columns), |_| (None, None)))
             p.note {
                 "Largest errors against the raw files: dropped deltas and packing together, the weights as captured. \
                  Where targets fold a normal to almost nothing, a small error turns it far: the last column leaves out \
@@ -122,7 +140,7 @@ fn sweep_table(rows: &[SweepRow]) -> Markup {
         ("position error / diagonal", &|r| sig3(r.cost.position_error_rel)),
         ("normals", &|r| degrees(r.cost.normal_error_deg)),
     ];
-    table(&Table::of(rows, columns), |_| (None, None))
+    table("Every point", &Table::of(rows, columns), |_| (None, None))
 }
 
 fn degrees(angle: f64) -> String {

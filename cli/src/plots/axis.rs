@@ -28,8 +28,8 @@ const LOG_RATIO: f64 = 6.0;
 const LOG_RATIO_OF_COUNTS: f64 = 30.0;
 /// Where numbers end that "all" follows.
 const END: f64 = 0.92;
-/// How much of an axis a character of a label takes, and a gap between labels.
-const CHARACTER: f64 = 0.016;
+/// How wide a character of a label is, in points, and a gap between labels.
+const CHARACTER: f64 = 7.2;
 
 impl Axis {
     /// An axis for measures: logarithmic when those above 0 span much, so that 0 stands at the start; else from 0.
@@ -71,11 +71,15 @@ impl Axis {
     fn new(log: bool, lo: f64, hi: f64, end: f64, ticks: &[f64]) -> Self {
         let all = (end < 1.0).then(|| (ALL, "all".into()));
         let ticks = ticks.iter().map(|&tick| (tick, label(tick))).chain(all).collect();
-        let mut axis = Self { log, lo, hi, end, ticks };
-        // The last label stays, and before it those that leave a gap.
+        Self { log, lo, hi, end, ticks }
+    }
+
+    /// With the labels that have room beside each other on a horizontal axis of `length` points: the last one, and before
+    /// it those that leave a gap.
+    pub fn fitting(mut self, length: f64) -> Self {
         let mut start = f64::INFINITY;
-        let places: Vec<f64> = axis.ticks.iter().map(|(tick, _)| axis.at(*tick)).collect();
-        for ((_, label), at) in axis.ticks.iter_mut().zip(places).rev() {
+        let places: Vec<f64> = self.ticks.iter().map(|(tick, _)| length * self.at(*tick)).collect();
+        for ((_, label), at) in self.ticks.iter_mut().zip(places).rev() {
             let half = CHARACTER / 2.0 * label.chars().count() as f64;
             if at + half + CHARACTER / 2.0 <= start {
                 start = at - half;
@@ -83,7 +87,7 @@ impl Axis {
                 label.clear();
             }
         }
-        axis
+        self
     }
 
     /// Where `value` stands: 0 at the start, 1 at the end.
@@ -178,8 +182,11 @@ mod tests {
             // Labels that would touch are left out; the last one stays.
             (Axis::counts([1.0, 2.0, 4.0, 8.0, 700.0, 720.0]), true, "1 2 4 8  720"),
         ] {
+            let axis = axis.fitting(450.0);
             assert_eq!((axis.log, labels(&axis).as_str()), (log, expected), "{axis:?}");
         }
+        let narrow = Axis::counts((1..=12).map(f64::from)).fitting(120.0);
+        assert_eq!(labels(&narrow), " 2  4  6  8  10  12");
         assert_eq!(Axis::values([0.0, 1.0, 9.0]).at(0.0), 0.0);
         assert_eq!([0.5, 7.0, 1.5, 100.0, 2000.0, 1e-5].map(label), ["0.5", "7", "1.5", "100", "2000", "1e-5"]);
     }

@@ -2,6 +2,7 @@
 //! the end of an axis, and the markers are drawn here.
 
 use super::axis::Axis;
+use super::plan::{BAR, DATA, ENTRY, GAP, LEADING, MARGIN, Plan, SAMPLE, TEXT, TICKS, TITLE, width};
 use super::{Axes, Bar, Chart, Figure, Look, Point, Series};
 use crate::output::{Failure, write_file};
 use plotters::coord::Shift;
@@ -13,16 +14,11 @@ use std::path::Path;
 
 /// The family that text is set in: the browser's own in SVG, the built-in font in PNG.
 const FONT: &str = "sans-serif";
-const WIDTH: f64 = 720.0;
-/// Height of a line chart.
-const HEIGHT: f64 = 440.0;
-/// Where the plot begins, below the heading.
-const TOP: f64 = 94.0;
-/// Height of a bar with its share of the gaps.
-const ROW: f64 = 34.0;
-/// Space for the labels of an axis and for what it counts.
+/// Widths in points: for a column of a wide page, and for a phone, which shows it about as wide as it is.
+const WIDE: f64 = 640.0;
+const NARROW: f64 = 360.0;
+/// Space for the labels of the axis that measures, and for its name.
 const LABELS: f64 = 52.0;
-const MARGIN: f64 = 22.0;
 
 const INK: RGBColor = RGBColor(0x22, 0x26, 0x2e);
 /// Ink of what explains.
@@ -41,53 +37,49 @@ const SUPERSAMPLE: u32 = 2;
 /// plotters centres text in bitmaps by a height that leaves the descenders out.
 const BITMAP_LIFT: f64 = 0.2;
 
+/// A figure as it was drawn: as SVG for pages that are wide, and for those that are not.
+pub struct Drawn {
+    pub figure: Figure,
+    pub wide: String,
+    pub narrow: String,
+}
+
 impl Figure {
-    /// Write the figure into `dir`, as SVG and as PNG; returns the SVG.
-    pub fn write(&self, dir: &Path) -> Result<String, Failure> {
+    /// Draw the figure, and write it into `dir` as SVG and as PNG, both wide.
+    pub fn write(self, dir: &Path) -> Result<Drawn, Failure> {
         // The font comes along, so that no machine needs fonts of its own.
         let registered = plotters::style::register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT);
         registered.map_err(|_| failed("the built-in font is damaged"))?;
-        let (size, mut svg) = (size(&self.chart, SCALE), String::new());
-        let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
-        Sheet { area: &area, scale: SCALE, lift: 0.0 }.draw(self).map_err(failed)?;
-        drop(area);
-        write_file(&dir.join(format!("{}.svg", self.slug)), &svg)?;
+        let [wide, narrow] = [WIDE, NARROW].map(|width| self.svg(width));
+        let wide = wide?;
+        write_file(&dir.join(format!("{}.svg", self.slug)), &wide)?;
 
-        let large = (size.0 * SUPERSAMPLE, size.1 * SUPERSAMPLE);
+        let plan = Plan::new(&self, WIDE);
+        let [size, large] = [1, SUPERSAMPLE].map(|more| plan.size(SCALE * f64::from(more)));
         let mut pixels = vec![0u8; large.0 as usize * large.1 as usize * 3];
         let area = BitMapBackend::with_buffer(&mut pixels, large).into_drawing_area();
         let scale = SCALE * f64::from(SUPERSAMPLE);
-        Sheet { area: &area, scale, lift: BITMAP_LIFT }.draw(self).map_err(failed)?;
+        Sheet { area: &area, scale, lift: BITMAP_LIFT, plan }.draw(&self).map_err(failed)?;
         drop(area);
         let image = image::RgbImage::from_raw(large.0, large.1, pixels);
         let image = image.ok_or_else(|| failed("the picture is too large"))?;
         let png = dir.join(format!("{}.png", self.slug));
         image::imageops::thumbnail(&image, size.0, size.1).save(png).map_err(failed)?;
+        Ok(Drawn { wide, narrow: narrow?, figure: self })
+    }
+
+    /// The figure as SVG, so many points wide.
+    fn svg(&self, width: f64) -> Result<String, Failure> {
+        let (plan, mut svg) = (Plan::new(self, width), String::new());
+        let area = SVGBackend::with_string(&mut svg, plan.size(SCALE)).into_drawing_area();
+        Sheet { area: &area, scale: SCALE, lift: 0.0, plan }.draw(self).map_err(failed)?;
+        drop(area);
         Ok(svg)
     }
 }
 
 fn failed(error: impl std::fmt::Display) -> Failure {
     Failure::Failed(format!("cannot draw the plot: {error}; do without the report (bench: --no-report)"))
-}
-
-/// Width and height of a figure with `scale` pixels per point.
-fn size(chart: &Chart, scale: f64) -> (u32, u32) {
-    let height = match chart {
-        Chart::Lines { .. } => HEIGHT,
-        Chart::Bars { bars, .. } => TOP + ROW * bars.len() as f64 + 42.0,
-    };
-    ((WIDTH * scale) as u32, (height * scale) as u32)
-}
-
-/// About how wide a text is: browsers set SVG in fonts of theirs.
-fn width(text: &str, size: f64) -> f64 {
-    0.5 * size * text.chars().count() as f64
-}
-
-/// The widest of texts.
-fn widest<'a>(texts: impl Iterator<Item = &'a String>) -> f64 {
-    texts.map(|text| width(text, 12.5)).fold(0.0, f64::max)
 }
 
 /// A surface, measured in points.
@@ -97,20 +89,21 @@ struct Sheet<'a, DB: DrawingBackend> {
     scale: f64,
     /// How far the area sets text too high, as a part of its size.
     lift: f64,
+    plan: Plan,
 }
 
 impl<DB: DrawingBackend> Sheet<'_, DB> {
     fn draw(&self, figure: &Figure) -> Result<(), Error<DB>> {
         self.area.fill(&PAPER)?;
-        self.text(&figure.title, (MARGIN, 26.0), 19.0, INK, HPos::Left)?;
-        for (line, y) in figure.subtitle.iter().zip([48.0, 65.0]) {
-            let most = ((WIDTH - 2.0 * MARGIN) / width("x", 12.5)) as usize;
-            let cut: String = line.chars().take(most).collect();
-            let line = if cut.len() < line.len() { cut + "…" } else { cut };
-            self.text(&line, (MARGIN, y), 12.5, MUTED, HPos::Left)?;
+        let mut y = MARGIN;
+        for (lines, size, color) in [(&self.plan.title, TITLE, INK), (&self.plan.subtitle, TEXT, MUTED)] {
+            for line in lines {
+                self.text(line, (MARGIN, y + LEADING / 2.0 * size), size, color, HPos::Left)?;
+                y += LEADING * size;
+            }
         }
         match &figure.chart {
-            Chart::Lines { labels, axes, series } => self.lines(*labels, *axes, series)?,
+            Chart::Lines { labels, axes, series } => self.lines(labels[1], *axes, series)?,
             Chart::Bars { least, bars } => self.bars(*least, bars)?,
         }
         self.area.present()
@@ -135,30 +128,31 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         self.area.draw_text(text, &style, (self.px(at.0), self.px(at.1 + self.lift * size)))
     }
 
-    /// Draw axes with their labels, and a grid across the one that values are read from.
+    /// Draw axes with their labels between `left` and the right margin, down to `height` below the heading, and a grid
+    /// across the one that values are read from: y where it has a name, else x.
     fn axes(
         &self,
         [x, y]: [Axis; 2],
-        labels: [&str; 2],
+        name: &str,
         left: f64,
         right: f64,
+        height: f64,
     ) -> Result<ChartContext<'_, DB, Cartesian2d<Axis, Axis>>, Error<DB>> {
-        let bars = labels[1].is_empty();
+        let bars = name.is_empty();
+        let labels = if bars { 0.0 } else { LABELS };
+        let x = x.fitting(self.plan.width - left - labels - right);
         let mut chart = ChartBuilder::on(self.area)
-            .margin_top(self.px(TOP))
+            .margin_top(self.px(self.plan.top))
             .margin_right(self.px(right))
-            .margin_bottom(self.px(10.0))
+            .margin_bottom(self.px(self.plan.height - self.plan.top - height - TICKS))
             .margin_left(self.px(left))
-            .x_label_area_size(self.px(if bars { 32.0 } else { LABELS }))
-            .y_label_area_size(self.px(if bars { 0.0 } else { LABELS }))
+            .x_label_area_size(self.px(TICKS))
+            .y_label_area_size(self.px(labels))
             .build_cartesian_2d(x.clone(), y.clone())?;
         let mut mesh = chart.configure_mesh();
         mesh.bold_line_style(self.pen(GRID, 1.0)).light_line_style(TRANSPARENT).axis_style(self.pen(AXIS, 1.0));
-        mesh.label_style(self.style(12.0, MUTED)).axis_desc_style(self.style(12.0, MUTED));
-        mesh.y_label_offset(self.px(12.0 * self.lift))
-            .set_all_tick_mark_size(self.px(4.0))
-            .x_desc(labels[0])
-            .y_desc(labels[1]);
+        mesh.label_style(self.style(TEXT, MUTED)).axis_desc_style(self.style(TEXT, MUTED));
+        mesh.y_label_offset(self.px(TEXT * self.lift)).set_all_tick_mark_size(self.px(4.0)).y_desc(name);
         if bars {
             mesh.disable_y_mesh()
         } else {
@@ -168,21 +162,20 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         Ok(chart)
     }
 
-    fn lines(&self, labels: [&'static str; 2], axes: Axes, all: &[Series]) -> Result<(), Error<DB>> {
+    fn lines(&self, name: &str, axes: Axes, all: &[Series]) -> Result<(), Error<DB>> {
         let points = || all.iter().flat_map(|series| &series.points);
         // Error bars belong to the data: the axis makes room for them.
-        let values = points().flat_map(|p| [low(p), p.y + p.error]);
+        let values = points().flat_map(|p| [p.low, p.high]);
         let numbers = points().map(|p| p.x);
         let (x, y) = match axes {
             Axes::Counts => (Axis::counts(numbers), Axis::values(values)),
             Axes::CountsFromZero => (Axis::counts(numbers), Axis::from_zero(values.fold(0.0, f64::max))),
             Axes::Values => (Axis::values(numbers), Axis::values(values)),
         };
-        let right = MARGIN + 50.0 + widest(all.iter().map(|series| &series.label));
-        let chart = self.axes([x, y], labels, MARGIN / 2.0, right)?;
+        let chart = self.axes([x, y], name, MARGIN / 2.0, MARGIN + 4.0, DATA)?;
         let place = |x: f64, y: f64| chart.plotting_area().map_coordinate(&(x, y));
         let start = chart.plotting_area().get_pixel_range().0.start;
-        for (i, series) in all.iter().enumerate() {
+        for series in all {
             let (color, at) = (series.look.color(), |p: &Point| place(p.x, p.y));
             let (numbers, beyond): (Vec<Point>, Vec<Point>) = series.points.iter().partition(|p| p.x.is_finite());
             self.area.draw(&PathElement::new(numbers.iter().map(at).collect::<Vec<_>>(), self.pen(color, 2.0)))?;
@@ -192,15 +185,25 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
                 self.area.draw(&DashedPathElement::new(ends, self.px(5.0), self.px(4.0), self.pen(color, 1.5)))?;
             }
             for p in &series.points {
-                let ends = [low(p), p.y + p.error].map(|value| place(p.x, value));
+                let ends = [p.low, p.high].map(|value| place(p.x, value));
                 self.area.draw(&PathElement::new(ends, self.pen(color, 1.2)))?;
                 self.marker(series.look, at(p))?;
             }
-            let (left, y) = (WIDTH - right + 12.0, TOP + 8.0 + 22.0 * i as f64);
+        }
+        // What x counts, then the legend, in columns as there is room for.
+        let (plan, mut y) = (&self.plan, self.plan.top + DATA + TICKS);
+        for line in &plan.counted {
+            y += LEADING * TEXT;
+            self.text(line, (plan.width / 2.0, y - LEADING / 2.0 * TEXT), TEXT, MUTED, HPos::Center)?;
+        }
+        for (i, series) in all.iter().enumerate() {
+            let (column, row) = (i % plan.columns, i / plan.columns);
+            let left = MARGIN + column as f64 * (plan.width - 2.0 * MARGIN) / plan.columns as f64;
+            let y = y + GAP + ENTRY * (row as f64 + 0.5);
             let ends = [left, left + 24.0].map(|x| (self.px(x), self.px(y)));
-            self.area.draw(&PathElement::new(ends, self.pen(color, 2.0)))?;
+            self.area.draw(&PathElement::new(ends, self.pen(series.look.color(), 2.0)))?;
             self.marker(series.look, (self.px(left + 12.0), self.px(y)))?;
-            self.text(&series.label, (left + 32.0, y), 12.5, INK, HPos::Left)?;
+            self.text(&series.label, (left + SAMPLE, y), TEXT, INK, HPos::Left)?;
         }
         Ok(())
     }
@@ -215,27 +218,35 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
     }
 
     fn bars(&self, least: f64, bars: &[Bar]) -> Result<(), Error<DB>> {
+        let (plan, row) = (&self.plan, self.plan.row);
         let x = Axis::from_zero(bars.iter().map(|bar| bar.length).fold(least, f64::max));
-        let left = MARGIN + widest(bars.iter().map(|bar| &bar.label)) + 10.0;
-        let right = MARGIN + widest(bars.iter().map(|bar| &bar.remark));
-        let chart = self.axes([x, Axis::from_zero(1.0)], ["", ""], left, right)?;
+        let (left, right) = plan.beside.unwrap_or((MARGIN, MARGIN + 4.0));
+        let chart = self.axes([x, Axis::from_zero(1.0)], "", left, right, row * bars.len() as f64)?;
         for (i, bar) in bars.iter().enumerate() {
-            let y = TOP + ROW * (i as f64 + 0.5);
-            self.text(&bar.label, (left - 10.0, y), 12.5, INK, HPos::Right)?;
+            // The bar at the foot of its row, where its words do not stand beside it.
+            let y = plan.top + row * (i as f64 + 1.0) - (GAP + BAR) / 2.0;
             let [start, end] = [0.0, bar.length].map(|x| chart.plotting_area().map_coordinate(&(x, 0.0)).0);
-            let [top, bottom] = [y - 10.0, y + 10.0].map(|y| self.px(y));
+            let [top, bottom] = [y - BAR / 2.0, y + BAR / 2.0].map(|y| self.px(y));
             self.area.draw(&Rectangle::new([(start, top), (end.max(start + 1), bottom)], bar.look.color().filled()))?;
-            // The remark stands at the end of its bar, on paper, so that the grid does not cross it.
-            let at = f64::from(end) / self.scale + 8.0;
-            let paper = self.px(at + width(&bar.remark, 12.0));
-            self.area.draw(&Rectangle::new([(end + self.px(4.0), top), (paper, bottom)], PAPER.filled()))?;
-            self.text(&bar.remark, (at, y), 12.0, MUTED, HPos::Left)?;
+            // Words stand on paper, so that the grid does not cross them.
+            let paper = |x: f64, y: f64, text: &str| {
+                let [x, end] = [x - 3.0, x + width(text, TEXT) + 3.0].map(|x| self.px(x));
+                let corners = [(x, self.px(y - 8.0)), (end, self.px(y + 8.0))];
+                self.area.draw(&Rectangle::new(corners, PAPER.filled()))
+            };
+            if plan.beside.is_some() {
+                self.text(&bar.label, (left - 10.0, y), TEXT, INK, HPos::Right)?;
+                let at = f64::from(end) / self.scale + 8.0;
+                paper(at, y, &bar.remark)?;
+                self.text(&bar.remark, (at, y), TEXT, MUTED, HPos::Left)?;
+                continue;
+            }
+            let above = y - BAR / 2.0 - LEADING * TEXT / 2.0;
+            for (text, y, color) in [(&bar.label, above - LEADING * TEXT, INK), (&bar.remark, above, MUTED)] {
+                paper(left + 4.0, y, text)?;
+                self.text(text, (left + 4.0, y), TEXT, color, HPos::Left)?;
+            }
         }
         Ok(())
     }
-}
-
-/// The lower end of an error bar, which a logarithmic axis can show.
-fn low(p: &Point) -> f64 {
-    (p.y - p.error).max(p.y / 2.0)
 }

@@ -2,6 +2,9 @@
 
 mod axis;
 mod draw;
+mod plan;
+
+pub use draw::Drawn;
 
 use plotters::prelude::RGBColor;
 
@@ -48,13 +51,21 @@ pub struct Series {
     pub points: Vec<Point>,
 }
 
-/// A point with its standard error.
+/// A point with its error bar.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
     /// A number, or [`ALL`].
     pub x: f64,
     pub y: f64,
-    pub error: f64,
+    pub low: f64,
+    pub high: f64,
+}
+
+impl Point {
+    /// With the same error either way; downwards at most half of `y`, which a logarithmic axis can show.
+    pub fn new(x: f64, y: f64, error: f64) -> Self {
+        Self { x, y, low: (y - error).max(y / 2.0), high: y + error }
+    }
 }
 
 /// The place after all numbers on the x axis: every target in one pass.

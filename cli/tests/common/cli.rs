@@ -41,3 +41,36 @@ pub fn sample(folder: &Path) -> String {
     ok(&[&["sample", &dir, "--frames", "24"], &HEAD[..]].concat());
     dir
 }
+
+/// Every link of the pages in a folder leads to a file that is there, or to a place on the page.
+pub fn links_hold(folder: &Path) {
+    let mut links = 0;
+    for page in std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path()) {
+        if page.extension().is_none_or(|end| end != "html") {
+            continue;
+        }
+        let text = std::fs::read_to_string(&page).expect("text");
+        for link in text.split("href=\"").skip(1).map(|rest| rest.split('"').next().expect("a link")) {
+            let place = unescaped(link);
+            let there = match place.strip_prefix('#') {
+                Some(id) => text.contains(&format!("id=\"{id}\"")),
+                None => folder.join(&place).is_file(),
+            };
+            assert!(there, "{}: {link}", page.display());
+            links += 1;
+        }
+    }
+    assert!(links > 0, "{}: no links", folder.display());
+}
+
+/// A link without its escapes: "a%20b" is "a b".
+fn unescaped(link: &str) -> String {
+    let mut parts = link.split('%');
+    let mut bytes = parts.next().unwrap_or_default().as_bytes().to_vec();
+    for part in parts {
+        let (code, rest) = part.split_at(2);
+        bytes.push(u8::from_str_radix(code, 16).expect("two digits"));
+        bytes.extend(rest.bytes());
+    }
+    String::from_utf8(bytes).expect("text")
+}

@@ -86,7 +86,7 @@ impl Kind {
         let (all, mut series) = (families(runs), vec![]);
         for (family, own) in by_family(runs) {
             let best = partition(&own, self.x).into_iter().filter_map(|(x, runs)| Some((x, fastest(runs)?)));
-            let point = |(x, run)| (self.y)(run, &own).map(|(y, error)| Point { x, y, error });
+            let point = |(x, run)| (self.y)(run, &own).map(|(y, error)| Point::new(x, y, error));
             let mut points: Vec<Point> = best.filter_map(point).collect();
             points.sort_by(|a, b| a.x.total_cmp(&b.x));
             if !points.is_empty() {

@@ -1,5 +1,6 @@
 //! The report folder: report.json, runs.csv, the plots and index.html.
 
+pub mod about;
 mod figures;
 mod page;
 pub mod sentences;
@@ -16,8 +17,7 @@ pub fn write(report: &Report, dir: &Path) -> Result<(), Failure> {
         write_file(&dir.join("report.json"), output::to_json(report)?)?;
         write_file(&dir.join("runs.csv"), csv(&report.runs)?)?;
         for suite in report.suites.iter().map(Some).chain([None]) {
-            let figures = figures::figures(report, suite).into_iter();
-            let drawn = figures.map(|figure| figure.write(dir).map(|svg| (figure, svg)));
+            let drawn = figures::figures(report, suite).into_iter().map(|figure| figure.write(dir));
             let page = page::page(report, suite, &drawn.collect::<Result<Vec<_>, _>>()?);
             write_file(&dir.join(page::file_name(suite)), page)?;
         }
@@ -41,14 +41,32 @@ pub fn claim(dir: &Path) -> Result<(), Failure> {
 }
 
 pub fn read(path: &Path) -> Result<Report, Failure> {
+    const REMEDY: &str = "give a report.json that `deltamorph bench` wrote";
     let text = std::fs::read_to_string(path).map_err(|e| Failure::io(path, "read", e))?;
     let unreadable = |why: String| Failure::Failed(format!("{}: {why}", path.display()));
-    let report: Report = serde_json::from_str(&text)
-        .map_err(|e| unreadable(format!("{e}; give a report.json that `deltamorph bench` wrote")))?;
-    match report.schema {
-        1 => Ok(report),
-        other => Err(unreadable(format!("schema {other}, this version reads schema 1; use the version that wrote it"))),
+    let value: Value = serde_json::from_str(&text).map_err(|e| unreadable(format!("is no JSON: {e}; {REMEDY}")))?;
+    if let Some(command) = writer(&value) {
+        return Err(unreadable(format!("was written by `deltamorph {command}`; {REMEDY}")));
     }
+    match value.get("schema") {
+        _ if value.get("runs").is_none() => Err(unreadable(format!("has no 'runs'; {REMEDY}"))),
+        Some(schema) if *schema != 1 => {
+            Err(unreadable(format!("schema {schema}, this version reads schema 1; use the version that wrote it")))
+        }
+        _ => serde_json::from_str(&text).map_err(|e| unreadable(format!("{e}; {REMEDY}"))),
+    }
+}
+
+/// The command that wrote JSON which is no report.
+fn writer(value: &Value) -> Option<&'static str> {
+    let commands: [(&str, &[&str]); 4] = [
+        ("info", &["formats", "targets"]),
+        ("play", &["frames", "summary"]),
+        ("soak", &["frames", "bit_exact"]),
+        ("devices", &["devices"]),
+    ];
+    let has = |fields: &[&str]| fields.iter().all(|field| value.get(field).is_some());
+    commands.iter().find(|(_, fields)| has(fields)).map(|(command, _)| *command)
 }
 
 /// The columns of runs.csv: the fields of a run; `gpu_ms_median` is the field `median` of `gpu_ms`.

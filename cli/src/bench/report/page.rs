@@ -1,11 +1,12 @@
 //! Pages that need nothing but themselves: index.html, and one for each suite.
 
+use super::about::{self, About};
 use super::sentences::{of_suite, sentences, title};
 use super::tables;
 use crate::bench::record::{Report, RunRecord, SuiteRecord, fastest};
 use crate::input::MeshInfo;
-use crate::page::{document, figures, table};
-use crate::plots::Figure;
+use crate::page::{self, document, figures, table};
+use crate::plots::Drawn;
 use crate::table::{percent, sig3, thousands};
 use maud::{Markup, html};
 
@@ -13,22 +14,22 @@ pub fn file_name(suite: Option<&SuiteRecord>) -> String {
     suite.map_or("index.html".into(), |suite| format!("suite-{}.html", suite.name))
 }
 
-/// The page of `suite`, or of the whole report. Figures come with their SVG.
-pub fn page(report: &Report, suite: Option<&SuiteRecord>, drawn: &[(Figure, String)]) -> String {
+/// The page of `suite`, or of the whole report.
+pub fn page(report: &Report, suite: Option<&SuiteRecord>, drawn: &[Drawn]) -> String {
     let day = report.created.split('T').next().unwrap_or_default();
-    let about = suite.map_or(report.input.name.as_str(), title);
-    let lead = match suite {
-        Some(suite) => vec![title(suite).to_owned(), of_suite(suite)],
-        None => sentences(report),
-    };
+    let name = suite.map_or(report.input.name.as_str(), title);
+    let found = suite.map_or_else(|| sentences(report), |suite| vec![of_suite(suite)]);
+    let About { sentence, facts } = about::about(report, suite);
     let body = html! {
         header {
             p.kicker {
                 @if let Some(suite) = suite { a href="index.html" { "deltamorph bench" } " · suite " (suite.name) }
-                @else { "deltamorph bench · " (about) " · " (day) }
+                @else { "deltamorph bench · " (day) }
             }
-            h1 { (lead[0].trim_end_matches('.')) }
-            @for sentence in &lead[1..] { p.lead { (sentence) } }
+            h1 { @if suite.is_some() { (name) } @else { "Time to update “" (name) "”" } }
+            // A picture of the input has its place here, before the words about it.
+            (page::about(&sentence, &facts))
+            ul.found { @for sentence in &found { li { (sentence.trim_end_matches('.')) "." } } }
         }
         @if report.device.kind == "cpu" {
             p.warning {
@@ -36,7 +37,7 @@ pub fn page(report: &Report, suite: Option<&SuiteRecord>, drawn: &[(Figure, Stri
                  other; the times say little about any GPU."
             }
         }
-        (facts(report))
+        (cards(report))
         @if suite.is_none() && !report.suites.is_empty() {
             section {
                 h2 { "Suites" }
@@ -44,7 +45,7 @@ pub fn page(report: &Report, suite: Option<&SuiteRecord>, drawn: &[(Figure, Stri
             }
         }
         @for (heading, found) in suite.map_or(vec![], |suite| tables::of_suite(suite, report)) {
-            section { h2 { (heading) } (table(&found, |_| (None, None))) }
+            section { h2 { (heading) } (table(heading, &found, |_| (None, None))) }
         }
         (figures(drawn))
         section {
@@ -64,11 +65,11 @@ pub fn page(report: &Report, suite: Option<&SuiteRecord>, drawn: &[(Figure, Stri
             }
         }
     };
-    document(&format!("{about} · deltamorph bench"), &body)
+    document(&format!("{name} · deltamorph bench"), &body)
 }
 
 /// The facts that the numbers depend on, as cards.
-fn facts(report: &Report) -> Markup {
+fn cards(report: &Report) -> Markup {
     let (d, i, b) = (&report.device, &report.input, &report.bandwidth);
     let rate = |v: Option<f64>| v.map_or("not measured".to_owned(), |v| format!("{} GB/s", sig3(v)));
     let api = if d.api_version.is_empty() { String::new() } else { format!("Vulkan {}", d.api_version) };
@@ -122,7 +123,7 @@ fn all_runs(runs: &[&RunRecord]) -> Markup {
         let rivals = runs.iter().copied().filter(|r| r.counts() && work(r) == work(run));
         run.counts() && fastest(rivals).is_some_and(|best| run.median() <= best.median())
     };
-    table(&tables::runs(runs.iter().copied(), false), |row| {
+    table("All configurations", &tables::runs(runs.iter().copied(), false), |row| {
         let run = runs[row];
         let class = if run.verified { best(run).then_some("best") } else { Some("wrong") };
         (class, run.problem.as_deref())

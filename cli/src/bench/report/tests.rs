@@ -63,7 +63,7 @@ fn lines_have_the_right_runs_in_order() {
     let report = synthetic::report();
     for line in lines(&report, "relative-performance-random") {
         assert_eq!((line.points[0].x, line.points[0].y), (1.0, 1.0), "{}", line.label);
-        assert!(line.points.last().is_some_and(|p| p.y > 2.0 && p.error > 0.0));
+        assert!(line.points.last().is_some_and(|p| p.y > 2.0 && p.high > p.y && p.low < p.y));
     }
     let lines = lines(&report, "time-vs-batch-random");
     let points = |label: &str| &lines.iter().find(|line| line.label == label).expect(label).points;
@@ -146,8 +146,8 @@ fn the_folder_is_complete_and_its_pages_need_nothing_else() {
         assert_eq!((&rows[0][5], &rows[0][10]), (first.path.as_str(), first.batch_size.to_string().as_str()));
 
         let page = std::fs::read_to_string(folder.join(file_name(report.suites.first()))).expect("read");
-        assert_eq!(page.matches("<svg").count(), figures.len());
-        for outside in ["<script", "<link", "@import", "src=", "url(", "<1>"] {
+        assert_eq!(page.matches("<svg").count(), 2 * figures.len(), "wide and narrow");
+        for outside in ["<script src", "fetch(", "import(", "<link", "@import", "src=", "url(", "<1>"] {
             assert!(!page.contains(outside), "{outside}");
         }
         assert_eq!(page.matches("<tr class=\"wrong\"").count(), wrong);
@@ -162,14 +162,79 @@ fn the_folder_is_complete_and_its_pages_need_nothing_else() {
     }
 }
 
+/// The value of an attribute of an SVG element.
+fn number(element: &str, name: &str) -> f64 {
+    let value = element.split_once(&format!(" {name}=\"")).and_then(|(_, rest)| rest.split_once('"'));
+    value.and_then(|(value, _)| value.parse().ok()).unwrap_or_else(|| panic!("{name}: {element}"))
+}
+
+/// On a phone of 390 pixels plots have 356; on a page of two columns, the wide ones have 598.
+#[test]
+fn text_in_plots_is_large_enough_and_within_them() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let long = report(|run| run.workload == "random", |run| RunRecord { mode: "rebuild".into(), ..run });
+    for figure in drawn(&synthetic::suite()).into_iter().chain(drawn(&long)) {
+        let drawn = figure.write(folder.path()).expect("drawn");
+        for (svg, pixels) in [(&drawn.narrow, 356.0), (&drawn.wide, 598.0)] {
+            let [width, height] = ["width", "height"].map(|name| number(svg, name));
+            let texts: Vec<&str> = svg.split("<text").skip(1).collect();
+            assert!(texts.len() > 5, "{svg}");
+            for text in texts {
+                let (size, x, y) = (number(text, "font-size"), number(text, "x"), number(text, "y"));
+                assert!(size * pixels / width >= 11.0, "{size} of {width}: {text}");
+                let words = text.split_once('>').and_then(|(_, rest)| rest.split_once('<')).expect("words").0.trim();
+                // About as wide as fonts without serifs set it.
+                let length = 0.55 * size * words.chars().count() as f64;
+                let turned = text.contains("rotate");
+                let start = match () {
+                    () if text.contains("text-anchor=\"middle\"") => -length / 2.0,
+                    () if text.contains("text-anchor=\"end\"") => -length,
+                    () => 0.0,
+                };
+                let ends = [start, start + length].map(|along| if turned { y + along } else { x + along });
+                let room = if turned { height } else { width };
+                assert!(ends[0] >= 0.0 && ends[1] <= room, "{ends:?} of {room}: {text}");
+                assert!((0.0..height).contains(&y), "{y} of {height}: {text}");
+            }
+        }
+    }
+}
+
+#[test]
+fn tables_can_be_sorted() {
+    let report = synthetic::report();
+    let page = page::page(&report, None, &[]);
+    assert_eq!(page.matches("<table class=\"sortable\">").count(), 1);
+    let headings = page.matches("<th scope=\"col\"").count();
+    assert!(headings > 10 && page.contains("aria-sort"), "{headings}");
+    // A number says what it amounts to, whatever its unit; what is wrong has none.
+    for part in ["<td data-n=\"Infinity\">all</td>", "<td data-n=\"72\">72</td>", "<td>WRONG</td>"] {
+        assert!(page.contains(part), "{part}");
+    }
+    let row =
+        page.split("<tr class=\"wrong\">").nth(1).and_then(|rest| rest.split_once("</tr>")).expect("one is wrong");
+    assert!(row.1.starts_with("<tr class=\"reason\"><td colspan="), "the remark follows its row");
+}
+
 #[test]
 fn other_files_are_refused() {
     let dir = tempfile::tempdir().expect("a folder");
     let path = dir.path().join("report.json");
     assert!(read(&path).is_err());
     let other = Report { schema: 2, ..synthetic::report() };
-    for (text, words) in [("{}".into(), "deltamorph bench"), (output::to_json(&other).expect("text"), "schema 2")] {
+    let other = output::to_json(&other).expect("text");
+    for (text, words) in [
+        ("{}", "has no 'runs'; give a report.json that `deltamorph bench` wrote"),
+        ("vertices", "is no JSON: expected value at line 1"),
+        (r#"{"schema":1,"formats":[],"targets":[]}"#, "was written by `deltamorph info`"),
+        (r#"{"schema":1,"frames":[],"summary":{}}"#, "was written by `deltamorph play`"),
+        (r#"{"schema":1,"runs":[]}"#, "missing field `version`"),
+        // Of another schema, whatever else it has.
+        (r#"{"schema":3,"runs":{}}"#, "schema 3"),
+        (&other, "schema 2"),
+    ] {
         std::fs::write(&path, text).expect("written");
-        assert!(read(&path).unwrap_err().to_string().contains(words), "{words}");
+        let error = read(&path).unwrap_err().to_string();
+        assert!(error.contains(words) && error.contains("report.json"), "{error}");
     }
 }

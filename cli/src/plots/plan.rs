@@ -1,0 +1,128 @@
+//! Where the parts of a figure stand, for a width: nothing is cut off, whatever the width is.
+
+use super::{Chart, Figure};
+
+/// Sizes of text.
+pub const TITLE: f64 = 18.0;
+pub const TEXT: f64 = 12.5;
+/// Lines stand so many sizes of their text apart.
+pub const LEADING: f64 = 1.35;
+/// Height of the data of a line chart.
+pub const DATA: f64 = 280.0;
+/// Height of a bar, and the gap to the next.
+pub const BAR: f64 = 20.0;
+pub const GAP: f64 = 14.0;
+/// Space for the numbers below an axis.
+pub const TICKS: f64 = 24.0;
+/// Space for a line of the legend.
+pub const ENTRY: f64 = 22.0;
+/// Line and marker of an entry of the legend, before its label.
+pub const SAMPLE: f64 = 32.0;
+pub const MARGIN: f64 = 14.0;
+/// Bars have at least this much of the width; where words beside them would leave less, they stand above.
+const BARS: f64 = 0.3;
+
+/// The parts of a figure, in points.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    pub width: f64,
+    pub height: f64,
+    pub title: Vec<String>,
+    pub subtitle: Vec<String>,
+    /// Where the data begins.
+    pub top: f64,
+    /// What x counts.
+    pub counted: Vec<String>,
+    /// Columns of the legend.
+    pub columns: usize,
+    /// Height of a bar with its words and the gap below.
+    pub row: f64,
+    /// The space for words before and after bars; `None` where they stand above.
+    pub beside: Option<(f64, f64)>,
+}
+
+impl Plan {
+    pub fn new(figure: &Figure, width: f64) -> Self {
+        let room = width - 2.0 * MARGIN;
+        let title = wrapped(&figure.title, TITLE, room);
+        let subtitle: Vec<String> = figure.subtitle.iter().flat_map(|line| wrapped(line, TEXT, room)).collect();
+        let top = MARGIN + LEADING * (TITLE * title.len() as f64 + TEXT * subtitle.len() as f64) + 12.0;
+        let mut plan = Self {
+            width,
+            height: 0.0,
+            title,
+            subtitle,
+            top,
+            counted: vec![],
+            columns: 1,
+            row: BAR + GAP,
+            beside: None,
+        };
+        let below = match &figure.chart {
+            Chart::Lines { labels, series, .. } => {
+                let entry = SAMPLE + widest(series.iter().map(|series| &series.label)) + 12.0;
+                plan.counted = wrapped(labels[0], TEXT, room);
+                plan.columns = ((room / entry) as usize).clamp(1, series.len().max(1));
+                let legend = ENTRY * series.len().div_ceil(plan.columns) as f64;
+                DATA + LEADING * TEXT * plan.counted.len() as f64 + GAP + legend
+            }
+            Chart::Bars { bars, .. } => {
+                let left = MARGIN + widest(bars.iter().map(|bar| &bar.label)) + 10.0;
+                let right = MARGIN + widest(bars.iter().map(|bar| &bar.remark)) + 10.0;
+                plan.beside = (width - left - right >= BARS * width).then_some((left, right));
+                if plan.beside.is_none() {
+                    plan.row += 2.0 * LEADING * TEXT;
+                }
+                plan.row * bars.len() as f64
+            }
+        };
+        plan.height = top + below + TICKS + 10.0;
+        plan
+    }
+
+    /// Width and height with `scale` pixels per point.
+    pub fn size(&self, scale: f64) -> (u32, u32) {
+        ((self.width * scale) as u32, (self.height * scale) as u32)
+    }
+}
+
+/// About how wide a text is, and rather more: browsers set SVG in fonts of theirs.
+pub fn width(text: &str, size: f64) -> f64 {
+    0.58 * size * text.chars().count() as f64
+}
+
+/// The widest of texts.
+fn widest<'a>(texts: impl Iterator<Item = &'a String>) -> f64 {
+    texts.map(|text| width(text, TEXT)).fold(0.0, f64::max)
+}
+
+/// `text` in lines of at most `room`; a word that is longer stands in parts.
+fn wrapped(text: &str, size: f64, room: f64) -> Vec<String> {
+    let most = ((room / width("x", size)) as usize).max(1);
+    let mut lines: Vec<String> = vec![];
+    for word in text.split_whitespace() {
+        let letters: Vec<char> = word.chars().collect();
+        for part in letters.chunks(most) {
+            let part: String = part.iter().collect();
+            match lines.last_mut().filter(|line| line.chars().count() + 1 + part.chars().count() <= most) {
+                Some(line) => *line = format!("{line} {part}"),
+                None => lines.push(part),
+            }
+        }
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_break_where_there_is_no_room() {
+        let room = width("xxxxxxxxxx", TEXT) + 0.1;
+        assert_eq!(wrapped("one two three", TEXT, room), ["one two", "three"]);
+        assert_eq!(wrapped("one extraordinarily", TEXT, room), ["one", "extraordin", "arily"]);
+        assert!(wrapped("", TEXT, room).is_empty());
+        assert_eq!(wrapped("ab", TEXT, 0.0), ["a", "b"]);
+    }
+}
