@@ -3,7 +3,7 @@
 use super::values::{self, BatchSpec};
 use super::{InputArgs, UpdateArgs, distinct_or};
 use clap::{Args, ValueEnum};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// A ready-made comparison.
@@ -64,21 +64,39 @@ pub struct BenchArgs {
     #[arg(long, value_name = "SECONDS", requires = "suites")]
     #[arg(value_parser = values::number("a number of seconds above 0, at most a day", |v| v > 0.0 && v <= 86_400.0))]
     pub time_limit: Option<f32>,
-    /// Folder for report.json, runs.csv, the plots and index.html
-    #[arg(long, value_name = "DIR", default_value = "bench-report")]
-    pub report: PathBuf,
+    /// Folder for report.json, runs.csv, the plots and index.html; with --compare for comparison.json, plots and
+    /// index.html [default: bench-report; with --compare bench-comparison]
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
     /// Write no report folder
     #[arg(long, conflicts_with = "report")]
     pub no_report: bool,
     /// Measure nothing: draw the report of an earlier report.json again
     #[arg(long, value_name = "FILE", conflicts_with_all = ["input", "weights", "no_report", "suites"])]
     pub redraw: Option<PathBuf>,
+    /// Measure nothing: compare the report.json of earlier runs with the first of them, configuration by configuration
+    #[arg(
+        long,
+        value_name = "FILE",
+        num_args = 2..,
+        conflicts_with_all = [
+            "input", "vertices", "targets", "sparsity", "weights", "suites", "redraw", "batch_sizes", "changed", "heads",
+            "shared", "frames", "warmup", "paths", "formats", "modes", "poses", "accumulate", "slots", "device"
+        ]
+    )]
+    pub compare: Vec<PathBuf>,
 }
 
 impl BenchArgs {
     /// The numbers of heads given, each once, or else `default`.
     pub fn heads_or(&self, default: &[u32]) -> Vec<u32> {
         distinct_or(&self.heads, default)
+    }
+
+    /// The folder to write, unless none is wanted.
+    pub fn folder(&self) -> Option<&Path> {
+        let default = if self.compare.is_empty() { "bench-report" } else { "bench-comparison" };
+        (!self.no_report).then(|| self.report.as_deref().unwrap_or(Path::new(default)))
     }
 
     /// How long suites time a configuration.

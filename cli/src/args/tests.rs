@@ -34,7 +34,7 @@ fn defaults() {
     assert_eq!((args.heads_or(&[1]), args.frames, args.warmup, args.time_limit().as_secs()), (vec![1], 100, 5, 5));
     assert_eq!((args.update.slots, args.input.tolerance), (2, 1e-6));
     assert!(args.update.formats.is_empty() && args.update.paths.is_empty());
-    assert_eq!(args.report, PathBuf::from("bench-report"));
+    assert_eq!(args.folder(), Some("bench-report".as_ref()));
     assert_eq!(args.input.head.desc(1), HeadDesc::default());
     assert_eq!(args.input.tolerance(), Tolerance::default());
     assert_eq!((args!(Play, "play").every, args!(Play, "play").noise), (16, None));

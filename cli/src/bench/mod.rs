@@ -14,6 +14,7 @@ mod sweep;
 #[cfg(test)]
 mod synthetic;
 mod trial;
+mod versus;
 mod workload;
 
 use crate::args::bench::BenchArgs;
@@ -26,7 +27,12 @@ use report::{sentences, tables};
 
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     // Before minutes are spent on what then cannot be written.
-    let folder = (!args.no_report).then_some(args.report.as_path());
+    let folder = args.folder();
+    if !args.compare.is_empty() {
+        out.check(&args.compare, &[], folder)?;
+        folder.map_or(Ok(()), versus::claim)?;
+        return versus::run(args, folder, out);
+    }
     out.check(&input::files_of(&args.input, &args.weights), &[], folder)?;
     folder.map_or(Ok(()), report::claim)?;
     match &args.redraw {
@@ -59,12 +65,12 @@ fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Failure
     }
     out.say(format_args!("\n{}", sentences::sentences(report).join("\n")));
     let json = out.json(report);
-    if !args.no_report {
+    if let Some(folder) = args.folder() {
         let spinner = out.spinner("drawing the report");
-        let written = report::write(report, &args.report);
+        let written = report::write(report, folder);
         spinner.finish_and_clear();
         written?;
-        out.say(format_args!("report: {}", args.report.join("index.html").display()));
+        out.say(format_args!("report: {}", folder.join("index.html").display()));
     }
     json?;
     verdict(report)

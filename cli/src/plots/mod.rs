@@ -39,6 +39,8 @@ pub enum Axes {
     Counts,
     /// Counts along x; y starts at 0, whatever the values span: where proportions matter.
     CountsFromZero,
+    /// Places in a list along x; ratios along y, around 1.
+    Ratios,
     /// No counts: both are logarithmic when the values span much.
     Values,
 }
@@ -91,6 +93,9 @@ pub struct Look {
 const HUES: [u32; 9] = [0x005f9e, 0xc44e00, 0xa84b86, 0x007a5a, 0x5b4bb0, 0x4a4f59, 0x8c6a00, 0x007f86, 0xa12a2a];
 
 impl Look {
+    /// For what the others are compared with.
+    pub const PLAIN: Self = Self { hue: 5, variant: 1 };
+
     /// The `variant` of a hue: eight of them differ in shade or marker.
     pub fn new(hue: usize, variant: usize) -> Self {
         Self { hue: hue % HUES.len(), variant: variant % 8 }

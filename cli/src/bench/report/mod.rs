@@ -59,7 +59,8 @@ pub fn read(path: &Path) -> Result<Report, Failure> {
 
 /// The command that wrote JSON which is no report.
 fn writer(value: &Value) -> Option<&'static str> {
-    let commands: [(&str, &[&str]); 4] = [
+    let commands: [(&str, &[&str]); 5] = [
+        ("bench --compare", &["comparisons", "reports"]),
         ("info", &["formats", "targets"]),
         ("play", &["frames", "summary"]),
         ("soak", &["frames", "bit_exact"]),

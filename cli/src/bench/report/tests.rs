@@ -228,6 +228,7 @@ fn other_files_are_refused() {
         ("vertices", "is no JSON: expected value at line 1"),
         (r#"{"schema":1,"formats":[],"targets":[]}"#, "was written by `deltamorph info`"),
         (r#"{"schema":1,"frames":[],"summary":{}}"#, "was written by `deltamorph play`"),
+        (r#"{"schema":1,"comparisons":[],"reports":[]}"#, "was written by `deltamorph bench --compare`"),
         (r#"{"schema":1,"runs":[]}"#, "missing field `version`"),
         // Of another schema, whatever else it has.
         (r#"{"schema":3,"runs":{}}"#, "schema 3"),
