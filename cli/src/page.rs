@@ -34,8 +34,8 @@ pub fn about(sentence: &str, facts: &[(&str, Vec<String>)]) -> Markup {
     }
 }
 
-/// Figures with their captions, and links to the files beside the page. Each is there twice, and shown once: for pages that
-/// are wide, and for phones.
+/// Figures with their captions, and links to the files beside the page. Each is there twice, and shown once: for
+/// pages that are wide, and for phones.
 pub fn figures(drawn: &[Drawn]) -> Markup {
     html! {
         section.figures {
@@ -58,8 +58,8 @@ pub fn figures(drawn: &[Drawn]) -> Markup {
     }
 }
 
-/// A table called `label`, which the page's script sorts by a column; `mark` gives the class of a row by its number, and a
-/// remark below it, which is too wide for a column. Cells that are no plain number say what they amount to.
+/// A table called `label`, which the page's script sorts by a column; `mark` gives the class of a row by its number,
+/// and a remark below it, which is too wide for a column. Cells that are no plain number say what they amount to.
 pub fn table<'a>(label: &str, table: &Table, mark: impl Fn(usize) -> (Option<&'a str>, Option<&'a str>)) -> Markup {
     let word = |column: usize| (column < table.left).then_some("word");
     // As JavaScript reads it.

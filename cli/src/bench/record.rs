@@ -214,8 +214,9 @@ pub struct RunRecord {
     /// From poses in main memory to the device, waited for: the path `cpu`, where it is drawn. In no other time.
     #[serde(default)]
     pub upload_ms: Option<Stats>,
-    /// The timed frames in up to ten parts, in the order they ran: rounds that took turns with those of others in suites,
-    /// else stretches of one go. Empty where there were too few frames, and in reports of versions that had none.
+    /// The timed frames in up to ten parts, in the order they ran: rounds that took turns with those of others in
+    /// suites, else stretches of one go. Empty where there were too few frames, and in reports of versions that had
+    /// none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rounds: Vec<Round>,
     /// The time that moving `bytes_floor` takes at the best bandwidth measured, as a share of the time taken: 1 is the
@@ -350,9 +351,9 @@ mod tests {
             ("/runs/0/gpu_ms", "median mean stderr min max n"),
             (
                 "/runs/0",
-                "path mode batch_size changed coefficients active heads shared accumulate pose format passes bytes_moved \
-                 bytes_floor gpu_ms cpu_ms draw_ms max_error verified workload max_error_rel normal_error_deg \
-                 raw_error_rel floor_fraction slots batch_max",
+                "path mode batch_size changed coefficients active heads shared accumulate pose format passes \
+                 bytes_moved bytes_floor gpu_ms cpu_ms draw_ms max_error verified workload max_error_rel \
+                 normal_error_deg raw_error_rel floor_fraction slots batch_max",
             ),
         ] {
             let object = json.pointer(place).expect(place);

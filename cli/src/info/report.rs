@@ -36,9 +36,9 @@ fn page(info: &Info, drawn: &[Drawn]) -> String {
                 "How much memory do the expressions of a face take, and what is lost where they take less? The mesh “"
                 (info.input.name) "” has " (thousands(info.input.vertices)) " points (vertices) and "
                 (info.input.targets) " morph targets; a target says how far each point moves in one expression. As six \
-                 floats for every vertex and target that is " (bytes(dense as f64)) ". Each storage format was packed and \
-                 unpacked, no device taking part; its error is the largest distance of a position, and the largest angle \
-                 of a normal, from those of the input: for each target alone at its full weight, and for "
+                 floats for every vertex and target that is " (bytes(dense as f64)) ". Each storage format was \
+                 packed and unpacked, no device taking part; its error is the largest distance of a position, and \
+                 the largest angle of a normal, from those of the input: for each target alone at its full weight, and for "
                 (whole_poses(info.poses.as_deref().unwrap_or_default())) "."
             }
         }

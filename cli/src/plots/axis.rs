@@ -82,8 +82,8 @@ impl Axis {
         Self { log, lo, hi, end, ticks }
     }
 
-    /// With the labels that have room beside each other on a horizontal axis of `length` points: the last one, and before
-    /// it those that leave a gap.
+    /// With the labels that have room beside each other on a horizontal axis of `length` points: the last one, and
+    /// before it those that leave a gap.
     pub fn fitting(mut self, length: f64) -> Self {
         let mut start = f64::INFINITY;
         let places: Vec<f64> = self.ticks.iter().map(|(tick, _)| length * self.at(*tick)).collect();

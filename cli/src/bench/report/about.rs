@@ -20,8 +20,8 @@ pub fn about(report: &Report, suite: Option<&SuiteRecord>) -> About {
     let runs: Vec<&RunRecord> = report.runs_of(suite).collect();
     let sentence = format!(
         "How long does it take to give a face its next expression? Measured is the time per frame to move the points \
-         (vertices) of {}, in {}, on {}. A morph target says how far each point moves in one expression; weights mix the \
-         targets.",
+         (vertices) of {}, in {}, on {}. A morph target says how far each point moves in one expression; weights mix \
+         the targets.",
         meshes(report, &runs),
         configurations(&runs),
         device(&report.device),
@@ -183,8 +183,8 @@ mod tests {
         };
         let told = text(&synthetic::report(), None);
         for part in [
-            "points (vertices) of “head” (43,788 vertices, 72 morph targets), in 330 configurations, on Example GPU <1> (a \
-             software driver, where the processor plays the GPU)",
+            "points (vertices) of “head” (43,788 vertices, 72 morph targets), in 330 configurations, on Example GPU \
+             <1> (a software driver, where the processor plays the GPU)",
             "changes: the weights of 4, 16, 36 and 72 targets, drawn at random in every frame; what the clip \
              “speech_30fps” changes",
             "tried: method (update path): feedback, compute, cpu; how movements are stored (delta format): float32, \

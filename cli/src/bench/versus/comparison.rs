@@ -117,8 +117,8 @@ fn differences(a: &Report, b: &Report, [first, second]: [&str; 2]) -> Vec<String
         let MeshInfo { vertices, targets, triangles, diagonal, tolerance, .. } = m;
         let moved = 100.0 * m.moved_mean;
         format!(
-            "{vertices} vertices, {triangles} triangles, {targets} targets, each moving {moved:.2} %, diagonal {diagonal}, \
-             tolerance {tolerance}"
+            "{vertices} vertices, {triangles} triangles, {targets} targets, each moving {moved:.2} %, diagonal \
+             {diagonal}, tolerance {tolerance}"
         )
     };
     let others = meshes(b);

@@ -17,9 +17,9 @@ use std::path::{Path, PathBuf};
 const NUMBERS: [&str; 7] = ["targets", "batch_size", "changed", "heads", "crowds", "slots", "error_budget"];
 
 /// What no statistics see.
-const LIMITS: &str = "whether the program made the difference: what was otherwise during the whole of one run, such as another \
-                      program at work or a warmer processor, counts as well. Compare two runs of one program to learn how \
-                      far apart they are";
+const LIMITS: &str = "whether the program made the difference: what was otherwise during the whole of one run, such \
+                      as another program at work or a warmer processor, counts as well. Compare two runs of one \
+                      program to learn how far apart they are";
 
 /// Where the files of a report lie, as a page links them: its JSON, and its page where there is one.
 pub struct Links {
@@ -84,20 +84,22 @@ pub fn page(found: &Comparison, links: &[Links], drawn: &[Option<Drawn>]) -> Str
         section {
             h2 { "How to read it" }
             p.note {
-                "Ratio: the median time over that of " (found.reports[0].name) "; 0.5 is half the time. The interval from low \
-                 to high holds the true ratio in 95 of 100 such measurements. p: how often a difference at least as clear \
-                 would be seen where there is none; corrected after Holm for the number of configurations. Faster and slower: \
-                 the corrected p is below " (ALPHA) ". Same: no difference could be shown, which is not to say that there is \
-                 none."
+                "Ratio: the median time over that of " (found.reports[0].name) "; 0.5 is half the time. The interval \
+                 from low to high holds the true ratio in 95 of 100 such measurements. p: how often a difference at \
+                 least as clear would be seen where there is none; corrected after Holm for the number of \
+                 configurations. Faster and slower: the corrected p is below " (ALPHA) ". Not significant: no \
+                 difference could be shown among so many, which is not to say that there is none."
             }
             p.note {
-                "Ranks: the exact test of Wilcoxon, Mann and Whitney on the medians of up to ten rounds of each run, and the \
-                 interval of Moses that belongs to it. Standard errors: from the median and the standard error alone, where \
-                 a report has no rounds; frames are taken to be independent and normally distributed, so that such \
-                 intervals are rather too narrow."
+                "Ranks: the exact test of Wilcoxon, Mann and Whitney on the medians of up to ten rounds of each run, \
+                 and the interval of Moses that belongs to it. Standard errors: from the median and the standard \
+                 error alone, where a report has no rounds; frames are taken to be independent and normally \
+                 distributed, so that such intervals are rather too narrow."
             }
             p.note { "The geometric mean of all ratios tells when everything moved together." }
-            p.note { "All numbers: " a href="comparison.json" { "comparison.json" } ". deltamorph " (found.version) "." }
+            p.note {
+                "All numbers: " a href="comparison.json" { "comparison.json" } ". deltamorph " (found.version) "."
+            }
         }
     };
     document(&format!("{title} · deltamorph bench"), &body)
@@ -106,9 +108,9 @@ pub fn page(found: &Comparison, links: &[Links], drawn: &[Option<Drawn>]) -> Str
 fn about(found: &Comparison) -> Markup {
     let first = &found.reports[0];
     let sentence = format!(
-        "Did the time change that it takes to give a face its next expression? Compared are {} runs of a benchmark, which \
-         measured the time per frame to move the points (vertices) of “{}” ({} vertices, {} morph targets) in many \
-         configurations. A morph target says how far each point moves in one expression; weights mix the targets.",
+        "Did the time change that it takes to give a face its next expression? Compared are {} runs of a benchmark, \
+         which measured the time per frame to move the points (vertices) of “{}” ({} vertices, {} morph targets) in \
+         many configurations. A morph target says how far each point moves in one expression; weights mix the targets.",
         found.reports.len(),
         first.input.name,
         thousands(first.input.vertices),
@@ -131,12 +133,12 @@ fn about(found: &Comparison) -> Markup {
 
 /// "B against A: of 120 configurations 3 are faster, …".
 fn summary(against: &Against) -> String {
-    let Against { name, baseline, faster, slower, same, undecided, wrong, .. } = against;
+    let Against { name, baseline, faster, slower, not_significant, undecided, wrong, .. } = against;
     let all = against.configurations.len();
     let [plural, are] = if all == 1 { ["", "is"] } else { ["s", "are"] };
     let mut text = format!(
-        "{name} against {baseline}: {} configuration{plural} {are} in both; {faster} faster, {slower} slower, {same} without a \
-         difference that could be shown",
+        "{name} against {baseline}: {} configuration{plural} {are} in both; {faster} faster, {slower} slower, \
+         {not_significant} not significantly different",
         thousands(all)
     );
     for (count, what) in [(undecided, "timed too briefly to tell"), (wrong, "wrong")] {
@@ -173,7 +175,10 @@ fn card(source: &Source, links: &Links, first: bool) -> Markup {
             }
             p { (source.created) " · deltamorph " (source.version) }
             p { (device(&source.device)) }
-            p { (mesh.name) ": " (thousands(mesh.vertices)) " vertices × " (mesh.targets) " targets; " (source.runs) " runs" }
+            p {
+                (mesh.name) ": " (thousands(mesh.vertices)) " vertices × " (mesh.targets) " targets; " (source.runs)
+                " runs"
+            }
             p { code { (source.command) } }
         }
     }
@@ -235,7 +240,7 @@ fn pairs_markup(against: &Against) -> Markup {
                 Verdict::Faster => Some("best"),
                 Verdict::Slower => Some("slower"),
                 Verdict::Wrong => Some("wrong"),
-                Verdict::Same | Verdict::Undecided => None,
+                Verdict::NotSignificant | Verdict::Undecided => None,
             };
             (class, pairs[row].problem.as_deref())
         }))
@@ -256,13 +261,15 @@ fn only(keys: &[Key], name: &str) -> Markup {
         0 => vec!["path", "format", "batch_size"],
         _ => words.iter().chain(&numbers).copied().collect(),
     };
+    let words_of =
+        |key: &Key| fields.iter().map(|field| format!("{field} {}", cell(key, field))).collect::<Vec<_>>().join(", ");
     html! {
         @if !keys.is_empty() {
             details {
                 summary { "Only in " (name) ": " (thousands(keys.len())) }
                 ul {
                     @for key in keys {
-                        li { (fields.iter().map(|field| format!("{field} {}", cell(key, field))).collect::<Vec<_>>().join(", ")) }
+                        li { (words_of(key)) }
                     }
                 }
             }
@@ -297,8 +304,8 @@ pub fn figure(against: &Against) -> Option<Figure> {
     Some(Figure {
         slug: format!("ratios-{}", against.name.to_ascii_lowercase()),
         caption: format!(
-            "A mark for each configuration of a path, from the one that gained most to the one that lost most; bars are 95% \
-             confidence intervals. Below 1, {} is faster.",
+            "A mark for each configuration of a path, from the one that gained most to the one that lost most; bars \
+             are 95% confidence intervals. Below 1, {} is faster.",
             against.name
         ),
         title: format!("Time in {} over time in {}", against.name, against.baseline),

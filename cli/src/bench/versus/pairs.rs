@@ -40,8 +40,8 @@ pub struct Against {
     pub baseline: String,
     pub faster: usize,
     pub slower: usize,
-    /// No difference could be shown.
-    pub same: usize,
+    /// Not significantly different.
+    pub not_significant: usize,
     /// Timed too briefly to tell.
     pub undecided: usize,
     pub wrong: usize,
@@ -80,11 +80,11 @@ pub struct Pair {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "snake_case")]
 pub enum Verdict {
     Faster,
     Slower,
-    Same,
+    NotSignificant,
     Undecided,
     Wrong,
 }
@@ -94,7 +94,7 @@ impl Verdict {
         match self {
             Self::Faster => "faster",
             Self::Slower => "slower",
-            Self::Same => "same",
+            Self::NotSignificant => "not significant",
             Self::Undecided => "undecided",
             Self::Wrong => "wrong",
         }
@@ -145,7 +145,7 @@ impl Against {
             pair.verdict = match (pair.p_corrected, pair.ratio) {
                 (Some(p), Some(ratio)) if p < ALPHA && ratio < 1.0 => Verdict::Faster,
                 (Some(p), Some(ratio)) if p < ALPHA && ratio > 1.0 => Verdict::Slower,
-                _ => Verdict::Same,
+                _ => Verdict::NotSignificant,
             };
         }
         let count = |verdict: Verdict| pairs.iter().filter(|pair| pair.verdict == verdict).count();
@@ -158,7 +158,7 @@ impl Against {
             baseline: baseline.into(),
             faster: count(Verdict::Faster),
             slower: count(Verdict::Slower),
-            same: count(Verdict::Same),
+            not_significant: count(Verdict::NotSignificant),
             undecided: count(Verdict::Undecided),
             wrong: count(Verdict::Wrong),
             ratio_mean: Stats::of(&logs).map(|s| s.mean.exp()),

@@ -23,9 +23,9 @@ pub struct Ratio {
     pub p: f64,
 }
 
-/// `b` over `a` by ranks: the exact test of Wilcoxon, Mann and Whitney (midranks where values are equal), and the interval
-/// of Moses that belongs to it, between two of the sorted ratios of every value to every value. `None` for samples that
-/// are too small to tell anything, too large, or not all above 0.
+/// `b` over `a` by ranks: the exact test of Wilcoxon, Mann and Whitney (midranks where values are equal), and the
+/// interval of Moses that belongs to it, between two of the sorted ratios of every value to every value. `None` for
+/// samples that are too small to tell anything, too large, or not all above 0.
 pub fn by_ranks(a: &[f64], b: &[f64]) -> Option<Ratio> {
     let fits =
         |values: &[f64]| (LEAST..=MOST).contains(&values.len()) && values.iter().all(|v| v.is_finite() && *v > 0.0);
@@ -157,8 +157,8 @@ mod tests {
         let same = by_ranks(&a, &a).expect("enough");
         assert_eq!((same.ratio, same.p), (1.0, 1.0));
         assert!(same.low < 1.0 && same.high > 1.0);
-        // Hollander and Wolfe, Nonparametric Statistical Methods, 4.1: permeability of the human chorioamnion at term and
-        // before; W = 30, one-sided p = 0.127.
+        // Hollander and Wolfe, Nonparametric Statistical Methods, 4.1: permeability of the human chorioamnion at term
+        // and before; W = 30, one-sided p = 0.127.
         let term = [0.80, 0.83, 1.89, 1.04, 1.45, 1.38, 1.91, 1.64, 0.73, 1.46];
         let before = [1.15, 0.88, 0.90, 0.74, 1.21];
         let found = by_ranks(&term, &before).expect("enough");

@@ -35,12 +35,12 @@ fn verdicts(found: &Against) -> Vec<Verdict> {
 
 #[test]
 fn differences_are_found_and_noise_is_none() {
-    use Verdict::{Faster, Same, Slower};
+    use Verdict::{Faster, NotSignificant, Slower};
     let before = report(&[10.0, 10.0, 10.0, 10.0]);
     let found = compared(&[&before, &report(&[8.0, 10.05, 12.0, 10.0])]);
     let [against] = &found.comparisons[..] else { panic!("one other") };
-    assert_eq!(verdicts(against), [Faster, Same, Slower, Same]);
-    assert_eq!((against.faster, against.same, against.slower), (1, 2, 1));
+    assert_eq!(verdicts(against), [Faster, NotSignificant, Slower, NotSignificant]);
+    assert_eq!((against.faster, against.not_significant, against.slower), (1, 2, 1));
     for (pair, ratio) in against.configurations.iter().zip([0.8, 1.005, 1.2, 1.0]) {
         let Pair { ratio: Some(r), low: Some(low), high: Some(high), .. } = *pair else { panic!("{pair:?}") };
         assert!((r - ratio).abs() < 1e-12 && low < r && r < high && high / low < 1.06, "{pair:?}");
@@ -54,7 +54,7 @@ fn differences_are_found_and_noise_is_none() {
     assert!(found.warnings.is_empty(), "{:?}", found.warnings);
     // A report is no different from itself.
     let same = compared(&[&before, &before]);
-    assert_eq!(verdicts(&same.comparisons[0]), [Same; 4]);
+    assert_eq!(verdicts(&same.comparisons[0]), [NotSignificant; 4]);
     assert_eq!(same.comparisons[0].ratio_mean, Some(1.0));
 }
 
@@ -67,7 +67,7 @@ fn reports_without_rounds_are_compared_by_their_errors() {
     };
     let found = compared(&[&bare(&[10.0, 10.0]), &bare(&[11.0, 10.05])]);
     let pairs = &found.comparisons[0].configurations;
-    assert_eq!(verdicts(&found.comparisons[0]), [Verdict::Slower, Verdict::Same]);
+    assert_eq!(verdicts(&found.comparisons[0]), [Verdict::Slower, Verdict::NotSignificant]);
     assert!(pairs.iter().all(|pair| pair.test == Some("standard errors")));
     // One frame tells nothing.
     let one = |ms: f64| {
@@ -154,7 +154,7 @@ fn wrong_runs_are_told_and_not_compared() {
     run.rounds.clear();
     let found = compared(&[&before, &after]);
     let against = &found.comparisons[0];
-    assert_eq!(verdicts(against), [Verdict::Same, Verdict::Wrong]);
+    assert_eq!(verdicts(against), [Verdict::NotSignificant, Verdict::Wrong]);
     let wrong = &against.configurations[1];
     assert_eq!((wrong.ratio, wrong.p, wrong.problem.as_deref()), (None, None, Some("B: vertex <17> is off")));
     let page = page(&found);
@@ -201,7 +201,7 @@ fn the_folder_is_complete_and_its_links_hold() {
         "href=\"../../a%20%231%20100%25/index.html\"",
         "href=\"../../b.json\"",
         "href=\"ratios-c.svg\"",
-        "B against A: 2 configurations are in both; 1 faster, 0 slower, 1 without",
+        "B against A: 2 configurations are in both; 1 faster, 0 slower, 1 not significantly",
         "On geometric average C takes 18.3 % more time",
         "data-n=\"0.8\"",
     ] {
@@ -217,7 +217,8 @@ fn the_folder_is_complete_and_its_links_hold() {
         ("/reports/0", "name file version created command device input runs"),
         (
             "/comparisons/0",
-            "name baseline faster slower same undecided wrong ratio_mean configurations only_in_baseline only_here",
+            "name baseline faster slower not_significant undecided wrong ratio_mean configurations only_in_baseline \
+             only_here",
         ),
         (
             "/comparisons/0/configurations/0",
