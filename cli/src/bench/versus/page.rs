@@ -52,6 +52,7 @@ pub fn text(found: &Comparison) -> String {
     let reports = found.reports.iter().map(|source| format!("{}: {}", source.name, source.file));
     once(reports.collect::<Vec<_>>().join("\n"))
         .chain(found.comparisons.iter().map(of))
+        .chain([format!("What it cannot tell: {LIMITS}.")])
         .collect::<Vec<_>>()
         .join("\n\n")
 }

@@ -159,7 +159,8 @@ fn wrong_runs_are_told_and_not_compared() {
     assert_eq!((wrong.ratio, wrong.p, wrong.problem.as_deref()), (None, None, Some("B: vertex <17> is off")));
     let page = page(&found);
     assert!(page.contains("B: vertex &lt;17&gt; is off") && page.contains("1 wrong"), "{page}");
-    assert!(page::text(&found).contains("1 wrong"));
+    let text = page::text(&found);
+    assert!(text.contains("1 wrong") && text.contains("What it cannot tell: whether the program"), "{text}");
 }
 
 /// A time that one of them lacks is no reason to compare two different times.
