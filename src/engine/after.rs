@@ -52,7 +52,7 @@ impl MorphEngine {
     /// influences, or 48 for eight; weights stay float32, since 16 bits of them would move vertices by 1e-5 of the diagonal.
     ///
     /// This records: a copy from staging memory, and a barrier that makes it visible to updates (first stage TRANSFER with
-    /// TRANSFER_WRITE; last stages VERTEX_INPUT, VERTEX_SHADER, COMPUTE_SHADER).
+    /// TRANSFER_WRITE; last ALL_COMMANDS with MEMORY_READ and MEMORY_WRITE).
     ///
     /// The caller is responsible for: submitting `cmd` before any update that skins, and calling
     /// [`GpuSkin::release_staging`] once it has run.
@@ -64,7 +64,7 @@ impl MorphEngine {
     ///
     /// # Safety
     /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
-    ///   without active conditional rendering, on a queue with graphics and compute.
+    ///   without active conditional rendering, on any queue.
     /// - It runs before any update that skins by the value returned, exactly once.
     /// - The value returned is dropped only when the device no longer uses it; so are the crowds that have targets of it.
     pub unsafe fn upload_skin(
@@ -122,7 +122,7 @@ impl MorphEngine {
     /// corner of a face of n), and on the host 4 for each pair of neighbouring pieces of 32 vertices.
     ///
     /// This records: a copy from staging memory, and a barrier that makes it visible to updates (first stage TRANSFER with
-    /// TRANSFER_WRITE; last stages VERTEX_INPUT, VERTEX_SHADER, COMPUTE_SHADER).
+    /// TRANSFER_WRITE; last ALL_COMMANDS with MEMORY_READ and MEMORY_WRITE).
     ///
     /// The caller is responsible for: submitting `cmd` before any update that recomputes normals, and calling
     /// [`GpuNormals::release_staging`] once it has run.

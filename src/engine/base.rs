@@ -109,7 +109,7 @@ impl CrowdBase {
             after: After::default(),
             groups,
             instances: Instances::new(instances as usize, targets, slots),
-            steps: Steps::new(desc.consumers),
+            steps: Steps::new(desc.consumers_on_queue(device)),
             wrote: vec![],
             schedule: Schedule::default(),
             last: None,
@@ -302,7 +302,7 @@ impl CrowdBase {
         self.check_has_poses()?;
         let (group, frames) = (&self.groups[0], self.desc.frames_in_flight);
         set(&mut self.after, &Place { device: &self.device, kernels, group, frames, instance })?;
-        self.steps.read_by(self.desc.consumers, self.after.outputs());
+        self.steps.read_besides(self.after.outputs());
         Ok(())
     }
 

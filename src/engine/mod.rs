@@ -47,15 +47,36 @@ use std::sync::Arc;
 /// which, and each frame takes [`AnimatedCrowd::set_time`] in place of weights.
 ///
 /// # What the caller is responsible for
-/// - Uploads, updates and draws run on queues of one family, with graphics and compute: the barriers name the
-///   stages of both. Recorded updates run exactly once each, in the order recorded, on one queue (or ordered by
-///   semaphores). An update that will never run is handed to [`Crowd::discard`], and only such a one, before anything
+/// - Uploads, updates and draws run on one queue with graphics and compute, since barriers name the stages of both, or as
+///   [several queues](#several-queues) may. Recorded updates run exactly once each, in the order recorded. An update that will never run is handed to [`Crowd::discard`], and only such a one, before anything
 ///   newer of the crowd is submitted.
 /// - At most [`CrowdDesc::frames_in_flight`] updates of a crowd are recorded and not yet finished. Updates that
 ///   recorded nothing and discarded ones do not count.
 /// - Engine, meshes and crowds are dropped only when the device has finished with them, in any order, and before the
 ///   device is destroyed: an [`owner`](field@DeviceDesc::owner) that they keep alive sees to that. An allocator that the host
 ///   shares is not locked by the host meanwhile.
+///
+/// # Several queues
+/// Updates can run on a queue of their own, such as one with compute alone, beside the draws of the frame before:
+/// [`DeviceDesc::queue_families`](field@DeviceDesc::queue_families) names the families of all queues, so that buffers are
+/// shared by them, and [`CrowdDesc::queue_family`] the one that updates of a crowd run on. Then semaphores, binary ones or
+/// timelines, order what barriers order on one queue:
+///
+/// - From upload to update, and where draws read the base pose (poses of integers), from upload to draw. Uploads may run on
+///   any queue.
+/// - From update to draw: the draws' queue waits at the stages that read poses (such as VERTEX_INPUT or VERTEX_SHADER). The
+///   update signals after its last command.
+/// - From draw to a later update: the updates' queue waits at COMPUTE_SHADER (of `feedback` and `vertex-store` at
+///   ALL_COMMANDS), before an update that writes a slot, for the last draw that read it. An update writes the slot that is
+///   `slots - 1` updates older than the current one. With one update and one draw a frame, that of frame n waits for the
+///   draw of frame n - slots, or of n - slots + 1 where draws read the [previous pose](Crowd::previous_pose), too: two
+///   slots, or three, let an update run beside the draw of the frame before it. (`feedback` and `vertex-store` may write a
+///   slot more: they wait for the draw of one frame later.)
+/// - What [follows the pose](crate::after) is written into the host's buffers, which the host shares among the families as it
+///   does others. A target has one place, which the draw of the frame before reads; a skinned one may have two.
+///
+/// Updates of one crowd run on one queue, or on several that semaphores order. Those that one
+/// [`record_updates`](Self::record_updates) records are of one family.
 pub struct MorphEngine {
     pub(crate) device: Arc<Device>,
     kernels: Kernels,
@@ -65,7 +86,7 @@ impl MorphEngine {
     /// An engine on the host's device.
     ///
     /// # Errors
-    /// The allocator cannot be made.
+    /// The allocator cannot be made; queue families that the device does not have.
     ///
     /// # Safety
     /// - The handles of `desc` are alive, belong together (the pipeline cache may be null), are of Vulkan 1.1 or later,
@@ -110,7 +131,8 @@ impl MorphEngine {
     /// # Errors
     /// A mesh that another engine uploaded; a path or batch size that the device cannot run, with what to use
     /// instead; vertices of the host's ([`CrowdDesc::poses`]) that do not suit the mesh or the path; usages
-    /// ([`CrowdDesc::pose_usage`]) that the device was not said to allow; no memory.
+    /// ([`CrowdDesc::pose_usage`]) that the device was not said to allow; a [queue family](field@CrowdDesc::queue_family) that
+    /// there is not, that lacks what the path needs, or that the engine was not made for; no memory.
     pub fn create_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<Crowd> {
         self.check_crowd(mesh, desc, Runner::Device(&self.device.caps))?;
         let targets = mesh.layout().targets.len();
@@ -128,6 +150,7 @@ impl MorphEngine {
         mesh.layouts().try_for_each(|layout| desc.update.check_all(layout, runner))?;
         desc.update.path.check_groups(mesh.groups.len(), mesh.layout())?;
         desc.check_poses(mesh.layouts(), &self.device)?;
+        desc.check_queue(&self.device)?;
         if mesh.groups[0].private.is_empty() == desc.update.path.row().has_own_upload {
             return Err(Error::invalid(
                 format!("mesh '{}' for the path '{}'", mesh.layout().name, desc.update.path.name()),
@@ -163,7 +186,7 @@ impl MorphEngine {
     ///
     /// # Safety
     /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
-    ///   without active conditional rendering, on a queue with graphics and compute.
+    ///   without active conditional rendering, on a queue with compute.
     /// - It runs before any update of the crowd, exactly once; where it never does, the crowd is not updated.
     /// - The value returned is dropped only when the device no longer uses it.
     pub unsafe fn create_animated_crowd(

@@ -12,7 +12,7 @@ impl MorphEngine {
     ///
     /// This records: nothing when no weight changed; otherwise the passes of the plan with the barriers they
     /// need. First stages: those of the [consumers](crate::CrowdDesc::consumers) (reads of earlier poses) and the
-    /// path's own; last: the consumers', by default VERTEX_INPUT with VERTEX_ATTRIBUTE_READ and VERTEX_SHADER with
+    /// path's own; last: the consumers' (none, where all are on another queue), by default VERTEX_INPUT with VERTEX_ATTRIBUTE_READ and VERTEX_SHADER with
     /// SHADER_READ, so that draws recorded next may read [`Crowd::pose`](super::Crowd::pose) and
     /// [`Crowd::previous_pose`](super::Crowd::previous_pose) as vertex attributes or storage buffers.
     ///
@@ -32,8 +32,8 @@ impl MorphEngine {
     ///
     /// # Safety
     /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
-    ///   without active conditional rendering (the state of the crowd takes the update as done), on a queue with
-    ///   graphics and compute.
+    ///   without active conditional rendering (the state of the crowd takes the update as done), on a queue of the family
+    ///   that [`CrowdDesc::queue_family`](field@crate::CrowdDesc::queue_family) names, or else with graphics and compute.
     /// - It runs exactly once, after the upload of the mesh and all earlier updates of the crowd, and before later
     ///   ones; or it never runs, and [`Crowd::discard`](super::Crowd::discard) is called with the ticket before any
     ///   later update is recorded.

@@ -87,7 +87,7 @@ impl MorphEngine {
     /// Create a mesh's buffers and record their upload.
     ///
     /// This records: for each group copies from staging memory, and a barrier that makes them visible to every update path
-    /// (first stage TRANSFER with TRANSFER_WRITE; last stages VERTEX_INPUT, VERTEX_SHADER, COMPUTE_SHADER).
+    /// and draw (first stage TRANSFER with TRANSFER_WRITE; last ALL_COMMANDS with MEMORY_READ and MEMORY_WRITE).
     ///
     /// The caller is responsible for: submitting `cmd` before any update of the mesh, and calling
     /// [`GpuMesh::release_staging`] once it has run.
@@ -97,7 +97,7 @@ impl MorphEngine {
     ///
     /// # Safety
     /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
-    ///   without active conditional rendering, on a queue with graphics and compute.
+    ///   without active conditional rendering, on any queue.
     /// - It runs before any update of the mesh, exactly once; where it never does, no crowd of the mesh is updated.
     /// - The value returned is dropped only when the device no longer uses it.
     pub unsafe fn upload(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {

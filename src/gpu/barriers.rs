@@ -33,6 +33,9 @@ pub(crate) unsafe fn record_read_back(device: &ash::Device, cmd: vk::CommandBuff
 
 fn stages(scope: Scope) -> vk::PipelineStageFlags {
     use vk::PipelineStageFlags as Flags;
+    if scope.stages == Scope::ANYTHING.stages {
+        return Flags::ALL_COMMANDS;
+    }
     let flags = [
         (Stage::Transfer, Flags::TRANSFER),
         (Stage::VertexInput, Flags::VERTEX_INPUT),
@@ -47,6 +50,9 @@ fn stages(scope: Scope) -> vk::PipelineStageFlags {
 
 fn accesses(scope: Scope) -> vk::AccessFlags {
     use vk::AccessFlags as Flags;
+    if scope.accesses == Scope::ANYTHING.accesses {
+        return Flags::MEMORY_READ | Flags::MEMORY_WRITE;
+    }
     let flags = [
         (Access::TransferWrite, Flags::TRANSFER_WRITE),
         (Access::AttributeRead, Flags::VERTEX_ATTRIBUTE_READ),

@@ -95,6 +95,8 @@ pub struct DeviceCaps {
     pub vertex_stores: bool,
     /// Whether shaders may use 64-bit integers (the feature `shaderInt64`).
     pub int64: bool,
+    /// What each family of queues can do, by its index.
+    pub queue_families: Vec<vk::QueueFlags>,
 }
 
 /// An extension or feature that a path needs, and why.
@@ -110,7 +112,8 @@ pub struct Requirement {
 }
 
 /// What to enable when creating a device for `path`. Beyond this, core Vulkan 1.1 and one queue with graphics and
-/// compute suffice: barriers name the vertex stages of the draws that read poses, whatever the path.
+/// compute suffice, or one with compute for updates and another for draws
+/// ([`DeviceDesc::queue_families`](field@crate::DeviceDesc::queue_families)).
 pub fn requirements(path: UpdatePath) -> &'static [Requirement] {
     match path.row().needs {
         Needs::TransformFeedback => &[Requirement {
@@ -140,10 +143,11 @@ impl DeviceCaps {
     /// - Both are of Vulkan 1.1 or later.
     pub unsafe fn query(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Self {
         // SAFETY: the caller's obligations are those of these calls.
-        let (core, extensions) = unsafe {
+        let (core, extensions, families) = unsafe {
             (
                 instance.get_physical_device_properties(physical),
                 instance.enumerate_device_extension_properties(physical).unwrap_or_default(),
+                instance.get_physical_device_queue_family_properties(physical),
             )
         };
         let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
@@ -221,6 +225,7 @@ impl DeviceCaps {
             ),
             vertex_stores: core_features.vertex_pipeline_stores_and_atomics == vk::TRUE,
             int64: core_features.shader_int64 == vk::TRUE,
+            queue_families: families.iter().map(|family| family.queue_flags).collect(),
         }
     }
 
@@ -248,11 +253,13 @@ impl DeviceCaps {
             transform_feedback: None,
             vertex_stores: false,
             int64: false,
+            queue_families: vec![],
         }
     }
 
-    /// Keep to the smaller of these limits and `limits`; nothing is raised. Names, versions and timestamps stay, and of
-    /// the tuning all but the width of tiles, masks, and how small blocks are taken.
+    /// Keep to the smaller of these limits and `limits`; nothing is raised. Names, versions and timestamps stay, families of
+    /// queues that `limits` does not have, and of the tuning all but the width of tiles, masks, and how small blocks are
+    /// taken.
     pub fn clamp_to(&mut self, limits: &Self) {
         self.tuning.widest_tile = self.tuning.widest_tile.min(limits.tuning.widest_tile);
         self.tuning.masks &= limits.tuning.masks;
@@ -275,6 +282,7 @@ impl DeviceCaps {
             });
         self.vertex_stores &= limits.vertex_stores;
         self.int64 &= limits.int64;
+        self.queue_families.iter_mut().zip(&limits.queue_families).for_each(|(flags, limits)| *flags &= *limits);
     }
 
     /// Whether tiles of `format` are read as texels and stored in 64-bit integers ([`DeviceTuning::texels`]).
@@ -331,6 +339,37 @@ impl DeviceCaps {
             ),
             Needs::Nothing | Needs::VertexStores | Needs::Workgroups => Ok(()),
         }
+    }
+
+    /// Check a family of queues for updates by `path`: compute, and for vertex passes graphics besides.
+    ///
+    /// # Errors
+    /// A family that there is not; one that lacks what the path needs, with what to use in its place.
+    pub(crate) fn check_queue_family(&self, path: UpdatePath, family: u32) -> Result<()> {
+        let flags = self.queue_flags(family)?;
+        let refuse = |lacks: &str, remedy: &str| {
+            let reason = format!("queue family {family}, which updates are to run on, has no {lacks}");
+            Err(Error::Unsupported { path: path.name(), device: self.name.clone(), reason, remedy: remedy.into() })
+        };
+        if !flags.contains(vk::QueueFlags::COMPUTE) {
+            return refuse("compute", "name one that has");
+        }
+        if !path.works_in_place() && !flags.contains(vk::QueueFlags::GRAPHICS) {
+            return refuse("graphics, which vertex passes take", "use the path 'blocks' or 'compute' there");
+        }
+        Ok(())
+    }
+
+    /// What a family of queues can do.
+    ///
+    /// # Errors
+    /// A family that there is not.
+    pub(crate) fn queue_flags(&self, family: u32) -> Result<vk::QueueFlags> {
+        let found = self.queue_families.get(family as usize).copied();
+        found.ok_or_else(|| {
+            let text = format!("queue family {family} of {}, which has {}", self.name, self.queue_families.len());
+            Error::invalid(text, "name one that vkGetPhysicalDeviceQueueFamilyProperties lists, counting from 0")
+        })
     }
 
     /// Refuse more of something than the device has: `(amount, unit, most)`.

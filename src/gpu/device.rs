@@ -69,6 +69,11 @@ pub struct DeviceDesc<'a> {
     /// Whether the instance was created with VK_EXT_debug_utils: buffers, pipelines and descriptor sets get names then, which
     /// layers and debuggers show.
     pub debug_names: bool,
+    /// The families whose queues use what the engine makes: those that upload, update and draw. Where there are two or more,
+    /// the engine's buffers are shared by them all (`VK_SHARING_MODE_CONCURRENT`), and no ownership is ever transferred;
+    /// otherwise (none named: all run on one) they are `VK_SHARING_MODE_EXCLUSIVE`.
+    /// [`MorphEngine`](crate::MorphEngine#several-queues) says what orders the queues.
+    pub queue_families: &'a [u32],
     /// What owns the handles, such as an `Arc` of the host's that destroys the device when it is dropped. The engine and
     /// all that it makes keep it alive, so that they and the host's own clones may be dropped in any order. `None`: the
     /// host destroys the device after the last of them.
@@ -83,6 +88,7 @@ setters!(DeviceDesc<'a> {
     allocator: Option<SharedAllocator>,
     buffer_device_address: bool,
     debug_names: bool,
+    queue_families: &'a [u32],
     owner: Option<Arc<dyn Any + Send + Sync>>,
 });
 
@@ -100,9 +106,18 @@ impl<'a> DeviceDesc<'a> {
             allocator: None,
             buffer_device_address: false,
             debug_names: false,
+            queue_families: &[],
             owner: None,
         }
     }
+}
+
+/// Queue families, each once.
+pub(super) fn distinct(families: &[u32]) -> Vec<u32> {
+    let mut families = families.to_vec();
+    families.sort_unstable();
+    families.dedup();
+    families
 }
 
 /// Buffers that the engine's own allocator gives memory of their own: a small part of the 4,096 allocations that every
@@ -117,6 +132,8 @@ pub(crate) struct Device {
     pub(crate) pipeline_cache: vk::PipelineCache,
     /// Buffers can have addresses.
     pub(crate) device_address: bool,
+    /// The queue families that the host named, each once.
+    pub(crate) families: Vec<u32>,
     names: Option<ash::ext::debug_utils::Device>,
     allocator: SharedAllocator,
     /// Buffers with memory of their own, and how many may have: none from a host's allocator.
@@ -140,6 +157,7 @@ impl Device {
         }
         caps.vertex_stores &= desc.enabled_features.vertex_pipeline_stores_and_atomics == vk::TRUE;
         caps.int64 &= desc.enabled_features.shader_int64 == vk::TRUE;
+        desc.queue_families.iter().try_for_each(|&family| caps.queue_flags(family).map(drop))?;
         let extension = |_| ash::ext::transform_feedback::Device::new(desc.instance, desc.device);
         let feedback = caps.transform_feedback.map(extension);
         let dedicated_most = if desc.allocator.is_none() { DEDICATED_MOST } else { 0 };
@@ -166,6 +184,7 @@ impl Device {
             caps,
             pipeline_cache: desc.pipeline_cache,
             device_address: desc.buffer_device_address,
+            families: distinct(desc.queue_families),
             names: desc.debug_names.then(|| ash::ext::debug_utils::Device::new(desc.instance, desc.device)),
             allocator,
             dedicated: AtomicU32::new(0),

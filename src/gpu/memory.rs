@@ -38,8 +38,8 @@ impl Buffer {
                 "use fewer instances, fewer slots, a smaller mesh or the snorm16 format",
             ));
         }
-        let info = vk::BufferCreateInfo::default().size(bytes).usage(usage);
-        // SAFETY: the device is alive (Device::borrow); size and usage are valid, sharing is exclusive.
+        let info = vk::BufferCreateInfo { size: bytes, usage, ..shared_by(&device.families) };
+        // SAFETY: the device is alive (Device::borrow); size and usage are valid, and the families are the device's.
         let raw = unsafe { device.raw.create_buffer(&info, None) }.map_err(failed("vkCreateBuffer"))?;
         device.name(raw, || name.to_owned());
         // From here on dropping `buffer` destroys what there is of it.
@@ -63,6 +63,15 @@ impl Buffer {
             .as_mut()
             .and_then(Allocation::mapped_slice_mut)
             .ok_or_else(|| Error::invalid("a host-visible buffer was not mapped", "report this with the device's name"))
+    }
+}
+
+/// How a buffer is shared that queues of these families use, each named once: concurrently, where there are several. All
+/// buffers are, those too that one queue has for itself: so the host may move updates from queue to queue.
+fn shared_by(families: &[u32]) -> vk::BufferCreateInfo<'_> {
+    match families {
+        [] | [_] => vk::BufferCreateInfo::default().sharing_mode(vk::SharingMode::EXCLUSIVE),
+        _ => vk::BufferCreateInfo::default().sharing_mode(vk::SharingMode::CONCURRENT).queue_family_indices(families),
     }
 }
 
@@ -113,5 +122,25 @@ impl Ring {
     /// What a descriptor of a frame's part covers.
     pub(crate) fn range(&self, frame: u64) -> BufferRange {
         BufferRange { buffer: self.buffer.raw, offset: frame * self.part, size: self.part }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::device::distinct;
+    use super::*;
+
+    /// Drivers that run on the CPU have one family: what is asked of those that have more is checked here.
+    #[test]
+    fn buffers_are_concurrent_where_several_families_use_them() {
+        for (named, shared) in
+            [(&[][..], &[][..]), (&[0], &[]), (&[2, 2], &[]), (&[2, 0, 2], &[0, 2]), (&[1, 0], &[0, 1])]
+        {
+            let families = distinct(named);
+            let info = shared_by(&families);
+            let mode = if shared.is_empty() { vk::SharingMode::EXCLUSIVE } else { vk::SharingMode::CONCURRENT };
+            assert_eq!((info.sharing_mode, info.queue_family_index_count as usize), (mode, shared.len()), "{named:?}");
+            assert!(shared.is_empty() || families == shared, "{named:?}: {families:?}");
+        }
     }
 }

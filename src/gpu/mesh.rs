@@ -113,7 +113,7 @@ impl Upload {
 /// Record the upload of all groups of a mesh, or of what goes with it, and one barrier after it.
 ///
 /// # Safety
-/// - `cmd` is in the recording state on `device`, outside a render pass, on a queue with graphics and compute.
+/// - `cmd` is in the recording state on `device`, outside a render pass, on any queue.
 /// - The uploads and their meshes are dropped only when the device no longer uses them.
 pub(crate) unsafe fn record_uploads(device: &Device, cmd: vk::CommandBuffer, uploads: &[Upload]) {
     for upload in uploads {

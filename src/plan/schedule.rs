@@ -3,7 +3,7 @@
 //! The steps of one crowd or of several are recorded in rounds: the first steps of all, the second steps of all, and so
 //! on, with a barrier between two rounds where a use has to wait for an earlier one, as weak as the uses allow.
 
-use super::steps::{Access, Resource, Scope, Stage, Steps, Use, Work};
+use super::steps::{Resource, Scope, Stage, Steps, Use, Work};
 
 const STAGES: usize = Stage::AccelerationStructureBuild.index() + 1;
 const RESOURCES: usize = Resource::Bounds as usize + 1;
@@ -26,14 +26,10 @@ impl Barrier {
     }
 }
 
-/// The barrier after the copies of an upload: every technique may read base pose and deltas.
+/// The barrier after the copies of an upload: every technique and every draw may read base pose and deltas. It names no
+/// stage, so that any queue takes it.
 pub fn asset_uploaded() -> Option<Barrier> {
-    let used = [
-        Use::new(Resource::Asset, Stage::VertexInput, Access::AttributeRead),
-        Use::new(Resource::Asset, Stage::VertexShader, Access::ShaderRead),
-        Use::read(Resource::Asset),
-    ];
-    Barrier::between(&[Use::copy(Resource::Asset)], &used)
+    Some(Barrier { before: Use::copy(Resource::Asset).scope(), after: Scope::ANYTHING })
 }
 
 /// What is recorded, one after the other.

@@ -73,6 +73,9 @@ pub struct Scope {
 }
 
 impl Scope {
+    /// Whatever the queue does, and any access.
+    pub const ANYTHING: Self = Self { stages: u8::MAX, accesses: u8::MAX };
+
     /// Whether `stage` is among the stages.
     pub const fn has_stage(self, stage: Stage) -> bool {
         self.stages & stage as u8 != 0
@@ -164,12 +167,17 @@ impl<M> Use<M> {
     }
 }
 
-/// Who reads poses, and what is [decoded](crate::DecodeTarget) of them, between updates: the barriers of an update wait
-/// for these readers, and make the new poses visible to them. Combined with `|`.
+/// Who reads poses, and what is [decoded](crate::DecodeTarget) of them, between updates, on the queue of the updates: the
+/// barriers of an update wait for these readers, and make the new poses visible to them. Combined with `|`.
+///
+/// Readers on another queue are ordered by semaphores, which no barrier can stand in for
+/// ([`MorphEngine`](crate::MorphEngine#several-queues)); leave them out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Consumers(u8);
 
 impl Consumers {
+    /// Nobody on the queue of the updates.
+    pub const NONE: Self = Self(0);
     /// Draws that fetch poses as vertex attributes.
     pub const VERTEX_ATTRIBUTES: Self = Self(1);
     /// Vertex shaders that read poses from storage buffers.
@@ -181,6 +189,12 @@ impl Consumers {
     /// Builds of acceleration structures, from decoded positions. The device has to have them enabled
     /// (VK_KHR_acceleration_structure).
     pub const ACCELERATION_STRUCTURES: Self = Self(16);
+
+    /// Those that a queue with or without graphics can have: the stages of the others are on another queue.
+    pub fn of_queue(self, graphics: bool) -> Self {
+        let only_graphics = Self::VERTEX_ATTRIBUTES | Self::VERTEX_SHADERS;
+        if graphics { self } else { Self(self.0 & !only_graphics.0) }
+    }
 
     /// What they do with memory of this kind.
     pub fn uses(self, memory: Resource) -> impl Iterator<Item = Use> {
@@ -252,6 +266,7 @@ struct Step {
 pub struct Steps {
     steps: Vec<Step>,
     works: Vec<Work>,
+    consumers: Consumers,
     /// What follows the last step.
     after: Vec<Use>,
 }
@@ -259,13 +274,13 @@ pub struct Steps {
 impl Steps {
     /// No steps yet; poses are read by `consumers` when the update is done.
     pub fn new(consumers: Consumers) -> Self {
-        Self { steps: vec![], works: vec![], after: consumers.uses(Resource::Poses).collect() }
+        Self { steps: vec![], works: vec![], consumers, after: consumers.uses(Resource::Poses).collect() }
     }
 
-    /// What further steps write is read by `consumers`, as poses are.
-    pub fn read_by(&mut self, consumers: Consumers, written: impl Iterator<Item = Resource>) {
+    /// What further steps write is read by the same consumers as poses are.
+    pub fn read_besides(&mut self, written: impl Iterator<Item = Resource>) {
         self.after.retain(|used| used.memory == Resource::Poses);
-        self.after.extend(written.flat_map(|memory| consumers.uses(memory)));
+        self.after.extend(written.flat_map(|memory| self.consumers.uses(memory)));
     }
 
     /// What each step uses.

@@ -102,6 +102,8 @@ fn barriers_name_the_consumers() {
         (Consumers::VERTEX_ATTRIBUTES, Stage::VertexInput as u8),
         (Consumers::COMPUTE_SHADERS, Stage::Compute as u8),
         (Consumers::VERTEX_SHADERS | Consumers::COPIES, Stage::VertexShader as u8 | Stage::Transfer as u8),
+        ((Consumers::default() | Consumers::COPIES).of_queue(false), Stage::Transfer as u8),
+        (Consumers::default().of_queue(true), Stage::VertexShader as u8 | Stage::VertexInput as u8),
     ] {
         let mut steps = Steps::new(consumers);
         steps.step(PASS);
@@ -111,6 +113,14 @@ fn barriers_name_the_consumers() {
         assert_eq!(before.before.stages, stages | Stage::Compute as u8);
         assert_eq!((after.before.stages, after.after.stages), (Stage::Compute as u8, stages));
     }
+    // All are on other queues: a semaphore makes poses visible, and the update waits for earlier ones alone.
+    assert_eq!(Consumers::default().of_queue(false), Consumers::NONE);
+    let mut steps = Steps::new(Consumers::NONE);
+    steps.step(PASS);
+    steps.push(Work::default());
+    let events = scheduled(&[&steps], |_, _| vec![]);
+    let [Recorded::Barrier(before), Recorded::Step { .. }] = &events[..] else { panic!("{events:?}") };
+    assert_eq!((before.before.stages, before.after.stages), (Stage::Compute as u8, Stage::Compute as u8));
 }
 
 /// Works of one step run at the same time: what one writes, no other may use.

@@ -20,6 +20,10 @@ pub struct CrowdDesc {
     pub frames_in_flight: u32,
     /// Who reads poses between updates: updates wait for these readers, and make new poses visible to them.
     pub consumers: Consumers,
+    /// The family of the queue that updates of the crowd run on; `None`: one with graphics and compute. On one without
+    /// graphics, barriers name no stage of graphics: [consumers](field@Self::consumers) that have such a stage are on another
+    /// queue ([`MorphEngine`](crate::MorphEngine#several-queues)).
+    pub queue_family: Option<u32>,
     /// What pose buffers of ours are made for beside what every one is (vertex, storage and storage texel buffer, source of
     /// copies; on a device with transform feedback, its buffer). Usages of Vulkan 1.0, and
     /// `SHADER_DEVICE_ADDRESS` and `ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR` where
@@ -35,6 +39,7 @@ setters!(CrowdDesc {
     update: UpdateDesc,
     frames_in_flight: u32,
     consumers: Consumers,
+    queue_family: Option<u32>,
     pose_usage: vk::BufferUsageFlags,
     poses: Option<HostPoses>,
 });
@@ -47,9 +52,30 @@ impl CrowdDesc {
             update,
             frames_in_flight: 2,
             consumers: Consumers::default(),
+            queue_family: None,
             pose_usage: vk::BufferUsageFlags::empty(),
             poses: None,
         }
+    }
+
+    /// Check the queue that updates run on.
+    ///
+    /// # Errors
+    /// A family that the device does not have, that lacks what the path needs, or that the engine's buffers are not for.
+    pub(crate) fn check_queue(&self, device: &Device) -> Result<()> {
+        let Some(family) = self.queue_family else { return Ok(()) };
+        device.caps.check_queue_family(self.update.path, family)?;
+        if device.families.is_empty() || device.families.contains(&family) {
+            return Ok(());
+        }
+        let text = format!("updates on queue family {family}, of an engine for the families {:?}", device.families);
+        Err(Error::invalid(text, "name it in DeviceDesc::queue_families, too"))
+    }
+
+    /// Those of the consumers that can be on the queue that updates run on, which was checked.
+    pub(crate) fn consumers_on_queue(&self, device: &Device) -> Consumers {
+        let flags = self.queue_family.and_then(|family| device.caps.queue_flags(family).ok());
+        self.consumers.of_queue(flags.is_none_or(|flags| flags.contains(vk::QueueFlags::GRAPHICS)))
     }
 
     /// Check where poses are kept, for the groups of a mesh.
@@ -101,6 +127,11 @@ impl CrowdDesc {
 /// Updates, passes and barriers are the same as with buffers of ours; only drivers that run on the CPU take longer in the
 /// format `fast`, for which they have kernels that know our layout alone. Barriers are global memory barriers: they order what
 /// the [consumers](field@CrowdDesc::consumers) read of the buffer, whatever they read.
+/// How the buffer is shared is the host's. Where updates and draws run on queues of two families, make it
+/// `VK_SHARING_MODE_CONCURRENT`, as the engine's own are ([`MorphEngine`](crate::MorphEngine#several-queues)). With
+/// `VK_SHARING_MODE_EXCLUSIVE` the host transfers ownership itself, of all that the crowd takes: released by the draws'
+/// queue and acquired by the updates' before each update, and the other way round after it. An incremental update reads the
+/// poses that the draws before it read, so that updates and draws then take turns.
 ///
 /// ```no_run
 /// # use deltamorph::{ash::vk, CrowdDesc, GpuMesh, HostPoses, MorphEngine, PackedMesh, Semantic, UpdateDesc, VertexLayout};

@@ -34,8 +34,8 @@ pub trait Technique: Any + Send + Sync {
     /// Record a work of the steps that were planned last.
     ///
     /// # Safety
-    /// - `cmd` is in the recording state on the technique's device, outside a render pass, on a queue with graphics and
-    ///   compute.
+    /// - `cmd` is in the recording state on the technique's device, outside a render pass, on a queue with compute, and
+    ///   with graphics where it draws.
     /// - It is submitted once, after all earlier updates of the crowd; the technique and the mesh live until it has
     ///   run.
     /// - Barriers between steps are recorded as their uses ask for.
