@@ -36,7 +36,7 @@ fn on_queues_with(flags: vk::QueueFlags, test: impl Fn(&Headless, &MorphEngine))
 
 /// Every barrier names stages that a queue with compute alone has.
 fn assert_no_graphics(events: &[Event], what: &str) {
-    let allowed = [Stage::Transfer, Stage::Compute, Stage::Indirect].iter().fold(0, |all, stage| all | *stage as u8);
+    let allowed = [Stage::Transfer, Stage::Compute, Stage::Indirect].iter().fold(0, |all, stage| all | *stage as u16);
     for event in events {
         if let Event::Barrier(barrier) = event {
             assert_eq!((barrier.before.stages | barrier.after.stages) & !allowed, 0, "{what}: {barrier:?}");

@@ -44,6 +44,10 @@ fn stages(scope: Scope) -> vk::PipelineStageFlags {
         (Stage::Compute, Flags::COMPUTE_SHADER),
         (Stage::Indirect, Flags::DRAW_INDIRECT),
         (Stage::AccelerationStructureBuild, Flags::ACCELERATION_STRUCTURE_BUILD_KHR),
+        (Stage::TaskShader, Flags::TASK_SHADER_EXT),
+        (Stage::MeshShader, Flags::MESH_SHADER_EXT),
+        (Stage::FragmentShader, Flags::FRAGMENT_SHADER),
+        (Stage::RayTracingShader, Flags::RAY_TRACING_SHADER_KHR),
     ];
     flags.iter().filter(|(stage, _)| scope.has_stage(*stage)).fold(Flags::empty(), |all, (_, flag)| all | *flag)
 }
@@ -63,4 +67,34 @@ fn accesses(scope: Scope) -> vk::AccessFlags {
         (Access::TransferRead, Flags::TRANSFER_READ),
     ];
     flags.iter().filter(|(access, _)| scope.has_access(*access)).fold(Flags::empty(), |all, (_, flag)| all | *flag)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::Consumers;
+    use crate::plan::steps::{Resource, Use};
+
+    /// What each consumer is in Vulkan's words.
+    #[test]
+    fn consumers_have_stages_and_accesses() {
+        use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
+        for (consumer, stage, access) in [
+            (Consumers::VERTEX_ATTRIBUTES, Stage::VERTEX_INPUT, Access::VERTEX_ATTRIBUTE_READ),
+            (Consumers::VERTEX_SHADERS, Stage::VERTEX_SHADER, Access::SHADER_READ),
+            (Consumers::MESH_SHADERS, Stage::TASK_SHADER_EXT | Stage::MESH_SHADER_EXT, Access::SHADER_READ),
+            (Consumers::FRAGMENT_SHADERS, Stage::FRAGMENT_SHADER, Access::SHADER_READ),
+            (Consumers::COMPUTE_SHADERS, Stage::COMPUTE_SHADER, Access::SHADER_READ),
+            (Consumers::RAY_TRACING_SHADERS, Stage::RAY_TRACING_SHADER_KHR, Access::SHADER_READ),
+            // Vulkan reads the vertices of a build as shaders do.
+            (Consumers::ACCELERATION_STRUCTURES, Stage::ACCELERATION_STRUCTURE_BUILD_KHR, Access::SHADER_READ),
+            (Consumers::COPIES, Stage::TRANSFER, Access::TRANSFER_READ),
+        ] {
+            let scope = consumer.uses(Resource::Poses).map(|used: Use| used.scope()).reduce(|a, b| a | b);
+            let scope = scope.expect("a use");
+            assert_eq!((stages(scope), accesses(scope)), (stage, access));
+        }
+        let anything = (Stage::ALL_COMMANDS, Access::MEMORY_READ | Access::MEMORY_WRITE);
+        assert_eq!((stages(Scope::ANYTHING), accesses(Scope::ANYTHING)), anything);
+    }
 }

@@ -153,7 +153,7 @@ struct Track {
     /// The last write, and the second sides of the barriers that have made it visible.
     write: Option<(Use<Memory>, Vec<Scope>)>,
     /// Reads since, each with the stages that wait for it.
-    reads: Vec<(Use<Memory>, u8)>,
+    reads: Vec<(Use<Memory>, u16)>,
 }
 
 /// Crowd, group and memory.
@@ -217,7 +217,7 @@ impl HazardChecker {
     /// A queue signals a semaphore after all that was submitted to it so far; another waits for it, in these stages and for
     /// any access. What follows, of whichever queue, comes after the wait.
     pub fn semaphore(&mut self, waiting: &[Stage]) {
-        let stages = waiting.iter().fold(0, |stages, stage| stages | *stage as u8);
+        let stages = waiting.iter().fold(0, |stages, stage| stages | *stage as u16);
         self.barrier(&Barrier { before: Scope::ANYTHING, after: Scope { stages, ..Scope::ANYTHING } });
     }
 
@@ -295,7 +295,7 @@ impl HazardChecker {
         if let Some(at) = own_read.and_then(|own| reads.iter().rposition(|(read, _)| *read == own)) {
             reads.remove(at);
         }
-        let running = reads.into_iter().filter(|(_, ordered)| ordered & after.stage as u8 == 0);
+        let running = reads.into_iter().filter(|(_, ordered)| ordered & after.stage as u16 == 0);
         let earlier = unseen.map(|(earlier, _)| earlier).into_iter().chain(running.map(|(read, _)| read));
         self.violations.extend(earlier.map(|before| Violation { before, after }));
     }

@@ -5,7 +5,7 @@
 
 use super::steps::{Resource, Scope, Stage, Steps, Use, Work};
 
-const STAGES: usize = Stage::AccelerationStructureBuild.index() + 1;
+const STAGES: usize = Stage::RayTracingShader.index() + 1;
 const RESOURCES: usize = Resource::Bounds as usize + 1;
 
 /// A global memory barrier.
@@ -101,9 +101,9 @@ struct Memory {
     /// By stage: accesses that see it.
     seen: [u8; STAGES],
     /// Stages that read since, and in the step of the write.
-    reads: u8,
+    reads: u16,
     /// By reading stage: stages that wait for it.
-    ordered: [u8; STAGES],
+    ordered: [u16; STAGES],
 }
 
 /// Follows the uses of a crowd's memory.
@@ -112,7 +112,7 @@ struct Tracker {
     memory: [Memory; RESOURCES],
 }
 
-fn bits(set: u8) -> impl Iterator<Item = usize> {
+fn bits(set: u16) -> impl Iterator<Item = usize> {
     (0..STAGES).filter(move |stage| set >> stage & 1 != 0)
 }
 
@@ -125,7 +125,7 @@ impl Tracker {
             let unseen = memory.write.stages != 0 && memory.seen[u.stage.index()] & u.access as u8 == 0;
             let mut running = 0;
             if u.access.writes() {
-                let unordered = bits(memory.reads).filter(|read| memory.ordered[*read] & u.stage as u8 == 0);
+                let unordered = bits(memory.reads).filter(|read| memory.ordered[*read] & u.stage as u16 == 0);
                 running = unordered.fold(0, |set, read| set | 1 << read);
             }
             if running == 0 && !unseen {
@@ -167,7 +167,7 @@ impl Tracker {
             if u.access.writes() {
                 memory.write = memory.write | u.scope();
             } else {
-                memory.reads |= u.stage as u8;
+                memory.reads |= u.stage as u16;
                 memory.ordered[u.stage.index()] = 0;
             }
         }

@@ -11,7 +11,7 @@ use std::ops::{BitOr, Range};
 
 /// A pipeline stage, as a bit of [`Scope::stages`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u8)]
+#[repr(u16)]
 pub enum Stage {
     /// Copies.
     Transfer = 1,
@@ -27,12 +27,20 @@ pub enum Stage {
     Indirect = 32,
     /// Builds of acceleration structures.
     AccelerationStructureBuild = 64,
+    /// Task shaders.
+    TaskShader = 128,
+    /// Mesh shaders.
+    MeshShader = 256,
+    /// Fragment shaders.
+    FragmentShader = 512,
+    /// Ray-tracing shaders.
+    RayTracingShader = 1024,
 }
 
 impl Stage {
     /// The number of its bit.
     pub(super) const fn index(self) -> usize {
-        (self as u8).trailing_zeros() as usize
+        (self as u16).trailing_zeros() as usize
     }
 }
 
@@ -67,18 +75,18 @@ impl Access {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Scope {
     /// Bits of [`Stage`].
-    pub stages: u8,
+    pub stages: u16,
     /// Bits of [`Access`].
     pub accesses: u8,
 }
 
 impl Scope {
     /// Whatever the queue does, and any access.
-    pub const ANYTHING: Self = Self { stages: u8::MAX, accesses: u8::MAX };
+    pub const ANYTHING: Self = Self { stages: u16::MAX, accesses: u8::MAX };
 
     /// Whether `stage` is among the stages.
     pub const fn has_stage(self, stage: Stage) -> bool {
-        self.stages & stage as u8 != 0
+        self.stages & stage as u16 != 0
     }
 
     /// Whether `access` is among the accesses.
@@ -163,7 +171,7 @@ impl<M> Use<M> {
 
     /// Its side of a barrier.
     pub(crate) const fn scope(&self) -> Scope {
-        Scope { stages: self.stage as u8, accesses: self.access as u8 }
+        Scope { stages: self.stage as u16, accesses: self.access as u8 }
     }
 }
 
@@ -186,13 +194,22 @@ impl Consumers {
     pub const COMPUTE_SHADERS: Self = Self(4);
     /// Copies.
     pub const COPIES: Self = Self(8);
-    /// Builds of acceleration structures, from decoded positions. The device has to have them enabled
+    /// Builds of acceleration structures, from poses of float32 or from decoded positions. The device has to have them enabled
     /// (VK_KHR_acceleration_structure).
     pub const ACCELERATION_STRUCTURES: Self = Self(16);
+    /// Task and mesh shaders that read poses from storage buffers. The device has to have both enabled (VK_EXT_mesh_shader,
+    /// features `taskShader` and `meshShader`).
+    pub const MESH_SHADERS: Self = Self(32);
+    /// Fragment shaders that read poses from storage buffers, such as those that find a vertex of a triangle by its number.
+    pub const FRAGMENT_SHADERS: Self = Self(64);
+    /// Shaders of ray-tracing pipelines that read poses from storage buffers, such as those of a hit. The device has to have
+    /// these pipelines enabled (VK_KHR_ray_tracing_pipeline). Ray queries read in the stage of the shader that makes them.
+    pub const RAY_TRACING_SHADERS: Self = Self(128);
 
     /// Those that a queue with or without graphics can have: the stages of the others are on another queue.
     pub fn of_queue(self, graphics: bool) -> Self {
-        let only_graphics = Self::VERTEX_ATTRIBUTES | Self::VERTEX_SHADERS;
+        let only_graphics =
+            Self::VERTEX_ATTRIBUTES | Self::VERTEX_SHADERS | Self::MESH_SHADERS | Self::FRAGMENT_SHADERS;
         if graphics { self } else { Self(self.0 & !only_graphics.0) }
     }
 
@@ -204,6 +221,10 @@ impl Consumers {
             (Self::COMPUTE_SHADERS, Stage::Compute, Access::ShaderRead),
             (Self::COPIES, Stage::Transfer, Access::TransferRead),
             (Self::ACCELERATION_STRUCTURES, Stage::AccelerationStructureBuild, Access::ShaderRead),
+            (Self::MESH_SHADERS, Stage::TaskShader, Access::ShaderRead),
+            (Self::MESH_SHADERS, Stage::MeshShader, Access::ShaderRead),
+            (Self::FRAGMENT_SHADERS, Stage::FragmentShader, Access::ShaderRead),
+            (Self::RAY_TRACING_SHADERS, Stage::RayTracingShader, Access::ShaderRead),
         ]
         .into_iter()
         .filter(move |(consumer, ..)| self.0 & consumer.0 != 0)

@@ -99,28 +99,33 @@ fn several_crowds_have_common_rounds_and_barriers() {
 #[test]
 fn barriers_name_the_consumers() {
     for (consumers, stages) in [
-        (Consumers::VERTEX_ATTRIBUTES, Stage::VertexInput as u8),
-        (Consumers::COMPUTE_SHADERS, Stage::Compute as u8),
-        (Consumers::VERTEX_SHADERS | Consumers::COPIES, Stage::VertexShader as u8 | Stage::Transfer as u8),
-        ((Consumers::default() | Consumers::COPIES).of_queue(false), Stage::Transfer as u8),
-        (Consumers::default().of_queue(true), Stage::VertexShader as u8 | Stage::VertexInput as u8),
+        (Consumers::VERTEX_ATTRIBUTES, Stage::VertexInput as u16),
+        (Consumers::COMPUTE_SHADERS, Stage::Compute as u16),
+        (Consumers::VERTEX_SHADERS | Consumers::COPIES, Stage::VertexShader as u16 | Stage::Transfer as u16),
+        (Consumers::FRAGMENT_SHADERS, Stage::FragmentShader as u16),
+        (Consumers::MESH_SHADERS, Stage::TaskShader as u16 | Stage::MeshShader as u16),
+        (Consumers::RAY_TRACING_SHADERS, Stage::RayTracingShader as u16),
+        (Consumers::ACCELERATION_STRUCTURES, Stage::AccelerationStructureBuild as u16),
+        ((Consumers::default() | Consumers::COPIES).of_queue(false), Stage::Transfer as u16),
+        ((Consumers::MESH_SHADERS | Consumers::RAY_TRACING_SHADERS).of_queue(false), Stage::RayTracingShader as u16),
+        (Consumers::default().of_queue(true), Stage::VertexShader as u16 | Stage::VertexInput as u16),
     ] {
         let mut steps = Steps::new(consumers);
         steps.step(PASS);
         steps.push(Work::default());
         let events = scheduled(&[&steps], |_, _| vec![]);
         let [Recorded::Barrier(before), _, Recorded::Barrier(after)] = &events[..] else { panic!("{events:?}") };
-        assert_eq!(before.before.stages, stages | Stage::Compute as u8);
-        assert_eq!((after.before.stages, after.after.stages), (Stage::Compute as u8, stages));
+        assert_eq!(before.before.stages, stages | Stage::Compute as u16);
+        assert_eq!((after.before.stages, after.after.stages), (Stage::Compute as u16, stages));
     }
     // All are on other queues: a semaphore makes poses visible, and the update waits for earlier ones alone.
-    assert_eq!(Consumers::default().of_queue(false), Consumers::NONE);
+    assert_eq!((Consumers::default() | Consumers::FRAGMENT_SHADERS).of_queue(false), Consumers::NONE);
     let mut steps = Steps::new(Consumers::NONE);
     steps.step(PASS);
     steps.push(Work::default());
     let events = scheduled(&[&steps], |_, _| vec![]);
     let [Recorded::Barrier(before), Recorded::Step { .. }] = &events[..] else { panic!("{events:?}") };
-    assert_eq!((before.before.stages, before.after.stages), (Stage::Compute as u8, Stage::Compute as u8));
+    assert_eq!((before.before.stages, before.after.stages), (Stage::Compute as u16, Stage::Compute as u16));
 }
 
 /// Works of one step run at the same time: what one writes, no other may use.
