@@ -10,7 +10,7 @@ mod workers;
 use crate::error::{Error, Result};
 use crate::pack::blocks::PoseGrid;
 use crate::pack::{POSE_FLOATS, PackedGroup, PackedMesh, PoseFormat};
-use crate::plan::instances::{Instances, check_weights};
+use crate::plan::instances::{Instances, check_weight, check_weights, target_named};
 use crate::plan::steps::{Source, Work};
 use crate::plan::{UpdateDesc, UpdateStats};
 use crate::update::Runner;
@@ -104,12 +104,36 @@ impl CpuCrowd {
     /// # Errors
     /// An instance out of range; a wrong number of weights; one that is not finite or out of range.
     pub fn set_weights(&mut self, instance: usize, weights: &[f32]) -> Result<()> {
-        let grid = match &self.kind {
+        check_weights(weights, self.mesh.layout(), self.grid())?;
+        self.instances.set_weights(number(instance), weights)
+    }
+
+    /// Request the weight of one target, from the next update on; the others stay as requested. `target` counts in the
+    /// mesh's order, as [`PackedLayout::target_index`](crate::PackedLayout::target_index) does.
+    ///
+    /// # Errors
+    /// An instance out of range or removed; a target out of range; a weight that is not finite or out of range. Nothing
+    /// changes then.
+    pub fn set_weight(&mut self, instance: usize, target: usize, weight: f32) -> Result<()> {
+        check_weight(target, weight, self.mesh.layout(), self.grid())?;
+        self.instances.set_weight(number(instance), target, weight).map(drop)
+    }
+
+    /// Request the weight of the target called `name`, of several the first: as [`set_weight`](Self::set_weight), after a
+    /// search through the names.
+    ///
+    /// # Errors
+    /// No such target, with the one that was probably meant; else as [`set_weight`](Self::set_weight).
+    pub fn set_weight_by_name(&mut self, instance: usize, name: &str, weight: f32) -> Result<()> {
+        let target = target_named(name, self.mesh.layout())?;
+        self.set_weight(instance, target, weight)
+    }
+
+    fn grid(&self) -> Option<PoseGrid> {
+        match &self.kind {
             Kind::Dense(planner) => planner.grid(),
             Kind::Blocks(planner) => planner.grid(),
-        };
-        check_weights(weights, self.mesh.layout(), grid)?;
-        self.instances.set_weights(number(instance), weights)
+        }
     }
 
     /// The next pose of `instance` has no predecessor (it was hidden, or teleported): its previous pose will be the

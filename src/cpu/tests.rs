@@ -201,3 +201,34 @@ fn misuse_is_an_error_that_says_what_to_do() {
         assert!(words.iter().all(|word| text.contains(word)), "{text}");
     }
 }
+
+/// Weights set one at a time are those set at once; what is refused changes nothing.
+#[test]
+fn weights_are_set_one_at_a_time() {
+    let mesh = testing::mesh(200, 9);
+    for format in [DeltaFormat::Snorm16, DeltaFormat::Small] {
+        let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format)).unwrap());
+        let name = |target: usize| packed.layout().targets[target].name.clone();
+        let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).pose(PoseFormat::Fixed32).weight_max(Some(4.0));
+        let mut crowd = CpuCrowd::new(packed.clone(), desc, 2, 1).unwrap();
+        let mut asked: Vec<f32> = (0..9u8).map(|t| f32::from(t) / 8.0).collect();
+        crowd.set_weights(1, &asked).unwrap();
+        (asked[2], asked[4]) = (0.625, -0.5);
+        crowd.set_weight(1, 2, 0.625).unwrap();
+        crowd.set_weight_by_name(1, &name(4), -0.5).unwrap();
+        let refused = |result: Result<()>, words: &str| {
+            let text = result.unwrap_err().to_string();
+            assert!(text.contains(words), "{text}");
+        };
+        refused(crowd.set_weight(1, 2, f32::NAN), "the weight of target 2");
+        refused(crowd.set_weight(1, 2, 5.0), "use a larger weight_max");
+        refused(crowd.set_weight(1, 9, 0.0), "target 9 of mesh");
+        refused(crowd.set_weight(2, 0, 0.0), "instance 2 of a crowd of 2");
+        refused(crowd.set_weight_by_name(1, &name(3).to_uppercase(), 0.0), &name(3));
+        crowd.set_weights(0, &asked).unwrap();
+        crowd.update();
+        assert_eq!(crowd.pose(1).unwrap(), crowd.pose(0).unwrap(), "{format:?}");
+        crowd.remove(1).unwrap();
+        refused(crowd.set_weight(1, 0, 0.0), "instance 1 was removed");
+    }
+}

@@ -7,10 +7,9 @@ use super::views::{PoseBuffer, PoseView, StreamView};
 use crate::asset::streams::Semantic;
 use crate::error::Result;
 use crate::pack::{PackedLayout, PackedMesh};
-use crate::plan::instances::{check_weight, check_weights};
+use crate::plan::instances::{check_weight, check_weights, target_named};
 use crate::update::animated::{Animated, Clips, Playback};
 use crate::update::crowd::CrowdDesc;
-use crate::weights::names::unknown;
 
 /// Instances of one mesh on the device, whose weights are set. [`MorphEngine`](crate::MorphEngine)
 /// says what the caller is responsible for.
@@ -202,11 +201,7 @@ impl Crowd {
     /// # Errors
     /// No such target, with the one that was probably meant; else as [`set_weights`](Self::set_weights).
     pub fn set_weight_by_name(&mut self, instance: u32, name: &str, weight: f32) -> Result<()> {
-        let layout = self.base.layout();
-        let target = layout.target_index(name).ok_or_else(|| {
-            let names: Vec<&str> = layout.targets.iter().map(|target| &*target.name).collect();
-            unknown(format!("mesh '{}' has no target '{name}'", layout.name), name, &names)
-        })?;
+        let target = target_named(name, self.base.layout())?;
         self.set_weight(instance, target, weight)
     }
 

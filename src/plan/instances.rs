@@ -4,6 +4,7 @@ use crate::error::{Error, Result};
 use crate::pack::PackedLayout;
 use crate::pack::blocks::PoseGrid;
 use crate::weights::delta;
+use crate::weights::names::unknown;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Presence {
@@ -247,6 +248,17 @@ pub(crate) fn check_weight(target: usize, weight: f32, layout: &PackedLayout, gr
     }
     delta::check_weight(target, weight, |i| name(layout, i))?;
     check_grid(target, weight, layout, grid)
+}
+
+/// The target called `name`, of several the first.
+///
+/// # Errors
+/// There is none; the message has the one that was probably meant.
+pub(crate) fn target_named(name: &str, layout: &PackedLayout) -> Result<usize> {
+    layout.target_index(name).ok_or_else(|| {
+        let names: Vec<&str> = layout.targets.iter().map(|target| &*target.name).collect();
+        unknown(format!("mesh '{}' has no target '{name}'", layout.name), name, &names)
+    })
 }
 
 fn name(layout: &PackedLayout, target: usize) -> Option<&str> {
