@@ -6,7 +6,8 @@ mod gpu;
 use deltamorph::ash::vk;
 use deltamorph::reference::compare;
 use deltamorph::{
-    Crowd, CrowdDesc, CrowdSet, DecodeTarget, DeltaFormat, PackedMesh, PoseReadback, UpdateDesc, testing,
+    AnimatedCrowd, AnimationDesc, Crowd, CrowdDesc, CrowdSet, DecodeTarget, DeltaFormat, PackedMesh, Playback,
+    PoseReadback, UpdateDesc, WeightClip, testing,
 };
 use gpu::{NORMAL, fixed, is_kept, on_every_device, update_descs, weights};
 
@@ -77,6 +78,134 @@ fn a_crowd_grows_while_its_updates_are_in_flight() {
                 let mut now = asked(2);
                 now[2] = asked(0)[2].clone();
                 assert_poses(&mut readbacks[0], &mesh, &update, &now, "on");
+            }
+        }
+    });
+}
+
+/// Clips go on where they were: from the next update on, poses are those of a crowd that had all its places from the
+/// beginning, bit for bit.
+#[test]
+fn an_animated_crowd_grows_while_its_updates_are_in_flight() {
+    on_every_device(|headless, engine| {
+        let mesh = gpu::packed(engine, &testing::mesh(300, 11), DeltaFormat::Fast);
+        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
+        let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+        let names: Vec<String> = mesh.layout().targets.iter().map(|target| target.name.clone()).collect();
+        let values =
+            |seed: u32| (0..8).flat_map(|frame| weights(&mesh, frame, seed)).map(|weight| weight / 2.0).collect();
+        let clip = |seed| WeightClip { name: "clip".into(), names: names.clone(), fps: 10.0, values: values(seed) };
+        let clips = [clip(1), clip(2)];
+        let animation = AnimationDesc::new(&clips);
+        let playback = |i: u32| Playback::new(i % 2).start(f64::from(i) * -0.13).speed(1.0 + f64::from(i) / 7.0);
+        for update in [fixed()[0].slots(3).error_budget(1e-3), fixed()[1]] {
+            let desc = CrowdDesc::new(update).instances(3);
+            let crowd = |desc: &CrowdDesc| {
+                // SAFETY: as above.
+                let made =
+                    headless.run(|cmd| unsafe { engine.create_animated_crowd(cmd, &uploaded, desc, &animation) });
+                let mut crowd = made.expect("a crowd");
+                (0..desc.instances).for_each(|i| crowd.play(i, &playback(i)).expect("a clip"));
+                crowd
+            };
+            let (mut grown, mut readbacks) = (crowd(&desc), [0, 1].map(|_| engine.readback()));
+            // What a crowd shows that is made for this time alone.
+            let fresh = |time: f64, instances: &[u32]| {
+                let (mut crowd, mut readback) = (crowd(&desc.instances(6)), engine.readback());
+                crowd.set_time(time).expect("a time");
+                let read = headless.run(|cmd| {
+                    // SAFETY: as above.
+                    unsafe {
+                        engine.record_update(cmd, &mut crowd)?;
+                        readback.record(cmd, &crowd, instances)
+                    }
+                });
+                read.expect("a read-back");
+                // SAFETY: `run` has waited.
+                unsafe { readback.poses() }.expect("poses")
+            };
+            let step = |crowd: &mut AnimatedCrowd, time: f64, readback: &mut PoseReadback, instances: &[u32]| {
+                crowd.set_time(time).expect("a time");
+                let read = headless.run(|cmd| {
+                    // SAFETY: as above.
+                    unsafe {
+                        let update = engine.record_update(cmd, crowd)?;
+                        readback.record(cmd, crowd, instances)?;
+                        Ok(update.ticket)
+                    }
+                });
+                read.expect("an update")
+            };
+            let early = step(&mut grown, 0.1, &mut readbacks[0], &[0, 1, 2]);
+            grown.remove(1).expect("an instance");
+            grown.set_time(0.2).expect("a time");
+            let outgrown = headless.run(|cmd| {
+                // SAFETY: as above; what is outgrown is dropped after the wait.
+                unsafe {
+                    engine.record_update(cmd, &mut grown)?;
+                    readbacks[0].record(cmd, &grown, &[0, 2])?;
+                    grown.set_hidden(2, true)?;
+                    let outgrown = engine.grow_animated_crowd(cmd, &mut grown, &desc.instances(6))?;
+                    assert!(grown.pose(0).is_err(), "there is none until the next update");
+                    assert_eq!(grown.desc().instances, 6);
+                    assert_eq!([grown.add()?, grown.add()?], [1, 3], "the place that was free, and a new one");
+                    assert!(grown.play(4, &playback(4)).is_err(), "the others are free");
+                    [1, 3].into_iter().try_for_each(|i| grown.play(i, &playback(i)))?;
+                    grown.set_time(0.3)?;
+                    engine.record_update(cmd, &mut grown)?;
+                    assert!(grown.shown().eq([0, 1, 3]) && grown.pose(2).is_err());
+                    let (pose, previous) = (grown.pose(0)?, grown.previous_pose(0)?);
+                    assert_eq!(previous, Some(pose), "the pose after a cut");
+                    readbacks[1].record(cmd, &grown, &[0, 1, 3])?;
+                    Ok(outgrown)
+                }
+            });
+            drop(outgrown.expect("updates"));
+            // SAFETY: `run` has waited; so below.
+            unsafe { grown.release_staging() };
+            let budget = update.error_budget > 0.0;
+            let assert_same = |readback: &mut PoseReadback, time: f64, instances: &[u32], what: &str| {
+                // SAFETY: as above.
+                let poses = unsafe { readback.poses() }.expect("poses");
+                for (pose, fresh) in poses.iter().zip(fresh(time, instances)) {
+                    // A budget holds positions back, by so much in both crowds.
+                    let numbers = (0..pose.vertices.len()).filter(|i| !budget || i % 6 < 3);
+                    let off = numbers.map(|i| (pose.vertices[i] - fresh.vertices[i]).abs()).fold(0.0, f32::max);
+                    assert!(off <= 2.1 * update.error_budget, "{what}, {update:?}: {off}");
+                }
+            };
+            assert_same(&mut readbacks[0], 0.2, &[0, 2], "before");
+            assert_same(&mut readbacks[1], 0.3, &[0, 1, 3], "grown");
+            // And on, from the poses that are there; the hidden one is shown at the time that it is now.
+            grown.set_hidden(2, false).expect("an instance");
+            for frame in 4..8 {
+                let time = f64::from(frame) / 10.0;
+                let _ = step(&mut grown, time, &mut readbacks[0], &[0, 1, 2, 3]);
+                assert_same(&mut readbacks[0], time, &[0, 1, 2, 3], "on");
+            }
+            // Tickets of before stay good. The updates have run here, and are taken for lost: what the GPU keeps is a crowd's
+            // that was just grown, or it would be off.
+            let mut lost = engine.readback();
+            drop(headless.run(|cmd| {
+                // SAFETY: as above.
+                unsafe { engine.grow_animated_crowd(cmd, &mut grown, &desc.instances(7)) }
+            }));
+            grown.discard(early).expect("a ticket of this crowd");
+            assert!(grown.pose(0).is_err());
+            let _ = step(&mut grown, 0.9, &mut lost, &[0, 1, 2, 3]);
+            assert_same(&mut lost, 0.9, &[0, 1, 2, 3], "after a discard");
+            // Refused: nothing changes.
+            let refused = [
+                (desc.instances(6), "that is to have 6"),
+                (desc.instances(9).update(update.weight_max(Some(1.0))), "on another grid"),
+                (desc.instances(9).update(UpdateDesc::blocks()), "use PoseFormat::Fixed16"),
+            ];
+            for (desc, words) in refused {
+                // SAFETY: as above.
+                let error = headless.run(|cmd| unsafe { engine.grow_animated_crowd(cmd, &mut grown, &desc) });
+                let text = error.err().expect("refused").to_string();
+                assert!(text.contains(words), "{text}");
+                assert!(grown.pose(0).is_ok() && grown.desc().instances == 7);
             }
         }
     });

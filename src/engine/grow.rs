@@ -2,13 +2,16 @@
 
 use super::MorphEngine;
 use super::base::CrowdBase;
-use super::crowd::Crowd;
+use super::crowd::{AnimatedCrowd, Crowd};
 use super::set::CrowdSet;
 use super::upload::GpuMesh;
 use crate::error::{Error, Result};
 use crate::plan::instances::check_weights;
+use crate::update::animated::Animated;
 use crate::update::crowd::CrowdDesc;
+use crate::update::technique::{Context, Technique};
 use crate::update::{Runner, technique};
+use ash::vk;
 
 /// What crowds had before they grew: pose buffers, lists, descriptor sets. To be dropped when the device has finished with the
 /// updates and draws that were recorded before.
@@ -30,11 +33,48 @@ impl MorphEngine {
     /// Nothing is recorded. The host calls it between two updates, whether the earlier ones have finished or not.
     ///
     /// # Errors
-    /// A crowd that another engine made; fewer places than there are; targets of steps [after](crate::after) the pose, which are of the poses there are; poses
-    /// in the vertices of the host's that the crowd has now; else as [`create_crowd`](Self::create_crowd), and weights that what `desc` says cannot hold. Nothing changes then.
+    /// A crowd that another engine made; fewer places than there are; targets of steps [after](crate::after) the pose, which
+    /// are of the poses there are; poses in the vertices of the host's that the crowd has now; else as
+    /// [`create_crowd`](Self::create_crowd), and weights that what `desc` says cannot hold. Nothing changes then.
     pub fn grow_crowd(&self, crowd: &mut Crowd, desc: &CrowdDesc) -> Result<Outgrown> {
-        let grown = self.grown(crowd, desc)?;
+        let grown = self.grown_crowd(crowd, desc)?;
         Ok(Outgrown { _before: vec![std::mem::replace(&mut crowd.base, grown)] })
+    }
+
+    /// [`grow_crowd`](Self::grow_crowd) for a crowd that is animated on the GPU: its instances play on, at the same time of
+    /// the same clips. The clips are uploaded anew, since places of a crowd's state depend on how many it has.
+    ///
+    /// This records what [`create_animated_crowd`](Self::create_animated_crowd) does, and the caller is responsible for the
+    /// same: submitting `cmd` before any later update of the crowd, and calling
+    /// [`AnimatedCrowd::release_staging`] once it has run.
+    ///
+    /// # Errors
+    /// As [`grow_crowd`](Self::grow_crowd) and [`create_animated_crowd`](Self::create_animated_crowd); another pose format or
+    /// largest weight, since keys are on the grid of both. Nothing is recorded then, and nothing changes.
+    ///
+    /// # Safety
+    /// As [`create_animated_crowd`](Self::create_animated_crowd), for `cmd`.
+    pub unsafe fn grow_animated_crowd(
+        &self,
+        cmd: vk::CommandBuffer,
+        crowd: &mut AnimatedCrowd,
+        desc: &CrowdDesc,
+    ) -> Result<Outgrown> {
+        let (base, before) = (&crowd.base, crowd.animated());
+        // Weights are the GPU's: none are set.
+        let grown = self.grown(base, desc, Runner::Animated(Some(&self.device.caps)), 0, |context| {
+            if Some(context.grid()) != base.grid() {
+                let text = "a crowd animated on the GPU that is to grow with poses or weights on another grid";
+                return Err(Error::invalid(text, "keep its pose format and weight_max: its keys are on their grid"));
+            }
+            let mut animated = Animated::new(context, before.clips.clone())?;
+            animated.playbacks = before.playbacks.grown(desc.instances);
+            Ok(Box::new(animated))
+        })?;
+        let before = std::mem::replace(&mut crowd.base, grown);
+        // SAFETY: the caller's obligations.
+        unsafe { crowd.animated().upload(cmd) };
+        Ok(Outgrown { _before: vec![before] })
     }
 
     /// [`grow_crowd`](Self::grow_crowd) for all crowds of a set, each with its own description and so many places.
@@ -42,14 +82,31 @@ impl MorphEngine {
     /// # Errors
     /// As there. Nothing changes then, in no crowd.
     pub fn grow_set(&self, set: &mut CrowdSet, instances: u32) -> Result<Outgrown> {
-        let grown = set.crowds.iter().map(|crowd| self.grown(crowd, &crowd.desc().instances(instances)));
+        let grown = set.crowds.iter().map(|crowd| self.grown_crowd(crowd, &crowd.desc().instances(instances)));
         let grown: Vec<CrowdBase> = grown.collect::<Result<_>>()?;
         let crowds = set.crowds.iter_mut().zip(grown);
         Ok(Outgrown { _before: crowds.map(|(crowd, grown)| std::mem::replace(&mut crowd.base, grown)).collect() })
     }
 
-    fn grown(&self, crowd: &Crowd, desc: &CrowdDesc) -> Result<CrowdBase> {
-        let before = &crowd.base;
+    fn grown_crowd(&self, crowd: &Crowd, desc: &CrowdDesc) -> Result<CrowdBase> {
+        let targets = crowd.layout().targets.len();
+        let grown = self.grown(&crowd.base, desc, Runner::Device(&self.device.caps), targets, technique)?;
+        for weights in grown.instances.present() {
+            check_weights(weights, grown.layout(), grown.grid())?;
+            grown.technique.check_weights(weights)?;
+        }
+        Ok(grown)
+    }
+
+    /// A crowd in the place of `before`, updated by what `make` makes; `runner` and `targets` are those of its kind.
+    fn grown(
+        &self,
+        before: &CrowdBase,
+        desc: &CrowdDesc,
+        runner: Runner<'_>,
+        targets: usize,
+        make: impl FnOnce(Context<'_>) -> Result<Box<dyn Technique>>,
+    ) -> Result<CrowdBase> {
         before.check_device(&self.device)?;
         if desc.instances < before.desc.instances {
             let text = format!("a crowd of {} instances that is to have {}", before.desc.instances, desc.instances);
@@ -67,27 +124,11 @@ impl MorphEngine {
             return Err(Error::invalid(text, "name other ones in CrowdDesc::poses: draws may still read these"));
         }
         let mesh = GpuMesh::of(before.groups().iter().map(|group| group.mesh.clone()).collect());
-        self.check_crowd(&mesh, desc, Runner::Device(&self.device.caps))?;
-        let targets = mesh.layout().targets.len();
-        let mut grown = CrowdBase::new(&self.device, &self.kernels, &mesh, desc, targets, technique)?;
-        grown.take_over(before)?;
+        self.check_crowd(&mesh, desc, runner)?;
+        let mut grown = CrowdBase::new(&self.device, &self.kernels, &mesh, desc, targets, make)?;
+        grown.instances = before.instances.grown(desc.instances as usize, desc.update.slots);
+        (grown.crowd, grown.updates, grown.recorded) = (before.crowd, before.updates, before.recorded);
+        grown.discarded.clone_from(&before.discarded);
         Ok(grown)
-    }
-}
-
-impl CrowdBase {
-    /// Take the place of `before`, which has no more places than this, and no poses that this has.
-    ///
-    /// # Errors
-    /// Weights that this cannot hold.
-    fn take_over(&mut self, before: &Self) -> Result<()> {
-        self.instances = before.instances.grown(self.desc.instances as usize, self.desc.update.slots);
-        for weights in self.instances.present() {
-            check_weights(weights, self.layout(), self.grid())?;
-            self.technique.check_weights(weights)?;
-        }
-        let Self { crowd, updates, recorded, discarded, .. } = before;
-        (self.crowd, self.updates, self.recorded, self.discarded) = (*crowd, *updates, *recorded, discarded.clone());
-        Ok(())
     }
 }

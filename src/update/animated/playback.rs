@@ -62,6 +62,17 @@ impl Playbacks {
         }
     }
 
+    /// The same instances in more places, on a device that knows nothing of them: each plays on, and has no pose yet. The new
+    /// places are as those of instances that were removed.
+    pub fn grown(&self, places: u32) -> Self {
+        let free = HeadRecord { flags: HeadRecord::HIDDEN, ..HeadRecord::default() };
+        let (mut records, mut starts) = (self.records.clone(), self.starts.clone());
+        records.resize(places as usize, free);
+        starts.resize(places as usize, 0);
+        let heads = vec![Head { listed: true, stale: true, ..Head::default() }; places as usize];
+        Self { heads, records, starts, now: self.now, updates: self.updates, ..Self::new(places) }
+    }
+
     /// The clock is at `seconds` when the next update runs. It may stand still, and go back by up to an hour.
     ///
     /// # Errors
