@@ -22,8 +22,8 @@ use offscreen::{Offscreen, Shared};
 
 const FRAMES: usize = 6;
 const INSTANCES: u32 = 2;
-/// How many frames before an update the draw is that it waits for.
-const BEHIND: usize = 2;
+/// How many frames before an update the draw is that it waits for, where draws run beside the update of the next frame.
+const BESIDE: usize = 2;
 
 /// Run `test` on every driver, as it is and clamped, whose queues can do no more than `flags`.
 fn on_queues_with(flags: vk::QueueFlags, test: impl Fn(&Headless, &MorphEngine)) {
@@ -122,8 +122,14 @@ struct Frame {
 }
 
 /// Update and draw (copies, without any barrier) frames, each in a submission of its own, with no more order between
-/// them than semaphores make.
-fn frames(headless: &Headless, host: &Offscreen<'_>, crowd: &mut Crowd, asked: &[Vec<Vec<f32>>]) -> Vec<Frame> {
+/// them than semaphores make: an update waits for the draw of so many frames before.
+fn frames(
+    headless: &Headless,
+    host: &Offscreen<'_>,
+    crowd: &mut Crowd,
+    behind: usize,
+    asked: &[Vec<Vec<f32>>],
+) -> Vec<Frame> {
     use vk::PipelineStageFlags as At;
     let (engine, queues) = (headless.engine(), Host::new(headless));
     let (mut frames, mut draws): (Vec<Frame>, Vec<vk::CommandBuffer>) = (vec![], vec![]);
@@ -134,7 +140,7 @@ fn frames(headless: &Headless, host: &Offscreen<'_>, crowd: &mut Crowd, asked: &
             unsafe { engine.record_tampered(cmd, &mut [crowd as &mut dyn AnyCrowd], |_| {}) }.expect("an update")
         });
         // Draws are submitted as late as they can be.
-        let wait = n.checked_sub(BEHIND).map(|before| {
+        let wait = n.checked_sub(behind).map(|before| {
             queues.draw(before, draws[before]);
             (queues.drawn[before], At::COMPUTE_SHADER)
         });
@@ -155,7 +161,7 @@ fn frames(headless: &Headless, host: &Offscreen<'_>, crowd: &mut Crowd, asked: &
         draws.push(draw);
         frames.push(Frame { events, poses });
     }
-    draws.iter().enumerate().skip(FRAMES - BEHIND).for_each(|(n, &draw)| queues.draw(n, draw));
+    draws.iter().enumerate().skip(FRAMES - behind).for_each(|(n, &draw)| queues.draw(n, draw));
     drop(queues);
     frames
 }
@@ -205,7 +211,7 @@ fn updates_run_on_a_queue_without_graphics() {
         ];
         for (format, update) in all {
             let (mesh, uploaded) = uploaded(headless, format);
-            for slots in [2, 3] {
+            for slots in 2..if format == DeltaFormat::Fast { 4 } else { 3 } {
                 let what = format!("{format:?} {update:?}, {slots} slots");
                 // The consumers are those of any crowd: they are on the other queue.
                 let desc = CrowdDesc::new(update.slots(slots)).instances(INSTANCES).queue_family(Some(0));
@@ -214,7 +220,10 @@ fn updates_run_on_a_queue_without_graphics() {
                 let asked: Vec<Vec<Vec<f32>>> = (0..FRAMES as u32)
                     .map(|frame| (0..INSTANCES).map(|i| weights(&mesh, 2 * frame, i)).collect())
                     .collect();
-                let frames = frames(headless, &host, &mut crowd, &asked);
+                // Newer layers know a dispatch by its whole descriptors. In blocks these hold all slots, so that draws beside
+                // updates would be hazards to them; the checker below, which knows slots, tells those that are.
+                let behind = if format.is_blocks() { 1 } else { BESIDE };
+                let frames = frames(headless, &host, &mut crowd, behind, &asked);
                 for (frame, asked) in frames.iter().zip(&asked) {
                     assert_no_graphics(&frame.events, &what);
                     for ((view, copy), asked) in frame.poses.iter().zip(asked) {
@@ -237,7 +246,7 @@ fn updates_run_on_a_queue_without_graphics() {
                     let found = has_hazards(&frames, slots, previous, Some((n, false)));
                     assert!(found, "{what}: without the semaphore from update {n} to its draw");
                 }
-                for n in previous as usize..FRAMES - BEHIND {
+                for n in previous as usize..FRAMES - BESIDE {
                     let found = has_hazards(&frames, slots, previous, Some((n, true)));
                     assert!(found, "{what}: without the semaphore from draw {n} to the update of two frames later");
                 }
