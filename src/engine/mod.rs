@@ -48,8 +48,9 @@ use std::sync::Arc;
 ///
 /// # What the caller is responsible for
 /// - Uploads, updates and draws run on one queue with graphics and compute, since barriers name the stages of both, or as
-///   [several queues](#several-queues) may. Recorded updates run exactly once each, in the order recorded. An update that will never run is handed to [`Crowd::discard`], and only such a one, before anything
-///   newer of the crowd is submitted.
+///   [several queues](#several-queues) may. Recorded updates run exactly once each, in the order recorded. An update
+///   that will never run is handed to [`Crowd::discard`], and only such a one, before anything newer of the crowd is
+///   submitted.
 /// - At most [`CrowdDesc::frames_in_flight`] updates of a crowd are recorded and not yet finished. Updates that
 ///   recorded nothing and discarded ones do not count.
 /// - Engine, meshes and crowds are dropped only when the device has finished with them, in any order, and before the

@@ -12,8 +12,8 @@ impl MorphEngine {
     ///
     /// This records: nothing when no weight changed; otherwise the passes of the plan with the barriers they
     /// need. First stages: those of the [consumers](crate::CrowdDesc::consumers) (reads of earlier poses) and the
-    /// path's own; last: the consumers' (none, where all are on another queue), by default VERTEX_INPUT with VERTEX_ATTRIBUTE_READ and VERTEX_SHADER with
-    /// SHADER_READ, so that draws recorded next may read [`Crowd::pose`](super::Crowd::pose) and
+    /// path's own; last: the consumers' (none, where all are on another queue), by default VERTEX_INPUT with
+    /// VERTEX_ATTRIBUTE_READ and VERTEX_SHADER with SHADER_READ, so that draws recorded next may read [`Crowd::pose`](super::Crowd::pose) and
     /// [`Crowd::previous_pose`](super::Crowd::previous_pose) as vertex attributes or storage buffers.
     ///
     /// It binds over: the compute pipeline, its set 0 and push constants (`compute`, `blocks`, `scatter`, and
