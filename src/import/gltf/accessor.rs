@@ -218,7 +218,11 @@ impl<'a> Accessor<'a> {
                 which.iter().try_for_each(|&i| keep(i as usize, self.element(i as usize, &mut sparse)))?;
             }
             (Some(_), _) => {
-                self.file.charge(&self.at, self.count, 4 * N)?;
+                // What is kept: targets are mostly zeros.
+                let size = self.number.kind.size() * N;
+                let mut sparse = 0;
+                let mut moves = |i| self.element(i, &mut sparse).is_some_and(|b| b[..size].iter().any(|b| *b != 0));
+                self.file.charge(&self.at, (0..self.count).filter(|i| moves(*i)).count(), 4 * N)?;
                 let mut sparse = 0;
                 (0..self.count).try_for_each(|i| keep(i, self.element(i, &mut sparse)))?;
             }

@@ -11,14 +11,17 @@ use std::path::{Component, Path, PathBuf};
 /// The largest file: lengths in GLB have 32 bits.
 const FILE_MAX: u64 = 1 << 32;
 
-/// Bytes of values for each byte of the file: a byte may be compressed 64 times by EXT_meshopt_compression and become four
-/// of single precision. Files that name the same bytes again and again, or count values that no buffer holds, take more.
-const VALUES_PER_BYTE: u64 = 256;
+/// Bytes of values for each byte of the file: a byte may be decompressed to 64, and each of those become four of single
+/// precision. Files that name the same bytes again and again, or count values that no buffer holds, take more. So could
+/// one in which hardly anything changes, of version 1 of KHR_meshopt_compression, where a byte may become 1024.
+const VALUES_PER_BYTE: u64 = 320;
 /// As many in any case.
 const VALUES_MIN: u64 = 1 << 20;
 
 /// What an extension may do that has to be understood. Materials, textures and lights are not looked at.
-const UNDERSTOOD: [&str; 2] = ["KHR_mesh_quantization", "EXT_meshopt_compression"];
+const UNDERSTOOD: [&str; 3] = ["KHR_mesh_quantization", COMPRESSED[0], COMPRESSED[1]];
+/// What a compressed buffer view says under. Of one that has both, the first.
+const COMPRESSED: [&str; 2] = ["KHR_meshopt_compression", "EXT_meshopt_compression"];
 const NOT_LOOKED_AT: [&str; 7] = [
     "KHR_materials_",
     "KHR_texture_",
@@ -112,7 +115,8 @@ impl Container {
     pub fn view(&self, index: &At<'_>) -> Result<View<'_>> {
         let view = self.root().item("bufferViews", index)?;
         let stride = view.index("byteStride")?;
-        let Some(packed) = view.get("extensions").and_then(|e| e.get("EXT_meshopt_compression")) else {
+        let extensions = view.get("extensions");
+        let Some(packed) = COMPRESSED.iter().find_map(|name| extensions.as_ref()?.get(name)) else {
             return Ok(View { bytes: self.bytes(&view)?, stride });
         };
         let slot = &self.unpacked[index.whole()?];
@@ -121,7 +125,9 @@ impl Container {
         }
         let (count, size) = (packed.need("count")?.whole()?, packed.need("byteStride")?.whole()?);
         let (mode, filter) = (packed.need("mode")?.text()?, packed.text_or_empty("filter"));
-        let decoded = meshopt::decode(self.bytes(&packed)?, count, size, mode, filter);
+        let compressed = self.bytes(&packed)?;
+        self.charge(&packed, count, size)?;
+        let decoded = meshopt::decode(compressed, count, size, mode, filter);
         let decoded =
             decoded.map_err(|what| packed.refuse(what, "compress the file again, or leave it uncompressed"))?;
         Ok(View { bytes: slot.get_or_init(|| decoded), stride })

@@ -156,7 +156,7 @@ fn streams<'a>(at: &At<'a>) -> Vec<(Semantic, At<'a>)> {
 /// A primitive as a mesh of its own, and what binds it to joints.
 fn part(file: &Container, at: &At<'_>, mode: usize, names: &[String]) -> Result<(MorphSource, Option<Influences>)> {
     if at.get("extensions").is_some_and(|e| e.get("KHR_draco_mesh_compression").is_some()) {
-        let remedy = "decompress the file (gltf-transform copy does), or compress it by EXT_meshopt_compression";
+        let remedy = "decompress the file (gltf-transform copy does), or compress it by KHR_meshopt_compression";
         return Err(at.refuse("compressed by Draco, which is not read", remedy));
     }
     let attributes = at.need("attributes")?;

@@ -1,16 +1,18 @@
-//! Decoders of EXT_meshopt_compression, from the text of the extension: its appendix A (bitstream) for the three modes,
-//! appendix B for the filters. `None` is data that is cut off or not of the mode.
+//! Decoders of KHR_meshopt_compression and EXT_meshopt_compression, from the text of the extensions: appendix A (bitstream)
+//! for the three modes, appendix B for the filters. EXT is KHR without version 1 of attributes and the filter COLOR; files
+//! that name it have them read as well, as meshoptimizer does. `None` is data that is cut off or not of the mode.
 
 /// Decode `count` elements of `size` bytes. What is refused is said in words that follow a place.
 pub fn decode(data: &[u8], count: usize, size: usize, mode: &str, filter: &str) -> Result<Vec<u8>, String> {
-    // No mode makes more than 64 bytes of one: 2 bits stand for 16 bytes without change.
-    let total = count.checked_mul(size).filter(|total| total / 64 <= data.len());
+    // No mode makes more of a byte: 2 bits stand for 16 bytes without change, in version 1 for 256.
+    let most = if data.first() == Some(&VERSION_1) { 1024 } else { 64 };
+    let total = count.checked_mul(size).filter(|total| total / most <= data.len());
     let Some(total) = total else {
         return Err(format!("{count} elements of {size} bytes, more than {} compressed bytes can hold", data.len()));
     };
     let fits = match (mode, filter) {
         ("ATTRIBUTES", "" | "NONE" | "EXPONENTIAL") => size.is_multiple_of(4) && (4..=256).contains(&size),
-        ("ATTRIBUTES", "OCTAHEDRAL") => size == 4 || size == 8,
+        ("ATTRIBUTES", "OCTAHEDRAL" | "COLOR") => size == 4 || size == 8,
         ("ATTRIBUTES", "QUATERNION") => size == 8,
         ("TRIANGLES", "" | "NONE") => (size == 2 || size == 4) && count.is_multiple_of(3),
         ("INDICES", "" | "NONE") => size == 2 || size == 4,
@@ -38,6 +40,15 @@ pub fn decode(data: &[u8], count: usize, size: usize, mode: &str, filter: &str) 
             store(v, [x, y, z, w]);
         }),
         ("QUATERNION", _) => bytes.chunks_exact_mut(8).for_each(|v| store(v, quaternion(shorts(v)))),
+        ("COLOR", 4) => bytes.chunks_exact_mut(4).for_each(|v| {
+            let [y, co, cg, a] = [v[0].into(), (v[1] as i8).into(), (v[2] as i8).into(), v[3].into()];
+            color(y, co, cg, a, u8::MAX.into()).iter().zip(v).for_each(|(value, byte)| *byte = *value as u8);
+        }),
+        ("COLOR", _) => bytes.chunks_exact_mut(8).for_each(|v| {
+            let [y, co, cg, a] = shorts(v);
+            let [r, g, b, a] = color((y as u16).into(), co.into(), cg.into(), (a as u16).into(), u16::MAX.into());
+            store(v, [r, g, b, a].map(|value| value as u16 as i16));
+        }),
         ("EXPONENTIAL", _) => bytes.chunks_exact_mut(4).for_each(|v| {
             let bits = i32::from_le_bytes([v[0], v[1], v[2], v[3]]);
             let value = f64::from(bits << 8 >> 8) * f64::from(bits >> 24).exp2();
@@ -50,57 +61,110 @@ pub fn decode(data: &[u8], count: usize, size: usize, mode: &str, filter: &str) 
 
 /// Elements in a group.
 const GROUP: usize = 16;
+/// The headers of attributes.
+const VERSION_0: u8 = 0xa0;
+const VERSION_1: u8 = 0xa1;
+/// How many bits the deltas of a group may have, by the control mode of the byte: 0 is no delta, 8 is bytes.
+const BITS_VERSION_0: [u8; 4] = [0, 2, 4, 8];
+const BITS_CONTROL: [[u8; 4]; 2] = [[0, 1, 2, 4], [1, 2, 4, 8]];
 
 fn attributes(data: &[u8], count: usize, size: usize) -> Option<Vec<u8>> {
-    let (header, mut rest) = data.split_first()?;
-    let tail = rest.len().checked_sub(size.max(32))?;
-    let last = rest.len() - size;
-    let mut before = rest[last..].to_vec();
-    rest = &rest[..tail];
-    if *header != 0xa0 {
-        return None;
-    }
+    let (&version, rest) = data.split_first()?;
+    // At the end the element before the first one and, in version 1, a mode for each four of its bytes.
+    let (modes, padded) = match version {
+        VERSION_0 => (0, 32),
+        VERSION_1 => (size / 4, 24),
+        _ => return None,
+    };
+    let (mut rest, tail) = rest.split_at_checked(rest.len().checked_sub(padded.max(size + modes))?)?;
+    let (before, modes) = tail[tail.len() - size - modes..].split_at(size);
+    let mut before: Vec<u8> = before.to_vec();
+    let modes = if version == VERSION_0 { &[0; 64][..size / 4] } else { modes };
     let mut out = vec![0; count * size];
     let block = (8192 / size / GROUP * GROUP).min(256);
     for elements in out.chunks_mut(block * size) {
-        let groups = (elements.len() / size).div_ceil(GROUP);
-        for (byte, before) in before.iter_mut().enumerate() {
-            let modes = rest.split_off(..groups.div_ceil(4))?;
-            for group in 0..groups {
-                let deltas = deltas(&mut rest, modes[group / 4] >> (group % 4 * 2) & 3)?;
-                let places = elements[byte..].iter_mut().step_by(size).skip(group * GROUP);
-                for (place, delta) in places.zip(deltas) {
-                    *before = before.wrapping_add(delta >> 1 ^ (delta & 1).wrapping_neg());
-                    *place = *before;
-                }
+        let control = if version == VERSION_0 { &[] } else { rest.split_off(..size / 4)? };
+        for byte in 0..size {
+            let control = control.get(byte / 4).map(|control| control >> (byte % 4 * 2) & 3);
+            read_deltas(&mut rest, control, elements, byte, size)?;
+        }
+        for ((channel, mode), before) in modes.iter().enumerate().zip(before.as_chunks_mut::<4>().0) {
+            for element in elements.chunks_exact_mut(size) {
+                let element = &mut element.as_chunks_mut::<4>().0[channel];
+                *before = undo_delta(*mode, *element, *before)?;
+                *element = *before;
             }
         }
     }
     rest.is_empty().then_some(out)
 }
 
-/// The zigzag deltas of a group: none, of 2 or 4 bits with a byte for those that do not fit, or bytes.
-fn deltas(rest: &mut &[u8], mode: u8) -> Option<[u8; GROUP]> {
-    let mut out = [0; GROUP];
-    let bits = match mode {
-        0 => return Some(out),
-        1 => 2,
-        2 => 4,
-        _ => {
-            out.copy_from_slice(rest.split_off(..GROUP)?);
-            return Some(out);
+/// The deltas of one byte of all elements of a block. `control` is how they are stored; `None`: as in version 0.
+fn read_deltas(rest: &mut &[u8], control: Option<u8>, elements: &mut [u8], byte: usize, size: usize) -> Option<()> {
+    let count = elements.len() / size;
+    let mut places = elements[byte..].iter_mut().step_by(size);
+    let bits = match control {
+        None => BITS_VERSION_0,
+        Some(mode @ (0 | 1)) => BITS_CONTROL[usize::from(mode)],
+        Some(2) => return Some(()),
+        Some(_) => {
+            places.zip(rest.split_off(..count)?).for_each(|(place, delta)| *place = *delta);
+            return Some(());
         }
     };
+    let groups = count.div_ceil(GROUP);
+    let modes = rest.split_off(..groups.div_ceil(4))?;
+    for group in 0..groups {
+        let mode = modes[group / 4] >> (group % 4 * 2) & 3;
+        let deltas = deltas(rest, bits[usize::from(mode)])?;
+        places.by_ref().zip(deltas).for_each(|(place, delta)| *place = delta);
+    }
+    Some(())
+}
+
+/// The deltas of a group: none, of 1, 2 or 4 bits with a byte for those that do not fit, or bytes.
+fn deltas(rest: &mut &[u8], bits: u8) -> Option<[u8; GROUP]> {
+    let mut out = [0; GROUP];
+    if bits == 0 {
+        return Some(out);
+    }
+    let bits = usize::from(bits);
     let packed = rest.split_off(..GROUP * bits / 8)?;
+    if bits == 8 {
+        out.copy_from_slice(packed);
+        return Some(out);
+    }
     let all = (1u8 << bits) - 1;
     for (i, out) in out.iter_mut().enumerate() {
         let bit = i * bits;
-        *out = packed[bit / 8] >> (8 - bits - bit % 8) & all;
+        // The first is in the highest bits, but for single ones.
+        let shift = if bits == 1 { bit % 8 } else { 8 - bits - bit % 8 };
+        *out = packed[bit / 8] >> shift & all;
         if *out == all {
             *out = *rest.split_off_first()?;
         }
     }
     Some(out)
+}
+
+/// Four bytes of an element, of their delta and those of the element before; `None` where there is no such mode.
+fn undo_delta(mode: u8, delta: [u8; 4], before: [u8; 4]) -> Option<[u8; 4]> {
+    Some(match (mode & 15, mode >> 4) {
+        (0, 0) => std::array::from_fn(|i| {
+            let zigzag = delta[i];
+            before[i].wrapping_add(zigzag >> 1 ^ (zigzag & 1).wrapping_neg())
+        }),
+        (1, 0) => {
+            let half = |at: usize| {
+                let [zigzag, before] = [delta, before].map(|b| u16::from_le_bytes([b[at], b[at + 1]]));
+                before.wrapping_add(zigzag >> 1 ^ (zigzag & 1).wrapping_neg()).to_le_bytes()
+            };
+            let [[a, b], [c, d]] = [half(0), half(2)];
+            [a, b, c, d]
+        }
+        (2, turn) => (u32::from_le_bytes(delta).rotate_right(turn.into()) ^ u32::from_le_bytes(before)).to_le_bytes(),
+        _ => return None,
+    })
 }
 
 /// A queue of 16: 0 is what was pushed last.
@@ -262,4 +326,15 @@ fn quaternion(v: [i16; 4]) -> [i16; 4] {
         out[(largest + i) % 4] = (c * 32767.0).round() as i16;
     }
     out
+}
+
+/// Red, green, blue and alpha of luma, chrominance and alpha, all of as many bits as `alpha` has.
+fn color(y: i32, co: i32, cg: i32, alpha: i32, max: f32) -> [f32; 4] {
+    let bits = 32 - alpha.leading_zeros();
+    let all = (1 << bits) - 1;
+    // The highest bit says how many there are; the lowest comes twice in its place.
+    let opacity = alpha & all >> 1;
+    let opacity = opacity << 1 | opacity & 1;
+    let scale = max / all as f32;
+    [y + co - cg, y + cg, y - co - cg, opacity].map(|c| (c as f32 * scale).round())
 }

@@ -5,7 +5,7 @@
 //!
 //! - Streams: positions, normals, tangents, texture coordinates and colours, each of which targets may change. Accessors
 //!   are dense, sparse or all zero, of any component type (KHR_mesh_quantization), compressed or not
-//!   (EXT_meshopt_compression). Buffers are in the file, in data URIs, or in files beside or below it.
+//!   (KHR_meshopt_compression, EXT_meshopt_compression). Buffers are in the file, in data URIs, or in files beside or below it.
 //! - Values are in the file's space and units: texture coordinates begin at the top left, and a quantised mesh has positions
 //!   of integers, which the transform of its node scales.
 //! - Vertices are the file's. Those at one place are welded ([`MorphSource::weld`]), so normals that are not stated are

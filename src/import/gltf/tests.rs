@@ -16,6 +16,12 @@ use serde_json::{Value, json};
 use std::sync::Arc;
 use written::{F32, I8, I16, U8, U16, Written, bytes};
 
+impl Written {
+    fn read(&self) -> Result<Gltf> {
+        from_bytes(Path::new("a.glb"), self.glb())
+    }
+}
+
 /// The deltas of the only target of the only mesh.
 fn deltas(file: &Written) -> Vec<(u32, Vec3)> {
     file.read().unwrap().meshes[0].source.targets[0].positions.clone()

@@ -1,4 +1,4 @@
-//! The decoders of EXT_meshopt_compression against the encoders of meshoptimizer.
+//! The decoders of KHR_meshopt_compression and EXT_meshopt_compression against the encoders of meshoptimizer.
 
 use super::super::meshopt::decode;
 use super::written::{I16, U16, Written, bytes};
@@ -15,12 +15,20 @@ fn elements(size: usize) -> impl Strategy<Value = Vec<u8>> {
     })
 }
 
-fn encoded<const N: usize>(bytes: &[u8]) -> Vec<u8>
+/// Version 0 or 1 of attributes, and how hard the encoder tries: level 3 alone uses all modes of channels.
+fn encoded_as<const N: usize>(bytes: &[u8], version: u32, level: i32) -> Vec<u8>
 where
     [u8; N]: bytemuck::Pod,
 {
     let elements: &[[u8; N]] = bytemuck::cast_slice(bytes);
-    ::meshopt::encode_vertex_buffer_level(elements, 2, Some(0)).unwrap()
+    ::meshopt::encode_vertex_buffer_level(elements, level, Some(version as i32)).unwrap()
+}
+
+fn encoded<const N: usize>(bytes: &[u8]) -> Vec<u8>
+where
+    [u8; N]: bytemuck::Pod,
+{
+    encoded_as::<N>(bytes, 0, 2)
 }
 
 /// A grid's triangles, some of them left out.
@@ -39,18 +47,20 @@ fn sorted(triangles: &[u32]) -> Vec<[u32; 3]> {
 proptest! {
     #[test]
     fn attributes_are_what_was_encoded(four in elements(4), eight in elements(8), twelve in elements(12), large in elements(64)) {
-        for (size, bytes, data) in [
-            (4, &four, encoded::<4>(&four)),
-            (8, &eight, encoded::<8>(&eight)),
-            (12, &twelve, encoded::<12>(&twelve)),
-            (64, &large, encoded::<64>(&large)),
-        ] {
+        let as_version = |version, level| [
+            (4, &four, encoded_as::<4>(&four, version, level)),
+            (8, &eight, encoded_as::<8>(&eight, version, level)),
+            (12, &twelve, encoded_as::<12>(&twelve, version, level)),
+            (64, &large, encoded_as::<64>(&large, version, level)),
+        ];
+        let versions = [(0, 0), (1, 0), (1, 2), (1, 3)].map(|(version, level)| as_version(version, level));
+        for (size, bytes, data) in versions.into_iter().flatten() {
             let count = bytes.len() / size;
             prop_assert_eq!(&decode(&data, count, size, "ATTRIBUTES", "").unwrap(), bytes);
             // Cut off anywhere, or with another header.
             let step = data.len() / 50 + 1;
             prop_assert!((0..data.len()).step_by(step).all(|n| decode(&data[..n], count, size, "ATTRIBUTES", "").is_err()));
-            prop_assert!(decode(&[&[0xa1], &data[1..]].concat(), count, size, "ATTRIBUTES", "").is_err());
+            prop_assert!(decode(&[&[0xa2], &data[1..]].concat(), count, size, "ATTRIBUTES", "").is_err());
         }
     }
 
@@ -81,10 +91,10 @@ proptest! {
 
     /// Whatever the bytes are: an answer, and no panic.
     #[test]
-    fn noise_is_decoded_or_refused(data in prop::collection::vec(any::<u8>(), 0..400), count in 0usize..2000, which in 0usize..3, size in 0usize..40) {
-        let (mode, header) = [("ATTRIBUTES", 0xa0), ("TRIANGLES", 0xe1), ("INDICES", 0xd1)][which];
+    fn noise_is_decoded_or_refused(data in prop::collection::vec(any::<u8>(), 0..400), count in 0usize..2000, which in 0usize..4, size in 0usize..40) {
+        let (mode, header) = [("ATTRIBUTES", 0xa0), ("ATTRIBUTES", 0xa1), ("TRIANGLES", 0xe1), ("INDICES", 0xd1)][which];
         let data: Vec<u8> = std::iter::once(header).chain(data).collect();
-        for filter in ["", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "OTHER"] {
+        for filter in ["", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "COLOR", "OTHER"] {
             for size in [size, 2, 4, 8, 12] {
                 if let Ok(bytes) = decode(&data, count, size, mode, filter) {
                     prop_assert_eq!(bytes.len(), count * size);
@@ -129,8 +139,67 @@ proptest! {
     }
 }
 
+/// Elements of four kinds: shorts that count, four bits across two shorts, bytes that never change, noise.
+fn channels() -> impl Strategy<Value = Vec<[u32; 4]>> {
+    let element = |i: u32, noise: u32| {
+        let counts = (i * 3) & 0xffff | (60_000 - i * 90) << 16;
+        [counts, 0x8000_0000 | (noise & 15) << 14, 0x0102_0304, noise]
+    };
+    prop::collection::vec(any::<u32>(), 1..600)
+        .prop_map(move |noise| (0..).zip(noise).map(|(i, noise)| element(i, noise)).collect())
+}
+
+proptest! {
+    /// Each mode of channels, each way to store a byte: the encoder chooses them for such elements, which is looked at.
+    #[test]
+    fn version_1_takes_every_mode(elements in channels()) {
+        let data = encoded_as::<16>(bytemuck::cast_slice(&elements), 1, 3);
+        let decoded = decode(&data, elements.len(), 16, "ATTRIBUTES", "").unwrap();
+        prop_assert_eq!(decoded, bytes(elements.as_flattened()));
+        let modes = &data[data.len() - 4..];
+        if elements.len() > 200 {
+            prop_assert!(modes[0] == 1 && modes[1] & 15 == 2 && modes[2] == 0, "{:?}", modes);
+            let control = &data[1..5];
+            let of_byte = |byte: usize| control[byte / 4] >> (byte % 4 * 2) & 3;
+            // Noise as it is, nothing of what never changes, and bits of the rest.
+            prop_assert!(of_byte(12) == 3 && of_byte(8) == 2 && (0..8).any(|byte| of_byte(byte) < 2), "{:?}", control);
+        }
+        // A mode that there is not.
+        for (at, bad) in [(0, 3), (0, 0x11), (1, 0x13), (2, 0x10)] {
+            let mut data = data.clone();
+            let end = data.len() - 4;
+            data[end + at] = bad;
+            prop_assert!(decode(&data, elements.len(), 16, "ATTRIBUTES", "").is_err());
+        }
+    }
+
+    #[test]
+    fn the_filter_of_colours_gives_them_back(colours in prop::collection::vec(prop::array::uniform4(0.0f32..=1.0), 1..50), bits in 2i32..=16) {
+        let wide = bytes(::meshopt::encode_filter_color::<u16>(&colours, bits).as_flattened());
+        let wide = decode(&encoded_as::<8>(&wide, 1, 2), colours.len(), 8, "ATTRIBUTES", "COLOR").unwrap();
+        let narrow = bytes(::meshopt::encode_filter_color::<u8>(&colours, bits.min(8)).as_flattened());
+        let narrow = decode(&encoded_as::<4>(&narrow, 1, 2), colours.len(), 4, "ATTRIBUTES", "COLOR").unwrap();
+        // Half a step of the bits there are, in each of three terms; alpha has one bit less.
+        let near = |found: f32, expected: f32, bits: i32| (found - expected).abs() <= 2.0 / ((1 << bits) - 1) as f32;
+        for ((wide, narrow), expected) in wide.chunks_exact(8).zip(narrow.chunks_exact(4)).zip(&colours) {
+            for c in 0..4 {
+                let short = f32::from(u16::from_le_bytes([wide[2 * c], wide[2 * c + 1]])) / 65535.0;
+                prop_assert!(near(short, expected[c], bits), "{} {:?}", short, expected);
+                let byte = f32::from(narrow[c]) / 255.0;
+                prop_assert!(near(byte, expected[c], bits.min(8)), "{} {:?}", byte, expected);
+            }
+        }
+    }
+}
+
 #[test]
 fn a_compressed_view_is_read_like_any_other() {
+    for (extension, version) in [("EXT_meshopt_compression", 0), ("KHR_meshopt_compression", 1)] {
+        compressed_as(extension, version);
+    }
+}
+
+fn compressed_as(extension: &str, version: u32) {
     let (mut plain, mut packed) = (Written::default(), Written::default());
     let positions: Vec<[u16; 4]> = (0..300u16).map(|i| [i * 7, i % 13 * 100, i / 9, 0]).collect();
     let deltas: Vec<[i16; 4]> = (0..300i16).map(|i| [i % 3, 0, -i / 2, 0]).collect();
@@ -143,8 +212,7 @@ fn a_compressed_view_is_read_like_any_other() {
             if compressed {
                 let mut packed = view.clone();
                 (packed["mode"], packed["count"], packed["byteStride"]) = (json!(mode), json!(count), json!(size));
-                *view =
-                    json!({"buffer": 1, "byteLength": bytes.len(), "extensions": {"EXT_meshopt_compression": packed}});
+                *view = json!({"buffer": 1, "byteLength": bytes.len(), "extensions": {extension: packed}});
             }
             if mode == "ATTRIBUTES" {
                 view["byteStride"] = json!(size);
@@ -152,16 +220,16 @@ fn a_compressed_view_is_read_like_any_other() {
             accessor
         };
         let (p, d) = (bytes(positions.as_flattened()), bytes(deltas.as_flattened()));
-        let p = add(U16, "VEC3", 300, 8, &p, &encoded::<8>(&p), "ATTRIBUTES");
-        let d = add(I16, "VEC3", 300, 8, &d, &encoded::<8>(&d), "ATTRIBUTES");
+        let p = add(U16, "VEC3", 300, 8, &p, &encoded_as::<8>(&p, version, 3), "ATTRIBUTES");
+        let d = add(I16, "VEC3", 300, 8, &d, &encoded_as::<8>(&d, version, 3), "ATTRIBUTES");
         let data = ::meshopt::encode_index_buffer(&indices, 300).unwrap();
         let i = add(U16, "SCALAR", indices.len(), 2, &bytes(&shorts), &data, "TRIANGLES");
         file.json["meshes"] =
             json!([{"primitives": [{"attributes": {"POSITION": p}, "indices": i, "targets": [{"POSITION": d}]}]}]);
         if compressed {
-            let fallback = json!({"byteLength": 10_000, "extensions": {"EXT_meshopt_compression": {"fallback": true}}});
+            let fallback = json!({"byteLength": 10_000, "extensions": {extension: {"fallback": true}}});
             file.json["buffers"].as_array_mut().unwrap().push(fallback);
-            file.json["extensionsRequired"] = json!(["KHR_mesh_quantization", "EXT_meshopt_compression"]);
+            file.json["extensionsRequired"] = json!(["KHR_mesh_quantization", extension]);
         }
     }
     let [plain, packed] = [&plain, &packed].map(|file| file.read().unwrap().meshes.remove(0).source);
