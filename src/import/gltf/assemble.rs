@@ -1,7 +1,7 @@
 //! Several meshes as one, and meshes put where a node has them. Vertices have one texture coordinate each, or none.
 
 use crate::asset::{Corner, MorphSource, Semantic, SourceTarget, StreamData, StreamDeltas};
-use glam::{DMat3, DMat4, Vec2, Vec3};
+use glam::{BVec3, DMat3, DMat4, DVec3, Vec2, Vec3};
 use std::collections::{BTreeSet, HashMap};
 
 /// What a vertex has where its part does not say.
@@ -72,6 +72,18 @@ pub fn merge(name: String, parts: Vec<MorphSource>) -> MorphSource {
         all.notes.extend(part.notes);
     }
     all
+}
+
+/// The matrix that all of these are, as far as can be told where positions are: within 1e-4 of their extent.
+pub fn common(matrices: &[DMat4], positions: &[Vec3]) -> Option<DMat4> {
+    let low = positions.iter().copied().reduce(Vec3::min)?.as_dvec3();
+    let high = positions.iter().copied().reduce(Vec3::max)?.as_dvec3();
+    let corner = |i: u32| DVec3::select(BVec3::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), low, high);
+    let (first, others) = matrices.split_first()?;
+    let extent = first.transform_point3(low).distance(first.transform_point3(high));
+    let is_near =
+        |matrix: &DMat4, p: DVec3| first.transform_point3(p).distance(matrix.transform_point3(p)) <= 1e-4 * extent;
+    others.iter().all(|matrix| (0..8).all(|i| is_near(matrix, corner(i)))).then_some(*first)
 }
 
 /// Put a mesh of triangles where `matrix` has it: normals by the inverse transpose, and of unit length again; a mirrored one

@@ -7,7 +7,7 @@
 //!   are dense, sparse or all zero, of any component type (KHR_mesh_quantization), compressed or not
 //!   (KHR_meshopt_compression, EXT_meshopt_compression). Buffers are in the file, in data URIs, or in files beside or below it.
 //! - Values are in the file's space and units: texture coordinates begin at the top left, and a quantised mesh has positions
-//!   of integers, which the transform of its node scales.
+//!   of integers, which the transform of its node scales, or where it has a skin the inverse bind matrices.
 //! - Vertices are the file's. Those at one place are welded ([`MorphSource::weld`]), so normals that are not stated are
 //!   smooth across seams (glTF itself wants flat ones), and no crack opens. Where a target moves positions and states no
 //!   normals, theirs are computed from the deformed surface; glTF itself keeps those of the base pose, as does a target
@@ -48,7 +48,7 @@ pub struct Gltf {
     pub name: String,
     /// The meshes.
     pub meshes: Vec<Mesh>,
-    /// The nodes, of all scenes.
+    /// The nodes, of all scenes: [`Node::is_shown`] are those of the one to draw.
     pub nodes: Vec<Node>,
     /// The skins.
     pub skins: Vec<Skin>,
@@ -139,12 +139,18 @@ impl Gltf {
     ///
     /// ```
     /// # use deltamorph::import::gltf::Gltf;
-    /// fn matrices_for_the_gpu(gltf: &Gltf, seconds: f64) -> Vec<[f32; 16]> {
+    /// /// The first three rows of each, as `SkinMethod::Linear` takes them.
+    /// fn joints_for_the_gpu(gltf: &Gltf, seconds: f64) -> Vec<[f32; 12]> {
     ///     let worlds = gltf.world_matrices(gltf.animations.first().map(|animation| (animation, seconds)));
-    ///     let matrices = gltf.joint_matrices(&gltf.skins[0], &worlds);
-    ///     matrices.iter().map(|matrix| matrix.as_mat4().to_cols_array()).collect()
+    ///     let rows = |matrix: &deltamorph::glam::DMat4| {
+    ///         let matrix = matrix.transpose().as_mat4().to_cols_array();
+    ///         std::array::from_fn(|i| matrix[i])
+    ///     };
+    ///     gltf.joint_matrices(&gltf.skins[0], &worlds).iter().map(rows).collect()
     /// }
     /// ```
+    ///
+    /// Of a quantised mesh these scale, since its node's transform does not apply: dual quaternions cannot say that.
     ///
     /// # Panics
     /// Where `worlds` has fewer matrices than the file nodes.
@@ -204,50 +210,77 @@ impl Gltf {
         Ok(WeightClip { name: animation.name.clone(), names, fps, values })
     }
 
-    /// One mesh of the file: all that have targets, or all there are where none has, as they stand in the scene at rest,
-    /// each where the first node that draws it has it. Targets of one name move together. A mesh with a skin is as it was
-    /// bound. What is left out, and what was merged, is in the notes.
+    /// One mesh of the file: all that have targets and are in the scene that it shows, as they stand there at rest, each
+    /// where the first node that draws it has it. Of a file without targets all that are in the scene; where none of these
+    /// is in the scene, all. Targets of one name move together. A mesh with a skin stands as its joints do, or as it was
+    /// bound where they have since moved. What is left out, and what was merged, is in the notes; so are weights at rest,
+    /// which have no place in a mesh.
     ///
     /// # Errors
     /// No mesh has triangles, or a node flattens its mesh.
     pub fn into_source(mut self) -> Result<MorphSource> {
         let worlds = self.world_matrices(None);
-        let with_targets = self.meshes.iter().any(|mesh| !mesh.source.targets.is_empty());
-        let (mut parts, mut others) = (vec![], vec![]);
-        for (i, mesh) in self.meshes.iter_mut().enumerate().filter(|(_, mesh)| !mesh.source.positions.is_empty()) {
-            let mut source = std::mem::take(&mut mesh.source);
-            if with_targets && source.targets.is_empty() {
-                others.push(source.name);
-                continue;
-            }
-            let nodes = || self.nodes.iter().enumerate().filter(|(_, node)| node.mesh == Some(i));
-            if nodes().count() > 1 {
-                let note = format!("mesh '{}' is drawn by {} nodes: taken once", source.name, nodes().count());
-                source.notes.push(note);
-            }
-            match nodes().next() {
-                Some((_, node)) if node.skin.is_some() => {
-                    source.notes.push(format!("mesh '{}' has a skin: as it was bound", source.name));
+        let drawn =
+            |mesh: usize| self.nodes.iter().enumerate().filter(move |(_, n)| n.is_shown && n.mesh == Some(mesh));
+        let mut taken: Vec<usize> = (0..self.meshes.len()).collect();
+        taken.retain(|mesh| !self.meshes[*mesh].source.positions.is_empty());
+        let mut left_out = vec![];
+        let has_targets = |mesh: &usize| !self.meshes[*mesh].source.targets.is_empty();
+        let is_drawn = |mesh: &usize| drawn(*mesh).next().is_some();
+        for (why, is_wanted) in
+            [("without targets", &has_targets as &dyn Fn(&usize) -> bool), ("not in the scene", &is_drawn)]
+        {
+            if taken.iter().any(is_wanted) {
+                let names = taken.extract_if(.., |mesh| !is_wanted(mesh)).map(|i| self.meshes[i].source.name.as_str());
+                let names: Vec<&str> = names.collect();
+                if !names.is_empty() {
+                    left_out.push(format!("{why}, and left out: '{}'", names.join("', '")));
                 }
-                Some((number, node)) if !assemble::transform(&mut source, &worlds[number]) => {
-                    let what = format!("the transform of node {number} '{}' flattens its mesh", node.name);
-                    return Err(Error::input(&self.path, "", what, "give the node a scale other than 0"));
+            }
+        }
+        let mut parts = vec![];
+        for mesh in taken {
+            let mut source = std::mem::take(&mut self.meshes[mesh].source);
+            let nodes: Vec<_> = drawn(mesh).collect();
+            if nodes.len() > 1 {
+                source.notes.push(format!("mesh '{}' is drawn by {} nodes: taken once", source.name, nodes.len()));
+            }
+            let node = nodes.first().copied();
+            let stated = node.map(|(_, node)| &node.weights).filter(|weights| !weights.is_empty());
+            let weights = stated.unwrap_or(&self.meshes[mesh].weights);
+            let at_rest = weights.iter().zip(&source.targets).filter(|(weight, _)| **weight != 0.0);
+            let at_rest: Vec<String> = at_rest.map(|(weight, target)| format!("{} {weight}", target.name)).collect();
+            if !at_rest.is_empty() {
+                let text = at_rest.join(", ");
+                source.notes.push(format!("mesh '{}' has weights at rest, which are left out: {text}", source.name));
+            }
+            let place = match node {
+                Some((_, Node { skin: Some(skin), .. })) => {
+                    let joints = self.joint_matrices(&self.skins[*skin], &worlds);
+                    let place = assemble::common(&joints, &source.positions);
+                    let how = if place.is_some() { "as its joints stand" } else { "as it was bound" };
+                    source.notes.push(format!("mesh '{}' has a skin: {how}", source.name));
+                    place
                 }
-                Some(_) | None => {}
+                Some((number, _)) => Some(worlds[number]),
+                None => None,
+            };
+            if let (Some((number, node)), Some(place)) = (node, place)
+                && !assemble::transform(&mut source, &place)
+            {
+                let what = format!("the transform of node {number} '{}' flattens its mesh", node.name);
+                return Err(Error::input(&self.path, "", what, "give the node a scale other than 0"));
             }
             parts.push(source);
         }
+        self.notes.extend(left_out);
         if parts.is_empty() {
             let remedy = "give a file with a mesh of triangles";
             return Err(Error::input(&self.path, "", "no mesh has triangles", remedy));
         }
-        let names = |sources: &[String]| format!("'{}'", sources.join("', '"));
-        if !others.is_empty() {
-            self.notes.push(format!("without targets, and left out: {}", names(&others)));
-        }
         if parts.len() > 1 {
-            let merged: Vec<String> = parts.iter().map(|part| part.name.clone()).collect();
-            self.notes.push(format!("merged, targets of one name moved together: {}", names(&merged)));
+            let merged: Vec<&str> = parts.iter().map(|part| part.name.as_str()).collect();
+            self.notes.push(format!("merged, targets of one name moved together: '{}'", merged.join("', '")));
         }
         let mut source = assemble::merge(self.name, parts);
         self.notes.append(&mut source.notes);

@@ -16,6 +16,9 @@ pub struct Node {
     pub parent: Option<usize>,
     /// Its transform relative to the parent, while nothing animates it.
     pub local: Transform,
+    /// Whether it is in the scene that the file shows: its default scene, or else the first. Of files without scenes all
+    /// nodes are.
+    pub is_shown: bool,
     /// Index of the mesh that it draws.
     pub mesh: Option<usize>,
     /// Index of the skin that deforms the mesh. The node's own transform does not apply then: joints say where it is.
@@ -82,6 +85,20 @@ pub fn nodes(file: &Container) -> Result<(Vec<Node>, Vec<usize>)> {
         let at = &list[reached.iter().position(|reached| !reached).unwrap_or_default()];
         return Err(at.refuse("a node below itself", "remove the cycle among the children"));
     }
+    let scene = match root.get("scene") {
+        Some(index) => Some(root.item("scenes", &index)?),
+        None => root.items("scenes")?.into_iter().next(),
+    };
+    if let Some(scene) = scene {
+        nodes.iter_mut().for_each(|node| node.is_shown = false);
+        for index in scene.items("nodes")? {
+            root.item("nodes", &index)?;
+            nodes[index.whole()?].is_shown = true;
+        }
+        for &node in &order {
+            nodes[node].is_shown |= nodes[node].parent.is_some_and(|parent| nodes[parent].is_shown);
+        }
+    }
     Ok((nodes, order))
 }
 
@@ -102,7 +119,8 @@ fn node(root: &At<'_>, at: &At<'_>) -> Result<Node> {
     };
     let weights = at.get("weights").map(|w| w.floats()).transpose()?.unwrap_or_default();
     let (mesh, skin) = (existing("mesh", "meshes")?, existing("skin", "skins")?);
-    Ok(Node { name: at.text_or_empty("name").to_owned(), parent: None, local, mesh, skin, weights })
+    let name = at.text_or_empty("name").to_owned();
+    Ok(Node { name, parent: None, local, is_shown: true, mesh, skin, weights })
 }
 
 /// Read a skin.

@@ -3,6 +3,7 @@
 mod hostile;
 mod meshopt;
 mod scene;
+mod several;
 mod written;
 
 use super::*;

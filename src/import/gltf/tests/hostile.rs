@@ -103,6 +103,11 @@ fn what_is_wrong_is_named_with_its_place() {
             json!(["KHR_draco_mesh_compression"]),
             "extensionsRequired[0]: the extension KHR_draco",
         ),
+        ("/asset/version", json!(2), "asset.version: 2 is no text"),
+        ("/nodes", json!({}), "nodes: no array"),
+        ("/scene", json!(0), "scene: 0, but there are 0 scenes"),
+        ("/meshes/0/primitives/0/attributes", json!({}), "attributes: no property 'POSITION'"),
+        ("/accessors/3/count", json!(5), "primitives[0]: 5 indices for triangles"),
         ("/accessors/0/count", json!(0), "accessors[0].count: 0 elements"),
         ("/accessors/0/count", json!(all), "accessors[0]: 4294967295 elements of 12 bytes every 12 bytes"),
         ("/accessors/0/count", json!(u64::MAX), "accessors[0].count: 18446744073709551615 elements"),
@@ -168,6 +173,17 @@ fn what_is_wrong_is_named_with_its_place() {
         }
     }
     assert!(missed.is_empty(), "{missed:#?}");
+    // What lies in the header of a GLB file, and in those of its chunks.
+    for (at, byte, expected) in [
+        (4, 1, "a.glb: GLB version 1, only 2 is read"),
+        (16, b'X', "a.glb: byte 12: no chunk 'JSON' that fits the file"),
+        (15, 0x7f, "a.glb: byte 12: no chunk 'JSON' that fits the file"),
+    ] {
+        let mut glb = small().glb();
+        glb[at] = byte;
+        let text = message(&glb);
+        assert!(text.contains(expected), "{text}");
+    }
     // What lies in the buffer.
     for (accessor, bytes, expected) in [
         (0, f32::NAN.to_le_bytes().to_vec(), "accessors[0]: element 0 is [NaN, 0.0, 0.0]; replace values"),

@@ -216,7 +216,7 @@ fn meshes_with_targets_are_merged_where_they_stand() {
     );
     assert_eq!((source.targets[0].positions[0].1, source.targets[0].positions[3]), (Vec3::Z * 2.0, (3, Vec3::Z)));
     for note in [
-        "left out: 'eye'",
+        "without targets, and left out: 'eye'",
         "merged, targets of one name moved together: 'head', 'teeth'",
         "'teeth' is drawn by 2 nodes",
     ] {

@@ -1,0 +1,235 @@
+//! Files of several clips, skins, meshes and scenes, of many targets and of none: what a user finds of them.
+
+use super::written::{F32, U8, Written, bytes};
+use super::*;
+
+const CORNERS: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+
+/// A mesh of one triangle, whose targets each move a corner by so much.
+fn triangle(file: &mut Written, name: &str, targets: &[(&str, f32)]) -> Value {
+    let corners = file.floats(&CORNERS);
+    let mut morph = |(i, (_, by)): (usize, &(&str, f32))| {
+        let mut deltas = [[0.0; 3]; 3];
+        deltas[i % 3][2] = *by;
+        json!({"POSITION": file.floats(&deltas)})
+    };
+    let morphs: Vec<Value> = targets.iter().enumerate().map(&mut morph).collect();
+    let names: Vec<&str> = targets.iter().map(|(name, _)| *name).collect();
+    json!({"name": name, "extras": {"targetNames": names}, "primitives": [{"attributes": {"POSITION": corners}, "targets": morphs}]})
+}
+
+/// A clip of the weights of a node: two keys, a second apart.
+fn clip(file: &mut Written, name: &str, node: usize, from: &[f32], to: &[f32]) -> Value {
+    let times = file.floats(&[[0.0], [1.0]]);
+    let values = file.accessor(F32, "SCALAR", 2 * from.len(), &bytes(&[from, to].concat()));
+    json!({"name": name, "samplers": [{"input": times, "output": values}],
+        "channels": [{"sampler": 0, "target": {"node": node, "path": "weights"}}]})
+}
+
+fn names(source: &MorphSource) -> Vec<&str> {
+    source.targets.iter().map(|target| target.name.as_str()).collect()
+}
+
+/// Whether a remark contains each of these.
+fn assert_noted(source: &MorphSource, texts: &[&str]) {
+    for text in texts {
+        assert!(source.notes.iter().any(|note| note.contains(text)), "{text}: {:?}", source.notes);
+    }
+}
+
+#[test]
+fn each_clip_is_found_by_its_name() {
+    let mut file = Written::default();
+    file.json["meshes"] = json!([triangle(&mut file, "head", &[("jaw", 1.0), ("blink", 2.0)])]);
+    file.json["nodes"] = json!([{"mesh": 0}]);
+    let clips = [
+        clip(&mut file, "walk", 0, &[0.0, 0.0], &[1.0, 0.5]),
+        clip(&mut file, "talk", 0, &[0.25, 0.0], &[0.75, 1.0]),
+        clip(&mut file, "talk", 0, &[0.5, 0.5], &[0.0, 0.0]),
+        clip(&mut file, "a#b", 0, &[0.125, 0.0], &[0.0, 0.0]),
+    ];
+    file.json["animations"] = json!(clips);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("head.glb");
+    std::fs::write(&path, file.glb()).unwrap();
+    let listed = crate::import::open(&path, &crate::import::ImportDesc::default()).unwrap().clips;
+    let names: Vec<&str> = listed.iter().map(|clip| clip.to_str().unwrap().split_once('#').unwrap().1).collect();
+    assert_eq!(names, ["walk", "talk", "talk 2", "a#b"]);
+    for (clip, first) in listed.iter().zip([0.0, 0.25, 0.5, 0.125]) {
+        let clip = crate::import::open_clip(clip, None).unwrap();
+        assert_eq!((clip.values[0], &clip.names[..]), (first, &["jaw".to_owned(), "blink".to_owned()][..]));
+        let bound = clip.bind(&["blink", "jaw"]).unwrap();
+        assert_eq!(bound.frames().next().unwrap()[1], first, "{}", clip.name);
+    }
+}
+
+#[test]
+fn hundreds_of_targets_and_targets_of_nothing_are_morphed() {
+    let mut file = Written::default();
+    let all: Vec<(String, f32)> = (0..300).map(|i| (format!("shape {i}"), i as f32 / 65536.0)).collect();
+    let mut listed: Vec<(&str, f32)> = all.iter().map(|(name, by)| (name.as_str(), *by)).collect();
+    // One that moves nothing, between others.
+    listed[7].1 = 0.0;
+    let mut mesh = triangle(&mut file, "head", &listed);
+    // And one that states nothing, and one whose accessor has no bytes.
+    let zeros = {
+        let accessors = file.json["accessors"].as_array_mut().unwrap();
+        accessors.push(json!({"componentType": F32, "type": "VEC3", "count": 3}));
+        accessors.len() - 1
+    };
+    mesh["primitives"][0]["targets"][8] = json!({});
+    mesh["primitives"][0]["targets"][9] = json!({"POSITION": zeros});
+    file.json["meshes"] = json!([mesh]);
+    file.json["nodes"] = json!([{"mesh": 0}]);
+    let weights: Vec<f32> = (0..300).map(|i| (i % 11) as f32 / 16.0).collect();
+    file.json["animations"] = json!([clip(&mut file, "all", 0, &vec![0.0; 300], &weights)]);
+    let read = file.read().unwrap();
+    let sampled = read.animations[0].channels[0].sample(1.0);
+    assert_eq!(sampled, weights.iter().map(|w| f64::from(*w)).collect::<Vec<f64>>());
+    let clip = read.clip(&read.animations[0], Some(1.0)).unwrap();
+    let mesh = read.into_source().unwrap().to_mesh(Tolerance::ZERO).unwrap();
+    assert_eq!((mesh.targets.len(), clip.names.len()), (300, 300));
+    let expected = |corner: usize| -> f64 {
+        let moves = (0..300).filter(|i| i % 3 == corner && !(7..=9).contains(i));
+        moves.map(|i| i as f64 / 65536.0 * f64::from(weights[i])).sum()
+    };
+    for format in [DeltaFormat::Float32, DeltaFormat::BlockFloat32] {
+        let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format)).unwrap());
+        let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).tolerance(1e-3);
+        let mut crowd = CpuCrowd::new(packed.clone(), desc, 1, 1).unwrap();
+        crowd.set_weights(0, &weights).unwrap();
+        crowd.update();
+        let pose = packed.layout().to_user_order(&crowd.pose(0).unwrap());
+        for corner in 0..3 {
+            let off = f64::from(pose[6 * corner + 2]) - expected(corner);
+            assert!(off.abs() < 1e-6, "{format:?} {corner}: {off}");
+        }
+    }
+}
+
+#[test]
+fn a_mesh_of_targets_of_nothing_alone_is_a_mesh() {
+    let mut file = Written::default();
+    let mut mesh = triangle(&mut file, "still", &[("a", 1.0), ("b", 1.0)]);
+    mesh["primitives"][0]["targets"] = json!([{}, {}]);
+    file.json["meshes"] = json!([mesh]);
+    let source = file.read().unwrap().into_source().unwrap();
+    assert_eq!(names(&source), ["a", "b"]);
+    let mesh = source.to_mesh(Tolerance::default()).unwrap();
+    for format in [DeltaFormat::Float32, DeltaFormat::Fast, DeltaFormat::Small] {
+        let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format)).unwrap());
+        let mut crowd = CpuCrowd::new(packed, UpdateDesc::new(UpdatePath::Cpu, BatchSize::All), 1, 1).unwrap();
+        crowd.set_weights(0, &[0.5, 1.0]).unwrap();
+        crowd.update();
+        assert!(crowd.pose(0).unwrap().iter().all(|x| x.is_finite()));
+    }
+}
+
+#[test]
+fn weights_of_a_node_come_before_those_of_its_mesh() {
+    let mut file = Written::default();
+    let mut mesh = triangle(&mut file, "head", &[("jaw", 1.0), ("blink", 2.0)]);
+    mesh["weights"] = json!([0.5, 0.25]);
+    file.json["meshes"] = json!([mesh]);
+    file.json["nodes"] = json!([{"mesh": 0, "weights": [0.0, 0.75]}, {"mesh": 0}, {"mesh": 0, "weights": [1.0]}]);
+    let read = file.read().unwrap();
+    assert_eq!(read.meshes[0].weights, [0.5, 0.25]);
+    let of_nodes: Vec<&[f32]> = read.nodes.iter().map(|node| &node.weights[..]).collect();
+    assert_eq!(of_nodes, [&[0.0, 0.75][..], &[], &[1.0, 0.0]]);
+    assert_noted(&read.into_source().unwrap(), &["mesh 'head' has weights at rest, which are left out: blink 0.75"]);
+    file.json["nodes"] = json!([{"mesh": 0}]);
+    let source = file.read().unwrap().into_source().unwrap();
+    assert_noted(&source, &["which are left out: jaw 0.5, blink 0.25"]);
+    file.json["nodes"] = json!([{"mesh": 0, "weights": [0, 0]}]);
+    assert_eq!(file.read().unwrap().into_source().unwrap().notes, [""; 0]);
+}
+
+/// Bound by two influences to the joints of a skin.
+fn bind(file: &mut Written, mesh: &mut Value, first: u8) {
+    let joints = file.accessor(U8, "VEC4", 3, &[first, 1 - first, 0, 0].repeat(3));
+    let weights = file.floats(&[[0.75f32, 0.25, 0.0, 0.0]; 3]);
+    let attributes = &mut mesh["primitives"][0]["attributes"];
+    (attributes["JOINTS_0"], attributes["WEIGHTS_0"]) = (json!(joints), json!(weights));
+}
+
+#[test]
+fn each_skin_has_its_own_joints_wherever_its_skeleton_is() {
+    let mut file = Written::default();
+    let mut meshes = [triangle(&mut file, "head", &[("jaw", 1.0)]), triangle(&mut file, "coat", &[("wind", 1.0)])];
+    meshes.iter_mut().zip([0, 1]).for_each(|(mesh, first)| bind(&mut file, mesh, first));
+    file.json["meshes"] = json!(meshes);
+    // The skeleton of the second skin is in no scene, and its root no joint.
+    file.json["nodes"] = json!([
+        {"mesh": 0, "skin": 0}, {"mesh": 1, "skin": 1, "scale": [5, 5, 5]},
+        {"translation": [1, 0, 0], "children": [3]}, {"translation": [0, 1, 0]},
+        {"translation": [0, 0, 4], "scale": [2, 2, 2], "children": [5]}, {"children": [6]}, {"translation": [0, 0, 0]},
+    ]);
+    let back = |t: glam::Vec3| glam::Mat4::from_translation(-t).to_cols_array();
+    let bind = file.floats(&[back(glam::Vec3::X), back(glam::Vec3::X)]);
+    file.json["skins"] = json!([
+        {"joints": [2, 3], "inverseBindMatrices": bind}, {"joints": [6, 5], "skeleton": 4, "name": "coat"},
+    ]);
+    file.json["scenes"] = json!([{"nodes": [0, 1, 2]}]);
+    file.json["scene"] = json!(0);
+    let read = file.read().unwrap();
+    let shown: Vec<bool> = read.nodes.iter().map(|node| node.is_shown).collect();
+    assert_eq!(shown, [true, true, true, true, false, false, false]);
+    let worlds = read.world_matrices(None);
+    let moved = |skin: usize, joint: usize| read.joint_matrices(&read.skins[skin], &worlds)[joint];
+    let at = |x: f64, y: f64, z: f64| glam::DVec3::new(x, y, z);
+    assert_eq!(moved(0, 0).transform_point3(at(0.5, 0.0, 0.0)), at(0.5, 0.0, 0.0));
+    assert_eq!(moved(0, 1).transform_point3(at(0.5, 0.0, 0.0)), at(0.5, 1.0, 0.0));
+    // Without inverse bind matrices joints are bound where the mesh is.
+    assert_eq!(moved(1, 0).transform_point3(at(0.5, 0.0, 0.0)), at(1.0, 0.0, 4.0));
+    assert_eq!(read.meshes[1].influences.as_ref().unwrap().joints[..2], [1, 0]);
+    let source = read.into_source().unwrap();
+    assert_noted(&source, &["mesh 'head' has a skin: as it was bound", "mesh 'coat' has a skin: as its joints stand"]);
+    assert_eq!((source.positions[1], source.positions[4]), (Vec3::X, Vec3::new(2.0, 0.0, 4.0)));
+    assert_eq!(source.targets[1].positions, [(3, Vec3::Z * 2.0)]);
+}
+
+#[test]
+fn the_scene_that_is_shown_says_which_meshes_are_taken() {
+    let mut file = Written::default();
+    let meshes = ["head", "spare", "teeth"].map(|name| triangle(&mut file, name, &[(name, 1.0)]));
+    file.json["meshes"] = json!(meshes);
+    file.json["nodes"] = json!([{"mesh": 0, "children": [2]}, {"mesh": 1}, {"mesh": 2}, {"mesh": 0}]);
+    let mut found = |scene: Value, scenes: Value| {
+        (file.json["scene"], file.json["scenes"]) = (scene, scenes);
+        if file.json["scene"].is_null() {
+            file.json.as_object_mut().unwrap().remove("scene");
+        }
+        file.read().and_then(Gltf::into_source)
+    };
+    let scenes = json!([{"nodes": [0]}, {"nodes": [1, 3]}]);
+    let first = found(json!(0), scenes.clone()).unwrap();
+    assert_eq!(names(&first), ["head", "teeth"]);
+    assert_noted(&first, &["not in the scene, and left out: 'spare'"]);
+    assert!(!first.notes.iter().any(|note| note.contains("drawn by")), "{:?}", first.notes);
+    assert_eq!(names(&found(json!(1), scenes.clone()).unwrap()), ["head", "spare"]);
+    // No default scene: the first. No scene, or none that draws: all.
+    assert_eq!(names(&found(Value::Null, scenes.clone()).unwrap()), ["head", "teeth"]);
+    let all = found(Value::Null, json!([])).unwrap();
+    assert_eq!(names(&all), ["head", "spare", "teeth"]);
+    assert_noted(&all, &["mesh 'head' is drawn by 2 nodes: taken once"]);
+    assert_eq!(names(&found(json!(0), json!([{}])).unwrap()), ["head", "spare", "teeth"]);
+    let mut refused = |scene, scenes| found(scene, scenes).unwrap_err().to_string();
+    let text = refused(Value::Null, json!({}));
+    assert!(text.starts_with("a.glb: scenes: no array; "), "{text}");
+    assert!(refused(json!(2), scenes.clone()).starts_with("a.glb: scene: 2, but there are 2 scenes, "));
+    assert!(
+        refused(json!(0), json!([{"nodes": [9]}])).starts_with("a.glb: scenes[0].nodes[0]: 9, but there are 4 nodes")
+    );
+}
+
+#[test]
+fn a_file_of_points_has_no_mesh() {
+    let mut file = Written::default();
+    let mut mesh = triangle(&mut file, "dust", &[("wind", 1.0)]);
+    mesh["primitives"][0]["mode"] = json!(0);
+    file.json["meshes"] = json!([mesh]);
+    let read = file.read().unwrap();
+    assert!(read.meshes[0].source.notes[0].contains("is points or lines, and left out"));
+    let text = read.into_source().unwrap_err().to_string();
+    assert_eq!(text, "a.glb: no mesh has triangles; give a file with a mesh of triangles");
+}
