@@ -188,7 +188,11 @@ impl Crowd {
         base.instances.check(instance)?;
         check_weight(target, weight, base.layout(), base.grid())?;
         let before = base.instances.set_weight(instance, target, weight)?;
-        let checked = base.technique.check_weights(base.instances.weights(instance)?);
+        // A weight of 0 asks for nothing, whatever the others do.
+        let checked = match weight == 0.0 {
+            true => Ok(()),
+            false => base.technique.check_weights(base.instances.weights(instance)?),
+        };
         if checked.is_err() {
             base.instances.set_weight(instance, target, before)?;
         }

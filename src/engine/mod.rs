@@ -7,6 +7,7 @@ mod grow;
 mod poses;
 mod readback;
 mod record;
+mod residency;
 mod set;
 mod upload;
 mod views;
@@ -15,6 +16,7 @@ pub use base::{AnyCrowd, Ticket, Update};
 pub use crowd::{AnimatedCrowd, Crowd};
 pub use grow::Outgrown;
 pub use readback::{PoseReadback, ReadPose};
+pub use residency::SwapCopies;
 pub use set::CrowdSet;
 pub use upload::GpuMesh;
 pub use views::{PoseBuffer, PoseView, StreamView};
@@ -141,13 +143,17 @@ impl MorphEngine {
         Ok(Crowd { base })
     }
 
-    fn check_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc, runner: Runner<'_>) -> Result<()> {
-        if !mesh.groups[0].base.is_on(&self.device) {
-            return Err(Error::invalid(
-                format!("mesh '{}' belongs to another MorphEngine", mesh.layout().name),
-                "upload it with the engine that makes the crowd",
-            ));
+    /// Refuse a mesh that was uploaded elsewhere.
+    fn check_own(&self, mesh: &GpuMesh) -> Result<()> {
+        if mesh.groups[0].base.is_on(&self.device) {
+            return Ok(());
         }
+        let text = format!("mesh '{}' belongs to another MorphEngine", mesh.layout().name);
+        Err(Error::invalid(text, "upload it with the engine that makes the crowd"))
+    }
+
+    fn check_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc, runner: Runner<'_>) -> Result<()> {
+        self.check_own(mesh)?;
         mesh.layouts().try_for_each(|layout| desc.update.check_all(layout, runner))?;
         desc.update.path.check_groups(mesh.groups.len(), mesh.layout())?;
         desc.check_poses(mesh.layouts(), &self.device)?;
@@ -198,6 +204,11 @@ impl MorphEngine {
         animation: &AnimationDesc<'_>,
     ) -> Result<AnimatedCrowd> {
         self.check_crowd(mesh, desc, Runner::Animated(Some(&self.device.caps)))?;
+        if mesh.residency().is_some() {
+            let what =
+                format!("mesh '{}', whose targets come and go, in a crowd animated on the GPU", mesh.layout().name);
+            return Err(Error::invalid(what, "upload it as a whole, with MorphEngine::upload"));
+        }
         // Weights are the GPU's: none are set.
         let base = CrowdBase::new(&self.device, &self.kernels, mesh, desc, 0, |context| {
             Ok(Box::new(Animated::new(context, Clips::new(animation, context.layout(), context.grid())?)?))

@@ -128,7 +128,7 @@ impl MorphEngine {
         Err(Error::invalid(format!("mesh '{}' has no vertices", layout.name), "leave it out"))
     }
 
-    fn check_mesh(&self, layout: &PackedLayout) -> Result<()> {
+    pub(super) fn check_mesh(&self, layout: &PackedLayout) -> Result<()> {
         let caps = &self.device.caps;
         let limit = |what: &str, amount: u64, unit: &str, most: u64, remedy: &str| {
             caps.check_limit(&format!("mesh '{}': {what}", layout.name), (amount, unit, most), remedy)

@@ -6,11 +6,21 @@ use super::device::Device;
 use super::memory::{Buffer, STAGING};
 use super::parts::AssetPart;
 use crate::error::Result;
-use crate::pack::PackedLayout;
+use crate::pack::{PackedGroup, PackedLayout, PackedMesh};
 use crate::plan::schedule::asset_uploaded;
+use crate::residency::Residents;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
+
+/// What base poses and deltas are read as: by kernels, by vertex passes and draws, and by copies.
+const ASSET_USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
+    vk::BufferUsageFlags::STORAGE_BUFFER.as_raw()
+        | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER.as_raw()
+        | vk::BufferUsageFlags::VERTEX_BUFFER.as_raw()
+        | vk::BufferUsageFlags::TRANSFER_SRC.as_raw()
+        | vk::BufferUsageFlags::TRANSFER_DST.as_raw(),
+);
 
 /// The device-local part of a group of a mesh.
 pub(crate) struct MeshBuffers {
@@ -18,11 +28,13 @@ pub(crate) struct MeshBuffers {
     /// The base pose (dense formats).
     pub(crate) base: Buffer,
     /// Dense formats: the deltas. Block formats: headers, deltas and base pose, the whole asset.
-    pub(crate) deltas: Buffer,
+    pub(crate) deltas: Arc<Buffer>,
     /// Block formats: the parts of the asset that descriptors cover.
     pub(crate) parts: Vec<AssetPart>,
     /// Uploaded for one technique, in words of its own: what that has to know of them on the host. Else empty.
     pub(crate) private: Vec<u32>,
+    /// Where targets come and go: which are there. All groups are in one buffer then.
+    pub(crate) residents: Option<Arc<Residents>>,
 }
 
 /// Staging memory, and what is copied from it.
@@ -40,11 +52,6 @@ impl MeshBuffers {
         deltas: &[u32],
         private: Vec<u32>,
     ) -> Result<(Self, Upload)> {
-        let usage = vk::BufferUsageFlags::STORAGE_BUFFER
-            | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
-            | vk::BufferUsageFlags::VERTEX_BUFFER
-            | vk::BufferUsageFlags::TRANSFER_SRC
-            | vk::BufferUsageFlags::TRANSFER_DST;
         let (base_bytes, delta_bytes): (&[u8], &[u8]) = (bytemuck::cast_slice(base), bytemuck::cast_slice(deltas));
         let parts = match layout.format.is_blocks() && private.is_empty() {
             true => AssetPart::cut(&layout, deltas, device.caps.max_storage_range)?,
@@ -59,8 +66,8 @@ impl MeshBuffers {
             None => delta_bytes.len() as u64,
         };
         let name = |what: &str| format!("deltamorph {what} of mesh '{}'", layout.name);
-        let base = Buffer::new(device, &name("base pose"), base_size, usage, MemoryLocation::GpuOnly)?;
-        let deltas = Buffer::new(device, &name("deltas"), deltas_size, usage, MemoryLocation::GpuOnly)?;
+        let base = Buffer::new(device, &name("base pose"), base_size, ASSET_USAGE, MemoryLocation::GpuOnly)?;
+        let deltas = Buffer::new(device, &name("deltas"), deltas_size, ASSET_USAGE, MemoryLocation::GpuOnly)?;
         let (bytes, usage) = ((base_bytes.len() + delta_bytes.len()) as u64, vk::BufferUsageFlags::TRANSFER_SRC);
         let mut staging = Buffer::new(device, &name("upload"), bytes, usage, STAGING)?;
         let mapped = staging.mapped()?;
@@ -78,15 +85,38 @@ impl MeshBuffers {
             copies.push((deltas.raw, region(base_bytes.len(), delta_bytes)));
         }
         copies.retain(|(_, region)| region.size > 0);
-        Ok((Self { layout, base, deltas, parts, private }, Upload { staging, copies }))
+        let mesh = Self { layout, base, deltas: Arc::new(deltas), parts, private, residents: None };
+        Ok((mesh, Upload { staging, copies }))
+    }
+
+    /// All groups of a mesh whose targets come and go: one buffer, and what fills it. Headers and deltas are to be cleared
+    /// before targets come: lists may name entries that are not there, times 0.
+    pub(crate) fn resident(
+        device: &Arc<Device>,
+        mesh: &PackedMesh,
+        residents: &Arc<Residents>,
+    ) -> Result<Vec<(Self, Upload)>> {
+        let name = |what: &str| format!("deltamorph {what} of mesh '{}'", mesh.layout().name);
+        let bytes = residents.bytes().buffer;
+        let deltas = Buffer::new(device, &name("resident deltas"), bytes, ASSET_USAGE, MemoryLocation::GpuOnly)?;
+        let deltas = Arc::new(deltas);
+        let group = |(number, group): (usize, &PackedGroup)| {
+            let (layout, origins) = (group.layout().clone(), residents.origins(number));
+            let base = Buffer::new(device, &name("base pose"), 0, ASSET_USAGE, MemoryLocation::GpuOnly)?;
+            let words: &[u32] = bytemuck::cast_slice(group.base());
+            let upload = Upload::to(device, &deltas, words, &[[origins[2], words.len() as u32]])?;
+            let parts = vec![AssetPart::resident(&layout, bytes, origins)?];
+            let residents = Some(residents.clone());
+            Ok((Self { layout, base, deltas: deltas.clone(), parts, private: vec![], residents }, upload))
+        };
+        mesh.groups().iter().enumerate().map(group).collect()
     }
 
     /// Where the base pose is.
     pub(crate) fn base_pose(&self) -> BufferRange {
-        let size = self.layout.base_bytes();
         match &self.parts[..] {
-            [whole] => BufferRange::new(self.deltas.raw, whole.end() - size, size),
-            _ => BufferRange::new(self.base.raw, 0, size),
+            [whole] => whole.base_pose(self.deltas.raw, &self.layout),
+            _ => BufferRange::new(self.base.raw, 0, self.layout.base_bytes()),
         }
     }
 }
@@ -108,6 +138,33 @@ impl Upload {
         let copies = vec![(buffer.raw, vk::BufferCopy::default().size(bytes))];
         Ok((buffer, Self { staging, copies }))
     }
+
+    /// What copies `words` to runs of a buffer: of each its first word there, and how many.
+    pub(crate) fn to(device: &Arc<Device>, buffer: &Buffer, words: &[u32], runs: &[[u32; 2]]) -> Result<Self> {
+        let bytes: &[u8] = bytemuck::cast_slice(words);
+        let usage = vk::BufferUsageFlags::TRANSFER_SRC;
+        let mut staging = Buffer::new(device, "deltamorph upload", bytes.len() as u64, usage, STAGING)?;
+        staging.mapped()?[..bytes.len()].copy_from_slice(bytes);
+        let mut from = 0;
+        let copy = |[at, words]: &[u32; 2]| {
+            let (src_offset, size) = (from, 4 * u64::from(*words));
+            from += size;
+            (buffer.raw, vk::BufferCopy { src_offset, dst_offset: 4 * u64::from(*at), size })
+        };
+        Ok(Self { copies: runs.iter().map(copy).collect(), staging })
+    }
+
+    /// Record the copies.
+    ///
+    /// # Safety
+    /// As [`record_uploads`], which puts a barrier behind.
+    pub(crate) unsafe fn record(&self, device: &Device, cmd: vk::CommandBuffer) {
+        for copies in self.copies.chunk_by(|a, b| a.0 == b.0) {
+            let regions: Vec<vk::BufferCopy> = copies.iter().map(|(_, region)| *region).collect();
+            // SAFETY: the caller's obligations; regions lie within both buffers, and overlap nowhere.
+            unsafe { device.raw.cmd_copy_buffer(cmd, self.staging.raw, copies[0].0, &regions) };
+        }
+    }
 }
 
 /// Record the upload of all groups of a mesh, or of what goes with it, and one barrier after it.
@@ -117,10 +174,8 @@ impl Upload {
 /// - The uploads and their meshes are dropped only when the device no longer uses them.
 pub(crate) unsafe fn record_uploads(device: &Device, cmd: vk::CommandBuffer, uploads: &[Upload]) {
     for upload in uploads {
-        for (buffer, region) in &upload.copies {
-            // SAFETY: the caller's obligations; the region lies within both buffers, and the two do not overlap.
-            unsafe { device.raw.cmd_copy_buffer(cmd, upload.staging.raw, *buffer, &[*region]) };
-        }
+        // SAFETY: the caller's obligations.
+        unsafe { upload.record(device, cmd) };
     }
     if let Some(barrier) = asset_uploaded() {
         // SAFETY: the caller's obligations.

@@ -16,6 +16,10 @@ pub(crate) struct AssetPart {
     pub(crate) entries: Range<usize>,
     /// Bytes from the beginning of the buffer, a multiple of 256.
     offset: u64,
+    size: u64,
+    /// Where headers, deltas and base pose would begin, in words, if the part had those of all blocks: kernels know
+    /// entries and blocks by their numbers in the mesh. Below 0 where the first are in other parts: words wrap.
+    pub(crate) origins: [u32; 3],
     /// What it has of the headers, the deltas and the base pose of the mesh, in words.
     sources: [Range<usize>; 3],
 }
@@ -39,7 +43,21 @@ impl AssetPart {
         let base = layout.base_bytes() as usize / 4 / index.count();
         let sources =
             [entries.start * header..entries.end * header, delta[0]..delta[1], blocks.start * base..blocks.end * base];
-        Ok(Self { blocks, entries, offset, sources })
+        let [headers, deltas, bases] = sources.each_ref().map(Range::len);
+        let deltas_at = headers.next_multiple_of(4);
+        let places = [0, deltas_at, deltas_at + deltas];
+        let origins = std::array::from_fn(|i| (places[i] as u32).wrapping_sub(sources[i].start as u32));
+        Ok(Self { blocks, entries, offset, size: 4 * (places[2] + bases) as u64, origins, sources })
+    }
+
+    /// All blocks of a mesh, entries of which come to a buffer of so many bytes and go: what is where, others say.
+    ///
+    /// # Errors
+    /// No blocks.
+    pub(crate) fn resident(layout: &PackedLayout, size: u64, origins: [u32; 3]) -> Result<Self> {
+        let index = layout.index()?;
+        let (blocks, entries) = (0..index.count(), 0..index.entry_count());
+        Ok(Self { blocks, entries, offset: 0, size, origins, sources: [0..0, 0..0, 0..0] })
     }
 
     /// Cut an asset of these words into parts of at most `most` bytes: one, where it fits.
@@ -51,16 +69,16 @@ impl AssetPart {
         for block in 0..layout.index()?.count() {
             if let Some(last) = parts.last_mut() {
                 let longer = Self::new(layout, words, last.blocks.start..block + 1, last.offset)?;
-                if longer.size() <= most {
+                if longer.size <= most {
                     *last = longer;
                     continue;
                 }
             }
             let offset = parts.last().map_or(0, Self::end).next_multiple_of(256);
             let part = Self::new(layout, words, block..block + 1, offset)?;
-            if part.size() > most {
+            if part.size > most {
                 let text =
-                    format!("mesh '{}': a block takes {} bytes; the device allows {most}", layout.name, part.size());
+                    format!("mesh '{}': a block takes {} bytes; the device allows {most}", layout.name, part.size);
                 return Err(Error::invalid(text, "pack into smaller blocks, or in a smaller format"));
             }
             parts.push(part);
@@ -68,40 +86,28 @@ impl AssetPart {
         Ok(parts)
     }
 
-    /// Where headers, deltas and base pose begin in the part, in words, and where they end.
-    fn places(&self) -> [usize; 4] {
-        let [headers, deltas, base] = self.sources.each_ref().map(Range::len);
-        let deltas_at = headers.next_multiple_of(4);
-        [0, deltas_at, deltas_at + deltas, deltas_at + deltas + base]
-    }
-
-    fn size(&self) -> u64 {
-        4 * self.places()[3] as u64
-    }
-
     /// Bytes from the beginning of the buffer to the end of the part.
     pub(crate) fn end(&self) -> u64 {
-        self.offset + self.size()
+        self.offset + self.size
     }
 
-    /// Where headers, deltas and base pose would begin, in words, if the part had those of all blocks: kernels know
-    /// entries and blocks by their numbers in the mesh. Below 0 where the first are in other parts: words wrap.
-    pub(crate) fn origins(&self) -> [u32; 3] {
-        let places = self.places();
-        std::array::from_fn(|i| (places[i] as u32).wrapping_sub(self.sources[i].start as u32))
+    /// Where the base pose is, of a part that is the whole asset.
+    pub(crate) fn base_pose(&self, asset: vk::Buffer, layout: &PackedLayout) -> BufferRange {
+        BufferRange::new(asset, self.offset + 4 * u64::from(self.origins[2]), layout.base_bytes())
     }
 
     pub(crate) fn range(&self, asset: vk::Buffer) -> BufferRange {
-        BufferRange::new(asset, self.offset, self.size())
+        BufferRange::new(asset, self.offset, self.size)
     }
 
     /// What fills the part, from memory that holds the base pose and behind it the words of the mesh.
     pub(crate) fn copies(&self, layout: &PackedLayout) -> [vk::BufferCopy; 3] {
-        let (base_bytes, places) = (layout.base_bytes(), self.places());
+        let base_bytes = layout.base_bytes();
+        let place = |i: usize| self.origins[i].wrapping_add(self.sources[i].start as u32);
         let sections = [base_bytes, base_bytes + layout.index_bytes(), 0];
         std::array::from_fn(|i| vk::BufferCopy {
             src_offset: sections[i] + 4 * self.sources[i].start as u64,
-            dst_offset: self.offset + 4 * places[i] as u64,
+            dst_offset: self.offset + 4 * u64::from(place(i)),
             size: 4 * self.sources[i].len() as u64,
         })
     }

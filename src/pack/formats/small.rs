@@ -114,6 +114,10 @@ impl BlockFormat for Small {
         true
     }
 
+    fn locates_deltas(&self) -> bool {
+        true
+    }
+
     fn header_words(&self) -> usize {
         1 + TRIPLES
     }

@@ -167,7 +167,7 @@ impl GroupBlocks {
         let [position, normal] = index.steps();
         let [position_dropped, normal_dropped] = poses.grid.map_or([0; TRIPLES], |grid| grid.dropped);
         let push = |part: &AssetPart| {
-            let [headers_at, deltas_at, base_at] = part.origins();
+            let [headers_at, deltas_at, base_at] = part.origins;
             BlocksPush {
                 first_item: 0,
                 elements_at: elements_at as u32,
