@@ -124,7 +124,8 @@ impl MorphEngine {
     }
 
     /// Let targets go, and load others. Whatever takes no more than is free in all finds a place: where no hole is large
-    /// enough, targets that are there move, which is copied as well ([`SwapCopies::bytes`] has both).
+    /// enough, targets that are there move, which is copied as well ([`SwapCopies::bytes`] has both). That is so in the
+    /// format `small` alone, and little where some percent are left free.
     ///
     /// `source` is the packed mesh that was uploaded, or the same read again from its file: deltas are copied from it, and
     /// it may be dropped between swaps.

@@ -54,18 +54,16 @@ impl Space {
     pub fn place(&mut self, mut entries: Vec<(u32, Key)>, mut placed: impl FnMut(Key, u32)) {
         // The largest first: small ones fit what they leave.
         entries.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
-        let mut rest: u32 = entries.iter().map(|(words, _)| words).sum();
-        debug_assert!(rest <= self.free, "callers make sure");
+        debug_assert!(entries.iter().map(|(words, _)| words).sum::<u32>() <= self.free, "callers make sure");
         for (words, key) in entries.into_iter().filter(|(words, _)| *words > 0) {
             if self.smallest_hole(words).is_none() {
-                self.compact(rest, &mut placed);
+                self.compact(words, &mut placed);
             }
             let Some((hole, at)) = self.smallest_hole(words) else { return };
             self.remove_hole(at, hole);
             self.add_hole(at + words, hole - words);
             self.used.insert(at, (words, key));
             self.free -= words;
-            rest -= words;
             placed(key, at);
         }
     }
