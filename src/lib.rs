@@ -6,8 +6,8 @@
 //! 1. Mesh: [`import::open`], [`MorphSource::from_arrays`] or the built-in [`import::sample::head`], then
 //!    [`MorphSource::to_mesh`] and [`PackedMesh::pack`]; or [`Asset::read`] of what was packed before.
 //! 2. Device: [`requirements`] before you create it, [`MorphEngine::new`] after.
-//! 3. [`MorphEngine::upload`] the mesh, [`MorphEngine::create_crowd`]. Of a mesh with many targets, of which few are used at a
-//!    time, [`MorphEngine::upload_resident`] keeps only those on the device that [`MorphEngine::record_swap`] loads.
+//! 3. [`MorphEngine::upload`] the mesh, [`MorphEngine::create_crowd`]. Of a mesh with many targets, of which few are used
+//!    at a time, [`MorphEngine::upload_resident`] keeps only those on the device that [`MorphEngine::record_swap`] loads.
 //! 4. Each frame: [`Crowd::set_weights`], [`MorphEngine::record_update`], and draw from [`Crowd::pose`]; motion vectors
 //!    take [`Crowd::previous_pose`]. What may follow (skinning, normals of the surface, bounds, float32 of any pose) is in
 //!    [`after`]. [`ClipLayer::mix`] makes weights of clips; [`CrowdSet`] gives them to several meshes;

@@ -132,8 +132,8 @@ fn record_between(
     keep: [bool; 2],
 ) -> deltamorph::Result<SwapCopies> {
     let swap = TargetSwap::default().load(&[4]).unload(&[3]);
-    // SAFETY: the callers hand in a recording buffer of the engine's device and wait for it; barriers that are left out are
-    // what is to be found.
+    // SAFETY: the callers hand in a recording buffer of the engine's device and wait for it; barriers that are left
+    // out are what is to be found.
     unsafe {
         crowd.set_weight(0, 3, 0.5)?;
         engine.record_update(cmd, crowd)?;

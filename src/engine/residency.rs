@@ -11,8 +11,8 @@ use crate::residency::{Copied, Residency, Residents, TargetSwap};
 use ash::vk;
 use std::sync::Arc;
 
-/// The copies of a swap of targets: the memory that they read and write. To be dropped when they have run, which may be after
-/// the mesh; or handed to [`GpuMesh::discard_swap`] where they never will.
+/// The copies of a swap of targets: the memory that they read and write. To be dropped when they have run, which may
+/// be after the mesh; or handed to [`GpuMesh::discard_swap`] where they never will.
 #[must_use = "the copies read its memory until they have run"]
 pub struct SwapCopies {
     _staging: Option<Upload>,
@@ -23,8 +23,8 @@ pub struct SwapCopies {
 }
 
 impl SwapCopies {
-    /// Bytes that are copied to the device: of what came, and of what had to move for it. They lie in staging memory until
-    /// this is dropped.
+    /// Bytes that are copied to the device: of what came, and of what had to move for it. They lie in staging memory
+    /// until this is dropped.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
@@ -37,8 +37,8 @@ impl GpuMesh {
         self.groups[0].residents.as_ref().map(|residents| residents.bytes())
     }
 
-    /// Whether weights of target `target` may be requested: all targets are there of a mesh that was uploaded as a whole,
-    /// of others those that were loaded. As of the last recorded swap.
+    /// Whether weights of target `target` may be requested: all targets are there of a mesh that was uploaded as a
+    /// whole, of others those that were loaded. As of the last recorded swap.
     pub fn is_resident(&self, target: usize) -> bool {
         match &self.groups[0].residents {
             Some(residents) => residents.is_resident(target),
@@ -47,8 +47,8 @@ impl GpuMesh {
     }
 
     /// A swap will never run: its command buffer is not submitted. What it copied is not there then; the next
-    /// [`MorphEngine::record_swap`], be it of nothing, copies that again, and until then updates that need it are refused.
-    /// Targets that it let go are gone. Updates recorded after it never run, either: they are
+    /// [`MorphEngine::record_swap`], be it of nothing, copies that again, and until then updates that need it are
+    /// refused. Targets that it let go are gone. Updates recorded after it never run, either: they are
     /// [discarded](crate::Crowd::discard), too.
     ///
     /// # Errors
@@ -77,15 +77,17 @@ impl GpuMesh {
 }
 
 impl MorphEngine {
-    /// Create the buffer of a mesh in blocks whose targets come and go, and record the upload of its base pose: no target is
-    /// on the device yet. [`record_swap`](Self::record_swap) loads them, in the same command buffer or later.
+    /// Create the buffer of a mesh in blocks whose targets come and go, and record the upload of its base pose: no
+    /// target is on the device yet. [`record_swap`](Self::record_swap) loads them, in the same command buffer or
+    /// later.
     ///
     /// `resident_bytes` bounds the deltas that are on the device at a time: at least those of the largest target
     /// ([`PackedMesh::target_bytes`]), and as a rule those of all targets that are used at once.
-    /// [`GpuMesh::residency`] says what the buffer takes; it is made here, and never grows. Crowds of the mesh are made by
-    /// [`create_crowd`](Self::create_crowd) as of any other; they are on the path `blocks`, in any format of poses, and
-    /// their updates take as long and have the same bits as with a mesh that was [uploaded](Self::upload) as a whole.
-    /// Crowds [animated](Self::create_animated_crowd) on the GPU, which requests weights there, are refused.
+    /// [`GpuMesh::residency`] says what the buffer takes; it is made here, and never grows. Crowds of the mesh are
+    /// made by [`create_crowd`](Self::create_crowd) as of any other; they are on the path `blocks`, in any format of
+    /// poses, and their updates take as long and have the same bits as with a mesh that was [uploaded](Self::upload)
+    /// as a whole. Crowds [animated](Self::create_animated_crowd) on the GPU, which requests weights there, are
+    /// refused.
     ///
     /// A weight other than 0 of a target that is not there is refused by whatever sets it, and by the update of a crowd
     /// that has requested it before the target went.
@@ -123,38 +125,38 @@ impl MorphEngine {
         Ok(unsafe { self.upload_groups(cmd, groups) })
     }
 
-    /// Let targets go, and load others. Whatever takes no more than is free in all finds a place: where no hole is large
-    /// enough, targets that are there move, which is copied as well ([`SwapCopies::bytes`] has both). That is so in the
-    /// format `small` alone, and little where some percent are left free.
+    /// Let targets go, and load others. Whatever takes no more than is free in all finds a place: where no hole is
+    /// large enough, targets that are there move, which is copied as well ([`SwapCopies::bytes`] has both). That is
+    /// so in the format `small` alone, and little where some percent are left free.
     ///
-    /// `source` is the packed mesh that was uploaded, or the same read again from its file: deltas are copied from it, and
-    /// it may be dropped between swaps.
+    /// `source` is the packed mesh that was uploaded, or the same read again from its file: deltas are copied from
+    /// it, and it may be dropped between swaps.
     ///
-    /// A target cannot go while poses hold it: after the last recorded update of each crowd of the mesh, of all instances
-    /// that have a pose, be they hidden. Record an update with its weight at 0 first; with an error budget a second one,
-    /// of the same weights, since the first may defer some of it. Instances that were removed let go in the next update
-    /// of their crowd, crowds when they are dropped, and so does what they had before they
+    /// A target cannot go while poses hold it: after the last recorded update of each crowd of the mesh, of all
+    /// instances that have a pose, be they hidden. Record an update with its weight at 0 first; with an error budget
+    /// a second one, of the same weights, since the first may defer some of it. Instances that were removed let go in
+    /// the next update of their crowd, crowds when they are dropped, and so does what they had before they
     /// [grew](Self::grow_crowd).
     ///
     /// This records: a barrier (first stages TRANSFER and COMPUTE_SHADER, with TRANSFER_WRITE; last TRANSFER with
-    /// TRANSFER_WRITE), copies, and a barrier (first TRANSFER with TRANSFER_WRITE; last COMPUTE_SHADER with SHADER_READ):
-    /// updates recorded before it read what was there, updates recorded after it what is there then, also in one command
-    /// buffer. Nothing where there is nothing to copy, as where targets only go.
+    /// TRANSFER_WRITE), copies, and a barrier (first TRANSFER with TRANSFER_WRITE; last COMPUTE_SHADER with
+    /// SHADER_READ): updates recorded before it read what was there, updates recorded after it what is there then,
+    /// also in one command buffer. Nothing where there is nothing to copy, as where targets only go.
     ///
-    /// The caller is responsible for: submitting `cmd` once, after all updates and swaps of the mesh that were recorded
-    /// before, and before those recorded after, or handing what is returned to [`GpuMesh::discard_swap`]; keeping what is
-    /// returned until the copies have run.
+    /// The caller is responsible for: submitting `cmd` once, after all updates and swaps of the mesh that were
+    /// recorded before, and before those recorded after, or handing what is returned to [`GpuMesh::discard_swap`];
+    /// keeping what is returned until the copies have run.
     ///
     /// # Errors
-    /// A mesh of another engine, or one that was uploaded as a whole; another `source`; a target that there is not, or that
-    /// is in both lists; one that is to go while poses hold it, by name; more bytes than are free; no memory. Nothing is
-    /// recorded then, and nothing changes.
+    /// A mesh of another engine, or one that was uploaded as a whole; another `source`; a target that there is not,
+    /// or that is in both lists; one that is to go while poses hold it, by name; more bytes than are free; no memory.
+    /// Nothing is recorded then, and nothing changes.
     ///
     /// # Safety
     /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
     ///   without active conditional rendering, on a queue with compute.
-    /// - It runs exactly once, after the upload of the mesh and all updates of its crowds and swaps recorded before, and
-    ///   before those recorded later; or it never runs, nor does any update recorded later, and
+    /// - It runs exactly once, after the upload of the mesh and all updates of its crowds and swaps recorded before,
+    ///   and before those recorded later; or it never runs, nor does any update recorded later, and
     ///   [`GpuMesh::discard_swap`] is called before anything else of the mesh is recorded.
     /// - What is returned is dropped only when the device no longer uses it. It keeps the buffer of the mesh alive.
     /// - No update of a crowd of the mesh is recorded on another thread meanwhile.

@@ -89,8 +89,8 @@ impl MeshBuffers {
         Ok((mesh, Upload { staging, copies }))
     }
 
-    /// All groups of a mesh whose targets come and go: one buffer, and what fills it. Headers and deltas are to be cleared
-    /// before targets come: lists may name entries that are not there, times 0.
+    /// All groups of a mesh whose targets come and go: one buffer, and what fills it. Headers and deltas are to be
+    /// cleared before targets come: lists may name entries that are not there, times 0.
     pub(crate) fn resident(
         device: &Arc<Device>,
         mesh: &PackedMesh,

@@ -1,13 +1,14 @@
-//! Targets of a mesh in blocks that come to the device and go: which are there, where their deltas lie, and which crowds
-//! need them.
+//! Targets of a mesh in blocks that come to the device and go: which are there, where their deltas lie, and which
+//! crowds need them.
 //!
 //! ```text
 //! buffer   [header] [entry of any group, target and block] [base pose of each group]
 //! ```
 //!
-//! Kernels know an entry by the number that a work list gives it, and lists are written by the host. So an entry may lie
-//! anywhere. Where all entries have as many words, a list names the place that an entry has now; where headers say where
-//! deltas are (`small`), all headers have places of their own, and lists name entries by their numbers as ever.
+//! Kernels know an entry by the number that a work list gives it, and lists are written by the host. So an entry may
+//! lie anywhere. Where all entries have as many words, a list names the place that an entry has now; where headers
+//! say where deltas are (`small`), all headers have places of their own, and lists name entries by their numbers as
+//! ever.
 //!
 //! Planning takes updates and swaps as done when they are recorded: they run in that order.
 
@@ -38,12 +39,13 @@ pub struct TargetSwap<'a> {
 
 setters!(TargetSwap<'a> { load: &'a [usize], unload: &'a [usize] });
 
-/// Device memory of a mesh whose targets come and go, in bytes. [`GpuMesh::residency`](crate::GpuMesh::residency) tells it.
+/// Device memory of a mesh whose targets come and go, in bytes. [`GpuMesh::residency`](crate::GpuMesh::residency)
+/// tells it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Residency {
-    /// For deltas, in all: what [`MorphEngine::upload_resident`](crate::MorphEngine::upload_resident) was given, rounded
-    /// down to whole entries, or less where all targets take less.
+    /// For deltas, in all: what [`MorphEngine::upload_resident`](crate::MorphEngine::upload_resident) was given,
+    /// rounded down to whole entries, or less where all targets take less.
     pub capacity: u64,
     /// Taken by the targets that are there. The rest is free, for any targets that take no more in all.
     pub used: u64,
@@ -216,8 +218,8 @@ impl Residents {
     /// Change `state` as `swap` says, and return the entries that have to be copied to their places.
     ///
     /// # Errors
-    /// A target that there is not, or that is to come and go; one that poses hold; too few bytes. The state is of no use
-    /// then.
+    /// A target that there is not, or that is to come and go; one that poses hold; too few bytes. The state is of no
+    /// use then.
     pub fn swap(&self, state: &mut State, swap: &TargetSwap<'_>) -> Result<Copied> {
         let count = self.targets.len();
         if let Some(target) = swap.load.iter().chain(swap.unload).find(|target| **target >= count) {
@@ -232,7 +234,8 @@ impl Residents {
             let crowds = state.holders[target];
             if crowds > 0 {
                 let text = format!("{} is to go, and poses of {crowds} crowds hold it", self.name(target));
-                let remedy = "record an update with its weight at 0 in all instances first, twice where there is an error budget";
+                let remedy =
+                    "record an update with its weight at 0 in all instances first, or two where there is a budget";
                 return Err(Error::invalid(text, remedy));
             }
             if std::mem::replace(&mut state.presence[target], Presence::Away) != Presence::Away {

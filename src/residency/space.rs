@@ -1,5 +1,5 @@
-//! Memory of a fixed size that entries come to and go from. What is free in all is enough: where no hole is large enough,
-//! entries move together.
+//! Memory of a fixed size that entries come to and go from. What is free in all is enough: where no hole is large
+//! enough, entries move together.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -49,8 +49,8 @@ impl Space {
         self.add_hole(first, end - first);
     }
 
-    /// Find places for entries of so many words each, which take no more than is free in all: `placed` is told each, and
-    /// those of others that move. An entry may be told several times: the last place counts.
+    /// Find places for entries of so many words each, which take no more than is free in all: `placed` is told each,
+    /// and those of others that move. An entry may be told several times: the last place counts.
     pub fn place(&mut self, mut entries: Vec<(u32, Key)>, mut placed: impl FnMut(Key, u32)) {
         // The largest first: small ones fit what they leave.
         entries.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));

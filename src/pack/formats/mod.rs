@@ -179,8 +179,8 @@ pub(crate) trait BlockFormat {
         false
     }
 
-    /// Whether the first word of a header says where the entry's deltas begin. Otherwise all entries of a mesh have as many
-    /// words, one entry after the other.
+    /// Whether the first word of a header says where the entry's deltas begin. Otherwise all entries of a mesh have as
+    /// many words, one entry after the other.
     fn locates_deltas(&self) -> bool {
         false
     }

@@ -52,8 +52,8 @@ impl Planner {
         }
     }
 
-    /// Mark the targets that poses hold, of instances that have one: the pose of others is written from base, with what is
-    /// requested then.
+    /// Mark the targets that poses hold, of instances that have one: the pose of others is written from base, with what
+    /// is requested then.
     pub fn mark_applied(&self, instances: &Instances, targets: &mut [bool]) {
         let is_known = |i: &usize| instances.check(*i as u32).is_ok_and(|place| instances.slots_of(place).is_some());
         for (group, states) in self.groups.iter().zip(&self.states) {
