@@ -3,7 +3,7 @@
 use super::submission::{Fate, Submission, first_astray};
 use super::{import, invalid, lock};
 use deltamorph::ash::vk;
-use deltamorph::{CrowdDesc, PackedLayout, PoseView, Result, Semantic, StreamView, Ticket};
+use deltamorph::{CrowdDesc, PackedLayout, PoseBuffer, PoseView, Result, Semantic, StreamView, Ticket};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 use std::thread::sleep;
@@ -11,10 +11,8 @@ use std::time::{Duration, Instant};
 
 /// Instances of one mesh, each with weights and poses of its own: see [`deltamorph::Crowd`].
 pub struct Crowd {
-    /// Those of the poses, once there are any.
+    /// Those of the poses.
     buffers: Vec<(vk::Buffer, wgpu::Buffer)>,
-    /// A stream of each buffer, and its bytes.
-    groups: Vec<(Semantic, u64)>,
     /// Updates that have not finished yet, the oldest first.
     pending: VecDeque<(Ticket, Arc<Submission>)>,
     shared: Arc<Mutex<deltamorph::Crowd>>,
@@ -59,15 +57,20 @@ impl Crowd {
         crowd: deltamorph::Crowd,
         layouts: impl Iterator<Item = &'a PackedLayout>,
         device: &wgpu::Device,
-    ) -> Self {
+    ) -> Result<Self> {
         let desc = *crowd.desc();
-        let poses = u64::from(desc.instances) * u64::from(desc.update.slots);
-        let group = |layout: &PackedLayout| {
-            Some((layout.streams.first()?.semantic, poses * layout.pose_bytes(desc.update.pose)))
-        };
-        let groups = layouts.filter_map(group).collect();
+        let streams = layouts.filter_map(|layout| layout.streams.first());
+        let places: Vec<_> = streams.map(|stream| crowd.pose_buffer(stream.semantic)).collect::<Result<_>>()?;
         let shared = Arc::new(Mutex::new(crowd));
-        Self { buffers: vec![], groups, pending: VecDeque::new(), shared, desc, device: device.clone() }
+        let usage = wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+        let imported = |place: PoseBuffer| {
+            let (raw, (begin, size)) = (place.first.buffer, place.poses);
+            // SAFETY: the buffer is the crowd's, and lives as long; its usages are those that `StreamView::buffer` names,
+            // and it has room for all poses. Updates write a pose before its place is known.
+            (raw, unsafe { import(device, raw, begin + size, usage, shared.clone()) })
+        };
+        let buffers = places.into_iter().map(imported).collect();
+        Ok(Self { buffers, pending: VecDeque::new(), shared, desc, device: device.clone() })
     }
 
     /// How the crowd was made.
@@ -153,7 +156,9 @@ impl Crowd {
 
     fn buffer(&self, raw: vk::Buffer) -> Result<&wgpu::Buffer> {
         let found = self.buffers.iter().find(|(handle, _)| *handle == raw);
-        found.map(|(_, buffer)| buffer).ok_or_else(|| invalid("the crowd has no poses yet", "update it first"))
+        found
+            .map(|(_, buffer)| buffer)
+            .ok_or_else(|| invalid("a pose in a buffer that is not of the crowd", "this is a bug"))
     }
 
     pub(crate) fn shared(&self) -> &Arc<Mutex<deltamorph::Crowd>> {
@@ -161,26 +166,8 @@ impl Crowd {
     }
 
     /// An update was recorded into the command buffer of a submission.
-    pub(crate) fn updated(&mut self, ticket: Ticket, submission: Arc<Submission>) -> Result<()> {
+    pub(crate) fn updated(&mut self, ticket: Ticket, submission: Arc<Submission>) {
         self.pending.push_back((ticket, submission));
-        if self.buffers.is_empty() {
-            self.buffers = self.import()?;
-        }
-        Ok(())
-    }
-
-    /// The buffers of the poses: there are some once an update has made a pose.
-    fn import(&self) -> Result<Vec<(vk::Buffer, wgpu::Buffer)>> {
-        let crowd = lock(&self.shared);
-        let Some(shown) = crowd.shown().next() else { return Ok(vec![]) };
-        let usage = wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
-        let group = |(semantic, size): &(Semantic, u64)| {
-            let raw = crowd.stream(shown, *semantic)?.buffer;
-            // SAFETY: the buffer is the crowd's, and lives as long; its usages are those that `StreamView::buffer` names,
-            // and it has room for all poses. Updates write a pose before its place is known.
-            Ok((raw, unsafe { import(&self.device, raw, *size, usage, self.shared.clone()) }))
-        };
-        self.groups.iter().map(group).collect()
     }
 
     /// Wait until another update may be recorded, and discard what has to be.

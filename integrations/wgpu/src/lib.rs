@@ -31,8 +31,8 @@
 //!
 //! # Synchronization
 //! wgpu knows nothing of the commands of an update, and takes pose buffers for ones that nobody ever writes. Barriers are
-//! the update's own, on both sides, for draws (vertex attributes, and storage buffers in vertex shaders), compute passes and
-//! copies. Nothing else may read poses: no fragment shader; nobody but updates writes them.
+//! the update's own, on both sides, for draws (vertex attributes, and storage buffers in vertex and fragment shaders), compute passes and
+//! copies. Nobody but updates writes poses.
 
 mod crowd;
 mod input;
@@ -148,7 +148,7 @@ impl Morph {
         let desc = desc.consumers(desc.consumers | consumers());
         let gpu = lock(&mesh.gpu);
         let crowd = self.engine.create_crowd(&gpu, &desc)?;
-        Ok(Crowd::new(crowd, gpu.layouts(), &self.device))
+        Crowd::new(crowd, gpu.layouts(), &self.device)
     }
 
     /// Record an update of these crowds to the weights requested, with common barriers: all that are updated in a frame
@@ -225,7 +225,7 @@ impl Morph {
         let flight = Flight::new(&submission, crowds.iter().map(|crowd| crowd.shared().clone()).collect());
         commands.on_submitted_work_done(move || drop(flight));
         for (crowd, update) in crowds.iter_mut().zip(updates) {
-            crowd.updated(update.ticket, submission.clone())?;
+            crowd.updated(update.ticket, submission.clone());
         }
         Ok(Some(commands))
     }
@@ -253,9 +253,9 @@ impl Mesh {
     }
 }
 
-/// All that wgpu can do with a pose, fragment shaders apart.
+/// All that wgpu can do with a pose.
 fn consumers() -> Consumers {
-    let draws = Consumers::VERTEX_ATTRIBUTES | Consumers::VERTEX_SHADERS;
+    let draws = Consumers::VERTEX_ATTRIBUTES | Consumers::VERTEX_SHADERS | Consumers::FRAGMENT_SHADERS;
     draws | Consumers::COMPUTE_SHADERS | Consumers::COPIES
 }
 
