@@ -1,0 +1,282 @@
+//! Heads of Bevy's, lit, with shadows, without a window.
+
+use bevy::app::PluginsState;
+use bevy::asset::RenderAssetUsages;
+use bevy::camera::RenderTarget;
+use bevy::core_pipeline::prepass::{DepthPrepass, MotionVectorPrepass};
+use bevy::core_pipeline::tonemapping::Tonemapping;
+use bevy::log::LogPlugin;
+use bevy::mesh::morph::{MeshMorphWeights, MorphAttributes, MorphWeights};
+use bevy::mesh::{Indices, PrimitiveTopology};
+use bevy::prelude::*;
+use bevy::render::RenderPlugin;
+use bevy::render::gpu_readback::{Readback, ReadbackComplete};
+use bevy::render::render_resource::{Extent3d, PollType, TextureDimension, TextureFormat, TextureUsages};
+use bevy::render::renderer::{RenderAdapterInfo, RenderDevice};
+use bevy::window::ExitCondition;
+use deltamorph_bevy::deltamorph::import::sample;
+use deltamorph_bevy::deltamorph::{MorphMesh, Tolerance};
+use deltamorph_bevy::{DeltamorphPlugin, DeltamorphSettings};
+use std::time::{Duration, Instant};
+
+/// Frames until what was set is drawn, and read back: the render world is a frame behind, and so is the GPU.
+const SETTLE: usize = 6;
+
+/// What is shown.
+#[derive(Clone, Copy, Debug)]
+pub struct SceneDesc {
+    pub heads: usize,
+    /// Of a head.
+    pub vertices: usize,
+    pub targets: usize,
+    /// Width and height of the picture.
+    pub edge: u32,
+    /// A normal map, with tangents that morph.
+    pub tangents: bool,
+    /// A prepass with motion vectors.
+    pub motion: bool,
+}
+
+/// An application with heads.
+pub struct Scene {
+    pub app: App,
+    pub heads: Vec<Entity>,
+    pub mesh: Handle<Mesh>,
+    /// A row of weights for each frame.
+    clip: Vec<Vec<f32>>,
+    picture: Handle<Image>,
+}
+
+/// The last picture that was read back.
+#[derive(Resource, Default)]
+struct Picture(Vec<u8>);
+
+impl Scene {
+    pub fn new(desc: &SceneDesc, log: bool) -> Result<Self> {
+        let windows = WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() };
+        let render = RenderPlugin { synchronous_pipeline_compilation: true, ..default() };
+        let mut plugins = DefaultPlugins.set(windows).set(render);
+        if !log {
+            plugins = plugins.disable::<LogPlugin>();
+        }
+        let mut app = App::new();
+        app.add_plugins((plugins, DeltamorphPlugin)).init_resource::<Picture>();
+        while app.plugins_state() == PluginsState::Adding {
+            bevy::tasks::tick_global_task_pools_on_main_thread();
+        }
+        app.finish();
+        app.cleanup();
+
+        let head = sample::HeadDesc::default().vertices(desc.vertices).targets(desc.targets);
+        let source = sample::head(&head).split()?;
+        let morphs = source.to_mesh(Tolerance::default())?;
+        let names: Vec<&str> = morphs.targets.iter().map(|target| target.name.as_str()).collect();
+        let clip = sample::head_clip(&head, 120, 30.0).bind(&names)?.frames().collect();
+        let mesh = app.world_mut().resource_mut::<Assets<Mesh>>().add(bevys(&morphs, desc.tangents));
+        let picture = target(app.world_mut(), desc.edge);
+        let mut scene = Self { app, heads: vec![], mesh, clip, picture };
+        scene.populate(desc, &morphs);
+        scene.show(0);
+        Ok(scene)
+    }
+
+    /// The name of the adapter.
+    pub fn adapter(&self) -> String {
+        self.app.world().resource::<RenderAdapterInfo>().name.clone()
+    }
+
+    fn populate(&mut self, desc: &SceneDesc, morphs: &MorphMesh) {
+        let world = self.app.world_mut();
+        let (low, high) = morphs.positions.iter().fold((morphs.positions[0], morphs.positions[0]), |(low, high), p| {
+            (low.min(*p), high.max(*p))
+        });
+        let (size, middle) = ((high - low).to_array(), ((high + low) / 2.0).to_array());
+        let columns = (desc.heads as f32).sqrt().ceil() as usize;
+        let rows = desc.heads.div_ceil(columns);
+        let step = [size[0] * 1.25, size[1] * 1.1];
+        let normal_map = desc.tangents.then(|| world.resource_mut::<Assets<Image>>().add(bumps()));
+        let materials: Vec<_> = [Color::srgb(0.85, 0.65, 0.55), Color::srgb(0.5, 0.6, 0.85)]
+            .into_iter()
+            .map(|base_color| {
+                let material = StandardMaterial {
+                    base_color,
+                    perceptual_roughness: 0.6,
+                    normal_map_texture: normal_map.clone(),
+                    ..default()
+                };
+                world.resource_mut::<Assets<StandardMaterial>>().add(material)
+            })
+            .collect();
+        for i in 0..desc.heads {
+            let at = [i % columns, i / columns].map(|at| at as f32);
+            let place = Vec3::new(
+                (at[0] - (columns - 1) as f32 / 2.0) * step[0] - middle[0],
+                (at[1] - (rows - 1) as f32 / 2.0) * step[1] - middle[1],
+                -middle[2],
+            );
+            let turn = Quat::from_rotation_y(0.3 * ((i % 3) as f32 - 1.0));
+            let drawn = (
+                Mesh3d(self.mesh.clone()),
+                MeshMaterial3d(materials[i % 2].clone()),
+                Transform::from_translation(place).with_rotation(turn),
+            );
+            let weights = vec![0.0; desc.targets];
+            // Both ways that Bevy has.
+            let head = if i % 2 == 0 {
+                world.spawn((drawn, MeshMorphWeights::Value { weights })).id()
+            } else {
+                let Ok(weights) = MorphWeights::new(weights, None) else { continue };
+                let head = world.spawn((drawn, weights)).id();
+                world.entity_mut(head).insert(MeshMorphWeights::Reference(head));
+                head
+            };
+            self.heads.push(head);
+        }
+        // Something for the shadows to fall on, around the corners of the picture, too.
+        let extent = (columns as f32 * step[0]).max(rows as f32 * step[1]);
+        let wall = world.resource_mut::<Assets<Mesh>>().add(Rectangle::new(3.0 * extent, 3.0 * extent));
+        world.spawn((
+            Mesh3d(wall),
+            MeshMaterial3d(materials[1].clone()),
+            Transform::from_xyz(0.0, 0.0, -0.7 * size[2]),
+        ));
+        let light = DirectionalLight { illuminance: 6_000.0, shadow_maps_enabled: true, ..default() };
+        let from = Vec3::new(0.6, 0.8, 1.0) * 2.0 * extent;
+        let cascades = bevy::light::CascadeShadowConfigBuilder {
+            num_cascades: 1,
+            maximum_distance: 6.0 * extent,
+            ..default()
+        };
+        world.spawn((light, cascades.build(), Transform::from_translation(from).looking_at(Vec3::ZERO, Vec3::Y)));
+        let camera = world
+            .spawn((
+                Camera3d::default(),
+                RenderTarget::Image(self.picture.clone().into()),
+                Projection::from(PerspectiveProjection { near: 0.05 * extent, far: 8.0 * extent, ..default() }),
+                Tonemapping::None,
+                Msaa::Off,
+                AmbientLight { brightness: 200.0, ..default() },
+                Transform::from_xyz(0.0, 0.0, 1.4 * extent),
+            ))
+            .id();
+        if desc.motion {
+            world.entity_mut(camera).insert((DepthPrepass, MotionVectorPrepass));
+        }
+    }
+
+    /// Set the weights of a frame of the clip, each head a little later than the one before.
+    pub fn show(&mut self, frame: usize) {
+        for (i, head) in self.heads.iter().enumerate() {
+            let row = &self.clip[(frame + 7 * i) % self.clip.len()];
+            let mut head = self.app.world_mut().entity_mut(*head);
+            if let Some(mut weights) = head.get_mut::<MorphWeights>() {
+                weights.weights_mut().copy_from_slice(row);
+            } else if let Some(mut weights) = head.get_mut::<MeshMorphWeights>() {
+                *weights = MeshMorphWeights::Value { weights: row.clone() };
+            }
+        }
+    }
+
+    /// Who morphs.
+    pub fn morph_by_bevy(&mut self, is_bevys: bool) {
+        self.app.world_mut().resource_mut::<DeltamorphSettings>().enabled = !is_bevys;
+    }
+
+    /// Run until everything that was set is on the screen.
+    pub fn settle(&mut self) {
+        (0..SETTLE).for_each(|_| self.app.update());
+        self.wait();
+    }
+
+    fn wait(&self) {
+        let _ = self.app.world().resource::<RenderDevice>().poll(PollType::wait_indefinitely());
+    }
+
+    /// The time of a frame: the mean of `frames` frames of the clip.
+    pub fn time(&mut self, frames: usize) -> Duration {
+        self.settle();
+        let begin = Instant::now();
+        for frame in 1..=frames {
+            self.show(frame);
+            self.app.update();
+        }
+        self.wait();
+        begin.elapsed() / frames as u32
+    }
+
+    /// What is shown: red, green, blue and opacity of each pixel.
+    pub fn picture(&mut self) -> Vec<u8> {
+        self.settle();
+        let take = |complete: On<ReadbackComplete>, mut picture: ResMut<Picture>| picture.0.clone_from(&complete.data);
+        let reader = self.app.world_mut().spawn(Readback::texture(self.picture.clone())).observe(take).id();
+        self.settle();
+        self.app.world_mut().despawn(reader);
+        self.settle();
+        std::mem::take(&mut self.app.world_mut().resource_mut::<Picture>().0)
+    }
+}
+
+/// An image to draw into.
+fn target(world: &mut World, edge: u32) -> Handle<Image> {
+    let mut image = Image::new_target_texture(edge, edge, TextureFormat::Rgba8UnormSrgb, None);
+    image.texture_descriptor.usage |= TextureUsages::COPY_SRC;
+    world.resource_mut::<Assets<Image>>().add(image)
+}
+
+/// A normal map.
+fn bumps() -> Image {
+    const EDGE: u32 = 64;
+    let texel = |i: u32| {
+        let slope = |x: u32| (128.0 + 60.0 * (x as f32 * std::f32::consts::TAU / 16.0).sin()) as u8;
+        [slope(i % EDGE), slope(i / EDGE), 230, 255]
+    };
+    let texels: Vec<u8> = (0..EDGE * EDGE).flat_map(texel).collect();
+    let size = Extent3d { width: EDGE, height: EDGE, depth_or_array_layers: 1 };
+    Image::new(size, TextureDimension::D2, texels, TextureFormat::Rgba8Unorm, RenderAssetUsages::default())
+}
+
+/// As Bevy has it: all attributes of all vertices, for each target.
+fn bevys(morphs: &MorphMesh, tangents: bool) -> Mesh {
+    let count = morphs.vertex_count();
+    let mut uvs = vec![[0.0; 2]; count];
+    for corner in morphs.faces.iter().flatten() {
+        let uv = corner.texcoord.map(|at| morphs.texcoords[at as usize].to_array());
+        uvs[corner.position as usize] = uv.unwrap_or_default();
+    }
+    let vectors = |of: &[_]| of.iter().map(deltamorph_bevy::deltamorph::glam::Vec3::to_array).collect::<Vec<_>>();
+    let normals = vectors(&morphs.normals);
+    let mut attributes = vec![MorphAttributes::default(); count * morphs.targets.len()];
+    for (all, target) in attributes.chunks_exact_mut(count).zip(&morphs.targets) {
+        for (i, v) in target.vertices.iter().enumerate() {
+            let [position, normal] = [target.positions[i], target.normals[i]].map(|d| Vec3::from(d.to_array()));
+            // Not those of a surface, but as different from target to target.
+            let tangent = if tangents { Vec3::new(normal.z, 2.0 * normal.x, normal.y) } else { Vec3::ZERO };
+            all[*v as usize] = MorphAttributes::new(position, normal, tangent);
+        }
+    }
+    let indices = morphs.faces.triangles().into_flattened();
+    let mut mesh = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default())
+        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, vectors(&morphs.positions))
+        .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, normals.clone())
+        .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, uvs)
+        .with_inserted_indices(Indices::U32(indices))
+        .with_morph_targets(attributes);
+    if tangents {
+        let across = |n: &[f32; 3]| {
+            let t = Vec3::Y.cross(Vec3::from(*n)).try_normalize().unwrap_or(Vec3::X);
+            [t.x, t.y, t.z, 1.0]
+        };
+        mesh.insert_attribute(Mesh::ATTRIBUTE_TANGENT, normals.iter().map(across).collect::<Vec<_>>());
+    }
+    mesh
+}
+
+/// How two pictures differ: the largest difference of a channel, in units of 255, and the pixels that differ by more than
+/// `allowed`, as a fraction.
+pub fn difference(a: &[u8], b: &[u8], allowed: u8) -> (u8, f64) {
+    let pixels = a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0);
+    let largest = pixels.map(|(a, b)| a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0));
+    let largest: Vec<u8> = largest.collect();
+    let beyond = largest.iter().filter(|d| **d > allowed).count();
+    (largest.iter().copied().max().unwrap_or(0), beyond as f64 / largest.len().max(1) as f64)
+}

@@ -1,0 +1,147 @@
+//! What happens in the render world in each frame: meshes are taken over, poses made, and Bevy's shaders told of them.
+
+use crate::frame::Frame;
+use crate::mesh::{Morphed, Place};
+use crate::targets::{Room, TargetWriter};
+use bevy::ecs::world::{FromWorld, World};
+use bevy::pbr::{MorphIndices, MorphUniforms, skins_use_uniform_buffers};
+use bevy::platform::collections::HashMap;
+use bevy::prelude::{AssetId, Mesh, Res, ResMut, Resource, error, warn};
+use bevy::render::mesh::RenderMesh;
+use bevy::render::mesh::allocator::MeshAllocator;
+use bevy::render::render_asset::ExtractedAssets;
+use bevy::render::renderer::{PendingCommandBuffers, RenderDevice, RenderQueue};
+use bevy::render::sync_world::MainEntity;
+use deltamorph::Result;
+use deltamorph_wgpu::Morph;
+
+/// Morphing on Bevy's device; nothing where it is not one of Vulkan.
+#[derive(Resource)]
+pub(crate) struct Engine(Option<Inner>);
+
+struct Inner {
+    meshes: HashMap<AssetId<Mesh>, Morphed>,
+    writer: TargetWriter,
+    /// Where the weights 1 0 1 are in Bevy's buffer of the last frame.
+    weights_before: Option<u32>,
+    // The last: the rest is destroyed on it.
+    morph: Morph,
+}
+
+impl FromWorld for Engine {
+    fn from_world(world: &mut World) -> Self {
+        let (device, queue) = (world.resource::<RenderDevice>(), world.resource::<RenderQueue>());
+        if skins_use_uniform_buffers(&device.limits()) {
+            warn!("deltamorph: all meshes stay with Bevy's own morphing: the device has no storage buffers for it");
+            return Self(None);
+        }
+        match Morph::new(device.wgpu_device(), queue) {
+            Ok(morph) => {
+                let writer = TargetWriter::new(device.wgpu_device());
+                Self(Some(Inner { meshes: HashMap::default(), writer, weights_before: None, morph }))
+            }
+            Err(why) => {
+                warn!("deltamorph: all meshes stay with Bevy's own morphing: {why}");
+                Self(None)
+            }
+        }
+    }
+}
+
+/// Take over the targets of meshes that are new or have changed, before Bevy makes buffers for them.
+pub(crate) fn take_meshes(
+    mut engine: ResMut<Engine>,
+    mut extracted: ResMut<ExtractedAssets<RenderMesh>>,
+    frame: Res<Frame>,
+    device: Res<RenderDevice>,
+) {
+    let Some(Inner { meshes, morph, .. }) = &mut engine.0 else { return };
+    extracted.removed.iter().chain(&extracted.modified).for_each(|id| drop(meshes.remove(id)));
+    for (id, mesh) in &mut extracted.extracted {
+        meshes.remove(id);
+        let Some(room) = frame.rooms.get(id) else { continue };
+        match Morphed::take(morph, device.wgpu_device(), mesh, *room, &frame.settings) {
+            Ok(morphed) => drop(meshes.insert(*id, morphed)),
+            Err(why) => warn!("deltamorph: mesh {id} stays with Bevy's own morphing: {why}"),
+        }
+    }
+}
+
+/// Make the poses of this frame, and have Bevy's shaders read them.
+pub(crate) fn update(
+    mut engine: ResMut<Engine>,
+    frame: Res<Frame>,
+    allocator: Res<MeshAllocator>,
+    indices: Res<MorphIndices>,
+    mut uniforms: ResMut<MorphUniforms>,
+    mut pending: ResMut<PendingCommandBuffers>,
+    device: Res<RenderDevice>,
+) {
+    let Some(engine) = &mut engine.0 else { return };
+    let Inner { meshes, .. } = engine;
+    let changed: HashMap<_, _> = meshes.iter_mut().map(|(id, mesh)| (*id, mesh.request(*id, &frame))).collect();
+    let made = engine.make_poses(&changed, &allocator, device.wgpu_device());
+    let is_written = made.is_ok();
+    match made {
+        Ok(commands) => pending.push(commands),
+        Err(why) => error!("deltamorph: meshes keep the shapes that they have: {why}"),
+    }
+    for (id, changed) in &changed {
+        engine.meshes.get_mut(id).into_iter().for_each(|mesh| mesh.turn(changed, is_written));
+    }
+
+    // Of targets 0 and 1, those from the first of these on show target 0, those from the second on target 1.
+    let MorphUniforms { current_buffer: weights, descriptors_buffer, .. } = &mut *uniforms;
+    let begin = weights.len() as u32;
+    [1.0, 0.0, 1.0].into_iter().for_each(|weight| _ = weights.push(weight));
+    let before = engine.weights_before.replace(begin);
+    let Some(descriptors) = descriptors_buffer else { return };
+    for (id, mesh) in &engine.meshes {
+        let Some(room) = room_of(&allocator, id, mesh) else { continue };
+        for (entity, Place { instance, slot, previous, .. }) in mesh.seen(&frame) {
+            let Some(index) = indices.morph_descriptor_index(entity) else { continue };
+            let Some(mut descriptor) = descriptors.get(*index).copied() else { continue };
+            descriptor.targets_offset = (room.begin + mesh.target(*instance, 0)) as u32;
+            descriptor.weight_count = 2;
+            descriptor.current_weights_offset = begin + slot;
+            // Whether there is one is for Bevy to say; nobody reads it otherwise.
+            descriptor.prev_weights_offset = before.map_or(!0, |before| before + previous);
+            descriptors.set(*index, descriptor);
+        }
+    }
+}
+
+impl Inner {
+    /// Commands that make the poses of these entities, and write them as targets.
+    ///
+    /// # Errors
+    /// Those of deltamorph.
+    fn make_poses(
+        &mut self,
+        changed: &HashMap<AssetId<Mesh>, Vec<MainEntity>>,
+        allocator: &MeshAllocator,
+        device: &wgpu::Device,
+    ) -> Result<Vec<wgpu::CommandBuffer>> {
+        if changed.values().all(Vec::is_empty) {
+            return Ok(vec![]);
+        }
+        let are_new = |id: &AssetId<Mesh>| changed.get(id).is_some_and(|changed| !changed.is_empty());
+        let crowds = self.meshes.iter_mut().filter(|(id, _)| are_new(*id)).map(|(_, mesh)| &mut mesh.crowd);
+        let poses = self.morph.update(crowds)?;
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("deltamorph") });
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        for (id, mesh) in self.meshes.iter().filter(|(id, _)| are_new(*id)) {
+            let Some(room) = room_of(allocator, id, mesh) else { continue };
+            self.writer.record(&mut pass, device, mesh, &room, &mesh.next(&changed[id]))?;
+        }
+        drop(pass);
+        Ok(poses.into_iter().chain([encoder.finish()]).collect())
+    }
+}
+
+/// Where Bevy has made room for the targets of a mesh.
+fn room_of<'a>(allocator: &'a MeshAllocator, id: &AssetId<Mesh>, mesh: &Morphed) -> Option<Room<'a>> {
+    let slice = allocator.mesh_morph_target_slice(id)?;
+    let (begin, end) = (u64::from(slice.range.start), u64::from(slice.range.end));
+    (end - begin >= mesh.elements()).then_some(Room { buffer: slice.buffer, begin, end })
+}
