@@ -1,8 +1,8 @@
 //! A mesh of Bevy's that is morphed here: its targets, packed, and where the entities that show it have their poses.
 
+use crate::DeltamorphSettings;
 use crate::frame::{Frame, Shown};
 use crate::targets::{ATTRIBUTES, filled};
-use crate::DeltamorphSettings;
 use bevy::mesh::morph::MorphAttributes;
 use bevy::mesh::{MeshVertexAttribute, VertexAttributeValues};
 use bevy::platform::collections::HashMap;
@@ -60,8 +60,10 @@ impl Morphed {
         let vertices = mesh.count_vertices();
         let elements = vertices as u64 * u64::from(instances * SLOTS);
         let most = device.limits().max_storage_buffer_binding_size;
-        if elements * ATTRIBUTES > most {
-            let text = format!("{instances} poses take {} bytes, the device binds {most}", elements * ATTRIBUTES);
+        // Bevy binds whole buffers of its own, which it makes larger by half at a time.
+        let bytes = elements * ATTRIBUTES * 3 / 2;
+        if bytes > most {
+            let text = format!("{instances} poses take {bytes} bytes, the device binds {most}");
             return Err(invalid(text, "show fewer of the mesh, or one with fewer vertices"));
         }
         let mut desc = morph.pack_desc(settings.format);
@@ -74,7 +76,8 @@ impl Morphed {
         // One more than the frames that a surface keeps in flight.
         let crowd = CrowdDesc::new(update).instances(instances).frames_in_flight(3);
         let crowd = morph.create_crowd(&morph.upload(&packed)?, &crowd)?;
-        let grid = |group: &deltamorph::PackedLayout| update.grid(group).map(|grid| grid.map_or([1.0; 2], |grid| grid.units));
+        let grid =
+            |group: &deltamorph::PackedLayout| update.grid(group).map(|grid| grid.map_or([1.0; 2], |grid| grid.units));
         let has_tangents = mesh.contains_attribute(Mesh::ATTRIBUTE_TANGENT);
         let [position, normal] = grid(layout)?;
         let mut tangent = 1.0;

@@ -79,7 +79,8 @@ impl TargetWriter {
             moves.as_entire_binding(),
             wgpu::BindingResource::Buffer(targets),
         ];
-        let entries: Vec<_> = (0..).zip(entries).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
+        let entries: Vec<_> =
+            (0..).zip(entries).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
         let bound = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("deltamorph targets"),
             layout: &self.pipeline.get_bind_group_layout(0),

@@ -4,7 +4,8 @@ use bevy::app::PluginsState;
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::RenderTarget;
 use bevy::core_pipeline::prepass::{DepthPrepass, MotionVectorPrepass};
-use bevy::core_pipeline::tonemapping::Tonemapping;
+use bevy::core_pipeline::tonemapping::{DebandDither, Tonemapping};
+use bevy::light::{CascadeShadowConfigBuilder, DirectionalLightShadowMap};
 use bevy::log::LogPlugin;
 use bevy::mesh::morph::{MeshMorphWeights, MorphAttributes, MorphWeights};
 use bevy::mesh::{Indices, PrimitiveTopology};
@@ -12,15 +13,15 @@ use bevy::prelude::*;
 use bevy::render::RenderPlugin;
 use bevy::render::gpu_readback::{Readback, ReadbackComplete};
 use bevy::render::render_resource::{Extent3d, PollType, TextureDimension, TextureFormat, TextureUsages};
-use bevy::render::renderer::{RenderAdapterInfo, RenderDevice};
+use bevy::render::renderer::RenderDevice;
+use bevy::render::settings::{Backends, InstanceFlags, WgpuSettings};
 use bevy::window::ExitCondition;
 use deltamorph_bevy::deltamorph::import::sample;
 use deltamorph_bevy::deltamorph::{MorphMesh, Tolerance};
 use deltamorph_bevy::{DeltamorphPlugin, DeltamorphSettings};
-use std::time::{Duration, Instant};
 
 /// Frames until what was set is drawn, and read back: the render world is a frame behind, and so is the GPU.
-const SETTLE: usize = 6;
+const SETTLE: usize = 5;
 
 /// What is shown.
 #[derive(Clone, Copy, Debug)]
@@ -35,6 +36,8 @@ pub struct SceneDesc {
     pub tangents: bool,
     /// A prepass with motion vectors.
     pub motion: bool,
+    /// Whether there are validation layers.
+    pub flags: InstanceFlags,
 }
 
 /// An application with heads.
@@ -52,15 +55,18 @@ pub struct Scene {
 struct Picture(Vec<u8>);
 
 impl Scene {
-    pub fn new(desc: &SceneDesc, log: bool) -> Result<Self> {
+    /// With plugins of the caller's own, after Bevy's.
+    pub fn new(desc: &SceneDesc, add: impl FnOnce(&mut App)) -> Result<Self> {
         let windows = WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() };
-        let render = RenderPlugin { synchronous_pipeline_compilation: true, ..default() };
-        let mut plugins = DefaultPlugins.set(windows).set(render);
-        if !log {
-            plugins = plugins.disable::<LogPlugin>();
-        }
+        let settings = WgpuSettings { backends: Some(Backends::VULKAN), instance_flags: desc.flags, ..default() };
+        let render =
+            RenderPlugin { render_creation: settings.into(), synchronous_pipeline_compilation: true, ..default() };
         let mut app = App::new();
-        app.add_plugins((plugins, DeltamorphPlugin)).init_resource::<Picture>();
+        // A logger is the caller's.
+        app.add_plugins(DefaultPlugins.set(windows).set(render).disable::<LogPlugin>());
+        app.add_plugins(DeltamorphPlugin).init_resource::<Picture>();
+        app.insert_resource(DirectionalLightShadowMap { size: 1024 });
+        add(&mut app);
         while app.plugins_state() == PluginsState::Adding {
             bevy::tasks::tick_global_task_pools_on_main_thread();
         }
@@ -80,16 +86,12 @@ impl Scene {
         Ok(scene)
     }
 
-    /// The name of the adapter.
-    pub fn adapter(&self) -> String {
-        self.app.world().resource::<RenderAdapterInfo>().name.clone()
-    }
-
     fn populate(&mut self, desc: &SceneDesc, morphs: &MorphMesh) {
         let world = self.app.world_mut();
-        let (low, high) = morphs.positions.iter().fold((morphs.positions[0], morphs.positions[0]), |(low, high), p| {
-            (low.min(*p), high.max(*p))
-        });
+        let (low, high) = morphs
+            .positions
+            .iter()
+            .fold((morphs.positions[0], morphs.positions[0]), |(low, high), p| (low.min(*p), high.max(*p)));
         let (size, middle) = ((high - low).to_array(), ((high + low) / 2.0).to_array());
         let columns = (desc.heads as f32).sqrt().ceil() as usize;
         let rows = desc.heads.div_ceil(columns);
@@ -142,11 +144,7 @@ impl Scene {
         ));
         let light = DirectionalLight { illuminance: 6_000.0, shadow_maps_enabled: true, ..default() };
         let from = Vec3::new(0.6, 0.8, 1.0) * 2.0 * extent;
-        let cascades = bevy::light::CascadeShadowConfigBuilder {
-            num_cascades: 1,
-            maximum_distance: 6.0 * extent,
-            ..default()
-        };
+        let cascades = CascadeShadowConfigBuilder { num_cascades: 1, maximum_distance: 6.0 * extent, ..default() };
         world.spawn((light, cascades.build(), Transform::from_translation(from).looking_at(Vec3::ZERO, Vec3::Y)));
         let camera = world
             .spawn((
@@ -154,6 +152,7 @@ impl Scene {
                 RenderTarget::Image(self.picture.clone().into()),
                 Projection::from(PerspectiveProjection { near: 0.05 * extent, far: 8.0 * extent, ..default() }),
                 Tonemapping::None,
+                DebandDither::Disabled,
                 Msaa::Off,
                 AmbientLight { brightness: 200.0, ..default() },
                 Transform::from_xyz(0.0, 0.0, 1.4 * extent),
@@ -188,31 +187,23 @@ impl Scene {
         self.wait();
     }
 
-    fn wait(&self) {
+    /// Wait for the GPU.
+    pub fn wait(&self) {
         let _ = self.app.world().resource::<RenderDevice>().poll(PollType::wait_indefinitely());
     }
 
-    /// The time of a frame: the mean of `frames` frames of the clip.
-    pub fn time(&mut self, frames: usize) -> Duration {
-        self.settle();
-        let begin = Instant::now();
-        for frame in 1..=frames {
-            self.show(frame);
-            self.app.update();
-        }
-        self.wait();
-        begin.elapsed() / frames as u32
-    }
-
     /// What is shown: red, green, blue and opacity of each pixel.
-    pub fn picture(&mut self) -> Vec<u8> {
+    pub fn picture(&mut self) -> Result<Vec<u8>> {
         self.settle();
         let take = |complete: On<ReadbackComplete>, mut picture: ResMut<Picture>| picture.0.clone_from(&complete.data);
         let reader = self.app.world_mut().spawn(Readback::texture(self.picture.clone())).observe(take).id();
         self.settle();
         self.app.world_mut().despawn(reader);
-        self.settle();
-        std::mem::take(&mut self.app.world_mut().resource_mut::<Picture>().0)
+        let picture = std::mem::take(&mut self.app.world_mut().resource_mut::<Picture>().0);
+        if picture.is_empty() {
+            return Err("Bevy drew nothing: its log says why".into());
+        }
+        Ok(picture)
     }
 }
 

@@ -1,0 +1,156 @@
+//! Bevy with and without deltamorph, from the same components: the same pictures and motion vectors.
+
+mod probe;
+#[path = "../../examples/heads/scene.rs"]
+mod scene;
+
+use bevy::mesh::{MeshAttributeCompressionFlags, MeshCompressionArgs};
+use bevy::prelude::*;
+use bevy::render::settings::InstanceFlags;
+use deltamorph_bevy::BevyMorphing;
+use probe::{Probe, listen, messages};
+use scene::{Scene, SceneDesc, difference};
+use std::sync::{Mutex, PoisonError};
+
+/// One at a time: messages of the layers belong to a test.
+static TURN: Mutex<()> = Mutex::new(());
+
+/// What a channel may differ by, in units of 255, and in how many pixels more: outlines, and edges of shadows.
+const ALLOWED: (u8, f64) = (4, 0.0003);
+
+const DESC: SceneDesc = SceneDesc {
+    heads: 3,
+    vertices: 1_500,
+    targets: 30,
+    edge: 160,
+    tangents: true,
+    motion: true,
+    flags: InstanceFlags::VALIDATION.union(InstanceFlags::DEBUG),
+};
+
+/// A scene that is looked into, and the elements of the mesh's targets as Bevy has them.
+fn scene(probe: &Probe) -> (Scene, u64) {
+    listen();
+    drop(messages());
+    let mut scene = Scene::new(&DESC, |app| probe.add_to(app)).expect("a scene");
+    probe.lock().mesh = Some(scene.mesh.id());
+    let world = scene.app.world();
+    let mesh = world.resource::<Assets<Mesh>>().get(&scene.mesh).expect("a mesh");
+    let elements = mesh.morph_targets().expect("targets").len() as u64;
+    scene.settle();
+    (scene, elements)
+}
+
+fn silent() {
+    let messages = messages();
+    assert!(messages.is_empty(), "the layers say:\n{}", messages.join("\n"));
+}
+
+#[test]
+fn pictures_are_bevys_and_targets_leave_the_device() {
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let probe = Probe::default();
+    let (mut scene, all) = scene(&probe);
+    let room = |heads: u64| 2 * heads * all / DESC.targets as u64;
+    assert_eq!(probe.lock().elements, room(3));
+
+    let mut before: Option<Vec<u8>> = None;
+    for frame in [10, 25, 60] {
+        scene.show(frame);
+        let ours = scene.picture().expect("a picture");
+        assert_eq!(probe.lock().elements, room(3));
+        scene.morph_by_bevy(true);
+        let bevys = scene.picture().expect("a picture");
+        assert_eq!(probe.lock().elements, all);
+        scene.morph_by_bevy(false);
+        assert_eq!(ours.len() as u32, 4 * DESC.edge * DESC.edge);
+        let (largest, beyond) = difference(&ours, &bevys, ALLOWED.0);
+        assert!(beyond <= ALLOWED.1, "frame {frame}: {largest} of 255, {beyond} of the pixels beyond {}", ALLOWED.0);
+        // Or it would say nothing: faces move.
+        if let Some(before) = before.replace(ours) {
+            let (_, moved) = difference(&before, &bevys, ALLOWED.0);
+            assert!(moved > 10.0 * ALLOWED.1, "frame {frame}: {moved} of the pixels differ");
+        }
+    }
+
+    // More heads of the same mesh, each with the weights of the first: the room grows.
+    let first = scene.heads[0];
+    for i in 0..2 {
+        let mut copy = scene.app.world_mut().entity_mut(first);
+        let copy = copy.clone_and_spawn();
+        scene.app.world_mut().entity_mut(copy).insert(Transform::from_xyz(0.0, 0.0, 10.0 * i as f32));
+        scene.heads.push(copy);
+    }
+    scene.show(33);
+    let ours = scene.picture().expect("a picture");
+    assert_eq!(probe.lock().elements, room(6), "twice as much as before");
+    // A head for itself goes, another one comes: places are used again.
+    let gone = scene.heads.remove(1);
+    scene.app.world_mut().despawn(gone);
+    let mut other = scene.app.world_mut().entity_mut(first);
+    let other = other.clone_and_spawn();
+    scene.heads.push(other);
+    scene.show(47);
+    let again = scene.picture().expect("a picture");
+    assert_eq!(probe.lock().elements, room(6));
+
+    // One that is to be morphed by Bevy takes all of the mesh along.
+    scene.app.world_mut().entity_mut(first).insert(BevyMorphing);
+    let bevys = scene.picture().expect("a picture");
+    assert_eq!(probe.lock().elements, all);
+    let (largest, beyond) = difference(&again, &bevys, ALLOWED.0);
+    assert!(beyond <= ALLOWED.1, "{largest} of 255, {beyond} of the pixels");
+    let (_, moved) = difference(&ours, &bevys, ALLOWED.0);
+    assert!(moved > 10.0 * ALLOWED.1);
+    silent();
+}
+
+#[test]
+fn motion_vectors_are_bevys() {
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let probe = Probe::default();
+    let (mut scene, all) = scene(&probe);
+    let mut play = |is_bevys| {
+        scene.morph_by_bevy(is_bevys);
+        scene.show(0);
+        scene.settle();
+        probe.lock().motion.clear();
+        // The same weights twice: nothing moves in that frame.
+        for frame in [4, 8, 8, 16, 12] {
+            scene.show(frame);
+            scene.app.update();
+        }
+        scene.settle();
+        assert_eq!(probe.lock().elements == all, is_bevys);
+        std::mem::take(&mut probe.lock().motion)
+    };
+    let (ours, bevys) = (play(false), play(true));
+    assert_eq!((ours.len(), bevys.len()), (4, 4), "frames in which anything moves");
+    // Pixels whose motion differs by more than a hundredth of the fastest.
+    let differ = |a: &[[f32; 2]], b: &[[f32; 2]]| {
+        let fastest = b.iter().flatten().fold(0.0_f32, |fastest, speed| fastest.max(speed.abs()));
+        let apart = |(a, b): &(&[f32; 2], &[f32; 2])| a.iter().zip(*b).any(|(a, b)| (a - b).abs() > 0.01 * fastest);
+        a.iter().zip(b).filter(apart).count() as f64 / b.len() as f64
+    };
+    for (i, (ours, bevys)) in ours.iter().zip(&bevys).enumerate() {
+        assert!(differ(ours, bevys) <= ALLOWED.1, "frame {i}: {} of the pixels", differ(ours, bevys));
+    }
+    assert!(differ(&ours[0], &bevys[1]) > 10.0 * ALLOWED.1, "or it would say nothing");
+    silent();
+}
+
+#[test]
+fn what_cannot_be_taken_stays_with_bevy() {
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let probe = Probe::default();
+    let (mut scene, all) = scene(&probe);
+    let mut compressed = MeshCompressionArgs::none();
+    compressed.compress_attributes = MeshAttributeCompressionFlags::COMPRESS_POSITION;
+    let mut meshes = scene.app.world_mut().resource_mut::<Assets<Mesh>>();
+    let mesh = meshes.get(&scene.mesh).expect("a mesh").clone();
+    let mesh = mesh.compressed_mesh(&compressed).expect("one that can be compressed");
+    *meshes.get_mut(&scene.mesh).expect("a mesh") = mesh;
+    scene.settle();
+    assert_eq!(probe.lock().elements, all);
+    silent();
+}

@@ -1,0 +1,155 @@
+//! What the render world has, for tests, and what the validation layers say.
+
+use bevy::core_pipeline::prepass::ViewPrepassTextures;
+use bevy::prelude::*;
+use bevy::render::mesh::allocator::MeshAllocator;
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::render::{Render, RenderApp, RenderSystems};
+use std::sync::{Arc, Mutex, MutexGuard, Once, PoisonError};
+
+/// What was seen in the render world.
+#[derive(Default)]
+pub struct Probed {
+    /// The mesh to look at.
+    pub mesh: Option<AssetId<Mesh>>,
+    /// Elements of `MorphAttributes` that it has on the device.
+    pub elements: u64,
+    /// Motion vectors of each pixel, in each frame in which anything moved.
+    pub motion: Vec<Vec<[f32; 2]>>,
+}
+
+/// Looks into the render world.
+#[derive(Resource, Clone, Default)]
+pub struct Probe(Arc<Mutex<Probed>>);
+
+impl Probe {
+    pub fn lock(&self) -> MutexGuard<'_, Probed> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub fn add_to(&self, app: &mut App) {
+        let render = app.sub_app_mut(RenderApp);
+        render.insert_resource(self.clone()).add_systems(Render, probe.in_set(RenderSystems::Cleanup));
+    }
+}
+
+fn probe(
+    probe: Res<Probe>,
+    allocator: Res<MeshAllocator>,
+    prepasses: Query<&ViewPrepassTextures>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+) {
+    let mut probed = probe.lock();
+    let slice = probed.mesh.and_then(|mesh| allocator.mesh_morph_target_slice(&mesh));
+    probed.elements = slice.map_or(0, |slice| slice.range.len() as u64);
+    for prepass in &prepasses {
+        let Some(view) = prepass.motion_vectors_view() else { continue };
+        let motion = read(device.wgpu_device(), &queue, view, prepass.size.width, prepass.size.height);
+        if motion.iter().flatten().any(|speed| *speed != 0.0) {
+            probed.motion.push(motion);
+        }
+    }
+}
+
+/// The texels of a texture that can be bound, and no more.
+fn read(
+    device: &wgpu::Device,
+    queue: &wgpu::Queue,
+    view: &wgpu::TextureView,
+    width: u32,
+    height: u32,
+) -> Vec<[f32; 2]> {
+    let source = "
+        @group(0) @binding(0) var motion: texture_2d<f32>;
+        @group(0) @binding(1) var<storage, read_write> texels: array<vec2f>;
+        @compute @workgroup_size(8, 8)
+        fn read(@builtin(global_invocation_id) id: vec3u) {
+            let size = textureDimensions(motion);
+            if all(id.xy < size) {
+                texels[id.y * size.x + id.x] = textureLoad(motion, id.xy, 0).xy;
+            }
+        }";
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Wgsl(source.into()),
+    });
+    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: None,
+        layout: None,
+        module: &module,
+        entry_point: None,
+        compilation_options: Default::default(),
+        cache: None,
+    });
+    let size = u64::from(width * height) * 8;
+    let buffer =
+        |usage| device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false });
+    let texels = buffer(wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC);
+    let copy = buffer(wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
+    let bound = device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: None,
+        layout: &pipeline.get_bind_group_layout(0),
+        entries: &[
+            wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(view) },
+            wgpu::BindGroupEntry { binding: 1, resource: texels.as_entire_binding() },
+        ],
+    });
+    let mut encoder = device.create_command_encoder(&Default::default());
+    let mut pass = encoder.begin_compute_pass(&Default::default());
+    pass.set_pipeline(&pipeline);
+    pass.set_bind_group(0, &bound, &[]);
+    pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), 1);
+    drop(pass);
+    encoder.copy_buffer_to_buffer(&texels, 0, &copy, 0, size);
+    queue.submit([encoder.finish()]);
+    copy.slice(..).map_async(wgpu::MapMode::Read, |result| result.expect("mapped"));
+    device.poll(wgpu::PollType::wait_indefinitely()).expect("the device is alive");
+    let bytes = copy.slice(..).get_mapped_range().expect("mapped");
+    let float = |bytes: &[u8]| f32::from_ne_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+    bytes.chunks_exact(8).map(|texel| [float(&texel[..4]), float(&texel[4..])]).collect()
+}
+
+/// What the layers have said.
+static MESSAGES: Mutex<Vec<String>> = Mutex::new(vec![]);
+
+/// wgpu logs the messages of the layers, each at least in one line.
+struct Listener;
+
+impl log::Log for Listener {
+    fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
+        metadata.level() <= log::Level::Warn && metadata.target().starts_with("wgpu_hal::vulkan::instance")
+    }
+
+    fn log(&self, record: &log::Record<'_>) {
+        if self.enabled(record.metadata()) {
+            MESSAGES.lock().unwrap_or_else(PoisonError::into_inner).push(record.args().to_string());
+        }
+    }
+
+    fn flush(&self) {}
+}
+
+/// Listen to the layers.
+pub fn listen() {
+    static LISTEN: Once = Once::new();
+    LISTEN.call_once(|| {
+        log::set_logger(&Listener).expect("no other logger");
+        log::set_max_level(log::LevelFilter::Warn);
+    });
+}
+
+/// What the validation layers said since the last call. What is left out is explained in the tests of
+/// `integrations/wgpu`.
+pub fn messages() -> Vec<String> {
+    let mut messages = std::mem::take(&mut *MESSAGES.lock().unwrap_or_else(PoisonError::into_inner));
+    messages.retain(|message| {
+        let of_layers = !message.starts_with('\t') && !message.starts_with("GENERAL");
+        let disjoint = message.contains("SYNC-HAZARD-WRITE-AFTER-WRITE")
+            && message.contains("previously written by another vkCmdDispatch");
+        let wgsl = message.contains("Invalid source language operand: 10");
+        let attachment = message.contains("recorded_usage: SYNC_IMAGE_LAYOUT_TRANSITION");
+        of_layers && !disjoint && !wgsl && !attachment
+    });
+    messages
+}
