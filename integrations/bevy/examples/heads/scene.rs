@@ -30,7 +30,7 @@ pub struct SceneDesc {
     /// Of a head.
     pub vertices: usize,
     pub targets: usize,
-    /// Width and height of the picture.
+    /// Width and height of the picture: a multiple of 64, as rows are read back.
     pub edge: u32,
     /// A normal map, with tangents that morph.
     pub tangents: bool,

@@ -22,7 +22,7 @@ const DESC: SceneDesc = SceneDesc {
     heads: 3,
     vertices: 1_500,
     targets: 30,
-    edge: 160,
+    edge: 128,
     tangents: true,
     motion: true,
     flags: InstanceFlags::VALIDATION.union(InstanceFlags::DEBUG),
