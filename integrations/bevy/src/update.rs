@@ -4,9 +4,10 @@ use crate::frame::Frame;
 use crate::mesh::{Morphed, Place};
 use crate::targets::{Room, TargetWriter};
 use bevy::ecs::world::{FromWorld, World};
+use bevy::log::{error_once, warn};
 use bevy::pbr::{MorphIndices, MorphUniforms, skins_use_uniform_buffers};
 use bevy::platform::collections::HashMap;
-use bevy::prelude::{AssetId, Mesh, Res, ResMut, Resource, error, warn};
+use bevy::prelude::{AssetId, Mesh, Res, ResMut, Resource};
 use bevy::render::mesh::RenderMesh;
 use bevy::render::mesh::allocator::MeshAllocator;
 use bevy::render::render_asset::ExtractedAssets;
@@ -79,12 +80,14 @@ pub(crate) fn update(
 ) {
     let Some(engine) = &mut engine.0 else { return };
     let Inner { meshes, .. } = engine;
-    let changed: HashMap<_, _> = meshes.iter_mut().map(|(id, mesh)| (*id, mesh.request(*id, &frame))).collect();
+    // A mesh that Bevy has not made room for is asked again in the next frame.
+    let ready = meshes.iter_mut().filter(|(id, mesh)| room_of(&allocator, id, mesh).is_some());
+    let changed: HashMap<_, _> = ready.map(|(id, mesh)| (*id, mesh.request(*id, &frame))).collect();
     let made = engine.make_poses(&changed, &allocator, device.wgpu_device());
     let is_written = made.is_ok();
     match made {
         Ok(commands) => pending.push(commands),
-        Err(why) => error!("deltamorph: meshes keep the shapes that they have: {why}"),
+        Err(why) => error_once!("deltamorph: meshes keep the shapes that they have: {why}"),
     }
     for (id, changed) in &changed {
         engine.meshes.get_mut(id).into_iter().for_each(|mesh| mesh.turn(changed, is_written));

@@ -73,6 +73,9 @@ fn pictures_are_bevys_and_targets_leave_the_device() {
         }
     }
 
+    scene.settle();
+    assert_eq!(probe.lock().elements, room(3));
+
     // More heads of the same mesh, each with the weights of the first: the room grows.
     let first = scene.heads[0];
     for i in 0..2 {
