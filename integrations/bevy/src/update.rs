@@ -129,11 +129,11 @@ impl Inner {
             return Ok(vec![]);
         }
         let are_new = |id: &AssetId<Mesh>| changed.get(id).is_some_and(|changed| !changed.is_empty());
-        let crowds = self.meshes.iter_mut().filter(|(id, _)| are_new(*id)).map(|(_, mesh)| &mut mesh.crowd);
+        let crowds = self.meshes.iter_mut().filter(|(id, _)| are_new(id)).map(|(_, mesh)| &mut mesh.crowd);
         let poses = self.morph.update(crowds)?;
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("deltamorph") });
         let mut pass = encoder.begin_compute_pass(&Default::default());
-        for (id, mesh) in self.meshes.iter().filter(|(id, _)| are_new(*id)) {
+        for (id, mesh) in self.meshes.iter().filter(|(id, _)| are_new(id)) {
             let Some(room) = room_of(allocator, id, mesh) else { continue };
             self.writer.record(&mut pass, device, mesh, &room, &mesh.next(&changed[id]))?;
         }
