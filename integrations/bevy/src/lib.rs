@@ -6,18 +6,20 @@
 //! App::new().add_plugins(DefaultPlugins).add_plugins(DeltamorphPlugin).run();
 //! ```
 //!
-//! Entities with a [`Mesh3d`] and Bevy's own [`MeshMorphWeights`], as the glTF loader makes them, are morphed by deltamorph
-//! from then on, from the weights that Bevy's components name ([`MorphWeights`](bevy::mesh::morph::MorphWeights)).
-//! Materials, shadows, prepasses, motion vectors and skins are Bevy's, and stay as they are. [`DeltamorphSettings`] switches
-//! all of them to Bevy's own morphing and back, [`BevyMorphing`] those of a mesh.
+//! Entities with a [`Mesh3d`] and Bevy's own [`MeshMorphWeights`], as the glTF loader makes them, are morphed by
+//! deltamorph from then on, from the weights that Bevy's components name
+//! ([`MorphWeights`](bevy::mesh::morph::MorphWeights)). Materials, shadows, prepasses, motion vectors and skins are
+//! Bevy's, and stay as they are. [`DeltamorphSettings`] switches all of them to Bevy's own morphing and back,
+//! [`BevyMorphing`] those of a mesh.
 //!
 //! # How
 //! Bevy's vertex shaders add up all targets of a mesh, from a storage buffer that has 48 bytes for each vertex of each
 //! target, in each pass again. Here the mesh has two targets for each entity in their place, which no file has made:
-//! deltamorph computes the displacement of all vertices once a frame, where weights have changed, and writes it into one of
-//! the two. The shaders are Bevy's, unchanged, and are told that it has weight 1; the other is the previous one, with weight
-//! 1 where motion vectors are computed. All of it is in the render world: components and assets of the application are read
-//! only. So the targets themselves take no memory of the GPU, as long as a mesh is morphed here.
+//! deltamorph computes the displacement of all vertices once a frame, where weights have changed, and writes it into
+//! one of the two. The shaders are Bevy's, unchanged, and are told that it has weight 1; the other is the previous one,
+//! with weight 1 where motion vectors are computed. All of it is in the render world: components and assets of the
+//! application are only read. An [`AssetEvent::Modified`](bevy::asset::AssetEvent) has a mesh extracted anew. So the
+//! targets themselves take no memory of the GPU, as long as a mesh is morphed here.
 //!
 //! # What stays with Bevy
 //! Devices other than Vulkan's, and meshes that deltamorph cannot take. The log says which, and why.
@@ -44,16 +46,16 @@ use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, Render
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DeltamorphPlugin;
 
-/// Who morphs, and how. May be changed at any time: meshes are prepared anew then, which takes as long as when they were
-/// loaded.
+/// Who morphs, and how. May be changed at any time: meshes are prepared anew then, which takes as long as when they
+/// were loaded.
 #[derive(Resource, Clone, Copy, Debug, PartialEq)]
 pub struct DeltamorphSettings {
     /// false: Bevy morphs all meshes itself.
     pub enabled: bool,
     /// How targets are stored: one of [`DeltaFormat::BLOCKS`].
     pub format: DeltaFormat,
-    /// The largest weight, either sign (above 0, up to 255): entities with a larger one keep the shape that they have. The
-    /// smaller, the finer the grid that displacements lie on.
+    /// The largest weight, either sign (above 0, up to 255): entities with a larger one keep the shape that they have.
+    /// The smaller, the finer the grid that displacements lie on.
     pub weight_max: f32,
 }
 
@@ -127,8 +129,8 @@ fn choose(
         if needed > 0 && has_targets != Some(false) && !mesh.asset_usage.contains(RenderAssetUsages::MAIN_WORLD) {
             if refused.insert(id) {
                 warn!(
-                    "deltamorph: mesh {id} stays with Bevy's own morphing: its targets leave the main world (load it with \
-                     RenderAssetUsages::default())"
+                    "deltamorph: mesh {id} stays with Bevy's own morphing: its targets leave the main world (load it \
+                     with RenderAssetUsages::default())"
                 );
             }
             needed = 0;

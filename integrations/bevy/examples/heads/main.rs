@@ -2,7 +2,8 @@
 //!
 //!     cargo run --example heads -- [--heads N] [--vertices N] [--frames N] [--screenshot OUT.png]
 //!
-//! Prints the time of a frame of both and their ratio, and fails where the pictures differ by more than a few units in 255.
+//! Prints the time of a frame of both and their ratio, and fails where the pictures differ by more than a few units in
+//! 255.
 
 mod scene;
 
@@ -53,7 +54,8 @@ fn main() -> Result {
     }
     let [bevys, ours] = times.map(|time| 1e3 * time.as_secs_f64());
     println!(
-        "{}: {heads} heads of {vertices} vertices and {} targets: Bevy {bevys:.2} ms, deltamorph {ours:.2} ms a frame: {:.2} times",
+        "{}: {heads} heads of {vertices} vertices and {} targets: Bevy {bevys:.2} ms, deltamorph {ours:.2} ms a \
+         frame: {:.2} times",
         scene.app.world().resource::<RenderAdapterInfo>().name,
         desc.targets,
         bevys / ours,

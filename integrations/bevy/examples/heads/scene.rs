@@ -262,8 +262,8 @@ fn bevys(morphs: &MorphMesh, tangents: bool) -> Mesh {
     mesh
 }
 
-/// How two pictures differ: the largest difference of a channel, in units of 255, and the pixels that differ by more than
-/// `allowed`, as a fraction.
+/// How two pictures differ: the largest difference of a channel, in units of 255, and the pixels that differ by more
+/// than `allowed`, as a fraction.
 pub fn difference(a: &[u8], b: &[u8], allowed: u8) -> (u8, f64) {
     let pixels = a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0);
     let largest = pixels.map(|(a, b)| a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0));

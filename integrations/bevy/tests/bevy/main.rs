@@ -87,7 +87,7 @@ fn pictures_are_bevys_and_targets_leave_the_device() {
     scene.show(33);
     let ours = scene.picture().expect("a picture");
     assert_eq!(probe.lock().elements, room(6), "twice as much as before");
-    // A head for itself goes, another one comes: places are used again.
+    // A head goes, another one comes: its place is used again.
     let gone = scene.heads.remove(1);
     scene.app.world_mut().despawn(gone);
     let mut other = scene.app.world_mut().entity_mut(first);
