@@ -25,7 +25,7 @@ pub fn head_clip(desc: &HeadDesc, frames: usize, fps: f32) -> WeightClip {
     for (i, name) in names.iter().enumerate() {
         let rng = &mut Rng::new(desc.seed, (1 << 32) + i as u64);
         let column = match name.as_str() {
-            targets::EMPTY | "jawForward" | "jawLeft" | "jawRight" => continue,
+            "tongueOut" | "jawForward" | "jawLeft" | "jawRight" => continue,
             "jawOpen" => speak(rng, 0.75),
             "mouthFunnel" | "mouthPucker" | "mouthShrugLower" => speak(rng, 0.4),
             n if n.starts_with("mouthLowerDown") || n.starts_with("mouthUpperUp") => speak(rng, 0.5),

@@ -1,17 +1,29 @@
 //! The built-in procedural head.
 //!
 //! A stylised head of about 24 cm from crown to chin, with a stump of neck, in centimetres: Y up, face towards
-//! +Z, the head's own left at +X. Everything is made with additions, multiplications, divisions and square roots,
-//! which IEEE 754 rounds the same everywhere; `sin` and friends of the platform's library are not used, so that
-//! the same description gives the same bits on every machine.
+//! +Z, the head's own left at +X. The skin is one closed surface that folds inwards at eyes and mouth; eyeballs, upper
+//! teeth, lower teeth and tongue are closed surfaces of their own behind it.
+//!
+//! A vertex is first a place in a net (`mesh`, `rows`), then a point in space (`shape`, `parts`). Targets that are about
+//! lids ask for that point with the lids elsewhere; others move points (`motion`).
+//!
+//! Everything is made with additions, multiplications, divisions and square roots, which IEEE 754 rounds the same
+//! everywhere; `sin` and friends of the platform's library are not used, so that the same description gives the same
+//! bits on every machine.
 
 mod clip;
+mod mesh;
+mod motion;
+mod parts;
+mod rows;
 mod shape;
 mod targets;
 
-use crate::asset::MorphSource;
+use crate::asset::{Corner, Faces, MorphSource};
 use crate::setters::setters;
 pub use clip::head_clip;
+use glam::{Vec2, Vec3};
+use mesh::{Part, Spot};
 
 /// What the built-in head is made from. Same description, same head, on every machine.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,17 +51,85 @@ impl Default for HeadDesc {
 /// The built-in head as a source: exactly `desc.vertices` vertices and `desc.targets` targets.
 ///
 /// Triangles, with texture coordinates split along a seam at the back, and without normals:
-/// [`to_mesh`](MorphSource::to_mesh) computes them. Fewer than three vertices have no face. The shape of the base
-/// pose does not depend on the seed. Targets are local, with smooth edges; how large their supports are varies
-/// between targets around a mean of `sparsity`. The target `tongueOut` is empty, as in many captured heads (there
-/// is no tongue), unless `sparsity` is 1. Values of `desc` outside their range are clamped into it (a `sparsity`
-/// that is not a number counts as the default's).
+/// [`to_mesh`](MorphSource::to_mesh) computes them. Fewer than three vertices have no face, fewer than 250 make the
+/// outline of a head only, and below 1,000 or so some of teeth and tongue are missing. The shape of the base pose does
+/// not depend on the seed; it is symmetric, and so are targets for the left and the right side, up to the ends of their
+/// supports. The targets do what ARKit's documentation says of their names; at weight 1, one of them alone pushes no
+/// part through another, with vertices enough to resolve it (10,000 or so).
+///
+/// Parts tell themselves apart by the tile of their texture coordinates, the whole part of `u`: 0 is skin, 1 eyeballs
+/// (`v` goes from the middle of the pupil, 0, over its edge at 0.08 and that of the iris at 0.21, to the back, 1),
+/// 2 teeth, 3 tongue and the inside of the mouth. Vertices are in the order skin, left eye, right eye, upper teeth,
+/// lower teeth, tongue.
+///
+/// Targets are local, with smooth edges; how large their supports are varies between targets around a mean of
+/// `sparsity`. Values of `desc` outside their range are clamped into it (a `sparsity` that is not a number counts as
+/// the default's).
 pub fn head(desc: &HeadDesc) -> MorphSource {
     // Vertex numbers and face corners (about six per vertex) are 32-bit.
-    let base = shape::base(desc.vertices.clamp(1, 1 << 28));
+    let vertices = desc.vertices.clamp(1, 1 << 28);
     let sparsity = if desc.sparsity.is_nan() { HeadDesc::default().sparsity } else { desc.sparsity };
     let desc = desc.clone().sparsity(sparsity.clamp(f32::MIN_POSITIVE, 1.0));
-    MorphSource { name: "head".to_owned(), targets: targets::targets(&desc, &base.positions), ..base }
+    let (spots, base) = if vertices < 5 { few(vertices) } else { whole(vertices) };
+    let targets = targets::targets(&desc, &spots, &base.positions);
+    MorphSource { name: "head".to_owned(), targets, ..base }
+}
+
+fn whole(vertices: usize) -> (Vec<Spot>, MorphSource) {
+    let mut net = mesh::Net::new(vertices);
+    let positions = net.spots.iter().map(|s| place(s, shape::Lids::REST)).collect();
+    let faces = net.faces();
+    (net.spots, MorphSource { positions, texcoords: net.texcoords, faces, ..Default::default() })
+}
+
+/// The middle of the left eyeball, and its radius.
+const EYE: Vec3 = Vec3::new(3.15, 1.0, 6.55);
+const EYE_RADIUS: f32 = 1.6;
+/// The height of the line between the lips, and how far its ends are from the middle.
+const MOUTH_HEIGHT: f32 = -5.4;
+const HALF_MOUTH: f32 = 2.55;
+/// The height of the middle of the tongue.
+const TONGUE_HEIGHT: f32 = -6.1;
+
+/// The position of a vertex.
+fn place(spot: &Spot, lids: shape::Lids) -> Vec3 {
+    let p = match (spot.part, spot.behind) {
+        (Part::Skin, None) => shape::skin(spot.a, spot.t, spot.lower, lids),
+        (Part::Skin, Some((slit, depth))) => shape::behind(slit, spot, depth, lids),
+        (part, _) => parts::point(part, spot.a, spot.t),
+    };
+    if spot.mirrored { Vec3::new(-p.x, p.y, p.z) } else { p }
+}
+
+/// One to four vertices: points of the face's outline, with one face where there are three or more.
+fn few(vertices: usize) -> (Vec<Spot>, MorphSource) {
+    let outline =
+        [Vec3::new(-5.0, 4.0, 8.0), Vec3::new(0.0, -9.0, 9.0), Vec3::new(5.0, 4.0, 8.0), Vec3::new(0.0, 11.0, 4.0)];
+    let positions = outline[..vertices].to_vec();
+    let texcoords = positions.iter().map(|p| Vec2::new(0.5 + p.x / 20.0, (p.y + 16.6) / 28.6)).collect();
+    let sizes = if vertices < 3 { vec![] } else { vec![vertices as u32] };
+    let corners = sizes.iter().flat_map(|&n| 0..n).map(|i| Corner { position: i, texcoord: Some(i) }).collect();
+    (
+        vec![Spot::skin(0.0, 10.0); vertices],
+        MorphSource { positions, texcoords, faces: Faces { sizes, corners }, ..Default::default() },
+    )
+}
+
+/// Sine of an angle in [−π, π], as a polynomial: see above.
+fn sin(x: f64) -> f64 {
+    use std::f64::consts::{FRAC_PI_2, PI};
+    let x = if x.abs() > FRAC_PI_2 { PI.copysign(x) - x } else { x };
+    let q = x * x;
+    let series = [1.0 / 6227020800.0, -1.0 / 39916800.0, 1.0 / 362880.0, -1.0 / 5040.0, 1.0 / 120.0, -1.0 / 6.0, 1.0];
+    x * series.into_iter().fold(0.0, |sum, c| sum * q + c)
+}
+
+fn cos(x: f64) -> f64 {
+    sin(std::f64::consts::FRAC_PI_2 - x.abs())
+}
+
+fn mix(a: f32, b: f32, x: f32) -> f32 {
+    a + (b - a) * x
 }
 
 /// 3x² − 2x³ between `low` and `high`, 0 below and 1 above (the other way round where `low > high`).

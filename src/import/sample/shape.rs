@@ -1,246 +1,315 @@
-//! The base pose: rows of vertices around a profile curve, and the features of a face pushed out of them.
+//! The skin of the head: sections stacked along a profile, the features of a face pushed out of them, and what lies
+//! behind its openings: the linings of eye sockets and mouth, the shells of the ears. Lengths in cm.
 
-use super::smoothstep;
-use crate::asset::{Corner, Faces, MorphSource};
+use super::mesh::{Slit, Spot};
+use super::{EYE, EYE_RADIUS, HALF_MOUTH, MOUTH_HEIGHT, cos, mix, sin, smoothstep};
 use glam::{Vec2, Vec3};
 
-/// Cross-sections from the crown to the end of the neck: height, half width, front and back (all cm).
-const SECTIONS: [[f32; 4]; 22] = [
-    [12.0, 0.0, -0.9, -0.9],
-    [11.7, 2.4, 2.0, -4.0],
-    [10.8, 4.5, 4.6, -6.7],
-    [9.2, 6.1, 6.7, -8.7],
-    [7.2, 7.1, 8.0, -9.9],
-    [5.0, 7.5, 8.6, -10.4],
-    [3.2, 7.5, 8.7, -10.3],
-    [1.6, 7.3, 8.3, -9.9],
-    [0.0, 7.1, 8.3, -9.2],
-    [-2.0, 6.8, 8.4, -8.2],
-    [-4.0, 6.4, 8.5, -7.3],
-    [-5.5, 6.05, 8.5, -6.7],
-    [-7.0, 5.6, 8.2, -6.3],
-    [-8.6, 4.8, 7.9, -6.1],
-    [-10.0, 4.3, 7.0, -6.0],
-    [-10.8, 4.0, 5.2, -6.1],
-    [-11.4, 4.1, 3.2, -6.2],
-    [-12.4, 4.3, 2.0, -6.3],
-    [-14.0, 4.6, 1.7, -6.6],
-    [-16.0, 5.2, 2.0, -7.2],
-    [-16.5, 4.6, 1.4, -6.6],
-    [-16.6, 0.0, -2.6, -2.6],
+/// Cross-sections from the crown to the end of the neck: height, half width, front, back, and how much flatter than an
+/// ellipse the front is. The rows of eyes, ears and mouth are among them: see [`Slit::row`].
+pub(super) const SECTIONS: [[f32; 5]; 22] = [
+    [12.0, 0.0, -0.9, -0.9, 0.0],
+    [11.7, 2.4, 1.9, -4.0, 0.0],
+    [10.8, 4.5, 4.5, -6.7, 0.1],
+    [9.2, 6.0, 6.6, -8.7, 0.2],
+    [7.2, 6.9, 7.9, -9.9, 0.3],
+    [5.0, 7.3, 8.5, -10.4, 0.45],
+    [2.6, 7.3, 8.6, -10.3, 0.6],
+    [1.0, 7.1, 8.2, -9.7, 0.65],
+    [-0.6, 6.9, 8.2, -9.0, 0.65],
+    [-2.2, 6.7, 8.3, -8.2, 0.6],
+    [-3.8, 6.3, 8.5, -7.4, 0.5],
+    [-5.4, 5.75, 8.6, -6.8, 0.4],
+    [-7.0, 5.15, 8.3, -6.3, 0.3],
+    [-8.5, 4.45, 8.2, -6.1, 0.25],
+    [-9.7, 3.95, 7.5, -6.0, 0.2],
+    [-10.5, 4.0, 5.6, -6.1, 0.1],
+    [-11.2, 4.1, 3.4, -6.2, 0.0],
+    [-12.4, 4.3, 2.2, -6.3, 0.0],
+    [-14.0, 4.6, 1.9, -6.6, 0.0],
+    [-16.0, 5.2, 2.1, -7.2, 0.0],
+    [-16.5, 4.6, 1.4, -6.6, 0.0],
+    [-16.6, 0.0, -2.6, -2.6, 0.0],
 ];
 
-/// The section at `t` in 0..=21, by a Catmull-Rom spline.
-fn section(t: f32) -> [f32; 4] {
+/// The section at `t` in 0..=21, by a uniform cubic B-spline that begins and ends at the first and last section.
+pub(super) fn section(t: f32) -> [f32; 5] {
     let last = SECTIONS.len() - 1;
     let i = (t as usize).min(last - 1);
     let x = t - i as f32;
-    let knot = |k: isize| SECTIONS[(i as isize + k).clamp(0, last as isize) as usize];
-    let (a, b, c, d) = (knot(-1), knot(0), knot(1), knot(2));
-    let mut s = [0.0; 4];
-    for k in 0..4 {
-        let linear = (c[k] - a[k]) * x;
-        let square = (2.0 * a[k] - 5.0 * b[k] + 4.0 * c[k] - d[k]) * x * x;
-        let cube = (3.0 * b[k] - a[k] - 3.0 * c[k] + d[k]) * x * x * x;
-        s[k] = b[k] + 0.5 * (linear + square + cube);
-    }
+    let (b, c) = (SECTIONS[i], SECTIONS[i + 1]);
+    let beyond = |near: [f32; 5], far: [f32; 5]| std::array::from_fn(|k| 2.0 * near[k] - far[k]);
+    let a = if i > 0 { SECTIONS[i - 1] } else { beyond(b, c) };
+    let d = if i + 2 <= last { SECTIONS[i + 2] } else { beyond(c, b) };
+    let rest = 1.0 - x;
+    let weights = [
+        rest * rest * rest,
+        3.0 * x * x * x - 6.0 * x * x + 4.0,
+        3.0 * rest * rest * rest - 6.0 * rest * rest + 4.0,
+        x * x * x,
+    ];
+    let mut s: [f32; 5] =
+        std::array::from_fn(|k| (weights[0] * a[k] + weights[1] * b[k] + weights[2] * c[k] + weights[3] * d[k]) / 6.0);
     s[1] = s[1].max(0.0);
     s
 }
 
-/// How much denser rows and columns are at a height: the face has most of the vertices.
-fn density(y: f32) -> f32 {
-    1.0 + 1.2 * smoothstep(-10.5, -8.0, y) * smoothstep(5.5, 3.0, y)
-}
-
-/// Sine of an angle in [−π, π], as a polynomial (see the module head).
-fn sin(x: f64) -> f64 {
-    use std::f64::consts::{FRAC_PI_2, PI};
-    let x = if x.abs() > FRAC_PI_2 { PI.copysign(x) - x } else { x };
-    let q = x * x;
-    let series = [1.0 / 6227020800.0, -1.0 / 39916800.0, 1.0 / 362880.0, -1.0 / 5040.0, 1.0 / 120.0, -1.0 / 6.0, 1.0];
-    x * series.into_iter().fold(0.0, |sum, c| sum * q + c)
-}
-
-fn cos(x: f64) -> f64 {
-    sin(std::f64::consts::FRAC_PI_2 - x.abs())
-}
-
-/// Where each row lies on the profile (in knots), and how many vertices it has.
-fn rows(vertices: usize) -> Vec<(f32, usize)> {
-    const SAMPLES: usize = 1024;
-    let at = |i: usize| section(i as f32 * (SECTIONS.len() - 1) as f32 / SAMPLES as f32);
-    // The length of the profile, counted by density.
-    let mut lengths = vec![0.0f32];
-    let mut around = 0.0;
-    for i in 0..SAMPLES {
-        let (a, b) = (at(i), at(i + 1));
-        let step = Vec3::new(b[0] - a[0], b[1] - a[1], 0.5 * (b[2] - b[3] - a[2] + a[3])).length();
-        lengths.push(lengths[i] + step * density(b[0]));
-        around += girth(&b) / SAMPLES as f32;
-    }
-    let total = lengths[SAMPLES];
-    let ideal = (vertices as f32 * total / around).sqrt() as usize;
-    let count = ideal.clamp(1, (vertices - 2) / 3);
-
-    let place = |r: usize| {
-        let wanted = total * r as f32 / (count + 1) as f32;
-        let i = lengths.partition_point(|&length| length < wanted).clamp(1, SAMPLES) - 1;
-        let part = (wanted - lengths[i]) / (lengths[i + 1] - lengths[i]);
-        (i as f32 + part.clamp(0.0, 1.0)) * (SECTIONS.len() - 1) as f32 / SAMPLES as f32
-    };
-    let places: Vec<f32> = (1..=count).map(place).collect();
-    // Three vertices each; the rest by girth, with running sums so that nothing is lost to rounding.
-    let weights: Vec<f64> = places.iter().map(|&t| f64::from(girth(&section(t)))).collect();
-    let (sum, rest) = (weights.iter().sum::<f64>(), vertices - 2 - 3 * count);
-    let (mut running, mut given) = (0.0, 0);
-    let mut rows = Vec::with_capacity(count);
-    for (r, (&t, w)) in places.iter().zip(&weights).enumerate() {
-        running += w;
-        let until = if r + 1 == count { rest } else { ((rest as f64 * running / sum) as usize).min(rest) };
-        rows.push((t, 3 + until - given));
-        given = until;
-    }
-    rows
-}
-
-/// The girth of a section, counted by density.
-fn girth(s: &[f32; 4]) -> f32 {
-    let depth = 0.5 * (s[2] - s[3]);
-    6.3 * ((s[1] * s[1] + depth * depth) * 0.5).sqrt() * density(s[0]).sqrt()
-}
-
-/// A point of row `t`, `u` in 0..1 of the way around, from the back over the head's right and the face.
-fn point(t: f32, u: f64) -> Vec3 {
-    use std::f64::consts::PI;
-    let [y, half, front, back] = section(t);
-    let a = 2.0 * PI * (u - 0.5);
-    // Denser at the face.
-    let angle = a - 0.4 * sin(a);
-    let (s, c) = (sin(angle) as f32, cos(angle) as f32);
+/// The plain head at the angle `a` from the front (0..=π) and the row `t`, and how much it faces the front (−1..=1).
+pub(super) fn plain(a: f32, t: f32) -> (Vec3, f32) {
+    let [y, half, front, back, flat] = section(t);
+    // At the back exactly in the middle, where π is not a float.
+    let s = if a < std::f32::consts::PI { sin(f64::from(a)) as f32 } else { 0.0 };
+    let c = cos(f64::from(a)) as f32;
     // A section is widest behind its middle: at the ears, and at the corners of the jaw.
     let middle = back + 0.44 * (front - back);
-    let reach = if c > 0.0 { front - middle } else { middle - back };
-    sculpt(Vec3::new(half * s, y, middle + reach * c), c, half)
+    let z = if c > 0.0 { (front - middle) * c * (1.0 + flat * (1.0 - c)) } else { (middle - back) * c };
+    (Vec3::new(half * s, y, middle + z), c)
 }
 
-/// A smooth bump: 1 at the centre, 0 from the ellipse of the given radii on.
+/// How far the lids are open, 1 as at rest.
+#[derive(Clone, Copy)]
+pub(super) struct Lids {
+    /// The distance between the edges; 0 is closed.
+    pub open: f32,
+    /// How far the edge of the lower lid is below the line between the corners; negative above it.
+    pub lower: f32,
+}
+
+impl Lids {
+    pub const REST: Self = Self { open: 1.0, lower: 1.0 };
+}
+
+/// Thickness of the lids, and the gap between them and the eyeball.
+const LID: f32 = 0.16;
+const EYE_GAP: f32 = 0.05;
+/// How far the outside of the lids is from the middle of the eyeball.
+pub(super) const LID_RADIUS: f32 = EYE_RADIUS + EYE_GAP + LID;
+/// What is left between lids and between lips that meet.
+const CONTACT: f32 = 0.006;
+/// Half the distance between the corners of an eye.
+pub(super) const HALF_EYE: f32 = 1.4;
+/// Where the ear grows out of the head: height, depth, half height, half width.
+pub(super) const EAR: [f32; 4] = [-0.6, -1.25, 2.1, 1.15];
+
+/// Where the edges of the lids are above the line of the eye, at `c` from the inner corner (−1) to the outer (1).
+fn edges(c: f32, lids: Lids) -> (f32, f32) {
+    let w = (1.0 - c * c).max(0.0);
+    let (upper, lower) = (0.5 * (w * w.sqrt()).sqrt() * (1.0 - 0.12 * c), 0.46 * w * (1.0 + 0.2 * c));
+    let below = -lower * lids.lower;
+    (below + (upper + lower) * lids.open + CONTACT, below - CONTACT)
+}
+
+/// A smooth bump: 1 at the centre, 0 from an ellipse on that is a little larger than that of the given radii.
 fn bump(x: f32, y: f32, centre: [f32; 2], radii: [f32; 2]) -> f32 {
     let (dx, dy) = ((x - centre[0]) / radii[0], (y - centre[1]) / radii[1]);
-    let q = (1.0 - dx * dx - dy * dy).max(0.0);
+    let q = (1.0 - 0.8 * (dx * dx + dy * dy)).max(0.0);
+    q * q * q
+}
+
+/// The larger of two numbers, with a smooth change between them over about `k`.
+fn smooth_max(a: f32, b: f32, k: f32) -> f32 {
+    let h = (1.0 - (a - b).abs() / k).max(0.0);
+    a.max(b) + 0.25 * k * h * h
+}
+
+/// How far a row at the distance `d` from a slit is moved when the slit's edge moves by 1, up to the distance `reach`.
+fn along(d: f32, reach: f32) -> f32 {
+    let q = (1.0 - d.abs() / reach).max(0.0);
     q * q
 }
 
-/// Push the features of a face out of the plain head. `facing` is 1 at the front, −1 at the back.
-fn sculpt(p: Vec3, facing: f32, half: f32) -> Vec3 {
-    let side = p.x.abs();
-    let y = p.y;
-    let front = smoothstep(0.05, 0.45, facing);
-    let at = |centre: [f32; 2], radii: [f32; 2]| bump(side, y, centre, radii);
-    let mut out = 0.0;
+/// A point of the skin, on the head's left side. At a slit, `lower` is the lower edge.
+pub(super) fn skin(a: f32, t: f32, lower: bool, lids: Lids) -> Vec3 {
+    let (mut p, facing) = plain(a, t);
+    let below = |slit: Slit| t > slit.row() || (t == slit.row() && lower);
+    let front = smoothstep(0.0, 0.3, facing);
 
-    // Brow ridge and temples, cheekbones and the hollow under them.
-    out += 0.5 * at([2.9, 3.0], [3.6, 1.6]) - 0.55 * at([7.0, 3.8], [2.6, 3.2]);
-    out += 0.65 * at([4.6, -0.9], [3.0, 2.4]) - 0.55 * at([4.9, -4.8], [2.4, 3.0]);
-    // Sockets; in each an eyeball, with the gap between the lids as a line across it.
-    out -= 1.25 * at([3.1, 1.2], [2.7, 2.1]) + 0.5 * at([1.5, 1.6], [1.3, 1.6]);
-    let ball = at([3.15, 1.05], [1.75, 1.25]);
-    out += 1.45 * ball;
-    let lids = 1.05 + 0.42 * at([3.15, 1.05], [1.8, 3.0]);
-    let opening = at([3.15, 1.05], [1.6, 9.0]);
-    out -= 0.42 * opening * (bump(0.0, y, [0.0, lids], [1.0, 0.17]) + bump(0.0, y, [0.0, 2.1 - lids], [1.0, 0.17]));
-    out -= 0.22 * at([3.15, 2.2], [2.0, 0.35]);
-    // Iris, just a dimple.
-    out -= 0.16 * at([3.15, 1.05], [0.5, 0.5]);
+    // Rows give way to the openings of eyes and ears.
+    let c = (p.x - EYE.x) / HALF_EYE;
+    let (up, down) = edges(c, lids);
+    let d = p.y - EYE.y;
+    let tilt = 0.12 * c.clamp(-1.6, 1.6) * along(d, 3.0);
+    let eye = if below(Slit::Eye) { down * along(d, 2.0) } else { up * along(d, 2.2) };
+    let yield_ear = along(p.y - EAR[0], 5.0);
+    let c_ear = (p.z - EAR[1]) / EAR[3];
+    let ear = if c_ear.abs() < 1.0 {
+        // Evenly around the ellipse, about: the sine of an angle.
+        let sine = c_ear * (1.5 - 0.5 * c_ear * c_ear);
+        p.z = mix(p.z, EAR[1] + EAR[3] * sine, yield_ear);
+        EAR[2] * (1.0 - sine * sine).max(0.0).sqrt() * yield_ear * if below(Slit::Ear) { -1.0 } else { 1.0 }
+    } else {
+        0.0
+    };
+    let lid = if c.abs() < 1.0 { 1.0 } else { 0.0 };
+    let y0 = p.y;
+    p.y += (eye * lid + tilt) * front + ear;
+    features(p, y0 - MOUTH_HEIGHT, below(Slit::Mouth), front)
+}
 
-    // Nose: a ridge that grows from the bridge to the tip, then wings and nostrils.
-    let along = smoothstep(3.2, -2.0, y);
-    let under = smoothstep(-3.1, -2.25, y);
-    let width = 0.85 + 0.75 * along;
-    let across = (1.0 - (side / width) * (side / width)).max(0.0);
-    out += (0.5 + 2.0 * along * along) * smoothstep(4.0, 2.0, y) * under * across * across.sqrt();
-    out += 0.75 * at([1.25, -2.05], [0.85, 0.85]) - 0.7 * at([0.6, -2.75], [0.45, 0.4]);
+/// Push the features of a face out of the plain head. `lip` is the distance above the line between the lips.
+fn features(mut p: Vec3, lip: f32, lower_lip: bool, front: f32) -> Vec3 {
+    let (x, y) = (p.x, p.y);
+    let at = |centre: [f32; 2], radii: [f32; 2]| bump(x, y, centre, radii);
+    let mut z = 0.0;
 
-    // Mouth: the muzzle, two lips with the line between them, the groove under the nose and the one over the chin.
-    out += 0.7 * at([0.0, -5.0], [3.8, 3.0]);
-    out -= 0.25 * at([0.0, -3.5], [0.5, 0.9]);
-    let bow = 0.16 * at([0.75, -4.4], [0.9, 9.0]);
-    out += 0.6 * at([0.0, -4.5 + bow], [2.8, 0.95]) + 0.65 * at([0.0, -5.75], [2.5, 1.1]);
-    let line = 1.0 - smoothstep(2.2, 2.75, side);
-    out -= 0.5 * line * bump(0.0, y, [0.0, -5.1 + 0.05 * side], [1.0, 0.3]);
-    out -= 0.2 * at([2.75, -5.05], [0.8, 0.9]) + 0.4 * at([0.0, -7.0], [2.6, 1.0]);
-    out += 0.8 * at([0.0, -8.7], [2.6, 2.1]);
+    // Forehead, brow ridge, eyebrows, cheekbones and the hollow under them.
+    z += 0.35 * at([2.6, 6.2], [3.4, 3.0]) + 0.3 * at([0.0, 2.7], [2.0, 1.6]);
+    z += 0.5 * at([2.8, 2.85], [3.2, 1.5]) + 0.6 * at([5.2, 0.6], [1.9, 2.6]);
+    let brow = (x - 1.0) / 3.8;
+    let arch = 2.45 + 1.15 * brow - 0.95 * brow * brow;
+    z += 0.2
+        * at([brow * 3.8 + 1.0, arch], [1.0, mix(0.42, 0.22, brow)])
+        * smoothstep(0.0, 0.2, brow)
+        * smoothstep(1.02, 0.75, brow);
+    z += 0.45 * at([4.3, -1.5], [2.8, 2.2]) - 0.35 * at([4.6, -5.0], [2.2, 2.6]);
+    // Sockets, deepest beside the nose.
+    z -= 0.6 * at([3.0, 1.3], [2.6, 1.5]) + 0.45 * at([1.5, 1.3], [1.1, 1.5]);
+    z += 0.35 * at([3.3, -0.7], [2.6, 1.5]);
 
-    // Depth mostly, and a little sideways where the surface turns.
-    let turn = if half > 0.0 { p.x / half } else { 0.0 };
-    let mut p = p + front * out * Vec3::new(0.35 * turn * turn * turn, 0.0, 1.0);
+    // Nose: a ridge that grows from the bridge to the tip and is round below, and the wings.
+    let down = ((2.8 - y) / 5.1).clamp(0.0, 1.0);
+    let under = ((-2.35 - y) / 0.95).clamp(0.0, 1.0);
+    let width = mix(0.9, 1.3, down * down) + 0.8 * smoothstep(0.7, 0.0, down);
+    let across = (1.0 - (x / width) * (x / width)).max(0.0);
+    let height = mix(0.1, 2.15, down * (0.55 + 0.45 * down)) + 0.2 * at([0.0, -2.2], [1.0, 0.9]);
+    let ridge = height * across * across.sqrt() * (1.0 - under * under).sqrt();
+    z += ridge + 0.95 * at([1.02, -2.62], [0.72, 0.68]) * (1.0 - under * under).sqrt();
+    z += 0.3 * at([0.0, -3.2], [0.5, 0.6]);
 
-    // Ears: a flap that stands off, hollow in front.
-    let z = p.z + 1.6 + 0.18 * (y - 0.2);
-    let flap = bump(z, y, [0.0, 0.0], [2.3, 3.7]);
-    let hollow = bump(z, y, [0.45, 0.1], [1.0, 2.0]);
-    let beside = smoothstep(0.75, 0.95, if half > 0.0 { side / half } else { 0.0 });
-    p.x += p.x.signum() * beside * (1.7 * smoothstep(0.0, 0.5, flap) * smoothstep(-1.9, 1.2, -z) - 0.7 * hollow);
-    p.z -= beside * 0.6 * flap;
+    // Mouth: the muzzle, the groove under the nose, lips, the fold under them, the chin.
+    let mouth = (x / HALF_MOUTH).min(1.5);
+    z += 0.65 * at([0.0, -5.2], [4.4, 3.3]);
+    z -= 0.16 * at([0.0, -4.05], [0.45, 0.7]);
+    z += lips(mouth, lip.abs(), lower_lip);
+    z -= 0.22 * at([2.8, -5.4], [1.3, 1.3]);
+    z -= 0.4 * at([0.0, -7.2], [2.4, 0.8]);
+    z += 0.75 * at([0.0, -8.9], [2.3, 1.7]);
+    p.z += z * front;
+    // The corners of the mouth are a little higher.
+    if lip == 0.0 {
+        p.y += CONTACT * (1.0 - mouth * mouth).max(0.0) * if lower_lip { -1.0 } else { 1.0 };
+    }
+    p.y += 0.1 * mouth * mouth * along(lip, 2.5) * front * smoothstep(1.5, 1.0, mouth);
+
+    // Nostrils, from below.
+    p.y += 0.42 * at([0.58, -3.0], [0.4, 0.3]) * front;
+
+    // Lids lie on the eyeball, wherever the socket is deeper.
+    let from = Vec2::new(x - EYE.x, y - EYE.y);
+    let ball = EYE.z + (LID_RADIUS * LID_RADIUS - from.length_squared()).max(0.0).sqrt();
+    if front > 0.0 && from.length() < LID_RADIUS {
+        p.z = smooth_max(p.z, ball, 0.6);
+    }
     p
 }
 
-/// A head of exactly `vertices` vertices, without targets.
-pub(super) fn base(vertices: usize) -> MorphSource {
-    if vertices < 5 {
-        return few(vertices);
-    }
-    let last = SECTIONS.len() - 1;
-    // Crown and end of the neck are rows of one vertex, with no edges.
-    let rows: Vec<(f32, usize)> = [(0.0, 0)].into_iter().chain(rows(vertices)).chain([(last as f32, 0)]).collect();
-    let (top, bottom) = (SECTIONS[0][0], SECTIONS[last][0]);
-    let (mut positions, mut texcoords) = (Vec::with_capacity(vertices), Vec::new());
-    // First vertex and first texture coordinate of each row; a row has one texture coordinate more than
-    // edges, the seam at the back being there with u = 0 and u = 1.
-    let mut starts = Vec::with_capacity(rows.len());
-    for &(t, n) in &rows {
-        starts.push((positions.len() as u32, texcoords.len() as u32));
-        // The spline ends a rounding error above the last section.
-        let v = if t < last as f32 { (section(t)[0] - bottom) / (top - bottom) } else { 0.0 };
-        for i in 0..=n {
-            let u = if n == 0 { 0.5 } else { i as f64 / n as f64 };
-            texcoords.push(Vec2::new(u as f32, v));
-            if i < n.max(1) {
-                positions.push(point(t, u));
-            }
-        }
-    }
-
-    let mut corners = Vec::with_capacity(6 * vertices);
-    let on = |row: usize, i: usize| {
-        let ((v, vt), n) = (starts[row], rows[row].1);
-        Corner { position: v + (i % n.max(1)) as u32, texcoord: Some(vt + i as u32) }
-    };
-    for r in 1..rows.len() {
-        // Sew two rows together, always stepping on the row of which less is sewn.
-        let (above, below) = (rows[r - 1].1, rows[r].1);
-        let (mut i, mut j) = (0, 0);
-        while i < above || j < below {
-            if j == below || (i < above && (i + 1) * below <= (j + 1) * above) {
-                corners.extend([on(r - 1, i), on(r, j), on(r - 1, i + 1)]);
-                i += 1;
-            } else {
-                corners.extend([on(r - 1, i), on(r, j), on(r, j + 1)]);
-                j += 1;
-            }
-        }
-    }
-    let faces = Faces { sizes: vec![3; corners.len() / 3], corners };
-    MorphSource { positions, texcoords, faces, ..Default::default() }
+/// How far the lips stand out at `mouth` from the middle (0) to the corner (1), `d` from the line between them.
+fn lips(mouth: f32, d: f32, lower: bool) -> f32 {
+    let full = (1.0 - mouth * mouth).max(0.0);
+    let bow = if lower { 0.0 } else { 0.2 * bump(mouth, 0.0, [0.27, 0.0], [0.28, 1.0]) };
+    let height = (if lower { 1.0 } else { 0.75 } + bow) * (0.15 + 0.85 * full);
+    let s = d / height;
+    let out = if s < 1.0 { 2.6 * s.sqrt() * (1.0 - s) } else { 0.0 };
+    let roll = -0.24 * along(d, 0.4);
+    (if lower { 0.5 } else { 0.42 } * out + roll) * smoothstep(1.02, 0.6, mouth)
 }
 
-/// One to four vertices: points of the face's outline, with one face where there are three or more.
-fn few(vertices: usize) -> MorphSource {
-    let outline =
-        [Vec3::new(-5.0, 4.0, 8.0), Vec3::new(0.0, -9.0, 9.0), Vec3::new(5.0, 4.0, 8.0), Vec3::new(0.0, 11.0, 4.0)];
-    let positions = outline[..vertices].to_vec();
-    let texcoords = positions.iter().map(|p| Vec2::new(0.5 + p.x / 20.0, (p.y + 16.6) / 28.6)).collect();
-    let sizes = if vertices < 3 { vec![] } else { vec![vertices as u32] };
-    let corners = sizes.iter().flat_map(|&n| 0..n).map(|i| Corner { position: i, texcoord: Some(i) }).collect();
-    MorphSource { positions, texcoords, faces: Faces { sizes, corners }, ..Default::default() }
+/// A point behind an opening, `depth` of the way (0 at the edge, 1 at the end) from the edge's point `edge`.
+pub(super) fn behind(slit: Slit, spot: &Spot, depth: f32, lids: Lids) -> Vec3 {
+    let edge = skin(spot.a, spot.t, spot.lower, lids);
+    match slit {
+        Slit::Eye => socket(edge, skin(spot.a, spot.t, spot.lower, Lids::REST), depth),
+        Slit::Mouth => {
+            let above = if spot.lower { -1.0 } else { 1.0 };
+            cavity(edge, above, depth)
+        }
+        Slit::Ear => shell(edge, depth),
+    }
+}
+
+/// A curve through `knots` of `(depth, values)`.
+fn curve<const N: usize>(knots: &[(f32, [f32; N])], depth: f32) -> [f32; N] {
+    let i = knots.partition_point(|k| k.0 < depth).clamp(1, knots.len() - 1);
+    let ((from, a), (to, b)) = (knots[i - 1], knots[i]);
+    let x = ((depth - from) / (to - from)).clamp(0.0, 1.0);
+    std::array::from_fn(|k| mix(a[k], b[k], x))
+}
+
+/// The edge of a lid, then the socket around the eyeball, from the opening to the point behind it. `edge` is where the
+/// lid is, `rest` where it is at rest.
+fn socket(edge: Vec3, rest: Vec3, depth: f32) -> Vec3 {
+    const MARGIN: f32 = 0.15;
+    if depth >= 1.0 {
+        return EYE - Vec3::Z * (EYE_RADIUS + 0.65);
+    }
+    let toward = (edge - EYE).normalize_or(Vec3::Z);
+    let at_rest = (rest - EYE).normalize_or(Vec3::Z);
+    let lateral = Vec2::new(at_rest.x, at_rest.y);
+    // The tangent of half the angle from the front: 0 in front, without end behind.
+    let back = ((depth - MARGIN) / (1.0 - MARGIN)).max(0.0);
+    let turn = f64::from(back) * std::f64::consts::FRAC_PI_2;
+    let q = lateral.length() / (1.0 + at_rest.z) + (sin(turn) / cos(turn).max(1e-6)) as f32;
+    let (sine, cosine) = (2.0 * q / (1.0 + q * q), (1.0 - q * q) / (1.0 + q * q));
+    let sideways = lateral.normalize_or(Vec2::Y) * sine;
+    let lining = Vec3::new(sideways.x, sideways.y, cosine);
+    // What is behind a lid slides with it, less and less.
+    let direction = mix3(toward, lining, smoothstep(MARGIN, 0.6, depth)).normalize_or(Vec3::Z);
+    // Behind the widest part of the eyeball there is room, so that few rings hold it too.
+    let room = EYE_RADIUS + EYE_GAP + 0.6 * smoothstep(1.0, -0.6, direction.z) + 0.15 * (toward - at_rest).length();
+    EYE + direction * mix((edge - EYE).length(), room, (depth / MARGIN).min(1.0))
+}
+
+fn mix3(a: Vec3, b: Vec3, x: f32) -> Vec3 {
+    a + (b - a) * x
+}
+
+/// The inner side of the lips, then the hollow of the mouth.
+fn cavity(edge: Vec3, above: f32, depth: f32) -> Vec3 {
+    // Of the width, half height, and how far behind the lips' edge, which at the end is the same for all.
+    const WAY: [(f32, [f32; 4]); 7] = [
+        (0.0, [1.0, 0.0, 0.0, 0.0]),
+        (0.12, [1.0, 0.03, 0.25, 0.0]),
+        (0.25, [1.03, 0.25, 0.55, 0.0]),
+        (0.4, [1.15, 1.7, 0.7, 0.0]),
+        (0.55, [1.3, 2.0, 2.2, 0.2]),
+        (0.85, [1.3, 1.9, 6.0, 1.0]),
+        (1.0, [0.0, 0.0, 6.5, 1.0]),
+    ];
+    let [width, height, back, end] = curve(&WAY, depth);
+    let mouth = (edge.x / HALF_MOUTH).min(1.0);
+    let round = (1.0 - mouth * mouth * mouth * mouth).max(0.0).sqrt();
+    let z = mix(edge.z - back, 9.0 - back, end);
+    let y = mix(edge.y, MOUTH_HEIGHT, (depth * 4.0).min(1.0));
+    Vec3::new(edge.x * width, y + above * height * round, z)
+}
+
+/// The ear: up from the head behind it, over the rim, and down into the hollow in front of the ear canal.
+fn shell(edge: Vec3, depth: f32) -> Vec3 {
+    // Distance from the middle relative to the root's, and out of the head, at the back and at the front.
+    const WAY: [(f32, [f32; 4]); 12] = [
+        (0.0, [1.0, 0.0, 1.0, 0.0]),
+        (0.12, [1.02, 0.4, 1.0, 0.1]),
+        (0.24, [1.18, 0.65, 0.98, 0.18]),
+        (0.33, [1.36, 0.9, 0.96, 0.25]),
+        (0.4, [1.46, 1.15, 0.93, 0.32]),
+        (0.46, [1.46, 1.4, 0.88, 0.38]),
+        (0.52, [1.38, 1.5, 0.82, 0.38]),
+        (0.58, [1.26, 1.4, 0.76, 0.34]),
+        (0.64, [1.18, 1.15, 0.72, 0.3]),
+        (0.74, [0.96, 1.12, 0.64, 0.25]),
+        (0.84, [0.68, 0.5, 0.54, 0.12]),
+        (1.0, [0.0, 0.0, 0.0, 0.0]),
+    ];
+    let [back, out_back, front, out_front] = curve(&WAY, depth);
+    let arm = Vec2::new((edge.z - EAR[1]) / EAR[3], (edge.y - EAR[0]) / EAR[2]);
+    let ahead = smoothstep(0.1, 1.0, arm.x);
+    let lobe = smoothstep(-0.5, -1.0, arm.y);
+    let (scale, out) = (mix(back, front, ahead), mix(out_back, out_front, ahead) * (1.0 - 0.5 * lobe));
+    let centre = Vec3::new(6.8, EAR[0], EAR[1]);
+    let at = Vec3::new(mix(centre.x, edge.x, scale.min(1.0)), 0.0, 0.0);
+    let tall = mix(1.0, 1.05, smoothstep(0.0, 0.3, depth));
+    // It leans back, and stands off.
+    let (dy, dz) = ((edge.y - centre.y) * scale * tall, (edge.z - centre.z) * scale);
+    let out = out * (1.0 - 0.3 * smoothstep(0.5, 1.0, arm.y));
+    Vec3::new(at.x + out * 0.7, centre.y + dy + 0.25 * out, centre.z + dz - 0.35 * out)
 }

@@ -1,30 +1,12 @@
 //! The targets: the 52 ARKit expressions, then bumps at random places.
 
-use super::{HeadDesc, smoothstep};
+use super::HeadDesc;
+use super::mesh::{Part, Slit, Spot};
+use super::motion::Motion::{self, Jaw, Look, Puff, Purse, Shift, Tongue};
+use super::motion::{Lip, Lobe, clear_of_eyes};
 use crate::asset::SourceTarget;
-use crate::math::Rng;
+use crate::math::{Rng, map_all};
 use glam::Vec3;
-
-/// How a lobe of a target moves the surface; lengths in cm at weight 1.
-#[derive(Clone, Copy)]
-enum Motion {
-    /// The same way everywhere.
-    Shift([f32; 3]),
-    /// A turn of the jaw about the axis through both ears (radians).
-    Jaw(f32),
-    /// Away from a point inside the head.
-    Puff(f32),
-    /// Towards the middle of the mouth and forwards (or, negative, away and back).
-    Purse(f32, f32),
-}
-
-/// A part of a target: where, how far it reaches, what it does.
-#[derive(Clone, Copy)]
-struct Lobe {
-    centre: Vec3,
-    radii: Vec3,
-    motion: Motion,
-}
 
 /// Which sides of the face a row of the table is about.
 #[derive(Clone, Copy, PartialEq)]
@@ -36,81 +18,118 @@ enum Side {
     Both,
 }
 
-use Motion::{Jaw, Puff, Purse, Shift};
 use Side::{Both, Each, Middle};
 
-/// Name, sides, centre and radii (of the left side), motion, and the size of its support relative to others.
-type Row = (&'static str, Side, [f32; 3], [f32; 3], Motion, f32);
+/// Name, sides, the size of its support relative to others, and what moves on the left side or in the middle.
+type Row = (&'static str, Side, f32, &'static [Lobe]);
 
-const EYE: [f32; 3] = [3.15, 1.05, 8.2];
-const LID: [f32; 3] = [3.15, 1.65, 8.3];
-const LOWER_LID: [f32; 3] = [3.15, 0.35, 8.2];
-const MOUTH: [f32; 3] = [0.0, -5.1, 9.6];
-const CORNER: [f32; 3] = [2.6, -5.0, 8.4];
-const JAW: [f32; 3] = [0.0, -8.2, 7.2];
+const fn at(centre: [f32; 3], radii: [f32; 3], motion: Motion) -> Lobe {
+    Lobe { centre: Vec3::from_array(centre), radii: Vec3::from_array(radii), motion, lip: Lip::Both }
+}
 
-/// The target that real heads leave empty.
-pub(super) const EMPTY: &str = "tongueOut";
+const fn upper(centre: [f32; 3], radii: [f32; 3], motion: Motion) -> Lobe {
+    Lobe { lip: Lip::Upper, ..at(centre, radii, motion) }
+}
+
+const fn lower(centre: [f32; 3], radii: [f32; 3], motion: Motion) -> Lobe {
+    Lobe { lip: Lip::Lower, ..at(centre, radii, motion) }
+}
+
+/// A motion that knows by itself where it is.
+const fn lids(open: f32, lower: f32) -> Lobe {
+    at([3.15, 1.0, 8.3], [1.5, 0.8, 1.5], Motion::Lids(open, lower))
+}
+
+const fn look(out: f32, up: f32) -> Lobe {
+    at([3.15, 1.0, 8.1], [1.0, 1.0, 1.0], Look(out, up))
+}
+
+const fn jaw(open: f32, shift: [f32; 3]) -> Lobe {
+    at([0.0, -8.2, 7.2], [5.0, 3.2, 6.0], Jaw(open, shift))
+}
+
+const MOUTH: [f32; 3] = [0.0, -5.4, 9.4];
+const CORNER: [f32; 3] = [2.6, -5.4, 8.4];
+const UPPER_LIP: [f32; 3] = [0.0, -4.9, 9.8];
+const LOWER_LIP: [f32; 3] = [0.0, -5.9, 9.8];
 
 /// Rows about the eyes.
 const EYES: usize = 7;
 
 /// Apple's blend shape locations; first those of the eyes.
 const ARKIT: [Row; 32] = [
-    ("eyeBlink", Each, LID, [1.5, 0.7, 1.5], Shift([0.0, -1.0, 0.15]), 0.6),
-    ("eyeLookDown", Each, EYE, [1.1, 0.8, 1.2], Shift([0.0, -0.35, 0.0]), 0.5),
-    ("eyeLookIn", Each, EYE, [1.0, 0.7, 1.2], Shift([-0.3, 0.0, 0.0]), 0.4),
-    ("eyeLookOut", Each, EYE, [1.0, 0.7, 1.2], Shift([0.3, 0.0, 0.0]), 0.4),
-    ("eyeLookUp", Each, EYE, [1.1, 0.8, 1.2], Shift([0.0, 0.35, 0.0]), 0.5),
-    ("eyeSquint", Each, LOWER_LID, [1.9, 0.9, 1.5], Shift([0.0, 0.45, 0.1]), 0.8),
-    ("eyeWide", Each, LID, [1.5, 0.8, 1.5], Shift([0.0, 0.4, -0.05]), 0.6),
-    ("jawForward", Middle, JAW, [5.0, 3.2, 6.0], Shift([0.0, -0.1, 1.1]), 2.4),
-    ("jaw", Each, JAW, [5.0, 3.2, 6.0], Shift([1.1, 0.0, 0.0]), 2.4),
-    ("jawOpen", Middle, JAW, [5.5, 3.6, 6.5], Jaw(0.34), 3.0),
-    ("mouthClose", Middle, MOUTH, [2.6, 1.3, 2.0], Shift([0.0, 0.7, 0.0]), 1.2),
-    ("mouthFunnel", Middle, MOUTH, [2.6, 1.9, 2.5], Purse(0.25, 0.8), 1.4),
-    ("mouthPucker", Middle, MOUTH, [2.8, 1.7, 2.5], Purse(0.42, 0.6), 1.4),
-    ("mouth", Each, MOUTH, [3.2, 1.8, 2.5], Shift([0.8, 0.0, 0.0]), 1.6),
-    ("mouthSmile", Each, CORNER, [1.8, 1.7, 2.5], Shift([0.6, 0.9, -0.35]), 1.3),
-    ("mouthFrown", Each, CORNER, [1.6, 1.6, 2.5], Shift([0.2, -0.8, -0.1]), 1.1),
-    ("mouthDimple", Each, CORNER, [1.2, 1.2, 2.0], Shift([0.4, 0.1, -0.5]), 0.9),
-    ("mouthStretch", Each, CORNER, [1.7, 1.5, 2.5], Shift([0.8, -0.3, -0.4]), 1.2),
-    ("mouthRollLower", Middle, [0.0, -5.7, 9.8], [2.4, 0.8, 2.0], Shift([0.0, 0.35, -0.6]), 0.9),
-    ("mouthRollUpper", Middle, [0.0, -4.5, 9.8], [2.4, 0.8, 2.0], Shift([0.0, -0.35, -0.6]), 0.9),
-    ("mouthShrugLower", Middle, [0.0, -6.2, 9.4], [2.6, 1.3, 2.0], Shift([0.0, 0.6, 0.35]), 1.2),
-    ("mouthShrugUpper", Middle, [0.0, -4.4, 9.6], [2.6, 1.0, 2.0], Shift([0.0, 0.5, 0.3]), 1.1),
-    ("mouthPress", Each, [1.3, -5.1, 9.4], [1.6, 0.9, 2.0], Shift([0.0, 0.15, -0.35]), 0.9),
-    ("mouthLowerDown", Each, [1.2, -5.8, 9.4], [1.5, 1.0, 2.0], Shift([0.1, -0.7, -0.1]), 1.0),
-    ("mouthUpperUp", Each, [1.2, -4.4, 9.4], [1.5, 1.0, 2.0], Shift([0.1, 0.65, 0.1]), 1.0),
-    ("browDown", Each, [2.6, 2.9, 8.9], [2.2, 1.2, 2.0], Shift([-0.25, -0.6, 0.1]), 0.9),
-    ("browInnerUp", Both, [1.3, 3.2, 9.1], [1.5, 1.5, 2.0], Shift([0.1, 0.8, 0.05]), 1.3),
-    ("browOuterUp", Each, [4.4, 3.1, 7.9], [1.8, 1.4, 2.0], Shift([0.1, 0.75, 0.0]), 0.9),
-    ("cheekPuff", Both, [4.3, -4.6, 6.5], [2.2, 2.2, 2.8], Puff(1.1), 2.0),
-    ("cheekSquint", Each, [4.2, -0.7, 7.7], [2.0, 1.4, 2.0], Shift([0.1, 0.55, 0.3]), 1.0),
-    ("noseSneer", Each, [1.3, -1.6, 9.7], [1.1, 1.4, 1.5], Shift([0.1, 0.5, 0.1]), 0.8),
-    (EMPTY, Middle, [0.0, -5.3, 9.6], [1.6, 0.7, 1.5], Shift([0.0, -0.3, 0.9]), 1.0),
+    ("eyeBlink", Each, 0.7, &[lids(0.0, 0.75)]),
+    ("eyeLookDown", Each, 0.7, &[look(0.0, -0.42), lids(0.55, 1.05)]),
+    ("eyeLookIn", Each, 0.5, &[look(-0.5, 0.0)]),
+    ("eyeLookOut", Each, 0.5, &[look(0.5, 0.0)]),
+    ("eyeLookUp", Each, 0.7, &[look(0.0, 0.36), lids(1.25, 1.0)]),
+    ("eyeSquint", Each, 0.8, &[lids(0.52, 0.35), at([3.3, -0.7, 8.3], [1.9, 0.9, 1.5], Shift([0.0, 0.35, 0.1]))]),
+    ("eyeWide", Each, 0.7, &[lids(1.5, 1.15), at([3.15, 2.6, 8.9], [1.9, 0.8, 1.5], Shift([0.0, 0.25, 0.0]))]),
+    ("jawForward", Middle, 2.4, &[jaw(0.0, [0.0, -0.1, 0.8])]),
+    ("jaw", Each, 2.4, &[jaw(0.02, [0.9, 0.0, 0.0])]),
+    ("jawOpen", Middle, 3.0, &[jaw(0.3, [0.0, 0.0, 0.6])]),
+    ("mouthClose", Middle, 1.2, &[at(MOUTH, [2.6, 1.1, 2.0], Shift([0.0, 0.28, -0.1]))]),
+    (
+        "mouthFunnel",
+        Middle,
+        1.4,
+        &[
+            at(MOUTH, [2.6, 1.7, 2.5], Purse(0.32, 0.7)),
+            upper(UPPER_LIP, [2.2, 1.0, 2.0], Shift([0.0, 0.4, 0.15])),
+            lower(LOWER_LIP, [2.2, 1.0, 2.0], Shift([0.0, -0.5, 0.15])),
+        ],
+    ),
+    ("mouthPucker", Middle, 1.4, &[at(MOUTH, [3.2, 1.6, 2.6], Purse(0.45, 0.9))]),
+    ("mouth", Each, 1.6, &[at(MOUTH, [4.5, 2.0, 3.5], Shift([0.8, 0.0, 0.0]))]),
+    (
+        "mouthSmile",
+        Each,
+        1.3,
+        &[
+            at(CORNER, [1.5, 1.3, 2.5], Shift([0.6, 0.95, -0.45])),
+            at([4.3, -2.6, 7.8], [1.8, 1.5, 2.0], Shift([0.15, 0.4, 0.35])),
+        ],
+    ),
+    ("mouthFrown", Each, 1.1, &[at(CORNER, [1.4, 1.3, 2.5], Shift([0.15, -0.8, -0.15]))]),
+    ("mouthDimple", Each, 0.9, &[at(CORNER, [1.1, 1.1, 2.0], Shift([0.45, 0.12, -0.5]))]),
+    ("mouthStretch", Each, 1.2, &[at(CORNER, [1.7, 1.5, 2.5], Shift([0.8, -0.35, -0.45]))]),
+    ("mouthRollLower", Middle, 0.9, &[lower(LOWER_LIP, [2.4, 0.6, 2.0], Shift([0.0, 0.12, -0.5]))]),
+    ("mouthRollUpper", Middle, 0.9, &[upper(UPPER_LIP, [2.4, 0.6, 2.0], Shift([0.0, -0.1, -0.5]))]),
+    ("mouthShrugLower", Middle, 1.2, &[at([0.0, -6.3, 9.4], [2.6, 1.3, 2.0], Shift([0.0, 0.6, 0.3]))]),
+    ("mouthShrugUpper", Middle, 1.1, &[at([0.0, -4.6, 9.6], [2.6, 0.9, 2.0], Shift([0.0, 0.45, 0.3]))]),
+    ("mouthPress", Each, 0.9, &[at([1.5, -5.4, 9.3], [1.5, 0.8, 2.0], Shift([0.15, 0.1, -0.35]))]),
+    ("mouthLowerDown", Each, 1.0, &[lower([1.2, -5.7, 9.4], [1.9, 1.0, 2.0], Shift([0.15, -0.75, -0.1]))]),
+    ("mouthUpperUp", Each, 1.0, &[upper([1.2, -5.1, 9.4], [1.8, 1.0, 2.0], Shift([0.15, 0.7, 0.1]))]),
+    ("browDown", Each, 0.9, &[at([2.4, 3.0, 8.9], [2.2, 1.1, 2.0], Shift([-0.25, -0.45, 0.1]))]),
+    ("browInnerUp", Both, 1.3, &[at([1.2, 3.0, 9.1], [1.6, 1.2, 2.0], Shift([0.0, 0.6, 0.05]))]),
+    ("browOuterUp", Each, 0.9, &[at([4.3, 3.1, 7.9], [1.6, 1.1, 2.0], Shift([0.1, 0.75, 0.0]))]),
+    ("cheekPuff", Both, 2.0, &[at([4.4, -4.6, 6.9], [2.7, 2.6, 3.4], Puff(1.0))]),
+    ("cheekSquint", Each, 1.0, &[at([4.0, -1.0, 8.0], [2.0, 1.2, 2.0], Shift([0.1, 0.6, 0.35])), lids(0.8, 0.7)]),
+    ("noseSneer", Each, 0.8, &[at([1.3, -2.0, 9.7], [1.0, 1.2, 1.5], Shift([0.1, 0.75, 0.1]))]),
+    ("tongueOut", Middle, 2.0, &[jaw(0.17, [0.0, 0.0, 0.3]), at(MOUTH, [1.0, 1.0, 1.0], Tongue(4.2, 0.8))]),
 ];
 
-/// Name, what moves, and the size of its support relative to others.
-type Expression = (String, Vec<Lobe>, f32);
+/// A target before its support is known.
+struct Expression {
+    name: String,
+    lobes: Vec<Lobe>,
+    /// Whether the lobes hold for the left side, for the right side.
+    sides: [bool; 2],
+    support: f32,
+    /// What its random numbers come from; twins have the same.
+    stream: u64,
+}
 
 /// Apple's blend shapes in Apple's order: the left eye, the right eye, and then each left side before its right.
 fn arkit() -> Vec<Expression> {
-    let make = |&(name, side, centre, radii, motion, support): &Row, suffix: &str| {
-        let left = Lobe { centre: Vec3::from(centre), radii: Vec3::from(radii), motion };
-        let mirrored = if let Shift([x, y, z]) = motion { Shift([-x, y, z]) } else { motion };
-        let right = Lobe { centre: left.centre * Vec3::new(-1.0, 1.0, 1.0), motion: mirrored, ..left };
-        let lobes = match side {
-            Both => vec![left, right],
-            Each if suffix == "Right" => vec![right],
-            Middle | Each => vec![left],
-        };
-        (format!("{name}{suffix}"), lobes, support)
+    let make = |stream: usize, suffix: &str| {
+        let (name, side, support, lobes) = ARKIT[stream];
+        let sides = [suffix != "Right", side == Both || suffix == "Right"];
+        Expression { name: format!("{name}{suffix}"), lobes: lobes.to_vec(), sides, support, stream: stream as u64 }
     };
-    let suffixes = |row: &Row| if row.1 == Each { &["Left", "Right"][..] } else { &[""] };
-    let (eyes, rest) = ARKIT.split_at(EYES);
-    let eyes = ["Left", "Right"].into_iter().flat_map(|suffix| eyes.iter().map(move |row| make(row, suffix)));
-    let rest = rest.iter().flat_map(|row| suffixes(row).iter().map(move |suffix| make(row, suffix)));
+    let suffixes = |row: usize| if ARKIT[row].1 == Each { &["Left", "Right"][..] } else { &[""] };
+    let eyes = ["Left", "Right"].into_iter().flat_map(|suffix| (0..EYES).map(move |row| make(row, suffix)));
+    let rest = (EYES..ARKIT.len()).flat_map(|row| suffixes(row).iter().map(move |suffix| make(row, suffix)));
     eyes.chain(rest).collect()
 }
 
@@ -118,60 +137,51 @@ fn arkit() -> Vec<Expression> {
 pub(super) fn names(count: usize) -> Vec<String> {
     let arkit = arkit();
     let details = (arkit.len()..count).map(|i| format!("detail_{:03}", i + 1));
-    arkit.iter().map(|e| e.0.clone()).chain(details).take(count).collect()
+    arkit.iter().map(|e| e.name.clone()).chain(details).take(count).collect()
 }
 
-/// A bump at a random vertex, mostly outwards or inwards; and its relative support.
-fn detail(rng: &mut Rng, positions: &[Vec3]) -> (Vec<Lobe>, f32) {
-    let centre = positions[rng.below(positions.len())];
+/// A bump at a random place of the skin, mostly outwards or inwards.
+fn detail(seed: u64, i: usize, spots: &[Spot], positions: &[Vec3]) -> Expression {
+    let rng = &mut Rng::new(seed, i as u64);
+    let mut v = rng.below(positions.len());
+    while spots[v].part != Part::Skin || matches!(spots[v].behind, Some((Slit::Eye | Slit::Mouth, _))) {
+        v = rng.below(positions.len());
+    }
+    let centre = positions[v];
     let radii = Vec3::splat(rng.range(0.8, 2.6));
     let outward = (centre - Vec3::new(0.0, centre.y * 0.5, -1.0)).normalize_or(Vec3::Z);
     let any = Vec3::new(rng.range(-1.0, 1.0), rng.range(-1.0, 1.0), rng.range(-1.0, 1.0));
-    let strength = rng.range(0.2, 0.7) * if rng.unit() < 0.3 { -1.0 } else { 1.0 };
+    let strength = rng.range(0.1, 0.3) * radii.x * if rng.unit() < 0.3 { -1.0 } else { 1.0 };
     let motion = Shift(((outward + 0.7 * any).normalize_or(Vec3::Z) * strength).to_array());
-    (vec![Lobe { centre, radii, motion }], rng.range(0.5, 1.5))
-}
-
-impl Lobe {
-    /// The displacement of `p`, without regard to the target's support.
-    fn displacement(&self, p: Vec3) -> Vec3 {
-        let q = ((p - self.centre) / self.radii).length_squared();
-        // A long, faint tail: a real target's influence fades, it does not stop at the feature.
-        let core = 0.04 + 0.96 / ((1.0 + q) * (1.0 + q));
-        core * match self.motion {
-            Shift(d) => Vec3::from(d),
-            Jaw(angle) => {
-                // The upper jaw stays: only what is below the line between the lips turns.
-                let below = 0.03 + 0.97 * smoothstep(-4.9, -5.4, p.y);
-                let arm = p - Vec3::new(0.0, -0.5, -0.5); // from the hinge between the ears
-                angle * below * Vec3::new(0.0, -arm.z - 0.5, arm.y)
-            }
-            Puff(length) => length * (p - Vec3::new(p.x * 0.3, p.y, 3.0)).normalize_or(Vec3::Z),
-            Purse(narrow, forward) => Vec3::new(-narrow * p.x, -0.5 * narrow * (p.y - self.centre.y), forward),
-        }
+    let lobes = vec![Lobe { centre, radii, motion, lip: Lip::Both }];
+    Expression {
+        name: String::new(),
+        lobes,
+        sides: [true, false],
+        support: rng.range(0.5, 1.5),
+        stream: 1 << 33 | i as u64,
     }
 }
 
 /// All targets of the head with the base pose `positions`.
-pub(super) fn targets(desc: &HeadDesc, positions: &[Vec3]) -> Vec<SourceTarget> {
+pub(super) fn targets(desc: &HeadDesc, spots: &[Spot], positions: &[Vec3]) -> Vec<SourceTarget> {
     let mut arkit = arkit().into_iter();
     let part = |(i, name): (usize, String)| {
         // A stream each: a target does not depend on how many others there are.
-        let mut rng = Rng::new(desc.seed, i as u64);
-        let (lobes, support) = arkit.next().map_or_else(|| detail(&mut rng, positions), |e| (e.1, e.2));
+        let found = arkit.next().unwrap_or_else(|| detail(desc.seed, i, spots, positions));
         // Heads of different seeds differ a little in the size of every support.
-        let support = support * rng.range(0.9, 1.1);
-        let support = if name == EMPTY && desc.sparsity < 1.0 { 0.0 } else { support };
-        (name, lobes, support)
+        let support = found.support * Rng::new(desc.seed, found.stream).range(0.9, 1.1);
+        Expression { name, support, ..found }
     };
     let parts: Vec<Expression> = names(desc.targets).into_iter().enumerate().map(part).collect();
-    let factors: Vec<f32> = parts.iter().map(|part| part.2).collect();
-    let target = |((name, lobes, _), fraction): (Expression, f32)| SourceTarget {
-        name,
-        positions: if fraction > 0.0 { moved(&lobes, fraction, positions) } else { Vec::new() },
+    let factors: Vec<f32> = parts.iter().map(|part| part.support).collect();
+    let fractions = fractions(&factors, desc.sparsity);
+    let parts: Vec<(Expression, f32)> = parts.into_iter().zip(fractions).collect();
+    map_all(&parts, (), |(), (part, fraction)| SourceTarget {
+        name: part.name.clone(),
+        positions: part.moved(*fraction, spots, positions),
         ..SourceTarget::default()
-    };
-    parts.into_iter().zip(fractions(&factors, desc.sparsity)).map(target).collect()
+    })
 }
 
 /// Fractions in the ratio of `factors`, none above 1, with the mean `wanted` (or as near as that allows).
@@ -192,37 +202,51 @@ fn fractions(factors: &[f32], wanted: f32) -> Vec<f32> {
     factors.iter().map(|f| (f * scale).min(1.0)).collect()
 }
 
-/// The deltas of the `fraction` of the vertices that are nearest to a lobe's centre.
-fn moved(lobes: &[Lobe], fraction: f32, positions: &[Vec3]) -> Vec<(u32, Vec3)> {
-    let count = positions.len();
-    let wanted = ((f64::from(fraction) * count as f64).ceil() as usize).clamp(1, count);
-    let distance = |p: &Vec3| lobes.iter().map(|l| (*p - l.centre).length_squared()).fold(f32::INFINITY, f32::min);
-    let mut nearest: Vec<(f32, u32)> = positions.iter().map(distance).zip(0..).collect();
-    // The index breaks ties, so that the choice is the same everywhere.
-    let by_distance = |a: &(f32, u32), b: &(f32, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
-    // The support ends where the first vertex outside lies; with none outside, well beyond the last one inside.
-    let edge = if wanted < count {
-        nearest.select_nth_unstable_by(wanted, by_distance).1.0
-    } else {
-        nearest.iter().map(|n| n.0).fold(0.0, f32::max) * 1.5
-    };
-    nearest.truncate(wanted);
-    nearest.sort_unstable_by_key(|n| n.1);
-    // What a vertex inside moves at least: 20 µm, some 500 times less than the target, but more than noise.
-    const LEAST: f32 = 2e-3;
-    nearest
-        .into_iter()
-        .map(|(distance, v)| {
-            let p = positions[v as usize];
-            let fade = if edge > 0.0 { (1.0 - distance / edge).max(0.0) } else { 1.0 };
-            let sum: Vec3 = lobes.iter().map(|l| l.displacement(p)).sum();
-            let delta = sum * fade * fade;
-            let floor = LEAST * if wanted < count { fade.min(0.05) * 20.0 } else { 1.0 };
-            let length = delta.length();
-            (v, snapped(p, if length >= floor { delta } else { sum.normalize_or(Vec3::Z) * floor }))
-        })
-        .filter(|(_, d)| *d != Vec3::ZERO)
-        .collect()
+/// What a vertex inside a support moves at least: 20 µm, some 500 times less than the target, but more than noise.
+const LEAST: f32 = 2e-3;
+
+impl Expression {
+    /// The displacement of a vertex without regard to the support, and how close it is to what moves, in (0, 1].
+    fn displacement(&self, spot: &Spot, p: Vec3) -> (Vec3, f32) {
+        let (mut sum, mut near) = (Vec3::ZERO, f32::INFINITY);
+        for (mirrored, _) in [false, true].into_iter().zip(self.sides).filter(|(_, is)| *is) {
+            let flip = Vec3::new(if mirrored { -1.0 } else { 1.0 }, 1.0, 1.0);
+            let (spot, q) = (Spot { mirrored: spot.mirrored != mirrored, ..*spot }, p * flip);
+            for lobe in &self.lobes {
+                sum += lobe.displacement(&spot, q) * flip;
+                near = near.min((q - lobe.centre).length_squared());
+            }
+        }
+        let tail = if spot.part == Part::Skin { 1.0 } else { 0.25 };
+        (clear_of_eyes(spot, p, sum), tail / (1.0 + 0.1 * near))
+    }
+
+    /// The deltas of the `fraction` of the vertices that move most.
+    fn moved(&self, fraction: f32, spots: &[Spot], positions: &[Vec3]) -> Vec<(u32, Vec3)> {
+        let count = positions.len();
+        let wanted = ((f64::from(fraction) * count as f64).ceil() as usize).clamp(1, count);
+        let full: Vec<(Vec3, f32)> = spots.iter().zip(positions).map(|(s, p)| self.displacement(s, *p)).collect();
+        // Beyond what moves by itself, the nearest.
+        let mut most: Vec<(f32, u32)> = full.iter().map(|(d, near)| d.length() + LEAST * near).zip(0..).collect();
+        // The index breaks ties, so that the choice is the same everywhere.
+        let by_motion = |a: &(f32, u32), b: &(f32, u32)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
+        // The support ends where the first vertex outside lies.
+        let edge = if wanted < count { most.select_nth_unstable_by(wanted, by_motion).1.0 } else { 0.0 };
+        most.truncate(wanted);
+        most.sort_unstable_by_key(|m| m.1);
+        most.into_iter()
+            .map(|(motion, v)| {
+                let p = positions[v as usize];
+                let sum = full[v as usize].0;
+                let fade = if edge > 0.0 { super::smoothstep(1.0, 3.0, motion / edge) } else { 1.0 };
+                let delta = sum * fade;
+                let floor = LEAST * if wanted < count { fade.clamp(0.001, 0.05) * 20.0 } else { 1.0 };
+                let length = delta.length();
+                (v, snapped(p, if length >= floor { delta } else { sum.normalize_or(Vec3::Z) * floor }))
+            })
+            .filter(|(_, d)| *d != Vec3::ZERO)
+            .collect()
+    }
 }
 
 /// `delta` as it comes back from a file that states `base + delta`: a head that was written out and imported is

@@ -1,0 +1,108 @@
+//! Eyeballs, teeth and tongue: closed surfaces of their own.
+
+use super::mesh::Part;
+use super::{EYE, EYE_RADIUS, MOUTH_HEIGHT, TONGUE_HEIGHT, cos, mix, sin, smoothstep};
+use glam::Vec3;
+
+/// The parts of a head of `vertices` vertices, which side each is for, and how many vertices it has.
+pub(super) fn counts(vertices: usize) -> Vec<(Part, bool, usize)> {
+    let all = [
+        (Part::Eye, false, 0.03),
+        (Part::Eye, true, 0.03),
+        (Part::UpperTeeth, false, 0.025),
+        (Part::LowerTeeth, false, 0.025),
+        (Part::Tongue, false, 0.01),
+    ];
+    let counted = all.into_iter().map(|(part, side, share)| (part, side, (vertices as f32 * share) as usize));
+    // With fewer, it is no shape.
+    counted.filter(|part| part.2 >= 8).collect()
+}
+
+/// The tile of the texture that a part has, as an offset of u.
+pub(super) const fn tile(part: Part) -> f32 {
+    match part {
+        Part::Skin => 0.0,
+        Part::Eye => 1.0,
+        Part::UpperTeeth | Part::LowerTeeth => 2.0,
+        Part::Tongue => 3.0,
+    }
+}
+
+/// Rows per column.
+pub(super) const fn aspect(part: Part) -> f32 {
+    match part {
+        Part::Skin | Part::Eye => 0.8,
+        Part::UpperTeeth | Part::LowerTeeth => 0.25,
+        Part::Tongue => 1.2,
+    }
+}
+
+const TURN: f64 = 2.0 * std::f64::consts::PI;
+
+/// A point of a part, `around` in (−1/2, 1/2] from the side that faces away from the viewer's interest, `along` in 0..=1.
+pub(super) fn point(part: Part, around: f32, along: f32) -> Vec3 {
+    let angle = f64::from(around) * TURN;
+    let (s, c) = (sin(angle) as f32, cos(angle) as f32);
+    match part {
+        Part::Skin => Vec3::ZERO,
+        Part::Eye => eyeball(s, c, along),
+        Part::UpperTeeth => teeth(s, c, along, 1.0),
+        Part::LowerTeeth => teeth(s, c, along, -1.0),
+        Part::Tongue => tongue(s, c, along),
+    }
+}
+
+/// Iris and pupil are hollows, so that they show without a texture too.
+fn eyeball(s: f32, c: f32, along: f32) -> Vec3 {
+    // Denser in front.
+    let angle = f64::from(along * (0.5 + 0.5 * along)) * TURN * 0.5;
+    let (lateral, ahead) = (sin(angle) as f32, cos(angle) as f32);
+    let radius = lateral * EYE_RADIUS;
+    let dish = 0.1 * smoothstep(0.66, 0.56, radius) + 0.12 * smoothstep(0.3, 0.2, radius);
+    let dish = if ahead > 0.0 { dish } else { 0.0 };
+    EYE + Vec3::new(radius * s, radius * c, ahead * EYE_RADIUS - dish)
+}
+
+/// How far the front of the teeth is ahead, and half their width.
+const ARCH: [f32; 3] = [8.0, 2.6, 3.9];
+
+/// A cup around palate or tongue whose rim is the teeth. `up` is 1 above.
+fn teeth(s: f32, c: f32, along: f32, up: f32) -> Vec3 {
+    // Down the outer side, over the edge, up the inner one.
+    let (reach, height): (f32, f32) = if along < 0.25 {
+        (along * 4.0, 1.0)
+    } else if along < 0.5 {
+        (1.0, 1.0 - (along - 0.25) * 4.0)
+    } else if along < 0.6 {
+        (1.0 - (along - 0.5) * 1.8, 0.0)
+    } else if along < 0.8 {
+        (0.82, (along - 0.6) * 4.0)
+    } else {
+        ((1.0 - along) * 4.1, mix(0.8, 0.9, smoothstep(0.8, 0.9, along)))
+    };
+    // A superellipse, cut off behind.
+    let ahead = -c;
+    let across = s;
+    let x = across * mix(1.0, 1.0 + 0.1, 1.0 - across * across);
+    let arch = Vec3::new(ARCH[1] * x, 0.0, if ahead > 0.0 { ARCH[2] * ahead } else { 0.5 * ahead });
+    // The gap between two teeth, and their crowns.
+    let turn = (arch.x * 1.25 + 100.0) % 1.0 - 0.5;
+    let crown = if ahead > 0.0 && along < 0.65 { 1.0 - 4.0 * turn * turn } else { 1.0 };
+    let behind = smoothstep(-0.1, 0.25, ahead);
+    let small = if up > 0.0 { 0.0 } else { -0.18 };
+    let scale = reach * (1.0 + (small - 0.12 * (1.0 - crown)) / 2.7);
+    let edge = MOUTH_HEIGHT + if up > 0.0 { -0.3 } else { -0.36 };
+    let tall = 1.15 * mix(0.3, 1.0, behind);
+    let drop = if behind < 1.0 { (1.0 - behind) * 0.6 } else { 0.0 };
+    let y = edge + up * (drop + tall * height + 0.05 * (1.0 - crown) * (1.0 - height));
+    Vec3::new(arch.x * scale, y, ARCH[0] - ARCH[2] + arch.z * scale)
+}
+
+fn tongue(s: f32, c: f32, along: f32) -> Vec3 {
+    let angle = f64::from(along) * TURN * 0.5;
+    let (round, ahead) = (sin(angle) as f32, cos(angle) as f32);
+    let wide = 1.25 * round;
+    let groove = 0.12 * smoothstep(0.5, 0.0, s.abs()) * if c < 0.0 { 1.0 } else { 0.0 };
+    let y = TONGUE_HEIGHT - c * round * 0.4 - groove * round;
+    Vec3::new(s * wide, y, 5.2 + 1.8 * ahead)
+}
