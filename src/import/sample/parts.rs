@@ -92,7 +92,7 @@ fn teeth(s: f32, c: f32, along: f32, up: f32) -> Vec3 {
     let small = if up > 0.0 { 0.0 } else { -0.18 };
     let scale = reach * (1.0 + (small - 0.12 * (1.0 - crown)) / 2.7);
     let edge = MOUTH_HEIGHT + if up > 0.0 { -0.3 } else { -0.36 };
-    let tall = 1.15 * mix(0.3, 1.0, behind);
+    let tall = if up > 0.0 { 1.15 } else { 0.95 } * mix(0.3, 1.0, behind);
     let drop = if behind < 1.0 { (1.0 - behind) * 0.6 } else { 0.0 };
     let y = edge + up * (drop + tall * height + 0.05 * (1.0 - crown) * (1.0 - height));
     Vec3::new(arch.x * scale, y, ARCH[0] - ARCH[2] + arch.z * scale)

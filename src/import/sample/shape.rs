@@ -154,7 +154,7 @@ fn features(mut p: Vec3, lip: f32, lower_lip: bool, front: f32) -> Vec3 {
 
     // Forehead, brow ridge, eyebrows, cheekbones and the hollow under them.
     z += 0.35 * at([2.6, 6.2], [3.4, 3.0]) + 0.3 * at([0.0, 2.7], [2.0, 1.6]);
-    z += 0.5 * at([2.8, 2.85], [3.2, 1.5]) + 0.6 * at([5.2, 0.6], [1.9, 2.6]);
+    z += 0.5 * at([2.8, 2.85], [3.2, 1.5]) + 0.75 * at([5.1, 0.8], [1.9, 2.8]);
     let brow = (x - 1.0) / 3.8;
     let arch = 2.45 + 1.15 * brow - 0.95 * brow * brow;
     z += 0.2
@@ -255,7 +255,7 @@ fn socket(edge: Vec3, rest: Vec3, depth: f32) -> Vec3 {
     // What is behind a lid slides with it, less and less.
     let direction = mix3(toward, lining, smoothstep(MARGIN, 0.6, depth)).normalize_or(Vec3::Z);
     // Behind the widest part of the eyeball there is room, so that few rings hold it too.
-    let room = EYE_RADIUS + EYE_GAP + 0.6 * smoothstep(1.0, -0.6, direction.z) + 0.15 * (toward - at_rest).length();
+    let room = EYE_RADIUS + EYE_GAP + 0.6 * smoothstep(1.0, -0.6, direction.z) + 0.12 * (toward - at_rest).length();
     EYE + direction * mix((edge - EYE).length(), room, (depth / MARGIN).min(1.0))
 }
 
@@ -270,7 +270,7 @@ fn cavity(edge: Vec3, above: f32, depth: f32) -> Vec3 {
         (0.0, [1.0, 0.0, 0.0, 0.0]),
         (0.12, [1.0, 0.03, 0.25, 0.0]),
         (0.25, [1.03, 0.25, 0.55, 0.0]),
-        (0.4, [1.15, 1.7, 0.7, 0.0]),
+        (0.4, [1.15, 1.45, 0.75, 0.0]),
         (0.55, [1.3, 2.0, 2.2, 0.2]),
         (0.85, [1.3, 1.9, 6.0, 1.0]),
         (1.0, [0.0, 0.0, 6.5, 1.0]),
