@@ -39,7 +39,7 @@ pub(super) const fn aspect(part: Part) -> f32 {
 
 const TURN: f64 = 2.0 * std::f64::consts::PI;
 
-/// A point of a part, `around` in (−1/2, 1/2] from the side that faces away from the viewer's interest, `along` in 0..=1.
+/// A point of a part, `around` in (−1/2, 1/2] of a turn about its axis, `along` in 0..=1 from pole to pole.
 pub(super) fn point(part: Part, around: f32, along: f32) -> Vec3 {
     let angle = f64::from(around) * TURN;
     let (s, c) = (sin(angle) as f32, cos(angle) as f32);
@@ -63,7 +63,7 @@ fn eyeball(s: f32, c: f32, along: f32) -> Vec3 {
     EYE + Vec3::new(radius * s, radius * c, ahead * EYE_RADIUS - dish)
 }
 
-/// How far the front of the teeth is ahead, and half their width.
+/// How far the front of the teeth is ahead, half their width, and their depth.
 const ARCH: [f32; 3] = [8.0, 2.6, 3.9];
 
 /// A cup around palate or tongue whose rim is the teeth. `up` is 1 above.
@@ -80,13 +80,12 @@ fn teeth(s: f32, c: f32, along: f32, up: f32) -> Vec3 {
     } else {
         ((1.0 - along) * 4.1, mix(0.8, 0.9, smoothstep(0.8, 0.9, along)))
     };
-    // A superellipse, cut off behind.
+    // Squarer than an ellipse, and cut off behind.
     let ahead = -c;
-    let across = s;
-    let x = across * mix(1.0, 1.0 + 0.1, 1.0 - across * across);
+    let x = s * (1.1 - 0.1 * s * s);
     let arch = Vec3::new(ARCH[1] * x, 0.0, if ahead > 0.0 { ARCH[2] * ahead } else { 0.5 * ahead });
     // The gap between two teeth, and their crowns.
-    let turn = (arch.x * 1.25 + 100.0) % 1.0 - 0.5;
+    let turn = (arch.x.abs() * 1.25) % 1.0 - 0.5;
     let crown = if ahead > 0.0 && along < 0.65 { 1.0 - 4.0 * turn * turn } else { 1.0 };
     let behind = smoothstep(-0.1, 0.25, ahead);
     let small = if up > 0.0 { 0.0 } else { -0.18 };

@@ -140,10 +140,10 @@ pub(super) fn skin(a: f32, t: f32, lower: bool, lids: Lids) -> Vec3 {
     } else {
         0.0
     };
-    let lid = if c.abs() < 1.0 { 1.0 } else { 0.0 };
-    let y0 = p.y;
-    p.y += (eye * lid + tilt) * front + ear;
-    features(p, y0 - MOUTH_HEIGHT, below(Slit::Mouth), front)
+    let eye = if c.abs() < 1.0 { eye } else { 0.0 };
+    let lip = p.y - MOUTH_HEIGHT;
+    p.y += (eye + tilt) * front + ear;
+    features(p, lip, below(Slit::Mouth), front)
 }
 
 /// Push the features of a face out of the plain head. `lip` is the distance above the line between the lips.
@@ -157,10 +157,7 @@ fn features(mut p: Vec3, lip: f32, lower_lip: bool, front: f32) -> Vec3 {
     z += 0.5 * at([2.8, 2.85], [3.2, 1.5]) + 0.75 * at([5.1, 0.8], [1.9, 2.8]);
     let brow = (x - 1.0) / 3.8;
     let arch = 2.45 + 1.15 * brow - 0.95 * brow * brow;
-    z += 0.2
-        * at([brow * 3.8 + 1.0, arch], [1.0, mix(0.42, 0.22, brow)])
-        * smoothstep(0.0, 0.2, brow)
-        * smoothstep(1.02, 0.75, brow);
+    z += 0.2 * at([x, arch], [1.0, mix(0.42, 0.22, brow)]) * smoothstep(0.0, 0.2, brow) * smoothstep(1.02, 0.75, brow);
     z += 0.45 * at([4.3, -1.5], [2.8, 2.2]) - 0.35 * at([4.6, -5.0], [2.2, 2.6]);
     // Sockets, deepest beside the nose.
     z -= 0.6 * at([3.0, 1.3], [2.6, 1.5]) + 0.45 * at([1.5, 1.3], [1.1, 1.5]);
@@ -306,10 +303,10 @@ fn shell(edge: Vec3, depth: f32) -> Vec3 {
     let lobe = smoothstep(-0.5, -1.0, arm.y);
     let (scale, out) = (mix(back, front, ahead), mix(out_back, out_front, ahead) * (1.0 - 0.5 * lobe));
     let centre = Vec3::new(6.8, EAR[0], EAR[1]);
-    let at = Vec3::new(mix(centre.x, edge.x, scale.min(1.0)), 0.0, 0.0);
+    let x = mix(centre.x, edge.x, scale.min(1.0));
     let tall = mix(1.0, 1.05, smoothstep(0.0, 0.3, depth));
     // It leans back, and stands off.
     let (dy, dz) = ((edge.y - centre.y) * scale * tall, (edge.z - centre.z) * scale);
     let out = out * (1.0 - 0.3 * smoothstep(0.5, 1.0, arm.y));
-    Vec3::new(at.x + out * 0.7, centre.y + dy + 0.25 * out, centre.z + dz - 0.35 * out)
+    Vec3::new(x + out * 0.7, centre.y + dy + 0.25 * out, centre.z + dz - 0.35 * out)
 }
