@@ -88,16 +88,7 @@ fn frames(args: &ApplyArgs, mesh: &MorphMesh) -> Result<Vec<Vec<f32>>, Failure> 
         }
         _ => vec![vec![0.0; targets]],
     };
-    for (i, (name, weight)) in args.set.iter().enumerate() {
-        let refuse = |why: String| Failure::Usage(format!("--set {name}: {why}"));
-        if args.set[..i].iter().any(|(other, _)| other == name) {
-            return Err(refuse("set twice; leave one of them out".into()));
-        }
-        let at = mesh.target_index(name).ok_or_else(|| {
-            refuse(format!("'{}' has no such target; `deltamorph info` lists the {targets} there are", mesh.name))
-        })?;
-        frames.iter_mut().for_each(|weights| weights[at] = *weight);
-    }
+    input::set_weights(&args.set, mesh, &mut frames)?;
     Ok(frames)
 }
 

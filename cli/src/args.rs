@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod poses;
+pub mod render;
 pub mod values;
 
 use bench::BenchArgs;
@@ -10,6 +11,7 @@ use deltamorph::headless::DeviceChoice;
 use deltamorph::import::sample::HeadDesc;
 use deltamorph::{BlockDesc, DeltaFormat, PoseFormat, Tolerance, UpdateMode, UpdatePath};
 use poses::Sums;
+use render::RenderArgs;
 use std::path::PathBuf;
 use values::{BatchSpec, BudgetSpec};
 
@@ -55,6 +57,8 @@ pub enum Command {
     Soak(Box<SoakArgs>),
     /// Write one pose as OBJ
     Apply(Box<ApplyArgs>),
+    /// Draw a pose as PNG: lit, as a heat map, every target on a sheet, a crowd, or a whole clip
+    Render(Box<RenderArgs>),
 }
 
 #[derive(Args, Clone, Debug)]

@@ -69,11 +69,23 @@ impl Input {
 /// Read what `args` name. Commands that measure nothing against the raw files take no memory for them: where
 /// `with_raw` is false, `raw` is what is kept.
 pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Failure> {
+    read(args, with_raw, &ImportDesc::default(), out)
+}
+
+/// Read what `args` name for drawing: a vertex has one texture coordinate, but in a packed file, which stays as it is.
+pub fn load_split(args: &InputArgs, out: &Output) -> Result<Input, Failure> {
+    read(args, false, &ImportDesc::default().split(true), out)
+}
+
+fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Result<Input, Failure> {
     let origin = args.input.as_ref().map_or("built-in head".into(), |path| path.display().to_string());
     let spinner = out.spinner(format!("reading {origin}"));
     let (mesh, clips) = match &args.input {
-        None => (ImportedMesh::Source(head::head(&args.head.desc(args.seed))), vec![]),
-        Some(path) => import::open(path, &ImportDesc::default()).map(|Imported { mesh, clips, .. }| (mesh, clips))?,
+        None => {
+            let source = head::head(&args.head.desc(args.seed));
+            (ImportedMesh::Source(if desc.split { source.split()? } else { source }), vec![])
+        }
+        Some(path) => import::open(path, desc).map(|Imported { mesh, clips, .. }| (mesh, clips))?,
     };
     let (raw, kept, packed) = match mesh {
         ImportedMesh::Source(source) => {
@@ -144,6 +156,22 @@ pub fn clips(named: Option<&Path>, args: &InputArgs, input: &Input) -> Result<Ve
     }
     let paths = named.map_or_else(|| input.clips.clone(), |path| vec![path.to_path_buf()]);
     paths.iter().map(|path| clip(path, args, &input.kept)).collect()
+}
+
+/// Put `settings`, weights by name, on top of each of `frames`.
+pub fn set_weights(settings: &[(String, f32)], mesh: &MorphMesh, frames: &mut [Vec<f32>]) -> Result<(), Failure> {
+    for (i, (name, weight)) in settings.iter().enumerate() {
+        let refuse = |why: String| Failure::Usage(format!("--set {name}: {why}"));
+        if settings[..i].iter().any(|(other, _)| other == name) {
+            return Err(refuse("set twice; leave one of them out".into()));
+        }
+        let at = mesh.target_index(name).ok_or_else(|| {
+            let (name, targets) = (&mesh.name, mesh.targets.len());
+            refuse(format!("'{name}' has no such target; `deltamorph info` lists the {targets} there are"))
+        })?;
+        frames.iter_mut().for_each(|weights| weights[at] = *weight);
+    }
+    Ok(())
 }
 
 /// The files that `args` and `others` may have read: none of them is to be written over.

@@ -11,6 +11,7 @@ mod pack;
 mod page;
 mod play;
 mod plots;
+mod render;
 mod runner;
 mod sample;
 mod soak;
@@ -45,5 +46,6 @@ fn run(cli: &Cli, out: &Output) -> Result<(), Failure> {
         Command::Play(args) => play::run(args, device, out),
         Command::Soak(args) => soak::run(args, device, out),
         Command::Apply(args) => apply::run(args, device, out),
+        Command::Render(args) => render::run(args, device, out),
     }
 }

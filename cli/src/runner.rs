@@ -271,6 +271,16 @@ impl Stage {
         Runner::new(self.gpu.as_ref(), &self.mesh, desc, 1, self.threads)
     }
 
+    /// The device; none on the path `cpu`, which needs none.
+    pub fn gpu(&self) -> Option<&Gpu> {
+        self.gpu.as_ref()
+    }
+
+    /// Threads of the path `cpu`; 0: one a core.
+    pub fn threads(&self) -> usize {
+        self.threads
+    }
+
     pub fn device(&self) -> String {
         self.gpu.as_ref().map_or("none".into(), |gpu| gpu.caps().name.clone())
     }
@@ -296,6 +306,12 @@ impl Stage {
             slots: self.desc.slots,
             error_budget: self.desc.error_budget,
         }
+    }
+
+    /// "fast", "fast in fixed16 poses": what rounds.
+    pub fn formats(&self) -> String {
+        let (format, pose) = (self.mesh.layout().format.name(), self.desc.pose);
+        if pose.has_integers() { format!("{format} in {} poses", pose.name()) } else { format.to_owned() }
     }
 
     /// "blocks fast exact fixed32, 2 slots, on llvmpipe": for people.

@@ -294,13 +294,19 @@ impl Headless {
         self.owned.instance.messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Instance, physical device and device, for tests that draw poses as hosts do.
+    /// Instance, physical device and device, for those who draw poses as hosts do.
     #[doc(hidden)]
     pub fn handles(&self) -> (&ash::Instance, vk::PhysicalDevice, &ash::Device) {
         (&self.owned.instance.raw, self.owned.physical, &self.owned.device)
     }
 
-    /// Record a command buffer with `f`, submit it and wait, for tests that draw poses as hosts do.
+    /// The queue, which has graphics and compute, and the family that it is of, for those who submit without waiting.
+    #[doc(hidden)]
+    pub fn queue(&self) -> (vk::Queue, u32) {
+        self.submitter.queue
+    }
+
+    /// Record a command buffer with `f`, submit it and wait, for those who draw poses as hosts do.
     ///
     /// # Errors
     /// Those of `f`; a device that fails.

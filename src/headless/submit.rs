@@ -13,7 +13,8 @@ use std::sync::Arc;
 /// Runs command buffers on a queue and waits for them.
 pub(super) struct Submitter {
     pub(super) device: ash::Device,
-    queue: vk::Queue,
+    /// The queue, and the family that it is of.
+    pub(super) queue: (vk::Queue, u32),
     pool: vk::CommandPool,
     cmd: vk::CommandBuffer,
     fence: vk::Fence,
@@ -38,6 +39,7 @@ impl Submitter {
         let (cmd, fence) = (vk::CommandBuffer::null(), vk::Fence::null());
         let mask = u64::MAX.checked_shr(64 - timestamp_bits).unwrap_or(0);
         let (tick, queries, not_sync) = (f64::from(nanoseconds) * 1e-6, None, PhantomData);
+        let queue = (queue, family);
         let mut this = Self { device: device.clone(), queue, pool, cmd, fence, queries, mask, tick, not_sync };
         this.cmd = this.allocate()?;
         // SAFETY: as above.
@@ -85,7 +87,7 @@ impl Submitter {
         // SAFETY: the buffers were recorded by us and are not pending; the fence is ours and in no queue.
         unsafe {
             self.device.reset_fences(&[self.fence]).map_err(failed("vkResetFences"))?;
-            self.device.queue_submit(self.queue, &info, self.fence).map_err(failed("vkQueueSubmit"))?;
+            self.device.queue_submit(self.queue.0, &info, self.fence).map_err(failed("vkQueueSubmit"))?;
             // A wait may lack memory; whoever called relies on an end, though, so that another way to wait is tried.
             let wait = self.device.wait_for_fences(&[self.fence], true, u64::MAX);
             wait.or_else(|error| self.device.device_wait_idle().map_err(|_| error)).map_err(failed("vkWaitForFences"))

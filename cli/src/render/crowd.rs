@@ -1,0 +1,89 @@
+//! A crowd, each head with an expression of its own.
+
+use super::easel::Easel;
+use super::heat;
+use super::scenery::{Done, Scenery, bounds};
+use crate::args::render::Heat;
+use crate::output::Failure;
+use deltamorph::internals::Rng;
+use glam::{Mat4, Vec3};
+use std::path::Path;
+
+/// Pixels of a picture where no size is given.
+const SIZE: [u32; 2] = [1280, 720];
+
+pub fn draw(scenery: &Scenery<'_>, heads: u32, output: &Path) -> Result<Done, Failure> {
+    let size = scenery.args.size.unwrap_or(SIZE);
+    if scenery.args.heat == Some(Heat::Error) {
+        return Err(Failure::Usage("--heat error: draws one head or a sheet; leave --crowd out".into()));
+    }
+    let poses = expressions(scenery, heads as usize)?;
+    let mut easel = Easel::new(scenery, size, places(&scenery.subject.focus, heads, size))?;
+    let scale = heat::prepare(scenery, &mut easel, &poses)?;
+    let weights: Vec<&[f32]> = poses.iter().map(Vec::as_slice).collect();
+    let mut canvas = easel.picture(&weights)?;
+    if let Some(end) = scale {
+        heat::draw_scale(scenery, &mut canvas, end);
+    }
+    canvas.save(output)?;
+    Ok(Done { what: format!("a crowd of {heads} heads"), size, frames: 1, scale })
+}
+
+/// Frames of the clip that lie far from each other; without a clip a few targets each, by the seed.
+fn expressions(scenery: &Scenery<'_>, heads: usize) -> Result<Vec<Vec<f32>>, Failure> {
+    let (args, mesh) = (scenery.args, &scenery.input.kept);
+    if args.weights.is_some() || scenery.input.clips.len() == 1 || args.run.input.input.is_none() {
+        let (frames, _) = scenery.frames()?;
+        return Ok((0..heads).map(|head| frames[head * frames.len() / heads].clone()).collect());
+    }
+    let (mut rng, targets) = (Rng::new(args.run.input.seed, 0), mesh.targets.len());
+    let expression = |_| {
+        let mut weights = vec![0.0; targets];
+        for _ in 0..targets.min(5) {
+            weights[rng.below(targets)] = 0.2 + 0.6 * rng.unit();
+        }
+        weights
+    };
+    let mut poses: Vec<Vec<f32>> = (0..heads).map(expression).collect();
+    crate::input::set_weights(&args.set, mesh, &mut poses)?;
+    Ok(poses)
+}
+
+/// Rows of as many heads as can be, behind each other, each a little higher; heads turn a little towards the middle.
+fn places(focus: &[Vec3], heads: u32, [width, height]: [u32; 2]) -> Vec<Mat4> {
+    let (low, high) = bounds(focus.iter().copied());
+    let (middle, extent) = ((low + high) / 2.0, (high - low).max(Vec3::splat(f32::MIN_POSITIVE)));
+    let (across, behind, up) = (extent.x * 1.12, extent.z * 0.95, extent.y * 0.66);
+    // Heads in a row, so that rows are as wide as all of them are high.
+    let wide = width as f32 / height as f32 * up / across;
+    let rows = ((heads as f32 / wide).sqrt().round() as u32).clamp(1, heads);
+    let place = |i: u32| {
+        let row = i * rows / heads;
+        let (first, end) = ((row * heads).div_ceil(rows), ((row + 1) * heads).div_ceil(rows));
+        let shift = if row % 2 == 1 && (end - first) * rows >= heads { 0.25 } else { -0.25 };
+        let shift = if rows > 1 { shift } else { 0.0 };
+        let x = ((i - first) as f32 + shift - (end - first - 1) as f32 / 2.0) * across;
+        let offset = Vec3::new(x, row as f32 * up, -(row as f32) * behind);
+        let turn = Mat4::from_rotation_y(-0.35 * x / ((end - first) as f32 * across));
+        Mat4::from_translation(middle + offset) * turn * Mat4::from_translation(-middle)
+    };
+    (0..heads).map(place).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heads_stand_apart() {
+        let focus = [Vec3::ZERO, Vec3::new(2.0, 3.0, 2.0)];
+        for heads in [1, 2, 7, 40] {
+            let middles: Vec<Vec3> =
+                places(&focus, heads, SIZE).iter().map(|p| p.transform_point3(Vec3::new(1.0, 1.5, 1.0))).collect();
+            assert_eq!(middles.len(), heads as usize);
+            for (i, a) in middles.iter().enumerate() {
+                assert!(middles[..i].iter().all(|b| a.distance(*b) > 2.0), "{heads}: {middles:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! What every picture needs: the mesh, packed and uploaded, a camera that fits it, and heads on whatever path.
+
+use super::canvas::Canvas;
+use super::scenery::Scenery;
+use crate::output::Failure;
+use crate::runner::Stage;
+use deltamorph::{BatchSize, CpuCrowd, POSE_FLOATS, UpdateDesc, UpdatePath};
+use deltamorph_render::{Camera, Light, Poses, Scene, Show, Studio, StudioDesc};
+use glam::Mat4;
+
+/// Pictures that are drawn at a time: the processor encodes and plans while the device draws.
+const IN_FLIGHT: u32 = 3;
+/// Share of a picture that stays free at each edge, for what poses add.
+const MARGIN: f32 = 0.08;
+
+/// A studio, heads, and how they are looked at.
+pub struct Easel<'a> {
+    studio: Studio<'a>,
+    heads: Heads,
+    places: Vec<Mat4>,
+    pub scene: Scene,
+    background: [f32; 4],
+}
+
+/// Who makes the poses.
+enum Heads {
+    /// The studio's crowd.
+    Device,
+    /// The path `cpu`: the heads, and the units of their poses.
+    Processor(Box<CpuCrowd>, [f32; 2]),
+    /// Whoever calls, in float32.
+    Given,
+}
+
+impl<'a> Easel<'a> {
+    /// For pictures of this size, with a head at each of `places`, on the path of the command line.
+    pub fn new(scenery: &'a Scenery<'_>, size: [u32; 2], places: Vec<Mat4>) -> Result<Self, Failure> {
+        let (stage, layout) = (scenery.stage, scenery.stage.mesh.layout());
+        let heads = if stage.desc.path == UpdatePath::Cpu {
+            let units = stage.desc.grid(layout)?.map_or([1.0; 2], |grid| grid.units);
+            let crowd = CpuCrowd::new(stage.mesh.clone(), stage.desc, places.len(), stage.threads())?;
+            Heads::Processor(Box::new(crowd), units)
+        } else {
+            Heads::Device
+        };
+        Self::with(scenery, size, places, stage.desc, heads)
+    }
+
+    /// For pictures of poses that are handed in.
+    pub fn of_given_poses(scenery: &'a Scenery<'_>, size: [u32; 2]) -> Result<Self, Failure> {
+        let update = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
+        Self::with(scenery, size, vec![Mat4::IDENTITY], update, Heads::Given)
+    }
+
+    fn with(
+        scenery: &'a Scenery<'_>,
+        size: [u32; 2],
+        places: Vec<Mat4>,
+        update: UpdateDesc,
+        heads: Heads,
+    ) -> Result<Self, Failure> {
+        let Scenery { args, stage, subject, .. } = scenery;
+        let desc = StudioDesc { size, heads: places.len() as u32, in_flight: IN_FLIGHT, update };
+        let studio = Studio::new(scenery.gpu, &scenery.input.kept, &stage.mesh, &subject.parts, desc)?;
+        let camera = Camera { yaw: args.camera[0], pitch: args.camera[1], ..Camera::default() };
+        let all = places.iter().flat_map(|place| subject.focus.iter().map(|p| place.transform_point3(*p)));
+        let view = camera.fit(all, size[0] as f32 / size[1] as f32, MARGIN);
+        let [yaw, pitch, strength] = args.light;
+        let show = args.checker.map_or(Show::Shaded, |squares| Show::Checker(squares as f32));
+        let scene = Scene { view, light: Light { yaw, pitch, strength }, show };
+        Ok(Self { studio, heads, places, scene, background: args.background.linear() })
+    }
+
+    /// Begin a picture of the heads with these weights; returns the oldest that is ready, when it had to be waited for.
+    pub fn draw(&mut self, weights: &[&[f32]]) -> Result<Option<Canvas>, Failure> {
+        let Self { studio, heads, places, scene, background } = self;
+        let finished = match heads {
+            Heads::Device => studio.draw(Poses::Weights(weights), places, scene, *background)?,
+            Heads::Processor(crowd, units) => {
+                for (head, weights) in weights.iter().enumerate() {
+                    crowd.set_weights(head, weights)?;
+                }
+                crowd.update();
+                let stored = (0..weights.len()).map(|head| crowd.stored_pose(head, 0));
+                let stored: Vec<&[u8]> = stored.collect::<Result<_, _>>()?;
+                studio.draw(Poses::Stored(&stored, *units), places, scene, *background)?
+            }
+            Heads::Given => return Err(Failure::Failed("poses are handed in here; report this".into())),
+        };
+        Ok(finished.map(Canvas::from))
+    }
+
+    /// A picture of a pose of six numbers a vertex, in the order of the mesh.
+    pub fn picture_of(&mut self, stage: &Stage, pose: &[f32]) -> Result<Canvas, Failure> {
+        let layout = stage.mesh.layout();
+        let mut places: Vec<u32> = (0..layout.vertex_count as u32).collect();
+        layout.remap_indices(&mut places)?;
+        let mut bytes = vec![0; layout.base_bytes() as usize];
+        for (vertex, place) in pose.chunks_exact(POSE_FLOATS).zip(places) {
+            let numbers = vertex.iter().flat_map(|number| number.to_ne_bytes());
+            bytes[place as usize * POSE_FLOATS * 4..].iter_mut().zip(numbers).for_each(|(to, from)| *to = from);
+        }
+        self.studio.draw(Poses::Stored(&[&bytes], [1.0; 2]), &self.places, &self.scene, self.background)?;
+        self.last()
+    }
+
+    /// Wait for the pictures that are not ready.
+    pub fn finish(&mut self) -> Result<Vec<Canvas>, Failure> {
+        Ok(self.studio.finish()?.into_iter().map(Canvas::from).collect())
+    }
+
+    /// One picture.
+    pub fn picture(&mut self, weights: &[&[f32]]) -> Result<Canvas, Failure> {
+        self.draw(weights)?;
+        self.last()
+    }
+
+    fn last(&mut self) -> Result<Canvas, Failure> {
+        self.finish()?.pop().ok_or_else(|| Failure::Failed("no picture was drawn; report this".into()))
+    }
+
+    /// Show these values, one a vertex, with the end of their scale.
+    pub fn show_values(&mut self, values: &[f32], end: f32) -> Result<(), Failure> {
+        self.studio.set_values(values)?;
+        self.scene.show = Show::Values(end);
+        Ok(())
+    }
+}

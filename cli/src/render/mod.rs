@@ -1,0 +1,107 @@
+//! `render`: pictures of poses, drawn from the crowd's own buffer.
+
+mod canvas;
+mod clip;
+mod compare;
+mod crowd;
+mod easel;
+mod errors;
+mod heat;
+mod names;
+mod scenery;
+mod sheet;
+
+use crate::args::render::{Heat, RenderArgs};
+use crate::input::{self, Input};
+use crate::output::{Failure, Output, With};
+use crate::runner::{Stage, open};
+use deltamorph::headless::DeviceChoice;
+use easel::Easel;
+use glam::Mat4;
+use scenery::{Done, SIZE, Scenery, Subject};
+use serde_json::json;
+use std::path::Path;
+
+pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
+    args.run.update.check_single("render").map_err(Failure::Usage)?;
+    let one_pose = args.clip.is_none() && args.crowd.is_none();
+    if one_pose && args.weights.is_some() && args.frame.is_none() {
+        return Err(Failure::Usage("--weights: which frame? give --frame N, or --clip OUT for all of them".into()));
+    }
+    if let Some(path) = args.run.update.paths.iter().find(|path| path.evaluates_in_draws()) {
+        let text =
+            format!("--path {}: evaluates in draws of its own, and has no pose to draw; use blocks", path.name());
+        return Err(Failure::Usage(text));
+    }
+    // One of the two is there: clap sees to it.
+    let output = args.output.as_deref().or(args.clip.as_deref()).unwrap_or(Path::new(""));
+    let read = input::files_of(&args.run.input, args.weights.as_slice());
+    if args.clip.is_some() && !clip::is_one_file(output) {
+        out.check(&read, &[], Some(output))?;
+    } else {
+        out.check(&read, &[output], None)?;
+    }
+    let input = input::load_split(&args.run.input, out)?;
+    check_texcoords(args, &input)?;
+    let stage = Stage::new(&args.run, &input, device, out)?;
+    // The path cpu needs no device; a picture does.
+    let opened = if stage.gpu().is_none() { open(device, out)? } else { None };
+    let gpu = stage.gpu().or(opened.as_ref()).ok_or_else(|| {
+        Failure::Failed("a picture is drawn on a Vulkan device, and there is none; ./with-vulkan installs one".into())
+    })?;
+    let subject = Subject::new(args, &input);
+    let scenery = Scenery { args, input: &input, stage: &stage, gpu, subject, out };
+    let Done { what, size, frames, scale } = match (args.sheet, args.crowd, args.magnify) {
+        (true, ..) => sheet::draw(&scenery, output)?,
+        (_, Some(heads), _) => crowd::draw(&scenery, heads, output)?,
+        (.., Some(factor)) => compare::draw(&scenery, factor, output)?,
+        _ if args.clip.is_some() => clip::draw(&scenery, output)?,
+        _ => single(&scenery, output)?,
+    };
+    let (file, setup) = (output.display(), stage.describe());
+    out.say(format_args!("{file}: {what}, {} × {} pixels, through {setup}", size[0], size[1]));
+    let more = json!({
+        "schema": 1, "device": gpu.caps().name, "output": output.display().to_string(), "width": size[0],
+        "height": size[1], "frames": frames, "scale": scale,
+    });
+    out.json(&With { fields: stage.setup(), more })
+}
+
+/// A checker needs texture coordinates, and one for each vertex.
+fn check_texcoords(args: &RenderArgs, input: &Input) -> Result<(), Failure> {
+    let mesh = &input.kept;
+    if args.checker.is_none() {
+        return Ok(());
+    }
+    if mesh.texcoords.is_empty() {
+        return Err(Failure::Failed(format!("{}: has no texture coordinates; leave --checker out", input.origin)));
+    }
+    let drawn = mesh.faces.render_vertices(mesh.vertex_count(), &mesh.texcoords)?.pose_vertices.len();
+    if drawn != mesh.vertex_count() {
+        let (doubled, origin) = (drawn - mesh.vertex_count(), &input.origin);
+        let what = "vertices with several texture coordinates, and a packed mesh stays as it is";
+        return Err(Failure::Failed(format!(
+            "{origin}: has {doubled} {what}; give the folder that it was packed from"
+        )));
+    }
+    Ok(())
+}
+
+/// One pose.
+fn single(scenery: &Scenery<'_>, output: &Path) -> Result<Done, Failure> {
+    let (size, weights) = (scenery.args.size.unwrap_or(SIZE), scenery.weights()?);
+    let mut easel = Easel::new(scenery, size, vec![Mat4::IDENTITY])?;
+    let poses = [weights];
+    let scale = heat::prepare(scenery, &mut easel, &poses)?;
+    if let (Some(Heat::Error), Some(end)) = (scenery.args.heat, scale) {
+        easel.show_values(&errors::of_pose(scenery, &poses[0])?, end)?;
+    }
+    let mut canvas = easel.picture(&[&poses[0]])?;
+    if let Some(end) = scale {
+        heat::draw_scale(scenery, &mut canvas, end);
+    }
+    canvas.save(output)?;
+    let active = poses[0].iter().filter(|w| **w != 0.0).count();
+    let what = format!("{active} active of {} targets", poses[0].len());
+    Ok(Done { what, size, frames: 1, scale })
+}

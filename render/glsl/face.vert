@@ -1,0 +1,28 @@
+#version 450
+// A vertex of a pose, as pose.glsl finds it in the crowd's own buffer.
+#extension GL_GOOGLE_include_directive : require
+#define POSE_LOCATION 4
+#include "pose.glsl"
+#include "scene.glsl"
+
+layout(location = 0) in vec3 rest_position;
+layout(location = 1) in vec3 rest_normal;
+layout(location = 2) in vec2 texcoord;
+layout(location = 3) in float value;
+
+layout(location = 0) out vec3 position;
+layout(location = 1) out vec3 normal;
+layout(location = 2) out vec3 rest;
+layout(location = 3) out vec3 shown; // texture coordinates, and a value from 0 to 1
+
+void main() {
+    position = pose_position(units);
+    gl_Position = clip * vec4(position, 1.0);
+    // Normals are sums. A sum of nearly nothing has no direction: that of the base pose is taken.
+    vec3 sum = pose_normal(units);
+    float length_squared = dot(sum, sum);
+    normal = length_squared < 1e-6 ? rest_normal : sum * inversesqrt(length_squared);
+    rest = rest_position;
+    float measured = show.x == SHOW_VALUES ? value : distance(position, rest_position);
+    shown = vec3(texcoord, measured / show.y);
+}

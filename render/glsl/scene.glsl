@@ -1,0 +1,29 @@
+// What the host says of a head and of the light on it, all in the mesh's own space: `HeadScene` in src/scene.rs, where a test
+// compares offsets.
+layout(set = 0, binding = 0, std140) uniform Scene {
+    mat4 clip;       // to the picture
+    mat4 shadow;     // to the shadow map: x and y from 0 to 1, and depth
+    vec4 eye;        // where the camera is; w: size of a texel of the shadow map, 0 where nothing casts shadows
+    vec4 key;        // towards the key light; w: how bright
+    vec4 fill;       // towards the fill light
+    vec4 rim;        // towards the rim light
+    vec4 show;       // x: what is shown (SHOW_…), y: which value is the end of the scale, z: squares of the checker
+};
+
+const float SHOW_SHADED = 0.0;
+const float SHOW_CHECKER = 1.0;
+const float SHOW_DISTANCE = 2.0; // from the base pose, as the shader sees it
+const float SHOW_VALUES = 3.0;   // values of the host's, one a vertex
+const float SHOW_NORMALS = 4.0;
+
+// What is drawn with one material: `PartPush` in src/scene.rs.
+layout(push_constant) uniform Part {
+    vec4 ball;    // an eyeball in the base pose: middle and radius; radius 0: none
+    vec2 units;   // of the pose
+    uint material;
+};
+
+const uint SKIN = 0u;
+const uint EYE = 1u;
+const uint TEETH = 2u;
+const uint MOUTH = 3u;

@@ -1,0 +1,31 @@
+//! The SPIR-V modules, checked in: `UPDATE_SPIRV=1 cargo test -p deltamorph-render --test spirv` makes them of glsl/.
+
+use deltamorph::{Error, PoseFormat, Result};
+
+/// The vertex modules for poses of one format.
+pub(crate) struct Modules {
+    pub(crate) face: &'static [u8],
+    pub(crate) shadow: &'static [u8],
+}
+
+macro_rules! modules {
+    ($pose:literal) => {
+        Modules {
+            face: include_bytes!(concat!("../spirv/face_", $pose, ".vert.spv")),
+            shadow: include_bytes!(concat!("../spirv/shadow_", $pose, ".vert.spv")),
+        }
+    };
+}
+
+pub(crate) const FRAGMENT: &[u8] = include_bytes!("../spirv/face.frag.spv");
+
+const MODULES: [(&str, Modules); 3] =
+    [("float32", modules!("float32")), ("fixed32", modules!("fixed32")), ("fixed16", modules!("fixed16"))];
+
+/// Those for poses of a format.
+pub(crate) fn of(pose: PoseFormat) -> Result<&'static Modules> {
+    MODULES.iter().find(|(name, _)| *name == pose.name()).map(|(_, modules)| modules).ok_or_else(|| Error::Invalid {
+        what: format!("there are no shaders that draw {} poses", pose.name()),
+        remedy: "add the format to src/modules.rs of deltamorph-render".into(),
+    })
+}

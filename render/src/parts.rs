@@ -1,0 +1,182 @@
+//! What a mesh is made of: skin, eyes, teeth. Files that name groups or materials say so; else eyeballs tell themselves by
+//! their shape.
+
+use deltamorph::MorphMesh;
+use glam::{Mat3, Vec3, Vec4};
+use std::collections::HashMap;
+
+/// What a part is made of. The numbers are those of glsl/scene.glsl.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u32)]
+pub enum Material {
+    /// Skin, and all that nothing else is known of.
+    Skin = 0,
+    /// An eyeball.
+    Eye = 1,
+    /// Teeth.
+    Teeth = 2,
+    /// Tongue, gums, the inside of the mouth.
+    Mouth = 3,
+}
+
+impl Material {
+    /// What a group or material of this name is probably made of; `None`: it is transparent, and not drawn (tears, the shade
+    /// over an eye; lashes and brows, which are cards with a texture of hairs).
+    pub fn from_name(name: &str) -> Option<Self> {
+        let name = name.to_lowercase();
+        let has = |words: &[&str]| words.iter().any(|word| name.contains(word));
+        if has(&["occlusion", "lacrimal", "fluid", "tear", "eyeblend", "cornea", "lash", "brow", "hair"]) {
+            return None;
+        }
+        Some(match () {
+            () if has(&["gum", "tongue", "mouth"]) => Self::Mouth,
+            () if has(&["teeth", "tooth"]) => Self::Teeth,
+            () if has(&["eyelid", "eyesocket"]) => Self::Skin,
+            () if has(&["eye", "sclera", "iris", "pupil"]) => Self::Eye,
+            () => Self::Skin,
+        })
+    }
+}
+
+/// Triangles of one material.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Part {
+    /// What it is made of.
+    pub material: Material,
+    /// Three vertices of the mesh each.
+    pub triangles: Vec<[u32; 3]>,
+    /// Of an eyeball, the middle and the radius in the base pose.
+    pub ball: Option<Vec4>,
+}
+
+/// The parts of a mesh. `names` has a name for each face, or none at all: eyeballs are found by their shape then, and all
+/// else is skin.
+pub fn parts(mesh: &MorphMesh, names: &[impl AsRef<str>]) -> Vec<Part> {
+    let mut kinds: HashMap<&str, Option<Material>> = HashMap::new();
+    let mut faces: Vec<(Option<Material>, [u32; 3])> = vec![];
+    for (i, face) in mesh.faces.iter().enumerate() {
+        let material = match names.get(i).map(AsRef::as_ref) {
+            Some(name) => *kinds.entry(name).or_insert_with(|| Material::from_name(name)),
+            None => Some(Material::Skin),
+        };
+        let corner = |i: usize| face[i].position;
+        faces.extend((2..face.len()).map(|i| (material, [corner(0), corner(i - 1), corner(i)])));
+    }
+    let named = faces.iter().any(|(material, _)| *material != Some(Material::Skin));
+    let pieces = pieces(mesh, &faces);
+    let mut parts: Vec<Part> = vec![];
+    for (material, triangles) in &pieces {
+        let ball = sphere(mesh, triangles).filter(|ball| is_eyeball(mesh, triangles, ball));
+        let (material, ball) = match (material, ball) {
+            (None, _) => continue,
+            (Some(Material::Skin), Some(ball)) if !named => (Material::Eye, Some(ball)),
+            (Some(Material::Eye), ball) => (Material::Eye, ball),
+            (Some(other), _) => (*other, None),
+        };
+        match parts.iter_mut().find(|part| part.material == material && part.ball == ball) {
+            Some(part) => part.triangles.extend(triangles),
+            None => parts.push(Part { material, triangles: triangles.clone(), ball }),
+        }
+    }
+    // What lies in front of an eyeball, as an iris of its own, goes with the nearest one.
+    let balls: Vec<Vec4> = parts.iter().filter_map(|part| part.ball).collect();
+    for part in parts.iter_mut().filter(|part| part.material == Material::Eye && part.ball.is_none()) {
+        let middle = middle(mesh, &part.triangles);
+        let off = |ball: &Vec4| ball.truncate().distance(middle);
+        part.ball =
+            balls.iter().copied().filter(|ball| off(ball) < 1.5 * ball.w).min_by(|a, b| off(a).total_cmp(&off(b)));
+    }
+    // A pair: one ball alone is a button.
+    if !named && balls.len() < 2 {
+        parts.iter_mut().for_each(|part| (part.material, part.ball) = (Material::Skin, None));
+    }
+    parts
+}
+
+/// Triangles that hang together and are of one material.
+fn pieces(mesh: &MorphMesh, faces: &[(Option<Material>, [u32; 3])]) -> Vec<(Option<Material>, Vec<[u32; 3]>)> {
+    let welded = |v: u32| mesh.welds.get(v as usize).copied().unwrap_or(v);
+    let mut parents: Vec<u32> = (0..mesh.vertex_count() as u32).collect();
+    fn root(parents: &mut [u32], mut v: u32) -> u32 {
+        while parents[v as usize] != v {
+            parents[v as usize] = parents[parents[v as usize] as usize];
+            v = parents[v as usize];
+        }
+        v
+    }
+    for (_, triangle) in faces {
+        let [a, b, c] = triangle.map(|v| root(&mut parents, welded(v)));
+        parents[b as usize] = a;
+        let c = root(&mut parents, c);
+        parents[c as usize] = a;
+    }
+    let (mut numbers, mut pieces) = (HashMap::new(), vec![]);
+    for (material, triangle) in faces {
+        let key = (root(&mut parents, welded(triangle[0])), *material);
+        let at = *numbers.entry(key).or_insert_with(|| {
+            pieces.push((*material, vec![]));
+            pieces.len() - 1
+        });
+        pieces[at].1.push(*triangle);
+    }
+    pieces
+}
+
+fn positions<'a>(mesh: &'a MorphMesh, triangles: &'a [[u32; 3]]) -> impl Iterator<Item = Vec3> + 'a {
+    triangles.iter().flatten().map(|&v| mesh.positions[v as usize])
+}
+
+fn middle(mesh: &MorphMesh, triangles: &[[u32; 3]]) -> Vec3 {
+    positions(mesh, triangles).sum::<Vec3>() / (3 * triangles.len()).max(1) as f32
+}
+
+/// The sphere that lies closest to the corners, in the sense of least squares of |p|² − 2 c·p + (c² − r²): middle and radius.
+fn sphere(mesh: &MorphMesh, triangles: &[[u32; 3]]) -> Option<Vec4> {
+    let origin = middle(mesh, triangles);
+    let points = || positions(mesh, triangles).map(|p| p - origin);
+    // The points' mean is the origin, so that the middle is found by itself: 2 (Σ p pᵀ) c = Σ |p|² p.
+    let (mut products, mut right, mut squares) = (Mat3::ZERO, Vec3::ZERO, 0.0);
+    for p in points() {
+        products += Mat3::from_cols(p * p.x, p * p.y, p * p.z);
+        right += p * p.length_squared();
+        squares += p.length_squared();
+    }
+    let count = 3.0 * triangles.len() as f32;
+    let centre = (products * 2.0).inverse() * right;
+    let radius = (squares / count + centre.length_squared()).sqrt();
+    (triangles.len() >= 12 && centre.is_finite() && radius.is_finite()).then(|| (origin + centre).extend(radius))
+}
+
+/// Whether the corners lie on the sphere, all around most of it, and it has an eye's size.
+fn is_eyeball(mesh: &MorphMesh, triangles: &[[u32; 3]], ball: &Vec4) -> bool {
+    let (centre, radius) = (ball.truncate(), ball.w);
+    // A cornea bulges by an eighth.
+    let mean = positions(mesh, triangles).map(|p| (p.distance(centre) / radius - 1.0).abs()).sum::<f32>();
+    let (low, high) = positions(mesh, triangles).fold((Vec3::MAX, Vec3::MIN), |(l, h), p| (l.min(p), h.max(p)));
+    let size = (high - low).min_element() / radius;
+    mean / (3.0 * triangles.len() as f32) < 0.06 && size > 0.9 && radius < 0.1 * mesh.diagonal
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_say_what_a_part_is_made_of() {
+        let of = Material::from_name;
+        for (name, expected) in [
+            ("M_Face", Some(Material::Skin)),
+            ("M_ScleraLeft", Some(Material::Eye)),
+            ("M_EyeOcclusion", None),
+            ("M_LacrimalFluid", None),
+            ("M_EyeLashes", None),
+            ("M_GumsTongue", Some(Material::Mouth)),
+            ("helper-upper-teeth", Some(Material::Teeth)),
+            ("helper-l-eyelashes-2", None),
+            ("helper-r-eye", Some(Material::Eye)),
+            ("body", Some(Material::Skin)),
+        ] {
+            assert_eq!(of(name), expected, "{name}");
+        }
+    }
+}

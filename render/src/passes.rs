@@ -1,0 +1,108 @@
+//! The render passes: which images they end in, and what waits for what.
+
+use crate::memory::{Gpu, failed};
+use deltamorph::ash::vk;
+use deltamorph::{PoseFormat, Result};
+use std::slice::from_ref;
+use vk::{AccessFlags as Access, ImageLayout as Layout, PipelineStageFlags as Stage};
+
+/// Edge of the shadow map.
+pub(crate) const SHADOW_EDGE: u32 = 1024;
+pub(crate) const SHADOW_FORMAT: vk::Format = vk::Format::D16_UNORM;
+pub(crate) const SAMPLES: vk::SampleCountFlags = vk::SampleCountFlags::TYPE_4;
+
+const OUTSIDE: u32 = vk::SUBPASS_EXTERNAL;
+const ONE: vk::SampleCountFlags = vk::SampleCountFlags::TYPE_1;
+const KEEP: vk::AttachmentStoreOp = vk::AttachmentStoreOp::STORE;
+const DROP: vk::AttachmentStoreOp = vk::AttachmentStoreOp::DONT_CARE;
+
+/// What a renderer draws into and from.
+#[derive(Clone, Copy, Debug)]
+pub struct RendererDesc {
+    /// Of the image views that are drawn into. A format of sRGB: shaders write linear colours.
+    pub format: vk::Format,
+    /// The layout that images are left in: to be copied (`TRANSFER_SRC_OPTIMAL`), shown (`PRESENT_SRC_KHR`), or drawn over
+    /// (`COLOR_ATTACHMENT_OPTIMAL`).
+    pub layout: vk::ImageLayout,
+    /// Of the poses that are drawn.
+    pub pose: PoseFormat,
+}
+
+/// An image that a pass clears first.
+fn attachment(
+    format: vk::Format,
+    samples: vk::SampleCountFlags,
+    store: vk::AttachmentStoreOp,
+    layout: Layout,
+) -> vk::AttachmentDescription {
+    let clear = vk::AttachmentDescription::default().format(format).load_op(vk::AttachmentLoadOp::CLEAR);
+    clear.samples(samples).store_op(store).final_layout(layout)
+}
+
+fn reference(attachment: u32, layout: Layout) -> vk::AttachmentReference {
+    vk::AttachmentReference { attachment, layout }
+}
+
+/// Depth as the key light sees it, for fragment shaders to read.
+pub(crate) fn shadow(gpu: &Gpu) -> Result<vk::RenderPass> {
+    let attachments = [attachment(SHADOW_FORMAT, ONE, KEEP, Layout::DEPTH_STENCIL_READ_ONLY_OPTIMAL)];
+    let depth = reference(0, Layout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL);
+    let subpass = vk::SubpassDescription::default().depth_stencil_attachment(&depth);
+    let dependencies = [
+        // After the draws that have read the map before.
+        vk::SubpassDependency::default()
+            .src_subpass(OUTSIDE)
+            .src_stage_mask(Stage::FRAGMENT_SHADER | Stage::LATE_FRAGMENT_TESTS)
+            .src_access_mask(Access::DEPTH_STENCIL_ATTACHMENT_WRITE)
+            .dst_stage_mask(Stage::EARLY_FRAGMENT_TESTS | Stage::LATE_FRAGMENT_TESTS)
+            .dst_access_mask(Access::DEPTH_STENCIL_ATTACHMENT_READ | Access::DEPTH_STENCIL_ATTACHMENT_WRITE),
+        vk::SubpassDependency::default()
+            .dst_subpass(OUTSIDE)
+            .src_stage_mask(Stage::LATE_FRAGMENT_TESTS)
+            .src_access_mask(Access::DEPTH_STENCIL_ATTACHMENT_WRITE)
+            .dst_stage_mask(Stage::FRAGMENT_SHADER)
+            .dst_access_mask(Access::SHADER_READ),
+    ];
+    let info = vk::RenderPassCreateInfo::default().attachments(&attachments).subpasses(from_ref(&subpass));
+    // SAFETY: the device is alive, as long as `gpu` is; the renderer destroys the pass.
+    let pass = unsafe { gpu.device.create_render_pass(&info.dependencies(&dependencies), None) };
+    pass.map_err(failed("vkCreateRenderPass"))
+}
+
+/// A picture: samples of colours and depth, averaged into the image of the host's.
+pub(crate) fn picture(gpu: &Gpu, desc: &RendererDesc, depth_format: vk::Format) -> Result<vk::RenderPass> {
+    let RendererDesc { format, layout, .. } = *desc;
+    let attachments = [
+        attachment(format, SAMPLES, DROP, Layout::COLOR_ATTACHMENT_OPTIMAL),
+        attachment(depth_format, SAMPLES, DROP, Layout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL),
+        attachment(format, ONE, KEEP, layout).load_op(vk::AttachmentLoadOp::DONT_CARE),
+    ];
+    let colour = [reference(0, Layout::COLOR_ATTACHMENT_OPTIMAL)];
+    let resolve = [reference(2, Layout::COLOR_ATTACHMENT_OPTIMAL)];
+    let depth = reference(1, Layout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL);
+    let subpass = vk::SubpassDescription::default().color_attachments(&colour).resolve_attachments(&resolve);
+    let subpass = subpass.depth_stencil_attachment(&depth);
+    let drawing = Stage::COLOR_ATTACHMENT_OUTPUT | Stage::EARLY_FRAGMENT_TESTS | Stage::LATE_FRAGMENT_TESTS;
+    let written = Access::COLOR_ATTACHMENT_WRITE | Access::DEPTH_STENCIL_ATTACHMENT_WRITE;
+    let read = Access::COLOR_ATTACHMENT_READ | Access::DEPTH_STENCIL_ATTACHMENT_READ;
+    let dependencies = [
+        // After what was drawn into the images before, and copied from them.
+        vk::SubpassDependency::default()
+            .src_subpass(OUTSIDE)
+            .src_stage_mask(drawing | Stage::TRANSFER)
+            .src_access_mask(written)
+            .dst_stage_mask(drawing)
+            .dst_access_mask(written | read),
+        // Before the image is copied, or drawn over.
+        vk::SubpassDependency::default()
+            .dst_subpass(OUTSIDE)
+            .src_stage_mask(drawing)
+            .src_access_mask(written)
+            .dst_stage_mask(Stage::TRANSFER | Stage::COLOR_ATTACHMENT_OUTPUT)
+            .dst_access_mask(Access::TRANSFER_READ | Access::COLOR_ATTACHMENT_READ | Access::COLOR_ATTACHMENT_WRITE),
+    ];
+    let info = vk::RenderPassCreateInfo::default().attachments(&attachments).subpasses(from_ref(&subpass));
+    // SAFETY: as in `shadow`.
+    let pass = unsafe { gpu.device.create_render_pass(&info.dependencies(&dependencies), None) };
+    pass.map_err(failed("vkCreateRenderPass"))
+}

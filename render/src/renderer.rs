@@ -1,0 +1,211 @@
+//! Passes, layouts and pipelines.
+
+use crate::memory::{Gpu, failed};
+use crate::modules;
+use crate::passes::{self, RendererDesc, SAMPLES};
+use crate::scene::PartPush;
+use deltamorph::Result;
+use deltamorph::ash::{self, vk};
+use std::slice::from_ref;
+use std::sync::Arc;
+
+/// Where the inputs of our own begin that follow those of poses: see glsl/face.vert.
+const POSE_LOCATION: u32 = 4;
+
+/// Draws poses of one format. Everything is made on the host's device; see [`Renderer::new`] for what the host answers for.
+pub struct Renderer {
+    pub(crate) gpu: Arc<Gpu>,
+    pub(crate) desc: RendererDesc,
+    pub(crate) depth_format: vk::Format,
+    pub(crate) shadow_pass: vk::RenderPass,
+    pub(crate) pass: vk::RenderPass,
+    pub(crate) set_layout: vk::DescriptorSetLayout,
+    pub(crate) sampler: vk::Sampler,
+    pub(crate) layout: vk::PipelineLayout,
+    pub(crate) shadow: vk::Pipeline,
+    pub(crate) shaded: vk::Pipeline,
+}
+
+impl Renderer {
+    /// Make passes and pipelines.
+    ///
+    /// # Errors
+    /// A device that fails, or lacks memory.
+    ///
+    /// # Safety
+    /// - The handles belong together, and outlive the renderer and all [models](crate::Model) and [targets](crate::Target)
+    ///   made with it.
+    /// - Vulkan 1.1; the format can be drawn into with four samples.
+    /// - A renderer, model or target is dropped only when nothing that was recorded with it is still to run.
+    pub unsafe fn new(
+        instance: &ash::Instance,
+        physical: vk::PhysicalDevice,
+        device: &ash::Device,
+        desc: &RendererDesc,
+    ) -> Result<Self> {
+        // SAFETY: the caller's obligations.
+        let gpu = unsafe { Gpu::new(instance, physical, device) };
+        // One of the two is promised; 32 bits are better.
+        let usable = |format: &vk::Format| {
+            // SAFETY: the physical device is the instance's.
+            let properties = unsafe { instance.get_physical_device_format_properties(physical, *format) };
+            properties.optimal_tiling_features.contains(vk::FormatFeatureFlags::DEPTH_STENCIL_ATTACHMENT)
+        };
+        let depths = [vk::Format::D32_SFLOAT, vk::Format::X8_D24_UNORM_PACK32];
+        let depth_format = depths.into_iter().find(usable).unwrap_or(vk::Format::D16_UNORM);
+        let mut this = Self {
+            gpu,
+            desc: *desc,
+            depth_format,
+            shadow_pass: vk::RenderPass::null(),
+            pass: vk::RenderPass::null(),
+            set_layout: vk::DescriptorSetLayout::null(),
+            sampler: vk::Sampler::null(),
+            layout: vk::PipelineLayout::null(),
+            shadow: vk::Pipeline::null(),
+            shaded: vk::Pipeline::null(),
+        };
+        this.shadow_pass = passes::shadow(&this.gpu)?;
+        this.pass = passes::picture(&this.gpu, desc, depth_format)?;
+        this.make_layouts()?;
+        this.make_pipelines()?;
+        Ok(this)
+    }
+
+    fn make_layouts(&mut self) -> Result<()> {
+        let device = &self.gpu.device;
+        let both = vk::ShaderStageFlags::VERTEX | vk::ShaderStageFlags::FRAGMENT;
+        let binding = |binding, kind, stages| {
+            let one = vk::DescriptorSetLayoutBinding::default().binding(binding).descriptor_count(1);
+            one.descriptor_type(kind).stage_flags(stages)
+        };
+        let bindings = [
+            binding(0, vk::DescriptorType::UNIFORM_BUFFER_DYNAMIC, both),
+            binding(1, vk::DescriptorType::COMBINED_IMAGE_SAMPLER, vk::ShaderStageFlags::FRAGMENT),
+        ];
+        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
+        // Beyond the map nothing casts shadows.
+        let edge = vk::SamplerAddressMode::CLAMP_TO_BORDER;
+        let sampler = vk::SamplerCreateInfo::default().address_mode_u(edge).address_mode_v(edge).address_mode_w(edge);
+        let sampler = sampler.border_color(vk::BorderColor::FLOAT_OPAQUE_WHITE);
+        let sampler = sampler.compare_enable(true).compare_op(vk::CompareOp::LESS_OR_EQUAL);
+        // SAFETY: as in `passes`.
+        unsafe {
+            let set_layout = device.create_descriptor_set_layout(&info, None);
+            self.set_layout = set_layout.map_err(failed("vkCreateDescriptorSetLayout"))?;
+            self.sampler = device.create_sampler(&sampler, None).map_err(failed("vkCreateSampler"))?;
+            let push = vk::PushConstantRange { stage_flags: both, offset: 0, size: size_of::<PartPush>() as u32 };
+            let info = vk::PipelineLayoutCreateInfo::default().set_layouts(from_ref(&self.set_layout));
+            let layout = device.create_pipeline_layout(&info.push_constant_ranges(from_ref(&push)), None);
+            self.layout = layout.map_err(failed("vkCreatePipelineLayout"))?;
+        }
+        Ok(())
+    }
+
+    fn make_pipelines(&mut self) -> Result<()> {
+        let modules = modules::of(self.desc.pose)?;
+        let (mut bindings, mut attributes) = self.desc.pose.vertex_input(false);
+        attributes.iter_mut().for_each(|attribute| attribute.location += POSE_LOCATION);
+        // The map needs positions alone, but the shader declares all inputs of the poses.
+        self.shadow = self.pipeline(self.shadow_pass, &[modules.shadow], (&bindings, attributes.clone()))?;
+        // Binding 1 has the base pose, whatever the format; 2 texture coordinates; 3 values.
+        let per_vertex = |binding, stride| vk::VertexInputBindingDescription::default().binding(binding).stride(stride);
+        bindings.truncate(1);
+        bindings.extend([per_vertex(1, 24), per_vertex(2, 8), per_vertex(3, 4)]);
+        let attribute = |location, binding, format, offset| vk::VertexInputAttributeDescription {
+            location,
+            binding,
+            format,
+            offset,
+        };
+        attributes.extend([
+            attribute(0, 1, vk::Format::R32G32B32_SFLOAT, 0),
+            attribute(1, 1, vk::Format::R32G32B32_SFLOAT, 12),
+            attribute(2, 2, vk::Format::R32G32_SFLOAT, 0),
+            attribute(3, 3, vk::Format::R32_SFLOAT, 0),
+        ]);
+        self.shaded = self.pipeline(self.pass, &[modules.face, modules::FRAGMENT], (&bindings, attributes))?;
+        Ok(())
+    }
+
+    /// A pipeline of a vertex module and, where there are colours, a fragment module.
+    fn pipeline(
+        &self,
+        pass: vk::RenderPass,
+        code: &[&[u8]],
+        (bindings, attributes): (&[vk::VertexInputBindingDescription], Vec<vk::VertexInputAttributeDescription>),
+    ) -> Result<vk::Pipeline> {
+        let (device, colours) = (&self.gpu.device, code.len() > 1);
+        let mut made = vec![];
+        for bytes in code {
+            let words: Vec<u32> = bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect();
+            // SAFETY: the words are a module that glslang made; destroyed below.
+            let module =
+                unsafe { device.create_shader_module(&vk::ShaderModuleCreateInfo::default().code(&words), None) };
+            match module {
+                Ok(module) => made.push(module),
+                Err(error) => {
+                    self.destroy_modules(made);
+                    return Err(failed("vkCreateShaderModule")(error));
+                }
+            }
+        }
+        let kinds = [vk::ShaderStageFlags::VERTEX, vk::ShaderStageFlags::FRAGMENT];
+        let stage =
+            |(module, kind)| vk::PipelineShaderStageCreateInfo::default().module(module).stage(kind).name(c"main");
+        let stages: Vec<_> = made.iter().copied().zip(kinds).map(stage).collect();
+        let input = vk::PipelineVertexInputStateCreateInfo::default().vertex_binding_descriptions(bindings);
+        let input = input.vertex_attribute_descriptions(&attributes);
+        let assembly =
+            vk::PipelineInputAssemblyStateCreateInfo::default().topology(vk::PrimitiveTopology::TRIANGLE_LIST);
+        let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
+        // Both sides are drawn: faces have openings.
+        let raster = vk::PipelineRasterizationStateCreateInfo::default().line_width(1.0);
+        let samples = if colours { SAMPLES } else { vk::SampleCountFlags::TYPE_1 };
+        let samples = vk::PipelineMultisampleStateCreateInfo::default().rasterization_samples(samples);
+        let depth = vk::PipelineDepthStencilStateCreateInfo::default().depth_test_enable(true).depth_write_enable(true);
+        let depth = depth.depth_compare_op(vk::CompareOp::LESS_OR_EQUAL);
+        let written =
+            [vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::RGBA)];
+        let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&written);
+        let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
+        let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
+        let info = vk::GraphicsPipelineCreateInfo::default()
+            .stages(&stages)
+            .vertex_input_state(&input)
+            .input_assembly_state(&assembly)
+            .viewport_state(&viewport)
+            .rasterization_state(&raster)
+            .multisample_state(&samples)
+            .depth_stencil_state(&depth)
+            .dynamic_state(&dynamic)
+            .layout(self.layout)
+            .render_pass(pass);
+        let info = if colours { info.color_blend_state(&blend) } else { info };
+        // SAFETY: all that `info` points to is alive, and made for this device.
+        let pipelines = unsafe { device.create_graphics_pipelines(vk::PipelineCache::null(), from_ref(&info), None) };
+        self.destroy_modules(made);
+        pipelines.map(|made| made[0]).map_err(|(_, error)| failed("vkCreateGraphicsPipelines")(error))
+    }
+
+    fn destroy_modules(&self, modules: Vec<vk::ShaderModule>) {
+        // SAFETY: made by `pipeline`, each destroyed once; pipelines do not need their modules once they are made.
+        modules.into_iter().for_each(|module| unsafe { self.gpu.device.destroy_shader_module(module, None) });
+    }
+}
+
+impl Drop for Renderer {
+    fn drop(&mut self) {
+        let device = &self.gpu.device;
+        // SAFETY: ours, destroyed once, and not in use: the caller of `new` says so.
+        unsafe {
+            device.destroy_pipeline(self.shadow, None);
+            device.destroy_pipeline(self.shaded, None);
+            device.destroy_pipeline_layout(self.layout, None);
+            device.destroy_sampler(self.sampler, None);
+            device.destroy_descriptor_set_layout(self.set_layout, None);
+            device.destroy_render_pass(self.shadow_pass, None);
+            device.destroy_render_pass(self.pass, None);
+        }
+    }
+}

@@ -1,0 +1,347 @@
+//! Pictures without a window: an image of our own, several frames in flight.
+
+use crate::memory::{Buffer, Image, ImageDesc, failed};
+use crate::model::Model;
+use crate::parts::Part;
+use crate::passes::RendererDesc;
+use crate::renderer::Renderer;
+use crate::scene::{Head, Scene};
+use crate::target::Target;
+use deltamorph::ash::vk;
+use deltamorph::headless::Headless;
+use deltamorph::{
+    Crowd, CrowdDesc, Error, GpuMesh, MorphMesh, PackedMesh, PoseFormat, Result, Ticket, UpdateDesc, UpdatePath,
+};
+use glam::Mat4;
+use std::collections::VecDeque;
+use std::slice::from_ref;
+
+/// Linear colours go in, sRGB comes out.
+const FORMAT: vk::Format = vk::Format::R8G8B8A8_SRGB;
+
+/// What a studio is set up for.
+#[derive(Clone, Copy, Debug)]
+pub struct StudioDesc {
+    /// Pixels of a picture, across and down (≥ 1).
+    pub size: [u32; 2],
+    /// Heads in a picture (≥ 1).
+    pub heads: u32,
+    /// Pictures that are worked on at once (≥ 1).
+    pub in_flight: u32,
+    /// How poses are updated. The path `cpu`: poses come from the host ([`Poses::Stored`]).
+    pub update: UpdateDesc,
+}
+
+/// Where the poses of a picture come from.
+#[derive(Clone, Copy, Debug)]
+pub enum Poses<'a> {
+    /// Of the crowd, which is asked for these weights: those of each head.
+    Weights(&'a [&'a [f32]]),
+    /// From the host: the stored pose of each head, and the units of them all.
+    Stored(&'a [&'a [u8]], [f32; 2]),
+}
+
+/// A picture: red, green, blue and opacity of each pixel in sRGB, row by row from the top; colours are multiplied by the
+/// opacity before they are encoded.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Picture {
+    /// Pixels across and down.
+    pub size: [u32; 2],
+    /// Four bytes a pixel.
+    pub rgba: Vec<u8>,
+}
+
+/// A mesh in front of a camera.
+pub struct Studio<'a> {
+    headless: &'a Headless,
+    desc: StudioDesc,
+    frames: Vec<Frame>,
+    /// Those that are drawn now, the oldest first.
+    pending: VecDeque<usize>,
+    pool: vk::CommandPool,
+    crowd: Option<Crowd>,
+    model: Model,
+    renderer: Renderer,
+    // What the model reads, after the model.
+    _uploaded: GpuMesh,
+}
+
+/// What a picture is drawn with.
+struct Frame {
+    target: Target,
+    image: Image,
+    pixels: Buffer,
+    /// Poses of the host's.
+    poses: Option<Buffer>,
+    cmd: vk::CommandBuffer,
+    fence: vk::Fence,
+}
+
+impl<'a> Studio<'a> {
+    /// For poses of `mesh`, which was packed as `packed` and is made of `parts`.
+    ///
+    /// # Errors
+    /// A path that has no pose buffers; what [`create_crowd`](deltamorph::MorphEngine::create_crowd) refuses; pictures larger
+    /// than the device draws; no memory.
+    pub fn new(
+        headless: &'a Headless,
+        mesh: &MorphMesh,
+        packed: &PackedMesh,
+        parts: &[Part],
+        desc: StudioDesc,
+    ) -> Result<Self> {
+        let StudioDesc { size: [width, height], heads, in_flight, update } = desc;
+        if update.path.evaluates_in_draws() {
+            return Err(Error::Invalid {
+                what: format!(
+                    "the path '{}' evaluates in draws of its own, and has no pose to draw",
+                    update.path.name()
+                ),
+                remedy: "use blocks, compute or cpu".into(),
+            });
+        }
+        let engine = headless.engine();
+        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits for it.
+        let mut uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, packed) })?;
+        // SAFETY: the upload has run.
+        unsafe { uploaded.release_staging() };
+        let crowd = CrowdDesc::new(update).instances(heads).frames_in_flight(in_flight.max(1));
+        let on_device = update.path != UpdatePath::Cpu;
+        let crowd = if on_device { Some(engine.create_crowd(&uploaded, &crowd)?) } else { None };
+
+        let (instance, physical, device) = headless.handles();
+        let renderer =
+            RendererDesc { format: FORMAT, layout: vk::ImageLayout::TRANSFER_SRC_OPTIMAL, pose: update.pose };
+        // SAFETY: the handles are those of `headless`, which outlives the studio; `drop` waits for the device.
+        let renderer = unsafe { Renderer::new(instance, physical, device, &renderer) }?;
+        let most = renderer.gpu.limits.max_image_dimension2_d.min(renderer.gpu.limits.max_framebuffer_width);
+        if width == 0 || height == 0 || width.max(height) > most {
+            return Err(Error::Invalid {
+                what: format!("a picture of {width} × {height} pixels"),
+                remedy: format!("{} draws 1 to {most} pixels across and down", headless.caps().name),
+            });
+        }
+        // SAFETY: the model goes before what was uploaded does.
+        let model = unsafe { Model::new(&renderer, mesh, packed.layout(), &uploaded, parts) }?;
+        let info = vk::CommandPoolCreateInfo::default().queue_family_index(headless.queue().1);
+        let info = info.flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
+        // SAFETY: the device has this family; destroyed by `drop`.
+        let pool = unsafe { device.create_command_pool(&info, None) }.map_err(failed("vkCreateCommandPool"))?;
+        let (frames, pending) = (vec![], VecDeque::new());
+        let mut this = Self { headless, desc, frames, pending, pool, crowd, model, renderer, _uploaded: uploaded };
+        for _ in 0..in_flight.max(1) {
+            let frame = this.frame(packed)?;
+            this.frames.push(frame);
+        }
+        Ok(this)
+    }
+
+    fn frame(&self, packed: &PackedMesh) -> Result<Frame> {
+        let ([width, height], gpu) = (self.desc.size, &self.renderer.gpu);
+        let (extent, device) = (vk::Extent2D { width, height }, &gpu.device);
+        let usage = vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::TRANSFER_SRC;
+        let (samples, aspect) = (vk::SampleCountFlags::TYPE_1, vk::ImageAspectFlags::COLOR);
+        let image = Image::new(gpu, &ImageDesc { extent, format: FORMAT, samples, usage, aspect })?;
+        // SAFETY: the view is of an image that lives as long as the target, and is what it is said to be.
+        let target = unsafe { Target::new(&self.renderer, image.view, extent, self.desc.heads) }?;
+        let bytes = width as usize * height as usize * 4;
+        let pixels = Buffer::new(gpu, bytes, vk::BufferUsageFlags::TRANSFER_DST, true)?;
+        let poses = match self.crowd {
+            Some(_) => None,
+            None => {
+                let bytes = stored_bytes(packed, self.desc.update.pose) * self.desc.heads as usize;
+                Some(Buffer::new(gpu, bytes.max(4), vk::BufferUsageFlags::VERTEX_BUFFER, false)?)
+            }
+        };
+        let info = vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
+        // SAFETY: the pool is ours, and frees its buffers; the fence is destroyed by `drop`.
+        let (cmd, fence) = unsafe {
+            let cmd = device.allocate_command_buffers(&info).map_err(failed("vkAllocateCommandBuffers"))?[0];
+            let fence = device.create_fence(&vk::FenceCreateInfo::default(), None).map_err(failed("vkCreateFence"))?;
+            (cmd, fence)
+        };
+        Ok(Frame { target, image, pixels, poses, cmd, fence })
+    }
+
+    /// Values for [`Show::Values`](crate::Show::Values), one a vertex of the mesh. Waits for pictures that are drawn now, and
+    /// returns them.
+    ///
+    /// # Errors
+    /// As [`Model::set_values`]; a device that fails.
+    pub fn set_values(&mut self, values: &[f32]) -> Result<Vec<Picture>> {
+        let finished = self.finish()?;
+        self.model.set_values(values)?;
+        Ok(finished)
+    }
+
+    /// Begin a picture of all heads, at `places`, in front of `background` (linear red, green, blue, and opacity; colours
+    /// multiplied by it). Where as many are drawn already as may be, the oldest is waited for, and returned: pictures come
+    /// in the order in which they were begun.
+    ///
+    /// # Errors
+    /// Numbers of poses, places and heads that differ; weights that are refused; a device that fails. The picture is not
+    /// drawn then; after a device has failed no other is.
+    pub fn draw(
+        &mut self,
+        poses: Poses<'_>,
+        places: &[Mat4],
+        scene: &Scene,
+        background: [f32; 4],
+    ) -> Result<Option<Picture>> {
+        let count = match poses {
+            Poses::Weights(weights) => weights.len(),
+            Poses::Stored(stored, _) => stored.len(),
+        };
+        if count != self.desc.heads as usize || places.len() != count {
+            return Err(Error::Invalid {
+                what: format!("{count} poses and {} places for {} heads", places.len(), self.desc.heads),
+                remedy: "hand in one of each for every head".into(),
+            });
+        }
+        let full = self.pending.len() == self.frames.len();
+        let finished = if full { self.next_finished()? } else { None };
+        let Some(slot) = (0..self.frames.len()).find(|i| !self.pending.contains(i)) else { return Ok(finished) };
+        self.set_poses(slot, poses)?;
+        let cmd = self.frames[slot].cmd;
+        let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        let device = self.headless.handles().2;
+        // SAFETY: the buffer is ours, and not pending: its fence was waited for.
+        unsafe { device.begin_command_buffer(cmd, &info) }.map_err(failed("vkBeginCommandBuffer"))?;
+        let mut ticket = None;
+        let recorded = self.record(slot, poses, places, scene, background, &mut ticket);
+        // SAFETY: begun above.
+        let ended = unsafe { device.end_command_buffer(cmd) }.map_err(failed("vkEndCommandBuffer"));
+        let submitted = recorded.and(ended).and_then(|()| self.submit(slot));
+        if let (Err(_), Some(crowd), Some(ticket)) = (&submitted, &mut self.crowd, ticket) {
+            crowd.discard(ticket)?;
+        }
+        submitted?;
+        self.pending.push_back(slot);
+        Ok(finished)
+    }
+
+    fn set_poses(&mut self, slot: usize, poses: Poses<'_>) -> Result<()> {
+        match (poses, &mut self.crowd, &mut self.frames[slot].poses) {
+            (Poses::Weights(weights), Some(crowd), _) => {
+                for (i, weights) in (0..).zip(weights) {
+                    crowd.set_weights(i, weights)?;
+                }
+            }
+            (Poses::Stored(stored, _), None, Some(buffer)) => {
+                let room = buffer.contents().len() / stored.len().max(1);
+                for (i, bytes) in stored.iter().enumerate() {
+                    if bytes.len() > room {
+                        return Err(Error::Invalid {
+                            what: format!("a pose of {} bytes, {room} expected", bytes.len()),
+                            remedy: "hand in poses of the mesh, as CpuCrowd::stored_pose returns them".into(),
+                        });
+                    }
+                    buffer.write(i * room, bytes);
+                }
+            }
+            _ => {
+                return Err(Error::Invalid {
+                    what: "poses of the other kind than the studio was made for".into(),
+                    remedy: "hand in stored poses on the path cpu, else weights".into(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn record(
+        &mut self,
+        slot: usize,
+        poses: Poses<'_>,
+        places: &[Mat4],
+        scene: &Scene,
+        background: [f32; 4],
+        ticket: &mut Option<Ticket>,
+    ) -> Result<()> {
+        let Self { headless, frames, crowd, model, renderer, desc, .. } = self;
+        let Frame { target, image, pixels, poses: stored, cmd, .. } = &mut frames[slot];
+        let (cmd, device) = (*cmd, &renderer.gpu.device);
+        if let Some(crowd) = crowd {
+            // SAFETY: `cmd` is recording on the engine's device, outside a render pass; it is submitted once, in order, or the
+            // ticket is discarded; of the updates recorded at most `in_flight` are unfinished; all of it lives until `drop`.
+            *ticket = Some(unsafe { headless.engine().record_update(cmd, crowd) }?.ticket);
+        }
+        let place_of = |(i, place): (usize, &Mat4)| match (&*crowd, &*stored, poses) {
+            (Some(crowd), _, _) => Ok(Head::new(&crowd.pose(i as u32)?, *place)),
+            (None, Some(buffer), Poses::Stored(_, units)) => {
+                let offset = (i * (buffer.contents().len() / places.len())) as u64;
+                Ok(Head { buffer: buffer.raw, offset, units, place: *place })
+            }
+            (None, ..) => Err(Error::Invalid { what: "no poses".into(), remedy: "hand in stored poses".into() }),
+        };
+        let heads = places.iter().enumerate().map(place_of).collect::<Result<Vec<_>>>()?;
+        // SAFETY: `cmd` is recording; model and target are the renderer's, and the target's last picture was waited for; the
+        // poses are of the mesh, ready (the update says so, and what the host writes is visible to what it submits next),
+        // and alive until `drop`.
+        unsafe { renderer.record(cmd, target, model, &heads, scene, background) }?;
+        let layer = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
+        let extent = vk::Extent3D { width: desc.size[0], height: desc.size[1], depth: 1 };
+        let region = [vk::BufferImageCopy::default().image_subresource(layer).image_extent(extent)];
+        let read = [vk::MemoryBarrier::default()
+            .src_access_mask(vk::AccessFlags::TRANSFER_WRITE)
+            .dst_access_mask(vk::AccessFlags::HOST_READ)];
+        let (copy, host) = (vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::HOST);
+        // SAFETY: the image is in this layout behind the pass, and has as many pixels as the buffer.
+        unsafe {
+            let layout = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
+            device.cmd_copy_image_to_buffer(cmd, image.raw, layout, pixels.raw, &region);
+            device.cmd_pipeline_barrier(cmd, copy, host, Default::default(), &read, &[], &[]);
+        }
+        Ok(())
+    }
+
+    fn submit(&self, slot: usize) -> Result<()> {
+        let (device, Frame { cmd, fence, .. }) = (self.headless.handles().2, &self.frames[slot]);
+        let info = vk::SubmitInfo::default().command_buffers(from_ref(cmd));
+        // SAFETY: recorded above; the fence is in no queue; `Headless` is used by one thread at a time.
+        unsafe {
+            device.reset_fences(from_ref(fence)).map_err(failed("vkResetFences"))?;
+            device.queue_submit(self.headless.queue().0, from_ref(&info), *fence).map_err(failed("vkQueueSubmit"))
+        }
+    }
+
+    /// Wait for the oldest picture that is drawn now.
+    fn next_finished(&mut self) -> Result<Option<Picture>> {
+        let Some(&slot) = self.pending.front() else { return Ok(None) };
+        let frame = &self.frames[slot];
+        // SAFETY: the fence was submitted.
+        let waited = unsafe { self.headless.handles().2.wait_for_fences(&[frame.fence], true, u64::MAX) };
+        waited.map_err(failed("vkWaitForFences"))?;
+        self.pending.pop_front();
+        Ok(Some(Picture { size: self.desc.size, rgba: frame.pixels.contents().to_vec() }))
+    }
+
+    /// Wait for all pictures that are drawn now: they come in the order in which they were begun.
+    ///
+    /// # Errors
+    /// A device that fails.
+    pub fn finish(&mut self) -> Result<Vec<Picture>> {
+        let mut finished = vec![];
+        while let Some(picture) = self.next_finished()? {
+            finished.push(picture);
+        }
+        Ok(finished)
+    }
+}
+
+/// Bytes of a stored pose, padding included.
+fn stored_bytes(packed: &PackedMesh, pose: PoseFormat) -> usize {
+    packed.layout().base_bytes() as usize / PoseFormat::Float32.stride() * pose.stride()
+}
+
+impl Drop for Studio<'_> {
+    fn drop(&mut self) {
+        let device = self.headless.handles().2;
+        // SAFETY: all is ours, destroyed once, and not in use behind the wait (a device that is lost uses nothing).
+        unsafe {
+            let _ = device.device_wait_idle();
+            self.frames.iter().for_each(|frame| device.destroy_fence(frame.fence, None));
+            device.destroy_command_pool(self.pool, None);
+        }
+    }
+}

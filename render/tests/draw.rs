@@ -1,0 +1,182 @@
+//! Pictures from every format of poses, on every driver, under the validation layers.
+
+use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
+use deltamorph::import::sample::{HeadDesc, head, head_clip};
+use deltamorph::{
+    BatchSize, CpuCrowd, DeltaFormat, MorphMesh, MorphSource, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
+};
+use deltamorph_render::{Camera, Light, Picture, Poses, Scene, Show, Studio, StudioDesc, parts};
+use glam::{Mat4, Vec3};
+
+const SIZE: [u32; 2] = [160, 128];
+const BLACK: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
+
+/// Run on the drivers that the engine's tests run on. A message of the layers fails.
+fn on_every_device(test: impl Fn(&Headless)) {
+    let list = std::env::var("DELTAMORPH_TEST_DRIVERS").unwrap_or_else(|_| "llvmpipe,SwiftShader".into());
+    for driver in list.split(',') {
+        let desc = HeadlessDesc::default().device(DeviceChoice::Name(driver.into())).validation(true);
+        let headless =
+            Headless::new(&desc).unwrap_or_else(|e| panic!("{driver}: {e}; run as ./with-vulkan cargo test"));
+        test(&headless);
+        assert_eq!(headless.messages(), <[String; 0]>::default(), "{driver}");
+    }
+}
+
+fn source() -> MorphSource {
+    head(&HeadDesc::default().vertices(3000).targets(40))
+}
+
+fn mesh(source: &MorphSource) -> MorphMesh {
+    source.to_mesh(Tolerance::default()).expect("a mesh")
+}
+
+/// Frames of the clip, each a weight a target.
+fn frames(count: usize) -> Vec<Vec<f32>> {
+    let clip = head_clip(&HeadDesc::default().vertices(3000).targets(40), count, 10.0);
+    clip.values.chunks_exact(clip.names.len()).map(<[f32]>::to_vec).collect()
+}
+
+fn scene(mesh: &MorphMesh, places: &[Mat4], camera: Camera, show: Show) -> Scene {
+    let all = places.iter().flat_map(|place| mesh.positions.iter().map(|p| place.transform_point3(*p)));
+    Scene { view: camera.fit(all, SIZE[0] as f32 / SIZE[1] as f32, 0.05), light: Light::default(), show }
+}
+
+fn packed(headless: &Headless, mesh: &MorphMesh, format: DeltaFormat) -> PackedMesh {
+    PackedMesh::pack(mesh, &headless.engine().pack_desc(format)).expect("a mesh that packs")
+}
+
+/// Draw each frame with one head.
+fn pictures(
+    headless: &Headless,
+    mesh: &MorphMesh,
+    packed: &PackedMesh,
+    update: UpdateDesc,
+    frames: &[Vec<f32>],
+    (camera, show): (Camera, Show),
+) -> Vec<Picture> {
+    let desc = StudioDesc { size: SIZE, heads: 1, in_flight: 2, update };
+    let mut studio = Studio::new(headless, mesh, packed, &parts(mesh, &[""; 0]), desc).expect("a studio");
+    let places = [Mat4::IDENTITY];
+    let (scene, mut drawn) = (scene(mesh, &places, camera, show), vec![]);
+    let mut cpu = (update.path == UpdatePath::Cpu)
+        .then(|| CpuCrowd::new(std::sync::Arc::new(packed.clone()), update, 1, 1).expect("a crowd"));
+    for weights in frames {
+        let finished = match &mut cpu {
+            None => studio.draw(Poses::Weights(&[weights]), &places, &scene, BLACK),
+            Some(crowd) => {
+                crowd.set_weights(0, weights).expect("weights");
+                crowd.update();
+                let units = update.grid(packed.layout()).expect("a grid").map_or([1.0; 2], |grid| grid.units);
+                let stored = crowd.stored_pose(0, 0).expect("a pose");
+                studio.draw(Poses::Stored(&[stored], units), &places, &scene, BLACK)
+            }
+        };
+        drawn.extend(finished.expect("a picture"));
+    }
+    drawn.extend(studio.finish().expect("pictures"));
+    drawn
+}
+
+/// Mean difference of two pictures' bytes, and how many differ by more than 8.
+fn difference(a: &Picture, b: &Picture) -> (f64, usize) {
+    let off = || a.rgba.iter().zip(&b.rgba).map(|(a, b)| a.abs_diff(*b));
+    (off().map(f64::from).sum::<f64>() / a.rgba.len() as f64, off().filter(|off| *off > 8).count())
+}
+
+#[test]
+fn every_format_of_poses_draws_the_same_pictures() {
+    let (mesh, mut frames) = (mesh(&source()), frames(5));
+    // A face that is drawn another way, beside those of the clip.
+    frames[3].iter_mut().step_by(3).for_each(|weight| *weight = 0.5);
+    let look = (Camera { yaw: 20.0, ..Camera::default() }, Show::Shaded);
+    on_every_device(|headless| {
+        let packed = packed(headless, &mesh, DeltaFormat::Fast);
+        let expected = pictures(headless, &mesh, &packed, UpdateDesc::blocks(), &frames, look);
+        assert_eq!(expected.len(), frames.len());
+        // Which pictures can tell: much is drawn, in many shades, and frames differ.
+        let shades = expected[0].rgba.iter().collect::<std::collections::BTreeSet<_>>().len();
+        let behind = expected[0].rgba.chunks_exact(4).filter(|pixel| pixel[..3] == [0; 3]).count();
+        let (_, moved) = difference(&expected[1], &expected[3]);
+        assert!(shades > 150 && behind < 16_000 && moved > 30, "{shades} shades, {behind} black, {moved} moved");
+        for pose in PoseFormat::ALL {
+            for path in [UpdatePath::Blocks, UpdatePath::Cpu] {
+                let update = UpdateDesc::new(path, BatchSize::All).pose(pose);
+                let drawn = pictures(headless, &mesh, &packed, update, &frames, look);
+                for (i, (drawn, expected)) in drawn.iter().zip(&expected).enumerate() {
+                    let (mean, far) = difference(drawn, expected);
+                    assert!(mean < 0.02 && far <= 6, "{pose:?} {path:?}, frame {i}: {mean} {far}");
+                }
+            }
+        }
+    });
+}
+
+#[test]
+fn vertices_doubled_at_a_seam_change_no_pixel() {
+    let (whole, split) = (mesh(&source()), mesh(&source().split().expect("a split source")));
+    assert!(split.vertex_count() > whole.vertex_count(), "the head has a seam");
+    let behind = Camera { yaw: 180.0, pitch: 10.0, ..Camera::default() };
+    // In float32 both compute the same numbers.
+    let update = UpdateDesc::new(UpdatePath::Blocks, BatchSize::All);
+    on_every_device(|headless| {
+        for show in [Show::Shaded, Show::Normals] {
+            let of = |mesh: &MorphMesh| {
+                let packed = packed(headless, mesh, DeltaFormat::BlockFloat32);
+                pictures(headless, mesh, &packed, update, &frames(3), (behind, show))
+            };
+            assert!(of(&whole) == of(&split), "{show:?}");
+        }
+    });
+}
+
+#[test]
+fn crowds_stand_where_they_are_put() {
+    let mesh = mesh(&source());
+    let frames = frames(9);
+    let weights: Vec<&[f32]> = frames[..3].iter().map(Vec::as_slice).collect();
+    on_every_device(|headless| {
+        let packed = packed(headless, &mesh, DeltaFormat::Small);
+        let update = UpdateDesc::blocks().pose(PoseFormat::Fixed16);
+        let desc = StudioDesc { size: SIZE, heads: 3, in_flight: 1, update };
+        let mut studio = Studio::new(headless, &mesh, &packed, &parts(&mesh, &[""; 0]), desc).expect("a studio");
+        let places = [-1.0, 0.0, 1.0].map(|x| Mat4::from_translation(Vec3::X * (x * 30.0)));
+        let scene = scene(&mesh, &places, Camera::default(), Show::Shaded);
+        assert!(studio.draw(Poses::Weights(&weights), &places, &scene, BLACK).expect("a frame").is_none());
+        let picture = studio.finish().expect("a picture").remove(0);
+        // Three heads side by side: columns that are drawn, with black between them.
+        let column = |x: usize| (0..SIZE[1] as usize).any(|y| picture.rgba[(y * SIZE[0] as usize + x) * 4] > 20);
+        let drawn: Vec<bool> = (0..SIZE[0] as usize).map(column).collect();
+        let begins = drawn.windows(2).filter(|two| two == &[false, true]).count();
+        assert_eq!(begins, 3, "{drawn:?}");
+    });
+}
+
+#[test]
+fn what_cannot_be_drawn_is_refused() {
+    let mesh = mesh(&source());
+    on_every_device(|headless| {
+        let packed = packed(headless, &mesh, DeltaFormat::Fast);
+        let of = |desc| Studio::new(headless, &mesh, &packed, &parts(&mesh, &[""; 0]), desc);
+        let desc = StudioDesc { size: SIZE, heads: 1, in_flight: 2, update: UpdateDesc::blocks() };
+        let refused = of(StudioDesc { size: [0, 8], ..desc }).err().expect("no pixels").to_string();
+        assert!(refused.contains("0 × 8"), "{refused}");
+        let large = of(StudioDesc { size: [8, 1 << 20], ..desc }).err().expect("too large").to_string();
+        assert!(large.contains("1048576"), "{large}");
+        let mut studio = of(desc).expect("a studio");
+        let places = [Mat4::IDENTITY];
+        let scene = scene(&mesh, &places, Camera::default(), Show::Shaded);
+        let weights: &[f32] = &frames(1)[0];
+        let mut refuse = |poses: Poses<'_>, places: &[Mat4]| {
+            studio.draw(poses, places, &scene, BLACK).expect_err("refused").to_string()
+        };
+        assert!(refuse(Poses::Weights(&[]), &[]).contains("0 poses"));
+        assert!(refuse(Poses::Weights(&[weights]), &[]).contains("0 places"));
+        assert!(refuse(Poses::Weights(&[&weights[..3]]), &places).contains('3'));
+        assert!(refuse(Poses::Stored(&[&[0; 24]], [1.0; 2]), &places).contains("the other kind"));
+        // Nothing of that is in the way of a picture.
+        studio.draw(Poses::Weights(&[weights]), &places, &scene, BLACK).expect("a frame");
+        assert_eq!(studio.finish().expect("a picture").len(), 1);
+        assert!(studio.set_values(&[0.0; 3]).is_err());
+    });
+}
