@@ -122,7 +122,7 @@ fn background(s: &str) -> Result<Background, &'static str> {
     if digits == "none" {
         return Ok(Background(None));
     }
-    let parsed = u32::from_str_radix(digits, 16).ok().filter(|_| digits.len() == 6 && digits.is_ascii());
+    let parsed = u32::from_str_radix(digits, 16).ok().filter(|_| digits.len() == 6 && !digits.starts_with('+'));
     let colour = parsed.ok_or("give six hexadecimal digits, as in 23262d, or \"none\"")?.to_be_bytes();
     Ok(Background(Some([colour[1], colour[2], colour[3]])))
 }

@@ -1,12 +1,28 @@
 //! What the faces of a mesh are called: importers keep neither groups nor materials.
 
+use deltamorph::{Corner, MorphMesh};
 use std::path::Path;
 
-/// A name for each face of the folder's `neutral.obj`: that of its material, or of its group where no face has a material.
-/// None at all where the input is of another kind, or names nothing.
-pub fn of_faces(input: Option<&Path>) -> Vec<String> {
-    let text = input.and_then(|folder| std::fs::read(folder.join("neutral.obj")).ok()).unwrap_or_default();
-    of_obj(&String::from_utf8_lossy(&text))
+/// A name for each face: of a folder, that of the material in its `neutral.obj`, or of the group where no face has a material;
+/// of the built-in head, what its part is. None at all where the input is of another kind, or names nothing.
+pub fn of_faces(input: Option<&Path>, mesh: &MorphMesh) -> Vec<String> {
+    match input {
+        Some(folder) => {
+            of_obj(&String::from_utf8_lossy(&std::fs::read(folder.join("neutral.obj")).unwrap_or_default()))
+        }
+        None => of_head(mesh),
+    }
+}
+
+/// The tiles of its texture coordinates tell the parts of the built-in head apart.
+fn of_head(mesh: &MorphMesh) -> Vec<String> {
+    const PARTS: [&str; 4] = ["skin", "eye", "teeth", "mouth"];
+    let u = |corner: &Corner| corner.texcoord.map_or(0.0, |t| mesh.texcoords[t as usize].x);
+    let part = |face: &[Corner]| {
+        let middle = face.iter().map(u).sum::<f32>() / face.len() as f32;
+        PARTS.get(middle as usize).copied().unwrap_or_default().to_owned()
+    };
+    mesh.faces.iter().map(part).collect()
 }
 
 fn of_obj(text: &str) -> Vec<String> {

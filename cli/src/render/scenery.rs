@@ -42,7 +42,7 @@ pub struct Subject {
 impl Subject {
     pub fn new(args: &RenderArgs, input: &Input) -> Self {
         let mesh = &input.kept;
-        let parts = parts(mesh, &names::of_faces(args.run.input.input.as_deref()));
+        let parts = parts(mesh, &names::of_faces(args.run.input.input.as_deref(), mesh));
         Self { focus: focus(mesh, &parts), parts }
     }
 }
