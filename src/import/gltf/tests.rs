@@ -208,8 +208,11 @@ fn textured_head() -> (Written, MorphSource) {
     let mut file = Written::default();
     let indices = source.faces.triangles().into_flattened();
     let positions: Vec<[f32; 3]> = source.positions.iter().map(Vec3::to_array).collect();
-    let attributes = json!({"POSITION": file.floats(&positions),
-        "TEXCOORD_0": file.floats(&source.texcoords.iter().map(|t| t.to_array()).collect::<Vec<_>>())});
+    let mut texcoords = vec![[0.0; 2]; positions.len()];
+    for corner in &source.faces.corners {
+        texcoords[corner.position as usize] = source.texcoords[corner.texcoord.unwrap() as usize].to_array();
+    }
+    let attributes = json!({"POSITION": file.floats(&positions), "TEXCOORD_0": file.floats(&texcoords)});
     let indices = file.accessor(written::U32, "SCALAR", indices.len(), &bytes(&indices));
     let mut targets: Vec<Value> = vec![];
     for target in &source.targets {

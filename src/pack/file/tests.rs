@@ -6,6 +6,7 @@ use super::table::{OLDEST_VERSION, repair};
 use super::*;
 use crate::asset::Corner;
 use crate::cpu::CpuCrowd;
+use crate::import::obj::import_folder;
 use crate::import::sample::{HeadDesc, head as head_of};
 use crate::pack::blocks::{BLOCK_SIZES, BlockDesc};
 use crate::pack::{DeltaFormat, PoseFormat};
@@ -101,8 +102,8 @@ fn what_was_packed_comes_back() {
 
 #[test]
 fn files_of_older_versions_are_read_as_they_were_packed() {
-    let head = HeadDesc { vertices: 100, targets: 6, sparsity: 0.12, seed: 1 };
-    let kept = head_of(&head).to_mesh(Tolerance::default()).unwrap();
+    // What they were packed from: the built-in head as it was then.
+    let kept = import_folder("tests/packed/head".as_ref()).unwrap().to_mesh(Tolerance::default()).unwrap();
     // The formats that there were.
     for format in [1, 2, 3].map(|id| DeltaFormat::from_id(id).unwrap()) {
         let path = format!("tests/packed/version2-{}.dmorph", format.name());
