@@ -24,14 +24,16 @@ struct Both {
     weights: Vec<Vec<f32>>,
 }
 
-/// Ten thousand random swaps in all formats, up to the last byte that is free, ten in a submission, with an update of
-/// several crowds after each.
+/// Random swaps in all formats, up to the last byte that is free, ten in a submission, with an update of several crowds
+/// after each. `DELTAMORPH_SWAPS` says how many on each driver; a whole run, which takes minutes, has 10,000.
 #[test]
 fn swaps_never_fail_while_bytes_are_free_and_poses_stay_right() {
+    let swaps = std::env::var("DELTAMORPH_SWAPS").map_or(2_400, |n| n.parse::<u32>().expect("a number of swaps"));
+    let rounds = swaps.div_ceil(10 * DeltaFormat::BLOCKS.len() as u32);
     for (d, driver) in gpu::drivers().iter().enumerate() {
         gpu::on_device(driver, false, |headless, engine| {
             for (f, format) in DeltaFormat::BLOCKS.into_iter().enumerate() {
-                soak(headless, engine, format, f == d, 250, 77 + f as u64);
+                soak(headless, engine, format, f == d, rounds, 77 + f as u64);
             }
         });
     }
