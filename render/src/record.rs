@@ -14,7 +14,7 @@ impl Renderer {
     /// Draw heads of `model` into `target`, in front of `background` (linear red, green, blue, and opacity).
     ///
     /// This records: a pass into the target's shadow map, and a pass into its image, which ends in the layout of
-    /// [`RendererDesc::layout`], ready for copies (`TRANSFER`) and for draws over it (`COLOR_ATTACHMENT_OUTPUT`). What was
+    /// [`RendererDesc::layout`](crate::RendererDesc), ready for copies (`TRANSFER`) and for draws over it (`COLOR_ATTACHMENT_OUTPUT`). What was
     /// bound before is bound no longer.
     ///
     /// # Errors
