@@ -63,6 +63,18 @@ impl Semantic {
         }
     }
 
+    /// A number of its own. The derived comparison may look at the set of what has none, which tools that look for memory
+    /// that nobody wrote report.
+    pub(crate) const fn number(self) -> u16 {
+        match self {
+            Self::Position => 0,
+            Self::Normal => 1,
+            Self::Tangent => 2,
+            Self::TexCoord(set) => 0x100 | set as u16,
+            Self::Color(set) => 0x200 | set as u16,
+        }
+    }
+
     /// Numbers of a vertex.
     pub const fn components(self) -> usize {
         self.properties().0
