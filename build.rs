@@ -8,7 +8,9 @@
 
 use formats::{FORMATS, FormatRow, POSE_FORMATS, PoseRow};
 use kernels::{KERNELS, KernelRow, Takes, batch_max};
+use lzma_rust2::{LzmaOptions, LzmaWriter};
 use std::fmt::Write as _;
+use std::io::Write as _;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
@@ -130,30 +132,30 @@ fn compile(module: &Module, glsl: &Path) -> Vec<u8> {
     words.iter().flat_map(|w| w.to_le_bytes()).collect()
 }
 
-/// A module as it is embedded, before compression: without names and other debug instructions, each word in as few bytes as
-/// it needs, seven bits to a byte, the lowest first (LEB128; most words are small numbers). src/abi/modules.rs decodes it.
+/// A module as it is embedded, before compression: without names and other debug instructions.
 fn embedded(spirv: &[u8]) -> Vec<u8> {
     /// OpSourceContinued to OpLine, OpNoLine, OpModuleProcessed.
     const DEBUG: [u32; 9] = [2, 3, 4, 5, 6, 7, 8, 317, 330];
-    let words: Vec<u32> = spirv.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect();
-    let mut kept = words[..5].to_vec();
-    let mut at = 5;
-    while at < words.len() {
-        let end = at + (words[at] >> 16) as usize;
-        if !DEBUG.contains(&(words[at] & 0xffff)) {
-            kept.extend_from_slice(&words[at..end]);
+    let (mut kept, mut rest) = (spirv[..20].to_vec(), &spirv[20..]);
+    while let [a, b, c, d, ..] = *rest {
+        let first = u32::from_le_bytes([a, b, c, d]);
+        let (instruction, after) = rest.split_at((first >> 16) as usize * 4);
+        if !DEBUG.contains(&(first & 0xffff)) {
+            kept.extend_from_slice(instruction);
         }
-        at = end;
+        rest = after;
     }
-    let mut bytes = vec![];
-    for mut word in kept {
-        while word > 0x7f {
-            bytes.push(word as u8 | 0x80);
-            word >>= 7;
-        }
-        bytes.push(word as u8);
-    }
-    bytes
+    kept
+}
+
+/// A `.lzma` file of words.
+fn compressed(words: &[u8]) -> Vec<u8> {
+    // What a byte is likely to be follows from its place in the word (lp, pb), and not from the byte before (lc).
+    let dict_size = (words.len() as u32).max(lzma_rust2::DICT_SIZE_MIN);
+    let options = LzmaOptions { dict_size, lc: 0, lp: 2, pb: 2, ..LzmaOptions::with_preset(9) };
+    let writer = LzmaWriter::new_use_header(vec![], &options, Some(words.len() as u64));
+    let mut writer = writer.expect("options that LZMA has");
+    writer.write_all(words).and_then(|()| writer.finish()).expect("vectors take what is written")
 }
 
 /// The text of `modules.rs`.
@@ -211,8 +213,8 @@ fn main() {
     let mut manifest = source_manifest(&glsl);
     let mut table = Table::default();
     for (row, kernel) in KERNELS.iter().enumerate() {
-        // Modules of a kernel are alike: compressed together, they take less than half of what they are.
-        let (mut embedded_modules, compressed) = (vec![], out.join([kernel.name, kernel.suffix].join("_")));
+        // Modules of a kernel are alike: compressed together, they take a seventh of what they are.
+        let (mut embedded_modules, kernel_file) = (vec![], out.join([kernel.name, kernel.suffix].join("_")));
         let mut add = |format, pose| {
             let (first, modules) = (table.count, modules(kernel, format, pose));
             for module in &modules {
@@ -234,7 +236,7 @@ fn main() {
                 fs::write(out.join(&file), &bytes).expect("OUT_DIR can be written");
                 let begin = embedded_modules.len();
                 embedded_modules.extend(embedded(&bytes));
-                table.add_module(row, module, &compressed, begin..embedded_modules.len());
+                table.add_module(row, module, &kernel_file, begin..embedded_modules.len());
             }
             (first, modules.len())
         };
@@ -250,8 +252,7 @@ fn main() {
             }
         }
         table.add_kernel(row, &places);
-        let bytes = lz4_flex::block::compress_prepend_size(&embedded_modules);
-        fs::write(&compressed, bytes).expect("OUT_DIR can be written");
+        fs::write(&kernel_file, compressed(&embedded_modules)).expect("OUT_DIR can be written");
     }
 
     if cfg!(not(feature = "compile-shaders")) {

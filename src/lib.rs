@@ -10,7 +10,8 @@
 //!    at a time, [`MorphEngine::upload_resident`] keeps only those on the device that [`MorphEngine::record_swap`] loads.
 //! 4. Each frame: [`Crowd::set_weights`], [`MorphEngine::record_update`], and draw from [`Crowd::pose`]; motion vectors
 //!    take [`Crowd::previous_pose`]. What may follow (skinning, normals of the surface, bounds, float32 of any pose) is in
-//!    [`after`]. [`ClipLayer::mix`] makes weights of clips; [`CrowdSet`] gives them to several meshes;
+//!    [`after`]. [`ClipLayer::mix`] makes weights of clips, a [rig](mod@rig)
+//!    those of targets from those of controls; [`CrowdSet`] gives them to several meshes;
 //!    [`MorphEngine::readback`] reads poses back.
 //!
 //! [`MorphEngine`] says what the caller is responsible for; `examples/minimal.rs` is a complete host. Without
@@ -21,6 +22,7 @@
 //! - `headless`: instance, device and queue of our own (`deltamorph::headless`), for the command line and tests.
 //! - `csv`: weight clips from CSV files.
 //! - `gltf`: meshes, weight animations and skins from glTF files.
+//! - `rig`: rigs from JSON files ([`mod@rig`]).
 //! - `threads`: the path `cpu` and the importer on several threads.
 //! - `baselines`: the techniques of others, to compare with.
 //! - `compile-shaders`: compile `glsl/` at build time, which needs a C++ compiler; without it the modules checked in
@@ -57,6 +59,7 @@ mod pack;
 mod plan;
 pub mod reference;
 mod residency;
+pub mod rig;
 mod setters;
 #[cfg(feature = "internals")]
 #[doc(hidden)]
@@ -88,7 +91,7 @@ pub use plan::{BatchSize, Consumers, UpdateDesc, UpdateMode, UpdatePath, UpdateS
 pub use residency::{Residency, TargetSwap};
 pub use update::animated::{AnimationDesc, Clips, KeyFormat, Playback};
 pub use update::crowd::{CrowdDesc, HostPoses};
-pub use weights::{BoundClip, ClipLayer, LayerBlend, Repeat, WeightClip, target_mask};
+pub use weights::{BoundClip, ClipLayer, LayerBlend, Repeat, WeightClip, normalise_weights, target_mask};
 pub use {ash, glam, gpu_allocator};
 
 /// What tests and the command line look into; no part of the API.

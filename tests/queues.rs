@@ -326,3 +326,46 @@ fn queues_that_cannot_run_updates_are_refused() {
     refuse(compute, &[0], 0, UpdatePath::Feedback, "has no graphics, which vertex passes take");
     refuse(vk::QueueFlags::TRANSFER, &[0], 0, UpdatePath::Blocks, "has no compute");
 }
+
+/// Families of which the second is not there: nothing is recorded for it.
+#[test]
+fn updates_for_queues_of_several_families_are_not_recorded_together() {
+    let all = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE | vk::QueueFlags::TRANSFER;
+    for driver in drivers() {
+        let limits = limited(caps(&driver), |caps| caps.queue_families = vec![all]);
+        on_device_within(&driver, Some(limits), |headless, _| {
+            let (instance, physical, device) = headless.handles();
+            let caps =
+                limited(headless.caps().clone(), |caps| caps.queue_families = vec![all, vk::QueueFlags::COMPUTE]);
+            let desc = DeviceDesc::new(instance, physical, device).caps(Some(caps));
+            // SAFETY: the handles belong together, and outlive the engine.
+            let engine = unsafe { MorphEngine::new(&desc) }.expect("an engine");
+            let mesh = gpu::packed(&engine, &testing::mesh(70, 3), DeltaFormat::Fast);
+            // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
+            let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+            let crowd = |family| {
+                let desc = CrowdDesc::new(UpdateDesc::blocks()).queue_family(family);
+                engine.create_crowd(&uploaded, &desc).expect("a crowd")
+            };
+            for (families, words) in [
+                ([None, Some(0)], None),
+                ([Some(0), Some(0)], None),
+                ([Some(1), Some(1)], None),
+                ([Some(0), Some(1)], Some("a queue of family 0 and of family 1")),
+                ([None, Some(1)], Some("a queue of family 1 and of one with graphics and compute")),
+            ] {
+                let [mut one, mut other] = families.map(crowd);
+                // SAFETY: as above. The barriers that are recorded for a queue without graphics are allowed on one with.
+                let recorded = headless.run(|cmd| unsafe { engine.record_updates(cmd, &mut [&mut one, &mut other]) });
+                match words {
+                    None => drop(recorded.expect("updates")),
+                    Some(words) => {
+                        let text = recorded.expect_err("refused").to_string();
+                        assert!(text.contains(words) && text.contains("a command buffer of its own"), "{text}");
+                        assert!(one.pose(0).is_err() && other.pose(0).is_err(), "nothing is recorded");
+                    }
+                }
+            }
+        });
+    }
+}

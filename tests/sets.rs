@@ -4,17 +4,30 @@
 mod data;
 #[path = "common/gpu.rs"]
 mod gpu;
+#[path = "common/joints.rs"]
+mod joints;
+#[allow(dead_code, reason = "buffers are all that is needed of it")]
+#[path = "../examples/draw/offscreen.rs"]
+mod offscreen;
+#[allow(dead_code, reason = "steps without faults")]
+#[path = "common/written.rs"]
+mod written;
 
+use deltamorph::after::{BoundsTarget, SkinDesc, SkinMethod, SkinTarget};
+use deltamorph::ash::vk;
 use deltamorph::headless::Headless;
 use deltamorph::import::{csv, obj};
 use deltamorph::internals::plan::hazards::Event;
-use deltamorph::reference::{compare, evaluate};
+use deltamorph::reference::{self, compare, evaluate};
 use deltamorph::{
     BatchSize, Crowd, CrowdDesc, CrowdSet, DeltaFormat, Faces, MorphEngine, MorphMesh, MorphTarget, PackedMesh,
     Tolerance, UpdateDesc, UpdatePath, testing,
 };
 use gpu::{fixed, is_kept, on_every_device, packed, weights};
+use joints::{JOINTS, Joints};
+use offscreen::Offscreen;
 use std::collections::HashMap;
+use written::Written;
 
 fn crowd(headless: &Headless, engine: &MorphEngine, mesh: &PackedMesh, desc: &CrowdDesc) -> Crowd {
     // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
@@ -153,6 +166,89 @@ fn a_set_gives_each_weight_to_the_targets_of_its_name() {
         let mut unlike = crowds();
         unlike[1].remove(0).expect("an instance");
         refused(CrowdSet::new(unlike), &["2 and 2 instances, [0, 1] and [1]"]);
+    });
+}
+
+/// What `written` has of every vertex, six numbers each.
+fn floats(headless: &Headless, written: &Written<'_>) -> Vec<f32> {
+    let vertices = written.take(headless).into_iter();
+    vertices.flat_map(|words| words.expect("all is written")).map(f32::from_bits).collect()
+}
+
+/// Each mesh by joints of its own, which turn and are cut with the set; the second one is bounded, too.
+#[test]
+fn members_of_a_set_are_skinned_bounded_and_cut() {
+    on_every_device(|headless, engine| {
+        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+        let meshes = [(200, 3), (90, 3)].map(|(n, m)| packed(engine, &testing::mesh(n, m), DeltaFormat::Fast));
+        let desc = CrowdDesc::new(UpdateDesc::blocks()).instances(2);
+        let crowds = meshes.iter().map(|mesh| crowd(headless, engine, mesh, &desc)).collect();
+        let mut set = CrowdSet::new(crowds).expect("a set");
+        let influences: Vec<(Vec<u16>, Vec<f32>)> = meshes
+            .iter()
+            .map(|mesh| (0..4 * mesh.layout().vertex_count).map(|i| ((i % 7) as u16, 1.0 + (i % 5) as f32)).unzip())
+            .collect();
+        let skins = influences.iter().map(|(which, weights)| SkinDesc::new(4, JOINTS, which, weights));
+        let skins: Vec<SkinDesc<'_>> = skins.collect();
+        let mut joints =
+            meshes.each_ref().map(|m| Joints::new(headless, &host, SkinMethod::Linear, m.layout().diagonal));
+        let places = [0, 1].map(|_| {
+            meshes.each_ref().map(|mesh| Written::new(headless, &host, mesh.layout().vertex_count, (0, 24, Some(12))))
+        });
+        let bounds = Written::new(headless, &host, 2, (0, 12, None));
+        for (i, mesh) in meshes.iter().enumerate() {
+            // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
+            let skin = headless.run(|cmd| unsafe { engine.upload_skin(cmd, mesh, &skins[i]) }).expect("a skin");
+            let target = SkinTarget::new(places[0][i].buffer, joints[i].shared.buffer, 3 * Joints::STRIDE);
+            let target = target.joints_offset(joints[i].offset()).stride(24).normals(Some(12));
+            let target = target.second(Some((places[1][i].buffer, 0)));
+            let crowd = set.crowd_mut(i).expect("a crowd");
+            // SAFETY: the buffers are large enough, and live as long as the set; nothing is running.
+            unsafe { engine.set_skin_target(crowd, 1, Some((&skin, &target))) }.expect("a target");
+        }
+        // SAFETY: as above.
+        unsafe {
+            let target = BoundsTarget::new(bounds.buffer);
+            engine.set_bounds_target(set.crowd_mut(1).expect("a crowd"), 1, Some(&target)).expect("a target");
+        }
+        for frame in 0..4u16 {
+            let asked: Vec<f32> = (0..3u16).map(|t| f32::from((5 * t + 3 * frame) % 8) / 8.0).collect();
+            set.set_weights(1, &asked).expect("weights");
+            for (i, joints) in joints.iter_mut().enumerate() {
+                joints.turn(headless, u64::from(frame) + 10 * i as u64);
+                set.set_joints(i, 1, joints.offset()).expect("joints");
+            }
+            if frame == 2 {
+                set.cut(1).expect("an instance");
+            }
+            let (poses, _) = step(headless, engine, &mut set, 1);
+            for (i, mesh) in meshes.iter().enumerate() {
+                let view = set.crowds()[i].skinned(1).expect("a skinned pose");
+                let now = usize::from(view.current.0 == places[1][i].buffer);
+                let before = if matches!(frame, 0 | 2) { now } else { 1 - now };
+                assert_eq!(view.previous, Some((places[before][i].buffer, 0)), "frame {frame}");
+                let pose = evaluate(mesh, &asked);
+                let expected =
+                    reference::skin(&pose, &skins[i], SkinMethod::Linear, &joints[i].numbers).expect("a pose");
+                let mut held = floats(headless, &places[now][i]);
+                held.resize(mesh.layout().padded_vertices() * 6, 0.0);
+                let error = compare(&mesh.layout().to_user_order(&held), &expected);
+                assert!(error.within(1e-5 * f64::from(mesh.layout().diagonal), 0.01), "frame {frame}: {error:?}");
+            }
+            let ends = [f32::min, f32::max].map(|end| {
+                poses[1]
+                    .as_chunks::<6>()
+                    .0
+                    .iter()
+                    .map(|v| [v[0], v[1], v[2]])
+                    .reduce(|a, b| std::array::from_fn(|c| end(a[c], b[c])))
+            });
+            let written = bounds.take(headless).into_iter().flatten().flatten().map(f32::from_bits);
+            assert_eq!(written.collect::<Vec<f32>>(), ends.map(Option::unwrap).concat(), "frame {frame}");
+        }
+        assert!(set.crowd_mut(2).is_none());
+        refused(set.set_joints(2, 1, 0), &["crowd 2 of a set of 2", "count crowds from 0"]);
+        refused(set.set_joints(0, 0, 0), &["not skinned"]);
     });
 }
 

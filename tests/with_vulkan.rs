@@ -233,9 +233,9 @@ fn on_an_unknown_system_it_says_what_is_needed() {
     for word in ["no package manager", "libvulkan.so.1", "lavapipe", "C++ compiler", "validation layers"] {
         assert!(message.contains(word), "no '{word}' in: {message}");
     }
-    // What tests of the C API need, and nothing else does.
+    // What tests of the C API and of the window need, and nothing else does.
     let run = stderr(&system.run(&["cargo", "run"]));
-    for word in ["Vulkan headers", "valgrind", "pkg-config"] {
+    for word in ["Vulkan headers", "valgrind", "pkg-config", "Xvfb", "X libraries"] {
         assert!(message.contains(word) && !run.contains(word), "'{word}' in: {message}\n{run}");
     }
 }

@@ -4,6 +4,8 @@ use super::formats::{FORMATS, FormatRow, POSE_FORMATS};
 use super::kernels::{KERNELS, KernelRow};
 use crate::error::{Error, Result};
 use crate::pack::{DeltaFormat, PoseFormat};
+use lzma_rust2::LzmaReader;
+use std::io::Read as _;
 use std::ops::Range;
 
 include!(concat!(env!("OUT_DIR"), "/modules.rs"));
@@ -22,8 +24,7 @@ pub struct Module {
     pub format: Option<&'static FormatRow>,
     /// Targets that are vertex attributes.
     pub batch: u32,
-    /// The modules of the kernel, compressed (LZ4): SPIR-V words, each in as few bytes as it needs, seven bits to a byte, the
-    /// lowest first.
+    /// The modules of the kernel, as a `.lzma` file: little-endian words.
     pub modules: &'static [u8],
     /// Those of this one, when it is decompressed.
     pub bytes: Range<usize>,
@@ -32,20 +33,14 @@ pub struct Module {
 impl Module {
     /// The SPIR-V.
     pub fn words(&self) -> Vec<u32> {
-        // What build.rs compressed decompresses, which tests/spirv.rs shows of every module.
-        let modules = lz4_flex::block::decompress_size_prepended(self.modules).unwrap_or_default();
-        let code = modules.get(self.bytes.clone()).unwrap_or_default();
-        let mut words = Vec::with_capacity(code.len());
-        let (mut word, mut shift) = (0, 0);
-        for byte in code {
-            word |= u32::from(byte & 0x7f) << shift;
-            shift += 7;
-            if byte & 0x80 == 0 {
-                words.push(word);
-                (word, shift) = (0, 0);
-            }
-        }
-        words
+        let Range { start, end } = self.bytes;
+        let mut modules = vec![0; end];
+        // What follows does not have to be decompressed. What build.rs compressed can be, which tests/spirv.rs shows of
+        // every module.
+        let read =
+            LzmaReader::new_mem_limit(self.modules, u32::MAX, None).and_then(|mut all| all.read_exact(&mut modules));
+        let code = if read.is_ok() { &modules[start..] } else { &[] };
+        code.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])).collect()
     }
 }
 

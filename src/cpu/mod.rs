@@ -193,6 +193,22 @@ impl CpuCrowd {
         }
     }
 
+    /// As [`Crowd::changed`](crate::Crowd::changed).
+    #[cfg(feature = "internals")]
+    #[doc(hidden)]
+    pub fn changed(&self, instance: usize) -> Vec<std::ops::Range<u32>> {
+        let mut changed = vec![];
+        match &self.kind {
+            Kind::Blocks(planner) => planner.groups[0].changed(number(instance), &mut changed),
+            Kind::Dense(_) => {
+                let place = self.instances.check(number(instance)).ok();
+                let written = place.map_or(0, |place| self.instances.written_by(place));
+                changed.extend((written > 0 && written == self.updates).then_some(0..u32::MAX));
+            }
+        }
+        changed
+    }
+
     /// The memory and mesh of a group, and which poses in it are that of an instance (that in the first slot while there
     /// is none) and its previous pose.
     fn poses(&self, instance: usize, group: usize) -> Result<(&Memory, &PackedGroup, usize, Option<usize>)> {

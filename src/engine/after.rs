@@ -38,7 +38,7 @@ impl MorphEngine {
     /// - No update of the crowd that was recorded with an earlier target of the instance is unfinished.
     pub unsafe fn set_decode_target(
         &self,
-        crowd: &mut impl AnyCrowd,
+        crowd: &mut (impl AnyCrowd + ?Sized),
         instance: u32,
         target: Option<&DecodeTarget>,
     ) -> Result<()> {
@@ -108,7 +108,7 @@ impl MorphEngine {
     /// [`set_joints`]: crate::Crowd::set_joints
     pub unsafe fn set_skin_target(
         &self,
-        crowd: &mut impl AnyCrowd,
+        crowd: &mut (impl AnyCrowd + ?Sized),
         instance: u32,
         target: Option<(&GpuSkin, &SkinTarget)>,
     ) -> Result<()> {
@@ -165,7 +165,7 @@ impl MorphEngine {
     /// As [`set_decode_target`](Self::set_decode_target).
     pub unsafe fn set_normals_target(
         &self,
-        crowd: &mut impl AnyCrowd,
+        crowd: &mut (impl AnyCrowd + ?Sized),
         instance: u32,
         target: Option<(&GpuNormals, &NormalsTarget)>,
     ) -> Result<()> {
@@ -199,7 +199,7 @@ impl MorphEngine {
     /// As [`set_decode_target`](Self::set_decode_target).
     pub unsafe fn set_bounds_target(
         &self,
-        crowd: &mut impl AnyCrowd,
+        crowd: &mut (impl AnyCrowd + ?Sized),
         instance: u32,
         target: Option<&BoundsTarget>,
     ) -> Result<()> {

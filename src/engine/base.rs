@@ -223,6 +223,16 @@ impl CrowdBase {
         self.instances.requested().zip(0..).filter_map(|(requested, i)| requested.map(|_| i))
     }
 
+    /// See [`Crowd::changed`](super::Crowd::changed).
+    #[cfg(feature = "internals")]
+    pub(super) fn changed(&self, instance: u32) -> Vec<std::ops::Range<u32>> {
+        let mut changed = vec![];
+        if let (Some(id), Ok(_)) = (self.last, self.instances.check(instance)) {
+            self.technique.changed(&self.instances, id, instance, &mut changed);
+        }
+        changed
+    }
+
     /// The groups of the mesh, and the poses in them.
     pub(crate) fn groups(&self) -> &[PoseGroup] {
         &self.groups

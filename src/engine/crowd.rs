@@ -136,6 +136,15 @@ macro_rules! crowd {
                 self.base.previous_group_pose(instance, 0)
             }
 
+            /// Vertices that the update recorded last changed in the pose of `instance`, as ranges in the order of pose
+            /// buffers: ascending, whole blocks on the path `blocks`; all where only the GPU knows. The last range may
+            /// go on behind the last vertex.
+            #[cfg(feature = "internals")]
+            #[doc(hidden)]
+            pub fn changed(&self, instance: u32) -> Vec<std::ops::Range<u32>> {
+                self.base.changed(instance)
+            }
+
             /// A stream of the [pose](Self::pose) of `instance`: any that the mesh has.
             ///
             /// # Errors

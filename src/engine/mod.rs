@@ -79,7 +79,7 @@ use std::sync::Arc;
 ///   does others. A target has one place, which the draw of the frame before reads; a skinned one may have two.
 ///
 /// Updates of one crowd run on one queue, or on several that semaphores order. Those that one
-/// [`record_updates`](Self::record_updates) records are of one family.
+/// [`record_updates`](Self::record_updates) records are of one family, or refused.
 pub struct MorphEngine {
     pub(crate) device: Arc<Device>,
     kernels: Kernels,
@@ -89,7 +89,7 @@ impl MorphEngine {
     /// An engine on the host's device.
     ///
     /// # Errors
-    /// The allocator cannot be made; queue families that the device does not have.
+    /// Queue families that the device does not have.
     ///
     /// # Safety
     /// - The handles of `desc` are alive, belong together (the pipeline cache may be null), are of Vulkan 1.1 or later,

@@ -143,7 +143,7 @@ impl PoseReadback {
     /// The poses that were recorded last, in that order, decoded.
     ///
     /// # Errors
-    /// Memory that is not mapped.
+    /// A driver whose memory of a host-visible type cannot be mapped, which Vulkan does not allow; none is known.
     ///
     /// # Safety
     /// The command buffer that they were recorded into has finished: the host has waited for its fence.

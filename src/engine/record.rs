@@ -4,6 +4,7 @@ use super::MorphEngine;
 use super::base::{AnyCrowd, CrowdBase, Update};
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
+use crate::gpu::caps::DeviceCaps;
 use crate::plan::schedule::{Entry, Schedule};
 use ash::vk;
 
@@ -57,7 +58,8 @@ impl MorphEngine {
     /// Returns the updates in the order of `crowds`.
     ///
     /// # Errors
-    /// As [`record_update`](Self::record_update). Nothing is recorded then, and no update is taken as done: poses of
+    /// As [`record_update`](Self::record_update); crowds that are made for queues of different
+    /// [families](field@crate::CrowdDesc::queue_family). Nothing is recorded then, and no update is taken as done: poses of
     /// crowds that were planned before the one that failed are written anew by their next update.
     ///
     /// # Safety
@@ -109,6 +111,7 @@ impl MorphEngine {
         mut update: impl FnMut(Update),
     ) -> Result<Planned<'a, 'b>> {
         crowds.iter().try_for_each(|crowd| crowd.check_device(&self.device))?;
+        check_families(&self.device.caps, crowds.iter().map(|crowd| crowd.desc.queue_family))?;
         // Scratch space is kept from update to update.
         let schedule = crowds.first_mut().map(|crowd| std::mem::take(&mut crowd.schedule)).unwrap_or_default();
         let mut planned = Planned { crowds, begun: 0, schedule };
@@ -119,6 +122,22 @@ impl MorphEngine {
         planned.schedule.fill(planned.crowds.iter().map(|crowd| &crowd.steps));
         Ok(planned)
     }
+}
+
+/// Refuse crowds whose updates cannot run on the queue of one command buffer. Those that name no family are for one with
+/// graphics and compute.
+fn check_families(caps: &DeviceCaps, families: impl Iterator<Item = Option<u32>> + Clone) -> Result<()> {
+    let Some(one) = families.clone().flatten().next() else { return Ok(()) };
+    let default = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
+    let suits = |family| match family {
+        Some(family) => family == one,
+        None => caps.queue_flags(one).is_ok_and(|flags| flags.contains(default)),
+    };
+    let mut others = families.filter(|family| !suits(*family));
+    let Some(other) = others.next() else { return Ok(()) };
+    let other = other.map_or("of one with graphics and compute".into(), |other| format!("of family {other}"));
+    let text = format!("updates on a queue of family {one} and {other}, recorded into one command buffer");
+    Err(Error::invalid(text, "record those of each family into a command buffer of its own"))
 }
 
 /// Updates that are planned and not yet recorded: all are taken back when planning or recording fails or panics.

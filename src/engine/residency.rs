@@ -87,13 +87,13 @@ impl MorphEngine {
     /// made by [`create_crowd`](Self::create_crowd) as of any other; they are on the path `blocks`, in any format of
     /// poses, and their updates take as long and have the same bits as with a mesh that was [uploaded](Self::upload)
     /// as a whole. Crowds [animated](Self::create_animated_crowd) on the GPU, which requests weights there, are
-    /// refused.
+    /// refused. `examples/residency.rs` decides what comes and what goes.
     ///
     /// A weight other than 0 of a target that is not there is refused by whatever sets it, and by the update of a crowd
     /// that has requested it before the target went.
     ///
     /// This records: a fill, a copy for each group, and a barrier that makes them visible to updates and draws (first
-    /// stage TRANSFER with TRANSFER_WRITE; last stages VERTEX_INPUT, VERTEX_SHADER, COMPUTE_SHADER).
+    /// stage TRANSFER with TRANSFER_WRITE; last ALL_COMMANDS with MEMORY_READ and MEMORY_WRITE).
     ///
     /// The caller is responsible for: as with [`upload`](Self::upload).
     ///

@@ -10,7 +10,7 @@ use crate::weights::names::unknown;
 ///
 /// One call records the updates of all, with shared barriers:
 /// [`record_updates`](super::MorphEngine::record_updates) of [`crowds_mut`](Self::crowds_mut). Poses are those of the
-/// [`crowds`](Self::crowds).
+/// [`crowds`](Self::crowds), of which each may be skinned or bounded by itself ([`crowd_mut`](Self::crowd_mut)).
 pub struct CrowdSet {
     pub(super) crowds: Vec<Crowd>,
     names: Vec<String>,
@@ -64,7 +64,12 @@ impl CrowdSet {
         let layouts = || self.crowds.iter().map(Crowd::layout);
         let targets: Vec<&str> = layouts().flat_map(|layout| &layout.targets).map(|target| &*target.name).collect();
         if let Some(name) = names.iter().find(|name| !targets.contains(&name.as_str())) {
-            return Err(unknown(format!("no mesh of the set has a target '{name}'"), name, &targets));
+            return Err(unknown(
+                format!("no mesh of the set has a target '{name}'"),
+                name,
+                "target of the mesh",
+                &targets,
+            ));
         }
         let weight_of = |target: &str| names.iter().position(|name| name == target);
         let of_crowd = |layout: &crate::pack::PackedLayout| {
@@ -92,6 +97,14 @@ impl CrowdSet {
         self.crowds.iter_mut().map(|crowd| crowd as &mut dyn AnyCrowd).collect()
     }
 
+    /// A crowd, counted in the order in which they were handed in, to set what follows its poses: skinned
+    /// ([`set_skin_target`](super::MorphEngine::set_skin_target)), bounded, decoded, with normals of their surface. `None`:
+    /// there is no such crowd.
+    pub fn crowd_mut(&mut self, index: usize) -> Option<&mut dyn AnyCrowd> {
+        // Not as a `Crowd`, which could be replaced by one of another mesh or with other instances.
+        self.crowds.get_mut(index).map(|crowd| crowd as &mut dyn AnyCrowd)
+    }
+
     /// Request these weights of an instance in all crowds, one for each of the [`names`](Self::names), from the next
     /// recorded updates on.
     ///
@@ -117,6 +130,18 @@ impl CrowdSet {
     /// As there.
     pub fn cut(&mut self, instance: u32) -> Result<()> {
         self.crowds.iter_mut().try_for_each(|crowd| crowd.cut(instance))
+    }
+
+    /// The joints of a skinned instance of the crowd at `index` moved: see [`Crowd::set_joints`].
+    ///
+    /// # Errors
+    /// No such crowd; else as there.
+    pub fn set_joints(&mut self, index: usize, instance: u32, offset: u64) -> Result<()> {
+        let count = self.crowds.len();
+        let crowd = self.crowds.get_mut(index).ok_or_else(|| {
+            Error::invalid(format!("crowd {index} of a set of {count}"), "count crowds from 0, as they were handed in")
+        })?;
+        crowd.set_joints(instance, offset)
     }
 
     /// See [`Crowd::set_hidden`].

@@ -39,6 +39,9 @@ pub struct Imported {
     /// Weight clips that belong to it: read them with [`open_clip`]. Of a glTF file, `FILE#NAME` for each animation of
     /// weights, in the order of the file; of a folder, files by name.
     pub clips: Vec<PathBuf>,
+    /// The rig that belongs to it: `rig.json` in a folder, `NAME.rig.json` beside `NAME.glb` or `NAME.dmorph`. Read it with
+    /// `rig::read` (feature `rig`).
+    pub rig: Option<PathBuf>,
 }
 
 /// A mesh to pack, or one that is.
@@ -68,7 +71,7 @@ pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
     } else if !path.exists() {
         return refuse("no such file or folder");
     } else if has_extension(path, "dmorph") {
-        Imported { mesh: ImportedMesh::Packed(Asset::read(path)?), clips: vec![] }
+        Imported { mesh: ImportedMesh::Packed(Asset::read(path)?), clips: vec![], rig: None }
     } else if is_gltf(path) {
         open_gltf(path)?
     } else {
@@ -77,6 +80,8 @@ pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
     if let (ImportedMesh::Source(source), true) = (&mut imported.mesh, desc.split) {
         *source = source.split()?;
     }
+    let rig = if path.is_dir() { path.join("rig.json") } else { path.with_extension("rig.json") };
+    imported.rig = rig.is_file().then_some(rig);
     Ok(imported)
 }
 
@@ -118,7 +123,7 @@ fn open_gltf(path: &Path) -> Result<Imported> {
         clip.into()
     };
     let clips = gltf.weight_animations().map(|animation| clip(&animation.name)).collect();
-    Ok(Imported { mesh: ImportedMesh::Source(gltf.into_source()?), clips })
+    Ok(Imported { mesh: ImportedMesh::Source(gltf.into_source()?), clips, rig: None })
 }
 
 #[cfg(feature = "gltf")]
@@ -151,7 +156,7 @@ fn open_folder(path: &Path) -> Result<Imported> {
     let weights = path.join("weights");
     let mut clips = if weights.is_dir() { list(&weights)? } else { vec![] };
     clips.retain(|path| has_extension(path, "csv") && path.is_file());
-    Ok(Imported { mesh, clips })
+    Ok(Imported { mesh, clips, rig: None })
 }
 
 #[cfg(test)]
@@ -166,16 +171,18 @@ mod tests {
         std::fs::create_dir(dir.path().join("targets")).unwrap();
         std::fs::write(dir.path().join("neutral.obj"), triangle).unwrap();
         let found = |desc: ImportDesc| match open(dir.path(), &desc).unwrap() {
-            Imported { mesh: ImportedMesh::Source(source), clips } => (source.positions.len(), clips),
+            Imported { mesh: ImportedMesh::Source(source), clips, rig } => (source.positions.len(), clips, rig),
             Imported { mesh: ImportedMesh::Packed(_), .. } => panic!("nothing is packed"),
         };
-        assert_eq!(found(ImportDesc::default()), (3, vec![]));
+        assert_eq!(found(ImportDesc::default()), (3, vec![], None));
         std::fs::create_dir(&weights).unwrap();
         for name in ["b.csv", "a.CSV", "notes.txt"] {
             std::fs::write(weights.join(name), "").unwrap();
         }
+        let rig = dir.path().join("rig.json");
+        std::fs::write(&rig, "{}").unwrap();
         let clips = vec![weights.join("a.CSV"), weights.join("b.csv")];
-        assert_eq!(found(ImportDesc::default().split(true)), (4, clips));
+        assert_eq!(found(ImportDesc::default().split(true)), (4, clips, Some(rig)));
     }
 
     #[test]

@@ -158,7 +158,12 @@ pub fn target_mask(targets: &[&str], masked: &[(&str, f32)], rest: f32) -> Resul
     let mut mask = vec![rest; targets.len()];
     for (name, factor) in masked {
         if !targets.contains(name) {
-            return Err(unknown(format!("a mask names '{name}', which is no target"), name, targets));
+            return Err(unknown(
+                format!("a mask names '{name}', which is no target"),
+                name,
+                "target of the mesh",
+                targets,
+            ));
         }
         // Several targets of one name are masked alike.
         let named = mask.iter_mut().zip(targets).filter(|(_, target)| *target == name);

@@ -4,10 +4,12 @@
 pub mod delta;
 mod layers;
 pub(crate) mod names;
+mod normalised;
 
 use crate::error::{Error, Result};
 pub use layers::{ClipLayer, LayerBlend, Repeat, target_mask};
 use names::closest;
+pub use normalised::normalise_weights;
 use std::collections::{HashMap, HashSet};
 
 /// A weight clip: one row of weights per frame, columns by target name.

@@ -2,13 +2,13 @@
 
 use crate::error::Error;
 
-/// That `name` is none of the targets.
-pub(crate) fn unknown(what: String, name: &str, targets: &[&str]) -> Error {
+/// That `name` is none of `known`, names of `of`: targets of a mesh, or controls.
+pub(crate) fn unknown(what: String, name: &str, of: &str, known: &[&str]) -> Error {
     Error::invalid(
         what,
-        match closest(name, targets) {
-            Some(target) => format!("use '{target}' if that is meant"),
-            None => "use a target of the mesh".to_owned(),
+        match closest(name, known) {
+            Some(near) => format!("use '{near}' if that is meant"),
+            None => format!("use a {of}"),
         },
     )
 }

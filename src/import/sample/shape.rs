@@ -93,7 +93,7 @@ pub(super) const EAR: [f32; 4] = [-0.6, -1.25, 2.1, 1.15];
 
 /// Where the edges of the lids are above the line of the eye, at `c` from the inner corner (−1) to the outer (1).
 fn edges(c: f32, lids: Lids) -> (f32, f32) {
-    let w = (1.0 - c * c).max(0.0);
+    let w = dome(c);
     let (upper, lower) = (0.5 * (w * w.sqrt()).sqrt() * (1.0 - 0.12 * c), 0.46 * w * (1.0 + 0.2 * c));
     let below = -lower * lids.lower;
     (below + (upper + lower) * lids.open + CONTACT, below - CONTACT)
@@ -104,6 +104,16 @@ fn bump(x: f32, y: f32, centre: [f32; 2], radii: [f32; 2]) -> f32 {
     let (dx, dy) = ((x - centre[0]) / radii[0], (y - centre[1]) / radii[1]);
     let q = (1.0 - 0.8 * (dx * dx + dy * dy)).max(0.0);
     q * q * q
+}
+
+/// 1 − x² between −1 and 1, 0 beyond.
+fn dome(x: f32) -> f32 {
+    (1.0 - x * x).max(0.0)
+}
+
+/// Which way an edge of a slit goes: 1 is up.
+fn side(lower: bool) -> f32 {
+    if lower { -1.0 } else { 1.0 }
 }
 
 /// The larger of two numbers, with a smooth change between them over about `k`.
@@ -136,7 +146,7 @@ pub(super) fn skin(a: f32, t: f32, lower: bool, lids: Lids) -> Vec3 {
         // Evenly around the ellipse, about: the sine of an angle.
         let sine = c_ear * (1.5 - 0.5 * c_ear * c_ear);
         p.z = mix(p.z, EAR[1] + EAR[3] * sine, yield_ear);
-        EAR[2] * (1.0 - sine * sine).max(0.0).sqrt() * yield_ear * if below(Slit::Ear) { -1.0 } else { 1.0 }
+        EAR[2] * dome(sine).sqrt() * yield_ear * side(below(Slit::Ear))
     } else {
         0.0
     };
@@ -167,10 +177,10 @@ fn features(mut p: Vec3, lip: f32, lower_lip: bool, front: f32) -> Vec3 {
     let down = ((2.8 - y) / 5.1).clamp(0.0, 1.0);
     let under = ((-2.35 - y) / 0.95).clamp(0.0, 1.0);
     let width = mix(0.9, 1.3, down * down) + 0.8 * smoothstep(0.7, 0.0, down);
-    let across = (1.0 - (x / width) * (x / width)).max(0.0);
+    let across = dome(x / width);
     let height = mix(0.1, 2.15, down * (0.55 + 0.45 * down)) + 0.2 * at([0.0, -2.2], [1.0, 0.9]);
-    let ridge = height * across * across.sqrt() * (1.0 - under * under).sqrt();
-    z += ridge + 0.95 * at([1.02, -2.62], [0.72, 0.68]) * (1.0 - under * under).sqrt();
+    let ridge = height * across * across.sqrt() * dome(under).sqrt();
+    z += ridge + 0.95 * at([1.02, -2.62], [0.72, 0.68]) * dome(under).sqrt();
     z += 0.3 * at([0.0, -3.2], [0.5, 0.6]);
 
     // Mouth: the muzzle, the groove under the nose, lips, the fold under them, the chin.
@@ -184,7 +194,7 @@ fn features(mut p: Vec3, lip: f32, lower_lip: bool, front: f32) -> Vec3 {
     p.z += z * front;
     // The corners of the mouth are a little higher.
     if lip == 0.0 {
-        p.y += CONTACT * (1.0 - mouth * mouth).max(0.0) * if lower_lip { -1.0 } else { 1.0 };
+        p.y += CONTACT * dome(mouth) * side(lower_lip);
     }
     p.y += 0.1 * mouth * mouth * along(lip, 2.5) * front * smoothstep(1.5, 1.0, mouth);
 
@@ -202,7 +212,7 @@ fn features(mut p: Vec3, lip: f32, lower_lip: bool, front: f32) -> Vec3 {
 
 /// How far the lips stand out at `mouth` from the middle (0) to the corner (1), `d` from the line between them.
 fn lips(mouth: f32, d: f32, lower: bool) -> f32 {
-    let full = (1.0 - mouth * mouth).max(0.0);
+    let full = dome(mouth);
     let bow = if lower { 0.0 } else { 0.2 * bump(mouth, 0.0, [0.27, 0.0], [0.28, 1.0]) };
     let height = (if lower { 1.0 } else { 0.75 } + bow) * (0.15 + 0.85 * full);
     let s = d / height;
@@ -216,10 +226,7 @@ pub(super) fn behind(slit: Slit, spot: &Spot, depth: f32, lids: Lids) -> Vec3 {
     let edge = skin(spot.a, spot.t, spot.lower, lids);
     match slit {
         Slit::Eye => socket(edge, skin(spot.a, spot.t, spot.lower, Lids::REST), depth),
-        Slit::Mouth => {
-            let above = if spot.lower { -1.0 } else { 1.0 };
-            cavity(edge, above, depth)
-        }
+        Slit::Mouth => cavity(edge, side(spot.lower), depth),
         Slit::Ear => shell(edge, depth),
     }
 }

@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use crate::pack::blocks::{BlockIndex, PoseGrid};
 use crate::pack::{POSE_FLOATS, PackedLayout, PoseFormat};
 use crate::plan::{UpdateDesc, UpdateStats};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// A block of an instance that is written.
@@ -120,6 +121,16 @@ impl GroupPlan {
         self.list.items.clear();
         self.list.masks.clear();
         self.stats = UpdateStats::default();
+    }
+
+    /// Vertices that the last update changes in the pose of an instance: whole blocks, ascending.
+    pub fn changed(&self, instance: u32, out: &mut Vec<Range<u32>>) {
+        let first = self.list.items.partition_point(|item| item.instance < instance);
+        let items = self.list.items[first..].iter().take_while(|item| item.instance == instance);
+        // What has a source and no elements is copied, from the pose there was.
+        let changed = items.filter(|item| item.count > 0 || item.source.is_none());
+        let size = self.index.size() as u32;
+        out.extend(changed.map(|item| item.block * size..(item.block + 1) * size));
     }
 }
 

@@ -158,13 +158,7 @@ impl Technique for BlocksTechnique {
     }
 
     fn changed(&self, _instances: &Instances, _id: UpdateId, instance: u32, out: &mut Vec<Range<u32>>) {
-        let GroupPlan { index, list, .. } = &self.planner.groups[0];
-        let first = list.items.partition_point(|item| item.instance < instance);
-        let items = list.items[first..].iter().take_while(|item| item.instance == instance);
-        // What has a source and no elements is copied, from the pose there was.
-        let changed = items.filter(|item| item.count > 0 || item.source.is_none());
-        let size = index.size() as u32;
-        out.extend(changed.map(|item| item.block * size..(item.block + 1) * size));
+        self.planner.groups[0].changed(instance, out);
     }
 
     fn check_weights(&self, weights: &[f32]) -> Result<()> {

@@ -1,0 +1,217 @@
+//! A rig for the targets of a mesh: weights of controls in, weights of targets out.
+
+use super::Control;
+use crate::error::{Error, Result};
+use crate::weights::names::unknown;
+use crate::weights::{BoundClip, ClipLayer, Repeat, WeightClip};
+use std::collections::HashSet;
+
+/// Nearer than this, [`BoundRig::smooth`] is there: an exponential approach has no end, and each change of a weight is work.
+const THERE: f32 = 1e-4;
+
+/// A [`Rig`](super::Rig) bound to the targets of a mesh.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BoundRig {
+    /// Names of the targets.
+    targets: Vec<String>,
+    controls: Vec<Drive>,
+    correctives: Vec<Product>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct Drive {
+    name: String,
+    limits: [f32; 2],
+    smoothing: f32,
+    /// Distances from 0 and targets of the keys below 0 and above it, the nearest first.
+    sides: [Vec<(f32, usize)>; 2],
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct Product {
+    target: usize,
+    /// Numbers of controls.
+    factors: Vec<usize>,
+}
+
+impl BoundRig {
+    pub(super) fn new(targets: &[&str]) -> Self {
+        Self { targets: targets.iter().map(|&name| name.to_owned()).collect(), ..Self::default() }
+    }
+
+    pub(super) fn add_control(&mut self, control: &Control, keys: Vec<(f32, usize)>) {
+        let side = |sign: f32| {
+            let keys = keys.iter().map(|(at, target)| (at * sign, *target)).filter(|(at, _)| *at > 0.0);
+            let mut keys: Vec<_> = keys.collect();
+            keys.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+            keys
+        };
+        let Control { name, limits, smoothing, .. } = control;
+        let sides = [side(-1.0), side(1.0)];
+        self.controls.push(Drive { name: name.clone(), limits: *limits, smoothing: *smoothing, sides });
+    }
+
+    pub(super) fn add_correctives(&mut self, correctives: impl Iterator<Item = (usize, Vec<usize>)>) {
+        self.correctives.extend(correctives.map(|(target, factors)| Product { target, factors }));
+    }
+
+    /// Targets that keys drive; some twice, perhaps.
+    pub(super) fn driven(&self) -> impl Iterator<Item = usize> {
+        self.controls.iter().flat_map(Drive::driven)
+    }
+
+    /// Names of the controls, in the order of the weights that [`evaluate`](Self::evaluate) takes: what clips are
+    /// [bound](WeightClip::bind) to.
+    pub fn controls(&self) -> impl ExactSizeIterator<Item = &str> {
+        self.controls.iter().map(|control| control.name.as_str())
+    }
+
+    /// Weights of the targets, of weights of the controls, which are held within their limits first. Where several controls
+    /// or correctives drive one target, its weight is their sum. What is in `weights` is replaced. Nothing is allocated.
+    ///
+    /// # Errors
+    /// Another number of weights than there are controls or targets; a weight that is not finite. Nothing changes then.
+    pub fn evaluate(&self, controls: &[f32], weights: &mut [f32]) -> Result<()> {
+        self.check(controls)?;
+        if weights.len() != self.targets.len() {
+            let what = format!("{} weights for the rig's {} targets", weights.len(), self.targets.len());
+            return Err(Error::invalid(what, "hand over one per target of the mesh that the rig is bound to"));
+        }
+        weights.fill(0.0);
+        for (control, value) in self.controls.iter().zip(controls) {
+            control.add(control.limited(*value), weights);
+        }
+        for Product { target, factors } in &self.correctives {
+            let factor = |&i: &usize| self.controls[i].limited(controls[i]).max(0.0);
+            weights[*target] += factors.iter().map(factor).product::<f32>();
+        }
+        Ok(())
+    }
+
+    /// Move `current`, weights of the controls, towards `wanted`, as far as each control's
+    /// [smoothing](super::Control::smoothing) lets it go in `seconds`: by the factor 1 − exp(−seconds / smoothing), so that
+    /// the way does not depend on how many frames it is cut into. Within 1e-4 of it, it is there, and changes no more.
+    /// What is wanted is held within the limits first. Nothing is allocated.
+    ///
+    /// # Errors
+    /// Another number of weights than there are controls; a number that is not finite, or seconds below 0. Nothing changes
+    /// then.
+    pub fn smooth(&self, current: &mut [f32], wanted: &[f32], seconds: f32) -> Result<()> {
+        self.check(current)?;
+        self.check(wanted)?;
+        if !(seconds.is_finite() && seconds >= 0.0) {
+            let what = format!("{seconds} seconds since the last frame");
+            return Err(Error::invalid(what, "use a finite number, 0 or more"));
+        }
+        for ((control, current), wanted) in self.controls.iter().zip(current).zip(wanted) {
+            let wanted = control.limited(*wanted);
+            // No way at all in no time, even at once.
+            let part = if seconds == 0.0 { 0.0 } else { 1.0 - (-seconds / control.smoothing).exp() };
+            let next = *current + (wanted - *current) * part;
+            *current = if (wanted - next).abs() <= THERE && part > 0.0 { wanted } else { next };
+        }
+        Ok(())
+    }
+
+    /// The clip of target weights that a clip of control weights makes, smoothed from its first frame on, with `fps` frames a
+    /// second: those of `clip` or more. Between frames the weights of targets are interpolated linearly, and so cut the
+    /// corner where a control passes a key: the more frames, the less of it.
+    ///
+    /// It has a column for each target that the clip's columns have a part in.
+    ///
+    /// # Errors
+    /// A column that names no control, whatever else [`WeightClip::bind`] refuses; frames a second that are not above 0.
+    pub fn bake(&self, clip: &WeightClip, fps: f32) -> Result<WeightClip> {
+        for rate in [clip.fps, fps] {
+            if !(rate.is_finite() && rate > 0.0) {
+                let what = format!("clip '{}': {rate} frames a second", clip.name);
+                return Err(Error::invalid(what, "use a finite number above 0"));
+            }
+        }
+        let controls: Vec<&str> = self.controls().collect();
+        if let Some(name) = clip.names.iter().find(|name| !controls.contains(&name.as_str())) {
+            let what = format!("clip '{}': column '{name}' names no control of the rig", clip.name);
+            return Err(unknown(what, name, "control of the rig", &controls));
+        }
+        let bound = clip.bind(&controls)?;
+        let columns = self.columns(&clip.names);
+        let names = columns.iter().map(|&target| self.targets[target].clone()).collect();
+        let mut baked = WeightClip { name: clip.name.clone(), names, fps, values: vec![] };
+        let (mut wanted, mut current) = (vec![0.0; controls.len()], vec![]);
+        let mut weights = vec![0.0; self.targets.len()];
+        for frame in 0..frames(&bound, fps) {
+            let at = ClipLayer::new(&bound, frame as f64 / f64::from(fps)).repeat(Repeat::Once);
+            ClipLayer::mix(&[at], &mut wanted)?;
+            if current.is_empty() {
+                current.clone_from(&wanted);
+            }
+            self.smooth(&mut current, &wanted, 1.0 / fps)?;
+            self.evaluate(&current, &mut weights)?;
+            baked.values.extend(columns.iter().map(|&target| weights[target]));
+        }
+        Ok(baked)
+    }
+
+    /// Targets that controls of these names have a part in, in the mesh's order.
+    fn columns(&self, names: &[String]) -> Vec<usize> {
+        let named = |control: &Drive| names.contains(&control.name);
+        let mut driven: HashSet<usize> = self.controls.iter().filter(|c| named(c)).flat_map(Drive::driven).collect();
+        let products =
+            self.correctives.iter().filter(|product| product.factors.iter().any(|&i| named(&self.controls[i])));
+        driven.extend(products.map(|product| product.target));
+        (0..self.targets.len()).filter(|target| driven.contains(target)).collect()
+    }
+
+    fn check(&self, controls: &[f32]) -> Result<()> {
+        if controls.len() != self.controls.len() {
+            let what = format!("{} weights for the rig's {} controls", controls.len(), self.controls.len());
+            return Err(Error::invalid(what, "hand over one per control, in the order of BoundRig::controls"));
+        }
+        match controls.iter().position(|value| !value.is_finite()) {
+            Some(i) => {
+                let what = format!("control '{}' of the rig: the weight is {}", self.controls[i].name, controls[i]);
+                Err(Error::invalid(what, "replace it with a finite number"))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+impl Drive {
+    fn driven(&self) -> impl Iterator<Item = usize> {
+        self.sides.iter().flatten().map(|(_, target)| *target)
+    }
+
+    fn limited(&self, value: f32) -> f32 {
+        value.clamp(self.limits[0], self.limits[1])
+    }
+
+    fn add(&self, value: f32, weights: &mut [f32]) {
+        let [below, above] = &self.sides;
+        let (side, other) = if value < 0.0 { (below, above) } else { (above, below) };
+        let distance = value.abs();
+        // The first key that is not passed.
+        match side.iter().position(|(at, _)| distance <= *at) {
+            Some(0) => weights[side[0].1] += distance / side[0].0,
+            Some(next) => {
+                let [(nearer, from), (farther, to)] = [side[next - 1], side[next]];
+                let t = (distance - nearer) / (farther - nearer);
+                weights[from] += 1.0 - t;
+                weights[to] += t;
+            }
+            None => match (side.last(), other.first()) {
+                (Some((at, target)), _) => weights[*target] += distance / at,
+                (None, Some((at, target))) => weights[*target] -= distance / at,
+                (None, None) => {}
+            },
+        }
+    }
+}
+
+/// How many frames a clip has at another rate: as many as begin before it ends, and one that is not before its last.
+fn frames(clip: &BoundClip, fps: f32) -> usize {
+    let intervals = clip.frame_count().saturating_sub(1) as f64;
+    // Rounding must not add a frame where rates are the same.
+    let more = (intervals * f64::from(fps) / f64::from(clip.fps) - 1e-6).ceil().max(0.0);
+    if clip.frame_count() == 0 { 0 } else { more as usize + 1 }
+}

@@ -1,0 +1,152 @@
+//! Rigs from JSON files.
+
+use super::{Control, Corrective, Key, Rig};
+use crate::error::{Error, Result};
+use crate::io::{TEXT_MAX, read_bounded};
+use serde::Deserialize;
+use std::path::Path;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    #[serde(default)]
+    controls: Vec<ControlText>,
+    #[serde(default)]
+    correctives: Vec<Product>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ControlText {
+    name: String,
+    limits: Option<[f32; 2]>,
+    #[serde(default)]
+    smoothing: f32,
+    keys: Option<Vec<KeyText>>,
+    sequence: Option<Vec<String>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct KeyText {
+    at: f32,
+    target: String,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Product {
+    target: String,
+    controls: Vec<String>,
+}
+
+/// Read a rig from a JSON file.
+///
+/// ```json
+/// {
+///   "controls": [
+///     {"name": "eyeBlinkLeft", "limits": [0, 1], "smoothing": 0.05, "keys": [
+///       {"at": 0.5, "target": "eyeBlinkLeft_half"}, {"at": 1, "target": "eyeBlinkLeft"}]},
+///     {"name": "turn", "sequence": ["turn_1", "turn_2", "turn_3"]},
+///     {"name": "jawOpen", "limits": [0, 1]}
+///   ],
+///   "correctives": [{"target": "jawOpen_smile", "controls": ["jawOpen", "mouthSmile"]}]
+/// }
+/// ```
+///
+/// All but names and targets may be left out. [`Rig`] says what they mean. `"sequence"` is [`Control::sequence`].
+///
+/// # Errors
+/// A file that cannot be read, or that is no such JSON: an unknown property is refused, since it is probably a misspelt one.
+/// Whether names are those of targets is found out by [`Rig::bind`].
+pub fn read(path: &Path) -> Result<Rig> {
+    let text = read_bounded(path, TEXT_MAX, "a rig is a few kilobytes of JSON: give that file")?;
+    parse(path, &text)
+}
+
+fn parse(path: &Path, text: &[u8]) -> Result<Rig> {
+    let file: File = serde_json::from_slice(text).map_err(|e| {
+        let (text, place) = (e.to_string(), format!(" at line {} column {}", e.line(), e.column()));
+        let what = text.strip_suffix(&place).unwrap_or(&text);
+        Error::input(
+            path,
+            format!(": line {}", e.line()),
+            what,
+            "see the documentation of rig::read for what may be there",
+        )
+    })?;
+    let controls = file.controls.into_iter().map(|control| control.read(path)).collect::<Result<_>>()?;
+    let correctives = file.correctives.into_iter().map(|p| Corrective { target: p.target, controls: p.controls });
+    Ok(Rig { controls, correctives: correctives.collect() })
+}
+
+impl ControlText {
+    fn read(self, path: &Path) -> Result<Control> {
+        let Self { name, limits, smoothing, keys, sequence } = self;
+        let control = Control::new(name).smoothing(smoothing);
+        let control = match limits {
+            Some(limits) => control.limits(limits),
+            None => control,
+        };
+        Ok(match (keys, sequence) {
+            (None, None) => control,
+            (Some(keys), None) => control.keys(keys.into_iter().map(|key| Key::new(key.at, key.target)).collect()),
+            (None, Some(targets)) => control.sequence(&targets.iter().map(String::as_str).collect::<Vec<_>>()),
+            (Some(_), Some(_)) => {
+                let place = format!(": control '{}'", control.name);
+                return Err(Error::input(path, place, "both keys and a sequence", "leave one of them out"));
+            }
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parsed(text: &str) -> Result<Rig> {
+        parse(Path::new("rig.json"), text.as_bytes())
+    }
+
+    #[test]
+    fn all_that_a_file_may_state_is_read() {
+        let rig = parsed(
+            r#"{"controls": [
+                {"name": "blink", "limits": [0, 1], "smoothing": 0.05, "keys": [{"at": 0.5, "target": "half"}, {"at": 1, "target": "full"}]},
+                {"name": "turn", "sequence": ["a", "b"]}, {"name": "jaw"}],
+               "correctives": [{"target": "c", "controls": ["blink", "jaw"]}]}"#,
+        );
+        let blink = Control::new("blink").limits([0.0, 1.0]).smoothing(0.05);
+        let controls = vec![
+            blink.keys(vec![Key::new(0.5, "half"), Key::new(1.0, "full")]),
+            Control::new("turn").keys(vec![Key::new(0.5, "a"), Key::new(1.0, "b")]),
+            Control::new("jaw"),
+        ];
+        assert_eq!(rig.unwrap(), Rig { controls, correctives: vec![Corrective::new("c", &["blink", "jaw"])] });
+        assert_eq!(parsed("{}").unwrap(), Rig::default());
+    }
+
+    #[test]
+    fn what_is_no_rig_is_refused_with_its_line() {
+        for (text, words) in [
+            ("{\n\"controls\": 3}", "rig.json: line 2: invalid type: integer `3`, expected a sequence; see the doc"),
+            (
+                "{\"control\": []}",
+                "rig.json: line 1: unknown field `control`, expected `controls` or `correctives`; see",
+            ),
+            ("{\"controls\": [{}]}", "missing field `name`"),
+            ("{\"controls\": [{\"name\": \"a\", \"keys\": [{\"at\": 1}]}]}", "missing field `target`"),
+            (
+                "{\"controls\": [{\"name\": \"a\", \"keys\": [], \"sequence\": []}]}",
+                ": control 'a': both keys and a sequence",
+            ),
+            ("[", "rig.json: line 1: EOF while parsing"),
+            ("", "rig.json: line 1: EOF"),
+        ] {
+            let message = parsed(text).unwrap_err().to_string();
+            assert!(message.contains(words), "{message}");
+        }
+        let none = read(Path::new("none/rig.json")).unwrap_err().to_string();
+        assert!(none.contains("none/rig.json: cannot read"), "{none}");
+    }
+}

@@ -1,0 +1,227 @@
+//! Rigs: controls that an animator or a capture moves, and the targets that each of them drives.
+
+mod bound;
+#[cfg(feature = "rig")]
+mod json;
+#[cfg(test)]
+mod tests;
+
+pub use bound::BoundRig;
+#[cfg(feature = "rig")]
+pub use json::read;
+
+use crate::error::{Error, Result};
+use crate::setters::setters;
+use crate::weights::names::unknown;
+use std::collections::{HashMap, HashSet};
+
+/// What drives the targets of a mesh: controls, and combinations of them that have targets of their own.
+///
+/// Without a rig, the weight of a target is what a clip or slider says, and a vertex moves along a straight line: a lid goes
+/// through the eyeball rather than round it. A rig gives one control several targets along its way, [keys](Key), between
+/// which the pose is interpolated; and adds [correctives](Corrective) where two controls at once look wrong.
+///
+/// [`bind`](Self::bind) it to the targets of a mesh, and bind clips to the [controls](BoundRig::controls) that result; then
+/// [`BoundRig::evaluate`] makes target weights of control weights, frame by frame, or [`BoundRig::bake`] those of a whole
+/// clip, for [animated crowds](crate::AnimatedCrowd), which the GPU animates. `read` (feature `rig`) reads rigs from JSON
+/// files.
+///
+/// ```
+/// use deltamorph::rig::{Control, Corrective, Key, Rig};
+///
+/// // Half closed, the lid lies on the eyeball: a target of its own.
+/// let blink = Control::new("blink").keys(vec![Key::new(0.5, "blinkHalf"), Key::new(1.0, "blinkFull")]);
+/// let rig = Rig { controls: vec![blink], correctives: vec![Corrective::new("squint", &["blink", "smile"])] };
+/// let rig = rig.bind(&["smile", "blinkHalf", "blinkFull", "squint"])?;
+/// // Targets that the rig does not name are controls of their own.
+/// assert_eq!(rig.controls().collect::<Vec<_>>(), ["blink", "smile"]);
+///
+/// let mut weights = [0.0; 4];
+/// rig.evaluate(&[0.75, 0.5], &mut weights)?;
+/// assert_eq!(weights, [0.5, 0.5, 0.5, 0.375]); // half way from one key to the next; 0.75 · 0.5
+/// # Ok::<(), deltamorph::Error>(())
+/// ```
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Rig {
+    /// The controls. Their order is that of the weights that [`BoundRig::evaluate`] takes.
+    pub controls: Vec<Control>,
+    /// Targets that several controls drive together.
+    pub correctives: Vec<Corrective>,
+}
+
+/// A control, and the targets along its way.
+///
+/// At the value c, between the neutral at 0 and the keys on the same side of it, in the order of their distance from 0:
+///
+/// ```text
+/// up to the first key      its weight is c / at
+/// between two keys         1 − t of the nearer one, t of the farther one; t goes from 0 to 1 between them
+/// beyond the last key      its weight is c / at: the last shape, exaggerated
+/// ```
+///
+/// On a side without keys, the first key of the other side is continued through 0: its weight is c / at, below 0. So a
+/// control with one key at 1 is its target's weight. Each rule continues the one before it without a jump.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Control {
+    /// Its name: what clips call it.
+    pub name: String,
+    /// The least and the greatest value; values beyond are taken for these. From `-inf` to `inf` by default.
+    pub limits: [f32; 2],
+    /// Seconds in which [`BoundRig::smooth`] goes 63% of the way (1 − 1/e) to a new value; 0, the default, all of it at once.
+    pub smoothing: f32,
+    /// Targets along its way, in any order. Without any, the control drives the target of its own name: with limits and
+    /// smoothing.
+    pub keys: Vec<Key>,
+}
+
+setters!(Control { limits: [f32; 2], smoothing: f32, keys: Vec<Key> });
+
+impl Control {
+    /// A control of this name: without keys, limits and smoothing.
+    pub fn new(name: impl Into<String>) -> Self {
+        Self { name: name.into(), limits: [f32::NEG_INFINITY, f32::INFINITY], smoothing: 0.0, keys: vec![] }
+    }
+
+    /// Key-frame meshes as targets: the control goes from the neutral, at 0, through all of them, to the last one, at 1. What
+    /// moves on an arc follows it the better, the more there are.
+    #[must_use]
+    pub fn sequence(self, targets: &[&str]) -> Self {
+        let at = |i: usize| (i + 1) as f32 / targets.len() as f32;
+        self.keys(targets.iter().enumerate().map(|(i, target)| Key::new(at(i), *target)).collect())
+    }
+}
+
+/// A target at a value of a control: an in-between shape, or the last one.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Key {
+    /// The control's value at which the target's weight is 1, and that of the control's other targets 0. Not 0, where the
+    /// neutral is.
+    pub at: f32,
+    /// The target's name.
+    pub target: String,
+}
+
+impl Key {
+    /// A target at a value of a control.
+    pub fn new(at: f32, target: impl Into<String>) -> Self {
+        Self { at, target: target.into() }
+    }
+}
+
+/// A target whose weight is the product of controls, each at least 0 (and within its limits): what mends a combination, and
+/// is not there where one of them is at rest.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Corrective {
+    /// The target's name.
+    pub target: String,
+    /// Names of the controls. A target that the rig drives in no other way is a control as well.
+    pub controls: Vec<String>,
+}
+
+impl Corrective {
+    /// A target that these controls drive together.
+    pub fn new(target: impl Into<String>, controls: &[&str]) -> Self {
+        Self { target: target.into(), controls: controls.iter().map(|&name| name.to_owned()).collect() }
+    }
+}
+
+impl Rig {
+    /// The rig for a mesh with the targets `targets`. Its controls are [`controls`](field@Self::controls), and after them
+    /// each target that no key and no corrective names, in the mesh's order.
+    ///
+    /// # Errors
+    /// A key or corrective that names no target or control, a control without keys that has no target of its name, two
+    /// controls of one name, two keys at one value, values that are not finite, limits of which the first is greater, a
+    /// smoothing below 0, a corrective of no control, or of one twice.
+    pub fn bind(&self, targets: &[&str]) -> Result<BoundRig> {
+        // Reversed: of several targets of one name, the first is meant, as in clips.
+        let indices: HashMap<&str, usize> = targets.iter().enumerate().rev().map(|(i, target)| (*target, i)).collect();
+        let target = |of: &str, name: &str| {
+            let what = || format!("{of}: '{name}' is no target");
+            indices.get(name).copied().ok_or_else(|| unknown(what(), name, "target of the mesh", targets))
+        };
+        let mut bound = BoundRig::new(targets);
+        for control in &self.controls {
+            let of = format!("control '{}' of the rig", control.name);
+            control.check(&of)?;
+            let alone = [Key::new(1.0, control.name.as_str())];
+            let keys = if control.keys.is_empty() { &alone[..] } else { &control.keys };
+            let keys = keys.iter().map(|key| Ok((key.at, target(&of, &key.target)?))).collect::<Result<Vec<_>>>()?;
+            bound.add_control(control, keys);
+        }
+        let corrected = |corrective: &Corrective| {
+            target(&format!("corrective '{}' of the rig", corrective.target), &corrective.target)
+        };
+        let corrected = self.correctives.iter().map(corrected).collect::<Result<Vec<_>>>()?;
+        let mut driven: HashSet<usize> = bound.driven().chain(corrected.iter().copied()).collect();
+        for (index, name) in targets.iter().enumerate() {
+            // A second target of one name has no name to be driven by.
+            if indices[name] == index && driven.insert(index) {
+                bound.add_control(&Control::new(*name), vec![(1.0, index)]);
+            }
+        }
+        let names: Vec<&str> = bound.controls().collect();
+        let places: HashMap<&str, usize> = names.iter().enumerate().map(|(i, name)| (*name, i)).collect();
+        if let Some((i, name)) = names.iter().enumerate().find(|(i, name)| places[*name] != *i) {
+            let remedy = "rename or remove one of them; a control that is called as a target has to drive it";
+            return Err(Error::invalid(
+                format!("controls {i} and {} of the rig are both called '{name}'", places[name]),
+                remedy,
+            ));
+        }
+        let factors = self.correctives.iter().map(|corrective| corrective.factors(&places, &names));
+        let factors = factors.collect::<Result<Vec<_>>>()?;
+        bound.add_correctives(corrected.into_iter().zip(factors));
+        Ok(bound)
+    }
+}
+
+impl Control {
+    fn check(&self, of: &str) -> Result<()> {
+        let refuse = |what: String, remedy: &str| Err(Error::invalid(format!("{of}: {what}"), remedy));
+        let [least, greatest] = self.limits;
+        let ordered = least <= greatest;
+        if !ordered || least == f32::INFINITY || greatest == f32::NEG_INFINITY {
+            return refuse(format!("limits from {least} to {greatest}"), "give the least value first");
+        }
+        if !(self.smoothing.is_finite() && self.smoothing >= 0.0) {
+            return refuse(format!("a smoothing of {} seconds", self.smoothing), "use a finite number, 0 or more");
+        }
+        for (i, key) in self.keys.iter().enumerate() {
+            let (at, target) = (key.at, &key.target);
+            if !at.is_normal() {
+                let remedy = "use a finite number that is not 0, where the neutral is";
+                return refuse(format!("target '{target}' at {at}"), remedy);
+            }
+            if let Some(other) = self.keys[..i].iter().find(|other| other.at == at) {
+                let remedy = "give each key a value of its own";
+                return refuse(format!("targets '{}' and '{target}' are both at {at}", other.target), remedy);
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Corrective {
+    /// The numbers of the controls that are multiplied.
+    fn factors(&self, places: &HashMap<&str, usize>, names: &[&str]) -> Result<Vec<usize>> {
+        let of = format!("corrective '{}' of the rig", self.target);
+        if self.controls.is_empty() {
+            return Err(Error::invalid(format!("{of}: no control drives it"), "name the controls that are multiplied"));
+        }
+        let mut factors = Vec::with_capacity(self.controls.len());
+        for name in &self.controls {
+            let what = || format!("{of}: '{name}' is no control");
+            let factor =
+                *places.get(name.as_str()).ok_or_else(|| unknown(what(), name, "control of the rig", names))?;
+            if factors.contains(&factor) {
+                return Err(Error::invalid(format!("{of}: control '{name}' is named twice"), "name it once"));
+            }
+            factors.push(factor);
+        }
+        Ok(factors)
+    }
+}
