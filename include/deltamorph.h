@@ -27,7 +27,7 @@
  *
  * Vulkan. The engine borrows your device and records into your command buffers; it never submits or waits. "Safety"
  * names what cannot be checked, and is your responsibility. Uploads, updates and draws run on queues of one family with
- * graphics and compute.
+ * graphics and compute, or on those that DmEngineDesc::queue_families and DmCrowdDesc::queue_family name.
  */
 
 #ifndef DELTAMORPH_H
@@ -112,6 +112,12 @@
 /// Dual quaternions: a joint is eight float32, a unit quaternion (x, y, z, w) and the dual part, half of translation x
 /// rotation.
 #define DM_SKIN_DUAL_QUATERNION 2
+
+/// A layer of a clip goes towards what the clip says: at the weight 1 it replaces what is below.
+#define DM_LAYER_OVERRIDE 1
+
+/// A layer of a clip is added to what is below.
+#define DM_LAYER_ADDITIVE 2
 
 /// Where the vertex is: three components.
 #define DM_STREAM_POSITION 1
@@ -333,9 +339,27 @@ typedef struct DmBoundClip {
     uint64_t bits;
 } DmBoundClip;
 
-/// The device that an engine is made on. All handles are alive, belong together, and live until the engine is destroyed,
-/// with what was made with it. The device has the extensions and features of `dm_requirements` enabled for the paths to
-/// be used.
+/// A clip at a time, in a stack of layers: see `dm_clips_mix`.
+typedef struct DmClipLayer {
+    /// sizeof(DmClipLayer).
+    uint32_t struct_size;
+    /// `DM_LAYER_...`, how it joins what is below it; 0: override.
+    uint32_t blend;
+    /// The clip.
+    struct DmBoundClip clip;
+    /// Seconds since the clip's first frame. Between two frames weights are interpolated in a straight line.
+    double time;
+    /// How much of the layer there is: from 0 to 1 to fade it in.
+    float weight;
+    /// Not 0: the first and the last frame stay; 0: the clip goes on over and over.
+    uint32_t once;
+    /// How much of it each target takes, a factor for each; null: 1 for all.
+    const float *mask;
+} DmClipLayer;
+
+/// The device that an engine is made on. All handles are alive, belong together, and live until the engine is
+/// destroyed, with what was made with it. The device has the extensions and features of `dm_requirements` enabled for
+/// the paths to be used.
 typedef struct DmEngineDesc {
     /// sizeof(DmEngineDesc).
     uint32_t struct_size;
@@ -364,6 +388,12 @@ typedef struct DmEngineDesc {
     /// Not 0: `device` was created with the feature `bufferDeviceAddress`; DmCrowdDesc::pose_usage may ask for
     /// addresses.
     uint32_t buffer_device_address;
+    /// The families whose queues use what the engine makes: those that upload, update and draw. Two or more share the
+    /// engine's buffers (VK_SHARING_MODE_CONCURRENT), and no ownership is transferred; the host's semaphores order what
+    /// barriers order on one queue. None: all run on one family. Read during the call only.
+    const uint32_t *queue_families;
+    /// Families.
+    uint64_t queue_family_count;
 } DmEngineDesc;
 
 /// What an engine runs on.
@@ -427,6 +457,43 @@ typedef struct DmStreamView {
     /// Zero.
     uint32_t reserved;
 } DmStreamView;
+
+/// Device memory of a mesh whose targets come and go.
+typedef struct DmResidency {
+    /// sizeof(DmResidency).
+    uint32_t struct_size;
+    /// Not 0: targets come and go. 0: the mesh was uploaded as a whole, and what follows is 0.
+    uint32_t limited;
+    /// Bytes for deltas, in all: what was asked for, rounded down to whole entries, or less where all targets take
+    /// less.
+    uint64_t capacity;
+    /// Taken by the targets that are there. The rest is free.
+    uint64_t used;
+    /// Bytes of the buffer: `capacity`, what says how deltas are stored, and the base pose.
+    uint64_t buffer_bytes;
+} DmResidency;
+
+/// Which targets come to the device and which go, counted in the mesh's order.
+typedef struct DmTargetSwap {
+    /// sizeof(DmTargetSwap).
+    uint32_t struct_size;
+    /// Targets to load.
+    uint32_t load_count;
+    /// Targets to have on the device from now on. Those that are there stay.
+    const uint32_t *load;
+    /// Targets whose memory others may take. Those that are not there stay away.
+    const uint32_t *unload;
+    /// Targets to let go.
+    uint32_t unload_count;
+    /// Zero.
+    uint32_t reserved;
+} DmTargetSwap;
+
+/// The copies of a swap of targets. All zero: none.
+typedef struct DmSwap {
+    /// Kind, generation and index.
+    uint64_t bits;
+} DmSwap;
 
 /// Where a stream is in a vertex.
 typedef struct DmStreamPlace {
@@ -494,6 +561,10 @@ typedef struct DmCrowdDesc {
     uint32_t reserved;
     /// Vertices of the host's that poses are written into (path blocks); null: buffers of the library's.
     const struct DmHostPoses *poses;
+    /// The family of the queue that updates of the crowd run on; null: one with graphics and compute. Read during the
+    /// call only. On one without graphics barriers name no stage of graphics: consumers that have one are on another
+    /// queue.
+    const uint32_t *queue_family;
 } DmCrowdDesc;
 
 /// Instances of a mesh on the device, whose weights are set, or that play clips. All zero: none.
@@ -531,6 +602,12 @@ typedef struct DmPlayback {
     /// Zero.
     uint32_t reserved;
 } DmPlayback;
+
+/// What a crowd had before it grew. All zero: none.
+typedef struct DmOutgrown {
+    /// Kind, generation and index.
+    uint64_t bits;
+} DmOutgrown;
 
 /// Crowds of several meshes (head, teeth, lashes) whose instances take one weight vector. All zero: none.
 typedef struct DmCrowds {
@@ -689,6 +766,12 @@ typedef struct DmSkinnedView {
     uint64_t previous_offset;
 } DmSkinnedView;
 
+/// What tells bounds of poses from their weights. All zero: none.
+typedef struct DmWeightBounds {
+    /// Kind, generation and index.
+    uint64_t bits;
+} DmWeightBounds;
+
 /// Instances of a mesh that are updated on the CPU, without Vulkan. All zero: none.
 typedef struct DmCpuCrowd {
     /// Kind, generation and index.
@@ -823,16 +906,14 @@ DmResult dm_mesh_render_vertices(struct DmMesh mesh, struct DmRenderVertices *ve
 /// There are `weight_count` weights, and room for `count` numbers at `pose`.
 DmResult dm_mesh_evaluate(struct DmMesh mesh, const float *weights, uint32_t weight_count, double *pose, size_t count);
 
-/// Read a mesh: a folder with neutral.obj and a folder `targets` of OBJ files, a glTF file (.glb, .gltf; feature `gltf`),
-/// or a packed file (.dmorph), which stays as it is packed unless `desc` says how to pack.
+/// Read a mesh: a folder with neutral.obj and a folder `targets` of OBJ files, a glTF file (.glb, .gltf; feature
+/// `gltf`), or a packed file (.dmorph), which stays as it is packed unless `desc` says how to pack.
 ///
 /// Errors: DM_ERROR_IO, DM_ERROR_INPUT with file, place and remedy; DM_ERROR_INVALID for what `desc` may not say.
 ///
 /// Safety:
 /// `path` is a UTF-8 string; `desc` is null (the defaults) or a structure; `mesh` can be written.
-DmResult dm_mesh_open(const char *path,
-                      const struct DmMeshDesc *desc,
-                      struct DmMesh *mesh);
+DmResult dm_mesh_open(const char *path, const struct DmMeshDesc *desc, struct DmMesh *mesh);
 
 /// Read a mesh from the bytes of a packed file (.dmorph) in memory. `name` is for messages, and may be null.
 ///
@@ -859,7 +940,8 @@ DmResult dm_mesh_from_arrays(const struct DmMeshArrays *arrays, const struct DmM
 
 /// Make the built-in head, as `sample` describes it (null: the defaults).
 ///
-/// Errors: DM_ERROR_INVALID for what `desc` may not say.
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `sample`; DM_ERROR_INVALID for what
+/// `desc` may not say.
 ///
 /// Safety:
 /// `sample` and `desc` are null (the defaults) or structures; `mesh` can be written.
@@ -896,6 +978,8 @@ DmResult dm_clip_from_arrays(const struct DmClipArrays *arrays, struct DmClip *c
 
 /// Make the clip of the built-in head that `sample` describes (null: the defaults).
 ///
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `sample`.
+///
 /// Safety:
 /// `sample` is null (the defaults) or a structure; `clip` can be written.
 DmResult dm_clip_sample_head(const struct DmSampleDesc *sample, uint32_t frame_count, float fps, struct DmClip *clip);
@@ -918,6 +1002,15 @@ DmResult dm_clip_destroy(struct DmClip clip);
 /// `bound` can be written.
 DmResult dm_clip_bind(struct DmClip clip, struct DmMesh mesh, struct DmBoundClip *bound);
 
+/// Bind the columns of a clip to names: those of a set, for `dm_clips_mix` and `dm_crowds_set_weights`. Names without a
+/// column have the weight 0.
+///
+/// Errors: as `dm_clip_bind`.
+///
+/// Safety:
+/// There are `count` names, UTF-8 strings; `bound` can be written.
+DmResult dm_clip_bind_names(struct DmClip clip, const char *const *names, uint32_t count, struct DmBoundClip *bound);
+
 /// The weights of a bound clip at `frame`, one for each target of the mesh, for `dm_crowd_set_weights`: between two
 /// frames in a straight line, before the first and after the last as these.
 ///
@@ -930,9 +1023,24 @@ DmResult dm_bound_clip_sample(struct DmBoundClip clip, double frame, float *weig
 /// Destroy a bound clip.
 DmResult dm_bound_clip_destroy(struct DmBoundClip clip);
 
+/// Mix layers, the first one lowest, on top of the weights that are in `weights` already: zeros, or a pose of the
+/// host's. What comes out is what `dm_crowd_set_weights` takes or, of clips that are bound to the names of a set,
+/// `dm_crowds_set_weights`. With the weight w of a layer, its mask m of a target and s what its clip says of it, the
+/// weight v of the target becomes v x (1 - w x m) + w x m x s (`DM_LAYER_OVERRIDE`), or v + w x m x s
+/// (`DM_LAYER_ADDITIVE`). A layer leaves alone what its clip has no column for.
+///
+/// Errors: DM_ERROR_INVALID for a clip of another number of targets than `weight_count`, a time, weight or factor of a
+/// mask that is not finite, a blend that there is not. Nothing changes then.
+///
+/// Safety:
+/// There are `count` structures one behind the other, whose masks are null or have `weight_count` factors, and
+/// `weight_count` weights, which can be written.
+DmResult dm_clips_mix(const struct DmClipLayer *layers, uint32_t count, float *weights, uint32_t weight_count);
+
 /// Make an engine on a device of the host's. It never submits, waits, or makes a queue or a thread.
 ///
-/// Errors: DM_ERROR_INVALID for null handles, or an instance or device of Vulkan 1.0; DM_ERROR_OUT_OF_MEMORY.
+/// Errors: DM_ERROR_INVALID for null handles, an instance or device of Vulkan 1.0, or queue families that the device
+/// does not have; DM_ERROR_OUT_OF_MEMORY.
 ///
 /// Safety:
 /// `desc` is a structure that keeps what its documentation says; `engine` can be written.
@@ -953,14 +1061,14 @@ DmResult dm_engine_destroy(struct DmEngine engine);
 /// Make the buffers of a mesh on the device, and record their upload. `mesh` may be destroyed afterwards.
 ///
 /// This records: copies from staging memory, and a barrier that makes them visible to every update path (first stage
-/// TRANSFER with TRANSFER_WRITE; last stages VERTEX_INPUT, VERTEX_SHADER, COMPUTE_SHADER).
+/// TRANSFER with TRANSFER_WRITE; last ALL_COMMANDS with MEMORY_READ and MEMORY_WRITE).
 ///
 /// Errors: DM_ERROR_INVALID for a mesh that exceeds the device's limits, with the numbers; DM_ERROR_OUT_OF_MEMORY.
 /// Nothing is recorded then.
 ///
 /// Safety:
 /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and without
-///   active conditional rendering, on a queue with graphics and compute. No other thread uses it meanwhile.
+///   active conditional rendering, on any queue. No other thread uses it meanwhile.
 /// - It runs exactly once, before any update of the mesh; where it never does, no crowd of the mesh is updated.
 /// - `gpu_mesh` can be written. The mesh on the device is destroyed only when the device no longer uses it.
 DmResult dm_mesh_upload(struct DmEngine engine, VkCommandBuffer cmd, struct DmMesh mesh, struct DmGpuMesh *gpu_mesh);
@@ -992,6 +1100,92 @@ DmResult dm_gpu_mesh_base_stream(struct DmGpuMesh mesh, uint32_t stream, struct 
 /// The device no longer uses the mesh but for its crowds: its upload has run, or never will.
 DmResult dm_gpu_mesh_destroy(struct DmGpuMesh mesh);
 
+/// Bytes that the deltas of a target take on the device.
+///
+/// Errors: DM_ERROR_INVALID for a target that there is not.
+///
+/// Safety:
+/// `bytes` can be written.
+DmResult dm_mesh_target_bytes(struct DmMesh mesh, uint32_t target, uint64_t *bytes);
+
+/// Make the buffer of a mesh in blocks whose targets come and go, and record the upload of its base pose: no target is
+/// on the device yet, `dm_record_swap` loads them. `resident_bytes` bounds the deltas that are there at a time: at
+/// least those of the largest target (`dm_mesh_target_bytes`). The buffer never grows. Crowds of the mesh are made by
+/// `dm_crowd_create`; their poses have the same bits as those of a mesh that is there as a whole. A weight other than
+/// 0 of a target that is not there is refused.
+///
+/// This records: a fill, copies, and a barrier that makes them visible to updates and draws.
+///
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `residency`; DM_ERROR_INVALID for a
+/// dense format, fewer bytes than a target takes, a buffer that exceeds the device's storage range;
+/// DM_ERROR_OUT_OF_MEMORY. Nothing is recorded then.
+///
+/// Safety:
+/// As `dm_mesh_upload`.
+DmResult dm_mesh_upload_resident(struct DmEngine engine,
+                                 VkCommandBuffer cmd,
+                                 struct DmMesh mesh,
+                                 uint64_t resident_bytes,
+                                 struct DmGpuMesh *gpu_mesh);
+
+/// Memory of a mesh whose targets come and go, as of the last recorded swap, whether it has run or not.
+///
+/// Safety:
+/// `residency` is a structure that can be written.
+DmResult dm_gpu_mesh_residency(struct DmGpuMesh mesh, struct DmResidency *residency);
+
+/// Whether weights of a target may be requested: 1, or 0. All targets are there of a mesh that was uploaded as a
+/// whole, of others those that were loaded. As of the last recorded swap.
+///
+/// Safety:
+/// `resident` can be written.
+DmResult dm_gpu_mesh_is_resident(struct DmGpuMesh mesh, uint32_t target, uint32_t *resident);
+
+/// Let targets go, and load others. Whatever takes no more than is free in all finds a place. `source` is the mesh
+/// that was uploaded, or the same read again from its file: deltas are copied from it, and it may be destroyed between
+/// swaps.
+///
+/// A target cannot go while poses hold it: after the last recorded update of each crowd of the mesh. Record an update
+/// with its weight at 0 first; with an error budget a second one.
+///
+/// This records: a barrier that waits for updates, copies, and a barrier that makes them visible to updates. Nothing
+/// where there is nothing to copy.
+///
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `residency`; DM_ERROR_INVALID for a
+/// mesh that was uploaded as a whole, another `source`, a target that there is not, or that is to come and to go; one
+/// that is to go while poses hold it, by name; more bytes than are free; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded
+/// then, and nothing changes.
+///
+/// Safety:
+/// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and without
+///   active conditional rendering, on a queue with compute. No other thread uses it meanwhile.
+/// - It runs exactly once, after the upload of the mesh and all updates of its crowds and swaps recorded before, and
+///   before those recorded later; or it never runs, nor does any update recorded later, and `dm_swap_discard` is
+///   called before anything else of the mesh is recorded. No update of a crowd of the mesh is recorded on another
+///   thread meanwhile.
+/// - `swap` is a structure whose arrays have the elements that it says; `copies` can be written; `copied` is null, or
+///   can be written: it becomes the bytes that are copied, of what came and of what had to move for it.
+DmResult dm_record_swap(VkCommandBuffer cmd,
+                        struct DmGpuMesh mesh,
+                        struct DmMesh source,
+                        const struct DmTargetSwap *swap,
+                        struct DmSwap *copies,
+                        uint64_t *copied);
+
+/// A swap will never run, nor will the updates recorded after it, which are discarded, too. What it copied is not
+/// there then; the next swap, be it of nothing, copies that again, and until then updates that need it are refused.
+/// Targets that it let go are gone. The handle names nothing any longer.
+///
+/// Safety:
+/// Neither the swap nor any later update of the mesh runs.
+DmResult dm_swap_discard(struct DmSwap swap);
+
+/// Give the staging memory of a swap back.
+///
+/// Safety:
+/// It has run.
+DmResult dm_swap_destroy(struct DmSwap swap);
+
 /// Make pose buffers and pipelines for instances of a mesh, all weights 0. The first update writes their base poses.
 ///
 /// Errors: DM_ERROR_INVALID, DM_ERROR_UNSUPPORTED for what mesh or device cannot do, with what to use instead;
@@ -999,7 +1193,7 @@ DmResult dm_gpu_mesh_destroy(struct DmGpuMesh mesh);
 ///
 /// Safety:
 /// `desc` is null (the defaults) or a structure, and so is DmCrowdDesc::poses, which keeps what its documentation says;
-/// `crowd` can be written.
+/// DmCrowdDesc::queue_family is null or can be read; `crowd` can be written.
 DmResult dm_crowd_create(struct DmGpuMesh mesh, const struct DmCrowdDesc *desc, struct DmCrowd *crowd);
 
 /// Make a crowd whose instances play clips on the GPU, and record the upload of the clips. Instances that have played
@@ -1011,7 +1205,7 @@ DmResult dm_crowd_create(struct DmGpuMesh mesh, const struct DmCrowdDesc *desc, 
 /// Errors: as `dm_crowd_create`; clips that do not fit the mesh; float32 poses. Nothing is recorded then.
 ///
 /// Safety:
-/// - `cmd` as in `dm_mesh_upload`. It runs exactly once, before any update of the crowd.
+/// - `cmd` as in `dm_mesh_upload`, on a queue with compute. It runs exactly once, before any update of the crowd.
 /// - `desc` as in `dm_crowd_create`; `animation` is a structure with as many clips as it says.
 /// - `crowd` can be written. It is destroyed only when the device no longer uses it.
 DmResult dm_crowd_create_animated(struct DmGpuMesh mesh,
@@ -1070,6 +1264,33 @@ DmResult dm_crowd_play(struct DmCrowd crowd, uint32_t instance, const struct DmP
 ///
 /// Errors: DM_ERROR_INVALID for no number, or one too large; for a crowd that plays no clips.
 DmResult dm_crowd_set_time(struct DmCrowd crowd, double seconds);
+
+/// Make a crowd anew with more places: `desc` says how, as a rule as it was made, with more instances. The handle
+/// stays, and so do sets that name it. Instances keep their numbers, what is requested of them or what they play, and
+/// whether they are hidden; the new places are free, for `dm_crowd_add`. Tickets stay good. Called between two
+/// updates, whether the earlier ones have finished or not; the next update writes all poses anew, and until it is
+/// recorded there are none.
+///
+/// This records: nothing, and `cmd` is not looked at; for a crowd that plays clips what `dm_crowd_create_animated`
+/// does: call `dm_crowd_release_staging` once that has run.
+///
+/// Errors: DM_ERROR_INVALID for fewer places than there are, for instances with targets of steps after the pose, which
+/// have to be taken away first, for poses in the host's vertices that the crowd has now; as `dm_crowd_create`, and
+/// `dm_crowd_create_animated`. Nothing changes then.
+///
+/// Safety:
+/// - `cmd`, of a crowd that plays clips, as in `dm_crowd_create_animated`.
+/// - `desc` as in `dm_crowd_create`; `outgrown` can be written.
+DmResult dm_crowd_grow(struct DmCrowd crowd,
+                       VkCommandBuffer cmd,
+                       const struct DmCrowdDesc *desc,
+                       struct DmOutgrown *outgrown);
+
+/// Destroy what a crowd had before it grew: pose buffers, lists, descriptor sets.
+///
+/// Safety:
+/// The updates and draws recorded before have finished.
+DmResult dm_outgrown_destroy(struct DmOutgrown outgrown);
 
 /// Request these weights for an instance, one per target in the mesh's order, from the next recorded update on.
 ///
@@ -1161,7 +1382,8 @@ DmResult dm_crowds_destroy(struct DmCrowds set);
 ///
 /// Safety:
 /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and without
-///   active conditional rendering, on a queue with graphics and compute. No other thread uses it meanwhile.
+///   active conditional rendering, on a queue of DmCrowdDesc::queue_family, or else with graphics and compute. No other
+///   thread uses it meanwhile.
 /// - It runs exactly once, after the upload of the mesh and all earlier updates of the crowd, and before later ones; or
 ///   it never runs, and `dm_crowd_discard` is called with the ticket before any later update is recorded.
 /// - With this one, at most DmCrowdDesc::frames_in_flight updates of the crowd are recorded and not yet finished.
@@ -1171,8 +1393,8 @@ DmResult dm_record_update(VkCommandBuffer cmd, struct DmCrowd crowd, struct DmUp
 
 /// Record the updates of several crowds of one engine, as `dm_record_update` does for one. They share their barriers.
 ///
-/// Errors: DM_ERROR_INVALID for no crowd, a crowd that is named twice, crowds of several engines. Nothing is recorded
-/// then.
+/// Errors: DM_ERROR_INVALID for no crowd, a crowd that is named twice, crowds of several engines, or for queues of
+/// several families. Nothing is recorded then.
 ///
 /// Safety:
 /// - As `dm_record_update`, for each crowd.
@@ -1397,6 +1619,35 @@ DmResult dm_crowd_set_joints(struct DmCrowd crowd, uint32_t instance, uint64_t o
 /// `view` is a structure that can be written.
 DmResult dm_crowd_skinned(struct DmCrowd crowd, uint32_t instance, struct DmSkinnedView *view);
 
+/// Make what tells bounds of poses from their weights, for crowds of a mesh that are made by `desc`: for culling,
+/// without waiting for a GPU. They hold, and are somewhat larger than the least, which `dm_crowd_set_bounds_target`
+/// has written. The mesh may be destroyed afterwards.
+///
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for poses of
+/// integers that the mesh has no grid for; as `dm_crowd_create` for what `desc` may not say.
+///
+/// Safety:
+/// `desc` as in `dm_crowd_create`; `bounds` can be written.
+DmResult dm_weight_bounds_create(struct DmMesh mesh, const struct DmCrowdDesc *desc, struct DmWeightBounds *bounds);
+
+/// Bounds of the pose of these weights, one for each target: six numbers, the least x, y and z of any vertex and the
+/// greatest. `bound` is how far updates may have taken poses from it: DmUpdate::bound of the update that wrote it. Of
+/// a mesh without vertices the least are infinite.
+///
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for a wrong
+/// number of weights, one that is not finite.
+///
+/// Safety:
+/// There are `count` weights, and room for six numbers at `least_and_greatest`.
+DmResult dm_weight_bounds_of(struct DmWeightBounds bounds,
+                             const float *weights,
+                             uint32_t count,
+                             float bound,
+                             float *least_and_greatest);
+
+/// Destroy what tells bounds.
+DmResult dm_weight_bounds_destroy(struct DmWeightBounds bounds);
+
 /// Make instances of a mesh that are updated on the CPU, all weights 0. They keep a copy of the mesh. `threads` 0: one
 /// for each core, where the library was built with the feature `threads`.
 ///
@@ -1440,7 +1691,7 @@ DmResult dm_cpu_crowd_destroy(struct DmCpuCrowd crowd);
 
 /* The layout of structures in the library. */
 #if UINTPTR_MAX == UINT64_MAX
-typedef char DmEngineDesc_sizeof[sizeof(DmEngineDesc) == 80 ? 1 : -1];
+typedef char DmEngineDesc_sizeof[sizeof(DmEngineDesc) == 96 ? 1 : -1];
 typedef char DmEngineDesc_struct_size[offsetof(DmEngineDesc, struct_size) == 0 ? 1 : -1];
 typedef char DmEngineDesc_transform_feedback[offsetof(DmEngineDesc, transform_feedback) == 4 ? 1 : -1];
 typedef char DmEngineDesc_instance[offsetof(DmEngineDesc, instance) == 8 ? 1 : -1];
@@ -1454,6 +1705,8 @@ typedef char DmEngineDesc_clamp_to_android_baseline[offsetof(DmEngineDesc, clamp
 typedef char DmEngineDesc_reserved[offsetof(DmEngineDesc, reserved) == 68 ? 1 : -1];
 typedef char DmEngineDesc_debug_names[offsetof(DmEngineDesc, debug_names) == 72 ? 1 : -1];
 typedef char DmEngineDesc_buffer_device_address[offsetof(DmEngineDesc, buffer_device_address) == 76 ? 1 : -1];
+typedef char DmEngineDesc_queue_families[offsetof(DmEngineDesc, queue_families) == 80 ? 1 : -1];
+typedef char DmEngineDesc_queue_family_count[offsetof(DmEngineDesc, queue_family_count) == 88 ? 1 : -1];
 typedef char DmEngineInfo_sizeof[sizeof(DmEngineInfo) == 280 ? 1 : -1];
 typedef char DmEngineInfo_struct_size[offsetof(DmEngineInfo, struct_size) == 0 ? 1 : -1];
 typedef char DmEngineInfo_is_software[offsetof(DmEngineInfo, is_software) == 4 ? 1 : -1];
@@ -1522,7 +1775,7 @@ typedef char DmRenderVertices_reserved[offsetof(DmRenderVertices, reserved) == 1
 typedef char DmRenderVertices_pose_vertices[offsetof(DmRenderVertices, pose_vertices) == 16 ? 1 : -1];
 typedef char DmRenderVertices_texcoords[offsetof(DmRenderVertices, texcoords) == 24 ? 1 : -1];
 typedef char DmRenderVertices_indices[offsetof(DmRenderVertices, indices) == 32 ? 1 : -1];
-typedef char DmCrowdDesc_sizeof[sizeof(DmCrowdDesc) == 64 ? 1 : -1];
+typedef char DmCrowdDesc_sizeof[sizeof(DmCrowdDesc) == 72 ? 1 : -1];
 typedef char DmCrowdDesc_struct_size[offsetof(DmCrowdDesc, struct_size) == 0 ? 1 : -1];
 typedef char DmCrowdDesc_instances[offsetof(DmCrowdDesc, instances) == 4 ? 1 : -1];
 typedef char DmCrowdDesc_path[offsetof(DmCrowdDesc, path) == 8 ? 1 : -1];
@@ -1538,6 +1791,7 @@ typedef char DmCrowdDesc_error_budget[offsetof(DmCrowdDesc, error_budget) == 44 
 typedef char DmCrowdDesc_pose_usage[offsetof(DmCrowdDesc, pose_usage) == 48 ? 1 : -1];
 typedef char DmCrowdDesc_reserved[offsetof(DmCrowdDesc, reserved) == 52 ? 1 : -1];
 typedef char DmCrowdDesc_poses[offsetof(DmCrowdDesc, poses) == 56 ? 1 : -1];
+typedef char DmCrowdDesc_queue_family[offsetof(DmCrowdDesc, queue_family) == 64 ? 1 : -1];
 typedef char DmHostPoses_sizeof[sizeof(DmHostPoses) == 40 ? 1 : -1];
 typedef char DmHostPoses_struct_size[offsetof(DmHostPoses, struct_size) == 0 ? 1 : -1];
 typedef char DmHostPoses_stride[offsetof(DmHostPoses, stride) == 4 ? 1 : -1];
@@ -1651,6 +1905,27 @@ typedef char DmClipArrays_fps[offsetof(DmClipArrays, fps) == 12 ? 1 : -1];
 typedef char DmClipArrays_name[offsetof(DmClipArrays, name) == 16 ? 1 : -1];
 typedef char DmClipArrays_names[offsetof(DmClipArrays, names) == 24 ? 1 : -1];
 typedef char DmClipArrays_values[offsetof(DmClipArrays, values) == 32 ? 1 : -1];
+typedef char DmClipLayer_sizeof[sizeof(DmClipLayer) == 40 ? 1 : -1];
+typedef char DmClipLayer_struct_size[offsetof(DmClipLayer, struct_size) == 0 ? 1 : -1];
+typedef char DmClipLayer_blend[offsetof(DmClipLayer, blend) == 4 ? 1 : -1];
+typedef char DmClipLayer_clip[offsetof(DmClipLayer, clip) == 8 ? 1 : -1];
+typedef char DmClipLayer_time[offsetof(DmClipLayer, time) == 16 ? 1 : -1];
+typedef char DmClipLayer_weight[offsetof(DmClipLayer, weight) == 24 ? 1 : -1];
+typedef char DmClipLayer_once[offsetof(DmClipLayer, once) == 28 ? 1 : -1];
+typedef char DmClipLayer_mask[offsetof(DmClipLayer, mask) == 32 ? 1 : -1];
+typedef char DmTargetSwap_sizeof[sizeof(DmTargetSwap) == 32 ? 1 : -1];
+typedef char DmTargetSwap_struct_size[offsetof(DmTargetSwap, struct_size) == 0 ? 1 : -1];
+typedef char DmTargetSwap_load_count[offsetof(DmTargetSwap, load_count) == 4 ? 1 : -1];
+typedef char DmTargetSwap_load[offsetof(DmTargetSwap, load) == 8 ? 1 : -1];
+typedef char DmTargetSwap_unload[offsetof(DmTargetSwap, unload) == 16 ? 1 : -1];
+typedef char DmTargetSwap_unload_count[offsetof(DmTargetSwap, unload_count) == 24 ? 1 : -1];
+typedef char DmTargetSwap_reserved[offsetof(DmTargetSwap, reserved) == 28 ? 1 : -1];
+typedef char DmResidency_sizeof[sizeof(DmResidency) == 32 ? 1 : -1];
+typedef char DmResidency_struct_size[offsetof(DmResidency, struct_size) == 0 ? 1 : -1];
+typedef char DmResidency_limited[offsetof(DmResidency, limited) == 4 ? 1 : -1];
+typedef char DmResidency_capacity[offsetof(DmResidency, capacity) == 8 ? 1 : -1];
+typedef char DmResidency_used[offsetof(DmResidency, used) == 16 ? 1 : -1];
+typedef char DmResidency_buffer_bytes[offsetof(DmResidency, buffer_bytes) == 24 ? 1 : -1];
 #endif
 
 #endif /* DELTAMORPH_H */

@@ -1,53 +1,17 @@
-//! What follows the pose, written into buffers of the host's: decoded positions, bounds, normals of the morphed surface.
-//! Skinning is in [`skin`](crate::skin).
+//! What follows the pose, written into buffers of the host's: decoded positions, bounds, normals of the morphed
+//! surface. Skinning is in [`skin`](crate::skin).
 
-use crate::arguments::{check_command_buffer, check_reserved, or};
+use crate::arguments::{built, check_reserved, or};
+use crate::attached::{self, Attached, check_buffer};
 use crate::crowd::either;
-use crate::engine::Engine;
 use crate::handles::{DmCrowd, DmEngine, DmMesh, DmSurface, Handle, handle};
-use crate::memory::{Versioned, check_place, read};
-use crate::result::{DM_ERROR_UNSUPPORTED, DmResult, Failure, Result, enter, lock};
+use crate::result::{DmResult, Result, enter};
 use crate::structs::{DmBoundsTarget, DmDecodeTarget, DmNormalsTarget};
 use deltamorph::DecodeTarget;
 use deltamorph::after::{BoundsTarget, GpuNormals, NormalsDesc, NormalsTarget};
-use deltamorph::ash::vk::{self, Handle as _};
-use std::sync::{Arc, Mutex};
+use deltamorph::ash::vk;
 
-/// What a `DmSurface` names.
-pub struct Surface {
-    normals: Mutex<GpuNormals>,
-    _engine: Arc<Engine>,
-}
-
-handle!(DmSurface, 11, Surface);
-
-/// The steps but decoding are a feature, of 52 kB: without it their entries end at this constant, and the compiler leaves
-/// out kernels and code.
-pub(crate) const BUILT: bool = cfg!(feature = "after");
-
-pub(crate) fn not_built() -> Failure {
-    let message = "the library was built without steps after the pose; build it with the feature 'after'".into();
-    Failure { code: DM_ERROR_UNSUPPORTED, message }
-}
-
-pub(crate) fn check_buffer(buffer: vk::Buffer, what: &str) -> Result<()> {
-    match buffer.is_null() {
-        true => Err(Failure::invalid(format!("'{what}' is null; hand in a buffer, or a null pointer for no target"))),
-        false => Ok(()),
-    }
-}
-
-/// A target of a step, or none.
-///
-/// # Safety
-/// As [`read`].
-pub(crate) unsafe fn target<T: Versioned, R>(
-    target: *const T,
-    make: impl FnOnce(&T) -> Result<R>,
-) -> Result<Option<R>> {
-    // SAFETY: the caller's obligation.
-    if target.is_null() { Ok(None) } else { make(&unsafe { read(target) }?).map(Some) }
-}
+handle!(DmSurface, 11, Attached<GpuNormals>);
 
 /// Have positions of an instance written as float32 into a buffer of the host's, from the next recorded update on;
 /// null: no longer. What is written is ready for the crowd's consumers.
@@ -67,12 +31,12 @@ pub unsafe extern "C" fn dm_crowd_set_decode_target(
     target: *const DmDecodeTarget,
 ) -> DmResult {
     enter("dm_crowd_set_decode_target", || {
-        // SAFETY: the caller's obligation.
-        let target = unsafe { self::target(target, decode_target) }?;
-        let crowd = crowd.get()?;
-        let (mut state, engine) = (lock(&crowd.state)?, &crowd.engine.morph);
         // SAFETY: the caller's obligations.
-        Ok(either!(state, crowd => unsafe { engine.set_decode_target(crowd, instance, target.as_ref()) })?)
+        unsafe {
+            attached::set_target(crowd, target, decode_target, |state, engine, target| {
+                Ok(either!(state, crowd => engine.set_decode_target(crowd, instance, target))?)
+            })
+        }
     })
 }
 
@@ -100,20 +64,18 @@ pub unsafe extern "C" fn dm_crowd_set_bounds_target(
     target: *const DmBoundsTarget,
 ) -> DmResult {
     enter("dm_crowd_set_bounds_target", || {
-        if !BUILT {
-            return Err(not_built());
-        }
+        built!("after", "steps after the pose");
         let make = |asked: &DmBoundsTarget| {
             check_reserved("DmBoundsTarget", asked.reserved)?;
             check_buffer(asked.buffer, "buffer")?;
             Ok(BoundsTarget::new(asked.buffer).offset(asked.offset))
         };
-        // SAFETY: the caller's obligation.
-        let target = unsafe { self::target(target, make) }?;
-        let crowd = crowd.get()?;
-        let (mut state, engine) = (lock(&crowd.state)?, &crowd.engine.morph);
         // SAFETY: the caller's obligations.
-        Ok(either!(state, crowd => unsafe { engine.set_bounds_target(crowd, instance, target.as_ref()) })?)
+        unsafe {
+            attached::set_target(crowd, target, make, |state, engine, target| {
+                Ok(either!(state, crowd => engine.set_bounds_target(crowd, instance, target))?)
+            })
+        }
     })
 }
 
@@ -137,21 +99,16 @@ pub unsafe extern "C" fn dm_surface_upload(
     surface: *mut DmSurface,
 ) -> DmResult {
     enter("dm_surface_upload", || {
-        if !BUILT {
-            return Err(not_built());
-        }
-        check_place(surface, "surface")?;
-        check_command_buffer(cmd)?;
-        let (engine, mesh) = (engine.get()?, mesh.get()?);
-        let faces = &mesh.asset.faces;
-        let corners: Vec<u32> = faces.corners.iter().map(|corner| corner.position).collect();
-        let desc = NormalsDesc::new(&corners).sizes(&faces.sizes).welds(&mesh.asset.welds);
-        // SAFETY: the caller's obligations; `surface` was checked.
-        unsafe {
-            let normals = Mutex::new(engine.morph.upload_normals(cmd, &mesh.asset.mesh, &desc)?);
-            surface.write(DmSurface::insert(Surface { normals, _engine: engine })?);
-        }
-        Ok(())
+        built!("after", "steps after the pose");
+        let make = |engine: &deltamorph::MorphEngine, mesh: &crate::mesh::Mesh| {
+            let faces = &mesh.asset.faces;
+            let corners: Vec<u32> = faces.corners.iter().map(|corner| corner.position).collect();
+            let desc = NormalsDesc::new(&corners).sizes(&faces.sizes).welds(&mesh.asset.welds);
+            // SAFETY: the caller's obligations.
+            Ok(unsafe { engine.upload_normals(cmd, &mesh.asset.mesh, &desc) }?)
+        };
+        // SAFETY: as above.
+        unsafe { attached::upload((engine, cmd, mesh), (surface, "surface"), make) }
     })
 }
 
@@ -162,10 +119,11 @@ pub unsafe extern "C" fn dm_surface_upload(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_surface_release_staging(surface: DmSurface) -> DmResult {
     enter("dm_surface_release_staging", || {
-        let surface = surface.get()?;
-        // SAFETY: the caller's obligation.
-        unsafe { lock(&surface.normals)?.release_staging() };
-        Ok(())
+        attached::with(surface, |surface| {
+            // SAFETY: the caller's obligation.
+            unsafe { surface.release_staging() };
+            Ok(())
+        })
     })
 }
 
@@ -196,46 +154,18 @@ pub unsafe extern "C" fn dm_crowd_set_normals_target(
     target: *const DmNormalsTarget,
 ) -> DmResult {
     enter("dm_crowd_set_normals_target", || {
-        if !BUILT {
-            return Err(not_built());
-        }
+        built!("after", "steps after the pose");
         let make = |asked: &DmNormalsTarget| {
             check_buffer(asked.buffer, "buffer")?;
             Ok(NormalsTarget::new(asked.buffer).offset(asked.offset).stride(or(asked.stride, 12)))
         };
-        // SAFETY: the caller's obligation.
-        let target = unsafe { self::target(target, make) }?;
-        let surface = target.map(|_| surface.get()).transpose()?;
-        let surface = surface.as_ref().map(|surface| lock(&surface.normals)).transpose()?;
-        let crowd = crowd.get()?;
-        let (mut state, engine) = (lock(&crowd.state)?, &crowd.engine.morph);
-        let target = surface.as_deref().zip(target.as_ref());
         // SAFETY: the caller's obligations.
-        Ok(either!(state, crowd => unsafe { engine.set_normals_target(crowd, instance, target) })?)
+        unsafe {
+            attached::set_target(crowd, target, make, |state, engine, target| {
+                attached::with_target(surface, target, |target| {
+                    Ok(either!(state, crowd => engine.set_normals_target(crowd, instance, target))?)
+                })
+            })
+        }
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::handles::DmSkin;
-    use crate::result::{DM_ERROR_HANDLE, dm_last_error};
-
-    #[test]
-    fn a_library_without_these_steps_says_so() {
-        let (null, no_crowd) = (std::ptr::null(), DmCrowd { bits: 0 });
-        // SAFETY: null pointers are allowed, or refused.
-        let codes = unsafe {
-            [
-                dm_crowd_set_bounds_target(no_crowd, 0, null),
-                crate::skin::dm_crowd_set_skin_target(no_crowd, 0, DmSkin { bits: 0 }, std::ptr::null()),
-                dm_crowd_set_normals_target(no_crowd, 0, DmSurface { bits: 0 }, std::ptr::null()),
-                crate::skin::dm_crowd_set_joints(no_crowd, 0, 0),
-            ]
-        };
-        assert_eq!(codes, [if BUILT { DM_ERROR_HANDLE } else { DM_ERROR_UNSUPPORTED }; 4]);
-        // SAFETY: a string that is valid until the next failure on this thread.
-        let said = unsafe { std::ffi::CStr::from_ptr(dm_last_error()) }.to_str().unwrap();
-        assert!(said.contains(if BUILT { "null handle" } else { "build it with the feature 'after'" }), "{said}");
-    }
 }

@@ -1,6 +1,7 @@
-//! What arguments and fields of structures may be: defaults for zeros, reserved fields, command buffers.
+//! What arguments and fields of structures may be: defaults for zeros, reserved fields, command buffers; and what
+//! needs a feature of the library.
 
-use crate::result::{Failure, Result};
+use crate::result::{DM_ERROR_UNSUPPORTED, Failure, Result};
 use deltamorph::ash::vk::{self, Handle as _};
 
 /// A value, or the default where it is 0.
@@ -21,5 +22,87 @@ pub fn check_command_buffer(cmd: vk::CommandBuffer) -> Result<()> {
     match cmd.is_null() {
         true => Err(Failure::invalid("'cmd' is null; hand in a command buffer that is being recorded")),
         false => Ok(()),
+    }
+}
+
+/// Leave an entry that needs a feature that the library was built without. A function that returned the failure would
+/// not do: compilers keep what follows where they cannot see that it always fails.
+macro_rules! built {
+    ($feature:literal, $what:literal) => {
+        if !cfg!(feature = $feature) {
+            return Err(crate::arguments::not_built($feature, $what));
+        }
+    };
+}
+
+pub(crate) use built;
+
+/// The failure of an entry that was built without a feature.
+#[cold]
+pub fn not_built(feature: &str, what: &str) -> Failure {
+    let message = format!("the library was built without {what}; build it with the feature '{feature}'");
+    Failure { code: DM_ERROR_UNSUPPORTED, message }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::handles::{DmClip, DmCrowd, DmSkin, DmSurface, DmSwap, DmWeightBounds};
+    use crate::result::{DM_ERROR_HANDLE, DM_ERROR_INVALID, DM_ERROR_UNSUPPORTED, dm_last_error};
+    use crate::structs::DmSampleDesc;
+    use crate::{after, bounds, clip, memory::Versioned, residency, skin};
+    use std::ffi::CStr;
+    use std::ptr::null;
+
+    #[test]
+    fn entries_whose_feature_is_not_there_say_so() {
+        let crowd = DmCrowd { bits: 0 };
+        let sample = DmSampleDesc { struct_size: 4, ..DmSampleDesc::zeroed() };
+        let mut clip = DmClip { bits: 0 };
+        let said = || {
+            // SAFETY: a string that is valid until the next failure on this thread.
+            unsafe { CStr::from_ptr(dm_last_error()) }.to_str().unwrap().to_owned()
+        };
+        // SAFETY: null pointers and handles are allowed, or refused; the structure is refused.
+        let results = unsafe {
+            [
+                ("after", DM_ERROR_HANDLE, after::dm_crowd_set_bounds_target(crowd, 0, null()), said()),
+                (
+                    "after",
+                    DM_ERROR_HANDLE,
+                    skin::dm_crowd_set_skin_target(crowd, 0, DmSkin { bits: 0 }, null()),
+                    said(),
+                ),
+                (
+                    "after",
+                    DM_ERROR_HANDLE,
+                    after::dm_crowd_set_normals_target(crowd, 0, DmSurface { bits: 0 }, null()),
+                    said(),
+                ),
+                ("after", DM_ERROR_HANDLE, skin::dm_crowd_set_joints(crowd, 0, 0), said()),
+                (
+                    "after",
+                    DM_ERROR_HANDLE,
+                    bounds::dm_weight_bounds_of(DmWeightBounds { bits: 0 }, null(), 0, 0.0, std::ptr::null_mut()),
+                    said(),
+                ),
+                ("residency", DM_ERROR_HANDLE, residency::dm_swap_discard(DmSwap { bits: 0 }), said()),
+                (
+                    "sample",
+                    DM_ERROR_INVALID,
+                    clip::dm_clip_sample_head(&raw const sample, 1, 30.0, &raw mut clip),
+                    said(),
+                ),
+            ]
+        };
+        let built = [
+            ("after", cfg!(feature = "after")),
+            ("residency", cfg!(feature = "residency")),
+            ("sample", cfg!(feature = "sample")),
+        ];
+        for (feature, otherwise, code, said) in results {
+            let is_built = built.contains(&(feature, true));
+            assert_eq!(code, if is_built { otherwise } else { DM_ERROR_UNSUPPORTED }, "{said}");
+            assert_eq!(said.contains(&format!("build it with the feature '{feature}'")), !is_built, "{said}");
+        }
     }
 }

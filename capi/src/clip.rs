@@ -1,5 +1,6 @@
 //! Clips of weights, and clips bound to the targets of a mesh.
 
+use crate::arguments::built;
 use crate::handles::{DmBoundClip, DmClip, DmMesh, Handle, handle};
 use crate::memory::{Place, Versioned, check_place, fill, read, read_or_default, slice, text, text_or_empty};
 use crate::mesh::head_desc;
@@ -18,7 +19,7 @@ pub struct Clip {
 
 /// What a `DmBoundClip` names.
 pub struct BoundClip {
-    clip: deltamorph::BoundClip,
+    pub(crate) clip: deltamorph::BoundClip,
 }
 
 handle!(DmClip, 5, Clip);
@@ -79,6 +80,8 @@ pub unsafe extern "C" fn dm_clip_from_arrays(arrays: *const DmClipArrays, clip: 
 
 /// Make the clip of the built-in head that `sample` describes (null: the defaults).
 ///
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `sample`.
+///
 /// # Safety
 /// `sample` is null (the defaults) or a structure; `clip` can be written.
 #[unsafe(no_mangle)]
@@ -89,6 +92,7 @@ pub unsafe extern "C" fn dm_clip_sample_head(
     clip: *mut DmClip,
 ) -> DmResult {
     enter("dm_clip_sample_head", || {
+        built!("sample", "the built-in head");
         check_place(clip, "clip")?;
         // SAFETY: the caller's obligations; `clip` was checked.
         unsafe {
@@ -137,6 +141,33 @@ pub unsafe extern "C" fn dm_clip_bind(clip: DmClip, mesh: DmMesh, bound: *mut Dm
         let made = BoundClip { clip: clip.clip.bind(&names)? };
         // SAFETY: the caller's obligation; it was checked.
         unsafe { bound.write(DmBoundClip::insert(made)?) };
+        Ok(())
+    })
+}
+
+/// Bind the columns of a clip to names: those of a set, for `dm_clips_mix` and `dm_crowds_set_weights`. Names without a
+/// column have the weight 0.
+///
+/// Errors: as `dm_clip_bind`.
+///
+/// # Safety
+/// There are `count` names, UTF-8 strings; `bound` can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_clip_bind_names(
+    clip: DmClip,
+    names: *const *const c_char,
+    count: u32,
+    bound: *mut DmBoundClip,
+) -> DmResult {
+    enter("dm_clip_bind_names", || {
+        check_place(bound, "bound")?;
+        // SAFETY: the caller's obligations; `bound` was checked.
+        unsafe {
+            let names = slice(names, count as usize, "names")?.iter();
+            let names = names.map(|name| text(*name, "name of a weight")).collect::<Result<Vec<_>>>()?;
+            let made = BoundClip { clip: clip.get()?.clip.bind(&names)? };
+            bound.write(DmBoundClip::insert(made)?);
+        }
         Ok(())
     })
 }

@@ -2,8 +2,6 @@
 
 use crate::handles::{DmCpuCrowd, DmMesh, Handle, handle};
 use crate::memory::{check_place, fill, read_or_default, slice};
-#[cfg(not(feature = "cpu"))]
-use crate::result::DM_ERROR_UNSUPPORTED;
 use crate::result::{DmResult, Failure, Result, enter, lock};
 use crate::structs::DmCrowdDesc;
 use deltamorph::{POSE_FLOATS, PoseFormat, UpdatePath};
@@ -21,8 +19,7 @@ pub enum Inner {}
 #[cfg(not(feature = "cpu"))]
 impl Inner {
     fn new(_: Arc<PackedMesh>, _: UpdateDesc, _: usize, _: usize) -> Result<Self> {
-        let message = "the library was built without CPU crowds; build it with the feature 'cpu'".into();
-        Err(Failure { code: DM_ERROR_UNSUPPORTED, message })
+        Err(crate::arguments::not_built("cpu", "CPU crowds"))
     }
 
     fn set_weights(&mut self, _: usize, _: &[f32]) -> deltamorph::Result<()> {
@@ -68,8 +65,9 @@ pub unsafe extern "C" fn dm_cpu_crowd_create(
         check_place(crowd, "crowd")?;
         // SAFETY: the caller's obligation.
         let desc = unsafe { read_or_default(desc) }?;
-        if !desc.poses.is_null() || desc.pose_usage != 0 {
-            return Err(Failure::invalid("buffers of a crowd on the CPU; leave 'poses' and 'pose_usage' zero"));
+        if !desc.poses.is_null() || desc.pose_usage != 0 || !desc.queue_family.is_null() {
+            let text = "buffers or a queue of a crowd on the CPU; leave 'poses', 'pose_usage' and 'queue_family' zero";
+            return Err(Failure::invalid(text));
         }
         let desc = desc.crowd(UpdatePath::Cpu, PoseFormat::Float32)?;
         let mesh = Arc::new(mesh.get()?.asset.mesh.clone());

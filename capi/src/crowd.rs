@@ -109,11 +109,14 @@ impl DmCrowdDesc {
 /// How to make a crowd on the device.
 ///
 /// # Safety
-/// `desc` is null (the defaults) or a structure, and so is DmCrowdDesc::poses, which keeps what its documentation says.
-unsafe fn crowd_desc(desc: *const DmCrowdDesc, default_pose: PoseFormat) -> Result<CrowdDesc> {
+/// `desc` is null (the defaults) or a structure, and so is DmCrowdDesc::poses, which keeps what its documentation says;
+/// DmCrowdDesc::queue_family is null or can be read.
+pub(crate) unsafe fn crowd_desc(desc: *const DmCrowdDesc, default_pose: PoseFormat) -> Result<CrowdDesc> {
     // SAFETY: the caller's obligation.
     let asked = unsafe { read_or_default(desc) }?;
-    let desc = asked.crowd(UpdatePath::Blocks, default_pose)?;
+    // SAFETY: as above.
+    let family = (!asked.queue_family.is_null()).then(|| unsafe { asked.queue_family.read_unaligned() });
+    let desc = asked.crowd(UpdatePath::Blocks, default_pose)?.queue_family(family);
     if asked.poses.is_null() {
         return Ok(desc);
     }
@@ -164,7 +167,7 @@ pub(crate) fn lock_all<'a>(handles: &[DmCrowd], objects: &'a [Arc<Crowd>]) -> Re
 ///
 /// # Safety
 /// `desc` is null (the defaults) or a structure, and so is DmCrowdDesc::poses, which keeps what its documentation says;
-/// `crowd` can be written.
+/// DmCrowdDesc::queue_family is null or can be read; `crowd` can be written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_crowd_create(mesh: DmGpuMesh, desc: *const DmCrowdDesc, crowd: *mut DmCrowd) -> DmResult {
     enter("dm_crowd_create", || {
@@ -188,7 +191,7 @@ pub unsafe extern "C" fn dm_crowd_create(mesh: DmGpuMesh, desc: *const DmCrowdDe
 /// Errors: as `dm_crowd_create`; clips that do not fit the mesh; float32 poses. Nothing is recorded then.
 ///
 /// # Safety
-/// - `cmd` as in `dm_mesh_upload`. It runs exactly once, before any update of the crowd.
+/// - `cmd` as in `dm_mesh_upload`, on a queue with compute. It runs exactly once, before any update of the crowd.
 /// - `desc` as in `dm_crowd_create`; `animation` is a structure with as many clips as it says.
 /// - `crowd` can be written. It is destroyed only when the device no longer uses it.
 #[unsafe(no_mangle)]

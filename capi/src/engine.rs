@@ -2,7 +2,7 @@
 
 use crate::arguments::check_reserved;
 use crate::handles::{DmEngine, Handle, handle};
-use crate::memory::{Place, Versioned, check_place, read};
+use crate::memory::{Place, Versioned, check_place, read, slice};
 use crate::result::{DmResult, Failure, Result, enter};
 use crate::structs::{DmEngineDesc, DmEngineInfo};
 use deltamorph::ash::vk::{self, Handle as _};
@@ -19,7 +19,8 @@ handle!(DmEngine, 2, Engine);
 
 /// Make an engine on a device of the host's. It never submits, waits, or makes a queue or a thread.
 ///
-/// Errors: DM_ERROR_INVALID for null handles, or an instance or device of Vulkan 1.0; DM_ERROR_OUT_OF_MEMORY.
+/// Errors: DM_ERROR_INVALID for null handles, an instance or device of Vulkan 1.0, or queue families that the device
+/// does not have; DM_ERROR_OUT_OF_MEMORY.
 ///
 /// # Safety
 /// `desc` is a structure that keeps what its documentation says; `engine` can be written.
@@ -71,12 +72,14 @@ unsafe fn morph_engine(desc: &DmEngineDesc) -> Result<MorphEngine> {
             true => vk::PhysicalDeviceFeatures::default(),
             false => desc.enabled_features.read_unaligned(),
         };
+        let families = slice(desc.queue_families, desc.queue_family_count as usize, "queue_families")?;
         let device_desc = DeviceDesc::new(&instance, desc.physical_device, &device)
             .transform_feedback_enabled(desc.transform_feedback != 0)
             .enabled_features(features)
             .pipeline_cache(desc.pipeline_cache)
             .debug_names(desc.debug_names != 0)
-            .buffer_device_address(desc.buffer_device_address != 0);
+            .buffer_device_address(desc.buffer_device_address != 0)
+            .queue_families(families);
         let mut caps = DeviceCaps::query(&instance, desc.physical_device);
         if desc.clamp_to_android_baseline != 0 {
             caps.clamp_to(&DeviceCaps::android_baseline());

@@ -91,8 +91,32 @@ pub struct DmSurface {
     pub bits: u64,
 }
 
+/// What a crowd had before it grew. All zero: none.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DmOutgrown {
+    /// Kind, generation and index.
+    pub bits: u64,
+}
+
+/// The copies of a swap of targets. All zero: none.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DmSwap {
+    /// Kind, generation and index.
+    pub bits: u64,
+}
+
+/// What tells bounds of poses from their weights. All zero: none.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DmWeightBounds {
+    /// Kind, generation and index.
+    pub bits: u64,
+}
+
 /// What each kind of handle names, by number.
-const KINDS: [&str; 12] = [
+const KINDS: [&str; 15] = [
     "",
     "a mesh",
     "an engine",
@@ -105,6 +129,9 @@ const KINDS: [&str; 12] = [
     "a read-back",
     "a skin",
     "a surface",
+    "what a crowd outgrew",
+    "a swap of targets",
+    "bounds from weights",
 ];
 
 /// A handle as functions take it.

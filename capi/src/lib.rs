@@ -7,20 +7,25 @@
 
 pub mod after;
 pub mod arguments;
+pub mod attached;
+pub mod bounds;
 pub mod clip;
 pub mod cpu;
 pub mod crowd;
 pub mod crowds;
 pub mod engine;
+pub mod grow;
 pub mod handles;
 #[cfg(test)]
 mod header;
+pub mod layers;
 pub mod memory;
 pub mod mesh;
 pub mod numbers;
 pub mod queries;
 pub mod readback;
 pub mod record;
+pub mod residency;
 pub mod result;
 pub mod skin;
 pub mod structs;

@@ -79,6 +79,22 @@ pub unsafe fn read_or_default<T: Versioned>(pointer: *const T) -> Result<T> {
     if pointer.is_null() { Ok(T::zeroed()) } else { unsafe { read(pointer) } }
 }
 
+/// `count` structures of the caller's, one behind the other, each as long as it states.
+///
+/// # Safety
+/// As [`read`], for each.
+pub unsafe fn array<T: Versioned>(first: *const T, count: u32) -> Result<Vec<T>> {
+    let (mut all, mut next) = (vec![], first);
+    for _ in 0..count {
+        // SAFETY: the caller's obligation.
+        unsafe {
+            all.push(read(next)?);
+            next = next.byte_add(stated_size(next)?);
+        }
+    }
+    Ok(all)
+}
+
 /// A place of the caller's for a result that states its size.
 pub struct Place<T> {
     pointer: *mut T,
@@ -150,12 +166,30 @@ pub unsafe fn slice<'a, T>(pointer: *const T, count: usize, what: &str) -> Resul
     if count == 0 {
         return Ok(&[]);
     }
-    check_pointer(pointer, what, &format!("hand in {count} elements, or a count of 0"))?;
-    if count > isize::MAX as usize / size_of::<T>().max(1) {
-        return Err(Failure::invalid(format!("'{what}' has {count} elements, more than there is memory for")));
-    }
+    check_array(pointer, count, what)?;
     // SAFETY: not null, aligned, no larger than memory, and the caller's obligations.
     Ok(unsafe { std::slice::from_raw_parts(pointer, count) })
+}
+
+/// An array of the caller's that is changed.
+///
+/// # Safety
+/// As [`slice()`], and nobody reads it meanwhile.
+pub unsafe fn slice_mut<'a, T>(pointer: *mut T, count: usize, what: &str) -> Result<&'a mut [T]> {
+    if count == 0 {
+        return Ok(&mut []);
+    }
+    check_array(pointer, count, what)?;
+    // SAFETY: as above.
+    Ok(unsafe { std::slice::from_raw_parts_mut(pointer, count) })
+}
+
+fn check_array<T>(pointer: *const T, count: usize, what: &str) -> Result<()> {
+    check_pointer(pointer, what, &format!("hand in {count} elements, or a count of 0"))?;
+    match count > isize::MAX as usize / size_of::<T>().max(1) {
+        true => Err(Failure::invalid(format!("'{what}' has {count} elements, more than there is memory for"))),
+        false => Ok(()),
+    }
 }
 
 /// Write `values` to an array of the caller's with room for `count`.

@@ -1,11 +1,11 @@
 //! Meshes in memory: imported, and packed as the device takes them.
 
-use crate::arguments::{check_reserved, or};
+use crate::arguments::{built, check_reserved, or};
 use crate::handles::{DmMesh, Handle, handle};
-use crate::memory::{check_place, read, read_or_default, slice, text, text_or_empty};
+use crate::memory::{array, check_place, read, read_or_default, slice, text, text_or_empty};
 use crate::numbers::{DM_MESH_KEEP_ALL, DM_MESH_SPLIT, DM_MESH_WELD, delta_format};
 use crate::result::{DmResult, Failure, Result, enter};
-use crate::structs::{DmMeshArrays, DmMeshDesc, DmSampleDesc, DmTargetArrays};
+use crate::structs::{DmMeshArrays, DmMeshDesc, DmSampleDesc};
 use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::import::{ImportDesc, Imported, ImportedMesh, open};
 use deltamorph::{
@@ -128,8 +128,8 @@ unsafe fn create(
     })
 }
 
-/// Read a mesh: a folder with neutral.obj and a folder `targets` of OBJ files, a glTF file (.glb, .gltf; feature `gltf`),
-/// or a packed file (.dmorph), which stays as it is packed unless `desc` says how to pack.
+/// Read a mesh: a folder with neutral.obj and a folder `targets` of OBJ files, a glTF file (.glb, .gltf; feature
+/// `gltf`), or a packed file (.dmorph), which stays as it is packed unless `desc` says how to pack.
 ///
 /// Errors: DM_ERROR_IO, DM_ERROR_INPUT with file, place and remedy; DM_ERROR_INVALID for what `desc` may not say.
 ///
@@ -203,13 +203,11 @@ unsafe fn source_of_arrays(arrays: *const DmMeshArrays) -> Result<MorphSource> {
     check_reserved("DmMeshArrays", arrays.reserved)?;
     let count = arrays.vertex_count as usize;
     let mut targets = Vec::new();
-    let mut next = arrays.targets;
-    for _ in 0..arrays.target_count {
-        // SAFETY: as above; targets lie one behind the other.
+    // SAFETY: as above.
+    for target in unsafe { array(arrays.targets, arrays.target_count) }? {
+        check_reserved("DmTargetArrays", target.reserved)?;
+        // SAFETY: as above.
         unsafe {
-            let target: DmTargetArrays = read(next)?;
-            check_reserved("DmTargetArrays", target.reserved)?;
-            next = next.byte_add(target.struct_size as usize);
             targets.push(TargetArrays {
                 name: text_or_empty(target.name, "name of a target")?,
                 positions: optional(target.positions.cast(), count, "positions of a target")?,
@@ -235,7 +233,7 @@ unsafe fn source_of_arrays(arrays: *const DmMeshArrays) -> Result<MorphSource> {
 }
 
 /// # Safety
-/// As [`slice`].
+/// As [`slice()`].
 unsafe fn optional<'a, T>(pointer: *const T, count: usize, what: &str) -> Result<&'a [T]> {
     // SAFETY: the caller's obligation.
     if pointer.is_null() { Ok(&[]) } else { unsafe { slice(pointer, count, what) } }
@@ -243,7 +241,8 @@ unsafe fn optional<'a, T>(pointer: *const T, count: usize, what: &str) -> Result
 
 /// Make the built-in head, as `sample` describes it (null: the defaults).
 ///
-/// Errors: DM_ERROR_INVALID for what `desc` may not say.
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `sample`; DM_ERROR_INVALID for what
+/// `desc` may not say.
 ///
 /// # Safety
 /// `sample` and `desc` are null (the defaults) or structures; `mesh` can be written.
@@ -253,8 +252,11 @@ pub unsafe extern "C" fn dm_mesh_sample_head(
     desc: *const DmMeshDesc,
     mesh: *mut DmMesh,
 ) -> DmResult {
-    // SAFETY: the caller's obligations.
-    let make = |desc: &DmMeshDesc| Mesh::of_source(head(&head_desc(&unsafe { read_or_default(sample) }?)), desc);
+    let make = |desc: &DmMeshDesc| {
+        built!("sample", "the built-in head");
+        // SAFETY: the caller's obligation.
+        Mesh::of_source(head(&head_desc(&unsafe { read_or_default(sample) }?)), desc)
+    };
     // SAFETY: the caller's obligations.
     unsafe { create("dm_mesh_sample_head", desc, mesh, make) }
 }

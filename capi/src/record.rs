@@ -39,7 +39,8 @@ fn told(crowd: DmCrowd, number: u64, update: &Update) -> DmUpdate {
 ///
 /// # Safety
 /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and without
-///   active conditional rendering, on a queue with graphics and compute. No other thread uses it meanwhile.
+///   active conditional rendering, on a queue of DmCrowdDesc::queue_family, or else with graphics and compute. No other
+///   thread uses it meanwhile.
 /// - It runs exactly once, after the upload of the mesh and all earlier updates of the crowd, and before later ones; or
 ///   it never runs, and `dm_crowd_discard` is called with the ticket before any later update is recorded.
 /// - With this one, at most DmCrowdDesc::frames_in_flight updates of the crowd are recorded and not yet finished.
@@ -65,8 +66,8 @@ pub unsafe extern "C" fn dm_record_update(cmd: vk::CommandBuffer, crowd: DmCrowd
 
 /// Record the updates of several crowds of one engine, as `dm_record_update` does for one. They share their barriers.
 ///
-/// Errors: DM_ERROR_INVALID for no crowd, a crowd that is named twice, crowds of several engines. Nothing is recorded
-/// then.
+/// Errors: DM_ERROR_INVALID for no crowd, a crowd that is named twice, crowds of several engines, or for queues of
+/// several families. Nothing is recorded then.
 ///
 /// # Safety
 /// - As `dm_record_update`, for each crowd.

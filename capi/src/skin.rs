@@ -1,25 +1,17 @@
 //! Skinned poses.
 
-use crate::after::{self, check_buffer};
-use crate::arguments::{check_command_buffer, check_reserved, or};
+use crate::arguments::{built, check_reserved, or};
+use crate::attached::{self, Attached, check_buffer};
 use crate::crowd::{either, with};
-use crate::engine::Engine;
 use crate::handles::{DmCrowd, DmEngine, DmMesh, DmSkin, Handle, handle};
-use crate::memory::{Place, Versioned, check_place, read, slice};
+use crate::memory::{Place, Versioned, read, slice};
 use crate::numbers::skin_method;
-use crate::result::{DmResult, Result, enter, lock};
+use crate::result::{DmResult, Result, enter};
 use crate::structs::{DmSkinDesc, DmSkinTarget, DmSkinnedView};
 use deltamorph::after::{GpuSkin, SkinDesc, SkinTarget};
 use deltamorph::ash::vk::{self, Handle as _};
-use std::sync::{Arc, Mutex};
 
-/// What a `DmSkin` names.
-pub struct Skin {
-    skin: Mutex<GpuSkin>,
-    _engine: Arc<Engine>,
-}
-
-handle!(DmSkin, 10, Skin);
+handle!(DmSkin, 10, Attached<GpuSkin>);
 
 /// Make a buffer of the joints and weights of a mesh's vertices, and record its upload: once for each mesh, whatever
 /// the number of crowds and instances.
@@ -43,24 +35,19 @@ pub unsafe extern "C" fn dm_skin_upload(
     skin: *mut DmSkin,
 ) -> DmResult {
     enter("dm_skin_upload", || {
-        if !after::BUILT {
-            return Err(after::not_built());
-        }
-        check_place(skin, "skin")?;
-        check_command_buffer(cmd)?;
-        let (engine, mesh) = (engine.get()?, mesh.get()?);
-        // SAFETY: the caller's obligations; `skin` was checked.
-        unsafe {
+        built!("after", "steps after the pose");
+        // SAFETY: the caller's obligations.
+        let make = |engine: &deltamorph::MorphEngine, mesh: &crate::mesh::Mesh| unsafe {
             let asked = read(desc)?;
             check_reserved("DmSkinDesc", asked.reserved)?;
             let influences = or(asked.influences, 4);
             let count = mesh.layout().vertex_count.saturating_mul(influences as usize);
             let (joints, weights) = (slice(asked.joints, count, "joints")?, slice(asked.weights, count, "weights")?);
             let desc = SkinDesc::new(influences, asked.joint_count, joints, weights);
-            let made = Mutex::new(engine.morph.upload_skin(cmd, &mesh.asset.mesh, &desc)?);
-            skin.write(DmSkin::insert(Skin { skin: made, _engine: engine })?);
-        }
-        Ok(())
+            Ok(engine.upload_skin(cmd, &mesh.asset.mesh, &desc)?)
+        };
+        // SAFETY: as above.
+        unsafe { attached::upload((engine, cmd, mesh), (skin, "skin"), make) }
     })
 }
 
@@ -71,10 +58,11 @@ pub unsafe extern "C" fn dm_skin_upload(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_skin_release_staging(skin: DmSkin) -> DmResult {
     enter("dm_skin_release_staging", || {
-        let skin = skin.get()?;
-        // SAFETY: the caller's obligation.
-        unsafe { lock(&skin.skin)?.release_staging() };
-        Ok(())
+        attached::with(skin, |skin| {
+            // SAFETY: the caller's obligation.
+            unsafe { skin.release_staging() };
+            Ok(())
+        })
     })
 }
 
@@ -107,18 +95,15 @@ pub unsafe extern "C" fn dm_crowd_set_skin_target(
     target: *const DmSkinTarget,
 ) -> DmResult {
     enter("dm_crowd_set_skin_target", || {
-        if !after::BUILT {
-            return Err(after::not_built());
-        }
-        // SAFETY: the caller's obligation.
-        let target = unsafe { after::target(target, skin_target) }?;
-        let skin = target.map(|_| skin.get()).transpose()?;
-        let skin = skin.as_ref().map(|skin| lock(&skin.skin)).transpose()?;
-        let crowd = crowd.get()?;
-        let (mut state, engine) = (lock(&crowd.state)?, &crowd.engine.morph);
-        let target = skin.as_deref().zip(target.as_ref());
+        built!("after", "steps after the pose");
         // SAFETY: the caller's obligations.
-        Ok(either!(state, crowd => unsafe { engine.set_skin_target(crowd, instance, target) })?)
+        unsafe {
+            attached::set_target(crowd, target, skin_target, |state, engine, target| {
+                attached::with_target(skin, target, |target| {
+                    Ok(either!(state, crowd => engine.set_skin_target(crowd, instance, target))?)
+                })
+            })
+        }
     })
 }
 
@@ -145,9 +130,7 @@ fn skin_target(asked: &DmSkinTarget) -> Result<SkinTarget> {
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_crowd_set_joints(crowd: DmCrowd, instance: u32, offset: u64) -> DmResult {
     enter("dm_crowd_set_joints", || {
-        if !after::BUILT {
-            return Err(after::not_built());
-        }
+        built!("after", "steps after the pose");
         with(crowd, |state| Ok(either!(state, crowd => crowd.set_joints(instance, offset))?))
     })
 }
@@ -162,9 +145,7 @@ pub extern "C" fn dm_crowd_set_joints(crowd: DmCrowd, instance: u32, offset: u64
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_crowd_skinned(crowd: DmCrowd, instance: u32, view: *mut DmSkinnedView) -> DmResult {
     enter("dm_crowd_skinned", || {
-        if !after::BUILT {
-            return Err(after::not_built());
-        }
+        built!("after", "steps after the pose");
         // SAFETY: the caller's obligation.
         let place = unsafe { Place::new(view) }?;
         let found = with(crowd, |state| Ok(either!(state, crowd => crowd.skinned(instance))?))?;

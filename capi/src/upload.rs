@@ -5,10 +5,11 @@ use crate::engine::Engine;
 use crate::handles::{DmEngine, DmGpuMesh, DmMesh, Handle, handle};
 use crate::memory::{Place, check_place};
 use crate::numbers::semantic;
-use crate::result::{DmResult, enter, lock};
+use crate::result::{DmResult, Result, enter, lock};
 use crate::structs::{DmPoseView, DmStreamView};
 use crate::views::{pose_view, stream_view};
 use deltamorph::ash::vk;
+use deltamorph::{MorphEngine, PackedMesh};
 use std::sync::{Arc, Mutex};
 
 /// What a `DmGpuMesh` names.
@@ -22,14 +23,14 @@ handle!(DmGpuMesh, 3, GpuMesh);
 /// Make the buffers of a mesh on the device, and record their upload. `mesh` may be destroyed afterwards.
 ///
 /// This records: copies from staging memory, and a barrier that makes them visible to every update path (first stage
-/// TRANSFER with TRANSFER_WRITE; last stages VERTEX_INPUT, VERTEX_SHADER, COMPUTE_SHADER).
+/// TRANSFER with TRANSFER_WRITE; last ALL_COMMANDS with MEMORY_READ and MEMORY_WRITE).
 ///
 /// Errors: DM_ERROR_INVALID for a mesh that exceeds the device's limits, with the numbers; DM_ERROR_OUT_OF_MEMORY.
 /// Nothing is recorded then.
 ///
 /// # Safety
 /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and without
-///   active conditional rendering, on a queue with graphics and compute. No other thread uses it meanwhile.
+///   active conditional rendering, on any queue. No other thread uses it meanwhile.
 /// - It runs exactly once, before any update of the mesh; where it never does, no crowd of the mesh is updated.
 /// - `gpu_mesh` can be written. The mesh on the device is destroyed only when the device no longer uses it.
 #[unsafe(no_mangle)]
@@ -40,16 +41,29 @@ pub unsafe extern "C" fn dm_mesh_upload(
     gpu_mesh: *mut DmGpuMesh,
 ) -> DmResult {
     enter("dm_mesh_upload", || {
-        check_place(gpu_mesh, "gpu_mesh")?;
-        check_command_buffer(cmd)?;
-        let (engine, mesh) = (engine.get()?, mesh.get()?);
-        // SAFETY: the caller's obligations; `gpu_mesh` was checked.
-        unsafe {
-            let mesh = Mutex::new(engine.morph.upload(cmd, &mesh.asset.mesh)?);
-            gpu_mesh.write(DmGpuMesh::insert(GpuMesh { mesh, engine })?);
-        }
-        Ok(())
+        // SAFETY: the caller's obligations.
+        unsafe { upload(engine, cmd, mesh, gpu_mesh, |engine, mesh| engine.upload(cmd, mesh)) }
     })
+}
+
+/// Record an upload with `make`.
+///
+/// # Safety
+/// As `make`; `gpu_mesh` can be written.
+pub(crate) unsafe fn upload(
+    engine: DmEngine,
+    cmd: vk::CommandBuffer,
+    mesh: DmMesh,
+    gpu_mesh: *mut DmGpuMesh,
+    make: impl FnOnce(&MorphEngine, &PackedMesh) -> deltamorph::Result<deltamorph::GpuMesh>,
+) -> Result<()> {
+    check_place(gpu_mesh, "gpu_mesh")?;
+    check_command_buffer(cmd)?;
+    let (engine, mesh) = (engine.get()?, mesh.get()?);
+    let mesh = Mutex::new(make(&engine.morph, &mesh.asset.mesh)?);
+    // SAFETY: the caller's obligation; it was checked.
+    unsafe { gpu_mesh.write(DmGpuMesh::insert(GpuMesh { mesh, engine })?) };
+    Ok(())
 }
 
 /// Give the staging memory of an upload back.

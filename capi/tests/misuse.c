@@ -27,6 +27,7 @@ static const DmMesh no_mesh = {0};
 static const DmCrowd no_crowd = {0};
 
 #include "misuse_steps.c"
+#include "misuse_more.c"
 
 static DmMesh sample(uint32_t format) {
     DmSampleDesc head = {.struct_size = sizeof head, .vertices = 200, .targets = 3};
@@ -183,7 +184,7 @@ static void cpu_crowds(void) {
     desc.path = 0, desc.consumers = 1u << 30;
     INVALID("combine DM_READ_BY_ constants", dm_cpu_crowd_create(mesh, &desc, 1, &crowd));
     desc.consumers = 0, desc.pose_usage = VK_BUFFER_USAGE_INDEX_BUFFER_BIT;
-    INVALID("buffers of a crowd on the CPU", dm_cpu_crowd_create(mesh, &desc, 1, &crowd));
+    INVALID("buffers or a queue of a crowd on the CPU", dm_cpu_crowd_create(mesh, &desc, 1, &crowd));
     WORKS(dm_cpu_crowd_create(mesh, NULL, 1, &crowd));
     WORKS(dm_mesh_destroy(mesh));
     INVALID("NaN", dm_cpu_crowd_set_weights(crowd, 0, weights, 3));
@@ -353,6 +354,7 @@ static void crowds(const Host *host, DmEngine engine, DmEngine other) {
     host_submit_and_wait(host);
     WORKS(dm_crowd_release_staging(animated));
     steps(host, engine, other, mesh, dense, uploaded, crowd, animated, far);
+    more(host, engine, other, mesh, dense, uploaded, crowd, animated);
 
     WORKS(dm_mesh_destroy(mesh));
     WORKS(dm_gpu_mesh_destroy(uploaded));

@@ -34,7 +34,7 @@ fn libraries() -> &'static Path {
             "--package",
             env!("CARGO_PKG_NAME"),
             "--features",
-            "after,cpu,csv,gltf",
+            "after,cpu,csv,gltf,residency",
             "--profile",
             profile,
             "--target-dir",
@@ -188,6 +188,37 @@ fn a_scene_is_what_c_computes_in_double_precision() {
     }
     let output = program.under_valgrind(&[DRIVERS[0]]);
     assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
+}
+
+/// Targets that come and go, layers of clips, crowds that grow, bounds from weights.
+#[test]
+fn a_head_under_a_limit_is_what_the_reference_says() {
+    let program = build("capi/tests/swaps.c", unchanged);
+    for driver in DRIVERS {
+        let output = program.validated(&[driver.as_ref()]);
+        let said = text(&output.stdout);
+        assert!(output.status.success(), "{driver}: {said}{}", text(&output.stderr));
+        assert_silent(&output);
+        assert!(said.starts_with("14 steps of 2 instances") && said.lines().count() == 1, "{said}");
+    }
+    let output = program.under_valgrind(&[DRIVERS[0]]);
+    assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
+    for (from, to, says) in [
+        // Targets that stay away; weights that an instance never gets; bounds of others; no growth; another mixture.
+        ("load[swap.load_count++] = t;", "{}", "is not on the device"),
+        (
+            "DM(dm_crowd_set_weights(crowd, i, weights, TARGETS));",
+            "DM(dm_crowd_set_weights(crowd, 0, weights, TARGETS));",
+            "differ from the reference",
+        ),
+        ("DM(dm_mesh_evaluate(mesh, weights,", "DM(dm_mesh_evaluate(mesh, pose,", "are violated"),
+        ("desc.instances = 2;\n            DM(dm_crowd_grow(crowd, NULL, &desc, &outgrown));", "", "place"),
+        (".weight = 0.5f", ".weight = 0.25f", "are mixed otherwise"),
+    ] {
+        let output =
+            build("capi/tests/swaps.c", replaced(from, to)).command().arg(DRIVERS[0]).output().expect("it starts");
+        assert!(!output.status.success() && text(&output.stderr).contains(says), "{to}: {}", text(&output.stderr));
+    }
 }
 
 #[test]

@@ -38,6 +38,10 @@ pub struct DmCrowdDesc {
     pub reserved: u32,
     /// Vertices of the host's that poses are written into (path blocks); null: buffers of the library's.
     pub poses: *const DmHostPoses,
+    /// The family of the queue that updates of the crowd run on; null: one with graphics and compute. Read during the
+    /// call only. On one without graphics barriers name no stage of graphics: consumers that have one are on another
+    /// queue.
+    pub queue_family: *const u32,
 }
 
 /// Vertices of a host's own that a crowd keeps its poses in, interleaved with what else the host has there, which is

@@ -13,9 +13,9 @@ pub struct GetInstanceProcAddr(pub Option<vk::PFN_vkGetInstanceProcAddr>);
 #[derive(Clone, Copy)]
 pub struct GetDeviceProcAddr(pub Option<vk::PFN_vkGetDeviceProcAddr>);
 
-/// The device that an engine is made on. All handles are alive, belong together, and live until the engine is destroyed,
-/// with what was made with it. The device has the extensions and features of `dm_requirements` enabled for the paths to
-/// be used.
+/// The device that an engine is made on. All handles are alive, belong together, and live until the engine is
+/// destroyed, with what was made with it. The device has the extensions and features of `dm_requirements` enabled for
+/// the paths to be used.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmEngineDesc {
@@ -46,6 +46,12 @@ pub struct DmEngineDesc {
     /// Not 0: `device` was created with the feature `bufferDeviceAddress`; DmCrowdDesc::pose_usage may ask for
     /// addresses.
     pub buffer_device_address: u32,
+    /// The families whose queues use what the engine makes: those that upload, update and draw. Two or more share the
+    /// engine's buffers (VK_SHARING_MODE_CONCURRENT), and no ownership is transferred; the host's semaphores order what
+    /// barriers order on one queue. None: all run on one family. Read during the call only.
+    pub queue_families: *const u32,
+    /// Families.
+    pub queue_family_count: u64,
 }
 
 /// What an engine runs on.

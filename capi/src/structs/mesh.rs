@@ -1,6 +1,6 @@
 //! Of meshes in memory, and of clips.
 
-use crate::handles::DmEngine;
+use crate::handles::{DmBoundClip, DmEngine};
 use std::ffi::c_char;
 
 /// How to import and pack a mesh. Zeros are the defaults.
@@ -175,4 +175,24 @@ pub struct DmClipArrays {
     pub names: *const *const c_char,
     /// A weight for each column, frame after frame.
     pub values: *const f32,
+}
+
+/// A clip at a time, in a stack of layers: see `dm_clips_mix`.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmClipLayer {
+    /// sizeof(DmClipLayer).
+    pub struct_size: u32,
+    /// `DM_LAYER_…`, how it joins what is below it; 0: override.
+    pub blend: u32,
+    /// The clip.
+    pub clip: DmBoundClip,
+    /// Seconds since the clip's first frame. Between two frames weights are interpolated in a straight line.
+    pub time: f64,
+    /// How much of the layer there is: from 0 to 1 to fade it in.
+    pub weight: f32,
+    /// Not 0: the first and the last frame stay; 0: the clip goes on over and over.
+    pub once: u32,
+    /// How much of it each target takes, a factor for each; null: 1 for all.
+    pub mask: *const f32,
 }

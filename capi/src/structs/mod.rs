@@ -4,11 +4,13 @@ mod after;
 mod crowd;
 mod device;
 mod mesh;
+mod residency;
 
 pub use after::*;
 pub use crowd::*;
 pub use device::*;
 pub use mesh::*;
+pub use residency::*;
 
 use crate::memory::Versioned;
 
@@ -48,4 +50,7 @@ versioned! {
     DmSkinnedView;
     DmClipInfo;
     DmClipArrays;
+    DmClipLayer;
+    DmTargetSwap;
+    DmResidency;
 }

@@ -1,0 +1,78 @@
+//! What entries of steps after the pose have in common: what is uploaded for a mesh, and targets of crowds.
+
+use crate::arguments::check_command_buffer;
+use crate::crowd::State;
+use crate::engine::Engine;
+use crate::handles::{DmCrowd, DmEngine, DmMesh, Handle};
+use crate::memory::{Versioned, check_place, read};
+use crate::mesh::Mesh;
+use crate::result::{Failure, Result, lock};
+use deltamorph::MorphEngine;
+use deltamorph::ash::vk::{self, Handle as _};
+use std::sync::{Arc, Mutex};
+
+/// What a step reads of a mesh beside its poses, on the device: joints and weights, or triangles.
+pub struct Attached<T> {
+    on_device: Mutex<T>,
+    _engine: Arc<Engine>,
+}
+
+/// Record with `make` the upload of what a handle will name, and write that to `place`, called `what`.
+///
+/// # Safety
+/// As `make`; `place` can be written.
+pub unsafe fn upload<H: Handle<Object = Attached<T>>, T>(
+    (engine, cmd, mesh): (DmEngine, vk::CommandBuffer, DmMesh),
+    (place, what): (*mut H, &str),
+    make: impl FnOnce(&MorphEngine, &Mesh) -> Result<T>,
+) -> Result<()> {
+    check_place(place, what)?;
+    check_command_buffer(cmd)?;
+    let (engine, mesh) = (engine.get()?, mesh.get()?);
+    let on_device = Mutex::new(make(&engine.morph, &mesh)?);
+    // SAFETY: the caller's obligation; it was checked.
+    unsafe { place.write(H::insert(Attached { on_device, _engine: engine })?) };
+    Ok(())
+}
+
+/// Run `body` with what a handle names, which is locked meanwhile.
+pub fn with<H: Handle<Object = Attached<T>>, T, R>(handle: H, body: impl FnOnce(&mut T) -> Result<R>) -> Result<R> {
+    let object = handle.get()?;
+    body(&mut *lock(&object.on_device)?)
+}
+
+/// Run `body` with what a handle names and a target that needs it; without a target the handle is not looked at.
+pub fn with_target<H: Handle<Object = Attached<T>>, T, D, R>(
+    handle: H,
+    target: Option<&D>,
+    body: impl FnOnce(Option<(&T, &D)>) -> Result<R>,
+) -> Result<R> {
+    let object = target.map(|_| handle.get()).transpose()?;
+    let object = object.as_ref().map(|object| lock(&object.on_device)).transpose()?;
+    body(object.as_deref().zip(target))
+}
+
+/// Run `set` with a crowd that is locked meanwhile, and what `make` makes of a target; none of a null pointer.
+///
+/// # Safety
+/// As [`read`], where `target` is not null; as `set`.
+pub(crate) unsafe fn set_target<D: Versioned, T>(
+    crowd: DmCrowd,
+    target: *const D,
+    make: impl FnOnce(&D) -> Result<T>,
+    set: impl FnOnce(&mut State, &MorphEngine, Option<&T>) -> Result<()>,
+) -> Result<()> {
+    // SAFETY: the caller's obligation.
+    let target = if target.is_null() { None } else { Some(make(&unsafe { read(target) }?)?) };
+    let crowd = crowd.get()?;
+    let mut state = lock(&crowd.state)?;
+    set(&mut state, &crowd.engine.morph, target.as_ref())
+}
+
+/// Refuse a null buffer.
+pub fn check_buffer(buffer: vk::Buffer, what: &str) -> Result<()> {
+    match buffer.is_null() {
+        true => Err(Failure::invalid(format!("'{what}' is null; hand in a buffer, or a null pointer for no target"))),
+        false => Ok(()),
+    }
+}

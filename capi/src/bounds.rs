@@ -1,0 +1,87 @@
+//! Bounds of poses from their weights, without a GPU.
+
+use crate::arguments::built;
+use crate::crowd::crowd_desc;
+use crate::handles::{DmMesh, DmWeightBounds, Handle, handle};
+use crate::memory::{check_place, fill, slice};
+use crate::result::{DmResult, Failure, enter};
+use crate::structs::DmCrowdDesc;
+use deltamorph::PoseFormat;
+
+/// What a `DmWeightBounds` names.
+pub struct WeightBounds {
+    bounds: deltamorph::after::WeightBounds,
+    targets: usize,
+}
+
+handle!(DmWeightBounds, 14, WeightBounds);
+
+/// Make what tells bounds of poses from their weights, for crowds of a mesh that are made by `desc`: for culling,
+/// without waiting for a GPU. They hold, and are somewhat larger than the least, which `dm_crowd_set_bounds_target`
+/// has written. The mesh may be destroyed afterwards.
+///
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for poses of
+/// integers that the mesh has no grid for; as `dm_crowd_create` for what `desc` may not say.
+///
+/// # Safety
+/// `desc` as in `dm_crowd_create`; `bounds` can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_weight_bounds_create(
+    mesh: DmMesh,
+    desc: *const DmCrowdDesc,
+    bounds: *mut DmWeightBounds,
+) -> DmResult {
+    enter("dm_weight_bounds_create", || {
+        built!("after", "bounds from weights");
+        check_place(bounds, "bounds")?;
+        // SAFETY: the caller's obligation.
+        let desc = unsafe { crowd_desc(desc, PoseFormat::Float32) }?;
+        let mesh = mesh.get()?;
+        let made = deltamorph::after::WeightBounds::new(&mesh.asset.mesh, &desc.update)?;
+        let made = WeightBounds { bounds: made, targets: mesh.layout().targets.len() };
+        // SAFETY: the caller's obligation; it was checked.
+        unsafe { bounds.write(DmWeightBounds::insert(made)?) };
+        Ok(())
+    })
+}
+
+/// Bounds of the pose of these weights, one for each target: six numbers, the least x, y and z of any vertex and the
+/// greatest. `bound` is how far updates may have taken poses from it: DmUpdate::bound of the update that wrote it. Of
+/// a mesh without vertices the least are infinite.
+///
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for a wrong
+/// number of weights, one that is not finite.
+///
+/// # Safety
+/// There are `count` weights, and room for six numbers at `least_and_greatest`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_weight_bounds_of(
+    bounds: DmWeightBounds,
+    weights: *const f32,
+    count: u32,
+    bound: f32,
+    least_and_greatest: *mut f32,
+) -> DmResult {
+    enter("dm_weight_bounds_of", || {
+        built!("after", "bounds from weights");
+        // SAFETY: the caller's obligation.
+        let weights = unsafe { slice(weights, count as usize, "weights") }?;
+        let object = bounds.get()?;
+        if weights.len() != object.targets {
+            let text = format!("{count} weights for {} targets; give one for each", object.targets);
+            return Err(Failure::invalid(text));
+        }
+        if weights.iter().chain([&bound]).any(|weight| !weight.is_finite()) {
+            return Err(Failure::invalid("a weight or bound that is not finite; use numbers"));
+        }
+        let found = object.bounds.of(weights, bound);
+        // SAFETY: the caller's obligation.
+        unsafe { fill(least_and_greatest, 6, &[found.min, found.max].concat(), "least_and_greatest") }
+    })
+}
+
+/// Destroy what tells bounds.
+#[unsafe(no_mangle)]
+pub extern "C" fn dm_weight_bounds_destroy(bounds: DmWeightBounds) -> DmResult {
+    enter("dm_weight_bounds_destroy", || bounds.destroy(|_| Ok(())))
+}

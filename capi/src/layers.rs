@@ -1,0 +1,46 @@
+//! Layers of clips, mixed to one weight vector.
+
+use crate::clip::BoundClip;
+use crate::handles::Handle;
+use crate::memory::{array, slice, slice_mut};
+use crate::numbers::layer_blend;
+use crate::result::{DmResult, Result, enter};
+use crate::structs::DmClipLayer;
+use deltamorph::{ClipLayer, Repeat};
+use std::sync::Arc;
+
+/// Mix layers, the first one lowest, on top of the weights that are in `weights` already: zeros, or a pose of the
+/// host's. What comes out is what `dm_crowd_set_weights` takes or, of clips that are bound to the names of a set,
+/// `dm_crowds_set_weights`. With the weight w of a layer, its mask m of a target and s what its clip says of it, the
+/// weight v of the target becomes v x (1 - w x m) + w x m x s (`DM_LAYER_OVERRIDE`), or v + w x m x s
+/// (`DM_LAYER_ADDITIVE`). A layer leaves alone what its clip has no column for.
+///
+/// Errors: DM_ERROR_INVALID for a clip of another number of targets than `weight_count`, a time, weight or factor of a
+/// mask that is not finite, a blend that there is not. Nothing changes then.
+///
+/// # Safety
+/// There are `count` structures one behind the other, whose masks are null or have `weight_count` factors, and
+/// `weight_count` weights, which can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_clips_mix(
+    layers: *const DmClipLayer,
+    count: u32,
+    weights: *mut f32,
+    weight_count: u32,
+) -> DmResult {
+    enter("dm_clips_mix", || {
+        let targets = weight_count as usize;
+        // SAFETY: the caller's obligations.
+        let (asked, weights) = unsafe { (array(layers, count)?, slice_mut(weights, targets, "weights")?) };
+        let clips = asked.iter().map(|layer| layer.clip.get()).collect::<Result<Vec<Arc<BoundClip>>>>()?;
+        let mut layers = vec![];
+        for (asked, clip) in asked.iter().zip(&clips) {
+            let repeat = if asked.once != 0 { Repeat::Once } else { Repeat::Loop };
+            // SAFETY: as above.
+            let mask = unsafe { slice(asked.mask, if asked.mask.is_null() { 0 } else { targets }, "mask") }?;
+            let layer = ClipLayer::new(&clip.clip, asked.time).repeat(repeat).weight(asked.weight);
+            layers.push(layer.blend(layer_blend(asked.blend)?).mask((!asked.mask.is_null()).then_some(mask)));
+        }
+        Ok(ClipLayer::mix(&layers, weights)?)
+    })
+}

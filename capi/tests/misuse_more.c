@@ -1,0 +1,202 @@
+/*
+ * Invalid use of queue families, crowds that grow, layers of clips, targets that come and go, and bounds from weights.
+ * Included by misuse.c, which says what it expects.
+ */
+
+static void families(const DmEngineDesc *good, DmGpuMesh mesh) {
+    const uint32_t none = 77;
+    DmEngineDesc bad = *good;
+    DmEngine engine = {0};
+    DmCrowdDesc desc = {.struct_size = sizeof desc, .queue_family = &none};
+    DmCrowd crowd = {0};
+    bad.queue_family_count = 1;
+    INVALID("'queue_families' is a null pointer", dm_engine_create(&bad, &engine));
+    bad.queue_families = &none;
+    INVALID("queue family 77 of ", dm_engine_create(&bad, &engine));
+    INVALID("queue family 77 of ", dm_crowd_create(mesh, &desc, &crowd));
+    HOLDS(engine.bits == 0 && crowd.bits == 0);
+}
+
+static void layers(DmMesh mesh, DmCrowd crowd) {
+    const char *name = NULL;
+    const float values[2] = {0.5f, 1}, mask[3] = {1, 1, NAN};
+    float weights[3] = {0};
+    DmClip clip = {0};
+    DmBoundClip bound = {0};
+    WORKS(dm_mesh_target_name(mesh, 1, &name));
+    const DmClipArrays arrays = {.struct_size = sizeof arrays, .frame_count = 2, .column_count = 1, .fps = 10,
+                                 .names = &name, .values = values};
+    WORKS(dm_clip_from_arrays(&arrays, &clip));
+    INVALID("'names' is a null pointer", dm_clip_bind_names(clip, NULL, 1, &bound));
+    INVALID("'bound' is a null pointer", dm_clip_bind_names(clip, &name, 1, NULL));
+    INVALID("names no target", dm_clip_bind_names(clip, (const char *[]){"none"}, 1, &bound));
+    HANDLE("null handle in place of a clip", dm_clip_bind_names((DmClip){0}, &name, 1, &bound));
+    WORKS(dm_clip_bind(clip, mesh, &bound));
+    DmClipLayer layer = {.struct_size = sizeof layer, .clip = bound, .weight = 1}, bad = layer;
+    INVALID("a null pointer to DmClipLayer", dm_clips_mix(NULL, 1, weights, 3));
+    INVALID("'weights' is a null pointer", dm_clips_mix(&layer, 1, NULL, 3));
+    INVALID("bound to 3 targets, and 2 weights are mixed", dm_clips_mix(&layer, 1, weights, 2));
+    bad.clip = (DmBoundClip){crowd.bits};
+    HANDLE("the handle of a crowd in place of a bound clip", dm_clips_mix(&bad, 1, weights, 3));
+    bad = layer, bad.time = NAN;
+    INVALID("layer 0", dm_clips_mix(&bad, 1, weights, 3));
+    bad = layer, bad.blend = 3;
+    INVALID("blend of a layer (DM_LAYER_)", dm_clips_mix(&bad, 1, weights, 3));
+    bad = layer, bad.mask = mask;
+    INVALID("the mask of target 2", dm_clips_mix(&bad, 1, weights, 3));
+    bad = layer, bad.struct_size = 8;
+    INVALID("DmClipLayer with a struct_size of 8", dm_clips_mix((const DmClipLayer[]){layer, bad}, 2, weights, 3));
+    HOLDS(weights[1] == 0);
+    WORKS(dm_clips_mix(&layer, 1, weights, 3));
+    HOLDS(weights[1] == 0.5f);
+    WORKS(dm_bound_clip_destroy(bound));
+    WORKS(dm_clip_destroy(clip));
+}
+
+static void weight_bounds(DmMesh mesh) {
+    const float weights[3] = {0, NAN, 0}, zeros[3] = {0};
+    float box[6] = {7};
+    DmCrowdDesc desc = {.struct_size = sizeof desc, .path = 99};
+    DmWeightBounds bounds = {0};
+    INVALID("update path (DM_PATH_)", dm_weight_bounds_create(mesh, &desc, &bounds));
+    INVALID("'bounds' is a null pointer", dm_weight_bounds_create(mesh, NULL, NULL));
+    HANDLE("null handle in place of a mesh", dm_weight_bounds_create(no_mesh, NULL, &bounds));
+    HANDLE("null handle in place of bounds from weights", dm_weight_bounds_of(bounds, zeros, 3, 0, box));
+    HANDLE("null handle in place of bounds from weights", dm_weight_bounds_destroy(bounds));
+    WORKS(dm_weight_bounds_create(mesh, NULL, &bounds));
+    INVALID("2 weights for 3 targets", dm_weight_bounds_of(bounds, zeros, 2, 0, box));
+    INVALID("not finite", dm_weight_bounds_of(bounds, weights, 3, 0, box));
+    INVALID("not finite", dm_weight_bounds_of(bounds, zeros, 3, INFINITY, box));
+    INVALID("'weights' is a null pointer", dm_weight_bounds_of(bounds, NULL, 3, 0, box));
+    INVALID("'least_and_greatest' is a null pointer", dm_weight_bounds_of(bounds, zeros, 3, 0, NULL));
+    HOLDS(box[0] == 7);
+    WORKS(dm_weight_bounds_of(bounds, zeros, 3, 0, box));
+    HOLDS(box[0] < box[3]);
+    WORKS(dm_weight_bounds_destroy(bounds));
+    HANDLE("was destroyed", dm_weight_bounds_destroy(bounds));
+}
+
+/* The crowd has one instance and one slot, and no update is unfinished. */
+static void growth(const Host *host, DmCrowd crowd, DmCrowd animated, VkBuffer buffer) {
+    DmCrowdDesc desc = {.struct_size = sizeof desc, .instances = 2, .slots = 1}, bad = desc;
+    const DmDecodeTarget target = {.struct_size = sizeof target, .buffer = buffer};
+    DmOutgrown outgrown = {0};
+    DmPoseView pose = {.struct_size = sizeof pose};
+    uint32_t instance = 9;
+    INVALID("'outgrown' is a null pointer", dm_crowd_grow(crowd, NULL, &desc, NULL));
+    HANDLE("null handle in place of a crowd", dm_crowd_grow(no_crowd, NULL, &desc, &outgrown));
+    bad.slots = 77;
+    INVALID("slots", dm_crowd_grow(crowd, NULL, &bad, &outgrown));
+    INVALID("'cmd' is null", dm_crowd_grow(animated, NULL, &desc, &outgrown));
+    host_begin(host);
+    INVALID("another grid", dm_crowd_grow(animated, host->cmd, (bad = desc, bad.weight_max = 3, &bad), &outgrown));
+    VK(vkEndCommandBuffer(host->cmd));
+    WORKS(dm_crowd_set_decode_target(crowd, 0, &target));
+    INVALID("targets of steps after the pose", dm_crowd_grow(crowd, NULL, &desc, &outgrown));
+    WORKS(dm_crowd_set_decode_target(crowd, 0, NULL));
+    HANDLE("null handle in place of what a crowd outgrew", dm_outgrown_destroy(outgrown));
+    WORKS(dm_crowd_grow(crowd, NULL, &desc, &outgrown));
+    WORKS(dm_crowd_add(crowd, &instance));
+    HOLDS(instance == 1);
+    WORKS(dm_outgrown_destroy(outgrown));
+    HANDLE("was destroyed", dm_outgrown_destroy(outgrown));
+    INVALID("a crowd of 2 instances that is to have 1", dm_crowd_grow(crowd, NULL, NULL, &outgrown));
+    WORKS(dm_crowd_remove(crowd, 1));
+    INVALID("no pose yet", dm_crowd_pose(crowd, 0, &pose));
+    host_begin(host);
+    WORKS(dm_record_update(host->cmd, crowd, NULL));
+    host_submit_and_wait(host);
+    WORKS(dm_crowd_pose(crowd, 0, &pose));
+}
+
+static void residency(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh, DmMesh dense, DmGpuMesh whole) {
+    const uint32_t first = 0, beyond = 3;
+    const float weights[3] = {0.5f, 0, 0}, zeros[3] = {0};
+    uint64_t bytes = 7, copied = 7;
+    uint32_t is_there = 7;
+    DmGpuMesh uploaded = {0};
+    DmSwap copies = {0}, again = {0};
+    DmCrowd crowd = {0};
+    DmUpdate update = {.struct_size = sizeof update};
+    DmResidency room = {.struct_size = sizeof room};
+    DmTargetSwap swap = {.struct_size = sizeof swap, .load = &first, .load_count = 1}, bad = swap;
+    INVALID("target 3 of a mesh with 3", dm_mesh_target_bytes(mesh, 3, &bytes));
+    INVALID("'bytes' is a null pointer", dm_mesh_target_bytes(mesh, 0, NULL));
+    HANDLE("null handle in place of a mesh", dm_mesh_target_bytes(no_mesh, 0, &bytes));
+    HOLDS(bytes == 7);
+    WORKS(dm_mesh_target_bytes(mesh, 0, &bytes));
+    INVALID("'cmd' is null", dm_mesh_upload_resident(engine, NULL, mesh, 1 << 20, &uploaded));
+    host_begin(host);
+    INVALID("'gpu_mesh' is a null pointer", dm_mesh_upload_resident(engine, host->cmd, mesh, 1 << 20, NULL));
+    INVALID("block", dm_mesh_upload_resident(engine, host->cmd, dense, 1 << 20, &uploaded));
+    INVALID("bytes", dm_mesh_upload_resident(engine, host->cmd, mesh, 1, &uploaded));
+    HOLDS(uploaded.bits == 0);
+    WORKS(dm_mesh_upload_resident(engine, host->cmd, mesh, 1 << 20, &uploaded));
+    INVALID("upload it with", dm_record_swap(host->cmd, whole, mesh, &swap, &copies, NULL));
+    INVALID("'cmd' is null", dm_record_swap(NULL, uploaded, mesh, &swap, &copies, NULL));
+    INVALID("'copies' is a null pointer", dm_record_swap(host->cmd, uploaded, mesh, &swap, NULL, NULL));
+    INVALID("a null pointer to DmTargetSwap", dm_record_swap(host->cmd, uploaded, mesh, NULL, &copies, NULL));
+    INVALID("which differs", dm_record_swap(host->cmd, uploaded, dense, &swap, &copies, NULL));
+    bad.load = &beyond;
+    INVALID("target 3", dm_record_swap(host->cmd, uploaded, mesh, &bad, &copies, NULL));
+    bad = swap, bad.unload_count = 1;
+    INVALID("'unload' is a null pointer", dm_record_swap(host->cmd, uploaded, mesh, &bad, &copies, NULL));
+    bad.unload = &first;
+    INVALID("target", dm_record_swap(host->cmd, uploaded, mesh, &bad, &copies, NULL));
+    bad = swap, bad.reserved = 1;
+    INVALID("DmTargetSwap: 'reserved' is 1", dm_record_swap(host->cmd, uploaded, mesh, &bad, &copies, &copied));
+    HOLDS(copies.bits == 0 && copied == 7);
+    WORKS(dm_crowd_create(uploaded, NULL, &crowd));
+    INVALID("target", dm_crowd_set_weights(crowd, 0, weights, 3)); /* it is not there */
+    WORKS(dm_record_swap(host->cmd, uploaded, mesh, &swap, &copies, &copied));
+    HOLDS(copied >= bytes);
+    WORKS(dm_crowd_set_weights(crowd, 0, weights, 3));
+    WORKS(dm_record_update(host->cmd, crowd, &update));
+    host_submit_and_wait(host);
+    INVALID("a null pointer to DmResidency", dm_gpu_mesh_residency(uploaded, NULL));
+    HANDLE("null handle in place of a mesh on the device", dm_gpu_mesh_residency((DmGpuMesh){0}, &room));
+    WORKS(dm_gpu_mesh_residency(whole, &room));
+    HOLDS(!room.limited && room.capacity == 0);
+    WORKS(dm_gpu_mesh_residency(uploaded, &room));
+    HOLDS(room.limited && room.used == bytes);
+    INVALID("'resident' is a null pointer", dm_gpu_mesh_is_resident(uploaded, 0, NULL));
+    HANDLE("null handle in place of a mesh on the device", dm_gpu_mesh_is_resident((DmGpuMesh){0}, 0, &is_there));
+    WORKS(dm_gpu_mesh_is_resident(uploaded, 3, &is_there));
+    HOLDS(is_there == 0);
+
+    /* It cannot go while a pose holds it; a swap that never ran is discarded once. */
+    bad = (DmTargetSwap){.struct_size = sizeof bad, .unload = &first, .unload_count = 1};
+    host_begin(host);
+    INVALID("target", dm_record_swap(host->cmd, uploaded, mesh, &bad, &again, NULL));
+    WORKS(dm_crowd_set_weights(crowd, 0, zeros, 3));
+    WORKS(dm_record_update(host->cmd, crowd, &update));
+    host_submit_and_wait(host);
+    host_begin(host);
+    WORKS(dm_record_swap(host->cmd, uploaded, mesh, &bad, &again, NULL));
+    VK(vkEndCommandBuffer(host->cmd));
+    HANDLE("null handle in place of a swap of targets", dm_swap_discard((DmSwap){0}));
+    WORKS(dm_swap_discard(again));
+    HANDLE("was destroyed", dm_swap_discard(again));
+    HANDLE("null handle in place of a swap of targets", dm_swap_destroy((DmSwap){0}));
+    INVALID("objects of the engine", dm_engine_destroy(other));
+    WORKS(dm_crowd_destroy(crowd));
+    WORKS(dm_gpu_mesh_destroy(uploaded));
+    WORKS(dm_swap_destroy(copies)); /* after its mesh */
+    HANDLE("was destroyed", dm_swap_destroy(copies));
+}
+
+/* As `steps`. */
+static void more(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh, DmMesh dense, DmGpuMesh uploaded,
+                 DmCrowd crowd, DmCrowd animated) {
+    const DmEngineDesc device = {.struct_size = sizeof device, .instance = host->instance,
+                                 .physical_device = host->physical, .device = host->device,
+                                 .get_instance_proc_addr = vkGetInstanceProcAddr};
+    VkDeviceMemory memory;
+    const VkBuffer buffer = storage_create(host, 1 << 16, &memory);
+    families(&device, uploaded);
+    layers(mesh, crowd);
+    weight_bounds(mesh);
+    growth(host, crowd, animated, buffer);
+    residency(host, engine, other, mesh, dense, uploaded);
+    vkDestroyBuffer(host->device, buffer, NULL), vkFreeMemory(host->device, memory, NULL);
+}

@@ -1,0 +1,230 @@
+/*
+ * A head whose targets share room for half of them: in each step some come and some go, before the update that needs
+ * them. Weights are layers of two clips; the crowd grows while it plays; bounds from weights hold what is drawn. Poses
+ * are compared with the float64 reference. Run by programs.rs: swaps PART_OF_A_DEVICE_NAME.
+ */
+#define main minimal_main
+#include "../../examples/c/minimal.c"
+#undef main
+
+enum { TARGETS = 12, WINDOW = 3, STEPS = 14, VERTICES = 900, GROWS = 4, DISCARDS = 7 };
+
+/* Weights of a clip: any numbers. */
+static float key(uint32_t clip, uint32_t frame, uint32_t target) {
+    return (float)((7 * target + 5 * frame + 3 * clip) % 9) / 10;
+}
+
+static DmBoundClip clip_bound(DmMesh mesh, uint32_t number, uint32_t frames, const char *const *names, int by_name) {
+    float *values = room_for((size_t)frames * TARGETS, sizeof *values);
+    for (uint32_t i = 0; i < frames * TARGETS; i++) values[i] = key(number, i / TARGETS, i % TARGETS);
+    const DmClipArrays arrays = {.struct_size = sizeof arrays, .frame_count = frames, .column_count = TARGETS,
+                                 .fps = 10, .names = names, .values = values};
+    DmClip clip;
+    DmBoundClip bound;
+    DM(dm_clip_from_arrays(&arrays, &clip));
+    if (by_name) DM(dm_clip_bind_names(clip, names, TARGETS, &bound));
+    else DM(dm_clip_bind(clip, mesh, &bound));
+    DM(dm_clip_destroy(clip));
+    free(values);
+    return bound;
+}
+
+/* Whether a target has a weight in a step. */
+static int is_used(uint32_t step, uint32_t target) {
+    return (target + TARGETS - 2 * step % TARGETS) % TARGETS < WINDOW;
+}
+
+/* What the layers come to: the first clip over and over, and half of the second on top, whose last frame stays. */
+static double mixed(uint32_t step, uint32_t target, double seconds) {
+    const double at = fmod(seconds * 10, 3), late = fmin(seconds * 10, 1);
+    const uint32_t from = (uint32_t)at;
+    double weight = key(0, from, target) + (at - from) * (key(0, (from + 1) % 3, target) - key(0, from, target));
+    weight += 0.5 * (key(1, 0, target) + late * (key(1, 1, target) - key(1, 0, target)));
+    return is_used(step, target) ? weight : 0;
+}
+
+/* The targets of this step come, those that the step before did not need go. */
+static DmSwap swap_record(const Host *host, DmGpuMesh uploaded, DmMesh mesh, uint32_t step, uint64_t *copied) {
+    uint32_t load[TARGETS], unload[TARGETS];
+    DmTargetSwap swap = {.struct_size = sizeof swap, .load = load, .unload = unload};
+    for (uint32_t t = 0; t < TARGETS; t++) {
+        if (is_used(step, t)) load[swap.load_count++] = t;
+        else if (step == 0 || !is_used(step - 1, t)) unload[swap.unload_count++] = t;
+    }
+    DmSwap copies;
+    DM(dm_record_swap(host->cmd, uploaded, mesh, &swap, &copies, copied));
+    return copies;
+}
+
+/* How far positions are from the reference at most, as a fraction of the diagonal; they are within bounds. */
+static double compared(DmMesh mesh, DmWeightBounds bounds, const float *weights, const float *pose, double diagonal) {
+    double *reference = room_for(VERTICES * FLOATS, sizeof *reference), worst = 0;
+    float box[6];
+    DM(dm_mesh_evaluate(mesh, weights, TARGETS, reference, VERTICES * FLOATS));
+    DM(dm_weight_bounds_of(bounds, weights, TARGETS, 0, box));
+    for (uint32_t v = 0; v < VERTICES; v++) {
+        double sum = 0;
+        for (int c = 0; c < 3; c++) {
+            const double exact = reference[v * FLOATS + c];
+            sum += pow(pose[v * FLOATS + c] - exact, 2);
+            if (exact < box[c] || exact > box[c + 3]) fail("bounds", "are violated");
+        }
+        worst = fmax(worst, isfinite(sum) ? sqrt(sum) / diagonal : INFINITY);
+    }
+    free(reference);
+    return worst;
+}
+
+static void read_pose(const Host *host, DmReadback readback, DmCrowd crowd, uint32_t instance, float *pose) {
+    host_begin(host);
+    DM(dm_readback_record(readback, host->cmd, crowd, &instance, 1));
+    host_submit_and_wait(host);
+    DM(dm_readback_pose(readback, 0, 0, pose, VERTICES * FLOATS));
+}
+
+/* A crowd that plays a clip grows: the pose stays, bit for bit, and the new instance gets one. */
+static void grow_animated(const Host *host, DmEngine engine, DmMesh mesh, DmReadback readback) {
+    DmGpuMesh uploaded;
+    DmClip clip;
+    DmCrowd crowd;
+    DmOutgrown outgrown;
+    const DmSampleDesc head = {.struct_size = sizeof head, .vertices = VERTICES, .targets = TARGETS};
+    DmCrowdDesc desc = {.struct_size = sizeof desc};
+    const DmPlayback playback = {.struct_size = sizeof playback};
+    DmAnimationDesc clips = {.struct_size = sizeof clips, .clip_count = 1, .clips = &clip};
+    float *pose = room_for(2 * VERTICES * FLOATS, sizeof *pose), *after = pose + VERTICES * FLOATS;
+    uint32_t added = 9;
+    DM(dm_clip_sample_head(&head, 20, 30, &clip));
+    host_begin(host);
+    DM(dm_mesh_upload(engine, host->cmd, mesh, &uploaded));
+    DM(dm_crowd_create_animated(uploaded, host->cmd, &desc, &clips, &crowd));
+    DM(dm_crowd_play(crowd, 0, &playback));
+    DM(dm_crowd_set_time(crowd, 0.2));
+    DM(dm_record_update(host->cmd, crowd, NULL));
+    host_submit_and_wait(host);
+    read_pose(host, readback, crowd, 0, pose);
+    host_begin(host);
+    desc.instances = 2;
+    DM(dm_crowd_grow(crowd, host->cmd, &desc, &outgrown));
+    DM(dm_crowd_add(crowd, &added));
+    DM(dm_crowd_play(crowd, added, &playback));
+    DM(dm_record_update(host->cmd, crowd, NULL));
+    host_submit_and_wait(host);
+    DM(dm_crowd_release_staging(crowd));
+    DM(dm_outgrown_destroy(outgrown));
+    for (uint32_t instance = 0; instance < 2; instance++) {
+        read_pose(host, readback, crowd, instance, after);
+        if (memcmp(pose, after, VERTICES * FLOATS * sizeof *pose) != 0) fail("a crowd that grew", "has another pose");
+    }
+    DM(dm_clip_destroy(clip));
+    DM(dm_crowd_destroy(crowd));
+    DM(dm_gpu_mesh_destroy(uploaded));
+    free(pose);
+}
+
+int main(int argc, char **argv) {
+    const Host host = host_create(argc > 1 ? argv[1] : "");
+    const uint32_t family = 0; /* the only one of these drivers */
+    const DmEngineDesc device = {.struct_size = sizeof device, .instance = host.instance,
+                                 .physical_device = host.physical, .device = host.device,
+                                 .get_instance_proc_addr = vkGetInstanceProcAddr, .queue_families = &family,
+                                 .queue_family_count = 1};
+    DmEngine engine;
+    DM(dm_engine_create(&device, &engine));
+    const DmSampleDesc head = {.struct_size = sizeof head, .vertices = VERTICES, .targets = TARGETS};
+    const DmMeshDesc packing = {.struct_size = sizeof packing, .delta_format = DM_DELTAS_SMALL};
+    DmMeshInfo info = {.struct_size = sizeof info};
+    DmMesh mesh;
+    DM(dm_mesh_sample_head(&head, &packing, &mesh));
+    DM(dm_mesh_info(mesh, &info));
+    const char *names[TARGETS];
+    uint64_t all = 0, moved = 0;
+    for (uint32_t t = 0; t < TARGETS; t++) {
+        uint64_t bytes;
+        DM(dm_mesh_target_name(mesh, t, &names[t]));
+        DM(dm_mesh_target_bytes(mesh, t, &bytes));
+        all += bytes;
+    }
+
+    DmGpuMesh uploaded;
+    DmResidency residency = {.struct_size = sizeof residency};
+    host_begin(&host);
+    DM(dm_mesh_upload_resident(engine, host.cmd, mesh, all / 2, &uploaded));
+    host_submit_and_wait(&host);
+    DM(dm_gpu_mesh_release_staging(uploaded));
+    DM(dm_gpu_mesh_residency(uploaded, &residency));
+    if (!residency.limited || residency.used != 0 || residency.capacity > all / 2) fail("room", "is another");
+
+    DmCrowdDesc desc = {.struct_size = sizeof desc, .queue_family = &family,
+                        .consumers = DM_READ_BY_VERTEX_ATTRIBUTES | DM_READ_BY_COPIES};
+    DmCrowd crowd;
+    DmWeightBounds bounds;
+    DmReadback readback;
+    DmOutgrown outgrown = {0};
+    DM(dm_crowd_create(uploaded, &desc, &crowd));
+    DM(dm_weight_bounds_create(mesh, &desc, &bounds));
+    DM(dm_readback_create(engine, &readback));
+    const DmBoundClip clips[2] = {clip_bound(mesh, 0, 3, names, 0), clip_bound(mesh, 1, 2, names, 1)};
+    float *pose = room_for(VERTICES * FLOATS, sizeof *pose);
+    double worst = 0;
+    uint32_t added = 0;
+    for (uint32_t step = 0; step < STEPS; step++) {
+        const double seconds = 0.07 * step;
+        float weights[TARGETS] = {0}, mask[TARGETS];
+        for (uint32_t t = 0; t < TARGETS; t++) mask[t] = is_used(step, t) ? 1 : 0;
+        const DmClipLayer layers[2] = {
+            {.struct_size = sizeof *layers, .clip = clips[0], .time = seconds, .weight = 1, .mask = mask},
+            {.struct_size = sizeof *layers, .clip = clips[1], .time = seconds, .weight = 0.5f, .mask = mask,
+             .blend = DM_LAYER_ADDITIVE, .once = 1}};
+        DM(dm_clips_mix(layers, 2, weights, TARGETS));
+        for (uint32_t t = 0; t < TARGETS; t++)
+            if (fabs(weights[t] - mixed(step, t, seconds)) > 1e-6) fail("layers", "are mixed otherwise");
+        if (step == GROWS) {
+            desc.instances = 2;
+            DM(dm_crowd_grow(crowd, NULL, &desc, &outgrown));
+            DM(dm_crowd_add(crowd, &added));
+        }
+        if (step == DISCARDS) { /* a command buffer that never runs */
+            host_begin(&host);
+            DM(dm_swap_discard(swap_record(&host, uploaded, mesh, step, NULL)));
+            VK(vkEndCommandBuffer(host.cmd));
+        }
+        uint64_t copied = 0;
+        host_begin(&host);
+        const DmSwap copies = swap_record(&host, uploaded, mesh, step, &copied);
+        for (uint32_t i = 0; i <= added; i++) DM(dm_crowd_set_weights(crowd, i, weights, TARGETS));
+        DM(dm_record_update(host.cmd, crowd, NULL));
+        host_submit_and_wait(&host);
+        DM(dm_swap_destroy(copies));
+        if (step == GROWS) DM(dm_outgrown_destroy(outgrown));
+        moved += copied;
+        DM(dm_gpu_mesh_residency(uploaded, &residency));
+        if (residency.used == 0 || residency.used > residency.capacity) fail("room", "is taken by others");
+        for (uint32_t t = 0; t < TARGETS; t++) {
+            uint32_t resident = 2;
+            DM(dm_gpu_mesh_is_resident(uploaded, t, &resident));
+            if (resident != (is_used(step, t) || (step > 0 && is_used(step - 1, t)))) fail(names[t], "is elsewhere");
+        }
+        for (uint32_t i = 0; i <= added; i++) {
+            read_pose(&host, readback, crowd, i, pose);
+            worst = fmax(worst, compared(mesh, bounds, weights, pose, info.diagonal));
+        }
+    }
+    grow_animated(&host, engine, mesh, readback);
+    printf("%d steps of %u instances, %llu bytes swapped, within %.1e of the diagonal\n", (int)STEPS, added + 1,
+           (unsigned long long)moved, worst);
+
+    for (int i = 0; i < 2; i++) DM(dm_bound_clip_destroy(clips[i]));
+    DM(dm_readback_destroy(readback));
+    DM(dm_weight_bounds_destroy(bounds));
+    DM(dm_crowd_destroy(crowd));
+    DM(dm_gpu_mesh_destroy(uploaded));
+    DM(dm_mesh_destroy(mesh));
+    DM(dm_engine_destroy(engine));
+    vkDestroyCommandPool(host.device, host.pool, NULL);
+    vkDestroyDevice(host.device, NULL);
+    vkDestroyInstance(host.instance, NULL);
+    free(pose);
+    if (!(worst <= 1e-5)) fail("poses", "differ from the reference");
+    return 0;
+}
