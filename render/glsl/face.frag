@@ -4,6 +4,9 @@
 #include "scene.glsl"
 #include "heat.glsl"
 
+// Where it is not set, SHOW_SHADED is all there is, and no EYE: software drivers carry out all branches for all pixels.
+layout(constant_id = 0) const bool GENERAL = true;
+
 layout(set = 0, binding = 1) uniform sampler2DShadow depths;
 
 layout(location = 0) in vec3 position;
@@ -19,19 +22,26 @@ struct Surface {
     vec3 wrap;       // how far light of each colour reaches behind the edge of the shade (skin lets red through)
     float roughness;
     float specular;  // reflected towards the eye, head-on
+    float reach;     // the share of the light without shadows that gets there: less inside a mouth
 };
 
-// The share of the key light that arrives: four by four comparisons around the place.
+// The share of the key light that arrives: comparisons at places that spiral outwards, as seeds of a sunflower lie, so that
+// no direction has fewer steps than another.
 float lit(vec3 n) {
     if (eye.w == 0.0) return 1.0;
     // Off the surface by a few texels of the map, so that it does not lie in its own shadow; by more where light grazes.
     float texel = eye.w / length(vec3(shadow[0][0], shadow[1][0], shadow[2][0]));
     float slope = min(1.0 - dot(n, key.xyz), 1.3);
-    vec4 place = shadow * vec4(position + n * texel * (1.5 + 9.0 * slope), 1.0);
+    vec4 place = shadow * vec4(position + n * texel * (2.0 + 9.0 * slope), 1.0);
+    const vec2 seeds[16] = vec2[](
+        vec2(0.177, 0.000), vec2(-0.226, 0.207), vec2(0.035, -0.394), vec2(0.285, 0.371),
+        vec2(-0.522, -0.092), vec2(0.495, -0.315), vec2(-0.165, 0.616), vec2(-0.316, -0.608),
+        vec2(0.685, 0.250), vec2(-0.712, 0.294), vec2(0.343, -0.734), vec2(0.254, 0.809),
+        vec2(-0.765, -0.443), vec2(0.897, -0.197), vec2(-0.548, 0.779), vec2(-0.126, -0.976));
+    const float REACH = 6.0; // texels
     float sum = 0.0;
-    for (int y = 0; y < 4; y++)
-        for (int x = 0; x < 4; x++)
-            sum += texture(depths, vec3(place.xy + (vec2(x, y) - 1.5) * 1.5 * eye.w, place.z - 0.0015));
+    for (int i = 0; i < 16; i++)
+        sum += texture(depths, vec3(place.xy + seeds[i] * (REACH * eye.w), place.z - 0.0015));
     return sum / 16.0;
 }
 
@@ -52,7 +62,7 @@ float highlight(vec3 n, vec3 l, vec3 v, float roughness, float specular) {
 
 // An eyeball: iris and pupil around the pole that looks forwards (+z) in the base pose; they go with the vertices.
 Surface eyeball() {
-    Surface s = Surface(vec3(0.72, 0.68, 0.65), vec3(0.25), 0.16, 0.04);
+    Surface s = Surface(vec3(0.72, 0.68, 0.65), vec3(0.25), 0.16, 0.04, 1.0);
     if (ball.w == 0.0) return s;
     vec3 out_of = (rest - ball.xyz) / ball.w;
     float off = out_of.z > 0.0 ? length(out_of.xy) : 2.0; // sine of the angle from the pole
@@ -68,13 +78,37 @@ Surface eyeball() {
     return s;
 }
 
+// What glows: yellow, then orange and red, until it is out.
+vec3 embers(float t) {
+    return t * vec3(0.90, 0.40 * t, 0.05 * t * t);
+}
+
 Surface surface_of(uint kind) {
+    if (GENERAL && kind == EYE) return eyeball();
     switch (kind) {
-        case EYE: return eyeball();
-        case TEETH: return Surface(vec3(0.60, 0.55, 0.45), vec3(0.4), 0.38, 0.04);
-        case MOUTH: return Surface(vec3(0.36, 0.10, 0.09), vec3(0.4, 0.2, 0.2), 0.35, 0.04);
-        default: return Surface(vec3(0.53, 0.28, 0.19), vec3(0.42, 0.24, 0.17), 0.50, 0.026);
+        case TEETH: return Surface(vec3(0.60, 0.55, 0.45), vec3(0.4), 0.38, 0.04, 0.5);
+        case MOUTH: return Surface(vec3(0.36, 0.10, 0.09), vec3(0.4, 0.2, 0.2), 0.35, 0.04, 0.4);
+        case WIRE: return Surface(vec3(0.42, 0.60, 0.66), vec3(0.5), 0.7, 0.01, 1.0);
+        default: return Surface(vec3(0.53, 0.28, 0.19), vec3(0.42, 0.24, 0.17), 0.50, 0.026, 1.0);
     }
+}
+
+// What a surface is made of to show something else.
+Surface shown_as(Surface s) {
+    if (show.x == SHOW_CHECKER) {
+        vec2 square = floor(shown.xy * show.z);
+        float odd = mod(square.x + square.y, 2.0);
+        vec3 tint = 0.35 + 0.6 * vec3(fract(shown.x), fract(shown.y), 0.5);
+        s.albedo = mix(tint, tint * 0.18, odd);
+    } else if (show.x == SHOW_DISTANCE || show.x == SHOW_VALUES || show.x == SHOW_MOTION) {
+        s = Surface(heat(shown.z), vec3(0.4), 0.6, 0.02, s.reach);
+    } else if (show.x == SHOW_WIRE && material != WIRE) {
+        s = Surface(s.albedo * 0.10 + vec3(0.012, 0.016, 0.022), s.wrap, 0.6, 0.015, s.reach);
+    } else if (show.x == SHOW_BLOCKS) {
+        s = Surface(s.albedo * 0.12 + vec3(0.020, 0.024, 0.030), s.wrap, 0.6, 0.02, s.reach);
+        s.albedo += embers(shown.z) * (0.12 + 0.68 * shown.x);
+    }
+    return s;
 }
 
 void main() {
@@ -86,27 +120,24 @@ void main() {
         n = -n;
         outside = 0.35;
     }
-    if (show.x == SHOW_NORMALS) {
+    if (GENERAL && show.x == SHOW_NORMALS) {
         pixel = vec4((0.5 + 0.5 * n) * outside, 1.0);
         return;
     }
     Surface s = surface_of(material);
-    if (show.x == SHOW_CHECKER) {
-        vec2 square = floor(shown.xy * show.z);
-        float odd = mod(square.x + square.y, 2.0);
-        vec3 tint = 0.35 + 0.6 * vec3(fract(shown.x), fract(shown.y), 0.5);
-        s.albedo = mix(tint, tint * 0.18, odd);
-    } else if (show.x == SHOW_DISTANCE || show.x == SHOW_VALUES) {
-        s = Surface(heat(shown.z), vec3(0.4), 0.6, 0.02);
-    }
+    if (GENERAL) s = shown_as(s);
 
     float shade = lit(n), facing = dot(n, key.xyz);
     // What the key light does not reach lies deep, more often than not: less of the other light gets there, too.
-    float open = 0.6 + 0.4 * shade;
-    vec3 key_colour = vec3(1.0, 0.95, 0.88) * key.w, fill_colour = vec3(0.66, 0.77, 1.0) * fill.w;
-    vec3 rim_colour = vec3(0.85, 0.93, 1.0) * rim.w;
-    vec3 above = vec3(0.15, 0.165, 0.19), below = vec3(0.085, 0.065, 0.055);
+    float open = (0.72 + 0.28 * shade) * s.reach;
+    vec3 key_colour = vec3(1.0, 0.95, 0.88) * key.w, fill_colour = vec3(0.80, 0.82, 0.96) * fill.w;
+    // What lies on the other side of the middle is in the head's own shadow: lips and teeth, whichever way they face.
+    float behind = smoothstep(-0.25, 0.10, dot(position - middle.xyz, rim.xyz) / middle.w);
+    vec3 rim_colour = vec3(0.85, 0.93, 1.0) * rim.w * behind;
+    vec3 above = vec3(0.165, 0.165, 0.175), below = vec3(0.100, 0.074, 0.060);
     vec3 around = mix(below, above, 0.5 + 0.5 * n.y);
+    // Inside a mouth light has been reflected by what is red.
+    if (s.reach < 1.0) around *= vec3(1.25, 0.85, 0.75);
     // Shadows let red through at their edges, as skin does.
     vec3 soft = pow(vec3(shade), 1.0 - 0.6 * s.wrap);
     vec3 light = s.albedo * (around * open + key_colour * soft * wrapped(facing, s.wrap) +
@@ -116,11 +147,12 @@ void main() {
     // A second, sharper lobe: the film of oil on skin.
     key_gloss += 0.15 * shade * highlight(n, key.xyz, v, s.roughness * 0.6, s.specular);
     light += key_colour * key_gloss;
-    light += fill_colour * highlight(n, fill.xyz, v, s.roughness, s.specular);
+    light += fill_colour * s.reach * highlight(n, fill.xyz, v, s.roughness, s.specular);
     float grazing = pow(1.0 - clamp(dot(n, v), 0.0, 1.0), 4.0);
     light += rim_colour * 0.35 * grazing * clamp(dot(n, rim.xyz) + 0.3, 0.0, 1.0);
-    // Bright parts are rolled off, not cut, and keep most of their hue.
     light *= outside;
+    if (GENERAL && show.x == SHOW_BLOCKS) light += 0.22 * embers(shown.z);
+    // Bright parts are rolled off, not cut, and keep most of their hue.
     float most = max(max(light.r, light.g), max(light.b, 1e-4));
     vec3 rolled = mix(light * (1.0 - exp(-1.3 * most)) / most, 1.0 - exp(-1.3 * light), 0.4);
     pixel = vec4(clamp(rolled * 1.06, 0.0, 1.0), 1.0);

@@ -2,6 +2,9 @@
 // A vertex of a pose, as pose.glsl finds it in the crowd's own buffer.
 #extension GL_GOOGLE_include_directive : require
 #define POSE_LOCATION 4
+#ifdef MOTION
+#define POSE_PREVIOUS
+#endif
 #include "pose.glsl"
 #include "scene.glsl"
 
@@ -13,7 +16,7 @@ layout(location = 3) in float value;
 layout(location = 0) out vec3 position;
 layout(location = 1) out vec3 normal;
 layout(location = 2) out vec3 rest;
-layout(location = 3) out vec3 shown; // texture coordinates, and a value from 0 to 1
+layout(location = 3) out vec3 shown; // texture coordinates (or a number of the block), and a value from 0 to 1
 
 void main() {
     position = pose_position(units);
@@ -24,5 +27,16 @@ void main() {
     normal = length_squared < 1e-6 ? rest_normal : sum * inversesqrt(length_squared);
     rest = rest_position;
     float measured = show.x == SHOW_VALUES ? value : distance(position, rest_position);
-    shown = vec3(texcoord, measured / show.y);
+    vec2 where = texcoord;
+    if (show.x == SHOW_BLOCKS) {
+        measured = glow[first_piece + uint(gl_VertexIndex) / PIECE];
+        // A number for each block, 0 to 1, unlike that of its neighbours.
+        where.x = fract(float(uint(gl_VertexIndex) / block) * 0.618034);
+    }
+#ifdef MOTION
+    measured = distance(position, previous_position(units));
+#endif
+    shown = vec3(where, measured / show.y);
+    // Edges lie in front of the faces that they belong to.
+    if (material == WIRE) gl_Position.z -= 3e-4 * gl_Position.w;
 }

@@ -7,6 +7,7 @@ layout(set = 0, binding = 0, std140) uniform Scene {
     vec4 key;        // towards the key light; w: how bright
     vec4 fill;       // towards the fill light
     vec4 rim;        // towards the rim light
+    vec4 middle;     // of what is drawn of the base pose; w: how far it reaches from there
     vec4 show;       // x: what is shown (SHOW_…), y: which value is the end of the scale, z: squares of the checker
 };
 
@@ -15,15 +16,27 @@ const float SHOW_CHECKER = 1.0;
 const float SHOW_DISTANCE = 2.0; // from the base pose, as the shader sees it
 const float SHOW_VALUES = 3.0;   // values of the host's, one a vertex
 const float SHOW_NORMALS = 4.0;
+const float SHOW_WIRE = 5.0;
+const float SHOW_MOTION = 6.0;   // from the previous pose
+const float SHOW_BLOCKS = 7.0;   // pieces that updates have changed, by `glow`
+
+// How bright each piece of vertices is, from 1 (changed now) down to 0: `Glow` in src/glow.rs.
+layout(set = 0, binding = 2, std430) readonly buffer Glow {
+    float glow[];
+};
+const uint PIECE = 32u; // vertices
 
 // What is drawn with one material: `PartPush` in src/scene.rs.
 layout(push_constant) uniform Part {
     vec4 ball;    // an eyeball in the base pose: middle and radius; radius 0: none
     vec2 units;   // of the pose
     uint material;
+    uint first_piece; // of the head, in `glow`
+    uint block;       // vertices of a block, or of the mesh where there are none
 };
 
 const uint SKIN = 0u;
 const uint EYE = 1u;
 const uint TEETH = 2u;
 const uint MOUTH = 3u;
+const uint WIRE = 4u; // edges of faces: lines

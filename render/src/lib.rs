@@ -10,6 +10,7 @@
 //! Vulkan 1.1, four samples a pixel, no extension or feature.
 
 mod camera;
+mod glow;
 mod memory;
 mod model;
 mod modules;
@@ -22,6 +23,8 @@ mod studio;
 mod target;
 
 pub use camera::{Camera, View};
+pub use glow::Glow;
+pub use memory::Buffer;
 pub use model::Model;
 pub use parts::{Material, Part, parts};
 pub use passes::RendererDesc;

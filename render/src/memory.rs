@@ -55,8 +55,8 @@ impl Gpu {
     }
 }
 
-/// A buffer in memory that host and device share.
-pub(crate) struct Buffer {
+/// A buffer in memory that host and device share: see [`Renderer::buffer`](crate::Renderer::buffer).
+pub struct Buffer {
     gpu: Arc<Gpu>,
     pub(crate) raw: vk::Buffer,
     memory: vk::DeviceMemory,
@@ -92,18 +92,23 @@ impl Buffer {
         Ok(buffer)
     }
 
+    /// The buffer, for commands.
+    pub fn raw(&self) -> vk::Buffer {
+        self.raw
+    }
+
     /// Put `contents` at `offset`. The device does not use these bytes now: whoever records draws answers for that.
     ///
     /// # Panics
     /// The buffer has fewer bytes.
-    pub(crate) fn write(&mut self, offset: usize, contents: &[u8]) {
+    pub fn write(&mut self, offset: usize, contents: &[u8]) {
         assert!(offset + contents.len() <= self.bytes, "{} bytes at {offset} of {}", contents.len(), self.bytes);
         // SAFETY: so many bytes are mapped, checked above; `&mut` keeps others of the host away.
         unsafe { self.mapped.add(offset).copy_from_nonoverlapping(contents.as_ptr(), contents.len()) };
     }
 
     /// What is in it. Whatever wrote it has finished: whoever submits answers for that.
-    pub(crate) fn contents(&self) -> &[u8] {
+    pub fn contents(&self) -> &[u8] {
         // SAFETY: so many bytes are mapped and initialised, and only `&mut` writes them.
         unsafe { std::slice::from_raw_parts(self.mapped, self.bytes) }
     }

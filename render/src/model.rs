@@ -1,21 +1,31 @@
 //! What is drawn of a mesh, and does not move: indices, texture coordinates, parts.
 
+use crate::glow::pieces_of;
 use crate::memory::Buffer;
 use crate::parts::Part;
 use crate::renderer::Renderer;
 use bytemuck::cast_slice;
 use deltamorph::ash::vk;
 use deltamorph::{Error, GpuMesh, MorphMesh, PackedLayout, Result};
-use glam::{Vec2, Vec4};
+use glam::{Vec2, Vec3, Vec4};
+use std::collections::{BTreeSet, HashSet};
 use std::ops::Range;
 
 /// A mesh that was uploaded, as the renderer draws it.
 pub struct Model {
     pub(crate) indices: Buffer,
+    /// Two vertices for each edge of a face.
+    pub(crate) edges: (Buffer, u32),
     pub(crate) texcoords: Buffer,
     pub(crate) values: Buffer,
     pub(crate) base: (vk::Buffer, u64),
     pub(crate) parts: Vec<Drawn>,
+    /// Of the box around what is drawn in the base pose, and half its diagonal.
+    pub(crate) middle: Vec4,
+    /// Pieces of a [`Glow`](crate::Glow).
+    pub(crate) pieces: usize,
+    /// Vertices of a block; where there are none, of the mesh.
+    pub(crate) block: u32,
     /// Where each vertex of the mesh is in pose buffers.
     places: Vec<u32>,
 }
@@ -63,17 +73,27 @@ impl Model {
             let range = begin..indices.len() as u32;
             drawn.push(Drawn { indices: range, material: part.material, ball: part.ball });
         }
+        let edges: Vec<u32> = edges(mesh, parts).into_iter().flatten().map(|v| places[v as usize]).collect();
+        let corners = parts.iter().flat_map(|part| part.triangles.iter().flatten());
+        let (low, high) = corners
+            .map(|&v| mesh.positions[v as usize])
+            .fold((Vec3::MAX, Vec3::MIN), |(low, high), p| (low.min(p), high.max(p)));
         let padded = uploaded.base_pose().size as usize / 24;
         let mut texcoords = vec![Vec2::ZERO; padded];
         places.iter().zip(&render.texcoords).for_each(|(&place, &texcoord)| texcoords[place as usize] = texcoord);
         let (gpu, vertices) = (&renderer.gpu, vk::BufferUsageFlags::VERTEX_BUFFER);
         let base = uploaded.base_pose();
+        let filled = |indices: &[u32]| Buffer::filled(gpu, cast_slice(indices), vk::BufferUsageFlags::INDEX_BUFFER);
         Ok(Self {
-            indices: Buffer::filled(gpu, cast_slice(&indices), vk::BufferUsageFlags::INDEX_BUFFER)?,
+            indices: filled(&indices)?,
+            edges: (filled(&edges)?, edges.len() as u32),
             texcoords: Buffer::filled(gpu, cast_slice(&texcoords), vertices)?,
             values: Buffer::new(gpu, 4 * padded.max(1), vertices, false)?,
             base: (base.buffer, base.offset),
             parts: drawn,
+            middle: ((low + high) / 2.0).extend((low.distance(high) / 2.0).max(f32::MIN_POSITIVE)),
+            pieces: pieces_of(padded),
+            block: layout.blocks.as_ref().map_or(padded.max(1), |blocks| blocks.size()) as u32,
             places,
         })
     }
@@ -96,4 +116,17 @@ impl Model {
         self.values.write(0, cast_slice(&placed));
         Ok(())
     }
+}
+
+/// The edges of the faces that `parts` draw, each once, from the lower vertex to the higher: diagonals of a face are none.
+fn edges(mesh: &MorphMesh, parts: &[Part]) -> Vec<[u32; 2]> {
+    let around = |corners: &[u32]| -> Vec<[u32; 2]> {
+        let next = corners.iter().cycle().skip(1);
+        corners.iter().zip(next).map(|(a, b)| [*a.min(b), *a.max(b)]).collect()
+    };
+    let triangles = parts.iter().flat_map(|part| &part.triangles);
+    let drawn: HashSet<[u32; 2]> = triangles.flat_map(|triangle| around(triangle)).collect();
+    let faces = mesh.faces.iter().map(|face| face.iter().map(|corner| corner.position).collect::<Vec<u32>>());
+    let edges = faces.flat_map(|corners| around(&corners)).filter(|edge| drawn.contains(edge));
+    edges.collect::<BTreeSet<_>>().into_iter().collect()
 }

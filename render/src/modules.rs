@@ -5,6 +5,8 @@ use deltamorph::{Error, PoseFormat, Result};
 /// The vertex modules for poses of one format.
 pub(crate) struct Modules {
     pub(crate) face: &'static [u8],
+    /// With the previous pose.
+    pub(crate) motion: &'static [u8],
     pub(crate) shadow: &'static [u8],
 }
 
@@ -12,6 +14,7 @@ macro_rules! modules {
     ($pose:literal) => {
         Modules {
             face: include_bytes!(concat!("../spirv/face_", $pose, ".vert.spv")),
+            motion: include_bytes!(concat!("../spirv/motion_", $pose, ".vert.spv")),
             shadow: include_bytes!(concat!("../spirv/shadow_", $pose, ".vert.spv")),
         }
     };

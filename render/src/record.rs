@@ -1,14 +1,20 @@
 //! The commands of a draw.
 
-use crate::model::Model;
+use crate::model::{Drawn, Model};
+use crate::parts::Material;
 use crate::passes::SHADOW_EDGE;
 use crate::renderer::Renderer;
-use crate::scene::{Head, PartPush, Scene};
+use crate::scene::{Head, PartPush, Scene, Show};
 use crate::target::Target;
 use bytemuck::bytes_of;
 use deltamorph::Result;
 use deltamorph::ash::vk;
+use glam::Vec4;
+use std::ops::Range;
 use std::slice::from_ref;
+
+/// What edges are made of: `WIRE` in glsl/scene.glsl, where [`Material`](crate::Material) has its numbers, too.
+const WIRE: u32 = 4;
 
 impl Renderer {
     /// Draw heads of `model` into `target`, in front of `background` (linear red, green, blue, and opacity).
@@ -36,16 +42,31 @@ impl Renderer {
         scene: &Scene,
         background: [f32; 4],
     ) -> Result<()> {
-        target.write(scene, heads)?;
+        target.write(scene, model, heads)?;
+        if scene.show == Show::Blocks {
+            target.check_glow(model)?;
+        }
         let device = &self.gpu.device;
         let far = vk::ClearValue { depth_stencil: vk::ClearDepthStencilValue { depth: 1.0, stencil: 0 } };
         let behind = vk::ClearValue { color: vk::ClearColorValue { float32: background } };
         let edge = vk::Extent2D { width: SHADOW_EDGE, height: SHADOW_EDGE };
+        let ([front, back], [plain_front, plain_back]) = (self.shaded, self.plain);
+        let pictured = match scene.show {
+            Show::Shaded => {
+                vec![(plain_front, What::Rest), (front, What::Eyes), (plain_back, What::Rest), (back, What::Eyes)]
+            }
+            Show::Motion(_) => self.motion.map(|pipeline| (pipeline, What::Faces)).to_vec(),
+            Show::Wire => vec![(front, What::Faces), (back, What::Faces), (self.lines, What::Edges)],
+            Show::Blocks | Show::Checker(_) | Show::Distance(_) | Show::Values(_) | Show::Normals => {
+                vec![(front, What::Faces), (back, What::Faces)]
+            }
+        };
+        let shadows = vec![(self.shadow, What::Shadows)];
         let passes = [
-            (self.shadow_pass, target.shadow_framebuffer, edge, &[far][..], self.shadow),
-            (self.pass, target.framebuffer, target.extent, &[behind, far], self.shaded),
+            (self.shadow_pass, target.shadow_framebuffer, edge, &[far][..], shadows),
+            (self.pass, target.framebuffer, target.extent, &[behind, far], pictured),
         ];
-        for (pass, framebuffer, extent, clear, pipeline) in passes {
+        for (pass, framebuffer, extent, clear, draws) in passes {
             let area = vk::Rect2D { extent, ..Default::default() };
             let begin = vk::RenderPassBeginInfo::default().render_pass(pass).framebuffer(framebuffer);
             let begin = begin.render_area(area).clear_values(clear);
@@ -58,14 +79,17 @@ impl Renderer {
             // SAFETY: `cmd` is recording (the caller's obligations); passes, framebuffers and pipelines go together.
             unsafe {
                 device.cmd_begin_render_pass(cmd, &begin, vk::SubpassContents::INLINE);
-                device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, pipeline);
                 device.cmd_set_viewport(cmd, 0, from_ref(&viewport));
                 device.cmd_set_scissor(cmd, 0, from_ref(&area));
             }
-            for (i, head) in heads.iter().enumerate() {
-                // SAFETY: as above; the target has room for what is told of so many heads, and the poses are those of the
-                // mesh.
-                unsafe { self.record_head(cmd, target, model, head, i, pass == self.pass) };
+            for (pipeline, what) in draws {
+                // SAFETY: as above.
+                unsafe { device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, pipeline) };
+                for (i, head) in heads.iter().enumerate() {
+                    // SAFETY: as above; the target has room for what is told of so many heads, and the poses are those of
+                    // the mesh.
+                    unsafe { self.record_head(cmd, target, model, head, i, what) };
+                }
             }
             // SAFETY: begun above.
             unsafe { device.cmd_end_render_pass(cmd) };
@@ -83,31 +107,54 @@ impl Renderer {
         model: &Model,
         head: &Head,
         number: usize,
-        colours: bool,
+        what: What,
     ) {
         let device = &self.gpu.device;
         let (base, both) = (&model.base, vk::ShaderStageFlags::VERTEX | vk::ShaderStageFlags::FRAGMENT);
-        let buffers = [head.buffer, base.0, model.texcoords.raw, model.values.raw];
-        let offsets = [head.offset, base.1, 0, 0];
-        let bound = if colours { 4 } else { self.desc.pose.vertex_input(false).0.len() };
+        let buffers = [head.buffer, base.0, model.texcoords.raw, model.values.raw, head.previous.0];
+        let offsets = [head.offset, base.1, 0, 0, head.previous.1];
+        let bound = if what == What::Shadows { self.desc.pose.vertex_input(false).0.len() } else { buffers.len() };
+        let indices = if what == What::Edges { &model.edges.0 } else { &model.indices };
         // SAFETY: the caller's obligations; model and target are alive.
         unsafe {
             let (point, dynamic) = (vk::PipelineBindPoint::GRAPHICS, target.offset_of(number));
             device.cmd_bind_descriptor_sets(cmd, point, self.layout, 0, &[target.set], &[dynamic]);
             device.cmd_bind_vertex_buffers(cmd, 0, &buffers[..bound], &offsets[..bound]);
-            device.cmd_bind_index_buffer(cmd, model.indices.raw, 0, vk::IndexType::UINT32);
+            device.cmd_bind_index_buffer(cmd, indices.raw, 0, vk::IndexType::UINT32);
         }
-        for part in &model.parts {
-            let push = PartPush {
-                ball: part.ball.unwrap_or_default().to_array(),
-                units: head.units,
-                material: part.material as u32,
-            };
-            // SAFETY: as above; the part's indices are in the buffer.
+        let draw = |indices: Range<u32>, material: u32, ball: Vec4| {
+            let first_piece = (number * model.pieces) as u32;
+            let (ball, units, block) = (ball.to_array(), head.units, model.block);
+            let push = PartPush { ball, units, material, first_piece, block };
+            // SAFETY: as above; so many indices are in the buffer.
             unsafe {
                 device.cmd_push_constants(cmd, self.layout, both, 0, bytes_of(&push));
-                device.cmd_draw_indexed(cmd, part.indices.len() as u32, 1, part.indices.start, 0, 0);
+                device.cmd_draw_indexed(cmd, indices.len() as u32, 1, indices.start, 0, 0);
             }
+        };
+        if what == What::Edges {
+            draw(0..model.edges.1, WIRE, Vec4::ZERO);
+            return;
+        }
+        let is_drawn = |part: &&Drawn| match what {
+            What::Eyes => part.material == Material::Eye,
+            What::Rest => part.material != Material::Eye,
+            What::Shadows | What::Faces | What::Edges => true,
+        };
+        for part in model.parts.iter().filter(is_drawn) {
+            draw(part.indices.clone(), part.material as u32, part.ball.unwrap_or_default());
         }
     }
+}
+
+/// What is drawn of a head.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum What {
+    Shadows,
+    Faces,
+    /// Faces of eyeballs.
+    Eyes,
+    /// Other faces.
+    Rest,
+    Edges,
 }

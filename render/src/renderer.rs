@@ -9,8 +9,24 @@ use deltamorph::ash::{self, vk};
 use std::slice::from_ref;
 use std::sync::Arc;
 
-/// Where the inputs of our own begin that follow those of poses: see glsl/face.vert.
+/// Where the inputs of poses begin, behind those of our own: see glsl/face.vert.
 const POSE_LOCATION: u32 = 4;
+
+/// What a pipeline draws.
+#[derive(Clone, Copy)]
+enum Drawn {
+    /// Both sides of faces.
+    All,
+    /// Those that are not culled.
+    Faces {
+        cull: vk::CullModeFlags,
+        plain: bool,
+    },
+    Lines,
+}
+
+/// Bindings and attributes.
+type Input = (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>);
 
 /// Draws poses of one format. Everything is made on the host's device; see [`Renderer::new`] for what the host answers for.
 pub struct Renderer {
@@ -23,7 +39,15 @@ pub struct Renderer {
     pub(crate) sampler: vk::Sampler,
     pub(crate) layout: vk::PipelineLayout,
     pub(crate) shadow: vk::Pipeline,
-    pub(crate) shaded: vk::Pipeline,
+    /// Of front faces, and of back faces. Both are seen, since faces have openings, but most of what faces backwards is
+    /// hidden: drawn last, it is not shaded.
+    pub(crate) shaded: [vk::Pipeline; 2],
+    /// As `shaded`, of what is not shown otherwise and no eyeball.
+    pub(crate) plain: [vk::Pipeline; 2],
+    /// As `shaded`, with the previous pose.
+    pub(crate) motion: [vk::Pipeline; 2],
+    /// As `shaded`, of lines.
+    pub(crate) lines: vk::Pipeline,
 }
 
 impl Renderer {
@@ -63,13 +87,27 @@ impl Renderer {
             sampler: vk::Sampler::null(),
             layout: vk::PipelineLayout::null(),
             shadow: vk::Pipeline::null(),
-            shaded: vk::Pipeline::null(),
+            shaded: [vk::Pipeline::null(); 2],
+            plain: [vk::Pipeline::null(); 2],
+            motion: [vk::Pipeline::null(); 2],
+            lines: vk::Pipeline::null(),
         };
         this.shadow_pass = passes::shadow(&this.gpu)?;
         this.pass = passes::picture(&this.gpu, desc, depth_format)?;
         this.make_layouts()?;
         this.make_pipelines()?;
         Ok(this)
+    }
+
+    /// A buffer of so many bytes (≥ 1), all 0: for poses of the host's, or for pixels that are copied.
+    ///
+    /// # Errors
+    /// No memory.
+    ///
+    /// # Safety
+    /// It is written, and dropped, only when nothing that was recorded with it is still to run.
+    pub unsafe fn buffer(&self, bytes: usize, usage: vk::BufferUsageFlags) -> Result<crate::Buffer> {
+        crate::Buffer::new(&self.gpu, bytes, usage, true)
     }
 
     fn make_layouts(&mut self) -> Result<()> {
@@ -82,6 +120,7 @@ impl Renderer {
         let bindings = [
             binding(0, vk::DescriptorType::UNIFORM_BUFFER_DYNAMIC, both),
             binding(1, vk::DescriptorType::COMBINED_IMAGE_SAMPLER, vk::ShaderStageFlags::FRAGMENT),
+            binding(2, vk::DescriptorType::STORAGE_BUFFER, vk::ShaderStageFlags::VERTEX),
         ];
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
         // Beyond the map nothing casts shadows.
@@ -104,14 +143,40 @@ impl Renderer {
 
     fn make_pipelines(&mut self) -> Result<()> {
         let modules = modules::of(self.desc.pose)?;
-        let (mut bindings, mut attributes) = self.desc.pose.vertex_input(false);
+        let (bindings, mut attributes) = self.desc.pose.vertex_input(false);
         attributes.iter_mut().for_each(|attribute| attribute.location += POSE_LOCATION);
         // The map needs positions alone, but the shader declares all inputs of the poses.
-        self.shadow = self.pipeline(self.shadow_pass, &[modules.shadow], (&bindings, attributes.clone()))?;
-        // Binding 1 has the base pose, whatever the format; 2 texture coordinates; 3 values.
+        self.shadow = self.pipeline(self.shadow_pass, &[modules.shadow], (bindings, attributes), Drawn::All)?;
+        self.lines = self.pictured(modules.face, false, Drawn::Lines)?;
+        for (side, cull) in [vk::CullModeFlags::BACK, vk::CullModeFlags::FRONT].into_iter().enumerate() {
+            self.shaded[side] = self.pictured(modules.face, false, Drawn::Faces { cull, plain: false })?;
+            self.plain[side] = self.pictured(modules.face, false, Drawn::Faces { cull, plain: true })?;
+            self.motion[side] = self.pictured(modules.motion, true, Drawn::Faces { cull, plain: false })?;
+        }
+        Ok(())
+    }
+
+    /// A pipeline of the picture.
+    fn pictured(&self, module: &'static [u8], previous: bool, drawn: Drawn) -> Result<vk::Pipeline> {
+        self.pipeline(self.pass, &[module, modules::FRAGMENT], self.input(previous), drawn)
+    }
+
+    /// What face.vert reads: binding 0 has the pose, 1 the base pose, whatever the format; 2 texture coordinates; 3 values;
+    /// 4 the previous pose, if any.
+    fn input(&self, previous: bool) -> Input {
+        let (mut bindings, mut attributes) = self.desc.pose.vertex_input(previous);
+        let last = bindings.len() as u32 - 1;
+        let own = |attribute: &mut vk::VertexInputAttributeDescription| {
+            attribute.location += POSE_LOCATION;
+            if previous && attribute.binding == last {
+                attribute.binding = 4;
+            }
+        };
+        attributes.iter_mut().for_each(own);
         let per_vertex = |binding, stride| vk::VertexInputBindingDescription::default().binding(binding).stride(stride);
         bindings.truncate(1);
         bindings.extend([per_vertex(1, 24), per_vertex(2, 8), per_vertex(3, 4)]);
+        bindings.extend(previous.then(|| per_vertex(4, bindings[0].stride)));
         let attribute = |location, binding, format, offset| vk::VertexInputAttributeDescription {
             location,
             binding,
@@ -124,8 +189,7 @@ impl Renderer {
             attribute(2, 2, vk::Format::R32G32_SFLOAT, 0),
             attribute(3, 3, vk::Format::R32_SFLOAT, 0),
         ]);
-        self.shaded = self.pipeline(self.pass, &[modules.face, modules::FRAGMENT], (&bindings, attributes))?;
-        Ok(())
+        (bindings, attributes)
     }
 
     /// A pipeline of a vertex module and, where there are colours, a fragment module.
@@ -133,7 +197,8 @@ impl Renderer {
         &self,
         pass: vk::RenderPass,
         code: &[&[u8]],
-        (bindings, attributes): (&[vk::VertexInputBindingDescription], Vec<vk::VertexInputAttributeDescription>),
+        (bindings, attributes): Input,
+        drawn: Drawn,
     ) -> Result<vk::Pipeline> {
         let (device, colours) = (&self.gpu.device, code.len() > 1);
         let mut made = vec![];
@@ -150,17 +215,25 @@ impl Renderer {
                 }
             }
         }
+        let (topology, cull, plain) = match drawn {
+            Drawn::All => (vk::PrimitiveTopology::TRIANGLE_LIST, vk::CullModeFlags::NONE, false),
+            Drawn::Faces { cull, plain } => (vk::PrimitiveTopology::TRIANGLE_LIST, cull, plain),
+            Drawn::Lines => (vk::PrimitiveTopology::LINE_LIST, vk::CullModeFlags::NONE, false),
+        };
+        let constant = [vk::SpecializationMapEntry { constant_id: 0, offset: 0, size: 4 }];
+        let value = u32::from(!plain).to_ne_bytes();
+        let special = vk::SpecializationInfo::default().map_entries(&constant).data(&value);
         let kinds = [vk::ShaderStageFlags::VERTEX, vk::ShaderStageFlags::FRAGMENT];
-        let stage =
-            |(module, kind)| vk::PipelineShaderStageCreateInfo::default().module(module).stage(kind).name(c"main");
+        let stage = |(module, kind)| {
+            let stage = vk::PipelineShaderStageCreateInfo::default().module(module).stage(kind).name(c"main");
+            if kind == vk::ShaderStageFlags::FRAGMENT { stage.specialization_info(&special) } else { stage }
+        };
         let stages: Vec<_> = made.iter().copied().zip(kinds).map(stage).collect();
-        let input = vk::PipelineVertexInputStateCreateInfo::default().vertex_binding_descriptions(bindings);
+        let input = vk::PipelineVertexInputStateCreateInfo::default().vertex_binding_descriptions(&bindings);
         let input = input.vertex_attribute_descriptions(&attributes);
-        let assembly =
-            vk::PipelineInputAssemblyStateCreateInfo::default().topology(vk::PrimitiveTopology::TRIANGLE_LIST);
+        let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(topology);
         let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
-        // Both sides are drawn: faces have openings.
-        let raster = vk::PipelineRasterizationStateCreateInfo::default().line_width(1.0);
+        let raster = vk::PipelineRasterizationStateCreateInfo::default().line_width(1.0).cull_mode(cull);
         let samples = if colours { SAMPLES } else { vk::SampleCountFlags::TYPE_1 };
         let samples = vk::PipelineMultisampleStateCreateInfo::default().rasterization_samples(samples);
         let depth = vk::PipelineDepthStencilStateCreateInfo::default().depth_test_enable(true).depth_write_enable(true);
@@ -199,8 +272,9 @@ impl Drop for Renderer {
         let device = &self.gpu.device;
         // SAFETY: ours, destroyed once, and not in use: the caller of `new` says so.
         unsafe {
-            device.destroy_pipeline(self.shadow, None);
-            device.destroy_pipeline(self.shaded, None);
+            let pipelines =
+                [self.shadow, self.lines].into_iter().chain(self.shaded).chain(self.plain).chain(self.motion);
+            pipelines.for_each(|pipeline| device.destroy_pipeline(pipeline, None));
             device.destroy_pipeline_layout(self.layout, None);
             device.destroy_sampler(self.sampler, None);
             device.destroy_descriptor_set_layout(self.set_layout, None);

@@ -20,6 +20,13 @@ pub enum Show {
     Values(f32),
     /// Normals as colours.
     Normals,
+    /// The edges of faces, those in front: triangles that faces of more corners are drawn as do not show.
+    Wire,
+    /// How far each vertex has come from the previous pose ([`Head::previous`]), in input units; the number is the end of the
+    /// scale.
+    Motion(f32),
+    /// What updates have changed glows, and goes out ([`Target::set_glow`](crate::Target::set_glow)).
+    Blocks,
 }
 
 /// The lights: a key light that casts shadows, a fill light on the other side, a rim light from behind.
@@ -61,12 +68,23 @@ pub struct Head {
     pub units: [f32; 2],
     /// Where it stands: turned, moved and scaled by one factor.
     pub place: Mat4,
+    /// The buffer that its previous pose is in, and where it begins there: for [`Show::Motion`].
+    pub previous: (vk::Buffer, u64),
 }
 
 impl Head {
-    /// A head of a crowd's.
+    /// A head of a crowd's, which does not move.
     pub fn new(pose: &PoseView, place: Mat4) -> Self {
-        Self { buffer: pose.buffer, offset: pose.offset, units: pose.units, place }
+        let (buffer, offset, units) = (pose.buffer, pose.offset, pose.units);
+        Self { buffer, offset, units, place, previous: (buffer, offset) }
+    }
+
+    /// That comes from `pose`, as [`Crowd::previous_pose`](deltamorph::Crowd::previous_pose) has it; without one it does not
+    /// move.
+    #[must_use]
+    pub fn previous(mut self, pose: Option<&PoseView>) -> Self {
+        self.previous = pose.map_or((self.buffer, self.offset), |pose| (pose.buffer, pose.offset));
+        self
     }
 }
 
@@ -80,6 +98,7 @@ pub(crate) struct HeadScene {
     key: Vec4,
     fill: Vec4,
     rim: Vec4,
+    middle: Vec4,
     show: Vec4,
 }
 
@@ -90,11 +109,15 @@ pub(crate) struct PartPush {
     pub(crate) ball: [f32; 4],
     pub(crate) units: [f32; 2],
     pub(crate) material: u32,
+    /// Of the head, in `glow`.
+    pub(crate) first_piece: u32,
+    pub(crate) block: u32,
 }
 
 impl Scene {
-    /// Of a head that `place` puts into the scene. `texel`: the size of one of the shadow map, where there is a map.
-    pub(crate) fn head(&self, place: &Mat4, texel: f32) -> HeadScene {
+    /// Of a head that `place` puts into the scene; `middle` of what is drawn, and how far it reaches. `texel`: the size of one
+    /// of the shadow map, where there is a map.
+    pub(crate) fn head(&self, place: &Mat4, middle: Vec4, texel: f32) -> HeadScene {
         let View { clip, eye, axes, ball: (centre, radius) } = self.view;
         let Light { yaw, pitch, strength } = self.light;
         let back = place.inverse();
@@ -108,6 +131,9 @@ impl Scene {
             Show::Distance(end) => (2.0, end),
             Show::Values(end) => (3.0, end),
             Show::Normals => (4.0, 1.0),
+            Show::Wire => (5.0, 1.0),
+            Show::Motion(end) => (6.0, end),
+            Show::Blocks => (7.0, 1.0),
         };
         let squares = if let Show::Checker(squares) = self.show { squares } else { 0.0 };
         HeadScene {
@@ -117,6 +143,7 @@ impl Scene {
             key: towards(key, 1.45),
             fill: towards(direction(axes, -1.4 * yaw, pitch * 0.1), 0.36),
             rim: towards(direction(axes, 150.0 * -yaw.signum(), 35.0), 0.8),
+            middle,
             show: Vec4::new(show, end.max(f32::MIN_POSITIVE), squares, 0.0),
         }
     }
@@ -183,10 +210,18 @@ mod tests {
             offset_of!(HeadScene, key),
             offset_of!(HeadScene, fill),
             offset_of!(HeadScene, rim),
+            offset_of!(HeadScene, middle),
             offset_of!(HeadScene, show),
         ];
         assert_eq!(scene, expected);
         let part = offsets(&|v| matches!(v, Variable::PushConstant { .. }));
-        assert_eq!(part, [offset_of!(PartPush, ball), offset_of!(PartPush, units), offset_of!(PartPush, material)]);
+        let expected = [
+            offset_of!(PartPush, ball),
+            offset_of!(PartPush, units),
+            offset_of!(PartPush, material),
+            offset_of!(PartPush, first_piece),
+            offset_of!(PartPush, block),
+        ];
+        assert_eq!(part, expected);
     }
 }

@@ -1,11 +1,12 @@
 //! Pictures without a window: an image of our own, several frames in flight.
 
+use crate::glow::Glow;
 use crate::memory::{Buffer, Image, ImageDesc, failed};
 use crate::model::Model;
 use crate::parts::Part;
 use crate::passes::RendererDesc;
 use crate::renderer::Renderer;
-use crate::scene::{Head, Scene};
+use crate::scene::{Head, Scene, Show};
 use crate::target::Target;
 use deltamorph::ash::vk;
 use deltamorph::headless::Headless;
@@ -14,6 +15,7 @@ use deltamorph::{
 };
 use glam::Mat4;
 use std::collections::VecDeque;
+use std::ops::Range;
 use std::slice::from_ref;
 
 /// Linear colours go in, sRGB comes out.
@@ -30,6 +32,8 @@ pub struct StudioDesc {
     pub in_flight: u32,
     /// How poses are updated. The path `cpu`: poses come from the host ([`Poses::Stored`]).
     pub update: UpdateDesc,
+    /// For [`Show::Blocks`]: the share of its brightness that each further picture leaves of what an update changed, 0 to 1.
+    pub afterglow: f32,
 }
 
 /// Where the poses of a picture come from.
@@ -37,8 +41,8 @@ pub struct StudioDesc {
 pub enum Poses<'a> {
     /// Of the crowd, which is asked for these weights: those of each head.
     Weights(&'a [&'a [f32]]),
-    /// From the host: the stored pose of each head, and the units of them all.
-    Stored(&'a [&'a [u8]], [f32; 2]),
+    /// From the host: of each head the stored pose, and the vertices of it that changed; and the units of them all.
+    Stored(&'a [(&'a [u8], &'a [Range<u32>])], [f32; 2]),
 }
 
 /// A picture: red, green, blue and opacity of each pixel in sRGB, row by row from the top; colours are multiplied by the
@@ -60,6 +64,10 @@ pub struct Studio<'a> {
     pending: VecDeque<usize>,
     pool: vk::CommandPool,
     crowd: Option<Crowd>,
+    /// Of each head.
+    glow: Vec<Glow>,
+    /// The poses of the picture before, where they are the host's.
+    last: Vec<u8>,
     model: Model,
     renderer: Renderer,
     // What the model reads, after the model.
@@ -71,7 +79,7 @@ struct Frame {
     target: Target,
     image: Image,
     pixels: Buffer,
-    /// Poses of the host's.
+    /// Poses of the host's: those of all heads, and behind them those of the picture before.
     poses: Option<Buffer>,
     cmd: vk::CommandBuffer,
     fence: vk::Fence,
@@ -90,7 +98,7 @@ impl<'a> Studio<'a> {
         parts: &[Part],
         desc: StudioDesc,
     ) -> Result<Self> {
-        let StudioDesc { size: [width, height], heads, in_flight, update } = desc;
+        let StudioDesc { size: [width, height], heads, in_flight, update, .. } = desc;
         if update.path.evaluates_in_draws() {
             return Err(Error::Invalid {
                 what: format!(
@@ -128,7 +136,9 @@ impl<'a> Studio<'a> {
         // SAFETY: the device has this family; destroyed by `drop`.
         let pool = unsafe { device.create_command_pool(&info, None) }.map_err(failed("vkCreateCommandPool"))?;
         let (frames, pending) = (vec![], VecDeque::new());
-        let mut this = Self { headless, desc, frames, pending, pool, crowd, model, renderer, _uploaded: uploaded };
+        let (glow, last) = (vec![Glow::new(packed.layout()); heads as usize], vec![]);
+        let _uploaded = uploaded;
+        let mut this = Self { headless, desc, frames, pending, pool, crowd, glow, last, model, renderer, _uploaded };
         for _ in 0..in_flight.max(1) {
             let frame = this.frame(packed)?;
             this.frames.push(frame);
@@ -149,7 +159,7 @@ impl<'a> Studio<'a> {
         let poses = match self.crowd {
             Some(_) => None,
             None => {
-                let bytes = stored_bytes(packed, self.desc.update.pose) * self.desc.heads as usize;
+                let bytes = 2 * stored_bytes(packed, self.desc.update.pose) * self.desc.heads as usize;
                 Some(Buffer::new(gpu, bytes.max(4), vk::BufferUsageFlags::VERTEX_BUFFER, false)?)
             }
         };
@@ -228,8 +238,8 @@ impl<'a> Studio<'a> {
                 }
             }
             (Poses::Stored(stored, _), None, Some(buffer)) => {
-                let room = buffer.contents().len() / stored.len().max(1);
-                for (i, bytes) in stored.iter().enumerate() {
+                let room = buffer.contents().len() / 2 / stored.len().max(1);
+                for (i, (bytes, _)) in stored.iter().enumerate() {
                     if bytes.len() > room {
                         return Err(Error::Invalid {
                             what: format!("a pose of {} bytes, {room} expected", bytes.len()),
@@ -238,6 +248,12 @@ impl<'a> Studio<'a> {
                     }
                     buffer.write(i * room, bytes);
                 }
+                // The first poses come from nowhere.
+                if self.last.is_empty() {
+                    self.last = buffer.contents()[..room * stored.len()].to_vec();
+                }
+                buffer.write(room * stored.len(), &self.last);
+                self.last.copy_from_slice(&buffer.contents()[..room * stored.len()]);
             }
             _ => {
                 return Err(Error::Invalid {
@@ -258,7 +274,7 @@ impl<'a> Studio<'a> {
         background: [f32; 4],
         ticket: &mut Option<Ticket>,
     ) -> Result<()> {
-        let Self { headless, frames, crowd, model, renderer, desc, .. } = self;
+        let Self { headless, frames, crowd, glow, model, renderer, desc, .. } = self;
         let Frame { target, image, pixels, poses: stored, cmd, .. } = &mut frames[slot];
         let (cmd, device) = (*cmd, &renderer.gpu.device);
         if let Some(crowd) = crowd {
@@ -266,11 +282,32 @@ impl<'a> Studio<'a> {
             // ticket is discarded; of the updates recorded at most `in_flight` are unfinished; all of it lives until `drop`.
             *ticket = Some(unsafe { headless.engine().record_update(cmd, crowd) }?.ticket);
         }
+        for (i, glow) in glow.iter_mut().enumerate() {
+            match (&*crowd, poses) {
+                (Some(crowd), _) => glow.update(&crowd.changed(i as u32), desc.afterglow),
+                (None, Poses::Stored(stored, _)) => glow.update(stored[i].1, desc.afterglow),
+                (None, Poses::Weights(_)) => {}
+            }
+            if scene.show == Show::Blocks {
+                // SAFETY: the target's last picture was waited for.
+                unsafe { target.set_glow(i, glow) }?;
+            }
+        }
         let place_of = |(i, place): (usize, &Mat4)| match (&*crowd, &*stored, poses) {
-            (Some(crowd), _, _) => Ok(Head::new(&crowd.pose(i as u32)?, *place)),
+            (Some(crowd), _, _) => {
+                let previous = crowd.previous_pose(i as u32)?;
+                if let (None, Show::Motion(_)) = (&previous, scene.show) {
+                    return Err(Error::Invalid {
+                        what: "the previous pose, which the update wrote over".into(),
+                        remedy: "use two slots or more; on the path feedback three".into(),
+                    });
+                }
+                Ok(Head::new(&crowd.pose(i as u32)?, *place).previous(previous.as_ref()))
+            }
             (None, Some(buffer), Poses::Stored(_, units)) => {
-                let offset = (i * (buffer.contents().len() / places.len())) as u64;
-                Ok(Head { buffer: buffer.raw, offset, units, place: *place })
+                let half = buffer.contents().len() / 2;
+                let (buffer, offset) = (buffer.raw, (i * (half / places.len())) as u64);
+                Ok(Head { buffer, offset, units, place: *place, previous: (buffer, offset + half as u64) })
             }
             (None, ..) => Err(Error::Invalid { what: "no poses".into(), remedy: "hand in stored poses".into() }),
         };

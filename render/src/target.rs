@@ -1,10 +1,12 @@
 //! What a frame is drawn into.
 
+use crate::glow::Glow;
 use crate::memory::{Buffer, Gpu, Image, ImageDesc, failed};
+use crate::model::Model;
 use crate::passes::{SAMPLES, SHADOW_EDGE, SHADOW_FORMAT};
 use crate::renderer::Renderer;
 use crate::scene::{Head, HeadScene, Scene};
-use bytemuck::bytes_of;
+use bytemuck::{bytes_of, cast_slice};
 use deltamorph::ash::vk;
 use deltamorph::{Error, Result};
 use std::slice::from_ref;
@@ -23,6 +25,10 @@ pub struct Target {
     /// Bytes from what is told of a head to the next.
     stride: usize,
     scenes: Buffer,
+    /// `[head][piece]`, or a single number while nothing glows.
+    glow: Buffer,
+    /// Pieces of a head; 0 while nothing glows.
+    pieces: usize,
     _images: [Image; 3],
 }
 
@@ -52,10 +58,23 @@ impl Target {
         let alignment = gpu.limits.min_uniform_buffer_offset_alignment as usize;
         let stride = size_of::<HeadScene>().next_multiple_of(alignment.max(1));
         let scenes = Buffer::new(&gpu, stride * heads, vk::BufferUsageFlags::UNIFORM_BUFFER, false)?;
+        let glow = Buffer::new(&gpu, 4, vk::BufferUsageFlags::STORAGE_BUFFER, false)?;
         let (framebuffer, set, pool) = (vk::Framebuffer::null(), vk::DescriptorSet::null(), vk::DescriptorPool::null());
         let shadow_framebuffer = framebuffer;
-        let mut this =
-            Self { gpu, extent, framebuffer, shadow_framebuffer, set, pool, heads, stride, scenes, _images: images };
+        let mut this = Self {
+            gpu,
+            extent,
+            framebuffer,
+            shadow_framebuffer,
+            set,
+            pool,
+            heads,
+            stride,
+            scenes,
+            glow,
+            pieces: 0,
+            _images: images,
+        };
         let views = [this._images[0].view, this._images[1].view, view];
         this.framebuffer = this.framebuffer(renderer.pass, &views, extent)?;
         this.shadow_framebuffer = this.framebuffer(renderer.shadow_pass, &[this._images[2].view], edge)?;
@@ -77,7 +96,11 @@ impl Target {
 
     fn make_set(&mut self, renderer: &Renderer) -> Result<()> {
         let device = &self.gpu.device;
-        let kinds = [vk::DescriptorType::UNIFORM_BUFFER_DYNAMIC, vk::DescriptorType::COMBINED_IMAGE_SAMPLER];
+        let kinds = [
+            vk::DescriptorType::UNIFORM_BUFFER_DYNAMIC,
+            vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
+            vk::DescriptorType::STORAGE_BUFFER,
+        ];
         let sizes = kinds.map(|ty| vk::DescriptorPoolSize { ty, descriptor_count: 1 });
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
         // SAFETY: as in `framebuffer`; the set is of the pool, and goes with it.
@@ -98,19 +121,65 @@ impl Target {
         };
         // SAFETY: the set is new; buffer, image and sampler are alive.
         unsafe { device.update_descriptor_sets(&[write(0).buffer_info(&told), write(1).image_info(&map)], &[]) };
+        self.bind_glow();
         Ok(())
     }
 
-    /// Tell the shaders of the scene. Nothing recorded with the target before is still to run.
-    pub(crate) fn write(&mut self, scene: &Scene, heads: &[Head]) -> Result<()> {
-        if heads.len() > self.heads {
-            return Err(Error::Invalid {
-                what: format!("{} heads in a target of {}", heads.len(), self.heads),
-                remedy: "make the target for as many".into(),
-            });
+    fn bind_glow(&self) {
+        let glow = [vk::DescriptorBufferInfo::default().buffer(self.glow.raw).range(vk::WHOLE_SIZE)];
+        let write = vk::WriteDescriptorSet::default().dst_set(self.set).dst_binding(2).buffer_info(&glow);
+        let write = write.descriptor_type(vk::DescriptorType::STORAGE_BUFFER);
+        // SAFETY: the set is in no use: it is new, or nothing that was recorded with the target is still to run.
+        unsafe { self.gpu.device.update_descriptor_sets(&[write], &[]) };
+    }
+
+    /// Say how bright the pieces of a head are, for [`Show::Blocks`](crate::Show::Blocks), from the next draw on. All heads
+    /// that are drawn need one.
+    ///
+    /// # Errors
+    /// A head that the target has no place for; no memory.
+    ///
+    /// # Safety
+    /// Nothing recorded with the target before is still to run.
+    pub unsafe fn set_glow(&mut self, head: usize, glow: &Glow) -> Result<()> {
+        self.check_heads(head + 1)?;
+        let pieces = glow.pieces().len();
+        if self.pieces != pieces {
+            let bytes = (4 * pieces * self.heads).max(4);
+            self.glow = Buffer::new(&self.gpu, bytes, vk::BufferUsageFlags::STORAGE_BUFFER, false)?;
+            self.pieces = pieces;
+            self.bind_glow();
         }
+        self.glow.write(4 * head * pieces, cast_slice(glow.pieces()));
+        Ok(())
+    }
+
+    /// Refuse to draw what glows without knowing how bright it is.
+    pub(crate) fn check_glow(&self, model: &Model) -> Result<()> {
+        if self.pieces == model.pieces {
+            return Ok(());
+        }
+        Err(Error::Invalid {
+            what: format!("{} pieces that glow, of a mesh of {}", self.pieces, model.pieces),
+            remedy: "hand a Glow of the mesh to Target::set_glow first".into(),
+        })
+    }
+
+    fn check_heads(&self, heads: usize) -> Result<()> {
+        if heads <= self.heads {
+            return Ok(());
+        }
+        Err(Error::Invalid {
+            what: format!("{heads} heads in a target of {}", self.heads),
+            remedy: "make the target for as many".into(),
+        })
+    }
+
+    /// Tell the shaders of the scene. Nothing recorded with the target before is still to run.
+    pub(crate) fn write(&mut self, scene: &Scene, model: &Model, heads: &[Head]) -> Result<()> {
+        self.check_heads(heads.len())?;
         for (i, head) in heads.iter().enumerate() {
-            let told = scene.head(&head.place, 1.0 / SHADOW_EDGE as f32);
+            let told = scene.head(&head.place, model.middle, 1.0 / SHADOW_EDGE as f32);
             self.scenes.write(i * self.stride, bytes_of(&told));
         }
         Ok(())

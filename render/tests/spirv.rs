@@ -30,14 +30,15 @@ impl IncludeHandler for Includes {
     }
 }
 
-fn compile(file: &str, stage: ShaderStage, pose: Option<&str>) -> Vec<u8> {
+fn compile(file: &str, stage: ShaderStage, pose: Option<&str>, more: &[&str]) -> Vec<u8> {
     let options = CompilerOptions {
         source_language: SourceLanguage::GLSL,
         target: Target::Vulkan { version: VulkanVersion::Vulkan1_1, spirv_version: SpirvVersion::SPIRV1_3 },
         ..CompilerOptions::default()
     };
     let define = pose.map(|pose| format!("POSE_{}", pose.to_uppercase()));
-    let defines: Vec<(&str, Option<&str>)> = define.iter().map(|define| (define.as_str(), None)).collect();
+    let defines = define.as_deref().into_iter().chain(more.iter().copied());
+    let defines: Vec<(&str, Option<&str>)> = defines.map(|define| (define, None)).collect();
     let (text, mut includes) = (ShaderSource::from(source(file)), Includes);
     let compiler = Compiler::acquire().expect("the only user of glslang in this process");
     let input = ShaderInput::new(&text, stage, &options, Some(&defines[..]), Some(&mut includes));
@@ -53,11 +54,13 @@ fn hash(bytes: &[u8]) -> u64 {
 
 /// Names and contents.
 fn modules() -> Vec<(String, Vec<u8>)> {
-    let mut modules = vec![("face.frag.spv".to_owned(), compile("face.frag", ShaderStage::Fragment, None))];
-    for file in ["face", "shadow"] {
+    let mut modules = vec![("face.frag.spv".to_owned(), compile("face.frag", ShaderStage::Fragment, None, &[]))];
+    for (name, file, more) in
+        [("face", "face.vert", &[][..]), ("motion", "face.vert", &["MOTION"]), ("shadow", "shadow.vert", &[])]
+    {
         for pose in deltamorph::PoseFormat::ALL {
-            let module = compile(&format!("{file}.vert"), ShaderStage::Vertex, Some(pose.name()));
-            modules.push((format!("{file}_{}.vert.spv", pose.name()), module));
+            let module = compile(file, ShaderStage::Vertex, Some(pose.name()), more);
+            modules.push((format!("{name}_{}.vert.spv", pose.name()), module));
         }
     }
     modules

@@ -1,0 +1,61 @@
+//! Which parts of a head updates have changed, and how long ago.
+
+use deltamorph::PackedLayout;
+use std::ops::Range;
+
+/// Vertices that glow together: as many as the smallest blocks have. `PIECE` in glsl/scene.glsl.
+const PIECE: u32 = 32;
+
+/// How bright each piece of 32 vertices of a head is, in the order of pose buffers: 1 where the last update changed it, less
+/// the longer ago that was.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Glow {
+    pieces: Vec<f32>,
+}
+
+impl Glow {
+    /// Of a head of the mesh that was packed as `layout`: dark.
+    pub fn new(layout: &PackedLayout) -> Self {
+        Self { pieces: vec![0.0; pieces_of(layout.padded_vertices())] }
+    }
+
+    /// An update changed these vertices ([`Crowd::changed`](deltamorph::Crowd::changed)). What was changed before keeps the
+    /// share `kept` of its brightness, 0 to 1.
+    pub fn update(&mut self, changed: &[Range<u32>], kept: f32) {
+        self.pieces.iter_mut().for_each(|piece| *piece *= kept);
+        for vertices in changed {
+            let most = self.pieces.len();
+            let (first, end) = ((vertices.start / PIECE) as usize, (vertices.end.div_ceil(PIECE) as usize).min(most));
+            self.pieces[first.min(end)..end].fill(1.0);
+        }
+    }
+
+    /// The brightness of each piece, 0 to 1.
+    pub fn pieces(&self) -> &[f32] {
+        &self.pieces
+    }
+}
+
+/// Pieces of so many vertices.
+pub(crate) fn pieces_of(vertices: usize) -> usize {
+    vertices.div_ceil(PIECE as usize)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_changed_glows_and_goes_out() {
+        let mut glow = Glow { pieces: vec![0.0; 6] };
+        glow.update(&[0..64, 128..160], 0.5);
+        assert_eq!(glow.pieces(), [1.0, 1.0, 0.0, 0.0, 1.0, 0.0]);
+        glow.update(&[32..64, 0..0], 0.5);
+        assert_eq!(glow.pieces(), [0.5, 1.0, 0.0, 0.0, 0.5, 0.0]);
+        // Behind the last vertex there is nothing.
+        glow.update(&[96..u32::MAX, 0..0], 0.0);
+        assert_eq!(glow.pieces(), [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]);
+        glow.update(&[640..704, 0..0], 1.0);
+        assert_eq!(glow.pieces(), [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]);
+    }
+}
