@@ -1,7 +1,7 @@
 //! `apply`: one pose, through the path named, written as OBJ in the input's vertex order.
 
 use crate::args::ApplyArgs;
-use crate::input;
+use crate::input::{self, Input};
 use crate::output::{Failure, Output, With};
 use crate::runner::Stage;
 use crate::verify::{Found, Promise, REMEDY};
@@ -23,7 +23,7 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     }
     out.check(&input::files_of(&run.input, weights.as_slice()), &[output], None)?;
     let input = input::load(&run.input, false, out)?;
-    let frames = frames(args, &input.kept)?;
+    let frames = frames(args, &input)?;
 
     let stage = Stage::new(run, &input, device, out)?;
     let path = stage.desc.path.name();
@@ -65,11 +65,10 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
 }
 
 /// The weights to step through, one or more frames, `--set` on top of each.
-fn frames(args: &ApplyArgs, mesh: &MorphMesh) -> Result<Vec<Vec<f32>>, Failure> {
-    let targets = mesh.targets.len();
-    let mut frames = match (&args.weights, args.frame) {
+fn frames(args: &ApplyArgs, input: &Input) -> Result<Vec<Vec<f32>>, Failure> {
+    match (&args.weights, args.frame) {
         (Some(path), Some(last)) => {
-            let all = input::clip(path, &args.run.input, mesh)?;
+            let all = input::clip(path, &args.run.input, input, &args.set)?;
             let first = args.from_frame.unwrap_or(last);
             let count = all.frame_count();
             if let Some(beyond) = [first, last].into_iter().find(|f| *f >= count) {
@@ -84,12 +83,10 @@ fn frames(args: &ApplyArgs, mesh: &MorphMesh) -> Result<Vec<Vec<f32>>, Failure> 
             if first > last {
                 frames.reverse();
             }
-            frames
+            Ok(frames)
         }
-        _ => vec![vec![0.0; targets]],
-    };
-    input::set_weights(&args.set, mesh, &mut frames)?;
-    Ok(frames)
+        _ => Ok(vec![input.pose(&args.set)?]),
+    }
 }
 
 /// Write the pose: nine digits, the input's vertex order, normals normalised; texture coordinates from the bottom up, as OBJ

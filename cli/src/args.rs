@@ -1,15 +1,19 @@
 //! The command line, as clap sees it.
 
 pub mod bench;
+pub mod lod;
 pub mod poses;
 pub mod render;
 pub mod values;
+#[cfg(feature = "viewer")]
+pub mod view;
 
 use bench::BenchArgs;
 use clap::{Args, Parser, Subcommand};
 use deltamorph::headless::DeviceChoice;
 use deltamorph::import::sample::HeadDesc;
 use deltamorph::{BlockDesc, DeltaFormat, PoseFormat, Tolerance, UpdateMode, UpdatePath};
+use lod::LodArgs;
 use poses::Sums;
 use render::RenderArgs;
 use std::path::PathBuf;
@@ -59,6 +63,12 @@ pub enum Command {
     Apply(Box<ApplyArgs>),
     /// Draw a pose as PNG: lit, as a heat map, every target on a sheet, a crowd, or a whole clip
     Render(Box<RenderArgs>),
+    /// Open a window: a slider for each target, clips, paths and formats to switch, and what each update takes
+    #[cfg(feature = "viewer")]
+    #[command(after_help = crate::view::HELP)]
+    View(Box<view::ViewArgs>),
+    /// Rank targets by importance, and say what is lost where fewer are kept
+    Lod(Box<LodArgs>),
 }
 
 #[derive(Args, Clone, Debug)]
@@ -196,6 +206,10 @@ pub struct InputArgs {
     /// 30]
     #[arg(long, value_name = "F", value_parser = values::fps)]
     pub fps: Option<f32>,
+    /// A rig, JSON: controls that drive the targets; --set and clips then name them [default: rig.json in the folder, or
+    /// NAME.rig.json beside NAME.glb or NAME.dmorph]
+    #[arg(long, value_name = "JSON")]
+    pub rig: Option<PathBuf>,
     /// Seed of everything that is random
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,

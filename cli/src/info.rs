@@ -29,6 +29,9 @@ struct Info {
     pose_formats: Vec<PoseCost>,
     /// The format that these deltas are in.
     pose_deltas: &'static str,
+    /// What clips and settings name in place of targets, where there is a rig.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    controls: Option<Vec<String>>,
     /// The weight clips that lie beside the mesh.
     clips: Vec<ClipRow>,
     /// With `--report`: bytes against error, of `small` over a range of errors allowed and of the other formats.
@@ -89,7 +92,7 @@ pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
     let input = input::load(&args.input, true, out)?;
     let spinner = out.spinner("packing");
     let formats = measure::measure_all(&input.kept, input.packed.as_ref())?;
-    let clips = input::clips(None, &args.input, &input)?;
+    let clips = input::clips(None, &args.input, &input, &[])?;
     // That of the built-in head lies beside no mesh.
     let mut info = describe(&input, formats, if input.clips.is_empty() { &[] } else { &clips });
     spinner.finish_and_clear();
@@ -132,6 +135,7 @@ fn describe(input: &Input, formats: Vec<Measured>, clips: &[BoundClip]) -> Info 
         pose_deltas: held.name(),
         pose_formats: held_formats.unwrap_or_default(),
         formats,
+        controls: input.rig.as_ref().map(|rig| rig.controls().map(str::to_owned).collect()),
         clips: clips.iter().map(clip_row).collect(),
         sweep: None,
         poses: None,
@@ -212,6 +216,13 @@ fn text(info: &Info) -> String {
     for f in held.into_iter().chain(info.formats.iter().find(|f| f.name == DeltaFormat::Snorm16.name())) {
         let table = pose_table(&f.pose_formats, f.cost.position_error_rel);
         parts.push(format!("deltas in {}:\n{table}", f.name));
+    }
+    if let Some(controls) = &info.controls {
+        parts.push(format!(
+            "{} controls of the rig, which clips and --set name: {}",
+            controls.len(),
+            controls.join(", ")
+        ));
     }
     let clips: &[Column<'_, ClipRow>] = &[
         ("clip", &|c| c.name.clone()),

@@ -3,7 +3,8 @@
 use crate::args::InputArgs;
 use crate::output::{Failure, Output};
 use deltamorph::import::{ImportDesc, Imported, ImportedMesh, csv, sample as head};
-use deltamorph::{BoundClip, MorphMesh, PackedMesh, Tolerance, import};
+use deltamorph::rig::{self, BoundRig};
+use deltamorph::{BoundClip, MorphMesh, PackedMesh, Tolerance, WeightClip, import};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -23,6 +24,8 @@ pub struct Input {
     pub packed: Option<Arc<PackedMesh>>,
     /// The weight clips in INPUT/weights, by name; of a glTF file its animations of weights, as FILE#NAME.
     pub clips: Vec<PathBuf>,
+    /// The controls that clips and settings name in place of targets, where there is a rig.
+    pub rig: Option<BoundRig>,
     /// The folder, or "built-in head": for reports.
     pub origin: String,
 }
@@ -80,12 +83,12 @@ pub fn load_split(args: &InputArgs, out: &Output) -> Result<Input, Failure> {
 fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Result<Input, Failure> {
     let origin = args.input.as_ref().map_or("built-in head".into(), |path| path.display().to_string());
     let spinner = out.spinner(format!("reading {origin}"));
-    let (mesh, clips) = match &args.input {
+    let (mesh, clips, rig) = match &args.input {
         None => {
             let source = head::head(&args.head.desc(args.seed));
-            (ImportedMesh::Source(if desc.split { source.split()? } else { source }), vec![])
+            (ImportedMesh::Source(if desc.split { source.split()? } else { source }), vec![], None)
         }
-        Some(path) => import::open(path, desc).map(|Imported { mesh, clips, .. }| (mesh, clips))?,
+        Some(path) => import::open(path, desc).map(|Imported { mesh, clips, rig, .. }| (mesh, clips, rig))?,
     };
     let (raw, kept, packed) = match mesh {
         ImportedMesh::Source(source) => {
@@ -113,65 +116,123 @@ fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Re
         let what = "errors are against what it holds; those against the raw files cannot be told";
         out.note(format_args!("{origin} is packed: {what}"));
     }
-    Ok(Input { name: kept.name.clone(), raw, kept, packed, clips, origin })
+    let rig = args.rig.as_ref().or(rig.as_ref()).map(|path| {
+        let bound = rig::read(path)?.bind(&names(&kept));
+        bound.map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))
+    });
+    Ok(Input { name: kept.name.clone(), raw, kept, packed, clips, rig: rig.transpose()?, origin })
 }
 
 fn names(mesh: &MorphMesh) -> Vec<&str> {
     mesh.targets.iter().map(|t| t.name.as_str()).collect()
 }
 
-/// The weight clip at `path`, for the targets of `mesh`; at least one frame. Where INPUT is a glTF file and there is no file
-/// at `path`, it may be the name of an animation.
-pub fn clip(path: &Path, args: &InputArgs, mesh: &MorphMesh) -> Result<BoundClip, Failure> {
+/// Weights of controls by name, as `--set` states them.
+pub type Settings = [(String, f32)];
+
+/// The weight clip at `path`, for the targets of `input`, with `settings` on top; at least one frame. Where INPUT is a glTF
+/// file and there is no file at `path`, it may be the name of an animation.
+pub fn clip(path: &Path, args: &InputArgs, input: &Input, settings: &Settings) -> Result<BoundClip, Failure> {
     let of_input = args.input.as_ref().map(|input| PathBuf::from(format!("{}#{}", input.display(), path.display())));
     let of_input = of_input.filter(|_| !path.exists() && import::animation_of(path).is_none());
     let path = of_input.as_deref().filter(|named| import::animation_of(named).is_some()).unwrap_or(path);
     let clip = import::open_clip(path, args.fps)?;
-    let clip = clip.bind(&names(mesh)).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))?;
     if clip.frame_count() == 0 {
         return Err(Failure::Failed(format!("{}: has no frames; add one row per frame", path.display())));
     }
-    Ok(clip)
+    let clip = input.with_settings(clip, settings)?;
+    input.bind(&clip).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))
 }
 
-/// The clip at `named`, or the only one that `input` has.
-pub fn one_clip(named: Option<&Path>, args: &InputArgs, input: &Input) -> Result<BoundClip, Failure> {
+/// The clip at `named`, or the only one that `input` has, with `settings` on top.
+pub fn one_clip(
+    named: Option<&Path>,
+    args: &InputArgs,
+    input: &Input,
+    settings: &Settings,
+) -> Result<BoundClip, Failure> {
     if named.is_none() && input.clips.len() > 1 {
         let list = input.clips.iter().map(|c| c.display().to_string()).collect::<Vec<_>>().join(", ");
         let (origin, count) = (&input.origin, input.clips.len());
         return Err(Failure::Usage(format!("{origin} has {count} clips; name one with --weights: {list}")));
     }
-    clips(named, args, input)?.pop().ok_or_else(|| {
+    clips(named, args, input, settings)?.pop().ok_or_else(|| {
         let what = format!("{} has no clip (weights/*.csv, or an animation of weights in a glTF file)", input.origin);
         Failure::Usage(format!("{what}; name one with --weights CSV"))
     })
 }
 
-/// The clip at `named`, or all that `input` has.
-pub fn clips(named: Option<&Path>, args: &InputArgs, input: &Input) -> Result<Vec<BoundClip>, Failure> {
+/// The clip at `named`, or all that `input` has, with `settings` on top.
+pub fn clips(
+    named: Option<&Path>,
+    args: &InputArgs,
+    input: &Input,
+    settings: &Settings,
+) -> Result<Vec<BoundClip>, Failure> {
     if named.is_none() && args.input.is_none() {
-        let clip = head::head_clip(&args.head.desc(args.seed), HEAD_FRAMES, args.fps.unwrap_or(csv::DEFAULT_FPS));
         // Without a target there is none.
-        return if input.kept.targets.is_empty() { Ok(vec![]) } else { Ok(vec![clip.bind(&names(&input.kept))?]) };
+        if input.kept.targets.is_empty() {
+            return Ok(vec![]);
+        }
+        let clip = head::head_clip(&args.head.desc(args.seed), HEAD_FRAMES, args.fps.unwrap_or(csv::DEFAULT_FPS));
+        return Ok(vec![input.bind(&input.with_settings(clip, settings)?)?]);
     }
     let paths = named.map_or_else(|| input.clips.clone(), |path| vec![path.to_path_buf()]);
-    paths.iter().map(|path| clip(path, args, &input.kept)).collect()
+    paths.iter().map(|path| clip(path, args, input, settings)).collect()
 }
 
-/// Put `settings`, weights by name, on top of each of `frames`.
-pub fn set_weights(settings: &[(String, f32)], mesh: &MorphMesh, frames: &mut [Vec<f32>]) -> Result<(), Failure> {
-    for (i, (name, weight)) in settings.iter().enumerate() {
-        let refuse = |why: String| Failure::Usage(format!("--set {name}: {why}"));
-        if settings[..i].iter().any(|(other, _)| other == name) {
-            return Err(refuse("set twice; leave one of them out".into()));
-        }
-        let at = mesh.target_index(name).ok_or_else(|| {
-            let (name, targets) = (&mesh.name, mesh.targets.len());
-            refuse(format!("'{name}' has no such target; `deltamorph info` lists the {targets} there are"))
-        })?;
-        frames.iter_mut().for_each(|weights| weights[at] = *weight);
+impl Input {
+    /// What clips and settings name: the controls of the rig, or the targets.
+    pub fn controls(&self) -> Vec<&str> {
+        self.rig.as_ref().map_or_else(|| names(&self.kept), |rig| rig.controls().collect())
     }
-    Ok(())
+
+    /// Weights of the targets where `settings` are all that is set.
+    pub fn pose(&self, settings: &Settings) -> Result<Vec<f32>, Failure> {
+        let still = WeightClip { name: "--set".into(), fps: csv::DEFAULT_FPS, ..WeightClip::default() };
+        let clip = self.with_settings(still, settings)?;
+        let frames = self.bind(&clip)?.frames().next();
+        Ok(frames.unwrap_or_else(|| vec![0.0; self.kept.targets.len()]))
+    }
+
+    /// A clip for the targets, which the rig makes of one for its controls.
+    fn bind(&self, clip: &WeightClip) -> deltamorph::Result<BoundClip> {
+        match &self.rig {
+            Some(rig) => rig.bake(clip, clip.fps)?.bind(&names(&self.kept)),
+            None => clip.bind(&names(&self.kept)),
+        }
+    }
+
+    /// A clip whose columns are as `settings` say in each frame; one frame where it has no column.
+    fn with_settings(&self, clip: WeightClip, settings: &Settings) -> Result<WeightClip, Failure> {
+        let (known, name_of_mesh) = (self.controls(), &self.kept.name);
+        for (i, (name, _)) in settings.iter().enumerate() {
+            let refuse = |why: String| Err(Failure::Usage(format!("--set {name}: {why}")));
+            if settings[..i].iter().any(|(other, _)| other == name) {
+                return refuse("set twice; leave one of them out".into());
+            }
+            if !known.contains(&name.as_str()) {
+                let (count, rig) = (known.len(), self.rig.is_some());
+                return refuse(match rig {
+                    false => {
+                        format!("'{name_of_mesh}' has no such target; `deltamorph info` lists the {count} there are")
+                    }
+                    true => format!("the rig of '{name_of_mesh}' has no such control; it has {}", known.join(", ")),
+                });
+            }
+        }
+        let set = |name: &String| settings.iter().find(|(other, _)| other == name).map(|(_, weight)| *weight);
+        let added: Vec<&(String, f32)> = settings.iter().filter(|(name, _)| !clip.names.contains(name)).collect();
+        let rows = if clip.names.is_empty() { 1 } else { clip.frame_count() };
+        let row = |i: usize| {
+            let stated = clip.names.iter().zip(&clip.values[i * clip.names.len()..]);
+            let stated = stated.map(|(name, weight)| set(name).unwrap_or(*weight));
+            stated.chain(added.iter().map(|(_, weight)| *weight))
+        };
+        let values = (0..rows).flat_map(row).collect();
+        let names = clip.names.iter().cloned().chain(added.iter().map(|(name, _)| name.clone())).collect();
+        Ok(WeightClip { names, values, ..clip })
+    }
 }
 
 /// The files that `args` and `others` may have read: none of them is to be written over.
@@ -190,6 +251,8 @@ pub fn files_of(args: &InputArgs, others: &[PathBuf]) -> Vec<PathBuf> {
         });
         read.extend(beside.filter(|path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("bin"))));
         read.push(input.clone());
+        read.push(input.with_extension("rig.json"));
     }
+    read.extend(args.rig.clone());
     read
 }

@@ -6,6 +6,7 @@ mod bench;
 mod devices;
 mod info;
 mod input;
+mod lod;
 mod output;
 mod pack;
 mod page;
@@ -17,6 +18,8 @@ mod sample;
 mod soak;
 mod table;
 mod verify;
+#[cfg(feature = "viewer")]
+mod view;
 
 use args::{Cli, Command};
 use clap::Parser;
@@ -47,5 +50,8 @@ fn run(cli: &Cli, out: &Output) -> Result<(), Failure> {
         Command::Soak(args) => soak::run(args, device, out),
         Command::Apply(args) => apply::run(args, device, out),
         Command::Render(args) => render::run(args, device, out),
+        #[cfg(feature = "viewer")]
+        Command::View(args) => view::run(args, device, out),
+        Command::Lod(args) => lod::run(args, device, out),
     }
 }

@@ -89,7 +89,7 @@ pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     }
     out.check(&input::files_of(&run.input, weights.as_slice()), &[], None)?;
     let input = input::load(&run.input, true, out)?;
-    let clip = input::one_clip(weights.as_deref(), &run.input, &input)?;
+    let clip = input::one_clip(weights.as_deref(), &run.input, &input, &[])?;
     let stage = Stage::new(&run, &input, device, out)?;
     let (raw, origin) = (input.packed.is_none().then(|| input.raw.clone()), input.origin.clone());
     // From here on the packed mesh is enough, and the raw mesh where errors against it can be measured.

@@ -9,8 +9,8 @@ use crate::output::{Failure, Output};
 pub use deltamorph::headless::Headless as Gpu;
 use deltamorph::headless::{DeviceChoice, HeadlessCrowd, HeadlessDesc, PoseUpload, Step};
 use deltamorph::{
-    AnimatedCrowd, AnimationDesc, BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh,
-    Playback, PoseFormat, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
+    AnimatedCrowd, AnimationDesc, BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, MorphEngine, PackDesc,
+    PackedMesh, Playback, PoseFormat, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
 };
 use serde::Serialize;
 use std::slice::from_ref;
@@ -37,12 +37,12 @@ pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, 
 /// The mesh of `input` in `format`: as a packed file has it where it is the file's, else packed now.
 pub fn packed(
     input: &Input,
-    gpu: Option<&Gpu>,
+    engine: Option<&MorphEngine>,
     format: DeltaFormat,
     args: &PackArgs,
 ) -> Result<Arc<PackedMesh>, Failure> {
     let Some(held) = input.packed.as_ref().filter(|mesh| mesh.layout().format == format) else {
-        let desc = gpu.map_or(PackDesc::new(format), |gpu| gpu.engine().pack_desc(format));
+        let desc = engine.map_or(PackDesc::new(format), |engine| engine.pack_desc(format));
         return Ok(Arc::new(PackedMesh::pack(&input.kept, &desc.blocks(args.desc()))?));
     };
     // The largest weight is for poses to hold, however the mesh was packed.
@@ -223,48 +223,15 @@ pub struct Setup {
 }
 
 impl Stage {
-    /// On the path named, or else the best that there is: `blocks` where there is a device, or `cpu`. The format is the
-    /// one named, or that of the packed file that is read, or the default of the path.
+    /// On the path named, or else the best that there is: `blocks` where there is a device, or `cpu`.
     pub fn new(args: &RunArgs, input: &Input, device: Option<&DeviceChoice>, out: &Output) -> Result<Self, Failure> {
-        let update = &args.update;
-        let poses = update.named_poses().map_err(Failure::Usage)?;
-        let (named, pose) = (update.paths.first().copied(), poses.first().copied());
-        let gpu = match named {
+        let gpu = match args.update.paths.first() {
             Some(UpdatePath::Cpu) => None,
             Some(_) => open(device, out)?,
             None => open(device, out)?.filter(|gpu| gpu.caps().check_path(UpdatePath::Blocks).is_ok()),
         };
-        let path = named.unwrap_or(if gpu.is_some() { UpdatePath::Blocks } else { UpdatePath::Cpu });
-        let (fits, held) = (|format| format_on(path, format), input.packed.as_ref().map(|mesh| mesh.layout().format));
-        // Poses of integers are sums of integers.
-        let holds = |format: &DeltaFormat| !pose.is_some_and(PoseFormat::has_integers) || format.has_integers();
-        let defaults = [DeltaFormat::Fast, DeltaFormat::Float32, DeltaFormat::Small, DeltaFormat::Snorm16];
-        let mut defaults = held.into_iter().chain(defaults.into_iter().filter(holds));
-        let format = update.formats.first().map_or_else(|| defaults.find_map(fits), |format| fits(*format));
-        let format = format.ok_or_else(|| {
-            let names: Vec<&str> = path.formats().iter().map(|format| format.name()).collect();
-            Failure::Usage(format!("--format: the path '{}' takes {}", path.name(), names.join(" or ")))
-        })?;
-        let default = UpdateDesc::new(path, batch_size(args.batch_size, path, gpu.as_ref(), format)?);
-        let desc = default
-            .mode(update.modes.first().copied().unwrap_or(default.mode))
-            .slots(update.slots)
-            .pose(update.pose_on(path, pose.unwrap_or(default.pose)).map_err(Failure::Usage)?)
-            .tolerance(update.drift)
-            .weight_max(update.pack.weight_max)
-            .error_budget(update.budget(input.kept.diagonal).map_err(Failure::Usage)?);
-        desc.check().map_err(|e| Failure::Usage(e.to_string()))?;
-        let mesh = packed(input, gpu.as_ref(), format, &update.pack)?;
-        let exact = desc.pose(PoseFormat::Fixed32);
-        let desc = match desc.check_for(mesh.layout()) {
-            Ok(()) => desc,
-            Err(e) if pose.is_none() && exact.check_for(mesh.layout()).is_ok() => {
-                out.note(format_args!("{e}; taking exact sums in fixed32 poses (--drift and --pose choose)"));
-                exact
-            }
-            Err(e) => return Err(Failure::Usage(format!("{e}; see --drift, --pose and --weight-max"))),
-        };
-        Ok(Self { gpu, threads: update.threads.unwrap_or(0), mesh, desc })
+        let (mesh, desc) = prepare(args, input, gpu.as_ref().map(Gpu::engine), out)?;
+        Ok(Self { gpu, threads: args.update.threads.unwrap_or(0), mesh, desc })
     }
 
     pub fn runner(&self, desc: UpdateDesc) -> Result<Runner<'_>, Failure> {
@@ -326,12 +293,61 @@ impl Stage {
     }
 }
 
+/// The packed mesh and how one head of it is updated, as asked for: on the path named, or else `blocks` where there is an
+/// `engine`, or `cpu`. The format is the one named, or that of the packed file that is read, or the default of the path.
+pub fn prepare(
+    args: &RunArgs,
+    input: &Input,
+    engine: Option<&MorphEngine>,
+    out: &Output,
+) -> Result<(Arc<PackedMesh>, UpdateDesc), Failure> {
+    let update = &args.update;
+    let poses = update.named_poses().map_err(Failure::Usage)?;
+    let (named, pose) = (update.paths.first().copied(), poses.first().copied());
+    let path = named.unwrap_or(if engine.is_some() { UpdatePath::Blocks } else { UpdatePath::Cpu });
+    let (fits, held) = (|format| format_on(path, format), input.packed.as_ref().map(|mesh| mesh.layout().format));
+    // Poses of integers are sums of integers.
+    let holds = |format: &DeltaFormat| !pose.is_some_and(PoseFormat::has_integers) || format.has_integers();
+    let defaults = [DeltaFormat::Fast, DeltaFormat::Float32, DeltaFormat::Small, DeltaFormat::Snorm16];
+    let mut defaults = held.into_iter().chain(defaults.into_iter().filter(holds));
+    let format = update.formats.first().map_or_else(|| defaults.find_map(fits), |format| fits(*format));
+    let format = format.ok_or_else(|| {
+        let names: Vec<&str> = path.formats().iter().map(|format| format.name()).collect();
+        Failure::Usage(format!("--format: the path '{}' takes {}", path.name(), names.join(" or ")))
+    })?;
+    let default = UpdateDesc::new(path, batch_size(args.batch_size, path, engine, format)?);
+    let desc = default
+        .mode(update.modes.first().copied().unwrap_or(default.mode))
+        .slots(update.slots)
+        .pose(update.pose_on(path, pose.unwrap_or(default.pose)).map_err(Failure::Usage)?)
+        .tolerance(update.drift)
+        .weight_max(update.pack.weight_max)
+        .error_budget(update.budget(input.kept.diagonal).map_err(Failure::Usage)?);
+    desc.check().map_err(|e| Failure::Usage(e.to_string()))?;
+    let mesh = packed(input, engine, format, &update.pack)?;
+    let exact = desc.pose(PoseFormat::Fixed32);
+    let desc = match desc.check_for(mesh.layout()) {
+        Ok(()) => desc,
+        Err(e) if pose.is_none() && exact.check_for(mesh.layout()).is_ok() => {
+            out.note(format_args!("{e}; taking exact sums in fixed32 poses (--drift and --pose choose)"));
+            exact
+        }
+        Err(e) => return Err(Failure::Usage(format!("{e}; see --drift, --pose and --weight-max"))),
+    };
+    Ok((mesh, desc))
+}
+
 /// The batch size that `spec` means on `path`.
-fn batch_size(spec: BatchSpec, path: UpdatePath, gpu: Option<&Gpu>, format: DeltaFormat) -> Result<BatchSize, Failure> {
-    if let Some(gpu) = gpu {
-        gpu.caps().check_path(path)?;
+fn batch_size(
+    spec: BatchSpec,
+    path: UpdatePath,
+    engine: Option<&MorphEngine>,
+    format: DeltaFormat,
+) -> Result<BatchSize, Failure> {
+    if let Some(engine) = engine {
+        engine.caps().check_path(path)?;
     }
-    let max = gpu.and_then(|g| g.caps().batch_max(path, format)).unwrap_or(0);
+    let max = engine.and_then(|e| e.caps().batch_max(path, format)).unwrap_or(0);
     let (allowed, _) = expand_batches(&[spec], path, max);
     allowed.last().copied().ok_or_else(|| {
         let all = if path.takes_all_targets() { ", or \"all\"" } else { "" };

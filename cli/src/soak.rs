@@ -17,7 +17,7 @@ pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     run.update.check_single("soak").map_err(Failure::Usage)?;
     out.check(&input::files_of(&run.input, weights.as_slice()), &[], None)?;
     let input = input::load(&run.input, false, out)?;
-    let clips = input::clips(weights.as_deref(), &run.input, &input)?;
+    let clips = input::clips(weights.as_deref(), &run.input, &input, &[])?;
     let stage = Stage::new(run, &input, device, out)?;
     let origin = input.origin.clone();
     // From here on the packed mesh is enough.

@@ -58,16 +58,20 @@ fn bench_verifies_measures_and_draws() {
             let skipped = out["skipped"][0]["reason"].as_str().unwrap();
             assert!(skipped.contains("no VK_EXT_transform_feedback") && skipped.contains("'compute'"), "{skipped}");
         }
-        for file in ["report.json", "runs.csv", "index.html"] {
+        for file in ["report.json", "runs.csv", "index.html", "face.png"] {
             assert!(dir.join(file).metadata().unwrap().len() > 500, "{file}");
         }
+        let face = &out["face"];
+        assert_eq!((&face["changed"], &face["workload"]), (&4.into(), &"random".into()), "{face}");
+        let [some, all] = ["blocks", "all_blocks"].map(|field| face[field].as_u64().unwrap());
+        assert!(0 < some && some < all, "{face}");
         let plots = |end: &str| {
             std::fs::read_dir(&dir)
                 .unwrap()
                 .filter(|e| e.as_ref().unwrap().path().extension().unwrap_or_default() == end)
                 .count()
         };
-        assert!(plots("svg") >= 3 && plots("svg") == plots("png"), "{} SVG, {} PNG", plots("svg"), plots("png"));
+        assert!(plots("svg") >= 3 && plots("svg") + 1 == plots("png"), "{} SVG, {} PNG", plots("svg"), plots("png"));
     }
 }
 
@@ -218,6 +222,57 @@ fn apply_writes_the_same_pose_through_every_path() {
         assert_eq!(pose.len(), poses[0].len());
         // Lengths are centimetres: a head of 24.
         assert!(distance(pose, &poses[0]) < 1e-4, "{}", distance(pose, &poses[0]));
+    }
+}
+
+#[test]
+fn a_rig_beside_the_targets_gives_clips_and_settings_its_controls() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = sample(folder.path());
+    let apply = |name: &str, how: &[&str]| {
+        let file = folder.path().join(name);
+        ok(&[&["apply", &dir, "-o", file.to_str().unwrap(), "--path", "cpu"], how].concat());
+        std::fs::read(&file).unwrap()
+    };
+    let targets = "eyeBlinkLeft=0.5,eyeBlinkRight=0.5,eyeSquintLeft=0.25,eyeWideLeft=0.1875";
+    let plain = apply("plain.obj", &["--set", targets]);
+    let rig = Path::new(&dir).join("rig.json");
+    let text = r#"{
+        "controls": [{"name": "wink", "keys": [{"at": 0.5, "target": "eyeBlinkLeft"}, {"at": 1, "target": "eyeBlinkRight"}]}],
+        "correctives": [{"target": "eyeWideLeft", "controls": ["wink", "eyeSquintLeft"]}]}"#;
+    std::fs::write(&rig, text).unwrap();
+    let set = ["--set", "wink=0.75,eyeSquintLeft=0.25"];
+    assert!(apply("set.obj", &set) == plain, "0.75 lies between the two keys; the corrective is the product");
+    // A clip names controls, too, and settings go before the rig.
+    let clip = folder.path().join("wink.csv");
+    std::fs::write(&clip, "wink,eyeSquintLeft\n0,1\n0.75,1\n").unwrap();
+    let clip = ["--weights", clip.to_str().unwrap(), "--frame", "1"];
+    assert!(apply("clip.obj", &[&clip[..], &["--set", "eyeSquintLeft=0.25"]].concat()) == plain);
+    // The clip that lies beside the mesh names targets that are no controls now.
+    let (_, message) = fails(&["info", &dir]);
+    assert!(message.contains("column 'eyeBlinkLeft' names no control of the rig; use 'eye"), "{message}");
+    std::fs::remove_dir_all(Path::new(&dir).join("weights")).unwrap();
+    let info = json(&["info", &dir, "--json", "-"]);
+    let controls: Vec<&str> = info["controls"].as_array().unwrap().iter().map(|c| c.as_str().unwrap()).collect();
+    assert_eq!((controls[0], controls.len()), ("wink", 12 - 3 + 1), "{controls:?}");
+    let other = folder.path().join("other.json");
+    let with = |text: &str| {
+        std::fs::write(&other, text).unwrap();
+        fails(&["apply", &dir, "-o", "x.obj", "--set", "wink=1", "--rig", other.to_str().unwrap()])
+    };
+    for ((code, message), words) in [
+        (
+            fails(&["apply", &dir, "-o", "x.obj", "--set", "eyeWideLeft=1"]),
+            "the rig of 'head' has no such control; it has wink, ",
+        ),
+        (with(r#"{"controls": []}"#), "no such control; it has eyeBlinkLeft, "),
+        (with("{"), "other.json: line 1: EOF"),
+        (
+            with(r#"{"controls": [{"name": "eyeBlnkLeft"}]}"#),
+            "other.json: control 'eyeBlnkLeft' of the rig: 'eyeBlnkLeft' is no target",
+        ),
+    ] {
+        assert!(message.contains(words) && code <= 2, "{message}");
     }
 }
 

@@ -47,8 +47,13 @@ pub struct RenderArgs {
     #[arg(long, value_name = "WHAT", conflicts_with_all = ["checker", "magnify"])]
     #[arg(value_parser = values::named(&Heat::ALL, Heat::name, Heat::summary))]
     pub heat: Option<Heat>,
-    /// Where the colours of --heat end, in input units [default: at the largest value]
-    #[arg(long, value_name = "LENGTH", requires = "heat", value_parser = values::positive)]
+    /// What is shown of the surface: its edges, its normals, how fast each vertex moves, or what the update changed; the
+    /// last two since the frame before, or since the base pose where there is none
+    #[arg(long, value_name = "WHAT", conflicts_with_all = ["heat", "checker", "magnify"])]
+    #[arg(value_parser = values::named(&Shown::ALL, Shown::name, Shown::summary))]
+    pub show: Option<Shown>,
+    /// Where the colours of --heat and of --show motion end, in input units [default: at the largest value]
+    #[arg(long, value_name = "LENGTH", value_parser = values::positive)]
     pub scale: Option<f32>,
     /// A checker of N squares through the texture coordinates, which shows their seams
     #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "32", conflicts_with = "magnify")]
@@ -85,11 +90,47 @@ impl Heat {
     }
 }
 
+/// What is shown of a surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shown {
+    Wire,
+    Normals,
+    Motion,
+    Blocks,
+}
+
+impl Shown {
+    pub const ALL: [Self; 4] = [Self::Wire, Self::Normals, Self::Motion, Self::Blocks];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Wire => "wire",
+            Self::Normals => "normals",
+            Self::Motion => "motion",
+            Self::Blocks => "blocks",
+        }
+    }
+
+    fn summary(self) -> &'static str {
+        match self {
+            Self::Wire => "the edges of faces",
+            Self::Normals => "normals as colours: x red, y green, z blue",
+            Self::Motion => "how far each vertex has come since the frame before",
+            Self::Blocks => "the blocks that the update changed glow; in a clip they go out over the next frames",
+        }
+    }
+
+    /// Whether it depends on the pose before.
+    pub fn is_of_changes(self) -> bool {
+        matches!(self, Self::Motion | Self::Blocks)
+    }
+}
+
 /// What is behind a head: red, green and blue in sRGB, or nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Background(pub Option<[u8; 3]>);
 
-fn size(s: &str) -> Result<[u32; 2], String> {
+pub fn size(s: &str) -> Result<[u32; 2], String> {
     let edge = |s: &str| values::whole(16, 16_384)(s).map_err(|e| format!("{e}, twice, as in 768x768"));
     let (width, height) = s.split_once(['x', 'X']).ok_or("give width and height, as in 768x768")?;
     Ok([edge(width)?, edge(height)?])
@@ -99,7 +140,7 @@ fn degrees(s: &str, most: f32) -> Option<f32> {
     s.trim().parse::<f32>().ok().filter(|v| v.abs() <= most)
 }
 
-fn camera(s: &str) -> Result<[f32; 2], String> {
+pub fn camera(s: &str) -> Result<[f32; 2], String> {
     let parsed = s.split_once(',').and_then(|(yaw, pitch)| Some([degrees(yaw, 360.0)?, degrees(pitch, 90.0)?]));
     parsed.ok_or_else(|| "give degrees around (-360 to 360) and up (-90 to 90), as in 30,10".into())
 }

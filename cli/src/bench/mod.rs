@@ -2,6 +2,7 @@
 
 mod compare;
 mod configs;
+mod face;
 mod interleave;
 mod machine;
 mod record;

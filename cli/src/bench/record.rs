@@ -34,6 +34,29 @@ pub struct Report {
     /// The meshes of the suites, by the name that runs give; empty for an ordinary run, which has one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub meshes: Vec<MeshInfo>,
+    /// What the picture beside the report shows, where there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub face: Option<Face>,
+}
+
+/// A picture of the mesh, and of what the path `blocks` changes of it in a frame of a workload.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Face {
+    pub workload: String,
+    /// Counted from 0.
+    pub frame: usize,
+    /// Targets that change in that frame.
+    pub changed: usize,
+    /// Whether those that do not change are drawn as they are in that frame, or at rest.
+    pub whole: bool,
+    /// Blocks that change, of so many, of so many vertices each.
+    pub blocks: usize,
+    pub all_blocks: usize,
+    pub block_size: usize,
+    pub size: [u32; 2],
+    /// The file, which is beside the report.
+    #[serde(skip)]
+    pub png: Vec<u8>,
 }
 
 impl Report {

@@ -3,7 +3,7 @@
 use super::machine::Machine;
 use crate::input::Input;
 use crate::output::Failure;
-use crate::runner::packed;
+use crate::runner::{Gpu, packed};
 use deltamorph::reference::{evaluate, evaluate_unpacked};
 use deltamorph::{DeltaFormat, MorphMesh, PackedMesh};
 use std::collections::HashMap;
@@ -42,7 +42,7 @@ impl Subject {
         };
         let (name, origin) = (self.input.name.clone(), self.input.origin.clone());
         let (raw, kept) = (first(&self.input.raw), first(&self.input.kept));
-        let input = Input { name, raw, kept, packed: None, clips: vec![], origin };
+        let input = Input { name, raw, kept, packed: None, clips: vec![], rig: None, origin };
         Self { was_packed: self.was_packed, ..Self::new(input) }
     }
 
@@ -52,7 +52,7 @@ impl Subject {
 
     /// The mesh in `format`.
     pub fn mesh(&mut self, machine: &Machine<'_>, format: DeltaFormat) -> Result<Arc<PackedMesh>, Failure> {
-        let pack = || packed(&self.input, machine.gpu.as_ref(), format, &machine.args.update.pack);
+        let pack = || packed(&self.input, machine.gpu.as_ref().map(Gpu::engine), format, &machine.args.update.pack);
         Ok(match self.meshes.entry(format) {
             Entry::Occupied(known) => known.get().clone(),
             Entry::Vacant(place) => place.insert(pack()?).clone(),

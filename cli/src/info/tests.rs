@@ -50,6 +50,6 @@ fn clips_are_summed_up() {
 #[test]
 fn a_quad_is_two_triangles() {
     let (kept, raw) = (Arc::new(mesh()), Arc::new(mesh()));
-    let input = Input { name: String::new(), raw, kept, packed: None, clips: vec![], origin: String::new() };
+    let input = Input { name: String::new(), raw, kept, packed: None, clips: vec![], rig: None, origin: String::new() };
     assert_eq!(input.info().triangles, 3);
 }

@@ -133,14 +133,19 @@ impl Canvas {
         }
     }
 
-    /// Write it as PNG.
-    pub fn save(&self, path: &Path) -> Result<(), Failure> {
+    /// A PNG file of it.
+    pub fn png(&self) -> Result<Vec<u8>, Failure> {
         let mut file = vec![];
         let mut encoder = encoder(&mut file, self.size);
         encoder.set_compression(png::Compression::Default);
         let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&self.rgba));
-        written.map_err(|e| Failure::Failed(format!("{}: cannot be encoded: {e}", path.display())))?;
-        write_file(path, file)
+        written.map_err(|e| Failure::Failed(format!("a picture cannot be encoded: {e}")))?;
+        Ok(file)
+    }
+
+    /// Write it as PNG.
+    pub fn save(&self, path: &Path) -> Result<(), Failure> {
+        write_file(path, self.png()?)
     }
 }
 

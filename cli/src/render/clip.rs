@@ -29,7 +29,7 @@ pub fn draw(scenery: &Scenery<'_>, output: &Path) -> Result<Done, Failure> {
     }
     let (frames, fps) = scenery.frames()?;
     let mut easel = Easel::new(scenery, size, vec![Mat4::IDENTITY])?;
-    let scale = heat::prepare(scenery, &mut easel, &frames)?;
+    let scale = heat::prepare(scenery, &mut easel, heat::one_after_the_other(&frames))?;
     let bar = scenery.out.bar(frames.len() as u64);
     let finish = |mut canvas: Canvas| {
         if let Some(end) = scale {

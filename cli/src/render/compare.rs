@@ -10,7 +10,7 @@ use std::path::Path;
 
 /// The mesh as it was imported, and beside it what path and format make of it, `factor` times as far off as it is.
 pub fn draw(scenery: &Scenery<'_>, factor: f32, output: &Path) -> Result<Done, Failure> {
-    let (stage, weights) = (scenery.stage, scenery.weights()?);
+    let (stage, [weights, _]) = (scenery.stage, scenery.weights()?);
     let [width, height] = scenery.args.size.unwrap_or([2 * SIZE[0], SIZE[1]]);
     let expected = evaluate_unpacked(&scenery.input.kept, &weights);
     let mut runner = stage.runner(stage.desc)?;

@@ -3,7 +3,7 @@
 use super::easel::Easel;
 use super::heat;
 use super::scenery::{Done, Scenery, bounds};
-use crate::args::render::Heat;
+use crate::args::render::{Heat, Shown};
 use crate::output::Failure;
 use deltamorph::internals::Rng;
 use glam::{Mat4, Vec3};
@@ -17,11 +17,15 @@ pub fn draw(scenery: &Scenery<'_>, heads: u32, output: &Path) -> Result<Done, Fa
     if scenery.args.heat == Some(Heat::Error) {
         return Err(Failure::Usage("--heat error: draws one head or a sheet; leave --crowd out".into()));
     }
-    let poses = expressions(scenery, heads as usize)?;
+    let [poses, before] = expressions(scenery, heads as usize)?;
     let mut easel = Easel::new(scenery, size, places(&scenery.subject.focus, heads, size))?;
-    let scale = heat::prepare(scenery, &mut easel, &poses)?;
-    let weights: Vec<&[f32]> = poses.iter().map(Vec::as_slice).collect();
-    let mut canvas = easel.picture(&weights)?;
+    let poses: Vec<&[f32]> = poses.iter().map(Vec::as_slice).collect();
+    let before: Vec<&[f32]> = before.iter().map(Vec::as_slice).collect();
+    let scale = heat::prepare(scenery, &mut easel, poses.iter().copied().zip(before.iter().copied()))?;
+    if scenery.args.show.is_some_and(Shown::is_of_changes) {
+        easel.picture(&before)?;
+    }
+    let mut canvas = easel.picture(&poses)?;
     if let Some(end) = scale {
         heat::draw_scale(scenery, &mut canvas, end);
     }
@@ -29,28 +33,36 @@ pub fn draw(scenery: &Scenery<'_>, heads: u32, output: &Path) -> Result<Done, Fa
     Ok(Done { what: format!("a crowd of {heads} heads"), size, frames: 1, scale })
 }
 
-/// Frames of the clip that lie far from each other; without a clip a few targets each, by the seed.
-fn expressions(scenery: &Scenery<'_>, heads: usize) -> Result<Vec<Vec<f32>>, Failure> {
-    let (args, mesh) = (scenery.args, &scenery.input.kept);
+/// Frames of the clip that lie far from each other, and the frame before each; without a clip a few targets each, by the seed,
+/// and the base pose.
+fn expressions(scenery: &Scenery<'_>, heads: usize) -> Result<[Vec<Vec<f32>>; 2], Failure> {
+    let args = scenery.args;
     if args.weights.is_some() || scenery.input.clips.len() == 1 || args.run.input.input.is_none() {
         let (frames, _) = scenery.frames()?;
-        return Ok((0..heads).map(|head| frames[head * frames.len() / heads].clone()).collect());
+        let at = |head: usize| head * frames.len() / heads;
+        let now = (0..heads).map(|head| frames[at(head)].clone());
+        let before = (0..heads).map(|head| frames[at(head).saturating_sub(1)].clone());
+        return Ok([now.collect(), before.collect()]);
     }
-    let (mut rng, targets) = (Rng::new(args.run.input.seed, 0), mesh.targets.len());
-    let expression = |_| {
-        let mut weights = vec![0.0; targets];
-        for _ in 0..targets.min(5) {
-            weights[rng.below(targets)] = 0.2 + 0.6 * rng.unit();
+    let (mut rng, controls) = (Rng::new(args.run.input.seed, 0), scenery.input.controls());
+    let mut expression = |_| {
+        let mut settings = args.set.clone();
+        for _ in 0..controls.len().min(5) {
+            let (name, weight) = (controls[rng.below(controls.len())], 0.2 + 0.6 * rng.unit());
+            // What is asked for stands.
+            if !args.set.iter().any(|(set, _)| set == name) {
+                settings.retain(|(set, _)| set != name);
+                settings.push((name.to_owned(), weight));
+            }
         }
-        weights
+        scenery.input.pose(&settings)
     };
-    let mut poses: Vec<Vec<f32>> = (0..heads).map(expression).collect();
-    crate::input::set_weights(&args.set, mesh, &mut poses)?;
-    Ok(poses)
+    let poses: Result<Vec<_>, Failure> = (0..heads).map(&mut expression).collect();
+    Ok([poses?, vec![vec![0.0; scenery.input.kept.targets.len()]; heads]])
 }
 
 /// Rows of as many heads as can be, behind each other, each a little higher; heads turn a little towards the middle.
-fn places(focus: &[Vec3], heads: u32, [width, height]: [u32; 2]) -> Vec<Mat4> {
+pub fn places(focus: &[Vec3], heads: u32, [width, height]: [u32; 2]) -> Vec<Mat4> {
     let (low, high) = bounds(focus.iter().copied());
     let (middle, extent) = ((low + high) / 2.0, (high - low).max(Vec3::splat(f32::MIN_POSITIVE)));
     let (across, behind, up) = (extent.x * 1.12, extent.z * 0.95, extent.y * 0.66);

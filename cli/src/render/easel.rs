@@ -2,6 +2,7 @@
 
 use super::canvas::Canvas;
 use super::scenery::Scenery;
+use crate::args::render::Shown;
 use crate::output::Failure;
 use crate::runner::Stage;
 use deltamorph::{BatchSize, CpuCrowd, POSE_FLOATS, UpdateDesc, UpdatePath};
@@ -10,6 +11,8 @@ use glam::Mat4;
 
 /// Pictures that are drawn at a time: the processor encodes and plans while the device draws.
 const IN_FLIGHT: u32 = 3;
+/// What a frame of a clip leaves of the brightness of what an update changed.
+const AFTERGLOW: f32 = 0.8;
 /// Share of a picture that stays free at each edge, for what poses add.
 const MARGIN: f32 = 0.08;
 
@@ -60,13 +63,21 @@ impl<'a> Easel<'a> {
         heads: Heads,
     ) -> Result<Self, Failure> {
         let Scenery { args, stage, subject, .. } = scenery;
-        let desc = StudioDesc { size, heads: places.len() as u32, in_flight: IN_FLIGHT, update };
+        let afterglow = if args.clip.is_some() { AFTERGLOW } else { 0.0 };
+        let desc = StudioDesc { size, heads: places.len() as u32, in_flight: IN_FLIGHT, update, afterglow };
         let studio = Studio::new(scenery.gpu, &scenery.input.kept, &stage.mesh, &subject.parts, desc)?;
         let camera = Camera { yaw: args.camera[0], pitch: args.camera[1], ..Camera::default() };
         let all = places.iter().flat_map(|place| subject.focus.iter().map(|p| place.transform_point3(*p)));
         let view = camera.fit(all, size[0] as f32 / size[1] as f32, MARGIN);
         let [yaw, pitch, strength] = args.light;
-        let show = args.checker.map_or(Show::Shaded, |squares| Show::Checker(squares as f32));
+        let show = match (args.show, args.checker) {
+            (Some(Shown::Wire), _) => Show::Wire,
+            (Some(Shown::Normals), _) => Show::Normals,
+            (Some(Shown::Blocks), _) => Show::Blocks,
+            // `heat::prepare` knows where the scale of motion ends.
+            (Some(Shown::Motion) | None, None) => Show::Shaded,
+            (_, Some(squares)) => Show::Checker(squares as f32),
+        };
         let scene = Scene { view, light: Light { yaw, pitch, strength }, show };
         Ok(Self { studio, heads, places, scene, background: args.background.linear() })
     }
@@ -81,8 +92,10 @@ impl<'a> Easel<'a> {
                     crowd.set_weights(head, weights)?;
                 }
                 crowd.update();
-                let stored = (0..weights.len()).map(|head| crowd.stored_pose(head, 0));
-                let stored: Vec<&[u8]> = stored.collect::<Result<_, _>>()?;
+                let changed: Vec<_> = (0..weights.len()).map(|head| crowd.changed(head)).collect();
+                let stored =
+                    changed.iter().enumerate().map(|(head, changed)| Ok((crowd.stored_pose(head, 0)?, &changed[..])));
+                let stored: Vec<_> = stored.collect::<deltamorph::Result<_>>()?;
                 studio.draw(Poses::Stored(&stored, *units), places, scene, *background)?
             }
             Heads::Given => return Err(Failure::Failed("poses are handed in here; report this".into())),
@@ -100,7 +113,7 @@ impl<'a> Easel<'a> {
             let numbers = vertex.iter().flat_map(|number| number.to_ne_bytes());
             bytes[place as usize * POSE_FLOATS * 4..].iter_mut().zip(numbers).for_each(|(to, from)| *to = from);
         }
-        self.studio.draw(Poses::Stored(&[&bytes], [1.0; 2]), &self.places, &self.scene, self.background)?;
+        self.studio.draw(Poses::Stored(&[(&bytes, &[])], [1.0; 2]), &self.places, &self.scene, self.background)?;
         self.last()
     }
 

@@ -1,17 +1,17 @@
 //! `render`: pictures of poses, drawn from the crowd's own buffer.
 
-mod canvas;
+pub mod canvas;
 mod clip;
 mod compare;
-mod crowd;
+pub mod crowd;
 mod easel;
 mod errors;
 mod heat;
 mod names;
-mod scenery;
+pub mod scenery;
 mod sheet;
 
-use crate::args::render::{Heat, RenderArgs};
+use crate::args::render::{Heat, RenderArgs, Shown};
 use crate::input::{self, Input};
 use crate::output::{Failure, Output, With};
 use crate::runner::{Stage, open};
@@ -49,7 +49,7 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
     let gpu = stage.gpu().or(opened.as_ref()).ok_or_else(|| {
         Failure::Failed("a picture is drawn on a Vulkan device, and there is none; ./with-vulkan installs one".into())
     })?;
-    let subject = Subject::new(args, &input);
+    let subject = Subject::new(args.run.input.input.as_deref(), &input);
     let scenery = Scenery { args, input: &input, stage: &stage, gpu, subject, out };
     let Done { what, size, frames, scale } = match (args.sheet, args.crowd, args.magnify) {
         (true, ..) => sheet::draw(&scenery, output)?,
@@ -89,19 +89,21 @@ fn check_texcoords(args: &RenderArgs, input: &Input) -> Result<(), Failure> {
 
 /// One pose.
 fn single(scenery: &Scenery<'_>, output: &Path) -> Result<Done, Failure> {
-    let (size, weights) = (scenery.args.size.unwrap_or(SIZE), scenery.weights()?);
+    let (size, [weights, before]) = (scenery.args.size.unwrap_or(SIZE), scenery.weights()?);
     let mut easel = Easel::new(scenery, size, vec![Mat4::IDENTITY])?;
-    let poses = [weights];
-    let scale = heat::prepare(scenery, &mut easel, &poses)?;
-    if let (Some(Heat::Error), Some(end)) = (scenery.args.heat, scale) {
-        easel.show_values(&errors::of_pose(scenery, &poses[0])?, end)?;
+    let scale = heat::prepare(scenery, &mut easel, std::iter::once((&weights[..], &before[..])))?;
+    if scenery.args.show.is_some_and(Shown::is_of_changes) {
+        easel.picture(&[&before])?;
     }
-    let mut canvas = easel.picture(&[&poses[0]])?;
+    if let (Some(Heat::Error), Some(end)) = (scenery.args.heat, scale) {
+        easel.show_values(&errors::of_pose(scenery, &weights)?, end)?;
+    }
+    let mut canvas = easel.picture(&[&weights])?;
     if let Some(end) = scale {
         heat::draw_scale(scenery, &mut canvas, end);
     }
     canvas.save(output)?;
-    let active = poses[0].iter().filter(|w| **w != 0.0).count();
-    let what = format!("{active} active of {} targets", poses[0].len());
+    let active = weights.iter().filter(|w| **w != 0.0).count();
+    let what = format!("{active} active of {} targets", weights.len());
     Ok(Done { what, size, frames: 1, scale })
 }

@@ -9,6 +9,7 @@ use deltamorph::MorphMesh;
 use deltamorph_render::{Part, parts};
 use glam::Vec3;
 use std::collections::HashMap;
+use std::path::Path;
 
 /// Pixels of a picture where no size is given.
 pub const SIZE: [u32; 2] = [768; 2];
@@ -40,9 +41,10 @@ pub struct Subject {
 }
 
 impl Subject {
-    pub fn new(args: &RenderArgs, input: &Input) -> Self {
+    /// Of the mesh that was read from `path`, or of the built-in head.
+    pub fn new(path: Option<&Path>, input: &Input) -> Self {
         let mesh = &input.kept;
-        let parts = parts(mesh, &names::of_faces(args.run.input.input.as_deref(), mesh));
+        let parts = parts(mesh, &names::of_faces(path, mesh));
         Self { focus: focus(mesh, &parts), parts }
     }
 }
@@ -73,32 +75,28 @@ pub fn bounds(points: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
 }
 
 impl Scenery<'_> {
-    /// The weights of the frame and settings asked for.
-    pub fn weights(&self) -> Result<Vec<f32>, Failure> {
-        let (args, mesh) = (self.args, &self.input.kept);
-        let mut frames = vec![match (&args.weights, args.frame) {
-            (Some(path), Some(frame)) => {
-                let clip = input::clip(path, &args.run.input, mesh)?;
-                let count = clip.frame_count();
-                if frame >= count {
-                    let text = format!("has {count} frames, counted from 0; there is no frame {frame}");
-                    return Err(Failure::Usage(format!("{}: {text}", path.display())));
-                }
-                clip.frame(frame)?
-            }
-            _ => vec![0.0; mesh.targets.len()],
-        }];
-        input::set_weights(&args.set, mesh, &mut frames)?;
-        Ok(frames.remove(0))
+    /// The weights of the frame and settings asked for, and those of the frame before (of the first, and of settings alone,
+    /// the base pose).
+    pub fn weights(&self) -> Result<[Vec<f32>; 2], Failure> {
+        let args = self.args;
+        let rest = || vec![0.0; self.input.kept.targets.len()];
+        let (Some(path), Some(frame)) = (&args.weights, args.frame) else {
+            return Ok([self.input.pose(&args.set)?, rest()]);
+        };
+        let clip = input::clip(path, &args.run.input, self.input, &args.set)?;
+        let count = clip.frame_count();
+        if frame >= count {
+            let text = format!("has {count} frames, counted from 0; there is no frame {frame}");
+            return Err(Failure::Usage(format!("{}: {text}", path.display())));
+        }
+        Ok([clip.frame(frame)?, if frame > 0 { clip.frame(frame - 1)? } else { rest() }])
     }
 
     /// The frames of the clip that is asked for, or of the only one there is, with the settings on top; and their rate.
     pub fn frames(&self) -> Result<(Vec<Vec<f32>>, f32), Failure> {
-        let (args, mesh) = (self.args, &self.input.kept);
-        let clip = input::one_clip(args.weights.as_deref(), &args.run.input, self.input)?;
-        let mut frames = (0..clip.frame_count()).map(|i| clip.frame(i)).collect::<deltamorph::Result<Vec<_>>>()?;
-        input::set_weights(&args.set, mesh, &mut frames)?;
-        Ok((frames, clip.fps))
+        let args = self.args;
+        let clip = input::one_clip(args.weights.as_deref(), &args.run.input, self.input, &args.set)?;
+        Ok((clip.frames().collect(), clip.fps))
     }
 
     pub fn diagonal(&self) -> f32 {

@@ -15,6 +15,10 @@ const CELL: [u32; 2] = [224; 2];
 /// The base pose and each target at weight 1.
 pub fn draw(scenery: &Scenery<'_>, output: &Path) -> Result<Done, Failure> {
     let (args, mesh) = (scenery.args, &scenery.input.kept);
+    if let Some(show) = args.show.filter(|show| show.is_of_changes()) {
+        let text = format!("--show {}: shows what changed since another frame; leave --sheet out", show.name());
+        return Err(Failure::Usage(text));
+    }
     let (cell, targets) = (args.size.unwrap_or(CELL), mesh.targets.len());
     let mut poses = vec![vec![0.0; targets]; targets + 1];
     (0..targets).for_each(|i| poses[i + 1][i] = 1.0);
@@ -33,7 +37,7 @@ pub fn draw(scenery: &Scenery<'_>, output: &Path) -> Result<Done, Failure> {
     }
     let mut sheet = Canvas::new(size, args.background);
     let mut easel = Easel::new(scenery, cell, vec![Mat4::IDENTITY])?;
-    let scale = heat::prepare(scenery, &mut easel, &poses)?;
+    let scale = heat::prepare(scenery, &mut easel, heat::one_after_the_other(&poses))?;
     let (ink, bar) = (args.background.ink(), scenery.out.bar(poses.len() as u64));
     let mut put = |at: usize, picture: &Canvas| {
         let (column, row) = (at as u32 % columns, at as u32 / columns);

@@ -50,7 +50,8 @@ pub fn links_hold(folder: &Path) {
             continue;
         }
         let text = std::fs::read_to_string(&page).expect("text");
-        for link in text.split("href=\"").skip(1).map(|rest| rest.split('"').next().expect("a link")) {
+        let after = ["href=\"", " src=\""].iter().flat_map(|attribute| text.split(attribute).skip(1));
+        for link in after.map(|rest| rest.split('"').next().expect("a link")) {
             let place = unescaped(link);
             let there = match place.strip_prefix('#') {
                 Some(id) => text.contains(&format!("id=\"{id}\"")),

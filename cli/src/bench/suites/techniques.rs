@@ -153,7 +153,7 @@ pub fn captured(session: &mut Session<'_>) -> Result<Vec<Workloads>, Failure> {
         let args = InputArgs { input: Some(set), head: Default::default(), ..session.args.input.clone() };
         let input = input::load(&args, true, session.out)?;
         let read = |path: &PathBuf| {
-            input::clip(path, &args, &input.kept).map(|clip| (Workload::clip(&clip), clip.name.clone()))
+            input::clip(path, &args, &input, &[]).map(|clip| (Workload::clip(&clip), clip.name.clone()))
         };
         let works = input.clips.iter().map(read).collect::<Result<_, _>>()?;
         list.push((input, works));

@@ -1,0 +1,106 @@
+//! The options of `lod`.
+
+use super::{InputArgs, values};
+use clap::Args;
+use std::path::PathBuf;
+
+#[derive(Args, Clone, Debug)]
+pub struct LodArgs {
+    #[command(flatten)]
+    pub input: InputArgs,
+    /// What a target counts for: what it changes by itself, at weight 1, in the base pose. "all" also says how far metrics
+    /// agree
+    #[arg(long, value_name = "METRIC", default_value = "mse")]
+    #[arg(value_parser = values::named(&Choice::ALL, Choice::name, Choice::summary))]
+    pub metric: Choice,
+    /// Keep these targets before all others: a name, or the beginning of several (repeatable)
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    pub pin: Vec<String>,
+    /// Take the order and the pins from a file that --out has written
+    #[arg(long, value_name = "JSON", conflicts_with_all = ["metric", "pin"])]
+    pub from: Option<PathBuf>,
+    /// Write the order, with its pins, to be kept beside the asset
+    #[arg(long, value_name = "JSON")]
+    pub out: Option<PathBuf>,
+    /// Weight clip to measure errors on: a CSV file, an animation of a glTF file as FILE#NAME, or of INPUT by its name
+    /// [default: all in INPUT/weights or INPUT]
+    #[arg(long, value_name = "CSV")]
+    pub weights: Option<PathBuf>,
+    /// Random orders that the order is compared with
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = values::whole(1usize, 10_000))]
+    pub random: usize,
+}
+
+/// A metric, or all of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Choice {
+    One(Metric),
+    All,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Metric {
+    Mse,
+    Hausdorff,
+    ImageMse,
+    Ssim,
+    Perceptual,
+}
+
+impl Metric {
+    pub const ALL: [Self; 5] = [Self::Mse, Self::Hausdorff, Self::ImageMse, Self::Ssim, Self::Perceptual];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Mse => "mse",
+            Self::Hausdorff => "hausdorff",
+            Self::ImageMse => "image-mse",
+            Self::Ssim => "ssim",
+            Self::Perceptual => "perceptual",
+        }
+    }
+
+    /// Whether it compares pictures, and not vertices.
+    pub fn is_of_pictures(self) -> bool {
+        match self {
+            Self::Mse | Self::Hausdorff => false,
+            Self::ImageMse | Self::Ssim | Self::Perceptual => true,
+        }
+    }
+}
+
+impl Choice {
+    const ALL: [Self; 6] = [
+        Self::One(Metric::Mse),
+        Self::One(Metric::Hausdorff),
+        Self::One(Metric::ImageMse),
+        Self::One(Metric::Ssim),
+        Self::One(Metric::Perceptual),
+        Self::All,
+    ];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::One(metric) => metric.name(),
+            Self::All => "all",
+        }
+    }
+
+    fn summary(self) -> &'static str {
+        match self {
+            Self::One(Metric::Mse) => "mean of the squared distances that vertices move",
+            Self::One(Metric::Hausdorff) => "Hausdorff distance from the base pose",
+            Self::One(Metric::ImageMse) => "mean of the squared differences of a picture's colours",
+            Self::One(Metric::Ssim) => "1 less the structural similarity of pictures (SSIM)",
+            Self::One(Metric::Perceptual) => "difference of pictures that people see (FLIP)",
+            Self::All => "each of these",
+        }
+    }
+
+    pub fn metrics(self) -> Vec<Metric> {
+        match self {
+            Self::One(metric) => vec![metric],
+            Self::All => Metric::ALL.to_vec(),
+        }
+    }
+}

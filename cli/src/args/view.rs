@@ -1,0 +1,40 @@
+//! The options of `view`.
+
+use super::render::{camera, size};
+use super::{RunArgs, values};
+use clap::Args;
+use std::path::PathBuf;
+
+#[derive(Args, Clone, Debug)]
+pub struct ViewArgs {
+    #[command(flatten)]
+    pub run: RunArgs,
+    /// Weight clip to play: a CSV file, an animation of a glTF file as FILE#NAME, or of INPUT by its name [default: the first
+    /// in INPUT/weights or INPUT, which waits for "play"]
+    #[arg(long, value_name = "CSV")]
+    pub weights: Option<PathBuf>,
+    /// Weights by name to begin with (repeatable)
+    #[arg(long, value_name = "NAME=WEIGHT,…", value_delimiter = ',', value_parser = values::setting)]
+    pub set: Vec<(String, f32)>,
+    /// Pixels of the window
+    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
+    pub size: [u32; 2],
+    /// Where the camera is, in degrees: around the head (0: in front, 90: at its left, 180: behind), and up
+    #[arg(long, value_name = "YAW,PITCH", default_value = "18,4", value_parser = camera, allow_hyphen_values = true)]
+    pub camera: [f32; 2],
+    /// Number of heads, each a little further in the clip
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = values::whole(1u32, MAX_HEADS))]
+    pub heads: u32,
+    /// Do what a file says, a command a line, then close the window; the commands are listed below
+    #[arg(long, value_name = "FILE")]
+    pub script: Option<PathBuf>,
+    /// Write what the window shows as PNG, behind the script if there is one, then close the window
+    #[arg(long, value_name = "OUT.png")]
+    pub screenshot: Option<PathBuf>,
+    /// Load the Vulkan validation layers; what they say is an error
+    #[arg(long)]
+    pub validation: bool,
+}
+
+/// Heads that a window shows at most.
+pub const MAX_HEADS: u32 = 100;

@@ -1,0 +1,124 @@
+//! How far targets move vertices: mean squares, Hausdorff distances, and what dropping some of them costs a clip.
+
+use deltamorph::{BoundClip, MorphMesh, MorphTarget};
+use glam::Vec3;
+
+/// Mean over all vertices of the squared distance that `target` moves them at weight 1, in squared input units.
+pub fn mean_square(mesh: &MorphMesh, target: &MorphTarget) -> f64 {
+    let sum: f64 = target.positions.iter().map(|d| d.as_dvec3().length_squared()).sum();
+    sum / mesh.vertex_count().max(1) as f64
+}
+
+/// Hausdorff distance between the vertices of the base pose and those of `target` at weight 1, in input units: the largest
+/// distance from a vertex of either to the nearest of the other.
+pub fn hausdorff(mesh: &MorphMesh, base: &Tree, target: &MorphTarget) -> f64 {
+    let mut pose = mesh.positions.clone();
+    target.vertices.iter().zip(&target.positions).for_each(|(&v, d)| pose[v as usize] += *d);
+    let moved = Tree::new(&pose);
+    // A vertex that does not move is in both.
+    let there = |&v: &u32| base.nearest_squared(pose[v as usize]);
+    let back = |&v: &u32| moved.nearest_squared(mesh.positions[v as usize]);
+    let farthest = target.vertices.iter().map(|v| there(v).max(back(v))).fold(0.0, f32::max);
+    f64::from(farthest).sqrt()
+}
+
+/// A k-d tree: the median of each range of points splits it, along x, y and z in turn.
+pub struct Tree {
+    points: Vec<Vec3>,
+}
+
+impl Tree {
+    pub fn new(points: &[Vec3]) -> Self {
+        let mut points = points.to_vec();
+        split(&mut points, 0);
+        Self { points }
+    }
+
+    /// Squared distance to the nearest point; infinite where there is none.
+    pub fn nearest_squared(&self, to: Vec3) -> f32 {
+        let mut nearest = f32::INFINITY;
+        search(&self.points, 0, to, &mut nearest);
+        nearest
+    }
+}
+
+fn split(points: &mut [Vec3], axis: usize) {
+    if points.len() > 1 {
+        let middle = points.len() / 2;
+        let (low, _, high) = points.select_nth_unstable_by(middle, |a, b| a[axis].total_cmp(&b[axis]));
+        split(low, (axis + 1) % 3);
+        split(high, (axis + 1) % 3);
+    }
+}
+
+fn search(points: &[Vec3], axis: usize, to: Vec3, nearest: &mut f32) {
+    let middle = points.len() / 2;
+    let Some(&at) = points.get(middle) else { return };
+    *nearest = nearest.min(at.distance_squared(to));
+    let (low, high, side) = (&points[..middle], &points[middle + 1..], to[axis] - at[axis]);
+    let (near, far) = if side < 0.0 { (low, high) } else { (high, low) };
+    search(near, (axis + 1) % 3, to, nearest);
+    if side * side < *nearest {
+        search(far, (axis + 1) % 3, to, nearest);
+    }
+}
+
+/// What dropping targets costs a clip, for any choice of them. A frame with weights w that goes without the targets D has a
+/// mean squared error of Σ w_t w_u (d_t · d_u) over t, u in D; of a clip, only the mean of w_t w_u matters.
+pub struct Loss {
+    targets: usize,
+    /// Mean of w_t w_u over the frames, times the mean of d_t · d_u over the vertices.
+    products: Vec<f64>,
+}
+
+impl Loss {
+    /// For the frames of `clips`, on the vertices that are `inside`; where there is no frame, for each target by itself.
+    pub fn new(mesh: &MorphMesh, clips: &[BoundClip], inside: &[bool]) -> Self {
+        let targets = mesh.targets.len();
+        let (mut weights, mut frames) = (vec![0.0; targets * targets], 0);
+        for frame in clips.iter().flat_map(BoundClip::frames) {
+            frames += 1;
+            let active: Vec<_> = frame.iter().enumerate().filter(|(_, w)| **w != 0.0).collect();
+            for (&(t, a), &(u, b)) in active.iter().flat_map(|a| active.iter().map(move |b| (a, b))) {
+                weights[t * targets + u] += f64::from(*a) * f64::from(*b);
+            }
+        }
+        if frames == 0 {
+            (0..targets).for_each(|t| weights[t * targets + t] = 1.0);
+            frames = targets;
+        }
+        let scale = 1.0 / (inside.iter().filter(|inside| **inside).count().max(1) * frames.max(1)) as f64;
+        let mut dense = vec![Vec3::ZERO; mesh.vertex_count()];
+        for (t, target) in mesh.targets.iter().enumerate() {
+            target.vertices.iter().zip(&target.positions).for_each(|(&v, d)| dense[v as usize] = *d);
+            let row = &mut weights[t * targets..][..targets];
+            for (weight, other) in row.iter_mut().zip(&mesh.targets).filter(|(weight, _)| **weight != 0.0) {
+                let vertices = other.vertices.iter().zip(&other.positions).filter(|(v, _)| inside[**v as usize]);
+                let dots = vertices.map(|(&v, d)| d.as_dvec3().dot(dense[v as usize].as_dvec3()));
+                *weight *= dots.sum::<f64>() * scale;
+            }
+            target.vertices.iter().for_each(|&v| dense[v as usize] = Vec3::ZERO);
+        }
+        Self { targets, products: weights }
+    }
+
+    /// Root of the mean squared error over vertices and frames, in input units, where only `kept` targets are applied.
+    pub fn of(&self, kept: &[bool]) -> f64 {
+        let dropped: Vec<usize> = (0..self.targets).filter(|t| !kept[*t]).collect();
+        let row = |t: &usize| dropped.iter().map(|u| self.products[t * self.targets + u]).sum::<f64>();
+        dropped.iter().map(row).sum::<f64>().max(0.0).sqrt()
+    }
+}
+
+/// The vertices of the lips: those that puckering or a funnel moves by more than half of what it moves the farthest one;
+/// `None` where no target is called so.
+pub fn lips(mesh: &MorphMesh) -> Option<Vec<bool>> {
+    let named = |t: &&MorphTarget| ["mouthPucker", "mouthFunnel"].contains(&t.name.as_str());
+    let mut inside = vec![false; mesh.vertex_count()];
+    for target in mesh.targets.iter().filter(named) {
+        let farthest = target.positions.iter().map(|d| d.length()).fold(0.0, f32::max);
+        let moved = target.vertices.iter().zip(&target.positions).filter(|(_, d)| d.length() > 0.5 * farthest);
+        moved.for_each(|(&v, _)| inside[v as usize] = true);
+    }
+    inside.contains(&true).then_some(inside)
+}

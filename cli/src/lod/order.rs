@@ -1,0 +1,106 @@
+//! Orders of importance: pins before all, then scores; agreement between them; and the file that keeps one.
+
+use crate::output::Failure;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// A target in an order of importance.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+pub struct Ranked {
+    pub name: String,
+    /// In the unit of the metric; the larger, the more the target changes.
+    pub score: f64,
+    /// Kept whatever its score is.
+    pub pinned: bool,
+}
+
+/// What `lod --out` writes beside an asset: names of targets, the most important first.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+pub struct Order {
+    pub schema: u32,
+    pub metric: String,
+    pub ranking: Vec<Ranked>,
+}
+
+/// Whether a name is meant by one of `pins`: by itself, or by a beginning of it.
+pub fn is_pinned(name: &str, pins: &[String]) -> bool {
+    pins.iter().any(|pin| name.starts_with(pin.as_str()))
+}
+
+impl Order {
+    /// Targets by their scores, the largest first, those that `pins` name before all others; equals as the mesh has them.
+    pub fn new(metric: &str, names: &[&str], scores: &[f64], pins: &[String]) -> Self {
+        let ranked = names.iter().zip(scores);
+        let ranked = ranked.map(|(&name, &score)| Ranked { name: name.into(), score, pinned: is_pinned(name, pins) });
+        let mut ranking: Vec<Ranked> = ranked.collect();
+        ranking.sort_by(|a, b| b.pinned.cmp(&a.pinned).then(b.score.total_cmp(&a.score)));
+        Self { schema: 1, metric: metric.into(), ranking }
+    }
+
+    /// The one at `path`, which has to rank the targets `names`, each once.
+    pub fn read(path: &Path, names: &[&str]) -> Result<Self, Failure> {
+        let text = std::fs::read_to_string(path).map_err(|e| Failure::io(path, "read", e))?;
+        let refuse = |why: String| Failure::Failed(format!("{}: {why}; write it anew with lod --out", path.display()));
+        let order: Self = serde_json::from_str(&text).map_err(|e| refuse(format!("is no ranking: {e}")))?;
+        if order.schema != 1 {
+            return Err(refuse(format!("has schema {}, and 1 is known", order.schema)));
+        }
+        let mut ranked: Vec<&str> = order.ranking.iter().map(|r| r.name.as_str()).collect();
+        let mut known = names.to_vec();
+        ranked.sort_unstable();
+        known.sort_unstable();
+        match known.iter().find(|name| ranked.binary_search(name).is_err()) {
+            Some(name) => Err(refuse(format!("does not rank the target '{name}'"))),
+            None if ranked != known => Err(refuse("ranks targets twice, or others than the mesh has".into())),
+            None => Ok(order),
+        }
+    }
+
+    /// Which of the targets `names` are among the first `kept`.
+    pub fn keeps(&self, names: &[&str], kept: usize) -> Vec<bool> {
+        let first: Vec<&str> = self.ranking[..kept].iter().map(|r| r.name.as_str()).collect();
+        names.iter().map(|name| first.contains(name)).collect()
+    }
+}
+
+/// Rank correlation of two lists of scores of the same targets.
+#[derive(Clone, Debug, Serialize)]
+pub struct Agreement {
+    pub metrics: [String; 2],
+    /// Kendall's tau-b, -1 to 1.
+    pub kendall: f64,
+    /// Spearman's rho, -1 to 1.
+    pub spearman: f64,
+}
+
+/// Kendall's tau-b: pairs in the same order less pairs in opposite orders, of those that are not equal in either list.
+/// 0 where a list has only equals.
+pub fn kendall(a: &[f64], b: &[f64]) -> f64 {
+    let (mut agree, mut pairs) = (0.0, [0.0; 2]);
+    for i in 0..a.len() {
+        for j in 0..i {
+            let signs = [a[i] - a[j], b[i] - b[j]].map(|d| if d == 0.0 { 0.0 } else { d.signum() });
+            agree += signs[0] * signs[1];
+            pairs.iter_mut().zip(signs).for_each(|(n, sign)| *n += sign.abs());
+        }
+    }
+    let all = f64::sqrt(pairs[0] * pairs[1]);
+    if all > 0.0 { agree / all } else { 0.0 }
+}
+
+/// Spearman's rho: the correlation of ranks, equals having the mean of theirs. 0 where a list has only equals.
+pub fn spearman(a: &[f64], b: &[f64]) -> f64 {
+    let ranks = |list: &[f64]| -> Vec<f64> {
+        let rank = |v: &f64| {
+            let below = list.iter().filter(|o| *o < v).count() as f64;
+            below + (list.iter().filter(|o| *o == v).count() as f64 + 1.0) / 2.0
+        };
+        let ranks: Vec<f64> = list.iter().map(rank).collect();
+        let mean = ranks.iter().sum::<f64>() / ranks.len().max(1) as f64;
+        ranks.iter().map(|r| r - mean).collect()
+    };
+    let (a, b) = (ranks(a), ranks(b));
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let all = (dot(&a, &a) * dot(&b, &b)).sqrt();
+    if all > 0.0 { dot(&a, &b) / all } else { 0.0 }
+}

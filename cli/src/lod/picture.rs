@@ -1,0 +1,61 @@
+//! How pictures differ: the metrics of `lod` that compare pixels.
+
+use nv_flip::{DEFAULT_PIXELS_PER_DEGREE, FlipImageRgb8, FlipPool, flip};
+
+/// Pixels in sRGB, three bytes each.
+#[derive(Clone)]
+pub struct Pixels {
+    pub size: [u32; 2],
+    pub rgb: Vec<u8>,
+}
+
+/// Mean of the squared differences of sRGB values, which go from 0 to 1.
+pub fn mean_square(a: &Pixels, b: &Pixels) -> f64 {
+    let squares = a.rgb.iter().zip(&b.rgb).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2));
+    squares.sum::<f64>() / (a.rgb.len().max(1) as f64 * 255.0 * 255.0)
+}
+
+/// Mean difference that people see, 0 to 1: FLIP (Andersson et al. 2020), at its usual 67 pixels per degree.
+pub fn perceptual(a: &Pixels, b: &Pixels) -> f64 {
+    let image = |p: &Pixels| FlipImageRgb8::with_data(p.size[0], p.size[1], &p.rgb);
+    FlipPool::from_image(&flip(image(a), image(b), DEFAULT_PIXELS_PER_DEGREE)).mean().into()
+}
+
+/// Mean structural similarity of luma, at most 1 (Wang et al. 2004: Gaussian window of 11 × 11 pixels, σ = 1.5, K = 0.01 and
+/// 0.03). Windows are cut at the edges of the picture.
+pub fn ssim(a: &Pixels, b: &Pixels) -> f64 {
+    let luma = |p: &Pixels| -> Vec<f64> {
+        let of = |c: &[u8]| 0.299 * f64::from(c[0]) + 0.587 * f64::from(c[1]) + 0.114 * f64::from(c[2]);
+        p.rgb.chunks_exact(3).map(of).collect()
+    };
+    let (x, y, width) = (luma(a), luma(b), a.size[0] as usize);
+    let product = |p: &[f64], q: &[f64]| blurred(&p.iter().zip(q).map(|(p, q)| p * q).collect::<Vec<_>>(), width);
+    let (means, squares) = ([&x, &y].map(|p| blurred(p, width)), [product(&x, &x), product(&y, &y), product(&x, &y)]);
+    let [c1, c2] = [0.01, 0.03].map(|k: f64| (k * 255.0).powi(2));
+    let at = |i: usize| {
+        let (mx, my) = (means[0][i], means[1][i]);
+        let (vx, vy, both) = (squares[0][i] - mx * mx, squares[1][i] - my * my, squares[2][i] - mx * my);
+        (2.0 * mx * my + c1) * (2.0 * both + c2) / ((mx * mx + my * my + c1) * (vx + vy + c2))
+    };
+    (0..x.len()).map(at).sum::<f64>() / x.len().max(1) as f64
+}
+
+/// A Gaussian mean around each pixel, over the pixels that there are.
+fn blurred(values: &[f64], width: usize) -> Vec<f64> {
+    let weight = |d: i64| (-(d * d) as f64 / (2.0 * 1.5 * 1.5)).exp();
+    let height = values.len() / width.max(1);
+    let along = |values: &[f64], step: usize, place: fn(usize, usize) -> usize, most: usize| -> Vec<f64> {
+        let at = |i: usize| {
+            let here = place(i, width) as i64;
+            let near = (-5..=5i64).filter(|d| (0..most as i64).contains(&(here + d)));
+            let sums = near.fold((0.0, 0.0), |(sum, all), d| {
+                let v = values[(i as i64 + d * step as i64) as usize];
+                (sum + weight(d) * v, all + weight(d))
+            });
+            sums.0 / sums.1
+        };
+        (0..values.len()).map(at).collect()
+    };
+    let across = along(values, 1, |i, width| i % width, width);
+    along(&across, width, |i, width| i / width, height)
+}

@@ -1,0 +1,127 @@
+use super::order::{Order, kendall, spearman};
+use super::picture::{Pixels, mean_square as picture_mse, perceptual, ssim};
+use super::{Loss, Tree, hausdorff, mean_square};
+use deltamorph::import::sample::{HeadDesc, head};
+use deltamorph::reference::evaluate_unpacked;
+use deltamorph::{MorphMesh, Tolerance, WeightClip};
+use glam::Vec3;
+
+/// A small head whose first target moves every vertex by `shift`, and whose second does so twice as far.
+fn shifted(shift: Vec3) -> MorphMesh {
+    let source = head(&HeadDesc::default().vertices(1200).targets(6));
+    let mut mesh = source.to_mesh(Tolerance::ZERO).expect("a mesh");
+    for (target, times) in mesh.targets.iter_mut().zip([1.0, 2.0]) {
+        target.vertices = (0..mesh.positions.len() as u32).collect();
+        target.positions = vec![shift * times; mesh.positions.len()];
+        target.normals = vec![Vec3::ZERO; mesh.positions.len()];
+    }
+    mesh
+}
+
+#[test]
+fn known_shifts_have_known_scores_and_twice_as_far_ranks_higher() {
+    let mesh = shifted(Vec3::X * 1000.0);
+    // As far as all vertices of the head are from each other: the nearest of the extreme ones is known.
+    let base = Tree::new(&mesh.positions);
+    let brute = |target: usize| {
+        let pose: Vec<Vec3> = mesh.positions.iter().map(|p| *p + mesh.targets[target].positions[0]).collect();
+        let nearest = |p: &Vec3, of: &[Vec3]| of.iter().map(|q| p.distance(*q)).fold(f32::INFINITY, f32::min);
+        let there = pose.iter().map(|p| nearest(p, &mesh.positions)).fold(0.0, f32::max);
+        f64::from(mesh.positions.iter().map(|p| nearest(p, &pose)).fold(there, f32::max))
+    };
+    for target in [0, 1] {
+        let (found, exact) = (hausdorff(&mesh, &base, &mesh.targets[target]), brute(target));
+        assert!((found - exact).abs() <= 1e-5 * exact, "{found} {exact}");
+    }
+    let scores: Vec<f64> = mesh.targets.iter().map(|t| mean_square(&mesh, t)).collect();
+    assert!((scores[0] - 1e6).abs() < 1e-3 && (scores[1] - 4e6).abs() < 1e-3, "{scores:?}");
+    // Shorter than half of the way to any other vertex: every vertex stays nearest to where it was.
+    let gap = (mesh.positions.iter().enumerate())
+        .flat_map(|(i, p)| mesh.positions[..i].iter().map(move |q| p.distance(*q)).filter(|d| *d > 0.0))
+        .fold(f32::INFINITY, f32::min);
+    let mesh = shifted(Vec3::Y * gap * 0.2);
+    let base = Tree::new(&mesh.positions);
+    for (target, times) in [(0, 1.0), (1, 2.0)] {
+        let (found, exact) = (hausdorff(&mesh, &base, &mesh.targets[target]), f64::from(gap * 0.2) * times);
+        assert!((found - exact).abs() <= 1e-2 * exact, "{found} {exact}");
+    }
+    let names: Vec<&str> = mesh.targets.iter().map(|t| t.name.as_str()).collect();
+    let order = Order::new("mse", &names[..2], &scores[..2], &[]);
+    assert_eq!(order.ranking[0].name, names[1]);
+    let pinned = Order::new("mse", &names[..2], &scores[..2], &[names[0].to_owned()]);
+    assert_eq!((pinned.ranking[0].name.as_str(), pinned.ranking[0].pinned), (names[0], true));
+}
+
+#[test]
+fn losses_are_those_of_poses_evaluated_in_float64() {
+    let mesh = head(&HeadDesc::default().vertices(1200).targets(6)).to_mesh(Tolerance::ZERO).expect("a mesh");
+    let names: Vec<String> = mesh.targets.iter().map(|t| t.name.clone()).collect();
+    let values: Vec<f32> = (0..6 * 5).map(|i| ((i * 7) % 11) as f32 / 10.0 - 0.2).collect();
+    let clip = WeightClip { name: "clip".into(), names: names.clone(), fps: 30.0, values };
+    let clip = clip.bind(&names.iter().map(String::as_str).collect::<Vec<_>>()).expect("bound");
+    for inside in [vec![true; mesh.vertex_count()], (0..mesh.vertex_count()).map(|v| v % 3 == 0).collect()] {
+        let loss = Loss::new(&mesh, std::slice::from_ref(&clip), &inside);
+        for bits in [0b0, 0b101, 0b110011, 0b111111] {
+            let kept: Vec<bool> = (0..6).map(|t| bits >> t & 1 == 1).collect();
+            let (mut sum, mut count) = (0.0, 0);
+            for whole in clip.frames() {
+                let part: Vec<f32> = whole.iter().zip(&kept).map(|(w, k)| if *k { *w } else { 0.0 }).collect();
+                let [whole, part] = [whole, part].map(|weights| evaluate_unpacked(&mesh, &weights));
+                for (v, (a, b)) in whole.chunks_exact(6).zip(part.chunks_exact(6)).enumerate() {
+                    if inside[v] {
+                        sum += (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>();
+                        count += 1;
+                    }
+                }
+            }
+            let exact = (sum / f64::from(count)).sqrt();
+            assert!((loss.of(&kept) - exact).abs() <= 1e-6 * exact.max(1e-6), "{bits:b}: {} {exact}", loss.of(&kept));
+        }
+    }
+}
+
+#[test]
+fn equal_pictures_are_equal_to_every_metric_and_known_differences_are_found() {
+    let size = [32, 24];
+    let noise = |seed: u64| {
+        let mut rng = deltamorph::internals::Rng::new(seed, 0);
+        Pixels { size, rgb: (0..32 * 24 * 3).map(|_| rng.below(256) as u8).collect() }
+    };
+    let (a, b) = (noise(1), noise(2));
+    assert!((ssim(&a, &a) - 1.0).abs() < 1e-12 && picture_mse(&a, &a) == 0.0 && perceptual(&a, &a) == 0.0);
+    assert!(ssim(&a, &b) < 0.2 && picture_mse(&a, &b) > 0.1 && perceptual(&a, &b) > 0.1);
+    // Of constant pictures only the luminance term is left: (2 x y + c) / (x² + y² + c).
+    let flat = |v: u8| Pixels { size, rgb: vec![v; 32 * 24 * 3] };
+    let c = (0.01f64 * 255.0).powi(2);
+    let exact = (2.0 * 50.0 * 200.0 + c) / (50.0f64.powi(2) + 200.0f64.powi(2) + c);
+    assert!((ssim(&flat(50), &flat(200)) - exact).abs() < 1e-9);
+    assert!((picture_mse(&flat(0), &flat(51)) - 0.04).abs() < 1e-12);
+}
+
+#[test]
+fn orders_agree_as_far_as_they_do() {
+    let up = [1.0, 2.0, 3.0, 4.0];
+    let down = [4.0, 3.0, 2.0, 1.0];
+    assert_eq!((kendall(&up, &up), spearman(&up, &up)), (1.0, 1.0));
+    assert_eq!((kendall(&up, &down), spearman(&up, &down)), (-1.0, -1.0));
+    assert_eq!((kendall(&up, &[7.0; 4]), spearman(&up, &[7.0; 4])), (0.0, 0.0));
+    // One neighbouring pair of six the other way round: (5 - 1) / 6; 1 - 6 · 2 / (4 · 15).
+    let swapped = [2.0, 1.0, 3.0, 4.0];
+    assert!((kendall(&up, &swapped) - 4.0 / 6.0).abs() < 1e-12 && (spearman(&up, &swapped) - 0.8).abs() < 1e-12);
+}
+
+#[test]
+fn an_order_is_read_back_and_one_of_other_targets_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("head.lod.json");
+    let order = Order::new("mse", &["a", "blinkLeft", "blinkRight"], &[3.0, 1.0, 2.0], &["blink".to_owned()]);
+    std::fs::write(&path, crate::output::to_json(&order).expect("JSON")).expect("written");
+    assert_eq!(Order::read(&path, &["blinkRight", "a", "blinkLeft"]).expect("read"), order);
+    let listed: Vec<&str> = order.ranking.iter().map(|r| r.name.as_str()).collect();
+    assert_eq!(listed, ["blinkRight", "blinkLeft", "a"]);
+    assert_eq!(order.keeps(&["a", "blinkLeft", "blinkRight"], 1), [false, false, true]);
+    for (names, part) in [(&["a", "c"][..], "does not rank the target 'c'"), (&["a"][..], "others than the mesh has")] {
+        let message = Order::read(&path, names).expect_err("refused").to_string();
+        assert!(message.contains(part) && message.contains("head.lod.json"), "{message}");
+    }
+}

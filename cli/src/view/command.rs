@@ -1,0 +1,251 @@
+//! What can be done in the window: by a hand on the panel, or by a line of a script.
+
+use crate::args::render;
+use crate::args::values;
+use crate::args::view::MAX_HEADS;
+use deltamorph::{DeltaFormat, PoseFormat, UpdatePath};
+use std::path::PathBuf;
+use values::BudgetSpec;
+
+/// What a hand and a script can do.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Command {
+    Set(String, f32),
+    Reset,
+    Random(u64),
+    /// The settings as they stand, as `--set` takes them: to the clipboard, of a script to stdout.
+    Copy,
+    Clip(PathBuf),
+    Play,
+    Pause,
+    /// To a frame of the clip, counted from 0.
+    Scrub(f64),
+    Speed(f32),
+    Path(UpdatePath),
+    Format(DeltaFormat),
+    Pose(PoseFormat),
+    Budget(BudgetSpec),
+    Heads(u32),
+    Show(Look),
+    Camera([f32; 2]),
+    /// How near the camera is: 1 fits all.
+    Zoom(f32),
+    Search(String),
+    /// Left and right move together.
+    Twins(bool),
+    Panel(bool),
+    /// What was said is read.
+    Dismiss,
+    /// A file or folder, as if it were dropped on the window: a mesh, or a clip. What is wrong with it is shown.
+    Drop(PathBuf),
+}
+
+/// What only a script does.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Step {
+    Do(Command),
+    /// Draw so many frames.
+    Frames(u64),
+    Resize([u32; 2]),
+    Screenshot(PathBuf),
+    Stats(PathBuf),
+    Quit,
+}
+
+/// What is shown of surfaces.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Look {
+    #[default]
+    Shaded,
+    Wire,
+    Normals,
+    /// The distance from the base pose.
+    Heat,
+    /// The distance from the pose before.
+    Motion,
+    /// Blocks as they are written.
+    Blocks,
+}
+
+impl Look {
+    pub const ALL: [Self; 6] = [Self::Shaded, Self::Wire, Self::Normals, Self::Heat, Self::Motion, Self::Blocks];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Shaded => "shaded",
+            Self::Wire => "wire",
+            Self::Normals => "normals",
+            Self::Heat => "heat",
+            Self::Motion => "motion",
+            Self::Blocks => "blocks",
+        }
+    }
+
+    pub fn summary(self) -> &'static str {
+        match self {
+            Self::Shaded => "skin, eyes and teeth in their light",
+            Self::Wire => "the edges of faces",
+            Self::Normals => "normals as colours",
+            Self::Heat => "how far each vertex is from the base pose",
+            Self::Motion => "how far each vertex has come since the frame before",
+            Self::Blocks => "blocks of vertices light up as they are written",
+        }
+    }
+}
+
+/// The commands of scripts, for people.
+pub const HELP: &str = "\
+Commands of scripts, one a line; what follows # is a remark:
+  set NAME WEIGHT           a weight, of a target or of a control of the rig
+  reset | random SEED       all weights 0; a few of them at random
+  copy                      print the weights as --set takes them
+  clip FILE                 take a clip: a CSV file, or an animation as FILE#NAME
+  play | pause              play the clip; every frame is a 60th of a second
+  scrub FRAME | speed X     go to a frame of the clip; play X times as fast
+  path PATH | format FORMAT | pose FORMAT | budget LENGTH
+                            update in another way, spelled as the options are
+  heads N                   so many heads
+  show LOOK                 shaded, wire, normals, heat, motion or blocks
+  camera YAW,PITCH | zoom X where the camera is, and how near
+  search TEXT | twins on|off | panel on|off
+                            the panel: what is listed, left and right together, whether it is there
+  drop FILE                 a mesh or a clip, as if it were dropped on the window; what is wrong with it is shown
+  dismiss                   put away what is shown of that
+  frames N                  draw N frames
+  resize W H                another size of the window
+  screenshot OUT.png        write what the next frame shows
+  stats OUT.json            write what updates and frames have taken since the last change of what is measured
+  quit                      close the window, as the end of the script does";
+
+/// A line of a script; nothing where it is empty or a remark. What is wrong comes with its remedy.
+pub fn parse(line: &str) -> Result<Option<Step>, String> {
+    // A name may have a # in it: only one behind a space begins a remark.
+    let line = line.trim();
+    let line = if line.starts_with('#') { "" } else { line.split(" #").next().unwrap_or_default().trim() };
+    let (word, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+    let rest = rest.trim();
+    let named = |what: &str| match rest.is_empty() {
+        true => Err(format!("{word}: the {what} is missing; write `{word} {}`", what.to_uppercase())),
+        false => Ok(rest),
+    };
+    let path = || named("file").map(PathBuf::from);
+    let switch = || match rest {
+        "on" => Ok(true),
+        "off" => Ok(false),
+        _ => Err(format!("{word}: write `{word} on` or `{word} off`")),
+    };
+    let alone = |step| match rest.is_empty() {
+        true => Ok(Some(step)),
+        false => Err(format!("{word}: takes nothing, and there is '{rest}'; leave it out")),
+    };
+    let say = |error: String| format!("{word} {rest}: {error}");
+    let step = match word {
+        "" => return Ok(None),
+        "reset" => return alone(Step::Do(Command::Reset)),
+        "copy" => return alone(Step::Do(Command::Copy)),
+        "play" => return alone(Step::Do(Command::Play)),
+        "dismiss" => return alone(Step::Do(Command::Dismiss)),
+        "pause" => return alone(Step::Do(Command::Pause)),
+        "quit" => return alone(Step::Quit),
+        "set" => {
+            let parsed = rest.rsplit_once(char::is_whitespace).map(|(name, w)| (name.trim(), w.parse::<f32>()));
+            let Some((name, Ok(weight))) = parsed.filter(|(_, w)| w.as_ref().is_ok_and(|w| w.is_finite())) else {
+                return Err(say("write `set NAME WEIGHT`, as in `set jawOpen 0.5`".into()));
+            };
+            Step::Do(Command::Set(name.to_owned(), weight))
+        }
+        "random" => Step::Do(Command::Random(values::whole(0, u64::MAX)(rest).map_err(say)?)),
+        "clip" => Step::Do(Command::Clip(path()?)),
+        "drop" => Step::Do(Command::Drop(path()?)),
+        "scrub" => {
+            let frame = values::number("a frame of the clip, counted from 0", |v| v >= 0.0)(rest).map_err(say)?;
+            Step::Do(Command::Scrub(f64::from(frame)))
+        }
+        "speed" => {
+            let speed = values::number("a number from 0.05 to 8", |v| (0.05..=8.0).contains(&v))(rest);
+            Step::Do(Command::Speed(speed.map_err(say)?))
+        }
+        "path" => Step::Do(Command::Path(one_of(&UpdatePath::ALL, UpdatePath::name, rest).map_err(say)?)),
+        "format" => Step::Do(Command::Format(one_of(&DeltaFormat::ALL, DeltaFormat::name, rest).map_err(say)?)),
+        "pose" => Step::Do(Command::Pose(one_of(&PoseFormat::ALL, PoseFormat::name, rest).map_err(say)?)),
+        "show" => Step::Do(Command::Show(one_of(&Look::ALL, Look::name, rest).map_err(say)?)),
+        "budget" => Step::Do(Command::Budget(values::budget(rest).map_err(say)?)),
+        "heads" => Step::Do(Command::Heads(values::whole(1, MAX_HEADS)(rest).map_err(say)?)),
+        "camera" => Step::Do(Command::Camera(render::camera(rest).map_err(say)?)),
+        "zoom" => {
+            let zoom = values::number("a number from 0.2 to 20", |v| (0.2..=20.0).contains(&v))(rest);
+            Step::Do(Command::Zoom(zoom.map_err(say)?))
+        }
+        "search" => Step::Do(Command::Search(rest.to_owned())),
+        "twins" => Step::Do(Command::Twins(switch()?)),
+        "panel" => Step::Do(Command::Panel(switch()?)),
+        "frames" => Step::Frames(values::whole(1, 1_000_000_000)(rest).map_err(say)?),
+        "resize" => {
+            let size = rest.split_once([' ', 'x']).map(|(w, h)| format!("{}x{}", w.trim(), h.trim()));
+            Step::Resize(render::size(&size.unwrap_or_default()).map_err(say)?)
+        }
+        "screenshot" => Step::Screenshot(path()?),
+        "stats" => Step::Stats(path()?),
+        unknown => return Err(format!("'{unknown}' is no command; `deltamorph view --help` lists them")),
+    };
+    Ok(Some(step))
+}
+
+fn one_of<T: Copy>(all: &[T], name: fn(T) -> &'static str, given: &str) -> Result<T, String> {
+    all.iter().copied().find(|one| name(*one) == given).ok_or_else(|| {
+        let names: Vec<&str> = all.iter().map(|one| name(*one)).collect();
+        format!("give one of: {}", names.join(", "))
+    })
+}
+
+/// A script: its steps, and the line that each is on, counted from 1.
+pub fn script(text: &str) -> Result<Vec<(usize, Step)>, String> {
+    let step = |(line, text)| match parse(text) {
+        Ok(step) => step.map(|step| Ok((line, step))),
+        Err(error) => Some(Err(format!("line {line}: {error}"))),
+    };
+    (1..).zip(text.lines()).filter_map(step).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_command_of_the_help_is_read() {
+        let lines = "set jaw open 0.5\nreset\nrandom 7\ncopy\nclip a b.csv\nplay\npause\nscrub 12.5\nspeed 2\npath blocks\n\
+                     format small\npose fixed16\nbudget 1e-4d\nheads 3\nshow heat\ncamera -20,5\nzoom 2\nsearch jaw\n\
+                     twins off\npanel on\ndismiss\ndrop x#y.glb # a remark\nframes 3\nresize 640 480\nresize 640x480\n\
+                     screenshot a.png\nstats s.json\nquit\n\n# nothing\n";
+        let steps = script(lines).expect("commands");
+        assert_eq!(steps.len(), 28);
+        assert_eq!(steps[0], (1, Step::Do(Command::Set("jaw open".into(), 0.5))));
+        assert_eq!(steps[21].1, Step::Do(Command::Drop("x#y.glb".into())));
+        assert_eq!((&steps[23].1, &steps[24].1), (&Step::Resize([640, 480]), &Step::Resize([640, 480])));
+        for word in lines.lines().filter_map(|line| line.split_whitespace().next()).filter(|word| *word != "#") {
+            assert!(HELP.contains(&format!("{word} ")) || HELP.contains(&format!("{word}\n")), "{word}");
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_comes_with_the_line_and_a_remedy() {
+        for (text, says) in [
+            ("frames 3\njump", "line 2: 'jump' is no command"),
+            ("set jawOpen", "write `set NAME WEIGHT`"),
+            ("set jawOpen NaN", "write `set NAME WEIGHT`"),
+            ("play now", "leave it out"),
+            ("path fast", "give one of: "),
+            ("show", "give one of: shaded, wire"),
+            ("resize 640", "give width and height, as in 768x768"),
+            ("resize 0 5", "a whole number from 16"),
+            ("frames 0", "a whole number from 1"),
+            ("twins maybe", "`twins on` or `twins off`"),
+            ("drop", "the file is missing"),
+            ("camera 1", "degrees around"),
+            ("speed 99", "from 0.05 to 8"),
+        ] {
+            let error = script(text).expect_err(text);
+            assert!(error.starts_with("line ") && error.contains(says), "{text}: {error}");
+        }
+    }
+}

@@ -1,0 +1,313 @@
+//! Instance, device and queue as an engine has them that links deltamorph: a window to show in, and the engine on top.
+
+use crate::output::Failure;
+use ash_window::{create_surface, enumerate_required_extensions};
+use deltamorph::ash::{self, ext, khr, vk};
+use deltamorph::headless::DeviceChoice;
+use deltamorph::{DeviceCaps, DeviceDesc, MorphEngine};
+use std::ffi::{CStr, c_char, c_void};
+use std::ptr::null_mut;
+use std::slice::from_ref;
+use std::sync::{Arc, Mutex, PoisonError};
+use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle, RawDisplayHandle, RawWindowHandle};
+use winit::window::Window;
+
+const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
+
+/// A device that shows in a window. All that is made on it goes before it does; the engine's own keeps it alive.
+pub struct Device {
+    pub engine: MorphEngine,
+    pub queue: vk::Queue,
+    pub family: u32,
+    pub swapchains: khr::swapchain::Device,
+    owned: Arc<Owned>,
+}
+
+/// Handles that are destroyed together, in order.
+struct Owned {
+    device: ash::Device,
+    physical: vk::PhysicalDevice,
+    surface: vk::SurfaceKHR,
+    surfaces: khr::surface::Instance,
+    instance: Instance,
+    // A surface goes before its window.
+    _window: Arc<Window>,
+}
+
+impl Drop for Owned {
+    fn drop(&mut self) {
+        // SAFETY: made in `Device::new`, destroyed once; all that was made on the device is gone: see `Device`.
+        unsafe {
+            self.device.destroy_device(None);
+            self.surfaces.destroy_surface(self.surface, None);
+        }
+    }
+}
+
+/// The loader, the instance, and the messenger that collects what validation layers say.
+struct Instance {
+    raw: ash::Instance,
+    entry: ash::Entry, // keeps the Vulkan library loaded
+    messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+    messages: Arc<Messages>,
+}
+
+/// What validation layers have said.
+pub type Messages = Mutex<Vec<String>>;
+
+/// # Safety
+/// Called by the loader with `data` valid for the call, and `user` the address of the messages of an [`Instance`].
+unsafe extern "system" fn collect(
+    severity: vk::DebugUtilsMessageSeverityFlagsEXT,
+    _kind: vk::DebugUtilsMessageTypeFlagsEXT,
+    data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
+    user: *mut c_void,
+) -> vk::Bool32 {
+    // SAFETY: the messages live as long as the messenger; `data` and its text are valid for the call.
+    let (messages, text) = unsafe { (&*user.cast::<Messages>(), (*data).message_as_c_str()) };
+    let text = text.map_or_else(Default::default, CStr::to_string_lossy);
+    messages.lock().unwrap_or_else(PoisonError::into_inner).push(format!("{severity:?}: {text}"));
+    vk::FALSE
+}
+
+fn failed(call: &'static str) -> impl Fn(vk::Result) -> Failure {
+    move |result| Failure::Failed(format!("{call}: {result}; `deltamorph render` draws without a window"))
+}
+
+impl Instance {
+    /// With what `extensions` names, for surfaces.
+    fn new(extensions: &[*const c_char], validation: bool) -> Result<Self, Failure> {
+        // SAFETY: loading the system's Vulkan loader runs its initialisers, which are made to be run so.
+        let entry = unsafe { ash::Entry::load() }.map_err(|e| {
+            Failure::Failed(format!("the Vulkan loader cannot be loaded: {e}; install libvulkan (./with-vulkan does)"))
+        })?;
+        let app = vk::ApplicationInfo::default().application_name(c"deltamorph").api_version(vk::API_VERSION_1_1);
+        let messages = Arc::<Messages>::default();
+        use vk::DebugUtilsMessageSeverityFlagsEXT as Severity;
+        let kinds = vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION | vk::DebugUtilsMessageTypeFlagsEXT::PERFORMANCE;
+        let messenger_info = vk::DebugUtilsMessengerCreateInfoEXT::default()
+            .message_severity(Severity::WARNING | Severity::ERROR)
+            .message_type(kinds)
+            .pfn_user_callback(Some(collect))
+            .user_data(Arc::as_ptr(&messages).cast_mut().cast());
+        let enables = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+        let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enables);
+        let layers = [VALIDATION.as_ptr()];
+        let mut extensions = extensions.to_vec();
+        let mut info = vk::InstanceCreateInfo::default().application_info(&app);
+        if validation {
+            extensions.extend([ext::debug_utils::NAME.as_ptr(), ext::validation_features::NAME.as_ptr()]);
+            info = info.enabled_layer_names(&layers).push_next(&mut features);
+        }
+        let info = info.enabled_extension_names(&extensions);
+        // SAFETY: all that `info` points to is alive.
+        let raw = unsafe { entry.create_instance(&info, None) }.map_err(|result| match result {
+            vk::Result::ERROR_LAYER_NOT_PRESENT => {
+                let what = "--validation: the Vulkan validation layers are missing";
+                Failure::Failed(format!("{what}; install vulkan-validationlayers (./with-vulkan does)"))
+            }
+            vk::Result::ERROR_EXTENSION_NOT_PRESENT | vk::Result::ERROR_INCOMPATIBLE_DRIVER => no_window(&[]),
+            other => failed("vkCreateInstance")(other),
+        })?;
+        let mut this = Self { messenger: None, messages, raw, entry };
+        if validation {
+            let functions = ext::debug_utils::Instance::new(&this.entry, &this.raw);
+            // SAFETY: the extension is enabled; the user data lives until after the messenger.
+            let messenger = unsafe { functions.create_debug_utils_messenger(&messenger_info, None) };
+            this.messenger = Some((functions, messenger.map_err(failed("vkCreateDebugUtilsMessengerEXT"))?));
+        }
+        Ok(this)
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        // SAFETY: made in `new`, destroyed once; what was made of the instance is gone: see `Owned`.
+        unsafe {
+            if let Some((functions, messenger)) = self.messenger.take() {
+                functions.destroy_debug_utils_messenger(messenger, None);
+            }
+            self.raw.destroy_instance(None);
+        }
+    }
+}
+
+/// That no device shows in a window here.
+fn no_window(names: &[String]) -> Failure {
+    let there = if names.is_empty() { "no Vulkan driver does".into() } else { format!("not {}", names.join(", not ")) };
+    Failure::Failed(format!(
+        "no Vulkan device can show in a window here: {there}; `deltamorph render` draws pictures without one"
+    ))
+}
+
+impl Device {
+    /// The device that is chosen, or else a GPU before a software driver, of those that can show in the window.
+    pub fn new(window: &Arc<Window>, choice: Option<&DeviceChoice>, validation: bool) -> Result<Self, Failure> {
+        let handles = (window.display_handle(), window.window_handle());
+        let (Ok(display), Ok(handle)) = (handles.0.map(|h| h.as_raw()), handles.1.map(|h| h.as_raw())) else {
+            return Err(no_window(&[]));
+        };
+        let extensions = enumerate_required_extensions(display).map_err(failed("the window system"))?;
+        let instance = Instance::new(extensions, validation)?;
+        let surfaces = khr::surface::Instance::new(&instance.entry, &instance.raw);
+        // SAFETY: the handles are the window's, which outlives the surface (see `Owned`); the extensions are enabled.
+        let surface = unsafe { create_surface(&instance.entry, &instance.raw, display, handle, None) };
+        let surface = surface.map_err(failed("the surface of the window"))?;
+        let chosen =
+            choose(&instance, &surfaces, surface, (display, handle), choice).and_then(|(physical, family, caps)| {
+                let extensions = [khr::swapchain::NAME.as_ptr(), ext::transform_feedback::NAME.as_ptr()];
+                let feedback = caps.transform_feedback.is_some();
+                let mut captures = vk::PhysicalDeviceTransformFeedbackFeaturesEXT::default().transform_feedback(true);
+                let features = vk::PhysicalDeviceFeatures::default().shader_int64(caps.int64);
+                let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
+                let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_features(&features);
+                let info = info.enabled_extension_names(&extensions[..1 + usize::from(feedback)]);
+                let info = if feedback { info.push_next(&mut captures) } else { info };
+                // SAFETY: the physical device is the instance's; extensions and features are there as queried.
+                let device = unsafe { instance.raw.create_device(physical, &info, None) };
+                Ok((device.map_err(failed("vkCreateDevice"))?, physical, family, caps, features))
+            });
+        let (device, physical, family, caps, features) = chosen.inspect_err(|_| {
+            // SAFETY: made above, and used by nobody.
+            unsafe { surfaces.destroy_surface(surface, None) }
+        })?;
+        let owned = Arc::new(Owned { device, physical, surface, surfaces, instance, _window: window.clone() });
+        let desc = DeviceDesc::new(&owned.instance.raw, physical, &owned.device)
+            .transform_feedback_enabled(caps.transform_feedback.is_some())
+            .caps(Some(caps))
+            .enabled_features(features)
+            .debug_names(validation)
+            .owner(Some(owned.clone()));
+        // SAFETY: the handles belong together, and the engine and all it makes keep them alive.
+        let engine = unsafe { MorphEngine::new(&desc) }?;
+        let swapchains = khr::swapchain::Device::new(&owned.instance.raw, &owned.device);
+        // SAFETY: the device was created with this queue.
+        let queue = unsafe { owned.device.get_device_queue(family, 0) };
+        Ok(Self { engine, queue, family, swapchains, owned })
+    }
+
+    pub fn raw(&self) -> &ash::Device {
+        &self.owned.device
+    }
+
+    pub fn instance(&self) -> &ash::Instance {
+        &self.owned.instance.raw
+    }
+
+    pub fn physical(&self) -> vk::PhysicalDevice {
+        self.owned.physical
+    }
+
+    pub fn surface(&self) -> (&khr::surface::Instance, vk::SurfaceKHR) {
+        (&self.owned.surfaces, self.owned.surface)
+    }
+
+    /// Wait until nothing runs. A device that is lost runs nothing.
+    pub fn wait_idle(&self) {
+        // SAFETY: one thread uses the queue.
+        let _ = unsafe { self.owned.device.device_wait_idle() };
+    }
+
+    /// Record with `f`, submit and wait.
+    pub fn run<R>(
+        &self,
+        pool: vk::CommandPool,
+        f: impl FnOnce(vk::CommandBuffer) -> deltamorph::Result<R>,
+    ) -> Result<R, Failure> {
+        let device = self.raw();
+        let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
+        let once = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: the buffer is new, submitted once, and freed when the queue is idle.
+        unsafe {
+            let cmd = device.allocate_command_buffers(&info).map_err(failed("vkAllocateCommandBuffers"))?[0];
+            device.begin_command_buffer(cmd, &once).map_err(failed("vkBeginCommandBuffer"))?;
+            let result = f(cmd);
+            let ran = device.end_command_buffer(cmd).and_then(|()| {
+                let submit = vk::SubmitInfo::default().command_buffers(from_ref(&cmd));
+                let submit = if result.is_ok() { from_ref(&submit) } else { &[] };
+                device.queue_submit(self.queue, submit, vk::Fence::null())?;
+                device.queue_wait_idle(self.queue)
+            });
+            device.free_command_buffers(pool, &[cmd]);
+            ran.map_err(failed("vkQueueSubmit"))?;
+            Ok(result?)
+        }
+    }
+
+    /// What the validation layers say, also when the device goes.
+    pub fn messages(&self) -> Arc<Messages> {
+        self.owned.instance.messages.clone()
+    }
+}
+
+/// Whether a driver knows the window system at all. One that does not must not be asked about a surface: loaders (1.3.239)
+/// hand it a handle that it crashes on, as SwiftShader does, which has XCB alone.
+fn presents(
+    instance: &Instance,
+    physical: vk::PhysicalDevice,
+    family: u32,
+    window: (RawDisplayHandle, RawWindowHandle),
+) -> bool {
+    let Instance { entry, raw, .. } = instance;
+    match window {
+        (RawDisplayHandle::Xlib(display), RawWindowHandle::Xlib(window)) => {
+            let functions = khr::xlib_surface::Instance::new(entry, raw);
+            let (display, visual) =
+                (display.display.map_or(null_mut(), |d| d.as_ptr().cast()), window.visual_id as u32);
+            // SAFETY: the extension is enabled for this window; the display is the window's.
+            unsafe { functions.get_physical_device_xlib_presentation_support(physical, family, display, visual) }
+        }
+        (RawDisplayHandle::Wayland(display), _) => {
+            let functions = khr::wayland_surface::Instance::new(entry, raw);
+            // SAFETY: as above.
+            unsafe {
+                let display = &mut *display.display.as_ptr().cast();
+                functions.get_physical_device_wayland_presentation_support(physical, family, display)
+            }
+        }
+        _ => true,
+    }
+}
+
+/// Physical device, queue family with graphics and compute that shows in the surface, and limits.
+fn choose(
+    with_entry: &Instance,
+    surfaces: &khr::surface::Instance,
+    surface: vk::SurfaceKHR,
+    window: (RawDisplayHandle, RawWindowHandle),
+    choice: Option<&DeviceChoice>,
+) -> Result<(vk::PhysicalDevice, u32, DeviceCaps), Failure> {
+    let instance = &with_entry.raw;
+    // SAFETY: the instance is alive, and was created for Vulkan 1.1; the devices are its own.
+    let all = unsafe { instance.enumerate_physical_devices() }.map_err(failed("vkEnumeratePhysicalDevices"))?;
+    // SAFETY: as above. They are not asked for more than Vulkan 1.0 can say before the version is known.
+    let version = |d: &vk::PhysicalDevice| unsafe { instance.get_physical_device_properties(*d) }.api_version;
+    // SAFETY: as above.
+    let caps = all
+        .into_iter()
+        .filter(|d| version(d) >= vk::API_VERSION_1_1)
+        .map(|d| (d, unsafe { DeviceCaps::query(instance, d) }));
+    let matching: Vec<_> =
+        caps.enumerate().filter(|(i, (_, c))| choice.is_none_or(|choice| choice.matches(*i, c))).collect();
+    let names: Vec<String> = matching.iter().map(|(_, (_, caps))| caps.name.clone()).collect();
+    let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
+    let family = |physical| {
+        // SAFETY: as above.
+        let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
+        (0u32..).zip(families).find_map(|(i, family)| {
+            let able = family.queue_flags.contains(wanted) && presents(with_entry, physical, i, window);
+            // SAFETY: as above; the driver knows surfaces of this kind.
+            let shows =
+                able && unsafe { surfaces.get_physical_device_surface_support(physical, i, surface) } == Ok(true);
+            shows.then_some(i)
+        })
+    };
+    let has_swapchains = |physical| {
+        // SAFETY: as above.
+        let extensions = unsafe { instance.enumerate_device_extension_properties(physical) }.unwrap_or_default();
+        extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(khr::swapchain::NAME))
+    };
+    let able = matching.into_iter().map(|(_, able)| able).filter(|(physical, _)| has_swapchains(*physical));
+    let able = able.filter_map(|(physical, caps)| Some((physical, family(physical)?, caps)));
+    able.min_by_key(|(.., caps)| caps.is_software()).ok_or_else(|| no_window(&names))
+}

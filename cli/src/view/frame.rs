@@ -1,0 +1,298 @@
+//! Frames in flight: the update, the heads, the panel over them, the time each took, and pixels for files.
+
+use super::device::Device;
+use super::heads::{Full, Heads, IN_FLIGHT};
+use super::painter::{Painter, Picture};
+use super::swapchain::Swapchain;
+use crate::output::Failure;
+use crate::render::canvas::Canvas;
+use deltamorph::UpdateStats;
+use deltamorph::ash::vk;
+use deltamorph_render::{Buffer, Scene};
+use egui::TextureId;
+use std::path::PathBuf;
+use std::rc::Rc;
+use std::slice::from_ref;
+
+/// Timestamps of a frame: its beginning, behind the update, its end, behind the full evaluation.
+const STAMPS: u32 = 4;
+
+/// What a frame took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sample {
+    pub stats: UpdateStats,
+    /// On the processor: planning and recording, or the update on the path `cpu`.
+    pub cpu_ms: f64,
+    /// On the device: the update, and all of the frame. `None` without timestamps.
+    pub update_ms: Option<f64>,
+    pub frame_ms: Option<f64>,
+    /// A full evaluation of one head, in frames that measure one: bytes, and time on the device.
+    pub full: Option<(u64, Option<f64>)>,
+}
+
+/// What is to be drawn.
+pub struct Wanted<'a> {
+    pub weights: &'a [Vec<f32>],
+    pub scene: &'a Scene,
+    pub background: [f32; 4],
+    pub panel: Picture,
+    /// Measure a full evaluation behind the frame.
+    pub full: Option<&'a mut Full>,
+    pub screenshot: Option<PathBuf>,
+}
+
+/// What became of a frame.
+pub enum Drawn {
+    Shown,
+    /// The window has another size by now: what was drawn, if anything, is the last of this size.
+    Outgrown,
+}
+
+/// Frames in flight.
+pub struct Frames {
+    device: Rc<Device>,
+    pub pool: vk::CommandPool,
+    /// Whether pixels are blue, green, red.
+    blue_first: bool,
+    queries: vk::QueryPool,
+    mask: u64,
+    frames: Vec<Frame>,
+    next: usize,
+    /// Frames that have finished, and not been asked for.
+    samples: Vec<Sample>,
+}
+
+struct Frame {
+    cmd: vk::CommandBuffer,
+    fence: vk::Fence,
+    acquired: vk::Semaphore,
+    running: Option<Sample>,
+    /// Textures that go when the frame has finished.
+    textures: Vec<TextureId>,
+    picture: Option<(Buffer, vk::Extent2D, PathBuf)>,
+}
+
+fn failed(call: &'static str) -> impl Fn(vk::Result) -> Failure {
+    move |result| Failure::Failed(format!("{call}: {result}; draw fewer heads, or look at the driver"))
+}
+
+impl Frames {
+    pub fn new(device: &Rc<Device>, format: vk::Format) -> Result<Self, Failure> {
+        let raw = device.raw();
+        let pool = vk::CommandPoolCreateInfo::default().queue_family_index(device.family);
+        let pool = pool.flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
+        let queries = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP);
+        let queries = queries.query_count(STAMPS * IN_FLIGHT as u32);
+        // SAFETY: the device has this family; all is destroyed by `drop`.
+        unsafe {
+            let families = device.instance().get_physical_device_queue_family_properties(device.physical());
+            let bits = families[device.family as usize].timestamp_valid_bits;
+            let pool = raw.create_command_pool(&pool, None).map_err(failed("vkCreateCommandPool"))?;
+            let (mask, none) = (u64::MAX.checked_shr(64 - bits).unwrap_or(0), vk::QueryPool::null());
+            let blue_first = format == vk::Format::B8G8R8A8_SRGB;
+            let (device, frames, samples) = (device.clone(), vec![], vec![]);
+            let mut this = Self { device, pool, blue_first, queries: none, mask, frames, next: 0, samples };
+            if bits > 0 {
+                this.queries = raw.create_query_pool(&queries, None).map_err(failed("vkCreateQueryPool"))?;
+            }
+            let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
+            for _ in 0..IN_FLIGHT {
+                let cmd = raw.allocate_command_buffers(&info).map_err(failed("vkAllocateCommandBuffers"))?[0];
+                let fence = raw.create_fence(&vk::FenceCreateInfo::default(), None).map_err(failed("vkCreateFence"))?;
+                let acquired = raw.create_semaphore(&vk::SemaphoreCreateInfo::default(), None);
+                let acquired = acquired.map_err(failed("vkCreateSemaphore"))?;
+                let (textures, picture) = (vec![], None);
+                this.frames.push(Frame { cmd, fence, acquired, running: None, textures, picture });
+            }
+            Ok(this)
+        }
+    }
+
+    /// What frames took that have finished since this was asked last.
+    pub fn take_samples(&mut self) -> Vec<Sample> {
+        std::mem::take(&mut self.samples)
+    }
+
+    /// Wait for all frames.
+    pub fn finish(&mut self, painter: &mut Painter) -> Result<(), Failure> {
+        let first = self.next;
+        (0..IN_FLIGHT).try_for_each(|i| self.wait((first + i) % IN_FLIGHT, painter))
+    }
+
+    /// Wait for a frame, and take what it left.
+    fn wait(&mut self, slot: usize, painter: &mut Painter) -> Result<(), Failure> {
+        let (raw, frame) = (self.device.raw(), &mut self.frames[slot]);
+        let Some(mut sample) = frame.running.take() else { return Ok(()) };
+        // SAFETY: the fence was submitted, and its queries were written in front of it.
+        unsafe {
+            raw.wait_for_fences(&[frame.fence], true, u64::MAX).map_err(failed("vkWaitForFences"))?;
+            raw.reset_fences(&[frame.fence]).map_err(failed("vkResetFences"))?;
+            if self.queries != vk::QueryPool::null() {
+                let mut at = [0u64; STAMPS as usize];
+                let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
+                let read = raw.get_query_pool_results(self.queries, slot as u32 * STAMPS, &mut at, flags);
+                read.map_err(failed("vkGetQueryPoolResults"))?;
+                let tick = f64::from(self.device.engine.caps().timestamp_period) / 1e6;
+                let ms = |from: usize, to: usize| Some((at[to].wrapping_sub(at[from]) & self.mask) as f64 * tick);
+                (sample.update_ms, sample.frame_ms) = (ms(0, 1), ms(0, 2));
+                sample.full = sample.full.map(|(bytes, _)| (bytes, ms(2, 3)));
+            }
+        }
+        self.samples.push(sample);
+        painter.free_textures(&std::mem::take(&mut frame.textures))?;
+        let Some((pixels, extent, path)) = frame.picture.take() else { return Ok(()) };
+        let size = [extent.width, extent.height];
+        let mut rgba = pixels.contents()[..size[0] as usize * size[1] as usize * 4].to_vec();
+        if self.blue_first {
+            rgba.chunks_exact_mut(4).for_each(|pixel| pixel.swap(0, 2));
+        }
+        rgba.chunks_exact_mut(4).for_each(|pixel| pixel[3] = 255);
+        Canvas::from(deltamorph_render::Picture { size, rgba }).save(&path)
+    }
+
+    /// Draw a frame, and show it.
+    pub fn draw(
+        &mut self,
+        heads: &mut Heads,
+        swapchain: &mut Swapchain,
+        painter: &mut Painter,
+        wanted: Wanted<'_>,
+    ) -> Result<Drawn, Failure> {
+        let slot = self.next;
+        self.wait(slot, painter)?;
+        // Also where nothing is drawn: what is new is handed out once.
+        painter.set_textures(self.pool, &wanted.panel)?;
+        self.frames[slot].textures.extend(&wanted.panel.free);
+        let acquired = self.frames[slot].acquired;
+        let Some(index) = swapchain.acquire(acquired)? else {
+            return Ok(Drawn::Outgrown);
+        };
+        // What the image was drawn with last is written anew.
+        if let Some(last) = swapchain.images[index].frame.replace(slot).filter(|last| *last != slot) {
+            self.wait(last, painter)?;
+        }
+        let (device, cmd) = (self.device.clone(), self.frames[slot].cmd);
+        let raw = device.raw();
+        let once = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: the buffer is ours, and not pending: its frame was waited for.
+        unsafe { raw.begin_command_buffer(cmd, &once) }.map_err(failed("vkBeginCommandBuffer"))?;
+        let sample = self.record(slot, index, heads, swapchain, painter, wanted)?;
+        let stages = [vk::PipelineStageFlags::COLOR_ATTACHMENT_OUTPUT];
+        let (waits, signals) = ([acquired], [swapchain.images[index].drawn]);
+        let submit = vk::SubmitInfo::default().command_buffers(from_ref(&cmd)).wait_dst_stage_mask(&stages);
+        let submit = submit.wait_semaphores(&waits).signal_semaphores(&signals);
+        // SAFETY: recorded above; the image was acquired with the semaphore that is waited for.
+        unsafe {
+            raw.end_command_buffer(cmd).map_err(failed("vkEndCommandBuffer"))?;
+            let submitted = raw.queue_submit(device.queue, &[submit], self.frames[slot].fence);
+            submitted.map_err(failed("vkQueueSubmit"))?;
+        }
+        self.frames[slot].running = Some(sample);
+        self.next = (slot + 1) % IN_FLIGHT;
+        Ok(if swapchain.present(index)? { Drawn::Shown } else { Drawn::Outgrown })
+    }
+
+    fn record(
+        &mut self,
+        slot: usize,
+        index: usize,
+        heads: &mut Heads,
+        swapchain: &mut Swapchain,
+        painter: &mut Painter,
+        wanted: Wanted<'_>,
+    ) -> Result<Sample, Failure> {
+        let Wanted { weights, scene, background, panel, full, screenshot } = wanted;
+        let (device, cmd) = (self.device.clone(), self.frames[slot].cmd);
+        let raw = device.raw();
+        if self.queries != vk::QueryPool::null() {
+            // SAFETY: the buffer is recording; the queries are this frame's, and were read.
+            unsafe { raw.cmd_reset_query_pool(cmd, self.queries, slot as u32 * STAMPS, STAMPS) };
+        }
+        self.stamp(slot, 0);
+        let took = heads.update(&device, cmd, slot, weights)?;
+        self.stamp(slot, 1);
+        let (extent, readable) = (swapchain.extent, swapchain.readable);
+        let shown = &mut swapchain.images[index];
+        let drawn = heads.drawn(slot, &mut shown.target, scene.show)?;
+        // SAFETY: the buffer is recording; model and target are the renderer's, the target's last frame was waited for;
+        // the poses are of the mesh, ready behind the update, and alive as long as the heads.
+        unsafe { heads.renderer.record(cmd, &mut shown.target, &heads.model, &drawn, scene, background) }?;
+        // SAFETY: as above; the framebuffer is the image's.
+        unsafe { painter.record(cmd, shown.framebuffer, extent, &panel) }?;
+        if let Some(path) = screenshot {
+            if !readable {
+                let text = "pixels of windows cannot be copied here; `deltamorph render` writes pictures";
+                return Err(Failure::Failed(format!("{}: {text}", path.display())));
+            }
+            let bytes = extent.width as usize * extent.height as usize * 4;
+            // SAFETY: it is dropped when its frame was waited for.
+            let pixels = unsafe { heads.renderer.buffer(bytes, vk::BufferUsageFlags::TRANSFER_DST) }?;
+            copy(&device, cmd, shown.image, extent, &pixels);
+            self.frames[slot].picture = Some((pixels, extent, path));
+        }
+        self.stamp(slot, 2);
+        let measured = full.zip(weights.first()).map(|(full, weights)| full.update(&device, cmd, weights));
+        self.stamp(slot, 3);
+        let full = measured.transpose()?.filter(|stats| stats.bytes_moved > 0).map(|stats| (stats.bytes_moved, None));
+        Ok(Sample { stats: took.stats, cpu_ms: took.cpu_ms, update_ms: None, frame_ms: None, full })
+    }
+
+    /// A timestamp when everything before it is done, and nothing after it has begun.
+    fn stamp(&self, slot: usize, number: u32) {
+        if self.queries == vk::QueryPool::null() {
+            return;
+        }
+        let (raw, cmd) = (self.device.raw(), self.frames[slot].cmd);
+        let all = vk::PipelineStageFlags::ALL_COMMANDS;
+        let memory = [vk::MemoryBarrier::default()
+            .src_access_mask(vk::AccessFlags::MEMORY_WRITE)
+            .dst_access_mask(vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE)];
+        // SAFETY: the buffer is recording, outside a render pass; the query was reset in it.
+        unsafe {
+            let (last, query) = (vk::PipelineStageFlags::BOTTOM_OF_PIPE, slot as u32 * STAMPS + number);
+            raw.cmd_write_timestamp(cmd, last, self.queries, query);
+            raw.cmd_pipeline_barrier(cmd, all, all, Default::default(), &memory, &[], &[]);
+        }
+    }
+}
+
+/// Record a copy of an image that is to be shown into `pixels`.
+fn copy(device: &Device, cmd: vk::CommandBuffer, image: vk::Image, extent: vk::Extent2D, pixels: &Buffer) {
+    use vk::{AccessFlags as Access, ImageLayout as Layout, PipelineStageFlags as Stage};
+    let range = vk::ImageSubresourceRange::default().aspect_mask(vk::ImageAspectFlags::COLOR);
+    let change = |from, to, read| {
+        let change = vk::ImageMemoryBarrier::default().image(image).old_layout(from).new_layout(to);
+        let change = change.subresource_range(range.level_count(1).layer_count(1)).dst_access_mask(read);
+        change.src_queue_family_index(vk::QUEUE_FAMILY_IGNORED).dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+    };
+    let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
+    let region = [vk::BufferImageCopy::default().image_subresource(layers).image_extent(extent.into())];
+    let read =
+        [vk::MemoryBarrier::default().src_access_mask(Access::TRANSFER_WRITE).dst_access_mask(Access::HOST_READ)];
+    let (raw, none) = (device.raw(), vk::DependencyFlags::empty());
+    let (shown, copied) = (Layout::PRESENT_SRC_KHR, Layout::TRANSFER_SRC_OPTIMAL);
+    // SAFETY: the buffer is recording, outside a render pass; the panel's pass makes the image ready for transfers, in the
+    // layout to be shown in; the buffer has room for its pixels.
+    unsafe {
+        let begin = [change(shown, copied, Access::TRANSFER_READ)];
+        raw.cmd_pipeline_barrier(cmd, Stage::TRANSFER, Stage::TRANSFER, none, &[], &[], &begin);
+        raw.cmd_copy_image_to_buffer(cmd, image, copied, pixels.raw(), &region);
+        let end = [change(copied, shown, Access::empty())];
+        raw.cmd_pipeline_barrier(cmd, Stage::TRANSFER, Stage::HOST | Stage::BOTTOM_OF_PIPE, none, &read, &[], &end);
+    }
+}
+
+impl Drop for Frames {
+    fn drop(&mut self) {
+        let raw = self.device.raw();
+        // SAFETY: ours, destroyed once; the window waited until nothing runs.
+        unsafe {
+            for frame in &self.frames {
+                raw.destroy_fence(frame.fence, None);
+                raw.destroy_semaphore(frame.acquired, None);
+            }
+            raw.destroy_query_pool(self.queries, None);
+            raw.destroy_command_pool(self.pool, None);
+        }
+    }
+}

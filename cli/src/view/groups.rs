@@ -1,0 +1,84 @@
+//! What the names of targets say: which part of a face they move, and which are the left and the right of each other.
+
+/// Parts of a face, in the order that they are listed in, and words that names of their targets have.
+const PARTS: [(&str, &[&str]); 7] = [
+    ("Brows", &["brow"]),
+    ("Eyes", &["eye", "blink", "lid", "look", "pupil", "gaze"]),
+    ("Jaw", &["jaw", "chin"]),
+    ("Tongue", &["tongue"]),
+    ("Cheeks and nose", &["cheek", "nose", "sneer", "nostril"]),
+    ("Mouth", &["mouth", "lip", "smile", "frown", "dimple", "pucker", "funnel", "teeth", "viseme"]),
+    ("Others", &[]),
+];
+
+/// A group of targets, by index.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Group {
+    pub name: &'static str,
+    pub targets: Vec<usize>,
+}
+
+/// Groups that have a target, each with its targets in the order of the mesh, twins beside each other.
+pub fn groups(names: &[String]) -> Vec<Group> {
+    let part = |name: &String| {
+        let name = name.to_lowercase();
+        PARTS.iter().position(|(_, words)| words.iter().any(|word| name.contains(word))).unwrap_or(PARTS.len() - 1)
+    };
+    let mut groups: Vec<Group> = PARTS.iter().map(|(name, _)| Group { name, targets: vec![] }).collect();
+    let mut listed = vec![false; names.len()];
+    for (i, name) in names.iter().enumerate() {
+        for target in [Some(i), twin(names, i)].into_iter().flatten() {
+            if !std::mem::replace(&mut listed[target], true) {
+                groups[part(name)].targets.push(target);
+            }
+        }
+    }
+    groups.retain(|group| !group.targets.is_empty());
+    groups
+}
+
+/// The target on the other side of the face: jawLeft of jawRight, brow_L of brow_R.
+pub fn twin(names: &[String], target: usize) -> Option<usize> {
+    const SIDES: [[&str; 2]; 4] = [["Left", "Right"], ["left", "right"], ["LEFT", "RIGHT"], ["_l_", "_r_"]];
+    const ENDS: [[&str; 2]; 4] = [["_L", "_R"], ["_l", "_r"], [".L", ".R"], [".l", ".r"]];
+    let name = &names[target];
+    let other = |from: &str, to: &str, end: bool| {
+        let changed = if end {
+            name.strip_suffix(from).map(|stem| format!("{stem}{to}"))
+        } else {
+            name.rfind(from).map(|at| format!("{}{to}{}", &name[..at], &name[at + from.len()..]))
+        };
+        changed.and_then(|changed| names.iter().position(|name| *name == changed))
+    };
+    let both = |sides: &[[&str; 2]], end| {
+        sides.iter().find_map(|[left, right]| other(left, right, end).or_else(|| other(right, left, end)))
+    };
+    both(&SIDES, false).or_else(|| both(&ENDS, true))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn named(names: &[&str]) -> Vec<String> {
+        names.iter().map(|name| (*name).to_owned()).collect()
+    }
+
+    #[test]
+    fn twins_find_each_other() {
+        let names =
+            named(&["eyeBlinkLeft", "jawOpen", "eyeBlinkRight", "brow_up_L", "brow_up_R", "mouthLeft", "x.r", "_L"]);
+        let twins: Vec<_> = (0..names.len()).map(|i| twin(&names, i)).collect();
+        assert_eq!(twins, [Some(2), None, Some(0), Some(4), Some(3), None, None, None]);
+    }
+
+    #[test]
+    fn every_target_is_in_one_group_beside_its_twin() {
+        let names =
+            named(&["mouthSmileLeft", "eyeBlinkLeft", "phoneme", "mouthSmileRight", "BrowDown", "eyeBlinkRight"]);
+        let groups = groups(&names);
+        let listed = |name: &str| groups.iter().find(|group| group.name == name).map(|group| group.targets.clone());
+        assert_eq!((listed("Mouth"), listed("Eyes")), (Some(vec![0, 3]), Some(vec![1, 5])));
+        assert_eq!((listed("Brows"), listed("Others"), listed("Jaw")), (Some(vec![4]), Some(vec![2]), None));
+    }
+}

@@ -1,0 +1,222 @@
+//! The heads in the window: their mesh on the device, and whoever makes their poses.
+
+use super::device::Device;
+use crate::output::Failure;
+use deltamorph::ash::vk;
+use deltamorph::{
+    BatchSize, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, GpuMesh, MorphMesh, PackedMesh, UpdateDesc, UpdateMode,
+    UpdatePath, UpdateStats,
+};
+use deltamorph_render::{Buffer, Glow, Head, Model, Part, Renderer, RendererDesc, Show, Target};
+use glam::Mat4;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Frames that are worked on at once.
+pub const IN_FLIGHT: usize = 2;
+/// Share of its brightness that each frame leaves of a block that was written.
+const AFTERGLOW: f32 = 0.88;
+/// Frames from one full evaluation that is measured to the next, while a clip plays.
+const FULL_EVERY: u32 = 24;
+/// Deltas of a full evaluation that are worth their memory.
+const FULL_BYTES: usize = 1 << 30;
+
+/// Heads that are updated in one way.
+pub struct Heads {
+    pub mesh: Arc<PackedMesh>,
+    pub desc: UpdateDesc,
+    pub renderer: Renderer,
+    pub places: Vec<Mat4>,
+    pub model: Model,
+    who: Who,
+    glow: Vec<Glow>,
+    // What the model reads, after the model.
+    _uploaded: GpuMesh,
+}
+
+/// Who makes the poses.
+enum Who {
+    Device(Box<Crowd>),
+    /// The path `cpu`: its poses go to a buffer for each frame in flight, behind them those of the frame before.
+    Processor {
+        crowd: Box<CpuCrowd>,
+        buffers: Vec<Buffer>,
+        last: Vec<u8>,
+        units: [f32; 2],
+    },
+}
+
+/// What an update took on the processor.
+pub struct Took {
+    pub stats: UpdateStats,
+    /// Weights, plan and recording; on the path `cpu` the update itself.
+    pub cpu_ms: f64,
+}
+
+impl Heads {
+    /// A head at each of `places`, drawn into images of `format`.
+    pub fn new(
+        device: &Device,
+        pool: vk::CommandPool,
+        format: vk::Format,
+        (mesh, parts): (&MorphMesh, &[Part]),
+        (packed, desc): (Arc<PackedMesh>, UpdateDesc),
+        threads: usize,
+        places: Vec<Mat4>,
+    ) -> Result<Self, Failure> {
+        if desc.path.evaluates_in_draws() {
+            let path = desc.path.name();
+            let text = format!("the path '{path}' evaluates in draws of its own, and has no pose to draw; use blocks");
+            return Err(Failure::Usage(text));
+        }
+        let uploaded = upload(device, pool, &packed)?;
+        let layout = vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL;
+        let renderer = RendererDesc { format, layout, pose: desc.pose };
+        // SAFETY: the handles belong together; the window drops its heads before its device, and waits before that.
+        let renderer = unsafe { Renderer::new(device.instance(), device.physical(), device.raw(), &renderer) }?;
+        // SAFETY: fields drop in order, the model before what was uploaded.
+        let model = unsafe { Model::new(&renderer, mesh, packed.layout(), &uploaded, parts) }?;
+        let who = if desc.path == UpdatePath::Cpu {
+            let units = desc.grid(packed.layout())?.map_or([1.0; 2], |grid| grid.units);
+            let crowd = Box::new(CpuCrowd::new(packed.clone(), desc, places.len(), threads)?);
+            let bytes = places.len() * crowd.stored_pose(0, 0)?.len();
+            // SAFETY: a buffer is written when its frame was waited for, and dropped when all were.
+            let buffer = |_| unsafe { renderer.buffer(2 * bytes, vk::BufferUsageFlags::VERTEX_BUFFER) };
+            let buffers = (0..IN_FLIGHT).map(buffer).collect::<deltamorph::Result<_>>()?;
+            Who::Processor { crowd, buffers, last: vec![], units }
+        } else {
+            let crowd = CrowdDesc::new(desc).instances(places.len() as u32).frames_in_flight(IN_FLIGHT as u32);
+            Who::Device(Box::new(device.engine.create_crowd(&uploaded, &crowd)?))
+        };
+        let glow = vec![Glow::new(packed.layout()); places.len()];
+        Ok(Self { mesh: packed, desc, renderer, places, model, who, glow, _uploaded: uploaded })
+    }
+
+    /// Bring every head to `weights[head]`. Of the frames in flight `frame` is recorded into `cmd`; it was waited for.
+    pub fn update(
+        &mut self,
+        device: &Device,
+        cmd: vk::CommandBuffer,
+        frame: usize,
+        weights: &[Vec<f32>],
+    ) -> Result<Took, Failure> {
+        let start = Instant::now();
+        let stats = match &mut self.who {
+            Who::Device(crowd) => {
+                for (head, weights) in (0..).zip(weights) {
+                    crowd.set_weights(head, weights)?;
+                }
+                // SAFETY: `cmd` is recording on the engine's device, outside a render pass; frames are submitted once, in
+                // order, after a wait for the one `IN_FLIGHT` ago. Where one is not, the window closes.
+                unsafe { device.engine.record_update(cmd, &mut **crowd) }?.stats
+            }
+            Who::Processor { crowd, .. } => {
+                for (head, weights) in weights.iter().enumerate() {
+                    crowd.set_weights(head, weights)?;
+                }
+                crowd.update()
+            }
+        };
+        let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
+        for (head, glow) in self.glow.iter_mut().enumerate() {
+            let changed = match &self.who {
+                // An update that recorded nothing changed nothing.
+                _ if stats.bytes_moved == 0 => vec![],
+                Who::Device(crowd) => crowd.changed(head as u32),
+                Who::Processor { crowd, .. } => crowd.changed(head),
+            };
+            glow.update(&changed, AFTERGLOW);
+        }
+        if let Who::Processor { crowd, buffers, last, .. } = &mut self.who {
+            let mut poses = vec![];
+            for head in 0..weights.len() {
+                poses.extend_from_slice(crowd.stored_pose(head, 0)?);
+            }
+            let before = if last.is_empty() { &poses } else { &*last };
+            buffers[frame].write(poses.len(), before);
+            buffers[frame].write(0, &poses);
+            *last = poses;
+        }
+        Ok(Took { stats, cpu_ms })
+    }
+
+    /// The heads as `frame` draws them, into a target whose last frame was waited for.
+    pub fn drawn(&self, frame: usize, target: &mut Target, show: Show) -> Result<Vec<Head>, Failure> {
+        if show == Show::Blocks {
+            for (head, glow) in self.glow.iter().enumerate() {
+                // SAFETY: the target's last frame was waited for: the caller's obligation.
+                unsafe { target.set_glow(head, glow) }?;
+            }
+        }
+        let head = |(i, place): (usize, &Mat4)| match &self.who {
+            Who::Device(crowd) => {
+                let previous = crowd.previous_pose(i as u32)?;
+                Ok(Head::new(&crowd.pose(i as u32)?, *place).previous(previous.as_ref()))
+            }
+            Who::Processor { buffers, last, units, .. } => {
+                let (buffer, stride) = (buffers[frame].raw(), last.len() / self.places.len());
+                let (offset, previous) = ((i * stride) as u64, (last.len() + i * stride) as u64);
+                Ok(Head { buffer, offset, units: *units, place: *place, previous: (buffer, previous) })
+            }
+        };
+        self.places.iter().enumerate().map(head).collect()
+    }
+}
+
+/// A head that is evaluated as a whole, all active targets from the base pose, in float32: what others do each frame.
+pub struct Full {
+    crowd: Crowd,
+    /// The weights that were evaluated last, and frames since then.
+    last: (Vec<f32>, u32),
+    _uploaded: GpuMesh,
+}
+
+impl Full {
+    /// `None` where the device lacks the path, or the deltas are too many to have them twice.
+    pub fn new(device: &Device, pool: vk::CommandPool, mesh: &MorphMesh) -> Result<Option<Self>, Failure> {
+        let bytes = mesh.vertex_count().saturating_mul(mesh.targets.len()).saturating_mul(24);
+        let path = UpdatePath::Compute;
+        if bytes > FULL_BYTES || mesh.targets.is_empty() || device.engine.caps().check_path(path).is_err() {
+            return Ok(None);
+        }
+        let format = DeltaFormat::Float32;
+        let batch = if path.takes_all_targets() {
+            BatchSize::All
+        } else {
+            device.engine.caps().batch_max(path, format).map_or(BatchSize::All, BatchSize::Targets)
+        };
+        let packed = PackedMesh::pack(mesh, &device.engine.pack_desc(format))?;
+        let uploaded = upload(device, pool, &packed)?;
+        let update = UpdateDesc::new(path, batch).mode(UpdateMode::Rebuild);
+        let desc = CrowdDesc::new(update).frames_in_flight(IN_FLIGHT as u32);
+        let crowd = device.engine.create_crowd(&uploaded, &desc)?;
+        Ok(Some(Self { crowd, last: (vec![], 0), _uploaded: uploaded }))
+    }
+
+    /// Whether it is time to measure one: where weights have changed, once, and now and then while they go on changing.
+    pub fn is_due(&mut self, weights: &[f32], playing: bool) -> bool {
+        let (last, frames) = &mut self.last;
+        *frames += 1;
+        let moves = weights.iter().any(|weight| *weight != 0.0);
+        let due = moves && last != weights && (!playing || *frames >= FULL_EVERY || last.is_empty());
+        if due {
+            self.last = (weights.to_vec(), 0);
+        }
+        due
+    }
+
+    /// Evaluate; under the same conditions as [`Heads::update`].
+    pub fn update(&mut self, device: &Device, cmd: vk::CommandBuffer, weights: &[f32]) -> Result<UpdateStats, Failure> {
+        self.crowd.set_weights(0, weights)?;
+        // SAFETY: as in `Heads::update`.
+        Ok(unsafe { device.engine.record_update(cmd, &mut self.crowd) }?.stats)
+    }
+}
+
+fn upload(device: &Device, pool: vk::CommandPool, packed: &PackedMesh) -> Result<GpuMesh, Failure> {
+    // SAFETY: `run` hands out a recording buffer of the engine's device, and waits for it.
+    let mut uploaded = device.run(pool, |cmd| unsafe { device.engine.upload(cmd, packed) })?;
+    // SAFETY: the upload has run.
+    unsafe { uploaded.release_staging() };
+    Ok(uploaded)
+}

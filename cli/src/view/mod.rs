@@ -1,0 +1,53 @@
+//! `view`: a window with a slider for each target. Data flows one way: events and scripts come to commands, commands
+//! change the state, frames are drawn from the state.
+
+mod command;
+mod device;
+mod frame;
+mod groups;
+mod heads;
+mod measured;
+mod painter;
+mod panel;
+mod plot;
+mod sliders;
+mod stage;
+mod state;
+mod style;
+mod swapchain;
+mod window;
+
+pub use command::HELP;
+
+use crate::args::view::ViewArgs;
+use crate::input;
+use crate::output::{Failure, Output};
+use command::Step;
+use deltamorph::headless::DeviceChoice;
+use std::path::Path;
+
+pub fn run(args: &ViewArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
+    args.run.update.check_single("view").map_err(Failure::Usage)?;
+    let mut steps = match &args.script {
+        None => vec![],
+        Some(path) => {
+            let text = std::fs::read_to_string(path).map_err(|e| Failure::io(path, "read", e))?;
+            command::script(&text).map_err(|error| Failure::Usage(format!("{}, {error}", path.display())))?
+        }
+    };
+    steps.extend(args.screenshot.iter().map(|path| (0, Step::Screenshot(path.clone()))));
+    let files: Vec<&Path> = steps.iter().filter_map(|(_, step)| written(step)).collect();
+    let mut read = input::files_of(&args.run.input, args.weights.as_slice());
+    read.extend(args.script.clone());
+    out.check(&read, &files, None)?;
+    let scripted = args.script.is_some() || args.screenshot.is_some();
+    window::App::new(args, device, out, scripted.then_some(steps))?.run()
+}
+
+/// The file that a step writes.
+fn written(step: &Step) -> Option<&Path> {
+    match step {
+        Step::Screenshot(path) | Step::Stats(path) => Some(path),
+        Step::Do(_) | Step::Frames(_) | Step::Resize(_) | Step::Quit => None,
+    }
+}

@@ -1,0 +1,278 @@
+//! What is in the window: device, heads, panel, and a frame of it all.
+
+use super::command::Look;
+use super::device::{Device, Messages};
+use super::frame::{Drawn, Frames, Wanted};
+use super::heads::{Full, Heads};
+use super::measured::Measured;
+use super::painter::{Painter, Picture};
+use super::panel::{self, About};
+use super::state::State;
+use super::swapchain::{self, Swapchain};
+use super::{command::Command, style};
+use crate::args::render::Background;
+use crate::output::{Failure, Output};
+use crate::render::crowd::places;
+use crate::render::scenery::Subject;
+use crate::runner::prepare;
+use deltamorph::UpdatePath;
+use deltamorph::ash::vk;
+use deltamorph::headless::DeviceChoice;
+use deltamorph_render::{Camera, Light, Scene, Show};
+use egui::Context;
+use glam::{Mat4, Vec3};
+use std::path::PathBuf;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Instant;
+use winit::window::Window;
+
+/// Paths whose poses can be drawn, of those the panel offers what the device has.
+const PATHS: [UpdatePath; 4] = [UpdatePath::Blocks, UpdatePath::Compute, UpdatePath::Feedback, UpdatePath::Cpu];
+/// Share of the free space that stays empty at each edge.
+const MARGIN: f32 = 0.1;
+
+/// All that is made on the device, in the order in which it goes.
+pub struct Stage {
+    painter: Painter,
+    swapchain: Option<Swapchain>,
+    heads: Heads,
+    full: Option<Full>,
+    frames: Frames,
+    ui: egui_winit::State,
+    subject: Subject,
+    /// How far a single target takes a vertex at most.
+    reach: f32,
+    pub measured: Measured,
+    format: vk::SurfaceFormatKHR,
+    /// The panel leaves this to the heads: left, top, width, height, in shares of the window.
+    free: [f32; 4],
+    last: Instant,
+    device: Rc<Device>,
+    pub window: Arc<Window>,
+}
+
+impl Stage {
+    pub fn new(
+        window: Arc<Window>,
+        state: &State,
+        choice: Option<&DeviceChoice>,
+        validation: bool,
+        still: bool,
+        out: &Output,
+    ) -> Result<Self, Failure> {
+        let device = Rc::new(Device::new(&window, choice, validation)?);
+        let format = swapchain::format(&device)?;
+        let frames = Frames::new(&device, format.format)?;
+        let painter = Painter::new(&device, format.format)?;
+        let subject = Subject::new(state.run.input.input.as_deref(), &state.input);
+        let heads = heads(&device, &frames, format, state, &subject, out)?;
+        let full = Full::new(&device, frames.pool, &state.input.kept)?;
+        let context = Context::default();
+        style::apply(&context, still);
+        // SAFETY: the physical device is the instance's.
+        let limits = unsafe { device.instance().get_physical_device_properties(device.physical()) }.limits;
+        let most = Some(limits.max_image_dimension2_d as usize);
+        let ui = egui_winit::State::new(context, egui::ViewportId::ROOT, &*window, None, None, most);
+        let mut this = Self {
+            painter,
+            swapchain: None,
+            heads,
+            full,
+            frames,
+            ui,
+            reach: reach(state),
+            subject,
+            measured: Measured::default(),
+            format,
+            free: [0.0, 0.0, 1.0, 1.0],
+            last: Instant::now(),
+            device,
+            window,
+        };
+        this.resize()?;
+        Ok(this)
+    }
+
+    pub fn device_name(&self) -> &str {
+        &self.device.engine.caps().name
+    }
+
+    /// Path, format and poses, for people.
+    pub fn setup(&self) -> String {
+        let desc = self.heads.desc;
+        let [path, format, pose] = [desc.path.name(), self.heads.mesh.layout().format.name(), desc.pose.name()];
+        format!("{path} {format} {pose}")
+    }
+
+    pub fn on_device(&self) -> bool {
+        self.heads.desc.path != UpdatePath::Cpu
+    }
+
+    /// Size of what is drawn; none of a minimised window.
+    pub fn size(&self) -> Option<[u32; 2]> {
+        self.swapchain.as_ref().map(|swapchain| [swapchain.extent.width, swapchain.extent.height])
+    }
+
+    pub fn messages(&self) -> Arc<Messages> {
+        self.device.messages()
+    }
+
+    /// An event of the window; whether the panel wants to be drawn anew.
+    pub fn event(&mut self, event: &winit::event::WindowEvent) -> bool {
+        self.ui.on_window_event(&self.window, event).repaint
+    }
+
+    pub fn copy(&self, text: String) {
+        self.ui.egui_ctx().copy_text(text);
+    }
+
+    /// Images of the window's present size.
+    pub fn resize(&mut self) -> Result<(), Failure> {
+        self.frames.finish(&mut self.painter)?;
+        self.device.wait_idle();
+        let (size, heads) = (self.window.inner_size(), self.heads.places.len() as u32);
+        let (renderer, old) = (&self.heads.renderer, self.swapchain.take());
+        let size = [size.width, size.height];
+        self.swapchain = Swapchain::new(&self.device, self.format, renderer, self.painter.pass, size, heads, old)?;
+        Ok(())
+    }
+
+    /// Make the heads anew, as the state says. After an error they are as they were.
+    pub fn rebuild(&mut self, state: &State, other_mesh: bool, out: &Output) -> Result<(), Failure> {
+        let subject = other_mesh.then(|| Subject::new(state.run.input.input.as_deref(), &state.input));
+        let heads =
+            heads(&self.device, &self.frames, self.format, state, subject.as_ref().unwrap_or(&self.subject), out)?;
+        let full = if other_mesh { Some(Full::new(&self.device, self.frames.pool, &state.input.kept)?) } else { None };
+        self.frames.finish(&mut self.painter)?;
+        self.device.wait_idle();
+        // Targets of the swapchain are the renderer's: they go first.
+        self.swapchain = None;
+        self.heads = heads;
+        if let (Some(full), Some(subject)) = (full, subject) {
+            (self.full, self.subject) = (full, subject);
+        }
+        self.reach = reach(state);
+        self.frames.take_samples();
+        self.measured.clear(!other_mesh);
+        self.resize()
+    }
+
+    /// Draw a frame; returns what a hand did to the panel, and whether the panel moves by itself.
+    pub fn draw(&mut self, state: &mut State, screenshot: Option<PathBuf>) -> Result<(Vec<Command>, bool), Failure> {
+        if self.swapchain.is_none() {
+            self.resize()?;
+        }
+        let Some(extent) = self.swapchain.as_ref().map(|swapchain| swapchain.extent) else {
+            return Ok((vec![], false));
+        };
+        let (panel, done, moves) = self.panel(state);
+        let weights = state.weights()?;
+        let scene = self.scene(state, extent);
+        let wanted = Wanted {
+            weights: &weights,
+            scene: &scene,
+            background: Background(Some(style::BEHIND)).linear(),
+            panel,
+            full: self.full.as_mut().and_then(|full| full.is_due(&weights[0], state.playing).then_some(full)),
+            screenshot,
+        };
+        let Some(swapchain) = &mut self.swapchain else { return Ok((done, moves)) };
+        let drawn = self.frames.draw(&mut self.heads, swapchain, &mut self.painter, wanted)?;
+        let wall_ms = self.last.elapsed().as_secs_f64() * 1e3;
+        self.last = Instant::now();
+        for sample in self.frames.take_samples() {
+            self.measured.add(sample, wall_ms);
+        }
+        if matches!(drawn, Drawn::Outgrown) {
+            self.resize()?;
+        }
+        Ok((done, moves))
+    }
+
+    /// Wait until what was drawn is there, files included.
+    pub fn finish(&mut self) -> Result<(), Failure> {
+        self.frames.finish(&mut self.painter)?;
+        self.frames.take_samples().into_iter().for_each(|sample| self.measured.add(sample, 0.0));
+        Ok(())
+    }
+
+    fn panel(&mut self, state: &State) -> (Picture, Vec<Command>, bool) {
+        let input = self.ui.take_egui_input(&self.window);
+        let caps = self.device.engine.caps();
+        let paths: Vec<UpdatePath> = PATHS.into_iter().filter(|path| caps.check_path(*path).is_ok()).collect();
+        let format = self.heads.mesh.layout().format;
+        let about = About { device: &caps.name, paths: &paths, desc: self.heads.desc, format };
+        let (context, mut done, mut free) = (self.ui.egui_ctx().clone(), vec![], egui::Rect::ZERO);
+        let mut output = context.run_ui(input, |ui| {
+            let (rect, commands) = panel::show(ui, state, &self.measured, &about);
+            free = rect;
+            done.extend(commands);
+        });
+        let whole = context.content_rect();
+        if whole.area() > 0.0 && free.area() > 0.0 {
+            let share = |at: f32, size: f32| at / size;
+            self.free = [
+                share(free.left(), whole.width()),
+                share(free.top(), whole.height()),
+                share(free.width(), whole.width()),
+                share(free.height(), whole.height()),
+            ];
+        }
+        self.ui.handle_platform_output(&self.window, std::mem::take(&mut output.platform_output));
+        let moves = output.viewport_output.values().any(|view| view.repaint_delay.as_millis() < 100);
+        (Picture::new(&context, output), done, moves)
+    }
+
+    fn scene(&self, state: &State, extent: vk::Extent2D) -> Scene {
+        let [left, top, width, height] = self.free;
+        let aspect = extent.width as f32 * width / (extent.height as f32 * height).max(1.0);
+        let camera = Camera { yaw: state.camera[0], pitch: state.camera[1], ..Camera::default() };
+        let all =
+            self.heads.places.iter().flat_map(|place| self.subject.focus.iter().map(|p| place.transform_point3(*p)));
+        let mut view = camera.fit(all, aspect.max(0.05), MARGIN);
+        // Into the part of the window that the panel leaves free.
+        let middle = Vec3::new(2.0 * left + width - 1.0, 2.0 * top + height - 1.0, 0.0);
+        let size = Vec3::new(width * state.zoom, height * state.zoom, 1.0);
+        view.clip = Mat4::from_translation(middle) * Mat4::from_scale(size) * view.clip;
+        let show = match state.look {
+            Look::Shaded => Show::Shaded,
+            Look::Wire => Show::Wire,
+            Look::Normals => Show::Normals,
+            Look::Heat => Show::Distance(self.reach),
+            Look::Motion => Show::Motion(self.reach * 0.1),
+            Look::Blocks => Show::Blocks,
+        };
+        Scene { view, light: Light::default(), show }
+    }
+}
+
+impl Drop for Stage {
+    fn drop(&mut self) {
+        self.device.wait_idle();
+    }
+}
+
+fn heads(
+    device: &Device,
+    frames: &Frames,
+    format: vk::SurfaceFormatKHR,
+    state: &State,
+    subject: &Subject,
+    out: &Output,
+) -> Result<Heads, Failure> {
+    let mesh = &state.input.kept;
+    let (packed, desc) = prepare(&state.run, &state.input, Some(&device.engine), out)?;
+    let places = match state.heads {
+        1 => vec![Mat4::IDENTITY],
+        heads => places(&subject.focus, heads, [1280, 860]),
+    };
+    let threads = state.run.update.threads.unwrap_or(0);
+    Heads::new(device, frames.pool, format.format, (mesh, &subject.parts), (packed, desc), threads, places)
+}
+
+fn reach(state: &State) -> f32 {
+    let mesh = &state.input.kept;
+    let furthest = mesh.targets.iter().flat_map(|target| &target.positions).map(|delta| delta.length());
+    furthest.fold(mesh.diagonal * 1e-4, f32::max).max(f32::MIN_POSITIVE)
+}

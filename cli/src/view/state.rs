@@ -1,0 +1,272 @@
+//! What the user has chosen, and what commands make of it. No window and no device.
+
+use super::command::{Command, Look};
+use super::groups::{Group, groups, twin};
+use crate::args::RunArgs;
+use crate::args::view::ViewArgs;
+use crate::input::{self, Input};
+use crate::output::{Failure, Output};
+use deltamorph::BoundClip;
+use deltamorph::internals::Rng;
+use std::path::{Path, PathBuf};
+
+/// Weights that `random` sets.
+const RANDOM: usize = 6;
+
+/// The mesh, the weights, the clip, the way of updating, and what is looked at.
+pub struct State {
+    /// The mesh, and how it is updated, as the command line would name them.
+    pub run: RunArgs,
+    pub input: Input,
+    /// What sliders are for: targets, or controls of the rig.
+    pub names: Vec<String>,
+    pub values: Vec<f32>,
+    pub groups: Vec<Group>,
+    pub clip: Option<BoundClip>,
+    /// The clip says what the weights are, until a slider does.
+    pub follows: bool,
+    pub playing: bool,
+    /// Frame of the clip, from 0, and how fast it plays.
+    pub at: f64,
+    pub speed: f32,
+    pub heads: u32,
+    pub look: Look,
+    pub camera: [f32; 2],
+    pub zoom: f32,
+    pub search: String,
+    pub twins: bool,
+    pub panel: bool,
+    /// What is to be said in the window, and whether it is an error.
+    pub notice: Option<(String, bool)>,
+}
+
+/// What a command asks of the window.
+pub enum Effect {
+    None,
+    /// Heads are made anew: packed or updated in another way, or more of them.
+    Heads,
+    /// Another mesh: the state to go on with, where heads can be made of it.
+    Mesh(Box<State>),
+    /// A text for the clipboard.
+    Copy(String),
+}
+
+impl State {
+    pub fn new(args: &ViewArgs, out: &Output) -> Result<Self, Failure> {
+        let input = input::load_split(&args.run.input, out)?;
+        let clip = first_clip(args.weights.as_deref(), &args.run, &input)?;
+        let mut this = Self { heads: args.heads, camera: args.camera, ..Self::of(args.run.clone(), input, clip) };
+        this.input.pose(&args.set)?; // refuses names that there are not
+        for (name, weight) in &args.set {
+            this.set(name, *weight, false)?;
+        }
+        Ok(this)
+    }
+
+    /// A mesh at rest.
+    fn of(run: RunArgs, input: Input, clip: Option<BoundClip>) -> Self {
+        let names: Vec<String> = input.controls().into_iter().map(str::to_owned).collect();
+        Self {
+            run,
+            values: vec![0.0; names.len()],
+            groups: groups(&names),
+            names,
+            input,
+            clip,
+            follows: false,
+            playing: false,
+            at: 0.0,
+            speed: 1.0,
+            heads: 1,
+            look: Look::Shaded,
+            camera: [0.0; 2],
+            zoom: 1.0,
+            search: String::new(),
+            twins: true,
+            panel: true,
+            notice: None,
+        }
+    }
+
+    /// What a command makes of it. After an error all is as it was before.
+    pub fn apply(&mut self, command: Command, out: &Output) -> Result<Effect, Failure> {
+        match command {
+            Command::Set(name, weight) => self.set(&name, weight, self.twins)?,
+            Command::Reset => {
+                self.stop();
+                self.values.fill(0.0);
+            }
+            Command::Random(seed) => {
+                self.stop();
+                self.values.fill(0.0);
+                let mut rng = Rng::new(seed, 0);
+                for _ in 0..RANDOM.min(self.names.len()) {
+                    let (target, weight) = (rng.below(self.names.len()), 0.2 + 0.7 * rng.unit());
+                    self.put(target, weight, self.twins);
+                }
+            }
+            Command::Copy => return Ok(Effect::Copy(self.settings())),
+            Command::Clip(path) => self.take_clip(&path)?,
+            Command::Play => {
+                if self.clip.is_none() {
+                    return Err(Failure::Usage(format!(
+                        "play: {} has no clip; drop a CSV file on the window, or name one with --weights",
+                        self.input.origin
+                    )));
+                }
+                (self.playing, self.follows) = (true, true);
+            }
+            Command::Pause => self.playing = false,
+            Command::Scrub(frame) => {
+                let Some(clip) = &self.clip else {
+                    return Err(Failure::Usage("scrub: there is no clip; name one with --weights".into()));
+                };
+                self.at = frame.min((clip.frame_count() - 1) as f64);
+                self.follows = true;
+            }
+            Command::Speed(speed) => self.speed = speed,
+            Command::Path(path) => {
+                // What the path does not take is left to its defaults.
+                let takes = |format: &_| crate::args::values::format_on(path, *format).is_some();
+                self.run.update.formats.retain(takes);
+                self.run.update.poses.retain(|pose| path.poses().contains(pose));
+                self.run.update.paths = vec![path];
+                return Ok(Effect::Heads);
+            }
+            Command::Format(format) => {
+                self.run.update.formats = vec![format];
+                return Ok(Effect::Heads);
+            }
+            Command::Pose(pose) => {
+                self.run.update.poses = vec![pose];
+                self.run.update.accumulate.clear();
+                return Ok(Effect::Heads);
+            }
+            Command::Budget(budget) => {
+                self.run.update.error_budget = Some(budget);
+                return Ok(Effect::Heads);
+            }
+            Command::Heads(heads) => {
+                self.heads = heads;
+                return Ok(Effect::Heads);
+            }
+            Command::Show(look) => self.look = look,
+            Command::Camera(camera) => self.camera = camera,
+            Command::Zoom(zoom) => self.zoom = zoom,
+            Command::Search(text) => self.search = text,
+            Command::Twins(on) => self.twins = on,
+            Command::Panel(on) => self.panel = on,
+            Command::Dismiss => self.notice = None,
+            Command::Drop(path) => return Ok(self.take(path, out)),
+        }
+        Ok(Effect::None)
+    }
+
+    /// Sliders say what the weights are from now on.
+    fn stop(&mut self) {
+        (self.playing, self.follows) = (false, false);
+    }
+
+    fn set(&mut self, name: &str, weight: f32, twins: bool) -> Result<(), Failure> {
+        let target = self.names.iter().position(|other| other == name).ok_or_else(|| {
+            let (origin, count) = (&self.input.origin, self.names.len());
+            Failure::Usage(format!(
+                "set {name}: {origin} has no such target or control; `deltamorph info` lists the {count} there are"
+            ))
+        })?;
+        self.stop();
+        self.put(target, weight, twins);
+        Ok(())
+    }
+
+    fn put(&mut self, target: usize, weight: f32, twins: bool) {
+        self.values[target] = weight;
+        if let Some(twin) = twin(&self.names, target).filter(|_| twins) {
+            self.values[twin] = weight;
+        }
+    }
+
+    fn take_clip(&mut self, path: &Path) -> Result<(), Failure> {
+        self.clip = Some(input::clip(path, &self.run.input, &self.input, &[])?);
+        (self.at, self.follows) = (0.0, true);
+        Ok(())
+    }
+
+    /// What was dropped on the window. Where it cannot be read the window says so, and keeps what it has.
+    fn take(&mut self, path: PathBuf, out: &Output) -> Effect {
+        let name = path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into());
+        let mut run = self.run.clone();
+        run.input.input = Some(path.clone());
+        run.input.head = Default::default();
+        run.input.rig = None;
+        run.update.formats.clear();
+        let is_clip = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("csv"));
+        let taken = if is_clip {
+            self.take_clip(&path).map(|()| Effect::None)
+        } else {
+            input::load_split(&run.input, out).and_then(|input| {
+                let clip = first_clip(None, &run, &input)?;
+                let Self { heads, look, camera, zoom, speed, twins, panel, .. } = *self;
+                let notice = Some((format!("{name} is here"), false));
+                let at_rest = Self::of(run.clone(), input, clip);
+                let other = Self { heads, look, camera, zoom, speed, twins, panel, notice, ..at_rest };
+                Ok(Effect::Mesh(Box::new(other)))
+            })
+        };
+        match taken {
+            Ok(effect) => {
+                self.notice = Some((format!("{name} is here"), false));
+                effect
+            }
+            Err(failure) => {
+                self.notice = Some((failure.to_string(), true));
+                Effect::None
+            }
+        }
+    }
+
+    /// Let time pass, in seconds.
+    pub fn advance(&mut self, seconds: f64) {
+        if let Some(clip) = self.clip.as_ref().filter(|_| self.playing) {
+            self.at = (self.at + seconds * f64::from(clip.fps * self.speed)) % clip.frame_count() as f64;
+        }
+    }
+
+    /// Weights of the targets, for each head: each a little further in the clip.
+    pub fn weights(&mut self) -> Result<Vec<Vec<f32>>, Failure> {
+        let heads = self.heads as usize;
+        let Some(clip) = self.clip.as_ref().filter(|_| self.follows) else {
+            let settings: Vec<_> = self.names.iter().cloned().zip(self.values.iter().copied()).collect();
+            let weights = if self.input.rig.is_some() { self.input.pose(&settings)? } else { self.values.clone() };
+            return Ok(vec![weights; heads]);
+        };
+        let count = clip.frame_count();
+        let frame = |head: usize| {
+            let at = self.at + (head * count) as f64 / heads as f64;
+            let (before, share) = (at as usize % count, at.fract() as f32);
+            let (from, to) = (clip.frame(before)?, clip.frame((before + 1).min(count - 1))?);
+            Ok(from.iter().zip(&to).map(|(a, b)| a + (b - a) * share).collect::<Vec<f32>>())
+        };
+        let weights = (0..heads).map(frame).collect::<deltamorph::Result<Vec<_>>>()?;
+        // Sliders follow, where they are for targets.
+        if self.input.rig.is_none() {
+            self.values.clone_from(&weights[0]);
+        }
+        Ok(weights)
+    }
+
+    /// What is set, as `--set` takes it.
+    pub fn settings(&self) -> String {
+        let set = self.names.iter().zip(&self.values).filter(|(_, value)| **value != 0.0);
+        let set: Vec<String> = set.map(|(name, value)| format!("{name}={}", (value * 1e4).round() / 1e4)).collect();
+        format!("--set {}", set.join(","))
+    }
+}
+
+/// The clip at `named`, or the first that the input has.
+fn first_clip(named: Option<&Path>, run: &RunArgs, input: &Input) -> Result<Option<BoundClip>, Failure> {
+    match (named, input.clips.first()) {
+        (None, Some(first)) => input::clip(first, &run.input, input, &[]).map(Some),
+        _ => Ok(input::clips(named, &run.input, input, &[])?.pop()),
+    }
+}

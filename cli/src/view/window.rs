@@ -1,0 +1,271 @@
+//! The window's events, and the script: both come to commands.
+
+use super::command::{Command, Step};
+use super::stage::Stage;
+use super::state::{Effect, State};
+use crate::args::view::ViewArgs;
+use crate::output::{Failure, Output, write_file};
+use deltamorph::headless::DeviceChoice;
+use std::collections::VecDeque;
+use std::fmt::Display;
+use std::path::PathBuf;
+use std::sync::{Arc, PoisonError};
+use std::time::{Duration, Instant};
+use winit::application::ApplicationHandler;
+use winit::dpi::PhysicalSize;
+use winit::event::WindowEvent;
+use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
+use winit::window::{Window, WindowId};
+
+/// Time from frame to frame, at least, where people look; and what scripts take it for.
+const FRAME: Duration = Duration::from_micros(16_667);
+/// Frames that are drawn after the last event: blocks go out, and panels settle.
+const AWAKE: u32 = 60;
+/// How long a window system may take to give a window another size.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// That the window system opens none. Of winit's errors the last part says why; what is before is a place in its source.
+fn no_window(error: impl Display) -> Failure {
+    let text = error.to_string();
+    let why = text.rsplit(": ").next().unwrap_or_default().trim_end_matches('.');
+    Failure::Failed(format!("no window can be opened here: {why}; `deltamorph render` draws pictures without one"))
+}
+
+/// The program, as winit calls it.
+pub struct App<'a> {
+    args: &'a ViewArgs,
+    choice: Option<&'a DeviceChoice>,
+    out: &'a Output,
+    state: State,
+    script: Option<Script>,
+    stage: Option<Stage>,
+    failure: Option<Failure>,
+    next: Instant,
+    awake: u32,
+}
+
+/// What is still to be done without a hand.
+struct Script {
+    name: String,
+    steps: VecDeque<(usize, Step)>,
+    /// Of the step that is done.
+    line: usize,
+    /// Frames to draw first, and a file for what the last of them shows.
+    frames: u64,
+    screenshot: Option<PathBuf>,
+    size: Option<([u32; 2], Instant)>,
+}
+
+impl<'a> App<'a> {
+    pub fn new(
+        args: &'a ViewArgs,
+        choice: Option<&'a DeviceChoice>,
+        out: &'a Output,
+        steps: Option<Vec<(usize, Step)>>,
+    ) -> Result<Self, Failure> {
+        let state = State::new(args, out)?;
+        let name = args.script.as_ref().map_or_else(String::new, |path| path.display().to_string());
+        let script =
+            |steps: Vec<_>| Script { name, steps: steps.into(), line: 0, frames: 0, screenshot: None, size: None };
+        let (script, next) = (steps.map(script), Instant::now());
+        Ok(Self { args, choice, out, state, script, stage: None, failure: None, next, awake: AWAKE })
+    }
+
+    /// Show the window until it is closed.
+    pub fn run(mut self) -> Result<(), Failure> {
+        let events = EventLoop::new().map_err(no_window)?;
+        events.run_app(&mut self).map_err(no_window)?;
+        if let (None, Some(stage)) = (&self.failure, &mut self.stage) {
+            self.failure = stage.finish().err();
+        }
+        let messages = self.stage.as_ref().map(Stage::messages);
+        // Layers complain of what is left when the device goes.
+        self.stage = None;
+        let said = messages.map(|messages| messages.lock().unwrap_or_else(PoisonError::into_inner).clone());
+        let said = said.unwrap_or_default();
+        if let (None, Some(first)) = (&self.failure, said.first()) {
+            let (count, name) = (said.len(), "the validation layers");
+            self.failure =
+                Some(Failure::Failed(format!("{name} have said {count} things, first: {first}; report this")));
+        }
+        self.failure.map_or(Ok(()), Err)
+    }
+
+    fn open(&mut self, events: &ActiveEventLoop) -> Result<(), Failure> {
+        let [width, height] = self.args.size;
+        let title = format!("deltamorph – {}", self.state.input.name);
+        let attributes = Window::default_attributes().with_title(title);
+        let attributes = attributes.with_inner_size(PhysicalSize::new(width, height));
+        let window = events.create_window(attributes).map_err(no_window)?;
+        let (window, still) = (Arc::new(window), self.script.is_some());
+        let stage = Stage::new(window, &self.state, self.choice, self.args.validation, still, self.out)?;
+        if stage.on_device() && stage.device_name().contains("llvmpipe") {
+            self.out.note(format_args!("{} is a software driver: frames take long", stage.device_name()));
+        }
+        self.stage = Some(stage);
+        Ok(())
+    }
+
+    /// Do what a hand or a script says.
+    fn apply(&mut self, command: Command) -> Result<(), Failure> {
+        let before = (self.state.run.clone(), self.state.heads);
+        let effect = self.state.apply(command, self.out)?;
+        let Some(stage) = &mut self.stage else { return Ok(()) };
+        match effect {
+            Effect::None => Ok(()),
+            Effect::Copy(text) if self.script.is_some() => {
+                self.out.say(text);
+                Ok(())
+            }
+            Effect::Copy(text) => {
+                stage.copy(text);
+                Ok(())
+            }
+            Effect::Mesh(other) => {
+                match stage.rebuild(&other, true, self.out) {
+                    Ok(()) => self.state = *other,
+                    Err(failure) => self.state.notice = Some((failure.to_string(), true)),
+                }
+                Ok(())
+            }
+            Effect::Heads => stage.rebuild(&self.state, false, self.out).inspect_err(|_| {
+                (self.state.run, self.state.heads) = before;
+            }),
+        }
+    }
+
+    /// Take steps of the script until one needs a frame; whether there is anything left to do.
+    fn steps(&mut self) -> Result<bool, Failure> {
+        loop {
+            let (Some(script), Some(stage)) = (&mut self.script, &mut self.stage) else { return Ok(true) };
+            if let Some((size, since)) = script.size {
+                if stage.size() != Some(size) {
+                    if since.elapsed() > PATIENCE {
+                        let [width, height] = size;
+                        return Err(Failure::Failed(format!(
+                            "resize {width} {height}: the window system gives the window another size; ask for one that \
+                             fits the screen"
+                        )));
+                    }
+                    return Ok(true);
+                }
+                script.size = None;
+            }
+            if script.frames > 0 {
+                return Ok(true);
+            }
+            let Some((line, step)) = script.steps.pop_front() else { return Ok(false) };
+            script.line = line;
+            match step {
+                Step::Quit => return Ok(false),
+                Step::Frames(frames) => script.frames = frames,
+                // A frame to settle the panel, and one to keep.
+                Step::Screenshot(path) => (script.frames, script.screenshot) = (2, Some(path)),
+                Step::Resize([width, height]) => {
+                    script.size = Some(([width, height], Instant::now()));
+                    let _ = stage.window.request_inner_size(PhysicalSize::new(width, height));
+                }
+                Step::Stats(path) => {
+                    stage.finish()?;
+                    let mut summary = stage.measured.summary(stage.on_device());
+                    (summary.device, summary.setup) = (stage.device_name().to_owned(), stage.setup());
+                    summary.heads = self.state.heads;
+                    [summary.width, summary.height] = stage.size().unwrap_or_default();
+                    let text = serde_json::to_string_pretty(&summary).map_err(Failure::failed)?;
+                    write_file(&path, format!("{text}\n"))?;
+                }
+                Step::Do(command) => self.apply(command)?,
+            }
+        }
+    }
+
+    fn frame(&mut self) -> Result<bool, Failure> {
+        if !self.steps()? {
+            return Ok(false);
+        }
+        let Some(stage) = &mut self.stage else { return Ok(true) };
+        let screenshot = self.script.as_mut().and_then(|script| {
+            script.frames = script.frames.saturating_sub(1);
+            if script.frames == 0 { script.screenshot.take() } else { None }
+        });
+        let (done, moves) = stage.draw(&mut self.state, screenshot)?;
+        self.state.advance(FRAME.as_secs_f64());
+        let still = done.is_empty() && !self.state.playing && !moves;
+        self.awake = if still { self.awake.saturating_sub(1) } else { AWAKE };
+        for command in done {
+            // What a hand does wrong is said in the window.
+            if let Err(failure) = self.apply(command) {
+                self.state.notice = Some((failure.to_string(), true));
+            }
+        }
+        Ok(true)
+    }
+
+    /// After an error the window closes; of a script it names the line.
+    fn keep(&mut self, events: &ActiveEventLoop, result: Result<bool, Failure>) {
+        match result {
+            Ok(true) => {}
+            Ok(false) => events.exit(),
+            Err(failure) => {
+                let place = self.script.as_ref().filter(|script| script.line > 0);
+                let place = place.map_or_else(String::new, |script| format!("{}, line {}: ", script.name, script.line));
+                self.failure.get_or_insert(match failure {
+                    Failure::Usage(text) => Failure::Usage(format!("{place}{text}")),
+                    Failure::Failed(text) => Failure::Failed(format!("{place}{text}")),
+                });
+                events.exit();
+            }
+        }
+    }
+}
+
+impl ApplicationHandler for App<'_> {
+    fn resumed(&mut self, events: &ActiveEventLoop) {
+        if self.stage.is_none() {
+            let opened = self.open(events).map(|()| true);
+            self.keep(events, opened);
+        }
+    }
+
+    fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+        let Some(stage) = &mut self.stage else { return };
+        if stage.event(&event) {
+            self.awake = AWAKE;
+        }
+        match event {
+            WindowEvent::CloseRequested => events.exit(),
+            WindowEvent::Resized(_) => {
+                self.awake = AWAKE;
+                let resized = stage.resize().map(|()| true);
+                self.keep(events, resized);
+            }
+            WindowEvent::DroppedFile(path) => {
+                self.awake = AWAKE;
+                if let Err(failure) = self.apply(Command::Drop(path)) {
+                    self.state.notice = Some((failure.to_string(), true));
+                }
+            }
+            WindowEvent::RedrawRequested if !events.exiting() => {
+                let drawn = self.frame();
+                self.keep(events, drawn);
+            }
+            _ => {}
+        }
+    }
+
+    fn about_to_wait(&mut self, events: &ActiveEventLoop) {
+        let Some(stage) = self.stage.as_ref().filter(|_| !events.exiting()) else { return };
+        let now = Instant::now();
+        if self.script.is_some() {
+            events.set_control_flow(ControlFlow::Poll);
+        } else if self.awake == 0 || stage.size().is_none() {
+            events.set_control_flow(ControlFlow::Wait);
+            return;
+        } else if now < self.next {
+            events.set_control_flow(ControlFlow::WaitUntil(self.next));
+            return;
+        }
+        self.next = now + FRAME;
+        stage.window.request_redraw();
+    }
+}

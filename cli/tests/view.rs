@@ -1,0 +1,261 @@
+//! `view` in an X server without a screen, under the validation layers: what a script does to the window, what the window
+//! shows, what it says, and that neither resizes nor frames take memory.
+//!
+//! `DELTAMORPH_VIEW_SOAK=1` makes it 1,000 resizes and 10,000 frames.
+#![cfg(feature = "viewer")]
+
+#[path = "common/cli.rs"]
+mod cli;
+
+use cli::sample;
+use serde_json::Value;
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+
+/// A small head that has the targets of ARKit.
+const MESH: [&str; 4] = ["--vertices", "2500", "--targets", "52"];
+
+/// An X server of our own, on a display that was free.
+struct Display {
+    server: Child,
+    name: String,
+}
+
+impl Display {
+    fn new() -> Self {
+        let mut server = Command::new("Xvfb")
+            .args(["-displayfd", "1", "-screen", "0", "1600x1200x24", "-nolisten", "tcp", "-noreset"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("Xvfb: ./with-vulkan installs it for `cargo test`");
+        let mut number = String::new();
+        BufReader::new(server.stdout.take().expect("a pipe")).read_line(&mut number).expect("a display");
+        assert!(!number.trim().is_empty(), "Xvfb found no display");
+        Self { server, name: format!(":{}", number.trim()) }
+    }
+
+    /// The program in a window here, on lavapipe: SwiftShader has no surfaces of the kind that windows are.
+    fn command(&self, args: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_deltamorph"));
+        command.arg("view").args(args).env("DISPLAY", &self.name).env_remove("WAYLAND_DISPLAY");
+        command
+    }
+
+    fn view(&self, args: &[&str]) -> Output {
+        self.command(&[&["--device", "llvmpipe", "--validation"], args].concat()).output().expect("it starts")
+    }
+
+    /// Do what a script says; nothing may be said.
+    fn script(&self, folder: &Path, name: &str, args: &[&str], script: &str) -> String {
+        let file = folder.join(name);
+        std::fs::write(&file, script).expect("a script");
+        let out = self.view(&[args, &["--script", file.to_str().expect("UTF-8")]].concat());
+        let said = error_lines(&out);
+        assert!(out.status.success() && said.is_empty(), "{name}: {said}");
+        String::from_utf8(out.stdout).expect("text")
+    }
+}
+
+impl Drop for Display {
+    fn drop(&mut self) {
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
+
+/// What it said, without remarks: that the driver is a slow one.
+fn error_lines(out: &Output) -> String {
+    let said = String::from_utf8_lossy(&out.stderr);
+    said.lines().filter(|line| !line.starts_with("note: ")).collect::<Vec<_>>().join("\n")
+}
+
+fn error_of(out: &Output) -> (Option<i32>, String) {
+    let said = error_lines(out);
+    assert!(!out.status.success() && !said.contains("panicked"), "{said}");
+    (out.status.code(), said)
+}
+
+/// Width, height and pixels.
+fn pixels(path: &Path) -> ([u32; 2], Vec<u8>) {
+    let file = File::open(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let mut reader = png::Decoder::new(file).read_info().expect("a PNG");
+    let mut bytes = vec![0; reader.output_buffer_size()];
+    let info = reader.next_frame(&mut bytes).expect("a picture");
+    ([info.width, info.height], bytes)
+}
+
+/// Share of the pixels of two pictures of the same size that differ by more than a level or two, which is rounding.
+fn differing(a: &Path, b: &Path) -> f64 {
+    let ((size, a), (other, b)) = (pixels(a), pixels(b));
+    assert_eq!(size, other);
+    let far = |(a, b): &(&[u8], &[u8])| a.iter().zip(*b).any(|(a, b)| a.abs_diff(*b) > 2);
+    a.chunks_exact(4).zip(b.chunks_exact(4)).filter(far).count() as f64 / f64::from(size[0] * size[1])
+}
+
+fn json(path: &Path) -> Value {
+    serde_json::from_slice(&std::fs::read(path).expect("a file")).expect("JSON")
+}
+
+#[test]
+fn a_script_does_what_a_hand_can_and_the_window_shows_it() {
+    let (folder, display) = (tempfile::tempdir().expect("a folder"), Display::new());
+    let at = |name: &str| folder.path().join(format!("{name}.png"));
+    let (other, clip) = (sample(folder.path()), folder.path().join("clip.csv"));
+    let rows: String = (0..24).map(|i| f64::from(i) / 24.0).map(|w| format!("{w},{}\n", 1.0 - w)).collect();
+    std::fs::write(&clip, format!("jawOpen,mouthSmileLeft\n{rows}")).expect("a clip");
+    let bad = folder.path().join("no-mesh.glb");
+    std::fs::write(&bad, "this is no mesh").expect("a file");
+    let mut script = String::from("panel off\nframes 2\n");
+    let mut shot = |steps: &str, name: &str| {
+        writeln!(script, "{steps}\nscreenshot {}", at(name).display()).expect("text");
+    };
+    shot("", "rest");
+    shot("set jawOpen 1", "jaw");
+    shot("reset", "rest-again");
+    shot(&format!("clip {}\nscrub 11", clip.display()), "clip");
+    shot("path cpu", "clip-cpu");
+    shot("path compute", "clip-compute");
+    shot("path feedback", "clip-feedback");
+    shot("path blocks\nformat small\npose fixed16\nbudget 1e-5d", "clip-small");
+    shot("format fast\npose float32\nbudget 0", "clip-again");
+    shot("play\nframes 20\npause", "played");
+    shot("play\nframes 30\nshow blocks\nframes 5\npause", "blocks");
+    for look in ["wire", "normals", "heat", "motion", "shaded"] {
+        shot(&format!("show {look}"), look);
+    }
+    shot("camera 80,10", "side");
+    shot("camera 18,4\nheads 3", "heads");
+    shot("heads 1\nresize 560 400", "resized");
+    shot(&format!("drop {}", bad.display()), "refused");
+    shot("dismiss", "kept");
+    shot("panel on\nsearch jaw\nframes 3", "panel");
+    shot("reset\nset jawOpen 0.25\nset jawForward 0.5\ncopy\nsearch", "sliders");
+    script += &format!("drop {}\nframes 2\nstats {}\n", other, at("stats").display());
+    let said = display.script(folder.path(), "script.txt", &[&MESH[..], &["--size", "320x240"]].concat(), &script);
+    assert_eq!(said.trim(), "--set jawForward=0.5,jawOpen=0.25");
+
+    let differ = |a: &str, b: &str| differing(&at(a), &at(b));
+    for (a, b, least) in [
+        ("rest", "jaw", 0.005),
+        ("rest", "clip", 0.001),
+        ("clip", "played", 0.001),
+        ("rest", "side", 0.1),
+        ("rest", "heads", 0.1),
+        ("wire", "normals", 0.05),
+        ("normals", "heat", 0.05),
+        ("heat", "motion", 0.01),
+        ("motion", "shaded", 0.05),
+        ("blocks", "shaded", 0.02),
+        ("kept", "refused", 0.05),
+        ("kept", "panel", 0.3),
+        ("panel", "sliders", 0.01),
+    ] {
+        let share = differ(a, b);
+        println!("{a} and {b} differ in {share}");
+        assert!(share > least, "{a} and {b} differ in {share} of their pixels");
+    }
+    assert_eq!(differ("rest", "rest-again"), 0.0, "after a reset all is as it was");
+    assert_eq!(differ("resized", "kept"), 0.0, "what is no mesh changes nothing");
+    // Paths and formats make the same pose; packing rounds, and shading shows some of that at edges.
+    for path in ["clip-cpu", "clip-compute", "clip-feedback", "clip-small", "clip-again"] {
+        let share = differ("clip", path);
+        println!("clip and {path} differ in {share}");
+        assert!(share < 0.02, "{path} differs in {share} of the pixels");
+    }
+    assert_eq!((pixels(&at("rest")).0, pixels(&at("resized")).0), ([320, 240], [560, 400]));
+    let stats = json(&at("stats"));
+    assert_eq!((stats["schema"].as_u64(), stats["width"].as_u64()), (Some(1), Some(560)));
+    assert!(stats["setup"].as_str().is_some_and(|setup| setup.starts_with("blocks fast")), "{stats}");
+}
+
+#[test]
+fn the_update_is_a_small_part_of_the_frame() {
+    let (folder, display) = (tempfile::tempdir().expect("a folder"), Display::new());
+    let stats = folder.path().join("stats.json");
+    let script = format!("play\nframes 12\nstats {}\n", stats.display());
+    display.script(folder.path(), "script.txt", &[], &script);
+    let stats = json(&stats);
+    println!("{stats}");
+    let number = |name: &str| stats[name].as_f64().unwrap_or_else(|| panic!("no {name}: {stats}"));
+    assert!(number("updates") >= 10.0 && number("width") == 1280.0);
+    assert!(number("update_share") < 0.05, "{stats}");
+    assert!(number("bytes_moved_mean") < 0.25 * number("full_bytes"), "{stats}");
+    assert!(number("full_gpu_ms") > 0.0 && number("update_cpu_ms") > 0.0);
+}
+
+#[test]
+fn resizes_and_frames_take_no_memory() {
+    let (folder, display) = (tempfile::tempdir().expect("a folder"), Display::new());
+    let whole = std::env::var_os("DELTAMORPH_VIEW_SOAK").is_some_and(|v| v == "1");
+    let (resizes, frames) = if whole { (1_000, 10_000) } else { (60, 600) };
+    let file = |name: &str| folder.path().join(format!("{name}.json"));
+    let resized = |count: usize| {
+        let sizes = [[200, 150], [260, 170], [180, 200], [240, 240]];
+        (0..count).map(|i| sizes[i % 4]).map(|[w, h]| format!("resize {w} {h}\nframes 2\n")).collect::<String>()
+    };
+    let stats = |name: &str| format!("stats {}\n", file(name).display());
+    // What drivers and allocators keep is there after the first ones.
+    let script = [
+        "play\n".into(),
+        resized(24 + resizes / 5),
+        format!("frames {}\n", frames / 6),
+        stats("begin"),
+        resized(resizes),
+        stats("resized"),
+        format!("frames {frames}\n"),
+        stats("end"),
+    ];
+    display.script(folder.path(), "script.txt", &[&MESH[..], &["--size", "200x150"]].concat(), &script.concat());
+    let resident = |name: &str| json(&file(name))["resident_bytes"].as_f64().expect("Linux") / f64::from(1 << 20);
+    let [begin, resized, end] = ["begin", "resized", "end"].map(resident);
+    println!("resident: {begin:.1} MiB, {resized:.1} after {resizes} resizes, {end:.1} after {frames} frames");
+    assert!(resized - begin < 8.0, "{resizes} resizes took {:.1} MiB", resized - begin);
+    assert!(end - resized < 4.0, "{frames} frames took {:.1} MiB", end - resized);
+}
+
+#[test]
+fn what_validation_layers_say_is_an_error() {
+    let (folder, display) = (tempfile::tempdir().expect("a folder"), Display::new());
+    let shot = folder.path().join("shot.png");
+    let args = [&MESH[..], &["--size", "64x64", "--screenshot", shot.to_str().expect("UTF-8")]].concat();
+    let args = [&["--device", "llvmpipe", "--validation"], &args[..]].concat();
+    // Advice on best practices, which nothing of ours follows in full.
+    let mut command = display.command(&args);
+    let out = command.env("VK_LAYER_ENABLES", "VK_VALIDATION_FEATURE_ENABLE_BEST_PRACTICES_EXT").output();
+    let (code, said) = error_of(&out.expect("it starts"));
+    assert!(code == Some(1) && said.contains("the validation layers have said"), "{said}");
+}
+
+#[test]
+fn what_cannot_be_is_said_in_a_sentence() {
+    let (folder, display) = (tempfile::tempdir().expect("a folder"), Display::new());
+    let script = folder.path().join("script.txt");
+    let of = |text: &str| {
+        std::fs::write(&script, text).expect("a script");
+        display.view(&[&MESH[..], &["--size", "64x64", "--script", script.to_str().expect("UTF-8")]].concat())
+    };
+    for (text, code, says) in [
+        ("frames 2\njump\n", 2, "script.txt, line 2: 'jump' is no command"),
+        ("frames 2\n\nset noSuchTarget 1\n", 2, "script.txt, line 3: set noSuchTarget"),
+        ("pose fixed16\nformat block-float32", 2, "script.txt, line 2: "),
+        ("clip nowhere.csv\n", 1, "script.txt, line 1: "),
+        ("screenshot script.txt/x.png\nframes 1", 1, "x.png"),
+    ] {
+        let (found, said) = error_of(&of(text));
+        assert!(found == Some(code) && said.contains(says), "{text}: {found:?} {said}");
+        assert_eq!(said.lines().count(), 1, "{said}");
+    }
+    let (_, said) =
+        error_of(&display.command(&[&MESH[..], &["--device", "SwiftShader"]].concat()).output().expect("it starts"));
+    assert!(
+        said.contains("no Vulkan device can show in a window here") && said.contains("deltamorph render"),
+        "{said}"
+    );
+    let mut nowhere = display.command(&MESH);
+    let (code, said) = error_of(&nowhere.env_remove("DISPLAY").output().expect("it starts"));
+    assert!(code == Some(1) && said.contains("no window can be opened here"), "{said}");
+}
