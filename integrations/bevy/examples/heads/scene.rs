@@ -1,7 +1,7 @@
 //! Heads of Bevy's, lit, with shadows, without a window.
 
 use bevy::app::PluginsState;
-use bevy::asset::RenderAssetUsages;
+use bevy::asset::{AssetPlugin, RenderAssetUsages, UnapprovedPathMode};
 use bevy::camera::RenderTarget;
 use bevy::core_pipeline::prepass::{DepthPrepass, MotionVectorPrepass};
 use bevy::core_pipeline::tonemapping::{DebandDither, Tonemapping};
@@ -16,8 +16,9 @@ use bevy::render::render_resource::{Extent3d, PollType, TextureDimension, Textur
 use bevy::render::renderer::RenderDevice;
 use bevy::render::settings::{Backends, InstanceFlags, WgpuSettings};
 use bevy::window::ExitCondition;
+use bevy::winit::WinitPlugin;
 use deltamorph_bevy::deltamorph::import::sample;
-use deltamorph_bevy::deltamorph::{MorphMesh, Tolerance};
+use deltamorph_bevy::deltamorph::{MorphMesh, Tolerance, WeightClip};
 use deltamorph_bevy::{DeltamorphPlugin, DeltamorphSettings};
 
 /// Frames until what was set is drawn, and read back: the render world is a frame behind, and so is the GPU.
@@ -27,17 +28,38 @@ const SETTLE: usize = 5;
 #[derive(Clone, Copy, Debug)]
 pub struct SceneDesc {
     pub heads: usize,
-    /// Of a head.
-    pub vertices: usize,
-    pub targets: usize,
     /// Width and height of the picture: a multiple of 64, as rows are read back.
     pub edge: u32,
     /// A normal map, with tangents that morph.
     pub tangents: bool,
     /// A prepass with motion vectors.
     pub motion: bool,
+    /// Drawn into a window in place of a picture: for [`App::run`].
+    pub window: bool,
     /// Whether there are validation layers.
     pub flags: InstanceFlags,
+}
+
+/// A face, and rows of weights that it plays.
+pub struct Face {
+    pub morphs: MorphMesh,
+    pub clip: Vec<Vec<f32>>,
+}
+
+impl Face {
+    /// The built-in head, with its clip. `sparsity`: the mean fraction of the vertices that a target moves.
+    pub fn head(vertices: usize, targets: usize, sparsity: f32) -> Result<Self> {
+        let head = sample::HeadDesc::default().vertices(vertices).targets(targets).sparsity(sparsity);
+        let morphs = sample::head(&head).split()?.to_mesh(Tolerance::default())?;
+        Self::new(morphs, &sample::head_clip(&head, 120, 30.0))
+    }
+
+    /// A face, and a clip for its targets.
+    pub fn new(morphs: MorphMesh, clip: &WeightClip) -> Result<Self> {
+        let names: Vec<&str> = morphs.targets.iter().map(|target| target.name.as_str()).collect();
+        let clip = clip.bind(&names)?.frames().collect();
+        Ok(Self { morphs, clip })
+    }
 }
 
 /// An application with heads.
@@ -45,8 +67,10 @@ pub struct Scene {
     pub app: App,
     pub heads: Vec<Entity>,
     pub mesh: Handle<Mesh>,
+    /// It without targets.
+    still: Handle<Mesh>,
     /// A row of weights for each frame.
-    clip: Vec<Vec<f32>>,
+    pub clip: Vec<Vec<f32>>,
     picture: Handle<Image>,
 }
 
@@ -56,32 +80,37 @@ struct Picture(Vec<u8>);
 
 impl Scene {
     /// With plugins of the caller's own, after Bevy's.
-    pub fn new(desc: &SceneDesc, add: impl FnOnce(&mut App)) -> Result<Self> {
-        let windows = WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() };
+    pub fn new(desc: &SceneDesc, face: &Face, add: impl FnOnce(&mut App)) -> Result<Self> {
+        let windows = match desc.window {
+            true => WindowPlugin::default(),
+            false => WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() },
+        };
         let settings = WgpuSettings { backends: Some(Backends::VULKAN), instance_flags: desc.flags, ..default() };
         let render =
             RenderPlugin { render_creation: settings.into(), synchronous_pipeline_compilation: true, ..default() };
         let mut app = App::new();
-        // A logger is the caller's.
-        app.add_plugins(DefaultPlugins.set(windows).set(render).disable::<LogPlugin>());
+        // A logger is the caller's. Tests load files from folders of their own.
+        let assets = AssetPlugin { unapproved_path_mode: UnapprovedPathMode::Allow, ..default() };
+        let plugins = DefaultPlugins.set(windows).set(render).set(assets).disable::<LogPlugin>();
+        app.add_plugins(if desc.window { plugins } else { plugins.disable::<WinitPlugin>() });
         app.add_plugins(DeltamorphPlugin).init_resource::<Picture>();
-        app.insert_resource(DirectionalLightShadowMap { size: 1024 });
+        app.insert_resource(DirectionalLightShadowMap { size: 2 * desc.edge as usize });
         add(&mut app);
-        while app.plugins_state() == PluginsState::Adding {
-            bevy::tasks::tick_global_task_pools_on_main_thread();
+        if !desc.window {
+            while app.plugins_state() == PluginsState::Adding {
+                bevy::tasks::tick_global_task_pools_on_main_thread();
+            }
+            app.finish();
+            app.cleanup();
         }
-        app.finish();
-        app.cleanup();
 
-        let head = sample::HeadDesc::default().vertices(desc.vertices).targets(desc.targets);
-        let source = sample::head(&head).split()?;
-        let morphs = source.to_mesh(Tolerance::default())?;
-        let names: Vec<&str> = morphs.targets.iter().map(|target| target.name.as_str()).collect();
-        let clip = sample::head_clip(&head, 120, 30.0).bind(&names)?.frames().collect();
-        let mesh = app.world_mut().resource_mut::<Assets<Mesh>>().add(bevys(&morphs, desc.tangents));
+        let mut meshes = app.world_mut().resource_mut::<Assets<Mesh>>();
+        let still = bevys(&face.morphs, desc.tangents);
+        let mesh = meshes.add(still.clone().with_morph_targets(targets(&face.morphs, desc.tangents)));
+        let still = meshes.add(still);
         let picture = target(app.world_mut(), desc.edge);
-        let mut scene = Self { app, heads: vec![], mesh, clip, picture };
-        scene.populate(desc, &morphs);
+        let mut scene = Self { app, heads: vec![], mesh, still, clip: face.clip.clone(), picture };
+        scene.populate(desc, &face.morphs);
         scene.show(0);
         Ok(scene)
     }
@@ -122,7 +151,7 @@ impl Scene {
                 MeshMaterial3d(materials[i % 2].clone()),
                 Transform::from_translation(place).with_rotation(turn),
             );
-            let weights = vec![0.0; desc.targets];
+            let weights = vec![0.0; morphs.targets.len()];
             // Both ways that Bevy has.
             let head = if i % 2 == 0 {
                 world.spawn((drawn, MeshMorphWeights::Value { weights })).id()
@@ -149,7 +178,6 @@ impl Scene {
         let camera = world
             .spawn((
                 Camera3d::default(),
-                RenderTarget::Image(self.picture.clone().into()),
                 Projection::from(PerspectiveProjection { near: 0.05 * extent, far: 8.0 * extent, ..default() }),
                 Tonemapping::None,
                 DebandDither::Disabled,
@@ -158,6 +186,9 @@ impl Scene {
                 Transform::from_xyz(0.0, 0.0, 1.4 * extent),
             ))
             .id();
+        if !desc.window {
+            world.entity_mut(camera).insert(RenderTarget::Image(self.picture.clone().into()));
+        }
         if desc.motion {
             world.entity_mut(camera).insert((DepthPrepass, MotionVectorPrepass));
         }
@@ -179,6 +210,14 @@ impl Scene {
     /// Who morphs.
     pub fn morph_by_bevy(&mut self, is_bevys: bool) {
         self.app.world_mut().resource_mut::<DeltamorphSettings>().enabled = !is_bevys;
+    }
+
+    /// Show the mesh with its targets, or without.
+    pub fn with_targets(&mut self, with: bool) {
+        let mesh = if with { &self.mesh } else { &self.still };
+        for head in &self.heads {
+            self.app.world_mut().entity_mut(*head).insert(Mesh3d(mesh.clone()));
+        }
     }
 
     /// Run until everything that was set is on the screen.
@@ -226,16 +265,9 @@ fn bumps() -> Image {
     Image::new(size, TextureDimension::D2, texels, TextureFormat::Rgba8Unorm, RenderAssetUsages::default())
 }
 
-/// As Bevy has it: all attributes of all vertices, for each target.
-fn bevys(morphs: &MorphMesh, tangents: bool) -> Mesh {
+/// As Bevy has them: all attributes of all vertices, for each target.
+fn targets(morphs: &MorphMesh, tangents: bool) -> Vec<MorphAttributes> {
     let count = morphs.vertex_count();
-    let mut uvs = vec![[0.0; 2]; count];
-    for corner in morphs.faces.iter().flatten() {
-        let uv = corner.texcoord.map(|at| morphs.texcoords[at as usize].to_array());
-        uvs[corner.position as usize] = uv.unwrap_or_default();
-    }
-    let vectors = |of: &[_]| of.iter().map(deltamorph_bevy::deltamorph::glam::Vec3::to_array).collect::<Vec<_>>();
-    let normals = vectors(&morphs.normals);
     let mut attributes = vec![MorphAttributes::default(); count * morphs.targets.len()];
     for (all, target) in attributes.chunks_exact_mut(count).zip(&morphs.targets) {
         for (i, v) in target.vertices.iter().enumerate() {
@@ -245,13 +277,25 @@ fn bevys(morphs: &MorphMesh, tangents: bool) -> Mesh {
             all[*v as usize] = MorphAttributes::new(position, normal, tangent);
         }
     }
+    attributes
+}
+
+/// A mesh without its targets.
+fn bevys(morphs: &MorphMesh, tangents: bool) -> Mesh {
+    let count = morphs.vertex_count();
+    let mut uvs = vec![[0.0; 2]; count];
+    for corner in morphs.faces.iter().flatten() {
+        let uv = corner.texcoord.map(|at| morphs.texcoords[at as usize].to_array());
+        uvs[corner.position as usize] = uv.unwrap_or_default();
+    }
+    let vectors = |of: &[_]| of.iter().map(deltamorph_bevy::deltamorph::glam::Vec3::to_array).collect::<Vec<_>>();
+    let normals = vectors(&morphs.normals);
     let indices = morphs.faces.triangles().into_flattened();
     let mut mesh = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default())
         .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, vectors(&morphs.positions))
         .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, normals.clone())
         .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, uvs)
-        .with_inserted_indices(Indices::U32(indices))
-        .with_morph_targets(attributes);
+        .with_inserted_indices(Indices::U32(indices));
     if tangents {
         let across = |n: &[f32; 3]| {
             let t = Vec3::Y.cross(Vec3::from(*n)).try_normalize().unwrap_or(Vec3::X);

@@ -1,5 +1,8 @@
 //! Bevy with and without deltamorph, from the same components: the same pictures and motion vectors.
 
+mod gltf;
+#[path = "../../../wgpu/tests/wgpu/layers.rs"]
+mod layers;
 mod probe;
 #[path = "../../examples/heads/scene.rs"]
 mod scene;
@@ -8,23 +11,25 @@ use bevy::mesh::{MeshAttributeCompressionFlags, MeshCompressionArgs};
 use bevy::prelude::*;
 use bevy::render::settings::InstanceFlags;
 use deltamorph_bevy::BevyMorphing;
-use probe::{Probe, listen, messages};
-use scene::{Scene, SceneDesc, difference};
+use layers::{listen, messages};
+use probe::Probe;
+use scene::{Face, Scene, SceneDesc, difference};
 use std::sync::{Mutex, PoisonError};
 
 /// One at a time: messages of the layers belong to a test.
 static TURN: Mutex<()> = Mutex::new(());
 
 /// What a channel may differ by, in units of 255, and in how many pixels more: outlines, and edges of shadows.
-const ALLOWED: (u8, f64) = (4, 0.0003);
+const ALLOWED: (u8, f64) = (2, 0.0003);
+
+const TARGETS: u64 = 30;
 
 const DESC: SceneDesc = SceneDesc {
     heads: 3,
-    vertices: 1_500,
-    targets: 30,
     edge: 128,
     tangents: true,
     motion: true,
+    window: false,
     flags: InstanceFlags::VALIDATION.union(InstanceFlags::DEBUG),
 };
 
@@ -32,7 +37,8 @@ const DESC: SceneDesc = SceneDesc {
 fn scene(probe: &Probe) -> (Scene, u64) {
     listen();
     drop(messages());
-    let mut scene = Scene::new(&DESC, |app| probe.add_to(app)).expect("a scene");
+    let face = Face::head(1_500, TARGETS as usize, 0.12).expect("a head");
+    let mut scene = Scene::new(&DESC, &face, |app| probe.add_to(app)).expect("a scene");
     probe.lock().mesh = Some(scene.mesh.id());
     let world = scene.app.world();
     let mesh = world.resource::<Assets<Mesh>>().get(&scene.mesh).expect("a mesh");
@@ -51,7 +57,7 @@ fn pictures_are_bevys_and_targets_leave_the_device() {
     let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     let probe = Probe::default();
     let (mut scene, all) = scene(&probe);
-    let room = |heads: u64| 2 * heads * all / DESC.targets as u64;
+    let room = |heads: u64| 2 * heads * all / TARGETS;
     assert_eq!(probe.lock().elements, room(3));
 
     let mut before: Option<Vec<u8>> = None;
@@ -105,6 +111,25 @@ fn pictures_are_bevys_and_targets_leave_the_device() {
     assert!(beyond <= ALLOWED.1, "{largest} of 255, {beyond} of the pixels");
     let (_, moved) = difference(&ours, &bevys, ALLOWED.0);
     assert!(moved > 10.0 * ALLOWED.1);
+    silent();
+}
+
+#[test]
+fn without_targets_a_head_is_as_at_rest() {
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let probe = Probe::default();
+    let (mut scene, _) = scene(&probe);
+    let mut look = |targets: bool, weight: f32| {
+        scene.clip = vec![vec![weight; TARGETS as usize]];
+        scene.with_targets(targets);
+        scene.show(0);
+        scene.picture().expect("a picture")
+    };
+    let (rest, none, moved) = (look(true, 0.0), look(false, 0.0), look(true, 0.5));
+    let (largest, beyond) = difference(&rest, &none, ALLOWED.0);
+    assert!(beyond <= ALLOWED.1, "{largest} of 255, {beyond} of the pixels");
+    let (_, moved) = difference(&moved, &none, ALLOWED.0);
+    assert!(moved > 10.0 * ALLOWED.1, "{moved}");
     silent();
 }
 

@@ -1,11 +1,11 @@
-//! What the render world has, for tests, and what the validation layers say.
+//! What the render world has, for tests.
 
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::prelude::*;
 use bevy::render::mesh::allocator::MeshAllocator;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::{Render, RenderApp, RenderSystems};
-use std::sync::{Arc, Mutex, MutexGuard, Once, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// What was seen in the render world.
 #[derive(Default)]
@@ -108,48 +108,4 @@ fn read(
     let bytes = copy.slice(..).get_mapped_range().expect("mapped");
     let float = |bytes: &[u8]| f32::from_ne_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
     bytes.chunks_exact(8).map(|texel| [float(&texel[..4]), float(&texel[4..])]).collect()
-}
-
-/// What the layers have said.
-static MESSAGES: Mutex<Vec<String>> = Mutex::new(vec![]);
-
-/// wgpu logs the messages of the layers, each at least in one line.
-struct Listener;
-
-impl log::Log for Listener {
-    fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
-        metadata.level() <= log::Level::Warn && metadata.target().starts_with("wgpu_hal::vulkan::instance")
-    }
-
-    fn log(&self, record: &log::Record<'_>) {
-        if self.enabled(record.metadata()) {
-            MESSAGES.lock().unwrap_or_else(PoisonError::into_inner).push(record.args().to_string());
-        }
-    }
-
-    fn flush(&self) {}
-}
-
-/// Listen to the layers.
-pub fn listen() {
-    static LISTEN: Once = Once::new();
-    LISTEN.call_once(|| {
-        log::set_logger(&Listener).expect("no other logger");
-        log::set_max_level(log::LevelFilter::Warn);
-    });
-}
-
-/// What the validation layers said since the last call. What is left out is explained in the tests of
-/// `integrations/wgpu`.
-pub fn messages() -> Vec<String> {
-    let mut messages = std::mem::take(&mut *MESSAGES.lock().unwrap_or_else(PoisonError::into_inner));
-    messages.retain(|message| {
-        let of_layers = !message.starts_with('\t') && !message.starts_with("GENERAL");
-        let disjoint = message.contains("SYNC-HAZARD-WRITE-AFTER-WRITE")
-            && message.contains("previously written by another vkCmdDispatch");
-        let wgsl = message.contains("Invalid source language operand: 10");
-        let attachment = message.contains("recorded_usage: SYNC_IMAGE_LAYOUT_TRANSITION");
-        of_layers && !disjoint && !wgsl && !attachment
-    });
-    messages
 }

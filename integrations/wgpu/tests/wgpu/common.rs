@@ -1,5 +1,7 @@
 //! Adapters under the validation layers, random weights, and readers of every kind.
 
+pub use crate::layers::messages;
+use crate::layers::listen;
 use crate::scene::{Host, now};
 use deltamorph::ash::{self, vk};
 use deltamorph::reference::{compare, evaluate};
@@ -7,47 +9,8 @@ use deltamorph::{DeltaFormat, PackedMesh, PoseFormat, PoseView, testing};
 use deltamorph_wgpu::{Crowd, Morph, POSE_WGSL, Pose};
 use std::sync::{Mutex, MutexGuard, Once, PoisonError};
 
-/// What the layers have said.
-static MESSAGES: Mutex<Vec<String>> = Mutex::new(vec![]);
-
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// wgpu logs the messages of the layers, each at least in one line.
-struct Listener;
-
-impl log::Log for Listener {
-    fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
-        metadata.level() <= log::Level::Warn && metadata.target().starts_with("wgpu_hal::vulkan::instance")
-    }
-
-    fn log(&self, record: &log::Record<'_>) {
-        if self.enabled(record.metadata()) {
-            locked(&MESSAGES).push(record.args().to_string());
-        }
-    }
-
-    fn flush(&self) {}
-}
-
-/// What the validation layers said since the last call, without what is known to be wrong.
-pub fn messages() -> Vec<String> {
-    let mut messages = std::mem::take(&mut *locked(&MESSAGES));
-    messages.retain(|message| {
-        // Lines that follow a message name labels and objects; general messages are those of drivers and of the loader.
-        let of_layers = !message.starts_with('\t') && !message.starts_with("GENERAL");
-        // Layers of 1.4.363 report two dispatches that write different places of a buffer: `complaints` in
-        // tests/common/gpu.rs of deltamorph says more.
-        let disjoint = message.contains("SYNC-HAZARD-WRITE-AFTER-WRITE")
-            && message.contains("previously written by another vkCmdDispatch");
-        // Those of 1.3.239 do not know that SPIR-V may be compiled from WGSL, and find hazards where wgpu moves its own
-        // attachments from one layout to another in the next command buffer; later ones do not.
-        let wgsl = message.contains("Invalid source language operand: 10");
-        let attachment = message.contains("recorded_usage: SYNC_IMAGE_LAYOUT_TRANSITION");
-        of_layers && !disjoint && !wgsl && !attachment
-    });
-    messages
 }
 
 /// Whether the validation layers are those of 1.4 or later. That they are there at all is seen by what they see.
@@ -76,9 +39,8 @@ pub fn on_every_adapter(test: impl Fn(Host)) {
             // SAFETY: no other thread looks at the environment: other tests wait for their turn.
             unsafe { std::env::set_var("VK_LAYER_ENABLES", enable) };
         }
-        log::set_logger(&Listener).expect("no other logger");
-        log::set_max_level(log::LevelFilter::Warn);
     });
+    listen();
     drop(messages());
     let drivers = std::env::var("DELTAMORPH_TEST_DRIVERS").unwrap_or_else(|_| "llvmpipe,SwiftShader".into());
     for driver in drivers.split(',') {

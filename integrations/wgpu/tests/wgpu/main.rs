@@ -2,6 +2,7 @@
 
 mod common;
 mod fates;
+mod layers;
 mod lifetimes;
 #[path = "../../examples/head/play.rs"]
 mod play;
