@@ -15,8 +15,8 @@ use deltamorph::import::sample::{HeadDesc, head, head_clip};
 use deltamorph::internals::plan::hazards::{Event, HazardChecker, Memory, Violation};
 use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::{
-    AnimationDesc, BatchSize, Consumers, CpuCrowd, CrowdDesc, DecodeTarget, DeltaFormat, PackedMesh, Playback,
-    PoseFormat, Tolerance, UpdateDesc, UpdatePath,
+    AnimationDesc, Consumers, CpuCrowd, CrowdDesc, DecodeTarget, DeltaFormat, PackedMesh, Playback, PoseFormat,
+    Tolerance, UpdateDesc, UpdatePath,
 };
 use offscreen::Offscreen;
 use std::slice::from_mut;
@@ -30,22 +30,6 @@ fn head_desc() -> HeadDesc {
 fn packed(headless: &Headless, format: DeltaFormat) -> Arc<PackedMesh> {
     let mesh = head(&head_desc()).to_mesh(Tolerance::default()).expect("a mesh");
     Arc::new(gpu::packed(headless.engine(), &mesh, format))
-}
-
-/// Updates of all kinds that write poses.
-fn updates(headless: &Headless) -> Vec<(DeltaFormat, UpdateDesc)> {
-    let blocks = |format, pose| (format, UpdateDesc::blocks().pose(pose));
-    let dense = |path| (DeltaFormat::Float32, UpdateDesc::new(path, BatchSize::Targets(3)));
-    let mut all = vec![
-        blocks(DeltaFormat::Fast, PoseFormat::Float32),
-        blocks(DeltaFormat::Fast, PoseFormat::Fixed32),
-        blocks(DeltaFormat::Fast, PoseFormat::Fixed16),
-        blocks(DeltaFormat::Small, PoseFormat::Fixed16),
-        dense(UpdatePath::Compute),
-        dense(UpdatePath::Feedback),
-    ];
-    all.retain(|(_, update)| headless.caps().check_path(update.path).is_ok());
-    all
 }
 
 /// A target, and its buffer.
@@ -83,7 +67,7 @@ fn weights(mesh: &PackedMesh, frame: u32, seed: u32) -> Vec<f32> {
 fn what_is_decoded_is_the_pose_and_only_what_changed_is_written() {
     gpu::on_every_device(|headless, _| {
         let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
-        for (format, update) in updates(headless) {
+        for (format, update) in gpu::updates(headless) {
             let mesh = packed(headless, format);
             let vertices = mesh.layout().vertex_count;
             let consumers = Consumers::VERTEX_ATTRIBUTES | Consumers::COPIES;
@@ -220,7 +204,7 @@ fn hazards(frames: &[(Vec<Event>, u32)]) -> Result<(), Vec<Violation>> {
 fn a_missing_barrier_around_the_decode_step_is_found() {
     gpu::on_every_device(|headless, _| {
         let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
-        for (format, update) in updates(headless) {
+        for (format, update) in gpu::updates(headless) {
             let mesh = packed(headless, format);
             let mut crowd = HeadlessCrowd::new(headless, &mesh, &CrowdDesc::new(update)).expect("a crowd");
             let decoded = Decoded::new(headless, &host, mesh.layout().vertex_count, (0, 12, None));

@@ -87,20 +87,6 @@ fn weights(mesh: &PackedMesh, frame: u32) -> Vec<f32> {
     gpu::weights(mesh, frame, 7).iter().map(|weight| weight / 2.0).collect()
 }
 
-fn updates(headless: &Headless) -> Vec<(DeltaFormat, UpdateDesc)> {
-    let blocks = |format, pose| (format, UpdateDesc::blocks().pose(pose));
-    let dense = |path| (DeltaFormat::Float32, UpdateDesc::new(path, BatchSize::Targets(3)));
-    let mut all = vec![
-        blocks(DeltaFormat::Fast, PoseFormat::Float32),
-        blocks(DeltaFormat::Fast, PoseFormat::Fixed32),
-        blocks(DeltaFormat::Small, PoseFormat::Fixed16),
-        dense(UpdatePath::Compute),
-        dense(UpdatePath::Feedback),
-    ];
-    all.retain(|(_, update)| headless.caps().check_path(update.path).is_ok());
-    all
-}
-
 const METHODS: [SkinMethod; 2] = [SkinMethod::Linear, SkinMethod::DualQuaternion];
 
 #[test]
@@ -108,7 +94,7 @@ fn skinned_poses_are_the_reference_and_only_what_changed_is_written() {
     gpu::on_every_device(|headless, _| {
         let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
         let mut worst = (0.0f64, 0.0f64);
-        for (i, (format, update)) in updates(headless).into_iter().enumerate() {
+        for (i, (format, update)) in gpu::updates(headless).into_iter().enumerate() {
             let mesh = packed(headless, format);
             let (vertices, diagonal) = (mesh.layout().vertex_count, mesh.layout().diagonal);
             for (method, n) in METHODS.into_iter().zip(if i % 2 == 0 { [4, 8] } else { [8, 4] }) {

@@ -1,7 +1,7 @@
 //! Adapters under the validation layers, random weights, and readers of every kind.
 
-pub use crate::layers::messages;
 use crate::layers::listen;
+pub use crate::layers::messages;
 use crate::scene::{Host, now};
 use deltamorph::ash::{self, vk};
 use deltamorph::reference::{compare, evaluate};
