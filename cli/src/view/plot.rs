@@ -23,8 +23,10 @@ pub fn show(ui: &mut Ui, size: Vec2, plot: &Plot<'_>) {
     painter.rect_filled(rect, CornerRadius::same(6), PLATE);
     let small = FontId::proportional(11.5);
     let inner = rect.shrink2(vec2(10.0, 8.0));
-    painter.text(inner.left_top(), Align2::LEFT_TOP, plot.title, small.clone(), DIM);
-    painter.text(inner.right_top(), Align2::RIGHT_TOP, &plot.now, FontId::proportional(13.0), INK);
+    let now = painter.text(inner.right_top(), Align2::RIGHT_TOP, &plot.now, FontId::proportional(13.0), INK);
+    // Cut off in front of the value, in a narrow window.
+    let left = Rect::from_min_max(inner.min, pos2(now.left() - 4.0, inner.bottom()));
+    painter.with_clip_rect(left).text(inner.left_top(), Align2::LEFT_TOP, plot.title, small.clone(), DIM);
     let area = Rect::from_min_max(inner.left_top() + vec2(0.0, 22.0), inner.right_bottom());
     let most = plot.values.iter().copied().chain(plot.mark.iter().map(|(value, _)| *value)).fold(0.0, f64::max);
     let scale = if most > 0.0 { most * 1.12 } else { 1.0 };
