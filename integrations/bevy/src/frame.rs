@@ -2,9 +2,10 @@
 
 use crate::{DeltamorphSettings, Wanted};
 use bevy::camera::visibility::ViewVisibility;
+use bevy::core_pipeline::prepass::MotionVectorPrepass;
 use bevy::mesh::morph::{MeshMorphWeights, MorphWeights};
-use bevy::platform::collections::HashMap;
-use bevy::prelude::{AssetId, Entity, Mesh, Mesh3d, Query, Res, ResMut, Resource};
+use bevy::platform::collections::{HashMap, HashSet};
+use bevy::prelude::{AssetId, Entity, Mesh, Mesh3d, Query, Res, ResMut, Resource, With, Without};
 use bevy::render::Extract;
 use bevy::render::sync_world::MainEntity;
 use std::ops::Range;
@@ -19,6 +20,9 @@ pub(crate) struct Frame {
     pub shown: HashMap<MainEntity, Shown>,
     /// The weights of all of them.
     pub weights: Vec<f32>,
+    /// The meshes whose vertices may hold a pose: one entity shows it, and no camera asks for motion vectors, which take the
+    /// previous pose, too.
+    pub alone: HashSet<AssetId<Mesh>>,
 }
 
 /// An entity that shows a mesh.
@@ -33,12 +37,15 @@ pub(crate) fn extract(
     wanted: Extract<Res<Wanted>>,
     shown: Extract<Query<(Entity, &Mesh3d, &ViewVisibility, &MeshMorphWeights)>>,
     shared: Extract<Query<&MorphWeights>>,
+    others: Extract<Query<&Mesh3d, Without<MeshMorphWeights>>>,
+    moving: Extract<Query<(), With<MotionVectorPrepass>>>,
 ) {
-    let Frame { rooms, settings, shown: entities, weights } = &mut *frame;
+    let Frame { rooms, settings, shown: entities, weights, alone } = &mut *frame;
     rooms.clone_from(&wanted.rooms);
     *settings = wanted.settings;
     entities.clear();
     weights.clear();
+    alone.clear();
     for (entity, mesh, visibility, own) in &shown {
         if !rooms.contains_key(&mesh.id()) {
             continue;
@@ -56,4 +63,12 @@ pub(crate) fn extract(
         });
         entities.insert(entity.into(), Shown { mesh: mesh.id(), weights: range });
     }
+    if rooms.is_empty() || !moving.is_empty() {
+        return;
+    }
+    let mut counts: HashMap<AssetId<Mesh>, u32> = HashMap::default();
+    let still = others.iter().map(|mesh| mesh.id()).filter(|id| rooms.contains_key(id));
+    let all = entities.values().map(|shown| shown.mesh).chain(still);
+    all.for_each(|id| *counts.entry(id).or_default() += 1);
+    alone.extend(counts.iter().filter(|(_, count)| **count == 1).map(|(id, _)| *id));
 }

@@ -17,7 +17,8 @@
 //! target, in each pass again. Here the mesh has two targets for each entity in their place, which no file has made:
 //! deltamorph computes the displacement of all vertices once a frame, where weights have changed, and writes it into
 //! one of the two. The shaders are Bevy's, unchanged, and are told that it has weight 1; the other is the previous one,
-//! with weight 1 where motion vectors are computed. All of it is in the render world: components and assets of the
+//! with weight 1 where motion vectors are computed. Where one entity alone shows a mesh, and no camera has motion vectors,
+//! deltamorph writes the pose over the vertices of the mesh, and the shaders are told of no target at all. All of it is in the render world: components and assets of the
 //! application are only read. An [`AssetEvent::Modified`](bevy::asset::AssetEvent) has a mesh extracted anew. So the
 //! targets themselves take no memory of the GPU, as long as a mesh is morphed here.
 //!
@@ -28,6 +29,7 @@ mod frame;
 mod mesh;
 mod targets;
 mod update;
+mod vertices;
 
 pub use deltamorph::{self, DeltaFormat};
 
@@ -39,7 +41,8 @@ use bevy::platform::collections::{HashMap, HashSet};
 use bevy::prelude::{
     App, AssetId, Assets, Component, Has, Mesh, Mesh3d, Plugin, PostUpdate, Query, Res, ResMut, Resource, With, warn,
 };
-use bevy::render::mesh::allocator::allocate_and_free_meshes;
+use bevy::render::mesh::allocator::{MeshAllocatorSettings, allocate_and_free_meshes};
+use bevy::render::render_resource::BufferUsages;
 use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderSystems};
 
 /// Morphs meshes with deltamorph: see the [crate's description](crate).
@@ -86,6 +89,10 @@ impl Plugin for DeltamorphPlugin {
         // Before the events of this frame are sent, so that the render world hears of it at once.
         app.add_systems(PostUpdate, choose.before(AssetEventSystems));
         let Some(render) = app.get_sub_app_mut(RenderApp) else { return };
+        // Poses may be written over vertices.
+        if let Some(mut settings) = render.world_mut().get_resource_mut::<MeshAllocatorSettings>() {
+            settings.extra_buffer_usages |= BufferUsages::STORAGE;
+        }
         render.init_resource::<frame::Frame>();
         render.init_gpu_resource::<update::Engine>();
         render.add_systems(ExtractSchedule, frame::extract);

@@ -3,6 +3,7 @@
 use crate::DeltamorphSettings;
 use crate::frame::{Frame, Shown};
 use crate::targets::{ATTRIBUTES, filled};
+use crate::vertices::Vertices;
 use bevy::mesh::morph::MorphAttributes;
 use bevy::mesh::{MeshVertexAttribute, VertexAttributeValues};
 use bevy::platform::collections::HashMap;
@@ -26,6 +27,12 @@ pub(crate) struct Morphed {
     pub order: wgpu::Buffer,
     /// What `wgsl/targets.wgsl` calls so.
     pub constants: wgpu::Buffer,
+    /// `None`: poses cannot be written over them.
+    pub vertices_of_bevy: Option<Vertices>,
+    /// Poses are written over the vertices of the mesh; otherwise as targets.
+    pub in_place: bool,
+    /// The vertices are not those of the base pose.
+    pub is_posed: bool,
     places: HashMap<MainEntity, Place>,
     free: Vec<u32>,
     targets: usize,
@@ -41,8 +48,10 @@ pub(crate) struct Place {
     pub slot: u32,
     /// The one that had it in the last frame.
     pub previous: u32,
-    /// Of the pose in `slot`; `None`: it has none yet, or an old one.
+    /// Of the pose in `slot`, or of the vertices of the mesh; `None`: it has none yet, or an old one.
     weights: Option<Vec<f32>>,
+    /// No target has its pose of the frame before.
+    is_new: bool,
 }
 
 impl Morphed {
@@ -90,6 +99,7 @@ impl Morphed {
         let counts = [vertices as u32, has_tangents.into(), 0, 0].map(u32::to_ne_bytes);
         let constants = [units, counts].concat().concat();
         let order: Vec<u8> = order.iter().flat_map(|vertex| vertex.to_ne_bytes()).collect();
+        let vertices_of_bevy = Vertices::new(device, mesh, [position, normal, tangent]);
         mesh.set_morph_targets(vec![MorphAttributes::default(); elements as usize]);
         Ok(Self {
             crowd,
@@ -97,6 +107,9 @@ impl Morphed {
             has_tangents,
             order: filled(device, "deltamorph order", &order, wgpu::BufferUsages::STORAGE),
             constants: filled(device, "deltamorph constants", &constants, wgpu::BufferUsages::UNIFORM),
+            vertices_of_bevy,
+            in_place: false,
+            is_posed: false,
             places: HashMap::default(),
             free: (0..instances).rev().collect(),
             targets: layout.targets.len(),
@@ -113,6 +126,14 @@ impl Morphed {
     /// Elements from the beginning of the room to a target.
     pub fn target(&self, instance: u32, slot: u32) -> u64 {
         u64::from(self.vertices) * u64::from(instance * SLOTS + slot)
+    }
+
+    /// From now on write poses over the vertices, or as targets: all of them are made anew where that changes.
+    pub fn write_in_place(&mut self, in_place: bool) {
+        if self.in_place != in_place {
+            self.in_place = in_place;
+            self.places.values_mut().for_each(|place| (place.weights, place.is_new) = (None, true));
+        }
     }
 
     /// The entities that are seen, and where their poses are.
@@ -169,6 +190,9 @@ impl Morphed {
             let Some(place) = self.places.get_mut(entity) else { continue };
             if is_written {
                 place.slot = 1 - place.slot;
+                if std::mem::take(&mut place.is_new) {
+                    place.previous = place.slot;
+                }
             } else {
                 place.weights = None;
             }
@@ -183,7 +207,7 @@ fn place_of<'a>(
     entity: MainEntity,
 ) -> Option<&'a mut Place> {
     if !places.contains_key(&entity) {
-        places.insert(entity, Place { instance: free.pop()?, slot: 0, previous: 0, weights: None });
+        places.insert(entity, Place { instance: free.pop()?, slot: 0, previous: 0, weights: None, is_new: true });
     }
     places.get_mut(&entity)
 }

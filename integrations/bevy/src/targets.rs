@@ -6,9 +6,9 @@ use std::num::NonZero;
 use wgpu::util::DeviceExt;
 
 /// Vertices of a workgroup.
-const WORKGROUP: u32 = 64;
+pub(crate) const WORKGROUP: u32 = 64;
 /// What storage buffers may begin at a multiple of, on any device.
-const ALIGNMENT: u64 = 256;
+pub(crate) const ALIGNMENT: u64 = 256;
 /// Bytes of `MorphAttributes`.
 pub(crate) const ATTRIBUTES: u64 = 48;
 

@@ -3,6 +3,7 @@
 use crate::frame::Frame;
 use crate::mesh::{Morphed, Place};
 use crate::targets::{Room, TargetWriter};
+use crate::vertices::{VertexRoom, VertexWriter, Vertices};
 use bevy::ecs::world::{FromWorld, World};
 use bevy::log::{error_once, warn};
 use bevy::pbr::{MorphIndices, MorphUniforms, skins_use_uniform_buffers};
@@ -23,6 +24,7 @@ pub(crate) struct Engine(Option<Inner>);
 struct Inner {
     meshes: HashMap<AssetId<Mesh>, Morphed>,
     writer: TargetWriter,
+    vertex_writer: VertexWriter,
     /// Where the weights 1 0 1 are in Bevy's buffer of the last frame.
     weights_before: Option<u32>,
     // The last: the rest is destroyed on it.
@@ -38,8 +40,9 @@ impl FromWorld for Engine {
         }
         match Morph::new(device.wgpu_device(), queue) {
             Ok(morph) => {
-                let writer = TargetWriter::new(device.wgpu_device());
-                Self(Some(Inner { meshes: HashMap::default(), writer, weights_before: None, morph }))
+                let device = device.wgpu_device();
+                let (writer, vertex_writer) = (TargetWriter::new(device), VertexWriter::new(device));
+                Self(Some(Inner { meshes: HashMap::default(), writer, vertex_writer, weights_before: None, morph }))
             }
             Err(why) => {
                 warn!("deltamorph: all meshes stay with Bevy's own morphing: {why}");
@@ -82,7 +85,12 @@ pub(crate) fn update(
     let Inner { meshes, .. } = engine;
     // A mesh that Bevy has not made room for is asked again in the next frame.
     let ready = meshes.iter_mut().filter(|(id, mesh)| room_of(&allocator, id, mesh).is_some());
-    let changed: HashMap<_, _> = ready.map(|(id, mesh)| (*id, mesh.request(*id, &frame))).collect();
+    let changed = ready.map(|(id, mesh)| {
+        let may = frame.alone.contains(id) && vertices_of(&allocator, id, mesh).is_some();
+        mesh.write_in_place(may);
+        (*id, mesh.request(*id, &frame))
+    });
+    let changed: HashMap<_, _> = changed.collect();
     let made = engine.make_poses(&changed, &allocator, device.wgpu_device());
     let is_written = made.is_ok();
     match made {
@@ -105,7 +113,7 @@ pub(crate) fn update(
             let Some(index) = indices.morph_descriptor_index(entity) else { continue };
             let Some(mut descriptor) = descriptors.get(*index).copied() else { continue };
             descriptor.targets_offset = (room.begin + mesh.target(*instance, 0)) as u32;
-            descriptor.weight_count = 2;
+            descriptor.weight_count = if mesh.in_place { 0 } else { 2 };
             descriptor.current_weights_offset = begin + slot;
             // Whether there is one is for Bevy to say; nobody reads it otherwise.
             descriptor.prev_weights_offset = before.map_or(!0, |before| before + previous);
@@ -125,7 +133,8 @@ impl Inner {
         allocator: &MeshAllocator,
         device: &wgpu::Device,
     ) -> Result<Vec<wgpu::CommandBuffer>> {
-        if changed.values().all(Vec::is_empty) {
+        let is_left = |mesh: &Morphed| mesh.is_posed && !mesh.in_place;
+        if changed.values().all(Vec::is_empty) && !self.meshes.values().any(is_left) {
             return Ok(vec![]);
         }
         let are_new = |id: &AssetId<Mesh>| changed.get(id).is_some_and(|changed| !changed.is_empty());
@@ -134,10 +143,24 @@ impl Inner {
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("deltamorph") });
         let mut pass = encoder.begin_compute_pass(&Default::default());
         for (id, mesh) in self.meshes.iter().filter(|(id, _)| are_new(id)) {
-            let Some(room) = room_of(allocator, id, mesh) else { continue };
-            self.writer.record(&mut pass, device, mesh, &room, &mesh.next(&changed[id]))?;
+            let next = mesh.next(&changed[id]);
+            if mesh.in_place {
+                let Some((vertices, room)) = vertices_of(allocator, id, mesh) else { continue };
+                let instance = next.first().map(|(instance, _)| *instance);
+                self.vertex_writer.record(&mut pass, device, mesh, vertices, &room, instance)?;
+            } else {
+                let Some(room) = room_of(allocator, id, mesh) else { continue };
+                self.writer.record(&mut pass, device, mesh, &room, &next)?;
+            }
+        }
+        for (id, mesh) in self.meshes.iter().filter(|(_, mesh)| is_left(mesh)) {
+            let Some((vertices, room)) = vertices_of(allocator, id, mesh) else { continue };
+            self.vertex_writer.record(&mut pass, device, mesh, vertices, &room, None)?;
         }
         drop(pass);
+        for (id, mesh) in &mut self.meshes {
+            mesh.is_posed = mesh.in_place && (mesh.is_posed || are_new(id));
+        }
         Ok(poses.into_iter().chain([encoder.finish()]).collect())
     }
 }
@@ -147,4 +170,16 @@ fn room_of<'a>(allocator: &'a MeshAllocator, id: &AssetId<Mesh>, mesh: &Morphed)
     let slice = allocator.mesh_morph_target_slice(id)?;
     let (begin, end) = (u64::from(slice.range.start), u64::from(slice.range.end));
     (end - begin >= mesh.elements()).then_some(Room { buffer: slice.buffer, begin, end })
+}
+
+/// The vertices of a mesh, and where Bevy has them; `None` where poses cannot be written over them.
+fn vertices_of<'a>(
+    allocator: &'a MeshAllocator,
+    id: &AssetId<Mesh>,
+    mesh: &'a Morphed,
+) -> Option<(&'a Vertices, VertexRoom<'a>)> {
+    let slice = allocator.mesh_vertex_slice(id)?;
+    let room = VertexRoom { buffer: slice.buffer, begin: slice.range.start.into() };
+    let is_written = room.buffer.usage().contains(wgpu::BufferUsages::STORAGE);
+    is_written.then_some((mesh.vertices_of_bevy.as_ref()?, room))
 }

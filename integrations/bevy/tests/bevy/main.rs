@@ -7,6 +7,8 @@ mod probe;
 #[path = "../../examples/heads/scene.rs"]
 mod scene;
 
+use bevy::core_pipeline::prepass::MotionVectorPrepass;
+use bevy::mesh::morph::MeshMorphWeights;
 use bevy::mesh::{MeshAttributeCompressionFlags, MeshCompressionArgs};
 use bevy::prelude::*;
 use bevy::render::settings::InstanceFlags;
@@ -35,10 +37,14 @@ const DESC: SceneDesc = SceneDesc {
 
 /// A scene that is looked into, and the elements of the mesh's targets as Bevy has them.
 fn scene(probe: &Probe) -> (Scene, u64) {
+    scene_of(probe, &DESC)
+}
+
+fn scene_of(probe: &Probe, desc: &SceneDesc) -> (Scene, u64) {
     listen();
     drop(messages());
     let face = Face::head(1_500, TARGETS as usize, 0.12).expect("a head");
-    let mut scene = Scene::new(&DESC, &face, |app| probe.add_to(app)).expect("a scene");
+    let mut scene = Scene::new(desc, &face, |app| probe.add_to(app)).expect("a scene");
     probe.lock().mesh = Some(scene.mesh.id());
     let world = scene.app.world();
     let mesh = world.resource::<Assets<Mesh>>().get(&scene.mesh).expect("a mesh");
@@ -111,6 +117,53 @@ fn pictures_are_bevys_and_targets_leave_the_device() {
     assert!(beyond <= ALLOWED.1, "{largest} of 255, {beyond} of the pixels");
     let (_, moved) = difference(&ours, &bevys, ALLOWED.0);
     assert!(moved > 10.0 * ALLOWED.1);
+    silent();
+}
+
+#[test]
+fn a_head_alone_has_its_pose_in_the_vertices_of_its_mesh() {
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let probe = Probe::default();
+    let (mut scene, _) = scene_of(&probe, &SceneDesc { heads: 1, motion: false, ..DESC });
+    let mesh = scene.app.world().resource::<Assets<Mesh>>().get(&scene.mesh).expect("a mesh");
+    let base = mesh.create_packed_vertex_buffer_data();
+    probe.lock().vertices.resize(base.len(), 0);
+    let mut before: Option<Vec<u8>> = None;
+    let mut look = |scene: &mut Scene, frame, is_posed| {
+        scene.show(frame);
+        let ours = scene.picture().expect("a picture");
+        assert_eq!(probe.lock().vertices != base, is_posed, "frame {frame}");
+        scene.morph_by_bevy(true);
+        let bevys = scene.picture().expect("a picture");
+        assert_eq!(probe.lock().vertices, base, "frame {frame}");
+        scene.morph_by_bevy(false);
+        scene.settle();
+        assert_eq!(probe.lock().vertices != base, is_posed, "frame {frame}, again");
+        let (largest, beyond) = difference(&ours, &bevys, ALLOWED.0);
+        assert!(beyond <= ALLOWED.1, "frame {frame}: {largest} of 255, {beyond} of the pixels beyond {}", ALLOWED.0);
+        if let Some(before) = before.replace(ours) {
+            let (_, moved) = difference(&before, &bevys, ALLOWED.0);
+            assert!(moved > 10.0 * ALLOWED.1, "frame {frame}: {moved} of the pixels differ");
+        }
+    };
+    look(&mut scene, 10, true);
+    look(&mut scene, 25, true);
+
+    // One beside it that has no weights shows the base pose.
+    let world = scene.app.world_mut();
+    let other = world.entity_mut(scene.heads[0]).clone_and_spawn();
+    world.entity_mut(other).remove::<MeshMorphWeights>().insert(Transform::from_xyz(0.4, 0.0, -0.5));
+    look(&mut scene, 60, false);
+    scene.app.world_mut().despawn(other);
+    look(&mut scene, 33, true);
+
+    // Motion vectors take the pose before, too.
+    let world = scene.app.world_mut();
+    let camera = world.query_filtered::<Entity, With<Camera3d>>().single(world).expect("a camera");
+    world.entity_mut(camera).insert(MotionVectorPrepass);
+    look(&mut scene, 47, false);
+    scene.app.world_mut().entity_mut(camera).remove::<MotionVectorPrepass>();
+    look(&mut scene, 5, true);
     silent();
 }
 

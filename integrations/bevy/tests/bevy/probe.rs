@@ -14,6 +14,8 @@ pub struct Probed {
     pub mesh: Option<AssetId<Mesh>>,
     /// Elements of `MorphAttributes` that it has on the device.
     pub elements: u64,
+    /// Its vertices on the device, as Bevy packs them: as many bytes as were there before.
+    pub vertices: Vec<u8>,
     /// Motion vectors of each pixel, in each frame in which anything moved.
     pub motion: Vec<Vec<[f32; 2]>>,
 }
@@ -43,6 +45,11 @@ fn probe(
     let mut probed = probe.lock();
     let slice = probed.mesh.and_then(|mesh| allocator.mesh_morph_target_slice(&mesh));
     probed.elements = slice.map_or(0, |slice| slice.range.len() as u64);
+    if let Some(slice) = probed.mesh.and_then(|mesh| allocator.mesh_vertex_slice(&mesh)) {
+        let bytes = probed.vertices.len() as u64;
+        let begin = bytes / slice.range.len().max(1) as u64 * u64::from(slice.range.start);
+        probed.vertices = copied(device.wgpu_device(), &queue, slice.buffer, begin, bytes);
+    }
     for prepass in &prepasses {
         let Some(view) = prepass.motion_vectors_view() else { continue };
         let motion = read(device.wgpu_device(), &queue, view, prepass.size.width, prepass.size.height);
@@ -83,10 +90,7 @@ fn read(
         cache: None,
     });
     let size = u64::from(width * height) * 8;
-    let buffer =
-        |usage| device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false });
-    let texels = buffer(wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC);
-    let copy = buffer(wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
+    let texels = empty(device, size, wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC);
     let bound = device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: None,
         layout: &pipeline.get_bind_group_layout(0),
@@ -101,11 +105,26 @@ fn read(
     pass.set_bind_group(0, &bound, &[]);
     pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), 1);
     drop(pass);
-    encoder.copy_buffer_to_buffer(&texels, 0, &copy, 0, size);
+    queue.submit([encoder.finish()]);
+    let bytes = copied(device, queue, &texels, 0, size);
+    let float = |bytes: &[u8]| f32::from_ne_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+    bytes.chunks_exact(8).map(|texel| [float(&texel[..4]), float(&texel[4..])]).collect()
+}
+
+fn empty(device: &wgpu::Device, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+    device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
+}
+
+/// The bytes of a part of a buffer.
+fn copied(device: &wgpu::Device, queue: &wgpu::Queue, buffer: &wgpu::Buffer, begin: u64, size: u64) -> Vec<u8> {
+    if size == 0 {
+        return vec![];
+    }
+    let copy = empty(device, size, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
+    let mut encoder = device.create_command_encoder(&Default::default());
+    encoder.copy_buffer_to_buffer(buffer, begin, &copy, 0, size);
     queue.submit([encoder.finish()]);
     copy.slice(..).map_async(wgpu::MapMode::Read, |result| result.expect("mapped"));
     device.poll(wgpu::PollType::wait_indefinitely()).expect("the device is alive");
-    let bytes = copy.slice(..).get_mapped_range().expect("mapped");
-    let float = |bytes: &[u8]| f32::from_ne_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
-    bytes.chunks_exact(8).map(|texel| [float(&texel[..4]), float(&texel[4..])]).collect()
+    copy.slice(..).get_mapped_range().expect("mapped").to_vec()
 }

@@ -1,0 +1,142 @@
+//! The pass that writes a pose over the vertices of a mesh that one entity alone shows: Bevy's shaders have nothing to add
+//! to them then.
+
+use crate::mesh::Morphed;
+use crate::targets::{ALIGNMENT, WORKGROUP, filled};
+use bevy::mesh::VertexAttributeValues;
+use bevy::prelude::Mesh;
+use deltamorph::{Result, Semantic};
+use std::num::NonZero;
+
+/// Bytes of a word.
+const WORD: u64 = 4;
+/// An attribute that the mesh does not have.
+const NONE: u32 = u32::MAX;
+
+/// Its pipeline.
+pub(crate) struct VertexWriter {
+    pipeline: wgpu::ComputePipeline,
+}
+
+/// The vertices of a mesh, as Bevy has them in a buffer.
+pub(crate) struct Vertices {
+    /// What `wgsl/vertices.wgsl` calls so.
+    constants: wgpu::Buffer,
+    base: wgpu::Buffer,
+    /// Bytes of a vertex.
+    stride: u64,
+}
+
+/// Where Bevy has the vertices of a mesh.
+pub(crate) struct VertexRoom<'a> {
+    pub buffer: &'a wgpu::Buffer,
+    /// In vertices.
+    pub begin: u64,
+}
+
+impl Vertices {
+    /// Those of `mesh`, whose integers have these units; `None` where they are not of words of 4 bytes.
+    pub fn new(device: &wgpu::Device, mesh: &Mesh, units: [f32; 3]) -> Option<Self> {
+        // As Bevy interleaves them.
+        let (mut stride, mut offsets) = (0, [NONE; 3]);
+        let attributes = [Mesh::ATTRIBUTE_POSITION, Mesh::ATTRIBUTE_NORMAL, Mesh::ATTRIBUTE_TANGENT];
+        for (attribute, _) in mesh.attributes() {
+            let wanted = attributes.iter().zip(&mut offsets).find(|(wanted, _)| wanted.id == attribute.id);
+            wanted.into_iter().for_each(|(_, offset)| *offset = (stride / WORD) as u32);
+            let bytes = attribute.format.size();
+            if !bytes.is_multiple_of(WORD) {
+                return None;
+            }
+            stride += bytes;
+        }
+        let count = mesh.count_vertices();
+        let mut base = vec![[[0.0; 3]; 3]; count];
+        for (attribute, i) in attributes.iter().zip(0..) {
+            match mesh.attribute(attribute.id) {
+                None => {}
+                Some(VertexAttributeValues::Float32x3(values)) => {
+                    base.iter_mut().zip(values).for_each(|(base, value)| base[i] = *value);
+                }
+                Some(VertexAttributeValues::Float32x4(values)) => {
+                    base.iter_mut().zip(values).for_each(|(base, [x, y, z, _])| base[i] = [*x, *y, *z]);
+                }
+                Some(_) => return None,
+            }
+        }
+        let base: Vec<u8> = base.as_flattened().as_flattened().iter().flat_map(|value| value.to_ne_bytes()).collect();
+        let [position, normal, tangent] = offsets;
+        let [x, y, z] = units.map(f32::to_ne_bytes);
+        let counts = [0, count as u32, (stride / WORD) as u32, position, normal, tangent, 0, 0, 0];
+        let constants = [&[x, y, z][..], &counts.map(u32::to_ne_bytes)].concat().concat();
+        Some(Self {
+            constants: filled(device, "deltamorph constants of vertices", &constants, wgpu::BufferUsages::UNIFORM),
+            base: filled(device, "deltamorph base pose", &base, wgpu::BufferUsages::STORAGE),
+            stride,
+        })
+    }
+}
+
+impl VertexWriter {
+    pub fn new(device: &wgpu::Device) -> Self {
+        let module = device.create_shader_module(wgpu::include_wgsl!("../wgsl/vertices.wgsl"));
+        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some("deltamorph vertices"),
+            layout: None,
+            module: &module,
+            entry_point: None,
+            compilation_options: Default::default(),
+            cache: None,
+        });
+        Self { pipeline }
+    }
+
+    /// Write the pose of an instance over the vertices of the mesh; the base pose where there is none.
+    ///
+    /// # Errors
+    /// A mesh without poses.
+    pub fn record(
+        &self,
+        pass: &mut wgpu::ComputePass<'_>,
+        device: &wgpu::Device,
+        mesh: &Morphed,
+        vertices: &Vertices,
+        room: &VertexRoom<'_>,
+        instance: Option<u32>,
+    ) -> Result<()> {
+        let pose = mesh.crowd.pose(instance.unwrap_or(0))?;
+        let tangents =
+            mesh.has_tangents.then(|| mesh.crowd.stream(instance.unwrap_or(0), Semantic::Tangent)).transpose()?;
+        // A binding begins where it may; the shader counts from there.
+        let begin = room.begin * vertices.stride;
+        let lead = begin % ALIGNMENT;
+        let tangents_at = tangents.as_ref().map_or(0, |stream| stream.view.offset);
+        let words = [pose.view.offset / WORD, tangents_at / WORD, lead / WORD, instance.is_some().into()];
+        let words = words.map(|word| (word as u32).to_ne_bytes());
+        let place = filled(device, "deltamorph move", words.as_flattened(), wgpu::BufferUsages::UNIFORM);
+        let written = wgpu::BufferBinding {
+            buffer: room.buffer,
+            offset: begin - lead,
+            size: NonZero::new(lead + u64::from(mesh.vertices) * vertices.stride),
+        };
+        let entries = [
+            vertices.constants.as_entire_binding(),
+            pose.buffer.as_entire_binding(),
+            tangents.map_or(pose.buffer, |stream| stream.buffer).as_entire_binding(),
+            mesh.order.as_entire_binding(),
+            place.as_entire_binding(),
+            vertices.base.as_entire_binding(),
+            wgpu::BindingResource::Buffer(written),
+        ];
+        let entries: Vec<_> =
+            (0..).zip(entries).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
+        let bound = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("deltamorph vertices"),
+            layout: &self.pipeline.get_bind_group_layout(0),
+            entries: &entries,
+        });
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &bound, &[]);
+        pass.dispatch_workgroups(mesh.vertices.div_ceil(WORKGROUP), 1, 1);
+        Ok(())
+    }
+}
