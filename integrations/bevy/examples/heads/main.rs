@@ -88,6 +88,7 @@ fn main() -> Result {
         ("its clip".to_owned(), face.clip.clone()),
         (format!("8 of {targets} change"), random(targets, 8, rows)),
         ("all change".to_owned(), random(targets, targets, rows)),
+        ("none changes".to_owned(), random(targets, 0, rows)),
     ];
     // Milliseconds of each round, by work and who.
     let mut times = vec![[const { vec![] }; WHO.len()]; works.len()];
