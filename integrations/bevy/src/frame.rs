@@ -3,6 +3,7 @@
 use crate::{DeltamorphSettings, Wanted};
 use bevy::camera::visibility::ViewVisibility;
 use bevy::core_pipeline::prepass::MotionVectorPrepass;
+use bevy::mesh::Mesh2d;
 use bevy::mesh::morph::{MeshMorphWeights, MorphWeights};
 use bevy::platform::collections::{HashMap, HashSet};
 use bevy::prelude::{AssetId, Entity, Mesh, Mesh3d, Query, Res, ResMut, Resource, With, Without};
@@ -38,6 +39,7 @@ pub(crate) fn extract(
     shown: Extract<Query<(Entity, &Mesh3d, &ViewVisibility, &MeshMorphWeights)>>,
     shared: Extract<Query<&MorphWeights>>,
     others: Extract<Query<&Mesh3d, Without<MeshMorphWeights>>>,
+    flat: Extract<Query<&Mesh2d>>,
     moving: Extract<Query<(), With<MotionVectorPrepass>>>,
 ) {
     let Frame { rooms, settings, shown: entities, weights, alone } = &mut *frame;
@@ -67,8 +69,8 @@ pub(crate) fn extract(
         return;
     }
     let mut counts: HashMap<AssetId<Mesh>, u32> = HashMap::default();
-    let still = others.iter().map(|mesh| mesh.id()).filter(|id| rooms.contains_key(id));
-    let all = entities.values().map(|shown| shown.mesh).chain(still);
-    all.for_each(|id| *counts.entry(id).or_default() += 1);
+    let others = others.iter().map(|mesh| mesh.id()).chain(flat.iter().map(|mesh| mesh.id()));
+    let all = entities.values().map(|shown| shown.mesh).chain(others);
+    all.filter(|id| rooms.contains_key(id)).for_each(|id| *counts.entry(id).or_default() += 1);
     alone.extend(counts.iter().filter(|(_, count)| **count == 1).map(|(id, _)| *id));
 }

@@ -90,9 +90,8 @@ impl Plugin for DeltamorphPlugin {
         app.add_systems(PostUpdate, choose.before(AssetEventSystems));
         let Some(render) = app.get_sub_app_mut(RenderApp) else { return };
         // Poses may be written over vertices.
-        if let Some(mut settings) = render.world_mut().get_resource_mut::<MeshAllocatorSettings>() {
-            settings.extra_buffer_usages |= BufferUsages::STORAGE;
-        }
+        let mut allocator = render.world_mut().get_resource_or_init::<MeshAllocatorSettings>();
+        allocator.extra_buffer_usages |= BufferUsages::STORAGE;
         render.init_resource::<frame::Frame>();
         render.init_gpu_resource::<update::Engine>();
         render.add_systems(ExtractSchedule, frame::extract);
