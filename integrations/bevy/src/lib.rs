@@ -18,7 +18,9 @@
 //! deltamorph computes the displacement of all vertices once a frame, where weights have changed, and writes it into
 //! one of the two. The shaders are Bevy's, unchanged, and are told that it has weight 1; the other is the previous one,
 //! with weight 1 where motion vectors are computed. Where one entity alone shows a mesh, and no camera has motion vectors,
-//! deltamorph writes the pose over the vertices of the mesh, and the shaders are told of no target at all. All of it is in the render world: components and assets of the
+//! deltamorph writes the pose over the vertices of the mesh, and the shaders are told of no target at all.
+//!
+//! All of it is in the render world: components and assets of the
 //! application are only read. An [`AssetEvent::Modified`](bevy::asset::AssetEvent) has a mesh extracted anew. So the
 //! targets themselves take no memory of the GPU, as long as a mesh is morphed here.
 //!

@@ -52,6 +52,8 @@ pub(crate) struct Place {
     weights: Option<Vec<f32>>,
     /// No target has its pose of the frame before.
     is_new: bool,
+    /// Its pose is not where it is read: it has been written over vertices, or as a target.
+    is_elsewhere: bool,
 }
 
 impl Morphed {
@@ -132,7 +134,7 @@ impl Morphed {
     pub fn write_in_place(&mut self, in_place: bool) {
         if self.in_place != in_place {
             self.in_place = in_place;
-            self.places.values_mut().for_each(|place| (place.weights, place.is_new) = (None, true));
+            self.places.values_mut().for_each(|place| (place.is_elsewhere, place.is_new) = (true, true));
         }
     }
 
@@ -161,19 +163,21 @@ impl Morphed {
             // As Bevy's shaders do: targets without a weight have 0, weights without a target do nothing.
             let mut weights = frame.weights[range.clone()].to_vec();
             weights.resize(self.targets, 0.0);
-            if place.weights.as_ref() == Some(&weights) {
-                continue;
+            if place.weights.as_ref() != Some(&weights) {
+                match self.crowd.set_weights(place.instance, &weights) {
+                    Ok(()) => {
+                        place.weights = Some(weights);
+                        place.is_elsewhere = true;
+                    }
+                    Err(why) if !self.complained => {
+                        error!("deltamorph: mesh {id}: an entity keeps the shape that it has: {why}");
+                        self.complained = true;
+                    }
+                    Err(_) => {}
+                }
             }
-            match self.crowd.set_weights(place.instance, &weights) {
-                Ok(()) => {
-                    place.weights = Some(weights);
-                    changed.push(*entity);
-                }
-                Err(why) if !self.complained => {
-                    error!("deltamorph: mesh {id}: an entity keeps the shape that it has: {why}");
-                    self.complained = true;
-                }
-                Err(_) => {}
+            if place.is_elsewhere && place.weights.is_some() {
+                changed.push(*entity);
             }
         }
         changed
@@ -190,6 +194,7 @@ impl Morphed {
             let Some(place) = self.places.get_mut(entity) else { continue };
             if is_written {
                 place.slot = 1 - place.slot;
+                place.is_elsewhere = false;
                 if std::mem::take(&mut place.is_new) {
                     place.previous = place.slot;
                 }
@@ -207,7 +212,10 @@ fn place_of<'a>(
     entity: MainEntity,
 ) -> Option<&'a mut Place> {
     if !places.contains_key(&entity) {
-        places.insert(entity, Place { instance: free.pop()?, slot: 0, previous: 0, weights: None, is_new: true });
+        places.insert(
+            entity,
+            Place { instance: free.pop()?, slot: 0, previous: 0, weights: None, is_new: true, is_elsewhere: false },
+        );
     }
     places.get_mut(&entity)
 }

@@ -153,13 +153,15 @@ impl Inner {
                 self.writer.record(&mut pass, device, mesh, &room, &next)?;
             }
         }
+        let mut restored = vec![];
         for (id, mesh) in self.meshes.iter().filter(|(_, mesh)| is_left(mesh)) {
             let Some((vertices, room)) = vertices_of(allocator, id, mesh) else { continue };
             self.vertex_writer.record(&mut pass, device, mesh, vertices, &room, None)?;
+            restored.push(*id);
         }
         drop(pass);
         for (id, mesh) in &mut self.meshes {
-            mesh.is_posed = mesh.in_place && (mesh.is_posed || are_new(id));
+            mesh.is_posed = (mesh.is_posed && !restored.contains(id)) || (mesh.in_place && are_new(id));
         }
         Ok(poses.into_iter().chain([encoder.finish()]).collect())
     }
