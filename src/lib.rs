@@ -54,6 +54,7 @@ mod gpu;
 pub mod headless;
 pub mod import;
 mod io;
+pub mod lod;
 mod math;
 mod pack;
 mod plan;

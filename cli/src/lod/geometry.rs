@@ -1,13 +1,7 @@
-//! How far targets move vertices: mean squares, Hausdorff distances, and what dropping some of them costs a clip.
+//! How far targets move vertices: Hausdorff distances, and what dropping some of them costs a clip.
 
 use deltamorph::{BoundClip, MorphMesh, MorphTarget};
 use glam::Vec3;
-
-/// Mean over all vertices of the squared distance that `target` moves them at weight 1, in squared input units.
-pub fn mean_square(mesh: &MorphMesh, target: &MorphTarget) -> f64 {
-    let sum: f64 = target.positions.iter().map(|d| d.as_dvec3().length_squared()).sum();
-    sum / mesh.vertex_count().max(1) as f64
-}
 
 /// Hausdorff distance between the vertices of the base pose and those of `target` at weight 1, in input units: the largest
 /// distance from a vertex of either to the nearest of the other.

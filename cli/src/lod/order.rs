@@ -1,6 +1,7 @@
 //! Orders of importance: pins before all, then scores; agreement between them; and the file that keeps one.
 
 use crate::output::Failure;
+use deltamorph::lod::{is_pinned, ranked};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -22,18 +23,12 @@ pub struct Order {
     pub ranking: Vec<Ranked>,
 }
 
-/// Whether a name is meant by one of `pins`: by itself, or by a beginning of it.
-pub fn is_pinned(name: &str, pins: &[String]) -> bool {
-    pins.iter().any(|pin| name.starts_with(pin.as_str()))
-}
-
 impl Order {
     /// Targets by their scores, the largest first, those that `pins` name before all others; equals as the mesh has them.
     pub fn new(metric: &str, names: &[&str], scores: &[f64], pins: &[String]) -> Self {
-        let ranked = names.iter().zip(scores);
-        let ranked = ranked.map(|(&name, &score)| Ranked { name: name.into(), score, pinned: is_pinned(name, pins) });
-        let mut ranking: Vec<Ranked> = ranked.collect();
-        ranking.sort_by(|a, b| b.pinned.cmp(&a.pinned).then(b.score.total_cmp(&a.score)));
+        let pinned: Vec<bool> = names.iter().map(|name| is_pinned(name, pins)).collect();
+        let place = |t: usize| Ranked { name: names[t].into(), score: scores[t], pinned: pinned[t] };
+        let ranking = ranked(scores, &pinned).into_iter().map(place).collect();
         Self { schema: 1, metric: metric.into(), ranking }
     }
 
