@@ -1,0 +1,109 @@
+//! A camera that moves away from 100 heads and back: what a level of detail changes in the pictures from frame to frame, and the
+//! bytes that updates move, as a table and a plot. Run as
+//! `./with-vulkan cargo run -p deltamorph-render --example fly [--bytes] [--frames=N] [--vertices=N] [--supersampling=N]
+//! [--fade=PIXELS] [--pixels=PIXELS] [FOLDER]`; `--bytes`: without pictures.
+
+#[path = "../tests/common/fly.rs"]
+mod fly;
+
+use deltamorph::headless::{Headless, HeadlessDesc};
+use fly::{Fly, Frame};
+use std::fmt::Write;
+use std::path::PathBuf;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let folder = args.iter().find(|arg| !arg.starts_with("--")).map(PathBuf::from);
+    let headless = Headless::new(&HeadlessDesc::default())?;
+    let mut fly = Fly { draws: !args.contains(&"--bytes".to_owned()), ..Fly::new() };
+    let number = |name: &str| -> Option<f32> { args.iter().find_map(|arg| arg.strip_prefix(name)?.parse().ok()) };
+    fly.frames = number("--frames=").map_or(fly.frames, |n| n as usize).max(2);
+    fly.vertices = number("--vertices=").map_or(fly.vertices, |n| n as usize);
+    fly.supersampling = number("--supersampling=").map_or(fly.supersampling, |n| n as u32).max(1);
+    fly.lod = fly.lod.fade(number("--fade=").unwrap_or(fly.lod.fade));
+    fly.lod = fly.lod.pixels(number("--pixels=").unwrap_or(fly.lod.pixels));
+    println!("{fly:?} on {}", headless.caps().name);
+    println!("frame  distance  head px   kept  behind  MB lod  MB all  pop  at once  drift");
+    let frames = fly.run(&headless, |i, f| {
+        let [lod, all] = f.bytes.map(|bytes| bytes as f64 / 1e6);
+        println!(
+            "{i:5} {:9.2} {:8.1} {:6.2} {:7.2} {lod:7.2} {all:7.2} {:5.2} {:7.1} {:6.2}",
+            f.distance, f.head_pixels, f.kept, f.behind, f.pop[0], f.pop[1], f.drift
+        );
+    })?;
+    let most = |of: &dyn Fn(&Frame) -> f32| frames.iter().map(of).fold(0.0, f32::max);
+    println!(
+        "largest change of a channel because of the level: {:.2} of 255, without fading {:.1}; of the difference {:.2}",
+        most(&|f| f.pop[0]),
+        most(&|f| f.pop[1]),
+        most(&|f| f.drift)
+    );
+    if let Some(folder) = folder {
+        std::fs::write(folder.join("fly.svg"), plot(&frames))?;
+    }
+    Ok(())
+}
+
+/// Bytes over the distance, both logarithmic: all targets grey, with the level of detail blue; away solid, back dashed.
+fn plot(frames: &[Frame]) -> String {
+    let (width, height, edge) = (720.0f64, 400.0f64, 60.0f64);
+    let counted = &frames[1..];
+    let far = counted.iter().map(|f| f.distance).fold(1.0, f32::max);
+    let bytes = || counted.iter().flat_map(|f| f.bytes).map(|b| b.max(1) as f64);
+    let (low, high) = (bytes().fold(f64::MAX, f64::min).log10().floor(), bytes().fold(1.0, f64::max).log10().ceil());
+    let x = |distance: f32| edge + (width - 2.0 * edge) * f64::from(distance.ln() / far.ln());
+    let y = |bytes: f64| height - edge - (height - 2.0 * edge) * (bytes.log10() - low) / (high - low);
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" \
+         font-size=\"13\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
+    );
+    for power in low as i32..=high as i32 {
+        let at = y(10f64.powi(power));
+        let label = match power {
+            ..6 => format!("{} kB", 10f64.powi(power - 3)),
+            _ => format!("{} MB", 10f64.powi(power - 6)),
+        };
+        let _ = writeln!(
+            svg,
+            "<path d=\"M{edge} {at:.1}H{:.1}\" stroke=\"#ddd\"/><text x=\"{:.1}\" y=\"{:.1}\" \
+             text-anchor=\"end\">{label}</text>",
+            width - edge,
+            edge - 6.0,
+            at + 4.0
+        );
+    }
+    for distance in [1.0f32, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0].into_iter().filter(|d| *d <= far) {
+        let _ = writeln!(
+            svg,
+            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{distance}</text>",
+            x(distance),
+            height - edge + 18.0
+        );
+    }
+    let half = counted.len() / 2;
+    for (part, dash) in [(&counted[..=half], ""), (&counted[half..], " stroke-dasharray=\"5 4\"")] {
+        for (which, colour) in [(1, "#999"), (0, "#1565c0")] {
+            let points: Vec<String> =
+                part.iter().map(|f| format!("{:.1},{:.1}", x(f.distance), y(f.bytes[which].max(1) as f64))).collect();
+            let _ = writeln!(
+                svg,
+                "<polyline fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.8\"{dash} points=\"{}\"/>",
+                points.join(" ")
+            );
+        }
+    }
+    let _ = writeln!(
+        svg,
+        "<text x=\"{:.1}\" y=\"24\" text-anchor=\"middle\">bytes that an update of 100 heads moves: all targets (grey), \
+         level of detail (blue); away solid, back dashed</text>",
+        width / 2.0
+    );
+    let _ = writeln!(
+        svg,
+        "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">distance of the camera, 1: the wall of heads fills the \
+         picture</text>\n</svg>",
+        width / 2.0,
+        height - 16.0
+    );
+    svg
+}
