@@ -21,6 +21,14 @@ int interpolate(int k0, int k1, uint f) {
     return k0 + int((uint(high) + carry) << 16 | sum >> 16);
 }
 
+const uint WHOLE = 0x10000u;
+
+// How much of the target of a rank is kept.
+uint kept(uint level, uint rank) {
+    uint whole = level >> 16;
+    return rank < whole ? WHOLE : rank == whole ? level & 0xffffu : 0u;
+}
+
 void main() {
     uint i = flat_invocation();
     if (i >= heads * words) return;
@@ -63,6 +71,10 @@ void main() {
         }
     }
 
+    // With a level of detail: targets kept, in steps of 2⁻¹⁶, and where the ranks of targets are in Tables.
+    uint level = state[record + 6u];
+    uint ranks_at = state[record + 7u];
+
     uint first = (i % words) * 32u;
     uint count = min(targets - first, 32u);
     // Without an error budget: changed and active. With one: requested and pending.
@@ -72,7 +84,11 @@ void main() {
         uint at = head * targets + target;
         uint bit = 1u << t;
         int weight = 0;
-        if (playing) weight = interpolate(key(clip, frame * targets + target), key(clip, next * targets + target), f);
+        uint factor = ranks_at == 0u ? WHOLE : kept(level, tables[ranks_at + target]);
+        if (playing && factor != 0u) {
+            weight = interpolate(key(clip, frame * targets + target), key(clip, next * targets + target), f);
+            if (factor != WHOLE) weight = interpolate(0, weight, factor);
+        }
         if (budget_at == 0u) {
             commit(at, weight, bit, one, other);
             continue;

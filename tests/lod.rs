@@ -2,15 +2,18 @@
 
 #[path = "common/gpu.rs"]
 mod gpu;
+#[path = "common/scene.rs"]
+mod scene;
 
 use deltamorph::headless::HeadlessCrowd;
 use deltamorph::lod::{Importance, Level, LevelDesc};
 use deltamorph::reference::{compare, evaluate_unpacked};
 use deltamorph::{
-    BatchSize, CpuCrowd, CrowdDesc, DeltaFormat, MorphEngine, PackDesc, PackedMesh, UpdateDesc, UpdateMode, UpdatePath,
-    testing,
+    AnimationDesc, BatchSize, CpuCrowd, CrowdDesc, DeltaFormat, MorphEngine, PackDesc, PackedMesh, Playback,
+    UpdateDesc, UpdateMode, UpdatePath, testing,
 };
 use gpu::{NORMAL, POSITION, on_every_device};
+use scene::Scene;
 use std::sync::Arc;
 
 const TARGETS: usize = 12;
@@ -134,4 +137,83 @@ fn a_target_that_is_dropped_is_a_delta_weight() {
         .map(|pixels| coefficients(level.step(&importance, pixels, Some(&whole)), &whole))
         .collect();
     assert!(still[2..].iter().all(|did| *did == (0, 0)), "{still:?}");
+}
+
+/// Crowds that the GPU animates: weights and plans are those of the CPU reference, bit for bit, and weights those of clips times
+/// the factors of each head's own level. The commands are the same but for the records that bring levels.
+#[test]
+fn levels_are_applied_on_the_gpu() {
+    on_every_device(|headless, _| {
+        for (format, pose, budget) in
+            [(DeltaFormat::Fast, scene::FIXED[0], 0.0), (DeltaFormat::Small, scene::FIXED[1], 1e-4)]
+        {
+            let mesh = scene::packed(format, 64);
+            let importance = Importance::of_packed(&mesh, &[]).expect("an order");
+            let (clips, targets) = (scene::clips(), importance.target_count());
+            let update = scene::fixed(pose, 2).error_budget(budget * mesh.layout().diagonal);
+            let step = f64::from(scene::grid(&mesh, &update).weight_step());
+            let animation = AnimationDesc::new(&clips).importance(Some(&importance));
+            let [mut whole, mut kept] =
+                [(); 2].map(|()| Scene::new(headless, &mesh, scene::crowd(9, update), &animation));
+            for head in 0..9 {
+                let playback = Playback::new(head % 2).start(-0.3 * f64::from(head));
+                [&mut whole, &mut kept].into_iter().for_each(|scene| scene.play(head, playback));
+            }
+            let unit = 1.0 / mesh.layout().diagonal;
+            let desc = LevelDesc::default().pixels(2.0).fade(1.0);
+            let mut levels = vec![Level::new(desc); 9];
+            let mut elements = vec![];
+            for frame in 0..12u32 {
+                // Away, back, and at rest; the last head stays where it is.
+                let pixels =
+                    [900.0, 300.0, 60.0, 10.0, 1.0, 1.0, 5.0, 30.0, 200.0, 900.0, 900.0, 900.0][frame as usize];
+                let now = f64::from(frame) / 10.0;
+                let mut at = vec![];
+                // The camera cuts to the last one.
+                levels.iter_mut().filter(|_| frame == 11).for_each(Level::cut);
+                for (head, level) in (0..9).zip(&mut levels) {
+                    let pixels = if head == 8 { f32::INFINITY } else { pixels * (1.0 + head as f32 / 4.0) };
+                    at.push(level.step(&importance, pixels * unit, None));
+                    kept.set_level(head, at[head as usize]);
+                }
+                if frame == 3 {
+                    kept.drop_one(now);
+                }
+                whole.step(now);
+                let (plan, _) = kept.step(now);
+                elements.push(plan.values().map(|work| work.3.len()).sum::<usize>());
+                for head in (0..9).filter(|_| budget == 0.0) {
+                    let [all, some] = [&mut whole, &mut kept].map(|s| s.crowd.read_weights(head).expect("weights"));
+                    for (t, (all, some)) in all.iter().zip(&some).enumerate() {
+                        let factor = f64::from(importance.factor(t, at[head as usize]));
+                        let expected = f64::from(*all) * factor;
+                        // Levels are rounded to steps of their own, weights to theirs.
+                        let most = 0.5 + f64::from(all.abs()) * 0.6 / 65_536.0;
+                        let off = (f64::from(*some) - expected).abs();
+                        assert!(off <= most, "frame {frame}, head {head}, target {t}: {some}, not {expected} ({step})");
+                    }
+                }
+                [0, 4, 8].into_iter().for_each(|head| kept.assert_fresh(head));
+            }
+            assert!(levels[8].level() == Some(targets as f32), "{levels:?}");
+            assert!(elements[5] * 3 < elements[1] && elements[11] > 3 * elements[5], "{elements:?}");
+            // What stands still brings nothing to the device: the clock goes on, with the same commands.
+            let [first, second] = [2.0, 2.1].map(|now| {
+                (0..9).for_each(|head| kept.set_level(head, 4.5));
+                kept.step(now).1
+            });
+            assert_eq!(first.len(), second.len() + 3, "records are brought once");
+            let refused = kept.crowd.set_level(0, f32::NAN).expect_err("no number").to_string();
+            assert!(refused.contains("a level of NaN targets"), "{refused}");
+        }
+        let (mesh, clips) = (scene::packed(DeltaFormat::Fast, 64), scene::clips());
+        let desc = scene::crowd(1, scene::fixed(scene::FIXED[0], 2));
+        let mut without = Scene::new(headless, &mesh, desc, &AnimationDesc::new(&clips));
+        let refused = without.crowd.set_level(0, 3.0).expect_err("no order").to_string();
+        assert!(refused.contains("give AnimationDesc::importance"), "{refused}");
+        let other = Importance::of(&testing::mesh(100, 5), &[]).expect("an order");
+        let animation = AnimationDesc::new(&clips).importance(Some(&other));
+        let refused = HeadlessCrowd::animated(headless, &mesh, &desc, &animation).err().expect("refused").to_string();
+        assert!(refused.contains("of 5 targets for mesh"), "{refused}");
+    });
 }

@@ -244,6 +244,21 @@ impl AnimatedCrowd {
         playbacks.play(instance, playback, clips)
     }
 
+    /// Keep only the first so many targets of the [order](field@crate::AnimationDesc::importance) that the crowd was made with,
+    /// from the next recorded update on: what [`lod::Level::step`](crate::lod::Level::step) returns for the head. The GPU
+    /// multiplies the weights of clips by the targets' [factors](crate::lod::Importance::factor), in steps of 2⁻¹⁶. As many as
+    /// there are, or more, are all of them, as at the beginning.
+    ///
+    /// A level that changes brings 32 bytes to the device; one that stays is no work.
+    ///
+    /// # Errors
+    /// An instance out of range; a number below 0, or none; a crowd that was made without an order of importance.
+    pub fn set_level(&mut self, instance: u32, level: f32) -> Result<()> {
+        self.base.instances.check(instance)?;
+        let Animated { playbacks, clips, .. } = self.animated_mut();
+        playbacks.set_level(instance, level, clips)
+    }
+
     /// The clock is at `seconds` when the next recorded update runs.
     ///
     /// # Errors

@@ -111,6 +111,11 @@ impl<'a> HeadlessCrowd<'a, AnimatedCrowd> {
         self.crowd.play(instance, playback)
     }
 
+    /// See [`AnimatedCrowd::set_level`].
+    pub fn set_level(&mut self, instance: u32, level: f32) -> Result<()> {
+        self.crowd.set_level(instance, level)
+    }
+
     /// See [`AnimatedCrowd::set_time`].
     pub fn set_time(&mut self, seconds: f64) -> Result<()> {
         self.crowd.set_time(seconds)

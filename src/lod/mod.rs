@@ -4,7 +4,8 @@
 //! [`Importance`] is the order of a mesh's targets, and how far vertices may be off where only the first of them are kept: made
 //! once for a mesh. [`Level`] is how many a head keeps now, a real number that follows the camera so slowly that nothing pops.
 //! [`Importance::apply`] puts it into weights, which any path takes: on incremental ones, a target that is dropped is one more
-//! delta weight, and one that stays dropped costs nothing.
+//! delta weight, and one that stays dropped costs nothing. Crowds that are animated on the GPU apply it there
+//! ([`AnimatedCrowd::set_level`](crate::AnimatedCrowd::set_level)).
 //!
 //! ```
 //! use deltamorph::lod::{Importance, Level, LevelDesc, pixels_per_unit};

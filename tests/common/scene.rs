@@ -105,6 +105,11 @@ impl<'a> Scene<'a> {
         self.heads.play(instance, &playback, &self.clips).expect("a clip");
     }
 
+    pub fn set_level(&mut self, instance: u32, level: f32) {
+        self.crowd.set_level(instance, level).expect("a level");
+        self.heads.set_level(instance, level, &self.clips).expect("a level");
+    }
+
     pub fn hide(&mut self, instance: u32, hidden: bool) {
         self.crowd.set_hidden(instance, hidden).expect("an instance");
         self.heads.set_hidden(instance, hidden);

@@ -1,6 +1,7 @@
 //! Clips and error budgets as integers: what is uploaded once.
 
 use crate::error::{Error, Result};
+use crate::lod::Importance;
 use crate::pack::PackedLayout;
 use crate::pack::blocks::{BlockIndex, PoseGrid};
 use crate::setters::setters;
@@ -26,14 +27,17 @@ pub struct AnimationDesc<'a> {
     pub clips: &'a [WeightClip],
     /// How keys are kept.
     pub key_format: KeyFormat,
+    /// The order of targets for levels of detail ([`AnimatedCrowd::set_level`](crate::AnimatedCrowd::set_level)); `None`: all
+    /// are kept for the life of the crowd.
+    pub importance: Option<&'a Importance>,
 }
 
-setters!(AnimationDesc<'a> { key_format: KeyFormat });
+setters!(AnimationDesc<'a> { key_format: KeyFormat, importance: Option<&'a Importance> });
 
 impl<'a> AnimationDesc<'a> {
     /// These clips, with keys of 32 bits.
     pub fn new(clips: &'a [WeightClip]) -> Self {
-        Self { clips, key_format: KeyFormat::default() }
+        Self { clips, key_format: KeyFormat::default(), importance: None }
     }
 }
 
@@ -52,6 +56,7 @@ struct Clip {
 /// ```text
 /// table   [clip][first word, frames, shift, bits of a key]
 /// keys    [clip][frame][target]                                 a word each, or half a word
+/// ranks   [target]                                              where levels of detail may be set
 /// ```
 ///
 /// First words count from the start of the table.
@@ -61,6 +66,8 @@ pub struct Clips {
     clips: Vec<Clip>,
     targets: usize,
     format: KeyFormat,
+    /// Where ranks begin; 0: there are none.
+    ranks_at: u32,
 }
 
 /// Words of a clip in the table.
@@ -71,12 +78,25 @@ impl Clips {
     ///
     /// # Errors
     /// As [`WeightClip::bind`]; a clip without frames or with a frame rate that
-    /// is none; a weight beyond the grid: the message names frame and target.
+    /// is none; a weight beyond the grid: the message names frame and target; an order of importance of other targets.
     pub fn new(desc: &AnimationDesc<'_>, layout: &PackedLayout, grid: PoseGrid) -> Result<Self> {
         let names: Vec<&str> = layout.targets.iter().map(|t| t.name.as_str()).collect();
         let words = vec![0; TABLE_WORDS * desc.clips.len()];
-        let mut all = Self { words, clips: vec![], targets: names.len(), format: desc.key_format };
+        let mut all = Self { words, clips: vec![], targets: names.len(), format: desc.key_format, ranks_at: 0 };
         desc.clips.iter().try_for_each(|clip| all.push(clip, &names, grid))?;
+        if let Some(importance) = desc.importance {
+            let (given, targets) = (importance.target_count(), names.len());
+            if given != targets {
+                let what = format!(
+                    "an order of importance of {given} targets for mesh '{}', which has {targets}",
+                    layout.name
+                );
+                return Err(Error::invalid(what, "rank the targets of this mesh"));
+            }
+            // Without clips that is 0, and nothing plays.
+            all.ranks_at = all.words.len() as u32;
+            all.words.extend_from_slice(importance.ranks());
+        }
         if u32::try_from(all.words.len()).is_err() {
             let what = format!("clips of {} words", all.words.len());
             return Err(Error::invalid(what, "make several crowds, or use 16-bit keys"));
@@ -145,7 +165,18 @@ impl Clips {
         self.words[..TABLE_WORDS * self.clips.len()].as_chunks().0[clip]
     }
 
-    /// Table and keys, as kernels read them.
+    /// Where the ranks of targets begin, for levels of detail; `None`: no order of importance was given.
+    pub(crate) fn ranks_at(&self) -> Option<u32> {
+        (self.ranks_at > 0).then_some(self.ranks_at)
+    }
+
+    /// The rank of a target, where there are ranks.
+    #[cfg(any(test, feature = "internals"))]
+    pub(crate) fn rank(&self, target: usize) -> u32 {
+        self.words[self.ranks_at as usize + target]
+    }
+
+    /// Table, keys and ranks, as kernels read them.
     pub fn words(&self) -> &[u32] {
         &self.words
     }

@@ -120,9 +120,36 @@ impl Playbacks {
             | record.flags & HeadRecord::HIDDEN
             | set(HeadRecord::LOOP, repeat == Repeat::Loop)
             | set(HeadRecord::REVERSED, speed < 0.0);
-        *record = HeadRecord { clip, start: start_tick as u32, rate: rate as u32, flags, ..HeadRecord::default() };
+        let HeadRecord { level, ranks_at, .. } = *record;
+        let (start, rate) = (start_tick as u32, rate as u32);
+        *record = HeadRecord { clip, start, rate, flags, level, ranks_at, ..HeadRecord::default() };
         self.starts[head as usize] = start_tick;
         self.touch(head).stale = true;
+        Ok(())
+    }
+
+    /// Instance `head` keeps so many targets from the next update on; as many as there are, or more: all of them, at no cost.
+    /// Where it keeps as many already, nothing has to be brought to the device.
+    ///
+    /// # Errors
+    /// No number, or one below 0; clips that have no order of importance.
+    pub fn set_level(&mut self, head: u32, level: f32, clips: &Clips) -> Result<()> {
+        let Some(ranks_at) = clips.ranks_at() else {
+            let what = "a level of detail for a crowd without an order of importance";
+            return Err(Error::invalid(what, "give AnimationDesc::importance when the crowd is made"));
+        };
+        if level.is_nan() || level < 0.0 {
+            return Err(Error::invalid(format!("a level of {level} targets"), "use a number from 0"));
+        }
+        let set = match level < clips.targets() as f32 {
+            true => ((f64::from(level) * 65_536.0).round() as u32, ranks_at),
+            false => (0, 0),
+        };
+        let record = &mut self.records[head as usize];
+        if (record.level, record.ranks_at) != set {
+            (record.level, record.ranks_at) = set;
+            self.touch(head).stale = true;
+        }
         Ok(())
     }
 

@@ -103,7 +103,16 @@ pub(super) fn sample(clips: &Clips, record: &HeadRecord, now: u32) -> Vec<i32> {
     let clip = record.clip as usize;
     let (frame, next, f) = between(record, clips.frame_count(clip), now);
     let key = |frame, target| clips.key(clip, frame, target);
-    (0..clips.targets()).map(|target| interpolate(key(frame, target), key(next, target), f)).collect()
+    let weight = |target| interpolate(key(frame, target), key(next, target), f);
+    (0..clips.targets()).map(|target| interpolate(0, weight(target), factor(clips, record, target))).collect()
+}
+
+/// How much of a target a level of detail keeps, in steps of 2⁻¹⁶.
+fn factor(clips: &Clips, record: &HeadRecord, target: usize) -> u32 {
+    if record.ranks_at == 0 {
+        return 1 << 16;
+    }
+    (u64::from(record.level)).saturating_sub(u64::from(clips.rank(target)) << 16).min(1 << 16) as u32
 }
 
 /// The weights of an instance, in steps of the grid.

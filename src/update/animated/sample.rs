@@ -16,6 +16,9 @@
 //! ```text
 //! weight = k₀ + ⌊((k₁ − k₀) · f + 2¹⁵) / 2¹⁶⌋          in steps
 //! ```
+//!
+//! With a level of detail N, in steps of 2⁻¹⁶ targets, the weight of the target of rank r is interpolated once more, from 0 to
+//! what it is, with f = clamp(N − r · 2¹⁶, 0, 2¹⁶).
 
 use crate::abi::numbers;
 use crate::setters::setters;
@@ -65,8 +68,10 @@ pub struct HeadRecord {
     pub frame: u32,
     /// Fraction of a frame at `start`, in steps of 2⁻³².
     pub fraction: u32,
-    /// Padding to 32 bytes.
-    pub unused: [u32; 2],
+    /// Targets kept, in steps of 2⁻¹⁶, where `ranks_at` is not 0.
+    pub level: u32,
+    /// Where the ranks of targets are in the tables; 0: all targets are kept.
+    pub ranks_at: u32,
 }
 
 impl HeadRecord {

@@ -28,7 +28,7 @@ fn clip(frames: usize, fps: f32, value: impl Fn(usize, usize) -> f32) -> WeightC
 }
 
 fn clips(list: &[WeightClip], key_format: KeyFormat) -> Clips {
-    Clips::new(&AnimationDesc { clips: list, key_format }, mesh().layout(), grid()).unwrap()
+    Clips::new(&AnimationDesc::new(list).key_format(key_format), mesh().layout(), grid()).unwrap()
 }
 
 /// The weights at `seconds`, in double precision.
@@ -240,8 +240,8 @@ fn a_hidden_head_keeps_its_pose_and_a_shown_one_has_no_past() {
 fn what_cannot_be_played_is_refused() {
     let mesh = mesh();
     let refuse = |clip: WeightClip, words: &str| {
-        let desc = AnimationDesc { clips: &[clip], key_format: KeyFormat::Bits32 };
-        let text = Clips::new(&desc, mesh.layout(), grid()).unwrap_err().to_string();
+        let list = [clip];
+        let text = Clips::new(&AnimationDesc::new(&list), mesh.layout(), grid()).unwrap_err().to_string();
         assert!(text.contains(words), "{text}");
     };
     let large = |f, t| if (f, t) == (1, 3) { 4.5 } else { 0.0 };
