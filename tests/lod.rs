@@ -7,7 +7,7 @@ mod scene;
 
 use deltamorph::headless::HeadlessCrowd;
 use deltamorph::lod::{Importance, Level, LevelDesc};
-use deltamorph::reference::{compare, evaluate_unpacked};
+use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
 use deltamorph::{
     AnimationDesc, BatchSize, CpuCrowd, CrowdDesc, DeltaFormat, MorphEngine, PackDesc, PackedMesh, Playback,
     UpdateDesc, UpdateMode, UpdatePath, testing,
@@ -137,6 +137,52 @@ fn a_target_that_is_dropped_is_a_delta_weight() {
         .map(|pixels| coefficients(level.step(&importance, pixels, Some(&whole)), &whole))
         .collect();
     assert!(still[2..].iter().all(|did| *did == (0, 0)), "{still:?}");
+}
+
+/// The same pixels give each head an error budget of its own, which follows it: what is deferred stays within the budget of now,
+/// and is applied where that has become smaller.
+#[test]
+fn one_number_of_pixels_steers_the_error_budget_too() {
+    let mesh = testing::mesh(700, TARGETS);
+    let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).expect("a mesh that packs"));
+    let desc = LevelDesc::default().pixels(1.0);
+    let update = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).error_budget(10.0);
+    let mut crowd = CpuCrowd::new(packed.clone(), update, 2, 1).expect("a crowd");
+    let mut written = [0; 2];
+    for frame in 0..60 {
+        // Away and back; the other head stays where it is, and defers nothing.
+        let pixels_per_unit = [2.0, 0.5, 0.1, 0.5, 2.0, 20.0][frame / 10];
+        let budgets = [desc.error_budget(pixels_per_unit), 0.0];
+        let whole: Vec<f32> = (0..TARGETS).map(|t| 0.02 * ((frame * (t + 1)) % 9) as f32 + 0.3).collect();
+        for (head, budget) in budgets.into_iter().enumerate() {
+            crowd.set_error_budget(head, budget).expect("less than the crowd's");
+            crowd.set_weights(head, &whole).expect("weights");
+        }
+        crowd.update();
+        for (head, budget) in budgets.into_iter().enumerate() {
+            written[head] += crowd.changed(head).len();
+            let pose = packed.layout().to_user_order(&crowd.pose(head).expect("a pose"));
+            let off = compare(&pose, &evaluate(&packed, &whole)).position;
+            let most = f64::from(budget) + 1e-5 * f64::from(mesh.diagonal);
+            assert!(off <= most, "frame {frame}, head {head}: {off}, {budget} allowed");
+        }
+    }
+    assert!(written[0] * 3 < written[1] * 2, "{written:?}");
+    let refused = crowd.set_error_budget(0, 11.0).expect_err("more than the crowd's").to_string();
+    assert!(refused.contains("an error budget of 11 for an instance of a crowd that was made with 10"), "{refused}");
+    on_every_device(|headless, engine| {
+        let budget = UpdateDesc::blocks().error_budget(10.0);
+        for (update, refused) in [(budget, 1), (UpdateDesc::new(UpdatePath::Compute, BatchSize::All), 2)] {
+            let format = if refused == 1 { DeltaFormat::Small } else { DeltaFormat::Float32 };
+            let packed = gpu::packed(engine, &mesh, format);
+            // SAFETY: `run` hands out a recording buffer of the engine's device, and waits for it.
+            let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &packed) }).expect("an upload");
+            let mut crowd = engine.create_crowd(&uploaded, &CrowdDesc::new(update)).expect("a crowd");
+            let results = [crowd.set_error_budget(0, 1.0), crowd.set_error_budget(0, -1.0)];
+            assert_eq!(results.iter().filter(|result| result.is_err()).count(), refused);
+            assert!(crowd.set_error_budget(1, 1.0).is_err(), "there is one instance");
+        }
+    });
 }
 
 /// Crowds that the GPU animates: weights and plans are those of the CPU reference, bit for bit, and weights those of clips times

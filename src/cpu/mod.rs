@@ -119,6 +119,22 @@ impl CpuCrowd {
         self.instances.set_weight(number(instance), target, weight).map(drop)
     }
 
+    /// How far a vertex of `instance` may be from where the requested weights would put it, as
+    /// [`Crowd::set_error_budget`](crate::Crowd::set_error_budget) says.
+    ///
+    /// # Errors
+    /// An instance out of range or removed; a number that is not from 0 to the crowd's budget; a dense format.
+    pub fn set_error_budget(&mut self, instance: usize, budget: f32) -> Result<()> {
+        self.instances.check(number(instance))?;
+        match &mut self.kind {
+            Kind::Blocks(planner) => planner.set_error_budget(instance, budget),
+            Kind::Dense(_) => {
+                let what = format!("an error budget of {budget} for a mesh in a dense format");
+                Err(Error::invalid(what, "pack it in a block format"))
+            }
+        }
+    }
+
     /// Request the weight of the target called `name`, of several the first: as [`set_weight`](Self::set_weight), after a
     /// search through the names.
     ///

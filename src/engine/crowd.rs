@@ -218,6 +218,18 @@ impl Crowd {
         self.set_weight(instance, target, weight)
     }
 
+    /// How far a vertex of `instance` may be from where the requested weights would put it, from the next recorded update on, in
+    /// place of [`UpdateDesc::error_budget`](field@crate::UpdateDesc::error_budget), which is the most it can be: in input units.
+    /// [`lod::LevelDesc::error_budget`](crate::lod::LevelDesc::error_budget) makes it of pixels. What is deferred beyond a smaller one
+    /// is applied in the next update. A crowd that grows starts with the budget that it is made with.
+    ///
+    /// # Errors
+    /// An instance out of range or removed; a number that is not from 0 to the crowd's budget; a path without error budgets.
+    pub fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()> {
+        self.base.instances.check(instance)?;
+        self.base.technique.set_error_budget(instance, budget)
+    }
+
     /// The weights requested of `instance`, one per target in the mesh's order, as they were set: poses of integers round
     /// them to their grid, and an error budget may hold some back.
     ///

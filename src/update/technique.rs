@@ -66,6 +66,15 @@ pub trait Technique: Any + Send + Sync {
     /// This update and all later ones will never run.
     fn discard_from(&mut self, _id: UpdateId) {}
 
+    /// The error budget of an instance that there is, from the next update on.
+    ///
+    /// # Errors
+    /// No budget: the technique has none, or it is not from 0 to that of the crowd.
+    fn set_error_budget(&mut self, _instance: u32, budget: f32) -> Result<()> {
+        let what = format!("an error budget of {budget} for an instance of a crowd whose path has none");
+        Err(Error::invalid(what, "use the path blocks or cpu, with a mesh in a block format"))
+    }
+
     /// Refuse weights that it cannot apply.
     ///
     /// # Errors

@@ -61,7 +61,7 @@ impl BlockState {
     /// With a budget: a block's entries are deferred while Σ |pending| · reach stays within it, less what rounding may
     /// have done and may do in this update; a still face settles.
     fn commit_entries(&mut self, group: &mut GroupPlan, instance: usize, known: bool) -> bool {
-        let GroupPlan { index, list, scratch, unit, desc, tolerance, .. } = group;
+        let GroupPlan { index, list, scratch, unit, tolerance, .. } = group;
         let still = self.changed == 0;
         // Nothing may be deferred any longer.
         let settle = !known || still && self.deferred;
@@ -70,7 +70,7 @@ impl BlockState {
         }
         // Blocks that a change reaches.
         scratch.reached.clear();
-        scratch.reached.resize(index.count(), settle);
+        scratch.reached.resize(index.count(), settle || std::mem::take(&mut self.lowered));
         if !settle {
             for target in (0..self.requested.len()).filter(|&t| scratch.next[t] != self.requested[t]) {
                 index.incidence(target).iter().for_each(|i| scratch.reached[i.block as usize] = true);
@@ -95,7 +95,7 @@ impl BlockState {
                     let added = rounding(index.block_base[block] + reach, entries.len() as u32, reach);
                     rounded = self.blocks[block].bound + added;
                 }
-                let room = f64::from((desc.error_budget - rounded).max(0.0) * SUMMING);
+                let room = f64::from((self.budget() - rounded).max(0.0) * SUMMING);
                 if sum <= room {
                     deferred |= sum > 0.0;
                     continue;

@@ -3,7 +3,7 @@
 
 use super::group::{GroupPlan, Unit};
 use crate::abi::worklist::Element;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::pack::blocks::{BlockIndex, PoseGrid};
 use crate::pack::{POSE_FLOATS, PackedLayout};
 use crate::plan::instances::Instances;
@@ -16,6 +16,8 @@ pub struct Planner {
     pub groups: Vec<GroupPlan>,
     /// `[group][instance]`.
     states: Vec<Vec<BlockState>>,
+    /// The largest error budget of an instance.
+    budget_most: f32,
 }
 
 impl Planner {
@@ -30,7 +32,8 @@ impl Planner {
     ) -> Result<Self> {
         let groups = groups.into_iter().map(|layout| GroupPlan::new(desc, layout, instances));
         let groups = groups.collect::<Result<Vec<_>>>()?;
-        Ok(Self { states: groups.iter().map(|group| vec![BlockState::new(group); instances]).collect(), groups })
+        let states = groups.iter().map(|group| vec![BlockState::new(group); instances]).collect();
+        Ok(Self { states, groups, budget_most: desc.error_budget })
     }
 
     /// Plan the update numbered `update` of every instance that is shown.
@@ -50,6 +53,23 @@ impl Planner {
             }
             if changed { history.advance(update, [slots[1]]) } else { history.stay(update) }
         }
+    }
+
+    /// The error budget of an instance that there is, from the next update on.
+    ///
+    /// # Errors
+    /// More than the crowd was made with; no number, or one below 0.
+    pub fn set_error_budget(&mut self, instance: usize, budget: f32) -> Result<()> {
+        let most = self.budget_most;
+        if !(0.0..=most).contains(&budget) {
+            let what = format!("an error budget of {budget} for an instance of a crowd that was made with {most}");
+            return Err(Error::invalid(what, "use a number from 0 to that, or make the crowd with a larger one"));
+        }
+        for (group, states) in self.groups.iter().zip(&mut self.states) {
+            // Without lengths there is none, whatever the crowd was made with.
+            states[instance].set_budget(budget.min(group.desc.error_budget));
+        }
+        Ok(())
     }
 
     /// Mark the targets that poses hold, of instances that have one: the pose of others is written from base, with what
@@ -90,6 +110,10 @@ pub(crate) struct BlockState {
     pub(super) committed: Vec<u32>,
     /// With an error budget.
     pub(super) per_entry: bool,
+    /// The error budget, at most that of the crowd.
+    budget: f32,
+    /// It is less than it was: what is deferred everywhere has to be looked at.
+    pub(super) lowered: bool,
     /// Some change is deferred.
     pub(super) deferred: bool,
     /// Targets requested that differ from the update before.
@@ -136,6 +160,8 @@ impl BlockState {
             requested: vec![0; targets],
             committed: vec![0; if per_entry { index.entry_count() } else { targets }],
             per_entry,
+            budget: group.desc.error_budget,
+            lowered: false,
             deferred: false,
             changed: 0,
             largest_weight: 1.0,
@@ -145,6 +171,17 @@ impl BlockState {
             is_stale: vec![true; slots * index.count()],
             stale: vec![u32::MAX; slots * index.count() * POSE_FLOATS * index.mask_words()],
         }
+    }
+
+    /// The error budget from the next update on.
+    fn set_budget(&mut self, budget: f32) {
+        self.lowered |= budget < self.budget;
+        self.budget = budget;
+    }
+
+    /// The error budget.
+    pub(super) fn budget(&self) -> f32 {
+        self.budget
     }
 
     /// What the slots hold is not known: the instance has no pose, or was left out of some updates.

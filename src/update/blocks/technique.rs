@@ -126,6 +126,10 @@ impl Group {
 }
 
 impl Technique for BlocksTechnique {
+    fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()> {
+        self.planner.set_error_budget(instance as usize, budget)
+    }
+
     fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         if let Some(holder) = &self.holder {
             holder.check_update(instances)?;
