@@ -44,25 +44,21 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Bytes over the distance, both logarithmic: all targets grey, with the level of detail blue; away solid, back dashed.
+/// Bytes over the distance, which is logarithmic: all targets grey, with the level of detail blue; away solid, back dashed.
 fn plot(frames: &[Frame]) -> String {
     let (width, height, edge) = (720.0f64, 400.0f64, 60.0f64);
-    let counted = &frames[1..];
+    // The first two write all poses.
+    let counted = &frames[2.min(frames.len() - 1)..];
     let far = counted.iter().map(|f| f.distance).fold(1.0, f32::max);
-    let bytes = || counted.iter().flat_map(|f| f.bytes).map(|b| b.max(1) as f64);
-    let (low, high) = (bytes().fold(f64::MAX, f64::min).log10().floor(), bytes().fold(1.0, f64::max).log10().ceil());
+    let high = counted.iter().flat_map(|f| f.bytes).max().unwrap_or(1) as f64 / 1e6;
     let x = |distance: f32| edge + (width - 2.0 * edge) * f64::from(distance.ln() / far.ln());
-    let y = |bytes: f64| height - edge - (height - 2.0 * edge) * (bytes.log10() - low) / (high - low);
+    let y = |megabytes: f64| height - edge - (height - 2.0 * edge) * megabytes / high;
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" \
          font-size=\"13\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
     );
-    for power in low as i32..=high as i32 {
-        let at = y(10f64.powi(power));
-        let label = match power {
-            ..6 => format!("{} kB", 10f64.powi(power - 3)),
-            _ => format!("{} MB", 10f64.powi(power - 6)),
-        };
+    for megabytes in (0..=high as u32).step_by(2) {
+        let (at, label) = (y(f64::from(megabytes)), format!("{megabytes} MB"));
         let _ = writeln!(
             svg,
             "<path d=\"M{edge} {at:.1}H{:.1}\" stroke=\"#ddd\"/><text x=\"{:.1}\" y=\"{:.1}\" \
@@ -84,7 +80,7 @@ fn plot(frames: &[Frame]) -> String {
     for (part, dash) in [(&counted[..=half], ""), (&counted[half..], " stroke-dasharray=\"5 4\"")] {
         for (which, colour) in [(1, "#999"), (0, "#1565c0")] {
             let points: Vec<String> =
-                part.iter().map(|f| format!("{:.1},{:.1}", x(f.distance), y(f.bytes[which].max(1) as f64))).collect();
+                part.iter().map(|f| format!("{:.1},{:.1}", x(f.distance), y(f.bytes[which] as f64 / 1e6))).collect();
             let _ = writeln!(
                 svg,
                 "<polyline fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.8\"{dash} points=\"{}\"/>",

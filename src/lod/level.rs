@@ -17,8 +17,8 @@ pub struct LevelDesc {
     /// targets that are left out ([`Level::step`]), half by changes that are deferred ([`error_budget`](Self::error_budget)).
     /// 1 by default.
     pub pixels: f32,
-    /// How far any vertex may move from one frame to the next because the level changes, in pixels (above 0). 0.02 by default: with
-    /// a contrast of 100 in 255 between neighbouring pixels, they change by 2 in 255.
+    /// How far any vertex may move from one frame to the next because the level changes, in pixels (above 0). 0.008 by
+    /// default: what that changes in pictures is in docs/results/fly.md.
     pub fade: f32,
 }
 
@@ -26,7 +26,7 @@ setters!(LevelDesc { pixels: f32, fade: f32 });
 
 impl Default for LevelDesc {
     fn default() -> Self {
-        Self { pixels: 1.0, fade: 0.02 }
+        Self { pixels: 1.0, fade: 0.008 }
     }
 }
 

@@ -56,11 +56,11 @@ impl Fly {
     pub fn new() -> Self {
         Self {
             wall: [10, 10],
-            vertices: 3000,
-            frames: 120,
+            vertices: 1500,
+            frames: 160,
             farthest: 24.0,
             size: [320, 240],
-            supersampling: 4,
+            supersampling: 8,
             lod: LevelDesc::default(),
             draws: true,
         }
