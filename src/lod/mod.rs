@@ -81,12 +81,15 @@ pub struct Importance {
     pinned: usize,
 }
 
+/// Calls back with each vertex that a target moves, and how far.
+type EachDelta<'a> = dyn Fn(usize, &mut dyn FnMut(usize, DVec3)) + 'a;
+
 /// What moves: names of targets, vertices, and the position deltas of a target.
 struct Deltas<'a> {
     mesh: &'a str,
     names: Vec<&'a str>,
     vertices: usize,
-    each: &'a dyn Fn(usize, &mut dyn FnMut(usize, DVec3)),
+    each: &'a EachDelta<'a>,
 }
 
 impl Importance {

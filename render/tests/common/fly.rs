@@ -43,10 +43,10 @@ pub struct Frame {
     pub behind: f32,
     /// Bytes that the update moves, with the level of detail and with all targets.
     pub bytes: [u64; 2],
-    /// The largest change of any channel of a pixel, in 255ths, because the levels are this frame's and not those of the frame
+    /// The largest change of any channel of a pixel, in units of 1/255, because the levels are this frame's and not those of the frame
     /// before; and if they were at their goals at once.
     pub pop: [f32; 2],
-    /// The largest change, in 255ths, from the frame before of the difference between pictures with and without a level of detail.
+    /// The largest change, in units of 1/255, from the frame before of the difference between pictures with and without a level of detail.
     pub drift: f32,
 }
 
@@ -179,7 +179,7 @@ fn farthest(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
 
-/// Means of `by` × `by` pixels as a display shows them: of light, then encoded, in 255ths and not rounded to them.
+/// Means of `by` × `by` pixels as a display shows them: of light, then encoded, in units of 1/255 and not rounded to them.
 fn shrunk(picture: &Picture, by: u32) -> Vec<f32> {
     let decoded: Vec<f32> = (0..256)
         .map(|byte| match byte as f32 / 255.0 {
