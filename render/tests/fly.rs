@@ -4,7 +4,6 @@
 mod fly;
 
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
-use deltamorph::lod::LevelDesc;
 use fly::{Fly, Frame};
 
 /// A small wall: `examples/fly.rs` flies past a hundred heads.
@@ -12,16 +11,14 @@ use fly::{Fly, Frame};
 fn no_pixel_pops_and_bytes_fall_with_the_distance() {
     let desc = HeadlessDesc::default().device(DeviceChoice::Name("llvmpipe".into())).validation(true);
     let headless = Headless::new(&desc).expect("llvmpipe; run as ./with-vulkan cargo test");
-    // Few frames, and so a faster fade than the default.
-    let lod = LevelDesc::default().fade(0.016);
-    let fly = Fly { wall: [3, 3], vertices: 800, frames: 24, size: [72, 72], supersampling: 8, lod, ..Fly::new() };
+    let fly = Fly { wall: [3, 3], vertices: 800, frames: 36, size: [72, 72], supersampling: 16, ..Fly::new() };
     let frames = fly.run(&headless, |_, _| ()).expect("pictures");
     let most = |of: &dyn Fn(&Frame) -> f32| frames.iter().map(of).fold(0.0, f32::max);
     let [pop, at_once, drift] = [most(&|f| f.pop[0]), most(&|f| f.pop[1]), most(&|f| f.drift)];
     assert!(pop > 0.0 && pop <= 2.0 && at_once > 2.0 * pop && drift > 0.0, "{frames:#?}");
     // A little after the middle, where the fade has arrived; of all targets, as many bytes move as ever.
     let share = |frame: &Frame| frame.bytes[0] as f64 / frame.bytes[1] as f64;
-    let [near, far] = [&frames[3], &frames[14]];
+    let [near, far] = [&frames[3], &frames[23]];
     assert!(share(far) < 0.5 * share(near) && far.bytes[1] * 2 > near.bytes[1], "{near:#?} {far:#?}");
     assert!(far.kept < near.kept && far.behind < 0.5 && far.distance > near.distance, "{near:#?} {far:#?}");
     assert!(far.head_pixels < near.head_pixels);
