@@ -115,6 +115,7 @@ fn compile(module: &Module, glsl: &Path) -> Vec<u8> {
     };
     let stage = match module.kernel.stage {
         kernels::Stage::Vertex => ShaderStage::Vertex,
+        kernels::Stage::Fragment => ShaderStage::Fragment,
         kernels::Stage::Compute | kernels::Stage::ComputeSized => ShaderStage::Compute,
     };
     let batch = module.batch.map(|b| b.to_string());

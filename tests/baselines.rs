@@ -12,7 +12,8 @@ use deltamorph::headless::{Headless, HeadlessCrowd, PoseUpload};
 use deltamorph::import::{csv, obj};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    BatchSize, CpuCrowd, DeltaFormat, MorphEngine, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath, testing,
+    BatchSize, CpuCrowd, DeltaFormat, MorphEngine, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdateMode,
+    UpdatePath, testing,
 };
 use gpu::{NORMAL, POSITION, in_eight_chunks, on_every_device, packed, single};
 use std::sync::Arc;
@@ -215,6 +216,28 @@ fn bytes_are_those_that_kernels_load_and_store() {
                 UpdatePath::VertexStore => (vertices * (48 * passes + 3 * stride), vertices * (48 + 3 * stride)),
                 // Clear, six atomics a record, resolve.
                 UpdatePath::Scatter => (vertices * (24 + 72) + deltas * (16 + 48), vertices * 48 + deltas * 16),
+                // Deltas, and displacements blended; rectangles have texels besides that the target does not move, and all
+                // texels are cleared, of which there are as many as vertices at least. Draws are not counted.
+                UpdatePath::Texture => {
+                    let (delta, texels) = (if stride == 12 { 16 } else { 32 }, deltas..=deltas + vertices);
+                    let of = |texels: u64| texels * (delta + 64);
+                    let moved = of(*texels.start()) + 32..=of(*texels.end()) + 32 * (2 * vertices + 2);
+                    assert!(moved.contains(&stats.bytes_moved), "{moved:?}, {stats:?}");
+                    let floor = deltas * delta + 64..=of(*texels.end());
+                    assert!(floor.contains(&stats.bytes_floor), "{floor:?}, {stats:?}");
+                    assert_eq!(crowd.step(&[&weights]).expect("a step").update.stats.bytes_moved, 0);
+                    // One target changes: a delta weight, without clearing.
+                    let mut changed = weights;
+                    changed[1] += 0.25;
+                    let one = crowd.step(&[&changed]).expect("a step").update.stats;
+                    if desc.mode == UpdateMode::Incremental {
+                        assert_eq!((one.coefficients, one.rebuilt), (1, 0));
+                        assert!(one.bytes_moved < stats.bytes_moved / 2, "{one:?} after {stats:?}");
+                    } else {
+                        assert_eq!((one.coefficients, one.bytes_moved), (3, stats.bytes_moved));
+                    }
+                    return;
+                }
                 // Of one draw, which looks no further than the last active target.
                 UpdatePath::Direct => (vertices * (24 + 3 * stride) + 5 * 8, vertices * (24 + 3 * stride)),
                 _ => (vertices * (24 + 3 * stride), vertices * (24 + 3 * stride)),

@@ -1,4 +1,6 @@
 // float32, dense: six floats. CPU: src/pack/formats/float32.rs.
+// As a texture: texels of floats.
+#define DELTA_TEXTURE texture2D
 
 #ifdef DELTAS_BINDING
 layout(set = 0, binding = DELTAS_BINDING, std430) readonly buffer Deltas { vec2 deltas[]; };

@@ -1,4 +1,6 @@
 // snorm16, dense: two signed 16-bit integers to a word, in steps. CPU: src/pack/formats/snorm16.rs.
+// As a texture: texels of integers.
+#define DELTA_TEXTURE itexture2D
 
 void decode_snorm16(uvec3 words, out ivec3 position, out ivec3 normal) {
     ivec3 low = bitfieldExtract(ivec3(words), 0, 16);

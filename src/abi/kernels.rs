@@ -21,6 +21,8 @@ pub const PLACES: usize = 8;
 pub enum Stage {
     /// A vertex shader.
     Vertex,
+    /// A fragment shader, with the vertex shader that goes before it in the table.
+    Fragment,
     /// A compute shader with workgroups of [`WORKGROUP`](super::numbers::WORKGROUP) invocations.
     Compute,
     /// A compute shader with workgroups of as many as specialization constant 0 says.
@@ -96,6 +98,10 @@ pub enum Push {
     Resolve,
     /// `DirectPush`
     Direct,
+    /// `RectanglesPush`
+    Rectangles,
+    /// `TexturedPush`
+    Textured,
     /// As many coefficients as there are targets: `attribute_push_bytes`.
     Attributes,
 }
@@ -115,6 +121,8 @@ pub enum Buffer {
     UniformTexels(i32),
     /// A texel buffer that is loaded and may be stored to.
     StorageTexels(i32),
+    /// A sampled image that is loaded without a sampler. Its binding comes after those of buffers.
+    Image,
 }
 
 /// A descriptor of set 0: binding and buffer.
@@ -159,7 +167,11 @@ impl KernelRow {
     /// Its file under glsl/.
     pub fn source(&self) -> String {
         let folder = if self.baseline { "baselines/" } else { "" };
-        let ending = if self.stage == Stage::Vertex { "vert" } else { "comp" };
+        let ending = match self.stage {
+            Stage::Vertex => "vert",
+            Stage::Fragment => "frag",
+            Stage::Compute | Stage::ComputeSized => "comp",
+        };
         format!("{folder}{}.{ending}", self.name)
     }
 }
@@ -210,6 +222,14 @@ const DIRECT: KernelRow = KernelRow {
     takes: Takes::Dense,
     bindings: &[(0, Buffer::DynamicDeltas), (1, Buffer::Dynamic(8))],
     push: Push::Direct,
+    baseline: true,
+    ..VERTEX
+};
+/// A draw of others' technique `texture`: texels of vertices, displacement textures.
+const TEXTURED: KernelRow = KernelRow {
+    name: "textured",
+    bindings: &[(0, WORDS), (2, Buffer::Image)],
+    push: Push::Textured,
     baseline: true,
     ..VERTEX
 };
@@ -327,5 +347,24 @@ pub const KERNELS: &[KernelRow] = &[
         defines: &["STORE"],
         bindings: &[(0, Buffer::DynamicDeltas), (1, Buffer::Dynamic(8)), (2, PAIRS)],
         ..DIRECT
+    },
+    // Rectangles of texels that a target moves; and its deltas, which are blended there.
+    KernelRow { name: "rectangles", bindings: &[(0, WORDS)], push: Push::Rectangles, baseline: true, ..VERTEX },
+    KernelRow {
+        name: "texels",
+        stage: Stage::Fragment,
+        takes: Takes::Dense,
+        bindings: &[(1, Buffer::Image), (2, Buffer::Image)],
+        push: Push::Rectangles,
+        baseline: true,
+        ..VERTEX
+    },
+    TEXTURED,
+    KernelRow { suffix: "feedback", defines: &["FEEDBACK"], ..TEXTURED },
+    KernelRow {
+        suffix: "store",
+        defines: &["STORE"],
+        bindings: &[(0, WORDS), (1, PAIRS), (2, Buffer::Image)],
+        ..TEXTURED
     },
 ];

@@ -224,6 +224,24 @@ shared! {
         /// First vertex of the chunk.
         first_vertex: u32,
     }
+
+    /// Push constants of `baselines/rectangles.vert` and `baselines/texels.frag`.
+    pub struct RectanglesPush {
+        /// From texels to clip space: 2 / size of the displacement textures.
+        scale: [f32; 2],
+        /// Coefficients of positions and of normals, in steps of the target's deltas.
+        coefficients: [f32; 2],
+        /// Texels of a row of the delta textures.
+        row: u32,
+    }
+
+    /// Push constants of `baselines/textured.vert`.
+    pub struct TexturedPush {
+        /// Where the texels of vertices begin, in words.
+        texels_at: u32,
+        /// Texels of a row of the displacement textures.
+        row: u32,
+    }
 }
 
 impl Push {
@@ -246,6 +264,8 @@ impl Push {
             Self::Scatter => (ScatterPush::MEMBERS, size_of::<ScatterPush>()),
             Self::Resolve => (ResolvePush::MEMBERS, size_of::<ResolvePush>()),
             Self::Direct => (DirectPush::MEMBERS, size_of::<DirectPush>()),
+            Self::Rectangles => (RectanglesPush::MEMBERS, size_of::<RectanglesPush>()),
+            Self::Textured => (TexturedPush::MEMBERS, size_of::<TexturedPush>()),
         }
     }
 }

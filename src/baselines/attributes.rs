@@ -1,7 +1,7 @@
 //! The `direct-attributes` path (Gerdelan): the draw itself has the active targets as vertex attributes, next to the
 //! base pose, and their weights as push constants. As many targets can be active as the device has attributes for.
 
-use super::draws::{Capture, Draws};
+use super::draws::{Capture, Draw, Draws};
 use super::vertex_store::store_sets;
 use crate::abi::modules::{DIRECT_ATTRIBUTES, FEEDBACK, VERTEX_STORE};
 use crate::error::{Error, Result};
@@ -86,7 +86,9 @@ impl Draws for AttributeDraws {
             "set other weights to zero, use a larger batch size where the device has one, or the path 'direct'",
         ))
     }
+}
 
+impl Draw for AttributeDraws {
     unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>, captured: bool) {
         let passes = instances.map(|instance| self.pass(instance));
         let (pipelines, stores) = match &self.capturer {

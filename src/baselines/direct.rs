@@ -2,7 +2,7 @@
 //! storage buffer (Costigan et al., Algorithm 1; Bevy, three.js and Filament do it so, with textures in the place of
 //! buffers).
 
-use super::draws::{Capture, Draws};
+use super::draws::{Capture, Draw, Draws};
 use crate::abi::modules::{DIRECT, DIRECT_FEEDBACK, DIRECT_STORE};
 use crate::abi::push::DirectPush;
 use crate::error::Result;
@@ -121,7 +121,9 @@ impl Draws for DirectDraws {
     fn weight_bytes(&self, weights: &[f32]) -> u64 {
         weights.iter().rposition(|w| *w != 0.0).map_or(0, |last| (WEIGHT_BYTES * (last + 1)) as u64)
     }
+}
 
+impl Draw for DirectDraws {
     unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>, captured: bool) {
         let (objects, capture) = (&self.kernel.objects, self.kernel.key.capture.filter(|_| captured));
         let (device, mesh) = (&objects.device.raw, &self.mesh.layout);

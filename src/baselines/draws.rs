@@ -14,8 +14,18 @@ use crate::update::technique::{Context, Technique, UpdateId};
 use ash::vk;
 use std::sync::Arc;
 
-/// Draws that evaluate the pose.
-pub(crate) trait Draws: Send + Sync + 'static {
+/// What records draws that evaluate the pose.
+pub(crate) trait Draw {
+    /// Record the draws of these instances, captured in the way that the device has, if requested.
+    ///
+    /// # Safety
+    /// As [`record_draws`](crate::engine::MorphEngine::record_draws); an update has written what they read; captures have
+    /// barriers around them.
+    unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>, captured: bool);
+}
+
+/// Draws that evaluate the pose from weights.
+pub(crate) trait Draws: Draw + Send + Sync + 'static {
     /// What a crowd's draws take.
     fn new(context: Context<'_>) -> Result<Self>
     where
@@ -34,13 +44,6 @@ pub(crate) trait Draws: Send + Sync + 'static {
     fn weight_bytes(&self, _weights: &[f32]) -> u64 {
         0
     }
-
-    /// Record the draws of these instances, captured in the way that the device has, if requested.
-    ///
-    /// # Safety
-    /// As [`record_draws`](crate::engine::MorphEngine::record_draws); an update has written the weights; captures have
-    /// barriers around them.
-    unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>, captured: bool);
 }
 
 /// A crowd on a direct path: an update writes weights, and there are no works.

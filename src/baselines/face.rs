@@ -1,8 +1,8 @@
 //! The public face of the baselines: an upload of their own, and draws that evaluate.
 
-use super::draws::{Capture, Draws};
+use super::draws::{Capture, Draw};
 use super::scatter::records;
-use super::{AttributesTechnique, DirectTechnique};
+use super::{AttributesTechnique, DirectTechnique, TextureTechnique};
 use crate::engine::{Crowd, GpuMesh, MorphEngine, PoseView};
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
@@ -90,11 +90,12 @@ impl MorphEngine {
         Ok(crowd.base.view(0, 0, 0))
     }
 
-    fn draws<'a>(&self, crowd: &'a Crowd) -> Result<&'a dyn Draws> {
+    fn draws<'a>(&self, crowd: &'a Crowd) -> Result<&'a dyn Draw> {
         crowd.base.check_device(&self.device)?;
-        let direct = crowd.base.technique::<DirectTechnique>().map(|direct| &direct.draws as &dyn Draws);
+        let direct = crowd.base.technique::<DirectTechnique>().map(|direct| &direct.draws as &dyn Draw);
         let attributes = || crowd.base.technique::<AttributesTechnique>().map(|attributes| &attributes.draws as _);
-        direct.or_else(attributes).ok_or_else(|| {
+        let texture = || crowd.base.technique::<TextureTechnique>().map(|texture| &texture.draws as _);
+        direct.or_else(attributes).or_else(texture).ok_or_else(|| {
             Error::invalid(
                 format!("a draw that evaluates, of a crowd on the path '{}'", crowd.desc().update.path.name()),
                 "draw from Crowd::pose: the path has pose buffers",

@@ -161,7 +161,8 @@ impl MorphEngine {
         if mesh.groups[0].private.is_empty() == desc.update.path.row().has_own_upload {
             return Err(Error::invalid(
                 format!("mesh '{}' for the path '{}'", mesh.layout().name, desc.update.path.name()),
-                "upload it with MorphEngine::upload_scatter for 'scatter', with MorphEngine::upload for other paths",
+                "upload it with MorphEngine::upload_scatter for 'scatter', with upload_texture for 'texture', with \
+                 MorphEngine::upload for other paths",
             ));
         }
         Ok(())

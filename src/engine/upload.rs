@@ -117,6 +117,20 @@ impl MorphEngine {
     pub(crate) unsafe fn upload_groups(&self, cmd: vk::CommandBuffer, groups: Vec<(MeshBuffers, Upload)>) -> GpuMesh {
         let (groups, staging): (Vec<_>, Vec<_>) = groups.into_iter().unzip();
         // SAFETY: the caller's obligations.
+        unsafe { self.upload_buffers(cmd, groups, staging) }
+    }
+
+    /// Record these uploads, of groups of a mesh that was checked.
+    ///
+    /// # Safety
+    /// As [`upload`](Self::upload).
+    pub(crate) unsafe fn upload_buffers(
+        &self,
+        cmd: vk::CommandBuffer,
+        groups: Vec<MeshBuffers>,
+        staging: Vec<Upload>,
+    ) -> GpuMesh {
+        // SAFETY: the caller's obligations.
         unsafe { record_uploads(&self.device, cmd, &staging) };
         GpuMesh { groups: groups.into_iter().map(Arc::new).collect(), staging }
     }

@@ -93,6 +93,10 @@ pub struct DeviceCaps {
     pub transform_feedback: Option<TransformFeedbackCaps>,
     /// Whether vertex shaders may write storage buffers (the feature `vertexPipelineStoresAndAtomics`).
     pub vertex_stores: bool,
+    /// Whether colours of four float32 can be blended, and loaded by shaders, as textures.
+    pub float_blending: bool,
+    /// Texels of a 2D image in either direction.
+    pub max_image_side: u32,
     /// Whether shaders may use 64-bit integers (the feature `shaderInt64`).
     pub int64: bool,
     /// What each family of queues can do, by its index.
@@ -126,7 +130,7 @@ pub fn requirements(path: UpdatePath) -> &'static [Requirement] {
             feature: Some("vertexPipelineStoresAndAtomics"),
             reason: "vertex passes store the pose in a storage buffer",
         }],
-        Needs::Nothing | Needs::Workgroups => &[],
+        Needs::Nothing | Needs::Workgroups | Needs::FloatBlending => &[],
     }
 }
 
@@ -143,11 +147,12 @@ impl DeviceCaps {
     /// - Both are of Vulkan 1.1 or later.
     pub unsafe fn query(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Self {
         // SAFETY: the caller's obligations are those of these calls.
-        let (core, extensions, families) = unsafe {
+        let (core, extensions, families, floats) = unsafe {
             (
                 instance.get_physical_device_properties(physical),
                 instance.enumerate_device_extension_properties(physical).unwrap_or_default(),
                 instance.get_physical_device_queue_family_properties(physical),
+                instance.get_physical_device_format_properties(physical, vk::Format::R32G32B32A32_SFLOAT),
             )
         };
         let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
@@ -224,6 +229,10 @@ impl DeviceCaps {
                 },
             ),
             vertex_stores: core_features.vertex_pipeline_stores_and_atomics == vk::TRUE,
+            float_blending: floats
+                .optimal_tiling_features
+                .contains(vk::FormatFeatureFlags::COLOR_ATTACHMENT_BLEND | vk::FormatFeatureFlags::SAMPLED_IMAGE),
+            max_image_side: limits.max_image_dimension2_d,
             int64: core_features.shader_int64 == vk::TRUE,
             queue_families: families.iter().map(|family| family.queue_flags).collect(),
         }
@@ -252,6 +261,8 @@ impl DeviceCaps {
             timestamp_period: 0.0,
             transform_feedback: None,
             vertex_stores: false,
+            float_blending: false,
+            max_image_side: 4096,
             int64: false,
             queue_families: vec![],
         }
@@ -281,6 +292,8 @@ impl DeviceCaps {
                 max_stride: a.max_stride.min(b.max_stride),
             });
         self.vertex_stores &= limits.vertex_stores;
+        self.float_blending &= limits.float_blending;
+        self.max_image_side = self.max_image_side.min(limits.max_image_side);
         self.int64 &= limits.int64;
         self.queue_families.iter_mut().zip(&limits.queue_families).for_each(|(flags, limits)| *flags &= *limits);
     }
@@ -337,7 +350,11 @@ impl DeviceCaps {
                 format!("{} invocations per workgroup, {WORKGROUP} needed", self.max_workgroup_invocations),
                 "use the path 'cpu'",
             ),
-            Needs::Nothing | Needs::VertexStores | Needs::Workgroups => Ok(()),
+            Needs::FloatBlending if !self.float_blending => refuse(
+                "needs blending of R32G32B32A32_SFLOAT (COLOR_ATTACHMENT_BLEND), which the device lacks".into(),
+                "use the path 'compute', which needs no format",
+            ),
+            Needs::Nothing | Needs::VertexStores | Needs::Workgroups | Needs::FloatBlending => Ok(()),
         }
     }
 
@@ -354,8 +371,8 @@ impl DeviceCaps {
         if !flags.contains(vk::QueueFlags::COMPUTE) {
             return refuse("compute", "name one that has");
         }
-        if !path.works_in_place() && !flags.contains(vk::QueueFlags::GRAPHICS) {
-            return refuse("graphics, which vertex passes take", "use the path 'blocks' or 'compute' there");
+        if path.draws_updates() && !flags.contains(vk::QueueFlags::GRAPHICS) {
+            return refuse("graphics, which its passes take", "use the path 'blocks' or 'compute' there");
         }
         Ok(())
     }

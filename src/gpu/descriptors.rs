@@ -3,7 +3,7 @@
 use super::device::Device;
 use super::failed;
 use crate::abi::kernels::{Binding, Buffer};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use ash::vk;
 use std::sync::Arc;
 
@@ -28,6 +28,7 @@ pub(crate) fn descriptor_type(buffer: Buffer) -> vk::DescriptorType {
         Buffer::Dynamic(_) | Buffer::DynamicDeltas => vk::DescriptorType::STORAGE_BUFFER_DYNAMIC,
         Buffer::UniformTexels(_) => vk::DescriptorType::UNIFORM_TEXEL_BUFFER,
         Buffer::StorageTexels(_) => vk::DescriptorType::STORAGE_TEXEL_BUFFER,
+        Buffer::Image => vk::DescriptorType::SAMPLED_IMAGE,
     }
 }
 
@@ -41,6 +42,7 @@ pub(crate) struct Sets {
 
 impl Sets {
     /// A set of `layout`, which is a kernel's, for each list of buffers, which are in the order of the layout's `bindings`.
+    /// Images come after them, and are written by [`write_image`](Self::write_image).
     pub(super) fn new(
         device: &Arc<Device>,
         layout: vk::DescriptorSetLayout,
@@ -89,10 +91,22 @@ impl Sets {
                 write.texel_buffer_view(&view)
             }
             Buffer::Storage(_) | Buffer::Dynamic(_) | Buffer::Poses | Buffer::DynamicDeltas => write.buffer_info(&info),
+            Buffer::Image => return Err(Error::invalid("a buffer where a kernel loads an image", "report this")),
         };
         // SAFETY: the set is not in use yet; buffers and ranges are those of whoever owns the sets.
         unsafe { self.device.raw.update_descriptor_sets(&[write], &[]) };
         Ok(())
+    }
+
+    /// Bind an image that shaders load, in the layout SHADER_READ_ONLY_OPTIMAL.
+    #[cfg(feature = "baselines")]
+    pub(crate) fn write_image(&mut self, set: usize, binding: u32, view: vk::ImageView) {
+        let layout = vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL;
+        let info = [vk::DescriptorImageInfo::default().image_view(view).image_layout(layout)];
+        let write = vk::WriteDescriptorSet::default().dst_set(self.sets[set]).dst_binding(binding);
+        let write = write.descriptor_type(descriptor_type(Buffer::Image)).image_info(&info);
+        // SAFETY: the set is not in use yet; the view is that of whoever owns the sets.
+        unsafe { self.device.raw.update_descriptor_sets(&[write], &[]) };
     }
 
     pub(crate) fn get(&self, set: usize) -> vk::DescriptorSet {

@@ -208,16 +208,16 @@ impl Device {
     pub(crate) fn allocate(
         &self,
         name: &str,
-        buffer: vk::Buffer,
+        requirements: vk::MemoryRequirements,
+        own: AllocationScheme,
         location: MemoryLocation,
     ) -> Result<Allocation, AllocationError> {
-        // SAFETY: the caller, `Buffer::new`, has created it on this device just now.
-        let requirements = unsafe { self.raw.get_buffer_memory_requirements(buffer) };
+        // Images are tiled as the device likes.
+        let linear = !matches!(own, AllocationScheme::DedicatedImage(_));
         let allocate = |allocation_scheme| {
-            let desc = AllocationCreateDesc { name, requirements, location, linear: true, allocation_scheme };
+            let desc = AllocationCreateDesc { name, requirements, location, linear, allocation_scheme };
             self.allocator().allocate(&desc)
         };
-        let own = AllocationScheme::DedicatedBuffer(buffer);
         let allocation = match self.dedicated.load(Ordering::Relaxed) < self.dedicated_most {
             true => allocate(own)?,
             // Where there is no room for another block there may be for the buffer.

@@ -6,7 +6,7 @@ use super::failed;
 use crate::error::{Error, Result};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use gpu_allocator::vulkan::Allocation;
+use gpu_allocator::vulkan::{Allocation, AllocationScheme};
 use std::sync::Arc;
 
 /// Where staging memory lies: in the host's memory. `CpuToGpu` prefers the small window of a graphics card's memory that the
@@ -44,7 +44,9 @@ impl Buffer {
         device.name(raw, || name.to_owned());
         // From here on dropping `buffer` destroys what there is of it.
         let mut buffer = Self { device: device.clone(), raw, allocation: None };
-        let allocation = device.allocate(name, raw, location);
+        // SAFETY: created just now.
+        let requirements = unsafe { device.raw.get_buffer_memory_requirements(raw) };
+        let allocation = device.allocate(name, requirements, AllocationScheme::DedicatedBuffer(raw), location);
         let allocation = buffer.allocation.insert(allocation.map_err(|e| allocation_failed(name, bytes, &e))?);
         // SAFETY: the allocation was made for this buffer's requirements and is bound once.
         unsafe { device.raw.bind_buffer_memory(raw, allocation.memory(), allocation.offset()) }

@@ -3,6 +3,8 @@
 use super::barriers;
 use super::descriptors::BufferRange;
 use super::device::Device;
+#[cfg(feature = "baselines")]
+use super::images::Image;
 use super::memory::{Buffer, STAGING};
 use super::parts::AssetPart;
 use crate::error::Result;
@@ -33,6 +35,11 @@ pub(crate) struct MeshBuffers {
     pub(crate) parts: Vec<AssetPart>,
     /// Uploaded for one technique, in words of its own: what that has to know of them on the host. Else empty.
     pub(crate) private: Vec<u32>,
+    /// Of a technique that loads deltas from images: those of positions and of normals.
+    #[cfg(feature = "baselines")]
+    pub(crate) images: Vec<Image>,
+    #[cfg(feature = "baselines")]
+    pub(crate) image_views: Vec<vk::ImageView>,
     /// Where targets come and go: which are there. All groups are in one buffer then.
     pub(crate) residents: Option<Arc<Residents>>,
 }
@@ -41,6 +48,9 @@ pub(crate) struct MeshBuffers {
 pub(crate) struct Upload {
     staging: Buffer,
     copies: Vec<(vk::Buffer, vk::BufferCopy)>,
+    /// All texels of an image of this size, in the place of copies.
+    #[cfg(feature = "baselines")]
+    image: Option<(vk::Image, [u32; 2])>,
 }
 
 impl MeshBuffers {
@@ -85,8 +95,40 @@ impl MeshBuffers {
             copies.push((deltas.raw, region(base_bytes.len(), delta_bytes)));
         }
         copies.retain(|(_, region)| region.size > 0);
-        let mesh = Self { layout, base, deltas: Arc::new(deltas), parts, private, residents: None };
-        Ok((mesh, Upload { staging, copies }))
+        let mesh = Self {
+            layout,
+            base,
+            deltas: Arc::new(deltas),
+            parts,
+            private,
+            #[cfg(feature = "baselines")]
+            images: vec![],
+            #[cfg(feature = "baselines")]
+            image_views: vec![],
+            residents: None,
+        };
+        Ok((mesh, Upload::new(staging, copies)))
+    }
+
+    /// Add an image of texels that shaders load, and what fills it.
+    #[cfg(feature = "baselines")]
+    pub(crate) fn add_image(
+        &mut self,
+        device: &Arc<Device>,
+        name: &str,
+        format: vk::Format,
+        size: [u32; 2],
+        texels: &[u8],
+    ) -> Result<Upload> {
+        let usage = vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST;
+        let mut image = Image::new(device, name, format, (size, 1), usage)?;
+        self.image_views.push(image.view(0..1, false)?);
+        let (bytes, usage) = (texels.len() as u64, vk::BufferUsageFlags::TRANSFER_SRC);
+        let mut staging = Buffer::new(device, "deltamorph upload", bytes, usage, STAGING)?;
+        staging.mapped()?[..texels.len()].copy_from_slice(texels);
+        let upload = Upload { image: Some((image.raw, size)), ..Upload::new(staging, vec![]) };
+        self.images.push(image);
+        Ok(upload)
     }
 
     /// All groups of a mesh whose targets come and go: one buffer, and what fills it. Headers and deltas are to be
@@ -107,7 +149,19 @@ impl MeshBuffers {
             let upload = Upload::to(device, &deltas, words, &[[origins[2], words.len() as u32]])?;
             let parts = vec![AssetPart::resident(&layout, bytes, origins)?];
             let residents = Some(residents.clone());
-            Ok((Self { layout, base, deltas: deltas.clone(), parts, private: vec![], residents }, upload))
+            let mesh = Self {
+                layout,
+                base,
+                deltas: deltas.clone(),
+                parts,
+                private: vec![],
+                #[cfg(feature = "baselines")]
+                images: vec![],
+                #[cfg(feature = "baselines")]
+                image_views: vec![],
+                residents,
+            };
+            Ok((mesh, upload))
         };
         mesh.groups().iter().enumerate().map(group).collect()
     }
@@ -122,6 +176,15 @@ impl MeshBuffers {
 }
 
 impl Upload {
+    fn new(staging: Buffer, copies: Vec<(vk::Buffer, vk::BufferCopy)>) -> Self {
+        Self {
+            staging,
+            copies,
+            #[cfg(feature = "baselines")]
+            image: None,
+        }
+    }
+
     /// A storage buffer of these lists, one behind the other, and what fills it.
     pub(crate) fn of(device: &Arc<Device>, name: &str, lists: &[&[u8]]) -> Result<(Buffer, Self)> {
         let bytes = lists.iter().map(|list| list.len() as u64).sum();
@@ -136,7 +199,7 @@ impl Upload {
             mapped = rest;
         }
         let copies = vec![(buffer.raw, vk::BufferCopy::default().size(bytes))];
-        Ok((buffer, Self { staging, copies }))
+        Ok((buffer, Self::new(staging, copies)))
     }
 
     /// What copies `words` to runs of a buffer: of each its first word there, and how many.
@@ -151,7 +214,7 @@ impl Upload {
             from += size;
             (buffer.raw, vk::BufferCopy { src_offset, dst_offset: 4 * u64::from(*at), size })
         };
-        Ok(Self { copies: runs.iter().map(copy).collect(), staging })
+        Ok(Self::new(staging, runs.iter().map(copy).collect()))
     }
 
     /// Record the copies.
@@ -163,6 +226,26 @@ impl Upload {
             let regions: Vec<vk::BufferCopy> = copies.iter().map(|(_, region)| *region).collect();
             // SAFETY: the caller's obligations; regions lie within both buffers, and overlap nowhere.
             unsafe { device.raw.cmd_copy_buffer(cmd, self.staging.raw, copies[0].0, &regions) };
+        }
+        #[cfg(feature = "baselines")]
+        if let Some((image, [width, height])) = self.image {
+            let layers = vk::ImageSubresourceLayers {
+                aspect_mask: vk::ImageAspectFlags::COLOR,
+                layer_count: 1,
+                ..Default::default()
+            };
+            let whole = vk::BufferImageCopy::default().image_subresource(layers).image_extent(vk::Extent3D {
+                width,
+                height,
+                depth: 1,
+            });
+            let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
+            // SAFETY: the caller's obligations; the image is new, and the staging memory has all its texels.
+            unsafe {
+                barriers::record_layout(&device.raw, cmd, image, false);
+                device.raw.cmd_copy_buffer_to_image(cmd, self.staging.raw, image, layout, &[whole]);
+                barriers::record_layout(&device.raw, cmd, image, true);
+            }
         }
     }
 }

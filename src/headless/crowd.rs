@@ -65,6 +65,9 @@ impl<'a> HeadlessCrowd<'a> {
             if desc.update.path == UpdatePath::Scatter {
                 // SAFETY: the submitter hands out a recording buffer of the engine's device; it waits for the device.
                 return unsafe { engine.upload_scatter(cmd, mesh) };
+            } else if desc.update.path == UpdatePath::Texture {
+                // SAFETY: as above.
+                return unsafe { engine.upload_texture(cmd, mesh) };
             }
             // SAFETY: as above.
             unsafe { engine.upload(cmd, mesh) }

@@ -39,7 +39,7 @@ pub struct UpdateStats {
     /// units; 0 for poses of 32-bit integers.
     pub bound: f32,
     /// Bytes loaded and stored, in all groups of the mesh. On a direct path, by one draw of every instance, in each frame
-    /// again, whether weights have changed or not.
+    /// again, whether weights have changed or not. On the path `texture` by the update alone.
     pub bytes_moved: u64,
     /// The least that dense work could move; in block formats, what deltas and poses alone take.
     pub bytes_floor: u64,

@@ -13,6 +13,8 @@ pub(crate) enum Needs {
     TransformFeedback,
     /// The feature `vertexPipelineStoresAndAtomics`.
     VertexStores,
+    /// Blending of colours of four float32.
+    FloatBlending,
 }
 
 /// How many targets a pass takes.
@@ -144,6 +146,13 @@ update_paths! {
             needs: Needs::Nothing, evaluates_in_draws: true, rebuilds_only: true, takes_groups: false,
             batch: Batch::Attributes
         };
+        /// Baseline: deltas in textures, blended into textures that draws fetch (Galanakis)
+        ///
+        /// A target is a few rectangles of texels, of float32 or of 16-bit integers. Blending adds weight times delta, or of
+        /// what changed the delta weight, to float32 textures of displacements; each draw fetches those of its vertices.
+        Texture "texture" {
+            needs: Needs::FloatBlending, has_own_upload: true, evaluates_in_draws: true, takes_groups: false
+        };
     }
 }
 
@@ -170,6 +179,11 @@ impl UpdatePath {
     /// Whether a pass may write the slot it reads: vertex passes may not.
     pub const fn works_in_place(self) -> bool {
         !matches!(self.row().needs, Needs::TransformFeedback | Needs::VertexStores)
+    }
+
+    /// Whether an update draws: its queue needs graphics.
+    pub(crate) const fn draws_updates(self) -> bool {
+        !self.works_in_place() || matches!(self.row().needs, Needs::FloatBlending)
     }
 
     /// Whether it has no [`UpdateMode::Incremental`](super::UpdateMode): each pose is evaluated from base.

@@ -5,7 +5,7 @@
 
 use super::steps::{Resource, Scope, Stage, Steps, Use, Work};
 
-const STAGES: usize = Stage::RayTracingShader.index() + 1;
+const STAGES: usize = Stage::ColourOutput.index() + 1;
 const RESOURCES: usize = Resource::Bounds as usize + 1;
 
 /// A global memory barrier.

@@ -35,6 +35,8 @@ pub enum Stage {
     FragmentShader = 512,
     /// Ray-tracing shaders.
     RayTracingShader = 1024,
+    /// Blending and writes of colours.
+    ColourOutput = 2048,
 }
 
 impl Stage {
@@ -62,12 +64,14 @@ pub enum Access {
     IndirectRead = 32,
     /// A copy reads.
     TransferRead = 64,
+    /// Blending reads and writes.
+    Blend = 128,
 }
 
 impl Access {
     /// Whether it writes.
     pub const fn writes(self) -> bool {
-        matches!(self, Self::TransferWrite | Self::ShaderWrite | Self::FeedbackWrite)
+        matches!(self, Self::TransferWrite | Self::ShaderWrite | Self::FeedbackWrite | Self::Blend)
     }
 }
 

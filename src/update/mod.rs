@@ -41,8 +41,10 @@ pub(crate) fn technique(context: Context<'_>) -> Result<Box<dyn Technique>> {
         UpdatePath::Direct => Box::new(baselines::DirectTechnique::new(context)?),
         #[cfg(feature = "baselines")]
         UpdatePath::DirectAttributes => Box::new(baselines::AttributesTechnique::new(context)?),
+        #[cfg(feature = "baselines")]
+        UpdatePath::Texture => Box::new(baselines::TextureTechnique::new(context)?),
         #[cfg(not(feature = "baselines"))]
-        path @ (UpdatePath::VertexStore | UpdatePath::Scatter | UpdatePath::Direct | UpdatePath::DirectAttributes) => {
+        path if path.is_baseline() => {
             return Err(Error::Unsupported {
                 path: path.name(),
                 device: context.caps().name.clone(),

@@ -122,6 +122,7 @@ unsafe fn layouts(device: &ash::Device, kernel: &KernelRow) -> (vk::DescriptorSe
             Buffer::Dynamic(_) | Buffer::DynamicDeltas => vk::DescriptorType::STORAGE_BUFFER_DYNAMIC,
             Buffer::UniformTexels(_) => vk::DescriptorType::UNIFORM_TEXEL_BUFFER,
             Buffer::StorageTexels(_) => vk::DescriptorType::STORAGE_TEXEL_BUFFER,
+            Buffer::Image => vk::DescriptorType::SAMPLED_IMAGE,
         };
         let layout = vk::DescriptorSetLayoutBinding::default().binding(binding).descriptor_type(kind);
         layout.descriptor_count(1).stage_flags(vk::ShaderStageFlags::COMPUTE)

@@ -174,7 +174,8 @@ fn every_kernel_that_gpus_run_has_a_pipeline() {
     }
     // Texels and masks are for software drivers; `read` measures bandwidth.
     let others = ["crowd_texels", "blocks", "read"];
-    let ours = |module: &&Module| module.kernel.stage != Stage::Vertex && !others.contains(&module.kernel.name);
+    let draws = [Stage::Vertex, Stage::Fragment];
+    let ours = |module: &&Module| !draws.contains(&module.kernel.stage) && !others.contains(&module.kernel.name);
     let all: BTreeSet<String> = MODULES.iter().filter(ours).map(|module| module.name.to_owned()).collect();
     assert_eq!(made, all, "engine.rs makes crowds of every kind; is there a new one?");
 }

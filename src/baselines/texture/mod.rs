@@ -1,0 +1,213 @@
+//! The `texture` path (Galanakis, "Texture-based Blendshapes in DX9"): deltas in textures, blended into textures of
+//! displacements, which draws fetch.
+//!
+//! Each target is a few rectangles of texels (`texels`). A pass draws those of the targets that it applies, and blending
+//! adds coefficient · delta to the displacement textures of an instance, positions and normals at once (`passes`): weights
+//! after clearing, or delta weights on top of what is there. Draws add to the base pose what the texel of the vertex holds
+//! (`draws`).
+//!
+//! Deltas are loaded as packed: float32, or 16-bit integers times the coefficient of their step. Half floats, which the
+//! article has, are as large as the integers and lose five of their bits. Sums are float32: they drift as those of the
+//! other paths with float32 poses do, and are wiped where rebuilding takes no more targets.
+
+mod draws;
+mod passes;
+mod texels;
+
+#[cfg(test)]
+mod tests;
+
+use super::draws::one_pass;
+use crate::engine::{GpuMesh, MorphEngine};
+use crate::error::{Error, Result};
+use crate::gpu::mesh::MeshBuffers;
+use crate::pack::{DeltaFormat, PackedMesh};
+use crate::plan::instances::Instances;
+use crate::plan::steps::{Access, Resource, Source, Stage, Steps, Use, Work};
+use crate::plan::{UpdatePath, UpdateStats};
+use crate::update::dense::DensePlanner;
+use crate::update::technique::{Context, Technique, UpdateId};
+use ash::vk;
+pub(super) use draws::TextureDraws;
+use passes::BlendPasses;
+use std::ops::Range;
+use std::sync::Arc;
+use texels::{DeltaTexels, RECTANGLE_WORDS};
+
+/// Bytes of a texel of both displacement textures.
+const DISPLACEMENT: u64 = 32;
+
+/// A pass: rectangles and deltas are read, displacements blended.
+const BLEND: &[Use] = &[
+    Use::new(Resource::Asset, Stage::VertexShader, Access::ShaderRead),
+    Use::new(Resource::Asset, Stage::FragmentShader, Access::ShaderRead),
+    Use::new(Resource::Poses, Stage::ColourOutput, Access::Blend),
+];
+/// What draws fetch, whoever else reads.
+const FETCH: &[Use] = &[Use::new(Resource::Poses, Stage::VertexShader, Access::ShaderRead)];
+
+/// What the host knows of the textures of a mesh: what [`MeshBuffers::private`] holds.
+#[derive(Clone, Copy)]
+struct Textures<'a>(&'a [u32]);
+
+impl<'a> Textures<'a> {
+    /// First rectangle and first texel of the deltas of each target, and the numbers of all; then the size of the
+    /// displacement textures.
+    fn words(baked: &DeltaTexels) -> Vec<u32> {
+        let texel = |&first: &u32| match baked.rectangles.get(first as usize) {
+            Some(rectangle) => rectangle.first,
+            None => baked.covered() as u32,
+        };
+        baked.first.iter().flat_map(|first| [*first, texel(first)]).chain(baked.size).collect()
+    }
+
+    fn of(mesh: &'a MeshBuffers) -> Self {
+        Self(&mesh.private)
+    }
+
+    fn ends(self, target: u32, which: usize) -> Range<u32> {
+        let at = 2 * target as usize + which;
+        self.0[at]..self.0[at + 2]
+    }
+
+    /// The rectangles of a target.
+    fn rectangles(self, target: u32) -> Range<u32> {
+        self.ends(target, 0)
+    }
+
+    /// Texels that a target moves, with those between them.
+    fn texels(self, target: u32) -> u32 {
+        self.ends(target, 1).len() as u32
+    }
+
+    /// Texels of a row, and rows, of the displacement textures.
+    fn size(self) -> [u32; 2] {
+        [self.0[self.0.len() - 2], self.0[self.0.len() - 1]]
+    }
+
+    /// Where the texels of vertices begin, behind all rectangles, in words.
+    fn texels_at(self) -> u32 {
+        self.0[self.0.len() - 4] * RECTANGLE_WORDS as u32
+    }
+}
+
+impl MorphEngine {
+    /// As [`upload`](Self::upload), for crowds on the path `texture`, which reads deltas from two textures: 32 bytes for
+    /// each vertex that a target moves (float32), or 16 (snorm16), whatever [`mesh_bytes`](Self::mesh_bytes) says. The
+    /// layouts of the textures are changed as part of the copies.
+    ///
+    /// # Errors
+    /// As [`upload`](Self::upload); a format other than `float32` and `snorm16`; textures larger than the device's images;
+    /// streams beside positions and normals.
+    ///
+    /// # Safety
+    /// As [`upload`](Self::upload).
+    pub unsafe fn upload_texture(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
+        let (path, layout, caps) = (UpdatePath::Texture, mesh.layout(), &self.device.caps);
+        path.check_groups(mesh.groups().len(), layout)?;
+        caps.check_path(path)?;
+        if !path.formats().contains(&layout.format) {
+            return Err(Error::invalid(
+                format!("update path 'texture' with {} deltas", layout.format.name()),
+                "pack the mesh as float32 or snorm16",
+            ));
+        }
+        self.check_not_empty(layout)?;
+        let baked = DeltaTexels::bake(mesh, caps.max_image_side)?;
+        let words = baked.words(layout.padded_vertices());
+        let (what, bytes) = (format!("mesh '{}': its rectangles and texels take", layout.name), 4 * words.len() as u64);
+        let range = caps.max_storage_range;
+        caps.check_limit(&what, (bytes, "bytes", range), "use fewer targets, or split the mesh")?;
+        caps.check_limit(
+            &format!("mesh '{}': a pose takes", layout.name),
+            (layout.base_bytes(), "bytes", range),
+            "split the mesh",
+        )?;
+        let private = Textures::words(&baked);
+        let (mut buffers, upload) = MeshBuffers::new(&self.device, layout.clone(), mesh.base(), &words, private)?;
+        let format = match layout.format == DeltaFormat::Snorm16 {
+            true => vk::Format::R16G16B16A16_SINT,
+            false => vk::Format::R32G32B32A32_SFLOAT,
+        };
+        let mut uploads = vec![upload];
+        for (what, normals) in [("positions", false), ("normals", true)] {
+            let name = format!("deltamorph deltas of {what} of mesh '{}'", layout.name);
+            uploads.push(buffers.add_image(&self.device, &name, format, baked.image, &baked.bytes(normals))?);
+        }
+        // SAFETY: the caller's obligations.
+        Ok(unsafe { self.upload_buffers(cmd, vec![buffers], uploads) })
+    }
+}
+
+/// A crowd with displacement textures for each instance.
+pub(crate) struct TextureTechnique {
+    mesh: Arc<MeshBuffers>,
+    planner: DensePlanner,
+    passes: BlendPasses,
+    pub(super) draws: TextureDraws,
+}
+
+impl TextureTechnique {
+    pub(crate) fn new(context: Context<'_>) -> Result<Self> {
+        let passes = BlendPasses::new(context)?;
+        Ok(Self {
+            mesh: context.mesh.clone(),
+            planner: one_pass(context.desc)?,
+            draws: TextureDraws::new(context, passes.displacements())?,
+            passes,
+        })
+    }
+}
+
+impl Technique for TextureTechnique {
+    /// Bytes of an update: of each coefficient the texels of its deltas, and as many texels of displacements loaded and
+    /// stored; of each rebuilt instance all texels cleared. The floor has each texel of displacements loaded and stored
+    /// once at most. Draws are not counted, as they are not where there are pose buffers.
+    fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
+        self.planner.plan(instances, id.update);
+        self.planner.fill(1, BLEND, steps);
+        if !steps.is_empty() {
+            steps.step(FETCH);
+        }
+        let textures = Textures::of(&self.mesh);
+        let [width, height] = textures.size().map(u64::from);
+        let delta = if self.mesh.layout.format == DeltaFormat::Snorm16 { 16 } else { DISPLACEMENT };
+        let mut stats = UpdateStats::default();
+        for plan in self.planner.plans().iter().filter(|plan| !plan.passes.is_empty()) {
+            let texels: u64 = plan.coefficients.iter().map(|c| u64::from(textures.texels(c.target))).sum();
+            let cleared = if plan.rebuilt { width * height * DISPLACEMENT } else { 0 };
+            stats.coefficients += plan.coefficients.len();
+            stats.passes += 1;
+            stats.rebuilt += usize::from(plan.rebuilt);
+            stats.bytes_moved += cleared + texels * (delta + 2 * DISPLACEMENT);
+            stats.bytes_floor += texels * delta + texels.min(width * height) * 2 * DISPLACEMENT;
+        }
+        Ok(stats)
+    }
+
+    unsafe fn record(&self, cmd: vk::CommandBuffer, _frame: u64, work: &Work) {
+        let (cleared, coefficients) = (work.source == Source::Base, self.planner.coefficients(work));
+        // SAFETY: the caller's obligations; the coefficients are of targets of the mesh.
+        unsafe { self.passes.record(cmd, work.instance, cleared, coefficients) };
+    }
+
+    fn has_poses(&self) -> bool {
+        false
+    }
+
+    /// The displacement textures are the pose of an instance, whatever its slots.
+    #[cfg(any(test, feature = "internals"))]
+    fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
+        use crate::plan::hazards::{Accesses, Memory};
+        let of = |work: &Work| {
+            let pose = Memory::Pose { instance: work.instance, slot: 0 };
+            let uses = vec![
+                Use::new(Memory::Deltas, Stage::VertexShader, Access::ShaderRead),
+                Use::new(Memory::Deltas, Stage::FragmentShader, Access::ShaderRead),
+                Use::new(pose, Stage::ColourOutput, Access::Blend),
+            ];
+            Accesses { uses, ..Accesses::default() }
+        };
+        works.iter().map(of).collect()
+    }
+}

@@ -1,0 +1,196 @@
+//! The passes of `texture`: rectangles drawn into displacement textures.
+
+use super::Textures;
+use crate::abi::modules::{Kernel, RECTANGLES, TEXELS};
+use crate::abi::push::RectanglesPush;
+use crate::error::Result;
+use crate::gpu::descriptors::{BufferRange, Sets};
+use crate::gpu::device::Device;
+use crate::gpu::failed;
+use crate::gpu::images::Image;
+use crate::gpu::mesh::MeshBuffers;
+use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines};
+use crate::pack::{DeltaFormat, PoseFormat};
+use crate::update::technique::Context;
+use crate::weights::delta::Coefficient;
+use ash::vk;
+use bytemuck::bytes_of;
+use std::sync::Arc;
+
+const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
+const STAGES: vk::ShaderStageFlags =
+    vk::ShaderStageFlags::from_raw(vk::ShaderStageFlags::VERTEX.as_raw() | vk::ShaderStageFlags::FRAGMENT.as_raw());
+
+/// The pipeline that blends the deltas of a format; its render pass clears.
+#[derive(Clone, Copy, PartialEq)]
+struct Blend(DeltaFormat);
+
+impl PipelineKey for Blend {
+    fn make(self, objects: &mut Objects) -> Result<()> {
+        objects.add_layout(&[RECTANGLES.row, TEXELS.row], 0)?;
+        objects.render_pass = render_pass(&objects.device, true)?;
+        let module = |kernel: &'static Kernel| kernel.module(self.0, PoseFormat::Float32, 0);
+        objects.add_blending([module(&RECTANGLES)?, module(&TEXELS)?])
+    }
+}
+
+/// A render pass over both displacement textures, which draws find in SHADER_READ_ONLY_OPTIMAL: it clears them, whatever
+/// they are, or loads what such a pass left.
+fn render_pass(device: &Device, clears: bool) -> Result<vk::RenderPass> {
+    use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
+    let (load, layout) = match clears {
+        true => (vk::AttachmentLoadOp::CLEAR, vk::ImageLayout::UNDEFINED),
+        false => (vk::AttachmentLoadOp::LOAD, vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL),
+    };
+    let attachment = vk::AttachmentDescription::default()
+        .format(FORMAT)
+        .samples(vk::SampleCountFlags::TYPE_1)
+        .load_op(load)
+        .store_op(vk::AttachmentStoreOp::STORE)
+        .stencil_load_op(vk::AttachmentLoadOp::DONT_CARE)
+        .stencil_store_op(vk::AttachmentStoreOp::DONT_CARE)
+        .initial_layout(layout)
+        .final_layout(vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL);
+    let layout = vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL;
+    let colours = [0, 1].map(|attachment| vk::AttachmentReference { attachment, layout });
+    let subpasses = [vk::SubpassDescription::default()
+        .pipeline_bind_point(vk::PipelineBindPoint::GRAPHICS)
+        .color_attachments(&colours)];
+    let blend = Access::COLOR_ATTACHMENT_READ | Access::COLOR_ATTACHMENT_WRITE;
+    // Changes of layout come between the barriers before the pass, which end in this stage, and after it, which begin with
+    // it or with what draws read.
+    let dependencies = [
+        vk::SubpassDependency::default()
+            .src_subpass(vk::SUBPASS_EXTERNAL)
+            .src_stage_mask(Stage::COLOR_ATTACHMENT_OUTPUT)
+            .dst_stage_mask(Stage::COLOR_ATTACHMENT_OUTPUT)
+            .dst_access_mask(blend),
+        vk::SubpassDependency::default()
+            .dst_subpass(vk::SUBPASS_EXTERNAL)
+            .src_stage_mask(Stage::COLOR_ATTACHMENT_OUTPUT)
+            .src_access_mask(blend)
+            .dst_stage_mask(Stage::COLOR_ATTACHMENT_OUTPUT | Stage::VERTEX_SHADER)
+            .dst_access_mask(blend | Access::SHADER_READ),
+    ];
+    let attachments = [attachment; 2];
+    let info =
+        vk::RenderPassCreateInfo::default().attachments(&attachments).subpasses(&subpasses).dependencies(&dependencies);
+    // SAFETY: the device is alive; what is referred to is in `info`.
+    unsafe { device.raw.create_render_pass(&info, None) }.map_err(failed("vkCreateRenderPass"))
+}
+
+/// The displacement textures of an instance: layer 0 is positions, layer 1 normals.
+struct Displacements {
+    _image: Image,
+    /// Both layers, as draws fetch them.
+    view: vk::ImageView,
+    framebuffer: vk::Framebuffer,
+}
+
+/// What a crowd's passes take.
+pub(super) struct BlendPasses {
+    kernel: Arc<Pipelines<Blend>>,
+    mesh: Arc<MeshBuffers>,
+    /// Loads what an earlier pass left.
+    loading: vk::RenderPass,
+    displacements: Vec<Displacements>,
+    sets: Sets,
+}
+
+impl BlendPasses {
+    pub(super) fn new(context: Context<'_>) -> Result<Self> {
+        let (device, mesh) = (context.device, context.mesh);
+        let kernel = context.kernels.get(Blend(mesh.layout.format))?;
+        let bytes = 4 * (u64::from(Textures::of(mesh).texels_at()) + mesh.layout.padded_vertices() as u64);
+        let mut sets = kernel.objects.sets(&[[BufferRange::new(mesh.deltas.raw, 0, bytes)]])?;
+        (1..).zip(&mesh.image_views).for_each(|(binding, view)| sets.write_image(0, binding, *view));
+        // From here on dropping `passes` destroys what there is of it.
+        let mut passes =
+            Self { loading: render_pass(device, false)?, kernel, mesh: mesh.clone(), displacements: vec![], sets };
+        let (name, size) =
+            (format!("deltamorph displacements of mesh '{}'", mesh.layout.name), Textures::of(mesh).size());
+        let usage = vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::SAMPLED;
+        for _ in 0..context.desc.instances {
+            let mut image = Image::new(device, &name, FORMAT, (size, 2), usage)?;
+            let (view, layers) = (image.view(0..2, true)?, [image.view(0..1, false)?, image.view(1..2, false)?]);
+            let info = vk::FramebufferCreateInfo::default()
+                .render_pass(passes.loading)
+                .attachments(&layers)
+                .width(size[0])
+                .height(size[1])
+                .layers(1);
+            // SAFETY: the render pass and the views are ours and alive, of the same format and size.
+            let framebuffer =
+                unsafe { device.raw.create_framebuffer(&info, None) }.map_err(failed("vkCreateFramebuffer"))?;
+            passes.displacements.push(Displacements { _image: image, view, framebuffer });
+        }
+        Ok(passes)
+    }
+
+    /// The displacement textures by instance, as draws fetch them.
+    pub(super) fn displacements(&self) -> Vec<vk::ImageView> {
+        self.displacements.iter().map(|displacements| displacements.view).collect()
+    }
+
+    /// Record a pass over the displacement textures of an instance.
+    ///
+    /// # Safety
+    /// - `cmd` is in the recording state on the device, outside a render pass, on a queue with graphics.
+    /// - The targets are the mesh's; unless the pass clears, an earlier one has.
+    /// - What read or wrote the displacement textures before has finished, by a barrier.
+    pub(super) unsafe fn record(
+        &self,
+        cmd: vk::CommandBuffer,
+        instance: u32,
+        clears: bool,
+        coefficients: &[Coefficient],
+    ) {
+        let (objects, textures) = (&self.kernel.objects, Textures::of(&self.mesh));
+        let (device, point) = (&objects.device.raw, vk::PipelineBindPoint::GRAPHICS);
+        let [width, height] = textures.size();
+        let extent = vk::Extent2D { width, height };
+        let area = vk::Rect2D { offset: vk::Offset2D::default(), extent };
+        let (scale, row) = ([2.0 / width as f32, 2.0 / height as f32], self.mesh.images[0].size[0]);
+        let viewport =
+            vk::Viewport { width: width as f32, height: height as f32, max_depth: 1.0, ..vk::Viewport::default() };
+        let clear = [vk::ClearValue::default(); 2];
+        let info = vk::RenderPassBeginInfo::default()
+            .render_pass(if clears { objects.render_pass } else { self.loading })
+            .framebuffer(self.displacements[instance as usize].framebuffer)
+            .render_area(area)
+            .clear_values(&clear);
+        // SAFETY: the caller's obligations; all objects are ours and alive, both render passes are compatible with the
+        // framebuffer and the pipeline.
+        unsafe {
+            device.cmd_begin_render_pass(cmd, &info, vk::SubpassContents::INLINE);
+            device.cmd_bind_pipeline(cmd, point, objects.pipelines[0]);
+            device.cmd_set_viewport(cmd, 0, &[viewport]);
+            device.cmd_set_scissor(cmd, 0, &[area]);
+            device.cmd_bind_descriptor_sets(cmd, point, objects.layout, 0, &[self.sets.get(0)], &[]);
+        }
+        for c in coefficients {
+            let target = &self.mesh.layout.targets[c.target as usize];
+            let coefficient = c.value * target.position_step;
+            let push = RectanglesPush { scale, coefficients: [coefficient, coefficient * target.normal_ratio()], row };
+            let rectangles = textures.rectangles(c.target);
+            // SAFETY: as above; the rectangles are within the buffer bound, their texels within the textures.
+            unsafe {
+                device.cmd_push_constants(cmd, objects.layout, STAGES, 0, bytes_of(&push));
+                device.cmd_draw(cmd, 4, rectangles.len() as u32, 0, rectangles.start);
+            }
+        }
+        // SAFETY: begun above.
+        unsafe { device.cmd_end_render_pass(cmd) };
+    }
+}
+
+impl Drop for BlendPasses {
+    fn drop(&mut self) {
+        let device = &self.kernel.objects.device.raw;
+        // SAFETY: created in `new`, destroyed once, and no longer used by the device when a crowd is dropped.
+        unsafe {
+            self.displacements.iter().for_each(|d| device.destroy_framebuffer(d.framebuffer, None));
+            device.destroy_render_pass(self.loading, None);
+        }
+    }
+}
