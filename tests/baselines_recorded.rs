@@ -47,7 +47,8 @@ fn validation_sees_a_dropped_barrier() {
 fn what_is_recorded_has_no_hazard_and_a_dropped_barrier_has_one() {
     on_every_device(|headless, engine| {
         for_every_desc(engine, &testing::mesh(500, 20), |mesh, desc| {
-            if desc.path.evaluates_in_draws() || mesh.layout().format == DeltaFormat::Snorm16 {
+            let records = !desc.path.evaluates_in_draws() || desc.path == UpdatePath::Texture;
+            if !records || mesh.layout().format == DeltaFormat::Snorm16 {
                 return;
             }
             let mut crowd = HeadlessCrowd::new(headless, mesh, &single(desc)).expect("a crowd");
@@ -57,7 +58,8 @@ fn what_is_recorded_has_no_hazard_and_a_dropped_barrier_has_one() {
                 // SAFETY: nothing is changed.
                 let (_, events) =
                     unsafe { HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[&weights], |_| {}) }.expect("a step");
-                lists.push((events, crowd.crowd().pose(0).expect("a pose").slot));
+                // Displacement textures have no slots.
+                lists.push((events, crowd.crowd().pose(0).map_or(0, |pose| pose.slot)));
             }
             assert_eq!(hazards(&lists), Ok(()), "{desc:?}");
             for at in 0..lists[3].0.len() {
@@ -156,6 +158,13 @@ fn what_a_baseline_cannot_do_is_refused_by_name() {
         let one = BatchSize::Targets(1);
         assert!(refused(&float32, UpdatePath::Scatter, BatchSize::All).contains("pack the mesh as small"));
         assert!(refused(&small, UpdatePath::Direct, BatchSize::All).contains("pack the mesh as float32 or snorm16"));
+        if engine.caps().float_blending {
+            assert!(
+                refused(&small, UpdatePath::Texture, BatchSize::All).contains("pack the mesh as float32 or snorm16")
+            );
+        } else {
+            assert!(refused(&float32, UpdatePath::Texture, BatchSize::All).contains("needs blending of R32G32B32A32"));
+        }
         let most = engine.caps().batch_max(UpdatePath::DirectAttributes, DeltaFormat::Float32).expect("a limit");
         let text = refused(&float32, UpdatePath::DirectAttributes, BatchSize::Targets(most + 1));
         assert!(text.contains(&format!("use 1 to {most}")), "{text}");
@@ -177,5 +186,14 @@ fn what_a_baseline_cannot_do_is_refused_by_name() {
         let crowd = HeadlessCrowd::new(headless, &small, &scatter).expect("a crowd");
         let text = engine.create_crowd(crowd.mesh(), &single(UpdateDesc::blocks())).err().expect("refused").to_string();
         assert!(text.contains("upload_scatter"), "{text}");
+        let float32 = packed(engine, &testing::mesh(100, 4), DeltaFormat::Float32);
+        let texture = single(UpdateDesc::new(UpdatePath::Texture, BatchSize::All));
+        let crowd = HeadlessCrowd::new(headless, &float32, &texture).expect("a crowd");
+        let compute = single(UpdateDesc::new(UpdatePath::Compute, BatchSize::All));
+        let text = engine.create_crowd(crowd.mesh(), &compute).err().expect("refused").to_string();
+        assert!(text.contains("upload_texture"), "{text}");
+        let crowd = HeadlessCrowd::new(headless, &float32, &compute).expect("a crowd");
+        let text = engine.create_crowd(crowd.mesh(), &texture).err().expect("refused").to_string();
+        assert!(text.contains("upload_texture"), "{text}");
     });
 }

@@ -288,6 +288,7 @@ fn what_does_not_update_streams_refuses_them() {
             (UpdatePath::Scatter, DeltaFormat::Small),
             (UpdatePath::Direct, DeltaFormat::Snorm16),
             (UpdatePath::DirectAttributes, DeltaFormat::Snorm16),
+            (UpdatePath::Texture, DeltaFormat::Snorm16),
         ] {
             if engine.caps().check_path(path).is_err() {
                 continue;

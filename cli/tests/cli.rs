@@ -98,6 +98,7 @@ fn baselines_are_paths_like_others() {
         ("scatter", "small", 5e-3), // packed, and weights on a grid
         ("direct", "float32", 1e-5),
         ("direct-attributes", "float32", 1e-5),
+        ("texture", "float32", 1e-5),
     ] {
         for device in ["llvmpipe", "SwiftShader"] {
             let (out, here) = (path("out.obj"), ["--path", name, "--device", device, "--json", "-"]);
@@ -136,7 +137,7 @@ fn baselines_are_paths_like_others() {
     let reason = |i: usize| report["skipped"][i]["reason"].as_str().unwrap().to_owned();
     assert!(reason(0).contains("attributes for 7") && reason(1).contains("attributes for 14"), "{report}");
     let rows = json(&["devices", "--json", "-"])["devices"][0]["paths"].as_array().unwrap().len();
-    assert_eq!(rows, 8, "a line for each path");
+    assert_eq!(rows, 9, "a line for each path");
 }
 
 #[test]
