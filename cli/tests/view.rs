@@ -122,6 +122,11 @@ fn a_script_does_what_a_hand_can_and_the_window_shows_it() {
     shot("path feedback", "clip-feedback");
     shot("path blocks\nformat small\npose fixed16\nbudget 1e-5d", "clip-small");
     shot("format fast\npose float32\nbudget 0", "clip-again");
+    shot("detail 0%", "none-kept");
+    shot("detail 25%", "quarter");
+    shot("detail 0.01px", "near");
+    shot("zoom 0.2\ndetail 1000px\nzoom 1", "far");
+    shot("detail all", "all-kept");
     shot("play\nframes 20\npause", "played");
     shot("play\nframes 30\nshow blocks\nframes 5\npause", "blocks");
     for look in ["wire", "normals", "heat", "motion", "shaded"] {
@@ -166,6 +171,13 @@ fn a_script_does_what_a_hand_can_and_the_window_shows_it() {
         println!("clip and {path} differ in {share}");
         assert!(share < 0.02, "{path} differs in {share} of the pixels");
     }
+    // Without targets the head rests; at a hundredth of a pixel, and with all of them, it is as it was.
+    assert!(differ("none-kept", "rest") < 0.001 && differ("far", "rest") < 0.001, "no target is kept");
+    assert!(differ("quarter", "clip") > 0.001 || differ("quarter", "rest") > 0.001, "some targets are kept");
+    assert!(
+        differ("near", "clip-again") < 0.001 && differ("all-kept", "clip-again") == 0.0,
+        "all that is seen is kept"
+    );
     assert_eq!((pixels(&at("rest")).0, pixels(&at("resized")).0), ([320, 240], [560, 400]));
     let stats = json(&at("stats"));
     assert_eq!((stats["schema"].as_u64(), stats["width"].as_u64()), (Some(1), Some(560)));

@@ -26,6 +26,7 @@ pub enum Command {
     Pose(PoseFormat),
     Budget(BudgetSpec),
     Heads(u32),
+    Detail(Detail),
     Show(Look),
     Camera([f32; 2]),
     /// How near the camera is: 1 fits all.
@@ -50,6 +51,41 @@ pub enum Step {
     Screenshot(PathBuf),
     Stats(PathBuf),
     Quit,
+}
+
+/// How many targets heads keep, in the order of their importance.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Detail {
+    #[default]
+    All,
+    /// This share of them.
+    Share(f32),
+    /// As many as it takes for no vertex to be further off than so many pixels, wherever the camera is.
+    Pixels(f32),
+}
+
+impl Detail {
+    /// Those to choose from.
+    pub const ALL: [Self; 6] =
+        [Self::All, Self::Share(0.75), Self::Share(0.5), Self::Share(0.25), Self::Pixels(0.5), Self::Pixels(2.0)];
+
+    fn parse(text: &str) -> Result<Self, String> {
+        let number = |text: &str, most: f32| text.parse().ok().filter(|v| (0.0..=most).contains(v));
+        let share = || text.strip_suffix('%').and_then(|text| number(text, 100.0)).map(|v| Self::Share(v / 100.0));
+        let pixels = || text.strip_suffix("px").and_then(|text| number(text, 1e3)).map(Self::Pixels);
+        let all = (text == "all").then_some(Self::All);
+        all.or_else(share).or_else(pixels).ok_or_else(|| "give all, a share as 50%, or pixels as 0.5px".into())
+    }
+}
+
+impl std::fmt::Display for Detail {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::All => f.write_str("all targets"),
+            Self::Share(share) => write!(f, "{}% of the targets", share * 100.0),
+            Self::Pixels(pixels) => write!(f, "{pixels} pixels off at most"),
+        }
+    }
 }
 
 /// What is shown of surfaces.
@@ -105,6 +141,7 @@ Commands of scripts, one a line; what follows # is a remark:
   path PATH | format FORMAT | pose FORMAT | budget LENGTH
                             update in another way, spelled as the options are
   heads N                   so many heads
+  detail all | N% | Npx     keep all targets; a share, the most important ones; or what N pixels take
   show LOOK                 shaded, wire, normals, heat, motion or blocks
   camera YAW,PITCH | zoom X where the camera is, and how near
   search TEXT | twins on|off | panel on|off
@@ -170,6 +207,7 @@ pub fn parse(line: &str) -> Result<Option<Step>, String> {
         "pose" => Step::Do(Command::Pose(one_of(&PoseFormat::ALL, PoseFormat::name, rest).map_err(say)?)),
         "show" => Step::Do(Command::Show(one_of(&Look::ALL, Look::name, rest).map_err(say)?)),
         "budget" => Step::Do(Command::Budget(values::budget(rest).map_err(say)?)),
+        "detail" => Step::Do(Command::Detail(Detail::parse(rest).map_err(say)?)),
         "heads" => Step::Do(Command::Heads(values::whole(1, MAX_HEADS)(rest).map_err(say)?)),
         "camera" => Step::Do(Command::Camera(render::camera(rest).map_err(say)?)),
         "zoom" => {
@@ -214,14 +252,16 @@ mod tests {
     #[test]
     fn every_command_of_the_help_is_read() {
         let lines = "set jaw open 0.5\nreset\nrandom 7\ncopy\nclip a b.csv\nplay\npause\nscrub 12.5\nspeed 2\npath blocks\n\
-                     format small\npose fixed16\nbudget 1e-4d\nheads 3\nshow heat\ncamera -20,5\nzoom 2\nsearch jaw\n\
+                     format small\npose fixed16\nbudget 1e-4d\nheads 3\ndetail all\ndetail 50%\ndetail 0.5px\nshow heat\ncamera -20,5\nzoom 2\nsearch jaw\n\
                      twins off\npanel on\ndismiss\ndrop x#y.glb # a remark\nframes 3\nresize 640 480\nresize 640x480\n\
                      screenshot a.png\nstats s.json\nquit\n\n# nothing\n";
         let steps = script(lines).expect("commands");
-        assert_eq!(steps.len(), 28);
+        assert_eq!(steps.len(), 31);
         assert_eq!(steps[0], (1, Step::Do(Command::Set("jaw open".into(), 0.5))));
-        assert_eq!(steps[21].1, Step::Do(Command::Drop("x#y.glb".into())));
-        assert_eq!((&steps[23].1, &steps[24].1), (&Step::Resize([640, 480]), &Step::Resize([640, 480])));
+        let details = [Detail::All, Detail::Share(0.5), Detail::Pixels(0.5)];
+        assert_eq!([14, 15, 16].map(|i| steps[i].1.clone()), details.map(|detail| Step::Do(Command::Detail(detail))));
+        assert_eq!(steps[24].1, Step::Do(Command::Drop("x#y.glb".into())));
+        assert_eq!((&steps[26].1, &steps[27].1), (&Step::Resize([640, 480]), &Step::Resize([640, 480])));
         for word in lines.lines().filter_map(|line| line.split_whitespace().next()).filter(|word| *word != "#") {
             assert!(HELP.contains(&format!("{word} ")) || HELP.contains(&format!("{word}\n")), "{word}");
         }
@@ -242,6 +282,8 @@ mod tests {
             ("twins maybe", "`twins on` or `twins off`"),
             ("drop", "the file is missing"),
             ("camera 1", "degrees around"),
+            ("detail 120%", "a share as 50%"),
+            ("detail -1px", "pixels as 0.5px"),
             ("speed 99", "from 0.05 to 8"),
         ] {
             let error = script(text).expect_err(text);

@@ -2,6 +2,7 @@
 //! change the state, frames are drawn from the state.
 
 mod command;
+mod detail;
 mod device;
 mod frame;
 mod groups;

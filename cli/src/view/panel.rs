@@ -1,6 +1,6 @@
 //! The panel: what it shows of the state, and the commands that a hand on it comes to.
 
-use super::command::{Command, Look};
+use super::command::{Command, Detail, Look};
 use super::measured::{Measured, Row};
 use super::plot::{self, Plot};
 use super::sliders;
@@ -25,6 +25,8 @@ pub struct About<'a> {
     pub paths: &'a [UpdatePath],
     pub desc: UpdateDesc,
     pub format: DeltaFormat,
+    /// Targets that the first head keeps, of how many, where some may be left out.
+    pub kept: Option<(usize, usize)>,
 }
 
 /// Show all of it; returns what is left for the heads, in points, and what the user did.
@@ -190,6 +192,15 @@ fn ways(ui: &mut Ui, state: &State, about: &About<'_>, done: &mut Vec<Command>) 
         done.extend(chosen.map(|b| Command::Budget(BudgetSpec::Diagonal(b))));
         let chosen = choice(ui, "Heads", state.heads, &[1, 2, 5, 12, 40], |n| n.to_string(), |_| "heads in the window");
         done.extend(chosen.map(Command::Heads));
+        let hint = |detail| match detail {
+            Detail::Pixels(_) => "targets come and go with the camera, fading",
+            Detail::All | Detail::Share(_) => "the most important targets stay",
+        };
+        let name = |detail: Detail| match about.kept.filter(|_| detail == state.detail) {
+            Some((kept, all)) => format!("{detail} ({kept} of {all})"),
+            None => detail.to_string(),
+        };
+        done.extend(choice(ui, "Detail", state.detail, &Detail::ALL, name, hint).map(Command::Detail));
     });
 }
 
@@ -237,13 +248,13 @@ fn plots(ui: &mut Ui, state: &State, measured: &Measured, about: &About<'_>) {
             values: moved,
         },
         Plot {
-            title: if on_device { "update on the device" } else { "update on the processor" },
+            title: if on_device { "device time" } else { "CPU time" },
             now: format!("{} ms", sig3(last(&updates))),
             mark: full_ms.map(|full| (full, format!("full evaluation {} ms", sig3(full)))),
             values: updates,
         },
         Plot {
-            title: "share of the frame",
+            title: "of the frame",
             now: share.map_or("–".into(), percent),
             mark: Some((5.0, format!("5% of {} ms", sig3(mean(&frames))))),
             values: shares,

@@ -1,6 +1,7 @@
 //! What is in the window: device, heads, panel, and a frame of it all.
 
-use super::command::Look;
+use super::command::{Detail, Look};
+use super::detail::Kept;
 use super::device::{Device, Messages};
 use super::frame::{Drawn, Frames, Wanted};
 use super::heads::{Full, Heads};
@@ -18,6 +19,7 @@ use crate::runner::prepare;
 use deltamorph::UpdatePath;
 use deltamorph::ash::vk;
 use deltamorph::headless::DeviceChoice;
+use deltamorph::lod::pixels_per_unit;
 use deltamorph_render::{Camera, Light, Scene, Show};
 use egui::Context;
 use glam::{Mat4, Vec3};
@@ -38,6 +40,8 @@ pub struct Stage {
     swapchain: Option<Swapchain>,
     heads: Heads,
     full: Option<Full>,
+    /// Of the heads' mesh, once targets are to be left out.
+    kept: Option<Kept>,
     frames: Frames,
     ui: egui_winit::State,
     subject: Subject,
@@ -79,6 +83,7 @@ impl Stage {
             swapchain: None,
             heads,
             full,
+            kept: None,
             frames,
             ui,
             reach: reach(state),
@@ -150,7 +155,7 @@ impl Stage {
         self.swapchain = None;
         self.heads = heads;
         if let (Some(full), Some(subject)) = (full, subject) {
-            (self.full, self.subject) = (full, subject);
+            (self.full, self.subject, self.kept) = (full, subject, None);
         }
         self.reach = reach(state);
         self.frames.take_samples();
@@ -167,8 +172,9 @@ impl Stage {
             return Ok((vec![], false));
         };
         let (panel, done, moves) = self.panel(state);
-        let weights = state.weights()?;
+        let mut weights = state.weights()?;
         let scene = self.scene(state, extent);
+        let moves = moves | self.leave_out(state, &scene, extent, &mut weights)?;
         let wanted = Wanted {
             weights: &weights,
             scene: &scene,
@@ -202,7 +208,8 @@ impl Stage {
         let caps = self.device.engine.caps();
         let paths: Vec<UpdatePath> = PATHS.into_iter().filter(|path| caps.check_path(*path).is_ok()).collect();
         let format = self.heads.mesh.layout().format;
-        let about = About { device: &caps.name, paths: &paths, desc: self.heads.desc, format };
+        let kept = self.kept.as_ref().filter(|_| state.detail != Detail::All).map(Kept::of_all);
+        let about = About { device: &caps.name, paths: &paths, desc: self.heads.desc, format, kept };
         let (context, mut done, mut free) = (self.ui.egui_ctx().clone(), vec![], egui::Rect::ZERO);
         let mut output = context.run_ui(input, |ui| {
             let (rect, commands) = panel::show(ui, state, &self.measured, &about);
@@ -222,6 +229,35 @@ impl Stage {
         self.ui.handle_platform_output(&self.window, std::mem::take(&mut output.platform_output));
         let moves = output.viewport_output.values().any(|view| view.repaint_delay.as_millis() < 100);
         (Picture::new(&context, output), done, moves)
+    }
+
+    /// Take away what heads do not keep of `weights`; whether that goes on by itself.
+    fn leave_out(
+        &mut self,
+        state: &State,
+        scene: &Scene,
+        extent: vk::Extent2D,
+        weights: &mut [Vec<f32>],
+    ) -> Result<bool, Failure> {
+        if state.detail == Detail::All && self.kept.is_none() {
+            return Ok(false);
+        }
+        let kept = match &mut self.kept {
+            Some(kept) => kept,
+            none @ None => none.insert(Kept::new(&state.input.kept)?),
+        };
+        // From the nearest point of a ball around each head.
+        let count = self.subject.focus.len().max(1) as f32;
+        let centre = self.subject.focus.iter().sum::<Vec3>() / count;
+        let radius = self.subject.focus.iter().map(|p| p.distance(centre)).fold(0.0, f32::max);
+        let (height, angle) = (extent.height as f32 * self.free[3] * state.zoom, Camera::default().angle.to_radians());
+        let unit = |place: &Mat4| {
+            let distance = scene.view.eye.distance(place.transform_point3(centre)) - radius;
+            pixels_per_unit(height, angle, distance.max(radius * 1e-3))
+        };
+        let units: Vec<f32> = self.heads.places.iter().map(unit).collect();
+        kept.apply(state.detail, &units, weights)?;
+        Ok(kept.fades())
     }
 
     fn scene(&self, state: &State, extent: vk::Extent2D) -> Scene {

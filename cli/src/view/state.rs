@@ -1,6 +1,6 @@
 //! What the user has chosen, and what commands make of it. No window and no device.
 
-use super::command::{Command, Look};
+use super::command::{Command, Detail, Look};
 use super::groups::{Group, groups, twin};
 use crate::args::RunArgs;
 use crate::args::view::ViewArgs;
@@ -30,6 +30,7 @@ pub struct State {
     pub at: f64,
     pub speed: f32,
     pub heads: u32,
+    pub detail: Detail,
     pub look: Look,
     pub camera: [f32; 2],
     pub zoom: f32,
@@ -78,6 +79,7 @@ impl State {
             at: 0.0,
             speed: 1.0,
             heads: 1,
+            detail: Detail::All,
             look: Look::Shaded,
             camera: [0.0; 2],
             zoom: 1.0,
@@ -150,6 +152,7 @@ impl State {
                 self.heads = heads;
                 return Ok(Effect::Heads);
             }
+            Command::Detail(detail) => self.detail = detail,
             Command::Show(look) => self.look = look,
             Command::Camera(camera) => self.camera = camera,
             Command::Zoom(zoom) => self.zoom = zoom,
@@ -206,10 +209,10 @@ impl State {
         } else {
             input::load_split(&run.input, out).and_then(|input| {
                 let clip = first_clip(None, &run, &input)?;
-                let Self { heads, look, camera, zoom, speed, twins, panel, .. } = *self;
+                let Self { heads, detail, look, camera, zoom, speed, twins, panel, .. } = *self;
                 let notice = Some((format!("{name} is here"), false));
                 let at_rest = Self::of(run.clone(), input, clip);
-                let other = Self { heads, look, camera, zoom, speed, twins, panel, notice, ..at_rest };
+                let other = Self { heads, detail, look, camera, zoom, speed, twins, panel, notice, ..at_rest };
                 Ok(Effect::Mesh(Box::new(other)))
             })
         };
