@@ -44,7 +44,11 @@ pub(crate) fn technique(context: Context<'_>) -> Result<Box<dyn Technique>> {
         #[cfg(feature = "baselines")]
         UpdatePath::Texture => Box::new(baselines::TextureTechnique::new(context)?),
         #[cfg(not(feature = "baselines"))]
-        path if path.is_baseline() => {
+        path @ (UpdatePath::VertexStore
+        | UpdatePath::Scatter
+        | UpdatePath::Direct
+        | UpdatePath::DirectAttributes
+        | UpdatePath::Texture) => {
             return Err(Error::Unsupported {
                 path: path.name(),
                 device: context.caps().name.clone(),
