@@ -17,7 +17,7 @@ const SEEN: f32 = 0.015;
 const MESH: [&str; 6] = ["--vertices", "6000", "--targets", "52", "--size", "256x256"];
 
 /// The pictures: names, and what is drawn.
-const PICTURES: [(&str, &[&str]); 10] = [
+const PICTURES: [(&str, &[&str]); 11] = [
     ("neutral", &["--camera", "25,5"]),
     ("expression", &["--set", "jawOpen=0.7,mouthSmileLeft=0.8,browInnerUp=1,eyeBlinkRight=1", "--pose", "fixed16"]),
     ("behind", &["--camera", "180,10", "--checker", "--path", "cpu"]),
@@ -27,6 +27,17 @@ const PICTURES: [(&str, &[&str]); 10] = [
     ("normals", &["--set", "jawOpen=0.7", "--show", "normals", "--camera", "-30,10"]),
     ("motion", &["--set", "mouthSmileLeft=1,browOuterUpRight=1", "--show", "motion", "--pose", "fixed32"]),
     ("blocks", &["--set", "mouthSmileLeft=1,eyeBlinkRight=1", "--show", "blocks", "--camera", "0,0"]),
+    (
+        "wrinkles",
+        &[
+            "--set",
+            "browInnerUp=1,browOuterUpLeft=1,browOuterUpRight=1,mouthSmileLeft=1,mouthSmileRight=1",
+            "--show",
+            "wrinkles",
+            "--camera",
+            "8,2",
+        ],
+    ),
     ("transparent", &["--background", "none", "--light", "50,20,1.2", "--set", "cheekPuff=1"]),
 ];
 

@@ -129,7 +129,7 @@ fn a_script_does_what_a_hand_can_and_the_window_shows_it() {
     shot("detail all", "all-kept");
     shot("play\nframes 20\npause", "played");
     shot("play\nframes 30\nshow blocks\nframes 5\npause", "blocks");
-    for look in ["wire", "normals", "heat", "motion", "shaded"] {
+    for look in ["wire", "normals", "heat", "motion", "wrinkles", "shaded"] {
         shot(&format!("show {look}"), look);
     }
     shot("camera 80,10", "side");

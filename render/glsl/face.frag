@@ -83,6 +83,55 @@ vec3 embers(float t) {
     return t * vec3(0.90, 0.40 * t, 0.05 * t * t);
 }
 
+// A number from 0 to 1 for each place of a lattice, the same on every device.
+float random(ivec3 place) {
+    uvec3 p = uvec3(place);
+    uint h = p.x * 0x9e3779b1u ^ p.y * 0x85ebca77u ^ p.z * 0xc2b2ae3du;
+    h = (h ^ (h >> 15)) * 0x2c1b3c6du;
+    h = (h ^ (h >> 12)) * 0x297a2d39u;
+    return float((h ^ (h >> 15)) >> 8) / 16777216.0;
+}
+
+// Noise from 0 to 1 that varies over a length of 1, from random numbers at the corners of a lattice.
+float noise(vec3 p) {
+    vec3 cell = floor(p), t = fract(p);
+    t = t * t * (3.0 - 2.0 * t);
+    float sum = 0.0;
+    for (int i = 0; i < 8; i++) {
+        ivec3 corner = ivec3(i & 1, (i >> 1) & 1, i >> 2);
+        vec3 near = mix(1.0 - t, t, vec3(corner));
+        sum += random(ivec3(cell) + corner) * near.x * near.y * near.z;
+    }
+    return sum;
+}
+
+// A groove for each turn of the angle, flat between them: how deep it is (0 to 1), and its slope by the angle.
+vec2 groove(float angle) {
+    const float WIDTH = 0.42;
+    float q = sin(0.5 * angle) / WIDTH, deep = exp(-q * q);
+    return vec2(deep, -deep * q * cos(0.5 * angle) / WIDTH);
+}
+
+// The normal with wrinkles: the two maps, of lines across the face and of lines upwards, are blended in by the masks, which say
+// how far the skin is compressed the other way. They are made of the place in the base pose: no mesh brings them.
+vec3 wrinkled(vec3 n, inout Surface s) {
+    vec3 up = vec3(0.0, 1.0, 0.0) - n * n.y;
+    if (dot(up, up) < 0.05) return n;
+    up = normalize(up);
+    const float LINES = 140.0, STEEP = 0.5, BEGIN = 0.03, END = 0.18;
+    vec3 p = (rest - middle.xyz) / middle.w;
+    vec2 amount = smoothstep(vec2(BEGIN), vec2(END), shown.xy);
+    // Lines bend, and neither begin nor end all at once.
+    vec2 bend = 5.0 * vec2(noise(p * 7.0), noise(p * 7.0 + 31.7));
+    amount *= 0.35 + 0.65 * smoothstep(0.3, 0.6, vec2(noise(p * 11.0 + 5.3), noise(p * 11.0 + 17.9)));
+    vec2 across = groove(LINES * p.y + bend.x), upwards = groove(LINES * p.x + bend.y);
+    // A groove is a depth: the normal leans towards where it goes down.
+    n += STEEP * (amount.x * across.y * up + amount.y * upwards.y * cross(up, n));
+    float deep = max(amount.x * across.x, amount.y * upwards.x);
+    s.albedo *= 1.0 - 0.35 * deep * s.wrap;
+    return normalize(n);
+}
+
 Surface surface_of(uint kind) {
     if (GENERAL && kind == EYE) return eyeball();
     switch (kind) {
@@ -126,6 +175,7 @@ void main() {
     }
     Surface s = surface_of(material);
     if (GENERAL) s = shown_as(s);
+    if (GENERAL && show.x == SHOW_WRINKLES && material == SKIN) n = wrinkled(n, s);
 
     float shade = lit(n), facing = dot(n, key.xyz);
     // What the key light does not reach lies deep, more often than not: less of the other light gets there, too.

@@ -16,7 +16,7 @@ layout(location = 3) in float value;
 layout(location = 0) out vec3 position;
 layout(location = 1) out vec3 normal;
 layout(location = 2) out vec3 rest;
-layout(location = 3) out vec3 shown; // texture coordinates (or a number of the block), and a value from 0 to 1
+layout(location = 3) out vec3 shown; // texture coordinates (or a number of the block, or wrinkle masks), and a value from 0 to 1
 
 void main() {
     position = pose_position(units);
@@ -29,9 +29,13 @@ void main() {
     float measured = show.x == SHOW_VALUES ? value : distance(position, rest_position);
     vec2 where = texcoord;
     if (show.x == SHOW_BLOCKS) {
-        measured = glow[first_piece + uint(gl_VertexIndex) / PIECE];
+        measured = told[first_told + uint(gl_VertexIndex) / PIECE];
         // A number for each block, 0 to 1, unlike that of its neighbours.
         where.x = fract(float(uint(gl_VertexIndex) / block) * 0.618034);
+    }
+    if (show.x == SHOW_WRINKLES) {
+        uint mask = first_told + 2u * uint(gl_VertexIndex);
+        where = vec2(told[mask], told[mask + 1u]);
     }
 #ifdef MOTION
     measured = distance(position, previous_position(units));

@@ -18,11 +18,14 @@ const float SHOW_VALUES = 3.0;   // values of the host's, one a vertex
 const float SHOW_NORMALS = 4.0;
 const float SHOW_WIRE = 5.0;
 const float SHOW_MOTION = 6.0;   // from the previous pose
-const float SHOW_BLOCKS = 7.0;   // pieces that updates have changed, by `glow`
+const float SHOW_BLOCKS = 7.0;   // pieces that updates have changed, by `told`
 
-// How bright each piece of vertices is, from 1 (changed now) down to 0: `Glow` in src/glow.rs.
-layout(set = 0, binding = 2, std430) readonly buffer Glow {
-    float glow[];
+const float SHOW_WRINKLES = 8.0; // where the pose compresses the skin, by `told`
+
+// What the host tells of each head: how bright each piece of vertices is, from 1 (changed now) down to 0 (`Glow` in
+// src/glow.rs); or two masks of each vertex (`Wrinkles` in src/wrinkles.rs).
+layout(set = 0, binding = 2, std430) readonly buffer Told {
+    float told[];
 };
 const uint PIECE = 32u; // vertices
 
@@ -31,7 +34,7 @@ layout(push_constant) uniform Part {
     vec4 ball;    // an eyeball in the base pose: middle and radius; radius 0: none
     vec2 units;   // of the pose
     uint material;
-    uint first_piece; // of the head, in `glow`
+    uint first_told;  // of the head, in `told`
     uint block;       // vertices of a block, or of the mesh where there are none
 };
 

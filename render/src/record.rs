@@ -43,9 +43,7 @@ impl Renderer {
         background: [f32; 4],
     ) -> Result<()> {
         target.write(scene, model, heads)?;
-        if scene.show == Show::Blocks {
-            target.check_glow(model)?;
-        }
+        target.check_told(model, scene.show)?;
         let device = &self.gpu.device;
         let far = vk::ClearValue { depth_stencil: vk::ClearDepthStencilValue { depth: 1.0, stencil: 0 } };
         let behind = vk::ClearValue { color: vk::ClearColorValue { float32: background } };
@@ -57,7 +55,7 @@ impl Renderer {
             }
             Show::Motion(_) => self.motion.map(|pipeline| (pipeline, What::Faces)).to_vec(),
             Show::Wire => vec![(front, What::Faces), (back, What::Faces), (self.lines, What::Edges)],
-            Show::Blocks | Show::Checker(_) | Show::Distance(_) | Show::Values(_) | Show::Normals => {
+            Show::Blocks | Show::Wrinkles | Show::Checker(_) | Show::Distance(_) | Show::Values(_) | Show::Normals => {
                 vec![(front, What::Faces), (back, What::Faces)]
             }
         };
@@ -123,9 +121,9 @@ impl Renderer {
             device.cmd_bind_index_buffer(cmd, indices.raw, 0, vk::IndexType::UINT32);
         }
         let draw = |indices: Range<u32>, material: u32, ball: Vec4| {
-            let first_piece = (number * model.pieces) as u32;
+            let first_told = (number * target.told()) as u32;
             let (ball, units, block) = (ball.to_array(), head.units, model.block);
-            let push = PartPush { ball, units, material, first_piece, block };
+            let push = PartPush { ball, units, material, first_told, block };
             // SAFETY: as above; so many indices are in the buffer.
             unsafe {
                 device.cmd_push_constants(cmd, self.layout, both, 0, bytes_of(&push));

@@ -27,6 +27,8 @@ pub enum Show {
     Motion(f32),
     /// What updates have changed glows, and goes out ([`Target::set_glow`](crate::Target::set_glow)).
     Blocks,
+    /// As shaded, with wrinkles where the skin is compressed ([`Target::set_wrinkles`](crate::Target::set_wrinkles)).
+    Wrinkles,
 }
 
 /// The lights: a key light that casts shadows, a fill light on the other side, a rim light from behind.
@@ -109,8 +111,8 @@ pub(crate) struct PartPush {
     pub(crate) ball: [f32; 4],
     pub(crate) units: [f32; 2],
     pub(crate) material: u32,
-    /// Of the head, in `glow`.
-    pub(crate) first_piece: u32,
+    /// Of the head, in `told`.
+    pub(crate) first_told: u32,
     pub(crate) block: u32,
 }
 
@@ -134,6 +136,7 @@ impl Scene {
             Show::Wire => (5.0, 1.0),
             Show::Motion(end) => (6.0, end),
             Show::Blocks => (7.0, 1.0),
+            Show::Wrinkles => (8.0, 1.0),
         };
         let squares = if let Show::Checker(squares) = self.show { squares } else { 0.0 };
         HeadScene {
@@ -219,7 +222,7 @@ mod tests {
             offset_of!(PartPush, ball),
             offset_of!(PartPush, units),
             offset_of!(PartPush, material),
-            offset_of!(PartPush, first_piece),
+            offset_of!(PartPush, first_told),
             offset_of!(PartPush, block),
         ];
         assert_eq!(part, expected);

@@ -66,6 +66,8 @@ pub struct Studio<'a> {
     crowd: Option<Crowd>,
     /// Of each head.
     glow: Vec<Glow>,
+    /// Wrinkle masks of each head, for pictures that show them.
+    wrinkles: Vec<Vec<[f32; 2]>>,
     /// The poses of the picture before, where they are the host's.
     last: Vec<u8>,
     model: Model,
@@ -138,7 +140,9 @@ impl<'a> Studio<'a> {
         let (frames, pending) = (vec![], VecDeque::new());
         let (glow, last) = (vec![Glow::new(packed.layout()); heads as usize], vec![]);
         let _uploaded = uploaded;
-        let mut this = Self { headless, desc, frames, pending, pool, crowd, glow, last, model, renderer, _uploaded };
+        let wrinkles = vec![vec![]; heads as usize];
+        let mut this =
+            Self { headless, desc, frames, pending, pool, crowd, glow, wrinkles, last, model, renderer, _uploaded };
         for _ in 0..in_flight.max(1) {
             let frame = this.frame(packed)?;
             this.frames.push(frame);
@@ -171,6 +175,12 @@ impl<'a> Studio<'a> {
             (cmd, fence)
         };
         Ok(Frame { target, image, pixels, poses, cmd, fence })
+    }
+
+    /// The masks of each head ([`Wrinkles::of_pose`](crate::Wrinkles::of_pose)) for [`Show::Wrinkles`](crate::Show::Wrinkles), from
+    /// the next picture on.
+    pub fn set_wrinkles(&mut self, masks: impl IntoIterator<Item = Vec<[f32; 2]>>) {
+        self.wrinkles.iter_mut().zip(masks).for_each(|(to, masks)| *to = masks);
     }
 
     /// Values for [`Show::Values`](crate::Show::Values), one a vertex of the mesh. Waits for pictures that are drawn now, and
@@ -274,7 +284,7 @@ impl<'a> Studio<'a> {
         background: [f32; 4],
         ticket: &mut Option<Ticket>,
     ) -> Result<()> {
-        let Self { headless, frames, crowd, glow, model, renderer, desc, .. } = self;
+        let Self { headless, frames, crowd, glow, wrinkles, model, renderer, desc, .. } = self;
         let Frame { target, image, pixels, poses: stored, cmd, .. } = &mut frames[slot];
         let (cmd, device) = (*cmd, &renderer.gpu.device);
         if let Some(crowd) = crowd {
@@ -291,6 +301,9 @@ impl<'a> Studio<'a> {
             if scene.show == Show::Blocks {
                 // SAFETY: the target's last picture was waited for.
                 unsafe { target.set_glow(i, glow) }?;
+            } else if scene.show == Show::Wrinkles {
+                // SAFETY: as above.
+                unsafe { target.set_wrinkles(i, &wrinkles[i]) }?;
             }
         }
         let place_of = |(i, place): (usize, &Mat4)| match (&*crowd, &*stored, poses) {

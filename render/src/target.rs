@@ -5,7 +5,7 @@ use crate::memory::{Buffer, Gpu, Image, ImageDesc, failed};
 use crate::model::Model;
 use crate::passes::{SAMPLES, SHADOW_EDGE, SHADOW_FORMAT};
 use crate::renderer::Renderer;
-use crate::scene::{Head, HeadScene, Scene};
+use crate::scene::{Head, HeadScene, Scene, Show};
 use bytemuck::{bytes_of, cast_slice};
 use deltamorph::ash::vk;
 use deltamorph::{Error, Result};
@@ -25,10 +25,11 @@ pub struct Target {
     /// Bytes from what is told of a head to the next.
     stride: usize,
     scenes: Buffer,
-    /// `[head][piece]`, or a single number while nothing glows.
-    glow: Buffer,
-    /// Pieces of a head; 0 while nothing glows.
-    pieces: usize,
+    /// What shaders are told of each head beside the scene: how bright its pieces are, or its wrinkle masks; `[head][number]`,
+    /// or a single number while there is nothing.
+    told: Buffer,
+    /// Numbers of a head; 0 while there are none.
+    numbers: usize,
     _images: [Image; 3],
 }
 
@@ -58,7 +59,7 @@ impl Target {
         let alignment = gpu.limits.min_uniform_buffer_offset_alignment as usize;
         let stride = size_of::<HeadScene>().next_multiple_of(alignment.max(1));
         let scenes = Buffer::new(&gpu, stride * heads, vk::BufferUsageFlags::UNIFORM_BUFFER, false)?;
-        let glow = Buffer::new(&gpu, 4, vk::BufferUsageFlags::STORAGE_BUFFER, false)?;
+        let told = Buffer::new(&gpu, 4, vk::BufferUsageFlags::STORAGE_BUFFER, false)?;
         let (framebuffer, set, pool) = (vk::Framebuffer::null(), vk::DescriptorSet::null(), vk::DescriptorPool::null());
         let shadow_framebuffer = framebuffer;
         let mut this = Self {
@@ -71,8 +72,8 @@ impl Target {
             heads,
             stride,
             scenes,
-            glow,
-            pieces: 0,
+            told,
+            numbers: 0,
             _images: images,
         };
         let views = [this._images[0].view, this._images[1].view, view];
@@ -121,13 +122,13 @@ impl Target {
         };
         // SAFETY: the set is new; buffer, image and sampler are alive.
         unsafe { device.update_descriptor_sets(&[write(0).buffer_info(&told), write(1).image_info(&map)], &[]) };
-        self.bind_glow();
+        self.bind_told();
         Ok(())
     }
 
-    fn bind_glow(&self) {
-        let glow = [vk::DescriptorBufferInfo::default().buffer(self.glow.raw).range(vk::WHOLE_SIZE)];
-        let write = vk::WriteDescriptorSet::default().dst_set(self.set).dst_binding(2).buffer_info(&glow);
+    fn bind_told(&self) {
+        let told = [vk::DescriptorBufferInfo::default().buffer(self.told.raw).range(vk::WHOLE_SIZE)];
+        let write = vk::WriteDescriptorSet::default().dst_set(self.set).dst_binding(2).buffer_info(&told);
         let write = write.descriptor_type(vk::DescriptorType::STORAGE_BUFFER);
         // SAFETY: the set is in no use: it is new, or nothing that was recorded with the target is still to run.
         unsafe { self.gpu.device.update_descriptor_sets(&[write], &[]) };
@@ -142,27 +143,60 @@ impl Target {
     /// # Safety
     /// Nothing recorded with the target before is still to run.
     pub unsafe fn set_glow(&mut self, head: usize, glow: &Glow) -> Result<()> {
+        self.tell(head, glow.pieces())
+    }
+
+    /// Say what the pose of a head compresses ([`Wrinkles::of_pose`](crate::Wrinkles::of_pose)), for
+    /// [`Show::Wrinkles`](crate::Show::Wrinkles), from the next draw on. All heads that are drawn need it.
+    ///
+    /// # Errors
+    /// A head that the target has no place for; no memory.
+    ///
+    /// # Safety
+    /// Nothing recorded with the target before is still to run.
+    pub unsafe fn set_wrinkles(&mut self, head: usize, masks: &[[f32; 2]]) -> Result<()> {
+        self.tell(head, cast_slice(masks))
+    }
+
+    fn tell(&mut self, head: usize, numbers: &[f32]) -> Result<()> {
         self.check_heads(head + 1)?;
-        let pieces = glow.pieces().len();
-        if self.pieces != pieces {
-            let bytes = (4 * pieces * self.heads).max(4);
-            self.glow = Buffer::new(&self.gpu, bytes, vk::BufferUsageFlags::STORAGE_BUFFER, false)?;
-            self.pieces = pieces;
-            self.bind_glow();
+        if self.numbers != numbers.len() {
+            let bytes = (4 * numbers.len() * self.heads).max(4);
+            self.told = Buffer::new(&self.gpu, bytes, vk::BufferUsageFlags::STORAGE_BUFFER, false)?;
+            self.numbers = numbers.len();
+            self.bind_told();
         }
-        self.glow.write(4 * head * pieces, cast_slice(glow.pieces()));
+        self.told.write(4 * head * numbers.len(), cast_slice(numbers));
         Ok(())
     }
 
-    /// Refuse to draw what glows without knowing how bright it is.
-    pub(crate) fn check_glow(&self, model: &Model) -> Result<()> {
-        if self.pieces == model.pieces {
+    /// Numbers that are told of a head.
+    pub(crate) fn told(&self) -> usize {
+        self.numbers
+    }
+
+    /// Refuse to show what nothing was told of.
+    pub(crate) fn check_told(&self, model: &Model, show: Show) -> Result<()> {
+        let (numbers, what, remedy) = match show {
+            Show::Blocks => (model.pieces, "pieces that glow", "hand a Glow of the mesh to Target::set_glow first"),
+            Show::Wrinkles => (
+                2 * model.padded,
+                "numbers of masks",
+                "hand Wrinkles::of_pose of the mesh to Target::set_wrinkles first",
+            ),
+            Show::Shaded
+            | Show::Checker(_)
+            | Show::Distance(_)
+            | Show::Values(_)
+            | Show::Normals
+            | Show::Wire
+            | Show::Motion(_) => return Ok(()),
+        };
+        if self.numbers == numbers {
             return Ok(());
         }
-        Err(Error::Invalid {
-            what: format!("{} pieces that glow, of a mesh of {}", self.pieces, model.pieces),
-            remedy: "hand a Glow of the mesh to Target::set_glow first".into(),
-        })
+        let what = format!("{} {what}, where the mesh has {numbers}", self.numbers);
+        Err(Error::Invalid { what, remedy: remedy.into() })
     }
 
     fn check_heads(&self, heads: usize) -> Result<()> {

@@ -5,7 +5,7 @@ use deltamorph::import::sample::{HeadDesc, head, head_clip};
 use deltamorph::{
     BatchSize, CpuCrowd, DeltaFormat, MorphMesh, MorphSource, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
 };
-use deltamorph_render::{Camera, Light, Picture, Poses, Scene, Show, Studio, StudioDesc, parts};
+use deltamorph_render::{Camera, Light, Picture, Poses, Scene, Show, Studio, StudioDesc, Wrinkles, parts};
 use glam::{Mat4, Vec3};
 
 const SIZE: [u32; 2] = [160, 128];
@@ -142,6 +142,48 @@ fn what_changed_is_lit_and_nothing_else() {
                 assert!(mean < 0.05, "{show:?} {pose:?} {path:?}: {mean}");
             }
         }
+    });
+}
+
+#[test]
+fn wrinkles_come_where_skin_is_compressed_and_nowhere_else() {
+    // The brows are the last of ARKit's targets but a few.
+    let (mesh, update) = (mesh(&head(&HeadDesc::default().vertices(6000).targets(52))), UpdateDesc::blocks());
+    let mut raised = vec![0.0; mesh.targets.len()];
+    for (target, weight) in mesh.targets.iter().zip(&mut raised) {
+        *weight = f32::from(u8::from(target.name.starts_with("browOuterUp") || target.name == "browInnerUp"));
+    }
+    on_every_device(|headless| {
+        let packed = packed(headless, &mesh, DeltaFormat::Fast);
+        let wrinkles = Wrinkles::new(&mesh, packed.layout()).expect("masks");
+        let desc = StudioDesc { size: SIZE, heads: 1, in_flight: 1, update, afterglow: 0.0 };
+        let mut studio = Studio::new(headless, &mesh, &packed, &parts(&mesh, &[""; 0]), desc).expect("a studio");
+        let (places, rest) = ([Mat4::IDENTITY], vec![0.0; raised.len()]);
+        let mut picture = |weights: &[f32], masks: Vec<[f32; 2]>, show| {
+            let scene = scene(&mesh, &places, Camera::default(), show);
+            studio.set_wrinkles([masks]);
+            studio.draw(Poses::Weights(&[weights]), &places, &scene, BLACK).expect("a picture");
+            studio.finish().expect("pictures").pop().expect("one")
+        };
+        let [smooth, plain] = [Show::Wrinkles, Show::Shaded].map(|show| picture(&rest, wrinkles.of_pose(&rest), show));
+        // The general variant of a shader may round otherwise.
+        assert!(difference(&smooth, &plain).0 < 0.004, "at rest there are none");
+        let [folded, plain] =
+            [Show::Wrinkles, Show::Shaded].map(|show| picture(&raised, wrinkles.of_pose(&raised), show));
+        let (mean, lines) = difference(&folded, &plain);
+        assert!(mean > 0.02 && lines > 50, "{mean}, {lines}: the forehead folds");
+        let unfolded = picture(&raised, wrinkles.of_pose(&rest), Show::Wrinkles);
+        assert!(difference(&unfolded, &plain).0 < 0.004, "without masks there are none");
+        // Below the eyes nothing is compressed.
+        let below = (SIZE[0] * SIZE[1] * 4) as usize * 2 / 3;
+        let (folded, plain) = (&folded.rgba[below..], &plain.rgba[below..]);
+        assert!(folded.iter().zip(plain).all(|(a, b)| a.abs_diff(*b) <= 2), "the chin stays smooth");
+        let refused = {
+            let scene = scene(&mesh, &places, Camera::default(), Show::Wrinkles);
+            studio.set_wrinkles([vec![]]);
+            studio.draw(Poses::Weights(&[&raised]), &places, &scene, BLACK).expect_err("no masks").to_string()
+        };
+        assert!(refused.contains("Target::set_wrinkles"), "{refused}");
     });
 }
 

@@ -47,8 +47,8 @@ pub struct RenderArgs {
     #[arg(long, value_name = "WHAT", conflicts_with_all = ["checker", "magnify"])]
     #[arg(value_parser = values::named(&Heat::ALL, Heat::name, Heat::summary))]
     pub heat: Option<Heat>,
-    /// What is shown of the surface: its edges, its normals, how fast each vertex moves, or what the update changed; the
-    /// last two since the frame before, or since the base pose where there is none
+    /// What is shown of the surface: its edges, its normals, how fast each vertex moves, what the update changed (both
+    /// since the frame before, or since the base pose where there is none), or wrinkles where skin is compressed
     #[arg(long, value_name = "WHAT", conflicts_with_all = ["heat", "checker", "magnify"])]
     #[arg(value_parser = values::named(&Shown::ALL, Shown::name, Shown::summary))]
     pub show: Option<Shown>,
@@ -97,10 +97,11 @@ pub enum Shown {
     Normals,
     Motion,
     Blocks,
+    Wrinkles,
 }
 
 impl Shown {
-    pub const ALL: [Self; 4] = [Self::Wire, Self::Normals, Self::Motion, Self::Blocks];
+    pub const ALL: [Self; 5] = [Self::Wire, Self::Normals, Self::Motion, Self::Blocks, Self::Wrinkles];
 
     pub fn name(self) -> &'static str {
         match self {
@@ -108,6 +109,7 @@ impl Shown {
             Self::Normals => "normals",
             Self::Motion => "motion",
             Self::Blocks => "blocks",
+            Self::Wrinkles => "wrinkles",
         }
     }
 
@@ -117,6 +119,7 @@ impl Shown {
             Self::Normals => "normals as colours: x red, y green, z blue",
             Self::Motion => "how far each vertex has come since the frame before",
             Self::Blocks => "the blocks that the update changed glow; in a clip they go out over the next frames",
+            Self::Wrinkles => "wrinkles where the targets compress the skin",
         }
     }
 

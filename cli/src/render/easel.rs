@@ -6,7 +6,7 @@ use crate::args::render::Shown;
 use crate::output::Failure;
 use crate::runner::Stage;
 use deltamorph::{BatchSize, CpuCrowd, POSE_FLOATS, UpdateDesc, UpdatePath};
-use deltamorph_render::{Camera, Light, Poses, Scene, Show, Studio, StudioDesc};
+use deltamorph_render::{Camera, Light, Poses, Scene, Show, Studio, StudioDesc, Wrinkles};
 use glam::Mat4;
 
 /// Pictures that are drawn at a time: the processor encodes and plans while the device draws.
@@ -23,6 +23,7 @@ pub struct Easel<'a> {
     places: Vec<Mat4>,
     pub scene: Scene,
     background: [f32; 4],
+    wrinkles: Option<Wrinkles>,
 }
 
 /// Who makes the poses.
@@ -74,17 +75,25 @@ impl<'a> Easel<'a> {
             (Some(Shown::Wire), _) => Show::Wire,
             (Some(Shown::Normals), _) => Show::Normals,
             (Some(Shown::Blocks), _) => Show::Blocks,
+            (Some(Shown::Wrinkles), _) => Show::Wrinkles,
             // `heat::prepare` knows where the scale of motion ends.
             (Some(Shown::Motion) | None, None) => Show::Shaded,
             (_, Some(squares)) => Show::Checker(squares as f32),
         };
         let scene = Scene { view, light: Light { yaw, pitch, strength }, show };
-        Ok(Self { studio, heads, places, scene, background: args.background.linear() })
+        let wrinkles = match show {
+            Show::Wrinkles => Some(Wrinkles::new(&scenery.input.kept, stage.mesh.layout())?),
+            _ => None,
+        };
+        Ok(Self { studio, heads, places, scene, background: args.background.linear(), wrinkles })
     }
 
     /// Begin a picture of the heads with these weights; returns the oldest that is ready, when it had to be waited for.
     pub fn draw(&mut self, weights: &[&[f32]]) -> Result<Option<Canvas>, Failure> {
-        let Self { studio, heads, places, scene, background } = self;
+        let Self { studio, heads, places, scene, background, wrinkles } = self;
+        if let Some(wrinkles) = wrinkles {
+            studio.set_wrinkles(weights.iter().map(|weights| wrinkles.of_pose(weights)));
+        }
         let finished = match heads {
             Heads::Device => studio.draw(Poses::Weights(weights), places, scene, *background)?,
             Heads::Processor(crowd, units) => {

@@ -101,10 +101,13 @@ pub enum Look {
     Motion,
     /// Blocks as they are written.
     Blocks,
+    /// Wrinkles where the skin is compressed.
+    Wrinkles,
 }
 
 impl Look {
-    pub const ALL: [Self; 6] = [Self::Shaded, Self::Wire, Self::Normals, Self::Heat, Self::Motion, Self::Blocks];
+    pub const ALL: [Self; 7] =
+        [Self::Shaded, Self::Wire, Self::Normals, Self::Heat, Self::Motion, Self::Blocks, Self::Wrinkles];
 
     pub fn name(self) -> &'static str {
         match self {
@@ -114,6 +117,7 @@ impl Look {
             Self::Heat => "heat",
             Self::Motion => "motion",
             Self::Blocks => "blocks",
+            Self::Wrinkles => "wrinkles",
         }
     }
 
@@ -125,6 +129,7 @@ impl Look {
             Self::Heat => "how far each vertex is from the base pose",
             Self::Motion => "how far each vertex has come since the frame before",
             Self::Blocks => "blocks of vertices light up as they are written",
+            Self::Wrinkles => "wrinkles where the targets compress the skin",
         }
     }
 }
@@ -142,7 +147,7 @@ Commands of scripts, one a line; what follows # is a remark:
                             update in another way, spelled as the options are
   heads N                   so many heads
   detail all | N% | Npx     keep all targets; a share, the most important ones; or what N pixels take
-  show LOOK                 shaded, wire, normals, heat, motion or blocks
+  show LOOK                 shaded, wire, normals, heat, motion, blocks or wrinkles
   camera YAW,PITCH | zoom X where the camera is, and how near
   search TEXT | twins on|off | panel on|off
                             the panel: what is listed, left and right together, whether it is there

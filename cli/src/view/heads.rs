@@ -140,8 +140,19 @@ impl Heads {
         Ok(Took { stats, cpu_ms })
     }
 
-    /// The heads as `frame` draws them, into a target whose last frame was waited for.
-    pub fn drawn(&self, frame: usize, target: &mut Target, show: Show) -> Result<Vec<Head>, Failure> {
+    /// The heads as `frame` draws them, into a target whose last frame was waited for; `masks`: the wrinkles of each, where they
+    /// are shown.
+    pub fn drawn(
+        &self,
+        frame: usize,
+        target: &mut Target,
+        show: Show,
+        masks: &[Vec<[f32; 2]>],
+    ) -> Result<Vec<Head>, Failure> {
+        for (head, masks) in masks.iter().enumerate() {
+            // SAFETY: the target's last frame was waited for: the caller's obligation.
+            unsafe { target.set_wrinkles(head, masks) }?;
+        }
         if show == Show::Blocks {
             for (head, glow) in self.glow.iter().enumerate() {
                 // SAFETY: the target's last frame was waited for: the caller's obligation.

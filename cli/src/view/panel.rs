@@ -206,7 +206,7 @@ fn ways(ui: &mut Ui, state: &State, about: &About<'_>, done: &mut Vec<Command>) 
 
 fn looks(ui: &mut Ui, state: &State, done: &mut Vec<Command>) {
     ui.add_space(2.0);
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing.x = 3.0;
         ui.spacing_mut().button_padding.x = 6.0;
         for look in Look::ALL {

@@ -20,7 +20,7 @@ use deltamorph::UpdatePath;
 use deltamorph::ash::vk;
 use deltamorph::headless::DeviceChoice;
 use deltamorph::lod::pixels_per_unit;
-use deltamorph_render::{Camera, Light, Scene, Show};
+use deltamorph_render::{Camera, Light, Scene, Show, Wrinkles};
 use egui::Context;
 use glam::{Mat4, Vec3};
 use std::path::PathBuf;
@@ -42,6 +42,8 @@ pub struct Stage {
     full: Option<Full>,
     /// Of the heads' mesh, once targets are to be left out.
     kept: Option<Kept>,
+    /// Of the heads, once they are to be shown.
+    wrinkles: Option<Wrinkles>,
     frames: Frames,
     ui: egui_winit::State,
     subject: Subject,
@@ -84,6 +86,7 @@ impl Stage {
             heads,
             full,
             kept: None,
+            wrinkles: None,
             frames,
             ui,
             reach: reach(state),
@@ -153,7 +156,7 @@ impl Stage {
         self.device.wait_idle();
         // Targets of the swapchain are the renderer's: they go first.
         self.swapchain = None;
-        self.heads = heads;
+        (self.heads, self.wrinkles) = (heads, None);
         if let (Some(full), Some(subject)) = (full, subject) {
             (self.full, self.subject, self.kept) = (full, subject, None);
         }
@@ -175,8 +178,10 @@ impl Stage {
         let mut weights = state.weights()?;
         let scene = self.scene(state, extent);
         let moves = moves | self.leave_out(state, &scene, extent, &mut weights)?;
+        let masks = self.masks(state, &weights)?;
         let wanted = Wanted {
             weights: &weights,
+            masks,
             scene: &scene,
             background: Background(Some(style::BEHIND)).linear(),
             panel,
@@ -260,6 +265,18 @@ impl Stage {
         Ok(kept.fades())
     }
 
+    /// The wrinkle masks of each head, where they are shown.
+    fn masks(&mut self, state: &State, weights: &[Vec<f32>]) -> Result<Vec<Vec<[f32; 2]>>, Failure> {
+        if state.look != Look::Wrinkles {
+            return Ok(vec![]);
+        }
+        let wrinkles = match &mut self.wrinkles {
+            Some(wrinkles) => wrinkles,
+            none @ None => none.insert(Wrinkles::new(&state.input.kept, self.heads.mesh.layout())?),
+        };
+        Ok(weights.iter().map(|weights| wrinkles.of_pose(weights)).collect())
+    }
+
     fn scene(&self, state: &State, extent: vk::Extent2D) -> Scene {
         let [left, top, width, height] = self.free;
         let aspect = extent.width as f32 * width / (extent.height as f32 * height).max(1.0);
@@ -278,6 +295,7 @@ impl Stage {
             Look::Heat => Show::Distance(self.reach),
             Look::Motion => Show::Motion(self.reach * 0.1),
             Look::Blocks => Show::Blocks,
+            Look::Wrinkles => Show::Wrinkles,
         };
         Scene { view, light: Light::default(), show }
     }
