@@ -279,6 +279,82 @@ fn the_cpu_updates_every_stream() {
     }
 }
 
+/// Textures of tangents, of texture coordinates (which targets move where they stretch the skin) and of colours.
+#[test]
+#[cfg(feature = "baselines")]
+fn textures_hold_streams_too() {
+    on_every_device(|headless, engine| {
+        if engine.caps().check_path(UpdatePath::Texture).is_err() {
+            return;
+        }
+        for format in DeltaFormat::DENSE {
+            let desc = UpdateDesc::new(UpdatePath::Texture, BatchSize::All).slots(1);
+            check(headless, &packed(&engine.pack_desc(format)), desc, 12);
+        }
+    });
+}
+
+/// A target stretches a sheet to twice its width, and its texture coordinates with it: the picture on it keeps its size, at
+/// each weight.
+#[test]
+#[cfg(feature = "baselines")]
+fn texture_coordinates_follow_a_target_that_stretches() {
+    use deltamorph::{StreamData, StreamDeltas};
+    use glam::Vec3;
+    let positions: Vec<Vec3> = (0..400u16).map(|i| Vec3::new(f32::from(i % 20), f32::from(i / 20), 0.0)).collect();
+    let texcoords = positions.iter().flat_map(|p| [p.x / 20.0, p.y / 20.0]).collect();
+    let moved: Vec<u32> = (0..400).filter(|i| i % 20 != 0).collect();
+    let along = |i: u32| positions[i as usize].x;
+    let stretched = SourceTarget {
+        name: "stretch".into(),
+        positions: moved.iter().map(|&i| (i, Vec3::X * along(i))).collect(),
+        normals: None,
+        streams: vec![StreamDeltas {
+            deltas: moved.iter().flat_map(|&i| [along(i) / 20.0, 0.0]).collect(),
+            vertices: moved.clone(),
+        }],
+    };
+    let source = MorphSource {
+        name: "sheet".into(),
+        normals: Some(vec![Vec3::Z; positions.len()]),
+        positions: positions.clone(),
+        targets: vec![stretched],
+        streams: vec![StreamData { semantic: Semantic::TexCoord(0), values: texcoords }],
+        ..MorphSource::default()
+    };
+    let mesh = source.to_mesh(Tolerance::ZERO).expect("a mesh that is right");
+    on_every_device(|headless, engine| {
+        for (path, format) in [
+            (UpdatePath::Blocks, DeltaFormat::Fast),
+            (UpdatePath::Texture, DeltaFormat::Float32),
+            (UpdatePath::Texture, DeltaFormat::Snorm16),
+        ] {
+            if engine.caps().check_path(path).is_err() {
+                continue;
+            }
+            let packed = PackedMesh::pack(&mesh, &engine.pack_desc(format)).expect("a mesh that fits");
+            let (group, first) = (1, packed.groups()[1].layout().streams[0].first);
+            let desc = CrowdDesc::new(UpdateDesc::new(path, BatchSize::All));
+            let mut crowd = HeadlessCrowd::new(headless, &packed, &desc).expect("a crowd");
+            for weight in [0.5, 1.0, -0.25] {
+                crowd.step(&[&[weight]]).expect("a step");
+                let pose = crowd.read_pose(0).expect("a pose");
+                let (streams, _) = crowd.read_group(0, group).expect("a pose");
+                for (i, (pose, uv)) in pose.chunks_exact(6).zip(streams.chunks_exact(6)).enumerate() {
+                    let x = positions[i].x * (1.0 + weight);
+                    assert!(
+                        (pose[0] - x).abs() < 2e-3,
+                        "{path:?} {format:?} {weight}, vertex {i}: {} for {x}",
+                        pose[0]
+                    );
+                    let off = (uv[first] - pose[0] / 20.0).abs() + (uv[first + 1] - positions[i].y / 20.0).abs();
+                    assert!(off < 2e-4, "{path:?} {format:?} {weight}, vertex {i}: {uv:?} at {pose:?}");
+                }
+            }
+        }
+    });
+}
+
 /// Techniques that know positions and normals only say so.
 #[test]
 #[cfg(feature = "baselines")]
@@ -288,7 +364,6 @@ fn what_does_not_update_streams_refuses_them() {
             (UpdatePath::Scatter, DeltaFormat::Small),
             (UpdatePath::Direct, DeltaFormat::Snorm16),
             (UpdatePath::DirectAttributes, DeltaFormat::Snorm16),
-            (UpdatePath::Texture, DeltaFormat::Snorm16),
         ] {
             if engine.caps().check_path(path).is_err() {
                 continue;

@@ -59,7 +59,7 @@ impl MorphEngine {
     /// # Safety
     /// As [`record_update`](Self::record_update).
     pub unsafe fn record_draws(&self, cmd: vk::CommandBuffer, crowd: &Crowd) -> Result<()> {
-        let draws = self.draws(crowd)?;
+        let draws = self.draws(crowd, 0)?;
         crowd.shown().try_for_each(|instance| crowd.base.slots_of(instance).map(|_| ()))?;
         // SAFETY: the caller's obligations.
         unsafe { draws.record(cmd, &mut crowd.shown(), false) };
@@ -76,7 +76,22 @@ impl MorphEngine {
     /// # Safety
     /// As [`record_draws`](Self::record_draws).
     pub unsafe fn record_capture(&self, cmd: vk::CommandBuffer, crowd: &Crowd, instance: u32) -> Result<PoseView> {
-        let draws = self.draws(crowd)?;
+        // SAFETY: the caller's obligations.
+        unsafe { self.record_capture_of(cmd, crowd, instance, 0) }
+    }
+
+    /// [`record_capture`](Self::record_capture) of a [group](PackedMesh::groups) of the mesh.
+    ///
+    /// # Safety
+    /// As there.
+    pub(crate) unsafe fn record_capture_of(
+        &self,
+        cmd: vk::CommandBuffer,
+        crowd: &Crowd,
+        instance: u32,
+        group: usize,
+    ) -> Result<PoseView> {
+        let draws = self.draws(crowd, group)?;
         crowd.base.slots_of(instance)?;
         for entry in Capture::of(&self.device, crowd.desc().update.path)?.schedule().entries {
             // SAFETY: the caller's obligations; the device has what it captures with.
@@ -87,14 +102,17 @@ impl MorphEngine {
                 }
             }
         }
-        Ok(crowd.base.view(0, 0, 0))
+        Ok(crowd.base.view(0, 0, group))
     }
 
-    fn draws<'a>(&self, crowd: &'a Crowd) -> Result<&'a dyn Draw> {
+    fn draws<'a>(&self, crowd: &'a Crowd, group: usize) -> Result<&'a dyn Draw> {
         crowd.base.check_device(&self.device)?;
         let direct = crowd.base.technique::<DirectTechnique>().map(|direct| &direct.draws as &dyn Draw);
         let attributes = || crowd.base.technique::<AttributesTechnique>().map(|attributes| &attributes.draws as _);
-        let texture = || crowd.base.technique::<TextureTechnique>().map(|texture| &texture.draws as _);
+        let texture = || {
+            let texture = crowd.base.technique::<TextureTechnique>();
+            texture.and_then(|texture| texture.draws(group)).map(|draws| draws as _)
+        };
         direct.or_else(attributes).or_else(texture).ok_or_else(|| {
             Error::invalid(
                 format!("a draw that evaluates, of a crowd on the path '{}'", crowd.desc().update.path.name()),

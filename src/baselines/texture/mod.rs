@@ -4,7 +4,8 @@
 //! Each target is a few rectangles of texels (`texels`). A pass draws those of the targets that it applies, and blending
 //! adds coefficient · delta to the displacement textures of an instance, positions and normals at once (`passes`): weights
 //! after clearing, or delta weights on top of what is there. Draws add to the base pose what the texel of the vertex holds
-//! (`draws`).
+//! (`draws`). Further streams of a mesh have textures of their own, two for each group: texture coordinates, for example, which
+//! targets move where they stretch the skin.
 //!
 //! Deltas are loaded as packed: float32, or 16-bit integers times the coefficient of their step. Half floats, which the
 //! article has, are as large as the integers and lose five of their bits. Sums are float32: they drift as those of the
@@ -20,15 +21,15 @@ mod tests;
 use super::draws::one_pass;
 use crate::engine::{GpuMesh, MorphEngine};
 use crate::error::{Error, Result};
-use crate::gpu::mesh::MeshBuffers;
-use crate::pack::{DeltaFormat, PackedMesh};
+use crate::gpu::mesh::{MeshBuffers, Upload};
+use crate::pack::{DeltaFormat, PackedGroup, PackedMesh};
 use crate::plan::instances::Instances;
 use crate::plan::steps::{Access, Resource, Source, Stage, Steps, Use, Work};
 use crate::plan::{UpdatePath, UpdateStats};
 use crate::update::dense::DensePlanner;
 use crate::update::technique::{Context, Technique, UpdateId};
 use ash::vk;
-pub(super) use draws::TextureDraws;
+use draws::TextureDraws;
 use passes::BlendPasses;
 use std::ops::Range;
 use std::sync::Arc;
@@ -46,7 +47,7 @@ const BLEND: &[Use] = &[
 /// What draws fetch, whoever else reads.
 const FETCH: &[Use] = &[Use::new(Resource::Poses, Stage::VertexShader, Access::ShaderRead)];
 
-/// What the host knows of the textures of a mesh: what [`MeshBuffers::private`] holds.
+/// What the host knows of the textures of a group: what [`MeshBuffers::private`] holds.
 #[derive(Clone, Copy)]
 struct Textures<'a>(&'a [u32]);
 
@@ -98,13 +99,12 @@ impl MorphEngine {
     ///
     /// # Errors
     /// As [`upload`](Self::upload); a format other than `float32` and `snorm16`; textures larger than the device's images;
-    /// streams beside positions and normals.
+    /// a device that cannot blend float32.
     ///
     /// # Safety
     /// As [`upload`](Self::upload).
     pub unsafe fn upload_texture(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
         let (path, layout, caps) = (UpdatePath::Texture, mesh.layout(), &self.device.caps);
-        path.check_groups(mesh.groups().len(), layout)?;
         caps.check_path(path)?;
         if !path.formats().contains(&layout.format) {
             return Err(Error::invalid(
@@ -113,49 +113,68 @@ impl MorphEngine {
             ));
         }
         self.check_not_empty(layout)?;
-        let baked = DeltaTexels::bake(mesh, caps.max_image_side)?;
+        let (mut groups, mut uploads) = (vec![], vec![]);
+        for group in mesh.groups() {
+            let (buffers, of_group) = self.texture_buffers(group)?;
+            groups.push(buffers);
+            uploads.extend(of_group);
+        }
+        // SAFETY: the caller's obligations.
+        Ok(unsafe { self.upload_buffers(cmd, groups, uploads) })
+    }
+
+    /// The buffers and delta textures of a group, and what fills them.
+    fn texture_buffers(&self, group: &PackedGroup) -> Result<(MeshBuffers, Vec<Upload>)> {
+        let (layout, caps) = (group.layout(), &self.device.caps);
+        let baked = DeltaTexels::bake(group, caps.max_image_side)?;
         let words = baked.words(layout.padded_vertices());
-        let (what, bytes) = (format!("mesh '{}': its rectangles and texels take", layout.name), 4 * words.len() as u64);
-        let range = caps.max_storage_range;
-        caps.check_limit(&what, (bytes, "bytes", range), "use fewer targets, or split the mesh")?;
-        caps.check_limit(
-            &format!("mesh '{}': a pose takes", layout.name),
-            (layout.base_bytes(), "bytes", range),
-            "split the mesh",
-        )?;
+        let limit = |what: &str, bytes: u64, remedy: &str| {
+            let what = format!("mesh '{}': {what}", layout.name);
+            caps.check_limit(&what, (bytes, "bytes", caps.max_storage_range), remedy)
+        };
+        limit("its rectangles and texels take", 4 * words.len() as u64, "use fewer targets, or split the mesh")?;
+        limit("a pose takes", layout.base_bytes(), "split the mesh")?;
         let private = Textures::words(&baked);
-        let (mut buffers, upload) = MeshBuffers::new(&self.device, layout.clone(), mesh.base(), &words, private)?;
+        let (mut buffers, upload) = MeshBuffers::new(&self.device, layout.clone(), group.base(), &words, private)?;
         let format = match layout.format == DeltaFormat::Snorm16 {
             true => vk::Format::R16G16B16A16_SINT,
             false => vk::Format::R32G32B32A32_SFLOAT,
         };
         let mut uploads = vec![upload];
-        for (what, normals) in [("positions", false), ("normals", true)] {
-            let name = format!("deltamorph deltas of {what} of mesh '{}'", layout.name);
-            uploads.push(buffers.add_image(&self.device, &name, format, baked.image, &baked.bytes(normals))?);
+        for (what, second) in [("first", false), ("second", true)] {
+            let name = format!("deltamorph deltas of the {what} triple of mesh '{}'", layout.name);
+            uploads.push(buffers.add_image(&self.device, &name, format, baked.image, &baked.bytes(second))?);
         }
-        // SAFETY: the caller's obligations.
-        Ok(unsafe { self.upload_buffers(cmd, vec![buffers], uploads) })
+        Ok((buffers, uploads))
     }
+}
+
+/// What a group of the mesh takes.
+struct Group {
+    mesh: Arc<MeshBuffers>,
+    passes: BlendPasses,
+    draws: TextureDraws,
 }
 
 /// A crowd with displacement textures for each instance.
 pub(crate) struct TextureTechnique {
-    mesh: Arc<MeshBuffers>,
     planner: DensePlanner,
-    passes: BlendPasses,
-    pub(super) draws: TextureDraws,
+    groups: Vec<Group>,
 }
 
 impl TextureTechnique {
     pub(crate) fn new(context: Context<'_>) -> Result<Self> {
-        let passes = BlendPasses::new(context)?;
-        Ok(Self {
-            mesh: context.mesh.clone(),
-            planner: one_pass(context.desc)?,
-            draws: TextureDraws::new(context, passes.displacements())?,
-            passes,
-        })
+        let group = |context: Context<'_>| {
+            let passes = BlendPasses::new(context)?;
+            let draws = TextureDraws::new(context, passes.displacements())?;
+            Ok(Group { mesh: context.mesh.clone(), passes, draws })
+        };
+        Ok(Self { planner: one_pass(context.desc)?, groups: context.groups().map(group).collect::<Result<_>>()? })
+    }
+
+    /// The draws of a group.
+    pub(super) fn draws(&self, group: usize) -> Option<&TextureDraws> {
+        self.groups.get(group).map(|group| &group.draws)
     }
 }
 
@@ -165,30 +184,33 @@ impl Technique for TextureTechnique {
     /// once at most. Draws are not counted, as they are not where there are pose buffers.
     fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         self.planner.plan(instances, id.update);
-        self.planner.fill(1, BLEND, steps);
+        self.planner.fill(self.groups.len(), BLEND, steps);
         if !steps.is_empty() {
             steps.step(FETCH);
         }
-        let textures = Textures::of(&self.mesh);
-        let [width, height] = textures.size().map(u64::from);
-        let delta = if self.mesh.layout.format == DeltaFormat::Snorm16 { 16 } else { DISPLACEMENT };
         let mut stats = UpdateStats::default();
         for plan in self.planner.plans().iter().filter(|plan| !plan.passes.is_empty()) {
-            let texels: u64 = plan.coefficients.iter().map(|c| u64::from(textures.texels(c.target))).sum();
-            let cleared = if plan.rebuilt { width * height * DISPLACEMENT } else { 0 };
             stats.coefficients += plan.coefficients.len();
             stats.passes += 1;
             stats.rebuilt += usize::from(plan.rebuilt);
-            stats.bytes_moved += cleared + texels * (delta + 2 * DISPLACEMENT);
-            stats.bytes_floor += texels * delta + texels.min(width * height) * 2 * DISPLACEMENT;
+            for mesh in self.groups.iter().map(|group| &group.mesh) {
+                let textures = Textures::of(mesh);
+                let all = textures.size().map(u64::from).iter().product::<u64>();
+                let delta = if mesh.layout.format == DeltaFormat::Snorm16 { 16 } else { DISPLACEMENT };
+                let texels: u64 = plan.coefficients.iter().map(|c| u64::from(textures.texels(c.target))).sum();
+                let cleared = if plan.rebuilt { all * DISPLACEMENT } else { 0 };
+                stats.bytes_moved += cleared + texels * (delta + 2 * DISPLACEMENT);
+                stats.bytes_floor += texels * delta + texels.min(all) * 2 * DISPLACEMENT;
+            }
         }
         Ok(stats)
     }
 
     unsafe fn record(&self, cmd: vk::CommandBuffer, _frame: u64, work: &Work) {
         let (cleared, coefficients) = (work.source == Source::Base, self.planner.coefficients(work));
+        let passes = &self.groups[work.group as usize].passes;
         // SAFETY: the caller's obligations; the coefficients are of targets of the mesh.
-        unsafe { self.passes.record(cmd, work.instance, cleared, coefficients) };
+        unsafe { passes.record(cmd, work.instance, cleared, coefficients) };
     }
 
     fn has_poses(&self) -> bool {
@@ -206,7 +228,7 @@ impl Technique for TextureTechnique {
                 Use::new(Memory::Deltas, Stage::FragmentShader, Access::ShaderRead),
                 Use::new(pose, Stage::ColourOutput, Access::Blend),
             ];
-            Accesses { uses, ..Accesses::default() }
+            Accesses { group: work.group, uses, ..Accesses::default() }
         };
         works.iter().map(of).collect()
     }

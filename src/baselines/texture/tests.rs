@@ -21,7 +21,7 @@ fn load(bytes: &[u8], format: DeltaFormat, texel: u32, component: usize) -> f64 
 fn textures_hold_the_deltas_of_each_target_where_its_rectangles_are() {
     for format in DeltaFormat::DENSE {
         let mesh = packed(37, format);
-        let baked = DeltaTexels::bake(&mesh, SIDE).expect("textures");
+        let baked = DeltaTexels::bake(&mesh.groups()[0], SIDE).expect("textures");
         let images = [false, true].map(|normals| baked.bytes(normals));
         let stride = if format == DeltaFormat::Snorm16 { 8 } else { 16 };
         assert_eq!(images[0].len() as u32, baked.image[0] * baked.image[1] * stride);
@@ -53,7 +53,7 @@ fn textures_hold_the_deltas_of_each_target_where_its_rectangles_are() {
 fn vertices_that_nothing_moves_share_the_first_texel_and_others_have_one_each() {
     // Every third vertex stays where it is.
     let mesh = packed(1, DeltaFormat::Float32);
-    let baked = DeltaTexels::bake(&mesh, SIDE).expect("textures");
+    let baked = DeltaTexels::bake(&mesh.groups()[0], SIDE).expect("textures");
     let mut moved = vec![false; baked.texels.len()];
     mesh.for_each_delta(0, |vertex, delta| moved[vertex] = delta != [0.0; POSE_FLOATS]);
     assert!(moved.iter().any(|m| !m) && moved.iter().any(|m| *m), "a mesh with both");
@@ -65,6 +65,6 @@ fn vertices_that_nothing_moves_share_the_first_texel_and_others_have_one_each() 
 
 #[test]
 fn what_does_not_fit_is_refused() {
-    let text = DeltaTexels::bake(&packed(37, DeltaFormat::Float32), 16).expect_err("too small").to_string();
+    let text = DeltaTexels::bake(&packed(37, DeltaFormat::Float32).groups()[0], 16).expect_err("too small").to_string();
     assert!(text.contains("16 × 16") && text.contains("split the mesh"), "{text}");
 }

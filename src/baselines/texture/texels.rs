@@ -7,7 +7,7 @@
 //! between.
 
 use crate::error::{Error, Result};
-use crate::pack::{DeltaFormat, POSE_FLOATS, PackedMesh};
+use crate::pack::{DeltaFormat, POSE_FLOATS, PackedGroup};
 use std::ops::Range;
 
 /// Runs of texels with at most so many others between them are drawn as one: a texel costs less than a rectangle.
@@ -31,7 +31,7 @@ pub(super) struct Rectangle {
     pub(super) first: u32,
 }
 
-/// The delta textures of a mesh, and where its vertices and targets lie in them.
+/// The delta textures of a group of a mesh, and where its vertices and targets lie in them.
 #[derive(Clone, Debug)]
 pub(super) struct DeltaTexels {
     /// Texels of a row, a power of two, and rows of the displacement textures.
@@ -45,21 +45,21 @@ pub(super) struct DeltaTexels {
     /// First rectangle of each target, and the number of all.
     pub(super) first: Vec<u32>,
     format: DeltaFormat,
-    /// Position and normal delta of each texel of the delta textures, in steps of its target.
+    /// Deltas of both triples at each texel of the delta textures, in steps of the target.
     deltas: Vec<[f32; POSE_FLOATS]>,
 }
 
 impl DeltaTexels {
-    /// Bake position and normal of `mesh`, which is of a dense format, for textures of at most `side` texels in either
+    /// Bake both triples of a group, which is of a dense format, for textures of at most `side` texels in either
     /// direction.
     ///
     /// # Errors
     /// Textures that would be larger than `side`.
-    pub(super) fn bake(mesh: &PackedMesh, side: u32) -> Result<Self> {
-        let (layout, name) = (mesh.layout(), &mesh.layout().name);
+    pub(super) fn bake(group: &PackedGroup, side: u32) -> Result<Self> {
+        let (layout, name) = (group.layout(), &group.layout().name);
         let mut movers = vec![vec![]; layout.vertex_count];
         for target in 0..layout.targets.len() {
-            mesh.for_each_delta(target, |vertex, delta| {
+            group.for_each_delta(target, |vertex, delta| {
                 if delta != [0.0; POSE_FLOATS] {
                     movers[vertex].push(target as u32);
                 }
@@ -74,7 +74,7 @@ impl DeltaTexels {
         let (mut rectangles, mut first, mut deltas) = (vec![], vec![0], vec![]);
         for (number, target) in layout.targets.iter().enumerate() {
             let (mut moved, steps) = (vec![], [target.position_step, target.normal_step()].map(f64::from));
-            mesh.for_each_delta(number, |vertex, delta| {
+            group.for_each_delta(number, |vertex, delta| {
                 if delta != [0.0; POSE_FLOATS] {
                     let steps: [f32; POSE_FLOATS] = std::array::from_fn(|c| (delta[c] / steps[c / 3]) as f32);
                     moved.push((texels[vertex], steps));

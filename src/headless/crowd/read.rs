@@ -39,8 +39,17 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     /// [`read_pose`](Self::read_pose) does for the first.
     ///
     /// # Errors
-    /// As [`draw`](Self::draw); a path without pose buffers; a group out of range.
+    /// As [`read_pose`](Self::read_pose); a group out of range.
     pub fn read_group(&mut self, instance: u32, group: usize) -> Result<(Vec<f32>, Option<Vec<f32>>)> {
+        #[cfg(feature = "baselines")]
+        if let Some(crowd) = self.direct() {
+            let engine = &self.headless.engine;
+            let capture =
+                // SAFETY: as in `step_together`.
+                |cmd| unsafe { engine.record_capture_of(cmd, crowd, instance, group) };
+            let view = self.headless.submitter.run(capture)?;
+            return Ok((self.read_view(view, group)?, None));
+        }
         let base = self.crowd.base();
         let (pose, previous) = (base.group_pose(instance, group)?, base.previous_group_pose(instance, group)?);
         Ok((self.read_view(pose, group)?, previous.map(|view| self.read_view(view, group)).transpose()?))
