@@ -1,10 +1,12 @@
 //! Below the gpu line: everything that calls Vulkan.
 //!
 //! Files by Vulkan concern: [`caps`] (what a device can do), `tuning` (what suits it), [`device`] (the host's device,
-//! borrowed), `memory` (buffers, rings of lists), `images` (textures that are drawn to, of baselines), `mesh` (an uploaded mesh), `parts` (of an asset that is too large for a
-//! descriptor), `descriptors`, `pipelines`, `barriers`. No file here knows a technique.
+//! borrowed), `memory` (buffers, rings of lists), `mesh` (an uploaded mesh), `parts` (of an asset that is too large for a
+//! descriptor), `descriptors`, `pipelines`, `barriers`; of baselines `images` and `blending`. No file here knows a technique.
 
 pub(crate) mod barriers;
+#[cfg(feature = "baselines")]
+mod blending;
 pub mod caps;
 pub(crate) mod descriptors;
 pub mod device;

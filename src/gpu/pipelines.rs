@@ -160,54 +160,6 @@ impl Objects {
         Ok(())
     }
 
-    /// A pipeline that adds what a vertex and a fragment module draw to two colours, in strips of triangles without vertex
-    /// attributes. Viewport and scissor are dynamic. The render pass is there.
-    #[cfg(feature = "baselines")]
-    pub(crate) fn add_blending(&mut self, [vertex, fragment]: [&Module; 2]) -> Result<()> {
-        let input = vk::PipelineVertexInputStateCreateInfo::default();
-        let assembly =
-            vk::PipelineInputAssemblyStateCreateInfo::default().topology(vk::PrimitiveTopology::TRIANGLE_STRIP);
-        let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
-        let raster = vk::PipelineRasterizationStateCreateInfo::default().line_width(1.0);
-        let samples =
-            vk::PipelineMultisampleStateCreateInfo::default().rasterization_samples(vk::SampleCountFlags::TYPE_1);
-        let add = vk::PipelineColorBlendAttachmentState::default()
-            .blend_enable(true)
-            .src_color_blend_factor(vk::BlendFactor::ONE)
-            .dst_color_blend_factor(vk::BlendFactor::ONE)
-            .src_alpha_blend_factor(vk::BlendFactor::ONE)
-            .dst_alpha_blend_factor(vk::BlendFactor::ONE)
-            .color_write_mask(vk::ColorComponentFlags::RGBA);
-        let attachments = [add; 2];
-        let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&attachments);
-        let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
-        let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
-        let device = &self.device;
-        let made = with_stage(device, vertex, vk::ShaderStageFlags::VERTEX, |vertex| {
-            with_stage(device, fragment, vk::ShaderStageFlags::FRAGMENT, |fragment| {
-                let stages = [vertex, fragment];
-                let info = vk::GraphicsPipelineCreateInfo::default()
-                    .stages(&stages)
-                    .vertex_input_state(&input)
-                    .input_assembly_state(&assembly)
-                    .viewport_state(&viewport)
-                    .rasterization_state(&raster)
-                    .multisample_state(&samples)
-                    .color_blend_state(&blend)
-                    .dynamic_state(&dynamic)
-                    .layout(self.layout)
-                    .render_pass(self.render_pass);
-                // SAFETY: modules, layout and render pass are ours and alive; it has two colours, whose format can be
-                // blended (checked by caps); the modules match the layout and each other (tests).
-                unsafe { device.raw.create_graphics_pipelines(device.pipeline_cache, &[info], None) }
-            })
-        })??;
-        let made = made.map_err(|(_, e)| failed("vkCreateGraphicsPipelines")(e))?;
-        made.iter().for_each(|pipeline| self.device.name(*pipeline, || format!("deltamorph {}", fragment.name)));
-        self.pipelines.extend(made);
-        Ok(())
-    }
-
     /// Begin the empty render pass.
     ///
     /// # Safety
@@ -337,7 +289,7 @@ impl PoseFormat {
 }
 
 /// What `make` makes of a stage that runs `module`, which may go once its pipelines are made.
-fn with_stage<R>(
+pub(super) fn with_stage<R>(
     device: &Device,
     module: &Module,
     stage: vk::ShaderStageFlags,
