@@ -1,5 +1,7 @@
 //! The built-in head and its clip.
 
+#[path = "head/blink.rs"]
+mod blink;
 #[path = "head/expressions.rs"]
 mod expressions;
 

@@ -78,6 +78,9 @@ pub struct SampleArgs {
     pub dir: PathBuf,
     #[command(flatten)]
     pub head: HeadArgs,
+    /// Lids that lie close to the eyeballs, two targets for half of a blink, and a rig.json that goes through them
+    #[arg(long)]
+    pub in_betweens: bool,
     /// Seed of everything that is random
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,

@@ -84,12 +84,23 @@ pub(super) struct Spot {
     pub lower: bool,
     /// The opening behind which it lies, and how deep, in (0, 1].
     pub behind: Option<(Slit, f32)>,
+    /// On a head whose lids lie close to the eyeballs.
+    pub close: bool,
 }
 
 impl Spot {
     /// On the outside of the skin.
     pub(super) fn skin(a: f32, t: f32) -> Self {
-        Self { part: Part::Skin, mirrored: false, a, t, height: section(t)[0], lower: false, behind: None }
+        Self {
+            part: Part::Skin,
+            mirrored: false,
+            a,
+            t,
+            height: section(t)[0],
+            lower: false,
+            behind: None,
+            close: false,
+        }
     }
 }
 
@@ -214,7 +225,8 @@ impl Net {
 
     /// A closed surface of rows around an axis, exactly `vertices` (≥ 5) of them, in a tile of the texture of its own.
     fn closed(&mut self, part: Part, mirrored: bool, vertices: usize) {
-        let spot = |a: f32, t: f32| Spot { part, mirrored, a, t, height: 0.0, lower: false, behind: None };
+        let spot =
+            |a: f32, t: f32| Spot { part, mirrored, a, t, height: 0.0, lower: false, behind: None, close: false };
         let u0 = parts::tile(part);
         let flipped = mirrored != matches!(part, Part::Eye | Part::UpperTeeth);
         let rest = vertices - 2;

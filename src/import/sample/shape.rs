@@ -73,16 +73,28 @@ pub(super) struct Lids {
     pub open: f32,
     /// How far the edge of the lower lid is below the line between the corners; negative above it.
     pub lower: f32,
+    /// They lie close to the eyeball, which they have to go round then.
+    pub close: bool,
 }
 
 impl Lids {
-    pub const REST: Self = Self { open: 1.0, lower: 1.0 };
+    pub const REST: Self = Self { open: 1.0, lower: 1.0, close: false };
+
+    /// The gap between them and the eyeball.
+    fn gap(self) -> f32 {
+        if self.close { 0.02 } else { EYE_GAP }
+    }
+
+    /// How far the outside is from the middle of the eyeball.
+    fn radius(self) -> f32 {
+        EYE_RADIUS + self.gap() + LID
+    }
 }
 
 /// Thickness of the lids, and the gap between them and the eyeball.
 const LID: f32 = 0.16;
 const EYE_GAP: f32 = 0.05;
-/// How far the outside of the lids is from the middle of the eyeball.
+/// How far the outside of lids that are not close is from the middle of the eyeball.
 pub(super) const LID_RADIUS: f32 = EYE_RADIUS + EYE_GAP + LID;
 /// What is left between lids and between lips that meet.
 const CONTACT: f32 = 0.006;
@@ -153,11 +165,12 @@ pub(super) fn skin(a: f32, t: f32, lower: bool, lids: Lids) -> Vec3 {
     let eye = if c.abs() < 1.0 { eye } else { 0.0 };
     let lip = p.y - MOUTH_HEIGHT;
     p.y += (eye + tilt) * front + ear;
-    features(p, lip, below(Slit::Mouth), front)
+    features(p, lip, below(Slit::Mouth), front, lids.radius())
 }
 
-/// Push the features of a face out of the plain head. `lip` is the distance above the line between the lips.
-fn features(mut p: Vec3, lip: f32, lower_lip: bool, front: f32) -> Vec3 {
+/// Push the features of a face out of the plain head. `lip` is the distance above the line between the lips, `lid` that of
+/// the lids from the middle of the eyeball.
+fn features(mut p: Vec3, lip: f32, lower_lip: bool, front: f32, lid: f32) -> Vec3 {
     let (x, y) = (p.x, p.y);
     let at = |centre: [f32; 2], radii: [f32; 2]| bump(x, y, centre, radii);
     let mut z = 0.0;
@@ -203,8 +216,8 @@ fn features(mut p: Vec3, lip: f32, lower_lip: bool, front: f32) -> Vec3 {
 
     // Lids lie on the eyeball, wherever the socket is deeper.
     let from = Vec2::new(x - EYE.x, y - EYE.y);
-    let ball = EYE.z + (LID_RADIUS * LID_RADIUS - from.length_squared()).max(0.0).sqrt();
-    if front > 0.0 && from.length() < LID_RADIUS {
+    let ball = EYE.z + (lid * lid - from.length_squared()).max(0.0).sqrt();
+    if front > 0.0 && from.length() < lid {
         p.z = smooth_max(p.z, ball, 0.6);
     }
     p
@@ -225,7 +238,9 @@ fn lips(mouth: f32, d: f32, lower: bool) -> f32 {
 pub(super) fn behind(slit: Slit, spot: &Spot, depth: f32, lids: Lids) -> Vec3 {
     let edge = skin(spot.a, spot.t, spot.lower, lids);
     match slit {
-        Slit::Eye => socket(edge, skin(spot.a, spot.t, spot.lower, Lids::REST), depth),
+        Slit::Eye => {
+            socket(edge, skin(spot.a, spot.t, spot.lower, Lids { close: lids.close, ..Lids::REST }), depth, lids)
+        }
         Slit::Mouth => cavity(edge, side(spot.lower), depth),
         Slit::Ear => shell(edge, depth),
     }
@@ -241,7 +256,7 @@ fn curve<const N: usize>(knots: &[(f32, [f32; N])], depth: f32) -> [f32; N] {
 
 /// The edge of a lid, then the socket around the eyeball, from the opening to the point behind it. `edge` is where the
 /// lid is, `rest` where it is at rest.
-fn socket(edge: Vec3, rest: Vec3, depth: f32) -> Vec3 {
+fn socket(edge: Vec3, rest: Vec3, depth: f32, lids: Lids) -> Vec3 {
     const MARGIN: f32 = 0.15;
     if depth >= 1.0 {
         return EYE - Vec3::Z * (EYE_RADIUS + 0.65);
@@ -259,7 +274,9 @@ fn socket(edge: Vec3, rest: Vec3, depth: f32) -> Vec3 {
     // What is behind a lid slides with it, less and less.
     let direction = mix3(toward, lining, smoothstep(MARGIN, 0.6, depth)).normalize_or(Vec3::Z);
     // Behind the widest part of the eyeball there is room, so that few rings hold it too.
-    let room = EYE_RADIUS + EYE_GAP + 0.6 * smoothstep(1.0, -0.6, direction.z) + 0.12 * (toward - at_rest).length();
+    // And where lids slide: their way is a straight line, unless they lie close and have in-betweens.
+    let slack = if lids.close { 0.0 } else { 0.12 * (toward - at_rest).length() };
+    let room = EYE_RADIUS + lids.gap() + 0.6 * smoothstep(1.0, -0.6, direction.z) + slack;
     EYE + direction * mix((edge - EYE).length(), room, (depth / MARGIN).min(1.0))
 }
 
