@@ -3,6 +3,7 @@
 use crate::args::InputArgs;
 use crate::output::{Failure, Output};
 use deltamorph::import::{ImportDesc, Imported, ImportedMesh, csv, sample as head};
+use deltamorph::rig::names::retarget;
 use deltamorph::rig::{self, BoundRig};
 use deltamorph::{BoundClip, MorphMesh, PackedMesh, Tolerance, WeightClip, import};
 use serde::{Deserialize, Serialize};
@@ -28,6 +29,8 @@ pub struct Input {
     pub rig: Option<BoundRig>,
     /// The folder, or "built-in head": for reports.
     pub origin: String,
+    /// Where remarks on clips go.
+    pub out: Option<Output>,
 }
 
 /// What reports say about a mesh. Fields may be added, never renamed.
@@ -120,7 +123,16 @@ fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Re
         let bound = rig::read(path)?.bind(&names(&kept));
         bound.map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))
     });
-    Ok(Input { name: kept.name.clone(), raw, kept, packed, clips, rig: rig.transpose()?, origin })
+    Ok(Input {
+        name: kept.name.clone(),
+        raw,
+        kept,
+        packed,
+        clips,
+        rig: rig.transpose()?,
+        origin,
+        out: Some(out.clone()),
+    })
 }
 
 fn names(mesh: &MorphMesh) -> Vec<&str> {
@@ -137,6 +149,7 @@ pub fn clip(path: &Path, args: &InputArgs, input: &Input, settings: &Settings) -
     let of_input = of_input.filter(|_| !path.exists() && import::animation_of(path).is_none());
     let path = of_input.as_deref().filter(|named| import::animation_of(named).is_some()).unwrap_or(path);
     let clip = import::open_clip(path, args.fps)?;
+    let clip = input.retargeted(&clip).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))?;
     if clip.frame_count() == 0 {
         return Err(Failure::Failed(format!("{}: has no frames; add one row per frame", path.display())));
     }
@@ -193,6 +206,30 @@ impl Input {
         let clip = self.with_settings(still, settings)?;
         let frames = self.bind(&clip)?.frames().next();
         Ok(frames.unwrap_or_else(|| vec![0.0; self.kept.targets.len()]))
+    }
+
+    /// A clip in the names of targets or controls, where its columns have other names for the same: ARKit's, action units of
+    /// FACS, units of MakeHuman. A note says what became of them.
+    fn retargeted(&self, clip: &WeightClip) -> deltamorph::Result<WeightClip> {
+        let there = retarget(clip, &self.controls())?;
+        if !there.columns.is_empty() {
+            let (mapped, total) = (there.mapped(), clip.names.len());
+            let several = there.columns.iter().filter(|(_, targets)| targets.len() > 1).map(|(name, targets)| {
+                let targets: Vec<&str> = targets.iter().map(|(target, _)| target.as_str()).collect();
+                format!("{name} as {}", targets.join(" and "))
+            });
+            let several: Vec<String> = several.collect();
+            let several = if several.is_empty() { String::new() } else { format!(" ({})", several.join(", ")) };
+            let lost: Vec<&str> = there.lost().collect();
+            let (name, mesh) = (&clip.name, &self.name);
+            let lost = match lost.is_empty() {
+                true => "nothing is left over".to_owned(),
+                false => format!("'{mesh}' has nothing for {}", lost.join(", ")),
+            };
+            let text = format!("clip '{name}': {mapped} of {total} columns play under other names{several}; {lost}");
+            self.out.iter().for_each(|out| out.note(&text));
+        }
+        Ok(there.clip)
     }
 
     /// A clip for the targets, which the rig makes of one for its controls.

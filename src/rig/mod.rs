@@ -3,6 +3,7 @@
 mod bound;
 #[cfg(feature = "rig")]
 mod json;
+pub mod names;
 #[cfg(test)]
 mod tests;
 

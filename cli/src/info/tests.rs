@@ -50,6 +50,15 @@ fn clips_are_summed_up() {
 #[test]
 fn a_quad_is_two_triangles() {
     let (kept, raw) = (Arc::new(mesh()), Arc::new(mesh()));
-    let input = Input { name: String::new(), raw, kept, packed: None, clips: vec![], rig: None, origin: String::new() };
+    let input = Input {
+        name: String::new(),
+        raw,
+        kept,
+        packed: None,
+        clips: vec![],
+        rig: None,
+        origin: String::new(),
+        out: None,
+    };
     assert_eq!(input.info().triangles, 3);
 }

@@ -1,0 +1,210 @@
+//! Names of shapes: ARKit's, with the spellings of Face Cap, ICT-FaceKit and Live Link Face; action units of FACS; expression
+//! units of MakeHuman. A clip that says one of them plays on a mesh that says another.
+
+mod spelling;
+mod table;
+#[cfg(test)]
+mod tests;
+
+use crate::error::Result;
+use crate::weights::WeightClip;
+use spelling::{Name, Scheme, Side, read};
+use std::collections::{HashMap, HashSet};
+use table::TABLE;
+
+/// A clip in a mesh's own names: what [`retarget`] returns.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct Retargeted {
+    /// The clip: columns that name targets, and those that the others come out as.
+    pub clip: WeightClip,
+    /// Columns that name no target, in their order: targets that they became, with factors. One that became none has a
+    /// meaning that the mesh has no target for.
+    pub columns: Vec<(String, Vec<(String, f32)>)>,
+}
+
+impl Retargeted {
+    /// How many columns were put on targets of other names.
+    pub fn mapped(&self) -> usize {
+        self.columns.iter().filter(|(_, targets)| !targets.is_empty()).count()
+    }
+
+    /// Columns that the mesh has no target for.
+    pub fn lost(&self) -> impl Iterator<Item = &str> {
+        self.columns.iter().filter(|(_, targets)| targets.is_empty()).map(|(name, _)| name.as_str())
+    }
+}
+
+/// The clip for a mesh whose targets (or a rig whose controls) are called `targets`: what a captured clip of ARKit's 52
+/// shapes needs on a mesh with other names.
+///
+/// A column that names a target stays as it is. The others are looked up in one table:
+///
+/// - ARKit: `eyeBlinkLeft`, `eyeBlink_L` (Face Cap, ICT-FaceKit), `EyeBlinkLeft` (Live Link Face); case does not matter;
+/// - FACS: `AU12`, `AU1`, `AU01`, with `_L`, `_R`, `L`, `R`, `Left` or `Right` for one side. Intensities go from 0 to 1;
+/// - MakeHuman: `eye-left-closure`, also with its prefixes `caucasian_`, `asian_` and `african_`.
+///
+/// A shape of both sides drives the targets of both; where a mesh has one target for both, each side gives it half, as far as
+/// its weight goes. A shape goes to targets of ARKit's meaning, else to an action unit, else to a unit of MakeHuman, of
+/// which the first ancestry is taken. What several columns give one target adds up. A target that has a column of its own
+/// name gets nothing else.
+///
+/// A column that neither names a target nor is in the table stays in the clip, for [`WeightClip::bind`] to refuse by name.
+///
+/// # Errors
+/// What [`WeightClip::bind`] refuses of any clip: two columns of one name, a weight that is not finite, a row that is not
+/// whole.
+///
+/// ```
+/// use deltamorph::{WeightClip, rig::names};
+///
+/// let clip = WeightClip {
+///     names: vec!["browInnerUp".into(), "tongueOut".into()],
+///     fps: 30.0,
+///     values: vec![0.5, 1.0],
+///     ..WeightClip::default()
+/// };
+/// let there = names::retarget(&clip, &["browInnerUp_L", "browInnerUp_R"])?;
+/// assert_eq!(there.clip.names, ["browInnerUp_L", "browInnerUp_R"]);
+/// assert_eq!(there.clip.values, [0.5, 0.5]);
+/// assert_eq!(there.lost().collect::<Vec<_>>(), ["tongueOut"]);
+/// # Ok::<(), deltamorph::Error>(())
+/// ```
+pub fn retarget(clip: &WeightClip, targets: &[&str]) -> Result<Retargeted> {
+    clip.check()?;
+    let stated: HashSet<&str> = clip.names.iter().map(String::as_str).collect();
+    let own: HashSet<&str> = targets.iter().copied().filter(|target| stated.contains(target)).collect();
+    let places = Places::new(targets);
+    // Of each column of the result: its name, and columns of the clip with factors.
+    let mut made: Vec<(&str, Vec<(usize, f32)>)> = vec![];
+    let mut columns = vec![];
+    for (index, name) in clip.names.iter().enumerate() {
+        let found = if own.contains(name.as_str()) { None } else { places.of(name) };
+        let Some(found) = found else {
+            made.push((name, vec![(index, 1.0)]));
+            continue;
+        };
+        let found: Vec<(&str, f32)> = found.into_iter().filter(|(target, _)| !own.contains(target)).collect();
+        for &(target, factor) in &found {
+            match made.iter_mut().find(|(name, _)| *name == target) {
+                Some((_, parts)) => parts.push((index, factor)),
+                None => made.push((target, vec![(index, factor)])),
+            }
+        }
+        columns.push((name.clone(), found.into_iter().map(|(target, factor)| (target.to_owned(), factor)).collect()));
+    }
+    let rows = clip.values.chunks_exact(clip.names.len().max(1));
+    let value = |row: &[f32], parts: &[(usize, f32)]| parts.iter().map(|(i, factor)| row[*i] * factor).sum();
+    let values = rows.flat_map(|row| made.iter().map(move |(_, parts)| value(row, parts))).collect();
+    let names = made.iter().map(|(name, _)| (*name).to_owned()).collect();
+    Ok(Retargeted { clip: WeightClip { names, values, ..clip.clone() }, columns })
+}
+
+/// Where a mesh has what.
+struct Places<'a>(HashMap<Name, &'a str>);
+
+/// A shape of the table, and the side that is meant of it.
+type Shape = (usize, Side);
+
+impl<'a> Places<'a> {
+    fn new(targets: &[&'a str]) -> Self {
+        let mut places = HashMap::new();
+        for target in targets {
+            if let Some(name) = read(target) {
+                places.entry(name).or_insert(*target);
+            }
+        }
+        Self(places)
+    }
+
+    /// The targets that stand for a column, with factors; `None` where the table does not have it.
+    fn of(&self, column: &str) -> Option<Vec<(&'a str, f32)>> {
+        let mut all: Vec<(&'a str, f32)> = vec![];
+        for (shape, factor) in shapes(read(column)?) {
+            for (target, share) in self.targets(shape) {
+                // Lips that roll in, both of them, are one unit: of several shapes that go to one target, one counts.
+                match all.iter_mut().find(|(name, _)| *name == target) {
+                    Some((_, sum)) => *sum = sum.max(share * factor),
+                    None => all.push((target, share * factor)),
+                }
+            }
+        }
+        Some(all)
+    }
+
+    fn targets(&self, (row, side): Shape) -> Vec<(&'a str, f32)> {
+        let arkit = self.sides(Scheme::Arkit(row), side);
+        if !arkit.is_empty() {
+            return arkit;
+        }
+        let facs = TABLE[row].facs.iter().map(|numbers| self.units(*numbers, side, TABLE[row].sided));
+        if let Some(found) = facs.into_iter().find(|found| !found.is_empty()) {
+            return found;
+        }
+        let factor = TABLE[row].makehuman.map_or(0.0, |(_, to, _)| to);
+        let found = (0..spelling::ANCESTRIES.len()).map(|from| self.sides(Scheme::MakeHuman(row, from), side));
+        let found = found.into_iter().find(|found| !found.is_empty()).unwrap_or_default();
+        found.into_iter().map(|(target, share)| (target, share * factor)).collect()
+    }
+
+    /// Action units for a shape, which may be another one on the other side.
+    fn units(&self, [left, right]: [u8; 2], side: Side, sided: bool) -> Vec<(&'a str, f32)> {
+        match (left == right, side) {
+            (true, _) => {
+                // Two shapes that one unit stands for (lips that roll in) give half of it each.
+                let shared = TABLE.iter().filter(|row| row.facs.contains(&[left, right])).count() as f32;
+                let found = self.sides(Scheme::Facs(left), side).into_iter();
+                found.map(|(target, share)| (target, share / shared)).collect()
+            }
+            (false, Side::Left) => self.sides(Scheme::Facs(left), side),
+            (false, Side::Right) => self.sides(Scheme::Facs(right), side),
+            // The jaw goes one way: half of both ways is no way at all.
+            (false, Side::Both) if !sided => {
+                let (number, side) = if left == 0 { (right, Side::Right) } else { (left, Side::Left) };
+                self.0
+                    .get(&Name { scheme: Scheme::Facs(number), side })
+                    .map(|target| (*target, 1.0))
+                    .into_iter()
+                    .collect()
+            }
+            (false, Side::Both) => [(left, Side::Left), (right, Side::Right)]
+                .into_iter()
+                .flat_map(|(number, side)| self.sides(Scheme::Facs(number), side))
+                .collect(),
+        }
+    }
+
+    /// Targets for one or both sides of what `scheme` says.
+    fn sides(&self, scheme: Scheme, side: Side) -> Vec<(&'a str, f32)> {
+        let at = |side| self.0.get(&Name { scheme, side }).copied();
+        match (at(side), side) {
+            (Some(target), _) => vec![(target, 1.0)],
+            (None, Side::Both) => [Side::Left, Side::Right].into_iter().filter_map(at).map(|t| (t, 1.0)).collect(),
+            (None, _) => at(Side::Both).map(|target| (target, 0.5)).into_iter().collect(),
+        }
+    }
+}
+
+/// The shapes of ARKit that a name stands for, with factors.
+fn shapes(name: Name) -> Vec<(Shape, f32)> {
+    match name.scheme {
+        Scheme::Arkit(row) => vec![((row, name.side), 1.0)],
+        Scheme::MakeHuman(row, _) => vec![((row, name.side), TABLE[row].makehuman.map_or(0.0, |(_, _, from)| from))],
+        Scheme::Facs(number) => {
+            TABLE.iter().enumerate().flat_map(|(i, row)| meant(number, name.side, i, row)).collect()
+        }
+    }
+}
+
+/// What the action unit `number` says of a shape.
+fn meant(number: u8, side: Side, index: usize, row: &table::Row) -> Option<(Shape, f32)> {
+    let [left, right] = row.facs.iter().fold([false; 2], |[l, r], n| [l || n[0] == number, r || n[1] == number]);
+    let side = match (left, right, side) {
+        (true, true, _) => side,
+        (true, false, Side::Left | Side::Both) if row.sided => Side::Left,
+        (false, true, Side::Right | Side::Both) if row.sided => Side::Right,
+        (true, false, Side::Left) | (false, true, Side::Right) => Side::Both,
+        (true, false, _) | (false, _, _) => return None,
+    };
+    Some(((index, side), 1.0))
+}

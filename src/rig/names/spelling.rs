@@ -1,0 +1,94 @@
+//! How names are spelt.
+
+use super::table::TABLE;
+
+/// Which side of the face, the face's own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Side {
+    Both,
+    Left,
+    Right,
+}
+
+/// Whose name it is: the row of the table, or the number of an action unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Scheme {
+    Arkit(usize),
+    Facs(u8),
+    /// Of an ancestry.
+    MakeHuman(usize, usize),
+}
+
+/// What a name says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct Name {
+    pub scheme: Scheme,
+    pub side: Side,
+}
+
+/// What MakeHuman's units begin with: they are made for each ancestry.
+pub(super) const ANCESTRIES: [&str; 4] = ["", "caucasian_", "asian_", "african_"];
+
+const ENDS: [(&str, Side); 8] = [
+    ("_left", Side::Left),
+    ("_right", Side::Right),
+    ("left", Side::Left),
+    ("right", Side::Right),
+    ("_l", Side::Left),
+    ("_r", Side::Right),
+    (".l", Side::Left),
+    (".r", Side::Right),
+];
+
+/// The meaning of a name, where the table has it.
+pub(super) fn read(name: &str) -> Option<Name> {
+    arkit(name).or_else(|| facs(name)).or_else(|| makehuman(name))
+}
+
+fn arkit(name: &str) -> Option<Name> {
+    let row = |base: &str| TABLE.iter().position(|row| row.arkit.eq_ignore_ascii_case(base));
+    // jawLeft is a shape, not the left side of one.
+    if let Some(row) = row(name) {
+        return Some(Name { scheme: Scheme::Arkit(row), side: Side::Both });
+    }
+    let low = name.to_ascii_lowercase();
+    ENDS.iter().find_map(|(end, side)| {
+        let row = row(low.strip_suffix(end)?)?;
+        Some(Name { scheme: Scheme::Arkit(row), side: *side })
+    })
+}
+
+/// `AU12`, `AU01`, `AU12_L`, `AU12Left`. Capitals: the `AU12_r` of OpenFace is an intensity from 0 to 5 of both sides.
+fn facs(name: &str) -> Option<Name> {
+    let rest = name.strip_prefix("AU")?;
+    let digits = rest.len() - rest.trim_start_matches(|c: char| c.is_ascii_digit()).len();
+    if !(1..=2).contains(&digits) {
+        return None;
+    }
+    let number: u8 = rest[..digits].parse().ok()?;
+    let side = match &rest[digits..] {
+        "" => Side::Both,
+        "_L" | "L" | "_Left" | "Left" => Side::Left,
+        "_R" | "R" | "_Right" | "Right" => Side::Right,
+        _ => return None,
+    };
+    let known = number > 0 && TABLE.iter().any(|row| row.facs.iter().any(|numbers| numbers.contains(&number)));
+    known.then_some(Name { scheme: Scheme::Facs(number), side })
+}
+
+fn makehuman(name: &str) -> Option<Name> {
+    // The empty prefix fits always: the others first.
+    let (from, unit) =
+        ANCESTRIES.iter().enumerate().rev().find_map(|(i, start)| Some((i, name.strip_prefix(start)?)))?;
+    let is = |pattern: &str, side: &str| pattern.replace('*', side) == unit;
+    TABLE.iter().enumerate().find_map(|(row, shape)| {
+        let (pattern, ..) = shape.makehuman?;
+        let side = match pattern.contains('*') {
+            false if pattern == unit => Side::Both,
+            true if is(pattern, "left") => Side::Left,
+            true if is(pattern, "right") => Side::Right,
+            true | false => return None,
+        };
+        Some(Name { scheme: Scheme::MakeHuman(row, from), side })
+    })
+}
