@@ -16,43 +16,53 @@ pub fn hausdorff(mesh: &MorphMesh, base: &Tree, target: &MorphTarget) -> f64 {
     f64::from(farthest).sqrt()
 }
 
-/// A k-d tree: the median of each range of points splits it, along x, y and z in turn.
+/// A k-d tree: the median of each range of points splits it, along x, y and z in turn. Each point has its number.
 pub struct Tree {
-    points: Vec<Vec3>,
+    points: Vec<(Vec3, u32)>,
 }
 
 impl Tree {
     pub fn new(points: &[Vec3]) -> Self {
-        let mut points = points.to_vec();
+        let mut points: Vec<(Vec3, u32)> = points.iter().copied().zip(0..).collect();
         split(&mut points, 0);
         Self { points }
     }
 
     /// Squared distance to the nearest point; infinite where there is none.
     pub fn nearest_squared(&self, to: Vec3) -> f32 {
-        let mut nearest = f32::INFINITY;
+        let mut nearest = (f32::INFINITY, 0);
         search(&self.points, 0, to, &mut nearest);
-        nearest
+        nearest.0
+    }
+
+    /// The number of the nearest point, if there is one.
+    pub fn nearest(&self, to: Vec3) -> Option<u32> {
+        let mut nearest = (f32::INFINITY, 0);
+        search(&self.points, 0, to, &mut nearest);
+        nearest.0.is_finite().then_some(nearest.1)
     }
 }
 
-fn split(points: &mut [Vec3], axis: usize) {
+fn split(points: &mut [(Vec3, u32)], axis: usize) {
     if points.len() > 1 {
         let middle = points.len() / 2;
-        let (low, _, high) = points.select_nth_unstable_by(middle, |a, b| a[axis].total_cmp(&b[axis]));
+        let (low, _, high) = points.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]));
         split(low, (axis + 1) % 3);
         split(high, (axis + 1) % 3);
     }
 }
 
-fn search(points: &[Vec3], axis: usize, to: Vec3, nearest: &mut f32) {
+fn search(points: &[(Vec3, u32)], axis: usize, to: Vec3, nearest: &mut (f32, u32)) {
     let middle = points.len() / 2;
-    let Some(&at) = points.get(middle) else { return };
-    *nearest = nearest.min(at.distance_squared(to));
+    let Some(&(at, number)) = points.get(middle) else { return };
+    let distance = at.distance_squared(to);
+    if distance < nearest.0 {
+        *nearest = (distance, number);
+    }
     let (low, high, side) = (&points[..middle], &points[middle + 1..], to[axis] - at[axis]);
     let (near, far) = if side < 0.0 { (low, high) } else { (high, low) };
     search(near, (axis + 1) % 3, to, nearest);
-    if side * side < *nearest {
+    if side * side < nearest.0 {
         search(far, (axis + 1) % 3, to, nearest);
     }
 }

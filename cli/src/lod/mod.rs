@@ -4,21 +4,23 @@ mod geometry;
 mod order;
 mod picture;
 mod shots;
+mod twins;
 
 use crate::args::lod::{LodArgs, Metric};
 use crate::input::{self, Input};
 use crate::output::{Failure, Output, to_json, write_file};
 use crate::runner::{Gpu, open};
 use crate::table::{Column, Table, sig3};
+use deltamorph::BoundClip;
 use deltamorph::headless::DeviceChoice;
 use deltamorph::internals::Rng;
 use deltamorph::lod::{is_pinned, mean_square};
-use deltamorph::{BoundClip, DeltaFormat, PackedMesh};
 use geometry::{Loss, Tree, hausdorff, lips};
 use order::{Agreement, Order, Ranked, kendall, spearman};
 use rayon::prelude::*;
 use serde::Serialize;
 use shots::Shots;
+use twins::{Twins, pairs, twins};
 
 /// The JSON of `lod`, or, with `--metric all`, what it has of each metric. Fields may be added, never renamed.
 #[derive(Serialize)]
@@ -27,6 +29,8 @@ struct Lod {
     order: Order,
     /// Ascending in what is kept.
     curve: Vec<Point>,
+    /// Targets that mirror each other.
+    twins: Twins,
 }
 
 /// The JSON of `lod --metric all`.
@@ -94,11 +98,7 @@ pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Resul
     let opened =
         if metrics.iter().any(|m| m.is_of_pictures()) { Some(device_for_pictures(device, out)?) } else { None };
     let spinner = out.spinner("ranking");
-    let shots = opened.as_ref().map(|gpu| {
-        // Deltas as they are.
-        let packed = PackedMesh::pack(&input.kept, &gpu.engine().pack_desc(DeltaFormat::BlockFloat32))?;
-        Shots::new(gpu, &input, &packed, args.input.input.as_deref(), &clips)
-    });
+    let shots = opened.as_ref().map(|gpu| Shots::new(gpu, &input, args.input.input.as_deref(), &clips));
     let mut gauge = Gauge::new(&input, &clips, shots.transpose()?, args.random, args.input.seed, &pins);
     let scores = gauge.scores(&metrics)?;
     let orders: Vec<Order> = match from {
@@ -106,11 +106,16 @@ pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Resul
         None => metrics.iter().zip(&scores).map(|(m, scores)| Order::new(m.name(), &names, scores, &pins)).collect(),
     };
     let curves = gauge.curves(&metrics, &orders)?;
+    let pairs = pairs(&input.kept);
     spinner.finish_and_clear();
     if let (Some(path), Some(order)) = (&args.out, orders.first()) {
         write_file(path, to_json(order)?)?;
     }
-    let lods: Vec<Lod> = orders.into_iter().zip(curves).map(|(order, curve)| Lod { order, curve }).collect();
+    let lods: Vec<Lod> = orders
+        .into_iter()
+        .zip(curves)
+        .map(|(order, curve)| Lod { twins: twins(&input.kept, &pairs, &order), order, curve })
+        .collect();
     let measured = match clips.iter().map(BoundClip::frame_count).sum::<usize>() {
         0 => "each target by itself, since there is no clip".to_owned(),
         frames => format!("{frames} frames"),

@@ -1,102 +1,121 @@
-//! Pictures to compare poses by: from the front, and each twice, lit from one side and from the other, so that what happens
-//! on the left counts as much as on the right.
+//! Pictures to compare poses by: from the front, of the mesh and of its mirror image, in the same light. So the face is seen with
+//! the light from either side, and of two targets that mirror each other the same two pictures are drawn, sample by sample: the
+//! four samples of a pixel and those of shadows lie in no symmetric pattern.
 
 use super::picture::{Pixels, mean_square, perceptual, ssim};
+use super::twins::mirrored;
 use crate::args::lod::Metric;
 use crate::input::Input;
 use crate::output::Failure;
-use crate::render::scenery::Subject;
+use crate::render::scenery::{Subject, bounds};
 use crate::runner::Gpu;
-use deltamorph::{BatchSize, BoundClip, PackedMesh, UpdateDesc, UpdateMode, UpdatePath};
-use deltamorph_render::{Camera, Light, Picture, Poses, Scene, Show, Studio, StudioDesc};
-use glam::Mat4;
+use deltamorph::{BatchSize, BoundClip, DeltaFormat, MorphMesh, PackedMesh, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph_render::{Camera, Light, Part, Picture, Poses, Scene, Show, Studio, StudioDesc};
+use glam::{Mat4, Vec3};
+use rayon::prelude::*;
 use std::path::Path;
 
 /// Pixels of a picture: enough to see a lip move.
-const SIZE: [u32; 2] = [128; 2];
+pub const SIZE: [u32; 2] = [256; 2];
 /// Linear grey behind the head.
 const BACKGROUND: [f32; 4] = [0.02, 0.02, 0.02, 1.0];
 /// Frames of clips that are drawn.
-const FRAMES: usize = 4;
+pub const FRAMES: usize = 8;
+
+/// What a pose looks like: the mesh, and its mirror image.
+type Look = [Pixels; 2];
 
 /// Where pictures are taken, and those of whole frames that others are compared with.
 pub struct Shots<'a> {
-    studio: Studio<'a>,
-    scenes: [Scene; 2],
-    frames: Vec<(Vec<f32>, Pixels)>,
+    studios: [Studio<'a>; 2],
+    scene: Scene,
+    frames: Vec<(Vec<f32>, Look)>,
 }
 
 impl<'a> Shots<'a> {
     /// Of the mesh that was read at `path`, or else the built-in head; frames are spread evenly over `clips`.
-    pub fn new(
-        gpu: &'a Gpu,
-        input: &Input,
-        packed: &PackedMesh,
-        path: Option<&Path>,
-        clips: &[BoundClip],
-    ) -> Result<Self, Failure> {
+    pub fn new(gpu: &'a Gpu, input: &Input, path: Option<&Path>, clips: &[BoundClip]) -> Result<Self, Failure> {
         let subject = Subject::new(path, input);
-        // Poses that do not depend on those before them: twins are to have equal scores.
-        let update = UpdateDesc::new(UpdatePath::Blocks, BatchSize::All).mode(UpdateMode::Rebuild);
-        let desc = StudioDesc { size: SIZE, heads: 1, in_flight: 3, update, afterglow: 0.0 };
-        let studio = Studio::new(gpu, &input.kept, packed, &subject.parts, desc)?;
+        let (low, high) = bounds(subject.focus.iter().copied());
+        // The plane x = middle.
+        let middle = if low.x <= high.x { (low.x + high.x) / 2.0 } else { 0.0 };
+        let mirror = mirrored(&input.kept, middle);
+        let parts: Vec<Part> = subject.parts.iter().map(|part| mirrored_part(part, middle)).collect();
+        let studio = |mesh: &MorphMesh, parts: &[Part]| -> Result<Studio<'a>, Failure> {
+            // Deltas as they are, and poses that do not depend on those before them.
+            let packed = PackedMesh::pack(mesh, &gpu.engine().pack_desc(DeltaFormat::BlockFloat32))?;
+            let update = UpdateDesc::new(UpdatePath::Blocks, BatchSize::All).mode(UpdateMode::Rebuild);
+            let desc = StudioDesc { size: SIZE, heads: 1, in_flight: 3, update, afterglow: 0.0 };
+            Ok(Studio::new(gpu, mesh, &packed, parts, desc)?)
+        };
+        let studios = [studio(&input.kept, &subject.parts)?, studio(&mirror, &parts)?];
         let camera = Camera { yaw: 0.0, pitch: 0.0, ..Camera::default() };
-        let view = camera.fit(subject.focus.iter().copied(), 1.0, 0.04);
-        let usual = Light::default();
-        let scenes =
-            [usual.yaw, -usual.yaw].map(|yaw| Scene { view, light: Light { yaw, ..usual }, show: Show::Shaded });
-        let mut shots = Self { studio, scenes, frames: vec![] };
+        let seen = subject.focus.iter().flat_map(|p| [*p, Vec3::new(2.0 * middle - p.x, p.y, p.z)]);
+        let scene = Scene { view: camera.fit(seen, 1.0, 0.04), light: Light::default(), show: Show::Shaded };
+        let mut shots = Self { studios, scene, frames: vec![] };
         let all: Vec<Vec<f32>> =
             clips.iter().flat_map(BoundClip::frames).filter(|f| f.iter().any(|w| *w != 0.0)).collect();
-        let spread =
-            (0..FRAMES.min(all.len())).map(|i| all[(2 * i + 1) * all.len() / (2 * FRAMES.min(all.len()))].clone());
-        let weights: Vec<Vec<f32>> = spread.collect();
+        let count = FRAMES.min(all.len());
+        let weights: Vec<Vec<f32>> = (0..count).map(|i| all[(2 * i + 1) * all.len() / (2 * count)].clone()).collect();
         shots.frames = weights.iter().cloned().zip(shots.take(&weights)?).collect();
         Ok(shots)
     }
 
-    /// A picture of each pose.
-    fn take(&mut self, poses: &[Vec<f32>]) -> Result<Vec<Pixels>, Failure> {
-        let mut pictures: Vec<Picture> = vec![];
-        for weights in poses {
-            for scene in &self.scenes {
-                pictures.extend(self.studio.draw(Poses::Weights(&[weights]), &[Mat4::IDENTITY], scene, BACKGROUND)?);
+    /// What each pose looks like.
+    fn take(&mut self, poses: &[Vec<f32>]) -> Result<Vec<Look>, Failure> {
+        let mut taken: [Vec<Pixels>; 2] = [vec![], vec![]];
+        let rgb = |p: &Picture| p.rgba.chunks_exact(4).flat_map(|c| [c[0], c[1], c[2]]).collect();
+        for (studio, taken) in self.studios.iter_mut().zip(&mut taken) {
+            let mut pictures: Vec<Picture> = vec![];
+            for weights in poses {
+                let drawn = studio.draw(Poses::Weights(&[weights]), &[Mat4::IDENTITY], &self.scene, BACKGROUND)?;
+                pictures.extend(drawn);
             }
+            pictures.extend(studio.finish()?);
+            taken.extend(pictures.iter().map(|p| Pixels { size: p.size, rgb: rgb(p) }));
         }
-        pictures.extend(self.studio.finish()?);
-        // One below the other.
-        let rgb = |p: &Picture| p.rgba.chunks_exact(4).flat_map(|c| [c[0], c[1], c[2]]).collect::<Vec<u8>>();
-        let pair = |pair: &[Picture]| Pixels { size: [SIZE[0], 2 * SIZE[1]], rgb: pair.iter().flat_map(rgb).collect() };
-        Ok(pictures.chunks_exact(2).map(pair).collect())
+        let [straight, mirrored] = taken;
+        Ok(straight.into_iter().zip(mirrored).map(|(a, b)| [a, b]).collect())
     }
 
-    /// What each target changes by itself, at weight 1, in the base pose: by `metrics` of pictures.
+    /// What each target changes by itself, at weight 1, in the base pose: a list for each of `metrics`, of pictures all.
     pub fn scores(&mut self, metrics: &[Metric], targets: usize) -> Result<Vec<Vec<f64>>, Failure> {
         let mut poses = vec![vec![0.0; targets]; targets + 1];
         (0..targets).for_each(|t| poses[t][t] = 1.0);
-        let mut pictures = self.take(&poses)?;
-        let base = pictures.pop().ok_or_else(|| Failure::Failed("no picture was drawn; report this".into()))?;
-        Ok(metrics.iter().map(|m| pictures.iter().map(|p| difference(*m, p, &base)).collect()).collect())
+        let mut looks = self.take(&poses)?;
+        let base = looks.pop().ok_or_else(|| Failure::Failed("no picture was drawn; report this".into()))?;
+        let of_metric = |m: &Metric| looks.par_iter().map(|look| difference(*m, look, &base)).collect();
+        Ok(metrics.iter().map(of_metric).collect())
     }
 
-    /// Mean difference of frames with only the `kept` targets from whole ones, by `metrics` of pictures.
+    /// Mean difference of frames with only the `kept` targets from whole ones, by each of `metrics`, of pictures all.
     pub fn loss(&mut self, metrics: &[Metric], kept: &[bool]) -> Result<Vec<f64>, Failure> {
         let without = |w: &Vec<f32>| w.iter().zip(kept).map(|(w, kept)| if *kept { *w } else { 0.0 }).collect();
         let poses: Vec<Vec<f32>> = self.frames.iter().map(|(weights, _)| without(weights)).collect();
-        let pictures = self.take(&poses)?;
-        let count = pictures.len().max(1) as f64;
-        let of =
-            |m: &Metric| pictures.iter().zip(&self.frames).map(|(p, (_, whole))| difference(*m, p, whole)).sum::<f64>();
-        Ok(metrics.iter().map(|m| of(m) / count).collect())
+        let looks = self.take(&poses)?;
+        let pairs: Vec<(&Look, &Look)> = looks.iter().zip(self.frames.iter().map(|(_, whole)| whole)).collect();
+        let of_pair = |(a, b): &(&Look, &Look)| metrics.iter().map(|m| difference(*m, a, b)).collect();
+        let differences: Vec<Vec<f64>> = pairs.par_iter().map(of_pair).collect();
+        let mean = |m: usize| differences.iter().map(|d| d[m]).sum::<f64>() / differences.len().max(1) as f64;
+        Ok((0..metrics.len()).map(mean).collect())
     }
 }
 
-/// 0 of equal pictures; the larger, the more they differ.
-fn difference(metric: Metric, a: &Pixels, b: &Pixels) -> f64 {
-    match metric {
+/// 0 of equal pictures; the larger, the more they differ. The mean of both pictures, whichever comes first.
+fn difference(metric: Metric, a: &Look, b: &Look) -> f64 {
+    let of = |a: &Pixels, b: &Pixels| match metric {
         Metric::ImageMse => mean_square(a, b),
         Metric::Ssim => 1.0 - ssim(a, b),
         Metric::Perceptual => perceptual(a, b),
         Metric::Mse | Metric::Hausdorff => 0.0,
-    }
+    };
+    (of(&a[0], &b[0]) + of(&a[1], &b[1])) / 2.0
+}
+
+/// A part of the mirror image: outsides stay outsides.
+fn mirrored_part(part: &Part, middle: f32) -> Part {
+    let mut part = part.clone();
+    part.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
+    part.ball.iter_mut().for_each(|ball| ball.x = 2.0 * middle - ball.x);
+    part
 }
