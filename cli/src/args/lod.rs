@@ -45,10 +45,11 @@ pub enum Metric {
     ImageMse,
     Ssim,
     Perceptual,
+    Yee,
 }
 
 impl Metric {
-    pub const ALL: [Self; 5] = [Self::Mse, Self::Hausdorff, Self::ImageMse, Self::Ssim, Self::Perceptual];
+    pub const ALL: [Self; 6] = [Self::Mse, Self::Hausdorff, Self::ImageMse, Self::Ssim, Self::Perceptual, Self::Yee];
 
     pub fn name(self) -> &'static str {
         match self {
@@ -57,6 +58,7 @@ impl Metric {
             Self::ImageMse => "image-mse",
             Self::Ssim => "ssim",
             Self::Perceptual => "perceptual",
+            Self::Yee => "yee",
         }
     }
 
@@ -64,18 +66,19 @@ impl Metric {
     pub fn is_of_pictures(self) -> bool {
         match self {
             Self::Mse | Self::Hausdorff => false,
-            Self::ImageMse | Self::Ssim | Self::Perceptual => true,
+            Self::ImageMse | Self::Ssim | Self::Perceptual | Self::Yee => true,
         }
     }
 }
 
 impl Choice {
-    const ALL: [Self; 6] = [
+    const ALL: [Self; 7] = [
         Self::One(Metric::Mse),
         Self::One(Metric::Hausdorff),
         Self::One(Metric::ImageMse),
         Self::One(Metric::Ssim),
         Self::One(Metric::Perceptual),
+        Self::One(Metric::Yee),
         Self::All,
     ];
 
@@ -93,6 +96,7 @@ impl Choice {
             Self::One(Metric::ImageMse) => "mean of the squared differences of a picture's colours",
             Self::One(Metric::Ssim) => "1 less the structural similarity of pictures (SSIM)",
             Self::One(Metric::Perceptual) => "difference of pictures that people see (FLIP)",
+            Self::One(Metric::Yee) => "share of a picture's pixels that visibly differ (Yee)",
             Self::All => "each of these",
         }
     }

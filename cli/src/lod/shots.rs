@@ -3,11 +3,12 @@
 //! four samples of a pixel and those of shadows lie in no symmetric pattern.
 
 use super::picture::{Pixels, mean_square, perceptual, ssim};
-use super::twins::mirrored;
+use super::twins::{align_faces, middle, mirrored};
+use super::yee::yee;
 use crate::args::lod::Metric;
 use crate::input::Input;
 use crate::output::Failure;
-use crate::render::scenery::{Subject, bounds};
+use crate::render::scenery::Subject;
 use crate::runner::Gpu;
 use deltamorph::{BatchSize, BoundClip, DeltaFormat, MorphMesh, PackedMesh, UpdateDesc, UpdateMode, UpdatePath};
 use deltamorph_render::{Camera, Light, Part, Picture, Poses, Scene, Show, Studio, StudioDesc};
@@ -35,11 +36,10 @@ pub struct Shots<'a> {
 impl<'a> Shots<'a> {
     /// Of the mesh that was read at `path`, or else the built-in head; frames are spread evenly over `clips`.
     pub fn new(gpu: &'a Gpu, input: &Input, path: Option<&Path>, clips: &[BoundClip]) -> Result<Self, Failure> {
-        let subject = Subject::new(path, input);
-        let (low, high) = bounds(subject.focus.iter().copied());
-        // The plane x = middle.
-        let middle = if low.x <= high.x { (low.x + high.x) / 2.0 } else { 0.0 };
-        let mirror = mirrored(&input.kept, middle);
+        let middle = middle(&input.kept);
+        let mut straight = MorphMesh::clone(&input.kept);
+        align_faces(&mut straight, middle);
+        let (subject, mirror) = (Subject::of_mesh(path, &straight), mirrored(&straight, middle));
         let parts: Vec<Part> = subject.parts.iter().map(|part| mirrored_part(part, middle)).collect();
         let studio = |mesh: &MorphMesh, parts: &[Part]| -> Result<Studio<'a>, Failure> {
             // Deltas as they are, and poses that do not depend on those before them.
@@ -48,7 +48,7 @@ impl<'a> Shots<'a> {
             let desc = StudioDesc { size: SIZE, heads: 1, in_flight: 3, update, afterglow: 0.0 };
             Ok(Studio::new(gpu, mesh, &packed, parts, desc)?)
         };
-        let studios = [studio(&input.kept, &subject.parts)?, studio(&mirror, &parts)?];
+        let studios = [studio(&straight, &subject.parts)?, studio(&mirror, &parts)?];
         let camera = Camera { yaw: 0.0, pitch: 0.0, ..Camera::default() };
         let seen = subject.focus.iter().flat_map(|p| [*p, Vec3::new(2.0 * middle - p.x, p.y, p.z)]);
         let scene = Scene { view: camera.fit(seen, 1.0, 0.04), light: Light::default(), show: Show::Shaded };
@@ -107,6 +107,7 @@ fn difference(metric: Metric, a: &Look, b: &Look) -> f64 {
         Metric::ImageMse => mean_square(a, b),
         Metric::Ssim => 1.0 - ssim(a, b),
         Metric::Perceptual => perceptual(a, b),
+        Metric::Yee => yee(a, b).graded(),
         Metric::Mse | Metric::Hausdorff => 0.0,
     };
     (of(&a[0], &b[0]) + of(&a[1], &b[1])) / 2.0

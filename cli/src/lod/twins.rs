@@ -2,6 +2,7 @@
 
 use super::geometry::Tree;
 use super::order::Order;
+use crate::render::scenery::bounds;
 use deltamorph::MorphMesh;
 use glam::Vec3;
 use serde::Serialize;
@@ -35,6 +36,12 @@ pub struct Pair {
     pub asymmetry: f64,
 }
 
+/// The x of the plane that a face is symmetric about: the middle of the base pose.
+pub fn middle(mesh: &MorphMesh) -> f32 {
+    let (low, high) = bounds(mesh.positions.iter().copied());
+    if low.x <= high.x { (low.x + high.x) / 2.0 } else { 0.0 }
+}
+
 /// The name of what mirrors `name`, where it has a side.
 fn twin_of(name: &str) -> Option<String> {
     let swap = |from: &str, to: &str| name.ends_with(from).then(|| format!("{}{to}", &name[..name.len() - from.len()]));
@@ -48,8 +55,7 @@ fn twin_of(name: &str) -> Option<String> {
 
 /// Pairs of `mesh` by their names: …Left and …Right, …_L and …_R.
 pub fn pairs(mesh: &MorphMesh) -> Vec<Pair> {
-    let (low, high) = crate::render::scenery::bounds(mesh.positions.iter().copied());
-    let middle = (low.x + high.x) / 2.0;
+    let middle = middle(mesh);
     let named =
         |(left, target): (usize, &deltamorph::MorphTarget)| Some([left, mesh.target_index(&twin_of(&target.name)?)?]);
     let found: Vec<[usize; 2]> = mesh.targets.iter().enumerate().filter_map(named).collect();
@@ -106,4 +112,25 @@ pub fn mirrored(mesh: &MorphMesh, middle: f32) -> MorphMesh {
         turned(&mut target.normals);
     }
     mesh
+}
+
+/// Begin each face at the corner that is nearest to the plane x = `middle`, of equals at the lowest and hindmost: the mirror image
+/// of a fan of triangles is then the fan of the mirror image.
+pub fn align_faces(mesh: &mut MorphMesh, middle: f32) {
+    let positions = &mesh.positions;
+    let key = |v: u32| {
+        let p = positions[v as usize];
+        [(p.x - middle).abs(), p.y, p.z]
+    };
+    let mut rest = &mut mesh.faces.corners[..];
+    for &size in &mesh.faces.sizes {
+        let (face, others) = rest.split_at_mut(size as usize);
+        let lowest = |a: &usize, b: &usize| {
+            let [a, b] = [*a, *b].map(|corner| key(face[corner].position));
+            a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])).then(a[2].total_cmp(&b[2]))
+        };
+        let first = (0..face.len()).min_by(lowest).unwrap_or_default();
+        face.rotate_left(first);
+        rest = others;
+    }
 }

@@ -43,7 +43,11 @@ pub struct Subject {
 impl Subject {
     /// Of the mesh that was read from `path`, or of the built-in head.
     pub fn new(path: Option<&Path>, input: &Input) -> Self {
-        let mesh = &input.kept;
+        Self::of_mesh(path, &input.kept)
+    }
+
+    /// Of a mesh that has the faces of that one.
+    pub fn of_mesh(path: Option<&Path>, mesh: &MorphMesh) -> Self {
         let parts = parts(mesh, &names::of_faces(path, mesh));
         Self { focus: focus(mesh, &parts), parts }
     }

@@ -1,0 +1,229 @@
+//! Which pixels of two pictures visibly differ: Hector Yee, "A Perceptual Metric for Production Testing", Journal of Graphics
+//! Tools 9(4), 2004, written from its formulas and those that it names. (No crate has them: `perceptualdiff` is a program.)
+//!
+//! A pixel differs visibly where its luminances differ by more than what can be told apart at the luminance around it (TVI),
+//! times what contrast in its neighbourhood hides; or where its colours do. Contrast is looked at in bands of an octave each,
+//! which eyes are more or less sensitive to (CSF), and which mask differences within themselves.
+
+use super::picture::Pixels;
+use nv_flip::DEFAULT_PIXELS_PER_DEGREE;
+
+/// Luminance of white, in cd/m².
+const WHITE: f64 = 100.0;
+/// Levels of the pyramid; a band lies between each and the next, and is compared with the one after that.
+const LEVELS: usize = 8;
+const BANDS: usize = LEVELS - 2;
+/// Luminances below are taken for it.
+const DARK: f64 = 1e-5;
+/// Contrast hides at most so many times the threshold, and never makes it smaller.
+const MOST_HIDDEN: f64 = 10.0;
+
+/// How two pictures differ.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    /// Pixels in all.
+    pub pixels: usize,
+    /// Pixels that visibly differ.
+    pub visible: usize,
+    /// Of the others, how close to visible the difference is, on average: 0 to 1.
+    pub below: f64,
+}
+
+impl Seen {
+    /// Share of the pixels that visibly differ. As a count has many equals, what is below the threshold adds to it, less than
+    /// half a pixel in all.
+    pub fn graded(&self) -> f64 {
+        (self.visible as f64 + self.below / 2.0) / self.pixels.max(1) as f64
+    }
+}
+
+/// Compare two pictures of one size, which are looked at as FLIP has it: 67 pixels per degree.
+pub fn yee(a: &Pixels, b: &Pixels) -> Seen {
+    let [from, to] = [a, b].map(Layers::new);
+    let pixels_per_degree = f64::from(DEFAULT_PIXELS_PER_DEGREE);
+    // Cycles per degree of each band: two pixels a cycle are the finest.
+    let frequencies: [f64; BANDS] = std::array::from_fn(|i| 0.5 * pixels_per_degree / f64::from(1u32 << i));
+    // The peak of the sensitivity: what a band shows less than that by, it hides.
+    let peak = (1..400).map(|i| sensitivity(f64::from(i) * 0.05, WHITE)).fold(0.0, f64::max);
+    let elevations = frequencies.map(|f| peak / sensitivity(f, WHITE));
+    // Eyes adapt to the mean of about a degree: level i reaches 2^i pixels either way.
+    let adapted = (0..LEVELS - 1).find(|i| f64::from(2u32 << i) >= pixels_per_degree).unwrap_or(LEVELS - 1);
+    let (mut visible, mut below) = (0, 0.0);
+    let pixels = from.levels[0].len();
+    for i in (0..pixels).filter(|i| from.levels[0][*i] != to.levels[0][*i] || from.colours[*i] != to.colours[*i]) {
+        let around = ((from.levels[adapted][i] + to.levels[adapted][i]) / 2.0).max(DARK);
+        let (mut hidden, mut sum) = (0.0, 0.0);
+        for band in 0..BANDS {
+            let detail = |of: &Layers| (of.levels[band][i] - of.levels[band + 1][i]).abs();
+            let base = from.levels[band + 2][i].abs().max(to.levels[band + 2][i].abs()).max(DARK);
+            let contrast = detail(&from).max(detail(&to)) / base;
+            hidden += contrast * elevations[band] * masking(contrast * sensitivity(frequencies[band], around));
+            sum += contrast;
+        }
+        let factor = if sum > DARK { (hidden / sum).clamp(1.0, MOST_HIDDEN) } else { 1.0 };
+        let light = (from.levels[0][i] - to.levels[0][i]).abs() / (factor * threshold(around));
+        let [[a0, b0], [a1, b1]] = [from.colours[i], to.colours[i]];
+        // In the dark colours are told apart less well.
+        let seen = if around < 10.0 { (around / 10.0).powi(2) } else { 1.0 };
+        let colour = ((a0 - a1).powi(2) + (b0 - b1).powi(2)) * seen / factor;
+        let ratio = light.max(colour);
+        if ratio > 1.0 {
+            visible += 1;
+        } else {
+            below += ratio;
+        }
+    }
+    Seen { pixels, visible, below: below / (pixels - visible).max(1) as f64 }
+}
+
+/// Contrast sensitivity at so many cycles per degree, adapted to a luminance in cd/m²: Barten 1989, equation 4 of Yee's.
+fn sensitivity(frequency: f64, luminance: f64) -> f64 {
+    let a = 440.0 * (1.0 + 0.7 / luminance).powf(-0.2);
+    let b = 0.3 * (1.0 + 100.0 / luminance).powf(0.15);
+    a * frequency * (-b * frequency).exp() * (1.0 + 0.06 * (b * frequency).exp()).sqrt()
+}
+
+/// How many times larger a difference has to be among contrasts that are so many times the threshold: Daly 1993.
+fn masking(contrast: f64) -> f64 {
+    (1.0 + (0.0153 * (392.498 * contrast).powf(0.7)).powf(4.0)).powf(0.25)
+}
+
+/// Threshold versus intensity: the difference of luminance that can just be seen, in cd/m², on a field of a luminance in cd/m²
+/// (Ward Larson, Rushmeier and Piatko 1997, after Ferwerda).
+fn threshold(luminance: f64) -> f64 {
+    let l = luminance.log10();
+    let log = match l {
+        _ if l < -3.94 => -2.86,
+        _ if l < -1.44 => (0.405 * l + 1.6).powf(2.18) - 2.86,
+        _ if l < -0.0184 => l - 0.395,
+        _ if l < 1.9 => (0.249 * l + 0.65).powf(2.7) - 0.72,
+        _ => l - 1.255,
+    };
+    10f64.powf(log)
+}
+
+/// A picture as eyes take it.
+struct Layers {
+    /// Luminances in cd/m², each level blurred by an octave more than the one before.
+    levels: [Vec<f64>; LEVELS],
+    /// a* and b* of CIE L*a*b*.
+    colours: Vec<[f64; 2]>,
+}
+
+impl Layers {
+    fn new(picture: &Pixels) -> Self {
+        let linear: [f64; 256] = std::array::from_fn(|v| {
+            let v = v as f64 / 255.0;
+            if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+        });
+        let xyz = |c: &[u8]| {
+            let [r, g, b] = [c[0], c[1], c[2]].map(|v| linear[v as usize]);
+            // sRGB, IEC 61966-2-1; each row over the white point (D65), so that white is 1, 1, 1.
+            [
+                (0.4124 * r + 0.3576 * g + 0.1805 * b) / 0.9505,
+                0.2126 * r + 0.7152 * g + 0.0722 * b,
+                (0.0193 * r + 0.1192 * g + 0.9505 * b) / 1.089,
+            ]
+        };
+        let root = |v: f64| if v > 0.008856 { v.cbrt() } else { 7.787 * v + 16.0 / 116.0 };
+        let colour = |[x, y, z]: [f64; 3]| [500.0 * (root(x) - root(y)), 200.0 * (root(y) - root(z))];
+        let colours = picture.rgb.chunks_exact(3).map(|c| colour(xyz(c))).collect();
+        let mut level: Vec<f64> = picture.rgb.chunks_exact(3).map(|c| xyz(c)[1] * WHITE).collect();
+        let levels = std::array::from_fn(|i| {
+            let next = blurred(&level, picture.size[0] as usize, 1 << i);
+            std::mem::replace(&mut level, next)
+        });
+        Self { levels, colours }
+    }
+}
+
+/// The next level of a pyramid (Burt and Adelson 1983, a = 0.4) that keeps all pixels: taps are `step` pixels apart. Edges go on.
+fn blurred(level: &[f64], width: usize, step: usize) -> Vec<f64> {
+    const TAPS: [f64; 5] = [0.05, 0.25, 0.4, 0.25, 0.05];
+    let height = level.len() / width.max(1);
+    let tap = |at: usize, k: usize, most: usize| (at + k * step).saturating_sub(2 * step).min(most - 1);
+    let mut across = vec![0.0; level.len()];
+    for (row, out) in level.chunks_exact(width.max(1)).zip(across.chunks_exact_mut(width.max(1))) {
+        for (x, out) in out.iter_mut().enumerate() {
+            *out = (0..5).map(|k| TAPS[k] * row[tap(x, k, width)]).sum();
+        }
+    }
+    let mut down = vec![0.0; level.len()];
+    for (y, out) in down.chunks_exact_mut(width.max(1)).enumerate() {
+        for k in 0..5 {
+            let row = &across[tap(y, k, height) * width..][..width];
+            out.iter_mut().zip(row).for_each(|(out, v)| *out += TAPS[k] * v);
+        }
+    }
+    down
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn flat(grey: u8, change: impl Fn(usize, usize) -> u8) -> Pixels {
+        let size = [48u32, 40];
+        let at = |i: usize| grey + change(i % 48, i / 48);
+        Pixels { size, rgb: (0..48 * 40).flat_map(|i| [at(i); 3]).collect() }
+    }
+
+    #[test]
+    fn formulas_have_the_values_that_papers_plot() {
+        // At 100 cd/m² the eye tells about 6% apart, and is most sensitive near 3 to 4 cycles per degree.
+        assert!((threshold(100.0) - 10f64.powf(0.745)).abs() < 1e-12);
+        assert!((threshold(1e-5) - 10f64.powf(-2.86)).abs() < 1e-12);
+        // Branches of the threshold meet.
+        for l in [-3.94, -1.44, -0.0184, 1.9f64] {
+            let [low, high] = [l - 1e-9, l + 1e-9].map(|l| threshold(10f64.powf(l)));
+            assert!((low / high - 1.0).abs() < 0.05, "{l}: {low} {high}");
+        }
+        let at = |f: f64| sensitivity(f, 100.0);
+        assert!(at(3.2) > at(1.0) && at(3.2) > at(10.0) && at(3.2) > 200.0 && at(33.5) < 0.1 * at(3.2));
+        assert!((masking(0.0) - 1.0).abs() < 1e-12 && masking(10.0) > 3.0 * masking(1.0));
+    }
+
+    #[test]
+    fn what_is_below_the_threshold_is_not_counted_and_what_is_above_it_is() {
+        let plain = flat(128, |_, _| 0);
+        let (equal, pixels) = (yee(&plain, &plain), 48 * 40);
+        assert_eq!((equal, equal.graded()), (Seen { pixels, visible: 0, below: 0.0 }, 0.0));
+        // Luminance 21.6; without contrast the threshold alone decides: 2.0 cd/m², which is 6 steps of sRGB.
+        let luminance = |v: f64| 100.0 * ((v / 255.0 + 0.055) / 1.055).powf(2.4);
+        for step in [1u8, 4, 8, 40] {
+            let seen = yee(&plain, &flat(128 + step, |_, _| 0));
+            let [from, to] = [128.0, 128.0 + f64::from(step)].map(luminance);
+            let over = (to - from) / threshold((from + to) / 2.0);
+            assert_eq!((seen.visible, over > 1.0), (if over > 1.0 { pixels } else { 0 }, step > 5), "{step}: {over}");
+            assert!(over > 1.0 || (seen.below - over).abs() < 1e-3 * over, "{step}: {seen:?} {over}");
+        }
+        // A bright square is counted, about as large as it is, whichever picture comes first.
+        let square = flat(60, |x, y| if (10..26).contains(&x) && (8..24).contains(&y) { 120 } else { 0 });
+        let base = flat(60, |_, _| 0);
+        let seen = yee(&base, &square);
+        assert_eq!((seen.visible, seen), (256, yee(&square, &base)));
+        // The more pixels, the higher; of equally many the one that is nearer to being seen.
+        let faint = |step: u8| yee(&plain, &flat(128, |x, _| if x < 20 { step } else { 0 })).graded();
+        assert!(faint(0) < faint(1) && faint(1) < faint(2) && faint(2) < seen.graded());
+        assert!(faint(2) * (pixels as f64) < 0.5);
+    }
+
+    #[test]
+    fn contrast_hides_differences() {
+        let stripes =
+            |more: u8| flat(100, move |x, y| if x % 2 == 0 { 100 } else { 0 } + if y < 20 { more } else { 0 });
+        let plain = |more: u8| flat(150, move |_, y| if y < 20 { more } else { 0 });
+        let step = 14;
+        assert!(yee(&plain(0), &plain(step)).visible >= 48 * 19);
+        assert_eq!(yee(&stripes(0), &stripes(step)).visible, 0);
+    }
+
+    #[test]
+    fn colours_of_one_luminance_are_told_apart() {
+        let colour = |rgb: [u8; 3]| Pixels { size: [16, 16], rgb: rgb.repeat(256) };
+        let luminance = |p: &Pixels| Layers::new(p).levels[0][0];
+        let (red, green) = (colour([200, 100, 100]), colour([90, 139, 100]));
+        assert!((luminance(&red) - luminance(&green)).abs() < 0.5 * threshold(luminance(&red)));
+        assert_eq!(yee(&red, &green).visible, 256);
+    }
+}
