@@ -26,6 +26,16 @@ pub struct LodArgs {
     /// [default: all in INPUT/weights or INPUT]
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
+    /// Draw frames with all targets, and with the first 75%, 50% and 25% of them: those that lose most by half of the targets;
+    /// with --metric all one frame, by each metric
+    #[arg(long, value_name = "OUT.png")]
+    pub sheet: Option<PathBuf>,
+    /// Frame to draw in their place, counted from 0, through all clips
+    #[arg(long, value_name = "N", requires = "sheet")]
+    pub frame: Option<usize>,
+    /// Plot the error against the share of targets kept, beside that of random orders
+    #[arg(long, value_name = "OUT.svg")]
+    pub plot: Option<PathBuf>,
     /// Random orders that the order is compared with
     #[arg(long, value_name = "N", default_value_t = 50, value_parser = values::whole(1usize, 10_000))]
     pub random: usize,

@@ -71,7 +71,9 @@ fn search(points: &[(Vec3, u32)], axis: usize, to: Vec3, nearest: &mut (f32, u32
 /// mean squared error of Σ w_t w_u (d_t · d_u) over t, u in D; of a clip, only the mean of w_t w_u matters.
 pub struct Loss {
     targets: usize,
-    /// Mean of w_t w_u over the frames, times the mean of d_t · d_u over the vertices.
+    /// Mean of w_t w_u over the frames.
+    weights: Vec<f64>,
+    /// Mean of d_t · d_u over the vertices, where a frame has both.
     products: Vec<f64>,
 }
 
@@ -91,25 +93,38 @@ impl Loss {
             (0..targets).for_each(|t| weights[t * targets + t] = 1.0);
             frames = targets;
         }
-        let scale = 1.0 / (inside.iter().filter(|inside| **inside).count().max(1) * frames.max(1)) as f64;
+        let mut products = vec![0.0; targets * targets];
+        let scale = 1.0 / inside.iter().filter(|inside| **inside).count().max(1) as f64;
         let mut dense = vec![Vec3::ZERO; mesh.vertex_count()];
         for (t, target) in mesh.targets.iter().enumerate() {
             target.vertices.iter().zip(&target.positions).for_each(|(&v, d)| dense[v as usize] = *d);
-            let row = &mut weights[t * targets..][..targets];
-            for (weight, other) in row.iter_mut().zip(&mesh.targets).filter(|(weight, _)| **weight != 0.0) {
+            let row = t * targets..(t + 1) * targets;
+            let pairs = weights[row.clone()].iter().zip(&mut products[row]).zip(&mesh.targets);
+            for ((_, product), other) in pairs.filter(|((weight, _), _)| **weight != 0.0) {
                 let vertices = other.vertices.iter().zip(&other.positions).filter(|(v, _)| inside[**v as usize]);
                 let dots = vertices.map(|(&v, d)| d.as_dvec3().dot(dense[v as usize].as_dvec3()));
-                *weight *= dots.sum::<f64>() * scale;
+                *product = dots.sum::<f64>() * scale;
             }
             target.vertices.iter().for_each(|&v| dense[v as usize] = Vec3::ZERO);
         }
-        Self { targets, products: weights }
+        weights.iter_mut().for_each(|weight| *weight /= frames.max(1) as f64);
+        Self { targets, weights, products }
     }
 
     /// Root of the mean squared error over vertices and frames, in input units, where only `kept` targets are applied.
     pub fn of(&self, kept: &[bool]) -> f64 {
+        self.root(kept, |t, u| self.weights[t * self.targets + u])
+    }
+
+    /// The same over the vertices of one frame of the clips, with these weights.
+    pub fn of_frame(&self, frame: &[f32], kept: &[bool]) -> f64 {
+        self.root(kept, |t, u| f64::from(frame[t]) * f64::from(frame[u]))
+    }
+
+    fn root(&self, kept: &[bool], weight: impl Fn(usize, usize) -> f64) -> f64 {
         let dropped: Vec<usize> = (0..self.targets).filter(|t| !kept[*t]).collect();
-        let row = |t: &usize| dropped.iter().map(|u| self.products[t * self.targets + u]).sum::<f64>();
+        let product = |t: usize, u: usize| weight(t, u) * self.products[t * self.targets + u];
+        let row = |t: &usize| dropped.iter().map(|u| product(*t, *u)).sum::<f64>();
         dropped.iter().map(row).sum::<f64>().max(0.0).sqrt()
     }
 }

@@ -1,7 +1,8 @@
+use super::geometry::{Loss, Tree, hausdorff};
 use super::order::{Order, kendall, spearman};
 use super::picture::{Pixels, mean_square as picture_mse, perceptual, ssim};
-use super::{Loss, Tree, hausdorff, mean_square};
 use deltamorph::import::sample::{HeadDesc, head};
+use deltamorph::lod::mean_square;
 use deltamorph::reference::evaluate_unpacked;
 use deltamorph::{MorphMesh, Tolerance, WeightClip};
 use glam::Vec3;
@@ -64,15 +65,19 @@ fn losses_are_those_of_poses_evaluated_in_float64() {
         for bits in [0b0, 0b101, 0b110011, 0b111111] {
             let kept: Vec<bool> = (0..6).map(|t| bits >> t & 1 == 1).collect();
             let (mut sum, mut count) = (0.0, 0);
-            for whole in clip.frames() {
+            for weights in clip.frames() {
+                let (mut of_frame, mut moved, whole) = (0.0, 0, weights.clone());
                 let part: Vec<f32> = whole.iter().zip(&kept).map(|(w, k)| if *k { *w } else { 0.0 }).collect();
                 let [whole, part] = [whole, part].map(|weights| evaluate_unpacked(&mesh, &weights));
                 for (v, (a, b)) in whole.chunks_exact(6).zip(part.chunks_exact(6)).enumerate() {
                     if inside[v] {
-                        sum += (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>();
-                        count += 1;
+                        of_frame += (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>();
+                        moved += 1;
                     }
                 }
+                let (found, exact) = (loss.of_frame(&weights, &kept), (of_frame / f64::from(moved)).sqrt());
+                assert!((found - exact).abs() <= 1e-6 * exact.max(1e-6), "{bits:b}: {found} {exact}");
+                (sum, count) = (sum + of_frame, count + moved);
             }
             let exact = (sum / f64::from(count)).sqrt();
             assert!((loss.of(&kept) - exact).abs() <= 1e-6 * exact.max(1e-6), "{bits:b}: {} {exact}", loss.of(&kept));

@@ -47,9 +47,7 @@ pub struct Drawn {
 impl Figure {
     /// Draw the figure, and write it into `dir` as SVG and as PNG, both wide.
     pub fn write(self, dir: &Path) -> Result<Drawn, Failure> {
-        // The font comes along, so that no machine needs fonts of its own.
-        let registered = plotters::style::register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT);
-        registered.map_err(|_| failed("the built-in font is damaged"))?;
+        register_font()?;
         let [wide, narrow] = [WIDE, NARROW].map(|width| self.svg(width));
         let wide = wide?;
         write_file(&dir.join(format!("{}.svg", self.slug)), &wide)?;
@@ -68,6 +66,12 @@ impl Figure {
         Ok(Drawn { wide, narrow: narrow?, figure: self })
     }
 
+    /// Draw the figure, and write it as SVG, wide.
+    pub fn save_svg(&self, path: &Path) -> Result<(), Failure> {
+        register_font()?;
+        write_file(path, self.svg(WIDE)?)
+    }
+
     /// The figure as SVG, so many points wide.
     fn svg(&self, width: f64) -> Result<String, Failure> {
         let (plan, mut svg) = (Plan::new(self, width), String::new());
@@ -78,8 +82,14 @@ impl Figure {
     }
 }
 
+/// The font comes along, so that no machine needs fonts of its own.
+fn register_font() -> Result<(), Failure> {
+    let registered = plotters::style::register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT);
+    registered.map_err(|_| failed("the built-in font is damaged"))
+}
+
 fn failed(error: impl std::fmt::Display) -> Failure {
-    Failure::Failed(format!("cannot draw the plot: {error}; do without the report (bench: --no-report)"))
+    Failure::Failed(format!("cannot draw the plot: {error}; do without it (bench: --no-report, lod: no --plot)"))
 }
 
 /// A surface, measured in points.

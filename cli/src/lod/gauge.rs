@@ -1,0 +1,110 @@
+//! What errors are measured with: scores of targets, and what a clip loses where only the first of an order are kept.
+
+use super::Point;
+use super::geometry::{Loss, Tree, hausdorff, lips};
+use super::order::Order;
+use super::shots::Shots;
+use crate::args::lod::Metric;
+use crate::input::Input;
+use crate::output::Failure;
+use deltamorph::BoundClip;
+use deltamorph::internals::Rng;
+use deltamorph::lod::{is_pinned, mean_square};
+use rayon::prelude::*;
+
+/// Measures on a mesh and its clips.
+pub struct Gauge<'a> {
+    pub input: &'a Input,
+    pub vertices: Loss,
+    lips: Option<Loss>,
+    shots: Option<Shots<'a>>,
+    /// Targets, the most important first, in orders that are random but for the pins.
+    pub random: Vec<Vec<usize>>,
+}
+
+impl<'a> Gauge<'a> {
+    pub fn new(
+        input: &'a Input,
+        clips: &[BoundClip],
+        shots: Option<Shots<'a>>,
+        random: usize,
+        seed: u64,
+        pins: &[String],
+    ) -> Self {
+        let mesh = &input.kept;
+        let shuffled = |stream: usize| {
+            let mut rng = Rng::new(seed, stream as u64);
+            let mut order: Vec<usize> = (0..mesh.targets.len()).collect();
+            (1..order.len()).rev().for_each(|i| order.swap(i, rng.below(i + 1)));
+            order.sort_by_key(|t| !is_pinned(&mesh.targets[*t].name, pins));
+            order
+        };
+        Self {
+            input,
+            vertices: Loss::new(mesh, clips, &vec![true; mesh.vertex_count()]),
+            lips: lips(mesh).map(|inside| Loss::new(mesh, clips, &inside)),
+            shots,
+            random: (0..random).map(shuffled).collect(),
+        }
+    }
+
+    /// A list for each metric, with a number for each target.
+    pub fn scores(&mut self, metrics: &[Metric]) -> Result<Vec<Vec<f64>>, Failure> {
+        let mesh = &self.input.kept;
+        let base = Tree::new(&mesh.positions);
+        let of_pictures: Vec<Metric> = metrics.iter().copied().filter(|m| m.is_of_pictures()).collect();
+        let mut drawn = match &mut self.shots {
+            Some(shots) => shots.scores(&of_pictures, mesh.targets.len())?,
+            None => vec![],
+        }
+        .into_iter();
+        let list = |metric: &Metric| match metric {
+            Metric::Mse => mesh.targets.iter().map(|t| mean_square(mesh, t)).collect(),
+            Metric::Hausdorff => mesh.targets.par_iter().map(|t| hausdorff(mesh, &base, t)).collect(),
+            Metric::ImageMse | Metric::Ssim | Metric::Perceptual | Metric::Yee => drawn.next().unwrap_or_default(),
+        };
+        Ok(metrics.iter().map(list).collect())
+    }
+
+    /// A curve for each of `metrics`, whose orders are `orders`.
+    pub fn curves(&mut self, metrics: &[Metric], orders: &[Order]) -> Result<Vec<Vec<Point>>, Failure> {
+        let targets = &self.input.kept.targets;
+        let names: Vec<&str> = targets.iter().map(|t| t.name.as_str()).collect();
+        let scale = 1.0 / crate::verify::scale(self.input.kept.diagonal);
+        let mut kept: Vec<usize> = (1..=4).map(|quarter| (targets.len() * quarter).div_ceil(4)).collect();
+        kept.dedup();
+        let of_pictures: Vec<Metric> = metrics.iter().copied().filter(|m| m.is_of_pictures()).collect();
+        let mut curves = vec![vec![]; metrics.len()];
+        for kept in kept {
+            let random: Vec<Vec<bool>> = self.random.iter().map(|order| first(order, kept)).collect();
+            let vertex_random =
+                random.iter().map(|keeps| self.vertices.of(keeps)).sum::<f64>() * scale / random.len() as f64;
+            let mut drawn_random = vec![0.0; of_pictures.len()];
+            if let Some(shots) = &mut self.shots {
+                for keeps in random.iter().filter(|keeps| keeps.contains(&false)) {
+                    let losses = shots.loss(&of_pictures, keeps)?;
+                    drawn_random.iter_mut().zip(losses).for_each(|(sum, loss)| *sum += loss / random.len() as f64);
+                }
+            }
+            for ((metric, order), curve) in metrics.iter().zip(orders).zip(&mut curves) {
+                let keeps = order.keeps(&names, kept);
+                let vertex_rel = self.vertices.of(&keeps) * scale;
+                let (error_rel, error_random_rel) =
+                    match (&mut self.shots, of_pictures.iter().position(|m| m == metric)) {
+                        (Some(shots), Some(i)) => (shots.loss(&[*metric], &keeps)?[0], drawn_random[i]),
+                        _ => (vertex_rel, vertex_random),
+                    };
+                let lips_rel = self.lips.as_ref().map(|lips| lips.of(&keeps) * scale);
+                curve.push(Point { kept, error_rel, error_random_rel, vertex_rel, lips_rel });
+            }
+        }
+        Ok(curves)
+    }
+}
+
+/// Which targets are among the first `kept` of an order.
+pub fn first(order: &[usize], kept: usize) -> Vec<bool> {
+    let mut keeps = vec![false; order.len()];
+    order[..kept].iter().for_each(|t| keeps[*t] = true);
+    keeps
+}

@@ -1,0 +1,52 @@
+//! What `lod` says to people.
+
+use super::order::{Agreement, Ranked};
+use super::{Lod, Point};
+use crate::table::{Column, Table, sig3};
+
+fn lips_cell(point: &Point) -> String {
+    point.lips_rel.map_or("–".into(), sig3)
+}
+
+fn ratio(point: &Point) -> String {
+    sig3(point.error_rel / point.error_random_rel)
+}
+
+pub fn text(lod: &Lod, measured: &str) -> String {
+    let ranking: &[Column<'_, Ranked>] = &[
+        ("target", &|r| r.name.clone()),
+        ("score", &|r| sig3(r.score)),
+        ("pinned", &|r| if r.pinned { "yes".into() } else { String::new() }),
+    ];
+    let curve: &[Column<'_, Point>] = &[
+        ("kept", &|p| p.kept.to_string()),
+        ("error", &|p| sig3(p.error_rel)),
+        ("random orders", &|p| sig3(p.error_random_rel)),
+        ("ratio", &ratio),
+        ("error of vertices", &|p| sig3(p.vertex_rel)),
+        ("of the lips", &lips_cell),
+    ];
+    let (ranking, curve) = (Table::of(&lod.order.ranking, ranking), Table::of(&lod.curve, curve));
+    format!("targets by {}, the most important first:\n{ranking}\n\nerrors over {measured}:\n{curve}", lod.order.metric)
+}
+
+pub fn text_of_all(lods: &[Lod], agreement: &[Agreement], measured: &str) -> String {
+    let half: Vec<(&str, &Point)> =
+        lods.iter().filter_map(|l| Some((l.order.metric.as_str(), l.curve.get(1)?))).collect();
+    let halves: &[Column<'_, (&str, &Point)>] = &[
+        ("metric", &|(name, _)| (*name).into()),
+        ("kept", &|(_, p)| p.kept.to_string()),
+        ("error", &|(_, p)| sig3(p.error_rel)),
+        ("random orders", &|(_, p)| sig3(p.error_random_rel)),
+        ("ratio", &|(_, p)| ratio(p)),
+        ("error of vertices", &|(_, p)| sig3(p.vertex_rel)),
+        ("of the lips", &|(_, p)| lips_cell(p)),
+    ];
+    let pairs: &[Column<'_, Agreement>] = &[
+        ("metrics", &|a| a.metrics.join(", ")),
+        ("Kendall", &|a| format!("{:.2}", a.kendall)),
+        ("Spearman", &|a| format!("{:.2}", a.spearman)),
+    ];
+    let (halves, pairs) = (Table::of(&half, halves), Table::of(agreement, pairs));
+    format!("half of the targets kept, errors over {measured}:\n{halves}\n\nagreement of orders:\n{pairs}")
+}
