@@ -34,7 +34,21 @@ fn an_order_loses_less_than_random_ones_and_is_kept_with_its_pins() {
     }
     let out = json(&["lod", &head, "--pin", "eyeBlink", "--out", file, "--json", "-"]);
     assert!(listed(&out)[..2].iter().all(|name| name.starts_with("eyeBlink")), "{out}");
-    assert_eq!(json(&["lod", &head, "--from", file, "--json", "-"]), out);
+    let (sheet, plot) = (folder.path().join("sheet.png"), folder.path().join("plot.svg"));
+    let files = ["--sheet", sheet.to_str().unwrap(), "--frame", "12", "--plot", plot.to_str().unwrap()];
+    assert_eq!(json(&[&["lod", &head, "--from", file, "--json", "-"], &files[..]].concat()), out);
+    let plot = std::fs::read_to_string(plot).unwrap();
+    assert!(plot.starts_with("<svg") && plot.contains("random, mean of 50"), "{plot}");
+    // All 12 targets, and 9, 6 and 3 of them: the more are missing, the more pixels differ from the first picture.
+    let sheet = image::open(sheet).unwrap().into_rgb8();
+    assert_eq!(sheet.dimensions(), (4 * 256, 256 + 30));
+    let differ = |column: u32| {
+        let pixels = (0..256).flat_map(|y| (0..256).map(move |x| (x, y)));
+        pixels.filter(|(x, y)| sheet.get_pixel(*x, *y) != sheet.get_pixel(column * 256 + x, *y)).count()
+    };
+    assert!(0 < differ(1) && differ(1) < differ(2) && differ(2) < differ(3), "{:?}", [1, 2, 3].map(differ));
+    let (code, text) = fails(&["lod", &head, "--sheet", "sheet.png", "--frame", "24"]);
+    assert!(code == 2 && text.contains("--frame 24: the clips have 24 frames"), "{text}");
     assert!(ok(&["lod", &head, "--from", file]).contains("yes"));
     let (code, text) = fails(&["lod", &head, "--pin", "nothing"]);
     assert!(code == 2 && text.contains("--pin nothing: no target of"), "{text}");

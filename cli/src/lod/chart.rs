@@ -63,7 +63,9 @@ fn of_vertices(gauge: &Gauge<'_>, orders: &[Order]) -> Vec<Series> {
 }
 
 fn line(metric: &str, hue: usize, points: Vec<Mark>) -> Series {
-    Series { label: format!("by {metric}"), look: Look::new(hue + usize::from(hue >= 5), 2 * hue), points }
+    // The dark variants: light ones are for random orders.
+    let dark = [0, 2, 5, 7][hue % 4];
+    Series { label: format!("by {metric}"), look: Look::new(hue + usize::from(hue >= 5), dark), points }
 }
 
 fn random(gauge: &Gauge<'_>, points: Vec<Mark>) -> Series {

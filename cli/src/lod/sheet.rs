@@ -7,9 +7,9 @@ use crate::output::Failure;
 use crate::render::canvas::{Align, Canvas};
 use crate::render::scenery::Subject;
 use crate::runner::Gpu;
-use deltamorph::{BatchSize, BoundClip, DeltaFormat, PackedMesh, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph::{BatchSize, BoundClip, DeltaFormat, MorphMesh, PackedMesh, UpdateDesc, UpdateMode, UpdatePath};
 use deltamorph_render::{Camera, Light, Poses, Scene, Show, Studio, StudioDesc};
-use glam::Mat4;
+use glam::{Mat4, Vec3};
 use std::path::Path;
 
 /// Pixels of a cell, and of the line of text below it.
@@ -51,7 +51,7 @@ pub fn draw(
     let update = UpdateDesc::new(UpdatePath::Blocks, BatchSize::All).mode(UpdateMode::Rebuild);
     let desc = StudioDesc { size: [CELL; 2], heads: 1, in_flight: 1, update, afterglow: 0.0 };
     let mut studio = Studio::new(gpu, mesh, &packed, &subject.parts, desc)?;
-    let view = Camera::default().fit(subject.focus.iter().copied(), 1.0, 0.04);
+    let view = Camera::default().fit(moving(mesh).into_iter(), 1.0, 0.1);
     let scene = Scene { view, light: Light::default(), show: Show::Shaded };
     let size = [CELL * QUARTERS.len() as u32, (CELL + CAPTION) * rows.len() as u32];
     let mut sheet = Canvas::new(size, BACKGROUND);
@@ -91,4 +91,12 @@ fn worst(gauge: &Gauge<'_>, frames: &[Vec<f32>], orders: &[Order], names: &[&str
         }
     }
     chosen
+}
+
+/// Where the face moves: vertices, in the base pose and where a target takes them, by a tenth or more of what it does at most.
+fn moving(mesh: &MorphMesh) -> Vec<Vec3> {
+    let deltas = || mesh.targets.iter().flat_map(|target| target.vertices.iter().zip(&target.positions));
+    let most = deltas().map(|(_, d)| d.length_squared()).fold(0.0, f32::max);
+    let far = deltas().filter(|(_, d)| d.length_squared() >= 0.01 * most);
+    far.flat_map(|(&v, d)| [mesh.positions[v as usize], mesh.positions[v as usize] + *d]).collect()
 }
