@@ -2,6 +2,8 @@
 
 #[path = "common/cli.rs"]
 mod cli;
+#[path = "../../tests/common/data.rs"]
+mod data;
 
 use cli::{HEAD, fails, json, ok, sample};
 use std::collections::HashMap;
@@ -132,4 +134,16 @@ fn all_metrics_rank_all_targets_and_say_how_far_they_agree() {
     assert_eq!(all["agreement"].as_array().unwrap().len(), 15);
     let (code, text) = fails(&[&["lod", "--metric", "all", "--out", order.to_str().unwrap()], &HEAD[..]].concat());
     assert!(code == 2 && text.contains("--out keeps one order"), "{text}");
+}
+
+#[test]
+fn half_of_the_targets_of_captured_clips_lose_at_most_half_of_what_random_halves_do() {
+    for name in ["facecap_head_glb", "ict_facekit", "makehuman_face"] {
+        let Some(set) = data::set(name) else { continue };
+        for metric in ["mse", "hausdorff"] {
+            let out = json(&["lod", set.to_str().expect("UTF-8"), "--metric", metric, "--json", "-"]);
+            let [error, random] = ["error_rel", "error_random_rel"].map(|key| out["curve"][1][key].as_f64().unwrap());
+            assert!(error > 0.0 && error <= 0.5 * random, "{name}, {metric}: {error} {random}");
+        }
+    }
 }
