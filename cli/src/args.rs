@@ -3,6 +3,7 @@
 pub mod bench;
 pub mod lod;
 pub mod poses;
+pub mod reading;
 pub mod render;
 pub mod values;
 #[cfg(feature = "viewer")]
@@ -15,6 +16,7 @@ use deltamorph::import::sample::HeadDesc;
 use deltamorph::{BlockDesc, DeltaFormat, PoseFormat, Tolerance, UpdateMode, UpdatePath};
 use lod::LodArgs;
 use poses::Sums;
+use reading::Reading;
 use render::RenderArgs;
 use std::path::PathBuf;
 use values::{BatchSpec, BudgetSpec};
@@ -213,6 +215,10 @@ pub struct InputArgs {
     /// NAME.rig.json beside NAME.glb or NAME.dmorph]
     #[arg(long, value_name = "JSON")]
     pub rig: Option<PathBuf>,
+    /// Take weights of clips and --set for weights of absolute poses: an average, of which the base pose takes what is left
+    #[arg(long, value_name = "READING", value_enum, num_args = 0..=1, require_equals = true)]
+    #[arg(default_missing_value = "text")]
+    pub normalise: Option<Reading>,
     /// Seed of everything that is random
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,

@@ -1,11 +1,12 @@
 //! Reading INPUT: a folder, a glTF file, a packed file, or the built-in head; and the weight clips that a command runs.
 
 use crate::args::InputArgs;
+use crate::args::reading::Reading;
 use crate::output::{Failure, Output};
 use deltamorph::import::{ImportDesc, Imported, ImportedMesh, csv, sample as head};
 use deltamorph::rig::names::retarget;
 use deltamorph::rig::{self, BoundRig};
-use deltamorph::{BoundClip, MorphMesh, PackedMesh, Tolerance, WeightClip, import};
+use deltamorph::{BoundClip, MorphMesh, PackedMesh, Tolerance, WeightClip, import, normalise_weights};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -27,6 +28,8 @@ pub struct Input {
     pub clips: Vec<PathBuf>,
     /// The controls that clips and settings name in place of targets, where there is a rig.
     pub rig: Option<BoundRig>,
+    /// Whether weights of clips and settings are those of absolute poses.
+    pub normalise: Option<Reading>,
     /// The folder, or "built-in head": for reports.
     pub origin: String,
     /// Where remarks on clips go.
@@ -130,6 +133,7 @@ fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Re
         packed,
         clips,
         rig: rig.transpose()?,
+        normalise: args.normalise,
         origin,
         out: Some(out.clone()),
     })
@@ -234,9 +238,17 @@ impl Input {
 
     /// A clip for the targets, which the rig makes of one for its controls.
     fn bind(&self, clip: &WeightClip) -> deltamorph::Result<BoundClip> {
-        match &self.rig {
-            Some(rig) => rig.bake(clip, clip.fps)?.bind(&names(&self.kept)),
-            None => clip.bind(&names(&self.kept)),
+        let baked = self.rig.as_ref().map(|rig| rig.bake(clip, clip.fps)).transpose()?;
+        let clip = baked.as_ref().unwrap_or(clip);
+        match self.normalise {
+            // What is not finite is for `bind` to refuse, where it is.
+            Some(Reading::Text) if clip.values.iter().all(|weight| weight.is_finite()) => {
+                let mut clip = clip.clone();
+                let columns = clip.names.len().max(1);
+                clip.values.chunks_mut(columns).for_each(normalise_weights);
+                clip.bind(&names(&self.kept))
+            }
+            Some(Reading::Text | Reading::Shader) | None => clip.bind(&names(&self.kept)),
         }
     }
 

@@ -1,5 +1,6 @@
 //! `play`: a whole clip, one update per frame: what each moved, what it took, and how far the pose is off.
 
+use crate::args::reading::Reading;
 use crate::args::{PlayArgs, distinct_or};
 use crate::bench::stats::Stats;
 use crate::input;
@@ -31,6 +32,10 @@ struct FrameRow {
     frame: usize,
     /// Targets whose weight differs from the frame before; in the first one, from 0.
     changed: usize,
+    /// Weights of the clip that differ from the frame before, where they are normalised: one of them may change the factors of
+    /// all that are active, which `changed` counts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    weights_changed: Option<usize>,
     /// Targets with a weight other than 0.
     active: usize,
     /// Blocks written (block formats); this and the next three are `None` where the device plans.
@@ -53,6 +58,12 @@ struct Summary {
     frames: usize,
     /// Animated and planned on the device.
     animated: bool,
+    /// The reading of normalised blending, where weights are those of absolute poses.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    normalise: Option<&'static str>,
+    /// Weights of the clip that changed, per frame, where they are normalised.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    weights_changed_mean: Option<f64>,
     /// Amplitude of the noise that was added to the weights.
     noise: f32,
     /// Targets changed, per frame.
@@ -88,14 +99,20 @@ pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
         run.update.poses = distinct_or(&named, &[PoseFormat::Fixed32]);
     }
     out.check(&input::files_of(&run.input, weights.as_slice()), &[], None)?;
-    let input = input::load(&run.input, true, out)?;
+    let mut input = input::load(&run.input, true, out)?;
     let clip = input::one_clip(weights.as_deref(), &run.input, &input, &[])?;
+    // What the clip itself says, once more; remarks have been made.
+    (input.normalise, input.out) = (None, None);
+    let plain = || input::one_clip(weights.as_deref(), &run.input, &input, &[]);
+    let plain = run.input.normalise.map(|_| plain()).transpose()?;
     let stage = Stage::new(&run, &input, device, out)?;
     let (raw, origin) = (input.packed.is_none().then(|| input.raw.clone()), input.origin.clone());
     // From here on the packed mesh is enough, and the raw mesh where errors against it can be measured.
     drop(input);
     let mut checks = Checks::new(&stage, raw, true);
-    let frames = play(args, &mut checks, &clip, out)?;
+    let mut frames = play(args, &mut checks, &clip, out)?;
+    let changes = plain.map(|plain| changes(plain.frames())).unwrap_or_default();
+    frames.iter_mut().zip(changes).for_each(|(frame, changed)| frame.weights_changed = Some(changed));
     let summary = summary(args, &frames, &checks);
     out.say(text(&clip.name, &frames, &summary, &checks));
     out.json(&Played { schema: 1, device: stage.device(), input: origin, clip: clip.name, frames, summary })?;
@@ -112,6 +129,18 @@ fn shaken(frames: impl Iterator<Item = Vec<f32>>, amount: Option<f32>, seed: u64
         }
         weights
     })
+}
+
+/// How many weights differ from the frame before; in the first frame, from 0.
+fn changes(frames: impl Iterator<Item = Vec<f32>>) -> Vec<usize> {
+    let mut before = vec![];
+    let count = |weights: Vec<f32>| {
+        before.resize(weights.len(), 0.0);
+        let changed = weights.iter().zip(&before).filter(|(a, b)| a != b).count();
+        before = weights;
+        changed
+    };
+    frames.map(count).collect()
 }
 
 fn play(args: &PlayArgs, checks: &mut Checks<'_>, clip: &BoundClip, out: &Output) -> Result<Vec<FrameRow>, Failure> {
@@ -136,6 +165,7 @@ fn play(args: &PlayArgs, checks: &mut Checks<'_>, clip: &BoundClip, out: &Output
         rows.push(FrameRow {
             frame,
             changed: weights.iter().zip(&before).filter(|(a, b)| a != b).count(),
+            weights_changed: None,
             active: weights.iter().filter(|w| **w != 0.0).count(),
             dirty_blocks: planned.map(|stats| stats.dirty_blocks),
             rebuilt_blocks: planned.map(|stats| stats.rebuilt_blocks),
@@ -164,6 +194,8 @@ fn summary(args: &PlayArgs, frames: &[FrameRow], checks: &Checks<'_>) -> Summary
     Summary {
         frames: frames.len(),
         animated: args.animated,
+        normalise: args.run.input.normalise.map(Reading::name),
+        weights_changed_mean: args.run.input.normalise.map(|_| mean(|f| f.weights_changed.unwrap_or(0))),
         noise: args.noise.unwrap_or(0.0),
         changed_mean: mean(|f| f.changed),
         bytes_moved_mean: moved,
@@ -187,6 +219,7 @@ fn text(clip: &str, frames: &[FrameRow], s: &Summary, checks: &Checks<'_>) -> St
             table.row([name.to_owned(), show(s.mean), show(s.min), show(s.median), show(s.max)]);
         }
     };
+    row("weights changed", &|f| f.weights_changed.map(|n| n as f64), &sig3);
     row("targets changed", &|f| Some(f.changed as f64), &sig3);
     row("targets active", &|f| Some(f.active as f64), &sig3);
     if checks.stage.mesh.layout().format.is_blocks() {

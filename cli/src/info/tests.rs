@@ -57,6 +57,7 @@ fn a_quad_is_two_triangles() {
         packed: None,
         clips: vec![],
         rig: None,
+        normalise: None,
         origin: String::new(),
         out: None,
     };

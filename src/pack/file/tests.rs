@@ -135,7 +135,7 @@ fn files_of_older_versions_are_read_as_they_were_packed() {
 
 /// The built-in head, split at its seam.
 fn split_head(format: DeltaFormat) -> (MorphMesh, Asset) {
-    let head = HeadDesc { vertices: 300, targets: 6, sparsity: 0.12, seed: 1, ..HeadDesc::default() };
+    let head = HeadDesc { vertices: 300, targets: 6, sparsity: 0.12, seed: 1, in_betweens: false };
     let mesh = head_of(&head).split().unwrap().to_mesh(Tolerance::default()).unwrap();
     let asset = Asset::pack(&mesh, &PackDesc::new(format)).unwrap();
     (mesh, asset)
