@@ -216,6 +216,10 @@ impl Input {
     /// FACS, units of MakeHuman. A note says what became of them.
     fn retargeted(&self, clip: &WeightClip) -> deltamorph::Result<WeightClip> {
         let there = retarget(clip, &self.controls())?;
+        // A target that the rig drives is no name of another face: it is refused, by name.
+        if there.columns.iter().any(|(name, _)| names(&self.kept).contains(&name.as_str())) {
+            return Ok(clip.clone());
+        }
         if !there.columns.is_empty() {
             let (mapped, total) = (there.mapped(), clip.names.len());
             let several = there.columns.iter().filter(|(_, targets)| targets.len() > 1).map(|(name, targets)| {
