@@ -75,6 +75,13 @@ fn a_blink_with_an_in_between_goes_round_the_eyeball_and_without_goes_through_it
     for (sign, control) in [(1.0, "eyeBlinkLeft"), (-1.0, "eyeBlinkRight")] {
         let lids = Lids::new(&source, sign);
         assert!(lids.near.len() > 1000, "{} vertices near an eyeball", lids.near.len());
+        // Of the others, none at weight 1 pushes a lid into the eyeball.
+        for (index, target) in source.targets.iter().enumerate() {
+            let mut weights = vec![0.0; source.targets.len()];
+            weights[index] = 1.0;
+            let clear = lids.clearance(&weights);
+            assert!(clear > 0.0, "{}: {clear} cm from the eyeball", target.name);
+        }
         let rest = lids.clearance(&vec![0.0; source.targets.len()]);
         let (straight, at) = lids.least(&alone, control);
         let (round, round_at) = lids.least(&through, control);
