@@ -3,7 +3,8 @@
 use super::command::Detail;
 use crate::output::Failure;
 use deltamorph::MorphMesh;
-use deltamorph::lod::{Importance, Level, LevelDesc};
+use deltamorph::lod::{Importance, Level, LevelDesc, pixels_per_unit};
+use glam::{Mat4, Vec3};
 
 /// The targets of a mesh by their importance, and how many of them each head keeps.
 pub struct Kept {
@@ -12,13 +13,26 @@ pub struct Kept {
     levels: (Detail, Vec<Level>),
     /// Targets of the first head in the last frame, and how many it is about to keep.
     now: (f32, f32),
+    /// What a head takes up in the base pose: middle and radius.
+    ball: (Vec3, f32),
 }
 
 impl Kept {
-    pub fn new(mesh: &MorphMesh) -> Result<Self, Failure> {
+    /// Of a mesh of which `focus` is in the picture.
+    pub fn new(mesh: &MorphMesh, focus: &[Vec3]) -> Result<Self, Failure> {
         let importance = Importance::of(mesh, &[])?;
         let all = importance.target_count() as f32;
-        Ok(Self { importance, levels: (Detail::All, vec![]), now: (all, all) })
+        let middle = focus.iter().sum::<Vec3>() / focus.len().max(1) as f32;
+        let radius = focus.iter().map(|p| p.distance(middle)).fold(0.0, f32::max);
+        Ok(Self { importance, levels: (Detail::All, vec![]), now: (all, all), ball: (middle, radius) })
+    }
+
+    /// Pixels that an input unit takes up at the nearest point of a head, in a picture of `height` pixels with an angle of view
+    /// of `angle` radians from bottom to top.
+    pub fn unit(&self, eye: Vec3, place: &Mat4, height: f32, angle: f32) -> f32 {
+        let (middle, radius) = self.ball;
+        let distance = eye.distance(place.transform_point3(middle)) - radius;
+        pixels_per_unit(height, angle, distance.max(radius * 1e-3))
     }
 
     /// Take away what heads do not keep of `weights`, one list for each; `units`: pixels that an input unit takes up there.

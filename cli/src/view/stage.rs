@@ -19,7 +19,6 @@ use crate::runner::prepare;
 use deltamorph::UpdatePath;
 use deltamorph::ash::vk;
 use deltamorph::headless::DeviceChoice;
-use deltamorph::lod::pixels_per_unit;
 use deltamorph_render::{Camera, Light, Scene, Show, Wrinkles};
 use egui::Context;
 use glam::{Mat4, Vec3};
@@ -249,17 +248,10 @@ impl Stage {
         }
         let kept = match &mut self.kept {
             Some(kept) => kept,
-            none @ None => none.insert(Kept::new(&state.input.kept)?),
+            none @ None => none.insert(Kept::new(&state.input.kept, &self.subject.focus)?),
         };
-        // From the nearest point of a ball around each head.
-        let count = self.subject.focus.len().max(1) as f32;
-        let centre = self.subject.focus.iter().sum::<Vec3>() / count;
-        let radius = self.subject.focus.iter().map(|p| p.distance(centre)).fold(0.0, f32::max);
         let (height, angle) = (extent.height as f32 * self.free[3] * state.zoom, Camera::default().angle.to_radians());
-        let unit = |place: &Mat4| {
-            let distance = scene.view.eye.distance(place.transform_point3(centre)) - radius;
-            pixels_per_unit(height, angle, distance.max(radius * 1e-3))
-        };
+        let unit = |place: &Mat4| kept.unit(scene.view.eye, place, height, angle);
         let units: Vec<f32> = self.heads.places.iter().map(unit).collect();
         kept.apply(state.detail, &units, weights)?;
         Ok(kept.fades())
