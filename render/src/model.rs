@@ -58,15 +58,7 @@ impl Model {
         uploaded: &GpuMesh,
         parts: &[Part],
     ) -> Result<Self> {
-        let count = mesh.vertex_count();
-        if count != layout.vertex_count {
-            return Err(Error::Invalid {
-                what: format!("a mesh of {count} vertices, and the layout of one of {}", layout.vertex_count),
-                remedy: "hand in the layout of the packed mesh".into(),
-            });
-        }
-        let mut places: Vec<u32> = (0..count as u32).collect();
-        layout.remap_indices(&mut places)?;
+        let (count, places) = (mesh.vertex_count(), places_of(mesh, layout)?);
         let render = mesh.faces.render_vertices(count, &mesh.texcoords)?;
         let (mut indices, mut drawn) = (vec![], vec![]);
         for part in parts {
@@ -119,6 +111,20 @@ impl Model {
         self.values.write(0, cast_slice(&placed));
         Ok(())
     }
+}
+
+/// Where each vertex of a mesh is in the pose buffers of the packed one.
+pub(crate) fn places_of(mesh: &MorphMesh, layout: &PackedLayout) -> Result<Vec<u32>> {
+    let count = mesh.vertex_count();
+    if count != layout.vertex_count {
+        return Err(Error::Invalid {
+            what: format!("a mesh of {count} vertices, and the layout of one of {}", layout.vertex_count),
+            remedy: "hand in the layout of the packed mesh".into(),
+        });
+    }
+    let mut places: Vec<u32> = (0..count as u32).collect();
+    layout.remap_indices(&mut places)?;
+    Ok(places)
 }
 
 /// The edges of the faces that `parts` draw, each once, from the lower vertex to the higher: diagonals of a face are none.

@@ -4,7 +4,8 @@
 //! as deltas are, and blends a normal map of wrinkles in where the sum is large. Here there are two masks and two maps: skin
 //! that is compressed upwards gets lines across it, as a brow that is raised does, and the other way round.
 
-use deltamorph::{Error, MorphMesh, PackedLayout, Result};
+use crate::model::places_of;
+use deltamorph::{MorphMesh, PackedLayout, Result};
 use glam::Vec3;
 use std::collections::BTreeSet;
 
@@ -25,15 +26,7 @@ impl Wrinkles {
     /// # Errors
     /// A layout of another mesh.
     pub fn new(mesh: &MorphMesh, layout: &PackedLayout) -> Result<Self> {
-        let count = mesh.vertex_count();
-        if count != layout.vertex_count {
-            return Err(Error::Invalid {
-                what: format!("a mesh of {count} vertices, and the layout of one of {}", layout.vertex_count),
-                remedy: "hand in the layout of the packed mesh".into(),
-            });
-        }
-        let mut places: Vec<u32> = (0..count as u32).collect();
-        layout.remap_indices(&mut places)?;
+        let (count, places) = (mesh.vertex_count(), places_of(mesh, layout)?);
         let edges = edges_at(mesh);
         let masks = mesh.targets.iter().map(|target| {
             let mut moved = vec![Vec3::ZERO; count];
