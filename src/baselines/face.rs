@@ -7,7 +7,7 @@ use crate::engine::{Crowd, GpuMesh, MorphEngine, PoseView};
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
 use crate::gpu::mesh::MeshBuffers;
-use crate::pack::PackedMesh;
+use crate::pack::{PackedLayout, PackedMesh};
 use crate::plan::UpdatePath;
 use crate::plan::schedule::Entry;
 use ash::vk;
@@ -24,22 +24,12 @@ impl MorphEngine {
     /// As [`upload`](Self::upload).
     pub unsafe fn upload_scatter(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
         UpdatePath::Scatter.check_groups(mesh.groups().len(), mesh.layout())?;
-        let layout = mesh.layout().clone();
-        let index = layout.blocks.clone().filter(|_| UpdatePath::Scatter.formats().contains(&layout.format));
-        let Some(index) = index else {
-            return Err(Error::invalid(
-                format!("update path 'scatter' with {} deltas", layout.format.name()),
-                "pack the mesh as small",
-            ));
-        };
-        let (words, first) = records(mesh, &index);
-        let bytes = size_of_val(words.as_slice()) as u64;
-        self.check_not_empty(&layout)?;
-        for (what, bytes) in [("a pose takes", layout.base_bytes()), ("the records of 'scatter' take", bytes)] {
-            let (what, range) = (format!("mesh '{}': {what}", layout.name), self.device.caps.max_storage_range);
-            self.device.caps.check_limit(&what, (bytes, "bytes", range), "use fewer targets, or split the mesh")?;
-        }
-        let buffers = MeshBuffers::new(&self.device, layout, mesh.base(), &words, first)?;
+        let layout = mesh.layout();
+        UpdatePath::Scatter.check_format(layout.format)?;
+        let (words, first) = records(mesh, layout.index()?);
+        self.check_not_empty(layout)?;
+        self.check_storage(layout, "the records of 'scatter' take", &words)?;
+        let buffers = MeshBuffers::new(&self.device, layout.clone(), mesh.base(), &words, first)?;
         // SAFETY: the caller's obligations.
         Ok(unsafe { self.upload_groups(cmd, vec![buffers]) })
     }
@@ -103,6 +93,15 @@ impl MorphEngine {
             }
         }
         Ok(crowd.base.view(0, 0, group))
+    }
+
+    /// Refuse a pose, or `words` of a technique's own, that a descriptor does not cover.
+    pub(super) fn check_storage(&self, layout: &PackedLayout, what: &str, words: &[u32]) -> Result<()> {
+        let bytes = size_of_val(words) as u64;
+        [("a pose takes", layout.base_bytes()), (what, bytes)].into_iter().try_for_each(|(what, bytes)| {
+            let (what, range) = (format!("mesh '{}': {what}", layout.name), self.device.caps.max_storage_range);
+            self.device.caps.check_limit(&what, (bytes, "bytes", range), "use fewer targets, or split the mesh")
+        })
     }
 
     fn draws<'a>(&self, crowd: &'a Crowd, group: usize) -> Result<&'a dyn Draw> {

@@ -1,6 +1,5 @@
 //! The pipeline that blends, of a baseline that sums colours.
 
-use super::failed;
 use super::pipelines::{Objects, with_stage};
 use crate::abi::modules::Module;
 use crate::error::Result;
@@ -48,9 +47,6 @@ impl Objects {
                 unsafe { device.raw.create_graphics_pipelines(device.pipeline_cache, &[info], None) }
             })
         })??;
-        let made = made.map_err(|(_, e)| failed("vkCreateGraphicsPipelines")(e))?;
-        made.iter().for_each(|pipeline| self.device.name(*pipeline, || format!("deltamorph {}", fragment.name)));
-        self.pipelines.extend(made);
-        Ok(())
+        self.add_graphics(fragment, made)
     }
 }

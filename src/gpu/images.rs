@@ -2,6 +2,7 @@
 
 use super::device::{Device, allocation_failed};
 use super::failed;
+use super::memory::sharing;
 use crate::error::Result;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
@@ -16,7 +17,8 @@ pub(crate) struct Image {
     pub(crate) size: [u32; 2],
     format: vk::Format,
     allocation: Option<Allocation>,
-    views: Vec<vk::ImageView>,
+    /// Those that were made, in order.
+    pub(crate) views: Vec<vk::ImageView>,
 }
 
 impl Image {
@@ -28,7 +30,7 @@ impl Image {
         (size, layers): ([u32; 2], u32),
         usage: vk::ImageUsageFlags,
     ) -> Result<Self> {
-        let sharing = if device.families.len() > 1 { vk::SharingMode::CONCURRENT } else { vk::SharingMode::EXCLUSIVE };
+        let (sharing, families) = sharing(&device.families);
         let info = vk::ImageCreateInfo::default()
             .image_type(vk::ImageType::TYPE_2D)
             .format(format)
@@ -39,7 +41,7 @@ impl Image {
             .tiling(vk::ImageTiling::OPTIMAL)
             .usage(usage)
             .sharing_mode(sharing)
-            .queue_family_indices(&device.families);
+            .queue_family_indices(families);
         // SAFETY: the device is alive (Device::borrow); the size is within its limits, and every device has the formats for
         // these usages, or caps say so (checked by whoever names them).
         let raw = unsafe { device.raw.create_image(&info, None) }.map_err(failed("vkCreateImage"))?;

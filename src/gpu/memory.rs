@@ -68,13 +68,18 @@ impl Buffer {
     }
 }
 
-/// How a buffer is shared that queues of these families use, each named once: concurrently, where there are several. All
-/// buffers are, those too that one queue has for itself: so the host may move updates from queue to queue.
-fn shared_by(families: &[u32]) -> vk::BufferCreateInfo<'_> {
+/// How memory is shared that queues of these families use, each named once: concurrently, where there are several. All buffers
+/// are, those too that one queue has for itself: so the host may move updates from queue to queue.
+pub(super) fn sharing(families: &[u32]) -> (vk::SharingMode, &[u32]) {
     match families {
-        [] | [_] => vk::BufferCreateInfo::default().sharing_mode(vk::SharingMode::EXCLUSIVE),
-        _ => vk::BufferCreateInfo::default().sharing_mode(vk::SharingMode::CONCURRENT).queue_family_indices(families),
+        [] | [_] => (vk::SharingMode::EXCLUSIVE, &[]),
+        _ => (vk::SharingMode::CONCURRENT, families),
     }
+}
+
+fn shared_by(families: &[u32]) -> vk::BufferCreateInfo<'_> {
+    let (mode, families) = sharing(families);
+    vk::BufferCreateInfo::default().sharing_mode(mode).queue_family_indices(families)
 }
 
 impl Drop for Buffer {

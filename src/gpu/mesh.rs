@@ -35,11 +35,9 @@ pub(crate) struct MeshBuffers {
     pub(crate) parts: Vec<AssetPart>,
     /// Uploaded for one technique, in words of its own: what that has to know of them on the host. Else empty.
     pub(crate) private: Vec<u32>,
-    /// Of a technique that loads deltas from images: those of positions and of normals.
+    /// Of a technique that loads deltas from images: those of both triples, each with a view.
     #[cfg(feature = "baselines")]
     pub(crate) images: Vec<Image>,
-    #[cfg(feature = "baselines")]
-    pub(crate) image_views: Vec<vk::ImageView>,
     /// Where targets come and go: which are there. All groups are in one buffer then.
     pub(crate) residents: Option<Arc<Residents>>,
 }
@@ -103,8 +101,6 @@ impl MeshBuffers {
             private,
             #[cfg(feature = "baselines")]
             images: vec![],
-            #[cfg(feature = "baselines")]
-            image_views: vec![],
             residents: None,
         };
         Ok((mesh, Upload::new(staging, copies)))
@@ -122,7 +118,7 @@ impl MeshBuffers {
     ) -> Result<Upload> {
         let usage = vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST;
         let mut image = Image::new(device, name, format, (size, 1), usage)?;
-        self.image_views.push(image.view(0..1, false)?);
+        image.view(0..1, false)?;
         let (bytes, usage) = (texels.len() as u64, vk::BufferUsageFlags::TRANSFER_SRC);
         let mut staging = Buffer::new(device, "deltamorph upload", bytes, usage, STAGING)?;
         staging.mapped()?[..texels.len()].copy_from_slice(texels);
@@ -157,8 +153,6 @@ impl MeshBuffers {
                 private: vec![],
                 #[cfg(feature = "baselines")]
                 images: vec![],
-                #[cfg(feature = "baselines")]
-                image_views: vec![],
                 residents,
             };
             Ok((mesh, upload))

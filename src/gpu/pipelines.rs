@@ -154,6 +154,15 @@ impl Objects {
             // read; the attributes are within the device's limits (checked by caps) and match the module (tests).
             unsafe { device.raw.create_graphics_pipelines(device.pipeline_cache, &[info], None) }
         })?;
+        self.add_graphics(module, made)
+    }
+
+    /// Take the pipelines that were made of `module`, or refuse.
+    pub(super) fn add_graphics(
+        &mut self,
+        module: &Module,
+        made: std::result::Result<Vec<vk::Pipeline>, (Vec<vk::Pipeline>, vk::Result)>,
+    ) -> Result<()> {
         let made = made.map_err(|(_, e)| failed("vkCreateGraphicsPipelines")(e))?;
         made.iter().for_each(|pipeline| self.device.name(*pipeline, || format!("deltamorph {}", module.name)));
         self.pipelines.extend(made);

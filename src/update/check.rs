@@ -3,7 +3,7 @@
 use super::blocks::check_tolerance;
 use crate::error::{Error, Result};
 use crate::gpu::caps::DeviceCaps;
-use crate::pack::PackedLayout;
+use crate::pack::{DeltaFormat, PackedLayout};
 use crate::plan::{BatchSize, UpdateDesc, UpdateMode, UpdatePath};
 
 /// Most slots of a crowd that is animated on the GPU, which keeps a bit for each update since a slot was written.
@@ -114,11 +114,8 @@ impl UpdateDesc {
     fn check_on_device(&self, layout: &PackedLayout, caps: &DeviceCaps) -> Result<()> {
         caps.check_path(self.path)?;
         let (path, device) = (self.path, &caps.name);
-        let what = format!("update path '{}' with {} deltas", path.name(), layout.format.name());
-        if !path.formats().contains(&layout.format) {
-            let names: Vec<&str> = path.formats().iter().map(|format| format.name()).collect();
-            return refuse(what, format!("pack the mesh as {}", names.join(" or ")));
-        }
+        path.check_format(layout.format)?;
+        let what = path.with_deltas(layout.format);
         let (size, most) = (layout.blocks.as_ref().map_or(0, |blocks| blocks.size()), caps.max_workgroup_invocations);
         if path == UpdatePath::Blocks && size > most as usize {
             let remedy = format!("pack with blocks of at most {most} vertices");
@@ -161,6 +158,20 @@ fn refuse(what: impl Into<String>, remedy: impl Into<String>) -> Result<()> {
 }
 
 impl UpdatePath {
+    /// The path with deltas of a format, in messages.
+    fn with_deltas(self, format: DeltaFormat) -> String {
+        format!("update path '{}' with {} deltas", self.name(), format.name())
+    }
+
+    /// Refuse a format that the path does not take.
+    pub(crate) fn check_format(self, format: DeltaFormat) -> Result<()> {
+        if self.formats().contains(&format) {
+            return Ok(());
+        }
+        let names: Vec<&str> = self.formats().iter().map(|format| format.name()).collect();
+        refuse(self.with_deltas(format), format!("pack the mesh as {}", names.join(" or ")))
+    }
+
     /// Check the path for a mesh of so many groups.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
 //! The draws of `texture`, which fetch displacements.
 
-use super::Textures;
+use super::{Textures, words_of};
 use crate::abi::modules::{Kernel, TEXTURED, TEXTURED_FEEDBACK, TEXTURED_STORE};
 use crate::abi::push::TexturedPush;
 use crate::baselines::draws::{Capture, Draw};
@@ -57,8 +57,7 @@ impl TextureDraws {
         let (mesh, pose) = (context.mesh, context.poses);
         let capture = Capture::of(context.device, UpdatePath::Texture).ok();
         let kernel = context.kernels.get(Textured { capture })?;
-        let bytes = 4 * (u64::from(Textures::of(mesh).texels_at()) + mesh.layout.padded_vertices() as u64);
-        let mut bound = vec![BufferRange::new(mesh.deltas.raw, 0, bytes)];
+        let mut bound = vec![words_of(mesh)];
         if capture == Some(Capture::Store) {
             bound.push(BufferRange::new(pose.buffer, 0, pose.bytes));
         }

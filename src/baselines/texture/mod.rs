@@ -20,7 +20,8 @@ mod tests;
 
 use super::draws::one_pass;
 use crate::engine::{GpuMesh, MorphEngine};
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::gpu::descriptors::BufferRange;
 use crate::gpu::mesh::{MeshBuffers, Upload};
 use crate::pack::{DeltaFormat, PackedGroup, PackedMesh};
 use crate::plan::instances::Instances;
@@ -92,6 +93,12 @@ impl<'a> Textures<'a> {
     }
 }
 
+/// The rectangles, and the texels of vertices behind them.
+fn words_of(mesh: &MeshBuffers) -> BufferRange {
+    let words = u64::from(Textures::of(mesh).texels_at()) + mesh.layout.padded_vertices() as u64;
+    BufferRange::new(mesh.deltas.raw, 0, 4 * words)
+}
+
 impl MorphEngine {
     /// As [`upload`](Self::upload), for crowds on the path `texture`, which reads deltas from two textures: 32 bytes for
     /// each vertex that a target moves (float32), or 16 (snorm16), whatever [`mesh_bytes`](Self::mesh_bytes) says. The
@@ -106,12 +113,7 @@ impl MorphEngine {
     pub unsafe fn upload_texture(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
         let (path, layout, caps) = (UpdatePath::Texture, mesh.layout(), &self.device.caps);
         caps.check_path(path)?;
-        if !path.formats().contains(&layout.format) {
-            return Err(Error::invalid(
-                format!("update path 'texture' with {} deltas", layout.format.name()),
-                "pack the mesh as float32 or snorm16",
-            ));
-        }
+        path.check_format(layout.format)?;
         self.check_not_empty(layout)?;
         let (mut groups, mut uploads) = (vec![], vec![]);
         for group in mesh.groups() {
@@ -125,15 +127,10 @@ impl MorphEngine {
 
     /// The buffers and delta textures of a group, and what fills them.
     fn texture_buffers(&self, group: &PackedGroup) -> Result<(MeshBuffers, Vec<Upload>)> {
-        let (layout, caps) = (group.layout(), &self.device.caps);
-        let baked = DeltaTexels::bake(group, caps.max_image_side)?;
+        let layout = group.layout();
+        let baked = DeltaTexels::bake(group, self.device.caps.max_image_side)?;
         let words = baked.words(layout.padded_vertices());
-        let limit = |what: &str, bytes: u64, remedy: &str| {
-            let what = format!("mesh '{}': {what}", layout.name);
-            caps.check_limit(&what, (bytes, "bytes", caps.max_storage_range), remedy)
-        };
-        limit("its rectangles and texels take", 4 * words.len() as u64, "use fewer targets, or split the mesh")?;
-        limit("a pose takes", layout.base_bytes(), "split the mesh")?;
+        self.check_storage(layout, "its rectangles and texels take", &words)?;
         let private = Textures::words(&baked);
         let (mut buffers, upload) = MeshBuffers::new(&self.device, layout.clone(), group.base(), &words, private)?;
         let format = match layout.format == DeltaFormat::Snorm16 {

@@ -1,10 +1,10 @@
 //! The passes of `texture`: rectangles drawn into displacement textures.
 
-use super::Textures;
+use super::{Textures, words_of};
 use crate::abi::modules::{Kernel, RECTANGLES, TEXELS};
 use crate::abi::push::RectanglesPush;
 use crate::error::Result;
-use crate::gpu::descriptors::{BufferRange, Sets};
+use crate::gpu::descriptors::Sets;
 use crate::gpu::device::Device;
 use crate::gpu::failed;
 use crate::gpu::images::Image;
@@ -101,9 +101,8 @@ impl BlendPasses {
     pub(super) fn new(context: Context<'_>) -> Result<Self> {
         let (device, mesh) = (context.device, context.mesh);
         let kernel = context.kernels.get(Blend(mesh.layout.format))?;
-        let bytes = 4 * (u64::from(Textures::of(mesh).texels_at()) + mesh.layout.padded_vertices() as u64);
-        let mut sets = kernel.objects.sets(&[[BufferRange::new(mesh.deltas.raw, 0, bytes)]])?;
-        (1..).zip(&mesh.image_views).for_each(|(binding, view)| sets.write_image(0, binding, *view));
+        let mut sets = kernel.objects.sets(&[[words_of(mesh)]])?;
+        (1..).zip(&mesh.images).for_each(|(binding, image)| sets.write_image(0, binding, image.views[0]));
         // From here on dropping `passes` destroys what there is of it.
         let mut passes =
             Self { loading: render_pass(device, false)?, kernel, mesh: mesh.clone(), displacements: vec![], sets };
