@@ -134,6 +134,9 @@
 /// A set of colours with opacity: four components. Sets are counted from 0; add 256 x set.
 #define DM_STREAM_COLOR 5
 
+/// Wrinkle masks: two components, how far the skin is compressed upwards and across.
+#define DM_STREAM_MASK 6
+
 /// Major version of the API that this header is of.
 #define DM_VERSION_MAJOR 0
 

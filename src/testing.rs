@@ -42,7 +42,7 @@ pub fn mesh(vertices: usize, targets: usize) -> MorphMesh {
     }
 }
 
-/// `mesh` with tangents, texture coordinates and colours, which its targets move as well, and a few vertices besides.
+/// `mesh` with tangents, texture coordinates, colours and wrinkle masks, which its targets move as well, and a few vertices besides.
 pub fn with_streams(mut mesh: MorphMesh) -> MorphMesh {
     let vertices = mesh.vertex_count();
     let handed = |v: u64| if v.is_multiple_of(2) { 1.0 } else { -1.0 };
@@ -55,6 +55,7 @@ pub fn with_streams(mut mesh: MorphMesh) -> MorphMesh {
         StreamData { semantic: Semantic::Tangent, values: (0..vertices as u64).flat_map(tangent).collect() },
         numbers(Semantic::TexCoord(0), 1_000_000),
         numbers(Semantic::Color(0), 2_000_000),
+        numbers(Semantic::Mask, 3_000_000),
     ];
     for (t, target) in mesh.targets.iter_mut().enumerate() {
         let moved: Vec<u32> = (0..vertices as u32).filter(|v| t != 2 && (*v as usize + t) % 4 < 2).collect();

@@ -44,7 +44,7 @@ fn source() -> MorphSource {
 fn packed(desc: &PackDesc) -> PackedMesh {
     let mesh = source().to_mesh(Tolerance::ZERO).expect("a mesh that is right");
     let packed = PackedMesh::pack(&mesh, desc).expect("a mesh that fits");
-    assert_eq!(packed.groups().len(), 3, "position and normal; tangent and texture coordinates; colours");
+    assert_eq!(packed.groups().len(), 3, "position and normal; tangent and texture coordinates; colours and masks");
     packed
 }
 

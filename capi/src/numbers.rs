@@ -77,6 +77,8 @@ pub const DM_STREAM_TANGENT: u32 = 3;
 pub const DM_STREAM_TEXCOORD: u32 = 4;
 /// A set of colours with opacity: four components. Sets are counted from 0; add 256 × set.
 pub const DM_STREAM_COLOR: u32 = 5;
+/// Wrinkle masks: two components, how far the skin is compressed upwards and across.
+pub const DM_STREAM_MASK: u32 = 6;
 
 const DELTAS: &[(u32, DeltaFormat)] = &[
     (DM_DELTAS_FLOAT32, DeltaFormat::Float32),
@@ -191,6 +193,7 @@ pub fn semantic(number: u32) -> Result<Semantic> {
         (DM_STREAM_TANGENT, Some(0)) => Ok(Semantic::Tangent),
         (DM_STREAM_TEXCOORD, Some(set)) => Ok(Semantic::TexCoord(set)),
         (DM_STREAM_COLOR, Some(set)) => Ok(Semantic::Color(set)),
+        (DM_STREAM_MASK, Some(0)) => Ok(Semantic::Mask),
         (_, _) => {
             Err(Failure::invalid(format!("{number} is no stream; use a DM_STREAM_ constant, or one plus 256 × set")))
         }
@@ -219,6 +222,7 @@ mod tests {
         assert_eq!(consumers(0).unwrap(), Consumers::default());
         assert_eq!(consumers(9).unwrap(), Consumers::VERTEX_ATTRIBUTES | Consumers::COPIES);
         assert_eq!(semantic(4 + 256 * 3).unwrap(), Semantic::TexCoord(3));
+        assert_eq!(semantic(DM_STREAM_MASK).unwrap(), Semantic::Mask);
     }
 
     #[test]

@@ -37,6 +37,9 @@ pub enum Semantic {
     TexCoord(u8),
     /// A set of colours with opacity.
     Color(u8),
+    /// Wrinkle masks: by which share the skin is compressed upwards and across, less than 0 where it is stretched. 0 in the
+    /// base pose; a shader blends normal maps of wrinkles in where they are large.
+    Mask,
 }
 
 /// How the error of a stream is measured.
@@ -60,6 +63,7 @@ impl Semantic {
             Self::Tangent => (4, 3, Measure::Angle),
             Self::TexCoord(_) => (2, 2, Measure::Absolute),
             Self::Color(_) => (4, 4, Measure::Absolute),
+            Self::Mask => (2, 2, Measure::Absolute),
         }
     }
 
@@ -72,6 +76,7 @@ impl Semantic {
             Self::Tangent => 2,
             Self::TexCoord(set) => 0x100 | set as u16,
             Self::Color(set) => 0x200 | set as u16,
+            Self::Mask => 0x300,
         }
     }
 
@@ -100,6 +105,7 @@ impl fmt::Display for Semantic {
             Self::Tangent => f.write_str("tangent"),
             Self::TexCoord(set) => write!(f, "texcoord {set}"),
             Self::Color(set) => write!(f, "color {set}"),
+            Self::Mask => f.write_str("wrinkle mask"),
         }
     }
 }
@@ -171,9 +177,9 @@ mod tests {
             vec![(Position, 0), (Normal, 3)],
             vec![(Tangent, 0), (TexCoord(0), 4)],
             vec![(TexCoord(1), 0), (Color(0), 2)],
-            vec![(Color(1), 0)],
+            vec![(Color(1), 0), (Mask, 4)],
         ];
-        let all = [Color(0), TexCoord(1), TexCoord(0), Tangent, Color(1), TexCoord(1)];
+        let all = [Mask, Color(0), TexCoord(1), TexCoord(0), Tangent, Color(1), TexCoord(1)];
         for (further, count) in [(&[][..], 1), (&[Normal, Position], 1), (&[TexCoord(0), Tangent], 2), (&all, 4)] {
             let places = |group: &Vec<StreamPlace>| group.iter().map(|p| (p.semantic, p.first)).collect();
             let found: Vec<Vec<_>> = group_streams(further.iter().copied()).iter().map(places).collect();
@@ -183,7 +189,7 @@ mod tests {
 
     #[test]
     fn what_is_measured_as_length_or_angle_has_a_triple_of_its_own() {
-        let all = [Tangent, TexCoord(0), TexCoord(1), TexCoord(2), Color(0), Color(1)];
+        let all = [Tangent, TexCoord(0), TexCoord(1), TexCoord(2), Color(0), Color(1), Mask];
         for mask in 0..1 << all.len() {
             let chosen = all.iter().enumerate().filter(|(i, _)| mask >> i & 1 != 0).map(|(_, s)| *s);
             for place in group_streams(chosen).into_iter().flatten() {

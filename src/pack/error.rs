@@ -57,7 +57,7 @@ impl PoseError {
             Semantic::Position => &mut self.position,
             Semantic::Normal => &mut self.normal_degrees,
             Semantic::Tangent => &mut self.tangent_degrees,
-            Semantic::TexCoord(_) | Semantic::Color(_) => &mut self.absolute,
+            Semantic::TexCoord(_) | Semantic::Color(_) | Semantic::Mask => &mut self.absolute,
         }
     }
 }

@@ -23,7 +23,7 @@
 //! then for each group g of streams, with 256 g added to the id:
 //! 12  group               streams u32   blocks u32   entries u32   words u32   steps of both triples f32 f32
 //!                         [stream][id u32, zero u32, largest error f64]
-//!                         (1 position, 2 normal, 3 tangent, 4 + 256 set texture coordinates, 5 + 256 set colours;
+//!                         (1 position, 2 normal, 3 tangent, 4 + 256 set texture coordinates, 5 + 256 set colours, 6 masks;
 //!                         error in input units, degrees, degrees, and in the numbers themselves)
 //!  3  base pose           [packed vertex][six f32], without padding
 //!  5  first entries       [block + 1] u32
@@ -191,7 +191,7 @@ fn unpack(group: &PackedGroup, mesh: &mut MorphMesh) {
         match place.semantic {
             Semantic::Position => mesh.positions = vectors(values),
             Semantic::Normal => mesh.normals = vectors(values),
-            semantic @ (Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_)) => {
+            semantic @ (Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_) | Semantic::Mask) => {
                 mesh.streams.push(StreamData { semantic, values });
             }
         }
@@ -211,7 +211,7 @@ fn unpack(group: &PackedGroup, mesh: &mut MorphMesh) {
             match place.semantic {
                 Semantic::Position => (target.vertices, target.positions) = (vertices, vectors(deltas)),
                 Semantic::Normal => target.normals = vectors(deltas),
-                Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_) => {
+                Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_) | Semantic::Mask => {
                     target.streams.push(StreamDeltas { vertices, deltas });
                 }
             }

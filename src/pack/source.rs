@@ -37,7 +37,7 @@ impl<'a> Source<'a> {
             let values: &[f32] = match place.semantic {
                 Semantic::Position => bytemuck::cast_slice(&self.mesh.positions),
                 Semantic::Normal => bytemuck::cast_slice(&self.mesh.normals),
-                semantic @ (Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_)) => {
+                semantic @ (Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_) | Semantic::Mask) => {
                     self.further(semantic).map_or(&[], |at| &self.mesh.streams[at].values)
                 }
             };
@@ -66,7 +66,7 @@ impl<'a> Source<'a> {
             let (vertices, deltas): (&[u32], &[f32]) = match place.semantic {
                 Semantic::Position => (&target.vertices, bytemuck::cast_slice(&target.positions)),
                 Semantic::Normal => (&target.vertices, bytemuck::cast_slice(&target.normals)),
-                semantic @ (Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_)) => {
+                semantic @ (Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_) | Semantic::Mask) => {
                     let stream = self.further(semantic).and_then(|at| target.streams.get(at));
                     stream.map_or((&[], &[]), |stream| (&stream.vertices, &stream.deltas))
                 }

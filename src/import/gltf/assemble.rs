@@ -9,7 +9,7 @@ fn default_of(semantic: Semantic) -> &'static [f32] {
     match semantic {
         Semantic::Position | Semantic::Normal => &[0.0; 3],
         Semantic::Tangent => &[1.0, 0.0, 0.0, 1.0],
-        Semantic::TexCoord(_) => &[0.0; 2],
+        Semantic::TexCoord(_) | Semantic::Mask => &[0.0; 2],
         Semantic::Color(_) => &[1.0; 4],
     }
 }

@@ -169,7 +169,8 @@ fn part(file: &Container, at: &At<'_>, mode: usize, names: &[String]) -> Result<
     let (mut normal_scales, mut tangent_scales) = (vec![], vec![]);
     for (semantic, index) in streams(&attributes) {
         let values = match semantic {
-            Semantic::Position => continue,
+            // No attribute of glTF is one of masks.
+            Semantic::Position | Semantic::Mask => continue,
             Semantic::Normal => {
                 let stated: Vec<Vec3> = read(&index)?.floats::<3>()?.into_iter().map(Vec3::from).collect();
                 let (units, scales, lost) = unit_normals(&stated, &source.faces, &source.positions);
@@ -230,6 +231,7 @@ fn part(file: &Container, at: &At<'_>, mode: usize, names: &[String]) -> Result<
                         _ => stream(accessor.deltas::<4>()?),
                     };
                 }
+                (Semantic::Mask, _) => {}
                 (Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_), None) => {
                     return Err(index.refuse(format!("the base pose has no {semantic} to add to"), AGAIN));
                 }

@@ -254,13 +254,15 @@ fn semantic_id(semantic: Semantic) -> u32 {
         Semantic::Tangent => 3,
         Semantic::TexCoord(set) => 4 | u32::from(set) << 8,
         Semantic::Color(set) => 5 | u32::from(set) << 8,
+        Semantic::Mask => 6,
     }
 }
 
 fn semantic(id: u32) -> Option<Semantic> {
     let set = u8::try_from(id >> 8).ok()?;
-    let all = [Semantic::Position, Semantic::Normal, Semantic::Tangent, Semantic::TexCoord(set), Semantic::Color(set)];
-    all.into_iter().find(|semantic| semantic_id(*semantic) == id)
+    let single = [Semantic::Position, Semantic::Normal, Semantic::Tangent, Semantic::Mask];
+    let mut all = single.into_iter().chain([Semantic::TexCoord(set), Semantic::Color(set)]);
+    all.find(|semantic| semantic_id(*semantic) == id)
 }
 
 fn words_of(bytes: &[u8]) -> Vec<u32> {

@@ -30,7 +30,7 @@ fn asset(format: DeltaFormat, size: Option<u32>) -> Asset {
     Asset::pack(&mesh(70, 4), &PackDesc { blocks, ..PackDesc::new(format) }).unwrap()
 }
 
-/// With tangents and texture coordinates, and colours in a third group.
+/// With tangents and texture coordinates, and colours and masks in a third group.
 fn with_streams(format: DeltaFormat) -> Asset {
     Asset::pack(&testing::with_streams(mesh(70, 4)), &PackDesc::new(format)).unwrap()
 }
