@@ -177,7 +177,7 @@ fn the_decoded_mesh_is_in_the_users_order() {
         assert_eq!(asset.mesh.measure_error(&decoded).position, 0.0);
         let asset = with_streams(format);
         let decoded = asset.to_mesh().unwrap();
-        assert!(decoded.targets.iter().all(|t| t.streams.len() == 3));
+        assert!(decoded.targets.iter().all(|t| t.streams.len() == 4));
         let lost = asset.mesh.measure_error(&decoded);
         assert!(lost.position == 0.0 && lost.absolute == 0.0 && lost.within(0.0, 1e-5), "{lost:?}");
     }
