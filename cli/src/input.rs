@@ -6,7 +6,9 @@ use crate::output::{Failure, Output};
 use deltamorph::import::{ImportDesc, Imported, ImportedMesh, csv, sample as head};
 use deltamorph::rig::names::retarget;
 use deltamorph::rig::{self, BoundRig};
-use deltamorph::{BoundClip, MorphMesh, PackedMesh, Tolerance, WeightClip, import, normalise_weights};
+use deltamorph::{
+    BlockDesc, BoundClip, MorphMesh, PackDesc, PackedMesh, Tolerance, WeightClip, import, normalise_weights,
+};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -57,7 +59,27 @@ pub struct MeshInfo {
     pub moved_mean: f64,
 }
 
+/// What is packed, and what a packed file has, of an [`Input`].
+pub type Meshes = (Arc<MorphMesh>, Option<Arc<PackedMesh>>);
+
 impl Input {
+    pub fn meshes(&self) -> Meshes {
+        (self.kept.clone(), self.packed.clone())
+    }
+
+    /// Give the mesh wrinkle masks. That of a packed file is packed again, in its format.
+    pub fn add_masks(&mut self) -> Result<(), Failure> {
+        let mut mesh = MorphMesh::clone(&self.kept);
+        deltamorph_render::wrinkles::add(&mut mesh);
+        if let Some(packed) = &mut self.packed {
+            let layout = packed.layout();
+            let blocks = BlockDesc::default().size(layout.blocks.as_ref().map(|blocks| blocks.size() as u32));
+            *packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(layout.format).blocks(blocks))?);
+        }
+        self.kept = Arc::new(mesh);
+        Ok(())
+    }
+
     pub fn info(&self) -> MeshInfo {
         let mesh = &self.kept;
         let moved: usize = mesh.targets.iter().map(|t| t.vertices.len()).sum();

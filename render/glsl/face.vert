@@ -12,6 +12,14 @@ layout(location = 0) in vec3 rest_position;
 layout(location = 1) in vec3 rest_normal;
 layout(location = 2) in vec2 texcoord;
 layout(location = 3) in float value;
+#ifdef MASKS
+// The wrinkle masks of the pose, a stream of the mesh. Those of the base pose are 0: of integers the displacement is all.
+#ifdef POSE_FLOAT32
+layout(location = 10) in vec2 masks;
+#else
+layout(location = 10) in ivec2 masks;
+#endif
+#endif
 
 layout(location = 0) out vec3 position;
 layout(location = 1) out vec3 normal;
@@ -33,10 +41,9 @@ void main() {
         // A number for each block, 0 to 1, unlike that of its neighbours.
         where.x = fract(float(uint(gl_VertexIndex) / block) * 0.618034);
     }
-    if (show.x == SHOW_WRINKLES) {
-        uint mask = first_told + 2u * uint(gl_VertexIndex);
-        where = vec2(told[mask], told[mask + 1u]);
-    }
+#ifdef MASKS
+    where = vec2(masks) * mask_units;
+#endif
 #ifdef MOTION
     measured = distance(position, previous_position(units));
 #endif

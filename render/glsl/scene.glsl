@@ -20,10 +20,10 @@ const float SHOW_WIRE = 5.0;
 const float SHOW_MOTION = 6.0;   // from the previous pose
 const float SHOW_BLOCKS = 7.0;   // pieces that updates have changed, by `told`
 
-const float SHOW_WRINKLES = 8.0; // where the pose compresses the skin, by `told`
+const float SHOW_WRINKLES = 8.0; // where the pose compresses the skin, by its masks
 
 // What the host tells of each head: how bright each piece of vertices is, from 1 (changed now) down to 0 (`Glow` in
-// src/glow.rs); or two masks of each vertex (`Wrinkles` in src/wrinkles.rs).
+// src/glow.rs).
 layout(set = 0, binding = 2, std430) readonly buffer Told {
     float told[];
 };
@@ -33,6 +33,7 @@ const uint PIECE = 32u; // vertices
 layout(push_constant) uniform Part {
     vec4 ball;    // an eyeball in the base pose: middle and radius; radius 0: none
     vec2 units;   // of the pose
+    vec2 mask_units; // of its wrinkle masks
     uint material;
     uint first_told;  // of the head, in `told`
     uint block;       // vertices of a block, or of the mesh where there are none

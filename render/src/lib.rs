@@ -4,7 +4,7 @@
 //! - [`Renderer`] draws [`Head`]s of a [`Model`] into a [`Target`], which is an image view of the host's: an image of its own,
 //!   or one of a swapchain. It records into the host's command buffer, and never submits or waits.
 //! - [`Scene`] says how: a [`Camera`] that fits what there is to see, a [`Light`], what to [`Show`].
-//! - [`Wrinkles`] come where a pose compresses the skin.
+//! - [`wrinkles`] come where a pose compresses the skin.
 //! - [`parts`] tells skin from eyes and teeth.
 //! - [`Studio`] brings the image as well, on a device of [`headless`](deltamorph::headless), with several frames in flight.
 //!
@@ -17,12 +17,13 @@ mod model;
 mod modules;
 mod parts;
 mod passes;
+mod poses;
 mod record;
 mod renderer;
 mod scene;
 mod studio;
 mod target;
-mod wrinkles;
+pub mod wrinkles;
 
 pub use camera::{Camera, View};
 pub use glow::Glow;
@@ -30,8 +31,8 @@ pub use memory::Buffer;
 pub use model::Model;
 pub use parts::{Material, Part, parts};
 pub use passes::RendererDesc;
+pub use poses::{Poses, StoredPose};
 pub use renderer::Renderer;
-pub use scene::{Head, Light, Scene, Show, heat};
-pub use studio::{Picture, Poses, Studio, StudioDesc};
+pub use scene::{Head, Light, Masks, Scene, Show, heat};
+pub use studio::{Picture, Studio, StudioDesc};
 pub use target::Target;
-pub use wrinkles::Wrinkles;

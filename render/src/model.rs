@@ -24,8 +24,6 @@ pub struct Model {
     pub(crate) middle: Vec4,
     /// Pieces of a [`Glow`](crate::Glow).
     pub(crate) pieces: usize,
-    /// Vertices of a pose, padding included.
-    pub(crate) padded: usize,
     /// Vertices of a block; where there are none, of the mesh.
     pub(crate) block: u32,
     /// Where each vertex of the mesh is in pose buffers.
@@ -87,7 +85,6 @@ impl Model {
             parts: drawn,
             middle: ((low + high) / 2.0).extend((low.distance(high) / 2.0).max(f32::MIN_POSITIVE)),
             pieces: pieces_of(padded),
-            padded,
             block: layout.blocks.as_ref().map_or(padded.max(1), |blocks| blocks.size()) as u32,
             places,
         })

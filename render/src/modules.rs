@@ -7,6 +7,8 @@ pub(crate) struct Modules {
     pub(crate) face: &'static [u8],
     /// With the previous pose.
     pub(crate) motion: &'static [u8],
+    /// With wrinkle masks.
+    pub(crate) masks: &'static [u8],
     pub(crate) shadow: &'static [u8],
 }
 
@@ -15,6 +17,7 @@ macro_rules! modules {
         Modules {
             face: include_bytes!(concat!("../spirv/face_", $pose, ".vert.spv")),
             motion: include_bytes!(concat!("../spirv/motion_", $pose, ".vert.spv")),
+            masks: include_bytes!(concat!("../spirv/masks_", $pose, ".vert.spv")),
             shadow: include_bytes!(concat!("../spirv/shadow_", $pose, ".vert.spv")),
         }
     };

@@ -26,6 +26,8 @@ pub struct RendererDesc {
     pub layout: vk::ImageLayout,
     /// Of the poses that are drawn.
     pub pose: PoseFormat,
+    /// Whether [`Show::Wrinkles`](crate::Show::Wrinkles) is drawn: it takes pipelines of its own.
+    pub masks: bool,
 }
 
 /// An image that a pass clears first.

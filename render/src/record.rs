@@ -3,12 +3,12 @@
 use crate::model::{Drawn, Model};
 use crate::parts::Material;
 use crate::passes::SHADOW_EDGE;
-use crate::renderer::Renderer;
+use crate::renderer::{MASK_BINDING, Renderer};
 use crate::scene::{Head, PartPush, Scene, Show};
 use crate::target::Target;
 use bytemuck::bytes_of;
-use deltamorph::Result;
 use deltamorph::ash::vk;
+use deltamorph::{Error, Result};
 use glam::Vec4;
 use std::ops::Range;
 use std::slice::from_ref;
@@ -24,7 +24,7 @@ impl Renderer {
     /// bound before is bound no longer.
     ///
     /// # Errors
-    /// More heads than the target was made for.
+    /// More heads than the target was made for; wrinkles to show, and a renderer or a head without masks.
     ///
     /// # Safety
     /// - `cmd` is a primary command buffer that is recording on the renderer's device, outside a render pass, on a queue
@@ -44,6 +44,7 @@ impl Renderer {
     ) -> Result<()> {
         target.write(scene, model, heads)?;
         target.check_told(model, scene.show)?;
+        self.check_masks(heads, scene.show)?;
         let device = &self.gpu.device;
         let far = vk::ClearValue { depth_stencil: vk::ClearDepthStencilValue { depth: 1.0, stencil: 0 } };
         let behind = vk::ClearValue { color: vk::ClearColorValue { float32: background } };
@@ -55,7 +56,8 @@ impl Renderer {
             }
             Show::Motion(_) => self.motion.map(|pipeline| (pipeline, What::Faces)).to_vec(),
             Show::Wire => vec![(front, What::Faces), (back, What::Faces), (self.lines, What::Edges)],
-            Show::Blocks | Show::Wrinkles | Show::Checker(_) | Show::Distance(_) | Show::Values(_) | Show::Normals => {
+            Show::Wrinkles => self.wrinkled.map(|pipeline| (pipeline, What::Faces)).to_vec(),
+            Show::Blocks | Show::Checker(_) | Show::Distance(_) | Show::Values(_) | Show::Normals => {
                 vec![(front, What::Faces), (back, What::Faces)]
             }
         };
@@ -95,6 +97,19 @@ impl Renderer {
         Ok(())
     }
 
+    /// Refuse to show wrinkles without masks.
+    fn check_masks(&self, heads: &[Head], show: Show) -> Result<()> {
+        if show != Show::Wrinkles || self.desc.masks && heads.iter().all(|head| head.masks.is_some()) {
+            return Ok(());
+        }
+        let what = match self.desc.masks {
+            true => "wrinkles of heads without masks",
+            false => "wrinkles, which the renderer was not made for",
+        };
+        let remedy = "add masks to the mesh with wrinkles::add before it is packed, and name them in RendererDesc::masks and Head::masks";
+        Err(Error::Invalid { what: what.into(), remedy: remedy.into() })
+    }
+
     /// # Safety
     /// As [`record`](Self::record), with `cmd` inside a pass whose pipeline is bound; the target knows of `number` heads
     /// and one more.
@@ -109,9 +124,14 @@ impl Renderer {
     ) {
         let device = &self.gpu.device;
         let (base, both) = (&model.base, vk::ShaderStageFlags::VERTEX | vk::ShaderStageFlags::FRAGMENT);
-        let buffers = [head.buffer, base.0, model.texcoords.raw, model.values.raw, head.previous.0];
-        let offsets = [head.offset, base.1, 0, 0, head.previous.1];
-        let bound = if what == What::Shadows { self.desc.pose.vertex_input(false).0.len() } else { buffers.len() };
+        let masks = head.masks.map_or((head.buffer, head.offset), |masks| (masks.buffer, masks.offset));
+        let buffers = [head.buffer, base.0, model.texcoords.raw, model.values.raw, head.previous.0, masks.0];
+        let offsets = [head.offset, base.1, 0, 0, head.previous.1, masks.1];
+        let bound = match what {
+            What::Shadows => self.desc.pose.vertex_input(false).0.len(),
+            _ if head.masks.is_none() => MASK_BINDING as usize,
+            _ => buffers.len(),
+        };
         let indices = if what == What::Edges { &model.edges.0 } else { &model.indices };
         // SAFETY: the caller's obligations; model and target are alive.
         unsafe {
@@ -123,7 +143,8 @@ impl Renderer {
         let draw = |indices: Range<u32>, material: u32, ball: Vec4| {
             let first_told = (number * target.told()) as u32;
             let (ball, units, block) = (ball.to_array(), head.units, model.block);
-            let push = PartPush { ball, units, material, first_told, block };
+            let mask_units = head.masks.map_or([1.0; 2], |masks| masks.units);
+            let push = PartPush { ball, units, mask_units, material, first_told, block };
             // SAFETY: as above; so many indices are in the buffer.
             unsafe {
                 device.cmd_push_constants(cmd, self.layout, both, 0, bytes_of(&push));

@@ -11,6 +11,10 @@ use std::sync::Arc;
 
 /// Where the inputs of poses begin, behind those of our own: see glsl/face.vert.
 const POSE_LOCATION: u32 = 4;
+/// Where the wrinkle masks are, behind all of them.
+const MASK_LOCATION: u32 = 10;
+/// The binding of the wrinkle masks.
+pub(crate) const MASK_BINDING: u32 = 5;
 
 /// What a pipeline draws.
 #[derive(Clone, Copy)]
@@ -46,6 +50,8 @@ pub struct Renderer {
     pub(crate) plain: [vk::Pipeline; 2],
     /// As `shaded`, with the previous pose.
     pub(crate) motion: [vk::Pipeline; 2],
+    /// As `shaded`, with wrinkle masks; null where the renderer was not made for them.
+    pub(crate) wrinkled: [vk::Pipeline; 2],
     /// As `shaded`, of lines.
     pub(crate) lines: vk::Pipeline,
 }
@@ -90,6 +96,7 @@ impl Renderer {
             shaded: [vk::Pipeline::null(); 2],
             plain: [vk::Pipeline::null(); 2],
             motion: [vk::Pipeline::null(); 2],
+            wrinkled: [vk::Pipeline::null(); 2],
             lines: vk::Pipeline::null(),
         };
         this.shadow_pass = passes::shadow(&this.gpu)?;
@@ -147,18 +154,22 @@ impl Renderer {
         attributes.iter_mut().for_each(|attribute| attribute.location += POSE_LOCATION);
         // The map needs positions alone, but the shader declares all inputs of the poses.
         self.shadow = self.pipeline(self.shadow_pass, &[modules.shadow], (bindings, attributes), Drawn::All)?;
-        self.lines = self.pictured(modules.face, false, Drawn::Lines)?;
+        self.lines = self.pictured(modules.face, self.input(false), Drawn::Lines)?;
         for (side, cull) in [vk::CullModeFlags::BACK, vk::CullModeFlags::FRONT].into_iter().enumerate() {
-            self.shaded[side] = self.pictured(modules.face, false, Drawn::Faces { cull, plain: false })?;
-            self.plain[side] = self.pictured(modules.face, false, Drawn::Faces { cull, plain: true })?;
-            self.motion[side] = self.pictured(modules.motion, true, Drawn::Faces { cull, plain: false })?;
+            let (faces, plain) = (Drawn::Faces { cull, plain: false }, Drawn::Faces { cull, plain: true });
+            self.shaded[side] = self.pictured(modules.face, self.input(false), faces)?;
+            self.plain[side] = self.pictured(modules.face, self.input(false), plain)?;
+            self.motion[side] = self.pictured(modules.motion, self.input(true), faces)?;
+            if self.desc.masks {
+                self.wrinkled[side] = self.pictured(modules.masks, self.masked_input(), faces)?;
+            }
         }
         Ok(())
     }
 
     /// A pipeline of the picture.
-    fn pictured(&self, module: &'static [u8], previous: bool, drawn: Drawn) -> Result<vk::Pipeline> {
-        self.pipeline(self.pass, &[module, modules::FRAGMENT], self.input(previous), drawn)
+    fn pictured(&self, module: &'static [u8], input: Input, drawn: Drawn) -> Result<vk::Pipeline> {
+        self.pipeline(self.pass, &[module, modules::FRAGMENT], input, drawn)
     }
 
     /// What face.vert reads: binding 0 has the pose, 1 the base pose, whatever the format; 2 texture coordinates; 3 values;
@@ -189,6 +200,20 @@ impl Renderer {
             attribute(2, 2, vk::Format::R32G32_SFLOAT, 0),
             attribute(3, 3, vk::Format::R32_SFLOAT, 0),
         ]);
+        (bindings, attributes)
+    }
+
+    /// The same, and the wrinkle masks: two numbers of a pose's format, which lie as far apart as poses' vertices.
+    fn masked_input(&self) -> Input {
+        let (mut bindings, mut attributes) = self.input(false);
+        let format = match self.desc.pose.stride() {
+            _ if !self.desc.pose.has_integers() => vk::Format::R32G32_SFLOAT,
+            12 => vk::Format::R16G16_SINT,
+            _ => vk::Format::R32G32_SINT,
+        };
+        let (binding, location, stride) = (MASK_BINDING, MASK_LOCATION, bindings[0].stride);
+        bindings.push(vk::VertexInputBindingDescription::default().binding(binding).stride(stride));
+        attributes.push(vk::VertexInputAttributeDescription { location, binding, format, offset: 0 });
         (bindings, attributes)
     }
 
@@ -272,8 +297,8 @@ impl Drop for Renderer {
         let device = &self.gpu.device;
         // SAFETY: ours, destroyed once, and not in use: the caller of `new` says so.
         unsafe {
-            let pipelines =
-                [self.shadow, self.lines].into_iter().chain(self.shaded).chain(self.plain).chain(self.motion);
+            let faces = [self.shaded, self.plain, self.motion, self.wrinkled].into_iter().flatten();
+            let pipelines = [self.shadow, self.lines].into_iter().chain(faces);
             pipelines.for_each(|pipeline| device.destroy_pipeline(pipeline, None));
             device.destroy_pipeline_layout(self.layout, None);
             device.destroy_sampler(self.sampler, None);

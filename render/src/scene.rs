@@ -2,8 +2,8 @@
 
 use crate::camera::{View, direction};
 use bytemuck::{Pod, Zeroable};
-use deltamorph::PoseView;
 use deltamorph::ash::vk;
+use deltamorph::{PoseView, StreamView};
 use glam::{Mat4, Vec3, Vec4};
 
 /// What is shown of a surface.
@@ -27,7 +27,7 @@ pub enum Show {
     Motion(f32),
     /// What updates have changed glows, and goes out ([`Target::set_glow`](crate::Target::set_glow)).
     Blocks,
-    /// As shaded, with wrinkles where the skin is compressed ([`Target::set_wrinkles`](crate::Target::set_wrinkles)).
+    /// As shaded, with wrinkles where the skin is compressed, by the masks of each head ([`Head::masks`]).
     Wrinkles,
 }
 
@@ -72,13 +72,33 @@ pub struct Head {
     pub place: Mat4,
     /// The buffer that its previous pose is in, and where it begins there: for [`Show::Motion`].
     pub previous: (vk::Buffer, u64),
+    /// The wrinkle masks of the pose: for [`Show::Wrinkles`].
+    pub masks: Option<Masks>,
+}
+
+/// The wrinkle masks of a head's pose, which the engine sums as any stream of the mesh ([`wrinkles::add`](crate::wrinkles::add)).
+#[derive(Clone, Copy, Debug)]
+pub struct Masks {
+    /// The buffer that they are in, as a vertex buffer: as far apart as vertices of the pose, and stored as these are.
+    pub buffer: vk::Buffer,
+    /// Where the first begins there, in bytes.
+    pub offset: u64,
+    /// What an integer of each is; 1 of float32 poses.
+    pub units: [f32; 2],
+}
+
+impl Masks {
+    /// As [`Crowd::stream`](deltamorph::Crowd::stream) has them.
+    pub fn new(stream: &StreamView) -> Self {
+        Self { buffer: stream.buffer, offset: stream.offset, units: [stream.units[0], stream.units[1]] }
+    }
 }
 
 impl Head {
     /// A head of a crowd's, which does not move.
     pub fn new(pose: &PoseView, place: Mat4) -> Self {
         let (buffer, offset, units) = (pose.buffer, pose.offset, pose.units);
-        Self { buffer, offset, units, place, previous: (buffer, offset) }
+        Self { buffer, offset, units, place, previous: (buffer, offset), masks: None }
     }
 
     /// That comes from `pose`, as [`Crowd::previous_pose`](deltamorph::Crowd::previous_pose) has it; without one it does not
@@ -86,6 +106,13 @@ impl Head {
     #[must_use]
     pub fn previous(mut self, pose: Option<&PoseView>) -> Self {
         self.previous = pose.map_or((self.buffer, self.offset), |pose| (pose.buffer, pose.offset));
+        self
+    }
+
+    /// With wrinkle masks.
+    #[must_use]
+    pub fn masks(mut self, masks: Option<Masks>) -> Self {
+        self.masks = masks;
         self
     }
 }
@@ -110,6 +137,7 @@ pub(crate) struct HeadScene {
 pub(crate) struct PartPush {
     pub(crate) ball: [f32; 4],
     pub(crate) units: [f32; 2],
+    pub(crate) mask_units: [f32; 2],
     pub(crate) material: u32,
     /// Of the head, in `told`.
     pub(crate) first_told: u32,
@@ -221,6 +249,7 @@ mod tests {
         let expected = [
             offset_of!(PartPush, ball),
             offset_of!(PartPush, units),
+            offset_of!(PartPush, mask_units),
             offset_of!(PartPush, material),
             offset_of!(PartPush, first_told),
             offset_of!(PartPush, block),

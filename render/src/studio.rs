@@ -5,17 +5,19 @@ use crate::memory::{Buffer, Image, ImageDesc, failed};
 use crate::model::Model;
 use crate::parts::Part;
 use crate::passes::RendererDesc;
+use crate::poses::{Poses, StoredPose};
 use crate::renderer::Renderer;
-use crate::scene::{Head, Scene, Show};
+use crate::scene::{Head, Masks, Scene, Show};
 use crate::target::Target;
+use crate::wrinkles::MaskPlace;
 use deltamorph::ash::vk;
 use deltamorph::headless::Headless;
 use deltamorph::{
-    Crowd, CrowdDesc, Error, GpuMesh, MorphMesh, PackedMesh, PoseFormat, Result, Ticket, UpdateDesc, UpdatePath,
+    Crowd, CrowdDesc, Error, GpuMesh, MorphMesh, PackedMesh, PoseFormat, Result, Semantic, Ticket, UpdateDesc,
+    UpdatePath,
 };
 use glam::Mat4;
 use std::collections::VecDeque;
-use std::ops::Range;
 use std::slice::from_ref;
 
 /// Linear colours go in, sRGB comes out.
@@ -34,15 +36,6 @@ pub struct StudioDesc {
     pub update: UpdateDesc,
     /// For [`Show::Blocks`]: the share of its brightness that each further picture leaves of what an update changed, 0 to 1.
     pub afterglow: f32,
-}
-
-/// Where the poses of a picture come from.
-#[derive(Clone, Copy, Debug)]
-pub enum Poses<'a> {
-    /// Of the crowd, which is asked for these weights: those of each head.
-    Weights(&'a [&'a [f32]]),
-    /// From the host: of each head the stored pose, and the vertices of it that changed; and the units of them all.
-    Stored(&'a [(&'a [u8], &'a [Range<u32>])], [f32; 2]),
 }
 
 /// A picture: red, green, blue and opacity of each pixel in sRGB, row by row from the top; colours are multiplied by the
@@ -66,8 +59,8 @@ pub struct Studio<'a> {
     crowd: Option<Crowd>,
     /// Of each head.
     glow: Vec<Glow>,
-    /// Wrinkle masks of each head, for pictures that show them.
-    wrinkles: Vec<Vec<[f32; 2]>>,
+    /// Where stored poses have wrinkle masks, if the mesh has any.
+    masks: Option<MaskPlace>,
     /// The poses of the picture before, where they are the host's.
     last: Vec<u8>,
     model: Model,
@@ -81,7 +74,7 @@ struct Frame {
     target: Target,
     image: Image,
     pixels: Buffer,
-    /// Poses of the host's: those of all heads, and behind them those of the picture before.
+    /// Poses of the host's: those of all heads, behind them those of the picture before, and the groups that have the masks.
     poses: Option<Buffer>,
     cmd: vk::CommandBuffer,
     fence: vk::Fence,
@@ -120,8 +113,8 @@ impl<'a> Studio<'a> {
         let crowd = if on_device { Some(engine.create_crowd(&uploaded, &crowd)?) } else { None };
 
         let (instance, physical, device) = headless.handles();
-        let renderer =
-            RendererDesc { format: FORMAT, layout: vk::ImageLayout::TRANSFER_SRC_OPTIMAL, pose: update.pose };
+        let (place, layout) = (MaskPlace::of(packed), vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
+        let renderer = RendererDesc { format: FORMAT, layout, pose: update.pose, masks: place.is_some() };
         // SAFETY: the handles are those of `headless`, which outlives the studio; `drop` waits for the device.
         let renderer = unsafe { Renderer::new(instance, physical, device, &renderer) }?;
         let most = renderer.gpu.limits.max_image_dimension2_d.min(renderer.gpu.limits.max_framebuffer_width);
@@ -140,9 +133,9 @@ impl<'a> Studio<'a> {
         let (frames, pending) = (vec![], VecDeque::new());
         let (glow, last) = (vec![Glow::new(packed.layout()); heads as usize], vec![]);
         let _uploaded = uploaded;
-        let wrinkles = vec![vec![]; heads as usize];
+        let masks = place;
         let mut this =
-            Self { headless, desc, frames, pending, pool, crowd, glow, wrinkles, last, model, renderer, _uploaded };
+            Self { headless, desc, frames, pending, pool, crowd, glow, masks, last, model, renderer, _uploaded };
         for _ in 0..in_flight.max(1) {
             let frame = this.frame(packed)?;
             this.frames.push(frame);
@@ -163,7 +156,8 @@ impl<'a> Studio<'a> {
         let poses = match self.crowd {
             Some(_) => None,
             None => {
-                let bytes = 2 * stored_bytes(packed, self.desc.update.pose) * self.desc.heads as usize;
+                let poses = 2 + usize::from(self.masks.is_some());
+                let bytes = poses * stored_bytes(packed, self.desc.update.pose) * self.desc.heads as usize;
                 Some(Buffer::new(gpu, bytes.max(4), vk::BufferUsageFlags::VERTEX_BUFFER, false)?)
             }
         };
@@ -175,12 +169,6 @@ impl<'a> Studio<'a> {
             (cmd, fence)
         };
         Ok(Frame { target, image, pixels, poses, cmd, fence })
-    }
-
-    /// The masks of each head ([`Wrinkles::of_pose`](crate::Wrinkles::of_pose)) for [`Show::Wrinkles`](crate::Show::Wrinkles), from
-    /// the next picture on.
-    pub fn set_wrinkles(&mut self, masks: impl IntoIterator<Item = Vec<[f32; 2]>>) {
-        self.wrinkles.iter_mut().zip(masks).for_each(|(to, masks)| *to = masks);
     }
 
     /// Values for [`Show::Values`](crate::Show::Values), one a vertex of the mesh. Waits for pictures that are drawn now, and
@@ -210,7 +198,7 @@ impl<'a> Studio<'a> {
     ) -> Result<Option<Picture>> {
         let count = match poses {
             Poses::Weights(weights) => weights.len(),
-            Poses::Stored(stored, _) => stored.len(),
+            Poses::Stored(stored) => stored.len(),
         };
         if count != self.desc.heads as usize || places.len() != count {
             return Err(Error::Invalid {
@@ -247,16 +235,20 @@ impl<'a> Studio<'a> {
                     crowd.set_weights(i, weights)?;
                 }
             }
-            (Poses::Stored(stored, _), None, Some(buffer)) => {
-                let room = buffer.contents().len() / 2 / stored.len().max(1);
-                for (i, (bytes, _)) in stored.iter().enumerate() {
-                    if bytes.len() > room {
-                        return Err(Error::Invalid {
-                            what: format!("a pose of {} bytes, {room} expected", bytes.len()),
-                            remedy: "hand in poses of the mesh, as CpuCrowd::stored_pose returns them".into(),
-                        });
+            (Poses::Stored(stored), None, Some(buffer)) => {
+                let poses = 2 + usize::from(self.masks.is_some());
+                let room = buffer.contents().len() / poses / stored.len().max(1);
+                for (i, StoredPose { pose, masks, .. }) in stored.iter().enumerate() {
+                    let masks = masks.filter(|_| self.masks.is_some()).map_or(&[][..], |(masks, _)| masks);
+                    for (bytes, at) in [(*pose, i), (masks, 2 * stored.len() + i)] {
+                        if bytes.len() > room {
+                            return Err(Error::Invalid {
+                                what: format!("a pose of {} bytes, {room} expected", bytes.len()),
+                                remedy: "hand in poses of the mesh, as CpuCrowd::stored_pose returns them".into(),
+                            });
+                        }
+                        buffer.write(at * room, bytes);
                     }
-                    buffer.write(i * room, bytes);
                 }
                 // The first poses come from nowhere.
                 if self.last.is_empty() {
@@ -284,7 +276,7 @@ impl<'a> Studio<'a> {
         background: [f32; 4],
         ticket: &mut Option<Ticket>,
     ) -> Result<()> {
-        let Self { headless, frames, crowd, glow, wrinkles, model, renderer, desc, .. } = self;
+        let Self { headless, frames, crowd, glow, masks, model, renderer, desc, .. } = self;
         let Frame { target, image, pixels, poses: stored, cmd, .. } = &mut frames[slot];
         let (cmd, device) = (*cmd, &renderer.gpu.device);
         if let Some(crowd) = crowd {
@@ -295,15 +287,12 @@ impl<'a> Studio<'a> {
         for (i, glow) in glow.iter_mut().enumerate() {
             match (&*crowd, poses) {
                 (Some(crowd), _) => glow.update(&crowd.changed(i as u32), desc.afterglow),
-                (None, Poses::Stored(stored, _)) => glow.update(stored[i].1, desc.afterglow),
+                (None, Poses::Stored(stored)) => glow.update(stored[i].changed, desc.afterglow),
                 (None, Poses::Weights(_)) => {}
             }
             if scene.show == Show::Blocks {
                 // SAFETY: the target's last picture was waited for.
                 unsafe { target.set_glow(i, glow) }?;
-            } else if scene.show == Show::Wrinkles {
-                // SAFETY: as above.
-                unsafe { target.set_wrinkles(i, &wrinkles[i]) }?;
             }
         }
         let place_of = |(i, place): (usize, &Mat4)| match (&*crowd, &*stored, poses) {
@@ -315,12 +304,19 @@ impl<'a> Studio<'a> {
                         remedy: "use two slots or more; on the path feedback three".into(),
                     });
                 }
-                Ok(Head::new(&crowd.pose(i as u32)?, *place).previous(previous.as_ref()))
+                let masks = masks.map(|_| crowd.stream(i as u32, Semantic::Mask)).transpose()?;
+                let head = Head::new(&crowd.pose(i as u32)?, *place).previous(previous.as_ref());
+                Ok(head.masks(masks.as_ref().map(Masks::new)))
             }
-            (None, Some(buffer), Poses::Stored(_, units)) => {
-                let half = buffer.contents().len() / 2;
-                let (buffer, offset) = (buffer.raw, (i * (half / places.len())) as u64);
-                Ok(Head { buffer, offset, units, place: *place, previous: (buffer, offset + half as u64) })
+            (None, Some(buffer), Poses::Stored(stored)) => {
+                let all = buffer.contents().len() / (2 + usize::from(masks.is_some()));
+                let (buffer, offset, all) = (buffer.raw, (i * (all / places.len())) as u64, all as u64);
+                let StoredPose { units, masks: own, .. } = stored[i];
+                let masks = masks.zip(own).map(|(place, (_, units))| {
+                    let offset = offset + 2 * all + place.offset(desc.update.pose);
+                    Masks { buffer, offset, units: place.units(units) }
+                });
+                Ok(Head { buffer, offset, units, place: *place, previous: (buffer, offset + all), masks })
             }
             (None, ..) => Err(Error::Invalid { what: "no poses".into(), remedy: "hand in stored poses".into() }),
         };

@@ -25,8 +25,8 @@ pub struct Target {
     /// Bytes from what is told of a head to the next.
     stride: usize,
     scenes: Buffer,
-    /// What shaders are told of each head beside the scene: how bright its pieces are, or its wrinkle masks; `[head][number]`,
-    /// or a single number while there is nothing.
+    /// What shaders are told of each head beside the scene: how bright its pieces are, `[head][piece]`; a single number while
+    /// there is nothing.
     told: Buffer,
     /// Numbers of a head; 0 while there are none.
     numbers: usize,
@@ -143,22 +143,7 @@ impl Target {
     /// # Safety
     /// Nothing recorded with the target before is still to run.
     pub unsafe fn set_glow(&mut self, head: usize, glow: &Glow) -> Result<()> {
-        self.tell(head, glow.pieces())
-    }
-
-    /// Say what the pose of a head compresses ([`Wrinkles::of_pose`](crate::Wrinkles::of_pose)), for
-    /// [`Show::Wrinkles`](crate::Show::Wrinkles), from the next draw on. All heads that are drawn need it.
-    ///
-    /// # Errors
-    /// A head that the target has no place for; no memory.
-    ///
-    /// # Safety
-    /// Nothing recorded with the target before is still to run.
-    pub unsafe fn set_wrinkles(&mut self, head: usize, masks: &[[f32; 2]]) -> Result<()> {
-        self.tell(head, cast_slice(masks))
-    }
-
-    fn tell(&mut self, head: usize, numbers: &[f32]) -> Result<()> {
+        let numbers = glow.pieces();
         self.check_heads(head + 1)?;
         if self.numbers != numbers.len() {
             let bytes = (4 * numbers.len() * self.heads).max(4);
@@ -177,26 +162,11 @@ impl Target {
 
     /// Refuse to show what nothing was told of.
     pub(crate) fn check_told(&self, model: &Model, show: Show) -> Result<()> {
-        let (numbers, what, remedy) = match show {
-            Show::Blocks => (model.pieces, "pieces that glow", "hand a Glow of the mesh to Target::set_glow first"),
-            Show::Wrinkles => (
-                2 * model.padded,
-                "numbers of masks",
-                "hand Wrinkles::of_pose of the mesh to Target::set_wrinkles first",
-            ),
-            Show::Shaded
-            | Show::Checker(_)
-            | Show::Distance(_)
-            | Show::Values(_)
-            | Show::Normals
-            | Show::Wire
-            | Show::Motion(_) => return Ok(()),
-        };
-        if self.numbers == numbers {
+        if show != Show::Blocks || self.numbers == model.pieces {
             return Ok(());
         }
-        let what = format!("{} {what}, where the mesh has {numbers}", self.numbers);
-        Err(Error::Invalid { what, remedy: remedy.into() })
+        let what = format!("{} pieces that glow, where the mesh has {}", self.numbers, model.pieces);
+        Err(Error::Invalid { what, remedy: "hand a Glow of the mesh to Target::set_glow first".into() })
     }
 
     fn check_heads(&self, heads: usize) -> Result<()> {

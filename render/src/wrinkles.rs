@@ -3,55 +3,79 @@
 //! Galanakis ("Texture-based Blendshapes in DX9") keeps a mask beside the deltas of each target, sums masks with the weights,
 //! as deltas are, and blends a normal map of wrinkles in where the sum is large. Here there are two masks and two maps: skin
 //! that is compressed upwards gets lines across it, as a brow that is raised does, and the other way round.
+//!
+//! Masks are a stream of the mesh ([`Semantic::Mask`]): [`add`] makes it, packing takes it along, and updates sum it on the
+//! device, where only what changed is written. A mesh without it pays nothing.
 
-use crate::model::places_of;
-use deltamorph::{MorphMesh, PackedLayout, Result};
+use deltamorph::{MorphMesh, PackedMesh, PoseFormat, Semantic, StreamData, StreamDeltas};
 use glam::Vec3;
 use std::collections::BTreeSet;
 
-/// What targets compress, summed with their weights.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Wrinkles {
-    /// For each target where a vertex is in pose buffers, and by how much it is compressed there at weight 1.
-    masks: Vec<Vec<(u32, [f32; 2])>>,
-    /// Vertices of a pose, padding included.
-    vertices: usize,
-}
-
-impl Wrinkles {
-    /// Of a mesh that was packed as `layout`. A mask is the share by which the edges at a vertex get shorter, less than 0 where
-    /// they get longer: of edges that go upwards (y of the mesh, along the surface), and of those across. An edge between the
-    /// two directions counts for each by the fourth power of its cosine.
-    ///
-    /// # Errors
-    /// A layout of another mesh.
-    pub fn new(mesh: &MorphMesh, layout: &PackedLayout) -> Result<Self> {
-        let (count, places) = (mesh.vertex_count(), places_of(mesh, layout)?);
-        let edges = edges_at(mesh);
-        let masks = mesh.targets.iter().map(|target| {
+/// Give `mesh` the stream [`Semantic::Mask`], if it has none. A mask is the share by which the edges at a vertex get shorter at
+/// weight 1, less than 0 where they get longer: of edges that go upwards (y of the mesh, along the surface), and of those
+/// across. An edge between the two directions counts for each by the fourth power of its cosine.
+pub fn add(mesh: &mut MorphMesh) {
+    if mesh.streams.iter().any(|stream| stream.semantic == Semantic::Mask) {
+        return;
+    }
+    let (count, edges) = (mesh.vertex_count(), edges_at(mesh));
+    let masks: Vec<StreamDeltas> = mesh
+        .targets
+        .iter()
+        .map(|target| {
             let mut moved = vec![Vec3::ZERO; count];
             target.vertices.iter().zip(&target.positions).for_each(|(&v, &delta)| moved[v as usize] = delta);
             // A vertex that stays has edges to such as do not.
             let near: BTreeSet<u32> =
                 target.vertices.iter().flat_map(|&v| edges[v as usize].iter().copied().chain([v])).collect();
-            let mask = |v: u32| (places[v as usize], compressed(mesh, &moved, v as usize, &edges[v as usize]));
-            near.into_iter().map(mask).filter(|(_, mask)| *mask != [0.0; 2]).collect()
-        });
-        Ok(Self { masks: masks.collect(), vertices: layout.padded_vertices() })
+            let mask = |v: u32| (v, compressed(mesh, &moved, v as usize, &edges[v as usize]));
+            let masks = near.into_iter().map(mask).filter(|(_, mask)| *mask != [0.0; 2]);
+            let (vertices, deltas): (Vec<u32>, Vec<[f32; 2]>) = masks.unzip();
+            StreamDeltas { vertices, deltas: deltas.into_flattened() }
+        })
+        .collect();
+    let streams = mesh.streams.len();
+    for (target, masks) in mesh.targets.iter_mut().zip(masks) {
+        // Streams beyond the last that a target has do not change.
+        target.streams.resize(streams, StreamDeltas::default());
+        target.streams.push(masks);
+    }
+    mesh.streams.push(StreamData { semantic: Semantic::Mask, values: vec![0.0; 2 * count] });
+}
+
+/// Where the stored poses of a packed mesh have its masks, for poses that come from the host.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MaskPlace {
+    /// The [group](PackedMesh::groups) that has the masks.
+    pub group: usize,
+    first: usize,
+}
+
+impl MaskPlace {
+    /// `None`: the mesh has no masks.
+    pub fn of(packed: &PackedMesh) -> Option<Self> {
+        let places = packed
+            .groups()
+            .iter()
+            .enumerate()
+            .flat_map(|(group, packed)| packed.layout().streams.iter().map(move |place| (group, *place)));
+        let mut masks = places.filter(|(_, place)| place.semantic == Semantic::Mask);
+        masks.next().map(|(group, place)| Self { group, first: place.first })
     }
 
-    /// The masks of a pose, in the order of pose buffers: upwards and across. Weights beyond the targets are left out.
-    pub fn of_pose(&self, weights: &[f32]) -> Vec<[f32; 2]> {
-        let mut sums = vec![[0.0; 2]; self.vertices];
-        for (mask, &weight) in self.masks.iter().zip(weights).filter(|(_, weight)| **weight != 0.0) {
-            for (place, [up, across]) in mask {
-                let sum = &mut sums[*place as usize];
-                *sum = [sum[0] + weight * up, sum[1] + weight * across];
-            }
-        }
-        sums
+    /// Bytes from a vertex of the group's pose to its masks.
+    pub fn offset(&self, pose: PoseFormat) -> u64 {
+        (self.first * pose.stride() / GROUP_COMPONENTS) as u64
+    }
+
+    /// The units of the masks, of those of the group ([`PoseView::units`](deltamorph::PoseView::units)).
+    pub fn units(&self, group: [f32; 2]) -> [f32; 2] {
+        [0, 1].map(|mask| group[(self.first + mask) * group.len() / GROUP_COMPONENTS])
     }
 }
+
+/// Numbers of a vertex in a group.
+const GROUP_COMPONENTS: usize = deltamorph::POSE_FLOATS;
 
 /// For each vertex those that an edge of a face leads to.
 fn edges_at(mesh: &MorphMesh) -> Vec<Vec<u32>> {
@@ -89,12 +113,13 @@ fn compressed(mesh: &MorphMesh, moved: &[Vec3], vertex: usize, others: &[u32]) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use deltamorph::{Corner, DeltaFormat, Faces, MorphTarget, PackDesc, PackedMesh, Tolerance};
+    use deltamorph::reference::{evaluate_group, evaluate_unpacked_group};
+    use deltamorph::{Corner, DeltaFormat, Faces, MorphTarget, PackDesc, Tolerance};
 
     const SIDE: u32 = 9;
 
     /// A square grid that faces forwards; a target makes each position of it what `to` says.
-    fn grid(to: &[&dyn Fn(Vec3) -> Vec3]) -> (MorphMesh, PackedMesh) {
+    fn grid(to: &[&dyn Fn(Vec3) -> Vec3]) -> MorphMesh {
         let positions: Vec<Vec3> =
             (0..SIDE * SIDE).map(|i| Vec3::new((i % SIDE) as f32, (i / SIDE) as f32, 0.0)).collect();
         let corner = |position| Corner { position, texcoord: None };
@@ -110,7 +135,7 @@ mod tests {
             normals: vec![Vec3::ZERO; positions.len()],
             streams: vec![],
         };
-        let mesh = MorphMesh {
+        let mut mesh = MorphMesh {
             normals: vec![Vec3::Z; positions.len()],
             diagonal: 8.0 * 2f32.sqrt(),
             targets: to.iter().enumerate().map(target).collect(),
@@ -119,16 +144,19 @@ mod tests {
             faces,
             ..MorphMesh::default()
         };
-        let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Fast)).expect("a mesh");
-        (mesh, packed)
+        add(&mut mesh);
+        mesh
     }
 
+    /// The sums in float64: of what was added, and of what is packed.
     fn masks(to: &[&dyn Fn(Vec3) -> Vec3], weights: &[f32]) -> Vec<[f32; 2]> {
-        let (mesh, packed) = grid(to);
-        let folds = Wrinkles::new(&mesh, packed.layout()).expect("masks").of_pose(weights);
-        let mut places: Vec<u32> = (0..SIDE * SIDE).collect();
-        packed.layout().remap_indices(&mut places).expect("vertices of the mesh");
-        places.into_iter().map(|place| folds[place as usize]).collect()
+        let mesh = grid(to);
+        let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::BlockFloat32)).expect("a mesh");
+        let place = MaskPlace::of(&packed).expect("masks");
+        assert_eq!((place.group, place.first, packed.groups().len()), (1, 0, 2));
+        let pose = evaluate_group(&packed.groups()[place.group], weights);
+        assert_eq!(pose, evaluate_unpacked_group(&mesh, &packed.groups()[1].layout().streams, weights));
+        pose.chunks_exact(6).map(|numbers| [numbers[0] as f32, numbers[1] as f32]).collect()
     }
 
     #[test]
@@ -159,5 +187,24 @@ mod tests {
             };
             assert!((up - want).abs() < 1e-6 && across == 0.0, "{v}: {up}");
         }
+    }
+
+    #[test]
+    fn masks_that_are_there_stay_and_other_streams_keep_their_deltas() {
+        let mut mesh = grid(&[&|p| p * 0.5]);
+        let once = mesh.clone();
+        add(&mut mesh);
+        assert_eq!((&mesh.streams, &mesh.targets), (&once.streams, &once.targets), "added once");
+        let values = vec![0.0; 2 * mesh.vertex_count()];
+        mesh.streams = vec![StreamData { semantic: Semantic::TexCoord(0), values }];
+        mesh.targets[0].streams.clear();
+        add(&mut mesh);
+        let [texcoords, masks] = &mesh.targets[0].streams[..] else { panic!("two streams") };
+        assert!(texcoords.vertices.is_empty() && *masks == once.targets[0].streams[0]);
+        let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Fast)).expect("a mesh");
+        let place = MaskPlace::of(&packed).expect("masks");
+        // Behind two texture coordinates, one mask in each triple.
+        assert_eq!((place.offset(PoseFormat::Fixed16), place.offset(PoseFormat::Float32)), (4, 8));
+        assert_eq!(place.units([0.5, 0.25]), [0.5, 0.25]);
     }
 }

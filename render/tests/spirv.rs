@@ -55,9 +55,13 @@ fn hash(bytes: &[u8]) -> u64 {
 /// Names and contents.
 fn modules() -> Vec<(String, Vec<u8>)> {
     let mut modules = vec![("face.frag.spv".to_owned(), compile("face.frag", ShaderStage::Fragment, None, &[]))];
-    for (name, file, more) in
-        [("face", "face.vert", &[][..]), ("motion", "face.vert", &["MOTION"]), ("shadow", "shadow.vert", &[])]
-    {
+    let variants = [
+        ("face", "face.vert", &[][..]),
+        ("motion", "face.vert", &["MOTION"]),
+        ("masks", "face.vert", &["MASKS"]),
+        ("shadow", "shadow.vert", &[]),
+    ];
+    for (name, file, more) in variants {
         for pose in deltamorph::PoseFormat::ALL {
             let module = compile(file, ShaderStage::Vertex, Some(pose.name()), more);
             modules.push((format!("{name}_{}.vert.spv", pose.name()), module));

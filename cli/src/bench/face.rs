@@ -10,7 +10,7 @@ use crate::render::canvas::Canvas;
 use crate::render::scenery::Subject;
 use crate::runner::packed;
 use deltamorph::{BatchSize, CpuCrowd, DeltaFormat, UpdateDesc, UpdatePath};
-use deltamorph_render::{Camera, Light, Poses, Scene, Show, Studio, StudioDesc};
+use deltamorph_render::{Camera, Light, Poses, Scene, Show, StoredPose, Studio, StudioDesc};
 use glam::Mat4;
 
 /// Pixels of each of the two.
@@ -58,7 +58,8 @@ pub fn draw(machine: &Machine<'_>, input: &Input, workload: &Workload) -> Result
     let mut canvas = Canvas::new([2 * SIZE[0], SIZE[1]], BACKGROUND);
     for show in [Show::Shaded, Show::Blocks] {
         let (scene, pose) = (Scene { view, light: Light::default(), show }, crowd.stored_pose(0, 0)?);
-        studio.draw(Poses::Stored(&[(pose, &changed)], [1.0; 2]), &[Mat4::IDENTITY], &scene, BACKGROUND.linear())?;
+        let pose = StoredPose { pose, units: [1.0; 2], changed: &changed, masks: None };
+        studio.draw(Poses::Stored(&[pose]), &[Mat4::IDENTITY], &scene, BACKGROUND.linear())?;
     }
     for (i, picture) in (0..).zip(studio.finish()?) {
         canvas.put(&Canvas::from(picture), [i * SIZE[0], 0]);

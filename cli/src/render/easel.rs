@@ -5,9 +5,10 @@ use super::scenery::Scenery;
 use crate::args::render::Shown;
 use crate::output::Failure;
 use crate::runner::Stage;
-use deltamorph::{BatchSize, CpuCrowd, POSE_FLOATS, UpdateDesc, UpdatePath};
-use deltamorph_render::{Camera, Light, Poses, Scene, Show, Studio, StudioDesc, Wrinkles};
+use deltamorph::{BatchSize, CpuCrowd, POSE_FLOATS, PackedMesh, UpdateDesc, UpdatePath};
+use deltamorph_render::{Camera, Light, Poses, Scene, Show, StoredPose, Studio, StudioDesc};
 use glam::Mat4;
+use std::sync::Arc;
 
 /// Pictures that are drawn at a time: the processor encodes and plans while the device draws.
 const IN_FLIGHT: u32 = 3;
@@ -23,15 +24,14 @@ pub struct Easel<'a> {
     places: Vec<Mat4>,
     pub scene: Scene,
     background: [f32; 4],
-    wrinkles: Option<Wrinkles>,
 }
 
 /// Who makes the poses.
 enum Heads {
     /// The studio's crowd.
     Device,
-    /// The path `cpu`: the heads, and the units of their poses.
-    Processor(Box<CpuCrowd>, [f32; 2]),
+    /// The path `cpu`: the heads, of this mesh, updated so.
+    Processor(Box<CpuCrowd>, Arc<PackedMesh>, UpdateDesc),
     /// Whoever calls, in float32.
     Given,
 }
@@ -39,11 +39,10 @@ enum Heads {
 impl<'a> Easel<'a> {
     /// For pictures of this size, with a head at each of `places`, on the path of the command line.
     pub fn new(scenery: &'a Scenery<'_>, size: [u32; 2], places: Vec<Mat4>) -> Result<Self, Failure> {
-        let (stage, layout) = (scenery.stage, scenery.stage.mesh.layout());
+        let stage = scenery.stage;
         let heads = if stage.desc.path == UpdatePath::Cpu {
-            let units = stage.desc.grid(layout)?.map_or([1.0; 2], |grid| grid.units);
             let crowd = CpuCrowd::new(stage.mesh.clone(), stage.desc, places.len(), stage.threads())?;
-            Heads::Processor(Box::new(crowd), units)
+            Heads::Processor(Box::new(crowd), stage.mesh.clone(), stage.desc)
         } else {
             Heads::Device
         };
@@ -81,31 +80,24 @@ impl<'a> Easel<'a> {
             (_, Some(squares)) => Show::Checker(squares as f32),
         };
         let scene = Scene { view, light: Light { yaw, pitch, strength }, show };
-        let wrinkles = match show {
-            Show::Wrinkles => Some(Wrinkles::new(&scenery.input.kept, stage.mesh.layout())?),
-            _ => None,
-        };
-        Ok(Self { studio, heads, places, scene, background: args.background.linear(), wrinkles })
+        Ok(Self { studio, heads, places, scene, background: args.background.linear() })
     }
 
     /// Begin a picture of the heads with these weights; returns the oldest that is ready, when it had to be waited for.
     pub fn draw(&mut self, weights: &[&[f32]]) -> Result<Option<Canvas>, Failure> {
-        let Self { studio, heads, places, scene, background, wrinkles } = self;
-        if let Some(wrinkles) = wrinkles {
-            studio.set_wrinkles(weights.iter().map(|weights| wrinkles.of_pose(weights)));
-        }
+        let Self { studio, heads, places, scene, background } = self;
         let finished = match heads {
             Heads::Device => studio.draw(Poses::Weights(weights), places, scene, *background)?,
-            Heads::Processor(crowd, units) => {
+            Heads::Processor(crowd, mesh, desc) => {
                 for (head, weights) in weights.iter().enumerate() {
                     crowd.set_weights(head, weights)?;
                 }
                 crowd.update();
                 let changed: Vec<_> = (0..weights.len()).map(|head| crowd.changed(head)).collect();
-                let stored =
-                    changed.iter().enumerate().map(|(head, changed)| Ok((crowd.stored_pose(head, 0)?, &changed[..])));
+                let stored = changed.iter().enumerate();
+                let stored = stored.map(|(head, changed)| StoredPose::new(crowd, head, (mesh, desc), changed));
                 let stored: Vec<_> = stored.collect::<deltamorph::Result<_>>()?;
-                studio.draw(Poses::Stored(&stored, *units), places, scene, *background)?
+                studio.draw(Poses::Stored(&stored), places, scene, *background)?
             }
             Heads::Given => return Err(Failure::Failed("poses are handed in here; report this".into())),
         };
@@ -122,7 +114,8 @@ impl<'a> Easel<'a> {
             let numbers = vertex.iter().flat_map(|number| number.to_ne_bytes());
             bytes[place as usize * POSE_FLOATS * 4..].iter_mut().zip(numbers).for_each(|(to, from)| *to = from);
         }
-        self.studio.draw(Poses::Stored(&[(&bytes, &[])], [1.0; 2]), &self.places, &self.scene, self.background)?;
+        let pose = StoredPose { pose: &bytes, units: [1.0; 2], changed: &[], masks: None };
+        self.studio.draw(Poses::Stored(&[pose]), &self.places, &self.scene, self.background)?;
         self.last()
     }
 

@@ -41,7 +41,10 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
     } else {
         out.check(&read, &[output], None)?;
     }
-    let input = input::load_split(&args.run.input, out)?;
+    let mut input = input::load_split(&args.run.input, out)?;
+    if args.show == Some(Shown::Wrinkles) {
+        input.add_masks()?;
+    }
     check_texcoords(args, &input)?;
     let stage = Stage::new(&args.run, &input, device, out)?;
     // The path cpu needs no device; a picture does.

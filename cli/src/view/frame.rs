@@ -33,8 +33,6 @@ pub struct Sample {
 /// What is to be drawn.
 pub struct Wanted<'a> {
     pub weights: &'a [Vec<f32>],
-    /// Wrinkle masks of each head, where they are shown.
-    pub masks: Vec<Vec<[f32; 2]>>,
     pub scene: &'a Scene,
     pub background: [f32; 4],
     pub panel: Picture,
@@ -203,7 +201,7 @@ impl Frames {
         painter: &mut Painter,
         wanted: Wanted<'_>,
     ) -> Result<Sample, Failure> {
-        let Wanted { weights, masks, scene, background, panel, full, screenshot } = wanted;
+        let Wanted { weights, scene, background, panel, full, screenshot } = wanted;
         let (device, cmd) = (self.device.clone(), self.frames[slot].cmd);
         let raw = device.raw();
         if self.queries != vk::QueryPool::null() {
@@ -215,7 +213,7 @@ impl Frames {
         self.stamp(slot, 1);
         let (extent, readable) = (swapchain.extent, swapchain.readable);
         let shown = &mut swapchain.images[index];
-        let drawn = heads.drawn(slot, &mut shown.target, scene.show, &masks)?;
+        let drawn = heads.drawn(slot, &mut shown.target, scene.show)?;
         // SAFETY: the buffer is recording; model and target are the renderer's, the target's last frame was waited for;
         // the poses are of the mesh, ready behind the update, and alive as long as the heads.
         unsafe { heads.renderer.record(cmd, &mut shown.target, &heads.model, &drawn, scene, background) }?;

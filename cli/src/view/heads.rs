@@ -4,10 +4,11 @@ use super::device::Device;
 use crate::output::Failure;
 use deltamorph::ash::vk;
 use deltamorph::{
-    BatchSize, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, GpuMesh, MorphMesh, PackedMesh, UpdateDesc, UpdateMode,
-    UpdatePath, UpdateStats,
+    BatchSize, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, GpuMesh, MorphMesh, PackedMesh, Semantic, UpdateDesc,
+    UpdateMode, UpdatePath, UpdateStats,
 };
-use deltamorph_render::{Buffer, Glow, Head, Model, Part, Renderer, RendererDesc, Show, Target};
+use deltamorph_render::wrinkles::MaskPlace;
+use deltamorph_render::{Buffer, Glow, Head, Masks, Model, Part, Renderer, RendererDesc, Show, StoredPose, Target};
 use glam::Mat4;
 use std::sync::Arc;
 use std::time::Instant;
@@ -30,6 +31,8 @@ pub struct Heads {
     pub model: Model,
     who: Who,
     glow: Vec<Glow>,
+    /// Where stored poses have wrinkle masks, where these are shown.
+    masks: Option<MaskPlace>,
     // What the model reads, after the model.
     _uploaded: GpuMesh,
 }
@@ -37,12 +40,14 @@ pub struct Heads {
 /// Who makes the poses.
 enum Who {
     Device(Box<Crowd>),
-    /// The path `cpu`: its poses go to a buffer for each frame in flight, behind them those of the frame before.
+    /// The path `cpu`: its poses go to a buffer for each frame in flight, behind them those of the frame before, and the group
+    /// that has the masks, if any.
     Processor {
         crowd: Box<CpuCrowd>,
         buffers: Vec<Buffer>,
         last: Vec<u8>,
-        units: [f32; 2],
+        /// Of positions and normals, and of the group that has the masks.
+        units: ([f32; 2], [f32; 2]),
     },
 }
 
@@ -71,25 +76,28 @@ impl Heads {
         }
         let uploaded = upload(device, pool, &packed)?;
         let layout = vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL;
-        let renderer = RendererDesc { format, layout, pose: desc.pose };
+        let masks = MaskPlace::of(&packed);
+        let renderer = RendererDesc { format, layout, pose: desc.pose, masks: masks.is_some() };
         // SAFETY: the handles belong together; the window drops its heads before its device, and waits before that.
         let renderer = unsafe { Renderer::new(device.instance(), device.physical(), device.raw(), &renderer) }?;
         // SAFETY: fields drop in order, the model before what was uploaded.
         let model = unsafe { Model::new(&renderer, mesh, packed.layout(), &uploaded, parts) }?;
         let who = if desc.path == UpdatePath::Cpu {
-            let units = desc.grid(packed.layout())?.map_or([1.0; 2], |grid| grid.units);
             let crowd = Box::new(CpuCrowd::new(packed.clone(), desc, places.len(), threads)?);
+            let poses = 2 + usize::from(masks.is_some());
             let bytes = places.len() * crowd.stored_pose(0, 0)?.len();
             // SAFETY: a buffer is written when its frame was waited for, and dropped when all were.
-            let buffer = |_| unsafe { renderer.buffer(2 * bytes, vk::BufferUsageFlags::VERTEX_BUFFER) };
+            let buffer = |_| unsafe { renderer.buffer(poses * bytes, vk::BufferUsageFlags::VERTEX_BUFFER) };
             let buffers = (0..IN_FLIGHT).map(buffer).collect::<deltamorph::Result<_>>()?;
+            let units = StoredPose::new(&crowd, 0, (&packed, &desc), &[])?;
+            let units = (units.units, units.masks.map_or([1.0; 2], |(_, units)| units));
             Who::Processor { crowd, buffers, last: vec![], units }
         } else {
             let crowd = CrowdDesc::new(desc).instances(places.len() as u32).frames_in_flight(IN_FLIGHT as u32);
             Who::Device(Box::new(device.engine.create_crowd(&uploaded, &crowd)?))
         };
         let glow = vec![Glow::new(packed.layout()); places.len()];
-        Ok(Self { mesh: packed, desc, renderer, places, model, who, glow, _uploaded: uploaded })
+        Ok(Self { mesh: packed, desc, renderer, places, model, who, glow, masks, _uploaded: uploaded })
     }
 
     /// Bring every head to `weights[head]`. Of the frames in flight `frame` is recorded into `cmd`; it was waited for.
@@ -128,31 +136,24 @@ impl Heads {
             glow.update(&changed, AFTERGLOW);
         }
         if let Who::Processor { crowd, buffers, last, .. } = &mut self.who {
-            let mut poses = vec![];
+            let (mut poses, mut masks) = (vec![], vec![]);
             for head in 0..weights.len() {
                 poses.extend_from_slice(crowd.stored_pose(head, 0)?);
+                if let Some(place) = self.masks {
+                    masks.extend_from_slice(crowd.stored_pose(head, place.group)?);
+                }
             }
             let before = if last.is_empty() { &poses } else { &*last };
             buffers[frame].write(poses.len(), before);
             buffers[frame].write(0, &poses);
+            buffers[frame].write(2 * poses.len(), &masks);
             *last = poses;
         }
         Ok(Took { stats, cpu_ms })
     }
 
-    /// The heads as `frame` draws them, into a target whose last frame was waited for; `masks`: the wrinkles of each, where they
-    /// are shown.
-    pub fn drawn(
-        &self,
-        frame: usize,
-        target: &mut Target,
-        show: Show,
-        masks: &[Vec<[f32; 2]>],
-    ) -> Result<Vec<Head>, Failure> {
-        for (head, masks) in masks.iter().enumerate() {
-            // SAFETY: the target's last frame was waited for: the caller's obligation.
-            unsafe { target.set_wrinkles(head, masks) }?;
-        }
+    /// The heads as `frame` draws them, into a target whose last frame was waited for.
+    pub fn drawn(&self, frame: usize, target: &mut Target, show: Show) -> Result<Vec<Head>, Failure> {
         if show == Show::Blocks {
             for (head, glow) in self.glow.iter().enumerate() {
                 // SAFETY: the target's last frame was waited for: the caller's obligation.
@@ -162,12 +163,18 @@ impl Heads {
         let head = |(i, place): (usize, &Mat4)| match &self.who {
             Who::Device(crowd) => {
                 let previous = crowd.previous_pose(i as u32)?;
-                Ok(Head::new(&crowd.pose(i as u32)?, *place).previous(previous.as_ref()))
+                let masks = self.masks.map(|_| crowd.stream(i as u32, Semantic::Mask)).transpose()?;
+                let head = Head::new(&crowd.pose(i as u32)?, *place).previous(previous.as_ref());
+                Ok(head.masks(masks.as_ref().map(Masks::new)))
             }
-            Who::Processor { buffers, last, units, .. } => {
+            Who::Processor { buffers, last, units: (units, mask_units), .. } => {
                 let (buffer, stride) = (buffers[frame].raw(), last.len() / self.places.len());
                 let (offset, previous) = ((i * stride) as u64, (last.len() + i * stride) as u64);
-                Ok(Head { buffer, offset, units: *units, place: *place, previous: (buffer, previous) })
+                let masks = self.masks.map(|place| {
+                    let offset = offset + 2 * last.len() as u64 + place.offset(self.desc.pose);
+                    Masks { buffer, offset, units: place.units(*mask_units) }
+                });
+                Ok(Head { buffer, offset, units: *units, place: *place, previous: (buffer, previous), masks })
             }
         };
         self.places.iter().enumerate().map(head).collect()

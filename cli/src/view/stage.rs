@@ -19,7 +19,7 @@ use crate::runner::prepare;
 use deltamorph::UpdatePath;
 use deltamorph::ash::vk;
 use deltamorph::headless::DeviceChoice;
-use deltamorph_render::{Camera, Light, Scene, Show, Wrinkles};
+use deltamorph_render::{Camera, Light, Scene, Show};
 use egui::Context;
 use glam::{Mat4, Vec3};
 use std::path::PathBuf;
@@ -41,8 +41,6 @@ pub struct Stage {
     full: Option<Full>,
     /// Of the heads' mesh, once targets are to be left out.
     kept: Option<Kept>,
-    /// Of the heads, once they are to be shown.
-    wrinkles: Option<Wrinkles>,
     frames: Frames,
     ui: egui_winit::State,
     subject: Subject,
@@ -85,7 +83,6 @@ impl Stage {
             heads,
             full,
             kept: None,
-            wrinkles: None,
             frames,
             ui,
             reach: reach(state),
@@ -150,14 +147,20 @@ impl Stage {
         let subject = other_mesh.then(|| Subject::new(state.run.input.input.as_deref(), &state.input));
         let heads =
             heads(&self.device, &self.frames, self.format, state, subject.as_ref().unwrap_or(&self.subject), out)?;
-        let full = if other_mesh { Some(Full::new(&self.device, self.frames.pool, &state.input.kept)?) } else { None };
+        // A full evaluation has masks to sum where the heads have.
+        let other_streams = heads.mesh.groups().len() != self.heads.mesh.groups().len();
+        let full = (other_mesh || other_streams).then(|| Full::new(&self.device, self.frames.pool, &state.input.kept));
+        let full = full.transpose()?;
         self.frames.finish(&mut self.painter)?;
         self.device.wait_idle();
         // Targets of the swapchain are the renderer's: they go first.
         self.swapchain = None;
-        (self.heads, self.wrinkles) = (heads, None);
-        if let (Some(full), Some(subject)) = (full, subject) {
-            (self.full, self.subject, self.kept) = (full, subject, None);
+        self.heads = heads;
+        if let Some(full) = full {
+            self.full = full;
+        }
+        if let Some(subject) = subject {
+            (self.subject, self.kept) = (subject, None);
         }
         self.reach = reach(state);
         self.frames.take_samples();
@@ -177,10 +180,8 @@ impl Stage {
         let mut weights = state.weights()?;
         let scene = self.scene(state, extent);
         let moves = moves | self.leave_out(state, &scene, extent, &mut weights)?;
-        let masks = self.masks(state, &weights)?;
         let wanted = Wanted {
             weights: &weights,
-            masks,
             scene: &scene,
             background: Background(Some(style::BEHIND)).linear(),
             panel,
@@ -255,18 +256,6 @@ impl Stage {
         let units: Vec<f32> = self.heads.places.iter().map(unit).collect();
         kept.apply(state.detail, &units, weights)?;
         Ok(kept.fades())
-    }
-
-    /// The wrinkle masks of each head, where they are shown.
-    fn masks(&mut self, state: &State, weights: &[Vec<f32>]) -> Result<Vec<Vec<[f32; 2]>>, Failure> {
-        if state.look != Look::Wrinkles {
-            return Ok(vec![]);
-        }
-        let wrinkles = match &mut self.wrinkles {
-            Some(wrinkles) => wrinkles,
-            none @ None => none.insert(Wrinkles::new(&state.input.kept, self.heads.mesh.layout())?),
-        };
-        Ok(weights.iter().map(|weights| wrinkles.of_pose(weights)).collect())
     }
 
     fn scene(&self, state: &State, extent: vk::Extent2D) -> Scene {

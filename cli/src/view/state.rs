@@ -4,7 +4,7 @@ use super::command::{Command, Detail, Look};
 use super::groups::{Group, groups, twin};
 use crate::args::RunArgs;
 use crate::args::view::ViewArgs;
-use crate::input::{self, Input};
+use crate::input::{self, Input, Meshes};
 use crate::output::{Failure, Output};
 use deltamorph::BoundClip;
 use deltamorph::internals::Rng;
@@ -32,6 +32,8 @@ pub struct State {
     pub heads: u32,
     pub detail: Detail,
     pub look: Look,
+    /// While wrinkles are shown the mesh without their masks; else, once they were, that with them.
+    unshown: Option<Meshes>,
     pub camera: [f32; 2],
     pub zoom: f32,
     pub search: String,
@@ -81,6 +83,7 @@ impl State {
             heads: 1,
             detail: Detail::All,
             look: Look::Shaded,
+            unshown: None,
             camera: [0.0; 2],
             zoom: 1.0,
             search: String::new(),
@@ -153,7 +156,7 @@ impl State {
                 return Ok(Effect::Heads);
             }
             Command::Detail(detail) => self.detail = detail,
-            Command::Show(look) => self.look = look,
+            Command::Show(look) => return self.show(look),
             Command::Camera(camera) => self.camera = camera,
             Command::Zoom(zoom) => self.zoom = zoom,
             Command::Search(text) => self.search = text,
@@ -162,6 +165,21 @@ impl State {
             Command::Dismiss => self.notice = None,
             Command::Drop(path) => return Ok(self.take(path, out)),
         }
+        Ok(Effect::None)
+    }
+
+    /// Look at the heads in another way. Masks of wrinkles are a stream of the mesh while they are shown, and only then.
+    pub fn show(&mut self, look: Look) -> Result<Effect, Failure> {
+        if (self.look == Look::Wrinkles) != (look == Look::Wrinkles) {
+            let shown = self.input.meshes();
+            match self.unshown.take() {
+                Some(meshes) => (self.input.kept, self.input.packed) = meshes,
+                None => self.input.add_masks()?,
+            }
+            (self.unshown, self.look) = (Some(shown), look);
+            return Ok(Effect::Heads);
+        }
+        self.look = look;
         Ok(Effect::None)
     }
 
@@ -212,7 +230,8 @@ impl State {
                 let Self { heads, detail, look, camera, zoom, speed, twins, panel, .. } = *self;
                 let notice = Some((format!("{name} is here"), false));
                 let at_rest = Self::of(run.clone(), input, clip);
-                let other = Self { heads, detail, look, camera, zoom, speed, twins, panel, notice, ..at_rest };
+                let mut other = Self { heads, detail, camera, zoom, speed, twins, panel, notice, ..at_rest };
+                other.show(look)?;
                 Ok(Effect::Mesh(Box::new(other)))
             })
         };

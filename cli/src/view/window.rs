@@ -108,7 +108,7 @@ impl<'a> App<'a> {
 
     /// Do what a hand or a script says.
     fn apply(&mut self, command: Command) -> Result<(), Failure> {
-        let before = (self.state.run.clone(), self.state.heads);
+        let (before, look) = ((self.state.run.clone(), self.state.heads), self.state.look);
         let effect = self.state.apply(command, self.out)?;
         let Some(stage) = &mut self.stage else { return Ok(()) };
         match effect {
@@ -130,6 +130,8 @@ impl<'a> App<'a> {
             }
             Effect::Heads => stage.rebuild(&self.state, false, self.out).inspect_err(|_| {
                 (self.state.run, self.state.heads) = before;
+                // Goes back to the mesh that the heads have.
+                let _ = self.state.show(look);
             }),
         }
     }
