@@ -43,7 +43,7 @@ pub struct BlockDesc {
     pub position_error: f32,
     /// Largest error of a normal or tangent at weight 1, in degrees, above 0.
     pub normal_error_degrees: f32,
-    /// Largest error of the numbers of other streams (texture coordinates, colours) at weight 1, above 0.
+    /// Largest error of the numbers of other streams (texture coordinates, colours, masks) at weight 1, above 0.
     pub absolute_error: f32,
     /// The largest weight, either sign, that poses of 32-bit integers
     /// ([`PoseFormat::Fixed32`](crate::pack::PoseFormat::Fixed32)) accept, unless a crowd names another one.
