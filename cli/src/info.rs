@@ -21,6 +21,8 @@ struct Info {
     input: MeshInfo,
     /// The targets, in the order of the input.
     targets: Vec<TargetRow>,
+    /// What a vertex has besides position and normal.
+    streams: Vec<String>,
     overlap: Overlap,
     /// How tightly they fill the blocks of the format `small`.
     blocks: Blocks,
@@ -130,6 +132,7 @@ fn describe(input: &Input, formats: Vec<Measured>, clips: &[BoundClip]) -> Info 
                 max_normal_delta: length(&kept.normals),
             })
             .collect(),
+        streams: kept.streams.iter().map(|stream| stream.semantic.to_string()).collect(),
         overlap: overlap(kept),
         blocks: of(DeltaFormat::Small).map(|small| measure::blocks(small)).unwrap_or_default(),
         pose_deltas: held.name(),
@@ -185,6 +188,9 @@ fn text(info: &Info) -> String {
         "{name} ({origin})\n{vertices} vertices, {triangles} triangles, {targets} targets, diagonal {diagonal}\n\
          deltas kept: longer than {position} of the diagonal (normals: {normal})"
     )];
+    if !info.streams.is_empty() {
+        parts.push(format!("further streams: {}", info.streams.join(", ")));
+    }
     let of_diagonal = |length: f32| if i.diagonal > 0.0 { percent((length / i.diagonal).into()) } else { "–".into() };
     let targets: &[Column<'_, TargetRow>] = &[
         ("target", &|t| t.name.clone()),

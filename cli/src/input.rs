@@ -7,7 +7,7 @@ use deltamorph::import::{ImportDesc, Imported, ImportedMesh, csv, sample as head
 use deltamorph::rig::names::retarget;
 use deltamorph::rig::{self, BoundRig};
 use deltamorph::{
-    BlockDesc, BoundClip, MorphMesh, PackDesc, PackedMesh, Tolerance, WeightClip, import, normalise_weights,
+    BlockDesc, BoundClip, MorphMesh, PackDesc, PackedMesh, Semantic, Tolerance, WeightClip, import, normalise_weights,
 };
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -67,8 +67,11 @@ impl Input {
         (self.kept.clone(), self.packed.clone())
     }
 
-    /// Give the mesh wrinkle masks. That of a packed file is packed again, in its format.
+    /// Give the mesh wrinkle masks, if it has none. That of a packed file is packed again, in its format.
     pub fn add_masks(&mut self) -> Result<(), Failure> {
+        if self.kept.streams.iter().any(|stream| stream.semantic == Semantic::Mask) {
+            return Ok(());
+        }
         let mut mesh = MorphMesh::clone(&self.kept);
         deltamorph_render::wrinkles::add(&mut mesh);
         if let Some(packed) = &mut self.packed {

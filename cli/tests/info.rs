@@ -86,3 +86,19 @@ fn a_rate_that_is_given_beats_that_of_the_file_name() {
         |more: &[&str]| json(&[&["info", &dir, "--json", "-"], more].concat())["clips"][0]["fps"].as_f64().unwrap();
     assert_eq!((fps(&[]), fps(&["--fps", "60"])), (30.0, 60.0), "the file's name ends in 30fps");
 }
+
+#[test]
+fn streams_of_a_packed_file_are_listed() {
+    use deltamorph::import::sample::{HeadDesc, head};
+    use deltamorph::{Asset, DeltaFormat, PackDesc, Tolerance};
+    let folder = tempfile::tempdir().unwrap();
+    let mut mesh = head(&HeadDesc::default().vertices(1200).targets(12)).to_mesh(Tolerance::default()).unwrap();
+    for (name, streams) in [("plain", &[][..]), ("masks", &["wrinkle mask"])] {
+        let file = folder.path().join(name).with_extension("dmorph");
+        Asset::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).unwrap().write(&file).unwrap();
+        let file = file.to_str().unwrap();
+        assert_eq!(json(&["info", "--json", "-", file])["streams"], serde_json::json!(streams));
+        assert_eq!(ok(&["info", file]).contains("further streams: wrinkle mask\n"), name == "masks");
+        deltamorph_render::wrinkles::add(&mut mesh);
+    }
+}

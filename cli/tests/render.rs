@@ -120,7 +120,7 @@ fn pictures_are_those_that_were_looked_at() {
 #[test]
 fn what_changed_is_shown_alike_on_every_path() {
     let folder = tempfile::tempdir().expect("a folder");
-    for (name, args) in PICTURES.into_iter().filter(|(name, _)| ["motion", "blocks"].contains(name)) {
+    for (name, args) in PICTURES.into_iter().filter(|(name, _)| ["motion", "blocks", "wrinkles"].contains(name)) {
         let at = |path: &str| folder.path().join(format!("{name}_{path}.png"));
         for path in ["blocks", "cpu"] {
             draw(&[args, &["--path", path]].concat(), &drivers()[0], &at(path));
