@@ -235,7 +235,8 @@ mod tests {
             skin_method(3).map(drop),
             consumers(1 << 30).map(drop),
             semantic(0).map(drop),
-            semantic(6).map(drop),
+            semantic(7).map(drop),
+            semantic(256 + DM_STREAM_MASK).map(drop),
             semantic(256 + 1).map(drop),
             semantic(65_536 + 4).map(drop),
         ];

@@ -268,7 +268,7 @@ static void crowds(const Host *host, DmEngine engine, DmEngine other) {
     WORKS(dm_gpu_mesh_base_pose(uploaded, &pose));
     HOLDS(pose.buffer && pose.stride == 24 && pose.format == DM_POSE_FLOAT32);
     INVALID("stream", dm_gpu_mesh_base_stream(uploaded, DM_STREAM_COLOR, &stream));
-    INVALID("6 is no stream", dm_gpu_mesh_base_stream(uploaded, 6, &stream));
+    INVALID("7 is no stream", dm_gpu_mesh_base_stream(uploaded, 7, &stream));
     INVALID("objects of the engine", dm_engine_destroy(engine));
 
     DmCrowd crowd = {0}, second = {0}, far = {0};
