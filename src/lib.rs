@@ -25,6 +25,7 @@
 //! - `rig`: rigs from JSON files ([`mod@rig`]).
 //! - `threads`: the path `cpu` and the importer on several threads.
 //! - `baselines`: the techniques of others, to compare with.
+//! - `ktx2`: delta textures as KTX2 files ([`mod@textures`]).
 //! - `compile-shaders`: compile `glsl/` at build time, which needs a C++ compiler; without it the modules checked in
 //!   under `spirv/` are linked.
 
@@ -73,6 +74,8 @@ pub use asset::{
     Corner, Faces, Measure, MeshArrays, MorphMesh, MorphSource, MorphTarget, RenderVertices, Semantic, SourceTarget,
     StreamData, StreamDeltas, StreamPlace, TargetArrays, Tolerance,
 };
+#[cfg(feature = "ktx2")]
+pub use baselines::textures;
 pub use cpu::CpuCrowd;
 pub use engine::{
     AnimatedCrowd, AnyCrowd, Crowd, CrowdSet, GpuMesh, MorphEngine, Outgrown, PoseBuffer, PoseReadback, PoseView,

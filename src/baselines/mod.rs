@@ -15,6 +15,9 @@ mod vertex_store;
 #[cfg(test)]
 pub(crate) use vertex_store::StorePasses;
 
+#[cfg(feature = "ktx2")]
+pub use texture::file as textures;
+
 pub(crate) use scatter::ScatterTechnique;
 pub(crate) use texture::TextureTechnique;
 

@@ -11,7 +11,13 @@
 //! article has, are as large as the integers and lose five of their bits. Sums are float32: they drift as those of the
 //! other paths with float32 poses do, and are wiped where rebuilding takes no more targets.
 
+#[cfg(feature = "ktx2")]
+mod container;
 mod draws;
+#[cfg(feature = "ktx2")]
+pub mod file;
+#[cfg(feature = "ktx2")]
+mod half;
 mod passes;
 mod texels;
 
