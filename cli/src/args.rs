@@ -53,6 +53,8 @@ pub enum Command {
     Sample(SampleArgs),
     /// Pack a mesh into a file that loads without packing again
     Pack(PackFileArgs),
+    /// Write the targets of a mesh as textures, a KTX2 file that --textures reads
+    Textures(TexturesArgs),
     /// Describe a mesh: targets, sparsity, overlap, blocks, size and error of each format
     Info(InfoArgs),
     /// Measure the time per frame of the update paths, and write a report
@@ -106,6 +108,18 @@ pub struct PackFileArgs {
     pub pack: PackArgs,
     /// File to write
     #[arg(short, long, value_name = "OUT.dmorph")]
+    pub output: PathBuf,
+}
+
+#[derive(Args, Clone, Debug)]
+pub struct TexturesArgs {
+    #[command(flatten)]
+    pub input: InputArgs,
+    /// 16-bit floats in place of 32
+    #[arg(long)]
+    pub half: bool,
+    /// File to write
+    #[arg(short, long, value_name = "OUT.ktx2")]
     pub output: PathBuf,
 }
 
@@ -207,6 +221,9 @@ pub struct InputArgs {
     #[arg(long, value_name = "FRACTION", default_value_t = 1e-6)]
     #[arg(value_parser = values::number("a fraction of the diagonal, 0 or more (0 keeps every delta)", |v| v >= 0.0))]
     pub tolerance: f32,
+    /// Take the targets of a file that `deltamorph textures` wrote, in place of those of INPUT
+    #[arg(long, value_name = "FILE.ktx2")]
+    pub textures: Option<PathBuf>,
     /// Frames per second of weight clips [default: what the file name ("…_24fps.csv") or the keys of the animation say, else
     /// 30]
     #[arg(long, value_name = "F", value_parser = values::fps)]

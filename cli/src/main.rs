@@ -17,6 +17,7 @@ mod runner;
 mod sample;
 mod soak;
 mod table;
+mod textures;
 mod verify;
 #[cfg(feature = "viewer")]
 mod view;
@@ -44,6 +45,7 @@ fn run(cli: &Cli, out: &Output) -> Result<(), Failure> {
         Command::Devices => devices::run(device, out),
         Command::Sample(args) => sample::run(args, out),
         Command::Pack(args) => pack::run(args, out),
+        Command::Textures(args) => textures::run(args, out),
         Command::Info(args) => info::run(args, out),
         Command::Bench(args) => bench::run(args, device, out),
         Command::Play(args) => play::run(args, device, out),
