@@ -6,11 +6,13 @@
 layout(local_size_x = WORKGROUP) in;
 
 // clips    [clip][first word, frames, shift, bits of a key], keys
+// levels   [target] rank;   where they follow the camera: [rank] reach, [targets kept] error
 // blocks   [block][word] targets that touch it, a bit each;   [block + 1] first entry;   [entry] target, bytes
 // budget   two words of the budget, the lower first;   [entry] reach in steps
 layout(set = 0, binding = 0, std430) readonly buffer Tables { uint tables[]; };
 
 // records  [head] RECORD_WORDS words, written by copies
+// levels   [head] LEVEL_WORDS words, where levels of detail follow the camera        (level.comp)
 // phases   [head][word]; the first of a head's is its own
 // weights  [head][target] in steps of the grid;   deltas [head][target]: what the last update changed
 // requested [head][target]: the weights requested, with an error budget
@@ -59,6 +61,11 @@ layout(push_constant) uniform Push {
     uint pairs;            // rows have the weight that a pose holds beside the new one, 16 bits each
     uint workgroup_items;  // items that a workgroup takes
 };
+
+// Where the level of detail of a head that follows the camera is, in State.
+uint level_of(uint head) {
+    return heads * RECORD_WORDS + head * LEVEL_WORDS;
+}
 
 uint bits(uint kind) {
     return bits_at + kind * heads * words;

@@ -10,10 +10,15 @@ void main() {
     uint from = tables[first_entry_at + block];
     uint to = tables[first_entry_at + block + 1u];
     // In steps of a weight times steps of a delta: 64 bits.
-    uint most_low = tables[budget_at];
-    uint most_high = tables[budget_at + 1u];
+    uint whole_low = tables[budget_at];
+    uint whole_high = tables[budget_at + 1u];
     for (uint head = gl_WorkGroupID.y; head < heads; head += gl_NumWorkGroups.y) {
         if (state[phases_at + head * words] != CONTINUED) continue;
+        uint most_low = whole_low, most_high = whole_high;
+        if ((state[head * RECORD_WORDS + 3u] & FOLLOWS) != 0u) {
+            most_low = state[level_of(head) + 3u];
+            most_high = state[level_of(head) + 4u];
+        }
         uint deferred = 0u;
         for (uint w = 0u; w < words; ++w) {
             deferred |= state[bits(PENDING) + head * words + w] & tables[block_targets_at + block * words + w];

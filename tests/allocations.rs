@@ -68,8 +68,16 @@ fn an_update_that_the_gpu_plans_allocates_nothing_after_the_first() {
         let slot = (heads.update(&clips) % 2) as u32;
         let (records, source) = (!heads.changed().is_empty(), 1 - slot);
         let (groups, dispatches) = (2, 4);
-        let update =
-            AnimatedUpdate { records, budget: true, source, destination: slot, groups, dispatches, texels: false };
+        let update = AnimatedUpdate {
+            records,
+            level: true,
+            budget: true,
+            source,
+            destination: slot,
+            groups,
+            dispatches,
+            texels: false,
+        };
         steps.clear();
         update.fill(&mut steps);
         schedule.fill(std::iter::once(&steps));

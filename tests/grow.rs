@@ -4,11 +4,13 @@
 mod gpu;
 
 use deltamorph::ash::vk;
+use deltamorph::lod::{Camera, Importance, LevelDesc, Place};
 use deltamorph::reference::compare;
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, Crowd, CrowdDesc, CrowdSet, DecodeTarget, DeltaFormat, PackedMesh, Playback,
     PoseReadback, UpdateDesc, WeightClip, testing,
 };
+use glam::Vec3;
 use gpu::{NORMAL, fixed, is_kept, on_every_device, update_descs, weights};
 
 fn assert_poses(readback: &mut PoseReadback, mesh: &PackedMesh, update: &UpdateDesc, asked: &[Vec<f32>], what: &str) {
@@ -96,16 +98,32 @@ fn an_animated_crowd_grows_while_its_updates_are_in_flight() {
             |seed: u32| (0..8).flat_map(|frame| weights(&mesh, frame, seed)).map(|weight| weight / 2.0).collect();
         let clip = |seed| WeightClip { name: "clip".into(), names: names.clone(), fps: 10.0, values: values(seed) };
         let clips = [clip(1), clip(2)];
-        let animation = AnimationDesc::new(&clips);
+        // Levels of detail that follow a camera: from all targets to a few, by where a head is.
+        let importance = Importance::of_packed(&mesh, &[]).expect("an order");
+        let diagonal = mesh.layout().diagonal;
+        let camera = Camera { eye: Vec3::ZERO, height: 400.0, angle: 0.6 };
+        let place =
+            |i: u32| Place { centre: Vec3::Z * diagonal * 3.0f32.powf(i as f32), radius: 0.5 * diagonal, scale: 1.0 };
         let playback = |i: u32| Playback::new(i % 2).start(f64::from(i) * -0.13).speed(1.0 + f64::from(i) / 7.0);
-        for update in [fixed()[0].slots(3).error_budget(1e-3), fixed()[1]] {
+        for (update, level) in [
+            (fixed()[0].slots(3).error_budget(1e-3), None),
+            (fixed()[1], None),
+            (fixed()[1], Some(LevelDesc::default())),
+        ] {
             let desc = CrowdDesc::new(update).instances(3);
+            let animation = AnimationDesc::new(&clips).importance(level.map(|_| &importance)).level(level);
+            let follow = |crowd: &mut AnimatedCrowd, instances: &[u32]| {
+                let mut places = instances.iter().filter(|_| level.is_some());
+                places.try_for_each(|&i| crowd.set_place(i, &place(i)))
+            };
             let crowd = |desc: &CrowdDesc| {
                 // SAFETY: as above.
                 let made =
                     headless.run(|cmd| unsafe { engine.create_animated_crowd(cmd, &uploaded, desc, &animation) });
                 let mut crowd = made.expect("a crowd");
                 (0..desc.instances).for_each(|i| crowd.play(i, &playback(i)).expect("a clip"));
+                follow(&mut crowd, &(0..desc.instances).collect::<Vec<_>>()).expect("places");
+                level.iter().for_each(|_| crowd.set_camera(&camera).expect("a camera"));
                 crowd
             };
             let (mut grown, mut readbacks) = (crowd(&desc), [0, 1].map(|_| engine.readback()));
@@ -151,6 +169,7 @@ fn an_animated_crowd_grows_while_its_updates_are_in_flight() {
                     assert_eq!([grown.add()?, grown.add()?], [1, 3], "the place that was free, and a new one");
                     assert!(grown.play(4, &playback(4)).is_err(), "the others are free");
                     [1, 3].into_iter().try_for_each(|i| grown.play(i, &playback(i)))?;
+                    follow(&mut grown, &[1, 3])?;
                     grown.set_time(0.3)?;
                     engine.record_update(cmd, &mut grown)?;
                     assert!(grown.shown().eq([0, 1, 3]) && grown.pose(2).is_err());

@@ -1,5 +1,7 @@
 //! Levels of detail on every path: what is dropped and faded is what the float64 reference makes of the weights that remain.
 
+#[path = "lod/followed.rs"]
+mod followed;
 #[path = "common/gpu.rs"]
 mod gpu;
 #[path = "common/scene.rs"]

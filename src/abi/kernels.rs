@@ -86,6 +86,8 @@ pub enum Push {
     Read,
     /// `AnimationPush`
     Animation,
+    /// `LevelPush`
+    Level,
     /// `DensePush`
     Dense,
     /// `DenseListPush`
@@ -266,6 +268,8 @@ pub const KERNELS: &[KernelRow] = &[
     KernelRow { name: "commit", ..ANIMATION },
     KernelRow { name: "plan", constants: 1, ..ANIMATION },
     KernelRow { name: "arguments", constants: 1, ..ANIMATION },
+    // Levels of detail, before sampling: tables, state.
+    KernelRow { name: "level", bindings: &[(0, WORDS), (1, WORDS)], push: Push::Level, ..COMPUTE },
     // Passes over dense deltas.
     DENSE,
     KernelRow {

@@ -38,8 +38,8 @@ shared! {
     /// Words that tiles and their first rows begin at a multiple of: a texel.
     ALIGN: usize = 4;
 
-    /// Words of the record of a head's clip.
-    RECORD_WORDS: u32 = 8;
+    /// Words of the record of a head: what it plays, and where it is.
+    RECORD_WORDS: u32 = 14;
     /// Flag of a record: a clip is playing.
     PLAYING: u32 = 1;
     /// Flag of a record: the clip starts again at its end.
@@ -48,6 +48,10 @@ shared! {
     REVERSED: u32 = 4;
     /// Flag of a record: the head is not updated.
     HIDDEN: u32 = 8;
+    /// Flag of a record: the head keeps no more targets than its size on the screen needs.
+    FOLLOWS: u32 = 16;
+    /// Words of a head's level of detail: targets kept, goal, epoch, two words of the error budget.
+    LEVEL_WORDS: u32 = 5;
 
     /// Phase of a head: not written, since it is hidden, or not yet.
     NEW: u32 = 0;

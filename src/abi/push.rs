@@ -194,6 +194,24 @@ shared! {
         workgroup_items: u32,
     }
 
+    /// Push constants of `level.comp`, which says what each is.
+    pub struct LevelPush {
+        eye: [f32; 3],
+        unit_at_one: f32,
+        exceeded: f32,
+        wanted: f32,
+        fade: f32,
+        budget: f32,
+        heads: u32,
+        targets: u32,
+        words: u32,
+        phases_at: u32,
+        reaches_at: u32,
+        pinned: u32,
+        budget_at: u32,
+        epoch: u32,
+    }
+
     /// Push constants of `baselines/scatter.comp`.
     pub struct ScatterPush {
         /// The target's first record.
@@ -258,6 +276,7 @@ impl Push {
             Self::BoundsTotal => (BoundsTotalPush::MEMBERS, size_of::<BoundsTotalPush>()),
             Self::Read => (ReadPush::MEMBERS, size_of::<ReadPush>()),
             Self::Animation => (AnimationPush::MEMBERS, size_of::<AnimationPush>()),
+            Self::Level => (LevelPush::MEMBERS, size_of::<LevelPush>()),
             Self::Dense => (DensePush::MEMBERS, size_of::<DensePush>()),
             Self::DenseList => (DenseListPush::MEMBERS, size_of::<DenseListPush>()),
             Self::Blocks => (BlocksPush::MEMBERS, size_of::<BlocksPush>()),

@@ -6,6 +6,7 @@ use super::poses;
 use super::views::{PoseBuffer, PoseView, StreamView};
 use crate::asset::streams::Semantic;
 use crate::error::Result;
+use crate::lod::{Camera, Place};
 use crate::pack::{PackedLayout, PackedMesh};
 use crate::plan::instances::{check_weight, check_weights, target_named};
 use crate::update::animated::{Animated, Clips, Playback};
@@ -261,7 +262,8 @@ impl AnimatedCrowd {
     /// multiplies the weights of clips by the targets' [factors](crate::lod::Importance::factor), in steps of 2⁻¹⁶. As many as
     /// there are, or more, are all of them, as at the beginning.
     ///
-    /// A level that changes brings 32 bytes to the device; one that stays is no work.
+    /// A level that changes brings 56 bytes to the device; one that stays is no work. Of a head that [has a
+    /// place](Self::set_place) this is the most that is kept.
     ///
     /// # Errors
     /// An instance out of range; a number below 0, or none; a crowd that was made without an order of importance.
@@ -269,6 +271,41 @@ impl AnimatedCrowd {
         self.base.instances.check(instance)?;
         let Animated { playbacks, clips, .. } = self.animated_mut();
         playbacks.set_level(instance, level, clips)
+    }
+
+    /// Levels of detail follow this camera from the next recorded update on: those of heads that
+    /// [have a place](Self::set_place). Before there is one, they keep all targets.
+    ///
+    /// # Errors
+    /// A camera that there cannot be; a crowd that was made without [`AnimationDesc::level`](field@crate::AnimationDesc::level).
+    pub fn set_camera(&mut self, camera: &Camera) -> Result<()> {
+        let Animated { playbacks, clips, .. } = self.animated_mut();
+        playbacks.set_camera(camera, clips)
+    }
+
+    /// The camera of the next recorded update looks at something else than before: levels of detail are at their goals at
+    /// once, since nothing can pop.
+    pub fn cut_camera(&mut self) {
+        self.animated_mut().playbacks.cut_camera();
+    }
+
+    /// Where `instance` is from the next recorded update on. With its first place it begins to follow the camera: in each
+    /// update the GPU works out how many targets it keeps from the pixels that an input unit takes up
+    /// ([`lod::Camera::pixels_per_unit`](crate::lod::Camera::pixels_per_unit)), as
+    /// [`lod::Level::step`](crate::lod::Level::step) does without weights, in steps of 2⁻¹⁶ targets. With an
+    /// [error budget](field@crate::UpdateDesc::error_budget) in the crowd's description, the instance's own is that of its
+    /// pixels ([`lod::LevelDesc::error_budget`](crate::lod::LevelDesc::error_budget)), or the crowd's where that is less.
+    ///
+    /// A place that changes brings 56 bytes to the device; a camera that moves, nothing but push constants. The commands
+    /// stay the same. [`cut`](Self::cut) takes the level to its goal at once.
+    ///
+    /// # Errors
+    /// An instance out of range; a place that there cannot be; a crowd that was made without
+    /// [`AnimationDesc::level`](field@crate::AnimationDesc::level).
+    pub fn set_place(&mut self, instance: u32, place: &Place) -> Result<()> {
+        self.base.instances.check(instance)?;
+        let Animated { playbacks, clips, .. } = self.animated_mut();
+        playbacks.set_place(instance, place, clips)
     }
 
     /// The clock is at `seconds` when the next recorded update runs.

@@ -8,6 +8,7 @@ use super::draw::PoseDraw;
 use super::submit::Readback;
 use crate::engine::{AnimatedCrowd, AnyCrowd, Crowd, GpuMesh, PoseReadback, Ticket, Update};
 use crate::error::{Error, Result};
+use crate::lod::{Camera, Place};
 use crate::pack::PackedMesh;
 #[cfg(feature = "baselines")]
 use crate::plan::UpdatePath;
@@ -117,6 +118,21 @@ impl<'a> HeadlessCrowd<'a, AnimatedCrowd> {
     /// See [`AnimatedCrowd::set_level`].
     pub fn set_level(&mut self, instance: u32, level: f32) -> Result<()> {
         self.crowd.set_level(instance, level)
+    }
+
+    /// See [`AnimatedCrowd::set_camera`].
+    pub fn set_camera(&mut self, camera: &Camera) -> Result<()> {
+        self.crowd.set_camera(camera)
+    }
+
+    /// See [`AnimatedCrowd::cut_camera`].
+    pub fn cut_camera(&mut self) {
+        self.crowd.cut_camera();
+    }
+
+    /// See [`AnimatedCrowd::set_place`].
+    pub fn set_place(&mut self, instance: u32, place: &Place) -> Result<()> {
+        self.crowd.set_place(instance, place)
     }
 
     /// See [`AnimatedCrowd::set_time`].

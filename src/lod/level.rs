@@ -31,6 +31,12 @@ impl Default for LevelDesc {
 }
 
 impl LevelDesc {
+    /// Pixels that a vertex may be off because targets are left out: more are kept once a vertex is off by more than the
+    /// first, fewer once it is off by no more than the second with fewer.
+    pub(crate) fn bounds(&self) -> [f32; 2] {
+        [self.pixels * SHARE, self.pixels * SHARE * MARGIN]
+    }
+
     /// The error budget of updates that belongs to these pixels, in input units, for
     /// [`UpdateDesc::error_budget`](field@crate::UpdateDesc::error_budget), where an input unit takes up `pixels_per_unit`. 0, which
     /// defers nothing, where that is no number above 0.
@@ -78,10 +84,10 @@ impl Level {
     /// While `pixels_per_unit` stays within a fifth of what it was, the level stays where it is, bit for bit, once it
     /// has settled. Where it is no number, or infinite, all targets are kept at once.
     pub fn step(&mut self, importance: &Importance, pixels_per_unit: f32, weights: Option<&[f32]>) -> f32 {
-        let pixels = self.desc.pixels * SHARE;
+        let [most, enough] = self.desc.bounds();
         let all = importance.target_count();
-        let wanted = importance.level_for(pixels_per_unit, pixels * MARGIN);
-        let exceeded = importance.level_for(pixels_per_unit, pixels) > self.goal;
+        let wanted = importance.level_for(pixels_per_unit, enough);
+        let exceeded = importance.level_for(pixels_per_unit, most) > self.goal;
         if self.level.is_none() || exceeded || wanted < self.goal {
             self.goal = wanted.min(all);
         }

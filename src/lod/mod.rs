@@ -5,7 +5,8 @@
 //! once for a mesh. [`Level`] is how many a head keeps now, a real number that follows the camera so slowly that nothing pops.
 //! [`Importance::apply`] puts it into weights, which any path takes: on incremental ones, a target that is dropped is one more
 //! delta weight, and one that stays dropped costs nothing. Crowds that are animated on the GPU apply it there
-//! ([`AnimatedCrowd::set_level`](crate::AnimatedCrowd::set_level)).
+//! ([`AnimatedCrowd::set_level`](crate::AnimatedCrowd::set_level)), and choose it there too, from a [`Camera`] and the
+//! [`Place`] of each head ([`AnimationDesc::level`](field@crate::AnimationDesc::level)).
 //!
 //! ```
 //! use deltamorph::lod::{Importance, Level, LevelDesc, pixels_per_unit};
@@ -26,10 +27,12 @@
 //! ```
 
 mod level;
+mod place;
 #[cfg(test)]
 mod tests;
 
 pub use level::{Level, LevelDesc};
+pub use place::{Camera, Place};
 
 use crate::asset::{MorphMesh, MorphTarget};
 use crate::error::{Error, Result};
@@ -185,6 +188,11 @@ impl Importance {
     /// The farthest that a target moves a vertex at weight 1, in input units; 0 of one that there is not.
     pub fn reach(&self, target: usize) -> f32 {
         self.reaches.get(target).copied().unwrap_or(0.0)
+    }
+
+    /// How many of the first targets are always kept.
+    pub(crate) fn pinned(&self) -> usize {
+        self.pinned
     }
 
     /// The fewest targets to keep so that no vertex is off by more than `pixels` where an input unit takes up

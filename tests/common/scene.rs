@@ -5,8 +5,9 @@ use deltamorph::headless::{Headless, HeadlessCrowd, PlannedGroup};
 use deltamorph::import::sample::{HeadDesc, head, head_clip};
 use deltamorph::internals::abi::worklist::{TILE, TILE_WORDS, row_words};
 use deltamorph::internals::plan::schedule::Entry;
-use deltamorph::internals::update::animated::{AnimatedReference, Playbacks};
+use deltamorph::internals::update::animated::{AnimatedReference, HeadRecord, Playbacks};
 use deltamorph::internals::update::blocks::WorkList;
+use deltamorph::lod::{Camera, Place};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Playback,
@@ -110,6 +111,29 @@ impl<'a> Scene<'a> {
         self.heads.set_level(instance, level, &self.clips).expect("a level");
     }
 
+    pub fn set_camera(&mut self, camera: &Camera) {
+        self.crowd.set_camera(camera).expect("a camera");
+        self.heads.set_camera(camera, &self.clips).expect("a camera");
+    }
+
+    pub fn set_place(&mut self, instance: u32, place: &Place) {
+        self.crowd.set_place(instance, place).expect("a place");
+        self.heads.set_place(instance, place, &self.clips).expect("a place");
+    }
+
+    pub fn cut(&mut self, instance: u32) {
+        self.crowd.cut(instance).expect("an instance");
+        self.heads.cut(instance);
+    }
+
+    /// The level of detail that the GPU chose: targets kept, in steps of 2⁻¹⁶, how many it is about to keep, and the error
+    /// budget. `None` of a head that does not follow the camera.
+    pub fn followed(&mut self, instance: u32) -> Option<(u32, u32, u64)> {
+        let follows = self.heads.records()[instance as usize].has(HeadRecord::FOLLOWS);
+        let words = follows.then(|| self.crowd.read_level(instance).expect("a level"))?;
+        Some((words[0], words[1], u64::from(words[3]) | u64::from(words[4]) << 32))
+    }
+
     pub fn hide(&mut self, instance: u32, hidden: bool) {
         self.crowd.set_hidden(instance, hidden).expect("an instance");
         self.heads.set_hidden(instance, hidden);
@@ -140,6 +164,13 @@ impl<'a> Scene<'a> {
         }
         .expect("a step");
         let update = self.heads.update(&self.clips);
+        // Levels are floating-point sums: the reference takes those of the GPU, which tests/lod.rs compares with the CPU's.
+        for instance in self.instances() {
+            let followed = if self.is_hidden(instance) { None } else { self.followed(instance) };
+            if let Some((level, _, budget)) = followed {
+                self.reference.follow(instance as usize, level, budget);
+            }
+        }
         let expected = of_list(self.reference.update(&self.clips, &self.heads, update));
         // A few of many.
         let some = (0..self.desc.instances).step_by(1 + self.desc.instances as usize / 50);

@@ -3,7 +3,7 @@
 use super::command::Detail;
 use crate::output::Failure;
 use deltamorph::MorphMesh;
-use deltamorph::lod::{Importance, Level, LevelDesc, pixels_per_unit};
+use deltamorph::lod::{Camera, Importance, Level, LevelDesc, Place};
 use glam::{Mat4, Vec3};
 
 /// The targets of a mesh by their importance, and how many of them each head keeps.
@@ -13,8 +13,8 @@ pub struct Kept {
     levels: (Detail, Vec<Level>),
     /// Targets of the first head in the last frame, and how many it is about to keep.
     now: (f32, f32),
-    /// What a head takes up in the base pose: middle and radius.
-    ball: (Vec3, f32),
+    /// What a head takes up in the base pose.
+    ball: Place,
 }
 
 impl Kept {
@@ -22,17 +22,12 @@ impl Kept {
     pub fn new(mesh: &MorphMesh, focus: &[Vec3]) -> Result<Self, Failure> {
         let importance = Importance::of(mesh, &[])?;
         let all = importance.target_count() as f32;
-        let middle = focus.iter().sum::<Vec3>() / focus.len().max(1) as f32;
-        let radius = focus.iter().map(|p| p.distance(middle)).fold(0.0, f32::max);
-        Ok(Self { importance, levels: (Detail::All, vec![]), now: (all, all), ball: (middle, radius) })
+        Ok(Self { importance, levels: (Detail::All, vec![]), now: (all, all), ball: Place::around(focus) })
     }
 
-    /// Pixels that an input unit takes up at the nearest point of a head, in a picture of `height` pixels with an angle of view
-    /// of `angle` radians from bottom to top.
-    pub fn unit(&self, eye: Vec3, place: &Mat4, height: f32, angle: f32) -> f32 {
-        let (middle, radius) = self.ball;
-        let distance = eye.distance(place.transform_point3(middle)) - radius;
-        pixels_per_unit(height, angle, distance.max(radius * 1e-3))
+    /// Pixels that an input unit takes up at the nearest point of a head that `place` moves.
+    pub fn unit(&self, camera: &Camera, place: &Mat4) -> f32 {
+        camera.pixels_per_unit(&self.ball.moved(place))
     }
 
     /// Take away what heads do not keep of `weights`, one list for each; `units`: pixels that an input unit takes up there.

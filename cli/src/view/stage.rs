@@ -19,6 +19,7 @@ use crate::runner::prepare;
 use deltamorph::UpdatePath;
 use deltamorph::ash::vk;
 use deltamorph::headless::DeviceChoice;
+use deltamorph::lod;
 use deltamorph_render::{Camera, Light, Scene, Show};
 use egui::Context;
 use glam::{Mat4, Vec3};
@@ -252,7 +253,8 @@ impl Stage {
             none @ None => none.insert(Kept::new(&state.input.kept, &self.subject.focus)?),
         };
         let (height, angle) = (extent.height as f32 * self.free[3] * state.zoom, Camera::default().angle.to_radians());
-        let unit = |place: &Mat4| kept.unit(scene.view.eye, place, height, angle);
+        let camera = lod::Camera { eye: scene.view.eye, height, angle };
+        let unit = |place: &Mat4| kept.unit(&camera, place);
         let units: Vec<f32> = self.heads.places.iter().map(unit).collect();
         kept.apply(state.detail, &units, weights)?;
         Ok(kept.fades())

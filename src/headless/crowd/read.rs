@@ -111,6 +111,17 @@ impl HeadlessCrowd<'_, AnimatedCrowd> {
         crowd.animated().read_plan(|range| readback.read(&headless.submitter, range))
     }
 
+    /// The level of detail of an instance that follows the camera, as words: targets kept in steps of 2⁻¹⁶, how many it is about
+    /// to keep, epoch, and the error budget, the lower word first. Empty in a crowd in which none does.
+    ///
+    /// # Errors
+    /// As [`read_plan`](Self::read_plan).
+    #[doc(hidden)]
+    pub fn read_level(&mut self, instance: u32) -> Result<Vec<u32>> {
+        let range = self.crowd.animated().level_of(instance);
+        range.map_or(Ok(vec![]), |range| self.read(range))
+    }
+
     /// The weights of an instance on the GPU, in steps of the grid.
     ///
     /// # Errors

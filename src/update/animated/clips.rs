@@ -1,7 +1,7 @@
 //! Clips and error budgets as integers: what is uploaded once.
 
 use crate::error::{Error, Result};
-use crate::lod::Importance;
+use crate::lod::{Importance, LevelDesc};
 use crate::pack::PackedLayout;
 use crate::pack::blocks::{BlockIndex, PoseGrid};
 use crate::setters::setters;
@@ -30,14 +30,18 @@ pub struct AnimationDesc<'a> {
     /// The order of targets for levels of detail ([`AnimatedCrowd::set_level`](crate::AnimatedCrowd::set_level)); `None`: all
     /// are kept for the life of the crowd.
     pub importance: Option<&'a Importance>,
+    /// How the GPU chooses levels of detail of the heads whose places are known
+    /// ([`AnimatedCrowd::set_place`](crate::AnimatedCrowd::set_place)), from how large they are on the screen; takes
+    /// [`importance`](field@Self::importance). `None`: levels are those that are set.
+    pub level: Option<LevelDesc>,
 }
 
-setters!(AnimationDesc<'a> { key_format: KeyFormat, importance: Option<&'a Importance> });
+setters!(AnimationDesc<'a> { key_format: KeyFormat, importance: Option<&'a Importance>, level: Option<LevelDesc> });
 
 impl<'a> AnimationDesc<'a> {
     /// These clips, with keys of 32 bits.
     pub fn new(clips: &'a [WeightClip]) -> Self {
-        Self { clips, key_format: KeyFormat::default(), importance: None }
+        Self { clips, key_format: KeyFormat::default(), importance: None, level: None }
     }
 }
 
@@ -57,6 +61,7 @@ struct Clip {
 /// table   [clip][first word, frames, shift, bits of a key]
 /// keys    [clip][frame][target]                                 a word each, or half a word
 /// ranks   [target]                                              where levels of detail may be set
+/// reaches [rank], errors [targets kept]                         float32, where they follow the camera
 /// ```
 ///
 /// First words count from the start of the table.
@@ -68,6 +73,17 @@ pub struct Clips {
     format: KeyFormat,
     /// Where ranks begin; 0: there are none.
     ranks_at: u32,
+    following: Option<Following>,
+}
+
+/// How levels of detail follow the camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Following {
+    pub(crate) desc: LevelDesc,
+    /// Targets that are always kept.
+    pub(crate) pinned: u32,
+    /// Where the reaches begin.
+    pub(crate) reaches_at: u32,
 }
 
 /// Words of a clip in the table.
@@ -78,11 +94,13 @@ impl Clips {
     ///
     /// # Errors
     /// As [`WeightClip::bind`]; a clip without frames or with a frame rate that
-    /// is none; a weight beyond the grid: the message names frame and target; an order of importance of other targets.
+    /// is none; a weight beyond the grid: the message names frame and target; an order of importance of other targets;
+    /// levels that follow the camera without one.
     pub fn new(desc: &AnimationDesc<'_>, layout: &PackedLayout, grid: PoseGrid) -> Result<Self> {
         let names: Vec<&str> = layout.targets.iter().map(|t| t.name.as_str()).collect();
         let words = vec![0; TABLE_WORDS * desc.clips.len()];
-        let mut all = Self { words, clips: vec![], targets: names.len(), format: desc.key_format, ranks_at: 0 };
+        let mut all =
+            Self { words, clips: vec![], targets: names.len(), format: desc.key_format, ranks_at: 0, following: None };
         desc.clips.iter().try_for_each(|clip| all.push(clip, &names, grid))?;
         if let Some(importance) = desc.importance {
             let (given, targets) = (importance.target_count(), names.len());
@@ -96,6 +114,16 @@ impl Clips {
             // Without clips that is 0, and nothing plays.
             all.ranks_at = all.words.len() as u32;
             all.words.extend_from_slice(importance.ranks());
+            if let Some(desc) = desc.level {
+                let (pinned, reaches_at) = (importance.pinned() as u32, all.words.len() as u32);
+                let reaches = importance.order().iter().map(|&target| importance.reach(target as usize));
+                let errors = (0..=targets).map(|kept| importance.error_of_keeping(kept));
+                all.words.extend(reaches.chain(errors).map(f32::to_bits));
+                all.following = Some(Following { desc, pinned, reaches_at });
+            }
+        } else if desc.level.is_some() {
+            let what = "levels of detail that follow the camera, without an order of importance";
+            return Err(Error::invalid(what, "give AnimationDesc::importance too"));
         }
         if u32::try_from(all.words.len()).is_err() {
             let what = format!("clips of {} words", all.words.len());
@@ -168,6 +196,11 @@ impl Clips {
     /// Where the ranks of targets begin, for levels of detail; `None`: no order of importance was given.
     pub(crate) fn ranks_at(&self) -> Option<u32> {
         (self.ranks_at > 0).then_some(self.ranks_at)
+    }
+
+    /// How levels of detail follow the camera; `None`: they do not.
+    pub(crate) fn following(&self) -> Option<Following> {
+        self.following
     }
 
     /// The rank of a target, where there are ranks.

@@ -1,7 +1,7 @@
 //! Where everything is in the buffers of an animated crowd: tables, state, and the work lists that are planned.
 
 use super::clips::{Budget, Clips};
-use crate::abi::numbers::{BIT_KINDS, BIT_KINDS_BUDGET, RECORD_WORDS, WORKGROUP};
+use crate::abi::numbers::{BIT_KINDS, BIT_KINDS_BUDGET, LEVEL_WORDS, RECORD_WORDS, WORKGROUP};
 use crate::abi::push::AnimationPush;
 use crate::abi::worklist::{ITEMS_MAX, TILE_WORDS, WIDTHS, row_words};
 use crate::error::Result;
@@ -218,6 +218,8 @@ impl Layout {
         let (mut tables, mut state) = (Words(clips.words().len().max(1) as u64), Words(0));
         let bit_kinds = if budget.is_some() { BIT_KINDS_BUDGET } else { BIT_KINDS };
         state.add(u64::from(RECORD_WORDS) * instances);
+        // Directly behind them.
+        state.add(clips.following().map_or(0, |_| u64::from(LEVEL_WORDS) * instances));
         let common = AnimationPush {
             heads: context.desc.instances,
             targets: targets as u32,

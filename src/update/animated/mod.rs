@@ -2,11 +2,12 @@
 //! moves.
 //!
 //! `sample` has time, keys and interpolation, `clips` what is uploaded once and which changes an error budget defers,
-//! `playback` what each instance plays; `reference` does on the CPU what the kernels do. `steps` and `layout` are an update
-//! as data and where everything lies, `technique` carries it out.
+//! `playback` what each instance plays, `level` how many targets it keeps; `reference` does on the CPU what the kernels
+//! do. `steps` and `layout` are an update as data and where everything lies, `technique` carries it out.
 
 mod clips;
 mod layout;
+mod level;
 mod playback;
 #[cfg(any(test, feature = "internals"))]
 mod reference;

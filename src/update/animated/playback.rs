@@ -4,6 +4,7 @@
 use super::clips::Clips;
 use super::sample::{HeadRecord, Playback, TICKS_PER_SECOND};
 use crate::error::{Error, Result};
+use crate::lod::{Camera, Place};
 use crate::weights::Repeat;
 use std::ops::Range;
 
@@ -41,6 +42,8 @@ pub struct Playbacks {
     records: Vec<HeadRecord>,
     starts: Vec<i64>,
     now: i64,
+    /// What sees them, and how often it has cut.
+    camera: (Option<Camera>, u32),
     updates: u64,
     /// Instances of which something changed since the last update.
     pending: Vec<u32>,
@@ -56,6 +59,7 @@ impl Playbacks {
             records: vec![HeadRecord::default(); count as usize],
             starts: vec![0; count as usize],
             now: 0,
+            camera: (None, 0),
             updates: 0,
             pending: (0..count).collect(),
             changed: Vec::with_capacity(count as usize),
@@ -70,7 +74,8 @@ impl Playbacks {
         records.resize(places as usize, free);
         starts.resize(places as usize, 0);
         let heads = vec![Head { listed: true, stale: true, ..Head::default() }; places as usize];
-        Self { heads, records, starts, now: self.now, updates: self.updates, ..Self::new(places) }
+        let Self { now, camera, updates, .. } = *self;
+        Self { heads, records, starts, now, camera, updates, ..Self::new(places) }
     }
 
     /// The clock is at `seconds` when the next update runs. It may stand still, and go back by up to an hour.
@@ -91,6 +96,27 @@ impl Playbacks {
     /// The tick of the next update, as the device reads it.
     pub fn now(&self) -> u32 {
         self.now as u32
+    }
+
+    /// Levels of detail follow `camera` from the next update on.
+    ///
+    /// # Errors
+    /// A camera that there cannot be; clips whose levels do not follow one.
+    pub fn set_camera(&mut self, camera: &Camera, clips: &Clips) -> Result<()> {
+        follows(clips, "a camera")?;
+        camera.check()?;
+        self.camera.0 = Some(*camera);
+        Ok(())
+    }
+
+    /// The next frame has no predecessor: levels are at their goals at once.
+    pub fn cut_camera(&mut self) {
+        self.camera.1 = self.camera.1.wrapping_add(1);
+    }
+
+    /// The camera, once there is one, and how often it has cut.
+    pub fn camera(&self) -> (Option<Camera>, u32) {
+        self.camera
     }
 
     /// Instance `head` plays a clip from the next update on.
@@ -117,12 +143,11 @@ impl Playbacks {
         let record = &mut self.records[head as usize];
         let set = |flag, set| if set { flag } else { 0 };
         let flags = HeadRecord::PLAYING
-            | record.flags & HeadRecord::HIDDEN
+            | record.flags & (HeadRecord::HIDDEN | HeadRecord::FOLLOWS)
             | set(HeadRecord::LOOP, repeat == Repeat::Loop)
             | set(HeadRecord::REVERSED, speed < 0.0);
-        let HeadRecord { level, ranks_at, .. } = *record;
         let (start, rate) = (start_tick as u32, rate as u32);
-        *record = HeadRecord { clip, start, rate, flags, level, ranks_at, ..HeadRecord::default() };
+        *record = HeadRecord { clip, start, rate, flags, frame: 0, fraction: 0, ..*record };
         self.starts[head as usize] = start_tick;
         self.touch(head).stale = true;
         Ok(())
@@ -141,13 +166,34 @@ impl Playbacks {
         if level.is_nan() || level < 0.0 {
             return Err(Error::invalid(format!("a level of {level} targets"), "use a number from 0"));
         }
-        let set = match level < clips.targets() as f32 {
-            true => ((f64::from(level) * 65_536.0).round() as u32, ranks_at),
+        let (all, record) = (clips.targets() as f32, &mut self.records[head as usize]);
+        let set = match level < all || record.has(HeadRecord::FOLLOWS) {
+            true => ((f64::from(level.min(all)) * 65_536.0).round() as u32, ranks_at),
             false => (0, 0),
         };
-        let record = &mut self.records[head as usize];
         if (record.level, record.ranks_at) != set {
             (record.level, record.ranks_at) = set;
+            self.touch(head).stale = true;
+        }
+        Ok(())
+    }
+
+    /// Instance `head` is at `place` from the next update on, and its level of detail follows the camera.
+    ///
+    /// # Errors
+    /// Numbers that are none, a radius below 0, a scale of 0 or less; clips whose levels do not follow the camera.
+    pub fn set_place(&mut self, head: u32, place: &Place, clips: &Clips) -> Result<()> {
+        let ranks_at = follows(clips, "the place of a head")?;
+        place.check()?;
+        let (record, all) = (&mut self.records[head as usize], (clips.targets() as u32) << 16);
+        let mut placed = HeadRecord { flags: record.flags | HeadRecord::FOLLOWS, place: place.bits(), ..*record };
+        // Of a head that did not follow, the device knows no level.
+        placed.epoch = placed.epoch.wrapping_add(u32::from(!record.has(HeadRecord::FOLLOWS)));
+        if record.ranks_at == 0 {
+            (placed.level, placed.ranks_at) = (all, ranks_at);
+        }
+        if *record != placed {
+            *record = placed;
             self.touch(head).stale = true;
         }
         Ok(())
@@ -164,14 +210,20 @@ impl Playbacks {
 
     /// A new instance takes the index of one that was hidden: it plays nothing, and has no pose yet.
     pub fn add(&mut self, head: u32) {
-        self.records[head as usize] = HeadRecord::default();
+        let record = &mut self.records[head as usize];
+        // The level that the device has is the former's.
+        *record = HeadRecord { epoch: record.epoch.wrapping_add(1), ..HeadRecord::default() };
         let head = self.touch(head);
         (head.changes, head.stale) = ([None; CHANGES], true);
     }
 
     /// The next pose of `head` has no predecessor.
     pub fn cut(&mut self, head: u32) {
-        self.touch(head).cut = true;
+        let record = &mut self.records[head as usize];
+        let follows = record.has(HeadRecord::FOLLOWS);
+        record.epoch = record.epoch.wrapping_add(u32::from(follows));
+        let head = self.touch(head);
+        (head.cut, head.stale) = (true, head.stale | follows);
     }
 
     /// `head`, to be changed by the next update.
@@ -286,6 +338,15 @@ impl HeadRecord {
             false => position.min(frames - (1 << 32)) as u64,
         }
     }
+}
+
+/// Where ranks begin, of clips whose levels of detail follow the camera.
+fn follows(clips: &Clips, what: &str) -> Result<u32> {
+    let ranks_at = clips.ranks_at().filter(|_| clips.following().is_some());
+    ranks_at.ok_or_else(|| {
+        let what = format!("{what} for a crowd whose levels of detail do not follow the camera");
+        Error::invalid(what, "give AnimationDesc::level when the crowd is made")
+    })
 }
 
 fn ticks(seconds: f64) -> Result<i64> {

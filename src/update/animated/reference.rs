@@ -21,6 +21,8 @@ pub struct AnimatedReference {
 
 #[derive(Clone)]
 struct Instance {
+    /// Targets kept in steps of 2⁻¹⁶, and error budget, where the level follows the camera.
+    followed: Option<(u32, u64)>,
     state: BlockState,
     weights: Deferred,
     /// The last update wrote it.
@@ -40,8 +42,14 @@ impl AnimatedReference {
         group.source_bytes = 0;
         let budget = group.grid().and_then(|grid| Budget::new(desc.error_budget, &group.index, grid));
         let (state, weights) = (BlockState::new(&group), Deferred::new(layout.targets.len()));
-        let instances = vec![Instance { state, weights, known: false }; heads as usize];
+        let instances = vec![Instance { followed: None, state, weights, known: false }; heads as usize];
         Ok(Self { group, budget, slots: desc.slots, instances })
+    }
+
+    /// What the GPU chose for an instance whose level of detail follows the camera in the next update: targets kept, in steps
+    /// of 2⁻¹⁶, and error budget.
+    pub fn follow(&mut self, head: usize, level: u32, budget: u64) {
+        self.instances[head].followed = Some((level, budget));
     }
 
     /// Sample and plan the update numbered `update`, which [`Playbacks::update`] returned last.
@@ -49,7 +57,7 @@ impl AnimatedReference {
         self.group.clear();
         let slots = [update + u64::from(self.slots) - 1, update].map(|update| (update % u64::from(self.slots)) as u32);
         for (i, (instance, record)) in self.instances.iter_mut().zip(heads.records()).enumerate() {
-            let Instance { state, weights, known } = instance;
+            let Instance { followed, state, weights, known } = instance;
             // Slots rotate while it is hidden: none that is read then holds its pose.
             if record.has(HeadRecord::HIDDEN) {
                 *known = false;
@@ -58,7 +66,10 @@ impl AnimatedReference {
             let known = std::mem::replace(known, true);
             // Nothing is deferred of an instance that is new or shown again.
             let budget = self.budget.as_ref().filter(|_| known);
-            weights.commit(&sample(clips, record, heads.now()), budget, &self.group.index);
+            let (level, most) = followed.unwrap_or((record.level, u64::MAX));
+            let budget = budget.map(|budget| (budget, budget.most.min(most)));
+            let record = HeadRecord { level: record.level.min(level), ..*record };
+            weights.commit(&sample(clips, &record, heads.now()), budget, &self.group.index);
             let step = self.group.grid().map_or(0.0, |grid| grid.weight_step());
             // Steps have fewer bits than a float32's, and the step is a power of two: exact.
             let weights: Vec<f32> = weights.committed.iter().map(|&steps| steps as f32 * step).collect();
@@ -129,10 +140,11 @@ impl Deferred {
         Self { requested: vec![0; targets], committed: vec![0; targets] }
     }
 
-    /// Request `weights`, one for each target. Without a budget all of them are applied.
-    pub(super) fn commit(&mut self, weights: &[i32], budget: Option<&Budget>, index: &BlockIndex) {
+    /// Request `weights`, one for each target: with reaches of a budget, and how much of it there is. Without one all of them
+    /// are applied.
+    pub(super) fn commit(&mut self, weights: &[i32], budget: Option<(&Budget, u64)>, index: &BlockIndex) {
         let still = std::mem::replace(&mut self.requested, weights.to_vec()) == weights;
-        let Some(budget) = budget.filter(|_| !still) else {
+        let Some((budget, most)) = budget.filter(|_| !still) else {
             return self.committed.copy_from_slice(weights);
         };
         let mut applied = vec![false; weights.len()];
@@ -142,7 +154,7 @@ impl Deferred {
             let pending = |target: usize| u64::from(weights[target].abs_diff(self.committed[target]));
             let reaches = targets.iter().zip(&budget.reaches[entries]);
             let sum: u64 = reaches.map(|(&target, &reach)| pending(target as usize) * u64::from(reach)).sum();
-            if sum > budget.most {
+            if sum > most {
                 targets.iter().for_each(|&target| applied[target as usize] = true);
             }
         }

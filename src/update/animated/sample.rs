@@ -18,7 +18,7 @@
 //! ```
 //!
 //! With a level of detail N, in steps of 2⁻¹⁶ targets, the weight of the target of rank r is interpolated once more, from 0 to
-//! what it is, with f = clamp(N − r · 2¹⁶, 0, 2¹⁶).
+//! what it is, with f = clamp(N − r · 2¹⁶, 0, 2¹⁶). N is what the host says, or less where the level follows the camera.
 
 use crate::abi::numbers;
 use crate::setters::setters;
@@ -52,7 +52,7 @@ impl Playback {
     }
 }
 
-/// What an instance plays, as `glsl/animate.comp` reads it.
+/// What an instance plays and where it is, as `glsl/animate.comp` and `glsl/level.comp` read it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct HeadRecord {
@@ -72,6 +72,11 @@ pub struct HeadRecord {
     pub level: u32,
     /// Where the ranks of targets are in the tables; 0: all targets are kept.
     pub ranks_at: u32,
+    /// Where it is, for a level of detail that follows the camera: bits of the middle of a ball, its radius, and world units of
+    /// an input unit.
+    pub place: [u32; 5],
+    /// Grows where the next pose has no predecessor.
+    pub epoch: u32,
 }
 
 impl HeadRecord {
@@ -83,6 +88,8 @@ impl HeadRecord {
     pub const REVERSED: u32 = numbers::REVERSED;
     /// Nothing is updated.
     pub const HIDDEN: u32 = numbers::HIDDEN;
+    /// No more targets are kept than its size on the screen needs.
+    pub const FOLLOWS: u32 = numbers::FOLLOWS;
 
     /// Whether a flag is set.
     pub const fn has(&self, flag: u32) -> bool {

@@ -19,6 +19,8 @@ pub(super) enum AnimatedKernel {
     Plan,
     /// Its length becomes the arguments of dispatches.
     Arguments,
+    /// How many targets heads keep follows the camera.
+    Level,
     /// Records of instances that play something else are copied.
     Records,
     /// The blocks of the work list are updated.
@@ -27,12 +29,13 @@ pub(super) enum AnimatedKernel {
 
 impl AnimatedKernel {
     /// All of them, in the order of [`Work::kernel`].
-    pub(super) const ALL: [Self; 7] = [K::Sample, K::Budget, K::Commit, K::Plan, K::Arguments, K::Records, K::Blocks];
+    pub(super) const ALL: [Self; 8] =
+        [K::Sample, K::Budget, K::Commit, K::Plan, K::Arguments, K::Level, K::Records, K::Blocks];
 
     /// Whether it works for all groups of the mesh at once, and what it uses.
     const fn uses(self) -> (bool, &'static [Use]) {
         match self {
-            K::Sample | K::Budget | K::Commit => (true, SAMPLE),
+            K::Level | K::Sample | K::Budget | K::Commit => (true, SAMPLE),
             K::Plan => (false, PLAN),
             K::Arguments => {
                 (false, const { &[Use::read(R::Control), Use::write(R::Control), Use::write(R::WorkList)] })
@@ -71,6 +74,8 @@ pub(crate) const UPLOADED: [&[Use]; 2] = [
 pub struct AnimatedUpdate {
     /// Some instance plays something else.
     pub records: bool,
+    /// Levels of detail follow the camera.
+    pub level: bool,
     /// Small changes are deferred.
     pub budget: bool,
     /// The slot that blocks are read from.
@@ -88,7 +93,7 @@ pub struct AnimatedUpdate {
 impl AnimatedUpdate {
     /// Append its steps.
     pub fn fill(&self, steps: &mut Steps) {
-        let Self { records, budget, groups, dispatches, texels, .. } = *self;
+        let Self { records, level, budget, groups, dispatches, texels, .. } = *self;
         let mut add = |kernel: K, items: Range<u32>| {
             let (common, uses) = kernel.uses();
             steps.step(uses);
@@ -98,8 +103,8 @@ impl AnimatedUpdate {
                 steps.push(Work { kernel: kernel as u32, group, instance: 0, source, destination, items });
             }
         };
-        let planning = [(K::Records, records), (K::Sample, true), (K::Budget, budget), (K::Commit, budget)];
-        let planning = planning.into_iter().chain([(K::Plan, true), (K::Arguments, true)]);
+        let weights = [(K::Records, records), (K::Level, level), (K::Sample, true), (K::Budget, budget)];
+        let planning = weights.into_iter().chain([(K::Commit, budget), (K::Plan, true), (K::Arguments, true)]);
         planning.filter(|(_, wanted)| *wanted).for_each(|(kernel, _)| add(kernel, 0..0));
         match texels {
             true => (0..dispatches).for_each(|dispatch| add(K::Blocks, dispatch..dispatch + 1)),
@@ -114,7 +119,7 @@ pub(crate) fn accesses(works: &[Work], instances: u32) -> Vec<Accesses> {
     use Memory as M;
     let of = |work: &Work| match AnimatedKernel::ALL[work.kernel as usize] {
         K::Records => Accesses { uses: vec![Use::copy(M::Records)], ..Accesses::default() },
-        K::Sample => Accesses::compute([M::Clips, M::Records, M::Weights], [M::Weights]),
+        K::Level | K::Sample => Accesses::compute([M::Clips, M::Records, M::Weights], [M::Weights]),
         K::Budget | K::Commit => Accesses::compute([M::Clips, M::Weights], [M::Weights]),
         // Counters are atomic.
         K::Plan => {

@@ -3,12 +3,15 @@
 
 use super::clips::{Budget, Clips};
 use super::layout::{GroupLayout, Layout};
+use super::level;
 use super::playback::Playbacks;
 use super::sample::HeadRecord;
 use super::steps::{AnimatedKernel, AnimatedUpdate, UPLOADED};
 use crate::abi::modules;
+#[cfg(feature = "headless")]
+use crate::abi::numbers::LEVEL_WORDS;
 use crate::abi::numbers::WORKGROUP;
-use crate::abi::push::AnimationPush;
+use crate::abi::push::{AnimationPush, LevelPush};
 use crate::abi::worklist::TILE_WORDS;
 #[cfg(feature = "headless")]
 use crate::abi::worklist::WIDTHS;
@@ -30,20 +33,25 @@ use gpu_allocator::MemoryLocation;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Records that one command writes: 65,536 bytes.
-const RECORDS_MAX: usize = 2048;
+/// Records that one command writes: 65,536 bytes at most.
+const RECORDS_MAX: usize = 65_536 / size_of::<HeadRecord>();
 
 /// The pipelines that sample and plan, in the order of [`AnimatedKernel`]; one of each, whatever mesh and crowd are.
 #[derive(Clone, Copy, PartialEq)]
-struct Planning;
+struct Planning {
+    /// With that of levels of detail that follow the camera.
+    follows: bool,
+}
 
 impl PipelineKey for Planning {
     fn make(self, objects: &mut Objects) -> Result<()> {
         let kernels = [modules::ANIMATE, modules::BUDGET, modules::COMMIT, modules::PLAN, modules::ARGUMENTS];
-        objects.add_layout(&[kernels[0].kernel], 0)?;
+        let level = Some(modules::LEVEL).filter(|_| self.follows);
+        objects.add_layout(&[kernels[0].kernel, modules::LEVEL.kernel], 0)?;
         let widest = [objects.device.caps.tuning.widest_tile];
         kernels
             .into_iter()
+            .chain(level)
             .try_for_each(|module| objects.add_compute(module, &[&widest[..module.kernel.constants as usize]]))
     }
 }
@@ -60,6 +68,8 @@ pub(crate) struct Animated {
     staging: Option<Buffer>,
     /// Of the mesh. What is done once for all of them uses the descriptor sets of the first.
     groups: Vec<Group>,
+    /// Of `level.comp`, for the camera of the last update; `None`: no level of detail follows it.
+    level: Option<LevelPush>,
 }
 
 /// What a group of the mesh takes.
@@ -117,7 +127,8 @@ impl Animated {
         let (device, desc) = (context.device, context.desc);
         let budget = Budget::new(desc.update.error_budget, context.layout().index()?, context.grid());
         let layout = Layout::new(&context, &clips, budget.as_ref())?;
-        let planning = context.kernels.get(Planning)?;
+        let planning = context.kernels.get(Planning { follows: clips.following().is_some() })?;
+        let level = level::push(&clips, &layout.groups[0].push, context.layout().index()?, context.grid());
 
         let (table_bytes, none) = (layout.table_bytes, vk::BufferUsageFlags::empty());
         let tables = on_device(device, "deltamorph clips", table_bytes, none)?;
@@ -141,6 +152,7 @@ impl Animated {
             planning,
             clips,
             state,
+            level,
         })
     }
 
@@ -202,6 +214,13 @@ impl Animated {
         }
     }
 
+    /// Workgroups of so many invocations: in two dimensions where one does not hold them.
+    fn workgroups(&self, invocations: u64) -> [u32; 2] {
+        let groups = invocations.div_ceil(WORKGROUP.into()).max(1);
+        let x = groups.min(self.device.caps.max_workgroups.into());
+        [x as u32, groups.div_ceil(x) as u32]
+    }
+
     /// The slots that the update of this number reads and writes.
     fn slots(&self, update: u64) -> (u32, u32) {
         let slots = u64::from(self.groups[0].layout.push.slots);
@@ -216,8 +235,10 @@ impl Technique for Animated {
         for Group { layout: GroupLayout { push, .. }, .. } in &mut self.groups {
             (push.now, push.source, push.destination) = (self.playbacks.now(), source, destination);
         }
+        self.level.iter_mut().for_each(|push| level::follow(push, self.playbacks.camera()));
         let update = AnimatedUpdate {
             records: !self.playbacks.changed().is_empty(),
+            level: self.level.is_some(),
             budget: self.groups[0].layout.push.budget_at != 0,
             source,
             destination,
@@ -236,13 +257,10 @@ impl Technique for Animated {
         let listed = matches!(what, AnimatedKernel::Plan | AnimatedKernel::Arguments);
         for list in 0..if listed { layout.lists() } else { 1 } {
             let (push, workgroups) = match what {
-                // In two dimensions where one does not hold them.
                 AnimatedKernel::Sample | AnimatedKernel::Commit => {
-                    let words = u64::from(push.heads) * u64::from(push.words);
-                    let groups = words.div_ceil(WORKGROUP.into()).max(1);
-                    let x = groups.min(caps.max_workgroups.into());
-                    (*push, [x as u32, groups.div_ceil(x) as u32])
+                    (*push, self.workgroups(u64::from(push.heads) * u64::from(push.words)))
                 }
+                AnimatedKernel::Level => (*push, self.workgroups(push.heads.into())),
                 AnimatedKernel::Budget => {
                     (*push, [push.blocks.div_ceil(WORKGROUP), push.heads.min(caps.max_workgroups)])
                 }
@@ -254,9 +272,11 @@ impl Technique for Animated {
                 AnimatedKernel::Blocks => return unsafe { self.record_blocks(cmd, work) },
             };
             let (set, workgroups) = (group.sets.get(list as usize), Workgroups::Of(workgroups));
+            let level = self.level.as_ref().filter(|_| what == AnimatedKernel::Level);
+            let push = level.map_or(bytes_of(&push), bytes_of);
             // SAFETY: the caller's obligations; sets and push constants were made for these buffers, and workgroups
             // are no more than the device allows.
-            unsafe { self.planning.objects.dispatch(cmd, what as usize, (set, &[]), bytes_of(&push), workgroups) };
+            unsafe { self.planning.objects.dispatch(cmd, what as usize, (set, &[]), push, workgroups) };
         }
     }
 
@@ -338,6 +358,13 @@ impl Animated {
             Ok(PlannedGroup { instances, blocks, entries, counts, capacity, words })
         };
         (0..layout.lists()).map(plan).collect()
+    }
+
+    /// What the level of detail of an instance is, where it follows the camera: buffer, offset, size of words as
+    /// `glsl/level.comp` writes them.
+    pub(crate) fn level_of(&self, instance: u32) -> Option<(vk::Buffer, u64, u64)> {
+        let (heads, bytes) = (u64::from(self.level.as_ref()?.heads), 4 * u64::from(LEVEL_WORDS));
+        Some((self.state.raw, heads * size_of::<HeadRecord>() as u64 + u64::from(instance) * bytes, bytes))
     }
 
     /// The weights of an instance: buffer, offset, size.

@@ -303,38 +303,43 @@ fn small_changes_are_deferred_within_the_budget() {
     assert_eq!(commit(&first, None), first);
     // Target 2 moves nothing: its change is in no block's sum, and is deferred until the weights stay the same.
     let mut weights = [1001, -500, 7, 20, 0];
-    assert_eq!(commit(&weights, Some(&budget)), first);
+    assert_eq!(commit(&weights, Some((&budget, budget.most))), first);
     let (mut applied, to_weights) = (0, |steps: &[i32]| steps.iter().map(|&s| s as f32 * step).collect::<Vec<_>>());
     for i in 0..200 {
         weights[0] += 50 + i % 5;
         weights[4] -= i % 2;
-        let held = commit(&weights, Some(&budget));
+        let held = commit(&weights, Some((&budget, budget.most)));
         applied += usize::from(held[0] == weights[0]);
         let pose = reference::evaluate(&mesh, &to_weights(&held)).iter().map(|&x| x as f32).collect::<Vec<_>>();
         let error = reference::compare(&pose, &reference::evaluate(&mesh, &to_weights(&weights)));
         assert!(error.position <= f64::from(length) + 1e-5, "{error:?}");
     }
     assert!((6..195).contains(&applied), "{applied} of 200 were applied");
-    assert_eq!(commit(&weights, Some(&budget)), weights, "nothing is deferred when the weights stay the same");
+    assert_eq!(
+        commit(&weights, Some((&budget, budget.most))),
+        weights,
+        "nothing is deferred when the weights stay the same"
+    );
     weights[0] += 100_000;
-    assert_eq!(commit(&weights, Some(&budget))[0], weights[0], "a large change is applied");
+    assert_eq!(commit(&weights, Some((&budget, budget.most)))[0], weights[0], "a large change is applied");
 }
 
 /// Take any one barrier of a running animation out, and the checker says so.
 #[test]
 fn every_barrier_is_needed() {
-    for (slots, records, budget, texels) in [
-        (1, false, false, false),
-        (2, false, true, false),
-        (2, true, false, false),
-        (3, true, true, false),
-        (2, false, false, true),
+    for (slots, records, level, budget, texels) in [
+        (1, false, false, false, false),
+        (2, false, false, true, false),
+        (2, true, false, false, false),
+        (2, false, true, false, false),
+        (3, true, true, true, false),
+        (2, false, false, false, true),
     ] {
         let frames: Vec<_> = (0..6u32)
             .map(|frame| {
                 let (source, destination) = ((frame + slots - 1) % slots, frame % slots);
                 let (groups, dispatches) = (2, 3);
-                let update = AnimatedUpdate { records, budget, source, destination, groups, dispatches, texels };
+                let update = AnimatedUpdate { records, level, budget, source, destination, groups, dispatches, texels };
                 let mut steps = Steps::new(Consumers::default());
                 update.fill(&mut steps);
                 let events = scheduled(&[&steps], |_, works| accesses(works, 1));
@@ -342,7 +347,14 @@ fn every_barrier_is_needed() {
             })
             .collect();
         // None before sampling: the barriers of the update before order it.
-        let barriers = 4 + 2 * usize::from(records) + 2 * usize::from(budget) + 2 * usize::from(texels);
-        assert_barriers_needed(&frames, barriers, &format!("{slots} slots, records {records}, budget {budget}"));
+        let barriers =
+            4 + [2 * usize::from(records), usize::from(level), 2 * usize::from(budget), 2 * usize::from(texels)]
+                .iter()
+                .sum::<usize>();
+        assert_barriers_needed(
+            &frames,
+            barriers,
+            &format!("{slots} slots, records {records}, level {level}, budget {budget}"),
+        );
     }
 }
