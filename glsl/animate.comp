@@ -74,7 +74,6 @@ void main() {
     // With a level of detail: targets kept, in steps of 2⁻¹⁶, and where the ranks of targets are in Tables.
     uint level = state[record + 6u];
     uint ranks_at = state[record + 7u];
-    if ((flags & FOLLOWS) != 0u) level = min(level, state[level_of(head)]);
 
     uint first = (i % words) * 32u;
     uint count = min(targets - first, 32u);

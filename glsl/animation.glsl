@@ -11,8 +11,8 @@ layout(local_size_x = WORKGROUP) in;
 // budget   two words of the budget, the lower first;   [entry] reach in steps
 layout(set = 0, binding = 0, std430) readonly buffer Tables { uint tables[]; };
 
-// records  [head] RECORD_WORDS words, written by copies
-// levels   [head] LEVEL_WORDS words, where levels of detail follow the camera        (level.comp)
+// records  [head] RECORD_WORDS words, written by copies; the levels in them by level.comp, where they follow the camera
+// levels   [head] LEVEL_WORDS words, where they do
 // phases   [head][word]; the first of a head's is its own
 // weights  [head][target] in steps of the grid;   deltas [head][target]: what the last update changed
 // requested [head][target]: the weights requested, with an error budget

@@ -4,6 +4,9 @@
 #extension GL_GOOGLE_include_directive : require
 #include "animation.glsl"
 
+// Levels of detail may follow the camera, each with a budget of its own.
+layout(constant_id = 0) const bool LEVELS = false;
+
 void main() {
     uint block = gl_GlobalInvocationID.x;
     if (block >= blocks) return;
@@ -14,11 +17,6 @@ void main() {
     uint whole_high = tables[budget_at + 1u];
     for (uint head = gl_WorkGroupID.y; head < heads; head += gl_NumWorkGroups.y) {
         if (state[phases_at + head * words] != CONTINUED) continue;
-        uint most_low = whole_low, most_high = whole_high;
-        if ((state[head * RECORD_WORDS + 3u] & FOLLOWS) != 0u) {
-            most_low = state[level_of(head) + 3u];
-            most_high = state[level_of(head) + 4u];
-        }
         uint deferred = 0u;
         for (uint w = 0u; w < words; ++w) {
             deferred |= state[bits(PENDING) + head * words + w] & tables[block_targets_at + block * words + w];
@@ -32,6 +30,11 @@ void main() {
             umulExtended(pending, tables[budget_at + 2u + e], product_high, product_low);
             low = uaddCarry(low, product_low, carry);
             high += product_high + carry;
+        }
+        uint most_low = whole_low, most_high = whole_high;
+        if (LEVELS && (state[head * RECORD_WORDS + 3u] & FOLLOWS) != 0u) {
+            most_low = state[level_of(head) + 3u];
+            most_high = state[level_of(head) + 4u];
         }
         if (high < most_high || (high == most_high && low <= most_low)) continue;
         for (uint w = 0u; w < words; ++w) {

@@ -95,6 +95,8 @@ void main() {
         level = known ? towards(level, goal * WHOLE, unit) : goal * WHOLE;
     }
     state[at] = level;
+    // What sampling reads: no more than the host allows.
+    state[record + 6u] = min(level, state[record + 14u]);
     state[at + 1u] = goal;
     state[at + 2u] = epoch_now;
     if (budget_at == 0u) return;

@@ -261,10 +261,10 @@ pub const KERNELS: &[KernelRow] = &[
     // What measurements need.
     KernelRow { name: "consume", poses: true, push: Push::Consume, ..VERTEX },
     KernelRow { name: "read", bindings: &[(0, Buffer::Storage(16)), (1, WORDS)], push: Push::Read, ..COMPUTE },
-    // Sampling clips and planning updates; a specialization constant of `plan` and
-    // `arguments` is the widest tile.
+    // Sampling clips and planning updates; a specialization constant of `budget` says whether levels of detail follow the
+    // camera, one of `plan` and `arguments` is the widest tile.
     KernelRow { name: "animate", ..ANIMATION },
-    KernelRow { name: "budget", ..ANIMATION },
+    KernelRow { name: "budget", constants: 1, ..ANIMATION },
     KernelRow { name: "commit", ..ANIMATION },
     KernelRow { name: "plan", constants: 1, ..ANIMATION },
     KernelRow { name: "arguments", constants: 1, ..ANIMATION },

@@ -39,7 +39,7 @@ shared! {
     ALIGN: usize = 4;
 
     /// Words of the record of a head: what it plays, and where it is.
-    RECORD_WORDS: u32 = 14;
+    RECORD_WORDS: u32 = 16;
     /// Flag of a record: a clip is playing.
     PLAYING: u32 = 1;
     /// Flag of a record: the clip starts again at its end.

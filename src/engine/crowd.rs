@@ -262,7 +262,7 @@ impl AnimatedCrowd {
     /// multiplies the weights of clips by the targets' [factors](crate::lod::Importance::factor), in steps of 2⁻¹⁶. As many as
     /// there are, or more, are all of them, as at the beginning.
     ///
-    /// A level that changes brings 56 bytes to the device; one that stays is no work. Of a head that [has a
+    /// A level that changes brings 64 bytes to the device; one that stays is no work. Of a head that [has a
     /// place](Self::set_place) this is the most that is kept.
     ///
     /// # Errors
@@ -296,7 +296,7 @@ impl AnimatedCrowd {
     /// [error budget](field@crate::UpdateDesc::error_budget) in the crowd's description, the instance's own is that of its
     /// pixels ([`lod::LevelDesc::error_budget`](crate::lod::LevelDesc::error_budget)), or the crowd's where that is less.
     ///
-    /// A place that changes brings 56 bytes to the device; a camera that moves, nothing but push constants. The commands
+    /// A place that changes brings 64 bytes to the device; a camera that moves, nothing but push constants. The commands
     /// stay the same. [`cut`](Self::cut) takes the level to its goal at once.
     ///
     /// # Errors

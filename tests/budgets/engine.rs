@@ -10,6 +10,7 @@ use deltamorph::ash::{self, vk};
 use deltamorph::import::sample::{HeadDesc, head, head_clip};
 use deltamorph::internals::abi::modules::MODULES;
 use deltamorph::internals::abi::worklist::TILE;
+use deltamorph::lod::{Importance, LevelDesc};
 use deltamorph::{
     AnimationDesc, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCaps, DeviceDesc, DeviceTuning,
     MorphEngine, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
@@ -144,7 +145,9 @@ unsafe fn make_crowds(engine: &MorphEngine, cmd: vk::CommandBuffer, output: vk::
     let head_desc = HeadDesc::default().vertices(300).targets(4);
     let mesh = head(&head_desc).to_mesh(Tolerance::default()).expect("a mesh");
     let clips = [head_clip(&head_desc, 2, 30.0)];
-    let animation = AnimationDesc::new(&clips);
+    let importance = Importance::of(&mesh, &[]).expect("an order");
+    let plain = AnimationDesc::new(&clips);
+    let followed = plain.importance(Some(&importance)).level(Some(LevelDesc::default()));
     for format in DeltaFormat::ALL {
         let packed = PackedMesh::pack(&mesh, &engine.pack_desc(format)).expect("a mesh that fits");
         for update in updates(engine, format) {
@@ -154,7 +157,7 @@ unsafe fn make_crowds(engine: &MorphEngine, cmd: vk::CommandBuffer, output: vk::
             };
             // SAFETY: the caller's obligations.
             let uploaded = unsafe { upload(engine, cmd, &packed) }.expect("an upload");
-            for instances in [1, TILE as u32] {
+            for (instances, animation) in [(1, plain), (TILE as u32, followed)] {
                 let desc = CrowdDesc::new(update).instances(instances);
                 // What does not go together is refused; main.rs sees that every module has a pipeline in the end.
                 if let Ok(mut crowd) = engine.create_crowd(&uploaded, &desc) {

@@ -173,6 +173,7 @@ impl Playbacks {
         };
         if (record.level, record.ranks_at) != set {
             (record.level, record.ranks_at) = set;
+            record.most = record.level;
             self.touch(head).stale = true;
         }
         Ok(())
@@ -190,7 +191,7 @@ impl Playbacks {
         // Of a head that did not follow, the device knows no level.
         placed.epoch = placed.epoch.wrapping_add(u32::from(!record.has(HeadRecord::FOLLOWS)));
         if record.ranks_at == 0 {
-            (placed.level, placed.ranks_at) = (all, ranks_at);
+            (placed.level, placed.ranks_at, placed.most) = (all, ranks_at, all);
         }
         if *record != placed {
             *record = placed;

@@ -68,7 +68,8 @@ pub struct HeadRecord {
     pub frame: u32,
     /// Fraction of a frame at `start`, in steps of 2⁻³².
     pub fraction: u32,
-    /// Targets kept, in steps of 2⁻¹⁶, where `ranks_at` is not 0.
+    /// Targets kept, in steps of 2⁻¹⁶, where `ranks_at` is not 0. With a level of detail that follows the camera the device
+    /// overwrites it in each update.
     pub level: u32,
     /// Where the ranks of targets are in the tables; 0: all targets are kept.
     pub ranks_at: u32,
@@ -77,6 +78,10 @@ pub struct HeadRecord {
     pub place: [u32; 5],
     /// Grows where the next pose has no predecessor.
     pub epoch: u32,
+    /// What the host allows of `level`.
+    pub most: u32,
+    /// 0. Records of 64 bytes begin at a shift.
+    pub padding: u32,
 }
 
 impl HeadRecord {

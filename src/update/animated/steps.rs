@@ -119,7 +119,8 @@ pub(crate) fn accesses(works: &[Work], instances: u32) -> Vec<Accesses> {
     use Memory as M;
     let of = |work: &Work| match AnimatedKernel::ALL[work.kernel as usize] {
         K::Records => Accesses { uses: vec![Use::copy(M::Records)], ..Accesses::default() },
-        K::Level | K::Sample => Accesses::compute([M::Clips, M::Records, M::Weights], [M::Weights]),
+        K::Level => Accesses::compute([M::Clips, M::Records, M::Weights], [M::Records, M::Weights]),
+        K::Sample => Accesses::compute([M::Clips, M::Records, M::Weights], [M::Weights]),
         K::Budget | K::Commit => Accesses::compute([M::Clips, M::Weights], [M::Weights]),
         // Counters are atomic.
         K::Plan => {

@@ -45,14 +45,17 @@ struct Planning {
 
 impl PipelineKey for Planning {
     fn make(self, objects: &mut Objects) -> Result<()> {
-        let kernels = [modules::ANIMATE, modules::BUDGET, modules::COMMIT, modules::PLAN, modules::ARGUMENTS];
-        let level = Some(modules::LEVEL).filter(|_| self.follows);
-        objects.add_layout(&[kernels[0].kernel, modules::LEVEL.kernel], 0)?;
-        let widest = [objects.device.caps.tuning.widest_tile];
-        kernels
-            .into_iter()
-            .chain(level)
-            .try_for_each(|module| objects.add_compute(module, &[&widest[..module.kernel.constants as usize]]))
+        objects.add_layout(&[modules::ANIMATE.kernel, modules::LEVEL.kernel], 0)?;
+        let (widest, follows) = ([objects.device.caps.tuning.widest_tile], [u32::from(self.follows)]);
+        objects.add_compute(modules::ANIMATE, &[&[]])?;
+        objects.add_compute(modules::BUDGET, &[&follows])?;
+        objects.add_compute(modules::COMMIT, &[&[]])?;
+        objects.add_compute(modules::PLAN, &[&widest])?;
+        objects.add_compute(modules::ARGUMENTS, &[&widest])?;
+        if self.follows {
+            objects.add_compute(modules::LEVEL, &[&[]])?;
+        }
+        Ok(())
     }
 }
 
