@@ -60,9 +60,11 @@ pub struct MeshInfo {
 }
 
 /// What is packed, and what a packed file has, of an [`Input`].
+#[cfg(feature = "viewer")]
 pub type Meshes = (Arc<MorphMesh>, Option<Arc<PackedMesh>>);
 
 impl Input {
+    #[cfg(feature = "viewer")]
     pub fn meshes(&self) -> Meshes {
         (self.kept.clone(), self.packed.clone())
     }

@@ -3,6 +3,7 @@
 mod apply;
 mod args;
 mod bench;
+mod detail;
 mod devices;
 mod info;
 mod input;

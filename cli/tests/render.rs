@@ -206,6 +206,37 @@ fn clips_are_their_frames() {
     }
 }
 
+/// What a level of detail keeps is drawn as ever, what it drops as if it had no weight; the larger the picture, the more is kept.
+#[test]
+fn targets_are_dropped_by_their_importance() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let drawn = |name: &str, args: &[&str]| {
+        let out = folder.path().join(format!("{name}.png"));
+        draw(args, &drivers()[0], &out);
+        pixels(&out)
+    };
+    // The jaw moves most of the face, a blink little of it.
+    let set = ["--set", "jawOpen=0.8,eyeBlinkLeft=1"];
+    let whole = drawn("whole", &set);
+    assert!(drawn("all", &[&set[..], &["--detail", "100%"]].concat()) == whole);
+    assert!(drawn("near", &[&set[..], &["--detail", "0px"]].concat()) == whole);
+    assert!(drawn("none", &[&set[..], &["--detail", "0%"]].concat()) == drawn("neutral", &[]));
+    let jaw = drawn("jaw", &["--set", "jawOpen=0.8"]);
+    assert!(drawn("few", &[&set[..], &["--detail", "5%"]].concat()) == jaw && jaw != whole);
+    let kept = |size: &str| {
+        let out = folder.path().join("kept.png");
+        let out = out.to_str().expect("UTF-8");
+        let mesh = &MESH[..4];
+        let told = json(
+            &[&["render", "-o", out, "--crowd", "9", "--detail", "2px", "--size", size, "--json", "-"], mesh].concat(),
+        );
+        [0, 1].map(|i| told["kept"][i].as_u64().expect("a number"))
+    };
+    let [near, far] = [kept("160x90"), kept("80x45")];
+    // Rows of heads lie behind each other.
+    assert!(near[0] < near[1] && far[1] < near[0] && far[0] > 0, "{near:?}, {far:?}");
+}
+
 #[test]
 fn what_cannot_be_drawn_says_why() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -236,6 +267,8 @@ fn what_cannot_be_drawn_says_why() {
     refused(&["-o", out, "--show", "wire", "--checker"], 2, "cannot be used with");
     refused(&["-o", out, "--show", "blocks", "--sheet"], 2, "leave --sheet out");
     refused(&["-o", out, "--show", "motion", "--slots", "1", "--set", "eyeBlinkLeft=1"], 1, "two slots or more");
+    refused(&["-o", out, "--detail", "half"], 2, "give all, a share as 50%");
+    refused(&["-o", out, "--detail", "50%", "--sheet"], 2, "cannot be used with");
     refused(&["-o", out, "--heat", "error", "--crowd", "2"], 2, "leave --crowd out");
     refused(&["-o", out, "--path", "direct"], 2, "no pose to draw");
     refused(&["-o", out, "--path", "blocks,cpu"], 2, "render");

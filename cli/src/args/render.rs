@@ -1,6 +1,7 @@
 //! The options of `render`.
 
 use super::{RunArgs, values};
+use crate::detail::Detail;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -55,6 +56,11 @@ pub struct RenderArgs {
     /// Where the colours of --heat and of --show motion end, in input units [default: at the largest value]
     #[arg(long, value_name = "LENGTH", value_parser = values::positive)]
     pub scale: Option<f32>,
+    /// How many targets heads keep, in the order of their importance: all, a share as 50%, or as many as it takes for no vertex
+    /// to be further off than so many pixels, as 0.5px
+    #[arg(long, value_name = "all|N%|Npx", default_value = "all", value_parser = Detail::parse)]
+    #[arg(conflicts_with_all = ["sheet", "heat", "magnify"])]
+    pub detail: Detail,
     /// A checker of N squares through the texture coordinates, which shows their seams
     #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "32", conflicts_with = "magnify")]
     #[arg(value_parser = values::whole(1u32, 4096))]

@@ -34,5 +34,5 @@ pub fn draw(scenery: &Scenery<'_>, factor: f32, output: &Path) -> Result<Done, F
     }
     canvas.save(output)?;
     let what = format!("before and after, at {factor} times an error of {share:.1e} of the diagonal");
-    Ok(Done { what, size: [width, height], frames: 1, scale: None })
+    Ok(Done { what, size: [width, height], frames: 1, scale: None, kept: None })
 }

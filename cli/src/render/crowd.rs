@@ -30,7 +30,7 @@ pub fn draw(scenery: &Scenery<'_>, heads: u32, output: &Path) -> Result<Done, Fa
         heat::draw_scale(scenery, &mut canvas, end);
     }
     canvas.save(output)?;
-    Ok(Done { what: format!("a crowd of {heads} heads"), size, frames: 1, scale })
+    Ok(Done { what: format!("a crowd of {heads} heads"), size, frames: 1, scale, kept: easel.kept() })
 }
 
 /// Frames of the clip that lie far from each other, and the frame before each; without a clip a few targets each, by the seed,

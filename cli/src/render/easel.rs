@@ -3,8 +3,10 @@
 use super::canvas::Canvas;
 use super::scenery::Scenery;
 use crate::args::render::Shown;
+use crate::detail::{Detail, Kept};
 use crate::output::Failure;
 use crate::runner::Stage;
+use deltamorph::lod;
 use deltamorph::{BatchSize, CpuCrowd, POSE_FLOATS, PackedMesh, UpdateDesc, UpdatePath};
 use deltamorph_render::{Camera, Light, Poses, Scene, Show, StoredPose, Studio, StudioDesc};
 use glam::Mat4;
@@ -24,6 +26,10 @@ pub struct Easel<'a> {
     places: Vec<Mat4>,
     pub scene: Scene,
     background: [f32; 4],
+    /// How many targets heads keep, where not all.
+    detail: Detail,
+    kept: Option<Kept>,
+    camera: lod::Camera,
 }
 
 /// Who makes the poses.
@@ -80,12 +86,27 @@ impl<'a> Easel<'a> {
             (_, Some(squares)) => Show::Checker(squares as f32),
         };
         let scene = Scene { view, light: Light { yaw, pitch, strength }, show };
-        Ok(Self { studio, heads, places, scene, background: args.background.linear() })
+        let kept = match args.detail {
+            Detail::All => None,
+            Detail::Share(_) | Detail::Pixels(_) => Some(Kept::new(&scenery.input.kept, &subject.focus)?),
+        };
+        let seen = lod::Camera { eye: scene.view.eye, height: size[1] as f32, angle: camera.angle.to_radians() };
+        let background = args.background.linear();
+        Ok(Self { studio, heads, places, scene, background, detail: args.detail, kept, camera: seen })
     }
 
     /// Begin a picture of the heads with these weights; returns the oldest that is ready, when it had to be waited for.
     pub fn draw(&mut self, weights: &[&[f32]]) -> Result<Option<Canvas>, Failure> {
-        let Self { studio, heads, places, scene, background } = self;
+        let Self { studio, heads, places, scene, background, detail, kept, camera } = self;
+        let mut with: Vec<Vec<f32>>;
+        let (mut refs, mut weights) = (vec![], weights);
+        if let Some(kept) = kept {
+            with = weights.iter().map(|weights| weights.to_vec()).collect();
+            let units: Vec<f32> = places.iter().map(|place| kept.unit(camera, place)).collect();
+            kept.apply(*detail, &units, &mut with)?;
+            refs.extend(with.iter().map(Vec::as_slice));
+            weights = &refs;
+        }
         let finished = match heads {
             Heads::Device => studio.draw(Poses::Weights(weights), places, scene, *background)?,
             Heads::Processor(crowd, mesh, desc) => {
@@ -132,6 +153,11 @@ impl<'a> Easel<'a> {
 
     fn last(&mut self) -> Result<Canvas, Failure> {
         self.finish()?.pop().ok_or_else(|| Failure::Failed("no picture was drawn; report this".into()))
+    }
+
+    /// Targets of all, and how many of them a head kept in the last picture, the fewest and the most; `None`: all.
+    pub fn kept(&self) -> Option<(usize, [usize; 2])> {
+        self.kept.as_ref().map(Kept::of_all)
     }
 
     /// Show these values, one a vertex, with the end of their scale.

@@ -54,18 +54,23 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
     })?;
     let subject = Subject::new(args.run.input.input.as_deref(), &input);
     let scenery = Scenery { args, input: &input, stage: &stage, gpu, subject, out };
-    let Done { what, size, frames, scale } = match (args.sheet, args.crowd, args.magnify) {
+    let Done { mut what, size, frames, scale, kept } = match (args.sheet, args.crowd, args.magnify) {
         (true, ..) => sheet::draw(&scenery, output)?,
         (_, Some(heads), _) => crowd::draw(&scenery, heads, output)?,
         (.., Some(factor)) => compare::draw(&scenery, factor, output)?,
         _ if args.clip.is_some() => clip::draw(&scenery, output)?,
         _ => single(&scenery, output)?,
     };
+    if let Some((all, [fewest, most])) = kept {
+        let kept = if fewest == most { most.to_string() } else { format!("{fewest} to {most}") };
+        what += &format!(", {kept} of {all} targets kept");
+    }
     let (file, setup) = (output.display(), stage.describe());
     out.say(format_args!("{file}: {what}, {} × {} pixels, through {setup}", size[0], size[1]));
     let more = json!({
         "schema": 1, "device": gpu.caps().name, "output": output.display().to_string(), "width": size[0],
         "height": size[1], "frames": frames, "scale": scale,
+        "kept": kept.map(|(_, kept)| kept),
     });
     out.json(&With { fields: stage.setup(), more })
 }
@@ -108,5 +113,5 @@ fn single(scenery: &Scenery<'_>, output: &Path) -> Result<Done, Failure> {
     canvas.save(output)?;
     let active = weights.iter().filter(|w| **w != 0.0).count();
     let what = format!("{active} active of {} targets", weights.len());
-    Ok(Done { what, size, frames: 1, scale })
+    Ok(Done { what, size, frames: 1, scale, kept: easel.kept() })
 }

@@ -32,6 +32,8 @@ pub struct Done {
     pub frames: usize,
     /// The end of the scale, where colours stand for values.
     pub scale: Option<f32>,
+    /// Targets of all, and how many of them a head keeps, the fewest and the most; `None`: all.
+    pub kept: Option<(usize, [usize; 2])>,
 }
 
 /// The parts of a mesh, and the positions that a picture of it has to show.

@@ -64,5 +64,5 @@ pub fn draw(scenery: &Scenery<'_>, output: &Path) -> Result<Done, Failure> {
     bar.finish_and_clear();
     sheet.save(output)?;
     let what = format!("a sheet of the base pose and {targets} targets");
-    Ok(Done { what, size, frames: poses.len(), scale })
+    Ok(Done { what, size, frames: poses.len(), scale, kept: None })
 }

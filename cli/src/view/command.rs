@@ -3,6 +3,7 @@
 use crate::args::render;
 use crate::args::values;
 use crate::args::view::MAX_HEADS;
+use crate::detail::Detail;
 use deltamorph::{DeltaFormat, PoseFormat, UpdatePath};
 use std::path::PathBuf;
 use values::BudgetSpec;
@@ -51,41 +52,6 @@ pub enum Step {
     Screenshot(PathBuf),
     Stats(PathBuf),
     Quit,
-}
-
-/// How many targets heads keep, in the order of their importance.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum Detail {
-    #[default]
-    All,
-    /// This share of them.
-    Share(f32),
-    /// As many as it takes for no vertex to be further off than so many pixels, wherever the camera is.
-    Pixels(f32),
-}
-
-impl Detail {
-    /// Those to choose from.
-    pub const ALL: [Self; 6] =
-        [Self::All, Self::Share(0.75), Self::Share(0.5), Self::Share(0.25), Self::Pixels(0.5), Self::Pixels(2.0)];
-
-    fn parse(text: &str) -> Result<Self, String> {
-        let number = |text: &str, most: f32| text.parse().ok().filter(|v| (0.0..=most).contains(v));
-        let share = || text.strip_suffix('%').and_then(|text| number(text, 100.0)).map(|v| Self::Share(v / 100.0));
-        let pixels = || text.strip_suffix("px").and_then(|text| number(text, 1e3)).map(Self::Pixels);
-        let all = (text == "all").then_some(Self::All);
-        all.or_else(share).or_else(pixels).ok_or_else(|| "give all, a share as 50%, or pixels as 0.5px".into())
-    }
-}
-
-impl std::fmt::Display for Detail {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::All => f.write_str("all targets"),
-            Self::Share(share) => write!(f, "{}% of the targets", share * 100.0),
-            Self::Pixels(pixels) => write!(f, "{pixels} pixels off at most"),
-        }
-    }
 }
 
 /// What is shown of surfaces.

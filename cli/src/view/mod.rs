@@ -2,7 +2,6 @@
 //! change the state, frames are drawn from the state.
 
 mod command;
-mod detail;
 mod device;
 mod frame;
 mod groups;

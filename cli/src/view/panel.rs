@@ -1,12 +1,13 @@
 //! The panel: what it shows of the state, and the commands that a hand on it comes to.
 
-use super::command::{Command, Detail, Look};
+use super::command::{Command, Look};
 use super::measured::{Measured, Row};
 use super::plot::{self, Plot};
 use super::sliders;
 use super::state::State;
 use super::style::{DIM, ERROR, INK, PANEL, WIDTH};
 use crate::args::values::{BudgetSpec, format_on};
+use crate::detail::Detail;
 use crate::table::{bytes, percent, sig3, thousands};
 use deltamorph::{DeltaFormat, PoseFormat, UpdateDesc, UpdatePath};
 use egui::{
@@ -25,8 +26,8 @@ pub struct About<'a> {
     pub paths: &'a [UpdatePath],
     pub desc: UpdateDesc,
     pub format: DeltaFormat,
-    /// Targets that the first head keeps, of how many, where some may be left out.
-    pub kept: Option<(usize, usize)>,
+    /// Targets of all, and how many of them a head keeps, the fewest and the most, where some may be left out.
+    pub kept: Option<(usize, [usize; 2])>,
 }
 
 /// Show all of it; returns what is left for the heads, in points, and what the user did.
@@ -197,7 +198,7 @@ fn ways(ui: &mut Ui, state: &State, about: &About<'_>, done: &mut Vec<Command>) 
             Detail::All | Detail::Share(_) => "the most important targets stay",
         };
         let name = |detail: Detail| match about.kept.filter(|_| detail == state.detail) {
-            Some((kept, all)) => format!("{detail} ({kept} of {all})"),
+            Some((all, [_, most])) => format!("{detail} ({most} of {all})"),
             None => detail.to_string(),
         };
         done.extend(choice(ui, "Detail", state.detail, &Detail::ALL, name, hint).map(Command::Detail));

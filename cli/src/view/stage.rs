@@ -1,7 +1,6 @@
 //! What is in the window: device, heads, panel, and a frame of it all.
 
-use super::command::{Detail, Look};
-use super::detail::Kept;
+use super::command::Look;
 use super::device::{Device, Messages};
 use super::frame::{Drawn, Frames, Wanted};
 use super::heads::{Full, Heads};
@@ -12,6 +11,7 @@ use super::state::State;
 use super::swapchain::{self, Swapchain};
 use super::{command::Command, style};
 use crate::args::render::Background;
+use crate::detail::{Detail, Kept};
 use crate::output::{Failure, Output};
 use crate::render::crowd::places;
 use crate::render::scenery::Subject;

@@ -1,9 +1,10 @@
 //! What the user has chosen, and what commands make of it. No window and no device.
 
-use super::command::{Command, Detail, Look};
+use super::command::{Command, Look};
 use super::groups::{Group, groups, twin};
 use crate::args::RunArgs;
 use crate::args::view::ViewArgs;
+use crate::detail::Detail;
 use crate::input::{self, Input, Meshes};
 use crate::output::{Failure, Output};
 use deltamorph::BoundClip;
