@@ -7,7 +7,7 @@
 //! - `deltamorph.names`: the names of the targets in UTF-8, a zero byte behind each.
 //! - `deltamorph.texels`: unsigned numbers of 32 bits, little endian. The version, 1; vertices; targets; groups. Then for
 //!   each group: its number of streams, and of each the kind (0 position, 1 normal, 2 tangent, 256 + n texture
-//!   coordinates n, 512 + n colours n) and its first component of six; columns and rows of the *displacement texture*;
+//!   coordinates n, 512 + n colours n, 768 wrinkle masks) and its first component of six; columns and rows of the *displacement texture*;
 //!   targets + 1 numbers, the first rectangle of each target and the number of all; each rectangle as column, row, width
 //!   and height in the displacement texture, and the texel of the layers that holds its first delta, where the others
 //!   follow row by row (rectangles follow each other without texels between them); and for each vertex its texel of the
@@ -20,7 +20,7 @@ use crate::asset::streams::group_streams;
 use crate::asset::{MorphMesh, MorphTarget, StreamDeltas, StreamPlace};
 use crate::error::{Error, Result};
 use crate::io::read_bounded;
-use crate::pack::{DeltaFormat, POSE_FLOATS, PackedMesh};
+use crate::pack::{DeltaFormat, POSE_FLOATS, PackedMesh, TARGETS_MAX};
 use glam::Vec3;
 use std::path::Path;
 
@@ -122,7 +122,10 @@ pub(super) fn targets(bytes: &[u8], base: &MorphMesh) -> Result<Vec<MorphTarget>
     let no_key = |key| move || (": keys", format!("no key '{key}'"), "use a file that deltamorph wrote");
     let words = file.value(TEXELS).ok_or_else(no_key(TEXELS))?;
     let names = file.value(NAMES).ok_or_else(no_key(NAMES))?;
-    let bad_names = || (": key 'deltamorph.names'", "not one name for each target".into(), "write the file anew");
+    let bad_names = || {
+        let what = format!("not one name for each target, or more than {TARGETS_MAX}");
+        (": key 'deltamorph.names'", what, "write the file anew")
+    };
     let names = std::str::from_utf8(names).map_err(|_| bad_names())?;
 
     let (words, rest) = words.as_chunks();
@@ -142,17 +145,20 @@ pub(super) fn targets(bytes: &[u8], base: &MorphMesh) -> Result<Vec<MorphTarget>
             2 * streams.len()
         )));
     }
-    let mut targets: Vec<MorphTarget> = names
-        .split_terminator('\0')
-        .map(|name| MorphTarget {
-            name: name.into(),
-            streams: vec![StreamDeltas::default(); base.streams.len()],
-            ..Default::default()
-        })
-        .collect();
+    // A target takes a hundred times what a name of one letter does: no more of them than a mesh may have.
+    let count = names.split_terminator('\0').count();
+    if count != head[2] as usize || count > TARGETS_MAX {
+        return Err(bad_names());
+    }
+    let target = |name: &str| MorphTarget {
+        name: name.into(),
+        streams: vec![StreamDeltas::default(); base.streams.len()],
+        ..Default::default()
+    };
+    let mut targets: Vec<MorphTarget> = names.split_terminator('\0').map(target).collect();
     let mut sorted: Vec<&str> = targets.iter().map(|t| t.name.as_str()).collect();
     sorted.sort_unstable();
-    if targets.len() != head[2] as usize || sorted.windows(2).any(|pair| pair[0] == pair[1]) {
+    if sorted.windows(2).any(|pair| pair[0] == pair[1]) {
         return Err(bad_names());
     }
     for (group, places) in streams.iter().enumerate() {

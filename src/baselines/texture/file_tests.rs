@@ -55,6 +55,48 @@ fn the_container_is_as_the_specification_says() {
     }
 }
 
+/// Headers, descriptors, keys and texels as a reader has them that is not ours.
+#[test]
+fn others_read_what_is_written() {
+    let mesh = testing::with_streams(testing::mesh(300, 7));
+    for (floats, format) in [
+        (TextureFloats::Single, ktx2::Format::R32G32B32A32_SFLOAT),
+        (TextureFloats::Half, ktx2::Format::R16G16B16A16_SFLOAT),
+    ] {
+        let file = written(&mesh, floats);
+        let (ours, reader) =
+            (Container::read(&file).expect("a file"), ktx2::Reader::new(&file[..]).expect("a KTX2 file"));
+        let (descriptor, type_size) = ktx2::dfd::Basic::from_format(format).expect("a descriptor");
+        let header = reader.header();
+        assert_eq!((header.format, header.type_size, header.supercompression_scheme), (Some(format), type_size, None));
+        assert_eq!(
+            [header.pixel_width, header.pixel_height, header.layer_count],
+            [ours.size[0], ours.size[1], ours.layers]
+        );
+        assert_eq!([header.pixel_depth, header.face_count, header.level_count], [0, 1, 1]);
+        assert_eq!(reader.basic_dfd(), Some(&descriptor));
+        assert!(reader.writer().is_some_and(|writer| writer.starts_with("deltamorph")));
+        assert!(reader.key_value_data().eq(ours.values.iter().copied()));
+        let levels: Vec<_> = reader.levels().collect();
+        assert!(levels.len() == 1 && levels[0].data == ours.texels);
+        assert_eq!(levels[0].uncompressed_byte_length, ours.texels.len() as u64);
+    }
+}
+
+/// A key that states more targets than there may be takes no memory for them.
+#[test]
+fn names_without_end_are_refused() {
+    let mesh = testing::mesh(12, 3);
+    let file = written(&mesh, TextureFloats::Single);
+    let file = Container::read(&file).expect("a file");
+    let names = b"a\0".repeat(70_000);
+    let mut texels = file.value(TEXELS).expect("texels").to_vec();
+    texels[8..12].copy_from_slice(&70_000u32.to_le_bytes());
+    let values = vec![WRITER, (NAMES, &names), (TEXELS, &texels)];
+    let (_, what, _) = targets(&Container { values, ..file }.write(), &mesh).expect_err("too many");
+    assert_eq!(what, "not one name for each target, or more than 65536");
+}
+
 #[test]
 fn what_is_cut_or_changed_is_refused_or_read_and_never_panics() {
     let mesh = testing::mesh(12, 3);
