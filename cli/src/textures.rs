@@ -5,7 +5,7 @@ use crate::input;
 use crate::output::{Failure, Output};
 use crate::table::{bytes, sig3};
 use deltamorph::textures::{TextureFloats, read_ktx2, write_ktx2};
-use deltamorph::{DeltaFormat, MorphMesh, PackDesc, PackedMesh};
+use deltamorph::{DeltaFormat, MorphMesh, POSE_FLOATS, PackDesc, PackedMesh};
 use serde::Serialize;
 use std::io::Write;
 
@@ -19,8 +19,22 @@ struct Written {
     targets: usize,
     half: bool,
     file_bytes: usize,
-    /// By how much a number of a delta of positions or normals was rounded, at most; 0 for 32-bit floats.
-    rounding: f64,
+    /// Texels of a row, rows, and layers: two for each group of streams.
+    size: [u32; 3],
+    /// Deltas of positions and normals, of all targets.
+    deltas: usize,
+    /// By how much a number was rounded, at most; 0 for 32-bit floats.
+    rounding: Rounding,
+}
+
+/// Of deltas, at weight 1.
+#[derive(Default, Serialize)]
+struct Rounding {
+    /// In input units.
+    positions: f64,
+    normals: f64,
+    /// Tangents, texture coordinates, colours and masks.
+    streams: f64,
 }
 
 pub fn run(args: &TexturesArgs, out: &Output) -> Result<(), Failure> {
@@ -42,18 +56,36 @@ pub fn run(args: &TexturesArgs, out: &Output) -> Result<(), Failure> {
         targets: input.kept.targets.len(),
         half: args.half,
         file_bytes: file.len(),
+        size: [20, 24, 32].map(|at| u32::from_le_bytes(std::array::from_fn(|i| file[at + i]))),
+        deltas: input.kept.targets.iter().map(|target| target.vertices.len()).sum(),
         rounding: rounding(&packed, &read_ktx2(&args.output, &input.kept)?)?,
     };
-    let Written { output, vertices, targets, rounding, .. } = &written;
-    let (size, rounding) = (bytes(file.len() as f64), sig3(*rounding));
-    out.say(format!("{output}: {vertices} vertices, {targets} targets, {size}, numbers rounded by at most {rounding}"));
+    let Written { output, vertices, targets, size: [width, height, layers], rounding, .. } = &written;
+    let (size, [of_positions, of_normals]) =
+        (bytes(file.len() as f64), [rounding.positions, rounding.normals].map(sig3));
+    let rounded = match args.half {
+        true => format!("positions rounded by at most {of_positions}, normals by {of_normals}"),
+        false => "nothing rounded".to_owned(),
+    };
+    let image = format!("{layers} layers of {width} × {height} texels");
+    out.say(format!("{output}: {vertices} vertices, {targets} targets, {image}, {size}, {rounded}"));
     out.json(&written)
 }
 
-/// The largest difference of a number of positions or normals between the file, as it is read, and what was written.
-fn rounding(written: &PackedMesh, read: &MorphMesh) -> Result<f64, Failure> {
+/// The largest difference of a number between the file, as it is read, and what was written.
+fn rounding(written: &PackedMesh, read: &MorphMesh) -> Result<Rounding, Failure> {
     let read = PackedMesh::pack(read, &PackDesc::new(DeltaFormat::Float32))?;
-    let pairs = written.deltas().iter().zip(read.deltas());
-    let of = |bits: &u32| f64::from(f32::from_bits(*bits));
-    Ok(pairs.map(|(a, b)| (of(a) - of(b)).abs()).fold(0.0, f64::max))
+    let mut rounding = Rounding::default();
+    for (group, (written, read)) in written.groups().iter().zip(read.groups()).enumerate() {
+        for (i, (a, b)) in written.deltas().iter().zip(read.deltas()).enumerate() {
+            let off = (f64::from(f32::from_bits(*a)) - f64::from(f32::from_bits(*b))).abs();
+            let most = match (group, i % POSE_FLOATS) {
+                (0, ..3) => &mut rounding.positions,
+                (0, _) => &mut rounding.normals,
+                _ => &mut rounding.streams,
+            };
+            *most = most.max(off);
+        }
+    }
+    Ok(rounding)
 }
