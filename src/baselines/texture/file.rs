@@ -15,7 +15,7 @@
 
 use super::container::{Container, Refused};
 use super::half;
-use super::texels::{DeltaTexels, RECTANGLE_WORDS};
+use super::texels::{DeltaTexels, RECTANGLE_WORDS, TexelFormat};
 use crate::asset::streams::group_streams;
 use crate::asset::{MorphMesh, MorphTarget, StreamDeltas, StreamPlace};
 use crate::error::{Error, Result};
@@ -67,19 +67,13 @@ pub fn write_ktx2(mesh: &PackedMesh, floats: TextureFloats) -> Result<Vec<u8>> {
         words.extend(stream_words(&group.layout().streams));
         words.extend(baked.size.iter().chain(&baked.first));
         words.extend(baked.words(layout.vertex_count));
-        for bytes in [false, true].map(|second| baked.bytes(second)) {
-            if single {
-                texels.extend(bytes);
-                continue;
-            }
-            for value in bytes.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)) {
-                if value.abs() > half::LARGEST {
-                    let what = format!("a delta of {value}, half floats end at {}", half::LARGEST);
-                    return refuse(what, "write 32-bit floats, or scale the mesh down");
-                }
-                texels.extend(half::from_f32(value).to_le_bytes());
-            }
+        let largest = baked.largest();
+        if !single && largest > half::LARGEST {
+            let what = format!("a delta of {largest}, half floats end at {}", half::LARGEST);
+            return refuse(what, "write 32-bit floats, or scale the mesh down");
         }
+        baked.format = if single { TexelFormat::Singles } else { TexelFormat::Halves };
+        [false, true].into_iter().for_each(|second| texels.extend(baked.bytes(second)));
     }
     let names: Vec<u8> = layout.targets.iter().flat_map(|t| t.name.bytes().chain([0])).collect();
     let words: Vec<u8> = words.into_iter().flat_map(u32::to_le_bytes).collect();

@@ -7,16 +7,16 @@
 //! (`draws`). Further streams of a mesh have textures of their own, two for each group: texture coordinates, for example, which
 //! targets move where they stretch the skin.
 //!
-//! Deltas are loaded as packed: float32, or 16-bit integers times the coefficient of their step. Half floats, which the
-//! article has, are as large as the integers and lose five of their bits. Sums are float32: they drift as those of the
-//! other paths with float32 poses do, and are wiped where rebuilding takes no more targets.
+//! Deltas are loaded as packed: float32, or 16-bit integers times the coefficient of their step. Float32 deltas that are all
+//! half floats, as those of a file of half floats are, are kept as such, which the article does: half the bytes, nothing
+//! lost. (Half floats are as large as the integers, and have 11 bits where those have 16.) Sums are float32: they drift as
+//! those of the other paths with float32 poses do, and are wiped where rebuilding takes no more targets.
 
 #[cfg(feature = "ktx2")]
 mod container;
 mod draws;
 #[cfg(feature = "ktx2")]
 pub mod file;
-#[cfg(feature = "ktx2")]
 mod half;
 mod passes;
 mod texels;
@@ -29,7 +29,7 @@ use crate::engine::{GpuMesh, MorphEngine};
 use crate::error::Result;
 use crate::gpu::descriptors::BufferRange;
 use crate::gpu::mesh::{MeshBuffers, Upload};
-use crate::pack::{DeltaFormat, PackedGroup, PackedMesh};
+use crate::pack::{PackedGroup, PackedMesh};
 use crate::plan::instances::Instances;
 use crate::plan::steps::{Access, Resource, Source, Stage, Steps, Use, Work};
 use crate::plan::{UpdatePath, UpdateStats};
@@ -40,7 +40,7 @@ use draws::TextureDraws;
 use passes::BlendPasses;
 use std::ops::Range;
 use std::sync::Arc;
-use texels::{DeltaTexels, RECTANGLE_WORDS};
+use texels::{DeltaTexels, RECTANGLE_WORDS, TexelFormat};
 
 /// Bytes of a texel of both displacement textures.
 const DISPLACEMENT: u64 = 32;
@@ -60,13 +60,14 @@ struct Textures<'a>(&'a [u32]);
 
 impl<'a> Textures<'a> {
     /// First rectangle and first texel of the deltas of each target, and the numbers of all; then the size of the
-    /// displacement textures.
+    /// displacement textures, and the bytes of a texel of both delta textures.
     fn words(baked: &DeltaTexels) -> Vec<u32> {
         let texel = |&first: &u32| match baked.rectangles.get(first as usize) {
             Some(rectangle) => rectangle.first,
             None => baked.covered() as u32,
         };
-        baked.first.iter().flat_map(|first| [*first, texel(first)]).chain(baked.size).collect()
+        let ends = baked.first.iter().flat_map(|first| [*first, texel(first)]);
+        ends.chain(baked.size).chain([2 * baked.format.bytes() as u32]).collect()
     }
 
     fn of(mesh: &'a MeshBuffers) -> Self {
@@ -90,12 +91,17 @@ impl<'a> Textures<'a> {
 
     /// Texels of a row, and rows, of the displacement textures.
     fn size(self) -> [u32; 2] {
-        [self.0[self.0.len() - 2], self.0[self.0.len() - 1]]
+        [self.0[self.0.len() - 3], self.0[self.0.len() - 2]]
+    }
+
+    /// Bytes of a delta: of a texel of both delta textures.
+    fn delta_bytes(self) -> u64 {
+        self.0[self.0.len() - 1].into()
     }
 
     /// Where the texels of vertices begin, behind all rectangles, in words.
     fn texels_at(self) -> u32 {
-        self.0[self.0.len() - 4] * RECTANGLE_WORDS as u32
+        self.0[self.0.len() - 5] * RECTANGLE_WORDS as u32
     }
 }
 
@@ -107,7 +113,7 @@ fn words_of(mesh: &MeshBuffers) -> BufferRange {
 
 impl MorphEngine {
     /// As [`upload`](Self::upload), for crowds on the path `texture`, which reads deltas from two textures: 32 bytes for
-    /// each vertex that a target moves (float32), or 16 (snorm16), whatever [`mesh_bytes`](Self::mesh_bytes) says. The
+    /// each vertex that a target moves (float32), or 16 (snorm16; float32 whose deltas are half floats), whatever [`mesh_bytes`](Self::mesh_bytes) says. The
     /// layouts of the textures are changed as part of the copies.
     ///
     /// # Errors
@@ -139,9 +145,10 @@ impl MorphEngine {
         self.check_storage(layout, "its rectangles and texels take", &words)?;
         let private = Textures::words(&baked);
         let (mut buffers, upload) = MeshBuffers::new(&self.device, layout.clone(), group.base(), &words, private)?;
-        let format = match layout.format == DeltaFormat::Snorm16 {
-            true => vk::Format::R16G16B16A16_SINT,
-            false => vk::Format::R32G32B32A32_SFLOAT,
+        let format = match baked.format {
+            TexelFormat::Integers => vk::Format::R16G16B16A16_SINT,
+            TexelFormat::Halves => vk::Format::R16G16B16A16_SFLOAT,
+            TexelFormat::Singles => vk::Format::R32G32B32A32_SFLOAT,
         };
         let mut uploads = vec![upload];
         for (what, second) in [("first", false), ("second", true)] {
@@ -199,7 +206,7 @@ impl Technique for TextureTechnique {
             for mesh in self.groups.iter().map(|group| &group.mesh) {
                 let textures = Textures::of(mesh);
                 let all = textures.size().map(u64::from).iter().product::<u64>();
-                let delta = if mesh.layout.format == DeltaFormat::Snorm16 { 16 } else { DISPLACEMENT };
+                let delta = textures.delta_bytes();
                 let texels: u64 = plan.coefficients.iter().map(|c| u64::from(textures.texels(c.target))).sum();
                 let cleared = if plan.rebuilt { all * DISPLACEMENT } else { 0 };
                 stats.bytes_moved += cleared + texels * (delta + 2 * DISPLACEMENT);

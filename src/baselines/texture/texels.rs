@@ -6,6 +6,7 @@
 //! a few rectangles. A delta texture holds the rectangles of all targets one after the other, row by row, without texels in
 //! between.
 
+use super::half;
 use crate::error::{Error, Result};
 use crate::pack::{DeltaFormat, POSE_FLOATS, PackedGroup};
 use std::ops::Range;
@@ -15,6 +16,33 @@ const GAP: u32 = 8;
 
 /// Words of a rectangle.
 pub(super) const RECTANGLE_WORDS: usize = 5;
+
+/// What the numbers of a delta texture are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum TexelFormat {
+    /// 16-bit integers, in steps of the target.
+    Integers,
+    /// Half floats.
+    Halves,
+    /// Float32.
+    Singles,
+}
+
+impl TexelFormat {
+    /// Bytes of a texel: four numbers.
+    pub(super) fn bytes(self) -> usize {
+        if self == Self::Singles { 16 } else { 8 }
+    }
+
+    /// Of deltas as they are packed: the smallest that loses nothing.
+    fn of(format: DeltaFormat, deltas: &[[f32; POSE_FLOATS]]) -> Self {
+        let is_half = |x: &f32| half::to_f32(half::from_f32(*x)).to_bits() == x.to_bits();
+        if format == DeltaFormat::Snorm16 {
+            return Self::Integers;
+        }
+        if deltas.iter().flatten().all(is_half) { Self::Halves } else { Self::Singles }
+    }
+}
 
 /// A rectangle of texels of the displacement textures that a target moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,7 +72,7 @@ pub(super) struct DeltaTexels {
     pub(super) rectangles: Vec<Rectangle>,
     /// First rectangle of each target, and the number of all.
     pub(super) first: Vec<u32>,
-    format: DeltaFormat,
+    pub(super) format: TexelFormat,
     /// Deltas of both triples at each texel of the delta textures, in steps of the target.
     deltas: Vec<[f32; POSE_FLOATS]>,
 }
@@ -103,12 +131,19 @@ impl DeltaTexels {
             first.push(rectangles.len() as u32);
         }
         let image = self::size(deltas.len(), side, name)?;
-        Ok(Self { size, image, texels, rectangles, first, format: layout.format, deltas })
+        let format = TexelFormat::of(layout.format, &deltas);
+        Ok(Self { size, image, texels, rectangles, first, format, deltas })
     }
 
     /// Texels that the rectangles of all targets cover.
     pub(super) fn covered(&self) -> usize {
         self.deltas.len()
+    }
+
+    /// The largest number of a delta, without its sign.
+    #[cfg(feature = "ktx2")]
+    pub(super) fn largest(&self) -> f32 {
+        self.deltas.iter().flatten().map(|x| x.abs()).fold(0.0, f32::max)
     }
 
     /// The bytes of a delta texture, row by row: of positions, or of normals. The fourth component is 0, as are the texels
@@ -118,9 +153,11 @@ impl DeltaTexels {
         let first = if normals { 3 } else { 0 };
         let of =
             |texel| self.deltas.get(texel).map_or([0.0; 4], |d: &[f32; 6]| [d[first], d[first + 1], d[first + 2], 0.0]);
-        match self.format == DeltaFormat::Snorm16 {
-            true => (0..texels).flat_map(of).flat_map(|steps| (steps as i16).to_le_bytes()).collect(),
-            false => (0..texels).flat_map(of).flat_map(f32::to_le_bytes).collect(),
+        let all = (0..texels).flat_map(of);
+        match self.format {
+            TexelFormat::Integers => all.flat_map(|steps| (steps as i16).to_le_bytes()).collect(),
+            TexelFormat::Halves => all.flat_map(|delta| half::from_f32(delta).to_le_bytes()).collect(),
+            TexelFormat::Singles => all.flat_map(f32::to_le_bytes).collect(),
         }
     }
 
