@@ -360,6 +360,36 @@ typedef struct DmClipLayer {
     const float *mask;
 } DmClipLayer;
 
+/// Instances of a mesh on the device, whose weights are set, or that play clips. All zero: none.
+typedef struct DmCrowd {
+    /// Kind, generation and index.
+    uint64_t bits;
+} DmCrowd;
+
+/// A camera in perspective.
+typedef struct DmCamera {
+    /// sizeof(DmCamera).
+    uint32_t struct_size;
+    /// Height of the picture, in pixels.
+    float height;
+    /// Angle of view from bottom to top, in radians.
+    float angle;
+    /// Where it is, in world units.
+    float eye[3];
+} DmCamera;
+
+/// Where a head is: a ball around all of its poses.
+typedef struct DmPlace {
+    /// sizeof(DmPlace).
+    uint32_t struct_size;
+    /// Radius of the ball, in world units.
+    float radius;
+    /// World units that an input unit of the mesh takes up; 0: 1.
+    float scale;
+    /// Middle of the ball, in world units.
+    float centre[3];
+} DmPlace;
+
 /// The device that an engine is made on. All handles are alive, belong together, and live until the engine is
 /// destroyed, with what was made with it. The device has the extensions and features of `dm_requirements` enabled for
 /// the paths to be used.
@@ -570,11 +600,23 @@ typedef struct DmCrowdDesc {
     const uint32_t *queue_family;
 } DmCrowdDesc;
 
-/// Instances of a mesh on the device, whose weights are set, or that play clips. All zero: none.
-typedef struct DmCrowd {
-    /// Kind, generation and index.
-    uint64_t bits;
-} DmCrowd;
+/// Levels of detail: a head keeps as many targets, in the order of their importance, as its size on the screen needs.
+typedef struct DmLevelDesc {
+    /// sizeof(DmLevelDesc).
+    uint32_t struct_size;
+    /// Pins.
+    uint32_t pin_count;
+    /// The mesh that was uploaded: its targets are ranked, by the mean square of the distances that they move
+    /// vertices. It may be destroyed after the call.
+    struct DmMesh mesh;
+    /// Names, or beginnings of names, of targets that are always kept.
+    const char *const *pins;
+    /// How far a vertex may be from where all weights would put it, in pixels: half of it by targets that are left
+    /// out, half by changes that an error budget defers; 0: 1.
+    float pixels;
+    /// How far any vertex may move from one frame to the next because the level changes, in pixels; 0: 0.008.
+    float fade;
+} DmLevelDesc;
 
 /// Clips for a crowd that is animated on the GPU.
 typedef struct DmAnimationDesc {
@@ -588,6 +630,8 @@ typedef struct DmAnimationDesc {
     uint32_t key_bits;
     /// Zero.
     uint32_t reserved;
+    /// Levels of detail, which take the feature `level`; null: all targets are kept.
+    const struct DmLevelDesc *level;
 } DmAnimationDesc;
 
 /// How an instance plays a clip.
@@ -1039,6 +1083,41 @@ DmResult dm_bound_clip_destroy(struct DmBoundClip clip);
 /// There are `count` structures one behind the other, whose masks are null or have `weight_count` factors, and
 /// `weight_count` weights, which can be written.
 DmResult dm_clips_mix(const struct DmClipLayer *layers, uint32_t count, float *weights, uint32_t weight_count);
+
+/// Keep only so many targets of an instance of an animated crowd that was made with DmAnimationDesc::level, in the
+/// order of their importance, from the next recorded update on. Where the instance has a place this is the most that
+/// is kept. As many as there are, or more, are all of them.
+///
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `level`; DM_ERROR_INVALID for an
+/// instance out of range, a number below 0 or none, a crowd without levels of detail or one that plays no clips.
+DmResult dm_crowd_set_level(struct DmCrowd crowd, uint32_t instance, float level);
+
+/// Levels of detail follow this camera from the next recorded update on: of instances that have a place. Before there
+/// is one, they keep all targets.
+///
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `level`; DM_ERROR_INVALID for a camera
+/// that there cannot be; as `dm_crowd_set_level`.
+///
+/// Safety:
+/// `camera` is a structure.
+DmResult dm_crowd_set_camera(struct DmCrowd crowd, const struct DmCamera *camera);
+
+/// The camera of the next recorded update looks at something else than before: levels of detail need not fade.
+///
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `level`; DM_ERROR_INVALID for a crowd
+/// that plays no clips.
+DmResult dm_crowd_cut_camera(struct DmCrowd crowd);
+
+/// Where an instance is from the next recorded update on. With its first place its level of detail begins to follow
+/// the camera: the GPU works out how many targets it keeps, and fades them; `dm_crowd_cut` lets it be there at once.
+/// With DmCrowdDesc::error_budget it has a budget of its own besides, of its pixels, or the crowd's where that is less.
+///
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `level`; DM_ERROR_INVALID for a place
+/// that there cannot be; as `dm_crowd_set_level`.
+///
+/// Safety:
+/// `place` is a structure.
+DmResult dm_crowd_set_place(struct DmCrowd crowd, uint32_t instance, const struct DmPlace *place);
 
 /// Make an engine on a device of the host's. It never submits, waits, or makes a queue or a thread.
 ///
@@ -1806,12 +1885,30 @@ typedef char DmHostPoses_reserved[offsetof(DmHostPoses, reserved) == 36 ? 1 : -1
 typedef char DmStreamPlace_sizeof[sizeof(DmStreamPlace) == 8 ? 1 : -1];
 typedef char DmStreamPlace_stream[offsetof(DmStreamPlace, stream) == 0 ? 1 : -1];
 typedef char DmStreamPlace_offset[offsetof(DmStreamPlace, offset) == 4 ? 1 : -1];
-typedef char DmAnimationDesc_sizeof[sizeof(DmAnimationDesc) == 24 ? 1 : -1];
+typedef char DmAnimationDesc_sizeof[sizeof(DmAnimationDesc) == 32 ? 1 : -1];
 typedef char DmAnimationDesc_struct_size[offsetof(DmAnimationDesc, struct_size) == 0 ? 1 : -1];
 typedef char DmAnimationDesc_clip_count[offsetof(DmAnimationDesc, clip_count) == 4 ? 1 : -1];
 typedef char DmAnimationDesc_clips[offsetof(DmAnimationDesc, clips) == 8 ? 1 : -1];
 typedef char DmAnimationDesc_key_bits[offsetof(DmAnimationDesc, key_bits) == 16 ? 1 : -1];
 typedef char DmAnimationDesc_reserved[offsetof(DmAnimationDesc, reserved) == 20 ? 1 : -1];
+typedef char DmAnimationDesc_level[offsetof(DmAnimationDesc, level) == 24 ? 1 : -1];
+typedef char DmLevelDesc_sizeof[sizeof(DmLevelDesc) == 32 ? 1 : -1];
+typedef char DmLevelDesc_struct_size[offsetof(DmLevelDesc, struct_size) == 0 ? 1 : -1];
+typedef char DmLevelDesc_pin_count[offsetof(DmLevelDesc, pin_count) == 4 ? 1 : -1];
+typedef char DmLevelDesc_mesh[offsetof(DmLevelDesc, mesh) == 8 ? 1 : -1];
+typedef char DmLevelDesc_pins[offsetof(DmLevelDesc, pins) == 16 ? 1 : -1];
+typedef char DmLevelDesc_pixels[offsetof(DmLevelDesc, pixels) == 24 ? 1 : -1];
+typedef char DmLevelDesc_fade[offsetof(DmLevelDesc, fade) == 28 ? 1 : -1];
+typedef char DmCamera_sizeof[sizeof(DmCamera) == 24 ? 1 : -1];
+typedef char DmCamera_struct_size[offsetof(DmCamera, struct_size) == 0 ? 1 : -1];
+typedef char DmCamera_height[offsetof(DmCamera, height) == 4 ? 1 : -1];
+typedef char DmCamera_angle[offsetof(DmCamera, angle) == 8 ? 1 : -1];
+typedef char DmCamera_eye[offsetof(DmCamera, eye) == 12 ? 1 : -1];
+typedef char DmPlace_sizeof[sizeof(DmPlace) == 24 ? 1 : -1];
+typedef char DmPlace_struct_size[offsetof(DmPlace, struct_size) == 0 ? 1 : -1];
+typedef char DmPlace_radius[offsetof(DmPlace, radius) == 4 ? 1 : -1];
+typedef char DmPlace_scale[offsetof(DmPlace, scale) == 8 ? 1 : -1];
+typedef char DmPlace_centre[offsetof(DmPlace, centre) == 12 ? 1 : -1];
 typedef char DmPlayback_sizeof[sizeof(DmPlayback) == 32 ? 1 : -1];
 typedef char DmPlayback_struct_size[offsetof(DmPlayback, struct_size) == 0 ? 1 : -1];
 typedef char DmPlayback_clip[offsetof(DmPlayback, clip) == 4 ? 1 : -1];

@@ -49,7 +49,7 @@ mod tests {
     use crate::handles::{DmClip, DmCrowd, DmSkin, DmSurface, DmSwap, DmWeightBounds};
     use crate::result::{DM_ERROR_HANDLE, DM_ERROR_INVALID, DM_ERROR_UNSUPPORTED, dm_last_error};
     use crate::structs::DmSampleDesc;
-    use crate::{after, bounds, clip, memory::Versioned, residency, skin};
+    use crate::{after, bounds, clip, level, memory::Versioned, residency, skin};
     use std::ffi::CStr;
     use std::ptr::null;
 
@@ -85,6 +85,8 @@ mod tests {
                     bounds::dm_weight_bounds_of(DmWeightBounds { bits: 0 }, null(), 0, 0.0, std::ptr::null_mut()),
                     said(),
                 ),
+                ("level", DM_ERROR_HANDLE, level::dm_crowd_set_level(crowd, 0, 1.0), said()),
+                ("level", DM_ERROR_HANDLE, level::dm_crowd_cut_camera(crowd), said()),
                 ("residency", DM_ERROR_HANDLE, residency::dm_swap_discard(DmSwap { bits: 0 }), said()),
                 (
                     "sample",
@@ -96,6 +98,7 @@ mod tests {
         };
         let built = [
             ("after", cfg!(feature = "after")),
+            ("level", cfg!(feature = "level")),
             ("residency", cfg!(feature = "residency")),
             ("sample", cfg!(feature = "sample")),
         ];

@@ -3,6 +3,7 @@
 use crate::arguments::{check_command_buffer, check_reserved, or};
 use crate::engine::Engine;
 use crate::handles::{DmCrowd, DmGpuMesh, Handle, handle};
+use crate::level::level;
 use crate::memory::{check_place, read, read_or_default, slice};
 use crate::numbers::{consumers, mode, path, pose_format, semantic};
 use crate::result::{DmResult, Failure, Result, enter, lock};
@@ -72,7 +73,7 @@ impl State {
         }
     }
 
-    fn animated(&mut self) -> Result<&mut AnimatedCrowd> {
+    pub(crate) fn animated(&mut self) -> Result<&mut AnimatedCrowd> {
         match &mut self.kind {
             Kind::Animated(crowd) => Ok(crowd),
             Kind::Weighted(_) => {
@@ -217,7 +218,11 @@ pub unsafe extern "C" fn dm_crowd_create_animated(
             bits => return Err(Failure::invalid(format!("keys of {bits} bits; use 32 or 16"))),
         };
         let mesh = mesh.get()?;
+        // SAFETY: as above.
+        let level = unsafe { level(animation.level) }?;
         let animation = AnimationDesc::new(&clips).key_format(keys);
+        let animation = animation.importance(level.as_ref().map(|(importance, _)| importance));
+        let animation = animation.level(level.as_ref().map(|(_, level)| *level));
         // SAFETY: the caller's obligations; `crowd` was checked.
         unsafe {
             let made = mesh.engine.morph.create_animated_crowd(cmd, &*lock(&mesh.mesh)?, &desc, &animation)?;

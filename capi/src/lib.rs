@@ -19,6 +19,7 @@ pub mod handles;
 #[cfg(test)]
 mod header;
 pub mod layers;
+pub mod level;
 pub mod memory;
 pub mod mesh;
 pub mod numbers;

@@ -341,6 +341,14 @@ static void crowds(const Host *host, DmEngine engine, DmEngine other) {
     clips.clips = NULL;
     INVALID("'clips' is a null pointer", dm_crowd_create_animated(uploaded, host->cmd, NULL, &clips, &animated));
     clips.clips = &clip;
+    DmLevelDesc levels = {.struct_size = sizeof levels, .pin_count = 1, .pins = (const char *[]){"none"}};
+    clips.level = &levels;
+    HANDLE("null handle in place of a mesh", dm_crowd_create_animated(uploaded, host->cmd, NULL, &clips, &animated));
+    levels.mesh = mesh;
+    INVALID("begins with 'none'", dm_crowd_create_animated(uploaded, host->cmd, NULL, &clips, &animated));
+    levels.pins = NULL;
+    INVALID("'pins' is a null pointer", dm_crowd_create_animated(uploaded, host->cmd, NULL, &clips, &animated));
+    levels.pin_count = 0;
     WORKS(dm_crowd_create_animated(uploaded, host->cmd, NULL, &clips, &animated));
     WORKS(dm_clip_destroy(clip));
     INVALID("the crowd plays clips", dm_crowd_set_weights(animated, 0, weights, 3));

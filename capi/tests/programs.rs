@@ -34,7 +34,7 @@ fn libraries() -> &'static Path {
             "--package",
             env!("CARGO_PKG_NAME"),
             "--features",
-            "after,cpu,csv,gltf,residency",
+            "after,cpu,csv,gltf,level,residency",
             "--profile",
             profile,
             "--target-dir",

@@ -82,6 +82,46 @@ static void read_pose(const Host *host, DmReadback readback, DmCrowd crowd, uint
     DM(dm_readback_pose(readback, 0, 0, pose, VERTICES * FLOATS));
 }
 
+/* Of three instances at the same time of a clip, one keeps a target that is pinned because its camera is far away, one since that
+ * level is set, and one has no place and keeps all: two poses are the same, bit for bit, and the third is another. */
+static void follow_the_camera(const Host *host, DmEngine engine, DmMesh mesh, DmReadback readback) {
+    DmGpuMesh uploaded;
+    DmClip clip;
+    DmCrowd crowd;
+    const char *pin;
+    const DmSampleDesc head = {.struct_size = sizeof head, .vertices = VERTICES, .targets = TARGETS};
+    const DmCrowdDesc desc = {.struct_size = sizeof desc, .instances = 3};
+    const DmPlayback playback = {.struct_size = sizeof playback};
+    const DmCamera camera = {.struct_size = sizeof camera, .height = 1, .angle = 0.5f, .eye = {0, 0, 1e9f}};
+    const DmPlace place = {.struct_size = sizeof place, .radius = 1};
+    DmLevelDesc levels = {.struct_size = sizeof levels, .pin_count = 1, .mesh = mesh, .pins = &pin};
+    const DmAnimationDesc clips = {.struct_size = sizeof clips, .clip_count = 1, .clips = &clip, .level = &levels};
+    float *poses = room_for(3 * VERTICES * FLOATS, sizeof *poses);
+    DM(dm_mesh_target_name(mesh, 0, &pin));
+    DM(dm_clip_sample_head(&head, 20, 30, &clip));
+    host_begin(host);
+    DM(dm_mesh_upload(engine, host->cmd, mesh, &uploaded));
+    DM(dm_crowd_create_animated(uploaded, host->cmd, &desc, &clips, &crowd));
+    DM(dm_crowd_set_camera(crowd, &camera));
+    DM(dm_crowd_set_place(crowd, 0, &place));
+    DM(dm_crowd_set_level(crowd, 1, 1));
+    for (uint32_t instance = 0; instance < 3; instance++) DM(dm_crowd_play(crowd, instance, &playback));
+    DM(dm_crowd_set_time(crowd, 0.3));
+    DM(dm_record_update(host->cmd, crowd, NULL));
+    host_submit_and_wait(host);
+    DM(dm_crowd_release_staging(crowd));
+    for (uint32_t instance = 0; instance < 3; instance++)
+        read_pose(host, readback, crowd, instance, poses + instance * VERTICES * FLOATS);
+    const size_t bytes = VERTICES * FLOATS * sizeof *poses;
+    if (memcmp(poses, poses + VERTICES * FLOATS, bytes) != 0) fail("a head that is far away", "keeps other targets");
+    if (memcmp(poses, poses + 2 * VERTICES * FLOATS, bytes) == 0) fail("a head that is far away", "keeps all targets");
+    DM(dm_crowd_cut_camera(crowd));
+    DM(dm_clip_destroy(clip));
+    DM(dm_crowd_destroy(crowd));
+    DM(dm_gpu_mesh_destroy(uploaded));
+    free(poses);
+}
+
 /* A crowd that plays a clip grows: the pose stays, bit for bit, and the new instance gets one. */
 static void grow_animated(const Host *host, DmEngine engine, DmMesh mesh, DmReadback readback) {
     DmGpuMesh uploaded;
@@ -211,6 +251,7 @@ int main(int argc, char **argv) {
         }
     }
     grow_animated(&host, engine, mesh, readback);
+    follow_the_camera(&host, engine, mesh, readback);
     printf("%d steps of %u instances, %llu bytes swapped, within %.1e of the diagonal\n", (int)STEPS, added + 1,
            (unsigned long long)moved, worst);
 

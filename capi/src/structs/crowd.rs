@@ -1,7 +1,8 @@
 //! Of crowds.
 
-use crate::handles::DmClip;
+use crate::handles::{DmClip, DmMesh};
 use deltamorph::ash::vk;
+use std::ffi::c_char;
 
 /// How to make a crowd. Zeros are the defaults.
 #[repr(C)]
@@ -95,6 +96,56 @@ pub struct DmAnimationDesc {
     pub key_bits: u32,
     /// Zero.
     pub reserved: u32,
+    /// Levels of detail, which take the feature `level`; null: all targets are kept.
+    pub level: *const DmLevelDesc,
+}
+
+/// Levels of detail: a head keeps as many targets, in the order of their importance, as its size on the screen needs.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmLevelDesc {
+    /// sizeof(DmLevelDesc).
+    pub struct_size: u32,
+    /// Pins.
+    pub pin_count: u32,
+    /// The mesh that was uploaded: its targets are ranked, by the mean square of the distances that they move
+    /// vertices. It may be destroyed after the call.
+    pub mesh: DmMesh,
+    /// Names, or beginnings of names, of targets that are always kept.
+    pub pins: *const *const c_char,
+    /// How far a vertex may be from where all weights would put it, in pixels: half of it by targets that are left
+    /// out, half by changes that an error budget defers; 0: 1.
+    pub pixels: f32,
+    /// How far any vertex may move from one frame to the next because the level changes, in pixels; 0: 0.008.
+    pub fade: f32,
+}
+
+/// A camera in perspective.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmCamera {
+    /// sizeof(DmCamera).
+    pub struct_size: u32,
+    /// Height of the picture, in pixels.
+    pub height: f32,
+    /// Angle of view from bottom to top, in radians.
+    pub angle: f32,
+    /// Where it is, in world units.
+    pub eye: [f32; 3],
+}
+
+/// Where a head is: a ball around all of its poses.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmPlace {
+    /// sizeof(DmPlace).
+    pub struct_size: u32,
+    /// Radius of the ball, in world units.
+    pub radius: f32,
+    /// World units that an input unit of the mesh takes up; 0: 1.
+    pub scale: f32,
+    /// Middle of the ball, in world units.
+    pub centre: [f32; 3],
 }
 
 /// How an instance plays a clip.

@@ -37,7 +37,10 @@ versioned! {
     DmRenderVertices;
     DmCrowdDesc 48;
     DmHostPoses;
-    DmAnimationDesc;
+    DmAnimationDesc 24;
+    DmLevelDesc;
+    DmCamera;
+    DmPlace;
     DmPlayback;
     DmUpdate;
     DmPoseView;
