@@ -6,15 +6,16 @@ mod baselines;
 mod data;
 #[path = "common/gpu.rs"]
 mod gpu;
+#[path = "baselines/halves.rs"]
+mod halves;
 
 use baselines::{can_read, descs, for_every_desc, history, keep_supported};
 use deltamorph::headless::{Headless, HeadlessCrowd, PoseUpload};
 use deltamorph::import::{csv, obj};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::textures::{self, TextureFloats};
 use deltamorph::{
-    BatchSize, CpuCrowd, DeltaFormat, MorphEngine, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdateMode,
-    UpdatePath, testing,
+    BatchSize, CpuCrowd, DeltaFormat, MorphEngine, MorphMesh, PackedMesh, PoseFormat, Tolerance, UpdateDesc,
+    UpdateMode, UpdatePath, testing,
 };
 use gpu::{NORMAL, POSITION, in_eight_chunks, on_every_device, packed, single};
 use std::sync::Arc;
@@ -252,58 +253,6 @@ fn bytes_are_those_that_kernels_load_and_store() {
     });
 }
 
-/// Deltas that are half floats, as those of a file of such are, are kept as such: half the bytes, and the poses of float32
-/// textures bit for bit. On a real set as well.
-#[test]
-fn half_floats_are_kept_in_half_the_bytes() {
-    let real = data::set("ict_facekit").map(|folder| {
-        obj::import_folder(&folder).expect("a folder that imports").to_mesh(Tolerance::default()).expect("a mesh")
-    });
-    for mesh in [Some(testing::mesh(300, 7)), real].into_iter().flatten() {
-        let (folder, targets) = (tempfile::tempdir().expect("a folder"), mesh.targets.len());
-        let path = folder.path().join("half.ktx2");
-        let written = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Float32)).expect("a mesh");
-        std::fs::write(&path, textures::write_ktx2(&written, TextureFloats::Half).expect("a file")).expect("a file");
-        let halves = textures::read_ktx2(&path, &mesh).expect("targets of the mesh");
-        // One more bit: all are float32 then.
-        let mut singles = halves.clone();
-        let positions = singles.targets[targets - 1].positions.iter_mut();
-        let longest = positions.max_by(|a, b| a.x.abs().total_cmp(&b.x.abs())).expect("a delta");
-        longest.x += longest.x.abs() / 4096.0;
-        on_every_device(|headless, engine| {
-            let desc = UpdateDesc::new(UpdatePath::Texture, BatchSize::All).slots(1);
-            if engine.caps().check_path(desc.path).is_err() || !can_read(headless, &desc) {
-                return;
-            }
-            let [of_halves, of_singles] = [&halves, &singles].map(|mesh| packed(engine, mesh, DeltaFormat::Float32));
-            let crowd = |mesh| HeadlessCrowd::new(headless, mesh, &single(desc)).expect("a crowd");
-            let (mut small, mut large) = (crowd(&of_halves), crowd(&of_singles));
-            for frame in 0..2 {
-                // One target changes.
-                let weight = |t| ((t * 13 + if t == 1 { frame * 5 } else { 0 }) % 17) as f32 / 16.0 - 0.4;
-                // That of the delta that differs has none.
-                let weights: Vec<f32> = (0..targets).map(|t| if t == targets - 1 { 0.0 } else { weight(t) }).collect();
-                let [less, more] = [&mut small, &mut large]
-                    .map(|crowd| crowd.step(&[&weights]).expect("a step").update.stats.bytes_moved);
-                // 16 bytes of a delta, not 32, and 64 of displacements; the first time these are cleared, too.
-                assert!(if frame == 0 { less < more } else { less * 6 == more * 5 }, "{less} and {more} bytes");
-                let [pose, expected] = [&mut small, &mut large].map(|crowd| crowd.read_pose(0).expect("a pose"));
-                assert!(pose == expected, "the same numbers");
-                let error = compare(&pose, &evaluate(&of_halves, &weights));
-                assert!(error.within(POSITION * f64::from(mesh.diagonal), NORMAL), "{error:?}");
-                // What rounding to half floats costs: 2^-11 of each delta.
-                let off = compare(&pose, &evaluate(&written, &weights)).position;
-                let reach = mesh.targets.iter().zip(&weights).map(|(target, weight)| {
-                    let longest = target.positions.iter().map(|d| f64::from(d.length())).fold(0.0, f64::max);
-                    longest * f64::from(weight.abs())
-                });
-                let bound = reach.sum::<f64>() / 2048.0 + 1e-6 * f64::from(mesh.diagonal);
-                assert!(off > 1e-7 && off <= bound, "{off}, {bound} allowed");
-            }
-        });
-    }
-}
-
 #[test]
 fn an_altered_delta_gives_a_wrong_pose() {
     let right = testing::mesh(500, 20);
@@ -350,27 +299,35 @@ fn poses_of_the_cpu_path_are_uploaded_as_they_are() {
     });
 }
 
-/// A few frames of a captured clip on real meshes.
-#[test]
-fn real_sets() {
-    for (set, clip) in [
+/// Real meshes with a few frames of a captured clip: name, mesh, and weights.
+fn real() -> impl Iterator<Item = (&'static str, MorphMesh, Vec<Vec<f32>>)> {
+    let sets = [
         ("facecap_head_glb", "facecap_30fps.csv"),
         ("ict_facekit", "facecap_30fps.csv"),
         ("morph_stress_test", "TheWave_24fps.csv"),
-    ] {
-        let Some(folder) = data::set(set) else { continue };
+    ];
+    sets.into_iter().filter_map(|(set, clip)| {
+        let folder = data::set(set)?;
         let source = obj::import_folder(&folder).expect("a folder that imports");
         let kept = source.to_mesh(Tolerance::default()).expect("a mesh");
         let clip = csv::read(&folder.join("weights").join(clip), None).expect("a clip");
         let names: Vec<&str> = kept.targets.iter().map(|t| t.name.as_str()).collect();
-        let frames: Vec<_> = clip.bind(&names).expect("columns that name targets").frames().collect();
+        let bound = clip.bind(&names).expect("columns that name targets");
+        let few = bound.frames().step_by((bound.frame_count() / 3).max(1)).collect();
+        Some((set, kept, few))
+    })
+}
+
+#[test]
+fn real_sets() {
+    for (set, kept, frames) in real() {
         on_every_device(|headless, engine| {
             for_every_desc(engine, &kept, |mesh, desc| {
                 if desc.slots != 2 || !can_read(headless, &desc) {
                     return;
                 }
                 let mut crowd = HeadlessCrowd::new(headless, mesh, &single(desc)).expect("a crowd");
-                for weights in frames.iter().step_by((frames.len() / 3).max(1)) {
+                for weights in &frames {
                     let mut weights = weights.clone();
                     keep_supported(&mut weights, &desc);
                     crowd.step(&[&weights]).expect("a step");

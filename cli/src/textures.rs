@@ -3,9 +3,9 @@
 use crate::args::TexturesArgs;
 use crate::input;
 use crate::output::{Failure, Output};
-use crate::table::{bytes, sig3};
+use crate::table::{bytes, sig3, thousands};
 use deltamorph::textures::{TextureFloats, read_ktx2, write_ktx2};
-use deltamorph::{DeltaFormat, MorphMesh, POSE_FLOATS, PackDesc, PackedMesh};
+use deltamorph::{DeltaFormat, MorphMesh, PackDesc, PackedMesh};
 use serde::Serialize;
 use std::io::Write;
 
@@ -19,22 +19,21 @@ struct Written {
     targets: usize,
     half: bool,
     file_bytes: usize,
-    /// Texels of a row, rows, and layers: two for each group of streams.
-    size: [u32; 3],
-    /// Deltas of positions and normals, of all targets.
-    deltas: usize,
-    /// By how much a number was rounded, at most; 0 for 32-bit floats.
-    rounding: Rounding,
+    /// Texels of a row, and rows, of a layer.
+    width: u32,
+    height: u32,
+    layers: u32,
+    /// Texels of a layer that hold deltas, of all groups of streams together.
+    texels_covered: usize,
+    /// By stream: positions, normals, and what the mesh has further.
+    rounding: Vec<Rounding>,
 }
 
-/// Of deltas, at weight 1.
-#[derive(Default, Serialize)]
+#[derive(Serialize)]
 struct Rounding {
-    /// In input units.
-    positions: f64,
-    normals: f64,
-    /// Tangents, texture coordinates, colours and masks.
-    streams: f64,
+    stream: String,
+    /// By how much a number of a delta was rounded, at most, in the units of the stream; 0 for 32-bit floats.
+    largest: f64,
 }
 
 pub fn run(args: &TexturesArgs, out: &Output) -> Result<(), Failure> {
@@ -44,10 +43,14 @@ pub fn run(args: &TexturesArgs, out: &Output) -> Result<(), Failure> {
     }
     out.check(&input::files_of(&args.input, &[]), &[&args.output], None)?;
     let input = input::load(&args.input, false, out)?;
+    let spinner = out.spinner("writing textures");
     let packed = PackedMesh::pack(&input.kept, &PackDesc::new(DeltaFormat::Float32))?;
     let floats = if args.half { TextureFloats::Half } else { TextureFloats::Single };
     let file = write_ktx2(&packed, floats)?;
-    deltamorph::internals::write_replacing(&args.output, |to| to.write_all(&file))?;
+    deltamorph::internals::write_replacing(&args.output, |to| to.write_all(&file.bytes))?;
+    // What a reader finds, not what was meant to be written.
+    let rounding = rounding(&packed, &read_ktx2(&args.output, &input.kept)?)?;
+    spinner.finish_and_clear();
     let written = Written {
         schema: 1,
         origin: input.origin,
@@ -55,37 +58,51 @@ pub fn run(args: &TexturesArgs, out: &Output) -> Result<(), Failure> {
         vertices: input.kept.vertex_count(),
         targets: input.kept.targets.len(),
         half: args.half,
-        file_bytes: file.len(),
-        size: [20, 24, 32].map(|at| u32::from_le_bytes(std::array::from_fn(|i| file[at + i]))),
-        deltas: input.kept.targets.iter().map(|target| target.vertices.len()).sum(),
-        rounding: rounding(&packed, &read_ktx2(&args.output, &input.kept)?)?,
+        file_bytes: file.bytes.len(),
+        width: file.size[0],
+        height: file.size[1],
+        layers: file.layers,
+        texels_covered: file.covered,
+        rounding,
     };
-    let Written { output, vertices, targets, size: [width, height, layers], rounding, .. } = &written;
-    let (size, [of_positions, of_normals]) =
-        (bytes(file.len() as f64), [rounding.positions, rounding.normals].map(sig3));
-    let rounded = match args.half {
-        true => format!("positions rounded by at most {of_positions}, normals by {of_normals}"),
-        false => "nothing rounded".to_owned(),
-    };
-    let image = format!("{layers} layers of {width} × {height} texels");
-    out.say(format!("{output}: {vertices} vertices, {targets} targets, {image}, {size}, {rounded}"));
+    out.say(text(&written));
     out.json(&written)
 }
 
-/// The largest difference of a number between the file, as it is read, and what was written.
-fn rounding(written: &PackedMesh, read: &MorphMesh) -> Result<Rounding, Failure> {
+/// The same for people.
+fn text(w: &Written) -> String {
+    let Written { output, targets, width, height, layers, .. } = w;
+    let [vertices, covered] = [w.vertices, w.texels_covered].map(thousands);
+    let (floats, size) = (if w.half { "16-bit" } else { "32-bit" }, bytes(w.file_bytes as f64));
+    let rounding: Vec<_> = w.rounding.iter().map(|r| format!("{} {}", r.stream, sig3(r.largest))).collect();
+    format!(
+        "{output}: {vertices} vertices, {targets} targets as {floats} floats, {size}\n\
+         textures: {width} × {height} texels, {layers} layers; deltas cover {covered} texels\n\
+         rounded by at most: {}",
+        rounding.join(", ")
+    )
+}
+
+/// The largest difference of a number of each stream between the file, as it is read, and what was written.
+fn rounding(written: &PackedMesh, read: &MorphMesh) -> Result<Vec<Rounding>, Failure> {
     let read = PackedMesh::pack(read, &PackDesc::new(DeltaFormat::Float32))?;
-    let mut rounding = Rounding::default();
-    for (group, (written, read)) in written.groups().iter().zip(read.groups()).enumerate() {
-        for (i, (a, b)) in written.deltas().iter().zip(read.deltas()).enumerate() {
-            let off = (f64::from(f32::from_bits(*a)) - f64::from(f32::from_bits(*b))).abs();
-            let most = match (group, i % POSE_FLOATS) {
-                (0, ..3) => &mut rounding.positions,
-                (0, _) => &mut rounding.normals,
-                _ => &mut rounding.streams,
-            };
-            *most = most.max(off);
+    let mut found = vec![];
+    for (written, read) in written.groups().iter().zip(read.groups()) {
+        let mut largest = [0.0f64; 6];
+        let mut of_target = vec![];
+        for target in 0..written.layout().targets.len() {
+            of_target.clear();
+            of_target.resize(written.layout().vertex_count, [0.0; 6]);
+            written.for_each_delta(target, |vertex, delta| of_target[vertex] = delta);
+            read.for_each_delta(target, |vertex, delta| {
+                let differences = of_target[vertex].iter().zip(delta).map(|(a, b)| (a - b).abs());
+                largest.iter_mut().zip(differences).for_each(|(largest, d)| *largest = largest.max(d));
+            });
+        }
+        for place in &written.layout().streams {
+            let largest = largest[place.morphing_components()].iter().copied().fold(0.0, f64::max);
+            found.push(Rounding { stream: place.semantic.to_string(), largest });
         }
     }
-    Ok(rounding)
+    Ok(found)
 }

@@ -1,9 +1,7 @@
-//! `info --report`: error against bytes, and the errors of whole poses; `textures`.
+//! `info --report`: error against bytes, and the errors of whole poses.
 
 #[path = "common/cli.rs"]
 mod cli;
-#[path = "../../tests/common/data.rs"]
-mod data;
 
 use cli::{HEAD, fails, json, links_hold, ok, sample};
 
@@ -103,53 +101,4 @@ fn streams_of_a_packed_file_are_listed() {
         assert_eq!(ok(&["info", file]).contains("further streams: wrinkle mask\n"), name == "masks");
         deltamorph_render::wrinkles::add(&mut mesh);
     }
-}
-
-/// `textures` writes the targets of a mesh as textures, and `--textures` takes them from there: bit for bit, or as half floats
-/// within their bound. On a real set as well, where there is one.
-#[test]
-fn textures_hold_the_targets_of_a_mesh() {
-    let folder = tempfile::tempdir().unwrap();
-    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    let real = data::set("facecap_head_glb");
-    let real = real.map(|folder| vec![folder.to_str().unwrap().to_owned()]);
-    for mesh in [Some(vec![sample(folder.path())]), real].into_iter().flatten() {
-        let mesh: Vec<&str> = mesh.iter().map(String::as_str).collect();
-        let info = json(&[&["info", "--json", "-"], &mesh[..]].concat());
-        let set = format!("{}=0.7", info["targets"][0]["name"].as_str().unwrap());
-        let apply = |textures: &str, out: &str| {
-            let textures = ["--textures", textures];
-            let textures = if out == "plain.obj" { &[] } else { &textures[..] };
-            let out = at(out);
-            let fixed = ["--path", "cpu", "--format", "float32", "--set", &set, "-o", &out];
-            ok(&[&["apply"], &mesh[..], textures, &fixed].concat());
-            let text = std::fs::read_to_string(&out).unwrap();
-            let positions = text.lines().filter_map(|line| line.strip_prefix("v "));
-            positions.flat_map(|line| line.split(' ').map(|n| n.parse::<f64>().unwrap()).collect::<Vec<_>>()).collect()
-        };
-        let plain: Vec<f64> = apply("", "plain.obj");
-        let write = |name: &str, more: &[&str]| {
-            json(&[&["textures"], &mesh[..], &["-o", &at(name), "--json", "-"], more].concat())
-        };
-        let (single, half) = (write("single.ktx2", &[]), write("half.ktx2", &["--half"]));
-        assert_eq!(std::fs::metadata(at("single.ktx2")).unwrap().len(), single["file_bytes"].as_u64().unwrap());
-        assert_eq!((&single["rounding"]["positions"], &single["size"]), (&0.0.into(), &half["size"]));
-        assert!(single["file_bytes"].as_u64() > half["file_bytes"].as_u64().map(|bytes| bytes * 18 / 10));
-        assert_eq!(apply(&at("single.ktx2"), "single.obj"), plain);
-        let halves = apply(&at("half.ktx2"), "half.obj");
-        let off = halves.iter().zip(&plain).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        // Poses are written with so many digits.
-        let bound = 0.7 * half["rounding"]["positions"].as_f64().unwrap() + 1e-5;
-        assert!(off > 0.0 && off <= bound && bound < 0.01, "{off}, {bound} allowed");
-    }
-    let head = at("head");
-    let refused = |args: &[&str], code: i32, words: &str| {
-        let (status, text) = fails(args);
-        assert!(status == code && text.contains(words), "{args:?}: {status}, {text}");
-    };
-    refused(&["textures", &head, "-o", &at("out.png")], 2, "name it *.ktx2");
-    refused(&["info", &head, "--textures", &format!("{head}/neutral.obj")], 1, "no KTX 2.0 file");
-    refused(&["info", &head, "--textures", &at("none.ktx2")], 1, "none.ktx2");
-    ok(&["textures", "--vertices", "900", "--targets", "12", "-o", &at("other.ktx2")]);
-    refused(&["info", &head, "--textures", &at("other.ktx2")], 1, "from the same mesh");
 }

@@ -1,7 +1,16 @@
 //! The container KTX 2.0 (Khronos), as far as delta textures need it: one mip level of a two-dimensional array of
 //! four-component floats, without supercompression.
 //!
-//! The crate ktx2 reads such files too, and tests have it read ours; but it panics at some that are damaged, and writes none.
+//! Checked by reading, section by section, against Khronos' KTX File Format Specification 2.0 (ktxspec.adoc of
+//! KhronosGroup/KTX-Specification, with the Data Format Specification that it cites): identifier; `typeSize` is a component's
+//! bytes; `layerCount` above 0 and `pixelDepth` 0 are a 2D array; the descriptor follows the level index, and keys follow it
+//! without room between; keys ascend, each once, none begins with "KTX" but KTXwriter, whose value ends in a zero byte; a
+//! value that begins with a number of 32 bits has a key of a multiple of 4 bytes, the zero byte included; entries are padded
+//! to 4 bytes, the padding counts in `kvdByteLength` alone; no global data: 0 and 0; the level begins at a multiple of
+//! lcm(texel, 4), a texel's 8 or 16 bytes, and ends with the file. The descriptor is of version 2, RGBSDA, BT.709, linear,
+//! straight alpha, one texel a block; samples are R, G, B, A (0, 1, 2, 15), signed floats from -1 to 1.
+//! Two other implementations read files of both formats: ktx-parse for JavaScript, which writes them again byte for byte, and
+//! the crate ktx2, in tests. The crate is not what reads them here, since it panics at some that are damaged.
 
 use std::ops::Range;
 
@@ -87,7 +96,7 @@ impl<'a> Container<'a> {
             let end = bytes.len();
             found.ok_or_else(|| header(format!("{what}: {length} bytes at {at} of a file of {end}")))
         };
-        // It says what the format says.
+        // It repeats what the format says.
         part(word(48).into(), word(52).into(), "the data format descriptor")?;
         let texels = part(long(80), long(88), "the level")?;
         let bytes_of = |n: u32, of: u128| of * u128::from(n);
@@ -106,7 +115,7 @@ impl<'a> Container<'a> {
 
 /// Keys and values.
 fn values(mut rest: &[u8]) -> Result<Vec<(&str, &[u8])>, Refused> {
-    let bad = || (": keys", "a key or its value ends early".to_owned(), REMEDY);
+    let bad = || (": keys", "a key or its value ends early, or keys do not ascend".to_owned(), REMEDY);
     let mut found = vec![];
     while let Some((length, after)) = rest.split_first_chunk() {
         let length = u32::from_le_bytes(*length) as usize;
@@ -115,7 +124,8 @@ fn values(mut rest: &[u8]) -> Result<Vec<(&str, &[u8])>, Refused> {
         found.push((std::str::from_utf8(&entry[..end]).map_err(|_| bad())?, &entry[end + 1..]));
         rest = after.get(length.next_multiple_of(4)..).unwrap_or_default();
     }
-    if rest.is_empty() { Ok(found) } else { Err(bad()) }
+    let ascending = found.is_sorted_by(|a, b| a.0 < b.0);
+    if rest.is_empty() && ascending { Ok(found) } else { Err(bad()) }
 }
 
 /// Khronos' basic data format descriptor: RGBA, BT.709 primaries, linear, signed floats.

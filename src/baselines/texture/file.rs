@@ -5,17 +5,17 @@
 //! Alpha is 0. A texel of a layer is a delta in input units; texels are counted row by row. Two keys say whose it is:
 //!
 //! - `deltamorph.names`: the names of the targets in UTF-8, a zero byte behind each.
-//! - `deltamorph.texels`: unsigned numbers of 32 bits, little endian. The version, 1; vertices; targets; groups. Then for
+//! - `deltamorph.textures`: unsigned numbers of 32 bits, little endian. The version, 1; vertices; targets; groups. Then for
 //!   each group: its number of streams, and of each the kind (0 position, 1 normal, 2 tangent, 256 + n texture
-//!   coordinates n, 512 + n colours n, 768 wrinkle masks) and its first component of six; columns and rows of the *displacement texture*;
-//!   targets + 1 numbers, the first rectangle of each target and the number of all; each rectangle as column, row, width
+//!   coordinates n, 512 + n colours n, 768 wrinkle masks) and its first component of six; columns and rows of the
+//!   *displacement texture*; targets + 1 numbers, the first rectangle of each target and the number of all; each rectangle as column, row, width
 //!   and height in the displacement texture, and the texel of the layers that holds its first delta, where the others
 //!   follow row by row (rectangles follow each other without texels between them); and for each vertex its texel of the
 //!   displacement texture, 0 where no target moves it, and otherwise not that of another.
 
 use super::container::{Container, Refused};
 use super::half;
-use super::texels::{DeltaTexels, RECTANGLE_WORDS, TexelFormat};
+use super::texels::{DeltaTexels, RECTANGLE_WORDS};
 use crate::asset::streams::group_streams;
 use crate::asset::{MorphMesh, MorphTarget, StreamDeltas, StreamPlace};
 use crate::error::{Error, Result};
@@ -25,7 +25,7 @@ use glam::Vec3;
 use std::path::Path;
 
 const NAMES: &str = "deltamorph.names";
-const TEXELS: &str = "deltamorph.texels";
+const TEXELS: &str = "deltamorph.textures";
 const WRITER: (&str, &[u8]) = ("KTXwriter", concat!("deltamorph ", env!("CARGO_PKG_VERSION"), "\0").as_bytes());
 const VERSION: u32 = 1;
 /// The largest image that Khronos' Android baseline promises has 8192 texels a side; devices have 16384 and more.
@@ -44,11 +44,25 @@ pub enum TextureFloats {
     Half,
 }
 
+/// The delta textures of a mesh as a file.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct TextureFile {
+    /// What the file holds.
+    pub bytes: Vec<u8>,
+    /// Texels of a row, and rows, of each layer.
+    pub size: [u32; 2],
+    /// Two for each group of streams.
+    pub layers: u32,
+    /// Texels of a layer that rectangles of targets cover, of all groups together.
+    pub covered: usize,
+}
+
 /// The delta textures of a mesh as a KTX2 file.
 ///
 /// # Errors
 /// A format other than float32; a name with a zero byte; more texels than 16384 × 16384; half floats: a delta beyond 65504.
-pub fn write_ktx2(mesh: &PackedMesh, floats: TextureFloats) -> Result<Vec<u8>> {
+pub fn write_ktx2(mesh: &PackedMesh, floats: TextureFloats) -> Result<TextureFile> {
     let (layout, single) = (mesh.layout(), floats == TextureFloats::Single);
     let refuse = |what: String, remedy: &str| Err(Error::invalid(format!("mesh '{}': {what}", layout.name), remedy));
     if layout.format != DeltaFormat::Float32 {
@@ -67,18 +81,26 @@ pub fn write_ktx2(mesh: &PackedMesh, floats: TextureFloats) -> Result<Vec<u8>> {
         words.extend(stream_words(&group.layout().streams));
         words.extend(baked.size.iter().chain(&baked.first));
         words.extend(baked.words(layout.vertex_count));
-        let largest = baked.largest();
-        if !single && largest > half::LARGEST {
-            let what = format!("a delta of {largest}, half floats end at {}", half::LARGEST);
-            return refuse(what, "write 32-bit floats, or scale the mesh down");
+        for second in [false, true] {
+            if single {
+                texels.extend(baked.numbers(second).flat_map(f32::to_le_bytes));
+                continue;
+            }
+            for value in baked.numbers(second) {
+                if value.abs() > half::LARGEST {
+                    let what = format!("a delta of {value}, half floats end at {}", half::LARGEST);
+                    return refuse(what, "write 32-bit floats, or scale the mesh down");
+                }
+                texels.extend(half::from_f32(value).to_le_bytes());
+            }
         }
-        baked.format = if single { TexelFormat::Singles } else { TexelFormat::Halves };
-        [false, true].into_iter().for_each(|second| texels.extend(baked.bytes(second)));
     }
     let names: Vec<u8> = layout.targets.iter().flat_map(|t| t.name.bytes().chain([0])).collect();
     let words: Vec<u8> = words.into_iter().flat_map(u32::to_le_bytes).collect();
     let values = vec![WRITER, (NAMES, &names), (TEXELS, &words)];
-    Ok(Container { half: !single, size, layers: 2 * groups.len() as u32, values, texels: &texels }.write())
+    let (layers, covered) = (2 * groups.len() as u32, groups.iter().map(DeltaTexels::covered).sum());
+    let bytes = Container { half: !single, size, layers, values, texels: &texels }.write();
+    Ok(TextureFile { bytes, size, layers, covered })
 }
 
 /// `base` with the targets of a KTX2 file in the place of its own.
@@ -107,7 +129,7 @@ impl Words<'_> {
 }
 
 fn refused(what: impl Into<String>) -> Refused {
-    (": key 'deltamorph.texels'", what.into(), "write the file anew, from the same mesh")
+    (": key 'deltamorph.textures'", what.into(), "write the file anew, from the same mesh")
 }
 
 /// The targets of a file for `base`.
@@ -116,10 +138,7 @@ pub(super) fn targets(bytes: &[u8], base: &MorphMesh) -> Result<Vec<MorphTarget>
     let no_key = |key| move || (": keys", format!("no key '{key}'"), "use a file that deltamorph wrote");
     let words = file.value(TEXELS).ok_or_else(no_key(TEXELS))?;
     let names = file.value(NAMES).ok_or_else(no_key(NAMES))?;
-    let bad_names = || {
-        let what = format!("not one name for each target, or more than {TARGETS_MAX}");
-        (": key 'deltamorph.names'", what, "write the file anew")
-    };
+    let bad_names = || (": key 'deltamorph.names'", "not one name for each target".into(), "write the file anew");
     let names = std::str::from_utf8(names).map_err(|_| bad_names())?;
 
     let (words, rest) = words.as_chunks();
@@ -139,20 +158,25 @@ pub(super) fn targets(bytes: &[u8], base: &MorphMesh) -> Result<Vec<MorphTarget>
             2 * streams.len()
         )));
     }
-    // A target takes a hundred times what a name of one letter does: no more of them than a mesh may have.
-    let count = names.split_terminator('\0').count();
-    if count != head[2] as usize || count > TARGETS_MAX {
+    // Before anything is made for each of them: a name takes one byte, a target in memory hundreds.
+    let count = head[2] as usize;
+    if count > TARGETS_MAX {
+        return Err(refused(format!("{count} targets; a mesh has at most {TARGETS_MAX}")));
+    }
+    if names.bytes().filter(|byte| *byte == 0).count() != count || !(names.is_empty() || names.ends_with('\0')) {
         return Err(bad_names());
     }
-    let target = |name: &str| MorphTarget {
-        name: name.into(),
-        streams: vec![StreamDeltas::default(); base.streams.len()],
-        ..Default::default()
-    };
-    let mut targets: Vec<MorphTarget> = names.split_terminator('\0').map(target).collect();
+    let mut targets: Vec<MorphTarget> = names
+        .split_terminator('\0')
+        .map(|name| MorphTarget {
+            name: name.into(),
+            streams: vec![StreamDeltas::default(); base.streams.len()],
+            ..Default::default()
+        })
+        .collect();
     let mut sorted: Vec<&str> = targets.iter().map(|t| t.name.as_str()).collect();
     sorted.sort_unstable();
-    if sorted.windows(2).any(|pair| pair[0] == pair[1]) {
+    if targets.len() != count || sorted.windows(2).any(|pair| pair[0] == pair[1]) {
         return Err(bad_names());
     }
     for (group, places) in streams.iter().enumerate() {

@@ -1,10 +1,11 @@
 use super::*;
+use crate::asset::Semantic;
 use crate::pack::PackDesc;
 use crate::testing;
 
 fn written(mesh: &MorphMesh, floats: TextureFloats) -> Vec<u8> {
     let packed = PackedMesh::pack(mesh, &PackDesc::new(DeltaFormat::Float32)).expect("a mesh");
-    write_ktx2(&packed, floats).expect("a file")
+    write_ktx2(&packed, floats).expect("a file").bytes
 }
 
 fn read(bytes: &[u8], base: &MorphMesh) -> Vec<MorphTarget> {
@@ -50,6 +51,16 @@ fn the_container_is_as_the_specification_says() {
         assert_eq!(word(56) % 4 + word(80) % texel, 0, "keys and texels are aligned");
         assert_eq!(word(80) + word(88), file.len() as u32);
         assert_eq!(word(88), word(20) * word(24) * 2 * texel);
+        assert_eq!(word(56), 104 + 92, "keys follow the descriptor");
+        assert_eq!((TEXELS.len() + 1) % 4, 0, "its numbers are aligned");
+        let header = [0, 2 | 88 << 16, 0x01_01_01, 0, texel, 0];
+        assert_eq!(std::array::from_fn(|i| word(108 + 4 * i)), header, "vendor, size, colours, block, bytes of planes");
+        for (sample, channel) in [0, 1, 2, 15].into_iter().enumerate() {
+            let at = 108 + 24 + 16 * sample;
+            let bits = texel * 2;
+            let first = sample as u32 * bits | (bits - 1) << 16 | (0xc0 | channel) << 24;
+            assert_eq!([0, 4, 8, 12].map(|i| word(at + i)), [first, 0, 0xBF80_0000, 0x3F80_0000], "sample {sample}");
+        }
         let keys = Container::read(&file).expect("a file").values;
         assert!(keys.is_sorted_by(|a, b| a.0 < b.0) && keys[0].1.ends_with(&[0]));
     }
@@ -83,18 +94,69 @@ fn others_read_what_is_written() {
     }
 }
 
-/// A key that states more targets than there may be takes no memory for them.
 #[test]
-fn names_without_end_are_refused() {
-    let mesh = testing::mesh(12, 3);
+fn wrinkle_masks_are_a_stream_like_others() {
+    let mut mesh = testing::with_streams(testing::mesh(60, 4));
+    let at = mesh.streams.iter().position(|s| s.semantic == Semantic::Mask).expect("masks");
+    mesh.streams = vec![mesh.streams.swap_remove(at)];
+    mesh.targets.iter_mut().for_each(|target| target.streams = vec![target.streams.swap_remove(at)]);
+    let found = read(&written(&mesh, TextureFloats::Single), &mesh);
+    for (found, expected) in found.iter().zip(&mesh.targets) {
+        assert_eq!(found.streams, expected.streams, "{}", expected.name);
+    }
+    assert!(found.iter().any(|target| !target.streams[0].vertices.is_empty()), "some move them");
     let file = written(&mesh, TextureFloats::Single);
-    let file = Container::read(&file).expect("a file");
-    let names = b"a\0".repeat(70_000);
-    let mut texels = file.value(TEXELS).expect("texels").to_vec();
-    texels[8..12].copy_from_slice(&70_000u32.to_le_bytes());
-    let values = vec![WRITER, (NAMES, &names), (TEXELS, &texels)];
-    let (_, what, _) = targets(&Container { values, ..file }.write(), &mesh).expect_err("too many");
-    assert_eq!(what, "not one name for each target, or more than 65536");
+    let words = Container::read(&file).expect("a file").value(TEXELS).expect("the key").to_vec();
+    let number = u32::from(Semantic::Mask.number()).to_le_bytes();
+    assert!(words.as_chunks().0.contains(&number), "768, as the module says");
+
+    let without = targets(&file, &testing::mesh(60, 4)).expect_err("no such stream");
+    assert!(without.1.contains("2 groups"), "{without:?}");
+}
+
+/// A file in which `change` has changed the values of the two keys.
+fn forged(file: &[u8], change: impl FnOnce(&mut Vec<u8>, &mut Vec<u8>)) -> Vec<u8> {
+    let mut held = Container::read(file).expect("a file");
+    let [mut names, mut words] = [NAMES, TEXELS].map(|key| held.value(key).expect("the key").to_vec());
+    change(&mut names, &mut words);
+    held.values = vec![(NAMES, &names[..]), (TEXELS, &words[..])];
+    held.write()
+}
+
+#[test]
+fn numbers_that_lie_are_refused_before_memory_is_taken_for_them() {
+    let mesh = testing::with_streams(testing::mesh(12, 3));
+    let file = written(&mesh, TextureFloats::Half);
+    let put = |words: &mut Vec<u8>, at: usize, number: u32| {
+        words[4 * at..4 * at + 4].copy_from_slice(&number.to_le_bytes());
+    };
+    let refused = |file: &[u8]| targets(file, &mesh).expect_err("refused").1;
+    // Names are one byte each, as many as stated, and more than a mesh may have: 30 MB of file, 16 GB of targets.
+    let many = 30_000_000;
+    let text = refused(&forged(&file, |names, words| {
+        *names = vec![0; many];
+        put(words, 2, many as u32);
+    }));
+    assert!(text.contains("30000000 targets") && text.contains("65536"), "{text}");
+    let text = refused(&forged(&file, |names, _| *names = vec![0; many]));
+    assert!(text.contains("one name for each target"), "{text}");
+    // A count that nothing in the file stands for.
+    for count in [u32::MAX, 1 << 16, 4] {
+        assert!(targets(&forged(&file, |_, words| put(words, 2, count)), &mesh).is_err(), "{count}");
+    }
+    // Streams of group 0 take five words behind the head, then two for the size; then rectangles by target.
+    let text = refused(&forged(&file, |_, words| put(words, 4 + 5 + 2 + 3, u32::MAX)));
+    assert!(text.contains("the list ends early"), "{text}");
+    let text = refused(&forged(&file, |_, words| {
+        put(words, 4 + 5, u32::MAX);
+        put(words, 4 + 5 + 2 + 4 + 2, u32::MAX);
+    }));
+    assert!(text.contains("rectangle 0") && text.contains("outside"), "{text}");
+    // The header names more texels than the file has.
+    let mut large = file.clone();
+    large[20..28].copy_from_slice(&[0xff; 8]);
+    assert!(refused(&large).contains("expected"));
+    assert!(targets(&forged(&file, |_, _| {}), &mesh).is_ok(), "what is forged is refused for what was changed");
 }
 
 #[test]
@@ -126,7 +188,7 @@ fn errors_name_the_file_the_place_and_the_remedy() {
         read_ktx2(&path, base).expect_err("refused").to_string()
     };
     let text = refused(&file, &testing::mesh(13, 3));
-    assert!(text.contains("face.ktx2: key 'deltamorph.texels'") && text.contains("12 vertices"), "{text}");
+    assert!(text.contains("face.ktx2: key 'deltamorph.textures'") && text.contains("12 vertices"), "{text}");
     let texels = u32::from_le_bytes(file[80..84].try_into().expect("four bytes")) as usize;
     let mut changed = file.clone();
     changed[texels..texels + 4].copy_from_slice(&f32::NAN.to_le_bytes());

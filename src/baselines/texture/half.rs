@@ -27,6 +27,11 @@ pub(super) fn to_f32(half: u16) -> f32 {
     })
 }
 
+/// Whether a half float is this very number, the sign of zero included.
+pub(super) fn is_half(value: f32) -> bool {
+    to_f32(from_f32(value)).to_bits() == value.to_bits()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -42,7 +47,9 @@ mod tests {
             let even = half + (half & 1);
             for (value, expected) in [(middle.next_down(), half), (middle, even), (middle.next_up(), half + 1)] {
                 assert_eq!((from_f32(value), from_f32(-value)), (expected, expected | 0x8000), "{value:e}");
+                assert!(!is_half(value) && !is_half(-value), "{value:e}");
             }
+            assert!(is_half(low as f32) && is_half(-low as f32), "{low:e}");
         }
         assert_eq!(
             [1.0, 65504.0, f32::MIN_POSITIVE * 2.0f32.powi(112), f32::INFINITY].map(from_f32),
@@ -51,5 +58,6 @@ mod tests {
         assert_eq!([65519.99, 65520.0].map(from_f32), [0x7bff, 0x7c00]);
         assert!(to_f32(from_f32(f32::NAN)).is_nan());
         assert_eq!(to_f32(0xfc00), f32::NEG_INFINITY);
+        assert!([70000.0, 65505.0, 1e-12, 1.0 / 3.0].iter().all(|x| !is_half(*x)));
     }
 }

@@ -7,10 +7,11 @@
 //! (`draws`). Further streams of a mesh have textures of their own, two for each group: texture coordinates, for example, which
 //! targets move where they stretch the skin.
 //!
-//! Deltas are loaded as packed: float32, or 16-bit integers times the coefficient of their step. Float32 deltas that are all
-//! half floats, as those of a file of half floats are, are kept as such, which the article does: half the bytes, nothing
-//! lost. (Half floats are as large as the integers, and have 11 bits where those have 16.) Sums are float32: they drift as
-//! those of the other paths with float32 poses do, and are wiped where rebuilding takes no more targets.
+//! Deltas are loaded as packed: float32, or 16-bit integers times the coefficient of their step. Where every float32 delta
+//! is exactly a half float, as the article has them and files of half floats are read (`file`), textures hold half floats:
+//! half of the bytes, and the same numbers. Nothing is rounded to them here, since the integers are as small and keep more
+//! bits. Sums are float32: they drift as those of the other paths with float32 poses do, and are wiped where rebuilding
+//! takes no more targets.
 
 #[cfg(feature = "ktx2")]
 mod container;
@@ -40,7 +41,7 @@ use draws::TextureDraws;
 use passes::BlendPasses;
 use std::ops::Range;
 use std::sync::Arc;
-use texels::{DeltaTexels, RECTANGLE_WORDS, TexelFormat};
+use texels::{DeltaTexels, RECTANGLE_WORDS, Texel};
 
 /// Bytes of a texel of both displacement textures.
 const DISPLACEMENT: u64 = 32;
@@ -60,14 +61,19 @@ struct Textures<'a>(&'a [u32]);
 
 impl<'a> Textures<'a> {
     /// First rectangle and first texel of the deltas of each target, and the numbers of all; then the size of the
-    /// displacement textures, and the bytes of a texel of both delta textures.
-    fn words(baked: &DeltaTexels) -> Vec<u32> {
-        let texel = |&first: &u32| match baked.rectangles.get(first as usize) {
+    /// displacement textures, and the bytes of a delta.
+    fn words(baked: &DeltaTexels, texel: Texel) -> Vec<u32> {
+        let first_texel = |&first: &u32| match baked.rectangles.get(first as usize) {
             Some(rectangle) => rectangle.first,
             None => baked.covered() as u32,
         };
-        let ends = baked.first.iter().flat_map(|first| [*first, texel(first)]);
-        ends.chain(baked.size).chain([2 * baked.format.bytes() as u32]).collect()
+        baked
+            .first
+            .iter()
+            .flat_map(|first| [*first, first_texel(first)])
+            .chain(baked.size)
+            .chain([2 * texel.bytes()])
+            .collect()
     }
 
     fn of(mesh: &'a MeshBuffers) -> Self {
@@ -94,8 +100,8 @@ impl<'a> Textures<'a> {
         [self.0[self.0.len() - 3], self.0[self.0.len() - 2]]
     }
 
-    /// Bytes of a delta: of a texel of both delta textures.
-    fn delta_bytes(self) -> u64 {
+    /// Bytes of a texel of both delta textures.
+    fn delta(self) -> u64 {
         self.0[self.0.len() - 1].into()
     }
 
@@ -113,8 +119,9 @@ fn words_of(mesh: &MeshBuffers) -> BufferRange {
 
 impl MorphEngine {
     /// As [`upload`](Self::upload), for crowds on the path `texture`, which reads deltas from two textures: 32 bytes for
-    /// each vertex that a target moves (float32), or 16 (snorm16; float32 whose deltas are half floats), whatever [`mesh_bytes`](Self::mesh_bytes) says. The
-    /// layouts of the textures are changed as part of the copies.
+    /// each vertex that a target moves (float32), or 16 (snorm16, and float32 where every delta of a group of streams is
+    /// exactly a half float), whatever [`mesh_bytes`](Self::mesh_bytes) says. The layouts of the textures are changed as part
+    /// of the copies.
     ///
     /// # Errors
     /// As [`upload`](Self::upload); a format other than `float32` and `snorm16`; textures larger than the device's images;
@@ -141,19 +148,19 @@ impl MorphEngine {
     fn texture_buffers(&self, group: &PackedGroup) -> Result<(MeshBuffers, Vec<Upload>)> {
         let layout = group.layout();
         let baked = DeltaTexels::bake(group, self.device.caps.max_image_side)?;
-        let words = baked.words(layout.padded_vertices());
+        let (words, texel) = (baked.words(layout.padded_vertices()), baked.texel());
         self.check_storage(layout, "its rectangles and texels take", &words)?;
-        let private = Textures::words(&baked);
+        let private = Textures::words(&baked, texel);
         let (mut buffers, upload) = MeshBuffers::new(&self.device, layout.clone(), group.base(), &words, private)?;
-        let format = match baked.format {
-            TexelFormat::Integers => vk::Format::R16G16B16A16_SINT,
-            TexelFormat::Halves => vk::Format::R16G16B16A16_SFLOAT,
-            TexelFormat::Singles => vk::Format::R32G32B32A32_SFLOAT,
+        let format = match texel {
+            Texel::Integers => vk::Format::R16G16B16A16_SINT,
+            Texel::Half => vk::Format::R16G16B16A16_SFLOAT,
+            Texel::Single => vk::Format::R32G32B32A32_SFLOAT,
         };
         let mut uploads = vec![upload];
         for (what, second) in [("first", false), ("second", true)] {
             let name = format!("deltamorph deltas of the {what} triple of mesh '{}'", layout.name);
-            uploads.push(buffers.add_image(&self.device, &name, format, baked.image, &baked.bytes(second))?);
+            uploads.push(buffers.add_image(&self.device, &name, format, baked.image, &baked.bytes(second, texel))?);
         }
         Ok((buffers, uploads))
     }
@@ -206,7 +213,7 @@ impl Technique for TextureTechnique {
             for mesh in self.groups.iter().map(|group| &group.mesh) {
                 let textures = Textures::of(mesh);
                 let all = textures.size().map(u64::from).iter().product::<u64>();
-                let delta = textures.delta_bytes();
+                let delta = textures.delta();
                 let texels: u64 = plan.coefficients.iter().map(|c| u64::from(textures.texels(c.target))).sum();
                 let cleared = if plan.rebuilt { all * DISPLACEMENT } else { 0 };
                 stats.bytes_moved += cleared + texels * (delta + 2 * DISPLACEMENT);

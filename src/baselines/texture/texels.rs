@@ -17,30 +17,21 @@ const GAP: u32 = 8;
 /// Words of a rectangle.
 pub(super) const RECTANGLE_WORDS: usize = 5;
 
-/// What the numbers of a delta texture are.
+/// What the four components of a texel of delta textures are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum TexelFormat {
-    /// 16-bit integers, in steps of the target.
+pub(super) enum Texel {
+    /// 16-bit integers: steps of the target.
     Integers,
-    /// Half floats.
-    Halves,
+    /// Half floats, which hold every delta exactly: half of the bytes, and nothing is lost.
+    Half,
     /// Float32.
-    Singles,
+    Single,
 }
 
-impl TexelFormat {
-    /// Bytes of a texel: four numbers.
-    pub(super) fn bytes(self) -> usize {
-        if self == Self::Singles { 16 } else { 8 }
-    }
-
-    /// Of deltas as they are packed: the smallest that loses nothing.
-    fn of(format: DeltaFormat, deltas: &[[f32; POSE_FLOATS]]) -> Self {
-        let is_half = |x: &f32| half::to_f32(half::from_f32(*x)).to_bits() == x.to_bits();
-        if format == DeltaFormat::Snorm16 {
-            return Self::Integers;
-        }
-        if deltas.iter().flatten().all(is_half) { Self::Halves } else { Self::Singles }
+impl Texel {
+    /// Bytes of a texel of one texture.
+    pub(super) fn bytes(self) -> u32 {
+        if self == Self::Single { 16 } else { 8 }
     }
 }
 
@@ -72,7 +63,7 @@ pub(super) struct DeltaTexels {
     pub(super) rectangles: Vec<Rectangle>,
     /// First rectangle of each target, and the number of all.
     pub(super) first: Vec<u32>,
-    pub(super) format: TexelFormat,
+    format: DeltaFormat,
     /// Deltas of both triples at each texel of the delta textures, in steps of the target.
     deltas: Vec<[f32; POSE_FLOATS]>,
 }
@@ -131,8 +122,7 @@ impl DeltaTexels {
             first.push(rectangles.len() as u32);
         }
         let image = self::size(deltas.len(), side, name)?;
-        let format = TexelFormat::of(layout.format, &deltas);
-        Ok(Self { size, image, texels, rectangles, first, format, deltas })
+        Ok(Self { size, image, texels, rectangles, first, format: layout.format, deltas })
     }
 
     /// Texels that the rectangles of all targets cover.
@@ -140,24 +130,31 @@ impl DeltaTexels {
         self.deltas.len()
     }
 
-    /// The largest number of a delta, without its sign.
-    #[cfg(feature = "ktx2")]
-    pub(super) fn largest(&self) -> f32 {
-        self.deltas.iter().flatten().map(|x| x.abs()).fold(0.0, f32::max)
-    }
-
-    /// The bytes of a delta texture, row by row: of positions, or of normals. The fourth component is 0, as are the texels
-    /// behind the last delta.
-    pub(super) fn bytes(&self, normals: bool) -> Vec<u8> {
+    /// The numbers of a delta texture, row by row: of positions, or of normals. The fourth component is 0, as are the
+    /// texels behind the last delta.
+    pub(super) fn numbers(&self, normals: bool) -> impl Iterator<Item = f32> {
         let texels = self.image[0] as usize * self.image[1] as usize;
         let first = if normals { 3 } else { 0 };
-        let of =
-            |texel| self.deltas.get(texel).map_or([0.0; 4], |d: &[f32; 6]| [d[first], d[first + 1], d[first + 2], 0.0]);
-        let all = (0..texels).flat_map(of);
-        match self.format {
-            TexelFormat::Integers => all.flat_map(|steps| (steps as i16).to_le_bytes()).collect(),
-            TexelFormat::Halves => all.flat_map(|delta| half::from_f32(delta).to_le_bytes()).collect(),
-            TexelFormat::Singles => all.flat_map(f32::to_le_bytes).collect(),
+        let of = move |d: &[f32; POSE_FLOATS]| [d[first], d[first + 1], d[first + 2], 0.0];
+        (0..texels).flat_map(move |texel| self.deltas.get(texel).map_or([0.0; 4], of))
+    }
+
+    /// How numbers are kept on the device.
+    pub(super) fn texel(&self) -> Texel {
+        match self.format == DeltaFormat::Snorm16 {
+            true => Texel::Integers,
+            false if self.deltas.as_flattened().iter().all(|x| half::is_half(*x)) => Texel::Half,
+            false => Texel::Single,
+        }
+    }
+
+    /// The bytes of a delta texture of such texels.
+    pub(super) fn bytes(&self, normals: bool, texel: Texel) -> Vec<u8> {
+        let numbers = self.numbers(normals);
+        match texel {
+            Texel::Integers => numbers.flat_map(|steps| (steps as i16).to_le_bytes()).collect(),
+            Texel::Half => numbers.flat_map(|x| half::from_f32(x).to_le_bytes()).collect(),
+            Texel::Single => numbers.flat_map(f32::to_le_bytes).collect(),
         }
     }
 

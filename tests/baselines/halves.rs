@@ -1,0 +1,109 @@
+//! Delta textures of half floats: those of a file that has them, kept as such on the device.
+
+use crate::baselines::{can_read, history};
+use crate::gpu::{NORMAL, POSITION, on_every_device, packed, single};
+use crate::{check, real};
+use deltamorph::headless::HeadlessCrowd;
+use deltamorph::reference::{compare, evaluate};
+use deltamorph::textures::{TextureFloats, read_ktx2, write_ktx2};
+use deltamorph::{
+    BatchSize, DeltaFormat, MorphMesh, MorphTarget, PackDesc, PackedMesh, StreamDeltas, UpdateDesc, UpdatePath, testing,
+};
+use glam::Vec3;
+
+/// `mesh` as a file of half floats has it.
+fn of_halves(mesh: &MorphMesh) -> MorphMesh {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("half.ktx2");
+    let packed = PackedMesh::pack(mesh, &PackDesc::new(DeltaFormat::Float32)).expect("a mesh");
+    let file = write_ktx2(&packed, TextureFloats::Half).expect("a file");
+    std::fs::write(&path, file.bytes).expect("a file");
+    read_ktx2(&path, mesh).expect("a file of the mesh")
+}
+
+/// That of a mesh with a first target that moves each vertex.
+fn reaching(mut mesh: MorphMesh) -> MorphMesh {
+    let vertices = mesh.vertex_count() as u32;
+    mesh.targets[0].vertices = (0..vertices).collect();
+    // Below 2^-14 half floats have fewer bits; hardware that took those for 0 would be seen.
+    mesh.targets[0].positions =
+        (0..vertices).map(|v| Vec3::new(0.125, (v + 1) as f32 * 2f32.powi(-24), -0.01)).collect();
+    mesh.targets[0].normals = vec![Vec3::Y; vertices as usize];
+    of_halves(&mesh)
+}
+
+#[test]
+fn half_floats_are_kept_as_such_and_give_the_same_poses() {
+    let half = reaching(testing::with_streams(testing::mesh(400, 9)));
+    let mut wide = half.clone();
+    // A target that no weight applies, with a delta in each group that is no half float: all are kept in 32 bits.
+    let third = 1.0 / 3.0;
+    let streams = half
+        .streams
+        .iter()
+        .map(|stream| StreamDeltas { vertices: vec![0], deltas: vec![third; stream.semantic.morphing_components()] });
+    wide.targets.push(MorphTarget {
+        name: "a third".into(),
+        vertices: vec![0],
+        positions: vec![Vec3::splat(third)],
+        normals: vec![Vec3::splat(third)],
+        streams: streams.collect(),
+    });
+    on_every_device(|headless, engine| {
+        let [half, wide] = [&half, &wide].map(|mesh| packed(engine, mesh, DeltaFormat::Float32));
+        let desc = UpdateDesc::new(UpdatePath::Texture, BatchSize::All);
+        if engine.caps().check_path(desc.path).is_err() || !can_read(headless, &desc) {
+            return;
+        }
+        check(headless, &half, desc, 3);
+        let [mut kept, mut wide] =
+            [&half, &wide].map(|mesh| HeadlessCrowd::new(headless, mesh, &single(desc)).expect("a crowd"));
+        let bits = |crowd: &mut HeadlessCrowd<'_>| {
+            let groups = (0..half.groups().len()).map(|g| crowd.read_group(0, g).expect("a pose").0);
+            groups.flatten().map(f32::to_bits).collect::<Vec<_>>()
+        };
+        for weights in history(&half, &desc, 8) {
+            kept.step(&[&weights]).expect("a step");
+            wide.step(&[&[&weights[..], &[0.0]].concat()]).expect("a step");
+            assert!(bits(&mut kept) == bits(&mut wide), "{}: {weights:?}", headless.caps().name);
+        }
+        // The first target alone, in each group, whose texels are loaded once: 8 bytes for each in place of 16 from each of
+        // two textures, and 32 blended twice.
+        let mut weights = vec![0.0; 10];
+        kept.step(&[&weights[..9]]).expect("a step");
+        wide.step(&[&weights]).expect("a step");
+        weights[0] = 0.5;
+        let stats = [kept.step(&[&weights[..9]]), wide.step(&[&weights])].map(|r| r.expect("a step").update.stats);
+        let floor = stats.map(|stats| stats.bytes_floor);
+        assert_eq!((floor[0] % 80, floor[1] % 96, floor[0] / 80), (0, 0, floor[1] / 96), "{stats:?}");
+        assert!(floor[0] >= 400 * 80, "{stats:?}");
+    });
+}
+
+#[test]
+fn real_sets_in_half_floats() {
+    for (set, kept, frames) in real() {
+        let (half, bound) = (of_halves(&kept), POSITION * f64::from(kept.diagonal));
+        on_every_device(|headless, engine| {
+            let desc = UpdateDesc::new(UpdatePath::Texture, BatchSize::All);
+            if engine.caps().check_path(desc.path).is_err() || !can_read(headless, &desc) {
+                return;
+            }
+            let [mesh, whole] = [&half, &kept].map(|mesh| packed(engine, mesh, DeltaFormat::Float32));
+            let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
+            for weights in &frames {
+                crowd.step(&[weights]).expect("a step");
+                let pose = crowd.read_pose(0).expect("a pose");
+                let error = compare(&pose, &evaluate(&mesh, weights));
+                assert!(error.within(bound, NORMAL), "{set}, half floats: {error:?}");
+                // 2^-11 of each delta is what rounding costs.
+                let reach = kept.targets.iter().zip(weights).map(|(target, weight)| {
+                    let longest = target.positions.iter().map(|d| f64::from(d.length())).fold(0.0, f64::max);
+                    longest * f64::from(weight.abs())
+                });
+                let (off, most) = (compare(&pose, &evaluate(&whole, weights)).position, reach.sum::<f64>() / 2048.0);
+                assert!(off <= most + bound, "{set}, half floats: {off}, {most} allowed");
+            }
+        });
+    }
+}
