@@ -25,7 +25,7 @@
 //! - `rig`: rigs from JSON files ([`mod@rig`]).
 //! - `threads`: the path `cpu` and the importer on several threads.
 //! - `baselines`: the techniques of others, to compare with.
-//! - `ktx2`: delta textures as KTX2 files ([`mod@textures`]).
+//! - `ktx2`: delta textures as KTX2 files (the module `textures`).
 //! - `compile-shaders`: compile `glsl/` at build time, which needs a C++ compiler; without it the modules checked in
 //!   under `spirv/` are linked.
 

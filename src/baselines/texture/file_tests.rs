@@ -58,7 +58,7 @@ fn the_container_is_as_the_specification_says() {
         for (sample, channel) in [0, 1, 2, 15].into_iter().enumerate() {
             let at = 108 + 24 + 16 * sample;
             let bits = texel * 2;
-            let first = sample as u32 * bits | (bits - 1) << 16 | (0xc0 | channel) << 24;
+            let first = (sample as u32 * bits) | ((bits - 1) << 16) | ((0xc0 | channel) << 24);
             assert_eq!([0, 4, 8, 12].map(|i| word(at + i)), [first, 0, 0xBF80_0000, 0x3F80_0000], "sample {sample}");
         }
         let keys = Container::read(&file).expect("a file").values;
