@@ -5,10 +5,12 @@
 
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
 use deltamorph::import::sample::{HeadDesc, head};
+use deltamorph::lod::{Camera, Importance, LevelDesc, Place};
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, CrowdDesc, DeltaFormat, PackedMesh, Playback, PoseFormat, Tolerance, UpdateDesc,
     WeightClip,
 };
+use glam::Vec3;
 use std::time::Instant;
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -142,6 +144,52 @@ fn planned_on_the_gpu(headless: &Headless) {
     }
 }
 
+/// A crowd that keeps all targets against one whose levels of detail the GPU chooses, which costs a pass: near, where it keeps
+/// all of them too, and farther away. All weights change.
+fn followed(headless: &Headless) {
+    let mesh = packed(headless, &HeadDesc::default().vertices(2_700).targets(52).sparsity(0.17));
+    let clips = clips(&mesh);
+    let order = Importance::of_packed(&mesh, &[]).expect("an order");
+    let importance = order.over(&mesh, clips[2].values.chunks(52).map(<[f32]>::to_vec)).expect("the clip's errors");
+    let animation = AnimationDesc::new(&clips);
+    let levels = animation.importance(Some(&importance)).level(Some(LevelDesc::default()));
+    let update = UpdateDesc::blocks().pose(PoseFormat::Fixed16);
+    let mut crowds = [animation, levels].map(|animation| {
+        let made = HeadlessCrowd::animated(headless, &mesh, &desc(1000, update), &animation);
+        let mut crowd = made.expect("a crowd");
+        (0..1000).for_each(|head| {
+            crowd.play(head, &Playback::new(2).start(-f64::from(head) / 7.0)).expect("a clip");
+        });
+        crowd
+    });
+    let diagonal = mesh.layout().diagonal;
+    let place = Place { centre: Vec3::ZERO, radius: diagonal / 2.0, scale: 1.0 };
+    (0..1000).for_each(|head| crowds[1].set_place(head, &place).expect("a place"));
+    println!("levels of detail chosen on the GPU, the same mesh, 1,000 heads, all weights change:");
+    for far in [1.0, 10.0, 30.0, 100.0, 300.0] {
+        let camera = Camera { eye: Vec3::Z * diagonal * far, height: 1080.0, angle: 0.6 };
+        crowds[1].set_camera(&camera).expect("a camera");
+        crowds[1].cut_camera();
+        let kept = importance.level_for(camera.pixels_per_unit(&place), 0.4);
+        let (mut times, mut ratios) = ([vec![], vec![]], vec![]);
+        for frame in 0..19 {
+            let both = [0, 1].map(|i| {
+                crowds[i].set_time(f64::from(frame) / 60.0).expect("a time");
+                crowds[i].step(&[]).expect("a step").gpu_ms.expect("a device with timestamps")
+            });
+            if frame >= 4 {
+                ratios.push(both[1] / both[0]);
+                times.iter_mut().zip(both).for_each(|(times, ms)| times.push(ms));
+            }
+        }
+        let [all, some] = times.map(median);
+        println!(
+            "  {far} diagonals away, {kept} of 52 targets kept: {some:.2} ms, all of them {all:.2} ms, {:.2} of it",
+            median(ratios)
+        );
+    }
+}
+
 fn main() {
     let name = std::env::args().skip(1).find(|a| !a.starts_with('-'));
     let device = name.map_or(DeviceChoice::Best, DeviceChoice::Name);
@@ -151,4 +199,5 @@ fn main() {
     together(&headless, 100, 0.08, 8);
     together(&headless, 100, 1.0, 72);
     planned_on_the_gpu(&headless);
+    followed(&headless);
 }
