@@ -88,17 +88,18 @@ fn clips(mesh: &PackedMesh) -> Vec<WeightClip> {
     ]
 }
 
-/// A crowd that plays `clip`, its heads a seventh of a second apart.
+/// A crowd that plays `clip`, its heads a seventh of a second apart; `follow`: its levels of detail follow the camera.
 fn crowd<'a>(
     headless: &'a Headless,
     mesh: &PackedMesh,
     heads: u32,
     slots: u32,
     clip: u32,
+    follow: Option<&Importance>,
 ) -> HeadlessCrowd<'a, AnimatedCrowd> {
     let update = UpdateDesc::blocks().pose(PoseFormat::Fixed16).slots(slots);
     let clips = clips(mesh);
-    let animation = AnimationDesc::new(&clips);
+    let animation = AnimationDesc::new(&clips).importance(follow).level(follow.map(|_| LevelDesc::default()));
     let mut crowd = HeadlessCrowd::animated(headless, mesh, &desc(heads, update), &animation).expect("a crowd");
     for head in 0..heads {
         let start = -f64::from(head) / 7.0;
@@ -116,11 +117,10 @@ fn play(crowd: &mut HeadlessCrowd<'_, AnimatedCrowd>, frames: u32) -> Vec<Step> 
     steps.skip(4).collect()
 }
 
-fn planned_on_the_gpu(headless: &Headless) {
-    let mesh = packed(headless, &HeadDesc::default().vertices(2_700).targets(52).sparsity(0.17));
+fn planned_on_the_gpu(headless: &Headless, mesh: &PackedMesh) {
     println!("animated on the GPU, 2,700 vertices, 52 targets, 17% sparse, fixed16 poses:");
     for (clip, what) in ["no weight changes", "a third change", "all change"].into_iter().enumerate() {
-        let mut crowd = crowd(headless, &mesh, 1000, 2, clip as u32);
+        let mut crowd = crowd(headless, mesh, 1000, 2, clip as u32, None);
         let gpu = median(play(&mut crowd, 15).iter().filter_map(|s| s.gpu_ms).collect());
         // One behind the other, before any of them runs: what is recorded does not depend on what moves.
         let recorded = (19..60u32).map(|frame| {
@@ -135,7 +135,7 @@ fn planned_on_the_gpu(headless: &Headless) {
         println!("  1,000 heads, {what}: recorded in {record:.1} µs; on the device {gpu:.2} ms, {gpu:.2} µs a head");
     }
     for heads in [100, 300, 1_000, 3_000, 10_000] {
-        let steps = play(&mut crowd(headless, &mesh, heads, 1, 1), 9);
+        let steps = play(&mut crowd(headless, mesh, heads, 1, 1, None), 9);
         let gpu = median(steps.iter().filter_map(|s| s.gpu_ms).collect());
         println!(
             "  {heads} heads, a third change, one slot: {gpu:.2} ms, {:.2} µs a head",
@@ -146,22 +146,11 @@ fn planned_on_the_gpu(headless: &Headless) {
 
 /// A crowd that keeps all targets against one whose levels of detail the GPU chooses, which costs a pass: near, where it keeps
 /// all of them too, and farther away. All weights change.
-fn followed(headless: &Headless) {
-    let mesh = packed(headless, &HeadDesc::default().vertices(2_700).targets(52).sparsity(0.17));
-    let clips = clips(&mesh);
-    let order = Importance::of_packed(&mesh, &[]).expect("an order");
-    let importance = order.over(&mesh, clips[2].values.chunks(52).map(<[f32]>::to_vec)).expect("the clip's errors");
-    let animation = AnimationDesc::new(&clips);
-    let levels = animation.importance(Some(&importance)).level(Some(LevelDesc::default()));
-    let update = UpdateDesc::blocks().pose(PoseFormat::Fixed16);
-    let mut crowds = [animation, levels].map(|animation| {
-        let made = HeadlessCrowd::animated(headless, &mesh, &desc(1000, update), &animation);
-        let mut crowd = made.expect("a crowd");
-        (0..1000).for_each(|head| {
-            crowd.play(head, &Playback::new(2).start(-f64::from(head) / 7.0)).expect("a clip");
-        });
-        crowd
-    });
+fn followed(headless: &Headless, mesh: &PackedMesh) {
+    let clips = clips(mesh);
+    let order = Importance::of_packed(mesh, &[]).expect("an order");
+    let importance = order.over(mesh, clips[2].values.chunks(52).map(<[f32]>::to_vec)).expect("the clip's errors");
+    let mut crowds = [None, Some(&importance)].map(|follow| crowd(headless, mesh, 1000, 2, 2, follow));
     let diagonal = mesh.layout().diagonal;
     let place = Place { centre: Vec3::ZERO, radius: diagonal / 2.0, scale: 1.0 };
     (0..1000).for_each(|head| crowds[1].set_place(head, &place).expect("a place"));
@@ -170,6 +159,7 @@ fn followed(headless: &Headless) {
         let camera = Camera { eye: Vec3::Z * diagonal * far, height: 1080.0, angle: 0.6 };
         crowds[1].set_camera(&camera).expect("a camera");
         crowds[1].cut_camera();
+        // So many pixels off, or fewer, lets LevelDesc::default() leave targets out.
         let kept = importance.level_for(camera.pixels_per_unit(&place), 0.4);
         let (mut times, mut ratios) = ([vec![], vec![]], vec![]);
         for frame in 0..19 {
@@ -198,6 +188,7 @@ fn main() {
     println!("{} ({} {})", caps.name, caps.driver, caps.driver_info);
     together(&headless, 100, 0.08, 8);
     together(&headless, 100, 1.0, 72);
-    planned_on_the_gpu(&headless);
-    followed(&headless);
+    let mesh = packed(&headless, &HeadDesc::default().vertices(2_700).targets(52).sparsity(0.17));
+    planned_on_the_gpu(&headless, &mesh);
+    followed(&headless, &mesh);
 }

@@ -18,7 +18,8 @@ pub(crate) unsafe fn level(desc: *const DmLevelDesc) -> Result<Option<(Importanc
     }
     built!("level", "levels of detail");
     // SAFETY: the caller's obligation.
-    let (asked, mesh) = unsafe { (read(desc)?, read(desc)?.mesh.get()?) };
+    let asked = unsafe { read(desc) }?;
+    let mesh = asked.mesh.get()?;
     // SAFETY: as above.
     let pins = unsafe { slice(asked.pins, asked.pin_count as usize, "pins") }?;
     // SAFETY: as above.

@@ -82,30 +82,51 @@ static void read_pose(const Host *host, DmReadback readback, DmCrowd crowd, uint
     DM(dm_readback_pose(readback, 0, 0, pose, VERTICES * FLOATS));
 }
 
+/* A crowd that plays a clip of the head. */
+typedef struct Player {
+    DmGpuMesh mesh;
+    DmClip clip;
+    DmCrowd crowd;
+} Player;
+
+/* One whose instances all play; commands are being recorded. */
+static Player player_begin(const Host *host, DmEngine engine, DmMesh mesh, const DmCrowdDesc *desc,
+                           const DmLevelDesc *level) {
+    Player player;
+    const DmSampleDesc head = {.struct_size = sizeof head, .vertices = VERTICES, .targets = TARGETS};
+    const DmPlayback playback = {.struct_size = sizeof playback};
+    const DmAnimationDesc clips = {
+        .struct_size = sizeof clips, .clip_count = 1, .clips = &player.clip, .level = level};
+    DM(dm_clip_sample_head(&head, 20, 30, &player.clip));
+    host_begin(host);
+    DM(dm_mesh_upload(engine, host->cmd, mesh, &player.mesh));
+    DM(dm_crowd_create_animated(player.mesh, host->cmd, desc, &clips, &player.crowd));
+    const uint32_t instances = desc->instances == 0 ? 1 : desc->instances;
+    for (uint32_t instance = 0; instance < instances; instance++) DM(dm_crowd_play(player.crowd, instance, &playback));
+    return player;
+}
+
+static void player_destroy(Player player) {
+    DM(dm_clip_destroy(player.clip));
+    DM(dm_crowd_destroy(player.crowd));
+    DM(dm_gpu_mesh_destroy(player.mesh));
+}
+
 /* Of three instances at the same time of a clip, one keeps a target that is pinned because its camera is far away, one since that
  * level is set, and one has no place and keeps all: two poses are the same, bit for bit, and the third is another. */
 static void follow_the_camera(const Host *host, DmEngine engine, DmMesh mesh, DmReadback readback) {
-    DmGpuMesh uploaded;
-    DmClip clip;
-    DmCrowd crowd;
     const char *pin;
-    const DmSampleDesc head = {.struct_size = sizeof head, .vertices = VERTICES, .targets = TARGETS};
     const DmCrowdDesc desc = {.struct_size = sizeof desc, .instances = 3};
-    const DmPlayback playback = {.struct_size = sizeof playback};
     const DmCamera camera = {.struct_size = sizeof camera, .height = 1, .angle = 0.5f, .eye = {0, 0, 1e9f}};
     const DmPlace place = {.struct_size = sizeof place, .radius = 1};
-    DmLevelDesc levels = {.struct_size = sizeof levels, .pin_count = 1, .mesh = mesh, .pins = &pin};
-    const DmAnimationDesc clips = {.struct_size = sizeof clips, .clip_count = 1, .clips = &clip, .level = &levels};
+    const DmLevelDesc levels = {.struct_size = sizeof levels, .pin_count = 1, .mesh = mesh, .pins = &pin};
     float *poses = room_for(3 * VERTICES * FLOATS, sizeof *poses);
     DM(dm_mesh_target_name(mesh, 0, &pin));
-    DM(dm_clip_sample_head(&head, 20, 30, &clip));
-    host_begin(host);
-    DM(dm_mesh_upload(engine, host->cmd, mesh, &uploaded));
-    DM(dm_crowd_create_animated(uploaded, host->cmd, &desc, &clips, &crowd));
+    const Player player = player_begin(host, engine, mesh, &desc, &levels);
+    const DmCrowd crowd = player.crowd;
     DM(dm_crowd_set_camera(crowd, &camera));
     DM(dm_crowd_set_place(crowd, 0, &place));
     DM(dm_crowd_set_level(crowd, 1, 1));
-    for (uint32_t instance = 0; instance < 3; instance++) DM(dm_crowd_play(crowd, instance, &playback));
     DM(dm_crowd_set_time(crowd, 0.3));
     DM(dm_record_update(host->cmd, crowd, NULL));
     host_submit_and_wait(host);
@@ -116,29 +137,19 @@ static void follow_the_camera(const Host *host, DmEngine engine, DmMesh mesh, Dm
     if (memcmp(poses, poses + VERTICES * FLOATS, bytes) != 0) fail("a head that is far away", "keeps other targets");
     if (memcmp(poses, poses + 2 * VERTICES * FLOATS, bytes) == 0) fail("a head that is far away", "keeps all targets");
     DM(dm_crowd_cut_camera(crowd));
-    DM(dm_clip_destroy(clip));
-    DM(dm_crowd_destroy(crowd));
-    DM(dm_gpu_mesh_destroy(uploaded));
+    player_destroy(player);
     free(poses);
 }
 
 /* A crowd that plays a clip grows: the pose stays, bit for bit, and the new instance gets one. */
 static void grow_animated(const Host *host, DmEngine engine, DmMesh mesh, DmReadback readback) {
-    DmGpuMesh uploaded;
-    DmClip clip;
-    DmCrowd crowd;
     DmOutgrown outgrown;
-    const DmSampleDesc head = {.struct_size = sizeof head, .vertices = VERTICES, .targets = TARGETS};
     DmCrowdDesc desc = {.struct_size = sizeof desc};
     const DmPlayback playback = {.struct_size = sizeof playback};
-    DmAnimationDesc clips = {.struct_size = sizeof clips, .clip_count = 1, .clips = &clip};
     float *pose = room_for(2 * VERTICES * FLOATS, sizeof *pose), *after = pose + VERTICES * FLOATS;
     uint32_t added = 9;
-    DM(dm_clip_sample_head(&head, 20, 30, &clip));
-    host_begin(host);
-    DM(dm_mesh_upload(engine, host->cmd, mesh, &uploaded));
-    DM(dm_crowd_create_animated(uploaded, host->cmd, &desc, &clips, &crowd));
-    DM(dm_crowd_play(crowd, 0, &playback));
+    const Player player = player_begin(host, engine, mesh, &desc, NULL);
+    const DmCrowd crowd = player.crowd;
     DM(dm_crowd_set_time(crowd, 0.2));
     DM(dm_record_update(host->cmd, crowd, NULL));
     host_submit_and_wait(host);
@@ -156,9 +167,7 @@ static void grow_animated(const Host *host, DmEngine engine, DmMesh mesh, DmRead
         read_pose(host, readback, crowd, instance, after);
         if (memcmp(pose, after, VERTICES * FLOATS * sizeof *pose) != 0) fail("a crowd that grew", "has another pose");
     }
-    DM(dm_clip_destroy(clip));
-    DM(dm_crowd_destroy(crowd));
-    DM(dm_gpu_mesh_destroy(uploaded));
+    player_destroy(player);
     free(pose);
 }
 

@@ -5,7 +5,7 @@ use crate::input;
 use crate::output::{Failure, Output};
 use crate::table::{bytes, sig3, thousands};
 use deltamorph::textures::{TextureFloats, read_ktx2, write_ktx2};
-use deltamorph::{DeltaFormat, MorphMesh, PackDesc, PackedMesh};
+use deltamorph::{DeltaFormat, MorphMesh, POSE_FLOATS, PackDesc, PackedMesh};
 use serde::Serialize;
 use std::io::Write;
 
@@ -88,11 +88,11 @@ fn rounding(written: &PackedMesh, read: &MorphMesh) -> Result<Vec<Rounding>, Fai
     let read = PackedMesh::pack(read, &PackDesc::new(DeltaFormat::Float32))?;
     let mut found = vec![];
     for (written, read) in written.groups().iter().zip(read.groups()) {
-        let mut largest = [0.0f64; 6];
+        let mut largest = [0.0f64; POSE_FLOATS];
         let mut of_target = vec![];
         for target in 0..written.layout().targets.len() {
             of_target.clear();
-            of_target.resize(written.layout().vertex_count, [0.0; 6]);
+            of_target.resize(written.layout().vertex_count, [0.0; POSE_FLOATS]);
             written.for_each_delta(target, |vertex, delta| of_target[vertex] = delta);
             read.for_each_delta(target, |vertex, delta| {
                 let differences = of_target[vertex].iter().zip(delta).map(|(a, b)| (a - b).abs());

@@ -104,10 +104,10 @@ fn main() -> Result {
     for ((name, _), times) in works.iter().zip(&times) {
         let [bevys, ours, none] = times.each_ref().map(|times| median(times));
         let morphing = [bevys - none, ours - none];
-        // Less than frames differ by without any change: that says nothing of how many times.
+        // Noise decides the ratio where morphing takes next to nothing of a frame.
         let ratio = match morphing[1] > 0.01 * none {
             true => format!("{:.1} times as fast", morphing[0] / morphing[1]),
-            false => "no more than frames differ by".to_owned(),
+            false => "too little to compare".to_owned(),
         };
         println!(
             "{name}: a frame {bevys:.2} ms by Bevy, {ours:.2} by deltamorph ({:.2} times as fast), {none:.2} by nobody; \
