@@ -61,6 +61,9 @@ impl BlockIndex {
         if let Some(step) = steps.iter().find(|s| !is_power_of_two(**s)) {
             return Err(format!("a step of {step}, which is no power of two"));
         }
+        if let Some(step) = steps.iter().find(|s| !self.parts.format.has_integers() && **s != 1.0) {
+            return Err(format!("a step of {step}, where deltas are floats, which have none"));
+        }
         if !(weight_max.is_finite() && *weight_max > 0.0) {
             return Err(format!("weights up to {weight_max}"));
         }

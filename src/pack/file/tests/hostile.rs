@@ -211,6 +211,8 @@ fn contents_are_checked_under_valid_checksums() {
         (&pair, WORDS, 1, 25 << 8, "entry 1 has shifts of 0x1900"),
         (&pair, WORDS, 0, 1 << 16, "entry 0 has shifts of 0x10000"),
         (&pair, WORDS, pairs + 2, 1 << 31, "word 2 of the deltas is 0x80000000"),
+        (&floats, GROUP, 4, 65536f32.to_bits(), "a step of 65536, where deltas are floats"),
+        (&floats, GROUP, 5, 0.5f32.to_bits(), "a step of 0.5, where deltas are floats"),
         (&floats, WORDS, 3, nan, "word 3 of the deltas is NaN"),
         (&floats, WORDS, 3, f32::MAX.to_bits(), "too large for single precision"),
         (&floats, FACES, 0, 3, "the faces have 6 corners, the corner list has 7"),
