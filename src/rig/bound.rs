@@ -120,7 +120,8 @@ impl BoundRig {
     /// It has a column for each target that the clip's columns have a part in.
     ///
     /// # Errors
-    /// A column that names no control, whatever else [`WeightClip::bind`] refuses; frames a second that are not above 0.
+    /// A column that names no control, whatever else [`WeightClip::bind`] refuses; frames a second that are not above 0, or so
+    /// many that the clip had more than 2²⁴ weights.
     pub fn bake(&self, clip: &WeightClip, fps: f32) -> Result<WeightClip> {
         for rate in [clip.fps, fps] {
             if !(rate.is_finite() && rate > 0.0) {
@@ -129,17 +130,24 @@ impl BoundRig {
             }
         }
         let controls: Vec<&str> = self.controls().collect();
-        if let Some(name) = clip.names.iter().find(|name| !controls.contains(&name.as_str())) {
+        let known: HashSet<&str> = self.controls().collect();
+        if let Some(name) = clip.names.iter().find(|name| !known.contains(name.as_str())) {
             let what = format!("clip '{}': column '{name}' names no control of the rig", clip.name);
             return Err(unknown(what, name, "control of the rig", &controls));
         }
         let bound = clip.bind(&controls)?;
         let columns = self.columns(&clip.names);
+        let frames = frames(&bound, fps);
+        // With a column at the least: a clip without columns takes time, too.
+        if frames * columns.len().max(1) as f64 > f64::from(1 << 24) {
+            let what = format!("clip '{}': more than 2^24 weights at {fps} frames a second", clip.name);
+            return Err(Error::invalid(what, "bake it with fewer frames a second, or split it"));
+        }
         let names = columns.iter().map(|&target| self.targets[target].clone()).collect();
         let mut baked = WeightClip { name: clip.name.clone(), names, fps, values: vec![] };
         let (mut wanted, mut current) = (vec![0.0; controls.len()], vec![]);
         let mut weights = vec![0.0; self.targets.len()];
-        for frame in 0..frames(&bound, fps) {
+        for frame in 0..frames as usize {
             let at = ClipLayer::new(&bound, frame as f64 / f64::from(fps)).repeat(Repeat::Once);
             ClipLayer::mix(&[at], &mut wanted)?;
             if current.is_empty() {
@@ -154,6 +162,7 @@ impl BoundRig {
 
     /// Targets that controls of these names have a part in, in the mesh's order.
     fn columns(&self, names: &[String]) -> Vec<usize> {
+        let names: HashSet<&String> = names.iter().collect();
         let named = |control: &Drive| names.contains(&control.name);
         let mut driven: HashSet<usize> = self.controls.iter().filter(|c| named(c)).flat_map(Drive::driven).collect();
         let products =
@@ -208,10 +217,10 @@ impl Drive {
     }
 }
 
-/// How many frames a clip has at another rate: as many as begin before it ends, and one that is not before its last.
-fn frames(clip: &BoundClip, fps: f32) -> usize {
-    let intervals = clip.frame_count().saturating_sub(1) as f64;
+/// How many frames a clip has at another rate, a whole number: as many as begin before it ends, and one that is not before
+/// its last.
+fn frames(clip: &BoundClip, fps: f32) -> f64 {
+    let Some(intervals) = clip.frame_count().checked_sub(1) else { return 0.0 };
     // Rounding must not add a frame where rates are the same.
-    let more = (intervals * f64::from(fps) / f64::from(clip.fps) - 1e-6).ceil().max(0.0);
-    if clip.frame_count() == 0 { 0 } else { more as usize + 1 }
+    (intervals as f64 * f64::from(fps) / f64::from(clip.fps) - 1e-6).ceil().max(0.0) + 1.0
 }

@@ -191,15 +191,17 @@ impl Control {
         if !(self.smoothing.is_finite() && self.smoothing >= 0.0) {
             return refuse(format!("a smoothing of {} seconds", self.smoothing), "use a finite number, 0 or more");
         }
-        for (i, key) in self.keys.iter().enumerate() {
+        let mut taken = HashMap::new();
+        for key in &self.keys {
             let (at, target) = (key.at, &key.target);
             if !at.is_normal() {
                 let remedy = "use a finite number that is not 0, where the neutral is";
                 return refuse(format!("target '{target}' at {at}"), remedy);
             }
-            if let Some(other) = self.keys[..i].iter().find(|other| other.at == at) {
+            // Neither 0 nor NaN: equal numbers have equal bits.
+            if let Some(other) = taken.insert(at.to_bits(), target) {
                 let remedy = "give each key a value of its own";
-                return refuse(format!("targets '{}' and '{target}' are both at {at}", other.target), remedy);
+                return refuse(format!("targets '{other}' and '{target}' are both at {at}"), remedy);
             }
         }
         Ok(())
@@ -213,12 +215,12 @@ impl Corrective {
         if self.controls.is_empty() {
             return Err(Error::invalid(format!("{of}: no control drives it"), "name the controls that are multiplied"));
         }
-        let mut factors = Vec::with_capacity(self.controls.len());
+        let (mut factors, mut seen) = (Vec::with_capacity(self.controls.len()), HashSet::new());
         for name in &self.controls {
             let what = || format!("{of}: '{name}' is no control");
             let factor =
                 *places.get(name.as_str()).ok_or_else(|| unknown(what(), name, "control of the rig", names))?;
-            if factors.contains(&factor) {
+            if !seen.insert(factor) {
                 return Err(Error::invalid(format!("{of}: control '{name}' is named twice"), "name it once"));
             }
             factors.push(factor);

@@ -219,4 +219,30 @@ fn wrong_weights_are_refused_and_change_nothing() {
     );
     let clip = WeightClip { names: vec!["blink".into()], ..clip };
     assert!(bound.bake(&clip, 0.0).unwrap_err().to_string().contains("clip 'clip': 0 frames a second"));
+    let clip = WeightClip { values: vec![0.0, 1.0], ..clip };
+    for fps in [1e9, f32::MAX] {
+        let text = bound.bake(&clip, fps).unwrap_err().to_string();
+        assert!(text.contains("more than 2^24 weights"), "{text}");
+    }
+}
+
+#[test]
+fn many_keys_columns_and_factors_take_no_search_through_all_others() {
+    let many = 300_000;
+    let names: Vec<String> = (0..many).map(|i| format!("t{i}")).collect();
+    let targets: Vec<&str> = names.iter().map(String::as_str).collect();
+    let keys: Vec<Key> = (1..).zip(&targets).map(|(i, target)| Key::new(i as f32, *target)).collect();
+    let controls = vec![Control::new("all").keys(keys.clone())];
+    let started = std::time::Instant::now();
+    let bound = Rig { controls, correctives: vec![] }.bind(&targets).unwrap();
+    assert_eq!(bound.controls().len(), 1);
+    let all = Rig { controls: vec![], correctives: vec![Corrective::new("t0", &targets[1..])] };
+    let bound = all.bind(&targets).unwrap();
+    let columns: Vec<String> = bound.controls().map(str::to_owned).collect();
+    let clip = WeightClip { name: "clip".into(), values: vec![0.0; columns.len()], names: columns, fps: 10.0 };
+    assert_eq!(bound.bake(&clip, 10.0).unwrap().names.len(), many);
+    assert!(started.elapsed().as_secs() < 30, "{:?}", started.elapsed());
+    let twice = keys.iter().chain([&Key::new(7.0, "t9")]).cloned().collect();
+    let text = Rig { controls: vec![Control::new("all").keys(twice)], correctives: vec![] }.bind(&targets);
+    assert!(text.unwrap_err().to_string().contains("targets 't6' and 't9' are both at 7;"));
 }
