@@ -988,7 +988,7 @@ DmResult dm_mesh_from_arrays(const struct DmMeshArrays *arrays, const struct DmM
 /// Make the built-in head, as `sample` describes it (null: the defaults).
 ///
 /// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `sample`; DM_ERROR_INVALID for what
-/// `desc` may not say.
+/// `sample` or `desc` may not say: more than 10,000,000 vertices, or 2^28 for vertices times targets.
 ///
 /// Safety:
 /// `sample` and `desc` are null (the defaults) or structures; `mesh` can be written.
@@ -1023,9 +1023,11 @@ DmResult dm_clip_open(const char *path, float fps, struct DmClip *clip);
 /// `arrays` is a structure whose arrays have the elements that it says; `clip` can be written.
 DmResult dm_clip_from_arrays(const struct DmClipArrays *arrays, struct DmClip *clip);
 
-/// Make the clip of the built-in head that `sample` describes (null: the defaults).
+/// Make the clip of the built-in head that `sample` describes (null: the defaults). `fps` is its frame rate, from 0.1 to
+/// 1000; 0: 30.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `sample`.
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `sample`; DM_ERROR_INVALID for another
+/// frame rate, more than 2^24 weights (frames times targets), or what `dm_mesh_sample_head` refuses of `sample`.
 ///
 /// Safety:
 /// `sample` is null (the defaults) or a structure; `clip` can be written.

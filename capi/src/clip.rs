@@ -22,6 +22,9 @@ pub struct BoundClip {
     pub(crate) clip: deltamorph::BoundClip,
 }
 
+/// The most weights of a clip of the built-in head.
+const CLIP_WEIGHTS: u64 = 1 << 24;
+
 handle!(DmClip, 5, Clip);
 handle!(DmBoundClip, 6, BoundClip);
 
@@ -78,9 +81,11 @@ pub unsafe extern "C" fn dm_clip_from_arrays(arrays: *const DmClipArrays, clip: 
     })
 }
 
-/// Make the clip of the built-in head that `sample` describes (null: the defaults).
+/// Make the clip of the built-in head that `sample` describes (null: the defaults). `fps` is its frame rate, from 0.1 to
+/// 1000; 0: 30.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `sample`.
+/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `sample`; DM_ERROR_INVALID for another
+/// frame rate, more than 2^24 weights (frames times targets), or what `dm_mesh_sample_head` refuses of `sample`.
 ///
 /// # Safety
 /// `sample` is null (the defaults) or a structure; `clip` can be written.
@@ -96,8 +101,15 @@ pub unsafe extern "C" fn dm_clip_sample_head(
         check_place(clip, "clip")?;
         // SAFETY: the caller's obligations; `clip` was checked.
         unsafe {
-            let made = head_clip(&head_desc(&read_or_default(sample)?), frame_count as usize, fps);
-            clip.write(DmClip::insert(Clip { clip: made })?);
+            let desc = head_desc(&read_or_default(sample)?)?;
+            if !(fps == 0.0 || (0.1..=1000.0).contains(&fps)) {
+                return Err(Failure::invalid(format!("{fps} frames per second; use a number from 0.1 to 1000")));
+            }
+            if u64::from(frame_count) * desc.targets as u64 > CLIP_WEIGHTS {
+                let what = format!("{frame_count} frames of {} targets", desc.targets);
+                return Err(Failure::invalid(format!("{what}, more than 2^24 weights; use fewer frames")));
+            }
+            clip.write(DmClip::insert(Clip { clip: head_clip(&desc, frame_count as usize, fps) })?);
         }
         Ok(())
     })

@@ -98,13 +98,24 @@ impl Mesh {
     }
 }
 
+/// The most vertices of the built-in head, and the most of them times targets: some gigabytes.
+const HEAD_VERTICES: usize = 10_000_000;
+const HEAD_DELTAS: u64 = 1 << 28;
+
 /// The built-in head.
-pub(crate) fn head_desc(sample: &DmSampleDesc) -> HeadDesc {
+pub(crate) fn head_desc(sample: &DmSampleDesc) -> Result<HeadDesc> {
     let default = HeadDesc::default();
-    let (vertices, targets) = (default.vertices, default.targets);
+    let (vertices, targets) =
+        (or(sample.vertices as usize, default.vertices), or(sample.targets as usize, default.targets));
     let (sparsity, seed) = (or(sample.sparsity, default.sparsity), or(sample.seed, default.seed));
-    let desc = default.vertices(or(sample.vertices as usize, vertices)).targets(or(sample.targets as usize, targets));
-    desc.sparsity(sparsity).seed(seed)
+    if vertices > HEAD_VERTICES || vertices as u64 * targets as u64 > HEAD_DELTAS {
+        let most = "use 10,000,000 vertices at most, and 2^28 for vertices times targets";
+        return Err(Failure::invalid(format!("a head of {vertices} vertices and {targets} targets; {most}")));
+    }
+    if !(sparsity > 0.0 && sparsity <= 1.0) {
+        return Err(Failure::invalid(format!("a sparsity of {sparsity}; use a number above 0 and at most 1")));
+    }
+    Ok(default.vertices(vertices).targets(targets).sparsity(sparsity).seed(seed))
 }
 
 /// What an entry that makes a mesh has in common with the others.
@@ -242,7 +253,7 @@ unsafe fn optional<'a, T>(pointer: *const T, count: usize, what: &str) -> Result
 /// Make the built-in head, as `sample` describes it (null: the defaults).
 ///
 /// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `sample`; DM_ERROR_INVALID for what
-/// `desc` may not say.
+/// `sample` or `desc` may not say: more than 10,000,000 vertices, or 2^28 for vertices times targets.
 ///
 /// # Safety
 /// `sample` and `desc` are null (the defaults) or structures; `mesh` can be written.
@@ -255,7 +266,8 @@ pub unsafe extern "C" fn dm_mesh_sample_head(
     let make = |desc: &DmMeshDesc| {
         built!("sample", "the built-in head");
         // SAFETY: the caller's obligation.
-        Mesh::of_source(head(&head_desc(&unsafe { read_or_default(sample) }?)), desc)
+        let sample = unsafe { read_or_default(sample) }?;
+        Mesh::of_source(head(&head_desc(&sample)?), desc)
     };
     // SAFETY: the caller's obligations.
     unsafe { create("dm_mesh_sample_head", desc, mesh, make) }

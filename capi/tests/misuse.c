@@ -6,6 +6,7 @@
 #include "../../examples/c/minimal.c"
 #undef main
 
+#include <math.h>
 #include <pthread.h>
 
 static int failures = 0;
@@ -82,6 +83,14 @@ static void pointers_and_sizes(void) {
     INVALID("struct_size of 0; set it to sizeof(DmMeshDesc)", dm_mesh_sample_head(NULL, &none, &made));
     INVALID("something is set behind", dm_mesh_sample_head(NULL, &asks.desc, &made));
     INVALID("flag 0x100000 is unknown", dm_mesh_sample_head(NULL, &flags, &made));
+    const uint32_t size = sizeof(DmSampleDesc);
+    INVALID("10,000,000 vertices at most", dm_mesh_sample_head(&(DmSampleDesc){.struct_size = size, .vertices = UINT32_MAX}, NULL, &made));
+    INVALID("2000000000 targets; use", dm_mesh_sample_head(&(DmSampleDesc){.struct_size = size, .targets = 2000000000}, NULL, &made));
+    INVALID("a sparsity of 3; use", dm_mesh_sample_head(&(DmSampleDesc){.struct_size = size, .sparsity = 3}, NULL, &made));
+    INVALID("a sparsity of NaN; use", dm_mesh_sample_head(&(DmSampleDesc){.struct_size = size, .sparsity = NAN}, NULL, &made));
+    DmClip sampled = {0};
+    INVALID("more than 2^24 weights", dm_clip_sample_head(NULL, UINT32_MAX, 30, &sampled));
+    INVALID("from 0.1 to 1000", dm_clip_sample_head(NULL, 2, 1e-9f, &sampled));
     INVALID("'path' is a null pointer", dm_mesh_open(NULL, NULL, &made));
     INVALID("'path' is no UTF-8", dm_mesh_open("\xff\xfe", NULL, &made));
     INVALID("'path' is a null pointer", dm_mesh_write(mesh, NULL));

@@ -8,9 +8,10 @@ use crate::weights::WeightClip;
 ///
 /// Weights are in [0, 1] in steps of 1/255. There are blinks, bursts of speech on jaw and mouth, slow noise with
 /// pauses on the rest, and columns that stay 0; about a third of the weights change from a frame to the next (at
-/// 30 frames per second). An `fps` that is not a positive number counts as 30.
+/// 30 frames per second). An `fps` that is not a positive number counts as 30; one outside of 0.1 to 1000 is clamped
+/// into it.
 pub fn head_clip(desc: &HeadDesc, frames: usize, fps: f32) -> WeightClip {
-    let fps = if fps > 0.0 && fps.is_finite() { fps } else { 30.0 };
+    let fps = if fps > 0.0 && fps.is_finite() { fps.clamp(0.1, 1000.0) } else { 30.0 };
     let names = targets::names(desc.targets);
     let count = names.len();
     let mut values = vec![0.0f32; count * frames];
@@ -51,8 +52,8 @@ fn drift(rng: &mut Rng, frames: usize, fps: f32, period: f32, pause: f32) -> Vec
     let (mut from, mut to) = (0.0, rng.unit() * rng.unit());
     let (mut start, mut length) = (0.0, (period * fps).max(1.0));
     for frame in 0..frames {
-        while frame as f32 >= start + length {
-            start += length;
+        while frame as f32 >= later(start, length) {
+            start = later(start, length);
             length = (period * rng.range(0.6, 1.6) * fps).max(1.0);
             from = to;
             if rng.unit() >= pause {
@@ -65,6 +66,11 @@ fn drift(rng: &mut Rng, frames: usize, fps: f32, period: f32, pause: f32) -> Vec
     column
 }
 
+/// `length` after `time`, and later in any case: of times so large that single precision rounds the length away as well.
+fn later(time: f32, length: f32) -> f32 {
+    (time + length).max(time.next_up())
+}
+
 /// Blinks of a fifth of a second every 2 to 5 seconds.
 fn blinks(rng: &mut Rng, frames: usize, fps: f32) -> Vec<f32> {
     let mut next = rng.range(0.5, 2.0);
@@ -72,7 +78,7 @@ fn blinks(rng: &mut Rng, frames: usize, fps: f32) -> Vec<f32> {
         .map(|frame| {
             let t = frame as f32 / fps;
             while t > next + 0.25 {
-                next += rng.range(2.0, 5.0);
+                next = later(next, rng.range(2.0, 5.0));
             }
             smoothstep(next, next + 0.08, t) * smoothstep(next + 0.24, next + 0.12, t)
         })
@@ -86,8 +92,8 @@ fn syllables(rng: &mut Rng, frames: usize, fps: f32) -> Vec<f32> {
     let mut left = 0;
     for frame in 0..frames {
         let t = frame as f32 / fps;
-        while t >= start + length {
-            start += length;
+        while t >= later(start, length) {
+            start = later(start, length);
             if left == 0 {
                 left = 4 + rng.below(12);
                 (length, height) = (rng.range(0.3, 1.6), 0.0);
@@ -100,4 +106,22 @@ fn syllables(rng: &mut Rng, frames: usize, fps: f32) -> Vec<f32> {
         column.push(height * smoothstep(start, middle, t) * smoothstep(start + length, middle, t));
     }
     column
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn clips_of_any_rate_end() {
+        let desc = HeadDesc::default().targets(3);
+        let rates =
+            [(1e-9, 0.1), (f32::MIN_POSITIVE, 0.1), (1e30, 1000.0), (24.0, 24.0), (0.0, 30.0), (f32::NAN, 30.0)];
+        for (fps, taken) in rates {
+            let clip = head_clip(&desc, 3, fps);
+            assert_eq!((clip.fps, clip.frame_count()), (taken, 3));
+        }
+        // Single precision rounds the length away.
+        assert!([1e8, 1e30].into_iter().all(|time: f32| time + 0.1 == time && later(time, 0.1) > time));
+    }
 }
