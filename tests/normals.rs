@@ -157,6 +157,13 @@ fn surfaces_and_targets_that_do_not_fit_are_refused() {
             assert!(refused(NormalsDesc::new(&[0; 6][..corners]).sizes(sizes)).contains("three corners or more"));
         }
         assert!(refused(NormalsDesc::new(&triangles).welds(&[0])).contains("1 welds for"));
+        // One polygon, whose fans take the square of its corners: counted before they are made.
+        let sides = 10 + (headless.caps().max_storage_range as f64 / 8.0).sqrt() as u32;
+        let polygon: Vec<u32> = (0..sides).map(|i| i % packed.layout().vertex_count as u32).collect();
+        let mut text = String::new();
+        let memory = allocation_counter::measure(|| text = refused(NormalsDesc::new(&polygon).sizes(&[sides])));
+        assert!(text.starts_with("surface of mesh '") && text.contains("split the mesh"), "{text}");
+        assert!(memory.bytes_max < 1 << 20, "{} bytes for a polygon of {sides} corners", memory.bytes_max);
         let surface = upload(headless, &packed, &NormalsDesc::new(&triangles));
         let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
         let written = Written::new(headless, &host, packed.layout().vertex_count, (0, 12, None));

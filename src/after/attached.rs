@@ -34,16 +34,22 @@ impl Attached {
         if layout.vertex_count == 0 {
             return Err(Error::invalid(format!("mesh '{}' has no vertices", layout.name), "leave it out"));
         }
+        Self::check_size(device, mesh, what, words.len() as u64)?;
         let (base, words): (&[u8], &[u8]) = (bytemuck::cast_slice(mesh.base()), bytemuck::cast_slice(words));
         let bytes = (base.len() + words.len()) as u64;
-        let text = format!("{what} of mesh '{}' takes", layout.name);
-        device.caps.check_limit(&text, (bytes, "bytes", device.caps.max_storage_range), "split the mesh")?;
         let (buffer, upload) = Upload::of(device, &format!("deltamorph {what}"), &[base, words])?;
         let uploads = [upload];
         // SAFETY: the caller's obligations.
         unsafe { record_uploads(device, cmd, &uploads) };
         let [upload] = uploads;
         Ok((Arc::new(Self { buffer, bytes, layout }), upload))
+    }
+
+    /// Refuse more words behind the base pose of `mesh` than a descriptor covers.
+    pub(super) fn check_size(device: &Device, mesh: &PackedMesh, what: &str, words: u64) -> Result<()> {
+        let bytes = size_of_val(mesh.base()) as u64 + 4 * words;
+        let text = format!("{what} of mesh '{}' takes", mesh.layout().name);
+        device.caps.check_limit(&text, (bytes, "bytes", device.caps.max_storage_range), "split the mesh")
     }
 
     /// Where the words begin, in words.

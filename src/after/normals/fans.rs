@@ -47,9 +47,16 @@ pub(super) struct Spread {
 }
 
 impl Fans {
-    /// Of a mesh packed like this.
-    pub(super) fn new(desc: &NormalsDesc<'_>, layout: &PackedLayout) -> Result<Self> {
+    /// Of a mesh packed like this. `check` is asked before so many words are made: each corner of a polygon has a fan.
+    pub(super) fn new(
+        desc: &NormalsDesc<'_>,
+        layout: &PackedLayout,
+        check: impl FnOnce(u64) -> Result<()>,
+    ) -> Result<Self> {
         let of = first_of(desc, layout.vertex_count)?;
+        let pairs = desc.faces().map(|face| face.len() as u64 * (face.len() as u64 - 2));
+        let fans = (0..layout.vertex_count as u32).filter(|v| of(*v) == *v).count();
+        check((layout.padded_vertices() + 2 * fans) as u64 + 2 * pairs.sum::<u64>())?;
         // Numbers of vertices in poses.
         let mut packed: Vec<u32> = (0..layout.vertex_count as u32).collect();
         layout.remap_indices(&mut packed)?;

@@ -47,7 +47,8 @@ impl GpuNormals {
         mesh: &PackedMesh,
         desc: &NormalsDesc<'_>,
     ) -> Result<Self> {
-        let Fans { words, spread } = Fans::new(desc, mesh.layout())?;
+        let check = |words| Attached::check_size(device, mesh, "surface", words);
+        let Fans { words, spread } = Fans::new(desc, mesh.layout(), check)?;
         // SAFETY: the caller's obligations.
         let (attached, upload) = unsafe { Attached::upload(device, cmd, mesh, ("surface", &words)) }?;
         Ok(Self { surface: Arc::new(Surface { attached, spread }), staging: Some(upload) })
