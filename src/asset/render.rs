@@ -116,19 +116,33 @@ impl MorphSource {
     /// As [`to_mesh`](Self::to_mesh).
     pub fn weld(&mut self) -> Result<()> {
         self.check(super::Tolerance::ZERO)?;
+        let mut first = HashMap::new();
+        let places = self.places().into_iter().enumerate();
+        self.welds = places.map(|(v, place)| *first.entry(place).or_insert(v as u32)).collect();
+        Ok(())
+    }
+
+    /// A number for each vertex: the same for those that are at one place in the base pose and in all targets.
+    pub(super) fn places(&self) -> Vec<usize> {
         // 0 and -0 are one place.
         let bits = |p: Vec3| (p + 0.0).to_array().map(f32::to_bits);
-        let mut at: HashMap<[u32; 3], Vec<u32>> = HashMap::new();
-        let mut welds: Vec<u32> = (0..self.positions.len() as u32).collect();
-        for (v, &p) in self.positions.iter().enumerate() {
-            let there = at.entry(bits(p)).or_default();
-            match there.iter().find(|first| self.meet(v as u32, **first)) {
-                Some(first) => welds[v] = *first,
-                None => there.push(v as u32),
+        let mut count = 0;
+        let mut number = || {
+            count += 1;
+            count
+        };
+        let mut at = HashMap::new();
+        let mut places: Vec<usize> =
+            self.positions.iter().map(|p| *at.entry(bits(*p)).or_insert_with(&mut number)).collect();
+        // Those that a target moves part from those that it leaves, and from those that it moves elsewhere.
+        for target in &self.targets {
+            let mut moved = HashMap::new();
+            for (v, delta) in target.positions.iter().filter(|(_, delta)| *delta != Vec3::ZERO) {
+                let place = &mut places[*v as usize];
+                *place = *moved.entry((*place, bits(*delta))).or_insert_with(&mut number);
             }
         }
-        self.welds = welds;
-        Ok(())
+        places
     }
 }
 
