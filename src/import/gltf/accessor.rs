@@ -14,8 +14,8 @@ pub struct Accessor<'a> {
     number: Number,
     /// Bytes from the first element on, and from one element to the next. `None`: zeros.
     dense: Option<(&'a [u8], usize)>,
-    /// Elements that have other values: which, ascending, and their bytes.
-    sparse: Option<(Vec<u32>, &'a [u8])>,
+    /// Elements that have other values: which, ascending; their bytes, from the first on, and from one to the next.
+    sparse: Option<(Vec<u32>, &'a [u8], usize)>,
 }
 
 /// How a number is stored.
@@ -137,8 +137,8 @@ impl Container {
                 let what = format!("index {i} is {}{after}, of {count} elements", which[i]);
                 return Err(indices.refuse(what, "list each element once, ascending"));
             }
-            let (bytes, _) = elements(&stated.need("values")?, others, element)?;
-            sparse = Some((which, bytes));
+            let (bytes, stride) = elements(&stated.need("values")?, others, element)?;
+            sparse = Some((which, bytes, stride));
         }
         let normalised = at.value.get("normalized").is_some_and(|n| n.as_bool() == Some(true));
         Ok(Accessor { file: self, at, count, components, number: Number { kind, normalised }, dense, sparse })
@@ -165,12 +165,11 @@ impl<'a> Accessor<'a> {
     /// The bytes of an element as its dense and sparse parts say; `None`: zeros. `sparse` is how many of the sparse ones
     /// came before; elements are asked for in ascending order.
     fn element(&self, i: usize, sparse: &mut usize) -> Option<&'a [u8]> {
-        let size = self.number.kind.size() * self.components;
-        if let Some((which, bytes)) = &self.sparse
+        if let Some((which, bytes, stride)) = &self.sparse
             && which.get(*sparse) == Some(&(i as u32))
         {
             *sparse += 1;
-            return Some(&bytes[(*sparse - 1) * size..]);
+            return Some(&bytes[(*sparse - 1) * stride..]);
         }
         self.dense.map(|(bytes, stride)| &bytes[i * stride..])
     }
@@ -212,17 +211,19 @@ impl<'a> Accessor<'a> {
         };
         match (&self.dense, &self.sparse) {
             (None, None) => {}
-            (None, Some((which, _))) => {
-                self.file.charge(&self.at, which.len(), 4 * N)?;
+            (None, Some((which, ..))) => {
+                self.file.charge(&self.at, which.len(), 4 * N + 4)?;
                 let mut sparse = 0;
                 which.iter().try_for_each(|&i| keep(i as usize, self.element(i as usize, &mut sparse)))?;
             }
             (Some(_), _) => {
-                // What is kept: targets are mostly zeros.
+                // What is kept, since targets are mostly zeros; and each element that is looked at, as a byte: many targets may
+                // name the same zeros.
+                self.file.charge(&self.at, self.count, 1)?;
                 let size = self.number.kind.size() * N;
                 let mut sparse = 0;
                 let mut moves = |i| self.element(i, &mut sparse).is_some_and(|b| b[..size].iter().any(|b| *b != 0));
-                self.file.charge(&self.at, (0..self.count).filter(|i| moves(*i)).count(), 4 * N)?;
+                self.file.charge(&self.at, (0..self.count).filter(|i| moves(*i)).count(), 4 * N + 4)?;
                 let mut sparse = 0;
                 (0..self.count).try_for_each(|i| keep(i, self.element(i, &mut sparse)))?;
             }

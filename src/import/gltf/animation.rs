@@ -55,6 +55,17 @@ pub struct Channel {
     pub values: Vec<f32>,
 }
 
+/// A time between two keys.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Between {
+    /// The earlier one.
+    key: usize,
+    /// Seconds from one to the other.
+    length: f64,
+    /// How much of them has passed; `None`: the value is that of the key.
+    part: Option<f64>,
+}
+
 impl Channel {
     /// Numbers of a value.
     pub fn width(&self) -> usize {
@@ -72,39 +83,46 @@ impl Channel {
 
     /// The values at `time`, in seconds. A rotation need not have unit length.
     pub fn sample(&self, time: f64) -> Vec<f64> {
-        let (width, values_per_key) = (self.width(), self.values_per_key());
-        // Of a key: 0, or of splines the tangent in (0), the value (1) and the tangent out (2).
-        let value = |key: usize, which: usize| {
-            let start = (key * values_per_key + which) * width;
-            self.values[start..start + width].iter().map(|v| f64::from(*v))
-        };
-        let own = values_per_key / 2;
+        let between = self.between(time);
+        if let (Property::Rotation, Interpolation::Linear, Some(t)) = (self.property, self.interpolation, between.part)
+        {
+            let key = |key: usize| DQuat::from_array(std::array::from_fn(|i| self.value(key, 0, i)));
+            let unit = |q: DQuat| if q.length_squared() > 0.0 { q.normalize() } else { DQuat::IDENTITY };
+            return unit(key(between.key)).slerp(unit(key(between.key + 1)), t).to_array().to_vec();
+        }
+        (0..self.width()).map(|i| self.number(i, between)).collect()
+    }
+
+    /// Where `time`, in seconds, is among the keys.
+    pub(super) fn between(&self, time: f64) -> Between {
         let after = self.times.partition_point(|t| f64::from(*t) <= time);
         if after == 0 || after == self.times.len() || self.interpolation == Interpolation::Step {
-            return value(after.saturating_sub(1), own).collect();
+            return Between { key: after.saturating_sub(1), length: 0.0, part: None };
         }
-        let (before, [start, end]) = (after - 1, [after - 1, after].map(|key| f64::from(self.times[key])));
-        let (length, t) = (end - start, (time - start) / (end - start));
-        let (from, to) = (value(before, own), value(after, own));
-        match self.interpolation {
-            Interpolation::CubicSpline => {
-                let (t2, t3) = (t * t, t * t * t);
-                let tangents = value(before, 2).zip(value(after, 0));
-                let spline = |((p0, p1), (out, into))| {
-                    (2.0 * t3 - 3.0 * t2 + 1.0) * p0
-                        + length * (t3 - 2.0 * t2 + t) * out
-                        + (3.0 * t2 - 2.0 * t3) * p1
-                        + length * (t3 - t2) * into
-                };
-                from.zip(to).zip(tangents).map(spline).collect()
-            }
-            Interpolation::Linear if self.property == Property::Rotation => {
-                let [from, to] = [from.collect::<Vec<_>>(), to.collect()].map(|q| DQuat::from_slice(&q));
-                let unit = |q: DQuat| if q.length_squared() > 0.0 { q.normalize() } else { DQuat::IDENTITY };
-                unit(from).slerp(unit(to), t).to_array().to_vec()
-            }
-            Interpolation::Linear | Interpolation::Step => from.zip(to).map(|(a, b)| a + (b - a) * t).collect(),
+        let [start, end] = [after - 1, after].map(|key| f64::from(self.times[key]));
+        Between { key: after - 1, length: end - start, part: Some((time - start) / (end - start)) }
+    }
+
+    /// Number `i` of the value there; not of a rotation on its way.
+    pub(super) fn number(&self, i: usize, Between { key, length, part }: Between) -> f64 {
+        let own = self.values_per_key() / 2;
+        let p0 = self.value(key, own, i);
+        let Some(t) = part else { return p0 };
+        let p1 = self.value(key + 1, own, i);
+        if self.interpolation != Interpolation::CubicSpline {
+            return p0 + (p1 - p0) * t;
         }
+        let (t2, t3) = (t * t, t * t * t);
+        let (out, into) = (self.value(key, 2, i), self.value(key + 1, 0, i));
+        (2.0 * t3 - 3.0 * t2 + 1.0) * p0
+            + length * (t3 - 2.0 * t2 + t) * out
+            + (3.0 * t2 - 2.0 * t3) * p1
+            + length * (t3 - t2) * into
+    }
+
+    /// Number `i` of a key's value: its only one (0), or of splines the tangent in (0), the value (1) and the tangent out (2).
+    fn value(&self, key: usize, which: usize, i: usize) -> f64 {
+        self.values[(key * self.values_per_key() + which) * self.width() + i].into()
     }
 
     /// `time`, or the time of a key that is no further from it than `distance`: steps are taken at the frame they belong to.

@@ -2,7 +2,7 @@
 
 use crate::asset::{Corner, MorphSource, Semantic, SourceTarget, StreamData, StreamDeltas};
 use glam::{BVec3, DMat3, DMat4, DVec3, Vec2, Vec3};
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 /// What a vertex has where its part does not say.
 fn default_of(semantic: Semantic) -> &'static [f32] {
@@ -12,6 +12,19 @@ fn default_of(semantic: Semantic) -> &'static [f32] {
         Semantic::TexCoord(_) | Semantic::Mask => &[0.0; 2],
         Semantic::Color(_) => &[1.0; 4],
     }
+}
+
+/// Bytes that [`merge`] makes of `parts`: a vertex that lacks a stream of another part is given one, and each target has deltas
+/// of all streams, be it none.
+pub fn merged_size(parts: &[MorphSource]) -> u64 {
+    let semantics: BTreeSet<Semantic> = parts.iter().flat_map(|part| &part.streams).map(|s| s.semantic).collect();
+    let numbers: usize = semantics.iter().map(|semantic| semantic.components()).sum();
+    let names: HashSet<&str> = parts.iter().flat_map(|part| &part.targets).map(|target| target.name.as_str()).collect();
+    let vertex = 2 * size_of::<Vec3>() + size_of::<Vec2>() + size_of::<u32>() + numbers * size_of::<f32>();
+    let target = size_of::<SourceTarget>() + semantics.len() * size_of::<StreamDeltas>();
+    let faces = |part: &MorphSource| size_of_val(&*part.faces.corners) + size_of_val(&*part.faces.sizes);
+    let of_parts = parts.iter().map(|part| part.positions.len() as u64 * vertex as u64 + faces(part) as u64);
+    of_parts.chain(names.iter().map(|name| (target + 2 * name.len()) as u64)).sum()
 }
 
 /// One mesh of `parts`: their vertices one after the other, targets of one name moved together. Where a part has no

@@ -6,7 +6,9 @@ use crate::error::{Error, Result};
 use crate::io::read_bounded;
 use serde_json::Value;
 use std::cell::{Cell, OnceCell};
+use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};
+use std::rc::Rc;
 
 /// The largest file: lengths in GLB have 32 bits.
 const FILE_MAX: u64 = 1 << 32;
@@ -37,8 +39,9 @@ const NOT_LOOKED_AT: [&str; 7] = [
 pub struct Container {
     pub path: PathBuf,
     json: Value,
-    /// `None`: a buffer without bytes, which only compressed views may name.
-    buffers: Vec<Option<Vec<u8>>>,
+    /// What has the bytes of each buffer, and how many of them are the buffer's. `None`: a buffer without bytes, which only
+    /// compressed views may name.
+    buffers: Vec<Option<(Rc<Vec<u8>>, usize)>>,
     /// Buffer views that were compressed.
     unpacked: Vec<OnceCell<Vec<u8>>>,
     /// Bytes of values that may still be read.
@@ -61,7 +64,7 @@ impl Container {
 
     /// From the bytes of the file at `path`, beside which buffers may lie.
     pub fn from_bytes(path: &Path, mut bytes: Vec<u8>) -> Result<Self> {
-        let mut total = bytes.len() as u64;
+        let own_size = bytes.len() as u64;
         let (json, chunk) = if bytes.starts_with(b"glTF") { glb_chunks(path, &bytes)? } else { (0..bytes.len(), None) };
         let text = &bytes[json];
         let json = parse(path, text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text))?;
@@ -72,24 +75,21 @@ impl Container {
         });
         let root = At { path, value: &json, place: String::new() };
         check_version(&root)?;
-        let mut buffers = vec![];
+        let (mut buffers, mut beside) = (vec![], HashMap::new());
         for (i, buffer) in root.items("buffers")?.iter().enumerate() {
             let length = buffer.need("byteLength")?.whole()?;
-            let mut found = match buffer.get("uri") {
-                Some(uri) => Some(uri_bytes(path, &uri)?),
-                None if i == 0 => chunk.take(),
+            let found = match buffer.get("uri") {
+                Some(uri) => Some(uri_bytes(path, &uri, &mut beside)?),
+                None if i == 0 => chunk.take().map(Rc::new),
                 None => None,
             };
-            if let Some(bytes) = &mut found {
-                total += if i > 0 || buffer.get("uri").is_some() { bytes.len() as u64 } else { 0 };
-                if bytes.len() < length {
-                    let what = format!("{length} bytes, but there are {}", bytes.len());
-                    return Err(buffer.refuse(what, "export the file again: it is cut off"));
-                }
-                bytes.truncate(length);
+            if let Some(bytes) = found.as_ref().filter(|bytes| bytes.len() < length) {
+                let what = format!("{length} bytes, but there are {}", bytes.len());
+                return Err(buffer.refuse(what, "export the file again: it is cut off"));
             }
-            buffers.push(found);
+            buffers.push(found.map(|bytes| (bytes, length)));
         }
+        let total = beside.values().fold(own_size, |total, bytes| total.saturating_add(bytes.len() as u64));
         let unpacked = root.items("bufferViews")?.iter().map(|_| OnceCell::new()).collect();
         let budget = Cell::new(total.saturating_mul(VALUES_PER_BYTE).saturating_add(VALUES_MIN));
         Ok(Self { path: path.to_path_buf(), json, buffers, unpacked, budget })
@@ -98,6 +98,11 @@ impl Container {
     /// The whole of the JSON.
     pub fn root(&self) -> At<'_> {
         At { path: &self.path, value: &self.json, place: String::new() }
+    }
+
+    /// Bytes of values that may still be read.
+    pub fn budget(&self) -> u64 {
+        self.budget.get()
     }
 
     /// Before `count` values of `size` bytes are made for `at`: whether the file is large enough to have them.
@@ -137,9 +142,10 @@ impl Container {
     fn bytes(&self, at: &At<'_>) -> Result<&[u8]> {
         let index = at.need("buffer")?;
         self.root().item("buffers", &index)?;
-        let Some(bytes) = &self.buffers[index.whole()?] else {
+        let Some((bytes, length)) = &self.buffers[index.whole()?] else {
             return Err(index.refuse("a buffer without bytes", "export the file again, with its buffers"));
         };
+        let bytes = &bytes[..*length];
         let (offset, length) = (at.whole_or("byteOffset", 0)?, at.need("byteLength")?.whole()?);
         let end = offset.checked_add(length).filter(|end| *end <= bytes.len());
         let end = end.ok_or_else(|| {
@@ -196,12 +202,12 @@ fn check_version(root: &At<'_>) -> Result<()> {
     Ok(())
 }
 
-/// What a URI names: bytes in it, or a file beside or below.
-fn uri_bytes(path: &Path, uri: &At<'_>) -> Result<Vec<u8>> {
+/// What a URI names: bytes in it, or a file beside or below. Those are `beside`, by their real paths, once they are read.
+fn uri_bytes(path: &Path, uri: &At<'_>, beside: &mut HashMap<PathBuf, Rc<Vec<u8>>>) -> Result<Rc<Vec<u8>>> {
     let text = uri.text()?;
     if let Some(data) = text.strip_prefix("data:") {
         let encoded = data.split_once(";base64,").map(|(_, encoded)| encoded);
-        let bytes = encoded.and_then(base64);
+        let bytes = encoded.and_then(base64).map(Rc::new);
         return bytes.ok_or_else(|| uri.refuse("a data URI that is not base64", "export the file again, or as .glb"));
     }
     let name = percent_decoded(text).filter(|name| !name.contains(':') && !name.contains('\\') && !name.contains('\0'));
@@ -211,7 +217,17 @@ fn uri_bytes(path: &Path, uri: &At<'_>) -> Result<Vec<u8>> {
         let what = format!("'{}' names no file beside this one", text.chars().take(80).collect::<String>());
         return Err(uri.refuse(what, "put the buffer beside the file and name it without a path, or export as .glb"));
     };
-    read_bounded(&path.parent().unwrap_or(Path::new("")).join(name), FILE_MAX, "split the file")
+    let file = path.parent().unwrap_or(Path::new("")).join(name);
+    let real = file.canonicalize().unwrap_or_else(|_| file.clone());
+    if path.canonicalize().is_ok_and(|own| own == real) {
+        return Err(uri.refuse("the file itself, which is no buffer", "name the file that has the buffer's bytes"));
+    }
+    if let Some(bytes) = beside.get(&real) {
+        return Ok(bytes.clone());
+    }
+    let bytes = Rc::new(read_bounded(&file, FILE_MAX, "split the file")?);
+    beside.insert(real, bytes.clone());
+    Ok(bytes)
 }
 
 fn percent_decoded(text: &str) -> Option<String> {

@@ -1,13 +1,14 @@
 //! Meshes: primitives with their streams, targets, joints and weights.
 
-use super::assemble::merge;
+use super::assemble::{merge, merged_size};
 use super::container::Container;
 use super::json::At;
 use crate::asset::normals::unit_normals;
 use crate::asset::{Corner, Faces, MorphSource, Semantic, SourceTarget, StreamData, StreamDeltas};
 use crate::error::{Error, Result};
 use glam::{Vec2, Vec3};
-use std::collections::HashSet;
+use serde_json::Value;
+use std::collections::HashMap;
 use std::ops::Range;
 
 /// A mesh of the file, in its own space: nodes place it.
@@ -62,7 +63,7 @@ pub fn mesh(file: &Container, at: &At<'_>, name: String) -> Result<Mesh> {
     let primitives = at.items("primitives")?;
     let names = target_names(at, &primitives)?;
     let stated = at.get("weights").map(|w| w.floats()).transpose()?.unwrap_or_default();
-    let mut mesh = Mesh { weights: fitted(stated, names.len()), ..Mesh::default() };
+    let mut mesh = Mesh { weights: fitted(file, at, stated, names.len())?, ..Mesh::default() };
     let (mut parts, mut influences) = (vec![], vec![]);
     let (mut vertices, mut triangles) = (0, 0);
     for (index, primitive) in primitives.iter().enumerate() {
@@ -82,19 +83,19 @@ pub fn mesh(file: &Container, at: &At<'_>, name: String) -> Result<Mesh> {
         influences.push(bound);
     }
     let notes = std::mem::take(&mut mesh.source.notes);
-    mesh.influences = joined(&parts, influences);
+    file.charge(at, usize::try_from(merged_size(&parts)).unwrap_or(usize::MAX), 1)?;
+    mesh.influences = joined(file, at, &parts, influences)?;
     mesh.source = merge(name, parts);
     mesh.source.notes.splice(0..0, notes);
     let moves = |i: usize| mesh.source.targets.iter().any(|t| !t.streams[i].vertices.is_empty());
     let moving: Vec<bool> = (0..mesh.source.streams.len()).map(moves).collect();
-    // Later ones first: those before keep their places.
-    for i in (0..moving.len()).rev().filter(|i| !moving[*i]) {
-        let stream = mesh.source.streams.remove(i);
-        mesh.source.targets.iter_mut().for_each(|target| _ = target.streams.remove(i));
-        if stream.semantic != Semantic::TexCoord(0) {
-            mesh.constants.insert(0, stream);
-        }
+    for target in &mut mesh.source.targets {
+        let mut moving = moving.iter();
+        target.streams.retain(|_| moving.next() == Some(&true));
     }
+    let mut moves = moving.iter();
+    mesh.constants = mesh.source.streams.extract_if(.., |_| moves.next() == Some(&false)).collect();
+    mesh.constants.retain(|stream| stream.semantic != Semantic::TexCoord(0));
     if !mesh.source.positions.is_empty() {
         mesh.source.weld().map_err(|e| {
             let Error::Invalid { what, remedy } = e else { return e };
@@ -105,9 +106,10 @@ pub fn mesh(file: &Container, at: &At<'_>, name: String) -> Result<Mesh> {
 }
 
 /// As many weights as there are targets.
-pub fn fitted(mut weights: Vec<f32>, targets: usize) -> Vec<f32> {
+pub fn fitted(file: &Container, at: &At<'_>, mut weights: Vec<f32>, targets: usize) -> Result<Vec<f32>> {
+    file.charge(at, targets, size_of::<f32>())?;
     weights.resize(targets, 0.0);
-    weights
+    Ok(weights)
 }
 
 /// The targets' names: extras.targetNames of the mesh, or of its first primitive (UniVRM), or else numbers. A name that
@@ -121,26 +123,48 @@ fn target_names(at: &At<'_>, primitives: &[At<'_>]) -> Result<Vec<String>> {
             return Err(primitive.refuse(what, "give all primitives of a mesh the same targets"));
         }
     }
-    let listed = |at: &At<'_>| Some(at.value.get("extras")?.get("targetNames")?.as_array()?.clone());
-    let listed = listed(at).or_else(|| primitives.first().and_then(listed)).unwrap_or_default();
-    let mut taken = HashSet::new();
+    let listed = extras_names(at.value).or_else(|| extras_names(primitives.first()?.value)).unwrap_or_default();
+    let mut taken = HashMap::new();
     let name = |i: usize| {
         let stated = listed.get(i).and_then(|name| name.as_str()).filter(|name| !name.is_empty());
-        let name = stated.map_or_else(|| format!("target {i}"), str::to_owned);
-        let numbered = std::iter::once(name.clone()).chain((2..).map(|n| format!("{name} {n}")));
-        numbered.into_iter().find(|name| taken.insert(name.clone())).unwrap_or_default()
+        unique(stated.map_or_else(|| format!("target {i}"), str::to_owned), &mut taken)
     };
     Ok((0..count.unwrap_or(0)).map(name).collect())
 }
 
+fn extras_names(value: &Value) -> Option<&[Value]> {
+    value.get("extras")?.get("targetNames")?.as_array().map(Vec::as_slice)
+}
+
+/// A name that is not `taken` yet: with the first number from 2 on that makes it so, where it has to have one. What is taken
+/// has the last number that was tried for it, so that names that come again and again take no search from the start.
+pub fn unique(name: String, taken: &mut HashMap<String, usize>) -> String {
+    let Some(mut number) = taken.get(&name).copied() else {
+        taken.insert(name.clone(), 1);
+        return name;
+    };
+    let numbered = loop {
+        number += 1;
+        let numbered = format!("{name} {number}");
+        if !taken.contains_key(&numbered) {
+            break numbered;
+        }
+    };
+    taken.insert(name, number);
+    taken.insert(numbered.clone(), 1);
+    numbered
+}
+
 /// What the attribute `key` is, where it is a stream.
 fn semantic(key: &str) -> Option<Semantic> {
+    // Written in one way only, or a primitive had any number of streams.
+    let number = |set: &str| set.parse().ok().filter(|number: &u8| number.to_string() == set);
     Some(match key.split_once('_') {
         None if key == "POSITION" => Semantic::Position,
         None if key == "NORMAL" => Semantic::Normal,
         None if key == "TANGENT" => Semantic::Tangent,
-        Some(("TEXCOORD", set)) => Semantic::TexCoord(set.parse().ok()?),
-        Some(("COLOR", set)) => Semantic::Color(set.parse().ok()?),
+        Some(("TEXCOORD", set)) => Semantic::TexCoord(number(set)?),
+        Some(("COLOR", set)) => Semantic::Color(number(set)?),
         _ => return None,
     })
 }
@@ -208,6 +232,8 @@ fn part(file: &Container, at: &At<'_>, mode: usize, names: &[String]) -> Result<
     }
     let mut without = 0;
     let targets = at.items("targets")?;
+    file.charge(at, targets.len(), size_of::<SourceTarget>() + source.streams.len() * size_of::<StreamDeltas>())?;
+    file.charge(at, names.iter().map(String::len).sum(), 1)?;
     for (target, name) in targets.iter().zip(names) {
         let mut made = SourceTarget { name: name.clone(), ..SourceTarget::default() };
         made.streams = vec![StreamDeltas::default(); source.streams.len()];
@@ -266,7 +292,10 @@ fn stream<const N: usize>(deltas: impl IntoIterator<Item = (u32, [f32; N])>) -> 
 /// Triangles of `count` vertices: a list (mode 4), strip (5) or fan (6).
 fn faces(file: &Container, at: &At<'_>, mode: usize, count: usize) -> Result<Faces> {
     let indices: Vec<u32> = match at.get("indices") {
-        None => (0..count as u32).collect(),
+        None => {
+            file.charge(at, count, size_of::<u32>())?;
+            (0..count as u32).collect()
+        }
         Some(index) => {
             let accessor = file.accessor(&index)?;
             let indices = accessor.integers::<1>()?.into_flattened();
@@ -281,16 +310,22 @@ fn faces(file: &Container, at: &At<'_>, mode: usize, count: usize) -> Result<Fac
         5 => [indices[i], indices[i + 1 + i % 2], indices[i + 2 - i % 2]],
         _ => [indices[i + 1], indices[i + 2], indices[0]],
     };
-    let triangles: Vec<[u32; 3]> = match mode {
+    let triangles = if mode == 4 { indices.len() / 3 } else { indices.len().saturating_sub(2) };
+    file.charge(at, triangles, 3 * size_of::<Corner>() + size_of::<u32>())?;
+    let corner = |position| Corner { position, texcoord: None };
+    let mut corners = Vec::with_capacity(3 * triangles);
+    match mode {
         4 if !indices.len().is_multiple_of(3) => {
             return Err(at.refuse(format!("{} indices for triangles", indices.len()), "give three per triangle"));
         }
-        4 => indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
+        4 => corners.extend(indices.into_iter().map(corner)),
         // Strips turn back by triangles that have no area.
-        _ => (0..indices.len().saturating_sub(2)).map(of).filter(|[a, b, c]| a != b && b != c && c != a).collect(),
-    };
-    let corner = |position| Corner { position, texcoord: None };
-    Ok(Faces { sizes: vec![3; triangles.len()], corners: triangles.into_iter().flatten().map(corner).collect() })
+        _ => {
+            let with_area = (0..triangles).map(of).filter(|[a, b, c]| a != b && b != c && c != a);
+            corners.extend(with_area.flatten().map(corner));
+        }
+    }
+    Ok(Faces { sizes: vec![3; corners.len() / 3], corners })
 }
 
 /// Joints and weights, of the sets 0 and 1.
@@ -322,9 +357,23 @@ fn influences(file: &Container, attributes: &At<'_>, count: usize) -> Result<Opt
     Ok(Some(found))
 }
 
+impl Influences {
+    /// The joints that vertices follow, some of them many times.
+    pub(super) fn followed(&self) -> impl Iterator<Item = usize> {
+        self.joints.iter().zip(&self.weights).filter(|(_, weight)| **weight > 0.0).map(|(joint, _)| usize::from(*joint))
+    }
+}
+
 /// The influences of all parts, with as many for each vertex.
-fn joined(parts: &[MorphSource], influences: Vec<Option<Influences>>) -> Option<Influences> {
-    let per_vertex = influences.iter().flatten().map(|i| i.per_vertex).max()?;
+fn joined(
+    file: &Container,
+    at: &At<'_>,
+    parts: &[MorphSource],
+    influences: Vec<Option<Influences>>,
+) -> Result<Option<Influences>> {
+    let Some(per_vertex) = influences.iter().flatten().map(|i| i.per_vertex).max() else { return Ok(None) };
+    let vertices = parts.iter().map(|part| part.positions.len()).sum();
+    file.charge(at, vertices, per_vertex * (size_of::<u16>() + size_of::<f32>()))?;
     let mut all = Influences { per_vertex, ..Influences::default() };
     for (part, found) in parts.iter().zip(influences) {
         let Influences { per_vertex: n, joints, weights } = found.unwrap_or_default();
@@ -336,5 +385,5 @@ fn joined(parts: &[MorphSource], influences: Vec<Option<Influences>>) -> Option<
             all.weights.resize(end, 0.0);
         }
     }
-    Some(all)
+    Ok(Some(all))
 }

@@ -24,7 +24,7 @@ pub fn decode(data: &[u8], count: usize, size: usize, mode: &str, filter: &str) 
         ));
     }
     let decoded = match mode {
-        "TRIANGLES" => triangles(data, count, total).map(|indices| narrow(&indices, size)),
+        "TRIANGLES" => triangles(data, count).map(|indices| narrow(&indices, size)),
         "INDICES" => indices(data, count).map(|indices| narrow(&indices, size)),
         _ => attributes(data, count, size),
     };
@@ -250,16 +250,17 @@ impl Triangles<'_> {
     }
 }
 
-fn triangles(data: &[u8], count: usize, total: usize) -> Option<Vec<u32>> {
+fn triangles(data: &[u8], count: usize) -> Option<Vec<u32>> {
     let (header, rest) = data.split_first()?;
     let (codes, rest) = rest.split_at_checked(count / 3)?;
     let (extra, table) = rest.split_at_checked(rest.len().checked_sub(16)?)?;
     if *header != 0xe1 {
         return None;
     }
-    let (edges, vertices) = (Recent([[0; 2]; 16], 0), Recent([0; 16], 0));
+    // What was never put there is no vertex, as in meshoptimizer: the extension leaves it undefined.
+    let (edges, vertices) = (Recent([[u32::MAX; 2]; 16], 0), Recent([u32::MAX; 16], 0));
     let mut state = Triangles { extra, next: 0, last: 0, edges, vertices };
-    let mut out = Vec::with_capacity(total / 2);
+    let mut out = Vec::with_capacity(count);
     for &code in codes {
         out.extend(state.triangle(code, table)?);
     }

@@ -15,7 +15,8 @@
 //! - Tangents are the file's; none are computed.
 //! - Draco, points and lines, materials, textures and cameras are not read.
 //!
-//! Files may be hostile: nothing is read outside their folder, and memory is bounded by a multiple of their size.
+//! Files may be hostile: nothing is read outside their folder. Reading one, and making one mesh of it, takes 700 bytes of memory
+//! at most for each byte of it and of the files beside it that it names, and 2 MiB. Time is bounded in the same way.
 
 mod accessor;
 mod animation;
@@ -37,7 +38,7 @@ use crate::error::{Error, Result};
 use crate::weights::WeightClip;
 use container::Container;
 use glam::DMat4;
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// What a file has, in its order: indices are the file's.
@@ -59,6 +60,8 @@ pub struct Gltf {
     path: PathBuf,
     /// Nodes, parents before their children.
     order: Vec<usize>,
+    /// Bytes that may still be made of the file.
+    budget: u64,
 }
 
 /// Read a file and the buffers beside it.
@@ -83,48 +86,61 @@ fn gltf(file: &Container) -> Result<Gltf> {
     let skins = root.items("skins")?.iter().map(|at| scene::skin(file, at)).collect::<Result<Vec<Skin>>>()?;
     let mut gltf = Gltf { name, nodes, order, skins, path: file.path.clone(), ..Gltf::default() };
     let listed = root.items("meshes")?;
+    let namesakes = namesakes(&gltf.nodes, &gltf.order, listed.len());
+    // Of the joints that a vertex of each follows, the one with the largest number.
+    let mut largest = vec![];
     for (i, at) in listed.iter().enumerate() {
-        let mesh = mesh::mesh(file, at, mesh_name(&gltf.nodes, i, at.text_or_empty("name")))?;
+        let stated = at.text_or_empty("name");
+        let found = namesakes[i].filter(|_| stated.is_empty()).map_or(stated, |node| gltf.nodes[node].name.as_str());
+        file.charge(at, found.len(), 1)?;
+        let name = if found.is_empty() { format!("mesh {i}") } else { found.to_owned() };
+        let mesh = mesh::mesh(file, at, name)?;
+        largest.push(mesh.influences.iter().flat_map(Influences::followed).max());
         gltf.meshes.push(mesh);
     }
     for (i, node) in gltf.nodes.iter_mut().enumerate() {
-        let Some((index, mesh)) = node.mesh.map(|mesh| (mesh, &gltf.meshes[mesh])) else { continue };
+        let Some(mesh) = node.mesh else { continue };
         if !node.weights.is_empty() {
-            node.weights = mesh::fitted(std::mem::take(&mut node.weights), mesh.weights.len());
+            let stated = std::mem::take(&mut node.weights);
+            node.weights = mesh::fitted(file, &listed[mesh], stated, gltf.meshes[mesh].weights.len())?;
         }
         let joints = node.skin.map(|skin| gltf.skins[skin].joints.len());
-        let named = mesh.influences.iter().flat_map(|i| i.joints.iter().zip(&i.weights).filter(|(_, w)| **w > 0.0));
-        if let Some((joint, joints)) = named.map(|(joint, _)| *joint).max().zip(joints)
-            && usize::from(joint) >= joints
+        if let Some((joint, joints)) = largest[mesh].zip(joints)
+            && joint >= joints
         {
             let what = format!("a vertex names joint {joint}, but the skin of node {i} has {joints}");
-            return Err(listed[index].refuse(what, "export the file again"));
+            return Err(listed[mesh].refuse(what, "export the file again"));
         }
     }
     let targets = |node: &Node| node.mesh.map(|mesh| gltf.meshes[mesh].source.targets.len());
     let targets: Vec<_> = gltf.nodes.iter().map(targets).collect();
-    let mut taken = HashSet::new();
+    let mut taken = HashMap::new();
     for (i, at) in root.items("animations")?.iter().enumerate() {
         let stated = at.text_or_empty("name");
-        let first = if stated.is_empty() { format!("animation {i}") } else { stated.to_owned() };
-        let mut name = first.clone();
-        let mut number = 1;
-        while !taken.insert(name.clone()) {
-            number += 1;
-            name = format!("{first} {number}");
-        }
+        let name = if stated.is_empty() { format!("animation {i}") } else { stated.to_owned() };
+        let name = mesh::unique(name, &mut taken);
         let animation = animation::animation(file, at, name, &targets, &mut gltf.notes)?;
         gltf.animations.push(animation);
     }
+    gltf.budget = file.budget();
     Ok(gltf)
 }
 
-/// The mesh's own name, or that of the first node that draws it, or of the nearest node above that has one.
-fn mesh_name(nodes: &[Node], mesh: usize, stated: &str) -> String {
-    let drawn = nodes.iter().position(|node| node.mesh == Some(mesh));
-    let above = std::iter::successors(drawn, |node| nodes[*node].parent).map(|node| nodes[node].name.as_str());
-    let named = std::iter::once(stated).chain(above).find(|name| !name.is_empty());
-    named.map_or_else(|| format!("mesh {mesh}"), str::to_owned)
+/// For each of `meshes` meshes the node to name it after: the first that draws it, or the nearest above that has a name.
+fn namesakes(nodes: &[Node], order: &[usize], meshes: usize) -> Vec<Option<usize>> {
+    let mut named: Vec<Option<usize>> = vec![None; nodes.len()];
+    for &i in order {
+        let above = nodes[i].parent.and_then(|parent| named[parent]);
+        named[i] = if nodes[i].name.is_empty() { above } else { Some(i) };
+    }
+    let mut of_meshes = vec![None; meshes];
+    // The last first: what the first one says stays.
+    for (node, named) in nodes.iter().zip(named).rev() {
+        if let Some(mesh) = node.mesh {
+            of_meshes[mesh] = named;
+        }
+    }
+    of_meshes
 }
 
 impl Gltf {
@@ -186,47 +202,55 @@ impl Gltf {
                 "give a positive number of frames per second",
             ));
         }
-        let mut columns: Vec<(&str, usize, usize)> = vec![];
-        let mut seen = HashSet::new();
-        for (number, channel) in channels.iter().enumerate() {
+        let (mut names, mut columns, mut seen) = (vec![], vec![], HashSet::new());
+        for channel in &channels {
             let targets = self.nodes[channel.node].mesh.map_or(&[][..], |mesh| &self.meshes[mesh].source.targets);
-            let named = targets.iter().enumerate().map(|(i, target)| (target.name.as_str(), number, i));
-            columns.extend(named.filter(|(name, _, _)| seen.insert(*name)));
+            let named = targets.iter().map(|target| target.name.as_str()).enumerate();
+            let own: Vec<(usize, &str)> = named.filter(|(_, name)| seen.insert(*name)).collect();
+            names.extend(own.iter().map(|(_, name)| (*name).to_owned()));
+            columns.push((*channel, own.iter().map(|(i, _)| *i).collect::<Vec<usize>>()));
         }
+        // Channels of which all is said already.
+        columns.retain(|(_, own)| !own.is_empty());
         let spans = channels.iter().map(|channel| channel.span());
         let [start, end] = spans.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or_default();
         let frames = ((end - start) * f64::from(fps) - NEAR).ceil().max(0.0) + 1.0;
-        if frames * columns.len() as f64 > f64::from(1 << 24) {
+        if frames * names.len() as f64 > f64::from(1 << 24) {
             return refuse("more than 2^24 weights", "sample it with fewer frames per second, or split it");
         }
-        let mut values = Vec::with_capacity(frames as usize * columns.len());
+        let mut values = Vec::with_capacity(frames as usize * names.len());
         for frame in 0..frames as usize {
             let time = (start + frame as f64 / f64::from(fps)).min(end);
-            let sample = |channel: &&Channel| channel.sample(channel.near_key(time, NEAR / f64::from(fps)));
-            let sampled: Vec<Vec<f64>> = channels.iter().map(sample).collect();
-            values.extend(columns.iter().map(|&(_, channel, i)| sampled[channel][i] as f32));
+            for (channel, own) in &columns {
+                let between = channel.between(channel.near_key(time, NEAR / f64::from(fps)));
+                values.extend(own.iter().map(|i| channel.number(*i, between) as f32));
+            }
         }
-        let names = columns.into_iter().map(|(name, _, _)| name.to_owned()).collect();
         Ok(WeightClip { name: animation.name.clone(), names, fps, values })
     }
 
     /// One mesh of the file: all that have targets and are in the scene that it shows, as they stand there at rest, each
     /// where the first node that draws it has it. Of a file without targets all that are in the scene; where none of these
-    /// is in the scene, all. Targets of one name move together. A mesh with a skin stands as its joints do, or as it was
-    /// bound where they have since moved. What is left out, and what was merged, is in the notes; so are weights at rest,
-    /// which have no place in a mesh.
+    /// is in the scene, all. Targets of one name move together. A mesh with a skin stands as the joints do
+    /// that its vertices follow, or as it was bound where they have since moved. What is left out, and what was merged, is in
+    /// the notes; so are weights at rest, which have no place in a mesh.
     ///
     /// # Errors
-    /// No mesh has triangles, or a node flattens its mesh.
+    /// No mesh has triangles, a node flattens its mesh, or one mesh is more than a file of this size can hold.
     pub fn into_source(mut self) -> Result<MorphSource> {
         let worlds = self.world_matrices(None);
-        let drawn =
-            |mesh: usize| self.nodes.iter().enumerate().filter(move |(_, n)| n.is_shown && n.mesh == Some(mesh));
+        // Of each mesh, the nodes in the scene that draw it.
+        let mut drawn = vec![vec![]; self.meshes.len()];
+        for (i, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.is_shown) {
+            if let Some(mesh) = node.mesh {
+                drawn[mesh].push(i);
+            }
+        }
         let mut taken: Vec<usize> = (0..self.meshes.len()).collect();
         taken.retain(|mesh| !self.meshes[*mesh].source.positions.is_empty());
         let mut left_out = vec![];
         let has_targets = |mesh: &usize| !self.meshes[*mesh].source.targets.is_empty();
-        let is_drawn = |mesh: &usize| drawn(*mesh).next().is_some();
+        let is_drawn = |mesh: &usize| !drawn[*mesh].is_empty();
         for (why, is_wanted) in
             [("without targets", &has_targets as &dyn Fn(&usize) -> bool), ("not in the scene", &is_drawn)]
         {
@@ -241,11 +265,11 @@ impl Gltf {
         let mut parts = vec![];
         for mesh in taken {
             let mut source = std::mem::take(&mut self.meshes[mesh].source);
-            let nodes: Vec<_> = drawn(mesh).collect();
+            let nodes = &drawn[mesh];
             if nodes.len() > 1 {
                 source.notes.push(format!("mesh '{}' is drawn by {} nodes: taken once", source.name, nodes.len()));
             }
-            let node = nodes.first().copied();
+            let node = nodes.first().map(|number| (*number, &self.nodes[*number]));
             let stated = node.map(|(_, node)| &node.weights).filter(|weights| !weights.is_empty());
             let weights = stated.unwrap_or(&self.meshes[mesh].weights);
             let at_rest = weights.iter().zip(&source.targets).filter(|(weight, _)| **weight != 0.0);
@@ -256,7 +280,11 @@ impl Gltf {
             }
             let place = match node {
                 Some((_, Node { skin: Some(skin), .. })) => {
-                    let joints = self.joint_matrices(&self.skins[*skin], &worlds);
+                    let Skin { joints, inverse_bind, .. } = &self.skins[*skin];
+                    let followed = self.meshes[mesh].influences.iter().flat_map(Influences::followed);
+                    let followed: BTreeSet<usize> = followed.collect();
+                    let matrix = |i: usize| worlds[joints[i]] * inverse_bind[i].as_dmat4();
+                    let joints: Vec<DMat4> = followed.into_iter().map(matrix).collect();
                     let place = assemble::common(&joints, &source.positions);
                     let how = if place.is_some() { "as its joints stand" } else { "as it was bound" };
                     source.notes.push(format!("mesh '{}' has a skin: {how}", source.name));
@@ -281,6 +309,17 @@ impl Gltf {
         if parts.len() > 1 {
             let merged: Vec<&str> = parts.iter().map(|part| part.name.as_str()).collect();
             self.notes.push(format!("merged, targets of one name moved together: '{}'", merged.join("', '")));
+        }
+        let size = assemble::merged_size(&parts);
+        if size > self.budget {
+            let mib = size.div_ceil(1 << 20);
+            let what = format!("its meshes as one take {mib} MiB, which is more than a file of this size can hold");
+            return Err(Error::input(
+                &self.path,
+                "",
+                what,
+                "export fewer of them, or without what only some of them have",
+            ));
         }
         let mut source = assemble::merge(self.name, parts);
         self.notes.append(&mut source.notes);

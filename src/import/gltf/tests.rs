@@ -1,5 +1,6 @@
 //! Files made here, piece by piece: what is read of them.
 
+mod bounded;
 mod hostile;
 mod meshopt;
 mod scene;
