@@ -34,6 +34,14 @@ fn bench_verifies_measures_and_draws() {
             assert!(run["bytes_moved"].as_f64() >= run["bytes_floor"].as_f64(), "{run}");
             assert!(run["max_error_rel"].as_f64().unwrap() <= 3e-6 && run["raw_error_rel"].as_f64().unwrap() <= 5e-5);
             assert_eq!(run["cpu_ms"]["n"], 3);
+            // Dense incremental updates move as many bytes in each frame: the share goes with the median time.
+            if run["path"] == "compute" {
+                let rate =
+                    ["device_read_gb_s", "device_copy_gb_s"].map(|name| out["bandwidth"][name].as_f64().unwrap());
+                let floor_ms = run["bytes_floor"].as_f64().unwrap() / rate[0].max(rate[1]) * 1e-6;
+                let share = floor_ms / run["gpu_ms"]["median"].as_f64().unwrap();
+                assert!((run["floor_fraction"].as_f64().unwrap() / share - 1.0).abs() < 1e-9, "{share}: {run}");
+            }
         }
         if device == "SwiftShader" {
             let skipped = out["skipped"][0]["reason"].as_str().unwrap();

@@ -242,8 +242,9 @@ pub struct RunRecord {
     /// none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rounds: Vec<Round>,
-    /// The time that moving `bytes_floor` takes at the best bandwidth measured, as a share of the time taken: 1 is the
-    /// best possible, but for what stays in a cache. `None` for paths that evaluate in draws.
+    /// The time that moving the least bytes takes at the best bandwidth measured, as a share of the time that the update
+    /// takes, both as medians of the frames: 1 is the best possible, but for what stays in a cache. `None` for paths that
+    /// evaluate in draws, and where most frames change nothing.
     pub floor_fraction: Option<f64>,
     /// Largest position error against the float64 reference, in input units.
     pub max_error: Option<f64>,
@@ -287,6 +288,11 @@ impl RunRecord {
     /// Its rounds took turns with those of others.
     pub fn interleaved(&self) -> bool {
         !self.suite.is_empty() && !self.alone
+    }
+
+    /// Its formats, those of deltas and of poses: "fast", "fast fixed32".
+    pub fn formats(&self) -> String {
+        format!("{} {}", self.format, self.sums()).trim_end().into()
     }
 
     /// Its technique and the format that it ran with: "blocks fast".

@@ -251,10 +251,12 @@ impl<'a> Trial<'a> {
             Some(_) => [b.device_read_gb_s, b.device_copy_gb_s],
         };
         let best = rates.into_iter().flatten().reduce(f64::max);
-        // Means: in a clip the frames differ, and the bytes are their mean.
-        let seconds = record.gpu_ms.or(record.cpu_ms).map(|t| t.mean * 1e-3).filter(|t| *t > 0.0);
+        // Medians, as the time that is shown beside it. Where most frames of a clip change nothing, there is no share.
+        let seconds = record.gpu_ms.or(record.cpu_ms).map(|t| t.median * 1e-3).filter(|t| *t > 0.0);
         let update = best.zip(seconds).filter(|_| !self.candidate.config.desc.path.evaluates_in_draws());
-        record.floor_fraction = update.map(|(gb_s, s)| record.bytes_floor / (gb_s * 1e9) / s);
+        let floor = times(timed, |frame| Some(frame.stats.bytes_floor as f64)).map(|bytes| bytes.median);
+        let floor = floor.filter(|bytes| *bytes > 0.0);
+        record.floor_fraction = floor.zip(update).map(|(bytes, (gb_s, s))| bytes / (gb_s * 1e9) / s);
         Ok(())
     }
 }

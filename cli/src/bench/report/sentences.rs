@@ -78,7 +78,7 @@ fn batching(hardest: &[&RunRecord]) -> Option<String> {
     });
     let (gain, _, run) =
         gains.filter(|(gain, error, _)| gain - 2.0 * error > 1.0).max_by(|a, b| a.0.total_cmp(&b.0))?;
-    Some(format!("Batch {} is {gain:.1}× as fast as batch 1 on {} ({})", run.batch_size, run.path, run.format))
+    Some(format!("Batch {} is {gain:.1}× as fast as batch 1 on {} ({})", run.batch_size, run.path, run.formats()))
 }
 
 /// The fastest configuration of the hardest work.
@@ -91,7 +91,7 @@ fn of_best(run: &RunRecord) -> String {
     };
     let drawn = if run.update_and_draw_ms.is_some() { ", draws included" } else { "" };
     let (changed, ms, batch) = (count(run.changed), sig3(run.median()), batch_words(run.batch_size));
-    let fastest = format!("{} {}, {batch}: {ms} ms per frame{drawn}{floor}", run.path, run.format);
+    let fastest = format!("{} {}, {batch}: {ms} ms per frame{drawn}{floor}", run.path, run.formats());
     format!("With {changed} targets changed per frame the fastest is {fastest}.")
 }
 

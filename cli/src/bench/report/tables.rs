@@ -16,7 +16,7 @@ const WORDS: [Column; 6] = [
     ("cell", |run| run.cell.clone()),
     ("technique", |run| run.technique.clone()),
     ("path", |run| run.path.clone()),
-    ("format", |run| format!("{} {}", run.format, run.sums()).trim_end().into()),
+    ("format", RunRecord::formats),
     ("mode", |run| run.mode.clone()),
     ("workload", |run| run.workload.clone()),
 ];

@@ -4,6 +4,7 @@ use super::figures::figures;
 use super::page::file_name;
 use super::sentences::sentences;
 use super::*;
+use crate::bench::stats::Stats;
 use crate::bench::synthetic;
 use crate::plots::{ALL, Chart, Figure, Series};
 use std::collections::HashSet;
@@ -98,6 +99,14 @@ fn sentences_have_numbers_from_the_runs() {
     ] {
         assert!(all[sentence].starts_with(words), "{all:?}");
     }
+    // Poses of integers, which take half the time, are named.
+    let half = |run: RunRecord| {
+        let gpu_ms = run.gpu_ms.map(|time| Stats { median: time.median / 2.0, ..time });
+        RunRecord { gpu_ms, pose: "fixed32".into(), ..run }
+    };
+    let fixed = sentences(&self::report(|run| run.path == "compute" && run.format == "snorm16", half));
+    assert!(fixed[0].contains(" on compute (snorm16"), "{fixed:?}");
+    assert!(fixed[1].contains(" the fastest is compute snorm16 fixed32, one pass: "), "{fixed:?}");
     let suite = sentences(&synthetic::suite());
     assert!(suite[0].contains("fastest GPU path in 1 of 1 cells"), "{suite:?}");
 
