@@ -953,7 +953,7 @@ DmResult dm_mesh_render_vertices(struct DmMesh mesh, struct DmRenderVertices *ve
 /// There are `weight_count` weights, and room for `count` numbers at `pose`.
 DmResult dm_mesh_evaluate(struct DmMesh mesh, const float *weights, uint32_t weight_count, double *pose, size_t count);
 
-/// Read a mesh: a folder with neutral.obj and a folder `targets` of OBJ files, a glTF file (.glb, .gltf; feature
+/// Read a mesh: a folder with neutral.obj and a folder `targets` of OBJ files, a glTF file (.glb, .gltf, .vrm; feature
 /// `gltf`), or a packed file (.dmorph), which stays as it is packed unless `desc` says how to pack.
 ///
 /// Errors: DM_ERROR_IO, DM_ERROR_INPUT with file, place and remedy; DM_ERROR_INVALID for what `desc` may not say.
@@ -1005,8 +1005,9 @@ DmResult dm_mesh_write(struct DmMesh mesh, const char *path);
 /// Destroy a mesh. What was made from it stays; names of its targets are gone.
 DmResult dm_mesh_destroy(struct DmMesh mesh);
 
-/// Read a clip of weights: a CSV file (.csv; feature `csv`), or `FILE#NAME`, the animation NAME of a glTF file (feature
-/// `gltf`). `fps` is its frame rate; 0: the one that the file states, or its name, or else 30.
+/// Read a clip of weights: a CSV file (.csv; feature `csv`), or of a glTF file (feature `gltf`) its one animation of
+/// weights, or the animation NAME as `FILE#NAME`. `fps` is its frame rate; 0: the one that the file states, or its name,
+/// or else 30.
 ///
 /// Errors: DM_ERROR_IO, DM_ERROR_INPUT with file, place and remedy, also where the library was built without the
 /// feature that reads it.

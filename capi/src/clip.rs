@@ -28,8 +28,9 @@ const CLIP_WEIGHTS: u64 = 1 << 24;
 handle!(DmClip, 5, Clip);
 handle!(DmBoundClip, 6, BoundClip);
 
-/// Read a clip of weights: a CSV file (.csv; feature `csv`), or `FILE#NAME`, the animation NAME of a glTF file (feature
-/// `gltf`). `fps` is its frame rate; 0: the one that the file states, or its name, or else 30.
+/// Read a clip of weights: a CSV file (.csv; feature `csv`), or of a glTF file (feature `gltf`) its one animation of
+/// weights, or the animation NAME as `FILE#NAME`. `fps` is its frame rate; 0: the one that the file states, or its name,
+/// or else 30.
 ///
 /// Errors: DM_ERROR_IO, DM_ERROR_INPUT with file, place and remedy, also where the library was built without the
 /// feature that reads it.

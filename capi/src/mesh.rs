@@ -139,7 +139,7 @@ unsafe fn create(
     })
 }
 
-/// Read a mesh: a folder with neutral.obj and a folder `targets` of OBJ files, a glTF file (.glb, .gltf; feature
+/// Read a mesh: a folder with neutral.obj and a folder `targets` of OBJ files, a glTF file (.glb, .gltf, .vrm; feature
 /// `gltf`), or a packed file (.dmorph), which stays as it is packed unless `desc` says how to pack.
 ///
 /// Errors: DM_ERROR_IO, DM_ERROR_INPUT with file, place and remedy; DM_ERROR_INVALID for what `desc` may not say.

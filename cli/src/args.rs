@@ -148,8 +148,8 @@ pub struct RunArgs {
 pub struct PlayArgs {
     #[command(flatten)]
     pub run: RunArgs,
-    /// Weight clip to play: a CSV file, an animation of a glTF file as FILE#NAME, or of INPUT by its name [default: the one in
-    /// INPUT/weights or INPUT, where there is just one]
+    /// Weight clip to play: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by its name [default: the one
+    /// in INPUT/weights or INPUT, where there is just one]
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
     /// Compare every Nth pose with the float64 reference, and the last one
@@ -171,8 +171,8 @@ pub struct SoakArgs {
     /// Number of frames
     #[arg(long, value_name = "N", value_parser = values::whole(1usize, 1_000_000_000))]
     pub frames: usize,
-    /// Weight clip to take captured frames from: a CSV file, an animation of a glTF file as FILE#NAME, or of INPUT by its name
-    /// [default: all in INPUT/weights or INPUT]
+    /// Weight clip to take captured frames from: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by its
+    /// name [default: all in INPUT/weights or INPUT]
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
     /// Compare every Nth pose with the float64 reference, and the last one [default: a 64th of the frames]
@@ -191,7 +191,7 @@ impl SoakArgs {
 pub struct ApplyArgs {
     #[command(flatten)]
     pub run: RunArgs,
-    /// Weight clip to take the weights from: a CSV file, an animation of a glTF file as FILE#NAME, or of INPUT by its name
+    /// Weight clip to take the weights from: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by its name
     #[arg(long, value_name = "CSV", requires = "frame")]
     pub weights: Option<PathBuf>,
     /// Frame of the weight clip, counted from 0
@@ -211,8 +211,8 @@ pub struct ApplyArgs {
 /// Which mesh, and how much of it is kept.
 #[derive(Args, Clone, Debug)]
 pub struct InputArgs {
-    /// Folder with neutral.obj, targets/*.obj and, if any, weights/*.csv, a glTF file (*.glb, *.gltf), or a packed file
-    /// (*.dmorph); without it, the built-in head
+    /// Folder with neutral.obj, targets/*.obj and, if any, weights/*.csv, a glTF file (*.glb, *.gltf, *.vrm), or a packed
+    /// file (*.dmorph); without it, the built-in head
     #[arg(value_name = "INPUT", conflicts_with_all = ["vertices", "targets", "sparsity"])]
     pub input: Option<PathBuf>,
     #[command(flatten)]

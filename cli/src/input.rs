@@ -203,7 +203,11 @@ pub fn one_clip(
     settings: &Settings,
 ) -> Result<BoundClip, Failure> {
     if named.is_none() && input.clips.len() > 1 {
-        let list = input.clips.iter().map(|c| c.display().to_string()).collect::<Vec<_>>().join(", ");
+        let name = |clip: &PathBuf| match import::animation_of(clip) {
+            Some((_, name)) => format!("'{name}'"),
+            None => format!("'{}'", clip.display()),
+        };
+        let list = input.clips.iter().map(name).collect::<Vec<_>>().join(", ");
         let (origin, count) = (&input.origin, input.clips.len());
         return Err(Failure::Usage(format!("{origin} has {count} clips; name one with --weights: {list}")));
     }
@@ -250,8 +254,10 @@ impl Input {
     /// FACS, units of MakeHuman. A note says what became of them.
     fn retargeted(&self, clip: &WeightClip) -> deltamorph::Result<WeightClip> {
         let there = retarget(clip, &self.controls())?;
-        // A target that the rig drives is no name of another face: it is refused, by name.
-        if there.columns.iter().any(|(name, _)| names(&self.kept).contains(&name.as_str())) {
+        // A target that the rig drives is no name of another face: it is refused, by name. So are all columns where nothing
+        // is left of them.
+        let driven = |(name, _): &(String, _)| names(&self.kept).contains(&name.as_str());
+        if there.clip.names.is_empty() || there.columns.iter().any(driven) {
             return Ok(clip.clone());
         }
         if !there.columns.is_empty() {

@@ -48,7 +48,7 @@ fn a_gltf_file_is_an_input_and_its_animations_are_clips() {
     let [out, buffer] = ["pose.obj", "buffer.bin"].map(|name| dir.path().join(name).to_str().unwrap().to_owned());
     let (out, buffer) = (out.as_str(), buffer.as_str());
     // Of the file by name, of a file named, and the only one there is.
-    for weights in ["nod #1".to_owned(), format!("{face}#nod #1")] {
+    for weights in ["nod #1".to_owned(), format!("{face}#nod #1"), face.clone()] {
         ok(&["apply", &face, "--weights", &weights, "--frame", "1", "--path", "cpu", "-o", out]);
         let text = std::fs::read_to_string(out).unwrap();
         let of = |keyword: &str| -> Vec<Vec<f64>> {
@@ -67,7 +67,7 @@ fn a_gltf_file_is_an_input_and_its_animations_are_clips() {
     for (args, expected) in [
         (
             ["apply", &face, "--weights", "shake", "--frame", "1", "-o", out],
-            "no animation of weights is called 'shake'; name one of: nod #1",
+            "no animation of weights is called 'shake'; name one of: 'nod #1'",
         ),
         (["apply", &face, "--weights", "nod #1", "--frame", "3", "-o", out], "has 3 frames, counted from 0"),
         (["apply", &face, "--weights", "nod #1", "--frame", "1", "-o", buffer], "is part of what is read"),

@@ -32,6 +32,12 @@ fn a_clip_in_other_names_plays_and_what_is_left_over_is_said() {
     assert_eq!(own["frames"][1]["bytes_moved"], other["frames"][1]["bytes_moved"]);
     let (played, _, said) = play("AU45,noSuchShape\n0.5,1\n");
     assert!(!played && said.contains("column 'noSuchShape' names no target"), "{said}");
+    // Names that are known, for which the head has nothing.
+    let (played, _, said) = play("tongueOut,noseSneer_L\n0.5,1\n");
+    assert!(
+        !played && said.contains("'tongueOut' names no target of the mesh (nor does any of the other 1)"),
+        "{said}"
+    );
 }
 
 #[test]

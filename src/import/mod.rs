@@ -54,7 +54,7 @@ pub enum ImportedMesh {
 }
 
 /// Open a mesh and what belongs to it: a folder with `neutral.obj`, `targets/*.obj` and `weights/*.csv`, a glTF file
-/// (`*.glb`, `*.gltf`; feature `gltf`), or a packed file (`*.dmorph`).
+/// (`*.glb`, `*.gltf`, `*.vrm`; feature `gltf`), or a packed file (`*.dmorph`).
 ///
 /// Of a glTF file with several meshes one is made, as `gltf::Gltf::into_source` says.
 ///
@@ -62,8 +62,8 @@ pub enum ImportedMesh {
 /// There is nothing at `path`, or nothing that can be used; the message names the file, the place and the remedy.
 pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
     let refuse = |what: &str| {
-        let remedy = "give a folder with neutral.obj and targets/*.obj, a glTF file (*.glb, *.gltf), or a file written by \
-                      `deltamorph pack` (*.dmorph)";
+        let remedy = "give a folder with neutral.obj and targets/*.obj, a glTF file (*.glb, *.gltf, *.vrm), or a file \
+                      written by `deltamorph pack` (*.dmorph)";
         Err(Error::input(path, "", what, remedy))
     };
     let mut imported = if path.is_dir() {
@@ -85,14 +85,19 @@ pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
     Ok(imported)
 }
 
-/// Read a weight clip: a CSV file (feature `csv`), or `FILE#NAME`, the animation NAME of a glTF file (feature `gltf`). `fps`
-/// is its frame rate; `None` takes the one that the file states, or its name, or else [`DEFAULT_FPS`].
+/// Read a weight clip: a CSV file (feature `csv`), or of a glTF file (feature `gltf`) its one animation of weights, or the
+/// animation NAME as `FILE#NAME`. `fps` is its frame rate; `None` takes the one that the file states, or its name, or else
+/// [`DEFAULT_FPS`].
 ///
 /// # Errors
-/// The file cannot be used, has no such animation, or the library was built without the feature that reads it.
+/// The file cannot be used, has no such animation, or several where none is named; or the library was built without the
+/// feature that reads it.
 pub fn open_clip(path: &Path, fps: Option<f32>) -> Result<WeightClip> {
     if let Some((file, name)) = animation_of(path) {
-        return gltf_clip(&file, &name, fps);
+        return gltf_clip(&file, Some(&name), fps);
+    }
+    if is_gltf(path) {
+        return gltf_clip(path, None, fps);
     }
     #[cfg(feature = "csv")]
     return csv::read(path, fps);
@@ -100,9 +105,10 @@ pub fn open_clip(path: &Path, fps: Option<f32>) -> Result<WeightClip> {
     Err(Error::input(path, "", format!("no weight clips are read (fps {fps:?})"), "build with the feature 'csv'"))
 }
 
-/// Whether a file is glTF, by its name. Its texture coordinates begin at the top left, those of OBJ at the bottom left.
+/// Whether a file is glTF, by its name: also a VRM avatar, which is a GLB file. Its texture coordinates begin at the top
+/// left, those of OBJ at the bottom left.
 pub fn is_gltf(path: &Path) -> bool {
-    has_extension(path, "glb") || has_extension(path, "gltf")
+    ["glb", "gltf", "vrm"].iter().any(|end| has_extension(path, end))
 }
 
 /// The file and the name in `FILE#NAME`, where FILE is glTF. A `#` may be part of either: the file's name ends at the first
@@ -127,17 +133,28 @@ fn open_gltf(path: &Path) -> Result<Imported> {
 }
 
 #[cfg(feature = "gltf")]
-fn gltf_clip(path: &Path, name: &str, fps: Option<f32>) -> Result<WeightClip> {
+fn gltf_clip(path: &Path, name: Option<&str>, fps: Option<f32>) -> Result<WeightClip> {
     let gltf = gltf::read(path)?;
-    let Some(animation) = gltf.weight_animations().find(|animation| animation.name == name) else {
-        let names: Vec<&str> = gltf.weight_animations().map(|animation| animation.name.as_str()).collect();
-        let remedy = match &names[..] {
-            [] => "it has none: give a CSV file".to_owned(),
-            names => format!("name one of: {}", names.join(", ")),
-        };
-        return Err(Error::input(path, "", format!("no animation of weights is called '{name}'"), &remedy));
+    let all: Vec<_> = gltf.weight_animations().collect();
+    let found = match (name, &all[..]) {
+        (Some(name), all) => all.iter().find(|animation| animation.name == name),
+        (None, [only]) => Some(only),
+        (None, _) => None,
     };
-    gltf.clip(animation, fps)
+    if let Some(animation) = found {
+        return gltf.clip(animation, fps);
+    }
+    let what = match name {
+        Some(name) => format!("no animation of weights is called '{name}'"),
+        None => format!("a glTF file with {} animations of weights where one clip is wanted", all.len()),
+    };
+    let names: Vec<String> = all.iter().map(|animation| format!("'{}'", animation.name)).collect();
+    let remedy = match (&names[..], name) {
+        ([], _) => "it has none: give a CSV file".to_owned(),
+        (names, Some(_)) => format!("name one of: {}", names.join(", ")),
+        (names, None) => format!("name one as FILE#NAME: {}", names.join(", ")),
+    };
+    Err(Error::input(path, "", what, &remedy))
 }
 
 #[cfg(not(feature = "gltf"))]
@@ -146,9 +163,8 @@ fn open_gltf(path: &Path) -> Result<Imported> {
 }
 
 #[cfg(not(feature = "gltf"))]
-fn gltf_clip(path: &Path, name: &str, _: Option<f32>) -> Result<WeightClip> {
-    let what = format!("the animation '{name}' is not read");
-    Err(Error::input(path, "", what, "build with the feature 'gltf'"))
+fn gltf_clip(path: &Path, _: Option<&str>, _: Option<f32>) -> Result<WeightClip> {
+    Err(Error::input(path, "", "animations of glTF files are not read", "build with the feature 'gltf'"))
 }
 
 fn open_folder(path: &Path) -> Result<Imported> {
@@ -195,7 +211,10 @@ mod tests {
             ("a.DMORPH", ["a.DMORPH: does not begin as a packed mesh does"; 2]),
             (
                 "a.txt",
-                ["a.txt: a file of a kind", "neutral.obj and targets/*.obj, a glTF file (*.glb, *.gltf), or a file"],
+                [
+                    "a.txt: a file of a kind",
+                    "neutral.obj and targets/*.obj, a glTF file (*.glb, *.gltf, *.vrm), or a file",
+                ],
             ),
             ("a.glb", ["a.glb: line 1 column 0 of its JSON: EOF", "export the file again"]),
             ("none", ["none: no such file or folder", "(*.dmorph)"]),

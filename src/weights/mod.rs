@@ -12,6 +12,9 @@ use names::closest;
 pub use normalised::normalise_weights;
 use std::collections::{HashMap, HashSet};
 
+/// Columns that name no target, for which a target of nearly the same name is looked for.
+const NEAR_LOOKED_FOR: usize = 64;
+
 /// A weight clip: one row of weights per frame, columns by target name.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WeightClip {
@@ -42,18 +45,22 @@ impl WeightClip {
         self.check()?;
         // Reversed: of several targets of one name, the first is kept.
         let indices: HashMap<&str, usize> = targets.iter().enumerate().rev().map(|(i, target)| (*target, i)).collect();
-        let mut unknown = self.names.iter().filter(|name| !indices.contains_key(name.as_str()));
-        if let Some(name) = unknown.next() {
-            let more = match unknown.count() {
+        let unknown: Vec<&str> =
+            self.names.iter().map(String::as_str).filter(|name| !indices.contains_key(name)).collect();
+        if let [name, rest @ ..] = &unknown[..] {
+            let more = match rest.len() {
                 0 => String::new(),
+                n if n + 1 == self.names.len() => format!(" (nor does any of the other {n})"),
                 n => format!(" (nor do {n} other columns)"),
             };
-            let what = format!("clip '{}': column '{name}' names no target of the mesh{more}", self.name);
-            let remedy = match closest(name, targets) {
-                Some(target) => format!("rename the column to '{target}' if that is meant, or remove it"),
-                None if targets.is_empty() => "the mesh has no targets: give one that has".to_owned(),
-                None => "rename the column to a target of the mesh, or remove it".to_owned(),
+            let near = unknown.iter().take(NEAR_LOOKED_FOR).filter_map(|name| Some((name, closest(name, targets)?)));
+            let near: Vec<String> = near.take(3).map(|(name, target)| format!("'{name}' to '{target}'")).collect();
+            let remedy = match &near[..] {
+                [] if targets.is_empty() => "the mesh has no targets: give one that has".to_owned(),
+                [] => "rename columns to targets of the mesh, or remove them".to_owned(),
+                near => format!("rename {} if that is meant, or remove columns", near.join(", ")),
             };
+            let what = format!("clip '{}': column '{name}' names no target of the mesh{more}", self.name);
             return Err(Error::invalid(what, remedy));
         }
         Ok(BoundClip {
@@ -166,10 +173,26 @@ mod tests {
 
     #[test]
     fn what_cannot_be_bound_is_named_with_the_target_that_is_near() {
-        let cases: [(&[&str], &[f32], [&str; 2]); 6] = [
-            (&["eyeBlinkLeft"], &[0.0], ["column 'eyeBlinkLeft' names no target", "rename the column to 'eyeBlink_L'"]),
-            (&["jaw_open", "x"], &[0.0, 0.0], ["'jaw_open'", "do 1 other columns); rename the column to 'jawOpen'"]),
-            (&["tongueOut"], &[0.0], ["column 'tongueOut'", "rename the column to a target of the mesh, or remove it"]),
+        let cases: [(&[&str], &[f32], [&str; 2]); 7] = [
+            (
+                &["eyeBlinkLeft"],
+                &[0.0],
+                ["column 'eyeBlinkLeft' names no target", "rename 'eyeBlinkLeft' to 'eyeBlink_L'"],
+            ),
+            (
+                &["jawOpen", "x", "eye_blink_l"],
+                &[0.0; 3],
+                ["'x' names no target of the mesh (nor do 1 other columns)", "rename 'eye_blink_l' to 'eyeBlink_L' if"],
+            ),
+            (
+                &["jaw_open", "x", "eye_blink_l"],
+                &[0.0; 3],
+                [
+                    "column 'jaw_open' names no target of the mesh (nor does any of the other 2)",
+                    "rename 'jaw_open' to 'jawOpen', 'eye_blink_l' to 'eyeBlink_L' if that is meant, or remove columns",
+                ],
+            ),
+            (&["tongueOut"], &[0.0], ["column 'tongueOut'", "rename columns to targets of the mesh, or remove them"]),
             (&["jawOpen", "jawOpen"], &[], ["clip 'clip': ", "two columns are called 'jawOpen'"]),
             (&["jawOpen", "eyeBlink_L"], &[1.0], ["clip 'clip': ", "1 values in 2 columns"]),
             (&["jawOpen", "eyeBlink_L"], &[1.0, f32::NAN], ["column 'eyeBlink_L', frame 0", "the weight is NaN"]),

@@ -22,7 +22,7 @@ pub struct LodArgs {
     /// Write the order, with its pins, to be kept beside the asset
     #[arg(long, value_name = "JSON")]
     pub out: Option<PathBuf>,
-    /// Weight clip to measure errors on: a CSV file, an animation of a glTF file as FILE#NAME, or of INPUT by its name
+    /// Weight clip to measure errors on: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by its name
     /// [default: all in INPUT/weights or INPUT]
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 pub struct RenderArgs {
     #[command(flatten)]
     pub run: RunArgs,
-    /// Weight clip to take the weights from: a CSV file, an animation of a glTF file as FILE#NAME, or of INPUT by its name
+    /// Weight clip to take the weights from: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by its name
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
     /// Frame of the weight clip, counted from 0

@@ -106,7 +106,7 @@ Commands of scripts, one a line; what follows # is a remark:
   set NAME WEIGHT           a weight, of a target or of a control of the rig
   reset | random SEED       all weights 0; a few of them at random
   copy                      print the weights as --set takes them
-  clip FILE                 take a clip: a CSV file, or an animation as FILE#NAME
+  clip FILE                 take a clip: a CSV file, or a glTF file's animation as FILE or FILE#NAME
   play | pause              play the clip; every frame is a 60th of a second
   scrub FRAME | speed X     go to a frame of the clip; play X times as fast
   path PATH | format FORMAT | pose FORMAT | budget LENGTH

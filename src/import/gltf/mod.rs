@@ -1,4 +1,4 @@
-//! glTF 2.0: meshes with morph targets, their weight animations, skins and nodes (`*.glb`, `*.gltf`).
+//! glTF 2.0: meshes with morph targets, their weight animations, skins and nodes (`*.glb`, `*.gltf`, `*.vrm`).
 //!
 //! [`read`] yields everything as plain arrays, in the order of the file: for an engine that has a scene of its own.
 //! [`import::open`](super::open) makes one mesh of the file: [`Gltf::into_source`] says how.

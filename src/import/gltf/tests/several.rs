@@ -61,6 +61,20 @@ fn each_clip_is_found_by_its_name() {
         let bound = clip.bind(&["blink", "jaw"]).unwrap();
         assert_eq!(bound.frames().next().unwrap()[1], first, "{}", clip.name);
     }
+    let refused = crate::import::open_clip(&path, None).unwrap_err().to_string();
+    let expected = "head.glb: a glTF file with 4 animations of weights where one clip is wanted; name one as FILE#NAME: \
+                    'walk', 'talk', 'talk 2', 'a#b'";
+    assert!(refused.ends_with(expected), "{refused}");
+    // The only one needs no name; and a VRM avatar is a GLB file.
+    file.json["animations"].as_array_mut().unwrap().truncate(1);
+    let path = folder.path().join("head.vrm");
+    std::fs::write(&path, file.glb()).unwrap();
+    assert_eq!(crate::import::open(&path, &crate::import::ImportDesc::default()).unwrap().clips.len(), 1);
+    assert_eq!(crate::import::open_clip(&path, None).unwrap().name, "walk");
+    file.json["animations"] = json!([]);
+    std::fs::write(&path, file.glb()).unwrap();
+    let refused = crate::import::open_clip(&path, None).unwrap_err().to_string();
+    assert!(refused.ends_with("it has none: give a CSV file"), "{refused}");
 }
 
 #[test]
