@@ -4,7 +4,7 @@ use crate::output::Failure;
 use crate::runner::{Frame, Runner, Setup, Stage};
 use crate::table::{sig3, thousands};
 use deltamorph::reference::{SHORTEST_NORMAL, angle_degrees, compare, evaluate, evaluate_unpacked};
-use deltamorph::{MorphMesh, POSE_FLOATS, PackedLayout, PoseError, PoseGrid, UpdateDesc};
+use deltamorph::{MorphMesh, POSE_FLOATS, PackedLayout, PoseError, PoseGrid, UpdateDesc, UpdateStats};
 use glam::DVec3;
 use serde::Serialize;
 use std::sync::Arc;
@@ -12,7 +12,8 @@ use std::sync::Arc;
 /// What to do about a wrong pose.
 pub const REMEDY: &str = "try another --path, and report this with what `deltamorph devices` prints";
 
-/// A result is right when positions are within this fraction of the diagonal …
+/// A result is right when positions are within this fraction of the diagonal, and what [`Promise::beyond`] allows where
+/// coordinates are larger than that …
 const POSITION_BOUND: f64 = 3e-6;
 /// … and normals within this many degrees of the float64 reference on the deltas kept.
 const NORMAL_BOUND_DEGREES: f64 = 0.01;
@@ -28,12 +29,22 @@ pub struct Found {
     pub turned: f64,
     /// The bound on positions that the path states, in input units: on drift, or on rounding to the unit of poses.
     pub bound: f64,
+    /// The largest coordinate of the reference, either sign.
+    pub reach: f64,
+    /// As [`Promise::additions`] counts them.
+    pub additions: usize,
 }
 
 impl Found {
     pub fn max(self, other: Self) -> Self {
-        let (error, raw) = (self.error.max(other.error), self.raw.max(other.raw));
-        Self { error, raw, turned: worse(self.turned, other.turned), bound: self.bound.max(other.bound) }
+        Self {
+            error: self.error.max(other.error),
+            raw: self.raw.max(other.raw),
+            turned: worse(self.turned, other.turned),
+            bound: self.bound.max(other.bound),
+            reach: self.reach.max(other.reach),
+            additions: self.additions.max(other.additions),
+        }
     }
 }
 
@@ -52,6 +63,8 @@ pub fn scale(diagonal: f32) -> f64 {
 pub struct Promise {
     /// Poses carry a bound on what accumulation may have done.
     tracked: bool,
+    /// A float32 pose is the base pose and one sum: of integers, or of what a draw evaluates.
+    once: bool,
     pub grid: Option<PoseGrid>,
     budget: f64,
     /// The length that errors are stated relative to.
@@ -64,6 +77,7 @@ impl Promise {
         let grid = desc.grid(layout).ok().flatten();
         Self {
             tracked: layout.blocks.is_some() && grid.is_none(),
+            once: grid.is_some() || desc.path.evaluates_in_draws(),
             grid,
             budget: f64::from(desc.error_budget),
             scale: scale(layout.diagonal),
@@ -89,7 +103,30 @@ impl Promise {
             0.0 => error.normal_degrees,
             length => turned(pose, reference, length),
         };
-        Found { error, turned, ..Found::default() }
+        let positions = reference.as_chunks::<POSE_FLOATS>().0.iter().flat_map(|vertex| &vertex[..3]);
+        let reach = positions.fold(0.0, |most: f64, coordinate| most.max(coordinate.abs()));
+        Found { error, turned, reach, ..Found::default() }
+    }
+
+    /// How often something was added to float32 poses since they were the base pose: `before` this update of so many
+    /// heads, and with it. Of several heads at most: it counts the passes of all.
+    pub fn additions(&self, before: usize, stats: &UpdateStats, heads: u32) -> usize {
+        match self.once {
+            true => 1,
+            false if stats.rebuilt == heads as usize => stats.passes,
+            false => before + stats.passes,
+        }
+    }
+
+    /// What rounding may do where coordinates are larger than the diagonal, in input units.
+    ///
+    /// An addition rounds a coordinate x to nearest, by half a unit in its last place at most: by up to ε/2 · |x|, with
+    /// ε = 2⁻²³. Taken as uniform, that is a standard deviation of ε/2 · |x| / √3 in each of three coordinates,
+    /// ε/2 · |x| of the vertex. Of n additions it is √n times as much; five of these are 2.5 · √n · ε · |x|, and more than
+    /// the most that one addition can do, √3 · ε/2 · |x|. Coordinates up to the diagonal are [`POSITION_BOUND`]'s.
+    fn beyond(&self, found: &Found) -> f64 {
+        let larger = (found.reach - self.scale).max(0.0);
+        2.5 * (found.additions as f64).sqrt() * f64::from(f32::EPSILON) * larger
     }
 
     /// The position error allowed. A tracked bound comes off the budget before a change may wait; elsewhere the budget
@@ -97,7 +134,7 @@ impl Promise {
     pub fn allowed(&self, found: &Found) -> f64 {
         match self.tracked {
             true => found.bound.max(self.budget),
-            false => POSITION_BOUND * self.scale + self.budget + found.bound,
+            false => POSITION_BOUND * self.scale + self.beyond(found) + self.budget + found.bound,
         }
     }
 
@@ -145,6 +182,7 @@ pub struct Checks<'a> {
     /// Compare normals, and also with the requested weights.
     full: bool,
     count: usize,
+    additions: usize,
     pub found: Found,
     /// Largest position error against the requested weights.
     pub request: f64,
@@ -175,7 +213,7 @@ impl<'a> Checks<'a> {
     /// weights.
     pub fn new(stage: &'a Stage, raw: Option<Arc<MorphMesh>>, full: bool) -> Self {
         let promise = Promise::new(&stage.desc, stage.mesh.layout());
-        Self { stage, promise, raw, full, count: 0, found: Found::default(), request: 0.0, wrong: None }
+        Self { stage, promise, raw, full, count: 0, additions: 0, found: Found::default(), request: 0.0, wrong: None }
     }
 
     /// Update the head of `runner`, and compare its pose where that is `due`. Returns the position error, too.
@@ -189,6 +227,7 @@ impl<'a> Checks<'a> {
         let failed = |e| Failure::Failed(format!("frame {frame}: {}", Failure::from(e)));
         let step = runner.step(&[weights], 0).map_err(failed)?;
         self.found.bound = self.found.bound.max(step.stats.bound.into());
+        self.additions = self.promise.additions(self.additions, &step.stats, 1);
         if !due {
             return Ok((step, None));
         }
@@ -199,7 +238,8 @@ impl<'a> Checks<'a> {
         let bound =
             played.as_ref().map_or(step.stats.bound.into(), |weights: &Vec<f32>| self.promise.rounding(weights)[0]);
         let applied = played.unwrap_or_else(|| self.promise.applied(weights));
-        let mut found = Found { bound, ..self.promise.find(pose, &evaluate(mesh, &applied), &applied) };
+        let found = self.promise.find(pose, &evaluate(mesh, &applied), &applied);
+        let mut found = Found { bound, additions: self.additions, ..found };
         found.raw = self.raw.as_ref().map(|raw| compare(pose, &evaluate_unpacked(raw, weights))).unwrap_or_default();
         if self.full {
             let request = if applied == weights { found.error } else { compare(pose, &evaluate(mesh, weights)) };
@@ -252,7 +292,11 @@ impl<'a> Checks<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use deltamorph::{BatchSize, DeltaFormat, PackDesc, PackedMesh, PoseFormat, UpdatePath};
+    use deltamorph::{
+        BatchSize, CpuCrowd, DeltaFormat, MorphSource, PackDesc, PackedMesh, PoseFormat, SourceTarget, Tolerance,
+        UpdatePath,
+    };
+    use glam::Vec3;
 
     #[test]
     fn every_kind_of_poses_has_its_own_promise() {
@@ -268,6 +312,9 @@ mod tests {
         let unbounded = [(float, &dense), (exact, &blocks), (patient(exact), &blocks)];
         let unbounded = unbounded.map(|(desc, layout)| Promise::new(&desc, layout).allowed(&Found::default()));
         assert_eq!(unbounded, [own, own, own + 0.5]);
+        // Coordinates up to the diagonal allow nothing more, however many additions there were.
+        let near = Found { reach: mesh.diagonal.into(), additions: 1_000_000, ..Found::default() };
+        assert_eq!(Promise::new(&float, &dense).allowed(&near), own);
         assert_eq!((allowed(float, &blocks), allowed(patient(float), &blocks)), (0.25, 0.5));
         // What rounding to a unit may do is in the bound; budgets come on top.
         assert_eq!((allowed(narrow, &blocks), allowed(patient(narrow), &blocks)), (own + 0.25, own + 0.5 + 0.25));
@@ -290,6 +337,65 @@ mod tests {
         assert_eq!(promise.applied(&[0.3]), [0.3]);
         let rounded = Promise::new(&exact, &blocks).applied(&[0.3])[0];
         assert!(rounded != 0.3 && (rounded - 0.3).abs() < 0.01, "{rounded}");
+    }
+
+    /// A quad of diagonal 0.42 whose 40 targets move it by up to a tenth of that, so far along x.
+    fn quad(x: f32) -> MorphMesh {
+        let corners = [[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.3, 0.3, 0.0], [0.0, 0.3, 0.0]];
+        let target = |t: usize| {
+            let angle = |v: usize| (7 * t + 3 * v) as f32;
+            let delta = |v| (v as u32, 0.04 * Vec3::new(angle(v).sin(), angle(v).cos(), (2.0 * angle(v)).sin()));
+            let (name, positions, normals) = (t.to_string(), (0..4).map(delta).collect(), Some(vec![]));
+            SourceTarget { name, positions, normals, streams: vec![] }
+        };
+        let source = MorphSource {
+            positions: corners.map(|corner| Vec3::from(corner) + Vec3::X * x).to_vec(),
+            normals: Some(vec![Vec3::Z; 4]),
+            targets: (0..40).map(target).collect(),
+            ..MorphSource::default()
+        };
+        source.to_mesh(Tolerance::ZERO).expect("a mesh")
+    }
+
+    #[test]
+    fn far_from_the_origin_rounding_is_right_and_a_wrong_delta_is_not() {
+        let formats = [DeltaFormat::Float32, DeltaFormat::Snorm16, DeltaFormat::Fast];
+        let poses = [PoseFormat::Float32, PoseFormat::Fixed32];
+        for (x, format, pose) in [0.0, 2.0, 5.0, 50.0]
+            .into_iter()
+            .flat_map(|x| formats.into_iter().flat_map(move |format| poses.map(|pose| (x, format, pose))))
+        {
+            let batch = if format.is_blocks() { BatchSize::All } else { BatchSize::Targets(1) };
+            let desc = UpdateDesc::new(UpdatePath::Cpu, batch).pose(pose).tolerance(1e-3);
+            let mesh = Arc::new(PackedMesh::pack(&quad(x), &PackDesc::new(format)).expect("packed"));
+            let Ok(mut crowd) = CpuCrowd::new(mesh.clone(), desc, 1, 1) else {
+                assert!(format == DeltaFormat::Float32 && pose == PoseFormat::Fixed32, "{format:?} {pose:?}");
+                continue;
+            };
+            let promise = Promise::new(&desc, mesh.layout());
+            let (mut weights, mut additions) = (vec![0.5f32; 40], 0);
+            for frame in 0..300 {
+                weights[frame * 7 % 40] = 0.1 + frame as f32 / 400.0;
+                weights[frame * 11 % 40] = 0.9 - frame as f32 / 400.0;
+                crowd.set_weights(0, &weights).expect("weights");
+                let stats = crowd.update();
+                additions = promise.additions(additions, &stats, 1);
+                let pose = mesh.layout().to_user_order(&crowd.pose(0).expect("a pose"));
+                let find = |weights: &[f32]| {
+                    let applied = promise.applied(weights);
+                    let bound = f64::from(stats.bound);
+                    let found = promise.find(&pose, &evaluate(&mesh, &applied), &applied);
+                    Found { additions, bound, ..found }
+                };
+                let what = format!("{format:?} {} at {x}, frame {frame}", desc.pose.name());
+                let right = find(&weights);
+                assert!(promise.kept(&right), "{what}: {}", promise.complaint(&right));
+                // A fiftieth of one of the forty targets is 2e-3 of the diagonal.
+                let mut wrong = weights.clone();
+                wrong[13] += 0.02;
+                assert!(!promise.kept(&find(&wrong)), "{what}");
+            }
+        }
     }
 
     #[test]

@@ -66,6 +66,7 @@ pub struct Trial<'a> {
     runner: Runner<'a>,
     promise: Promise,
     found: Found,
+    additions: usize,
     record: RunRecord,
     /// The last frame that ran.
     frame: usize,
@@ -93,6 +94,7 @@ impl<'a> Trial<'a> {
             mesh,
             runner,
             found: Found::default(),
+            additions: 0,
             record: candidate.record(&subject.input),
             frame: 0,
             timed: vec![],
@@ -166,6 +168,7 @@ impl<'a> Trial<'a> {
         let step = self.runner.step(&self.candidate.setting.weights(frame), copies)?;
         self.frame = frame;
         self.found.bound = self.found.bound.max(f64::from(step.stats.bound));
+        self.additions = self.promise.additions(self.additions, &step.stats, self.candidate.setting.updated());
         Ok(step)
     }
 
@@ -178,7 +181,8 @@ impl<'a> Trial<'a> {
             let weights = self.promise.applied(&setting.workload.weights(head, self.frame));
             let reference = subject.reference(&self.mesh, &weights);
             let found = self.promise.find(&pose, &reference.packed, &weights);
-            self.found = self.found.max(Found { raw: compare(&pose, &reference.raw), ..found });
+            let raw = compare(&pose, &reference.raw);
+            self.found = self.found.max(Found { raw, additions: self.additions, ..found });
         }
         Ok(())
     }
