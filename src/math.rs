@@ -31,6 +31,24 @@ pub fn diagonal(positions: &[Vec3]) -> f32 {
     (hi.as_dvec3() - lo.as_dvec3()).length() as f32
 }
 
+/// The middle of the box around `positions` along each axis where it gives back precision to subtract it; 0 along others.
+///
+/// That is where the largest coordinate is twice the diagonal or more. What is left of it is half the diagonal at most: two
+/// bits or more of a single-precision number, whose units in the last place shrink with it. Fewer would not be worth a
+/// second origin. Coordinates of such an axis lie within a factor of two of each other and of the middle, since they differ
+/// by the diagonal at most: differences are exact (Sterbenz), and so is adding the middle again.
+pub(crate) fn far_middle(positions: impl Iterator<Item = Vec3>) -> Vec3 {
+    let Some((low, high)) = positions.map(|p| (p, p)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) else {
+        return Vec3::ZERO;
+    };
+    let (low, high) = (low.as_dvec3(), high.as_dvec3());
+    let diagonal = (high - low).length();
+    let largest = low.abs().max(high.abs());
+    let middle = low.midpoint(high);
+    let axis = |i: usize| if largest[i] >= 2.0 * diagonal { middle[i] as f32 } else { 0.0 };
+    Vec3::new(axis(0), axis(1), axis(2))
+}
+
 /// `map` of every item, in order; on several threads where the crate is built with them. Each thread has a copy of
 /// `scratch`.
 pub(crate) fn map_all<T: Sync, S: Clone + Send + Sync, R: Send>(
@@ -94,6 +112,25 @@ mod tests {
             assert!(is_power_of_two(below));
         }
         assert!(![0.0, -2.0, 3.0, f32::NAN, f32::INFINITY, f32::MIN_POSITIVE / 2.0].into_iter().any(is_power_of_two));
+    }
+
+    #[test]
+    fn what_is_far_is_moved_without_rounding() {
+        let corners = [Vec3::new(0.1, 0.7, -0.3), Vec3::new(-0.2, 0.9, 0.21), Vec3::new(0.03, 0.85, -0.111)];
+        for far in [0.0, 0.3, 2.0, -50.3, 1e4, -3e7, 1e30] {
+            let all = corners.map(|p| p + Vec3::new(far, 0.0, -2.0 * far));
+            let middle = far_middle(all.into_iter());
+            assert_eq!(middle == Vec3::ZERO, far.abs() < 1.0, "{middle}");
+            assert_eq!(middle.y, 0.0);
+            for p in all {
+                let near = p - middle;
+                assert_eq!(near.as_dvec3(), p.as_dvec3() - middle.as_dvec3(), "{p} - {middle}");
+                assert_eq!(near + middle, p);
+                assert!(far.abs() < 1.0 || near.x.abs() <= 0.5 * diagonal(&all), "{near}");
+            }
+        }
+        assert_eq!(far_middle([Vec3::new(5.0, 0.0, -7.0)].into_iter()), Vec3::new(5.0, 0.0, -7.0));
+        assert_eq!((far_middle([Vec3::ZERO; 2].into_iter()), far_middle([].into_iter())), (Vec3::ZERO, Vec3::ZERO));
     }
 
     #[test]

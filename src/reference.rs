@@ -18,8 +18,8 @@ pub fn evaluate(mesh: &PackedMesh, weights: &[f32]) -> Vec<f64> {
 }
 
 /// `base + Σ weight · delta` over all targets of a [group](PackedMesh::groups), on the deltas that the kernels see (kept
-/// after import, packed). Six values per vertex, in the user's order and without padding. Targets without a weight have
-/// the weight 0.
+/// after import, packed). Six values per vertex, in the user's order and without padding; positions are relative to the
+/// mesh's origin, as in poses. Targets without a weight have the weight 0.
 pub fn evaluate_group(group: &PackedGroup, weights: &[f32]) -> Vec<f64> {
     let layout = group.layout();
     let mut pose: Vec<f64> = layout.to_user_order(group.base()).into_iter().map(f64::from).collect();

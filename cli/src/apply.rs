@@ -89,11 +89,13 @@ fn frames(args: &ApplyArgs, input: &Input) -> Result<Vec<Vec<f32>>, Failure> {
     }
 }
 
-/// Write the pose: nine digits, the input's vertex order, normals normalised; texture coordinates from the bottom up, as OBJ
-/// has them (`down`: those of the mesh go down).
+/// Write the pose: nine digits, the input's coordinates and vertex order, normals normalised; texture coordinates from the
+/// bottom up, as OBJ has them (`down`: those of the mesh go down).
 fn write(path: &Path, mesh: &MorphMesh, down: bool, pose: &[f32]) -> Result<(), Failure> {
     let vertices = pose.chunks_exact(POSE_FLOATS).take(mesh.vertex_count());
-    let positions: Vec<Vec3> = vertices.clone().map(|v| Vec3::from_slice(&v[..3])).collect();
+    // In double precision: what is written is rounded once.
+    let absolute = |v: &[f32]| (Vec3::from_slice(&v[..3]).as_dvec3() + mesh.origin.as_dvec3()).as_vec3();
+    let positions: Vec<Vec3> = vertices.clone().map(absolute).collect();
     let normals: Vec<Vec3> = vertices
         .zip(&mesh.normals)
         .map(|(v, base)| {

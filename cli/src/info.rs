@@ -188,6 +188,10 @@ fn text(info: &Info) -> String {
         "{name} ({origin})\n{vertices} vertices, {triangles} triangles, {targets} targets, diagonal {diagonal}\n\
          deltas kept: longer than {position} of the diagonal (normals: {normal})"
     )];
+    if i.pose_origin != [0.0; 3] {
+        let [x, y, z] = i.pose_origin.map(|v| sig3(v.into()));
+        parts.push(format!("poses are relative to ({x}, {y}, {z}), since the mesh is far from 0"));
+    }
     if !info.streams.is_empty() {
         parts.push(format!("further streams: {}", info.streams.join(", ")));
     }

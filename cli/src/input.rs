@@ -20,7 +20,7 @@ const HEAD_FRAMES: usize = 300;
 #[derive(Debug)]
 pub struct Input {
     pub name: String,
-    /// Every delta that is not exactly zero: what errors "against the raw files" are measured with.
+    /// Every delta that is not exactly zero: what errors "against the raw files" are measured with. Both are recentred.
     pub raw: Arc<MorphMesh>,
     /// The deltas above the tolerance: what is packed and uploaded.
     pub kept: Arc<MorphMesh>,
@@ -57,6 +57,9 @@ pub struct MeshInfo {
     pub tolerance_normal: f32,
     /// Mean fraction of the vertices that a target moves.
     pub moved_mean: f64,
+    /// What poses are relative to, in input units: the middle of a mesh that is far from 0.
+    #[serde(default)]
+    pub pose_origin: [f32; 3],
 }
 
 /// What is packed, and what a packed file has, of an [`Input`].
@@ -98,6 +101,7 @@ impl Input {
             tolerance: mesh.tolerance.position,
             tolerance_normal: mesh.tolerance.normal,
             moved_mean: moved as f64 / (mesh.vertex_count() * mesh.targets.len()).max(1) as f64,
+            pose_origin: mesh.origin.to_array(),
         }
     }
 }
@@ -125,12 +129,18 @@ fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Re
     };
     let (raw, kept, packed) = match mesh {
         ImportedMesh::Source(source) => {
-            let kept = Arc::new(source.to_mesh(args.tolerance())?);
+            let mesh = |tolerance| {
+                let mut mesh = source.to_mesh(tolerance)?;
+                mesh.recentre();
+                deltamorph::Result::Ok(Arc::new(mesh))
+            };
+            let kept = mesh(args.tolerance())?;
             let same = !with_raw || kept.tolerance == Tolerance::ZERO;
-            let raw = if same { kept.clone() } else { Arc::new(source.to_mesh(Tolerance::ZERO)?) };
+            let raw = if same { kept.clone() } else { mesh(Tolerance::ZERO)? };
             (raw, kept, None)
         }
-        ImportedMesh::Packed(asset) => {
+        ImportedMesh::Packed(mut asset) => {
+            asset.mesh.recentre();
             let kept = Arc::new(asset.to_mesh()?);
             // What was dropped before packing is not there to be kept, and a packed mesh is taken as it is.
             if ![Tolerance::default(), kept.tolerance].contains(&args.tolerance()) {

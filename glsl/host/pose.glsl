@@ -10,8 +10,8 @@
 //     vec3 pose_position(vec2 units), pose_normal(vec2 units)
 //     vec3 previous_position(vec2 units), previous_normal(vec2 units)
 //
-// in units of the mesh; normals are not normalised. `units` is PoseView::units, one for all heads of a crowd (a push
-// constant, for example); POSE_FLOAT32 ignores it.
+// in units of the mesh, relative to PackedLayout::origin; normals are not normalised. `units` is PoseView::units, one for
+// all heads of a crowd (a push constant, for example); POSE_FLOAT32 ignores it.
 //
 // Bindings on the host: 0 is the pose (Crowd::pose). Fixed formats have the base pose next, which all heads of a mesh
 // share (GpuMesh::base_pose). The previous pose is the last one; its attributes are those of the pose again.

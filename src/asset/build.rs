@@ -70,6 +70,7 @@ impl MorphSource {
         Ok(MorphMesh {
             name: self.name.clone(),
             positions: self.positions.clone(),
+            origin: Vec3::ZERO,
             normals,
             texcoords: self.texcoords.clone(),
             faces: self.faces.clone(),

@@ -2,6 +2,7 @@
 
 use super::{StreamData, StreamDeltas};
 use crate::error::{Error, Result};
+use crate::math::far_middle;
 use crate::setters::setters;
 use glam::{Vec2, Vec3};
 
@@ -147,8 +148,10 @@ pub struct MorphTarget {
 pub struct MorphMesh {
     /// Name for messages and reports.
     pub name: String,
-    /// Base positions, in the user's vertex order.
+    /// Base positions, in the user's vertex order, relative to `origin`.
     pub positions: Vec<Vec3>,
+    /// What was subtracted from positions, in input units: 0, unless the mesh was [recentred](Self::recentre).
+    pub origin: Vec3,
     /// Base normals, unit length.
     pub normals: Vec<Vec3>,
     /// Texture coordinates, indexed by [`Corner::texcoord`](super::Corner::texcoord).
@@ -178,5 +181,17 @@ impl MorphMesh {
     /// Index of the target called `name`.
     pub fn target_index(&self, name: &str) -> Option<usize> {
         self.targets.iter().position(|t| t.name == name)
+    }
+
+    /// Where the mesh is far from 0, make its positions relative to its middle: poses have so much more precision, since
+    /// float32 rounds by a share of a coordinate. Along each axis on which the largest coordinate is twice the diagonal or
+    /// more, `origin` becomes the middle of the bounding box, and is subtracted from positions, without rounding. Meshes
+    /// nearer to 0 stay as they are.
+    ///
+    /// Whoever draws adds [`PackedLayout::origin`](crate::PackedLayout::origin) in the model matrix.
+    pub fn recentre(&mut self) {
+        let middle = far_middle(self.positions.iter().copied());
+        self.positions.iter_mut().for_each(|p| *p -= middle);
+        self.origin += middle;
     }
 }

@@ -8,7 +8,8 @@ use crate::update::technique::Poses;
 use ash::vk;
 use std::borrow::Cow;
 
-/// Where a pose is: from `offset` on, each number as its [`PoseFormat`] says. Normals are not normalised.
+/// Where a pose is: from `offset` on, each number as its [`PoseFormat`] says. Positions are relative to
+/// [`PackedLayout::origin`]; normals are not normalised.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PoseView {

@@ -43,6 +43,7 @@ pub(super) fn pack(source: &Source<'_>, desc: &PackDesc, format: &impl DenseForm
         vertex_count,
         chunk_vertices,
         diagonal: mesh.diagonal,
+        origin: mesh.origin,
         targets,
         blocks: None,
         sums: None,

@@ -25,7 +25,8 @@
 //!                         [stream][id u32, zero u32, largest error f64]
 //!                         (1 position, 2 normal, 3 tangent, 4 + 256 set texture coordinates, 5 + 256 set colours, 6 masks;
 //!                         error in input units, degrees, degrees, and in the numbers themselves)
-//!  3  base pose           [packed vertex][six f32], without padding
+//!  3  base pose           [packed vertex][six f32], without padding; positions as the input has them, also of a mesh that
+//!                         is recentred
 //!  5  first entries       [block + 1] u32
 //!  6  entry targets       [entry] u32
 //!  7  words               [word] u32: headers and deltas, see blocks
@@ -145,6 +146,7 @@ impl Asset {
             welds: self.welds.clone(),
             targets: layout.targets.iter().map(target).collect(),
             diagonal: layout.diagonal,
+            origin: layout.origin,
             tolerance: self.tolerance,
             ..Default::default()
         };

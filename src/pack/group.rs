@@ -8,7 +8,7 @@ use crate::asset::streams::{Measure, StreamPlace, TRIPLES};
 use crate::asset::{Faces, RenderVertices};
 use crate::error::{Error, Result};
 use crate::math::angle_degrees;
-use glam::Vec2;
+use glam::{Vec2, Vec3};
 use std::sync::Arc;
 
 /// A group of streams, laid out for upload. [`PackedMesh`](super::PackedMesh) has the layouts.
@@ -137,6 +137,11 @@ pub struct PackedLayout {
     pub chunk_vertices: usize,
     /// Length of the base pose's bounding-box diagonal, in input units.
     pub diagonal: f32,
+    /// What positions are relative to, in input units: 0, unless the mesh was [recentred](crate::MorphMesh::recentre).
+    ///
+    /// A host multiplies its model matrix, or each matrix of a skin, by a translation by it from the right. Base pose, pose
+    /// buffers, readbacks, bounds, what skinning reads and the reference are all relative to it.
+    pub origin: Vec3,
     /// The targets.
     pub targets: Vec<PackedTarget>,
     /// Block formats: the blocks.

@@ -15,12 +15,14 @@ pub(crate) mod vertex;
 use crate::asset::MorphMesh;
 use crate::asset::streams::GROUP_COMPONENTS;
 use crate::error::{Error, Result};
+use crate::math::far_middle;
 use crate::setters::setters;
 use blocks::BlockDesc;
 pub use error::PoseError;
 pub(crate) use error::stream_errors;
 pub use formats::DeltaFormat;
 use formats::with_format;
+use glam::Vec3;
 pub use group::{PackedGroup, PackedLayout, PackedTarget};
 pub use poses::PoseFormat;
 pub(crate) use source::Source;
@@ -136,6 +138,20 @@ impl PackedMesh {
             }
         }
         Self { groups }
+    }
+
+    /// [`MorphMesh::recentre`] of a mesh that is packed, such as one of a file, which states positions as the input has them.
+    pub fn recentre(&mut self) {
+        let PackedGroup { layout, base, .. } = &mut self.groups[0];
+        let vertices = &mut base.as_chunks_mut::<POSE_FLOATS>().0[..layout.vertex_count];
+        let middle = far_middle(vertices.iter().map(|vertex| Vec3::from_slice(vertex)));
+        for vertex in vertices {
+            vertex.iter_mut().zip(middle.to_array()).for_each(|(number, of)| *number -= of);
+        }
+        if let Some(index) = &mut layout.blocks {
+            Arc::make_mut(index).take_base(base);
+        }
+        self.groups.iter_mut().for_each(|group| group.layout.origin += middle);
     }
 
     /// The groups of streams: position and normal, then whatever else the mesh has.

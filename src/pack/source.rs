@@ -104,6 +104,9 @@ pub(crate) fn largest(deltas: &[Lane]) -> [f32; TRIPLES] {
 fn check(mesh: &MorphMesh) -> Result<(), String> {
     let vertices = mesh.vertex_count();
     check_welds(&mesh.welds, vertices)?;
+    if !mesh.origin.is_finite() {
+        return Err(format!("an origin of {}", mesh.origin));
+    }
     if mesh.normals.len() != vertices {
         return Err(format!("{} normals for {vertices} vertices", mesh.normals.len()));
     }

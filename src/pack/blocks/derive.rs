@@ -51,6 +51,15 @@ impl BlockIndex {
         Ok(index)
     }
 
+    /// What bounds on drift need of the base pose.
+    pub(in crate::pack) fn take_base(&mut self, base: &[f32]) {
+        let blocks = base.chunks_exact(self.size() * POSE_FLOATS);
+        for (largest, vertices) in self.block_base.iter_mut().zip(blocks) {
+            let positions = vertices.chunks_exact(POSE_FLOATS).flat_map(|v| &v[self.lengths.clone()]);
+            *largest = positions.fold(0.0, |m: f32, p| m.max(p.abs()));
+        }
+    }
+
     fn check(&self, format: &dyn BlockFormat, targets: usize, words: &[u32], base: &[f32]) -> Result<(), String> {
         let Parts { order, steps, weight_max, first_entry, entry_target, .. } = &self.parts;
         let (size, entries) = (self.size(), entry_target.len());
@@ -123,6 +132,7 @@ impl BlockIndex {
     }
 
     fn derive(&mut self, format: &dyn BlockFormat, targets: usize, words: &[u32], base: &[f32]) -> Result<(), String> {
+        self.take_base(base);
         let lengths = self.lengths.clone();
         let (size, w, entries) = (self.size(), self.mask_words(), self.entry_count());
         let mut masks = vec![0u32; entries * POSE_FLOATS * w];
@@ -156,9 +166,6 @@ impl BlockIndex {
                 let (largest, step) = (&mut self.sums.largest[c / TRIPLE], self.parts.steps[c / TRIPLE]);
                 *largest = largest.max(sum / f64::from(step));
             }
-            let vertices = &base[block * size * POSE_FLOATS..][..size * POSE_FLOATS];
-            let positions = vertices.chunks_exact(POSE_FLOATS).flat_map(|v| &v[lengths.clone()]);
-            self.block_base[block] = positions.fold(0.0, |m: f32, p| m.max(p.abs()));
             if !(self.block_base[block] + self.block_reach[block]).is_finite() {
                 return Err(format!("the deltas of block {block} are too large for single precision"));
             }

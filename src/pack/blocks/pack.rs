@@ -9,7 +9,7 @@ use crate::pack::formats::{BlockFormat, INTEGER_BITS, Lane};
 use crate::pack::order::{inverse, keep_welded, order_groups};
 use crate::pack::source::largest;
 use crate::pack::{POSE_FLOATS, PackDesc, PackedGroup, PackedLayout, PackedTarget, PoseError, Source, VERTEX_PADDING};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
 /// What is kept of a group's deltas: exact, zeroed where they may be dropped.
@@ -206,6 +206,7 @@ impl Packing<'_> {
             .map_err(|what| {
                 Error::invalid(format!("mesh '{}' cannot be packed: {what}", mesh.name), "report this with the mesh")
             })?;
+        packed.layout.origin = mesh.origin;
         let error = packed.measure_error(self.source);
         if let Some(index) = packed.layout.blocks.as_mut().map(Arc::make_mut) {
             index.parts.error = error;
@@ -215,7 +216,7 @@ impl Packing<'_> {
 }
 
 impl PackedGroup {
-    /// A group in blocks, of a mesh with this name, diagonal and targets.
+    /// A group in blocks, of a mesh with this name, diagonal and targets, whose origin is 0.
     ///
     /// # Errors
     /// What does not fit together.
@@ -241,6 +242,7 @@ impl PackedGroup {
             vertex_count: index.order().len(),
             chunk_vertices: base.len() / POSE_FLOATS,
             diagonal,
+            origin: Vec3::ZERO,
             targets,
             blocks: Some(Arc::new(index)),
             sums: None,

@@ -64,10 +64,15 @@ pub(super) fn write(asset: &Asset) -> Result<Vec<u8>> {
             let error = index.error().of(semantic).to_bits();
             head.extend([semantic_id(semantic), 0, error as u32, (error >> 32) as u32]);
         }
-        let base = &group.base()[..layout.vertex_count * POSE_FLOATS];
+        // Relative to 0. Adding what was subtracted is exact; adding 0 would make 0 of -0.
+        let origin = if i == 0 { layout.origin.to_array() } else { [0.0; 3] };
+        let base = group.base()[..layout.vertex_count * POSE_FLOATS].iter().enumerate().map(|(at, &number)| {
+            let of = origin.get(at % POSE_FLOATS).copied().filter(|of| *of != 0.0);
+            of.map_or(number, |of| number + of)
+        });
         contents.extend([
             ((GROUP, i), bytes_of(head)),
-            ((BASE, i), bytes_of(base.iter().map(|number| number.to_bits()))),
+            ((BASE, i), bytes_of(base.map(f32::to_bits))),
             ((FIRST_ENTRIES, i), bytes_of(index.parts.first_entry.iter().copied())),
             ((ENTRY_TARGETS, i), bytes_of(index.parts.entry_target.iter().copied())),
             ((WORDS, i), bytes_of(group.deltas().iter().copied())),

@@ -52,6 +52,34 @@ fn message(bytes: &[u8]) -> String {
     text
 }
 
+#[test]
+fn a_mesh_that_is_far_is_recentred_in_memory_and_not_in_the_file() {
+    let mut far = mesh(70, 4);
+    far.positions.iter_mut().for_each(|p| *p += Vec3::new(5000.0, 0.1, -900.0));
+    let mut near = far.clone();
+    near.recentre();
+    assert!(near.origin.x > 4000.0 && near.origin.y == 0.0 && near.origin.z < -800.0, "{}", near.origin);
+    for format in DeltaFormat::ALL {
+        let desc = PackDesc::new(format);
+        let mut mesh = PackedMesh::pack(&far, &desc).unwrap();
+        mesh.recentre();
+        assert_eq!((&mesh, mesh.layout().origin), (&PackedMesh::pack(&near, &desc).unwrap(), near.origin));
+        let Ok(asset) = Asset::pack(&near, &desc) else { continue };
+        let bytes = asset.to_bytes().unwrap();
+        assert_eq!(bytes, Asset::pack(&far, &desc).unwrap().to_bytes().unwrap());
+        let mut again = read(&bytes).unwrap();
+        assert_eq!((again.mesh.layout().origin, &again.to_mesh().unwrap().positions), (Vec3::ZERO, &far.positions));
+        again.mesh.recentre();
+        assert_eq!(again, asset);
+        let decoded = again.to_mesh().unwrap();
+        assert_eq!((decoded.origin, decoded.positions), (near.origin, near.positions.clone()));
+    }
+    // Near 0 nothing changes.
+    let (plain, mut mesh) = (mesh(70, 4), mesh(70, 4));
+    mesh.recentre();
+    assert_eq!((mesh.origin, mesh.positions), (Vec3::ZERO, plain.positions));
+}
+
 /// Use an asset that was accepted in every way that a host may.
 fn exercise(asset: &Asset) {
     let decoded = asset.to_mesh().unwrap();
