@@ -40,7 +40,8 @@
 /// Vertices are doubled at seams, so that one index buffer draws poses as they are.
 #define DM_MESH_SPLIT 1
 
-/// Vertices at one place in the base pose and all targets are held together: for meshes that come doubled at seams.
+/// Vertices at one place in the base pose and all targets are held together: for meshes that come doubled at seams. With
+/// `DM_MESH_SPLIT` as well, seams are doubled first, and then all that is at one place is held together.
 #define DM_MESH_WELD 2
 
 /// No delta is dropped, but those that are zero.
@@ -190,6 +191,7 @@ typedef struct DmMeshInfo {
     uint64_t device_bytes;
 } DmMeshInfo;
 
+/// Vertices as they are drawn, for `dm_mesh_render_vertices`: those of the mesh, doubled where they have several texture
 /// coordinates. Arrays that are null are not written.
 typedef struct DmRenderVertices {
     /// sizeof(DmRenderVertices).
@@ -262,11 +264,11 @@ typedef struct DmMeshArrays {
     uint32_t struct_size;
     /// Vertices.
     uint32_t vertex_count;
-    /// Name for messages; null: none.
+    /// Name for messages; null: "unnamed".
     const char *name;
     /// Positions, three floats each.
     const float *positions;
-    /// Normals of unit length, three floats each; null: computed.
+    /// Normals of unit length, three floats each; null: computed, as `dm_mesh_open` says.
     const float *normals;
     /// Tangents of unit length with the handedness (1 or -1) in w, four floats each; null: none.
     const float *tangents;
@@ -316,7 +318,7 @@ typedef struct DmClipArrays {
     uint32_t column_count;
     /// Frames per second, above 0.
     float fps;
-    /// Name for messages; null: none.
+    /// Name for messages; null: "unnamed".
     const char *name;
     /// A target's name for each column.
     const char *const *names;
@@ -956,11 +958,22 @@ DmResult dm_mesh_evaluate(struct DmMesh mesh, const float *weights, uint32_t wei
 /// Read a mesh: a folder with neutral.obj and a folder `targets` of OBJ files, a glTF file (.glb, .gltf, .vrm; feature
 /// `gltf`), or a packed file (.dmorph), which stays as it is packed unless `desc` says how to pack.
 ///
-/// Errors: DM_ERROR_IO, DM_ERROR_INPUT with file, place and remedy; DM_ERROR_INVALID for what `desc` may not say.
+/// Targets of a folder come in the order of their files' names, those of a glTF file in the order of the file. Vertices
+/// of OBJ files are their `v` lines, in order.
+///
+/// Normals that a file does not state are computed: each is the normalised sum of the area vectors of the faces around
+/// the vertex. A polygon counts with its whole area vector at each of its corners, so the result differs from that of
+/// the triangles that it is drawn as. Where there is no such sum (no face, or faces without area), the normal is
+/// (0, 0, 1). The normal delta of a target is the difference of two such normals; 0 where the deformed surface has none.
+///
+/// Errors: DM_ERROR_IO where nothing is at `path`, or it cannot be read; DM_ERROR_INPUT with file, place and remedy;
+/// DM_ERROR_INVALID for what `desc` may not say.
 ///
 /// Safety:
 /// `path` is a UTF-8 string; `desc` is null (the defaults) or a structure; `mesh` can be written.
-DmResult dm_mesh_open(const char *path, const struct DmMeshDesc *desc, struct DmMesh *mesh);
+DmResult dm_mesh_open(const char *path,
+                      const struct DmMeshDesc *desc,
+                      struct DmMesh *mesh);
 
 /// Read a mesh from the bytes of a packed file (.dmorph) in memory. `name` is for messages, and may be null.
 ///
@@ -1137,10 +1150,10 @@ DmResult dm_engine_create(const struct DmEngineDesc *desc, struct DmEngine *engi
 /// `info` is a structure that can be written.
 DmResult dm_engine_info(struct DmEngine engine, struct DmEngineInfo *info);
 
-/// Destroy an engine. What was made with it (meshes on the device, crowds, skins, surfaces, read-backs) has to be
-/// destroyed first; while something is alive, this is refused. The device may be destroyed afterwards.
+/// Destroy an engine. What was made with it has to be destroyed first: DmGpuMesh, DmCrowd, DmReadback, DmSkin, DmSurface,
+/// DmOutgrown, DmSwap. While something is alive, this is refused. The device may be destroyed afterwards.
 ///
-/// Errors: DM_ERROR_INVALID while something is alive; nothing changes then.
+/// Errors: DM_ERROR_INVALID while something is alive, with the kinds and how many of each; nothing changes then.
 DmResult dm_engine_destroy(struct DmEngine engine);
 
 /// Make the buffers of a mesh on the device, and record their upload. `mesh` may be destroyed afterwards.
@@ -1313,15 +1326,19 @@ DmResult dm_crowd_release_staging(struct DmCrowd crowd);
 /// The device no longer uses them.
 DmResult dm_crowd_destroy(struct DmCrowd crowd);
 
-/// The next pose of an instance has no predecessor: its previous pose will be the pose itself.
+/// The next pose of an instance has no predecessor (it was teleported, say): its previous pose will be the pose itself,
+/// so that motion vectors come out as zero. `dm_crowd_set_hidden` does this by itself.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed.
 DmResult dm_crowd_cut(struct DmCrowd crowd, uint32_t instance);
 
-/// Hide an instance (not 0), or show it again (0). A hidden one is left out of updates and keeps its pose.
+/// Hide an instance (not 0), or show it again (0). A hidden one is left out of updates and keeps its pose; shown again, it
+/// catches up in the next update, and its previous pose is the pose itself then.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed.
-DmResult dm_crowd_set_hidden(struct DmCrowd crowd, uint32_t instance, uint32_t hidden);
+DmResult dm_crowd_set_hidden(struct DmCrowd crowd,
+                             uint32_t instance,
+                             uint32_t hidden);
 
 /// Add an instance, in a place that `dm_crowd_remove` freed: shown, with all weights 0.
 ///

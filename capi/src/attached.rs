@@ -14,7 +14,7 @@ use std::sync::{Arc, Mutex};
 /// What a step reads of a mesh beside its poses, on the device: joints and weights, or triangles.
 pub struct Attached<T> {
     on_device: Mutex<T>,
-    _engine: Arc<Engine>,
+    pub(crate) engine: Arc<Engine>,
 }
 
 /// Record with `make` the upload of what a handle will name, and write that to `place`, called `what`.
@@ -27,11 +27,11 @@ pub unsafe fn upload<H: Handle<Object = Attached<T>>, T>(
     make: impl FnOnce(&MorphEngine, &Mesh) -> Result<T>,
 ) -> Result<()> {
     check_place(place, what)?;
-    check_command_buffer(cmd)?;
     let (engine, mesh) = (engine.get()?, mesh.get()?);
+    check_command_buffer(cmd)?;
     let on_device = Mutex::new(make(&engine.morph, &mesh)?);
     // SAFETY: the caller's obligation; it was checked.
-    unsafe { place.write(H::insert(Attached { on_device, _engine: engine })?) };
+    unsafe { place.write(H::insert(Attached { on_device, engine })?) };
     Ok(())
 }
 

@@ -67,11 +67,12 @@ pub unsafe extern "C" fn dm_clip_from_arrays(arrays: *const DmClipArrays, clip: 
                 return Err(Failure::invalid(format!("{} frames per second; use a number above 0", arrays.fps)));
             }
             let columns = arrays.column_count as usize;
+            let name = text_or_empty(arrays.name, "name")?;
             let names = slice(arrays.names, columns, "names")?;
             let names = names.iter().map(|name| Ok(text(*name, "name of a column")?.to_owned()));
             let count = columns.saturating_mul(arrays.frame_count as usize);
             let made = WeightClip {
-                name: text_or_empty(arrays.name, "name")?.to_owned(),
+                name: if name.is_empty() { "unnamed" } else { name }.to_owned(),
                 names: names.collect::<Result<_>>()?,
                 fps: arrays.fps,
                 values: slice(arrays.values, count, "values")?.to_vec(),

@@ -205,6 +205,7 @@ pub unsafe extern "C" fn dm_crowd_create_animated(
 ) -> DmResult {
     enter("dm_crowd_create_animated", || {
         check_place(crowd, "crowd")?;
+        let mesh = mesh.get()?;
         check_command_buffer(cmd)?;
         // SAFETY: the caller's obligations.
         let (desc, animation) = unsafe { (crowd_desc(desc, PoseFormat::Fixed32)?, read(animation)?) };
@@ -217,7 +218,6 @@ pub unsafe extern "C" fn dm_crowd_create_animated(
             16 => KeyFormat::Bits16,
             bits => return Err(Failure::invalid(format!("keys of {bits} bits; use 32 or 16"))),
         };
-        let mesh = mesh.get()?;
         // SAFETY: as above.
         let level = unsafe { level(animation.level) }?;
         let animation = AnimationDesc::new(&clips).key_format(keys);
@@ -258,7 +258,8 @@ pub unsafe extern "C" fn dm_crowd_destroy(crowd: DmCrowd) -> DmResult {
     enter("dm_crowd_destroy", || crowd.destroy(|_| Ok(())))
 }
 
-/// The next pose of an instance has no predecessor: its previous pose will be the pose itself.
+/// The next pose of an instance has no predecessor (it was teleported, say): its previous pose will be the pose itself,
+/// so that motion vectors come out as zero. `dm_crowd_set_hidden` does this by itself.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed.
 #[unsafe(no_mangle)]
@@ -266,7 +267,8 @@ pub extern "C" fn dm_crowd_cut(crowd: DmCrowd, instance: u32) -> DmResult {
     enter("dm_crowd_cut", || with(crowd, |state| Ok(either!(state, crowd => crowd.cut(instance))?)))
 }
 
-/// Hide an instance (not 0), or show it again (0). A hidden one is left out of updates and keeps its pose.
+/// Hide an instance (not 0), or show it again (0). A hidden one is left out of updates and keeps its pose; shown again, it
+/// catches up in the next update, and its previous pose is the pose itself then.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed.
 #[unsafe(no_mangle)]

@@ -1,7 +1,7 @@
 //! The engine on a device of the host's.
 
 use crate::arguments::check_reserved;
-use crate::handles::{DmEngine, Handle, handle};
+use crate::handles::{DmCrowd, DmEngine, DmGpuMesh, DmOutgrown, DmReadback, DmSkin, DmSurface, DmSwap, Handle, handle};
 use crate::memory::{Place, Versioned, check_place, read, slice};
 use crate::result::{DmResult, Failure, Result, enter};
 use crate::structs::{DmEngineDesc, DmEngineInfo};
@@ -114,20 +114,37 @@ pub unsafe extern "C" fn dm_engine_info(engine: DmEngine, info: *mut DmEngineInf
     })
 }
 
-/// Destroy an engine. What was made with it (meshes on the device, crowds, skins, surfaces, read-backs) has to be
-/// destroyed first; while something is alive, this is refused. The device may be destroyed afterwards.
+/// Destroy an engine. What was made with it has to be destroyed first: DmGpuMesh, DmCrowd, DmReadback, DmSkin, DmSurface,
+/// DmOutgrown, DmSwap. While something is alive, this is refused. The device may be destroyed afterwards.
 ///
-/// Errors: DM_ERROR_INVALID while something is alive; nothing changes then.
+/// Errors: DM_ERROR_INVALID while something is alive, with the kinds and how many of each; nothing changes then.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_engine_destroy(engine: DmEngine) -> DmResult {
     enter("dm_engine_destroy", || {
         engine.destroy(|engine| match Arc::strong_count(engine) {
             1 => Ok(()),
-            n => Err(Failure::invalid(format!(
-                "{} objects of the engine (meshes, crowds, skins, surfaces, read-backs) are alive, or in use on other \
-                 threads; destroy them first",
-                n - 1
-            ))),
+            _ => Err(Failure::invalid(format!("the engine is used by {}", users(engine)))),
         })
     })
+}
+
+/// Who uses an engine, and what to do about it.
+fn users(engine: &Arc<Engine>) -> String {
+    fn count<H: Handle>(engine: &Arc<Engine>, of: impl Fn(&H::Object) -> &Arc<Engine>) -> usize {
+        H::registry().count(|object| Arc::ptr_eq(of(object), engine))
+    }
+    let counts = [
+        ("DmGpuMesh", count::<DmGpuMesh>(engine, |mesh| &mesh.engine)),
+        ("DmCrowd", count::<DmCrowd>(engine, |crowd| &crowd.engine)),
+        ("DmReadback", count::<DmReadback>(engine, |readback| &readback.engine)),
+        ("DmSkin", count::<DmSkin>(engine, |skin| &skin.engine)),
+        ("DmSurface", count::<DmSurface>(engine, |surface| &surface.engine)),
+        ("DmOutgrown", count::<DmOutgrown>(engine, |outgrown| &outgrown.engine)),
+        ("DmSwap", count::<DmSwap>(engine, |swap| &swap.mesh.engine)),
+    ];
+    let alive: Vec<String> = counts.iter().filter(|(_, n)| *n > 0).map(|(kind, n)| format!("{n} {kind}")).collect();
+    match alive.is_empty() {
+        true => "a call on another thread; destroy it when that has returned".to_owned(),
+        false => format!("{}; destroy these first", alive.join(", ")),
+    }
 }

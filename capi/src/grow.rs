@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// What a `DmOutgrown` names.
 pub struct Outgrown {
     _before: Before,
-    _engine: Arc<Engine>,
+    pub(crate) engine: Arc<Engine>,
 }
 
 handle!(DmOutgrown, 12, Outgrown);
@@ -55,7 +55,7 @@ pub unsafe extern "C" fn dm_crowd_grow(
                     engine.morph.grow_animated_crowd(cmd, crowd, &crowd_desc(desc, PoseFormat::Fixed32)?)?
                 }
             };
-            outgrown.write(DmOutgrown::insert(Outgrown { _before: before, _engine: engine })?);
+            outgrown.write(DmOutgrown::insert(Outgrown { _before: before, engine })?);
         }
         Ok(())
     })

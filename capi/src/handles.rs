@@ -273,6 +273,11 @@ impl<T> Registry<T> {
         place.and_then(|place| place.object.clone()).ok_or_else(|| refused(self.kind, bits))
     }
 
+    /// How many objects are alive that `belongs` holds of.
+    pub fn count(&self, belongs: impl Fn(&T) -> bool) -> usize {
+        self.read().all.iter().filter_map(|place| place.object.as_deref()).filter(|object| belongs(object)).count()
+    }
+
     fn remove(&self, bits: u64, check: impl FnOnce(&Arc<T>) -> Result<()>) -> Result<Arc<T>> {
         let (index, refused) = (index(self.kind, bits)?, || refused(self.kind, bits));
         let mut places = self.write();

@@ -199,6 +199,18 @@ fn the_header_is_what_the_crate_says() {
     assert!(there == fresh, "{} is out of date from line {stale} on: {UPDATE}", path.display());
 }
 
+/// A comment that lost its beginning says nothing.
+#[test]
+fn comments_begin_as_sentences() {
+    let (text, mut before) = (generate(), "");
+    for line in text.lines().map(str::trim) {
+        let first = line.strip_prefix("/// ").filter(|_| !before.starts_with("///"));
+        let cut = first.is_some_and(|text| text.starts_with(char::is_lowercase) && !text.starts_with("sizeof("));
+        assert!(!cut, "a comment begins in the middle: {line}");
+        before = line;
+    }
+}
+
 /// Fields that a C compiler would not see to, or that Rust would copy as uninitialised bytes.
 #[test]
 fn structures_have_no_padding_and_every_field_is_asserted() {

@@ -142,7 +142,16 @@ unsafe fn create(
 /// Read a mesh: a folder with neutral.obj and a folder `targets` of OBJ files, a glTF file (.glb, .gltf, .vrm; feature
 /// `gltf`), or a packed file (.dmorph), which stays as it is packed unless `desc` says how to pack.
 ///
-/// Errors: DM_ERROR_IO, DM_ERROR_INPUT with file, place and remedy; DM_ERROR_INVALID for what `desc` may not say.
+/// Targets of a folder come in the order of their files' names, those of a glTF file in the order of the file. Vertices
+/// of OBJ files are their `v` lines, in order.
+///
+/// Normals that a file does not state are computed: each is the normalised sum of the area vectors of the faces around
+/// the vertex. A polygon counts with its whole area vector at each of its corners, so the result differs from that of
+/// the triangles that it is drawn as. Where there is no such sum (no face, or faces without area), the normal is
+/// (0, 0, 1). The normal delta of a target is the difference of two such normals; 0 where the deformed surface has none.
+///
+/// Errors: DM_ERROR_IO where nothing is at `path`, or it cannot be read; DM_ERROR_INPUT with file, place and remedy;
+/// DM_ERROR_INVALID for what `desc` may not say.
 ///
 /// # Safety
 /// `path` is a UTF-8 string; `desc` is null (the defaults) or a structure; `mesh` can be written.

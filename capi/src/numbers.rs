@@ -6,7 +6,8 @@ use deltamorph::{Consumers, DeltaFormat, LayerBlend, PoseFormat, Semantic, Updat
 
 /// Vertices are doubled at seams, so that one index buffer draws poses as they are.
 pub const DM_MESH_SPLIT: u32 = 1;
-/// Vertices at one place in the base pose and all targets are held together: for meshes that come doubled at seams.
+/// Vertices at one place in the base pose and all targets are held together: for meshes that come doubled at seams. With
+/// `DM_MESH_SPLIT` as well, seams are doubled first, and then all that is at one place is held together.
 pub const DM_MESH_WELD: u32 = 2;
 /// No delta is dropped, but those that are zero.
 pub const DM_MESH_KEEP_ALL: u32 = 4;

@@ -14,7 +14,7 @@ use std::sync::{Arc, Mutex};
 /// What a `DmReadback` names.
 pub struct Readback {
     state: Mutex<State>,
-    _engine: Arc<Engine>,
+    pub(crate) engine: Arc<Engine>,
 }
 
 handle!(DmReadback, 9, Readback);
@@ -36,7 +36,7 @@ pub unsafe extern "C" fn dm_readback_create(engine: DmEngine, readback: *mut DmR
         let engine = engine.get()?;
         let state = Mutex::new(State { readback: engine.morph.readback(), poses: None });
         // SAFETY: the caller's obligation; it was checked.
-        unsafe { readback.write(DmReadback::insert(Readback { state, _engine: engine })?) };
+        unsafe { readback.write(DmReadback::insert(Readback { state, engine })?) };
         Ok(())
     })
 }
@@ -65,10 +65,10 @@ pub unsafe extern "C" fn dm_readback_record(
     count: u32,
 ) -> DmResult {
     enter("dm_readback_record", || {
+        let (readback, crowd) = (readback.get()?, crowd.get()?);
         check_command_buffer(cmd)?;
         // SAFETY: the caller's obligation.
         let instances = unsafe { slice(instances, count as usize, "instances") }?;
-        let (readback, crowd) = (readback.get()?, crowd.get()?);
         let (mut locked, mut state) = (lock(&readback.state)?, lock(&crowd.state)?);
         locked.poses = None;
         // SAFETY: the caller's obligations.

@@ -49,10 +49,10 @@ fn told(crowd: DmCrowd, number: u64, update: &Update) -> DmUpdate {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_record_update(cmd: vk::CommandBuffer, crowd: DmCrowd, update: *mut DmUpdate) -> DmResult {
     enter("dm_record_update", || {
+        let object = crowd.get()?;
         check_command_buffer(cmd)?;
         // SAFETY: the caller's obligation.
         let place = unsafe { Place::new_or_null(update) }?;
-        let object = crowd.get()?;
         let mut state = lock(&object.state)?;
         // SAFETY: the caller's obligations.
         let recorded = unsafe { state.record(&object.engine.morph, cmd) }?;
@@ -81,10 +81,10 @@ pub unsafe extern "C" fn dm_record_updates(
     updates: *mut DmUpdate,
 ) -> DmResult {
     enter("dm_record_updates", || {
-        check_command_buffer(cmd)?;
         // SAFETY: the caller's obligations.
         let (handles, mut places) = unsafe { (slice(crowds, count as usize, "crowds")?, places(updates, count)?) };
         let objects = handles.iter().map(|crowd| crowd.get()).collect::<Result<Vec<Arc<Crowd>>>>()?;
+        check_command_buffer(cmd)?;
         let Some(first) = objects.first() else {
             return Err(Failure::invalid("an update of no crowd; name one or more"));
         };

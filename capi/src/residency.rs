@@ -14,7 +14,7 @@ use std::sync::{Arc, Mutex};
 pub struct Swap {
     /// None once it was discarded.
     copies: Mutex<Option<SwapCopies>>,
-    mesh: Arc<GpuMesh>,
+    pub(crate) mesh: Arc<GpuMesh>,
 }
 
 handle!(DmSwap, 13, Swap);
@@ -145,6 +145,7 @@ pub unsafe extern "C" fn dm_record_swap(
     enter("dm_record_swap", || {
         built!("residency", "meshes whose targets come and go");
         check_place(copies, "copies")?;
+        let (mesh, source) = (mesh.get()?, source.get()?);
         check_command_buffer(cmd)?;
         // SAFETY: the caller's obligations; `copies` was checked.
         unsafe {
@@ -156,7 +157,6 @@ pub unsafe extern "C" fn dm_record_swap(
             };
             let load = targets(asked.load, asked.load_count, "load")?;
             let unload = targets(asked.unload, asked.unload_count, "unload")?;
-            let (mesh, source) = (mesh.get()?, source.get()?);
             let swap = TargetSwap::default().load(&load).unload(&unload);
             let (morph, from) = (&mesh.engine.morph, &source.asset.mesh);
             let made = morph.record_swap(cmd, &mut *lock(&mesh.mesh)?, from, &swap)?;

@@ -59,8 +59,36 @@ impl Failure {
 
 impl From<deltamorph::Error> for Failure {
     fn from(error: deltamorph::Error) -> Self {
-        Self { code: error.kind().number(), message: error.to_string() }
+        Self { code: error.kind().number(), message: in_c(error.to_string()) }
     }
+}
+
+/// What the library's messages name, and how C calls it. Replaced in this order.
+const NAMES: [(&str, &str); 20] = [
+    ("AnimationDesc::importance", "AnimationDesc::level"),
+    ("AnimationDesc::level", "DmAnimationDesc::level"),
+    ("CpuCrowd", "dm_cpu_crowd_create"),
+    ("CrowdDesc::pose_usage", "DmCrowdDesc::pose_usage"),
+    ("CrowdDesc::poses", "DmCrowdDesc::poses"),
+    ("DeviceDesc::buffer_device_address", "DmEngineDesc::buffer_device_address"),
+    ("DeviceDesc::queue_families", "DmEngineDesc::queue_families"),
+    ("MorphEngine::pack_desc", "DmMeshDesc::engine"),
+    ("MorphEngine::record_swap", "dm_record_swap"),
+    ("MorphEngine::upload_resident", "dm_mesh_upload_resident"),
+    ("MorphEngine::upload", "dm_mesh_upload"),
+    ("MorphEngine", "DmEngine"),
+    ("MorphSource::to_mesh", "dm_mesh_from_arrays"),
+    ("MorphSource::weld", "DM_MESH_WELD"),
+    ("PoseFormat::Fixed16 or Fixed32", "DM_POSE_FIXED16 or DM_POSE_FIXED32"),
+    ("PoseFormat::Fixed32", "DM_POSE_FIXED32"),
+    ("Semantic::Normal", "DM_STREAM_NORMAL"),
+    ("Semantic::Position", "DM_STREAM_POSITION"),
+    ("UpdatePath::Cpu", "DM_PATH_CPU"),
+    ("VertexLayout", "DmHostPoses"),
+];
+
+fn in_c(message: String) -> String {
+    NAMES.iter().fold(message, |text, (rust, c)| text.replace(rust, c))
 }
 
 /// `Result` with a [`Failure`].
@@ -142,6 +170,38 @@ mod tests {
         assert_eq!(enter("dm_a", || lock(&mutex).map(|_guard| panic!("half"))), DM_ERROR_PANIC);
         assert_eq!(enter("dm_b", || lock(&mutex).map(drop)), DM_ERROR_PANIC);
         assert!(last().contains("destroy the object"), "{}", last());
+    }
+
+    /// Names of Rust in `text`: paths, and types that messages name.
+    fn rust_names(text: &str) -> Vec<&str> {
+        let words = text.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':'));
+        let is_name = |word: &&str| word.contains("::") || ["CpuCrowd", "MorphEngine"].contains(word);
+        words.filter(is_name).filter(|word| !["Dm", "Vk", "Self"].iter().any(|known| word.starts_with(known))).collect()
+    }
+
+    /// All texts in the library's sources but for those of parts that C does not have.
+    #[test]
+    fn remedies_name_what_c_has() {
+        const ELSEWHERE: [&str; 5] = ["/baselines/", "/headless/", "/import/", "/rig/", "tests.rs"];
+        let (mut paths, mut found) = (vec![std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../src")], 0);
+        while let Some(path) = paths.pop() {
+            if path.is_dir() {
+                paths.extend(std::fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path()));
+                continue;
+            }
+            if ELSEWHERE.iter().any(|part| path.display().to_string().contains(part)) {
+                continue;
+            }
+            let text = std::fs::read_to_string(&path).unwrap();
+            let code = text.split("#[cfg(test)]\nmod ").next().unwrap().lines();
+            let code = code.filter(|line| !line.trim_start().starts_with("//") && !line.contains("unreachable!"));
+            for quoted in code.flat_map(|line| line.split('"').skip(1).step_by(2)) {
+                found += rust_names(quoted).len();
+                let said = in_c(quoted.to_owned());
+                assert_eq!(rust_names(&said), [""; 0], "{}: C does not know these", path.display());
+            }
+        }
+        assert!(found > 15, "{found}");
     }
 
     #[test]

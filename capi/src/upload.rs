@@ -58,8 +58,8 @@ pub(crate) unsafe fn upload(
     make: impl FnOnce(&MorphEngine, &PackedMesh) -> deltamorph::Result<deltamorph::GpuMesh>,
 ) -> Result<()> {
     check_place(gpu_mesh, "gpu_mesh")?;
-    check_command_buffer(cmd)?;
     let (engine, mesh) = (engine.get()?, mesh.get()?);
+    check_command_buffer(cmd)?;
     let mesh = Mutex::new(make(&engine.morph, &mesh.asset.mesh)?);
     // SAFETY: the caller's obligation; it was checked.
     unsafe { gpu_mesh.write(DmGpuMesh::insert(GpuMesh { mesh, engine })?) };

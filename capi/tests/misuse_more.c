@@ -77,7 +77,7 @@ static void weight_bounds(DmMesh mesh) {
 }
 
 /* The crowd has one instance and one slot, and no update is unfinished. */
-static void growth(const Host *host, DmCrowd crowd, DmCrowd animated, VkBuffer buffer) {
+static void growth(const Host *host, DmEngine engine, DmCrowd crowd, DmCrowd animated, VkBuffer buffer) {
     DmCrowdDesc desc = {.struct_size = sizeof desc, .instances = 2, .slots = 1}, bad = desc;
     const DmDecodeTarget target = {.struct_size = sizeof target, .buffer = buffer};
     DmOutgrown outgrown = {0};
@@ -98,6 +98,7 @@ static void growth(const Host *host, DmCrowd crowd, DmCrowd animated, VkBuffer b
     WORKS(dm_crowd_grow(crowd, NULL, &desc, &outgrown));
     WORKS(dm_crowd_add(crowd, &instance));
     HOLDS(instance == 1);
+    INVALID("1 DmOutgrown", dm_engine_destroy(engine));
     WORKS(dm_outgrown_destroy(outgrown));
     HANDLE("was destroyed", dm_outgrown_destroy(outgrown));
     INVALID("a crowd of 2 instances that is to have 1", dm_crowd_grow(crowd, NULL, NULL, &outgrown));
@@ -131,7 +132,7 @@ static void levels(DmCrowd crowd, DmCrowd animated) {
     WORKS(dm_crowd_set_level(animated, 0, 2));
 }
 
-static void residency(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh, DmMesh dense, DmGpuMesh whole) {
+static void residency(const Host *host, DmEngine engine, DmMesh mesh, DmMesh dense, DmGpuMesh whole) {
     const uint32_t first = 0, beyond = 3;
     const float weights[3] = {0.5f, 0, 0}, zeros[3] = {0};
     uint64_t bytes = 7, copied = 7;
@@ -200,7 +201,7 @@ static void residency(const Host *host, DmEngine engine, DmEngine other, DmMesh 
     WORKS(dm_swap_discard(again));
     HANDLE("was destroyed", dm_swap_discard(again));
     HANDLE("null handle in place of a swap of targets", dm_swap_destroy((DmSwap){0}));
-    INVALID("objects of the engine", dm_engine_destroy(other));
+    INVALID("1 DmSwap; destroy these first", dm_engine_destroy(engine));
     WORKS(dm_crowd_destroy(crowd));
     WORKS(dm_gpu_mesh_destroy(uploaded));
     WORKS(dm_swap_destroy(copies)); /* after its mesh */
@@ -208,8 +209,8 @@ static void residency(const Host *host, DmEngine engine, DmEngine other, DmMesh 
 }
 
 /* As `steps`. */
-static void more(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh, DmMesh dense, DmGpuMesh uploaded,
-                 DmCrowd crowd, DmCrowd animated) {
+static void more(const Host *host, DmEngine engine, DmMesh mesh, DmMesh dense, DmGpuMesh uploaded, DmCrowd crowd,
+                 DmCrowd animated) {
     const DmEngineDesc device = {.struct_size = sizeof device, .instance = host->instance,
                                  .physical_device = host->physical, .device = host->device,
                                  .get_instance_proc_addr = vkGetInstanceProcAddr};
@@ -218,8 +219,8 @@ static void more(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh,
     families(&device, uploaded);
     layers(mesh, crowd);
     weight_bounds(mesh);
-    growth(host, crowd, animated, buffer);
+    growth(host, engine, crowd, animated, buffer);
     levels(crowd, animated);
-    residency(host, engine, other, mesh, dense, uploaded);
+    residency(host, engine, mesh, dense, uploaded);
     vkDestroyBuffer(host->device, buffer, NULL), vkFreeMemory(host->device, memory, NULL);
 }

@@ -141,7 +141,7 @@ static void readbacks(const Host *host, DmEngine engine, DmCrowd crowd, DmCrowd 
     host_begin(host);
     INVALID("instance 5", dm_readback_record(readback, host->cmd, crowd, instances, 2));
     INVALID("'instances' is a null pointer", dm_readback_record(readback, host->cmd, crowd, NULL, 2));
-    INVALID("another MorphEngine", dm_readback_record(readback, host->cmd, elsewhere, instances, 1));
+    INVALID("another DmEngine", dm_readback_record(readback, host->cmd, elsewhere, instances, 1));
     HANDLE("null handle in place of a crowd", dm_readback_record(readback, host->cmd, no_crowd, instances, 1));
     WORKS(dm_readback_record(readback, host->cmd, crowd, instances, 1));
     host_submit_and_wait(host);
@@ -257,7 +257,7 @@ static void surfaces_and_bounds(const Host *host, DmEngine engine, DmEngine othe
     INVALID("instance 7", dm_crowd_set_bounds_target(crowd, 7, &bounds));
     HANDLE("null handle in place of a crowd", dm_crowd_set_bounds_target(no_crowd, 0, &bounds));
     WORKS(dm_crowd_set_bounds_target(crowd, 0, NULL));
-    INVALID("objects of the engine (meshes, crowds, skins, surfaces, read-backs) are alive", dm_engine_destroy(engine));
+    INVALID("1 DmGpuMesh, 3 DmCrowd, 1 DmSurface; destroy these first", dm_engine_destroy(engine));
     WORKS(dm_surface_destroy(surface));
     WORKS(dm_surface_destroy(foreign));
     HANDLE("was destroyed", dm_surface_destroy(surface));

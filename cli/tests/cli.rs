@@ -321,7 +321,7 @@ fn a_packed_file_is_an_input_everywhere() {
     for (args, code, words) in [
         (&["info", &bad][..], 1, "bad.dmorph: section"),
         (&["info", &empty], 1, "empty.DMORPH: does not begin as a packed mesh does; give a file written by"),
-        (&["info", "none.dmorph"], 1, "none.dmorph: no such file"),
+        (&["info", "none.dmorph"], 1, "none.dmorph: cannot read: No such file"),
         (&["pack", &file, "-o", &file], 2, "would be written over"),
         (&["pack", &dir, "-o", &path("head.bin")], 2, "name it *.dmorph"),
         (&["pack", &dir, "-o", &file, "--format", "snorm16"], 2, "name one of block-float32, fast, small, pair"),

@@ -7,11 +7,11 @@ use glam::Vec3;
 /// A base pose and its targets: arrays of one element per vertex, or empty where a mesh has no such thing.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MeshArrays<'a> {
-    /// Name for messages and reports.
+    /// Name for messages and reports; empty: "unnamed".
     pub name: &'a str,
     /// Positions.
     pub positions: &'a [[f32; 3]],
-    /// Normals of unit length; empty: computed.
+    /// Normals of unit length; empty: computed, as [`MorphSource::to_mesh`] says.
     pub normals: &'a [[f32; 3]],
     /// Tangents of unit length with the handedness (1 or -1) in w.
     pub tangents: &'a [[f32; 4]],
@@ -67,7 +67,8 @@ impl MorphSource {
     /// be is checked by [`to_mesh`](Self::to_mesh).
     pub fn from_arrays(arrays: &MeshArrays<'_>) -> Result<Self> {
         let count = arrays.positions.len();
-        let refuse = |what: String, remedy: &str| Err(Error::invalid(format!("{}: {what}", arrays.name), remedy));
+        let mesh_name = if arrays.name.is_empty() { "unnamed" } else { arrays.name };
+        let refuse = |what: String, remedy: &str| Err(Error::invalid(format!("{mesh_name}: {what}"), remedy));
         if !arrays.indices.len().is_multiple_of(3) {
             return refuse(format!("{} indices", arrays.indices.len()), "give three per triangle");
         }
@@ -108,7 +109,7 @@ impl MorphSource {
         let corners = arrays.indices.iter().map(corner).collect();
         let tangents = StreamData { semantic: Semantic::Tangent, values: tangents.concat() };
         Ok(Self {
-            name: arrays.name.to_owned(),
+            name: mesh_name.to_owned(),
             positions: arrays.positions.iter().copied().map(Vec3::from).collect(),
             normals: (!normals.is_empty()).then(|| normals.iter().copied().map(Vec3::from).collect()),
             texcoords: texcoords.iter().copied().map(Into::into).collect(),

@@ -20,9 +20,14 @@ impl MorphSource {
     ///
     /// A vertex stays in a target when its position delta is longer than `tolerance.position × diagonal` or its normal
     /// delta longer than `tolerance.normal`. A position delta within the tolerance becomes exactly zero even where the
-    /// vertex stays for its normal. Normals that are missing are computed of the welded surface and of kept position
-    /// deltas, so that they are smooth across doubled vertices and dropped noise does not come back. A vertex whose deformed
-    /// surface has no normal (faces folded to nothing) keeps the base normal.
+    /// vertex stays for its normal.
+    ///
+    /// Normals that are missing are computed: each is the normalised sum of the area vectors of the faces around the
+    /// vertex. A polygon counts with its whole area vector (the sum over its triangle fan) at each of its corners, so the
+    /// result differs from that of the triangles that it is drawn as. Where there is no such sum (no face, or faces
+    /// without area), the normal is (0, 0, 1). The normal delta of a target is the difference of two such normals. They are
+    /// those of the welded surface and of kept position deltas: smooth across doubled vertices, and dropped noise does not
+    /// come back. A vertex whose deformed surface has no normal (faces folded to nothing) keeps the base normal.
     ///
     /// # Errors
     /// No vertex or more than 2³², an index out of range, deltas that are not ascending by vertex, a value that

@@ -79,7 +79,8 @@ pub struct MorphSource {
     pub name: String,
     /// Base positions, in the user's vertex order.
     pub positions: Vec<Vec3>,
-    /// Base normals per position, unit length; `None` when the input has none.
+    /// Base normals per position, unit length; `None` when the input has none: [`to_mesh`](Self::to_mesh) says how they are
+    /// computed.
     pub normals: Option<Vec<Vec3>>,
     /// Texture coordinates, indexed by [`Corner::texcoord`](super::Corner::texcoord).
     pub texcoords: Vec<Vec2>,

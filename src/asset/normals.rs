@@ -144,6 +144,16 @@ mod tests {
         assert_eq!((normals[2], normals[3], normals[4]), (Vec3::Z, Vec3::NEG_Y, Vec3::Z));
     }
 
+    /// As [`MorphSource::to_mesh`](crate::MorphSource::to_mesh) says, for those who compare with normals of their own.
+    #[test]
+    fn a_polygon_counts_with_its_whole_area_at_each_corner() {
+        let positions = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 1.0), Vec3::Y];
+        let whole = Vec3::new(-1.0, -1.0, 2.0).normalize();
+        assert_eq!(Surface::new(&faces(vec![4], 0..4), &positions).normals, [whole; 4]);
+        let fan = Surface::new(&faces(vec![3, 3], [0, 1, 2, 0, 2, 3]), &positions).normals;
+        assert!(fan[1].angle_between(whole) > 0.5, "of triangles it is another: {fan:?}");
+    }
+
     proptest! {
         #[test]
         fn recomputing_the_neighbourhood_equals_recomputing_all(

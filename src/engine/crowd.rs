@@ -62,8 +62,8 @@ macro_rules! crowd {
                 &self.base.desc
             }
 
-            /// The next pose of `instance` has no predecessor (it was hidden, or teleported): its previous pose will be
-            /// the pose itself, so that motion vectors come out as zero.
+            /// The next pose of `instance` has no predecessor (it was teleported, say): its previous pose will be the pose
+            /// itself, so that motion vectors come out as zero. [`set_hidden`](Self::set_hidden) does this by itself.
             ///
             /// # Errors
             /// An instance out of range or removed.

@@ -30,7 +30,7 @@ pub struct ImportDesc {
 
 setters!(ImportDesc { split: bool });
 
-/// What was found.
+/// What [`open`] found: the mesh, and the paths of clips and of a rig, which are not read yet.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Imported {
@@ -44,7 +44,7 @@ pub struct Imported {
     pub rig: Option<PathBuf>,
 }
 
-/// A mesh to pack, or one that is.
+/// A mesh to pack, or one that was packed before: [`open`] shows what to do with either.
 #[derive(Debug)]
 pub enum ImportedMesh {
     /// As its files state it.
@@ -58,6 +58,19 @@ pub enum ImportedMesh {
 ///
 /// Of a glTF file with several meshes one is made, as `gltf::Gltf::into_source` says.
 ///
+/// ```no_run
+/// use deltamorph::import::{ImportDesc, ImportedMesh, open};
+/// use deltamorph::{PackDesc, PackedMesh, Tolerance};
+///
+/// let imported = open("face.glb".as_ref(), &ImportDesc::default())?;
+/// let mesh = match imported.mesh {
+///     ImportedMesh::Source(source) => PackedMesh::pack(&source.to_mesh(Tolerance::default())?, &PackDesc::default())?,
+///     ImportedMesh::Packed(asset) => asset.mesh,
+/// };
+/// # let _ = mesh;
+/// # Ok::<(), deltamorph::Error>(())
+/// ```
+///
 /// # Errors
 /// There is nothing at `path`, or nothing that can be used; the message names the file, the place and the remedy.
 pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
@@ -66,10 +79,8 @@ pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
                       written by `deltamorph pack` (*.dmorph)";
         Err(Error::input(path, "", what, remedy))
     };
-    let mut imported = if path.is_dir() {
+    let mut imported = if std::fs::metadata(path).map_err(Error::io(path, "read"))?.is_dir() {
         open_folder(path)?
-    } else if !path.exists() {
-        return refuse("no such file or folder");
     } else if has_extension(path, "dmorph") {
         Imported { mesh: ImportedMesh::Packed(Asset::read(path)?), clips: vec![], rig: None }
     } else if is_gltf(path) {
@@ -217,10 +228,14 @@ mod tests {
                 ],
             ),
             ("a.glb", ["a.glb: line 1 column 0 of its JSON: EOF", "export the file again"]),
-            ("none", ["none: no such file or folder", "(*.dmorph)"]),
         ] {
             let text = open(&dir.path().join(name), &ImportDesc::default()).unwrap_err().to_string();
             assert!(parts.iter().all(|part| text.contains(part)), "{text}");
         }
+        let missing = open(&dir.path().join("none"), &ImportDesc::default()).unwrap_err();
+        assert!(
+            missing.kind() == crate::ErrorKind::Io && missing.to_string().ends_with("; check the path"),
+            "{missing}"
+        );
     }
 }

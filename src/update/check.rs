@@ -82,6 +82,10 @@ impl UpdateDesc {
     /// size beyond [`DeviceCaps::batch_max`]; a format that the path does not take; blocks larger than a workgroup;
     /// what cannot be animated on the GPU.
     pub(crate) fn check_all(&self, layout: &PackedLayout, runner: Runner<'_>) -> Result<()> {
+        // Before what the path takes: of one that is missing that is no matter.
+        if let Runner::Device(caps) | Runner::Animated(Some(caps)) = runner {
+            caps.check_path(self.path)?;
+        }
         self.check()?;
         match runner {
             Runner::Cpu if self.path != UpdatePath::Cpu => {
@@ -110,9 +114,8 @@ impl UpdateDesc {
         refuse(format!("an error budget with '{name}'"), remedy)
     }
 
-    /// Refuse a path that the device cannot run, a format that it does not take, and blocks or a batch too large.
+    /// Refuse a format that the path does not take, and blocks or a batch that are too large for the device.
     fn check_on_device(&self, layout: &PackedLayout, caps: &DeviceCaps) -> Result<()> {
-        caps.check_path(self.path)?;
         let (path, device) = (self.path, &caps.name);
         path.check_format(layout.format)?;
         let what = path.with_deltas(layout.format);

@@ -39,11 +39,11 @@ pub struct DmMeshArrays {
     pub struct_size: u32,
     /// Vertices.
     pub vertex_count: u32,
-    /// Name for messages; null: none.
+    /// Name for messages; null: "unnamed".
     pub name: *const c_char,
     /// Positions, three floats each.
     pub positions: *const f32,
-    /// Normals of unit length, three floats each; null: computed.
+    /// Normals of unit length, three floats each; null: computed, as `dm_mesh_open` says.
     pub normals: *const f32,
     /// Tangents of unit length with the handedness (1 or -1) in w, four floats each; null: none.
     pub tangents: *const f32,
@@ -123,6 +123,7 @@ pub struct DmMeshInfo {
     pub device_bytes: u64,
 }
 
+/// Vertices as they are drawn, for `dm_mesh_render_vertices`: those of the mesh, doubled where they have several texture
 /// coordinates. Arrays that are null are not written.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -169,7 +170,7 @@ pub struct DmClipArrays {
     pub column_count: u32,
     /// Frames per second, above 0.
     pub fps: f32,
-    /// Name for messages; null: none.
+    /// Name for messages; null: "unnamed".
     pub name: *const c_char,
     /// A target's name for each column.
     pub names: *const *const c_char,

@@ -20,6 +20,7 @@ use std::path::{Path, PathBuf};
 /// Normals are per position. Where the corners of a position state several (a hard edge), they are averaged by
 /// face area. Base normals are brought to unit length, and normal deltas scaled with them. A neutral without
 /// normals, or with normals in some faces only, has none; a target without has them computed from its surface.
+/// [`to_mesh`](MorphSource::to_mesh) says how.
 ///
 /// # Errors
 /// A file or folder that is missing, unreadable or not OBJ (a pipe or device is not opened at all); a target that
