@@ -1,7 +1,9 @@
 // The built-in head plays its clip on the CPU, without Vulkan; every pose is compared with the float64 reference.
 //
-//     c++ -std=c++17 -I include examples/c/raii.cpp -L target/release -ldeltamorph_c -o raii
-#include "raii.hpp"
+//     cargo build --release -p deltamorph-c --features cpu   # crowds on the CPU; `sample`, the head, is there by default
+//     capi/install PREFIX target/release
+//     c++ -std=c++17 -I PREFIX/include examples/c/raii.cpp -L PREFIX/lib -ldeltamorph_c -Wl,-rpath,PREFIX/lib -o raii
+#include <deltamorph.hpp>
 
 #include <algorithm>
 #include <cmath>

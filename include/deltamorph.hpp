@@ -1,4 +1,4 @@
-// The C API with owners and exceptions, for C++17: handles are destroyed with their owners, results are checked.
+// deltamorph.h with owners and exceptions, for C++17: handles are destroyed with their owners, results are checked.
 // Owners declared later go first, as they have to: crowds and meshes before the engine.
 #pragma once
 #include <deltamorph.h>
