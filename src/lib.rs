@@ -14,6 +14,38 @@
 //!    those of targets from those of controls; [`CrowdSet`] gives them to several meshes;
 //!    [`MorphEngine::readback`] reads poses back.
 //!
+//! ```no_run
+//! use deltamorph::ash::{self, vk};
+//! use deltamorph::import::sample::{HeadDesc, head};
+//! use deltamorph::{CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, PackedMesh, Result, Tolerance, UpdateDesc};
+//!
+//! /// `run` hands out a command buffer of yours that is recording, submits it, and waits.
+//! fn morph(
+//!     (instance, physical_device, device): (&ash::Instance, vk::PhysicalDevice, &ash::Device),
+//!     mut run: impl FnMut(&mut dyn FnMut(vk::CommandBuffer) -> Result<()>) -> Result<()>,
+//! ) -> Result<()> {
+//!     // SAFETY: the handles are alive and belong together, and outlive the engine and all it makes.
+//!     let engine = unsafe { MorphEngine::new(&DeviceDesc::new(instance, physical_device, device)) }?;
+//!     let source = head(&HeadDesc::default()).to_mesh(Tolerance::default())?; // or import::open
+//!     let mesh = PackedMesh::pack(&source, &engine.pack_desc(DeltaFormat::Fast))?;
+//!     let mut uploaded = None;
+//!     // SAFETY: `cmd` is recording and runs once; the mesh outlives what the device does with it.
+//!     run(&mut |cmd| Ok(uploaded = Some(unsafe { engine.upload(cmd, &mesh) }?)))?;
+//!     let uploaded = uploaded.expect("`run` has called the function");
+//!     let mut crowd = engine.create_crowd(&uploaded, &CrowdDesc::new(UpdateDesc::blocks().slots(2)))?;
+//!     let mut weights = vec![0.0; uploaded.layout().targets.len()];
+//!     for frame in 0..60 {
+//!         weights[0] = frame as f32 / 60.0;
+//!         crowd.set_weights(0, &weights)?; // adds to the pose what changed since the last update
+//!         // SAFETY: as above; `cmd` is outside a render pass, and updates run in the order in which they are recorded.
+//!         run(&mut |cmd| unsafe { engine.record_update(cmd, &mut crowd) }.map(drop))?;
+//!         let pose = crowd.pose(0)?; // draw: bind pose.buffer at pose.offset as a vertex buffer of pose.stride
+//! #       let _ = pose;
+//!     }
+//!     Ok(())
+//! }
+//! ```
+//!
 //! [`MorphEngine`] says what the caller is responsible for; `examples/minimal.rs` is a complete host. Without
 //! Vulkan, [`CpuCrowd`] takes the same descriptions. [`mod@reference`] tells how far a pose is from the truth.
 //!

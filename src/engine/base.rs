@@ -75,7 +75,10 @@ pub struct CrowdBase {
     pub(super) discarded: Vec<RangeInclusive<u64>>,
 }
 
-/// A crowd of any kind: see [`MorphEngine::record_updates`](super::MorphEngine::record_updates).
+/// A crowd on the device, whose weights the host sets ([`Crowd`](super::Crowd)) or which plays clips
+/// ([`AnimatedCrowd`](super::AnimatedCrowd)). What takes crowds of both kinds takes this: as `&mut dyn AnyCrowd` in a list for
+/// [`MorphEngine::record_updates`](super::MorphEngine::record_updates), and steps after the pose, such as
+/// [`MorphEngine::set_skin_target`](super::MorphEngine::set_skin_target). No other type can implement it.
 pub trait AnyCrowd: sealed::Sealed {}
 
 pub(crate) mod sealed {

@@ -12,22 +12,30 @@ pub enum DeviceClass {
     Desktop,
 }
 
-/// What suits a class of devices.
+/// What suits a class of devices. [`DeviceCaps::query`](crate::DeviceCaps::query) chooses it; a host that measured its own
+/// device may change fields of [`DeviceCaps::tuning`](field@crate::DeviceCaps::tuning) before it makes the engine.
+/// They decide how fast updates are; poses of integers have the same bits whatever they say.
+///
+/// A workgroup of the path `blocks` takes a tile: one block of vertices, for up to eight instances of a crowd, for which it
+/// loads each delta once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct DeviceTuning {
     /// The class.
     pub class: DeviceClass,
-    /// Instances of a tile at most: 1, 2, 4 or 8.
+    /// Instances of a tile at most: 1, 2, 4 or 8. More load fewer deltas, and take more registers.
     pub widest_tile: u32,
-    /// What loading and decoding an entry costs, in additions of it to one instance. Measured on lavapipe: 3 where
+    /// What loading and decoding an entry (the deltas of one target in one block) costs, in additions of it to one
+    /// instance: above 1 tiles are made of instances that have few entries in common, too. Measured on lavapipe: 3 where
     /// deltas are in the cache, 8 where they are not.
     pub load_cost: u32,
-    /// Tiles are read as texels where the format can be, and single instances taken as tiles: software drivers pay for
-    /// storage buffers lane by lane, and several times as much under the control flow that masks take.
+    /// Deltas are read through texel buffers (four words at a time) where their format can be, instead of storage buffers,
+    /// and single instances are taken as tiles: software drivers pay for storage buffers lane by lane, and several times
+    /// as much under the control flow that `masks` takes.
     pub texels: bool,
-    /// Of single heads in float32 poses, otherwise, only the components that change are loaded and stored, as masks say.
-    /// Compilers for GPUs make two to three times as many instructions of that as of whole blocks.
+    /// Otherwise, of single instances in float32 poses only the components that change are loaded and stored: each block of
+    /// a target has a mask with a bit for each of the six numbers of a vertex. Compilers for GPUs make two to three times
+    /// as many instructions of that as of whole blocks.
     pub masks: bool,
     /// Invocations of a workgroup of tiles, at least: blocks of fewer vertices share one, two at most.
     pub lanes: u32,

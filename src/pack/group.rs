@@ -11,7 +11,11 @@ use crate::math::angle_degrees;
 use glam::{Vec2, Vec3};
 use std::sync::Arc;
 
-/// A group of streams, laid out for upload. [`PackedMesh`](super::PackedMesh) has the layouts.
+/// Six numbers of each vertex, with their deltas, laid out for upload. [`PackedMesh`](super::PackedMesh) has the layouts.
+///
+/// A pose buffer holds six numbers a vertex: position and normal, the first group of every mesh and the only one of most. A
+/// mesh with further streams (tangents, colours, texture coordinates that morph) has a group for each six numbers of
+/// those, with pose buffers of its own; [`PackedLayout::streams`](field@super::PackedLayout::streams) says which streams are in a group.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedGroup {
     pub(super) layout: PackedLayout,

@@ -25,7 +25,8 @@ const STREAMS_MAX: usize = 16;
 /// A stream is as many numbers as it has [components](Semantic::components), one after the other, each as the crowd's
 /// [`PoseFormat`] says. What lies between streams is the host's: nothing there is written. Streams of the mesh that are
 /// not named are not written, either; positions have to be named. Of `fixed16` a stream brings the six numbers of its
-/// group (`asset/streams.rs`: position and normal, for example), which stay together: 12 bytes, from the first stream on.
+/// group (position and normal, for example: [`PackedGroup`](crate::PackedGroup)), which stay together: 12 bytes, from the
+/// first stream on.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct VertexLayout {
     stride: u32,

@@ -55,7 +55,12 @@ struct Clip {
     rounding: f32,
 }
 
-/// Clips on the grid of poses of integers, as words.
+/// The clips of an animated crowd, as they are on the device: keys rounded to the grid of poses of integers.
+/// [`AnimatedCrowd::clips`](crate::AnimatedCrowd::clips) has them. A host asks them for lengths, and by how much rounding
+/// moved a weight; it does not make them, which
+/// [`MorphEngine::create_animated_crowd`](crate::MorphEngine::create_animated_crowd) does.
+///
+/// The words that kernels read:
 ///
 /// ```text
 /// table   [clip][first word, frames, shift, bits of a key]
