@@ -1,0 +1,526 @@
+//! The C API without a device: any sequence of calls, of which many hand in what the header says is refused. A panic is a
+//! finding; so is an error without a message, a result that is written all the same, or a handle that comes twice.
+
+use crate::{Memory, Target, bounded, write};
+use arbitrary::{Result, Unstructured};
+use deltamorph::ash::vk::CommandBuffer;
+use deltamorph_c::handles::*;
+use deltamorph_c::memory::Versioned;
+use deltamorph_c::result::{DM_ERROR_OUT_OF_MEMORY, DM_ERROR_PANIC, DM_OK, DmResult, dm_last_error};
+use deltamorph_c::structs::*;
+use deltamorph_c::{
+    after, bounds, clip, cpu, crowd, engine, layers, level, mesh, queries, readback, record, residency, skin, upload,
+};
+use std::ffi::{CStr, CString, c_char};
+use std::ptr::{null, null_mut};
+
+pub const TARGET: Target = Target { name: "capi", run, mutate: |_, _| None, seeds };
+
+// Kinds of handles.
+const MESH: u8 = 1;
+const CLIP: u8 = 5;
+const BOUND_CLIP: u8 = 6;
+const CPU_CROWD: u8 = 7;
+const WEIGHT_BOUNDS: u8 = 14;
+
+/// What results are before a call.
+const UNTOUCHED: u64 = 0x5555_5555_5555_5555;
+
+fn run(data: &[u8]) {
+    // Forty calls; a clip has up to 2^24 weights of four bytes, and room to grow to twice that.
+    bounded("calls", data.len(), Memory { base: 256 << 20, per_byte: 1 << 12 }, || {
+        let mut calls = Calls { input: Unstructured::new(data), made: vec![] };
+        for _ in 0..40 {
+            if calls.input.is_empty() || calls.call().is_err() {
+                break;
+            }
+        }
+        calls.made.iter().for_each(|(kind, bits)| _ = destroy(*kind, *bits));
+    });
+}
+
+fn destroy(kind: u8, bits: u64) -> DmResult {
+    match kind {
+        MESH => mesh::dm_mesh_destroy(DmMesh { bits }),
+        CLIP => clip::dm_clip_destroy(DmClip { bits }),
+        BOUND_CLIP => clip::dm_bound_clip_destroy(DmBoundClip { bits }),
+        CPU_CROWD => cpu::dm_cpu_crowd_destroy(DmCpuCrowd { bits }),
+        _ => bounds::dm_weight_bounds_destroy(DmWeightBounds { bits }),
+    }
+}
+
+/// What every function keeps to.
+fn check(code: DmResult) -> bool {
+    if code == DM_OK {
+        return true;
+    }
+    // SAFETY: a string of this thread, until its next failure.
+    let text = unsafe { CStr::from_ptr(dm_last_error()) }.to_str().expect("UTF-8");
+    assert!(code != DM_ERROR_PANIC && text.starts_with("dm_") && text.len() > 12, "{code}: {text:?}");
+    false
+}
+
+/// A structure whose stated size may be wrong, in memory of that size.
+struct Stated<T>(Vec<u64>, std::marker::PhantomData<T>);
+
+impl<T: Versioned> Stated<T> {
+    fn at(&mut self) -> *mut T {
+        self.0.as_mut_ptr().cast()
+    }
+}
+
+struct Calls<'a> {
+    input: Unstructured<'a>,
+    /// Kind and bits of all handles so far, also of what has been destroyed.
+    made: Vec<(u8, u64)>,
+}
+
+impl Calls<'_> {
+    /// Once in so many times.
+    fn rarely(&mut self, times: u8) -> Result<bool> {
+        Ok(self.input.int_in_range(1..=times)? == times)
+    }
+
+    /// A handle: mostly one of the kind.
+    fn handle(&mut self, kind: u8) -> Result<u64> {
+        if self.rarely(16)? {
+            return if self.made.is_empty() || self.rarely(2)? {
+                self.input.arbitrary()
+            } else {
+                Ok(self.input.choose(&self.made)?.1)
+            };
+        }
+        let of: Vec<u64> = self.made.iter().rev().filter(|made| made.0 == kind).take(4).map(|made| made.1).collect();
+        if of.is_empty() { Ok(0) } else { Ok(*self.input.choose(&of)?) }
+    }
+
+    fn made(&mut self, kind: u8, code: DmResult, bits: u64) {
+        if check(code) {
+            assert!(bits >> 56 == u64::from(kind) && !self.made.contains(&(kind, bits)), "the handle {bits:#x}");
+            self.made.push((kind, bits));
+        } else {
+            assert_eq!(bits, UNTOUCHED, "a result is written in spite of error {code}");
+        }
+    }
+
+    /// Mostly small, sometimes any.
+    fn count(&mut self, most: u32) -> Result<u32> {
+        if self.rarely(16)? { self.input.arbitrary() } else { self.input.int_in_range(0..=most) }
+    }
+
+    fn float(&mut self) -> Result<f32> {
+        Ok(match self.input.int_in_range(0..=15u8)? {
+            0 => f32::NAN,
+            1 => f32::INFINITY,
+            2 | 3 => f32::from_bits(self.input.arbitrary()?),
+            4..=7 => 0.0,
+            _ => f32::from(self.input.arbitrary::<i8>()?) / 64.0,
+        })
+    }
+
+    fn floats(&mut self, count: usize) -> Result<Vec<f32>> {
+        let some: Vec<f32> = (0..self.input.int_in_range(1..=6u8)?).map(|_| self.float()).collect::<Result<_>>()?;
+        Ok((0..count).map(|i| some[i % some.len()] + (i % 7) as f32 * 0.125).collect())
+    }
+
+    /// Mostly the pointer, sometimes null.
+    fn or_null<T>(&mut self, pointer: *mut T) -> Result<*mut T> {
+        Ok(if self.rarely(12)? { null_mut() } else { pointer })
+    }
+
+    fn text(&mut self) -> Result<CString> {
+        let known = ["t0", "t1", "t2", "jawOpen", "", "eyeBlinkLeft", "\u{e4}"];
+        let bytes = if self.rarely(8)? {
+            self.input.arbitrary::<[u8; 4]>()?.to_vec()
+        } else {
+            self.input.choose(&known)?.as_bytes().to_vec()
+        };
+        Ok(CString::new(bytes).unwrap_or_default())
+    }
+
+    fn stated<T: Versioned>(&mut self, mut value: T) -> Result<Stated<T>> {
+        let right = size_of::<T>();
+        let size = if self.rarely(8)? { self.input.int_in_range(0..=right + 24)? } else { right };
+        let mut room = vec![0u64; right.max(size) / 8 + 1];
+        // SAFETY: structures begin with their size, and there is room for what it states.
+        unsafe {
+            (&raw mut value).cast::<u32>().write_unaligned(size as u32);
+            room.as_mut_ptr().cast::<u8>().copy_from_nonoverlapping((&raw const value).cast(), right);
+        }
+        if size > right && self.input.arbitrary()? {
+            room[right / 8] |= 1 << (right % 8 * 8);
+        }
+        Ok(Stated(room, std::marker::PhantomData))
+    }
+
+    fn mesh_desc(&mut self) -> Result<Stated<DmMeshDesc>> {
+        let mut desc = DmMeshDesc::zeroed();
+        desc.delta_format = self.input.int_in_range(0..=7)?;
+        desc.block_size = *self.input.choose(&[0, 0, 32, 64, 128, 7])?;
+        desc.flags = *self.input.choose(&[4, 4, 4, 0, 1, 2, 8])?;
+        if self.rarely(4)? {
+            (desc.position_tolerance, desc.normal_tolerance) = (self.float()?, self.float()?);
+            (desc.position_error, desc.normal_error_degrees) = (self.float()?, self.float()?);
+            (desc.absolute_error, desc.weight_max) = (self.float()?, self.float()?);
+            desc.engine.bits = self.handle(2)?;
+        }
+        self.stated(desc)
+    }
+
+    fn crowd_desc(&mut self) -> Result<Stated<DmCrowdDesc>> {
+        let mut desc = DmCrowdDesc::zeroed();
+        desc.instances = *self.input.choose(&[0, 1, 2, 5, u32::MAX])?;
+        desc.path = *self.input.choose(&[0, 0, 4, 4, 1, 9])?;
+        desc.pose_format = self.input.int_in_range(0..=4)?;
+        if self.rarely(3)? {
+            (desc.batch, desc.mode) = (self.count(4)?, self.input.int_in_range(0..=3)?);
+            (desc.slots, desc.frames_in_flight) = (*self.input.choose(&[0, 1, 4, u32::MAX])?, self.count(3)?);
+            (desc.consumers, desc.pose_usage, desc.reserved) =
+                (self.count(31)?, self.count(4)?, self.input.int_in_range(0..=1)?);
+            (desc.tolerance, desc.weight_max, desc.error_budget) = (self.float()?, self.float()?, self.float()?);
+        }
+        self.stated(desc)
+    }
+
+    fn call(&mut self) -> Result<()> {
+        match self.input.int_in_range(0..=17u8)? {
+            0 | 1 => self.mesh_from_arrays(),
+            2 => self.sample_head(),
+            3 => self.mesh_from_bytes(),
+            4 | 5 => self.queries(),
+            6 | 7 => self.poses(),
+            8..=10 => self.cpu_crowd(),
+            11 | 12 => self.clip(),
+            13 => self.mix(),
+            14 => self.weight_bounds(),
+            15 => self.open(),
+            16 => self.without_engine(),
+            _ => {
+                let kind = *self.input.choose(&[MESH, CLIP, BOUND_CLIP, CPU_CROWD, WEIGHT_BOUNDS])?;
+                check(destroy(kind, self.handle(kind)?));
+                Ok(())
+            }
+        }
+    }
+
+    fn mesh_from_arrays(&mut self) -> Result<()> {
+        let (vertices, targets) = (self.input.int_in_range(0..=70usize)?, self.input.int_in_range(0..=5usize)?);
+        let (mut positions, mut texcoords) = (self.floats(vertices * 3)?, self.floats(vertices * 2)?);
+        let (mut normals, mut tangents) =
+            ([0.0f32, 0.0, 1.0].repeat(vertices), [1.0f32, 0.0, 0.0, 1.0].repeat(vertices));
+        let mut moved: Vec<Vec<f32>> = (0..targets).map(|_| self.floats(vertices * 3)).collect::<Result<_>>()?;
+        let beyond = usize::from(self.rarely(16)?);
+        let mut indices: Vec<u32> =
+            (0..self.input.int_in_range(0..=60usize)?).map(|i| (i % (vertices + beyond).max(1)) as u32).collect();
+        let names: Vec<CString> = (0..targets)
+            .map(|t| if self.rarely(8)? { self.text() } else { Ok(CString::new(format!("t{t}")).expect("no zero")) })
+            .collect::<Result<_>>()?;
+        let mut list = vec![];
+        for (name, moved) in names.iter().zip(&mut moved) {
+            let mut target = DmTargetArrays::zeroed();
+            target.name = self.or_null(name.as_ptr().cast_mut())?;
+            target.positions = self.or_null(moved.as_mut_ptr())?;
+            target.normals = if self.input.arbitrary()? { null() } else { moved.as_ptr() };
+            target.tangents = if self.rarely(3)? { moved.as_ptr() } else { null() };
+            target.reserved = self.rarely(40)?.into();
+            list.push(target);
+        }
+        let mut arrays = DmMeshArrays::zeroed();
+        (arrays.vertex_count, arrays.index_count, arrays.target_count) =
+            (vertices as u32, indices.len() as u32, targets as u32);
+        arrays.positions = self.or_null(positions.as_mut_ptr())?;
+        arrays.normals = self.or_null(normals.as_mut_ptr())?;
+        arrays.tangents = self.or_null(tangents.as_mut_ptr())?;
+        arrays.texcoords = self.or_null(texcoords.as_mut_ptr())?;
+        arrays.indices = self.or_null(indices.as_mut_ptr())?;
+        arrays.targets = self.or_null(list.as_mut_ptr())?;
+        (arrays.absolute, arrays.reserved) = (self.input.int_in_range(0..=1)?, self.rarely(40)?.into());
+        let (mut arrays, mut desc) = (self.stated(arrays)?, self.mesh_desc()?);
+        let mut out = DmMesh { bits: UNTOUCHED };
+        let place = self.or_null(&raw mut out)?;
+        // SAFETY: arrays have the elements that are stated, or are null; structures have the room that they state.
+        let code = unsafe { mesh::dm_mesh_from_arrays(arrays.at(), desc.at(), place) };
+        self.made(MESH, code, out.bits);
+        Ok(())
+    }
+
+    fn sample_head(&mut self) -> Result<()> {
+        let mut sample = DmSampleDesc::zeroed();
+        // Small, since it takes its time, or more than there may be.
+        (sample.vertices, sample.targets) = (self.input.int_in_range(1..=99)?, self.input.int_in_range(1..=4)?);
+        match self.input.int_in_range(0..=7u8)? {
+            0 => sample.vertices = u32::MAX - u32::from(self.input.arbitrary::<u16>()?),
+            1 => sample.targets = u32::MAX - u32::from(self.input.arbitrary::<u16>()?),
+            _ => {}
+        }
+        (sample.sparsity, sample.seed) = (self.float()?, self.input.arbitrary()?);
+        let mut sample = self.stated(sample)?;
+        if self.input.arbitrary()? {
+            let mut desc = self.mesh_desc()?;
+            let mut out = DmMesh { bits: UNTOUCHED };
+            // SAFETY: structures have the room that they state.
+            let code = unsafe { mesh::dm_mesh_sample_head(sample.at(), desc.at(), &raw mut out) };
+            self.made(MESH, code, out.bits);
+        } else {
+            let (frames, fps) = (self.count(40)?, self.float()?);
+            let mut out = DmClip { bits: UNTOUCHED };
+            // SAFETY: as above.
+            let code = unsafe { clip::dm_clip_sample_head(sample.at(), frames, fps, &raw mut out) };
+            self.made(CLIP, code, out.bits);
+        }
+        Ok(())
+    }
+
+    /// A mesh is written, and read back, as it was or damaged.
+    fn mesh_from_bytes(&mut self) -> Result<()> {
+        let path = write("c.dmorph", &[]);
+        let name = CString::new(path.to_str().expect("UTF-8")).expect("no zero");
+        // SAFETY: a string.
+        if !check(unsafe { mesh::dm_mesh_write(DmMesh { bits: self.handle(MESH)? }, name.as_ptr()) }) {
+            return Ok(());
+        }
+        let mut bytes = std::fs::read(&path).expect("it was written");
+        if self.input.arbitrary()? {
+            let at = self.input.choose_index(bytes.len())?;
+            bytes[at] ^= 1 << self.input.int_in_range(0..=7u8)?;
+            super::dmorph::repair(&mut bytes);
+        }
+        let mut desc = self.mesh_desc()?;
+        let desc = self.or_null(desc.at())?;
+        let mut out = DmMesh { bits: UNTOUCHED };
+        // SAFETY: there are as many bytes; the structure has the room that it states.
+        let code = unsafe { mesh::dm_mesh_from_bytes(bytes.as_ptr().cast(), bytes.len(), null(), desc, &raw mut out) };
+        self.made(MESH, code, out.bits);
+        Ok(())
+    }
+
+    fn info(&self, mesh: DmMesh) -> Option<DmMeshInfo> {
+        let mut info = DmMeshInfo::zeroed();
+        // SAFETY: a structure.
+        check(unsafe { queries::dm_mesh_info(mesh, &raw mut info) }).then_some(info)
+    }
+
+    fn queries(&mut self) -> Result<()> {
+        let mesh = DmMesh { bits: self.handle(MESH)? };
+        let (number, name) = (self.count(5)?, self.text()?);
+        let mut info = self.stated(DmMeshInfo::zeroed())?;
+        let (mut target, mut bytes, mut found): (u32, u64, *const c_char) = (77, 0, null());
+        // SAFETY: structures have the room that they state, places can be written.
+        unsafe {
+            check(queries::dm_mesh_info(mesh, info.at()));
+            check(queries::dm_mesh_find_target(mesh, name.as_ptr(), &raw mut target));
+            check(residency::dm_mesh_target_bytes(mesh, number, &raw mut bytes));
+            if check(queries::dm_mesh_target_name(mesh, number, &raw mut found)) {
+                CStr::from_ptr(found).to_str().expect("UTF-8");
+            }
+        }
+        let mut indices: Vec<u32> =
+            (0..self.input.int_in_range(0..=9u8)?).map(|_| self.count(70)).collect::<Result<_>>()?;
+        let before = indices.clone();
+        // SAFETY: there are as many.
+        if !check(unsafe { queries::dm_mesh_remap_indices(mesh, indices.as_mut_ptr(), indices.len()) }) {
+            assert_eq!(indices, before, "changed by a call that failed");
+        }
+        let mut room = 0;
+        // SAFETY: null asks for their number.
+        if check(unsafe { queries::dm_mesh_indices(mesh, &raw mut room, null_mut()) }) {
+            let mut indices = vec![0; room as usize];
+            let mut given = if self.input.arbitrary()? { room } else { room / 2 };
+            // SAFETY: there is as much room.
+            check(unsafe { queries::dm_mesh_indices(mesh, &raw mut given, indices.as_mut_ptr()) });
+            let most = self.info(mesh).map_or(0, |info| info.padded_vertex_count);
+            assert!(indices.iter().all(|index| *index < most.max(1)), "an index beyond the vertices");
+        }
+        let mut vertices = DmRenderVertices::zeroed();
+        // SAFETY: null asks for their number.
+        if check(unsafe { queries::dm_mesh_render_vertices(mesh, &raw mut vertices) }) {
+            let count = vertices.vertex_count as usize;
+            let (mut pose, mut uv, mut indices) =
+                (vec![0; count], vec![0.0; 2 * count], vec![0; vertices.index_count as usize]);
+            (vertices.pose_vertices, vertices.texcoords, vertices.indices) =
+                (pose.as_mut_ptr(), uv.as_mut_ptr(), indices.as_mut_ptr());
+            let short = count > 0 && self.rarely(4)?;
+            vertices.vertex_count -= u32::from(short);
+            // SAFETY: there is as much room.
+            assert_eq!(check(unsafe { queries::dm_mesh_render_vertices(mesh, &raw mut vertices) }), !short);
+        }
+        Ok(())
+    }
+
+    fn poses(&mut self) -> Result<()> {
+        let mesh = DmMesh { bits: self.handle(MESH)? };
+        let (vertices, targets) =
+            self.info(mesh).map_or((3, 1), |info| (info.vertex_count as usize, info.target_count as usize));
+        let count = if self.rarely(5)? { self.input.int_in_range(0..=8)? } else { targets };
+        let weights = self.floats(count)?;
+        let mut pose = vec![0.0; if self.rarely(5)? { vertices } else { 6 * vertices }];
+        // SAFETY: there are as many weights, and as much room.
+        check(unsafe {
+            queries::dm_mesh_evaluate(mesh, weights.as_ptr(), count as u32, pose.as_mut_ptr(), pose.len())
+        });
+        Ok(())
+    }
+
+    fn cpu_crowd(&mut self) -> Result<()> {
+        if self.rarely(3)? {
+            let (mesh, mut desc) = (DmMesh { bits: self.handle(MESH)? }, self.crowd_desc()?);
+            let (desc, threads) = (self.or_null(desc.at())?, self.input.int_in_range(0..=2)?);
+            let mut out = DmCpuCrowd { bits: UNTOUCHED };
+            // SAFETY: the structure has the room that it states.
+            let code = unsafe { cpu::dm_cpu_crowd_create(mesh, desc, threads, &raw mut out) };
+            self.made(CPU_CROWD, code, out.bits);
+            return Ok(());
+        }
+        let (crowd, instance) = (DmCpuCrowd { bits: self.handle(CPU_CROWD)? }, self.count(3)?);
+        let count = self.input.int_in_range(0..=6usize)?;
+        let weights = self.floats(count)?;
+        let mut pose = vec![0.0; 6 * self.input.int_in_range(0..=70usize)?];
+        // SAFETY: there are as many weights, and as much room.
+        unsafe {
+            check(cpu::dm_cpu_crowd_set_weights(crowd, instance, weights.as_ptr(), count as u32));
+            check(cpu::dm_cpu_crowd_update(crowd));
+            check(cpu::dm_cpu_crowd_pose(crowd, instance, pose.as_mut_ptr(), pose.len()));
+        }
+        Ok(())
+    }
+
+    fn clip(&mut self) -> Result<()> {
+        let (frames, columns) = (self.input.int_in_range(0..=5usize)?, self.input.int_in_range(0..=4usize)?);
+        let names = (0..columns).map(|_| self.text()).collect::<Result<Vec<_>>>()?;
+        let mut pointers = names
+            .iter()
+            .map(|name| Ok(self.or_null(name.as_ptr().cast_mut())?.cast_const()))
+            .collect::<Result<Vec<_>>>()?;
+        let values = self.floats(frames * columns)?;
+        let mut arrays = DmClipArrays::zeroed();
+        (arrays.frame_count, arrays.column_count) = (frames as u32, columns as u32);
+        (arrays.names, arrays.values) = (self.or_null(pointers.as_mut_ptr())?, values.as_ptr());
+        arrays.fps = if self.rarely(4)? { self.float()? } else { 30.0 };
+        let mut arrays = self.stated(arrays)?;
+        let (mut out, mut bound) = (DmClip { bits: UNTOUCHED }, DmBoundClip { bits: UNTOUCHED });
+        // SAFETY: arrays have the elements that are stated, or are null.
+        let code = unsafe { clip::dm_clip_from_arrays(arrays.at(), &raw mut out) };
+        self.made(CLIP, code, out.bits);
+        let (of, mesh) = (DmClip { bits: self.handle(CLIP)? }, DmMesh { bits: self.handle(MESH)? });
+        let mut info = self.stated(DmClipInfo::zeroed())?;
+        // SAFETY: as above; names are strings.
+        let code = unsafe {
+            check(clip::dm_clip_info(of, info.at()));
+            let list: Vec<*const c_char> = names.iter().map(|name| name.as_ptr()).collect();
+            match self.input.arbitrary()? {
+                true => clip::dm_clip_bind(of, mesh, &raw mut bound),
+                false => clip::dm_clip_bind_names(of, list.as_ptr(), columns as u32, &raw mut bound),
+            }
+        };
+        self.made(BOUND_CLIP, code, bound.bits);
+        let mut room = vec![0.0; self.input.int_in_range(0..=60usize)?];
+        let frame = *self.input.choose(&[0.0, 0.5, 3.25, f64::NAN, f64::INFINITY, -1e300])?;
+        let bound = DmBoundClip { bits: self.handle(BOUND_CLIP)? };
+        // SAFETY: there is as much room.
+        check(unsafe { clip::dm_bound_clip_sample(bound, frame, room.as_mut_ptr(), room.len() as u32) });
+        Ok(())
+    }
+
+    fn mix(&mut self) -> Result<()> {
+        let count = self.input.int_in_range(0..=8usize)?;
+        let mut mask = self.floats(count)?;
+        let mut list = vec![];
+        for _ in 0..self.input.int_in_range(0..=3u8)? {
+            let mut layer = DmClipLayer::zeroed();
+            (layer.blend, layer.once) = (self.input.int_in_range(0..=3)?, self.input.int_in_range(0..=1)?);
+            (layer.clip.bits, layer.weight) = (self.handle(BOUND_CLIP)?, self.float()?);
+            layer.time = *self.input.choose(&[0.0, 0.1, -0.3, f64::NAN, f64::MAX, -f64::MAX])?;
+            layer.mask = self.or_null(mask.as_mut_ptr())?;
+            list.push(layer);
+        }
+        let mut weights = self.floats(count)?;
+        let bits = |weights: &[f32]| weights.iter().map(|weight| weight.to_bits()).collect::<Vec<_>>();
+        let before = bits(&weights);
+        // SAFETY: masks and weights have as many numbers.
+        let code =
+            unsafe { layers::dm_clips_mix(list.as_ptr(), list.len() as u32, weights.as_mut_ptr(), count as u32) };
+        assert!(check(code) || bits(&weights) == before, "weights are changed by a call that failed");
+        Ok(())
+    }
+
+    fn weight_bounds(&mut self) -> Result<()> {
+        let (mesh, mut desc) = (DmMesh { bits: self.handle(MESH)? }, self.crowd_desc()?);
+        let desc = self.or_null(desc.at())?;
+        let mut out = DmWeightBounds { bits: UNTOUCHED };
+        // SAFETY: the structure has the room that it states.
+        let code = unsafe { bounds::dm_weight_bounds_create(mesh, desc, &raw mut out) };
+        self.made(WEIGHT_BOUNDS, code, out.bits);
+        let count = self.input.int_in_range(0..=6usize)?;
+        let (bounds, weights, bound) =
+            (DmWeightBounds { bits: self.handle(WEIGHT_BOUNDS)? }, self.floats(count)?, self.float()?);
+        let mut box_ = [0.0f32; 6];
+        // SAFETY: there are as many weights, and room for six numbers.
+        check(unsafe { bounds::dm_weight_bounds_of(bounds, weights.as_ptr(), count as u32, bound, box_.as_mut_ptr()) });
+        Ok(())
+    }
+
+    /// Files of any kind by their names.
+    fn open(&mut self) -> Result<()> {
+        let name = *self.input.choose(&["c.glb", "c.gltf", "c.dmorph", "c.csv", "c.obj", "c"])?;
+        let content = self.input.arbitrary::<[u8; 24]>()?;
+        let path =
+            write(name, &content).to_str().expect("UTF-8").to_owned() + *self.input.choose(&["", "", "#x", ".none"])?;
+        let path = CString::new(path).expect("no zero");
+        let (mut mesh, mut clip, fps) = (DmMesh { bits: UNTOUCHED }, DmClip { bits: UNTOUCHED }, self.float()?);
+        // SAFETY: a string; null is the defaults; places can be written.
+        let [opened, read] = unsafe {
+            let opened = mesh::dm_mesh_open(path.as_ptr(), null(), &raw mut mesh);
+            check(opened);
+            [opened, clip::dm_clip_open(path.as_ptr(), fps, &raw mut clip)]
+        };
+        self.made(CLIP, read, clip.bits);
+        assert!(opened != DM_OK || mesh.bits != UNTOUCHED);
+        if opened == DM_OK {
+            self.made(MESH, opened, mesh.bits);
+        }
+        Ok(())
+    }
+
+    /// Without an engine, what needs one is refused, whatever is handed in.
+    fn without_engine(&mut self) -> Result<()> {
+        let (bits, other, instance) = (self.handle(MESH)?, self.handle(CPU_CROWD)?, self.count(3)?);
+        let (mesh, crowd, on_device) = (DmMesh { bits: other }, DmCrowd { bits }, DmGpuMesh { bits });
+        let (engine, cmd) = (DmEngine { bits }, CommandBuffer::null());
+        let (mut out, mut word) = ([UNTOUCHED; 4], 0);
+        let place = out.as_mut_ptr();
+        // SAFETY: pointers are null or can be written; handles are refused before anything else is used.
+        let codes = unsafe {
+            [
+                engine::dm_engine_create(&DmEngineDesc::zeroed(), place.cast()),
+                engine::dm_engine_info(engine, null_mut()),
+                engine::dm_engine_destroy(engine),
+                upload::dm_mesh_upload(engine, cmd, mesh, place.cast()),
+                upload::dm_gpu_mesh_destroy(on_device),
+                residency::dm_mesh_upload_resident(engine, cmd, mesh, 1000, place.cast()),
+                residency::dm_gpu_mesh_is_resident(on_device, instance, &raw mut word),
+                residency::dm_swap_destroy(DmSwap { bits }),
+                crowd::dm_crowd_create(on_device, null(), place.cast()),
+                crowd::dm_crowd_destroy(crowd),
+                crowd::dm_crowd_cut(crowd, instance),
+                crowd::dm_crowd_add(crowd, &raw mut word),
+                crowd::dm_crowd_set_time(crowd, f64::NAN),
+                record::dm_record_update(cmd, crowd, &mut DmUpdate::zeroed()),
+                level::dm_crowd_set_level(crowd, instance, f32::NAN),
+                skin::dm_skin_destroy(DmSkin { bits }),
+                skin::dm_crowd_set_joints(crowd, instance, u64::MAX),
+                readback::dm_readback_create(engine, place.cast()),
+                after::dm_surface_upload(engine, cmd, mesh, place.cast()),
+                after::dm_surface_destroy(DmSurface { bits }),
+            ]
+        };
+        assert!(codes.iter().all(|code| !check(*code) && *code != DM_ERROR_OUT_OF_MEMORY), "{codes:?}");
+        assert_eq!(out[0], UNTOUCHED, "a result is written in spite of an error");
+        Ok(())
+    }
+}
+
+/// Bytes without a meaning: what they stand for is learnt by what they reach.
+fn seeds() -> Vec<(String, Vec<u8>)> {
+    let bytes = |i: usize| (0..600).map(|j| (i * 53 + j * (7 + 2 * i)) as u8).collect();
+    (0..3).map(|i| (i.to_string(), bytes(i))).collect()
+}

@@ -1,0 +1,55 @@
+//! Clips of weights as CSV files.
+
+use crate::{Memory, Random, Target, bounded, check_error, scratch, write};
+use deltamorph::import::csv;
+use deltamorph::rig::names::retarget;
+
+pub const TARGET: Target = Target { name: "csv", run, mutate, seeds };
+
+fn run(data: &[u8]) {
+    let path = write("clip_24fps.csv", data);
+    let read = bounded("csv::read", data.len(), Memory { base: 1 << 20, per_byte: 200 }, || csv::read(&path, None));
+    let clip = match read {
+        Ok(clip) => clip,
+        Err(error) => return check_error(error),
+    };
+    assert_eq!(clip.values.len(), clip.frame_count() * clip.names.len());
+    assert!(clip.values.iter().all(|value| value.is_finite()));
+    let names: Vec<&str> = clip.names.iter().map(String::as_str).rev().collect();
+    match clip.bind(&names) {
+        Ok(bound) => assert!(bound.frames().all(|frame| frame.len() == names.len())),
+        Err(error) => check_error(error),
+    }
+    let _ = retarget(&clip, &["jawOpen", "eyeBlinkLeft", "mouthSmile_L", "AU12", "a"]).map_err(check_error);
+    // What is written comes back.
+    let out = scratch().join("out.csv");
+    match csv::write(&out, &clip) {
+        Ok(()) => {
+            let back = csv::read(&out, Some(clip.fps)).expect("it was written");
+            assert_eq!((&back.names, &back.values), (&clip.names, &clip.values));
+        }
+        Err(error) => check_error(error),
+    }
+}
+
+/// Lines and cells come again, and go.
+fn mutate(data: &[u8], random: &mut Random) -> Option<Vec<u8>> {
+    let divider = *random.choose(b"\n\n,");
+    let mut pieces: Vec<&[u8]> = data.split(|byte| *byte == divider).collect();
+    let (from, to) = (random.below(pieces.len()), random.below(pieces.len()));
+    match random.below(3) {
+        0 => _ = pieces.remove(from),
+        1 => pieces.insert(to, pieces[from]),
+        _ => drop(pieces.splice(to..to, vec![pieces[from]; 1 << random.below(10)])),
+    }
+    Some(pieces.join(&divider))
+}
+
+fn seeds() -> Vec<(String, Vec<u8>)> {
+    let texts = [
+        ("plain", "jawOpen,eyeBlinkLeft\n0,0.5\n1,0.25\n-0.5,1e-3\n"),
+        ("quoted", "\u{feff}\"jaw, open\" , AU12,\"a\"\"b\"\r\n 0.1, 1 ,2\r\n\r\n1,2,3\r\n"),
+        ("arkit", "Timecode,BlendshapeCount,EyeBlinkLeft,mouthSmile_L,AU1\n0.1,3,0.2,0.3,0\n0.4,3,0.5,0.6,1\n"),
+    ];
+    texts.map(|(name, text)| (name.into(), text.into())).into()
+}

@@ -1,0 +1,349 @@
+//! glTF files: JSON in a shorthand, so that short inputs are files with many of anything; after a zero byte, the binary chunk.
+//!
+//! The shorthand: the item `["*", 3, x]` of a list is x three times; the key `"COLOR_*3"` is COLOR_0, COLOR_1 and COLOR_2;
+//! the text `"ab*3"` is "ababab"; and in them `"#"` is the number of the repetition, from 0 on. Beside the file, `a.glb`,
+//! lies the binary chunk by itself, `a.bin`. An input that begins with `glTF` is a file as it is.
+
+#[path = "../../../src/import/gltf/tests/written.rs"]
+#[allow(dead_code)]
+mod written;
+
+use crate::{Memory, Random, Target, bounded, check_error, pack_and_update, parts, write};
+use deltamorph::Tolerance;
+use deltamorph::import::gltf::{self, Gltf};
+use serde_json::{Value, json};
+use std::sync::LazyLock;
+use written::{I8, U8, U16, Written, bytes};
+
+pub const TARGET: Target = Target { name: "gltf", run, mutate, seeds };
+
+/// As src/import/gltf/tests/hostile.rs has it.
+const MEMORY: Memory = Memory { base: 2 << 20, per_byte: 700 };
+/// Inputs that stand for longer files are left out.
+const LONGEST: usize = 128 << 10;
+
+fn run(data: &[u8]) {
+    let Some((glb, binary)) = file(data) else { return };
+    let path = write("a.glb", &glb);
+    write("a.bin", binary);
+    // Buffers beside the file are bytes of it, too.
+    let size = glb.len() + if glb.windows(5).any(|name| name == b"a.bin") { binary.len() } else { 0 };
+    let read = match bounded("gltf::read", size, MEMORY, || gltf::read(&path)) {
+        Ok(read) => read,
+        Err(error) => return check_error(error),
+    };
+    bounded("animations", size, Memory { base: 256 << 20, per_byte: 700 }, || animations(&read));
+    let mut source = match bounded("Gltf::into_source", size, MEMORY, || read.into_source()) {
+        Ok(source) => source,
+        Err(error) => return check_error(error),
+    };
+    let choice = crc32fast::hash(data);
+    if choice % 4 == 0 {
+        match source.split() {
+            Ok(split) => source = split,
+            Err(error) => check_error(error),
+        }
+    }
+    let tolerance = if choice % 2 == 0 { Tolerance::default() } else { Tolerance::ZERO };
+    match bounded("MorphSource::to_mesh", size, MEMORY, || source.to_mesh(tolerance)) {
+        Ok(mesh) => pack_and_update(&mesh, choice / 8),
+        Err(error) => check_error(error),
+    }
+}
+
+fn animations(read: &Gltf) {
+    for animation in read.animations.iter().take(20) {
+        for time in [-1.0, 0.4, 1e9] {
+            let worlds = read.world_matrices(Some((animation, time)));
+            for skin in read.skins.iter().take(20) {
+                assert_eq!(read.joint_matrices(skin, &worlds).len(), skin.joints.len());
+            }
+        }
+        match read.clip(animation, None) {
+            Ok(clip) => assert_eq!(clip.values.len(), clip.frame_count() * clip.names.len()),
+            Err(error) => check_error(error),
+        }
+    }
+}
+
+/// The file that an input stands for, and what lies beside it. `None`: too long.
+fn file(data: &[u8]) -> Option<(Vec<u8>, &[u8])> {
+    if data.starts_with(b"glTF") {
+        return Some((data.to_vec(), &[]));
+    }
+    let [text, binary] = parts(data);
+    let mut json = String::new();
+    let json = match serde_json::from_slice(text) {
+        Ok(value) => expand(&value, 0, &mut json).then_some(json.into_bytes())?,
+        Err(_) => text.to_vec(),
+    };
+    Some((glb(&json, binary), binary))
+}
+
+fn glb(json: &[u8], binary: &[u8]) -> Vec<u8> {
+    let word = |word: usize| (word as u32).to_le_bytes();
+    let [spaces, zeros] = [json, binary].map(|part| part.len().next_multiple_of(4) - part.len());
+    let length = 28 + json.len() + spaces + binary.len() + zeros;
+    let head = [*b"glTF", word(2), word(length), word(json.len() + spaces), *b"JSON"].concat();
+    let tail = [word(binary.len() + zeros), *b"BIN\0"].concat();
+    [&head, json, &b"   "[..spaces], &tail, binary, &[0; 3][..zeros]].concat()
+}
+
+/// Write what the shorthand stands for; whether it is short enough. `number` is that of the repetition.
+fn expand(value: &Value, number: usize, out: &mut String) -> bool {
+    match value {
+        Value::Array(items) => {
+            out.push('[');
+            for item in items {
+                let (count, item) = repeated(item).map_or((None, item), |(count, item)| (Some(count), item));
+                for i in 0..count.unwrap_or(1) {
+                    if !expand(item, if count.is_some() { i } else { number }, out) {
+                        return false;
+                    }
+                    out.push(',');
+                }
+            }
+            close(out, ']')
+        }
+        Value::Object(map) => {
+            out.push('{');
+            for (key, value) in map {
+                let repeated = key.split_once('*').and_then(|(key, count)| Some((key, count.parse::<usize>().ok()?)));
+                for i in 0..repeated.map_or(1, |(_, count)| count) {
+                    let (key, i) = repeated.map_or((key.clone(), number), |(key, _)| (format!("{key}{i}"), i));
+                    out.push_str(&Value::String(key).to_string());
+                    out.push(':');
+                    if !expand(value, i, out) {
+                        return false;
+                    }
+                    out.push(',');
+                }
+            }
+            close(out, '}')
+        }
+        Value::String(text) if text == "#" => out.push_str(&number.to_string()),
+        Value::String(text) => {
+            let repeated = text.split_once('*').and_then(|(text, count)| Some((text, count.parse::<usize>().ok()?)));
+            match repeated {
+                Some((text, count)) if text.len().saturating_mul(count) > LONGEST => return false,
+                Some((text, count)) => out.push_str(&Value::String(text.repeat(count)).to_string()),
+                None => out.push_str(&value.to_string()),
+            }
+        }
+        other => out.push_str(&other.to_string()),
+    }
+    out.len() <= LONGEST
+}
+
+/// The end of a list, in place of its last comma.
+fn close(out: &mut String, end: char) {
+    if out.ends_with(',') {
+        out.pop();
+    }
+    out.push(end);
+}
+
+fn repeated(item: &Value) -> Option<(usize, &Value)> {
+    match item.as_array()?.as_slice() {
+        [star, count, item] if star == "*" => Some((count.as_u64()?.min(LONGEST as u64) as usize, item)),
+        _ => None,
+    }
+}
+
+/// What properties of glTF may hold; a mutation puts one into any object, or its value in place of any other.
+static PROPERTIES: LazyLock<Vec<(String, Value)>> = LazyLock::new(|| {
+    let text = r##"[["byteStride",0],["byteStride",4],["byteStride",16],["byteStride","18446744073709551615"],["byteOffset",2],
+        ["byteLength",16],["count",3],["count",100000],["count",10000000],["normalized",true],["componentType",5121],["componentType",5125],["type","VEC4"],
+        ["sparse",{"count":2,"indices":{"bufferView":0,"componentType":5121},"values":{"bufferView":0}}],["bufferView",0],
+        ["uri","a.glb"],["uri","a.bin"],["uri","data:application/octet-stream;base64,AAAA*99"],["uri","data:,"],["fallback",true],
+        ["name","a"],["name","a*1000"],["name","\u00e4"],["extras",{"targetNames":["a",["*",100,"a"]]}],["weights",[1]],["weights",[]],["weights",[["*",1000,0]]],
+        ["NORMAL",0],["TANGENT",0],["TEXCOORD_0",0],["COLOR_0",0],["TEXCOORD_*64",3],["COLOR_*64",4],["JOINTS_*2",0],["WEIGHTS_*2",0],["_*100",0],
+        ["indices",0],["mode",5],["mode",6],["mode",0],["material","#"],["targets",[["*",1000,{}]]],["targets",[{"POSITION":0,"NORMAL":0}]],
+        ["mesh","#"],["mesh",0],["skin",0],["children",["#"]],["children",[["*",1000,"#"]]],["joints",[["*",100,"#"]]],["inverseBindMatrices",0],["skeleton",0],
+        ["matrix",[1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1]],["translation",[1,2,3]],["rotation",[0,0,0,1]],["scale",[0,0,0]],
+        ["interpolation","STEP"],["interpolation","CUBICSPLINE"],["path","weights"],["path","rotation"],["node",0],["input",0],["output",0],["sampler",0],
+        ["extensions",{"EXT_meshopt_compression":{"buffer":0,"byteLength":40,"byteStride":4,"count":16,"mode":"ATTRIBUTES","filter":"OCTAHEDRAL"}}],
+        ["mode","TRIANGLES"],["mode","INDICES"],["filter","EXPONENTIAL"],["filter","QUATERNION"],
+        ["",0],["",1],["",-1],["",0.5],["",255],["",65536],["",4294967295],["",18446744073709551615],["",1e39],["",1e-46],["",null],["",{}],["",[]],["",[["*",1000,[]]]]]"##;
+    serde_json::from_str(text).expect("a list of pairs")
+});
+
+/// Values and their places change; items are repeated. Words of the binary chunk change.
+fn mutate(data: &[u8], random: &mut Random) -> Option<Vec<u8>> {
+    let [text, binary] = parts(data);
+    let mut json: Value = serde_json::from_slice(text).ok()?;
+    let mut binary = binary.to_vec();
+    for _ in 0..1 + random.below(4) {
+        match random.below(8) {
+            0 => {
+                random.change_word(&mut binary);
+                continue;
+            }
+            1 => {
+                lay_out(&mut json, random);
+                continue;
+            }
+            _ => {}
+        }
+        let mut places = vec![];
+        places_of(&json, &mut String::new(), &mut places);
+        let other = json.pointer(random.choose::<String>(&places)).cloned().unwrap_or_default();
+        change(json.pointer_mut(random.choose::<String>(&places)).expect("a place"), other, random);
+    }
+    Some([json.to_string().as_bytes(), b"\0", &binary].concat())
+}
+
+/// Where the bytes of a view lie, or that an accessor has none, and so may have any number of elements.
+fn lay_out(json: &mut Value, random: &mut Random) {
+    let list = *random.choose(&["bufferViews", "bufferViews", "accessors"]);
+    let Some(items) = json[list].as_array_mut().filter(|items| !items.is_empty()) else { return };
+    let chosen = random.below(items.len());
+    let Some(item) = items[chosen].as_object_mut() else { return };
+    if list == "accessors" {
+        item.remove("bufferView");
+        item.insert("count".into(), json!(1usize << random.below(22)));
+    } else {
+        let length = item.get("byteLength").and_then(Value::as_u64).unwrap_or(0) as usize;
+        item.insert("byteStride".into(), json!(random.choose(&[1, 2, 4, 8, 12, 16, 20, 24])));
+        if random.below(2) == 0 {
+            item.insert("byteLength".into(), json!(random.below(length + 2)));
+        }
+    }
+}
+
+/// JSON pointers to all that is in it.
+fn places_of(value: &Value, at: &mut String, places: &mut Vec<String>) {
+    places.push(at.clone());
+    let length = at.len();
+    let mut below = |key: &str, value| {
+        at.push('/');
+        at.push_str(&key.replace('~', "~0").replace('/', "~1"));
+        places_of(value, at, places);
+        at.truncate(length);
+    };
+    match value {
+        Value::Array(items) => items.iter().enumerate().for_each(|(i, item)| below(&i.to_string(), item)),
+        Value::Object(map) => map.iter().for_each(|(key, value)| below(key, value)),
+        _ => {}
+    }
+}
+
+fn change(value: &mut Value, other: Value, random: &mut Random) {
+    let (key, property) = random.choose(&PROPERTIES).clone();
+    // Small ones more often: large ones take time.
+    let most = 1 + random.below(12);
+    let count = json!((1usize << random.below(most)) + random.below(3));
+    match value {
+        Value::Array(items) if !items.is_empty() => {
+            let (from, to) = (random.below(items.len()), random.below(items.len()));
+            match random.below(8) {
+                0 => _ = items.remove(from),
+                1 => items.insert(to, items[from].clone()),
+                2 => items.insert(to, other),
+                3 => items[to] = property,
+                4 => items.swap(from, to),
+                _ if repeated(&items[from]).is_some() => items[from][1] = count,
+                _ => items[from] = json!(["*", count, items[from]]),
+            }
+        }
+        Value::Object(map) => {
+            let keys: Vec<String> = map.keys().cloned().collect();
+            match random.below(4) {
+                0 if !keys.is_empty() => _ = map.remove(random.choose(&keys)),
+                1 if !keys.is_empty() => _ = map.insert(random.choose(&keys).clone(), other),
+                _ => _ = map.insert(key, property),
+            }
+        }
+        Value::Number(_) => {
+            let small = json!(random.below(24));
+            *value = random.choose(&[small, count, other, property]).clone();
+        }
+        _ => *value = random.choose(&[other, property]).clone(),
+    }
+}
+
+fn seeds() -> Vec<(String, Vec<u8>)> {
+    let input =
+        |name: &str, file: Written| (name.into(), [file.json.to_string().as_bytes(), b"\0", &file.bytes].concat());
+    vec![input("everything", everything()), input("compressed", compressed())]
+}
+
+/// A file that has a bit of everything.
+fn everything() -> Written {
+    let mut file = Written::default();
+    let position = file.floats(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.25], [0.0, 1.0, 0.5], [1.0, 1.0, 0.75]]);
+    let normal = file.floats(&[[0.0, 0.0, 1.0]; 4]);
+    let tangent = file.floats(&[[1.0, 0.0, 0.0, -1.0]; 4]);
+    let uv = file.accessor(U16, "VEC2", 4, &bytes(&[0u16, 65535, 0, 0, 65535, 0, 9, 9]));
+    let color = file.accessor(U8, "VEC4", 4, &[255, 0, 128, 255].repeat(4));
+    for accessor in [uv, color] {
+        file.json["accessors"][accessor]["normalized"] = json!(true);
+    }
+    let indices = file.accessor(U16, "SCALAR", 6, &bytes(&[0u16, 1, 2, 1, 3, 2]));
+    let (joints, weights) =
+        (file.accessor(U8, "VEC4", 4, &[0, 1, 0, 0].repeat(4)), file.floats(&[[0.5, 0.5, 0.0, 0.0]; 4]));
+    let moved = file.accessor(I8, "VEC3", 4, &[0, 1, 0, 0].repeat(4));
+    let view = file.json["accessors"][moved]["bufferView"].as_u64().expect("it has one") as usize;
+    file.json["bufferViews"][view]["byteStride"] = json!(4);
+    let (which, values) = (file.view(&[1, 3]), file.view(&bytes(&[1.0f32, 0.0, 0.0, 0.0, 0.0, 1.0])));
+    let sparse = file.floats(&[[0.0; 3]; 4]);
+    file.json["accessors"][sparse]["sparse"] =
+        json!({"count": 2, "indices": {"bufferView": which, "componentType": U8}, "values": {"bufferView": values}});
+    let (times, keys) = (file.floats(&[[0.0], [0.5], [1.0]]), file.floats(&[[0.0], [1.0], [1.0], [0.0], [0.5], [0.5]]));
+    let (cubic, turns) = (file.floats(&[[0.5f32]; 18]), file.floats(&[[0.0, 0.0, 0.0, 1.0]; 3]));
+    let strip = file.floats(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    let bind = file.floats(&[identity(), identity()]);
+    let attributes = json!({"POSITION": position, "NORMAL": normal, "TANGENT": tangent, "TEXCOORD_0": uv, "COLOR_0": color,
+        "JOINTS_0": joints, "WEIGHTS_0": weights});
+    let targets =
+        json!([{"POSITION": sparse, "NORMAL": sparse, "TANGENT": sparse}, {"POSITION": moved, "TEXCOORD_0": uv}]);
+    file.json["meshes"] = json!([{"name": "mesh", "weights": [0, 0.25], "extras": {"targetNames": ["smile", "blink"]},
+        "primitives": [{"attributes": attributes, "indices": indices, "targets": targets},
+            {"attributes": {"POSITION": position}, "mode": 5, "targets": [{"POSITION": moved}, {"POSITION": sparse}]}]},
+        {"primitives": [{"attributes": {"POSITION": strip}, "mode": 5}]}]);
+    file.json["nodes"] = json!([{"name": "root", "children": [1], "translation": [0, 1, 0], "scale": [1, 2, 1]},
+        {"name": "joint", "rotation": [0, 0, 0, 1]}, {"name": "face", "mesh": 0, "skin": 0, "weights": [0.5, 0]}]);
+    file.json["scenes"] = json!([{"nodes": [0, 2]}]);
+    file.json["scene"] = json!(0);
+    file.json["skins"] = json!([{"joints": [0, 1], "inverseBindMatrices": bind}]);
+    file.json["animations"] = json!([{"name": "talk",
+        "samplers": [{"input": times, "output": keys}, {"input": times, "output": cubic, "interpolation": "CUBICSPLINE"},
+            {"input": times, "output": turns, "interpolation": "STEP"}],
+        "channels": [{"sampler": 0, "target": {"node": 2, "path": "weights"}}, {"sampler": 2, "target": {"node": 0, "path": "rotation"}}]},
+        {"samplers": [{"input": times, "output": cubic, "interpolation": "CUBICSPLINE"}],
+        "channels": [{"sampler": 0, "target": {"node": 2, "path": "weights"}}]}]);
+    file.json["buffers"].as_array_mut().expect("a list").push(json!({"uri": "a.bin", "byteLength": 12}));
+    file
+}
+
+fn identity() -> [f32; 16] {
+    std::array::from_fn(|i| if i % 5 == 0 { 1.0 } else { 0.0 })
+}
+
+/// Positions and triangles as meshopt compression has them.
+fn compressed() -> Written {
+    let mut file = Written::default();
+    let vertices: Vec<[f32; 3]> = (0..16u8).map(|v| [f32::from(v % 4), f32::from(v / 4), 0.0]).collect();
+    let indices: Vec<u32> = (0..12u32).flat_map(|v| [v, v + 1, v + 4]).collect();
+    let data = meshopt::encode_vertex_buffer(&vertices).expect("it can be encoded");
+    let triangles = meshopt::encode_index_buffer(&indices, vertices.len()).expect("it can be encoded");
+    for (data, stride, count, mode) in [(&data, 12, 16, "ATTRIBUTES"), (&triangles, 2, 36, "TRIANGLES")] {
+        let view = file.view(data);
+        let packed = json!({"buffer": 0, "byteOffset": file.json["bufferViews"][view]["byteOffset"], "byteLength": data.len(),
+            "byteStride": stride, "count": count, "mode": mode});
+        file.json["bufferViews"][view] =
+            json!({"buffer": 1, "byteLength": stride * count, "extensions": {"EXT_meshopt_compression": packed}});
+    }
+    file.json["bufferViews"][0]["byteStride"] = json!(12);
+    file.json["accessors"] = json!([{"bufferView": 0, "componentType": 5126, "count": 16, "type": "VEC3"},
+        {"bufferView": 1, "componentType": 5123, "count": 36, "type": "SCALAR"}]);
+    file.json["buffers"]
+        .as_array_mut()
+        .expect("a list")
+        .push(json!({"byteLength": 999, "extensions": {"EXT_meshopt_compression": {"fallback": true}}}));
+    file.json["meshes"] =
+        json!([{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "targets": [{"POSITION": 0}]}]}]);
+    file.json["buffers"].as_array_mut().expect("a list").push(json!({"uri": "a.glb", "byteLength": 12}));
+    file.json["nodes"] = json!([{"mesh": 0}]);
+    file
+}
