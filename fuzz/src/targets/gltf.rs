@@ -251,6 +251,11 @@ fn change(value: &mut Value, other: Value, random: &mut Random) {
             match random.below(4) {
                 0 if !keys.is_empty() => _ = map.remove(random.choose(&keys)),
                 1 if !keys.is_empty() => _ = map.insert(random.choose(&keys).clone(), other),
+                2 if keys.iter().any(|key| key.contains('*')) => {
+                    let key = keys.iter().find(|key| key.contains('*')).expect("there is one");
+                    let value = map.remove(key).unwrap_or_default();
+                    map.insert(format!("{}*{count}", key.split('*').next().unwrap_or_default()), value);
+                }
                 _ => _ = map.insert(key, property),
             }
         }
@@ -265,7 +270,38 @@ fn change(value: &mut Value, other: Value, random: &mut Random) {
 fn seeds() -> Vec<(String, Vec<u8>)> {
     let input =
         |name: &str, file: Written| (name.into(), [file.json.to_string().as_bytes(), b"\0", &file.bytes].concat());
-    vec![input("everything", everything()), input("compressed", compressed())]
+    vec![
+        input("everything", everything()),
+        input("compressed", compressed()),
+        input("sparse", sparse()),
+        input("strip", strip()),
+    ]
+}
+
+/// One target, which moves some of three vertices.
+fn sparse() -> Written {
+    let mut file = Written::default();
+    let position = file.floats(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    let (which, values) = (file.view(&[0, 2]), file.view(&bytes(&[1.0f32, 0.0, 0.0, 0.0, 0.0, 1.0])));
+    let moved = json!({"componentType": 5126, "count": 3, "type": "VEC3", "sparse": {"count": 2,
+        "indices": {"bufferView": which, "componentType": U8}, "values": {"bufferView": values}}});
+    file.json["accessors"].as_array_mut().expect("a list").push(moved);
+    file.json["meshes"] =
+        json!([{"primitives": [{"attributes": {"POSITION": position}, "targets": [{"POSITION": 1}]}]}]);
+    file.json["nodes"] = json!([{"mesh": 0, "weights": [0]}]);
+    file
+}
+
+/// Triangles without indices, and streams of their vertices.
+fn strip() -> Written {
+    let mut file = Written::default();
+    let position = file.floats(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    let (uv, color) = (file.floats(&[[0.0; 2]; 3]), file.floats(&[[1.0; 4]; 3]));
+    let attributes = json!({"POSITION": position, "TEXCOORD_*2": uv, "COLOR_*2": color});
+    let other = file.floats(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    file.json["meshes"] = json!([{"primitives": [{"attributes": {"POSITION": other}, "mode": 5, "targets": [{}]},
+        {"attributes": attributes, "targets": [{"TEXCOORD_0": uv}]}]}]);
+    file
 }
 
 /// A file that has a bit of everything.
