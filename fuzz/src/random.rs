@@ -1,19 +1,17 @@
 //! Random numbers for mutations, and what numbers in files are replaced by.
 
-/// xorshift.
-pub struct Random(u32);
+use deltamorph::internals::Rng;
+
+pub struct Random(Rng);
 
 impl Random {
     pub fn new(seed: u32) -> Self {
-        Self(seed | 1)
+        Self(Rng::new(seed.into(), 0))
     }
 
     /// A number below `end`, which is not 0.
     pub fn below(&mut self, end: usize) -> usize {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 17;
-        self.0 ^= self.0 << 5;
-        self.0 as usize % end
+        self.0.below(end)
     }
 
     pub fn choose<'a, T>(&mut self, list: &'a [T]) -> &'a T {

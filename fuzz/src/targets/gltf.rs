@@ -45,7 +45,9 @@ fn run(data: &[u8]) {
         }
     }
     let tolerance = if choice % 2 == 0 { Tolerance::default() } else { Tolerance::ZERO };
-    match bounded("MorphSource::to_mesh", size, MEMORY, || source.to_mesh(tolerance)) {
+    // Beside the source, which is as large as reading may make it.
+    let memory = Memory { per_byte: 2 * MEMORY.per_byte, ..MEMORY };
+    match bounded("MorphSource::to_mesh", size, memory, || source.to_mesh(tolerance)) {
         Ok(mesh) => pack_and_update(&mesh, choice / 8),
         Err(error) => check_error(error),
     }
