@@ -1,0 +1,192 @@
+//! Two engines on one device, with one allocator, each used by two threads at once: uploads, crowds made and dropped,
+//! updates recorded, poses read back. tests/tsan runs it under ThreadSanitizer.
+
+#[path = "common/gpu.rs"]
+mod gpu;
+
+use deltamorph::ash::{self, vk};
+use deltamorph::gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+use deltamorph::gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
+use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
+use deltamorph::reference::compare;
+use deltamorph::{
+    CpuCrowd, CrowdDesc, DeltaFormat, DeviceDesc, GpuMesh, MorphEngine, PackedMesh, SharedAllocator, TargetSwap,
+    UpdateDesc, UpdatePath, testing,
+};
+use gpu::{NORMAL, is_kept, packed, reference, weights};
+use std::sync::{Arc, Mutex};
+
+const ROUNDS: u32 = 12;
+/// Threads of an engine.
+const RECORDERS: u32 = 2;
+
+/// A device of the host's own, and its queue, which one thread at a time may submit to.
+struct Host {
+    device: ash::Device,
+    queue: Mutex<vk::Queue>,
+}
+
+impl Host {
+    fn new(headless: &Headless) -> Arc<Self> {
+        let (instance, physical, _) = headless.handles();
+        let queues = [vk::DeviceQueueCreateInfo::default().queue_priorities(&[1.0])];
+        let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues);
+        // SAFETY: the physical device is the instance's own; software drivers have one family of queues.
+        let device = unsafe { instance.create_device(physical, &info, None) }.expect("a device");
+        // SAFETY: as above.
+        let queue = Mutex::new(unsafe { device.get_device_queue(0, 0) });
+        Arc::new(Self { device, queue })
+    }
+
+    fn allocator(self: &Arc<Self>, headless: &Headless) -> SharedAllocator {
+        let (instance, physical_device, _) = headless.handles();
+        let allocator = Allocator::new(&AllocatorCreateDesc {
+            instance: instance.clone(),
+            device: self.device.clone(),
+            physical_device,
+            debug_settings: AllocatorDebugSettings::default(),
+            buffer_device_address: false,
+            allocation_sizes: AllocationSizes::new(1 << 20, 1 << 20),
+        });
+        SharedAllocator::new(Arc::new(Mutex::new(allocator.expect("an allocator"))), Some(self.clone()))
+    }
+
+    /// Record a command buffer with `f`, submit it, and wait: on any thread.
+    fn run<R>(&self, f: impl FnOnce(vk::CommandBuffer) -> R) -> R {
+        let device = &self.device;
+        // SAFETY: all but the queue is this call's own, destroyed once, and not in use after the wait.
+        unsafe {
+            let pool = device.create_command_pool(&vk::CommandPoolCreateInfo::default(), None).expect("a pool");
+            let fence = device.create_fence(&vk::FenceCreateInfo::default(), None).expect("a fence");
+            let commands = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
+            let cmds = device.allocate_command_buffers(&commands).expect("a command buffer");
+            device.begin_command_buffer(cmds[0], &vk::CommandBufferBeginInfo::default()).expect("recording");
+            let result = f(cmds[0]);
+            device.end_command_buffer(cmds[0]).expect("recorded");
+            let submit = vk::SubmitInfo::default().command_buffers(&cmds);
+            device.queue_submit(*self.queue.lock().expect("a queue"), &[submit], fence).expect("submitted");
+            device.wait_for_fences(&[fence], true, u64::MAX).expect("finished");
+            device.destroy_fence(fence, None);
+            device.destroy_command_pool(pool, None);
+            result
+        }
+    }
+
+    fn upload(&self, engine: &MorphEngine, mesh: &PackedMesh) -> GpuMesh {
+        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
+        let mut uploaded = self.run(|cmd| unsafe { engine.upload(cmd, mesh) }).expect("an upload");
+        // SAFETY: it has run.
+        unsafe { uploaded.release_staging() };
+        uploaded
+    }
+}
+
+impl Drop for Host {
+    fn drop(&mut self) {
+        // SAFETY: all that was made on the device keeps this value alive.
+        unsafe { self.device.destroy_device(None) };
+    }
+}
+
+/// A crowd that lives for a few updates, whose poses are right.
+fn animate(
+    host: &Host,
+    engine: &MorphEngine,
+    (uploaded, mesh): (&GpuMesh, &PackedMesh),
+    update: UpdateDesc,
+    seed: u32,
+) {
+    let desc = CrowdDesc::new(update).instances(2);
+    let (mut crowd, mut readback) = (engine.create_crowd(uploaded, &desc).expect("a crowd"), engine.readback());
+    for frame in 0..3 {
+        let asked = [seed, seed + 1].map(|seed| weights(mesh, frame, seed));
+        (0..).zip(&asked).for_each(|(i, weights)| crowd.set_weights(i, weights).expect("weights"));
+        let ran = host.run(|cmd| {
+            // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
+            unsafe {
+                let _ = engine.record_update(cmd, &mut crowd)?;
+                readback.record(cmd, &crowd, &[0, 1])
+            }
+        });
+        ran.expect("an update");
+        // SAFETY: `run` has waited.
+        for (pose, asked) in unsafe { readback.poses() }.expect("poses").iter().zip(asked) {
+            let error = compare(&pose.vertices, &reference(mesh, &update, &asked));
+            let kept = is_kept(&error, mesh.layout().diagonal) || error.within(f64::from(update.tolerance), NORMAL);
+            assert!(kept, "{update:?}: {error:?}");
+        }
+    }
+}
+
+#[test]
+fn threads_share_an_allocator_engines_and_meshes() {
+    for driver in gpu::drivers() {
+        // Validation layers are not instrumented, and their locks not seen.
+        let validation = std::env::var_os("TSAN_OPTIONS").is_none();
+        let desc = HeadlessDesc::default().device(DeviceChoice::Name(driver)).validation(validation);
+        let headless = Headless::new(&desc).expect("a device; run the tests as ./with-vulkan cargo test");
+        let host = Host::new(&headless);
+        let (instance, physical, _) = headless.handles();
+        let allocator = host.allocator(&headless);
+        let engines = [0, 1].map(|_| {
+            let device = DeviceDesc::new(instance, physical, &host.device).owner(Some(host.clone()));
+            // SAFETY: the handles belong together, and live as long as `host`.
+            unsafe { MorphEngine::new(&device.allocator(Some(allocator.clone()))) }.expect("an engine")
+        });
+        let source = testing::mesh(150, 9);
+        let mesh = packed(&engines[0], &source, DeltaFormat::Small);
+        let all: Vec<usize> = (0..9).collect();
+        std::thread::scope(|scope| {
+            for (e, engine) in (0..).zip(&engines) {
+                let (host, mesh, source) = (&host, &mesh, &source);
+                let shared = host.upload(engine, mesh);
+                let bytes = all.iter().map(|&target| mesh.target_bytes(target)).sum();
+                // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
+                let mut swapped =
+                    host.run(|cmd| unsafe { engine.upload_resident(cmd, mesh, bytes) }).expect("an upload");
+                let load = TargetSwap::default().load(&all);
+                // SAFETY: as above.
+                drop(host.run(|cmd| unsafe { engine.record_swap(cmd, &mut swapped, mesh, &load) }).expect("a swap"));
+                let both = Arc::new([shared, swapped]);
+                for recorder in 0..RECORDERS {
+                    let both = both.clone();
+                    scope.spawn(move || {
+                        for round in 0..ROUNDS {
+                            let seed = round + ROUNDS * (recorder + RECORDERS * e);
+                            // Which pipelines there are is found out by whoever comes first.
+                            let update = [gpu::fixed()[0], gpu::fixed()[1], UpdateDesc::blocks().tolerance(1e-2)];
+                            animate(host, engine, (&both[round as usize % 2], mesh), update[round as usize % 3], seed);
+                            let own = packed(engine, source, DeltaFormat::Fast);
+                            animate(host, engine, (&host.upload(engine, &own), &own), update[seed as usize % 3], seed);
+                            assert!(engine.allocated_bytes() > 0);
+                        }
+                    });
+                }
+            }
+        });
+        drop((engines, allocator, host));
+        assert_eq!(gpu::complaints(&headless), Vec::<String>::new());
+    }
+}
+
+#[test]
+fn crowds_on_the_cpu_share_a_mesh_and_have_threads_of_their_own() {
+    let mesh = PackedMesh::pack(&testing::mesh(400, 9), &deltamorph::PackDesc::new(DeltaFormat::Fast));
+    let mesh = Arc::new(mesh.expect("a mesh that packs"));
+    let evaluate = |threads: usize| {
+        let update = gpu::fixed()[0].path(UpdatePath::Cpu);
+        let mut crowd = CpuCrowd::new(mesh.clone(), update, 6, threads).expect("a crowd");
+        let mut poses = vec![];
+        for frame in 0..4 {
+            (0..6).for_each(|i| crowd.set_weights(i, &weights(&mesh, frame, i as u32)).expect("weights"));
+            crowd.update();
+            poses.extend((0..6).map(|i| crowd.stored_pose(i, 0).expect("an instance").to_vec()));
+        }
+        poses
+    };
+    let alone = evaluate(1);
+    std::thread::scope(|scope| {
+        let threads = [0; 2].map(|_| scope.spawn(|| (0..5).for_each(|_| assert!(evaluate(3) == alone))));
+        threads.into_iter().for_each(|thread| thread.join().expect("the same poses"));
+    });
+}
