@@ -1,0 +1,117 @@
+//! The errors that each call may return, by the specification.
+
+use ash::vk;
+
+const HOST: vk::Result = vk::Result::ERROR_OUT_OF_HOST_MEMORY;
+const DEVICE: vk::Result = vk::Result::ERROR_OUT_OF_DEVICE_MEMORY;
+const LOST: vk::Result = vk::Result::ERROR_DEVICE_LOST;
+const INITIALIZATION: vk::Result = vk::Result::ERROR_INITIALIZATION_FAILED;
+const INCOMPATIBLE: vk::Result = vk::Result::ERROR_INCOMPATIBLE_DRIVER;
+const LAYER: vk::Result = vk::Result::ERROR_LAYER_NOT_PRESENT;
+const EXTENSION: vk::Result = vk::Result::ERROR_EXTENSION_NOT_PRESENT;
+const FEATURE: vk::Result = vk::Result::ERROR_FEATURE_NOT_PRESENT;
+const FORMAT: vk::Result = vk::Result::ERROR_FORMAT_NOT_SUPPORTED;
+const TOO_MANY: vk::Result = vk::Result::ERROR_TOO_MANY_OBJECTS;
+const MAP: vk::Result = vk::Result::ERROR_MEMORY_MAP_FAILED;
+const FRAGMENTED: vk::Result = vk::Result::ERROR_FRAGMENTED_POOL;
+const POOL: vk::Result = vk::Result::ERROR_OUT_OF_POOL_MEMORY;
+const FRAGMENTATION: vk::Result = vk::Result::ERROR_FRAGMENTATION;
+const SURFACE: vk::Result = vk::Result::ERROR_SURFACE_LOST_KHR;
+const WINDOW: vk::Result = vk::Result::ERROR_NATIVE_WINDOW_IN_USE_KHR;
+const DATE: vk::Result = vk::Result::ERROR_OUT_OF_DATE_KHR;
+
+/// All of them.
+pub const ERRORS: [vk::Result; 17] = [
+    HOST,
+    DEVICE,
+    LOST,
+    INITIALIZATION,
+    INCOMPATIBLE,
+    LAYER,
+    EXTENSION,
+    FEATURE,
+    FORMAT,
+    TOO_MANY,
+    MAP,
+    FRAGMENTED,
+    POOL,
+    FRAGMENTATION,
+    SURFACE,
+    WINDOW,
+    DATE,
+];
+
+/// What `call` may return, of the calls that the layer sees. Without what only extensions that deltamorph does not use bring.
+pub fn errors(call: &str) -> &'static [vk::Result] {
+    match call {
+        "vkCreateInstance" => &[HOST, DEVICE, INITIALIZATION, LAYER, EXTENSION, INCOMPATIBLE],
+        "vkEnumeratePhysicalDevices" => &[HOST, DEVICE, INITIALIZATION],
+        "vkEnumerateDeviceExtensionProperties" => &[HOST, DEVICE, LAYER],
+        "vkGetPhysicalDeviceImageFormatProperties" => &[HOST, DEVICE, FORMAT],
+        "vkCreateDevice" => &[HOST, DEVICE, INITIALIZATION, EXTENSION, FEATURE, TOO_MANY, LOST],
+        // The text of both speaks of TOO_MANY_OBJECTS, though newer lists of their errors leave it out.
+        "vkAllocateMemory" | "vkCreateSampler" => &[HOST, DEVICE, TOO_MANY],
+        "vkMapMemory" => &[HOST, DEVICE, MAP],
+        "vkCreateDescriptorPool" => &[HOST, DEVICE, FRAGMENTATION],
+        "vkAllocateDescriptorSets" => &[HOST, DEVICE, FRAGMENTED, POOL],
+        "vkResetFences" | "vkResetCommandBuffer" | "vkResetCommandPool" => &[DEVICE],
+        "vkQueueSubmit"
+        | "vkQueueWaitIdle"
+        | "vkDeviceWaitIdle"
+        | "vkGetFenceStatus"
+        | "vkWaitForFences"
+        | "vkGetQueryPoolResults" => &[HOST, DEVICE, LOST],
+        "vkGetPhysicalDeviceSurfaceCapabilitiesKHR"
+        | "vkGetPhysicalDeviceSurfaceFormatsKHR"
+        | "vkGetPhysicalDeviceSurfacePresentModesKHR"
+        | "vkGetPhysicalDeviceSurfaceSupportKHR" => &[HOST, DEVICE, SURFACE],
+        "vkCreateSwapchainKHR" => &[HOST, DEVICE, LOST, SURFACE, WINDOW, INITIALIZATION],
+        "vkAcquireNextImageKHR" | "vkQueuePresentKHR" => &[HOST, DEVICE, LOST, DATE, SURFACE],
+        _ => &[HOST, DEVICE],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layer::{CALLS, OBJECTS, PARENTS, PIPELINES};
+
+    /// The registry that comes with the Vulkan headers.
+    const REGISTRY: &str = "/usr/share/vulkan/registry/vk.xml";
+    /// Of extensions that deltamorph does not use, and of layers.
+    const LEFT_OUT: [&str; 7] = [
+        "VK_ERROR_INVALID_EXTERNAL_HANDLE",
+        "VK_ERROR_INVALID_OPAQUE_CAPTURE_ADDRESS",
+        "VK_ERROR_INVALID_OPAQUE_CAPTURE_ADDRESS_KHR",
+        "VK_ERROR_INVALID_SHADER_NV",
+        "VK_ERROR_COMPRESSION_EXHAUSTED_EXT",
+        "VK_ERROR_FULL_SCREEN_EXCLUSIVE_MODE_LOST_EXT",
+        "VK_ERROR_TOO_MANY_OBJECTS",
+    ];
+
+    /// `errorcodes` of a command in the registry.
+    fn listed<'a>(registry: &'a str, call: &str) -> Vec<&'a str> {
+        let name = registry.find(&format!("<name>{call}</name>")).unwrap_or_else(|| panic!("{call}: not a command"));
+        let tag = &registry[registry[..name].rfind("<command ").expect("its tag")..name];
+        let list = tag.split_once("errorcodes=\"").expect("errors").1;
+        let all = list.split_once('"').expect("an end").0.split(',');
+        all.filter(|error| !LEFT_OUT.contains(error) && !error.contains("_VALIDATION_")).collect()
+    }
+
+    #[test]
+    fn the_table_is_that_of_the_specification() {
+        let registry = std::fs::read_to_string(REGISTRY).unwrap_or_else(|e| panic!("{REGISTRY}: {e}"));
+        for name in [CALLS, OBJECTS, PARENTS, PIPELINES].concat() {
+            let call = name.to_str().expect("ASCII");
+            let ours = errors(call).iter().map(|error| match *error {
+                FRAGMENTATION => "VK_ERROR_FRAGMENTATION_EXT".to_owned(),
+                error => format!("VK_{error:?}"),
+            });
+            let mut ours: Vec<_> = ours.filter(|error| !LEFT_OUT.contains(&error.as_str())).collect();
+            let mut listed = listed(&registry, call);
+            ours.sort_unstable();
+            listed.sort_unstable();
+            assert_eq!(ours, listed, "{call}");
+        }
+    }
+}

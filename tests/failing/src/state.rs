@@ -1,0 +1,265 @@
+//! What is to fail, and what is alive: one state for the whole process.
+
+use crate::calls::errors;
+use crate::control::Counts;
+use ash::vk;
+use std::collections::BTreeMap;
+use std::ffi::{CStr, c_int, c_void};
+use std::fs::{File, OpenOptions};
+use std::io::Write as _;
+use std::sync::{LazyLock, Mutex, MutexGuard, PoisonError};
+
+pub(crate) type Function = unsafe extern "system" fn();
+
+/// The functions below the layer.
+#[derive(Clone, Copy)]
+pub(crate) enum Next {
+    Instance(vk::Instance, vk::PFN_vkGetInstanceProcAddr),
+    Device(vk::Device, vk::PFN_vkGetDeviceProcAddr),
+}
+
+impl Next {
+    pub(crate) fn function(self, name: &CStr) -> vk::PFN_vkVoidFunction {
+        // SAFETY: the loader gave the functions for these handles, which are alive: they leave the state before they go.
+        unsafe {
+            match self {
+                Self::Instance(instance, get) => get(instance, name.as_ptr()),
+                Self::Device(device, get) => get(device, name.as_ptr()),
+            }
+        }
+    }
+}
+
+/// What fails: the calls from the `at`th on, so many.
+struct Plan {
+    /// Empty: any that may return the error.
+    call: String,
+    at: u64,
+    times: u64,
+    error: vk::Result,
+    matched: u64,
+}
+
+impl Plan {
+    /// As the text of [`Control::arm`](crate::Control::arm) says.
+    fn parse(text: &str) -> Option<Self> {
+        let mut parts = text.split(':');
+        let call = parts.next()?.trim_start_matches('*').to_owned();
+        let at = parts.next()?.parse().ok()?;
+        let name = parts.next()?;
+        let error = crate::calls::ERRORS.into_iter().find(|error| format!("{error:?}") == name)?;
+        let times = parts.next().map_or(Some(1), |times| times.parse().ok())?;
+        Some(Self { call, at, times, error, matched: 0 })
+    }
+
+    fn hits(&mut self, call: &str) -> bool {
+        if !errors(call).contains(&self.error) || !(self.call.is_empty() || self.call == call) {
+            return false;
+        }
+        self.matched += 1;
+        (self.at..self.at.saturating_add(self.times)).contains(&self.matched)
+    }
+}
+
+/// Of one dispatch table, which instance or device and all handles dispatched through them share.
+type Key = usize;
+
+pub(crate) struct State {
+    plan: Option<Plan>,
+    counts: Counts,
+    next: BTreeMap<Key, Next>,
+    /// Below the layer, asked for when the instance or device was made: later the loader gives instances our own.
+    below: BTreeMap<(Key, &'static CStr), Function>,
+    lost: Vec<Key>,
+    /// Type and handle: what it was made of, and after how many calls.
+    alive: BTreeMap<(&'static str, u64), (Key, u64)>,
+    log: Option<File>,
+}
+
+static STATE: LazyLock<Mutex<State>> = LazyLock::new(|| {
+    let file = std::env::var_os("DELTAMORPH_FAIL_LOG");
+    let log = file.map(|path| OpenOptions::new().append(true).create(true).open(path).expect("DELTAMORPH_FAIL_LOG"));
+    let plan = std::env::var("DELTAMORPH_FAIL").ok();
+    let plan = plan.map(|text| Plan::parse(&text).expect("DELTAMORPH_FAIL=CALL:N:ERROR[:TIMES]"));
+    let (counts, next, below, alive) = (Counts::default(), BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
+    Mutex::new(State { plan, counts, next, below, lost: vec![], alive, log })
+});
+
+pub(crate) fn state() -> MutexGuard<'static, State> {
+    STATE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// # Safety
+/// `handle` is a dispatchable handle that is alive.
+unsafe fn key(handle: u64) -> Key {
+    // SAFETY: it points to what begins with the address of its dispatch table.
+    unsafe { *(handle as *const Key) }
+}
+
+/// What is below the layer for a handle, if it was made through the layer.
+///
+/// # Safety
+/// `handle` is a dispatchable handle that is alive.
+pub(crate) unsafe fn next(handle: u64) -> Option<Next> {
+    // SAFETY: as the caller says.
+    let key = unsafe { key(handle) };
+    state().next.get(&key).copied()
+}
+
+/// The function `call` below the layer.
+///
+/// # Safety
+/// `handle` is a dispatchable handle that is alive, made through the layer.
+pub(crate) unsafe fn below(call: &'static CStr, handle: u64) -> Function {
+    // SAFETY: as the caller says.
+    let key = unsafe { key(handle) };
+    *state().below.get(&(key, call)).expect("a function that the program was given")
+}
+
+/// The same, unless the call fails.
+///
+/// # Safety
+/// As of [`below`].
+pub(crate) unsafe fn enter(call: &'static CStr, handle: u64) -> Result<Function, vk::Result> {
+    // SAFETY: as the caller says; a function of this name has this type; of the device no more is used than by the program,
+    // whose call this is.
+    unsafe {
+        let Some(error) = fails(call, handle) else { return Ok(below(call, handle)) };
+        if let (vk::Result::ERROR_DEVICE_LOST, Some(Next::Device(device, _))) = (error, next(handle)) {
+            // What it had to do is over once it is lost.
+            let wait = below(c"vkDeviceWaitIdle", handle);
+            let _ = std::mem::transmute::<Function, vk::PFN_vkDeviceWaitIdle>(wait)(device);
+        }
+        Err(error)
+    }
+}
+
+/// Count a call, and say what it returns without being made; `handle` is 0 where there is none yet.
+///
+/// # Safety
+/// `handle` is a dispatchable handle that is alive, or 0.
+pub(crate) unsafe fn fails(call: &'static CStr, handle: u64) -> Option<vk::Result> {
+    // SAFETY: as the caller says.
+    let key = if handle == 0 { 0 } else { unsafe { key(handle) } };
+    let call = call.to_str().expect("ASCII");
+    let mut state = state();
+    state.counts.calls += 1;
+    if state.log.is_some() {
+        let place = place();
+        state.say(&format!("CALL {call} {place:x}"));
+    }
+    if state.lost.contains(&key) && errors(call).contains(&vk::Result::ERROR_DEVICE_LOST) {
+        return Some(vk::Result::ERROR_DEVICE_LOST);
+    }
+    let error = state.plan.as_mut().and_then(|plan| plan.hits(call).then_some(plan.error))?;
+    state.counts.failed += 1;
+    state.counts.call = [0; 64];
+    state.counts.call[..call.len()].copy_from_slice(call.as_bytes());
+    let text = format!("FAILED {call} {error:?}, call {}", state.counts.calls);
+    state.say(&text);
+    if error == vk::Result::ERROR_DEVICE_LOST && matches!(state.next.get(&key), Some(Next::Device(..))) {
+        state.lost.push(key);
+    }
+    Some(error)
+}
+
+impl State {
+    fn say(&mut self, line: &str) {
+        // At once, so that a crash loses nothing. There is nobody to tell of an error here.
+        let _ = match &mut self.log {
+            Some(file) => writeln!(file, "{line}"),
+            None => writeln!(std::io::stderr(), "deltamorph-failing: {line}"),
+        };
+    }
+
+    /// See [`Control::arm`](crate::Control::arm).
+    pub(crate) fn arm(&mut self, plan: &str) {
+        self.plan = (!plan.is_empty()).then(|| Plan::parse(plan).expect("CALL:N:ERROR[:TIMES]"));
+        self.counts.failed = 0;
+    }
+
+    pub(crate) fn counts(&self) -> Counts {
+        Counts { alive: self.alive.len() as u64, ..self.counts }
+    }
+
+    /// # Safety
+    /// `handle` is a dispatchable handle that is alive, as is that of `next`.
+    pub(crate) unsafe fn made(&mut self, handle: u64, next: Next) {
+        // SAFETY: as the caller says.
+        let key = unsafe { key(handle) };
+        self.next.insert(key, next);
+        for name in crate::layer::ALL.concat() {
+            self.below.extend(next.function(name).map(|function| ((key, name), function)));
+        }
+        self.say("MADE an instance or device");
+    }
+
+    /// An instance or device is about to go: say what is left of it, which goes too.
+    ///
+    /// # Safety
+    /// As of [`made`](Self::made).
+    pub(crate) unsafe fn unmade(&mut self, handle: u64) {
+        // SAFETY: as the caller says.
+        let key = unsafe { key(handle) };
+        self.next.remove(&key);
+        self.below.retain(|(of, _), _| *of != key);
+        self.lost.retain(|lost| *lost != key);
+        let left: Vec<_> = self.alive.iter().filter(|(_, (owner, _))| *owner == key).map(|(k, v)| (*k, *v)).collect();
+        self.counts.leaked += left.len() as u64;
+        for ((kind, handle), (_, call)) in left {
+            self.alive.remove(&(kind, handle));
+            self.say(&format!("LEAKED {kind}, made after call {call}"));
+        }
+        self.say("UNMADE an instance or device");
+    }
+
+    /// # Safety
+    /// `owner` is a dispatchable handle that is alive.
+    pub(crate) unsafe fn born(&mut self, kind: &'static str, handle: u64, owner: u64) {
+        // SAFETY: as the caller says.
+        self.alive.insert((kind, handle), (unsafe { key(owner) }, self.counts.calls));
+    }
+
+    /// Whether it was alive: what was not is not passed on. Null never is.
+    pub(crate) fn gone(&mut self, kind: &'static str, handle: u64) -> bool {
+        let known = self.alive.remove(&(kind, handle)).is_some();
+        if !known && handle != 0 {
+            self.counts.unknown += 1;
+            self.say(&format!("UNKNOWN {kind} {handle:#x}: destroyed twice, or never made"));
+        }
+        known
+    }
+}
+
+#[repr(C)]
+struct Module {
+    path: *const c_void,
+    base: *mut c_void,
+    symbol: *const c_void,
+    at: *const c_void,
+}
+
+unsafe extern "C" {
+    fn backtrace(frames: *mut *mut c_void, most: c_int) -> c_int;
+    fn dladdr(address: *const c_void, module: *mut Module) -> c_int;
+}
+
+/// A number for the place in the program that calls, the same in each run: of the return addresses, each relative to the
+/// module that it is in.
+fn place() -> u64 {
+    let mut frames = [std::ptr::null_mut(); 48];
+    // SAFETY: there is room for so many.
+    let count = unsafe { backtrace(frames.as_mut_ptr(), frames.len() as c_int) } as usize;
+    frames[..count].iter().fold(0xcbf2_9ce4_8422_2325, |hash: u64, frame| {
+        let mut module = Module {
+            path: std::ptr::null(),
+            base: std::ptr::null_mut(),
+            symbol: std::ptr::null(),
+            at: std::ptr::null(),
+        };
+        // SAFETY: any address may be asked for.
+        let found = unsafe { dladdr(*frame, &mut module) } != 0;
+        let offset = if found { *frame as u64 - module.base as u64 } else { 0 };
+        (hash ^ offset).wrapping_mul(0x0000_0100_0000_01b3)
+    })
+}

@@ -1,0 +1,525 @@
+//! Every Vulkan call of every operation of the library fails, one at a time, with each error that it may return: there is an
+//! error that names the call and what to do, nothing is left behind, the same operation succeeds afterwards, and poses are
+//! right.
+
+#[path = "common/gpu.rs"]
+mod gpu;
+#[allow(dead_code)] // nothing is drawn
+#[path = "../examples/draw/offscreen.rs"]
+mod offscreen;
+
+use deltamorph::after::{BoundsTarget, NormalsDesc, NormalsTarget, SkinDesc, SkinTarget};
+use deltamorph::ash::vk;
+use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
+use deltamorph::reference::{compare, evaluate};
+use deltamorph::{
+    AnimatedCrowd, AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, Error,
+    ErrorKind, GpuMesh, MorphEngine, PackedMesh, Playback, PoseFormat, ReadPose, Result, TargetSwap, UpdateDesc,
+    UpdatePath, WeightClip, testing,
+};
+use deltamorph_failing::{Control, NAME, calls::ERRORS, enable};
+use offscreen::Offscreen;
+use std::cell::{Cell, RefCell};
+use std::collections::BTreeSet;
+use std::process::Command;
+use vk::Result as Vk;
+
+const TARGETS: usize = 8;
+const VERTICES: usize = 300;
+
+/// Run a test in a process of its own in which the layer is loaded.
+fn with_layer(test: &str, body: impl FnOnce()) {
+    if std::env::var("VK_INSTANCE_LAYERS").is_ok_and(|layers| layers == NAME) {
+        return body();
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut command = Command::new(std::env::current_exe().expect("a path to this test"));
+    let output = enable(command.args([test, "--exact", "--nocapture"]), folder.path()).output().expect("it starts");
+    let [said, out] = [output.stderr, output.stdout].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
+    assert!(output.status.success() && out.contains("1 passed"), "{}\n{out}{said}", output.status);
+    println!("{out}");
+}
+
+/// Lavapipe, and the layer above it.
+fn device(validation: bool) -> (Headless, Control) {
+    let desc = HeadlessDesc::default().device(DeviceChoice::Name("llvmpipe".into())).validation(validation);
+    let headless = Headless::new(&desc).expect("a device: run the tests as ./with-vulkan cargo test");
+    let (instance, _, device) = headless.handles();
+    // SAFETY: both are alive, and belong together.
+    let control = unsafe { Control::of(instance, device.handle()) };
+    (headless, control)
+}
+
+/// What is wrong with an error about a call that returned `result`.
+fn wrong_with(error: &Error, call: &str, result: Vk) -> Option<String> {
+    let (text, kind) = (error.to_string(), error.kind());
+    // The allocator does not say which call it was; we say what the memory was for.
+    let names = text.contains(call)
+        || (["vkAllocateMemory", "vkMapMemory"].contains(&call) && text.starts_with("no memory for '"))
+        // Who does without a time learns of the loss from the next call.
+        || (call == "vkGetQueryPoolResults" && result == Vk::ERROR_DEVICE_LOST && text.contains("vkQueueSubmit failed"));
+    let memory =
+        [Vk::ERROR_OUT_OF_HOST_MEMORY, Vk::ERROR_OUT_OF_DEVICE_MEMORY, Vk::ERROR_OUT_OF_POOL_MEMORY].contains(&result);
+    let fits = match result {
+        Vk::ERROR_DEVICE_LOST => kind == ErrorKind::DeviceLost,
+        _ if memory => kind == ErrorKind::OutOfMemory && !text.contains("bug") && !text.contains("report this"),
+        _ => !matches!(kind, ErrorKind::Io | ErrorKind::Input | ErrorKind::DeviceLost),
+    };
+    (!names || !fits || !text.contains("; ")).then(|| format!("{kind:?}: {text}"))
+}
+
+/// Operations that fail, and what they work on.
+struct Lab<'a> {
+    headless: &'a Headless,
+    control: &'a Control,
+    failures: Cell<u32>,
+    wrong: RefCell<BTreeSet<String>>,
+}
+
+impl Lab<'_> {
+    /// Have each call of `operation`, on what `prepare` makes, fail with each error. The same operation follows in the same
+    /// command buffer, and `check` looks at what it made when it has run.
+    fn each<S, T>(
+        &self,
+        name: &str,
+        prepare: impl Fn() -> S,
+        operation: impl Fn(&mut S, vk::CommandBuffer) -> Result<T>,
+        check: impl Fn(S, T),
+    ) {
+        let before = self.failures.get();
+        // Devices are lost while they work, not while commands are recorded.
+        for error in ERRORS.into_iter().filter(|error| *error != Vk::ERROR_DEVICE_LOST) {
+            for at in 1.. {
+                let (mut state, mut failed) = (prepare(), false);
+                let done = self.headless.run(|cmd| {
+                    let alive = self.control.counts().alive;
+                    self.control.arm(&format!("*:{at}:{error:?}"));
+                    let tried = operation(&mut state, cmd);
+                    let counts = self.control.counts();
+                    self.control.arm("");
+                    failed = counts.failed > 0;
+                    let what = format!("{name}, {} returns {error:?}", counts.call());
+                    match tried {
+                        Err(e) if failed => {
+                            self.failures.set(self.failures.get() + 1);
+                            let wrong = wrong_with(&e, counts.call(), error).map(|wrong| format!("{what}: {wrong}"));
+                            self.wrong.borrow_mut().extend(wrong);
+                            // Kernels that were made stay with the engine, for the next crowd.
+                            let kernels =
+                                name.starts_with("create") || name.starts_with("grow") || name.starts_with("set");
+                            assert!(kernels || counts.alive == alive, "{what}: {alive} objects, then {}", counts.alive);
+                            operation(&mut state, cmd)
+                        }
+                        // Lists that prefer the device's memory may be in the host's.
+                        Ok(_) if failed => {
+                            assert!(["vkAllocateMemory", "vkMapMemory"].contains(&counts.call()), "{what}: nothing");
+                            tried
+                        }
+                        _ => tried,
+                    }
+                });
+                check(state, done.unwrap_or_else(|e| panic!("{name}, call {at}, {error:?}, again: {e}")));
+                if !failed {
+                    break;
+                }
+            }
+        }
+        println!("{name}: {} failures", self.failures.get() - before);
+    }
+
+    fn engine(&self) -> MorphEngine {
+        engine(self.headless).expect("an engine")
+    }
+
+    fn upload(&self, engine: &MorphEngine, mesh: &PackedMesh) -> GpuMesh {
+        // SAFETY: the buffer is recording, runs once, and is waited for.
+        let mut gpu = self.headless.run(|cmd| unsafe { engine.upload(cmd, mesh) }).expect("an upload");
+        // SAFETY: it has run.
+        unsafe { gpu.release_staging() };
+        gpu
+    }
+
+    /// Update a crowd, and compare its poses with the reference.
+    fn verify(&self, engine: &MorphEngine, crowd: &mut impl AnyCrowd, mesh: &PackedMesh, asked: &[Vec<f32>]) {
+        let mut readback = engine.readback();
+        let all: Vec<u32> = (0..asked.len() as u32).collect();
+        // SAFETY: the buffer is recording, runs once, and is waited for.
+        let ran = self.headless.run(|cmd| unsafe {
+            engine.record_update(cmd, crowd)?;
+            readback.record(cmd, crowd, &all)
+        });
+        ran.expect("an update");
+        // SAFETY: it has run.
+        assert_right(unsafe { readback.poses() }.expect("poses"), mesh, asked);
+    }
+
+    /// Ask each instance for something else, and verify.
+    fn pose(&self, engine: &MorphEngine, crowd: &mut Crowd, mesh: &PackedMesh, frame: usize) {
+        let asked: Vec<_> = crowd.shown().map(|i| weights(frame + i as usize)).collect();
+        (0..).zip(&asked).for_each(|(i, weights)| crowd.set_weights(i, weights).expect("weights"));
+        self.verify(engine, crowd, mesh, &asked);
+    }
+}
+
+fn engine(headless: &Headless) -> Result<MorphEngine> {
+    let (instance, physical, device) = headless.handles();
+    let caps = headless.caps();
+    let desc = DeviceDesc::new(instance, physical, device).caps(Some(caps.clone()));
+    let desc = desc.transform_feedback_enabled(caps.transform_feedback.is_some());
+    // SAFETY: the handles belong together, and outlive the engine, which goes before the test ends.
+    unsafe { MorphEngine::new(&desc) }
+}
+
+fn weights(frame: usize) -> Vec<f32> {
+    (0..TARGETS).map(|t| ((t * 7 + frame * 3) % 5) as f32 / 5.0).collect()
+}
+
+fn assert_right(poses: Vec<ReadPose>, mesh: &PackedMesh, asked: &[Vec<f32>]) {
+    assert_eq!(poses.len(), asked.len());
+    for pose in poses {
+        let off = compare(&pose.vertices, &evaluate(mesh, &asked[pose.instance as usize])).position;
+        assert!(off <= 1e-4 * f64::from(mesh.layout().diagonal), "instance {} is off by {off}", pose.instance);
+    }
+}
+
+fn packed(engine: &MorphEngine, format: DeltaFormat) -> PackedMesh {
+    gpu::packed(engine, &testing::mesh(VERTICES, TARGETS), format)
+}
+
+/// Names, formats and updates of all kinds of crowds.
+fn kinds() -> [(&'static str, DeltaFormat, UpdateDesc); 4] {
+    let dense = |path| UpdateDesc::new(path, BatchSize::Targets(3));
+    [
+        ("blocks", DeltaFormat::Fast, UpdateDesc::blocks()),
+        ("blocks, fixed16", DeltaFormat::Small, UpdateDesc::blocks().pose(PoseFormat::Fixed16)),
+        ("compute", DeltaFormat::Float32, dense(UpdatePath::Compute)),
+        ("feedback", DeltaFormat::Float32, dense(UpdatePath::Feedback)),
+    ]
+}
+
+/// Run `test` with the validation layer beneath, and see that nothing is left.
+fn in_lab(test: impl Fn(&Lab<'_>)) {
+    let (headless, control) = device(true);
+    let bare = control.counts().alive;
+    let lab = Lab { headless: &headless, control: &control, failures: Cell::new(0), wrong: RefCell::default() };
+    test(&lab);
+    let counts = control.counts();
+    assert_eq!((counts.alive, counts.unknown), (bare, 0));
+    assert!(lab.failures.get() > 0);
+    let messages = gpu::complaints(&headless);
+    assert!(messages.is_empty(), "{}", messages.join("\n"));
+    assert_none(lab.wrong.into_inner());
+    println!("{} failures in all", lab.failures.get());
+}
+
+fn assert_none(wrong: BTreeSet<String>) {
+    assert!(wrong.is_empty(), "{} wrong:\n{}", wrong.len(), wrong.into_iter().collect::<Vec<_>>().join("\n"));
+}
+
+#[test]
+fn engines_meshes_and_crowds_are_made_or_not() {
+    with_layer("engines_meshes_and_crowds_are_made_or_not", || {
+        in_lab(|lab| {
+            lab.each("MorphEngine::new", || (), |(), _| engine(lab.headless), |(), _| ());
+            for (kind, format, update) in kinds() {
+                crowds(lab, kind, format, update);
+            }
+        });
+    });
+}
+
+fn crowds(lab: &Lab<'_>, kind: &str, format: DeltaFormat, update: UpdateDesc) {
+    let engine = &lab.engine();
+    let mesh = &packed(engine, format);
+    lab.each(
+        &format!("upload, {kind}"),
+        || (),
+        // SAFETY: the buffer is recording, runs once, and is waited for; so below.
+        |(), cmd| unsafe { engine.upload(cmd, mesh) },
+        |(), gpu| {
+            let mut crowd = engine.create_crowd(&gpu, &CrowdDesc::new(update)).expect("a crowd");
+            lab.pose(engine, &mut crowd, mesh, 1);
+        },
+    );
+    let desc = CrowdDesc::new(update).instances(3);
+    lab.each(
+        &format!("create_crowd, {kind}"),
+        || {
+            // A new engine, which has no kernels yet.
+            let engine = lab.engine();
+            (lab.upload(&engine, mesh), engine)
+        },
+        |(gpu, engine), _| engine.create_crowd(gpu, &desc),
+        |(_, engine), mut crowd| lab.pose(&engine, &mut crowd, mesh, 2),
+    );
+    let gpu = lab.upload(engine, mesh);
+    let crowd = || {
+        let mut crowd = engine.create_crowd(&gpu, &desc).expect("a crowd");
+        lab.pose(engine, &mut crowd, mesh, 3);
+        crowd
+    };
+    lab.each(
+        &format!("grow_crowd, {kind}"),
+        crowd,
+        |crowd, _| {
+            let grown = engine.grow_crowd(crowd, &desc.instances(5));
+            assert_eq!(crowd.desc().instances, if grown.is_ok() { 5 } else { 3 });
+            grown
+        },
+        |mut crowd, _| {
+            crowd.add().expect("a place");
+            lab.pose(engine, &mut crowd, mesh, 4);
+        },
+    );
+    lab.each(
+        &format!("readback, {kind}"),
+        crowd,
+        |crowd, cmd| {
+            let mut readback = engine.readback();
+            // SAFETY: as above.
+            unsafe { readback.record(cmd, crowd, &[0, 1, 2]) }.map(|()| readback)
+        },
+        |_, mut readback| {
+            // SAFETY: it has run.
+            let poses = unsafe { readback.poses() }.expect("poses");
+            assert_right(poses, mesh, &[weights(3), weights(4), weights(5)]);
+        },
+    );
+    // Updates need nothing that may fail, of several crowds together either.
+    let none = lab.failures.get();
+    lab.each(
+        &format!("record_updates, {kind}"),
+        || [crowd(), crowd()],
+        |[a, b], cmd| {
+            (0..3).try_for_each(|i| a.set_weights(i, &weights(6)).and(b.set_weights(i, &weights(7))))?;
+            // SAFETY: as above.
+            unsafe { engine.record_updates(cmd, &mut [a, b]) }
+        },
+        |crowds, _| crowds.into_iter().for_each(|mut crowd| lab.pose(engine, &mut crowd, mesh, 8)),
+    );
+    assert_eq!(lab.failures.get(), none);
+}
+
+#[test]
+fn steps_after_the_pose_are_set_or_not() {
+    with_layer("steps_after_the_pose_are_set_or_not", || {
+        in_lab(|lab| {
+            for (kind, format, update) in &kinds()[..2] {
+                steps(lab, kind, *format, *update);
+            }
+        });
+    });
+}
+
+fn steps(lab: &Lab<'_>, kind: &str, format: DeltaFormat, update: UpdateDesc) {
+    let (engine, host) = (&lab.engine(), Offscreen::new(lab.headless, 1, vk::Format::R8G8B8A8_UNORM).expect("a host"));
+    let mesh = &packed(engine, format);
+    let corners: Vec<u32> = (0..VERTICES as u32 / 3 * 3).collect();
+    let (joints, shares) = (vec![0; 4 * VERTICES], [1.0, 0.0, 0.0, 0.0].repeat(VERTICES));
+    let (normals, skin) = (NormalsDesc::new(&corners), SkinDesc::new(4, 1, &joints, &shares));
+    // SAFETY: the buffer is recording, runs once, and is waited for.
+    let upload_normals = |cmd| unsafe { engine.upload_normals(cmd, mesh, &normals) };
+    // SAFETY: as above.
+    let upload_skin = |cmd| unsafe { engine.upload_skin(cmd, mesh, &skin) };
+    lab.each(&format!("upload_normals, {kind}"), || (), |(), cmd| upload_normals(cmd), |(), _| ());
+    lab.each(&format!("upload_skin, {kind}"), || (), |(), cmd| upload_skin(cmd), |(), _| ());
+    let normals = lab.headless.run(upload_normals).expect("an upload");
+    let skin = lab.headless.run(upload_skin).expect("an upload");
+    let buffer = host.shared(1 << 16, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer").buffer;
+    let set = |name: &str, set: &dyn Fn(&MorphEngine, &mut Crowd) -> Result<()>| {
+        lab.each(
+            &format!("{name}, {kind}"),
+            || {
+                // A new engine, which has no kernels yet, for the steps that need nothing of another.
+                let own = ["set_decode_target", "set_bounds_target"].contains(&name).then(|| lab.engine());
+                let engine = own.as_ref().unwrap_or(engine);
+                let gpu = lab.upload(engine, mesh);
+                let mut crowd = engine.create_crowd(&gpu, &CrowdDesc::new(update)).expect("a crowd");
+                lab.pose(engine, &mut crowd, mesh, 1);
+                (crowd, own)
+            },
+            |(crowd, own), _| set(own.as_ref().unwrap_or(engine), crowd),
+            |(mut crowd, own), ()| {
+                let engine = own.as_ref().unwrap_or(engine);
+                lab.pose(engine, &mut crowd, mesh, 2);
+                lab.pose(engine, &mut crowd, mesh, 3);
+            },
+        );
+    };
+    // SAFETY: the buffer is large enough, and goes after the crowds; nothing is running. So below.
+    set("set_decode_target", &|e, crowd| unsafe { e.set_decode_target(crowd, 0, Some(&DecodeTarget::new(buffer))) });
+    // SAFETY: as above.
+    set("set_bounds_target", &|e, crowd| unsafe { e.set_bounds_target(crowd, 0, Some(&BoundsTarget::new(buffer))) });
+    let target = NormalsTarget::new(buffer);
+    // SAFETY: as above.
+    set("set_normals_target", &|e, crowd| unsafe { e.set_normals_target(crowd, 0, Some((&normals, &target))) });
+    let joints = host.shared(48, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer").buffer;
+    let target = SkinTarget::new(buffer, joints, 48);
+    // SAFETY: as above.
+    set("set_skin_target", &|e, crowd| unsafe { e.set_skin_target(crowd, 0, Some((&skin, &target))) });
+}
+
+#[test]
+fn animated_crowds_are_made_and_grow_or_not() {
+    with_layer("animated_crowds_are_made_and_grow_or_not", || in_lab(animated));
+}
+
+fn animated(lab: &Lab<'_>) {
+    let engine = &lab.engine();
+    let mesh = &packed(engine, DeltaFormat::Fast);
+    let names = mesh.layout().targets.iter().map(|target| target.name.clone()).collect();
+    let clip = WeightClip { names, fps: 1.0, values: (0..4).flat_map(weights).collect(), ..WeightClip::default() };
+    let clips = [clip];
+    let animation = AnimationDesc::new(&clips);
+    let desc = CrowdDesc::new(UpdateDesc::blocks().pose(PoseFormat::Fixed16)).instances(2);
+    let play = |engine: &MorphEngine, crowd: &mut AnimatedCrowd, count: u32| {
+        // SAFETY: the uploads have run.
+        unsafe { crowd.release_staging() };
+        (0..count).for_each(|i| crowd.play(i, &Playback::new(0)).expect("a clip"));
+        for frame in 1..3 {
+            crowd.set_time(frame as f64).expect("a time");
+            lab.verify(engine, crowd, mesh, &vec![weights(frame); count as usize]);
+        }
+    };
+    lab.each(
+        "create_animated_crowd",
+        || {
+            let engine = lab.engine();
+            (lab.upload(&engine, mesh), engine)
+        },
+        // SAFETY: the buffer is recording, runs once, and is waited for; so below.
+        |(gpu, engine), cmd| unsafe { engine.create_animated_crowd(cmd, gpu, &desc, &animation) },
+        |(_, engine), mut crowd| play(&engine, &mut crowd, 2),
+    );
+    let gpu = lab.upload(engine, mesh);
+    lab.each(
+        "grow_animated_crowd",
+        || {
+            // SAFETY: as above.
+            let crowd = lab.headless.run(|cmd| unsafe { engine.create_animated_crowd(cmd, &gpu, &desc, &animation) });
+            let mut crowd = crowd.expect("a crowd");
+            play(engine, &mut crowd, 2);
+            crowd
+        },
+        |crowd, cmd| {
+            // SAFETY: as above.
+            let grown = unsafe { engine.grow_animated_crowd(cmd, crowd, &desc.instances(4)) };
+            assert_eq!(crowd.desc().instances, if grown.is_ok() { 4 } else { 2 });
+            grown
+        },
+        |mut crowd, _| {
+            (2..4).for_each(|i| assert_eq!(crowd.add().expect("a place"), i));
+            play(engine, &mut crowd, 4);
+        },
+    );
+}
+
+#[test]
+fn targets_come_and_go_or_not() {
+    with_layer("targets_come_and_go_or_not", || {
+        in_lab(|lab| {
+            let engine = &lab.engine();
+            let mesh = &packed(engine, DeltaFormat::Small);
+            let all: u64 = (0..TARGETS).map(|t| mesh.target_bytes(t)).sum();
+            lab.each(
+                "upload_resident",
+                || (),
+                // SAFETY: the buffer is recording, runs once, and is waited for; so below.
+                |(), cmd| unsafe { engine.upload_resident(cmd, mesh, all) },
+                |(), _| (),
+            );
+            lab.each(
+                "record_swap",
+                || {
+                    // SAFETY: as above.
+                    let gpu = lab.headless.run(|cmd| unsafe { engine.upload_resident(cmd, mesh, all) });
+                    let gpu = gpu.expect("an upload");
+                    (engine.create_crowd(&gpu, &CrowdDesc::new(UpdateDesc::blocks())).expect("a crowd"), gpu)
+                },
+                |(_, gpu), cmd| {
+                    // SAFETY: as above.
+                    let swap = unsafe { engine.record_swap(cmd, gpu, mesh, &TargetSwap::default().load(&[0, 1, 3])) };
+                    assert!((0..TARGETS).all(|t| gpu.is_resident(t) == (swap.is_ok() && [0, 1, 3].contains(&t))));
+                    swap
+                },
+                |(mut crowd, _), _| {
+                    let mut asked = vec![0.0; TARGETS];
+                    (asked[0], asked[3]) = (0.5, 1.0);
+                    crowd.set_weights(0, &asked).expect("weights");
+                    lab.verify(engine, &mut crowd, mesh, &[asked]);
+                },
+            );
+        });
+    });
+}
+
+/// A crowd is made, stepped and read, with one call failing; what failed is tried again, until the device is lost.
+fn headless_run(
+    (headless, control): &(Headless, Control),
+    mesh: &PackedMesh,
+    update: UpdateDesc,
+    error: Vk,
+    wrong: &mut BTreeSet<String>,
+) {
+    let mut attempt = |failed: Error| -> Option<()> {
+        wrong.extend(wrong_with(&failed, control.counts().call(), error));
+        (error != Vk::ERROR_DEVICE_LOST).then_some(())
+    };
+    let mut steps = || -> Option<()> {
+        let new = || HeadlessCrowd::new(headless, mesh, &CrowdDesc::new(update));
+        let mut crowd = match new() {
+            Err(e) => attempt(e).map(|()| new().expect("a crowd"))?,
+            Ok(crowd) => crowd,
+        };
+        for frame in 0..3 {
+            let weights = weights(frame);
+            if let Err(e) = crowd.step(&[&weights]) {
+                attempt(e)?;
+                crowd.step(&[&weights]).expect("a step");
+            }
+            let pose = match crowd.read_pose(0) {
+                Err(e) => attempt(e).map(|()| crowd.read_pose(0).expect("a pose"))?,
+                Ok(pose) => pose,
+            };
+            let off = compare(&pose, &evaluate(mesh, &weights)).position;
+            assert!(off <= 1e-4 * f64::from(mesh.layout().diagonal), "off by {off} after {}", control.counts().call());
+        }
+        Some(())
+    };
+    steps();
+}
+
+#[test]
+fn headless_crowds_are_made_stepped_and_read_or_not() {
+    with_layer("headless_crowds_are_made_stepped_and_read_or_not", || {
+        let (mut failures, mut wrong) = (0, BTreeSet::new());
+        for (_, format, update) in kinds() {
+            let mut made = device(false);
+            for error in ERRORS {
+                for at in 1.. {
+                    if error == Vk::ERROR_DEVICE_LOST {
+                        drop(made);
+                        made = device(false);
+                    }
+                    let (headless, control) = &made;
+                    let mesh = packed(headless.engine(), format);
+                    control.arm(&format!("*:{at}:{error:?}"));
+                    let alive = control.counts().alive;
+                    headless_run(&made, &mesh, update, error, &mut wrong);
+                    let counts = control.counts();
+                    control.arm("");
+                    // The engine keeps kernels.
+                    assert!(counts.alive >= alive && counts.unknown + counts.leaked == 0, "{counts:?}");
+                    if counts.failed == 0 {
+                        break;
+                    }
+                    failures += 1;
+                }
+            }
+        }
+        // What is left of the last device is seen when it goes, by the next.
+        assert_eq!(device(false).1.counts().leaked, 0);
+        assert_none(wrong);
+        println!("{failures} failures");
+    });
+}
