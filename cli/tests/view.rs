@@ -6,8 +6,11 @@
 
 #[path = "common/cli.rs"]
 mod cli;
+#[path = "common/display.rs"]
+mod display;
 
 use cli::sample;
+use display::Display;
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::fs::File;
@@ -18,26 +21,7 @@ use std::process::{Child, Command, Output, Stdio};
 /// A small head that has the targets of ARKit.
 const MESH: [&str; 4] = ["--vertices", "2500", "--targets", "52"];
 
-/// An X server of our own, on a display that was free.
-struct Display {
-    server: Child,
-    name: String,
-}
-
 impl Display {
-    fn new() -> Self {
-        let mut server = Command::new("Xvfb")
-            .args(["-displayfd", "1", "-screen", "0", "1600x1200x24", "-nolisten", "tcp", "-noreset"])
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("Xvfb: ./with-vulkan installs it for `cargo test`");
-        let mut number = String::new();
-        BufReader::new(server.stdout.take().expect("a pipe")).read_line(&mut number).expect("a display");
-        assert!(!number.trim().is_empty(), "Xvfb found no display");
-        Self { server, name: format!(":{}", number.trim()) }
-    }
-
     /// The program in a window here, on lavapipe: SwiftShader has no surfaces of the kind that windows are.
     fn command(&self, args: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_deltamorph"));
@@ -57,13 +41,6 @@ impl Display {
         let said = error_lines(&out);
         assert!(out.status.success() && said.is_empty(), "{name}: {said}");
         String::from_utf8(out.stdout).expect("text")
-    }
-}
-
-impl Drop for Display {
-    fn drop(&mut self) {
-        let _ = self.server.kill();
-        let _ = self.server.wait();
     }
 }
 

@@ -1,0 +1,287 @@
+//! The program and the examples when Vulkan calls fail: each place that calls, with each error that the specification allows
+//! there. A run ends with a message that names the call and exit code 1, or nothing was lost and its result is that of a run
+//! in which nothing fails; it never crashes, hangs, leaks or destroys twice.
+//!
+//! `DELTAMORPH_FAILING=N` takes N failures of each command, spread evenly over its calls, `DELTAMORPH_FAILING=all` all of
+//! them, an hour on two cores; both write docs/results/failing.md. Without it there are a few, and no C.
+#![cfg(feature = "viewer")]
+
+#[path = "common/cli.rs"]
+mod cli;
+#[path = "common/display.rs"]
+mod display;
+
+use deltamorph::ash::vk::Result as Vk;
+use deltamorph_failing::sweep::{Fault, Run, faults};
+use display::Display;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+
+/// A command, which runs in the folder for what it makes.
+struct Case {
+    name: &'static str,
+    program: PathBuf,
+    args: Vec<String>,
+    environment: Vec<(&'static str, String)>,
+    /// No path is named, so that where there is no driver the cpu is right.
+    any_path: bool,
+    /// Ends where a call fails, without tearing down.
+    ends_at_once: bool,
+    /// What lacks memory while it is set up may be skipped, as long as each path ran.
+    may_skip: bool,
+}
+
+impl Case {
+    fn new(name: &'static str, args: &str) -> Self {
+        let args = args.split(' ').map(str::to_owned).collect();
+        let program = env!("CARGO_BIN_EXE_deltamorph").into();
+        Self { name, program, args, environment: vec![], any_path: false, ends_at_once: false, may_skip: false }
+    }
+
+    fn command(&self, folder: &Path) -> Command {
+        let mut command = Command::new(&self.program);
+        command.args(&self.args).current_dir(folder);
+        command.envs(self.environment.iter().map(|(name, value)| (name, value)));
+        command
+    }
+
+    fn run(&self, fault: Option<&Fault>) -> Run {
+        let folder = tempfile::tempdir().expect("a folder");
+        Run::new(folder.path(), |own| self.command(own), fault)
+    }
+}
+
+/// The folder of the profile, with examples and libraries.
+fn built() -> PathBuf {
+    let test = std::env::current_exe().expect("a path to this test");
+    test.ancestors().nth(2).expect("target/PROFILE").to_path_buf()
+}
+
+fn cases(folder: &Path, display: &Display, with_c: bool) -> Vec<Case> {
+    let (head, clip, script) = (folder.join("head"), folder.join("clip.csv"), folder.join("script"));
+    let head = head.to_str().expect("UTF-8");
+    cli::ok(&["sample", head, "--vertices", "300", "--targets", "8", "--frames", "3", "--quiet"]);
+    let mut clips = std::fs::read_dir(Path::new(head).join("weights")).expect("clips");
+    std::fs::copy(clips.next().expect("a clip").expect("a file").path(), &clip).expect("a copy");
+    let text = "set eyeBlinkLeft 1\nframes 2\npath cpu\nframes 2\npath blocks\nheads 2\nframes 2\nscreenshot a.png\n";
+    std::fs::write(&script, text).expect("a script");
+    let (clip, on) = (clip.to_str().expect("UTF-8"), "--device llvmpipe --quiet");
+    let play = |name, rest: &str| {
+        Case::new(name, &format!("play {head} --weights {clip} --json a.json {on} {rest}").trim_end().to_owned())
+    };
+    let mut all = vec![
+        Case { any_path: true, ..Case::new("devices", "devices --json a.json") },
+        Case::new("apply", &format!("apply {head} --set eyeBlinkLeft=1 -o a.obj --path blocks {on}")),
+        Case { any_path: true, ..play("play", "") },
+        play("play compute", "--path compute --format snorm16"),
+        play("play feedback", "--path feedback --format float32"),
+        play("play animated", "--path blocks --animated --pose fixed16"),
+        Case::new("soak", &format!("soak {head} --frames 3 --path blocks --json a.json {on}")),
+        Case::new("render", &format!("render {head} --set eyeBlinkLeft=1 --path blocks -o a.png --size 64x64 {on}")),
+        Case::new(
+            "render clip",
+            &format!("render {head} --weights {clip} --path blocks --clip a.png --size 64x64 {on}"),
+        ),
+        Case {
+            may_skip: true,
+            ..Case::new(
+                "bench",
+                &format!(
+                    "bench --vertices 300 --targets 8 --frames 3 --paths blocks,compute,feedback,cpu --changed 2 \
+                     --batch-sizes max --no-report --json a.json {on}"
+                ),
+            )
+        },
+        Case {
+            environment: vec![("DISPLAY", display.name.clone()), ("WAYLAND_DISPLAY", String::new())],
+            ..Case::new("view", &format!("view {head} --script {} --device llvmpipe", script.display()))
+        },
+        Case { program: built().join("examples/minimal"), ..Case::new("minimal.rs", "llvmpipe") },
+    ];
+    assert!(all[11].program.is_file(), "cargo build --example minimal");
+    if with_c {
+        let program = c_program(folder);
+        let environment = vec![("LD_LIBRARY_PATH", built().display().to_string())];
+        all.push(Case { program, environment, ends_at_once: true, ..Case::new("minimal.c", "- llvmpipe") });
+    }
+    all
+}
+
+fn c_program(folder: &Path) -> PathBuf {
+    let (program, target) = (folder.join("program"), built());
+    let mut cargo = Command::new(env!("CARGO"));
+    cargo.args(["build", "--package", "deltamorph-c", "--target-dir"]).arg(target.parent().expect("target"));
+    assert!(cargo.current_dir(ROOT).status().expect("cargo").success());
+    let mut cc = Command::new("cc");
+    cc.args(["-std=c99", "-Iinclude", "examples/c/minimal.c", "-ldeltamorph_c", "-lvulkan", "-lm", "-L"]).arg(target);
+    assert!(cc.arg("-o").arg(&program).current_dir(ROOT).status().expect("cc").success());
+    program
+}
+
+/// What a run made, as far as each run makes the same: of JSON which paths ran, and on which device.
+fn result(run: &Run) -> BTreeMap<&str, BTreeSet<&[u8]>> {
+    fn is_kept(line: &&[u8]) -> bool {
+        let kept = ["\"path\"", "\"device\"", "\"driver\"", "\"name\"", "\"transform_feedback\""];
+        kept.iter().any(|key| line.windows(key.len()).any(|part| part == key.as_bytes()))
+    }
+    let mut result = BTreeMap::new();
+    for (name, bytes) in &run.files {
+        let parts = match name.ends_with(".json") {
+            true => bytes.split(|byte| *byte == b'\n').filter(is_kept).collect(),
+            false => BTreeSet::from([&bytes[..]]),
+        };
+        result.insert(name.as_str(), parts);
+    }
+    result
+}
+
+/// Failures that a run gets over, with the same result.
+fn may_be_absorbed(Fault { call, error, .. }: &Fault) -> bool {
+    match call.as_str() {
+        // Another way to wait, or to the same memory.
+        "vkWaitForFences" | "vkQueueWaitIdle" => *error != Vk::ERROR_DEVICE_LOST,
+        "vkAllocateMemory" | "vkMapMemory" => true,
+        // Times that are not known; the last wait, when all is done.
+        "vkGetQueryPoolResults" | "vkDeviceWaitIdle" => true,
+        // The next frame has a new swapchain; another format.
+        "vkAcquireNextImageKHR" | "vkQueuePresentKHR" => *error == Vk::ERROR_OUT_OF_DATE_KHR,
+        "vkGetPhysicalDeviceImageFormatProperties" => *error == Vk::ERROR_FORMAT_NOT_SUPPORTED,
+        _ => false,
+    }
+}
+
+/// How it ended, if that is right: `e` with an error, `p` with one of the panel's, `=` with the same result, `-` the call did
+/// not come.
+fn judge(case: &Case, clean: &Run, run: &Run, fault: &Fault) -> Result<char, String> {
+    let said = run.said.trim_end();
+    let last = said.lines().rfind(|line| !line.starts_with("note")).unwrap_or("nothing");
+    // The panel of the window is drawn by a crate, whose errors name no call, and which leaks what it was making.
+    let of_panel = case.name == "view" && said.contains("the panel cannot be drawn: A Vulkan error");
+    if let Some(defect) = run.defect().filter(|defect| !(of_panel && *defect == "leaks")) {
+        return Err(format!("{defect}: {last}"));
+    }
+    if !run.failed() {
+        return Ok('-');
+    }
+    let no_driver = fault.error == Vk::ERROR_INCOMPATIBLE_DRIVER;
+    match run.status.and_then(|status| status.code()) {
+        Some(0) if no_driver && case.any_path => Ok('='),
+        Some(0) if !may_be_absorbed(fault) && !(case.may_skip && fault.error != Vk::ERROR_DEVICE_LOST) => {
+            Err(format!("exit 0: {last}"))
+        }
+        Some(0) if result(run) != result(clean) => Err(format!("exit 0, with another result: {last}")),
+        Some(0 | 1) if run.left() > 0 && !case.ends_at_once => Err(format!("does not destroy its device: {last}")),
+        Some(0) => Ok('='),
+        Some(1) if of_panel => Ok('p'),
+        Some(1) => {
+            let memory = ["vkAllocateMemory", "vkMapMemory"].contains(&fault.call.as_str());
+            let lost = fault.error == Vk::ERROR_DEVICE_LOST;
+            // Who gets over one call learns of a lost device from the next.
+            let next = lost && may_be_absorbed(fault) && said.contains("failed: ERROR_DEVICE_LOST");
+            // The loader asks for extensions when it makes a device, too.
+            let asks = fault.call == "vkEnumerateDeviceExtensionProperties" && said.contains("vkCreateDevice failed");
+            let names = said.contains(&fault.call) || next || asks || memory && said.contains("no memory for '");
+            match () {
+                () if !names && !no_driver => Err(format!("does not name the call: {last}")),
+                () if lost && (last.contains("fewer") || last.contains("close other")) => {
+                    Err(format!("remedy: {last}"))
+                }
+                () => Ok('e'),
+            }
+        }
+        code => Err(format!("exit {code:?}: {last}")),
+    }
+}
+
+/// `most` of them, as evenly as can be.
+fn spread(all: Vec<Fault>, most: usize) -> Vec<Fault> {
+    let (count, most) = (all.len(), most.min(all.len()));
+    (0..most).map(|i| all[(2 * i + 1) * count / (2 * most)].clone()).collect()
+}
+
+#[test]
+fn a_call_that_fails_is_an_error_that_names_it() {
+    let asked = std::env::var("DELTAMORPH_FAILING").ok();
+    let most = match asked.as_deref() {
+        None => 8,
+        Some("all") => usize::MAX,
+        Some(number) => number.parse().expect("DELTAMORPH_FAILING=all, or a number"),
+    };
+    let (folder, display) = (tempfile::tempdir().expect("a folder"), Display::new());
+    let cases = cases(folder.path(), &display, asked.is_some());
+    let clean: Vec<Run> = cases.iter().map(|case| case.run(None)).collect();
+    let (mut jobs, mut possible) = (vec![], 0);
+    for (case, clean) in cases.iter().zip(&clean) {
+        let right = clean.status.is_some_and(|status| status.success()) && clean.defect().is_none();
+        assert!(right && clean.left() == 0, "{}: {:?} {:?} {}", case.name, clean.status, clean.defect(), clean.said);
+        let all = faults(&clean.places());
+        possible += all.len();
+        jobs.extend(spread(all, most).into_iter().map(|fault| (case, clean, fault)));
+    }
+    let (next, done) = (AtomicUsize::new(0), Mutex::new(vec![]));
+    std::thread::scope(|scope| {
+        for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
+            scope.spawn(|| {
+                while let Some((case, clean, fault)) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let outcome = judge(case, clean, &case.run(Some(fault)), fault);
+                    done.lock().expect("no panic").push((case.name, fault, outcome));
+                }
+            });
+        }
+    });
+    let done = done.into_inner().expect("no panic");
+    let mut wrong: Vec<String> = vec![];
+    for (case, Fault { call, at, error }, outcome) in &done {
+        if let Err(problem) = outcome {
+            wrong.push(format!("{case}, {call}:{at}:{error:?}: {problem}"));
+        }
+    }
+    wrong.sort_unstable();
+    if asked.is_some() {
+        let names: Vec<_> = cases.iter().map(|case| case.name).collect();
+        let text = table(&names, &done, possible, &wrong);
+        std::fs::write(Path::new(ROOT).join("docs/results/failing.md"), text).expect("the table");
+    }
+    println!("{} of {possible} failures, {} wrong", done.len(), wrong.len());
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+type Done<'a> = [(&'a str, &'a Fault, Result<char, String>)];
+
+fn table(cases: &[&str], done: &Done<'_>, possible: usize, wrong: &[String]) -> String {
+    let mut cells: BTreeMap<&str, BTreeMap<&str, BTreeMap<char, usize>>> = BTreeMap::new();
+    for (case, fault, outcome) in done {
+        let outcome = *outcome.as_ref().unwrap_or(&'!');
+        *cells.entry(&fault.call).or_default().entry(case).or_default().entry(outcome).or_default() += 1;
+    }
+    let mut text = format!(
+        "# Vulkan calls that fail\n\n\
+         Written by `DELTAMORPH_FAILING=all ./with-vulkan cargo test -p deltamorph-cli --test failing`: {} of {possible}\n\
+         failures, {} of them wrong. Each place that calls fails the first and the last time that it does, with each error\n\
+         that the specification allows for it. The library's operations, which are tried again afterwards, are in\n\
+         tests/failing_calls.rs.\n\n\
+         `e`: a message that names the call, exit code 1. `p`: the same, of the crate that draws the panel\n\
+         of the window, which names no call, and leaks. `=`: the same result as without a failure, exit code 0. `-`: the call\n\
+         did not come. `!`: wrong. No other run may leak, and none may crash, hang or destroy twice.\n\n",
+        done.len(),
+        wrong.len()
+    );
+    writeln!(text, "| call | {} |\n|{}", cases.join(" | "), "---|".repeat(cases.len() + 1)).expect("text");
+    for (call, row) in cells {
+        let cell = |case: &&str| {
+            let counts = row.get(case).into_iter().flatten();
+            counts.map(|(outcome, count)| format!("{count} {outcome}")).collect::<Vec<_>>().join(", ")
+        };
+        writeln!(text, "| {call} | {} |", cases.iter().map(cell).collect::<Vec<_>>().join(" | ")).expect("text");
+    }
+    if !wrong.is_empty() {
+        writeln!(text, "\n## Wrong\n\n- {}", wrong.join("\n- ")).expect("text");
+    }
+    text
+}
