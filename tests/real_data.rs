@@ -112,11 +112,13 @@ fn facecap_head_plays_the_captured_take() {
 }
 
 #[test]
+#[ignore = "a minute: .ci/deep"]
 fn ict_facekit_plays_the_captured_take() {
     whole_clip("ict_facekit", "facecap_30fps.csv");
 }
 
 #[test]
+#[ignore = "a minute: .ci/deep"]
 fn makehuman_plays_the_captured_take() {
     whole_clip("makehuman_face", "facecap_30fps.csv");
 }
