@@ -41,7 +41,7 @@ fn planning(c: &mut Criterion) {
             ("compute, batch 16", UpdatePath::Compute, BatchSize::Targets(16)),
         ] {
             let desc = UpdateDesc::new(path, batch);
-            let (mut plan, mut history) = (Plan::default(), History::new(desc.slots));
+            let (mut plan, mut history) = (Plan::default(), History::new(desc.slots, 1));
             let mut frame = 200;
             // Buffers are kept from frame to frame, as the engine keeps them.
             let mut update = |frame: u64| {
@@ -79,7 +79,7 @@ fn plan_blocks(c: &mut Criterion, name: &str, mesh: &MorphMesh, frames: &[Vec<f3
         let packed = PackedMesh::pack(mesh, &PackDesc::new(format)).expect("a mesh that packs");
         let desc = UpdateDesc::blocks().pose(pose);
         let mut planner = Planner::new(desc, [packed.layout()], 1).expect("a description that is right");
-        let mut instances = Instances::new(1, mesh.targets.len(), desc.slots);
+        let mut instances = Instances::new(1, mesh.targets.len(), desc.slots, 1);
         let mut number = 0;
         let mut frame = |weights: &[f32]| {
             number += 1;

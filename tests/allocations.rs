@@ -22,7 +22,7 @@ fn planning_in_blocks_allocates_nothing_after_the_first_frames() {
                     assert!(format == DeltaFormat::BlockFloat32 && pose.has_integers());
                     continue;
                 };
-                let mut instances = Instances::new(1, 40, desc.slots);
+                let mut instances = Instances::new(1, 40, desc.slots, 1);
                 let mut weights = vec![0.0f32; 40];
                 let mut frame = |number: u64, weights: &[f32]| {
                     instances.set_weights(0, weights).unwrap();

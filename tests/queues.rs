@@ -6,6 +6,8 @@ mod gpu;
 #[allow(dead_code, reason = "buffers are all that is needed of it")]
 #[path = "../examples/draw/offscreen.rs"]
 mod offscreen;
+#[path = "queues/slots.rs"]
+mod slots;
 
 use deltamorph::ash::{self, vk};
 use deltamorph::headless::Headless;

@@ -4,6 +4,7 @@ use super::follower::{Follower, Job, Kind, Place};
 use super::pieces::Pieces;
 use crate::error::Result;
 use crate::gpu::memory::Ring;
+use crate::plan::earlier::Earlier;
 #[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::{Accesses, Memory};
 use crate::plan::instances::Instances;
@@ -27,8 +28,9 @@ struct Target {
     changed: Pieces,
     /// Where two places are written in turn: pieces in which the one whose turn is next is behind the other.
     behind: Option<Pieces>,
-    /// The place written last.
+    /// The place written last by an update that was not discarded.
     output: usize,
+    earlier: Earlier<usize>,
     /// The place that has what was there before the update planned last.
     previous: Option<usize>,
     /// The next update has no predecessor; and the update that took notice of it last.
@@ -85,6 +87,7 @@ impl After {
             moved: changed.clone(),
             changed,
             output: 0,
+            earlier: Earlier::new(place.frames),
             previous: None,
             is_cut: false,
             cut_by: 0,
@@ -149,6 +152,9 @@ impl After {
     /// The update numbered `first` and all later ones will never run.
     pub(crate) fn discard_from(&mut self, first: u64) {
         for target in &mut self.targets {
+            if let Some(before) = target.earlier.discard_from(first) {
+                target.output = before;
+            }
             let is_lost = target.written_by >= first;
             target.is_stale |= is_lost;
             target.is_written &= !is_lost;
@@ -258,6 +264,7 @@ impl Target {
             return Ok(());
         }
         let before = self.output;
+        self.earlier.push(id.update, before);
         if let Some(behind) = &mut self.behind {
             self.output = 1 - self.output;
             // What is behind from now on is what changes now.

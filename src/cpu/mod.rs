@@ -91,7 +91,8 @@ impl CpuCrowd {
         };
         let memory = mesh.groups().iter().map(|group| Memory::new(group, desc, instances));
         let memory = memory.collect::<Result<_>>()?;
-        Ok(Self { instances: Instances::new(instances, targets, desc.slots), updates: 0, memory, kind, mesh, workers })
+        let instances = Instances::new(instances, targets, desc.slots, 1);
+        Ok(Self { instances, updates: 0, memory, kind, mesh, workers })
     }
 
     /// Names, steps and sizes of the mesh.

@@ -111,7 +111,7 @@ impl CrowdBase {
             technique: make(Context { device, kernels, mesh, desc, poses, all: &groups })?,
             after: After::default(),
             groups,
-            instances: Instances::new(instances as usize, targets, slots),
+            instances: Instances::new(instances as usize, targets, slots, frames),
             steps: Steps::new(desc.consumers_on_queue(device)),
             wrote: vec![],
             schedule: Schedule::default(),

@@ -126,7 +126,7 @@ impl MorphEngine {
         let mesh = GpuMesh::of(before.groups().iter().map(|group| group.mesh.clone()).collect());
         self.check_crowd(&mesh, desc, runner)?;
         let mut grown = CrowdBase::new(&self.device, &self.kernels, &mesh, desc, targets, make)?;
-        grown.instances = before.instances.grown(desc.instances as usize, desc.update.slots);
+        grown.instances = before.instances.grown(desc.instances as usize, desc.update.slots, desc.frames_in_flight);
         (grown.crowd, grown.updates, grown.recorded) = (before.crowd, before.updates, before.recorded);
         grown.discarded.clone_from(&before.discarded);
         Ok(grown)

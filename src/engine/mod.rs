@@ -73,7 +73,8 @@ use std::sync::Arc;
 ///   ALL_COMMANDS), before an update that writes a slot, for the last draw that read it. An update writes the slot that is
 ///   `slots - 1` updates older than the current one. With one update and one draw a frame, that of frame n waits for the
 ///   draw of frame n - slots, or of n - slots + 1 where draws read the [previous pose](Crowd::previous_pose), too: two
-///   slots, or three, let an update run beside the draw of the frame before it. (`feedback` and `vertex-store` may write a
+///   slots, or three, let an update run beside the draw of the frame before it. A [discarded](Crowd::discard) update gives
+///   its slot back: the next writes the one that it would have written. (`feedback` and `vertex-store` may write a
 ///   slot more: they wait for the draw of one frame later.)
 /// - What [follows the pose](crate::after) is written into the host's buffers, which the host shares among the families as it
 ///   does others. A target has one place, which the draw of the frame before reads; a skinned one may have two.

@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::pack::PackedLayout;
 use crate::pack::blocks::PoseGrid;
+use crate::plan::earlier::Earlier;
 use crate::weights::delta;
 use crate::weights::names::unknown;
 
@@ -29,17 +30,20 @@ pub struct Instances {
 }
 
 impl Instances {
-    /// `places` instances with so many slots, all shown, all weights 0.
-    pub fn new(places: usize, targets: usize, slots: u32) -> Self {
-        let place = Place { presence: Presence::Shown, weights: vec![0.0; targets], history: History::new(slots) };
+    /// `places` instances with so many slots, all shown, all weights 0. So many updates may be unfinished at once, and be
+    /// discarded.
+    pub fn new(places: usize, targets: usize, slots: u32, unfinished: u32) -> Self {
+        let history = History::new(slots, unfinished);
+        let place = Place { presence: Presence::Shown, weights: vec![0.0; targets], history };
         Self { places: vec![place; places] }
     }
 
-    /// The same instances without poses, in more places, with so many slots: the new places are free.
-    pub fn grown(&self, places: usize, slots: u32) -> Self {
-        let before = self.places.iter().map(|place| Place { history: History::new(slots), ..place.clone() });
+    /// The same instances without poses, in more places, with so many slots and unfinished updates: the new places are free.
+    pub fn grown(&self, places: usize, slots: u32, unfinished: u32) -> Self {
+        let history = History::new(slots, unfinished);
+        let before = self.places.iter().map(|place| Place { history: history.clone(), ..place.clone() });
         let targets = self.places.first().map_or(0, |place| place.weights.len());
-        let free = Place { presence: Presence::Free, weights: vec![0.0; targets], history: History::new(slots) };
+        let free = Place { presence: Presence::Free, weights: vec![0.0; targets], history: history.clone() };
         Self { places: before.chain(std::iter::repeat(free)).take(places).collect() }
     }
 
@@ -109,7 +113,7 @@ impl Instances {
         let place = &mut self.places[i];
         place.presence = Presence::Shown;
         place.weights.fill(0.0);
-        place.history.discard_from(0);
+        place.history.forget();
         Ok(i as u32)
     }
 
@@ -153,11 +157,12 @@ impl Instances {
 
 /// Which slots hold the poses of an instance, for all techniques whose updates rotate slots: an update reads the current
 /// one and writes the next.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct History {
     slots: u32,
-    /// The slot written last, whether its pose is known or not.
+    /// The slot written last by an update that was not discarded, whether its pose is known or not.
     current: u32,
+    earlier: Earlier<u32>,
     previous: Option<u32>,
     /// The update that wrote the current slot, counted from 1; 0: its pose is not known.
     written_by: u64,
@@ -167,9 +172,10 @@ pub struct History {
 }
 
 impl History {
-    /// No slot is written yet.
-    pub fn new(slots: u32) -> Self {
-        Self { slots, current: slots - 1, previous: None, written_by: 0, cut: false, stayed_after_cut: 0 }
+    /// No slot is written yet. So many updates may be unfinished at once, or discarded.
+    pub fn new(slots: u32, unfinished: u32) -> Self {
+        let (current, earlier) = (slots - 1, Earlier::new(unfinished));
+        Self { slots, current, earlier, previous: None, written_by: 0, cut: false, stayed_after_cut: 0 }
     }
 
     /// The slot of the pose; `None` before the first update, and after one that was discarded.
@@ -199,6 +205,7 @@ impl History {
     /// The update numbered `update` writes these slots, the pose into the last of them.
     pub fn advance(&mut self, update: u64, written: impl IntoIterator<Item = u32>) {
         let (known, cut) = (self.current(), std::mem::take(&mut self.cut));
+        self.earlier.push(update, self.current);
         let mut overwritten = false;
         for slot in written {
             overwritten |= known == Some(slot);
@@ -216,11 +223,20 @@ impl History {
         self.cut = true;
     }
 
-    /// The update numbered `first` and all later ones will never run: what they wrote is not known, and the next pose
-    /// is the one after a cut that they came after. (A pose that is not known is no predecessor in any case.)
+    /// The pose is not known: the next update writes all of it.
+    fn forget(&mut self) {
+        self.written_by = 0;
+    }
+
+    /// The update numbered `first` and all later ones will never run: what they would have written is not known, the next
+    /// update writes the slot that the first of them would have written, and the next pose is the one after a cut that they
+    /// came after. (A pose that is not known is no predecessor in any case.)
     pub fn discard_from(&mut self, first: u64) {
+        if let Some(before) = self.earlier.discard_from(first) {
+            self.current = before;
+        }
         if self.written_by >= first {
-            self.written_by = 0;
+            self.forget();
         }
         if self.stayed_after_cut >= first {
             (self.cut, self.stayed_after_cut) = (true, 0);

@@ -4,6 +4,7 @@
 //! barriers, and what is recorded is data, so that tests hold it to [`hazards`]: every access has to be ordered.
 
 mod desc;
+pub(crate) mod earlier;
 #[cfg(any(test, feature = "internals"))]
 pub mod hazards;
 pub mod instances;

@@ -161,7 +161,7 @@ fn bad_descriptions_are_refused() {
 #[test]
 fn a_discarded_update_gives_its_cut_back() {
     for (stays, discarded, is_cut) in [(0, 0, true), (1, 1, true), (2, 1, false), (2, 2, true)] {
-        let mut history = instances::History::new(2);
+        let mut history = instances::History::new(2, 3);
         history.advance(1, [0]);
         history.cut();
         (2..2 + stays).for_each(|update| history.stay(update));

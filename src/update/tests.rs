@@ -1,6 +1,7 @@
 //! What tests of plans have in common: any history of updates, cuts and discarded updates of one instance.
 
 use crate::plan::UpdateDesc;
+use crate::plan::hazards::{Event as Recorded, Memory};
 use crate::plan::instances::Instances;
 use crate::plan::tests::{DrawnUpdate, Event, assert_barriers_needed, checker};
 use std::fmt::Debug;
@@ -13,10 +14,13 @@ pub(crate) trait Planned: Sized {
     type Pose: PartialEq + Debug;
 
     /// Plan the next update, carry it out, and check the pose. What a device records.
-    fn update(one: &mut One<Self>) -> Vec<crate::plan::hazards::Event>;
+    fn update(one: &mut One<Self>) -> Vec<Recorded>;
 
     fn pose(one: &One<Self>, slot: u32) -> Self::Pose;
 }
+
+/// Updates that may be unfinished at once.
+const UNFINISHED: usize = 3;
 
 /// A crowd of one instance.
 pub(crate) struct One<P: Planned> {
@@ -30,7 +34,7 @@ pub(crate) struct One<P: Planned> {
 
 impl<P: Planned> One<P> {
     pub(crate) fn new(desc: UpdateDesc, targets: usize, planner: P, memory: P::Memory) -> Self {
-        Self { desc, planner, instances: Instances::new(1, targets, desc.slots), memory, update: 0 }
+        Self { desc, planner, instances: Instances::new(1, targets, desc.slots, UNFINISHED as u32), memory, update: 0 }
     }
 
     /// Update to these weights: what is recorded, and the slots of pose and previous pose.
@@ -48,12 +52,34 @@ impl<P: Planned> One<P> {
     }
 }
 
-/// Any sequence of updates, cuts and discarded updates: the previous slot holds the pose before, and no access is
-/// unordered.
+/// The slots that an update writes.
+fn written(recorded: &[Recorded]) -> Vec<u32> {
+    let works = recorded.iter().flat_map(|event| match event {
+        Recorded::Step { works, .. } => &works[..],
+        Recorded::Barrier(_) => &[],
+    });
+    let uses = works.flat_map(|work| &work.uses).filter(|used| used.access.writes());
+    uses.filter_map(|used| if let Memory::Pose { slot, .. } = used.memory { Some(slot) } else { None }).collect()
+}
+
+/// What the documentation of `MorphEngine` says of several queues: the update of frame n waits for the draw of frame
+/// n - slots, or of n - slots + 1 where draws read the previous pose, too, and vertex passes for the draw of one frame
+/// later. Draws of later frames may still run: the update writes none of their slots.
+fn assert_waits_for_enough(desc: UpdateDesc, drawn: impl Iterator<Item = [Option<u32>; 2]>, written: &[u32]) {
+    let beside = (desc.slots - 1).saturating_sub(u32::from(!desc.path.works_in_place())) as usize;
+    for (back, [pose, previous]) in drawn.take(beside).enumerate() {
+        let previous = previous.filter(|_| back + 1 < beside);
+        let read = [pose, previous].into_iter().flatten().find(|slot| written.contains(slot));
+        assert_eq!(read, None, "{desc:?}: the update writes {written:?}, the draw of {} frames before reads", back + 1);
+    }
+}
+
+/// Any sequence of updates, cuts and discarded updates: the previous slot holds the pose before, no access is unordered,
+/// and slots are those that hosts expect who count frames.
 pub(crate) fn follow<P: Planned>(mut one: One<P>, events: Vec<Event>) {
     // The updates that ran, each with what memory was before it, and whether it was the one after a cut.
     let mut ran: Vec<(u64, DrawnUpdate, P::Memory, bool)> = vec![];
-    let (mut cut, in_place) = (false, one.desc.path.works_in_place());
+    let (mut cut, in_place, mut finished) = (false, one.desc.path.works_in_place(), 0);
     for event in events {
         match event {
             Event::Cut => {
@@ -61,10 +87,14 @@ pub(crate) fn follow<P: Planned>(mut one: One<P>, events: Vec<Event>) {
                 cut = true;
             }
             Event::DiscardLast(n) => {
+                let first = ran.len() - (n as usize).min(ran.len() - finished);
                 // They never ran: memory is what it was before the first of them.
-                for (number, _, before, was_cut) in ran.drain(ran.len().saturating_sub(n as usize)..).rev() {
-                    one.instances.discard_from(number);
-                    (one.memory, cut) = (before, cut | was_cut);
+                for (i, (number, _, before, was_cut)) in ran.drain(first..).enumerate() {
+                    if i == 0 {
+                        one.instances.discard_from(number);
+                        one.memory = before;
+                    }
+                    cut |= was_cut;
                 }
             }
             Event::Update(weights) => {
@@ -78,7 +108,13 @@ pub(crate) fn follow<P: Planned>(mut one: One<P>, events: Vec<Event>) {
                     // The update had to overwrite the pose that it read.
                     None => assert!(one.desc.slots == 1 || one.desc.slots == 2 && !in_place),
                 }
+                assert_waits_for_enough(
+                    one.desc,
+                    ran.iter().rev().map(|(_, (_, drawn), ..)| *drawn),
+                    &written(&recorded),
+                );
                 ran.push((one.update, (recorded, drawn), before, std::mem::take(&mut cut)));
+                finished = finished.max(ran.len().saturating_sub(UNFINISHED));
             }
         }
     }

@@ -210,7 +210,7 @@ proptest! {
         planner.groups[0].whole_blocks = true;
         let tuning = DeviceTuning { widest_tile: 1 << widest, ..DeviceClass::Desktop.tuning() };
         let mut tiles = Tiles::new(&index, instances, tuning, 0);
-        let mut heads = Instances::new(instances, TARGETS, slots);
+        let mut heads = Instances::new(instances, TARGETS, slots, 1);
         let mut weights = vec![[0.0; TARGETS]; instances];
         for (update, changes) in frames.iter().enumerate() {
             for (weight, change) in weights.iter_mut().flatten().zip(changes) {
@@ -266,7 +266,7 @@ fn widths_of(tuning: DeviceTuning, changed: impl Fn(usize, usize) -> bool) -> [u
     let mut planner = Planner::new(desc, [mesh.layout()], TILE).unwrap();
     planner.groups[0].whole_blocks = true;
     let mut tiles = Tiles::new(&index, TILE, tuning, 0);
-    let mut heads = Instances::new(TILE, TARGETS, desc.slots);
+    let mut heads = Instances::new(TILE, TARGETS, desc.slots, 1);
     for update in 1..4 {
         for head in 0..TILE {
             let weight = |t| if changed(head, t) { 0.25 * update as f32 } else { 0.25 };

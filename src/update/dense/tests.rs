@@ -124,7 +124,7 @@ fn a_vertex_pass_must_not_write_what_it_fetches() {
 #[test]
 fn rounds_of_a_crowd_share_their_barriers() {
     let desc = UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(2));
-    let (mut planner, mut instances) = (DensePlanner::new(desc, None, 3).unwrap(), Instances::new(3, 3, desc.slots));
+    let (mut planner, mut instances) = (DensePlanner::new(desc, None, 3).unwrap(), Instances::new(3, 3, desc.slots, 1));
     for (instance, weights) in (0..).zip([[1.0, 1.0, 1.0], [1.0, 0.0, 0.0], [0.0; 3]]) {
         instances.set_weights(instance, &weights).unwrap();
     }
