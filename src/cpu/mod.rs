@@ -171,12 +171,16 @@ impl CpuCrowd {
         self.instances.set_hidden(number(instance), hidden).map(drop)
     }
 
-    /// Add a head in a place that [`remove`](Self::remove) freed: shown, all weights 0.
+    /// Add a head in a place that [`remove`](Self::remove) freed: shown, all weights 0, with the crowd's error budget.
     ///
     /// # Errors
     /// No free place.
     pub fn add(&mut self) -> Result<usize> {
-        Ok(self.instances.add()? as usize)
+        let instance = self.instances.add()? as usize;
+        if let Kind::Blocks(planner) = &mut self.kind {
+            planner.add(instance);
+        }
+        Ok(instance)
     }
 
     /// Take a head out of the crowd.

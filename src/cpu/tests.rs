@@ -232,3 +232,48 @@ fn weights_are_set_one_at_a_time() {
         refused(crowd.set_weight(1, 0, 0.0), "instance 1 was removed");
     }
 }
+
+/// Most targets move a vertex by three steps, one another as far as poses of 16 bits reach: what rounding adds would not fit.
+#[test]
+fn poses_of_16_bits_are_refused_where_too_many_targets_are_rounded() {
+    let packed = |targets: usize, far: f32, near: f32| {
+        let mut mesh = testing::mesh(32, 0);
+        let target = |t: usize| crate::MorphTarget {
+            name: format!("t{t}"),
+            vertices: vec![u32::from(t > 0)],
+            positions: vec![crate::glam::Vec3::X * if t == 0 { far } else { near }],
+            normals: vec![crate::glam::Vec3::ZERO],
+            ..crate::MorphTarget::default()
+        };
+        mesh.targets = (0..targets).map(target).collect();
+        Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).unwrap())
+    };
+    let desc = UpdateDesc::blocks().path(UpdatePath::Cpu).pose(PoseFormat::Fixed32);
+    let grid = desc.grid(packed(2, 1.0, 0.5).layout()).unwrap().unwrap();
+    let step = grid.units[0] / grid.weight_step();
+    let packed = packed(33_000, 131_067.0 * step, 3.0 * step);
+    let text = CpuCrowd::new(packed.clone(), desc.pose(PoseFormat::Fixed16), 1, 1).err().expect("refused").to_string();
+    assert!(text.contains("33000 targets move a vertex; use fixed32 poses"), "{text}");
+    let mut crowd = CpuCrowd::new(packed.clone(), desc, 1, 1).unwrap();
+    let mut weights = vec![0.0; 33_000];
+    weights[0] = 1.0;
+    crowd.set_weights(0, &weights).unwrap();
+    crowd.update();
+    let pose = packed.layout().to_user_order(&crowd.pose(0).unwrap());
+    let error = reference::compare(&pose, &reference::evaluate(&packed, &weights));
+    assert!(error.position < f64::from(step), "{error:?}");
+}
+
+/// A head that takes the place of another has the crowd's error budget, and not that one's.
+#[test]
+fn a_head_that_is_added_has_the_crowds_error_budget() {
+    let packed = Arc::new(PackedMesh::pack(&testing::mesh(100, 4), &PackDesc::new(DeltaFormat::Fast)).unwrap());
+    let desc = UpdateDesc::blocks().path(UpdatePath::Cpu).error_budget(0.5);
+    let mut crowd = CpuCrowd::new(packed, desc, 1, 1).unwrap();
+    crowd.set_error_budget(0, 0.0).unwrap();
+    crowd.remove(0).unwrap();
+    assert_eq!(crowd.add().unwrap(), 0);
+    crowd.update();
+    crowd.set_weights(0, &[1e-3; 4]).unwrap();
+    assert_eq!(crowd.update().dirty_blocks, 0, "a change within the budget is deferred");
+}

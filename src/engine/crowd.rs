@@ -81,8 +81,8 @@ macro_rules! crowd {
                 self.base.set_hidden(instance, hidden)
             }
 
-            /// Add an instance, in a place that [`remove`](Self::remove) freed: shown, with all weights 0. The next
-            /// update writes its pose from base. A crowd begins with all its [`CrowdDesc::instances`] in place, and has
+            /// Add an instance, in a place that [`remove`](Self::remove) freed: shown, with all weights 0 and the crowd's
+            /// error budget. The next update writes its pose from base. A crowd begins with all its [`CrowdDesc::instances`] in place, and has
             /// no room for more.
             ///
             /// # Errors

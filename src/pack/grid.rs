@@ -7,6 +7,9 @@ use crate::error::{Error, Result};
 /// Fewer bits than this are no grid to animate on; steps finer than 2^-16 make no visible difference.
 const WEIGHT_BITS: std::ops::RangeInclusive<u32> = 7..=16;
 
+/// Products of 32 bits have room for what rounding adds: half a unit, of so many bits at most.
+const HALF_BITS: u32 = 16;
+
 /// The grid on which weights and poses of integers lie: no sum overflows, whatever the weights up to the largest.
 ///
 /// A pose is Σ round(weight · delta / unit), a term for each target, in integers that do not depend on the order or the
@@ -120,10 +123,10 @@ impl Sums {
         let dense = self.coarsest.is_some();
         let rounds = narrow || dense;
         // Weights and what products have room for, where there has to be room for what rounding adds, too. Dense deltas have
-        // 16 bits: a product with 2^15 leaves a bit for it.
+        // 16 bits: a product with 2^15 leaves a bit for it. Weights have the same grid in all groups of the mesh.
         let (most_steps, most) = match (dense, narrow) {
             (true, _) => (32768.0, f64::INFINITY),
-            (false, true) => (f64::from(i16::MAX), f64::from(i32::MAX) - 65536.0),
+            (false, true) => (f64::from(i16::MAX), f64::from(i32::MAX) - f64::from(1u32 << HALF_BITS)),
             (false, false) => (f64::INFINITY, f64::from(i32::MAX)),
         };
         let steps = |bits: u32| (f64::from(weight_max) * f64::from(1u32 << bits)).ceil();
@@ -139,8 +142,9 @@ impl Sums {
         let dropped = |triple: usize| {
             let sum = self.largest[triple] * steps(weight_bits);
             let fits = |dropped: &u32| sum / f64::from(*dropped).exp2() + self.targets as f64 / 2.0 <= most;
-            let least = self.coarsest.map_or(0, |coarsest| coarsest[triple]);
-            if rounds { (least..=least + u8::MAX as u32).find(fits) } else { Some(0) }
+            // In blocks more are needed only where more than 32,767 targets move a vertex.
+            let (least, all) = self.coarsest.map_or((0, HALF_BITS + 1), |coarsest| (coarsest[triple], u8::MAX.into()));
+            if rounds { (least..=least + all).find(fits) } else { Some(0) }
         };
         let [Some(first), Some(second)] = [dropped(0), dropped(1)] else {
             let text = format!("{name} poses of a mesh of which {} targets move a vertex", self.targets);

@@ -1,3 +1,4 @@
+use super::grid::Sums;
 use super::source::largest;
 use super::*;
 use crate::asset::streams::{Semantic, TRIPLE};
@@ -161,5 +162,35 @@ fn dense_sums_fit_the_integers_of_a_pose() {
     for mesh in testing::degenerate() {
         let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Snorm16)).unwrap();
         assert!(packed.layout().grid(PoseFormat::Fixed16, None).is_ok(), "{}", mesh.name);
+    }
+}
+
+/// However many targets there are: products fit 32 bits together with what rounding adds, and sums of terms that are each
+/// rounded by half a unit fit 16.
+#[test]
+fn narrow_poses_have_room_for_what_rounding_adds() {
+    for (targets, is_taken) in [(1, true), (32_767, true), (32_768, false), (33_000, false), (65_536, false)] {
+        for largest in [0.0, 3.0, 5000.0, 65_535.0, 131_067.0, 16_000_000.0] {
+            let (steps, all) = ([1.0 / 1024.0; 2], [largest, largest / 3.0]);
+            let sums = Sums {
+                format: DeltaFormat::Small,
+                steps,
+                coarsest: None,
+                largest: all,
+                largest_of_mesh: largest,
+                targets,
+                weight_max: 8.0,
+            };
+            let grid = sums.grid(PoseFormat::Fixed16, None);
+            // A mesh with short deltas has room for more.
+            assert!(!is_taken || grid.is_ok(), "{targets} targets, {largest} steps: {grid:?}");
+            let Ok(grid) = grid else { continue };
+            for (largest, dropped) in all.into_iter().zip(grid.dropped) {
+                let (product, half) = (largest * f64::from(1u32 << grid.weight_bits), f64::from(1u32 << dropped >> 1));
+                assert!(product + half <= f64::from(i32::MAX), "{targets} targets, {largest} steps: {grid:?}");
+                let sum = product / f64::from(1u32 << dropped) + targets as f64 / 2.0;
+                assert!(sum <= f64::from(i16::MAX), "{targets} targets, {largest} steps: {grid:?}");
+            }
+        }
     }
 }

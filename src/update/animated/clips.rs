@@ -100,7 +100,7 @@ impl Clips {
     /// # Errors
     /// As [`WeightClip::bind`]; a clip without frames or with a frame rate that
     /// is none; a weight beyond the grid: the message names frame and target; an order of importance of other targets;
-    /// levels that follow the camera without one.
+    /// levels that follow the camera without one, or of 65,536 targets.
     pub fn new(desc: &AnimationDesc<'_>, layout: &PackedLayout, grid: PoseGrid) -> Result<Self> {
         let names: Vec<&str> = layout.targets.iter().map(|t| t.name.as_str()).collect();
         let words = vec![0; TABLE_WORDS * desc.clips.len()];
@@ -120,6 +120,11 @@ impl Clips {
             all.ranks_at = all.words.len() as u32;
             all.words.extend_from_slice(importance.ranks());
             if let Some(desc) = desc.level {
+                if targets > usize::from(u16::MAX) {
+                    let what =
+                        format!("levels of detail that follow the camera for {targets} targets, in steps of 2⁻¹⁶");
+                    return Err(Error::invalid(what, "use 65535 targets at most, or leave AnimationDesc::level out"));
+                }
                 let (pinned, reaches_at) = (importance.pinned() as u32, all.words.len() as u32);
                 let reaches = importance.order().iter().map(|&target| importance.reach(target as usize));
                 let errors = (0..=targets).map(|kept| importance.error_of_keeping(kept));

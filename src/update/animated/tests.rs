@@ -358,3 +358,23 @@ fn every_barrier_is_needed() {
         );
     }
 }
+
+/// Levels are counted in steps of 2⁻¹⁶ targets, in 32 bits.
+#[test]
+fn levels_that_follow_the_camera_are_refused_for_too_many_targets() {
+    for (targets, is_refused) in [(65_535, false), (65_536, true)] {
+        let mut mesh = testing::mesh(64, 0);
+        let target = |t: usize| crate::MorphTarget { name: format!("t{t}"), ..crate::MorphTarget::default() };
+        mesh.targets = (0..targets).map(target).collect();
+        let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Fast)).unwrap();
+        let grid = packed.layout().blocks.as_ref().unwrap().grid(PoseFormat::Fixed32, None).unwrap();
+        let importance = crate::lod::Importance::of(&mesh, &[]).unwrap();
+        let desc = AnimationDesc::new(&[]).importance(Some(&importance));
+        assert!(Clips::new(&desc, packed.layout(), grid).is_ok());
+        let made = Clips::new(&desc.level(Some(crate::lod::LevelDesc::default())), packed.layout(), grid);
+        assert_eq!(made.is_err(), is_refused, "{targets} targets");
+        if let Err(error) = made {
+            assert!(error.to_string().contains("65536 targets") && error.to_string().contains("use 65535"), "{error}");
+        }
+    }
+}

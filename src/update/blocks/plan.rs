@@ -72,6 +72,13 @@ impl Planner {
         Ok(())
     }
 
+    /// A new instance takes a free place: its error budget is that of the crowd, and not that of the one before.
+    pub fn add(&mut self, instance: usize) {
+        for (group, states) in self.groups.iter().zip(&mut self.states) {
+            states[instance].set_budget(group.desc.error_budget);
+        }
+    }
+
     /// Mark the targets that poses hold, of instances that have one: the pose of others is written from base, with what
     /// is requested then.
     pub fn mark_applied(&self, instances: &Instances, targets: &mut [bool]) {

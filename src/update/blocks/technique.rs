@@ -130,6 +130,10 @@ impl Technique for BlocksTechnique {
         self.planner.set_error_budget(instance as usize, budget)
     }
 
+    fn add(&mut self, instance: u32) {
+        self.planner.add(instance as usize);
+    }
+
     fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         if let Some(holder) = &self.holder {
             holder.check_update(instances)?;
