@@ -11,9 +11,9 @@ use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
 use deltamorph::import::{csv, obj};
 use deltamorph::reference::{self, evaluate};
 use deltamorph::{
-    Asset, BatchSize, CpuCrowd, Crowd, CrowdDesc, CrowdSet, DecodeTarget, DeltaFormat, GpuMesh, HostPoses, MorphMesh,
-    MorphSource, PackDesc, PackedMesh, PoseFormat, Result, Semantic, StreamData, StreamDeltas, Tolerance, UpdateDesc,
-    UpdatePath, VertexLayout, WeightClip, testing,
+    Asset, BatchSize, CpuCrowd, Crowd, CrowdDesc, CrowdSet, DecodeTarget, DeltaFormat, DeviceDesc, DeviceTuning,
+    GpuMesh, HostPoses, MorphEngine, MorphMesh, MorphSource, PackDesc, PackedMesh, PoseFormat, Result, Semantic,
+    StreamData, StreamDeltas, Tolerance, UpdateDesc, UpdatePath, VertexLayout, WeightClip, testing,
 };
 use std::sync::Arc;
 
@@ -319,5 +319,61 @@ fn a_direct_path_has_no_poses_for_what_comes_after() {
         says(made.crowd.pose(0), "direct");
         says(made.crowd.pose_buffer(Semantic::Position), "direct");
         says(made.crowd.stream(0, Semantic::Normal), "direct");
+    });
+}
+
+/// Vulkan tells how much memory a buffer needs, and so how large it is at most.
+#[test]
+fn buffers_that_are_too_small_are_refused_with_both_sizes() {
+    gpu::on_every_device(|headless, engine| {
+        let packed = packed(DeltaFormat::Fast);
+        let Made { mesh, mut crowd, skin, surface } = make(headless, &packed);
+        let (_, _, device) = headless.handles();
+        let buffer = |bytes| {
+            let info = vk::BufferCreateInfo::default().size(bytes).usage(vk::BufferUsageFlags::STORAGE_BUFFER);
+            // SAFETY: the device is alive; destroyed below.
+            unsafe { device.create_buffer(&info, None) }.expect("a buffer")
+        };
+        let (small, large) = (buffer(1000), buffer(1 << 14));
+        let end = |bytes: u32| format!("to byte {bytes} of a buffer of the host's that has 10");
+        // SAFETY: all is refused, so that no buffer is used.
+        unsafe {
+            says(engine.set_decode_target(&mut crowd, 0, Some(&DecodeTarget::new(small))), &end(1200));
+            says(engine.set_normals_target(&mut crowd, 0, Some((&surface, &NormalsTarget::new(small)))), &end(1200));
+            says(engine.set_bounds_target(&mut crowd, 0, Some(&BoundsTarget::new(small).offset(2000))), &end(2024));
+            for (target, bytes) in [
+                (SkinTarget::new(small, large, 48), 2400),
+                (SkinTarget::new(large, large, 48).second(Some((small, 4))), 2404),
+                (SkinTarget::new(large, small, 4096), 4096),
+            ] {
+                says(engine.set_skin_target(&mut crowd, 0, Some((&skin, &target))), &end(bytes));
+            }
+            let vertex = VertexLayout::new(24).stream(Semantic::Position, 0).stream(Semantic::Normal, 12);
+            let poses = HostPoses::new(small, 0, vertex);
+            let desc = CrowdDesc::new(UpdateDesc::blocks()).poses(Some(poses));
+            says(engine.create_crowd(&mesh, &desc), "of a buffer of the host's that has 10");
+            device.destroy_buffer(small, None);
+            device.destroy_buffer(large, None);
+        }
+    });
+}
+
+#[test]
+fn numbers_of_a_tuning_that_there_are_no_kernels_for_are_refused() {
+    gpu::on_device("llvmpipe", false, |headless, _| {
+        let (instance, physical, device) = headless.handles();
+        let made = |change: &dyn Fn(&mut DeviceTuning)| {
+            let caps = gpu::limited(headless.caps().clone(), |caps| change(&mut caps.tuning));
+            // SAFETY: the handles belong together, and outlive the engine.
+            unsafe { MorphEngine::new(&DeviceDesc::new(instance, physical, device).caps(Some(caps))) }
+        };
+        for width in [0, 3, 16] {
+            says(made(&|tuning| tuning.widest_tile = width), "use 1, 2, 4 or 8 for widest_tile");
+        }
+        for lanes in [0, 129] {
+            says(made(&|tuning| tuning.lanes = lanes), "1 to 128 for lanes");
+        }
+        says(made(&|tuning| tuning.load_cost = u32::MAX), "at most 1000 for load_cost");
+        made(&|tuning| (tuning.widest_tile, tuning.lanes, tuning.load_cost) = (2, 128, 0)).expect("an engine");
     });
 }

@@ -69,11 +69,11 @@ impl Decode {
             return Ok(());
         };
         let (layout, output) = (&place.group.mesh.layout, target.output());
-        output.check("a decode target", layout, &place.device.caps)?;
         if target.normals.is_some() {
             place.check_normals("a decode target")?;
         }
         place.check("decoding", PIECE)?;
+        output.check("a decode target", layout, place.device)?;
         after.set(place, Kind::Decode, (PIECE, 1), vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
             let kernel = place.kernels.get(PoseKernel(&DECODE, place.pose()))?;
             let (base, base_before) = place.base_pose();

@@ -1,8 +1,8 @@
 //! What a step writes of each vertex, in a buffer of the host's.
 
 use crate::error::{Error, Result};
-use crate::gpu::caps::DeviceCaps;
 use crate::gpu::descriptors::BufferRange;
+use crate::gpu::device::Device;
 use crate::pack::PackedLayout;
 use ash::vk;
 
@@ -39,8 +39,8 @@ impl Output {
         (range, (before / 4) as u32)
     }
 
-    /// Refuse a place that `what` does not fit, or that no descriptor covers.
-    pub(super) fn check(&self, what: &str, layout: &PackedLayout, caps: &DeviceCaps) -> Result<()> {
+    /// Refuse a place that `what` does not fit, that no descriptor covers, or that ends behind its buffer.
+    pub(super) fn check(&self, what: &str, layout: &PackedLayout, device: &Device) -> Result<()> {
         let Self { offset, stride, second, .. } = *self;
         let words = offset.is_multiple_of(4) && stride.is_multiple_of(4) && second.is_none_or(|at| at % 4 == 0);
         if !words || u64::from(stride) < self.vertex_bytes() || second.is_some_and(|at| at < 12) {
@@ -49,7 +49,9 @@ impl Output {
             let remedy = "use multiples of 4, and a stride with room for three floats, or six where there are normals";
             return Err(Error::invalid(text, remedy));
         }
-        let (what, size) = (format!("{what} for mesh '{}' takes", layout.name), self.range(layout).0.size);
-        caps.check_limit(&what, (size, "bytes", caps.max_storage_range), "use a smaller stride")
+        let (what, range) = (format!("{what} for mesh '{}'", layout.name), self.range(layout).0);
+        let limit = (range.size, "bytes", device.caps.max_storage_range);
+        device.caps.check_limit(&format!("{what} takes"), limit, "use a smaller stride")?;
+        device.check_room(&what, range)
     }
 }

@@ -30,7 +30,8 @@ impl MorphEngine {
     ///
     /// # Errors
     /// An instance out of range or removed; a crowd that another engine made; a direct path, which has no poses; an offset or
-    /// stride that does not fit; more than the device's storage range. Nothing changes then.
+    /// stride that does not fit; more than the device's storage range; a buffer that is too small, as far as
+    /// `vkGetBufferMemoryRequirements` tells. Nothing changes then.
     ///
     /// # Safety
     /// - The buffer is one of the engine's device, made for use as storage buffer. It is large enough for all that is
@@ -95,7 +96,8 @@ impl MorphEngine {
     /// An instance out of range or removed; a crowd or skin of another engine; a skin of another mesh, or of one packed
     /// otherwise; a direct path, which has no poses; an offset or stride that does not fit; joints that reach beyond their
     /// buffer; more than the device's storage range, or than its texel buffers have room for pieces of 32 vertices (on any
-    /// device 65,536 of them). Nothing changes then.
+    /// device 65,536 of them); a buffer that is too small, as far as `vkGetBufferMemoryRequirements` tells. Nothing changes
+    /// then.
     ///
     /// # Safety
     /// - The buffers are of the engine's device, made for use as storage buffers. They are large enough for all that is
@@ -159,7 +161,7 @@ impl MorphEngine {
     /// # Errors
     /// An instance out of range or removed; a crowd or surface of another engine; a surface of another mesh, or of one
     /// packed otherwise; a direct path, which has no poses; an offset or stride that does not fit; more than the device's
-    /// storage range. Nothing changes then.
+    /// storage range; a buffer that is too small, as far as `vkGetBufferMemoryRequirements` tells. Nothing changes then.
     ///
     /// # Safety
     /// As [`set_decode_target`](Self::set_decode_target).
@@ -193,7 +195,8 @@ impl MorphEngine {
     ///
     /// # Errors
     /// An instance out of range or removed; a crowd that another engine made; a direct path, which has no poses; an offset
-    /// that is no multiple of 4; more than the device's storage range. Nothing changes then.
+    /// that is no multiple of 4; more than the device's storage range; a buffer that is too small, as far as
+    /// `vkGetBufferMemoryRequirements` tells. Nothing changes then.
     ///
     /// # Safety
     /// As [`set_decode_target`](Self::set_decode_target).

@@ -90,7 +90,8 @@ impl MorphEngine {
     /// An engine on the host's device.
     ///
     /// # Errors
-    /// Queue families that the device does not have.
+    /// Queue families that the device does not have; numbers of [`DeviceCaps::tuning`](field@DeviceCaps::tuning) that there are no
+    /// kernels for.
     ///
     /// # Safety
     /// - The handles of `desc` are alive, belong together (the pipeline cache may be null), are of Vulkan 1.1 or later,
@@ -134,7 +135,8 @@ impl MorphEngine {
     ///
     /// # Errors
     /// A mesh that another engine uploaded; a path or batch size that the device cannot run, with what to use
-    /// instead; vertices of the host's ([`CrowdDesc::poses`]) that do not suit the mesh or the path; usages
+    /// instead; vertices of the host's ([`CrowdDesc::poses`]) that do not suit the mesh or the path, or a buffer that is too
+    /// small for them, as far as `vkGetBufferMemoryRequirements` tells; usages
     /// ([`CrowdDesc::pose_usage`]) that the device was not said to allow; a [queue family](field@CrowdDesc::queue_family) that
     /// there is not, that lacks what the path needs, or that the engine was not made for; no memory.
     pub fn create_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<Crowd> {

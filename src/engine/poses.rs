@@ -2,6 +2,7 @@
 
 use super::upload::GpuMesh;
 use crate::error::{Error, Result};
+use crate::gpu::descriptors::BufferRange;
 use crate::gpu::device::Device;
 use crate::gpu::memory::Buffer;
 use crate::gpu::mesh::MeshBuffers;
@@ -19,7 +20,7 @@ const ALIGNMENT: u64 = 256;
 /// The poses of a crowd in each group of a mesh, and the buffers that are ours.
 ///
 /// # Errors
-/// A place in a buffer of the host's that is no multiple of words; no grid for poses of integers; no memory.
+/// A place in a buffer of the host's that is no multiple of words, or that ends behind it; no grid for poses of integers; no memory.
 pub(super) fn make(device: &Arc<Device>, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<(Vec<PoseGroup>, Vec<Buffer>)> {
     let mut buffers = vec![];
     let group = |group: &Arc<MeshBuffers>| {
@@ -73,6 +74,8 @@ fn poses_of_host(device: &Device, host: &HostPoses, layout: &PackedLayout, desc:
         let text = format!("poses from byte {offset} of a buffer of the host's on");
         return Err(Error::invalid(text, "use an offset that is a multiple of 4"));
     }
+    let poses = BufferRange::new(host.buffer(), offset, end - offset);
+    device.check_room(&format!("the poses of {} instances of mesh '{}'", desc.instances, layout.name), poses)?;
     // A descriptor begins where it may; kernels count from there.
     let lead = offset % ALIGNMENT;
     Ok(Poses {

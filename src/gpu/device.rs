@@ -1,6 +1,7 @@
 //! The host's device, borrowed: handles, limits, allocator.
 
 use super::caps::DeviceCaps;
+use super::descriptors::BufferRange;
 use crate::error::{Error, Result};
 use crate::setters::setters;
 use ash::vk;
@@ -56,7 +57,11 @@ pub struct DeviceDesc<'a> {
     /// The features that `device` was created with. Of use are `vertexPipelineStoresAndAtomics`, for the baseline
     /// `vertex-store`, and `shaderInt64` on software drivers, where `fast` in blocks takes half as long with it.
     pub enabled_features: vk::PhysicalDeviceFeatures,
-    /// The host's cache of pipelines, which it loads and stores; `null()`: none.
+    /// The host's cache of pipelines, which it loads and stores; `null()`: none. Of this device, and made without
+    /// `VK_PIPELINE_CACHE_CREATE_EXTERNALLY_SYNCHRONIZED_BIT`: whatever thread makes crowds or sets targets of steps after the
+    /// pose makes pipelines with it, without a lock. It lives as long as the engine and all that it makes. The host may read
+    /// it at any time (`vkGetPipelineCacheData`), make pipelines with it, and merge it into another; it merges others into
+    /// it (`vkMergePipelineCaches`) only while no thread is in a call of the engine that makes pipelines.
     pub pipeline_cache: vk::PipelineCache,
     /// The host's allocator; `None`: the engine makes one of its own. That one gives each of the first 128 buffers
     /// memory of exactly its size, returned as soon as the buffer goes; further small ones share blocks of 4 MiB to 64
@@ -157,6 +162,7 @@ impl Device {
         }
         caps.vertex_stores &= desc.enabled_features.vertex_pipeline_stores_and_atomics == vk::TRUE;
         caps.int64 &= desc.enabled_features.shader_int64 == vk::TRUE;
+        caps.tuning.check()?;
         desc.queue_families.iter().try_for_each(|&family| caps.queue_flags(family).map(drop))?;
         let extension = |_| ash::ext::transform_feedback::Device::new(desc.instance, desc.device);
         let feedback = caps.transform_feedback.map(extension);
@@ -202,6 +208,19 @@ impl Device {
         // SAFETY: the host says that the extension is enabled; the object is of this device, and no other thread has it yet.
         // Who cannot be told the name does without.
         let _ = unsafe { functions.set_debug_utils_object_name(&info) };
+    }
+
+    /// Refuse a range that ends behind a buffer of the host's, as far as Vulkan tells: the memory that a buffer needs is no
+    /// smaller than the buffer.
+    pub(crate) fn check_room(&self, what: &str, range: BufferRange) -> Result<()> {
+        // SAFETY: who hands a buffer in promises that it is of this device, and alive.
+        let room = unsafe { self.raw.get_buffer_memory_requirements(range.buffer) }.size;
+        let end = range.offset.saturating_add(range.size);
+        if end <= room {
+            return Ok(());
+        }
+        let text = format!("{what}, to byte {end} of a buffer of the host's that has {room} at most");
+        Err(Error::invalid(text, "make the buffer larger, or use a smaller offset or stride"))
     }
 
     /// Memory for a buffer.

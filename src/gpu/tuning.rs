@@ -1,5 +1,8 @@
 //! What suits a kind of devices: how work is cut, and which variants of kernels are taken.
 
+use crate::abi::numbers::TILE;
+use crate::error::{Error, Result};
+
 /// Kinds of devices, as far as kernels differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -26,8 +29,8 @@ pub struct DeviceTuning {
     /// Instances of a tile at most: 1, 2, 4 or 8. More load fewer deltas, and take more registers.
     pub widest_tile: u32,
     /// What loading and decoding an entry (the deltas of one target in one block) costs, in additions of it to one
-    /// instance: above 1 tiles are made of instances that have few entries in common, too. Measured on lavapipe: 3 where
-    /// deltas are in the cache, 8 where they are not.
+    /// instance, 1000 at most: above 1 tiles are made of instances that have few entries in common, too. Measured on
+    /// lavapipe: 3 where deltas are in the cache, 8 where they are not.
     pub load_cost: u32,
     /// Deltas are read through texel buffers (four words at a time) where their format can be, instead of storage buffers,
     /// and single instances are taken as tiles: software drivers pay for storage buffers lane by lane, and several times
@@ -37,7 +40,7 @@ pub struct DeviceTuning {
     /// a target has a mask with a bit for each of the six numbers of a vertex. Compilers for GPUs make two to three times
     /// as many instructions of that as of whole blocks.
     pub masks: bool,
-    /// Invocations of a workgroup of tiles, at least: blocks of fewer vertices share one, two at most.
+    /// Invocations of a workgroup of tiles, at least, from 1 to 128: blocks of fewer vertices share one, two at most.
     pub lanes: u32,
     /// Deltas are decoded in few registers, at the price of some instructions.
     pub few_registers: bool,
@@ -54,9 +57,27 @@ impl DeviceTuning {
         let wide = narrowest >= SHARED;
         Self { lanes: if wide { SHARED } else { self.lanes }, few_registers: wide || vendor == BROADCOM, ..self }
     }
+
+    /// Refuse numbers that there are no kernels for.
+    pub(crate) fn check(&self) -> Result<()> {
+        let Self { widest_tile, load_cost, lanes, .. } = *self;
+        let is_width = widest_tile.is_power_of_two() && widest_tile <= TILE as u32;
+        if is_width && load_cost <= LOAD_COST_MAX && (1..=LANES_MAX).contains(&lanes) {
+            return Ok(());
+        }
+        let what = format!("a DeviceTuning with widest_tile {widest_tile}, load_cost {load_cost} and lanes {lanes}");
+        let remedy = format!(
+            "use 1, 2, 4 or 8 for widest_tile, at most {LOAD_COST_MAX} for load_cost, and 1 to {LANES_MAX} for lanes, or \
+             what DeviceClass::tuning says"
+        );
+        Err(Error::invalid(what, remedy))
+    }
 }
 
 const BROADCOM: u32 = 0x14e4;
+const LOAD_COST_MAX: u32 = 1000;
+/// A workgroup that any device has.
+const LANES_MAX: u32 = 128;
 
 impl DeviceClass {
     /// What suits it.

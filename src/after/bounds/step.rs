@@ -78,6 +78,9 @@ impl TightBounds {
             return Err(Error::invalid(text, "use a multiple of 4"));
         }
         place.check("bounds of", BOUNDS_PART)?;
+        let (range, before) = aligned(buffer, offset, BYTES);
+        let what = format!("a bounds target for mesh '{}'", place.group.mesh.layout.name);
+        place.device.check_room(&what, range)?;
         after.set(place, Kind::Bounds, (BOUNDS_PART, 1), vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
             let vertices = place.group.mesh.layout.vertex_count as u32;
             let count = vertices.div_ceil(BOUNDS_PART);
@@ -91,7 +94,6 @@ impl TightBounds {
             let sets = kernel.objects.sets(&(0..place.frames).map(bound).collect::<Vec<_>>())?;
             let units = place.group.poses.units();
             let parts = (kernel, sets, BoundsPush { pose_at: 0, base_at, vertices, listed: 0, units });
-            let (range, before) = aligned(buffer, offset, BYTES);
             let kernel = place.kernels.get(TotalKey)?;
             let sets = kernel.objects.sets(&[[parts_range, range]])?;
             let total = (kernel, sets, BoundsTotalPush { count, bounds_at: (before / 4) as u32 });

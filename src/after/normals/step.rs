@@ -115,8 +115,8 @@ impl Recomputed {
         let layout = &place.group.mesh.layout;
         surface.attached.check("a surface", place.device, layout)?;
         let output = Output { buffer, offset, stride, second: None };
-        output.check("a normals target", layout, &place.device.caps)?;
         place.check("normals of", PIECE)?;
+        output.check("a normals target", layout, place.device)?;
         after.set(place, Kind::Normals, (PIECE, 1), vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
             let kernel = place.kernels.get(PoseKernel(&NORMALS, place.pose()))?;
             let (range, normals_at) = output.range(layout);

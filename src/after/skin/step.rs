@@ -181,7 +181,6 @@ impl Skin {
         };
         let (layout, caps) = (&place.group.mesh.layout, &place.device.caps);
         skin.attached.check("a skin", place.device, layout)?;
-        target.outputs().try_for_each(|output| output.check("a skin target", layout, caps))?;
         if target.normals.is_some() {
             place.check_normals("a skin target")?;
         }
@@ -196,10 +195,12 @@ impl Skin {
         let joints = (target.joints_bytes, "bytes", caps.max_storage_range);
         caps.check_limit("the joints of a skin target take", joints, "split the buffer of joints")?;
         check_joints(target.joints_offset, target.method, skin.joint_count, target.joints_bytes)?;
+        target.outputs().try_for_each(|output| output.check("a skin target", layout, place.device))?;
+        let joints = BufferRange::new(target.joints, 0, target.joints_bytes);
+        place.device.check_room("the range of joints of a skin target", joints)?;
         let outputs = target.outputs().count();
         after.set(place, Kind::Skin, (PIECE, outputs), vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER, |lists| {
             let kernel = place.kernels.get(Key(place.pose(), target.method, skin.influences))?;
-            let joints = BufferRange::new(target.joints, 0, target.joints_bytes);
             let (poses, asset) = (place.poses(), skin.attached.range());
             let bound = |frame| {
                 let list = BufferRange { size: 4 * pieces, ..lists.range(frame) };
