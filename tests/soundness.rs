@@ -331,3 +331,20 @@ fn what_does_not_fit_is_refused_or_comes_out_as_nan() {
     let text = crowd.read_group(0, 1).expect_err("refused").to_string();
     assert!(text.contains("which has 1; count groups from 0") && crowd.read_stored(0, 1).is_err(), "{text}");
 }
+
+/// A command buffer that is recorded within another's recording is another.
+#[test]
+fn runs_may_be_nested() {
+    on_every_device(|headless, _| {
+        let mut ran = vec![];
+        let nested = headless.run(|outer| {
+            headless.run(|inner| {
+                ran.push(inner != outer);
+                Ok(())
+            })
+        });
+        nested.expect("both run");
+        headless.run(|_| Ok(())).expect("and another");
+        assert_eq!(ran, [true]);
+    });
+}

@@ -7,24 +7,23 @@ use crate::gpu::memory::Buffer;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use std::cell::Cell;
-use std::marker::PhantomData;
 use std::sync::Arc;
 
-/// Runs command buffers on a queue and waits for them.
+/// Runs command buffers on a queue and waits for them. Queue, pool and fence are used through `&self`, without a lock: not
+/// to be shared between threads, which the cell sees to.
 pub(super) struct Submitter {
     pub(super) device: ash::Device,
     /// The queue, and the family that it is of.
     pub(super) queue: (vk::Queue, u32),
     pool: vk::CommandPool,
-    cmd: vk::CommandBuffer,
+    /// What `run` records into; none while it does, so that a `run` within it takes another.
+    cmd: Cell<Option<vk::CommandBuffer>>,
     fence: vk::Fence,
     queries: Option<vk::QueryPool>,
     /// Bits of a timestamp that count.
     mask: u64,
     /// Milliseconds of a tick.
     tick: f64,
-    /// Queue, pool, buffer and fence are used through `&self`, without a lock: not to be shared between threads.
-    not_sync: PhantomData<Cell<()>>,
 }
 
 impl Submitter {
@@ -36,12 +35,11 @@ impl Submitter {
         // SAFETY: the device has a queue of this family, and is alive here and below.
         let (queue, pool) = unsafe { (device.get_device_queue(family, 0), device.create_command_pool(&info, None)) };
         let pool = pool.map_err(failed("vkCreateCommandPool"))?;
-        let (cmd, fence) = (vk::CommandBuffer::null(), vk::Fence::null());
+        let (cmd, fence) = (Cell::new(None), vk::Fence::null());
         let mask = u64::MAX.checked_shr(64 - timestamp_bits).unwrap_or(0);
-        let (tick, queries, not_sync) = (f64::from(nanoseconds) * 1e-6, None, PhantomData);
+        let (tick, queries) = (f64::from(nanoseconds) * 1e-6, None);
         let queue = (queue, family);
-        let mut this = Self { device: device.clone(), queue, pool, cmd, fence, queries, mask, tick, not_sync };
-        this.cmd = this.allocate()?;
+        let mut this = Self { device: device.clone(), queue, pool, cmd, fence, queries, mask, tick };
         // SAFETY: as above.
         this.fence =
             unsafe { device.create_fence(&vk::FenceCreateInfo::default(), None) }.map_err(failed("vkCreateFence"))?;
@@ -62,18 +60,14 @@ impl Submitter {
         Ok(made.map_err(failed("vkAllocateCommandBuffers"))?[0])
     }
 
-    /// Record a command buffer (reset first).
+    /// Record a command buffer. Beginning resets it, but not while it is recording: one that a panic left so is not used again.
     pub(super) fn record<R>(
         &self,
         cmd: vk::CommandBuffer,
         f: impl FnOnce(vk::CommandBuffer) -> Result<R>,
     ) -> Result<R> {
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-        // A panic may have left it recording, in which state it cannot be begun.
-        let reset = vk::CommandBufferResetFlags::empty();
         // SAFETY: the buffer is from our pool, which allows resets, and is not pending: `submit` waits.
-        unsafe { self.device.reset_command_buffer(cmd, reset) }.map_err(failed("vkResetCommandBuffer"))?;
-        // SAFETY: as above.
         unsafe { self.device.begin_command_buffer(cmd, &info) }.map_err(failed("vkBeginCommandBuffer"))?;
         let result = f(cmd);
         // SAFETY: begun above.
@@ -96,9 +90,14 @@ impl Submitter {
 
     /// Record, submit and wait.
     pub(super) fn run<R>(&self, f: impl FnOnce(vk::CommandBuffer) -> Result<R>) -> Result<R> {
-        let result = self.record(self.cmd, f)?;
-        self.submit(&[self.cmd])?;
-        Ok(result)
+        let cmd = self.cmd.take().map_or_else(|| self.allocate(), Ok)?;
+        let recorded = self.record(cmd, f);
+        if recorded.is_ok() {
+            // After an error it may be pending: it is not used again.
+            self.submit(&[cmd])?;
+        }
+        self.cmd.set(Some(cmd));
+        recorded
     }
 
     /// As [`run`](Self::run), with the milliseconds that the device took, where it has timestamps: for what `f` records
