@@ -107,6 +107,16 @@
 /// Builds of acceleration structures, from decoded positions.
 #define DM_READ_BY_ACCELERATION_STRUCTURES 16
 
+/// Task and mesh shaders that read poses from storage buffers. The device has to have both enabled (VK_EXT_mesh_shader).
+#define DM_READ_BY_MESH_SHADERS 32
+
+/// Fragment shaders that read poses from storage buffers.
+#define DM_READ_BY_FRAGMENT_SHADERS 64
+
+/// Shaders of ray-tracing pipelines that read poses from storage buffers. The device has to have these pipelines enabled
+/// (VK_KHR_ray_tracing_pipeline).
+#define DM_READ_BY_RAY_TRACING_SHADERS 128
+
 /// Linear blend: a joint is twelve float32, the first three rows of its matrix (joint to model x inverse bind matrix).
 #define DM_SKIN_LINEAR 1
 
@@ -412,7 +422,9 @@ typedef struct DmEngineDesc {
     PFN_vkGetDeviceProcAddr get_device_proc_addr;
     /// The features that `device` was created with; null: none. Read during the call only.
     const VkPhysicalDeviceFeatures *enabled_features;
-    /// The host's cache of pipelines; null: none.
+    /// The host's cache of pipelines; null: none. Made without VK_PIPELINE_CACHE_CREATE_EXTERNALLY_SYNCHRONIZED_BIT:
+    /// any thread that makes crowds or sets targets makes pipelines with it. It lives as long as the engine and all that it
+    /// makes; the host merges others into it only while no call that makes pipelines is running.
     VkPipelineCache pipeline_cache;
     /// Not 0: keep to the limits of Khronos' VP_ANDROID_baseline_2022, where the device's are larger.
     uint32_t clamp_to_android_baseline;
@@ -897,6 +909,8 @@ DmResult dm_pose_vertex_input(uint32_t format,
 
 /// What a mesh is.
 ///
+/// Errors: DM_ERROR_INVALID for more triangles than 32 bits count the indices of: 1,431,655,765.
+///
 /// Safety:
 /// `info` is a structure that can be written.
 DmResult dm_mesh_info(struct DmMesh mesh, struct DmMeshInfo *info);
@@ -1093,7 +1107,7 @@ DmResult dm_bound_clip_destroy(struct DmBoundClip clip);
 /// (`DM_LAYER_ADDITIVE`). A layer leaves alone what its clip has no column for.
 ///
 /// Errors: DM_ERROR_INVALID for a clip of another number of targets than `weight_count`, a time, weight or factor of a
-/// mask that is not finite, a blend that there is not. Nothing changes then.
+/// mask that is not finite, a blend that there is not, a mask that overlaps `weights`. Nothing changes then.
 ///
 /// Safety:
 /// There are `count` structures one behind the other, whose masks are null or have `weight_count` factors, and

@@ -2,9 +2,9 @@
 
 use crate::clip::BoundClip;
 use crate::handles::Handle;
-use crate::memory::{array, slice, slice_mut};
+use crate::memory::{array, overlap, slice, slice_mut};
 use crate::numbers::layer_blend;
-use crate::result::{DmResult, Result, enter};
+use crate::result::{DmResult, Failure, Result, enter};
 use crate::structs::DmClipLayer;
 use deltamorph::{ClipLayer, Repeat};
 use std::sync::Arc;
@@ -16,7 +16,7 @@ use std::sync::Arc;
 /// (`DM_LAYER_ADDITIVE`). A layer leaves alone what its clip has no column for.
 ///
 /// Errors: DM_ERROR_INVALID for a clip of another number of targets than `weight_count`, a time, weight or factor of a
-/// mask that is not finite, a blend that there is not. Nothing changes then.
+/// mask that is not finite, a blend that there is not, a mask that overlaps `weights`. Nothing changes then.
 ///
 /// # Safety
 /// There are `count` structures one behind the other, whose masks are null or have `weight_count` factors, and
@@ -31,7 +31,13 @@ pub unsafe extern "C" fn dm_clips_mix(
     enter("dm_clips_mix", || {
         let targets = weight_count as usize;
         // SAFETY: the caller's obligations.
-        let (asked, weights) = unsafe { (array(layers, count)?, slice_mut(weights, targets, "weights")?) };
+        let asked = unsafe { array(layers, count) }?;
+        let is_written =
+            |mask: *const f32| !mask.is_null() && overlap((mask, targets), (weights.cast_const(), targets));
+        if let Some(layer) = asked.iter().position(|layer| is_written(layer.mask)) {
+            let text = format!("the mask of layer {layer} overlaps 'weights', which are written; copy it before");
+            return Err(Failure::invalid(text));
+        }
         let clips = asked.iter().map(|layer| layer.clip.get()).collect::<Result<Vec<Arc<BoundClip>>>>()?;
         let mut layers = vec![];
         for (asked, clip) in asked.iter().zip(&clips) {
@@ -41,6 +47,7 @@ pub unsafe extern "C" fn dm_clips_mix(
             let layer = ClipLayer::new(&clip.clip, asked.time).repeat(repeat).weight(asked.weight);
             layers.push(layer.blend(layer_blend(asked.blend)?).mask((!asked.mask.is_null()).then_some(mask)));
         }
-        Ok(ClipLayer::mix(&layers, weights)?)
+        // SAFETY: as above; nothing else that is in use is there.
+        Ok(ClipLayer::mix(&layers, unsafe { slice_mut(weights, targets, "weights") }?)?)
     })
 }

@@ -57,6 +57,14 @@ pub const DM_READ_BY_COPIES: u32 = 8;
 /// Builds of acceleration structures, from decoded positions.
 pub const DM_READ_BY_ACCELERATION_STRUCTURES: u32 = 16;
 
+/// Task and mesh shaders that read poses from storage buffers. The device has to have both enabled (VK_EXT_mesh_shader).
+pub const DM_READ_BY_MESH_SHADERS: u32 = 32;
+/// Fragment shaders that read poses from storage buffers.
+pub const DM_READ_BY_FRAGMENT_SHADERS: u32 = 64;
+/// Shaders of ray-tracing pipelines that read poses from storage buffers. The device has to have these pipelines enabled
+/// (VK_KHR_ray_tracing_pipeline).
+pub const DM_READ_BY_RAY_TRACING_SHADERS: u32 = 128;
+
 /// Linear blend: a joint is twelve float32, the first three rows of its matrix (joint to model x inverse bind matrix).
 pub const DM_SKIN_LINEAR: u32 = 1;
 /// Dual quaternions: a joint is eight float32, a unit quaternion (x, y, z, w) and the dual part, half of translation x
@@ -112,6 +120,9 @@ const CONSUMERS: &[(u32, Consumers)] = &[
     (DM_READ_BY_COMPUTE_SHADERS, Consumers::COMPUTE_SHADERS),
     (DM_READ_BY_COPIES, Consumers::COPIES),
     (DM_READ_BY_ACCELERATION_STRUCTURES, Consumers::ACCELERATION_STRUCTURES),
+    (DM_READ_BY_MESH_SHADERS, Consumers::MESH_SHADERS),
+    (DM_READ_BY_FRAGMENT_SHADERS, Consumers::FRAGMENT_SHADERS),
+    (DM_READ_BY_RAY_TRACING_SHADERS, Consumers::RAY_TRACING_SHADERS),
 ];
 
 const SKINS: &[(u32, SkinMethod)] =
@@ -222,6 +233,8 @@ mod tests {
         assert_eq!(skin_method(DM_SKIN_DUAL_QUATERNION).unwrap(), SkinMethod::DualQuaternion);
         assert_eq!(consumers(0).unwrap(), Consumers::default());
         assert_eq!(consumers(9).unwrap(), Consumers::VERTEX_ATTRIBUTES | Consumers::COPIES);
+        let late = Consumers::MESH_SHADERS | Consumers::FRAGMENT_SHADERS | Consumers::RAY_TRACING_SHADERS;
+        assert_eq!(consumers(32 | 64 | 128).unwrap(), late);
         assert_eq!(semantic(4 + 256 * 3).unwrap(), Semantic::TexCoord(3));
         assert_eq!(semantic(DM_STREAM_MASK).unwrap(), Semantic::Mask);
     }

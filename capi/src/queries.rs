@@ -100,6 +100,8 @@ pub unsafe extern "C" fn dm_pose_vertex_input(
 
 /// What a mesh is.
 ///
+/// Errors: DM_ERROR_INVALID for more triangles than 32 bits count the indices of: 1,431,655,765.
+///
 /// # Safety
 /// `info` is a structure that can be written.
 #[unsafe(no_mangle)]
@@ -113,7 +115,7 @@ pub unsafe extern "C" fn dm_mesh_info(mesh: DmMesh, info: *mut DmMeshInfo) -> Dm
             vertex_count: layout.vertex_count as u32,
             padded_vertex_count: layout.padded_vertices() as u32,
             target_count: layout.targets.len() as u32,
-            index_count: 3 * mesh.asset.faces.triangles().len() as u32,
+            index_count: index_count(mesh.asset.faces.triangles().len())?,
             delta_format: delta_number(layout.format),
             diagonal: layout.diagonal,
             pose_bytes: layout.base_bytes(),
@@ -122,6 +124,12 @@ pub unsafe extern "C" fn dm_mesh_info(mesh: DmMesh, info: *mut DmMeshInfo) -> Dm
         });
         Ok(())
     })
+}
+
+fn index_count(triangles: usize) -> Result<u32> {
+    let count = triangles.checked_mul(3).and_then(|indices| u32::try_from(indices).ok());
+    let most = u32::MAX / 3;
+    count.ok_or_else(|| Failure::invalid(format!("{triangles} triangles, more than {most}; split the mesh")))
 }
 
 /// The name of a target, UTF-8. It is valid until the mesh is destroyed.
@@ -278,5 +286,14 @@ mod tests {
     fn the_version_is_that_of_the_package() {
         let text = format!("{DM_VERSION_MAJOR}.{DM_VERSION_MINOR}.{DM_VERSION_PATCH}");
         assert_eq!(text, env!("CARGO_PKG_VERSION"));
+    }
+
+    #[test]
+    fn indices_are_counted_or_refused() {
+        assert_eq!(index_count(1_431_655_765).unwrap(), u32::MAX);
+        for triangles in [1_431_655_766, usize::MAX] {
+            let text = index_count(triangles).unwrap_err().message;
+            assert!(text.contains("more than 1431655765; split the mesh"), "{text}");
+        }
     }
 }

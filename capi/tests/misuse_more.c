@@ -44,6 +44,8 @@ static void layers(DmMesh mesh, DmCrowd crowd) {
     INVALID("blend of a layer (DM_LAYER_)", dm_clips_mix(&bad, 1, weights, 3));
     bad = layer, bad.mask = mask;
     INVALID("the mask of target 2", dm_clips_mix(&bad, 1, weights, 3));
+    bad.mask = weights;
+    INVALID("the mask of layer 1 overlaps 'weights'", dm_clips_mix((const DmClipLayer[]){layer, bad}, 2, weights, 3));
     bad = layer, bad.struct_size = 8;
     INVALID("DmClipLayer with a struct_size of 8", dm_clips_mix((const DmClipLayer[]){layer, bad}, 2, weights, 3));
     HOLDS(weights[1] == 0);

@@ -35,7 +35,9 @@ pub struct DmEngineDesc {
     pub get_device_proc_addr: GetDeviceProcAddr,
     /// The features that `device` was created with; null: none. Read during the call only.
     pub enabled_features: *const vk::PhysicalDeviceFeatures,
-    /// The host's cache of pipelines; null: none.
+    /// The host's cache of pipelines; null: none. Made without VK_PIPELINE_CACHE_CREATE_EXTERNALLY_SYNCHRONIZED_BIT:
+    /// any thread that makes crowds or sets targets makes pipelines with it. It lives as long as the engine and all that it
+    /// makes; the host merges others into it only while no call that makes pipelines is running.
     pub pipeline_cache: vk::PipelineCache,
     /// Not 0: keep to the limits of Khronos' VP_ANDROID_baseline_2022, where the device's are larger.
     pub clamp_to_android_baseline: u32,
