@@ -66,7 +66,7 @@ impl Crowd {
         let imported = |place: PoseBuffer| {
             let (raw, (begin, size)) = (place.first.buffer, place.poses);
             // SAFETY: the buffer is the crowd's, and lives as long; its usages are those that `StreamView::buffer` names,
-            // and it has room for all poses. Updates write a pose before its place is known.
+            // and it has room for all poses. It is filled before anything else is submitted.
             (raw, unsafe { import(device, raw, begin + size, usage, shared.clone()) })
         };
         let buffers = places.into_iter().map(imported).collect();
@@ -159,6 +159,11 @@ impl Crowd {
         found
             .map(|(_, buffer)| buffer)
             .ok_or_else(|| invalid("a pose in a buffer that is not of the crowd", "this is a bug"))
+    }
+
+    /// The buffers of its poses.
+    pub(crate) fn raw_buffers(&self) -> impl Iterator<Item = vk::Buffer> {
+        self.buffers.iter().map(|(raw, _)| *raw)
     }
 
     pub(crate) fn shared(&self) -> &Arc<Mutex<deltamorph::Crowd>> {

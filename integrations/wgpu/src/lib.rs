@@ -32,7 +32,8 @@
 //! # Synchronization
 //! wgpu knows nothing of the commands of an update, and takes pose buffers for ones that nobody ever writes. Barriers are
 //! the update's own, on both sides, for draws (vertex attributes, and storage buffers in vertex and fragment shaders), compute passes and
-//! copies. Nobody but updates writes poses.
+//! copies. Nobody but updates writes poses, and nobody writes the buffer of a mesh ([`Mesh::base_pose`]), in which the deltas
+//! are, too, and what kernels index by: both are for read-only bindings, though wgpu would allow others.
 
 mod crowd;
 mod input;
@@ -42,7 +43,7 @@ pub use crowd::{Crowd, Pose, Stream};
 pub use deltamorph::{self, Error, Result};
 pub use input::{POSE_WGSL, VertexInput};
 
-use deltamorph::ash::vk;
+use deltamorph::ash::{self, vk};
 use deltamorph::{
     AnyCrowd, Consumers, CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, PackDesc, PackedLayout, PackedMesh, Update,
 };
@@ -145,10 +146,34 @@ impl Morph {
             let text = "poses in vertices of the host's own, through wgpu";
             return Err(invalid(text, "leave CrowdDesc::poses out, and read Crowd::pose"));
         }
-        let desc = desc.consumers(desc.consumers | consumers());
+        let made = desc.consumers(desc.consumers | consumers());
         let gpu = lock(&mesh.gpu);
-        let crowd = self.engine.create_crowd(&gpu, &desc)?;
-        Crowd::new(crowd, gpu.layouts(), &self.device)
+        let made = made.pose_usage(made.pose_usage | vk::BufferUsageFlags::TRANSFER_DST);
+        let crowd = Crowd::new(self.engine.create_crowd(&gpu, &made)?, gpu.layouts(), &self.device)?;
+        self.fill(&crowd)?;
+        Ok(crowd)
+    }
+
+    /// Fill pose buffers with zeros: wgpu takes what is imported for initialised, and lets slots be read that no update has
+    /// written yet.
+    fn fill(&self, crowd: &Crowd) -> Result<()> {
+        let (encoder, cmd) = self.encoder("deltamorph poses")?;
+        let barrier = vk::MemoryBarrier::default()
+            .src_access_mask(vk::AccessFlags::TRANSFER_WRITE)
+            .dst_access_mask(vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE);
+        let (fill, all) = (vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::ALL_COMMANDS);
+        let device = raw_device(&self.device)?;
+        // SAFETY: the command buffer is recording on the device, outside a render pass; the buffers were made for this, and
+        // are kept until it has run.
+        unsafe {
+            crowd.raw_buffers().for_each(|buffer| device.cmd_fill_buffer(cmd, buffer, 0, vk::WHOLE_SIZE, 0));
+            device.cmd_pipeline_barrier(cmd, fill, all, vk::DependencyFlags::empty(), &[barrier], &[], &[]);
+        }
+        let commands = encoder.finish();
+        let kept = crowd.shared().clone();
+        commands.on_submitted_work_done(move || drop(kept));
+        self.queue.submit([commands]);
+        Ok(())
     }
 
     /// Record an update of these crowds to the weights requested, with common barriers: all that are updated in a frame
@@ -277,6 +302,13 @@ unsafe fn import(
         let hal = wgpu::hal::vulkan::Buffer::from_raw_externally_owned(buffer, Box::new(move || drop(keep)));
         device.create_buffer_from_hal::<Vulkan>(hal, &desc)
     }
+}
+
+/// The device behind one of wgpu's, which has to be kept.
+fn raw_device(device: &wgpu::Device) -> Result<ash::Device> {
+    // SAFETY: the caller keeps it alive.
+    let raw = unsafe { device.as_hal::<Vulkan>() }.map(|hal| hal.raw_device().clone());
+    raw.ok_or_else(|| invalid("the device is not on Vulkan", "ask for wgpu::Backends::VULKAN"))
 }
 
 fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {

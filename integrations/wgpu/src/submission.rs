@@ -1,11 +1,10 @@
 //! What becomes of the command buffers of updates once they are the caller's.
 
-use super::invalid;
+use super::raw_device;
 use deltamorph::ash::{self, vk};
 use deltamorph::{Error, Result};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
-use wgpu::hal::api::Vulkan;
 
 /// A command buffer of updates.
 ///
@@ -35,9 +34,8 @@ pub(crate) enum Fate {
 
 impl Submission {
     pub(crate) fn new(device: &wgpu::Device) -> Result<Arc<Self>> {
-        // SAFETY: the clone of `device` keeps it alive.
-        let raw = unsafe { device.as_hal::<Vulkan>() }.map(|hal| hal.raw_device().clone());
-        let raw = raw.ok_or_else(|| invalid("the device is not on Vulkan", "ask for wgpu::Backends::VULKAN"))?;
+        // The clone of `device` keeps it alive.
+        let raw = raw_device(device)?;
         // SAFETY: the device is alive.
         let event = unsafe { raw.create_event(&vk::EventCreateInfo::default(), None) };
         let failed =

@@ -72,6 +72,36 @@ fn a_buffer_keeps_its_poses() {
     });
 }
 
+/// wgpu lets shaders and copies read all of a buffer: what an earlier crowd left in the memory is not there.
+#[test]
+fn slots_that_no_update_has_written_are_zeros() {
+    on_every_adapter(|host| {
+        let morph = Morph::new(&host.device, &host.queue).expect("a device with compute");
+        let (mesh, mut weights) = packed(&morph, DeltaFormat::Fast);
+        let uploaded = morph.upload(&mesh).expect("an upload");
+        for updates in [3, 1] {
+            let desc = CrowdDesc::new(UpdateDesc::blocks().slots(3));
+            let mut crowd = morph.create_crowd(&uploaded, &desc).expect("a crowd");
+            for _ in 0..updates {
+                Random(1).change(&mut weights);
+                weights[0] += 0.125;
+                crowd.set_weights(0, &weights).expect("weights");
+                host.queue.submit(morph.update([&mut crowd]).expect("an update"));
+            }
+            let pose = crowd.pose(0).expect("a pose");
+            let (all, size) = (host.readback(pose.buffer.size()), pose.view.size as usize);
+            let mut encoder = host.device.create_command_encoder(&Default::default());
+            encoder.copy_buffer_to_buffer(pose.buffer, 0, &all, 0, pose.buffer.size());
+            host.queue.submit([encoder.finish()]);
+            let bytes = host.read(&all).expect("a copy");
+            let written = bytes.chunks(size).filter(|slot| slot.iter().any(|byte| *byte != 0)).count();
+            assert_eq!(written, updates, "slots that are not zero");
+            drop(crowd);
+            wait(&host);
+        }
+    });
+}
+
 /// One of each, with updates and draws that were submitted and ones that were not.
 fn in_use(host: &Host) -> Vec<Box<dyn Any>> {
     let morph = Morph::new(&host.device, &host.queue).expect("a device with compute");
