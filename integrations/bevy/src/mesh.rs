@@ -2,7 +2,7 @@
 
 use crate::DeltamorphSettings;
 use crate::frame::{Frame, Shown};
-use crate::targets::{ATTRIBUTES, filled};
+use crate::targets::{ATTRIBUTES, check_vertices, filled};
 use crate::vertices::Vertices;
 use bevy::mesh::morph::MorphAttributes;
 use bevy::mesh::{MeshVertexAttribute, VertexAttributeValues};
@@ -69,6 +69,7 @@ impl Morphed {
         settings: &DeltamorphSettings,
     ) -> Result<Self> {
         let vertices = mesh.count_vertices();
+        check_vertices(vertices, device.limits().max_compute_workgroups_per_dimension)?;
         let elements = vertices as u64 * u64::from(instances * SLOTS);
         let most = device.limits().max_storage_buffer_binding_size;
         // Bevy binds whole buffers of its own, which it makes larger by half at a time.
@@ -280,6 +281,6 @@ fn source(mesh: &Mesh) -> Result<MorphSource> {
     Ok(source)
 }
 
-fn invalid(what: impl Into<String>, remedy: impl Into<String>) -> Error {
+pub(crate) fn invalid(what: impl Into<String>, remedy: impl Into<String>) -> Error {
     Error::Invalid { what: what.into(), remedy: remedy.into() }
 }

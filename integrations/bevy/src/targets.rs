@@ -1,6 +1,6 @@
 //! The pass that writes poses as morph targets, where Bevy's shaders read them.
 
-use crate::mesh::Morphed;
+use crate::mesh::{Morphed, invalid};
 use deltamorph::{Result, Semantic};
 use std::num::NonZero;
 use wgpu::util::DeviceExt;
@@ -43,6 +43,19 @@ impl TargetWriter {
     /// # Errors
     /// A mesh without poses.
     pub fn record(
+        &self,
+        pass: &mut wgpu::ComputePass<'_>,
+        device: &wgpu::Device,
+        mesh: &Morphed,
+        room: &Room<'_>,
+        instances: &[(u32, u32)],
+    ) -> Result<()> {
+        let most = device.limits().max_compute_workgroups_per_dimension.max(1) as usize;
+        instances.chunks(most).try_for_each(|instances| self.dispatch(pass, device, mesh, room, instances))
+    }
+
+    /// As many instances as a dispatch takes.
+    fn dispatch(
         &self,
         pass: &mut wgpu::ComputePass<'_>,
         device: &wgpu::Device,
@@ -93,7 +106,29 @@ impl TargetWriter {
     }
 }
 
+/// Refuse more vertices than a dispatch takes, of `most` workgroups.
+pub(crate) fn check_vertices(vertices: usize, most: u32) -> Result<()> {
+    let room = most as usize * WORKGROUP as usize;
+    if vertices <= room {
+        return Ok(());
+    }
+    let text = format!("{vertices} vertices, more than the {room} that a dispatch of the device takes");
+    Err(invalid(text, "split the mesh"))
+}
+
 /// A buffer with these bytes.
 pub(crate) fn filled(device: &wgpu::Device, label: &str, contents: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
     device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: Some(label), contents, usage })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::check_vertices;
+
+    #[test]
+    fn vertices_are_those_of_a_dispatch() {
+        assert!(check_vertices(0, 65_535).is_ok() && check_vertices(65_535 * 64, 65_535).is_ok());
+        let text = check_vertices(65_535 * 64 + 1, 65_535).expect_err("too many").to_string();
+        assert!(text.contains("4194241 vertices, more than the 4194240"), "{text}");
+    }
 }
