@@ -152,6 +152,12 @@ impl Error {
         }
     }
 
+    /// Makes an [`Error::Vulkan`], with the remedy that fits, of what the Vulkan function `call` returned, for `map_err`:
+    /// of the host's own calls, too.
+    pub fn vulkan(call: &'static str) -> impl Fn(vk::Result) -> Self {
+        move |result| Self::Vulkan { call, result, remedy: crate::gpu::remedy(call, result) }
+    }
+
     /// Makes an [`Error::Io`] of the system's error, for `map_err`.
     pub(crate) fn io(path: &Path, action: &'static str) -> impl Fn(io::Error) -> Self {
         move |source| Self::Io { path: path.to_path_buf(), action, source }
@@ -196,7 +202,7 @@ mod tests {
     /// Hosts store these numbers: one that changes is a breaking change.
     #[test]
     fn kinds_have_stable_numbers() {
-        let (vulkan, none) = (crate::gpu::failed("vkCall"), String::new);
+        let (vulkan, none) = (Error::vulkan("vkCall"), String::new);
         let all = [
             (1, io(io::ErrorKind::NotFound)),
             (2, Error::input(Path::new("a"), "", "what", "remedy")),

@@ -4,7 +4,7 @@
 mod gpu;
 
 use deltamorph::reference::{compare, compare_group};
-use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, testing};
+use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, UpdateDesc, testing};
 use gpu::{NORMAL, is_kept, on_every_device, update_descs, weights};
 
 /// The update, the read-back, the next update: in one submission each, so that nothing but barriers orders them.
@@ -103,6 +103,38 @@ fn streams_come_with_the_pose_and_memory_is_used_again() {
                 }
             }
         }
+    });
+}
+
+/// Memory for more is refused by a limit here, before any is asked for; the same lines answer a driver that has none.
+#[test]
+fn what_was_read_back_stays_where_there_is_no_memory_for_more() {
+    let limits = gpu::baseline(|caps| caps.max_allocation = 1 << 20);
+    gpu::on_device_within("llvmpipe", Some(limits), |headless, engine| {
+        let mesh = gpu::packed(engine, &testing::mesh(300, 11), DeltaFormat::Fast);
+        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
+        let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+        let mut crowd = engine.create_crowd(&uploaded, &CrowdDesc::new(UpdateDesc::blocks())).expect("a crowd");
+        crowd.set_weights(0, &weights(&mesh, 1, 0)).expect("weights");
+        let mut readback = engine.readback();
+        let recorded = headless.run(|cmd| {
+            // SAFETY: as above.
+            unsafe {
+                engine.record_update(cmd, &mut crowd)?;
+                readback.record(cmd, &crowd, &[0])
+            }
+        });
+        recorded.expect("an update");
+        // SAFETY: `run` has waited.
+        let before = unsafe { readback.poses() }.expect("a pose");
+        // SAFETY: as above.
+        let refused = headless.run(|cmd| unsafe { readback.record(cmd, &crowd, &[0; 200]) });
+        let text = refused.expect_err("more than is allowed").to_string();
+        for remedy in ["fewer instances", "frames in flight", "fixed16"] {
+            assert!(text.contains(remedy) && !text.contains("snorm16"), "{text}");
+        }
+        // SAFETY: `run` has waited.
+        assert!(before.len() == 1 && unsafe { readback.poses() }.expect("a pose") == before);
     });
 }
 

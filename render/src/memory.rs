@@ -1,12 +1,17 @@
 //! Buffers and images, each with memory of its own: there are a dozen, and they live as long as what draws with them.
 
 use deltamorph::ash::{self, vk};
-use deltamorph::{Error, Result};
+use deltamorph::{Error, ErrorKind, Result};
 use std::sync::Arc;
 
 /// Turns what a Vulkan call returned into an error that names it.
 pub(crate) fn failed(call: &'static str) -> impl Fn(vk::Result) -> Error {
-    move |result| Error::Vulkan { call, result, remedy: "draw fewer heads or smaller pictures, or look at the driver" }
+    move |result| match Error::vulkan(call)(result) {
+        error if error.kind() == ErrorKind::OutOfMemory => {
+            Error::Vulkan { call, result, remedy: "free memory, or draw fewer heads or smaller pictures" }
+        }
+        error => error,
+    }
 }
 
 /// The device that everything is made on.

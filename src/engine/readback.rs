@@ -66,7 +66,7 @@ impl PoseReadback {
     ///
     /// # Errors
     /// A crowd that another engine made; as [`Crowd::pose`](super::Crowd::pose), for each instance; no memory. Nothing is
-    /// recorded then.
+    /// recorded then, and what was recorded before can be read as before.
     ///
     /// # Safety
     /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and without
@@ -110,19 +110,19 @@ impl PoseReadback {
                 if group.poses.format.has_integers() { place(base.buffer, base.offset, base.size) } else { 0 }
             })
             .collect();
-        self.copies.clear();
+        let mut copies = vec![];
         for &(instance, group, view) in views {
             let at = place(view.buffer, view.offset, view.size);
             let mesh = crowd.groups()[group].mesh.clone();
-            self.copies.push(CopiedPose { instance, group, mesh, view, at, base_at: bases[group] });
+            copies.push(CopiedPose { instance, group, mesh, view, at, base_at: bases[group] });
         }
         if bytes > self.bytes || self.buffer.is_none() {
-            // What is there goes first.
-            (self.buffer, self.bytes) = (None, bytes);
+            // What is there goes after: it stays where there is no memory for both.
             let usage = vk::BufferUsageFlags::TRANSFER_DST;
             let buffer = Buffer::new(&self.device, "deltamorph read-back", bytes, usage, MemoryLocation::GpuToCpu)?;
-            self.buffer = Some(buffer);
+            (self.buffer, self.bytes) = (Some(buffer), bytes);
         }
+        self.copies = copies;
         let Some(buffer) = &self.buffer else { return Ok(()) };
         let written: Vec<Use> = crowd.writes_of_poses().copied().chain([Use::copy(Resource::Asset)]).collect();
         let read = [Resource::Poses, Resource::Asset].map(|all| Use::new(all, Stage::Transfer, Access::TransferRead));

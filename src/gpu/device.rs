@@ -1,5 +1,6 @@
 //! The host's device, borrowed: handles, limits, allocator.
 
+use super::LESS;
 use super::caps::DeviceCaps;
 use super::descriptors::BufferRange;
 use crate::error::{Error, Result};
@@ -262,9 +263,52 @@ impl Device {
 }
 
 pub(crate) fn allocation_failed(name: &str, bytes: u64, error: &AllocationError) -> Error {
-    let what = format!("no memory for '{name}' ({bytes} bytes): {error}");
-    if matches!(error, AllocationError::OutOfMemory | AllocationError::FailedToMap(_)) {
-        return Error::out_of_memory(what, "free memory, or use fewer instances, fewer slots or the format 'small'");
+    // What vkAllocateMemory returns comes as text, but for ERROR_OUT_OF_DEVICE_MEMORY.
+    let says =
+        |text: &str, result: vk::Result| text.contains("vkAllocateMemory") && text.ends_with(&format!("{result:?}"));
+    let returned = |result: vk::Result| matches!(error, AllocationError::Internal(text) if says(text, result));
+    let (host, count) = (vk::Result::ERROR_OUT_OF_HOST_MEMORY, vk::Result::ERROR_TOO_MANY_OBJECTS);
+    let what = |why: &dyn std::fmt::Display| format!("no memory for '{name}' ({bytes} bytes): {why}");
+    if returned(host) {
+        Error::out_of_memory(what(&format_args!("vkAllocateMemory failed: {host:?}")), LESS)
+    } else if returned(count) {
+        let remedy =
+            "destroy what is no longer needed, or hand in an allocator of your own that makes fewer allocations";
+        Error::out_of_memory(what(&format_args!("vkAllocateMemory failed: {count:?}")), remedy)
+    } else if matches!(error, AllocationError::OutOfMemory | AllocationError::FailedToMap(_)) {
+        Error::out_of_memory(what(error), LESS)
+    } else {
+        Error::invalid(what(error), "report this with the device's name, or hand in an allocator of your own")
     }
-    Error::invalid(what, "report this with the device's name, or hand in an allocator of your own")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::ErrorKind;
+
+    /// What gpu-allocator makes of `result`, as its version 0.28 does (vulkan/mod.rs, `MemoryBlock::new`).
+    fn refused(result: vk::Result) -> AllocationError {
+        match result {
+            vk::Result::ERROR_OUT_OF_DEVICE_MEMORY => AllocationError::OutOfMemory,
+            other => AllocationError::Internal(format!("Unexpected error in vkAllocateMemory: {other:?}")),
+        }
+    }
+
+    #[test]
+    fn memory_that_is_refused_is_no_mistake_of_the_hosts() {
+        for (result, remedy) in [
+            (vk::Result::ERROR_OUT_OF_HOST_MEMORY, "fewer instances"),
+            (vk::Result::ERROR_OUT_OF_DEVICE_MEMORY, "fewer instances"),
+            (vk::Result::ERROR_TOO_MANY_OBJECTS, "an allocator of your own"),
+        ] {
+            let error = allocation_failed("poses", 96, &refused(result));
+            let text = error.to_string();
+            assert_eq!(error.kind(), ErrorKind::OutOfMemory, "{text}");
+            assert!(text.starts_with("no memory for 'poses' (96 bytes): ") && text.contains(remedy), "{text}");
+            assert!(!text.contains("Internal") && !text.contains("report"), "{text}");
+        }
+        let odd = allocation_failed("poses", 96, &AllocationError::Internal("Memory block must be Some".into()));
+        assert!(odd.kind() == ErrorKind::Invalid && odd.to_string().contains("report this"), "{odd}");
+    }
 }

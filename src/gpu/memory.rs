@@ -35,7 +35,7 @@ impl Buffer {
         if bytes > most {
             return Err(Error::invalid(
                 format!("{name} needs {bytes} bytes, but {} allocates at most {most}", device.caps.name),
-                "use fewer instances, fewer slots, a smaller mesh or the snorm16 format",
+                "use fewer instances, slots or frames in flight, 16-bit poses (fixed16), or a smaller mesh",
             ));
         }
         let info = vk::BufferCreateInfo { size: bytes, usage, ..shared_by(&device.families) };
