@@ -10,21 +10,26 @@ use deltamorph::ash::{self, vk};
 use deltamorph::import::sample as head;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    Consumers, CrowdDesc, DeltaFormat, DeviceCaps, DeviceDesc, MorphEngine, PackedMesh, PoseError, PoseView, Tolerance,
-    UpdateDesc,
+    Consumers, CrowdDesc, DeltaFormat, DeviceCaps, DeviceDesc, Error, MorphEngine, PackedMesh, PoseError, PoseView,
+    Tolerance, UpdateDesc,
 };
+use std::time::Duration;
 
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 const FRAMES_IN_FLIGHT: usize = 2;
 
-/// The host's own: what every Vulkan program has.
+/// The host's own: what every Vulkan program has. Each part goes by itself, also where the next cannot be made.
 struct Host {
-    _entry: ash::Entry, // keeps the Vulkan library loaded
-    instance: ash::Instance,
-    physical: vk::PhysicalDevice,
-    device: ash::Device,
     queue: vk::Queue,
     pool: vk::CommandPool,
+    device: ash::Device,
+    physical: vk::PhysicalDevice,
+    instance: Instance, // goes after the device
+}
+
+struct Instance {
+    raw: ash::Instance,
+    _entry: ash::Entry, // keeps the Vulkan library loaded
 }
 
 impl Host {
@@ -34,31 +39,65 @@ impl Host {
         // is one that the device was created with.
         unsafe {
             let entry = ash::Entry::load()?;
-            let instance = entry.create_instance(&vk::InstanceCreateInfo::default().application_info(&app), None)?;
-            let devices = instance.enumerate_physical_devices()?.into_iter();
+            let raw = entry.create_instance(&vk::InstanceCreateInfo::default().application_info(&app), None);
+            let instance = Instance { raw: raw.map_err(Error::vulkan("vkCreateInstance"))?, _entry: entry };
+            let devices =
+                instance.raw.enumerate_physical_devices().map_err(Error::vulkan("vkEnumeratePhysicalDevices"))?;
             // Before they are asked for more than Vulkan 1.0 can say.
-            let version = |d: &vk::PhysicalDevice| instance.get_physical_device_properties(*d).api_version;
-            let devices = devices.filter(|d| version(d) >= vk::API_VERSION_1_1);
-            let caps = devices.map(|d| (d, DeviceCaps::query(&instance, d)));
-            let usable = caps.filter(|(_, caps)| caps.name.contains(wanted));
+            let version = |d: &vk::PhysicalDevice| instance.raw.get_physical_device_properties(*d).api_version;
+            let devices = devices.into_iter().filter(|d| version(d) >= vk::API_VERSION_1_1);
+            let caps = devices.map(|d| Ok((d, DeviceCaps::query(&instance.raw, d)?))).collect::<Result<Vec<_>>>()?;
+            let usable = caps.into_iter().filter(|(_, caps)| caps.name.contains(wanted));
             let (physical, _) = usable.min_by_key(|(_, c)| c.is_software()).ok_or("no such Vulkan 1.1 device")?;
-            let families = instance.get_physical_device_queue_family_properties(physical);
+            let families = instance.raw.get_physical_device_queue_family_properties(physical);
             let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
             let family = families.iter().position(|f| f.queue_flags.contains(wanted)).ok_or("no queue")? as u32;
             let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
             // No extension, no feature: `deltamorph::requirements` says so for UpdatePath::Blocks.
             let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues);
-            let device = instance.create_device(physical, &info, None)?;
+            let device = instance.raw.create_device(physical, &info, None).map_err(Error::vulkan("vkCreateDevice"))?;
+            let (queue, pool) = (device.get_device_queue(family, 0), vk::CommandPool::null());
+            let mut host = Self { queue, pool, device, physical, instance };
             let flags = vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER;
             let pool = vk::CommandPoolCreateInfo::default().queue_family_index(family).flags(flags);
-            let pool = device.create_command_pool(&pool, None)?;
-            Ok(Self { _entry: entry, instance, physical, queue: device.get_device_queue(family, 0), device, pool })
+            host.pool = host.device.create_command_pool(&pool, None).map_err(Error::vulkan("vkCreateCommandPool"))?;
+            Ok(host)
+        }
+    }
+
+    /// Wait until the device does nothing, or is lost. A wait may lack memory while the device works on, and what it uses
+    /// must not be dropped then: try again, though not for ever.
+    fn wait_idle(&self) {
+        for _ in 0..1000 {
+            // SAFETY: waiting is always allowed.
+            match unsafe { self.device.device_wait_idle() } {
+                Ok(()) | Err(vk::Result::ERROR_DEVICE_LOST) => return,
+                Err(_) => std::thread::sleep(Duration::from_millis(10)),
+            }
         }
     }
 }
 
+impl Drop for Host {
+    fn drop(&mut self) {
+        // SAFETY: destroyed once, after what was made on the device.
+        unsafe {
+            self.device.destroy_command_pool(self.pool, None);
+            self.device.destroy_device(None);
+        }
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        // SAFETY: destroyed once, after its device.
+        unsafe { self.raw.destroy_instance(None) };
+    }
+}
+
 /// A frame in flight of the host, with host-visible memory that its pose is copied to.
-struct Frame {
+struct Frame<'a> {
+    host: &'a Host,
     cmd: vk::CommandBuffer,
     fence: vk::Fence,
     readback: vk::Buffer,
@@ -66,68 +105,100 @@ struct Frame {
     mapped: *const f32,
 }
 
-impl Frame {
-    fn new(Host { instance, physical, device, pool, .. }: &Host, bytes: u64) -> Result<Self> {
+impl<'a> Frame<'a> {
+    fn new(host: &'a Host, bytes: u64) -> Result<Self> {
+        let Host { instance, physical, device, pool, .. } = host;
+        // What is null yet may be destroyed, too.
+        let (cmd, fence, readback) = (vk::CommandBuffer::null(), vk::Fence::null(), vk::Buffer::null());
+        let mut this = Self { host, cmd, fence, readback, memory: vk::DeviceMemory::null(), mapped: std::ptr::null() };
         let buffer = vk::BufferCreateInfo::default().size(bytes).usage(vk::BufferUsageFlags::TRANSFER_DST);
         // SAFETY: all is created on one device; the memory is of a type and size that the buffer asks for.
         unsafe {
             let cmds = vk::CommandBufferAllocateInfo::default().command_pool(*pool).command_buffer_count(1);
-            let cmd = device.allocate_command_buffers(&cmds)?[0];
-            let fence = device.create_fence(&vk::FenceCreateInfo::default(), None)?;
-            let readback = device.create_buffer(&buffer, None)?;
-            let needs = device.get_buffer_memory_requirements(readback);
-            let types = instance.get_physical_device_memory_properties(*physical).memory_types;
+            this.cmd = device.allocate_command_buffers(&cmds).map_err(Error::vulkan("vkAllocateCommandBuffers"))?[0];
+            let fence = device.create_fence(&vk::FenceCreateInfo::default(), None);
+            this.fence = fence.map_err(Error::vulkan("vkCreateFence"))?;
+            this.readback = device.create_buffer(&buffer, None).map_err(Error::vulkan("vkCreateBuffer"))?;
+            let needs = device.get_buffer_memory_requirements(this.readback);
+            let types = instance.raw.get_physical_device_memory_properties(*physical).memory_types;
             let visible = vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT;
             let fits = |i: &u32| types[*i as usize].property_flags.contains(visible);
             let index = (0..32).filter(|i| needs.memory_type_bits >> i & 1 == 1).find(fits).ok_or("no memory")?;
             let memory = vk::MemoryAllocateInfo::default().allocation_size(needs.size).memory_type_index(index);
-            let memory = device.allocate_memory(&memory, None)?;
-            device.bind_buffer_memory(readback, memory, 0)?;
-            let mapped = device.map_memory(memory, 0, vk::WHOLE_SIZE, vk::MemoryMapFlags::empty())?.cast();
-            Ok(Self { cmd, fence, readback, memory, mapped })
+            this.memory = device.allocate_memory(&memory, None).map_err(Error::vulkan("vkAllocateMemory"))?;
+            device.bind_buffer_memory(this.readback, this.memory, 0).map_err(Error::vulkan("vkBindBufferMemory"))?;
+            let mapped = device.map_memory(this.memory, 0, vk::WHOLE_SIZE, vk::MemoryMapFlags::empty());
+            this.mapped = mapped.map_err(Error::vulkan("vkMapMemory"))?.cast();
+            Ok(this)
         }
     }
 
     /// Record with `f`, and submit. The device has finished with this frame: `wait` comes between two of these.
-    fn submit<R>(&self, host: &Host, f: impl FnOnce(vk::CommandBuffer) -> Result<R>) -> Result<R> {
+    fn submit<R>(&self, f: impl FnOnce(vk::CommandBuffer) -> Result<R>) -> Result<R> {
+        let (device, cmd) = (&self.host.device, self.cmd);
         let once = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: command buffer and fence are this frame's, and not in use (see above).
         unsafe {
-            host.device.begin_command_buffer(self.cmd, &once)?;
-            let recorded = f(self.cmd)?;
-            host.device.end_command_buffer(self.cmd)?;
-            let submit = vk::SubmitInfo::default().command_buffers(std::slice::from_ref(&self.cmd));
-            host.device.queue_submit(host.queue, &[submit], self.fence)?;
+            device.begin_command_buffer(cmd, &once).map_err(Error::vulkan("vkBeginCommandBuffer"))?;
+            let recorded = f(cmd)?;
+            device.end_command_buffer(cmd).map_err(Error::vulkan("vkEndCommandBuffer"))?;
+            let submit = vk::SubmitInfo::default().command_buffers(std::slice::from_ref(&cmd));
+            let submitted = device.queue_submit(self.host.queue, &[submit], self.fence);
+            submitted.map_err(Error::vulkan("vkQueueSubmit"))?;
             Ok(recorded)
         }
     }
 
-    fn wait(&self, host: &Host) -> Result<()> {
+    /// Wait for what was submitted. After an error, too, the device no longer uses it: the caller may drop it.
+    fn wait(&self) -> Result<()> {
+        let device = &self.host.device;
         // SAFETY: the fence was handed to `submit`, and no other thread uses it.
         unsafe {
-            host.device.wait_for_fences(&[self.fence], true, u64::MAX)?;
-            Ok(host.device.reset_fences(&[self.fence])?)
+            let waited = device.wait_for_fences(&[self.fence], true, u64::MAX);
+            waited.inspect_err(|_| self.host.wait_idle()).map_err(Error::vulkan("vkWaitForFences"))?;
+            Ok(device.reset_fences(&[self.fence]).map_err(Error::vulkan("vkResetFences"))?)
         }
     }
 
     /// Copy a pose to the readback memory: `Consumers::COPIES` has made it ready. A host that draws it needs none of this.
-    fn record_readback(&self, host: &Host, pose: &PoseView) {
+    fn record_readback(&self, pose: &PoseView) {
         use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
+        let device = &self.host.device;
         let region = [vk::BufferCopy { src_offset: pose.offset, dst_offset: 0, size: pose.size }];
         let read =
             [vk::MemoryBarrier::default().src_access_mask(Access::TRANSFER_WRITE).dst_access_mask(Access::HOST_READ)];
         let none = vk::DependencyFlags::empty();
         // SAFETY: `cmd` is recording, outside a render pass; both buffers have `pose.size` bytes at these offsets.
         unsafe {
-            host.device.cmd_copy_buffer(self.cmd, pose.buffer, self.readback, &region);
-            host.device.cmd_pipeline_barrier(self.cmd, Stage::TRANSFER, Stage::HOST, none, &read, &[], &[]);
+            device.cmd_copy_buffer(self.cmd, pose.buffer, self.readback, &region);
+            device.cmd_pipeline_barrier(self.cmd, Stage::TRANSFER, Stage::HOST, none, &read, &[], &[]);
         }
     }
 }
 
-fn main() -> Result<()> {
-    let host = Host::new(&std::env::args().nth(1).unwrap_or_default())?;
-    let desc = DeviceDesc::new(&host.instance, host.physical, &host.device);
+impl Drop for Frame<'_> {
+    fn drop(&mut self) {
+        let device = &self.host.device;
+        // SAFETY: destroyed once; whoever drops it has waited.
+        unsafe {
+            device.destroy_buffer(self.readback, None);
+            device.free_memory(self.memory, None);
+            device.destroy_fence(self.fence, None);
+        }
+    }
+}
+
+fn main() {
+    if let Err(error) = run(&std::env::args().nth(1).unwrap_or_default()) {
+        eprintln!("error: {error}");
+        std::process::exit(1);
+    }
+}
+
+fn run(wanted: &str) -> Result<()> {
+    // Rust drops what is declared last first: crowd, mesh, frames, engine, host.
+    let host = Host::new(wanted)?;
+    let desc = DeviceDesc::new(&host.instance.raw, host.physical, &host.device);
     // SAFETY: the handles belong together, and are destroyed after the engine and all it made.
     let engine = unsafe { MorphEngine::new(&desc) }?;
     let head_desc = head::HeadDesc::default().vertices(5_000).targets(52);
@@ -138,11 +209,11 @@ fn main() -> Result<()> {
     let names: Vec<&str> = mesh.layout().targets.iter().map(|t| t.name.as_str()).collect();
     let clip: Vec<Vec<f32>> = head::head_clip(&head_desc, 60, 30.0).bind(&names)?.frames().collect();
     let frame = || Frame::new(&host, mesh.layout().base_bytes());
-    let frames: [Frame; FRAMES_IN_FLIGHT] = [frame()?, frame()?];
+    let frames: [Frame<'_>; FRAMES_IN_FLIGHT] = [frame()?, frame()?];
 
     // SAFETY: `submit` hands out a recording buffer; the mesh is dropped after the last wait.
-    let mut uploaded = frames[0].submit(&host, |cmd| Ok(unsafe { engine.upload(cmd, &mesh) }?))?;
-    frames[0].wait(&host)?;
+    let mut uploaded = frames[0].submit(|cmd| Ok(unsafe { engine.upload(cmd, &mesh) }?))?;
+    frames[0].wait()?;
     // SAFETY: the upload has run.
     unsafe { uploaded.release_staging() };
     let consumers = Consumers::VERTEX_ATTRIBUTES | Consumers::COPIES;
@@ -154,7 +225,7 @@ fn main() -> Result<()> {
     let played = (0..clip.len() + FRAMES_IN_FLIGHT).try_for_each(|now| -> Result<()> {
         let frame = &frames[now % FRAMES_IN_FLIGHT];
         if let Some(shown) = now.checked_sub(FRAMES_IN_FLIGHT) {
-            frame.wait(&host)?;
+            frame.wait()?;
             // SAFETY: coherent memory of as many floats, mapped, and written by a copy that has finished.
             let pose = unsafe { std::slice::from_raw_parts(frame.mapped, mesh.base().len()) };
             let pose = mesh.layout().to_user_order(pose);
@@ -162,19 +233,19 @@ fn main() -> Result<()> {
         }
         let Some(weights) = clip.get(now) else { return Ok(()) };
         crowd.set_weights(0, weights)?;
-        let update = frame.submit(&host, |cmd| {
+        let update = frame.submit(|cmd| {
             // SAFETY: `cmd` is recording on the engine's device, outside a render pass, and is submitted once, in
             // order, after the wait for the frame FRAMES_IN_FLIGHT ago. Were it dropped: crowd.discard(update.ticket).
             let update = unsafe { engine.record_update(cmd, &mut crowd) }?;
             // Draws go here. For motion vectors: `crowd.previous_pose(0)?`, after a cut (`crowd.cut(0)?`) this pose.
-            frame.record_readback(&host, &crowd.pose(0)?);
+            frame.record_readback(&crowd.pose(0)?);
             Ok(update)
         })?;
         (applied, blocks) = (applied + update.stats.coefficients, blocks + update.stats.dirty_blocks);
         Ok(())
     });
-    // SAFETY: waiting is always allowed. Also after an error, so that nothing below is still in use.
-    unsafe { host.device.device_wait_idle() }?;
+    // Also after an error, so that nothing that is dropped below is still in use.
+    host.wait_idle();
     played?;
     let (error, angle) = (worst.position / f64::from(mesh.layout().diagonal), worst.normal_degrees);
     println!(
@@ -183,17 +254,5 @@ fn main() -> Result<()> {
         clip.len(),
         indices.len() / 3
     );
-    drop((crowd, uploaded, engine));
-    // SAFETY: each is destroyed once, after what was made from it.
-    unsafe {
-        for frame in frames {
-            host.device.destroy_buffer(frame.readback, None);
-            host.device.free_memory(frame.memory, None);
-            host.device.destroy_fence(frame.fence, None);
-        }
-        host.device.destroy_command_pool(host.pool, None);
-        host.device.destroy_device(None);
-        host.instance.destroy_instance(None);
-    }
     if error <= 1e-5 && angle <= 0.01 { Ok(()) } else { Err("the poses differ from the reference".into()) }
 }

@@ -80,7 +80,7 @@ unsafe fn morph_engine(desc: &DmEngineDesc) -> Result<MorphEngine> {
             .debug_names(desc.debug_names != 0)
             .buffer_device_address(desc.buffer_device_address != 0)
             .queue_families(families);
-        let mut caps = DeviceCaps::query(&instance, desc.physical_device);
+        let mut caps = DeviceCaps::query(&instance, desc.physical_device)?;
         if desc.clamp_to_android_baseline != 0 {
             caps.clamp_to(&DeviceCaps::android_baseline());
         }

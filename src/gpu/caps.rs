@@ -1,5 +1,6 @@
 //! What a device can do, as far as the update paths care, and what each path asks for.
 
+use super::failed;
 use super::tuning::{DeviceClass, DeviceTuning};
 use crate::abi::kernels::batch_max;
 use crate::abi::numbers::{DENSE_BATCH_MAX, WORKGROUP};
@@ -142,19 +143,23 @@ impl DeviceCaps {
 
     /// Ask the driver.
     ///
+    /// # Errors
+    /// The driver cannot list its extensions, for want of memory: what the device has is unknown then.
+    ///
     /// # Safety
     /// - `physical` was enumerated from `instance`, and `instance` is alive.
     /// - Both are of Vulkan 1.1 or later.
-    pub unsafe fn query(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Self {
+    pub unsafe fn query(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Result<Self> {
         // SAFETY: the caller's obligations are those of these calls.
         let (core, extensions, families, floats) = unsafe {
             (
                 instance.get_physical_device_properties(physical),
-                instance.enumerate_device_extension_properties(physical).unwrap_or_default(),
+                instance.enumerate_device_extension_properties(physical),
                 instance.get_physical_device_queue_family_properties(physical),
                 instance.get_physical_device_format_properties(physical, vk::Format::R32G32B32A32_SFLOAT),
             )
         };
+        let extensions = extensions.map_err(failed("vkEnumerateDeviceExtensionProperties"))?;
         let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
         let version = |v| (vk::api_version_major(v), vk::api_version_minor(v), vk::api_version_patch(v));
         let text = |raw: Result<&CStr, _>| raw.unwrap_or_default().to_string_lossy().into_owned();
@@ -195,7 +200,7 @@ impl DeviceCaps {
 
         let (limits, core_features) = (core.limits, features.features);
         let narrowest = if with_subgroup_sizes { subgroup_sizes.min_subgroup_size } else { subgroups.subgroup_size };
-        Self {
+        Ok(Self {
             name: text(core.device_name_as_c_str()),
             driver: text(driver.driver_name_as_c_str()),
             driver_info: text(driver.driver_info_as_c_str()),
@@ -235,7 +240,7 @@ impl DeviceCaps {
             max_image_side: limits.max_image_dimension2_d,
             int64: core_features.shader_int64 == vk::TRUE,
             queue_families: families.iter().map(|family| family.queue_flags).collect(),
-        }
+        })
     }
 
     /// What Khronos' VP_ANDROID_baseline_2022 promises, for [`clamp_to`](Self::clamp_to).

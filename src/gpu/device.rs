@@ -156,7 +156,7 @@ impl Device {
         let mut caps = match &desc.caps {
             Some(caps) => caps.clone(),
             // SAFETY: physical device and instance belong together and are alive: the caller's obligation.
-            None => unsafe { DeviceCaps::query(desc.instance, desc.physical_device) },
+            None => unsafe { DeviceCaps::query(desc.instance, desc.physical_device) }?,
         };
         if !desc.transform_feedback_enabled {
             caps.transform_feedback = None;

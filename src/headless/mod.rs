@@ -200,10 +200,10 @@ impl Instance {
         // SAFETY: the instance is alive, and was created for Vulkan 1.1.
         let all = unsafe { self.raw.enumerate_physical_devices() }.map_err(failed("vkEnumeratePhysicalDevices"))?;
         // SAFETY: as above; the devices are the instance's own.
-        let caps = |d: vk::PhysicalDevice| unsafe { (d, DeviceCaps::query(&self.raw, d)) };
+        let caps = |d: vk::PhysicalDevice| Ok((d, unsafe { DeviceCaps::query(&self.raw, d) }?));
         // SAFETY: as above.
         let modern = |d: &vk::PhysicalDevice| unsafe { self.raw.get_physical_device_properties(*d) }.api_version >= vk::API_VERSION_1_1;
-        Ok(all.into_iter().filter(modern).map(caps).collect())
+        all.into_iter().filter(modern).map(caps).collect()
     }
 }
 

@@ -62,7 +62,7 @@ pub fn compile() {
         let [major, minor, patch] =
             [vk::api_version_major(version), vk::api_version_minor(version), vk::api_version_patch(version)];
         eprintln!("{MARK}driver {major}.{minor}.{patch}");
-        eprintln!("{MARK}tuning {:?}", DeviceCaps::query(&instance, physical).tuning);
+        eprintln!("{MARK}tuning {:?}", DeviceCaps::query(&instance, physical).expect("its extensions").tuning);
         let executables = Executables::new(&instance, &device);
         for line in std::io::stdin().lock().lines() {
             let line = line.expect("text");

@@ -109,7 +109,7 @@ fn make(tuning: DeviceTuning) {
         let devices = instance.enumerate_physical_devices().expect("devices").into_iter();
         let found = devices
             .filter(|d| instance.get_physical_device_properties(*d).api_version >= vk::API_VERSION_1_1)
-            .map(|d| (d, DeviceCaps::query(&instance, d)))
+            .map(|d| (d, DeviceCaps::query(&instance, d).expect("its extensions")))
             .find(|(_, caps)| caps.name.contains("llvmpipe"));
         let (physical, mut caps) = found.expect("lavapipe; run the tests as ./with-vulkan cargo test");
         caps.tuning = tuning;

@@ -286,10 +286,11 @@ fn choose(
     let caps = all
         .into_iter()
         .filter(|d| version(d) >= vk::API_VERSION_1_1)
-        .map(|d| (d, unsafe { DeviceCaps::query(instance, d) }));
-    let matching: Vec<_> =
-        caps.enumerate().filter(|(i, (_, c))| choice.is_none_or(|choice| choice.matches(*i, c))).collect();
-    let names: Vec<String> = matching.iter().map(|(_, (_, caps))| caps.name.clone()).collect();
+        .map(|d| Ok((d, unsafe { DeviceCaps::query(instance, d) }?)));
+    let caps: Vec<_> = caps.collect::<deltamorph::Result<_>>()?;
+    let matching = caps.into_iter().enumerate().filter(|(i, (_, c))| choice.is_none_or(|choice| choice.matches(*i, c)));
+    let matching: Vec<_> = matching.map(|(_, able)| able).collect();
+    let names: Vec<String> = matching.iter().map(|(_, caps)| caps.name.clone()).collect();
     let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
     let family = |physical| {
         // SAFETY: as above.
@@ -304,10 +305,17 @@ fn choose(
     };
     let has_swapchains = |physical| {
         // SAFETY: as above.
-        let extensions = unsafe { instance.enumerate_device_extension_properties(physical) }.unwrap_or_default();
-        extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(khr::swapchain::NAME))
+        let extensions = unsafe { instance.enumerate_device_extension_properties(physical) };
+        let extensions = extensions.map_err(failed("vkEnumerateDeviceExtensionProperties"))?;
+        Ok::<_, Failure>(extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(khr::swapchain::NAME)))
     };
-    let able = matching.into_iter().map(|(_, able)| able).filter(|(physical, _)| has_swapchains(*physical));
-    let able = able.filter_map(|(physical, caps)| Some((physical, family(physical)?, caps)));
-    able.min_by_key(|(.., caps)| caps.is_software()).ok_or_else(|| no_window(&names))
+    let mut able = vec![];
+    for (physical, caps) in matching {
+        if has_swapchains(physical)?
+            && let Some(family) = family(physical)
+        {
+            able.push((physical, family, caps));
+        }
+    }
+    able.into_iter().min_by_key(|(.., caps)| caps.is_software()).ok_or_else(|| no_window(&names))
 }
