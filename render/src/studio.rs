@@ -11,7 +11,7 @@ use crate::scene::{Head, Masks, Scene, Show};
 use crate::target::Target;
 use crate::wrinkles::MaskPlace;
 use deltamorph::ash::vk;
-use deltamorph::headless::Headless;
+use deltamorph::headless::{Headless, wait_idle};
 use deltamorph::{
     Crowd, CrowdDesc, Error, GpuMesh, MorphMesh, PackedMesh, PoseFormat, Result, Semantic, Ticket, UpdateDesc,
     UpdatePath,
@@ -385,7 +385,7 @@ impl Drop for Studio<'_> {
         let device = self.headless.handles().2;
         // SAFETY: all is ours, destroyed once, and not in use behind the wait (a device that is lost uses nothing).
         unsafe {
-            let _ = device.device_wait_idle();
+            let _ = wait_idle(device);
             self.frames.iter().for_each(|frame| device.destroy_fence(frame.fence, None));
             device.destroy_command_pool(self.pool, None);
         }

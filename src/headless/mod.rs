@@ -6,12 +6,15 @@ mod crowd;
 mod draw;
 mod submit;
 mod turn;
+mod wait;
 
 #[doc(hidden)]
 pub use crate::update::animated::PlannedGroup;
 pub use bandwidth::Bandwidth;
 pub use crowd::{HeadlessCrowd, Recorded, Step};
 pub use draw::{PoseUpload, Uploaded};
+#[doc(hidden)]
+pub use wait::wait_idle;
 
 use crate::engine::{GpuMesh, MorphEngine};
 use crate::error::{Error, Result};

@@ -1,5 +1,6 @@
 //! Record, submit, wait: one command buffer, one fence, three timestamps; and buffers read back.
 
+use super::wait::wait_idle;
 use crate::error::Result;
 use crate::gpu::device::Device;
 use crate::gpu::failed;
@@ -75,16 +76,19 @@ impl Submitter {
         result
     }
 
-    /// Submit and wait. After an error nothing has run, or the device is lost.
+    /// Submit and wait. After an error nothing has run, or the device is lost (or cannot be waited for: [`wait_idle`]).
     pub(super) fn submit(&self, cmds: &[vk::CommandBuffer]) -> Result<()> {
         let info = [vk::SubmitInfo::default().command_buffers(cmds)];
         // SAFETY: the buffers were recorded by us and are not pending; the fence is ours and in no queue.
         unsafe {
             self.device.reset_fences(&[self.fence]).map_err(failed("vkResetFences"))?;
             self.device.queue_submit(self.queue.0, &info, self.fence).map_err(failed("vkQueueSubmit"))?;
-            // A wait may lack memory; whoever called relies on an end, though, so that another way to wait is tried.
-            let wait = self.device.wait_for_fences(&[self.fence], true, u64::MAX);
-            wait.or_else(|error| self.device.device_wait_idle().map_err(|_| error)).map_err(failed("vkWaitForFences"))
+            match self.device.wait_for_fences(&[self.fence], true, u64::MAX) {
+                Ok(()) => Ok(()),
+                Err(lost @ vk::Result::ERROR_DEVICE_LOST) => Err(failed("vkWaitForFences")(lost)),
+                // A wait may lack memory; whoever called relies on an end, though.
+                Err(_) => wait_idle(&self.device).map_err(failed("vkDeviceWaitIdle")),
+            }
         }
     }
 
@@ -145,7 +149,7 @@ impl Drop for Submitter {
         // SAFETY: made in `new`, destroyed once; nothing is pending since every submit waits (after a lost
         // device the wait fails at once, and destroying is allowed).
         unsafe {
-            let _ = self.device.device_wait_idle();
+            let _ = wait_idle(&self.device);
             if let Some(queries) = self.queries {
                 self.device.destroy_query_pool(queries, None);
             }

@@ -3,8 +3,8 @@
 use crate::output::Failure;
 use ash_window::{create_surface, enumerate_required_extensions};
 use deltamorph::ash::{self, ext, khr, vk};
-use deltamorph::headless::DeviceChoice;
-use deltamorph::{DeviceCaps, DeviceDesc, MorphEngine};
+use deltamorph::headless::{self, DeviceChoice};
+use deltamorph::{DeviceCaps, DeviceDesc, Error, ErrorKind, MorphEngine};
 use std::ffi::{CStr, c_char, c_void};
 use std::ptr::null_mut;
 use std::slice::from_ref;
@@ -70,8 +70,14 @@ unsafe extern "system" fn collect(
     vk::FALSE
 }
 
-fn failed(call: &'static str) -> impl Fn(vk::Result) -> Failure {
-    move |result| Failure::Failed(format!("{call}: {result}; `deltamorph render` draws without a window"))
+/// Turns what a Vulkan call returned into a failure that names it.
+pub fn failed(call: &'static str) -> impl Fn(vk::Result) -> Failure {
+    move |result| match Error::vulkan(call)(result) {
+        error if error.kind() == ErrorKind::OutOfMemory => Failure::Failed(format!(
+            "Vulkan: {call} failed: {result:?}; free memory, or draw fewer heads in a smaller window"
+        )),
+        error => error.into(),
+    }
 }
 
 impl Instance {
@@ -147,12 +153,12 @@ impl Device {
         let (Ok(display), Ok(handle)) = (handles.0.map(|h| h.as_raw()), handles.1.map(|h| h.as_raw())) else {
             return Err(no_window(&[]));
         };
-        let extensions = enumerate_required_extensions(display).map_err(failed("the window system"))?;
+        let extensions = enumerate_required_extensions(display).map_err(|_| no_window(&[]))?;
         let instance = Instance::new(extensions, validation)?;
         let surfaces = khr::surface::Instance::new(&instance.entry, &instance.raw);
         // SAFETY: the handles are the window's, which outlives the surface (see `Owned`); the extensions are enabled.
         let surface = unsafe { create_surface(&instance.entry, &instance.raw, display, handle, None) };
-        let surface = surface.map_err(failed("the surface of the window"))?;
+        let surface = surface.map_err(failed("vkCreate*SurfaceKHR of the window system"))?;
         let chosen =
             choose(&instance, &surfaces, surface, (display, handle), choice).and_then(|(physical, family, caps)| {
                 let extensions = [khr::swapchain::NAME.as_ptr(), ext::transform_feedback::NAME.as_ptr()];
@@ -205,7 +211,7 @@ impl Device {
     /// Wait until nothing runs. A device that is lost runs nothing.
     pub fn wait_idle(&self) {
         // SAFETY: one thread uses the queue.
-        let _ = unsafe { self.owned.device.device_wait_idle() };
+        let _ = unsafe { headless::wait_idle(self.raw()) };
     }
 
     /// Record with `f`, submit and wait.
@@ -221,16 +227,20 @@ impl Device {
         unsafe {
             let cmd = device.allocate_command_buffers(&info).map_err(failed("vkAllocateCommandBuffers"))?[0];
             device.begin_command_buffer(cmd, &once).map_err(failed("vkBeginCommandBuffer"))?;
-            let result = f(cmd);
-            let ran = device.end_command_buffer(cmd).and_then(|()| {
-                let submit = vk::SubmitInfo::default().command_buffers(from_ref(&cmd));
-                let submit = if result.is_ok() { from_ref(&submit) } else { &[] };
-                device.queue_submit(self.queue, submit, vk::Fence::null())?;
-                device.queue_wait_idle(self.queue)
+            let submit = vk::SubmitInfo::default().command_buffers(from_ref(&cmd));
+            let recorded = f(cmd).map_err(Failure::from);
+            let ended = device.end_command_buffer(cmd).map_err(failed("vkEndCommandBuffer"));
+            let ran = recorded.and_then(|result| {
+                ended?;
+                let submitted = device.queue_submit(self.queue, from_ref(&submit), vk::Fence::null());
+                submitted.map_err(failed("vkQueueSubmit"))?;
+                let waited = device.queue_wait_idle(self.queue).map_err(failed("vkQueueWaitIdle"));
+                // What was recorded runs on where the wait lacked memory, and may be dropped only behind it.
+                waited.inspect_err(|_| self.wait_idle())?;
+                Ok(result)
             });
             device.free_command_buffers(pool, &[cmd]);
-            ran.map_err(failed("vkQueueSubmit"))?;
-            Ok(result?)
+            ran
         }
     }
 

@@ -1,6 +1,6 @@
 //! Frames in flight: the update, the heads, the panel over them, the time each took, and pixels for files.
 
-use super::device::Device;
+use super::device::{Device, failed};
 use super::heads::{Full, Heads, IN_FLIGHT};
 use super::painter::{Painter, Picture};
 use super::swapchain::Swapchain;
@@ -72,10 +72,6 @@ struct Frame {
     picture: Option<(Buffer, vk::Extent2D, PathBuf)>,
 }
 
-fn failed(call: &'static str) -> impl Fn(vk::Result) -> Failure {
-    move |result| Failure::Failed(format!("{call}: {result}; draw fewer heads, or look at the driver"))
-}
-
 impl Frames {
     pub fn new(device: &Rc<Device>, format: vk::Format) -> Result<Self, Failure> {
         let raw = device.raw();
@@ -99,10 +95,11 @@ impl Frames {
             for _ in 0..IN_FLIGHT {
                 let cmd = raw.allocate_command_buffers(&info).map_err(failed("vkAllocateCommandBuffers"))?[0];
                 let fence = raw.create_fence(&vk::FenceCreateInfo::default(), None).map_err(failed("vkCreateFence"))?;
+                let (acquired, textures, picture) = (vk::Semaphore::null(), vec![], None);
+                // From here on `drop` destroys what there is of it.
+                let frame = this.frames.push_mut(Frame { cmd, fence, acquired, running: None, textures, picture });
                 let acquired = raw.create_semaphore(&vk::SemaphoreCreateInfo::default(), None);
-                let acquired = acquired.map_err(failed("vkCreateSemaphore"))?;
-                let (textures, picture) = (vec![], None);
-                this.frames.push(Frame { cmd, fence, acquired, running: None, textures, picture });
+                frame.acquired = acquired.map_err(failed("vkCreateSemaphore"))?;
             }
             Ok(this)
         }

@@ -1,6 +1,6 @@
 //! The images of the window, and what is drawn into each.
 
-use super::device::Device;
+use super::device::{Device, failed};
 use crate::output::Failure;
 use deltamorph::ash::vk;
 use deltamorph_render::{Renderer, Target};
@@ -32,10 +32,6 @@ pub struct Shown {
     pub drawn: vk::Semaphore,
     /// The frame in flight that was drawn into the image last.
     pub frame: Option<usize>,
-}
-
-fn failed(call: &'static str) -> impl Fn(vk::Result) -> Failure {
-    move |result| Failure::Failed(format!("{call}: {result}; close other windows, or look at the driver"))
 }
 
 /// The format of the window's images.

@@ -1,0 +1,60 @@
+//! Waiting for a device whose waits may fail.
+
+use ash::vk;
+use std::time::Duration;
+
+/// How often a wait is tried, and what passes between: ten seconds.
+const TRIES: usize = 1000;
+const PAUSE: Duration = Duration::from_millis(10);
+
+/// Wait until the device has finished. A wait may fail for want of memory while the device works on; what it uses must not
+/// be destroyed then, and so it is waited for again.
+///
+/// # Errors
+/// The device is lost, and uses nothing any more; or memory is wanting for ten seconds on end, and there is no way to wait.
+///
+/// # Safety
+/// No other thread uses the device's queues meanwhile.
+pub unsafe fn wait_idle(device: &ash::Device) -> Result<(), vk::Result> {
+    // SAFETY: the caller's obligation.
+    again(|| unsafe { device.device_wait_idle() }, PAUSE)
+}
+
+/// Wait again and again, until that succeeds or the device is lost.
+fn again(mut wait: impl FnMut() -> Result<(), vk::Result>, pause: Duration) -> Result<(), vk::Result> {
+    let mut waited = wait();
+    for _ in 1..TRIES {
+        match waited {
+            Ok(()) | Err(vk::Result::ERROR_DEVICE_LOST) => break,
+            Err(_) => std::thread::sleep(pause),
+        }
+        waited = wait();
+    }
+    waited
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use vk::Result as Vk;
+
+    #[test]
+    fn a_wait_that_fails_is_tried_until_it_says_that_the_device_has_finished_or_is_lost() {
+        let memory = Err(Vk::ERROR_OUT_OF_HOST_MEMORY);
+        let lost = Err(Vk::ERROR_DEVICE_LOST);
+        for (results, ends, tries) in [
+            (&[Ok(())][..], Ok(()), 1),
+            (&[memory, memory, Ok(())], Ok(()), 3),
+            (&[memory, lost, Ok(())], lost, 2),
+            (&[lost, Ok(())], lost, 1),
+            (&[memory], memory, TRIES),
+        ] {
+            let mut tried = 0;
+            let wait = || {
+                tried += 1;
+                results[(tried - 1).min(results.len() - 1)]
+            };
+            assert_eq!((again(wait, Duration::ZERO), tried), (ends, tries), "{results:?}");
+        }
+    }
+}
