@@ -59,6 +59,14 @@ pub enum Error {
         /// What to do.
         remedy: String,
     },
+    /// There is no Vulkan device: no loader, no driver, or none in its list. Only the feature `headless` looks for one.
+    #[error("{what}; {remedy}", what = Printable(what))]
+    NoDevice {
+        /// What is missing.
+        what: String,
+        /// What to do.
+        remedy: &'static str,
+    },
     /// A Vulkan call failed.
     #[error("Vulkan: {call} failed: {result:?}; {remedy}")]
     Vulkan {
@@ -86,7 +94,7 @@ pub enum ErrorKind {
     Input = 2,
     /// A value handed to the API cannot be used: [`Error::Invalid`].
     Invalid = 3,
-    /// The device lacks what an update path needs: [`Error::Unsupported`].
+    /// The device lacks what an update path needs, or there is none: [`Error::Unsupported`], [`Error::NoDevice`].
     Unsupported = 4,
     /// The host or the device is out of memory: [`Error::OutOfMemory`], or an [`Error::Vulkan`] whose result says so. Less
     /// may still fit.
@@ -140,7 +148,7 @@ impl Error {
             Self::Io { .. } => ErrorKind::Io,
             Self::Input { .. } => ErrorKind::Input,
             Self::Invalid { .. } => ErrorKind::Invalid,
-            Self::Unsupported { .. } => ErrorKind::Unsupported,
+            Self::Unsupported { .. } | Self::NoDevice { .. } => ErrorKind::Unsupported,
             Self::OutOfMemory { .. } => ErrorKind::OutOfMemory,
             Self::Vulkan { result, .. } => match *result {
                 Vk::ERROR_OUT_OF_HOST_MEMORY | Vk::ERROR_OUT_OF_DEVICE_MEMORY | Vk::ERROR_OUT_OF_POOL_MEMORY => {
@@ -208,6 +216,7 @@ mod tests {
             (2, Error::input(Path::new("a"), "", "what", "remedy")),
             (3, Error::invalid("what", "remedy")),
             (4, Error::Unsupported { path: "compute", device: none(), reason: none(), remedy: none() }),
+            (4, Error::NoDevice { what: none(), remedy: "" }),
             (5, Error::out_of_memory("what", "remedy")),
             (5, io(io::ErrorKind::OutOfMemory)),
             (5, vulkan(vk::Result::ERROR_OUT_OF_HOST_MEMORY)),

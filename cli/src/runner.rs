@@ -9,10 +9,11 @@ use crate::output::{Failure, Output};
 pub use deltamorph::headless::Headless as Gpu;
 use deltamorph::headless::{DeviceChoice, HeadlessCrowd, HeadlessDesc, PoseUpload, Step};
 use deltamorph::{
-    AnimatedCrowd, AnimationDesc, BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, MorphEngine, PackDesc,
+    AnimatedCrowd, AnimationDesc, BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, Error, MorphEngine, PackDesc,
     PackedMesh, Playback, PoseFormat, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
 };
 use serde::Serialize;
+use std::rc::Rc;
 use std::slice::from_ref;
 use std::sync::Arc;
 use std::time::Instant;
@@ -20,18 +21,39 @@ use std::time::Instant;
 /// Set up the device chosen on the command line. `None`, with a note, where there is none and none was chosen.
 pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, Failure> {
     let desc = HeadlessDesc::default().device(choice.cloned().unwrap_or_default());
-    let gpu = match Gpu::new(&desc) {
-        Err(error) if choice.is_none() => {
-            out.note(error);
-            return Ok(None);
-        }
-        gpu => gpu?,
-    };
-    if gpu.caps().is_software() {
-        let name = &gpu.caps().name;
+    let gpu = if_any(Gpu::new(&desc), choice, out)?;
+    if let Some(caps) = gpu.as_ref().map(Gpu::caps).filter(|caps| caps.is_software()) {
+        let name = &caps.name;
         out.note(format_args!("{name} is a software driver: without a GPU the path 'cpu' is the one to use"));
     }
-    Ok(Some(gpu))
+    Ok(gpu)
+}
+
+/// Tells that there is no device, and none was chosen, from one that cannot be set up.
+fn if_any<T>(opened: deltamorph::Result<T>, choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<T>, Failure> {
+    match opened {
+        Err(error @ Error::NoDevice { .. }) if choice.is_none() => {
+            out.note(error);
+            Ok(None)
+        }
+        opened => Ok(Some(opened?)),
+    }
+}
+
+/// The device that `args` take: none for the path `cpu`, and none that has to be there where no path is named.
+fn open_for(args: &RunArgs, choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, Failure> {
+    match args.update.paths.first() {
+        Some(UpdatePath::Cpu) => Ok(None),
+        Some(&path) => open(choice, out)?.map(Some).ok_or_else(|| no_device(path).into()),
+        None => open(choice, out),
+    }
+}
+
+fn no_device(path: UpdatePath) -> Error {
+    Error::NoDevice {
+        what: format!("update path '{}' needs a Vulkan device and there is none", path.name()),
+        remedy: "install a driver (./with-vulkan installs lavapipe), or use --path cpu",
+    }
 }
 
 /// The mesh of `input` in `format`: as a packed file has it where it is the file's, else packed now.
@@ -87,7 +109,7 @@ impl<'a> Runner<'a> {
         desc: UpdateDesc,
         heads: u32,
         threads: usize,
-    ) -> Result<Self, Failure> {
+    ) -> deltamorph::Result<Self> {
         match (desc.path, gpu) {
             (UpdatePath::Cpu, gpu) => {
                 let crowd = CpuCrowd::new(mesh.clone(), desc, heads as usize, threads)?;
@@ -95,10 +117,7 @@ impl<'a> Runner<'a> {
                 Ok(Self::Cpu(Box::new(crowd), upload.map(Box::new)))
             }
             (_, Some(gpu)) => Self::crowds(gpu, mesh, desc, heads, 1),
-            (path, None) => Err(Failure::Failed(format!(
-                "update path '{}' needs a Vulkan device and there is none; use --path cpu",
-                path.name()
-            ))),
+            (path, None) => Err(no_device(path)),
         }
     }
 
@@ -109,7 +128,7 @@ impl<'a> Runner<'a> {
         desc: UpdateDesc,
         heads: u32,
         count: usize,
-    ) -> Result<Self, Failure> {
+    ) -> deltamorph::Result<Self> {
         // One update at a time is recorded and waited for.
         let desc = CrowdDesc::new(desc).instances(heads).frames_in_flight(1);
         let mut crowds = vec![HeadlessCrowd::new(gpu, mesh, &desc)?];
@@ -201,7 +220,7 @@ impl<'a> Runner<'a> {
 
 /// The packed mesh, how it is updated, and where.
 pub struct Stage {
-    gpu: Option<Gpu>,
+    gpu: Option<Rc<Gpu>>,
     threads: usize,
     pub mesh: Arc<PackedMesh>,
     pub desc: UpdateDesc,
@@ -225,22 +244,21 @@ pub struct Setup {
 impl Stage {
     /// On the path named, or else the best that there is: `blocks` where there is a device, or `cpu`.
     pub fn new(args: &RunArgs, input: &Input, device: Option<&DeviceChoice>, out: &Output) -> Result<Self, Failure> {
-        let gpu = match args.update.paths.first() {
-            Some(UpdatePath::Cpu) => None,
-            Some(_) => open(device, out)?,
-            None => open(device, out)?.filter(|gpu| gpu.caps().check_path(UpdatePath::Blocks).is_ok()),
-        };
-        let (mesh, desc) = prepare(args, input, gpu.as_ref().map(Gpu::engine), out)?;
+        Self::on(open_for(args, device, out)?.map(Rc::new), args, input, out)
+    }
+
+    /// As [`new`](Self::new), with a device that is open already. On the path `cpu` it is left alone.
+    pub fn on(gpu: Option<Rc<Gpu>>, args: &RunArgs, input: &Input, out: &Output) -> Result<Self, Failure> {
+        let gpu = gpu.filter(|gpu| match args.update.paths.first() {
+            Some(path) => *path != UpdatePath::Cpu,
+            None => gpu.caps().check_path(UpdatePath::Blocks).is_ok(),
+        });
+        let (mesh, desc) = prepare(args, input, gpu.as_deref().map(Gpu::engine), out)?;
         Ok(Self { gpu, threads: args.update.threads.unwrap_or(0), mesh, desc })
     }
 
-    pub fn runner(&self, desc: UpdateDesc) -> Result<Runner<'_>, Failure> {
-        Runner::new(self.gpu.as_ref(), &self.mesh, desc, 1, self.threads)
-    }
-
-    /// The device; none on the path `cpu`, which needs none.
-    pub fn gpu(&self) -> Option<&Gpu> {
-        self.gpu.as_ref()
+    pub fn runner(&self, desc: UpdateDesc) -> deltamorph::Result<Runner<'_>> {
+        Runner::new(self.gpu.as_deref(), &self.mesh, desc, 1, self.threads)
     }
 
     /// Threads of the path `cpu`; 0: one a core.
@@ -249,14 +267,13 @@ impl Stage {
     }
 
     pub fn device(&self) -> String {
-        self.gpu.as_ref().map_or("none".into(), |gpu| gpu.caps().name.clone())
+        self.gpu.as_deref().map_or("none".into(), |gpu| gpu.caps().name.clone())
     }
 
     /// A head that plays `clip` from its beginning, planned on the device.
     pub fn animated(&self, clip: &WeightClip) -> Result<Runner<'_>, Failure> {
-        let gpu = self.gpu.as_ref().filter(|_| self.desc.path == UpdatePath::Blocks).ok_or_else(|| {
-            Failure::Usage("--animated plans on a Vulkan device, on the path blocks, and there is none".into())
-        })?;
+        let gpu = self.gpu.as_deref().filter(|_| self.desc.path == UpdatePath::Blocks);
+        let gpu = gpu.ok_or_else(|| Failure::Usage("--animated plans on a Vulkan device: use --path blocks".into()))?;
         let (desc, clips) = (CrowdDesc::new(self.desc).frames_in_flight(1), AnimationDesc::new(from_ref(clip)));
         let mut crowd = HeadlessCrowd::animated(gpu, &self.mesh, &desc, &clips)?;
         crowd.play(0, &Playback::new(0).repeat(Repeat::Once))?;
@@ -353,4 +370,30 @@ fn batch_size(
         let all = if path.takes_all_targets() { ", or \"all\"" } else { "" };
         Failure::Usage(format!("--batch-size: path '{}' takes 1 to {max} targets per pass here{all}", path.name()))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::args::Cli;
+    use clap::Parser;
+    use deltamorph::ash::vk;
+
+    #[test]
+    fn only_that_there_is_no_device_leads_to_the_path_cpu() {
+        let out = Output::new(&Cli::parse_from(["deltamorph", "--quiet", "devices"]).global);
+        let opened = |error, choice| if_any::<()>(Err(error), choice, &out);
+        assert!(matches!(opened(no_device(UpdatePath::Blocks), None), Ok(None)));
+        let chosen = DeviceChoice::Index(0);
+        assert!(opened(no_device(UpdatePath::Blocks), Some(&chosen)).is_err(), "one was chosen");
+        for (call, result) in [
+            ("vkCreateInstance", vk::Result::ERROR_OUT_OF_HOST_MEMORY),
+            ("vkEnumeratePhysicalDevices", vk::Result::ERROR_INITIALIZATION_FAILED),
+            ("vkCreateDevice", vk::Result::ERROR_DEVICE_LOST),
+            ("vkCreateQueryPool", vk::Result::ERROR_OUT_OF_DEVICE_MEMORY),
+        ] {
+            let failure = opened(Error::vulkan(call)(result), None).expect_err("it cannot be set up");
+            assert!(matches!(&failure, Failure::Failed(text) if text.contains(call)), "{failure}");
+        }
+    }
 }

@@ -5,6 +5,7 @@ mod cli;
 
 use cli::{HEAD, fails, json, ok, sample};
 use serde_json::Value;
+use std::process::Command;
 
 fn has(object: &Value, fields: &str) {
     fields.split_whitespace().for_each(|f| assert!(object.get(f).is_some(), "{f} in {object}"));
@@ -265,4 +266,23 @@ fn bad_arguments_exit_with_2_and_failures_with_1() {
     check(&["play", &dir, "--path", "cpu"], 2, &["2 clips", "--weights", "second.csv"]);
     std::fs::remove_dir_all(&weights).unwrap();
     check(&["play", &dir, "--path", "cpu"], 2, &["no clip", "--weights"]);
+}
+
+#[test]
+fn a_path_that_is_named_fails_where_there_is_no_device() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = sample(folder.path());
+    for args in [&["--path", "blocks"][..], &["--path", "feedback", "--format", "float32"], &["--animated"]] {
+        let out = Command::new(env!("CARGO_BIN_EXE_deltamorph"))
+            .args(["play", &dir, "--quiet"])
+            .args(args)
+            .env("VK_DRIVER_FILES", "/nonexistent.json")
+            .env("VK_ICD_FILENAMES", "/nonexistent.json")
+            .env_remove("VK_ADD_DRIVER_FILES")
+            .output()
+            .unwrap();
+        let errors = String::from_utf8(out.stderr).unwrap();
+        assert_eq!(out.status.code(), Some(1), "{args:?}: {errors}");
+        assert!(errors.contains("needs a Vulkan device and there is none; install a driver"), "{args:?}: {errors}");
+    }
 }

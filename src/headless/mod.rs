@@ -136,11 +136,9 @@ impl Instance {
     fn new(validation: bool) -> Result<Self> {
         let turn = validation.then(Turn::wait);
         // SAFETY: loading the system's Vulkan loader runs its initialisers, which are made to be run so.
-        let entry = unsafe { ash::Entry::load() }.map_err(|e| {
-            Error::invalid(
-                format!("the Vulkan loader cannot be loaded: {e}"),
-                "install libvulkan (./with-vulkan does), or use the path 'cpu'",
-            )
+        let entry = unsafe { ash::Entry::load() }.map_err(|e| Error::NoDevice {
+            what: format!("the Vulkan loader cannot be loaded: {e}"),
+            remedy: "install libvulkan (./with-vulkan does), or use the path 'cpu'",
         })?;
         let app = vk::ApplicationInfo::default().application_name(c"deltamorph").api_version(vk::API_VERSION_1_1);
         let messages = Arc::<Messages>::default();
@@ -185,6 +183,7 @@ impl Instance {
                     "install vulkan-validationlayers (./with-vulkan does)",
                 )
             }
+            vk::Result::ERROR_INCOMPATIBLE_DRIVER => no_device("no Vulkan driver"),
             e => failed("vkCreateInstance")(e),
         })?;
         let mut instance = Self { messenger: None, messages, raw, _entry: entry, _turn: turn };
@@ -223,14 +222,14 @@ impl Drop for Instance {
 }
 
 impl Headless {
-    /// Every Vulkan 1.1 device of the system; none where there is no driver.
+    /// Every Vulkan 1.1 device of the system; none where there is no loader or no driver.
     ///
     /// # Errors
-    /// No Vulkan loader.
+    /// A call that fails otherwise.
     pub fn devices() -> Result<Vec<DeviceCaps>> {
         match Instance::new(false) {
             Ok(instance) => Ok(instance.devices()?.into_iter().map(|(_, caps)| caps).collect()),
-            Err(Error::Vulkan { result: vk::Result::ERROR_INCOMPATIBLE_DRIVER, .. }) => Ok(vec![]),
+            Err(Error::NoDevice { .. }) => Ok(vec![]),
             Err(e) => Err(e),
         }
     }
@@ -238,7 +237,8 @@ impl Headless {
     /// Set up instance, device and queue.
     ///
     /// # Errors
-    /// No loader, no device as chosen (the message lists those there are), no validation layers.
+    /// [`Error::NoDevice`]: no loader, no driver, or no Vulkan 1.1 device in its list. Otherwise no device as chosen (the
+    /// message lists those there are), no validation layers, or a call that fails.
     pub fn new(desc: &HeadlessDesc) -> Result<Self> {
         let instance = Instance::new(desc.validation)?;
         let (physical, mut caps) = choose(instance.devices()?, &desc.device)?;
@@ -341,6 +341,14 @@ impl DeviceChoice {
     }
 }
 
+/// That there is none to be had.
+fn no_device(what: &str) -> Error {
+    Error::NoDevice {
+        what: what.into(),
+        remedy: "install a driver (./with-vulkan installs lavapipe), or use the path 'cpu'",
+    }
+}
+
 fn choose(
     mut devices: Vec<(vk::PhysicalDevice, DeviceCaps)>,
     choice: &DeviceChoice,
@@ -356,7 +364,7 @@ fn choose(
             DeviceChoice::Name(name) => format!("no Vulkan device called '{name}'"),
         };
         match names.is_empty() {
-            true => Error::invalid(what, "install a driver (./with-vulkan installs lavapipe), or use the path 'cpu'"),
+            true => no_device(&what),
             false => Error::invalid(what, format!("choose one of: {}", names.join("; "))),
         }
     })

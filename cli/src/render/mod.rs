@@ -21,6 +21,7 @@ use glam::Mat4;
 use scenery::{Done, SIZE, Scenery, Subject};
 use serde_json::json;
 use std::path::Path;
+use std::rc::Rc;
 
 pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     args.run.update.check_single("render").map_err(Failure::Usage)?;
@@ -46,14 +47,13 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
         input.add_masks()?;
     }
     check_texcoords(args, &input)?;
-    let stage = Stage::new(&args.run, &input, device, out)?;
     // The path cpu needs no device; a picture does.
-    let opened = if stage.gpu().is_none() { open(device, out)? } else { None };
-    let gpu = stage.gpu().or(opened.as_ref()).ok_or_else(|| {
+    let gpu = open(device, out)?.map(Rc::new).ok_or_else(|| {
         Failure::Failed("a picture is drawn on a Vulkan device, and there is none; ./with-vulkan installs one".into())
     })?;
+    let stage = Stage::on(Some(gpu.clone()), &args.run, &input, out)?;
     let subject = Subject::new(args.run.input.input.as_deref(), &input);
-    let scenery = Scenery { args, input: &input, stage: &stage, gpu, subject, out };
+    let scenery = Scenery { args, input: &input, stage: &stage, gpu: &gpu, subject, out };
     let Done { mut what, size, frames, scale, kept } = match (args.sheet, args.crowd, args.magnify) {
         (true, ..) => sheet::draw(&scenery, output)?,
         (_, Some(heads), _) => crowd::draw(&scenery, heads, output)?,
