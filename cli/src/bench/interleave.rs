@@ -6,7 +6,7 @@ use super::subject::Subject;
 use super::trial::{Candidate, Trial};
 use crate::output::Failure;
 use crate::runner::Runner;
-use deltamorph::{Error, UpdatePath};
+use deltamorph::{Error, ErrorKind, UpdatePath};
 use std::time::Duration;
 
 /// How long configurations are timed, and in how many rounds.
@@ -150,16 +150,36 @@ fn begin<'a>(
         (true, Some(gpu)) => Runner::crowds(gpu, &mesh, config.desc, 1, setting.updated() as usize),
         _ => Runner::new(gpu, &mesh, config.desc, setting.updated(), machine.args.update.threads.unwrap_or(0)),
     };
-    match runner {
+    match too_large(runner)? {
         Ok(runner) => Ok(refusal(Trial::begin(machine, candidate, subject, mesh, runner))?),
-        // Too large for the device, say.
-        Err(e) => Ok(Err(e.to_string())),
+        Err(reason) => Ok(Err(reason)),
+    }
+}
+
+/// As [`refusal`], while memory is taken: where there is too little of it, others may fit.
+fn too_large<T>(result: deltamorph::Result<T>) -> deltamorph::Result<Result<T, String>> {
+    match result {
+        Err(e) if e.kind() == ErrorKind::OutOfMemory => Ok(Err(e.to_string())),
+        other => refusal(other),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use deltamorph::ash::vk;
+
+    #[test]
+    fn too_little_memory_leaves_a_configuration_out_and_a_lost_device_ends_the_run() {
+        let made = |result| too_large::<()>(Err(Error::vulkan("vkQueueSubmit")(result)));
+        assert!(made(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY).is_ok_and(|skipped| skipped.is_err()));
+        for fatal in [vk::Result::ERROR_DEVICE_LOST, vk::Result::ERROR_INITIALIZATION_FAILED] {
+            assert!(made(fatal).is_err_and(|e| e.to_string().contains("vkQueueSubmit")), "{fatal:?}");
+        }
+        let invalid = || Error::Invalid { what: "weights".into(), remedy: "others".into() };
+        assert!(too_large::<()>(Err(invalid())).is_ok_and(|skipped| skipped.is_err()));
+        assert!(too_large(Ok(())).is_ok_and(|run| run.is_ok()));
+    }
 
     #[test]
     fn the_slowest_sets_the_pace() {

@@ -77,7 +77,7 @@ fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Failure
     verdict(report)
 }
 
-/// A failure where runs were wrong, where there were none, or where a clip that was asked for could not be played.
+/// A failure where runs were wrong, where there were none, or where a clip or a path that was asked for by name could not run.
 fn verdict(report: &Report) -> Result<(), Failure> {
     let (runs, skipped) = (&report.runs, &report.skipped);
     let wrong = || runs.iter().filter(|r| !r.verified);
@@ -100,6 +100,9 @@ fn verdict(report: &Report) -> Result<(), Failure> {
     } else if let Some(clip) = report.unplayed.first() {
         let why = skipped.iter().find(|s| s.what.contains(clip)).map_or("no reason given", |s| &s.reason);
         format!("clip '{clip}': no configuration could play it: {why}")
+    } else if let Some(path) = report.unmeasured.first() {
+        let why = skipped.iter().find(|s| s.is_of(path)).map_or("no reason given", |s| &s.reason);
+        format!("--paths: {}: nothing of it could run, the first: {why}", report.unmeasured.join(", "))
     } else {
         return Ok(());
     }))
@@ -116,6 +119,18 @@ mod tests {
         assert!(message.starts_with("2 of ") && message.contains("feedback float32 batch 8"), "{message}");
         report.runs.retain(|r| r.verified);
         assert!(verdict(&report).is_ok());
+        assert!(!sentences::sentences(&report).join(" ").contains("could run"));
+        report.unmeasured.push("feedback".into());
+        let said = sentences::sentences(&report).join(" ");
+        assert!(
+            said.contains("configurations that could run match") && said.contains("could run: feedback."),
+            "{said}"
+        );
+        let message = verdict(&report).expect_err("feedback was named").to_string();
+        assert!(
+            message.starts_with("--paths: feedback: nothing of it") && message.contains("16 attributes"),
+            "{message}"
+        );
         report.unplayed.push("speech".into());
         assert!(verdict(&report).is_err_and(|e| e.to_string().starts_with("clip 'speech': no configuration could")));
         report.runs.clear();

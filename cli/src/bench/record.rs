@@ -28,6 +28,9 @@ pub struct Report {
     /// Clips that were asked for by name and that no configuration could play.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub unplayed: Vec<String>,
+    /// Update paths that `--paths` names and of which nothing could run; `skipped` says why.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub unmeasured: Vec<String>,
     /// What `--suite` asked for, in the order it ran; empty for an ordinary run.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub suites: Vec<SuiteRecord>,
@@ -100,6 +103,13 @@ pub struct Skipped {
     /// The update path, with what else was special about it.
     pub what: String,
     pub reason: String,
+}
+
+impl Skipped {
+    /// Whether it is of the update path called `path`.
+    pub fn is_of(&self, path: &str) -> bool {
+        self.what.split([' ', ':', ',']).next() == Some(path)
+    }
 }
 
 /// What a suite found out, next to its runs.

@@ -57,8 +57,12 @@ impl<'a> Session<'a> {
     /// The report, with all that was found.
     pub fn report(self) -> Report {
         self.bar.finish_and_clear();
-        let input = self.report.meshes.first().unwrap_or(&self.report.input).clone();
-        Report { input, ..self.report }
+        let Report { runs, skipped, meshes, input, .. } = &self.report;
+        let named = self.args.update.paths.iter().map(|path| path.name());
+        let missing = named
+            .filter(|path| runs.iter().all(|run| run.path != *path) && skipped.iter().any(|other| other.is_of(path)));
+        let (unmeasured, input) = (missing.map(str::to_owned).collect(), meshes.first().unwrap_or(input).clone());
+        Report { unmeasured, input, ..self.report }
     }
 
     /// The frames of a configuration, in rounds.

@@ -30,11 +30,15 @@ pub fn sentences(report: &Report) -> Vec<String> {
         out.push(format!("{wrong} of {all} configurations gave a wrong result and were not timed."));
     } else if all > 0 {
         let worst = report.runs.iter().filter_map(|r| r.max_error_rel).fold(0.0, f64::max);
+        let ran = if report.unmeasured.is_empty() { "" } else { " that could run" };
         out.push(format!(
-            "All {} configurations match the float64 reference; the largest error is {} of the diagonal.",
+            "All {} configurations{ran} match the float64 reference; the largest error is {} of the diagonal.",
             thousands(all),
             sig3(worst)
         ));
+    }
+    if !report.unmeasured.is_empty() {
+        out.push(format!("Named, but none of it could run: {}.", report.unmeasured.join(", ")));
     }
     out
 }
