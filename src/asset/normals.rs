@@ -149,7 +149,8 @@ mod tests {
     fn a_polygon_counts_with_its_whole_area_at_each_corner() {
         let positions = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 1.0), Vec3::Y];
         let whole = Vec3::new(-1.0, -1.0, 2.0).normalize();
-        assert_eq!(Surface::new(&faces(vec![4], 0..4), &positions).normals, [whole; 4]);
+        let normals = Surface::new(&faces(vec![4], 0..4), &positions).normals;
+        assert!(normals.iter().all(|normal| (*normal - whole).length() < 1e-6), "{normals:?}");
         let fan = Surface::new(&faces(vec![3, 3], [0, 1, 2, 0, 2, 3]), &positions).normals;
         assert!(fan[1].angle_between(whole) > 0.5, "of triangles it is another: {fan:?}");
     }
