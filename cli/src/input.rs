@@ -129,10 +129,10 @@ fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Re
     };
     let (raw, kept, packed) = match mesh {
         ImportedMesh::Source(source) => {
-            let mesh = |tolerance| {
+            let mesh = |tolerance| -> deltamorph::Result<Arc<MorphMesh>> {
                 let mut mesh = source.to_mesh(tolerance)?;
                 mesh.recentre();
-                deltamorph::Result::Ok(Arc::new(mesh))
+                Ok(Arc::new(mesh))
             };
             let kept = mesh(args.tolerance())?;
             let same = !with_raw || kept.tolerance == Tolerance::ZERO;

@@ -93,7 +93,7 @@ fn poses_come_out_in_the_coordinates_of_the_input() {
     // One unit in the last place of a coordinate; as much again for what packing loses.
     let ulp = f64::from(f32::EPSILON) * 32.0;
     for (input, more, allowed) in
-        [(&quad, &["--format", "float32", "--tolerance", "0"][..], ulp), (&packed, &[], 2.0 * ulp)]
+        [(&quad, &["--format", "float32", "--tolerance", "0"][..], ulp), (&packed, &[][..], 2.0 * ulp)]
     {
         ok(&[&["apply", input, "--path", "cpu", "-o", &out, "--set", &settings.join(",")], more].concat());
         let text = std::fs::read_to_string(&out).unwrap();
