@@ -208,7 +208,7 @@ fn lay_out(json: &mut Value, random: &mut Random) {
         let length = item.get("byteLength").and_then(Value::as_u64).unwrap_or(0) as usize;
         item.insert("byteStride".into(), json!(random.choose(&[1, 2, 4, 8, 12, 16, 20, 24])));
         if random.below(2) == 0 {
-            item.insert("byteLength".into(), json!((length + 4).saturating_sub(random.below(16))));
+            item.insert("byteLength".into(), json!(length.saturating_add(4).saturating_sub(random.below(16))));
         }
     }
 }
