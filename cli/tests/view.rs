@@ -14,9 +14,8 @@ use display::Display;
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::fs::File;
-use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output};
 
 /// A small head that has the targets of ARKit.
 const MESH: [&str; 4] = ["--vertices", "2500", "--targets", "52"];

@@ -6,10 +6,9 @@
 pub fn decode(data: &[u8], count: usize, size: usize, mode: &str, filter: &str) -> Result<Vec<u8>, String> {
     // No mode makes more of a byte: 2 bits stand for 16 bytes without change, in version 1 for 256.
     let most = if data.first() == Some(&VERSION_1) { 1024 } else { 64 };
-    let total = count.checked_mul(size).filter(|total| total / most <= data.len());
-    let Some(total) = total else {
+    if count.checked_mul(size).is_none_or(|total| total / most > data.len()) {
         return Err(format!("{count} elements of {size} bytes, more than {} compressed bytes can hold", data.len()));
-    };
+    }
     let fits = match (mode, filter) {
         ("ATTRIBUTES", "" | "NONE" | "EXPONENTIAL") => size.is_multiple_of(4) && (4..=256).contains(&size),
         ("ATTRIBUTES", "OCTAHEDRAL" | "COLOR") => size == 4 || size == 8,

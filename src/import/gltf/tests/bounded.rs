@@ -286,7 +286,7 @@ fn counted(counts: &Counts) -> Written {
     list.push(json!({"componentType": F32, "type": "SCALAR", "count": 2 * counts.targets.max(1)}));
     let [sparse, joints, weights] = [3, 2, 1].map(|back| list.len() - back);
     let mut attributes = sets(zeros, counts.sets);
-    if counts.joints % 2 == 0 {
+    if counts.joints.is_multiple_of(2) {
         attributes["JOINTS_0"] = json!(joints);
         attributes["WEIGHTS_0"] = json!(zeros[2]);
     }
