@@ -1041,7 +1041,9 @@ DmResult dm_mesh_destroy(struct DmMesh mesh);
 ///
 /// Safety:
 /// `path` is a UTF-8 string; `clip` can be written.
-DmResult dm_clip_open(const char *path, float fps, struct DmClip *clip);
+DmResult dm_clip_open(const char *path,
+                      float fps,
+                      struct DmClip *clip);
 
 /// Make a clip from arrays. Weights are checked by what takes the clip.
 ///
@@ -1059,7 +1061,10 @@ DmResult dm_clip_from_arrays(const struct DmClipArrays *arrays, struct DmClip *c
 ///
 /// Safety:
 /// `sample` is null (the defaults) or a structure; `clip` can be written.
-DmResult dm_clip_sample_head(const struct DmSampleDesc *sample, uint32_t frame_count, float fps, struct DmClip *clip);
+DmResult dm_clip_sample_head(const struct DmSampleDesc *sample,
+                             uint32_t frame_count,
+                             float fps,
+                             struct DmClip *clip);
 
 /// What a clip is.
 ///
