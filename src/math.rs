@@ -121,7 +121,8 @@ mod tests {
             let all = corners.map(|p| p + Vec3::new(far, 0.0, -2.0 * far));
             let middle = far_middle(all.into_iter());
             assert_eq!(middle == Vec3::ZERO, far.abs() < 1.0, "{middle}");
-            assert_eq!(middle.y, 0.0);
+            // Farther away x and z round to single points, and the diagonal is that of y alone.
+            assert!(middle.y == 0.0 || far.abs() > 1e6, "{middle}");
             for p in all {
                 let near = p - middle;
                 assert_eq!(near.as_dvec3(), p.as_dvec3() - middle.as_dvec3(), "{p} - {middle}");

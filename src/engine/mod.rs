@@ -74,8 +74,9 @@ use std::sync::Arc;
 ///   `slots - 1` updates older than the current one. With one update and one draw a frame, that of frame n waits for the
 ///   draw of frame n - slots, or of n - slots + 1 where draws read the [previous pose](Crowd::previous_pose), too: two
 ///   slots, or three, let an update run beside the draw of the frame before it. A [discarded](Crowd::discard) update gives
-///   its slot back: the next writes the one that it would have written. (`feedback` and `vertex-store` may write a
-///   slot more: they wait for the draw of one frame later.)
+///   its slot back: the next writes the one that it would have written. `feedback` and `vertex-store` write two slots in
+///   turn where an update takes several passes: that of frame n waits for the draw of frame n - (slots + 1) / 2 (rounded
+///   down), or of n - (slots - 1) / 2 and at least of n - 1 where draws read the previous pose.
 /// - What [follows the pose](crate::after) is written into the host's buffers, which the host shares among the families as it
 ///   does others. A target has one place, which the draw of the frame before reads; a skinned one may have two.
 ///

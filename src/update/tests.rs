@@ -62,13 +62,16 @@ fn written(recorded: &[Recorded]) -> Vec<u32> {
     uses.filter_map(|used| if let Memory::Pose { slot, .. } = used.memory { Some(slot) } else { None }).collect()
 }
 
-/// What the documentation of `MorphEngine` says of several queues: the update of frame n waits for the draw of frame
-/// n - slots, or of n - slots + 1 where draws read the previous pose, too, and vertex passes for the draw of one frame
-/// later. Draws of later frames may still run: the update writes none of their slots.
+/// What the documentation of `MorphEngine` says of several queues: so many frames back draws may still run, and where they
+/// read the previous pose, too, so many. The update writes none of their slots.
 fn assert_waits_for_enough(desc: UpdateDesc, drawn: impl Iterator<Item = [Option<u32>; 2]>, written: &[u32]) {
-    let beside = (desc.slots - 1).saturating_sub(u32::from(!desc.path.works_in_place())) as usize;
+    let slots = desc.slots as usize;
+    let [beside, with_previous] = match desc.path.works_in_place() {
+        true => [slots - 1, slots.saturating_sub(2)],
+        false => [(slots - 1) / 2, slots.saturating_sub(3) / 2],
+    };
     for (back, [pose, previous]) in drawn.take(beside).enumerate() {
-        let previous = previous.filter(|_| back + 1 < beside);
+        let previous = previous.filter(|_| back < with_previous);
         let read = [pose, previous].into_iter().flatten().find(|slot| written.contains(slot));
         assert_eq!(read, None, "{desc:?}: the update writes {written:?}, the draw of {} frames before reads", back + 1);
     }
