@@ -236,6 +236,13 @@ impl CrowdBase {
         changed
     }
 
+    /// See [`Crowd::begin_at`](super::Crowd::begin_at).
+    #[cfg(feature = "internals")]
+    pub(super) fn begin_at(&mut self, updates: u64) {
+        (self.updates, self.recorded) = (updates, updates);
+        self.technique.begin_at(updates);
+    }
+
     /// The groups of the mesh, and the poses in them.
     pub(crate) fn groups(&self) -> &[PoseGroup] {
         &self.groups

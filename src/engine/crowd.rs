@@ -146,6 +146,14 @@ macro_rules! crowd {
                 self.base.changed(instance)
             }
 
+            /// Count as if so many updates had been recorded and run; epochs begin at the low 32 bits. Lets tests cross the
+            /// wraps of numbers, before the first update.
+            #[cfg(feature = "internals")]
+            #[doc(hidden)]
+            pub fn begin_at(&mut self, updates: u64) {
+                self.base.begin_at(updates);
+            }
+
             /// A stream of the [pose](Self::pose) of `instance`: any that the mesh has.
             ///
             /// # Errors
@@ -328,6 +336,13 @@ impl AnimatedCrowd {
     /// The clips that instances can play: what their keys lost, and how long they are.
     pub fn clips(&self) -> &Clips {
         &self.animated().clips
+    }
+
+    /// Where the words of [`read_level`](crate::headless::HeadlessCrowd::read_level) are: buffer, offset, size.
+    #[cfg(all(feature = "headless", feature = "internals"))]
+    #[doc(hidden)]
+    pub fn level_of(&self, instance: u32) -> Option<(ash::vk::Buffer, u64, u64)> {
+        self.animated().level_of(instance)
     }
 
     pub(crate) fn animated(&self) -> &Animated {

@@ -318,6 +318,18 @@ impl Headless {
         self.submitter.run(f)
     }
 
+    /// What lies in buffers of the engine's that are not in use: of each its offset and size, multiples of 4.
+    ///
+    /// # Errors
+    /// No memory; a device that fails.
+    #[cfg(feature = "internals")]
+    #[doc(hidden)]
+    pub fn read(&self, ranges: &[(vk::Buffer, u64, u64)]) -> Result<Vec<Vec<u8>>> {
+        let most = ranges.iter().map(|range| range.2).max().unwrap_or(0).max(4);
+        let mut readback = submit::Readback::new(&self.engine.device, most)?;
+        ranges.iter().map(|&range| readback.read(&self.submitter, range)).collect()
+    }
+
     /// Run what records the upload of a mesh, and wait.
     fn upload(&self, record: impl FnOnce(vk::CommandBuffer) -> Result<GpuMesh>) -> Result<GpuMesh> {
         let mut mesh = self.submitter.run(record)?;

@@ -66,6 +66,10 @@ pub trait Technique: Any + Send + Sync {
     /// This update and all later ones will never run.
     fn discard_from(&mut self, _id: UpdateId) {}
 
+    /// So many updates are taken for recorded before the first.
+    #[cfg(feature = "internals")]
+    fn begin_at(&mut self, _updates: u64) {}
+
     /// The error budget of an instance that there is, from the next update on.
     ///
     /// # Errors

@@ -78,6 +78,14 @@ impl Playbacks {
         Self { heads, records, starts, now, camera, updates, ..Self::new(places) }
     }
 
+    /// So many updates are taken for recorded before the first, with as many cuts of each instance and of the camera.
+    #[cfg(feature = "internals")]
+    pub fn begin_at(&mut self, updates: u64) {
+        self.updates = updates;
+        self.camera.1 = updates as u32;
+        self.records.iter_mut().for_each(|record| record.epoch = updates as u32);
+    }
+
     /// The clock is at `seconds` when the next update runs. It may stand still, and go back by up to an hour.
     ///
     /// # Errors

@@ -311,6 +311,11 @@ impl Technique for Animated {
         self.playbacks.discard_from(id.recorded);
     }
 
+    #[cfg(feature = "internals")]
+    fn begin_at(&mut self, updates: u64) {
+        self.playbacks.begin_at(updates);
+    }
+
     #[cfg(any(test, feature = "internals"))]
     fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
         super::steps::accesses(works, self.groups[0].layout.push.heads)

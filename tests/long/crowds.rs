@@ -1,0 +1,454 @@
+//! The crowds of the long run: what happens to them, and what their poses have to be.
+
+use crate::{Counts, gpu};
+use deltamorph::ash::vk;
+use deltamorph::glam::Vec3;
+use deltamorph::headless::Headless;
+use deltamorph::internals::Rng;
+use deltamorph::internals::update::animated::{AnimatedReference, HeadRecord, Playbacks};
+use deltamorph::lod::{Camera, Importance, LevelDesc, Place};
+use deltamorph::reference::compare;
+use deltamorph::{
+    AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, GpuMesh, Outgrown,
+    PackDesc, PackedMesh, Playback, PoseGrid, PoseView, Repeat, Result, SwapCopies, TargetSwap, UpdateDesc, UpdateMode,
+    UpdatePath, WeightClip, testing,
+};
+use std::hash::{DefaultHasher, Hasher};
+use std::sync::Arc;
+
+const TARGETS: usize = 12;
+/// Places of a crowd, at first and at most.
+const PLACES: [u32; 2] = [2, 6];
+/// One frame of so many makes a crowd grow, or makes it anew.
+const GROWS: usize = 512;
+const SWAPS: usize = 32;
+
+/// What the commands of a batch use, and the host has no other use for.
+#[derive(Default)]
+pub struct Loose {
+    _outgrown: Vec<Outgrown>,
+    _crowds: Vec<Crowd>,
+    _animated: Vec<AnimatedCrowd>,
+    swaps: Vec<SwapCopies>,
+}
+
+fn count(counts: &mut Counts, what: &'static str) {
+    *counts.entry(what).or_default() += 1;
+}
+
+/// Another update of a crowd that began at a number.
+fn crosses(begin: u64, updates: &mut u64, counts: &mut Counts) {
+    *updates += 1;
+    if begin + *updates == 1 << 32 {
+        count(counts, "crowds whose number of updates crossed 32 bits");
+    }
+}
+
+fn packed(format: DeltaFormat) -> Arc<PackedMesh> {
+    let blocks = BlockDesc::default().size(Some(32));
+    let mesh = PackedMesh::pack(&testing::mesh(96, TARGETS), &PackDesc::new(format).blocks(blocks));
+    Arc::new(mesh.expect("a mesh that packs"))
+}
+
+fn upload(headless: &Headless, mesh: &PackedMesh, bytes: Option<u64>) -> GpuMesh {
+    // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
+    let uploaded = headless.run(|cmd| unsafe {
+        match bytes {
+            Some(bytes) => headless.engine().upload_resident(cmd, mesh, bytes),
+            None => headless.engine().upload(cmd, mesh),
+        }
+    });
+    let mut uploaded = uploaded.expect("an upload");
+    // SAFETY: it has run.
+    unsafe { uploaded.release_staging() };
+    uploaded
+}
+
+/// Full evaluations on the CPU, one at a time.
+fn evaluations(mesh: &Arc<PackedMesh>, update: UpdateDesc) -> CpuCrowd {
+    let update = update.path(UpdatePath::Cpu).mode(UpdateMode::Rebuild).slots(1);
+    CpuCrowd::new(mesh.clone(), update, 1, 1).expect("a crowd")
+}
+
+fn stored<'a>(fresh: &'a mut CpuCrowd, weights: &[f32]) -> &'a [u8] {
+    fresh.set_weights(0, weights).expect("weights");
+    fresh.update();
+    fresh.stored_pose(0, 0).expect("an instance")
+}
+
+fn range(view: PoseView) -> (vk::Buffer, u64, u64) {
+    (view.buffer, view.offset, view.size)
+}
+
+/// A crowd whose weights are set.
+pub struct Weighted<'a> {
+    headless: &'a Headless,
+    pub crowd: Crowd,
+    mesh: GpuMesh,
+    source: Arc<PackedMesh>,
+    importance: Importance,
+    /// The weights that poses have.
+    posed: Vec<Vec<f32>>,
+    fresh: CpuCrowd,
+    begin: u64,
+    /// Updates since then that ran.
+    updates: u64,
+}
+
+impl<'a> Weighted<'a> {
+    pub fn new(headless: &'a Headless, format: DeltaFormat, update: UpdateDesc, swapped: bool, begin: u64) -> Self {
+        let source = packed(format);
+        let bytes: u64 = (0..TARGETS).map(|target| source.target_bytes(target)).sum();
+        let mesh = upload(headless, &source, swapped.then_some(bytes * 2 / 5));
+        let crowd = Self::crowd(headless, &mesh, update, begin);
+        let (posed, fresh) = (vec![vec![]; PLACES[1] as usize], evaluations(&source, update));
+        let importance = Importance::of_packed(&source, &[]).expect("an order");
+        Self { headless, crowd, mesh, importance, posed, fresh, begin, updates: 0, source }
+    }
+
+    fn crowd(headless: &Headless, mesh: &GpuMesh, update: UpdateDesc, begin: u64) -> Crowd {
+        let desc = CrowdDesc::new(update).instances(PLACES[0]).frames_in_flight(crate::BATCH);
+        let mut crowd = headless.engine().create_crowd(mesh, &desc).expect("a crowd");
+        crowd.begin_at(begin);
+        crowd
+    }
+
+    /// Now and then the crowd grows; where it is large another takes its place.
+    pub fn come_and_go(&mut self, rng: &mut Rng, counts: &mut Counts, loose: &mut Loose) -> Result<()> {
+        if rng.below(GROWS) > 0 {
+            return Ok(());
+        }
+        let desc = *self.crowd.desc();
+        if desc.instances < PLACES[1] {
+            count(counts, "crowds grown");
+            let places = desc.instances + 1 + rng.below((PLACES[1] - desc.instances) as usize) as u32;
+            loose._outgrown.push(self.headless.engine().grow_crowd(&mut self.crowd, &desc.instances(places))?);
+        } else {
+            count(counts, "crowds dropped and made");
+            let crowd = Self::crowd(self.headless, &self.mesh, desc.update, self.begin);
+            loose._crowds.push(std::mem::replace(&mut self.crowd, crowd));
+            self.updates = 0;
+        }
+        Ok(())
+    }
+
+    /// Load a target in the place of another, where poses and memory allow it.
+    pub fn swap(
+        &mut self,
+        cmd: vk::CommandBuffer,
+        rng: &mut Rng,
+        counts: &mut Counts,
+        loose: &mut Loose,
+    ) -> Result<()> {
+        if self.mesh.residency().is_none() || rng.below(SWAPS) > 0 {
+            return Ok(());
+        }
+        let (load, unload) = ([rng.below(TARGETS)], [rng.below(TARGETS)]);
+        for instance in 0..self.crowd.desc().instances {
+            // Of a free place there is no weight.
+            let _ = self.crowd.set_weight(instance, unload[0], 0.0);
+        }
+        let swap = TargetSwap::default().load(&load).unload(&unload);
+        // SAFETY: the buffer records on the engine's device and is waited for, and the copies are kept until then.
+        match unsafe { self.headless.engine().record_swap(cmd, &mut self.mesh, &self.source, &swap) } {
+            Ok(copies) => {
+                count(counts, "targets swapped");
+                loose.swaps.push(copies);
+            }
+            Err(_) => count(counts, "swaps refused: poses hold the target, or no bytes are free"),
+        }
+        Ok(())
+    }
+
+    /// Hide, show, cut, remove or add an instance, or request other weights.
+    pub fn change(&mut self, rng: &mut Rng, counts: &mut Counts) -> Result<()> {
+        let crowd = &mut self.crowd;
+        let instance = rng.below(crowd.desc().instances as usize) as u32;
+        let shown = crowd.shown().any(|shown| shown == instance);
+        let dice = rng.below(128);
+        let Ok(before) = crowd.weights(instance) else {
+            if dice < 32 {
+                count(counts, "instances added");
+                crowd.add()?;
+            }
+            return Ok(());
+        };
+        let mut weights = before.to_vec();
+        match dice {
+            0..2 => return crowd.remove(instance).inspect(|()| count(counts, "instances removed")),
+            2..6 => {
+                count(counts, if shown { "instances hidden" } else { "instances shown" });
+                return crowd.set_hidden(instance, shown);
+            }
+            6..10 => return crowd.cut(instance).inspect(|()| count(counts, "cuts")),
+            10..14 => weights.fill(0.0),
+            14..24 => {
+                weights.iter_mut().for_each(|weight| *weight = rng.range(-0.9, 1.8));
+                if dice > 18 {
+                    count(counts, "levels of detail changed");
+                    self.importance.apply(rng.range(0.0, TARGETS as f32), &mut weights)?;
+                }
+            }
+            _ => (0..1 + rng.below(3)).for_each(|_| {
+                let still = rng.below(2) == 0;
+                weights[rng.below(TARGETS)] = if still { 0.0 } else { rng.range(-0.9, 1.8) };
+            }),
+        }
+        let there = |target: usize| self.mesh.is_resident(target);
+        weights.iter_mut().enumerate().filter(|(target, _)| !there(*target)).for_each(|(_, weight)| *weight = 0.0);
+        crowd.set_weights(instance, &weights)
+    }
+
+    /// An update of the weights requested was recorded that runs.
+    pub fn ran(&mut self, counts: &mut Counts) {
+        crosses(self.begin, &mut self.updates, counts);
+        for instance in self.crowd.shown() {
+            let weights = self.crowd.weights(instance).expect("an instance that is shown");
+            self.posed[instance as usize].clear();
+            self.posed[instance as usize].extend_from_slice(weights);
+        }
+    }
+
+    /// What was recorded last was lost.
+    pub fn lose(&mut self, loose: &mut Loose) {
+        if self.mesh.residency().is_none() || loose.swaps.is_empty() {
+            return;
+        }
+        loose.swaps.drain(..).for_each(|swap| self.mesh.discard_swap(swap).expect("a swap of this mesh"));
+        let (engine, nothing) = (self.headless.engine(), TargetSwap::default());
+        // SAFETY: the buffer records on the engine's device and is waited for, and the copies are kept until then.
+        let again = self.headless.run(|cmd| unsafe { engine.record_swap(cmd, &mut self.mesh, &self.source, &nothing) });
+        drop(again.expect("the swap again"));
+    }
+
+    /// Poses, of hidden instances too, are those of full evaluations: of integers bit for bit.
+    pub fn compare(&mut self, counts: &mut Counts, digest: &mut DefaultHasher) {
+        let crowd = &self.crowd;
+        let (instances, views): (Vec<_>, Vec<_>) =
+            (0..crowd.desc().instances).filter_map(|i| Some((i, range(crowd.pose(i).ok()?)))).unzip();
+        let update = crowd.desc().update;
+        for (instance, pose) in instances.into_iter().zip(self.headless.read(&views).expect("poses")) {
+            let weights = &self.posed[instance as usize];
+            digest.write(&pose);
+            if update.pose.has_integers() {
+                count(counts, "poses of integers compared bit for bit");
+                assert!(pose == stored(&mut self.fresh, weights), "{update:?}, instance {instance}: {weights:?}");
+                continue;
+            }
+            count(counts, "float32 poses compared");
+            let numbers: Vec<f32> = pose.as_chunks().0.iter().map(|bytes| f32::from_ne_bytes(*bytes)).collect();
+            let pose = self.source.layout().to_user_order(&numbers);
+            let error = compare(&pose, &gpu::reference(&self.source, &update, weights));
+            let kept = error.within(f64::from(update.tolerance), gpu::NORMAL);
+            assert!(kept || gpu::is_kept(&error, self.source.layout().diagonal), "instance {instance}: {error:?}");
+        }
+    }
+}
+
+/// A crowd that plays clips on the GPU, and its twin.
+pub struct Animated<'a> {
+    headless: &'a Headless,
+    pub crowd: AnimatedCrowd,
+    mesh: GpuMesh,
+    source: Arc<PackedMesh>,
+    clips: Vec<WeightClip>,
+    importance: Importance,
+    on_grid: Clips,
+    grid: PoseGrid,
+    heads: Playbacks,
+    fresh: CpuCrowd,
+    now: f64,
+    begin: u64,
+    updates: u64,
+}
+
+const CLIPS: usize = 3;
+
+impl<'a> Animated<'a> {
+    pub fn new(headless: &'a Headless, update: UpdateDesc, begin: u64) -> Self {
+        let source = packed(DeltaFormat::Fast);
+        let mesh = upload(headless, &source, None);
+        let names: Vec<String> = source.layout().targets.iter().map(|target| target.name.clone()).collect();
+        let clips: [_; CLIPS] = std::array::from_fn(|clip| {
+            let values = (0..8).flat_map(|frame| gpu::weights(&source, frame, clip as u32)).collect();
+            WeightClip { name: "clip".into(), names: names.clone(), fps: 10.0 + clip as f32, values }
+        });
+        let importance = Importance::of_packed(&source, &[]).expect("an order");
+        let animation = AnimationDesc::new(&clips).importance(Some(&importance)).level(Some(LevelDesc::default()));
+        let grid = update.grid(source.layout()).expect("a grid").expect("poses of integers");
+        let on_grid = Clips::new(&animation, source.layout(), grid).expect("clips");
+        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
+        let crowd = headless.run(|cmd| unsafe {
+            let desc = CrowdDesc::new(update).instances(PLACES[0]);
+            headless.engine().create_animated_crowd(cmd, &mesh, &desc, &animation)
+        });
+        let (crowd, fresh) = (crowd.expect("a crowd"), evaluations(&source, update));
+        let (clips, heads, now) = (clips.into(), Playbacks::new(PLACES[0]), 0.0);
+        let mut this = Self {
+            headless,
+            crowd,
+            mesh,
+            clips,
+            importance,
+            on_grid,
+            grid,
+            heads,
+            fresh,
+            now,
+            begin,
+            updates: 0,
+            source,
+        };
+        this.begin();
+        this
+    }
+
+    /// A new crowd, which sees something and counts on.
+    fn begin(&mut self) {
+        self.updates = 0;
+        self.crowd.begin_at(self.begin);
+        self.look(1.0);
+    }
+
+    fn look(&mut self, distance: f32) {
+        let camera = Camera { eye: Vec3::Z * distance, height: 400.0, angle: 0.6 };
+        self.crowd.set_camera(&camera).expect("a camera");
+        self.heads.set_camera(&camera, &self.on_grid).expect("a camera");
+    }
+
+    /// As [`Weighted::come_and_go`].
+    pub fn come_and_go(
+        &mut self,
+        cmd: vk::CommandBuffer,
+        rng: &mut Rng,
+        counts: &mut Counts,
+        loose: &mut Loose,
+    ) -> Result<()> {
+        if rng.below(GROWS) > 0 {
+            return Ok(());
+        }
+        let (engine, desc) = (self.headless.engine(), *self.crowd.desc());
+        if desc.instances < PLACES[1] {
+            count(counts, "animated crowds grown");
+            let desc = desc.instances(desc.instances + 1);
+            // SAFETY: the buffer records on the engine's device and is waited for; what is outgrown is kept until then.
+            loose._outgrown.push(unsafe { engine.grow_animated_crowd(cmd, &mut self.crowd, &desc) }?);
+            self.heads = self.heads.grown(desc.instances);
+        } else {
+            count(counts, "animated crowds dropped and made");
+            let animation = AnimationDesc::new(&self.clips).importance(Some(&self.importance));
+            let (animation, desc) = (animation.level(Some(LevelDesc::default())), desc.instances(PLACES[0]));
+            // SAFETY: as above.
+            let crowd = unsafe { engine.create_animated_crowd(cmd, &self.mesh, &desc, &animation) }?;
+            loose._animated.push(std::mem::replace(&mut self.crowd, crowd));
+            self.heads = Playbacks::new(PLACES[0]);
+            self.begin();
+        }
+        Ok(())
+    }
+
+    /// As [`Weighted::change`], and what clips, places and the camera do, up to a time.
+    pub fn change(&mut self, rng: &mut Rng, counts: &mut Counts, second: f64) -> Result<()> {
+        self.now = second;
+        self.crowd.set_time(second)?;
+        self.heads.set_time(second)?;
+        if rng.below(8) == 0 {
+            self.look(rng.range(0.0, 4.0) * self.source.layout().diagonal);
+        }
+        let (crowd, heads, clips) = (&mut self.crowd, &mut self.heads, &self.on_grid);
+        if rng.below(64) == 0 {
+            count(counts, "cuts of the camera");
+            crowd.cut_camera();
+            heads.cut_camera();
+        }
+        let instance = rng.below(crowd.desc().instances as usize) as u32;
+        let shown = crowd.shown().any(|shown| shown == instance);
+        match rng.below(64) {
+            0 if crowd.remove(instance).is_ok() => {
+                count(counts, "instances removed");
+                heads.set_hidden(instance, true);
+            }
+            1..8 => {
+                if let Ok(instance) = crowd.add() {
+                    count(counts, "instances added");
+                    heads.add(instance);
+                }
+            }
+            8..10 if crowd.set_hidden(instance, shown).is_ok() => {
+                count(counts, if shown { "instances hidden" } else { "instances shown" });
+                heads.set_hidden(instance, shown);
+            }
+            10..12 if crowd.cut(instance).is_ok() => {
+                count(counts, "cuts");
+                heads.cut(instance);
+            }
+            12..14 => {
+                let level = rng.range(0.0, TARGETS as f32 + 1.0);
+                if crowd.set_level(instance, level).is_ok() {
+                    count(counts, "levels of detail changed");
+                    heads.set_level(instance, level, clips)?;
+                }
+            }
+            14..16 => {
+                let centre = Vec3::Z * rng.range(-2.0, 2.0) * self.source.layout().diagonal;
+                let place = Place { centre, radius: 0.5 * self.source.layout().diagonal, scale: 1.0 };
+                if crowd.set_place(instance, &place).is_ok() {
+                    count(counts, "places changed");
+                    heads.set_place(instance, &place, clips)?;
+                }
+            }
+            16..22 => {
+                let repeat = if rng.below(4) == 0 { Repeat::Once } else { Repeat::Loop };
+                let (start, speed) = (second + f64::from(rng.range(-20.0, 5.0)), f64::from(rng.range(-2.0, 2.0)));
+                let playback = Playback::new(rng.below(CLIPS) as u32).start(start).speed(speed).repeat(repeat);
+                if crowd.play(instance, &playback).is_ok() {
+                    count(counts, "clips begun");
+                    heads.play(instance, &playback, clips)?;
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// An update was recorded that runs.
+    pub fn ran(&mut self, counts: &mut Counts) {
+        crosses(self.begin, &mut self.updates, counts);
+        self.heads.update(&self.on_grid);
+    }
+
+    /// What was recorded has run.
+    pub fn release(&mut self) {
+        // SAFETY: the callers have waited.
+        unsafe { self.crowd.release_staging() };
+    }
+
+    /// Poses are those of full evaluations of the weights that the CPU samples, bit for bit.
+    pub fn compare(&mut self, counts: &mut Counts, digest: &mut DefaultHasher) {
+        let Self { headless, crowd, source, heads, .. } = self;
+        let shown: Vec<u32> = crowd.shown().collect();
+        let mut twin =
+            AnimatedReference::new(crowd.desc().update, source.layout(), crowd.desc().instances).expect("a twin");
+        // Levels are floating-point sums of the GPU's: the twin takes them.
+        let follows = |i: &&u32| heads.records()[**i as usize].has(HeadRecord::FOLLOWS);
+        let following: Vec<u32> = shown.iter().filter(follows).copied().collect();
+        let levels: Vec<_> = following.iter().map(|&i| crowd.level_of(i).expect("levels that follow")).collect();
+        for (instance, level) in following.iter().zip(headless.read(&levels).expect("levels")) {
+            let words: Vec<u32> = level.as_chunks().0.iter().map(|bytes| u32::from_ne_bytes(*bytes)).collect();
+            count(counts, "levels chosen on the GPU");
+            // Without the epoch, which begins where the run says.
+            digest.write_u64(u64::from(words[0]) << 32 | u64::from(words[1]));
+            twin.follow(*instance as usize, words[0], u64::from(words[3]) | u64::from(words[4]) << 32);
+        }
+        twin.update(&self.on_grid, heads, 0);
+        let views: Vec<_> = shown.iter().map(|&i| range(crowd.pose(i).expect("a pose"))).collect();
+        for (instance, pose) in shown.into_iter().zip(headless.read(&views).expect("poses")) {
+            let steps = twin.weights(instance as usize).iter();
+            let weights: Vec<f32> = steps.map(|&steps| steps as f32 * self.grid.weight_step()).collect();
+            digest.write(&pose);
+            count(counts, "animated poses compared bit for bit");
+            let same = pose == stored(&mut self.fresh, &weights);
+            assert!(same, "instance {instance} at second {}: {weights:?}", self.now);
+        }
+    }
+}
