@@ -119,7 +119,8 @@ fn c_program(folder: &Path) -> PathBuf {
     cargo.args(["build", "--package", "deltamorph-c", "--target-dir"]).arg(target.parent().expect("target"));
     assert!(cargo.current_dir(ROOT).status().expect("cargo").success());
     let mut cc = Command::new("cc");
-    cc.args(["-std=c99", "-Iinclude", "examples/c/minimal.c", "-ldeltamorph_c", "-lvulkan", "-lm", "-L"]).arg(target);
+    cc.args(["-std=c99", "-I", "include", "examples/c/minimal.c", "-ldeltamorph_c", "-lvulkan", "-lm", "-L"])
+        .arg(target);
     assert!(cc.arg("-o").arg(&program).current_dir(ROOT).status().expect("cc").success());
     program
 }
