@@ -147,9 +147,12 @@ impl Morph {
             return Err(invalid(text, "leave CrowdDesc::poses out, and read Crowd::pose"));
         }
         let made = desc.consumers(desc.consumers | consumers());
-        let gpu = lock(&mesh.gpu);
         let made = made.pose_usage(made.pose_usage | vk::BufferUsageFlags::TRANSFER_DST);
-        let crowd = Crowd::new(self.engine.create_crowd(&gpu, &made)?, gpu.layouts(), &self.device)?;
+        // Not locked any more when something is submitted: callbacks of finished uploads run then, and lock it.
+        let crowd = {
+            let gpu = lock(&mesh.gpu);
+            Crowd::new(self.engine.create_crowd(&gpu, &made)?, gpu.layouts(), &self.device)?
+        };
         self.fill(&crowd)?;
         Ok(crowd)
     }
