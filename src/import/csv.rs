@@ -112,15 +112,15 @@ pub fn fps_of_name(path: &Path) -> Option<f32> {
 /// `walk_30fps.csv` can carry.
 ///
 /// # Errors
-/// [`Error::Invalid`] where the clip has no columns, two of one name, a name that does not read back (empty, or
-/// with spaces around it), or a weight that is not finite; [`Error::Io`] where the file cannot be written.
+/// [`Error::Invalid`] where the clip has no columns, two of one name, a name that does not read back (empty, with
+/// spaces around it, or with a byte order mark first), or a weight that is not finite; [`Error::Io`] where the file cannot be written.
 pub fn write(path: &Path, clip: &WeightClip) -> Result<()> {
     clip.check()?;
     if clip.names.is_empty() {
         return Err(Error::invalid(format!("clip '{}' has no columns", clip.name), "give it a column per target"));
     }
-    if let Some(name) = clip.names.iter().find(|n| n.is_empty() || n.trim() != n.as_str()) {
-        let what = format!("clip '{}': the column name '{name}' is empty or has spaces around it", clip.name);
+    if let Some(name) = clip.names.iter().find(|n| n.is_empty() || n.trim() != n.as_str() || n.starts_with('\u{feff}')) {
+        let what = format!("clip '{}': the column name '{name}' is empty, has spaces around it, or begins with a byte order mark", clip.name);
         return Err(Error::invalid(what, "rename the column"));
     }
     write_replacing(path, |out| {

@@ -18,7 +18,7 @@ use written::{I8, U8, U16, Written, bytes};
 pub const TARGET: Target = Target { name: "gltf", run, mutate, seeds };
 
 /// As src/import/gltf/tests/hostile.rs has it.
-const MEMORY: Memory = Memory { base: 2 << 20, per_byte: 700 };
+const MEMORY: Memory = Memory { base: 3 << 20, per_byte: 960 };
 /// Inputs that stand for longer files are left out.
 const LONGEST: usize = 128 << 10;
 
@@ -32,7 +32,7 @@ fn run(data: &[u8]) {
         Ok(read) => read,
         Err(error) => return check_error(error),
     };
-    bounded("animations", size, Memory { base: 256 << 20, per_byte: 700 }, || animations(&read));
+    bounded("animations", size, Memory { base: 256 << 20, per_byte: 960 }, || animations(&read));
     let mut source = match bounded("Gltf::into_source", size, MEMORY, || read.into_source()) {
         Ok(source) => source,
         Err(error) => return check_error(error),
