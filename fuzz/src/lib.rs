@@ -31,7 +31,8 @@ pub struct Memory {
 }
 
 /// Processor time that an input may take, in seconds: for any, and for each byte.
-const TIME: [f64; 2] = [0.5, 10e-6];
+/// Baking as many weights as a clip may have takes half a second.
+const TIME: [f64; 2] = [2.0, 10e-6];
 
 /// Run `body` on an input of `input` bytes, and hold its memory and processor time to what is stated.
 pub fn bounded<T>(what: &str, input: usize, memory: Memory, body: impl FnOnce() -> T) -> T {
