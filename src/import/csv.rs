@@ -119,8 +119,12 @@ pub fn write(path: &Path, clip: &WeightClip) -> Result<()> {
     if clip.names.is_empty() {
         return Err(Error::invalid(format!("clip '{}' has no columns", clip.name), "give it a column per target"));
     }
-    if let Some(name) = clip.names.iter().find(|n| n.is_empty() || n.trim() != n.as_str() || n.starts_with('\u{feff}')) {
-        let what = format!("clip '{}': the column name '{name}' is empty, has spaces around it, or begins with a byte order mark", clip.name);
+    if let Some(name) = clip.names.iter().find(|n| n.is_empty() || n.trim() != n.as_str() || n.starts_with('\u{feff}'))
+    {
+        let what = format!(
+            "clip '{}': the column name '{name}' is empty, has spaces around it, or begins with a byte order mark",
+            clip.name
+        );
         return Err(Error::invalid(what, "rename the column"));
     }
     write_replacing(path, |out| {
